@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The arena: a bump allocator over reserved address space. */
+#include "base/arena.h"
+
+#include <errno.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+enum { ALIGNMENT = 64 };
+
+enum error_code arena_init(struct arena *arena, size_t capacity, struct error *error)
+{
+    void *memory = mmap(NULL, capacity, PROT_READ | PROT_WRITE,
+                        MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+
+    memset(arena, 0, sizeof *arena);
+    if (memory == MAP_FAILED) {
+        return error_set_errno(error, errno, "cannot reserve %zu bytes of memory", capacity);
+    }
+    arena->memory = memory;
+    arena->capacity = capacity;
+    return ERROR_NONE;
+}
+
+void arena_fini(struct arena *arena)
+{
+    if (arena->memory) {
+        munmap(arena->memory, arena->capacity);
+    }
+    memset(arena, 0, sizeof *arena);
+}
+
+void *arena_alloc(struct arena *arena, size_t count, size_t size)
+{
+    size_t bytes, start = (arena->used + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
+
+    if (arena->sealed || __builtin_mul_overflow(count, size, &bytes) ||
+        start > arena->capacity || bytes > arena->capacity - start) {
+        return NULL;
+    }
+    arena->used = start + bytes;
+    return arena->memory + start;
+}
+
+char *arena_strdup(struct arena *arena, const char *text)
+{
+    size_t size = strlen(text) + 1;
+    char *copy = arena_alloc(arena, size, 1);
+
+    if (copy) {
+        memcpy(copy, text, size);
+    }
+    return copy;
+}
+
+enum error_code arena_seal(struct arena *arena, bool lock, struct error *error)
+{
+    size_t page = (size_t)sysconf(_SC_PAGESIZE);
+
+    arena->sealed = true;
+    for (size_t at = 0; at < arena->used; at += page) {
+        volatile unsigned char *touch = arena->memory + at;
+
+        *touch = *touch;
+    }
+    if (lock && mlock(arena->memory, arena->used)) {
+        return error_set_errno(error, errno, "cannot lock %zu bytes in memory", arena->used);
+    }
+    return ERROR_NONE;
+}

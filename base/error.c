@@ -1,0 +1,52 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Errors as values: formatting of the message. */
+#include "base/error.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+enum error_code error_set(struct error *error, enum error_code code, const char *format, ...)
+{
+    if (error) {
+        va_list args;
+
+        error->code = code;
+        va_start(args, format);
+        vsnprintf(error->text, sizeof error->text, format, args);
+        va_end(args);
+    }
+    return code;
+}
+
+enum error_code error_set_errno(struct error *error, int errno_value, const char *format, ...)
+{
+    if (error) {
+        va_list args;
+        size_t used;
+
+        error->code = ERROR_SYSTEM;
+        va_start(args, format);
+        vsnprintf(error->text, sizeof error->text, format, args);
+        va_end(args);
+        used = strlen(error->text);
+        snprintf(error->text + used, sizeof error->text - used, ": %s", strerror(errno_value));
+    }
+    return ERROR_SYSTEM;
+}
+
+enum error_code error_prefix(struct error *error, const char *format, ...)
+{
+    char prefix[256], text[sizeof error->text];
+    va_list args;
+
+    if (!error) {
+        return ERROR_INPUT;
+    }
+    va_start(args, format);
+    vsnprintf(prefix, sizeof prefix, format, args);
+    va_end(args);
+    memcpy(text, error->text, sizeof text);
+    snprintf(error->text, sizeof error->text, "%s: %.500s", prefix, text);
+    return error->code;
+}

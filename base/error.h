@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Errors as values. A function that can fail returns an enum error_code and, when it fails, writes
+ * one sentence for a person into the caller's struct error. Libraries never print and never exit.
+ */
+#ifndef BASE_ERROR_H
+#define BASE_ERROR_H
+
+enum error_code {
+    ERROR_NONE = 0,
+    ERROR_INPUT,       /* something a person or a peer wrote is wrong: the program exits with 2 */
+    ERROR_SYSTEM,      /* the system refused a call: exits with 3 */
+    ERROR_MEMORY,      /* no memory, or a fixed capacity is used up: exits with 3 */
+    ERROR_UNSUPPORTED, /* this machine or build cannot do it: exits with 4 */
+};
+
+struct error {
+    enum error_code code;
+    char text[768]; /* one sentence, no newline; begins with file:line:column where there is one */
+};
+
+/* Writes code and text; returns code so that a failing path reads `return error_set(...)`.
+ * error may be NULL. Not RT-safe. */
+enum error_code error_set(struct error *error, enum error_code code, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* As error_set with ERROR_SYSTEM, and the meaning of errno_value appended. Not RT-safe. */
+enum error_code error_set_errno(struct error *error, int errno_value, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* Puts "prefix: " before the text of an error that is passed on; returns its code. Not RT-safe. */
+enum error_code error_prefix(struct error *error, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+#endif

@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Strict reading of what people write: whole-string numbers, and the nearest known word. */
+#ifndef BASE_TEXT_H
+#define BASE_TEXT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* The whole of text as a finite double in the C locale's notation; no spaces around it, no inf or
+ * nan, no hexadecimal. Returns false and leaves *value alone otherwise. */
+bool text_to_double(const char *text, double *value);
+
+/* The whole of text as a decimal or 0x-prefixed integer within [min, max]. */
+bool text_to_int(const char *text, int64_t min, int64_t max, int64_t *value);
+
+/* The word of the list nearest to word by edit distance, or NULL when none is near enough to be
+ * worth naming (distance over a third of the length, at least 2). words has count entries. */
+const char *text_nearest(const char *word, const char *const *words, size_t count);
+
+#endif

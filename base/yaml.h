@@ -1,0 +1,96 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * YAML files read through a schema table straight into C structs. Every error names
+ * file:line:column, what was found and what was expected; unknown keys are refused with the nearest
+ * known one, as are wrong types, values out of range, duplicates, missing keys, anchors/aliases,
+ * tags, several documents, too deep or too large files. Units are in the key names. Not RT-safe.
+ */
+#ifndef BASE_YAML_H
+#define BASE_YAML_H
+
+#include "base/arena.h"
+#include "base/error.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+
+/* Where a value stands. file is owned by the arena of the read. */
+struct yaml_mark {
+    const char *file;
+    int line, column; /* from 1 */
+};
+
+enum yaml_type {
+    YAML_BOOL,        /* bool */
+    YAML_INT,         /* int64_t */
+    YAML_REAL,        /* double, finite */
+    YAML_STRING,      /* const char *, in the arena; min/max bound its length when max > 0 */
+    YAML_ENUM,        /* int: the value of one of the words of names */
+    YAML_REALS,       /* double[count], exactly count entries */
+    YAML_REAL_LIST,   /* double * in the arena and size_t at count_offset, any length */
+    YAML_STRING_LIST, /* const char ** in the arena and size_t at count_offset */
+    YAML_MAP,         /* a nested struct by value, read with schema */
+    YAML_LIST,        /* list of mappings: struct * in the arena, size_t at count_offset */
+    YAML_DICT,        /* mapping name -> mapping: as YAML_LIST; the name goes to schema->name_offset */
+    YAML_REAL_DICT,   /* mapping name -> real: struct yaml_real_entry * and size_t at count_offset */
+};
+
+struct yaml_enum {
+    const char *word;
+    int value;
+};
+
+struct yaml_real_entry {
+    struct yaml_mark mark; /* of the name */
+    const char *name;
+    double value;
+};
+
+#define YAML_NO_OFFSET ((size_t)-1)
+
+struct yaml_schema;
+
+struct yaml_field {
+    const char *key;
+    enum yaml_type type;
+    bool required;
+    size_t offset;       /* of the value in the struct */
+    size_t count_offset; /* of the size_t for lists */
+    size_t count;        /* for YAML_REALS */
+    double min, max;     /* inclusive range of numbers; both 0 = any */
+    size_t mark_offset;  /* 0 = none, else of a struct yaml_mark set to where the value stands */
+    size_t given_offset; /* 0 = none, else of a bool set to true when the key is present */
+    const struct yaml_schema *schema; /* for YAML_MAP, YAML_LIST, YAML_DICT */
+    const struct yaml_enum *names;    /* for YAML_ENUM, ends with word NULL */
+};
+
+/* A struct begins with `struct yaml_mark mark` (offset 0), set to where its mapping starts; that is
+ * why 0 can mean "none" for mark_offset and given_offset. */
+struct yaml_schema {
+    const char *what; /* for messages: "a joint" */
+    size_t size;      /* of the struct */
+    const struct yaml_field *fields;
+    size_t field_count;
+    size_t name_offset; /* of the const char * that a YAML_DICT entry's name goes to */
+    const void *defaults; /* size bytes that an entry or nested map starts as; NULL = zeroes */
+};
+
+/* Reads the file into *out, which starts as schema->defaults. Strings and lists live in arena. */
+enum error_code yaml_read_file(const char *path, const struct yaml_schema *schema,
+                               struct arena *arena, void *out, struct error *error);
+
+/* The same from memory; name stands for the file in messages. */
+enum error_code yaml_read_text(const char *name, const char *text, size_t size,
+                               const struct yaml_schema *schema, struct arena *arena, void *out,
+                               struct error *error);
+
+/* Sets "file:line:column: …" for semantic errors found after reading; returns ERROR_INPUT. */
+enum error_code yaml_error(struct error *error, const struct yaml_mark *mark, const char *format,
+                           ...) __attribute__((format(printf, 3, 4)));
+
+/* The path that a file reference means: relative to the directory of mark->file, no absolute path,
+ * and not outside the configuration tree, which is the parent of that directory. In the arena. */
+enum error_code yaml_resolve_path(const struct yaml_mark *mark, const char *reference,
+                                  struct arena *arena, const char **path, struct error *error);
+
+#endif

@@ -1,0 +1,206 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The iCub CAN protocol, persona A (BLL/MC4 motor boards, STRAIN): identifiers, commands, modes,
+ * frame types and scales. Shared by the boards and by hosts; holds no behaviour.
+ *
+ * 11-bit identifiers: class << 8 | source << 4 | x, where x is the destination address (classes 0, 2,
+ * 7) or the frame type (classes 1, 3).
+ */
+#ifndef BOARDS_ICUB_PROTOCOL_H
+#define BOARDS_ICUB_PROTOCOL_H
+
+#include <stdint.h>
+
+enum icub_class {
+    ICUB_POLLING_MOTOR = 0,
+    ICUB_PERIODIC_MOTOR = 1,
+    ICUB_POLLING_ANALOG = 2,
+    ICUB_PERIODIC_ANALOG = 3,
+    ICUB_MANAGEMENT = 7,
+};
+
+enum { ICUB_HOST = 0, ICUB_EVERYONE = 15, ICUB_ADDRESS_MAX = 14 };
+
+static inline uint32_t icub_id(enum icub_class cls, unsigned source, unsigned x)
+{
+    return (uint32_t)cls << 8 | (source & 0xf) << 4 | (x & 0xf);
+}
+
+/* class 0, data[0] bits 0-6; bit 7 is the axis */
+enum icub_motor_command {
+    ICUB_CALIBRATE_ENCODER = 0x04,
+    ICUB_GET_CONTROL_MODE = 0x07,
+    ICUB_MOTION_DONE = 0x08,
+    ICUB_SET_CONTROL_MODE = 0x09,
+    ICUB_SET_SPEED_ESTIM_SHIFT = 0x0e,
+    ICUB_GET_ENCODER_POSITION = 0x14,
+    ICUB_SET_DESIRED_POSITION = 0x15,
+    ICUB_GET_DESIRED_POSITION = 0x16,
+    ICUB_SET_DESIRED_VELOCITY = 0x17,
+    ICUB_GET_DESIRED_VELOCITY = 0x18,
+    ICUB_SET_DESIRED_ACCELERATION = 0x19,
+    ICUB_GET_DESIRED_ACCELERATION = 0x1a,
+    ICUB_POSITION_MOVE = 0x1b,
+    ICUB_VELOCITY_MOVE = 0x1c,
+    ICUB_SET_ENCODER_POSITION = 0x1d,
+    ICUB_SET_P_GAIN = 0x1e,
+    ICUB_GET_P_GAIN = 0x1f,
+    ICUB_SET_D_GAIN = 0x20,
+    ICUB_GET_D_GAIN = 0x21,
+    ICUB_SET_I_GAIN = 0x22,
+    ICUB_GET_I_GAIN = 0x23,
+    ICUB_SET_I_LIMIT = 0x24,
+    ICUB_GET_I_LIMIT = 0x25,
+    ICUB_SET_OFFSET = 0x26,
+    ICUB_GET_OFFSET = 0x27,
+    ICUB_SET_SCALE = 0x28,
+    ICUB_GET_SCALE = 0x29,
+    ICUB_SET_OUTPUT_LIMIT = 0x2a,
+    ICUB_GET_OUTPUT_LIMIT = 0x2b,
+    ICUB_SET_DESIRED_TORQUE = 0x2c,
+    ICUB_GET_DESIRED_TORQUE = 0x2d,
+    ICUB_STOP_TRAJECTORY = 0x2e,
+    ICUB_SET_PWM_LIMIT = 0x2f,
+    ICUB_GET_PWM_LIMIT = 0x30,
+    ICUB_SET_BOARD_ID = 0x32,
+    ICUB_GET_BOARD_ID = 0x33,
+    ICUB_SET_TORQUE_SOURCE = 0x34,
+    ICUB_SET_COMMAND_POSITION = 0x3e,
+    ICUB_SET_MIN_POSITION = 0x40,
+    ICUB_GET_MIN_POSITION = 0x41,
+    ICUB_SET_MAX_POSITION = 0x42,
+    ICUB_GET_MAX_POSITION = 0x43,
+    ICUB_SET_MAX_VELOCITY = 0x44,
+    ICUB_GET_MAX_VELOCITY = 0x45,
+    ICUB_SET_CURRENT_LIMIT = 0x48,
+    ICUB_SET_BROADCAST_POLICY = 0x49,
+    ICUB_SET_VELOCITY_SHIFT = 0x4a,
+    ICUB_SET_TORQUE_PID = 0x4e,
+    ICUB_GET_TORQUE_PID = 0x4f,
+    ICUB_SET_TORQUE_PID_LIMITS = 0x50,
+    ICUB_GET_TORQUE_PID_LIMITS = 0x51,
+    ICUB_SET_POSITION_PID = 0x52,
+    ICUB_GET_POSITION_PID = 0x53,
+    ICUB_SET_POSITION_PID_LIMITS = 0x54,
+    ICUB_GET_POSITION_PID_LIMITS = 0x55,
+    ICUB_SET_VELOCITY_TIMEOUT = 0x56,
+    ICUB_SET_IMPEDANCE = 0x57,
+    ICUB_GET_IMPEDANCE = 0x58,
+    ICUB_SET_IMPEDANCE_OFFSET = 0x59,
+    ICUB_GET_IMPEDANCE_OFFSET = 0x5a,
+    ICUB_GET_FIRMWARE_VERSION = 0x5b,
+    ICUB_SET_POSITION_STICTION = 0x5d,
+    ICUB_GET_POSITION_STICTION = 0x5e,
+    ICUB_SET_TORQUE_STICTION = 0x5f,
+    ICUB_GET_TORQUE_STICTION = 0x60,
+    ICUB_SET_OPEN_LOOP = 0x72,
+    ICUB_GET_OPEN_LOOP = 0x73,
+    ICUB_SET_INTERACTION_MODE = 0x74,
+    ICUB_GET_INTERACTION_MODE = 0x75,
+};
+
+enum { ICUB_AXIS_BIT = 0x80 };
+
+/* data[1] of SET_CONTROL_MODE, bytes 1 and 3 of STATUS */
+enum icub_mode {
+    ICUB_MODE_IDLE = 0x00,
+    ICUB_MODE_POSITION = 0x01,
+    ICUB_MODE_VELOCITY = 0x02,
+    ICUB_MODE_TORQUE = 0x03,
+    ICUB_MODE_IMPEDANCE_POSITION = 0x04,
+    ICUB_MODE_IMPEDANCE_VELOCITY = 0x05,
+    ICUB_MODE_CURRENT = 0x06,
+    ICUB_MODE_MIXED = 0x07,
+    ICUB_MODE_DIRECT = 0x08,
+    ICUB_MODE_FORCE_IDLE = 0x09, /* command only */
+    ICUB_MODE_SPEED_VOLTAGE = 0x0a,
+    ICUB_MODE_SPEED_CURRENT = 0x0b,
+    ICUB_MODE_OPEN_LOOP = 0x50,
+    ICUB_MODE_CALIBRATION = 0x60,
+    ICUB_MODE_HARDWARE_FAULT = 0xa0,
+    ICUB_MODE_NOT_CONFIGURED = 0xb0,
+    ICUB_MODE_CONFIGURED = 0xb1,
+    ICUB_MODE_UNKNOWN = 0xff,
+};
+
+/* class 1 frame types; the broadcast policy's bit is type - 1 */
+enum icub_motor_type {
+    ICUB_POSITION = 1,
+    ICUB_PID_VALUE = 2,
+    ICUB_STATUS = 3,
+    ICUB_CURRENT = 4,
+    ICUB_OVERFLOW = 5,
+    ICUB_PRINT = 6,
+    ICUB_VELOCITY = 7,
+    ICUB_PID_ERROR = 8,
+    ICUB_DEBUG = 9,
+    ICUB_MOTOR_POSITION = 10,
+    ICUB_MOTOR_SPEED = 11,
+    ICUB_ADDITIONAL_STATUS = 12,
+};
+
+/* STATUS byte 0 and 2 */
+enum icub_fault {
+    ICUB_FAULT_UNDER_VOLTAGE = 1 << 0,
+    ICUB_FAULT_OVER_VOLTAGE = 1 << 1,
+    ICUB_FAULT_EXTERNAL = 1 << 2,
+    ICUB_FAULT_OVER_CURRENT = 1 << 3,
+    ICUB_FAULT_HALL = 1 << 4,
+    ICUB_FAULT_ABSOLUTE_ENCODER = 1 << 5,
+    ICUB_FAULT_OPTICAL_ENCODER = 1 << 6,
+};
+
+enum { ICUB_PWM_FULL_SCALE = 1333 }; /* open-loop reference of 100 % of the supply */
+
+/* class 2, data[0] */
+enum icub_strain_command {
+    ICUB_STRAIN_SET_TRANSMIT_MODE = 0x07,
+    ICUB_STRAIN_SET_PERIOD = 0x08,
+    ICUB_STRAIN_SAVE = 0x09,
+    ICUB_STRAIN_GET_FULL_SCALE = 0x18,
+    ICUB_STRAIN_SET_FULL_SCALE = 0x17,
+    ICUB_STRAIN_GET_SERIAL = 0x1a,
+    ICUB_STRAIN_EEPROM_SAVED = 0x1b,
+    ICUB_STRAIN_GET_FIRMWARE = 0x1c,
+    ICUB_STRAIN_SET_ADDRESS = 0x32,
+};
+
+enum icub_strain_transmit {
+    ICUB_STRAIN_CALIBRATED = 0,
+    ICUB_STRAIN_SILENT = 1,
+    ICUB_STRAIN_UNCALIBRATED = 3,
+    ICUB_STRAIN_BOTH = 4,
+};
+
+/* class 3 frame types */
+enum icub_analog_type {
+    ICUB_UNCALIBRATED_FORCE = 0x8,
+    ICUB_UNCALIBRATED_TORQUE = 0x9,
+    ICUB_FORCE = 0xa,
+    ICUB_TORQUE = 0xb,
+};
+
+/* class 7, data[0] */
+enum icub_management_command {
+    ICUB_START_UPDATE = 0x00,
+    ICUB_GET_ADDITIONAL_INFO = 0x0c,
+    ICUB_SET_ADDITIONAL_INFO = 0x0d,
+    ICUB_SET_CAN_ADDRESS = 0x32,
+    ICUB_DISCOVER = 0xff,
+};
+
+enum { ICUB_BOARD_BLL = 4, ICUB_BOARD_STRAIN = 6 };
+enum { ICUB_PROTOCOL_MAJOR = 1, ICUB_PROTOCOL_MINOR = 6 };
+
+/* Lockstep frames of this simulator (ours): STEP u32 expected tick, u16 ticks (0 = 1);
+ * DONE u32 tick, u16 flags. Little-endian, 6 bytes. */
+enum { LOCKSTEP_STEP_ID = 0x6f0, LOCKSTEP_DONE_ID = 0x6ff, LOCKSTEP_LENGTH = 6 };
+
+enum lockstep_flag {
+    LOCKSTEP_OVERRUN = 1 << 0,
+    LOCKSTEP_FAULT = 1 << 1,
+    LOCKSTEP_MISMATCH = 1 << 2,
+    LOCKSTEP_STOPPING = 1 << 3,
+};
+
+#endif

@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Logs in the format of `candump -L`: "(1436509052.249713) can0 123#DEADBEEF", FD as
+ * "123##1<data>", remote "123#R", error frames with the 8-digit id of the error class. Read back by
+ * canplayer and log2asc.
+ */
+#ifndef CANBUS_CANDUMP_H
+#define CANBUS_CANDUMP_H
+
+#include "base/error.h"
+#include "canbus/frame.h"
+
+#include <stddef.h>
+#include <stdio.h>
+
+enum { CANDUMP_LINE_MAX = 256 };
+
+/* Writes one line with newline and terminating zero into line; returns its length without the
+ * zero. Time is frame->time_ns, printed in microseconds. RT-safe. */
+size_t candump_format(const struct bus_frame *frame, const char *bus, char line[CANDUMP_LINE_MAX]);
+
+/* Parses one line (with or without newline) of size bytes; bus receives the interface name (at most
+ * 15 characters). ERROR_INPUT with the column of the fault otherwise. */
+enum error_code candump_parse(const char *line, size_t size, struct bus_frame *frame, char bus[16],
+                              struct error *error);
+
+/* Reads a log line by line; errors carry file:line:column. next returns ERROR_NONE and sets *end at
+ * the end of the file. */
+struct candump_reader {
+    FILE *file;
+    const char *path;
+    int line;
+};
+enum error_code candump_open(struct candump_reader *reader, const char *path, struct error *error);
+enum error_code candump_next(struct candump_reader *reader, struct bus_frame *frame, char bus[16],
+                             bool *end, struct error *error);
+void candump_close(struct candump_reader *reader);
+
+#endif

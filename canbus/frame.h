@@ -1,0 +1,76 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A CAN frame, classic or FD, as the simulator passes it around. RT-safe. */
+#ifndef CANBUS_FRAME_H
+#define CANBUS_FRAME_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum {
+    FRAME_EXTENDED = 1 << 0, /* 29-bit identifier */
+    FRAME_REMOTE = 1 << 1,   /* remote request; no data */
+    FRAME_ERROR = 1 << 2,    /* error frame: id holds the CAN_ERR_ class bits of linux/can/error.h */
+    FRAME_FD = 1 << 3,       /* CAN FD format */
+    FRAME_BRS = 1 << 4,      /* FD: bit rate switch */
+    FRAME_ESI = 1 << 5,      /* FD: sender is error passive */
+};
+
+struct bus_frame {
+    uint32_t id;
+    uint8_t flags;
+    uint8_t len; /* bytes of data: 0-8 classic; 0-8, 12, 16, 20, 24, 32, 48, 64 FD */
+    uint8_t data[64];
+    int64_t time_ns; /* when it was received or sent, on the clock of the port */
+};
+
+/* Identifier within range, length legal for the format, no contradictory flags. */
+bool frame_valid(const struct bus_frame *frame);
+
+/* A classic data frame with a standard identifier; len <= 8; data beyond len is zero. */
+struct bus_frame frame_make(uint32_t id, uint8_t len, const uint8_t *data);
+
+/* Explicit byte order: no packed structs. */
+static inline uint16_t get_u16_le(const uint8_t *p)
+{
+    return (uint16_t)(p[0] | p[1] << 8);
+}
+
+static inline int16_t get_i16_le(const uint8_t *p)
+{
+    return (int16_t)get_u16_le(p);
+}
+
+static inline uint32_t get_u32_le(const uint8_t *p)
+{
+    return (uint32_t)p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
+}
+
+static inline int32_t get_i32_le(const uint8_t *p)
+{
+    return (int32_t)get_u32_le(p);
+}
+
+static inline uint16_t get_u16_be(const uint8_t *p)
+{
+    return (uint16_t)(p[0] << 8 | p[1]);
+}
+
+static inline void put_u16_le(uint8_t *p, uint16_t value)
+{
+    p[0] = (uint8_t)value;
+    p[1] = (uint8_t)(value >> 8);
+}
+
+static inline void put_u32_le(uint8_t *p, uint32_t value)
+{
+    put_u16_le(p, (uint16_t)value);
+    put_u16_le(p + 2, (uint16_t)(value >> 16));
+}
+
+static inline void put_u16_be(uint8_t *p, uint16_t value)
+{
+    p[0] = (uint8_t)(value >> 8);
+    p[1] = (uint8_t)value;
+}
+
+#endif

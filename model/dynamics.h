@@ -1,0 +1,73 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Rigid-body dynamics of one robot: the seam behind which stand the numeric articulated-body
+ * algorithm (generic, any tree) and the symbolic generator's code (generated, one robot). Both give
+ * the same numbers within rounding.
+ *
+ * q, v, accelerations and their order: model/robot.h. tau: njoint joint torques (N m) or forces
+ * (N). All functions are RT-safe: no allocation, no locks, bounded work; they use only work.
+ */
+#ifndef MODEL_DYNAMICS_H
+#define MODEL_DYNAMICS_H
+
+#include "model/robot.h"
+
+/* A force and a moment about the body's origin, in the body frame unless said otherwise. */
+struct wrench {
+    double force[3];  /* N */
+    double moment[3]; /* N m */
+};
+
+/* Where a body is and how it moves, in the world frame. */
+struct body_motion {
+    double R[9];     /* body to world, row-major */
+    double p[3];     /* origin, m */
+    double w[3];     /* angular velocity, rad/s */
+    double v[3];     /* velocity of the origin, m/s */
+};
+
+/* Classical accelerations in the world frame (gravity not included). */
+struct body_acceleration {
+    double alpha[3]; /* rad/s2 */
+    double a[3];     /* of the origin, m/s2 */
+};
+
+struct dynamics;
+
+struct dynamics_ops {
+    const char *name;
+    /* Forward dynamics: vdot (nv) from q, v, tau and external wrenches ext (nbody entries, each in
+     * its body's frame about its origin; NULL = none). */
+    void (*forward)(const struct dynamics *d, const double *q, const double *v, const double *tau,
+                    const struct wrench *ext, double *vdot);
+    /* Inverse dynamics: generalized forces f (nv; the base's force and moment in the base frame
+     * first, in the order of v) that produce vdot. */
+    void (*inverse)(const struct dynamics *d, const double *q, const double *v, const double *vdot,
+                    const struct wrench *ext, double *f);
+    /* Motion of every observed body; entries of other bodies may be left alone. */
+    void (*kinematics)(const struct dynamics *d, const double *q, const double *v,
+                       struct body_motion *motion);
+    /* Accelerations of every observed body, given vdot. */
+    void (*acceleration)(const struct dynamics *d, const double *q, const double *v,
+                         const double *vdot, struct body_acceleration *acceleration);
+    /* Kinetic and potential energy, J; potential is zero with every mass at the world's origin. */
+    void (*energy)(const struct dynamics *d, const double *q, const double *v, double *kinetic,
+                   double *potential);
+};
+
+struct dynamics {
+    const struct dynamics_ops *ops;
+    const struct robot *robot;
+    void *work; /* private scratch: one instance serves one thread */
+};
+
+/* The numeric articulated-body implementation (Featherstone, Rigid Body Dynamics Algorithms, 2008,
+ * table 7.1). Memory from arena. Not RT-safe itself. */
+enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,
+                                 struct dynamics *out, struct error *error);
+
+/* q <- q + dt * v on the manifold's chart: qdot (nq) from q and v, with the quaternion's rate.
+ * RT-safe. */
+void dynamics_qdot(const struct robot *robot, const double *q, const double *v, double *qdot);
+
+#endif

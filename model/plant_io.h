@@ -1,0 +1,54 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What crosses between the boards and the plant: terminal voltages in, true physical quantities
+ * out. The boards see nothing else of the model. Quantisation, noise and delay are the boards'.
+ * Arrays are owned by the plant and live as long as it does.
+ */
+#ifndef MODEL_PLANT_IO_H
+#define MODEL_PLANT_IO_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* One drive's bridge for the coming tick. */
+struct motor_command {
+    bool bridge_on;   /* false: the bridge is open, the winding carries no current */
+    double voltage_v; /* average terminal voltage; the plant clips it to +-supply */
+    double pretension_m; /* p of the parallel spring, paper eq. (5) */
+};
+
+struct plant_command {
+    size_t njoint;
+    struct motor_command *motor; /* by joint index of the robot */
+};
+
+/* One joint as it truly is; link side of the gear. */
+struct motor_sense {
+    double q, qd;      /* joint, rad, rad/s */
+    double qm, qmd;    /* motor behind the gear (the paper's q^m), rad, rad/s */
+    double current_a;  /* motor current I^m */
+    double torque_nm;  /* on the link: Ks (qm - q) + Ds (qm' - q') */
+    double voltage_v;  /* applied, after saturation */
+};
+
+struct ft_sense {
+    double force_n[3]; /* that the part below the sensor exerts through it, sensor frame */
+    double torque_nm[3];
+};
+
+struct imu_sense {
+    double gyro_rad_s[3];
+    double accel_m_s2[3]; /* specific force: +g along up at rest */
+};
+
+struct plant_sensors {
+    int64_t time_ns;
+    double supply_v;
+    size_t njoint, nft;
+    struct motor_sense *motor;
+    struct ft_sense *ft;
+    struct imu_sense imu;
+};
+
+#endif

@@ -1,0 +1,139 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The description of a robot: a tree of rigid bodies joined by revolute and prismatic joints on a
+ * fixed or floating base, with its drives, springs, sensors and named frames. Read from YAML, never
+ * changed afterwards, passed first everywhere.
+ *
+ * Conventions. Right-handed frames, x forward, y left, z up. Body 0 is the base; joint j (from 0)
+ * moves body j + 1, and parents come before children. The frame of a moved body sits on its joint
+ * axis: child = Trans(origin) * R(rpy) * Rot(axis, q) (or Trans(axis q) for a prismatic joint).
+ *
+ * Generalized coordinates, in this order everywhere:
+ *   q  (nq): [base position xyz in the world (m), base quaternion wxyz (body to world)], joint
+ *            positions (rad or m);
+ *   v  (nv): [base linear velocity of its origin (m/s), base angular velocity (rad/s), both in the
+ *            base frame], joint rates. The bracketed parts only with a floating base.
+ * Accelerations are the time derivatives of the components of v (so the base's linear part is the
+ * derivative in the moving frame, without the omega x v term).
+ */
+#ifndef MODEL_ROBOT_H
+#define MODEL_ROBOT_H
+
+#include "base/arena.h"
+#include "base/error.h"
+#include "base/yaml.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum joint_type { JOINT_REVOLUTE, JOINT_PRISMATIC };
+
+/* Mass properties in a body's frame. */
+struct robot_inertia {
+    double mass;   /* kg */
+    double com[3]; /* m */
+    double I[6];   /* kg m2 about the centre of mass: xx xy xz yy yz zz, tensor elements */
+};
+
+struct robot_body {
+    const char *name;
+    int parent; /* index of the parent body; -1 for the base */
+    struct robot_inertia inertia;
+    bool observed; /* a frame lies on it: kinematics of this body are wanted every step */
+};
+
+/* Series elastic DC drive of a joint, paper eqs (2)-(4); everything on the link side of the gear. */
+struct robot_sea {
+    bool present;
+    double J;     /* reflected motor inertia, kg m2 */
+    double Dm;    /* mechanical motor damping, N m s/rad, without back-EMF */
+    double Ks;    /* series spring stiffness, N m/rad */
+    double Ds;    /* series spring damping, N m s/rad */
+    double N;     /* gear ratio */
+    double Kt;    /* torque constant times N, N m/A (the paper's K_t) */
+    double Kw;    /* back-EMF constant times N, V s/rad (the paper's K_omega) */
+    double R;     /* winding resistance, ohm */
+    double L;     /* winding inductance, H */
+};
+
+/* Parallel unilateral spring of a joint, paper eq. (5) with x = p - r s q: for x < 0 the joint gets
+ * s r (k_p x + d_p x'). */
+struct robot_parallel_spring {
+    bool present;
+    bool enabled;
+    double k_p;    /* N/m */
+    double d_p;    /* N s/m */
+    double r;      /* pulley radius, m */
+    double s;      /* +1 or -1: sense of the joint in which the rope engages */
+};
+
+struct robot_joint {
+    const char *name;
+    enum joint_type type;
+    int paper_index;         /* generalized coordinate number in the paper, 0 = none */
+    double axis[3];          /* unit vector in the child frame */
+    double origin[3];        /* of the child frame in the parent frame at q = 0, m */
+    double rotation[9];      /* child to parent at q = 0, row-major (from rpy) */
+    double lower, upper;     /* position limits, rad or m */
+    double torque_limit;     /* N m or N */
+    struct robot_sea sea;
+    struct robot_parallel_spring spring;
+};
+
+/* A named frame on a body, for sensors and contact surfaces. */
+struct robot_frame {
+    const char *name;
+    int body;
+    double position[3]; /* in the body frame, m */
+    double rotation[9]; /* frame to body, row-major */
+};
+
+/* Six-axis force-torque sensor: what the part below it (distal) exerts through it, in its frame. */
+struct robot_ft_sensor {
+    const char *name;
+    int frame;
+    struct robot_inertia distal; /* what hangs below it, in the sensor frame */
+};
+
+struct robot_pose {
+    const char *name;
+    double base_position[3];   /* m, world */
+    double base_quaternion[4]; /* wxyz */
+    const double *joint;       /* njoint positions */
+};
+
+struct robot {
+    const char *name;
+    const char *file;
+    uint64_t hash; /* of everything that the equations of motion depend on */
+    bool floating;
+    double gravity[3]; /* m/s2, world */
+    size_t nbody, njoint, nframe, nft, npose;
+    size_t nq, nv;
+    struct robot_body *body;
+    struct robot_joint *joint; /* joint[j] moves body[j + 1] */
+    struct robot_frame *frame;
+    struct robot_ft_sensor *ft;
+    struct robot_pose *pose;
+    int imu_frame; /* -1 = none */
+    double total_mass;
+};
+
+/* Reads a robot file; variant names one of its variants, NULL or "" the default. Everything lives
+ * in arena. Errors carry file:line:column. Not RT-safe. */
+enum error_code robot_load(const char *path, const char *variant, struct arena *arena,
+                           const struct robot **robot, struct error *error);
+
+/* Checks a robot built by hand and fills what follows from the rest: nq, nv, total_mass, hash,
+ * observed. Masses >= 0, inertias physically possible, axes of unit length, parents first, at least
+ * a mass behind each joint. Not RT-safe. */
+enum error_code robot_finish(struct robot *robot, struct error *error);
+
+/* Index by name or -1. Not RT-safe (linear search). */
+int robot_find_body(const struct robot *robot, const char *name);
+int robot_find_joint(const struct robot *robot, const char *name);
+int robot_find_frame(const struct robot *robot, const char *name);
+int robot_find_pose(const struct robot *robot, const char *name);
+
+#endif

@@ -1,0 +1,79 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The other side of the bus: a controller sees CAN frames and the map of the rig, nothing else. A
+ * task is a step function; the runner decides when it is called (in the simulator's thread after
+ * each tick in lockstep and free run, or by its own thread or process in real time).
+ */
+#ifndef TASKS_TASK_H
+#define TASKS_TASK_H
+
+#include "base/arena.h"
+#include "base/error.h"
+#include "canbus/port.h"
+
+#include <stddef.h>
+
+/* Where a joint is found on the buses, and its scales. */
+struct host_axis {
+    const char *joint;
+    int bus;
+    uint8_t address, axis;
+    double joint_ticks_per_rad, motor_ticks_per_rad;
+    int torque_address, torque_channel; /* pseudo-STRAIN, -1 = none */
+    double torque_full_scale_nm;
+    double lower_rad, upper_rad;
+};
+
+struct host_ft {
+    const char *name;
+    int bus;
+    uint8_t address;
+};
+
+struct host_config {
+    size_t nbus;
+    struct can_port **port; /* one a bus */
+    size_t naxis;
+    const struct host_axis *axis;
+    size_t nft;
+    const struct host_ft *ft;
+    double supply_v;
+    int64_t period_ns;      /* how often the step function is called */
+    bool lockstep;
+    int lockstep_bus;       /* bus of the STEP frame */
+    uint32_t step_id, done_id;
+};
+
+/* Initial joint positions of the rig's pose, by axis order; what the robot stands in at start. */
+struct task_config {
+    struct host_config host;
+    const double *initial_rad; /* naxis */
+    double duration_s;         /* 0 = the task's own length */
+};
+
+struct task;
+
+enum task_status {
+    TASK_RUNNING,
+    TASK_DONE,   /* finished what it was to do */
+    TASK_FAILED, /* boards missing, faults, robot fell: see task_message */
+};
+
+/* name: "squat", ... Memory from arena; ports stay the caller's. Not RT-safe. */
+enum error_code task_create(const char *name, const struct task_config *config,
+                            struct arena *arena, struct task **task, struct error *error);
+
+/* One control period: reads every port, decides, sends (in lockstep also the STEP frame). now_ns:
+ * the caller's time. RT-safe. */
+enum task_status task_step(struct task *task, int64_t now_ns);
+
+/* Motors off; call it when stopping early. RT-safe. */
+void task_stop(struct task *task);
+
+/* One line about where it is ("cycle 2 of 4, 43 mm down") or why it failed. */
+const char *task_message(const struct task *task);
+
+/* Names of all tasks, NULL-terminated, for --help. */
+const char *const *task_names(void);
+
+#endif
