@@ -35,8 +35,8 @@ void *arena_alloc(struct arena *arena, size_t count, size_t size)
 {
     size_t bytes, start = (arena->used + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
 
-    if (arena->sealed || __builtin_mul_overflow(count, size, &bytes) ||
-        start > arena->capacity || bytes > arena->capacity - start) {
+    if (arena->sealed || __builtin_mul_overflow(count, size, &bytes) || start > arena->capacity ||
+        bytes > arena->capacity - start) {
         return NULL;
     }
     arena->used = start + bytes;

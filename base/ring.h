@@ -15,7 +15,7 @@
 struct ring {
     unsigned char *slots;
     size_t slot_size;
-    uint32_t mask; /* number of slots - 1, a power of two less one */
+    uint32_t mask;                      /* number of slots - 1, a power of two less one */
     _Alignas(64) _Atomic uint32_t head; /* next slot to write, owned by the writer */
     _Alignas(64) _Atomic uint32_t tail; /* next slot to read, owned by the reader */
 };

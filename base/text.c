@@ -47,6 +47,16 @@ bool text_to_int(const char *text, int64_t min, int64_t max, int64_t *value)
 
 enum { LONGEST_WORD = 63 };
 
+bool text_is_name(const char *text)
+{
+    static const char letters[] =
+        "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-.";
+    size_t length = strlen(text);
+
+    return length > 0 && length <= LONGEST_WORD && strspn(text, letters) == length &&
+           strcmp(text, ".") != 0 && strcmp(text, "..") != 0;
+}
+
 /* Levenshtein distance of two words of at most LONGEST_WORD letters */
 static size_t edit_distance(const char *a, const char *b)
 {

@@ -14,6 +14,10 @@ bool text_to_double(const char *text, double *value);
 /* The whole of text as a decimal or 0x-prefixed integer within [min, max]. */
 bool text_to_int(const char *text, int64_t min, int64_t max, int64_t *value);
 
+/* Whether text can be a name: 1 to 63 letters, digits and _ - . only, so that it may stand in messages,
+ * on command lines and in file names; not "." or "..". */
+bool text_is_name(const char *text);
+
 /* The word of the list nearest to word by edit distance, or NULL when none is near enough to be
  * worth naming (distance over a third of the length, at least 2). words has count entries. */
 const char *text_nearest(const char *word, const char *const *words, size_t count);

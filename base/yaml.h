@@ -29,15 +29,21 @@ enum yaml_type {
     YAML_REALS,       /* double[count], exactly count entries */
     YAML_REAL_LIST,   /* double * in the arena and size_t at count_offset, any length */
     YAML_STRING_LIST, /* const char ** in the arena and size_t at count_offset */
+    YAML_NAME_LIST,   /* the same with marks: struct yaml_name * and size_t at count_offset */
     YAML_MAP,         /* a nested struct by value, read with schema */
     YAML_LIST,        /* list of mappings: struct * in the arena, size_t at count_offset */
-    YAML_DICT,        /* mapping name -> mapping: as YAML_LIST; the name goes to schema->name_offset */
-    YAML_REAL_DICT,   /* mapping name -> real: struct yaml_real_entry * and size_t at count_offset */
+    YAML_DICT, /* mapping name -> mapping: as YAML_LIST; the name goes to schema->name_offset */
+    YAML_REAL_DICT, /* mapping name -> real: struct yaml_real_entry * and size_t at count_offset */
 };
 
 struct yaml_enum {
     const char *word;
     int value;
+};
+
+struct yaml_name {
+    struct yaml_mark mark;
+    const char *name;
 };
 
 struct yaml_real_entry {
@@ -57,7 +63,7 @@ struct yaml_field {
     size_t offset;       /* of the value in the struct */
     size_t count_offset; /* of the size_t for lists */
     size_t count;        /* for YAML_REALS */
-    double min, max;     /* inclusive range of numbers; both 0 = any */
+    double min, max;     /* inclusive range of numbers; both 0 = any; min DBL_MIN = above zero */
     size_t mark_offset;  /* 0 = none, else of a struct yaml_mark set to where the value stands */
     size_t given_offset; /* 0 = none, else of a bool set to true when the key is present */
     const struct yaml_schema *schema; /* for YAML_MAP, YAML_LIST, YAML_DICT */
@@ -65,14 +71,18 @@ struct yaml_field {
 };
 
 /* A struct begins with `struct yaml_mark mark` (offset 0), set to where its mapping starts; that is
- * why 0 can mean "none" for mark_offset and given_offset. */
+ * why 0 can mean "none" for mark_offset and given_offset. What is left out (a nested map, a value
+ * with a mark_offset) gets its parent's mark, so that every message has a place; a nested map that
+ * is left out holds its schema's defaults. */
 struct yaml_schema {
     const char *what; /* for messages: "a joint" */
     size_t size;      /* of the struct */
     const struct yaml_field *fields;
     size_t field_count;
     size_t name_offset; /* of the const char * that a YAML_DICT entry's name goes to */
-    const void *defaults; /* size bytes that an entry or nested map starts as; NULL = zeroes */
+    const void
+        *defaults; /* size bytes that the struct starts as; NULL = zeroes, or for a nested map
+                           * what the parent's defaults hold there */
 };
 
 /* Reads the file into *out, which starts as schema->defaults. Strings and lists live in arena. */
