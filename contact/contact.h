@@ -4,46 +4,65 @@
  * eqs (6), (7). Poses and velocities go in, the wrench on every body comes out. C only: no
  * exception and no C++ type crosses this header.
  *
- * Law at a surface element of area A at depth x with normal rate x' (Sherman, Seth, Delp 2011 and
- * Simbody's CompliantContactSubsystem): f_n = k A x (1 + c x') with k = k1 k2/(k1 + k2),
- * k_i = young_i / thickness_i, c the stiffness-weighted mean; friction after the transition velocity
- * with static, dynamic and viscous coefficients. Half of the sum over each mesh when both are
- * meshes.
+ * Law at a surface element of area A that is x deep in the other surface, x' its rate (Sherman,
+ * Seth, Delp 2011; Simbody's CompliantContactSubsystem), subscripts for the two surfaces:
+ *
+ *     normal     f_n = k A x (1 + c x'), never negative
+ *                k = k1 k2/(k1 + k2), k_i = young_i/thickness_i
+ *                c = s1 c1 + s2 c2, s_i the share of x that surface i gives:
+ *                s1 = k2/(k1 + k2), s2 = 1 - s1
+ *     friction   f_t = mu(v) f_n against the sliding velocity v, with u = v/v_t and
+ *                mu = us S(u) + uv v                          for u < 1
+ *                mu = us - (us - ud) S((u - 1)/2) + uv v      for 1 <= u < 3
+ *                mu = ud + uv v                               for 3 <= u
+ *                S(x) = 10 x^3 - 15 x^4 + 6 x^5; us, ud, uv: harmonic means of the two surfaces'
+ *     stored     k A x^2/2; dissipated c k A x x'^2 + mu f_n v
+ *
+ * Elements are the triangles of a mesh. x is the centroid's distance to the nearest point of the
+ * other surface; force and velocities belong to the point between them that divides x by s1 and
+ * s2. Where both surfaces are meshes, half of the sum over each counts. A sphere on a half-space
+ * or on a sphere is one element with Hertz's law instead: f_n = 4/3 E sqrt(R) x^1.5 (1 + 1.5 c x'),
+ * R the relative radius, E = (K1 K2/(K1 + K2))^1.5 with K_i = young_i^(2/3), shares s_i by K_i;
+ * thickness plays no part, and 2/5 of the elastic force times x is stored.
  */
 #ifndef CONTACT_CONTACT_H
 #define CONTACT_CONTACT_H
 
-#include "base/arena.h"
 #include "base/error.h"
 #include "contact/mesh.h"
 
+#include <stdbool.h>
 #include <stddef.h>
+
+#define CONTACT_MAX_BODIES 1024
+#define CONTACT_MAX_SURFACES 1024
+#define CONTACT_MAX_PAIRS 16384
 
 enum contact_shape {
     CONTACT_HALF_SPACE, /* solid below the surface frame's z = 0 plane, outward normal +z */
-    CONTACT_SPHERE,     /* centred at the surface frame's origin */
-    CONTACT_BOX,        /* centred, faces along the frame's axes, a mesh of its own */
+    CONTACT_SPHERE,     /* centered at the surface frame's origin */
+    CONTACT_BOX,        /* centered, faces along the frame's axes, a mesh of its own */
     CONTACT_MESH,       /* closed triangle mesh in the surface frame */
 };
 
 struct contact_material {
-    double young_pa;           /* of the elastic layer */
-    double thickness_m;        /* of the elastic layer */
+    double young_pa;    /* of the elastic layer */
+    double thickness_m; /* of the elastic layer */
     double dissipation_s_per_m;
     double static_friction, dynamic_friction; /* dimensionless */
-    double viscous_friction;   /* s/m */
+    double viscous_friction;                  /* s/m */
 };
 
 struct contact_surface {
     const char *name;
     int body; /* index into the motions given to evaluate; -1 = the fixed world */
     enum contact_shape shape;
-    double position[3]; /* of the surface frame in the body (or world) frame, m */
-    double rotation[9]; /* surface frame to body frame, row-major */
-    double radius_m;              /* sphere */
-    double half_extent_m[3];      /* box */
-    int cells_per_edge;           /* box: 7 gives Simbody's 588 faces */
-    const struct mesh *mesh;      /* mesh; must outlive the world */
+    double position[3];      /* of the surface frame in the body (or world) frame, m */
+    double rotation[9];      /* surface frame to body frame, row-major */
+    double radius_m;         /* sphere */
+    double half_extent_m[3]; /* box */
+    int cells_per_edge;      /* box: 7 gives Simbody's 588 faces */
+    const struct mesh *mesh; /* mesh; must outlive the world */
     struct contact_material material;
 };
 
@@ -78,20 +97,30 @@ struct contact_wrench {
 /* One pair in touch; world frame. Force on surface b's body; the opposite acts on a's. */
 struct contact_patch {
     int pair;
-    double centre[3];
+    double center[3];
     double force[3];
-    double moment[3]; /* about the centre */
-    double area_m2;        /* 0 where the engine does not say */
-    double penetration_m;  /* deepest; 0 where the engine does not say */
-    double potential_j;    /* stored in the elastic layers */
-    double dissipation_w;  /* being dissipated */
+    double moment[3];     /* about the center */
+    double area_m2;       /* 0 where the engine does not say */
+    double penetration_m; /* deepest; 0 where the engine does not say */
+    double potential_j;   /* stored in the elastic layers */
+    double dissipation_w; /* being dissipated */
 };
+
+/* Refuses what no engine can work with: indices out of range, numbers that are not finite or not in
+ * their range (dynamic friction over static too), rotations that are none, unsound meshes, pairs of
+ * one body with itself, of two half-spaces, or given twice. Not RT-safe. */
+enum error_code contact_config_check(const struct contact_config *config, struct error *error);
+
+/* Whether an engine can take this motion: numbers within 1e9, and R a rotation but for what an
+ * integrator's stage may have left in it (1 %). RT-safe. */
+bool contact_motion_valid(const struct contact_motion *motion);
 
 struct contact_world;
 
 struct contact_ops {
     const char *name;
-    /* Wrenches on all nbody bodies (overwritten). Returns ERROR_NONE or the engine's failure. */
+    /* Wrenches on all nbody bodies (overwritten). Returns ERROR_NONE, ERROR_INPUT for a motion that
+     * is not valid, or the engine's failure; wrench is then undefined. */
     enum error_code (*evaluate)(struct contact_world *world, const struct contact_motion *motion,
                                 struct contact_wrench *wrench);
     /* Patches of the last evaluation; returns their number, writes at most max. */
@@ -107,8 +136,19 @@ struct contact_world {
 };
 
 /* Engine "simbody": Simbody's CompliantContactSubsystem with one free shadow body per contact body
- * (paper Fig. 7), all set, then realized to Dynamics once an evaluation. Allocates while it
- * evaluates, so it is not RT-safe. Destroy with world->ops->destroy. */
+ * (paper Fig. 7), all set, then realized to Dynamics once an evaluation. The result depends on
+ * nothing but the motion. Only the given pairs interact. Allocates while it evaluates, so it is
+ * not RT-safe. Destroy with world->ops->destroy.
+ *
+ * What is Simbody's own in the numbers:
+ * - Triangles count whole, by their centroid: in or out, however little of them overlaps. Mesh on
+ *   mesh, each mesh's sum is scaled so that the triangles that overlap at all cover the mean of
+ *   both meshes' areas, not by one half: coarse meshes push too hard (a box on a flat table of 12
+ *   faces 1.4 to 41 times, the more the larger the table).
+ * - A face that has sunk below a half-space pushes along the half-space's normal, also one that
+ *   stands upright: the sides of a box deeper than its first centroids add to the force.
+ * - A sphere smaller than the mesh's cells can touch between centroids and feel nothing.
+ * - Force patches give neither area nor depth. */
 enum error_code contact_simbody_create(const struct contact_config *config,
                                        struct contact_world **world, struct error *error);
 

@@ -1,0 +1,240 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What every contact engine asks of its configuration. */
+#include "contact/contact.h"
+
+#include <math.h>
+#include <stdbool.h>
+
+#define ROTATION_TOLERANCE 1e-6
+#define MOTION_TOLERANCE 1e-2
+#define MOTION_LIMIT 1e9
+
+static enum error_code expect(bool good, const struct contact_surface *s, const char *key,
+                              double found, const char *expected, struct error *error)
+{
+    if (good) {
+        return ERROR_NONE;
+    }
+    return error_set(error, ERROR_INPUT, "contact surface '%s': found %s %g, expected %s", s->name,
+                     key, found, expected);
+}
+
+/* A finite number over zero, or from zero on. */
+static bool positive(double x)
+{
+    return x > 0 && isfinite(x);
+}
+
+static bool not_negative(double x)
+{
+    return x >= 0 && isfinite(x);
+}
+
+/* Orthonormal rows, right-handed; false when anything is not finite. */
+static bool is_rotation(const double r[9], double tolerance)
+{
+    double determinant = r[0] * (r[4] * r[8] - r[5] * r[7]) - r[1] * (r[3] * r[8] - r[5] * r[6]) +
+                         r[2] * (r[3] * r[7] - r[4] * r[6]);
+
+    for (int a = 0; a < 3; ++a) {
+        for (int b = a; b < 3; ++b) {
+            double dot =
+                r[3 * a] * r[3 * b] + r[3 * a + 1] * r[3 * b + 1] + r[3 * a + 2] * r[3 * b + 2];
+
+            if (!(fabs(dot - (a == b ? 1 : 0)) < tolerance)) {
+                return false;
+            }
+        }
+    }
+    return determinant > 0;
+}
+
+bool contact_motion_valid(const struct contact_motion *motion)
+{
+    for (int i = 0; i < 3; ++i) {
+        if (!(fabs(motion->p[i]) <= MOTION_LIMIT && fabs(motion->w[i]) <= MOTION_LIMIT &&
+              fabs(motion->v[i]) <= MOTION_LIMIT)) {
+            return false;
+        }
+    }
+    return is_rotation(motion->R, MOTION_TOLERANCE);
+}
+
+static enum error_code check_material(const struct contact_surface *s, struct error *error)
+{
+    const struct contact_material *m = &s->material;
+    const struct {
+        bool good;
+        const char *key;
+        double value;
+        const char *expected;
+    } rule[] = {
+        {positive(m->young_pa), "young_pa", m->young_pa, "over 0"},
+        {positive(m->thickness_m), "thickness_m", m->thickness_m, "over 0"},
+        {not_negative(m->dissipation_s_per_m), "dissipation_s_per_m", m->dissipation_s_per_m,
+         "0 or more"},
+        {not_negative(m->static_friction), "static_friction", m->static_friction, "0 or more"},
+        {not_negative(m->dynamic_friction) && m->dynamic_friction <= m->static_friction,
+         "dynamic_friction", m->dynamic_friction, "0 up to static_friction"},
+        {not_negative(m->viscous_friction), "viscous_friction", m->viscous_friction, "0 or more"},
+    };
+    enum error_code code = ERROR_NONE;
+
+    for (size_t i = 0; code == ERROR_NONE && i < sizeof rule / sizeof *rule; ++i) {
+        code = expect(rule[i].good, s, rule[i].key, rule[i].value, rule[i].expected, error);
+    }
+    return code;
+}
+
+static enum error_code check_shape(const struct contact_surface *s, struct error *error)
+{
+    struct mesh_finding finding;
+    enum error_code code = ERROR_NONE;
+
+    switch (s->shape) {
+    case CONTACT_HALF_SPACE:
+        return ERROR_NONE;
+    case CONTACT_SPHERE:
+        return expect(positive(s->radius_m), s, "radius_m", s->radius_m, "over 0", error);
+    case CONTACT_BOX:
+        for (int i = 0; code == ERROR_NONE && i < 3; ++i) {
+            double half = s->half_extent_m[i];
+
+            code = expect(half > 0 && half <= MESH_MAX_COORDINATE_M, s, "half_extent_m", half,
+                          "over 0 and no larger than a mesh may be", error);
+        }
+        if (code == ERROR_NONE) {
+            code = expect(s->cells_per_edge >= 1 && s->cells_per_edge <= MESH_MAX_BOX_CELLS, s,
+                          "cells_per_edge", s->cells_per_edge, "1 to 256", error);
+        }
+        return code;
+    case CONTACT_MESH:
+        if (!s->mesh) {
+            return error_set(error, ERROR_INPUT,
+                             "contact surface '%s': found no mesh, expected one", s->name);
+        }
+        code = mesh_check(s->mesh, &finding, error);
+        if (code == ERROR_NONE && finding.fault != MESH_SOUND) {
+            code = error_set(error, ERROR_INPUT,
+                             "contact surface '%s': found a mesh with %s (face %zu), expected a "
+                             "closed surface with its outside out",
+                             s->name, mesh_fault_text(finding.fault), finding.face);
+        }
+        return code;
+    }
+    return error_set(error, ERROR_INPUT,
+                     "contact surface '%s': found shape %d, expected a known one", s->name,
+                     (int)s->shape);
+}
+
+/* Finite position, right-handed orthonormal rotation. */
+static enum error_code check_pose(const struct contact_surface *s, struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    for (int i = 0; code == ERROR_NONE && i < 3; ++i) {
+        code = expect(isfinite(s->position[i]), s, "position", s->position[i], "a finite number",
+                      error);
+    }
+    if (code == ERROR_NONE && !is_rotation(s->rotation, ROTATION_TOLERANCE)) {
+        code = error_set(error, ERROR_INPUT,
+                         "contact surface '%s': found a rotation with columns (%g %g %g), (%g %g "
+                         "%g), (%g %g %g), expected a right-handed orthonormal matrix",
+                         s->name, s->rotation[0], s->rotation[3], s->rotation[6], s->rotation[1],
+                         s->rotation[4], s->rotation[7], s->rotation[2], s->rotation[5],
+                         s->rotation[8]);
+    }
+    return code;
+}
+
+static enum error_code check_surface(const struct contact_config *config, size_t index,
+                                     struct error *error)
+{
+    const struct contact_surface *s = &config->surface[index];
+    enum error_code code;
+
+    if (!s->name) {
+        return error_set(error, ERROR_INPUT, "contact surface %zu: found no name, expected one",
+                         index);
+    }
+    if (s->body < -1 || (s->body >= 0 && (size_t)s->body >= config->nbody)) {
+        return error_set(error, ERROR_INPUT,
+                         "contact surface '%s': found body %d, expected -1 (the world) or 0 to one "
+                         "less than %zu",
+                         s->name, s->body, config->nbody);
+    }
+    code = check_shape(s, error);
+    if (code == ERROR_NONE) {
+        code = check_pose(s, error);
+    }
+    return code != ERROR_NONE ? code : check_material(s, error);
+}
+
+static enum error_code check_pair(const struct contact_config *config, size_t index,
+                                  struct error *error)
+{
+    const struct contact_pair *p = &config->pair[index];
+
+    for (int side = 0; side < 2; ++side) {
+        int surface = side == 0 ? p->a : p->b;
+
+        if (surface < 0 || (size_t)surface >= config->nsurface) {
+            return error_set(error, ERROR_INPUT,
+                             "contact pair %zu: found surface %d, expected 0 to one less than %zu",
+                             index, surface, config->nsurface);
+        }
+    }
+
+    const struct contact_surface *a = &config->surface[p->a], *b = &config->surface[p->b];
+
+    if (a->body == b->body) {
+        return error_set(
+            error, ERROR_INPUT,
+            "contact pair %zu: found '%s' and '%s' on the same body, expected two that "
+            "can move against each other",
+            index, a->name, b->name);
+    }
+    if (a->shape == CONTACT_HALF_SPACE && b->shape == CONTACT_HALF_SPACE) {
+        return error_set(error, ERROR_INPUT,
+                         "contact pair %zu: found two half-spaces ('%s' and '%s'), expected one at "
+                         "most",
+                         index, a->name, b->name);
+    }
+    for (size_t i = 0; i < index; ++i) {
+        const struct contact_pair *q = &config->pair[i];
+
+        if ((q->a == p->a && q->b == p->b) || (q->a == p->b && q->b == p->a)) {
+            return error_set(error, ERROR_INPUT,
+                             "contact pair %zu: found '%s' and '%s' again (as pair %zu), expected "
+                             "every pair once",
+                             index, a->name, b->name, i);
+        }
+    }
+    return ERROR_NONE;
+}
+
+enum error_code contact_config_check(const struct contact_config *config, struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    if (config->nbody > CONTACT_MAX_BODIES || config->nsurface > CONTACT_MAX_SURFACES ||
+        config->npair > CONTACT_MAX_PAIRS) {
+        return error_set(error, ERROR_INPUT,
+                         "contact: found %zu bodies, %zu surfaces and %zu pairs, expected at most "
+                         "%d, %d and %d",
+                         config->nbody, config->nsurface, config->npair, CONTACT_MAX_BODIES,
+                         CONTACT_MAX_SURFACES, CONTACT_MAX_PAIRS);
+    }
+    if (!positive(config->transition_velocity_m_s)) {
+        return error_set(error, ERROR_INPUT,
+                         "contact: found transition_velocity_m_s %g, expected over 0",
+                         config->transition_velocity_m_s);
+    }
+    for (size_t i = 0; code == ERROR_NONE && i < config->nsurface; ++i) {
+        code = check_surface(config, i, error);
+    }
+    for (size_t i = 0; code == ERROR_NONE && i < config->npair; ++i) {
+        code = check_pair(config, i, error);
+    }
+    return code;
+}

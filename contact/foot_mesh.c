@@ -1,0 +1,295 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * foot-mesh: writes the collision mesh of one of COMAN's feet as OBJ text, in the frame of the
+ * ankle (origin on its axes, x forward, y left, z up, meters).
+ *
+ *     foot-mesh right|left >FILE
+ *
+ * The sole is the robot's published outline, flat, 0.0932 m under the ankle axes. The top is
+ * assumed (D in the terms of the robot data): flat at z = -0.03, the outline at 4/5 of its size.
+ * 504 triangles in all, as many as the paper's foot (Table 2).
+ *
+ * The sole is a set of rings: the outline, cut into 42 pieces of nearly equal length, then copies
+ * of it scaled toward its centroid with fewer and fewer points, stitched into triangles. Springs
+ * sit at triangle centroids, so many small triangles of like size integrate the pressure well. The
+ * triangles tile the outline: their areas add up to the outline's. The wall has two rows, so that
+ * the centroids of the lower one lie a centimeter above the sole: the wall stays out of a contact
+ * that is not deeper than that.
+ */
+#include "contact/mesh.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define NOUTLINE 21
+#define NRIM 42 /* points of the outline after cutting */
+#define NVERTEX_MAX 512
+#define NFACE 504
+#define SOLE_Z (-0.0932)
+#define TOP_Z (-0.03)
+#define TOP_SCALE 0.8
+
+/* xy of the right sole, counterclockwise seen from above */
+static const double outline[NOUTLINE][2] = {
+    {-0.06, -0.023},   {-0.055, -0.0328}, {-0.05, -0.0387},  {-0.0409, -0.0434}, {-0.028, -0.045},
+    {0.068, -0.045},   {0.082, -0.0418},  {0.0952, -0.0362}, {0.1081, -0.0285},  {0.1186, -0.0193},
+    {0.1269, -0.0045}, {0.1299, 0.0071},  {0.1299, 0.0206},  {0.1272, 0.0308},   {0.1245, 0.0349},
+    {0.1183, 0.0408},  {0.1055, 0.045},   {-0.035, 0.045},   {-0.0462, 0.0408},  {-0.0559, 0.0308},
+    {-0.06, 0.0192},
+};
+
+struct ring {
+    int first, count;   /* vertices */
+    double along[NRIM]; /* where each lies along the outline, 0 to 1 */
+};
+
+struct foot {
+    double vertex[NVERTEX_MAX][3];
+    int face[NFACE][3];
+    int nvertex, nface;
+    double rim[NRIM][2]; /* the cut outline */
+    double along[NRIM];  /* of its points, 0 to 1 */
+    double centroid[2];
+};
+
+/* To the micrometer: the same file on every machine, and a readable one. */
+static double rounded(double x)
+{
+    return round(x * 1e6) / 1e6;
+}
+
+static int add_vertex(struct foot *foot, double x, double y, double z)
+{
+    double *v = foot->vertex[foot->nvertex];
+
+    v[0] = rounded(x);
+    v[1] = rounded(y);
+    v[2] = z;
+    return foot->nvertex++;
+}
+
+static void add_face(struct foot *foot, int a, int b, int c, bool upward)
+{
+    int *f = foot->face[foot->nface++];
+
+    f[0] = a;
+    f[1] = upward ? b : c;
+    f[2] = upward ? c : b;
+}
+
+static double edge_length(int edge)
+{
+    const double *a = outline[edge], *b = outline[(edge + 1) % NOUTLINE];
+
+    return sqrt((b[0] - a[0]) * (b[0] - a[0]) + (b[1] - a[1]) * (b[1] - a[1]));
+}
+
+/* Shares the NRIM points out: each new one goes to the edge with the longest pieces. */
+static void cut_outline(struct foot *foot)
+{
+    int pieces[NOUTLINE], n = 0;
+    double perimeter = 0, run = 0;
+
+    for (int e = 0; e < NOUTLINE; ++e) {
+        pieces[e] = 1;
+        perimeter += edge_length(e);
+    }
+    for (int extra = NOUTLINE; extra < NRIM; ++extra) {
+        int longest = 0;
+
+        for (int e = 1; e < NOUTLINE; ++e) {
+            if (edge_length(e) / pieces[e] > edge_length(longest) / pieces[longest]) {
+                longest = e;
+            }
+        }
+        pieces[longest]++;
+    }
+    for (int e = 0; e < NOUTLINE; ++e) {
+        const double *a = outline[e], *b = outline[(e + 1) % NOUTLINE];
+
+        for (int p = 0; p < pieces[e]; ++p) {
+            double s = (double)p / pieces[e];
+
+            foot->rim[n][0] = a[0] + s * (b[0] - a[0]);
+            foot->rim[n][1] = a[1] + s * (b[1] - a[1]);
+            foot->along[n++] = (run + s * edge_length(e)) / perimeter;
+        }
+        run += edge_length(e);
+    }
+}
+
+static void find_centroid(struct foot *foot)
+{
+    double twice = 0, sum[2] = {0, 0};
+
+    for (int i = 0; i < NOUTLINE; ++i) {
+        const double *a = outline[i], *b = outline[(i + 1) % NOUTLINE];
+        double part = a[0] * b[1] - b[0] * a[1];
+
+        twice += part;
+        sum[0] += part * (a[0] + b[0]);
+        sum[1] += part * (a[1] + b[1]);
+    }
+    foot->centroid[0] = sum[0] / (3 * twice);
+    foot->centroid[1] = sum[1] / (3 * twice);
+}
+
+/* The point of the cut outline at a fraction of its length. */
+static void outline_point(const struct foot *foot, double along, double out[2])
+{
+    int i = NRIM - 1;
+
+    while (foot->along[i] > along) {
+        --i;
+    }
+
+    double end = i + 1 < NRIM ? foot->along[i + 1] : 1;
+    double s = (along - foot->along[i]) / (end - foot->along[i]);
+    const double *a = foot->rim[i], *b = foot->rim[(i + 1) % NRIM];
+
+    out[0] = a[0] + s * (b[0] - a[0]);
+    out[1] = a[1] + s * (b[1] - a[1]);
+}
+
+/* The outline scaled about its centroid: its NRIM points, or count evenly spaced ones. */
+static struct ring add_ring(struct foot *foot, int count, double scale, double z)
+{
+    struct ring ring = {.first = foot->nvertex, .count = count};
+
+    for (int i = 0; i < count; ++i) {
+        double p[2] = {0};
+
+        ring.along[i] = count == NRIM ? foot->along[i] : (double)i / count;
+        outline_point(foot, ring.along[i], p);
+        add_vertex(foot, foot->centroid[0] + scale * (p[0] - foot->centroid[0]),
+                   foot->centroid[1] + scale * (p[1] - foot->centroid[1]), z);
+    }
+    return ring;
+}
+
+/* The fraction at which a ring's piece after point i has its middle. */
+static double middle(const struct ring *ring, int i)
+{
+    double end = i + 1 < ring->count ? ring->along[i + 1] : 1;
+
+    return (ring->along[i] + end) / 2;
+}
+
+/* Fills the band between two rings: walks both, always stepping on the one that is behind. Seen
+ * from the side of the triangles' normals outer runs counterclockwise if upward. */
+static void stitch(struct foot *foot, const struct ring *outer, const struct ring *inner,
+                   bool upward)
+{
+    int o = 0, i = 0;
+
+    while (o < outer->count || i < inner->count) {
+        int here = outer->first + o % outer->count, there = inner->first + i % inner->count;
+        bool step_outer =
+            i == inner->count || (o < outer->count && middle(outer, o) <= middle(inner, i));
+
+        if (step_outer) {
+            ++o;
+            add_face(foot, here, outer->first + o % outer->count, there, upward);
+        } else {
+            ++i;
+            add_face(foot, here, inner->first + i % inner->count, there, upward);
+        }
+    }
+}
+
+/* Closes a ring with a fan about the centroid. */
+static void close_ring(struct foot *foot, const struct ring *ring, double z, bool upward)
+{
+    int hub = add_vertex(foot, foot->centroid[0], foot->centroid[1], z);
+
+    for (int i = 0; i < ring->count; ++i) {
+        add_face(foot, ring->first + i, ring->first + (i + 1) % ring->count, hub, upward);
+    }
+}
+
+static void add_rings(struct foot *foot, const struct ring *rim, double rim_scale, int nring,
+                      const int *count, double z, bool upward)
+{
+    struct ring outer = *rim;
+
+    for (int r = 0; r < nring; ++r) {
+        double scale = rim_scale * (nring - r) / (nring + 1);
+        struct ring inner = add_ring(foot, count[r], scale, z);
+
+        stitch(foot, &outer, &inner, upward);
+        outer = inner;
+    }
+    close_ring(foot, &outer, z, upward);
+}
+
+static void build_right(struct foot *foot)
+{
+    /* 42 + 2 (36 + 28 + 20 + 12 + 6) + 4 * 42 + 42 + 2 * 24 = 504 */
+    static const int sole_count[] = {36, 28, 20, 12, 6}, top_count[] = {24};
+
+    cut_outline(foot);
+    find_centroid(foot);
+
+    struct ring sole = add_ring(foot, NRIM, 1, SOLE_Z);
+    struct ring waist = add_ring(foot, NRIM, (1 + TOP_SCALE) / 2, (SOLE_Z + TOP_Z) / 2);
+    struct ring top = add_ring(foot, NRIM, TOP_SCALE, TOP_Z);
+
+    add_rings(foot, &sole, 1, 5, sole_count, SOLE_Z, false);
+    stitch(foot, &sole, &waist, true);
+    stitch(foot, &waist, &top, true);
+    add_rings(foot, &top, TOP_SCALE, 1, top_count, TOP_Z, true);
+}
+
+/* The left foot: y turned round, and with it the sense of every triangle. */
+static void mirror(struct foot *foot)
+{
+    for (int v = 0; v < foot->nvertex; ++v) {
+        foot->vertex[v][1] = -foot->vertex[v][1];
+    }
+    for (int f = 0; f < foot->nface; ++f) {
+        int second = foot->face[f][1];
+
+        foot->face[f][1] = foot->face[f][2];
+        foot->face[f][2] = second;
+    }
+}
+
+int main(int argc, char **argv)
+{
+    static struct foot foot;
+    struct mesh mesh = {.name = "foot",
+                        .vertex = (const double(*)[3])foot.vertex,
+                        .face = (const int(*)[3])foot.face};
+    struct mesh_finding finding;
+    struct error error;
+
+    if (argc != 2 || (strcmp(argv[1], "right") != 0 && strcmp(argv[1], "left") != 0)) {
+        fputs("usage: foot-mesh right|left >FILE\n", stderr);
+        return 2;
+    }
+    build_right(&foot);
+    if (strcmp(argv[1], "left") == 0) {
+        mirror(&foot);
+    }
+    mesh.nvertex = (size_t)foot.nvertex;
+    mesh.nface = (size_t)foot.nface;
+    if (mesh_check(&mesh, &finding, &error) != ERROR_NONE) {
+        fprintf(stderr, "foot-mesh: %s\n", error.text);
+        return 3;
+    }
+    if (finding.fault != MESH_SOUND || foot.nface != NFACE) {
+        fprintf(stderr, "foot-mesh: %d faces, %s\n", foot.nface, mesh_fault_text(finding.fault));
+        return 3;
+    }
+    printf("# SPDX-License-Identifier: Apache-2.0\n"
+           "# COMAN, %s foot, in the ankle frame (m); made by foot-mesh, not to be edited.\n"
+           "o foot_%s\n",
+           argv[1], argv[1]);
+    if (mesh_write_obj(&mesh, stdout, &error) != ERROR_NONE) {
+        fprintf(stderr, "foot-mesh: %s\n", error.text);
+        return 3;
+    }
+    return 0;
+}

@@ -1,0 +1,418 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Contact engine "simbody": the paper's coupling (section 5.3, Fig. 7). Every contact body has a
+ * free 6-DOF shadow in a Simbody world; its pose and velocity are imposed, the world is realized
+ * once, and the forces of Simbody's CompliantContactSubsystem are read back. Nothing moves by
+ * itself in there: no integrator, no gravity.
+ *
+ * This is the only C++ of the tree, and what it throws stays inside. It must never be built with
+ * NDEBUG, see CMakeLists.txt.
+ */
+extern "C" {
+#include "base/arena.h"
+#include "contact/contact.h"
+}
+
+#include <Simbody.h>
+
+#include <cstdio>
+#include <exception>
+#include <new>
+#include <stdexcept>
+#include <vector>
+
+using namespace SimTK;
+
+namespace
+{
+
+const int no_pair = -1;
+
+/* Owns the memory that a mesh of our own is made in while it is handed to Simbody. */
+class ScratchArena
+{
+  public:
+    ScratchArena() = default;
+    ScratchArena(const ScratchArena &) = delete;
+    ScratchArena &operator=(const ScratchArena &) = delete;
+    ~ScratchArena()
+    {
+        arena_fini(&arena);
+    }
+
+    struct arena arena = {};
+};
+
+/* The numbers of q and u where a shadow body's pose and velocity are written. */
+struct Shadow {
+    MobilizedBodyIndex body;
+    int q, u;
+};
+
+struct Engine : contact_world {
+    explicit Engine(const struct contact_config &config);
+
+    void evaluate(const struct contact_motion *motion, struct contact_wrench *wrench);
+    void impose(const struct contact_motion *motion);
+    void collect(const ContactForce &force, const Contact &contact,
+                 const struct contact_motion *motion, struct contact_wrench *wrench);
+
+    size_t nbody, nsurface;
+    MultibodySystem system;
+    SimbodyMatterSubsystem matter;
+    ContactTrackerSubsystem tracker;
+    CompliantContactSubsystem forces;
+    State state;
+    std::vector<Shadow> shadow;  /* of each body */
+    std::vector<int> surface_of; /* our number of each of Simbody's surfaces */
+    std::vector<int> body_of;    /* of each of our surfaces */
+    std::vector<int> pair_of;    /* nsurface x nsurface, or no_pair */
+    std::vector<struct contact_pair> pair;
+    std::vector<struct contact_patch> patches;
+    char failure[512] = "";
+};
+
+Vec3 vec3(const double v[3])
+{
+    return Vec3(v[0], v[1], v[2]);
+}
+
+Mat33 mat33(const double m[9])
+{
+    return Mat33(m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]);
+}
+
+void add_to(double sum[3], const Vec3 &v)
+{
+    for (int i = 0; i < 3; ++i) {
+        sum[i] += v[i];
+    }
+}
+
+/* ---- building the world ---- */
+
+ContactGeometry triangle_mesh(const struct mesh &mesh)
+{
+    Array_<Vec3> vertices;
+    Array_<int> corners;
+
+    vertices.reserve(static_cast<unsigned>(mesh.nvertex));
+    corners.reserve(static_cast<unsigned>(3 * mesh.nface));
+    for (size_t v = 0; v < mesh.nvertex; ++v) {
+        vertices.push_back(vec3(mesh.vertex[v]));
+    }
+    for (size_t f = 0; f < mesh.nface; ++f) {
+        for (int i = 0; i < 3; ++i) {
+            corners.push_back(mesh.face[f][i]);
+        }
+    }
+    return ContactGeometry::TriangleMesh(vertices, corners);
+}
+
+/* The same triangles as every other engine has for this box. */
+ContactGeometry box(const struct contact_surface &s)
+{
+    ScratchArena scratch;
+    const struct mesh *mesh = nullptr;
+    struct error error = {};
+    size_t faces =
+        12 * static_cast<size_t>(s.cells_per_edge) * static_cast<size_t>(s.cells_per_edge);
+
+    if (arena_init(&scratch.arena, 4096 + 64 * faces, &error) != ERROR_NONE ||
+        mesh_box(s.half_extent_m, s.cells_per_edge, &scratch.arena, &mesh, &error) != ERROR_NONE) {
+        throw std::runtime_error(error.text);
+    }
+    return triangle_mesh(*mesh);
+}
+
+ContactGeometry geometry(const struct contact_surface &s)
+{
+    switch (s.shape) {
+    case CONTACT_HALF_SPACE:
+        return ContactGeometry::HalfSpace();
+    case CONTACT_SPHERE:
+        return ContactGeometry::Sphere(s.radius_m);
+    case CONTACT_BOX:
+        return box(s);
+    case CONTACT_MESH:
+        return triangle_mesh(*s.mesh);
+    }
+    throw std::logic_error("shape without a geometry");
+}
+
+/* The frame of Simbody's geometry in the body. Its half-space is solid at x > 0, ours at z < 0. */
+Transform placement(const struct contact_surface &s)
+{
+    Rotation frame(mat33(s.rotation));
+    const Rotation down(Mat33(0, 0, 1, 0, 1, 0, -1, 0, 0), true);
+
+    if (s.shape == CONTACT_HALF_SPACE) {
+        frame = frame * down;
+    }
+    return Transform(frame, vec3(s.position));
+}
+
+ContactSurface simbody_surface(const struct contact_surface &s)
+{
+    const struct contact_material &m = s.material;
+
+    return ContactSurface(geometry(s),
+                          ContactMaterial(m.young_pa, m.dissipation_s_per_m, m.static_friction,
+                                          m.dynamic_friction, m.viscous_friction),
+                          m.thickness_m);
+}
+
+/* Simbody tests every surface against every other; a clique for each two that are not a pair keeps
+ * them apart. Surfaces on one body never meet anyway. */
+void part_unpaired(std::vector<ContactSurface> &surfaces, const std::vector<int> &body_of,
+                   const std::vector<int> &pair_of)
+{
+    size_t n = surfaces.size();
+
+    for (size_t a = 0; a < n; ++a) {
+        for (size_t b = a + 1; b < n; ++b) {
+            if (pair_of[a * n + b] == no_pair && body_of[a] != body_of[b]) {
+                ContactCliqueId clique = ContactSurface::createNewContactClique();
+
+                surfaces[a].joinClique(clique);
+                surfaces[b].joinClique(clique);
+            }
+        }
+    }
+}
+
+Engine::Engine(const struct contact_config &config)
+    : contact_world{}, nbody(config.nbody), nsurface(config.nsurface), matter(system),
+      tracker(system), forces(system, tracker), pair_of(nsurface * nsurface, no_pair),
+      pair(config.pair, config.pair + config.npair)
+{
+    for (size_t p = 0; p < pair.size(); ++p) {
+        size_t a = static_cast<size_t>(pair[p].a), b = static_cast<size_t>(pair[p].b);
+
+        pair_of[a * nsurface + b] = pair_of[b * nsurface + a] = static_cast<int>(p);
+    }
+    patches.reserve(pair.size());
+
+    std::vector<ContactSurface> surfaces;
+
+    for (size_t i = 0; i < nsurface; ++i) {
+        surfaces.push_back(simbody_surface(config.surface[i]));
+        body_of.push_back(config.surface[i].body);
+    }
+    part_unpaired(surfaces, body_of, pair_of);
+
+    /* Ground first, then each body: the order in which Simbody numbers surfaces */
+    const MassProperties unit(1, Vec3(0), UnitInertia(1));
+
+    forces.setTransitionVelocity(config.transition_velocity_m_s);
+    for (int body = -1; body < static_cast<int>(nbody); ++body) {
+        Body::Rigid shape(unit);
+
+        for (size_t i = 0; i < nsurface; ++i) {
+            if (body_of[i] != body) {
+                continue;
+            }
+            Transform where = placement(config.surface[i]);
+
+            if (body < 0) {
+                matter.Ground().updBody().addContactSurface(where, surfaces[i]);
+            } else {
+                shape.addContactSurface(where, surfaces[i]);
+            }
+            surface_of.push_back(static_cast<int>(i));
+        }
+        if (body >= 0) {
+            MobilizedBody::Free mobilized(matter.Ground(), Transform(), shape, Transform());
+
+            shadow.push_back({mobilized.getMobilizedBodyIndex(), 0, 0});
+        }
+    }
+
+    state = system.realizeTopology();
+    system.realizeModel(state);
+    for (Shadow &s : shadow) {
+        s.q = matter.getMobilizedBody(s.body).getFirstQIndex(state);
+        s.u = matter.getMobilizedBody(s.body).getFirstUIndex(state);
+    }
+}
+
+/* ---- evaluating ---- */
+
+/* A free mobilizer on Ground: q is the quaternion and the origin, u the angular velocity and the
+ * origin's velocity, all in Ground. */
+void Engine::impose(const struct contact_motion *motion)
+{
+    Vector &q = state.updQ();
+    Vector &u = state.updU();
+
+    for (size_t b = 0; b < nbody; ++b) {
+        const struct contact_motion &m = motion[b];
+        const Quaternion turn = Rotation(mat33(m.R), true).convertRotationToQuaternion();
+
+        for (int i = 0; i < 4; ++i) {
+            q[shadow[b].q + i] = turn[i];
+        }
+        for (int i = 0; i < 3; ++i) {
+            q[shadow[b].q + 4 + i] = m.p[i];
+            u[shadow[b].u + i] = m.w[i];
+            u[shadow[b].u + 3 + i] = m.v[i];
+        }
+    }
+}
+
+/* Adds one contact to the wrenches of its two bodies, and to the patches. */
+void Engine::collect(const ContactForce &force, const Contact &contact,
+                     const struct contact_motion *motion, struct contact_wrench *wrench)
+{
+    const size_t first = static_cast<size_t>(surface_of[contact.getSurface1()]);
+    const size_t second = static_cast<size_t>(surface_of[contact.getSurface2()]);
+    const int number = pair_of[first * nsurface + second];
+    const Vec3 &center = force.getContactPoint();
+    const SpatialVec &on_second = force.getForceOnSurface2();
+
+    if (number == no_pair) {
+        throw std::logic_error("contact of two surfaces that are not a pair");
+    }
+    for (int side = 0; side < 2; ++side) {
+        const int body = body_of[side == 0 ? first : second];
+        const SpatialVec f = (side == 0 ? -1.0 : 1.0) * on_second;
+
+        if (body >= 0) {
+            const Vec3 arm = center - vec3(motion[body].p);
+
+            add_to(wrench[body].force, f[1]);
+            add_to(wrench[body].moment, f[0] + arm % f[1]);
+        }
+    }
+
+    struct contact_patch patch = {};
+    const double sign = pair[static_cast<size_t>(number)].b == static_cast<int>(second) ? 1 : -1;
+
+    patch.pair = number;
+    add_to(patch.center, center);
+    add_to(patch.force, sign * on_second[1]);
+    add_to(patch.moment, sign * on_second[0]);
+    patch.potential_j = force.getPotentialEnergy();
+    patch.dissipation_w = force.getPowerDissipation();
+    patches.push_back(patch);
+}
+
+void Engine::evaluate(const struct contact_motion *motion, struct contact_wrench *wrench)
+{
+    patches.clear();
+    for (size_t b = 0; b < nbody; ++b) {
+        wrench[b] = contact_wrench{};
+    }
+    impose(motion);
+    system.realize(state, Stage::Dynamics);
+
+    const ContactSnapshot &contacts = tracker.getActiveContacts(state);
+    const int n = forces.getNumContactForces(state);
+
+    for (int i = 0; i < n; ++i) {
+        const ContactForce &force = forces.getContactForce(state, i);
+
+        collect(force, contacts.getContactById(force.getContactId()), motion, wrench);
+    }
+
+    /* What touches keeps its contact's number next time: Simbody counts new contacts in an int that
+     * a long run would overflow. The forces do not depend on it. */
+    state.autoUpdateDiscreteVariables();
+}
+
+/* ---- the C side ---- */
+
+/* Simbody's messages run over several lines; ours are one sentence. */
+void one_line(char *out, size_t size, const char *message)
+{
+    size_t n = 0;
+
+    for (; *message && n + 1 < size; ++message) {
+        const char c = *message == '\n' ? ' ' : *message;
+
+        if (c != ' ' || n == 0 || out[n - 1] != ' ') {
+            out[n++] = c;
+        }
+    }
+    out[n] = '\0';
+}
+
+enum error_code engine_evaluate(struct contact_world *world, const struct contact_motion *motion,
+                                struct contact_wrench *wrench)
+{
+    Engine *engine = static_cast<Engine *>(world);
+
+    for (size_t b = 0; b < engine->nbody; ++b) {
+        if (!contact_motion_valid(&motion[b])) {
+            snprintf(engine->failure, sizeof engine->failure,
+                     "contact: found a motion of body %zu that is none, expected a rotation and "
+                     "finite numbers",
+                     b);
+            return ERROR_INPUT;
+        }
+    }
+    try {
+        engine->evaluate(motion, wrench);
+        return ERROR_NONE;
+    } catch (const std::bad_alloc &) {
+        one_line(engine->failure, sizeof engine->failure, "contact: no memory for an evaluation");
+        return ERROR_MEMORY;
+    } catch (const std::exception &e) {
+        one_line(engine->failure, sizeof engine->failure, e.what());
+    } catch (...) {
+        one_line(engine->failure, sizeof engine->failure, "Simbody failed without a message");
+    }
+    return ERROR_SYSTEM;
+}
+
+size_t engine_patches(struct contact_world *world, struct contact_patch *patch, size_t max)
+{
+    const std::vector<struct contact_patch> &all = static_cast<Engine *>(world)->patches;
+
+    for (size_t i = 0; i < all.size() && i < max; ++i) {
+        patch[i] = all[i];
+    }
+    return all.size();
+}
+
+const char *engine_failure(const struct contact_world *world)
+{
+    return static_cast<const Engine *>(world)->failure;
+}
+
+void engine_destroy(struct contact_world *world)
+{
+    delete static_cast<Engine *>(world);
+}
+
+const struct contact_ops engine_ops = {
+    "simbody", engine_evaluate, engine_patches, engine_failure, engine_destroy,
+};
+
+} // namespace
+
+enum error_code contact_simbody_create(const struct contact_config *config,
+                                       struct contact_world **world, struct error *error)
+{
+    enum error_code code = contact_config_check(config, error);
+
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    try {
+        Engine *engine = new Engine(*config);
+
+        engine->ops = &engine_ops;
+        *world = engine;
+        return ERROR_NONE;
+    } catch (const std::bad_alloc &) {
+        return error_set(error, ERROR_MEMORY, "contact: no memory for the Simbody world");
+    } catch (const std::exception &e) {
+        char text[512];
+
+        one_line(text, sizeof text, e.what());
+        return error_set(error, ERROR_SYSTEM, "contact: Simbody: %s", text);
+    } catch (...) {
+        return error_set(error, ERROR_SYSTEM, "contact: Simbody failed");
+    }
+}
