@@ -5,7 +5,8 @@
  * the same numbers within rounding.
  *
  * q, v, accelerations and their order: model/robot.h. tau: njoint joint torques (N m) or forces
- * (N). All functions are RT-safe: no allocation, no locks, bounded work; they use only work.
+ * (N). A base quaternion that has drifted from unit length stands for the rotation of its
+ * direction. All functions are RT-safe: no allocation, no locks, bounded work; they use only work.
  */
 #ifndef MODEL_DYNAMICS_H
 #define MODEL_DYNAMICS_H
@@ -20,10 +21,10 @@ struct wrench {
 
 /* Where a body is and how it moves, in the world frame. */
 struct body_motion {
-    double R[9];     /* body to world, row-major */
-    double p[3];     /* origin, m */
-    double w[3];     /* angular velocity, rad/s */
-    double v[3];     /* velocity of the origin, m/s */
+    double R[9]; /* body to world, row-major */
+    double p[3]; /* origin, m */
+    double w[3]; /* angular velocity, rad/s */
+    double v[3]; /* velocity of the origin, m/s */
 };
 
 /* Classical accelerations in the world frame (gravity not included). */

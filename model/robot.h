@@ -43,18 +43,18 @@ struct robot_body {
     bool observed; /* a frame lies on it: kinematics of this body are wanted every step */
 };
 
-/* Series elastic DC drive of a joint, paper eqs (2)-(4); everything on the link side of the gear. */
+/* Series elastic DC drive of a joint, paper eqs (2)-(4); all on the link side of the gear. */
 struct robot_sea {
     bool present;
-    double J;     /* reflected motor inertia, kg m2 */
-    double Dm;    /* mechanical motor damping, N m s/rad, without back-EMF */
-    double Ks;    /* series spring stiffness, N m/rad */
-    double Ds;    /* series spring damping, N m s/rad */
-    double N;     /* gear ratio */
-    double Kt;    /* torque constant times N, N m/A (the paper's K_t) */
-    double Kw;    /* back-EMF constant times N, V s/rad (the paper's K_omega) */
-    double R;     /* winding resistance, ohm */
-    double L;     /* winding inductance, H */
+    double J;  /* reflected motor inertia, kg m2 */
+    double Dm; /* mechanical motor damping, N m s/rad, without back-EMF */
+    double Ks; /* series spring stiffness, N m/rad */
+    double Ds; /* series spring damping, N m s/rad */
+    double N;  /* gear ratio */
+    double Kt; /* torque constant times N, N m/A (the paper's K_t) */
+    double Kw; /* back-EMF constant times N, V s/rad (the paper's K_omega) */
+    double R;  /* winding resistance, ohm */
+    double L;  /* winding inductance, H */
 };
 
 /* Parallel unilateral spring of a joint, paper eq. (5) with x = p - r s q: for x < 0 the joint gets
@@ -62,21 +62,21 @@ struct robot_sea {
 struct robot_parallel_spring {
     bool present;
     bool enabled;
-    double k_p;    /* N/m */
-    double d_p;    /* N s/m */
-    double r;      /* pulley radius, m */
-    double s;      /* +1 or -1: sense of the joint in which the rope engages */
+    double k_p; /* N/m */
+    double d_p; /* N s/m */
+    double r;   /* pulley radius, m */
+    double s;   /* +1 or -1: sense of the joint in which the rope engages */
 };
 
 struct robot_joint {
     const char *name;
     enum joint_type type;
-    int paper_index;         /* generalized coordinate number in the paper, 0 = none */
-    double axis[3];          /* unit vector in the child frame */
-    double origin[3];        /* of the child frame in the parent frame at q = 0, m */
-    double rotation[9];      /* child to parent at q = 0, row-major (from rpy) */
-    double lower, upper;     /* position limits, rad or m */
-    double torque_limit;     /* N m or N */
+    int paper_index;     /* generalized coordinate number in the paper, 0 = none */
+    double axis[3];      /* unit vector in the child frame */
+    double origin[3];    /* of the child frame in the parent frame at q = 0, m */
+    double rotation[9];  /* child to parent at q = 0, row-major (from rpy) */
+    double lower, upper; /* position limits, rad or m */
+    double torque_limit; /* N m or N */
     struct robot_sea sea;
     struct robot_parallel_spring spring;
 };
@@ -106,7 +106,8 @@ struct robot_pose {
 struct robot {
     const char *name;
     const char *file;
-    uint64_t hash; /* of everything that the equations of motion depend on */
+    uint64_t hash; /* of everything that the equations of motion depend on, and of which bodies are
+                    * observed; not of names, poses, limits, drives and sensors */
     bool floating;
     double gravity[3]; /* m/s2, world */
     size_t nbody, njoint, nframe, nft, npose;
@@ -125,10 +126,15 @@ struct robot {
 enum error_code robot_load(const char *path, const char *variant, struct arena *arena,
                            const struct robot **robot, struct error *error);
 
-/* Checks a robot built by hand and fills what follows from the rest: nq, nv, total_mass, hash,
- * observed. Masses >= 0, inertias physically possible, axes of unit length, parents first, at least
- * a mass behind each joint. Not RT-safe. */
+/* Checks a robot built by hand and fills what follows from the rest: nq, nv, total_mass, hash, and
+ * observed for bodies with a frame. Masses >= 0, inertias physically possible, axes of unit length,
+ * parents first, and no joint (nor a floating base) that would move without inertia: the dynamics
+ * of what passes are not singular. Not RT-safe. */
 enum error_code robot_finish(struct robot *robot, struct error *error);
+
+/* Checks that mass properties are those of some body: the error says why not, but not whose they
+ * are. Not RT-safe. */
+enum error_code robot_check_inertia(const struct robot_inertia *inertia, struct error *error);
 
 /* Index by name or -1. Not RT-safe (linear search). */
 int robot_find_body(const struct robot *robot, const char *name);

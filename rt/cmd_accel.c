@@ -1,0 +1,366 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * coman-hil accel: reads states of a robot as text from standard input and prints its generalized
+ * accelerations, so that other programs can check the dynamics.
+ */
+#include "rt/commands.h"
+
+#include "base/arena.h"
+#include "base/text.h"
+#include "model/dynamics.h"
+#include "rt/options.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { ARENA_SIZE = 64 << 20, NUMBER_SIZE = 512, SHOWN = 40 };
+
+/* A quaternion of an honest state is a unit one up to the digits that were printed. */
+#define QUATERNION_TOLERANCE 1e-3
+
+static const char manual[] =
+    "Every line of standard input is one state, numbers separated by blanks: q, v, tau. Every such "
+    "line gives one line of output: the accelerations, in the order of v, with 17 digits, as soon "
+    "as the line is read. Blank lines and lines that begin with # are skipped. --list prints "
+    "the names of q, v and tau of the robot in this order, one a line with its unit.\n"
+    "\n"
+    "q: with a floating base its position x y z in the world (m) and its quaternion w x y z (body "
+    "to world), then the joint positions (rad or m) in the order of the robot file. The "
+    "quaternion's length must be 1 within 0.001; it is then made 1.\n"
+    "v: with a floating base the linear velocity of its origin (m/s) and its angular velocity "
+    "(rad/s), both in the base's frame, then the joint rates.\n"
+    "tau: torque of each joint (N m; N for a sliding joint).\n"
+    "\n"
+    "Accelerations are the time derivatives of the numbers in v: the base's linear part is the "
+    "derivative of the components in the moving frame (add angular x linear velocity for the "
+    "acceleration that a point of the base feels). Gravity acts; nothing touches the robot. Drives "
+    "and springs take no part.\n"
+    "\n"
+    "A line that is not as described ends the command with status 2 and a message that names line "
+    "and column.";
+
+/* One number after the other from a stream, with the place of each. Lines of any length. */
+struct reader {
+    FILE *in;
+    long line, column;           /* of the next character, from 1 */
+    long word_line, word_column; /* of the last word, or of the line's end */
+    char word[NUMBER_SIZE];
+};
+
+enum word { WORD_NUMBER, WORD_LINE_END, WORD_FILE_END };
+
+static int next_char(struct reader *r)
+{
+    int c = getc(r->in);
+
+    r->column++;
+    return c;
+}
+
+static void put_back(struct reader *r, int c)
+{
+    ungetc(c, r->in);
+    r->column--;
+}
+
+/* The next word of the line in r->word, cut to what fits: a number never is that long. */
+static enum word next_word(struct reader *r)
+{
+    size_t n = 0;
+    int c;
+
+    do {
+        r->word_line = r->line;
+        r->word_column = r->column;
+        c = next_char(r);
+    } while (c == ' ' || c == '\t' || c == '\r');
+    if (c == '\n') {
+        r->line++;
+        r->column = 1;
+        return WORD_LINE_END;
+    }
+    if (c == EOF) {
+        return WORD_FILE_END;
+    }
+    for (; c != EOF && c != ' ' && c != '\t' && c != '\r' && c != '\n'; c = next_char(r)) {
+        if (n + 1 < sizeof r->word) {
+            /* a zero byte would hide what follows it */
+            r->word[n++] = c == '\0' ? '?' : (char)c;
+        }
+    }
+    put_back(r, c);
+    r->word[n] = '\0';
+    return WORD_NUMBER;
+}
+
+static void skip_line(struct reader *r)
+{
+    int c;
+
+    do {
+        c = next_char(r);
+    } while (c != '\n' && c != EOF);
+    r->line++;
+    r->column = 1;
+}
+
+/* What was found, printable and short. */
+static const char *shown(const char *word, char out[SHOWN + 4])
+{
+    size_t n = strlen(word);
+
+    for (size_t i = 0; i < n && i < SHOWN; i++) {
+        out[i] = word[i] < 0x20 || word[i] > 0x7e ? '?' : word[i];
+    }
+    strcpy(out + (n < SHOWN ? n : SHOWN), n < SHOWN ? "" : "...");
+    return out;
+}
+
+/* Name and unit of number i of a state. */
+static void describe(const struct robot *robot, size_t i, char *out, size_t size)
+{
+    static const char *const place[] = {"base position x (m)",   "base position y (m)",
+                                        "base position z (m)",   "base quaternion w (1)",
+                                        "base quaternion x (1)", "base quaternion y (1)",
+                                        "base quaternion z (1)"};
+    static const char *const motion[] = {
+        "base linear velocity x (m/s)",    "base linear velocity y (m/s)",
+        "base linear velocity z (m/s)",    "base angular velocity x (rad/s)",
+        "base angular velocity y (rad/s)", "base angular velocity z (rad/s)"};
+    static const char *const unit[3][2] = {{"rad", "m"}, {"rad/s", "m/s"}, {"N m", "N"}};
+    static const char *const what[3] = {"position", "rate", "torque"};
+    size_t base[3] = {robot->nq - robot->njoint, robot->nv - robot->njoint, 0};
+    size_t part = 0;
+
+    while (i >= base[part] + robot->njoint) {
+        i -= base[part++] + robot->njoint;
+    }
+    if (i < base[part]) {
+        snprintf(out, size, "%s", part == 0 ? place[i] : motion[i]);
+    } else {
+        const struct robot_joint *joint = &robot->joint[i - base[part]];
+        bool slides = joint->type == JOINT_PRISMATIC;
+
+        snprintf(out, size, "%s %s (%s)", joint->name, part == 2 && slides ? "force" : what[part],
+                 unit[part][slides]);
+    }
+}
+
+/* Sets the error's text after "stdin:LINE:COLUMN: ". */
+static enum error_code bad_input(const struct reader *r, const char *found, const char *expected,
+                                 struct error *error)
+{
+    return error_set(error, ERROR_INPUT, "stdin:%ld:%ld: found %s, expected %s", r->word_line,
+                     r->word_column, found, expected);
+}
+
+static enum error_code bad_count(const struct reader *r, const struct robot *robot, size_t count,
+                                 size_t wanted, struct error *error)
+{
+    char found[64], expected[256], name[128];
+
+    if (count < wanted) {
+        describe(robot, count, name, sizeof name);
+        snprintf(found, sizeof found, "the end of the line after %zu number%s", count,
+                 count == 1 ? "" : "s");
+        snprintf(expected, sizeof expected, "%zu, next %s", wanted, name);
+    } else {
+        snprintf(found, sizeof found, "one more number");
+        snprintf(expected, sizeof expected, "the end of the line after %zu", wanted);
+    }
+    return bad_input(r, found, expected, error);
+}
+
+static enum error_code bad_number(const struct reader *r, const struct robot *robot, size_t count,
+                                  struct error *error)
+{
+    char word[SHOWN + 4], found[64], expected[256], name[128];
+
+    describe(robot, count, name, sizeof name);
+    snprintf(found, sizeof found, "\"%s\"", shown(r->word, word));
+    snprintf(expected, sizeof expected, "a finite number: %s", name);
+    return bad_input(r, found, expected, error);
+}
+
+/* Makes the quaternion that stands at this place a unit one. */
+static enum error_code normalize(double *quaternion, long line, long column, struct error *error)
+{
+    double length = hypot(hypot(quaternion[0], quaternion[1]), hypot(quaternion[2], quaternion[3]));
+
+    if (!(fabs(length - 1.0) <= QUATERNION_TOLERANCE)) {
+        return error_set(error, ERROR_INPUT,
+                         "stdin:%ld:%ld: found a quaternion of length %g, expected 1 within %g",
+                         line, column, length, QUATERNION_TOLERANCE);
+    }
+    for (int m = 0; m < 4; m++) {
+        quaternion[m] /= length;
+    }
+    return ERROR_NONE;
+}
+
+/* The numbers of the next line that has any into value; false in *found at the end of the file. */
+static enum error_code read_state(struct reader *r, const struct robot *robot, double *value,
+                                  size_t wanted, bool *found, struct error *error)
+{
+    long quaternion_column = 0;
+    size_t count = 0;
+    enum word word;
+
+    *found = false;
+    while ((word = next_word(r)) == WORD_NUMBER || (word == WORD_LINE_END && count == 0)) {
+        if (word == WORD_LINE_END) {
+            continue;
+        }
+        if (count == 0 && r->word[0] == '#') {
+            skip_line(r);
+            continue;
+        }
+        if (count == wanted) {
+            return bad_count(r, robot, count, wanted, error);
+        }
+        if (!text_to_double(r->word, &value[count])) {
+            return bad_number(r, robot, count, error);
+        }
+        quaternion_column = count == 3 ? r->word_column : quaternion_column;
+        count++;
+    }
+    if (ferror(r->in)) {
+        return error_set_errno(error, errno, "cannot read standard input");
+    }
+    if (count == 0) {
+        return ERROR_NONE;
+    }
+    if (count < wanted) {
+        return bad_count(r, robot, count, wanted, error);
+    }
+    *found = true;
+    return robot->floating ? normalize(value + 3, r->word_line, quaternion_column, error)
+                           : ERROR_NONE;
+}
+
+static enum error_code write_numbers(const double *value, size_t count, struct error *error)
+{
+    for (size_t i = 0; i < count; i++) {
+        printf("%.17g%c", value[i], i + 1 < count ? ' ' : '\n');
+    }
+    if (fflush(stdout) == EOF) {
+        return error_set_errno(error, errno, "cannot write to standard output");
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code answer(const struct dynamics *d, double *value, double *vdot,
+                              const struct reader *r, struct error *error)
+{
+    const struct robot *robot = d->robot;
+
+    d->ops->forward(d, value, value + robot->nq, value + robot->nq + robot->nv, NULL, vdot);
+    for (size_t i = 0; i < robot->nv; i++) {
+        if (!isfinite(vdot[i])) {
+            return error_set(error, ERROR_INPUT,
+                             "stdin:%ld:1: found numbers so large that an acceleration overflows, "
+                             "expected a state that a robot can be in",
+                             r->word_line);
+        }
+    }
+    return write_numbers(vdot, robot->nv, error);
+}
+
+static enum error_code list_numbers(const struct robot *robot, struct error *error)
+{
+    char name[128];
+
+    for (size_t i = 0; i < robot->nq + robot->nv + robot->njoint; i++) {
+        describe(robot, i, name, sizeof name);
+        puts(name);
+    }
+    return fflush(stdout) == EOF ? error_set_errno(error, errno, "cannot write to standard output")
+                                 : ERROR_NONE;
+}
+
+static enum error_code answer_all(const struct robot *robot, struct arena *arena,
+                                  struct error *error)
+{
+    size_t wanted = robot->nq + robot->nv + robot->njoint;
+    double *value = arena_alloc(arena, wanted, sizeof *value);
+    double *vdot = arena_alloc(arena, robot->nv, sizeof *vdot);
+    struct reader *r = arena_alloc(arena, 1, sizeof *r);
+    enum error_code code;
+    struct dynamics d;
+    bool found;
+
+    code = dynamics_generic(robot, arena, &d, error);
+    if (code) {
+        return code;
+    }
+    if (!value || !vdot || !r) {
+        return error_set(error, ERROR_MEMORY, "no memory for a state of %s", robot->name);
+    }
+    *r = (struct reader){.in = stdin, .line = 1, .column = 1};
+    for (;;) {
+        code = read_state(r, robot, value, wanted, &found, error);
+        if (code || !found) {
+            return code;
+        }
+        code = answer(&d, value, vdot, r, error);
+        if (code) {
+            return code;
+        }
+    }
+}
+
+int cmd_accel(int argc, char **argv)
+{
+    static const char *path, *variant;
+    static bool list;
+    static int implementation;
+    static const struct option_word implementations[] = {{"generic", 0}, {NULL, 0}};
+    static const struct option_spec options[] = {
+        {.name = "--variant",
+         .type = OPTION_STRING,
+         .argument = "NAME",
+         .help = "a variant of the robot file instead of the robot itself",
+         .value = &variant},
+        {.name = "--implementation",
+         .type = OPTION_ENUM,
+         .argument = "NAME",
+         .help = "what computes: generic, the numeric articulated-body algorithm (default)",
+         .value = &implementation,
+         .words = implementations},
+        {.name = "--list",
+         .type = OPTION_FLAG,
+         .help = "print the names of the numbers of a line, one a line, and stop",
+         .value = &list},
+    };
+    static const struct operand_spec operands[] = {
+        {"ROBOT", "the robot file, for example config/robots/coman.yaml", true, &path}};
+    static const struct command_spec spec = {
+        .name = "accel",
+        .summary = "Accelerations of a robot from states on standard input.",
+        .option = options,
+        .noption = sizeof options / sizeof options[0],
+        .operand = operands,
+        .noperand = 1,
+        .manual = manual,
+    };
+    const struct robot *robot;
+    struct arena arena;
+    struct error error;
+    enum error_code code;
+    int status;
+
+    if (!options_read(&spec, argc, argv, &status)) {
+        return status;
+    }
+    code = arena_init(&arena, ARENA_SIZE, &error);
+    if (!code) {
+        code = robot_load(path, variant, &arena, &robot, &error);
+    }
+    if (!code) {
+        code = list ? list_numbers(robot, &error) : answer_all(robot, &arena, &error);
+    }
+    arena_fini(&arena);
+    return code ? command_fail("accel", &error) : STATUS_OK;
+}

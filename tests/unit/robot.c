@@ -1,0 +1,306 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What robot_finish fills in and what it refuses. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "model/robot.h"
+#include "model/spatial.h"
+
+/* A free trunk with an upper and a lower arm, a frame, a sensor and a pose, all of it sound. */
+struct sample {
+    struct robot robot;
+    struct robot_body body[3];
+    struct robot_joint joint[2];
+    struct robot_frame frame;
+    struct robot_ft_sensor ft;
+    struct robot_pose pose;
+    double position[2];
+};
+
+static const struct robot_inertia block = {
+    1.5, {0.1, 0.0, -0.2}, {0.03, 0.0, 0.0, 0.04, 0.0, 0.05}};
+
+static void fill(struct sample *s)
+{
+    *s = (struct sample){0};
+    for (int b = 0; b < 3; b++) {
+        static const char *const name[] = {"trunk", "upper", "lower"};
+
+        s->body[b] = (struct robot_body){.name = name[b], .parent = b - 1, .inertia = block};
+    }
+    for (int j = 0; j < 2; j++) {
+        struct robot_joint *joint = &s->joint[j];
+
+        *joint = (struct robot_joint){.name = j ? "elbow" : "shoulder",
+                                      .axis = {0.0, 1.0, 0.0},
+                                      .origin = {0.0, 0.0, -0.3},
+                                      .lower = -1.0,
+                                      .upper = 1.0};
+        mat3_identity(joint->rotation);
+    }
+    s->frame = (struct robot_frame){.name = "hand", .body = 2};
+    mat3_identity(s->frame.rotation);
+    s->ft = (struct robot_ft_sensor){.name = "wrist", .frame = 0};
+    s->pose = (struct robot_pose){.name = "zero", .base_quaternion = {1.0}, .joint = s->position};
+    s->robot = (struct robot){.name = "sample",
+                              .floating = true,
+                              .gravity = {0.0, 0.0, -9.81},
+                              .nbody = 3,
+                              .njoint = 2,
+                              .nframe = 1,
+                              .nft = 1,
+                              .npose = 1,
+                              .body = s->body,
+                              .joint = s->joint,
+                              .frame = &s->frame,
+                              .ft = &s->ft,
+                              .pose = &s->pose,
+                              .imu_frame = -1};
+}
+
+static void assert_refused(struct sample *s, const char *why)
+{
+    struct error error;
+
+    assert_int_equal(robot_finish(&s->robot, &error), ERROR_INPUT);
+    if (!strstr(error.text, why)) {
+        fail_msg("found \"%s\", expected it to say \"%s\"", error.text, why);
+    }
+    fill(s);
+}
+
+static void assert_accepted(struct sample *s)
+{
+    struct error error;
+
+    if (robot_finish(&s->robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+}
+
+static void finish_counts_and_adds_up(void **state)
+{
+    struct sample s;
+
+    (void)state;
+    fill(&s);
+    assert_accepted(&s);
+    assert_int_equal(s.robot.nq, 9);
+    assert_int_equal(s.robot.nv, 8);
+    assert_true(fabs(s.robot.total_mass - 4.5) < 1e-15);
+    assert_false(s.body[1].observed);
+    assert_true(s.body[2].observed);
+
+    fill(&s);
+    s.robot.floating = false;
+    assert_accepted(&s);
+    assert_int_equal(s.robot.nq, 2);
+    assert_int_equal(s.robot.nv, 2);
+}
+
+static void names_are_found_or_not(void **state)
+{
+    struct sample s;
+
+    (void)state;
+    fill(&s);
+    assert_int_equal(robot_find_body(&s.robot, "lower"), 2);
+    assert_int_equal(robot_find_body(&s.robot, "hand"), -1);
+    assert_int_equal(robot_find_joint(&s.robot, "elbow"), 1);
+    assert_int_equal(robot_find_joint(&s.robot, "knee"), -1);
+    assert_int_equal(robot_find_frame(&s.robot, "hand"), 0);
+    assert_int_equal(robot_find_frame(&s.robot, ""), -1);
+    assert_int_equal(robot_find_pose(&s.robot, "zero"), 0);
+    assert_int_equal(robot_find_pose(&s.robot, "home"), -1);
+}
+
+static uint64_t hash_of(struct sample *s)
+{
+    assert_accepted(s);
+    return s->robot.hash;
+}
+
+static void the_hash_follows_the_equations_of_motion_and_nothing_else(void **state)
+{
+    struct sample s;
+    uint64_t hash;
+
+    (void)state;
+    fill(&s);
+    hash = hash_of(&s);
+
+    /* names, poses, limits, drives and a signed zero change nothing */
+    s.robot.name = s.body[1].name = s.joint[1].name = "other";
+    s.robot.npose = 0;
+    s.joint[0].upper = 2.0;
+    s.joint[0].axis[0] = -0.0;
+    s.joint[0].sea = (struct robot_sea){.present = true, .J = 1.0, .L = 1.0, .N = 1.0};
+    assert_true(hash_of(&s) == hash);
+
+    fill(&s);
+    s.robot.gravity[2] = -9.80665;
+    assert_true(hash_of(&s) != hash);
+    fill(&s);
+    s.body[2].inertia.com[0] += 1e-15;
+    assert_true(hash_of(&s) != hash);
+    fill(&s);
+    s.body[2].parent = 0;
+    assert_true(hash_of(&s) != hash);
+    fill(&s);
+    s.joint[1].origin[1] = 1e-9;
+    assert_true(hash_of(&s) != hash);
+    fill(&s);
+    s.joint[1].type = JOINT_PRISMATIC;
+    assert_true(hash_of(&s) != hash);
+    fill(&s);
+    s.robot.floating = false;
+    assert_true(hash_of(&s) != hash);
+}
+
+static void refuses_what_is_no_tree(void **state)
+{
+    struct sample s;
+
+    (void)state;
+    fill(&s);
+    s.robot.njoint = 1;
+    assert_refused(&s, "3 bodies and 1 joints");
+    s.body[0].parent = 0;
+    assert_refused(&s, "the base trunk has a parent");
+    s.body[1].parent = 2;
+    assert_refused(&s, "the parent of body upper does not come before it");
+    s.body[2].parent = -1;
+    assert_refused(&s, "the parent of body lower does not come before it");
+    s.robot.gravity[1] = INFINITY;
+    assert_refused(&s, "gravity is not finite");
+}
+
+static void refuses_inertias_that_no_body_has(void **state)
+{
+    struct sample s;
+
+    (void)state;
+    fill(&s);
+    s.body[1].inertia.mass = -1.0;
+    assert_refused(&s, "body upper: mass -1 kg is negative");
+    s.body[1].inertia.com[2] = NAN;
+    assert_refused(&s, "body upper: a mass property is not finite");
+    s.body[2].inertia.I[0] = 0.2;
+    assert_refused(&s, "the largest exceeds the sum of the others");
+    s.body[2].inertia.I[1] = 0.06;
+    assert_refused(&s, "inertia is not positive");
+    s.body[0].inertia.mass = 0.0;
+    assert_refused(&s, "body trunk: inertia without mass");
+    s.ft.distal.mass = -0.1;
+    assert_refused(&s, "below sensor wrist: mass -0.1 kg is negative");
+
+    /* a thin plate, written with six digits, is one */
+    memcpy(s.body[2].inertia.I, (double[]){0.0123457, 0.0, 0.0, 0.0246913, 0.0, 0.03703705},
+           sizeof s.body[2].inertia.I);
+    assert_accepted(&s);
+}
+
+static void refuses_joints_that_cannot_be(void **state)
+{
+    struct sample s;
+
+    (void)state;
+    fill(&s);
+    s.joint[0].axis[0] = 0.001;
+    assert_refused(&s, "joint shoulder: axis [0.001, 1, 0] is not of unit length");
+    s.joint[1].rotation[0] = -1.0;
+    assert_refused(&s, "joint elbow: origin is not a rotation");
+    s.joint[1].origin[0] = NAN;
+    assert_refused(&s, "joint elbow: origin is not a rotation");
+    s.joint[1].lower = 1.5;
+    assert_refused(&s, "joint elbow: limits 1.5 to 1");
+    s.joint[1].type = 7;
+    assert_refused(&s, "joint elbow: unknown type 7");
+    s.joint[1].sea = (struct robot_sea){.present = true, .J = 0.1, .N = 100.0};
+    assert_refused(&s, "joint elbow: the drive needs");
+    s.joint[1].spring = (struct robot_parallel_spring){.present = true, .r = 0.1};
+    assert_refused(&s, "joint elbow: the parallel spring needs");
+}
+
+static void refuses_frames_sensors_and_poses_that_are_nowhere(void **state)
+{
+    struct sample s;
+
+    (void)state;
+    fill(&s);
+    s.frame.body = 3;
+    assert_refused(&s, "frame hand is not a place on a body");
+    s.frame.rotation[8] = 0.9;
+    assert_refused(&s, "frame hand is not a place on a body");
+    s.ft.frame = 1;
+    assert_refused(&s, "sensor wrist has no frame");
+    s.robot.imu_frame = 1;
+    assert_refused(&s, "the inertial sensor has no frame");
+    s.pose.base_quaternion[0] = 0.9;
+    assert_refused(&s, "pose zero is not finite or not a rotation");
+    s.position[1] = INFINITY;
+    assert_refused(&s, "pose zero is not finite or not a rotation");
+}
+
+static const struct robot_inertia nothing = {0};
+static const struct robot_inertia point_on_axis = {1.0, {0.0, 0.4, 0.0}, {0}};
+
+static void refuses_what_would_make_the_dynamics_singular(void **state)
+{
+    struct sample s;
+
+    (void)state;
+    fill(&s);
+    s.body[2].inertia = nothing;
+    assert_refused(&s, "joint elbow moves nothing that has inertia about its axis");
+    s.body[2].inertia = point_on_axis;
+    assert_refused(&s, "joint elbow moves nothing that has inertia about its axis");
+
+    /* two joints about one line, nothing between them */
+    s.body[1].inertia = nothing;
+    memset(s.joint[1].origin, 0, sizeof s.joint[1].origin);
+    assert_refused(&s, "joint shoulder moves nothing that has inertia about its axis");
+
+    /* a free base that only its joints hold */
+    s.body[0].inertia = s.body[1].inertia = nothing;
+    assert_refused(&s, "the floating base has no inertia of its own");
+}
+
+static void accepts_massless_bodies_that_something_hangs_on(void **state)
+{
+    struct sample s;
+
+    (void)state;
+    fill(&s);
+    s.body[1].inertia = nothing;
+    s.joint[1].axis[0] = 1.0;
+    s.joint[1].axis[1] = 0.0;
+    assert_accepted(&s);
+
+    /* a mass point far from the axis, on a slider anywhere */
+    fill(&s);
+    s.joint[1].type = JOINT_PRISMATIC;
+    s.body[2].inertia = point_on_axis;
+    assert_accepted(&s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(finish_counts_and_adds_up),
+        cmocka_unit_test(names_are_found_or_not),
+        cmocka_unit_test(the_hash_follows_the_equations_of_motion_and_nothing_else),
+        cmocka_unit_test(refuses_what_is_no_tree),
+        cmocka_unit_test(refuses_inertias_that_no_body_has),
+        cmocka_unit_test(refuses_joints_that_cannot_be),
+        cmocka_unit_test(refuses_frames_sensors_and_poses_that_are_nowhere),
+        cmocka_unit_test(refuses_what_would_make_the_dynamics_singular),
+        cmocka_unit_test(accepts_massless_bodies_that_something_hangs_on),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,427 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Robot files: what COMAN's says, and what is refused, where and why. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "model/dynamics.h"
+#include "model/robot.h"
+#include "model/spatial.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+#define COMAN HIL_SOURCE_DIR "/config/robots/coman.yaml"
+
+static struct arena arena;
+
+static int open_arena(void **state)
+{
+    (void)state;
+    return arena_init(&arena, 1 << 24, NULL);
+}
+
+static int close_arena(void **state)
+{
+    (void)state;
+    arena_fini(&arena);
+    return 0;
+}
+
+static void assert_near(double value, double expected, double tolerance)
+{
+    if (!(fabs(value - expected) <= tolerance)) {
+        fail_msg("found %.17g, expected %.17g within %g", value, expected, tolerance);
+    }
+}
+
+static const struct robot *load(const char *variant)
+{
+    const struct robot *robot;
+    struct error error;
+
+    if (robot_load(COMAN, variant, &arena, &robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return robot;
+}
+
+/* ---- COMAN ---- */
+
+static void coman_has_24_bodies_29_freedoms_and_its_mass(void **state)
+{
+    const struct robot *robot = load(NULL);
+
+    (void)state;
+    assert_string_equal(robot->name, "COMAN");
+    assert_int_equal(robot->nbody, 24);
+    assert_int_equal(robot->njoint, 23);
+    assert_int_equal(robot->nq, 30);
+    assert_int_equal(robot->nv, 29);
+    assert_true(robot->floating);
+    assert_near(robot->total_mass, 28.3574009, 1e-7);
+    assert_near(robot->gravity[2], -9.81, 0.0);
+    assert_string_equal(robot->body[0].name, "Waist");
+    for (size_t j = 0; j < robot->njoint; j++) {
+        assert_int_equal(robot->joint[j].paper_index, 7 + (int)j);
+        assert_int_equal(robot->joint[j].type, JOINT_REVOLUTE);
+    }
+}
+
+static void coman_has_its_drives_and_disabled_parallel_springs(void **state)
+{
+    const struct robot *robot = load(NULL);
+    size_t springs = 0;
+
+    (void)state;
+    for (size_t j = 0; j < robot->njoint; j++) {
+        const struct robot_joint *joint = &robot->joint[j];
+
+        assert_true(joint->sea.present);
+        assert_near(joint->sea.J, 0.1387, 0.0);
+        assert_near(joint->sea.Dm, 0.19958, 0.0);
+        assert_near(joint->sea.N, 100.0, 0.0);
+        assert_near(joint->sea.Kt, 4.1, 0.0);
+        assert_near(joint->sea.Kw, 4.1, 0.0);
+        assert_near(joint->sea.R, 0.664, 0.0);
+        assert_near(joint->sea.L, 0.00032, 0.0);
+        assert_near(joint->torque_limit, 50.0, 0.0);
+        if (joint->spring.present) {
+            bool knee = strstr(joint->name, "Knee") != NULL;
+
+            springs++;
+            assert_false(joint->spring.enabled);
+            assert_near(joint->spring.s, knee ? 1.0 : -1.0, 0.0);
+            assert_near(joint->spring.k_p, 2000.0, 0.0);
+            assert_near(joint->spring.r, 0.05, 0.0);
+        }
+    }
+    assert_int_equal(springs, 6);
+    assert_near(robot->joint[robot_find_joint(robot, "RKneeSag")].sea.Ks, 395.46, 0.0);
+    assert_near(robot->joint[robot_find_joint(robot, "RElbj")].sea.Ks, 120.0, 0.0);
+    assert_near(robot->joint[robot_find_joint(robot, "WaistLat")].sea.Ds, 4.2, 0.0);
+    assert_near(robot->joint[robot_find_joint(robot, "WaistLat")].axis[0], cos(20.0 * M_PI / 180.0),
+                1e-11);
+}
+
+/* A frame's origin in the world. */
+static void frame_place(const struct robot_frame *frame, const struct body_motion *motion,
+                        double place[3])
+{
+    mat3_apply(motion[frame->body].R, frame->position, place);
+    for (int m = 0; m < 3; m++) {
+        place[m] += motion[frame->body].p[m];
+    }
+}
+
+static void every_pose_of_coman_stands_flat_on_the_ground(void **state)
+{
+    static const char *const frames[] = {"r_sole", "l_sole", "r_toe", "l_toe"};
+    const struct robot *robot = load(NULL);
+    struct body_motion motion[24];
+    double q[30], v[29] = {0};
+    struct dynamics d;
+
+    (void)state;
+    assert_int_equal(dynamics_generic(robot, &arena, &d, NULL), ERROR_NONE);
+    assert_int_equal(robot->npose, 3);
+    assert_true(robot_find_pose(robot, "zero") >= 0);
+    assert_true(robot_find_pose(robot, "crouch_home") >= 0);
+    assert_true(robot_find_pose(robot, "epfl_walk_init") >= 0);
+    for (size_t p = 0; p < robot->npose; p++) {
+        const struct robot_pose *pose = &robot->pose[p];
+
+        memcpy(q, pose->base_position, sizeof pose->base_position);
+        memcpy(q + 3, pose->base_quaternion, sizeof pose->base_quaternion);
+        memcpy(q + 7, pose->joint, robot->njoint * sizeof *q);
+        d.ops->kinematics(&d, q, v, motion);
+        for (size_t f = 0; f < sizeof frames / sizeof *frames; f++) {
+            int at = robot_find_frame(robot, frames[f]);
+            double place[3];
+
+            assert_true(at >= 0);
+            frame_place(&robot->frame[at], motion, place);
+            assert_near(place[2], 0.0, 1e-12);
+        }
+    }
+}
+
+static void coman_has_four_sensors_that_nothing_hangs_on(void **state)
+{
+    static const char *const names[] = {"r_leg_ft", "l_leg_ft", "r_arm_ft", "l_arm_ft"};
+    const struct robot *robot = load("");
+
+    (void)state;
+    assert_int_equal(robot->nft, 4);
+    for (size_t s = 0; s < robot->nft; s++) {
+        assert_string_equal(robot->ft[s].name, names[s]);
+        assert_string_equal(robot->frame[robot->ft[s].frame].name, names[s]);
+        assert_near(robot->ft[s].distal.mass, 0.0, 0.0);
+    }
+    assert_string_equal(robot->frame[robot->imu_frame].name, "imu_link");
+    assert_true(robot->body[0].observed);
+    assert_false(robot->body[robot_find_body(robot, "RHipMot")].observed);
+}
+
+static void the_forearms_make_it_heavier_and_move_the_wrists(void **state)
+{
+    const struct robot *plain = load(NULL), *robot = load("forearms");
+    int wrist = robot_find_frame(robot, "r_wrist");
+
+    (void)state;
+    assert_near(robot->total_mass, 31.4538602, 1e-7);
+    assert_int_equal(robot->nbody, 24);
+    assert_true(robot->hash != plain->hash);
+    assert_int_equal(robot->nframe, plain->nframe + 2);
+    assert_int_equal(wrist, robot_find_frame(plain, "r_wrist"));
+    assert_near(robot->frame[wrist].position[2], -0.19468, 0.0);
+    assert_near(plain->frame[wrist].position[2], -0.22, 0.0);
+    assert_true(robot_find_frame(robot, "l_hand") >= 0);
+    assert_near(robot->ft[2].distal.mass, 2.181298958 - 0.63306933, 1e-12);
+}
+
+static void an_unknown_variant_is_refused_with_the_nearest(void **state)
+{
+    const struct robot *robot;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(robot_load(COMAN, "forearm", &arena, &robot, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "coman.yaml: found unknown variant \"forearm\", expected "
+                                       "\"forearms\""));
+    assert_int_equal(robot_load(COMAN, "winter", &arena, &robot, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "expected one of the 1 in this file"));
+    assert_int_equal(robot_load(COMAN ".missing", NULL, &arena, &robot, &error), ERROR_INPUT);
+}
+
+/* ---- malformed files ---- */
+
+/* A sound file; each fault below replaces a part of it. */
+static const char sound[] =
+    "name: mini\n"
+    "gravity_m_s2: [0, 0, -9.81]\n"
+    "base: {type: floating, body: trunk}\n"
+    "drive: {J_kg_m2: 0.1, Dm_nm_s_rad: 0.2, N: 100, NKt_nm_a: 4, NKw_v_s_rad: 4, R_ohm: 0.6}\n"
+    "bodies:\n"
+    "  - {name: hand, mass_kg: 1, com_m: [0, 0, 0], inertia_kg_m2: [0.1, 0, 0, 0.1, 0, 0.1]}\n"
+    "  - {name: trunk, mass_kg: 2, com_m: [0, 0, 0], inertia_kg_m2: [0.1, 0, 0, 0.1, 0, 0.1]}\n"
+    "  - {name: arm, mass_kg: 1, com_m: [0, 0, 0], inertia_kg_m2: [0.1, 0, 0, 0.1, 0, 0.1]}\n"
+    "joints:\n"
+    "  - name: shoulder\n"
+    "    type: revolute\n"
+    "    parent: trunk\n"
+    "    child: arm\n"
+    "    axis: [0, 1, 0]\n"
+    "    origin: {xyz_m: [0, 0, 0.3], rpy_rad: [0, 0, 1.57]}\n"
+    "    limits: {lower_rad: -1, upper_rad: 2, torque_nm: 50}\n"
+    "    drive: {Ks_nm_rad: 300, Ds_nm_s_rad: 0.2, L_h: 0.0003}\n"
+    "    parallel_spring: {enabled: true, k_p_n_m: 9, d_p_n_s_m: 1, r_m: 0.1, sense: -1}\n"
+    "  - name: slide\n"
+    "    type: prismatic\n"
+    "    parent: arm\n"
+    "    child: hand\n"
+    "    axis: [0, 0, 1]\n"
+    "    origin: {xyz_m: [0, 0, 0]}\n"
+    "    limits: {lower_m: 0.1, upper_m: 0.5, force_n: 20}\n"
+    "frames:\n"
+    "  - {name: palm, body: hand, xyz_m: [0, 0, 0.1]}\n"
+    "ft_sensors:\n"
+    "  - {name: wrist, frame: palm}\n"
+    "imu: {frame: palm}\n"
+    "poses:\n"
+    "  home: {base_xyz_m: [0, 0, 1], joints_rad: {shoulder: 0.5}, joints_m: {slide: 0.2}}\n"
+    "variants:\n"
+    "  heavy:\n"
+    "    bodies:\n"
+    "      - {name: arm, mass_kg: 5, com_m: [0, 0, 0], inertia_kg_m2: [1, 0, 0, 1, 0, 1]}\n";
+
+/* Loads the text with the first part replaced by another. */
+static enum error_code load_changed(const char *part, const char *other, const char *variant,
+                                    const struct robot **robot, struct error *error)
+{
+    const char *at = strstr(sound, part);
+    char path[] = "/tmp/robot-XXXXXX";
+    int fd = mkstemp(path);
+    FILE *file = fdopen(fd, "w");
+    enum error_code code;
+
+    assert_non_null(at);
+    assert_non_null(file);
+    fprintf(file, "%.*s%s%s", (int)(at - sound), sound, other, at + strlen(part));
+    assert_int_equal(fclose(file), 0);
+    code = robot_load(path, variant, &arena, robot, error);
+    unlink(path);
+    return code;
+}
+
+static void a_sound_file_becomes_a_robot(void **state)
+{
+    const struct robot *robot;
+    struct error error;
+
+    (void)state;
+    if (load_changed("", "", "heavy", &robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_int_equal(robot->nbody, 3);
+    assert_string_equal(robot->body[1].name, "arm");
+    assert_string_equal(robot->body[2].name, "hand");
+    assert_int_equal(robot->body[2].parent, 1);
+    assert_near(robot->total_mass, 8.0, 0.0);
+    assert_near(robot->joint[0].sea.J, 0.1, 0.0);
+    assert_near(robot->joint[0].sea.L, 0.0003, 0.0);
+    assert_near(robot->joint[0].spring.s, -1.0, 0.0);
+    assert_true(robot->joint[0].spring.enabled);
+    assert_false(robot->joint[1].sea.present);
+    assert_near(robot->joint[0].rotation[1], -sin(1.57), 1e-15);
+    assert_near(robot->joint[1].torque_limit, 20.0, 0.0);
+    assert_near(robot->pose[0].joint[0], 0.5, 0.0);
+    assert_near(robot->pose[0].joint[1], 0.2, 0.0);
+}
+
+static void a_fixed_base_needs_no_place(void **state)
+{
+    const struct robot *robot;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(load_changed("floating", "fixed", NULL, &robot, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, ":32:9: found pose \"home\" with a base, expected none"));
+}
+
+static const struct fault {
+    const char *part, *other; /* what is replaced by what */
+    const char *where;        /* line:column: */
+    const char *what;
+} faults[] = {
+    {"body: trunk", "body: trunc", "3:", "found unknown body \"trunc\", expected \"trunk\""},
+    {"mass_kg: 2", "mass_kg: 0", "7:", "found 0, expected"},
+    {"mass_kg: 2", "mass_lb: 2",
+     "7:", "found unknown key \"mass_lb\" in a body, expected \"mass_kg\""},
+    {"name: arm", "name: hand", "8:5",
+     "found body \"hand\" again, expected it once (it stands in line 6)"},
+    {"name: arm", "name: \"an arm\"", "8:5", "found body name \"an arm\", expected letters"},
+    {"[0.1, 0, 0, 0.1, 0, 0.1]", "[0.1, 0, 0, 0.3, 0, 0.1]",
+     "6:", "the largest exceeds the sum of the others"},
+    {"[0.1, 0, 0, 0.1, 0, 0.1]", "[0.1, 0.2, 0, 0.1, 0, 0.1]", "6:", "inertia is not positive"},
+    {"[0.1, 0, 0, 0.1, 0, 0.1]", "[0.1, 0, 0, 0.1, 0]", "6:", "found a list of 5"},
+    {"parent: trunk", "parent: truck", "12:13", "found unknown body \"truck\", expected \"trunk\""},
+    {"parent: trunk", "parent: hand", "12:13",
+     "found a cycle: body \"arm\" hangs on \"hand\", which hangs on it, expected a tree"},
+    {"parent: trunk", "parent: arm", "12:13", "found a cycle"},
+    {"child: arm", "child: ram", "13:12", "found unknown body \"ram\", expected \"arm\""},
+    {"child: arm", "child: trunk", "13:12", "found the base \"trunk\" as a joint's child"},
+    {"child: hand", "child: arm", "22:12",
+     "found body \"arm\" moved by a second joint, expected one (\"shoulder\" in line 10 moves it)"},
+    {"  - name: slide\n    type: prismatic\n    parent: arm\n    child: hand\n    axis: [0, 0, 1]\n"
+     "    origin: {xyz_m: [0, 0, 0]}\n    limits: {lower_m: 0.1, upper_m: 0.5, force_n: 20}\n",
+     "", "6:5", "found body \"hand\" that no joint moves"},
+    {"  - name: shoulder\n",
+     "  - name: early\n    type: revolute\n    parent: arm\n    child: hand\n    axis: [1, 0, 0]\n"
+     "    origin: {xyz_m: [0, 0, 0]}\n    limits: {lower_rad: -1, upper_rad: 2, torque_nm: 50}\n"
+     "  - name: shoulder\n",
+     "12:13",
+     "found parent \"arm\" before joint \"shoulder\" that moves it (line 17), expected parents "
+     "first"},
+    {"name: slide", "name: shoulder", "19:5", "found joint \"shoulder\" again"},
+    {"type: revolute", "type: revolut", "11:11", "expected revolute or prismatic"},
+    {"axis: [0, 1, 0]", "axis: [0, 0.9, 0]", "14:11",
+     "found an axis of length 0.9, expected a unit vector"},
+    {"axis: [0, 1, 0]", "axis: [0, 0, 0]", "14:11", "found an axis of length 0"},
+    {"upper_rad: 2", "upper_rad: -2", "16:13",
+     "found lower limit -1 not below upper limit -2 of joint \"shoulder\""},
+    {"lower_rad: -1, ", "", "16:13",
+     "found limits of revolute joint \"shoulder\", expected the keys lower_rad, upper_rad, "
+     "torque_nm"},
+    {"lower_m: 0.1", "lower_rad: 0.1", "25:13",
+     "found limits of prismatic joint \"slide\", expected the keys lower_m, upper_m, force_n"},
+    {", L_h: 0.0003", "", "17:12",
+     "found the drive of joint \"shoulder\" without key \"L_h\", expected it here or in"},
+    {"force_n: 20}", "force_n: 20}\n    drive: {Ks_nm_rad: 1}", "26:12",
+     "found a drive on prismatic joint \"slide\""},
+    {"force_n: 20}",
+     "force_n: 20}\n    parallel_spring: {enabled: true, k_p_n_m: 9, d_p_n_s_m: 1, r_m: 0.1, "
+     "sense: 1}",
+     "26:22", "found a parallel spring on prismatic joint \"slide\""},
+    {"sense: -1", "sense: 0", "18:", "found sense 0, expected 1 or -1"},
+    {"body: hand", "body: band", "27:24", "found unknown body \"band\", expected \"hand\""},
+    {"frame: palm}", "frame: calm}", "29:26", "found unknown frame \"calm\", expected \"palm\""},
+    {"imu: {frame: palm}", "imu: {frame: roof}", "30:14", "found unknown frame \"roof\""},
+    {"frame: palm}",
+     "frame: palm, distal: {mass_kg: 0, com_m: [0, 0, 0], inertia_kg_m2: [1, 0, 0, 1, 0, 1]}}",
+     "29:40", "inertia without mass"},
+    {"{shoulder: 0.5}", "{sholder: 0.5}", "32:46",
+     "found unknown joint \"sholder\", expected \"shoulder\""},
+    {"{shoulder: 0.5}", "{shoulder: 2.5}", "32:46",
+     "found joint \"shoulder\" at 2.5, expected -1 to 2 (its limits)"},
+    {"{shoulder: 0.5}", "{slide: 0.2}", "32:46",
+     "found prismatic joint \"slide\", expected it in joints_m"},
+    {", joints_m: {slide: 0.2}", "", "32:9", "found pose \"home\" without joint \"slide\""},
+    {"base_xyz_m: [0, 0, 1], ", "", "32:9", "found pose \"home\" without key \"base_xyz_m\""},
+    {"      - {name: arm, mass_kg: 5", "      - {name: leg, mass_kg: 5", "36:9",
+     "found unknown body \"leg\""},
+};
+
+static void refuses_a_faulty_file_with_place_and_reason(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < sizeof faults / sizeof *faults; i++) {
+        const struct fault *fault = &faults[i];
+        const struct robot *robot = NULL;
+        struct error error = {0};
+        char where[64];
+        const char *colon;
+
+        if (load_changed(fault->part, fault->other, "heavy", &robot, &error) != ERROR_INPUT) {
+            fail_msg("\"%s\" was accepted", fault->other);
+        }
+        colon = strchr(error.text, ':');
+        snprintf(where, sizeof where, ":%s", fault->where);
+        if (!colon || strncmp(colon, where, strlen(where)) != 0 ||
+            !strstr(error.text, fault->what)) {
+            fail_msg("\"%s\": found \"%s\", expected \"%s ... %s\"", fault->other, error.text,
+                     fault->where, fault->what);
+        }
+        assert_null(strchr(error.text, '\n'));
+    }
+}
+
+/* Cut anywhere, the file is refused or, at the end of a line, sometimes still a robot. */
+static void a_truncated_file_never_crashes(void **state)
+{
+    (void)state;
+    for (size_t length = 0; length < sizeof sound - 1; length += 7) {
+        const struct robot *robot = NULL;
+        struct error error;
+
+        if (load_changed(sound + length, "", NULL, &robot, &error)) {
+            assert_non_null(strstr(error.text, "/tmp/robot-"));
+        } else {
+            assert_non_null(robot);
+        }
+    }
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(coman_has_24_bodies_29_freedoms_and_its_mass),
+        TEST(coman_has_its_drives_and_disabled_parallel_springs),
+        TEST(every_pose_of_coman_stands_flat_on_the_ground),
+        TEST(coman_has_four_sensors_that_nothing_hangs_on),
+        TEST(the_forearms_make_it_heavier_and_move_the_wrists),
+        TEST(an_unknown_variant_is_refused_with_the_nearest),
+        TEST(a_sound_file_becomes_a_robot),
+        TEST(a_fixed_base_needs_no_place),
+        TEST(refuses_a_faulty_file_with_place_and_reason),
+        TEST(a_truncated_file_never_crashes),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
