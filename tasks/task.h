@@ -38,17 +38,34 @@ struct host_config {
     size_t nft;
     const struct host_ft *ft;
     double supply_v;
-    int64_t period_ns;      /* how often the step function is called */
+    int64_t period_ns; /* how often the step function is called */
     bool lockstep;
-    int lockstep_bus;       /* bus of the STEP frame */
+    int lockstep_bus; /* bus of the STEP frame */
     uint32_t step_id, done_id;
 };
 
-/* Initial joint positions of the rig's pose, by axis order; what the robot stands in at start. */
+/* Knees bend and the hips sink vertically over flat feet, then rise again; cycle after cycle. */
+struct squat_config {
+    double thigh_m;  /* hip pitch axis to knee axis */
+    double shank_m;  /* knee axis to ankle pitch axis */
+    double depth_m;  /* how far the hips sink */
+    double period_s; /* of one cycle down and back */
+    int cycles;
+};
+
+/* Voltage loop on the motor angle, closed here: V = kp (ref - qm) + ki integral + kw ref'. */
+struct servo_config {
+    double kp_v_per_rad;
+    double ki_v_per_rad_s;
+    double kw_v_s_per_rad;     /* back-EMF feed-forward of the reference's rate */
+    int64_t command_period_ns; /* voltages are sent this often (a multiple of the host's period) */
+};
+
 struct task_config {
     struct host_config host;
-    const double *initial_rad; /* naxis */
-    double duration_s;         /* 0 = the task's own length */
+    const double *initial_rad; /* naxis: the pose that the robot stands in at the start */
+    struct servo_config servo;
+    struct squat_config squat;
 };
 
 struct task;
@@ -60,8 +77,8 @@ enum task_status {
 };
 
 /* name: "squat", ... Memory from arena; ports stay the caller's. Not RT-safe. */
-enum error_code task_create(const char *name, const struct task_config *config,
-                            struct arena *arena, struct task **task, struct error *error);
+enum error_code task_create(const char *name, const struct task_config *config, struct arena *arena,
+                            struct task **task, struct error *error);
 
 /* One control period: reads every port, decides, sends (in lockstep also the STEP frame). now_ns:
  * the caller's time. RT-safe. */

@@ -1,0 +1,75 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A host of iCub boards: discovers and configures them over CAN ports, keeps their latest telemetry,
+ * and sends modes and voltages. It knows the map of the rig and the protocol, nothing else. One
+ * thread; RT-safe after creation.
+ */
+#ifndef TASKS_HOST_H
+#define TASKS_HOST_H
+
+#include "tasks/task.h"
+
+#include <stdbool.h>
+
+struct host;
+
+enum host_phase {
+    HOST_DISCOVERING, /* waiting for every board's answer to class 7 discovery */
+    HOST_CONFIGURING, /* versions, policies, full scales, one request a board and period */
+    HOST_ENABLING,    /* axes switched to open loop, waiting for the STATUS echoes */
+    HOST_READY,
+    HOST_FAILED, /* host_message says why */
+};
+
+/* The latest that the boards said about one joint. */
+struct host_joint {
+    double joint_rad, motor_rad; /* link and rotor encoder (rotor on the link side of the gear) */
+    double current_a, torque_nm;
+    uint8_t mode, fault;
+    int64_t motor_time_ns; /* host time of the last MOTOR_POSITION; -1 = none yet */
+    bool joint_seen, status_seen;
+};
+
+struct host_force {
+    double force_n[3], torque_nm[3];
+    bool force_seen, torque_seen, overflow;
+};
+
+/* Memory from arena; the ports stay the caller's. */
+enum error_code host_create(const struct host_config *config, struct arena *arena,
+                            struct host **host, struct error *error);
+
+/* Reads what has arrived. In lockstep returns false until DONE has come on every bus; otherwise
+ * always true. now_ns is the caller's clock. */
+bool host_receive(struct host *host, int64_t now_ns);
+
+/* Host time: virtual time of the last DONE in lockstep, else the now_ns of the last receive. */
+int64_t host_time_ns(const struct host *host);
+
+/* Carries the start-up on by one period; returns the phase reached. */
+enum host_phase host_start_up(struct host *host);
+
+/* Queues commands of this period. */
+void host_set_mode(struct host *host, size_t axis, uint8_t mode);
+void host_set_voltage(struct host *host, size_t axis, double volts);
+
+/* Sends what is queued, bus by bus, and in lockstep the STEP frame last. */
+void host_send(struct host *host);
+
+/* In lockstep, when DONE has not come: sends the STEP again after 100 ms of now_ns; a simulator that
+ * had it already answers with its tick. */
+void host_repeat_step(struct host *host, int64_t now_ns);
+
+const struct host_joint *host_joint(const struct host *host, size_t axis);
+const struct host_force *host_force(const struct host *host, size_t ft);
+const struct host_config *host_configuration(const struct host *host);
+
+/* Axis by joint name, -1 = none. Not RT-safe. */
+int host_find_axis(const struct host *host, const char *joint);
+
+/* Checks that no axis is in fault and that telemetry is fresh; false with a message otherwise. */
+bool host_healthy(struct host *host);
+
+const char *host_message(const struct host *host);
+
+#endif

@@ -1,0 +1,83 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Position loops on motor angles. */
+#include "tasks/servo.h"
+
+#include <math.h>
+
+struct loop {
+    double reference, rate, integral;
+};
+
+struct servo {
+    struct servo_config config;
+    struct host *host;
+    struct loop *loop;
+    int64_t last_ns; /* of the last commands; -1 = none yet */
+};
+
+enum error_code servo_create(const struct servo_config *config, struct host *host,
+                             struct arena *arena, struct servo **out, struct error *error)
+{
+    size_t naxis = host_configuration(host)->naxis;
+    struct servo *servo = arena_alloc(arena, 1, sizeof *servo);
+    struct loop *loop = arena_alloc(arena, naxis, sizeof *loop);
+
+    if (!servo || !loop) {
+        return error_set(error, ERROR_MEMORY, "no memory for the servo loops");
+    }
+    servo->config = *config;
+    servo->host = host;
+    servo->loop = loop;
+    servo->last_ns = -1;
+    *out = servo;
+    return ERROR_NONE;
+}
+
+void servo_start(struct servo *servo)
+{
+    for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
+        servo->loop[i] = (struct loop){.reference = host_joint(servo->host, i)->motor_rad};
+    }
+    servo->last_ns = -1;
+}
+
+void servo_set(struct servo *servo, size_t axis, double angle, double rate)
+{
+    servo->loop[axis].reference = angle;
+    servo->loop[axis].rate = rate;
+}
+
+double servo_reference(const struct servo *servo, size_t axis)
+{
+    return servo->loop[axis].reference;
+}
+
+/* one axis; the integral stands still while the voltage is saturated in its direction */
+static double voltage(struct servo *servo, size_t axis, double dt)
+{
+    const struct servo_config *config = &servo->config;
+    double supply = host_configuration(servo->host)->supply_v;
+    struct loop *loop = &servo->loop[axis];
+    double error = loop->reference - host_joint(servo->host, axis)->motor_rad;
+    double V = config->kp_v_per_rad * error + config->ki_v_per_rad_s * loop->integral +
+               config->kw_v_s_per_rad * loop->rate;
+
+    if (fabs(V) < supply || V * error < 0) {
+        loop->integral += error * dt;
+    }
+    return fmin(fmax(V, -supply), supply);
+}
+
+void servo_update(struct servo *servo)
+{
+    int64_t now = host_time_ns(servo->host);
+    double dt = servo->last_ns < 0 ? 0 : (double)(now - servo->last_ns) * 1e-9;
+
+    if (servo->last_ns >= 0 && now - servo->last_ns < servo->config.command_period_ns) {
+        return;
+    }
+    servo->last_ns = now;
+    for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
+        host_set_voltage(servo->host, i, voltage(servo, i, dt));
+    }
+}

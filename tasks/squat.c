@@ -1,0 +1,294 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Squat: the hips sink vertically over flat feet and rise again, cycle after cycle (paper section 7).
+ * Both legs are two-link chains in the sagittal plane: hip pitch, knee, ankle pitch. All other
+ * joints hold the initial pose. The verdict comes from telemetry alone: the feet must go on
+ * carrying the weight and the motors must follow.
+ */
+#include "tasks/task_private.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { LEGS = 2, HIP = 0, KNEE = 1, ANKLE = 2, PITCH_JOINTS = 3 };
+
+static const char *const joint_name[LEGS][PITCH_JOINTS] = {
+    {"RHipSag", "RKneeSag", "RAnkSag"},
+    {"LHipSag", "LKneeSag", "LAnkSag"},
+};
+static const char *const foot_name[LEGS] = {"r_leg_ft", "l_leg_ft"};
+
+static const double RAMP_S = 0.5;    /* from where the motors were to the initial pose */
+static const double SETTLE_S = 1.0;  /* standing still before and after */
+static const double WEIGH_S = 0.25;  /* end of settling, in which the weight is measured */
+static const double LIGHT = 0.3;     /* feet carry less than this part of the weight: fallen, ... */
+static const double LIGHT_S = 0.25;  /* ... when it lasts so long */
+static const double STRAY_RAD = 0.4; /* a motor so far from its reference: fallen or stuck */
+
+struct leg {
+    size_t axis[PITCH_JOINTS];
+    double initial[PITCH_JOINTS];
+    double hip_height, ankle_x; /* of the hip over the ankle, of the ankle ahead of the hip */
+};
+
+struct squat {
+    struct leg leg[LEGS];
+    size_t foot[LEGS];
+    double *from; /* motor angles at the start */
+    double weight_sum;
+    size_t weighed;
+    double light_since_s; /* < 0: the feet carry */
+    double deepest_m, worst_error_rad;
+};
+
+/* Height of the hip over the ankle and of the ankle ahead of the hip, from hip and knee angles. */
+static void leg_forward(const struct squat_config *config, double hip, double knee, double *height,
+                        double *ahead)
+{
+    *height = config->thigh_m * cos(hip) + config->shank_m * cos(hip + knee);
+    *ahead = -config->thigh_m * sin(hip) - config->shank_m * sin(hip + knee);
+}
+
+/* The inverse, knee bent forward; the foot keeps its inclination, so the three angles keep their
+ * sum. False when out of reach. */
+static bool leg_inverse(const struct squat_config *config, const struct leg *leg, double height,
+                        double angle[PITCH_JOINTS])
+{
+    double l1 = config->thigh_m, l2 = config->shank_m;
+    double r2 = height * height + leg->ankle_x * leg->ankle_x;
+    double c = (r2 - l1 * l1 - l2 * l2) / (2 * l1 * l2);
+    double sum = leg->initial[HIP] + leg->initial[KNEE] + leg->initial[ANKLE];
+
+    if (!(fabs(c) <= 1)) {
+        return false;
+    }
+    angle[KNEE] = acos(c);
+    angle[HIP] =
+        atan2(-leg->ankle_x, height) - atan2(l2 * sin(angle[KNEE]), l1 + l2 * cos(angle[KNEE]));
+    angle[ANKLE] = sum - angle[HIP] - angle[KNEE];
+    return true;
+}
+
+static double depth_at(const struct squat_config *config, double t)
+{
+    double length = config->period_s * config->cycles;
+
+    return t <= 0 || t >= length ? 0
+                                 : config->depth_m / 2 * (1 - cos(2 * M_PI * t / config->period_s));
+}
+
+static enum error_code find_leg(struct task *task, int side, struct leg *leg, struct error *error)
+{
+    double angle[PITCH_JOINTS];
+
+    for (int j = 0; j < PITCH_JOINTS; j++) {
+        int axis = host_find_axis(task->host, joint_name[side][j]);
+
+        if (axis < 0) {
+            return error_set(error, ERROR_INPUT, "squat: the rig has no joint %s",
+                             joint_name[side][j]);
+        }
+        leg->axis[j] = (size_t)axis;
+        leg->initial[j] = task->config.initial_rad[axis];
+    }
+    leg_forward(&task->config.squat, leg->initial[HIP], leg->initial[KNEE], &leg->hip_height,
+                &leg->ankle_x);
+    if (!leg_inverse(&task->config.squat, leg, leg->hip_height - task->config.squat.depth_m,
+                     angle)) {
+        return error_set(error, ERROR_INPUT, "squat: depth %g m is out of the legs' reach",
+                         task->config.squat.depth_m);
+    }
+    for (int j = 0; j < PITCH_JOINTS; j++) {
+        const struct host_axis *axis = &task->config.host.axis[leg->axis[j]];
+
+        if (angle[j] < axis->lower_rad || angle[j] > axis->upper_rad) {
+            return error_set(error, ERROR_INPUT,
+                             "squat: at depth %g m joint %s needs %.3f rad, its limits are %.3f to "
+                             "%.3f rad",
+                             task->config.squat.depth_m, axis->joint, angle[j], axis->lower_rad,
+                             axis->upper_rad);
+        }
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code find_foot(struct task *task, int side, size_t *foot, struct error *error)
+{
+    for (size_t i = 0; i < task->config.host.nft; i++) {
+        if (strcmp(task->config.host.ft[i].name, foot_name[side]) == 0) {
+            *foot = i;
+            return ERROR_NONE;
+        }
+    }
+    return error_set(error, ERROR_INPUT, "squat: the rig has no force-torque board for %s",
+                     foot_name[side]);
+}
+
+static enum error_code squat_create(struct task *task, struct arena *arena, struct error *error)
+{
+    const struct squat_config *config = &task->config.squat;
+    struct squat *squat = arena_alloc(arena, 1, sizeof *squat);
+    double *from = arena_alloc(arena, task->config.host.naxis, sizeof *from);
+    enum error_code code = ERROR_NONE;
+
+    if (!squat || !from) {
+        return error_set(error, ERROR_MEMORY, "no memory for the squat");
+    }
+    if (!(config->thigh_m > 0 && config->shank_m > 0 && config->depth_m >= 0 &&
+          config->period_s > 0 && config->cycles > 0)) {
+        return error_set(error, ERROR_INPUT,
+                         "squat: lengths, period and cycles must be greater than 0");
+    }
+    squat->from = from;
+    task->state = squat;
+    for (int side = 0; side < LEGS && !code; side++) {
+        code = find_leg(task, side, &squat->leg[side], error);
+        if (!code) {
+            code = find_foot(task, side, &squat->foot[side], error);
+        }
+    }
+    return code;
+}
+
+static void squat_start(struct task *task)
+{
+    struct squat *squat = task->state;
+
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        squat->from[i] = servo_reference(task->servo, i);
+    }
+    squat->light_since_s = -1;
+}
+
+/* every joint goes smoothly from where it was to the initial pose, and stays */
+static void hold_pose(struct task *task, double t)
+{
+    const struct squat *squat = task->state;
+    double s = fmin(t / RAMP_S, 1), blend = s * s * (3 - 2 * s);
+
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        double span = task->config.initial_rad[i] - squat->from[i];
+
+        servo_set(task->servo, i, squat->from[i] + blend * span,
+                  s < 1 ? 6 * s * (1 - s) * span / RAMP_S : 0);
+    }
+}
+
+static void bend_legs(struct task *task, double t)
+{
+    const struct squat *squat = task->state;
+    const struct squat_config *config = &task->config.squat;
+    const double dt = 1e-3; /* for the reference's rate by central difference */
+
+    for (int side = 0; side < LEGS; side++) {
+        const struct leg *leg = &squat->leg[side];
+        double angle[PITCH_JOINTS], before[PITCH_JOINTS], after[PITCH_JOINTS];
+
+        /* in reach all the way: the deepest point was checked at creation */
+        leg_inverse(config, leg, leg->hip_height - depth_at(config, t), angle);
+        leg_inverse(config, leg, leg->hip_height - depth_at(config, t - dt), before);
+        leg_inverse(config, leg, leg->hip_height - depth_at(config, t + dt), after);
+        for (int j = 0; j < PITCH_JOINTS; j++) {
+            servo_set(task->servo, leg->axis[j], angle[j], (after[j] - before[j]) / (2 * dt));
+        }
+    }
+}
+
+static double foot_force(const struct task *task)
+{
+    const struct squat *squat = task->state;
+
+    return host_force(task->host, squat->foot[0])->force_n[2] +
+           host_force(task->host, squat->foot[1])->force_n[2];
+}
+
+/* how far the hips are below the initial height, by the link encoders */
+static double measured_depth(const struct task *task)
+{
+    const struct squat *squat = task->state;
+    double sum = 0;
+
+    for (int side = 0; side < LEGS; side++) {
+        const struct leg *leg = &squat->leg[side];
+        double height, ahead;
+
+        leg_forward(&task->config.squat, host_joint(task->host, leg->axis[HIP])->joint_rad,
+                    host_joint(task->host, leg->axis[KNEE])->joint_rad, &height, &ahead);
+        sum += leg->hip_height - height;
+    }
+    return sum / LEGS;
+}
+
+/* false with a message when the robot no longer stands or a motor does not follow */
+static bool still_up(struct task *task, double t, double weight)
+{
+    struct squat *squat = task->state;
+
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        double error = fabs(servo_reference(task->servo, i) - host_joint(task->host, i)->motor_rad);
+
+        squat->worst_error_rad = fmax(squat->worst_error_rad, error);
+        if (error > STRAY_RAD) {
+            snprintf(task->message, sizeof task->message, "joint %s is %.2f rad from its reference",
+                     task->config.host.axis[i].joint, error);
+            return false;
+        }
+    }
+    if (foot_force(task) > LIGHT * weight) {
+        squat->light_since_s = -1;
+    } else if (squat->light_since_s < 0) {
+        squat->light_since_s = t;
+    } else if (t - squat->light_since_s > LIGHT_S) {
+        snprintf(task->message, sizeof task->message,
+                 "the robot fell: the feet carry %.0f N of %.0f N", foot_force(task), weight);
+        return false;
+    }
+    return true;
+}
+
+static enum task_status squat_step(struct task *task, double t)
+{
+    struct squat *squat = task->state;
+    const struct squat_config *config = &task->config.squat;
+    double begin = RAMP_S + SETTLE_S, length = config->period_s * config->cycles;
+    double weight = squat->weighed ? squat->weight_sum / (double)squat->weighed : 0;
+
+    hold_pose(task, t);
+    if (t < begin) {
+        if (t > begin - WEIGH_S) {
+            squat->weight_sum += foot_force(task);
+            squat->weighed++;
+        }
+        snprintf(task->message, sizeof task->message, "standing, feet carry %.1f N",
+                 foot_force(task));
+        return TASK_RUNNING;
+    }
+    bend_legs(task, t - begin);
+    if (!still_up(task, t, weight)) {
+        return TASK_FAILED;
+    }
+    squat->deepest_m = fmax(squat->deepest_m, measured_depth(task));
+    if (t < begin + length + SETTLE_S) {
+        int cycle = (int)fmin((t - begin) / config->period_s, config->cycles - 1);
+
+        snprintf(task->message, sizeof task->message,
+                 "cycle %d of %d, %.0f mm down, feet carry "
+                 "%.1f N",
+                 cycle + 1, config->cycles, 1e3 * measured_depth(task), foot_force(task));
+        return TASK_RUNNING;
+    }
+    snprintf(task->message, sizeof task->message,
+             "%d cycles done, %.1f mm deep, worst motor error %.1f mrad, feet carry %.1f N "
+             "(%.1f N before)",
+             config->cycles, 1e3 * squat->deepest_m, 1e3 * squat->worst_error_rad, foot_force(task),
+             weight);
+    return TASK_DONE;
+}
+
+const struct task_ops task_squat = {
+    .name = "squat",
+    .create = squat_create,
+    .start = squat_start,
+    .step = squat_step,
+};

@@ -1,0 +1,113 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What all tasks share: start-up of the boards, the servo loops, health, stopping. */
+#include "tasks/task_private.h"
+
+#include "base/text.h"
+#include "boards/icub_protocol.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static const struct task_ops *const known[] = {&task_squat};
+static const char *const names[] = {"squat", NULL};
+
+enum { KNOWN = sizeof known / sizeof known[0] };
+
+const char *const *task_names(void)
+{
+    return names;
+}
+
+enum error_code task_create(const char *name, const struct task_config *config, struct arena *arena,
+                            struct task **out, struct error *error)
+{
+    struct task *task = arena_alloc(arena, 1, sizeof *task);
+    enum error_code code;
+
+    if (!task) {
+        return error_set(error, ERROR_MEMORY, "no memory for the task");
+    }
+    for (size_t i = 0; i < KNOWN; i++) {
+        if (strcmp(known[i]->name, name) == 0) {
+            task->ops = known[i];
+        }
+    }
+    if (!task->ops) {
+        const char *nearest = text_nearest(name, names, KNOWN);
+
+        return error_set(error, ERROR_INPUT, "found task \"%s\", expected one of: squat%s%s", name,
+                         nearest ? "; did you mean " : "", nearest ? nearest : "");
+    }
+    task->config = *config;
+    code = host_create(&config->host, arena, &task->host, error);
+    if (!code) {
+        code = servo_create(&config->servo, task->host, arena, &task->servo, error);
+    }
+    if (!code) {
+        code = task->ops->create(task, arena, error);
+    }
+    *out = task;
+    return code;
+}
+
+static enum task_status start_up(struct task *task)
+{
+    static const char *const doing[] = {
+        [HOST_DISCOVERING] = "discovering the boards",
+        [HOST_CONFIGURING] = "configuring the boards",
+        [HOST_ENABLING] = "enabling the motors",
+        [HOST_READY] = "motors on",
+    };
+    enum host_phase phase = host_start_up(task->host);
+
+    if (phase == HOST_FAILED) {
+        snprintf(task->message, sizeof task->message, "%s", host_message(task->host));
+        return TASK_FAILED;
+    }
+    snprintf(task->message, sizeof task->message, "%s", doing[phase]);
+    if (phase == HOST_READY) {
+        task->started = true;
+        task->start_ns = host_time_ns(task->host);
+        servo_start(task->servo);
+        task->ops->start(task);
+    }
+    return TASK_RUNNING;
+}
+
+enum task_status task_step(struct task *task, int64_t now_ns)
+{
+    enum task_status status;
+
+    if (!host_receive(task->host, now_ns)) {
+        host_repeat_step(task->host, now_ns);
+        return TASK_RUNNING;
+    }
+    if (!task->started) {
+        status = start_up(task);
+    } else if (!host_healthy(task->host)) {
+        snprintf(task->message, sizeof task->message, "%s", host_message(task->host));
+        status = TASK_FAILED;
+    } else {
+        status = task->ops->step(task, (double)(host_time_ns(task->host) - task->start_ns) * 1e-9);
+        servo_update(task->servo);
+    }
+    if (status == TASK_RUNNING) {
+        host_send(task->host);
+    } else {
+        task_stop(task);
+    }
+    return status;
+}
+
+void task_stop(struct task *task)
+{
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        host_set_mode(task->host, i, ICUB_MODE_FORCE_IDLE);
+    }
+    host_send(task->host);
+}
+
+const char *task_message(const struct task *task)
+{
+    return task->message;
+}

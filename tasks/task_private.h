@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What a task is made of: the host and the servo loops are shared, the behaviour is its own. */
+#ifndef TASKS_TASK_PRIVATE_H
+#define TASKS_TASK_PRIVATE_H
+
+#include "tasks/host.h"
+#include "tasks/servo.h"
+
+struct task;
+
+struct task_ops {
+    const char *name;
+    /* Makes task->state; checks that the host has the joints it needs. */
+    enum error_code (*create)(struct task *task, struct arena *arena, struct error *error);
+    /* The boards are ready and hold still: t_s = 0 is now. */
+    void (*start)(struct task *task);
+    /* Sets the servo's references for t_s; writes task->message. */
+    enum task_status (*step)(struct task *task, double t_s);
+};
+
+struct task {
+    const struct task_ops *ops;
+    struct task_config config;
+    struct host *host;
+    struct servo *servo;
+    void *state;
+    bool started;
+    int64_t start_ns;
+    char message[192];
+};
+
+extern const struct task_ops task_squat;
+
+#endif
