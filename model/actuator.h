@@ -26,7 +26,10 @@ double sea_torque(const struct robot_sea *sea, const struct sea_state *state, do
 void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
                     double V, bool bridge_on, struct sea_state *derivative);
 
-/* Power balance, W: electrical V I; heat R I^2, motor friction Dm qm'^2, spring damping. */
+/* Power balance, W: electrical V I = heat R I^2 + motor friction Dm qm'^2 + spring damping
+ * Ds (qm' - q')^2 + rate of sea_energy + tau q' to the link. A physical machine has Kw = Kt; where a
+ * robot file says otherwise, the power (Kw - Kt) I qm' that the conversion loses counts as
+ * friction, so that the balance closes all the same. */
 struct sea_power {
     double electrical, joule, friction, spring_damping;
 };
@@ -36,8 +39,24 @@ void sea_power(const struct robot_sea *sea, const struct sea_state *state, doubl
 /* Stored energy, J: L I^2/2, J qm'^2/2, Ks (qm - q)^2/2. */
 double sea_energy(const struct robot_sea *sea, const struct sea_state *state, double q);
 
-/* Joint torque of the parallel spring, eq. (5); p and its rate in m and m/s. */
+/* Extension x = p - r s q of the parallel spring, m; it pulls while x < 0. */
+double parallel_spring_extension(const struct robot_parallel_spring *spring, double p, double q);
+
+/* Force of the parallel spring along x, eq. (5), N: k_p x + d_p x' while x < 0, else 0. As in the
+ * paper the damper acts on the way back too, so a fast release can give a positive force. Its power
+ * balance: force p' = joint torque q' + rate of k_p x^2/2 (while x < 0) + d_p x'^2 (likewise). */
+double parallel_spring_force(const struct robot_parallel_spring *spring, double p, double pd,
+                             double q, double qd);
+
+/* Joint torque of the parallel spring, eq. (5): s r times its force; p and its rate in m and m/s. */
 double parallel_spring_torque(const struct robot_parallel_spring *spring, double p, double pd,
                               double q, double qd);
+
+/* Stored energy of the parallel spring, J. */
+double parallel_spring_energy(const struct robot_parallel_spring *spring, double p, double q);
+
+/* Heat of the parallel spring's damper, W. */
+double parallel_spring_damping(const struct robot_parallel_spring *spring, double p, double pd,
+                               double q, double qd);
 
 #endif

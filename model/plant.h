@@ -4,7 +4,12 @@
  * ordinary differential equations, integrated together (the paper's strong coupling).
  *
  * State, one flat array: q (nq), v (nv), then qm, qmd, I for each joint with a drive, in joint
- * order, then the dissipated-energy integrals when asked for. Time is int64_t ns.
+ * order, then p for each joint with an enabled parallel spring, then, with account_energy, the
+ * integrals of the powers. Joints without a drive have no actuator state and no torque but that of
+ * their parallel spring. Time is int64_t ns.
+ *
+ * A command is held over one call of plant_step: voltages stay, the pretension of a parallel spring
+ * moves at a constant rate so that it is reached at the end of the call.
  */
 #ifndef MODEL_PLANT_H
 #define MODEL_PLANT_H
@@ -19,48 +24,78 @@ enum plant_integrator { PLANT_RK4 };
 
 struct plant_config {
     const struct robot *robot;
-    const struct dynamics *dynamics;
-    struct contact_world *contact; /* NULL = none; not owned */
-    const int *contact_body;       /* body of each of the world's ncontact motions */
+    const struct dynamics *dynamics; /* of the same robot; used by no other thread */
+    struct contact_world *contact;   /* NULL = none; not owned */
+    const int *contact_body;         /* body of each of the world's ncontact motions; copied */
     size_t ncontact;
     enum plant_integrator integrator;
-    int64_t substep_ns;     /* h */
-    double supply_v;        /* terminal voltages are clipped to +-supply_v */
-    bool account_energy;    /* integrate the power balance too (plant_energy) */
+    int64_t substep_ns;  /* h */
+    double supply_v;     /* terminal voltages are clipped to +-supply_v */
+    bool account_energy; /* integrate the power balance too (plant_energy) */
 };
 
-/* Energies since the start, J. balance = electrical + work of external pushes - (what is stored now
- * - what was stored at the start) - all dissipation: zero for an exact integration. */
+/* Most contact patches whose stored energy plant_energy counts. */
+enum { PLANT_PATCHES = 256 };
+
+/* Energies since the start, J. balance = what was put in (electrical_in, pretension_work,
+ * push_work) - (what is stored now - what was stored at the start) - what was lost (joule_heat,
+ * motor_friction, spring_damping, parallel_damping, contact_dissipation): zero for an exact
+ * integration.
+ *
+ * Contact enters the balance by the work of its wrenches on the bodies, whatever the engine says of
+ * its own energies: contact_dissipation is that work, negated, less the growth of what the patches
+ * report as stored. With an engine that reports no potential it holds the stored part too. */
 struct plant_energy {
-    double electrical_in, joule_heat, motor_friction, spring_damping, contact_dissipation;
+    double electrical_in, pretension_work, push_work;
+    double joule_heat, motor_friction, spring_damping, parallel_damping, contact_dissipation;
     double stored; /* kinetic, gravity, springs, windings, contact layers */
     double balance;
 };
 
-/* Memory from arena. Not RT-safe. */
+/* Memory from arena. The state is the reset one with the base at the origin and all joints at zero.
+ * Fails on a substep or supply <= 0, a contact or sensor body that the robot does not mark as
+ * observed, no memory. Not RT-safe. */
 enum error_code plant_create(const struct plant_config *config, struct arena *arena,
                              struct plant **plant, struct error *error);
 
-/* Sets a pose at rest: joints at the pose with springs relaxed (qm = q), no current. Not RT-safe. */
-void plant_reset(struct plant *plant, const double base_position[3],
-                 const double base_quaternion[4], const double *joint);
+/* Sets a pose at rest at time zero: joints at the pose with springs relaxed (qm = q), no current, no
+ * push, pretensions where the command has them; energies count from here and the sensors are
+ * sampled. Base arguments are ignored (may be NULL) with a fixed base. The command is kept. Returns
+ * the contact engine's failure, if any. */
+enum error_code plant_reset(struct plant *plant, const double base_position[3],
+                            const double base_quaternion[4], const double *joint);
 
 /* The command struct to write voltages into before plant_step, and the sensors that plant_sample
- * fills; both owned by the plant. */
+ * fills; both owned by the plant. A voltage that is not a number counts as 0 V. */
 struct plant_command *plant_command(struct plant *plant);
 const struct plant_sensors *plant_sensors(const struct plant *plant);
 
-/* Advances by steps substeps with the command held. Returns the contact engine's failure, if any.
- * RT-safe when the contact engine is. */
+/* Advances by steps substeps with the command held. A bridge that is off carries no current; the
+ * magnetic energy it had when it opened counts as heat. Fails when the contact engine fails, or with
+ * ERROR_INPUT when the state stops being finite (a substep too long for the stiffness); the state
+ * and the time are then those of the last good substep, and plant_failure tells why. RT-safe when
+ * the contact engine is. */
 enum error_code plant_step(struct plant *plant, size_t steps);
 
-/* Fills the sensors from the present state. RT-safe when the contact engine is. */
+/* One sentence on the last failure of plant_step, plant_sample, plant_reset or plant_energy; "" when
+ * there was none. Owned by the plant or the contact engine. RT-safe. */
+const char *plant_failure(const struct plant *plant);
+
+/* Fills the sensors from the present state; on failure they keep their last values. A force-torque
+ * sensor feels the contact and pushes on its body (all of which count as below it) and the weight
+ * and inertia of its distal part; bodies that are joined to its body count as above it. What the
+ * part below exerts through it: a robot at rest on its foot reads + the carried weight along up.
+ * RT-safe when the contact engine is. */
 enum error_code plant_sample(struct plant *plant);
 
 /* The flat state (read and, for tests, written) and its length; wrenches on contact bodies at the
- * last sample (world frame, about the body's origin). */
+ * last sample (ncontact entries, world frame, about the body's origin). */
 double *plant_state(struct plant *plant, size_t *count);
 const struct contact_wrench *plant_contact_wrenches(const struct plant *plant);
+
+/* Poses and velocities of the bodies (nbody entries) at the last sample; only those of observed
+ * bodies are set. */
+const struct body_motion *plant_motion(const struct plant *plant);
 
 /* Virtual time of the state. */
 int64_t plant_time_ns(const struct plant *plant);
@@ -68,12 +103,21 @@ int64_t plant_time_ns(const struct plant *plant);
 /* FNV hash of state and time: equal runs have equal hashes. */
 uint64_t plant_hash(const struct plant *plant);
 
-void plant_energy(struct plant *plant, struct plant_energy *energy);
+/* Energies of the present state. Without account_energy only stored is filled, the rest is zero.
+ * Returns the contact engine's failure, or ERROR_MEMORY with more than PLANT_PATCHES patches.
+ * RT-safe when the contact engine is. */
+enum error_code plant_energy(struct plant *plant, struct plant_energy *energy);
 
-/* A push from outside on a body, world frame at the body's origin, until changed. RT-safe. */
+/* Energies count from the present state on; for a state that was written through plant_state.
+ * Returns as plant_energy. RT-safe when the contact engine is. */
+enum error_code plant_restart_energy(struct plant *plant);
+
+/* A push from outside on a body (0 to nbody - 1), world frame at the body's origin, until changed.
+ * RT-safe. */
 void plant_set_push(struct plant *plant, int body, const double force[3], const double moment[3]);
 
-/* Centre of mass (m) and total momentum (kg m/s), world frame. */
+/* Center of mass (m) and total linear momentum (kg m/s) of the present state, world frame.
+ * RT-safe. */
 void plant_centre_of_mass(struct plant *plant, double position[3], double momentum[3]);
 
 #endif

@@ -13,8 +13,8 @@
 
 /* One drive's bridge for the coming tick. */
 struct motor_command {
-    bool bridge_on;   /* false: the bridge is open, the winding carries no current */
-    double voltage_v; /* average terminal voltage; the plant clips it to +-supply */
+    bool bridge_on;      /* false: the bridge is open, the winding carries no current */
+    double voltage_v;    /* average terminal voltage; the plant clips it to +-supply */
     double pretension_m; /* p of the parallel spring, paper eq. (5) */
 };
 
@@ -25,11 +25,11 @@ struct plant_command {
 
 /* One joint as it truly is; link side of the gear. */
 struct motor_sense {
-    double q, qd;      /* joint, rad, rad/s */
-    double qm, qmd;    /* motor behind the gear (the paper's q^m), rad, rad/s */
-    double current_a;  /* motor current I^m */
-    double torque_nm;  /* on the link: Ks (qm - q) + Ds (qm' - q') */
-    double voltage_v;  /* applied, after saturation */
+    double q, qd;     /* joint, rad, rad/s */
+    double qm, qmd;   /* motor behind the gear (the paper's q^m), rad, rad/s */
+    double current_a; /* motor current I^m */
+    double torque_nm; /* on the link: Ks (qm - q) + Ds (qm' - q') */
+    double voltage_v; /* applied, after saturation */
 };
 
 struct ft_sense {

@@ -1,0 +1,74 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The paper's actuator equations, one drive at a time. */
+#include "model/actuator.h"
+
+double sea_torque(const struct robot_sea *sea, const struct sea_state *state, double q, double qd)
+{
+    return sea->Ks * (state->qm - q) + sea->Ds * (state->qmd - qd);
+}
+
+void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
+                    double V, bool bridge_on, struct sea_state *derivative)
+{
+    double tau = sea_torque(sea, state, q, qd);
+
+    derivative->qm = state->qmd;
+    derivative->qmd = (sea->Kt * state->I - sea->Dm * state->qmd - tau) / sea->J;
+    derivative->I = bridge_on ? (V - sea->R * state->I - sea->Kw * state->qmd) / sea->L : 0.0;
+}
+
+void sea_power(const struct robot_sea *sea, const struct sea_state *state, double qd, double V,
+               struct sea_power *power)
+{
+    double twist = state->qmd - qd;
+
+    power->electrical = V * state->I;
+    power->joule = sea->R * state->I * state->I;
+    power->friction =
+        sea->Dm * state->qmd * state->qmd + (sea->Kw - sea->Kt) * state->I * state->qmd;
+    power->spring_damping = sea->Ds * twist * twist;
+}
+
+double sea_energy(const struct robot_sea *sea, const struct sea_state *state, double q)
+{
+    double deflection = state->qm - q;
+
+    return 0.5 * (sea->L * state->I * state->I + sea->J * state->qmd * state->qmd +
+                  sea->Ks * deflection * deflection);
+}
+
+double parallel_spring_extension(const struct robot_parallel_spring *spring, double p, double q)
+{
+    return p - spring->r * spring->s * q;
+}
+
+double parallel_spring_force(const struct robot_parallel_spring *spring, double p, double pd,
+                             double q, double qd)
+{
+    double x = parallel_spring_extension(spring, p, q);
+    double xd = pd - spring->r * spring->s * qd;
+
+    return x < 0.0 ? spring->k_p * x + spring->d_p * xd : 0.0;
+}
+
+double parallel_spring_torque(const struct robot_parallel_spring *spring, double p, double pd,
+                              double q, double qd)
+{
+    return spring->s * spring->r * parallel_spring_force(spring, p, pd, q, qd);
+}
+
+double parallel_spring_energy(const struct robot_parallel_spring *spring, double p, double q)
+{
+    double x = parallel_spring_extension(spring, p, q);
+
+    return x < 0.0 ? 0.5 * spring->k_p * x * x : 0.0;
+}
+
+double parallel_spring_damping(const struct robot_parallel_spring *spring, double p, double pd,
+                               double q, double qd)
+{
+    double x = parallel_spring_extension(spring, p, q);
+    double xd = pd - spring->r * spring->s * qd;
+
+    return x < 0.0 ? spring->d_p * xd * xd : 0.0;
+}

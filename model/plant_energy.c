@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The plant's energies: what is stored where, and the balance since the start. */
+#include "model/plant.h"
+
+#include "model/plant_private.h"
+
+#include <string.h>
+
+/* kinetic, gravity, springs and windings, J */
+static double stored_mechanical(struct plant *plant)
+{
+    const struct robot *robot = plant->config.robot;
+    const struct dynamics *dynamics = plant->config.dynamics;
+    const double *state = plant->state;
+    double kinetic, potential, energy;
+
+    plant_place(plant, state);
+    dynamics->ops->energy(dynamics, plant->q, state + plant->at.v, &kinetic, &potential);
+    energy = kinetic + potential;
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        size_t j = plant->drive_joint[d];
+        struct sea_state drive = plant_drive_state(plant, state, d);
+
+        energy += sea_energy(&robot->joint[j].sea, &drive, plant_joint_position(plant, state, j));
+    }
+    for (size_t s = 0; s < plant->nspring; s++) {
+        size_t j = plant->spring_joint[s];
+
+        energy += parallel_spring_energy(&robot->joint[j].spring, state[plant->at.pretension + s],
+                                         plant_joint_position(plant, state, j));
+    }
+    return energy;
+}
+
+/* what the contact engine reports as stored in its layers, J */
+static enum error_code stored_contact(struct plant *plant, double *energy)
+{
+    struct contact_world *contact = plant->config.contact;
+    enum error_code code;
+    size_t count;
+
+    *energy = 0.0;
+    if (!contact) {
+        return ERROR_NONE;
+    }
+    plant_place(plant, plant->state);
+    code = plant_touch(plant, plant->state + plant->at.v);
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    count = contact->ops->patches(contact, plant->patch, PLANT_PATCHES);
+    if (count > PLANT_PATCHES) {
+        plant->failure = "more contact patches than the energy account has room for";
+        return ERROR_MEMORY;
+    }
+    for (size_t p = 0; p < count; p++) {
+        *energy += plant->patch[p].potential_j;
+    }
+    return ERROR_NONE;
+}
+
+enum error_code plant_restart_energy(struct plant *plant)
+{
+    if (plant->config.account_energy) {
+        memset(plant->state + plant->at.work, 0, WORK_COUNT * sizeof *plant->state);
+    }
+    plant->start_mechanical = stored_mechanical(plant);
+    return stored_contact(plant, &plant->start_contact);
+}
+
+enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
+{
+    const double *work = plant->state + plant->at.work;
+    double mechanical = stored_mechanical(plant), contact;
+    enum error_code code = stored_contact(plant, &contact);
+
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    *energy = (struct plant_energy){.stored = mechanical + contact};
+    if (!plant->config.account_energy) {
+        return ERROR_NONE;
+    }
+    energy->electrical_in = work[WORK_ELECTRICAL];
+    energy->pretension_work = work[WORK_PRETENSION];
+    energy->push_work = work[WORK_PUSH];
+    energy->joule_heat = work[WORK_JOULE];
+    energy->motor_friction = work[WORK_FRICTION];
+    energy->spring_damping = work[WORK_SPRING_DAMPING];
+    energy->parallel_damping = work[WORK_PARALLEL_DAMPING];
+    energy->contact_dissipation = -work[WORK_CONTACT] - (contact - plant->start_contact);
+    energy->balance = energy->electrical_in + energy->pretension_work + energy->push_work +
+                      work[WORK_CONTACT] - (mechanical - plant->start_mechanical) -
+                      energy->joule_heat - energy->motor_friction - energy->spring_damping -
+                      energy->parallel_damping;
+    return ERROR_NONE;
+}

@@ -1,0 +1,101 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the parts of the plant share: plant.c (making, stepping), plant_sample.c, plant_energy.c. */
+#ifndef MODEL_PLANT_PRIVATE_H
+#define MODEL_PLANT_PRIVATE_H
+
+#include "model/actuator.h"
+#include "model/plant.h"
+
+/* Integrals of powers at the end of the state. WORK_CONTACT is what contact does on the bodies. */
+enum plant_work {
+    WORK_ELECTRICAL,
+    WORK_PRETENSION,
+    WORK_PUSH,
+    WORK_CONTACT,
+    WORK_JOULE,
+    WORK_FRICTION,
+    WORK_SPRING_DAMPING,
+    WORK_PARALLEL_DAMPING,
+    WORK_COUNT,
+};
+
+/* Where the parts of the flat state begin, and its length. */
+struct plant_layout {
+    size_t v, drive, pretension, work, count;
+};
+
+struct plant {
+    struct plant_config config; /* contact_body is the plant's own copy */
+    struct dynamics whole;      /* generic, with every body observed: pushes, center of mass */
+    struct plant_layout at;
+    size_t ndrive, nspring;
+    size_t *drive_joint;  /* joint of each drive */
+    size_t *spring_joint; /* joint of each enabled parallel spring */
+
+    double *state;
+    int64_t time_ns;
+    struct plant_command command;
+    struct plant_sensors sensors;
+    struct wrench *push; /* by body, world frame */
+    bool pushing;        /* some push is not zero */
+
+    /* held over a step */
+    double *voltage; /* of each drive, after saturation */
+    bool *bridge_on;
+    double *pretension_rate; /* of each parallel spring */
+
+    /* scratch of one evaluation */
+    double *q; /* with a quaternion of unit length */
+    double *tau, *vdot;
+    struct wrench *ext; /* by body, body frame */
+    struct body_motion *motion;
+    struct contact_motion *contact_motion;
+    struct contact_wrench *contact_wrench;
+    struct body_motion *whole_motion;
+    double *last_good, *rk4;
+
+    /* of the last sample */
+    struct body_motion *sampled_motion;
+    struct contact_wrench *sampled_wrench;
+    struct body_acceleration *acceleration;
+
+    double start_mechanical, start_contact; /* stored at the start, J */
+    struct contact_patch *patch;
+    enum error_code step_code; /* of the substep that is being taken */
+    const char *failure;
+};
+
+/* Powers of the outside on the bodies, W. */
+struct plant_load {
+    double contact, push;
+};
+
+static inline struct sea_state plant_drive_state(const struct plant *plant, const double *state,
+                                                 size_t drive)
+{
+    const double *y = state + plant->at.drive + 3 * drive;
+
+    return (struct sea_state){.qm = y[0], .qmd = y[1], .I = y[2]};
+}
+
+/* Joint position and rate of joint j. */
+static inline double plant_joint_position(const struct plant *plant, const double *state, size_t j)
+{
+    return state[plant->at.v - plant->config.robot->njoint + j];
+}
+
+static inline double plant_joint_rate(const struct plant *plant, const double *state, size_t j)
+{
+    return state[plant->at.drive - plant->config.robot->njoint + j];
+}
+
+/* Fills q, ext, tau and vdot from state; motion and contact_wrench too when there is contact. */
+enum error_code plant_evaluate(struct plant *plant, const double *state, struct plant_load *load);
+
+/* The contact part of it: fills motion and contact_wrench, given q and state's rates. */
+enum error_code plant_touch(struct plant *plant, const double *v);
+
+/* Copies the generalized coordinates of state to plant->q with a quaternion of unit length. */
+void plant_place(struct plant *plant, const double *state);
+
+#endif

@@ -1,0 +1,176 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The plant's sensors: what each would read of the present state if it were perfect. */
+#include "model/plant.h"
+
+#include "model/plant_private.h"
+#include "model/spatial.h"
+
+#include <string.h>
+
+/* A sensor's frame in motion, in its own axes. */
+struct frame_motion {
+    double w[3], alpha[3]; /* rad/s, rad/s2 */
+    double specific[3];    /* acceleration of the origin less gravity, m/s2 */
+};
+
+/* acceleration of a point at offset r, given that of the origin and the rotation */
+static void accelerate_point(const double a[3], const double w[3], const double alpha[3],
+                             const double r[3], double out[3])
+{
+    double wr[3];
+
+    vec3_cross(w, r, wr);
+    memcpy(out, a, 3 * sizeof *out);
+    vec3_add_cross(alpha, r, out);
+    vec3_add_cross(w, wr, out);
+}
+
+static void observe_frame(const struct plant *plant, const struct robot_frame *frame,
+                          struct frame_motion *out)
+{
+    const struct body_motion *motion = &plant->sampled_motion[frame->body];
+    const struct body_acceleration *acceleration = &plant->acceleration[frame->body];
+    double R[9], arm[3], a[3];
+
+    mat3_mul(motion->R, frame->rotation, R);
+    mat3_apply(motion->R, frame->position, arm);
+    accelerate_point(acceleration->a, motion->w, acceleration->alpha, arm, a);
+    for (int i = 0; i < 3; i++) {
+        a[i] -= plant->config.robot->gravity[i];
+    }
+    mat3_apply_transposed(R, motion->w, out->w);
+    mat3_apply_transposed(R, acceleration->alpha, out->alpha);
+    mat3_apply_transposed(R, a, out->specific);
+}
+
+static void sample_imu(const struct plant *plant, struct imu_sense *imu)
+{
+    struct frame_motion motion;
+
+    observe_frame(plant, &plant->config.robot->frame[plant->config.robot->imu_frame], &motion);
+    memcpy(imu->gyro_rad_s, motion.w, sizeof imu->gyro_rad_s);
+    memcpy(imu->accel_m_s2, motion.specific, sizeof imu->accel_m_s2);
+}
+
+/* Newton and Euler for the distal part: what it exerts through the sensor is what acts on it from
+ * outside, less what its weight and inertia take. */
+static void sample_ft(const struct plant *plant, const struct robot_ft_sensor *sensor,
+                      struct ft_sense *ft)
+{
+    const struct robot_frame *frame = &plant->config.robot->frame[sensor->frame];
+    const struct wrench *ext = &plant->ext[frame->body];
+    const struct robot_inertia *distal = &sensor->distal;
+    struct frame_motion motion;
+    double moment[3], a[3], force[3], spin[3], rate[3];
+
+    /* outside wrench, moved from the body's origin to the sensor's */
+    memcpy(moment, ext->moment, sizeof moment);
+    vec3_add_cross(ext->force, frame->position, moment);
+    mat3_apply_transposed(frame->rotation, ext->force, ft->force_n);
+    mat3_apply_transposed(frame->rotation, moment, ft->torque_nm);
+
+    /* what moves the distal part */
+    observe_frame(plant, frame, &motion);
+    accelerate_point(motion.specific, motion.w, motion.alpha, distal->com, a);
+    for (int i = 0; i < 3; i++) {
+        force[i] = -distal->mass * a[i];
+        ft->force_n[i] += force[i];
+    }
+    vec3_add_cross(distal->com, force, ft->torque_nm);
+    sym3_apply(distal->I, motion.alpha, rate);
+    sym3_apply(distal->I, motion.w, spin);
+    vec3_add_cross(motion.w, spin, rate);
+    for (int i = 0; i < 3; i++) {
+        ft->torque_nm[i] -= rate[i];
+    }
+}
+
+/* a joint without a drive reads as one whose motor follows the link */
+static void sample_motors(struct plant *plant)
+{
+    const struct robot *robot = plant->config.robot;
+    struct motor_sense *motor = plant->sensors.motor;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        double q = plant_joint_position(plant, plant->state, j);
+        double qd = plant_joint_rate(plant, plant->state, j);
+
+        motor[j] = (struct motor_sense){.q = q, .qd = qd, .qm = q, .qmd = qd};
+    }
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        size_t j = plant->drive_joint[d];
+        struct sea_state drive = plant_drive_state(plant, plant->state, d);
+
+        motor[j].qm = drive.qm;
+        motor[j].qmd = drive.qmd;
+        motor[j].current_a = drive.I;
+        motor[j].torque_nm = sea_torque(&robot->joint[j].sea, &drive, motor[j].q, motor[j].qd);
+        motor[j].voltage_v = plant->voltage[d];
+    }
+}
+
+enum error_code plant_sample(struct plant *plant)
+{
+    const struct robot *robot = plant->config.robot;
+    const struct dynamics *dynamics = plant->config.dynamics;
+    const double *v = plant->state + plant->at.v;
+    struct plant_load load;
+    enum error_code code = plant_evaluate(plant, plant->state, &load);
+
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    dynamics->ops->kinematics(dynamics, plant->q, v, plant->sampled_motion);
+    dynamics->ops->acceleration(dynamics, plant->q, v, plant->vdot, plant->acceleration);
+    memcpy(plant->sampled_wrench, plant->contact_wrench,
+           plant->config.ncontact * sizeof *plant->sampled_wrench);
+    plant->sensors.time_ns = plant->time_ns;
+    plant->sensors.supply_v = plant->config.supply_v;
+    sample_motors(plant);
+    for (size_t f = 0; f < robot->nft; f++) {
+        sample_ft(plant, &robot->ft[f], &plant->sensors.ft[f]);
+    }
+    if (robot->imu_frame >= 0) {
+        sample_imu(plant, &plant->sensors.imu);
+    }
+    return ERROR_NONE;
+}
+
+const struct plant_sensors *plant_sensors(const struct plant *plant)
+{
+    return &plant->sensors;
+}
+
+const struct contact_wrench *plant_contact_wrenches(const struct plant *plant)
+{
+    return plant->sampled_wrench;
+}
+
+const struct body_motion *plant_motion(const struct plant *plant)
+{
+    return plant->sampled_motion;
+}
+
+void plant_centre_of_mass(struct plant *plant, double position[3], double momentum[3])
+{
+    const struct robot *robot = plant->config.robot;
+
+    plant_place(plant, plant->state);
+    plant->whole.ops->kinematics(&plant->whole, plant->q, plant->state + plant->at.v,
+                                 plant->whole_motion);
+    memset(position, 0, 3 * sizeof *position);
+    memset(momentum, 0, 3 * sizeof *momentum);
+    for (size_t b = 0; b < robot->nbody; b++) {
+        const struct robot_inertia *inertia = &robot->body[b].inertia;
+        const struct body_motion *motion = &plant->whole_motion[b];
+        double arm[3], velocity[3];
+
+        mat3_apply(motion->R, inertia->com, arm);
+        memcpy(velocity, motion->v, sizeof velocity);
+        vec3_add_cross(motion->w, arm, velocity);
+        for (int i = 0; i < 3; i++) {
+            position[i] += inertia->mass * (motion->p[i] + arm[i]) / robot->total_mass;
+            momentum[i] += inertia->mass * velocity[i];
+        }
+    }
+}

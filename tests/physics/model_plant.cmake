@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: Apache-2.0
+# Drives, integrator and plant.
+hil_test(actuator SOURCES unit/actuator.c LIBS model LABELS unit)
+hil_test(integrator SOURCES unit/integrator.c LIBS model LABELS unit)
+hil_test(actuator_motion SOURCES physics/actuator.c LIBS model LABELS physics)
+hil_test(pendulum SOURCES physics/pendulum.c physics/toy.c LIBS model LABELS physics)
+hil_test(plant SOURCES physics/plant.c physics/toy.c LIBS model LABELS physics)
+hil_test(plant_energy SOURCES physics/plant_energy.c physics/toy.c LIBS model LABELS physics)
+hil_test(plant_sensors SOURCES physics/plant_sensors.c physics/toy.c LIBS model LABELS physics)
+hil_test(plant_rt SOURCES physics/plant_rt.c physics/toy.c LIBS model
+         -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=free
+         LABELS physics)
+hil_test(coman_motion SOURCES physics/coman.c LIBS model LABELS physics)
+hil_test(coman_standing SOURCES physics/coman_standing.c LIBS model TIMEOUT 120 LABELS physics)

@@ -1,0 +1,81 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A toy robot with its dynamics, ground and plant, ready to step; for the plant's tests. */
+#ifndef TESTS_PHYSICS_PLANT_RIG_H
+#define TESTS_PHYSICS_PLANT_RIG_H
+
+#include "tests/physics/toy.h"
+
+struct plant_rig {
+    struct toy toy;
+    struct arena arena;
+    struct dynamics dynamics;
+    struct toy_ground ground;
+    struct plant *plant;
+    double *state;
+    size_t count;
+    uint64_t random; /* state of plant_rig_random */
+};
+
+/* Body 3 and 6 on the ground when on_ground. Aborts on any error. */
+static inline void plant_rig_walker(struct plant_rig *rig, bool on_ground, int64_t substep_ns)
+{
+    static const int feet[2] = {TOY_RIGHT_FOOT, TOY_LEFT_FOOT};
+    struct plant_config config = {.robot = &rig->toy.robot,
+                                  .dynamics = &rig->dynamics,
+                                  .integrator = PLANT_RK4,
+                                  .substep_ns = substep_ns,
+                                  .supply_v = 48.0,
+                                  .account_energy = true};
+    struct error error;
+
+    toy_walker(&rig->toy);
+    toy_walker_ground(&rig->ground);
+    if (on_ground) {
+        config.contact = &rig->ground.world;
+        config.contact_body = feet;
+        config.ncontact = 2;
+    }
+    rig->random = 88172645463325252u;
+    assert_int_equal(arena_init(&rig->arena, 1 << 22, &error), ERROR_NONE);
+    assert_int_equal(dynamics_generic(&rig->toy.robot, &rig->arena, &rig->dynamics, &error),
+                     ERROR_NONE);
+    assert_int_equal(plant_create(&config, &rig->arena, &rig->plant, &error), ERROR_NONE);
+    rig->state = plant_state(rig->plant, &rig->count);
+}
+
+static inline void plant_rig_fini(struct plant_rig *rig)
+{
+    arena_fini(&rig->arena);
+}
+
+/* Uniform in [-1, 1), the same on every run (xorshift). */
+static inline double plant_rig_random(struct plant_rig *rig)
+{
+    rig->random ^= rig->random << 13;
+    rig->random ^= rig->random >> 7;
+    rig->random ^= rig->random << 17;
+    return (double)(int64_t)rig->random / 9223372036854775808.0;
+}
+
+/* The trunk at a height, turned a little, joints bent. */
+static inline void plant_rig_reset(struct plant_rig *rig, double height)
+{
+    static const double quaternion[4] = {0.99, 0.02, 0.05, -0.1};
+    static const double joint[8] = {-0.4, 0.8, -0.4, -0.35, 0.75, -0.4, 0.2, 0.05};
+    const double position[3] = {0.1, -0.2, height};
+
+    assert_int_equal(plant_reset(rig->plant, position, quaternion, joint), ERROR_NONE);
+}
+
+/* Every bridge on, with a random voltage of at most limit. */
+static inline void plant_rig_random_voltages(struct plant_rig *rig, double limit)
+{
+    struct plant_command *command = plant_command(rig->plant);
+
+    for (size_t j = 0; j < command->njoint; j++) {
+        command->motor[j].bridge_on = true;
+        command->motor[j].voltage_v = limit * plant_rig_random(rig);
+    }
+}
+
+#endif

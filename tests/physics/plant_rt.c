@@ -1,0 +1,106 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The plant allocates nothing once it is made. The linker sends every call of the allocator in this
+ * program to the counters here (-Wl,--wrap).
+ */
+#include "model/plant.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+#include "tests/physics/plant_rig.h"
+
+static volatile size_t
+    calls; /* volatile: compilers assume that an allocator touches nothing else */
+
+void *__real_malloc(size_t size);
+void *__real_calloc(size_t count, size_t size);
+void *__real_realloc(void *memory, size_t size);
+void __real_free(void *memory);
+void *__wrap_malloc(size_t size);
+void *__wrap_calloc(size_t count, size_t size);
+void *__wrap_realloc(void *memory, size_t size);
+void __wrap_free(void *memory);
+
+void *__wrap_malloc(size_t size)
+{
+    calls++;
+    return __real_malloc(size);
+}
+
+void *__wrap_calloc(size_t count, size_t size)
+{
+    calls++;
+    return __real_calloc(count, size);
+}
+
+void *__wrap_realloc(void *memory, size_t size)
+{
+    calls++;
+    return __real_realloc(memory, size);
+}
+
+void __wrap_free(void *memory)
+{
+    calls++;
+    __real_free(memory);
+}
+
+/* so that a count of zero below means what it says */
+static void counters_see_the_allocator(void **state)
+{
+    size_t before = calls;
+    void *volatile memory = malloc(16);
+
+    (void)state;
+    memory = realloc(memory, 32);
+    free(memory);
+    memory = calloc(2, 8);
+    free(memory);
+    assert_int_equal(calls - before, 5);
+}
+
+static void stepping_and_sampling_allocate_nothing(void **state)
+{
+    const double force[3] = {5.0, 0.0, 0.0}, moment[3] = {0.0, 0.0, 1.0};
+    double position[3], momentum[3];
+    struct plant_rig rig;
+    struct plant_energy energy;
+    struct error error;
+    enum error_code code = ERROR_NONE;
+    size_t before;
+
+    (void)state;
+    plant_rig_walker(&rig, true, 100000);
+    plant_rig_reset(&rig, 0.52);
+    assert_int_equal(arena_seal(&rig.arena, false, &error), ERROR_NONE);
+    before = calls;
+    for (int k = 0; k < 100 && code == ERROR_NONE; k++) {
+        plant_rig_random_voltages(&rig, 20.0);
+        plant_set_push(rig.plant, k % 9, force, moment);
+        code = plant_step(rig.plant, 10);
+        code = code == ERROR_NONE ? plant_sample(rig.plant) : code;
+        code = code == ERROR_NONE ? plant_energy(rig.plant, &energy) : code;
+        plant_centre_of_mass(rig.plant, position, momentum);
+        plant_hash(rig.plant);
+    }
+    assert_int_equal(calls - before, 0);
+    assert_int_equal(code, ERROR_NONE);
+    plant_rig_fini(&rig);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(counters_see_the_allocator),
+        cmocka_unit_test(stepping_and_sampling_allocate_nothing),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
