@@ -130,6 +130,15 @@ static void apply_actuators(struct plant *plant, const double *state)
     }
 }
 
+/* in the jig: no wrench, no acceleration */
+static void feel_nothing(struct plant *plant, struct plant_load *load)
+{
+    *load = (struct plant_load){0.0, 0.0};
+    memset(plant->ext, 0, plant->config.robot->nbody * sizeof *plant->ext);
+    memset(plant->contact_wrench, 0, plant->config.ncontact * sizeof *plant->contact_wrench);
+    memset(plant->vdot, 0, plant->config.robot->nv * sizeof *plant->vdot);
+}
+
 enum error_code plant_evaluate(struct plant *plant, const double *state, struct plant_load *load)
 {
     const struct dynamics *dynamics = plant->config.dynamics;
@@ -138,6 +147,10 @@ enum error_code plant_evaluate(struct plant *plant, const double *state, struct 
     enum error_code code;
 
     plant_place(plant, state);
+    if (plant->clamped) {
+        feel_nothing(plant, load);
+        return ERROR_NONE;
+    }
     code = apply_loads(plant, v, load);
     if (code != ERROR_NONE) {
         return code;
@@ -348,6 +361,19 @@ void plant_set_push(struct plant *plant, int body, const double force[3], const 
             plant->pushing |= plant->push[b].force[i] != 0.0 || plant->push[b].moment[i] != 0.0;
         }
     }
+}
+
+void plant_clamp(struct plant *plant, bool clamped)
+{
+    plant->clamped = clamped;
+    if (clamped) {
+        memset(plant->state + plant->at.v, 0, plant->config.robot->nv * sizeof *plant->state);
+    }
+}
+
+bool plant_is_clamped(const struct plant *plant)
+{
+    return plant->clamped;
 }
 
 struct plant_command *plant_command(struct plant *plant)

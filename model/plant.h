@@ -116,6 +116,13 @@ enum error_code plant_restart_energy(struct plant *plant);
  * RT-safe. */
 void plant_set_push(struct plant *plant, int body, const double force[3], const double moment[3]);
 
+/* Clamps every link where it is, as in a jig, or lets go: while clamped nothing moves but the
+ * drives behind their springs, and contacts and pushes are not felt. A robot starts clamped so that
+ * it does not fall before its motors are on. Clamping stops the links; plant_reset leaves the clamp
+ * as it is. RT-safe. */
+void plant_clamp(struct plant *plant, bool clamped);
+bool plant_is_clamped(const struct plant *plant);
+
 /* Center of mass (m) and total linear momentum (kg m/s) of the present state, world frame.
  * RT-safe. */
 void plant_centre_of_mass(struct plant *plant, double position[3], double momentum[3]);

@@ -38,6 +38,7 @@ struct plant {
     struct plant_sensors sensors;
     struct wrench *push; /* by body, world frame */
     bool pushing;        /* some push is not zero */
+    bool clamped;        /* links held in a jig */
 
     /* held over a step */
     double *voltage; /* of each drive, after saturation */

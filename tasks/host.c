@@ -235,18 +235,22 @@ static void read_analog_frame(struct host *host, struct node *node, const struct
 
 static void read_done(struct host *host, struct bus *bus, const struct bus_frame *frame)
 {
+    uint32_t tick;
     uint16_t flags;
 
     if (frame->len != LOCKSTEP_LENGTH) {
         return;
     }
     flags = get_u16_le(frame->data + 4);
-    host->tick = get_u32_le(frame->data);
+    tick = get_u32_le(frame->data);
     if (flags & LOCKSTEP_MISMATCH) {
-        host->step_refused = true;
+        /* a refusal that asks for the very tick of the STEP that is out was meant for an earlier
+         * copy of a repeated one */
+        host->step_refused = host->step_refused || tick != host->tick;
     } else {
         bus->done = true;
     }
+    host->tick = tick;
     if (flags & LOCKSTEP_STOPPING) {
         host->phase = HOST_FAILED;
         snprintf(host->message, sizeof host->message, "the simulator is stopping");

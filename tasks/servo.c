@@ -5,7 +5,8 @@
 #include <math.h>
 
 struct loop {
-    double reference, rate, integral;
+    double wanted, rate;
+    double trim, integral;
 };
 
 struct servo {
@@ -36,20 +37,28 @@ enum error_code servo_create(const struct servo_config *config, struct host *hos
 void servo_start(struct servo *servo)
 {
     for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
-        servo->loop[i] = (struct loop){.reference = host_joint(servo->host, i)->motor_rad};
+        const struct host_joint *joint = host_joint(servo->host, i);
+        double wanted = servo->config.trim_per_s > 0 ? joint->joint_rad : joint->motor_rad;
+
+        servo->loop[i] = (struct loop){.wanted = wanted, .trim = joint->motor_rad - wanted};
     }
     servo->last_ns = -1;
 }
 
 void servo_set(struct servo *servo, size_t axis, double angle, double rate)
 {
-    servo->loop[axis].reference = angle;
+    servo->loop[axis].wanted = angle;
     servo->loop[axis].rate = rate;
+}
+
+double servo_wanted(const struct servo *servo, size_t axis)
+{
+    return servo->loop[axis].wanted;
 }
 
 double servo_reference(const struct servo *servo, size_t axis)
 {
-    return servo->loop[axis].reference;
+    return servo->loop[axis].wanted + servo->loop[axis].trim;
 }
 
 /* one axis; the integral stands still while the voltage is saturated in its direction */
@@ -58,12 +67,14 @@ static double voltage(struct servo *servo, size_t axis, double dt)
     const struct servo_config *config = &servo->config;
     double supply = host_configuration(servo->host)->supply_v;
     struct loop *loop = &servo->loop[axis];
-    double error = loop->reference - host_joint(servo->host, axis)->motor_rad;
+    const struct host_joint *joint = host_joint(servo->host, axis);
+    double error = servo_reference(servo, axis) - joint->motor_rad;
     double V = config->kp_v_per_rad * error + config->ki_v_per_rad_s * loop->integral +
                config->kw_v_s_per_rad * loop->rate;
 
     if (fabs(V) < supply || V * error < 0) {
         loop->integral += error * dt;
+        loop->trim += config->trim_per_s * (loop->wanted - joint->joint_rad) * dt;
     }
     return fmin(fmax(V, -supply), supply);
 }

@@ -19,7 +19,7 @@ static const char *const joint_name[LEGS][PITCH_JOINTS] = {
 };
 static const char *const foot_name[LEGS] = {"r_leg_ft", "l_leg_ft"};
 
-static const double RAMP_S = 0.5;    /* from where the motors were to the initial pose */
+static const double RAMP_S = 1.0;    /* from where the joints were to the standing pose */
 static const double SETTLE_S = 1.0;  /* standing still before and after */
 static const double WEIGH_S = 0.25;  /* end of settling, in which the weight is measured */
 static const double LIGHT = 0.3;     /* feet carry less than this part of the weight: fallen, ... */
@@ -35,7 +35,8 @@ struct leg {
 struct squat {
     struct leg leg[LEGS];
     size_t foot[LEGS];
-    double *from; /* motor angles at the start */
+    double *from;  /* joint angles at the start */
+    double *stand; /* those before and after the cycles */
     double weight_sum;
     size_t weighed;
     double light_since_s; /* < 0: the feet carry */
@@ -80,6 +81,7 @@ static double depth_at(const struct squat_config *config, double t)
 
 static enum error_code find_leg(struct task *task, int side, struct leg *leg, struct error *error)
 {
+    struct squat *squat = task->state;
     double angle[PITCH_JOINTS];
 
     for (int j = 0; j < PITCH_JOINTS; j++) {
@@ -94,6 +96,14 @@ static enum error_code find_leg(struct task *task, int side, struct leg *leg, st
     }
     leg_forward(&task->config.squat, leg->initial[HIP], leg->initial[KNEE], &leg->hip_height,
                 &leg->ankle_x);
+    leg->ankle_x -= task->config.squat.hip_forward_m;
+    if (!leg_inverse(&task->config.squat, leg, leg->hip_height, angle)) {
+        return error_set(error, ERROR_INPUT, "squat: hips %g m forward are out of the legs' reach",
+                         task->config.squat.hip_forward_m);
+    }
+    for (int j = 0; j < PITCH_JOINTS; j++) {
+        squat->stand[leg->axis[j]] = angle[j];
+    }
     if (!leg_inverse(&task->config.squat, leg, leg->hip_height - task->config.squat.depth_m,
                      angle)) {
         return error_set(error, ERROR_INPUT, "squat: depth %g m is out of the legs' reach",
@@ -130,9 +140,10 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
     const struct squat_config *config = &task->config.squat;
     struct squat *squat = arena_alloc(arena, 1, sizeof *squat);
     double *from = arena_alloc(arena, task->config.host.naxis, sizeof *from);
+    double *stand = arena_alloc(arena, task->config.host.naxis, sizeof *stand);
     enum error_code code = ERROR_NONE;
 
-    if (!squat || !from) {
+    if (!squat || !from || !stand) {
         return error_set(error, ERROR_MEMORY, "no memory for the squat");
     }
     if (!(config->thigh_m > 0 && config->shank_m > 0 && config->depth_m >= 0 &&
@@ -141,6 +152,8 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
                          "squat: lengths, period and cycles must be greater than 0");
     }
     squat->from = from;
+    squat->stand = stand;
+    memcpy(stand, task->config.initial_rad, task->config.host.naxis * sizeof *stand);
     task->state = squat;
     for (int side = 0; side < LEGS && !code; side++) {
         code = find_leg(task, side, &squat->leg[side], error);
@@ -156,19 +169,19 @@ static void squat_start(struct task *task)
     struct squat *squat = task->state;
 
     for (size_t i = 0; i < task->config.host.naxis; i++) {
-        squat->from[i] = servo_reference(task->servo, i);
+        squat->from[i] = servo_wanted(task->servo, i);
     }
     squat->light_since_s = -1;
 }
 
-/* every joint goes smoothly from where it was to the initial pose, and stays */
+/* every joint goes smoothly from where it was to the standing pose, and stays */
 static void hold_pose(struct task *task, double t)
 {
     const struct squat *squat = task->state;
     double s = fmin(t / RAMP_S, 1), blend = s * s * (3 - 2 * s);
 
     for (size_t i = 0; i < task->config.host.naxis; i++) {
-        double span = task->config.initial_rad[i] - squat->from[i];
+        double span = squat->stand[i] - squat->from[i];
 
         servo_set(task->servo, i, squat->from[i] + blend * span,
                   s < 1 ? 6 * s * (1 - s) * span / RAMP_S : 0);

@@ -46,18 +46,22 @@ struct host_config {
 
 /* Knees bend and the hips sink vertically over flat feet, then rise again; cycle after cycle. */
 struct squat_config {
-    double thigh_m;  /* hip pitch axis to knee axis */
-    double shank_m;  /* knee axis to ankle pitch axis */
-    double depth_m;  /* how far the hips sink */
-    double period_s; /* of one cycle down and back */
+    double thigh_m;       /* hip pitch axis to knee axis */
+    double shank_m;       /* knee axis to ankle pitch axis */
+    double depth_m;       /* how far the hips sink */
+    double hip_forward_m; /* of the initial pose, before the first cycle: the weight to mid-foot */
+    double period_s;      /* of one cycle down and back */
     int cycles;
 };
 
-/* Voltage loop on the motor angle, closed here: V = kp (ref - qm) + ki integral + kw ref'. */
+/* Voltage loop on the motor angle, closed here: V = kp (ref - qm) + ki integral + kw ref'. Outside it
+ * a slow loop on the link angle takes out what the series spring yields: ref = wanted + trim, trim' =
+ * trim_per_s (wanted - q). */
 struct servo_config {
     double kp_v_per_rad;
     double ki_v_per_rad_s;
     double kw_v_s_per_rad;     /* back-EMF feed-forward of the reference's rate */
+    double trim_per_s;         /* 0: the motor angle itself is what is wanted */
     int64_t command_period_ns; /* voltages are sent this often (a multiple of the host's period) */
 };
 

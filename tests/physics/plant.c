@@ -300,6 +300,41 @@ static void reset_ends_every_push(void **state)
     plant_rig_fini(&rig);
 }
 
+/* In the jig a drive works against its locked link, so the motor ends where the spring's torque is
+ * the stall torque: Ks (qm - q) = Kt V / R. */
+static void clamped_links_stay_while_drives_live(void **state)
+{
+    const double V = 0.5;
+    struct plant_rig rig;
+    const struct plant_sensors *sensors;
+    const struct robot_sea *sea;
+    double q;
+
+    (void)state;
+    plant_rig_walker(&rig, true, 100000);
+    plant_rig_reset(&rig, 0.55);
+    plant_clamp(rig.plant, true);
+    assert_true(plant_is_clamped(rig.plant));
+    sensors = plant_sensors(rig.plant);
+    sea = &rig.toy.robot.joint[0].sea;
+    q = sensors->motor[0].q;
+    plant_command(rig.plant)->motor[0] = (struct motor_command){.bridge_on = true, .voltage_v = V};
+    assert_int_equal(plant_step(rig.plant, 40000), ERROR_NONE);
+    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+    assert_true(sensors->motor[0].q == q && sensors->motor[0].qd == 0.0);
+    assert_near(sensors->motor[0].current_a, V / sea->R, 1e-6);
+    assert_near(sensors->motor[0].torque_nm, sea->Kt * V / sea->R, 1e-6);
+    assert_near(sensors->motor[0].qm - q, sea->Kt * V / sea->R / sea->Ks, 1e-8);
+    for (size_t c = 0; c < 2; c++) {
+        assert_true(plant_contact_wrenches(rig.plant)[c].force[2] == 0.0);
+    }
+    plant_clamp(rig.plant, false);
+    assert_int_equal(plant_step(rig.plant, 100), ERROR_NONE);
+    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+    assert_true(sensors->motor[0].q != q);
+    plant_rig_fini(&rig);
+}
+
 static void sampling_and_asking_for_energy_change_nothing(void **state)
 {
     struct plant_rig rig;
@@ -575,6 +610,7 @@ int main(void)
         cmocka_unit_test(equal_runs_have_equal_hashes),
         cmocka_unit_test(hash_tells_equal_states_at_different_times),
         cmocka_unit_test(reset_ends_every_push),
+        cmocka_unit_test(clamped_links_stay_while_drives_live),
         cmocka_unit_test(sampling_and_asking_for_energy_change_nothing),
         cmocka_unit_test(pretension_moves_evenly_to_the_command),
         cmocka_unit_test(contact_failure_leaves_the_last_good_substep),
