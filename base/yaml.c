@@ -1,17 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The YAML reader. Three stages, each of which ends at the first fault: the bytes (size, UTF-8), the
- * document (libyaml's events into a small tree of nodes, refusing what a configuration does not
- * need), the schema (the tree into the caller's structs).
+ * The YAML reader: lays the caller's schema over the nodes of a document and fills structs.
  */
 #include "base/yaml.h"
 
 #include "base/text.h"
+#include "base/yaml_tree.h"
 
 #include <errno.h>
 #include <fcntl.h>
 #include <float.h>
-#include <math.h>
 #include <stdarg.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -19,37 +17,10 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-#include <yaml.h>
 
 enum {
-    MAX_FILE = 4 << 20, /* bytes */
-    MAX_DEPTH = 16,     /* nested lists and mappings */
-    MAX_NODES = 200000, /* values in a file */
-    MAX_KEYS = 4096,    /* keys in a mapping; bounds the search for duplicates */
     SCRATCH = 64 << 20, /* nodes and their text: 2 * 64 bytes a node and the file's text */
     MAX_WORDS = 128,    /* keys or enum words offered to text_nearest */
-    SHOWN = 48,         /* bytes of a value shown in a message */
-};
-
-enum node_kind { NODE_SCALAR, NODE_LIST, NODE_MAP };
-
-/* A value of the document. The children of a mapping are key, value, key, value... */
-struct node {
-    enum node_kind kind;
-    bool quoted; /* of a scalar: text whatever it looks like */
-    struct yaml_mark mark;
-    const char *text;
-    size_t count; /* entries of a list, keys of a mapping */
-    struct node *first, *next;
-};
-
-struct reader {
-    struct arena *arena;  /* the caller's: what the structs point to */
-    struct arena scratch; /* the nodes: gone after the read */
-    const char *file;
-    size_t nodes;
-    yaml_parser_t parser;
-    struct error *error;
 };
 
 /* ---- messages ---- */
@@ -70,80 +41,6 @@ enum error_code yaml_error(struct error *error, const struct yaml_mark *mark, co
                      text);
 }
 
-static enum error_code out_of_memory(struct reader *r)
-{
-    return error_set(r->error, ERROR_MEMORY, "%.200s: no memory left for this file", r->file);
-}
-
-/* text on one line and of bounded length */
-static const char *shown(const char *text, char out[SHOWN + 4])
-{
-    size_t n = strlen(text);
-
-    if (n > SHOWN) {
-        n = SHOWN;
-        while (n > 0 && ((unsigned char)text[n] & 0xc0) == 0x80) {
-            n--; /* do not cut a character in two */
-        }
-    }
-    for (size_t i = 0; i < n; i++) {
-        out[i] = (unsigned char)text[i] < 0x20 || text[i] == 0x7f ? '?' : text[i];
-    }
-    strcpy(out + n, text[n] ? "..." : "");
-    return out;
-}
-
-static bool is_null(const struct node *node)
-{
-    return node->kind == NODE_SCALAR && !node->quoted &&
-           (*node->text == '\0' || !strcmp(node->text, "~") || !strcmp(node->text, "null"));
-}
-
-static bool is_bool(const struct node *node)
-{
-    return node->kind == NODE_SCALAR && !node->quoted &&
-           (!strcmp(node->text, "true") || !strcmp(node->text, "false"));
-}
-
-static bool is_number(const struct node *node)
-{
-    double real;
-    int64_t integer;
-
-    return node->kind == NODE_SCALAR && !node->quoted &&
-           (text_to_double(node->text, &real) ||
-            text_to_int(node->text, INT64_MIN, INT64_MAX, &integer));
-}
-
-enum { FOUND_SIZE = SHOWN + 32 };
-
-/* what a node is, as the subject of "found ..." */
-static const char *found(const struct node *node, char out[FOUND_SIZE])
-{
-    char text[SHOWN + 4];
-
-    if (node->kind == NODE_LIST) {
-        snprintf(out, FOUND_SIZE, "a list");
-    } else if (node->kind == NODE_MAP) {
-        snprintf(out, FOUND_SIZE, "a mapping");
-    } else if (is_null(node)) {
-        snprintf(out, FOUND_SIZE, "nothing");
-    } else if (is_number(node) || is_bool(node)) {
-        snprintf(out, FOUND_SIZE, "%s", shown(node->text, text));
-    } else {
-        snprintf(out, FOUND_SIZE, "%s\"%s\"", node->quoted ? "quoted text " : "",
-                 shown(node->text, text));
-    }
-    return out;
-}
-
-static enum error_code unexpected(struct reader *r, const struct node *node, const char *expected)
-{
-    char what[FOUND_SIZE];
-
-    return yaml_error(r->error, &node->mark, "found %s, expected %s", found(node, what), expected);
-}
-
 /* "a, b or c" */
 static void join_words(const char *const *words, size_t count, char *out, size_t size)
 {
@@ -155,268 +52,6 @@ static void join_words(const char *const *words, size_t count, char *out, size_t
 
         used += (size_t)snprintf(out + used, size - used, "%s%s", separator, words[i]);
     }
-}
-
-/* ---- bytes ---- */
-
-/* Length of the valid UTF-8 sequence at p (of n bytes), 0 when there is none. */
-static size_t utf8_length(const unsigned char *p, size_t n)
-{
-    static const struct {
-        unsigned char mask, lead;
-        uint32_t min;
-    } form[] = {{0x80, 0x00, 0}, {0xe0, 0xc0, 0x80}, {0xf0, 0xe0, 0x800}, {0xf8, 0xf0, 0x10000}};
-
-    for (size_t k = 0; k < 4 && k < n; k++) {
-        uint32_t code = p[0] & (unsigned char)~form[k].mask;
-
-        if ((p[0] & form[k].mask) != form[k].lead) {
-            continue;
-        }
-        for (size_t i = 1; i <= k; i++) {
-            if ((p[i] & 0xc0) != 0x80) {
-                return 0;
-            }
-            code = code << 6 | (p[i] & 0x3f);
-        }
-        return code < form[k].min || code > 0x10ffff || (code >= 0xd800 && code < 0xe000) ? 0
-                                                                                          : k + 1;
-    }
-    return 0;
-}
-
-/* Plain text: UTF-8 without control characters. libyaml would say less about where it is not. */
-static enum error_code check_bytes(struct reader *r, const char *text, size_t size)
-{
-    const unsigned char *p = (const unsigned char *)text;
-    struct yaml_mark mark = {r->file, 1, 1};
-
-    for (size_t i = 0; i < size;) {
-        size_t n = utf8_length(p + i, size - i);
-
-        if (p[i] == '\0') {
-            return yaml_error(r->error, &mark, "found a zero byte, expected text");
-        }
-        if (n == 0) {
-            return yaml_error(r->error, &mark, "found byte 0x%02x, expected UTF-8 text", p[i]);
-        }
-        if ((p[i] < 0x20 && !strchr("\t\n\r", p[i])) || p[i] == 0x7f) {
-            return yaml_error(r->error, &mark, "found control character 0x%02x, expected text",
-                              p[i]);
-        }
-        mark.column = p[i] == '\n' ? 1 : mark.column + 1;
-        mark.line += p[i] == '\n';
-        i += n;
-    }
-    return ERROR_NONE;
-}
-
-/* ---- document ---- */
-
-static struct yaml_mark mark_at(const struct reader *r, yaml_mark_t at)
-{
-    return (struct yaml_mark){r->file, (int)at.line + 1, (int)at.column + 1};
-}
-
-static enum error_code next_event(struct reader *r, yaml_event_t *event)
-{
-    const yaml_parser_t *p = &r->parser;
-    struct yaml_mark mark;
-
-    if (yaml_parser_parse(&r->parser, event)) {
-        return ERROR_NONE;
-    }
-    if (p->error == YAML_MEMORY_ERROR) {
-        return out_of_memory(r);
-    }
-    mark = mark_at(r, p->error == YAML_READER_ERROR ? p->mark : p->problem_mark);
-    return yaml_error(r->error, &mark, "found malformed YAML (%s%s%s), expected %s",
-                      p->context ? p->context : "", p->context ? ": " : "",
-                      p->problem ? p->problem : "unreadable", "a well-formed document");
-}
-
-/* Anchors and tags may stand at any value; a configuration has no use for either. */
-static enum error_code check_plain(struct reader *r, const struct yaml_mark *mark,
-                                   const yaml_char_t *anchor, const yaml_char_t *tag)
-{
-    char text[SHOWN + 4];
-
-    if (anchor) {
-        return yaml_error(r->error, mark, "found anchor \"&%s\", expected a value without anchor",
-                          shown((const char *)anchor, text));
-    }
-    if (tag) {
-        return yaml_error(r->error, mark, "found tag \"%s\", expected a value without tag",
-                          shown((const char *)tag, text));
-    }
-    return ERROR_NONE;
-}
-
-static enum error_code check_event(struct reader *r, const yaml_event_t *event,
-                                   const struct yaml_mark *mark, int depth)
-{
-    char text[SHOWN + 4];
-
-    if (++r->nodes > MAX_NODES) {
-        return yaml_error(r->error, mark, "found more than %d values, expected fewer", MAX_NODES);
-    }
-    if (depth > MAX_DEPTH) {
-        return yaml_error(r->error, mark,
-                          "found values nested deeper than %d, expected fewer levels", MAX_DEPTH);
-    }
-    switch (event->type) {
-    case YAML_SCALAR_EVENT:
-        return check_plain(r, mark, event->data.scalar.anchor, event->data.scalar.tag);
-    case YAML_SEQUENCE_START_EVENT:
-        return check_plain(r, mark, event->data.sequence_start.anchor,
-                           event->data.sequence_start.tag);
-    case YAML_MAPPING_START_EVENT:
-        return check_plain(r, mark, event->data.mapping_start.anchor,
-                           event->data.mapping_start.tag);
-    case YAML_ALIAS_EVENT:
-        return yaml_error(r->error, mark, "found alias \"*%s\", expected the value itself",
-                          shown((const char *)event->data.alias.anchor, text));
-    default:
-        return yaml_error(r->error, mark, "found the end of the document, expected a value");
-    }
-}
-
-static enum error_code check_keys(struct reader *r, const struct node *map)
-{
-    char text[SHOWN + 4];
-
-    if (map->count > MAX_KEYS) {
-        return yaml_error(r->error, &map->mark, "found %zu keys in a mapping, expected at most %d",
-                          map->count, MAX_KEYS);
-    }
-    for (const struct node *key = map->first; key; key = key->next->next) {
-        if (key->kind != NODE_SCALAR || *key->text == '\0') {
-            return unexpected(r, key, "the name of a key");
-        }
-        for (const struct node *other = map->first; other != key; other = other->next->next) {
-            if (!strcmp(other->text, key->text)) {
-                return yaml_error(r->error, &key->mark,
-                                  "found key \"%s\" again, expected it once (it stands in line %d)",
-                                  shown(key->text, text), other->mark.line);
-            }
-        }
-    }
-    return ERROR_NONE;
-}
-
-static enum error_code build(struct reader *r, const yaml_event_t *event, int depth,
-                             struct node **out);
-
-/* The entries of a list or mapping until its end event; recursion is bounded by MAX_DEPTH. */
-static enum error_code build_children(struct reader *r, struct node *parent, int depth)
-{
-    yaml_event_type_t end =
-        parent->kind == NODE_LIST ? YAML_SEQUENCE_END_EVENT : YAML_MAPPING_END_EVENT;
-    struct node **link = &parent->first;
-    size_t count = 0;
-
-    for (;;) {
-        yaml_event_t event;
-        enum error_code code = next_event(r, &event);
-        bool done;
-
-        if (code) {
-            return code;
-        }
-        done = event.type == end;
-        if (!done) {
-            code = build(r, &event, depth + 1, link);
-        }
-        yaml_event_delete(&event);
-        if (code) {
-            return code;
-        }
-        if (done) {
-            parent->count = parent->kind == NODE_LIST ? count : count / 2;
-            return parent->kind == NODE_LIST ? ERROR_NONE : check_keys(r, parent);
-        }
-        link = &(*link)->next;
-        count++;
-    }
-}
-
-/* The node that event begins. */
-static enum error_code build(struct reader *r, const yaml_event_t *event, int depth,
-                             struct node **out)
-{
-    struct yaml_mark mark = mark_at(r, event->start_mark);
-    enum error_code code = check_event(r, event, &mark, depth);
-    struct node *node;
-
-    if (code) {
-        return code;
-    }
-    node = arena_alloc(&r->scratch, 1, sizeof *node);
-    if (!node) {
-        return out_of_memory(r);
-    }
-    node->mark = mark;
-    *out = node;
-    if (event->type == YAML_SCALAR_EVENT) {
-        const char *text = (const char *)event->data.scalar.value;
-
-        /* an escape can still bring a zero into the text */
-        if (strlen(text) != event->data.scalar.length) {
-            return yaml_error(r->error, &mark, "found a zero byte in a text, expected none");
-        }
-        node->kind = NODE_SCALAR;
-        node->quoted = event->data.scalar.style != YAML_PLAIN_SCALAR_STYLE;
-        node->text = arena_strdup(&r->scratch, text);
-        return node->text ? ERROR_NONE : out_of_memory(r);
-    }
-    node->kind = event->type == YAML_SEQUENCE_START_EVENT ? NODE_LIST : NODE_MAP;
-    return build_children(r, node, depth);
-}
-
-/* One event of the frame around the root value. */
-static enum error_code expect_event(struct reader *r, yaml_event_type_t type, const char *message)
-{
-    yaml_event_t event;
-    enum error_code code = next_event(r, &event);
-
-    if (!code && event.type != type) {
-        struct yaml_mark mark = mark_at(r, event.start_mark);
-
-        code = yaml_error(r->error, &mark, "%s", message);
-    }
-    if (code != ERROR_NONE) {
-        return code;
-    }
-    yaml_event_delete(&event);
-    return ERROR_NONE;
-}
-
-static enum error_code build_document(struct reader *r, struct node **root)
-{
-    yaml_event_t event;
-    enum error_code code;
-
-    code = expect_event(r, YAML_STREAM_START_EVENT, "found no stream, expected a document");
-    if (!code) {
-        code =
-            expect_event(r, YAML_DOCUMENT_START_EVENT, "found an empty file, expected a mapping");
-    }
-    if (!code) {
-        code = next_event(r, &event);
-    }
-    if (code) {
-        return code;
-    }
-    code = build(r, &event, 0, root);
-    yaml_event_delete(&event);
-    if (!code) {
-        code = expect_event(r, YAML_DOCUMENT_END_EVENT, "found more, expected the document's end");
-    }
-    if (!code) {
-        code = expect_event(r, YAML_STREAM_END_EVENT,
-                            "found a second document, expected one document in a file");
-    }
-    return code;
 }
 
 /* ---- schema ---- */
@@ -451,112 +86,112 @@ static bool in_range(const struct yaml_field *field, double value)
     return (field->min == 0 && field->max == 0) || (value >= field->min && value <= field->max);
 }
 
-static enum error_code read_bool(struct reader *r, const struct yaml_field *field,
-                                 const struct node *node, void *out)
+static enum error_code read_bool(struct yaml_reader *r, const struct yaml_field *field,
+                                 const struct yaml_node *node, void *out)
 {
     (void)field;
-    if (!is_bool(node)) {
-        return unexpected(r, node, "true or false");
+    if (!yaml_is_bool(node)) {
+        return yaml_unexpected(r, node, "true or false");
     }
     *(bool *)out = node->text[0] == 't';
     return ERROR_NONE;
 }
 
-static enum error_code read_int(struct reader *r, const struct yaml_field *field,
-                                const struct node *node, void *out)
+static enum error_code read_int(struct yaml_reader *r, const struct yaml_field *field,
+                                const struct yaml_node *node, void *out)
 {
     const char *digits;
     char expected[96];
     int64_t value;
 
     describe_range("an integer", field, expected, sizeof expected);
-    if (node->kind != NODE_SCALAR || node->quoted ||
+    if (node->kind != YAML_KIND_SCALAR || node->quoted ||
         !text_to_int(node->text, INT64_MIN, INT64_MAX, &value)) {
-        return unexpected(r, node, expected);
+        return yaml_unexpected(r, node, expected);
     }
     /* 010 is eight to YAML 1.1 and ten to YAML 1.2 */
     digits = node->text + (*node->text == '-' || *node->text == '+');
     if (digits[0] == '0' && digits[1] >= '0' && digits[1] <= '9') {
-        return unexpected(r, node, "an integer without leading zeros");
+        return yaml_unexpected(r, node, "an integer without leading zeros");
     }
     if (!in_range(field, (double)value)) {
-        return unexpected(r, node, expected);
+        return yaml_unexpected(r, node, expected);
     }
     *(int64_t *)out = value;
     return ERROR_NONE;
 }
 
-static enum error_code read_real(struct reader *r, const struct yaml_field *field,
-                                 const struct node *node, void *out)
+static enum error_code read_real(struct yaml_reader *r, const struct yaml_field *field,
+                                 const struct yaml_node *node, void *out)
 {
     char expected[96];
     double value;
 
-    if (node->kind != NODE_SCALAR || node->quoted || !text_to_double(node->text, &value) ||
+    if (node->kind != YAML_KIND_SCALAR || node->quoted || !text_to_double(node->text, &value) ||
         !in_range(field, value)) {
         describe_range("a number", field, expected, sizeof expected);
-        return unexpected(r, node, expected);
+        return yaml_unexpected(r, node, expected);
     }
     *(double *)out = value;
     return ERROR_NONE;
 }
 
-static enum error_code read_string(struct reader *r, const struct yaml_field *field,
-                                   const struct node *node, void *out)
+static enum error_code read_string(struct yaml_reader *r, const struct yaml_field *field,
+                                   const struct yaml_node *node, void *out)
 {
     const char **string = out;
     char expected[96];
 
-    if (is_number(node) || is_bool(node)) {
-        return unexpected(r, node, "a text (put it in quotes if it is meant as one)");
+    if (yaml_is_number(node) || yaml_is_bool(node)) {
+        return yaml_unexpected(r, node, "a text (put it in quotes if it is meant as one)");
     }
-    if (node->kind != NODE_SCALAR || is_null(node)) {
-        return unexpected(r, node, "a text");
+    if (node->kind != YAML_KIND_SCALAR || yaml_is_null(node)) {
+        return yaml_unexpected(r, node, "a text");
     }
     if (field->max > 0 && !in_range(field, (double)strlen(node->text))) {
         snprintf(expected, sizeof expected, "a text of %.0f to %.0f bytes", field->min, field->max);
-        return unexpected(r, node, expected);
+        return yaml_unexpected(r, node, expected);
     }
     *string = arena_strdup(r->arena, node->text);
-    return *string ? ERROR_NONE : out_of_memory(r);
+    return *string ? ERROR_NONE : yaml_no_memory(r);
 }
 
-static enum error_code read_enum(struct reader *r, const struct yaml_field *field,
-                                 const struct node *node, void *out)
+static enum error_code read_enum(struct yaml_reader *r, const struct yaml_field *field,
+                                 const struct yaml_node *node, void *out)
 {
     const char *words[MAX_WORDS], *nearest;
-    char what[FOUND_SIZE], list[256];
+    char what[YAML_FOUND], list[256];
     size_t count = 0;
 
     for (const struct yaml_enum *e = field->names; e->word && count < MAX_WORDS; e++) {
-        if (node->kind == NODE_SCALAR && !strcmp(node->text, e->word)) {
+        if (node->kind == YAML_KIND_SCALAR && !strcmp(node->text, e->word)) {
             *(int *)out = e->value;
             return ERROR_NONE;
         }
         words[count++] = e->word;
     }
     join_words(words, count, list, sizeof list);
-    nearest = node->kind == NODE_SCALAR ? text_nearest(node->text, words, count) : NULL;
-    return yaml_error(r->error, &node->mark, "found %s, expected %s%s%s%s", found(node, what), list,
-                      nearest ? " (did you mean \"" : "", nearest ? nearest : "",
+    nearest = node->kind == YAML_KIND_SCALAR ? text_nearest(node->text, words, count) : NULL;
+    return yaml_error(r->error, &node->mark, "found %s, expected %s%s%s%s", yaml_found(node, what),
+                      list, nearest ? " (did you mean \"" : "", nearest ? nearest : "",
                       nearest ? "\"?)" : "");
 }
 
-static enum error_code read_reals(struct reader *r, const struct yaml_field *field,
-                                  const struct node *node, void *out)
+static enum error_code read_reals(struct yaml_reader *r, const struct yaml_field *field,
+                                  const struct yaml_node *node, void *out)
 {
     char expected[96];
     double *value = out;
 
     snprintf(expected, sizeof expected, "a list of %zu numbers", field->count);
-    if (node->kind != NODE_LIST) {
-        return unexpected(r, node, expected);
+    if (node->kind != YAML_KIND_LIST) {
+        return yaml_unexpected(r, node, expected);
     }
     if (node->count != field->count) {
         return yaml_error(r->error, &node->mark, "found a list of %zu, expected %s", node->count,
                           expected);
     }
-    for (const struct node *entry = node->first; entry; entry = entry->next) {
+    for (const struct yaml_node *entry = node->first; entry; entry = entry->next) {
         enum error_code code = read_real(r, field, entry, value++);
 
         if (code) {
@@ -566,21 +201,21 @@ static enum error_code read_reals(struct reader *r, const struct yaml_field *fie
     return ERROR_NONE;
 }
 
-static enum error_code read_struct(struct reader *r, const struct yaml_schema *schema,
-                                   const struct node *node, void *out);
+static enum error_code read_struct(struct yaml_reader *r, const struct yaml_schema *schema,
+                                   const struct yaml_node *node, void *out);
 
-static enum error_code read_real_entry(struct reader *r, const struct yaml_field *field,
-                                       const struct node *key, void *out)
+static enum error_code read_real_entry(struct yaml_reader *r, const struct yaml_field *field,
+                                       const struct yaml_node *key, void *out)
 {
     struct yaml_real_entry *entry = out;
 
     entry->mark = key->mark;
     entry->name = arena_strdup(r->arena, key->text);
-    return entry->name ? read_real(r, field, key->next, &entry->value) : out_of_memory(r);
+    return entry->name ? read_real(r, field, key->next, &entry->value) : yaml_no_memory(r);
 }
 
-static enum error_code read_name_entry(struct reader *r, const struct yaml_field *field,
-                                       const struct node *node, void *out)
+static enum error_code read_name_entry(struct yaml_reader *r, const struct yaml_field *field,
+                                       const struct yaml_node *node, void *out)
 {
     struct yaml_name *entry = out;
 
@@ -588,43 +223,43 @@ static enum error_code read_name_entry(struct reader *r, const struct yaml_field
     return read_string(r, field, node, &entry->name);
 }
 
-static enum error_code read_dict_entry(struct reader *r, const struct yaml_field *field,
-                                       const struct node *key, void *out)
+static enum error_code read_dict_entry(struct yaml_reader *r, const struct yaml_field *field,
+                                       const struct yaml_node *key, void *out)
 {
     const char *name = arena_strdup(r->arena, key->text);
     enum error_code code = read_struct(r, field->schema, key->next, out);
 
     *(const char **)at(out, field->schema->name_offset) = name;
-    return code ? code : name ? ERROR_NONE : out_of_memory(r);
+    return code ? code : name ? ERROR_NONE : yaml_no_memory(r);
 }
 
-static enum error_code read_list_entry(struct reader *r, const struct yaml_field *field,
-                                       const struct node *node, void *out)
+static enum error_code read_list_entry(struct yaml_reader *r, const struct yaml_field *field,
+                                       const struct yaml_node *node, void *out)
 {
     return read_struct(r, field->schema, node, out);
 }
 
-typedef enum error_code read_function(struct reader *r, const struct yaml_field *field,
-                                      const struct node *node, void *out);
+typedef enum error_code read_function(struct yaml_reader *r, const struct yaml_field *field,
+                                      const struct yaml_node *node, void *out);
 
 /* The entries of a list, or the keys of a mapping, into an array of its own. */
-static enum error_code read_many(struct reader *r, const struct yaml_field *field,
-                                 const struct node *node, size_t size, read_function *read,
+static enum error_code read_many(struct yaml_reader *r, const struct yaml_field *field,
+                                 const struct yaml_node *node, size_t size, read_function *read,
                                  void *out, size_t *count)
 {
     unsigned char *array = arena_alloc(r->arena, node->count, size);
     size_t i = 0;
 
     if (!array) {
-        return out_of_memory(r);
+        return yaml_no_memory(r);
     }
-    for (const struct node *entry = node->first; entry; i++) {
+    for (const struct yaml_node *entry = node->first; entry; i++) {
         enum error_code code = read(r, field, entry, array + i * size);
 
         if (code) {
             return code;
         }
-        entry = node->kind == NODE_MAP ? entry->next->next : entry->next;
+        entry = node->kind == YAML_KIND_MAP ? entry->next->next : entry->next;
     }
     *(void **)out = array;
     *count = node->count;
@@ -632,35 +267,34 @@ static enum error_code read_many(struct reader *r, const struct yaml_field *fiel
 }
 
 /* Values that become an array: which node they need, how long an entry is and how it is read. */
-static enum error_code read_array(struct reader *r, const struct yaml_field *field,
-                                  const struct node *node, void *out, size_t *count)
+static enum error_code read_array(struct yaml_reader *r, const struct yaml_field *field,
+                                  const struct yaml_node *node, void *out, size_t *count)
 {
     static const struct {
         const char *expected;
-        enum node_kind kind;
+        enum yaml_kind kind;
         size_t size; /* 0 = the schema's */
         read_function *read;
     } form[] = {
-        [YAML_REAL_LIST] = {"a list of numbers", NODE_LIST, sizeof(double), read_real},
-        [YAML_STRING_LIST] = {"a list of texts", NODE_LIST, sizeof(char *), read_string},
-        [YAML_NAME_LIST] = {"a list of names", NODE_LIST, sizeof(struct yaml_name),
+        [YAML_REAL_LIST] = {"a list of numbers", YAML_KIND_LIST, sizeof(double), read_real},
+        [YAML_NAME_LIST] = {"a list of names", YAML_KIND_LIST, sizeof(struct yaml_name),
                             read_name_entry},
-        [YAML_LIST] = {"a list of mappings", NODE_LIST, 0, read_list_entry},
-        [YAML_DICT] = {"a mapping of names to mappings", NODE_MAP, 0, read_dict_entry},
-        [YAML_REAL_DICT] = {"a mapping of names to numbers", NODE_MAP,
+        [YAML_LIST] = {"a list of mappings", YAML_KIND_LIST, 0, read_list_entry},
+        [YAML_DICT] = {"a mapping of names to mappings", YAML_KIND_MAP, 0, read_dict_entry},
+        [YAML_REAL_DICT] = {"a mapping of names to numbers", YAML_KIND_MAP,
                             sizeof(struct yaml_real_entry), read_real_entry},
     };
     enum yaml_type type = field->type;
     size_t size = form[type].size ? form[type].size : field->schema->size;
 
     if (node->kind != form[type].kind) {
-        return unexpected(r, node, form[type].expected);
+        return yaml_unexpected(r, node, form[type].expected);
     }
     return read_many(r, field, node, size, form[type].read, out, count);
 }
 
-static enum error_code read_value(struct reader *r, const struct yaml_field *field,
-                                  const struct node *node, void *out)
+static enum error_code read_value(struct yaml_reader *r, const struct yaml_field *field,
+                                  const struct yaml_node *node, void *out)
 {
     void *value = at(out, field->offset);
 
@@ -690,11 +324,11 @@ static enum error_code read_value(struct reader *r, const struct yaml_field *fie
     }
 }
 
-static enum error_code unknown_key(struct reader *r, const struct yaml_schema *schema,
-                                   const struct node *key)
+static enum error_code unknown_key(struct yaml_reader *r, const struct yaml_schema *schema,
+                                   const struct yaml_node *key)
 {
     const char *words[MAX_WORDS], *nearest;
-    char text[SHOWN + 4], list[320];
+    char text[YAML_SHOWN + 4], list[320];
     size_t count = 0;
 
     for (size_t i = 0; i < schema->field_count && count < MAX_WORDS; i++) {
@@ -703,7 +337,7 @@ static enum error_code unknown_key(struct reader *r, const struct yaml_schema *s
     nearest = text_nearest(key->text, words, count);
     join_words(words, count, list, sizeof list);
     return yaml_error(r->error, &key->mark, "found unknown key \"%s\" in %s, expected %s%s%s",
-                      shown(key->text, text), schema->what, nearest ? "\"" : "",
+                      yaml_shown(key->text, text), schema->what, nearest ? "\"" : "",
                       nearest ? nearest : list, nearest ? "\"" : "");
 }
 
@@ -727,17 +361,17 @@ static void set_defaults(const struct yaml_schema *schema, const struct yaml_mar
     }
 }
 
-static enum error_code read_struct(struct reader *r, const struct yaml_schema *schema,
-                                   const struct node *node, void *out)
+static enum error_code read_struct(struct yaml_reader *r, const struct yaml_schema *schema,
+                                   const struct yaml_node *node, void *out)
 {
     char expected[96];
 
-    if (node->kind != NODE_MAP) {
+    if (node->kind != YAML_KIND_MAP) {
         snprintf(expected, sizeof expected, "a mapping (%s)", schema->what);
-        return unexpected(r, node, expected);
+        return yaml_unexpected(r, node, expected);
     }
     set_defaults(schema, &node->mark, out);
-    for (const struct node *key = node->first; key; key = key->next->next) {
+    for (const struct yaml_node *key = node->first; key; key = key->next->next) {
         const struct yaml_field *field = schema->fields;
         const struct yaml_field *end = field + schema->field_count;
         enum error_code code;
@@ -751,7 +385,7 @@ static enum error_code read_struct(struct reader *r, const struct yaml_schema *s
         }
     }
     for (size_t i = 0; i < schema->field_count; i++) {
-        const struct node *key = node->first;
+        const struct yaml_node *key = node->first;
 
         while (key && strcmp(schema->fields[i].key, key->text) != 0) {
             key = key->next->next;
@@ -766,56 +400,33 @@ static enum error_code read_struct(struct reader *r, const struct yaml_schema *s
 
 /* ---- entry points ---- */
 
-static enum error_code read_tree(struct reader *r, const char *text, size_t size,
-                                 const struct yaml_schema *schema, void *out)
-{
-    static const char bom[] = "\xef\xbb\xbf";
-    struct node *root = NULL;
-    enum error_code code;
-
-    if (size >= 3 && !memcmp(text, bom, 3)) {
-        text += 3;
-        size -= 3;
-    }
-    code = check_bytes(r, text, size);
-    if (code) {
-        return code;
-    }
-    if (!yaml_parser_initialize(&r->parser)) {
-        return out_of_memory(r);
-    }
-    yaml_parser_set_encoding(&r->parser, YAML_UTF8_ENCODING);
-    yaml_parser_set_input_string(&r->parser, (const unsigned char *)text, size);
-    code = build_document(r, &root);
-    yaml_parser_delete(&r->parser);
-    if (code) {
-        return code;
-    }
-    memset(out, 0, schema->size);
-    return read_struct(r, schema, root, out);
-}
-
 enum error_code yaml_read_text(const char *name, const char *text, size_t size,
                                const struct yaml_schema *schema, struct arena *arena, void *out,
                                struct error *error)
 {
-    struct reader r = {.arena = arena, .file = name, .error = error};
+    struct yaml_reader r = {.arena = arena, .file = name, .error = error};
+    struct yaml_node *root = NULL;
     enum error_code code;
 
-    if (size > MAX_FILE) {
+    if (size > YAML_MAX_FILE) {
         return error_set(error, ERROR_INPUT,
-                         "%.200s: found more than %d bytes, expected at most that", name, MAX_FILE);
+                         "%.200s: found more than %d bytes, expected at most that", name,
+                         YAML_MAX_FILE);
     }
     r.file = arena_strdup(arena, name);
     if (!r.file) {
         r.file = name;
-        return out_of_memory(&r);
+        return yaml_no_memory(&r);
     }
     code = arena_init(&r.scratch, SCRATCH, error);
     if (code) {
         return code;
     }
-    code = read_tree(&r, text, size, schema, out);
+    code = yaml_tree_read(&r, text, size, &root);
+    if (!code) {
+        memset(out, 0, schema->size);
+        code = read_struct(&r, schema, root, out);
+    }
     arena_fini(&r.scratch);
     return code;
 }
@@ -868,10 +479,10 @@ enum error_code yaml_read_file(const char *path, const struct yaml_schema *schem
     } else if (!S_ISREG(status.st_mode)) {
         code = error_set(error, ERROR_INPUT, "%.200s: found %s, expected a file", path,
                          S_ISDIR(status.st_mode) ? "a directory" : "no regular file");
-    } else if (!(text = malloc(MAX_FILE + 1))) {
+    } else if (!(text = malloc(YAML_MAX_FILE + 1))) {
         code = error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", path);
     } else {
-        code = read_bytes(fd, path, text, MAX_FILE + 1, &size, error);
+        code = read_bytes(fd, path, text, YAML_MAX_FILE + 1, &size, error);
     }
     close(fd);
     if (!code) {
@@ -931,7 +542,7 @@ enum error_code yaml_resolve_path(const struct yaml_mark *mark, const char *refe
     const char *slash = strrchr(mark->file, '/');
     size_t directory = slash ? (size_t)(slash - mark->file) + 1 : 0;
     size_t size = directory + strlen(reference) + 1;
-    char text[SHOWN + 4], *joined;
+    char text[YAML_SHOWN + 4], *joined;
     int lowest;
 
     if (*reference == '\0') {
@@ -940,14 +551,14 @@ enum error_code yaml_resolve_path(const struct yaml_mark *mark, const char *refe
     }
     if (*reference == '/') {
         return yaml_error(error, mark, "found absolute path \"%s\", expected one relative to %s",
-                          shown(reference, text), "this file");
+                          yaml_shown(reference, text), "this file");
     }
     walk(reference, &lowest);
     if (lowest < -1) {
         return yaml_error(error, mark,
                           "found path \"%s\", which leaves the configuration tree, expected one "
                           "at or below \"..\"",
-                          shown(reference, text));
+                          yaml_shown(reference, text));
     }
     joined = arena_alloc(arena, size, 1);
     if (!joined) {

@@ -21,17 +21,16 @@ struct yaml_mark {
 };
 
 enum yaml_type {
-    YAML_BOOL,        /* bool */
-    YAML_INT,         /* int64_t */
-    YAML_REAL,        /* double, finite */
-    YAML_STRING,      /* const char *, in the arena; min/max bound its length when max > 0 */
-    YAML_ENUM,        /* int: the value of one of the words of names */
-    YAML_REALS,       /* double[count], exactly count entries */
-    YAML_REAL_LIST,   /* double * in the arena and size_t at count_offset, any length */
-    YAML_STRING_LIST, /* const char ** in the arena and size_t at count_offset */
-    YAML_NAME_LIST,   /* the same with marks: struct yaml_name * and size_t at count_offset */
-    YAML_MAP,         /* a nested struct by value, read with schema */
-    YAML_LIST,        /* list of mappings: struct * in the arena, size_t at count_offset */
+    YAML_BOOL,      /* bool */
+    YAML_INT,       /* int64_t */
+    YAML_REAL,      /* double, finite */
+    YAML_STRING,    /* const char *, in the arena; min/max bound its length when max > 0 */
+    YAML_ENUM,      /* int: the value of one of the words of names */
+    YAML_REALS,     /* double[count], exactly count entries */
+    YAML_REAL_LIST, /* double * in the arena and size_t at count_offset, any length */
+    YAML_NAME_LIST, /* texts with marks: struct yaml_name * and size_t at count_offset */
+    YAML_MAP,       /* a nested struct by value, read with schema */
+    YAML_LIST,      /* list of mappings: struct * in the arena, size_t at count_offset */
     YAML_DICT, /* mapping name -> mapping: as YAML_LIST; the name goes to schema->name_offset */
     YAML_REAL_DICT, /* mapping name -> real: struct yaml_real_entry * and size_t at count_offset */
 };

@@ -23,7 +23,7 @@ function finish(number,    missing) {
     line = $0; sub(/^[0-9]+: ?/, "", line)
     if (line ~ /^1\.\.[0-9]+/) {
         sub(/^1\.\./, "", line); plan[number] += line + 0
-    } else if (line ~ /^ok / && line ~ /# *SKIP/) {
+    } else if (line ~ /^(not )?ok / && line ~ /# *SKIP/) {
         skipped++; seen[number]++; reasons[++nreasons] = name[number] ": " line
     } else if (line ~ /^ok /) {
         passed++; seen[number]++

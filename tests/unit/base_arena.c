@@ -1,0 +1,167 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Arena, errors as values, hash. */
+#include "base/arena.h"
+#include "base/hash.h"
+
+#include <errno.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include <cmocka.h>
+
+static void hands_out_zeroed_aligned_memory_that_does_not_overlap(void **state)
+{
+    struct arena arena;
+    unsigned char *last_end = NULL;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, 1 << 20, NULL), ERROR_NONE);
+    for (size_t size = 1; size < 500; size += 7) {
+        unsigned char *p = arena_alloc(&arena, size, 1);
+
+        assert_non_null(p);
+        assert_int_equal((uintptr_t)p % 64, 0);
+        assert_true(p >= last_end);
+        for (size_t i = 0; i < size; i++) {
+            assert_int_equal(p[i], 0);
+        }
+        memset(p, 0xa5, size);
+        last_end = p + size;
+    }
+    arena_fini(&arena);
+}
+
+static void refuses_more_than_its_capacity_and_stays_usable(void **state)
+{
+    struct arena arena;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, 4096, NULL), ERROR_NONE);
+    assert_null(arena_alloc(&arena, 4097, 1));
+    assert_non_null(arena_alloc(&arena, 4000, 1));
+    assert_null(arena_alloc(&arena, 65, 1));
+    assert_non_null(arena_alloc(&arena, 64, 1));
+    assert_null(arena_alloc(&arena, 1, 1));
+    assert_null(arena_strdup(&arena, "text"));
+    arena_fini(&arena);
+}
+
+static void refuses_sizes_whose_product_overflows(void **state)
+{
+    struct arena arena;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, 4096, NULL), ERROR_NONE);
+    assert_null(arena_alloc(&arena, SIZE_MAX / 2, 3));
+    assert_null(arena_alloc(&arena, SIZE_MAX, SIZE_MAX));
+    assert_null(arena_alloc(&arena, SIZE_MAX, 1));
+    arena_fini(&arena);
+}
+
+static void hands_out_nothing_once_it_is_sealed(void **state)
+{
+    struct arena arena;
+    char *text;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, 1 << 20, NULL), ERROR_NONE);
+    text = arena_strdup(&arena, "kept");
+    assert_int_equal(arena_seal(&arena, false, NULL), ERROR_NONE);
+    assert_null(arena_alloc(&arena, 1, 1));
+    assert_string_equal(text, "kept");
+    arena_fini(&arena);
+}
+
+static void finishing_twice_does_no_harm(void **state)
+{
+    struct arena arena;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, 4096, NULL), ERROR_NONE);
+    arena_fini(&arena);
+    arena_fini(&arena);
+}
+
+static void says_why_memory_could_not_be_reserved(void **state)
+{
+    struct arena arena;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, (size_t)1 << 62, &error), ERROR_SYSTEM);
+    assert_non_null(strstr(error.text, "4611686018427387904 bytes"));
+    assert_non_null(strstr(error.text, strerror(ENOMEM)));
+    assert_null(arena_alloc(&arena, 1, 1));
+    arena_fini(&arena);
+}
+
+static void an_error_carries_code_and_text(void **state)
+{
+    struct error error;
+
+    (void)state;
+    assert_int_equal(error_set(&error, ERROR_INPUT, "found %d", 7), ERROR_INPUT);
+    assert_int_equal(error.code, ERROR_INPUT);
+    assert_string_equal(error.text, "found 7");
+    assert_int_equal(error_set_errno(&error, ENOENT, "open %s", "x"), ERROR_SYSTEM);
+    assert_string_equal(error.text, "open x: No such file or directory");
+    assert_int_equal(error_prefix(&error, "rig %s", "r"), ERROR_SYSTEM);
+    assert_string_equal(error.text, "rig r: open x: No such file or directory");
+}
+
+static void an_error_that_nobody_asked_for_is_only_a_code(void **state)
+{
+    (void)state;
+    assert_int_equal(error_set(NULL, ERROR_MEMORY, "x"), ERROR_MEMORY);
+    assert_int_equal(error_set_errno(NULL, ENOENT, "x"), ERROR_SYSTEM);
+}
+
+static void a_long_error_text_is_cut_and_stays_a_string(void **state)
+{
+    struct error error;
+    char text[3000];
+
+    (void)state;
+    memset(text, 'y', sizeof text - 1);
+    text[sizeof text - 1] = '\0';
+    error_set(&error, ERROR_INPUT, "%s", text);
+    assert_int_equal(strlen(error.text), sizeof error.text - 1);
+    for (int i = 0; i < 20; i++) {
+        error_prefix(&error, "%s", text);
+        assert_true(strlen(error.text) < sizeof error.text);
+    }
+    error_set_errno(&error, ENOENT, "%s", text);
+    assert_int_equal(strlen(error.text), sizeof error.text - 1);
+}
+
+/* Vectors of the FNV authors' reference list (64-bit FNV-1a). */
+static void the_hash_is_fnv_1a(void **state)
+{
+    (void)state;
+    assert_true(hash_bytes(HASH_START, "", 0) == UINT64_C(0xcbf29ce484222325));
+    assert_true(hash_bytes(HASH_START, "a", 1) == UINT64_C(0xaf63dc4c8601ec8c));
+    assert_true(hash_bytes(HASH_START, "foobar", 6) == UINT64_C(0x85944171f73967e8));
+    assert_true(hash_bytes(hash_bytes(HASH_START, "foo", 3), "bar", 3) ==
+                UINT64_C(0x85944171f73967e8));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(hands_out_zeroed_aligned_memory_that_does_not_overlap),
+        cmocka_unit_test(refuses_more_than_its_capacity_and_stays_usable),
+        cmocka_unit_test(refuses_sizes_whose_product_overflows),
+        cmocka_unit_test(hands_out_nothing_once_it_is_sealed),
+        cmocka_unit_test(finishing_twice_does_no_harm),
+        cmocka_unit_test(says_why_memory_could_not_be_reserved),
+        cmocka_unit_test(an_error_carries_code_and_text),
+        cmocka_unit_test(an_error_that_nobody_asked_for_is_only_a_code),
+        cmocka_unit_test(a_long_error_text_is_cut_and_stays_a_string),
+        cmocka_unit_test(the_hash_is_fnv_1a),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,179 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Numbers and names as people write them, right and wrong. */
+#include "base/text.h"
+
+#include <float.h>
+#include <stdbool.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include <cmocka.h>
+
+#define COUNT(array) (sizeof(array) / sizeof(array)[0])
+
+static void reads_finite_decimal_numbers(void **state)
+{
+    static const struct {
+        const char *text;
+        double value;
+    } cases[] = {{"0", 0.0},         {"-1.5", -1.5},   {"+2", 2.0},
+                 {".5", 0.5},        {"5.", 5.0},      {"1e3", 1000.0},
+                 {"2.5E-3", 2.5e-3}, {"010", 10.0},    {"-0", -0.0},
+                 {"1e-400", 0.0},    {"1e308", 1e308}, {"1.7976931348623157e308", DBL_MAX}};
+
+    (void)state;
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        double value = 99.0;
+
+        if (!text_to_double(cases[i].text, &value) || value != cases[i].value) {
+            fail_msg("\"%s\" was read as %g", cases[i].text, value);
+        }
+    }
+}
+
+static void refuses_what_is_no_finite_decimal_number(void **state)
+{
+    static const char *const cases[] = {"",      " 1",     "1 ",   "1,5",     "abc",   "1e",
+                                        "e5",    "--1",    "0x10", "inf",     "-inf",  "nan",
+                                        "1e999", "-1e999", ".",    "+",       "1.2.3", "1\n",
+                                        "1e5.5", "1_000",  "1f",   "infinity"};
+
+    (void)state;
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        double value = 99.0;
+
+        if (text_to_double(cases[i], &value) || value != 99.0) {
+            fail_msg("\"%s\" was read as %g", cases[i], value);
+        }
+    }
+}
+
+static void reads_integers_in_decimal_and_hexadecimal_within_limits(void **state)
+{
+    static const struct {
+        const char *text;
+        int64_t value;
+    } cases[] = {{"0", 0},
+                 {"-7", -7},
+                 {"+7", 7},
+                 {"0x0D", 13},
+                 {"-0x10", -16},
+                 {"0XfF", 255},
+                 {"9223372036854775807", INT64_MAX},
+                 {"-9223372036854775808", INT64_MIN}};
+
+    (void)state;
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        int64_t value = 99;
+
+        if (!text_to_int(cases[i].text, INT64_MIN, INT64_MAX, &value) || value != cases[i].value) {
+            fail_msg("\"%s\" was read as %lld", cases[i].text, (long long)value);
+        }
+    }
+}
+
+static void refuses_what_is_no_integer_within_limits(void **state)
+{
+    static const char *const cases[] = {"",
+                                        " 1",
+                                        "1 ",
+                                        "1.0",
+                                        "1e3",
+                                        "0x",
+                                        "x10",
+                                        "11",
+                                        "-1",
+                                        "-",
+                                        "+",
+                                        "0xg",
+                                        "9223372036854775808",
+                                        "1-",
+                                        "--1",
+                                        "0x-1"};
+
+    (void)state;
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        int64_t value = 99;
+
+        if (text_to_int(cases[i], 0, 10, &value) || value != 99) {
+            fail_msg("\"%s\" was read as %lld", cases[i], (long long)value);
+        }
+    }
+}
+
+static void names_the_nearest_word(void **state)
+{
+    static const char *const words[] = {"mass_kg", "com_m", "inertia_kg_m2", "parent"};
+
+    (void)state;
+    assert_string_equal(text_nearest("mas_kg", words, COUNT(words)), "mass_kg");
+    assert_string_equal(text_nearest("Mass_Kg", words, COUNT(words)), "mass_kg");
+    assert_string_equal(text_nearest("com", words, COUNT(words)), "com_m");
+    assert_string_equal(text_nearest("inertia_kg_m", words, COUNT(words)), "inertia_kg_m2");
+    assert_string_equal(text_nearest("parent", words, COUNT(words)), "parent");
+}
+
+static void names_no_word_when_none_is_near(void **state)
+{
+    static const char *const words[] = {"mass_kg", "com_m"};
+    char longest[200];
+
+    (void)state;
+    memset(longest, 'x', sizeof longest - 1);
+    longest[sizeof longest - 1] = '\0';
+    assert_null(text_nearest("voltage", words, COUNT(words)));
+    assert_null(text_nearest(longest, words, COUNT(words)));
+    assert_null(text_nearest("mass_kg", words, 0));
+}
+
+static void passes_over_words_that_are_too_long_to_compare(void **state)
+{
+    char longest[200];
+    const char *words[] = {longest, "mass_kg"};
+
+    (void)state;
+    memset(longest, 'm', sizeof longest - 1);
+    longest[sizeof longest - 1] = '\0';
+    assert_string_equal(text_nearest("mass_k", words, COUNT(words)), "mass_kg");
+}
+
+static void a_name_is_safe_in_messages_and_file_names(void **state)
+{
+    static const char *const good[] = {"can0", "left_leg", "a", "...", "L-1.b"};
+    static const char *const bad[] = {
+        "",     ".",
+        "..",   "a/b",
+        "../x", "a b",
+        "a\n",  "\xc3\xa4",
+        "a:b",  "0123456789012345678901234567890123456789012345678901234567890123"};
+
+    (void)state;
+    for (size_t i = 0; i < COUNT(good); i++) {
+        if (!text_is_name(good[i])) {
+            fail_msg("refused \"%s\"", good[i]);
+        }
+    }
+    for (size_t i = 0; i < COUNT(bad); i++) {
+        if (text_is_name(bad[i])) {
+            fail_msg("took \"%s\"", bad[i]);
+        }
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(reads_finite_decimal_numbers),
+        cmocka_unit_test(refuses_what_is_no_finite_decimal_number),
+        cmocka_unit_test(reads_integers_in_decimal_and_hexadecimal_within_limits),
+        cmocka_unit_test(refuses_what_is_no_integer_within_limits),
+        cmocka_unit_test(names_the_nearest_word),
+        cmocka_unit_test(names_no_word_when_none_is_near),
+        cmocka_unit_test(passes_over_words_that_are_too_long_to_compare),
+        cmocka_unit_test(a_name_is_safe_in_messages_and_file_names),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
