@@ -1,11 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The boards of a rig: motor drivers and force-torque boards that speak on the buses. They receive
- * frames, turn them into bridge voltages, and send telemetry made from the plant's sensors.
+ * frames, turn them into bridge voltages, and send telemetry made from the plant's sensors. The
+ * protocol is boards/icub_protocol.h; every message with its lengths and fields is a row of
+ * boards/icub_table.h.
  *
  * Once a tick the loop calls, in this order: boards_receive for every frame that arrived,
  * boards_control (state machines, time-outs, control modes -> voltages), and, after the plant has
- * moved and been sampled, boards_transmit for each bus.
+ * moved and been sampled, boards_transmit for each bus. One thread makes all these calls; only
+ * boards_next_event and board_event_format may be called from another.
+ *
+ * Time is virtual: it moves by tick_ns with each boards_control. The boards' own loop has a step a
+ * millisecond, as the real one: in a longer tick it takes several, in a shorter one it waits. All
+ * boards power up together, so their slots (POSITION in slot 0, PID_VAL 1, STATUS 2, the rest 3)
+ * coincide; the first millisecond is slot 0.
+ *
+ * An unwelcome frame is counted and never fatal: foreign (no board here), unknown (no such command)
+ * or malformed (length or value), the latter two with an event. Answers wait in a queue; a board
+ * that has BOARD_REPLIES_MAX of them waiting loses further ones and says so in STATUS and OVERFLOW.
  */
 #ifndef BOARDS_BOARD_H
 #define BOARDS_BOARD_H
@@ -23,32 +35,40 @@ enum board_kind {
     BOARD_TORQUE, /* six joint torques in STRAIN frames (pseudo-STRAIN) */
 };
 
-enum { BOARD_AXES = 2, BOARD_CHANNELS = 6 };
+enum { BOARD_AXES = 2, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };
+
+/* A supply below this is an under-voltage fault: half of the nominal 48 V. */
+#define BOARD_UNDER_VOLTAGE_V 24.0
 
 /* One axis of a motor board. */
 struct board_axis_config {
-    int joint;                     /* index in the plant's arrays; -1 = spare axis */
-    double joint_ticks_per_rad;    /* POSITION frames, link encoder */
-    double motor_ticks_per_rad;    /* MOTOR_POSITION frames, rotor encoder, per link-side rad */
-    double lower_rad, upper_rad;   /* limits until the host sets its own */
-    double current_limit_a;        /* over-current trip until the host sets its own */
-    double torque_full_scale_nm;   /* of the torque source, TorqueMax */
+    int joint;                   /* index in the plant's arrays; -1 = spare axis */
+    double joint_ticks_per_rad;  /* POSITION frames, link encoder */
+    double motor_ticks_per_rad;  /* MOTOR_POSITION frames, rotor encoder, per link-side rad */
+    double lower_rad, upper_rad; /* limits until the host sets its own */
+    double current_limit_a; /* over-current (I2t, see motor_board.c) until the host sets its own */
+    /* TorqueMax: 0x8000 counts of the torque source, which is the axis's own sensor until the host
+     * names a STRAIN board; 0 = no such sensor */
+    double torque_full_scale_nm;
 };
 
 struct board_config {
-    const char *name;
+    const char *name; /* also the additional information that the board gives at first */
     enum board_kind kind;
-    int bus;          /* index of the bus */
-    uint8_t address;  /* 1-14 */
-    bool strict;      /* exactly as the firmware: no safety time-out of ours */
-    int64_t command_timeout_ns;   /* stale voltage -> 0 V; 0 = off; ignored when strict */
-    struct board_axis_config axis[BOARD_AXES];   /* BOARD_MOTOR */
-    int ft;                                      /* BOARD_FT: index in the plant's ft array */
-    int torque_joint[BOARD_CHANNELS];            /* BOARD_TORQUE: joints, -1 = none */
-    double full_scale[BOARD_CHANNELS];           /* BOARD_FT: N, N, N, Nm, Nm, Nm; BOARD_TORQUE: Nm */
-    int64_t period_ns;                           /* STRAIN period until set by the host */
-    bool transmit_at_start;                      /* send without waiting for the host's command */
-    bool discovery_stops_motors;  /* as BLL firmware: class 7 discovery switches PWM off */
+    int bus;                    /* index of the bus */
+    uint8_t address;            /* 1-14 */
+    bool strict;                /* exactly as the firmware: no safety time-out of ours */
+    int64_t command_timeout_ns; /* a voltage, current or torque reference without a fresh command
+                                 * for so long becomes 0; 0 = off; ignored when strict */
+    struct board_axis_config axis[BOARD_AXES]; /* BOARD_MOTOR */
+    int ft;                                    /* BOARD_FT: index in the plant's ft array */
+    int torque_joint[BOARD_CHANNELS];          /* BOARD_TORQUE: joints, -1 = none */
+    double full_scale[BOARD_CHANNELS]; /* BOARD_FT: N, N, N, Nm, Nm, Nm, whole numbers, for the
+                                        * host reads them as such; BOARD_TORQUE: Nm */
+    int64_t period_ns;                 /* STRAIN period until set by the host; 0 = 1 ms */
+    bool transmit_at_start;            /* send without waiting for the host's command: STRAIN
+                                        * calibrated frames, motor boards with the policy 0x7f */
+    bool discovery_stops_motors;       /* as BLL firmware: class 7 discovery switches PWM off */
 };
 
 struct boards_config {
@@ -56,15 +76,20 @@ struct boards_config {
     const struct board_config *board;
     size_t nbus;
     size_t njoint, nft;
-    int64_t tick_ns;      /* the control loop of the boards runs once a tick; 1 ms on real ones */
+    int64_t tick_ns; /* boards_control is called once a tick; up to 100 ms */
 };
 
 enum board_event_kind {
-    BOARD_EVENT_MODE,           /* an axis changed its control mode: a = old, b = new */
-    BOARD_EVENT_FAULT,          /* fault bits rose: a = bits, b = axis */
-    BOARD_EVENT_TIMEOUT,        /* a voltage command went stale: b = axis */
-    BOARD_EVENT_UNKNOWN,        /* no such command: a = id, b = first byte */
-    BOARD_EVENT_MALFORMED,      /* wrong length or value: a = id, b = first byte */
+    BOARD_EVENT_MODE,        /* an axis changed its control mode: a = old, b = new */
+    BOARD_EVENT_FAULT,       /* fault bits rose on an axis: a = bits (enum icub_fault) */
+    BOARD_EVENT_TIMEOUT,     /* a command of an axis went stale: a = its mode */
+    BOARD_EVENT_SOURCE_LOST, /* the torque source of an axis fell silent: a = its address */
+    BOARD_EVENT_LIMIT,       /* voltage refused beyond a joint limit: a = position in ticks */
+    BOARD_EVENT_UNKNOWN,     /* no such command: a = id, b = first byte */
+    BOARD_EVENT_MALFORMED,   /* wrong length or value: a = id, b = first byte */
+    BOARD_EVENT_ADDRESS,     /* a board moved to another address: a = old, b = new */
+    BOARD_EVENT_RESTART,     /* a board went into its bootloader: a = 1, or left it: a = 0 */
+    BOARD_EVENT_OVERFLOW,    /* a board loses replies or frames: a = how many until now */
 };
 
 /* Something worth a line in the log; formatted outside the loop. */
@@ -72,29 +97,36 @@ struct board_event {
     int64_t time_ns;
     enum board_event_kind kind;
     int bus;
-    uint8_t address;
+    uint8_t address; /* at the time */
+    uint8_t axis;    /* 0 or 1 where the kind has one */
+    uint16_t board;  /* index in the configuration */
     uint32_t a, b;
 };
 
 /* Counts since the start. */
 struct boards_counters {
-    uint64_t frames;     /* received for some board */
-    uint64_t foreign;    /* ids that belong to no board here */
-    uint64_t unknown;    /* addressed to a board, but no such command */
-    uint64_t malformed;  /* known command, wrong length or value */
-    uint64_t timeouts;   /* commands gone stale */
-    uint64_t trips;      /* over-current */
+    uint64_t frames;      /* received for some board */
+    uint64_t foreign;     /* ids that belong to no board here */
+    uint64_t unknown;     /* addressed to a board, but no such command */
+    uint64_t malformed;   /* known command, wrong length or value */
+    uint64_t timeouts;    /* commands gone stale, torque sources fallen silent */
+    uint64_t trips;       /* over-current */
+    uint64_t overflows;   /* replies and periodic frames that a board could not send */
     uint64_t events_lost; /* events that found the ring full */
 };
 
 struct boards;
 
-/* Checks the configuration (addresses unique per bus, joints known, ...) and makes the boards.
- * Memory from arena. Not RT-safe. */
+/* Checks the configuration (addresses unique per bus, joints known and driven by one axis only,
+ * ...) and makes the boards; copies what it needs of config. Memory from arena. Not RT-safe. */
 enum error_code boards_create(const struct boards_config *config, struct arena *arena,
                               struct boards **boards, struct error *error);
 
-/* RT-safe, all of them. Any frame whatever may be given. */
+/* RT-safe, all of them. Any frame whatever may be given. boards_control writes bridge and voltage
+ * of the joints that have a board and leaves the rest of command alone. boards_transmit writes at
+ * most max frames, replies in the order of their requests, then periodic frames by board address;
+ * with max below boards_transmit_max replies wait and periodic frames may be lost. Returns how many
+ * it wrote. */
 void boards_receive(struct boards *boards, size_t bus, const struct bus_frame *frame);
 void boards_control(struct boards *boards, const struct plant_sensors *sensors,
                     struct plant_command *command);
@@ -106,6 +138,9 @@ size_t boards_transmit_max(const struct boards *boards, size_t bus);
 
 /* All bridges off at once (stop, emergency). RT-safe. */
 void boards_shut_down(struct boards *boards, struct plant_command *command);
+
+/* Some axis is in hardware fault (mode 0xA0). RT-safe. */
+bool boards_fault(const struct boards *boards);
 
 /* Read from another thread: one event, false when none waits; text for a log line. */
 bool boards_next_event(struct boards *boards, struct board_event *event);

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The iCub CAN protocol, persona A (BLL/MC4 motor boards, STRAIN): identifiers, commands, modes,
- * frame types and scales. Shared by the boards and by hosts; holds no behaviour.
+ * frame types and scales. Shared by the boards and by hosts; holds no behavior.
  *
- * 11-bit identifiers: class << 8 | source << 4 | x, where x is the destination address (classes 0, 2,
- * 7) or the frame type (classes 1, 3).
+ * 11-bit identifiers: class << 8 | source << 4 | x, where x is the destination address (classes 0,
+ * 2, 7) or the frame type (classes 1, 3).
  */
 #ifndef BOARDS_ICUB_PROTOCOL_H
 #define BOARDS_ICUB_PROTOCOL_H
@@ -28,10 +28,15 @@ static inline uint32_t icub_id(enum icub_class cls, unsigned source, unsigned x)
 
 /* class 0, data[0] bits 0-6; bit 7 is the axis */
 enum icub_motor_command {
+    ICUB_TOGGLE_VERBOSE = 0x03,
     ICUB_CALIBRATE_ENCODER = 0x04,
     ICUB_GET_CONTROL_MODE = 0x07,
     ICUB_MOTION_DONE = 0x08,
     ICUB_SET_CONTROL_MODE = 0x09,
+    ICUB_WRITE_FLASH = 0x0a,
+    ICUB_READ_FLASH = 0x0b,
+    ICUB_GET_INFO = 0x0c, /* additional information, as in class 7 */
+    ICUB_SET_INFO = 0x0d,
     ICUB_SET_SPEED_ESTIM_SHIFT = 0x0e,
     ICUB_GET_ENCODER_POSITION = 0x14,
     ICUB_SET_DESIRED_POSITION = 0x15,
@@ -65,7 +70,13 @@ enum icub_motor_command {
     ICUB_SET_BOARD_ID = 0x32,
     ICUB_GET_BOARD_ID = 0x33,
     ICUB_SET_TORQUE_SOURCE = 0x34,
+    ICUB_GET_PID_ERROR = 0x37,
+    ICUB_GET_POSITION_REFERENCE = 0x39,
+    ICUB_GET_VELOCITY_REFERENCE = 0x3a,
+    ICUB_GET_ERROR_STATUS = 0x3c,
+    ICUB_GET_ENCODER_VELOCITY = 0x3d,
     ICUB_SET_COMMAND_POSITION = 0x3e,
+    ICUB_GET_PID_OUTPUT = 0x3f,
     ICUB_SET_MIN_POSITION = 0x40,
     ICUB_GET_MIN_POSITION = 0x41,
     ICUB_SET_MAX_POSITION = 0x42,
@@ -93,13 +104,28 @@ enum icub_motor_command {
     ICUB_GET_POSITION_STICTION = 0x5e,
     ICUB_SET_TORQUE_STICTION = 0x5f,
     ICUB_GET_TORQUE_STICTION = 0x60,
+    ICUB_SET_MOTOR_PARAMETERS = 0x61,
+    ICUB_GET_MOTOR_PARAMETERS = 0x62,
+    ICUB_SET_MODEL_PARAMETERS = 0x63,
+    ICUB_GET_MODEL_PARAMETERS = 0x64,
+    ICUB_SET_CURRENT_PID = 0x65,
+    ICUB_GET_CURRENT_PID = 0x66,
+    ICUB_SET_I2T = 0x70,
+    ICUB_GET_I2T = 0x71,
     ICUB_SET_OPEN_LOOP = 0x72,
     ICUB_GET_OPEN_LOOP = 0x73,
     ICUB_SET_INTERACTION_MODE = 0x74,
     ICUB_GET_INTERACTION_MODE = 0x75,
+    ICUB_SET_TORQUE_FILTER = 0x76,
+    ICUB_GET_TORQUE_FILTER = 0x78,
+    ICUB_SET_TEMPERATURE_LIMIT = 0x79,
+    ICUB_GET_TEMPERATURE_LIMIT = 0x7a,
 };
 
 enum { ICUB_AXIS_BIT = 0x80 };
+enum { ICUB_MOTOR_COMMANDS = 0x80 }; /* codes are below */
+
+enum icub_interaction { ICUB_STIFF = 0, ICUB_COMPLIANT = 1 };
 
 /* data[1] of SET_CONTROL_MODE, bytes 1 and 3 of STATUS */
 enum icub_mode {
@@ -150,19 +176,63 @@ enum icub_fault {
     ICUB_FAULT_OPTICAL_ENCODER = 1 << 6,
 };
 
+/* STATUS byte 4 */
+enum icub_can_status {
+    ICUB_CAN_TX_OVERFLOW = 1 << 0,
+    ICUB_CAN_BUS_OFF = 1 << 1,
+    ICUB_CAN_TX_ERROR = 1 << 2,
+    ICUB_CAN_RX_ERROR = 1 << 3,
+    ICUB_CAN_TX_OVERRUN = 1 << 4,
+    ICUB_CAN_RX_WARNING = 1 << 5,
+    ICUB_CAN_RX_OVERRUN = 1 << 6,
+};
+
+enum { ICUB_SLOTS = 4 }; /* a BLL board's periodic frames take turns, 1 ms each */
+enum { ICUB_STATUS_PERIOD_MS = 5000 };
+enum { ICUB_STRAIN_SAFE_MS = 200 };  /* silence of a torque source that stops a torque loop */
 enum { ICUB_PWM_FULL_SCALE = 1333 }; /* open-loop reference of 100 % of the supply */
 
 /* class 2, data[0] */
 enum icub_strain_command {
+    ICUB_STRAIN_SET_FILTER = 0x01,
+    ICUB_STRAIN_SET_MATRIX = 0x03,
+    ICUB_STRAIN_SET_DAC = 0x04,
+    ICUB_STRAIN_SET_CHANNELS = 0x05,
+    ICUB_STRAIN_CALIBRATE = 0x06,
     ICUB_STRAIN_SET_TRANSMIT_MODE = 0x07,
     ICUB_STRAIN_SET_PERIOD = 0x08,
     ICUB_STRAIN_SAVE = 0x09,
-    ICUB_STRAIN_GET_FULL_SCALE = 0x18,
+    ICUB_STRAIN_GET_MATRIX = 0x0a,
+    ICUB_STRAIN_GET_DAC = 0x0b,
+    ICUB_STRAIN_GET_ADC = 0x0c,
+    ICUB_STRAIN_SET_MATRIX_GAIN = 0x11,
+    ICUB_STRAIN_GET_MATRIX_GAIN = 0x12,
+    ICUB_STRAIN_SET_CALIBRATION_TARE = 0x13,
+    ICUB_STRAIN_GET_CALIBRATION_TARE = 0x14,
+    ICUB_STRAIN_SET_CURRENT_TARE = 0x15,
+    ICUB_STRAIN_GET_CURRENT_TARE = 0x16,
     ICUB_STRAIN_SET_FULL_SCALE = 0x17,
+    ICUB_STRAIN_GET_FULL_SCALE = 0x18,
+    ICUB_STRAIN_SET_SERIAL = 0x19,
     ICUB_STRAIN_GET_SERIAL = 0x1a,
     ICUB_STRAIN_EEPROM_SAVED = 0x1b,
     ICUB_STRAIN_GET_FIRMWARE = 0x1c,
     ICUB_STRAIN_SET_ADDRESS = 0x32,
+};
+
+enum { ICUB_STRAIN_COMMANDS = 0x40 }; /* codes are below */
+
+/* data[1] of the SET tare commands */
+enum icub_tare { ICUB_TARE_RESET = 0, ICUB_TARE_AUTOMATIC = 1, ICUB_TARE_VALUE = 2 };
+
+/* A channel is offset binary: 0x8000 is zero, 0x8000 counts are the full scale. Raw readings below
+ * LOW or above HIGH count as saturated; then frames are one byte longer. */
+enum {
+    ICUB_STRAIN_ZERO = 0x8000,
+    ICUB_STRAIN_LOW = 1000,
+    ICUB_STRAIN_HIGH = 64000,
+    ICUB_STRAIN_LENGTH = 6,
+    ICUB_STRAIN_SATURATED_LENGTH = 7,
 };
 
 enum icub_strain_transmit {
@@ -183,14 +253,22 @@ enum icub_analog_type {
 /* class 7, data[0] */
 enum icub_management_command {
     ICUB_START_UPDATE = 0x00,
+    ICUB_UPDATE_ADDRESS = 0x01,
+    ICUB_UPDATE_RUN = 0x02,
+    ICUB_UPDATE_DATA = 0x03,
+    ICUB_UPDATE_END = 0x04, /* also a ping */
     ICUB_GET_ADDITIONAL_INFO = 0x0c,
     ICUB_SET_ADDITIONAL_INFO = 0x0d,
     ICUB_SET_CAN_ADDRESS = 0x32,
     ICUB_DISCOVER = 0xff,
 };
 
+enum { ICUB_INFO_LENGTH = 32, ICUB_INFO_PART = 4, ICUB_SERIAL_LENGTH = 7 };
+enum { ICUB_BOOTLOADER_MS = 5000 }; /* from power-up until the application starts */
+
 enum { ICUB_BOARD_BLL = 4, ICUB_BOARD_STRAIN = 6 };
-enum { ICUB_PROTOCOL_MAJOR = 1, ICUB_PROTOCOL_MINOR = 6 };
+enum { ICUB_PROTOCOL_MAJOR = 1, ICUB_PROTOCOL_MINOR = 6 }; /* motor boards, hosts */
+enum { ICUB_STRAIN_PROTOCOL_MAJOR = 1, ICUB_STRAIN_PROTOCOL_MINOR = 0 };
 
 /* Lockstep frames of this simulator (ours): STEP u32 expected tick, u16 ticks (0 = 1);
  * DONE u32 tick, u16 flags. Little-endian, 6 bytes. */

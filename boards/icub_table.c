@@ -1,0 +1,447 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The rows of the iCub protocol, persona A, and the codec that works from them. Lengths and byte
+ * orders as in the official message tables of motor and sensor boards; where two lengths are
+ * allowed the shorter is what the fields need and the longer what common hosts send.
+ */
+#include "boards/icub_table.h"
+
+#include "canbus/frame.h"
+
+/* clang-format off */
+#define FIELDS(...) (const struct icub_field[]){__VA_ARGS__, {.type = ICUB_END}}
+
+#define ANY 0, 0
+#define U8(name, unit)      {ICUB_U8, name, unit, ANY}
+#define U16(name, unit)     {ICUB_U16, name, unit, ANY}
+#define I16(name, unit)     {ICUB_I16, name, unit, ANY}
+#define I32(name, unit)     {ICUB_I32, name, unit, ANY}
+#define U16_BE(name, unit)  {ICUB_U16_BE, name, unit, ANY}
+#define I16_BE(name, unit)  {ICUB_I16_BE, name, unit, ANY}
+#define U8_IN(name, lowest, highest) {ICUB_U8, name, NULL, lowest, highest}
+#define PAD                 {ICUB_PAD, NULL, NULL, ANY}
+
+#define SET(first, length, fields) \
+    .kind = ICUB_SET, .parameter = first, .request_min = length, .request_max = length, \
+    .request = fields
+#define SET_UP_TO(first, shortest, longest, fields) \
+    .kind = ICUB_SET, .parameter = first, .request_min = shortest, .request_max = longest, \
+    .request = fields
+#define GET(first, length, fields) \
+    .kind = ICUB_GET, .parameter = first, .request_min = 1, .request_max = 1, \
+    .reply_length = length, .reply = fields
+#define DO(length, fields) \
+    .kind = ICUB_DO, .request_min = length, .request_max = length, .request = fields
+#define DO_UP_TO(shortest, longest, fields) \
+    .kind = ICUB_DO, .request_min = shortest, .request_max = longest, .request = fields
+#define REPLY(length, fields) .reply_length = length, .reply = fields
+
+static const struct icub_field gain[] = {I16("value", NULL), {.type = ICUB_END}};
+static const struct icub_field ticks[] = {I32("position", "tick"), {.type = ICUB_END}};
+static const struct icub_field velocity[] = {I16("velocity", NULL), {.type = ICUB_END}};
+static const struct icub_field pwm[] = {I16("pwm", "pwm"), {.type = ICUB_END}};
+static const struct icub_field pid[] = {
+    I16("kp", NULL), I16("ki", NULL), I16("kd", NULL), U8("shift", NULL), {.type = ICUB_END}};
+static const struct icub_field pid_limits[] = {
+    I16("offset", "pwm"), I16("limit", "pwm"), I16("integral_limit", "pwm"), {.type = ICUB_END}};
+static const struct icub_field stiction[] = {
+    I16("up", "pwm"), I16("down", "pwm"), {.type = ICUB_END}};
+static const struct icub_field impedance[] = {
+    I16("stiffness", NULL), I16("damping", NULL), PAD, PAD, PAD, {.type = ICUB_END}};
+static const struct icub_field motor_parameters[] = {
+    I16("bemf", NULL), U8("bemf_shift", NULL), I16("ktau", NULL), U8("ktau_shift", NULL), PAD,
+    {.type = ICUB_END}};
+static const struct icub_field model_parameters[] = {
+    I16("kff", NULL), PAD, PAD, PAD, PAD, PAD, {.type = ICUB_END}};
+static const struct icub_field i2t[] = {
+    U8("b1", NULL), U8("b2", NULL), U8("b3", NULL), U8("b4", NULL), U8("b5", NULL),
+    U8("b6", NULL), U8("b7", NULL), {.type = ICUB_END}};
+static const struct icub_field byte[] = {U8("value", NULL), {.type = ICUB_END}};
+static const struct icub_field address[] = {
+    U8_IN("address", 1, ICUB_ADDRESS_MAX), {.type = ICUB_END}};
+static const struct icub_field host_protocol[] = {
+    U8("major", NULL), U8("minor", NULL), {.type = ICUB_END}};
+static const struct icub_field firmware[] = {
+    U8("type", NULL), U8("major", NULL), U8("version", NULL), U8("build", NULL),
+    U8("protocol_major", NULL), U8("protocol_minor", NULL), U8("ack", NULL), {.type = ICUB_END}};
+static const struct icub_field info_part[] = {
+    U8_IN("part", 0, ICUB_INFO_LENGTH / ICUB_INFO_PART - 1), U8("c0", NULL), U8("c1", NULL),
+    U8("c2", NULL), U8("c3", NULL), {.type = ICUB_END}};
+
+const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS] = {
+    [ICUB_TOGGLE_VERBOSE] = {"TOGGLE_VERBOSE", DO(1, NULL)},
+    [ICUB_CALIBRATE_ENCODER] = {"CALIBRATE_ENCODER",
+        DO(8, FIELDS(U8("type", NULL), I16("p1", NULL), I16("p2", NULL), I16("p3", "tick")))},
+    [ICUB_GET_CONTROL_MODE] = {"GET_CONTROL_MODE", DO(1, NULL),
+        REPLY(3, FIELDS(U8("mode", NULL), PAD))},
+    [ICUB_MOTION_DONE] = {"MOTION_DONE", DO(1, NULL), REPLY(3, FIELDS(I16("done", NULL)))},
+    [ICUB_SET_CONTROL_MODE] = {"SET_CONTROL_MODE", DO(2, FIELDS(U8("mode", NULL)))},
+    [ICUB_WRITE_FLASH] = {"WRITE_FLASH", DO(1, NULL)},
+    [ICUB_READ_FLASH] = {"READ_FLASH", DO(1, NULL)},
+    [ICUB_GET_INFO] = {"GET_INFO", DO(1, NULL), REPLY(6, info_part)},
+    [ICUB_SET_INFO] = {"SET_INFO", DO(6, info_part)},
+    [ICUB_SET_SPEED_ESTIM_SHIFT] = {"SET_SPEED_ESTIM_SHIFT",
+        SET(ICUB_P_JOINT_SPEED_SHIFT, 5,
+            FIELDS(U8("joint_speed", NULL), U8("joint_acceleration", NULL),
+                   U8("motor_speed", NULL), U8("motor_acceleration", NULL)))},
+    [ICUB_GET_ENCODER_POSITION] = {"GET_ENCODER_POSITION", DO(1, NULL),
+        REPLY(7, FIELDS(I32("position", "tick"), I16("speed", NULL)))},
+    [ICUB_SET_DESIRED_POSITION] = {"SET_DESIRED_POSITION", SET(ICUB_P_DESIRED_POSITION, 5, ticks)},
+    [ICUB_GET_DESIRED_POSITION] = {"GET_DESIRED_POSITION", GET(ICUB_P_DESIRED_POSITION, 5, ticks)},
+    [ICUB_SET_DESIRED_VELOCITY] = {"SET_DESIRED_VELOCITY",
+        SET(ICUB_P_DESIRED_VELOCITY, 3, velocity)},
+    [ICUB_GET_DESIRED_VELOCITY] = {"GET_DESIRED_VELOCITY",
+        GET(ICUB_P_DESIRED_VELOCITY, 3, velocity)},
+    [ICUB_SET_DESIRED_ACCELERATION] = {"SET_DESIRED_ACCELERATION",
+        SET(ICUB_P_DESIRED_ACCELERATION, 3, gain)},
+    [ICUB_GET_DESIRED_ACCELERATION] = {"GET_DESIRED_ACCELERATION",
+        GET(ICUB_P_DESIRED_ACCELERATION, 3, gain)},
+    [ICUB_POSITION_MOVE] = {"POSITION_MOVE",
+        DO(7, FIELDS(I32("target", "tick"), I16("speed", "tick/100ms")))},
+    [ICUB_VELOCITY_MOVE] = {"VELOCITY_MOVE",
+        DO(5, FIELDS(I16("velocity", NULL), I16("acceleration", NULL)))},
+    [ICUB_SET_ENCODER_POSITION] = {"SET_ENCODER_POSITION", DO(5, ticks)},
+    [ICUB_SET_P_GAIN] = {"SET_P_GAIN", SET(ICUB_P_POSITION_KP, 3, gain)},
+    [ICUB_GET_P_GAIN] = {"GET_P_GAIN", GET(ICUB_P_POSITION_KP, 3, gain)},
+    [ICUB_SET_D_GAIN] = {"SET_D_GAIN", SET(ICUB_P_POSITION_KD, 3, gain)},
+    [ICUB_GET_D_GAIN] = {"GET_D_GAIN", GET(ICUB_P_POSITION_KD, 3, gain)},
+    [ICUB_SET_I_GAIN] = {"SET_I_GAIN", SET(ICUB_P_POSITION_KI, 3, gain)},
+    [ICUB_GET_I_GAIN] = {"GET_I_GAIN", GET(ICUB_P_POSITION_KI, 3, gain)},
+    [ICUB_SET_I_LIMIT] = {"SET_I_LIMIT", SET(ICUB_P_POSITION_INTEGRAL_LIMIT, 3, pwm)},
+    [ICUB_GET_I_LIMIT] = {"GET_I_LIMIT", GET(ICUB_P_POSITION_INTEGRAL_LIMIT, 3, pwm)},
+    [ICUB_SET_OFFSET] = {"SET_OFFSET", SET(ICUB_P_POSITION_OFFSET, 3, pwm)},
+    [ICUB_GET_OFFSET] = {"GET_OFFSET", GET(ICUB_P_POSITION_OFFSET, 3, pwm)},
+    [ICUB_SET_SCALE] = {"SET_SCALE", SET(ICUB_P_POSITION_SHIFT, 3, gain)},
+    [ICUB_GET_SCALE] = {"GET_SCALE", GET(ICUB_P_POSITION_SHIFT, 3, gain)},
+    [ICUB_SET_OUTPUT_LIMIT] = {"SET_OUTPUT_LIMIT", SET(ICUB_P_POSITION_LIMIT, 3, pwm)},
+    [ICUB_GET_OUTPUT_LIMIT] = {"GET_OUTPUT_LIMIT", GET(ICUB_P_POSITION_LIMIT, 3, pwm)},
+    [ICUB_SET_DESIRED_TORQUE] = {"SET_DESIRED_TORQUE", DO(5, FIELDS(I32("torque", NULL)))},
+    [ICUB_GET_DESIRED_TORQUE] = {"GET_DESIRED_TORQUE",
+        GET(ICUB_P_DESIRED_TORQUE, 5, FIELDS(I32("torque", NULL)))},
+    [ICUB_STOP_TRAJECTORY] = {"STOP_TRAJECTORY", DO(1, NULL)},
+    [ICUB_SET_PWM_LIMIT] = {"SET_PWM_LIMIT", SET(ICUB_P_PWM_LIMIT, 3, pwm)},
+    [ICUB_GET_PWM_LIMIT] = {"GET_PWM_LIMIT", GET(ICUB_P_PWM_LIMIT, 3, pwm)},
+    [ICUB_SET_BOARD_ID] = {"SET_BOARD_ID", DO(2, address)},
+    [ICUB_GET_BOARD_ID] = {"GET_BOARD_ID", DO(1, NULL), REPLY(2, address)},
+    [ICUB_SET_TORQUE_SOURCE] = {"SET_TORQUE_SOURCE",
+        SET(ICUB_P_TORQUE_SOURCE, 8,
+            FIELDS(U8_IN("strain", 0, ICUB_ADDRESS_MAX), U8_IN("channel", 0, 5), PAD, PAD, PAD,
+                   PAD, PAD))},
+    [ICUB_GET_PID_ERROR] = {"GET_PID_ERROR", DO(1, NULL), REPLY(3, FIELDS(I16("error", "tick")))},
+    [ICUB_GET_POSITION_REFERENCE] = {"GET_POSITION_REFERENCE", DO(1, NULL), REPLY(5, ticks)},
+    [ICUB_GET_VELOCITY_REFERENCE] = {"GET_VELOCITY_REFERENCE", DO(1, NULL), REPLY(3, velocity)},
+    [ICUB_GET_ERROR_STATUS] = {"GET_ERROR_STATUS", DO(1, NULL),
+        REPLY(3, FIELDS(I16("faults", NULL)))},
+    [ICUB_GET_ENCODER_VELOCITY] = {"GET_ENCODER_VELOCITY", DO(1, NULL), REPLY(3, velocity)},
+    [ICUB_SET_COMMAND_POSITION] = {"SET_COMMAND_POSITION", DO(5, ticks)},
+    [ICUB_GET_PID_OUTPUT] = {"GET_PID_OUTPUT", DO(1, NULL), REPLY(3, pwm)},
+    [ICUB_SET_MIN_POSITION] = {"SET_MIN_POSITION", SET(ICUB_P_MIN_POSITION, 5, ticks)},
+    [ICUB_GET_MIN_POSITION] = {"GET_MIN_POSITION", GET(ICUB_P_MIN_POSITION, 5, ticks)},
+    [ICUB_SET_MAX_POSITION] = {"SET_MAX_POSITION", SET(ICUB_P_MAX_POSITION, 5, ticks)},
+    [ICUB_GET_MAX_POSITION] = {"GET_MAX_POSITION", GET(ICUB_P_MAX_POSITION, 5, ticks)},
+    [ICUB_SET_MAX_VELOCITY] = {"SET_MAX_VELOCITY", SET(ICUB_P_MAX_VELOCITY, 3, velocity)},
+    [ICUB_GET_MAX_VELOCITY] = {"GET_MAX_VELOCITY", GET(ICUB_P_MAX_VELOCITY, 3, velocity)},
+    [ICUB_SET_CURRENT_LIMIT] = {"SET_CURRENT_LIMIT",
+        SET(ICUB_P_CURRENT_LIMIT, 5, FIELDS({ICUB_I32, "limit", "mA", 0, INT32_MAX}))},
+    [ICUB_SET_BROADCAST_POLICY] = {"SET_BROADCAST_POLICY",
+        DO(5, FIELDS({ICUB_U32, "mask", NULL, ANY}))},
+    [ICUB_SET_VELOCITY_SHIFT] = {"SET_VELOCITY_SHIFT",
+        SET(ICUB_P_VELOCITY_SHIFT, 3, FIELDS({ICUB_I16, "shift", NULL, 0, 16}))},
+    [ICUB_SET_TORQUE_PID] = {"SET_TORQUE_PID", SET(ICUB_P_TORQUE_KP, 8, pid)},
+    [ICUB_GET_TORQUE_PID] = {"GET_TORQUE_PID", GET(ICUB_P_TORQUE_KP, 8, pid)},
+    [ICUB_SET_TORQUE_PID_LIMITS] = {"SET_TORQUE_PID_LIMITS",
+        SET_UP_TO(ICUB_P_TORQUE_OFFSET, 7, 8, pid_limits)},
+    [ICUB_GET_TORQUE_PID_LIMITS] = {"GET_TORQUE_PID_LIMITS",
+        GET(ICUB_P_TORQUE_OFFSET, 7, pid_limits)},
+    [ICUB_SET_POSITION_PID] = {"SET_POSITION_PID", SET(ICUB_P_POSITION_KP, 8, pid)},
+    [ICUB_GET_POSITION_PID] = {"GET_POSITION_PID", GET(ICUB_P_POSITION_KP, 8, pid)},
+    [ICUB_SET_POSITION_PID_LIMITS] = {"SET_POSITION_PID_LIMITS",
+        SET_UP_TO(ICUB_P_POSITION_OFFSET, 7, 8, pid_limits)},
+    [ICUB_GET_POSITION_PID_LIMITS] = {"GET_POSITION_PID_LIMITS",
+        GET(ICUB_P_POSITION_OFFSET, 7, pid_limits)},
+    [ICUB_SET_VELOCITY_TIMEOUT] = {"SET_VELOCITY_TIMEOUT",
+        SET(ICUB_P_VELOCITY_TIMEOUT, 3, FIELDS({ICUB_I16, "timeout", "ms", 0, INT16_MAX}))},
+    [ICUB_SET_IMPEDANCE] = {"SET_IMPEDANCE", SET(ICUB_P_STIFFNESS, 8, impedance)},
+    [ICUB_GET_IMPEDANCE] = {"GET_IMPEDANCE", GET(ICUB_P_STIFFNESS, 8, impedance)},
+    [ICUB_SET_IMPEDANCE_OFFSET] = {"SET_IMPEDANCE_OFFSET", SET(ICUB_P_IMPEDANCE_OFFSET, 3, gain)},
+    [ICUB_GET_IMPEDANCE_OFFSET] = {"GET_IMPEDANCE_OFFSET", GET(ICUB_P_IMPEDANCE_OFFSET, 3, gain)},
+    [ICUB_GET_FIRMWARE_VERSION] = {"GET_FIRMWARE_VERSION", DO(3, host_protocol),
+        REPLY(8, firmware)},
+    [ICUB_SET_POSITION_STICTION] = {"SET_POSITION_STICTION",
+        SET(ICUB_P_POSITION_STICTION_UP, 5, stiction)},
+    [ICUB_GET_POSITION_STICTION] = {"GET_POSITION_STICTION",
+        GET(ICUB_P_POSITION_STICTION_UP, 5, stiction)},
+    [ICUB_SET_TORQUE_STICTION] = {"SET_TORQUE_STICTION",
+        SET(ICUB_P_TORQUE_STICTION_UP, 5, stiction)},
+    [ICUB_GET_TORQUE_STICTION] = {"GET_TORQUE_STICTION",
+        GET(ICUB_P_TORQUE_STICTION_UP, 5, stiction)},
+    [ICUB_SET_MOTOR_PARAMETERS] = {"SET_MOTOR_PARAMETERS",
+        SET_UP_TO(ICUB_P_BEMF, 7, 8, motor_parameters)},
+    [ICUB_GET_MOTOR_PARAMETERS] = {"GET_MOTOR_PARAMETERS", GET(ICUB_P_BEMF, 8, motor_parameters)},
+    [ICUB_SET_MODEL_PARAMETERS] = {"SET_MODEL_PARAMETERS",
+        SET_UP_TO(ICUB_P_KFF, 3, 8, model_parameters)},
+    [ICUB_GET_MODEL_PARAMETERS] = {"GET_MODEL_PARAMETERS", GET(ICUB_P_KFF, 8, model_parameters)},
+    [ICUB_SET_CURRENT_PID] = {"SET_CURRENT_PID", SET(ICUB_P_CURRENT_KP, 8, pid)},
+    [ICUB_GET_CURRENT_PID] = {"GET_CURRENT_PID", GET(ICUB_P_CURRENT_KP, 8, pid)},
+    [ICUB_SET_I2T] = {"SET_I2T", SET_UP_TO(ICUB_P_I2T, 2, 8, i2t)},
+    [ICUB_GET_I2T] = {"GET_I2T", GET(ICUB_P_I2T, 8, i2t)},
+    [ICUB_SET_OPEN_LOOP] = {"SET_OPEN_LOOP", SET(ICUB_P_OPEN_LOOP, 3, pwm)},
+    [ICUB_GET_OPEN_LOOP] = {"GET_OPEN_LOOP", GET(ICUB_P_OPEN_LOOP, 3, pwm)},
+    [ICUB_SET_INTERACTION_MODE] = {"SET_INTERACTION_MODE",
+        SET(ICUB_P_INTERACTION, 2, FIELDS(U8_IN("mode", ICUB_STIFF, ICUB_COMPLIANT)))},
+    [ICUB_GET_INTERACTION_MODE] = {"GET_INTERACTION_MODE", GET(ICUB_P_INTERACTION, 2, byte)},
+    [ICUB_SET_TORQUE_FILTER] = {"SET_TORQUE_FILTER", SET(ICUB_P_TORQUE_FILTER, 2, byte)},
+    [ICUB_GET_TORQUE_FILTER] = {"GET_TORQUE_FILTER", GET(ICUB_P_TORQUE_FILTER, 2, byte)},
+    [ICUB_SET_TEMPERATURE_LIMIT] = {"SET_TEMPERATURE_LIMIT",
+        SET(ICUB_P_TEMPERATURE_LIMIT, 3, gain)},
+    [ICUB_GET_TEMPERATURE_LIMIT] = {"GET_TEMPERATURE_LIMIT",
+        GET(ICUB_P_TEMPERATURE_LIMIT, 3, gain)},
+};
+
+static const struct icub_field channel[] = {U8_IN("channel", 0, 5), {.type = ICUB_END}};
+/* the high half of a byte that selects a channel or row is the regulation set */
+static const struct icub_field channel_of_set[] = {U8("channel", NULL), {.type = ICUB_END}};
+static const struct icub_field channel_value[] = {
+    U8_IN("channel", 0, 5), U16_BE("value", NULL), {.type = ICUB_END}};
+static const struct icub_field channel_signed[] = {
+    U8_IN("channel", 0, 5), I16_BE("value", NULL), {.type = ICUB_END}};
+static const struct icub_field full_scale[] = {
+    U8("channel", NULL), U16_BE("full_scale", NULL), {.type = ICUB_END}};
+static const struct icub_field matrix_element[] = {
+    U8("row", NULL), U8_IN("column", 0, 5), I16_BE("value", NULL), {.type = ICUB_END}};
+static const struct icub_field tare[] = {
+    U8_IN("how", ICUB_TARE_RESET, ICUB_TARE_VALUE), U8_IN("channel", 0, 5), I16_BE("value", NULL),
+    {.type = ICUB_END}};
+static const struct icub_field serial[] = {
+    U8("c0", NULL), U8("c1", NULL), U8("c2", NULL), U8("c3", NULL), U8("c4", NULL),
+    U8("c5", NULL), U8("c6", NULL), {.type = ICUB_END}};
+
+const struct icub_command icub_strain_commands[ICUB_STRAIN_COMMANDS] = {
+    [ICUB_STRAIN_SET_FILTER] = {"SET_FILTER", DO_UP_TO(1, 8, NULL)},
+    [ICUB_STRAIN_SET_MATRIX] = {"SET_MATRIX", DO(5, matrix_element)},
+    [ICUB_STRAIN_SET_DAC] = {"SET_DAC", DO(4, channel_value)},
+    [ICUB_STRAIN_SET_CHANNELS] = {"SET_CHANNELS", DO(2, FIELDS(U8("mask", NULL)))},
+    [ICUB_STRAIN_CALIBRATE] = {"CALIBRATE", DO_UP_TO(1, 8, NULL)},
+    [ICUB_STRAIN_SET_TRANSMIT_MODE] = {"SET_TRANSMIT_MODE", DO(2, FIELDS(U8("mode", NULL)))},
+    [ICUB_STRAIN_SET_PERIOD] = {"SET_PERIOD", DO(2, FIELDS({ICUB_U8, "period", "ms", 1, 255}))},
+    [ICUB_STRAIN_SAVE] = {"SAVE", DO(1, NULL), REPLY(2, FIELDS(U8("ok", NULL)))},
+    [ICUB_STRAIN_GET_MATRIX] = {"GET_MATRIX",
+        DO(3, FIELDS(U8("row", NULL), U8_IN("column", 0, 5))), REPLY(5, matrix_element)},
+    [ICUB_STRAIN_GET_DAC] = {"GET_DAC", DO(2, channel), REPLY(4, channel_value)},
+    [ICUB_STRAIN_GET_ADC] = {"GET_ADC",
+        DO(3, FIELDS(U8_IN("channel", 0, 5), U8("calibrated", NULL))),
+        REPLY(5, FIELDS(U8("channel", NULL), U8("calibrated", NULL), U16_BE("value", NULL)))},
+    [ICUB_STRAIN_SET_MATRIX_GAIN] = {"SET_MATRIX_GAIN", DO(2, byte)},
+    [ICUB_STRAIN_GET_MATRIX_GAIN] = {"GET_MATRIX_GAIN", DO(1, NULL), REPLY(2, byte)},
+    [ICUB_STRAIN_SET_CALIBRATION_TARE] = {"SET_CALIBRATION_TARE", DO_UP_TO(2, 5, tare)},
+    [ICUB_STRAIN_GET_CALIBRATION_TARE] = {"GET_CALIBRATION_TARE", DO(2, channel),
+        REPLY(4, channel_signed)},
+    [ICUB_STRAIN_SET_CURRENT_TARE] = {"SET_CURRENT_TARE", DO_UP_TO(2, 5, tare)},
+    [ICUB_STRAIN_GET_CURRENT_TARE] = {"GET_CURRENT_TARE", DO(2, channel), REPLY(4, channel_signed)},
+    [ICUB_STRAIN_SET_FULL_SCALE] = {"SET_FULL_SCALE", DO(4, full_scale)},
+    [ICUB_STRAIN_GET_FULL_SCALE] = {"GET_FULL_SCALE", DO(2, channel_of_set), REPLY(4, full_scale)},
+    [ICUB_STRAIN_SET_SERIAL] = {"SET_SERIAL", DO(8, serial)},
+    [ICUB_STRAIN_GET_SERIAL] = {"GET_SERIAL", DO(1, NULL), REPLY(8, serial)},
+    [ICUB_STRAIN_EEPROM_SAVED] = {"EEPROM_SAVED", DO(1, NULL), REPLY(2, FIELDS(U8("saved", NULL)))},
+    [ICUB_STRAIN_GET_FIRMWARE] = {"GET_FIRMWARE", DO(3, host_protocol), REPLY(8, firmware)},
+    [ICUB_STRAIN_SET_ADDRESS] = {"SET_ADDRESS", DO(2, address)},
+};
+
+const struct icub_frame_type icub_motor_frames[16] = {
+    [ICUB_POSITION] = {"POSITION", 8, FIELDS(I32("position0", "tick"), I32("position1", "tick"))},
+    [ICUB_PID_VALUE] = {"PID_VAL", 8,
+        FIELDS(I16("pid0", "pwm"), I16("pid1", "pwm"), I16("pwm0", "pwm"), I16("pwm1", "pwm"))},
+    [ICUB_STATUS] = {"STATUS", 8,
+        FIELDS(U8("fault0", NULL), U8("mode0", NULL), U8("fault1", NULL), U8("mode1", NULL),
+               U8("can_status", NULL), U8("board_status", NULL), U8("can_tx_errors", NULL),
+               U8("can_rx_errors", NULL))},
+    [ICUB_CURRENT] = {"CURRENT", 8,
+        FIELDS(I16("current0", "mA"), I16("current1", "mA"), PAD, PAD, PAD, PAD)},
+    [ICUB_OVERFLOW] = {"OVERFLOW", 0, NULL},
+    [ICUB_PRINT] = {"PRINT", 8,
+        FIELDS(U8("last", NULL), U8("text_and_part", NULL), U8("c0", NULL), U8("c1", NULL),
+               U8("c2", NULL), U8("c3", NULL), U8("c4", NULL), U8("c5", NULL))},
+    [ICUB_VELOCITY] = {"VELOCITY", 8,
+        FIELDS(I16("velocity0", NULL), I16("velocity1", NULL), I16("acceleration0", NULL),
+               I16("acceleration1", NULL))},
+    [ICUB_PID_ERROR] = {"PID_ERROR", 8,
+        FIELDS(I16("position_error0", "tick"), I16("position_error1", "tick"),
+               I16("torque_error0", NULL), I16("torque_error1", NULL))},
+    [ICUB_DEBUG] = {"DEBUG", 8,
+        FIELDS(I16("torque0", NULL), I16("torque1", NULL), I16("torque_reference0", NULL),
+               I16("torque_reference1", NULL))},
+    [ICUB_MOTOR_POSITION] = {"MOTOR_POSITION", 8,
+        FIELDS(I32("position0", "tick"), I32("position1", "tick"))},
+    [ICUB_MOTOR_SPEED] = {"MOTOR_SPEED", 8,
+        FIELDS(I16("speed0", NULL), I16("speed1", NULL), I16("acceleration0", NULL),
+               I16("acceleration1", NULL))},
+    [ICUB_ADDITIONAL_STATUS] = {"ADDITIONAL_STATUS", 1, FIELDS(U8("interaction", NULL))},
+};
+
+static const struct icub_field three_channels[] = {
+    U16("c0", NULL), U16("c1", NULL), U16("c2", NULL), {.type = ICUB_END}};
+
+const struct icub_frame_type icub_analog_frames[16] = {
+    [ICUB_UNCALIBRATED_FORCE] = {"UNCALIBRATED_FORCE", ICUB_STRAIN_LENGTH, three_channels},
+    [ICUB_UNCALIBRATED_TORQUE] = {"UNCALIBRATED_TORQUE", ICUB_STRAIN_LENGTH, three_channels},
+    [ICUB_FORCE] = {"FORCE", ICUB_STRAIN_LENGTH, three_channels},
+    [ICUB_TORQUE] = {"TORQUE", ICUB_STRAIN_LENGTH, three_channels},
+};
+
+/* The frames of a firmware download are taken and dropped by the bootloader. */
+static const struct {
+    uint8_t code;
+    struct icub_command row;
+} management[] = {
+    {ICUB_START_UPDATE, {"START_UPDATE", DO_UP_TO(1, 8, NULL)}},
+    {ICUB_UPDATE_ADDRESS, {"UPDATE_ADDRESS", DO_UP_TO(1, 8, NULL)}},
+    {ICUB_UPDATE_RUN, {"UPDATE_RUN", DO_UP_TO(1, 8, NULL)}},
+    {ICUB_UPDATE_DATA, {"UPDATE_DATA", DO_UP_TO(1, 8, NULL)}},
+    {ICUB_UPDATE_END, {"UPDATE_END", DO(1, NULL), REPLY(2, FIELDS(U8("ok", NULL)))}},
+    {ICUB_GET_ADDITIONAL_INFO, {"GET_ADDITIONAL_INFO", DO(1, NULL), REPLY(6, info_part)}},
+    {ICUB_SET_ADDITIONAL_INFO, {"SET_ADDITIONAL_INFO", DO(6, info_part)}},
+    {ICUB_SET_CAN_ADDRESS, {"SET_CAN_ADDRESS", DO(2, address)}},
+    {ICUB_DISCOVER, {"DISCOVER", DO(1, NULL),
+        REPLY(5, FIELDS(U8("type", NULL), U8("major", NULL), U8("minor", NULL),
+                        U8("build", NULL)))}},
+};
+/* clang-format on */
+
+const struct icub_command *icub_management_command(uint8_t code)
+{
+    for (size_t i = 0; i < sizeof management / sizeof *management; i++) {
+        if (management[i].code == code) {
+            return &management[i].row;
+        }
+    }
+    return NULL;
+}
+
+static size_t type_bytes(enum icub_type type)
+{
+    switch (type) {
+    case ICUB_U8:
+    case ICUB_PAD:
+        return 1;
+    case ICUB_U16:
+    case ICUB_I16:
+    case ICUB_U16_BE:
+    case ICUB_I16_BE:
+        return 2;
+    case ICUB_U32:
+    case ICUB_I32:
+        return 4;
+    case ICUB_END:
+        break;
+    }
+    return 0;
+}
+
+size_t icub_field_count(const struct icub_field *fields)
+{
+    size_t count = 0;
+
+    for (; fields && fields->type != ICUB_END; fields++) {
+        count += fields->type != ICUB_PAD;
+    }
+    return count;
+}
+
+size_t icub_field_bytes(const struct icub_field *fields)
+{
+    size_t bytes = 0;
+
+    for (; fields && fields->type != ICUB_END; fields++) {
+        bytes += type_bytes(fields->type);
+    }
+    return bytes;
+}
+
+static int64_t get_value(enum icub_type type, const uint8_t *p)
+{
+    switch (type) {
+    case ICUB_U8:
+        return p[0];
+    case ICUB_U16:
+        return get_u16_le(p);
+    case ICUB_I16:
+        return get_i16_le(p);
+    case ICUB_U32:
+        return get_u32_le(p);
+    case ICUB_I32:
+        return get_i32_le(p);
+    case ICUB_U16_BE:
+        return get_u16_be(p);
+    case ICUB_I16_BE:
+        return (int16_t)get_u16_be(p);
+    case ICUB_PAD:
+    case ICUB_END:
+        break;
+    }
+    return 0;
+}
+
+bool icub_decode(const struct icub_field *fields, const uint8_t *data, size_t size, int64_t *values)
+{
+    size_t at = 0;
+
+    for (; fields && fields->type != ICUB_END; fields++) {
+        size_t bytes = type_bytes(fields->type);
+
+        if (fields->type != ICUB_PAD) {
+            int64_t value = at + bytes <= size ? get_value(fields->type, data + at) : 0;
+
+            if ((fields->min || fields->max) && (value < fields->min || value > fields->max)) {
+                return false;
+            }
+            *values++ = value;
+        }
+        at += bytes;
+    }
+    return true;
+}
+
+static int64_t clamp(int64_t value, int64_t min, int64_t max)
+{
+    return value < min ? min : value > max ? max : value;
+}
+
+static void put_value(enum icub_type type, int64_t value, uint8_t *p)
+{
+    switch (type) {
+    case ICUB_U8:
+        p[0] = (uint8_t)clamp(value, 0, UINT8_MAX);
+        break;
+    case ICUB_U16:
+        put_u16_le(p, (uint16_t)clamp(value, 0, UINT16_MAX));
+        break;
+    case ICUB_I16:
+        put_u16_le(p, (uint16_t)clamp(value, INT16_MIN, INT16_MAX));
+        break;
+    case ICUB_U32:
+        put_u32_le(p, (uint32_t)clamp(value, 0, UINT32_MAX));
+        break;
+    case ICUB_I32:
+        put_u32_le(p, (uint32_t)clamp(value, INT32_MIN, INT32_MAX));
+        break;
+    case ICUB_U16_BE:
+        put_u16_be(p, (uint16_t)clamp(value, 0, UINT16_MAX));
+        break;
+    case ICUB_I16_BE:
+        put_u16_be(p, (uint16_t)clamp(value, INT16_MIN, INT16_MAX));
+        break;
+    case ICUB_PAD:
+        p[0] = 0;
+        break;
+    case ICUB_END:
+        break;
+    }
+}
+
+void icub_encode(const struct icub_field *fields, const int64_t *values, uint8_t *data)
+{
+    for (; fields && fields->type != ICUB_END; fields++) {
+        put_value(fields->type, fields->type == ICUB_PAD ? 0 : *values++, data);
+        data += type_bytes(fields->type);
+    }
+}

@@ -1,0 +1,146 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Integer control laws of a motor board; see the header for what each computes. */
+#include "boards/motor_control.h"
+
+#include <math.h>
+#include <string.h>
+
+bool control_quantize(double value, int32_t *count)
+{
+    if (!isfinite(value)) {
+        return false;
+    }
+    value = floor(value + 0.5);
+    *count = value <= (double)INT32_MIN   ? INT32_MIN
+             : value >= (double)INT32_MAX ? INT32_MAX
+                                          : (int32_t)value;
+    return true;
+}
+
+int64_t control_clamp(int64_t value, int64_t min, int64_t max)
+{
+    return value < min ? min : value > max ? max : value;
+}
+
+int64_t control_shift_right(int64_t value, int64_t shift)
+{
+    return value / (INT64_C(1) << control_clamp(shift, 0, 30));
+}
+
+void estimator_reset(struct speed_estimator *estimator, int32_t position)
+{
+    for (unsigned i = 0; i < ESTIMATOR_HISTORY; i++) {
+        estimator->position[i] = position;
+    }
+    estimator->head = 0;
+}
+
+void estimator_push(struct speed_estimator *estimator, int32_t position)
+{
+    estimator->head = (estimator->head + 1) % ESTIMATOR_HISTORY;
+    estimator->position[estimator->head] = position;
+}
+
+static int64_t position_ago(const struct speed_estimator *estimator, unsigned ms)
+{
+    return estimator->position[(estimator->head + ESTIMATOR_HISTORY - ms) % ESTIMATOR_HISTORY];
+}
+
+/* value * 2^shift / divisor; the shift ends where any result would leave 16 bits anyway */
+static int64_t scale(int64_t value, int64_t shift, int64_t divisor)
+{
+    return value * (INT64_C(1) << control_clamp(shift, 0, 26)) / divisor;
+}
+
+int64_t estimator_speed(const struct speed_estimator *estimator, int64_t shift)
+{
+    int64_t change = position_ago(estimator, 0) - position_ago(estimator, ESTIMATOR_WINDOW_MS);
+
+    return scale(change, shift, ESTIMATOR_WINDOW_MS);
+}
+
+int64_t estimator_acceleration(const struct speed_estimator *estimator, int64_t shift)
+{
+    int64_t change = position_ago(estimator, 0) - 2 * position_ago(estimator, ESTIMATOR_WINDOW_MS) +
+                     position_ago(estimator, 2 * ESTIMATOR_WINDOW_MS);
+
+    return scale(change, shift, ESTIMATOR_WINDOW_MS * ESTIMATOR_WINDOW_MS);
+}
+
+void trajectory_stop(struct trajectory *trajectory, int32_t position)
+{
+    memset(trajectory, 0, sizeof *trajectory);
+    trajectory->position = trajectory->target = trajectory->start = position;
+}
+
+/* distance and derivative along the motion, ticks and ticks/ms, at s = t/T */
+static double motion(const struct trajectory *trajectory, double s, double *speed)
+{
+    double d = (double)trajectory->target - (double)trajectory->start;
+    double v = trajectory->v0 * trajectory->duration_ms;
+    double c3 = 10.0 * d - 6.0 * v, c4 = 15.0 * d - 8.0 * v, c5 = 6.0 * d - 3.0 * v;
+
+    if (speed) {
+        *speed =
+            (v + s * s * (3.0 * c3 + s * (-4.0 * c4 + s * 5.0 * c5))) / trajectory->duration_ms;
+    }
+    return s * (v + s * s * (c3 + s * (-c4 + s * c5)));
+}
+
+void trajectory_start(struct trajectory *trajectory, int32_t target, int64_t speed)
+{
+    double distance = fabs((double)target - (double)trajectory->position);
+    double v0 = 0.0;
+
+    if (trajectory->running) {
+        motion(trajectory, trajectory->time_ms / trajectory->duration_ms, &v0);
+    }
+    trajectory->start = trajectory->position;
+    trajectory->target = target;
+    trajectory->v0 = v0;
+    trajectory->time_ms = 0.0;
+    trajectory->duration_ms = fmax(1.0, 100.0 * distance / (double)(speed < 1 ? 1 : speed));
+    trajectory->running = true;
+}
+
+int32_t trajectory_step(struct trajectory *trajectory)
+{
+    int32_t before = trajectory->position;
+    int32_t after = trajectory->target;
+
+    if (!trajectory->running) {
+        return 0;
+    }
+    trajectory->time_ms += 1.0;
+    if (trajectory->time_ms >= trajectory->duration_ms) {
+        trajectory->running = false;
+    } else {
+        control_quantize(trajectory->start + motion(trajectory,
+                                                    trajectory->time_ms / trajectory->duration_ms,
+                                                    NULL),
+                         &after);
+    }
+    trajectory->position = after;
+    return (int32_t)control_clamp((int64_t)after - before, INT32_MIN, INT32_MAX);
+}
+
+void pid_reset(struct pid *pid)
+{
+    memset(pid, 0, sizeof *pid);
+}
+
+int64_t pid_step(struct pid *pid, const struct pid_gains *gains, int64_t error)
+{
+    int32_t now = (int32_t)control_clamp(error, INT16_MIN, INT16_MAX);
+    int64_t derivative = control_shift_right((now - pid->error) * gains->kd, gains->shift);
+    int64_t limit = control_clamp(gains->integral_limit, 0, INT16_MAX);
+    int64_t bound = limit * (INT64_C(1) << control_clamp(gains->shift, 0, 30));
+
+    pid->error = now;
+    pid->derivative_sum += derivative - pid->derivative[pid->next];
+    pid->derivative[pid->next] = derivative;
+    pid->next = (pid->next + 1) % PID_AVERAGE;
+    pid->integral = control_clamp(pid->integral + now * gains->ki, -bound, bound);
+    return control_shift_right(now * gains->kp, gains->shift) + pid->derivative_sum / PID_AVERAGE +
+           control_shift_right(pid->integral, gains->shift);
+}

@@ -1,0 +1,416 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * STRAIN boards: six channels, obeyed in class 2, sent in class 3. A force-torque board's channels
+ * are fx fy fz tx ty tz of its sensor; a pseudo-STRAIN board's are the torques of up to six joints.
+ *
+ * A channel is converted to 16 bits offset binary, 0x8000 = 0, 0x8000 counts = its full scale. What
+ * is sent calibrated is matrix * (counts + calibration tare) + current tare, the matrix in 1/32767
+ * and at first the identity. A reading below 1000 or above 64000 is saturated: then frames are
+ * seven bytes long, tell which channel, and calibrated ones repeat the last good values.
+ *
+ * Settings survive a restart as EEPROM would keep them; transmit mode, period and current tare do
+ * not.
+ */
+#include "boards/board_private.h"
+#include "boards/motor_control.h"
+
+#include "canbus/frame.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { MATRIX_ONE = 32767, HALF = BOARD_CHANNELS / 2 };
+
+struct strain_board {
+    int32_t adc[BOARD_CHANNELS]; /* counts from zero */
+    int32_t held[BOARD_CHANNELS];
+    uint8_t saturated[BOARD_CHANNELS]; /* 0 no, 1 low, 2 high */
+    uint8_t mode;                      /* enum icub_strain_transmit; others are silent */
+    int64_t period_ns, next_ns;
+    int16_t matrix[BOARD_CHANNELS][BOARD_CHANNELS];
+    int16_t calibration_tare[BOARD_CHANNELS], current_tare[BOARD_CHANNELS];
+    uint16_t dac[BOARD_CHANNELS], full_scale[BOARD_CHANNELS]; /* kept for the host */
+    uint8_t matrix_gain;
+    uint8_t serial[ICUB_SERIAL_LENGTH];
+    bool saved, powered;
+};
+
+struct strain_board *strain_board_create(struct arena *arena)
+{
+    return arena_alloc(arena, 1, sizeof(struct strain_board));
+}
+
+static void set_up_eeprom(const struct board *board)
+{
+    struct strain_board *strain = board->strain;
+    char serial[ICUB_SERIAL_LENGTH + 1];
+
+    snprintf(serial, sizeof serial, "SIM%02X%02X", (unsigned)board->config.bus & 0xff,
+             (unsigned)board->address & 0xff);
+    memcpy(strain->serial, serial, sizeof strain->serial);
+    for (int i = 0; i < BOARD_CHANNELS; i++) {
+        int32_t scale = 0;
+
+        strain->matrix[i][i] = MATRIX_ONE;
+        control_quantize(board->config.full_scale[i], &scale);
+        strain->full_scale[i] = (uint16_t)scale;
+    }
+    strain->saved = true;
+}
+
+static void power_up(struct board *board)
+{
+    struct strain_board *strain = board->strain;
+
+    if (!strain->powered) {
+        set_up_eeprom(board);
+        strain->powered = true;
+    }
+    memset(strain->current_tare, 0, sizeof strain->current_tare);
+    memset(strain->held, 0, sizeof strain->held);
+    strain->mode = board->config.transmit_at_start ? ICUB_STRAIN_CALIBRATED : ICUB_STRAIN_SILENT;
+    strain->period_ns = board->config.period_ns > 0 ? board->config.period_ns : MS;
+    strain->next_ns = board->boards->time_ns + strain->period_ns;
+}
+
+/* ---- values ---- */
+
+static int32_t uncalibrated(const struct strain_board *strain, int channel)
+{
+    return (int32_t)control_clamp(strain->adc[channel] + strain->calibration_tare[channel],
+                                  INT16_MIN, INT16_MAX);
+}
+
+/* Before the current tare. */
+static int32_t calibrate(const struct strain_board *strain, int channel)
+{
+    int64_t sum = 0;
+
+    for (int i = 0; i < BOARD_CHANNELS; i++) {
+        sum += (int64_t)strain->matrix[channel][i] * uncalibrated(strain, i);
+    }
+    return (int32_t)control_clamp(sum / MATRIX_ONE, INT16_MIN, INT16_MAX);
+}
+
+static int32_t calibrated(const struct strain_board *strain, int channel)
+{
+    return (int32_t)control_clamp(calibrate(strain, channel) + strain->current_tare[channel],
+                                  INT16_MIN, INT16_MAX);
+}
+
+static void convert(struct board *board, int channel, double value)
+{
+    struct strain_board *strain = board->strain;
+    int32_t counts;
+    int64_t raw;
+
+    if (!control_quantize(value / board->config.full_scale[channel] * ICUB_STRAIN_ZERO, &counts)) {
+        return;
+    }
+    raw = control_clamp((int64_t)counts + ICUB_STRAIN_ZERO, 0, UINT16_MAX);
+    strain->adc[channel] = (int32_t)raw - ICUB_STRAIN_ZERO;
+    strain->saturated[channel] = raw < ICUB_STRAIN_LOW ? 1 : raw > ICUB_STRAIN_HIGH ? 2 : 0;
+}
+
+static bool is_saturated(const struct strain_board *strain)
+{
+    for (int i = 0; i < BOARD_CHANNELS; i++) {
+        if (strain->saturated[i]) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static void hold_good_values(struct strain_board *strain)
+{
+    for (int i = 0; !is_saturated(strain) && i < BOARD_CHANNELS; i++) {
+        strain->held[i] = calibrated(strain, i);
+    }
+}
+
+static void sample_ft(struct board *board, const struct plant_sensors *sensors)
+{
+    const struct ft_sense *sense = &sensors->ft[board->config.ft];
+
+    for (int i = 0; i < HALF; i++) {
+        convert(board, i, sense->force_n[i]);
+        convert(board, HALF + i, sense->torque_nm[i]);
+    }
+}
+
+static void sample_torque(struct board *board, const struct plant_sensors *sensors)
+{
+    for (int i = 0; i < BOARD_CHANNELS; i++) {
+        int joint = board->config.torque_joint[i];
+
+        if (joint >= 0) {
+            convert(board, i, sensors->motor[joint].torque_nm);
+        }
+    }
+}
+
+/* ---- commands ---- */
+
+static void set_tare(const struct strain_board *strain, int16_t *tare, const int64_t *request,
+                     int32_t (*value)(const struct strain_board *strain, int channel))
+{
+    if (request[0] == ICUB_TARE_VALUE) {
+        tare[request[1]] = (int16_t)request[2];
+        return;
+    }
+    for (int i = 0; i < BOARD_CHANNELS; i++) {
+        tare[i] = request[0] == ICUB_TARE_AUTOMATIC
+                      ? (int16_t)control_clamp(-(int64_t)value(strain, i), INT16_MIN, INT16_MAX)
+                      : 0;
+    }
+}
+
+static int32_t reading(const struct strain_board *strain, int channel)
+{
+    return strain->adc[channel];
+}
+
+static bool command_tare(struct strain_board *strain, const struct bus_frame *frame,
+                         const int64_t *request)
+{
+    if (frame->len != 5 && (frame->len != 2 || request[0] == ICUB_TARE_VALUE)) {
+        return false;
+    }
+    if (frame->data[0] == ICUB_STRAIN_SET_CALIBRATION_TARE) {
+        set_tare(strain, strain->calibration_tare, request, reading);
+        strain->saved = false;
+    } else {
+        set_tare(strain, strain->current_tare, request, calibrate);
+    }
+    return true;
+}
+
+/* The low half of a channel or row byte selects it; the high half is the regulation set, of which
+ * this board has one. */
+static bool split_channel(int64_t byte, unsigned *channel)
+{
+    *channel = byte & 0xf;
+    return *channel < BOARD_CHANNELS;
+}
+
+static bool command_matrix(struct strain_board *strain, unsigned code, const int64_t *request,
+                           int64_t *reply)
+{
+    unsigned row;
+
+    if (!split_channel(request[0], &row)) {
+        return false;
+    }
+    if (code == ICUB_STRAIN_SET_MATRIX) {
+        strain->matrix[row][request[1]] = (int16_t)request[2];
+        strain->saved = false;
+        return true;
+    }
+    reply[0] = request[0];
+    reply[1] = request[1];
+    reply[2] = strain->matrix[row][request[1]];
+    return true;
+}
+
+static bool command_full_scale(struct strain_board *strain, unsigned code, const int64_t *request,
+                               int64_t *reply)
+{
+    unsigned channel;
+
+    if (!split_channel(request[0], &channel)) {
+        return false;
+    }
+    if (code == ICUB_STRAIN_SET_FULL_SCALE) {
+        strain->full_scale[channel] = (uint16_t)request[1];
+        strain->saved = false;
+        return true;
+    }
+    reply[0] = request[0];
+    reply[1] = strain->full_scale[channel];
+    return true;
+}
+
+static bool set(struct board *board, unsigned code, const int64_t *request)
+{
+    struct strain_board *strain = board->strain;
+
+    switch (code) {
+    case ICUB_STRAIN_SET_TRANSMIT_MODE:
+        strain->mode = (uint8_t)request[0];
+        return true;
+    case ICUB_STRAIN_SET_PERIOD:
+        strain->period_ns = request[0] * MS;
+        strain->next_ns = board->boards->time_ns + strain->period_ns;
+        return true;
+    case ICUB_STRAIN_SET_DAC:
+        strain->dac[request[0]] = (uint16_t)request[1];
+        break;
+    case ICUB_STRAIN_SET_MATRIX_GAIN:
+        strain->matrix_gain = (uint8_t)request[0];
+        break;
+    case ICUB_STRAIN_SET_SERIAL:
+        for (int i = 0; i < ICUB_SERIAL_LENGTH; i++) {
+            strain->serial[i] = (uint8_t)request[i];
+        }
+        break;
+    case ICUB_STRAIN_SET_ADDRESS:
+        return board_set_address(board, (uint8_t)request[0]);
+    case ICUB_STRAIN_SET_FILTER: /* no filter, no multiplexer and no amplifier to adjust here */
+    case ICUB_STRAIN_SET_CHANNELS:
+    case ICUB_STRAIN_CALIBRATE:
+        return true;
+    default:
+        return false;
+    }
+    strain->saved = false;
+    return true;
+}
+
+static void tell_firmware(const struct board *board, const int64_t *host, int64_t *reply)
+{
+    reply[0] = board->ops->type;
+    reply[1] = board->ops->major;
+    reply[2] = board->ops->minor;
+    reply[3] = board->ops->build;
+    reply[4] = ICUB_STRAIN_PROTOCOL_MAJOR;
+    reply[5] = ICUB_STRAIN_PROTOCOL_MINOR;
+    reply[6] = host[0] == ICUB_STRAIN_PROTOCOL_MAJOR && host[1] <= ICUB_STRAIN_PROTOCOL_MINOR;
+}
+
+static bool get(struct board *board, unsigned code, const int64_t *request, int64_t *reply)
+{
+    struct strain_board *strain = board->strain;
+
+    switch (code) {
+    case ICUB_STRAIN_SAVE:
+        strain->saved = true;
+        reply[0] = 1;
+        return true;
+    case ICUB_STRAIN_EEPROM_SAVED:
+        reply[0] = strain->saved;
+        return true;
+    case ICUB_STRAIN_GET_DAC:
+        reply[0] = request[0];
+        reply[1] = strain->dac[request[0]];
+        return true;
+    case ICUB_STRAIN_GET_ADC:
+        reply[0] = request[0];
+        reply[1] = request[1];
+        reply[2] = ICUB_STRAIN_ZERO + (request[1] ? calibrated(strain, (int)request[0])
+                                                  : uncalibrated(strain, (int)request[0]));
+        return true;
+    case ICUB_STRAIN_GET_MATRIX_GAIN:
+        reply[0] = strain->matrix_gain;
+        return true;
+    case ICUB_STRAIN_GET_CALIBRATION_TARE:
+        reply[0] = request[0];
+        reply[1] = strain->calibration_tare[request[0]];
+        return true;
+    case ICUB_STRAIN_GET_CURRENT_TARE:
+        reply[0] = request[0];
+        reply[1] = strain->current_tare[request[0]];
+        return true;
+    case ICUB_STRAIN_GET_SERIAL:
+        for (int i = 0; i < ICUB_SERIAL_LENGTH; i++) {
+            reply[i] = strain->serial[i];
+        }
+        return true;
+    case ICUB_STRAIN_GET_FIRMWARE:
+        tell_firmware(board, request, reply);
+        return true;
+    default:
+        return false;
+    }
+}
+
+static bool command(struct board *board, const struct bus_frame *frame, const int64_t *request,
+                    int64_t *reply, bool *answer)
+{
+    unsigned code = frame->data[0];
+
+    (void)answer;
+    switch (code) {
+    case ICUB_STRAIN_SET_CALIBRATION_TARE:
+    case ICUB_STRAIN_SET_CURRENT_TARE:
+        return command_tare(board->strain, frame, request);
+    case ICUB_STRAIN_SET_MATRIX:
+    case ICUB_STRAIN_GET_MATRIX:
+        return command_matrix(board->strain, code, request, reply);
+    case ICUB_STRAIN_SET_FULL_SCALE:
+    case ICUB_STRAIN_GET_FULL_SCALE:
+        return command_full_scale(board->strain, code, request, reply);
+    default:
+        return get(board, code, request, reply) || set(board, code, request);
+    }
+}
+
+/* ---- periodic frames ---- */
+
+/* Three channels from first on; saturation in a seventh byte: any, then two bits a channel. */
+static void send(struct board *board, struct frame_sink *sink, enum icub_analog_type type,
+                 const int32_t *counts, int first)
+{
+    const struct strain_board *strain = board->strain;
+    int64_t values[HALF];
+    uint8_t data[ICUB_STRAIN_SATURATED_LENGTH] = {0};
+    uint8_t len = icub_analog_frames[type].length;
+
+    for (int i = 0; i < HALF; i++) {
+        values[i] = counts[first + i] + ICUB_STRAIN_ZERO;
+    }
+    icub_encode(icub_analog_frames[type].fields, values, data);
+    if (is_saturated(strain)) {
+        data[len++] =
+            (uint8_t)(1 | strain->saturated[first] << 2 | strain->saturated[first + 1] << 4 |
+                      strain->saturated[first + 2] << 6);
+    }
+    board_send(board, sink, icub_id(ICUB_PERIODIC_ANALOG, board->address, type), len, data);
+    if (type == ICUB_FORCE || type == ICUB_TORQUE) {
+        bus_hear_strain(board->bus, board->address, type, data, board->boards->time_ns);
+    }
+}
+
+static bool is_due(struct board *board)
+{
+    struct strain_board *strain = board->strain;
+    int64_t late = board->boards->time_ns - strain->next_ns;
+
+    if (late < 0) {
+        return false;
+    }
+    strain->next_ns += (late / strain->period_ns + 1) * strain->period_ns;
+    return true;
+}
+
+static void transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
+{
+    struct strain_board *strain = board->strain;
+    bool raw = strain->mode == ICUB_STRAIN_UNCALIBRATED, both = strain->mode == ICUB_STRAIN_BOTH;
+    int32_t counts[BOARD_CHANNELS];
+
+    (void)span;
+    hold_good_values(strain);
+    if (!is_due(board) || (strain->mode != ICUB_STRAIN_CALIBRATED && !raw && !both)) {
+        return;
+    }
+    for (int i = 0; i < BOARD_CHANNELS; i++) {
+        counts[i] = uncalibrated(strain, i);
+    }
+    send(board, sink, ICUB_FORCE, raw ? counts : strain->held, 0);
+    send(board, sink, ICUB_TORQUE, raw ? counts : strain->held, HALF);
+    if (both) {
+        send(board, sink, ICUB_UNCALIBRATED_FORCE, counts, 0);
+        send(board, sink, ICUB_UNCALIBRATED_TORQUE, counts, HALF);
+    }
+}
+
+#define STRAIN_BOARD                                                                               \
+    .type = ICUB_BOARD_STRAIN, .major = 3, .minor = 0, .build = 5, .periodic_max = 4,              \
+    .commands = icub_strain_commands, .command_count = ICUB_STRAIN_COMMANDS,                       \
+    .command_class = ICUB_POLLING_ANALOG, .command = command, .power_up = power_up,                \
+    .transmit = transmit
+
+const struct board_ops ft_board_ops = {STRAIN_BOARD, .sample = sample_ft};
+const struct board_ops torque_board_ops = {STRAIN_BOARD, .sample = sample_torque};

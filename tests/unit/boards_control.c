@@ -1,0 +1,428 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Control laws of the motor boards: the arithmetic alone against hand calculations, then whole
+ * boards on a simple motor (first-order current, inertia, viscous friction) integrated here.
+ */
+#include "boards/motor_control.h"
+#include "tests/unit/boards_rig.h"
+
+/* ---- arithmetic ---- */
+
+static void quantization_rounds_and_ends_at_32_bits(void **state)
+{
+    int32_t count = 7;
+
+    (void)state;
+    assert_true(control_quantize(2.49, &count));
+    assert_int_equal(count, 2);
+    assert_true(control_quantize(-2.51, &count));
+    assert_int_equal(count, -3);
+    assert_true(control_quantize(1e300, &count));
+    assert_int_equal(count, INT32_MAX);
+    assert_true(control_quantize(-1e300, &count));
+    assert_int_equal(count, INT32_MIN);
+    assert_false(control_quantize((double)NAN, &count));
+    assert_false(control_quantize((double)INFINITY, &count));
+    assert_int_equal(count, INT32_MIN);
+}
+
+static void shifts_go_toward_zero(void **state)
+{
+    (void)state;
+    assert_int_equal(control_shift_right(-7, 1), -3);
+    assert_int_equal(control_shift_right(7, 1), 3);
+    assert_int_equal(control_shift_right(7, -5), 7);
+    assert_int_equal(control_shift_right(INT64_C(1) << 40, 99), 1 << 10);
+}
+
+static void a_pid_is_its_three_parts(void **state)
+{
+    const struct pid_gains p = {.kp = 10, .shift = 3, .integral_limit = INT16_MAX};
+    const struct pid_gains d = {.kd = 40, .shift = 2, .integral_limit = INT16_MAX};
+    const struct pid_gains i = {.ki = 3, .shift = 1, .integral_limit = 50};
+    struct pid pid;
+
+    (void)state;
+    pid_reset(&pid);
+    assert_int_equal(pid_step(&pid, &p, 100), 125);
+    assert_int_equal(pid_step(&pid, &p, -101), -126);          /* -1010/8 toward zero */
+    assert_int_equal(pid_step(&pid, &p, 1000000), 327670 / 8); /* the error saturates */
+
+    pid_reset(&pid); /* a step of 20: 20*40/4 = 200, a tenth of it for ten milliseconds */
+    for (int k = 0; k < 10; k++) {
+        assert_int_equal(pid_step(&pid, &d, 20), 20);
+    }
+    assert_int_equal(pid_step(&pid, &d, 20), 0);
+
+    pid_reset(&pid); /* 3*4/2 = 6 a millisecond, up to 50 and down again at once */
+    for (int k = 1; k < 30; k++) {
+        assert_int_equal(pid_step(&pid, &i, 4), 6 * k < 50 ? 6 * k : 50);
+    }
+    assert_int_equal(pid_step(&pid, &i, -4), 44);
+    for (int k = 1; k < 30; k++) { /* and to the other bound */
+        assert_int_equal(pid_step(&pid, &i, -4), 44 - 6 * k > -50 ? 44 - 6 * k : -50);
+    }
+    assert_int_equal(pid_step(&pid, &i, 4), -44);
+}
+
+static void a_trajectory_has_the_shape_of_minimum_jerk(void **state)
+{
+    struct trajectory trajectory;
+    int64_t sum = 0;
+    int steps = 0;
+
+    (void)state;
+    trajectory_stop(&trajectory, 1000);
+    trajectory_start(&trajectory, 21000, 2000); /* T = 100 * 20000 / 2000 = 1000 ms */
+    while (trajectory.running) {
+        double s = ++steps / 1000.0;
+        double expected = 1000.0 + 20000.0 * (10 * pow(s, 3) - 15 * pow(s, 4) + 6 * pow(s, 5));
+
+        sum += trajectory_step(&trajectory);
+        assert_true(fabs(trajectory.position - expected) <= 0.5 + 1e-6);
+    }
+    assert_int_equal(steps, 1000);
+    assert_int_equal(sum, 20000);
+    assert_int_equal(trajectory_step(&trajectory), 0);
+}
+
+static void a_new_target_on_the_way_keeps_the_speed(void **state)
+{
+    struct trajectory trajectory;
+    int32_t before, after = 0;
+
+    (void)state;
+    trajectory_stop(&trajectory, 0);
+    trajectory_start(&trajectory, 100000, 10000);
+    for (int i = 0; i < 500; i++) {
+        after = trajectory_step(&trajectory);
+    }
+    before = after; /* 187.5 ticks/ms in the middle */
+    assert_in_range(before, 187, 188);
+    trajectory_start(&trajectory, -50000, 10000);
+    after = trajectory_step(&trajectory);
+    assert_in_range(after, before - 2, before);
+    for (int i = 0; i < 1100; i++) {
+        trajectory_step(&trajectory);
+    }
+    assert_int_equal(trajectory.position, -50000);
+    assert_false(trajectory.running);
+}
+
+static void absurd_moves_end_at_their_target(void **state)
+{
+    struct trajectory trajectory;
+
+    (void)state;
+    trajectory_stop(&trajectory, INT32_MIN);
+    trajectory_start(&trajectory, INT32_MAX, INT16_MAX);
+    for (int i = 0; i < 1000; i++) {
+        trajectory_step(&trajectory);
+    }
+    trajectory_start(&trajectory, INT32_MIN, -1);
+    for (int i = 0; i < 1000; i++) {
+        trajectory_step(&trajectory);
+    }
+    trajectory_start(&trajectory, trajectory.position, 1); /* no distance: at once */
+    trajectory_step(&trajectory);
+    assert_false(trajectory.running);
+}
+
+static void the_estimator_is_exact_for_constant_acceleration(void **state)
+{
+    struct speed_estimator estimator;
+
+    (void)state;
+    estimator_reset(&estimator, 0);
+    for (int t = 1; t <= 200; t++) {
+        estimator_push(&estimator, 3 * t * t); /* 6 ticks/ms^2 */
+    }
+    assert_int_equal(estimator_speed(&estimator, 0), 6 * (200 - 16));
+    assert_int_equal(estimator_acceleration(&estimator, 0), 6);
+    assert_int_equal(estimator_acceleration(&estimator, 4), 96);
+    estimator_reset(&estimator, INT32_MAX);
+    for (int t = 0; t < 20; t++) {
+        estimator_push(&estimator, INT32_MIN);
+    }
+    assert_true(estimator_speed(&estimator, 60) < INT16_MIN);
+}
+
+/* ---- boards on a motor ---- */
+
+/* COMAN's drive, link side: R, L, N Kt, N Kw, J, Dm. A rigid joint, 20 sub-steps a millisecond. */
+static void plant(struct rig *rig, int joint)
+{
+    const double R = 0.664, L = 0.00032, K = 4.1, J = 0.1387, D = 0.19958, h = 0.001 / 20;
+    struct motor_sense *s = &rig->sense[joint];
+
+    for (int i = 0; i < 20; i++) {
+        double v = rig->motor[joint].voltage_v;
+
+        assert_true(fabs(v) <= SUPPLY_V);
+        assert_true(rig->motor[joint].bridge_on || v == 0.0);
+        if (rig->motor[joint].bridge_on) {
+            s->current_a += h * (v - R * s->current_a - K * s->qmd) / L;
+        } else {
+            s->current_a = 0.0;
+        }
+        s->qmd += h * (K * s->current_a - D * s->qmd) / J;
+        s->qm += h * s->qmd;
+    }
+    s->q = s->qm;
+    s->qd = s->qmd;
+}
+
+static void run(struct rig *rig, int ms)
+{
+    for (int i = 0; i < ms; i++) {
+        rig_tick(rig);
+        plant(rig, 0);
+    }
+}
+
+static void start(struct rig *rig)
+{
+    rig_configure(rig);
+    rig->board[0].axis[0].current_limit_a = 100.0;
+    rig_start(rig);
+    rig_tick(rig);
+    rig_send(rig, 0, 0x001, "52 E8 00 01 00 00 00 0A"); /* kp 232, ki 1 over 1024: 20 rad/s */
+}
+
+static void without_gains_a_position_mode_has_no_voltage(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_tick(&rig);
+    rig_send(&rig, 0, 0x001, "09 01");
+    rig_send(&rig, 0, 0x001, "1B 10 27 00 00 E8 03");
+    for (int i = 0; i < 2000; i++) {
+        rig_tick(&rig);
+        assert_near(rig.motor[0].voltage_v, 0.0, 0.0);
+    }
+    rig_stop(&rig);
+}
+
+static void position_mode_moves_to_its_target_and_stays(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    start(&rig);
+    rig_send(&rig, 0, 0x001, "09 01");
+    rig_send(&rig, 0, 0x001, "1B 10 27 00 00 E8 03"); /* 10000 ticks at 1000/100 ms: 1 s */
+    run(&rig, 500);
+    rig_ask(&rig, "08", "08 00 00");
+    assert_near(rig.sense[0].q, 0.5, 0.05); /* half way at half time */
+    run(&rig, 3000);
+    rig_ask(&rig, "08", "08 01 00");
+    rig_ask(&rig, "16", "16 10 27 00 00");
+    assert_near(rig.sense[0].q, 1.0, 1e-3);           /* ten ticks */
+    rig_send(&rig, 0, 0x001, "1B 40 9C 00 00 D0 07"); /* 40000 is beyond the limit of 25000 */
+    run(&rig, 5000);
+    assert_near(rig.sense[0].q, 2.5, 1e-3);
+    rig_stop(&rig);
+}
+
+static void direct_mode_jumps_and_only_there(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    start(&rig);
+    rig_send(&rig, 0, 0x001, "09 01");
+    rig_send(&rig, 0, 0x001, "3E E8 03 00 00");
+    rig_ask(&rig, "39", "39 00 00 00 00");
+    rig_send(&rig, 0, 0x001, "09 08");
+    rig_send(&rig, 0, 0x001, "3E E8 03 00 00");
+    rig_ask(&rig, "39", "39 E8 03 00 00");
+    run(&rig, 2000);
+    assert_near(rig.sense[0].q, 0.1, 1e-3);
+    rig_stop(&rig);
+}
+
+static void velocity_mode_keeps_the_commanded_speed(void **state)
+{
+    struct rig rig;
+    double before;
+
+    (void)state;
+    start(&rig);
+    rig_send(&rig, 0, 0x001, "1C 50 00 01 00"); /* not in this mode */
+    rig_ask(&rig, "18", "18 00 00");
+    rig_send(&rig, 0, 0x001, "09 02");
+    /* 80/16 = 5 ticks/ms = 0.5 rad/s; the ramp of 1/16 tick/ms^2 takes 80 ms */
+    rig_send(&rig, 0, 0x001, "1C 50 00 01 00");
+    run(&rig, 40);
+    rig_ask(&rig, "3A", "3A 28 00");
+    run(&rig, 960);
+    before = rig.sense[0].q;
+    run(&rig, 500);
+    assert_near(rig.sense[0].q - before, 0.25, 0.002);
+    run(&rig, 400);
+    rig_send(&rig, 0, 0x001, "2E"); /* stop; the integral part takes its time */
+    run(&rig, 2000);
+    before = rig.sense[0].q;
+    run(&rig, 300);
+    assert_near(rig.sense[0].q, before, 2e-3);
+    rig_stop(&rig);
+}
+
+static void velocity_stops_at_the_joint_limit(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    start(&rig);
+    rig_send(&rig, 0, 0x001, "42 E8 03 00 00"); /* 1000 ticks */
+    rig_send(&rig, 0, 0x001, "09 02");
+    rig_send(&rig, 0, 0x001, "1C 50 00 00 00");
+    run(&rig, 1500);
+    rig_ask(&rig, "39", "39 E8 03 00 00");
+    rig_ask(&rig, "18", "18 00 00");
+    assert_near(rig.sense[0].q, 0.1, 5e-3);
+    rig_stop(&rig);
+}
+
+static void mixed_mode_adds_move_and_velocity(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    start(&rig);
+    rig_send(&rig, 0, 0x001, "09 07");
+    rig_send(&rig, 0, 0x001, "1B E8 03 00 00 E8 03"); /* 1000 ticks in 100 ms */
+    rig_send(&rig, 0, 0x001, "1C 10 00 00 00");       /* 1 tick/ms */
+    run(&rig, 500);
+    rig_ask(&rig, "39", "39 DC 05 00 00"); /* 1000 + 500 */
+    rig_stop(&rig);
+}
+
+static void current_mode_reaches_its_milliamperes(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    start(&rig);
+    rig_send(&rig, 0, 0x001, "65 02 00 04 00 00 00 0A"); /* kp 2/1024, ki 4/1024 PWM/mA */
+    rig_send(&rig, 0, 0x001, "09 06");
+    rig_send(&rig, 0, 0x001, "2C C4 09 00 00"); /* 2500 mA */
+    for (int i = 0; i < 200; i++) {             /* the shaft is held: current is V / R */
+        rig_tick(&rig);
+        rig.sense[0].current_a = rig.motor[0].voltage_v / 0.664;
+    }
+    assert_near(rig.sense[0].current_a, 2.5, 0.06); /* one PWM count is 54 mA */
+    rig_stop(&rig);
+}
+
+static void torque_mode_reaches_its_counts(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    start(&rig);
+    rig_send(&rig, 0, 0x001, "4E 00 00 02 00 00 00 0A");
+    rig_send(&rig, 0, 0x001, "09 03");
+    rig_send(&rig, 0, 0x001, "2C A3 17 00 00"); /* 6051 counts of 0x8000 = 55 Nm: 10.16 Nm */
+    for (int i = 0; i < 400; i++) {
+        rig_tick(&rig);
+        rig.sense[0].torque_nm = rig.motor[0].voltage_v / 0.664 * 4.1;
+    }
+    assert_near(rig.sense[0].torque_nm, 10.16, 0.23); /* one PWM count is 0.22 Nm */
+    rig_stop(&rig);
+}
+
+/* A held shaft off its reference feels stiffness * error, for the torque loop follows. */
+static void impedance_is_a_spring_around_the_reference(void **state)
+{
+    static const char *const modes[] = {"09 04", "09 05", "09 01"};
+
+    (void)state;
+    for (int m = 0; m < 3; m++) {
+        struct rig rig;
+
+        start(&rig);
+        rig_send(&rig, 0, 0x001, "4E 00 00 02 00 00 00 0A");
+        rig_send(&rig, 0, 0x001, "57 06 00 00 00 00 00 00");  /* 6 counts a tick */
+        rig_send(&rig, 0, 0x001, m == 2 ? "74 01" : "74 00"); /* a compliant position mode */
+        rig_send(&rig, 0, 0x001, modes[m]);
+        rig_tick(&rig);
+        rig.sense[0].q = 0.05; /* 500 ticks: -3000 counts = -5.04 Nm */
+        for (int i = 0; i < 400; i++) {
+            rig_tick(&rig);
+            rig.sense[0].torque_nm = rig.motor[0].voltage_v / 0.664 * 4.1;
+        }
+        assert_near(rig.sense[0].torque_nm, -5.04, 0.23);
+        rig_stop(&rig);
+    }
+}
+
+static void limits_of_the_pid_cut_its_output(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    start(&rig);
+    rig_send(&rig, 0, 0x001, "2A C8 00"); /* 200 */
+    rig_send(&rig, 0, 0x001, "09 08");
+    rig_send(&rig, 0, 0x001, "3E 20 4E 00 00");
+    rig_tick(&rig);
+    assert_near(rig.motor[0].voltage_v, 200.0 / 1333.0 * SUPPLY_V, 1e-12);
+    rig_send(&rig, 0, 0x001, "2F 64 00");
+    rig_tick(&rig);
+    assert_near(rig.motor[0].voltage_v, 100.0 / 1333.0 * SUPPLY_V, 1e-12);
+    rig_stop(&rig);
+}
+
+static void offset_and_stiction_add_to_the_position_loop(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_tick(&rig);
+    rig_send(&rig, 0, 0x001, "26 0A 00");       /* offset 10 */
+    rig_send(&rig, 0, 0x001, "5D 14 00 E2 FF"); /* 20 up, -30 down */
+    rig_send(&rig, 0, 0x001, "09 01");
+    rig_tick(&rig);
+    assert_near(rig.motor[0].voltage_v, 10.0 / 1333.0 * SUPPLY_V, 1e-12);
+    rig_send(&rig, 0, 0x001, "1B E8 03 00 00 E8 03");
+    rig_tick(&rig);
+    assert_near(rig.motor[0].voltage_v, 30.0 / 1333.0 * SUPPLY_V, 1e-12);
+    rig_ticks(&rig, 200);
+    assert_near(rig.motor[0].voltage_v, 10.0 / 1333.0 * SUPPLY_V, 1e-12);
+    rig_send(&rig, 0, 0x001, "1B 00 00 00 00 E8 03");
+    rig_tick(&rig);
+    assert_near(rig.motor[0].voltage_v, -20.0 / 1333.0 * SUPPLY_V, 1e-12);
+    rig_stop(&rig);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(quantization_rounds_and_ends_at_32_bits),
+        cmocka_unit_test(shifts_go_toward_zero),
+        cmocka_unit_test(a_pid_is_its_three_parts),
+        cmocka_unit_test(a_trajectory_has_the_shape_of_minimum_jerk),
+        cmocka_unit_test(a_new_target_on_the_way_keeps_the_speed),
+        cmocka_unit_test(absurd_moves_end_at_their_target),
+        cmocka_unit_test(the_estimator_is_exact_for_constant_acceleration),
+        cmocka_unit_test(without_gains_a_position_mode_has_no_voltage),
+        cmocka_unit_test(position_mode_moves_to_its_target_and_stays),
+        cmocka_unit_test(direct_mode_jumps_and_only_there),
+        cmocka_unit_test(velocity_mode_keeps_the_commanded_speed),
+        cmocka_unit_test(velocity_stops_at_the_joint_limit),
+        cmocka_unit_test(mixed_mode_adds_move_and_velocity),
+        cmocka_unit_test(current_mode_reaches_its_milliamperes),
+        cmocka_unit_test(torque_mode_reaches_its_counts),
+        cmocka_unit_test(impedance_is_a_spring_around_the_reference),
+        cmocka_unit_test(limits_of_the_pid_cut_its_output),
+        cmocka_unit_test(offset_and_stiction_add_to_the_position_loop),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

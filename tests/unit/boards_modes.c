@@ -1,0 +1,1044 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Modes, faults, time-outs and periodic frames of the motor boards, against the protocol's rules.
+ */
+#include "tests/unit/boards_rig.h"
+
+#include <pthread.h>
+#include <stdatomic.h>
+
+#define POLICY_7F "49 7F 00 00 00"
+
+static uint8_t mode_of(struct rig *rig)
+{
+    const struct bus_frame *reply;
+
+    rig_send(rig, 0, 0x001, "07");
+    rig_tick(rig);
+    reply = rig_find(rig, 0, 0x010);
+    assert_non_null(reply);
+    return reply->data[1];
+}
+
+static void set_mode(struct rig *rig, unsigned mode)
+{
+    char text[16];
+
+    snprintf(text, sizeof text, "09 %02X", mode);
+    rig_send(rig, 0, 0x001, text);
+}
+
+/* Runs until the tick that sent slot 3, so that the next one is slot 0. */
+static void to_slot_0(struct rig *rig)
+{
+    rig_ticks(rig, (int)((4 - rig->sensors.time_ns / 1000000 % 4) % 4));
+}
+
+static const unsigned running[] = {0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x07, 0x08, 0x50};
+enum { RUNNING = sizeof running / sizeof *running };
+
+/* ---- mode rules ---- */
+
+static void any_running_mode_is_entered_from_idle_with_the_bridge_on(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < RUNNING; i++) {
+        struct rig rig;
+
+        rig_configure(&rig);
+        rig_start(&rig);
+        rig_tick(&rig);
+        assert_false(rig.motor[0].bridge_on);
+        set_mode(&rig, running[i]);
+        assert_int_equal(mode_of(&rig), running[i]);
+        assert_true(rig.motor[0].bridge_on);
+        assert_false(rig.motor[1].bridge_on);
+        assert_near(rig.motor[0].voltage_v, 0.0, 0.0);
+        set_mode(&rig, i % 2 ? 0x00 : 0x09);
+        assert_int_equal(mode_of(&rig), 0x00);
+        assert_false(rig.motor[0].bridge_on);
+        rig_stop(&rig);
+    }
+}
+
+static void one_running_mode_follows_another_directly(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    for (size_t i = 0; i < RUNNING; i++) {
+        for (size_t j = 0; j < RUNNING; j++) {
+            set_mode(&rig, running[i]);
+            set_mode(&rig, running[j]);
+            assert_int_equal(mode_of(&rig), running[j]);
+            assert_true(rig.motor[0].bridge_on);
+        }
+    }
+    rig_stop(&rig);
+}
+
+static void values_that_are_no_mode_are_refused(void **state)
+{
+    struct rig rig;
+    unsigned refused = 0;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    for (unsigned mode = 0; mode < 256; mode++) {
+        bool known = mode <= 0x09 || mode == 0x50;
+
+        if (!known) {
+            set_mode(&rig, mode);
+            refused++;
+        }
+    }
+    assert_int_equal(mode_of(&rig), 0x00);
+    assert_int_equal(rig_counters(&rig).malformed, refused);
+    rig_stop(&rig);
+}
+
+static void only_force_idle_leaves_a_fault(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    set_mode(&rig, 0x50);
+    rig_tick(&rig);
+    rig.sense[0].current_a = -60.0;
+    rig_ticks(&rig, 2);
+    rig.sense[0].current_a = 0.0;
+    assert_int_equal(mode_of(&rig), 0xa0);
+    for (size_t i = 0; i < RUNNING; i++) {
+        set_mode(&rig, running[i]);
+        assert_int_equal(mode_of(&rig), 0xa0);
+    }
+    set_mode(&rig, 0x00);
+    assert_int_equal(mode_of(&rig), 0xa0);
+    rig_send(&rig, 0, 0x001, "04 03 00 00 00 00 00 00");
+    assert_int_equal(mode_of(&rig), 0xa0);
+    assert_false(rig.motor[0].bridge_on);
+    set_mode(&rig, 0x09);
+    assert_int_equal(mode_of(&rig), 0x00);
+    assert_false(rig.motor[0].bridge_on);
+    set_mode(&rig, 0x50);
+    assert_int_equal(mode_of(&rig), 0x50);
+    rig_stop(&rig);
+}
+
+static void a_mode_change_clears_the_voltage_and_holds_the_position(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_tick(&rig);
+    rig_send(&rig, 0, 0x001, "72 4D 01"); /* kept in any mode ... */
+    rig_ask(&rig, "73", "73 4D 01");
+    rig.sense[0].q = 0.5;
+    rig_tick(&rig);
+    set_mode(&rig, 0x50); /* ... and cleared by a change */
+    rig_ask(&rig, "73", "73 00 00");
+    rig_ask(&rig, "16", "16 88 13 00 00"); /* 5000 */
+    rig_send(&rig, 0, 0x001, "72 4D 01");
+    rig_tick(&rig);
+    assert_near(rig.motor[0].voltage_v, SUPPLY_V * 333.0 / 1333.0, 1e-12);
+    set_mode(&rig, 0x01);
+    rig_ask(&rig, "73", "73 00 00");
+    assert_near(rig.motor[0].voltage_v, 0.0, 0.0);
+    rig_send(&rig, 0, 0x001, "72 4D 01"); /* acts in mode 0x50 only */
+    rig_tick(&rig);
+    assert_near(rig.motor[0].voltage_v, 0.0, 0.0);
+    rig_stop(&rig);
+}
+
+static void discovery_stops_motors_when_asked_to(void **state)
+{
+    (void)state;
+    for (int stops = 0; stops < 2; stops++) {
+        struct rig rig;
+
+        rig_configure(&rig);
+        rig.board[0].discovery_stops_motors = stops;
+        rig_start(&rig);
+        rig_send(&rig, 0, 0x001, POLICY_7F);
+        set_mode(&rig, 0x50);
+        rig_tick(&rig);
+        rig_send(&rig, 0, 0x70f, "FF");
+        rig_tick(&rig);
+        assert_int_equal(rig.motor[0].bridge_on, !stops);
+        to_slot_0(&rig);
+        rig_tick(&rig);
+        assert_int_equal(rig_sent(&rig, 0, 0x111), !stops);
+        rig_stop(&rig);
+    }
+}
+
+/* ---- voltage ---- */
+
+static void voltage_is_the_reference_over_1333_of_the_supply(void **state)
+{
+    static const int references[] = {0, 1, -1, 333, -333, 1332, 1333, -1333, 1334, 32767, -32768};
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    set_mode(&rig, 0x50);
+    for (size_t i = 0; i < sizeof references / sizeof *references; i++) {
+        int counts = references[i] > 1333 ? 1333 : references[i] < -1333 ? -1333 : references[i];
+        char text[32];
+
+        snprintf(text, sizeof text, "72 %02X %02X", references[i] & 0xff,
+                 references[i] >> 8 & 0xff);
+        rig_send(&rig, 0, 0x001, text);
+        rig_tick(&rig);
+        assert_near(rig.motor[0].voltage_v, counts / 1333.0 * SUPPLY_V, 1e-12);
+    }
+    rig.sensors.supply_v = 40.0; /* PWM is a ratio: the voltage follows the supply */
+    rig_send(&rig, 0, 0x001, "72 35 05");
+    rig_tick(&rig);
+    rig_tick(&rig);
+    assert_near(rig.motor[0].voltage_v, 40.0, 1e-12);
+    rig_stop(&rig);
+}
+
+static void the_pwm_limit_cuts_the_voltage(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "2F 64 00");
+    rig_send(&rig, 0, 0x001, POLICY_7F);
+    set_mode(&rig, 0x50);
+    rig_send(&rig, 0, 0x001, "72 38 FF"); /* -200 */
+    rig_tick(&rig);
+    assert_near(rig.motor[0].voltage_v, -100.0 / 1333.0 * SUPPLY_V, 1e-12);
+    rig_tick(&rig); /* slot 1: what was asked for and what it became */
+    rig_expect(&rig, 0, 0x112, "38 FF 00 00 9C FF 00 00");
+    rig_send(&rig, 0, 0x001, "2F FF FF"); /* a negative limit lets nothing through */
+    rig_tick(&rig);
+    assert_near(rig.motor[0].voltage_v, 0.0, 0.0);
+    rig_stop(&rig);
+}
+
+static void joints_without_a_board_are_left_alone(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig.config.nboard = 4;
+    rig.motor[3] = (struct motor_command){true, 7.0, 0.25};
+    rig.motor[0].pretension_m = 0.5;
+    rig_start(&rig);
+    set_mode(&rig, 0x50);
+    rig_send(&rig, 0, 0x002, "89 50"); /* the spare axis may run, too */
+    rig_send(&rig, 0, 0x002, "F2 35 05");
+    rig_ticks(&rig, 10);
+    assert_true(rig.motor[3].bridge_on);
+    assert_near(rig.motor[3].voltage_v, 7.0, 0.0);
+    assert_near(rig.motor[0].pretension_m, 0.5, 0.0);
+    boards_shut_down(rig.boards, &rig.command);
+    assert_false(rig.motor[0].bridge_on);
+    assert_true(rig.motor[3].bridge_on);
+    rig_stop(&rig);
+}
+
+/* ---- time-outs ---- */
+
+static void count_to_timeout(bool strict, int64_t timeout_ns, int *ticks)
+{
+    struct rig rig;
+
+    rig_configure(&rig);
+    rig.board[0].strict = strict;
+    rig.board[0].command_timeout_ns = timeout_ns;
+    rig_start(&rig);
+    set_mode(&rig, 0x50);
+    rig_tick(&rig);
+    rig_send(&rig, 0, 0x001, "72 4D 01");
+    for (*ticks = 0; *ticks < 10000; ++*ticks) {
+        rig_tick(&rig);
+        if (rig.motor[0].voltage_v == 0.0) {
+            break;
+        }
+    }
+    assert_int_equal(rig_counters(&rig).timeouts, *ticks < 10000);
+    assert_true(rig.motor[0].bridge_on);
+    rig_stop(&rig);
+}
+
+static void a_stale_voltage_becomes_zero_after_our_time_out(void **state)
+{
+    int ticks;
+
+    (void)state;
+    count_to_timeout(false, 100000000, &ticks);
+    assert_int_equal(ticks, 100);
+    count_to_timeout(false, 0, &ticks); /* off */
+    assert_int_equal(ticks, 10000);
+    count_to_timeout(true, 100000000, &ticks); /* a strict board drives on */
+    assert_int_equal(ticks, 10000);
+}
+
+static void a_fresh_voltage_resumes_after_the_time_out(void **state)
+{
+    struct board_event event;
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig.board[0].command_timeout_ns = 50000000;
+    rig_start(&rig);
+    set_mode(&rig, 0x50);
+    for (int i = 0; i < 500; i++) { /* fresh often enough: no time-out */
+        if (i % 40 == 0) {
+            rig_send(&rig, 0, 0x001, "72 4D 01");
+        }
+        rig_tick(&rig);
+        assert_true(rig.motor[0].voltage_v > 11.0);
+    }
+    assert_int_equal(rig_counters(&rig).timeouts, 0);
+    rig_ticks(&rig, 60);
+    assert_near(rig.motor[0].voltage_v, 0.0, 0.0);
+    assert_int_equal(rig_counters(&rig).timeouts, 1);
+    assert_true(rig_event(&rig, BOARD_EVENT_TIMEOUT, &event));
+    assert_int_equal(event.a, 0x50);
+    assert_int_equal(event.axis, 0);
+    rig_ticks(&rig, 500); /* once, not again and again */
+    assert_int_equal(rig_counters(&rig).timeouts, 1);
+    rig_send(&rig, 0, 0x001, "72 4D 01");
+    rig_tick(&rig);
+    assert_true(rig.motor[0].voltage_v > 11.0);
+    rig_stop(&rig);
+}
+
+static void a_velocity_without_fresh_commands_becomes_zero(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "56 64 00"); /* 100 ms */
+    set_mode(&rig, 0x02);
+    rig_send(&rig, 0, 0x001, "1C 20 00 00 01"); /* 32/16 = 2 ticks/ms, reached at once */
+    rig_ticks(&rig, 50);
+    rig_ask(&rig, "3A", "3A 20 00");
+    rig_send(&rig, 0, 0x001, "1C 20 00 00 01");
+    rig_ticks(&rig, 101);
+    rig_ask(&rig, "18", "18 00 00");
+    assert_int_equal(rig_counters(&rig).timeouts, 1);
+    rig_ask(&rig, "3A", "3A 00 00");
+    assert_int_equal(mode_of(&rig), 0x02);
+    rig_stop(&rig);
+}
+
+static void a_silent_torque_source_disables_torque_modes(void **state)
+{
+    static const unsigned modes[] = {0x03, 0x04, 0x05};
+    struct board_event event;
+
+    (void)state;
+    for (size_t i = 0; i < 3; i++) {
+        struct rig rig;
+
+        rig_configure(&rig);
+        rig_start(&rig);
+        rig_send(&rig, 0, 0x20c, "07 00");                   /* the pseudo-STRAIN speaks */
+        rig_send(&rig, 0, 0x001, "34 0C 01 00 00 00 00 00"); /* and the axis listens */
+        rig_ticks(&rig, 10);
+        set_mode(&rig, modes[i]);
+        rig_ticks(&rig, 1000);
+        assert_int_equal(mode_of(&rig), modes[i]);
+        rig_send(&rig, 0, 0x20c, "07 01");
+        rig_ticks(&rig, 190);
+        assert_int_equal(mode_of(&rig), modes[i]);
+        rig_ticks(&rig, 15);
+        assert_int_equal(mode_of(&rig), 0x00);
+        assert_false(rig.motor[0].bridge_on);
+        assert_true(rig_event(&rig, BOARD_EVENT_SOURCE_LOST, &event));
+        assert_int_equal(event.a, 0x0c);
+        assert_int_equal(rig_counters(&rig).timeouts, 1);
+        rig_stop(&rig);
+    }
+}
+
+static void torque_of_real_strain_boards_on_the_bus_is_heard(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "34 05 04 00 00 00 00 00");
+    rig_send(&rig, 0, 0x001, "49 00 01 00 00"); /* DEBUG */
+    to_slot_0(&rig);
+    rig_send(&rig, 0, 0x35b, "00 80 10 80 F0 7F"); /* channels 3 4 5 */
+    rig_ticks(&rig, 4);
+    rig_expect(&rig, 0, 0x119, "10 00 00 00 00 00 00 00");
+    rig_stop(&rig);
+}
+
+/* ---- faults ---- */
+
+static void over_current_trips_once_and_is_told_once(void **state)
+{
+    static const char *const limit[] = {"48 E8 03 00 00", "C8 E8 03 00 00"}; /* 1000 mA */
+    static const char *const run[] = {"09 50", "89 50"};
+    static const char *const status[] = {"08 A0 00 00 00 00 00 00", "00 00 08 A0 00 00 00 00"};
+
+    (void)state;
+    for (int axis = 0; axis < 2; axis++) {
+        struct board_event event;
+        struct rig rig;
+
+        rig_configure(&rig);
+        rig_start(&rig);
+        rig_send(&rig, 0, 0x001, "49 04 00 00 00");
+        rig_send(&rig, 0, 0x001, limit[axis]);
+        rig_send(&rig, 0, 0x001, run[axis]);
+        rig_ticks(&rig, 4);
+        rig.sense[axis].current_a = 1.0; /* at the limit is not above it */
+        rig_ticks(&rig, 1000);
+        assert_int_equal(rig_counters(&rig).trips, 0);
+        rig.sense[axis].current_a = -4.0;
+        rig_tick(&rig);
+        rig_tick(&rig);
+        assert_false(rig.motor[axis].bridge_on);
+        assert_near(rig.motor[axis].voltage_v, 0.0, 0.0);
+        assert_int_equal(rig_counters(&rig).trips, 1);
+        assert_true(rig_event(&rig, BOARD_EVENT_FAULT, &event));
+        assert_int_equal(event.a, 0x08);
+        assert_int_equal(event.axis, axis);
+        rig_tick(&rig); /* slot 2 */
+        rig_expect(&rig, 0, 0x113, status[axis]);
+        for (int i = 0; i < 40; i++) {
+            rig_tick(&rig);
+            assert_int_equal(rig_sent(&rig, 0, 0x113), 0);
+        }
+        /* whatever is told later, the trip is not told again */
+        rig_send(&rig, 0, 0x001, axis ? "89 09" : "09 09");
+        rig_ticks(&rig, 4);
+        rig_expect(&rig, 0, 0x113, "00 00 00 00 00 00 00 00");
+        assert_int_equal(rig_counters(&rig).trips, 1);
+        rig_stop(&rig);
+    }
+}
+
+/* The integral of I^2 - limit^2 may reach limit^2 * 10 ms. */
+static void over_current_is_measured_by_its_heat(void **state)
+{
+    static const double ratios[] = {1.05, 1.1, 1.5, 2.0, 3.0, 3.4};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof ratios / sizeof *ratios; i++) {
+        int expected = (int)floor(10.0 / (ratios[i] * ratios[i] - 1.0)) + 1, ticks = 0;
+        struct rig rig;
+
+        rig_configure(&rig);
+        rig.sense[0].current_a = 12.0 * ratios[i];
+        rig_start(&rig);
+        set_mode(&rig, 0x50);
+        for (; rig_counters(&rig).trips == 0 && ticks < 1000; ticks++) {
+            rig_tick(&rig);
+        }
+        assert_int_equal(ticks, expected);
+        rig_stop(&rig);
+    }
+}
+
+/* COMAN's drive with a quarter of 48 V from standstill: 15 A, above 12 A for 3 ms. */
+static void the_inrush_of_a_voltage_step_does_not_trip(void **state)
+{
+    static const double inrush_a[] = {14.88, 14.44, 12.17, 10.03, 8.27, 6.85};
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    set_mode(&rig, 0x50);
+    rig_send(&rig, 0, 0x001, "72 4D 01");
+    for (size_t i = 0; i < sizeof inrush_a / sizeof *inrush_a; i++) {
+        rig_tick(&rig);
+        rig.sense[0].current_a = inrush_a[i];
+    }
+    rig_ticks(&rig, 100);
+    assert_int_equal(rig_counters(&rig).trips, 0);
+    rig_stop(&rig);
+}
+
+static void under_voltage_is_a_fault_as_long_as_it_lasts(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "49 04 00 00 00");
+    set_mode(&rig, 0x50);
+    rig_ticks(&rig, 4);
+    rig.sensors.supply_v = 20.0;
+    rig_ticks(&rig, 3);
+    rig_expect(&rig, 0, 0x113, "01 A0 01 00 00 00 00 00");
+    rig_ticks(&rig, 4);
+    rig_expect(&rig, 0, 0x113, "01 A0 01 00 00 00 00 00");
+    set_mode(&rig, 0x09);
+    set_mode(&rig, 0x50); /* trips again at once */
+    rig_ticks(&rig, 4);
+    rig_expect(&rig, 0, 0x113, "01 A0 01 00 00 00 00 00");
+    rig.sensors.supply_v = 48.0;
+    rig_ticks(&rig, 4);
+    assert_int_equal(rig_sent(&rig, 0, 0x113), 0);
+    rig_send(&rig, 0, 0x001, "09 09");
+    rig_ticks(&rig, 4);
+    rig_expect(&rig, 0, 0x113, "00 00 00 00 00 00 00 00");
+    rig_stop(&rig);
+}
+
+static void a_sensor_without_a_number_is_an_encoder_fault(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig.sense[0].q = 0.25;
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "49 04 00 00 00");
+    set_mode(&rig, 0x50);
+    rig_ticks(&rig, 4);
+    rig.sense[0].q = (double)NAN;
+    rig_ticks(&rig, 3);
+    rig_expect(&rig, 0, 0x113, "20 A0 00 00 00 00 00 00");
+    rig_ask(&rig, "14", "14 C4 09 00 00 00 00"); /* the last that it knew */
+    rig.sense[0].q = 0.25;
+    rig.sense[0].current_a = (double)INFINITY;
+    rig_ticks(&rig, 8);
+    assert_int_equal(mode_of(&rig), 0xa0);
+    rig_stop(&rig);
+}
+
+static void voltage_beyond_a_joint_limit_is_refused_both_ways(void **state)
+{
+    struct board_event event;
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "49 20 00 00 00"); /* PRINT */
+    set_mode(&rig, 0x50);
+    rig.sense[0].q = 2.5; /* at the limit */
+    rig_send(&rig, 0, 0x001, "72 4D 01");
+    rig_ticks(&rig, 3);
+    assert_true(rig.motor[0].voltage_v > 11.0);
+    rig.sense[0].q = 2.5002;
+    rig_tick(&rig);
+    rig_tick(&rig);
+    assert_near(rig.motor[0].voltage_v, 0.0, 0.0);
+    assert_int_equal(rig_sent(&rig, 0, 0x116), 3);
+    rig_expect_frame(&rig.frame[0][0], 0x116, "06 10 4F 55 54 20 4F 46"); /* "OUT OF" */
+    rig_expect_frame(&rig.frame[0][1], 0x116, "06 11 20 4C 49 4D 49 54"); /* " LIMIT" */
+    rig_expect_frame(&rig.frame[0][2], 0x116, "86 12 53");                /* "S", the last */
+    rig_ask(&rig, "73", "73 00 00");
+    rig_send(&rig, 0, 0x001, "72 B3 FE"); /* back is refused, too */
+    rig_tick(&rig);
+    assert_near(rig.motor[0].voltage_v, 0.0, 0.0);
+    assert_int_equal(rig_sent(&rig, 0, 0x116), 0); /* told once */
+    assert_true(rig_event(&rig, BOARD_EVENT_LIMIT, &event));
+    assert_false(rig_event(&rig, BOARD_EVENT_LIMIT, &event));
+    rig.sense[0].q = -2.1;
+    rig_tick(&rig);
+    rig_send(&rig, 0, 0x001, "72 4D 01");
+    rig_tick(&rig);
+    assert_near(rig.motor[0].voltage_v, 0.0, 0.0);
+    rig.sense[0].q = 0.0;
+    rig_tick(&rig);
+    rig_send(&rig, 0, 0x001, "72 4D 01");
+    rig_tick(&rig);
+    assert_true(rig.motor[0].voltage_v > 11.0);
+    rig_stop(&rig);
+}
+
+/* ---- periodic frames ---- */
+
+static void boards_are_silent_until_the_host_sets_a_policy(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    set_mode(&rig, 0x50);
+    for (int i = 0; i < 6000; i++) {
+        rig_tick(&rig);
+        assert_int_equal(rig.count[0] + rig.count[1], 0);
+    }
+    rig_stop(&rig);
+    rig_configure(&rig);
+    rig.board[4].transmit_at_start = true;
+    rig_start(&rig);
+    rig_tick(&rig);
+    rig_expect(&rig, 1, 0x111, "00 00 00 00 00 00 00 00");
+    assert_int_equal(rig.count[0], 0);
+    rig_stop(&rig);
+}
+
+static void frames_keep_their_slots_and_the_mask_decides(void **state)
+{
+    static const unsigned slot_of[13] = {9, 0, 1, 2, 3, 3, 3, 3, 3, 3, 3, 3, 2};
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    for (unsigned type = 1; type <= 11; type++) {
+        unsigned mask = 1u << (type - 1);
+        char text[32];
+
+        /* the mask of one board; either axis bit sets it */
+        snprintf(text, sizeof text, "%s %02X %02X 00 00", type % 2 ? "49" : "C9", mask & 0xff,
+                 mask >> 8);
+        rig_send(&rig, 0, 0x001, text);
+        to_slot_0(&rig);
+        set_mode(&rig, 0x50); /* STATUS has something to say */
+        set_mode(&rig, 0x00);
+        for (unsigned slot = 0; slot < 4; slot++) {
+            bool event = type == 5 || type == 6; /* OVERFLOW and PRINT have no cause here */
+
+            rig_tick(&rig);
+            assert_int_equal(rig_sent(&rig, 0, 0x110 | type), slot == slot_of[type] && !event);
+            /* nothing else but ADDITIONAL_STATUS with STATUS */
+            assert_int_equal(rig.count[0], slot == slot_of[type] && !event ? 1 + (type == 3) : 0);
+        }
+    }
+    rig_stop(&rig);
+}
+
+static void the_default_mask_gives_every_frame_each_4_ms(void **state)
+{
+    struct rig rig;
+    unsigned sent[16] = {0};
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, POLICY_7F);
+    for (int i = 0; i < 4000; i++) {
+        rig_tick(&rig);
+        for (size_t f = 0; f < rig.count[0]; f++) {
+            assert_int_equal(rig.frame[0][f].id & 0x7f0, 0x110);
+            assert_int_equal(rig.frame[0][f].len, 8);
+            sent[rig.frame[0][f].id & 0xf]++;
+        }
+    }
+    assert_int_equal(sent[1], 1000);
+    assert_int_equal(sent[2], 1000);
+    assert_int_equal(sent[4], 1000);
+    assert_int_equal(sent[7], 1000);
+    assert_int_equal(sent[3] + sent[5] + sent[6] + sent[8], 0);
+    rig_stop(&rig);
+}
+
+static void status_follows_a_mode_change_in_the_next_slot_2(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    for (int phase = 0; phase < 4; phase++) {
+        rig_configure(&rig);
+        rig_start(&rig);
+        rig_send(&rig, 0, 0x001, "49 04 00 00 00");
+        rig_ticks(&rig, 4 + phase);
+        set_mode(&rig, 0x50);
+        for (int i = phase; i != 2; i = (i + 1) % 4) {
+            rig_tick(&rig);
+            assert_int_equal(rig.count[0], 0);
+        }
+        rig_tick(&rig);
+        rig_expect(&rig, 0, 0x113, "00 50 00 00 00 00 00 00");
+        rig_expect(&rig, 0, 0x11c, "00");
+        rig_ticks(&rig, 4);
+        assert_int_equal(rig.count[0], 0);
+        rig_stop(&rig);
+    }
+}
+
+static void status_comes_every_5_s_and_interaction_with_it(void **state)
+{
+    int64_t last = 0;
+    int count = 0;
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "49 04 00 00 00");
+    rig_send(&rig, 0, 0x001, "F4 01"); /* axis 1 compliant */
+    rig_ticks(&rig, 3);
+    rig_expect(&rig, 0, 0x11c, "10"); /* its change alone needs no STATUS */
+    assert_int_equal(rig_sent(&rig, 0, 0x113), 0);
+    for (int i = 0; i < 20000; i++) {
+        rig_tick(&rig);
+        if (rig.count[0]) {
+            rig_expect_frame(&rig.frame[0][0], 0x113, "00 00 00 00 00 00 00 00");
+            rig_expect_frame(&rig.frame[0][1], 0x11c, "10");
+            assert_in_range(rig.sensors.time_ns - last, 5000000000 - 1, 5004000000);
+            last = rig.sensors.time_ns;
+            count++;
+        }
+    }
+    assert_int_equal(count, 4);
+    rig_stop(&rig);
+}
+
+static void positions_are_ticks_of_link_and_rotor(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "49 01 02 00 00");
+    to_slot_0(&rig);
+    rig.sense[0].q = 1.23456789;  /* 12346 = 0x303A */
+    rig.sense[0].qm = 1.3;        /* 84500 = 0x14A14 */
+    rig.sense[1].q = -0.00005001; /* -1 */
+    rig.sense[1].qm = -1e9;       /* the counter ends */
+    rig_tick(&rig);
+    rig_expect(&rig, 0, 0x111, "3A 30 00 00 FF FF FF FF");
+    rig_ticks(&rig, 3);
+    rig_expect(&rig, 0, 0x11a, "14 4A 01 00 00 00 00 80");
+    rig_stop(&rig);
+}
+
+static void position_error_is_at_most_half_a_tick(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "49 01 00 00 00");
+    to_slot_0(&rig);
+    for (int i = 0; i < 500; i++) {
+        double q = sin(0.1 * i) * 2.0;
+        const struct bus_frame *frame;
+        int32_t ticks;
+
+        rig.sense[0].q = q;
+        rig_tick(&rig);
+        frame = rig_find(&rig, 0, 0x111);
+        assert_non_null(frame);
+        ticks = get_i32_le(frame->data);
+        assert_true(fabs(ticks - q * TICKS_PER_RAD) <= 0.5 + 1e-9);
+        rig_ticks(&rig, 3);
+    }
+    rig_stop(&rig);
+}
+
+static void current_is_milliamperes_and_saturates(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "49 08 00 00 00");
+    rig.sense[0].current_a = 1.2345; /* 1235 after rounding (1234.5 up) */
+    rig.sense[1].current_a = -2.0;
+    rig_ticks(&rig, 4);
+    rig_expect(&rig, 0, 0x114, "D3 04 30 F8 00 00 00 00");
+    rig.sense[0].current_a = 40.0;
+    rig.sense[1].current_a = -40.0;
+    rig_ticks(&rig, 4);
+    rig_expect(&rig, 0, 0x114, "FF 7F 00 80 00 00 00 00");
+    rig_stop(&rig);
+}
+
+/* 2 ticks/ms on link 0, 1/4 tick/ms^2 on link 1, 1 tick/ms^2 on rotor 0, nothing on rotor 1. */
+static void velocities_are_scaled_by_the_estimator_shifts(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "49 40 04 00 00"); /* VELOCITY and MOTOR_SPEED */
+    rig_send(&rig, 0, 0x001, "0E 03 00 00 00");
+    for (int i = 1; i <= 400; i++) {
+        rig.sense[0].q = 2.0 * i / TICKS_PER_RAD;
+        rig.sense[0].qm = 0.5 * i * i / MOTOR_TICKS_PER_RAD;
+        rig.sense[1].q = 0.125 * i * i / TICKS_PER_RAD;
+        rig_tick(&rig);
+    }
+    /* axis 0: 2 * 2^3 = 16; axis 1 keeps its shifts of 5: the speed of 16 ms ago, 384/4 * 2^5 =
+     * 3072, and 1/4 * 2^10 = 256 */
+    rig_expect(&rig, 0, 0x117, "10 00 00 0C 00 00 00 01");
+    /* 384 ticks/ms, 1 tick/ms^2 */
+    rig_expect(&rig, 0, 0x11b, "80 01 00 00 01 00 00 00");
+    rig_send(&rig, 0, 0x001, "0E FF FF FF FF"); /* absurd shifts saturate */
+    for (int i = 401; i <= 404; i++) {
+        rig.sense[0].q = 2.0 * i / TICKS_PER_RAD;
+        rig.sense[0].qm = 0.5 * i * i / MOTOR_TICKS_PER_RAD;
+        rig_tick(&rig);
+    }
+    assert_int_equal(rig_find(&rig, 0, 0x117)->data[1], 0x7f);
+    assert_int_equal(rig_find(&rig, 0, 0x11b)->data[1], 0x7f);
+    rig_stop(&rig);
+}
+
+/* ---- ticks of other lengths ---- */
+
+static void slots_follow_the_time_whatever_the_tick(void **state)
+{
+    static const int64_t ticks_ns[] = {250000, 500000, 1000000, 2000000, 3000000, 10000000};
+
+    (void)state;
+    for (size_t t = 0; t < sizeof ticks_ns / sizeof *ticks_ns; t++) {
+        struct rig rig;
+        int sent = 0;
+
+        rig_configure(&rig);
+        rig.config.tick_ns = ticks_ns[t];
+        rig_start(&rig);
+        rig_send(&rig, 0, 0x001, "49 01 00 00 00");
+        rig_ticks(&rig, (int)(1200000000 / ticks_ns[t]) - 1);
+        for (int64_t ns = 0; ns < 1200000000; ns += ticks_ns[t]) {
+            rig_tick(&rig);
+            sent += (int)rig_sent(&rig, 0, 0x111);
+        }
+        assert_int_equal(sent, ticks_ns[t] <= 4000000 ? 300 : 120);
+        rig_stop(&rig);
+    }
+}
+
+static void too_little_room_delays_replies_and_loses_telemetry(void **state)
+{
+    struct bus_frame frame[4];
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "49 01 00 00 00");
+    for (int i = 0; i < 6; i++) {
+        rig_send(&rig, 0, 0x001, "33");
+    }
+    boards_control(rig.boards, &rig.sensors, &rig.command);
+    assert_int_equal(boards_transmit(rig.boards, 0, &rig.sensors, frame, 4), 4);
+    assert_int_equal(rig_counters(&rig).overflows, 1);
+    boards_control(rig.boards, &rig.sensors, &rig.command);
+    assert_int_equal(boards_transmit(rig.boards, 0, &rig.sensors, frame, 4), 2);
+    rig_expect_frame(&frame[1], 0x010, "33 01");
+    assert_int_equal(boards_transmit(rig.boards, 0, &rig.sensors, frame, 0), 0);
+    assert_int_equal(boards_transmit(rig.boards, 9, &rig.sensors, frame, 4), 0);
+    rig_stop(&rig);
+}
+
+/* ---- events ---- */
+
+static void events_read_as_sentences(void **state)
+{
+    char text[256];
+    struct board_event event;
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_ticks(&rig, 1500);
+    rig_send(&rig, 0, 0x001, "89 50");
+    assert_true(rig_event(&rig, BOARD_EVENT_MODE, &event));
+    assert_int_equal(event.a, 0x00);
+    assert_int_equal(event.b, 0x50);
+    board_event_format(rig.boards, &event, text, sizeof text);
+    assert_string_equal(text, "1.500000 s: leg 1 (bus 0, address 1): axis 1 from idle to voltage "
+                              "mode");
+    rig.sense[1].current_a = 99.0;
+    rig_ticks(&rig, 2);
+    assert_true(rig_event(&rig, BOARD_EVENT_FAULT, &event));
+    board_event_format(rig.boards, &event, text, sizeof text);
+    assert_non_null(strstr(text, "axis 1 has a fault: over-current"));
+    assert_true(boards_fault(rig.boards));
+    rig_send(&rig, 0, 0x001, "89 09");
+    assert_false(boards_fault(rig.boards));
+    rig_send(&rig, 1, 0x001, "6B");
+    assert_true(rig_event(&rig, BOARD_EVENT_UNKNOWN, &event));
+    board_event_format(rig.boards, &event, text, sizeof text);
+    assert_non_null(strstr(text, "arm 1 (bus 1, address 1): no such command 0x6b (id 0x001)"));
+    rig_stop(&rig);
+}
+
+static void every_kind_of_event_has_its_sentence(void **state)
+{
+    static const struct {
+        struct board_event event;
+        const char *text;
+    } cases[] = {
+        {{.kind = BOARD_EVENT_MODE, .axis = 1, .a = 0x01, .b = 0x02},
+         "axis 1 from position to velocity mode"},
+        {{.kind = BOARD_EVENT_MODE, .a = 0x03, .b = 0x04},
+         "axis 0 from torque to impedance position mode"},
+        {{.kind = BOARD_EVENT_MODE, .a = 0x05, .b = 0x06},
+         "axis 0 from impedance velocity to current mode"},
+        {{.kind = BOARD_EVENT_MODE, .a = 0x07, .b = 0x08},
+         "axis 0 from mixed to direct position mode"},
+        {{.kind = BOARD_EVENT_MODE, .a = 0x60, .b = 0xa0},
+         "axis 0 from calibration to hardware fault mode"},
+        {{.kind = BOARD_EVENT_FAULT, .a = 0x21},
+         "axis 0 has a fault: under-voltage, absolute encoder"},
+        {{.kind = BOARD_EVENT_TIMEOUT, .a = 0x50}, "axis 0: the voltage command went stale, now 0"},
+        {{.kind = BOARD_EVENT_SOURCE_LOST, .a = 12},
+         "axis 0: torque source 12 is silent, motor off"},
+        {{.kind = BOARD_EVENT_LIMIT, .a = (uint32_t)-5},
+         "axis 0 is beyond its limit at -5 ticks, voltage 0"},
+        {{.kind = BOARD_EVENT_MALFORMED, .a = 0x001, .b = 0x72},
+         "wrong length or value in command 0x72 (id 0x001)"},
+        {{.kind = BOARD_EVENT_ADDRESS, .a = 1, .b = 5}, "moves from address 1 to 5"},
+        {{.kind = BOARD_EVENT_RESTART, .a = 1}, "in its bootloader"},
+        {{.kind = BOARD_EVENT_RESTART, .a = 0}, "application started"},
+        {{.kind = BOARD_EVENT_OVERFLOW, .a = 3}, "loses frames, 3 until now"},
+    };
+    char text[256];
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const char *what;
+
+        board_event_format(rig.boards, &cases[i].event, text, sizeof text);
+        what = strstr(text, "): ");
+        assert_non_null(what);
+        assert_string_equal(what + 3, cases[i].text);
+    }
+    board_event_format(rig.boards, &cases[0].event, text, 10); /* cut, not overrun */
+    assert_int_equal(strlen(text), 9);
+    rig_stop(&rig);
+}
+
+static void events_that_nobody_reads_are_counted_as_lost(void **state)
+{
+    struct board_event event;
+    struct rig rig;
+    int read = 0;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    for (int i = 0; i < 3000; i++) {
+        rig_send(&rig, 0, 0x001, "6B");
+    }
+    while (boards_next_event(rig.boards, &event)) {
+        read++;
+    }
+    assert_true(read > 0);
+    assert_int_equal((uint64_t)read + rig_counters(&rig).events_lost, 3000);
+    rig_stop(&rig);
+}
+
+struct reader {
+    struct boards *boards;
+    atomic_bool done;
+    uint64_t read;
+    bool in_order;
+};
+
+static void *read_events(void *argument)
+{
+    struct reader *reader = argument;
+    struct board_event event;
+    uint32_t last = 0;
+    bool done;
+
+    do {
+        done = atomic_load(&reader->done);
+        while (boards_next_event(reader->boards, &event)) {
+            char text[256];
+
+            board_event_format(reader->boards, &event, text, sizeof text);
+            reader->in_order &= event.kind != BOARD_EVENT_UNKNOWN || event.b >= last;
+            last = event.kind == BOARD_EVENT_UNKNOWN ? event.b : last;
+            reader->read++;
+        }
+    } while (!done);
+    return NULL;
+}
+
+static void another_thread_reads_events_while_the_loop_runs(void **state)
+{
+    static const uint8_t unknown[] = {0x00, 0x01, 0x02, 0x35, 0x36, 0x38, 0x3b, 0x6b, 0x7b, 0x7f};
+    struct reader reader = {.in_order = true};
+    pthread_t thread;
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    reader.boards = rig.boards;
+    assert_int_equal(pthread_create(&thread, NULL, read_events, &reader), 0);
+    for (int i = 0; i < 10000; i++) {
+        struct bus_frame frame = {.id = 0x001, .len = 1, .data = {unknown[i / 1000]}};
+
+        boards_receive(rig.boards, 0, &frame);
+        rig_tick(&rig);
+    }
+    atomic_store(&reader.done, true);
+    pthread_join(thread, NULL);
+    assert_true(reader.in_order);
+    assert_int_equal(reader.read + rig_counters(&rig).events_lost, 10000);
+    rig_stop(&rig);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(any_running_mode_is_entered_from_idle_with_the_bridge_on),
+        cmocka_unit_test(one_running_mode_follows_another_directly),
+        cmocka_unit_test(values_that_are_no_mode_are_refused),
+        cmocka_unit_test(only_force_idle_leaves_a_fault),
+        cmocka_unit_test(a_mode_change_clears_the_voltage_and_holds_the_position),
+        cmocka_unit_test(discovery_stops_motors_when_asked_to),
+        cmocka_unit_test(voltage_is_the_reference_over_1333_of_the_supply),
+        cmocka_unit_test(the_pwm_limit_cuts_the_voltage),
+        cmocka_unit_test(joints_without_a_board_are_left_alone),
+        cmocka_unit_test(a_stale_voltage_becomes_zero_after_our_time_out),
+        cmocka_unit_test(a_fresh_voltage_resumes_after_the_time_out),
+        cmocka_unit_test(a_velocity_without_fresh_commands_becomes_zero),
+        cmocka_unit_test(a_silent_torque_source_disables_torque_modes),
+        cmocka_unit_test(torque_of_real_strain_boards_on_the_bus_is_heard),
+        cmocka_unit_test(over_current_trips_once_and_is_told_once),
+        cmocka_unit_test(over_current_is_measured_by_its_heat),
+        cmocka_unit_test(the_inrush_of_a_voltage_step_does_not_trip),
+        cmocka_unit_test(under_voltage_is_a_fault_as_long_as_it_lasts),
+        cmocka_unit_test(a_sensor_without_a_number_is_an_encoder_fault),
+        cmocka_unit_test(voltage_beyond_a_joint_limit_is_refused_both_ways),
+        cmocka_unit_test(boards_are_silent_until_the_host_sets_a_policy),
+        cmocka_unit_test(frames_keep_their_slots_and_the_mask_decides),
+        cmocka_unit_test(the_default_mask_gives_every_frame_each_4_ms),
+        cmocka_unit_test(status_follows_a_mode_change_in_the_next_slot_2),
+        cmocka_unit_test(status_comes_every_5_s_and_interaction_with_it),
+        cmocka_unit_test(positions_are_ticks_of_link_and_rotor),
+        cmocka_unit_test(position_error_is_at_most_half_a_tick),
+        cmocka_unit_test(current_is_milliamperes_and_saturates),
+        cmocka_unit_test(velocities_are_scaled_by_the_estimator_shifts),
+        cmocka_unit_test(slots_follow_the_time_whatever_the_tick),
+        cmocka_unit_test(too_little_room_delays_replies_and_loses_telemetry),
+        cmocka_unit_test(events_read_as_sentences),
+        cmocka_unit_test(every_kind_of_event_has_its_sentence),
+        cmocka_unit_test(events_that_nobody_reads_are_counted_as_lost),
+        cmocka_unit_test(another_thread_reads_events_while_the_loop_runs),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

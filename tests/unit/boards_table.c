@@ -1,0 +1,255 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The message tables agree with themselves: lengths with fields, fields with the codec. */
+#include "boards/icub_table.h"
+#include "tests/unit/boards_rig.h"
+
+static void check_command(const struct icub_command *row, unsigned code)
+{
+    size_t request = 1 + icub_field_bytes(row->request);
+    size_t reply = 1 + icub_field_bytes(row->reply);
+
+    if (!row->kind) {
+        assert_null(row->name);
+        return;
+    }
+    assert_non_null(row->name);
+    assert_in_range(row->request_min, 1, row->request_max);
+    assert_in_range(row->request_max, row->request_min, 8);
+    assert_true(icub_field_count(row->request) <= ICUB_FIELDS_MAX);
+    assert_true(icub_field_count(row->reply) <= ICUB_FIELDS_MAX);
+    if (row->request && row->request_min == row->request_max && request != row->request_max) {
+        fail_msg("command 0x%02x %s: request of %zu bytes, not %d", code, row->name, request,
+                 row->request_max);
+    }
+    assert_int_equal(row->reply_length > 0, row->reply != NULL);
+    if (row->reply && reply != row->reply_length) {
+        fail_msg("command 0x%02x %s: reply of %zu bytes, not %d", code, row->name, reply,
+                 row->reply_length);
+    }
+    if (row->kind == ICUB_SET) {
+        assert_true(row->parameter + icub_field_count(row->request) <= ICUB_P_COUNT);
+    } else if (row->kind == ICUB_GET) {
+        assert_true(row->parameter + icub_field_count(row->reply) <= ICUB_P_COUNT);
+    }
+}
+
+static void lengths_of_commands_are_those_of_their_fields(void **state)
+{
+    (void)state;
+    for (unsigned code = 0; code < ICUB_MOTOR_COMMANDS; code++) {
+        check_command(&icub_motor_commands[code], code);
+    }
+    for (unsigned code = 0; code < ICUB_STRAIN_COMMANDS; code++) {
+        check_command(&icub_strain_commands[code], code);
+    }
+    for (unsigned code = 0; code < 256; code++) {
+        const struct icub_command *row = icub_management_command((uint8_t)code);
+
+        if (row) {
+            check_command(row, code);
+        }
+    }
+}
+
+static void lengths_of_periodic_frames_are_those_of_their_fields(void **state)
+{
+    (void)state;
+    for (int type = 0; type < 16; type++) {
+        assert_int_equal(icub_field_bytes(icub_motor_frames[type].fields),
+                         icub_motor_frames[type].length);
+        assert_int_equal(icub_field_bytes(icub_analog_frames[type].fields),
+                         icub_analog_frames[type].length);
+    }
+}
+
+static void names_are_unique_within_a_class(void **state)
+{
+    (void)state;
+    for (int i = 0; i < ICUB_MOTOR_COMMANDS; i++) {
+        for (int j = 0; j < i && icub_motor_commands[i].name; j++) {
+            if (icub_motor_commands[j].name) {
+                assert_string_not_equal(icub_motor_commands[i].name, icub_motor_commands[j].name);
+            }
+        }
+    }
+}
+
+static void every_type_survives_the_codec_at_its_ends(void **state)
+{
+    static const struct {
+        enum icub_type type;
+        int64_t min, max;
+        const char *low, *high;
+    } types[] = {
+        {ICUB_U8, 0, UINT8_MAX, "00", "FF"},
+        {ICUB_U16, 0, UINT16_MAX, "00 00", "FF FF"},
+        {ICUB_I16, INT16_MIN, INT16_MAX, "00 80", "FF 7F"},
+        {ICUB_U32, 0, UINT32_MAX, "00 00 00 00", "FF FF FF FF"},
+        {ICUB_I32, INT32_MIN, INT32_MAX, "00 00 00 80", "FF FF FF 7F"},
+        {ICUB_U16_BE, 0, UINT16_MAX, "00 00", "FF FF"},
+        {ICUB_I16_BE, INT16_MIN, INT16_MAX, "80 00", "7F FF"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
+        const struct icub_field fields[] = {{.type = types[i].type}, {.type = ICUB_END}};
+        const int64_t ends[] = {types[i].min, types[i].max, INT64_MIN, INT64_MAX};
+        const char *const texts[] = {types[i].low, types[i].high, types[i].low, types[i].high};
+
+        for (int e = 0; e < 4; e++) {
+            uint8_t expected[64], data[8] = {0xaa, 0xaa, 0xaa, 0xaa};
+            uint8_t len = rig_bytes(texts[e], expected);
+            int64_t value = 1;
+
+            icub_encode(fields, &ends[e], data);
+            assert_memory_equal(data, expected, len);
+            assert_true(icub_decode(fields, data, len, &value));
+            assert_int_equal(value, e % 2 ? types[i].max : types[i].min);
+        }
+    }
+}
+
+static void decoding_stops_at_the_end_and_checks_ranges(void **state)
+{
+    const struct icub_field fields[] = {{ICUB_U8, "a", NULL, 2, 5},
+                                        {.type = ICUB_PAD},
+                                        {ICUB_I16, "b", NULL, 0, 0},
+                                        {.type = ICUB_END}};
+    const uint8_t data[] = {3, 99, 0x34, 0x12};
+    int64_t values[2] = {-1, -1};
+
+    (void)state;
+    assert_true(icub_decode(fields, data, 4, values));
+    assert_int_equal(values[0], 3);
+    assert_int_equal(values[1], 0x1234);
+    assert_true(icub_decode(fields, data, 3, values)); /* half a field is none */
+    assert_int_equal(values[1], 0);
+    assert_false(icub_decode(fields, (const uint8_t[]){6}, 1, values));
+    assert_false(icub_decode(fields, (const uint8_t[]){1}, 1, values));
+    assert_false(icub_decode(fields, data, 0, values));
+}
+
+/* ---- configuration ---- */
+
+static void refuses(struct rig *rig, const char *what)
+{
+    struct boards *boards = NULL;
+    struct error error;
+
+    assert_int_equal(arena_init(&rig->arena, 64u << 20, &error), ERROR_NONE);
+    assert_int_equal(boards_create(&rig->config, &rig->arena, &boards, &error), ERROR_INPUT);
+    if (!strstr(error.text, what)) {
+        fail_msg("\"%s\" does not say \"%s\"", error.text, what);
+    }
+    arena_fini(&rig->arena);
+    rig_configure(rig);
+}
+
+static void a_wrong_configuration_is_refused_with_the_board_and_the_reason(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig.board[1].address = 1;
+    refuses(&rig, "board leg 2: its address 1 is that of board leg 1");
+    rig.board[1].address = 0;
+    refuses(&rig, "board leg 2: the address must be 1 to 14");
+    rig.board[1].address = 15;
+    refuses(&rig, "the address must be 1 to 14");
+    rig.board[4].bus = 2;
+    refuses(&rig, "board arm 1: there is no bus with its index");
+    rig.board[4].bus = -1;
+    refuses(&rig, "there is no bus with its index");
+    rig.board[0].axis[0].joint = RIG_JOINTS;
+    refuses(&rig, "there is no joint with the index of its axis");
+    rig.board[0].axis[0].joint = -2;
+    refuses(&rig, "there is no joint with the index of its axis");
+    rig.board[0].axis[0].joint = 1;
+    refuses(&rig, "both axes have the same joint");
+    rig.board[0].axis[0].joint = 3;
+    refuses(&rig, "already has an axis of another board");
+    rig.board[0].axis[0].joint_ticks_per_rad = 0.0;
+    refuses(&rig, "ticks per rad");
+    rig.board[0].axis[0].motor_ticks_per_rad = (double)NAN;
+    refuses(&rig, "ticks per rad");
+    rig.board[0].axis[0].lower_rad = 3.0;
+    refuses(&rig, "the lower limit of an axis must be below the upper one");
+    rig.board[0].axis[0].current_limit_a = 0.0;
+    refuses(&rig, "the current limit");
+    rig.board[0].axis[0].torque_full_scale_nm = -1.0;
+    refuses(&rig, "the full scale of torque");
+    rig.board[0].command_timeout_ns = -1;
+    refuses(&rig, "time-out");
+    rig.board[3].ft = 1;
+    refuses(&rig, "board ankle: there is no force-torque sensor with its index");
+    rig.board[3].full_scale[2] = 1500.5;
+    refuses(&rig, "whole number");
+    rig.board[3].full_scale[2] = 70000.0;
+    refuses(&rig, "at most 65535");
+    rig.board[2].torque_joint[0] = 77;
+    refuses(&rig, "there is no joint with the index of its channel");
+    rig.board[2].full_scale[1] = 0.0;
+    refuses(&rig, "a full scale must be above 0");
+    rig.board[2].period_ns = -5;
+    refuses(&rig, "the period");
+    rig.board[0].kind = (enum board_kind)9;
+    refuses(&rig, "no such kind of board");
+    rig.config.tick_ns = 0;
+    refuses(&rig, "the tick must be above 0");
+}
+
+static void too_small_an_arena_is_an_error_at_any_size(void **state)
+{
+    struct rig rig;
+    struct boards *boards;
+    struct error error;
+    size_t size = 4096;
+
+    (void)state;
+    rig_configure(&rig);
+    for (;; size += 4096) {
+        enum error_code code;
+
+        assert_int_equal(arena_init(&rig.arena, size, &error), ERROR_NONE);
+        code = boards_create(&rig.config, &rig.arena, &boards, &error);
+        arena_fini(&rig.arena);
+        if (!code) {
+            break;
+        }
+        assert_int_equal(code, ERROR_MEMORY);
+    }
+    assert_true(size > 4096); /* it did fail before */
+}
+
+static void a_rig_without_boards_does_nothing(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig.config.nboard = 0;
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x70f, "FF");
+    rig_tick(&rig);
+    assert_int_equal(rig.count[0], 0);
+    assert_int_equal(rig_counters(&rig).foreign, 1);
+    boards_shut_down(rig.boards, &rig.command);
+    rig_stop(&rig);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(lengths_of_commands_are_those_of_their_fields),
+        cmocka_unit_test(lengths_of_periodic_frames_are_those_of_their_fields),
+        cmocka_unit_test(names_are_unique_within_a_class),
+        cmocka_unit_test(every_type_survives_the_codec_at_its_ends),
+        cmocka_unit_test(decoding_stops_at_the_end_and_checks_ranges),
+        cmocka_unit_test(a_wrong_configuration_is_refused_with_the_board_and_the_reason),
+        cmocka_unit_test(too_small_an_arena_is_an_error_at_any_size),
+        cmocka_unit_test(a_rig_without_boards_does_nothing),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
