@@ -19,7 +19,7 @@ static const char *const joint_name[LEGS][PITCH_JOINTS] = {
 };
 static const char *const foot_name[LEGS] = {"r_leg_ft", "l_leg_ft"};
 
-static const double RAMP_S = 1.0;    /* from where the joints were to the standing pose */
+static const double RAMP_S = 1.0;    /* from where the joints were to the initial pose */
 static const double SETTLE_S = 1.0;  /* standing still before and after */
 static const double WEIGH_S = 0.25;  /* end of settling, in which the weight is measured */
 static const double LIGHT = 0.3;     /* feet carry less than this part of the weight: fallen, ... */
@@ -29,45 +29,46 @@ static const double STRAY_RAD = 0.4; /* a motor so far from its reference: falle
 struct leg {
     size_t axis[PITCH_JOINTS];
     double initial[PITCH_JOINTS];
+    double lean;                /* of the trunk, forward, when the foot is flat */
     double hip_height, ankle_x; /* of the hip over the ankle, of the ankle ahead of the hip */
 };
 
 struct squat {
     struct leg leg[LEGS];
     size_t foot[LEGS];
-    double *from;  /* joint angles at the start */
-    double *stand; /* those before and after the cycles */
+    double *from; /* joint angles at the start */
     double weight_sum;
     size_t weighed;
     double light_since_s; /* < 0: the feet carry */
     double deepest_m, worst_error_rad;
 };
 
-/* Height of the hip over the ankle and of the ankle ahead of the hip, from hip and knee angles. */
-static void leg_forward(const struct squat_config *config, double hip, double knee, double *height,
-                        double *ahead)
+/* Height of the hip over the ankle and how far the ankle is ahead of the hip, from the thigh's pitch
+ * in the world and the knee's angle. */
+static void leg_forward(const struct squat_config *config, double thigh, double knee,
+                        double *height, double *ahead)
 {
-    *height = config->thigh_m * cos(hip) + config->shank_m * cos(hip + knee);
-    *ahead = -config->thigh_m * sin(hip) - config->shank_m * sin(hip + knee);
+    *height = config->thigh_m * cos(thigh) + config->shank_m * cos(thigh + knee);
+    *ahead = -config->thigh_m * sin(thigh) - config->shank_m * sin(thigh + knee);
 }
 
-/* The inverse, knee bent forward; the foot keeps its inclination, so the three angles keep their
- * sum. False when out of reach. */
+/* The inverse for joint angles, knee bent forward; the trunk keeps its lean over a flat foot. False
+ * when out of reach. */
 static bool leg_inverse(const struct squat_config *config, const struct leg *leg, double height,
                         double angle[PITCH_JOINTS])
 {
     double l1 = config->thigh_m, l2 = config->shank_m;
     double r2 = height * height + leg->ankle_x * leg->ankle_x;
     double c = (r2 - l1 * l1 - l2 * l2) / (2 * l1 * l2);
-    double sum = leg->initial[HIP] + leg->initial[KNEE] + leg->initial[ANKLE];
+    double thigh;
 
     if (!(fabs(c) <= 1)) {
         return false;
     }
     angle[KNEE] = acos(c);
-    angle[HIP] =
-        atan2(-leg->ankle_x, height) - atan2(l2 * sin(angle[KNEE]), l1 + l2 * cos(angle[KNEE]));
-    angle[ANKLE] = sum - angle[HIP] - angle[KNEE];
+    thigh = atan2(-leg->ankle_x, height) - atan2(l2 * sin(angle[KNEE]), l1 + l2 * cos(angle[KNEE]));
+    angle[HIP] = thigh - leg->lean;
+    angle[ANKLE] = -thigh - angle[KNEE];
     return true;
 }
 
@@ -81,7 +82,6 @@ static double depth_at(const struct squat_config *config, double t)
 
 static enum error_code find_leg(struct task *task, int side, struct leg *leg, struct error *error)
 {
-    struct squat *squat = task->state;
     double angle[PITCH_JOINTS];
 
     for (int j = 0; j < PITCH_JOINTS; j++) {
@@ -94,16 +94,9 @@ static enum error_code find_leg(struct task *task, int side, struct leg *leg, st
         leg->axis[j] = (size_t)axis;
         leg->initial[j] = task->config.initial_rad[axis];
     }
-    leg_forward(&task->config.squat, leg->initial[HIP], leg->initial[KNEE], &leg->hip_height,
-                &leg->ankle_x);
-    leg->ankle_x -= task->config.squat.hip_forward_m;
-    if (!leg_inverse(&task->config.squat, leg, leg->hip_height, angle)) {
-        return error_set(error, ERROR_INPUT, "squat: hips %g m forward are out of the legs' reach",
-                         task->config.squat.hip_forward_m);
-    }
-    for (int j = 0; j < PITCH_JOINTS; j++) {
-        squat->stand[leg->axis[j]] = angle[j];
-    }
+    leg->lean = -(leg->initial[HIP] + leg->initial[KNEE] + leg->initial[ANKLE]);
+    leg_forward(&task->config.squat, leg->lean + leg->initial[HIP], leg->initial[KNEE],
+                &leg->hip_height, &leg->ankle_x);
     if (!leg_inverse(&task->config.squat, leg, leg->hip_height - task->config.squat.depth_m,
                      angle)) {
         return error_set(error, ERROR_INPUT, "squat: depth %g m is out of the legs' reach",
@@ -140,10 +133,9 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
     const struct squat_config *config = &task->config.squat;
     struct squat *squat = arena_alloc(arena, 1, sizeof *squat);
     double *from = arena_alloc(arena, task->config.host.naxis, sizeof *from);
-    double *stand = arena_alloc(arena, task->config.host.naxis, sizeof *stand);
     enum error_code code = ERROR_NONE;
 
-    if (!squat || !from || !stand) {
+    if (!squat || !from) {
         return error_set(error, ERROR_MEMORY, "no memory for the squat");
     }
     if (!(config->thigh_m > 0 && config->shank_m > 0 && config->depth_m >= 0 &&
@@ -152,8 +144,6 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
                          "squat: lengths, period and cycles must be greater than 0");
     }
     squat->from = from;
-    squat->stand = stand;
-    memcpy(stand, task->config.initial_rad, task->config.host.naxis * sizeof *stand);
     task->state = squat;
     for (int side = 0; side < LEGS && !code; side++) {
         code = find_leg(task, side, &squat->leg[side], error);
@@ -174,14 +164,14 @@ static void squat_start(struct task *task)
     squat->light_since_s = -1;
 }
 
-/* every joint goes smoothly from where it was to the standing pose, and stays */
+/* every joint goes smoothly from where it was to the initial pose, and stays */
 static void hold_pose(struct task *task, double t)
 {
     const struct squat *squat = task->state;
     double s = fmin(t / RAMP_S, 1), blend = s * s * (3 - 2 * s);
 
     for (size_t i = 0; i < task->config.host.naxis; i++) {
-        double span = squat->stand[i] - squat->from[i];
+        double span = task->config.initial_rad[i] - squat->from[i];
 
         servo_set(task->servo, i, squat->from[i] + blend * span,
                   s < 1 ? 6 * s * (1 - s) * span / RAMP_S : 0);
@@ -226,7 +216,8 @@ static double measured_depth(const struct task *task)
         const struct leg *leg = &squat->leg[side];
         double height, ahead;
 
-        leg_forward(&task->config.squat, host_joint(task->host, leg->axis[HIP])->joint_rad,
+        leg_forward(&task->config.squat,
+                    leg->lean + host_joint(task->host, leg->axis[HIP])->joint_rad,
                     host_joint(task->host, leg->axis[KNEE])->joint_rad, &height, &ahead);
         sum += leg->hip_height - height;
     }

@@ -49,7 +49,6 @@ struct squat_config {
     double thigh_m;       /* hip pitch axis to knee axis */
     double shank_m;       /* knee axis to ankle pitch axis */
     double depth_m;       /* how far the hips sink */
-    double hip_forward_m; /* of the initial pose, before the first cycle: the weight to mid-foot */
     double period_s;      /* of one cycle down and back */
     int cycles;
 };

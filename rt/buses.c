@@ -1,0 +1,175 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Opening a rig's buses. */
+#include "rt/buses.h"
+
+#include "base/text.h"
+
+#include <stdio.h>
+#include <string.h>
+
+enum {
+    LOCAL_NODES = 2, /* the simulator and a task */
+    LOCAL_INBOX = 4096,
+    INTERFACE_MAX = 15, /* IFNAMSIZ less the zero */
+};
+
+static enum error_code unknown_bus(const struct rig *rig, const char *item, const char *name,
+                                   struct error *error)
+{
+    const char *names[BUSES_MAX], *nearest;
+    char list[256] = "";
+
+    for (size_t b = 0; b < rig->nbus; b++) {
+        size_t used = strlen(list);
+
+        names[b] = rig->bus[b].name;
+        snprintf(list + used, sizeof list - used, "%s%s", b ? ", " : "", names[b]);
+    }
+    nearest = text_nearest(name, names, rig->nbus);
+    return error_set(
+        error, ERROR_INPUT,
+        "--bus: found \"%.100s\", but the rig has no bus \"%.50s\"; expected one of %s%s%s%s", item,
+        name, list, nearest ? "; did you mean \"" : "", nearest ? nearest : "",
+        nearest ? "\"?" : "");
+}
+
+/* "NAME=INTERFACE" */
+static enum error_code apply_override(struct buses *buses, const char *item, struct error *error)
+{
+    const char *equals = strchr(item, '=');
+    char name[64];
+    int bus;
+
+    if (!equals || equals == item || equals[1] == '\0' || equals - item >= (int)sizeof name) {
+        return error_set(error, ERROR_INPUT,
+                         "--bus: found \"%.100s\", expected NAME=INTERFACE, as in left_leg=can1",
+                         item);
+    }
+    if (strlen(equals + 1) > INTERFACE_MAX) {
+        return error_set(error, ERROR_INPUT,
+                         "--bus: found interface \"%.100s\", expected a name of at most %d "
+                         "characters",
+                         equals + 1, INTERFACE_MAX);
+    }
+    snprintf(name, sizeof name, "%.*s", (int)(equals - item), item);
+    bus = rig_find_bus(buses->rig, name);
+    if (bus < 0) {
+        return unknown_bus(buses->rig, item, name, error);
+    }
+    buses->interface[bus] = equals + 1;
+    return ERROR_NONE;
+}
+
+/* Two buses on one interface would mix their boards' addresses. */
+static enum error_code check_distinct(const struct buses *buses, struct error *error)
+{
+    for (size_t b = 0; b < buses->rig->nbus; b++) {
+        for (size_t a = 0; a < b; a++) {
+            if (strcmp(buses->interface[a], buses->interface[b]) == 0) {
+                return error_set(error, ERROR_INPUT,
+                                 "buses %s and %s are both on interface %s, expected one each",
+                                 buses->rig->bus[a].name, buses->rig->bus[b].name,
+                                 buses->interface[a]);
+            }
+        }
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code create_local(struct buses *buses, struct arena *arena, struct error *error)
+{
+    for (size_t b = 0; b < buses->rig->nbus; b++) {
+        enum error_code code = local_bus_create(buses->interface[b], LOCAL_NODES, LOCAL_INBOX,
+                                                false, arena, &buses->bus[b], error);
+
+        if (code) {
+            buses_close(buses);
+            return code;
+        }
+    }
+    return ERROR_NONE;
+}
+
+enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
+                           const char *const *overrides, size_t noverride, struct arena *arena,
+                           struct buses *buses, char notice[256], struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    memset(buses, 0, sizeof *buses);
+    notice[0] = '\0';
+    if (rig->nbus > BUSES_MAX) {
+        return error_set(error, ERROR_INPUT, "%s: found %zu buses, expected at most %d", rig->file,
+                         rig->nbus, BUSES_MAX);
+    }
+    buses->rig = rig;
+    for (size_t b = 0; b < rig->nbus; b++) {
+        buses->interface[b] = rig->bus[b].interface;
+    }
+    for (size_t i = 0; !code && i < noverride; i++) {
+        code = apply_override(buses, overrides[i], error);
+    }
+    if (!code) {
+        code = check_distinct(buses, error);
+    }
+    if (code) {
+        return code;
+    }
+    /* who names an interface means SocketCAN, and hears why there is none */
+    if (transport == TRANSPORT_AUTO && noverride == 0 && !socketcan_available()) {
+        snprintf(notice, 256,
+                 "this kernel has no CAN: the buses are local to this process; only "
+                 "a task started with --task can reach them");
+        transport = TRANSPORT_LOCAL;
+    }
+    buses->local = transport == TRANSPORT_LOCAL;
+    return buses->local ? create_local(buses, arena, error) : ERROR_NONE;
+}
+
+static enum error_code join_one(struct buses *buses, size_t bus, struct arena *arena,
+                                struct can_port **port, struct error *error)
+{
+    struct socketcan_config config = {.interface = buses->interface[bus]};
+
+    if (buses->local) {
+        return local_bus_join(buses->bus[bus], NULL, 0, port, error);
+    }
+    if (socketcan_open(&config, arena, port, error)) {
+        return error_prefix(error, "bus %s", buses->rig->bus[bus].name);
+    }
+    return ERROR_NONE;
+}
+
+enum error_code buses_join(struct buses *buses, struct arena *arena, struct bus_ports *ports,
+                           struct error *error)
+{
+    memset(ports, 0, sizeof *ports);
+    for (size_t b = 0; b < buses->rig->nbus; b++) {
+        enum error_code code = join_one(buses, b, arena, &ports->port[b], error);
+
+        if (code) {
+            bus_ports_close(ports);
+            return code;
+        }
+        ports->count++;
+    }
+    return ERROR_NONE;
+}
+
+void bus_ports_close(struct bus_ports *ports)
+{
+    for (size_t b = 0; b < ports->count; b++) {
+        ports->port[b]->ops->close(ports->port[b]);
+    }
+    ports->count = 0;
+}
+
+void buses_close(struct buses *buses)
+{
+    for (size_t b = 0; b < BUSES_MAX; b++) {
+        if (buses->bus[b]) {
+            local_bus_destroy(buses->bus[b]);
+            buses->bus[b] = NULL;
+        }
+    }
+}

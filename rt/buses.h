@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Opens a rig's buses: SocketCAN interfaces, or local buses in the process when the kernel has no
+ * CAN. All or none. Not RT-safe.
+ */
+#ifndef RT_BUSES_H
+#define RT_BUSES_H
+
+#include "canbus/port.h"
+#include "rt/rig.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+
+enum bus_transport {
+    TRANSPORT_AUTO, /* socketcan when the kernel has CAN, else local */
+    TRANSPORT_SOCKETCAN,
+    TRANSPORT_LOCAL,
+};
+
+enum { BUSES_MAX = 32 };
+
+/* One participant's ports, one a bus. */
+struct bus_ports {
+    size_t count;
+    struct can_port *port[BUSES_MAX];
+};
+
+struct buses {
+    const struct rig *rig;
+    const char *interface[BUSES_MAX]; /* of each bus, the rig's or the command line's */
+    bool local;
+    struct local_bus *bus[BUSES_MAX]; /* when local */
+};
+
+/* Chooses the transport and creates the local buses. overrides has "NAME=INTERFACE" entries, as of
+ * --bus. notice receives one line when auto falls back on local buses, else "". */
+enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
+                           const char *const *overrides, size_t noverride, struct arena *arena,
+                           struct buses *buses, char notice[256], struct error *error);
+
+/* Joins every bus as one more participant. */
+enum error_code buses_join(struct buses *buses, struct arena *arena, struct bus_ports *ports,
+                           struct error *error);
+
+void bus_ports_close(struct bus_ports *ports);
+
+/* After all ports are closed. */
+void buses_close(struct buses *buses);
+
+#endif

@@ -1,0 +1,227 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* coman-hil check: what a rig or a robot file holds, or what is wrong with it. */
+#include "boards/board.h"
+#include "rt/commands.h"
+#include "rt/options.h"
+#include "rt/rig.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#define ARENA_BYTES ((size_t)1 << 30) /* of address space; pages cost nothing until touched */
+
+static void print_robot(const struct robot *robot, const char *variant)
+{
+    size_t drives = 0;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        drives += robot->joint[j].sea.present;
+    }
+    printf("robot       %s, variant %s, %s\n", robot->name, *variant ? variant : "default",
+           robot->file);
+    printf("            %zu bodies, %zu joints, %zu drives, %zu degrees of freedom, %.7g kg\n",
+           robot->nbody, robot->njoint, drives, robot->nv, robot->total_mass);
+    printf(
+        "            %zu frames, %zu F/T sensors, %s inertial sensor, %zu poses, hash %016" PRIx64
+        "\n",
+        robot->nframe, robot->nft, robot->imu_frame < 0 ? "no" : "one", robot->npose, robot->hash);
+}
+
+static void print_time(const struct rig *rig)
+{
+    static const char *const clocks[] = {"real", "lockstep", "free"};
+    static const char *const holds[] = {"free", "held until all motors are on", "held"};
+    const struct robot_pose *pose = &rig->robot->pose[robot_find_pose(rig->robot, rig->pose)];
+    size_t moved = 0;
+
+    printf("time        clock %s, tick %g ms = %zu x %g ms, rk4, dynamics generic\n",
+           clocks[rig->clock], (double)rig->tick_ns * 1e-6, rig->substeps,
+           (double)rig->substep_ns * 1e-6);
+    for (size_t j = 0; j < rig->robot->njoint; j++) {
+        moved += rig->joint[j] != pose->joint[j];
+    }
+    printf("start       pose %s with %zu joints elsewhere, base at %g %g %g m, supply %g V, links "
+           "%s\n",
+           rig->pose, moved, rig->base_position[0], rig->base_position[1], rig->base_position[2],
+           rig->supply_v, holds[rig->hold]);
+}
+
+static void print_running(const struct rig *rig)
+{
+    static const char *const overruns[] = {"skip", "slip", "stop"};
+    const struct rig_realtime *rt = &rig->realtime;
+    char cpu[16] = "any CPU";
+
+    if (rt->cpu >= 0) {
+        snprintf(cpu, sizeof cpu, "CPU %d", rt->cpu);
+    }
+    printf("real time   priority %d, %s, memory %s, on overrun %s\n", rt->priority, cpu,
+           rt->lock_memory ? "locked" : "not locked", overruns[rt->overrun]);
+    printf("lockstep    STEP 0x%03x on %s, DONE 0x%03x, silence reported after %g s\n",
+           (unsigned)rig->lockstep.step_id, rig->bus[rig->lockstep.bus].name,
+           (unsigned)rig->lockstep.done_id, (double)rig->lockstep.partner_timeout_ns * 1e-9);
+}
+
+static void print_scene(const struct rig *rig)
+{
+    static const char *const shapes[] = {"half space", "sphere", "box", "mesh"};
+    const struct contact_config *contact = &rig->contact;
+
+    if (rig->contact_engine == RIG_CONTACT_NONE) {
+        printf("scene       no contact engine\n");
+        return;
+    }
+    printf("scene       engine simbody, %zu surfaces, %zu pairs, transition velocity %g m/s\n",
+           contact->nsurface, contact->npair, contact->transition_velocity_m_s);
+    for (size_t i = 0; i < contact->nsurface; i++) {
+        const struct contact_surface *s = &contact->surface[i];
+        const struct contact_material *m = &s->material;
+
+        printf("  %-16s %s", s->name, shapes[s->shape]);
+        if (s->shape == CONTACT_MESH) {
+            printf(" of %zu faces", s->mesh->nface);
+        }
+        printf(" on %s, %.4g N/m3, friction %g static %g dynamic\n",
+               s->body < 0 ? "the world" : rig->robot->body[rig->contact_body[s->body]].name,
+               m->young_pa / m->thickness_m, m->static_friction, m->dynamic_friction);
+    }
+}
+
+static const char *joint_name(const struct rig *rig, int joint)
+{
+    return joint < 0 ? "spare" : rig->robot->joint[joint].name;
+}
+
+static void print_board(const struct rig *rig, const struct board_config *board)
+{
+    printf("    0x%02x ", board->address);
+    switch (board->kind) {
+    case BOARD_MOTOR:
+        printf("motor   %s, %s\n", joint_name(rig, board->axis[0].joint),
+               joint_name(rig, board->axis[1].joint));
+        break;
+    case BOARD_FT:
+        printf("F/T     %s, %g N, %g N m, every %g ms\n", rig->robot->ft[board->ft].name,
+               board->full_scale[0], board->full_scale[3], (double)board->period_ns * 1e-6);
+        break;
+    default:
+        printf("torque  ");
+        for (int i = 0; i < BOARD_CHANNELS; i++) {
+            printf("%s%s", i ? ", " : "", joint_name(rig, board->torque_joint[i]));
+        }
+        printf(", %g N m, every %g ms\n", board->full_scale[0], (double)board->period_ns * 1e-6);
+    }
+}
+
+static void print_buses(const struct rig *rig)
+{
+    const int64_t command = rig->servo.command_period_ns;
+
+    printf("buses       %zu, %zu boards, %zu driven joints, %zu F/T sensors\n", rig->nbus,
+           rig->boards.nboard, rig->naxis, rig->nft);
+    printf("            worst-case load: telemetry at the host's default policy + voltages every "
+           "%g ms\n",
+           (double)command * 1e-6);
+    for (size_t i = 0; i < rig->nbus; i++) {
+        const struct rig_bus *bus = &rig->bus[i];
+        double telemetry, commands, percent = 100.0 / (double)bus->bitrate;
+
+        rig_bus_load(rig, i, command, &telemetry, &commands);
+        printf("  %-16s %s, %g kbit/s, load %.1f %% + %.1f %% = %.1f %%%s\n", bus->name,
+               bus->interface, (double)bus->bitrate * 1e-3, telemetry * percent, commands * percent,
+               (telemetry + commands) * percent,
+               (telemetry + commands) * percent > 100.0 ? ", more than it carries" : "");
+        for (size_t k = 0; k < rig->boards.nboard; k++) {
+            if (rig->boards.board[k].bus == (int)i) {
+                print_board(rig, &rig->boards.board[k]);
+            }
+        }
+    }
+}
+
+/* The boards make checks of their own when they are created. */
+static enum error_code check_rig(const char *path, struct arena *arena, struct error *error)
+{
+    const struct rig *rig;
+    struct boards *boards;
+    enum error_code code = rig_load(path, arena, &rig, error);
+
+    if (code) {
+        return code;
+    }
+    if (boards_create(&rig->boards, arena, &boards, error)) {
+        return error_prefix(error, "%.200s", path);
+    }
+    printf("rig         %s, %s\n", rig->name, rig->file);
+    print_robot(rig->robot, rig->variant);
+    print_time(rig);
+    print_running(rig);
+    print_scene(rig);
+    print_buses(rig);
+    return ERROR_NONE;
+}
+
+static enum error_code check_robot(const char *path, const char *variant, struct arena *arena,
+                                   struct error *error)
+{
+    const struct robot *robot;
+    enum error_code code = robot_load(path, variant, arena, &robot, error);
+
+    if (!code) {
+        print_robot(robot, variant ? variant : "");
+    }
+    return code;
+}
+
+int cmd_check(int argc, char **argv)
+{
+    static const char *file, *variant;
+    static bool robot;
+    static const struct option_spec options[] = {
+        {.name = "--robot",
+         .type = OPTION_FLAG,
+         .help = "FILE is a robot file, not a rig file",
+         .value = &robot},
+        {.name = "--variant",
+         .type = OPTION_STRING,
+         .argument = "NAME",
+         .help = "with --robot: the variant of the robot to check",
+         .value = &variant},
+    };
+    static const struct operand_spec operands[] = {{"FILE", "a rig file", true, &file}};
+    static const struct command_spec spec = {
+        .name = "check",
+        .summary =
+            "Check a rig or a robot file with all that it refers to, and print what is in it.",
+        .option = options,
+        .noption = sizeof options / sizeof options[0],
+        .operand = operands,
+        .noperand = 1,
+        .manual =
+            "Loads the file, the robot and the meshes as \"run\" would, without opening a bus. "
+            "The first thing that is wrong is reported as file:line:column: found ..., expected "
+            "...; the exit status is then 2.",
+    };
+    struct error error;
+    struct arena arena;
+    int status;
+
+    if (!options_read(&spec, argc, argv, &status)) {
+        return status;
+    }
+    if (variant && !robot) {
+        error_set(&error, ERROR_INPUT,
+                  "--variant: found without --robot, expected with it; a rig "
+                  "file names its robot's variant itself");
+        return command_fail(spec.name, &error);
+    }
+    if (arena_init(&arena, ARENA_BYTES, &error)) {
+        return command_fail(spec.name, &error);
+    }
+    status = robot ? (int)check_robot(file, variant, &arena, &error)
+                   : (int)check_rig(file, &arena, &error);
+    status = status ? command_fail(spec.name, &error) : STATUS_OK;
+    arena_fini(&arena);
+    return status;
+}

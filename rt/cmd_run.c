@@ -1,0 +1,273 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* coman-hil run: a rig from start to summary. */
+#include "rt/commands.h"
+#include "rt/monitor.h"
+#include "rt/options.h"
+#include "rt/summary.h"
+
+#include <math.h>
+#include <signal.h>
+#include <string.h>
+#include <unistd.h>
+
+#define ARENA_SIZE ((size_t)512 << 20)
+
+/* The command line. */
+struct run_options {
+    const char *rig, *task, *record;
+    struct option_list bus;
+    double duration_s;
+    int64_t ticks, record_period_ms;
+    int clock, overrun, transport, hold;
+    bool force, quiet;
+};
+
+static const struct option_word clock_words[] = {
+    {"real", RIG_CLOCK_REAL}, {"lockstep", RIG_CLOCK_LOCKSTEP}, {"free", RIG_CLOCK_FREE}, {0}};
+static const struct option_word hold_words[] = {
+    {"none", RIG_HOLD_NONE},
+    {"until_enabled", RIG_HOLD_ENABLED},
+    {"always", RIG_HOLD_ALWAYS},
+    {NULL, 0},
+};
+static const struct option_word overrun_words[] = {
+    {"skip", RIG_OVERRUN_SKIP}, {"slip", RIG_OVERRUN_SLIP}, {"stop", RIG_OVERRUN_STOP}, {0}};
+static const struct option_word transport_words[] = {
+    {"auto", TRANSPORT_AUTO}, {"socketcan", TRANSPORT_SOCKETCAN}, {"local", TRANSPORT_LOCAL}, {0}};
+
+static const char manual[] =
+    "Clocks. real: one tick each period of the wall clock, on a grid that does not drift. "
+    "lockstep: a "
+    "tick runs when a STEP frame (0x6F0: expected tick, number of ticks) asks for it and is "
+    "answered "
+    "with DONE (0x6FF) on every bus. free: as fast as the machine goes.\n\n"
+    "Overruns in real time. skip: deadlines that were missed are dropped, so that virtual time "
+    "falls "
+    "behind the wall clock. slip: late ticks run back to back until the grid is caught up. stop: "
+    "the "
+    "run ends with status 1 at the rig's stop_after-th overrun. Each overrun is charged to the "
+    "phase "
+    "that took longest. More than a second behind is taken for a pause, and the grid taken up "
+    "again.\n\n"
+    "The recording is candump.log (all buses, both directions, as candump -L writes it, stamped "
+    "with "
+    "virtual time: two lockstep or free runs give the same bytes), signals.csv (joints, contact "
+    "forces, base) and summary.json.\n\n"
+    "With a task the run ends when the task does: status 0 when it is done, 1 when it failed. An "
+    "interrupt (Ctrl-C) or SIGTERM switches the motors off and ends with the summary; a second one "
+    "kills.";
+
+static bool parse(int argc, char **argv, struct run_options *out, int *status)
+{
+    static struct run_options o;
+    static const struct option_spec options[] = {
+        {"--clock", OPTION_ENUM, "CLOCK", "real, lockstep or free; the rig's by default",
+         .value = &o.clock, .words = clock_words},
+        {"--duration", OPTION_REAL, "S", "end after S seconds of virtual time",
+         .value = &o.duration_s, .min = 0.0, .max = 1e7, .unit = "seconds"},
+        {"--ticks", OPTION_INT, "N", "end after N ticks", .value = &o.ticks, .min = 1.0,
+         .max = 1e12},
+        {"--task", OPTION_STRING, "NAME", "start this controller on the other side of the buses",
+         .value = &o.task},
+        {"--bus", OPTION_LIST, "NAME=INTERFACE",
+         "put a bus of the rig on this interface; may stand more than once", .value = &o.bus},
+        {"--transport", OPTION_ENUM, "HOW",
+         "socketcan, local (inside this process) or auto, the default: socketcan when the kernel "
+         "has CAN, else local",
+         .value = &o.transport, .words = transport_words},
+        {"--hold", OPTION_ENUM, "WHEN",
+         "links clamped as in a jig: none, until_enabled (all motors on) or always; the rig's by "
+         "default",
+         .value = &o.hold, .words = hold_words},
+        {"--overrun", OPTION_ENUM, "POLICY", "skip, slip or stop; the rig's by default",
+         .value = &o.overrun, .words = overrun_words},
+        {"--record", OPTION_STRING, "DIR", "record into this directory, new or empty",
+         .value = &o.record},
+        {"--record-period", OPTION_INT, "MS", "rows of signals.csv every MS ms, 10 by default",
+         .value = &o.record_period_ms, .min = 1.0, .max = 60000.0, .unit = "ms"},
+        {"--force", OPTION_FLAG, NULL, "record into DIR even when it is not empty",
+         .value = &o.force},
+        {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &o.quiet},
+    };
+    static const struct operand_spec operands[] = {{"RIG", "the rig file", true, &o.rig}};
+    static const struct command_spec spec = {
+        .name = "run",
+        .summary = "Run a rig: robot, boards and buses, in real time, lockstep or free run.",
+        .option = options,
+        .noption = sizeof options / sizeof options[0],
+        .operand = operands,
+        .noperand = 1,
+        .manual = manual,
+    };
+
+    o = (struct run_options){.clock = -1, .overrun = -1, .hold = -1, .record_period_ms = 10};
+    if (!options_read(&spec, argc, argv, status)) {
+        return false;
+    }
+    *out = o;
+    return true;
+}
+
+/* ---- signals ---- */
+
+static struct simulator *running;
+
+/* the handler is reset on entry, so that a second signal kills */
+static void on_signal(int number)
+{
+    (void)number;
+    simulator_stop(running);
+}
+
+static void catch_signals(struct simulator *simulator)
+{
+    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND};
+
+    running = simulator;
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+}
+
+static void release_signals(void)
+{
+    signal(SIGINT, SIG_DFL);
+    signal(SIGTERM, SIG_DFL);
+}
+
+/* ---- the run ---- */
+
+static enum error_code configure(const struct run_options *options, const struct rig *rig,
+                                 struct simulator_config *config, struct error *error)
+{
+    *config = (struct simulator_config){
+        .rig = rig,
+        .clock = options->clock < 0 ? rig->clock : (enum rig_clock)options->clock,
+        .hold = options->hold < 0 ? rig->hold : (enum rig_hold)options->hold,
+        .overrun =
+            options->overrun < 0 ? rig->realtime.overrun : (enum rig_overrun)options->overrun,
+        .stop_after = rig->realtime.stop_after,
+        .transport = (enum bus_transport)options->transport,
+        .interface = options->bus.item,
+        .ninterface = options->bus.count,
+        .ticks = (uint64_t)options->ticks,
+        .task = options->task,
+        .record = options->record ? options->record : rig->record.directory,
+        .overwrite = options->force,
+        .row_period_ns = options->record_period_ms * CLOCK_MS,
+    };
+    if (options->duration_s > 0.0 && options->ticks > 0) {
+        return error_set(error, ERROR_INPUT, "found both --duration and --ticks, expected one");
+    }
+    if (options->duration_s > 0.0) {
+        config->ticks = (uint64_t)ceil(options->duration_s * 1e9 / (double)rig->tick_ns - 1e-6);
+    }
+    return ERROR_NONE;
+}
+
+/* what the run amounts to as an exit status, with a line about it when it is not 0 */
+static int judge(const struct simulator *simulator, enum loop_end end)
+{
+    const struct controller *controller = simulator_controller(simulator);
+    struct controller_status task = {.status = TASK_RUNNING};
+
+    if (controller) {
+        controller_read(controller, &task);
+    }
+    if (end == LOOP_END_MODEL) {
+        fprintf(stderr, "coman-hil run: %s\n", simulator_failure(simulator));
+        return STATUS_FAILED;
+    }
+    if (end == LOOP_END_OVERRUNS) {
+        fprintf(stderr, "coman-hil run: stopped by overruns, as the policy says\n");
+        return STATUS_FAILED;
+    }
+    if (task.status == TASK_FAILED) {
+        fprintf(stderr, "coman-hil run: task %s failed: %s\n",
+                simulator_configuration(simulator)->task, task.message);
+        return STATUS_FAILED;
+    }
+    if (task.status == TASK_DONE) {
+        printf("task %s: %s\n", simulator_configuration(simulator)->task, task.message);
+    }
+    return STATUS_OK;
+}
+
+static int finish(struct simulator *simulator, enum loop_end end)
+{
+    const char *directory = simulator_configuration(simulator)->record;
+    struct summary summary = {.simulator = simulator, .end = end, .recorded = directory != NULL};
+    struct error error;
+    int status = judge(simulator, end), incomplete = STATUS_OK;
+
+    if (simulator_finish_recording(simulator, &summary.recorder, &error)) {
+        incomplete = command_fail("run", &error);
+    }
+    summary_print(&summary, stdout);
+    if (directory && summary_write(&summary, directory, &error)) {
+        incomplete = command_fail("run", &error);
+    }
+    return status ? status : incomplete;
+}
+
+static int run(struct simulator *simulator, bool quiet)
+{
+    static struct monitor monitor;
+    struct realtime_report report;
+    struct error error;
+    enum loop_end end;
+
+    if (monitor_start(&monitor, simulator, stderr, isatty(STDERR_FILENO), quiet, &error)) {
+        return command_fail("run", &error);
+    }
+    catch_signals(simulator);
+    if (simulator_start(simulator, &report, &error)) {
+        monitor_stop(&monitor);
+        return command_fail("run", &error);
+    }
+    for (size_t i = 0; i < report.count; i++) {
+        fprintf(stderr, "%swarning: %s\n", monitor.log.clear, report.warning[i]);
+    }
+    end = simulator_run(simulator);
+    monitor_stop(&monitor);
+    release_signals();
+    return finish(simulator, end);
+}
+
+static int prepare(const struct run_options *options, struct arena *arena)
+{
+    struct simulator_config config;
+    struct simulator *simulator;
+    const struct rig *rig;
+    struct error error;
+    char notice[256];
+    int status;
+
+    if (rig_load(options->rig, arena, &rig, &error) || configure(options, rig, &config, &error) ||
+        simulator_create(&config, arena, &simulator, notice, &error)) {
+        return command_fail("run", &error);
+    }
+    if (notice[0]) {
+        fprintf(stderr, "notice: %s\n", notice);
+    }
+    status = run(simulator, options->quiet);
+    simulator_destroy(simulator);
+    return status;
+}
+
+int cmd_run(int argc, char **argv)
+{
+    struct run_options options;
+    struct arena arena;
+    struct error error;
+    int status;
+
+    if (!parse(argc, argv, &options, &status)) {
+        return status;
+    }
+    if (arena_init(&arena, ARENA_SIZE, &error)) {
+        return command_fail("run", &error);
+    }
+    status = prepare(&options, &arena);
+    arena_fini(&arena);
+    return status;
+}

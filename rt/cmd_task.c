@@ -1,0 +1,205 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* coman-hil task: a controller as its own process, against virtual or real boards. */
+#include "rt/buses.h"
+#include "rt/commands.h"
+#include "rt/controller.h"
+#include "rt/options.h"
+#include "rt/realtime.h"
+
+#include <pthread.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#define ARENA_SIZE ((size_t)512 << 20)
+
+struct task_options {
+    const char *task, *rig;
+    struct option_list bus;
+    int clock;
+    bool quiet;
+};
+
+static const struct option_word clock_words[] = {
+    {"real", RIG_CLOCK_REAL}, {"lockstep", RIG_CLOCK_LOCKSTEP}, {0}};
+
+static const char manual[] = "The controller sees the buses and the rig's map of them, nothing "
+                             "else; it drives real boards as "
+                             "it does virtual ones. It needs SocketCAN; on a kernel without CAN, "
+                             "`coman-hil run --task` starts "
+                             "it inside the simulator. An interrupt switches the motors off.\n\n"
+                             "Clocks. real: one control period each tick of the rig by the wall "
+                             "clock. lockstep: it sends the "
+                             "STEP frames and waits for DONE.";
+
+static bool parse(int argc, char **argv, struct task_options *out, int *status)
+{
+    static struct task_options o;
+    static const struct option_spec options[] = {
+        {"--clock", OPTION_ENUM, "CLOCK", "real or lockstep; the rig's by default",
+         .value = &o.clock, .words = clock_words},
+        {"--bus", OPTION_LIST, "NAME=INTERFACE",
+         "put a bus of the rig on this interface; may stand more than once", .value = &o.bus},
+        {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &o.quiet},
+    };
+    static const struct operand_spec operands[] = {
+        {"NAME", "the task: squat", true, &o.task},
+        {"RIG", "the rig file", true, &o.rig},
+    };
+    static const struct command_spec spec = {
+        .name = "task",
+        .summary = "Run a controller alone, on the other side of the buses.",
+        .option = options,
+        .noption = sizeof options / sizeof options[0],
+        .operand = operands,
+        .noperand = 2,
+        .manual = manual,
+    };
+
+    o = (struct task_options){.clock = -1};
+    if (!options_read(&spec, argc, argv, status)) {
+        return false;
+    }
+    *out = o;
+    return true;
+}
+
+/* ---- status line ---- */
+
+static struct controller *running;
+
+static void on_signal(int number)
+{
+    (void)number;
+    atomic_store(&running->stop, true);
+}
+
+struct reporter {
+    struct controller *controller;
+    bool terminal;
+    atomic_bool stop;
+    pthread_t thread;
+};
+
+static void *report(void *context)
+{
+    struct reporter *reporter = context;
+    struct clock *clock = clock_monotonic();
+    char last[sizeof((struct controller_status *)0)->message] = "";
+    struct controller_status status;
+    int64_t next = 0;
+
+    while (!atomic_load(&reporter->stop)) {
+        int64_t now = clock_now(clock);
+
+        controller_read(reporter->controller, &status);
+        if (now >= next && strcmp(last, status.message)) {
+            fprintf(stderr, reporter->terminal ? "\r\033[K%s" : "%s\n", status.message);
+            strcpy(last, status.message);
+            next = now + (reporter->terminal ? CLOCK_SECOND / 4 : 5 * CLOCK_SECOND);
+        }
+        clock_sleep_until(clock, now + 50 * CLOCK_MS);
+    }
+    if (reporter->terminal) {
+        fputc('\n', stderr);
+    }
+    return NULL;
+}
+
+/* ---- the run ---- */
+
+static int judge(struct controller *controller, enum task_status status)
+{
+    switch (status) {
+    case TASK_DONE:
+        printf("%s\n", task_message(controller->task));
+        return STATUS_OK;
+    case TASK_FAILED:
+        fprintf(stderr, "coman-hil task: failed: %s\n", task_message(controller->task));
+        return STATUS_FAILED;
+    default:
+        printf("stopped, motors off\n");
+        return STATUS_OK;
+    }
+}
+
+static int run(struct controller *controller, const struct rig *rig, bool quiet)
+{
+    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND};
+    struct reporter reporter = {.controller = controller, .terminal = isatty(STDERR_FILENO)};
+    struct realtime_config realtime = {rig->realtime.priority, rig->realtime.lock_memory, -1};
+    struct realtime_report warnings;
+    enum task_status status;
+
+    running = controller;
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+    if (!quiet && pthread_create(&reporter.thread, NULL, report, &reporter)) {
+        quiet = true;
+    }
+    if (!controller->lockstep) {
+        realtime_apply(&realtime, &warnings);
+        for (size_t i = 0; i < warnings.count; i++) {
+            fprintf(stderr, "warning: %s\n", warnings.warning[i]);
+        }
+    }
+    status = controller_run(controller);
+    if (!quiet) {
+        atomic_store(&reporter.stop, true);
+        pthread_join(reporter.thread, NULL);
+    }
+    return judge(controller, status);
+}
+
+static int prepare(const struct task_options *options, struct arena *arena)
+{
+    struct controller *controller;
+    struct bus_ports ports;
+    const struct rig *rig;
+    struct buses buses;
+    struct error error;
+    char notice[256];
+    bool lockstep;
+    int status;
+
+    if (controller_check_name(options->task, &error) ||
+        rig_load(options->rig, arena, &rig, &error)) {
+        return command_fail("task", &error);
+    }
+    lockstep =
+        (options->clock < 0 ? rig->clock : (enum rig_clock)options->clock) == RIG_CLOCK_LOCKSTEP;
+    if (buses_open(rig, TRANSPORT_SOCKETCAN, options->bus.item, options->bus.count, arena, &buses,
+                   notice, &error) ||
+        buses_join(&buses, arena, &ports, &error)) {
+        return command_fail("task", &error);
+    }
+    if (controller_create(rig, options->task, ports.port, lockstep, clock_monotonic(), arena,
+                          &controller, &error) ||
+        arena_seal(arena, false, &error)) {
+        status = command_fail("task", &error);
+    } else {
+        status = run(controller, rig, options->quiet);
+    }
+    bus_ports_close(&ports);
+    buses_close(&buses);
+    return status;
+}
+
+int cmd_task(int argc, char **argv)
+{
+    struct task_options options;
+    struct arena arena;
+    struct error error;
+    int status;
+
+    if (!parse(argc, argv, &options, &status)) {
+        return status;
+    }
+    if (arena_init(&arena, ARENA_SIZE, &error)) {
+        return command_fail("task", &error);
+    }
+    status = prepare(&options, &arena);
+    arena_fini(&arena);
+    return status;
+}

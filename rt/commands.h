@@ -1,0 +1,14 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The commands of coman-hil. argv[0] is the command's name; the return value is an enum exit_status
+ * (rt/options.h). Each prints its own manual for --help.
+ */
+#ifndef RT_COMMANDS_H
+#define RT_COMMANDS_H
+
+int cmd_accel(int argc, char **argv);
+int cmd_check(int argc, char **argv);
+int cmd_run(int argc, char **argv);
+int cmd_task(int argc, char **argv);
+
+#endif

@@ -1,0 +1,42 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Lines about things that happen, to a terminal or a log, without flooding it: of lines with the
+ * same key the first few in a second are printed, the rest is counted and summed up in one line. As
+ * long as the flood goes on there is nothing but that line, after 2 s, 4 s, ... and at last every
+ * minute. Time is passed in. Not RT-safe.
+ */
+#ifndef RT_EVENTLOG_H
+#define RT_EVENTLOG_H
+
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+
+enum {
+    EVENTLOG_KEYS = 64,
+    EVENTLOG_BURST = 5, /* lines of one key printed in the first window, of one second */
+    EVENTLOG_TEXT = 256,
+};
+
+struct eventlog_entry {
+    bool used;
+    uint64_t key;
+    int64_t since_ns, window_ns;
+    uint64_t lines, held;
+    char last[EVENTLOG_TEXT]; /* of those held back */
+};
+
+struct eventlog {
+    FILE *out;
+    const char *clear; /* printed before each line: "" or what wipes a status line */
+    uint64_t printed, held;
+    struct eventlog_entry entry[EVENTLOG_KEYS];
+};
+
+/* Prints or holds back one line (text without newline). */
+void eventlog_put(struct eventlog *log, int64_t now_ns, uint64_t key, const char *text);
+
+/* Sums up what was held back in windows that have ended; with all, in every window. */
+void eventlog_flush(struct eventlog *log, int64_t now_ns, bool all);
+
+#endif

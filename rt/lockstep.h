@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The simulator's side of lockstep: the host's STEP frames drive virtual time, DONE frames say that
+ * it has got there (PROTOCOL.md, "Lockstep frames"). A state machine without clock or port.
+ *
+ *   STEP  u32 LE expected tick, u16 LE number of ticks (0 = 1)
+ *   DONE  u32 LE tick, u16 LE flags (LOCKSTEP_* of boards/icub_protocol.h)
+ *
+ * Both sides count the ticks that have been run: a STEP expects the count before it runs, DONE
+ * carries the count after, which is what the next STEP must expect. A STEP that expects another
+ * count is answered with the true one and LOCKSTEP_MISMATCH, and nothing runs; so either side may
+ * be started again: the host takes its count from that answer. RT-safe.
+ */
+#ifndef RT_LOCKSTEP_H
+#define RT_LOCKSTEP_H
+
+#include "canbus/frame.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct lockstep_config {
+    uint32_t step_id, done_id;
+    int64_t silence_ns; /* without STEP for so long: report, then again after twice the time */
+};
+
+struct lockstep_counters {
+    uint64_t steps, mismatches, malformed, silences;
+};
+
+enum lockstep_verdict {
+    LOCKSTEP_OTHER,     /* no STEP frame */
+    LOCKSTEP_RUN,       /* accepted: run lockstep->ticks ticks */
+    LOCKSTEP_REFUSED,   /* wrong expected tick: answer with lockstep_refusal */
+    LOCKSTEP_MALFORMED, /* wrong length or format: counted, not answered */
+};
+
+struct lockstep {
+    struct lockstep_config config;
+    struct lockstep_counters counters;
+    uint32_t tick;     /* run so far, modulo 2^32 */
+    uint32_t ticks;    /* still to run of the present STEP */
+    uint32_t expected; /* of the last STEP, for messages */
+    uint16_t flags;    /* gathered for the next DONE */
+    int64_t wait_since_ns, report_at_ns;
+    int64_t backoff_ns;
+    bool silent;
+};
+
+void lockstep_init(struct lockstep *lockstep, const struct lockstep_config *config);
+
+/* Judges a frame of the STEP's bus while no STEP runs. */
+enum lockstep_verdict lockstep_receive(struct lockstep *lockstep, const struct bus_frame *frame);
+
+/* One tick has run; flags go into the DONE. True when it was the STEP's last. */
+bool lockstep_advance(struct lockstep *lockstep, uint16_t flags);
+
+/* The DONE frame of what has been run, with the gathered flags and more; clears the gathered. */
+struct bus_frame lockstep_done(struct lockstep *lockstep, uint16_t more);
+
+/* The waiting for a STEP begins. */
+void lockstep_wait_begin(struct lockstep *lockstep, int64_t now_ns);
+
+/* Still waiting: true when the silence is to be reported now (*silent_ns: how long it has been), at
+ * silence_ns and then at growing distances, at most a minute. */
+bool lockstep_wait_check(struct lockstep *lockstep, int64_t now_ns, int64_t *silent_ns);
+
+/* The waiting ended: true when a silence had been reported before (*silent_ns: how long). */
+bool lockstep_wait_end(struct lockstep *lockstep, int64_t now_ns, int64_t *silent_ns);
+
+#endif

@@ -1,0 +1,150 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The loop: one step function behind three clocks. It owns time, the phases of a tick and their
+ * accounting; what boards and plant do in a phase comes in as a table of functions, so that tests
+ * drive it with a scripted machine and a scripted clock.
+ *
+ * Tick k (from 0) stands for virtual time [k T, (k+1) T).
+ *
+ * Real clock. The deadlines are the grid D + k T of the monotonic clock, T the tick; they never
+ * drift. A tick that ends after the next deadline and took longer than T itself is an overrun,
+ * charged to the phase that took longest (PHASE_WAIT when it was the late wake-up). Then
+ *   skip  drops the deadlines that have passed and counts them: virtual time falls behind by them;
+ *   slip  runs the late ticks back to back until the grid is caught up; a tick that is late only
+ *         because an earlier one was counts as late, not as an overrun;
+ *   stop  is skip, and ends the run at the stop_after-th overrun.
+ * More than LOOP_PAUSE_NS behind (stopped by SIGSTOP, suspended, hopelessly overloaded) the loop
+ * takes up the grid at its next deadline whatever the policy, and counts a pause.
+ *
+ * Lockstep. Ticks run when a STEP frame asks for them. Before the tick, each bus is received in the
+ * order of the buses: everything that waits, on the STEP's own bus everything up to the STEP. What
+ * arrives while a STEP of several ticks runs belongs to the next one. DONE follows on every bus after
+ * the last frame of the last tick. Its overrun flag says that a bus lost frames since the last DONE.
+ *
+ * Free run. No waiting at all.
+ */
+#ifndef RT_LOOP_H
+#define RT_LOOP_H
+
+#include "canbus/port.h"
+#include "rt/clock.h"
+#include "rt/histogram.h"
+#include "rt/lockstep.h"
+#include "rt/recorder.h"
+#include "rt/rig.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum loop_phase {
+    PHASE_WAIT,
+    PHASE_RECEIVE,
+    PHASE_BOARDS,
+    PHASE_PLANT,
+    PHASE_SENSORS,
+    PHASE_TRANSMIT,
+    PHASE_PUBLISH,
+    PHASE_COUNT,
+};
+
+#define LOOP_PAUSE_NS CLOCK_SECOND
+
+/* Accounts of a run. Written by the loop's thread; others read them when loop_run has returned. */
+struct loop_stats {
+    uint64_t ticks;
+    int64_t time_ns;          /* virtual: ticks * T */
+    int64_t start_ns, end_ns; /* of the clock */
+    uint64_t overruns[PHASE_COUNT], overrun_total;
+    uint64_t late_ticks;          /* ended late because an earlier tick did (slip) */
+    uint64_t lost_ticks;          /* deadlines dropped by skip and stop */
+    uint64_t pauses, pause_ticks; /* deadlines that the pauses dropped */
+    uint64_t events_lost;         /* found the event ring full */
+    struct lockstep_counters lockstep;
+    struct histogram phase[PHASE_COUNT];
+    struct histogram wakeup; /* real clock: how late the loop woke after a sleep */
+    struct histogram work;   /* a tick without PHASE_WAIT */
+};
+
+/* What the loop drives, in the order of a tick. All are called in the loop's thread. */
+struct loop_machine {
+    void *context;
+    /* An inline controller, before the tick's receive; NULL = none. time_ns is the virtual time.
+     * False: it has finished, the loop runs the tick that its last frames ask for and ends. */
+    bool (*controller)(void *context, int64_t time_ns);
+    void (*receive)(void *context, size_t bus, const struct bus_frame *frame);
+    void (*control)(void *context);
+    bool (*plant)(void *context);  /* false: the model failed, the run ends */
+    bool (*sample)(void *context); /* likewise */
+    size_t (*transmit)(void *context, size_t bus, struct bus_frame *frames, size_t max);
+    bool (*fault)(void *context); /* some board is in fault */
+    void (*publish)(void *context, const struct loop_stats *stats);
+    void (*shut_down)(void *context); /* motors off; the last call of a run */
+};
+
+struct loop_config {
+    enum rig_clock clock;
+    int64_t tick_ns;
+    enum rig_overrun overrun;
+    int64_t stop_after;
+    struct rig_lockstep lockstep;
+    uint64_t ticks; /* length of the run, 0 = until stopped */
+    size_t nbus;
+    struct can_port *const *port;
+    const size_t *transmit_max; /* most frames that the machine sends on each bus in a tick */
+    struct clock *time;
+    struct loop_machine machine;
+    struct recorder *recorder; /* NULL = none */
+};
+
+enum loop_end {
+    LOOP_RUNNING,
+    LOOP_END_LENGTH,     /* ran the ticks it was to run */
+    LOOP_END_STOPPED,    /* loop_stop */
+    LOOP_END_CONTROLLER, /* the inline controller finished */
+    LOOP_END_OVERRUNS,   /* policy stop */
+    LOOP_END_MODEL,      /* the plant failed */
+};
+
+enum loop_event_kind {
+    LOOP_EVENT_OVERRUN,        /* a = phase, b = ns over */
+    LOOP_EVENT_PAUSE,          /* a = ns behind */
+    LOOP_EVENT_BUS_STATE,      /* a = old, b = new enum can_state */
+    LOOP_EVENT_FRAMES_LOST,    /* a = received, b = to be sent; since the last of these */
+    LOOP_EVENT_SILENT,         /* a = ns without STEP */
+    LOOP_EVENT_BACK,           /* STEP again after a ns */
+    LOOP_EVENT_STEP_MISMATCH,  /* a = expected by the host, b = tick that we are at */
+    LOOP_EVENT_STEP_MALFORMED, /* a = length */
+};
+
+/* Something worth a line in the log; formatted outside the loop. */
+struct loop_event {
+    int64_t time_ns; /* virtual */
+    enum loop_event_kind kind;
+    int bus; /* -1 = none */
+    int64_t a, b;
+};
+
+struct loop;
+
+/* Memory from arena. Not RT-safe. */
+enum error_code loop_create(const struct loop_config *config, struct arena *arena,
+                            struct loop **loop, struct error *error);
+
+/* Runs until an end; RT-safe as far as the machine and the ports are. */
+enum loop_end loop_run(struct loop *loop);
+
+/* Asks for a clean end; from any thread or signal handler. */
+void loop_stop(struct loop *loop);
+
+const struct loop_stats *loop_stats(const struct loop *loop);
+
+/* From one other thread: one event, false when none waits; text for a log line. */
+bool loop_next_event(struct loop *loop, struct loop_event *event);
+void loop_event_format(const struct loop *loop, const struct loop_event *event, char *text,
+                       size_t size);
+
+/* "wait", "receive", ... */
+const char *loop_phase_name(enum loop_phase phase);
+
+#endif

@@ -1,0 +1,136 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* coman-hil: the table of commands. */
+#include "base/error.h"
+#include "base/text.h"
+#include "rt/commands.h"
+#include "rt/options.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static int cmd_help(int argc, char **argv);
+static int cmd_version(int argc, char **argv);
+
+static const struct command {
+    const char *name, *summary;
+    int (*run)(int argc, char **argv);
+} commands[] = {
+    {"run", "run a rig: robot, boards and buses, in real time, lockstep or free run", cmd_run},
+    {"task", "run a controller alone, on the other side of the buses", cmd_task},
+    {"check", "check a rig or a robot file and print what is in it", cmd_check},
+    {"accel", "accelerations of a robot from states on standard input", cmd_accel},
+    {"help", "print the manual of a command", cmd_help},
+    {"version", "print the version", cmd_version},
+};
+
+enum { NCOMMAND = sizeof commands / sizeof commands[0] };
+
+static const char exit_manual[] =
+    "Exit status: 0 ok; 1 the run itself failed (a task failed, or it stopped on an overrun); 2 "
+    "wrong "
+    "command line, file or value; 3 the system refused a call or memory ran out; 4 this machine or "
+    "build cannot do it.";
+
+static void print_usage(FILE *out)
+{
+    fprintf(out, "usage: coman-hil COMMAND [OPTIONS] [ARGUMENTS]\n\n"
+                 "Hardware-in-the-loop simulator of the COMAN humanoid.\n\n");
+    for (size_t i = 0; i < NCOMMAND; i++) {
+        fprintf(out, "  %-10s%s\n", commands[i].name, commands[i].summary);
+    }
+    fprintf(out, "\ncoman-hil COMMAND --help prints the manual of a command.\n\n");
+    options_wrap(exit_manual, 0, 0, out);
+}
+
+static const struct command *find_command(const char *name)
+{
+    for (size_t i = 0; i < NCOMMAND; i++) {
+        if (!strcmp(commands[i].name, name)) {
+            return &commands[i];
+        }
+    }
+    return NULL;
+}
+
+static int unknown_command(const char *name)
+{
+    const char *names[NCOMMAND], *nearest;
+
+    for (size_t i = 0; i < NCOMMAND; i++) {
+        names[i] = commands[i].name;
+    }
+    nearest = text_nearest(name, names, NCOMMAND);
+    fprintf(stderr, "coman-hil: found unknown command \"%.100s\", expected %s%s%s\n", name,
+            nearest ? "\"" : "one that is listed by --help", nearest ? nearest : "",
+            nearest ? "\"" : "");
+    return STATUS_INPUT;
+}
+
+static int cmd_help(int argc, char **argv)
+{
+    static const char *topic;
+    static const struct operand_spec operands[] = {{"COMMAND", "a command", false, &topic}};
+    static const struct command_spec spec = {
+        .name = "help",
+        .summary = "Print the manual of a command, or the list of commands.",
+        .operand = operands,
+        .noperand = 1,
+    };
+    static char help_option[] = "--help";
+    const struct command *command;
+    int status;
+
+    if (!options_read(&spec, argc, argv, &status)) {
+        return status;
+    }
+    if (!topic) {
+        print_usage(stdout);
+        return STATUS_OK;
+    }
+    command = find_command(topic);
+    return command ? command->run(2, (char *[]){argv[0], help_option, NULL})
+                   : unknown_command(topic);
+}
+
+static int cmd_version(int argc, char **argv)
+{
+    static const struct command_spec spec = {.name = "version", .summary = "Print the version."};
+    int status;
+
+    if (!options_read(&spec, argc, argv, &status)) {
+        return status;
+    }
+    printf("coman-hil %s\n", HIL_VERSION);
+    return STATUS_OK;
+}
+
+/* A full disk or a closed pipe must not look like success. */
+static int flush_output(int status)
+{
+    if (fflush(stdout) || ferror(stdout)) {
+        fprintf(stderr, "coman-hil: standard output could not be written\n");
+        return status ? status : STATUS_SYSTEM;
+    }
+    return status;
+}
+
+int main(int argc, char **argv)
+{
+    const struct command *command;
+
+    if (argc < 2) {
+        print_usage(stderr);
+        return STATUS_INPUT;
+    }
+    if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h")) {
+        print_usage(stdout);
+        return flush_output(STATUS_OK);
+    }
+    if (!strcmp(argv[1], "--version")) {
+        printf("coman-hil %s\n", HIL_VERSION);
+        return flush_output(STATUS_OK);
+    }
+    command = find_command(argv[1]);
+    return command ? flush_output(command->run(argc - 1, argv + 1)) : unknown_command(argv[1]);
+}

@@ -1,0 +1,139 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Events and the status line. */
+#include "rt/monitor.h"
+
+#include <string.h>
+#include <time.h>
+
+enum { LINE_SIZE = 320 };
+
+#define POLL_NS (50 * CLOCK_MS)
+#define TERMINAL_NS (250 * CLOCK_MS)
+#define LOG_NS (5 * CLOCK_SECOND)
+
+static double busiest(const struct simulator *simulator, const struct simulator_status *before,
+                      const struct simulator_status *status, size_t *bus)
+{
+    const struct rig *rig = simulator_configuration(simulator)->rig;
+    double span = (double)(status->time_ns - before->time_ns) * 1e-9, most = 0.0;
+
+    *bus = 0;
+    for (size_t b = 0; b < rig->nbus && span > 0.0; b++) {
+        double bits = (double)(status->bus[b].bits - before->bus[b].bits);
+        double load = 100.0 * bits / span / (double)rig->bus[b].bitrate;
+
+        if (load > most) {
+            most = load;
+            *bus = b;
+        }
+    }
+    return most;
+}
+
+void monitor_format(const struct simulator *simulator, const struct simulator_status *before,
+                    const struct simulator_status *status, char *text, size_t size)
+{
+    const struct rig *rig = simulator_configuration(simulator)->rig;
+    int64_t wall = status->elapsed_ns - before->elapsed_ns;
+    double rtf = wall > 0 ? (double)(status->time_ns - before->time_ns) / (double)wall : 0.0;
+    double force = 0.0, load;
+    struct controller_status task = {0};
+    uint64_t lost = 0;
+    size_t bus;
+
+    for (size_t c = 0; c < rig->contact.nbody; c++) {
+        force += status->force_z[c];
+    }
+    for (size_t b = 0; b < rig->nbus; b++) {
+        lost += status->bus[b].rx_dropped + status->bus[b].tx_dropped;
+    }
+    if (simulator_controller(simulator)) {
+        controller_read(simulator_controller(simulator), &task);
+    }
+    load = busiest(simulator, before, status, &bus);
+    snprintf(text, size, "%9.3f s  x%.2f  overruns %llu  ground %.1f N  %s %.0f %%  lost %llu%s%s",
+             (double)status->time_ns * 1e-9, rtf, (unsigned long long)status->overruns, force,
+             rig->bus[bus].name, load, (unsigned long long)lost, task.message[0] ? "  " : "",
+             task.message);
+}
+
+static void print_status(struct monitor *monitor)
+{
+    struct simulator_status status;
+    char text[LINE_SIZE];
+
+    if (!simulator_read(monitor->simulator, &status) || status.tick == monitor->last.tick) {
+        return;
+    }
+    monitor_format(monitor->simulator, &monitor->last, &status, text, sizeof text);
+    if (monitor->terminal) {
+        fprintf(monitor->log.out, "\r\033[K%s", text);
+    } else {
+        fprintf(monitor->log.out, "%s\n", text);
+    }
+    fflush(monitor->log.out);
+    monitor->last = status;
+}
+
+static void print_events(struct monitor *monitor, int64_t now)
+{
+    char text[EVENTLOG_TEXT];
+    uint64_t key;
+
+    while (simulator_next_event(monitor->simulator, &key, text, sizeof text)) {
+        eventlog_put(&monitor->log, now, key, text);
+    }
+    eventlog_flush(&monitor->log, now, false);
+}
+
+static void *monitor_main(void *context)
+{
+    struct monitor *monitor = context;
+    struct clock *clock = clock_monotonic();
+
+    while (!atomic_load(&monitor->stop)) {
+        int64_t now = clock_now(clock);
+
+        print_events(monitor, now);
+        if (!monitor->quiet && now >= monitor->next_status_ns) {
+            print_status(monitor);
+            monitor->next_status_ns = now + (monitor->terminal ? TERMINAL_NS : LOG_NS);
+        }
+        clock_sleep_until(clock, now + POLL_NS);
+    }
+    return NULL;
+}
+
+enum error_code monitor_start(struct monitor *monitor, struct simulator *simulator, FILE *out,
+                              bool terminal, bool quiet, struct error *error)
+{
+    int reason;
+
+    memset(monitor, 0, sizeof *monitor);
+    monitor->simulator = simulator;
+    monitor->terminal = terminal;
+    monitor->quiet = quiet;
+    monitor->log.out = out;
+    monitor->log.clear = terminal && !quiet ? "\r\033[K" : "";
+    monitor->next_status_ns = clock_now(clock_monotonic()) + (terminal ? TERMINAL_NS : LOG_NS);
+    reason = pthread_create(&monitor->thread, NULL, monitor_main, monitor);
+    if (reason) {
+        return error_set_errno(error, reason, "cannot start the status thread");
+    }
+    return ERROR_NONE;
+}
+
+void monitor_stop(struct monitor *monitor)
+{
+    int64_t now = clock_now(clock_monotonic());
+
+    atomic_store(&monitor->stop, true);
+    pthread_join(monitor->thread, NULL);
+    print_events(monitor, now);
+    eventlog_flush(&monitor->log, now, true);
+    if (monitor->terminal && !monitor->quiet) {
+        /* the last status line stays on the screen */
+        print_status(monitor);
+        fputc('\n', monitor->log.out);
+    }
+}

@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The background thread of a run: prints what happens (rate-limited) and the status line, four times
+ * a second in place on a terminal, every five seconds as a line otherwise. Not RT-safe.
+ */
+#ifndef RT_MONITOR_H
+#define RT_MONITOR_H
+
+#include "rt/eventlog.h"
+#include "rt/simulator.h"
+
+#include <pthread.h>
+
+struct monitor {
+    struct simulator *simulator;
+    bool terminal, quiet; /* quiet: events, no status */
+    struct eventlog log;
+    atomic_bool stop;
+    pthread_t thread;
+    int64_t next_status_ns;
+    struct simulator_status last; /* as of the last status line, for the factor and the loads */
+};
+
+/* Starts the thread; out is stderr or a test's file. */
+enum error_code monitor_start(struct monitor *monitor, struct simulator *simulator, FILE *out,
+                              bool terminal, bool quiet, struct error *error);
+
+/* Prints what is left and joins the thread. */
+void monitor_stop(struct monitor *monitor);
+
+/* The status line's text. before is the status at the last line (zeros at first). */
+void monitor_format(const struct simulator *simulator, const struct simulator_status *before,
+                    const struct simulator_status *status, char *text, size_t size);
+
+#endif

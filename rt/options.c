@@ -1,0 +1,321 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Command lines read through a table, and manuals printed from it. */
+#include "rt/options.h"
+
+#include "base/text.h"
+
+#include <stdint.h>
+#include <string.h>
+
+enum { MAX_NAMES = 64, WIDTH = 80, HELP_COLUMN = 24 };
+
+/* ---- parsing ---- */
+
+static const struct option_spec *find_option(const struct command_spec *spec, const char *name,
+                                             size_t length)
+{
+    for (size_t i = 0; i < spec->noption; i++) {
+        if (strlen(spec->option[i].name) == length &&
+            !strncmp(spec->option[i].name, name, length)) {
+            return &spec->option[i];
+        }
+    }
+    return NULL;
+}
+
+static enum error_code unknown_option(const struct command_spec *spec, const char *name,
+                                      size_t length, struct error *error)
+{
+    const char *names[MAX_NAMES], *nearest;
+    size_t count = 0;
+    char copy[64];
+
+    names[count++] = "--help";
+    for (size_t i = 0; i < spec->noption && count < MAX_NAMES; i++) {
+        names[count++] = spec->option[i].name;
+    }
+    snprintf(copy, sizeof copy, "%.*s", length < 60 ? (int)length : 60, name);
+    nearest = text_nearest(copy, names, count);
+    return error_set(error, ERROR_INPUT, "found unknown option %s, expected %s%s", copy,
+                     nearest ? nearest : "one that is listed by --help",
+                     nearest ? " or another that is listed by --help" : "");
+}
+
+/* "a number of seconds from 0 to 1000000" */
+static void describe(const struct option_spec *option, char *out, size_t size)
+{
+    size_t used = 0;
+
+    if (option->type == OPTION_REAL || option->type == OPTION_INT) {
+        snprintf(out, size, "%s%s%s from %.15g to %.15g",
+                 option->type == OPTION_REAL ? "a number" : "an integer",
+                 option->unit ? (option->type == OPTION_REAL ? " of " : " number of ") : "",
+                 option->unit ? option->unit : "", option->min, option->max);
+        return;
+    }
+    if (option->type != OPTION_ENUM) {
+        snprintf(out, size, "%s", option->argument);
+        return;
+    }
+    for (const struct option_word *w = option->words; w->word && used < size; w++) {
+        const char *separator = w == option->words ? "" : w[1].word ? ", " : " or ";
+
+        used += (size_t)snprintf(out + used, size - used, "%s%s", separator, w->word);
+    }
+}
+
+static bool parse_enum(const struct option_spec *option, const char *text)
+{
+    for (const struct option_word *w = option->words; w->word; w++) {
+        if (!strcmp(w->word, text)) {
+            *(int *)option->value = w->value;
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool parse_real(const struct option_spec *option, const char *text)
+{
+    double value;
+
+    if (!text_to_double(text, &value) || value < option->min || value > option->max) {
+        return false;
+    }
+    *(double *)option->value = value;
+    return true;
+}
+
+static bool parse_list(const struct option_spec *option, const char *text)
+{
+    struct option_list *list = option->value;
+
+    if (*text == '\0' || list->count == OPTION_LIST_MAX) {
+        return false;
+    }
+    list->item[list->count++] = text;
+    return true;
+}
+
+static bool parse_value(const struct option_spec *option, const char *text)
+{
+    switch (option->type) {
+    case OPTION_REAL:
+        return parse_real(option, text);
+    case OPTION_INT:
+        return text_to_int(text, (int64_t)option->min, (int64_t)option->max, option->value);
+    case OPTION_ENUM:
+        return parse_enum(option, text);
+    case OPTION_LIST:
+        return parse_list(option, text);
+    default:
+        *(const char **)option->value = text;
+        return *text != '\0';
+    }
+}
+
+static enum error_code bad_value(const struct option_spec *option, const char *text,
+                                 struct error *error)
+{
+    char expected[256];
+
+    if (option->type == OPTION_LIST && *text) {
+        return error_set(error, ERROR_INPUT, "%s: found it more than %d times, expected fewer",
+                         option->name, OPTION_LIST_MAX);
+    }
+    describe(option, expected, sizeof expected);
+    return error_set(error, ERROR_INPUT, "%s: found \"%.100s\", expected %s", option->name, text,
+                     expected);
+}
+
+/* The option at argv[*at], with its argument; *at moves to the last word that it took. */
+static enum error_code parse_option(const struct command_spec *spec, int argc, char **argv, int *at,
+                                    uint64_t *seen, struct error *error)
+{
+    const char *word = argv[*at], *equals = strchr(word, '=');
+    size_t length = equals ? (size_t)(equals - word) : strlen(word);
+    const struct option_spec *option = find_option(spec, word, length);
+    char expected[256];
+    const char *text;
+    uint64_t bit;
+
+    if (!option) {
+        return unknown_option(spec, word, length, error);
+    }
+    bit = UINT64_C(1) << (option - spec->option);
+    if (*seen & bit && option->type != OPTION_LIST) {
+        return error_set(error, ERROR_INPUT, "%s: found it again, expected it once", option->name);
+    }
+    *seen |= bit;
+    if (option->type == OPTION_FLAG) {
+        *(bool *)option->value = true;
+        return equals ? error_set(error, ERROR_INPUT, "%s: found \"%.100s\", expected no value",
+                                  option->name, equals + 1)
+                      : ERROR_NONE;
+    }
+    text = equals ? equals + 1 : *at + 1 < argc ? argv[*at + 1] : NULL;
+    /* an option in the place of a value is a forgotten value; --name=--value says otherwise */
+    if (!text || (!equals && !strncmp(text, "--", 2))) {
+        describe(option, expected, sizeof expected);
+        return error_set(error, ERROR_INPUT, "%s: found %.100s, expected %s", option->name,
+                         text ? text : "nothing", expected);
+    }
+    *at += !equals;
+    return parse_value(option, text) ? ERROR_NONE : bad_value(option, text, error);
+}
+
+static enum error_code parse_operand(const struct command_spec *spec, const char *word,
+                                     size_t *count, struct error *error)
+{
+    if (*count == spec->noperand) {
+        return error_set(error, ERROR_INPUT, "found \"%.100s\", expected %s", word,
+                         spec->noperand ? "nothing more" : "options only");
+    }
+    if (*word == '\0') {
+        return error_set(error, ERROR_INPUT, "found an empty argument, expected %s",
+                         spec->operand[*count].name);
+    }
+    *spec->operand[(*count)++].value = word;
+    return ERROR_NONE;
+}
+
+enum error_code options_parse(const struct command_spec *spec, int argc, char **argv, bool *help,
+                              struct error *error)
+{
+    bool only_operands = false;
+    size_t noperand = 0;
+    uint64_t seen = 0;
+
+    *help = false;
+    for (int i = 1; i < argc; i++) {
+        const char *word = argv[i];
+        enum error_code code;
+
+        if (!only_operands && (!strcmp(word, "--help") || !strcmp(word, "-h"))) {
+            *help = true;
+            return ERROR_NONE;
+        }
+        if (!only_operands && !strcmp(word, "--")) {
+            only_operands = true;
+            continue;
+        }
+        /* a lone dash is an operand */
+        code = !only_operands && word[0] == '-' && word[1]
+                   ? parse_option(spec, argc, argv, &i, &seen, error)
+                   : parse_operand(spec, word, &noperand, error);
+        if (code) {
+            return code;
+        }
+    }
+    if (noperand < spec->noperand && spec->operand[noperand].required) {
+        return error_set(error, ERROR_INPUT, "found no %s, expected %s",
+                         spec->operand[noperand].name, spec->operand[noperand].help);
+    }
+    return ERROR_NONE;
+}
+
+/* ---- manual ---- */
+
+void options_wrap(const char *text, int used, int indent, FILE *out)
+{
+    int column = used;
+    bool start = true;
+
+    while (*text) {
+        int n = (int)strcspn(text, " \n");
+
+        if (!start && column + 1 + n > WIDTH) {
+            fprintf(out, "\n%*s", indent, "");
+            column = indent;
+        } else if (!start) {
+            putc(' ', out);
+            column++;
+        }
+        fprintf(out, "%.*s", n, text);
+        column += n;
+        start = false;
+        text += n;
+        if (*text == '\n') {
+            fprintf(out, "\n%*s", indent, "");
+            column = indent;
+            start = true;
+        }
+        text += *text != '\0';
+    }
+    putc('\n', out);
+}
+
+static void help_line(const char *name, const char *argument, const char *help, FILE *out)
+{
+    int used = fprintf(out, "  %s%s%s", name, argument ? " " : "", argument ? argument : "");
+
+    if (used >= HELP_COLUMN) {
+        putc('\n', out);
+        used = 0;
+    }
+    fprintf(out, "%*s", HELP_COLUMN - used, "");
+    options_wrap(help, HELP_COLUMN, HELP_COLUMN, out);
+}
+
+void options_help(const struct command_spec *spec, FILE *out)
+{
+    fprintf(out, "usage: coman-hil %s%s", spec->name, spec->noption ? " [OPTIONS]" : "");
+    for (size_t i = 0; i < spec->noperand; i++) {
+        const struct operand_spec *operand = &spec->operand[i];
+
+        fprintf(out, operand->required ? " %s" : " [%s]", operand->name);
+    }
+    fprintf(out, "\n\n");
+    options_wrap(spec->summary, 0, 0, out);
+    putc('\n', out);
+    for (size_t i = 0; i < spec->noperand; i++) {
+        help_line(spec->operand[i].name, NULL, spec->operand[i].help, out);
+    }
+    for (size_t i = 0; i < spec->noption; i++) {
+        help_line(spec->option[i].name, spec->option[i].argument, spec->option[i].help, out);
+    }
+    help_line("--help", NULL, "print this and exit", out);
+    if (spec->manual) {
+        putc('\n', out);
+        options_wrap(spec->manual, 0, 0, out);
+    }
+}
+
+/* ---- exit ---- */
+
+bool options_read(const struct command_spec *spec, int argc, char **argv, int *status)
+{
+    struct error error;
+    bool help;
+
+    if (options_parse(spec, argc, argv, &help, &error)) {
+        *status = command_fail(spec->name, &error);
+        return false;
+    }
+    if (help) {
+        options_help(spec, stdout);
+        *status = STATUS_OK;
+        return false;
+    }
+    return true;
+}
+
+enum exit_status exit_status_of(enum error_code code)
+{
+    switch (code) {
+    case ERROR_NONE:
+        return STATUS_OK;
+    case ERROR_INPUT:
+        return STATUS_INPUT;
+    case ERROR_UNSUPPORTED:
+        return STATUS_UNSUPPORTED;
+    default:
+        return STATUS_SYSTEM;
+    }
+}
+
+int command_fail(const char *command, const struct error *error)
+{
+    fprintf(stderr, "coman-hil %s: %s\n", command, error->text);
+    return exit_status_of(error->code);
+}

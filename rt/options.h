@@ -1,0 +1,114 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What every command of coman-hil shares: a table of options that parses the command line and
+ * prints the command's --help, and the exit statuses. Not RT-safe.
+ *
+ *     static bool quiet;
+ *     static double duration = 10.0;
+ *     static const char *rig;
+ *     static const struct option_spec options[] = {
+ *         {"--duration", OPTION_REAL, "S", "stop after S seconds", &duration,
+ *          .min = 0.0, .max = 1e6, .unit = "seconds"},
+ *         {"--quiet", OPTION_FLAG, NULL, "no status line", &quiet},
+ *     };
+ *     static const struct operand_spec operands[] = {{"RIG", "the rig file", true, &rig}};
+ *     static const struct command_spec spec = {"run", "run a rig", ...};
+ *     int status;
+ *
+ *     if (!options_read(&spec, argc, argv, &status)) {
+ *         return status;
+ *     }
+ */
+#ifndef RT_OPTIONS_H
+#define RT_OPTIONS_H
+
+#include "base/error.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdio.h>
+
+/* What the program ends with. */
+enum exit_status {
+    STATUS_OK = 0,
+    STATUS_FAILED = 1,      /* the run itself failed: a task failed, stopped on an overrun */
+    STATUS_INPUT = 2,       /* wrong command line, file or value */
+    STATUS_SYSTEM = 3,      /* the system refused a call, or there is no memory */
+    STATUS_UNSUPPORTED = 4, /* this machine or build cannot do it */
+};
+
+enum option_type {
+    OPTION_FLAG,   /* value: bool, set to true */
+    OPTION_STRING, /* value: const char *, an element of argv; never empty */
+    OPTION_REAL,   /* value: double, finite, from min to max */
+    OPTION_INT,    /* value: int64_t, from min to max (within +-2^53) */
+    OPTION_ENUM,   /* value: int, that of one of words */
+    OPTION_LIST,   /* value: struct option_list; the option may stand more than once */
+};
+
+struct option_word {
+    const char *word;
+    int value;
+};
+
+enum { OPTION_LIST_MAX = 32 };
+
+struct option_list {
+    size_t count;
+    const char *item[OPTION_LIST_MAX];
+};
+
+/* The value starts as the default and is left alone when the option is not given. */
+struct option_spec {
+    const char *name; /* "--duration" */
+    enum option_type type;
+    const char *argument; /* what --help calls the argument: "S"; NULL for a flag */
+    const char *help;     /* what it does and its default; wrapped when printed */
+    void *value;
+    double min, max;                 /* of OPTION_REAL and OPTION_INT, inclusive; both needed */
+    const char *unit;                /* for messages: "seconds"; NULL = none */
+    const struct option_word *words; /* of OPTION_ENUM, ends with word NULL */
+};
+
+/* An argument without dashes. Those that must be given come first. */
+struct operand_spec {
+    const char *name; /* "RIG" */
+    const char *help;
+    bool required;
+    const char **value; /* NULL stays when it is optional and not given */
+};
+
+struct command_spec {
+    const char *name;                 /* "run" */
+    const char *summary;              /* one line, the same as in the table of commands */
+    const struct option_spec *option; /* at most 64 */
+    size_t noption;
+    const struct operand_spec *operand;
+    size_t noperand;
+    const char *manual; /* paragraphs printed at the end of --help, or NULL */
+};
+
+/* Parses the arguments after argv[0]. --name VALUE and --name=VALUE are the same; -- ends the
+ * options. Sets *help and stops when --help or -h stands before anything wrong. The error names
+ * the option, what was found and what was expected. */
+enum error_code options_parse(const struct command_spec *spec, int argc, char **argv, bool *help,
+                              struct error *error);
+
+/* Prints the command's manual, made from the table. */
+void options_help(const struct command_spec *spec, FILE *out);
+
+/* options_parse with what a command does about the result: false when the command is to return
+ * *status at once, because the manual was printed or the error was reported on stderr. */
+bool options_read(const struct command_spec *spec, int argc, char **argv, int *status);
+
+/* The exit status that an error means. */
+enum exit_status exit_status_of(enum error_code code);
+
+/* Prints "coman-hil COMMAND: text" on stderr and returns the exit status of the error. */
+int command_fail(const char *command, const struct error *error);
+
+/* Prints text wrapped at 80 columns, every line but the first indented; used is the column that the
+ * first line starts in. */
+void options_wrap(const char *text, int used, int indent, FILE *out);
+
+#endif

@@ -1,0 +1,111 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* SCHED_FIFO, mlockall, affinity. */
+#include "rt/realtime.h"
+
+#include <errno.h>
+#include <sched.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+enum { STACK_TOUCHED = 256 * 1024 };
+
+static void __attribute__((format(printf, 2, 3)))
+warn(struct realtime_report *report, const char *format, ...)
+{
+    va_list args;
+
+    if (report->count < REALTIME_WARNINGS_MAX) {
+        va_start(args, format);
+        vsnprintf(report->warning[report->count++], sizeof report->warning[0], format, args);
+        va_end(args);
+    }
+}
+
+static void take_processor(int cpu, struct realtime_report *report)
+{
+    cpu_set_t set;
+
+    CPU_ZERO(&set);
+    if (cpu < CPU_SETSIZE) {
+        CPU_SET((size_t)cpu, &set);
+    }
+    if (cpu < CPU_SETSIZE && sched_setaffinity(0, sizeof set, &set) == 0) {
+        report->pinned = true;
+    } else {
+        warn(report,
+             "cannot stay on processor %d (%s): runs on any; there are %ld, numbered from 0", cpu,
+             cpu < CPU_SETSIZE ? strerror(errno) : "no such number", sysconf(_SC_NPROCESSORS_ONLN));
+    }
+}
+
+static void take_priority(int priority, struct realtime_report *report)
+{
+    struct sched_param param = {.sched_priority = priority};
+    struct rlimit limit = {0};
+
+    if (sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &param) == 0) {
+        report->fifo = true;
+        if (access("/sys/kernel/realtime", F_OK)) {
+            warn(report, "this kernel is not a real-time (PREEMPT_RT) one: wake-ups may be late by "
+                         "milliseconds; see the wake-up line of the summary");
+        }
+        return;
+    }
+    if (errno == EPERM) {
+        getrlimit(RLIMIT_RTPRIO, &limit);
+        warn(report,
+             "no permission for SCHED_FIFO priority %d (RLIMIT_RTPRIO is %llu): runs as a normal "
+             "thread; allow it with 'rtprio %d' in /etc/security/limits.d or CAP_SYS_NICE",
+             priority, (unsigned long long)limit.rlim_cur, priority);
+    } else {
+        warn(report, "cannot have SCHED_FIFO priority %d: %s: runs as a normal thread", priority,
+             strerror(errno));
+    }
+}
+
+static void lock_memory(struct realtime_report *report)
+{
+    struct rlimit limit = {0};
+
+    /* on fault: the arena reserves far more address space than it touches */
+    if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0) {
+        report->locked = true;
+        return;
+    }
+    getrlimit(RLIMIT_MEMLOCK, &limit);
+    warn(report,
+         "cannot lock memory (%s; RLIMIT_MEMLOCK is %llu kB): pages may be swapped out; allow it "
+         "with 'memlock unlimited' in /etc/security/limits.d or CAP_IPC_LOCK",
+         strerror(errno), (unsigned long long)limit.rlim_cur / 1024);
+}
+
+static void __attribute__((noinline)) touch_stack(void)
+{
+    volatile unsigned char stack[STACK_TOUCHED];
+
+    for (size_t i = 0; i < sizeof stack; i += 1024) {
+        stack[i] = 0;
+    }
+}
+
+void realtime_apply(const struct realtime_config *config, struct realtime_report *report)
+{
+    memset(report, 0, sizeof *report);
+    /* a normal thread's sleeps end up to 50 us late unless it asks for less */
+    prctl(PR_SET_TIMERSLACK, 1ul);
+    if (config->cpu >= 0) {
+        take_processor(config->cpu, report);
+    }
+    if (config->lock_memory) {
+        lock_memory(report);
+    }
+    if (config->priority > 0) {
+        take_priority(config->priority, report);
+    }
+    touch_stack();
+}

@@ -1,0 +1,129 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A rig: a robot, the scene it stands in, the buses with their boards, and how time runs. Read from
+ * YAML (config/rigs/) into pieces that the run command hands on as they are: the robot, the contact
+ * configuration with its meshes, the boards, the controller's map of the buses. Immutable after
+ * rig_load. Not RT-safe.
+ */
+#ifndef RT_RIG_H
+#define RT_RIG_H
+
+#include "base/arena.h"
+#include "base/error.h"
+#include "boards/board.h"
+#include "contact/contact.h"
+#include "model/plant.h"
+#include "model/robot.h"
+#include "tasks/task.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum rig_clock {
+    RIG_CLOCK_REAL,     /* absolute deadlines, one tick each tick_ns */
+    RIG_CLOCK_LOCKSTEP, /* the controller's STEP frame drives virtual time */
+    RIG_CLOCK_FREE,     /* virtual time, no pacing */
+};
+
+/* What happens with the deadlines that an overrun has missed; rt/loop.h says it exactly. */
+enum rig_overrun {
+    RIG_OVERRUN_SKIP, /* dropped: virtual time falls behind by them */
+    RIG_OVERRUN_SLIP, /* run back to back until the grid is caught up */
+    RIG_OVERRUN_STOP, /* as skip, and stop_after overruns end the run */
+};
+
+enum rig_contact_engine { RIG_CONTACT_NONE, RIG_CONTACT_SIMBODY };
+
+/* Until when the robot's links are clamped, as in a jig (plant_clamp). */
+enum rig_hold {
+    RIG_HOLD_NONE,    /* free from the start: without a controller it falls */
+    RIG_HOLD_ENABLED, /* until every driven axis has its motor on for the first time */
+    RIG_HOLD_ALWAYS,
+};
+
+enum rig_dynamics { RIG_DYNAMICS_GENERIC };
+
+struct rig_bus {
+    const char *name;
+    const char *interface; /* of SocketCAN: "can0" */
+    int64_t bitrate;       /* bit/s */
+    size_t nboard;
+    size_t naxis; /* joints driven from this bus */
+};
+
+struct rig_lockstep {
+    int bus; /* of the STEP frame */
+    uint32_t step_id, done_id;
+    int64_t partner_timeout_ns; /* without STEP until the silence is reported */
+};
+
+struct rig_realtime {
+    int priority; /* SCHED_FIFO, 1-99; 0 = do not ask for it */
+    int cpu;      /* to be pinned to; -1 = any */
+    bool lock_memory;
+    enum rig_overrun overrun;
+    int64_t stop_after; /* overruns until RIG_OVERRUN_STOP ends the run */
+};
+
+struct rig_record {
+    const char *directory; /* of candump logs, relative to where the program runs; NULL = none */
+};
+
+struct rig {
+    const char *file, *name;
+    const char *variant; /* of the robot; "" = the default */
+    const struct robot *robot;
+
+    enum rig_clock clock;
+    int64_t tick_ns, substep_ns; /* tick_ns = substeps * substep_ns exactly */
+    size_t substeps;
+    enum plant_integrator integrator;
+    enum rig_dynamics dynamics;
+    double supply_v;
+
+    /* for plant_reset; joint has robot->njoint entries */
+    const char *pose;
+    double base_position[3], base_quaternion[4];
+    const double *joint;
+    enum rig_hold hold;
+
+    /* the scene; contact_body has contact.nbody entries: the robot's body of each motion */
+    enum rig_contact_engine contact_engine;
+    struct contact_config contact;
+    const int *contact_body;
+
+    size_t nbus;
+    const struct rig_bus *bus;
+    struct boards_config boards; /* in the order of the buses and of the boards on each */
+
+    /* what a controller may know: driven joints in the order of the boards, initial_rad (naxis)
+     * where they stand at the start */
+    size_t naxis, nft;
+    const struct host_axis *axis;
+    const struct host_ft *ft;
+    const double *initial_rad;
+    struct servo_config servo;
+    struct squat_config squat;
+
+    struct rig_lockstep lockstep;
+    struct rig_realtime realtime;
+    struct rig_record record;
+};
+
+/* Reads a rig file and what it refers to (robot, meshes). Everything lives in arena. Errors carry
+ * file:line:column. */
+enum error_code rig_load(const char *path, struct arena *arena, const struct rig **rig,
+                         struct error *error);
+
+/* Index by name or -1. */
+int rig_find_bus(const struct rig *rig, const char *name);
+
+/* Worst-case load of a bus in bits per second, interframe spaces and stuff bits included: what its
+ * boards send when a host has asked for the host's default broadcast policy (0x7f) and the
+ * STRAIN boards run at their periods; and what a controller adds that commands every axis's voltage
+ * each command_period_ns. */
+void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
+                  double *telemetry_bit_s, double *command_bit_s);
+
+#endif

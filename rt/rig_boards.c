@@ -1,0 +1,329 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The buses of a rig and the boards on them. */
+#include "rt/rig_build.h"
+
+#include "base/text.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+static enum error_code check_whole(struct rig_builder *b, const struct yaml_mark *mark,
+                                   double value)
+{
+    if (value != floor(value)) {
+        return yaml_error(b->error, mark,
+                          "found full scale %.15g, expected an integer, which is all that the "
+                          "boards can tell a host",
+                          value);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code check_board(struct rig_builder *b, const struct raw_board *raw)
+{
+    static const char *const what[] = {"a motor board", "an F/T board", "a torque board"};
+    const unsigned motor = 1 << BOARD_MOTOR, ft = 1 << BOARD_FT, torque = 1 << BOARD_TORQUE;
+    const struct rig_key keys[] = {
+        {"axes", raw->axis_given, motor, motor},
+        {"current_limit_a", raw->current_given, motor, 0},
+        {"joints", raw->joint_given, torque, torque},
+        {"sensor", raw->sensor_given, ft, ft},
+        {"full_scale_n", raw->full_scale_n_given, ft, ft},
+        {"full_scale_nm", raw->full_scale_nm_given, ft, ft},
+        {"period_s", raw->period_given, ft | torque, 0},
+    };
+
+    return rig_check_keys(b, &raw->mark, what[raw->kind], raw->kind, keys,
+                          sizeof keys / sizeof keys[0]);
+}
+
+/* A STRAIN period: whole milliseconds, because the command that changes it has no others. */
+static enum error_code board_period(struct rig_builder *b, const struct raw_board *raw,
+                                    struct board_config *board)
+{
+    if (!rig_whole_ns(raw->period_s, &board->period_ns) || board->period_ns % 1000000 != 0) {
+        return yaml_error(b->error, &raw->period_mark,
+                          "found a period of %.15g s, expected whole milliseconds", raw->period_s);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code build_ft_board(struct rig_builder *b, const struct raw_board *raw,
+                                      struct board_config *board)
+{
+    enum error_code code = rig_find(b, &raw->sensor_mark, "F/T sensor", raw->sensor,
+                                    RIG_NAMES(b->robot->ft, b->robot->nft), &board->ft);
+
+    if (code) {
+        return code;
+    }
+    if (b->ft[board->ft]) {
+        return yaml_error(b->error, &raw->sensor_mark,
+                          "found sensor \"%s\" again, expected it on one board (line %d)",
+                          raw->sensor, b->ft[board->ft]->mark.line);
+    }
+    b->ft[board->ft] = raw;
+    for (int i = 0; i < 3 && !code; i++) {
+        board->full_scale[i] = raw->full_scale_n[i];
+        board->full_scale[3 + i] = raw->full_scale_nm[i];
+        code = check_whole(b, &raw->full_scale_n_mark, raw->full_scale_n[i]);
+        code = code ? code : check_whole(b, &raw->full_scale_nm_mark, raw->full_scale_nm[i]);
+    }
+    return code ? code : board_period(b, raw, board);
+}
+
+static enum error_code build_torque_board(struct rig_builder *b, const struct raw_board *raw,
+                                          struct board_config *board)
+{
+    if (raw->njoint < 1 || raw->njoint > BOARD_CHANNELS) {
+        return yaml_error(b->error, &raw->joint_mark, "found %zu joints, expected 1 to %d",
+                          raw->njoint, BOARD_CHANNELS);
+    }
+    for (int i = 0; i < BOARD_CHANNELS; i++) {
+        board->torque_joint[i] = -1;
+        board->full_scale[i] = b->raw->motors.torque_full_scale_nm;
+    }
+    for (size_t i = 0; i < raw->njoint; i++) {
+        const struct yaml_name *name = &raw->joint[i];
+        struct rig_torque *source;
+        enum error_code code;
+
+        if (!strcmp(name->name, "spare")) {
+            continue;
+        }
+        code = rig_find(b, &name->mark, "joint", name->name,
+                        RIG_NAMES(b->robot->joint, b->robot->njoint), &board->torque_joint[i]);
+        if (code) {
+            return code;
+        }
+        source = &b->torque[board->torque_joint[i]];
+        if (source->board) {
+            return yaml_error(b->error, &name->mark,
+                              "found joint \"%s\" again, expected it on one torque board (line %d)",
+                              name->name, source->board->mark.line);
+        }
+        *source = (struct rig_torque){raw, board->bus, (int)i};
+    }
+    return board_period(b, raw, board);
+}
+
+static enum error_code build_axis(struct rig_builder *b, const struct raw_board *raw,
+                                  const struct yaml_name *name, struct board_axis_config *axis)
+{
+    const struct raw_motors *motors = &b->raw->motors;
+    const struct robot_joint *joint;
+    enum error_code code;
+
+    axis->joint_ticks_per_rad = motors->joint_ticks_per_rev / (2.0 * M_PI);
+    axis->motor_ticks_per_rad = motors->motor_ticks_per_link_rev / (2.0 * M_PI);
+    axis->current_limit_a = raw->current_given ? raw->current_limit_a : motors->current_limit_a;
+    axis->torque_full_scale_nm = motors->torque_full_scale_nm;
+    if (!strcmp(name->name, "spare")) {
+        return ERROR_NONE;
+    }
+    code = rig_find(b, &name->mark, "joint", name->name,
+                    RIG_NAMES(b->robot->joint, b->robot->njoint), &axis->joint);
+    if (code) {
+        return code;
+    }
+    joint = &b->robot->joint[axis->joint];
+    if (!joint->sea.present) {
+        return yaml_error(b->error, &name->mark,
+                          "found joint \"%s\", which has no drive, expected a driven joint",
+                          name->name);
+    }
+    if (b->driver[axis->joint]) {
+        return yaml_error(b->error, &name->mark,
+                          "found joint \"%s\" again, expected it on one axis (board in line %d)",
+                          name->name, b->driver[axis->joint]->mark.line);
+    }
+    b->driver[axis->joint] = raw;
+    axis->lower_rad = joint->lower;
+    axis->upper_rad = joint->upper;
+    return ERROR_NONE;
+}
+
+static enum error_code build_motor_board(struct rig_builder *b, const struct raw_board *raw,
+                                         struct board_config *board)
+{
+    static const struct yaml_name spare = {.name = "spare"};
+
+    if (raw->naxis < 1 || raw->naxis > BOARD_AXES) {
+        return yaml_error(b->error, &raw->axis_mark, "found %zu axes, expected 1 to %d", raw->naxis,
+                          BOARD_AXES);
+    }
+    for (size_t i = 0; i < BOARD_AXES; i++) {
+        enum error_code code;
+
+        board->axis[i].joint = -1;
+        code = build_axis(b, raw, i < raw->naxis ? &raw->axis[i] : &spare, &board->axis[i]);
+        if (code) {
+            return code;
+        }
+    }
+    return ERROR_NONE;
+}
+
+static const char *board_name(struct rig_builder *b, const struct raw_bus *bus,
+                              const struct raw_board *raw)
+{
+    char text[80];
+
+    if (raw->name) {
+        return raw->name;
+    }
+    snprintf(text, sizeof text, "%.60s/0x%02x", bus->name, (unsigned)raw->address);
+    return arena_strdup(b->arena, text);
+}
+
+static enum error_code build_board(struct rig_builder *b, int bus, const struct raw_board *raw,
+                                   struct board_config *board)
+{
+    const struct raw_bus *raw_bus = &b->raw->bus[bus];
+    const struct raw_motors *motors = &b->raw->motors;
+    enum error_code code = check_board(b, raw);
+
+    if (code) {
+        return code;
+    }
+    for (const struct raw_board *other = raw_bus->board; other < raw; other++) {
+        if (other->address == raw->address) {
+            return yaml_error(b->error, &raw->address_mark,
+                              "found address 0x%02x again on bus \"%s\", expected another (line %d "
+                              "has it)",
+                              (unsigned)raw->address, raw_bus->name, other->mark.line);
+        }
+    }
+    *board = (struct board_config){
+        .name = board_name(b, raw_bus, raw),
+        .kind = (enum board_kind)raw->kind,
+        .bus = bus,
+        .address = (uint8_t)raw->address,
+        .strict = motors->strict,
+        .command_timeout_ns = llround(motors->command_timeout_s * 1e9),
+        .transmit_at_start = raw->transmit_at_start,
+        .discovery_stops_motors = motors->discovery_stops_motors,
+    };
+    if (!board->name) {
+        return rig_no_memory(b);
+    }
+    if (raw->name) {
+        code = rig_check_name(b, &raw->mark, "board", raw->name);
+    }
+    if (code) {
+        return code;
+    }
+    switch (board->kind) {
+    case BOARD_MOTOR:
+        return build_motor_board(b, raw, board);
+    case BOARD_FT:
+        return build_ft_board(b, raw, board);
+    default:
+        return build_torque_board(b, raw, board);
+    }
+}
+
+static enum error_code check_bus(struct rig_builder *b, const struct raw_bus *bus)
+{
+    enum error_code code;
+
+    for (const struct raw_bus *other = b->raw->bus; other < bus; other++) {
+        if (!strcmp(other->name, bus->name)) {
+            return yaml_error(b->error, &bus->name_mark,
+                              "found bus \"%s\" again, expected a name of its own (line %d has it)",
+                              bus->name, other->mark.line);
+        }
+        if (!strcmp(other->interface, bus->interface)) {
+            return yaml_error(b->error, &bus->interface_mark,
+                              "found interface \"%s\" again, expected one of its own (bus \"%s\" "
+                              "has it)",
+                              bus->interface, other->name);
+        }
+    }
+    code = rig_check_name(b, &bus->name_mark, "bus", bus->name);
+    return code ? code : rig_check_name(b, &bus->interface_mark, "interface", bus->interface);
+}
+
+enum error_code rig_build_boards(struct rig_builder *b)
+{
+    const struct raw_rig *raw = b->raw;
+    struct board_config *board;
+    struct rig_bus *bus = b->bus = arena_alloc(b->arena, raw->nbus, sizeof *bus);
+    size_t count = 0, n = 0;
+    enum error_code code;
+
+    code = check_whole(b, &raw->motors.torque_full_scale_mark, raw->motors.torque_full_scale_nm);
+    if (code) {
+        return code;
+    }
+    if (raw->nbus == 0) {
+        return yaml_error(b->error, &raw->mark, "found no buses, expected at least one");
+    }
+    for (size_t i = 0; i < raw->nbus; i++) {
+        count += raw->bus[i].nboard;
+    }
+    board = arena_alloc(b->arena, count, sizeof *board);
+    if (!bus || !board) {
+        return rig_no_memory(b);
+    }
+    for (size_t i = 0; i < raw->nbus; i++) {
+        const struct raw_bus *from = &raw->bus[i];
+
+        code = check_bus(b, from);
+        bus[i] = (struct rig_bus){from->name, from->interface, from->bitrate, from->nboard, 0};
+        for (size_t k = 0; k < from->nboard && !code; k++) {
+            code = build_board(b, (int)i, &from->board[k], &board[n++]);
+        }
+        if (code) {
+            return code;
+        }
+    }
+    b->rig->nbus = raw->nbus;
+    b->rig->bus = bus;
+    b->rig->boards = (struct boards_config){
+        .nboard = count,
+        .board = board,
+        .nbus = raw->nbus,
+        .njoint = b->robot->njoint,
+        .nft = b->robot->nft,
+        .tick_ns = b->rig->tick_ns,
+    };
+    return ERROR_NONE;
+}
+
+enum error_code rig_check_drives(struct rig_builder *b)
+{
+    const struct raw_rig *raw = b->raw;
+
+    for (size_t i = 0; i < raw->nundriven; i++) {
+        int joint;
+        enum error_code code = rig_find(b, &raw->undriven[i].mark, "joint", raw->undriven[i].name,
+                                        RIG_NAMES(b->robot->joint, b->robot->njoint), &joint);
+
+        if (code) {
+            return code;
+        }
+        if (b->driver[joint]) {
+            return yaml_error(b->error, &raw->undriven[i].mark,
+                              "found joint \"%s\", which a board drives (line %d), expected one "
+                              "without",
+                              raw->undriven[i].name, b->driver[joint]->mark.line);
+        }
+    }
+    for (size_t j = 0; j < b->robot->njoint; j++) {
+        const struct robot_joint *joint = &b->robot->joint[j];
+        bool listed = !joint->sea.present || b->driver[j];
+
+        for (size_t i = 0; i < raw->nundriven; i++) {
+            listed = listed || !strcmp(raw->undriven[i].name, joint->name);
+        }
+        if (!listed) {
+            return yaml_error(b->error, &raw->mark,
+                              "found no axis for the drive of joint \"%s\", expected one on some "
+                              "board, or the joint in \"undriven\"",
+                              joint->name);
+        }
+    }
+    return ERROR_NONE;
+}

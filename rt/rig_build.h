@@ -1,0 +1,69 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Private to the rig reader: what its parts share while a struct rig is made of a struct raw_rig.
+ */
+#ifndef RT_RIG_BUILD_H
+#define RT_RIG_BUILD_H
+
+#include "rt/rig.h"
+#include "rt/rig_yaml.h"
+
+/* The pseudo-STRAIN that carries a joint's torque. */
+struct rig_torque {
+    const struct raw_board *board; /* NULL = none */
+    int bus, channel;
+};
+
+struct rig_builder {
+    struct rig *rig;
+    const struct raw_rig *raw;
+    const struct robot *robot;
+    struct arena *arena;
+    struct error *error;
+    struct rig_torque *torque;       /* by joint of the robot */
+    const struct raw_board **driver; /* by joint: the board that drives it; NULL = none */
+    const struct raw_board **ft;     /* by F/T sensor: the board that carries it */
+    struct rig_bus *bus;             /* of the rig, still to be written */
+};
+
+/* The parts, in the order in which they need each other. */
+enum error_code rig_build_scene(struct rig_builder *b);
+enum error_code rig_build_boards(struct rig_builder *b);
+
+/* Every drive is reached by an axis, or the file says that it is not. */
+enum error_code rig_check_drives(struct rig_builder *b);
+
+enum error_code rig_no_memory(struct rig_builder *b);
+
+/* An array of structs that have a name. */
+struct rig_names {
+    const void *array;
+    size_t count, stride, offset;
+};
+
+#define RIG_NAMES(array, count)                                                                    \
+    ((struct rig_names){(array), (count), sizeof *(array), offsetof(__typeof__(*(array)), name)})
+
+/* Looks a name up; what ("joint") is for the message when there is none. */
+enum error_code rig_find(struct rig_builder *b, const struct yaml_mark *mark, const char *what,
+                         const char *name, struct rig_names names, int *index);
+
+/* Names stand in messages, on command lines and in the names of log files. */
+enum error_code rig_check_name(struct rig_builder *b, const struct yaml_mark *mark,
+                               const char *what, const char *name);
+
+/* A key that belongs to some kinds of a thing only; masks have bit 1 << kind. */
+struct rig_key {
+    const char *key;
+    bool given;
+    unsigned allowed, required;
+};
+
+enum error_code rig_check_keys(struct rig_builder *b, const struct yaml_mark *mark,
+                               const char *what, int kind, const struct rig_key *keys,
+                               size_t count);
+
+/* Whether seconds are a whole number of nanoseconds, which goes to *ns. */
+bool rig_whole_ns(double seconds, int64_t *ns);
+
+#endif

@@ -1,0 +1,250 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The scene of a rig: surfaces, their materials and meshes, and the pairs that may touch. */
+#include "rt/rig_build.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Fixed x-y-z angles as in URDF: R = Rz(yaw) Ry(pitch) Rx(roll). */
+static void rotation_of_rpy(const double rpy[3], double R[9])
+{
+    double cr = cos(rpy[0]), sr = sin(rpy[0]), cp = cos(rpy[1]), sp = sin(rpy[1]);
+    double cy = cos(rpy[2]), sy = sin(rpy[2]);
+
+    R[0] = cy * cp;
+    R[1] = cy * sp * sr - sy * cr;
+    R[2] = cy * sp * cr + sy * sr;
+    R[3] = sy * cp;
+    R[4] = sy * sp * sr + cy * cr;
+    R[5] = sy * sp * cr - cy * sr;
+    R[6] = -sp;
+    R[7] = cp * sr;
+    R[8] = cp * cr;
+}
+
+/* Index of the robot's body among the contact bodies; a new one when it is not there yet. */
+static int contact_body(struct rig_builder *b, int *bodies, int body)
+{
+    size_t i = 0;
+
+    while (i < b->rig->contact.nbody && bodies[i] != body) {
+        i++;
+    }
+    if (i == b->rig->contact.nbody) {
+        bodies[b->rig->contact.nbody++] = body;
+    }
+    return (int)i;
+}
+
+/* The plant knows where a body is only when something on it is looked at. */
+static enum error_code check_observed(struct rig_builder *b, const struct yaml_mark *mark, int body)
+{
+    if (!b->robot->body[body].observed) {
+        return yaml_error(b->error, mark,
+                          "found body \"%s\", on which the robot file has no frame, expected one "
+                          "with a frame",
+                          b->robot->body[body].name);
+    }
+    return ERROR_NONE;
+}
+
+/* What a surface is fixed to, and where: a body, a named frame of one, or the world. */
+static enum error_code place_surface(struct rig_builder *b, const struct raw_surface *raw,
+                                     int *bodies, struct contact_surface *surface)
+{
+    const struct robot_frame *frame;
+    double R[9];
+    enum error_code code;
+    int index;
+
+    if (raw->body_given == raw->frame_given) {
+        return yaml_error(b->error, &raw->mark, "found %s, expected one of \"body\" and \"frame\"",
+                          raw->body_given ? "both a body and a frame" : "no body");
+    }
+    memcpy(surface->position, raw->xyz_m, sizeof surface->position);
+    rotation_of_rpy(raw->rpy_rad, surface->rotation);
+    if (raw->body_given && !strcmp(raw->body, "world")) {
+        surface->body = -1;
+        return ERROR_NONE;
+    }
+    if (raw->body_given) {
+        code = rig_find(b, &raw->body_mark, "body", raw->body,
+                        RIG_NAMES(b->robot->body, b->robot->nbody), &index);
+        code = code ? code : check_observed(b, &raw->body_mark, index);
+        surface->body = code ? -1 : contact_body(b, bodies, index);
+        return code;
+    }
+    code = rig_find(b, &raw->frame_mark, "frame", raw->frame,
+                    RIG_NAMES(b->robot->frame, b->robot->nframe), &index);
+    if (code) {
+        return code;
+    }
+    frame = &b->robot->frame[index];
+    memcpy(R, surface->rotation, sizeof R);
+    for (int i = 0; i < 3; i++) {
+        const double *row = &frame->rotation[3 * i];
+
+        surface->position[i] = frame->position[i] + row[0] * raw->xyz_m[0] +
+                               row[1] * raw->xyz_m[1] + row[2] * raw->xyz_m[2];
+        for (int j = 0; j < 3; j++) {
+            surface->rotation[3 * i + j] = row[0] * R[j] + row[1] * R[3 + j] + row[2] * R[6 + j];
+        }
+    }
+    surface->body = contact_body(b, bodies, frame->body);
+    return ERROR_NONE;
+}
+
+static enum error_code shape_surface(struct rig_builder *b, const struct raw_surface *raw,
+                                     struct contact_surface *surface)
+{
+    static const char *const what[] = {"a half space", "a sphere", "a box", "a mesh"};
+    const struct rig_key keys[] = {
+        {"radius_m", raw->radius_given, 1 << CONTACT_SPHERE, 1 << CONTACT_SPHERE},
+        {"half_extents_m", raw->half_extents_given, 1 << CONTACT_BOX, 1 << CONTACT_BOX},
+        {"cells", raw->cells_given, 1 << CONTACT_BOX, 0},
+        {"mesh", raw->mesh_given, 1 << CONTACT_MESH, 1 << CONTACT_MESH},
+    };
+    const char *path;
+    enum error_code code = rig_check_keys(b, &raw->mark, what[raw->shape], raw->shape, keys,
+                                          sizeof keys / sizeof keys[0]);
+
+    surface->shape = (enum contact_shape)raw->shape;
+    surface->radius_m = raw->radius_m;
+    memcpy(surface->half_extent_m, raw->half_extents_m, sizeof surface->half_extent_m);
+    surface->cells_per_edge = (int)raw->cells;
+    if (code || raw->shape != CONTACT_MESH) {
+        return code;
+    }
+    code = yaml_resolve_path(&raw->mesh_mark, raw->mesh, b->arena, &path, b->error);
+    return code ? code : mesh_read_obj(path, b->arena, &surface->mesh, b->error);
+}
+
+static enum error_code material_surface(struct rig_builder *b, const struct raw_surface *raw,
+                                        struct contact_surface *surface)
+{
+    const struct raw_scene *scene = &b->raw->scene;
+    const struct raw_material *m;
+    enum error_code code;
+    int index;
+
+    code = rig_find(b, &raw->material_mark, "material", raw->material,
+                    RIG_NAMES(scene->material, scene->nmaterial), &index);
+    if (code) {
+        return code;
+    }
+    m = &scene->material[index];
+    if (m->static_friction < m->dynamic_friction) {
+        return yaml_error(b->error, &m->mark,
+                          "found static_friction %g below dynamic_friction %g, expected at least "
+                          "as much",
+                          m->static_friction, m->dynamic_friction);
+    }
+    surface->material = (struct contact_material){
+        .young_pa = m->young_pa,
+        .thickness_m = m->thickness_m,
+        .dissipation_s_per_m = m->dissipation_s_per_m,
+        .static_friction = m->static_friction,
+        .dynamic_friction = m->dynamic_friction,
+        .viscous_friction = m->viscous_s_per_m,
+    };
+    return ERROR_NONE;
+}
+
+static enum error_code build_surfaces(struct rig_builder *b)
+{
+    const struct raw_scene *scene = &b->raw->scene;
+    struct contact_config *contact = &b->rig->contact;
+    struct contact_surface *surface;
+    int *bodies = arena_alloc(b->arena, scene->nsurface, sizeof *bodies);
+
+    surface = arena_alloc(b->arena, scene->nsurface, sizeof *surface);
+    if (!surface || !bodies) {
+        return rig_no_memory(b);
+    }
+    contact->surface = surface;
+    for (size_t i = 0; i < scene->nsurface; i++) {
+        const struct raw_surface *raw = &scene->surface[i];
+        enum error_code code;
+
+        for (size_t k = 0; k < i; k++) {
+            if (!strcmp(scene->surface[k].name, raw->name)) {
+                return yaml_error(b->error, &raw->name_mark,
+                                  "found surface \"%s\" again, expected a name of its own",
+                                  raw->name);
+            }
+        }
+        surface[i].name = raw->name;
+        code = rig_check_name(b, &raw->name_mark, "surface", raw->name);
+        code = code ? code : place_surface(b, raw, bodies, &surface[i]);
+        code = code ? code : shape_surface(b, raw, &surface[i]);
+        code = code ? code : material_surface(b, raw, &surface[i]);
+        if (code) {
+            return code;
+        }
+    }
+    contact->nsurface = scene->nsurface;
+    b->rig->contact_body = bodies;
+    return ERROR_NONE;
+}
+
+static enum error_code build_pair(struct rig_builder *b, const struct raw_pair *raw,
+                                  struct contact_pair *pair)
+{
+    const struct contact_config *contact = &b->rig->contact;
+    const struct contact_surface *surface = contact->surface;
+    int index[2];
+
+    if (raw->nbetween != 2) {
+        return yaml_error(b->error, &raw->between_mark,
+                          "found %zu surfaces, expected two: [one, other]", raw->nbetween);
+    }
+    for (int k = 0; k < 2; k++) {
+        enum error_code code = rig_find(b, &raw->between[k].mark, "surface", raw->between[k].name,
+                                        RIG_NAMES(surface, contact->nsurface), &index[k]);
+
+        if (code) {
+            return code;
+        }
+    }
+    if (surface[index[0]].body == surface[index[1]].body) {
+        return yaml_error(b->error, &raw->between_mark,
+                          "found two surfaces of one body, expected surfaces of two bodies");
+    }
+    *pair = (struct contact_pair){index[0], index[1]};
+    return ERROR_NONE;
+}
+
+enum error_code rig_build_scene(struct rig_builder *b)
+{
+    const struct raw_scene *scene = &b->raw->scene;
+    struct contact_config *contact = &b->rig->contact;
+    struct contact_pair *pair = arena_alloc(b->arena, scene->npair, sizeof *pair);
+    enum error_code code = build_surfaces(b);
+    struct error why;
+
+    if (code || !pair) {
+        return code ? code : rig_no_memory(b);
+    }
+    for (size_t i = 0; i < scene->npair; i++) {
+        code = build_pair(b, &scene->pair[i], &pair[i]);
+        if (code) {
+            return code;
+        }
+        for (size_t k = 0; k < i; k++) {
+            if ((pair[k].a == pair[i].a && pair[k].b == pair[i].b) ||
+                (pair[k].a == pair[i].b && pair[k].b == pair[i].a)) {
+                return yaml_error(b->error, &scene->pair[i].mark,
+                                  "found the pair of line %d again, expected it once",
+                                  scene->pair[k].mark.line);
+            }
+        }
+    }
+    contact->pair = pair;
+    contact->npair = scene->npair;
+    contact->transition_velocity_m_s = scene->transition_velocity_m_s;
+    b->rig->contact_engine = (enum rig_contact_engine)scene->engine;
+    if (contact_config_check(contact, &why)) {
+        return yaml_error(b->error, &scene->mark, "%s", why.text);
+    }
+    return ERROR_NONE;
+}

@@ -1,0 +1,370 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The schema of a rig file. */
+#include "rt/rig_yaml.h"
+
+#include "boards/icub_protocol.h"
+#include "rt/rig.h"
+
+#include <float.h>
+
+#define COUNT(array) (sizeof(array) / sizeof(array)[0])
+#define AT(member) offsetof(struct STRUCT, member)
+
+static const struct yaml_enum clock_names[] = {
+    {"real", RIG_CLOCK_REAL},
+    {"lockstep", RIG_CLOCK_LOCKSTEP},
+    {"free", RIG_CLOCK_FREE},
+    {NULL, 0},
+};
+static const struct yaml_enum integrator_names[] = {{"rk4", PLANT_RK4}, {NULL, 0}};
+static const struct yaml_enum dynamics_names[] = {{"generic", RIG_DYNAMICS_GENERIC}, {NULL, 0}};
+static const struct yaml_enum personality_names[] = {{"icub", 0}, {NULL, 0}};
+static const struct yaml_enum engine_names[] = {
+    {"none", RIG_CONTACT_NONE},
+    {"simbody", RIG_CONTACT_SIMBODY},
+    {NULL, 0},
+};
+static const struct yaml_enum shape_names[] = {
+    {"half_space", CONTACT_HALF_SPACE},
+    {"sphere", CONTACT_SPHERE},
+    {"box", CONTACT_BOX},
+    {"mesh", CONTACT_MESH},
+    {NULL, 0},
+};
+static const struct yaml_enum kind_names[] = {
+    {"motor", BOARD_MOTOR},
+    {"ft", BOARD_FT},
+    {"torque", BOARD_TORQUE},
+    {NULL, 0},
+};
+static const struct yaml_enum overrun_names[] = {
+    {"skip", RIG_OVERRUN_SKIP},
+    {"slip", RIG_OVERRUN_SLIP},
+    {"stop", RIG_OVERRUN_STOP},
+    {NULL, 0},
+};
+
+static const struct yaml_enum hold_names[] = {
+    {"none", RIG_HOLD_NONE},
+    {"until_enabled", RIG_HOLD_ENABLED},
+    {"always", RIG_HOLD_ALWAYS},
+    {NULL, 0},
+};
+
+#define STRUCT raw_robot
+static const struct yaml_field robot_fields[] = {
+    {"file", YAML_STRING, true, AT(file), .mark_offset = AT(file_mark)},
+    {"variant", YAML_STRING, false, .offset = AT(variant)},
+};
+#undef STRUCT
+static const struct raw_robot robot_defaults = {.variant = ""};
+static const struct yaml_schema robot_schema = {
+    .what = "the robot",
+    .size = sizeof(struct raw_robot),
+    .fields = robot_fields,
+    .field_count = COUNT(robot_fields),
+    .defaults = &robot_defaults,
+};
+
+#define STRUCT raw_initial
+static const struct yaml_field initial_fields[] = {
+    {"pose", YAML_STRING, true, AT(pose), .mark_offset = AT(pose_mark)},
+    {"base_xyz_m", YAML_REALS, false, AT(base_xyz_m), .count = 3, .min = -1e3, .max = 1e3,
+     .given_offset = AT(position_given)},
+    {"base_height_m", YAML_REAL, false, AT(base_height_m), .min = -1e3, .max = 1e3,
+     .given_offset = AT(height_given)},
+    {"base_rpy_rad", YAML_REALS, false, AT(base_rpy_rad), .count = 3, .min = -7.0, .max = 7.0,
+     .given_offset = AT(rpy_given)},
+    {"joints_rad", YAML_REAL_DICT, false, AT(joint), .count_offset = AT(njoint)},
+    {"hold", YAML_ENUM, false, AT(hold), .names = hold_names},
+};
+#undef STRUCT
+static const struct yaml_schema initial_schema = {
+    .what = "the initial state",
+    .size = sizeof(struct raw_initial),
+    .fields = initial_fields,
+    .field_count = COUNT(initial_fields),
+};
+
+#define STRUCT raw_material
+static const struct yaml_field material_fields[] = {
+    {"young_pa", YAML_REAL, true, AT(young_pa), .min = 1.0, .max = 1e12},
+    {"thickness_m", YAML_REAL, true, AT(thickness_m), .min = 1e-6, .max = 1.0},
+    {"dissipation_s_per_m", YAML_REAL, true, AT(dissipation_s_per_m), .min = 0.0, .max = 1e4},
+    {"static_friction", YAML_REAL, true, AT(static_friction), .min = 0.0, .max = 100.0},
+    {"dynamic_friction", YAML_REAL, true, AT(dynamic_friction), .min = 0.0, .max = 100.0},
+    {"viscous_s_per_m", YAML_REAL, true, AT(viscous_s_per_m), .min = 0.0, .max = 100.0},
+};
+#undef STRUCT
+static const struct yaml_schema material_schema = {
+    .what = "a material",
+    .size = sizeof(struct raw_material),
+    .fields = material_fields,
+    .field_count = COUNT(material_fields),
+    .name_offset = offsetof(struct raw_material, name),
+};
+
+#define STRUCT raw_surface
+static const struct yaml_field surface_fields[] = {
+    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 63, .mark_offset = AT(name_mark)},
+    {"body", YAML_STRING, false, AT(body), .mark_offset = AT(body_mark),
+     .given_offset = AT(body_given)},
+    {"frame", YAML_STRING, false, AT(frame), .mark_offset = AT(frame_mark),
+     .given_offset = AT(frame_given)},
+    {"shape", YAML_ENUM, true, AT(shape), .names = shape_names},
+    {"xyz_m", YAML_REALS, false, AT(xyz_m), .count = 3, .min = -1e3, .max = 1e3},
+    {"rpy_rad", YAML_REALS, false, AT(rpy_rad), .count = 3, .min = -7.0, .max = 7.0},
+    {"radius_m", YAML_REAL, false, AT(radius_m), .min = 1e-6, .max = 1e3,
+     .given_offset = AT(radius_given)},
+    {"half_extents_m", YAML_REALS, false, AT(half_extents_m), .count = 3, .min = 1e-6, .max = 1e3,
+     .given_offset = AT(half_extents_given)},
+    {"cells", YAML_INT, false, AT(cells), .min = 1, .max = 200, .given_offset = AT(cells_given)},
+    {"mesh", YAML_STRING, false, AT(mesh), .mark_offset = AT(mesh_mark),
+     .given_offset = AT(mesh_given)},
+    {"material", YAML_STRING, true, AT(material), .mark_offset = AT(material_mark)},
+};
+#undef STRUCT
+static const struct raw_surface surface_defaults = {.cells = 7};
+static const struct yaml_schema surface_schema = {
+    .what = "a surface",
+    .size = sizeof(struct raw_surface),
+    .fields = surface_fields,
+    .field_count = COUNT(surface_fields),
+    .defaults = &surface_defaults,
+};
+
+#define STRUCT raw_pair
+static const struct yaml_field pair_fields[] = {
+    {"between", YAML_NAME_LIST, true, AT(between), AT(nbetween), .mark_offset = AT(between_mark)},
+};
+#undef STRUCT
+static const struct yaml_schema pair_schema = {
+    .what = "a pair of surfaces",
+    .size = sizeof(struct raw_pair),
+    .fields = pair_fields,
+    .field_count = COUNT(pair_fields),
+};
+
+#define STRUCT raw_scene
+static const struct yaml_field scene_fields[] = {
+    {"engine", YAML_ENUM, true, AT(engine), .names = engine_names},
+    {"transition_velocity_m_s", YAML_REAL, false, AT(transition_velocity_m_s), .min = 1e-6,
+     .max = 10.0},
+    {"materials", YAML_DICT, false, AT(material), AT(nmaterial), .schema = &material_schema},
+    {"surfaces", YAML_LIST, false, AT(surface), AT(nsurface), .schema = &surface_schema},
+    {"pairs", YAML_LIST, false, AT(pair), AT(npair), .schema = &pair_schema},
+};
+#undef STRUCT
+static const struct raw_scene scene_defaults = {.engine = RIG_CONTACT_NONE,
+                                                .transition_velocity_m_s = 0.01};
+static const struct yaml_schema scene_schema = {
+    .what = "the scene",
+    .size = sizeof(struct raw_scene),
+    .fields = scene_fields,
+    .field_count = COUNT(scene_fields),
+    .defaults = &scene_defaults,
+};
+
+#define STRUCT raw_board
+static const struct yaml_field board_fields[] = {
+    {"name", YAML_STRING, false, AT(name), .min = 1, .max = 63},
+    {"kind", YAML_ENUM, true, AT(kind), .names = kind_names},
+    {"address", YAML_INT, true, AT(address), .min = 1, .max = 14, .mark_offset = AT(address_mark)},
+    {"axes", YAML_NAME_LIST, false, AT(axis), AT(naxis), .mark_offset = AT(axis_mark),
+     .given_offset = AT(axis_given)},
+    {"current_limit_a", YAML_REAL, false, AT(current_limit_a), .min = DBL_MIN, .max = 1e3,
+     .given_offset = AT(current_given)},
+    {"joints", YAML_NAME_LIST, false, AT(joint), AT(njoint), .mark_offset = AT(joint_mark),
+     .given_offset = AT(joint_given)},
+    {"sensor", YAML_STRING, false, AT(sensor), .mark_offset = AT(sensor_mark),
+     .given_offset = AT(sensor_given)},
+    {"full_scale_n", YAML_REALS, false, AT(full_scale_n), .count = 3, .min = 1, .max = 65535,
+     .mark_offset = AT(full_scale_n_mark), .given_offset = AT(full_scale_n_given)},
+    {"full_scale_nm", YAML_REALS, false, AT(full_scale_nm), .count = 3, .min = 1, .max = 65535,
+     .mark_offset = AT(full_scale_nm_mark), .given_offset = AT(full_scale_nm_given)},
+    {"period_s", YAML_REAL, false, AT(period_s), .min = 0.001, .max = 0.255,
+     .mark_offset = AT(period_mark), .given_offset = AT(period_given)},
+    {"transmit_at_start", YAML_BOOL, false, .offset = AT(transmit_at_start)},
+};
+#undef STRUCT
+static const struct raw_board board_defaults = {.period_s = 0.001};
+static const struct yaml_schema board_schema = {
+    .what = "a board",
+    .size = sizeof(struct raw_board),
+    .fields = board_fields,
+    .field_count = COUNT(board_fields),
+    .defaults = &board_defaults,
+};
+
+#define STRUCT raw_bus
+static const struct yaml_field bus_fields[] = {
+    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 63, .mark_offset = AT(name_mark)},
+    {"interface", YAML_STRING, true, AT(interface), .min = 1, .max = 15,
+     .mark_offset = AT(interface_mark)},
+    {"bitrate", YAML_INT, false, AT(bitrate), .min = 10000, .max = 1000000},
+    {"boards", YAML_LIST, true, AT(board), AT(nboard), .schema = &board_schema},
+};
+#undef STRUCT
+static const struct raw_bus bus_defaults = {.bitrate = 1000000};
+static const struct yaml_schema bus_schema = {
+    .what = "a bus",
+    .size = sizeof(struct raw_bus),
+    .fields = bus_fields,
+    .field_count = COUNT(bus_fields),
+    .defaults = &bus_defaults,
+};
+
+#define STRUCT raw_motors
+static const struct yaml_field motors_fields[] = {
+    {"joint_ticks_per_rev", YAML_REAL, true, AT(joint_ticks_per_rev), .min = 1.0, .max = 1e9},
+    {"motor_ticks_per_link_rev", YAML_REAL, true, AT(motor_ticks_per_link_rev), .min = 1.0,
+     .max = 1e9},
+    {"torque_full_scale_nm", YAML_REAL, true, AT(torque_full_scale_nm), .min = 1, .max = 65535,
+     .mark_offset = AT(torque_full_scale_mark)},
+    {"current_limit_a", YAML_REAL, true, AT(current_limit_a), .min = DBL_MIN, .max = 1e3},
+    {"command_timeout_s", YAML_REAL, false, AT(command_timeout_s), .min = 0.0, .max = 60.0},
+    {"strict", YAML_BOOL, false, .offset = AT(strict)},
+    {"discovery_stops_motors", YAML_BOOL, false, .offset = AT(discovery_stops_motors)},
+};
+#undef STRUCT
+static const struct raw_motors motors_defaults = {.command_timeout_s = 0.1};
+static const struct yaml_schema motors_schema = {
+    .what = "the motor boards",
+    .size = sizeof(struct raw_motors),
+    .fields = motors_fields,
+    .field_count = COUNT(motors_fields),
+    .defaults = &motors_defaults,
+};
+
+#define STRUCT raw_lockstep
+static const struct yaml_field lockstep_fields[] = {
+    {"bus", YAML_STRING, false, AT(bus), .mark_offset = AT(bus_mark)},
+    {"step_id", YAML_INT, false, AT(step_id), .min = 0, .max = 0x7ff, .mark_offset = AT(step_mark)},
+    {"done_id", YAML_INT, false, AT(done_id), .min = 0, .max = 0x7ff, .mark_offset = AT(done_mark)},
+    {"partner_timeout_s", YAML_REAL, false, AT(partner_timeout_s), .min = 0.01, .max = 3600.0},
+};
+#undef STRUCT
+static const struct raw_lockstep lockstep_defaults = {
+    .step_id = LOCKSTEP_STEP_ID, .done_id = LOCKSTEP_DONE_ID, .partner_timeout_s = 1.0};
+static const struct yaml_schema lockstep_schema = {
+    .what = "lockstep",
+    .size = sizeof(struct raw_lockstep),
+    .fields = lockstep_fields,
+    .field_count = COUNT(lockstep_fields),
+    .defaults = &lockstep_defaults,
+};
+
+#define STRUCT raw_realtime
+static const struct yaml_field realtime_fields[] = {
+    {"priority", YAML_INT, false, AT(priority), .min = 0, .max = 99},
+    {"cpu", YAML_INT, false, AT(cpu), .min = -1, .max = 1023},
+    {"lock_memory", YAML_BOOL, false, .offset = AT(lock_memory)},
+    {"overrun", YAML_ENUM, false, AT(overrun), .names = overrun_names},
+    {"stop_after", YAML_INT, false, AT(stop_after), .min = 1, .max = 1e9},
+};
+#undef STRUCT
+static const struct raw_realtime realtime_defaults = {
+    .priority = 80, .cpu = -1, .lock_memory = true, .overrun = RIG_OVERRUN_SKIP, .stop_after = 1};
+static const struct yaml_schema realtime_schema = {
+    .what = "the real-time settings",
+    .size = sizeof(struct raw_realtime),
+    .fields = realtime_fields,
+    .field_count = COUNT(realtime_fields),
+    .defaults = &realtime_defaults,
+};
+
+#define STRUCT raw_record
+static const struct yaml_field record_fields[] = {
+    {"directory", YAML_STRING, false, AT(directory), .min = 1, .max = 4000},
+};
+#undef STRUCT
+static const struct yaml_schema record_schema = {
+    .what = "the record",
+    .size = sizeof(struct raw_record),
+    .fields = record_fields,
+    .field_count = COUNT(record_fields),
+};
+
+#define STRUCT raw_servo
+static const struct yaml_field servo_fields[] = {
+    {"kp_v_per_rad", YAML_REAL, true, AT(kp_v_per_rad), .min = 0.0, .max = 1e6},
+    {"ki_v_per_rad_s", YAML_REAL, true, AT(ki_v_per_rad_s), .min = 0.0, .max = 1e6},
+    {"kw_v_s_per_rad", YAML_REAL, true, AT(kw_v_s_per_rad), .min = 0.0, .max = 1e6},
+    {"trim_per_s", YAML_REAL, false, AT(trim_per_s), .min = 0.0, .max = 1e3},
+    {"command_period_s", YAML_REAL, true, AT(command_period_s), .min = 1e-5, .max = 1.0,
+     .mark_offset = AT(command_period_mark)},
+};
+#undef STRUCT
+static const struct yaml_schema servo_schema = {
+    .what = "the servo",
+    .size = sizeof(struct raw_servo),
+    .fields = servo_fields,
+    .field_count = COUNT(servo_fields),
+};
+
+#define STRUCT raw_squat
+static const struct yaml_field squat_fields[] = {
+    {"thigh_m", YAML_REAL, true, AT(thigh_m), .min = 0.01, .max = 10.0},
+    {"shank_m", YAML_REAL, true, AT(shank_m), .min = 0.01, .max = 10.0},
+    {"depth_m", YAML_REAL, true, AT(depth_m), .min = 0.0, .max = 10.0},
+    {"period_s", YAML_REAL, true, AT(period_s), .min = 0.1, .max = 1e3},
+    {"cycles", YAML_INT, true, AT(cycles), .min = 1, .max = 1e6},
+};
+#undef STRUCT
+static const struct yaml_schema squat_schema = {
+    .what = "the squat",
+    .size = sizeof(struct raw_squat),
+    .fields = squat_fields,
+    .field_count = COUNT(squat_fields),
+};
+
+#define STRUCT raw_tasks
+static const struct yaml_field tasks_fields[] = {
+    {"servo", YAML_MAP, false, AT(servo), .schema = &servo_schema},
+    {"squat", YAML_MAP, false, AT(squat), .schema = &squat_schema},
+};
+#undef STRUCT
+static const struct yaml_schema tasks_schema = {
+    .what = "the tasks",
+    .size = sizeof(struct raw_tasks),
+    .fields = tasks_fields,
+    .field_count = COUNT(tasks_fields),
+};
+
+#define STRUCT raw_rig
+static const struct yaml_field rig_fields[] = {
+    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 63},
+    {"robot", YAML_MAP, true, AT(robot), .schema = &robot_schema},
+    {"clock", YAML_ENUM, false, AT(clock), .names = clock_names},
+    {"tick_s", YAML_REAL, false, AT(tick_s), .min = 1e-5, .max = 0.1, .mark_offset = AT(tick_mark)},
+    {"substep_s", YAML_REAL, true, AT(substep_s), .min = 1e-7, .max = 1.0,
+     .mark_offset = AT(substep_mark)},
+    {"integrator", YAML_ENUM, false, AT(integrator), .names = integrator_names},
+    {"dynamics", YAML_ENUM, false, AT(dynamics), .names = dynamics_names},
+    {"personality", YAML_ENUM, false, AT(personality), .names = personality_names},
+    {"supply_v", YAML_REAL, true, AT(supply_v), .min = DBL_MIN, .max = 1e4},
+    {"initial", YAML_MAP, true, AT(initial), .schema = &initial_schema},
+    {"scene", YAML_MAP, false, AT(scene), .schema = &scene_schema},
+    {"motors", YAML_MAP, true, AT(motors), .schema = &motors_schema},
+    {"buses", YAML_LIST, true, AT(bus), AT(nbus), .schema = &bus_schema},
+    {"undriven", YAML_NAME_LIST, false, .offset = AT(undriven), .count_offset = AT(nundriven)},
+    {"lockstep", YAML_MAP, false, AT(lockstep), .schema = &lockstep_schema},
+    {"realtime", YAML_MAP, false, AT(realtime), .schema = &realtime_schema},
+    {"record", YAML_MAP, false, AT(record), .schema = &record_schema},
+    {"tasks", YAML_MAP, false, AT(tasks), .schema = &tasks_schema},
+};
+#undef STRUCT
+static const struct raw_rig rig_defaults = {.clock = RIG_CLOCK_REAL, .tick_s = 0.001};
+static const struct yaml_schema rig_schema = {
+    .what = "the rig",
+    .size = sizeof(struct raw_rig),
+    .fields = rig_fields,
+    .field_count = COUNT(rig_fields),
+    .defaults = &rig_defaults,
+};
+
+enum error_code rig_yaml_read(const char *path, struct arena *arena, struct raw_rig *raw,
+                              struct error *error)
+{
+    return yaml_read_file(path, &rig_schema, arena, raw, error);
+}

@@ -1,0 +1,180 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A rig file as it is written: names not yet looked up, times in seconds, marks kept for messages.
+ * rt/rig.c makes a struct rig of it.
+ */
+#ifndef RT_RIG_YAML_H
+#define RT_RIG_YAML_H
+
+#include "base/yaml.h"
+
+#include <stdint.h>
+
+struct raw_robot {
+    struct yaml_mark mark, file_mark;
+    const char *file, *variant;
+};
+
+struct raw_initial {
+    struct yaml_mark mark, pose_mark;
+    const char *pose;
+    double base_xyz_m[3], base_height_m, base_rpy_rad[3];
+    bool position_given, height_given, rpy_given;
+    struct yaml_real_entry *joint; /* instead of the pose's */
+    size_t njoint;
+    int hold;
+};
+
+struct raw_material {
+    struct yaml_mark mark;
+    const char *name;
+    double young_pa, thickness_m, dissipation_s_per_m;
+    double static_friction, dynamic_friction, viscous_s_per_m;
+};
+
+struct raw_surface {
+    struct yaml_mark mark;
+    const char *name;
+    struct yaml_mark name_mark;
+    const char *body, *frame;
+    struct yaml_mark body_mark, frame_mark;
+    bool body_given, frame_given;
+    int shape;
+    double xyz_m[3], rpy_rad[3];
+    double radius_m, half_extents_m[3];
+    int64_t cells;
+    const char *mesh;
+    struct yaml_mark mesh_mark;
+    bool radius_given, half_extents_given, cells_given, mesh_given;
+    const char *material;
+    struct yaml_mark material_mark;
+};
+
+struct raw_pair {
+    struct yaml_mark mark;
+    struct yaml_name *between;
+    size_t nbetween;
+    struct yaml_mark between_mark;
+};
+
+struct raw_scene {
+    struct yaml_mark mark;
+    int engine;
+    double transition_velocity_m_s;
+    struct raw_material *material;
+    size_t nmaterial;
+    struct raw_surface *surface;
+    size_t nsurface;
+    struct raw_pair *pair;
+    size_t npair;
+};
+
+struct raw_board {
+    struct yaml_mark mark;
+    const char *name;
+    int kind;
+    int64_t address;
+    struct yaml_mark address_mark;
+    struct yaml_name *axis; /* BOARD_MOTOR */
+    size_t naxis;
+    struct yaml_mark axis_mark;
+    double current_limit_a;
+    struct yaml_name *joint; /* BOARD_TORQUE */
+    size_t njoint;
+    struct yaml_mark joint_mark;
+    const char *sensor; /* BOARD_FT */
+    struct yaml_mark sensor_mark;
+    double full_scale_n[3], full_scale_nm[3];
+    struct yaml_mark full_scale_n_mark, full_scale_nm_mark;
+    double period_s; /* BOARD_FT, BOARD_TORQUE */
+    struct yaml_mark period_mark;
+    bool transmit_at_start;
+    bool axis_given, current_given, joint_given, sensor_given, full_scale_n_given,
+        full_scale_nm_given, period_given;
+};
+
+struct raw_bus {
+    struct yaml_mark mark;
+    const char *name, *interface;
+    struct yaml_mark name_mark, interface_mark;
+    int64_t bitrate;
+    struct raw_board *board;
+    size_t nboard;
+};
+
+/* What all motor boards share. */
+struct raw_motors {
+    struct yaml_mark mark;
+    double joint_ticks_per_rev, motor_ticks_per_link_rev;
+    double torque_full_scale_nm;
+    struct yaml_mark torque_full_scale_mark;
+    double current_limit_a, command_timeout_s;
+    bool strict, discovery_stops_motors;
+};
+
+struct raw_lockstep {
+    struct yaml_mark mark;
+    const char *bus; /* NULL = the first */
+    struct yaml_mark bus_mark, step_mark, done_mark;
+    int64_t step_id, done_id;
+    double partner_timeout_s;
+};
+
+struct raw_realtime {
+    struct yaml_mark mark;
+    int64_t priority, cpu, stop_after;
+    bool lock_memory;
+    int overrun;
+};
+
+struct raw_record {
+    struct yaml_mark mark;
+    const char *directory;
+};
+
+struct raw_servo {
+    struct yaml_mark mark;
+    double kp_v_per_rad, ki_v_per_rad_s, kw_v_s_per_rad, trim_per_s;
+    double command_period_s;
+    struct yaml_mark command_period_mark;
+};
+
+struct raw_squat {
+    struct yaml_mark mark;
+    double thigh_m, shank_m, depth_m, period_s;
+    int64_t cycles;
+};
+
+struct raw_tasks {
+    struct yaml_mark mark;
+    struct raw_servo servo;
+    struct raw_squat squat;
+};
+
+struct raw_rig {
+    struct yaml_mark mark;
+    const char *name;
+    struct raw_robot robot;
+    int clock;
+    double tick_s, substep_s;
+    struct yaml_mark tick_mark, substep_mark;
+    int integrator, dynamics, personality;
+    double supply_v;
+    struct raw_initial initial;
+    struct raw_scene scene;
+    struct raw_motors motors;
+    struct raw_bus *bus;
+    size_t nbus;
+    struct yaml_name *undriven;
+    size_t nundriven;
+    struct raw_lockstep lockstep;
+    struct raw_realtime realtime;
+    struct raw_record record;
+    struct raw_tasks tasks;
+};
+
+/* Reads the file; strings and lists live in arena. */
+enum error_code rig_yaml_read(const char *path, struct arena *arena, struct raw_rig *raw,
+                              struct error *error);
+
+#endif

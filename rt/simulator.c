@@ -1,0 +1,715 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Joins the parts of a rig behind the loop. */
+#include "rt/simulator.h"
+
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { SIGNALS_PER_JOINT = 5, SIGNALS_PER_CONTACT = 3, SIGNALS_BASE = 7, TITLE_SIZE = 64 };
+
+/* The contact engine with a stopwatch: its share of the plant's time is wanted. */
+struct timed_contact {
+    struct contact_world world;
+    struct contact_world *engine;
+    struct clock *time;
+    uint64_t evaluations;
+    int64_t spent_ns;
+};
+
+struct simulator {
+    struct simulator_config config;
+    struct arena *arena;
+    struct clock *time;
+    struct dynamics dynamics;
+    struct timed_contact contact;
+    struct plant *plant;
+    struct boards *boards;
+    struct buses buses;
+    struct bus_ports ports, task_ports;
+    size_t *transmit_max;
+    struct loop *loop;
+    struct recorder *recorder;
+    double *row;
+    size_t nsignal;
+    uint64_t row_ticks;
+    struct controller *controller;
+    bool task_inline, task_running;
+    pthread_t task_thread;
+    struct realtime_config task_realtime;
+    struct simulator_status status;
+    struct snapshot *published; /* struct simulator_status */
+    bool release_due;           /* the links are held until every motor is on */
+    _Atomic int64_t released;   /* virtual time at which they were let go; -1 = told or not yet */
+    char failure[256];
+};
+
+/* ---- the stopwatch on the contact engine ---- */
+
+static enum error_code timed_evaluate(struct contact_world *world,
+                                      const struct contact_motion *motion,
+                                      struct contact_wrench *wrench)
+{
+    struct timed_contact *timed = (struct timed_contact *)world;
+    int64_t begin = clock_now(timed->time);
+    enum error_code code = timed->engine->ops->evaluate(timed->engine, motion, wrench);
+
+    timed->spent_ns += clock_now(timed->time) - begin;
+    timed->evaluations++;
+    return code;
+}
+
+static size_t timed_patches(struct contact_world *world, struct contact_patch *patch, size_t max)
+{
+    struct timed_contact *timed = (struct timed_contact *)world;
+
+    return timed->engine->ops->patches(timed->engine, patch, max);
+}
+
+static const char *timed_failure(const struct contact_world *world)
+{
+    const struct timed_contact *timed = (const struct timed_contact *)world;
+
+    return timed->engine->ops->failure(timed->engine);
+}
+
+static void timed_destroy(struct contact_world *world)
+{
+    struct timed_contact *timed = (struct timed_contact *)world;
+
+    if (timed->engine) {
+        timed->engine->ops->destroy(timed->engine);
+        timed->engine = NULL;
+    }
+}
+
+static const struct contact_ops timed_ops = {
+    .name = "timed",
+    .evaluate = timed_evaluate,
+    .patches = timed_patches,
+    .failure = timed_failure,
+    .destroy = timed_destroy,
+};
+
+/* ---- what the loop calls ---- */
+
+static bool machine_controller(void *context, int64_t time_ns)
+{
+    struct simulator *simulator = context;
+
+    return controller_step(simulator->controller, time_ns) == TASK_RUNNING;
+}
+
+static void machine_receive(void *context, size_t bus, const struct bus_frame *frame)
+{
+    struct simulator *simulator = context;
+
+    boards_receive(simulator->boards, bus, frame);
+}
+
+static bool all_motors_on(const struct simulator *simulator)
+{
+    const struct rig *rig = simulator->config.rig;
+    const struct plant_command *command = plant_command(simulator->plant);
+
+    for (size_t i = 0; i < rig->boards.nboard; i++) {
+        const struct board_config *board = &rig->boards.board[i];
+
+        for (int k = 0; k < BOARD_AXES && board->kind == BOARD_MOTOR; k++) {
+            int joint = board->axis[k].joint;
+
+            if (joint >= 0 && !command->motor[joint].bridge_on) {
+                return false;
+            }
+        }
+    }
+    return true;
+}
+
+static void machine_control(void *context)
+{
+    struct simulator *simulator = context;
+
+    boards_control(simulator->boards, plant_sensors(simulator->plant),
+                   plant_command(simulator->plant));
+    if (simulator->release_due && all_motors_on(simulator)) {
+        plant_clamp(simulator->plant, false);
+        simulator->release_due = false;
+        atomic_store(&simulator->released, plant_time_ns(simulator->plant));
+    }
+}
+
+static bool sane(struct simulator *simulator, enum error_code code)
+{
+    if (code) {
+        snprintf(simulator->failure, sizeof simulator->failure, "%s",
+                 plant_failure(simulator->plant));
+    }
+    return !code;
+}
+
+static bool machine_plant(void *context)
+{
+    struct simulator *simulator = context;
+
+    return sane(simulator, plant_step(simulator->plant, simulator->config.rig->substeps));
+}
+
+static bool machine_sample(void *context)
+{
+    struct simulator *simulator = context;
+
+    return sane(simulator, plant_sample(simulator->plant));
+}
+
+static size_t machine_transmit(void *context, size_t bus, struct bus_frame *frames, size_t max)
+{
+    struct simulator *simulator = context;
+
+    return boards_transmit(simulator->boards, bus, plant_sensors(simulator->plant), frames, max);
+}
+
+static bool machine_fault(void *context)
+{
+    const struct simulator *simulator = context;
+
+    return boards_fault(simulator->boards);
+}
+
+static void machine_shut_down(void *context)
+{
+    struct simulator *simulator = context;
+
+    boards_shut_down(simulator->boards, plant_command(simulator->plant));
+}
+
+static void fill_buses(struct simulator *simulator)
+{
+    const struct rig *rig = simulator->config.rig;
+
+    for (size_t b = 0; b < rig->nbus; b++) {
+        const struct can_port *port = simulator->ports.port[b];
+        const struct can_counters *counters = &port->counters;
+
+        simulator->status.bus[b] = (struct bus_status){
+            .rx_frames = counters->rx_frames,
+            .tx_frames = counters->tx_frames,
+            .rx_dropped = counters->rx_dropped,
+            .tx_dropped = counters->tx_dropped,
+            .bits = counters->rx_bits + counters->tx_bits,
+            .state = port->state,
+        };
+    }
+}
+
+static void fill_plant(struct simulator *simulator)
+{
+    const struct rig *rig = simulator->config.rig;
+    const struct plant_sensors *sensors = plant_sensors(simulator->plant);
+    const struct contact_wrench *wrench = plant_contact_wrenches(simulator->plant);
+    size_t count;
+
+    if (rig->robot->floating) {
+        memcpy(simulator->status.base, plant_state(simulator->plant, &count),
+               sizeof simulator->status.base);
+    }
+    for (size_t j = 0; j < rig->robot->njoint; j++) {
+        simulator->status.q[j] = sensors->motor[j].q;
+    }
+    for (size_t c = 0; c < rig->contact.nbody; c++) {
+        simulator->status.force_z[c] = wrench[c].force[2];
+    }
+}
+
+/* the columns in the order of make_titles */
+static void record_row(struct simulator *simulator)
+{
+    const struct rig *rig = simulator->config.rig;
+    const struct plant_sensors *sensors = plant_sensors(simulator->plant);
+    const struct contact_wrench *wrench = plant_contact_wrenches(simulator->plant);
+    double *to = simulator->row;
+
+    for (size_t j = 0; j < rig->robot->njoint; j++) {
+        const struct motor_sense *motor = &sensors->motor[j];
+
+        *to++ = motor->q;
+        *to++ = motor->qm;
+        *to++ = motor->torque_nm;
+        *to++ = motor->current_a;
+        *to++ = motor->voltage_v;
+    }
+    for (size_t c = 0; c < rig->contact.nbody; c++) {
+        memcpy(to, wrench[c].force, sizeof wrench[c].force);
+        to += SIGNALS_PER_CONTACT;
+    }
+    if (rig->robot->floating) {
+        memcpy(to, simulator->status.base, sizeof simulator->status.base);
+    }
+    recorder_row(simulator->recorder, simulator->status.time_ns, simulator->row);
+}
+
+static void machine_publish(void *context, const struct loop_stats *stats)
+{
+    struct simulator *simulator = context;
+
+    simulator->status.tick = stats->ticks;
+    simulator->status.overruns = stats->overrun_total;
+    simulator->status.lost_ticks = stats->lost_ticks;
+    simulator->status.time_ns = stats->time_ns;
+    simulator->status.elapsed_ns = clock_now(simulator->time) - stats->start_ns;
+    fill_buses(simulator);
+    fill_plant(simulator);
+    snapshot_write(simulator->published, &simulator->status);
+    if (simulator->recorder && stats->ticks % simulator->row_ticks == 0) {
+        record_row(simulator);
+    }
+}
+
+/* ---- assembly ---- */
+
+static enum error_code check_configuration(const struct simulator_config *config,
+                                           struct error *error)
+{
+    const struct rig *rig = config->rig;
+
+    if (rig->robot->njoint > SIMULATOR_JOINTS_MAX || rig->contact.nbody > SIMULATOR_CONTACTS_MAX) {
+        return error_set(error, ERROR_INPUT,
+                         "%s: found %zu joints and %zu bodies with contact, expected at most %d "
+                         "and %d",
+                         rig->file, rig->robot->njoint, rig->contact.nbody, SIMULATOR_JOINTS_MAX,
+                         SIMULATOR_CONTACTS_MAX);
+    }
+    if (config->record && config->row_period_ns % rig->tick_ns) {
+        return error_set(error, ERROR_INPUT,
+                         "%s: the period of recorded signals must be a multiple of the tick, %g ms",
+                         rig->file, (double)rig->tick_ns * 1e-6);
+    }
+    return config->task ? controller_check_name(config->task, error) : ERROR_NONE;
+}
+
+static enum error_code create_plant(struct simulator *simulator, struct error *error)
+{
+    const struct rig *rig = simulator->config.rig;
+    struct plant_config config = {
+        .robot = rig->robot,
+        .dynamics = &simulator->dynamics,
+        .contact_body = rig->contact_body,
+        .ncontact = rig->contact.nbody,
+        .integrator = rig->integrator,
+        .substep_ns = rig->substep_ns,
+        .supply_v = rig->supply_v,
+    };
+    enum error_code code =
+        dynamics_generic(rig->robot, simulator->arena, &simulator->dynamics, error);
+
+    if (!code && rig->contact_engine == RIG_CONTACT_SIMBODY) {
+        code = contact_simbody_create(&rig->contact, &simulator->contact.engine, error);
+        simulator->contact.world.ops = &timed_ops;
+        simulator->contact.time = simulator->time;
+        config.contact = &simulator->contact.world;
+    }
+    if (!code) {
+        code = plant_create(&config, simulator->arena, &simulator->plant, error);
+    }
+    if (!code) {
+        simulator->release_due = simulator->config.hold == RIG_HOLD_ENABLED;
+        atomic_store(&simulator->released, -1);
+        plant_clamp(simulator->plant, simulator->config.hold != RIG_HOLD_NONE);
+    }
+    if (!code &&
+        plant_reset(simulator->plant, rig->base_position, rig->base_quaternion, rig->joint)) {
+        code = error_set(error, ERROR_INPUT, "%s: the robot cannot be put into pose %s: %s",
+                         rig->file, rig->pose, plant_failure(simulator->plant));
+    }
+    return code;
+}
+
+static enum error_code create_buses(struct simulator *simulator, char notice[256],
+                                    struct error *error)
+{
+    const struct simulator_config *config = &simulator->config;
+    enum error_code code =
+        buses_open(config->rig, config->transport, config->interface, config->ninterface,
+                   simulator->arena, &simulator->buses, notice, error);
+
+    if (!code && simulator->buses.local && config->clock == RIG_CLOCK_LOCKSTEP && !config->task) {
+        code = error_set(error, ERROR_UNSUPPORTED,
+                         "lockstep on local buses waits for STEP frames that nobody outside this "
+                         "process can send: give --task, or use --transport socketcan on a kernel "
+                         "with CAN");
+    }
+    if (!code) {
+        code = buses_join(&simulator->buses, simulator->arena, &simulator->ports, error);
+    }
+    if (!code && config->task) {
+        code = buses_join(&simulator->buses, simulator->arena, &simulator->task_ports, error);
+    }
+    return code;
+}
+
+static enum error_code create_boards(struct simulator *simulator, struct error *error)
+{
+    const struct rig *rig = simulator->config.rig;
+    enum error_code code = boards_create(&rig->boards, simulator->arena, &simulator->boards, error);
+
+    if (code) {
+        return code;
+    }
+    simulator->transmit_max =
+        arena_alloc(simulator->arena, rig->nbus, sizeof *simulator->transmit_max);
+    if (!simulator->transmit_max) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the buses");
+    }
+    for (size_t b = 0; b < rig->nbus; b++) {
+        simulator->transmit_max[b] = boards_transmit_max(simulator->boards, b);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code create_task(struct simulator *simulator, struct error *error)
+{
+    const struct simulator_config *config = &simulator->config;
+
+    if (!config->task) {
+        return ERROR_NONE;
+    }
+    simulator->task_inline = config->clock != RIG_CLOCK_REAL;
+    return controller_create(config->rig, config->task, simulator->task_ports.port,
+                             config->clock == RIG_CLOCK_LOCKSTEP, simulator->time, simulator->arena,
+                             &simulator->controller, error);
+}
+
+/* appends a formatted title */
+static bool add_title(struct arena *arena, const char **titles, size_t *count, const char *format,
+                      const char *name)
+{
+    char text[TITLE_SIZE];
+    int size = snprintf(text, sizeof text, "%s", format);
+    const char *hole = strchr(format, '*');
+
+    if (hole) {
+        size =
+            snprintf(text, sizeof text, "%.*s%s%s", (int)(hole - format), format, name, hole + 1);
+    }
+    titles[*count] = size < TITLE_SIZE ? arena_strdup(arena, text) : NULL;
+    return titles[(*count)++] != NULL;
+}
+
+/* titles of the columns of signals.csv; NULL when memory is short or a name too long */
+static const char **make_titles(struct simulator *simulator)
+{
+    static const char *const joint[SIGNALS_PER_JOINT] = {"q_*_rad", "qm_*_rad", "torque_*_nm",
+                                                         "current_*_a", "voltage_*_v"};
+    static const char *const contact[SIGNALS_PER_CONTACT] = {"fx_*_n", "fy_*_n", "fz_*_n"};
+    static const char *const base[SIGNALS_BASE] = {"base_x_m", "base_y_m", "base_z_m", "base_qw",
+                                                   "base_qx",  "base_qy",  "base_qz"};
+    const struct rig *rig = simulator->config.rig;
+    size_t count = rig->robot->njoint * SIGNALS_PER_JOINT +
+                   rig->contact.nbody * SIGNALS_PER_CONTACT +
+                   (rig->robot->floating ? SIGNALS_BASE : 0);
+    const char **titles = arena_alloc(simulator->arena, count + 1, sizeof *titles);
+    bool good = titles != NULL;
+    size_t n = 0;
+
+    for (size_t i = 0; good && i < rig->robot->njoint * SIGNALS_PER_JOINT; i++) {
+        good = add_title(simulator->arena, titles, &n, joint[i % SIGNALS_PER_JOINT],
+                         rig->robot->joint[i / SIGNALS_PER_JOINT].name);
+    }
+    for (size_t i = 0; good && i < rig->contact.nbody * SIGNALS_PER_CONTACT; i++) {
+        good = add_title(simulator->arena, titles, &n, contact[i % SIGNALS_PER_CONTACT],
+                         rig->robot->body[rig->contact_body[i / SIGNALS_PER_CONTACT]].name);
+    }
+    for (size_t i = 0; good && rig->robot->floating && i < SIGNALS_BASE; i++) {
+        good = add_title(simulator->arena, titles, &n, base[i], "");
+    }
+    simulator->nsignal = n;
+    return good ? titles : NULL;
+}
+
+static enum error_code create_recorder(struct simulator *simulator, struct error *error)
+{
+    const struct simulator_config *config = &simulator->config;
+    struct recorder_config recorder = {
+        .directory = config->record,
+        .overwrite = config->overwrite,
+        .lossless = config->clock != RIG_CLOCK_REAL,
+        .nbus = config->rig->nbus,
+        .bus = simulator->buses.interface,
+    };
+
+    if (!config->record) {
+        return ERROR_NONE;
+    }
+    recorder.signal = make_titles(simulator);
+    recorder.nsignal = simulator->nsignal;
+    simulator->row = arena_alloc(simulator->arena, simulator->nsignal + 1, sizeof(double));
+    simulator->row_ticks = (uint64_t)(config->row_period_ns / config->rig->tick_ns);
+    if (!recorder.signal || !simulator->row) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the recorder's signals");
+    }
+    return recorder_open(&recorder, simulator->arena, &simulator->recorder, error);
+}
+
+static enum error_code create_loop(struct simulator *simulator, struct error *error)
+{
+    const struct simulator_config *config = &simulator->config;
+    struct loop_config loop = {
+        .clock = config->clock,
+        .tick_ns = config->rig->tick_ns,
+        .overrun = config->overrun,
+        .stop_after = config->stop_after,
+        .lockstep = config->rig->lockstep,
+        .ticks = config->ticks,
+        .nbus = config->rig->nbus,
+        .port = simulator->ports.port,
+        .transmit_max = simulator->transmit_max,
+        .time = simulator->time,
+        .machine =
+            {
+                .context = simulator,
+                .controller = simulator->task_inline ? machine_controller : NULL,
+                .receive = machine_receive,
+                .control = machine_control,
+                .plant = machine_plant,
+                .sample = machine_sample,
+                .transmit = machine_transmit,
+                .fault = machine_fault,
+                .publish = machine_publish,
+                .shut_down = machine_shut_down,
+            },
+        .recorder = simulator->recorder,
+    };
+    enum error_code code = snapshot_create(sizeof(struct simulator_status), simulator->arena,
+                                           &simulator->published, error);
+
+    return code ? code : loop_create(&loop, simulator->arena, &simulator->loop, error);
+}
+
+enum error_code simulator_create(const struct simulator_config *config, struct arena *arena,
+                                 struct simulator **out, char notice[256], struct error *error)
+{
+    struct simulator *simulator = arena_alloc(arena, 1, sizeof *simulator);
+    enum error_code code = check_configuration(config, error);
+
+    *out = NULL;
+    notice[0] = '\0';
+    if (code) {
+        return code;
+    }
+    if (!simulator) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the simulator");
+    }
+    simulator->config = *config;
+    simulator->arena = arena;
+    simulator->time = clock_monotonic();
+    code = create_buses(simulator, notice, error);
+    if (!code) {
+        code = create_plant(simulator, error);
+    }
+    if (!code) {
+        code = create_boards(simulator, error);
+    }
+    if (!code) {
+        code = create_task(simulator, error);
+    }
+    /* last of what can fail outside: it leaves files */
+    if (!code) {
+        code = create_recorder(simulator, error);
+    }
+    if (!code) {
+        code = create_loop(simulator, error);
+    }
+    if (code) {
+        simulator_destroy(simulator);
+        return code;
+    }
+    *out = simulator;
+    return ERROR_NONE;
+}
+
+/* ---- running ---- */
+
+static void *task_main(void *context)
+{
+    struct simulator *simulator = context;
+    struct realtime_report unused; /* the loop's thread has said the same */
+
+    realtime_apply(&simulator->task_realtime, &unused);
+    controller_run(simulator->controller);
+    loop_stop(simulator->loop);
+    return NULL;
+}
+
+enum error_code simulator_start(struct simulator *simulator, struct realtime_report *report,
+                                struct error *error)
+{
+    const struct rig_realtime *wanted = &simulator->config.rig->realtime;
+    struct realtime_config config = {
+        .priority = wanted->priority,
+        .cpu = wanted->cpu,
+        .lock_memory = wanted->lock_memory,
+    };
+    enum error_code code;
+
+    memset(report, 0, sizeof *report);
+    code = arena_seal(simulator->arena, false, error);
+    if (code || simulator->config.clock != RIG_CLOCK_REAL) {
+        return code;
+    }
+    if (simulator->controller) {
+        int reason;
+
+        /* above the loop, as the computer on the other end of a cable would be */
+        simulator->task_realtime = (struct realtime_config){
+            .priority = wanted->priority + (wanted->priority > 0 && wanted->priority < 99),
+            .cpu = -1,
+        };
+        reason = pthread_create(&simulator->task_thread, NULL, task_main, simulator);
+        if (reason) {
+            return error_set_errno(error, reason, "cannot start the task's thread");
+        }
+        simulator->task_running = true;
+    }
+    realtime_apply(&config, report);
+    return ERROR_NONE;
+}
+
+enum loop_end simulator_run(struct simulator *simulator)
+{
+    enum loop_end end = loop_run(simulator->loop);
+
+    if (simulator->task_running) {
+        atomic_store(&simulator->controller->stop, true);
+        pthread_join(simulator->task_thread, NULL);
+        simulator->task_running = false;
+        if (end == LOOP_END_STOPPED && simulator->controller->now.status != TASK_RUNNING) {
+            end = LOOP_END_CONTROLLER;
+        }
+    }
+    return end;
+}
+
+void simulator_stop(struct simulator *simulator)
+{
+    loop_stop(simulator->loop);
+}
+
+enum error_code simulator_finish_recording(struct simulator *simulator,
+                                           struct recorder_counters *counters, struct error *error)
+{
+    struct recorder *recorder = simulator->recorder;
+
+    memset(counters, 0, sizeof *counters);
+    simulator->recorder = NULL;
+    return recorder ? recorder_close(recorder, counters, error) : ERROR_NONE;
+}
+
+void simulator_destroy(struct simulator *simulator)
+{
+    struct recorder_counters counters;
+    struct error error;
+
+    if (!simulator) {
+        return;
+    }
+    simulator_finish_recording(simulator, &counters, &error);
+    bus_ports_close(&simulator->task_ports);
+    bus_ports_close(&simulator->ports);
+    buses_close(&simulator->buses);
+    if (simulator->contact.world.ops) {
+        simulator->contact.world.ops->destroy(&simulator->contact.world);
+    }
+}
+
+/* ---- looking in ---- */
+
+bool simulator_read(const struct simulator *simulator, struct simulator_status *status)
+{
+    return snapshot_read(simulator->published, status) > 0;
+}
+
+bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size)
+{
+    struct loop_event loop_event;
+    struct board_event board_event;
+    struct error error;
+    int64_t released = atomic_exchange(&simulator->released, -1);
+    int used;
+
+    if (released >= 0) {
+        *key = UINT64_C(3) << 32;
+        snprintf(text, size, "%.6f s: all motors are on, the links are let go",
+                 (double)released * 1e-9);
+        return true;
+    }
+    if (loop_next_event(simulator->loop, &loop_event)) {
+        *key = (uint64_t)loop_event.kind << 8 | (uint8_t)loop_event.bus;
+        used = snprintf(text, size, "%.6f s: ", (double)loop_event.time_ns * 1e-9);
+        loop_event_format(simulator->loop, &loop_event, text + used, size - (size_t)used);
+        return true;
+    }
+    if (boards_next_event(simulator->boards, &board_event)) {
+        /* all axes change their mode at once when a controller comes and goes: one topic */
+        bool grouped = board_event.kind == BOARD_EVENT_MODE;
+
+        *key = UINT64_C(1) << 32 | (uint64_t)board_event.kind << 16 |
+               (grouped ? 0 : (uint64_t)board_event.bus << 8 | board_event.address);
+        board_event_format(simulator->boards, &board_event, text, size);
+        return true;
+    }
+    if (simulator->recorder && recorder_failure(simulator->recorder, &error)) {
+        *key = UINT64_C(2) << 32;
+        snprintf(text, size, "%s", error.text);
+        return true;
+    }
+    return false;
+}
+
+const struct simulator_config *simulator_configuration(const struct simulator *simulator)
+{
+    return &simulator->config;
+}
+
+const struct loop_stats *simulator_stats(const struct simulator *simulator)
+{
+    return loop_stats(simulator->loop);
+}
+
+struct can_port *simulator_port(const struct simulator *simulator, size_t bus)
+{
+    return simulator->ports.port[bus];
+}
+
+struct boards *simulator_boards(const struct simulator *simulator)
+{
+    return simulator->boards;
+}
+
+struct plant *simulator_plant(const struct simulator *simulator)
+{
+    return simulator->plant;
+}
+
+const struct controller *simulator_controller(const struct simulator *simulator)
+{
+    return simulator->controller;
+}
+
+const char *simulator_failure(const struct simulator *simulator)
+{
+    return simulator->failure;
+}
+
+bool simulator_is_local(const struct simulator *simulator)
+{
+    return simulator->buses.local;
+}
+
+void simulator_contact_profile(const struct simulator *simulator, uint64_t *evaluations,
+                               int64_t *spent_ns)
+{
+    *evaluations = simulator->contact.evaluations;
+    *spent_ns = simulator->contact.spent_ns;
+}

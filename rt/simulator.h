@@ -1,0 +1,101 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A rig brought to life: robot, dynamics, contact, plant, boards and buses joined behind the loop,
+ * with the recorder and, when asked for, a task on the other side of the buses. Not RT-safe but for
+ * what the loop calls.
+ */
+#ifndef RT_SIMULATOR_H
+#define RT_SIMULATOR_H
+
+#include "rt/buses.h"
+#include "rt/controller.h"
+#include "rt/loop.h"
+#include "rt/realtime.h"
+#include "rt/rig.h"
+#include "rt/snapshot.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { SIMULATOR_JOINTS_MAX = 64, SIMULATOR_CONTACTS_MAX = 16 };
+
+struct simulator_config {
+    const struct rig *rig;
+    enum rig_clock clock;
+    enum rig_hold hold;
+    enum rig_overrun overrun;
+    int64_t stop_after; /* overruns, for RIG_OVERRUN_STOP */
+    enum bus_transport transport;
+    const char *const *interface; /* "NAME=INTERFACE", as of --bus */
+    size_t ninterface;
+    uint64_t ticks;     /* 0 = until stopped */
+    const char *task;   /* NULL = none */
+    const char *record; /* directory, NULL = none */
+    bool overwrite;
+    int64_t row_period_ns; /* of signals.csv, a multiple of the tick */
+};
+
+struct bus_status {
+    uint64_t rx_frames, tx_frames, rx_dropped, tx_dropped;
+    uint64_t bits; /* nominal, of both directions */
+    int64_t state; /* enum can_state */
+};
+
+/* Published once a tick. */
+struct simulator_status {
+    uint64_t tick, overruns, lost_ticks;
+    int64_t time_ns;                /* virtual */
+    int64_t elapsed_ns;             /* of the clock, since the loop began */
+    double base[7];                 /* position (m), quaternion wxyz; zeros with a fixed base */
+    double q[SIMULATOR_JOINTS_MAX]; /* rad */
+    double force_z[SIMULATOR_CONTACTS_MAX]; /* contact bodies, world frame, N */
+    struct bus_status bus[BUSES_MAX];
+};
+
+struct simulator;
+
+/* Opens everything or nothing. notice receives one line about the choice of transport, or "". The
+ * arena is sealed by simulator_run. */
+enum error_code simulator_create(const struct simulator_config *config, struct arena *arena,
+                                 struct simulator **simulator, char notice[256],
+                                 struct error *error);
+
+/* Asks the system for real-time service (real clock only), starts the task's thread (real clock)
+ * and runs the loop in the calling thread. */
+enum error_code simulator_start(struct simulator *simulator, struct realtime_report *report,
+                                struct error *error);
+enum loop_end simulator_run(struct simulator *simulator);
+
+/* Ends the run; from any thread or signal handler. */
+void simulator_stop(struct simulator *simulator);
+
+/* After the run: flushes and closes the recording. */
+enum error_code simulator_finish_recording(struct simulator *simulator,
+                                           struct recorder_counters *counters, struct error *error);
+
+/* Closes ports, recording and contact engine; the arena is the caller's. NULL is allowed. */
+void simulator_destroy(struct simulator *simulator);
+
+/* The last published status; from any thread. False before the first tick. */
+bool simulator_read(const struct simulator *simulator, struct simulator_status *status);
+
+/* One event of the loop, the boards or the recorder as a line of text, with a key for the event log;
+ * false when none waits. From one thread other than the loop's. */
+bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size);
+
+/* Looking in; const access while the loop runs only where said. */
+const struct simulator_config *simulator_configuration(const struct simulator *simulator);
+const struct loop_stats *simulator_stats(const struct simulator *simulator); /* after the run */
+struct can_port *simulator_port(const struct simulator *simulator, size_t bus);
+struct boards *simulator_boards(const struct simulator *simulator); /* counters after the run */
+struct plant *simulator_plant(const struct simulator *simulator);   /* after the run */
+const struct controller *simulator_controller(const struct simulator *simulator); /* NULL = none */
+const char *simulator_failure(const struct simulator *simulator); /* after LOOP_END_MODEL */
+bool simulator_is_local(const struct simulator *simulator);
+
+/* Contact evaluations and the time spent in them, after the run. */
+void simulator_contact_profile(const struct simulator *simulator, uint64_t *evaluations,
+                               int64_t *spent_ns);
+
+#endif

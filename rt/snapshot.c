@@ -1,0 +1,56 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The sequence lock; the orders follow Boehm, Can Seqlocks Get Along with Programming Language
+ * Memory Models?, 2012, with a read-modify-write free reader. */
+#include "rt/snapshot.h"
+
+#include <sched.h>
+#include <string.h>
+
+enum error_code snapshot_create(size_t size, struct arena *arena, struct snapshot **snapshot,
+                                struct error *error)
+{
+    struct snapshot *made = arena_alloc(arena, 1, sizeof *made);
+
+    if (!made || !(made->word = arena_alloc(arena, size / 8, 8))) {
+        return error_set(error, ERROR_MEMORY, "no memory left for a snapshot of %zu bytes", size);
+    }
+    made->words = size / 8;
+    *snapshot = made;
+    return ERROR_NONE;
+}
+
+void snapshot_write(struct snapshot *snapshot, const void *value)
+{
+    const unsigned char *from = value;
+    uint64_t sequence = atomic_load_explicit(&snapshot->sequence, memory_order_relaxed);
+
+    atomic_store_explicit(&snapshot->sequence, sequence + 1, memory_order_relaxed);
+    for (size_t i = 0; i < snapshot->words; i++) {
+        uint64_t word;
+
+        memcpy(&word, from + 8 * i, 8);
+        /* release: whoever sees this word also sees the odd sequence number before it */
+        atomic_store_explicit(&snapshot->word[i], word, memory_order_release);
+    }
+    atomic_store_explicit(&snapshot->sequence, sequence + 2, memory_order_release);
+}
+
+uint64_t snapshot_read(const struct snapshot *snapshot, void *value)
+{
+    unsigned char *to = value;
+
+    for (;;) {
+        uint64_t before = atomic_load_explicit(&snapshot->sequence, memory_order_acquire);
+
+        for (size_t i = 0; i < snapshot->words; i++) {
+            uint64_t word = atomic_load_explicit(&snapshot->word[i], memory_order_acquire);
+
+            memcpy(to + 8 * i, &word, 8);
+        }
+        if (!(before & 1) &&
+            atomic_load_explicit(&snapshot->sequence, memory_order_relaxed) == before) {
+            return before / 2;
+        }
+        sched_yield();
+    }
+}

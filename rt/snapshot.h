@@ -1,0 +1,33 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * One value that a single writer publishes without ever waiting and any number of readers copy
+ * whole: a sequence lock. An odd sequence number says that a write is under way. The value travels
+ * as atomic words, so that readers racing with the writer are well defined.
+ */
+#ifndef RT_SNAPSHOT_H
+#define RT_SNAPSHOT_H
+
+#include "base/arena.h"
+
+#include <stdatomic.h>
+#include <stddef.h>
+#include <stdint.h>
+
+struct snapshot {
+    _Atomic uint64_t sequence;
+    size_t words;
+    _Atomic uint64_t *word;
+};
+
+/* Holds values of size bytes (a multiple of 8). Not RT-safe. */
+enum error_code snapshot_create(size_t size, struct arena *arena, struct snapshot **snapshot,
+                                struct error *error);
+
+/* RT-safe. One thread only. */
+void snapshot_write(struct snapshot *snapshot, const void *value);
+
+/* Copies the last whole value; repeats while a write is under way. Returns how many values have
+ * been written, 0 when none has. */
+uint64_t snapshot_read(const struct snapshot *snapshot, void *value);
+
+#endif

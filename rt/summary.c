@@ -1,0 +1,321 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The summary of a run. */
+#include "rt/summary.h"
+
+#include <errno.h>
+#include <inttypes.h>
+
+static const char *clock_name(enum rig_clock clock)
+{
+    static const char *const names[] = {
+        [RIG_CLOCK_REAL] = "real", [RIG_CLOCK_LOCKSTEP] = "lockstep", [RIG_CLOCK_FREE] = "free"};
+
+    return names[clock];
+}
+
+const char *summary_end_text(enum loop_end end)
+{
+    static const char *const texts[] = {
+        [LOOP_RUNNING] = "did not end",
+        [LOOP_END_LENGTH] = "ran its length",
+        [LOOP_END_STOPPED] = "stopped",
+        [LOOP_END_CONTROLLER] = "the task ended",
+        [LOOP_END_OVERRUNS] = "stopped by overruns",
+        [LOOP_END_MODEL] = "the model failed",
+    };
+
+    return texts[end];
+}
+
+static double us(int64_t ns)
+{
+    return (double)ns * 1e-3;
+}
+
+static double seconds(int64_t ns)
+{
+    return (double)ns * 1e-9;
+}
+
+static double factor(const struct loop_stats *stats)
+{
+    int64_t wall = stats->end_ns - stats->start_ns;
+
+    return wall > 0 ? (double)stats->time_ns / (double)wall : 0.0;
+}
+
+static uint64_t state_hash(const struct summary *summary)
+{
+    return plant_hash(simulator_plant(summary->simulator));
+}
+
+/* ---- text ---- */
+
+static void print_time(const struct summary *summary, FILE *out)
+{
+    const struct simulator_config *config = simulator_configuration(summary->simulator);
+    const struct loop_stats *stats = simulator_stats(summary->simulator);
+
+    fprintf(out, "%s (%s clock, %s buses): %s\n", config->rig->name, clock_name(config->clock),
+            simulator_is_local(summary->simulator) ? "local" : "SocketCAN",
+            summary_end_text(summary->end));
+    fprintf(out, "  %" PRIu64 " ticks, %.3f s virtual in %.3f s, real-time factor %.3f\n",
+            stats->ticks, seconds(stats->time_ns), seconds(stats->end_ns - stats->start_ns),
+            factor(stats));
+    fprintf(out, "  state hash %016" PRIx64 "\n", state_hash(summary));
+}
+
+static void print_overruns(const struct loop_stats *stats, FILE *out)
+{
+    fprintf(out, "overruns %" PRIu64, stats->overrun_total);
+    for (int p = 0; p < PHASE_COUNT; p++) {
+        if (stats->overruns[p]) {
+            fprintf(out, ", %" PRIu64 " by %s", stats->overruns[p],
+                    loop_phase_name((enum loop_phase)p));
+        }
+    }
+    fprintf(out,
+            "; late after them %" PRIu64 ", deadlines dropped %" PRIu64 ", pauses %" PRIu64 "\n",
+            stats->late_ticks, stats->lost_ticks, stats->pauses);
+    if (stats->overrun_total > stats->ticks / 4) {
+        fprintf(out,
+                "  this machine does not hold the tick: mean %.0f us of work; longer substeps or a "
+                "simpler scene would\n",
+                us(stats->work.sum) / (double)stats->work.count);
+    }
+}
+
+static void print_histogram(const char *name, const struct histogram *h, int64_t total, FILE *out)
+{
+    fprintf(out, "  %-10s %10.1f %10.1f %10.1f %10.1f", name, us(histogram_percentile(h, 0.5)),
+            us(histogram_percentile(h, 0.99)), us(h->max),
+            h->count ? us(h->sum) / (double)h->count : 0.0);
+    if (total > 0) {
+        fprintf(out, " %8.1f %%", 100.0 * (double)h->sum / (double)total);
+    }
+    fputc('\n', out);
+}
+
+static void print_phases(const struct summary *summary, FILE *out)
+{
+    const struct simulator_config *config = simulator_configuration(summary->simulator);
+    const struct loop_stats *stats = simulator_stats(summary->simulator);
+    int64_t spent, total = stats->end_ns - stats->start_ns;
+    bool task_waits = config->task && config->clock != RIG_CLOCK_REAL;
+    uint64_t evaluations;
+
+    fprintf(out, "  %-10s %10s %10s %10s %10s %10s\n", "us", "p50", "p99", "max", "mean", "share");
+    for (int p = 0; p < PHASE_COUNT; p++) {
+        /* an inline task is stepped while the loop would wait */
+        print_histogram(p == PHASE_WAIT && task_waits ? "task"
+                                                      : loop_phase_name((enum loop_phase)p),
+                        &stats->phase[p], total, out);
+    }
+    print_histogram("tick", &stats->work, total, out);
+    if (stats->wakeup.count) {
+        print_histogram("wake-up", &stats->wakeup, 0, out);
+    }
+    simulator_contact_profile(summary->simulator, &evaluations, &spent);
+    if (evaluations) {
+        fprintf(out,
+                "  contact: %" PRIu64 " evaluations, %.1f us each, %.1f %% of plant and sensors\n",
+                evaluations, us(spent) / (double)evaluations,
+                100.0 * (double)spent /
+                    (double)(stats->phase[PHASE_PLANT].sum + stats->phase[PHASE_SENSORS].sum));
+    }
+}
+
+static double load(const struct summary *summary, size_t bus)
+{
+    const struct rig_bus *rig_bus = &simulator_configuration(summary->simulator)->rig->bus[bus];
+    const struct can_counters *c = &simulator_port(summary->simulator, bus)->counters;
+    double virtual_s = seconds(simulator_stats(summary->simulator)->time_ns);
+
+    return virtual_s > 0.0
+               ? 100.0 * (double)(c->rx_bits + c->tx_bits) / virtual_s / (double)rig_bus->bitrate
+               : 0.0;
+}
+
+static void print_buses(const struct summary *summary, FILE *out)
+{
+    const struct rig *rig = simulator_configuration(summary->simulator)->rig;
+
+    fprintf(out, "  %-10s %-10s %10s %10s %9s %9s %8s %8s\n", "bus", "interface", "rx", "tx",
+            "rx lost", "tx lost", "errors", "load");
+    for (size_t b = 0; b < rig->nbus; b++) {
+        const struct can_port *port = simulator_port(summary->simulator, b);
+        const struct can_counters *c = &port->counters;
+
+        fprintf(out,
+                "  %-10s %-10s %10" PRIu64 " %10" PRIu64 " %9" PRIu64 " %9" PRIu64 " %8" PRIu64
+                " %6.1f %%\n",
+                rig->bus[b].name, port->bus, c->rx_frames, c->tx_frames, c->rx_dropped,
+                c->tx_dropped, c->error_frames, load(summary, b));
+    }
+}
+
+static void print_rest(const struct summary *summary, FILE *out)
+{
+    const struct loop_stats *stats = simulator_stats(summary->simulator);
+    struct boards_counters b;
+
+    boards_counters(simulator_boards(summary->simulator), &b);
+    fprintf(out,
+            "boards: %" PRIu64 " frames for them, %" PRIu64 " foreign, %" PRIu64
+            " unknown commands, %" PRIu64 " malformed, %" PRIu64 " time-outs, %" PRIu64 " trips\n",
+            b.frames, b.foreign, b.unknown, b.malformed, b.timeouts, b.trips);
+    if (simulator_configuration(summary->simulator)->clock == RIG_CLOCK_LOCKSTEP) {
+        fprintf(out,
+                "lockstep: %" PRIu64 " STEP frames run, %" PRIu64 " of another tick, %" PRIu64
+                " malformed, %" PRIu64 " silences\n",
+                stats->lockstep.steps, stats->lockstep.mismatches, stats->lockstep.malformed,
+                stats->lockstep.silences);
+    }
+    if (summary->recorded) {
+        const struct recorder_counters *r = &summary->recorder;
+
+        fprintf(out,
+                "recorder: %" PRIu64 " frames, %" PRIu64 " rows; dropped %" PRIu64
+                " frames, %" PRIu64 " rows; not written %" PRIu64 "\n",
+                r->frames, r->rows, r->frames_dropped, r->rows_dropped, r->unwritten);
+    }
+    if (stats->events_lost + b.events_lost) {
+        fprintf(out, "events lost: %" PRIu64 "\n", stats->events_lost + b.events_lost);
+    }
+}
+
+void summary_print(const struct summary *summary, FILE *out)
+{
+    print_time(summary, out);
+    if (simulator_configuration(summary->simulator)->clock == RIG_CLOCK_REAL) {
+        print_overruns(simulator_stats(summary->simulator), out);
+    }
+    print_phases(summary, out);
+    print_buses(summary, out);
+    print_rest(summary, out);
+}
+
+/* ---- JSON ---- */
+
+/* names come from files that people write */
+static void json_string(const char *text, FILE *out)
+{
+    fputc('"', out);
+    for (; *text; text++) {
+        if (*text == '"' || *text == '\\') {
+            fprintf(out, "\\%c", *text);
+        } else if ((unsigned char)*text < 0x20) {
+            fprintf(out, "\\u%04x", (unsigned)(unsigned char)*text);
+        } else {
+            fputc(*text, out);
+        }
+    }
+    fputc('"', out);
+}
+
+static void json_histogram(const char *name, const struct histogram *h, const char *end, FILE *out)
+{
+    fprintf(out,
+            "    \"%s\": {\"count\": %" PRIu64 ", \"p50_ns\": %" PRId64 ", \"p99_ns\": %" PRId64
+            ", \"max_ns\": %" PRId64 ", \"sum_ns\": %" PRId64 "}%s\n",
+            name, h->count, histogram_percentile(h, 0.5), histogram_percentile(h, 0.99), h->max,
+            h->sum, end);
+}
+
+static void json_phases(const struct loop_stats *stats, FILE *out)
+{
+    fprintf(out, "  \"overruns\": {");
+    for (int p = 0; p < PHASE_COUNT; p++) {
+        fprintf(out, "\"%s\": %" PRIu64 ", ", loop_phase_name((enum loop_phase)p),
+                stats->overruns[p]);
+    }
+    fprintf(out, "\"total\": %" PRIu64 "},\n", stats->overrun_total);
+    fprintf(out,
+            "  \"late_ticks\": %" PRIu64 ", \"dropped_deadlines\": %" PRIu64
+            ", \"pauses\": %" PRIu64 ",\n  \"durations\": {\n",
+            stats->late_ticks, stats->lost_ticks, stats->pauses);
+    for (int p = 0; p < PHASE_COUNT; p++) {
+        json_histogram(loop_phase_name((enum loop_phase)p), &stats->phase[p], ",", out);
+    }
+    json_histogram("wakeup", &stats->wakeup, ",", out);
+    json_histogram("tick", &stats->work, "", out);
+    fprintf(out, "  },\n");
+}
+
+static void json_buses(const struct summary *summary, FILE *out)
+{
+    const struct rig *rig = simulator_configuration(summary->simulator)->rig;
+
+    fprintf(out, "  \"buses\": [\n");
+    for (size_t b = 0; b < rig->nbus; b++) {
+        const struct can_counters *c = &simulator_port(summary->simulator, b)->counters;
+
+        fprintf(out, "    {\"name\": ");
+        json_string(rig->bus[b].name, out);
+        fprintf(out,
+                ", \"rx_frames\": %" PRIu64 ", \"tx_frames\": %" PRIu64 ", \"rx_dropped\": %" PRIu64
+                ", \"tx_dropped\": %" PRIu64 ", \"error_frames\": %" PRIu64
+                ", \"load_percent\": %.3f}%s\n",
+                c->rx_frames, c->tx_frames, c->rx_dropped, c->tx_dropped, c->error_frames,
+                load(summary, b), b + 1 < rig->nbus ? "," : "");
+    }
+    fprintf(out, "  ],\n");
+}
+
+static void json_rest(const struct summary *summary, FILE *out)
+{
+    struct boards_counters b;
+
+    boards_counters(simulator_boards(summary->simulator), &b);
+    fprintf(out,
+            "  \"boards\": {\"frames\": %" PRIu64 ", \"foreign\": %" PRIu64
+            ", \"unknown\": %" PRIu64 ", \"malformed\": %" PRIu64 ", \"timeouts\": %" PRIu64
+            ", \"trips\": %" PRIu64 "},\n",
+            b.frames, b.foreign, b.unknown, b.malformed, b.timeouts, b.trips);
+    fprintf(out,
+            "  \"recorder\": {\"frames\": %" PRIu64 ", \"rows\": %" PRIu64
+            ", \"frames_dropped\": %" PRIu64 ", \"rows_dropped\": %" PRIu64
+            ", \"unwritten\": %" PRIu64 "}\n",
+            summary->recorder.frames, summary->recorder.rows, summary->recorder.frames_dropped,
+            summary->recorder.rows_dropped, summary->recorder.unwritten);
+}
+
+static void json_write(const struct summary *summary, FILE *out)
+{
+    const struct simulator_config *config = simulator_configuration(summary->simulator);
+    const struct loop_stats *stats = simulator_stats(summary->simulator);
+
+    fprintf(out, "{\n  \"rig\": ");
+    json_string(config->rig->name, out);
+    fprintf(out,
+            ",\n  \"clock\": \"%s\", \"end\": \"%s\",\n  \"ticks\": %" PRIu64
+            ", \"virtual_s\": %.9f, \"wall_s\": %.9f, \"real_time_factor\": %.6f,\n"
+            "  \"state_hash\": \"%016" PRIx64 "\",\n",
+            clock_name(config->clock), summary_end_text(summary->end), stats->ticks,
+            seconds(stats->time_ns), seconds(stats->end_ns - stats->start_ns), factor(stats),
+            state_hash(summary));
+    json_phases(stats, out);
+    json_buses(summary, out);
+    json_rest(summary, out);
+    fprintf(out, "}\n");
+}
+
+enum error_code summary_write(const struct summary *summary, const char *directory,
+                              struct error *error)
+{
+    char path[4096];
+    FILE *out;
+    bool bad;
+
+    snprintf(path, sizeof path, "%s/summary.json", directory);
+    out = fopen(path, "we");
+    if (!out) {
+        return error_set_errno(error, errno, "cannot open %s", path);
+    }
+    json_write(summary, out);
+    bad = ferror(out);
+    if (fclose(out) || bad) {
+        return error_set_errno(error, errno, "cannot write %s", path);
+    }
+    return ERROR_NONE;
+}

@@ -1,0 +1,26 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What a run amounted to: text for a person, JSON for a program. Not RT-safe. */
+#ifndef RT_SUMMARY_H
+#define RT_SUMMARY_H
+
+#include "rt/simulator.h"
+
+#include <stdio.h>
+
+struct summary {
+    const struct simulator *simulator; /* after simulator_run */
+    enum loop_end end;
+    bool recorded;
+    struct recorder_counters recorder;
+};
+
+/* "ran its length", ... */
+const char *summary_end_text(enum loop_end end);
+
+void summary_print(const struct summary *summary, FILE *out);
+
+/* Writes DIRECTORY/summary.json. */
+enum error_code summary_write(const struct summary *summary, const char *directory,
+                              struct error *error);
+
+#endif
