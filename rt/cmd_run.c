@@ -52,7 +52,9 @@ static const char manual[] =
     "The recording is candump.log (all buses, both directions, as candump -L writes it, stamped "
     "with "
     "virtual time: two lockstep or free runs give the same bytes), signals.csv (joints, contact "
-    "forces, base) and summary.json.\n\n"
+    "forces, base) and summary.json. When it cannot be written whole, the run goes on and ends "
+    "with "
+    "status 3.\n\n"
     "With a task the run ends when the task does: status 0 when it is done, 1 when it failed. An "
     "interrupt (Ctrl-C) or SIGTERM switches the motors off and ends with the summary; a second one "
     "kills.";

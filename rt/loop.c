@@ -8,6 +8,7 @@
 #include <stdatomic.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/resource.h>
 
 enum {
     BATCH = 64,          /* frames per receive call */
@@ -585,8 +586,18 @@ static void run_tick(struct loop *loop)
     }
 }
 
+static uint64_t page_faults(void)
+{
+    struct rusage usage = {0};
+
+    getrusage(RUSAGE_THREAD, &usage);
+    return (uint64_t)(usage.ru_minflt + usage.ru_majflt);
+}
+
 enum loop_end loop_run(struct loop *loop)
 {
+    uint64_t faults = page_faults();
+
     loop->stats.start_ns = clock_now(loop->config.time);
     loop->mark_ns = loop->stats.start_ns;
     loop->deadline_ns = loop->stats.start_ns;
@@ -594,6 +605,7 @@ enum loop_end loop_run(struct loop *loop)
     while (loop->end == LOOP_RUNNING) {
         run_tick(loop);
     }
+    loop->stats.page_faults = page_faults() - faults;
     loop->config.machine.shut_down(loop->config.machine.context);
     if (loop->config.clock == RIG_CLOCK_LOCKSTEP) {
         send_done(loop, LOCKSTEP_STOPPING);

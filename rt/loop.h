@@ -60,6 +60,7 @@ struct loop_stats {
     uint64_t lost_ticks;          /* deadlines dropped by skip and stop */
     uint64_t pauses, pause_ticks; /* deadlines that the pauses dropped */
     uint64_t events_lost;         /* found the event ring full */
+    uint64_t page_faults;         /* of the loop\'s thread while it ran */
     struct lockstep_counters lockstep;
     struct histogram phase[PHASE_COUNT];
     struct histogram wakeup; /* real clock: how late the loop woke after a sleep */

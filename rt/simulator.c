@@ -10,11 +10,17 @@
 
 enum { SIGNALS_PER_JOINT = 5, SIGNALS_PER_CONTACT = 3, SIGNALS_BASE = 7, TITLE_SIZE = 64 };
 
-/* The contact engine with a stopwatch: its share of the plant's time is wanted. */
+/* The contact engine with a stopwatch, for its share of the plant's time is wanted, and a memory of
+ * one evaluation: the sensors at the end of a tick and the first stage of the next ask for the same
+ * motion, and what the engine answers depends on nothing else. */
 struct timed_contact {
     struct contact_world world;
     struct contact_world *engine;
     struct clock *time;
+    size_t nbody;
+    struct contact_motion *motion; /* of the last evaluation */
+    struct contact_wrench *wrench;
+    bool remembered;
     uint64_t evaluations;
     int64_t spent_ns;
 };
@@ -54,8 +60,16 @@ static enum error_code timed_evaluate(struct contact_world *world,
 {
     struct timed_contact *timed = (struct timed_contact *)world;
     int64_t begin = clock_now(timed->time);
-    enum error_code code = timed->engine->ops->evaluate(timed->engine, motion, wrench);
+    enum error_code code;
 
+    if (timed->remembered && memcmp(motion, timed->motion, timed->nbody * sizeof *motion) == 0) {
+        memcpy(wrench, timed->wrench, timed->nbody * sizeof *wrench);
+        return ERROR_NONE;
+    }
+    code = timed->engine->ops->evaluate(timed->engine, motion, wrench);
+    timed->remembered = !code;
+    memcpy(timed->motion, motion, timed->nbody * sizeof *motion);
+    memcpy(timed->wrench, wrench, timed->nbody * sizeof *wrench);
     timed->spent_ns += clock_now(timed->time) - begin;
     timed->evaluations++;
     return code;
@@ -289,6 +303,22 @@ static enum error_code check_configuration(const struct simulator_config *config
     return config->task ? controller_check_name(config->task, error) : ERROR_NONE;
 }
 
+static enum error_code create_contact(struct simulator *simulator, struct error *error)
+{
+    const struct contact_config *config = &simulator->config.rig->contact;
+    struct timed_contact *timed = &simulator->contact;
+
+    timed->world.ops = &timed_ops;
+    timed->time = simulator->time;
+    timed->nbody = config->nbody;
+    timed->motion = arena_alloc(simulator->arena, config->nbody, sizeof *timed->motion);
+    timed->wrench = arena_alloc(simulator->arena, config->nbody, sizeof *timed->wrench);
+    if (!timed->motion || !timed->wrench) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the contact engine");
+    }
+    return contact_simbody_create(config, &timed->engine, error);
+}
+
 static enum error_code create_plant(struct simulator *simulator, struct error *error)
 {
     const struct rig *rig = simulator->config.rig;
@@ -305,9 +335,7 @@ static enum error_code create_plant(struct simulator *simulator, struct error *e
         dynamics_generic(rig->robot, simulator->arena, &simulator->dynamics, error);
 
     if (!code && rig->contact_engine == RIG_CONTACT_SIMBODY) {
-        code = contact_simbody_create(&rig->contact, &simulator->contact.engine, error);
-        simulator->contact.world.ops = &timed_ops;
-        simulator->contact.time = simulator->time;
+        code = create_contact(simulator, error);
         config.contact = &simulator->contact.world;
     }
     if (!code) {

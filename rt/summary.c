@@ -77,6 +77,7 @@ static void print_overruns(const struct loop_stats *stats, FILE *out)
     fprintf(out,
             "; late after them %" PRIu64 ", deadlines dropped %" PRIu64 ", pauses %" PRIu64 "\n",
             stats->late_ticks, stats->lost_ticks, stats->pauses);
+    fprintf(out, "  page faults in the loop %" PRIu64 "\n", stats->page_faults);
     if (stats->overrun_total > stats->ticks / 4) {
         fprintf(out,
                 "  this machine does not hold the tick: mean %.0f us of work; longer substeps or a "
@@ -232,8 +233,8 @@ static void json_phases(const struct loop_stats *stats, FILE *out)
     fprintf(out, "\"total\": %" PRIu64 "},\n", stats->overrun_total);
     fprintf(out,
             "  \"late_ticks\": %" PRIu64 ", \"dropped_deadlines\": %" PRIu64
-            ", \"pauses\": %" PRIu64 ",\n  \"durations\": {\n",
-            stats->late_ticks, stats->lost_ticks, stats->pauses);
+            ", \"pauses\": %" PRIu64 ", \"page_faults\": %" PRIu64 ",\n  \"durations\": {\n",
+            stats->late_ticks, stats->lost_ticks, stats->pauses, stats->page_faults);
     for (int p = 0; p < PHASE_COUNT; p++) {
         json_histogram(loop_phase_name((enum loop_phase)p), &stats->phase[p], ",", out);
     }

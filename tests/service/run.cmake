@@ -1,0 +1,9 @@
+# SPDX-License-Identifier: Apache-2.0
+# The run and task commands from outside.
+hil_script_test(service_run COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/run.sh
+                LABELS service TIMEOUT 120 SERIAL)
+hil_script_test(service_squat COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/squat.sh
+                LABELS service TIMEOUT 300)
+hil_script_test(service_run_vcan LABELS service TIMEOUT 150
+    COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 130
+            ${CMAKE_CURRENT_SOURCE_DIR}/service/run_vcan.sh)

@@ -1,0 +1,145 @@
+#!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
+# The simulator and a controller as two processes on vcan, on a kernel that has CAN (run it through
+# tests/bus/uml/run.sh): lockstep gives the very bytes that one process gives, either side may start
+# again, interfaces may go while it runs. Prints TAP.
+set -u
+program=$HIL_BINARY_DIR/rt/coman-hil
+rig=$HIL_SOURCE_DIR/config/rigs/coman.yaml
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+number=0
+
+ok()
+{
+    number=$((number + 1))
+    echo "ok $number - $1"
+}
+
+not_ok()
+{
+    number=$((number + 1))
+    echo "not ok $number - $1"
+    tail -n 15 "$work"/*.out "$work"/*.err 2>/dev/null | sed 's/^/# /'
+}
+
+json()
+{
+    python3 -c 'import json, sys
+value = json.load(open(sys.argv[1]))
+for key in sys.argv[2].split("."):
+    value = value[int(key)] if isinstance(value, list) else value[key]
+print(value)' "$1/summary.json" "$2"
+}
+
+# simulate NAME ARGUMENT...: starts the simulator in the background and waits until its buses are open
+simulate()
+{
+    local name=$1
+    shift
+    "$program" run "$rig" --transport socketcan --record "$work/$name" --quiet "$@" \
+        >"$work/$name.out" 2>"$work/$name.err" </dev/null &
+    simulator=$!
+    for _ in $(seq 100); do
+        [ -e "$work/$name/signals.csv" ] && break
+        sleep 0.05
+    done
+    sleep 0.2
+}
+
+task()
+{
+    "$program" task squat "$rig" --clock lockstep --quiet >"$work/task.out" \
+        2>"$work/task.err" </dev/null &
+    controller=$!
+}
+
+echo 1..9
+
+name="two processes in lockstep record the very bytes of one process"
+"$program" run "$rig" --transport local --clock lockstep --task squat --ticks 300 \
+    --record "$work/one" --quiet >"$work/one.out" 2>"$work/one.err" </dev/null
+simulate two --clock lockstep --ticks 300
+task
+wait "$simulator"
+simulated=$?
+wait "$controller"
+if [ $simulated = 0 ] && cmp "$work/one/candump.log" "$work/two/candump.log" &&
+    [ "$(json "$work/one" state_hash)" = "$(json "$work/two" state_hash)" ] &&
+    [ -s "$work/two/candump.log" ]
+then ok "$name"; else not_ok "$name"; fi
+
+name="the controller hears that the simulator stops"
+if grep -q "simulator is stopping" "$work/task.err"
+then ok "$name"; else not_ok "$name"; fi
+
+name="a controller may start again while the simulator waits"
+simulate host --clock lockstep --ticks 250
+task
+sleep 0.7
+kill -TERM "$controller"
+wait "$controller"
+stopped=$?
+task
+wait "$simulator"
+simulated=$?
+wait "$controller"
+if [ $stopped = 0 ] && [ $simulated = 0 ] && [ "$(json "$work/host" ticks)" = 250 ] &&
+    grep -q "expects tick 0" "$work/host.err"
+then ok "$name"; else not_ok "$name"; fi
+
+name="the simulator may start again under a controller"
+simulate first --clock lockstep
+task
+sleep 0.7
+kill -KILL "$simulator"
+wait "$simulator" 2>/dev/null
+simulate second --clock lockstep --ticks 50
+wait "$simulator"
+simulated=$?
+kill -TERM "$controller" 2>/dev/null
+wait "$controller"
+if [ $simulated = 0 ] && [ "$(json "$work/second" ticks)" = 50 ]
+then ok "$name"; else not_ok "$name"; fi
+
+name="a partner that does not come is reported, and waited for until SIGTERM"
+simulate silent --clock lockstep
+sleep 1.5
+kill -TERM "$simulator"
+wait "$simulator"
+simulated=$?
+if grep -q "no STEP frame on can0" "$work/silent.err" && [ "$(json "$work/silent" end)" = stopped ] &&
+    [ "$(json "$work/silent" ticks)" = 0 ]
+then ok "$name"; else not_ok "$name"; fi
+
+name="interfaces go down, come up and vanish while the loop goes on"
+simulate fragile --clock real --duration 3
+ip link set can2 down
+sleep 0.5
+ip link set can2 up
+ip link del can3
+wait "$simulator"
+simulated=$?
+ip link add dev can3 type vcan && ip link set can3 up
+if [ $simulated = 0 ] && [ "$(json "$work/fragile" ticks)" = 3000 ] &&
+    grep -q "bus can2 is down" "$work/fragile.err" && grep -q "bus can2 is up" "$work/fragile.err" &&
+    grep -q "bus can3 is gone" "$work/fragile.err"
+then ok "$name"; else not_ok "$name"; fi
+
+# refused STATUS NAME MESSAGE ARGUMENT...
+refused()
+{
+    local status=$1 title=$2 message=$3 found
+    shift 3
+    "$program" run "$rig" --clock free --ticks 1 --record "$work/refused" "$@" >"$work/refused.out" \
+        2>"$work/refused.err" </dev/null
+    found=$?
+    if [ $found = "$status" ] && grep -q "$message" "$work/refused.err" && [ ! -e "$work/refused" ]
+    then ok "$title"; else not_ok "$title"; fi
+}
+
+refused 2 "an interface that is not there is refused and named" "no interface can9" --bus torso=can9
+refused 2 "one that is no CAN interface as well" "not a CAN interface" --bus torso=lo
+ip link set can4 down
+refused 3 "one that is down has its own message" "can4 is down"
+ip link set can4 up

@@ -1,0 +1,134 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Opening a rig's buses: what --bus may say, and local buses that carry frames both ways. */
+#include "rt/buses.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include <cmocka.h>
+
+static const struct rig_bus rig_buses[] = {
+    {.name = "torso", .interface = "can0", .bitrate = 1000000},
+    {.name = "left_leg", .interface = "can1", .bitrate = 1000000},
+};
+
+static const struct rig rig = {.file = "rig.yaml", .nbus = 2, .bus = rig_buses};
+
+static struct arena arena;
+
+static int set_up(void **state)
+{
+    struct error error;
+
+    (void)state;
+    return (int)arena_init(&arena, (size_t)64 << 20, &error);
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    arena_fini(&arena);
+    return 0;
+}
+
+static void wrong_overrides_are_refused_with_what_was_expected(void **state)
+{
+    static const struct {
+        const char *item[2], *message;
+    } cases[] = {
+        {{"torso"}, "expected NAME=INTERFACE"},
+        {{"=can3"}, "expected NAME=INTERFACE"},
+        {{"torso="}, "expected NAME=INTERFACE"},
+        {{"lef_leg=can3"}, "did you mean \"left_leg\""},
+        {{"qqqqqqqqq=can3"}, "expected one of torso, left_leg"},
+        {{"torso=interface-name-16"}, "at most 15"},
+        {{"torso=can1"}, "both on interface can1"},
+        {{"torso=can5", "left_leg=can5"}, "both on interface can5"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        struct error error = {0};
+        struct buses buses;
+        char notice[256];
+
+        assert_int_equal(buses_open(&rig, TRANSPORT_LOCAL, cases[i].item, cases[i].item[1] ? 2 : 1,
+                                    &arena, &buses, notice, &error),
+                         ERROR_INPUT);
+        assert_non_null(strstr(error.text, cases[i].message));
+    }
+}
+
+static void local_buses_bear_the_interface_names_and_carry_frames(void **state)
+{
+    const char *item[] = {"left_leg=vcan7"};
+    struct bus_ports simulator, task;
+    struct bus_frame frame = frame_make(0x123, 2, (const uint8_t[]){1, 2}), found;
+    struct buses buses;
+    struct error error;
+    char notice[256];
+
+    (void)state;
+    assert_int_equal(buses_open(&rig, TRANSPORT_LOCAL, item, 1, &arena, &buses, notice, &error),
+                     ERROR_NONE);
+    assert_string_equal(notice, "");
+    assert_true(buses.local);
+    assert_int_equal(buses_join(&buses, &arena, &simulator, &error), ERROR_NONE);
+    assert_int_equal(buses_join(&buses, &arena, &task, &error), ERROR_NONE);
+    assert_string_equal(simulator.port[0]->bus, "can0");
+    assert_string_equal(simulator.port[1]->bus, "vcan7");
+    assert_int_equal(can_send(task.port[1], &frame, 1), 1);
+    assert_int_equal(can_receive(simulator.port[0], &found, 1), 0);
+    assert_int_equal(can_receive(simulator.port[1], &found, 1), 1);
+    assert_int_equal(found.id, 0x123);
+    bus_ports_close(&task);
+    bus_ports_close(&simulator);
+    buses_close(&buses);
+}
+
+static void without_can_auto_is_local_and_says_so(void **state)
+{
+    struct buses buses;
+    struct error error;
+    char notice[256];
+
+    (void)state;
+    assert_int_equal(buses_open(&rig, TRANSPORT_AUTO, NULL, 0, &arena, &buses, notice, &error),
+                     ERROR_NONE);
+    assert_int_equal(buses.local, !socketcan_available());
+    assert_int_equal(notice[0] != '\0', !socketcan_available());
+    buses_close(&buses);
+}
+
+static void a_named_interface_is_never_replaced_by_a_local_bus(void **state)
+{
+    const char *item[] = {"torso=no-such-if"};
+    struct bus_ports ports;
+    struct buses buses;
+    struct error error;
+    char notice[256];
+
+    (void)state;
+    assert_int_equal(buses_open(&rig, TRANSPORT_AUTO, item, 1, &arena, &buses, notice, &error),
+                     ERROR_NONE);
+    assert_int_not_equal(buses_join(&buses, &arena, &ports, &error), ERROR_NONE);
+    assert_int_equal(ports.count, 0);
+    assert_non_null(strstr(error.text, "bus torso"));
+    buses_close(&buses);
+}
+
+#define BUSES_TEST(f) cmocka_unit_test_setup_teardown(f, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        BUSES_TEST(wrong_overrides_are_refused_with_what_was_expected),
+        BUSES_TEST(local_buses_bear_the_interface_names_and_carry_frames),
+        BUSES_TEST(without_can_auto_is_local_and_says_so),
+        BUSES_TEST(a_named_interface_is_never_replaced_by_a_local_bus),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

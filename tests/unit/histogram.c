@@ -1,0 +1,135 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Percentiles of the log-linear histogram against those of the sorted samples. */
+#include "rt/histogram.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+enum { SAMPLES = 20001 };
+
+static uint64_t random_state = 0x9e3779b97f4a7c15;
+
+static double uniform(void)
+{
+    random_state ^= random_state << 13;
+    random_state ^= random_state >> 7;
+    random_state ^= random_state << 17;
+    return (double)(random_state >> 11) * 0x1p-53;
+}
+
+static int compare(const void *a, const void *b)
+{
+    int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* nearest rank: the smallest sample that at least this fraction does not exceed */
+static int64_t true_percentile(const int64_t *sorted, size_t count, double fraction)
+{
+    size_t rank = (size_t)ceil(fraction * (double)count);
+
+    return sorted[rank > 0 ? rank - 1 : 0];
+}
+
+static void check_against_sorted(int64_t *sample, size_t count)
+{
+    static const double fractions[] = {0.0,  0.001, 0.01, 0.1,   0.25,   0.5,
+                                       0.75, 0.9,   0.99, 0.999, 0.9999, 1.0};
+    struct histogram *histogram = test_calloc(1, sizeof *histogram);
+    int64_t sum = 0;
+
+    for (size_t i = 0; i < count; i++) {
+        histogram_add(histogram, sample[i]);
+        sum += sample[i];
+    }
+    qsort(sample, count, sizeof *sample, compare);
+    for (size_t i = 0; i < sizeof fractions / sizeof fractions[0]; i++) {
+        int64_t expected = true_percentile(sample, count, fractions[i]);
+        int64_t found = histogram_percentile(histogram, fractions[i]);
+
+        assert_true(found >= expected);
+        assert_true((double)(found - expected) <= (double)expected / 64.0);
+    }
+    assert_int_equal(histogram->count, count);
+    assert_int_equal(histogram->sum, sum);
+    assert_int_equal(histogram->min, sample[0]);
+    assert_int_equal(histogram->max, sample[count - 1]);
+    assert_int_equal(histogram_percentile(histogram, 1.0), sample[count - 1]);
+    test_free(histogram);
+}
+
+static void percentiles_are_within_a_64th_above_the_sorted_samples(void **state)
+{
+    int64_t *sample = test_calloc(SAMPLES, sizeof *sample);
+
+    (void)state;
+    for (int kind = 0; kind < 4; kind++) {
+        for (size_t i = 0; i < SAMPLES; i++) {
+            double u = uniform();
+            double values[] = {
+                u * 200.0,                            /* exact buckets */
+                u * 1e6,                              /* uniform */
+                exp(u * 25.0),                        /* over eleven decades */
+                u < 0.99 ? 3e4 + u : 3.6e7 + 1e6 * u, /* two heaps */
+            };
+
+            sample[i] = (int64_t)values[kind];
+        }
+        check_against_sorted(sample, SAMPLES);
+    }
+    test_free(sample);
+}
+
+static void every_edge_of_a_bucket_is_within_the_error(void **state)
+{
+    (void)state;
+    for (int64_t power = 1; power < INT64_C(1) << 37; power *= 2) {
+        for (int64_t offset = -1; offset <= 1; offset++) {
+            int64_t sample[2] = {power + offset, INT64_C(1) << 37};
+
+            check_against_sorted(sample, 2);
+        }
+    }
+}
+
+static void an_empty_histogram_has_zero_percentiles(void **state)
+{
+    struct histogram *histogram = test_calloc(1, sizeof *histogram);
+
+    (void)state;
+    assert_int_equal(histogram_percentile(histogram, 0.5), 0);
+    assert_int_equal(histogram_percentile(histogram, 1.0), 0);
+    test_free(histogram);
+}
+
+static void negative_and_enormous_values_are_taken_in(void **state)
+{
+    struct histogram *histogram = test_calloc(1, sizeof *histogram);
+
+    (void)state;
+    histogram_add(histogram, -5);
+    histogram_add(histogram, INT64_MAX);
+    assert_int_equal(histogram->min, 0);
+    assert_int_equal(histogram_percentile(histogram, 0.5), 0);
+    assert_int_equal(histogram_percentile(histogram, 0.99), INT64_MAX);
+    test_free(histogram);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(percentiles_are_within_a_64th_above_the_sorted_samples),
+        cmocka_unit_test(every_edge_of_a_bucket_is_within_the_error),
+        cmocka_unit_test(an_empty_histogram_has_zero_percentiles),
+        cmocka_unit_test(negative_and_enormous_values_are_taken_in),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,396 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The loop in real time and free run, on a scripted clock: the grid, overruns and their cause,
+ * pauses, the order of a tick, and its ends. */
+#include "loop_bench.h"
+
+static void the_grid_does_not_drift(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_REAL, 3000);
+
+    (void)state;
+    bench->wake_late = 37123;
+    bench->work[PHASE_PLANT] = 613007;
+    assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
+    assert_int_equal(bench->sleeps, 2999); /* the first tick begins at once */
+    for (size_t i = 0; i < bench->sleeps; i++) {
+        assert_int_equal(bench->deadline[i], START + (int64_t)(i + 1) * TICK);
+    }
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
+    assert_int_equal(loop_stats(bench->loop)->wakeup.count, 2999);
+    assert_int_equal(loop_stats(bench->loop)->wakeup.max, 37123);
+    bench_destroy(bench);
+}
+
+static void an_end_at_the_deadline_is_in_time(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_REAL, 100);
+
+    (void)state;
+    bench->work[PHASE_PLANT] = TICK;
+    bench_run(bench);
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
+    assert_int_equal(loop_stats(bench->loop)->lost_ticks, 0);
+    assert_int_equal(bench->now, START + 100 * TICK);
+    bench_destroy(bench);
+}
+
+static void skip_drops_the_missed_deadlines_and_stays_on_the_grid(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_REAL, 10);
+    const struct loop_stats *stats;
+    struct loop_event event;
+
+    (void)state;
+    /* tick 3 ends at 5.6 T: the deadlines 4 T and 5 T are lost, tick 4 runs at 6 T */
+    bench->slow_tick = 3;
+    bench->slow_phase = PHASE_PLANT;
+    bench->slow_by = 5 * TICK / 2;
+    bench_run(bench);
+    stats = loop_stats(bench->loop);
+    assert_int_equal(stats->overruns[PHASE_PLANT], 1);
+    assert_int_equal(stats->overrun_total, 1);
+    assert_int_equal(stats->lost_ticks, 2);
+    assert_int_equal(stats->late_ticks, 0);
+    assert_int_equal(stats->ticks, 10);
+    assert_int_equal(bench->deadline[3], START + 6 * TICK);
+    assert_int_equal(bench->deadline[8], START + 11 * TICK);
+    assert_int_equal(bench_events(bench, LOOP_EVENT_OVERRUN, &event), 1);
+    assert_int_equal(event.a, PHASE_PLANT);
+    assert_int_equal(event.b, 16 * TICK / 10);
+    bench_destroy(bench);
+}
+
+static void slip_runs_late_ticks_until_the_grid_is_caught_up(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_REAL, 20);
+    const struct loop_stats *stats;
+
+    (void)state;
+    /* work 0.4 T; tick 3 ends at 6.9 T, tick 4 at 7.3, 5 at 7.7, 6 at 8.1, 7 at 8.5, 8 at 8.9 T */
+    bench->config.overrun = RIG_OVERRUN_SLIP;
+    bench->work[PHASE_PLANT] = 4 * TICK / 10;
+    bench->slow_tick = 3;
+    bench->slow_phase = PHASE_SENSORS;
+    bench->slow_by = 35 * TICK / 10;
+    bench_run(bench);
+    stats = loop_stats(bench->loop);
+    assert_int_equal(stats->overrun_total, 1);
+    assert_int_equal(stats->overruns[PHASE_SENSORS], 1);
+    assert_int_equal(stats->late_ticks, 4); /* 4, 5, 6, 7 end after 5, 6, 7, 8 T */
+    assert_int_equal(stats->lost_ticks, 0);
+    assert_int_equal(bench->deadline[3], START + 9 * TICK); /* the first sleep after it */
+    assert_int_equal(bench->now, START + 19 * TICK + 4 * TICK / 10);
+    bench_destroy(bench);
+}
+
+static void slip_charges_every_tick_that_is_itself_too_long(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_REAL, 50);
+
+    (void)state;
+    bench->config.overrun = RIG_OVERRUN_SLIP;
+    bench->work[PHASE_BOARDS] = 11 * TICK / 10;
+    bench_run(bench);
+    assert_int_equal(loop_stats(bench->loop)->overruns[PHASE_BOARDS], 50);
+    assert_int_equal(loop_stats(bench->loop)->late_ticks, 0);
+    assert_int_equal(bench->sleeps, 0);
+    bench_destroy(bench);
+}
+
+static void stop_ends_the_run_at_the_nth_overrun(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_REAL, 50);
+
+    (void)state;
+    bench->config.overrun = RIG_OVERRUN_STOP;
+    bench->config.stop_after = 4;
+    bench->work[PHASE_PLANT] = 2 * TICK;
+    assert_int_equal(bench_run(bench), LOOP_END_OVERRUNS);
+    assert_int_equal(loop_stats(bench->loop)->ticks, 4);
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 4);
+    assert_int_equal(bench->shut_downs, 1);
+    bench_destroy(bench);
+}
+
+static void an_overrun_is_charged_to_the_phase_that_caused_it(void **state)
+{
+    (void)state;
+    for (int p = PHASE_WAIT; p < PHASE_COUNT; p++) {
+        struct bench *bench = bench_create(RIG_CLOCK_REAL, 10);
+
+        if (p == PHASE_WAIT) {
+            bench->late_sleep = 4;
+            bench->late_by = 15 * TICK / 10;
+        } else if (p == PHASE_RECEIVE) {
+            struct bus_frame frame = frame_make(0x123, 0, NULL);
+
+            can_send(bench->host[2], &frame, 1);
+            bench->work[PHASE_RECEIVE] = 15 * TICK / 10;
+        } else {
+            bench->slow_tick = 5;
+            bench->slow_phase = (enum loop_phase)p;
+            bench->slow_by = 15 * TICK / 10;
+        }
+        bench_run(bench);
+        for (int q = PHASE_WAIT; q < PHASE_COUNT; q++) {
+            assert_int_equal(loop_stats(bench->loop)->overruns[q], q == p);
+        }
+        assert_int_equal(loop_stats(bench->loop)->lost_ticks, 1);
+        bench_destroy(bench);
+    }
+}
+
+static void a_pause_takes_up_the_grid_and_is_no_overrun(void **state)
+{
+    static const enum rig_overrun policies[] = {RIG_OVERRUN_SKIP, RIG_OVERRUN_SLIP,
+                                                RIG_OVERRUN_STOP};
+
+    (void)state;
+    for (size_t i = 0; i < 3; i++) {
+        struct bench *bench = bench_create(RIG_CLOCK_REAL, 20);
+        const struct loop_stats *stats;
+
+        /* stopped while it sleeps for 5 T */
+        bench->config.overrun = policies[i];
+        bench->late_sleep = 4;
+        bench->late_by = 5300 * TICK + TICK / 2;
+        assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
+        stats = loop_stats(bench->loop);
+        assert_int_equal(stats->pauses, 1);
+        assert_int_equal(stats->pause_ticks, 5301);
+        assert_int_equal(stats->overrun_total, 0);
+        assert_int_equal(stats->late_ticks, 0);
+        assert_int_equal(bench->deadline[5], START + 5306 * TICK);
+        bench_destroy(bench);
+    }
+}
+
+static void a_pause_inside_a_tick_is_no_overrun_either(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_REAL, 20);
+    struct loop_event event;
+
+    (void)state;
+    bench->config.overrun = RIG_OVERRUN_SLIP;
+    bench->slow_tick = 7;
+    bench->slow_phase = PHASE_PLANT;
+    bench->slow_by = 3000 * TICK;
+    bench_run(bench);
+    assert_int_equal(loop_stats(bench->loop)->pauses, 1);
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
+    assert_int_equal(bench->deadline[7], START + 3008 * TICK);
+    assert_int_equal(bench_events(bench, LOOP_EVENT_PAUSE, &event), 1);
+    bench_destroy(bench);
+}
+
+static void a_second_behind_is_still_caught_up(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_REAL, 1200);
+
+    (void)state;
+    bench->config.overrun = RIG_OVERRUN_SLIP;
+    bench->slow_tick = 0;
+    bench->slow_phase = PHASE_PLANT;
+    bench->slow_by = 1000 * TICK;
+    bench_run(bench);
+    assert_int_equal(loop_stats(bench->loop)->pauses, 0);
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 1);
+    assert_int_equal(loop_stats(bench->loop)->lost_ticks, 0);
+    assert_int_equal(bench->now, START + 1199 * TICK + TICK / 10);
+    bench_destroy(bench);
+}
+
+static void a_tick_has_its_order(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_FREE, 2);
+    struct bus_frame frame = frame_make(0x123, 1, (const uint8_t[]){7});
+
+    (void)state;
+    bench->config.machine.controller = bench_controller;
+    can_send(bench->host[0], &frame, 1);
+    assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
+    assert_int_equal(bench->calls, 18);
+    assert_memory_equal(bench->order, "ircpstttuicpstttux", 18);
+    assert_int_equal(bench->sleeps, 0);
+    bench_destroy(bench);
+}
+
+static void buses_are_drained_in_their_order(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_FREE, 1);
+
+    (void)state;
+    for (size_t i = 0; i < 600; i++) {
+        struct bus_frame frame = frame_make((uint32_t)i, 0, NULL);
+
+        can_send(bench->host[2 - i % 3], &frame, 1);
+    }
+    bench_run(bench);
+    assert_int_equal(bench->received_count, 600);
+    for (size_t i = 0; i < 600; i++) {
+        assert_int_equal(bench->received_bus[i], i / 200);
+        assert_int_equal(bench->received[i].id, 3 * (i % 200) + 2 - i / 200);
+    }
+    bench_destroy(bench);
+}
+
+static void what_is_sent_arrives_at_the_host(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_FREE, 3);
+    struct bus_frame frames[16];
+
+    (void)state;
+    bench_run(bench);
+    for (size_t b = 0; b < BENCH_BUSES; b++) {
+        assert_int_equal(can_receive(bench->host[b], frames, 16), 6);
+        assert_int_equal(frames[5].id, 0x101);
+        assert_int_equal(frames[5].data[0], 2);
+    }
+    bench_destroy(bench);
+}
+
+static void stop_at_ten(struct bench *bench)
+{
+    if (bench->tick == 10) {
+        loop_stop(bench->loop);
+    }
+}
+
+static void a_stop_ends_after_the_tick_with_motors_off(void **state)
+{
+    static const enum rig_clock clocks[] = {RIG_CLOCK_REAL, RIG_CLOCK_FREE};
+
+    (void)state;
+    for (size_t i = 0; i < 2; i++) {
+        struct bench *bench = bench_create(clocks[i], 0);
+
+        bench->on_tick = stop_at_ten;
+        assert_int_equal(bench_run(bench), LOOP_END_STOPPED);
+        assert_int_equal(loop_stats(bench->loop)->ticks, 10);
+        assert_int_equal(bench->shut_downs, 1);
+        assert_int_equal(bench->order[bench->calls - 1], 'x');
+        bench_destroy(bench);
+    }
+}
+
+static void a_finished_controller_gets_its_last_tick(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_FREE, 0);
+
+    (void)state;
+    bench->config.machine.controller = bench_controller;
+    bench->controller_ticks = 5;
+    assert_int_equal(bench_run(bench), LOOP_END_CONTROLLER);
+    assert_int_equal(loop_stats(bench->loop)->ticks, 5);
+    bench_destroy(bench);
+}
+
+static void break_at_four(struct bench *bench)
+{
+    bench->broken = bench->tick == 4;
+}
+
+static void a_failing_model_ends_the_run(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_REAL, 0);
+
+    (void)state;
+    bench->on_tick = break_at_four;
+    assert_int_equal(bench_run(bench), LOOP_END_MODEL);
+    assert_int_equal(loop_stats(bench->loop)->ticks, 5);
+    assert_int_equal(bench->shut_downs, 1);
+    bench_destroy(bench);
+}
+
+static void bus_goes_and_loses(struct bench *bench)
+{
+    if (bench->tick == 3) {
+        bench->port[2]->state = CAN_PORT_GONE;
+    }
+    if (bench->tick == 5) {
+        bench->port[1]->counters.rx_dropped += 17;
+        bench->port[0]->counters.tx_dropped += 4;
+    }
+}
+
+static void a_bus_that_goes_is_an_event_and_the_loop_goes_on(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_FREE, 10);
+    struct loop_event event;
+
+    (void)state;
+    bench->on_tick = bus_goes_and_loses;
+    assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
+    assert_true(loop_next_event(bench->loop, &event));
+    assert_int_equal(event.kind, LOOP_EVENT_BUS_STATE);
+    assert_int_equal(event.bus, 2);
+    assert_int_equal(event.b, CAN_PORT_GONE);
+    assert_true(loop_next_event(bench->loop, &event));
+    assert_int_equal(event.kind, LOOP_EVENT_FRAMES_LOST);
+    assert_int_equal(event.a, 17);
+    assert_int_equal(event.b, 4);
+    assert_false(loop_next_event(bench->loop, &event));
+    bench_destroy(bench);
+}
+
+static void events_that_find_the_ring_full_are_counted(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_REAL, 3000);
+    struct loop_event event;
+    uint64_t lost;
+
+    (void)state;
+    bench->work[PHASE_PLANT] = 2 * TICK;
+    bench_run(bench);
+    lost = loop_stats(bench->loop)->events_lost;
+    assert_int_equal(lost + bench_events(bench, LOOP_EVENT_OVERRUN, &event), 3000);
+    assert_true(lost > 0);
+    bench_destroy(bench);
+}
+
+static void phases_are_timed(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_FREE, 100);
+    const struct loop_stats *stats;
+
+    (void)state;
+    for (int p = PHASE_BOARDS; p < PHASE_COUNT; p++) {
+        bench->work[p] = 1000 * p;
+    }
+    bench_run(bench);
+    stats = loop_stats(bench->loop);
+    for (int p = PHASE_BOARDS; p < PHASE_COUNT; p++) {
+        assert_int_equal(stats->phase[p].count, 100);
+        assert_int_equal(stats->phase[p].sum, 100000 * p);
+    }
+    assert_int_equal(stats->work.sum, 100000 * (2 + 3 + 4 + 5 + 6));
+    assert_int_equal(stats->end_ns - stats->start_ns, stats->work.sum);
+    bench_destroy(bench);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_grid_does_not_drift),
+        cmocka_unit_test(an_end_at_the_deadline_is_in_time),
+        cmocka_unit_test(skip_drops_the_missed_deadlines_and_stays_on_the_grid),
+        cmocka_unit_test(slip_runs_late_ticks_until_the_grid_is_caught_up),
+        cmocka_unit_test(slip_charges_every_tick_that_is_itself_too_long),
+        cmocka_unit_test(stop_ends_the_run_at_the_nth_overrun),
+        cmocka_unit_test(an_overrun_is_charged_to_the_phase_that_caused_it),
+        cmocka_unit_test(a_pause_takes_up_the_grid_and_is_no_overrun),
+        cmocka_unit_test(a_pause_inside_a_tick_is_no_overrun_either),
+        cmocka_unit_test(a_second_behind_is_still_caught_up),
+        cmocka_unit_test(a_tick_has_its_order),
+        cmocka_unit_test(buses_are_drained_in_their_order),
+        cmocka_unit_test(what_is_sent_arrives_at_the_host),
+        cmocka_unit_test(a_stop_ends_after_the_tick_with_motors_off),
+        cmocka_unit_test(a_finished_controller_gets_its_last_tick),
+        cmocka_unit_test(a_failing_model_ends_the_run),
+        cmocka_unit_test(a_bus_that_goes_is_an_event_and_the_loop_goes_on),
+        cmocka_unit_test(events_that_find_the_ring_full_are_counted),
+        cmocka_unit_test(phases_are_timed),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,263 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A loop on the bench: a clock that tests script, a machine that records what it is asked to do, and
+ * local buses with a host on the other side. */
+#ifndef TESTS_UNIT_LOOP_BENCH_H
+#define TESTS_UNIT_LOOP_BENCH_H
+
+#include "boards/icub_protocol.h"
+#include "rt/loop.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include <cmocka.h>
+
+#define TICK CLOCK_MS
+#define START (INT64_C(5000) * CLOCK_SECOND + 123457)
+
+enum { BENCH_BUSES = 3, BENCH_LOG = 65536, BENCH_SLEEPS = 4096 };
+
+struct bench {
+    struct clock clock; /* first: the clock's functions get the bench */
+    int64_t now;
+    int64_t deadline[BENCH_SLEEPS]; /* asked of sleep_until */
+    size_t sleeps;
+    size_t waits;      /* of wait_readable */
+    int64_t wake_late; /* of every sleep */
+    size_t late_sleep; /* this sleep (from 0) wakes late_by late instead */
+    int64_t late_by;
+    int64_t work[PHASE_COUNT + 1]; /* every tick; the last: of buses after the first, 0 */
+    uint64_t slow_tick;        /* this tick (from 0) spends slow_by more in slow_phase */
+    enum loop_phase slow_phase;
+    int64_t slow_by;
+    void (*on_wait)(struct bench *bench); /* the host's turn while the loop waits */
+    void (*on_tick)(struct bench *bench); /* at the end of each tick */
+
+    struct arena arena;
+    struct local_bus *bus[BENCH_BUSES];
+    struct can_port *port[BENCH_BUSES], *host[BENCH_BUSES];
+    size_t transmit_max[BENCH_BUSES];
+    struct loop_config config;
+    struct loop *loop;
+
+    char order[BENCH_LOG]; /* one letter a call, see the functions below */
+    size_t calls;
+    uint64_t tick;
+    struct bus_frame received[BENCH_LOG];
+    uint64_t received_tick[BENCH_LOG];
+    size_t received_bus[BENCH_LOG], received_count;
+    size_t send_count; /* frames sent on each bus each tick */
+    bool fault, broken;
+    uint64_t controller_ticks; /* the inline controller ends after so many */
+    uint64_t controlled;
+    int shut_downs;
+};
+
+static inline int64_t bench_now(struct clock *clock)
+{
+    return ((struct bench *)clock)->now;
+}
+
+static inline void bench_sleep_until(struct clock *clock, int64_t deadline)
+{
+    struct bench *bench = (struct bench *)clock;
+    int64_t late = bench->sleeps == bench->late_sleep ? bench->late_by : bench->wake_late;
+
+    bench->deadline[bench->sleeps++ % BENCH_SLEEPS] = deadline;
+    bench->now = (deadline > bench->now ? deadline : bench->now) + late;
+}
+
+static inline void bench_wait_readable(struct clock *clock, struct pollfd *fds, size_t count,
+                                       int64_t deadline)
+{
+    struct bench *bench = (struct bench *)clock;
+
+    assert_true(poll(fds, count, 0) == 0);
+    assert_true(++bench->waits < 100000);
+    bench->now = deadline;
+    if (bench->on_wait) {
+        bench->on_wait(bench);
+    }
+}
+
+static inline void bench_call(struct bench *bench, char letter, enum loop_phase phase)
+{
+    bench->order[bench->calls++ % BENCH_LOG] = letter;
+    bench->now += bench->work[phase];
+    if (bench->tick == bench->slow_tick && bench->slow_phase == phase) {
+        bench->now += bench->slow_by;
+        bench->slow_by = 0;
+    }
+}
+
+static inline bool bench_controller(void *context, int64_t time_ns)
+{
+    struct bench *bench = context;
+
+    assert_int_equal(time_ns, (int64_t)bench->tick * TICK);
+    bench_call(bench, 'i', PHASE_WAIT);
+    bench->controlled++;
+    return bench->controlled < bench->controller_ticks;
+}
+
+static inline void bench_receive(void *context, size_t bus, const struct bus_frame *frame)
+{
+    struct bench *bench = context;
+
+    bench->received[bench->received_count % BENCH_LOG] = *frame;
+    bench->received_bus[bench->received_count % BENCH_LOG] = bus;
+    bench->received_tick[bench->received_count++ % BENCH_LOG] = bench->tick;
+    bench_call(bench, 'r', PHASE_RECEIVE);
+}
+
+static inline void bench_control(void *context)
+{
+    bench_call(context, 'c', PHASE_BOARDS);
+}
+
+static inline bool bench_plant(void *context)
+{
+    bench_call(context, 'p', PHASE_PLANT);
+    return !((struct bench *)context)->broken;
+}
+
+static inline bool bench_sample(void *context)
+{
+    bench_call(context, 's', PHASE_SENSORS);
+    return true;
+}
+
+static inline size_t bench_transmit(void *context, size_t bus, struct bus_frame *frames, size_t max)
+{
+    struct bench *bench = context;
+    uint8_t data[8] = {(uint8_t)bench->tick, (uint8_t)(bench->tick >> 8)};
+
+    assert_true(bench->send_count <= max);
+    for (size_t i = 0; i < bench->send_count; i++) {
+        frames[i] = frame_make(0x100 + (uint32_t)i, 8, data);
+    }
+    bench_call(bench, 't', bus == 0 ? PHASE_TRANSMIT : PHASE_COUNT);
+    return bench->send_count;
+}
+
+static inline bool bench_fault(void *context)
+{
+    return ((struct bench *)context)->fault;
+}
+
+static inline void bench_publish(void *context, const struct loop_stats *stats)
+{
+    struct bench *bench = context;
+
+    bench_call(bench, 'u', PHASE_PUBLISH);
+    bench->tick++;
+    assert_int_equal(stats->ticks, bench->tick);
+    assert_int_equal(stats->time_ns, (int64_t)bench->tick * TICK);
+    if (bench->on_tick) {
+        bench->on_tick(bench);
+    }
+}
+
+static inline void bench_shut_down(void *context)
+{
+    struct bench *bench = context;
+
+    bench->order[bench->calls++ % BENCH_LOG] = 'x';
+    bench->shut_downs++;
+}
+
+static inline void bench_buses(struct bench *bench, size_t inbox)
+{
+    struct error error;
+
+    for (size_t b = 0; b < BENCH_BUSES; b++) {
+        static const char *const names[] = {"can0", "can1", "can2"};
+
+        assert_int_equal(
+            local_bus_create(names[b], 2, inbox, false, &bench->arena, &bench->bus[b], &error),
+            ERROR_NONE);
+        assert_int_equal(local_bus_join(bench->bus[b], NULL, 0, &bench->port[b], &error),
+                         ERROR_NONE);
+        assert_int_equal(local_bus_join(bench->bus[b], NULL, 0, &bench->host[b], &error),
+                         ERROR_NONE);
+        bench->transmit_max[b] = 8;
+    }
+}
+
+/* A bench with 10 % of work in each tick, all in the plant; change what the test is about, then call
+ * bench_run. */
+static inline struct bench *bench_create(enum rig_clock clock, uint64_t ticks)
+{
+    static const struct clock_ops ops = {bench_now, bench_sleep_until, bench_wait_readable};
+    struct bench *bench = test_calloc(1, sizeof *bench);
+    struct error error;
+
+    bench->clock.ops = &ops;
+    bench->now = START;
+    bench->work[PHASE_PLANT] = TICK / 10;
+    bench->slow_tick = UINT64_MAX;
+    bench->late_sleep = SIZE_MAX;
+    bench->controller_ticks = UINT64_MAX;
+    bench->send_count = 2;
+    assert_int_equal(arena_init(&bench->arena, (size_t)64 << 20, &error), ERROR_NONE);
+    bench_buses(bench, 4096);
+    bench->config = (struct loop_config){
+        .clock = clock,
+        .tick_ns = TICK,
+        .overrun = RIG_OVERRUN_SKIP,
+        .stop_after = 1,
+        .lockstep = {1, LOCKSTEP_STEP_ID, LOCKSTEP_DONE_ID, CLOCK_SECOND},
+        .ticks = ticks,
+        .nbus = BENCH_BUSES,
+        .port = bench->port,
+        .transmit_max = bench->transmit_max,
+        .time = &bench->clock,
+        .machine = {bench, NULL, bench_receive, bench_control, bench_plant, bench_sample,
+                    bench_transmit, bench_fault, bench_publish, bench_shut_down},
+    };
+    return bench;
+}
+
+static inline enum loop_end bench_run(struct bench *bench)
+{
+    struct error error;
+
+    assert_int_equal(loop_create(&bench->config, &bench->arena, &bench->loop, &error), ERROR_NONE);
+    assert_int_equal(arena_seal(&bench->arena, false, &error), ERROR_NONE);
+    return loop_run(bench->loop);
+}
+
+static inline void bench_destroy(struct bench *bench)
+{
+    for (size_t b = 0; b < BENCH_BUSES; b++) {
+        bench->port[b]->ops->close(bench->port[b]);
+        bench->host[b]->ops->close(bench->host[b]);
+        local_bus_destroy(bench->bus[b]);
+    }
+    arena_fini(&bench->arena);
+    test_free(bench);
+}
+
+/* the number of events of one kind; *last is the last of them */
+static inline size_t bench_events(struct bench *bench, enum loop_event_kind kind,
+                                  struct loop_event *last)
+{
+    struct loop_event event;
+    size_t count = 0;
+
+    while (loop_next_event(bench->loop, &event)) {
+        char text[256];
+
+        loop_event_format(bench->loop, &event, text, sizeof text);
+        assert_true(strlen(text) > 10);
+        if (event.kind == kind) {
+            *last = event;
+            count++;
+        }
+    }
+    return count;
+}
+
+#endif

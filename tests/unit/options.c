@@ -1,0 +1,301 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Command lines through the table of options. */
+#include "rt/options.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <cmocka.h>
+
+static bool quiet;
+static const char *directory, *file, *other;
+static double duration;
+static int64_t count;
+static int clock_kind;
+static struct option_list buses;
+
+static const struct option_word clocks[] = {{"real", 1}, {"free", 2}, {NULL, 0}};
+static const struct option_spec options[] = {
+    {.name = "--quiet", .type = OPTION_FLAG, .help = "no status line", .value = &quiet},
+    {.name = "--record",
+     .type = OPTION_STRING,
+     .argument = "DIR",
+     .help = "record there",
+     .value = &directory},
+    {.name = "--duration",
+     .type = OPTION_REAL,
+     .argument = "S",
+     .help = "stop after S seconds",
+     .value = &duration,
+     .min = 0.0,
+     .max = 1e6,
+     .unit = "seconds"},
+    {.name = "--count",
+     .type = OPTION_INT,
+     .argument = "N",
+     .help = "so many",
+     .value = &count,
+     .min = -5,
+     .max = 9007199254740992.0},
+    {.name = "--clock",
+     .type = OPTION_ENUM,
+     .argument = "CLOCK",
+     .help = "which clock",
+     .value = &clock_kind,
+     .words = clocks},
+    {.name = "--bus",
+     .type = OPTION_LIST,
+     .argument = "NAME=INTERFACE",
+     .help = "which interface",
+     .value = &buses},
+};
+static const struct operand_spec operands[] = {{"FILE", "a file", true, &file},
+                                               {"OTHER", "another", false, &other}};
+static const struct command_spec spec = {
+    .name = "try",
+    .summary = "Try the options.",
+    .option = options,
+    .noption = sizeof options / sizeof options[0],
+    .operand = operands,
+    .noperand = 2,
+    .manual =
+        "A paragraph that is long enough to be wrapped, because it goes on and on until it has "
+        "passed the eightieth column.\n\nAnother paragraph.",
+};
+
+static int reset(void **state)
+{
+    (void)state;
+    quiet = false;
+    directory = file = other = NULL;
+    duration = 10.0;
+    count = 7;
+    clock_kind = 0;
+    buses = (struct option_list){0};
+    return 0;
+}
+
+/* Parses words up to NULL; returns the message, "" when all was well, "help" for the manual. */
+static const char *parse(const char *const *words)
+{
+    static char text[80][64]; /* values point into it */
+    static struct error error;
+    char *argv[81] = {(char[]){"try"}};
+    int argc = 1;
+    bool help;
+
+    for (; words[argc - 1]; argc++) {
+        assert_true(argc < 80 && strlen(words[argc - 1]) < sizeof text[0]);
+        argv[argc] = strcpy(text[argc], words[argc - 1]);
+    }
+    if (options_parse(&spec, argc, argv, &help, &error)) {
+        assert_int_equal(error.code, ERROR_INPUT);
+        return error.text;
+    }
+    return help ? "help" : "";
+}
+
+#define PARSE(...) parse((const char *const[]){__VA_ARGS__, NULL})
+
+static void reads_every_type(void **state)
+{
+    (void)state;
+    assert_string_equal(PARSE("--quiet", "--record", "out", "--duration", "2.5", "f.yaml",
+                              "--count", "0x10", "--clock", "free", "--bus", "a=can0", "--bus",
+                              "b=can1", "more"),
+                        "");
+    assert_true(quiet);
+    assert_string_equal(directory, "out");
+    assert_true(duration == 2.5);
+    assert_int_equal(count, 16);
+    assert_int_equal(clock_kind, 2);
+    assert_int_equal(buses.count, 2);
+    assert_string_equal(buses.item[1], "b=can1");
+    assert_string_equal(file, "f.yaml");
+    assert_string_equal(other, "more");
+}
+
+static void takes_a_value_behind_an_equals_sign(void **state)
+{
+    (void)state;
+    assert_string_equal(PARSE("--duration=3", "--record=--odd", "--bus=a=can0", "f"), "");
+    assert_true(duration == 3.0);
+    assert_string_equal(directory, "--odd");
+    assert_string_equal(buses.item[0], "a=can0");
+}
+
+static void what_is_not_given_keeps_its_default(void **state)
+{
+    (void)state;
+    assert_string_equal(PARSE("f"), "");
+    assert_true(duration == 10.0);
+    assert_int_equal(count, 7);
+    assert_null(other);
+}
+
+static void negative_numbers_are_values(void **state)
+{
+    (void)state;
+    assert_string_equal(PARSE("--count", "-5", "f"), "");
+    assert_int_equal(count, -5);
+}
+
+static void two_dashes_end_the_options(void **state)
+{
+    (void)state;
+    assert_string_equal(PARSE("--", "--quiet", "--help"), "");
+    assert_false(quiet);
+    assert_string_equal(file, "--quiet");
+    assert_string_equal(other, "--help");
+}
+
+static void a_lone_dash_is_an_operand(void **state)
+{
+    (void)state;
+    assert_string_equal(PARSE("-"), "");
+    assert_string_equal(file, "-");
+}
+
+static void help_wins_over_what_comes_after_it(void **state)
+{
+    (void)state;
+    assert_string_equal(PARSE("--help", "--nonsense"), "help");
+    assert_string_equal(PARSE("-h"), "help");
+}
+
+static void names_the_option_and_what_it_expects(void **state)
+{
+    (void)state;
+    assert_string_equal(
+        PARSE("--duration", "abc", "f"),
+        "--duration: found \"abc\", expected a number of seconds from 0 to 1000000");
+    assert_string_equal(PARSE("--duration", "-1", "f"),
+                        "--duration: found \"-1\", expected a number of seconds from 0 to 1000000");
+    assert_string_equal(
+        PARSE("--duration", "inf", "f"),
+        "--duration: found \"inf\", expected a number of seconds from 0 to 1000000");
+    assert_string_equal(
+        PARSE("--count", "1.5", "f"),
+        "--count: found \"1.5\", expected an integer from -5 to 9.00719925474099e+15");
+    assert_string_equal(PARSE("--clock", "rael", "f"),
+                        "--clock: found \"rael\", expected real or free");
+    assert_string_equal(PARSE("--record", "", "f"), "--record: found \"\", expected DIR");
+    assert_string_equal(PARSE("--bus", "", "f"), "--bus: found \"\", expected NAME=INTERFACE");
+}
+
+static void says_that_a_value_is_missing(void **state)
+{
+    (void)state;
+    assert_string_equal(PARSE("f", "--record"), "--record: found nothing, expected DIR");
+    assert_string_equal(
+        PARSE("--duration", "--quiet", "f"),
+        "--duration: found --quiet, expected a number of seconds from 0 to 1000000");
+}
+
+static void refuses_a_value_where_none_belongs(void **state)
+{
+    (void)state;
+    assert_string_equal(PARSE("--quiet=yes", "f"), "--quiet: found \"yes\", expected no value");
+}
+
+static void refuses_an_option_that_stands_twice(void **state)
+{
+    (void)state;
+    assert_string_equal(PARSE("--count", "1", "--count", "2", "f"),
+                        "--count: found it again, expected it once");
+}
+
+static void rejects_unknown_option_and_names_the_nearest(void **state)
+{
+    (void)state;
+    assert_string_equal(PARSE("--duraton", "1", "f"),
+                        "found unknown option --duraton, expected --duration or another that is "
+                        "listed by --help");
+    assert_string_equal(PARSE("--duraton=1", "f"),
+                        "found unknown option --duraton, expected --duration or another that is "
+                        "listed by --help");
+    assert_string_equal(PARSE("-x", "f"),
+                        "found unknown option -x, expected one that is listed by --help");
+}
+
+static void asks_for_the_operands_that_it_needs_and_takes_no_more(void **state)
+{
+    (void)state;
+    assert_string_equal(PARSE("--quiet"), "found no FILE, expected a file");
+    assert_string_equal(PARSE(""), "found an empty argument, expected FILE");
+    assert_string_equal(PARSE("a", "b", "c"), "found \"c\", expected nothing more");
+}
+
+static void a_list_has_an_end(void **state)
+{
+    const char *words[2 * OPTION_LIST_MAX + 4];
+    size_t n = 0;
+
+    (void)state;
+    for (int i = 0; i <= OPTION_LIST_MAX; i++) {
+        words[n++] = "--bus";
+        words[n++] = "x=y";
+    }
+    words[n] = NULL;
+    assert_string_equal(parse(words), "--bus: found it more than 32 times, expected fewer");
+}
+
+static void the_manual_lists_everything_within_eighty_columns(void **state)
+{
+    char *text = NULL;
+    size_t size = 0;
+    FILE *out = open_memstream(&text, &size);
+
+    (void)state;
+    assert_non_null(out);
+    options_help(&spec, out);
+    assert_int_equal(fclose(out), 0);
+    assert_non_null(
+        strstr(text, "usage: coman-hil try [OPTIONS] FILE [OTHER]\n\nTry the options.\n"));
+    for (size_t i = 0; i < spec.noption; i++) {
+        assert_non_null(strstr(text, spec.option[i].name));
+        assert_non_null(strstr(text, spec.option[i].help));
+    }
+    assert_non_null(strstr(text, "column.\n\nAnother paragraph.\n"));
+    for (const char *line = text; *line; line += strcspn(line, "\n") + 1) {
+        assert_true(strcspn(line, "\n") <= 80);
+    }
+    free(text);
+}
+
+static void exit_statuses_follow_the_error(void **state)
+{
+    (void)state;
+    assert_int_equal(exit_status_of(ERROR_NONE), 0);
+    assert_int_equal(exit_status_of(ERROR_INPUT), 2);
+    assert_int_equal(exit_status_of(ERROR_SYSTEM), 3);
+    assert_int_equal(exit_status_of(ERROR_MEMORY), 3);
+    assert_int_equal(exit_status_of(ERROR_UNSUPPORTED), 4);
+}
+
+int main(void)
+{
+#define TEST(name) cmocka_unit_test_setup(name, reset)
+    const struct CMUnitTest tests[] = {
+        TEST(reads_every_type),
+        TEST(takes_a_value_behind_an_equals_sign),
+        TEST(what_is_not_given_keeps_its_default),
+        TEST(negative_numbers_are_values),
+        TEST(two_dashes_end_the_options),
+        TEST(a_lone_dash_is_an_operand),
+        TEST(help_wins_over_what_comes_after_it),
+        TEST(names_the_option_and_what_it_expects),
+        TEST(says_that_a_value_is_missing),
+        TEST(refuses_a_value_where_none_belongs),
+        TEST(refuses_an_option_that_stands_twice),
+        TEST(rejects_unknown_option_and_names_the_nearest),
+        TEST(asks_for_the_operands_that_it_needs_and_takes_no_more),
+        TEST(a_list_has_an_end),
+        TEST(the_manual_lists_everything_within_eighty_columns),
+        TEST(exit_statuses_follow_the_error),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

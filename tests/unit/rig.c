@@ -1,0 +1,550 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Rig files: what becomes of a good one, and where a bad one is wrong. */
+#include "rt/rig.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "tests/unit/rig_files.h"
+
+static struct arena arena;
+
+static int set_up(void **state)
+{
+    (void)state;
+    return arena_init(&arena, (size_t)64 << 20, NULL) || make_tree() ? -1 : 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    remove_tree();
+    arena_fini(&arena);
+    return 0;
+}
+
+static const struct rig *load(const char *path)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+
+    if (rig_load(path, &arena, &rig, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return rig;
+}
+
+static const struct rig *load_toy(void)
+{
+    assert_int_equal(write_file("config/rigs/toy.yaml", toy_rig, sizeof toy_rig - 1), 0);
+    return load(rig_path);
+}
+
+/* The toy rig with the first `from` replaced by `to`. */
+static void write_toy_with(const char *from, const char *to)
+{
+    char text[sizeof toy_rig + 512];
+
+    strcpy(text, toy_rig);
+    assert_true(replace(text, sizeof text, from, to));
+    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
+}
+
+/* That rig is refused: message is what follows the name of the file. */
+static void refused_with(const char *from, const char *to, const char *message)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+    char expected[512];
+
+    write_toy_with(from, to);
+    snprintf(expected, sizeof expected, "%s:%s", rig_path, message);
+    if (rig_load(rig_path, &arena, &rig, &error) != ERROR_INPUT ||
+        strcmp(error.text, expected) != 0) {
+        fail_msg("for \"%s\"\nexpected: %s\ngot:      %s", to, expected, error.text);
+    }
+}
+
+/* ---- good rigs ---- */
+
+static void reads_time_pose_and_settings(void **state)
+{
+    const struct rig *rig = load_toy();
+
+    (void)state;
+    assert_string_equal(rig->name, "toy");
+    assert_string_equal(rig->file, rig_path);
+    assert_int_equal(rig->clock, RIG_CLOCK_FREE);
+    assert_int_equal(rig->tick_ns, 2000000);
+    assert_int_equal(rig->substep_ns, 500000);
+    assert_int_equal(rig->substeps, 4);
+    assert_true(rig->supply_v == 48.0);
+    assert_string_equal(rig->pose, "bent");
+    assert_true(rig->joint[0] == -0.5 && rig->joint[1] == 1.0 && rig->joint[2] == 0.0);
+    assert_int_equal(rig->lockstep.bus, 1);
+    assert_int_equal(rig->lockstep.step_id, 0x5f0);
+    assert_int_equal(rig->lockstep.done_id, 0x6ff);
+    assert_true(rig->lockstep.partner_timeout_ns == INT64_C(2500000000));
+    assert_int_equal(rig->realtime.priority, 0);
+    assert_int_equal(rig->realtime.cpu, 1);
+    assert_false(rig->realtime.lock_memory);
+    assert_int_equal(rig->realtime.overrun, RIG_OVERRUN_STOP);
+    assert_int_equal(rig->realtime.stop_after, 3);
+    assert_string_equal(rig->record.directory, "out");
+    assert_int_equal(rig->servo.command_period_ns, 4000000);
+    assert_int_equal(rig->squat.cycles, 5);
+}
+
+static void places_surfaces_on_bodies_frames_and_the_world(void **state)
+{
+    const struct rig *rig = load_toy();
+    const struct contact_surface *ball;
+
+    (void)state;
+    assert_int_equal(rig->contact.nsurface, 4);
+    assert_int_equal(rig->contact.nbody, 2);
+    assert_int_equal(rig->contact_body[0], robot_find_body(rig->robot, "lower"));
+    assert_int_equal(rig->contact_body[1], robot_find_body(rig->robot, "tail"));
+    assert_int_equal(rig->contact.surface[0].body, -1);
+    assert_int_equal(rig->contact.surface[3].body, 0);
+    assert_int_equal(rig->contact.surface[3].mesh->nface, 4);
+    assert_int_equal(rig->contact.surface[2].cells_per_edge, 7);
+    assert_true(rig->contact.transition_velocity_m_s == 0.02);
+    assert_int_equal(rig->contact.npair, 2);
+    assert_int_equal(rig->contact.pair[1].a, 2);
+    assert_int_equal(rig->contact.pair[1].b, 1);
+    /* 0.1 m along x of a frame that is turned by 90 degrees about z is 0.1 m along y of its body */
+    ball = &rig->contact.surface[1];
+    assert_true(fabs(ball->position[0] - 0.5) < 1e-15);
+    assert_true(fabs(ball->position[1] - 0.1) < 1e-15);
+    assert_true(fabs(ball->position[2] + 0.2) < 1e-15);
+    assert_true(fabs(ball->rotation[3] - 1.0) < 1e-15);
+    assert_true(fabs(ball->rotation[1] + 1.0) < 1e-15);
+    assert_true(ball->material.viscous_friction == 0.5);
+}
+
+static void hands_every_board_what_it_needs(void **state)
+{
+    const struct rig *rig = load_toy();
+    const struct board_config *board = rig->boards.board;
+
+    (void)state;
+    assert_int_equal(rig->boards.nboard, 4);
+    assert_int_equal(rig->boards.nbus, 2);
+    assert_int_equal(rig->boards.njoint, 3);
+    assert_int_equal(rig->boards.nft, 2);
+    assert_string_equal(board[0].name, "left/0x01");
+    assert_string_equal(board[2].name, "shin");
+    assert_int_equal(board[0].axis[0].joint, -1);
+    assert_int_equal(board[0].axis[1].joint, 0);
+    assert_true(board[0].axis[1].current_limit_a == 5.0);
+    assert_true(board[2].axis[0].current_limit_a == 12.0);
+    assert_true(fabs(board[0].axis[1].joint_ticks_per_rad * 2 * M_PI - 4096) < 1e-9);
+    assert_true(board[0].axis[1].upper_rad == 2.0);
+    assert_int_equal(board[0].command_timeout_ns, 100000000);
+    assert_int_equal(board[1].torque_joint[2], 0);
+    assert_int_equal(board[1].torque_joint[3], -1);
+    assert_true(board[1].full_scale[0] == 55.0);
+    assert_int_equal(board[1].period_ns, 4000000);
+    assert_int_equal(board[2].axis[1].joint, -1);
+    assert_int_equal(board[3].ft, 0);
+    assert_true(board[3].full_scale[2] == 2000.0 && board[3].full_scale[5] == 30.0);
+    assert_int_equal(board[3].period_ns, 1000000);
+    assert_true(board[3].transmit_at_start);
+    assert_int_equal(board[3].bus, 1);
+}
+
+static void the_rig_can_put_joints_and_base_elsewhere_than_the_pose(void **state)
+{
+    char robot[sizeof toy_robot + 128];
+    const struct rig *rig;
+
+    (void)state;
+    strcpy(robot, toy_robot);
+    assert_true(replace(robot, sizeof robot, "type: fixed", "type: floating"));
+    assert_true(replace(robot, sizeof robot, "straight: {}", "straight: {base_xyz_m: [0, 0, 0]}"));
+    assert_true(replace(robot, sizeof robot, "bent: {", "bent: {base_xyz_m: [0, 0, 0], "));
+    assert_int_equal(write_file("config/robots/toy.yaml", robot, strlen(robot)), 0);
+    write_toy_with("{pose: bent}", "{pose: bent, joints_rad: {knee: 0.25}, base_xyz_m: [1, 2, 3],\n"
+                                   "  base_rpy_rad: [1.5707963267948966, 0, 0]}");
+    rig = load(rig_path);
+    assert_true(rig->joint[0] == -0.5 && rig->joint[1] == 0.25);
+    assert_true(rig->initial_rad[1] == 0.25);
+    assert_true(rig->base_position[0] == 1 && rig->base_position[2] == 3);
+    assert_true(fabs(rig->base_quaternion[0] - sqrt(0.5)) < 1e-15);
+    assert_true(fabs(rig->base_quaternion[1] - sqrt(0.5)) < 1e-15);
+    assert_true(fabs(rig->base_quaternion[2]) < 1e-15 && fabs(rig->base_quaternion[3]) < 1e-15);
+}
+
+static void rejects_joints_of_the_start_beyond_their_limits(void **state)
+{
+    (void)state;
+    refused_with(
+        "{pose: bent}", "{pose: bent, joints_rad: {knee: 3.5}}",
+        "7:36: found joint \"knee\" at 3.5 rad, expected a revolute joint within its limits, "
+        "0 to 3");
+    refused_with("{pose: bent}", "{pose: bent, joints_rad: {kne: 1}}",
+                 "7:36: found unknown joint \"kne\", expected \"knee\"");
+}
+
+static void tells_a_controller_where_everything_is(void **state)
+{
+    const struct rig *rig = load_toy();
+
+    (void)state;
+    assert_int_equal(rig->naxis, 2);
+    assert_string_equal(rig->axis[0].joint, "hip");
+    assert_int_equal(rig->axis[0].bus, 0);
+    assert_int_equal(rig->axis[0].address, 1);
+    assert_int_equal(rig->axis[0].axis, 1);
+    assert_int_equal(rig->axis[0].torque_address, 0x0c);
+    assert_int_equal(rig->axis[0].torque_channel, 2);
+    assert_string_equal(rig->axis[1].joint, "knee");
+    assert_int_equal(rig->axis[1].torque_address, -1);
+    assert_true(rig->initial_rad[0] == -0.5 && rig->initial_rad[1] == 1.0);
+    assert_int_equal(rig->nft, 1);
+    assert_string_equal(rig->ft[0].name, "foot_ft");
+    assert_int_equal(rig->ft[0].address, 0x0d);
+    assert_int_equal(rig_find_bus(rig, "right"), 1);
+    assert_int_equal(rig_find_bus(rig, "none"), -1);
+}
+
+static void the_coman_rig_reaches_every_joint_and_both_ankles(void **state)
+{
+    const struct rig *rig = load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
+    double weight = 0.0;
+
+    (void)state;
+    assert_int_equal(rig->robot->nv, 29);
+    assert_int_equal(rig->naxis, 23);
+    assert_int_equal(rig->nft, 4);
+    assert_int_equal(rig->nbus, 5);
+    assert_int_equal(rig->contact.nbody, 2);
+    for (size_t i = 0; i < rig->naxis; i++) {
+        assert_true(rig->axis[i].torque_address > 0);
+    }
+    for (size_t i = 1; i < 3; i++) {
+        assert_int_equal(rig->contact.surface[i].mesh->nface, 504);
+    }
+    weight = rig->robot->total_mass * 9.81;
+    assert_true(weight > 278.0 && weight < 278.5);
+}
+
+/* The reference is the table "COMAN by limb" of the protocol study: iCub BLL, 4 ms telemetry, 1 kHz
+ * voltage commands, F/T and joint torques at 5 ms, 1 Mbit/s. */
+static void bus_loads_are_those_of_the_protocol_study(void **state)
+{
+    static const struct {
+        const char *bus;
+        double percent;
+    } cases[] = {{"torso", 57.1},
+                 {"left_leg", 100.7},
+                 {"right_leg", 100.7},
+                 {"left_arm", 70.2},
+                 {"right_arm", 70.2}};
+    const struct rig *rig = load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
+
+    (void)state;
+    for (size_t i = 0; i < 5; i++) {
+        double telemetry, command;
+
+        rig_bus_load(rig, (size_t)rig_find_bus(rig, cases[i].bus), 1000000, &telemetry, &command);
+        if (fabs((telemetry + command) / 1e4 - cases[i].percent) > 0.06) {
+            fail_msg("%s: %g %%, expected %g %%", cases[i].bus, (telemetry + command) / 1e4,
+                     cases[i].percent);
+        }
+    }
+}
+
+/* ---- bad rigs ---- */
+
+static void rejects_ticks_that_substeps_do_not_fill(void **state)
+{
+    (void)state;
+    refused_with("substep_s: 0.0005", "substep_s: 0.0003",
+                 "5:12: found a substep of 0.0003 s, expected one that divides the tick of "
+                 "0.002 s exactly");
+    refused_with("substep_s: 0.0005", "substep_s: 0.000333333333333333",
+                 "5:12: found a substep of 0.000333333333333333 s, expected one that divides "
+                 "the tick of 0.002 s exactly");
+    refused_with("substep_s: 0.0005", "substep_s: 0.004",
+                 "5:12: found a substep of 0.004 s, expected one that divides the tick of "
+                 "0.002 s exactly");
+    refused_with("tick_s: 0.002", "tick_s: 0.00200000000049",
+                 "4:9: found a tick of 0.00200000000049 s, expected a whole number of "
+                 "nanoseconds");
+}
+
+static void rejects_names_that_nothing_has(void **state)
+{
+    (void)state;
+    refused_with("pose: bent", "pose: bend",
+                 "7:17: found unknown pose \"bend\", expected \"bent\"");
+    refused_with("body: tail", "body: tial",
+                 "17:27: found unknown body \"tial\", expected \"tail\"");
+    refused_with("body: tail", "body: upper",
+                 "17:27: found body \"upper\", on which the robot file has no frame, expected one "
+                 "with a frame");
+    refused_with("frame: sole", "frame: soul",
+                 "16:27: found unknown frame \"soul\", expected \"sole\"");
+    refused_with("material: rubber", "material: ruber",
+                 "15:83: found unknown material \"ruber\", expected \"rubber\"");
+    refused_with("[ground, ball]", "[ground, bell]",
+                 "20:25: found unknown surface \"bell\", expected \"ball\"");
+    refused_with("[spare, hip]", "[spare, hipp]",
+                 "31:49: found unknown joint \"hipp\", expected \"hip\"");
+    refused_with("[spare, spare, hip]", "[pelvis_rotation]",
+                 "32:48: found unknown joint \"pelvis_rotation\", expected one of 3 that "
+                 "exist");
+    refused_with("sensor: foot_ft", "sensor: foot_fr",
+                 "37:43: found unknown F/T sensor \"foot_fr\", expected \"foot_ft\"");
+    refused_with("{bus: right", "{bus: rigth",
+                 "39:17: found unknown bus \"rigth\", expected \"right\"");
+}
+
+static void rejects_files_out_of_the_tree_or_missing(void **state)
+{
+    (void)state;
+    refused_with("file: ../robots/toy.yaml", "file: ../../robots/toy.yaml",
+                 "2:15: found path \"../../robots/toy.yaml\", which leaves the configuration "
+                 "tree, expected one at or below \"..\"");
+    refused_with("mesh: ../meshes/toy.obj", "mesh: /etc/passwd",
+                 "18:53: found absolute path \"/etc/passwd\", expected one relative to this "
+                 "file");
+}
+
+static void rejects_keys_that_belong_to_another_shape(void **state)
+{
+    (void)state;
+    refused_with("shape: half_space", "shape: half_space, radius_m: 1",
+                 "15:7: found key \"radius_m\" in a half space, expected none there");
+    refused_with("radius_m: 0.02", "cells: 3",
+                 "16:7: found a sphere without key \"radius_m\", expected it");
+    refused_with("half_extents_m: [0.1, 0.2, 0.3]", "cells: 3",
+                 "17:7: found a box without key \"half_extents_m\", expected it");
+    refused_with("mesh: ../meshes/toy.obj, ", "",
+                 "18:7: found a mesh without key \"mesh\", expected it");
+    refused_with("body: world, ", "",
+                 "15:7: found no body, expected one of \"body\" and \"frame\"");
+    refused_with("body: world, ", "body: world, frame: sole, ",
+                 "15:7: found both a body and a frame, expected one of \"body\" and \"frame\"");
+}
+
+static void rejects_pairs_that_cannot_touch(void **state)
+{
+    (void)state;
+    refused_with("[ground, ball]", "[ground]",
+                 "20:16: found 1 surfaces, expected two: [one, other]");
+    refused_with("[ground, ball]", "[wedge, ball]",
+                 "20:16: found two surfaces of one body, expected surfaces of two bodies");
+    refused_with("[block, ball]", "[ball, ground]",
+                 "21:7: found the pair of line 20 again, expected it once");
+}
+
+static void rejects_materials_that_stick_less_than_they_slide(void **state)
+{
+    (void)state;
+    refused_with("static_friction: 1.1", "static_friction: 0.8",
+                 "12:13: found static_friction 0.8 below dynamic_friction 0.9, expected at "
+                 "least as much");
+}
+
+static void rejects_names_given_twice(void **state)
+{
+    (void)state;
+    refused_with("name: ball", "name: ground",
+                 "16:14: found surface \"ground\" again, expected a name of its own");
+    refused_with("name: right", "name: left",
+                 "33:11: found bus \"left\" again, expected a name of its own (line 28 has "
+                 "it)");
+    refused_with("interface: can1", "interface: can0",
+                 "34:16: found interface \"can0\" again, expected one of its own (bus "
+                 "\"left\" has it)");
+}
+
+static void rejects_names_that_cannot_be_file_names(void **state)
+{
+    (void)state;
+    refused_with("name: toy", "name: a/toy",
+                 "1:1: found rig \"a/toy\", expected letters, digits and _ - . only");
+    refused_with("name: shin", "name: my shin",
+                 "36:9: found board \"my shin\", expected letters, digits and _ - . only");
+    refused_with("name: left", "name: ../left",
+                 "28:11: found bus \"../left\", expected letters, digits and _ - . only");
+    refused_with("interface: can0", "interface: can 0",
+                 "29:16: found interface \"can 0\", expected letters, digits and _ - . only");
+    refused_with("interface: can0", "interface: a_name_that_is_too_long",
+                 "29:16: found \"a_name_that_is_too_long\", expected a text of 1 to 15 bytes");
+}
+
+static void rejects_an_address_twice_on_a_bus(void **state)
+{
+    (void)state;
+    refused_with("address: 0x0c", "address: 1",
+                 "32:33: found address 0x01 again on bus \"left\", expected another (line 31 "
+                 "has it)");
+    refused_with("address: 0x0c", "address: 15",
+                 "32:33: found 15, expected an integer from 1 to 14");
+}
+
+static void rejects_a_joint_driven_twice_or_not_at_all(void **state)
+{
+    (void)state;
+    refused_with("axes: [knee]", "axes: [hip]",
+                 "36:54: found joint \"hip\" again, expected it on one axis (board in line "
+                 "31)");
+    refused_with("axes: [knee]", "axes: [spare]",
+                 "1:1: found no axis for the drive of joint \"knee\", expected one on some "
+                 "board, or the joint in \"undriven\"");
+    refused_with("axes: [knee]", "axes: [wag]",
+                 "36:54: found joint \"wag\", which has no drive, expected a driven joint");
+    refused_with("buses:\n", "undriven: [hip]\nbuses:\n",
+                 "27:12: found joint \"hip\", which a board drives (line 32), expected one "
+                 "without");
+}
+
+static void takes_a_joint_that_is_said_to_be_undriven(void **state)
+{
+    char text[sizeof toy_rig + 64];
+
+    (void)state;
+    strcpy(text, toy_rig);
+    assert_true(replace(text, sizeof text, "axes: [knee]", "axes: [spare]"));
+    assert_true(replace(text, sizeof text, "buses:\n", "undriven: [knee]\nbuses:\n"));
+    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
+    assert_int_equal(load(rig_path)->naxis, 1);
+}
+
+static void rejects_torques_that_no_host_would_hear(void **state)
+{
+    (void)state;
+    refused_with("[spare, spare, hip]", "[knee]",
+                 "32:47: found joint \"knee\", which is driven from bus \"right\", expected "
+                 "joints of this bus");
+    refused_with("[spare, spare, hip]", "[hip, hip]",
+                 "32:53: found joint \"hip\" again, expected it on one torque board (line 32)");
+    refused_with("[spare, spare, hip]", "[]", "32:47: found 0 joints, expected 1 to 6");
+    refused_with("[spare, spare, hip]", "[hip, spare, spare, spare, spare, spare, spare]",
+                 "32:47: found 7 joints, expected 1 to 6");
+}
+
+static void rejects_keys_that_belong_to_another_board(void **state)
+{
+    (void)state;
+    refused_with("axes: [knee]", "axes: [knee], period_s: 0.01",
+                 "36:9: found key \"period_s\" in a motor board, expected none there");
+    refused_with("sensor: foot_ft, ", "",
+                 "37:9: found an F/T board without key \"sensor\", expected it");
+    refused_with("axes: [knee]", "axes: [knee, spare, spare]",
+                 "36:53: found 3 axes, expected 1 to 2");
+    refused_with("axes: [knee]", "axes: []", "36:53: found 0 axes, expected 1 to 2");
+}
+
+static void rejects_what_the_boards_cannot_tell_a_host(void **state)
+{
+    (void)state;
+    refused_with("[1000, 1000, 2000]", "[1000, 1000.5, 2000]",
+                 "37:66: found full scale 1000.5, expected an integer, which is all that the "
+                 "boards can tell a host");
+    refused_with("torque_full_scale_nm: 55", "torque_full_scale_nm: 55.5",
+                 "25:25: found full scale 55.5, expected an integer, which is all that the "
+                 "boards can tell a host");
+    refused_with("period_s: 0.004", "period_s: 0.0045",
+                 "32:78: found a period of 0.0045 s, expected whole milliseconds");
+}
+
+static void rejects_lockstep_ids_that_boards_use(void **state)
+{
+    (void)state;
+    refused_with("step_id: 0x5f0", "step_id: 0x123",
+                 "39:33: found id 0x123, which belongs to the boards, expected one from 0x400 "
+                 "to 0x6ff");
+    refused_with("step_id: 0x5f0", "step_id: 0x6ff",
+                 "39:11: found the id of the STEP frame, expected another for DONE");
+}
+
+static void rejects_a_base_position_twice_or_of_a_fixed_base(void **state)
+{
+    (void)state;
+    refused_with("{pose: bent}", "{pose: bent, base_height_m: 1, base_xyz_m: [0, 0, 1]}",
+                 "7:10: found base_xyz_m and base_height_m, expected one of them");
+    refused_with("{pose: bent}", "{pose: bent, base_height_m: 1}",
+                 "7:10: found a place of the base, expected none for a robot with a fixed base");
+}
+
+static void rejects_a_command_period_off_the_ticks(void **state)
+{
+    (void)state;
+    refused_with("command_period_s: 0.004", "command_period_s: 0.003",
+                 "43:86: found a command period of 0.003 s, expected a multiple of the tick "
+                 "of 0.002 s");
+}
+
+static void rejects_a_rig_without_buses(void **state)
+{
+    const char *from = strstr(toy_rig, "buses:\n"), *to = strstr(toy_rig, "lockstep:");
+    char text[2048];
+
+    (void)state;
+    snprintf(text, sizeof text, "%.*s", (int)(to - from), from);
+    refused_with(text, "buses: []\n", "1:1: found no buses, expected at least one");
+}
+
+static void reports_an_arena_that_is_full(void **state)
+{
+    size_t capacity = 4096;
+    enum error_code code;
+
+    (void)state;
+    load_toy();
+    do {
+        const struct rig *rig = NULL;
+        struct arena small;
+        struct error error;
+
+        assert_int_equal(arena_init(&small, capacity, &error), ERROR_NONE);
+        code = rig_load(rig_path, &small, &rig, &error);
+        assert_true(code == ERROR_NONE || code == ERROR_MEMORY);
+        arena_fini(&small);
+        capacity += 256;
+    } while (code);
+}
+
+int main(void)
+{
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+    const struct CMUnitTest tests[] = {
+        TEST(reads_time_pose_and_settings),
+        TEST(places_surfaces_on_bodies_frames_and_the_world),
+        TEST(hands_every_board_what_it_needs),
+        TEST(the_rig_can_put_joints_and_base_elsewhere_than_the_pose),
+        TEST(rejects_joints_of_the_start_beyond_their_limits),
+        TEST(tells_a_controller_where_everything_is),
+        TEST(the_coman_rig_reaches_every_joint_and_both_ankles),
+        TEST(bus_loads_are_those_of_the_protocol_study),
+        TEST(rejects_ticks_that_substeps_do_not_fill),
+        TEST(rejects_names_that_nothing_has),
+        TEST(rejects_files_out_of_the_tree_or_missing),
+        TEST(rejects_keys_that_belong_to_another_shape),
+        TEST(rejects_pairs_that_cannot_touch),
+        TEST(rejects_materials_that_stick_less_than_they_slide),
+        TEST(rejects_names_given_twice),
+        TEST(rejects_names_that_cannot_be_file_names),
+        TEST(rejects_an_address_twice_on_a_bus),
+        TEST(rejects_a_joint_driven_twice_or_not_at_all),
+        TEST(takes_a_joint_that_is_said_to_be_undriven),
+        TEST(rejects_torques_that_no_host_would_hear),
+        TEST(rejects_keys_that_belong_to_another_board),
+        TEST(rejects_what_the_boards_cannot_tell_a_host),
+        TEST(rejects_lockstep_ids_that_boards_use),
+        TEST(rejects_a_base_position_twice_or_of_a_fixed_base),
+        TEST(rejects_a_command_period_off_the_ticks),
+        TEST(rejects_a_rig_without_buses),
+        TEST(reports_an_arena_that_is_full),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

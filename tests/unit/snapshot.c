@@ -1,0 +1,118 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The sequence lock: what a reader gets is always one whole value, however the writer runs on. */
+#include "rt/snapshot.h"
+
+#include <pthread.h>
+#include <stdbool.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+enum { WORDS = 200, VALUES = 200000, READERS = 2 };
+
+/* every word is a function of the first, so that a torn value shows */
+struct value {
+    uint64_t word[WORDS];
+};
+
+static void fill(struct value *value, uint64_t number)
+{
+    for (size_t i = 0; i < WORDS; i++) {
+        value->word[i] = number * (i + 1) + i;
+    }
+}
+
+struct reader {
+    struct snapshot *snapshot;
+    uint64_t torn, backwards, read;
+    pthread_t thread;
+};
+
+static void *read_all(void *context)
+{
+    struct reader *reader = context;
+    struct value found, expected;
+    uint64_t number = 0, last = 0;
+
+    while (number < VALUES) {
+        number = snapshot_read(reader->snapshot, &found);
+        if (number == 0) {
+            continue;
+        }
+        fill(&expected, number);
+        for (size_t i = 0; i < WORDS; i++) {
+            reader->torn += found.word[i] != expected.word[i];
+        }
+        reader->backwards += number < last;
+        last = number;
+        reader->read++;
+    }
+    return NULL;
+}
+
+static void readers_get_whole_values_while_the_writer_runs(void **state)
+{
+    struct reader reader[READERS] = {0};
+    struct snapshot *snapshot;
+    struct arena arena;
+    struct error error;
+    struct value value;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+    assert_int_equal(snapshot_create(sizeof value, &arena, &snapshot, &error), ERROR_NONE);
+    for (int i = 0; i < READERS; i++) {
+        reader[i].snapshot = snapshot;
+        assert_int_equal(pthread_create(&reader[i].thread, NULL, read_all, &reader[i]), 0);
+    }
+    for (uint64_t number = 1; number <= VALUES; number++) {
+        fill(&value, number);
+        snapshot_write(snapshot, &value);
+    }
+    for (int i = 0; i < READERS; i++) {
+        pthread_join(reader[i].thread, NULL);
+        assert_int_equal(reader[i].torn, 0);
+        assert_int_equal(reader[i].backwards, 0);
+        assert_true(reader[i].read > 0);
+    }
+    arena_fini(&arena);
+}
+
+static void nothing_is_read_before_the_first_write(void **state)
+{
+    struct snapshot *snapshot;
+    struct arena arena;
+    struct error error;
+    struct value value;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+    assert_int_equal(snapshot_create(sizeof value, &arena, &snapshot, &error), ERROR_NONE);
+    assert_int_equal(snapshot_read(snapshot, &value), 0);
+    arena_fini(&arena);
+}
+
+static void no_memory_is_an_error(void **state)
+{
+    struct snapshot *snapshot;
+    struct arena arena;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, 4096, &error), ERROR_NONE);
+    assert_int_equal(snapshot_create(1 << 20, &arena, &snapshot, &error), ERROR_MEMORY);
+    arena_fini(&arena);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(readers_get_whole_values_while_the_writer_runs),
+        cmocka_unit_test(nothing_is_read_before_the_first_write),
+        cmocka_unit_test(no_memory_is_an_error),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
