@@ -9,10 +9,10 @@
 enum {
     FRAME_EXTENDED = 1 << 0, /* 29-bit identifier */
     FRAME_REMOTE = 1 << 1,   /* remote request; no data */
-    FRAME_ERROR = 1 << 2,    /* error frame: id holds the CAN_ERR_ class bits of linux/can/error.h */
-    FRAME_FD = 1 << 3,       /* CAN FD format */
-    FRAME_BRS = 1 << 4,      /* FD: bit rate switch */
-    FRAME_ESI = 1 << 5,      /* FD: sender is error passive */
+    FRAME_ERROR = 1 << 2, /* error frame: id holds the CAN_ERR_ class bits of linux/can/error.h */
+    FRAME_FD = 1 << 3,    /* CAN FD format */
+    FRAME_BRS = 1 << 4,   /* FD: bit rate switch */
+    FRAME_ESI = 1 << 5,   /* FD: sender is error passive */
 };
 
 struct bus_frame {
@@ -25,6 +25,14 @@ struct bus_frame {
 
 /* Identifier within range, length legal for the format, no contradictory flags. */
 bool frame_valid(const struct bus_frame *frame);
+
+/* Length of the frame on the wire in bits, with the 3 bits between frames and without stuff bits:
+ * classic 47 + 8 n, with a 29-bit identifier 67 + 8 n (n = 0 for remote frames; ISO 11898-1). FD
+ * frames are counted as if every bit went at the nominal rate: 62 + 8 n up to 16 bytes, 67 + 8 n
+ * above (CRC of 21 instead of 17 bits), 19 more for a 29-bit identifier, the stuff count and the
+ * fixed stuff bits of the CRC field included; with a bit rate switch that is an upper bound of the
+ * time. 0 for error frames, which are messages of the controller and no traffic. */
+uint32_t frame_bits(const struct bus_frame *frame);
 
 /* A classic data frame with a standard identifier; len <= 8; data beyond len is zero. */
 struct bus_frame frame_make(uint32_t id, uint8_t len, const uint8_t *data);

@@ -1,0 +1,68 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What makes a frame legal, and how long it is on the wire. */
+#include "canbus/frame.h"
+
+#include <assert.h>
+#include <string.h>
+
+static bool length_is_legal_fd(uint8_t len)
+{
+    switch (len) {
+    case 12:
+    case 16:
+    case 20:
+    case 24:
+    case 32:
+    case 48:
+    case 64:
+        return true;
+    default:
+        return len <= 8;
+    }
+}
+
+bool frame_valid(const struct bus_frame *frame)
+{
+    const uint8_t known =
+        FRAME_EXTENDED | FRAME_REMOTE | FRAME_ERROR | FRAME_FD | FRAME_BRS | FRAME_ESI;
+    const uint8_t flags = frame->flags;
+
+    if (flags & ~known) {
+        return false;
+    }
+    /* an error frame has no format of its own; FD knows no remote frames, classic no bit rates */
+    if ((flags & FRAME_ERROR) && flags != FRAME_ERROR) {
+        return false;
+    }
+    if ((flags & FRAME_FD) ? (flags & FRAME_REMOTE) : (flags & (FRAME_BRS | FRAME_ESI))) {
+        return false;
+    }
+    if (frame->id > ((flags & (FRAME_EXTENDED | FRAME_ERROR)) ? 0x1FFFFFFFu : 0x7FFu)) {
+        return false;
+    }
+    return (flags & FRAME_FD) ? length_is_legal_fd(frame->len) : frame->len <= 8;
+}
+
+uint32_t frame_bits(const struct bus_frame *frame)
+{
+    const bool extended = frame->flags & FRAME_EXTENDED;
+
+    if (frame->flags & FRAME_ERROR) {
+        return 0;
+    }
+    if (frame->flags & FRAME_FD) {
+        return (frame->len <= 16 ? 62u : 67u) + (extended ? 19u : 0u) + 8u * frame->len;
+    }
+    return (extended ? 67u : 47u) + ((frame->flags & FRAME_REMOTE) ? 0u : 8u * frame->len);
+}
+
+struct bus_frame frame_make(uint32_t id, uint8_t len, const uint8_t *data)
+{
+    struct bus_frame frame = {.id = id, .len = len};
+
+    assert(len <= 8);
+    if (len) {
+        memcpy(frame.data, data, len);
+    }
+    return frame;
+}

@@ -1,0 +1,59 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Counting and controller states, the same for every back end. */
+#include "canbus/port_private.h"
+
+#include <linux/can/error.h>
+
+/* The state that an error frame reports, or the present one when it reports none. */
+static enum can_state state_after_error(enum can_state state, const struct bus_frame *frame)
+{
+    const uint8_t controller = frame->len > 1 ? frame->data[1] : 0;
+
+    if (frame->id & CAN_ERR_BUSOFF) {
+        return CAN_PORT_BUS_OFF;
+    }
+    if (frame->id & CAN_ERR_RESTARTED) {
+        return CAN_PORT_UP;
+    }
+    if (frame->id & CAN_ERR_CRTL) {
+        if (controller & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) {
+            return CAN_PORT_PASSIVE;
+        }
+        if (controller & (CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING)) {
+            return CAN_PORT_WARNING;
+        }
+        if (controller & CAN_ERR_CRTL_ACTIVE) {
+            return CAN_PORT_UP;
+        }
+    }
+    return state;
+}
+
+void port_count_received(struct can_port *port, const struct bus_frame *frame)
+{
+    if (frame->flags & FRAME_ERROR) {
+        port->counters.error_frames++;
+        /* old error frames may still be queued when the interface is lost: the loss outlives them */
+        if (port->state != CAN_PORT_DOWN && port->state != CAN_PORT_GONE) {
+            port->state = state_after_error(port->state, frame);
+        }
+        return;
+    }
+    port->counters.rx_frames++;
+    port->counters.rx_bits += frame_bits(frame);
+    /* not every driver announces its recovery; traffic proves that it is back on the bus */
+    if (port->state == CAN_PORT_BUS_OFF) {
+        port->state = CAN_PORT_UP;
+    }
+}
+
+void port_count_sent(struct can_port *port, const struct bus_frame *frame)
+{
+    port->counters.tx_frames++;
+    port->counters.tx_bits += frame_bits(frame);
+}
+
+bool port_may_send(const struct can_port *port, const struct bus_frame *frame)
+{
+    return frame_valid(frame) && (port->fd || !(frame->flags & FRAME_FD));
+}

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+# The canbus folder: what runs anywhere, and what needs a kernel with CAN (user-mode Linux).
+set(tests ${CMAKE_CURRENT_SOURCE_DIR})
+hil_test(canbus_frame SOURCES ${tests}/unit/canbus_frame.c LIBS canbus LABELS unit)
+hil_test(canbus_local SOURCES ${tests}/unit/canbus_local.c LIBS canbus Threads::Threads LABELS unit)
+hil_test(canbus_candump SOURCES ${tests}/unit/canbus_candump.c LIBS canbus LABELS unit)
+hil_test(fuzz_candump SOURCES ${tests}/fuzz/candump.c LIBS canbus LABELS fuzz)
+hil_test(canbus_socketcan SOURCES ${tests}/bus/canbus_socketcan.c LIBS canbus LABELS bus)
+
+# A port as a program, for can-utils to be put against.
+add_executable(canbus_tool ${tests}/bus/canbus_tool.c)
+target_link_libraries(canbus_tool PRIVATE canbus)
+
+# The address space of a guest process has no room for the shadow memory of the sanitizers.
+if(NOT HIL_SANITIZE)
+    hil_script_test(canbus_socketcan_vcan LABELS bus TIMEOUT 120
+        COMMAND bash ${tests}/bus/uml/run.sh -t 100 $<TARGET_FILE:test_canbus_socketcan>)
+    hil_script_test(clients_port LABELS bus TIMEOUT 150
+        COMMAND bash ${tests}/bus/uml/run.sh -t 120 /usr/bin/python3 ${tests}/bus/uml/clients.py
+                $<TARGET_FILE:canbus_tool>)
+    hil_script_test(clients_simulator LABELS bus TIMEOUT 240
+        COMMAND bash ${tests}/bus/uml/run.sh -t 200 /usr/bin/python3 ${tests}/bus/uml/clients.py
+                $<TARGET_FILE:canbus_tool> $<TARGET_FILE:coman-hil>)
+endif()
