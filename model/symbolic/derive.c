@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* One derivation: its memory, and which equations. */
+#include "model/symbolic/derive_private.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum error_code derive(enum derive_function function, const struct tree *tree, struct graph *graph,
+                       struct derivation *out, struct error *error)
+{
+    struct derive d = {function, graph, tree, NULL, out, NULL};
+    enum error_code code = ERROR_NONE;
+    int observed = 0;
+
+    memset(out, 0, sizeof *out);
+    out->output = calloc(18 * tree->nbody + 12, sizeof *out->output);
+    d.state = calloc(tree->ngroup, sizeof *d.state);
+    d.observed = calloc(tree->nbody, sizeof *d.observed);
+    if (!out->output || !d.state || !d.observed) {
+        code = error_set(error, ERROR_MEMORY, "no memory for the equations of %zu bodies",
+                         tree->nbody);
+    } else {
+        for (size_t b = 0; b < tree->nbody; b++) {
+            d.observed[b] = tree->body[b].observed ? observed++ : -1;
+        }
+        switch (function) {
+        case DERIVE_INVERSE:
+            derive_inverse(&d);
+            break;
+        case DERIVE_KINEMATICS:
+        case DERIVE_ACCELERATION:
+            derive_motion(&d);
+            break;
+        case DERIVE_ENERGY:
+            derive_energy(&d);
+            break;
+        default:
+            derive_forward(&d);
+            break;
+        }
+        if (graph->failed) {
+            code = error_set(error, ERROR_MEMORY, "no memory for the expression graph");
+        }
+    }
+    free(d.state);
+    free(d.observed);
+    if (code) {
+        derivation_fini(out);
+    }
+    return code;
+}
+
+void derivation_fini(struct derivation *derivation)
+{
+    free(derivation->output);
+    memset(derivation, 0, sizeof *derivation);
+}

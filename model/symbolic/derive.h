@@ -1,0 +1,52 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The equations of a tree as expressions: which numbers a function of the generated module returns,
+ * written in its arguments.
+ */
+#ifndef MODEL_SYMBOLIC_DERIVE_H
+#define MODEL_SYMBOLIC_DERIVE_H
+
+#include "model/symbolic/graph.h"
+#include "model/symbolic/tree.h"
+
+/* The functions that are derived. */
+enum derive_function {
+    DERIVE_FORWARD,      /* vdot from q, v, tau */
+    DERIVE_FORWARD_EXT,  /* the same with external wrenches */
+    DERIVE_IMPLICIT,     /* the same with added joint and body inertias */
+    DERIVE_INVERSE,      /* generalized forces from q, v, vdot with external wrenches */
+    DERIVE_KINEMATICS,   /* struct body_motion of the observed bodies */
+    DERIVE_ACCELERATION, /* struct body_acceleration of the observed bodies */
+    DERIVE_ENERGY,       /* kinetic, potential */
+    DERIVE_COUNT
+};
+
+/* Argument arrays: the array numbers of GRAPH_INPUT. */
+enum derive_array {
+    DERIVE_Q,
+    DERIVE_V,
+    DERIVE_TAU,
+    DERIVE_VDOT,
+    DERIVE_EXT,   /* struct wrench of each body */
+    DERIVE_EXTRA, /* added inertia of each joint */
+    DERIVE_ADDED, /* 21 numbers for each observed body, see model/symbolic/module.h */
+    DERIVE_ARRAYS
+};
+
+/* out[index] = value, a one-lane expression. */
+struct derive_output {
+    int index;
+    expr value;
+};
+
+struct derivation {
+    size_t count;
+    struct derive_output *output;
+};
+
+/* Derives one function into graph. Not RT-safe. */
+enum error_code derive(enum derive_function function, const struct tree *tree, struct graph *graph,
+                       struct derivation *out, struct error *error);
+void derivation_fini(struct derivation *derivation);
+
+#endif

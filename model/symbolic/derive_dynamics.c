@@ -1,0 +1,452 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Newton-Euler and articulated-body recursions over expressions (Featherstone, Rigid Body Dynamics
+ * Algorithms, 2008, tables 5.1 and 7.1), arranged for few operations:
+ *
+ * - All velocity terms are taken together as the forces that hold the robot on the motion with zero
+ *   joint accelerations (Newton-Euler with G = [alpha] + [w][w], force m a + G h, moment
+ *   h x a + skew(G K)). What is left is linear in the accelerations: the articulated-body
+ *   recursion runs without bias accelerations.
+ * - After a joint is eliminated its own row of the articulated inertia is zero and stays unwritten.
+ * - Gravity and -w x v are added to the base's acceleration at the end: a uniform field does not
+ *   move the joints of a free robot.
+ */
+#include "model/symbolic/derive_private.h"
+
+#include "model/spatial.h"
+
+/* Gravity less w x v, in the base's working frame: what the components of the base's linear
+ * velocity change by when nothing else acts. Minus this is the acceleration to start from. */
+static void base_drift(struct derive *d, expr drift[3])
+{
+    const struct robot *robot = d->tree->robot;
+    expr gravity[3];
+
+    for (int m = 0; m < 3; m++) {
+        gravity[m] = graph_const(d->g, robot->gravity[m]);
+    }
+    if (robot->floating) {
+        expr R[3][3], v[3], w[3], column[3];
+
+        derive_base_rotation(d, R);
+        derive_base_input(d, DERIVE_V, 0, v);
+        derive_base_input(d, DERIVE_V, 3, w);
+        for (int m = 0; m < 3; m++) {
+            for (int n = 0; n < 3; n++) {
+                column[n] = R[n][m];
+            }
+            drift[m] = derive_dot(d, column, gravity);
+        }
+        derive_add_cross(d, drift, v, w);
+    } else {
+        derive_apply_transposed(d, d->tree->body[0].align, gravity, drift);
+    }
+}
+
+/* G = [alpha] + [w][w] */
+static void rate_matrix(struct derive *d, struct state *state)
+{
+    expr square[3];
+
+    for (int m = 0; m < 3; m++) {
+        square[m] = mul(d, state->w[m], state->w[m]);
+    }
+    for (int m = 0; m < 3; m++) {
+        int i = (m + 1) % 3, j = (m + 2) % 3;
+        expr product = mul(d, state->w[i], state->w[j]);
+
+        state->G[m][m] = expr_neg(add(d, square[i], square[j]));
+        state->G[i][j] = sub(d, product, state->alpha[m]);
+        state->G[j][i] = add(d, product, state->alpha[m]);
+    }
+}
+
+/* The parents' velocity and accelerations at the group's origins, in the bodies' axes. */
+static void motion_from_parent(struct derive *d, size_t group)
+{
+    struct state *state = &d->state[group];
+    expr r[3];
+
+    derive_origin(d, group, r);
+    for (int m = 0; m < 3; m++) {
+        size_t at = (size_t)m * sizeof(expr);
+
+        state->w[m] = derive_from_parent(d, group, STATE(w[0]) + at);
+        state->alpha[m] = derive_from_parent(d, group, STATE(alpha[0]) + at);
+        state->a[m] = derive_from_parent(d, group, STATE(a[0]) + at);
+        for (int n = 0; n < 3; n++) {
+            size_t element = STATE(G[0][0]) + (size_t)(3 * m + n) * sizeof(expr);
+
+            if (r[n] != EXPR_ZERO) {
+                expr G = derive_from_parent(d, group, element);
+
+                add_to(d, &state->a[m], mul(d, G, r[n]));
+            }
+        }
+    }
+    derive_vector_down(d, group, state->w);
+    derive_vector_down(d, group, state->alpha);
+    derive_vector_down(d, group, state->a);
+}
+
+/* Newton-Euler outward: velocity and accelerations from the parents'; given adds the joints' own
+ * accelerations. */
+static void motion_outward(struct derive *d, size_t group, bool given)
+{
+    struct state *state = &d->state[group];
+    int k = derive_first_body(d, group)->axis, i = (k + 1) % 3, j = (k + 2) % 3;
+    bool prismatic = derive_first_body(d, group)->prismatic;
+
+    motion_from_parent(d, group);
+    if (prismatic) {
+        expr twice = mul(d, graph_const(d->g, 2.0), state->rate);
+
+        rate_matrix(d, state);
+        for (int m = 0; m < 3; m++) {
+            add_to(d, &state->a[m], mul(d, state->G[m][k], state->d));
+        }
+        add_to(d, &state->a[i], mul(d, state->w[j], twice));
+        add_to(d, &state->a[j], expr_neg(mul(d, state->w[i], twice)));
+    } else {
+        add_to(d, &state->alpha[i], mul(d, state->w[j], state->rate));
+        add_to(d, &state->alpha[j], expr_neg(mul(d, state->w[i], state->rate)));
+        add_to(d, &state->w[k], state->rate);
+    }
+    if (given) {
+        int first = d->tree->robot->floating ? 6 : 0;
+
+        add_to(d, prismatic ? &state->a[k] : &state->alpha[k],
+               derive_signed_input(d, group, DERIVE_VDOT, first));
+    }
+    rate_matrix(d, state);
+}
+
+/* Subtracts the external wrench on the group's bodies, in their working frames. */
+static void subtract_wrench(struct derive *d, size_t group, expr n[3], expr f[3])
+{
+    const struct tree_group *lanes = &d->tree->group[group];
+    expr lane[6][TREE_LANES];
+
+    for (int l = 0; l < lanes->width; l++) {
+        int body = lanes->body[l];
+        expr in[6], out[6], at[3];
+
+        for (int m = 0; m < 6; m++) {
+            int index = 6 * body + m;
+
+            in[m] = graph_input(d->g, DERIVE_EXT, 1, &index);
+        }
+        derive_apply_transposed(d, d->tree->body[body].align, in, out);
+        derive_apply_transposed(d, d->tree->body[body].align, in + 3, out + 3);
+        derive_body_origin(d, body, at);
+        derive_add_cross(d, out + 3, at, out);
+        for (int m = 0; m < 6; m++) {
+            lane[m][l] = out[m];
+        }
+    }
+    for (int m = 0; m < 3; m++) {
+        f[m] = sub(d, f[m], graph_pack(d->g, lanes->width, lane[m]));
+        n[m] = sub(d, n[m], graph_pack(d->g, lanes->width, lane[3 + m]));
+    }
+}
+
+/* The force and moment that the bodies' own motion needs. */
+static void body_force(struct derive *d, size_t group, bool ext)
+{
+    struct state *state = &d->state[group];
+    expr mass = derive_body_const(d, group, BODY(mass)), h[3], K[3][3];
+
+    for (int m = 0; m < 3; m++) {
+        h[m] = derive_body_const(d, group, BODY(h[0]) + (size_t)m * sizeof(double));
+        for (int n = m; n < 3; n++) {
+            K[m][n] = K[n][m] =
+                derive_body_const(d, group, BODY(K[0]) + spatial_sym[m][n] * sizeof(double));
+        }
+    }
+    for (int m = 0; m < 3; m++) {
+        int i = (m + 1) % 3, j = (m + 2) % 3;
+        expr wi = mul(d, state->w[i], state->w[i]), wj = mul(d, state->w[j], state->w[j]);
+
+        state->f[m] = add(d, mul(d, mass, state->a[m]), derive_dot(d, state->G[m], h));
+        state->n[m] = sub(d, mul(d, K[i][i], state->G[j][i]), mul(d, K[j][j], state->G[i][j]));
+        add_to(d, &state->n[m], mul(d, K[i][j], sub(d, wj, wi)));
+        add_to(d, &state->n[m], mul(d, K[m][i], state->G[j][m]));
+        add_to(d, &state->n[m], expr_neg(mul(d, K[m][j], state->G[i][m])));
+    }
+    derive_add_cross(d, state->n, h, state->a);
+    if (ext) {
+        subtract_wrench(d, group, state->n, state->f);
+    }
+}
+
+/* n and f as they act on the parents, handed to them. */
+static void force_inward(struct derive *d, size_t group, expr n[3], expr f[3])
+{
+    const struct tree_body *body = derive_first_body(d, group);
+    expr r[3], way[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
+
+    if (body->prismatic) {
+        way[body->axis] = d->state[group].d;
+        derive_add_cross(d, n, way, f);
+    }
+    derive_vector_up(d, group, f);
+    derive_vector_up(d, group, n);
+    derive_origin(d, group, r);
+    derive_add_cross(d, n, r, f);
+    for (int m = 0; m < 3; m++) {
+        size_t at = (size_t)m * sizeof(expr);
+
+        derive_to_parent(d, group, STATE(n[0]) + at, n[m]);
+        derive_to_parent(d, group, STATE(f[0]) + at, f[m]);
+    }
+}
+
+/* Takes the joint's own freedom out of inertia A and the bias force in it: D = S^T A S, U = A S,
+ * u = tau - S^T p; A - U U^T / D, p + U u / D. */
+static void eliminate_joint(struct derive *d, size_t group, struct state *A)
+{
+    const struct tree_body *body = derive_first_body(d, group);
+    struct state *state = &d->state[group];
+    bool added = d->function == DERIVE_IMPLICIT;
+    int own = body->axis + (body->prismatic ? 3 : 0);
+    expr U[6], *bias[6], D, invert, tau = derive_signed_input(d, group, DERIVE_TAU, 0);
+
+    for (int m = 0; m < 6; m++) {
+        U[m] = *derive_inertia_element(A, own, m);
+    }
+    for (int m = 0; m < 3; m++) {
+        bias[m] = &A->n[m];
+        bias[3 + m] = &A->f[m];
+    }
+    D = added ? add(d, U[own], derive_joint_input(d, group, DERIVE_EXTRA, 0)) : U[own];
+    invert = graph_invert(d->g, D);
+    state->x = mul(d, sub(d, tau, *bias[own]), invert);
+    for (int m = 0; m < 6; m++) {
+        state->ratio[m] = mul(d, U[m], invert);
+    }
+    for (int a = 0; a < 6; a++) {
+        /* without added inertia the joint's own row becomes zero, its own force tau */
+        bool gone = a == own && !added;
+
+        *bias[a] = gone ? tau : add(d, *bias[a], mul(d, U[a], state->x));
+        for (int b = a; b < 6; b++) {
+            expr *element = derive_inertia_element(A, a, b);
+
+            if (gone || (b == own && !added)) {
+                *element = EXPR_ZERO;
+            } else {
+                *element = sub(d, *element, mul(d, state->ratio[a], U[b]));
+            }
+        }
+    }
+}
+
+/* Inertia A, given in the bodies' frames, as it stands in the parents'. */
+static void inertia_up(struct derive *d, size_t group, struct state *A)
+{
+    const struct tree_body *body = derive_first_body(d, group);
+    expr r[3];
+
+    if (body->prismatic) {
+        derive_shift_inertia(d, body->axis, d->state[group].d, A);
+    } else {
+        derive_turn_inertia(d, body->axis, d->state[group].c, d->state[group].s, A);
+    }
+    for (int n = body->nturn - 1; n >= 0; n--) {
+        derive_turn_inertia(d, body->turn[n].axis, derive_turn_const(d, group, n, false),
+                            derive_turn_const(d, group, n, true), A);
+    }
+    derive_origin(d, group, r);
+    for (int m = 0; m < 3; m++) {
+        derive_shift_inertia(d, m, r[m], A);
+    }
+}
+
+/* The group's joints eliminated; what is left is handed to the parents. */
+static void articulated_inward(struct derive *d, size_t group)
+{
+    struct state A = d->state[group];
+
+    eliminate_joint(d, group, &A);
+    inertia_up(d, group, &A);
+    for (int a = 0; a < 6; a++) {
+        for (int b = a; b < 6; b++) {
+            expr *element = derive_inertia_element(&A, a, b);
+            size_t at = (size_t)((char *)element - (char *)&A);
+
+            derive_to_parent(d, group, at, *element);
+        }
+    }
+    force_inward(d, group, A.n, A.f);
+}
+
+/* The floating base's accelerations: A x = -p by elimination, the linear part first. */
+static void solve_base(struct derive *d)
+{
+    static const int order[6] = {5, 4, 3, 2, 1, 0};
+    struct state *base = &d->state[0], A = *base;
+    expr ratio[6][6], x[6], bias[6], *out[6];
+
+    for (int m = 0; m < 3; m++) {
+        bias[m] = A.n[m];
+        bias[3 + m] = A.f[m];
+        out[m] = &base->da[m];
+        out[3 + m] = &base->dl[m];
+    }
+    for (int step = 0; step < 6; step++) {
+        int own = order[step];
+        expr invert = graph_invert(d->g, *derive_inertia_element(&A, own, own));
+        expr column[6];
+
+        for (int m = step + 1; m < 6; m++) {
+            column[m] = *derive_inertia_element(&A, own, order[m]);
+            ratio[step][m] = mul(d, column[m], invert);
+        }
+        x[step] = mul(d, bias[own], invert);
+        for (int m = step + 1; m < 6; m++) {
+            bias[order[m]] = sub(d, bias[order[m]], mul(d, ratio[step][m], bias[own]));
+            for (int n = m; n < 6; n++) {
+                expr *element = derive_inertia_element(&A, order[m], order[n]);
+
+                *element = sub(d, *element, mul(d, ratio[step][m], column[n]));
+            }
+        }
+    }
+    for (int step = 5; step >= 0; step--) {
+        expr value = expr_neg(x[step]);
+
+        for (int m = 5; m > step; m--) {
+            value = sub(d, value, mul(d, ratio[step][m], *out[order[m]]));
+        }
+        *out[order[step]] = value;
+    }
+}
+
+/* The joints' accelerations and the bodies' from their parents'. Returns the former. */
+static expr acceleration_outward(struct derive *d, size_t group)
+{
+    const struct tree_body *body = derive_first_body(d, group);
+    struct state *state = &d->state[group];
+    bool added = d->function == DERIVE_IMPLICIT;
+    int own = body->axis + (body->prismatic ? 3 : 0);
+    expr r[3], sum = state->x, before, *element[6];
+    expr part[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
+
+    derive_origin(d, group, r);
+    for (int m = 0; m < 3; m++) {
+        state->da[m] = derive_from_parent(d, group, STATE(da[0]) + (size_t)m * sizeof(expr));
+        state->dl[m] = derive_from_parent(d, group, STATE(dl[0]) + (size_t)m * sizeof(expr));
+        element[m] = &state->da[m];
+        element[3 + m] = &state->dl[m];
+    }
+    derive_add_cross(d, state->dl, state->da, r);
+    derive_vector_down(d, group, state->da);
+    derive_vector_down(d, group, state->dl);
+    if (body->prismatic) {
+        expr way[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
+
+        way[body->axis] = state->d;
+        derive_add_cross(d, state->dl, state->da, way);
+    }
+    /* three short sums in place of a long one: the next joint waits for this */
+    for (int m = 0; m < 6; m++) {
+        if (m != own || added) {
+            add_to(d, &part[m % 3], mul(d, state->ratio[m], *element[m]));
+        }
+    }
+    sum = sub(d, sub(d, sum, part[own % 3]), add(d, part[(own + 1) % 3], part[(own + 2) % 3]));
+    before = *element[own];
+    if (added) {
+        *element[own] = add(d, before, sum);
+        return sum;
+    }
+    *element[own] = sum;
+    return sub(d, sum, before);
+}
+
+void derive_forward(struct derive *d)
+{
+    size_t ngroup = d->tree->ngroup;
+    struct state *base = &d->state[0];
+    bool floating = d->tree->robot->floating, added = d->function == DERIVE_IMPLICIT;
+    bool ext = d->function != DERIVE_FORWARD;
+    expr drift[3];
+
+    base_drift(d, drift);
+    if (floating) {
+        derive_base_input(d, DERIVE_V, 3, base->w);
+    }
+    /* A free base's drift is added at the end, except where added inertias must see it: they
+     * resist the rates of v and nothing else. */
+    for (int m = 0; (!floating || added) && m < 3; m++) {
+        base->a[m] = expr_neg(drift[m]);
+    }
+    rate_matrix(d, base);
+    for (size_t g = 0; g < ngroup; g++) {
+        if (g > 0) {
+            derive_joint_state(d, g);
+            motion_outward(d, g, false);
+        }
+        body_force(d, g, ext);
+        derive_body_inertia(d, g);
+        if (added) {
+            derive_add_given_inertia(d, g);
+        }
+    }
+    for (size_t g = ngroup - 1; g > 0; g--) {
+        articulated_inward(d, g);
+    }
+    if (floating) {
+        expr linear[3];
+
+        solve_base(d);
+        for (int m = 0; m < 3; m++) {
+            linear[m] = added ? base->dl[m] : add(d, base->dl[m], drift[m]);
+        }
+        derive_put_base(d, 0, linear);
+        derive_put_base(d, 3, base->da);
+    }
+    for (size_t g = 1; g < ngroup; g++) {
+        derive_put_joint(d, g, acceleration_outward(d, g));
+    }
+}
+
+void derive_inverse(struct derive *d)
+{
+    struct state *base = &d->state[0];
+    expr drift[3];
+
+    base_drift(d, drift);
+    for (int m = 0; m < 3; m++) {
+        base->a[m] = expr_neg(drift[m]);
+    }
+    if (d->tree->robot->floating) {
+        expr linear[3];
+
+        derive_base_input(d, DERIVE_V, 3, base->w);
+        derive_base_input(d, DERIVE_VDOT, 0, linear);
+        derive_base_input(d, DERIVE_VDOT, 3, base->alpha);
+        for (int m = 0; m < 3; m++) {
+            add_to(d, &base->a[m], linear[m]);
+        }
+    }
+    rate_matrix(d, base);
+    for (size_t g = 0; g < d->tree->ngroup; g++) {
+        if (g > 0) {
+            derive_joint_state(d, g);
+            motion_outward(d, g, true);
+        }
+        body_force(d, g, true);
+    }
+    for (size_t g = d->tree->ngroup - 1; g > 0; g--) {
+        const struct tree_body *body = derive_first_body(d, g);
+        struct state *state = &d->state[g];
+
+        derive_put_joint(d, g, body->prismatic ? state->f[body->axis] : state->n[body->axis]);
+        force_inward(d, g, state->n, state->f);
+    }
+    if (d->tree->robot->floating) {
+        derive_put_base(d, 0, base->f);
+        derive_put_base(d, 3, base->n);
+    }
+}

@@ -1,0 +1,270 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Kinematics, accelerations and energy in the world frame. */
+#include "model/symbolic/derive_private.h"
+
+static void base_pose(struct derive *d)
+{
+    struct state *base = &d->state[0];
+    const struct tree_body *body = &d->tree->body[0];
+
+    if (d->tree->robot->floating) {
+        derive_base_rotation(d, base->R);
+        for (int m = 0; m < 3; m++) {
+            base->p[m] = graph_input(d->g, DERIVE_Q, 1, &m);
+        }
+        return;
+    }
+    for (int m = 0; m < 3; m++) {
+        for (int n = 0; n < 3; n++) {
+            base->R[m][n] = graph_const(d->g, body->align[3 * m + n]);
+        }
+    }
+}
+
+/* The parents' place, velocity and acceleration. */
+static void world_from_parent(struct derive *d, size_t group)
+{
+    struct state *state = &d->state[group];
+
+    for (int m = 0; m < 3; m++) {
+        size_t at = (size_t)m * sizeof(expr);
+
+        for (int n = 0; n < 3; n++) {
+            state->R[m][n] =
+                derive_from_parent(d, group, STATE(R[0][0]) + 3 * at + (size_t)n * sizeof(expr));
+        }
+        state->p[m] = derive_from_parent(d, group, STATE(p[0]) + at);
+        state->w[m] = derive_from_parent(d, group, STATE(w[0]) + at);
+        state->v[m] = derive_from_parent(d, group, STATE(v[0]) + at);
+        state->alpha[m] = derive_from_parent(d, group, STATE(alpha[0]) + at);
+        state->a[m] = derive_from_parent(d, group, STATE(a[0]) + at);
+    }
+}
+
+/* Adds what arm (from the parent's origin) and the joint along axis make of the acceleration:
+ * a += alpha x arm + w x (w x arm), and for a sliding joint 2 w x slide + axis d''. w and alpha are
+ * still the parent's. */
+static void add_acceleration(struct derive *d, size_t group, const expr axis[3], const expr arm[3],
+                             const expr slide[3])
+{
+    struct state *state = &d->state[group];
+    bool prismatic = derive_first_body(d, group)->prismatic;
+    int first = d->tree->robot->floating ? 6 : 0;
+    expr rate = derive_signed_input(d, group, DERIVE_VDOT, first), turn[3];
+    expr twice = graph_const(d->g, 2.0), across[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
+
+    derive_add_cross(d, state->a, state->alpha, arm);
+    derive_add_cross(d, across, state->w, arm);
+    for (int m = 0; m < 3; m++) {
+        add_to(d, &across[m], mul(d, twice, slide[m]));
+    }
+    derive_add_cross(d, state->a, state->w, across);
+    for (int m = 0; m < 3; m++) {
+        turn[m] = mul(d, axis[m], state->rate);
+        add_to(d, prismatic ? &state->a[m] : &state->alpha[m], mul(d, axis[m], rate));
+    }
+    if (!prismatic) {
+        derive_add_cross(d, state->alpha, state->w, turn);
+    }
+}
+
+/* Place, velocity and (with vdot) classical acceleration in the world frame, from the parents'. */
+static void world_outward(struct derive *d, size_t group, bool accelerations)
+{
+    const struct tree_body *body = derive_first_body(d, group);
+    struct state *state = &d->state[group];
+    expr r[3], arm[3], axis[3], slide[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
+
+    world_from_parent(d, group);
+    derive_origin(d, group, r);
+    derive_rotate(d, state->R, r, arm);
+    for (int m = 0; m < 3; m++) {
+        derive_vector_down(d, group, state->R[m]);
+    }
+    derive_column_of(state->R, body->axis, axis);
+    for (int m = 0; body->prismatic && m < 3; m++) {
+        add_to(d, &arm[m], mul(d, axis[m], state->d));
+        slide[m] = mul(d, axis[m], state->rate);
+    }
+    if (accelerations) {
+        add_acceleration(d, group, axis, arm, slide);
+    }
+    derive_add_cross(d, state->v, state->w, arm);
+    for (int m = 0; m < 3; m++) {
+        add_to(d, &state->p[m], arm[m]);
+        add_to(d, &state->v[m], slide[m]);
+        if (!body->prismatic) {
+            add_to(d, &state->w[m], mul(d, axis[m], state->rate));
+        }
+    }
+}
+
+/* The base's velocity and (with vdot) acceleration in the world frame. */
+static void base_motion(struct derive *d, bool accelerations)
+{
+    struct state *base = &d->state[0];
+    expr w[3], v[3];
+
+    base_pose(d);
+    if (!d->tree->robot->floating) {
+        return;
+    }
+    derive_base_input(d, DERIVE_V, 0, v);
+    derive_base_input(d, DERIVE_V, 3, w);
+    derive_rotate(d, base->R, v, base->v);
+    derive_rotate(d, base->R, w, base->w);
+    if (accelerations) {
+        expr linear[3], angular[3];
+
+        derive_base_input(d, DERIVE_VDOT, 0, linear);
+        derive_base_input(d, DERIVE_VDOT, 3, angular);
+        derive_add_cross(d, linear, w, v);
+        derive_rotate(d, base->R, linear, base->a);
+        derive_rotate(d, base->R, angular, base->alpha);
+    }
+}
+
+static void put_vector(struct derive *d, int index, const expr x[3])
+{
+    for (int m = 0; m < 3; m++) {
+        derive_put(d, index + m, x[m]);
+    }
+}
+
+/* One lane of what describes a body's motion. */
+static void lane_state(struct derive *d, const struct state *state, int l, struct state *lane)
+{
+    for (int m = 0; m < 3; m++) {
+        for (int n = 0; n < 3; n++) {
+            lane->R[m][n] = graph_lane(d->g, state->R[m][n], l);
+        }
+        lane->p[m] = graph_lane(d->g, state->p[m], l);
+        lane->v[m] = graph_lane(d->g, state->v[m], l);
+        lane->w[m] = graph_lane(d->g, state->w[m], l);
+        lane->a[m] = graph_lane(d->g, state->a[m], l);
+        lane->alpha[m] = graph_lane(d->g, state->alpha[m], l);
+    }
+}
+
+static void put_motion(struct derive *d, int body, struct state *lane)
+{
+    expr at[3], arm[3], row[3];
+
+    for (int m = 0; m < 3; m++) {
+        derive_apply(d, d->tree->body[body].align, lane->R[m], row);
+        put_vector(d, 18 * body + 3 * m, row);
+    }
+    derive_body_origin(d, body, at);
+    derive_rotate(d, lane->R, at, arm);
+    for (int m = 0; m < 3; m++) {
+        add_to(d, &lane->p[m], arm[m]);
+    }
+    derive_add_cross(d, lane->v, lane->w, arm);
+    put_vector(d, 18 * body + 9, lane->p);
+    put_vector(d, 18 * body + 12, lane->w);
+    put_vector(d, 18 * body + 15, lane->v);
+}
+
+static void put_acceleration(struct derive *d, int body, struct state *lane)
+{
+    expr at[3], arm[3], across[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
+
+    derive_body_origin(d, body, at);
+    derive_rotate(d, lane->R, at, arm);
+    derive_add_cross(d, across, lane->w, arm);
+    derive_add_cross(d, lane->a, lane->alpha, arm);
+    derive_add_cross(d, lane->a, lane->w, across);
+    put_vector(d, 6 * body, lane->alpha);
+    put_vector(d, 6 * body + 3, lane->a);
+}
+
+void derive_motion(struct derive *d)
+{
+    bool accelerations = d->function == DERIVE_ACCELERATION;
+
+    base_motion(d, accelerations);
+    for (size_t g = 0; g < d->tree->ngroup; g++) {
+        const struct tree_group *lanes = &d->tree->group[g];
+        struct state *state = &d->state[g];
+
+        if (g > 0) {
+            derive_joint_state(d, g);
+            world_outward(d, g, accelerations);
+        }
+        for (int l = 0; l < lanes->count; l++) {
+            int body = lanes->body[l];
+            struct state lane;
+
+            if (d->observed[body] < 0) {
+                continue;
+            }
+            lane_state(d, state, l, &lane);
+            if (accelerations) {
+                put_acceleration(d, body, &lane);
+            } else {
+                put_motion(d, body, &lane);
+            }
+        }
+    }
+}
+
+/* Adds the active lanes of value to *sum. */
+static void add_lanes(struct derive *d, size_t group, expr *sum, expr value)
+{
+    for (int l = 0; l < d->tree->group[group].count; l++) {
+        add_to(d, sum, graph_lane(d->g, value, l));
+    }
+}
+
+/* Adds twice the kinetic energy, m v.v + 2 v.(w x h) + w.J w with the last term in the bodies'
+ * axes, and the potential energy, -g.(m p + R h). */
+static void add_energy(struct derive *d, size_t group, expr *kinetic, expr *potential)
+{
+    struct state *state = &d->state[group];
+    expr mass = derive_body_const(d, group, BODY(mass)), two = graph_const(d->g, 2.0);
+    expr h[3], first[3], w[3], Jw[3], across[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO}, twice;
+
+    derive_body_inertia(d, group);
+    for (int m = 0; m < 3; m++) {
+        expr column[3];
+
+        h[m] = derive_body_const(d, group, BODY(h[0]) + (size_t)m * sizeof(double));
+        derive_column_of(state->R, m, column);
+        w[m] = derive_dot(d, column, state->w);
+    }
+    derive_rotate(d, state->R, h, first);
+    for (int m = 0; m < 3; m++) {
+        expr row[3];
+
+        for (int n = 0; n < 3; n++) {
+            row[n] = *upper(state->J, m, n);
+        }
+        Jw[m] = derive_dot(d, row, w);
+    }
+    derive_add_cross(d, across, state->w, first);
+    twice = add(d, mul(d, mass, derive_dot(d, state->v, state->v)), derive_dot(d, w, Jw));
+    add_to(d, &twice, mul(d, two, derive_dot(d, state->v, across)));
+    add_lanes(d, group, kinetic, twice);
+    for (int m = 0; m < 3; m++) {
+        expr moment = add(d, first[m], mul(d, mass, state->p[m]));
+        double gravity = d->tree->robot->gravity[m];
+
+        add_lanes(d, group, potential, mul(d, graph_const(d->g, -gravity), moment));
+    }
+}
+
+void derive_energy(struct derive *d)
+{
+    expr kinetic = EXPR_ZERO, potential = EXPR_ZERO;
+
+    base_motion(d, false);
+    for (size_t g = 0; g < d->tree->ngroup; g++) {
+        if (g > 0) {
+            derive_joint_state(d, g);
+            world_outward(d, g, false);
+        }
+        add_energy(d, g, &kinetic, &potential);
+    }
+    derive_put(d, 0, mul(d, graph_const(d->g, 0.5), kinetic));
+    derive_put(d, 1, potential);
+}

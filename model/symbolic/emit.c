@@ -1,0 +1,506 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Expressions as straight-line C with vector types of GCC and Clang. */
+#include "model/symbolic/emit.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Compilers take more than linear time for a block: long functions are split into pieces of about so
+ * many operations, which hand values on through a scratch array. */
+enum { TRIG_CHUNK = 8, PIECE = 3000 };
+
+/* Arrays are by node. */
+struct emission {
+    FILE *file;
+    const struct graph *graph;
+    const struct derivation *derivation;
+    const char *name;
+    bool reads[DERIVE_ARRAYS];
+    bool *reached;
+    bool *early;  /* an angle is made from it */
+    int *slot;    /* of an angle among the angles, or -1 */
+    int nslot;    /* multiple of TRIG_CHUNK */
+    int *piece;   /* in which it is computed */
+    int *last;    /* last piece that uses it */
+    int *scratch; /* its place in the scratch array, or -1 */
+    int *known;   /* the last piece in which it stands in a local */
+    int npiece, current;
+    int nscratch;
+    int memory[];
+};
+
+static const char *const array_name[DERIVE_ARRAYS] = {"q",   "v",     "tau",  "vdot",
+                                                      "ext", "extra", "added"};
+
+const char *emit_array_name(enum derive_array array)
+{
+    return array_name[array];
+}
+
+static int operand_count(enum graph_op op, int width)
+{
+    switch (op) {
+    case GRAPH_CONST:
+    case GRAPH_INPUT:
+        return 0;
+    case GRAPH_ADD:
+    case GRAPH_SUB:
+    case GRAPH_MUL:
+        return 2;
+    case GRAPH_PACK:
+        return width;
+    default:
+        return 1;
+    }
+}
+
+/* Marks what the outputs need. Operands have lower numbers than what uses them. */
+static void mark_reached(struct emission *e)
+{
+    for (size_t o = 0; o < e->derivation->count; o++) {
+        e->reached[expr_node(e->derivation->output[o].value)] = true;
+    }
+    for (size_t n = e->graph->count; n-- > 0;) {
+        const struct graph_node *node = &e->graph->node[n];
+
+        for (int m = 0; e->reached[n] && m < operand_count(node->op, node->width); m++) {
+            e->reached[expr_node(node->operand[m])] = true;
+        }
+        if (e->reached[n] && node->op == GRAPH_INPUT) {
+            e->reads[node->array] = true;
+        }
+    }
+}
+
+bool emission_reads(const struct emission *e, enum derive_array array)
+{
+    return e->reads[array];
+}
+
+static const char *type_name(int width)
+{
+    return width == 1 ? "double" : width == 2 ? "v2" : "v4";
+}
+
+static void write_number(FILE *file, double value)
+{
+    char text[40];
+
+    snprintf(text, sizeof text, "%.17g", value);
+    fprintf(file, "%s%s", text, strpbrk(text, ".e") ? "" : ".0");
+}
+
+static void write_constant(FILE *file, const struct graph_node *node)
+{
+    if (node->width == 1) {
+        write_number(file, node->value[0]);
+        return;
+    }
+    fprintf(file, "(%s){", type_name(node->width));
+    for (int l = 0; l < node->width; l++) {
+        fprintf(file, "%s", l ? ", " : "");
+        write_number(file, node->value[l]);
+    }
+    fprintf(file, "}");
+}
+
+static void write_operand(const struct emission *e, expr value)
+{
+    const struct graph_node *node = graph_get(e->graph, value);
+
+    if (expr_negative(value)) {
+        fputc('-', e->file);
+    }
+    if (node->op == GRAPH_CONST) {
+        write_constant(e->file, node);
+    } else {
+        fprintf(e->file, "t%u", expr_node(value));
+    }
+}
+
+static void write_input(const struct emission *e, const struct graph_node *node)
+{
+    const char *name = array_name[node->array];
+
+    if (node->width == 1) {
+        fprintf(e->file, "%s[%d]", name, node->index[0]);
+        return;
+    }
+    fprintf(e->file, "(%s){", type_name(node->width));
+    for (int l = 0; l < node->width; l++) {
+        fprintf(e->file, "%s%s[%d]", l ? ", " : "", name, node->index[l]);
+    }
+    fprintf(e->file, "}");
+}
+
+static void write_pack(const struct emission *e, const struct graph_node *node)
+{
+    fprintf(e->file, "(%s){", type_name(node->width));
+    for (int l = 0; l < node->width; l++) {
+        fprintf(e->file, "%s", l ? ", " : "");
+        write_operand(e, node->operand[l]);
+    }
+    fprintf(e->file, "}");
+}
+
+/* A place in an array of doubles as a value of some width. */
+static void write_place(FILE *file, bool reading, int width, const char *array, int at)
+{
+    if (width == 1) {
+        fprintf(file, "%s[%d]", array, at);
+    } else {
+        fprintf(file, "*(%s%s *)(%s + %d)", reading ? "const " : "", type_name(width), array, at);
+    }
+}
+
+static void write_trig(const struct emission *e, const struct graph_node *node)
+{
+    const char *array = node->op == GRAPH_SIN ? "sine" : "cosine";
+
+    write_place(e->file, true, node->width, array, e->slot[expr_node(node->operand[0])]);
+}
+
+static void write_value(const struct emission *e, const struct graph_node *node)
+{
+    switch (node->op) {
+    case GRAPH_CONST:
+        write_constant(e->file, node);
+        break;
+    case GRAPH_INPUT:
+        write_input(e, node);
+        break;
+    case GRAPH_ADD:
+    case GRAPH_SUB:
+    case GRAPH_MUL:
+        write_operand(e, node->operand[0]);
+        fprintf(e->file, " %c ", node->op == GRAPH_ADD ? '+' : node->op == GRAPH_SUB ? '-' : '*');
+        write_operand(e, node->operand[1]);
+        break;
+    case GRAPH_INVERT:
+        fprintf(e->file, "1.0 / ");
+        write_operand(e, node->operand[0]);
+        break;
+    case GRAPH_SIN:
+    case GRAPH_COS:
+        write_trig(e, node);
+        break;
+    case GRAPH_LANE:
+        write_operand(e, node->operand[0]);
+        fprintf(e->file, "[%d]", node->index[0]);
+        break;
+    case GRAPH_PACK:
+        write_pack(e, node);
+        break;
+    }
+}
+
+/* Cheaper to compute once more than to keep. */
+static bool is_cheap(const struct emission *e, uint32_t n)
+{
+    enum graph_op op = e->graph->node[n].op;
+
+    return e->early[n] || op == GRAPH_INPUT || op == GRAPH_SIN || op == GRAPH_COS ||
+           op == GRAPH_LANE;
+}
+
+/* Makes a node's value stand in a local of this piece. */
+static void write_node(struct emission *e, uint32_t n)
+{
+    const struct graph_node *node = &e->graph->node[n];
+    bool here = is_cheap(e, n) || e->piece[n] == e->current;
+
+    if (node->op == GRAPH_CONST || e->known[n] == e->current) {
+        return;
+    }
+    e->known[n] = e->current;
+    for (int m = 0; here && m < operand_count(node->op, node->width); m++) {
+        if (node->op != GRAPH_SIN && node->op != GRAPH_COS) {
+            write_node(e, expr_node(node->operand[m]));
+        }
+    }
+    fprintf(e->file, "    const %s t%u = ", type_name(node->width), n);
+    if (here) {
+        write_value(e, node);
+    } else {
+        write_place(e->file, true, node->width, "work", e->scratch[n]);
+    }
+    fprintf(e->file, ";\n");
+    if (here && e->scratch[n] >= 0) {
+        fprintf(e->file, "    ");
+        write_place(e->file, false, node->width, "work", e->scratch[n]);
+        fprintf(e->file, " = t%u;\n", n);
+    }
+}
+
+/* Gives every angle a place, wide ones first so that they are aligned. */
+static void place_angles(struct emission *e)
+{
+    for (int width = GRAPH_LANES; width >= 1; width /= 2) {
+        for (size_t n = 0; n < e->graph->count; n++) {
+            const struct graph_node *node = &e->graph->node[n];
+            uint32_t angle = expr_node(node->operand[0]);
+
+            if (e->reached[n] && (node->op == GRAPH_SIN || node->op == GRAPH_COS) &&
+                node->width == width && e->slot[angle] < 0) {
+                e->slot[angle] = e->nslot;
+                e->nslot += width;
+                e->early[angle] = true;
+            }
+        }
+    }
+    while (e->nslot % TRIG_CHUNK) {
+        e->nslot++;
+    }
+    for (size_t n = e->graph->count; n-- > 0;) {
+        const struct graph_node *node = &e->graph->node[n];
+
+        for (int m = 0; e->early[n] && m < operand_count(node->op, node->width); m++) {
+            e->early[expr_node(node->operand[m])] = true;
+        }
+    }
+}
+
+/* Whether a node is computed once, in its piece. */
+static bool is_placed(const struct emission *e, uint32_t n)
+{
+    return e->reached[n] && e->graph->node[n].op != GRAPH_CONST && !is_cheap(e, n);
+}
+
+/* Cuts the nodes, in the order in which they were made, into pieces of equal length. */
+static void cut_pieces(struct emission *e)
+{
+    int total = 0, count = 0, length;
+
+    for (uint32_t n = 0; n < e->graph->count; n++) {
+        total += is_placed(e, n);
+    }
+    e->npiece = total / PIECE + 1;
+    length = total / e->npiece + 1;
+    for (uint32_t n = 0; n < e->graph->count; n++) {
+        e->piece[n] = is_placed(e, n) ? count++ / length : e->npiece - 1;
+    }
+}
+
+/* Notes that a piece needs a node's value. */
+static void note_use(struct emission *e, uint32_t n, int piece)
+{
+    const struct graph_node *node = &e->graph->node[n];
+
+    if (is_placed(e, n)) {
+        e->last[n] = piece > e->last[n] ? piece : e->last[n];
+        return;
+    }
+    for (int m = 0; node->op != GRAPH_CONST && m < operand_count(node->op, node->width); m++) {
+        note_use(e, expr_node(node->operand[m]), piece);
+    }
+}
+
+static void find_uses(struct emission *e)
+{
+    for (uint32_t n = 0; n < e->graph->count; n++) {
+        const struct graph_node *node = &e->graph->node[n];
+
+        for (int m = 0; is_placed(e, n) && m < operand_count(node->op, node->width); m++) {
+            note_use(e, expr_node(node->operand[m]), e->piece[n]);
+        }
+    }
+    for (size_t o = 0; o < e->derivation->count; o++) {
+        uint32_t n = expr_node(e->derivation->output[o].value);
+
+        note_use(e, n, e->piece[n]);
+    }
+}
+
+/* Places in the scratch array for what later pieces use; a place is free again after the last of
+ * them. unused: scratch of this function, by node. */
+static void place_scratch(struct emission *e, int *unused)
+{
+    for (int width = GRAPH_LANES; width >= 1; width /= 2) {
+        int free_count = 0;
+
+        for (int piece = 0; piece < e->npiece; piece++) {
+            for (uint32_t n = 0; n < e->graph->count; n++) {
+                if (is_placed(e, n) && e->graph->node[n].width == width && e->piece[n] == piece &&
+                    e->last[n] > piece) {
+                    e->scratch[n] = free_count ? unused[--free_count] : e->nscratch;
+                    e->nscratch += e->scratch[n] == e->nscratch ? width : 0;
+                }
+            }
+            for (uint32_t n = 0; n < e->graph->count; n++) {
+                if (e->scratch[n] >= 0 && e->graph->node[n].width == width && e->last[n] == piece) {
+                    unused[free_count++] = e->scratch[n];
+                }
+            }
+        }
+    }
+}
+
+/* All sines and cosines at once, at the start. */
+static void write_angles(struct emission *e)
+{
+    int used = 0;
+
+    e->current = e->npiece;
+    for (uint32_t n = 0; n < e->graph->count; n++) {
+        if (e->slot[n] >= 0) {
+            int width = e->graph->node[n].width;
+
+            write_node(e, n);
+            fprintf(e->file, "    ");
+            write_place(e->file, false, width, "angle", e->slot[n]);
+            fprintf(e->file, " = t%u;\n", n);
+            used += width;
+        }
+    }
+    for (int s = used; s < e->nslot; s++) {
+        fprintf(e->file, "    angle[%d] = 0.0;\n", s);
+    }
+    for (int s = 0; s < e->nslot; s += TRIG_CHUNK) {
+        fprintf(e->file, "    NAME(sincos)(angle + %d, sine + %d, cosine + %d);\n", s, s, s);
+    }
+}
+
+/* The operations of one piece and the outputs that are ready with it. */
+static void write_piece(struct emission *e, int piece)
+{
+    e->current = piece;
+    for (uint32_t n = 0; n < e->graph->count; n++) {
+        if (is_placed(e, n) && e->piece[n] == piece) {
+            write_node(e, n);
+        }
+    }
+    for (size_t o = 0; o < e->derivation->count; o++) {
+        const struct derive_output *output = &e->derivation->output[o];
+
+        if (e->piece[expr_node(output->value)] == piece) {
+            write_node(e, expr_node(output->value));
+            fprintf(e->file, "    out[%d] = ", output->index);
+            write_operand(e, output->value);
+            fprintf(e->file, ";\n");
+        }
+    }
+}
+
+/* The arguments with or without their types; inside also those of a piece. */
+static void write_arguments(const struct emission *e, bool types, bool inside)
+{
+    const char *input = types ? "const double *restrict " : "";
+
+    for (int a = 0; a < DERIVE_ARRAYS; a++) {
+        if (e->reads[a]) {
+            fprintf(e->file, "%s%s, ", input, array_name[a]);
+        }
+    }
+    if (inside && e->nslot) {
+        fprintf(e->file, "%ssine, %scosine, ", input, input);
+    }
+    if (inside && e->nscratch) {
+        fprintf(e->file, "%swork, ", types ? "double *restrict " : "");
+    }
+    fprintf(e->file, "%sout)", types ? "double *restrict " : "");
+}
+
+/* Arguments that a piece may not need. */
+static void write_unused(const struct emission *e)
+{
+    for (int a = 0; a < DERIVE_ARRAYS; a++) {
+        if (e->reads[a]) {
+            fprintf(e->file, "    (void)%s;\n", array_name[a]);
+        }
+    }
+    fprintf(e->file, "%s%s    (void)out;\n", e->nslot ? "    (void)sine;\n    (void)cosine;\n" : "",
+            e->nscratch ? "    (void)work;\n" : "");
+}
+
+void emission_write(struct emission *e, FILE *file)
+{
+    e->file = file;
+    for (int piece = 0; e->npiece > 1 && piece < e->npiece; piece++) {
+        fprintf(e->file, "\nTARGET static __attribute__((noinline)) void NAME(%s_%d)(", e->name,
+                piece);
+        write_arguments(e, true, true);
+        fprintf(e->file, "\n{\n");
+        write_unused(e);
+        write_piece(e, piece);
+        fprintf(e->file, "}\n");
+    }
+    fprintf(e->file, "\nTARGET static void NAME(%s)(", e->name);
+    write_arguments(e, true, false);
+    fprintf(e->file, "\n{\n");
+    if (e->nslot) {
+        fprintf(e->file, "    double angle[%d] ALIGNED, sine[%d] ALIGNED, cosine[%d] ALIGNED;\n",
+                e->nslot, e->nslot, e->nslot);
+    }
+    if (e->nscratch) {
+        fprintf(e->file, "    double work[%d] ALIGNED;\n", e->nscratch);
+    }
+    if (e->derivation->count == 0) {
+        fprintf(e->file, "    (void)out;\n");
+    }
+    write_angles(e);
+    for (int piece = 0; e->npiece > 1 && piece < e->npiece; piece++) {
+        fprintf(e->file, "    NAME(%s_%d)(", e->name, piece);
+        write_arguments(e, false, true);
+        fprintf(e->file, ";\n");
+    }
+    if (e->npiece == 1) {
+        write_piece(e, 0);
+    }
+    fprintf(e->file, "}\n");
+}
+
+static void count_operations(const struct emission *e, struct symbolic_count *count)
+{
+    for (size_t n = 0; n < e->graph->count; n++) {
+        const struct graph_node *node = &e->graph->node[n];
+        size_t width = e->reached[n] ? (size_t)node->width : 0;
+
+        count->add += node->op == GRAPH_ADD || node->op == GRAPH_SUB ? width : 0;
+        count->multiply += node->op == GRAPH_MUL ? width : 0;
+        count->divide += node->op == GRAPH_INVERT ? width : 0;
+        count->sincos += e->slot[n] >= 0 ? width : 0;
+        count->statements += width && (node->op == GRAPH_ADD || node->op == GRAPH_SUB ||
+                                       node->op == GRAPH_MUL || node->op == GRAPH_INVERT);
+    }
+    count->operations = count->add + count->multiply + count->divide;
+}
+
+enum error_code emission_create(const char *name, const struct graph *graph,
+                                const struct derivation *derivation, struct emission **out,
+                                struct symbolic_count *count, struct error *error)
+{
+    size_t nodes = graph->count;
+    /* six arrays of int and two of bool behind the struct */
+    struct emission *e = calloc(1, sizeof *e + nodes * (6 * sizeof(int) + 2 * sizeof(bool)));
+
+    *out = e;
+    if (!e) {
+        return error_set(error, ERROR_MEMORY, "no memory to write %zu expressions", nodes);
+    }
+    e->name = name;
+    e->graph = graph;
+    e->derivation = derivation;
+    e->slot = e->memory;
+    e->piece = e->memory + nodes;
+    e->last = e->memory + 2 * nodes;
+    e->scratch = e->memory + 3 * nodes;
+    e->known = e->memory + 4 * nodes;
+    e->reached = (bool *)(e->memory + 6 * nodes);
+    e->early = e->reached + nodes;
+    for (size_t n = 0; n < nodes; n++) {
+        e->slot[n] = e->last[n] = e->scratch[n] = e->known[n] = -1;
+    }
+    mark_reached(e);
+    place_angles(e);
+    cut_pieces(e);
+    find_uses(e);
+    place_scratch(e, e->memory + 5 * nodes);
+    count_operations(e, count);
+    return ERROR_NONE;
+}
+
+void emission_destroy(struct emission *e)
+{
+    free(e);
+}

@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Expressions as C text. */
+#ifndef MODEL_SYMBOLIC_EMIT_H
+#define MODEL_SYMBOLIC_EMIT_H
+
+#include "model/symbolic/derive.h"
+#include "model/symbolic/symbolic.h"
+
+/* One derived function on its way to C. */
+struct emission;
+
+/* Plans the function: what it reads, in which pieces it is written, what it costs (added to count).
+ * name, graph and derivation must outlive it. *out is NULL or to be destroyed, also after an error. */
+enum error_code emission_create(const char *name, const struct graph *graph,
+                                const struct derivation *derivation, struct emission **out,
+                                struct symbolic_count *count, struct error *error);
+void emission_destroy(struct emission *emission);
+
+/* Writes it, once: static, void, with the argument arrays that it reads and the array out. Errors of
+ * the file are left to ferror. */
+void emission_write(struct emission *emission, FILE *file);
+
+bool emission_reads(const struct emission *emission, enum derive_array array);
+
+/* What stands once before all variants: vector types and macros. */
+void emit_preamble(FILE *file);
+
+/* Sine and cosine of 8 lanes, of the variant being compiled. */
+void emit_sincos(FILE *file);
+
+/* What an argument array is called. */
+const char *emit_array_name(enum derive_array array);
+
+#endif

@@ -1,0 +1,445 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The expression graph: hash-consing and simplification. */
+#include "model/symbolic/graph.h"
+
+#include "base/hash.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+void graph_init(struct graph *graph)
+{
+    struct graph_node zero = {.op = GRAPH_CONST, .width = 1};
+
+    memset(graph, 0, sizeof *graph);
+    graph->capacity = 4096;
+    graph->nbucket = 16384;
+    graph->node = calloc(graph->capacity, sizeof *graph->node);
+    graph->bucket = calloc(graph->nbucket, sizeof *graph->bucket);
+    if (!graph->node || !graph->bucket) {
+        graph->failed = true;
+        return;
+    }
+    graph->node[0] = zero;
+    graph->count = 1;
+}
+
+void graph_fini(struct graph *graph)
+{
+    free(graph->node);
+    free(graph->bucket);
+    memset(graph, 0, sizeof *graph);
+}
+
+const struct graph_node *graph_get(const struct graph *graph, expr e)
+{
+    return &graph->node[expr_node(e)];
+}
+
+int graph_width(const struct graph *graph, expr e)
+{
+    return graph->failed ? 1 : graph_get(graph, e)->width;
+}
+
+bool graph_is_const(const struct graph *graph, expr e)
+{
+    return graph->failed || graph_get(graph, e)->op == GRAPH_CONST;
+}
+
+/* What makes a node the node it is. */
+static uint64_t node_hash(const struct graph_node *node)
+{
+    uint64_t hash = HASH_START;
+
+    hash = hash_bytes(hash, &node->op, sizeof node->op);
+    hash = hash_bytes(hash, &node->width, sizeof node->width);
+    hash = hash_bytes(hash, node->operand, sizeof node->operand);
+    hash = hash_bytes(hash, &node->array, sizeof node->array);
+    hash = hash_bytes(hash, node->index, sizeof node->index);
+    return hash_bytes(hash, node->value, sizeof node->value);
+}
+
+static bool node_equal(const struct graph_node *a, const struct graph_node *b)
+{
+    return a->op == b->op && a->width == b->width && a->array == b->array &&
+           memcmp(a->operand, b->operand, sizeof a->operand) == 0 &&
+           memcmp(a->index, b->index, sizeof a->index) == 0 &&
+           memcmp(a->value, b->value, sizeof a->value) == 0;
+}
+
+static bool grow(struct graph *graph)
+{
+    size_t capacity = 2 * graph->capacity, nbucket = 2 * graph->nbucket;
+    struct graph_node *node = realloc(graph->node, capacity * sizeof *node);
+    uint32_t *bucket;
+
+    if (!node) {
+        return false;
+    }
+    graph->node = node;
+    graph->capacity = capacity;
+    bucket = calloc(nbucket, sizeof *bucket);
+    if (!bucket) {
+        return false;
+    }
+    free(graph->bucket);
+    graph->bucket = bucket;
+    graph->nbucket = nbucket;
+    for (size_t i = 1; i < graph->count; i++) {
+        size_t slot = node_hash(&node[i]) % nbucket;
+
+        node[i].next = bucket[slot];
+        bucket[slot] = (uint32_t)i;
+    }
+    return true;
+}
+
+/* The node equal to *wanted, new or old. */
+static expr intern(struct graph *graph, const struct graph_node *wanted)
+{
+    size_t slot;
+
+    if (graph->failed) {
+        return EXPR_ZERO;
+    }
+    slot = node_hash(wanted) % graph->nbucket;
+    for (uint32_t i = graph->bucket[slot]; i; i = graph->node[i].next) {
+        if (node_equal(&graph->node[i], wanted)) {
+            return (expr)i << 1;
+        }
+    }
+    if (graph->count == graph->capacity) {
+        if (!grow(graph)) {
+            graph->failed = true;
+            return EXPR_ZERO;
+        }
+        slot = node_hash(wanted) % graph->nbucket;
+    }
+    graph->node[graph->count] = *wanted;
+    graph->node[graph->count].next = graph->bucket[slot];
+    graph->bucket[slot] = (uint32_t)graph->count;
+    return (expr)graph->count++ << 1;
+}
+
+static expr intern_binary(struct graph *graph, enum graph_op op, expr a, expr b)
+{
+    int wa = graph_width(graph, a), wb = graph_width(graph, b);
+    struct graph_node node = {.op = op, .width = wa > wb ? wa : wb, .operand = {a, b}};
+
+    return intern(graph, &node);
+}
+
+expr graph_const_lanes(struct graph *graph, int width, const double *value)
+{
+    struct graph_node node = {.op = GRAPH_CONST};
+    bool uniform = true, zero = true, negative = false;
+
+    for (int l = width - 1; l >= 0; l--) {
+        uniform = uniform && value[l] == value[0];
+        if (value[l] != 0.0) {
+            zero = false;
+            negative = value[l] < 0.0;
+        }
+    }
+    if (zero) {
+        return EXPR_ZERO;
+    }
+    node.width = uniform ? 1 : width;
+    for (int l = 0; l < node.width; l++) {
+        /* adding zero turns -0 into 0: equal constants are equal bits */
+        node.value[l] = (negative ? -value[l] : value[l]) + 0.0;
+    }
+    return intern(graph, &node) ^ (negative ? 1U : 0U);
+}
+
+expr graph_const(struct graph *graph, double value)
+{
+    return graph_const_lanes(graph, 1, &value);
+}
+
+/* Lane l of a constant, with its sign. */
+static double const_value(const struct graph *graph, expr e, int l)
+{
+    const struct graph_node *node = graph_get(graph, e);
+    double value = node->value[node->width == 1 ? 0 : l];
+
+    return expr_negative(e) ? -value : value;
+}
+
+/* Lane by lane a op b of two constants. */
+static expr fold(struct graph *graph, enum graph_op op, expr a, expr b)
+{
+    int wa = graph_width(graph, a), wb = graph_width(graph, b), width = wa > wb ? wa : wb;
+    double value[GRAPH_LANES];
+
+    for (int l = 0; l < width; l++) {
+        double x = const_value(graph, a, l), y = const_value(graph, b, l);
+
+        value[l] = op == GRAPH_MUL ? x * y : x + y;
+    }
+    return graph_const_lanes(graph, width, value);
+}
+
+static bool is_uniform_const(const struct graph *graph, expr e, double value)
+{
+    const struct graph_node *node = graph_get(graph, e);
+
+    return node->op == GRAPH_CONST && node->width == 1 && const_value(graph, e, 0) == value;
+}
+
+expr graph_input(struct graph *graph, int array, int width, const int *index)
+{
+    struct graph_node node = {.op = GRAPH_INPUT, .width = width, .array = array};
+
+    memcpy(node.index, index, (size_t)width * sizeof *index);
+    return intern(graph, &node);
+}
+
+/* Splits e into constant * rest; the constant is 1 when there is none. */
+static void split_const(struct graph *graph, expr e, expr *constant, expr *rest)
+{
+    const struct graph_node *node = graph_get(graph, e);
+
+    if (node->op == GRAPH_MUL && graph_is_const(graph, node->operand[0])) {
+        *constant = expr_negative(e) ? expr_neg(node->operand[0]) : node->operand[0];
+        *rest = node->operand[1];
+    } else {
+        *constant = graph_const(graph, expr_negative(e) ? -1.0 : 1.0);
+        *rest = e & ~1U;
+    }
+}
+
+/* Whether e is the square of a sine or cosine, and of which angle. */
+static bool is_square_of(const struct graph *graph, expr e, enum graph_op op, expr *angle)
+{
+    const struct graph_node *node = graph_get(graph, e);
+
+    if (node->op != GRAPH_MUL || node->operand[0] != node->operand[1] || expr_negative(e) ||
+        graph_get(graph, node->operand[0])->op != op) {
+        return false;
+    }
+    *angle = graph_get(graph, node->operand[0])->operand[0];
+    return true;
+}
+
+/* sin^2 + cos^2 of one angle */
+static bool is_pythagoras(const struct graph *graph, expr a, expr b)
+{
+    expr x, y;
+
+    return ((is_square_of(graph, a, GRAPH_SIN, &x) && is_square_of(graph, b, GRAPH_COS, &y)) ||
+            (is_square_of(graph, a, GRAPH_COS, &x) && is_square_of(graph, b, GRAPH_SIN, &y))) &&
+           x == y;
+}
+
+expr graph_add(struct graph *graph, expr a, expr b)
+{
+    expr ca, cb, ra, rb;
+
+    if (graph->failed) {
+        return EXPR_ZERO;
+    }
+    if (a == EXPR_ZERO || b == EXPR_ZERO) {
+        return a == EXPR_ZERO ? b : a;
+    }
+    if (a == expr_neg(b)) {
+        return EXPR_ZERO;
+    }
+    if (graph_is_const(graph, a) && graph_is_const(graph, b)) {
+        return fold(graph, GRAPH_ADD, a, b);
+    }
+    if (is_pythagoras(graph, a, b)) {
+        return graph_const(graph, 1.0);
+    }
+    split_const(graph, a, &ca, &ra);
+    split_const(graph, b, &cb, &rb);
+    if (ra == rb) {
+        return graph_mul(graph, fold(graph, GRAPH_ADD, ca, cb), ra);
+    }
+    /* one order, one sign */
+    if (expr_node(a) > expr_node(b)) {
+        expr swap = a;
+
+        a = b;
+        b = swap;
+    }
+    if (expr_negative(a) == expr_negative(b)) {
+        return intern_binary(graph, GRAPH_ADD, a & ~1U, b & ~1U) ^ (a & 1U);
+    }
+    return intern_binary(graph, GRAPH_SUB, a & ~1U, b & ~1U) ^ (a & 1U);
+}
+
+expr graph_sub(struct graph *graph, expr a, expr b)
+{
+    return graph_add(graph, a, expr_neg(b));
+}
+
+expr graph_mul(struct graph *graph, expr a, expr b)
+{
+    uint32_t sign = (a ^ b) & 1U;
+    expr c, rest;
+
+    if (graph->failed || a == EXPR_ZERO || b == EXPR_ZERO) {
+        return EXPR_ZERO;
+    }
+    a &= ~1U;
+    b &= ~1U;
+    if (graph_is_const(graph, a) && graph_is_const(graph, b)) {
+        c = fold(graph, GRAPH_MUL, a, b);
+        return c ^ sign;
+    }
+    if (graph_is_const(graph, b) || (!graph_is_const(graph, a) && expr_node(a) > expr_node(b))) {
+        expr swap = a;
+
+        a = b;
+        b = swap;
+    }
+    if (is_uniform_const(graph, a, 1.0)) {
+        return b ^ sign;
+    }
+    if (graph_is_const(graph, a)) {
+        split_const(graph, b, &c, &rest);
+        if (rest != b) {
+            return graph_mul(graph, fold(graph, GRAPH_MUL, a, c), rest) ^ sign;
+        }
+    }
+    return intern_binary(graph, GRAPH_MUL, a, b) ^ sign;
+}
+
+static expr unary(struct graph *graph, enum graph_op op, expr a)
+{
+    struct graph_node node = {.op = op, .width = graph_width(graph, a), .operand = {a}};
+
+    return intern(graph, &node);
+}
+
+expr graph_invert(struct graph *graph, expr a)
+{
+    if (graph->failed) {
+        return EXPR_ZERO;
+    }
+    if (graph_is_const(graph, a)) {
+        double value[GRAPH_LANES];
+        int width = graph_width(graph, a);
+
+        for (int l = 0; l < width; l++) {
+            value[l] = 1.0 / const_value(graph, a, l);
+        }
+        return graph_const_lanes(graph, width, value);
+    }
+    if (graph_get(graph, a)->op == GRAPH_INVERT) {
+        return graph_get(graph, a)->operand[0] ^ (a & 1U);
+    }
+    return unary(graph, GRAPH_INVERT, a & ~1U) ^ (a & 1U);
+}
+
+/* A constant's sine or cosine lane by lane. */
+static expr fold_trig(struct graph *graph, enum graph_op op, expr a)
+{
+    double value[GRAPH_LANES];
+    int width = graph_width(graph, a);
+
+    for (int l = 0; l < width; l++) {
+        double x = const_value(graph, a, l);
+
+        value[l] = op == GRAPH_SIN ? sin(x) : cos(x);
+    }
+    return graph_const_lanes(graph, width, value);
+}
+
+expr graph_sin(struct graph *graph, expr a)
+{
+    if (graph->failed || graph_is_const(graph, a)) {
+        return graph->failed ? EXPR_ZERO : fold_trig(graph, GRAPH_SIN, a);
+    }
+    return unary(graph, GRAPH_SIN, a & ~1U) ^ (a & 1U);
+}
+
+expr graph_cos(struct graph *graph, expr a)
+{
+    if (graph->failed || graph_is_const(graph, a)) {
+        return graph->failed ? EXPR_ZERO : fold_trig(graph, GRAPH_COS, a);
+    }
+    return unary(graph, GRAPH_COS, a & ~1U);
+}
+
+expr graph_lane(struct graph *graph, expr a, int lane)
+{
+    const struct graph_node *node;
+    struct graph_node wanted = {.op = GRAPH_LANE, .width = 1};
+
+    if (graph->failed) {
+        return EXPR_ZERO;
+    }
+    node = graph_get(graph, a);
+    if (node->width == 1) {
+        return a;
+    }
+    if (node->op == GRAPH_CONST) {
+        return graph_const(graph, const_value(graph, a, lane));
+    }
+    if (node->op == GRAPH_PACK) {
+        expr e = node->operand[lane];
+
+        return expr_negative(a) ? expr_neg(e) : e;
+    }
+    if (node->op == GRAPH_INPUT) {
+        return graph_input(graph, node->array, 1, &node->index[lane]) ^ (a & 1U);
+    }
+    wanted.operand[0] = a & ~1U;
+    wanted.index[0] = lane;
+    return intern(graph, &wanted) ^ (a & 1U);
+}
+
+/* Whether the lanes are those of one expression in their order, with one sign. */
+static bool is_unpacked(const struct graph *graph, int width, const expr *lane, expr *whole)
+{
+    for (int l = 0; l < width; l++) {
+        const struct graph_node *node = graph_get(graph, lane[l]);
+
+        if (node->op != GRAPH_LANE || node->index[0] != l || (lane[l] & 1U) != (lane[0] & 1U) ||
+            node->operand[0] != graph_get(graph, lane[0])->operand[0]) {
+            return false;
+        }
+    }
+    *whole = graph_get(graph, lane[0])->operand[0] ^ (lane[0] & 1U);
+    return graph_width(graph, *whole) == width;
+}
+
+expr graph_pack(struct graph *graph, int width, const expr *lane)
+{
+    struct graph_node node = {.op = GRAPH_PACK, .width = width};
+    bool same = true, constant = true, input = true;
+    double value[GRAPH_LANES];
+    int index[GRAPH_LANES];
+    expr whole;
+
+    if (graph->failed) {
+        return EXPR_ZERO;
+    }
+    for (int l = 0; l < width; l++) {
+        const struct graph_node *source = graph_get(graph, lane[l]);
+
+        same = same && lane[l] == lane[0];
+        constant = constant && source->op == GRAPH_CONST;
+        input = input && source->op == GRAPH_INPUT && source->width == 1 &&
+                !expr_negative(lane[l]) && source->array == graph_get(graph, lane[0])->array;
+        value[l] = constant ? const_value(graph, lane[l], 0) : 0.0;
+        index[l] = input ? source->index[0] : 0;
+        node.operand[l] = lane[l];
+    }
+    if (same) {
+        return lane[0];
+    }
+    if (constant) {
+        return graph_const_lanes(graph, width, value);
+    }
+    if (input) {
+        return graph_input(graph, graph_get(graph, lane[0])->array, width, index);
+    }
+    if (is_unpacked(graph, width, lane, &whole)) {
+        return whole;
+    }
+    return intern(graph, &node);
+}

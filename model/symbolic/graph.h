@@ -1,0 +1,103 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The expression graph of the symbolic generator. Nodes are hash-consed: equal expressions are one
+ * node, so common subexpressions cannot arise. The sign of an operand lives in the reference to it
+ * and not in a node, so that negation costs nothing and a - b, b - a and -(b - a) share one node.
+ * Whatever can be simplified is simplified when it is built.
+ *
+ * A node has 1, 2 or 4 lanes: the same expression of different limbs. An operand with one lane
+ * fits any width.
+ *
+ * Memory: graph_init, graph_fini. A failed allocation is remembered (graph.failed) and makes every
+ * further expression zero; the caller checks once, at the end. Not RT-safe.
+ */
+#ifndef MODEL_SYMBOLIC_GRAPH_H
+#define MODEL_SYMBOLIC_GRAPH_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { GRAPH_LANES = 4 };
+
+/* A node and a sign: node << 1 | negative. */
+typedef uint32_t expr;
+
+enum graph_op {
+    GRAPH_CONST,  /* value[lane] */
+    GRAPH_INPUT,  /* element index[lane] of argument array */
+    GRAPH_ADD,    /* a + b */
+    GRAPH_SUB,    /* a - b */
+    GRAPH_MUL,    /* a * b */
+    GRAPH_INVERT, /* 1 / a */
+    GRAPH_SIN,    /* sin a */
+    GRAPH_COS,    /* cos a */
+    GRAPH_LANE,   /* lane index[0] of a, as one lane */
+    GRAPH_PACK,   /* one-lane expressions operand[lane] side by side */
+};
+
+struct graph_node {
+    enum graph_op op;
+    int width;
+    expr operand[GRAPH_LANES];
+    int array;
+    int index[GRAPH_LANES];
+    double value[GRAPH_LANES];
+    uint32_t next; /* in its hash bucket, 0 = end */
+};
+
+struct graph {
+    struct graph_node *node;
+    size_t count, capacity;
+    uint32_t *bucket;
+    size_t nbucket;
+    bool failed;
+};
+
+/* Node 0 is the constant zero, of any width. */
+#define EXPR_ZERO ((expr)0)
+
+static inline uint32_t expr_node(expr e)
+{
+    return e >> 1;
+}
+
+static inline bool expr_negative(expr e)
+{
+    return e & 1;
+}
+
+static inline expr expr_neg(expr e)
+{
+    return e == EXPR_ZERO ? e : e ^ 1;
+}
+
+void graph_init(struct graph *graph);
+void graph_fini(struct graph *graph);
+
+const struct graph_node *graph_get(const struct graph *graph, expr e);
+int graph_width(const struct graph *graph, expr e);
+bool graph_is_const(const struct graph *graph, expr e);
+
+expr graph_const(struct graph *graph, double value);
+
+/* The values of width lanes; one lane when they are all equal. */
+expr graph_const_lanes(struct graph *graph, int width, const double *value);
+
+/* Elements index[0..width-1] of argument array number array. */
+expr graph_input(struct graph *graph, int array, int width, const int *index);
+
+expr graph_add(struct graph *graph, expr a, expr b);
+expr graph_sub(struct graph *graph, expr a, expr b);
+expr graph_mul(struct graph *graph, expr a, expr b);
+expr graph_invert(struct graph *graph, expr a);
+expr graph_sin(struct graph *graph, expr a);
+expr graph_cos(struct graph *graph, expr a);
+
+/* One lane of a. */
+expr graph_lane(struct graph *graph, expr a, int lane);
+
+/* Width one-lane expressions side by side; one lane when they are all the same. */
+expr graph_pack(struct graph *graph, int width, const expr *lane);
+
+#endif

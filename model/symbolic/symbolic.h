@@ -1,0 +1,67 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The symbolic generator: C code for the dynamics of one robot (model/symbolic/module.h), and the
+ * generated code as an implementation of struct dynamics. Not RT-safe; what it makes is.
+ */
+#ifndef MODEL_SYMBOLIC_SYMBOLIC_H
+#define MODEL_SYMBOLIC_SYMBOLIC_H
+
+#include "model/dynamics.h"
+#include "model/symbolic/module.h"
+
+#include <stdio.h>
+
+/* Changes whenever other code comes out for the same robot: caches are made anew. */
+#define SYMBOLIC_VERSION 1
+
+enum { SYMBOLIC_FUNCTIONS = 7, SYMBOLIC_SYMBOL = 64 };
+
+/* What a function costs. Lanes count each; sines and cosines stand apart. */
+struct symbolic_count {
+    const char *function;
+    size_t add, multiply, divide;
+    size_t operations; /* sum of the three */
+    size_t sincos;     /* angles */
+    size_t statements; /* vector and scalar instructions before contraction, without moves */
+};
+
+struct symbolic_report {
+    size_t groups; /* of bodies side by side; the base is one */
+    struct symbolic_count count[SYMBOLIC_FUNCTIONS];
+};
+
+struct symbolic_options {
+    int lanes;         /* at most so many limbs side by side: 1, 2 or 4; 4 is the fastest */
+    bool fast_compile; /* symbolic_build: -O1, for tests */
+};
+
+/* Writes the module's C file: the same bytes for the same robot and options. report may be NULL. */
+enum error_code symbolic_generate(const struct robot *robot, const struct symbolic_options *options,
+                                  FILE *file, struct symbolic_report *report, struct error *error);
+
+/* The name of the module's external function. */
+void symbolic_symbol(const struct robot *robot, char symbol[SYMBOLIC_SYMBOL]);
+
+/* A module that was compiled apart. */
+struct symbolic_library {
+    void *handle;
+    const struct dynamics_module *module;
+    bool cached; /* it was found in the folder and not made anew */
+};
+
+/* Generates, compiles with cc and loads robot's module, or loads what an earlier call left in
+ * folder, which must exist and belong to this user alone. The file's name holds the robot's hash and
+ * the generator's version. Without a compiler ERROR_UNSUPPORTED. Takes seconds when it compiles. */
+enum error_code symbolic_build(const struct robot *robot, const struct symbolic_options *options,
+                               const char *folder, struct symbolic_library *library,
+                               struct error *error);
+
+/* Unloads; nothing of the module may be in use. Safe on a zeroed library. */
+void symbolic_close(struct symbolic_library *library);
+
+/* The module as an implementation of robot's dynamics; refused when it was made from another robot
+ * or by another generator. Memory from arena; the module must outlive it. */
+enum error_code dynamics_generated(const struct robot *robot, const struct dynamics_module *module,
+                                   struct arena *arena, struct dynamics *out, struct error *error);
+
+#endif

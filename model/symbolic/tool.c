@@ -1,0 +1,43 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The generator as a program of the build: ROBOT.yaml FILE.c. The user's command is
+ * coman-hil generate, which itself contains what this program writes.
+ */
+#include "model/symbolic/symbolic.h"
+
+#include <stdio.h>
+
+int main(int argc, char **argv)
+{
+    const struct symbolic_options options = {.lanes = 4};
+    const struct robot *robot;
+    enum error_code code;
+    struct error error;
+    struct arena arena;
+    FILE *file;
+
+    if (argc != 3) {
+        fprintf(stderr, "usage: %s ROBOT.yaml FILE.c\n", argv[0]);
+        return 2;
+    }
+    if (arena_init(&arena, (size_t)64 << 20, &error) ||
+        robot_load(argv[1], NULL, &arena, &robot, &error)) {
+        fprintf(stderr, "%s\n", error.text);
+        return 2;
+    }
+    file = fopen(argv[2], "w");
+    if (!file) {
+        perror(argv[2]);
+        return 3;
+    }
+    code = symbolic_generate(robot, &options, file, NULL, &error);
+    if (fclose(file) && !code) {
+        code = error_set(&error, ERROR_SYSTEM, "%s cannot be written", argv[2]);
+    }
+    if (code) {
+        fprintf(stderr, "%s\n", error.text);
+        remove(argv[2]);
+    }
+    arena_fini(&arena);
+    return code ? 3 : 0;
+}

@@ -1,0 +1,447 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Working frames and lumped mass properties. */
+#include "model/symbolic/tree.h"
+
+#include "model/spatial.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+/* Rounding of a rotated unit vector. Smaller components are taken for zero. */
+#define ROUNDING 4e-16
+
+/* What the choice of frames weighs, in floating-point operations. */
+#define COST_TURN 90.0
+#define COST_SHIFT 35.0
+#define COST_ALIGN 30.0
+
+/* The placement of a joint in its parent's working frame. */
+struct placement {
+    double r[3];
+    int axis;
+    double sign;
+    int nturn;
+    struct tree_turn turn[TREE_TURNS];
+};
+
+static void clean(double x[3])
+{
+    double norm = sqrt(vec3_dot(x, x));
+
+    for (int m = 0; m < 3; m++) {
+        if (fabs(x[m]) <= ROUNDING * norm) {
+            x[m] = 0.0;
+        }
+    }
+}
+
+static void turn_matrix(const struct tree_turn *turn, double R[9])
+{
+    int i = (turn->axis + 1) % 3, j = (turn->axis + 2) % 3;
+
+    mat3_identity(R);
+    R[3 * i + i] = R[3 * j + j] = turn->c;
+    R[3 * j + i] = turn->s;
+    R[3 * i + j] = -turn->s;
+}
+
+/* R <- R Rot(turn) */
+static void turn_append(double R[9], const struct tree_turn *turn)
+{
+    double T[9], product[9];
+
+    turn_matrix(turn, T);
+    mat3_mul(R, T, product);
+    memcpy(R, product, sizeof product);
+}
+
+/* The fixed turns after which the unit vector a is +-axis, as few as possible. */
+static void find_turns(const double a[3], struct placement *place)
+{
+    int k = 0, zero = -1;
+
+    for (int m = 0; m < 3; m++) {
+        k = fabs(a[m]) > fabs(a[k]) ? m : k;
+        zero = a[m] == 0.0 ? m : zero;
+    }
+    place->axis = k;
+    place->sign = a[k] < 0.0 ? -1.0 : 1.0;
+    place->nturn = 0;
+
+    int i = (k + 1) % 3, j = (k + 2) % 3;
+    double ai = place->sign * a[i], aj = place->sign * a[j], ak = fabs(a[k]);
+    if (ai == 0.0 && aj == 0.0) {
+        return;
+    }
+    if (zero == i) {
+        place->turn[place->nturn++] = (struct tree_turn){i, ak, -aj};
+    } else if (zero == j) {
+        place->turn[place->nturn++] = (struct tree_turn){j, ak, ai};
+    } else {
+        double perpendicular = sqrt(ai * ai + aj * aj);
+
+        place->turn[place->nturn++] = (struct tree_turn){k, ai / perpendicular, aj / perpendicular};
+        place->turn[place->nturn++] = (struct tree_turn){j, ak, perpendicular};
+    }
+}
+
+/* How joint sits in its parent's working frame, given that frame's alignment and where the parent's
+ * origin is in it. */
+static void place_joint(const struct robot_joint *joint, const double align[9], const double at[3],
+                        struct placement *place)
+{
+    double in_parent[3], a[3], norm;
+
+    mat3_apply_transposed(align, joint->origin, place->r);
+    clean(place->r);
+    for (int m = 0; m < 3; m++) {
+        place->r[m] += at[m];
+    }
+    clean(place->r);
+    mat3_apply(joint->rotation, joint->axis, in_parent);
+    mat3_apply_transposed(align, in_parent, a);
+    norm = sqrt(vec3_dot(a, a));
+    for (int m = 0; m < 3; m++) {
+        a[m] /= norm;
+    }
+    clean(a);
+    find_turns(a, place);
+}
+
+/* Whether the joint's origin can move so that r has no component along the axis, or none at all. */
+static void free_origin(const struct placement *place, bool prismatic, double moved[3])
+{
+    memset(moved, 0, 3 * sizeof *moved);
+    if (prismatic) {
+        memcpy(moved, place->r, 3 * sizeof *moved);
+    } else if (place->nturn == 0) {
+        moved[place->axis] = place->r[place->axis];
+    }
+}
+
+/* With the origin where the shift is shortest. */
+static double placement_cost(const struct placement *place, bool prismatic)
+{
+    double cost = COST_TURN * place->nturn, moved[3];
+
+    free_origin(place, prismatic, moved);
+    for (int m = 0; m < 3; m++) {
+        cost += place->r[m] != moved[m] ? COST_SHIFT : 0.0;
+    }
+    return cost;
+}
+
+/* What the children of body b cost with its working frame and origin. */
+static double children_cost(const struct robot *robot, size_t b, const double align[9],
+                            const double at[3])
+{
+    double cost = 0.0;
+
+    for (size_t c = b + 1; c < robot->nbody; c++) {
+        if (robot->body[c].parent == (int)b) {
+            struct placement place;
+
+            place_joint(&robot->joint[c - 1], align, at, &place);
+            cost += placement_cost(&place, robot->joint[c - 1].type == JOINT_PRISMATIC);
+        }
+    }
+    return cost;
+}
+
+static bool is_identity(const double R[9])
+{
+    for (int m = 0; m < 9; m++) {
+        if (R[m] != (m % 4 == 0 ? 1.0 : 0.0)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Cleans the rows of a rotation of rounding residues. */
+static void clean_rotation(double R[9])
+{
+    for (int m = 0; m < 9; m++) {
+        if (fabs(R[m]) <= ROUNDING) {
+            R[m] = 0.0;
+        } else if (fabs(fabs(R[m]) - 1.0) <= ROUNDING) {
+            R[m] = copysign(1.0, R[m]);
+        }
+    }
+}
+
+/* The base may stand in any frame: its own, or one in which a child's axis is a coordinate axis. */
+static void choose_base_frame(const struct robot *robot, struct tree_body *base)
+{
+    double best;
+
+    mat3_identity(base->align);
+    best = children_cost(robot, 0, base->align, base->at);
+    for (size_t c = 1; c < robot->nbody; c++) {
+        struct placement place;
+        double align[9], identity[9], cost;
+
+        if (robot->body[c].parent != 0) {
+            continue;
+        }
+        mat3_identity(identity);
+        place_joint(&robot->joint[c - 1], identity, base->at, &place);
+        mat3_identity(align);
+        for (int n = 0; n < place.nturn; n++) {
+            turn_append(align, &place.turn[n]);
+        }
+        clean_rotation(align);
+        cost = children_cost(robot, 0, align, base->at) + (is_identity(align) ? 0.0 : COST_ALIGN);
+        if (cost < best) {
+            best = cost;
+            memcpy(base->align, align, sizeof align);
+        }
+    }
+    base->aligned = is_identity(base->align);
+}
+
+/* The angle about axis k that brings the part of x across the axis onto a coordinate axis. */
+static double angle_to_axis(int k, const double x[3])
+{
+    double angle = atan2(x[(k + 2) % 3], x[(k + 1) % 3]);
+
+    return angle - M_PI_2 * round(angle / M_PI_2);
+}
+
+/* A revolute joint's zero is free: chooses it for the sake of the body's children. align is the
+ * working frame for offset 0. */
+static void choose_offset(const struct robot *robot, size_t b, struct tree_body *body)
+{
+    double start[9], best;
+
+    memcpy(start, body->align, sizeof start);
+    best = children_cost(robot, b, start, body->at);
+    for (size_t c = b + 1; c < robot->nbody; c++) {
+        double across[2][3], in_parent[3];
+        const double *at = body->at;
+
+        if (robot->body[c].parent != (int)b) {
+            continue;
+        }
+        mat3_apply(robot->joint[c - 1].rotation, robot->joint[c - 1].axis, in_parent);
+        mat3_apply_transposed(start, in_parent, across[0]);
+        mat3_apply_transposed(start, robot->joint[c - 1].origin, across[1]);
+        for (int m = 0; m < 3; m++) {
+            across[1][m] += at[m];
+        }
+        for (int n = 0; n < 2; n++) {
+            double angle = angle_to_axis(body->axis, across[n]), align[9], cost;
+            struct tree_turn turn = {body->axis, cos(angle), sin(angle)};
+
+            if (fabs(angle) <= ROUNDING) {
+                continue;
+            }
+            memcpy(align, start, sizeof align);
+            turn_append(align, &turn);
+            clean_rotation(align);
+            cost = children_cost(robot, b, align, body->at);
+            if (cost < best - 1.0) {
+                best = cost;
+                memcpy(body->align, align, sizeof align);
+                body->offset = angle;
+            }
+        }
+    }
+}
+
+/* What the body's origin costs when it stands by moved (in the axes that r is given in) away from
+ * the robot's; at is the same in the body's axes. */
+static double origin_cost(const struct robot *robot, size_t b, const struct placement *place,
+                          const struct tree_body *body, const double moved[3], double at[3])
+{
+    double cost = COST_TURN * place->nturn;
+
+    memcpy(at, moved, 3 * sizeof *at);
+    for (int n = 0; n < place->nturn; n++) {
+        struct tree_turn back = place->turn[n];
+        double T[9], x[3] = {at[0], at[1], at[2]};
+
+        back.s = -back.s;
+        turn_matrix(&back, T);
+        mat3_apply(T, x, at);
+    }
+    for (int m = 0; m < 3; m++) {
+        cost += place->r[m] != moved[m] ? COST_SHIFT : 0.0;
+    }
+    return cost + children_cost(robot, b, body->align, at);
+}
+
+/* The origin may stand anywhere on a turning joint's axis, and anywhere at all on a sliding body:
+ * where the body has it, where the shift from the parent is shortest, or where the shift to a child
+ * is. */
+static void choose_origin(const struct robot *robot, size_t b, const struct placement *place,
+                          struct tree_body *body)
+{
+    const double zero[3] = {0.0, 0.0, 0.0};
+    double moved[3], at[3], best, cost;
+
+    memcpy(body->r, place->r, sizeof body->r);
+    best = origin_cost(robot, b, place, body, zero, at);
+    for (size_t c = b; c < robot->nbody; c++) {
+        if (c == b) {
+            free_origin(place, body->prismatic, moved);
+        } else if (robot->body[c].parent == (int)b && !body->prismatic && place->nturn == 0) {
+            struct placement child;
+
+            place_joint(&robot->joint[c - 1], body->align, zero, &child);
+            memset(moved, 0, sizeof moved);
+            moved[place->axis] = -child.r[place->axis];
+        } else {
+            continue;
+        }
+        cost = origin_cost(robot, b, place, body, moved, at);
+        if (cost < best - 1.0) {
+            best = cost;
+            memcpy(body->at, at, sizeof at);
+            for (int m = 0; m < 3; m++) {
+                body->r[m] = place->r[m] - moved[m];
+            }
+        }
+    }
+}
+
+/* m, h and K of a body in its working frame. */
+static void set_inertia(const struct robot_inertia *inertia, struct tree_body *body)
+{
+    double com[3], I[6], transposed[9], trace;
+
+    mat3_apply_transposed(body->align, inertia->com, com);
+    for (int m = 0; m < 3; m++) {
+        com[m] += body->at[m];
+    }
+    memcpy(I, inertia->I, sizeof I);
+    mat3_transpose(body->align, transposed);
+    if (!body->aligned) {
+        sym3_rotate(transposed, I);
+    }
+    trace = I[0] + I[3] + I[5];
+    body->mass = inertia->mass;
+    for (int i = 0; i < 3; i++) {
+        body->h[i] = inertia->mass * com[i];
+        for (int j = i; j < 3; j++) {
+            int ij = spatial_sym[i][j];
+
+            body->K[ij] = (i == j ? 0.5 * trace : 0.0) - I[ij] + body->h[i] * com[j];
+        }
+    }
+}
+
+static void set_body(const struct robot *robot, size_t b, struct tree *tree)
+{
+    const struct robot_joint *joint = &robot->joint[b - 1];
+    struct tree_body *body = &tree->body[b];
+    const struct tree_body *parent = &tree->body[robot->body[b].parent];
+    struct placement place;
+    double align[9], transposed[9];
+
+    place_joint(joint, parent->align, parent->at, &place);
+    body->prismatic = joint->type == JOINT_PRISMATIC;
+    body->axis = place.axis;
+    body->sign = place.sign;
+    body->nturn = place.nturn;
+    memcpy(body->turn, place.turn, sizeof body->turn);
+    /* align = R^T align(parent) turns: the joint turns nothing at q = 0 */
+    mat3_transpose(joint->rotation, transposed);
+    mat3_mul(transposed, parent->align, align);
+    for (int n = 0; n < place.nturn; n++) {
+        turn_append(align, &place.turn[n]);
+    }
+    clean_rotation(align);
+    memcpy(body->align, align, sizeof align);
+    choose_origin(robot, b, &place, body);
+    if (!body->prismatic) {
+        choose_offset(robot, b, body);
+    }
+    body->aligned = is_identity(body->align);
+}
+
+/* K <- K + x y^T + y x^T */
+static void add_outer(double K[6], double factor, const double x[3], const double y[3])
+{
+    for (int i = 0; i < 3; i++) {
+        for (int j = i; j < 3; j++) {
+            K[spatial_sym[i][j]] += factor * (x[i] * y[j] + y[i] * x[j]);
+        }
+    }
+}
+
+/* Moves to the parent what moves as well with it. */
+static void lump(struct tree_body *child, struct tree_body *parent)
+{
+    int k = child->axis, kk = spatial_sym[k][k];
+    double C[9], a[3];
+
+    mat3_identity(C);
+    for (int n = 0; n < child->nturn; n++) {
+        turn_append(C, &child->turn[n]);
+    }
+    if (child->prismatic) {
+        sym3_rotate(C, child->K);
+        for (int m = 0; m < 6; m++) {
+            parent->K[m] += child->K[m];
+            child->K[m] = 0.0;
+        }
+        return;
+    }
+    for (int m = 0; m < 3; m++) {
+        a[m] = C[3 * m + k];
+        parent->h[m] += child->h[k] * a[m] + child->mass * child->r[m];
+    }
+    add_outer(parent->K, 0.5 * child->K[kk], a, a);
+    add_outer(parent->K, child->h[k], a, child->r);
+    add_outer(parent->K, 0.5 * child->mass, child->r, child->r);
+    parent->mass += child->mass;
+    child->mass = child->h[k] = child->K[kk] = 0.0;
+}
+
+enum error_code tree_create(const struct robot *robot, int lanes, struct tree *tree,
+                            struct error *error)
+{
+    memset(tree, 0, sizeof *tree);
+    tree->robot = robot;
+    tree->nbody = robot->nbody;
+    tree->body = calloc(robot->nbody, sizeof *tree->body);
+    tree->group = calloc(robot->nbody, sizeof *tree->group);
+    tree->group_of = calloc(robot->nbody, sizeof *tree->group_of);
+    tree->lane_of = calloc(robot->nbody, sizeof *tree->lane_of);
+    if (!tree->body || !tree->group || !tree->group_of || !tree->lane_of) {
+        tree_destroy(tree);
+        return error_set(error, ERROR_MEMORY, "no memory for a tree of %zu bodies", robot->nbody);
+    }
+    for (size_t b = 0; b < robot->nbody; b++) {
+        struct tree_body *body = &tree->body[b];
+
+        body->parent = robot->body[b].parent;
+        body->observed = robot->body[b].observed;
+        if (b == 0) {
+            choose_base_frame(robot, body);
+        } else {
+            set_body(robot, b, tree);
+        }
+        set_inertia(&robot->body[b].inertia, body);
+    }
+    for (size_t b = robot->nbody - 1; b > 0; b--) {
+        struct tree_body *child = &tree->body[b];
+
+        lump(child, &tree->body[child->parent]);
+    }
+    if (tree_assign_lanes(tree, lanes, error)) {
+        tree_destroy(tree);
+        return ERROR_MEMORY;
+    }
+    return ERROR_NONE;
+}
+
+void tree_destroy(struct tree *tree)
+{
+    free(tree->body);
+    free(tree->group);
+    free(tree->group_of);
+    free(tree->lane_of);
+    memset(tree, 0, sizeof *tree);
+}

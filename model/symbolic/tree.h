@@ -1,0 +1,76 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A robot as the generator sees it. Three things are decided here, all of them exact:
+ *
+ * Frames. Each body gets a working frame in which its joint's axis is a coordinate axis and as many
+ * of its children's axes and origins as possible lie along coordinate axes too: every zero is an
+ * operation saved. The angle's zero and the origin's place on the axis are free: angle = sign * q +
+ * offset.
+ *
+ * Lumping. Mass properties are kept as the pseudo-inertia about the frame's origin: mass m, first
+ * moment h, second moment K = integral of r r^T dm. A distribution of mass along a revolute
+ * joint's axis moves as well with the parent as with the child; so m, h_k and K_kk of the child are
+ * moved to the parent, and K of a prismatic joint's child likewise (the minimal parameters of
+ * Gautier and Khalil, Direct calculation of minimum set of inertial parameters of serial robots,
+ * 1990). Equations of motion, energies and generalized forces stay what they are; a lumped body
+ * alone need not be a possible one.
+ *
+ * Lanes. Limbs whose joints turn about the same axes in the same order are evaluated side by side.
+ */
+#ifndef MODEL_SYMBOLIC_TREE_H
+#define MODEL_SYMBOLIC_TREE_H
+
+#include "model/robot.h"
+
+enum { TREE_LANES = 4, TREE_TURNS = 2 };
+
+/* A fixed turn about a coordinate axis, by its cosine and sine. */
+struct tree_turn {
+    int axis;
+    double c, s;
+};
+
+/* A body and the joint that moves it. Parent's working frame to this one: Trans(r), then the fixed
+ * turns in their order, then Rot(axis, sign q + offset) or Trans(axis (sign q)). */
+struct tree_body {
+    int parent; /* -1 for the base */
+    bool prismatic;
+    int axis;
+    double sign, offset;
+    double r[3];
+    int nturn;
+    struct tree_turn turn[TREE_TURNS];
+    double mass, h[3];
+    double K[6];     /* xx xy xz yy yz zz */
+    double align[9]; /* working frame to body frame, row-major */
+    bool aligned;    /* align is the identity */
+    double at[3];    /* the body's origin in the working frame */
+    bool observed;
+};
+
+/* Bodies that are evaluated side by side, one a lane. Lanes past count repeat lane 0. */
+struct tree_group {
+    int width, count;
+    int body[TREE_LANES];
+    int parent_group[TREE_LANES]; /* -1 for the base's own group */
+    int parent_lane[TREE_LANES];
+};
+
+struct tree {
+    const struct robot *robot;
+    size_t nbody;
+    struct tree_body *body;
+    size_t ngroup;
+    struct tree_group *group; /* parents before children; group 0 is the base */
+    int *group_of, *lane_of;  /* by body */
+};
+
+/* Builds the tree of a robot with at most lanes (1, 2 or 4) lanes a group. Not RT-safe. */
+enum error_code tree_create(const struct robot *robot, int lanes, struct tree *tree,
+                            struct error *error);
+void tree_destroy(struct tree *tree);
+
+/* Groups of bodies for at most lanes lanes (lanes.c); tree->body is complete. */
+enum error_code tree_assign_lanes(struct tree *tree, int lanes, struct error *error);
+
+#endif

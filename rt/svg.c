@@ -1,0 +1,344 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Line plots as SVG. */
+#include "rt/svg.h"
+
+#include <errno.h>
+#include <math.h>
+#include <string.h>
+
+enum {
+    WIDTH = 720,
+    HEIGHT = 450,
+    TOP = 36, /* without the legend */
+    BOTTOM = 56,
+    LEFT = 92,
+    RIGHT = 24,
+    TICKS = 6,      /* wanted between the ends of an axis */
+    TICKS_MAX = 40, /* of a logarithmic axis over the whole range of double: one in 16 decades */
+    LEGEND_LINE = 18,
+    LEGEND_KEY = 50, /* an entry's line and the space around it */
+    CHARACTER = 7,   /* about, of the font size 12 */
+};
+
+/* Okabe and Ito's colors, which color-blind readers can tell apart. */
+static const char *const colors[SVG_SERIES_MAX] = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
+                                                   "#e69f00", "#56b4e9", "#000000", "#999999"};
+
+/* An axis with its range, and where its ends are on the page. */
+struct scale {
+    const struct svg_axis *axis;
+    double min, max; /* of the numbers, or of their decimal logarithms */
+    double from, to; /* px */
+};
+
+struct page {
+    const struct svg_plot *plot;
+    struct scale x, y;
+    FILE *out;
+};
+
+static double on_scale(const struct scale *scale, double value)
+{
+    double number = scale->axis->logarithmic ? log10(value) : value;
+
+    return scale->from +
+           (number - scale->min) / (scale->max - scale->min) * (scale->to - scale->from);
+}
+
+static bool can_stand(const struct svg_axis *axis, double value)
+{
+    return isfinite(value) && (!axis->logarithmic || value > 0.0);
+}
+
+static bool point_can_stand(const struct svg_plot *plot, const struct svg_series *series, size_t i)
+{
+    return can_stand(&plot->x, series->x[i]) && can_stand(&plot->y, series->y[i]);
+}
+
+/* Characters that XML keeps to itself, and control characters that it does not take at all. */
+static void put_text(FILE *out, const char *text)
+{
+    for (; text && *text; text++) {
+        switch (*text) {
+        case '&':
+            fputs("&amp;", out);
+            break;
+        case '<':
+            fputs("&lt;", out);
+            break;
+        case '>':
+            fputs("&gt;", out);
+            break;
+        case '"':
+            fputs("&quot;", out);
+            break;
+        default:
+            putc((unsigned char)*text < 0x20 || *text == 0x7f ? ' ' : *text, out);
+        }
+    }
+}
+
+/* The step of 1, 2 or 5 times a power of ten that gives about TICKS ticks. */
+static double round_step(double range)
+{
+    double raw = range / TICKS, power = pow(10.0, floor(log10(raw))), digit = raw / power;
+
+    return power * (digit < 1.5 ? 1.0 : digit < 3.5 ? 2.0 : digit < 7.5 ? 5.0 : 10.0);
+}
+
+static double tick_step(const struct scale *scale)
+{
+    double range = scale->max - scale->min;
+
+    if (scale->axis->logarithmic) {
+        return fmax(1.0, ceil(range / (2.0 * TICKS)));
+    }
+    return round_step(range);
+}
+
+/* Range of the numbers that can stand, with a little air around them. */
+static bool find_range(const struct svg_plot *plot, bool vertical, struct scale *scale)
+{
+    const struct svg_axis *axis = vertical ? &plot->y : &plot->x;
+    double low = INFINITY, high = -INFINITY, air;
+
+    for (size_t s = 0; s < plot->nseries; s++) {
+        const struct svg_series *series = &plot->series[s];
+
+        for (size_t i = 0; i < series->count; i++) {
+            if (point_can_stand(plot, series, i)) {
+                double value = vertical ? series->y[i] : series->x[i];
+
+                value = axis->logarithmic ? log10(value) : value;
+                low = fmin(low, value);
+                high = fmax(high, value);
+            }
+        }
+    }
+    if (!(low <= high)) {
+        return false;
+    }
+    if (axis->fixed) {
+        low = axis->logarithmic ? log10(axis->min) : axis->min;
+        high = axis->logarithmic ? log10(axis->max) : axis->max;
+    } else if (axis->logarithmic) {
+        low = floor(low);
+        high = fmax(ceil(high), low + 1.0);
+    } else {
+        air = high > low ? 0.04 * (high - low) : fmax(0.1 * fabs(high), 1e-300);
+        low -= air;
+        high += air;
+    }
+    scale->axis = axis;
+    scale->min = low;
+    scale->max = high;
+    return true;
+}
+
+/* Digits behind the point that tell two ticks apart. */
+static int tick_digits(double step)
+{
+    return (int)fmax(0.0, fmin(17.0, -floor(log10(step) + 1e-9)));
+}
+
+static void put_tick_label(FILE *out, const struct scale *scale, double number, double step)
+{
+    double largest = fmax(fabs(scale->min), fabs(scale->max));
+
+    if (scale->axis->logarithmic) {
+        if (number >= -2.0 && number <= 4.0) {
+            fprintf(out, "%g", pow(10.0, number));
+        } else {
+            fprintf(out, "1e%d", (int)number);
+        }
+    } else if (largest >= 1e6 || largest < 1e-3) {
+        fprintf(out, "%.3g", number);
+    } else {
+        fprintf(out, "%.*f", tick_digits(step), number);
+    }
+}
+
+static void put_tick(const struct page *page, const struct scale *scale, bool vertical,
+                     double number, double step)
+{
+    double at =
+        scale->from + (number - scale->min) / (scale->max - scale->min) * (scale->to - scale->from);
+
+    if (vertical) {
+        fprintf(page->out, "<path class=\"grid\" d=\"M%.2f %.2fH%.2f\"/>", page->x.from, at,
+                page->x.to);
+        fprintf(page->out, "<text x=\"%.2f\" y=\"%.2f\" text-anchor=\"end\">", page->x.from - 8.0,
+                at + 4.0);
+    } else {
+        fprintf(page->out, "<path class=\"grid\" d=\"M%.2f %.2fV%.2f\"/>", at, page->y.from,
+                page->y.to);
+        fprintf(page->out, "<text x=\"%.2f\" y=\"%.2f\" text-anchor=\"middle\">", at,
+                page->y.from + 18.0);
+    }
+    put_tick_label(page->out, scale, number, step);
+    fputs("</text>\n", page->out);
+}
+
+static void put_ticks(const struct page *page, const struct scale *scale, bool vertical)
+{
+    double step = tick_step(scale), first = ceil(scale->min / step - 1e-9);
+
+    for (int i = 0; i < TICKS_MAX; i++) {
+        double number = (first + i) * step;
+
+        if (number > scale->max + 1e-9 * step) {
+            break;
+        }
+        /* no -0 */
+        put_tick(page, scale, vertical, number == 0.0 ? 0.0 : number, step);
+    }
+}
+
+static void put_axes(const struct page *page)
+{
+    const struct svg_plot *plot = page->plot;
+    double middle_x = 0.5 * (page->x.from + page->x.to);
+    double middle_y = 0.5 * (page->y.from + page->y.to);
+
+    put_ticks(page, &page->x, false);
+    put_ticks(page, &page->y, true);
+    fprintf(page->out, "<path class=\"axis\" d=\"M%.2f %.2fV%.2fH%.2f\"/>\n", page->x.from,
+            page->y.to, page->y.from, page->x.to);
+    fprintf(page->out, "<text class=\"title\" x=\"%.2f\" y=\"26\" text-anchor=\"middle\">",
+            middle_x);
+    put_text(page->out, plot->title);
+    fprintf(page->out, "</text>\n<text x=\"%.2f\" y=\"%.2f\" text-anchor=\"middle\">", middle_x,
+            page->y.from + 42.0);
+    put_text(page->out, plot->x.label);
+    fprintf(page->out,
+            "</text>\n<text transform=\"translate(20 %.2f) rotate(-90)\" text-anchor=\"middle\">",
+            middle_y);
+    put_text(page->out, plot->y.label);
+    fputs("</text>\n", page->out);
+}
+
+static void put_line(const struct page *page, const struct svg_series *series, const char *color)
+{
+    bool drawing = false;
+
+    fprintf(page->out, "<path class=\"line\" stroke=\"%s\"%s d=\"", color,
+            series->style == SVG_DASHED ? " stroke-dasharray=\"6 4\"" : "");
+    for (size_t i = 0; i < series->count; i++) {
+        if (!point_can_stand(page->plot, series, i)) {
+            drawing = false;
+            continue;
+        }
+        fprintf(page->out, "%c%.2f %.2f", drawing ? 'L' : 'M', on_scale(&page->x, series->x[i]),
+                on_scale(&page->y, series->y[i]));
+        drawing = true;
+    }
+    fputs("\"/>\n", page->out);
+}
+
+static void put_markers(const struct page *page, const struct svg_series *series, const char *color)
+{
+    for (size_t i = 0; i < series->count; i++) {
+        if (point_can_stand(page->plot, series, i)) {
+            fprintf(page->out, "<circle cx=\"%.2f\" cy=\"%.2f\" r=\"3\" fill=\"%s\"/>\n",
+                    on_scale(&page->x, series->x[i]), on_scale(&page->y, series->y[i]), color);
+        }
+    }
+}
+
+/* Where the legend's entry s stands: entries follow each other in rows above the drawing area.
+ * Returns the number of rows up to there. */
+static int legend_place(const struct svg_plot *plot, size_t s, double from, double to, double *x)
+{
+    int rows = 1;
+
+    *x = from;
+    for (size_t i = 0;; i++) {
+        double width = LEGEND_KEY + CHARACTER * (double)strlen(plot->series[i].name);
+
+        if (*x > from && *x + width > to) {
+            *x = from;
+            rows++;
+        }
+        if (i == s) {
+            return rows;
+        }
+        *x += width;
+    }
+}
+
+static void put_legend(const struct page *page)
+{
+    for (size_t s = 0; s < page->plot->nseries; s++) {
+        const struct svg_series *series = &page->plot->series[s];
+        double x, y;
+
+        y = TOP + LEGEND_LINE * legend_place(page->plot, s, page->x.from, page->x.to, &x) - 10.0;
+        if (series->style != SVG_MARKERS) {
+            fprintf(page->out, "<path class=\"line\" stroke=\"%s\"%s d=\"M%.2f %.2fh24\"/>",
+                    colors[s], series->style == SVG_DASHED ? " stroke-dasharray=\"6 4\"" : "", x,
+                    y - 4.0);
+        }
+        if (series->style == SVG_MARKERS || series->style == SVG_LINE_MARKERS) {
+            fprintf(page->out, "<circle cx=\"%.2f\" cy=\"%.2f\" r=\"3\" fill=\"%s\"/>", x + 12.0,
+                    y - 4.0, colors[s]);
+        }
+        fprintf(page->out, "<text x=\"%.2f\" y=\"%.2f\">", x + 30.0, y);
+        put_text(page->out, series->name);
+        fputs("</text>\n", page->out);
+    }
+}
+
+static void put_series(const struct page *page)
+{
+    fprintf(page->out,
+            "<clipPath id=\"area\"><rect x=\"%.2f\" y=\"%.2f\" width=\"%.2f\" height=\"%.2f\"/>"
+            "</clipPath>\n<g clip-path=\"url(#area)\">\n",
+            page->x.from, page->y.to, page->x.to - page->x.from, page->y.from - page->y.to);
+    for (size_t s = 0; s < page->plot->nseries; s++) {
+        const struct svg_series *series = &page->plot->series[s];
+
+        if (series->style != SVG_MARKERS) {
+            put_line(page, series, colors[s]);
+        }
+        if (series->style == SVG_MARKERS || series->style == SVG_LINE_MARKERS) {
+            put_markers(page, series, colors[s]);
+        }
+    }
+    fputs("</g>\n", page->out);
+}
+
+enum error_code svg_write(const struct svg_plot *plot, FILE *out, struct error *error)
+{
+    int width = plot->width ? plot->width : WIDTH, height = plot->height ? plot->height : HEIGHT;
+    struct page page = {.plot = plot, .out = out};
+    double unused;
+
+    if (plot->nseries < 1 || plot->nseries > SVG_SERIES_MAX) {
+        return error_set(error, ERROR_INPUT, "found a plot of %zu series, expected 1 to %d",
+                         plot->nseries, SVG_SERIES_MAX);
+    }
+    if (!find_range(plot, false, &page.x) || !find_range(plot, true, &page.y)) {
+        return error_set(error, ERROR_INPUT, "found a plot without a point that can be drawn");
+    }
+    page.x.from = LEFT;
+    page.x.to = width - RIGHT;
+    page.y.from = height - BOTTOM;
+    page.y.to =
+        TOP + LEGEND_LINE * legend_place(plot, plot->nseries - 1, LEFT, width - RIGHT, &unused);
+    fprintf(
+        out,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\" "
+        "viewBox=\"0 0 %d %d\" font-family=\"sans-serif\" font-size=\"12\">\n"
+        "<style>.grid{stroke:#ddd;fill:none}.axis{stroke:#000;fill:none}"
+        ".line{stroke-width:1.5;fill:none;stroke-linejoin:round}.title{font-size:15px}</style>\n"
+        "<rect width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",
+        width, height, width, height, width, height);
+    put_axes(&page);
+    put_series(&page);
+    put_legend(&page);
+    fputs("</svg>\n", out);
+    if (fflush(out) == EOF || ferror(out)) {
+        return error_set_errno(error, errno, "cannot write a plot");
+    }
+    return ERROR_NONE;
+}

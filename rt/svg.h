@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Line plots as SVG: axes with ticks at round numbers, lines and markers, a legend. The same bytes
+ * for the same numbers. Not RT-safe.
+ */
+#ifndef RT_SVG_H
+#define RT_SVG_H
+
+#include "base/error.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdio.h>
+
+enum { SVG_SERIES_MAX = 8 }; /* as many colors */
+
+enum svg_style {
+    SVG_LINE,
+    SVG_LINE_MARKERS,
+    SVG_MARKERS,
+    SVG_DASHED, /* for what the others are compared with */
+};
+
+/* count points; one that is not finite (or not positive on a logarithmic axis) breaks the line. */
+struct svg_series {
+    const char *name; /* in the legend; any text */
+    const double *x, *y;
+    size_t count;
+    enum svg_style style;
+};
+
+struct svg_axis {
+    const char *label;
+    bool logarithmic;
+    bool fixed;      /* from min to max; otherwise what the series need */
+    double min, max; /* min < max, both positive when logarithmic */
+};
+
+struct svg_plot {
+    const char *title;
+    struct svg_axis x, y;
+    const struct svg_series *series; /* the first lies below the others */
+    size_t nseries;                  /* 1 to SVG_SERIES_MAX */
+    int width, height;               /* px, 0 = 720 and 450 */
+};
+
+/* Writes a whole SVG document. Fails with ERROR_INPUT on a plot that holds no point or more series
+ * than colors, with ERROR_SYSTEM when out cannot be written. */
+enum error_code svg_write(const struct svg_plot *plot, FILE *out, struct error *error);
+
+#endif

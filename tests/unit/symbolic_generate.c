@@ -1,0 +1,124 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* coman-hil generate: the file that it writes, and its exit statuses. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "model/symbolic/symbolic.h"
+#include "rt/commands.h"
+#include "rt/options.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define COMAN HIL_SOURCE_DIR "/config/robots/coman.yaml"
+
+static char folder[64];
+
+static int open_folder(void **state)
+{
+    (void)state;
+    strcpy(folder, "/tmp/hil-generate-XXXXXX");
+    return !mkdtemp(folder);
+}
+
+static int close_folder(void **state)
+{
+    char command[128];
+
+    (void)state;
+    snprintf(command, sizeof command, "rm -r '%s'", folder);
+    return system(command);
+}
+
+/* The command in a child with its output thrown away; its exit status. */
+static int run(const char *robot, const char *directory, const char *lanes)
+{
+    pid_t pid;
+    int status;
+
+    fflush(NULL);
+    pid = fork();
+    assert_true(pid >= 0);
+    if (pid == 0) {
+        char words[6][256];
+        char *argv[7] = {words[0], words[1], words[2], words[3], words[4], words[5], NULL};
+        const char *const given[6] = {"generate", robot, "-o", directory, "--lanes", lanes};
+
+        for (int n = 0; n < 6; n++) {
+            snprintf(words[n], sizeof words[n], "%s", given[n]);
+        }
+        if (!freopen("/dev/null", "w", stdout) || !freopen("/dev/null", "w", stderr)) {
+            _exit(99);
+        }
+        _exit(cmd_generate(6, argv));
+    }
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_true(WIFEXITED(status));
+    return WEXITSTATUS(status);
+}
+
+static void it_writes_what_the_library_generates(void **state)
+{
+    const struct symbolic_options options = {.lanes = 2};
+    static char found[4 << 20], expected[4 << 20];
+    const struct robot *robot;
+    struct arena arena;
+    struct error error;
+    char path[128];
+    FILE *file;
+
+    (void)state;
+    assert_int_equal(run(COMAN, folder, "2"), STATUS_OK);
+    snprintf(path, sizeof path, "%s/coman_dynamics.c", folder);
+    file = fopen(path, "r");
+    assert_non_null(file);
+    assert_true(fread(found, 1, sizeof found - 1, file) > 100000);
+    fclose(file);
+
+    assert_int_equal(arena_init(&arena, 1 << 26, &error), ERROR_NONE);
+    assert_int_equal(robot_load(COMAN, NULL, &arena, &robot, &error), ERROR_NONE);
+    file = fmemopen(expected, sizeof expected, "w");
+    assert_non_null(file);
+    assert_int_equal(symbolic_generate(robot, &options, file, NULL, &error), ERROR_NONE);
+    fclose(file);
+    arena_fini(&arena);
+    assert_string_equal(found, expected);
+}
+
+static void wrong_arguments_and_files_have_their_exit_statuses(void **state)
+{
+    (void)state;
+    assert_int_equal(run("/nowhere/robot.yaml", folder, "4"), STATUS_INPUT);
+    assert_int_equal(run(COMAN, folder, "3"), STATUS_INPUT);
+    assert_int_equal(run(COMAN, "/nowhere/at/all", "4"), STATUS_SYSTEM);
+}
+
+static void a_failed_run_leaves_nothing_behind(void **state)
+{
+    char command[128];
+
+    (void)state;
+    assert_int_equal(run("/nowhere/robot.yaml", folder, "4"), STATUS_INPUT);
+    snprintf(command, sizeof command, "test -z \"$(ls -A '%s')\"", folder);
+    assert_int_equal(system(command), 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(it_writes_what_the_library_generates, open_folder,
+                                        close_folder),
+        cmocka_unit_test_setup_teardown(wrong_arguments_and_files_have_their_exit_statuses,
+                                        open_folder, close_folder),
+        cmocka_unit_test_setup_teardown(a_failed_run_leaves_nothing_behind, open_folder,
+                                        close_folder),
+    };
+
+    return cmocka_run_group_tests_name("symbolic_generate", tests, NULL, NULL);
+}

@@ -1,0 +1,554 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Generated code, compiled: the built-in module of COMAN and modules compiled here are the numeric
+ * algorithms in every variant that this CPU runs; building, caching and refusing of modules.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "model/symbolic/builtin.h"
+#include "model/symbolic/symbolic.h"
+#include "tests/unit/symbolic_evaluate.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define COMAN HIL_SOURCE_DIR "/config/robots/coman.yaml"
+
+enum { BODIES = RANDOM_JOINTS + 1, VELOCITIES = RANDOM_JOINTS + 6 };
+
+static struct arena arena;
+static char folder[64];
+
+static int open_folder(void **state)
+{
+    (void)state;
+    strcpy(folder, "/tmp/hil-symbolic-XXXXXX");
+    return arena_init(&arena, 1 << 26, NULL) || !mkdtemp(folder);
+}
+
+static int close_folder(void **state)
+{
+    char command[128];
+
+    (void)state;
+    arena_fini(&arena);
+    snprintf(command, sizeof command, "rm -r '%s'", folder);
+    return system(command);
+}
+
+static const struct robot *load_coman(void)
+{
+    const struct robot *robot;
+    struct error error;
+
+    if (robot_load(COMAN, NULL, &arena, &robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return robot;
+}
+
+/* Sums of relative differences over states, and the largest. */
+struct difference {
+    double sum, worst;
+    int count;
+};
+
+static void note(struct difference *d, const double *found, const double *expected, size_t n)
+{
+    double x = relative_difference(found, expected, n);
+
+    d->sum += x;
+    d->worst = fmax(d->worst, x);
+    d->count++;
+}
+
+static void assert_within(const struct difference *d, double mean, const char *variant,
+                          const char *what)
+{
+    print_message("# %s %s: mean %.2g, largest %.2g\n", variant, what, d->sum / d->count, d->worst);
+    if (!(d->sum / d->count <= mean)) {
+        fail_msg("%s %s: mean relative difference %g", variant, what, d->sum / d->count);
+    }
+}
+
+/* Everything that struct dynamics promises, generated against generic. */
+static void compare_module(const struct robot *robot, const struct dynamics_module *module,
+                           int states)
+{
+    static double expected[18 * BODIES], found[18 * BODIES];
+    struct difference forward = {0}, wrench = {0}, inverse = {0}, motion = {0}, rates = {0};
+    struct difference energy = {0};
+    struct dynamics generic, generated;
+    struct error error;
+    uint64_t seed = 41;
+
+    if (dynamics_generic(robot, &arena, &generic, &error) ||
+        dynamics_generated(robot, module, &arena, &generated, &error)) {
+        fail_msg("%s", error.text);
+    }
+    for (int n = 0; n < states; n++) {
+        const struct dynamics *a = &generic, *b = &generated;
+        double vdot[VELOCITIES];
+        struct random_state x;
+
+        random_state_make(&seed, robot, &x);
+        a->ops->forward(a, x.q, x.v, x.tau, NULL, expected);
+        b->ops->forward(b, x.q, x.v, x.tau, NULL, found);
+        note(&forward, found, expected, robot->nv);
+        a->ops->forward(a, x.q, x.v, x.tau, x.ext, vdot);
+        b->ops->forward(b, x.q, x.v, x.tau, x.ext, found);
+        note(&wrench, found, vdot, robot->nv);
+        a->ops->inverse(a, x.q, x.v, vdot, n % 2 ? x.ext : NULL, expected);
+        b->ops->inverse(b, x.q, x.v, vdot, n % 2 ? x.ext : NULL, found);
+        note(&inverse, found, expected, robot->nv);
+        memset(expected, 0, sizeof expected);
+        memset(found, 0, sizeof found);
+        a->ops->kinematics(a, x.q, x.v, (struct body_motion *)expected);
+        b->ops->kinematics(b, x.q, x.v, (struct body_motion *)found);
+        for (uint32_t o = 0; o < module->nobserved; o++) {
+            note(&motion, found + 18 * module->observed[o], expected + 18 * module->observed[o],
+                 18);
+        }
+        a->ops->acceleration(a, x.q, x.v, vdot, (struct body_acceleration *)expected);
+        b->ops->acceleration(b, x.q, x.v, vdot, (struct body_acceleration *)found);
+        for (uint32_t o = 0; o < module->nobserved; o++) {
+            note(&rates, found + 6 * module->observed[o], expected + 6 * module->observed[o], 6);
+        }
+        a->ops->energy(a, x.q, x.v, &expected[0], &expected[1]);
+        b->ops->energy(b, x.q, x.v, &found[0], &found[1]);
+        note(&energy, found, expected, 2);
+    }
+    assert_within(&forward, 1e-12, module->variant, "forward");
+    assert_within(&wrench, 1e-12, module->variant, "forward with wrenches");
+    assert_within(&inverse, 1e-11, module->variant, "inverse");
+    assert_within(&motion, 1e-12, module->variant, "kinematics");
+    assert_within(&rates, 1e-12, module->variant, "acceleration");
+    assert_within(&energy, 1e-12, module->variant, "energy");
+}
+
+static void compare_variants(const struct robot *robot, const struct dynamics_module *module,
+                             int states)
+{
+    for (; module; module = module->plainer) {
+        compare_module(robot, module, states);
+    }
+}
+
+static void coman_is_the_same_in_every_variant(void **state)
+{
+    const struct robot *robot = load_coman();
+    const struct dynamics_module *module = symbolic_builtin(robot->hash);
+
+    (void)state;
+    assert_non_null(module);
+    assert_int_equal(module->nobserved, 6);
+    compare_variants(robot, module, 300);
+}
+
+static void implicit_variants_agree(void **state)
+{
+    const struct robot *robot = load_coman();
+    static double extra[RANDOM_JOINTS], added[21 * BODIES];
+    uint64_t seed = 43;
+
+    (void)state;
+    for (int n = 0; n < 100; n++) {
+        double expected[VELOCITIES], found[VELOCITIES];
+        const struct dynamics_module *module = symbolic_builtin(robot->hash);
+        struct random_state x;
+
+        random_state_make(&seed, robot, &x);
+        for (int j = 0; j < RANDOM_JOINTS; j++) {
+            extra[j] = random_in(&seed, 0.0, 0.2);
+        }
+        /* diagonally dominant: positive */
+        for (int m = 0; m < 21 * BODIES; m++) {
+            int at = m % 21;
+            bool diagonal = at == 0 || at == 6 || at == 11 || at == 15 || at == 18 || at == 20;
+
+            added[m] = diagonal ? 1.0 : random_in(&seed, -0.1, 0.1);
+        }
+        module->implicit(x.q, x.v, x.tau, x.ext[0].force, extra, added, expected);
+        for (module = module->plainer; module; module = module->plainer) {
+            module->implicit(x.q, x.v, x.tau, x.ext[0].force, extra, added, found);
+            assert_true(relative_difference(found, expected, robot->nv) < 1e-11);
+        }
+    }
+}
+
+/* Distance of value from exact in units of the last place of exact. */
+static double ulps(double value, long double exact)
+{
+    double near = (double)exact;
+
+    return (double)(fabsl((long double)value - exact) /
+                    (long double)(nextafter(fabs(near), 2.0) - fabs(near)));
+}
+
+static void sine_and_cosine_are_right_to_the_last_place(void **state)
+{
+    const struct robot *robot = load_coman();
+    _Alignas(64) double x[8], sine[8], cosine[8];
+
+    (void)state;
+    for (const struct dynamics_module *module = symbolic_builtin(robot->hash); module;
+         module = module->plainer) {
+        double worst = 0.0;
+        uint64_t seed = 47;
+
+        for (int n = 0; n < 200000; n++) {
+            double size = pow(10.0, random_in(&seed, -8.0, 5.0));
+
+            for (int l = 0; l < 8; l++) {
+                x[l] = random_in(&seed, -size, size);
+                /* multiples of pi/2, where a reduction shows what it is worth */
+                if (n % 4 == 0) {
+                    x[l] = round(x[l]) * M_PI_2;
+                }
+                x[l] = fmax(-1e5, fmin(1e5, x[l]));
+            }
+            module->sincos(x, sine, cosine);
+            for (int l = 0; l < 8; l++) {
+                worst = fmax(worst, ulps(sine[l], sinl(x[l])));
+                worst = fmax(worst, ulps(cosine[l], cosl(x[l])));
+            }
+        }
+        print_message("# %s: %.3f units of the last place\n", module->variant, worst);
+        assert_true(worst < 1.0);
+    }
+}
+
+static void far_angles_infinities_and_nan_are_those_of_libm(void **state)
+{
+    const struct robot *robot = load_coman();
+    _Alignas(64) const double x[8] = {0.0, 1e22, -1e9, INFINITY, -INFINITY, NAN, 1.0, 2e5};
+    _Alignas(64) double sine[8], cosine[8];
+
+    (void)state;
+    for (const struct dynamics_module *module = symbolic_builtin(robot->hash); module;
+         module = module->plainer) {
+        module->sincos(x, sine, cosine);
+        for (int l = 0; l < 8; l++) {
+            if (isfinite(x[l])) {
+                assert_true(fabs(sine[l] - sin(x[l])) < 2.3e-16);
+                assert_true(fabs(cosine[l] - cos(x[l])) < 2.3e-16);
+            } else {
+                assert_true(isnan(sine[l]) && isnan(cosine[l]));
+            }
+        }
+    }
+}
+
+/* Whether cc can be run; the tests that need it are skipped where it cannot. */
+static void need_compiler(void)
+{
+    if (system("cc --version >/dev/null 2>&1") != 0) {
+        print_message("SKIP: no C compiler (cc)\n");
+        skip();
+    }
+}
+
+static void small_trees_compiled_here_have_the_same_equations(void **state)
+{
+    uint64_t seed = 51;
+    struct random_tree tree;
+    struct error error;
+
+    (void)state;
+    need_compiler();
+    int made = 0;
+    for (int tries = 0; made < 3 && tries < 1000; tries++) {
+        const struct symbolic_options options = {.lanes = 4, .fast_compile = true};
+        struct symbolic_library library;
+
+        assert_int_equal(made % 2 ? limbed_tree_make(&seed, &tree, &error)
+                                  : random_tree_make(&seed, &tree, &error),
+                         ERROR_NONE);
+        if (tree.robot.njoint > (made % 2 ? 24 : 5)) {
+            continue;
+        }
+        if (symbolic_build(&tree.robot, &options, folder, &library, &error)) {
+            fail_msg("%s", error.text);
+        }
+        compare_variants(&tree.robot, library.module, 50);
+        symbolic_close(&library);
+        made++;
+    }
+    assert_int_equal(made, 3);
+}
+
+/* Functions beyond some thousand operations are cut into pieces: a chain that is long enough. */
+static void long_functions_compute_the_same_in_pieces(void **state)
+{
+    const struct symbolic_options options = {.lanes = 4, .fast_compile = true};
+    static struct random_tree tree;
+    struct symbolic_report report;
+    struct symbolic_library library;
+    struct robot *robot = &tree.robot;
+    struct error error;
+    uint64_t seed = 57;
+    FILE *nowhere = fopen("/dev/null", "w");
+
+    (void)state;
+    need_compiler();
+    *robot = (struct robot){.name = "chain",
+                            .floating = true,
+                            .gravity = {0.0, 0.0, -9.81},
+                            .imu_frame = -1,
+                            .nbody = 17,
+                            .njoint = 16,
+                            .body = tree.body,
+                            .joint = tree.joint};
+    for (size_t b = 0; b < robot->nbody; b++) {
+        tree.body[b] = (struct robot_body){.name = "body", .parent = (int)b - 1};
+        tree.body[b].observed = b == robot->nbody - 1;
+        random_inertia(&seed, &tree.body[b].inertia);
+        if (b > 0) {
+            tree.joint[b - 1] = (struct robot_joint){.name = "joint",
+                                                     .lower = -9.0,
+                                                     .upper = 9.0,
+                                                     .rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+            random_vector(&seed, 0.3, tree.joint[b - 1].origin);
+            tree.joint[b - 1].axis[b % 3] = 1.0;
+        }
+    }
+    assert_int_equal(robot_finish(robot, &error), ERROR_NONE);
+    assert_int_equal(symbolic_generate(robot, &options, nowhere, &report, &error), ERROR_NONE);
+    fclose(nowhere);
+    assert_true(report.count[0].operations > 4000);
+    if (symbolic_build(robot, &options, folder, &library, &error)) {
+        fail_msg("%s", error.text);
+    }
+    compare_variants(robot, library.module, 50);
+    symbolic_close(&library);
+}
+
+/* A pendulum: the smallest robot that there is. */
+static void make_pendulum(struct random_tree *tree)
+{
+    struct error error;
+
+    memset(tree, 0, sizeof *tree);
+    tree->robot = (struct robot){.name = "3 pendulum \"x\" \\",
+                                 .body = tree->body,
+                                 .joint = tree->joint,
+                                 .nbody = 2,
+                                 .njoint = 1,
+                                 .imu_frame = -1,
+                                 .gravity = {0.0, 0.0, -9.81}};
+    tree->body[0] = (struct robot_body){.name = "base", .parent = -1};
+    tree->body[1] = (struct robot_body){.name = "bob", .inertia = {1.0, {0.0, 0.0, -1.0}, {0}}};
+    tree->joint[0] = (struct robot_joint){.name = "hinge",
+                                          .axis = {0.0, 1.0, 0.0},
+                                          .rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1},
+                                          .lower = -9.0,
+                                          .upper = 9.0};
+    if (robot_finish(&tree->robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+}
+
+/* Compiles the robot's file with warnings as errors, without making code. */
+static void assert_clean(const struct robot *robot)
+{
+    const struct symbolic_options options = {.lanes = 4};
+    char path[128], command[256];
+    struct error error;
+    FILE *file;
+
+    snprintf(path, sizeof path, "%s/clean.c", folder);
+    file = fopen(path, "w");
+    assert_non_null(file);
+    if (symbolic_generate(robot, &options, file, NULL, &error)) {
+        fail_msg("%s", error.text);
+    }
+    fclose(file);
+    snprintf(command, sizeof command,
+             "cc -std=gnu11 -Wall -Wextra -Wshadow -Wundef -Wmissing-prototypes -Werror "
+             "-fsyntax-only '%s'",
+             path);
+    assert_int_equal(system(command), 0);
+}
+
+static void generated_code_compiles_without_warnings(void **state)
+{
+    uint64_t seed = 61;
+    struct random_tree tree;
+    struct error error;
+
+    (void)state;
+    need_compiler();
+    make_pendulum(&tree);
+    assert_clean(&tree.robot);
+    for (int n = 0; n < 3; n++) {
+        assert_int_equal(limbed_tree_make(&seed, &tree, &error), ERROR_NONE);
+        assert_clean(&tree.robot);
+    }
+    /* a free body without a joint */
+    tree.robot.floating = true;
+    tree.robot.njoint = 0;
+    tree.robot.nbody = 1;
+    assert_int_equal(robot_finish(&tree.robot, &error), ERROR_NONE);
+    assert_clean(&tree.robot);
+}
+
+static void a_module_is_built_once_and_then_found(void **state)
+{
+    const struct symbolic_options options = {.lanes = 4};
+    struct symbolic_library library;
+    struct random_tree tree;
+    struct error error;
+    double q = 0.3, v = 0.5, tau = 0.1, vdot;
+
+    (void)state;
+    need_compiler();
+    make_pendulum(&tree);
+    for (int n = 0; n < 2; n++) {
+        if (symbolic_build(&tree.robot, &options, folder, &library, &error)) {
+            fail_msg("%s", error.text);
+        }
+        assert_int_equal(library.cached, n == 1);
+        assert_string_equal(library.module->robot, tree.robot.name);
+        library.module->forward(&q, &v, &tau, NULL, &vdot);
+        assert_true(fabs(vdot - (tau - 9.81 * sin(q))) < 1e-14);
+        symbolic_close(&library);
+    }
+}
+
+static void a_damaged_cache_file_is_made_anew(void **state)
+{
+    const struct symbolic_options options = {.lanes = 4};
+    struct symbolic_library library;
+    struct random_tree tree;
+    struct error error;
+    char command[160];
+
+    (void)state;
+    need_compiler();
+    make_pendulum(&tree);
+    assert_int_equal(symbolic_build(&tree.robot, &options, folder, &library, &error), ERROR_NONE);
+    symbolic_close(&library);
+    snprintf(command, sizeof command, "for f in '%s'/*.so; do echo rubbish >\"$f\"; done", folder);
+    assert_int_equal(system(command), 0);
+    assert_int_equal(symbolic_build(&tree.robot, &options, folder, &library, &error), ERROR_NONE);
+    assert_false(library.cached);
+    symbolic_close(&library);
+}
+
+static void a_folder_that_others_may_write_to_is_refused(void **state)
+{
+    const struct symbolic_options options = {.lanes = 4};
+    struct symbolic_library library;
+    struct random_tree tree;
+    struct error error;
+
+    (void)state;
+    make_pendulum(&tree);
+    assert_int_equal(chmod(folder, 0777), 0);
+    assert_int_equal(symbolic_build(&tree.robot, &options, folder, &library, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "others may write"));
+    assert_int_equal(chmod(folder, 0700), 0);
+    assert_int_equal(symbolic_build(&tree.robot, &options, "/nowhere/at/all", &library, &error),
+                     ERROR_SYSTEM);
+}
+
+static void without_a_compiler_the_build_says_so(void **state)
+{
+    const struct symbolic_options options = {.lanes = 4};
+    struct symbolic_library library;
+    struct random_tree tree;
+    struct error error;
+    char path[4096];
+
+    (void)state;
+    make_pendulum(&tree);
+    snprintf(path, sizeof path, "%s", getenv("PATH"));
+    setenv("PATH", folder, 1);
+    assert_int_equal(symbolic_build(&tree.robot, &options, folder, &library, &error),
+                     ERROR_UNSUPPORTED);
+    setenv("PATH", path, 1);
+    assert_non_null(strstr(error.text, "no C compiler"));
+}
+
+static void a_module_of_another_robot_is_refused(void **state)
+{
+    const struct robot *coman = load_coman();
+    struct random_tree tree;
+    struct dynamics d;
+    struct error error;
+
+    (void)state;
+    make_pendulum(&tree);
+    assert_int_equal(
+        dynamics_generated(&tree.robot, symbolic_builtin(coman->hash), &arena, &d, &error),
+        ERROR_UNSUPPORTED);
+    assert_non_null(strstr(error.text, "another robot"));
+    assert_null(symbolic_builtin(tree.robot.hash));
+}
+
+static void the_fastest_dynamics_there_is_are_taken_and_named(void **state)
+{
+    struct symbolic_library library;
+    struct error notice, error;
+    struct random_tree tree;
+    struct dynamics d;
+
+    (void)state;
+    assert_int_equal(dynamics_fastest(load_coman(), folder, &arena, &d, &library, &notice, &error),
+                     ERROR_NONE);
+    assert_string_equal(d.ops->name, "generated");
+    assert_non_null(strstr(notice.text, "built-in"));
+    assert_null(library.handle);
+    make_pendulum(&tree);
+    assert_int_equal(dynamics_fastest(&tree.robot, NULL, &arena, &d, &library, &notice, &error),
+                     ERROR_NONE);
+    assert_string_not_equal(d.ops->name, "generated");
+    assert_non_null(strstr(notice.text, "no cache folder"));
+    need_compiler();
+    assert_int_equal(dynamics_fastest(&tree.robot, folder, &arena, &d, &library, &notice, &error),
+                     ERROR_NONE);
+    assert_string_equal(d.ops->name, "generated");
+    assert_non_null(strstr(notice.text, "compiled in"));
+    symbolic_close(&library);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(coman_is_the_same_in_every_variant, open_folder,
+                                        close_folder),
+        cmocka_unit_test_setup_teardown(implicit_variants_agree, open_folder, close_folder),
+        cmocka_unit_test_setup_teardown(sine_and_cosine_are_right_to_the_last_place, open_folder,
+                                        close_folder),
+        cmocka_unit_test_setup_teardown(far_angles_infinities_and_nan_are_those_of_libm,
+                                        open_folder, close_folder),
+        cmocka_unit_test_setup_teardown(small_trees_compiled_here_have_the_same_equations,
+                                        open_folder, close_folder),
+        cmocka_unit_test_setup_teardown(long_functions_compute_the_same_in_pieces, open_folder,
+                                        close_folder),
+        cmocka_unit_test_setup_teardown(generated_code_compiles_without_warnings, open_folder,
+                                        close_folder),
+        cmocka_unit_test_setup_teardown(a_module_is_built_once_and_then_found, open_folder,
+                                        close_folder),
+        cmocka_unit_test_setup_teardown(a_damaged_cache_file_is_made_anew, open_folder,
+                                        close_folder),
+        cmocka_unit_test_setup_teardown(a_folder_that_others_may_write_to_is_refused, open_folder,
+                                        close_folder),
+        cmocka_unit_test_setup_teardown(without_a_compiler_the_build_says_so, open_folder,
+                                        close_folder),
+        cmocka_unit_test_setup_teardown(a_module_of_another_robot_is_refused, open_folder,
+                                        close_folder),
+        cmocka_unit_test_setup_teardown(the_fastest_dynamics_there_is_are_taken_and_named,
+                                        open_folder, close_folder),
+    };
+
+    return cmocka_run_group_tests_name("symbolic_module", tests, NULL, NULL);
+}
