@@ -7,7 +7,8 @@
 
 #include "base/arena.h"
 #include "base/text.h"
-#include "model/dynamics.h"
+#include "model/symbolic/builtin.h"
+#include "rt/cache.h"
 #include "rt/options.h"
 
 #include <errno.h>
@@ -280,21 +281,47 @@ static enum error_code list_numbers(const struct robot *robot, struct error *err
                                  : ERROR_NONE;
 }
 
-static enum error_code answer_all(const struct robot *robot, struct arena *arena,
-                                  struct error *error)
+enum { GENERIC, GENERATED };
+
+/* library is to be closed after the last use */
+static enum error_code make_dynamics(const struct robot *robot, int implementation,
+                                     struct arena *arena, struct dynamics *d,
+                                     struct symbolic_library *library, struct error *error)
+{
+    const struct symbolic_options options = {.lanes = 4};
+    const struct dynamics_module *module = symbolic_builtin(robot->hash);
+    char folder[4096];
+
+    if (implementation == GENERIC) {
+        return dynamics_generic(robot, arena, d, error);
+    }
+    if (!module) {
+        enum error_code code;
+
+        if (!cache_folder(folder, sizeof folder)) {
+            return error_set(error, ERROR_SYSTEM,
+                             "found no folder to compile in, expected "
+                             "XDG_CACHE_HOME or HOME to name one");
+        }
+        code = symbolic_build(robot, &options, folder, library, error);
+        if (code) {
+            return code;
+        }
+        module = library->module;
+    }
+    return dynamics_generated(robot, module, arena, d, error);
+}
+
+static enum error_code answer_all(const struct robot *robot, const struct dynamics *d,
+                                  struct arena *arena, struct error *error)
 {
     size_t wanted = robot->nq + robot->nv + robot->njoint;
     double *value = arena_alloc(arena, wanted, sizeof *value);
     double *vdot = arena_alloc(arena, robot->nv, sizeof *vdot);
     struct reader *r = arena_alloc(arena, 1, sizeof *r);
     enum error_code code;
-    struct dynamics d;
     bool found;
 
-    code = dynamics_generic(robot, arena, &d, error);
-    if (code) {
-        return code;
-    }
     if (!value || !vdot || !r) {
         return error_set(error, ERROR_MEMORY, "no memory for a state of %s", robot->name);
     }
@@ -304,7 +331,7 @@ static enum error_code answer_all(const struct robot *robot, struct arena *arena
         if (code || !found) {
             return code;
         }
-        code = answer(&d, value, vdot, r, error);
+        code = answer(d, value, vdot, r, error);
         if (code) {
             return code;
         }
@@ -316,7 +343,8 @@ int cmd_accel(int argc, char **argv)
     static const char *path, *variant;
     static bool list;
     static int implementation;
-    static const struct option_word implementations[] = {{"generic", 0}, {NULL, 0}};
+    static const struct option_word implementations[] = {
+        {"generic", GENERIC}, {"generated", GENERATED}, {NULL, 0}};
     static const struct option_spec options[] = {
         {.name = "--variant",
          .type = OPTION_STRING,
@@ -326,7 +354,9 @@ int cmd_accel(int argc, char **argv)
         {.name = "--implementation",
          .type = OPTION_ENUM,
          .argument = "NAME",
-         .help = "what computes: generic, the numeric articulated-body algorithm (default)",
+         .help = "what computes: generic, the numeric articulated-body algorithm (default), or "
+                 "generated, "
+                 "the symbolic generator's code, which is compiled first where it is not built in",
          .value = &implementation,
          .words = implementations},
         {.name = "--list",
@@ -345,7 +375,9 @@ int cmd_accel(int argc, char **argv)
         .noperand = 1,
         .manual = manual,
     };
+    struct symbolic_library library = {0};
     const struct robot *robot;
+    struct dynamics d;
     struct arena arena;
     struct error error;
     enum error_code code;
@@ -358,9 +390,15 @@ int cmd_accel(int argc, char **argv)
     if (!code) {
         code = robot_load(path, variant, &arena, &robot, &error);
     }
-    if (!code) {
-        code = list ? list_numbers(robot, &error) : answer_all(robot, &arena, &error);
+    if (!code && list) {
+        code = list_numbers(robot, &error);
+    } else if (!code) {
+        code = make_dynamics(robot, implementation, &arena, &d, &library, &error);
+        if (!code) {
+            code = answer_all(robot, &d, &arena, &error);
+        }
     }
+    symbolic_close(&library);
     arena_fini(&arena);
     return code ? command_fail("accel", &error) : STATUS_OK;
 }

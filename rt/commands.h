@@ -7,8 +7,16 @@
 #define RT_COMMANDS_H
 
 int cmd_accel(int argc, char **argv);
+int cmd_bench(int argc, char **argv);
 int cmd_check(int argc, char **argv);
+int cmd_generate(int argc, char **argv);
+int cmd_plot(int argc, char **argv);
 int cmd_run(int argc, char **argv);
 int cmd_task(int argc, char **argv);
+
+/* The benchmarks of cmd_bench; argv[0] is the benchmark's name. */
+int bench_contact(int argc, char **argv);
+int bench_dynamics(int argc, char **argv);
+int bench_pendulum(int argc, char **argv);
 
 #endif

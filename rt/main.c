@@ -18,7 +18,10 @@ static const struct command {
 } commands[] = {
     {"run", "run a rig: robot, boards and buses, in real time, lockstep or free run", cmd_run},
     {"task", "run a controller alone, on the other side of the buses", cmd_task},
+    {"plot", "plot signals of a recording as SVG", cmd_plot},
     {"check", "check a rig or a robot file and print what is in it", cmd_check},
+    {"generate", "write C code for the dynamics of a robot", cmd_generate},
+    {"bench", "repeat the paper's measurements on this machine", cmd_bench},
     {"accel", "accelerations of a robot from states on standard input", cmd_accel},
     {"help", "print the manual of a command", cmd_help},
     {"version", "print the version", cmd_version},

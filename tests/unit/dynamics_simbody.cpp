@@ -17,7 +17,11 @@ extern "C" {
 #include "tests/unit/random_robot.h"
 }
 
+#include "tests/unit/simbody_tree.h"
+
 using namespace SimTK;
+using simbody_tree::put;
+using simbody_tree::vec3;
 
 namespace
 {
@@ -26,44 +30,19 @@ enum { TREES = 400, COMAN_STATES = 200 };
 
 constexpr double tolerance = 1e-10;
 
-Vec3 vec3(const double *x)
-{
-    return Vec3(x[0], x[1], x[2]);
-}
-
-Rotation rotation(const double R[9])
-{
-    return Rotation(Mat33(R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8]), true);
-}
-
 /* The robot as Simbody sees it; a fixed base is Simbody's ground. */
 class Oracle
 {
   public:
-    explicit Oracle(const struct robot &described) : robot(described), matter(system)
+    explicit Oracle(const struct robot &described)
+        : robot(described), matter(system), body(simbody_tree::build(described, matter)),
+          state(system.realizeTopology())
     {
-        body.push_back(matter.Ground());
-        if (robot.floating) {
-            body[0] = MobilizedBody::Free(matter.Ground(), Transform(), rigid(0), Transform());
-        }
-        for (size_t b = 1; b < robot.nbody; b++) {
-            body.push_back(mobilizer(b));
-        }
-        state = system.realizeTopology();
     }
 
     void set(const double *q, const double *v)
     {
-        if (robot.floating) {
-            const Rotation R(Quaternion(Vec4(q[3], q[4], q[5], q[6])));
-
-            body[0].setQToFitTransform(state, Transform(R, vec3(q)));
-            body[0].setUToFitVelocity(state, SpatialVec(R * vec3(v + 3), R * vec3(v)));
-        }
-        for (size_t j = 0; j < robot.njoint; j++) {
-            body[j + 1].setOneQ(state, 0, q[robot.nq - robot.njoint + j]);
-            body[j + 1].setOneU(state, 0, v[robot.nv - robot.njoint + j]);
-        }
+        simbody_tree::set(robot, body, state, q, v);
         system.realize(state, Stage::Dynamics);
     }
 
@@ -73,18 +52,10 @@ class Oracle
     {
         std::vector<double> vdot(robot.nv);
 
-        matter.calcAcceleration(state, mobility(tau), forces(ext), udot, A);
-        if (robot.floating) {
-            const SpatialVec &a = A[body[0].getMobilizedBodyIndex()];
-            const SpatialVec &V = body[0].getBodyVelocity(state);
-            const Rotation &R = body[0].getBodyRotation(state);
-
-            put(~R * (a[1] - V[0] % V[1]), &vdot[0]);
-            put(~R * a[0], &vdot[3]);
-        }
-        for (size_t j = 0; j < robot.njoint; j++) {
-            vdot[robot.nv - robot.njoint + j] = body[j + 1].getOneFromUPartition(state, 0, udot);
-        }
+        matter.calcAcceleration(state, simbody_tree::mobility(robot, body, state, tau), forces(ext),
+                                udot, A);
+        simbody_tree::accelerations(robot, body, state, A[body[0].getMobilizedBodyIndex()], udot,
+                                    vdot.data());
         return vdot;
     }
 
@@ -135,50 +106,6 @@ class Oracle
     State state;
 
   private:
-    static void put(const Vec3 &x, double *out)
-    {
-        for (int m = 0; m < 3; m++) {
-            out[m] = x[m];
-        }
-    }
-
-    Body::Rigid rigid(size_t b) const
-    {
-        const struct robot_inertia &inertia = robot.body[b].inertia;
-        const double *I = inertia.I;
-        const Inertia central(I[0], I[3], I[5], I[1], I[2], I[4]);
-
-        return Body::Rigid(
-            MassProperties(inertia.mass, vec3(inertia.com),
-                           central.shiftFromMassCenter(vec3(inertia.com), inertia.mass)));
-    }
-
-    MobilizedBody mobilizer(size_t b)
-    {
-        const struct robot_joint &joint = robot.joint[b - 1];
-        MobilizedBody &parent = body[robot.body[b].parent];
-        const bool pin = joint.type == JOINT_REVOLUTE;
-        const Rotation align(UnitVec3(vec3(joint.axis)),
-                             pin ? CoordinateAxis(ZAxis) : CoordinateAxis(XAxis));
-        const Transform inboard(rotation(joint.rotation) * align, vec3(joint.origin));
-
-        if (pin) {
-            return MobilizedBody::Pin(parent, inboard, rigid(b), Transform(align));
-        }
-        return MobilizedBody::Slider(parent, inboard, rigid(b), Transform(align));
-    }
-
-    Vector mobility(const double *tau) const
-    {
-        Vector f(matter.getNumMobilities());
-
-        f = 0.0;
-        for (size_t j = 0; j < robot.njoint; j++) {
-            body[j + 1].updOneFromUPartition(state, 0, f) = tau[j];
-        }
-        return f;
-    }
-
     /* wrenches and weights in Simbody's frames */
     Vector_<SpatialVec> forces(const struct wrench *ext) const
     {

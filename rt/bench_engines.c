@@ -1,0 +1,260 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Our dynamics as engines beside the others. */
+#include "rt/bench_engines.h"
+
+#include "model/dynamics.h"
+#include "model/symbolic/builtin.h"
+#include "model/symbolic/symbolic.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define ARENA_BYTES ((size_t)16 << 20)
+
+struct state {
+    double *q, *v, *tau;
+};
+
+struct engine {
+    struct arena arena;
+    struct dynamics dynamics;
+    struct symbolic_library library;
+    struct state kept[PEER_SLOTS];
+    double *vdot;
+};
+
+static void destroy(void *memory)
+{
+    struct engine *engine = memory;
+
+    symbolic_close(&engine->library);
+    arena_fini(&engine->arena);
+    free(engine);
+}
+
+/* An engine with room for states and no dynamics yet. */
+static struct engine *begin(const struct robot *robot, struct error *error)
+{
+    struct engine *engine = calloc(1, sizeof *engine);
+
+    if (!engine) {
+        error_set(error, ERROR_MEMORY, "no memory");
+        return NULL;
+    }
+    if (arena_init(&engine->arena, ARENA_BYTES, error)) {
+        free(engine);
+        return NULL;
+    }
+    engine->vdot = arena_alloc(&engine->arena, robot->nv, sizeof(double));
+    for (size_t i = 0; i < PEER_SLOTS; i++) {
+        struct state *state = &engine->kept[i];
+
+        state->q = arena_alloc(&engine->arena, robot->nq, sizeof(double));
+        state->v = arena_alloc(&engine->arena, robot->nv, sizeof(double));
+        state->tau = arena_alloc(&engine->arena, robot->njoint + 1, sizeof(double));
+        if (!engine->vdot || !state->q || !state->v || !state->tau) {
+            destroy(engine);
+            error_set(error, ERROR_MEMORY, "no memory for the states");
+            return NULL;
+        }
+    }
+    return engine;
+}
+
+static void *finish(struct engine *engine, enum error_code code, const struct error *error,
+                    char *message, size_t size)
+{
+    if (engine && !code) {
+        return engine;
+    }
+    snprintf(message, size, "%s", error->text);
+    if (engine) {
+        destroy(engine);
+    }
+    return NULL;
+}
+
+static void *generic_create(const struct robot *robot, char *message, size_t size)
+{
+    struct error error = {0};
+    struct engine *engine = begin(robot, &error);
+    enum error_code code = ERROR_NONE;
+
+    if (engine) {
+        code = dynamics_generic(robot, &engine->arena, &engine->dynamics, &error);
+    }
+    return finish(engine, code, &error, message, size);
+}
+
+/* Compiles the robot's module in a folder of its own, which is gone afterwards. */
+static enum error_code compile(const struct robot *robot, struct symbolic_library *library,
+                               struct error *error)
+{
+    static const struct symbolic_options options = {.lanes = 4};
+    const char *place = getenv("TMPDIR");
+    char folder[PATH_MAX], file[PATH_MAX + NAME_MAX + 2];
+    enum error_code code;
+    struct dirent *entry;
+    DIR *listing;
+
+    snprintf(folder, sizeof folder, "%s/coman-hil-bench-XXXXXX", place ? place : "/tmp");
+    if (!mkdtemp(folder)) {
+        return error_set_errno(error, errno, "%s", folder);
+    }
+    code = symbolic_build(robot, &options, folder, library, error);
+    listing = opendir(folder);
+    while (listing && (entry = readdir(listing))) {
+        if (entry->d_name[0] != '.') {
+            snprintf(file, sizeof file, "%s/%s", folder, entry->d_name);
+            unlink(file);
+        }
+    }
+    if (listing) {
+        closedir(listing);
+    }
+    rmdir(folder);
+    return code;
+}
+
+static void *generated_create(const struct robot *robot, char *message, size_t size)
+{
+    const struct dynamics_module *module = symbolic_builtin(robot->hash);
+    struct error error = {0};
+    struct engine *engine = begin(robot, &error);
+    enum error_code code = ERROR_NONE;
+
+    if (engine && !module) {
+        code = compile(robot, &engine->library, &error);
+        module = engine->library.module;
+    }
+    if (engine && !code) {
+        code = dynamics_generated(robot, module, &engine->arena, &engine->dynamics, &error);
+    }
+    return finish(engine, code, &error, message, size);
+}
+
+static void put(void *memory, size_t slot, const double *q, const double *v, const double *tau)
+{
+    struct engine *engine = memory;
+    const struct robot *robot = engine->dynamics.robot;
+
+    memcpy(engine->kept[slot].q, q, robot->nq * sizeof *q);
+    memcpy(engine->kept[slot].v, v, robot->nv * sizeof *v);
+    memcpy(engine->kept[slot].tau, tau, robot->njoint * sizeof *tau);
+}
+
+static void run(void *memory, size_t slot)
+{
+    struct engine *engine = memory;
+    const struct state *state = &engine->kept[slot];
+
+    engine->dynamics.ops->forward(&engine->dynamics, state->q, state->v, state->tau, NULL,
+                                  engine->vdot);
+}
+
+static void get(void *memory, double *vdot)
+{
+    const struct engine *engine = memory;
+
+    memcpy(vdot, engine->vdot, engine->dynamics.robot->nv * sizeof *vdot);
+}
+
+const struct peer_dynamics bench_ours[BENCH_OURS] = {
+    {"generic", HIL_VERSION, generic_create, destroy, put, run, get},
+    {"generated", HIL_VERSION, generated_create, destroy, put, run, get},
+};
+
+enum error_code bench_part(const struct robot *whole, size_t njoint, struct arena *arena,
+                           const struct robot **part, struct error *error)
+{
+    struct robot *robot = arena_alloc(arena, 1, sizeof *robot);
+    struct robot_body *body = arena_alloc(arena, njoint + 1, sizeof *body);
+
+    if (!robot || !body) {
+        return error_set(error, ERROR_MEMORY, "no memory for a part of %s", whole->name);
+    }
+    *robot = *whole;
+    memcpy(body, whole->body, (njoint + 1) * sizeof *body);
+    robot->body = body;
+    robot->nbody = njoint + 1;
+    robot->njoint = njoint;
+    robot->nframe = robot->nft = robot->npose = 0;
+    robot->imu_frame = -1;
+    for (size_t b = 0; b < robot->nbody; b++) {
+        body[b].observed = false;
+    }
+    *part = robot;
+    return robot_finish(robot, error);
+}
+
+/* splitmix64 */
+static double random_in(uint64_t *seed, double lower, double upper)
+{
+    uint64_t z = *seed += UINT64_C(0x9e3779b97f4a7c15);
+
+    z = (z ^ (z >> 30)) * UINT64_C(0xbf58476d1ce4e5b9);
+    z = (z ^ (z >> 27)) * UINT64_C(0x94d049bb133111eb);
+    return lower + (upper - lower) * (double)((z ^ (z >> 31)) >> 11) * 0x1p-53;
+}
+
+void bench_put_states(const struct peer_dynamics *peer, void *engine, const struct robot *robot)
+{
+    double q[BENCH_NUMBERS], v[BENCH_NUMBERS], tau[BENCH_NUMBERS];
+    size_t base = robot->nq - robot->njoint;
+    uint64_t seed = 2014;
+
+    for (size_t slot = 0; slot < PEER_SLOTS; slot++) {
+        double square = 0.0;
+
+        for (size_t i = 0; i < base; i++) {
+            q[i] = random_in(&seed, -1.0, 1.0);
+            square += i >= 3 ? q[i] * q[i] : 0.0;
+        }
+        for (size_t i = 3; i < base; i++) {
+            q[i] /= sqrt(square);
+        }
+        for (size_t i = 0; i < robot->nv; i++) {
+            v[i] = random_in(&seed, -2.0, 2.0);
+        }
+        for (size_t j = 0; j < robot->njoint; j++) {
+            const struct robot_joint *joint = &robot->joint[j];
+
+            q[base + j] = random_in(&seed, joint->lower, joint->upper);
+            tau[j] = random_in(&seed, -joint->torque_limit, joint->torque_limit);
+        }
+        peer->put(engine, slot, q, v, tau);
+    }
+}
+
+double bench_difference(const struct peer_dynamics *a, void *engine_a,
+                        const struct peer_dynamics *b, void *engine_b, size_t nv, double *worst)
+{
+    double x[BENCH_NUMBERS], y[BENCH_NUMBERS], sum = 0.0, largest = 0.0;
+
+    for (size_t slot = 0; slot < PEER_SLOTS; slot++) {
+        double difference = 0.0, size = 0.0, relative;
+
+        a->run(engine_a, slot);
+        b->run(engine_b, slot);
+        a->get(engine_a, x);
+        b->get(engine_b, y);
+        for (size_t i = 0; i < nv; i++) {
+            difference += (x[i] - y[i]) * (x[i] - y[i]);
+            size += y[i] * y[i];
+        }
+        relative = sqrt(difference / size);
+        sum += relative;
+        /* not fmax: a NaN must not vanish */
+        largest = relative <= largest ? largest : relative;
+    }
+    if (worst) {
+        *worst = largest;
+    }
+    return sum / PEER_SLOTS;
+}

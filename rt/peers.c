@@ -1,0 +1,83 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Finding and loading the module with the other simulators. */
+#include "rt/peers.h"
+
+#include <dlfcn.h>
+#include <limits.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+/* Opens path into library->handle. */
+static enum error_code load(const char *path, struct peers_library *library, struct error *error)
+{
+    const struct peers *(*entry)(void);
+    void *symbol;
+
+    /* it stays: libraries of C++ do not take well to being unloaded */
+    library->handle = dlopen(path, RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
+    if (!library->handle) {
+        return error_set(error, ERROR_UNSUPPORTED, "%s", dlerror());
+    }
+    symbol = dlsym(library->handle, "hil_peers");
+    if (symbol) {
+        memcpy(&entry, &symbol, sizeof entry);
+        library->peers = entry();
+    }
+    if (!library->peers || library->peers->abi != PEERS_ABI ||
+        library->peers->robot_size != sizeof(struct robot)) {
+        peers_close(library);
+        return error_set(error, ERROR_UNSUPPORTED, "%s: found a module of another build", path);
+    }
+    return ERROR_NONE;
+}
+
+/* Where the running program is, without its name. */
+static enum error_code program_folder(char folder[PATH_MAX], struct error *error)
+{
+    ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - 1);
+    char *slash;
+
+    folder[length < 0 ? 0 : length] = '\0';
+    slash = strrchr(folder, '/');
+    if (!slash) {
+        return error_set(error, ERROR_UNSUPPORTED, "the program's own place is not known");
+    }
+    *slash = '\0';
+    return ERROR_NONE;
+}
+
+enum error_code peers_open(const char *path, struct peers_library *library, struct error *error)
+{
+    static const char *const places[] = {"", "/../tests"};
+    char folder[PATH_MAX], file[PATH_MAX + sizeof "/../tests/" PEERS_FILE];
+    enum error_code code;
+
+    *library = (struct peers_library){0};
+    if (path) {
+        return load(path, library, error);
+    }
+    code = program_folder(folder, error);
+    if (code) {
+        return code;
+    }
+    for (size_t i = 0; i < sizeof places / sizeof places[0]; i++) {
+        snprintf(file, sizeof file, "%s%s/" PEERS_FILE, folder, places[i]);
+        if (access(file, F_OK) == 0) {
+            return load(file, library, error);
+        }
+    }
+    return error_set(error, ERROR_UNSUPPORTED,
+                     "found no " PEERS_FILE
+                     " in %s or %s/../tests: it is built with the tests where "
+                     "libsimbody-dev, libmujoco-dev or libode-dev is installed",
+                     folder, folder);
+}
+
+void peers_close(struct peers_library *library)
+{
+    if (library->handle) {
+        dlclose(library->handle);
+    }
+    *library = (struct peers_library){0};
+}

@@ -1,0 +1,84 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Other simulators beside ours, for benchmarks and for tests of exactness. They are no part of this
+ * program: a module of their own, libhil-peers.so, is built where their libraries are installed
+ * and loaded when it is there. Every number is in the units and orders of model/robot.h and
+ * model/dynamics.h. Not RT-safe.
+ */
+#ifndef RT_PEERS_H
+#define RT_PEERS_H
+
+#include "base/error.h"
+#include "model/robot.h"
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define PEERS_ABI 1
+#define PEERS_FILE "libhil-peers.so"
+
+enum { PEER_SLOTS = 64 };
+
+/* Accelerations of a tree of bodies. */
+struct peer_dynamics {
+    const char *name, *version;
+    /* An engine with the robot in it; NULL with a sentence in message when it cannot take it. */
+    void *(*create)(const struct robot *robot, char *message, size_t size);
+    void (*destroy)(void *engine);
+    /* Keeps a state as number slot (below PEER_SLOTS) in the engine's own coordinates. */
+    void (*put)(void *engine, size_t slot, const double *q, const double *v, const double *tau);
+    /* Computes the accelerations of a kept state: this is what is timed. */
+    void (*run)(void *engine, size_t slot);
+    /* vdot (nv) of the last run. */
+    void (*get)(void *engine, double *vdot);
+};
+
+/* A chain of one or two bodies that turn about horizontal parallel axes; its motion in a plane. */
+struct peer_chain {
+    size_t count; /* 1 or 2 */
+    double gravity;
+    double mass[2], inertia[2]; /* about the center of mass, the same about all axes */
+    double com[2];              /* distance of the center of mass below the body's axis */
+    double reach;               /* distance of the second axis from the first, below it */
+    double speed;               /* of both bodies at the start, when they hang straight down */
+};
+
+/* The angle is 0 when the body hangs and grows with the turn about y; it may be off by whole turns. */
+struct peer_chain_body {
+    double x, z, vx, vz; /* of the center of mass; the first axis is at the origin */
+    double angle, rate;
+};
+
+struct peer_pendulum {
+    const char *name, *version;
+    size_t coordinates, constraints; /* for each body */
+    void *(*create)(const struct peer_chain *chain, double dt, char *message, size_t size);
+    void (*destroy)(void *engine);
+    void (*step)(void *engine, size_t steps);
+    void (*get)(void *engine, struct peer_chain_body body[2]);
+};
+
+struct peers {
+    uint32_t abi;        /* PEERS_ABI */
+    uint32_t robot_size; /* sizeof(struct robot): both were built from the same headers */
+    size_t ndynamics, npendulum;
+    const struct peer_dynamics *dynamics;
+    const struct peer_pendulum *pendulum;
+};
+
+/* What the module exports. */
+const struct peers *hil_peers(void);
+
+struct peers_library {
+    void *handle;
+    const struct peers *peers;
+};
+
+/* Loads the module at path, or with path NULL the one that lies beside the program or where the build
+ * puts it, in ../tests from there. Without one ERROR_UNSUPPORTED. */
+enum error_code peers_open(const char *path, struct peers_library *library, struct error *error);
+
+/* Nothing of the module may be in use. Safe on a zeroed library. */
+void peers_close(struct peers_library *library);
+
+#endif

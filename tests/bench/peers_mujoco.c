@@ -1,0 +1,296 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * MuJoCo as a peer: the robot goes in as its own XML format, contacts and constraints are off, and
+ * mj_forward is what is timed. A free joint of MuJoCo has its linear velocity in world axes and its
+ * angular velocity in the body's.
+ */
+#include "tests/bench/peers.h"
+
+#include "model/spatial.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <mujoco/mujoco.h>
+
+struct engine {
+    const struct robot *robot;
+    mjModel *model;
+    mjData *data;
+    int *q, *v; /* of each joint: where its position and its rate stand in MuJoCo's vectors */
+    double *kept_q, *kept_v, *kept_f; /* PEER_SLOTS times nq, nv, nv */
+};
+
+static void put_numbers(FILE *out, const char *key, const double *value, size_t count)
+{
+    fprintf(out, " %s=\"", key);
+    for (size_t i = 0; i < count; i++) {
+        fprintf(out, "%s%.17g", i ? " " : "", value[i]);
+    }
+    fputc('"', out);
+}
+
+/* wxyz of a rotation, from the largest of its four elements */
+static void quaternion_of(const double R[9], double q[4])
+{
+    double square[4] = {1.0 + R[0] + R[4] + R[8], 1.0 + R[0] - R[4] - R[8],
+                        1.0 - R[0] + R[4] - R[8], 1.0 - R[0] - R[4] + R[8]};
+    /* 4 q_m q_n for m < n */
+    double product[4][4] = {{0.0, R[7] - R[5], R[2] - R[6], R[3] - R[1]},
+                            {0.0, 0.0, R[1] + R[3], R[2] + R[6]},
+                            {0.0, 0.0, 0.0, R[5] + R[7]}};
+    int largest = 0;
+
+    for (int m = 1; m < 4; m++) {
+        largest = square[m] > square[largest] ? m : largest;
+    }
+    q[largest] = 0.5 * sqrt(square[largest]);
+    for (int m = 0; m < 4; m++) {
+        if (m != largest) {
+            q[m] =
+                product[m < largest ? m : largest][m < largest ? largest : m] / (4.0 * q[largest]);
+        }
+    }
+}
+
+/* Principal moments of a symmetric tensor, and its principal axes as the columns of R, by Jacobi's
+ * method. MuJoCo's own diagonalization stops at about 1e-8. */
+static void principal_axes(const double I[6], double moment[3], double R[9])
+{
+    double A[3][3] = {{I[0], I[1], I[2]}, {I[1], I[3], I[4]}, {I[2], I[4], I[5]}};
+
+    mat3_identity(R);
+    for (int sweep = 0; sweep < 12; sweep++) {
+        for (int n = 0; n < 3; n++) {
+            int a = n, b = (n + 1) % 3;
+            double difference = A[a][a] - A[b][b];
+            /* of the two angles the smaller: the larger swaps the axes and never ends */
+            double angle = 0.5 * atan2(copysign(2.0, difference) * A[a][b], fabs(difference));
+            double c = cos(angle), s = sin(angle);
+
+            /* A <- G^T A G, R <- R G, G a rotation in the plane of a and b */
+            for (int k = 0; k < 3; k++) {
+                double x = A[k][a], y = A[k][b], u = R[3 * k + a], v = R[3 * k + b];
+
+                A[k][a] = c * x + s * y;
+                A[k][b] = c * y - s * x;
+                R[3 * k + a] = c * u + s * v;
+                R[3 * k + b] = c * v - s * u;
+            }
+            for (int k = 0; k < 3; k++) {
+                double x = A[a][k], y = A[b][k];
+
+                A[a][k] = c * x + s * y;
+                A[b][k] = c * y - s * x;
+            }
+        }
+    }
+    for (int m = 0; m < 3; m++) {
+        moment[m] = A[m][m];
+    }
+}
+
+static void put_inertia(FILE *out, const struct robot_inertia *inertia)
+{
+    double moment[3], R[9], quaternion[4];
+
+    principal_axes(inertia->I, moment, R);
+    quaternion_of(R, quaternion);
+    fputs("<inertial", out);
+    put_numbers(out, "pos", inertia->com, 3);
+    put_numbers(out, "quat", quaternion, 4);
+    put_numbers(out, "mass", &inertia->mass, 1);
+    put_numbers(out, "diaginertia", moment, 3);
+    fputs("/>\n", out);
+}
+
+static void put_body(FILE *out, const struct robot *robot, size_t b)
+{
+    if (b == 0 && robot->floating) {
+        fputs("<body name=\"b0\"><freejoint/>\n", out);
+        put_inertia(out, &robot->body[0].inertia);
+    } else if (b > 0) {
+        const struct robot_joint *joint = &robot->joint[b - 1];
+        double quaternion[4];
+
+        quaternion_of(joint->rotation, quaternion);
+        fprintf(out, "<body name=\"b%zu\"", b);
+        put_numbers(out, "pos", joint->origin, 3);
+        put_numbers(out, "quat", quaternion, 4);
+        fprintf(out, "><joint name=\"j%zu\" type=\"%s\"", b - 1,
+                joint->type == JOINT_REVOLUTE ? "hinge" : "slide");
+        put_numbers(out, "axis", joint->axis, 3);
+        fputs("/>\n", out);
+        put_inertia(out, &robot->body[b].inertia);
+    }
+    for (size_t child = b + 1; child < robot->nbody; child++) {
+        if (robot->body[child].parent == (int)b) {
+            put_body(out, robot, child);
+        }
+    }
+    if (b > 0 || robot->floating) {
+        fputs("</body>\n", out);
+    }
+}
+
+/* The robot as MuJoCo's XML in *text, from the heap. */
+static bool describe(const struct robot *robot, char **text, size_t *size)
+{
+    FILE *out = open_memstream(text, size);
+
+    if (!out) {
+        return false;
+    }
+    fputs("<mujoco>\n<compiler angle=\"radian\"/>\n<option", out);
+    put_numbers(out, "gravity", robot->gravity, 3);
+    fputs("><flag constraint=\"disable\" contact=\"disable\"/></option>\n<worldbody>\n", out);
+    put_body(out, robot, 0);
+    fputs("</worldbody>\n</mujoco>\n", out);
+    return fclose(out) == 0;
+}
+
+static mjModel *compile(const char *text, size_t size, char *message, size_t room)
+{
+    static const char name[] = "robot.xml";
+    mjVFS *vfs = malloc(sizeof *vfs);
+    mjModel *model = NULL;
+
+    if (!vfs) {
+        return NULL;
+    }
+    mj_defaultVFS(vfs);
+    if (mj_makeEmptyFileVFS(vfs, name, (int)size) == 0) {
+        memcpy(vfs->filedata[mj_findFileVFS(vfs, name)], text, size);
+        model = mj_loadXML(name, vfs, message, (int)room);
+    }
+    mj_deleteVFS(vfs);
+    free(vfs);
+    return model;
+}
+
+static void destroy(void *memory)
+{
+    struct engine *engine = memory;
+
+    if (engine->data) {
+        mj_deleteData(engine->data);
+    }
+    if (engine->model) {
+        mj_deleteModel(engine->model);
+    }
+    free(engine->q);
+    free(engine->v);
+    free(engine->kept_q);
+    free(engine->kept_v);
+    free(engine->kept_f);
+    free(engine);
+}
+
+/* MuJoCo orders bodies depth first; joints are found by name. */
+static bool fill(struct engine *engine)
+{
+    const struct robot *robot = engine->robot;
+
+    engine->data = mj_makeData(engine->model);
+    engine->q = calloc(robot->njoint + 1, sizeof *engine->q);
+    engine->v = calloc(robot->njoint + 1, sizeof *engine->v);
+    engine->kept_q = calloc(PEER_SLOTS * robot->nq, sizeof *engine->kept_q);
+    engine->kept_v = calloc(PEER_SLOTS * robot->nv, sizeof *engine->kept_v);
+    engine->kept_f = calloc(PEER_SLOTS * robot->nv, sizeof *engine->kept_f);
+    if (!engine->data || !engine->q || !engine->v || !engine->kept_q || !engine->kept_v ||
+        !engine->kept_f) {
+        return false;
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        char name[32];
+        int id;
+
+        snprintf(name, sizeof name, "j%zu", j);
+        id = mj_name2id(engine->model, mjOBJ_JOINT, name);
+        engine->q[j] = engine->model->jnt_qposadr[id];
+        engine->v[j] = engine->model->jnt_dofadr[id];
+    }
+    return true;
+}
+
+static void *create(const struct robot *robot, char *message, size_t size)
+{
+    struct engine *engine = calloc(1, sizeof *engine);
+    char *text = NULL;
+    size_t length = 0;
+
+    snprintf(message, size, "no memory");
+    if (!engine) {
+        return NULL;
+    }
+    engine->robot = robot;
+    if (describe(robot, &text, &length)) {
+        engine->model = compile(text, length, message, size);
+    }
+    free(text);
+    if (!engine->model || !fill(engine)) {
+        destroy(engine);
+        return NULL;
+    }
+    return engine;
+}
+
+static void put(void *memory, size_t slot, const double *q, const double *v, const double *tau)
+{
+    struct engine *engine = memory;
+    const struct robot *robot = engine->robot;
+    double *qpos = engine->kept_q + slot * robot->nq, *qvel = engine->kept_v + slot * robot->nv;
+    double *force = engine->kept_f + slot * robot->nv, R[9];
+
+    if (robot->floating) {
+        memcpy(qpos, q, 7 * sizeof *q);
+        mat3_from_quaternion(q + 3, R);
+        mat3_apply(R, v, qvel);
+        memcpy(qvel + 3, v + 3, 3 * sizeof *v);
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        qpos[engine->q[j]] = q[robot->nq - robot->njoint + j];
+        qvel[engine->v[j]] = v[robot->nv - robot->njoint + j];
+        force[engine->v[j]] = tau[j];
+    }
+}
+
+static void run(void *memory, size_t slot)
+{
+    struct engine *engine = memory;
+    const struct robot *robot = engine->robot;
+
+    memcpy(engine->data->qpos, engine->kept_q + slot * robot->nq, robot->nq * sizeof(double));
+    memcpy(engine->data->qvel, engine->kept_v + slot * robot->nv, robot->nv * sizeof(double));
+    memcpy(engine->data->qfrc_applied, engine->kept_f + slot * robot->nv,
+           robot->nv * sizeof(double));
+    mj_forward(engine->model, engine->data);
+}
+
+static void get(void *memory, double *vdot)
+{
+    const struct engine *engine = memory;
+    const struct robot *robot = engine->robot;
+    const mjtNum *qacc = engine->data->qacc;
+
+    if (robot->floating) {
+        double R[9], v[3], turned[3];
+
+        /* d(R^T v)/dt = R^T a - w x (R^T v), w in the body frame */
+        mat3_from_quaternion(engine->data->qpos + 3, R);
+        mat3_apply_transposed(R, engine->data->qvel, v);
+        vec3_cross(engine->data->qvel + 3, v, turned);
+        mat3_apply_transposed(R, qacc, vdot);
+        for (int m = 0; m < 3; m++) {
+            vdot[m] -= turned[m];
+            vdot[3 + m] = qacc[3 + m];
+        }
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        vdot[robot->nv - robot->njoint + j] = qacc[engine->v[j]];
+    }
+}
+
+const struct peer_dynamics peer_mujoco = {"MuJoCo", PEERS_MUJOCO_VERSION, create, destroy, put, run,
+                                          get};
