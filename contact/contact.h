@@ -28,6 +28,7 @@
 #ifndef CONTACT_CONTACT_H
 #define CONTACT_CONTACT_H
 
+#include "base/arena.h"
 #include "base/error.h"
 #include "contact/mesh.h"
 
@@ -106,6 +107,19 @@ struct contact_patch {
     double dissipation_w; /* being dissipated */
 };
 
+/* How one pair in touch resists: a small motion of b relative to a at center, displacement X and
+ * velocity V (linear, angular; world frame), changes the wrench on b there by about -(K X + D V).
+ * Symmetric, positive semidefinite 6x6 matrices, upper triangle by rows. For implicit integration,
+ * which stays stable when they err upward: friction counts by a bound of its slope, and what turns
+ * the normals or scales friction with the normal force is left out. */
+struct contact_tangent {
+    int pair;
+    int body_a, body_b; /* indices into the motions, -1 = the fixed world */
+    double center[3];
+    double K[21]; /* N/m, N, N m */
+    double D[21]; /* N s/m, N s, N m s */
+};
+
 /* Refuses what no engine can work with: indices out of range, numbers that are not finite or not in
  * their range (dynamic friction over static too), rotations that are none, unsound meshes, pairs of
  * one body with itself, of two half-spaces, or given twice. Not RT-safe. */
@@ -125,6 +139,9 @@ struct contact_ops {
                                 struct contact_wrench *wrench);
     /* Patches of the last evaluation; returns their number, writes at most max. */
     size_t (*patches)(struct contact_world *world, struct contact_patch *patch, size_t max);
+    /* Tangents at the last evaluation; returns their number, writes at most max. May be NULL; who
+     * integrates implicitly needs it. */
+    size_t (*tangents)(struct contact_world *world, struct contact_tangent *tangent, size_t max);
     /* The engine's message after a failed evaluate. */
     const char *(*failure)(const struct contact_world *world);
     void (*destroy)(struct contact_world *world);
@@ -151,5 +168,34 @@ struct contact_world {
  * - Force patches give neither area nor depth. */
 enum error_code contact_simbody_create(const struct contact_config *config,
                                        struct contact_world **world, struct error *error);
+
+/* Engine "native": keeps real time. evaluate is RT-safe; memory from arena, which the world must not
+ * outlive; destroy does nothing. What is common to two surfaces is integrated over their true
+ * overlap, so that the wrench is continuous in the pose, does not depend on how finely a flat side is
+ * cut into triangles, and converges as curved ones are refined:
+ * - Springs are a bed: side by side on a plane, along one direction, as long as the overlap is deep
+ *   there. The elastic force of a bed is k times the volume that it stands in. Coplanar triangles
+ *   that make up a convex polygon are one facet.
+ * - Mesh on half-space: along the plane's normal. A facet that stands upright or is turned away adds
+ *   nothing (Simbody lets both push).
+ * - Mesh on mesh: between each two facets that face each other, along the mean of their normals. The
+ *   sums over either mesh in eq (6) are over the same overlap, so half of both is one of them. It
+ *   fades out as the normals get near a right angle (full up to 60 degrees off, none from 84), and
+ *   where a spring would run along the overlap instead of across it.
+ * - Sphere on mesh: over each facet along its normal to the sphere's far side: k times the cap's
+ *   volume on a flat side, wherever on it. Sphere on half-space or sphere: Hertz's law, as above.
+ * - Velocity, dissipation and friction are taken at three points between a facet's centroid and
+ *   each edge of the overlap (four points of a sphere's patch).
+ * Work at worst, all of both meshes within each other: for each pair of meshes the product of their
+ * numbers of facets, for a half-space or a sphere the number of facets. */
+enum error_code contact_native_create(const struct contact_config *config, struct arena *arena,
+                                      struct contact_world **world, struct error *error);
+
+/* The same engine with Simbody's springs at the triangles' centroids, all that is listed above of
+ * them included: gives Simbody's numbers, for comparison. RT-safe too; its work is the number of
+ * triangles, for two meshes the product. */
+enum error_code contact_native_create_centroids(const struct contact_config *config,
+                                                struct arena *arena, struct contact_world **world,
+                                                struct error *error);
 
 #endif

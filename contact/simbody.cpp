@@ -11,6 +11,7 @@
 extern "C" {
 #include "base/arena.h"
 #include "contact/contact.h"
+#include "contact/tangent.h"
 }
 
 #include <Simbody.h>
@@ -49,6 +50,13 @@ struct Shadow {
     int q, u;
 };
 
+/* What the two materials of a pair make together. */
+struct Law {
+    double static_friction, viscous_friction;
+    double dissipation; /* times the elastic force and the rate of depth: the damping force */
+    double exponent;    /* of the depth in the elastic force */
+};
+
 struct Engine : contact_world {
     explicit Engine(const struct contact_config &config);
 
@@ -56,6 +64,7 @@ struct Engine : contact_world {
     void impose(const struct contact_motion *motion);
     void collect(const ContactForce &force, const Contact &contact,
                  const struct contact_motion *motion, struct contact_wrench *wrench);
+    size_t tangents(struct contact_tangent *tangent, size_t max);
 
     size_t nbody, nsurface;
     MultibodySystem system;
@@ -68,7 +77,9 @@ struct Engine : contact_world {
     std::vector<int> body_of;    /* of each of our surfaces */
     std::vector<int> pair_of;    /* nsurface x nsurface, or no_pair */
     std::vector<struct contact_pair> pair;
+    std::vector<Law> law; /* of each pair */
     std::vector<struct contact_patch> patches;
+    std::vector<ContactId> touching; /* of each patch */
     char failure[512] = "";
 };
 
@@ -181,6 +192,34 @@ void part_unpaired(std::vector<ContactSurface> &surfaces, const std::vector<int>
     }
 }
 
+double harmonic_mean(double a, double b)
+{
+    return a + b > 0 ? 2 * a * b / (a + b) : 0;
+}
+
+bool has_mesh(const struct contact_surface &s)
+{
+    return s.shape == CONTACT_BOX || s.shape == CONTACT_MESH;
+}
+
+/* The stiffness that a surface's share of the depth goes by. */
+double rigidity(const struct contact_material &m, bool foundation)
+{
+    return foundation ? m.young_pa / m.thickness_m : std::cbrt(m.young_pa * m.young_pa);
+}
+
+Law pair_law(const struct contact_surface &a, const struct contact_surface &b)
+{
+    const bool foundation = has_mesh(a) || has_mesh(b);
+    const double ka = rigidity(a.material, foundation), kb = rigidity(b.material, foundation);
+    const double c =
+        (kb * a.material.dissipation_s_per_m + ka * b.material.dissipation_s_per_m) / (ka + kb);
+
+    return {harmonic_mean(a.material.static_friction, b.material.static_friction),
+            harmonic_mean(a.material.viscous_friction, b.material.viscous_friction),
+            foundation ? c : 1.5 * c, foundation ? 1.0 : 1.5};
+}
+
 Engine::Engine(const struct contact_config &config)
     : contact_world{}, nbody(config.nbody), nsurface(config.nsurface), matter(system),
       tracker(system), forces(system, tracker), pair_of(nsurface * nsurface, no_pair),
@@ -191,7 +230,11 @@ Engine::Engine(const struct contact_config &config)
 
         pair_of[a * nsurface + b] = pair_of[b * nsurface + a] = static_cast<int>(p);
     }
+    for (const struct contact_pair &p : pair) {
+        law.push_back(pair_law(config.surface[p.a], config.surface[p.b]));
+    }
     patches.reserve(pair.size());
+    touching.reserve(pair.size());
 
     std::vector<ContactSurface> surfaces;
 
@@ -295,11 +338,13 @@ void Engine::collect(const ContactForce &force, const Contact &contact,
     patch.potential_j = force.getPotentialEnergy();
     patch.dissipation_w = force.getPowerDissipation();
     patches.push_back(patch);
+    touching.push_back(force.getContactId());
 }
 
 void Engine::evaluate(const struct contact_motion *motion, struct contact_wrench *wrench)
 {
     patches.clear();
+    touching.clear();
     for (size_t b = 0; b < nbody; ++b) {
         wrench[b] = contact_wrench{};
     }
@@ -318,6 +363,48 @@ void Engine::evaluate(const struct contact_motion *motion, struct contact_wrench
     /* What touches keeps its contact's number next time: Simbody counts new contacts in an int that
      * a long run would overflow. The forces do not depend on it. */
     state.autoUpdateDiscreteVariables();
+}
+
+/* Adds Simbody's account of one element. Its elastic force goes with a power of the depth, and its
+ * energy says how large it is. */
+void add_detail(const ContactDetail &detail, const Law &law, double transition_velocity,
+                struct contact_tangent *tangent)
+{
+    const double depth = detail.getDeformation();
+    const double elastic = (law.exponent + 1) * detail.getPotentialEnergy() / depth;
+    const double damping = law.dissipation * elastic;
+    const double normal = std::abs(dot(detail.getForceOnSurface2(), detail.getContactNormal()));
+    struct contact_element element = {};
+
+    add_to(element.point, detail.getContactPoint());
+    add_to(element.normal, Vec3(detail.getContactNormal()));
+    element.stiffness = law.exponent * normal / depth;
+    element.damping = damping;
+    element.friction =
+        contact_friction_damping(law.static_friction, law.viscous_friction, transition_velocity,
+                                 normal, detail.getSlipVelocity().norm());
+    contact_tangent_add(tangent, &element);
+}
+
+size_t Engine::tangents(struct contact_tangent *tangent, size_t max)
+{
+    for (size_t i = 0; i < patches.size() && i < max; ++i) {
+        const struct contact_pair &p = pair[static_cast<size_t>(patches[i].pair)];
+        struct contact_tangent &t = tangent[i];
+        ContactPatch details;
+
+        t = contact_tangent{};
+        t.pair = patches[i].pair;
+        t.body_a = body_of[static_cast<size_t>(p.a)];
+        t.body_b = body_of[static_cast<size_t>(p.b)];
+        add_to(t.center, vec3(patches[i].center));
+        forces.calcContactPatchDetailsById(state, touching[i], details);
+        for (int e = 0; e < details.getNumDetails(); ++e) {
+            add_detail(details.getContactDetail(e), law[static_cast<size_t>(t.pair)],
+                       forces.getTransitionVelocity(), &t);
+        }
+    }
+    return patches.size();
 }
 
 /* ---- the C side ---- */
@@ -375,6 +462,16 @@ size_t engine_patches(struct contact_world *world, struct contact_patch *patch, 
     return all.size();
 }
 
+/* A pair whose details Simbody cannot give has no tangent. */
+size_t engine_tangents(struct contact_world *world, struct contact_tangent *tangent, size_t max)
+{
+    try {
+        return static_cast<Engine *>(world)->tangents(tangent, max);
+    } catch (...) {
+        return 0;
+    }
+}
+
 const char *engine_failure(const struct contact_world *world)
 {
     return static_cast<const Engine *>(world)->failure;
@@ -386,7 +483,7 @@ void engine_destroy(struct contact_world *world)
 }
 
 const struct contact_ops engine_ops = {
-    "simbody", engine_evaluate, engine_patches, engine_failure, engine_destroy,
+    "simbody", engine_evaluate, engine_patches, engine_tangents, engine_failure, engine_destroy,
 };
 
 } // namespace

@@ -33,6 +33,12 @@ struct body_acceleration {
     double a[3];     /* of the origin, m/s2 */
 };
 
+/* A symmetric 6x6 matrix that adds to a body's inertia: upper triangle by rows, in the order of v
+ * (linear xyz, angular xyz), in the body's frame about its origin. */
+struct added_inertia {
+    double A[21];
+};
+
 struct dynamics;
 
 struct dynamics_ops {
@@ -41,6 +47,14 @@ struct dynamics_ops {
      * its body's frame about its origin; NULL = none). */
     void (*forward)(const struct dynamics *d, const double *q, const double *v, const double *tau,
                     const struct wrench *ext, double *vdot);
+    /* Forward dynamics with added inertia, for implicit integration: vdot of
+     *     (Mass + E + sum Jb^T A_b Jb) vdot = tau - bias + sum Jb^T ext_b
+     * with E the diagonal of extra (njoint, on the joints' own coordinates) and A_b those of the
+     * observed bodies, one each in rising order. Jb v is the body's velocity in its frame at its
+     * origin. All of it must be positive definite. ext must be given. */
+    void (*implicit)(const struct dynamics *d, const double *q, const double *v, const double *tau,
+                     const struct wrench *ext, const double *extra,
+                     const struct added_inertia *added, double *vdot);
     /* Inverse dynamics: generalized forces f (nv; the base's force and moment in the base frame
      * first, in the order of v) that produce vdot. */
     void (*inverse)(const struct dynamics *d, const double *q, const double *v, const double *vdot,

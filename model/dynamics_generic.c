@@ -41,8 +41,9 @@ struct link_state {
     double c, s; /* cosine and sine of a revolute joint's angle */
     double r[3]; /* origin in the parent's frame */
     struct spatial v;
-    struct spatial bias; /* velocity-product acceleration */
-    struct spatial p;    /* bias force; in inverse dynamics the force across the joint */
+    struct spatial bias;  /* velocity-product acceleration */
+    struct spatial drift; /* acceleration at vdot = 0, gravity's included */
+    struct spatial p;     /* bias force; in inverse dynamics the force across the joint */
     struct spatial a;
     struct spatial_inertia A; /* articulated inertia */
     struct spatial U;         /* A times the joint's axis */
@@ -252,14 +253,17 @@ INLINE void outward_velocity(enum joint_type type, int k, const struct link *lin
     }
 }
 
-/* A <- A - U U^T / d: what is left of A when the joint gives way. A turning joint passes on no
- * moment about its axis: row k of J and H becomes zero, and is set so. */
-INLINE void remove_motion(enum joint_type type, int k, const struct spatial *U, double inverse_d,
-                          struct spatial_inertia *A)
+/* A <- A - U U^T / d: what is left of A when the joint gives way. A turning joint without extra
+ * inertia (plain) passes on no moment about its axis: row k of J and H becomes zero, and is set so.
+ */
+INLINE void remove_motion(enum joint_type type, int k, bool plain, const struct spatial *U,
+                          double inverse_d, struct spatial_inertia *A)
 {
+    bool free = plain && type == JOINT_REVOLUTE;
+
     for (int row = 0; row < 3; row++) {
         double a = U->a[row] * inverse_d, l = U->l[row] * inverse_d;
-        bool gone = type == JOINT_REVOLUTE && row == k;
+        bool gone = free && row == k;
 
         for (int column = 0; column < 3; column++) {
             A->H[3 * row + column] = gone ? 0.0 : A->H[3 * row + column] - a * U->l[column];
@@ -267,7 +271,7 @@ INLINE void remove_motion(enum joint_type type, int k, const struct spatial *U, 
         for (int column = row; column < 3; column++) {
             double *J = &A->J[spatial_sym[row][column]];
 
-            *J = gone || (type == JOINT_REVOLUTE && column == k) ? 0.0 : *J - a * U->a[column];
+            *J = gone || (free && column == k) ? 0.0 : *J - a * U->a[column];
             A->M[spatial_sym[row][column]] -= l * U->l[column];
         }
     }
@@ -289,28 +293,30 @@ INLINE void add_bias(enum joint_type type, int k, const struct spatial_inertia *
     }
 }
 
-/* takes the joint's own motion out of the articulated inertia and hands the rest to the parent */
-INLINE void inward_articulated(enum joint_type type, int k, const struct link *link, double tau,
-                               struct link_state *state, struct link_state *parent)
+/* takes the joint's own motion out of the articulated inertia and hands the rest to the parent;
+ * extra inertia resists the joint's motion unless plain */
+INLINE void inward_articulated(enum joint_type type, int k, bool plain, const struct link *link,
+                               double tau, double extra, struct link_state *state,
+                               struct link_state *parent)
 {
     bool turns = type == JOINT_REVOLUTE;
     struct spatial_inertia A = state->A;
     struct spatial U, p = state->p;
     double u, inverse_d;
 
-    /* U = A S, d = S^T U, u = tau - S^T p */
+    /* U = A S, d = S^T U + extra, u = tau - S^T p */
     for (int m = 0; m < 3; m++) {
         U.a[m] = turns ? A.J[spatial_sym[k][m]] : A.H[3 * m + k];
         U.l[m] = turns ? A.H[3 * k + m] : A.M[spatial_sym[k][m]];
     }
-    inverse_d = 1.0 / (turns ? U.a[k] : U.l[k]);
+    inverse_d = 1.0 / ((turns ? U.a[k] : U.l[k]) + (plain ? 0.0 : extra));
     u = tau - (turns ? p.a[k] : p.l[k]);
     state->U = U;
     state->inverse_d = inverse_d;
     state->u = u;
 
     /* A <- A - U U^T / d, p <- p + A bias + U u / d */
-    remove_motion(type, k, &U, inverse_d, &A);
+    remove_motion(type, k, plain, &U, inverse_d, &A);
     add_bias(type, k, &A, &state->bias, &p);
     for (int m = 0; m < 3; m++) {
         p.a[m] += U.a[m] * (u * inverse_d);
@@ -320,9 +326,9 @@ INLINE void inward_articulated(enum joint_type type, int k, const struct link *l
 
     /* to the parent's axes and origin */
     if (turns) {
-        sym3_turn(k, true, state->c, state->s, A.J);
+        sym3_turn(k, plain, state->c, state->s, A.J);
         sym3_turn(k, false, state->c, state->s, A.M);
-        mat3_turn(k, true, state->c, state->s, A.H);
+        mat3_turn(k, plain, state->c, state->s, A.H);
     }
     if (link->turned) {
         spatial_inertia_rotate(link->fixed, &A);
@@ -469,49 +475,72 @@ static void gravity_up(const struct dynamics *d, const double *q, double up[3])
     mat3_apply_transposed(R, minus, up);
 }
 
-/* a = -A^-1 p: Cholesky factorization A = L L^T in the order angular, linear */
-static void solve_base(const struct spatial_inertia *A, const struct spatial *p, struct spatial *a)
+/* the body's acceleration at vdot = 0 */
+INLINE void outward_drift(enum joint_type type, int k, const struct link *link,
+                          const struct link_state *parent, struct link_state *state)
 {
-    double L[6][6], inverse[6], x[6];
-
-    for (int row = 0; row < 3; row++) {
-        for (int column = 0; column < 3; column++) {
-            L[row][column] = A->J[spatial_sym[row][column]];
-            L[row + 3][column] = A->H[3 * column + row];
-            L[row + 3][column + 3] = A->M[spatial_sym[row][column]];
-        }
-        x[row] = -p->a[row];
-        x[row + 3] = -p->l[row];
+    (void)type;
+    motion_down(k, link, state, &parent->drift, &state->drift);
+    for (int m = 0; m < 3; m++) {
+        state->drift.a[m] += state->bias.a[m];
+        state->drift.l[m] += state->bias.l[m];
     }
-    for (int column = 0; column < 6; column++) {
-        for (int m = 0; m < column; m++) {
-            for (int row = column; row < 6; row++) {
-                L[row][column] -= L[row][m] * L[column][m];
-            }
-        }
-        inverse[column] = 1.0 / sqrt(L[column][column]);
-        for (int row = column; row < 6; row++) {
-            L[row][column] *= inverse[column];
-        }
-    }
-    for (int row = 0; row < 6; row++) {
-        for (int m = 0; m < row; m++) {
-            x[row] -= L[row][m] * x[m];
-        }
-        x[row] *= inverse[row];
-    }
-    for (int row = 5; row >= 0; row--) {
-        for (int m = row + 1; m < 6; m++) {
-            x[row] -= L[m][row] * x[m];
-        }
-        x[row] *= inverse[row];
-    }
-    memcpy(a->a, x, sizeof a->a);
-    memcpy(a->l, x + 3, sizeof a->l);
 }
 
-static void generic_forward(const struct dynamics *d, const double *q, const double *v,
-                            const double *tau, const struct wrench *ext, double *vdot)
+/* the matrix as an inertia in the body's inner frame */
+static void inner_inertia(const struct link *link, const struct added_inertia *added,
+                          struct spatial_inertia *A)
+{
+    const double *a = added->A;
+    const double M[6] = {a[0], a[1], a[2], a[6], a[7], a[11]};
+    const double H[9] = {a[3], a[8], a[12], a[4], a[9], a[13], a[5], a[10], a[14]};
+
+    memcpy(A->M, M, sizeof M);
+    memcpy(A->H, H, sizeof H);
+    memcpy(A->J, a + 15, sizeof A->J);
+    if (link->inner) {
+        double body_to_inner[9];
+
+        mat3_transpose(link->align, body_to_inner);
+        spatial_inertia_rotate(body_to_inner, A);
+    }
+}
+
+/* Adds the given inertia to the observed bodies. It resists what vdot makes of their accelerations
+ * and not their drift. */
+static void add_inertia(const struct dynamics *d, const double up[3],
+                        const struct added_inertia *added)
+{
+    const struct generic *g = d->work;
+    struct link_state *state = g->state;
+
+    memset(&state[0].drift, 0, sizeof state[0].drift);
+    memcpy(state[0].drift.l, up, sizeof state[0].drift.l);
+    for (size_t b = 0; b < g->nbody; b++) {
+        const struct link *link = &g->link[b];
+        struct spatial_inertia A;
+        struct spatial f;
+
+        if (b > 0) {
+            BY_JOINT(link, outward_drift, link, &state[link->parent], &state[b]);
+        }
+        if (!d->robot->body[b].observed) {
+            continue;
+        }
+        inner_inertia(link, added++, &A);
+        spatial_inertia_add(&A, &state[b].A);
+        spatial_inertia_apply(&A, &state[b].drift, &f);
+        for (int m = 0; m < 3; m++) {
+            state[b].p.a[m] -= f.a[m];
+            state[b].p.l[m] -= f.l[m];
+        }
+    }
+}
+
+/* Forward dynamics; plain: without extra and added inertia, which are then not read. */
+INLINE void articulated_body(const struct dynamics *d, bool plain, const double *q, const double *v,
+                             const double *tau, const struct wrench *ext, const double *extra,
+                             const struct added_inertia *added, double *vdot)
 {
     const struct generic *g = d->work;
     struct link_state *state = g->state;
@@ -526,18 +555,26 @@ static void generic_forward(const struct dynamics *d, const double *q, const dou
             subtract_wrench(&g->link[b], &ext[b], &state[b].p);
         }
     }
+    gravity_up(d, q, up);
+    if (!plain) {
+        add_inertia(d, up, added);
+    }
 
     /* inward: articulated inertias and bias forces */
     for (size_t b = g->nbody - 1; b > 0; b--) {
         const struct link *link = &g->link[b];
 
-        BY_JOINT(link, inward_articulated, link, tau[b - 1], &state[b], &state[link->parent]);
+        BY_JOINT(link, inward_articulated, plain, link, tau[b - 1], plain ? 0.0 : extra[b - 1],
+                 &state[b], &state[link->parent]);
     }
 
     /* outward: accelerations, which count gravity as the base's until the end */
-    gravity_up(d, q, up);
     if (d->robot->floating) {
-        solve_base(&state[0].A, &state[0].p, &state[0].a);
+        for (int m = 0; m < 3; m++) {
+            state[0].p.a[m] = -state[0].p.a[m];
+            state[0].p.l[m] = -state[0].p.l[m];
+        }
+        spatial_inertia_solve(&state[0].A, &state[0].p, &state[0].a);
         for (int m = 0; m < 3; m++) {
             vdot[m] = state[0].a.l[m] - up[m];
             vdot[m + 3] = state[0].a.a[m];
@@ -552,6 +589,19 @@ static void generic_forward(const struct dynamics *d, const double *q, const dou
         BY_JOINT(link, outward_acceleration, link, &state[link->parent], &state[b],
                  &vdot[g->first + b - 1]);
     }
+}
+
+static void generic_forward(const struct dynamics *d, const double *q, const double *v,
+                            const double *tau, const struct wrench *ext, double *vdot)
+{
+    articulated_body(d, true, q, v, tau, ext, NULL, NULL, vdot);
+}
+
+static void generic_implicit(const struct dynamics *d, const double *q, const double *v,
+                             const double *tau, const struct wrench *ext, const double *extra,
+                             const struct added_inertia *added, double *vdot)
+{
+    articulated_body(d, false, q, v, tau, ext, extra, added, vdot);
 }
 
 static void generic_inverse(const struct dynamics *d, const double *q, const double *v,
@@ -756,6 +806,7 @@ enum error_code dynamics_generic(const struct robot *robot, struct arena *arena,
     static const struct dynamics_ops ops = {
         .name = "generic",
         .forward = generic_forward,
+        .implicit = generic_implicit,
         .inverse = generic_inverse,
         .kinematics = generic_kinematics,
         .acceleration = generic_acceleration,

@@ -1,6 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Fixed-step integration schemes. */
+/* Runge-Kutta schemes. */
 #include "model/integrator.h"
+
+#include <math.h>
+#include <string.h>
 
 enum { RK4_STAGES = 4 };
 
@@ -34,4 +37,120 @@ void integrator_rk4(integrator_function *f, void *context, double t, double h, s
     for (size_t i = 0; i < n; i++) {
         y[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
     }
+}
+
+enum { DOPRI5_STAGES = 7 };
+
+static const double dopri5_c[DOPRI5_STAGES] = {0.0, 1.0 / 5, 3.0 / 10, 4.0 / 5, 8.0 / 9, 1.0, 1.0};
+
+/* The last row is the solution of order 5. */
+static const double dopri5_a[DOPRI5_STAGES][DOPRI5_STAGES - 1] = {
+    {0.0},
+    {1.0 / 5},
+    {3.0 / 40, 9.0 / 40},
+    {44.0 / 45, -56.0 / 15, 32.0 / 9},
+    {19372.0 / 6561, -25360.0 / 2187, 64448.0 / 6561, -212.0 / 729},
+    {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
+    {35.0 / 384, 0.0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
+
+/* The solution of order 5 less that of order 4. */
+static const double dopri5_e[DOPRI5_STAGES] = {
+    71.0 / 57600, 0.0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
+
+/* Step control: exponents, safety, and the bounds of a step's change. */
+#define CONTROL_BETA 0.04
+#define CONTROL_ALPHA (0.2 - 0.75 * CONTROL_BETA)
+#define CONTROL_SAFETY 0.9
+#define CONTROL_SHRINK 0.2
+#define CONTROL_GROW 10.0
+
+/* A first step this part of the whole, and a last resort. */
+#define FIRST_STEP 1e-3
+#define LEAST_STEP 1e-12
+
+size_t integrator_dopri5_scratch(size_t n)
+{
+    return (DOPRI5_STAGES + 1) * n; /* the slopes, and the state that the next one is taken at */
+}
+
+/* slopes 2 to 7; the state of the last is the result of the step */
+static void dopri5_stages(integrator_function *f, void *context, double t, double h, size_t n,
+                          const double *y, double *k, double *stage)
+{
+    for (int s = 1; s < DOPRI5_STAGES; s++) {
+        memcpy(stage, y, n * sizeof *y);
+        for (int m = 0; m < s; m++) {
+            for (size_t i = 0; i < n; i++) {
+                stage[i] += h * dopri5_a[s][m] * k[(size_t)m * n + i];
+            }
+        }
+        f(context, t + dopri5_c[s] * h, stage, k + (size_t)s * n);
+    }
+}
+
+static double dopri5_error(const struct integrator_dopri5 *control, double h, size_t n,
+                           const double *y, const double *end, const double *k)
+{
+    double sum = 0.0;
+
+    for (size_t i = 0; i < n; i++) {
+        double scale = control->atol + control->rtol * fmax(fabs(y[i]), fabs(end[i]));
+        double difference = 0.0;
+
+        for (int s = 0; s < DOPRI5_STAGES; s++) {
+            difference += dopri5_e[s] * k[(size_t)s * n + i];
+        }
+        sum += (h * difference / scale) * (h * difference / scale);
+    }
+    return sqrt(sum / (double)n);
+}
+
+/* the factor from one step's length to the next, with both errors at least tiny */
+static double dopri5_factor(double error, double last_error)
+{
+    double factor =
+        CONTROL_SAFETY * pow(fmax(error, 1e-10), -CONTROL_ALPHA) * pow(last_error, CONTROL_BETA);
+
+    return fmin(CONTROL_GROW, fmax(CONTROL_SHRINK, factor));
+}
+
+bool integrator_dopri5(integrator_function *f, void *context, double t, double h, size_t n,
+                       double *y, struct integrator_dopri5 *control, double *scratch)
+{
+    double *k = scratch, *stage = k + DOPRI5_STAGES * n, *last = k + (DOPRI5_STAGES - 1) * n;
+    double done = 0.0, step = control->next > 0.0 ? control->next : FIRST_STEP * h;
+    bool rejected = false;
+
+    f(context, t, y, k);
+    control->evaluations++;
+    for (size_t tried = 0; tried < control->tries && step > LEAST_STEP * h; tried++) {
+        bool final = step >= h - done;
+        double error, factor;
+
+        control->next = step;
+        step = final ? h - done : step;
+        dopri5_stages(f, context, t + done, step, n, y, k, stage);
+        control->evaluations += DOPRI5_STAGES - 1;
+        error = dopri5_error(control, step, n, y, stage, k);
+        if (!(error <= 1.0)) {
+            step *= isfinite(error) ? fmax(CONTROL_SHRINK, CONTROL_SAFETY * pow(error, -0.2))
+                                    : CONTROL_SHRINK;
+            rejected = true;
+            continue;
+        }
+        memcpy(y, stage, n * sizeof *y);
+        memcpy(k, last, n * sizeof *k);
+        factor = dopri5_factor(error, fmax(control->last_error, 1e-4));
+        factor = rejected ? fmin(factor, 1.0) : factor;
+        control->last_error = error;
+        rejected = false;
+        if (final) {
+            /* a step cut short says what length would do, but not that more would not */
+            control->next = fmax(control->next, step * factor);
+            return true;
+        }
+        done += step;
+        step *= factor;
+    }
+    return false;
 }

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Fixed-step integration of y' = f(t, y) over a flat state. RT-safe: scratch is the caller's.
+ * Integration of y' = f(t, y) over a flat state, in fixed steps (RT-safe) or adaptive. Scratch is
+ * the caller's.
  */
 #ifndef MODEL_INTEGRATOR_H
 #define MODEL_INTEGRATOR_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 /* dydt (n) from y (n) at time t (s). */
@@ -17,5 +19,25 @@ size_t integrator_rk4_scratch(size_t n);
  * Norsett, Wanner, Solving ODEs I, II.1, table 1.2). */
 void integrator_rk4(integrator_function *f, void *context, double t, double h, size_t n, double *y,
                     double *scratch);
+
+/* What the adaptive scheme goes by, and what it remembers from one call to the next. */
+struct integrator_dopri5 {
+    double rtol, atol;  /* > 0; the error of a step counts relative to atol + rtol |y_i| */
+    size_t tries;       /* most steps, accepted or not, in one call */
+    double next;        /* length of the next step, s; 0 = to be found */
+    double last_error;  /* of the last accepted step */
+    size_t evaluations; /* of f, so far */
+};
+
+/* Doubles of scratch that integrator_dopri5 needs for n states. */
+size_t integrator_dopri5_scratch(size_t n);
+
+/* Advances y (n) from t by h seconds with the embedded pair of orders 5 and 4 of Dormand and Prince
+ * and proportional-integral control of the step (Hairer, Norsett, Wanner, Solving ODEs I, II.5
+ * table 5.2; Hairer, Wanner, II, IV.2). The error of a step is the root mean square over the state.
+ * Returns false when it does not arrive in the tries that it has, or its steps vanish next to h
+ * because f is not finite; y is then where it came to. */
+bool integrator_dopri5(integrator_function *f, void *context, double t, double h, size_t n,
+                       double *y, struct integrator_dopri5 *control, double *scratch);
 
 #endif

@@ -3,6 +3,7 @@
 #include "model/plant.h"
 
 #include "base/hash.h"
+#include "model/implicit.h"
 #include "model/integrator.h"
 #include "model/plant_private.h"
 #include "model/spatial.h"
@@ -13,11 +14,17 @@
 /* Position of the base quaternion in q. */
 enum { QUATERNION = 3 };
 
+/* Steps that dopri5 may try for one substep. */
+enum { DOPRI5_TRIES = 100000 };
+
+static const char not_accurate[] = "dopri5 does not reach its tolerances: the model is too stiff "
+                                   "for it, or an input is out of all "
+                                   "bounds";
 static const char diverged[] =
     "the state is no longer finite: the substep is too long for the stiffness of the model, or an "
     "input is out of all bounds";
 
-static void normalize_quaternion(double quaternion[4])
+void plant_normalize_quaternion(double quaternion[4])
 {
     double norm = sqrt(quaternion[0] * quaternion[0] + quaternion[1] * quaternion[1] +
                        quaternion[2] * quaternion[2] + quaternion[3] * quaternion[3]);
@@ -33,8 +40,9 @@ void plant_place(struct plant *plant, const double *state)
 
     memcpy(plant->q, state, robot->nq * sizeof *state);
     if (robot->floating) {
-        normalize_quaternion(plant->q + QUATERNION);
+        plant_normalize_quaternion(plant->q + QUATERNION);
     }
+    plant_free_place(plant, state);
 }
 
 enum error_code plant_touch(struct plant *plant, const double *v)
@@ -75,14 +83,13 @@ static double apply_wrench(const struct body_motion *motion, const double force[
     return vec3_dot(force, motion->v) + vec3_dot(moment, motion->w);
 }
 
-/* ext and the powers from contact and pushes, given q */
+/* ext, and the powers of contact and pushes in addition to load's, given what plant_place fills */
 static enum error_code apply_loads(struct plant *plant, const double *v, struct plant_load *load)
 {
     const struct plant_config *config = &plant->config;
-    size_t nbody = config->robot->nbody;
+    size_t nbody = config->robot->nbody, count = nbody + config->nfree;
 
-    memset(plant->ext, 0, nbody * sizeof *plant->ext);
-    *load = (struct plant_load){0.0, 0.0};
+    memset(plant->ext, 0, count * sizeof *plant->ext);
     if (config->contact) {
         enum error_code code = plant_touch(plant, v);
 
@@ -99,9 +106,9 @@ static enum error_code apply_loads(struct plant *plant, const double *v, struct 
     }
     if (plant->pushing) {
         plant->whole.ops->kinematics(&plant->whole, plant->q, v, plant->whole_motion);
-        for (size_t b = 0; b < nbody; b++) {
-            load->push += apply_wrench(&plant->whole_motion[b], plant->push[b].force,
-                                       plant->push[b].moment, &plant->ext[b]);
+        for (size_t b = 0; b < count; b++) {
+            load->push += apply_wrench(b < nbody ? &plant->whole_motion[b] : &plant->motion[b],
+                                       plant->push[b].force, plant->push[b].moment, &plant->ext[b]);
         }
     }
     return ERROR_NONE;
@@ -130,13 +137,28 @@ static void apply_actuators(struct plant *plant, const double *state)
     }
 }
 
-/* in the jig: no wrench, no acceleration */
-static void feel_nothing(struct plant *plant, struct plant_load *load)
+/* in the jig: no wrench on the robot, no acceleration; what acts on free bodies stays */
+static void feel_nothing(struct plant *plant)
 {
+    const struct robot *robot = plant->config.robot;
+
+    memset(plant->ext, 0, robot->nbody * sizeof *plant->ext);
+    memset(plant->vdot, 0, robot->nv * sizeof *plant->vdot);
+    for (size_t c = 0; c < plant->config.ncontact; c++) {
+        if ((size_t)plant->config.contact_body[c] < robot->nbody) {
+            plant->contact_wrench[c] = (struct contact_wrench){0};
+        }
+    }
+}
+
+enum error_code plant_load_bodies(struct plant *plant, const double *state, struct plant_load *load)
+{
+    plant_place(plant, state);
     *load = (struct plant_load){0.0, 0.0};
-    memset(plant->ext, 0, plant->config.robot->nbody * sizeof *plant->ext);
-    memset(plant->contact_wrench, 0, plant->config.ncontact * sizeof *plant->contact_wrench);
-    memset(plant->vdot, 0, plant->config.robot->nv * sizeof *plant->vdot);
+    if (plant->clamped && plant->config.nfree == 0) {
+        return ERROR_NONE;
+    }
+    return apply_loads(plant, state + plant->at.v, load);
 }
 
 enum error_code plant_evaluate(struct plant *plant, const double *state, struct plant_load *load)
@@ -144,16 +166,14 @@ enum error_code plant_evaluate(struct plant *plant, const double *state, struct 
     const struct dynamics *dynamics = plant->config.dynamics;
     const double *v = state + plant->at.v;
     bool loaded = plant->config.contact || plant->pushing;
-    enum error_code code;
+    enum error_code code = plant_load_bodies(plant, state, load);
 
-    plant_place(plant, state);
-    if (plant->clamped) {
-        feel_nothing(plant, load);
-        return ERROR_NONE;
-    }
-    code = apply_loads(plant, v, load);
     if (code != ERROR_NONE) {
         return code;
+    }
+    if (plant->clamped) {
+        feel_nothing(plant);
+        return ERROR_NONE;
     }
     apply_actuators(plant, state);
     dynamics->ops->forward(dynamics, plant->q, v, plant->tau, loaded ? plant->ext : NULL,
@@ -227,6 +247,7 @@ static void derive(void *context, double t, const double *state, double *derivat
     memcpy(derivative + plant->at.v, plant->vdot, robot->nv * sizeof *derivative);
     derive_drives(plant, state, derivative, work);
     derive_springs(plant, state, derivative, work);
+    plant_free_derive(plant, state, derivative);
     if (work) {
         work[WORK_CONTACT] = load.contact;
         work[WORK_PUSH] = load.push;
@@ -280,25 +301,47 @@ static bool all_finite(const double *value, size_t count)
     return true;
 }
 
+/* one substep with the integrator of the configuration */
+static enum error_code integrate(struct plant *plant, double h)
+{
+    const struct plant_config *config = &plant->config;
+    size_t count = plant->at.count;
+
+    if (config->integrator == PLANT_IMPLICIT) {
+        return implicit_step(plant, h);
+    }
+    plant->step_code = ERROR_NONE;
+    if (config->integrator == PLANT_RK4) {
+        integrator_rk4(derive, plant, 0.0, h, count, plant->state, plant->scratch);
+    } else if (!integrator_dopri5(derive, plant, 0.0, h, count, plant->state, &plant->dopri5,
+                                  plant->scratch) &&
+               plant->step_code == ERROR_NONE) {
+        plant->failure = not_accurate;
+        return ERROR_INPUT;
+    }
+    return plant->step_code;
+}
+
 static enum error_code substep(struct plant *plant)
 {
+    enum error_code code;
     size_t count = plant->at.count;
     double h = 1e-9 * (double)plant->config.substep_ns;
 
     memcpy(plant->last_good, plant->state, count * sizeof *plant->state);
-    plant->step_code = ERROR_NONE;
-    integrator_rk4(derive, plant, 0.0, h, count, plant->state, plant->rk4);
-    if (plant->step_code == ERROR_NONE && !all_finite(plant->state, count)) {
-        plant->step_code = ERROR_INPUT;
+    code = integrate(plant, h);
+    if (code == ERROR_NONE && !all_finite(plant->state, count)) {
+        code = ERROR_INPUT;
         plant->failure = diverged;
     }
-    if (plant->step_code != ERROR_NONE) {
+    if (code != ERROR_NONE) {
         memcpy(plant->state, plant->last_good, count * sizeof *plant->state);
-        return plant->step_code;
+        return code;
     }
     if (plant->config.robot->floating) {
-        normalize_quaternion(plant->state + QUATERNION);
+        plant_normalize_quaternion(plant->state + QUATERNION);
     }
+    plant_free_normalize(plant);
     plant->time_ns += plant->config.substep_ns;
     return ERROR_NONE;
 }
@@ -331,7 +374,7 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
     if (robot->floating) {
         memcpy(plant->state, base_position, 3 * sizeof *base_position);
         memcpy(plant->state + QUATERNION, base_quaternion, 4 * sizeof *base_quaternion);
-        normalize_quaternion(plant->state + QUATERNION);
+        plant_normalize_quaternion(plant->state + QUATERNION);
     }
     memcpy(plant->state + plant->at.v - njoint, joint, njoint * sizeof *joint);
     for (size_t d = 0; d < plant->ndrive; d++) {
@@ -340,23 +383,25 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
         plant->bridge_on[d] = false;
     }
     settle_pretensions(plant);
+    plant_free_reset(plant);
     memset(plant->pretension_rate, 0, plant->nspring * sizeof *plant->pretension_rate);
-    memset(plant->push, 0, robot->nbody * sizeof *plant->push);
+    memset(plant->push, 0, (robot->nbody + plant->config.nfree) * sizeof *plant->push);
     plant->pushing = false;
     plant->time_ns = 0;
     plant->failure = "";
+    plant->dopri5.next = plant->dopri5.last_error = 0.0;
     code = plant_restart_energy(plant);
     return code == ERROR_NONE ? plant_sample(plant) : code;
 }
 
 void plant_set_push(struct plant *plant, int body, const double force[3], const double moment[3])
 {
-    size_t nbody = plant->config.robot->nbody;
+    size_t count = plant->config.robot->nbody + plant->config.nfree;
 
     memcpy(plant->push[body].force, force, sizeof plant->push[body].force);
     memcpy(plant->push[body].moment, moment, sizeof plant->push[body].moment);
     plant->pushing = false;
-    for (size_t b = 0; b < nbody; b++) {
+    for (size_t b = 0; b < count; b++) {
         for (int i = 0; i < 3; i++) {
             plant->pushing |= plant->push[b].force[i] != 0.0 || plant->push[b].moment[i] != 0.0;
         }
@@ -419,13 +464,33 @@ static enum error_code check_observed(const struct robot *robot, int body, const
     return ERROR_NONE;
 }
 
+static enum error_code check_contact(const struct plant_config *config, int body,
+                                     struct error *error)
+{
+    size_t nbody = config->robot->nbody;
+
+    if (body >= 0 && (size_t)body >= nbody + config->nfree && config->nfree > 0) {
+        return error_set(error, ERROR_INPUT,
+                         "a contact surface is on body %d, but %s has bodies 0 to %zu and free "
+                         "ones follow up to %zu",
+                         body, config->robot->name, nbody - 1, nbody + config->nfree - 1);
+    }
+    if (body >= 0 && (size_t)body >= nbody && config->nfree > 0) {
+        return ERROR_NONE;
+    }
+    return check_observed(config->robot, body, "a contact surface", error);
+}
+
 static enum error_code check_bodies(const struct plant_config *config, struct error *error)
 {
     const struct robot *robot = config->robot;
     enum error_code code = ERROR_NONE;
 
+    for (size_t i = 0; i < config->nfree && code == ERROR_NONE; i++) {
+        code = plant_check_free_body(&config->free[i], error);
+    }
     for (size_t c = 0; c < config->ncontact && code == ERROR_NONE; c++) {
-        code = check_observed(robot, config->contact_body[c], "a contact surface", error);
+        code = check_contact(config, config->contact_body[c], error);
     }
     for (size_t f = 0; f < robot->nft && code == ERROR_NONE; f++) {
         code = check_observed(robot, robot->frame[robot->ft[f].frame].body, "a force-torque sensor",
@@ -444,8 +509,19 @@ static enum error_code check_config(const struct plant_config *config, struct er
         return error_set(error, ERROR_INPUT, "the dynamics are not those of robot %s",
                          config->robot->name);
     }
-    if (config->integrator != PLANT_RK4) {
+    if (config->integrator != PLANT_RK4 && config->integrator != PLANT_IMPLICIT &&
+        config->integrator != PLANT_DOPRI5) {
         return error_set(error, ERROR_INPUT, "there is no integrator %d", (int)config->integrator);
+    }
+    if (config->integrator == PLANT_IMPLICIT && config->contact &&
+        !config->contact->ops->tangents) {
+        return error_set(error, ERROR_UNSUPPORTED,
+                         "contact engine %s gives no tangents, which the implicit integrator needs",
+                         config->contact->ops->name);
+    }
+    if (config->integrator == PLANT_DOPRI5 && !(config->rtol > 0.0 && config->atol > 0.0)) {
+        return error_set(error, ERROR_INPUT, "tolerances are %g and %g, expected more than 0",
+                         config->rtol, config->atol);
     }
     if (config->substep_ns <= 0) {
         return error_set(error, ERROR_INPUT, "the substep is %lld ns, expected more than 0",
@@ -462,7 +538,7 @@ static enum error_code check_config(const struct plant_config *config, struct er
     return check_bodies(config, error);
 }
 
-/* Sizes of everything, from the robot. */
+/* Sizes of everything, from the robot and the free bodies. */
 static void lay_out(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -474,7 +550,8 @@ static void lay_out(struct plant *plant)
     plant->at.v = robot->nq;
     plant->at.drive = plant->at.v + robot->nv;
     plant->at.pretension = plant->at.drive + 3 * plant->ndrive;
-    plant->at.work = plant->at.pretension + plant->nspring;
+    plant->at.free = plant->at.pretension + plant->nspring;
+    plant->at.work = plant->at.free + PLANT_FREE_STATE * plant->config.nfree;
     plant->at.count = plant->at.work + (plant->config.account_energy ? WORK_COUNT : 0);
 }
 
@@ -489,29 +566,38 @@ static bool allocate(struct plant *plant, struct arena *arena)
 {
     const struct robot *robot = plant->config.robot;
     size_t count = plant->at.count, ncontact = plant->config.ncontact;
+    size_t nbody = robot->nbody + plant->config.nfree;
     bool ok = true;
 
     TAKE(plant->drive_joint, plant->ndrive);
     TAKE(plant->spring_joint, plant->nspring);
+    TAKE(plant->free_inverse, plant->config.nfree);
     TAKE(plant->state, count);
     TAKE(plant->command.motor, robot->njoint);
     TAKE(plant->sensors.motor, robot->njoint);
     TAKE(plant->sensors.ft, robot->nft);
-    TAKE(plant->push, robot->nbody);
+    TAKE(plant->push, nbody);
     TAKE(plant->voltage, plant->ndrive);
     TAKE(plant->bridge_on, plant->ndrive);
     TAKE(plant->pretension_rate, plant->nspring);
     TAKE(plant->q, robot->nq);
     TAKE(plant->tau, robot->njoint);
     TAKE(plant->vdot, robot->nv);
-    TAKE(plant->ext, robot->nbody);
-    TAKE(plant->motion, robot->nbody);
+    TAKE(plant->ext, nbody);
+    TAKE(plant->motion, nbody);
     TAKE(plant->contact_motion, ncontact);
     TAKE(plant->contact_wrench, ncontact);
     TAKE(plant->whole_motion, robot->nbody);
     TAKE(plant->last_good, count);
-    TAKE(plant->rk4, integrator_rk4_scratch(count));
-    TAKE(plant->sampled_motion, robot->nbody);
+    if (plant->config.integrator == PLANT_IMPLICIT) {
+        plant->implicit = implicit_create(plant, arena);
+        ok = ok && plant->implicit;
+    } else {
+        size_t rk4 = integrator_rk4_scratch(count), dopri5 = integrator_dopri5_scratch(count);
+
+        TAKE(plant->scratch, plant->config.integrator == PLANT_RK4 ? rk4 : dopri5);
+    }
+    TAKE(plant->sampled_motion, nbody);
     TAKE(plant->sampled_wrench, ncontact);
     TAKE(plant->acceleration, robot->nbody);
     TAKE(plant->patch, plant->config.contact ? PLANT_PATCHES : 0);
@@ -552,27 +638,41 @@ static void number_actuators(struct plant *plant)
     }
 }
 
+/* False when the arena is used up. */
+static bool copy_config(struct plant *plant, const struct plant_config *config, struct arena *arena)
+{
+    int *contact_body = arena_alloc(arena, config->ncontact, sizeof *contact_body);
+    struct plant_free_body *body = arena_alloc(arena, config->nfree, sizeof *body);
+
+    if (!contact_body || !body) {
+        return false;
+    }
+    if (config->ncontact > 0) {
+        memcpy(contact_body, config->contact_body, config->ncontact * sizeof *contact_body);
+    }
+    if (config->nfree > 0) {
+        memcpy(body, config->free, config->nfree * sizeof *body);
+    }
+    plant->config = *config;
+    plant->config.contact_body = contact_body;
+    plant->config.free = body;
+    return true;
+}
+
 enum error_code plant_create(const struct plant_config *config, struct arena *arena,
                              struct plant **plant, struct error *error)
 {
     const struct robot *robot = config->robot;
     enum error_code code = check_config(config, error);
     struct plant *made;
-    int *contact_body;
 
     if (code != ERROR_NONE) {
         return code;
     }
     made = arena_alloc(arena, 1, sizeof *made);
-    contact_body = arena_alloc(arena, config->ncontact, sizeof *contact_body);
-    if (!made || !contact_body) {
+    if (!made || !copy_config(made, config, arena)) {
         return error_set(error, ERROR_MEMORY, "no memory for the plant of %s", robot->name);
     }
-    made->config = *config;
-    if (config->ncontact > 0) {
-        memcpy(contact_body, config->contact_body, config->ncontact * sizeof *contact_body);
-    }
-    made->config.contact_body = contact_body;
     lay_out(made);
     if (!allocate(made, arena)) {
         return error_set(error, ERROR_MEMORY, "no memory for the plant of %s", robot->name);
@@ -582,10 +682,14 @@ enum error_code plant_create(const struct plant_config *config, struct arena *ar
         return code;
     }
     number_actuators(made);
+    plant_free_prepare(made);
+    plant_free_reset(made);
     made->command.njoint = robot->njoint;
     made->sensors.njoint = robot->njoint;
     made->sensors.nft = robot->nft;
     made->failure = "";
+    made->dopri5 = (struct integrator_dopri5){
+        .rtol = config->rtol, .atol = config->atol, .tries = DOPRI5_TRIES};
     if (robot->floating) {
         made->state[QUATERNION] = 1.0;
     }

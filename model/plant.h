@@ -4,9 +4,13 @@
  * ordinary differential equations, integrated together (the paper's strong coupling).
  *
  * State, one flat array: q (nq), v (nv), then qm, qmd, I for each joint with a drive, in joint
- * order, then p for each joint with an enabled parallel spring, then, with account_energy, the
- * integrals of the powers. Joints without a drive have no actuator state and no torque but that of
- * their parallel spring. Time is int64_t ns.
+ * order, then p for each joint with an enabled parallel spring, then each free body's
+ * PLANT_FREE_STATE values, then, with account_energy, the integrals of the powers. Joints without a
+ * drive have no actuator state and no torque but that of their parallel spring. Time is int64_t ns.
+ *
+ * Free bodies are the scene's: rigid, joined to nothing, moved by gravity, contact and pushes.
+ * Wherever a body is meant by its index they follow the robot's: free[i] is body nbody + i. (Bodies
+ * that never move are no bodies here, but surfaces of the world.)
  *
  * A command is held over one call of plant_step: voltages stay, the pretension of a parallel spring
  * moves at a constant rate so that it is reached at the end of the call.
@@ -20,16 +24,36 @@
 
 struct plant;
 
-enum plant_integrator { PLANT_RK4 };
+/* rk4: the paper's, for steps short enough. implicit: order 1, stable with long steps, the one for
+ * real time (model/implicit.c); its energy balance closes to the first order only. dopri5: adaptive,
+ * any substep, as accurate as asked and as slow as that takes: the oracle; not RT-safe. */
+enum plant_integrator { PLANT_RK4, PLANT_IMPLICIT, PLANT_DOPRI5 };
+
+/* A free body as it starts. Its center of mass need not be the origin of its frame. */
+struct plant_free_body {
+    const char *name;
+    struct robot_inertia inertia; /* mass and principal moments > 0 */
+    double position[3];           /* of the body's origin, world, m */
+    double quaternion[4];         /* wxyz, body to world, of any length but zero */
+    double v[3];                  /* of the body's origin, world, m/s */
+    double w[3];                  /* world, rad/s */
+};
+
+/* State of a free body: position of its center of mass (m, world), quaternion wxyz, velocity of the
+ * center of mass (m/s, world), angular velocity (rad/s, body frame). */
+enum { PLANT_FREE_STATE = 13 };
 
 struct plant_config {
     const struct robot *robot;
-    const struct dynamics *dynamics; /* of the same robot; used by no other thread */
-    struct contact_world *contact;   /* NULL = none; not owned */
-    const int *contact_body;         /* body of each of the world's ncontact motions; copied */
+    const struct dynamics *dynamics;    /* of the same robot; used by no other thread */
+    const struct plant_free_body *free; /* nfree; copied, but for the names */
+    size_t nfree;
+    struct contact_world *contact; /* NULL = none; not owned */
+    const int *contact_body;       /* body of each of the world's ncontact motions; copied */
     size_t ncontact;
     enum plant_integrator integrator;
     int64_t substep_ns;  /* h */
+    double rtol, atol;   /* of dopri5, for each number of the state */
     double supply_v;     /* terminal voltages are clipped to +-supply_v */
     bool account_energy; /* integrate the power balance too (plant_energy) */
 };
@@ -52,16 +76,20 @@ struct plant_energy {
     double balance;
 };
 
+/* Whether a free body has the inertia of some body, none of it zero, and a place to start from; the
+ * error says why not. Not RT-safe. */
+enum error_code plant_check_free_body(const struct plant_free_body *body, struct error *error);
+
 /* Memory from arena. The state is the reset one with the base at the origin and all joints at zero.
  * Fails on a substep or supply <= 0, a contact or sensor body that the robot does not mark as
- * observed, no memory. Not RT-safe. */
+ * observed, a free body that fails its check, no memory. Not RT-safe. */
 enum error_code plant_create(const struct plant_config *config, struct arena *arena,
                              struct plant **plant, struct error *error);
 
 /* Sets a pose at rest at time zero: joints at the pose with springs relaxed (qm = q), no current, no
- * push, pretensions where the command has them; energies count from here and the sensors are
- * sampled. Base arguments are ignored (may be NULL) with a fixed base. The command is kept. Returns
- * the contact engine's failure, if any. */
+ * push, pretensions where the command has them, free bodies as they start; energies count from here
+ * and the sensors are sampled. Base arguments are ignored (may be NULL) with a fixed base. The
+ * command is kept. Returns the contact engine's failure, if any. */
 enum error_code plant_reset(struct plant *plant, const double base_position[3],
                             const double base_quaternion[4], const double *joint);
 
@@ -93,9 +121,16 @@ enum error_code plant_sample(struct plant *plant);
 double *plant_state(struct plant *plant, size_t *count);
 const struct contact_wrench *plant_contact_wrenches(const struct plant *plant);
 
-/* Poses and velocities of the bodies (nbody entries) at the last sample; only those of observed
- * bodies are set. */
+/* Poses and velocities of the robot's bodies (nbody entries) at the last sample; only those of
+ * observed bodies are set. */
 const struct body_motion *plant_motion(const struct plant *plant);
+
+/* Those of the free bodies (nfree entries), of the origins of their frames. */
+const struct body_motion *plant_free_motion(const struct plant *plant);
+
+/* Where free body i is in the present state: position of its origin (m), quaternion wxyz.
+ * RT-safe. */
+void plant_free_pose(const struct plant *plant, size_t i, double pose[7]);
 
 /* Virtual time of the state. */
 int64_t plant_time_ns(const struct plant *plant);
@@ -112,19 +147,20 @@ enum error_code plant_energy(struct plant *plant, struct plant_energy *energy);
  * Returns as plant_energy. RT-safe when the contact engine is. */
 enum error_code plant_restart_energy(struct plant *plant);
 
-/* A push from outside on a body (0 to nbody - 1), world frame at the body's origin, until changed.
- * RT-safe. */
+/* A push from outside on a body (0 to nbody + nfree - 1), world frame at the body's origin, until
+ * changed. RT-safe. */
 void plant_set_push(struct plant *plant, int body, const double force[3], const double moment[3]);
 
-/* Clamps every link where it is, as in a jig, or lets go: while clamped nothing moves but the
- * drives behind their springs, and contacts and pushes are not felt. A robot starts clamped so that
- * it does not fall before its motors are on. Clamping stops the links; plant_reset leaves the clamp
- * as it is. RT-safe. */
+/* Clamps every link where it is, as in a jig, or lets go: while clamped nothing of the robot moves
+ * but the drives behind their springs, and it feels neither contacts nor pushes (the jig takes
+ * them: its bodies' wrenches read zero). Free bodies live on, and lean on a clamped robot as on a
+ * rock. A robot starts clamped so that it does not fall before its motors are on. Clamping stops the links;
+ * plant_reset leaves the clamp as it is. RT-safe. */
 void plant_clamp(struct plant *plant, bool clamped);
 bool plant_is_clamped(const struct plant *plant);
 
-/* Center of mass (m) and total linear momentum (kg m/s) of the present state, world frame.
- * RT-safe. */
+/* Center of mass (m) and total linear momentum (kg m/s) of the robot, without the free bodies, in
+ * the present state, world frame. RT-safe. */
 void plant_centre_of_mass(struct plant *plant, double position[3], double momentum[3]);
 
 #endif

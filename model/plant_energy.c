@@ -17,6 +17,7 @@ static double stored_mechanical(struct plant *plant)
     plant_place(plant, state);
     dynamics->ops->energy(dynamics, plant->q, state + plant->at.v, &kinetic, &potential);
     energy = kinetic + potential;
+    energy += plant_free_energy(plant, state);
     for (size_t d = 0; d < plant->ndrive; d++) {
         size_t j = plant->drive_joint[d];
         struct sea_state drive = plant_drive_state(plant, state, d);

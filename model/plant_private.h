@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the parts of the plant share: plant.c (making, stepping), plant_sample.c, plant_energy.c. */
+/* What the parts of the plant share: plant.c (making, stepping), plant_free.c, plant_sample.c,
+ * plant_energy.c. */
 #ifndef MODEL_PLANT_PRIVATE_H
 #define MODEL_PLANT_PRIVATE_H
 
 #include "model/actuator.h"
+#include "model/integrator.h"
 #include "model/plant.h"
 
 /* Integrals of powers at the end of the state. WORK_CONTACT is what contact does on the bodies. */
@@ -21,16 +23,23 @@ enum plant_work {
 
 /* Where the parts of the flat state begin, and its length. */
 struct plant_layout {
-    size_t v, drive, pretension, work, count;
+    size_t v, drive, pretension, free, work, count;
 };
 
+/* Inverse of a free body's tensor of inertia, as struct robot_inertia has the tensor. */
+struct plant_free_inverse {
+    double I[6];
+};
+
+/* Arrays by body have nbody entries of the robot, then nfree of the free bodies. */
 struct plant {
-    struct plant_config config; /* contact_body is the plant's own copy */
+    struct plant_config config; /* contact_body and free are the plant's own copies */
     struct dynamics whole;      /* generic, with every body observed: pushes, center of mass */
     struct plant_layout at;
     size_t ndrive, nspring;
     size_t *drive_joint;  /* joint of each drive */
     size_t *spring_joint; /* joint of each enabled parallel spring */
+    struct plant_free_inverse *free_inverse;
 
     double *state;
     int64_t time_ns;
@@ -48,15 +57,17 @@ struct plant {
     /* scratch of one evaluation */
     double *q; /* with a quaternion of unit length */
     double *tau, *vdot;
-    struct wrench *ext; /* by body, body frame */
-    struct body_motion *motion;
+    struct wrench *ext;         /* by body, body frame */
+    struct body_motion *motion; /* by body */
     struct contact_motion *contact_motion;
     struct contact_wrench *contact_wrench;
-    struct body_motion *whole_motion;
-    double *last_good, *rk4;
+    struct body_motion *whole_motion; /* of the robot's bodies */
+    double *last_good, *scratch;
+    struct integrator_dopri5 dopri5;
+    struct implicit *implicit; /* NULL with another integrator */
 
     /* of the last sample */
-    struct body_motion *sampled_motion;
+    struct body_motion *sampled_motion; /* by body */
     struct contact_wrench *sampled_wrench;
     struct body_acceleration *acceleration;
 
@@ -90,13 +101,35 @@ static inline double plant_joint_rate(const struct plant *plant, const double *s
     return state[plant->at.drive - plant->config.robot->njoint + j];
 }
 
-/* Fills q, ext, tau and vdot from state; motion and contact_wrench too when there is contact. */
+/* Fills q, ext, tau, vdot and the free bodies' motion from state; the robot's motion and
+ * contact_wrench too when there is contact. */
 enum error_code plant_evaluate(struct plant *plant, const double *state, struct plant_load *load);
 
-/* The contact part of it: fills motion and contact_wrench, given q and state's rates. */
+/* The part of it before the dynamics: q, ext and the motions, with or without contact. */
+enum error_code plant_load_bodies(struct plant *plant, const double *state,
+                                  struct plant_load *load);
+
+/* The contact part of it: fills the robot's motion and contact_wrench, given v and what plant_place
+ * fills. */
 enum error_code plant_touch(struct plant *plant, const double *v);
 
-/* Copies the generalized coordinates of state to plant->q with a quaternion of unit length. */
+/* Copies the generalized coordinates of state to plant->q with a quaternion of unit length, and
+ * fills the free bodies' motion. */
 void plant_place(struct plant *plant, const double *state);
+
+void plant_normalize_quaternion(double quaternion[4]);
+
+/* Free bodies. What follows from their inertias once and for all. */
+void plant_free_prepare(struct plant *plant);
+
+/* To their starts, and their quaternions to unit length, in plant->state. */
+void plant_free_reset(struct plant *plant);
+void plant_free_normalize(struct plant *plant);
+
+/* Their part of plant->motion, of the derivative (from motion and ext), and of the energy stored
+ * (kinetic and gravity, J). */
+void plant_free_place(struct plant *plant, const double *state);
+void plant_free_derive(const struct plant *plant, const double *state, double *derivative);
+double plant_free_energy(const struct plant *plant, const double *state);
 
 #endif

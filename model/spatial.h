@@ -214,6 +214,66 @@ static inline void spatial_inertia_rotate(const double R[9], struct spatial_iner
     mat3_mul(T, Rt, A->H);
 }
 
+/* f = A v */
+static inline void spatial_inertia_apply(const struct spatial_inertia *A, const struct spatial *v,
+                                         struct spatial *f)
+{
+    double l[3];
+
+    sym3_apply(A->J, v->a, f->a);
+    mat3_apply(A->H, v->l, l);
+    for (int i = 0; i < 3; i++) {
+        f->a[i] += l[i];
+    }
+    mat3_apply_transposed(A->H, v->a, f->l);
+    sym3_apply(A->M, v->l, l);
+    for (int i = 0; i < 3; i++) {
+        f->l[i] += l[i];
+    }
+}
+
+/* v = A^-1 f, A positive definite: Cholesky factorization A = L L^T in the order angular, linear */
+static inline void spatial_inertia_solve(const struct spatial_inertia *A, const struct spatial *f,
+                                         struct spatial *v)
+{
+    double L[6][6], inverse[6], x[6];
+
+    for (int row = 0; row < 3; row++) {
+        for (int column = 0; column < 3; column++) {
+            L[row][column] = A->J[spatial_sym[row][column]];
+            L[row + 3][column] = A->H[3 * column + row];
+            L[row + 3][column + 3] = A->M[spatial_sym[row][column]];
+        }
+        x[row] = f->a[row];
+        x[row + 3] = f->l[row];
+    }
+    for (int column = 0; column < 6; column++) {
+        for (int m = 0; m < column; m++) {
+            for (int row = column; row < 6; row++) {
+                L[row][column] -= L[row][m] * L[column][m];
+            }
+        }
+        inverse[column] = 1.0 / sqrt(L[column][column]);
+        for (int row = column; row < 6; row++) {
+            L[row][column] *= inverse[column];
+        }
+    }
+    for (int row = 0; row < 6; row++) {
+        for (int m = 0; m < row; m++) {
+            x[row] -= L[row][m] * x[m];
+        }
+        x[row] *= inverse[row];
+    }
+    for (int row = 5; row >= 0; row--) {
+        for (int m = row + 1; m < 6; m++) {
+            x[row] -= L[m][row] * x[m];
+        }
+        x[row] *= inverse[row];
+    }
+    memcpy(v->a, x, sizeof v->a);
+    memcpy(v->l, x + 3, sizeof v->l);
+}
+
 static inline void spatial_inertia_add(const struct spatial_inertia *A, struct spatial_inertia *sum)
 {
     for (int i = 0; i < 6; i++) {

@@ -31,13 +31,16 @@ static void print_robot(const struct robot *robot, const char *variant)
 static void print_time(const struct rig *rig)
 {
     static const char *const clocks[] = {"real", "lockstep", "free"};
+    static const char *const integrators[] = {
+        [PLANT_RK4] = "rk4", [PLANT_IMPLICIT] = "implicit", [PLANT_DOPRI5] = "dopri5"};
     static const char *const holds[] = {"free", "held until all motors are on", "held"};
     const struct robot_pose *pose = &rig->robot->pose[robot_find_pose(rig->robot, rig->pose)];
     size_t moved = 0;
 
-    printf("time        clock %s, tick %g ms = %zu x %g ms, rk4, dynamics generic\n",
-           clocks[rig->clock], (double)rig->tick_ns * 1e-6, rig->substeps,
-           (double)rig->substep_ns * 1e-6);
+    printf("time        clock %s, tick %g ms = %zu x %g ms, %s, dynamics %s\n", clocks[rig->clock],
+           (double)rig->tick_ns * 1e-6, rig->substeps, (double)rig->substep_ns * 1e-6,
+           integrators[rig->integrator],
+           rig->dynamics == RIG_DYNAMICS_GENERIC ? "generic" : "fastest");
     for (size_t j = 0; j < rig->robot->njoint; j++) {
         moved += rig->joint[j] != pose->joint[j];
     }
@@ -63,6 +66,16 @@ static void print_running(const struct rig *rig)
            (unsigned)rig->lockstep.done_id, (double)rig->lockstep.partner_timeout_ns * 1e-9);
 }
 
+static void print_free_bodies(const struct rig *rig)
+{
+    for (size_t i = 0; i < rig->nfree; i++) {
+        const struct plant_free_body *body = &rig->free[i];
+
+        printf("  %-16s free body of %.7g kg at %g %g %g m\n", body->name, body->inertia.mass,
+               body->position[0], body->position[1], body->position[2]);
+    }
+}
+
 static void print_scene(const struct rig *rig)
 {
     static const char *const shapes[] = {"half space", "sphere", "box", "mesh"};
@@ -70,10 +83,13 @@ static void print_scene(const struct rig *rig)
 
     if (rig->contact_engine == RIG_CONTACT_NONE) {
         printf("scene       no contact engine\n");
+        print_free_bodies(rig);
         return;
     }
-    printf("scene       engine simbody, %zu surfaces, %zu pairs, transition velocity %g m/s\n",
-           contact->nsurface, contact->npair, contact->transition_velocity_m_s);
+    printf("scene       engine %s, %zu surfaces, %zu pairs, transition velocity %g m/s\n",
+           rig->contact_engine == RIG_CONTACT_NATIVE ? "native" : "simbody", contact->nsurface,
+           contact->npair, contact->transition_velocity_m_s);
+    print_free_bodies(rig);
     for (size_t i = 0; i < contact->nsurface; i++) {
         const struct contact_surface *s = &contact->surface[i];
         const struct contact_material *m = &s->material;
@@ -83,7 +99,7 @@ static void print_scene(const struct rig *rig)
             printf(" of %zu faces", s->mesh->nface);
         }
         printf(" on %s, %.4g N/m3, friction %g static %g dynamic\n",
-               s->body < 0 ? "the world" : rig->robot->body[rig->contact_body[s->body]].name,
+               s->body < 0 ? "the world" : rig_contact_name(rig, (size_t)s->body),
                m->young_pa / m->thickness_m, m->static_friction, m->dynamic_friction);
     }
 }

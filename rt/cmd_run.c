@@ -248,6 +248,7 @@ static int prepare(const struct run_options *options, struct arena *arena)
         simulator_create(&config, arena, &simulator, notice, &error)) {
         return command_fail("run", &error);
     }
+    fprintf(stderr, "dynamics: %s\n", simulator_dynamics(simulator));
     if (notice[0]) {
         fprintf(stderr, "notice: %s\n", notice);
     }

@@ -128,6 +128,7 @@ static enum error_code build_time(struct rig_builder *b)
     rig->substeps = (size_t)(rig->tick_ns / rig->substep_ns);
     rig->clock = (enum rig_clock)raw->clock;
     rig->integrator = (enum plant_integrator)raw->integrator;
+    rig->tolerance = raw->tolerance;
     rig->dynamics = (enum rig_dynamics)raw->dynamics;
     rig->supply_v = raw->supply_v;
     return ERROR_NONE;
@@ -167,8 +168,7 @@ static enum error_code build_joints(struct rig_builder *b, const struct robot_po
     return ERROR_NONE;
 }
 
-/* Quaternion (w, x, y, z) of Rz(yaw) Ry(pitch) Rx(roll). */
-static void quaternion_of_rpy(const double rpy[3], double q[4])
+void rig_quaternion_of_rpy(const double rpy[3], double q[4])
 {
     double cr = cos(rpy[0] / 2), sr = sin(rpy[0] / 2), cp = cos(rpy[1] / 2), sp = sin(rpy[1] / 2);
     double cy = cos(rpy[2] / 2), sy = sin(rpy[2] / 2);
@@ -210,7 +210,7 @@ static enum error_code build_pose(struct rig_builder *b)
         rig->base_position[2] = raw->base_height_m;
     }
     if (raw->rpy_given) {
-        quaternion_of_rpy(raw->base_rpy_rad, rig->base_quaternion);
+        rig_quaternion_of_rpy(raw->base_rpy_rad, rig->base_quaternion);
     }
     return build_joints(b, pose);
 }
@@ -372,8 +372,8 @@ static void build_realtime(struct rig_builder *b)
 static enum error_code build(struct rig_builder *b)
 {
     static enum error_code (*const step[])(struct rig_builder *) = {
-        load_robot,       build_time, build_pose,  rig_build_scene, rig_build_boards,
-        rig_check_drives, build_host, build_tasks, build_lockstep,
+        load_robot,       build_time,       build_pose, rig_build_bodies, rig_build_scene,
+        rig_build_boards, rig_check_drives, build_host, build_tasks,      build_lockstep,
     };
     enum error_code code = rig_check_name(b, &b->raw->mark, "rig", b->raw->name);
 
@@ -405,6 +405,13 @@ enum error_code rig_load(const char *path, struct arena *arena, const struct rig
         *rig = b.rig;
     }
     return code;
+}
+
+const char *rig_contact_name(const struct rig *rig, size_t motion)
+{
+    size_t body = (size_t)rig->contact_body[motion], nbody = rig->robot->nbody;
+
+    return body < nbody ? rig->robot->body[body].name : rig->free[body - nbody].name;
 }
 
 int rig_find_bus(const struct rig *rig, const char *name)

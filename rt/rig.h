@@ -33,7 +33,7 @@ enum rig_overrun {
     RIG_OVERRUN_STOP, /* as skip, and stop_after overruns end the run */
 };
 
-enum rig_contact_engine { RIG_CONTACT_NONE, RIG_CONTACT_SIMBODY };
+enum rig_contact_engine { RIG_CONTACT_NONE, RIG_CONTACT_SIMBODY, RIG_CONTACT_NATIVE };
 
 /* Until when the robot's links are clamped, as in a jig (plant_clamp). */
 enum rig_hold {
@@ -42,7 +42,10 @@ enum rig_hold {
     RIG_HOLD_ALWAYS,
 };
 
-enum rig_dynamics { RIG_DYNAMICS_GENERIC };
+enum rig_dynamics {
+    RIG_DYNAMICS_FASTEST, /* generated code where it can be had, else generic with a notice */
+    RIG_DYNAMICS_GENERIC,
+};
 
 struct rig_bus {
     const char *name;
@@ -79,6 +82,7 @@ struct rig {
     int64_t tick_ns, substep_ns; /* tick_ns = substeps * substep_ns exactly */
     size_t substeps;
     enum plant_integrator integrator;
+    double tolerance; /* of dopri5, relative and absolute */
     enum rig_dynamics dynamics;
     double supply_v;
 
@@ -88,7 +92,11 @@ struct rig {
     const double *joint;
     enum rig_hold hold;
 
-    /* the scene; contact_body has contact.nbody entries: the robot's body of each motion */
+    /* the scene; contact_body has contact.nbody entries: the body of each motion as in struct
+     * plant_config, one of the robot or, from robot->nbody on, a free one. What is static is part
+     * of the world. With RIG_CONTACT_NONE contact is empty, whatever surfaces the file lists. */
+    const struct plant_free_body *free;
+    size_t nfree;
     enum rig_contact_engine contact_engine;
     struct contact_config contact;
     const int *contact_body;
@@ -115,6 +123,9 @@ struct rig {
  * file:line:column. */
 enum error_code rig_load(const char *path, struct arena *arena, const struct rig **rig,
                          struct error *error);
+
+/* Name of the body that a contact motion belongs to. */
+const char *rig_contact_name(const struct rig *rig, size_t motion);
 
 /* Index by name or -1. */
 int rig_find_bus(const struct rig *rig, const char *name);

@@ -14,6 +14,14 @@ struct rig_torque {
     int bus, channel;
 };
 
+/* What carries surfaces, and where it is in the contact configuration. */
+struct rig_place {
+    const char *name;
+    int body;           /* as in struct plant_config; -1 = the world */
+    double position[3]; /* in that body or the world; zero but for static bodies of the scene */
+    double rotation[9]; /* of it, row-major */
+};
+
 struct rig_builder {
     struct rig *rig;
     const struct raw_rig *raw;
@@ -24,9 +32,12 @@ struct rig_builder {
     const struct raw_board **driver; /* by joint: the board that drives it; NULL = none */
     const struct raw_board **ft;     /* by F/T sensor: the board that carries it */
     struct rig_bus *bus;             /* of the rig, still to be written */
+    struct rig_place *place;         /* what a surface's key body may name */
+    size_t nplace;
 };
 
 /* The parts, in the order in which they need each other. */
+enum error_code rig_build_bodies(struct rig_builder *b);
 enum error_code rig_build_scene(struct rig_builder *b);
 enum error_code rig_build_boards(struct rig_builder *b);
 
@@ -62,6 +73,9 @@ struct rig_key {
 enum error_code rig_check_keys(struct rig_builder *b, const struct yaml_mark *mark,
                                const char *what, int kind, const struct rig_key *keys,
                                size_t count);
+
+/* Quaternion (w, x, y, z) of fixed-axis angles: Rz(yaw) Ry(pitch) Rx(roll). */
+void rig_quaternion_of_rpy(const double rpy[3], double q[4]);
 
 /* Whether seconds are a whole number of nanoseconds, which goes to *ns. */
 bool rig_whole_ns(double seconds, int64_t *ns);

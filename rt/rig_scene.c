@@ -1,28 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The scene of a rig: surfaces, their materials and meshes, and the pairs that may touch. */
+#include "model/spatial.h"
 #include "rt/rig_build.h"
 
-#include <math.h>
 #include <string.h>
 
-/* Fixed x-y-z angles as in URDF: R = Rz(yaw) Ry(pitch) Rx(roll). */
-static void rotation_of_rpy(const double rpy[3], double R[9])
-{
-    double cr = cos(rpy[0]), sr = sin(rpy[0]), cp = cos(rpy[1]), sp = sin(rpy[1]);
-    double cy = cos(rpy[2]), sy = sin(rpy[2]);
-
-    R[0] = cy * cp;
-    R[1] = cy * sp * sr - sy * cr;
-    R[2] = cy * sp * cr + sy * sr;
-    R[3] = sy * cp;
-    R[4] = sy * sp * sr + cy * cr;
-    R[5] = sy * sp * cr - cy * sr;
-    R[6] = -sp;
-    R[7] = cp * sr;
-    R[8] = cp * cr;
-}
-
-/* Index of the robot's body among the contact bodies; a new one when it is not there yet. */
+/* Index of a body among the contact bodies; a new one when it is not there yet. */
 static int contact_body(struct rig_builder *b, int *bodies, int body)
 {
     size_t i = 0;
@@ -36,10 +19,10 @@ static int contact_body(struct rig_builder *b, int *bodies, int body)
     return (int)i;
 }
 
-/* The plant knows where a body is only when something on it is looked at. */
+/* The plant knows where a body of the robot is only when something on it is looked at. */
 static enum error_code check_observed(struct rig_builder *b, const struct yaml_mark *mark, int body)
 {
-    if (!b->robot->body[body].observed) {
+    if (body >= 0 && (size_t)body < b->robot->nbody && !b->robot->body[body].observed) {
         return yaml_error(b->error, mark,
                           "found body \"%s\", on which the robot file has no frame, expected one "
                           "with a frame",
@@ -48,12 +31,11 @@ static enum error_code check_observed(struct rig_builder *b, const struct yaml_m
     return ERROR_NONE;
 }
 
-/* What a surface is fixed to, and where: a body, a named frame of one, or the world. */
-static enum error_code place_surface(struct rig_builder *b, const struct raw_surface *raw,
-                                     int *bodies, struct contact_surface *surface)
+/* What the surface is fixed to: a body, a named frame of one, or the world. */
+static enum error_code find_place(struct rig_builder *b, const struct raw_surface *raw,
+                                  struct rig_place *place)
 {
     const struct robot_frame *frame;
-    double R[9];
     enum error_code code;
     int index;
 
@@ -61,18 +43,14 @@ static enum error_code place_surface(struct rig_builder *b, const struct raw_sur
         return yaml_error(b->error, &raw->mark, "found %s, expected one of \"body\" and \"frame\"",
                           raw->body_given ? "both a body and a frame" : "no body");
     }
-    memcpy(surface->position, raw->xyz_m, sizeof surface->position);
-    rotation_of_rpy(raw->rpy_rad, surface->rotation);
-    if (raw->body_given && !strcmp(raw->body, "world")) {
-        surface->body = -1;
-        return ERROR_NONE;
-    }
     if (raw->body_given) {
-        code = rig_find(b, &raw->body_mark, "body", raw->body,
-                        RIG_NAMES(b->robot->body, b->robot->nbody), &index);
-        code = code ? code : check_observed(b, &raw->body_mark, index);
-        surface->body = code ? -1 : contact_body(b, bodies, index);
-        return code;
+        code =
+            rig_find(b, &raw->body_mark, "body", raw->body, RIG_NAMES(b->place, b->nplace), &index);
+        if (code) {
+            return code;
+        }
+        *place = b->place[index];
+        return check_observed(b, &raw->body_mark, place->body);
     }
     code = rig_find(b, &raw->frame_mark, "frame", raw->frame,
                     RIG_NAMES(b->robot->frame, b->robot->nframe), &index);
@@ -80,17 +58,29 @@ static enum error_code place_surface(struct rig_builder *b, const struct raw_sur
         return code;
     }
     frame = &b->robot->frame[index];
-    memcpy(R, surface->rotation, sizeof R);
-    for (int i = 0; i < 3; i++) {
-        const double *row = &frame->rotation[3 * i];
+    place->body = frame->body;
+    memcpy(place->position, frame->position, sizeof place->position);
+    memcpy(place->rotation, frame->rotation, sizeof place->rotation);
+    return ERROR_NONE;
+}
 
-        surface->position[i] = frame->position[i] + row[0] * raw->xyz_m[0] +
-                               row[1] * raw->xyz_m[1] + row[2] * raw->xyz_m[2];
-        for (int j = 0; j < 3; j++) {
-            surface->rotation[3 * i + j] = row[0] * R[j] + row[1] * R[3 + j] + row[2] * R[6 + j];
-        }
+static enum error_code place_surface(struct rig_builder *b, const struct raw_surface *raw,
+                                     int *bodies, struct contact_surface *surface)
+{
+    struct rig_place place;
+    double R[9], offset[3];
+    enum error_code code = find_place(b, raw, &place);
+
+    if (code) {
+        return code;
     }
-    surface->body = contact_body(b, bodies, frame->body);
+    surface->body = place.body < 0 ? -1 : contact_body(b, bodies, place.body);
+    mat3_apply(place.rotation, raw->xyz_m, offset);
+    for (int i = 0; i < 3; i++) {
+        surface->position[i] = place.position[i] + offset[i];
+    }
+    mat3_from_rpy(raw->rpy_rad, R);
+    mat3_mul(place.rotation, R, surface->rotation);
     return ERROR_NONE;
 }
 
@@ -245,6 +235,9 @@ enum error_code rig_build_scene(struct rig_builder *b)
     b->rig->contact_engine = (enum rig_contact_engine)scene->engine;
     if (contact_config_check(contact, &why)) {
         return yaml_error(b->error, &scene->mark, "%s", why.text);
+    }
+    if (b->rig->contact_engine == RIG_CONTACT_NONE) {
+        *contact = (struct contact_config){0};
     }
     return ERROR_NONE;
 }

@@ -16,11 +16,14 @@ static const struct yaml_enum clock_names[] = {
     {"free", RIG_CLOCK_FREE},
     {NULL, 0},
 };
-static const struct yaml_enum integrator_names[] = {{"rk4", PLANT_RK4}, {NULL, 0}};
-static const struct yaml_enum dynamics_names[] = {{"generic", RIG_DYNAMICS_GENERIC}, {NULL, 0}};
+static const struct yaml_enum integrator_names[] = {
+    {"rk4", PLANT_RK4}, {"implicit", PLANT_IMPLICIT}, {"dopri5", PLANT_DOPRI5}, {NULL, 0}};
+static const struct yaml_enum dynamics_names[] = {
+    {"fastest", RIG_DYNAMICS_FASTEST}, {"generic", RIG_DYNAMICS_GENERIC}, {NULL, 0}};
 static const struct yaml_enum personality_names[] = {{"icub", 0}, {NULL, 0}};
 static const struct yaml_enum engine_names[] = {
     {"none", RIG_CONTACT_NONE},
+    {"native", RIG_CONTACT_NATIVE},
     {"simbody", RIG_CONTACT_SIMBODY},
     {NULL, 0},
 };
@@ -133,6 +136,35 @@ static const struct yaml_schema surface_schema = {
     .defaults = &surface_defaults,
 };
 
+#define STRUCT raw_body
+static const struct yaml_field body_fields[] = {
+    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 63, .mark_offset = AT(name_mark)},
+    {"static", YAML_BOOL, false, .offset = AT(is_static)},
+    {"mass_kg", YAML_REAL, false, AT(mass_kg), .min = DBL_MIN, .max = 1e6,
+     .mark_offset = AT(mass_mark), .given_offset = AT(mass_given)},
+    {"com_m", YAML_REALS, false, AT(com_m), .count = 3, .min = -1e3, .max = 1e3,
+     .given_offset = AT(com_given)},
+    {"inertia_kg_m2", YAML_REALS, false, AT(inertia_kg_m2), .count = 6, .min = -1e9, .max = 1e9,
+     .mark_offset = AT(inertia_mark), .given_offset = AT(inertia_given)},
+    {"box_m", YAML_REALS, false, AT(box_m), .count = 3, .min = 1e-6, .max = 1e3,
+     .given_offset = AT(box_given)},
+    {"sphere_radius_m", YAML_REAL, false, AT(sphere_radius_m), .min = 1e-6, .max = 1e3,
+     .given_offset = AT(sphere_given)},
+    {"xyz_m", YAML_REALS, false, AT(xyz_m), .count = 3, .min = -1e3, .max = 1e3},
+    {"rpy_rad", YAML_REALS, false, AT(rpy_rad), .count = 3, .min = -7.0, .max = 7.0},
+    {"velocity_m_s", YAML_REALS, false, AT(velocity_m_s), .count = 3, .min = -1e3, .max = 1e3,
+     .given_offset = AT(velocity_given)},
+    {"rate_rad_s", YAML_REALS, false, AT(rate_rad_s), .count = 3, .min = -1e3, .max = 1e3,
+     .given_offset = AT(rate_given)},
+};
+#undef STRUCT
+static const struct yaml_schema body_schema = {
+    .what = "a body of the scene",
+    .size = sizeof(struct raw_body),
+    .fields = body_fields,
+    .field_count = COUNT(body_fields),
+};
+
 #define STRUCT raw_pair
 static const struct yaml_field pair_fields[] = {
     {"between", YAML_NAME_LIST, true, AT(between), AT(nbetween), .mark_offset = AT(between_mark)},
@@ -151,6 +183,7 @@ static const struct yaml_field scene_fields[] = {
     {"transition_velocity_m_s", YAML_REAL, false, AT(transition_velocity_m_s), .min = 1e-6,
      .max = 10.0},
     {"materials", YAML_DICT, false, AT(material), AT(nmaterial), .schema = &material_schema},
+    {"bodies", YAML_LIST, false, AT(body), AT(nbody), .schema = &body_schema},
     {"surfaces", YAML_LIST, false, AT(surface), AT(nsurface), .schema = &surface_schema},
     {"pairs", YAML_LIST, false, AT(pair), AT(npair), .schema = &pair_schema},
 };
@@ -340,6 +373,7 @@ static const struct yaml_field rig_fields[] = {
     {"substep_s", YAML_REAL, true, AT(substep_s), .min = 1e-7, .max = 1.0,
      .mark_offset = AT(substep_mark)},
     {"integrator", YAML_ENUM, false, AT(integrator), .names = integrator_names},
+    {"tolerance", YAML_REAL, false, AT(tolerance), .min = 1e-13, .max = 0.1},
     {"dynamics", YAML_ENUM, false, AT(dynamics), .names = dynamics_names},
     {"personality", YAML_ENUM, false, AT(personality), .names = personality_names},
     {"supply_v", YAML_REAL, true, AT(supply_v), .min = DBL_MIN, .max = 1e4},
@@ -354,7 +388,8 @@ static const struct yaml_field rig_fields[] = {
     {"tasks", YAML_MAP, false, AT(tasks), .schema = &tasks_schema},
 };
 #undef STRUCT
-static const struct raw_rig rig_defaults = {.clock = RIG_CLOCK_REAL, .tick_s = 0.001};
+static const struct raw_rig rig_defaults = {
+    .clock = RIG_CLOCK_REAL, .tick_s = 0.001, .tolerance = 1e-9};
 static const struct yaml_schema rig_schema = {
     .what = "the rig",
     .size = sizeof(struct raw_rig),

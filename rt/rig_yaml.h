@@ -50,6 +50,19 @@ struct raw_surface {
     struct yaml_mark material_mark;
 };
 
+/* A body of the scene. */
+struct raw_body {
+    struct yaml_mark mark;
+    const char *name;
+    struct yaml_mark name_mark;
+    bool is_static;
+    double mass_kg, com_m[3], inertia_kg_m2[6], box_m[3], sphere_radius_m;
+    struct yaml_mark mass_mark, inertia_mark;
+    bool mass_given, com_given, inertia_given, box_given, sphere_given;
+    double xyz_m[3], rpy_rad[3], velocity_m_s[3], rate_rad_s[3];
+    bool velocity_given, rate_given;
+};
+
 struct raw_pair {
     struct yaml_mark mark;
     struct yaml_name *between;
@@ -63,6 +76,8 @@ struct raw_scene {
     double transition_velocity_m_s;
     struct raw_material *material;
     size_t nmaterial;
+    struct raw_body *body;
+    size_t nbody;
     struct raw_surface *surface;
     size_t nsurface;
     struct raw_pair *pair;
@@ -159,7 +174,7 @@ struct raw_rig {
     double tick_s, substep_s;
     struct yaml_mark tick_mark, substep_mark;
     int integrator, dynamics, personality;
-    double supply_v;
+    double tolerance, supply_v;
     struct raw_initial initial;
     struct raw_scene scene;
     struct raw_motors motors;

@@ -2,19 +2,24 @@
 /* Joins the parts of a rig behind the loop. */
 #include "rt/simulator.h"
 
+#include "model/symbolic/builtin.h"
+#include "rt/cache.h"
+
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { SIGNALS_PER_JOINT = 5, SIGNALS_PER_CONTACT = 3, SIGNALS_BASE = 7, TITLE_SIZE = 64 };
+enum { SIGNALS_PER_JOINT = 5, SIGNALS_PER_CONTACT = 3, SIGNALS_BASE = 7, SIGNALS_PER_FREE = 7 };
+enum { TITLE_SIZE = 64 };
 
 /* The contact engine with a stopwatch, for its share of the plant's time is wanted, and a memory of
  * one evaluation: the sensors at the end of a tick and the first stage of the next ask for the same
  * motion, and what the engine answers depends on nothing else. */
 struct timed_contact {
     struct contact_world world;
+    struct contact_ops ops; /* without what the engine cannot do */
     struct contact_world *engine;
     struct clock *time;
     size_t nbody;
@@ -30,6 +35,8 @@ struct simulator {
     struct arena *arena;
     struct clock *time;
     struct dynamics dynamics;
+    struct symbolic_library library; /* of a module that is not built in */
+    struct error dynamics_notice;    /* which implementation, and why */
     struct timed_contact contact;
     struct plant *plant;
     struct boards *boards;
@@ -82,6 +89,17 @@ static size_t timed_patches(struct contact_world *world, struct contact_patch *p
     return timed->engine->ops->patches(timed->engine, patch, max);
 }
 
+static size_t timed_tangents(struct contact_world *world, struct contact_tangent *tangent,
+                             size_t max)
+{
+    struct timed_contact *timed = (struct timed_contact *)world;
+    int64_t begin = clock_now(timed->time);
+    size_t count = timed->engine->ops->tangents(timed->engine, tangent, max);
+
+    timed->spent_ns += clock_now(timed->time) - begin;
+    return count;
+}
+
 static const char *timed_failure(const struct contact_world *world)
 {
     const struct timed_contact *timed = (const struct timed_contact *)world;
@@ -103,6 +121,7 @@ static const struct contact_ops timed_ops = {
     .name = "timed",
     .evaluate = timed_evaluate,
     .patches = timed_patches,
+    .tangents = timed_tangents,
     .failure = timed_failure,
     .destroy = timed_destroy,
 };
@@ -260,6 +279,11 @@ static void record_row(struct simulator *simulator)
     }
     if (rig->robot->floating) {
         memcpy(to, simulator->status.base, sizeof simulator->status.base);
+        to += SIGNALS_BASE;
+    }
+    for (size_t i = 0; i < rig->nfree; i++) {
+        plant_free_pose(simulator->plant, i, to);
+        to += SIGNALS_PER_FREE;
     }
     recorder_row(simulator->recorder, simulator->status.time_ns, simulator->row);
 }
@@ -307,8 +331,10 @@ static enum error_code create_contact(struct simulator *simulator, struct error 
 {
     const struct contact_config *config = &simulator->config.rig->contact;
     struct timed_contact *timed = &simulator->contact;
+    enum error_code code;
 
-    timed->world.ops = &timed_ops;
+    timed->ops = timed_ops;
+    timed->world.ops = &timed->ops;
     timed->time = simulator->time;
     timed->nbody = config->nbody;
     timed->motion = arena_alloc(simulator->arena, config->nbody, sizeof *timed->motion);
@@ -316,7 +342,27 @@ static enum error_code create_contact(struct simulator *simulator, struct error 
     if (!timed->motion || !timed->wrench) {
         return error_set(error, ERROR_MEMORY, "no memory left for the contact engine");
     }
-    return contact_simbody_create(config, &timed->engine, error);
+    code = simulator->config.rig->contact_engine == RIG_CONTACT_NATIVE
+               ? contact_native_create(config, simulator->arena, &timed->engine, error)
+               : contact_simbody_create(config, &timed->engine, error);
+    if (!code && !timed->engine->ops->tangents) {
+        timed->ops.tangents = NULL;
+    }
+    return code;
+}
+
+static enum error_code create_dynamics(struct simulator *simulator, struct error *error)
+{
+    const struct rig *rig = simulator->config.rig;
+    char folder[4096];
+
+    if (rig->dynamics == RIG_DYNAMICS_GENERIC) {
+        error_set(&simulator->dynamics_notice, ERROR_NONE, "numeric dynamics, as the rig says");
+        return dynamics_generic(rig->robot, simulator->arena, &simulator->dynamics, error);
+    }
+    return dynamics_fastest(rig->robot, cache_folder(folder, sizeof folder) ? folder : NULL,
+                            simulator->arena, &simulator->dynamics, &simulator->library,
+                            &simulator->dynamics_notice, error);
 }
 
 static enum error_code create_plant(struct simulator *simulator, struct error *error)
@@ -325,16 +371,19 @@ static enum error_code create_plant(struct simulator *simulator, struct error *e
     struct plant_config config = {
         .robot = rig->robot,
         .dynamics = &simulator->dynamics,
+        .free = rig->free,
+        .nfree = rig->nfree,
         .contact_body = rig->contact_body,
         .ncontact = rig->contact.nbody,
         .integrator = rig->integrator,
+        .rtol = rig->tolerance,
+        .atol = rig->tolerance,
         .substep_ns = rig->substep_ns,
         .supply_v = rig->supply_v,
     };
-    enum error_code code =
-        dynamics_generic(rig->robot, simulator->arena, &simulator->dynamics, error);
+    enum error_code code = create_dynamics(simulator, error);
 
-    if (!code && rig->contact_engine == RIG_CONTACT_SIMBODY) {
+    if (!code && rig->contact_engine != RIG_CONTACT_NONE) {
         code = create_contact(simulator, error);
         config.contact = &simulator->contact.world;
     }
@@ -433,10 +482,12 @@ static const char **make_titles(struct simulator *simulator)
     static const char *const contact[SIGNALS_PER_CONTACT] = {"fx_*_n", "fy_*_n", "fz_*_n"};
     static const char *const base[SIGNALS_BASE] = {"base_x_m", "base_y_m", "base_z_m", "base_qw",
                                                    "base_qx",  "base_qy",  "base_qz"};
+    static const char *const free_body[SIGNALS_PER_FREE] = {"*_x_m", "*_y_m", "*_z_m", "*_qw",
+                                                            "*_qx",  "*_qy",  "*_qz"};
     const struct rig *rig = simulator->config.rig;
     size_t count = rig->robot->njoint * SIGNALS_PER_JOINT +
                    rig->contact.nbody * SIGNALS_PER_CONTACT +
-                   (rig->robot->floating ? SIGNALS_BASE : 0);
+                   (rig->robot->floating ? SIGNALS_BASE : 0) + rig->nfree * SIGNALS_PER_FREE;
     const char **titles = arena_alloc(simulator->arena, count + 1, sizeof *titles);
     bool good = titles != NULL;
     size_t n = 0;
@@ -447,10 +498,14 @@ static const char **make_titles(struct simulator *simulator)
     }
     for (size_t i = 0; good && i < rig->contact.nbody * SIGNALS_PER_CONTACT; i++) {
         good = add_title(simulator->arena, titles, &n, contact[i % SIGNALS_PER_CONTACT],
-                         rig->robot->body[rig->contact_body[i / SIGNALS_PER_CONTACT]].name);
+                         rig_contact_name(rig, i / SIGNALS_PER_CONTACT));
     }
     for (size_t i = 0; good && rig->robot->floating && i < SIGNALS_BASE; i++) {
         good = add_title(simulator->arena, titles, &n, base[i], "");
+    }
+    for (size_t i = 0; good && i < rig->nfree * SIGNALS_PER_FREE; i++) {
+        good = add_title(simulator->arena, titles, &n, free_body[i % SIGNALS_PER_FREE],
+                         rig->free[i / SIGNALS_PER_FREE].name);
     }
     simulator->nsignal = n;
     return good ? titles : NULL;
@@ -646,6 +701,7 @@ void simulator_destroy(struct simulator *simulator)
     bus_ports_close(&simulator->task_ports);
     bus_ports_close(&simulator->ports);
     buses_close(&simulator->buses);
+    symbolic_close(&simulator->library);
     if (simulator->contact.world.ops) {
         simulator->contact.world.ops->destroy(&simulator->contact.world);
     }
@@ -728,6 +784,11 @@ const struct controller *simulator_controller(const struct simulator *simulator)
 const char *simulator_failure(const struct simulator *simulator)
 {
     return simulator->failure;
+}
+
+const char *simulator_dynamics(const struct simulator *simulator)
+{
+    return simulator->dynamics_notice.text;
 }
 
 bool simulator_is_local(const struct simulator *simulator)

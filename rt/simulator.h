@@ -92,6 +92,8 @@ struct boards *simulator_boards(const struct simulator *simulator); /* counters 
 struct plant *simulator_plant(const struct simulator *simulator);   /* after the run */
 const struct controller *simulator_controller(const struct simulator *simulator); /* NULL = none */
 const char *simulator_failure(const struct simulator *simulator); /* after LOOP_END_MODEL */
+/* Which implementation computes the rigid-body dynamics, and why; a sentence. */
+const char *simulator_dynamics(const struct simulator *simulator);
 bool simulator_is_local(const struct simulator *simulator);
 
 /* Contact evaluations and the time spent in them, after the run. */

@@ -16,19 +16,29 @@ struct plant_rig {
     uint64_t random; /* state of plant_rig_random */
 };
 
-/* Body 3 and 6 on the ground when on_ground. Aborts on any error. */
-static inline void plant_rig_walker(struct plant_rig *rig, bool on_ground, int64_t substep_ns)
+/* Body 3 and 6 on the ground when on_ground; Ks > 0 replaces the stiffness of every series spring,
+ * with damping to match. dopri5 has the tolerance 1e-9. Aborts on any error. */
+static inline void plant_rig_walker_with(struct plant_rig *rig, bool on_ground,
+                                         enum plant_integrator integrator, int64_t substep_ns,
+                                         double Ks)
 {
     static const int feet[2] = {TOY_RIGHT_FOOT, TOY_LEFT_FOOT};
     struct plant_config config = {.robot = &rig->toy.robot,
                                   .dynamics = &rig->dynamics,
-                                  .integrator = PLANT_RK4,
+                                  .integrator = integrator,
+                                  .rtol = 1e-9,
+                                  .atol = 1e-9,
                                   .substep_ns = substep_ns,
                                   .supply_v = 48.0,
                                   .account_energy = true};
     struct error error;
 
     toy_walker(&rig->toy);
+    for (size_t j = 0; j < rig->toy.robot.njoint; j++) {
+        if (Ks > 0.0 && rig->toy.joint[j].sea.present) {
+            rig->toy.joint[j].sea = toy_drive(Ks);
+        }
+    }
     toy_walker_ground(&rig->ground);
     if (on_ground) {
         config.contact = &rig->ground.world;
@@ -41,6 +51,12 @@ static inline void plant_rig_walker(struct plant_rig *rig, bool on_ground, int64
                      ERROR_NONE);
     assert_int_equal(plant_create(&config, &rig->arena, &rig->plant, &error), ERROR_NONE);
     rig->state = plant_state(rig->plant, &rig->count);
+}
+
+/* The same with rk4 and its own springs. */
+static inline void plant_rig_walker(struct plant_rig *rig, bool on_ground, int64_t substep_ns)
+{
+    plant_rig_walker_with(rig, on_ground, PLANT_RK4, substep_ns, 0.0);
 }
 
 static inline void plant_rig_fini(struct plant_rig *rig)

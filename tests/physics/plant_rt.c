@@ -14,6 +14,7 @@
 
 #include <cmocka.h>
 
+#include "tests/physics/free_rig.h"
 #include "tests/physics/plant_rig.h"
 
 static volatile size_t
@@ -66,7 +67,7 @@ static void counters_see_the_allocator(void **state)
     assert_int_equal(calls - before, 5);
 }
 
-static void stepping_and_sampling_allocate_nothing(void **state)
+static void step_and_sample(enum plant_integrator integrator)
 {
     const double force[3] = {5.0, 0.0, 0.0}, moment[3] = {0.0, 0.0, 1.0};
     double position[3], momentum[3];
@@ -76,8 +77,7 @@ static void stepping_and_sampling_allocate_nothing(void **state)
     enum error_code code = ERROR_NONE;
     size_t before;
 
-    (void)state;
-    plant_rig_walker(&rig, true, 100000);
+    plant_rig_walker_with(&rig, true, integrator, 100000, 0.0);
     plant_rig_reset(&rig, 0.52);
     assert_int_equal(arena_seal(&rig.arena, false, &error), ERROR_NONE);
     before = calls;
@@ -95,11 +95,50 @@ static void stepping_and_sampling_allocate_nothing(void **state)
     plant_rig_fini(&rig);
 }
 
+static void stepping_and_sampling_allocate_nothing(void **state)
+{
+    (void)state;
+    step_and_sample(PLANT_RK4);
+    step_and_sample(PLANT_IMPLICIT);
+    step_and_sample(PLANT_DOPRI5);
+}
+
+static void free_bodies_allocate_nothing(void **state)
+{
+    const double force[3] = {5.0, 0.0, 0.0}, moment[3] = {0.0, 0.0, 1.0};
+    struct free_rig rig;
+    struct plant_energy energy;
+    struct error error;
+    enum error_code code = ERROR_NONE;
+    double pose[7];
+    size_t before;
+
+    (void)state;
+    free_rig_walker_on_ground(&rig, 100000);
+    rig.body[0].position[2] = 0.08;
+    free_rig_start(&rig);
+    assert_int_equal(arena_seal(&rig.arena, false, &error), ERROR_NONE);
+    before = calls;
+    for (int k = 0; k < 100 && code == ERROR_NONE; k++) {
+        plant_clamp(rig.plant, k % 3 == 0);
+        plant_set_push(rig.plant, k % 10, force, moment);
+        code = plant_step(rig.plant, 10);
+        code = code == ERROR_NONE ? plant_sample(rig.plant) : code;
+        code = code == ERROR_NONE ? plant_energy(rig.plant, &energy) : code;
+        plant_free_pose(rig.plant, 0, pose);
+        plant_hash(rig.plant);
+    }
+    assert_int_equal(calls - before, 0);
+    assert_int_equal(code, ERROR_NONE);
+    free_rig_fini(&rig);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(counters_see_the_allocator),
         cmocka_unit_test(stepping_and_sampling_allocate_nothing),
+        cmocka_unit_test(free_bodies_allocate_nothing),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

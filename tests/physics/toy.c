@@ -2,6 +2,7 @@
 /* Robots built by hand and a ground of point springs. */
 #include "tests/physics/toy.h"
 
+#include "contact/tangent.h"
 #include "model/spatial.h"
 
 #include <assert.h>
@@ -139,6 +140,24 @@ void toy_walker(struct toy *toy)
     toy_finish(toy);
 }
 
+/* the point's tangent, in the place of the patch that is about to be counted */
+static void note_tangent(struct toy_ground *ground, const struct toy_point *point,
+                         const struct contact_motion *motion, const double arm[3], double normal,
+                         double depth)
+{
+    struct contact_tangent *tangent = &ground->tangent[ground->npatch];
+    struct contact_element element = {.normal = {0.0, 0.0, 1.0},
+                                      .stiffness = normal / depth,
+                                      .damping = normal > 0.0 ? ground->k * depth * ground->c : 0.0,
+                                      .friction = ground->slip * normal};
+
+    *tangent = (struct contact_tangent){.body_a = -1, .body_b = point->body};
+    for (int i = 0; i < 3; i++) {
+        element.point[i] = tangent->center[i] = motion->p[i] + arm[i];
+    }
+    contact_tangent_add(tangent, &element);
+}
+
 /* force and moment of one point; adds to the body's wrench */
 static void press(struct toy_ground *ground, const struct toy_point *point,
                   const struct contact_motion *motion, struct contact_wrench *wrench)
@@ -162,6 +181,7 @@ static void press(struct toy_ground *ground, const struct toy_point *point,
         wrench->force[i] += force[i];
         wrench->moment[i] += moment[i];
     }
+    note_tangent(ground, point, motion, arm, normal, depth);
     ground->patch[ground->npatch++] =
         (struct contact_patch){.potential_j = 0.5 * ground->k * depth * depth};
 }
@@ -193,6 +213,16 @@ static size_t ground_patches(struct contact_world *world, struct contact_patch *
     return ground->npatch;
 }
 
+static size_t ground_tangents(struct contact_world *world, struct contact_tangent *tangent,
+                              size_t max)
+{
+    struct toy_ground *ground = (struct toy_ground *)world;
+
+    memcpy(tangent, ground->tangent,
+           (ground->npatch < max ? ground->npatch : max) * sizeof *tangent);
+    return ground->npatch;
+}
+
 static const char *ground_failure(const struct contact_world *world)
 {
     (void)world;
@@ -204,6 +234,7 @@ void toy_ground_begin(struct toy_ground *ground, size_t nbody)
     static const struct contact_ops ops = {.name = "toy",
                                            .evaluate = ground_evaluate,
                                            .patches = ground_patches,
+                                           .tangents = ground_tangents,
                                            .failure = ground_failure};
 
     *ground =

@@ -58,6 +58,7 @@ struct toy_ground {
     size_t evaluations;
     size_t fail_at; /* the evaluation with this number fails, 0 = none */
     struct contact_patch patch[TOY_POINTS];
+    struct contact_tangent tangent[TOY_POINTS];
     size_t npatch;
 };
 

@@ -1,0 +1,269 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Contact by springs at the centroids of triangles, as Simbody's elastic foundation has them with all
+ * that is its own (contact/contact.h): whole triangles in or out, and for two meshes areas scaled so
+ * that both patches have the same. For comparison; not continuous in the pose.
+ */
+#include "contact/native_pairs.h"
+#include "contact/vec.h"
+
+#include <float.h>
+#include <stdbool.h>
+#include <string.h>
+
+static void centroid_of(const struct solid *s, int face, double out[3])
+{
+    for (int k = 0; k < 3; ++k) {
+        out[k] = s->centroid[k][face];
+    }
+}
+
+/* One spring from point q of a surface that pushes the first body along d. */
+static void put(struct native_scratch *s, const double q[3], const double d[3], double share,
+                double pressure, double depth, const struct native_law *law,
+                const struct native_relative *relative, struct native_sum *sum)
+{
+    struct native_batch *b = &s->batch;
+
+    if (b->n == BATCH_MAX) {
+        native_law_sum(b, law, relative, sum);
+    }
+    for (int k = 0; k < 3; ++k) {
+        b->p[k][b->n] = q[k] + share * depth * d[k];
+        b->d[k][b->n] = d[k];
+    }
+    b->force[b->n] = pressure * depth;
+    b->depth[b->n] = depth;
+    b->rate[b->n] = pressure;
+    b->n++;
+    sum->depth = depth > sum->depth ? depth : sum->depth;
+}
+
+static void finish(struct native_scratch *s, const struct native_law *law,
+                   const struct native_relative *relative, struct native_sum *sum)
+{
+    if (s->batch.n > 0) {
+        native_law_sum(&s->batch, law, relative, sum);
+    }
+}
+
+void native_centroid_half_space(const struct solid *solid, const struct native_law *law,
+                                const struct native_relative *relative,
+                                struct native_scratch *scratch, struct native_sum *sum)
+{
+    const double n[3] = {relative->R[2], relative->R[5], relative->R[8]};
+    const double height = vec_dot(n, relative->p);
+
+    for (int f = 0; f < (int)solid->nface; ++f) {
+        double q[3], depth;
+
+        centroid_of(solid, f, q);
+        depth = height - vec_dot(n, q);
+        if (depth > 0) {
+            put(scratch, q, n, law->share[0], law->stiffness * solid->area[f], depth, law, relative,
+                sum);
+            sum->area += solid->area[f];
+        }
+    }
+    finish(scratch, law, relative, sum);
+}
+
+void native_centroid_sphere(const struct solid *solid, double radius, const struct native_law *law,
+                            const struct native_relative *relative, struct native_scratch *scratch,
+                            struct native_sum *sum)
+{
+    struct box box;
+    size_t n;
+
+    for (int k = 0; k < 3; ++k) {
+        box.low[k] = relative->p[k] - radius;
+        box.high[k] = relative->p[k] + radius;
+    }
+    n = tree_collect(&solid->faces, &box, scratch->list[0]);
+    for (size_t i = 0; i < n; ++i) {
+        int f = scratch->list[0][i];
+        double q[3], d[3], apart;
+
+        centroid_of(solid, f, q);
+        vec_sub(q, relative->p, d);
+        apart = vec_norm(d);
+        if (apart < radius && apart > 0) {
+            for (int k = 0; k < 3; ++k) {
+                d[k] /= apart;
+            }
+            put(scratch, q, d, law->share[0], law->stiffness * solid->area[f], radius - apart, law,
+                relative, sum);
+            sum->area += solid->area[f];
+        }
+    }
+    finish(scratch, law, relative, sum);
+}
+
+/* ---- two meshes: which triangles overlap ---- */
+
+struct triangle {
+    double v[3][3];
+};
+
+/* Six times the volume of a tetrahedron. */
+static double volume(const double a[3], const double b[3], const double c[3], const double d[3])
+{
+    double ab[3], ac[3], ad[3], x[3];
+
+    vec_sub(b, a, ab);
+    vec_sub(c, a, ac);
+    vec_sub(d, a, ad);
+    vec_cross(ab, ac, x);
+    return vec_dot(x, ad);
+}
+
+/* Whether a triangle's edge passes through another triangle. */
+static bool edge_pierces(const double a[3], const double b[3], const struct triangle *t)
+{
+    double above = volume(t->v[0], t->v[1], t->v[2], a),
+           below = volume(t->v[0], t->v[1], t->v[2], b);
+    double side[3];
+
+    if ((above > 0) == (below > 0)) {
+        return false;
+    }
+    for (int i = 0; i < 3; ++i) {
+        side[i] = volume(a, b, t->v[i], t->v[(i + 1) % 3]);
+    }
+    return (side[0] >= 0 && side[1] >= 0 && side[2] >= 0) ||
+           (side[0] <= 0 && side[1] <= 0 && side[2] <= 0);
+}
+
+static bool triangles_cross(const struct triangle *s, const struct triangle *t)
+{
+    for (int i = 0; i < 3; ++i) {
+        if (edge_pierces(s->v[i], s->v[(i + 1) % 3], t) ||
+            edge_pierces(t->v[i], t->v[(i + 1) % 3], s)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Marks the triangles of both meshes that cut one of the other; false when there are none. */
+static bool mark_crossing(const struct solid *first, const struct solid *second,
+                          const struct native_relative *relative, struct native_scratch *s)
+{
+    bool any = false;
+
+    memset(s->mark[0], 0, first->nface);
+    memset(s->mark[1], 0, second->nface);
+    for (size_t g = 0; g < second->nface; ++g) {
+        struct triangle t, u;
+        struct box box;
+        size_t n;
+
+        for (int i = 0; i < 3; ++i) {
+            mat_apply(relative->R, second->vertex[second->face[g][i]], t.v[i]);
+            vec_madd(t.v[i], 1, relative->p, t.v[i]);
+            if (i == 0) {
+                memcpy(box.low, t.v[0], sizeof box.low);
+                memcpy(box.high, t.v[0], sizeof box.high);
+            }
+            box_add(&box, t.v[i]);
+        }
+        n = tree_collect(&first->faces, &box, s->list[0]);
+        for (size_t i = 0; i < n; ++i) {
+            int f = s->list[0][i];
+
+            for (int k = 0; k < 3; ++k) {
+                memcpy(u.v[k], first->vertex[first->face[f][k]], sizeof u.v[k]);
+            }
+            if (triangles_cross(&u, &t)) {
+                s->mark[0][f] = s->mark[1][g] = 1;
+                any = true;
+            }
+        }
+    }
+    return any;
+}
+
+/* Marks the triangles that are all inside the other mesh too; returns the area of all marked. R, p:
+ * frame of the mesh in the other's. */
+static double mark_buried(const struct solid *mesh, const struct solid *other, const double R[9],
+                          const double p[3], unsigned char *mark)
+{
+    double area = 0;
+
+    for (int f = 0; f < (int)mesh->nface; ++f) {
+        double q[3], there[3];
+
+        if (!mark[f]) {
+            centroid_of(mesh, f, q);
+            mat_apply(R, q, there);
+            vec_madd(there, 1, p, there);
+            mark[f] = box_distance2(&other->box, there) == 0 &&
+                      solid_depth(other, there, sqrt(DBL_MAX) / 2) > 0;
+        }
+        if (mark[f]) {
+            area += mesh->area[f];
+        }
+    }
+    return area;
+}
+
+void native_centroid_meshes(const struct solid *first, const struct solid *second,
+                            const struct native_law *law, const struct native_relative *relative,
+                            struct native_scratch *scratch, struct native_sum *sum)
+{
+    const struct solid *solid[2] = {first, second};
+    double R[2][9], p[2][3], area[2]; /* of each mesh's frame in the other's */
+
+    if (!mark_crossing(first, second, relative, scratch)) {
+        return;
+    }
+    memcpy(R[1], relative->R, sizeof R[1]);
+    memcpy(p[1], relative->p, sizeof p[1]);
+    for (int i = 0; i < 9; ++i) {
+        R[0][i] = relative->R[i % 3 * 3 + i / 3];
+    }
+    mat_apply(R[0], p[1], p[0]);
+    for (int k = 0; k < 3; ++k) {
+        p[0][k] = -p[0][k];
+    }
+    for (int m = 0; m < 2; ++m) {
+        area[m] = mark_buried(solid[m], solid[!m], R[m], p[m], scratch->mark[m]);
+    }
+    for (int m = 0; m < 2; ++m) {
+        double scale = (area[0] + area[1]) / 4 / area[m];
+
+        for (int f = 0; f < (int)solid[m]->nface; ++f) {
+            struct solid_nearest nearest;
+            double q[3], there[3], d[3], depth, turned[3];
+
+            if (!scratch->mark[m][f]) {
+                continue;
+            }
+            centroid_of(solid[m], f, q);
+            mat_apply(R[m], q, there);
+            vec_madd(there, 1, p[m], there);
+            if (!solid_find_nearest(solid[!m], there, DBL_MAX / 4, &nearest) || !nearest.inside ||
+                nearest.distance2 == 0) {
+                continue;
+            }
+            depth = sqrt(nearest.distance2);
+            for (int k = 0; k < 3; ++k) {
+                d[k] = (nearest.point[k] - there[k]) / depth;
+            }
+            if (m == 0) {
+                /* the spring's direction is in the second's frame, its place in the first's */
+                mat_apply(R[1], d, turned);
+            } else {
+                /* the other way round, and what pushes the second pulls at the first */
+                for (int k = 0; k < 3; ++k) {
+                    turned[k] = -d[k];
+                    q[k] = there[k];
+                }
+            }
+            put(scratch, q, turned, m == 0 ? law->share[0] : -law->share[1],
+                law->stiffness * scale * solid[m]->area[f], depth, law, relative, sum);
+            sum->area += scale * solid[m]->area[f];
+        }
+    }
+    finish(scratch, law, relative, sum);
+}

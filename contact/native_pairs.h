@@ -1,0 +1,66 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What two surfaces of the native engine do to each other, each pair of shapes in its own way. Each
+ * function adds to sum in the frame of the first surface (contact/native_law.h) and leaves it alone
+ * when nothing overlaps. RT-safe; no memory of earlier calls.
+ */
+#ifndef CONTACT_NATIVE_PAIRS_H
+#define CONTACT_NATIVE_PAIRS_H
+
+#include "contact/native_law.h"
+#include "contact/solid.h"
+
+/* A facet of the other body, seen from the first surface. */
+struct native_view {
+    double normal[3], center[3], radius;
+    int facet;
+};
+
+/* Memory that an evaluation works in; nothing in it outlives the call. */
+struct native_scratch {
+    struct native_batch batch;
+    int *list[2];             /* as many as the largest mesh has faces, each */
+    unsigned char *mark[2];   /* the same */
+    struct native_view *view; /* the same */
+};
+
+/* ---- over the true overlap (native_overlap.c) ---- */
+
+/* A mesh on a half-space: its facets below the plane, exactly clipped, on springs along the plane's
+ * normal that stand side by side on the plane. Turned away, a facet does nothing. */
+void native_overlap_half_space(const struct solid *solid, const struct native_law *law,
+                               const struct native_relative *relative,
+                               struct native_scratch *scratch, struct native_sum *sum);
+
+/* A mesh and a sphere: over each facet the springs stand along its normal, from the facet to the
+ * sphere's far side. */
+void native_overlap_sphere(const struct solid *solid, double radius, const struct native_law *law,
+                           const struct native_relative *relative, struct native_scratch *scratch,
+                           struct native_sum *sum);
+
+/* Two meshes: between each two facets that face each other the springs stand along the mean of
+ * their normals, where both facets lie on top of one another. */
+void native_overlap_meshes(const struct solid *first, const struct solid *second,
+                           const struct native_law *law, const struct native_relative *relative,
+                           struct native_scratch *scratch, struct native_sum *sum);
+
+/* ---- springs at centroids, as Simbody has them (native_centroid.c) ---- */
+
+void native_centroid_half_space(const struct solid *solid, const struct native_law *law,
+                                const struct native_relative *relative,
+                                struct native_scratch *scratch, struct native_sum *sum);
+void native_centroid_sphere(const struct solid *solid, double radius, const struct native_law *law,
+                            const struct native_relative *relative, struct native_scratch *scratch,
+                            struct native_sum *sum);
+void native_centroid_meshes(const struct solid *first, const struct solid *second,
+                            const struct native_law *law, const struct native_relative *relative,
+                            struct native_scratch *scratch, struct native_sum *sum);
+
+/* ---- Hertz ---- */
+
+/* Two spheres, or a sphere (first) on a half-space (second; its radius infinite). */
+void native_hertz(const double radius[2], const struct native_law *law,
+                  const struct native_relative *relative, struct native_scratch *scratch,
+                  struct native_sum *sum);
+
+#endif

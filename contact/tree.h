@@ -1,0 +1,82 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A binary tree of axis-aligned boxes over things that never move in their frame. Built once by
+ * splitting at the median along the longest side, so that its depth is the logarithm of the number
+ * of things: what a walk over it costs is bounded, and its order depends on nothing but the boxes.
+ */
+#ifndef CONTACT_TREE_H
+#define CONTACT_TREE_H
+
+#include "base/arena.h"
+#include "base/error.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#define TREE_DEPTH_MAX 48 /* of a stack for a walk; 2^32 things fill 33 */
+
+struct box {
+    double low[3], high[3];
+};
+
+struct tree_node {
+    struct box box;
+    int first, count; /* leaf: its things are item[first] to item[first + count - 1] */
+    int right;        /* inner node (count 0): right child; the left one is the next node */
+};
+
+struct tree {
+    const struct tree_node *node; /* node[0] is the root */
+    const int *item;
+    size_t nnode, nitem;
+};
+
+/* Boxes of n > 0 things; leaves hold at most leaf of them. Memory from arena. Not RT-safe. */
+enum error_code tree_build(const struct box *boxes, size_t n, int leaf, struct arena *arena,
+                           struct tree *tree, struct error *error);
+
+/* Boxes of something else that things have (their normals, say): out[i] covers the boxes of all
+ * things under node i. Not RT-safe. */
+void tree_cover(const struct tree *tree, const struct box *boxes, struct box *out);
+
+/* Writes the things whose leaf's box meets the box, in the tree's order; list has room for all.
+ * Returns how many. RT-safe. */
+size_t tree_collect(const struct tree *tree, const struct box *box, int *list);
+
+static inline void box_add(struct box *box, const double p[3])
+{
+    for (int i = 0; i < 3; ++i) {
+        box->low[i] = p[i] < box->low[i] ? p[i] : box->low[i];
+        box->high[i] = p[i] > box->high[i] ? p[i] : box->high[i];
+    }
+}
+
+static inline bool boxes_meet(const struct box *a, const struct box *b)
+{
+    return a->low[0] <= b->high[0] && b->low[0] <= a->high[0] && a->low[1] <= b->high[1] &&
+           b->low[1] <= a->high[1] && a->low[2] <= b->high[2] && b->low[2] <= a->high[2];
+}
+
+/* The least value that d . p takes for p in the box. */
+static inline double box_least(const struct box *box, const double d[3])
+{
+    return d[0] * (d[0] > 0 ? box->low[0] : box->high[0]) +
+           d[1] * (d[1] > 0 ? box->low[1] : box->high[1]) +
+           d[2] * (d[2] > 0 ? box->low[2] : box->high[2]);
+}
+
+/* The square of a point's distance to the box, 0 inside. */
+static inline double box_distance2(const struct box *box, const double p[3])
+{
+    double sum = 0;
+
+    for (int i = 0; i < 3; ++i) {
+        double below = box->low[i] - p[i], above = p[i] - box->high[i];
+        double d = below > above ? below : above;
+
+        sum += d > 0 ? d * d : 0;
+    }
+    return sum;
+}
+
+#endif

@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The plant's linearly implicit integrator: a step of the implicit Euler scheme in everything that
+ * is stiff (series and parallel springs, windings, contact), with one evaluation of the right-hand
+ * side and one linear system of the size and structure of the mechanism. Order 1; see implicit.c.
+ */
+#ifndef MODEL_IMPLICIT_H
+#define MODEL_IMPLICIT_H
+
+#include "model/plant_private.h"
+
+/* Most pairs in touch that a step takes into account. */
+enum { IMPLICIT_TANGENTS = PLANT_PATCHES };
+
+/* Scratch for plant, in arena; NULL when there is no room. Not RT-safe. */
+struct implicit *implicit_create(const struct plant *plant, struct arena *arena);
+
+/* Advances plant->state by h seconds with what plant_step holds; quaternions keep their length but
+ * for rounding. Returns the contact engine's failure or ERROR_INPUT for more than IMPLICIT_TANGENTS
+ * pairs in touch, with plant->failure set; the state is then not to be used. RT-safe when the
+ * contact engine is. */
+enum error_code implicit_step(struct plant *plant, double h);
+
+#endif

@@ -1,0 +1,221 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Free bodies: each a rigid body by Newton's and Euler's laws about its center of mass. State of
+ * one: position of the center of mass (m, world), quaternion wxyz (body to world), velocity of the
+ * center of mass (m/s, world), angular velocity (rad/s, body frame). So a fall is a parabola, which
+ * Runge-Kutta integrates without error, and the tensor of inertia is constant.
+ */
+#include "model/plant.h"
+
+#include "model/plant_private.h"
+#include "model/spatial.h"
+
+#include <string.h>
+
+/* Where the parts of one body's state begin. */
+enum { POSITION = 0, QUATERNION = 3, VELOCITY = 7, SPIN = 10 };
+
+/* The smallest pivot of a tensor that can be inverted, relative to its trace. */
+#define SINGULAR_RATIO 1e-12
+
+static double *state_of(const struct plant *plant, double *state, size_t body)
+{
+    return state + plant->at.free + PLANT_FREE_STATE * body;
+}
+
+static const double *view_of(const struct plant *plant, const double *state, size_t body)
+{
+    return state + plant->at.free + PLANT_FREE_STATE * body;
+}
+
+/* Inverse of a symmetric matrix by its cofactors; false when it is not safely positive definite. */
+static bool invert(const double S[6], double inverse[6])
+{
+    const double least = SINGULAR_RATIO * (S[0] + S[3] + S[5]);
+    const double C[6] = {S[3] * S[5] - S[4] * S[4], S[2] * S[4] - S[1] * S[5],
+                         S[1] * S[4] - S[2] * S[3], S[0] * S[5] - S[2] * S[2],
+                         S[1] * S[2] - S[0] * S[4], S[0] * S[3] - S[1] * S[1]};
+    const double determinant = S[0] * C[0] + S[1] * C[1] + S[2] * C[2];
+
+    /* pivots of an elimination from the last row up: S[5], C[0] / S[5], determinant / C[0] */
+    if (!(S[5] > least && C[0] > least * S[5] && determinant > least * C[0])) {
+        return false;
+    }
+    for (int i = 0; i < 6; i++) {
+        inverse[i] = C[i] / determinant;
+    }
+    return true;
+}
+
+static enum error_code check_start(const struct plant_free_body *body, struct error *error)
+{
+    double square = 0.0;
+    bool finite = true;
+
+    for (int i = 0; i < 3; i++) {
+        finite =
+            finite && isfinite(body->position[i]) && isfinite(body->v[i]) && isfinite(body->w[i]);
+    }
+    for (int i = 0; i < 4; i++) {
+        square += body->quaternion[i] * body->quaternion[i];
+    }
+    if (!finite || !isfinite(square) || !(square > 0.0)) {
+        return error_set(error, ERROR_INPUT,
+                         "free body %s has no place to start from: a number is not finite, or the "
+                         "quaternion is zero",
+                         body->name);
+    }
+    return ERROR_NONE;
+}
+
+enum error_code plant_check_free_body(const struct plant_free_body *body, struct error *error)
+{
+    double inverse[6];
+
+    if (robot_check_inertia(&body->inertia, error)) {
+        return error_prefix(error, "free body %s", body->name);
+    }
+    if (!(body->inertia.mass > 0.0) || !invert(body->inertia.I, inverse)) {
+        return error_set(error, ERROR_INPUT,
+                         "free body %s would move without inertia: expected a mass and three "
+                         "moments of inertia above zero",
+                         body->name);
+    }
+    return check_start(body, error);
+}
+
+void plant_free_prepare(struct plant *plant)
+{
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        invert(plant->config.free[b].inertia.I, plant->free_inverse[b].I);
+    }
+}
+
+void plant_free_reset(struct plant *plant)
+{
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        const struct plant_free_body *body = &plant->config.free[b];
+        double *y = state_of(plant, plant->state, b);
+        double R[9], arm[3];
+
+        mat3_from_quaternion(body->quaternion, R);
+        mat3_apply(R, body->inertia.com, arm);
+        memcpy(y + VELOCITY, body->v, sizeof body->v);
+        vec3_add_cross(body->w, arm, y + VELOCITY);
+        for (int i = 0; i < 3; i++) {
+            y[POSITION + i] = body->position[i] + arm[i];
+        }
+        memcpy(y + QUATERNION, body->quaternion, sizeof body->quaternion);
+        mat3_apply_transposed(R, body->w, y + SPIN);
+    }
+    plant_free_normalize(plant);
+}
+
+void plant_free_normalize(struct plant *plant)
+{
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        plant_normalize_quaternion(state_of(plant, plant->state, b) + QUATERNION);
+    }
+}
+
+void plant_free_place(struct plant *plant, const double *state)
+{
+    struct body_motion *motion = plant->motion + plant->config.robot->nbody;
+
+    for (size_t b = 0; b < plant->config.nfree; b++, motion++) {
+        const double *y = view_of(plant, state, b);
+        double arm[3];
+
+        /* the origin of its frame is where the center of mass is not */
+        mat3_from_quaternion(y + QUATERNION, motion->R);
+        mat3_apply(motion->R, plant->config.free[b].inertia.com, arm);
+        mat3_apply(motion->R, y + SPIN, motion->w);
+        memcpy(motion->v, y + VELOCITY, sizeof motion->v);
+        vec3_add_cross(arm, motion->w, motion->v);
+        for (int i = 0; i < 3; i++) {
+            motion->p[i] = y[POSITION + i] - arm[i];
+        }
+    }
+}
+
+/* The quaternion's rate: half its product with the angular velocity in the body frame. */
+static void quaternion_rate(const double quaternion[4], const double w[3], double rate[4])
+{
+    const double *v = quaternion + 1;
+
+    rate[0] = -0.5 * vec3_dot(v, w);
+    vec3_cross(v, w, rate + 1);
+    for (int i = 0; i < 3; i++) {
+        rate[1 + i] = 0.5 * (rate[1 + i] + quaternion[0] * w[i]);
+    }
+}
+
+/* I w' = moment about the center of mass - w x I w, in the body frame */
+static void spin_rate(const struct plant *plant, size_t b, const double w[3],
+                      const struct wrench *ext, double rate[3])
+{
+    const struct robot_inertia *inertia = &plant->config.free[b].inertia;
+    double momentum[3], moment[3];
+
+    memcpy(moment, ext->moment, sizeof moment);
+    vec3_add_cross(ext->force, inertia->com, moment);
+    sym3_apply(inertia->I, w, momentum);
+    vec3_add_cross(momentum, w, moment);
+    sym3_apply(plant->free_inverse[b].I, moment, rate);
+}
+
+void plant_free_derive(const struct plant *plant, const double *state, double *derivative)
+{
+    const struct robot *robot = plant->config.robot;
+
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        const double *y = view_of(plant, state, b);
+        const struct wrench *ext = &plant->ext[robot->nbody + b];
+        double *out = state_of(plant, derivative, b);
+        double force[3];
+
+        memcpy(out + POSITION, y + VELOCITY, 3 * sizeof *out);
+        quaternion_rate(y + QUATERNION, y + SPIN, out + QUATERNION);
+        mat3_apply(plant->motion[robot->nbody + b].R, ext->force, force);
+        for (int i = 0; i < 3; i++) {
+            out[VELOCITY + i] = robot->gravity[i] + force[i] / plant->config.free[b].inertia.mass;
+        }
+        spin_rate(plant, b, y + SPIN, ext, out + SPIN);
+    }
+}
+
+double plant_free_energy(const struct plant *plant, const double *state)
+{
+    const double *gravity = plant->config.robot->gravity;
+    double energy = 0.0;
+
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        const struct robot_inertia *inertia = &plant->config.free[b].inertia;
+        const double *y = view_of(plant, state, b);
+        double momentum[3];
+
+        sym3_apply(inertia->I, y + SPIN, momentum);
+        energy += 0.5 * vec3_dot(momentum, y + SPIN);
+        energy += 0.5 * inertia->mass * vec3_dot(y + VELOCITY, y + VELOCITY);
+        energy -= inertia->mass * vec3_dot(gravity, y + POSITION);
+    }
+    return energy;
+}
+
+void plant_free_pose(const struct plant *plant, size_t i, double pose[7])
+{
+    const double *y = view_of(plant, plant->state, i);
+    double R[9], arm[3];
+
+    mat3_from_quaternion(y + QUATERNION, R);
+    mat3_apply(R, plant->config.free[i].inertia.com, arm);
+    for (int k = 0; k < 3; k++) {
+        pose[k] = y[POSITION + k] - arm[k];
+    }
+    memcpy(pose + 3, y + QUATERNION, 4 * sizeof *pose);
+}
+
+const struct body_motion *plant_free_motion(const struct plant *plant)
+{
+    return plant->sampled_motion + plant->config.robot->nbody;
+}

@@ -1,0 +1,142 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The bodies of a rig's scene, free and static ones, and what a surface may be fixed to. */
+#include "model/spatial.h"
+#include "rt/rig_build.h"
+
+#include <string.h>
+
+enum { FREE, STATIC };
+
+/* Its name must mean nothing else that carries surfaces. */
+static enum error_code check_body_name(struct rig_builder *b, const struct raw_body *raw)
+{
+    enum error_code code = rig_check_name(b, &raw->name_mark, "body", raw->name);
+
+    for (size_t i = 0; !code && i < b->nplace; i++) {
+        if (!strcmp(b->place[i].name, raw->name)) {
+            code = yaml_error(b->error, &raw->name_mark,
+                              "found body \"%s\"%s, expected a name of its own", raw->name,
+                              i == 0                 ? ", which is where static things are"
+                              : i <= b->robot->nbody ? ", which the robot has too"
+                                                     : " again");
+        }
+    }
+    return code;
+}
+
+static enum error_code check_body_keys(struct rig_builder *b, const struct raw_body *raw)
+{
+    const struct rig_key keys[] = {
+        {"mass_kg", raw->mass_given, 1 << FREE, 1 << FREE},
+        {"com_m", raw->com_given, 1 << FREE, 0},
+        {"inertia_kg_m2", raw->inertia_given, 1 << FREE, 0},
+        {"box_m", raw->box_given, 1 << FREE, 0},
+        {"sphere_radius_m", raw->sphere_given, 1 << FREE, 0},
+        {"velocity_m_s", raw->velocity_given, 1 << FREE, 0},
+        {"rate_rad_s", raw->rate_given, 1 << FREE, 0},
+    };
+    const int inertias = raw->inertia_given + raw->box_given + raw->sphere_given;
+    enum error_code code =
+        rig_check_keys(b, &raw->mark, raw->is_static ? "a static body" : "a free body",
+                       raw->is_static ? STATIC : FREE, keys, sizeof keys / sizeof keys[0]);
+
+    if (!code && !raw->is_static && inertias != 1) {
+        code = yaml_error(b->error, &raw->mark,
+                          "found %d of the keys \"inertia_kg_m2\", \"box_m\" and "
+                          "\"sphere_radius_m\", expected exactly one",
+                          inertias);
+    }
+    return code;
+}
+
+/* The tensor as given, or that of a box or a ball of uniform density. */
+static void weigh(const struct raw_body *raw, struct robot_inertia *inertia)
+{
+    const double m = raw->mass_kg, r = raw->sphere_radius_m;
+    const double x = raw->box_m[0], y = raw->box_m[1], z = raw->box_m[2];
+    const double box[6] = {m * (y * y + z * z) / 12.0, 0.0, 0.0,
+                           m * (x * x + z * z) / 12.0, 0.0, m * (x * x + y * y) / 12.0};
+    const double ball[6] = {0.4 * m * r * r, 0.0, 0.0, 0.4 * m * r * r, 0.0, 0.4 * m * r * r};
+
+    inertia->mass = m;
+    memcpy(inertia->com, raw->com_m, sizeof inertia->com);
+    memcpy(inertia->I,
+           raw->box_given      ? box
+           : raw->sphere_given ? ball
+                               : raw->inertia_kg_m2,
+           sizeof inertia->I);
+}
+
+static enum error_code build_free_body(struct rig_builder *b, const struct raw_body *raw,
+                                       struct plant_free_body *body)
+{
+    struct error why;
+
+    body->name = raw->name;
+    weigh(raw, &body->inertia);
+    memcpy(body->position, raw->xyz_m, sizeof body->position);
+    rig_quaternion_of_rpy(raw->rpy_rad, body->quaternion);
+    memcpy(body->v, raw->velocity_m_s, sizeof body->v);
+    memcpy(body->w, raw->rate_rad_s, sizeof body->w);
+    if (plant_check_free_body(body, &why)) {
+        return yaml_error(b->error, raw->inertia_given ? &raw->inertia_mark : &raw->mass_mark, "%s",
+                          why.text);
+    }
+    return ERROR_NONE;
+}
+
+/* At the origin of a body or of the world. */
+static struct rig_place *add_place(struct rig_builder *b, const char *name, int body)
+{
+    struct rig_place *place = &b->place[b->nplace++];
+
+    place->name = name;
+    place->body = body;
+    mat3_identity(place->rotation);
+    return place;
+}
+
+static enum error_code build_body(struct rig_builder *b, const struct raw_body *raw,
+                                  struct plant_free_body *free_body)
+{
+    enum error_code code = check_body_name(b, raw);
+
+    code = code ? code : check_body_keys(b, raw);
+    if (code) {
+        return code;
+    }
+    if (raw->is_static) {
+        struct rig_place *place = add_place(b, raw->name, -1);
+
+        memcpy(place->position, raw->xyz_m, sizeof place->position);
+        mat3_from_rpy(raw->rpy_rad, place->rotation);
+        return ERROR_NONE;
+    }
+    add_place(b, raw->name, (int)(b->robot->nbody + b->rig->nfree));
+    return build_free_body(b, raw, &free_body[b->rig->nfree++]);
+}
+
+enum error_code rig_build_bodies(struct rig_builder *b)
+{
+    const struct raw_scene *scene = &b->raw->scene;
+    const struct robot *robot = b->robot;
+    struct plant_free_body *free_body = arena_alloc(b->arena, scene->nbody, sizeof *free_body);
+
+    b->place = arena_alloc(b->arena, 1 + robot->nbody + scene->nbody, sizeof *b->place);
+    if (!free_body || !b->place) {
+        return rig_no_memory(b);
+    }
+    b->rig->free = free_body;
+    add_place(b, "world", -1);
+    for (size_t i = 0; i < robot->nbody; i++) {
+        add_place(b, robot->body[i].name, (int)i);
+    }
+    for (size_t i = 0; i < scene->nbody; i++) {
+        enum error_code code = build_body(b, &scene->body[i], free_body);
+
+        if (code) {
+            return code;
+        }
+    }
+    return ERROR_NONE;
+}

@@ -1,0 +1,298 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The native engine with springs at centroids against the engine "simbody": the same algorithms,
+ * written twice, have to give the same wrenches, whatever the pose and the velocity.
+ */
+#include "contact/contact.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "tests/physics/contact_scene.h"
+
+static struct arena arena;
+static const struct mesh *foot, *terrain;
+
+/* A block of ground of cells x cells bumps, 0.4 m wide. */
+static const struct mesh *make_terrain(int cells)
+{
+    const double half[3] = {0.2, 0.2, 0.05};
+    const struct mesh *box;
+    struct mesh *bumpy = arena_alloc(&arena, 1, sizeof *bumpy);
+    double(*vertex)[3];
+
+    assert_int_equal(mesh_box(half, cells, &arena, &box, NULL), ERROR_NONE);
+    vertex = arena_alloc(&arena, box->nvertex, sizeof *vertex);
+    assert_non_null(vertex);
+    for (size_t v = 0; v < box->nvertex; ++v) {
+        const double *p = box->vertex[v];
+
+        memcpy(vertex[v], p, sizeof vertex[v]);
+        if (p[2] >= 0.05) {
+            vertex[v][2] += 0.004 * sin(47 * p[0] + 0.3) * cos(39 * p[1]);
+        }
+    }
+    *bumpy = *box;
+    bumpy->vertex = (const double(*)[3])vertex;
+    return bumpy;
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    if (arena_init(&arena, (size_t)64 << 20, NULL) != ERROR_NONE ||
+        mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &arena, &foot, NULL) !=
+            ERROR_NONE) {
+        return -1;
+    }
+    terrain = make_terrain(12);
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    arena_fini(&arena);
+    return 0;
+}
+
+/* How the two engines are compared: a pose about which the second body wobbles. */
+struct sweep {
+    double height, turn; /* of the second body over the first, its tilt */
+    double up, across;   /* how far it strays */
+    double speed, spin;
+    int count, touching; /* poses, and how many of them have to touch */
+};
+
+static void draw(uint64_t *seed, const struct sweep *sweep, struct contact_motion motion[2])
+{
+    for (int b = 0; b < 2; ++b) {
+        scene_place(&motion[b], sweep->across * scene_random(seed),
+                    sweep->across * scene_random(seed),
+                    b * (sweep->height + sweep->up * scene_random(seed)));
+        scene_random_rotation(seed, sweep->turn, motion[b].R);
+        for (int i = 0; i < 3; ++i) {
+            motion[b].w[i] = sweep->spin * scene_random(seed);
+            motion[b].v[i] = sweep->speed * scene_random(seed);
+        }
+    }
+}
+
+static double largest(double a, const double v[3], const double w[3])
+{
+    for (int i = 0; i < 3; ++i) {
+        a = fmax(a, fabs(v[i] - w[i]));
+    }
+    return a;
+}
+
+static void compare(const struct scene *scene, const struct sweep *sweep)
+{
+    struct contact_world *simbody = NULL, *native = NULL;
+    struct error error = {0};
+    uint64_t seed = 2021;
+    int touching = 0;
+    double worst = 0;
+
+    if (contact_simbody_create(&scene->config, &simbody, &error) != ERROR_NONE ||
+        contact_native_create_centroids(&scene->config, &arena, &native, &error) != ERROR_NONE) {
+        fail_msg("%s", error.text);
+    }
+    for (int i = 0; i < sweep->count; ++i) {
+        struct contact_motion motion[2];
+        struct contact_wrench expected[2], wrench[2];
+        struct contact_patch theirs = {0}, ours = {0};
+
+        draw(&seed, sweep, motion);
+        assert_int_equal(simbody->ops->evaluate(simbody, motion, expected), ERROR_NONE);
+        assert_int_equal(native->ops->evaluate(native, motion, wrench), ERROR_NONE);
+        simbody->ops->patches(simbody, &theirs, 1);
+        native->ops->patches(native, &ours, 1);
+
+        double force = scene_norm(expected[1].force);
+        double moment = scene_norm(expected[1].moment) + 0.05 * force;
+
+        touching += force > 0;
+        for (int b = 0; b < 2 && force > 0; ++b) {
+            worst = fmax(worst, largest(0, wrench[b].force, expected[b].force) / force);
+            worst = fmax(worst, largest(0, wrench[b].moment, expected[b].moment) / moment);
+            worst = fmax(worst, fabs(ours.potential_j - theirs.potential_j) / theirs.potential_j);
+            worst =
+                fmax(worst, fabs(ours.dissipation_w - theirs.dissipation_w) / theirs.dissipation_w);
+        }
+        if (force == 0) {
+            assert_true(scene_norm(wrench[1].force) == 0);
+        }
+    }
+    print_message("%d of %d poses touch, largest difference %.1e of the wrench\n", touching,
+                  sweep->count, worst);
+    assert_true(touching >= sweep->touching);
+    assert_true(worst < 1e-9);
+    simbody->ops->destroy(simbody);
+    native->ops->destroy(native);
+}
+
+/* The same scene creeping and rushing, from sticking to far above the transition velocity. */
+static void compare_speeds(const struct scene *scene, struct sweep sweep)
+{
+    const double speed[] = {1e-4, 5e-3, 0.1};
+
+    for (int i = 0; i < 3; ++i) {
+        sweep.speed = speed[i];
+        sweep.spin = 10 * speed[i];
+        compare(scene, &sweep);
+    }
+}
+
+static void foot_on_half_space(void **state)
+{
+    struct scene scene;
+
+    (void)state;
+    scene_init(&scene, 2);
+    scene_add(&scene, 0, CONTACT_HALF_SPACE, &scene_ground);
+    scene_add(&scene, 1, CONTACT_MESH, &scene_foot)->mesh = foot;
+    scene_add_pair(&scene, 0, 1);
+    compare_speeds(&scene, (struct sweep){.height = 0.0932 - 0.002,
+                                          .turn = 0.05,
+                                          .up = 0.002,
+                                          .across = 0.03,
+                                          .count = 200,
+                                          .touching = 150});
+}
+
+static void box_on_half_space(void **state)
+{
+    struct scene scene;
+
+    (void)state;
+    scene_init(&scene, 2);
+    scene_add_box(&scene, 1, 0.075, 0.075, 0.075, 7, &scene_foot);
+    scene_add(&scene, 0, CONTACT_HALF_SPACE, &scene_ground);
+    scene_add_pair(&scene, 0, 1);
+    compare_speeds(&scene, (struct sweep){.height = 0.073,
+                                          .turn = 0.4,
+                                          .up = 0.003,
+                                          .across = 0.03,
+                                          .count = 200,
+                                          .touching = 150});
+}
+
+static void box_on_table(void **state)
+{
+    struct scene scene;
+
+    (void)state;
+    scene_init(&scene, 2);
+    scene_add_box(&scene, 0, 0.2, 0.3, 0.02, 1, &scene_ground);
+    scene_add_box(&scene, 1, 0.075, 0.075, 0.075, 7, &scene_foot);
+    scene_add_pair(&scene, 0, 1);
+    compare_speeds(&scene, (struct sweep){.height = 0.0945,
+                                          .turn = 0.05,
+                                          .up = 0.002,
+                                          .across = 0.03,
+                                          .count = 100,
+                                          .touching = 70});
+}
+
+static void sphere_on_box(void **state)
+{
+    struct scene scene;
+
+    (void)state;
+    scene_init(&scene, 2);
+    scene_add_box(&scene, 0, 0.075, 0.075, 0.075, 7, &scene_ground);
+    scene_add(&scene, 1, CONTACT_SPHERE, &scene_foot)->radius_m = 0.02;
+    scene_add_pair(&scene, 1, 0);
+    compare_speeds(&scene, (struct sweep){.height = 0.0915,
+                                          .turn = 0.05,
+                                          .up = 0.002,
+                                          .across = 0.03,
+                                          .count = 400,
+                                          .touching = 100});
+}
+
+static void foot_on_bumpy_terrain(void **state)
+{
+    struct scene scene;
+
+    (void)state;
+    scene_init(&scene, 2);
+    scene_add(&scene, 0, CONTACT_MESH, &scene_ground)->mesh = terrain;
+    scene_add(&scene, 1, CONTACT_MESH, &scene_foot)->mesh = foot;
+    scene_add_pair(&scene, 0, 1);
+    compare_speeds(&scene, (struct sweep){.height = 0.05 + 0.0932,
+                                          .turn = 0.03,
+                                          .up = 0.002,
+                                          .across = 0.03,
+                                          .count = 60,
+                                          .touching = 50});
+}
+
+static void spheres_on_each_other_and_on_a_half_space(void **state)
+{
+    struct scene scene;
+
+    (void)state;
+    for (int half_space = 0; half_space < 2; ++half_space) {
+        scene_init(&scene, 2);
+        if (half_space) {
+            scene_add(&scene, 0, CONTACT_HALF_SPACE, &scene_ground);
+        } else {
+            scene_add(&scene, 0, CONTACT_SPHERE, &scene_ground)->radius_m = 0.05;
+        }
+        scene_add(&scene, 1, CONTACT_SPHERE, &scene_foot)->radius_m = 0.02;
+        scene_add_pair(&scene, 1, 0);
+        compare_speeds(&scene, (struct sweep){.height = half_space ? 0.018 : 0.068,
+                                              .turn = 0.1,
+                                              .up = 0.001,
+                                              .across = 0.001,
+                                              .count = 200,
+                                              .touching = 150});
+    }
+}
+
+static void surfaces_sit_anywhere_on_their_bodies(void **state)
+{
+    const double yaw[9] = {0, -1, 0, 1, 0, 0, 0, 0, 1};
+    struct scene scene;
+    struct contact_surface *s;
+
+    (void)state;
+    scene_init(&scene, 2);
+    s = scene_add_box(&scene, 0, 0.2, 0.3, 0.02, 2, &scene_ground);
+    memcpy(s->rotation, yaw, sizeof yaw);
+    s->position[0] = 0.05;
+    s = scene_add_box(&scene, 1, 0.07, 0.08, 0.075, 5, &scene_foot);
+    memcpy(s->rotation, yaw, sizeof yaw);
+    s->position[1] = 0.04;
+    scene_add_pair(&scene, 1, 0);
+    compare_speeds(&scene, (struct sweep){.height = 0.0945,
+                                          .turn = 0.05,
+                                          .up = 0.002,
+                                          .across = 0.03,
+                                          .count = 60,
+                                          .touching = 50});
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(foot_on_half_space),
+        cmocka_unit_test(box_on_half_space),
+        cmocka_unit_test(box_on_table),
+        cmocka_unit_test(sphere_on_box),
+        cmocka_unit_test(foot_on_bumpy_terrain),
+        cmocka_unit_test(spheres_on_each_other_and_on_a_half_space),
+        cmocka_unit_test(surfaces_sit_anywhere_on_their_bodies),
+    };
+
+    return cmocka_run_group_tests_name("contact_native_agreement", tests, set_up, tear_down);
+}

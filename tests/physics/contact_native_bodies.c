@@ -1,0 +1,509 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Free rigid bodies on the native contact engine, integrated here by a Runge-Kutta method of fourth
+ * order: what they do has to be what mechanics says, whatever the engine does inside.
+ */
+#include "contact/contact.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "tests/physics/contact_scene.h"
+#include "tests/physics/near.h"
+
+#define G 9.81
+#define BODIES 3
+
+/* Half as hard as the two together: 5e5 Pa/m. */
+static const struct contact_material plain = {1e6, 1, 0.3, 0.5, 0.4, 0};
+
+static struct arena arena;
+
+static int set_up(void **state)
+{
+    (void)state;
+    return arena_init(&arena, (size_t)64 << 20, NULL) ? -1 : 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    arena_fini(&arena);
+    return 0;
+}
+
+/* ---- rigid bodies ---- */
+
+struct bodies {
+    struct contact_world *world;
+    size_t count;
+    double mass[BODIES], inertia[BODIES]; /* equal about all axes */
+    double gravity[3];
+    struct contact_motion motion[BODIES];
+};
+
+/* The derivative of a motion is kept in one: R' in R, v in p, and the accelerations. */
+static void derive(const struct bodies *b, const struct contact_motion *at,
+                   struct contact_motion *rate)
+{
+    struct contact_wrench wrench[BODIES];
+
+    if (b->world->ops->evaluate(b->world, at, wrench) != ERROR_NONE) {
+        fail_msg("%s", b->world->ops->failure(b->world));
+    }
+    for (size_t n = 0; n < b->count; ++n) {
+        for (int i = 0; i < 3; ++i) {
+            double column[3] = {at[n].R[i], at[n].R[3 + i], at[n].R[6 + i]}, turn[3];
+
+            scene_cross(at[n].w, column, turn);
+            for (int row = 0; row < 3; ++row) {
+                rate[n].R[3 * row + i] = turn[row];
+            }
+            rate[n].p[i] = at[n].v[i];
+            rate[n].v[i] = b->gravity[i] + wrench[n].force[i] / b->mass[n];
+            rate[n].w[i] = wrench[n].moment[i] / b->inertia[n];
+        }
+    }
+}
+
+/* out = a + s b, of all the numbers of the motions. */
+static void combine(size_t count, const struct contact_motion *a, double s,
+                    const struct contact_motion *b, struct contact_motion *out)
+{
+    for (size_t n = 0; n < count; ++n) {
+        for (int i = 0; i < 9; ++i) {
+            out[n].R[i] = a[n].R[i] + s * b[n].R[i];
+        }
+        for (int i = 0; i < 3; ++i) {
+            out[n].p[i] = a[n].p[i] + s * b[n].p[i];
+            out[n].v[i] = a[n].v[i] + s * b[n].v[i];
+            out[n].w[i] = a[n].w[i] + s * b[n].w[i];
+        }
+    }
+}
+
+/* Makes the rows orthonormal again. */
+static void straighten(double R[9])
+{
+    double length = scene_norm(R), dot;
+
+    for (int i = 0; i < 3; ++i) {
+        R[i] /= length;
+    }
+    dot = R[0] * R[3] + R[1] * R[4] + R[2] * R[5];
+    for (int i = 0; i < 3; ++i) {
+        R[3 + i] -= dot * R[i];
+    }
+    length = scene_norm(R + 3);
+    for (int i = 0; i < 3; ++i) {
+        R[3 + i] /= length;
+    }
+    scene_cross(R, R + 3, R + 6);
+}
+
+static void step(struct bodies *b, double h)
+{
+    struct contact_motion k[4][BODIES], at[BODIES];
+    const double part[4] = {0, h / 2, h / 2, h}, weight[4] = {h / 6, h / 3, h / 3, h / 6};
+
+    for (int s = 0; s < 4; ++s) {
+        combine(b->count, b->motion, s ? part[s] : 0, s ? k[s - 1] : b->motion, at);
+        derive(b, at, k[s]);
+    }
+    for (int s = 0; s < 4; ++s) {
+        combine(b->count, b->motion, weight[s], k[s], b->motion);
+    }
+    for (size_t n = 0; n < b->count; ++n) {
+        straighten(b->motion[n].R);
+    }
+}
+
+static void run(struct bodies *b, double seconds, double h)
+{
+    for (int i = 0; i < (int)(seconds / h + 0.5); ++i) {
+        step(b, h);
+    }
+}
+
+static double kinetic(const struct bodies *b)
+{
+    double sum = 0;
+
+    for (size_t n = 0; n < b->count; ++n) {
+        for (int i = 0; i < 3; ++i) {
+            sum += b->mass[n] * b->motion[n].v[i] * b->motion[n].v[i] / 2;
+            sum += b->inertia[n] * b->motion[n].w[i] * b->motion[n].w[i] / 2;
+        }
+    }
+    return sum;
+}
+
+static double stored(const struct bodies *b)
+{
+    struct contact_patch patch[8];
+    struct contact_wrench wrench[BODIES];
+    double sum = 0;
+    size_t n;
+
+    b->world->ops->evaluate(b->world, b->motion, wrench);
+    n = b->world->ops->patches(b->world, patch, 8);
+    for (size_t i = 0; i < n; ++i) {
+        sum += patch[i].potential_j;
+    }
+    return sum;
+}
+
+static struct bodies make(const struct scene *scene, double mass)
+{
+    struct bodies b = {.count = scene->config.nbody};
+    struct error error = {0};
+
+    if (contact_native_create(&scene->config, &arena, &b.world, &error) != ERROR_NONE) {
+        fail_msg("%s", error.text);
+    }
+    for (size_t n = 0; n < b.count; ++n) {
+        b.mass[n] = mass;
+        b.inertia[n] = mass * 0.0225 / 6; /* of a cube of 15 cm */
+        scene_place(&b.motion[n], 0, 0, 0);
+    }
+    return b;
+}
+
+/* Ground or a table whose top is at z = 0, and a cube of 15 cm. */
+static void cube_on_ground(struct scene *scene, bool table, const struct contact_material *material)
+{
+    scene_init(scene, 1);
+    if (table) {
+        scene_add_box(scene, -1, 0.5, 0.5, 0.1, 1, material)->position[2] = -0.1;
+    } else {
+        scene_add(scene, -1, CONTACT_HALF_SPACE, material);
+    }
+    scene_add_box(scene, 0, 0.075, 0.075, 0.075, 7, material);
+    scene_add_pair(scene, 0, 1);
+}
+
+/* ---- the tests ---- */
+
+static void a_box_at_rest_is_carried_with_its_weight(void **state)
+{
+    (void)state;
+    for (int table = 0; table < 2; ++table) {
+        struct scene scene;
+        struct contact_wrench wrench;
+        struct bodies b;
+
+        cube_on_ground(&scene, table, &plain);
+        scene.surface[1].material.dissipation_s_per_m = 100;
+        b = make(&scene, 1.5);
+        b.gravity[2] = -G;
+        b.motion[0].p[2] = 0.075;
+        run(&b, 2, 2e-4);
+        b.world->ops->evaluate(b.world, b.motion, &wrench);
+        assert_near(wrench.force[2], 14.715, 1e-4);
+        assert_near(b.motion[0].p[2], 0.075 - 14.715 / (5e5 * 0.0225), 1e-8);
+        assert_near(scene_norm(b.motion[0].v), 0, 1e-5);
+    }
+}
+
+/* A block on a slope of tan = slope: gravity leans, the ground does not. */
+static struct bodies on_a_slope(struct scene *scene, bool table, double slope)
+{
+    struct contact_material stiff = plain;
+    struct bodies b;
+
+    /* friction tilts a block on soft ground, and between two meshes springs lean by half of that */
+    stiff.young_pa = 1e7;
+    stiff.dissipation_s_per_m = 300;
+    cube_on_ground(scene, table, &stiff);
+    b = make(scene, 1.5);
+    b.gravity[0] = G * slope / sqrt(1 + slope * slope);
+    b.gravity[2] = -G / sqrt(1 + slope * slope);
+    b.motion[0].p[2] = 0.075 - 1.5 * -b.gravity[2] / (5e6 * 0.0225);
+    return b;
+}
+
+static void a_block_below_the_static_cone_creeps_slower_than_the_transition_velocity(void **state)
+{
+    (void)state;
+    for (int table = 0; table < 2; ++table) {
+        struct scene scene;
+        struct bodies b = on_a_slope(&scene, table, 0.9 * 0.5);
+
+        run(&b, 0.5, 2e-4);
+        assert_true(b.motion[0].v[0] < SCENE_TRANSITION_M_S);
+        assert_true(b.motion[0].p[0] < 0.5 * SCENE_TRANSITION_M_S);
+        /* and steadily */
+        double before = b.motion[0].v[0];
+
+        run(&b, 0.2, 2e-4);
+        assert_near(b.motion[0].v[0], before, 1e-3 * SCENE_TRANSITION_M_S);
+    }
+}
+
+static void a_block_above_the_static_cone_slides_as_the_dynamic_one_lets_it(void **state)
+{
+    (void)state;
+    for (int table = 0; table < 2; ++table) {
+        struct scene scene;
+        struct bodies b = on_a_slope(&scene, table, 1.1 * 0.5);
+        double before;
+
+        run(&b, 0.5, 2e-4);
+        assert_true(b.motion[0].v[0] > 3 * SCENE_TRANSITION_M_S);
+        before = b.motion[0].v[0];
+        run(&b, 0.1, 2e-4);
+        assert_near((b.motion[0].v[0] - before) / 0.1, b.gravity[0] + 0.4 * b.gravity[2], 2e-3 * G);
+    }
+}
+
+/* Any force f(x) (1 + d x') on a mass: the speeds before and after are tied by
+ * v1/d + ln(1 - d v1)/d^2 = -v0/d + ln(1 + d v0)/d^2 (integrate x'' dx). */
+static double rebound(double d, double v0)
+{
+    double goal = -v0 / d + log1p(d * v0) / (d * d), low = 0, high = fmin(v0, (1 - 1e-12) / d);
+
+    for (int i = 0; i < 200; ++i) {
+        double v = (low + high) / 2;
+
+        if (v / d + log1p(-d * v) / (d * d) > goal) {
+            low = v;
+        } else {
+            high = v;
+        }
+    }
+    return low;
+}
+
+static void a_bouncing_sphere_loses_what_the_dissipation_says(void **state)
+{
+    const double speed[] = {0.05, 0.3, 1};
+
+    (void)state;
+    for (int box = 0; box < 2; ++box) {
+        struct scene scene;
+        struct bodies b;
+        /* Hertz's law damps half as much again */
+        double d = 0.3 * (box ? 1 : 1.5);
+
+        scene_init(&scene, 1);
+        if (box) {
+            scene_add_box(&scene, -1, 0.2, 0.2, 0.1, 3, &plain)->position[2] = -0.1;
+        } else {
+            scene_add(&scene, -1, CONTACT_HALF_SPACE, &plain);
+        }
+        scene_add(&scene, 0, CONTACT_SPHERE, &plain)->radius_m = 0.05;
+        scene_add_pair(&scene, 0, 1);
+        b = make(&scene, 0.1);
+        for (int i = 0; i < 3; ++i) {
+            scene_place(&b.motion[0], 0.01, 0.02, 0.05 + 1e-9);
+            b.motion[0].v[2] = -speed[i];
+            for (int n = 0; n < 200000 && b.motion[0].p[2] <= 0.05 + 2e-9; ++n) {
+                step(&b, 2e-5);
+            }
+            assert_near(b.motion[0].v[2], rebound(d, speed[i]), 1e-4 * speed[i]);
+        }
+    }
+}
+
+/* Throws a cube at the ground, without gravity, and follows it until it flies off. Returns the
+ * energy that it has then over what it had. */
+static double throw(struct bodies * b, uint64_t *seed)
+{
+    struct contact_motion *m = &b->motion[0];
+    double before, lowest;
+
+    scene_place(m, 0.1 * scene_random(seed), 0.1 * scene_random(seed), 0);
+    scene_random_rotation(seed, 3.2, m->R);
+    lowest = 0.075 * (fabs(m->R[6]) + fabs(m->R[7]) + fabs(m->R[8]));
+    m->p[2] = lowest + 1e-6;
+    for (int i = 0; i < 3; ++i) {
+        m->w[i] = 3 * scene_random(seed);
+        m->v[i] = 0.3 * scene_random(seed) - (i == 2 ? 0.4 : 0);
+    }
+    before = kinetic(b);
+    for (int n = 0; n < 4000; ++n) {
+        step(b, 2.5e-4);
+        lowest = 0.075 * (fabs(m->R[6]) + fabs(m->R[7]) + fabs(m->R[8]));
+        if (n > 4 && m->p[2] > lowest + 1e-6) {
+            break;
+        }
+    }
+    return (kinetic(b) + stored(b)) / before;
+}
+
+static void no_impact_gains_energy(void **state)
+{
+    (void)state;
+    for (int table = 0; table < 2; ++table) {
+        struct scene scene;
+        struct bodies b;
+        uint64_t seed = 17;
+        double most = 0, mean = 0;
+        enum { IMPACTS = 1000 };
+
+        cube_on_ground(&scene, table, &plain);
+        b = make(&scene, 1.5);
+        for (int i = 0; i < IMPACTS; ++i) {
+            double ratio = throw(&b, &seed);
+
+            most = fmax(most, ratio);
+            mean += ratio / IMPACTS;
+        }
+        print_message("%s: energy after over before, mean %.3f, largest 1%+.1e\n",
+                      table ? "table" : "half-space", mean, most - 1);
+        /* those that lift off before they touch keep all of it */
+        assert_true(most < 1 + 1e-9 && mean < 0.9);
+    }
+}
+
+static void without_loss_an_impact_on_a_half_space_keeps_its_energy(void **state)
+{
+    const struct contact_material lossless = {1e6, 1, 0, 0, 0, 0};
+    struct scene scene;
+    struct bodies b;
+    uint64_t seed = 23;
+
+    (void)state;
+    cube_on_ground(&scene, false, &lossless);
+    b = make(&scene, 1.5);
+    for (int i = 0; i < 300; ++i) {
+        assert_near(throw(&b, &seed), 1, 1e-3);
+    }
+}
+
+static void colliding_bodies_exchange_momentum_and_lose_none(void **state)
+{
+    uint64_t seed = 31;
+
+    (void)state;
+    for (int n = 0; n < 40; ++n) {
+        struct scene scene;
+        struct bodies b;
+        double before[6] = {0}, after[6] = {0}, change = 0, first[3];
+
+        scene_init(&scene, 2);
+        scene_add_box(&scene, 0, 0.075, 0.075, 0.075, 3, &plain);
+        if (n % 2) {
+            scene_add(&scene, 1, CONTACT_SPHERE, &plain)->radius_m = 0.05;
+        } else {
+            scene_add_box(&scene, 1, 0.05, 0.06, 0.07, 2, &plain);
+        }
+        scene_add_pair(&scene, 0, 1);
+        b = make(&scene, 1.5);
+        b.mass[1] = 0.7;
+        b.inertia[1] = 1e-3;
+        scene_place(&b.motion[1], 0.02 * scene_random(&seed), 0.02 * scene_random(&seed), 0.16);
+        scene_random_rotation(&seed, 0.2, b.motion[1].R);
+        for (int i = 0; i < 3; ++i) {
+            b.motion[0].w[i] = scene_random(&seed);
+            b.motion[1].w[i] = scene_random(&seed);
+            b.motion[1].v[i] = 0.1 * scene_random(&seed) - (i == 2 ? 0.5 : 0);
+            first[i] = b.motion[0].v[i];
+        }
+        for (int s = 0; s < 1201; ++s) {
+            double *sum = s == 0 ? before : after;
+
+            memset(sum, 0, sizeof before);
+            for (int k = 0; k < 2; ++k) {
+                double arm[3];
+
+                scene_cross(b.motion[k].p, b.motion[k].v, arm);
+                for (int i = 0; i < 3; ++i) {
+                    sum[i] += b.mass[k] * b.motion[k].v[i];
+                    sum[3 + i] += b.mass[k] * arm[i] + b.inertia[k] * b.motion[k].w[i];
+                }
+            }
+            step(&b, 2.5e-4);
+        }
+        for (int i = 0; i < 3; ++i) {
+            change = fmax(change, fabs(b.motion[0].v[i] - first[i]));
+        }
+        assert_true(change > 0.05);
+        for (int i = 0; i < 6; ++i) {
+            /* of the method's order in the step */
+            assert_near(after[i], before[i], i < 3 ? 1e-12 : 1e-7);
+        }
+    }
+}
+
+static void a_spinning_box_is_braked_by_torsional_friction(void **state)
+{
+    /* mean distance of a square's points from its center, side 0.15:
+     * side/6 (sqrt 2 + ln(1 + sqrt 2)) */
+    const double lever = 0.15 / 6 * (sqrt(2) + log(1 + sqrt(2)));
+
+    (void)state;
+    for (int table = 0; table < 2; ++table) {
+        struct scene scene;
+        struct contact_wrench wrench;
+        struct bodies b;
+
+        cube_on_ground(&scene, table, &plain);
+        b = make(&scene, 1.5);
+        b.motion[0].p[2] = 0.0749;
+        b.motion[0].w[2] = -400; /* all of it slides */
+        b.world->ops->evaluate(b.world, b.motion, &wrench);
+        assert_near(wrench.moment[2], 0.4 * wrench.force[2] * lever, 0.02 * wrench.moment[2]);
+        assert_near(hypot(wrench.force[0], wrench.force[1]), 0, 1e-6 * wrench.force[2]);
+    }
+}
+
+static void stacked_boxes_stay(void **state)
+{
+    struct scene scene;
+    struct contact_wrench wrench[BODIES];
+    struct bodies b;
+
+    (void)state;
+    scene_init(&scene, 3);
+    scene_add_box(&scene, -1, 0.5, 0.5, 0.1, 1, &plain)->position[2] = -0.1;
+    scene.surface[0].material.young_pa = 1e7;
+    for (int n = 0; n < 3; ++n) {
+        scene_add_box(&scene, n, 0.075, 0.075, 0.075, 7, &plain);
+        /* softer than this a tower of three topples by itself */
+        scene.surface[1 + n].material.young_pa = 1e7;
+        scene.surface[1 + n].material.dissipation_s_per_m = 60;
+        scene_add_pair(&scene, n, n + 1);
+    }
+    b = make(&scene, 1.5);
+    b.gravity[2] = -G;
+    for (int n = 0; n < 3; ++n) {
+        b.motion[n].p[0] = 0.004 * n;
+        b.motion[n].p[2] = 0.075 + 0.15 * n;
+    }
+    run(&b, 2, 2.5e-4);
+    b.world->ops->evaluate(b.world, b.motion, wrench);
+    for (int n = 0; n < 3; ++n) {
+        /* the tower leans by 1 mrad, and so do the springs by half of it; against that little force
+         * friction lets the boxes creep, at a fraction of the transition velocity */
+        assert_near(b.motion[n].p[0], 0.004 * n, 0.25 * SCENE_TRANSITION_M_S * 2);
+        assert_near(b.motion[n].p[1], 0, 1e-6);
+        assert_true(b.motion[n].R[8] > 1 - 1e-4);
+        assert_true(scene_norm(b.motion[n].v) < 0.3 * SCENE_TRANSITION_M_S);
+        assert_near(wrench[n].force[2], 14.715, 0.1);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_box_at_rest_is_carried_with_its_weight),
+        cmocka_unit_test(a_block_below_the_static_cone_creeps_slower_than_the_transition_velocity),
+        cmocka_unit_test(a_block_above_the_static_cone_slides_as_the_dynamic_one_lets_it),
+        cmocka_unit_test(a_bouncing_sphere_loses_what_the_dissipation_says),
+        cmocka_unit_test(no_impact_gains_energy),
+        cmocka_unit_test(without_loss_an_impact_on_a_half_space_keeps_its_energy),
+        cmocka_unit_test(colliding_bodies_exchange_momentum_and_lose_none),
+        cmocka_unit_test(a_spinning_box_is_braked_by_torsional_friction),
+        cmocka_unit_test(stacked_boxes_stay),
+    };
+
+    return cmocka_run_group_tests_name("contact_native_bodies", tests, set_up, tear_down);
+}

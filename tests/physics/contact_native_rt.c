@@ -1,0 +1,178 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The native engine in the loop: no allocation while it evaluates, none of its memory outside the
+ * arena, errors as values. The linker sends every call of the allocator in this program through the
+ * counters below.
+ */
+#include "contact/contact.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "tests/physics/contact_scene.h"
+
+static volatile size_t calls;
+
+void *__real_malloc(size_t size);
+void *__real_calloc(size_t count, size_t size);
+void *__real_realloc(void *memory, size_t size);
+void *__wrap_malloc(size_t size);
+void *__wrap_calloc(size_t count, size_t size);
+void *__wrap_realloc(void *memory, size_t size);
+
+void *__wrap_malloc(size_t size)
+{
+    calls++;
+    return __real_malloc(size);
+}
+
+void *__wrap_calloc(size_t count, size_t size)
+{
+    calls++;
+    return __real_calloc(count, size);
+}
+
+void *__wrap_realloc(void *memory, size_t size)
+{
+    calls++;
+    return __real_realloc(memory, size);
+}
+
+/* Every kind of pair at once: ground, foot, box, table, sphere, another sphere. */
+static void everything(struct scene *scene, const struct mesh *foot)
+{
+    scene_init(scene, 4);
+    scene_add(scene, -1, CONTACT_HALF_SPACE, &scene_ground);
+    scene_add(scene, 0, CONTACT_MESH, &scene_foot)->mesh = foot;
+    scene_add_box(scene, -1, 0.2, 0.3, 0.02, 1, &scene_ground);
+    scene_add_box(scene, 1, 0.075, 0.075, 0.075, 7, &scene_foot);
+    scene_add(scene, 2, CONTACT_SPHERE, &scene_foot)->radius_m = 0.02;
+    scene_add(scene, 3, CONTACT_SPHERE, &scene_foot)->radius_m = 0.03;
+    scene_add_pair(scene, 0, 1);
+    scene_add_pair(scene, 2, 3);
+    scene_add_pair(scene, 4, 3);
+    scene_add_pair(scene, 4, 5);
+    scene_add_pair(scene, 0, 5);
+}
+
+static const struct mesh *read_foot(struct arena *arena)
+{
+    const struct mesh *foot;
+
+    assert_int_equal(
+        mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", arena, &foot, NULL),
+        ERROR_NONE);
+    return foot;
+}
+
+static void evaluations_and_tangents_allocate_nothing(void **state)
+{
+    enum error_code (*const create[2])(const struct contact_config *, struct arena *,
+                                       struct contact_world **, struct error *) = {
+        contact_native_create, contact_native_create_centroids};
+    struct arena arena;
+    struct scene scene;
+    uint64_t seed = 3;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, (size_t)64 << 20, NULL), ERROR_NONE);
+    everything(&scene, read_foot(&arena));
+
+    struct contact_world *world[2];
+
+    for (int e = 0; e < 2; ++e) {
+        assert_int_equal(create[e](&scene.config, &arena, &world[e], NULL), ERROR_NONE);
+    }
+    assert_int_equal(arena_seal(&arena, false, NULL), ERROR_NONE);
+    for (int i = 0; i < 1000; ++i) {
+        struct contact_motion motion[4];
+        struct contact_wrench wrench[4];
+        struct contact_patch patch[5];
+        struct contact_tangent tangent[5];
+        size_t used = arena.used, before = calls;
+
+        for (int b = 0; b < 4; ++b) {
+            static const double height[] = {0.0925, 0.094, 0.188, 0.028};
+
+            scene_place(&motion[b], 0.01 * b, 0.01 * scene_random(&seed),
+                        height[b] + 0.001 * scene_random(&seed));
+            scene_random_rotation(&seed, 0.05, motion[b].R);
+            motion[b].v[0] = 0.1 * scene_random(&seed);
+        }
+        motion[3].p[0] = 0.03;
+        for (int e = 0; e < 2; ++e) {
+            assert_int_equal(world[e]->ops->evaluate(world[e], motion, wrench), ERROR_NONE);
+            assert_true(world[e]->ops->patches(world[e], patch, 5) >= 1);
+            assert_true(world[e]->ops->tangents(world[e], tangent, 5) >= 1);
+        }
+        assert_int_equal(calls, before);
+        assert_int_equal(arena.used, used);
+    }
+    arena_fini(&arena);
+}
+
+static void a_motion_that_is_none_is_an_error(void **state)
+{
+    struct arena arena;
+    struct scene scene;
+    struct contact_motion motion[4];
+    struct contact_wrench wrench[4];
+    struct contact_world *world;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, (size_t)16 << 20, NULL), ERROR_NONE);
+    everything(&scene, read_foot(&arena));
+    assert_int_equal(contact_native_create(&scene.config, &arena, &world, NULL), ERROR_NONE);
+    for (int b = 0; b < 4; ++b) {
+        scene_place(&motion[b], b, 0, 1);
+    }
+    motion[2].v[1] = NAN;
+    assert_int_equal(world->ops->evaluate(world, motion, wrench), ERROR_INPUT);
+    assert_non_null(strstr(world->ops->failure(world), "body 2"));
+    motion[2].v[1] = 0;
+    assert_int_equal(world->ops->evaluate(world, motion, wrench), ERROR_NONE);
+    assert_int_equal(world->ops->patches(world, NULL, 0), 0);
+    arena_fini(&arena);
+}
+
+static void an_arena_that_is_too_small_is_an_error(void **state)
+{
+    struct arena meshes;
+    struct scene scene;
+    bool made = false;
+
+    (void)state;
+    assert_int_equal(arena_init(&meshes, (size_t)1 << 20, NULL), ERROR_NONE);
+    everything(&scene, read_foot(&meshes));
+    for (size_t size = 4096; !made; size += 8192) {
+        struct contact_world *world;
+        struct arena arena;
+        struct error error = {0};
+        enum error_code code;
+
+        assert_true(size < (size_t)8 << 20);
+        assert_int_equal(arena_init(&arena, size, NULL), ERROR_NONE);
+        code = contact_native_create(&scene.config, &arena, &world, &error);
+        made = code == ERROR_NONE;
+        assert_true(made || (code == ERROR_MEMORY && error.text[0]));
+        arena_fini(&arena);
+    }
+    arena_fini(&meshes);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(evaluations_and_tangents_allocate_nothing),
+        cmocka_unit_test(a_motion_that_is_none_is_an_error),
+        cmocka_unit_test(an_arena_that_is_too_small_is_an_error),
+    };
+
+    return cmocka_run_group_tests_name("contact_native_rt", tests, NULL, NULL);
+}

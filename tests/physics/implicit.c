@@ -1,0 +1,402 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The implicit integrator on a toy walker with and without ground, free bodies and ties: its order,
+ * that neither stiff nor soft springs nor stiff contact upset it, and that it neither makes energy
+ * nor momentum. References are dopri5 at 1e-9 and rk4 with short steps.
+ */
+#include "model/plant.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "tests/physics/free_rig.h"
+#include "tests/physics/near.h"
+#include "tests/physics/plant_rig.h"
+
+enum { MOST_STATES = 128, MS = 1000000 };
+
+/* Where the walker's q and its joints' part of it are. */
+enum { JOINTS_BEGIN = 7, JOINTS_END = 15 };
+
+/* Root mean square of the difference of a part of two states. */
+static double distance(const double *a, const double *b, size_t begin, size_t end)
+{
+    double sum = 0.0;
+
+    for (size_t i = begin; i < end; i++) {
+        sum += (a[i] - b[i]) * (a[i] - b[i]);
+    }
+    return sqrt(sum / (double)(end - begin));
+}
+
+/* What the walker is asked to do. */
+struct task {
+    bool on_ground;
+    double Ks; /* of all springs, 0 = their own */
+    double voltage;
+    int milliseconds;
+};
+
+/* Runs it and copies the state; voltages change every 20 ms. */
+static void run_walker(const struct task *task, enum plant_integrator integrator,
+                       int64_t substep_ns, double *state)
+{
+    struct plant_rig rig;
+
+    plant_rig_walker_with(&rig, task->on_ground, integrator, substep_ns, task->Ks);
+    plant_rig_reset(&rig, task->on_ground ? 0.52 : 1.0);
+    for (int k = 0; k < task->milliseconds; k++) {
+        if (k % 20 == 0) {
+            plant_rig_random_voltages(&rig, task->voltage);
+        }
+        assert_int_equal(plant_step(rig.plant, (size_t)(MS / substep_ns)), ERROR_NONE);
+    }
+    assert_true(rig.count <= MOST_STATES);
+    memcpy(state, rig.state, rig.count * sizeof *state);
+    plant_rig_fini(&rig);
+}
+
+static void dopri5_is_where_rk4_with_short_steps_is(void **state)
+{
+    const struct task tasks[] = {{false, 0.0, 10.0, 100}, {true, 0.0, 10.0, 100}};
+    static double adaptive[MOST_STATES], fixed[MOST_STATES];
+
+    (void)state;
+    for (int n = 0; n < 2; n++) {
+        run_walker(&tasks[n], PLANT_DOPRI5, MS, adaptive);
+        run_walker(&tasks[n], PLANT_RK4, 10000, fixed);
+        print_message("# on ground %d: difference %.1e\n", tasks[n].on_ground,
+                      distance(adaptive, fixed, 0, JOINTS_END));
+        assert_true(distance(adaptive, fixed, 0, JOINTS_END) < 1e-6);
+    }
+}
+
+static void it_converges_with_order_one(void **state)
+{
+    const struct task tasks[] = {{false, 0.0, 10.0, 100}, {true, 0.0, 10.0, 100}};
+    static double reference[MOST_STATES], found[MOST_STATES];
+
+    (void)state;
+    for (int n = 0; n < 2; n++) {
+        double previous = 0.0, slope = 0.0;
+
+        run_walker(&tasks[n], PLANT_DOPRI5, MS, reference);
+        for (int64_t h = MS; h >= MS / 64; h /= 2) {
+            double error;
+
+            run_walker(&tasks[n], PLANT_IMPLICIT, h, found);
+            error = distance(found, reference, 0, JOINTS_END);
+            slope = h < MS ? log2(previous / error) : 0.0;
+            print_message("# on ground %d, h = %.4f ms: error %.2e, order %.2f\n",
+                          tasks[n].on_ground, 1e-6 * (double)h, error, slope);
+            previous = error;
+        }
+        assert_near(slope, 1.0, 0.1);
+    }
+}
+
+static void springs_of_any_stiffness_are_stable_at_a_millisecond(void **state)
+{
+    const double stiffness[] = {1.2e-3, 0.1, 10.0, 395.46, 8400.0};
+    static double reference[MOST_STATES], found[MOST_STATES];
+
+    (void)state;
+    for (int n = 0; n < 10; n++) {
+        const struct task task = {
+            .on_ground = n % 2, .Ks = stiffness[n / 2], .voltage = 5.0, .milliseconds = 300};
+        double error;
+
+        run_walker(&task, PLANT_IMPLICIT, MS, found);
+        run_walker(&task, PLANT_RK4, 20000, reference);
+        error = distance(found, reference, JOINTS_BEGIN, JOINTS_END - 1);
+        print_message("# Ks = %g N m/rad, on ground %d: error %.2e rad\n", task.Ks, task.on_ground,
+                      error);
+        assert_true(error < 0.03);
+    }
+}
+
+/* Deflected springs swing in free fall, motors off. The joints' and springs' energy fades. */
+static void swinging_in_free_fall_gains_no_energy(void **state)
+{
+    struct plant_rig rig;
+    struct plant_energy energy;
+    double start, last, gain = 0.0;
+
+    (void)state;
+    plant_rig_walker_with(&rig, false, PLANT_IMPLICIT, MS, 0.0);
+    plant_rig_reset(&rig, 1.0);
+    for (size_t i = 0; i < 7; i++) {
+        rig.state[rig.toy.robot.nq + rig.toy.robot.nv + 3 * i] += 0.2; /* motor angles */
+    }
+    assert_int_equal(plant_restart_energy(rig.plant), ERROR_NONE);
+    assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+    start = last = energy.stored;
+    for (int k = 0; k < 500; k++) {
+        assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
+        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        gain = fmax(gain, energy.stored - last);
+        last = energy.stored;
+    }
+    print_message("# stored energy %.3f J less, largest gain of a step %.1e J\n", start - last,
+                  gain);
+    assert_true(last < start - 1.0);
+    assert_true(gain < 1e-4 * (start - last));
+    plant_rig_fini(&rig);
+}
+
+/* A box that tumbles freely: velocity products are explicit; what that gains is of first order. */
+static void tumbling_gains_energy_in_proportion_to_the_step(void **state)
+{
+    double gain[2];
+
+    (void)state;
+    for (int n = 0; n < 2; n++) {
+        struct free_rig rig;
+        struct plant_energy energy;
+        double start;
+
+        free_rig_post(&rig, 1, n == 0 ? MS : MS / 2);
+        rig.config.integrator = PLANT_IMPLICIT;
+        rig.toy.robot.gravity[2] = 0.0;
+        rig.body[0].w[0] = rig.body[0].w[1] = rig.body[0].w[2] = 6.0;
+        free_rig_start(&rig);
+        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        start = energy.stored;
+        assert_int_equal(plant_step(rig.plant, n == 0 ? 1000 : 2000), ERROR_NONE);
+        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        gain[n] = energy.stored / start - 1.0;
+        free_rig_fini(&rig);
+    }
+    print_message("# at 10 rad/s, in a second: %.2e of the energy at 1 ms, %.2e at 0.5 ms\n",
+                  gain[0], gain[1]);
+    assert_near(gain[0] / gain[1], 2.0, 0.1);
+    assert_true(gain[0] < 0.01);
+}
+
+/* Stiff ground, friction whose damping of a foot has a time constant of 10 us, stiff springs. */
+static void run_on_sticky_ground(enum plant_integrator integrator, int64_t substep_ns,
+                                 double *state)
+{
+    struct plant_rig rig;
+
+    plant_rig_walker_with(&rig, true, integrator, substep_ns, 8400.0);
+    rig.ground.k = 2e5;
+    rig.ground.c = 10.0;
+    rig.ground.slip = 300.0;
+    plant_rig_reset(&rig, 0.52);
+    assert_int_equal(plant_step(rig.plant, (size_t)(150 * MS / substep_ns)), ERROR_NONE);
+    memcpy(state, rig.state, rig.count * sizeof *state);
+    plant_rig_fini(&rig);
+}
+
+static void stiff_and_sticky_ground_is_stable_at_a_millisecond(void **state)
+{
+    static double found[MOST_STATES], reference[MOST_STATES];
+    double error;
+
+    (void)state;
+    run_on_sticky_ground(PLANT_IMPLICIT, MS, found);
+    run_on_sticky_ground(PLANT_RK4, 5000, reference);
+    error = distance(found, reference, 0, JOINTS_END);
+    print_message("# error %.2e\n", error);
+    assert_true(error < 5e-3);
+}
+
+static void equal_runs_give_equal_bits(void **state)
+{
+    uint64_t hash[2];
+
+    (void)state;
+    for (int n = 0; n < 2; n++) {
+        struct free_rig rig;
+
+        free_rig_tied(&rig, MS);
+        rig.config.integrator = PLANT_IMPLICIT;
+        free_rig_start(&rig);
+        assert_int_equal(plant_step(rig.plant, 300), ERROR_NONE);
+        hash[n] = plant_hash(rig.plant);
+        free_rig_fini(&rig);
+    }
+    assert_true(hash[0] == hash[1]);
+}
+
+/* A box falls on stiff ground beside the walker, and rests. */
+static void a_free_box_comes_to_rest_on_the_ground(void **state)
+{
+    struct free_rig rig;
+    const struct contact_wrench *wrench;
+    double weight;
+
+    (void)state;
+    free_rig_walker_on_ground(&rig, MS);
+    rig.config.integrator = PLANT_IMPLICIT;
+    rig.ground.k = 1e5;
+    rig.ground.c = 5.0;
+    rig.body[0].position[2] = 0.1;
+    free_rig_start(&rig);
+    plant_clamp(rig.plant, true);
+    assert_int_equal(plant_step(rig.plant, 1500), ERROR_NONE);
+    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+    wrench = plant_contact_wrenches(rig.plant);
+    weight = 9.81 * rig.body[0].inertia.mass;
+    assert_near(wrench[2].force[2], weight, 1e-3 * weight);
+    for (int i = 7; i < PLANT_FREE_STATE; i++) {
+        assert_near(rig.free[i], 0.0, 1e-3);
+    }
+    free_rig_fini(&rig);
+}
+
+/* Moves the box to where the tie has no length, and starts. */
+static void start_tied(struct free_rig *rig)
+{
+    const struct body_motion *foot;
+    double at[3];
+
+    free_rig_start(rig);
+    foot = &plant_motion(rig->plant)[TOY_LEFT_FOOT];
+    mat3_apply(foot->R, rig->tie.point[0], at);
+    for (int i = 0; i < 3; i++) {
+        rig->body[0].position[i] = foot->p[i] + at[i] - rig->tie.point[1][i];
+    }
+    free_rig_start(rig);
+}
+
+/* Walker and box, tied. What the tie gives to the one it takes from the other, whatever its
+ * stiffness: that needs the coupled system to be solved, not only its diagonal blocks. */
+static void a_tie_of_any_stiffness_conserves_momentum(void **state)
+{
+    const double stiffness[] = {400.0, 1e5, 1e8};
+
+    (void)state;
+    for (int n = 0; n < 3; n++) {
+        struct free_rig rig;
+        double center[3], robot[3], box, total, seconds = 0.3, given, length;
+
+        free_rig_tied(&rig, MS);
+        rig.config.integrator = PLANT_IMPLICIT;
+        rig.tie.k = stiffness[n];
+        rig.tie.d = 1e-2 * stiffness[n];
+        start_tied(&rig);
+        for (int k = 0; k < 300; k++) {
+            if (k % 20 == 0) {
+                for (size_t j = 0; j < 8; j++) {
+                    plant_command(rig.plant)->motor[j].bridge_on = true;
+                    plant_command(rig.plant)->motor[j].voltage_v = k % 40 ? 10.0 : -10.0;
+                }
+            }
+            assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
+        }
+        plant_centre_of_mass(rig.plant, center, robot);
+        box = rig.body[0].inertia.mass * rig.free[9];
+        total = robot[2] + box;
+        given = -9.81 * seconds * (rig.toy.robot.total_mass + rig.body[0].inertia.mass);
+        length = sqrt(rig.tie.stretch);
+        print_message("# k = %g N/m: momentum %.4f of %.4f kg m/s, tie %.1e m long\n", stiffness[n],
+                      total, given, length);
+        assert_near(total, given, 1e-3 * fabs(given));
+        assert_true(n == 0 || length < 0.01);
+        free_rig_fini(&rig);
+    }
+}
+
+static void tied_bodies_converge_with_order_one(void **state)
+{
+    static double reference[MOST_STATES];
+    double previous = 0.0, slope = 0.0;
+
+    (void)state;
+    for (int64_t h = 0; h == 0 || h >= MS / 32; h = h == 0 ? MS : h / 2) {
+        struct free_rig rig;
+
+        free_rig_tied(&rig, h == 0 ? MS : h);
+        rig.config.integrator = h == 0 ? PLANT_DOPRI5 : PLANT_IMPLICIT;
+        rig.config.rtol = rig.config.atol = 1e-9;
+        rig.tie.k = 1e4;
+        rig.tie.d = 50.0;
+        start_tied(&rig);
+        assert_int_equal(plant_step(rig.plant, (size_t)(100 * MS / (h == 0 ? MS : h))), ERROR_NONE);
+        if (h == 0) {
+            memcpy(reference, rig.state, rig.count * sizeof *reference);
+        } else {
+            double error = distance(rig.state, reference, 0, JOINTS_END);
+
+            slope = log2(previous / error);
+            print_message("# h = %.4f ms: error %.2e, order %.2f\n", 1e-6 * (double)h, error,
+                          h < MS ? slope : 0.0);
+            previous = error;
+        }
+        free_rig_fini(&rig);
+    }
+    assert_near(slope, 1.0, 0.15);
+}
+
+static void a_contact_engine_without_tangents_is_refused(void **state)
+{
+    struct free_rig rig;
+    struct contact_ops ops;
+    struct plant *plant = NULL;
+    struct error error = {0};
+
+    (void)state;
+    free_rig_tied(&rig, MS);
+    ops = *rig.tie.world.ops;
+    ops.tangents = NULL;
+    rig.tie.world.ops = &ops;
+    rig.config.integrator = PLANT_IMPLICIT;
+    assert_int_equal(dynamics_generic(&rig.toy.robot, &rig.arena, &rig.dynamics, &error),
+                     ERROR_NONE);
+    assert_int_equal(plant_create(&rig.config, &rig.arena, &plant, &error), ERROR_UNSUPPORTED);
+    assert_non_null(strstr(error.text, "tie gives no tangents"));
+    rig.config.integrator = PLANT_DOPRI5;
+    assert_int_equal(plant_create(&rig.config, &rig.arena, &plant, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "tolerances are 0 and 0"));
+    free_rig_fini(&rig);
+}
+
+/* The engine's failure stops the step and leaves the last good state. */
+static void a_failing_contact_engine_stops_the_step(void **state)
+{
+    const enum plant_integrator integrators[] = {PLANT_IMPLICIT, PLANT_DOPRI5};
+
+    (void)state;
+    for (int n = 0; n < 2; n++) {
+        struct plant_rig rig;
+        uint64_t hash;
+
+        plant_rig_walker_with(&rig, true, integrators[n], MS, 0.0);
+        plant_rig_reset(&rig, 0.52);
+        assert_int_equal(plant_step(rig.plant, 5), ERROR_NONE);
+        hash = plant_hash(rig.plant);
+        rig.ground.fail_at = rig.ground.evaluations + 1;
+        assert_int_equal(plant_step(rig.plant, 1), ERROR_SYSTEM);
+        assert_string_equal(plant_failure(rig.plant), "the toy ground gave way");
+        assert_true(plant_hash(rig.plant) == hash);
+        plant_rig_fini(&rig);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(dopri5_is_where_rk4_with_short_steps_is),
+        cmocka_unit_test(it_converges_with_order_one),
+        cmocka_unit_test(springs_of_any_stiffness_are_stable_at_a_millisecond),
+        cmocka_unit_test(swinging_in_free_fall_gains_no_energy),
+        cmocka_unit_test(tumbling_gains_energy_in_proportion_to_the_step),
+        cmocka_unit_test(stiff_and_sticky_ground_is_stable_at_a_millisecond),
+        cmocka_unit_test(equal_runs_give_equal_bits),
+        cmocka_unit_test(a_free_box_comes_to_rest_on_the_ground),
+        cmocka_unit_test(a_tie_of_any_stiffness_conserves_momentum),
+        cmocka_unit_test(tied_bodies_converge_with_order_one),
+        cmocka_unit_test(a_contact_engine_without_tangents_is_refused),
+        cmocka_unit_test(a_failing_contact_engine_stops_the_step),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

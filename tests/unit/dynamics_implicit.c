@@ -1,0 +1,221 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Forward dynamics with added inertia against its definition: what it returns is put into inverse
+ * dynamics, and the added matrices are applied to the accelerations that kinematics says the bodies
+ * have.
+ */
+#include "model/dynamics.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "model/spatial.h"
+#include "tests/unit/random_robot.h"
+
+#ifdef HIL_SYMBOLIC
+#include "model/symbolic/builtin.h"
+#include "model/symbolic/symbolic.h"
+#endif
+
+enum { BODIES = RANDOM_JOINTS + 1, COORDINATES = RANDOM_JOINTS + 6, CASES = 100 };
+
+static double random_added(uint64_t *seed, struct added_inertia *added)
+{
+    double B[6][6], largest = 0.0;
+
+    for (int i = 0; i < 36; i++) {
+        B[i / 6][i % 6] = random_in(seed, -1.0, 1.0);
+    }
+    /* B B^T is positive definite */
+    for (int row = 0, at = 0; row < 6; row++) {
+        for (int column = row; column < 6; column++, at++) {
+            added->A[at] = 0.0;
+            for (int m = 0; m < 6; m++) {
+                added->A[at] += B[row][m] * B[column][m];
+            }
+            largest = fmax(largest, fabs(added->A[at]));
+        }
+    }
+    return largest;
+}
+
+/* y = A x */
+static void apply(const struct added_inertia *added, const double x[6], double y[6])
+{
+    memset(y, 0, 6 * sizeof *y);
+    for (int row = 0, at = 0; row < 6; row++) {
+        for (int column = row; column < 6; column++, at++) {
+            y[row] += added->A[at] * x[column];
+            y[column] += column > row ? added->A[at] * x[row] : 0.0;
+        }
+    }
+}
+
+/* Largest difference between the two sides of the equation of motion, relative to the forces. */
+static double residual(const struct dynamics *d, const struct random_state *x, const double *extra,
+                       const struct added_inertia *added, const double *vdot)
+{
+    const struct robot *robot = d->robot;
+    size_t first = robot->nv - robot->njoint;
+    double f[COORDINATES], worst = 0.0, size = 1.0;
+    struct body_motion motion[BODIES];
+    struct wrench ext[BODIES];
+
+    /* -sum Jb^T A_b Jb vdot as further wrenches; Jb vdot is what the velocities would be */
+    d->ops->kinematics(d, x->q, vdot, motion);
+    memcpy(ext, x->ext, robot->nbody * sizeof *ext);
+    for (size_t b = 0; b < robot->nbody; b++) {
+        if (robot->body[b].observed) {
+            double twist[6], force[6];
+
+            mat3_apply_transposed(motion[b].R, motion[b].v, twist);
+            mat3_apply_transposed(motion[b].R, motion[b].w, twist + 3);
+            apply(added++, twist, force);
+            for (int i = 0; i < 3; i++) {
+                ext[b].force[i] -= force[i];
+                ext[b].moment[i] -= force[3 + i];
+            }
+        }
+    }
+    d->ops->inverse(d, x->q, x->v, vdot, ext, f);
+    for (size_t i = 0; i < robot->nv; i++) {
+        double given = i < first ? 0.0 : x->tau[i - first] - extra[i - first] * vdot[i];
+
+        worst = fmax(worst, fabs(f[i] - given));
+        size = fmax(size, fabs(given) + fabs(vdot[i]));
+    }
+    return worst / size;
+}
+
+static void the_equation_with_added_inertia_holds(void **state)
+{
+    uint64_t seed = 7;
+    double worst = 0.0;
+
+    (void)state;
+    for (int n = 0; n < CASES; n++) {
+        static struct random_tree tree;
+        struct added_inertia added[BODIES];
+        double extra[RANDOM_JOINTS], vdot[COORDINATES];
+        struct random_state x;
+        struct dynamics d;
+        struct arena arena;
+        struct error error;
+
+        assert_int_equal(random_tree_make(&seed, &tree, &error), ERROR_NONE);
+        for (size_t b = 0; b < tree.robot.nbody; b++) {
+            tree.body[b].observed = random_in(&seed, 0.0, 1.0) < 0.5;
+            random_added(&seed, &added[b]);
+        }
+        for (size_t j = 0; j < tree.robot.njoint; j++) {
+            extra[j] = random_in(&seed, 0.0, 2.0);
+        }
+        random_state_make(&seed, &tree.robot, &x);
+        assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+        assert_int_equal(dynamics_generic(&tree.robot, &arena, &d, &error), ERROR_NONE);
+        d.ops->implicit(&d, x.q, x.v, x.tau, x.ext, extra, added, vdot);
+        worst = fmax(worst, residual(&d, &x, extra, added, vdot));
+        arena_fini(&arena);
+    }
+    print_message("largest relative residual of %d trees: %.1e\n", CASES, worst);
+    assert_true(worst < 1e-10);
+}
+
+static void without_added_inertia_it_is_forward_dynamics(void **state)
+{
+    uint64_t seed = 8;
+
+    (void)state;
+    for (int n = 0; n < CASES; n++) {
+        static struct random_tree tree;
+        static const struct added_inertia none[BODIES];
+        static const double nothing[RANDOM_JOINTS];
+        double vdot[COORDINATES], forward[COORDINATES], size = 0.0;
+        struct random_state x;
+        struct dynamics d;
+        struct arena arena;
+        struct error error;
+
+        assert_int_equal(random_tree_make(&seed, &tree, &error), ERROR_NONE);
+        random_state_make(&seed, &tree.robot, &x);
+        assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+        assert_int_equal(dynamics_generic(&tree.robot, &arena, &d, &error), ERROR_NONE);
+        d.ops->implicit(&d, x.q, x.v, x.tau, x.ext, nothing, none, vdot);
+        d.ops->forward(&d, x.q, x.v, x.tau, x.ext, forward);
+        for (size_t i = 0; i < tree.robot.nv; i++) {
+            size = fmax(size, fabs(forward[i]));
+        }
+        for (size_t i = 0; i < tree.robot.nv; i++) {
+            assert_true(fabs(vdot[i] - forward[i]) < 1e-9 * size);
+        }
+        arena_fini(&arena);
+    }
+}
+
+static void the_generated_code_of_coman_agrees(void **state)
+{
+#ifdef HIL_SYMBOLIC
+    const struct robot *robot;
+    const struct dynamics_module *module;
+    struct dynamics generic, generated;
+    struct added_inertia added[BODIES];
+    double extra[RANDOM_JOINTS], a[COORDINATES], b[COORDINATES], worst = 0.0;
+    uint64_t seed = 9;
+    struct arena arena;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(arena_init(&arena, 1 << 22, &error), ERROR_NONE);
+    assert_int_equal(
+        robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error),
+        ERROR_NONE);
+    module = symbolic_builtin(robot->hash);
+    assert_non_null(module);
+    assert_int_equal(dynamics_generated(robot, module, &arena, &generated, &error), ERROR_NONE);
+    assert_int_equal(dynamics_generic(robot, &arena, &generic, &error), ERROR_NONE);
+    for (int n = 0; n < CASES; n++) {
+        struct random_state x;
+        double size = 0.0;
+
+        random_state_make(&seed, robot, &x);
+        for (size_t i = 0; i < robot->nbody; i++) {
+            random_added(&seed, &added[i]);
+        }
+        for (size_t j = 0; j < robot->njoint; j++) {
+            extra[j] = random_in(&seed, 0.0, 2.0);
+        }
+        generic.ops->implicit(&generic, x.q, x.v, x.tau, x.ext, extra, added, a);
+        generated.ops->implicit(&generated, x.q, x.v, x.tau, x.ext, extra, added, b);
+        for (size_t i = 0; i < robot->nv; i++) {
+            size = fmax(size, fabs(a[i]));
+        }
+        for (size_t i = 0; i < robot->nv; i++) {
+            worst = fmax(worst, fabs(a[i] - b[i]) / size);
+        }
+    }
+    print_message("largest relative difference to the generic code: %.1e\n", worst);
+    assert_true(worst < 1e-10);
+    arena_fini(&arena);
+#else
+    (void)state;
+    print_message("SKIP: built without the generator\n");
+    skip();
+#endif
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_equation_with_added_inertia_holds),
+        cmocka_unit_test(without_added_inertia_it_is_forward_dynamics),
+        cmocka_unit_test(the_generated_code_of_coman_agrees),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,308 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Bodies of a rig's scene: what becomes of good ones, and where bad ones are wrong. */
+#include "rt/rig.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "tests/unit/rig_files.h"
+
+static struct arena arena;
+
+static int set_up(void **state)
+{
+    (void)state;
+    return arena_init(&arena, (size_t)64 << 20, NULL) || make_tree() ? -1 : 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    remove_tree();
+    arena_fini(&arena);
+    return 0;
+}
+
+/* The toy rig with these bodies, which begin in line 12, and one surface and pair the more. */
+static void write_rig(const char *bodies, const char *surface, const char *pair)
+{
+    static char text[sizeof toy_rig + 2048], with[2048];
+
+    strcpy(text, toy_rig);
+    snprintf(with, sizeof with, "  bodies:\n%s  materials:\n", bodies);
+    assert_true(replace(text, sizeof text, "  materials:\n", with));
+    snprintf(with, sizeof with, "  surfaces:\n%s", surface);
+    assert_true(replace(text, sizeof text, "  surfaces:\n", with));
+    snprintf(with, sizeof with, "  pairs:\n%s", pair);
+    assert_true(replace(text, sizeof text, "  pairs:\n", with));
+    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
+}
+
+static const struct rig *load(void)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+
+    if (rig_load(rig_path, &arena, &rig, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return rig;
+}
+
+/* One body with these keys is refused: message is what follows the name of the file. */
+static void refused(const char *keys, const char *message)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+    char body[512], expected[512];
+
+    snprintf(body, sizeof body, "    - {%s}\n", keys);
+    write_rig(body, "", "");
+    snprintf(expected, sizeof expected, "%s:%s", rig_path, message);
+    if (rig_load(rig_path, &arena, &rig, &error) != ERROR_INPUT ||
+        strcmp(error.text, expected) != 0) {
+        fail_msg("for \"%s\"\nexpected: %s\ngot:      %s", keys, expected, error.text);
+    }
+}
+
+/* ---- good bodies ---- */
+
+static void weighs_boxes_balls_and_tensors(void **state)
+{
+    const struct rig *rig;
+    const struct robot_inertia *inertia;
+
+    (void)state;
+    write_rig("    - {name: box, mass_kg: 1.5, box_m: [0.1, 0.2, 0.3], com_m: [0, 0, 0.01]}\n"
+              "    - {name: ball2, mass_kg: 2, sphere_radius_m: 0.1}\n"
+              "    - {name: stone, mass_kg: 3, inertia_kg_m2: [1, 0.1, 0.2, 1.5, 0.3, 2]}\n",
+              "", "");
+    rig = load();
+    assert_int_equal(rig->nfree, 3);
+    assert_string_equal(rig->free[0].name, "box");
+    inertia = &rig->free[0].inertia;
+    assert_true(inertia->mass == 1.5 && inertia->com[2] == 0.01);
+    assert_true(fabs(inertia->I[0] - 1.5 * (0.04 + 0.09) / 12.0) < 1e-15);
+    assert_true(fabs(inertia->I[3] - 1.5 * (0.01 + 0.09) / 12.0) < 1e-15);
+    assert_true(fabs(inertia->I[5] - 1.5 * (0.01 + 0.04) / 12.0) < 1e-15);
+    assert_true(inertia->I[1] == 0.0 && inertia->I[2] == 0.0 && inertia->I[4] == 0.0);
+    for (int i = 0; i < 6; i++) {
+        double expected = i == 0 || i == 3 || i == 5 ? 0.4 * 2 * 0.01 : 0.0;
+
+        assert_true(fabs(rig->free[1].inertia.I[i] - expected) < 1e-15);
+    }
+    assert_true(rig->free[2].inertia.I[4] == 0.3 && rig->free[2].inertia.I[5] == 2.0);
+}
+
+static void puts_bodies_where_they_start(void **state)
+{
+    const struct plant_free_body *body;
+
+    (void)state;
+    write_rig(
+        "    - {name: box, mass_kg: 1, box_m: [1, 1, 1], xyz_m: [1, 2, 3],\n"
+        "       rpy_rad: [0, 0, 1.5707963267948966], velocity_m_s: [4, 5, 6], rate_rad_s: [7, "
+        "8, 9]}\n",
+        "", "");
+    body = load()->free;
+    assert_true(body->position[0] == 1 && body->position[1] == 2 && body->position[2] == 3);
+    assert_true(fabs(body->quaternion[0] - sqrt(0.5)) < 1e-15);
+    assert_true(fabs(body->quaternion[3] - sqrt(0.5)) < 1e-15);
+    assert_true(body->quaternion[1] == 0.0 && body->quaternion[2] == 0.0);
+    assert_true(body->v[0] == 4 && body->v[2] == 6 && body->w[0] == 7 && body->w[2] == 9);
+}
+
+/* Contact motions are counted in the order in which surfaces first name their bodies. */
+static void surfaces_ride_on_free_bodies(void **state)
+{
+    const struct rig *rig;
+
+    (void)state;
+    write_rig("    - {name: unused, mass_kg: 1, box_m: [1, 1, 1]}\n"
+              "    - {name: box, mass_kg: 1, box_m: [1, 1, 1]}\n",
+              "    - {name: lid, body: box, shape: sphere, radius_m: 0.1, material: rubber}\n"
+              "    - {name: side, body: box, shape: sphere, radius_m: 0.1, material: rubber}\n",
+              "    - between: [ground, lid]\n    - between: [lid, wedge]\n");
+    rig = load();
+    assert_int_equal(rig->contact.nbody, 3);
+    assert_int_equal(rig->contact_body[0], rig->robot->nbody + 1);
+    assert_string_equal(rig_contact_name(rig, 0), "box");
+    assert_string_equal(rig_contact_name(rig, 1), "lower");
+    assert_string_equal(rig_contact_name(rig, 2), "tail");
+    assert_int_equal(rig->contact.surface[0].body, 0);
+    assert_int_equal(rig->contact.surface[1].body, 0);
+    assert_int_equal(rig->contact.npair, 4);
+}
+
+/* A static body is a place in the world: 0.1 m along x of one that is turned by 90 degrees about z
+ * is 0.1 m along the world's y. */
+static void surfaces_of_static_bodies_belong_to_the_world(void **state)
+{
+    const struct contact_surface *top;
+    const struct rig *rig;
+
+    (void)state;
+    write_rig(
+        "    - {name: table, static: true, xyz_m: [1, 2, 3],\n"
+        "       rpy_rad: [0, 0, 1.5707963267948966]}\n",
+        "    - {name: top, body: table, shape: sphere, radius_m: 0.1, xyz_m: [0.1, 0, -0.5],\n"
+        "       material: rubber}\n",
+        "    - between: [top, ball]\n");
+    rig = load();
+    assert_int_equal(rig->nfree, 0);
+    assert_int_equal(rig->contact.nbody, 2);
+    top = &rig->contact.surface[0];
+    assert_int_equal(top->body, -1);
+    assert_true(fabs(top->position[0] - 1.0) < 1e-15);
+    assert_true(fabs(top->position[1] - 2.1) < 1e-15);
+    assert_true(fabs(top->position[2] - 2.5) < 1e-15);
+    assert_true(fabs(top->rotation[3] - 1.0) < 1e-15 && fabs(top->rotation[1] + 1.0) < 1e-15);
+}
+
+/* Two bodies of the robot against each other, with two surfaces on one of them. */
+static void a_robot_can_touch_itself(void **state)
+{
+    const struct rig *rig;
+
+    (void)state;
+    write_rig("    []\n",
+              "    - {name: knob, body: tail, shape: sphere, radius_m: 0.1, material: rubber}\n",
+              "    - between: [knob, wedge]\n");
+    rig = load();
+    assert_int_equal(rig->contact.pair[0].a, 0);
+    assert_int_equal(rig->contact.pair[0].b, 4);
+    assert_int_equal(rig->contact.surface[0].body, rig->contact.surface[3].body);
+}
+
+static void without_an_engine_bodies_stay_and_nothing_touches(void **state)
+{
+    static char text[sizeof toy_rig + 64];
+    const struct rig *rig;
+
+    (void)state;
+    strcpy(text, toy_rig);
+    assert_true(replace(text, sizeof text, "  engine: simbody\n",
+                        "  engine: none\n  bodies: [{name: a, mass_kg: 1, box_m: [1, 1, 1]}]\n"));
+    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
+    rig = load();
+    assert_int_equal(rig->nfree, 1);
+    assert_int_equal(rig->contact.nbody + rig->contact.nsurface + rig->contact.npair, 0);
+}
+
+static void the_grasp_rig_is_the_scene_of_the_paper(void **state)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+
+    (void)state;
+    if (rig_load(HIL_SOURCE_DIR "/config/rigs/grasp.yaml", &arena, &rig, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_int_equal(rig->nfree, 1);
+    assert_true(rig->free[0].inertia.mass == 1.5);
+    assert_true(fabs(rig->free[0].inertia.I[0] - 1.5 * 0.15 * 0.15 / 6.0) < 1e-15);
+    assert_int_equal(rig->contact.nbody, 5); /* two feet, two wrists, the box */
+    assert_int_equal(rig->contact.npair, 5);
+    assert_string_equal(rig_contact_name(rig, 4), "box");
+    assert_true(rig->substep_ns == 100000);
+}
+
+/* ---- bad ones ---- */
+
+static void rejects_names_that_mean_something_else(void **state)
+{
+    (void)state;
+    refused("name: tail, static: true",
+            "12:14: found body \"tail\", which the robot has too, expected a name of its own");
+    refused("name: world, static: true",
+            "12:14: found body \"world\", which is where static things are, expected a name of "
+            "its own");
+    refused("name: a/b, static: true",
+            "12:14: found body \"a/b\", expected letters, digits and _ - . only");
+    refused("name: a, static: true}\n    - {static: true, name: a",
+            "13:28: found body \"a\" again, expected a name of its own");
+    refused("static: true", "12:7: found a body of the scene without key \"name\", expected it");
+}
+
+static void rejects_keys_of_the_other_kind(void **state)
+{
+    (void)state;
+    refused("name: a, static: true, mass_kg: 1",
+            "12:7: found key \"mass_kg\" in a static body, expected none there");
+    refused("name: a, static: true, rate_rad_s: [0, 0, 1]",
+            "12:7: found key \"rate_rad_s\" in a static body, expected none there");
+    refused("name: a, box_m: [1, 1, 1]",
+            "12:7: found a free body without key \"mass_kg\", expected it");
+    refused("name: a, mass_kg: 1",
+            "12:7: found 0 of the keys \"inertia_kg_m2\", \"box_m\" and \"sphere_radius_m\", "
+            "expected exactly one");
+    refused("name: a, mass_kg: 1, box_m: [1, 1, 1], inertia_kg_m2: [1, 0, 0, 1, 0, 1]",
+            "12:7: found 2 of the keys \"inertia_kg_m2\", \"box_m\" and \"sphere_radius_m\", "
+            "expected exactly one");
+}
+
+static void rejects_masses_and_inertias_of_no_body(void **state)
+{
+    (void)state;
+    refused("name: a, mass_kg: 0, box_m: [1, 1, 1]",
+            "12:26: found 0, expected a number above 0, at most 1000000");
+    refused("name: a, mass_kg: 1, box_m: [1, 0, 1]",
+            "12:40: found 0, expected a number from 1e-06 to 1000");
+    refused("name: a, mass_kg: 1, inertia_kg_m2: [1, 0, 0, 1, 0, 3]",
+            "12:44: free body a: no body has the principal moments of inertia 1, 1, 3 kg m2: the "
+            "largest exceeds the sum of the others");
+    refused("name: a, mass_kg: 1, inertia_kg_m2: [1, 2, 0, 1, 0, 1]",
+            "12:44: free body a: inertia is not positive: its principal moments are -1, 1, 3 kg "
+            "m2");
+    refused("name: a, mass_kg: 1, inertia_kg_m2: [0, 0, 0, 0, 0, 0]",
+            "12:44: free body a would move without inertia: expected a mass and three moments of "
+            "inertia above zero");
+    refused("name: a, mass_kg: 1e-300, box_m: [1e-6, 1e-6, 1e-6]",
+            "12:26: free body a would move without inertia: expected a mass and three moments of "
+            "inertia above zero");
+}
+
+static void names_the_nearest_body(void **state)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+    char expected[256];
+
+    (void)state;
+    write_rig("    - {name: table, static: true}\n",
+              "    - {name: top, body: tablee, shape: sphere, radius_m: 0.1, material: rubber}\n",
+              "");
+    snprintf(expected, sizeof expected,
+             "%s:17:25: found unknown body \"tablee\", expected \"table\"", rig_path);
+    assert_int_equal(rig_load(rig_path, &arena, &rig, &error), ERROR_INPUT);
+    assert_string_equal(error.text, expected);
+    write_rig("    - {name: table, static: true}\n",
+              "    - {name: top, body: table, shape: sphere, radius_m: 0.1, material: rubber}\n",
+              "    - between: [top, ground]\n");
+    snprintf(expected, sizeof expected,
+             "%s:23:16: found two surfaces of one body, expected surfaces of two bodies", rig_path);
+    assert_int_equal(rig_load(rig_path, &arena, &rig, &error), ERROR_INPUT);
+    assert_string_equal(error.text, expected);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(weighs_boxes_balls_and_tensors),
+        cmocka_unit_test(puts_bodies_where_they_start),
+        cmocka_unit_test(surfaces_ride_on_free_bodies),
+        cmocka_unit_test(surfaces_of_static_bodies_belong_to_the_world),
+        cmocka_unit_test(a_robot_can_touch_itself),
+        cmocka_unit_test(without_an_engine_bodies_stay_and_nothing_touches),
+        cmocka_unit_test(the_grasp_rig_is_the_scene_of_the_paper),
+        cmocka_unit_test(rejects_names_that_mean_something_else),
+        cmocka_unit_test(rejects_keys_of_the_other_kind),
+        cmocka_unit_test(rejects_masses_and_inertias_of_no_body),
+        cmocka_unit_test(names_the_nearest_body),
+    };
+
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
