@@ -61,6 +61,16 @@ double servo_reference(const struct servo *servo, size_t axis)
     return servo->loop[axis].wanted + servo->loop[axis].trim;
 }
 
+/* what the link is off, less what its encoder cannot tell: integrated for ever, the rounding of two
+ * legs that stand on the same ground would wind them against each other */
+static double link_error(const struct servo *servo, size_t axis)
+{
+    double step = 1 / host_configuration(servo->host)->axis[axis].joint_ticks_per_rad;
+    double error = servo->loop[axis].wanted - host_joint(servo->host, axis)->joint_rad;
+
+    return error > step ? error - step : error < -step ? error + step : 0;
+}
+
 /* one axis; the integral stands still while the voltage is saturated in its direction */
 static double voltage(struct servo *servo, size_t axis, double dt)
 {
@@ -74,7 +84,7 @@ static double voltage(struct servo *servo, size_t axis, double dt)
 
     if (fabs(V) < supply || V * error < 0) {
         loop->integral += error * dt;
-        loop->trim += config->trim_per_s * (loop->wanted - joint->joint_rad) * dt;
+        loop->trim += config->trim_per_s * link_error(servo, axis) * dt;
     }
     return fmin(fmax(V, -supply), supply);
 }

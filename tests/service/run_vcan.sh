@@ -74,17 +74,19 @@ if grep -q "simulator is stopping" "$work/task.err"
 then ok "$name"; else not_ok "$name"; fi
 
 name="a controller may start again while the simulator waits"
-simulate host --clock lockstep --ticks 250
+simulate host --clock lockstep
 task
-sleep 0.7
+sleep 0.4
 kill -TERM "$controller"
 wait "$controller"
 stopped=$?
 task
+sleep 0.4
+kill -TERM "$simulator"
 wait "$simulator"
 simulated=$?
 wait "$controller"
-if [ $stopped = 0 ] && [ $simulated = 0 ] && [ "$(json "$work/host" ticks)" = 250 ] &&
+if [ $stopped = 0 ] && [ $simulated = 0 ] && [ "$(json "$work/host" ticks)" -gt 0 ] &&
     grep -q "expects tick 0" "$work/host.err"
 then ok "$name"; else not_ok "$name"; fi
 
