@@ -169,21 +169,23 @@ struct contact_world {
 enum error_code contact_simbody_create(const struct contact_config *config,
                                        struct contact_world **world, struct error *error);
 
-/* Engine "native": keeps real time. evaluate is RT-safe; memory from arena, which the world must not
- * outlive; destroy does nothing. What is common to two surfaces is integrated over their true
- * overlap, so that the wrench is continuous in the pose, does not depend on how finely a flat side is
- * cut into triangles, and converges as curved ones are refined:
+/* Engine "native": keeps real time. evaluate is RT-safe; memory from arena, which the world must
+ * not outlive; destroy does nothing. What is common to two surfaces is integrated over their true
+ * overlap, so that the wrench is continuous in the pose, does not depend on how finely a flat side
+ * is cut into triangles, and converges as curved ones are refined:
  * - Springs are a bed: side by side on a plane, along one direction, as long as the overlap is deep
  *   there. The elastic force of a bed is k times the volume that it stands in. Coplanar triangles
  *   that make up a convex polygon are one facet.
- * - Mesh on half-space: along the plane's normal. A facet that stands upright or is turned away adds
- *   nothing (Simbody lets both push).
- * - Mesh on mesh: between each two facets that face each other, along the mean of their normals. The
- *   sums over either mesh in eq (6) are over the same overlap, so half of both is one of them. It
- *   fades out as the normals get near a right angle (full up to 60 degrees off, none from 84), and
- *   where a spring would run along the overlap instead of across it.
+ * - Mesh on half-space: along the plane's normal. A facet that stands upright or is turned away
+ *   adds nothing (Simbody lets both push).
+ * - Mesh on mesh: between each two facets that face each other, along the mean of their normals.
+ *   The sums over either mesh in eq (6) are over the same overlap, so half of both is one of them.
+ *   A tilted block is thus pushed sideways by half of its tilt, as in Simbody's mean of both sums.
+ *   The force fades out as the normals get near a right angle (full up to 60 degrees off, none from
+ *   84), and where a spring would run along the overlap instead of across it.
  * - Sphere on mesh: over each facet along its normal to the sphere's far side: k times the cap's
- *   volume on a flat side, wherever on it. Sphere on half-space or sphere: Hertz's law, as above.
+ *   volume on a flat side, wherever on it. A sphere that has sunk under a facet as deep as it is
+ *   wide is no longer held by it. Sphere on half-space or sphere: Hertz's law, as above.
  * - Velocity, dissipation and friction are taken at three points between a facet's centroid and
  *   each edge of the overlap (four points of a sphere's patch).
  * Work at worst, all of both meshes within each other: for each pair of meshes the product of their

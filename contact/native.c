@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Contact engine "native": makes the surfaces ready once, then for each pair finds where the second
- * is and how it moves seen from the first, lets contact/native_pairs.h find the force, and brings it
- * back to the world.
+ * is and how it moves seen from the first, lets contact/native_pairs.h find the force, and brings
+ * it back to the world.
  */
 #include "contact/contact.h"
 #include "contact/native_pairs.h"
@@ -234,7 +234,9 @@ static size_t engine_patches(struct contact_world *world, struct contact_patch *
 {
     const struct engine *e = (const struct engine *)world;
 
-    memcpy(patch, e->patch, (e->npatch < max ? e->npatch : max) * sizeof *patch);
+    for (size_t i = 0; i < e->npatch && i < max; ++i) {
+        patch[i] = e->patch[i];
+    }
     return e->npatch;
 }
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Contact by springs at the centroids of triangles, as Simbody's elastic foundation has them with all
- * that is its own (contact/contact.h): whole triangles in or out, and for two meshes areas scaled so
- * that both patches have the same. For comparison; not continuous in the pose.
+ * Contact by springs at the centroids of triangles, as Simbody's elastic foundation has them with
+ * all that is its own (contact/contact.h): whole triangles in or out, and for two meshes areas
+ * scaled so that both patches have the same. For comparison; not continuous in the pose.
  */
 #include "contact/native_pairs.h"
 #include "contact/vec.h"

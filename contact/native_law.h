@@ -50,8 +50,8 @@ struct native_sum {
     struct contact_tangent *tangent; /* wanted instead of all of the above; in the first's frame */
 };
 
-/* Adds up the batch, or puts it into the tangent when there is one, and empties it. Always in the same order, so the same springs give the same
- * bits on every instruction set. RT-safe. */
+/* Adds up the batch, or puts it into the tangent when there is one, and empties it. Always in the
+ * same order, so the same springs give the same bits on every instruction set. RT-safe. */
 void native_law_sum(struct native_batch *batch, const struct native_law *law,
                     const struct native_relative *relative, struct native_sum *sum);
 

@@ -21,8 +21,8 @@
 #define FACING_NONE 0.1
 #define FACING_FULL 0.5
 
-/* The middle of a spring lies half its length deep in both bodies. Where it lies less than DEPTH_NONE
- * of that deep, the spring runs along the overlap, not across it, and is none. */
+/* The middle of a spring lies half its length deep in both bodies. Where it lies less than
+ * DEPTH_NONE of that deep, the spring runs along the overlap, not across it, and is none. */
 #define DEPTH_NONE 0.25
 #define DEPTH_FULL 0.5
 
@@ -118,9 +118,9 @@ static double polygon_center(const struct polygon *g, const double normal[3], do
 }
 
 /* The springs on a polygon: three in each triangle between the centroid and an edge, which
- * integrates force and moment of a linear depth exactly. pressure is the elastic force per depth and
- * area as seen along the normal, share how far along d from the polygon a spring acts. Returns the
- * area. */
+ * integrates force and moment of a linear depth exactly. pressure is the elastic force per depth
+ * and area as seen along the normal, share how far along d from the polygon a spring acts. Returns
+ * the area. */
 static double put_springs(struct native_scratch *s, const struct polygon *g, const double normal[3],
                           const double d[3], double pressure, double share,
                           const struct native_law *law, const struct native_relative *relative,

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Spheres in the native engine: on each other and on a half-space by Hertz's law, on a mesh by a bed
- * of springs over each facet. Such a bed stands on the part of the facet that lies in the circle where
- * the sphere cuts its plane. With the circle's center as origin and q = sqrt(R^2 - r^2), h the height
- * of the sphere's center over the plane, a spring at radius r is q - h long, and the integrals over
- * the part are those around its rim:
+ * Spheres in the native engine: on each other and on a half-space by Hertz's law, on a mesh by a
+ * bed of springs over each facet. Such a bed stands on the part of the facet that lies in the
+ * circle where the sphere cuts its plane. With the circle's center as origin and q = sqrt(R^2 -
+ * r^2), h the height of the sphere's center over the plane, a spring at radius r is q - h long, and
+ * the integrals over the part are those around its rim:
  *
  *     integral of f(r) dA = rim integral of G(r) dtheta, G(r) the integral of f(s) s ds from 0 to r
  *
@@ -33,7 +33,8 @@ struct circle {
     double R, h, r; /* radius of the sphere, height of its center, radius of the circle */
 };
 
-/* The integrals from 0 to s of the length and its square, over s^2 so that they have a value at 0. */
+/* The integrals from 0 to s of the length and its square, over s^2 so that they have a value at 0.
+ * */
 static void radial(const struct circle *c, double s, double *length, double *square)
 {
     double R = c->R, h = c->h, s2 = s * s, q = sqrt(R * R - s2 > 0 ? R * R - s2 : 0);

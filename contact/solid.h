@@ -62,8 +62,8 @@ enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct 
                            struct error *error);
 
 /* The point of the surface nearest to p among those closer than the square root of limit2; of
- * several equally near the one whose face p is most straight above. False when there is none. RT-safe;
- * visits every face at worst. */
+ * several equally near the one whose face p is most straight above. False when there is none.
+ * RT-safe; visits every face at worst. */
 bool solid_find_nearest(const struct solid *solid, const double p[3], double limit2,
                         struct solid_nearest *nearest);
 

@@ -61,7 +61,7 @@ static void put_median(struct build *b, int axis, int first, int last)
 static void split(struct build *b, int first, int count)
 {
     struct tree_node *node = &b->node[b->nnode++];
-    struct box middles;
+    struct box middles = {.low = {0}};
     int axis = 0;
 
     node->box = b->box[b->item[first]];

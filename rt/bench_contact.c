@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * coman-hil bench contact: time of one evaluation of contact forces for the pairs of surfaces that a
- * robot meets and for the paper's five-body scene, the native engine beside Simbody in one
+ * coman-hil bench contact: time of one evaluation of contact forces for the pairs of surfaces that
+ * a robot meets and for the paper's five-body scene, the native engine beside Simbody in one
  * interleaved run; how it grows with the size of a mesh; and the slowest of many random poses.
  */
 #include "contact/contact.h"
@@ -293,7 +293,7 @@ static double measure(const struct scene *s, int engine)
 
     for (int i = 0; i < repeat * POSES; ++i) {
         if (world->ops->evaluate(world, s->motion[i % POSES], wrench)) {
-            return NAN;
+            return (double)NAN;
         }
     }
     return (now_us() - start) / (repeat * POSES);

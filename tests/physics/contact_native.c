@@ -232,8 +232,8 @@ static void box_on_half_space_pushes_with_k_a_d_and_not_with_its_sides(void **st
 
 static void a_tilted_box_meets_half_space_and_table_alike(void **state)
 {
-    /* a wedge: the lower edge of a box that is turned by t about y, d deep: its bottom is b = d/sin t
-     * wide under the plane, and the volume between it and the plane, straight above it, is w b^2
+    /* a wedge: the lower edge of a box that is turned by t about y, d deep: its bottom is b = d/sin
+     * t wide under the plane, and the volume between it and the plane, straight above it, is w b^2
      * sin t cos t/2; the upright side adds its own, w (d/cos t)^2 sin t cos t/2 */
     const double t = 0.05, d = 2e-3, w = 0.15, k = 5e5;
     double volume = w * d * d / 2 * (cos(t) / sin(t) + sin(t) / cos(t));
@@ -829,8 +829,8 @@ static void tangents_are_the_slopes_of_the_wrench_without_friction(void **state)
 
                         size += kind > 0 ? 10 * load : 0;
 
-                        /* on a half-space exact but for force times depth; elsewhere normals turn with the bodies and the
-                         * overlap's rim moves, which tangents leave out */
+                        /* on a half-space exact but for force times depth; elsewhere normals turn
+                         * with the bodies and the overlap's rim moves, which tangents leave out */
                         assert_near(entry(S, row, column), slope, (kind == 0 ? 5e-3 : 0.15) * size);
                     }
                 }

@@ -10,3 +10,7 @@ hil_test(contact_native_bodies SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/conta
 
 hil_test(contact_native_rt SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_native_rt.c
          LIBS contact -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc LABELS physics)
+
+hil_script_test(contact_native_rig
+    COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_native_rig.sh $<TARGET_FILE:coman-hil>
+    TIMEOUT 180 LABELS physics)
