@@ -35,6 +35,18 @@ enum board_kind {
     BOARD_TORQUE, /* six joint torques in STRAIN frames (pseudo-STRAIN) */
 };
 
+/* What the boards of a bus speak. */
+enum board_personality {
+    BOARD_ICUB,    /* two axes an address, telemetry every 4 ms: boards/icub_protocol.h */
+    BOARD_FOC,     /* one axis an address, 1 kHz, at most four axes a bus: boards/foc_protocol.h */
+    BOARD_COMPACT, /* ours, classic or FD, 1 kHz: boards/compact_protocol.h */
+};
+
+struct boards_bus_config {
+    enum board_personality personality;
+    bool fd; /* BOARD_COMPACT: CAN FD frames */
+};
+
 enum { BOARD_AXES = 2, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };
 
 /* A supply below this is an under-voltage fault: half of the nominal 48 V. */
@@ -75,6 +87,7 @@ struct boards_config {
     size_t nboard;
     const struct board_config *board;
     size_t nbus;
+    const struct boards_bus_config *bus; /* nbus entries; NULL: BOARD_ICUB everywhere */
     size_t njoint, nft;
     int64_t tick_ns; /* boards_control is called once a tick; up to 100 ms */
 };

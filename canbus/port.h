@@ -12,7 +12,7 @@
 
 #include <stddef.h>
 
-enum can_state {
+enum can_port_state {
     CAN_PORT_UP,      /* carrying frames (error active, or a bus without controller states) */
     CAN_PORT_WARNING, /* controller in error warning */
     CAN_PORT_PASSIVE, /* controller error passive */
@@ -61,7 +61,7 @@ struct can_port {
     const struct can_port_ops *ops;
     const char *bus; /* interface or bus name, for messages and logs */
     bool fd;         /* FD frames may be sent */
-    enum can_state state;
+    enum can_port_state state;
     struct can_counters counters;
 };
 

@@ -44,7 +44,7 @@ struct loop {
 
     struct bus_frame *batch;    /* BATCH, received */
     struct bus_frame *outgoing; /* largest transmit_max + DONE */
-    enum can_state *state;      /* of each bus, as last reported */
+    enum can_port_state *state;      /* of each bus, as last reported */
     uint64_t rx_lost, tx_lost;  /* of all buses, as last reported */
     uint64_t lost_at_done;
     struct ring events;
@@ -534,7 +534,7 @@ static void watch_buses(struct loop *loop)
     uint64_t rx, tx;
 
     for (size_t b = 0; b < loop->config.nbus; b++) {
-        enum can_state state = loop->config.port[b]->state;
+        enum can_port_state state = loop->config.port[b]->state;
 
         if (state != loop->state[b]) {
             emit(loop, LOOP_EVENT_BUS_STATE, (int)b, loop->state[b], state);

@@ -110,7 +110,7 @@ enum loop_end {
 enum loop_event_kind {
     LOOP_EVENT_OVERRUN,        /* a = phase, b = ns over */
     LOOP_EVENT_PAUSE,          /* a = ns behind */
-    LOOP_EVENT_BUS_STATE,      /* a = old, b = new enum can_state */
+    LOOP_EVENT_BUS_STATE,      /* a = old, b = new enum can_port_state */
     LOOP_EVENT_FRAMES_LOST,    /* a = received, b = to be sent; since the last of these */
     LOOP_EVENT_SILENT,         /* a = ns without STEP */
     LOOP_EVENT_BACK,           /* STEP again after a ns */

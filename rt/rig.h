@@ -51,6 +51,9 @@ struct rig_bus {
     const char *name;
     const char *interface; /* of SocketCAN: "can0" */
     int64_t bitrate;       /* bit/s */
+    bool fd;               /* carries CAN FD frames */
+    int64_t data_bitrate;  /* bit/s, of FD frames with a bit rate switch */
+    enum board_personality personality;
     size_t nboard;
     size_t naxis; /* joints driven from this bus */
 };

@@ -39,7 +39,7 @@ struct simulator_config {
 struct bus_status {
     uint64_t rx_frames, tx_frames, rx_dropped, tx_dropped;
     uint64_t bits; /* nominal, of both directions */
-    int64_t state; /* enum can_state */
+    int64_t state; /* enum can_port_state */
 };
 
 /* Published once a tick. */

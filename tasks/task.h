@@ -30,9 +30,18 @@ struct host_ft {
     uint8_t address;
 };
 
+/* What the boards of a bus speak. */
+enum host_personality { HOST_ICUB, HOST_FOC, HOST_COMPACT };
+
+struct host_bus {
+    enum host_personality personality;
+    bool fd; /* HOST_COMPACT: CAN FD frames */
+};
+
 struct host_config {
     size_t nbus;
-    struct can_port **port; /* one a bus */
+    struct can_port **port;     /* one a bus */
+    const struct host_bus *bus; /* nbus entries; NULL: HOST_ICUB everywhere */
     size_t naxis;
     const struct host_axis *axis;
     size_t nft;

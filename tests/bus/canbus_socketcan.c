@@ -299,7 +299,7 @@ static void follows_the_states_of_injected_error_frames(void **state)
     static const struct {
         uint32_t id;
         uint8_t controller;
-        enum can_state state;
+        enum can_port_state state;
     } cases[] = {
         {CAN_ERR_CRTL, CAN_ERR_CRTL_TX_WARNING, CAN_PORT_WARNING},
         {CAN_ERR_CRTL, CAN_ERR_CRTL_TX_PASSIVE, CAN_PORT_PASSIVE},
@@ -350,7 +350,7 @@ static void counts_what_the_kernel_drops_when_a_receive_buffer_runs_over(void **
 }
 
 /* Calls receive until the port is in a state; it looks for its interface once a second. */
-static bool comes_to(struct can_port *port, enum can_state state)
+static bool comes_to(struct can_port *port, enum can_port_state state)
 {
     struct bus_frame got[MANY];
 

@@ -251,7 +251,7 @@ static void follows_the_controller_states_that_error_frames_report(void **state)
 {
     static const struct {
         struct bus_frame frame;
-        enum can_state state;
+        enum can_port_state state;
     } cases[] = {
         {{.id = CAN_ERR_ACK}, CAN_PORT_UP},
         {{.id = CAN_ERR_CRTL, .data[1] = CAN_ERR_CRTL_TX_WARNING}, CAN_PORT_WARNING},

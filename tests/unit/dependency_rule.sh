@@ -14,7 +14,7 @@ contact  (base|contact)/[^/]*
 canbus   (base|canbus)/[^/]*
 model    (base|model|model/symbolic)/[^/]*|contact/(contact|mesh)\.h|dynamics/builtin\.inc
 boards   (base|boards)/[^/]*|canbus/frame\.h|model/plant_io\.h
-tasks    (base|canbus|tasks)/[^/]*|boards/icub_protocol\.h
+tasks    (base|canbus|tasks)/[^/]*|boards/[a-z]*_protocol\.h
 rt       (base|contact|canbus|model|model/symbolic|boards|tasks|rt)/[^/]*
 '
 folders='base|contact|canbus|model|boards|tasks|rt|viewer|tests|config|systemd'
