@@ -5,7 +5,8 @@
 #include <linux/can/error.h>
 
 /* The state that an error frame reports, or the present one when it reports none. */
-static enum can_port_state state_after_error(enum can_port_state state, const struct bus_frame *frame)
+static enum can_port_state state_after_error(enum can_port_state state,
+                                             const struct bus_frame *frame)
 {
     const uint8_t controller = frame->len > 1 ? frame->data[1] : 0;
 

@@ -44,7 +44,7 @@ struct loop {
 
     struct bus_frame *batch;    /* BATCH, received */
     struct bus_frame *outgoing; /* largest transmit_max + DONE */
-    enum can_port_state *state;      /* of each bus, as last reported */
+    enum can_port_state *state; /* of each bus, as last reported */
     uint64_t rx_lost, tx_lost;  /* of all buses, as last reported */
     uint64_t lost_at_done;
     struct ring events;

@@ -271,7 +271,10 @@ enum error_code rig_build_boards(struct rig_builder *b)
         const struct raw_bus *from = &raw->bus[i];
 
         code = check_bus(b, from);
-        bus[i] = (struct rig_bus){from->name, from->interface, from->bitrate, from->nboard, 0};
+        bus[i] = (struct rig_bus){.name = from->name,
+                                  .interface = from->interface,
+                                  .bitrate = from->bitrate,
+                                  .nboard = from->nboard};
         for (size_t k = 0; k < from->nboard && !code; k++) {
             code = build_board(b, (int)i, &from->board[k], &board[n++]);
         }
