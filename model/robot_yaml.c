@@ -480,15 +480,6 @@ static enum error_code unknown_name(struct builder *b, const struct yaml_mark *m
                       count);
 }
 
-/* Names are words: they stand in messages, logs and on command lines. */
-static bool is_word(const char *name)
-{
-    static const char letters[] =
-        "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-.";
-
-    return name[0] != '\0' && strlen(name) <= 63 && name[strspn(name, letters)] == '\0';
-}
-
 static enum error_code check_names(struct builder *b, const char *what, const void *array,
                                    size_t count, size_t stride)
 {
@@ -496,7 +487,8 @@ static enum error_code check_names(struct builder *b, const char *what, const vo
         const struct named *entry = nth(array, stride, i);
         int first = find(array, i, stride, entry->name);
 
-        if (!is_word(entry->name)) {
+        /* names are words: they stand in messages, logs and on command lines */
+        if (!text_is_name(entry->name)) {
             return yaml_error(b->error, &entry->mark,
                               "found %s name \"%.63s\", expected letters, digits and _ - . only",
                               what, entry->name);

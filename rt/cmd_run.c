@@ -214,11 +214,14 @@ static int finish(struct simulator *simulator, enum loop_end end)
 static int run(struct simulator *simulator, bool quiet)
 {
     static struct monitor monitor;
+    static struct notify manager;
     struct realtime_report report;
     struct error error;
     enum loop_end end;
 
-    if (monitor_start(&monitor, simulator, stderr, isatty(STDERR_FILENO), quiet, &error)) {
+    notify_open(&manager);
+    if (monitor_start(&monitor, simulator, &manager, stderr, isatty(STDERR_FILENO), quiet,
+                      &error)) {
         return command_fail("run", &error);
     }
     catch_signals(simulator);
@@ -231,6 +234,7 @@ static int run(struct simulator *simulator, bool quiet)
     }
     end = simulator_run(simulator);
     monitor_stop(&monitor);
+    notify_close(&manager);
     release_signals();
     return finish(simulator, end);
 }

@@ -23,6 +23,7 @@ struct loop {
     struct loop_config config;
     struct loop_stats stats;
     atomic_bool stop;
+    _Atomic uint64_t beat; /* loop_beat */
     enum loop_end end;
 
     /* the tick being run */
@@ -161,13 +162,22 @@ void loop_stop(struct loop *loop)
     atomic_store_explicit(&loop->stop, true, memory_order_relaxed);
 }
 
+uint64_t loop_beat(const struct loop *loop)
+{
+    return atomic_load_explicit(&loop->beat, memory_order_relaxed);
+}
+
 const struct loop_stats *loop_stats(const struct loop *loop)
 {
     return &loop->stats;
 }
 
+/* at each wake-up */
 static bool stop_wanted(struct loop *loop)
 {
+    uint64_t beat = atomic_load_explicit(&loop->beat, memory_order_relaxed);
+
+    atomic_store_explicit(&loop->beat, beat + 1, memory_order_relaxed);
     if (atomic_load_explicit(&loop->stop, memory_order_relaxed)) {
         loop->end = LOOP_END_STOPPED;
         return true;

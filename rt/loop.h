@@ -138,6 +138,9 @@ enum loop_end loop_run(struct loop *loop);
 /* Asks for a clean end; from any thread or signal handler. */
 void loop_stop(struct loop *loop);
 
+/* A count that moves while the loop lives, also when it waits for a STEP; from any thread. */
+uint64_t loop_beat(const struct loop *loop);
+
 const struct loop_stats *loop_stats(const struct loop *loop);
 
 /* From one other thread: one event, false when none waits; text for a log line. */

@@ -66,9 +66,10 @@ static void print_status(struct monitor *monitor)
         return;
     }
     monitor_format(monitor->simulator, &monitor->last, &status, text, sizeof text);
+    notify_status(monitor->manager, text);
     if (monitor->terminal) {
         fprintf(monitor->log.out, "\r\033[K%s", text);
-    } else {
+    } else if (monitor->manager->descriptor < 0) {
         fprintf(monitor->log.out, "%s\n", text);
     }
     fflush(monitor->log.out);
@@ -86,6 +87,17 @@ static void print_events(struct monitor *monitor, int64_t now)
     eventlog_flush(&monitor->log, now, false);
 }
 
+static void tell_manager(struct monitor *monitor, int64_t now)
+{
+    struct notify_health health = {.beat = simulator_beat(monitor->simulator)};
+    struct simulator_status status;
+
+    if (simulator_read(monitor->simulator, &status)) {
+        health.ticks = status.tick + 1;
+    }
+    notify_watch(monitor->manager, &health, now);
+}
+
 static void *monitor_main(void *context)
 {
     struct monitor *monitor = context;
@@ -95,6 +107,7 @@ static void *monitor_main(void *context)
         int64_t now = clock_now(clock);
 
         print_events(monitor, now);
+        tell_manager(monitor, now);
         if (!monitor->quiet && now >= monitor->next_status_ns) {
             print_status(monitor);
             monitor->next_status_ns = now + (monitor->terminal ? TERMINAL_NS : LOG_NS);
@@ -104,13 +117,15 @@ static void *monitor_main(void *context)
     return NULL;
 }
 
-enum error_code monitor_start(struct monitor *monitor, struct simulator *simulator, FILE *out,
-                              bool terminal, bool quiet, struct error *error)
+enum error_code monitor_start(struct monitor *monitor, struct simulator *simulator,
+                              struct notify *manager, FILE *out, bool terminal, bool quiet,
+                              struct error *error)
 {
     int reason;
 
     memset(monitor, 0, sizeof *monitor);
     monitor->simulator = simulator;
+    monitor->manager = manager;
     monitor->terminal = terminal;
     monitor->quiet = quiet;
     monitor->log.out = out;
@@ -127,6 +142,7 @@ void monitor_stop(struct monitor *monitor)
 {
     int64_t now = clock_now(clock_monotonic());
 
+    notify_stopping(monitor->manager);
     atomic_store(&monitor->stop, true);
     pthread_join(monitor->thread, NULL);
     print_events(monitor, now);

@@ -1,18 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The background thread of a run: prints what happens (rate-limited) and the status line, four times
- * a second in place on a terminal, every five seconds as a line otherwise. Not RT-safe.
+ * a second in place on a terminal, every five seconds as a line otherwise; a service manager gets it
+ * instead of the lines, and is told that the run lives. Not RT-safe.
  */
 #ifndef RT_MONITOR_H
 #define RT_MONITOR_H
 
 #include "rt/eventlog.h"
+#include "rt/notify.h"
 #include "rt/simulator.h"
 
 #include <pthread.h>
 
 struct monitor {
     struct simulator *simulator;
+    struct notify *manager;
     bool terminal, quiet; /* quiet: events, no status */
     struct eventlog log;
     atomic_bool stop;
@@ -21,9 +24,10 @@ struct monitor {
     struct simulator_status last; /* as of the last status line, for the factor and the loads */
 };
 
-/* Starts the thread; out is stderr or a test's file. */
-enum error_code monitor_start(struct monitor *monitor, struct simulator *simulator, FILE *out,
-                              bool terminal, bool quiet, struct error *error);
+/* Starts the thread; out is stderr or a test's file. manager stays the caller's. */
+enum error_code monitor_start(struct monitor *monitor, struct simulator *simulator,
+                              struct notify *manager, FILE *out, bool terminal, bool quiet,
+                              struct error *error);
 
 /* Prints what is left and joins the thread. */
 void monitor_stop(struct monitor *monitor);

@@ -679,6 +679,11 @@ void simulator_stop(struct simulator *simulator)
     loop_stop(simulator->loop);
 }
 
+uint64_t simulator_beat(const struct simulator *simulator)
+{
+    return loop_beat(simulator->loop);
+}
+
 enum error_code simulator_finish_recording(struct simulator *simulator,
                                            struct recorder_counters *counters, struct error *error)
 {

@@ -70,6 +70,9 @@ enum loop_end simulator_run(struct simulator *simulator);
 /* Ends the run; from any thread or signal handler. */
 void simulator_stop(struct simulator *simulator);
 
+/* A count that moves while the loop lives, also when it waits for a STEP; from any thread. */
+uint64_t simulator_beat(const struct simulator *simulator);
+
 /* After the run: flushes and closes the recording. */
 enum error_code simulator_finish_recording(struct simulator *simulator,
                                            struct recorder_counters *counters, struct error *error);

@@ -1,0 +1,116 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The protocol of sd_notify(3): lines of KEY=VALUE in datagrams to a unix socket. */
+#include "rt/notify.h"
+
+#include "rt/clock.h"
+
+#include <errno.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+enum { TEXT_SIZE = 512 };
+
+static void send_text(const struct notify *notify, const char *text)
+{
+    if (notify->descriptor >= 0) {
+        /* a manager that does not listen is not our concern */
+        (void)sendto(notify->descriptor, text, strlen(text), MSG_NOSIGNAL | MSG_DONTWAIT,
+                     (const struct sockaddr *)&notify->address, notify->length);
+    }
+}
+
+/* a path, or with @ a name in the abstract namespace */
+static bool set_address(struct notify *notify, const char *path)
+{
+    size_t length = strlen(path);
+
+    if ((path[0] != '/' && path[0] != '@') || length < 2 ||
+        length >= sizeof notify->address.sun_path) {
+        return false;
+    }
+    notify->address.sun_family = AF_UNIX;
+    memcpy(notify->address.sun_path, path, length);
+    notify->length = (socklen_t)(offsetof(struct sockaddr_un, sun_path) + length);
+    if (path[0] == '@') {
+        notify->address.sun_path[0] = '\0';
+    } else {
+        notify->length++;
+    }
+    return true;
+}
+
+/* microseconds of WATCHDOG_USEC when they are meant for this process, else 0 */
+static int64_t watchdog_us(void)
+{
+    const char *time = getenv("WATCHDOG_USEC"), *pid = getenv("WATCHDOG_PID");
+    long long us;
+    char *end;
+
+    if (!time || (pid && strtoll(pid, NULL, 10) != (long long)getpid())) {
+        return 0;
+    }
+    errno = 0;
+    us = strtoll(time, &end, 10);
+    return errno || end == time || *end || us <= 0 || us > INT64_MAX / 1000 ? 0 : us;
+}
+
+void notify_open(struct notify *notify)
+{
+    const char *path = getenv("NOTIFY_SOCKET");
+
+    *notify = (struct notify){.descriptor = -1};
+    if (path && set_address(notify, path)) {
+        notify->descriptor = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+        notify->watchdog_ns = watchdog_us() * 1000;
+    }
+    unsetenv("NOTIFY_SOCKET");
+    unsetenv("WATCHDOG_USEC");
+    unsetenv("WATCHDOG_PID");
+}
+
+void notify_watch(struct notify *notify, const struct notify_health *health, int64_t now_ns)
+{
+    if (!notify->ready && health->ticks > 0) {
+        notify->ready = true;
+        send_text(notify, "READY=1");
+    }
+    if (notify->watchdog_ns > 0 && now_ns >= notify->feed_ns && health->beat != notify->beat) {
+        notify->beat = health->beat;
+        notify->feed_ns = now_ns + notify->watchdog_ns / 2;
+        send_text(notify, "WATCHDOG=1");
+    }
+}
+
+void notify_status(const struct notify *notify, const char *text)
+{
+    char line[TEXT_SIZE];
+
+    snprintf(line, sizeof line, "STATUS=%s", text);
+    send_text(notify, line);
+}
+
+void notify_stopping(const struct notify *notify)
+{
+    send_text(notify, "STOPPING=1");
+}
+
+void notify_reloading(struct notify *notify)
+{
+    char line[TEXT_SIZE];
+
+    snprintf(line, sizeof line, "RELOADING=1\nMONOTONIC_USEC=%lld",
+             (long long)(clock_now(clock_monotonic()) / 1000));
+    send_text(notify, line);
+    notify->ready = false;
+}
+
+void notify_close(struct notify *notify)
+{
+    if (notify->descriptor >= 0) {
+        close(notify->descriptor);
+        notify->descriptor = -1;
+    }
+}
