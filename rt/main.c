@@ -20,6 +20,7 @@ static const struct command {
     {"task", "run a controller alone, on the other side of the buses", cmd_task},
     {"plot", "plot signals of a recording as SVG", cmd_plot},
     {"check", "check a rig or a robot file and print what is in it", cmd_check},
+    {"doctor", "say what on this machine stands in the way of a rig's deadlines", cmd_doctor},
     {"generate", "write C code for the dynamics of a robot", cmd_generate},
     {"bench", "repeat the paper's measurements on this machine", cmd_bench},
     {"accel", "accelerations of a robot from states on standard input", cmd_accel},

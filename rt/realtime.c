@@ -3,8 +3,10 @@
 #include "rt/realtime.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <sched.h>
 #include <stdarg.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -84,6 +86,19 @@ static void lock_memory(struct realtime_report *report)
          strerror(errno), (unsigned long long)limit.rlim_cur / 1024);
 }
 
+/* the kernel keeps to it as long as the file is open, which is meant to be until the end */
+static void stay_awake(struct realtime_report *report)
+{
+    static int descriptor = -1;
+    int32_t latency_us = 0;
+
+    if (descriptor < 0) {
+        descriptor = open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC);
+    }
+    report->awake = descriptor >= 0 &&
+                    write(descriptor, &latency_us, sizeof latency_us) == (ssize_t)sizeof latency_us;
+}
+
 static void __attribute__((noinline)) touch_stack(void)
 {
     volatile unsigned char stack[STACK_TOUCHED];
@@ -106,6 +121,7 @@ void realtime_apply(const struct realtime_config *config, struct realtime_report
     }
     if (config->priority > 0) {
         take_priority(config->priority, report);
+        stay_awake(report);
     }
     touch_stack();
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What the system gives to a real-time thread: a FIFO priority, locked memory, a processor of its
- * own. Each is taken when it is allowed; when it is not, one warning says why and what would help.
+ * own, idle states that are left at once. Each is taken when it is allowed; when it is not, one warning says why and what would help.
  * Not RT-safe: call it before the loop.
  */
 #ifndef RT_REALTIME_H
@@ -20,11 +20,13 @@ enum { REALTIME_WARNINGS_MAX = 4 };
 
 struct realtime_report {
     bool fifo, locked, pinned;
+    bool awake; /* /dev/cpu_dma_latency is held at 0 until the process ends */
     size_t count;
     char warning[REALTIME_WARNINGS_MAX][256];
 };
 
-/* Applies what it can to the calling thread, touches its stack, and reports the rest. */
+/* Applies what it can to the calling thread, touches its stack, and reports the rest. That the idle
+ * states could not be had is no warning: many machines have none that matter. */
 void realtime_apply(const struct realtime_config *config, struct realtime_report *report);
 
 #endif

@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Looks at a machine with the eyes of somebody who wants to keep 1 kHz on it: the kernel, the rights
+ * of this process, processors, interrupts, power saving, CAN interfaces, the load of the rig's buses.
+ * Reads files below /proc and /sys, changes nothing. Not RT-safe.
+ */
+#ifndef RT_DOCTOR_H
+#define RT_DOCTOR_H
+
+#include "rt/rig.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+
+enum doctor_verdict {
+    DOCTOR_OK,
+    DOCTOR_WARN, /* it runs, but deadlines may be missed */
+    DOCTOR_FAIL, /* the rig cannot run as it says */
+};
+
+struct doctor_finding {
+    enum doctor_verdict verdict;
+    const char *subject; /* "kernel", "irq affinity", ... */
+    char found[192];     /* what is there, and for a warning what follows from it */
+    char fix[192];       /* the command that puts it right, "" = none is needed or none is known */
+};
+
+enum { DOCTOR_FINDINGS_MAX = 64 };
+
+struct doctor_config {
+    const char *root; /* what stands before /proc and /sys: "", or a test's directory */
+    const struct rig *rig;
+    bool local; /* the buses are in the process: CAN interfaces are not looked at */
+};
+
+/* Fills at most max findings, in an order that does not change; returns how many. */
+size_t doctor_examine(const struct doctor_config *config, struct doctor_finding *findings,
+                      size_t max);
+
+/* The worst of them. */
+enum doctor_verdict doctor_verdict(const struct doctor_finding *findings, size_t count);
+
+/* Whether a list of processors as the kernel writes it ("0-3,6") has this one. False for text that
+ * is no such list. */
+bool doctor_list_has(const char *list, int cpu);
+
+#endif

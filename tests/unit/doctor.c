@@ -1,0 +1,293 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the doctor says of machines that the test makes up: trees of the files it reads. */
+#include "rt/doctor.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+struct machine {
+    char root[64];
+    struct arena arena;
+    struct rig rig;
+    struct rig_bus bus;
+    struct doctor_finding finding[DOCTOR_FINDINGS_MAX];
+    size_t count;
+};
+
+static void put(const struct machine *m, const char *name, const char *text)
+{
+    char path[512];
+    FILE *file;
+
+    snprintf(path, sizeof path, "%s%s", m->root, name);
+    for (char *slash = strchr(path + strlen(m->root) + 1, '/'); slash;
+         slash = strchr(slash + 1, '/')) {
+        *slash = '\0';
+        mkdir(path, 0755);
+        *slash = '/';
+    }
+    file = fopen(path, "we");
+    assert_non_null(file);
+    fputs(text, file);
+    fclose(file);
+}
+
+/* a laboratory machine as it should be */
+static void put_good_machine(const struct machine *m)
+{
+    put(m, "/proc/sys/kernel/version", "#1 SMP PREEMPT_RT Debian 6.1.0\n");
+    put(m, "/proc/sys/kernel/osrelease", "6.1.0-rt-amd64\n");
+    put(m, "/sys/kernel/realtime", "1\n");
+    put(m, "/proc/cpuinfo", "processor : 0\nflags\t\t: fpu avx2\n");
+    put(m, "/sys/devices/system/clocksource/clocksource0/current_clocksource", "tsc\n");
+    put(m, "/proc/sys/kernel/sched_rt_runtime_us", "950000\n");
+    put(m, "/proc/sys/kernel/sched_rt_period_us", "1000000\n");
+    put(m, "/proc/self/status",
+        "Name:\tcoman-hil\nCapEff:\t0000000000000000\nCpus_allowed_list:\t0-2\n");
+    put(m, "/proc/self/limits",
+        "Limit                     Soft Limit           Hard Limit           Units     \n"
+        "Max locked memory         unlimited            unlimited            bytes     \n"
+        "Max realtime priority     90                   90                             \n");
+    put(m, "/sys/devices/system/cpu/online", "0-3\n");
+    put(m, "/sys/devices/system/cpu/isolated", "3\n");
+    put(m, "/proc/irq/24/effective_affinity_list", "0\n");
+    put(m, "/sys/devices/system/cpu/cpu3/cpufreq/scaling_governor", "performance\n");
+    put(m, "/sys/devices/system/cpu/cpu3/cpuidle/state0/latency", "1\n");
+    put(m, "/sys/devices/system/cpu/cpu3/cpuidle/state0/name", "C1\n");
+    put(m, "/proc/net/protocols", "protocol  size sockets\nCAN_RAW   1024 0\n");
+    put(m, "/sys/class/net/can0/type", "280\n");
+    put(m, "/sys/class/net/can0/flags", "0x40c1\n");
+    put(m, "/sys/class/net/can0/tx_queue_len", "1000\n");
+}
+
+static int start(void **state)
+{
+    struct machine *m = calloc(1, sizeof *m);
+
+    snprintf(m->root, sizeof m->root, "/tmp/hil-doctor-XXXXXX");
+    if (!mkdtemp(m->root) || arena_init(&m->arena, 1 << 20, NULL)) {
+        return -1;
+    }
+    m->bus = (struct rig_bus){.name = "torso", .interface = "can0", .bitrate = 1000000};
+    m->rig = (struct rig){.nbus = 1, .bus = &m->bus};
+    m->rig.realtime = (struct rig_realtime){.priority = 80, .cpu = 3, .lock_memory = true};
+    m->rig.servo.command_period_ns = 1000000;
+    put_good_machine(m);
+    *state = m;
+    return 0;
+}
+
+static int stop(void **state)
+{
+    struct machine *m = *state;
+    char command[128];
+
+    snprintf(command, sizeof command, "rm -rf '%s'", m->root);
+    arena_fini(&m->arena);
+    free(m);
+    return system(command);
+}
+
+static enum doctor_verdict examine(struct machine *m)
+{
+    struct doctor_config config = {.root = m->root, .rig = &m->rig};
+
+    m->count = doctor_examine(&config, m->finding, DOCTOR_FINDINGS_MAX);
+    return doctor_verdict(m->finding, m->count);
+}
+
+/* the finding on a subject has this verdict and speaks of this; the others are ok */
+static void assert_only(struct machine *m, const char *subject, enum doctor_verdict verdict,
+                        const char *words)
+{
+    bool seen = false;
+
+    assert_int_equal(examine(m), verdict);
+    for (size_t i = 0; i < m->count; i++) {
+        const struct doctor_finding *f = &m->finding[i];
+
+        if (strcmp(f->subject, subject) == 0 && f->verdict != DOCTOR_OK) {
+            seen = true;
+            assert_int_equal(f->verdict, verdict);
+            if (!strstr(f->found, words)) {
+                fail_msg("\"%s\" does not speak of \"%s\"", f->found, words);
+            }
+        } else if (f->verdict != DOCTOR_OK) {
+            fail_msg("%s: %s", f->subject, f->found);
+        }
+    }
+    assert_true(seen);
+}
+
+static void finds_nothing_on_a_good_machine(void **state)
+{
+    struct machine *m = *state;
+
+    assert_int_equal(examine(m), DOCTOR_OK);
+    assert_int_equal(m->count, 13);
+    for (size_t i = 0; i < m->count; i++) {
+        assert_string_equal(m->finding[i].fix, "");
+    }
+}
+
+static void sees_a_kernel_that_is_not_for_real_time(void **state)
+{
+    struct machine *m = *state;
+
+    put(m, "/proc/sys/kernel/version", "#1 SMP PREEMPT_DYNAMIC Debian\n");
+    put(m, "/sys/kernel/realtime", "0\n");
+    assert_only(m, "kernel", DOCTOR_WARN, "PREEMPT_DYNAMIC");
+}
+
+static void sees_a_virtual_machine_in_a_long_list_of_flags(void **state)
+{
+    struct machine *m = *state;
+    char text[3000] = "flags : ";
+
+    while (strlen(text) < 2500) {
+        strcat(text, "some_flag ");
+    }
+    strcat(text, "hypervisor lahf\n");
+    put(m, "/proc/cpuinfo", text);
+    assert_only(m, "machine", DOCTOR_WARN, "virtual");
+}
+
+static void sees_a_slow_clock(void **state)
+{
+    put(*state, "/sys/devices/system/clocksource/clocksource0/current_clocksource", "hpet\n");
+    assert_only(*state, "clock source", DOCTOR_WARN, "hpet");
+}
+
+static void sees_throttling(void **state)
+{
+    put(*state, "/proc/sys/kernel/sched_rt_runtime_us", "500000\n");
+    assert_only(*state, "RT throttling", DOCTOR_WARN, "50 %");
+    put(*state, "/proc/sys/kernel/sched_rt_runtime_us", "-1\n");
+    assert_int_equal(examine(*state), DOCTOR_OK);
+}
+
+static void sees_missing_rights_but_not_with_the_capabilities(void **state)
+{
+    struct machine *m = *state;
+    const char *limits =
+        "Max locked memory         65536                65536                bytes\n"
+        "Max realtime priority     0                    0\n";
+
+    put(m, "/proc/self/limits", limits);
+    assert_int_equal(examine(m), DOCTOR_WARN);
+    put(m, "/proc/self/status", "CapEff:\t0000000000804000\nCpus_allowed_list:\t0-2\n");
+    assert_int_equal(examine(m), DOCTOR_OK);
+    put(m, "/proc/self/status", "CapEff:\t0000000000004000\nCpus_allowed_list:\t0-2\n");
+    assert_only(m, "FIFO priority", DOCTOR_WARN, "80");
+    m->rig.realtime.priority = 0;
+    assert_int_equal(examine(m), DOCTOR_OK);
+}
+
+static void judges_the_processor(void **state)
+{
+    struct machine *m = *state;
+
+    put(m, "/sys/devices/system/cpu/isolated", "\n");
+    put(m, "/proc/self/status", "CapEff:\t0\nCpus_allowed_list:\t0-3\n");
+    assert_only(m, "processor", DOCTOR_WARN, "not isolated");
+    put(m, "/proc/self/status", "CapEff:\t0\nCpus_allowed_list:\t0-2\n");
+    assert_only(m, "processor", DOCTOR_FAIL, "may use 0-2");
+    put(m, "/sys/devices/system/cpu/online", "0-1\n");
+    assert_only(m, "processor", DOCTOR_FAIL, "there are 0-1");
+    m->rig.realtime.cpu = -1;
+    assert_only(m, "processor", DOCTOR_WARN, "names none");
+}
+
+static void sees_interrupts_on_the_loops_processor(void **state)
+{
+    put(*state, "/proc/irq/25/effective_affinity_list", "2-3\n");
+    put(*state, "/proc/irq/26/effective_affinity_list", "3\n");
+    assert_only(*state, "interrupts", DOCTOR_WARN, "2 come to processor 3");
+}
+
+static void sees_power_saving(void **state)
+{
+    put(*state, "/sys/devices/system/cpu/cpu3/cpufreq/scaling_governor", "powersave\n");
+    assert_only(*state, "frequency", DOCTOR_WARN, "powersave");
+}
+
+static void sees_slow_idle_states_that_are_enabled(void **state)
+{
+    struct machine *m = *state;
+
+    put(m, "/sys/devices/system/cpu/cpu3/cpuidle/state1/latency", "133\n");
+    put(m, "/sys/devices/system/cpu/cpu3/cpuidle/state1/name", "C6\n");
+    put(m, "/sys/devices/system/cpu/cpu3/cpuidle/state1/disable", "0\n");
+    assert_only(m, "idle states", DOCTOR_WARN, "C6 takes 133 us");
+    put(m, "/sys/devices/system/cpu/cpu3/cpuidle/state1/disable", "1\n");
+    assert_int_equal(examine(m), DOCTOR_OK);
+}
+
+static void judges_interfaces(void **state)
+{
+    struct machine *m = *state;
+
+    put(m, "/sys/class/net/can0/tx_queue_len", "10\n");
+    assert_only(m, "interface", DOCTOR_WARN, "queues 10 frames");
+    put(m, "/sys/devices/virtual/net/can0/type", "280\n");
+    assert_int_equal(examine(m), DOCTOR_OK);
+    put(m, "/sys/class/net/can0/flags", "0x40c0\n");
+    assert_only(m, "interface", DOCTOR_FAIL, "is down");
+    put(m, "/sys/class/net/can0/type", "1\n");
+    assert_only(m, "interface", DOCTOR_FAIL, "no CAN interface");
+    m->bus.interface = "can7";
+    assert_only(m, "interface", DOCTOR_FAIL, "no such interface");
+    put(m, "/proc/net/protocols", "protocol  size sockets\n");
+    assert_only(m, "CAN", DOCTOR_WARN, "no CAN");
+}
+
+static void lives_in_an_empty_machine(void **state)
+{
+    struct machine *m = *state;
+
+    snprintf(m->root, sizeof m->root, "/tmp/hil-doctor-none");
+    assert_int_equal(examine(m), DOCTOR_FAIL); /* processor 3 of one */
+}
+
+static void reads_lists_of_processors(void **state)
+{
+    (void)state;
+    assert_true(doctor_list_has("0-3,6", 0));
+    assert_true(doctor_list_has("0-3,6", 6));
+    assert_false(doctor_list_has("0-3,6", 5));
+    assert_true(doctor_list_has("12", 12));
+    assert_false(doctor_list_has("", 0));
+    assert_false(doctor_list_has("(null)", 0));
+    assert_false(doctor_list_has("-3", 3));
+    assert_false(doctor_list_has("1-", 0));
+}
+
+int main(void)
+{
+#define MACHINE_TEST(name) cmocka_unit_test_setup_teardown(name, start, stop)
+    const struct CMUnitTest tests[] = {
+        MACHINE_TEST(finds_nothing_on_a_good_machine),
+        MACHINE_TEST(sees_a_kernel_that_is_not_for_real_time),
+        MACHINE_TEST(sees_a_virtual_machine_in_a_long_list_of_flags),
+        MACHINE_TEST(sees_a_slow_clock),
+        MACHINE_TEST(sees_throttling),
+        MACHINE_TEST(sees_missing_rights_but_not_with_the_capabilities),
+        MACHINE_TEST(judges_the_processor),
+        MACHINE_TEST(sees_interrupts_on_the_loops_processor),
+        MACHINE_TEST(sees_power_saving),
+        MACHINE_TEST(sees_slow_idle_states_that_are_enabled),
+        MACHINE_TEST(judges_interfaces),
+        MACHINE_TEST(lives_in_an_empty_machine),
+        cmocka_unit_test(reads_lists_of_processors),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
