@@ -8,6 +8,7 @@
 #include "base/text.h"
 #include "boards/icub_protocol.h"
 #include "rt/rig_build.h"
+#include "rt/rig_path.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -389,8 +390,12 @@ enum error_code rig_load(const char *path, struct arena *arena, const struct rig
 {
     struct raw_rig raw;
     struct rig_builder b = {.raw = &raw, .arena = arena, .error = error};
-    enum error_code code = rig_yaml_read(path, arena, &raw, error);
+    char found[PATH_MAX];
+    enum error_code code = rig_locate(path, found, error);
 
+    if (!code) {
+        code = rig_yaml_read(found, arena, &raw, error);
+    }
     if (code) {
         return code;
     }

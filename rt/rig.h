@@ -122,7 +122,8 @@ struct rig {
     struct rig_record record;
 };
 
-/* Reads a rig file and what it refers to (robot, meshes). Everything lives in arena. Errors carry
+/* Reads a rig file and what it refers to (robot, meshes); path may be the name of a rig that is
+ * installed (rt/rig_path.h). Everything lives in arena. Errors carry
  * file:line:column. */
 enum error_code rig_load(const char *path, struct arena *arena, const struct rig **rig,
                          struct error *error);

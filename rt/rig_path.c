@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The places of rigs. */
+#include "rt/rig_path.h"
+
+#include <stdbool.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+static const char local_folder[] = "/etc/coman-hil/rigs";
+
+/* PREFIX/share/coman-hil/rigs of a program in PREFIX/bin; "" when that cannot be told */
+static void installed_folder(char folder[PATH_MAX])
+{
+    static const char below[] = "/share/coman-hil/rigs";
+    ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - sizeof below);
+    char *slash;
+
+    folder[length > 0 ? length : 0] = '\0';
+    for (int level = 0; level < 2; level++) {
+        slash = strrchr(folder, '/');
+        if (!slash) {
+            folder[0] = '\0';
+            return;
+        }
+        *slash = '\0';
+    }
+    strcat(folder, below);
+}
+
+static bool try_path(char path[PATH_MAX], const char *folder, const char *name)
+{
+    int length = snprintf(path, PATH_MAX, "%s/%s.yaml", folder, name);
+
+    return length > 0 && length < PATH_MAX && access(path, F_OK) == 0;
+}
+
+enum error_code rig_locate_in(const char *name, const char *local, const char *installed,
+                              char path[PATH_MAX], struct error *error)
+{
+    if (strlen(name) >= PATH_MAX) {
+        return error_set(error, ERROR_INPUT, "found a path of %zu characters, expected at most %d",
+                         strlen(name), PATH_MAX - 1);
+    }
+    if (strpbrk(name, "/.") || access(name, F_OK) == 0) {
+        strcpy(path, name);
+        return ERROR_NONE;
+    }
+    if (try_path(path, local, name) || (installed[0] && try_path(path, installed, name))) {
+        return ERROR_NONE;
+    }
+    return error_set(error, ERROR_INPUT, "found no file %.100s, nor %.100s.yaml in %.200s%s%.200s",
+                     name, name, local, installed[0] ? " or " : "", installed);
+}
+
+enum error_code rig_locate(const char *name, char path[PATH_MAX], struct error *error)
+{
+    char installed[PATH_MAX];
+
+    installed_folder(installed);
+    return rig_locate_in(name, local_folder, installed, path, error);
+}

@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Where a rig is when it is called by its name: coman-hil run coman. Not RT-safe.
+ */
+#ifndef RT_RIG_PATH_H
+#define RT_RIG_PATH_H
+
+#include "base/error.h"
+
+#include <limits.h>
+
+/* Writes the path of a rig. What has a slash or a dot in it is a path already; a bare name NAME is the
+ * file of that name if there is one, else rigs/NAME.yaml in /etc/coman-hil, else the one that was
+ * installed with this program. The error names the places looked at. */
+enum error_code rig_locate(const char *name, char path[PATH_MAX], struct error *error);
+
+/* The same with the folders given, for tests; installed may be "". */
+enum error_code rig_locate_in(const char *name, const char *local, const char *installed,
+                              char path[PATH_MAX], struct error *error);
+
+#endif

@@ -1,0 +1,40 @@
+#!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
+# usage: units.sh COMAN-HIL
+# The systemd units as systemd reads them: nothing it complains about, and shut off from the rest of the
+# system as far as real time and CAN allow (exposure of at most 2.0). Prints TAP.
+set -u
+program=$1
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+number=0
+failures=0
+
+result() {
+    number=$((number + 1))
+    if [ "$2" -eq 0 ]; then
+        echo "ok $number - $1"
+    else
+        echo "not ok $number - $1"
+        sed 's/^/# /' "$work/out"
+        failures=$((failures + 1))
+    fi
+}
+
+echo 1..4
+if ! command -v systemd-analyze >/dev/null; then
+    for n in 1 2 3 4; do echo "ok $n # SKIP systemd-analyze is not installed"; done
+    exit 0
+fi
+for unit in coman-hil@ coman-hil-vcan@; do
+    # the program is not installed where systemd looks for it
+    sed "s|^ExecStart=coman-hil |ExecStart=$program |" "$HIL_SOURCE_DIR/systemd/$unit.service" >"$work/$unit.service"
+    timeout 60 systemd-analyze verify --man=no "$work/$unit.service" >"$work/out" 2>&1 && [ ! -s "$work/out" ]
+    result "$unit.service is understood without a word" $?
+    timeout 60 systemd-analyze security --offline=true --no-pager "$work/$unit.service" >"$work/out" 2>&1
+    exposure=$(sed -n 's/.*Overall exposure level for [^:]*: \([0-9.]*\).*/\1/p' "$work/out")
+    echo "# $unit.service: exposure ${exposure:-unknown}"
+    awk -v e="${exposure:-99}" 'BEGIN { exit !(e <= 2.0) }'
+    result "$unit.service is exposed by at most 2.0" $?
+done
+exit $((failures > 0))
