@@ -4,6 +4,8 @@ set(tests ${CMAKE_CURRENT_SOURCE_DIR})
 hil_test(canbus_frame SOURCES ${tests}/unit/canbus_frame.c LIBS canbus LABELS unit)
 hil_test(canbus_local SOURCES ${tests}/unit/canbus_local.c LIBS canbus Threads::Threads LABELS unit)
 hil_test(canbus_candump SOURCES ${tests}/unit/canbus_candump.c LIBS canbus LABELS unit)
+hil_test(canbus_socketcand SOURCES ${tests}/unit/canbus_socketcand.c LIBS canbus LABELS unit)
+hil_test(canbus_gateway SOURCES ${tests}/unit/canbus_gateway.c LIBS canbus LABELS unit)
 hil_test(fuzz_candump SOURCES ${tests}/fuzz/candump.c LIBS canbus LABELS fuzz)
 hil_test(canbus_socketcan SOURCES ${tests}/bus/canbus_socketcan.c LIBS canbus LABELS bus)
 

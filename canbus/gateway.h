@@ -1,0 +1,68 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A socketcand server in front of ports: programs in other processes join buses that live inside this
+ * one over TCP, with any client of the protocol (python-can's socketcand interface, Kayak, ...). Raw
+ * mode only; clients of a bus hear the bus and each other.
+ *
+ * A thread of its own does all the work and owns the ports. What a client cannot take at once waits in
+ * a buffer of GATEWAY_OUTBOX bytes; a client that lets it fill up is cut off, as is one that sends what
+ * is not the protocol for GATEWAY_JUNK_MAX times, or a command without an end. The bus never waits for
+ * a client. Not RT-safe, and no part of the loop.
+ */
+#ifndef CANBUS_GATEWAY_H
+#define CANBUS_GATEWAY_H
+
+#include "base/arena.h"
+#include "base/error.h"
+#include "canbus/port.h"
+
+#include <stdint.h>
+
+enum {
+    GATEWAY_BUSES = 64,
+    GATEWAY_CLIENTS = 16,
+    GATEWAY_OUTBOX = 256 * 1024,
+    GATEWAY_JUNK_MAX = 16
+};
+
+enum { GATEWAY_PORT = 29536 }; /* socketcand's */
+
+struct gateway_bus {
+    const char *name;      /* as clients open it: at most SOCKETCAND_BUS_MAX characters */
+    const char *alias;     /* another name for it, NULL = none */
+    struct can_port *port; /* used by no other thread until the gateway is stopped; not owned */
+};
+
+struct gateway_config {
+    const char *host;              /* numeric address, IPv4 or IPv6; NULL = 127.0.0.1 */
+    uint16_t port;                 /* 0 = any that is free */
+    size_t nbus;                   /* at most GATEWAY_BUSES */
+    const struct gateway_bus *bus; /* copied, the names not */
+};
+
+struct gateway_counters {
+    uint64_t clients;   /* accepted */
+    uint64_t refused;   /* there were GATEWAY_CLIENTS already */
+    uint64_t cut_slow;  /* cut off with a full outbox */
+    uint64_t cut_junk;  /* cut off for what they sent */
+    uint64_t to_bus;    /* frames */
+    uint64_t to_client; /* frames, once for each client */
+};
+
+struct gateway;
+
+/* Listens and starts the thread. ERROR_INPUT for a host that is no numeric address, ERROR_SYSTEM when
+ * the address cannot be had. Memory from arena. */
+enum error_code gateway_start(const struct gateway_config *config, struct arena *arena,
+                              struct gateway **gateway, struct error *error);
+
+/* The port it listens on. */
+uint16_t gateway_port(const struct gateway *gateway);
+
+/* Ends the thread and all connections. NULL is allowed. */
+void gateway_stop(struct gateway *gateway);
+
+/* After gateway_stop. */
+void gateway_counters(const struct gateway *gateway, struct gateway_counters *counters);
+
+#endif

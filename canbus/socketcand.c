@@ -1,0 +1,233 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Words between < and >, and frames as words. */
+#include "canbus/socketcand.h"
+
+#include <ctype.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { WORDS_MAX = 72, WORD_MAX = 16, FLAG_BRS = 1, FLAG_ESI = 2 };
+
+struct words {
+    size_t count;
+    char word[WORDS_MAX][WORD_MAX + 1];
+};
+
+/* false when there are too many of them or one is too long */
+static bool split(const char *text, size_t size, struct words *words)
+{
+    size_t at = 0;
+
+    words->count = 0;
+    while (at < size) {
+        size_t length = 0;
+
+        while (at < size && isspace((unsigned char)text[at])) {
+            at++;
+        }
+        while (at + length < size && !isspace((unsigned char)text[at + length])) {
+            length++;
+        }
+        if (length == 0) {
+            break;
+        }
+        if (words->count == WORDS_MAX || length > WORD_MAX ||
+            memchr(text + at, '\0', length) != NULL) {
+            return false;
+        }
+        memcpy(words->word[words->count], text + at, length);
+        words->word[words->count++][length] = '\0';
+        at += length;
+    }
+    return true;
+}
+
+/* a hexadecimal number of at most digits digits */
+static bool hexadecimal(const char *word, size_t digits, uint32_t *value)
+{
+    size_t length = strlen(word);
+
+    *value = 0;
+    if (length == 0 || length > digits) {
+        return false;
+    }
+    for (size_t i = 0; i < length; i++) {
+        int c = tolower((unsigned char)word[i]);
+
+        if (!isxdigit(c)) {
+            return false;
+        }
+        *value = *value << 4 | (uint32_t)(isdigit(c) ? c - '0' : c - 'a' + 10);
+    }
+    return true;
+}
+
+static bool parse_id(const char *word, struct bus_frame *frame)
+{
+    if (!hexadecimal(word, 8, &frame->id)) {
+        return false;
+    }
+    if (strlen(word) == 8 || frame->id > 0x7ff) {
+        frame->flags |= FRAME_EXTENDED;
+    }
+    return true;
+}
+
+/* a decimal number of one or two digits */
+static bool decimal(const char *word, uint32_t *value)
+{
+    size_t length = strlen(word);
+
+    *value = 0;
+    for (size_t i = 0; i < length; i++) {
+        if (!isdigit((unsigned char)word[i])) {
+            return false;
+        }
+        *value = 10 * *value + (uint32_t)(word[i] - '0');
+    }
+    return length == 1 || length == 2;
+}
+
+/* the words from first on are the length and that many bytes */
+static bool parse_data(const struct words *words, size_t first, struct bus_frame *frame)
+{
+    uint32_t length, byte;
+
+    if (words->count <= first || !decimal(words->word[first], &length) ||
+        length > sizeof frame->data || words->count != first + 1 + length) {
+        return false;
+    }
+    frame->len = (uint8_t)length;
+    for (size_t i = 0; i < length; i++) {
+        if (!hexadecimal(words->word[first + 1 + i], 2, &byte)) {
+            return false;
+        }
+        frame->data[i] = (uint8_t)byte;
+    }
+    return true;
+}
+
+static bool parse_fd(const struct words *words, struct bus_frame *frame)
+{
+    uint32_t flags;
+
+    frame->flags |= FRAME_FD;
+    if (!hexadecimal(words->word[2], 2, &flags) || !parse_data(words, 3, frame)) {
+        return false;
+    }
+    frame->flags |=
+        (uint8_t)(((flags & FLAG_BRS) ? FRAME_BRS : 0) | ((flags & FLAG_ESI) ? FRAME_ESI : 0));
+    return true;
+}
+
+static bool parse_remote(const struct words *words, struct bus_frame *frame)
+{
+    uint32_t length;
+
+    frame->flags |= FRAME_REMOTE;
+    /* the requested length is not carried by a bus_frame */
+    return words->count == 3 && decimal(words->word[2], &length) && length <= 8;
+}
+
+static enum socketcand_command parse_send(const struct words *words, struct bus_frame *frame)
+{
+    const char *name = words->word[0];
+    bool good;
+
+    if (words->count < 3 || !parse_id(words->word[1], frame)) {
+        return SOCKETCAND_MALFORMED;
+    }
+    good = strcmp(name, "send") == 0     ? parse_data(words, 2, frame)
+           : strcmp(name, "fdsend") == 0 ? parse_fd(words, frame)
+                                         : parse_remote(words, frame);
+    return good && frame_valid(frame) ? SOCKETCAND_SEND : SOCKETCAND_MALFORMED;
+}
+
+static enum socketcand_command parse_words(const struct words *words,
+                                           struct socketcand_request *request)
+{
+    static const char *const other[] = {"add",       "update",      "delete",      "subscribe",
+                                        "filter",    "unsubscribe", "muxfilter",   "isotpmode",
+                                        "isotpconf", "sendpdu",     "controlmode", "statistics"};
+    const char *name = words->word[0];
+
+    if (words->count == 0) {
+        return SOCKETCAND_UNKNOWN;
+    }
+    if (strcmp(name, "send") == 0 || strcmp(name, "sendrtr") == 0 || strcmp(name, "fdsend") == 0) {
+        return parse_send(words, &request->frame);
+    }
+    if (strcmp(name, "open") == 0) {
+        if (words->count != 2) {
+            return SOCKETCAND_MALFORMED;
+        }
+        strcpy(request->bus, words->word[1]);
+        return SOCKETCAND_OPEN;
+    }
+    if (strcmp(name, "rawmode") == 0) {
+        return words->count == 1 ? SOCKETCAND_RAWMODE : SOCKETCAND_MALFORMED;
+    }
+    if (strcmp(name, "bcmmode") == 0) {
+        return words->count == 1 ? SOCKETCAND_BCMMODE : SOCKETCAND_MALFORMED;
+    }
+    if (strcmp(name, "echo") == 0) {
+        return words->count == 1 ? SOCKETCAND_ECHO : SOCKETCAND_MALFORMED;
+    }
+    for (size_t i = 0; i < sizeof other / sizeof other[0]; i++) {
+        if (strcmp(name, other[i]) == 0) {
+            return SOCKETCAND_OTHER;
+        }
+    }
+    return SOCKETCAND_UNKNOWN;
+}
+
+void socketcand_parse(const char *text, size_t size, struct socketcand_request *request)
+{
+    struct words words;
+
+    memset(request, 0, sizeof *request);
+    request->command = SOCKETCAND_UNKNOWN;
+    if (size < 2 || text[0] != '<' || text[size - 1] != '>') {
+        return;
+    }
+    request->command = SOCKETCAND_MALFORMED;
+    if (split(text + 1, size - 2, &words)) {
+        request->command = parse_words(&words, request);
+    }
+}
+
+static size_t put_data(const struct bus_frame *frame, char *text)
+{
+    size_t length = 0;
+
+    for (size_t i = 0; i < frame->len; i++) {
+        length += (size_t)sprintf(text + length, "%02X", frame->data[i]);
+    }
+    return length + (size_t)sprintf(text + length, " >\n");
+}
+
+size_t socketcand_format(const struct bus_frame *frame, char text[SOCKETCAND_TEXT_MAX])
+{
+    int digits = (frame->flags & FRAME_EXTENDED) ? 8 : 3;
+    long long us = frame->time_ns / 1000, s = us / 1000000;
+    int at;
+
+    us %= 1000000;
+    if (!frame_valid(frame) || (frame->flags & FRAME_ERROR) || frame->time_ns < 0) {
+        text[0] = '\0';
+        return 0;
+    }
+    if (frame->flags & FRAME_REMOTE) {
+        at = sprintf(text, "< rtr %0*X %lld.%06lld 0 >\n", digits, frame->id, s, us);
+        return (size_t)at;
+    }
+    if (frame->flags & FRAME_FD) {
+        int flags = ((frame->flags & FRAME_BRS) ? FLAG_BRS : 0) |
+                    ((frame->flags & FRAME_ESI) ? FLAG_ESI : 0);
+
+        at = sprintf(text, "< fdframe %0*X %02X %lld.%06lld ", digits, frame->id, flags, s, us);
+    } else {
+        at = sprintf(text, "< frame %0*X %lld.%06lld ", digits, frame->id, s, us);
+    }
+    return (size_t)at + put_data(frame, text + at);
+}

@@ -1,0 +1,413 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The gateway with clients on real sockets of the loopback interface, in front of a port that the test
+ * holds in its hands. */
+#include "canbus/gateway.h"
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <pthread.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+enum { QUEUE = 4096, PATIENCE_MS = 10000 };
+
+/* what the bus gives and what it is given */
+struct hand_port {
+    struct can_port port;
+    pthread_mutex_t lock;
+    int event;
+    size_t given, taken; /* frames to be received */
+    struct bus_frame in[QUEUE];
+    size_t nout;
+    struct bus_frame out[QUEUE];
+};
+
+static size_t hand_receive(struct can_port *port, struct bus_frame *frames, size_t max)
+{
+    struct hand_port *hand = (struct hand_port *)port;
+    uint64_t count;
+    size_t n = 0;
+
+    pthread_mutex_lock(&hand->lock);
+    while (n < max && hand->taken < hand->given) {
+        frames[n++] = hand->in[hand->taken++ % QUEUE];
+    }
+    if (hand->taken == hand->given) {
+        (void)!read(hand->event, &count, sizeof count);
+    }
+    pthread_mutex_unlock(&hand->lock);
+    return n;
+}
+
+static size_t hand_send(struct can_port *port, const struct bus_frame *frames, size_t count)
+{
+    struct hand_port *hand = (struct hand_port *)port;
+    size_t n = 0;
+
+    pthread_mutex_lock(&hand->lock);
+    while (n < count && hand->nout < QUEUE && frame_valid(&frames[n])) {
+        hand->out[hand->nout++] = frames[n++];
+    }
+    pthread_mutex_unlock(&hand->lock);
+    return n;
+}
+
+static int hand_descriptor(const struct can_port *port)
+{
+    return ((const struct hand_port *)port)->event;
+}
+
+static const struct can_port_ops hand_ops = {
+    .name = "hand", .receive = hand_receive, .send = hand_send, .descriptor = hand_descriptor};
+
+static void give(struct hand_port *hand, const struct bus_frame *frame)
+{
+    uint64_t one = 1;
+
+    pthread_mutex_lock(&hand->lock);
+    hand->in[hand->given++ % QUEUE] = *frame;
+    pthread_mutex_unlock(&hand->lock);
+    (void)!write(hand->event, &one, sizeof one);
+}
+
+static size_t sent_to_bus(struct hand_port *hand)
+{
+    size_t count;
+
+    pthread_mutex_lock(&hand->lock);
+    count = hand->nout;
+    pthread_mutex_unlock(&hand->lock);
+    return count;
+}
+
+struct fixture {
+    struct arena arena;
+    struct hand_port hand[2];
+    struct gateway *gateway;
+};
+
+static int start(void **state)
+{
+    static struct fixture f;
+    static struct gateway_bus bus[2];
+    struct gateway_config config = {.nbus = 2, .bus = bus};
+
+    memset(&f, 0, sizeof f);
+    for (int i = 0; i < 2; i++) {
+        f.hand[i].port = (struct can_port){.ops = &hand_ops};
+        f.hand[i].event = eventfd(0, EFD_NONBLOCK);
+        pthread_mutex_init(&f.hand[i].lock, NULL);
+        bus[i].port = &f.hand[i].port;
+    }
+    bus[0].name = "torso";
+    bus[0].alias = "can0";
+    bus[1].name = "left_leg";
+    *state = &f;
+    return arena_init(&f.arena, (size_t)64 << 20, NULL) ||
+           gateway_start(&config, &f.arena, &f.gateway, NULL);
+}
+
+static int stop(void **state)
+{
+    struct fixture *f = *state;
+
+    gateway_stop(f->gateway);
+    close(f->hand[0].event);
+    close(f->hand[1].event);
+    arena_fini(&f->arena);
+    return 0;
+}
+
+/* ---- a client ---- */
+
+static int join(const struct fixture *f)
+{
+    struct sockaddr_in address = {.sin_family = AF_INET,
+                                  .sin_port = htons(gateway_port(f->gateway)),
+                                  .sin_addr = {htonl(INADDR_LOOPBACK)}};
+    int client = socket(AF_INET, SOCK_STREAM, 0);
+
+    assert_int_equal(connect(client, (const struct sockaddr *)&address, sizeof address), 0);
+    return client;
+}
+
+static void say(int client, const char *text)
+{
+    assert_int_equal(send(client, text, strlen(text), MSG_NOSIGNAL), strlen(text));
+}
+
+/* exactly this comes next; "" = the connection ends */
+static void hears(int client, const char *expected)
+{
+    char text[512];
+    size_t length = strlen(expected), have = 0;
+
+    while (have < length || length == 0) {
+        struct pollfd fd = {.fd = client, .events = POLLIN};
+        ssize_t count;
+
+        if (poll(&fd, 1, PATIENCE_MS) != 1) {
+            fail_msg("waited for \"%s\"", expected);
+        }
+        count = recv(client, text + have, length ? length - have : sizeof text, 0);
+        if (length == 0) {
+            if (count <= 0) {
+                return;
+            }
+            continue;
+        }
+        assert_true(count > 0);
+        have += (size_t)count;
+    }
+    text[have] = '\0';
+    assert_string_equal(text, expected);
+}
+
+static int join_raw(const struct fixture *f, const char *bus)
+{
+    int client = join(f);
+    char text[64];
+
+    hears(client, "< hi >");
+    snprintf(text, sizeof text, "< open %s >", bus);
+    say(client, text);
+    hears(client, "< ok >");
+    say(client, "< rawmode >");
+    hears(client, "< ok >");
+    return client;
+}
+
+static void wait_for_frames(struct hand_port *hand, size_t count)
+{
+    for (int ms = 0; ms < PATIENCE_MS && sent_to_bus(hand) < count; ms++) {
+        usleep(1000);
+    }
+    assert_int_equal(sent_to_bus(hand), count);
+}
+
+static void frames_go_both_ways(void **state)
+{
+    struct fixture *f = *state;
+    struct bus_frame frame = frame_make(0x70f, 1, (const uint8_t[]){0xff});
+    int client = join_raw(f, "torso");
+
+    say(client, "< send 70F 1 ff >");
+    wait_for_frames(&f->hand[0], 1);
+    assert_int_equal(f->hand[0].out[0].id, 0x70f);
+    assert_int_equal(f->hand[0].out[0].data[0], 0xff);
+    frame.time_ns = INT64_C(1500000000);
+    give(&f->hand[0], &frame);
+    hears(client, "< frame 70F 1.500000 FF >\n");
+    assert_int_equal(sent_to_bus(&f->hand[1]), 0);
+    close(client);
+}
+
+static void a_bus_has_two_names_and_clients_hear_each_other(void **state)
+{
+    struct fixture *f = *state;
+    int first = join_raw(f, "torso"), second = join_raw(f, "can0"), other = join_raw(f, "left_leg");
+
+    say(first, "< send 123 2 1 2 >");
+    hears(second, "< frame 123 0.000000 0102 >\n");
+    say(other, "< echo >");
+    hears(other, "< echo >"); /* and nothing before it */
+    wait_for_frames(&f->hand[0], 1);
+    close(first);
+    close(second);
+    close(other);
+}
+
+static void commands_may_come_in_pieces_and_in_heaps(void **state)
+{
+    struct fixture *f = *state;
+    int client = join_raw(f, "torso");
+    const char *text = "< send 1 0 >< send 2 1 aa >\n junk < send 3 0 >";
+
+    for (const char *c = text; *c; c++) {
+        say(client, (const char[]){*c, '\0'});
+        usleep(200);
+    }
+    wait_for_frames(&f->hand[0], 3);
+    assert_int_equal(f->hand[0].out[2].id, 3);
+    close(client);
+}
+
+static void wrong_commands_are_answered_and_too_many_end_it(void **state)
+{
+    struct fixture *f = *state;
+    int client = join(f);
+
+    hears(client, "< hi >");
+    say(client, "< send 1 0 >");
+    hears(client, "< error no bus is open >");
+    say(client, "< open nothing >");
+    hears(client, "< error no such bus >");
+    say(client, "< open torso >");
+    hears(client, "< ok >");
+    say(client, "< open torso >");
+    hears(client, "< error a bus is open already >");
+    say(client, "< subscribe 0 0 123 >");
+    hears(client, "< error not offered here, use rawmode >");
+    say(client, "< dance >");
+    hears(client, "< error unknown command >");
+    say(client, "< send 123 9 >");
+    hears(client, "< error wrong arguments >");
+    for (int i = 0; i < GATEWAY_JUNK_MAX; i++) {
+        (void)!send(client, "< dance >", 9, MSG_NOSIGNAL);
+    }
+    hears(client, "");
+    close(client);
+    assert_int_equal(sent_to_bus(&f->hand[0]), 0);
+}
+
+static void a_command_without_an_end_is_cut_off(void **state)
+{
+    struct fixture *f = *state;
+    char text[1024];
+    int client = join(f), good = join_raw(f, "torso");
+
+    hears(client, "< hi >");
+    memset(text, 'x', sizeof text);
+    text[0] = '<';
+    (void)!send(client, text, sizeof text, MSG_NOSIGNAL);
+    hears(client, "");
+    say(good, "< echo >");
+    hears(good, "< echo >");
+    close(client);
+    close(good);
+}
+
+static void a_slow_client_is_cut_off_and_the_others_do_not_notice(void **state)
+{
+    struct fixture *f = *state;
+    int slow = join_raw(f, "left_leg"), good = join_raw(f, "torso");
+    struct bus_frame frame = {.id = 0x7ff, .flags = FRAME_FD, .len = 64};
+    struct gateway_counters counters;
+
+    /* far more than its buffers and ours hold, while it reads nothing */
+    for (int round = 0; round < 60000; round++) {
+        while (true) {
+            bool full;
+
+            pthread_mutex_lock(&f->hand[1].lock);
+            full = f->hand[1].given - f->hand[1].taken >= QUEUE;
+            pthread_mutex_unlock(&f->hand[1].lock);
+            if (!full) {
+                break;
+            }
+            usleep(100);
+        }
+        give(&f->hand[1], &frame);
+    }
+    say(good, "< send 5 0 >< echo >");
+    hears(good, "< echo >");
+    wait_for_frames(&f->hand[0], 1);
+    hears(slow, "");
+    gateway_stop(f->gateway);
+    gateway_counters(f->gateway, &counters);
+    f->gateway = NULL;
+    assert_int_equal(counters.cut_slow, 1);
+    close(slow);
+    close(good);
+}
+
+static void more_clients_than_places_are_refused(void **state)
+{
+    struct fixture *f = *state;
+    int client[GATEWAY_CLIENTS], extra;
+
+    for (int i = 0; i < GATEWAY_CLIENTS; i++) {
+        client[i] = join(f);
+        hears(client[i], "< hi >");
+    }
+    extra = join(f);
+    hears(extra, "");
+    close(extra);
+    /* a place that is given up is given out again */
+    close(client[3]);
+    for (int attempt = 0; attempt < 100; attempt++) {
+        char text[8] = "";
+
+        extra = join(f);
+        if (recv(extra, text, 6, MSG_WAITALL) == 6) {
+            break;
+        }
+        close(extra);
+        extra = -1;
+        usleep(10000);
+    }
+    assert_true(extra >= 0);
+    close(extra);
+    for (int i = 0; i < GATEWAY_CLIENTS; i++) {
+        if (i != 3) {
+            close(client[i]);
+        }
+    }
+}
+
+static void hostile_bytes_do_no_harm(void **state)
+{
+    struct fixture *f = *state;
+    unsigned seed = 7;
+    int good = join_raw(f, "torso");
+
+    for (int round = 0; round < 200; round++) {
+        unsigned char text[600];
+        int client = join(f);
+        size_t size = (size_t)rand_r(&seed) % sizeof text;
+
+        for (size_t i = 0; i < size; i++) {
+            text[i] = (unsigned char)("<> open torso send 1\n\r"[rand_r(&seed) % 22] ^
+                                      (rand_r(&seed) % 50 == 0 ? rand_r(&seed) & 0xff : 0));
+        }
+        (void)!send(client, text, size, MSG_NOSIGNAL);
+        close(client);
+    }
+    say(good, "< echo >");
+    hears(good, "< echo >");
+    close(good);
+}
+
+static void refuses_hosts_and_ports_that_cannot_be_had(void **state)
+{
+    struct fixture *f = *state;
+    struct gateway *second = NULL;
+    struct gateway_config config = {.host = "localhost"};
+    struct error error;
+
+    assert_int_equal(gateway_start(&config, &f->arena, &second, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "numeric address"));
+    config = (struct gateway_config){.port = gateway_port(f->gateway)};
+    assert_int_equal(gateway_start(&config, &f->arena, &second, &error), ERROR_SYSTEM);
+    assert_non_null(strstr(error.text, "cannot listen"));
+    assert_null(second);
+}
+
+int main(void)
+{
+#define GATEWAY_TEST(name) cmocka_unit_test_setup_teardown(name, start, stop)
+    const struct CMUnitTest tests[] = {
+        GATEWAY_TEST(frames_go_both_ways),
+        GATEWAY_TEST(a_bus_has_two_names_and_clients_hear_each_other),
+        GATEWAY_TEST(commands_may_come_in_pieces_and_in_heaps),
+        GATEWAY_TEST(wrong_commands_are_answered_and_too_many_end_it),
+        GATEWAY_TEST(a_command_without_an_end_is_cut_off),
+        GATEWAY_TEST(a_slow_client_is_cut_off_and_the_others_do_not_notice),
+        GATEWAY_TEST(more_clients_than_places_are_refused),
+        GATEWAY_TEST(hostile_bytes_do_no_harm),
+        GATEWAY_TEST(refuses_hosts_and_ports_that_cannot_be_had),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,204 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The words of the socketcand protocol, both ways. */
+#include "canbus/socketcand.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+static struct socketcand_request parse(const char *text)
+{
+    struct socketcand_request request;
+
+    socketcand_parse(text, strlen(text), &request);
+    return request;
+}
+
+static void understands_the_commands(void **state)
+{
+    (void)state;
+    assert_int_equal(parse("< open can0 >").command, SOCKETCAND_OPEN);
+    assert_string_equal(parse("< open can0 >").bus, "can0");
+    assert_int_equal(parse("<open left_leg>").command, SOCKETCAND_OPEN);
+    assert_int_equal(parse("< rawmode >").command, SOCKETCAND_RAWMODE);
+    assert_int_equal(parse("< bcmmode >").command, SOCKETCAND_BCMMODE);
+    assert_int_equal(parse("< echo >").command, SOCKETCAND_ECHO);
+    assert_int_equal(parse("< add 1 0 123 8 11 22 33 44 55 66 77 88 >").command, SOCKETCAND_OTHER);
+    assert_int_equal(parse("< statistics 1000 >").command, SOCKETCAND_OTHER);
+}
+
+static void understands_frames_as_the_protocol_shows_them(void **state)
+{
+    struct socketcand_request request = parse("< send 123 0 >");
+
+    (void)state;
+    assert_int_equal(request.command, SOCKETCAND_SEND);
+    assert_int_equal(request.frame.id, 0x123);
+    assert_int_equal(request.frame.flags, 0);
+    assert_int_equal(request.frame.len, 0);
+
+    request = parse("< send 1AAAAAAA 2 1 F1 >");
+    assert_int_equal(request.command, SOCKETCAND_SEND);
+    assert_int_equal(request.frame.id, 0x1aaaaaaa);
+    assert_int_equal(request.frame.flags, FRAME_EXTENDED);
+    assert_int_equal(request.frame.len, 2);
+    assert_int_equal(request.frame.data[0], 0x01);
+    assert_int_equal(request.frame.data[1], 0xf1);
+
+    request = parse("< sendrtr 123 2 >");
+    assert_int_equal(request.command, SOCKETCAND_SEND);
+    assert_int_equal(request.frame.flags, FRAME_REMOTE);
+
+    request = parse("< fdsend 7FF 01 12 0 1 2 3 4 5 6 7 8 9 a b >");
+    assert_int_equal(request.command, SOCKETCAND_SEND);
+    assert_int_equal(request.frame.flags, FRAME_FD | FRAME_BRS);
+    assert_int_equal(request.frame.len, 12);
+    assert_int_equal(request.frame.data[11], 0x0b);
+}
+
+static void tells_short_identifiers_of_29_bits_by_their_digits(void **state)
+{
+    (void)state;
+    assert_int_equal(parse("< send 00000123 0 >").frame.flags, FRAME_EXTENDED);
+    assert_int_equal(parse("< send 800 0 >").frame.flags, FRAME_EXTENDED);
+    assert_int_equal(parse("< send 7FF 0 >").frame.flags, 0);
+}
+
+static void refuses_wrong_arguments(void **state)
+{
+    static const char *const wrong[] = {
+        "< send 123 9 0 1 2 3 4 5 6 7 8 >",
+        "< send 123 2 1 >",
+        "< send 123 1 1 2 >",
+        "< send 123 >",
+        "< send >",
+        "< send xyz 0 >",
+        "< send 20000000 0 >",
+        "< send 123456789 0 >",
+        "< send 123 1 100 >",
+        "< send 123 1 g >",
+        "< send 123 -1 >",
+        "< send 123 01x >",
+        "< fdsend 123 0 9 0 1 2 3 4 5 6 7 8 >",
+        "< sendrtr 123 9 >",
+        "< sendrtr 123 >",
+        "< fdsend 123 zz 0 >",
+        "< open >",
+        "< open a b >",
+        "< open seventeen_letters >",
+        "< rawmode now >",
+        "< echo 1 >",
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        if (parse(wrong[i]).command != SOCKETCAND_MALFORMED) {
+            fail_msg("\"%s\" was not refused", wrong[i]);
+        }
+    }
+}
+
+static void calls_unknown_what_is_no_command(void **state)
+{
+    static const char *const unknown[] = {"",    "<",         ">",          "<>",
+                                          "< >", "< hello >", "send 123 0", "< SEND 123 0 >"};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof unknown / sizeof unknown[0]; i++) {
+        if (parse(unknown[i]).command != SOCKETCAND_UNKNOWN) {
+            fail_msg("\"%s\" was not called unknown", unknown[i]);
+        }
+    }
+}
+
+static void survives_bytes_of_every_kind(void **state)
+{
+    static const char alphabet[] = "< >0189afAFsendrtopmw\n\t\0\xff";
+    unsigned seed = 1;
+
+    (void)state;
+    for (int round = 0; round < 200000; round++) {
+        char text[SOCKETCAND_TEXT_MAX];
+        size_t size = (size_t)rand_r(&seed) % sizeof text;
+        struct socketcand_request request;
+
+        for (size_t i = 0; i < size; i++) {
+            text[i] = alphabet[(size_t)rand_r(&seed) % sizeof alphabet];
+        }
+        if (size > 1 && round % 2) {
+            memcpy(text, "< send ", size < 7 ? size : 7);
+            text[size - 1] = '>';
+        }
+        socketcand_parse(text, size, &request);
+        if (request.command == SOCKETCAND_SEND) {
+            assert_true(frame_valid(&request.frame));
+        }
+    }
+}
+
+static void writes_frames_as_clients_read_them(void **state)
+{
+    char text[SOCKETCAND_TEXT_MAX];
+    struct bus_frame frame = frame_make(0x123, 4, (const uint8_t[]){0x11, 0x22, 0x33, 0x44});
+
+    (void)state;
+    frame.time_ns = INT64_C(23424242123);
+    assert_int_equal(socketcand_format(&frame, text), strlen("< frame 123 23.424242 11223344 >\n"));
+    assert_string_equal(text, "< frame 123 23.424242 11223344 >\n");
+    frame.len = 0;
+    frame.flags = FRAME_EXTENDED;
+    socketcand_format(&frame, text);
+    assert_string_equal(text, "< frame 00000123 23.424242  >\n");
+    frame.flags = FRAME_REMOTE;
+    socketcand_format(&frame, text);
+    assert_string_equal(text, "< rtr 123 23.424242 0 >\n");
+    frame.flags = FRAME_FD | FRAME_BRS | FRAME_ESI;
+    frame.len = 64;
+    assert_in_range(socketcand_format(&frame, text), 150, SOCKETCAND_TEXT_MAX - 1);
+    assert_memory_equal(text, "< fdframe 123 03 23.424242 11223344", 34);
+}
+
+static void writes_nothing_for_error_frames(void **state)
+{
+    char text[SOCKETCAND_TEXT_MAX];
+    struct bus_frame frame = {.id = 4, .flags = FRAME_ERROR, .len = 8};
+
+    (void)state;
+    assert_int_equal(socketcand_format(&frame, text), 0);
+    frame = (struct bus_frame){.id = 0x800};
+    assert_int_equal(socketcand_format(&frame, text), 0);
+}
+
+static void the_longest_frame_has_room(void **state)
+{
+    char text[SOCKETCAND_TEXT_MAX];
+    struct bus_frame frame = {.id = 0x1fffffff,
+                              .flags = FRAME_EXTENDED | FRAME_FD | FRAME_BRS,
+                              .len = 64,
+                              .time_ns = INT64_MAX};
+
+    (void)state;
+    assert_in_range(socketcand_format(&frame, text), 1, SOCKETCAND_TEXT_MAX - 1);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(understands_the_commands),
+        cmocka_unit_test(understands_frames_as_the_protocol_shows_them),
+        cmocka_unit_test(tells_short_identifiers_of_29_bits_by_their_digits),
+        cmocka_unit_test(refuses_wrong_arguments),
+        cmocka_unit_test(calls_unknown_what_is_no_command),
+        cmocka_unit_test(survives_bytes_of_every_kind),
+        cmocka_unit_test(writes_frames_as_clients_read_them),
+        cmocka_unit_test(writes_nothing_for_error_frames),
+        cmocka_unit_test(the_longest_frame_has_room),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
