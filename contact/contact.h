@@ -188,8 +188,13 @@ enum error_code contact_simbody_create(const struct contact_config *config,
  *   wide is no longer held by it. Sphere on half-space or sphere: Hertz's law, as above.
  * - Velocity, dissipation and friction are taken at three points between a facet's centroid and
  *   each edge of the overlap (four points of a sphere's patch).
+ * Nothing is kept from one evaluation for the next, so the same motion always gives the same bits.
+ *
  * Work at worst, all of both meshes within each other: for each pair of meshes the product of their
- * numbers of facets, for a half-space or a sphere the number of facets. */
+ * numbers of facets, for a half-space or a sphere the number of facets. It follows the patch where
+ * surfaces just touch, as those of a robot do: a walk down the trees to the box that both have in
+ * common, then the facets in it. tests/bench/contact_instructions.sh counts it: the worst of random
+ * poses of a foot, a box or a sphere in touch stays within three times the median. */
 enum error_code contact_native_create(const struct contact_config *config, struct arena *arena,
                                       struct contact_world **world, struct error *error);
 

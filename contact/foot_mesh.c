@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * foot-mesh: writes the collision mesh of one of COMAN's feet as OBJ text, in the frame of the
- * ankle (origin on its axes, x forward, y left, z up, meters).
+ * foot-mesh: writes the collision mesh of one foot of a robot as OBJ text, in the frame of the ankle
+ * (origin on its axes, x forward, y left, z up, meters).
  *
- *     foot-mesh right|left >FILE
+ *     foot-mesh coman|walkman right|left >FILE
  *
- * The sole is the robot's published outline, flat, 0.0932 m under the ankle axes. The top is
- * assumed (D in the terms of the robot data): flat at z = -0.03, the outline at 4/5 of its size.
- * 504 triangles in all, as many as the paper's foot (Table 2).
+ * The sole is the robot's published outline, flat. The top is assumed (D in the terms of the robot
+ * data): flat, the outline at 4/5 of its size. 504 triangles in all, as many as the paper's foot
+ * (Table 2).
  *
  * The sole is a set of rings: the outline, cut into 42 pieces of nearly equal length, then copies
  * of it scaled toward its centroid with fewer and fewer points, stitched into triangles. Springs
@@ -23,21 +23,35 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define NOUTLINE 21
 #define NRIM 42 /* points of the outline after cutting */
 #define NVERTEX_MAX 512
 #define NFACE 504
-#define SOLE_Z (-0.0932)
-#define TOP_Z (-0.03)
 #define TOP_SCALE 0.8
 
-/* xy of the right sole, counterclockwise seen from above */
-static const double outline[NOUTLINE][2] = {
+/* xy of the right sole, counterclockwise seen from above, and its z and that of the top */
+struct outline {
+    const char *name, *title;
+    int count; /* at most NRIM */
+    const double (*point)[2];
+    double sole_z, top_z;
+};
+
+static const double coman_outline[][2] = {
     {-0.06, -0.023},   {-0.055, -0.0328}, {-0.05, -0.0387},  {-0.0409, -0.0434}, {-0.028, -0.045},
     {0.068, -0.045},   {0.082, -0.0418},  {0.0952, -0.0362}, {0.1081, -0.0285},  {0.1186, -0.0193},
     {0.1269, -0.0045}, {0.1299, 0.0071},  {0.1299, 0.0206},  {0.1272, 0.0308},   {0.1245, 0.0349},
     {0.1183, 0.0408},  {0.1055, 0.045},   {-0.035, 0.045},   {-0.0462, 0.0408},  {-0.0559, 0.0308},
     {-0.06, 0.0192},
+};
+
+/* the rectangle of 2015 */
+static const double walkman_outline[][2] = {
+    {-0.111, -0.09}, {0.195, -0.09}, {0.195, 0.07}, {-0.111, 0.07}};
+
+#define OUTLINE(points) (int)(sizeof(points) / sizeof(points)[0]), points
+static const struct outline robots[] = {
+    {"coman", "COMAN", OUTLINE(coman_outline), -0.0932, -0.03},
+    {"walkman", "WALK-MAN", OUTLINE(walkman_outline), -0.1435, -0.08},
 };
 
 struct ring {
@@ -46,6 +60,7 @@ struct ring {
 };
 
 struct foot {
+    const struct outline *outline;
     double vertex[NVERTEX_MAX][3];
     int face[NFACE][3];
     int nvertex, nface;
@@ -79,9 +94,9 @@ static void add_face(struct foot *foot, int a, int b, int c, bool upward)
     f[2] = upward ? c : b;
 }
 
-static double edge_length(int edge)
+static double edge_length(const struct outline *outline, int edge)
 {
-    const double *a = outline[edge], *b = outline[(edge + 1) % NOUTLINE];
+    const double *a = outline->point[edge], *b = outline->point[(edge + 1) % outline->count];
 
     return sqrt((b[0] - a[0]) * (b[0] - a[0]) + (b[1] - a[1]) * (b[1] - a[1]));
 }
@@ -89,43 +104,46 @@ static double edge_length(int edge)
 /* Shares the NRIM points out: each new one goes to the edge with the longest pieces. */
 static void cut_outline(struct foot *foot)
 {
-    int pieces[NOUTLINE], n = 0;
+    const struct outline *outline = foot->outline;
+    int pieces[NRIM], n = 0;
     double perimeter = 0, run = 0;
 
-    for (int e = 0; e < NOUTLINE; ++e) {
+    for (int e = 0; e < outline->count; ++e) {
         pieces[e] = 1;
-        perimeter += edge_length(e);
+        perimeter += edge_length(outline, e);
     }
-    for (int extra = NOUTLINE; extra < NRIM; ++extra) {
+    for (int extra = outline->count; extra < NRIM; ++extra) {
         int longest = 0;
 
-        for (int e = 1; e < NOUTLINE; ++e) {
-            if (edge_length(e) / pieces[e] > edge_length(longest) / pieces[longest]) {
+        for (int e = 1; e < outline->count; ++e) {
+            if (edge_length(outline, e) / pieces[e] >
+                edge_length(outline, longest) / pieces[longest]) {
                 longest = e;
             }
         }
         pieces[longest]++;
     }
-    for (int e = 0; e < NOUTLINE; ++e) {
-        const double *a = outline[e], *b = outline[(e + 1) % NOUTLINE];
+    for (int e = 0; e < outline->count; ++e) {
+        const double *a = outline->point[e], *b = outline->point[(e + 1) % outline->count];
 
         for (int p = 0; p < pieces[e]; ++p) {
             double s = (double)p / pieces[e];
 
             foot->rim[n][0] = a[0] + s * (b[0] - a[0]);
             foot->rim[n][1] = a[1] + s * (b[1] - a[1]);
-            foot->along[n++] = (run + s * edge_length(e)) / perimeter;
+            foot->along[n++] = (run + s * edge_length(outline, e)) / perimeter;
         }
-        run += edge_length(e);
+        run += edge_length(outline, e);
     }
 }
 
 static void find_centroid(struct foot *foot)
 {
+    const struct outline *outline = foot->outline;
     double twice = 0, sum[2] = {0, 0};
 
-    for (int i = 0; i < NOUTLINE; ++i) {
-        const double *a = outline[i], *b = outline[(i + 1) % NOUTLINE];
+    for (int i = 0; i < outline->count; ++i) {
+        const double *a = outline->point[i], *b = outline->point[(i + 1) % outline->count];
         double part = a[0] * b[1] - b[0] * a[1];
 
         twice += part;
@@ -229,17 +247,19 @@ static void build_right(struct foot *foot)
     /* 42 + 2 (36 + 28 + 20 + 12 + 6) + 4 * 42 + 42 + 2 * 24 = 504 */
     static const int sole_count[] = {36, 28, 20, 12, 6}, top_count[] = {24};
 
+    double sole_z = foot->outline->sole_z, top_z = foot->outline->top_z;
+
     cut_outline(foot);
     find_centroid(foot);
 
-    struct ring sole = add_ring(foot, NRIM, 1, SOLE_Z);
-    struct ring waist = add_ring(foot, NRIM, (1 + TOP_SCALE) / 2, (SOLE_Z + TOP_Z) / 2);
-    struct ring top = add_ring(foot, NRIM, TOP_SCALE, TOP_Z);
+    struct ring sole = add_ring(foot, NRIM, 1, sole_z);
+    struct ring waist = add_ring(foot, NRIM, (1 + TOP_SCALE) / 2, (sole_z + top_z) / 2);
+    struct ring top = add_ring(foot, NRIM, TOP_SCALE, top_z);
 
-    add_rings(foot, &sole, 1, 5, sole_count, SOLE_Z, false);
+    add_rings(foot, &sole, 1, 5, sole_count, sole_z, false);
     stitch(foot, &sole, &waist, true);
     stitch(foot, &waist, &top, true);
-    add_rings(foot, &top, TOP_SCALE, 1, top_count, TOP_Z, true);
+    add_rings(foot, &top, TOP_SCALE, 1, top_count, top_z, true);
 }
 
 /* The left foot: y turned round, and with it the sense of every triangle. */
@@ -256,6 +276,16 @@ static void mirror(struct foot *foot)
     }
 }
 
+static const struct outline *find_outline(const char *name)
+{
+    for (size_t i = 0; i < sizeof robots / sizeof robots[0]; i++) {
+        if (strcmp(name, robots[i].name) == 0) {
+            return &robots[i];
+        }
+    }
+    return NULL;
+}
+
 int main(int argc, char **argv)
 {
     static struct foot foot;
@@ -265,12 +295,14 @@ int main(int argc, char **argv)
     struct mesh_finding finding;
     struct error error;
 
-    if (argc != 2 || (strcmp(argv[1], "right") != 0 && strcmp(argv[1], "left") != 0)) {
-        fputs("usage: foot-mesh right|left >FILE\n", stderr);
+    if (argc != 3 || !find_outline(argv[1]) ||
+        (strcmp(argv[2], "right") != 0 && strcmp(argv[2], "left") != 0)) {
+        fputs("usage: foot-mesh coman|walkman right|left >FILE\n", stderr);
         return 2;
     }
+    foot.outline = find_outline(argv[1]);
     build_right(&foot);
-    if (strcmp(argv[1], "left") == 0) {
+    if (strcmp(argv[2], "left") == 0) {
         mirror(&foot);
     }
     mesh.nvertex = (size_t)foot.nvertex;
@@ -284,9 +316,9 @@ int main(int argc, char **argv)
         return 3;
     }
     printf("# SPDX-License-Identifier: Apache-2.0\n"
-           "# COMAN, %s foot, in the ankle frame (m); made by foot-mesh, not to be edited.\n"
+           "# %s, %s foot, in the ankle frame (m); made by foot-mesh, not to be edited.\n"
            "o foot_%s\n",
-           argv[1], argv[1]);
+           foot.outline->title, argv[2], argv[2]);
     if (mesh_write_obj(&mesh, stdout, &error) != ERROR_NONE) {
         fprintf(stderr, "foot-mesh: %s\n", error.text);
         return 3;

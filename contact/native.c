@@ -5,6 +5,7 @@
  * it back to the world.
  */
 #include "contact/contact.h"
+#include "contact/lanes.h"
 #include "contact/native_pairs.h"
 #include "contact/vec.h"
 
@@ -461,7 +462,9 @@ static enum error_code make_surface(const struct contact_config *config, size_t 
 static enum error_code make_scratch(struct engine *e, struct arena *arena, struct error *error)
 {
     struct native_scratch *s = e->scratch = arena_alloc(arena, 1, sizeof *e->scratch);
-    size_t most = 1;
+    struct native_view *view;
+    size_t most = 1, padded;
+    bool made;
 
     for (size_t i = 0; i < e->nsurface; ++i) {
         if (e->surface[i].solid && e->surface[i].solid->nface > most) {
@@ -471,15 +474,23 @@ static enum error_code make_scratch(struct engine *e, struct arena *arena, struc
     if (!s) {
         return no_memory(error);
     }
-    s->view = arena_alloc(arena, most, sizeof *s->view);
+    view = &s->view;
+    padded = (most + LANES - 1) / LANES * LANES;
+    view->radius = arena_alloc(arena, padded, sizeof *view->radius);
+    view->ring = arena_alloc(arena, most, sizeof *view->ring);
+    view->corner = arena_alloc(arena, 3 * most, sizeof *view->corner);
+    made = view->radius && view->ring && view->corner;
+    for (int k = 0; k < 3; ++k) {
+        view->normal[k] = arena_alloc(arena, padded, sizeof **view->normal);
+        view->center[k] = arena_alloc(arena, padded, sizeof **view->center);
+        made = made && view->normal[k] && view->center[k];
+    }
     for (int i = 0; i < 2; ++i) {
         s->list[i] = arena_alloc(arena, most, sizeof **s->list);
         s->mark[i] = arena_alloc(arena, most, 1);
-        if (!s->list[i] || !s->mark[i] || !s->view) {
-            return no_memory(error);
-        }
+        made = made && s->list[i] && s->mark[i];
     }
-    return ERROR_NONE;
+    return made ? ERROR_NONE : no_memory(error);
 }
 
 static enum error_code make_engine(const struct contact_config *config, bool centroids,

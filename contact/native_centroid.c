@@ -79,7 +79,7 @@ void native_centroid_sphere(const struct solid *solid, double radius, const stru
         box.low[k] = relative->p[k] - radius;
         box.high[k] = relative->p[k] + radius;
     }
-    n = tree_collect(&solid->faces, &box, scratch->list[0]);
+    n = tree_collect(&solid->faces, &box, scratch->list[0], solid->nface);
     for (size_t i = 0; i < n; ++i) {
         int f = scratch->list[0][i];
         double q[3], d[3], apart;
@@ -167,7 +167,7 @@ static bool mark_crossing(const struct solid *first, const struct solid *second,
             }
             box_add(&box, t.v[i]);
         }
-        n = tree_collect(&first->faces, &box, s->list[0]);
+        n = tree_collect(&first->faces, &box, s->list[0], first->nface);
         for (size_t i = 0; i < n; ++i) {
             int f = s->list[0][i];
 

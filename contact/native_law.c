@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The contact law, eight points at a time. */
+/* The contact law, four points at a time. */
 #include "contact/native_law.h"
 
 #include "contact/lanes.h"
@@ -19,13 +19,13 @@ LANES_INLINE lanes friction_over_speed(lanes v, const struct native_law *law)
 {
     lanes u = v * law->transition_inverse;
     lanes t = (u - 1) * 0.5;
-    lanes sticking, sliding;
+    lanes sticking, sliding, zero = {0}, one = zero + 1;
 
-    t = lanes_pick(t < 1, t, t - t + 1);
-    t = lanes_pick(t > 0, t, t - t);
+    t = lanes_pick(lanes_less(t, one), t, one);
+    t = lanes_pick(lanes_less(zero, t), t, zero);
     sticking = law->us * law->transition_inverse * (u * (10 - u * (15 - 6 * u)) * u);
     sliding = (law->us - (law->us - law->ud) * (t * t * step_over_square(t))) / (v + DBL_MIN);
-    return lanes_pick(u < 1, sticking, sliding) + law->uv;
+    return lanes_pick(lanes_less(u, one), sticking, sliding) + law->uv;
 }
 
 static void pad(struct native_batch *b)
@@ -60,7 +60,7 @@ static void add_forces(const struct native_batch *batch, const struct native_law
         lanes leaving = ux * dx + uy * dy + uz * dz;
 
         lanes fn = f * (1 - law->dissipation * leaving);
-        lanes_mask pushes = fn > 0;
+        lanes_mask pushes = lanes_less(zero, fn);
 
         fn = lanes_pick(pushes, fn, zero);
         f = lanes_pick(pushes, f, zero);

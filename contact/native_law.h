@@ -10,7 +10,7 @@
 
 #include <stddef.h>
 
-#define BATCH_MAX 256 /* points; a multiple of 8 */
+#define BATCH_MAX 256 /* points; a multiple of LANES */
 
 /* Constants of a pair. */
 struct native_law {

@@ -10,21 +10,38 @@
 #include "contact/native_law.h"
 #include "contact/solid.h"
 
-/* A facet of the other body, seen from the first surface. */
+/* How deep the middle of a spring lies in both bodies over half its length: where that is less than
+ * DEPTH_NONE the spring runs along the overlap, not across it, and is none; from DEPTH_FULL on it
+ * counts in full. */
+#define DEPTH_NONE 0.25
+#define DEPTH_FULL 0.5
+
+/* Facets of the second surface, seen from the first; padded to a multiple of LANES. */
 struct native_view {
-    double normal[3], center[3], radius;
-    int facet;
+    double *normal[3], *center[3], *radius;
+    int *ring;           /* first corner of each in corner, -1 before it is needed */
+    double (*corner)[3]; /* counterclockwise */
+    int ncorner;
 };
 
 /* Memory that an evaluation works in; nothing in it outlives the call. */
 struct native_scratch {
     struct native_batch batch;
-    int *list[2];             /* as many as the largest mesh has faces, each */
-    unsigned char *mark[2];   /* the same */
-    struct native_view *view; /* the same */
+    int *list[2];            /* as many as the largest mesh has faces, each */
+    unsigned char *mark[2];  /* the same */
+    struct native_view view; /* the same, and three corners each */
 };
 
-/* ---- over the true overlap (native_overlap.c) ---- */
+/* 0 up to a, 1 from b on, smooth between them. */
+static inline double native_ramp(double x, double a, double b)
+{
+    double t = (x - a) / (b - a);
+
+    t = t < 0 ? 0 : t > 1 ? 1 : t;
+    return t * t * (3 - 2 * t);
+}
+
+/* ---- over the true overlap (native_half_space.c, native_sphere.c, native_meshes.c) ---- */
 
 /* A mesh on a half-space: its facets below the plane, exactly clipped, on springs along the plane's
  * normal that stand side by side on the plane. Turned away, a facet does nothing. */

@@ -16,8 +16,6 @@
 #include <float.h>
 #include <stdbool.h>
 
-#define DEPTH_NONE 0.25 /* as in native_overlap.c */
-#define DEPTH_FULL 0.5
 #define NOTHING 1e-12         /* of a circle */
 #define MEAN_LEVER (8.0 / 15) /* of a paraboloid of pressure, over its radius */
 
@@ -188,14 +186,6 @@ static bool cap_of_facet(const struct solid *solid, const struct facet *f, const
            cap->square > 0;
 }
 
-static double ramp(double x, double a, double b)
-{
-    double t = (x - a) / (b - a);
-
-    t = t < 0 ? 0 : t > 1 ? 1 : t;
-    return t * t * (3 - 2 * t);
-}
-
 static void sphere_on_facet(const struct solid *solid, const struct facet *f, const double at[3],
                             double radius, const struct native_law *law,
                             const struct native_relative *relative, struct native_batch *batch,
@@ -235,8 +225,8 @@ static void sphere_on_facet(const struct solid *solid, const struct facet *f, co
         origin[k] += (cap.moment[0] * E[k] + cap.moment[1] * E[3 + k]) / cap.length;
     }
     vec_madd(origin, -depth / 2, f->normal, middle);
-    weight =
-        ramp(solid_depth(solid, middle, 1.01 * depth / 2) / (depth / 2), DEPTH_NONE, DEPTH_FULL);
+    weight = native_ramp(solid_depth(solid, middle, 1.01 * depth / 2) / (depth / 2), DEPTH_NONE,
+                         DEPTH_FULL);
     if (weight <= 0) {
         return;
     }

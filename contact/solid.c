@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Making a mesh ready for contact, and distances to it. */
+/* Making a mesh ready for contact. */
 #include "contact/solid.h"
 
 #include "contact/lanes.h"
@@ -13,7 +13,6 @@
 #define COPLANAR 1e-9     /* sine of the angle, and height over the size, of one plane */
 #define CONVEX 1e-5       /* height over the size by which a corner may dent its neighborhood */
 #define CONVEX_FACETS 256 /* solids with more are not tried for convexity */
-#define TIE 2.2e-14       /* squares of distances this much apart are the same */
 
 /* What only the making of a solid needs. */
 struct work {
@@ -29,6 +28,7 @@ struct work {
     int loop[FACET_MAX_VERTICES];
     struct facet *facet;
     double (*ring)[3];
+    int *ring_vertex; /* of each corner in ring */
     size_t nfacet, nring;
 };
 
@@ -58,13 +58,12 @@ static const double *corner(const struct mesh *mesh, int face, int i)
 static enum error_code make_faces(struct work *w, struct solid *s)
 {
     const struct mesh *m = w->mesh;
-    size_t padded = (m->nface + 7) / 8 * 8;
-    double *centroid[3], *area = take(w, padded, sizeof *area);
+    double *centroid[3], *area = take(w, m->nface, sizeof *area);
     double(*vertex_normal)[3] = take(w, m->nvertex, sizeof *vertex_normal);
 
     w->normal = take(w, m->nface, sizeof *w->normal);
     for (int k = 0; k < 3; ++k) {
-        s->centroid[k] = centroid[k] = take(w, padded, sizeof **centroid);
+        s->centroid[k] = centroid[k] = take(w, m->nface, sizeof **centroid);
     }
     if (!area || !vertex_normal || !w->normal || !centroid[0] || !centroid[1] || !centroid[2]) {
         return ERROR_MEMORY;
@@ -279,16 +278,19 @@ static double polygon_area(const double (*v)[3], int n, const double normal[3], 
     return twice / 2;
 }
 
-static void add_facet(struct work *w, const int *loop, int count, int seed)
+/* tiles: how many faces make it up */
+static void add_facet(struct work *w, const int *loop, int count, int seed, int tiles)
 {
     struct facet *f = &w->facet[w->nfacet++];
     double(*ring)[3] = w->ring + w->nring;
 
     f->first = (int)w->nring;
     f->count = count;
+    f->tiles = tiles;
     memcpy(f->normal, w->normal[seed], sizeof f->normal);
     for (int i = 0; i < count; ++i) {
         memcpy(ring[i], w->mesh->vertex[loop[i]], sizeof ring[i]);
+        w->ring_vertex[w->nring + (size_t)i] = loop[i];
     }
     w->nring += (size_t)count;
     f->area = polygon_area((const double(*)[3])ring, count, f->normal, f->center);
@@ -328,11 +330,11 @@ static enum error_code make_facets(struct work *w, struct solid *s)
         int n = gather_plane(w, f), count = walk_rim(w, n, f);
 
         if (count >= 3 && loop_is_convex(w, count, f)) {
-            add_facet(w, w->loop, count, f);
+            add_facet(w, w->loop, count, f, n);
             continue;
         }
         for (int i = 0; i < n; ++i) {
-            add_facet(w, m->face[w->member[i]], 3, w->member[i]);
+            add_facet(w, m->face[w->member[i]], 3, w->member[i], 1);
         }
     }
     s->facet = w->facet;
@@ -472,6 +474,59 @@ static enum error_code make_trees(struct work *w, struct solid *s)
     return code;
 }
 
+/* What is known about the surroundings of a facet: see struct facet. corner: its vertices. */
+static void look_around(const struct solid *s, const int *corner, struct facet *f)
+{
+    enum { MOST = 256 }; /* a crowd is not worth the time */
+    double margin = f->radius, apart = margin, cosine = 1;
+    struct box box;
+    int near[MOST];
+    size_t n;
+
+    for (int k = 0; k < 3; ++k) {
+        box.low[k] = f->center[k] - f->radius - margin;
+        box.high[k] = f->center[k] + f->radius + margin;
+    }
+    n = tree_collect(&s->faces, &box, near, MOST);
+    if (n == MOST) {
+        return;
+    }
+    for (size_t i = 0; i < n; ++i) {
+        const int *v = s->face[near[i]];
+        double point[3], to[3];
+        bool touches = false;
+
+        for (int k = 0; k < 3 * f->count; ++k) {
+            touches = touches || v[k % 3] == corner[k / 3];
+        }
+        if (touches) {
+            cosine = fmin(cosine, vec_dot(s->normal[near[i]], f->normal));
+        } else {
+            solid_nearest_of_face(s, near[i], f->center, point);
+            vec_sub(point, f->center, to);
+            apart = fmin(apart, vec_norm(to) - f->radius);
+        }
+    }
+    if (cosine > 0 && apart > 0) {
+        f->lean[0] = cosine;
+        f->lean[1] = sqrt(1 - cosine * cosine);
+        f->room = apart / 3;
+    }
+}
+
+/* Where all vertices of a facet are corners of it, which is so without any inside or on its edges,
+ * what touches it is what has one of them. */
+static void make_surroundings(struct work *w, struct solid *s)
+{
+    for (size_t i = 0; i < s->nfacet; ++i) {
+        struct facet *f = &w->facet[i];
+
+        if (f->tiles == f->count - 2) {
+            look_around(s, w->ring_vertex + f->first, f);
+        }
+    }
+}
+
 static enum error_code make_all(struct work *w, struct solid *s)
 {
     enum error_code code = make_faces(w, s);
@@ -500,6 +555,9 @@ static enum error_code make_all(struct work *w, struct solid *s)
     if (!code) {
         code = make_trees(w, s);
     }
+    if (!code) {
+        make_surroundings(w, s);
+    }
     return code;
 }
 
@@ -514,7 +572,8 @@ enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct 
     w.group = malloc(mesh->nface * sizeof *w.group);
     w.member = malloc(mesh->nface * sizeof *w.member);
     w.next = malloc(mesh->nvertex * sizeof *w.next);
-    if (!w.group || !w.member || !w.next) {
+    w.ring_vertex = malloc(3 * mesh->nface * sizeof *w.ring_vertex);
+    if (!w.group || !w.member || !w.next || !w.ring_vertex) {
         code = error_set(error, ERROR_MEMORY, "contact: no memory to take up '%s'", mesh->name);
     } else {
         code = make_all(&w, solid);
@@ -522,189 +581,6 @@ enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct 
     free(w.group);
     free(w.member);
     free(w.next);
+    free(w.ring_vertex);
     return code;
-}
-
-/* ---- distances ---- */
-
-/* What of a triangle is nearest. */
-enum feature { FACE = -1, EDGE_0, EDGE_1, EDGE_2, CORNER_0, CORNER_1, CORNER_2 };
-
-/* The point of a triangle nearest to p, by the region that p projects to (Ericson 2005, 5.1.5). */
-static enum feature nearest_of_triangle(const double a[3], const double b[3], const double c[3],
-                                        const double p[3], double out[3])
-{
-    double ab[3], ac[3], ap[3], bp[3], cp[3];
-
-    vec_sub(b, a, ab);
-    vec_sub(c, a, ac);
-    vec_sub(p, a, ap);
-    double d1 = vec_dot(ab, ap), d2 = vec_dot(ac, ap);
-
-    if (d1 <= 0 && d2 <= 0) {
-        memcpy(out, a, sizeof ab);
-        return CORNER_0;
-    }
-    vec_sub(p, b, bp);
-    double d3 = vec_dot(ab, bp), d4 = vec_dot(ac, bp);
-
-    if (d3 >= 0 && d4 <= d3) {
-        memcpy(out, b, sizeof ab);
-        return CORNER_1;
-    }
-    double vc = d1 * d4 - d3 * d2;
-
-    if (vc <= 0 && d1 >= 0 && d3 <= 0) {
-        vec_madd(a, d1 / (d1 - d3), ab, out);
-        return EDGE_0;
-    }
-    vec_sub(p, c, cp);
-    double d5 = vec_dot(ab, cp), d6 = vec_dot(ac, cp);
-
-    if (d6 >= 0 && d5 <= d6) {
-        memcpy(out, c, sizeof ab);
-        return CORNER_2;
-    }
-    double vb = d5 * d2 - d1 * d6;
-
-    if (vb <= 0 && d2 >= 0 && d6 <= 0) {
-        vec_madd(a, d2 / (d2 - d6), ac, out);
-        return EDGE_2;
-    }
-    double va = d3 * d6 - d5 * d4;
-
-    if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) {
-        double bc[3];
-
-        vec_sub(c, b, bc);
-        vec_madd(b, (d4 - d3) / ((d4 - d3) + (d5 - d6)), bc, out);
-        return EDGE_1;
-    }
-    double whole = 1 / (va + vb + vc);
-
-    for (int k = 0; k < 3; ++k) {
-        out[k] = a[k] + ab[k] * (vb * whole) + ac[k] * (vc * whole);
-    }
-    return FACE;
-}
-
-static enum feature nearest_of_face(const struct solid *s, int face, const double p[3],
-                                    double out[3])
-{
-    const int *v = s->face[face];
-
-    return nearest_of_triangle(s->vertex[v[0]], s->vertex[v[1]], s->vertex[v[2]], p, out);
-}
-
-/* Walks the tree, nearer child first, keeping the best. */
-static bool search(const struct solid *s, const double p[3], double limit2,
-                   struct solid_nearest *best, enum feature *feature)
-{
-    struct {
-        int node;
-        double distance2;
-    } stack[TREE_DEPTH_MAX];
-    int top = 0;
-    double best_height = 0;
-
-    best->face = -1;
-    best->distance2 = limit2;
-    stack[top].node = 0;
-    stack[top++].distance2 = box_distance2(&s->faces.node[0].box, p);
-    while (top > 0) {
-        int index = stack[--top].node;
-        const struct tree_node *node = &s->faces.node[index];
-
-        if (stack[top].distance2 > best->distance2 * (1 + TIE)) {
-            continue;
-        }
-        if (node->count == 0) {
-            int child[2] = {index + 1, node->right};
-            double d[2] = {box_distance2(&s->faces.node[child[0]].box, p),
-                           box_distance2(&s->faces.node[child[1]].box, p)};
-            int far = d[0] <= d[1];
-
-            for (int i = 0; i < 2; ++i, far = !far) {
-                stack[top].node = child[far];
-                stack[top++].distance2 = d[far];
-            }
-            continue;
-        }
-        for (int i = 0; i < node->count; ++i) {
-            int face = s->faces.item[node->first + i];
-            double point[3], to[3], d2, height;
-            enum feature f = nearest_of_face(s, face, p, point);
-
-            vec_sub(p, point, to);
-            d2 = vec_dot(to, to);
-            height = vec_dot(to, s->normal[face]);
-            if (d2 < best->distance2 * (1 - TIE) ||
-                (best->face >= 0 && d2 <= best->distance2 * (1 + TIE) &&
-                 fabs(height) > best_height)) {
-                best->face = face;
-                best->distance2 = d2;
-                best->inside = height < 0;
-                best_height = fabs(height);
-                *feature = f;
-                memcpy(best->point, point, sizeof point);
-            }
-        }
-    }
-    return best->face >= 0;
-}
-
-bool solid_find_nearest(const struct solid *solid, const double p[3], double limit2,
-                        struct solid_nearest *nearest)
-{
-    enum feature feature = FACE;
-
-    return search(solid, p, limit2, nearest, &feature);
-}
-
-/* The direction that tells inside from outside at the nearest point. */
-static void pseudonormal(const struct solid *s, int face, enum feature feature, double out[3])
-{
-    if (feature >= CORNER_0) {
-        memcpy(out, s->vertex_normal[s->face[face][feature - CORNER_0]], sizeof s->normal[0]);
-    } else if (feature >= EDGE_0) {
-        vec_madd(s->normal[face], 1, s->normal[s->neighbor[face][feature]], out);
-    } else {
-        memcpy(out, s->normal[face], sizeof s->normal[0]);
-    }
-}
-
-/* Behind every facet. */
-FOR_EACH_ISA
-static double convex_depth(const struct solid *s, const double p[3])
-{
-    lanes depth = lanes_load(s->plane[3]) - p[0] * lanes_load(s->plane[0]) -
-                  p[1] * lanes_load(s->plane[1]) - p[2] * lanes_load(s->plane[2]);
-
-    for (size_t i = LANES; i < s->nplane; i += LANES) {
-        lanes d = lanes_load(s->plane[3] + i) - p[0] * lanes_load(s->plane[0] + i) -
-                  p[1] * lanes_load(s->plane[1] + i) - p[2] * lanes_load(s->plane[2] + i);
-
-        depth = lanes_pick(d < depth, d, depth);
-    }
-    return lanes_least(depth);
-}
-
-double solid_depth(const struct solid *solid, const double p[3], double limit)
-{
-    struct solid_nearest nearest;
-    enum feature feature = FACE;
-    double n[3], to[3];
-
-    if (solid->convex) {
-        double depth = convex_depth(solid, p);
-
-        /* outside, the planes say less than the distance; only that it is outside matters then */
-        return depth < limit ? depth : limit;
-    }
-    if (!search(solid, p, limit * limit, &nearest, &feature)) {
-        return limit;
-    }
-    pseudonormal(solid, nearest.face, feature, n);
-    vec_sub(nearest.point, p, to);
-    return vec_dot(to, n) >= 0 ? sqrt(nearest.distance2) : -sqrt(nearest.distance2);
 }

@@ -16,6 +16,7 @@
 
 struct facet {
     int first, count; /* vertices: solid->ring[first] to [first + count - 1], counterclockwise */
+    int tiles;        /* faces that make it up */
     double normal[3]; /* outward, unit */
     double offset;    /* normal . any of its points */
     double center[3]; /* centroid */
@@ -23,6 +24,9 @@ struct facet {
     double within;    /* and of the one that it holds */
     double area;
     int point, npoint; /* its points of quadrature; none for a triangle */
+    /* The faces that touch it lean off it by less than a right angle, at most with this cosine and
+     * sine, and all others are three times room away. 0 where nothing is known. */
+    double lean[2], room;
 };
 
 struct solid {
@@ -30,7 +34,7 @@ struct solid {
     size_t nface, nfacet, npoint;
     struct box box;
 
-    /* triangles, one array a coordinate; padded to a multiple of 8 with triangles of no area */
+    /* triangles */
     const double *centroid[3], *area;
     const double (*vertex)[3];
     const int (*face)[3];
@@ -45,7 +49,7 @@ struct solid {
     struct tree facets;
     const struct box *facing; /* of the normals under each node of the tree of facets */
     bool convex;              /* then every point behind all facets is inside, */
-    const double *plane[4]; /* their normals and offsets; a multiple of 8, the last one repeated */
+    const double *plane[4]; /* their normals and offsets; a multiple of LANES, the last repeated */
     size_t nplane;
 };
 
@@ -60,6 +64,9 @@ struct solid_nearest {
 /* mesh is sound (mesh_check) and outlives the solid. Memory from arena. Not RT-safe. */
 enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct solid *solid,
                            struct error *error);
+
+/* The point of one face nearest to p. RT-safe. */
+void solid_nearest_of_face(const struct solid *solid, int face, const double p[3], double out[3]);
 
 /* The point of the surface nearest to p among those closer than the square root of limit2; of
  * several equally near the one whose face p is most straight above. False when there is none.

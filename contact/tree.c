@@ -133,13 +133,13 @@ void tree_cover(const struct tree *tree, const struct box *boxes, struct box *ou
     }
 }
 
-size_t tree_collect(const struct tree *tree, const struct box *box, int *list)
+size_t tree_collect(const struct tree *tree, const struct box *box, int *list, size_t max)
 {
     int stack[TREE_DEPTH_MAX], top = 0;
     size_t n = 0;
 
     stack[top++] = 0;
-    while (top > 0) {
+    while (top > 0 && n < max) {
         int index = stack[--top];
         const struct tree_node *node = &tree->node[index];
 
@@ -151,7 +151,7 @@ size_t tree_collect(const struct tree *tree, const struct box *box, int *list)
             stack[top++] = index + 1;
             continue;
         }
-        for (int i = 0; i < node->count; ++i) {
+        for (int i = 0; i < node->count && n < max; ++i) {
             list[n++] = tree->item[node->first + i];
         }
     }

@@ -39,9 +39,9 @@ enum error_code tree_build(const struct box *boxes, size_t n, int leaf, struct a
  * things under node i. Not RT-safe. */
 void tree_cover(const struct tree *tree, const struct box *boxes, struct box *out);
 
-/* Writes the things whose leaf's box meets the box, in the tree's order; list has room for all.
- * Returns how many. RT-safe. */
-size_t tree_collect(const struct tree *tree, const struct box *box, int *list);
+/* Writes the things whose leaf's box meets the box, in the tree's order, and stops at max. Returns
+ * how many. RT-safe. */
+size_t tree_collect(const struct tree *tree, const struct box *box, int *list, size_t max);
 
 static inline void box_add(struct box *box, const double p[3])
 {

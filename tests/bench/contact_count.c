@@ -1,79 +1,143 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Evaluates contact at N random poses with the native engine, each in a call of one_pose, for an
- * instruction counter: foot|box|sphere N. */
-#include "contact/contact.h"
-
+/*
+ * The scenes of coman-hil bench contact, for a count of instructions. A pose is named by the seed
+ * that it is drawn from. Built twice:
+ *
+ * contact_count SCENE ENGINE SEED... evaluates the poses with the engine native or simbody, each in
+ * a call of one_pose, for an instruction counter.
+ *
+ * contact_work SCENE N EACH has the native engine built with a call at every basic block. It
+ * evaluates N random poses and prints the number of blocks that ran and the seed: of EACH poses
+ * spread evenly over all in the order of their work, then of the EACH with the most.
+ */
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
-#include "tests/physics/contact_scene.h"
+#include "rt/bench_contact_scenes.h"
+
+static struct bench_scene scene[BENCH_SCENES];
 
 void one_pose(struct contact_world *world, const struct contact_motion *motion);
 
 __attribute__((noinline)) void one_pose(struct contact_world *world,
                                         const struct contact_motion *motion)
 {
-    struct contact_wrench wrench[2];
+    struct contact_wrench wrench[BENCH_BODIES];
 
     if (world->ops->evaluate(world, motion, wrench) != ERROR_NONE) {
         exit(EXIT_FAILURE);
     }
 }
 
-/* The second body's height over the first where they touch, or 0 for an unknown name. */
-static double make_scene(struct scene *scene, const char *name, const struct mesh *foot)
+static void draw_and_evaluate(size_t index, struct contact_world *world, uint64_t *seed)
 {
-    scene_init(scene, 2);
-    scene_add_pair(scene, 0, 1);
-    if (strcmp(name, "foot") == 0) {
-        scene_add(scene, 0, CONTACT_HALF_SPACE, &scene_ground);
-        scene_add(scene, 1, CONTACT_MESH, &scene_foot)->mesh = foot;
-        return 0.0932 - 5e-4;
-    }
-    if (strcmp(name, "box") == 0) {
-        scene_add_box(scene, 0, 0.2, 0.3, 0.02, 1, &scene_ground);
-        scene_add_box(scene, 1, 0.075, 0.075, 0.075, 7, &scene_foot);
-        return 0.095 - 5e-4;
-    }
-    if (strcmp(name, "sphere") == 0) {
-        scene_add_box(scene, 0, 0.075, 0.075, 0.075, 7, &scene_ground);
-        scene_add(scene, 1, CONTACT_SPHERE, &scene_foot)->radius_m = 0.02;
-        return 0.095 - 1e-3;
-    }
-    return 0;
+    struct contact_motion motion[BENCH_BODIES];
+
+    bench_scene_draw(&scene[index], seed, motion);
+    one_pose(world, motion);
 }
+
+#ifdef COUNT_BLOCKS
+
+static uint64_t blocks;
+
+/* The compiler calls this at every basic block. */
+void __sanitizer_cov_trace_pc(void);
+void __sanitizer_cov_trace_pc(void)
+{
+    blocks++;
+}
+
+struct work {
+    uint64_t blocks, seed;
+};
+
+static int by_blocks(const void *a, const void *b)
+{
+    const struct work *x = a, *y = b;
+
+    return (x->blocks > y->blocks) - (x->blocks < y->blocks);
+}
+
+static int run(size_t index, struct contact_world *world, int argc, char **argv)
+{
+    size_t n = argc == 2 ? strtoull(argv[0], NULL, 10) : 0,
+           each = n ? strtoull(argv[1], NULL, 10) : 0;
+    struct work *work = calloc(n + 1, sizeof *work);
+    uint64_t seed = 1000003;
+
+    if (!work || each < 1 || n < 2 * each) {
+        free(work);
+        return EXIT_FAILURE;
+    }
+    for (size_t i = 0; i < n; ++i) {
+        work[i].seed = seed;
+        blocks = 0;
+        draw_and_evaluate(index, world, &seed);
+        work[i].blocks = blocks;
+    }
+    qsort(work, n, sizeof *work, by_blocks);
+    for (size_t i = 0; i < 2 * each; ++i) {
+        const struct work *w = &work[i < each ? (2 * i + 1) * n / (2 * each) : n - 1 - (i - each)];
+
+        printf("%llu %llu\n", (unsigned long long)w->blocks, (unsigned long long)w->seed);
+    }
+    free(work);
+    return EXIT_SUCCESS;
+}
+
+static enum error_code create(const char *engine, const struct contact_config *config,
+                              struct arena *arena, struct contact_world **world)
+{
+    (void)engine;
+    return contact_native_create(config, arena, world, NULL);
+}
+
+enum { SKIP = 2 };
+
+#else
+
+static int run(size_t index, struct contact_world *world, int argc, char **argv)
+{
+    for (int i = 0; i < argc; ++i) {
+        uint64_t seed = strtoull(argv[i], NULL, 10);
+
+        draw_and_evaluate(index, world, &seed);
+    }
+    return EXIT_SUCCESS;
+}
+
+static enum error_code create(const char *engine, const struct contact_config *config,
+                              struct arena *arena, struct contact_world **world)
+{
+    return strcmp(engine, "simbody") == 0 ? contact_simbody_create(config, world, NULL)
+                                          : contact_native_create(config, arena, world, NULL);
+}
+
+enum { SKIP = 3 };
+
+#endif
 
 int main(int argc, char **argv)
 {
-    struct arena arena;
     struct contact_world *world;
     const struct mesh *foot;
-    struct scene scene;
-    uint64_t seed = 1000003;
-    double height;
+    struct arena arena;
+    size_t nscene, index;
+    int status;
 
-    if (argc != 3 || arena_init(&arena, (size_t)16 << 20, NULL) ||
-        mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &arena, &foot, NULL)) {
+    if (argc <= SKIP || arena_init(&arena, (size_t)2 << 30, NULL) ||
+        mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &arena, &foot, NULL) ||
+        bench_scenes_make(scene, &nscene, foot, &arena, NULL)) {
         return EXIT_FAILURE;
     }
-    height = make_scene(&scene, argv[1], foot);
-    if (height == 0 || contact_native_create(&scene.config, &arena, &world, NULL)) {
+    index = strtoull(argv[1], NULL, 10);
+    if (index >= nscene || create(argv[2], &scene[index].config, &arena, &world)) {
         return EXIT_FAILURE;
     }
-    for (long i = strtol(argv[2], NULL, 10); i > 0; --i) {
-        struct contact_motion motion[2];
-
-        for (int b = 0; b < 2; ++b) {
-            scene_place(&motion[b], 0.01 * scene_random(&seed), 0.01 * scene_random(&seed),
-                        b * (height + 3e-4 * scene_random(&seed)));
-            scene_random_rotation(&seed, 3e-3, motion[b].R);
-            for (int k = 0; k < 3; ++k) {
-                motion[b].v[k] = 0.02 * scene_random(&seed);
-                motion[b].w[k] = 0.1 * scene_random(&seed);
-            }
-        }
-        one_pose(world, motion);
-    }
+    status = run(index, world, argc - SKIP, argv + SKIP);
+    world->ops->destroy(world);
     arena_fini(&arena);
-    return EXIT_SUCCESS;
+    return status;
 }

@@ -278,6 +278,77 @@ static void nearest_keeps_to_its_limit(void **state)
     assert_false(solid_find_nearest(&solid, p, d2 * 0.999, &nearest));
 }
 
+static void a_tree_collects_no_more_than_there_is_room_for(void **state)
+{
+    struct solid solid = make(box(1, 1, 1, 7));
+    int list[20];
+
+    (void)state;
+    list[13] = -1;
+    assert_int_equal(tree_collect(&solid.faces, &solid.box, list, 13), 13);
+    assert_int_equal(list[13], -1);
+    assert_int_equal(tree_collect(&solid.faces, &solid.box, list, 0), 0);
+}
+
+/* Ground with bumps, or with crags that lean more than is known about. */
+static struct solid rough(double height)
+{
+    const struct mesh *flat = box(0.3, 0.3, 0.1, 12);
+    struct mesh mesh = *flat;
+    double(*vertex)[3] = arena_alloc(&arena, flat->nvertex, sizeof *vertex);
+    uint64_t seed = 77;
+
+    assert_non_null(vertex);
+    for (size_t v = 0; v < flat->nvertex; ++v) {
+        memcpy(vertex[v], flat->vertex[v], sizeof vertex[v]);
+        if (vertex[v][2] > 0.09) {
+            vertex[v][2] += height * random_number(&seed);
+        }
+    }
+    mesh.vertex = (const double(*)[3])vertex;
+    return make(&mesh);
+}
+
+/* Contact rests on this: under a facet that knows its surroundings the depth of a spring's middle
+ * needs no search. */
+static void nothing_under_a_facet_is_nearer_than_its_surroundings_say(void **state)
+{
+    const double height[] = {0.005, 0.02, 0.06};
+    uint64_t seed = 5;
+
+    (void)state;
+    for (int h = 0; h < 3; ++h) {
+        struct solid solid = rough(height[h]);
+        int known = 0;
+
+        for (size_t i = 0; i < solid.nfacet; ++i) {
+            const struct facet *f = &solid.facet[i];
+            const double(*v)[3] = solid.ring + f->first;
+
+            known += f->room > 0;
+            for (int n = 0; n < 20 && f->room > 0; ++n) {
+                double a = 0.5 + 0.5 * random_number(&seed), b = 0.5 + 0.5 * random_number(&seed);
+                double half = f->room * (0.5 + 0.5 * random_number(&seed)), way[3], x[3], cosine;
+                double lean;
+
+                for (int k = 0; k < 3; ++k) {
+                    /* a spring's end on the facet, and its way inward, up to 60 degrees off */
+                    x[k] = v[0][k] + a * (v[1][k] - v[0][k]) + (1 - a) * b * (v[2][k] - v[0][k]);
+                    way[k] = -f->normal[k] + 0.8 * random_number(&seed);
+                }
+                cosine = -vec_dot(way, f->normal) / vec_norm(way);
+                lean = f->lean[0] * cosine - f->lean[1] * sqrt(fmax(1 - cosine * cosine, 0));
+                vec_madd(x, half / vec_norm(way), way, x);
+                if (lean >= 0.5) {
+                    assert_true(solid_depth(&solid, x, 1) >= half * lean - 1e-12);
+                }
+            }
+        }
+        print_message("%d of %zu facets know their surroundings\n", known, solid.nfacet);
+        assert_true(known > (h == 0 ? 200 : -1) && known < (int)solid.nfacet);
+    }
+}
+
 static void a_tree_collects_what_brute_force_finds(void **state)
 {
     enum { COUNT = 500 };
@@ -303,7 +374,7 @@ static void a_tree_collects_what_brute_force_finds(void **state)
             query.low[k] = random_number(&seed);
             query.high[k] = query.low[k] + 0.5 * fabs(random_number(&seed));
         }
-        n = tree_collect(&tree, &query, list);
+        n = tree_collect(&tree, &query, list, sizeof list / sizeof *list);
         for (size_t j = 0; j < n; ++j) {
             assert_int_equal(found[list[j]]++, 0);
         }
@@ -323,6 +394,8 @@ int main(void)
         cmocka_unit_test(depth_in_a_convex_solid_is_the_distance),
         cmocka_unit_test(nearest_keeps_to_its_limit),
         cmocka_unit_test(a_tree_collects_what_brute_force_finds),
+        cmocka_unit_test(a_tree_collects_no_more_than_there_is_room_for),
+        cmocka_unit_test(nothing_under_a_facet_is_nearer_than_its_surroundings_say),
     };
 
     return cmocka_run_group_tests_name("contact_solid", tests, set_up, tear_down);

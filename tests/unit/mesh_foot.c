@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* COMAN's foot meshes: what the generator writes is what is committed, and it is a foot. */
+/* The foot meshes: what the generator writes is what is committed, and it is a foot (COMAN's in all
+ * detail, WALK-MAN's by what differs). */
 #include "contact/mesh.h"
 
 #include <setjmp.h>
@@ -39,17 +40,22 @@ static int tear_down(void **state)
     return 0;
 }
 
-static const struct mesh *read_foot(const char *side)
+static const struct mesh *read_mesh(const char *name)
 {
     char path[512];
     const struct mesh *mesh = NULL;
     struct error error = {0};
 
-    snprintf(path, sizeof path, "%s/config/meshes/coman-foot-%s.obj", HIL_SOURCE_DIR, side);
+    snprintf(path, sizeof path, "%s/config/meshes/%s.obj", HIL_SOURCE_DIR, name);
     if (mesh_read_obj(path, &arena, &mesh, &error) != ERROR_NONE) {
         fail_msg("%s", error.text);
     }
     return mesh;
+}
+
+static const struct mesh *read_foot(const char *side)
+{
+    return read_mesh(strcmp(side, "right") == 0 ? "coman-foot-right" : "coman-foot-left");
 }
 
 static double outline_area(void)
@@ -97,16 +103,18 @@ static bool in_sole(const struct mesh *mesh, size_t f)
 
 static void generator_writes_the_committed_files_byte_for_byte(void **state)
 {
-    static const char *const side[] = {"right", "left"};
+    static const char *const foot[][2] = {
+        {"coman", "right"}, {"coman", "left"}, {"walkman", "right"}, {"walkman", "left"}};
 
     (void)state;
-    for (int s = 0; s < 2; ++s) {
+    for (size_t s = 0; s < sizeof foot / sizeof foot[0]; ++s) {
         char command[1024], path[512], made[4096], kept[4096];
         FILE *generator, *file;
         size_t n;
 
-        snprintf(command, sizeof command, "'%s' %s", FOOT_MESH, side[s]);
-        snprintf(path, sizeof path, "%s/config/meshes/coman-foot-%s.obj", HIL_SOURCE_DIR, side[s]);
+        snprintf(command, sizeof command, "'%s' %s %s", FOOT_MESH, foot[s][0], foot[s][1]);
+        snprintf(path, sizeof path, "%s/config/meshes/%s-foot-%s.obj", HIL_SOURCE_DIR, foot[s][0],
+                 foot[s][1]);
         generator = popen(command, "r");
         file = fopen(path, "r");
         assert_non_null(generator);
@@ -127,7 +135,7 @@ static void generator_refuses_other_words_with_exit_code_2(void **state)
     FILE *generator;
 
     (void)state;
-    snprintf(command, sizeof command, "'%s' both 2>&1", FOOT_MESH);
+    snprintf(command, sizeof command, "'%s' coman both 2>&1", FOOT_MESH);
     generator = popen(command, "r");
     assert_non_null(generator);
     assert_int_not_equal(fgetc(generator), EOF);
@@ -242,6 +250,39 @@ static void volume_is_that_of_the_two_frustums(void **state)
     assert_near(mesh_volume(read_foot("right")), expected, 1e-4 * expected);
 }
 
+/* 0.306 m by 0.16 m, from 0.111 m behind the ankle and 0.09 m outward of it, 0.1435 m below */
+static void the_sole_of_walkman_is_its_rectangle(void **state)
+{
+    const struct mesh *foot = read_mesh("walkman-foot-right");
+    double area = 0, moment[2] = {0, 0}, quality;
+
+    (void)state;
+    assert_int_equal(foot->nface, 504);
+    for (size_t f = 0; f < foot->nface; ++f) {
+        const int *face = foot->face[f];
+        bool sole = true;
+        double down;
+
+        for (int c = 0; c < 3; ++c) {
+            sole = sole && foot->vertex[face[c]][2] == -0.1435;
+        }
+        if (!sole) {
+            continue;
+        }
+        down = -flat_area(foot, f, &quality);
+        assert_true(down > 0);
+        area += down;
+        for (int m = 0; m < 2; ++m) {
+            moment[m] +=
+                down / 3 *
+                (foot->vertex[face[0]][m] + foot->vertex[face[1]][m] + foot->vertex[face[2]][m]);
+        }
+    }
+    assert_near(area, 0.306 * 0.16, 1e-15);
+    assert_near(moment[0], 0.306 * 0.16 * 0.042, 1e-16);
+    assert_near(moment[1], 0.306 * 0.16 * -0.01, 1e-16);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -253,6 +294,7 @@ int main(void)
         cmocka_unit_test(only_the_sole_is_within_a_centimeter_of_the_floor),
         cmocka_unit_test(the_left_foot_mirrors_the_right_one),
         cmocka_unit_test(volume_is_that_of_the_two_frustums),
+        cmocka_unit_test(the_sole_of_walkman_is_its_rectangle),
     };
 
     return cmocka_run_group_tests_name("mesh_foot", tests, set_up, tear_down);

@@ -121,6 +121,31 @@ static void a_damaged_rig_file_gives_a_rig_or_an_error_with_its_place(void **sta
     damage("config/rigs/toy.yaml", toy_rig, sizeof toy_rig - 1);
 }
 
+static void damaged_bodies_give_a_rig_or_an_error_with_its_place(void **state)
+{
+    static const char bodies[] =
+        "  bodies:\n"
+        "    - {name: crate, mass_kg: 1.5, box_m: [0.1, 0.2, 0.3], com_m: [0, 0, 0.01],\n"
+        "       xyz_m: [1, 0, 0.5], rpy_rad: [0, 0, 0.3], velocity_m_s: [0, 0.1, 0]}\n"
+        "    - {name: stone, mass_kg: 3, inertia_kg_m2: [1, 0.1, 0.2, 1.5, 0.3, 2]}\n"
+        "    - {name: table, static: true, xyz_m: [1, 0, 0], rpy_rad: [0, 0, 0.1]}\n"
+        "  materials:\n";
+    static const char surfaces[] =
+        "  surfaces:\n"
+        "    - {name: lid, body: crate, shape: box, half_extents_m: [0.1, 0.1, 0.1], material: "
+        "rubber}\n"
+        "    - {name: top, body: table, shape: box, half_extents_m: [0.2, 0.2, 0.1], material: "
+        "rubber}\n";
+    char text[sizeof toy_rig + 1024];
+
+    (void)state;
+    strcpy(text, toy_rig);
+    assert_true(replace(text, sizeof text, "  materials:\n", bodies));
+    assert_true(replace(text, sizeof text, "  surfaces:\n", surfaces));
+    assert_true(replace(text, sizeof text, "  pairs:\n", "  pairs:\n    - between: [lid, top]\n"));
+    damage("config/rigs/toy.yaml", text, strlen(text));
+}
+
 static void a_damaged_robot_file_gives_a_rig_or_an_error_with_its_place(void **state)
 {
     (void)state;
@@ -131,6 +156,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_damaged_rig_file_gives_a_rig_or_an_error_with_its_place,
+                                        set_up, tear_down),
+        cmocka_unit_test_setup_teardown(damaged_bodies_give_a_rig_or_an_error_with_its_place,
                                         set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_damaged_robot_file_gives_a_rig_or_an_error_with_its_place,
                                         set_up, tear_down),

@@ -1,0 +1,42 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The contact scenes that are measured: the pairs of surfaces that a robot meets, the paper's five
+ * bodies, and a foot on bumpy ground of more and more triangles. Shared by coman-hil bench contact
+ * and by the program that counts instructions. Not RT-safe.
+ */
+#ifndef RT_BENCH_CONTACT_SCENES_H
+#define RT_BENCH_CONTACT_SCENES_H
+
+#include "contact/contact.h"
+
+#include <stdint.h>
+
+enum {
+    BENCH_SURFACES = 8,
+    BENCH_PAIRS = 8,
+    BENCH_BODIES = 5,
+    BENCH_SCENES = 10,
+};
+
+/* A scene, and where its bodies touch. */
+struct bench_scene {
+    const char *name;
+    size_t faces;     /* triangles in all */
+    double target_us; /* of an evaluation by the native engine; 0: none is set */
+    double place[BENCH_BODIES][3];
+    struct contact_surface surface[BENCH_SURFACES];
+    struct contact_pair pair[BENCH_PAIRS];
+    struct contact_config config; /* of the two above: the scene must not be moved */
+};
+
+/* Fills in the scenes; meshes come from arena and must outlive them, and so must foot. */
+enum error_code bench_scenes_make(struct bench_scene scene[BENCH_SCENES], size_t *nscene,
+                                  const struct mesh *foot, struct arena *arena,
+                                  struct error *error);
+
+/* A motion of all bodies near their places: up to 0.3 mm and 3 mrad off, in slow motion. The same
+ * for the same seed, which must not be 0 and goes on to the next. */
+void bench_scene_draw(const struct bench_scene *scene, uint64_t *seed,
+                      struct contact_motion motion[BENCH_BODIES]);
+
+#endif
