@@ -36,9 +36,6 @@
 enum { COUPLING_STEPS = 16 };
 #define COUPLING_LEFT 1e-10
 
-/* Where the parts of a free body's state begin. */
-enum { FREE_QUATERNION = 3, FREE_VELOCITY = 7, FREE_SPIN = 10 };
-
 static const char crowded[] = "contact: more pairs are in touch than the implicit integrator takes";
 
 /* One pair in touch; bodies as contact motions, -1 = the world. World frame, about center. */
@@ -225,7 +222,7 @@ static void begin_actuators(struct plant *plant, double h)
         size_t j = plant->drive_joint[d];
         struct sea_state drive = plant_drive_state(plant, plant->state, d);
 
-        sea_step_begin(&robot->joint[j].sea, &drive, plant_joint_position(plant, plant->state, j),
+        sea_step_begin(&plant->sea[d], &drive, plant_joint_position(plant, plant->state, j),
                        plant_joint_rate(plant, plant->state, j), plant->voltage[d],
                        plant->bridge_on[d], h, &im->drive[d]);
         im->torque[j] += im->drive[d].torque;
@@ -322,7 +319,7 @@ static void begin_free(struct plant *plant)
     for (size_t b = 0; b < plant->config.nfree; b++) {
         const struct robot_inertia *inertia = &plant->config.free[b].inertia;
         const struct wrench *ext = &plant->ext[robot->nbody + b];
-        const double *w = plant->state + plant->at.free + PLANT_FREE_STATE * b + FREE_SPIN;
+        const double *w = plant->state + plant->at.free + PLANT_FREE_STATE * b + PLANT_FREE_SPIN;
         struct spatial *load = &im->load[b];
         double weight[3], spin[3];
 
@@ -564,10 +561,10 @@ static void move_free(struct plant *plant, double h)
         double linear[3];
 
         mat3_apply(plant->motion[robot->nbody + b].R, a, linear);
-        add_scaled(h, linear, y + FREE_VELOCITY, 3);
-        add_scaled(h, a + 3, y + FREE_SPIN, 3);
-        add_scaled(h, y + FREE_VELOCITY, y, 3);
-        turn_quaternion(y + FREE_SPIN, h, y + FREE_QUATERNION);
+        add_scaled(h, linear, y + PLANT_FREE_VELOCITY, 3);
+        add_scaled(h, a + 3, y + PLANT_FREE_SPIN, 3);
+        add_scaled(h, y + PLANT_FREE_VELOCITY, y, 3);
+        turn_quaternion(y + PLANT_FREE_SPIN, h, y + PLANT_FREE_QUATERNION);
     }
 }
 
@@ -590,7 +587,7 @@ static void move_actuators(struct plant *plant, double h)
         if (work) {
             struct sea_power power;
 
-            sea_power(&robot->joint[j].sea, &drive, qd, plant->voltage[d], &power);
+            sea_power(&plant->sea[d], &drive, qd, plant->voltage[d], &power);
             work[WORK_ELECTRICAL] += h * power.electrical;
             work[WORK_JOULE] += h * power.joule;
             work[WORK_FRICTION] += h * power.friction;

@@ -21,8 +21,18 @@ static void advance(size_t n, const double *y, double h, const double *restrict 
     }
 }
 
+/* y += change and what earlier sums have lost by rounding; keeps what this one loses (Knuth, The Art
+ * of Computer Programming, 4.2.2, theorem B) */
+static void add_exactly(double change, double *y, double *lost)
+{
+    double part = change + *lost, sum = *y + part, taken = sum - *y;
+
+    *lost = (*y - (sum - taken)) + (part - taken);
+    *y = sum;
+}
+
 void integrator_rk4(integrator_function *f, void *context, double t, double h, size_t n, double *y,
-                    double *scratch)
+                    double *lost, double *scratch)
 {
     double *k1 = scratch, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n, *stage = k4 + n;
 
@@ -35,7 +45,7 @@ void integrator_rk4(integrator_function *f, void *context, double t, double h, s
     f(context, t + h, stage, k4);
 
     for (size_t i = 0; i < n; i++) {
-        y[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+        add_exactly(h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]), &y[i], &lost[i]);
     }
 }
 

@@ -16,9 +16,11 @@ typedef void integrator_function(void *context, double t, const double *y, doubl
 size_t integrator_rk4_scratch(size_t n);
 
 /* Advances y (n) from t by h seconds with the classical fourth-order Runge-Kutta scheme (Hairer,
- * Norsett, Wanner, Solving ODEs I, II.1, table 1.2). */
+ * Norsett, Wanner, Solving ODEs I, II.1, table 1.2). lost (n) is what rounding has cut off y; it
+ * comes back with the next call, so that many short steps do not add up their roundings (Hairer,
+ * Lubich, Wanner, Geometric Numerical Integration, VIII.5). Zero where y begins or is set. */
 void integrator_rk4(integrator_function *f, void *context, double t, double h, size_t n, double *y,
-                    double *scratch);
+                    double *lost, double *scratch);
 
 /* What the adaptive scheme goes by, and what it remembers from one call to the next. */
 struct integrator_dopri5 {

@@ -125,7 +125,7 @@ static void apply_actuators(struct plant *plant, const double *state)
         struct sea_state drive = plant_drive_state(plant, state, d);
 
         plant->tau[j] +=
-            sea_torque(&robot->joint[j].sea, &drive, plant_joint_position(plant, state, j),
+            sea_torque(&plant->sea[d], &drive, plant_joint_position(plant, state, j),
                        plant_joint_rate(plant, state, j));
     }
     for (size_t s = 0; s < plant->nspring; s++) {
@@ -137,13 +137,17 @@ static void apply_actuators(struct plant *plant, const double *state)
     }
 }
 
-/* in the jig: no wrench on the robot, no acceleration; what acts on free bodies stays */
-static void feel_nothing(struct plant *plant)
+/* in the jig: no acceleration, and no wrench on the robot unless it stands on its own; what acts on
+ * free bodies stays */
+static void feel_jig(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
 
-    memset(plant->ext, 0, robot->nbody * sizeof *plant->ext);
     memset(plant->vdot, 0, robot->nv * sizeof *plant->vdot);
+    if (plant->balanced) {
+        return;
+    }
+    memset(plant->ext, 0, robot->nbody * sizeof *plant->ext);
     for (size_t c = 0; c < plant->config.ncontact; c++) {
         if ((size_t)plant->config.contact_body[c] < robot->nbody) {
             plant->contact_wrench[c] = (struct contact_wrench){0};
@@ -155,7 +159,7 @@ enum error_code plant_load_bodies(struct plant *plant, const double *state, stru
 {
     plant_place(plant, state);
     *load = (struct plant_load){0.0, 0.0};
-    if (plant->clamped && plant->config.nfree == 0) {
+    if (plant->clamped && !plant->balanced && plant->config.nfree == 0) {
         return ERROR_NONE;
     }
     return apply_loads(plant, state + plant->at.v, load);
@@ -172,7 +176,7 @@ enum error_code plant_evaluate(struct plant *plant, const double *state, struct 
         return code;
     }
     if (plant->clamped) {
-        feel_nothing(plant);
+        feel_jig(plant);
         return ERROR_NONE;
     }
     apply_actuators(plant, state);
@@ -187,7 +191,7 @@ static void derive_drives(const struct plant *plant, const double *state, double
 {
     for (size_t d = 0; d < plant->ndrive; d++) {
         size_t j = plant->drive_joint[d];
-        const struct robot_sea *sea = &plant->config.robot->joint[j].sea;
+        const struct robot_sea *sea = &plant->sea[d];
         double q = plant_joint_position(plant, state, j), qd = plant_joint_rate(plant, state, j);
         double *out = derivative + plant->at.drive + 3 * d;
         struct sea_state drive = plant_drive_state(plant, state, d), rate;
@@ -254,25 +258,86 @@ static void derive(void *context, double t, const double *state, double *derivat
     }
 }
 
+/* A rotor that is held fast is one of this inertia, kg m2: whatever the integrator, it keeps its
+ * place to the last bit. */
+#define JAMMED_INERTIA 1e30
+
+/* Changes what a drive is; the energy that is gone with it counts as friction. */
+static void set_condition(struct plant *plant, size_t d, unsigned condition)
+{
+    size_t j = plant->drive_joint[d];
+    struct sea_state drive = plant_drive_state(plant, plant->state, d);
+    double q = plant_joint_position(plant, plant->state, j);
+    double before = sea_energy(&plant->sea[d], &drive, q);
+    struct robot_sea *sea = &plant->sea[d];
+
+    if ((condition ^ plant->condition[d]) & DRIVE_JAM) {
+        drive.qmd = 0.0;
+        plant->state[plant->at.drive + 3 * d + 1] = 0.0;
+    }
+    plant->condition[d] = condition;
+    plant->lost[plant->at.drive + 3 * d + 1] = 0.0;
+    *sea = plant->config.robot->joint[j].sea;
+    if (condition & DRIVE_SPRING_BREAK) {
+        sea->Ks = sea->Ds = 0.0;
+    }
+    if (condition & DRIVE_JAM || plant->balanced) {
+        sea->J = JAMMED_INERTIA;
+    }
+    if (plant->config.account_energy) {
+        plant->state[plant->at.work + WORK_FRICTION] += before - sea_energy(sea, &drive, q);
+    }
+}
+
+void plant_balance(struct plant *plant, bool balanced)
+{
+    plant->balanced = balanced;
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        plant->state[plant->at.drive + 3 * d + 1] = 0.0;
+        set_condition(plant, d, plant->condition[d]);
+    }
+}
+
+/* V of V = source - R P / V, where P is what the bridges take; half of the source when it cannot
+ * give so much. */
+double plant_supply(const struct plant *plant)
+{
+    double source = fmax(0.0, plant->config.supply_v - plant->command.supply_sag_v), power = 0.0;
+    double rest;
+
+    if (plant->config.supply_ohm == 0.0) {
+        return source;
+    }
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        power += plant->voltage[d] * plant->state[plant->at.drive + 3 * d + 2];
+    }
+    rest = 0.25 * source * source - plant->config.supply_ohm * power;
+    return 0.5 * source + sqrt(fmax(0.0, rest));
+}
+
 /* takes the command over for the coming steps, of seconds in all */
 static void hold_command(struct plant *plant, double seconds)
 {
-    double supply = plant->config.supply_v;
+    double supply = plant_supply(plant);
 
     for (size_t d = 0; d < plant->ndrive; d++) {
         const struct motor_command *motor = &plant->command.motor[plant->drive_joint[d]];
         double voltage = isnan(motor->voltage_v) ? 0.0 : motor->voltage_v;
         double *I = &plant->state[plant->at.drive + 3 * d + 2];
+        bool shorted = motor->condition & DRIVE_SHORT, open = motor->condition & DRIVE_OPEN_PHASE;
 
-        plant->bridge_on[d] = motor->bridge_on;
-        plant->voltage[d] = motor->bridge_on ? fmax(-supply, fmin(supply, voltage)) : 0.0;
-        if (!motor->bridge_on) {
+        if (motor->condition != plant->condition[d]) {
+            set_condition(plant, d, motor->condition);
+        }
+        plant->bridge_on[d] = (motor->bridge_on || shorted) && !open;
+        plant->voltage[d] =
+            plant->bridge_on[d] && !shorted ? fmax(-supply, fmin(supply, voltage)) : 0.0;
+        if (!plant->bridge_on[d]) {
             if (plant->config.account_energy) {
-                double L = plant->config.robot->joint[plant->drive_joint[d]].sea.L;
-
-                plant->state[plant->at.work + WORK_JOULE] += 0.5 * L * *I * *I;
+                plant->state[plant->at.work + WORK_JOULE] += 0.5 * plant->sea[d].L * *I * *I;
             }
             *I = 0.0;
+            plant->lost[plant->at.drive + 3 * d + 2] = 0.0;
         }
     }
     for (size_t s = 0; s < plant->nspring; s++) {
@@ -312,7 +377,7 @@ static enum error_code integrate(struct plant *plant, double h)
     }
     plant->step_code = ERROR_NONE;
     if (config->integrator == PLANT_RK4) {
-        integrator_rk4(derive, plant, 0.0, h, count, plant->state, plant->scratch);
+        integrator_rk4(derive, plant, 0.0, h, count, plant->state, plant->lost, plant->scratch);
     } else if (!integrator_dopri5(derive, plant, 0.0, h, count, plant->state, &plant->dopri5,
                                   plant->scratch) &&
                plant->step_code == ERROR_NONE) {
@@ -371,6 +436,7 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
     enum error_code code;
 
     memset(plant->state, 0, plant->at.count * sizeof *plant->state);
+    memset(plant->lost, 0, plant->at.count * sizeof *plant->lost);
     if (robot->floating) {
         memcpy(plant->state, base_position, 3 * sizeof *base_position);
         memcpy(plant->state + QUATERNION, base_quaternion, 4 * sizeof *base_quaternion);
@@ -381,12 +447,15 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
         plant->state[plant->at.drive + 3 * d] = joint[plant->drive_joint[d]];
         plant->voltage[d] = 0.0;
         plant->bridge_on[d] = false;
+        plant->condition[d] = 0;
+        plant->sea[d] = robot->joint[plant->drive_joint[d]].sea;
     }
     settle_pretensions(plant);
     plant_free_reset(plant);
     memset(plant->pretension_rate, 0, plant->nspring * sizeof *plant->pretension_rate);
     memset(plant->push, 0, (robot->nbody + plant->config.nfree) * sizeof *plant->push);
     plant->pushing = false;
+    plant->balanced = false;
     plant->time_ns = 0;
     plant->failure = "";
     plant->dopri5.next = plant->dopri5.last_error = 0.0;
@@ -413,6 +482,9 @@ void plant_clamp(struct plant *plant, bool clamped)
     plant->clamped = clamped;
     if (clamped) {
         memset(plant->state + plant->at.v, 0, plant->config.robot->nv * sizeof *plant->state);
+        memset(plant->lost + plant->at.v, 0, plant->config.robot->nv * sizeof *plant->lost);
+    } else if (plant->balanced) {
+        plant_balance(plant, false);
     }
 }
 
@@ -531,6 +603,11 @@ static enum error_code check_config(const struct plant_config *config, struct er
         return error_set(error, ERROR_INPUT, "the supply is %g V, expected more than 0",
                          config->supply_v);
     }
+    if (!(config->supply_ohm >= 0.0) || !isfinite(config->supply_ohm)) {
+        return error_set(error, ERROR_INPUT,
+                         "the supply's resistance is %g ohm, expected 0 or more",
+                         config->supply_ohm);
+    }
     if ((config->contact != NULL) != (config->ncontact > 0)) {
         return error_set(error, ERROR_INPUT, "contact bodies: found %zu with %s contact engine",
                          config->ncontact, config->contact ? "a" : "no");
@@ -577,6 +654,8 @@ static bool allocate(struct plant *plant, struct arena *arena)
     TAKE(plant->sensors.motor, robot->njoint);
     TAKE(plant->sensors.ft, robot->nft);
     TAKE(plant->push, nbody);
+    TAKE(plant->sea, plant->ndrive);
+    TAKE(plant->condition, plant->ndrive);
     TAKE(plant->voltage, plant->ndrive);
     TAKE(plant->bridge_on, plant->ndrive);
     TAKE(plant->pretension_rate, plant->nspring);
@@ -589,6 +668,7 @@ static bool allocate(struct plant *plant, struct arena *arena)
     TAKE(plant->contact_wrench, ncontact);
     TAKE(plant->whole_motion, robot->nbody);
     TAKE(plant->last_good, count);
+    TAKE(plant->lost, count);
     if (plant->config.integrator == PLANT_IMPLICIT) {
         plant->implicit = implicit_create(plant, arena);
         ok = ok && plant->implicit;
@@ -630,6 +710,7 @@ static void number_actuators(struct plant *plant)
 
     for (size_t j = 0; j < robot->njoint; j++) {
         if (robot->joint[j].sea.present) {
+            plant->sea[drive] = robot->joint[j].sea;
             plant->drive_joint[drive++] = j;
         }
         if (robot->joint[j].spring.present && robot->joint[j].spring.enabled) {

@@ -14,6 +14,9 @@
  *
  * A command is held over one call of plant_step: voltages stay, the pretension of a parallel spring
  * moves at a constant rate so that it is reached at the end of the call.
+ *
+ * A drive in a condition (plant_io.h) is one whose parameters differ: what its spring or its rotor
+ * had stored when it broke or jammed counts as motor friction.
  */
 #ifndef MODEL_PLANT_H
 #define MODEL_PLANT_H
@@ -55,6 +58,7 @@ struct plant_config {
     int64_t substep_ns;  /* h */
     double rtol, atol;   /* of dopri5, for each number of the state */
     double supply_v;     /* terminal voltages are clipped to +-supply_v */
+    double supply_ohm;   /* of the source: the supply sags under load; 0 = none */
     bool account_energy; /* integrate the power balance too (plant_energy) */
 };
 
@@ -154,8 +158,10 @@ void plant_set_push(struct plant *plant, int body, const double force[3], const 
 /* Clamps every link where it is, as in a jig, or lets go: while clamped nothing of the robot moves
  * but the drives behind their springs, and it feels neither contacts nor pushes (the jig takes
  * them: its bodies' wrenches read zero). Free bodies live on, and lean on a clamped robot as on a
- * rock. A robot starts clamped so that it does not fall before its motors are on. Clamping stops the links;
- * plant_reset leaves the clamp as it is. RT-safe. */
+ * rock. A robot starts clamped so that it does not fall before its motors are on. Clamping stops the
+ * links; plant_reset leaves the clamp as it is. After plant_settle the jig holds the rotors too, like
+ * brakes that are let go with the links, and carries nothing: the contacts do, and are felt.
+ * RT-safe. */
 void plant_clamp(struct plant *plant, bool clamped);
 bool plant_is_clamped(const struct plant *plant);
 

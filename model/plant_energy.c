@@ -22,7 +22,7 @@ static double stored_mechanical(struct plant *plant)
         size_t j = plant->drive_joint[d];
         struct sea_state drive = plant_drive_state(plant, state, d);
 
-        energy += sea_energy(&robot->joint[j].sea, &drive, plant_joint_position(plant, state, j));
+        energy += sea_energy(&plant->sea[d], &drive, plant_joint_position(plant, state, j));
     }
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];

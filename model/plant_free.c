@@ -12,9 +12,6 @@
 
 #include <string.h>
 
-/* Where the parts of one body's state begin. */
-enum { POSITION = 0, QUATERNION = 3, VELOCITY = 7, SPIN = 10 };
-
 /* The smallest pivot of a tensor that can be inverted, relative to its trace. */
 #define SINGULAR_RATIO 1e-12
 
@@ -100,13 +97,13 @@ void plant_free_reset(struct plant *plant)
 
         mat3_from_quaternion(body->quaternion, R);
         mat3_apply(R, body->inertia.com, arm);
-        memcpy(y + VELOCITY, body->v, sizeof body->v);
-        vec3_add_cross(body->w, arm, y + VELOCITY);
+        memcpy(y + PLANT_FREE_VELOCITY, body->v, sizeof body->v);
+        vec3_add_cross(body->w, arm, y + PLANT_FREE_VELOCITY);
         for (int i = 0; i < 3; i++) {
-            y[POSITION + i] = body->position[i] + arm[i];
+            y[i] = body->position[i] + arm[i];
         }
-        memcpy(y + QUATERNION, body->quaternion, sizeof body->quaternion);
-        mat3_apply_transposed(R, body->w, y + SPIN);
+        memcpy(y + PLANT_FREE_QUATERNION, body->quaternion, sizeof body->quaternion);
+        mat3_apply_transposed(R, body->w, y + PLANT_FREE_SPIN);
     }
     plant_free_normalize(plant);
 }
@@ -114,7 +111,7 @@ void plant_free_reset(struct plant *plant)
 void plant_free_normalize(struct plant *plant)
 {
     for (size_t b = 0; b < plant->config.nfree; b++) {
-        plant_normalize_quaternion(state_of(plant, plant->state, b) + QUATERNION);
+        plant_normalize_quaternion(state_of(plant, plant->state, b) + PLANT_FREE_QUATERNION);
     }
 }
 
@@ -127,13 +124,13 @@ void plant_free_place(struct plant *plant, const double *state)
         double arm[3];
 
         /* the origin of its frame is where the center of mass is not */
-        mat3_from_quaternion(y + QUATERNION, motion->R);
+        mat3_from_quaternion(y + PLANT_FREE_QUATERNION, motion->R);
         mat3_apply(motion->R, plant->config.free[b].inertia.com, arm);
-        mat3_apply(motion->R, y + SPIN, motion->w);
-        memcpy(motion->v, y + VELOCITY, sizeof motion->v);
+        mat3_apply(motion->R, y + PLANT_FREE_SPIN, motion->w);
+        memcpy(motion->v, y + PLANT_FREE_VELOCITY, sizeof motion->v);
         vec3_add_cross(arm, motion->w, motion->v);
         for (int i = 0; i < 3; i++) {
-            motion->p[i] = y[POSITION + i] - arm[i];
+            motion->p[i] = y[i] - arm[i];
         }
     }
 }
@@ -174,13 +171,15 @@ void plant_free_derive(const struct plant *plant, const double *state, double *d
         double *out = state_of(plant, derivative, b);
         double force[3];
 
-        memcpy(out + POSITION, y + VELOCITY, 3 * sizeof *out);
-        quaternion_rate(y + QUATERNION, y + SPIN, out + QUATERNION);
+        memcpy(out, y + PLANT_FREE_VELOCITY, 3 * sizeof *out);
+        quaternion_rate(y + PLANT_FREE_QUATERNION, y + PLANT_FREE_SPIN,
+                        out + PLANT_FREE_QUATERNION);
         mat3_apply(plant->motion[robot->nbody + b].R, ext->force, force);
         for (int i = 0; i < 3; i++) {
-            out[VELOCITY + i] = robot->gravity[i] + force[i] / plant->config.free[b].inertia.mass;
+            out[PLANT_FREE_VELOCITY + i] =
+                robot->gravity[i] + force[i] / plant->config.free[b].inertia.mass;
         }
-        spin_rate(plant, b, y + SPIN, ext, out + SPIN);
+        spin_rate(plant, b, y + PLANT_FREE_SPIN, ext, out + PLANT_FREE_SPIN);
     }
 }
 
@@ -194,10 +193,10 @@ double plant_free_energy(const struct plant *plant, const double *state)
         const double *y = view_of(plant, state, b);
         double momentum[3];
 
-        sym3_apply(inertia->I, y + SPIN, momentum);
-        energy += 0.5 * vec3_dot(momentum, y + SPIN);
-        energy += 0.5 * inertia->mass * vec3_dot(y + VELOCITY, y + VELOCITY);
-        energy -= inertia->mass * vec3_dot(gravity, y + POSITION);
+        sym3_apply(inertia->I, y + PLANT_FREE_SPIN, momentum);
+        energy += 0.5 * vec3_dot(momentum, y + PLANT_FREE_SPIN);
+        energy += 0.5 * inertia->mass * vec3_dot(y + PLANT_FREE_VELOCITY, y + PLANT_FREE_VELOCITY);
+        energy -= inertia->mass * vec3_dot(gravity, y);
     }
     return energy;
 }
@@ -207,12 +206,12 @@ void plant_free_pose(const struct plant *plant, size_t i, double pose[7])
     const double *y = view_of(plant, plant->state, i);
     double R[9], arm[3];
 
-    mat3_from_quaternion(y + QUATERNION, R);
+    mat3_from_quaternion(y + PLANT_FREE_QUATERNION, R);
     mat3_apply(R, plant->config.free[i].inertia.com, arm);
     for (int k = 0; k < 3; k++) {
-        pose[k] = y[POSITION + k] - arm[k];
+        pose[k] = y[k] - arm[k];
     }
-    memcpy(pose + 3, y + QUATERNION, 4 * sizeof *pose);
+    memcpy(pose + 3, y + PLANT_FREE_QUATERNION, 4 * sizeof *pose);
 }
 
 const struct body_motion *plant_free_motion(const struct plant *plant)

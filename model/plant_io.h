@@ -11,16 +11,26 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* What can be broken of a drive; bits, 0 = sound. */
+enum drive_condition {
+    DRIVE_OPEN_PHASE = 1 << 0,   /* no current, whatever the bridge does */
+    DRIVE_SHORT = 1 << 1,        /* the winding is shorted: 0 V across it, so that it brakes */
+    DRIVE_JAM = 1 << 2,          /* the rotor is locked where it is */
+    DRIVE_SPRING_BREAK = 1 << 3, /* Ks = Ds = 0: the link hangs loose */
+};
+
 /* One drive's bridge for the coming tick. */
 struct motor_command {
     bool bridge_on;      /* false: the bridge is open, the winding carries no current */
     double voltage_v;    /* average terminal voltage; the plant clips it to +-supply */
     double pretension_m; /* p of the parallel spring, paper eq. (5) */
+    unsigned condition;  /* of the drive: bits of enum drive_condition */
 };
 
 struct plant_command {
     size_t njoint;
     struct motor_command *motor; /* by joint index of the robot */
+    double supply_sag_v;         /* how far the source is below its nominal voltage (brown-out) */
 };
 
 /* One joint as it truly is; link side of the gear. */
@@ -30,6 +40,7 @@ struct motor_sense {
     double current_a; /* motor current I^m */
     double torque_nm; /* on the link: Ks (qm - q) + Ds (qm' - q') */
     double voltage_v; /* applied, after saturation */
+    double winding_c; /* temperature, deg C; only where boards/sensing.h models it, else 0 */
 };
 
 struct ft_sense {

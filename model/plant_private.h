@@ -8,6 +8,9 @@
 #include "model/integrator.h"
 #include "model/plant.h"
 
+/* Where the parts of a free body's PLANT_FREE_STATE values begin; its position comes first. */
+enum { PLANT_FREE_QUATERNION = 3, PLANT_FREE_VELOCITY = 7, PLANT_FREE_SPIN = 10 };
+
 /* Integrals of powers at the end of the state. WORK_CONTACT is what contact does on the bodies. */
 enum plant_work {
     WORK_ELECTRICAL,
@@ -48,9 +51,12 @@ struct plant {
     struct wrench *push; /* by body, world frame */
     bool pushing;        /* some push is not zero */
     bool clamped;        /* links held in a jig */
+    bool balanced;       /* ... that holds the rotors too and carries nothing: plant_settle */
 
     /* held over a step */
-    double *voltage; /* of each drive, after saturation */
+    struct robot_sea *sea; /* of each drive, as its condition leaves it */
+    unsigned *condition;   /* of each drive: bits of enum drive_condition */
+    double *voltage;       /* of each drive, after saturation */
     bool *bridge_on;
     double *pretension_rate; /* of each parallel spring */
 
@@ -63,6 +69,7 @@ struct plant {
     struct contact_wrench *contact_wrench;
     struct body_motion *whole_motion; /* of the robot's bodies */
     double *last_good, *scratch;
+    double *lost; /* of the state, by rounding (integrator_rk4) */
     struct integrator_dopri5 dopri5;
     struct implicit *implicit; /* NULL with another integrator */
 
@@ -89,6 +96,13 @@ static inline struct sea_state plant_drive_state(const struct plant *plant, cons
 
     return (struct sea_state){.qm = y[0], .qmd = y[1], .I = y[2]};
 }
+
+/* Voltage of the supply in the present state, under the load of the bridges. */
+double plant_supply(const struct plant *plant);
+
+/* Makes a clamped robot's jig one that holds the rotors too and carries nothing, or one as before;
+ * rotors stop. */
+void plant_balance(struct plant *plant, bool balanced);
 
 /* Joint position and rate of joint j. */
 static inline double plant_joint_position(const struct plant *plant, const double *state, size_t j)

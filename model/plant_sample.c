@@ -104,7 +104,7 @@ static void sample_motors(struct plant *plant)
         motor[j].qm = drive.qm;
         motor[j].qmd = drive.qmd;
         motor[j].current_a = drive.I;
-        motor[j].torque_nm = sea_torque(&robot->joint[j].sea, &drive, motor[j].q, motor[j].qd);
+        motor[j].torque_nm = sea_torque(&plant->sea[d], &drive, motor[j].q, motor[j].qd);
         motor[j].voltage_v = plant->voltage[d];
     }
 }
@@ -127,7 +127,7 @@ enum error_code plant_sample(struct plant *plant)
     memcpy(plant->sampled_wrench, plant->contact_wrench,
            plant->config.ncontact * sizeof *plant->sampled_wrench);
     plant->sensors.time_ns = plant->time_ns;
-    plant->sensors.supply_v = plant->config.supply_v;
+    plant->sensors.supply_v = plant_supply(plant);
     sample_motors(plant);
     for (size_t f = 0; f < robot->nft; f++) {
         sample_ft(plant, &robot->ft[f], &plant->sensors.ft[f]);

@@ -132,6 +132,17 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
  * of what passes are not singular. Not RT-safe. */
 enum error_code robot_finish(struct robot *robot, struct error *error);
 
+/* A copy that may be changed: bodies, joints and frames are its own, the rest is shared. Memory from
+ * arena. Not RT-safe. */
+enum error_code robot_copy(const struct robot *robot, struct arena *arena, struct robot **copy,
+                           struct error *error);
+
+/* Fixes a floating base at that position (m) and quaternion (wxyz, of unit length) in the world, as
+ * a jig holds it. The base's frame becomes that of the world: what hangs on it is described from there
+ * on. Checks as robot_finish. Not RT-safe. */
+enum error_code robot_fix_base(struct robot *robot, const double position[3],
+                               const double quaternion[4], struct error *error);
+
 /* Checks that mass properties are those of some body: the error says why not, but not whose they
  * are. Not RT-safe. */
 enum error_code robot_check_inertia(const struct robot_inertia *inertia, struct error *error);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The generated modules that are part of the program (config/robots' robots, default variants), and
+/* The generated modules that are part of the program (for the robots of config/rigs), and
  * the choice among what computes a robot's dynamics. */
 #ifndef MODEL_SYMBOLIC_BUILTIN_H
 #define MODEL_SYMBOLIC_BUILTIN_H

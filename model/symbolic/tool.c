@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The generator as a program of the build: ROBOT.yaml FILE.c. The user's command is
- * coman-hil generate, which itself contains what this program writes.
+ * The generator as a program of the build: ROBOT.yaml FILE.c NAME [VARIANT], for a module function
+ * NAME_dynamics. The user's command is coman-hil generate, which itself contains what this program
+ * writes.
  */
 #include "model/symbolic/symbolic.h"
 
@@ -11,26 +12,29 @@ int main(int argc, char **argv)
 {
     const struct symbolic_options options = {.lanes = 4};
     const struct robot *robot;
+    struct robot *named;
     enum error_code code;
     struct error error;
     struct arena arena;
     FILE *file;
 
-    if (argc != 3) {
-        fprintf(stderr, "usage: %s ROBOT.yaml FILE.c\n", argv[0]);
+    if (argc != 4 && argc != 5) {
+        fprintf(stderr, "usage: %s ROBOT.yaml FILE.c NAME [VARIANT]\n", argv[0]);
         return 2;
     }
     if (arena_init(&arena, (size_t)64 << 20, &error) ||
-        robot_load(argv[1], NULL, &arena, &robot, &error)) {
+        robot_load(argv[1], argc == 5 ? argv[4] : NULL, &arena, &robot, &error) ||
+        robot_copy(robot, &arena, &named, &error)) {
         fprintf(stderr, "%s\n", error.text);
         return 2;
     }
+    named->name = argv[3];
     file = fopen(argv[2], "w");
     if (!file) {
         perror(argv[2]);
         return 3;
     }
-    code = symbolic_generate(robot, &options, file, NULL, &error);
+    code = symbolic_generate(named, &options, file, NULL, &error);
     if (fclose(file) && !code) {
         code = error_set(&error, ERROR_SYSTEM, "%s cannot be written", argv[2]);
     }

@@ -71,10 +71,10 @@ static void bench_derivative(void *context, double t, const double *y, double *d
 /* One step from step k on the grid of h. */
 static void bench_step(struct bench *bench, int k, double h, double *y)
 {
-    double scratch[5 * STATES];
+    double lost[STATES] = {0.0}, scratch[5 * STATES];
 
     assert_true(integrator_rk4_scratch(STATES) <= sizeof scratch / sizeof scratch[0]);
-    integrator_rk4(bench_derivative, bench, k * h, h, STATES, y, scratch);
+    integrator_rk4(bench_derivative, bench, k * h, h, STATES, y, lost, scratch);
 }
 
 static void bench_run(struct bench *bench, double seconds, double h, double *y)

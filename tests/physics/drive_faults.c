@@ -1,0 +1,316 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Broken drives and a weak supply against their closed solutions, with each integrator. The links
+ * are clamped, so that a drive is alone with its spring, or fall in the air, for the balance.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "tests/physics/plant_rig.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { HIP = 0, SUBSTEP_NS = 100000, STEPS_A_MS = 10 };
+
+static const enum plant_integrator integrators[] = {PLANT_RK4, PLANT_IMPLICIT, PLANT_DOPRI5};
+enum { INTEGRATORS = sizeof integrators / sizeof integrators[0] };
+
+static void assert_close(double value, double expected, double tolerance)
+{
+    if (!(fabs(value - expected) <= tolerance)) {
+        fail_msg("found %.12g, expected %.12g within %g", value, expected, tolerance);
+    }
+}
+
+static const struct motor_sense *hip(const struct plant_rig *rig)
+{
+    return &plant_sensors(rig->plant)->motor[HIP];
+}
+
+/* of SUBSTEP_NS each */
+static void run(struct plant_rig *rig, int milliseconds)
+{
+    assert_int_equal(plant_step(rig->plant, (size_t)(milliseconds * STEPS_A_MS)), ERROR_NONE);
+    assert_int_equal(plant_sample(rig->plant), ERROR_NONE);
+}
+
+static struct motor_command *start(struct plant_rig *rig, enum plant_integrator integrator)
+{
+    plant_rig_walker_with(rig, false, integrator, SUBSTEP_NS, 0.0);
+    plant_clamp(rig->plant, true);
+    plant_rig_reset(rig, 1.0);
+    return &plant_command(rig->plant)->motor[HIP];
+}
+
+/* First order for the implicit integrator, which is what it promises. With h R/L = 0.2 a step of
+ * rk4 errs by 0.2^5/120 of what the winding's current has still to go. */
+static double tolerance(enum plant_integrator integrator, double loose)
+{
+    return integrator == PLANT_IMPLICIT ? loose : integrator == PLANT_RK4 ? 1e-4 : 1e-6;
+}
+
+static void open_phase_carries_no_current_whatever_the_bridge_does(void **unused)
+{
+    (void)unused;
+    for (int i = 0; i < INTEGRATORS; i++) {
+        struct plant_rig rig;
+        struct motor_command *motor = start(&rig, integrators[i]);
+        double qm;
+
+        motor->bridge_on = true;
+        motor->voltage_v = 10.0;
+        run(&rig, 5);
+        assert_true(hip(&rig)->current_a > 1.0);
+        motor->condition = DRIVE_OPEN_PHASE;
+        run(&rig, 1);
+        assert_true(hip(&rig)->current_a == 0.0 && hip(&rig)->voltage_v == 0.0);
+        run(&rig, 4000);
+        qm = hip(&rig)->qm;
+        assert_true(hip(&rig)->current_a == 0.0);
+        assert_close(qm, hip(&rig)->q, 2e-3); /* nothing holds the spring */
+        motor->condition = 0;
+        run(&rig, 5);
+        assert_true(hip(&rig)->current_a > 1.0);
+        plant_rig_fini(&rig);
+    }
+}
+
+/* J qm'' = -Dm qm' when the spring is gone and no current flows */
+static void rotor_with_a_broken_spring_coasts_to_rest(void **unused)
+{
+    (void)unused;
+    for (int i = 0; i < INTEGRATORS; i++) {
+        struct plant_rig rig;
+        struct motor_command *motor = start(&rig, integrators[i]);
+        const struct robot_sea sea = rig.toy.joint[HIP].sea;
+        double speed;
+
+        motor->bridge_on = true;
+        motor->voltage_v = 10.0;
+        motor->condition = DRIVE_SPRING_BREAK;
+        run(&rig, 100);
+        speed = hip(&rig)->qmd;
+        assert_true(speed > 2.0);
+        assert_true(hip(&rig)->torque_nm == 0.0);
+        motor->bridge_on = false;
+        run(&rig, 200);
+        assert_close(hip(&rig)->qmd, speed * exp(-sea.Dm / sea.J * 0.2),
+                     tolerance(integrators[i], 1e-4));
+        plant_rig_fini(&rig);
+    }
+}
+
+/* L I' = -R I - Kw qm', J qm'' = Kt I - Dm qm': two eigenvalues, the slow one is left after L/R */
+static void shorted_winding_brakes_a_loose_rotor(void **unused)
+{
+    (void)unused;
+    for (int i = 0; i < INTEGRATORS; i++) {
+        struct plant_rig rig;
+        struct motor_command *motor = start(&rig, integrators[i]);
+        const struct robot_sea sea = rig.toy.joint[HIP].sea;
+        double a = sea.R / sea.L, b = sea.Dm / sea.J;
+        double mean = 0.5 * (a + b), product = a * b + sea.Kt * sea.Kw / (sea.J * sea.L);
+        double slow = mean - sqrt(mean * mean - product);
+        double speed;
+
+        motor->bridge_on = true;
+        motor->voltage_v = 10.0;
+        motor->condition = DRIVE_SPRING_BREAK;
+        run(&rig, 100);
+        motor->condition |= DRIVE_SHORT;
+        run(&rig, 10); /* twenty times L/R */
+        speed = hip(&rig)->qmd;
+        assert_true(hip(&rig)->current_a < 0.0); /* it generates */
+        run(&rig, 5);
+        assert_close(hip(&rig)->qmd / speed, exp(-slow * 0.005), tolerance(integrators[i], 1e-2));
+        plant_rig_fini(&rig);
+    }
+}
+
+/* shorted, the bridge may be off or on: the same */
+static void short_does_not_ask_the_bridge(void **unused)
+{
+    struct plant_rig rig;
+    struct motor_command *motor;
+    double speed[2];
+
+    (void)unused;
+    for (int on = 0; on < 2; on++) {
+        motor = start(&rig, PLANT_RK4);
+        motor->bridge_on = true;
+        motor->voltage_v = 10.0;
+        run(&rig, 5);
+        motor->condition = DRIVE_SHORT;
+        motor->bridge_on = on;
+        run(&rig, 3);
+        speed[on] = hip(&rig)->qmd;
+        plant_rig_fini(&rig);
+    }
+    assert_true(speed[0] == speed[1]);
+}
+
+/* qm' = 0, so L I' = V - R I */
+static void jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current(void **unused)
+{
+    (void)unused;
+    for (int i = 0; i < INTEGRATORS; i++) {
+        struct plant_rig rig;
+        struct motor_command *motor = start(&rig, integrators[i]);
+        const struct robot_sea sea = rig.toy.joint[HIP].sea;
+        double qm;
+
+        motor->bridge_on = true;
+        motor->voltage_v = 10.0;
+        run(&rig, 5);
+        motor->voltage_v = 0.0;
+        motor->condition = DRIVE_JAM;
+        run(&rig, 20);
+        qm = hip(&rig)->qm;
+        assert_close(hip(&rig)->current_a, 0.0, 1e-9);
+        motor->voltage_v = 6.64;
+        run(&rig, 1);
+        assert_close(hip(&rig)->current_a, 10.0 * (1.0 - exp(-sea.R / sea.L * 1e-3)),
+                     tolerance(integrators[i], 0.3));
+        run(&rig, 20);
+        assert_close(hip(&rig)->current_a, 10.0, 1e-6);
+        assert_true(hip(&rig)->qm == qm);
+        assert_close(hip(&rig)->qmd, 0.0, 1e-20);
+        motor->condition = 0;
+        run(&rig, 20);
+        assert_true(hip(&rig)->qm != qm);
+        plant_rig_fini(&rig);
+    }
+}
+
+static void energy_that_breaks_away_counts_as_friction(void **unused)
+{
+    static const unsigned breaks[] = {DRIVE_JAM, DRIVE_SPRING_BREAK, DRIVE_OPEN_PHASE, DRIVE_SHORT,
+                                      DRIVE_JAM | DRIVE_SPRING_BREAK};
+
+    (void)unused;
+    for (size_t k = 0; k < sizeof breaks / sizeof breaks[0]; k++) {
+        struct plant_rig rig;
+        struct plant_energy energy;
+        struct plant_command *command;
+
+        plant_rig_walker_with(&rig, false, PLANT_RK4, SUBSTEP_NS / 5, 0.0);
+        plant_rig_reset(&rig, 1.0);
+        command = plant_command(rig.plant);
+        plant_rig_random_voltages(&rig, 15.0);
+        run(&rig, 250); /* 50 ms of the short substeps */
+        for (size_t j = 0; j < 4; j++) {
+            command->motor[j].condition = breaks[k];
+        }
+        run(&rig, 250);
+        for (size_t j = 0; j < 4; j++) {
+            command->motor[j].condition = 0;
+        }
+        run(&rig, 250);
+        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        assert_true(energy.electrical_in > 1.0);
+        assert_close(energy.balance, 0.0, 1e-6);
+        plant_rig_fini(&rig);
+    }
+}
+
+static void condition_ends_with_a_reset(void **unused)
+{
+    struct plant_rig rig;
+    struct motor_command *motor = start(&rig, PLANT_RK4);
+    uint64_t sound;
+
+    (void)unused;
+    run(&rig, 5);
+    sound = plant_hash(rig.plant);
+    motor->condition = DRIVE_JAM | DRIVE_SPRING_BREAK;
+    run(&rig, 5);
+    motor->condition = 0;
+    plant_rig_reset(&rig, 1.0);
+    run(&rig, 5);
+    assert_true(plant_hash(rig.plant) == sound);
+    plant_rig_fini(&rig);
+}
+
+/* ---- the supply ---- */
+
+static struct plant *make_weak(struct plant_rig *rig, double ohm)
+{
+    struct plant_config config = {.robot = &rig->toy.robot,
+                                  .dynamics = &rig->dynamics,
+                                  .integrator = PLANT_RK4,
+                                  .substep_ns = SUBSTEP_NS,
+                                  .supply_v = 48.0,
+                                  .supply_ohm = ohm};
+    struct plant *plant;
+    struct error error;
+
+    assert_int_equal(plant_create(&config, &rig->arena, &plant, &error), ERROR_NONE);
+    plant_clamp(plant, true);
+    return plant;
+}
+
+/* All drives jammed at V: P = sum of V^2/R, and the supply solves U = 48 - r P/U. */
+static void supply_sags_under_the_power_that_the_bridges_take(void **unused)
+{
+    static const double joint[8] = {0}, position[3] = {0}, quaternion[4] = {1.0, 0, 0, 0};
+    struct plant_rig rig;
+    struct plant *plant;
+    double power = 0.0, supply;
+
+    (void)unused;
+    plant_rig_walker_with(&rig, false, PLANT_RK4, SUBSTEP_NS, 0.0);
+    plant = make_weak(&rig, 0.5);
+    assert_int_equal(plant_reset(plant, position, quaternion, joint), ERROR_NONE);
+    assert_true(plant_sensors(plant)->supply_v == 48.0);
+    for (size_t j = 0; j < rig.toy.robot.njoint; j++) {
+        plant_command(plant)->motor[j] =
+            (struct motor_command){.bridge_on = true, .voltage_v = 6.64, .condition = DRIVE_JAM};
+        power += rig.toy.joint[j].sea.present ? 6.64 * 10.0 : 0.0;
+    }
+    assert_int_equal(plant_step(plant, 300), ERROR_NONE);
+    assert_int_equal(plant_sample(plant), ERROR_NONE);
+    supply = plant_sensors(plant)->supply_v;
+    assert_true(supply < 44.0 && supply > 24.0);
+    assert_close(supply, 48.0 - 0.5 * power / supply, 1e-6);
+    plant_rig_fini(&rig);
+}
+
+static void terminal_voltage_is_clipped_to_the_sagging_source(void **unused)
+{
+    struct plant_rig rig;
+    struct motor_command *motor = start(&rig, PLANT_RK4);
+
+    (void)unused;
+    motor->bridge_on = true;
+    motor->voltage_v = 40.0;
+    plant_command(rig.plant)->supply_sag_v = 30.0;
+    run(&rig, 1);
+    assert_true(plant_sensors(rig.plant)->supply_v == 18.0);
+    assert_true(hip(&rig)->voltage_v == 18.0);
+    plant_command(rig.plant)->supply_sag_v = 0.0;
+    run(&rig, 1);
+    assert_true(hip(&rig)->voltage_v == 40.0);
+    plant_rig_fini(&rig);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(open_phase_carries_no_current_whatever_the_bridge_does),
+        cmocka_unit_test(rotor_with_a_broken_spring_coasts_to_rest),
+        cmocka_unit_test(shorted_winding_brakes_a_loose_rotor),
+        cmocka_unit_test(short_does_not_ask_the_bridge),
+        cmocka_unit_test(jammed_rotor_stays_to_the_last_bit_and_draws_the_stall_current),
+        cmocka_unit_test(energy_that_breaks_away_counts_as_friction),
+        cmocka_unit_test(condition_ends_with_a_reset),
+        cmocka_unit_test(supply_sags_under_the_power_that_the_bridges_take),
+        cmocka_unit_test(terminal_voltage_is_clipped_to_the_sagging_source),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

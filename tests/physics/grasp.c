@@ -1,0 +1,399 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The paper's manipulation task (section 6, Figs 9 to 11) as the rigs of config/rigs describe it, with
+ * the motors' voltages from the same law as over CAN but from unrounded angles: the box is lifted and
+ * held, a soft elbow gives way, and the implicit integrator at 1 ms is where dopri5 is.
+ */
+#include "rt/rig.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "model/spatial.h"
+#include "tests/physics/near.h"
+
+enum { RIGHT, LEFT, SIDES, PATCHES = 16, SAMPLES = 3600, JOINTS = 32 };
+
+static const double weight = 1.5 * 9.81; /* of the box, N */
+
+static const char *const arm[SIDES][GRASP_JOINTS] = {{"RShSag", "RShLat", "RShYaw", "RElbj"},
+                                                     {"LShSag", "LShLat", "LShYaw", "LElbj"}};
+static const char *const wrist_name[SIDES] = {"right_wrist", "left_wrist"};
+
+struct scene {
+    struct arena arena;
+    const struct rig *rig;
+    struct robot *robot;
+    struct dynamics dynamics;
+    struct contact_world *contact;
+    struct plant *plant;
+    size_t steps; /* in a millisecond */
+    double wanted[JOINTS], rate[JOINTS], integral[JOINTS];
+};
+
+/* What a millisecond of the task shows. */
+struct sample {
+    double q[JOINTS], elbow, elbow_motor; /* of the right arm */
+    double box[3], wrist_z;               /* the wrists' middle */
+    double pull_z;                        /* of all contacts on the box */
+    double press[SIDES], rub[SIDES];      /* of a wrist on the box: along y, up */
+    double twist;                         /* friction torque of the right wrist about y */
+    double feet;
+};
+
+static struct sample track[SAMPLES], other[SAMPLES];
+
+/* integrator and substep instead of the rig's when substep_ns > 0; Ks > 0: of all springs. */
+static void scene_init(struct scene *scene, const char *name, enum plant_integrator integrator,
+                       int64_t substep_ns, double Ks)
+{
+    struct plant_config config = {.integrator = integrator, .rtol = 1e-9, .atol = 1e-9};
+    struct error error = {0};
+    char path[256];
+
+    memset(scene, 0, sizeof *scene);
+    snprintf(path, sizeof path, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR, name);
+    assert_int_equal(arena_init(&scene->arena, (size_t)64 << 20, &error), ERROR_NONE);
+    if (rig_load(path, &scene->arena, &scene->rig, &error) ||
+        robot_copy(scene->rig->robot, &scene->arena, &scene->robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_true(scene->robot->njoint <= JOINTS);
+    for (size_t j = 0; j < scene->robot->njoint && Ks > 0.0; j++) {
+        scene->robot->joint[j].sea.Ks = Ks;
+        scene->robot->joint[j].sea.Ds = 5e-4 * Ks;
+    }
+    if (substep_ns == 0) {
+        config.integrator = scene->rig->integrator;
+        substep_ns = scene->rig->substep_ns;
+    }
+    assert_int_equal(
+        contact_native_create(&scene->rig->contact, &scene->arena, &scene->contact, &error),
+        ERROR_NONE);
+    assert_int_equal(dynamics_generic(scene->robot, &scene->arena, &scene->dynamics, &error),
+                     ERROR_NONE);
+    config.robot = scene->robot;
+    config.dynamics = &scene->dynamics;
+    config.free = scene->rig->free;
+    config.nfree = scene->rig->nfree;
+    config.contact = scene->contact;
+    config.contact_body = scene->rig->contact_body;
+    config.ncontact = scene->rig->contact.nbody;
+    config.substep_ns = substep_ns;
+    config.supply_v = scene->rig->supply_v;
+    if (plant_create(&config, &scene->arena, &scene->plant, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_int_equal(plant_reset(scene->plant, scene->rig->base_position,
+                                 scene->rig->base_quaternion, scene->rig->joint),
+                     ERROR_NONE);
+    scene->steps = (size_t)(1000000 / substep_ns);
+}
+
+static void scene_fini(struct scene *scene)
+{
+    scene->contact->ops->destroy(scene->contact);
+    arena_fini(&scene->arena);
+}
+
+/* The path of the rig's file, t seconds after the start; the left arm mirrors roll and yaw. */
+static void follow_path(struct scene *scene, double t)
+{
+    const struct grasp_config *grasp = &scene->rig->grasp;
+    const struct grasp_phase *to = grasp->phase, *last = to + grasp->nphase - 1;
+    double begin = 0.0, s;
+
+    t -= grasp->settle_s;
+    while (to < last && t >= to->until_s) {
+        begin = to->until_s;
+        to++;
+    }
+    s = t < 0.0 ? 0.0 : fmin(1.0, (t - begin) / (to->until_s - begin));
+    for (int side = 0; side < SIDES; side++) {
+        for (int k = 0; k < GRASP_JOINTS; k++) {
+            double sign = side == LEFT && (k == 1 || k == 2) ? -1.0 : 1.0;
+            double from = to == grasp->phase ? 0.0 : to[-1].arm_rad[k];
+            int j = robot_find_joint(scene->robot, arm[side][k]);
+
+            scene->wanted[j] = sign * (from + s * (to->arm_rad[k] - from));
+            scene->rate[j] =
+                t > 0.0 && s < 1.0 ? sign * (to->arm_rad[k] - from) / (to->until_s - begin) : 0.0;
+        }
+    }
+}
+
+/* The law and the gains of the rig's tasks: servo. */
+static void drive(struct scene *scene)
+{
+    const struct motor_sense *motor = plant_sensors(scene->plant)->motor;
+
+    for (size_t j = 0; j < scene->robot->njoint; j++) {
+        struct motor_command *command = &plant_command(scene->plant)->motor[j];
+        double error = scene->wanted[j] - motor[j].qm;
+
+        scene->integral[j] += 1e-3 * error;
+        command->bridge_on = true;
+        command->voltage_v = 200.0 * error + 40.0 * scene->integral[j] + 4.1 * scene->rate[j];
+    }
+}
+
+static double wrist_height(const struct scene *scene)
+{
+    const struct contact_config *contact = &scene->rig->contact;
+    double sum = 0.0;
+
+    for (size_t i = 0; i < contact->nsurface; i++) {
+        const struct contact_surface *s = &contact->surface[i];
+        const struct body_motion *motion;
+        double at[3];
+
+        if (strcmp(s->name, wrist_name[RIGHT]) == 0 || strcmp(s->name, wrist_name[LEFT]) == 0) {
+            motion = &plant_motion(scene->plant)[scene->rig->contact_body[s->body]];
+            mat3_apply(motion->R, s->position, at);
+            sum += (motion->p[2] + at[2]) / SIDES;
+        }
+    }
+    return sum;
+}
+
+static void observe(const struct scene *scene, struct sample *sample)
+{
+    const struct motor_sense *motor = plant_sensors(scene->plant)->motor;
+    const struct contact_config *contact = &scene->rig->contact;
+    int elbow = robot_find_joint(scene->robot, arm[RIGHT][3]);
+    struct contact_patch patch[PATCHES];
+    size_t count = scene->contact->ops->patches(scene->contact, patch, PATCHES);
+
+    assert_true(count <= PATCHES);
+    memset(sample, 0, sizeof *sample);
+    for (size_t j = 0; j < scene->robot->njoint; j++) {
+        sample->q[j] = motor[j].q;
+    }
+    sample->elbow = motor[elbow].q;
+    sample->elbow_motor = motor[elbow].qm;
+    memcpy(sample->box, plant_free_motion(scene->plant)[0].p, sizeof sample->box);
+    sample->wrist_z = wrist_height(scene);
+    for (size_t i = 0; i < count; i++) {
+        const char *on = contact->surface[contact->pair[patch[i].pair].b].name;
+        const char *by = contact->surface[contact->pair[patch[i].pair].a].name;
+
+        if (strcmp(on, "box") != 0) {
+            sample->feet += patch[i].force[2];
+            continue;
+        }
+        sample->pull_z += patch[i].force[2];
+        for (int side = 0; side < SIDES; side++) {
+            if (strcmp(by, wrist_name[side]) == 0) {
+                sample->press[side] = patch[i].force[1] * (side == LEFT ? -1.0 : 1.0);
+                sample->rub[side] = patch[i].force[2];
+                sample->twist = side == RIGHT ? patch[i].moment[1] : sample->twist;
+            }
+        }
+    }
+}
+
+static void perform(struct scene *scene, int milliseconds, struct sample *samples)
+{
+    for (int k = 0; k < milliseconds; k++) {
+        follow_path(scene, 1e-3 * k);
+        drive(scene);
+        assert_int_equal(plant_step(scene->plant, scene->steps), ERROR_NONE);
+        assert_int_equal(plant_sample(scene->plant), ERROR_NONE);
+        observe(scene, &samples[k]);
+    }
+}
+
+static double mean(const double *first, int count)
+{
+    double sum = 0.0;
+
+    for (int k = 0; k < count; k++) {
+        sum += *(const double *)(const void *)((const char *)first + (size_t)k * sizeof *track);
+    }
+    return sum / count;
+}
+
+static void the_box_is_lifted_and_held(void **state)
+{
+    enum { END = 3500, HOLD = 500 };
+    struct scene scene;
+    double start, feet, creep;
+    int touch = 0;
+
+    (void)state;
+    scene_init(&scene, "grasp", PLANT_IMPLICIT, 0, 0.0);
+    perform(&scene, END, track);
+    while (track[touch].press[RIGHT] == 0.0) {
+        touch++;
+    }
+    start = 1e-3 * touch - scene.rig->grasp.settle_s;
+    for (int k = 200; k < touch; k++) {
+        assert_near(track[k].pull_z, weight, 0.005 * weight);
+    }
+    assert_near(start, 1.06, 0.05);
+    /* friction carries the box, the feet carry all */
+    assert_near(mean(&track[END - HOLD].pull_z, HOLD), weight, 0.02 * weight);
+    feet = 9.81 * (scene.robot->total_mass + 1.5);
+    assert_near(mean(&track[END - HOLD].feet, HOLD), feet, 0.01 * feet);
+    for (int k = END - HOLD; k < END; k++) {
+        assert_true(track[k].press[RIGHT] > 10.0);
+        assert_near(track[k].press[LEFT], track[k].press[RIGHT], 0.02 * track[k].press[RIGHT]);
+        assert_near(track[k].rub[LEFT], track[k].rub[RIGHT], 0.3);
+        assert_true(track[k].box[2] - 0.55 > 0.03);
+    }
+    /* what the wrists hold creeps at a part of the friction law's transition velocity */
+    creep = ((track[END - HOLD].box[2] - track[END - HOLD].wrist_z) -
+             (track[END - 1].box[2] - track[END - 1].wrist_z)) /
+            (1e-3 * HOLD);
+    print_message("# touch after %.3f s; presses with %.2f N, rose by %.1f mm, creeps by %.2f mm/s "
+                  "against the wrists, friction torque up to %.3f N m\n",
+                  start, track[END - 1].press[RIGHT], 1e3 * (track[END - 1].box[2] - 0.55),
+                  1e3 * creep, fabs(track[END - 1].twist));
+    assert_true(fabs(creep) < scene.rig->contact.transition_velocity_m_s);
+    scene_fini(&scene);
+}
+
+static void soft_elbows_give_way_and_press_less(void **state)
+{
+    enum { END = 2500, BEFORE = 1450 };
+    struct scene scene;
+    double stiff_yield, soft_yield;
+
+    (void)state;
+    scene_init(&scene, "grasp-light", PLANT_IMPLICIT, 0, 0.0);
+    perform(&scene, END, track);
+    scene_fini(&scene);
+    scene_init(&scene, "grasp-soft", PLANT_IMPLICIT, 0, 0.0);
+    perform(&scene, END, other);
+    scene_fini(&scene);
+    stiff_yield = fabs(track[END - 1].elbow - track[END - 1].elbow_motor);
+    soft_yield = fabs(other[END - 1].elbow - other[END - 1].elbow_motor);
+    print_message(
+        "# at the end of the lift stiff elbows press with %.2f N and yield %.1f mrad, soft "
+        "ones with %.2f N and %.1f mrad (%.1f mrad before the touch)\n",
+        track[END - 1].press[RIGHT], 1e3 * stiff_yield, other[END - 1].press[RIGHT],
+        1e3 * soft_yield, 1e3 * fabs(other[BEFORE].elbow - other[BEFORE].elbow_motor));
+    assert_true(fabs(other[BEFORE].elbow - other[BEFORE].elbow_motor) < 0.02);
+    assert_true(soft_yield > 0.1 && soft_yield > 4.0 * stiff_yield);
+    assert_true(other[END - 1].press[RIGHT] < 0.5 * track[END - 1].press[RIGHT]);
+    assert_true(track[END - 1].box[2] > 0.55 + 0.01 && other[END - 1].box[2] < 0.55 + 0.01);
+}
+
+/* The hardest for a step of a millisecond: forearms of next to no inertia between springs and friction. */
+static void any_springs_are_stable_at_a_millisecond(void **state)
+{
+    static const double stiffness[] = {12.0, 8400.0};
+    enum { END = 2600 };
+
+    (void)state;
+    for (int n = 0; n < 2; n++) {
+        struct scene scene;
+        double fastest = 0.0, jump = 0.0, total;
+
+        /* what stands must be stiffer than gravity topples: the soft one is held at its base */
+        scene_init(&scene, n == 0 ? "grasp-locked" : "grasp-light", PLANT_IMPLICIT, 1000000,
+                   stiffness[n]);
+        perform(&scene, END, track);
+        total = 9.81 * (scene.robot->total_mass + 1.5);
+        for (int k = 300; k < END; k++) {
+            fastest = fmax(fastest, 1e3 * fabs(track[k].box[2] - track[k - 1].box[2]));
+            jump = fmax(jump, fabs(track[k].feet - track[k - 1].feet));
+        }
+        print_message("# %g N m/rad: box at most %.3f m/s, feet change by up to %.2f N a step\n",
+                      stiffness[n], fastest, jump);
+        assert_true(fastest < 0.5);
+        assert_true(jump < 0.1 * total);
+        scene_fini(&scene);
+    }
+}
+
+static void with_the_base_held_the_box_is_lifted_too(void **state)
+{
+    enum { END = 2500 };
+    struct scene scene;
+
+    (void)state;
+    scene_init(&scene, "grasp-locked", PLANT_IMPLICIT, 0, 0.0);
+    assert_false(scene.robot->floating);
+    assert_int_equal(scene.robot->nq, scene.robot->njoint);
+    assert_int_equal(scene.rig->contact.npair, 3);
+    perform(&scene, END, track);
+    for (int k = 300; k < 1400; k++) {
+        assert_near(track[k].pull_z, weight, 0.005 * weight);
+    }
+    print_message("# rose by %.1f mm, pressed with %.2f N\n", 1e3 * (track[END - 1].box[2] - 0.55),
+                  track[END - 1].press[RIGHT]);
+    assert_true(track[END - 1].box[2] - 0.55 > 0.03);
+    assert_true(track[END - 1].feet == 0.0);
+    scene_fini(&scene);
+}
+
+/* RMS over joints and time, and of the pressing force relative to it. */
+static void compare(size_t njoint, int from, int to, double *angle, double *worst, double *press,
+                    double *feet)
+{
+    double squares[JOINTS] = {0}, pressed = 0.0, stood = 0.0;
+
+    *angle = *worst = *press = *feet = 0.0;
+    for (int k = from; k < to; k++) {
+        for (size_t j = 0; j < njoint; j++) {
+            squares[j] += pow(other[k].q[j] - track[k].q[j], 2) / (to - from);
+        }
+        *press += pow(other[k].press[RIGHT] - track[k].press[RIGHT], 2);
+        *feet += pow(other[k].feet - track[k].feet, 2);
+        pressed += pow(track[k].press[RIGHT], 2);
+        stood += pow(track[k].feet, 2);
+    }
+    for (size_t j = 0; j < njoint; j++) {
+        *angle += squares[j] / (double)njoint;
+        *worst = fmax(*worst, sqrt(squares[j]));
+    }
+    *angle = sqrt(*angle);
+    *press = sqrt(*press / pressed);
+    *feet = sqrt(*feet / stood);
+}
+
+static void implicit_is_of_order_one_and_where_dopri5_is(void **state)
+{
+    enum { END = 2600, FROM = 200, STEPS = 4 };
+    double angle[STEPS], worst[STEPS], press[STEPS], feet[STEPS];
+    struct scene scene;
+    size_t njoint;
+
+    (void)state;
+    scene_init(&scene, "grasp", PLANT_DOPRI5, 1000000, 0.0);
+    perform(&scene, END, track);
+    njoint = scene.robot->njoint;
+    scene_fini(&scene);
+    for (int n = 0; n < STEPS; n++) {
+        scene_init(&scene, "grasp", PLANT_IMPLICIT, 1000000 >> n, 0.0);
+        perform(&scene, END, other);
+        scene_fini(&scene);
+        compare(njoint, FROM, END, &angle[n], &worst[n], &press[n], &feet[n]);
+        print_message("# %.3f ms: joints %.2e rad RMS (worst %.2e), press %.2f %%, feet %.2f %%\n",
+                      1.0 / (1 << n), angle[n], worst[n], 100.0 * press[n], 100.0 * feet[n]);
+    }
+    assert_true(worst[0] < 2e-3 && feet[0] < 0.02 && press[0] < 0.05);
+    /* the first steps do not resolve how the wrists come to touch */
+    for (int n = 1; n < STEPS - 1; n++) {
+        assert_true(angle[n] / angle[n + 1] > 1.6 && angle[n] / angle[n + 1] < 2.5);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_box_is_lifted_and_held),
+        cmocka_unit_test(soft_elbows_give_way_and_press_less),
+        cmocka_unit_test(any_springs_are_stable_at_a_millisecond),
+        cmocka_unit_test(with_the_base_held_the_box_is_lifted_too),
+        cmocka_unit_test(implicit_is_of_order_one_and_where_dopri5_is),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,448 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Static equilibrium of simple things, against statics: blocks on the native engine's beds of
+ * springs, a pendulum on its drive. And what is refused, with the reason.
+ */
+#include "model/actuator.h"
+#include "model/settle.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "model/spatial.h"
+#include "tests/physics/near.h"
+#include "tests/physics/toy.h"
+
+enum { BLOCKS = 3 };
+
+static const double gravity = 9.81, mass = 1.5, half = 0.075; /* of a block, kg and m */
+static const double stiffness = 2.5e6; /* of a pair of the blocks' surfaces, N/m3 */
+
+/* Blocks that are joined to nothing over the ground, and a robot that hangs from the world: a
+ * horizontal arm on one axis. */
+struct yard {
+    struct toy toy;
+    struct arena arena;
+    struct dynamics dynamics;
+    struct contact_world *contact;
+    struct plant *plant;
+    struct plant_free_body block[BLOCKS];
+    size_t nblock;
+    struct contact_surface surface[1 + BLOCKS];
+    struct contact_pair pair[BLOCKS];
+    double supply_v, young_pa, joint;
+    struct settled settled;
+    struct error error;
+};
+
+/* A block that stands just on the ground, or on the block below it. */
+static void yard_begin(struct yard *yard, size_t nblock)
+{
+    static const double axis[3] = {0.0, 1.0, 0.0}, origin[3] = {0.0, 5.0, 2.0};
+    static const double none[6], still[3], com[3] = {0.4, 0.0, 0.0};
+    static const double I[6] = {0.01, 0.0, 0.0, 0.02, 0.0, 0.02};
+
+    *yard = (struct yard){.nblock = nblock, .supply_v = 48.0, .young_pa = 5e3};
+    toy_begin(&yard->toy, false, 0.0, still, none);
+    toy_add(&yard->toy, 0, JOINT_REVOLUTE, axis, origin, 3.0, com, I);
+    yard->toy.joint[0].sea = toy_drive(395.46);
+    mat3_identity(yard->surface[0].rotation);
+    yard->surface[0].name = "ground";
+    yard->surface[0].body = -1;
+    for (size_t b = 0; b < nblock; b++) {
+        const double i = mass * half * half * 2.0 / 3.0;
+
+        yard->block[b] = (struct plant_free_body){.name = b ? "upper block" : "block",
+                                                  .quaternion = {1.0, 0.0, 0.0, 0.0}};
+        yard->block[b].inertia =
+            (struct robot_inertia){.mass = mass, .I = {i, 0.0, 0.0, i, 0.0, i}};
+        yard->block[b].position[2] = half * (double)(2 * b + 1);
+        yard->surface[1 + b] = (struct contact_surface){
+            .name = "side", .body = (int)b, .shape = CONTACT_BOX, .cells_per_edge = 2};
+        mat3_identity(yard->surface[1 + b].rotation);
+        for (int k = 0; k < 3; k++) {
+            yard->surface[1 + b].half_extent_m[k] = half;
+        }
+        yard->pair[b] = (struct contact_pair){(int)b, 1 + (int)b};
+    }
+}
+
+/* Makes the plant and asks it to settle. */
+static enum error_code yard_settle(struct yard *yard)
+{
+    int body[BLOCKS];
+    struct contact_config contact = {.nbody = yard->nblock,
+                                     .nsurface = 1 + yard->nblock,
+                                     .surface = yard->surface,
+                                     .npair = yard->nblock,
+                                     .pair = yard->pair,
+                                     .transition_velocity_m_s = 0.01};
+    struct plant_config config = {.robot = &yard->toy.robot,
+                                  .dynamics = &yard->dynamics,
+                                  .free = yard->block,
+                                  .nfree = yard->nblock,
+                                  .contact_body = body,
+                                  .ncontact = yard->nblock,
+                                  .substep_ns = 1000000,
+                                  .integrator = PLANT_IMPLICIT,
+                                  .supply_v = yard->supply_v};
+
+    for (size_t s = 0; s < 1 + yard->nblock; s++) {
+        yard->surface[s].material = (struct contact_material){.young_pa = yard->young_pa,
+                                                              .thickness_m = 1e-3,
+                                                              .dissipation_s_per_m = 1.0,
+                                                              .static_friction = 1.0,
+                                                              .dynamic_friction = 1.0};
+    }
+    for (size_t b = 0; b < yard->nblock; b++) {
+        body[b] = 2 + (int)b;
+    }
+    toy_finish(&yard->toy);
+    assert_int_equal(arena_init(&yard->arena, 16 << 20, &yard->error), ERROR_NONE);
+    assert_int_equal(
+        dynamics_generic(&yard->toy.robot, &yard->arena, &yard->dynamics, &yard->error),
+        ERROR_NONE);
+    if (yard->nblock > 0 &&
+        contact_native_create(&contact, &yard->arena, &yard->contact, &yard->error)) {
+        fail_msg("%s", yard->error.text);
+    }
+    config.contact = yard->contact;
+    if (plant_create(&config, &yard->arena, &yard->plant, &yard->error)) {
+        fail_msg("%s", yard->error.text);
+    }
+    assert_int_equal(plant_reset(yard->plant, NULL, NULL, &yard->joint), ERROR_NONE);
+    return plant_settle(yard->plant, &yard->arena, &yard->settled, &yard->error);
+}
+
+static void yard_settle_well(struct yard *yard)
+{
+    if (yard_settle(yard)) {
+        fail_msg("%s", yard->error.text);
+    }
+}
+
+static void yard_fini(struct yard *yard)
+{
+    arena_fini(&yard->arena);
+}
+
+/* what stays after some time on its own */
+static void assert_stays(struct yard *yard, double tolerance)
+{
+    double before[7], after[7];
+
+    for (size_t b = 0; b < yard->nblock; b++) {
+        plant_free_pose(yard->plant, b, before);
+        assert_int_equal(plant_step(yard->plant, 300), ERROR_NONE);
+        plant_free_pose(yard->plant, b, after);
+        for (int i = 0; i < 7; i++) {
+            assert_near(after[i], before[i], tolerance);
+        }
+    }
+}
+
+/* ---- statics ---- */
+
+static void block_sinks_into_the_ground_by_its_weight_over_the_stiffness(void **state)
+{
+    const double depth = mass * gravity / (stiffness * 4.0 * half * half);
+    struct yard yard;
+    double pose[7];
+
+    (void)state;
+    yard_begin(&yard, 1);
+    yard_settle_well(&yard);
+    plant_free_pose(yard.plant, 0, pose);
+    print_message("# %.6f mm deep of %.6f mm after %zu iterations, %.1g of the weight left over\n",
+                  1e3 * (half - pose[2]), 1e3 * depth, yard.settled.iterations,
+                  yard.settled.residual);
+    assert_near(half - pose[2], depth, 1e-9 * depth);
+    assert_near(plant_contact_wrenches(yard.plant)[0].force[2], mass * gravity, 1e-9);
+    assert_int_equal(plant_time_ns(yard.plant), 0);
+    assert_stays(&yard, 1e-9);
+    yard_fini(&yard);
+}
+
+/* The bed's pressure is linear: its moment about the middle, k theta a^4/12, is the weight's, at the
+ * lever c cos theta + h sin theta with the center of mass h above the sole. */
+static void block_with_its_mass_off_the_middle_tilts_as_the_bed_gives_way(void **state)
+{
+    const double a = 2.0 * half, c = 0.1 * a, weight = mass * gravity;
+    struct yard yard;
+    double pose[7], R[9], tilt;
+
+    (void)state;
+    yard_begin(&yard, 1);
+    yard.block[0].inertia.com[0] = c;
+    yard_settle_well(&yard);
+    plant_free_pose(yard.plant, 0, pose);
+    mat3_from_quaternion(pose + 3, R);
+    tilt = atan2(R[2], R[8]);
+    print_message("# tilted by %.6f mrad\n", 1e3 * tilt);
+    assert_near(stiffness * tilt * a * a * a * a / 12.0, weight * (c + half * tilt),
+                2e-3 * weight * c);
+    assert_near(pose[4], 0.0, 1e-12);
+    yard_fini(&yard);
+}
+
+/* As soon as it has lifted an edge the pressure is a triangle below the center of mass: it is
+ * 3 (a/2 - c) wide and its peak k depth makes up the weight with that width. */
+static void block_near_tipping_stands_on_a_part_of_its_sole(void **state)
+{
+    const double a = 2.0 * half, c = 0.3 * a, weight = mass * gravity;
+    const double width = 3.0 * (0.5 * a - c), depth = 2.0 * weight / (stiffness * a * width);
+    struct yard yard;
+    double pose[7], R[9];
+
+    (void)state;
+    yard_begin(&yard, 1);
+    yard.block[0].inertia.com[0] = c;
+    yard.block[0].inertia.com[2] = -half; /* in the sole: no lever of the tilt */
+    yard_settle_well(&yard);
+    plant_free_pose(yard.plant, 0, pose);
+    mat3_from_quaternion(pose + 3, R);
+    assert_near(tan(atan2(R[2], R[8])), depth / width, 5e-3 * depth / width);
+    yard_fini(&yard);
+}
+
+static void block_dropped_from_a_hand_above_and_askew_lands_flat(void **state)
+{
+    const double depth = mass * gravity / (stiffness * 4.0 * half * half);
+    struct yard yard;
+    double pose[7];
+
+    (void)state;
+    yard_begin(&yard, 1);
+    yard.block[0].position[0] = 0.3;
+    yard.block[0].position[2] = half + 0.08;
+    yard.block[0].quaternion[1] = 0.05;
+    yard.block[0].quaternion[2] = -0.08;
+    yard_settle_well(&yard);
+    plant_free_pose(yard.plant, 0, pose);
+    print_message("# %zu iterations\n", yard.settled.iterations);
+    assert_near(half - pose[2], depth, 1e-6 * depth);
+    assert_near(hypot(pose[4], pose[5]), 0.0, 1e-8);
+    assert_near(pose[0], 0.3, 1e-12);
+    yard_fini(&yard);
+}
+
+static void block_that_starts_deep_in_the_ground_rises(void **state)
+{
+    const double depth = mass * gravity / (stiffness * 4.0 * half * half);
+    struct yard yard;
+    double pose[7];
+
+    (void)state;
+    yard_begin(&yard, 1);
+    yard.block[0].position[2] = half - 0.03;
+    yard_settle_well(&yard);
+    plant_free_pose(yard.plant, 0, pose);
+    assert_near(half - pose[2], depth, 1e-6 * depth);
+    yard_fini(&yard);
+}
+
+static void each_block_of_a_pile_carries_those_above(void **state)
+{
+    const double depth = mass * gravity / (stiffness * 4.0 * half * half);
+    struct yard yard;
+
+    (void)state;
+    yard_begin(&yard, BLOCKS);
+    yard_settle_well(&yard);
+    for (size_t b = 0; b < BLOCKS; b++) {
+        double below = b ? 0.0 : half, pose[7];
+
+        if (b > 0) {
+            plant_free_pose(yard.plant, b - 1, pose);
+            below = pose[2] + 2.0 * half;
+        }
+        plant_free_pose(yard.plant, b, pose);
+        assert_near(below - pose[2], (double)(BLOCKS - b) * depth, 1e-6 * depth);
+        assert_near(plant_contact_wrenches(yard.plant)[b].force[2], mass * gravity, 1e-6);
+    }
+    assert_stays(&yard, 1e-6);
+    yard_fini(&yard);
+}
+
+/* m g r = Ks (qm - q) = Kt I, and V = R I holds it. */
+static void arm_hangs_on_its_spring_and_current(void **state)
+{
+    const double torque = -3.0 * gravity * 0.4 * cos(0.3);
+    struct yard yard;
+    const struct motor_sense *motor;
+    const struct robot_sea *sea;
+
+    (void)state;
+    yard_begin(&yard, 0);
+    yard.joint = 0.3;
+    yard_settle_well(&yard);
+    motor = plant_sensors(yard.plant)->motor;
+    sea = &yard.toy.joint[0].sea;
+    assert_near(motor->q, 0.3, 0.0);
+    assert_near(motor->torque_nm, torque, 1e-9);
+    assert_near(motor->qm - motor->q, torque / sea->Ks, 1e-12);
+    assert_near(motor->current_a, torque / sea->Kt, 1e-12);
+    assert_near(plant_command(yard.plant)->motor[0].voltage_v, sea->R * torque / sea->Kt, 1e-12);
+    assert_int_equal(plant_step(yard.plant, 500), ERROR_NONE);
+    assert_int_equal(plant_sample(yard.plant), ERROR_NONE);
+    assert_near(motor->q, 0.3, 1e-9);
+    yard_fini(&yard);
+}
+
+/* The rope takes a part of the torque, the drive the rest. */
+static void parallel_spring_takes_its_share(void **state)
+{
+    const double torque = -3.0 * gravity * 0.4 * cos(0.3);
+    struct yard yard;
+    double share;
+
+    (void)state;
+    yard_begin(&yard, 0);
+    yard.joint = 0.3;
+    yard.toy.joint[0].spring = (struct robot_parallel_spring){
+        .present = true, .enabled = true, .k_p = 2000.0, .d_p = 10.0, .r = 0.05, .s = 1.0};
+    share = parallel_spring_torque(&yard.toy.joint[0].spring, 0.0, 0.0, 0.3, 0.0);
+    yard_settle_well(&yard);
+    assert_true(fabs(share) > 1.0);
+    assert_near(plant_sensors(yard.plant)->motor[0].torque_nm, torque - share, 1e-9);
+    yard_fini(&yard);
+}
+
+static void thrown_body_is_left_alone(void **state)
+{
+    struct yard yard;
+    double pose[7];
+
+    (void)state;
+    yard_begin(&yard, 1);
+    yard.block[0].position[2] = 2.0;
+    yard.block[0].v[0] = 1.0;
+    yard_settle_well(&yard);
+    plant_free_pose(yard.plant, 0, pose);
+    assert_near(pose[2], 2.0, 0.0);
+    assert_near(plant_free_motion(yard.plant)[0].v[0], 1.0, 0.0);
+    yard_fini(&yard);
+}
+
+/* ---- refusals ---- */
+
+/* the message has these words, and the plant is as it was reset */
+static void assert_refused(struct yard *yard, const char *name, const char *reason)
+{
+    uint64_t before, after;
+
+    assert_int_equal(yard_settle(yard), ERROR_INPUT);
+    print_message("# %s\n", yard->error.text);
+    assert_non_null(strstr(yard->error.text, name));
+    assert_non_null(strstr(yard->error.text, reason));
+    after = plant_hash(yard->plant);
+    assert_int_equal(plant_reset(yard->plant, NULL, NULL, &yard->joint), ERROR_NONE);
+    before = plant_hash(yard->plant);
+    assert_true(before == after);
+    assert_false(plant_command(yard->plant)->motor[0].bridge_on);
+    yard_fini(yard);
+}
+
+static void refuses_a_body_that_nothing_supports(void **state)
+{
+    struct yard yard;
+
+    (void)state;
+    yard_begin(&yard, 1);
+    yard.block[0].position[2] = 1.0;
+    assert_refused(&yard, "block", "not supported");
+}
+
+static void refuses_a_body_that_tips_over(void **state)
+{
+    struct yard yard;
+
+    (void)state;
+    yard_begin(&yard, 2);
+    yard.block[1].position[0] = 1.1 * half; /* over the edge of the one below */
+    assert_refused(&yard, "upper block", "tips over");
+}
+
+static void refuses_a_body_that_would_slide(void **state)
+{
+    static const double rpy[3] = {0.0, 0.2, 0.0};
+    struct yard yard;
+
+    (void)state;
+    yard_begin(&yard, 1);
+    mat3_from_rpy(rpy, yard.surface[0].rotation);
+    assert_refused(&yard, "block", "slide");
+}
+
+/* Softer than the weight topples: k a^4/12 < m g h. It stands upright exactly, like a pencil. */
+static void refuses_a_rest_that_is_not_stable(void **state)
+{
+    struct yard yard;
+
+    (void)state;
+    yard_begin(&yard, 1);
+    yard.young_pa = 2.0 * 0.5 * mass * gravity * half * 12.0 / pow(2.0 * half, 4.0) * 1e-3;
+    yard.block[0].inertia.com[2] = half;
+    assert_refused(&yard, "block", "topple");
+}
+
+static void refuses_a_joint_without_a_drive_under_load(void **state)
+{
+    struct yard yard;
+
+    (void)state;
+    yard_begin(&yard, 0);
+    yard.toy.joint[0].sea.present = false;
+    assert_refused(&yard, "j0", "no drive");
+}
+
+static void refuses_a_load_beyond_the_supply(void **state)
+{
+    struct yard yard;
+
+    (void)state;
+    yard_begin(&yard, 0);
+    yard.supply_v = 0.1;
+    assert_refused(&yard, "j0", "0.1 V");
+}
+
+static void refuses_a_world_without_gravity(void **state)
+{
+    struct yard yard;
+
+    (void)state;
+    yard_begin(&yard, 1);
+    yard.toy.robot.gravity[2] = 0.0;
+    assert_refused(&yard, "gravity", "");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(block_sinks_into_the_ground_by_its_weight_over_the_stiffness),
+        cmocka_unit_test(block_with_its_mass_off_the_middle_tilts_as_the_bed_gives_way),
+        cmocka_unit_test(block_near_tipping_stands_on_a_part_of_its_sole),
+        cmocka_unit_test(block_dropped_from_a_hand_above_and_askew_lands_flat),
+        cmocka_unit_test(block_that_starts_deep_in_the_ground_rises),
+        cmocka_unit_test(each_block_of_a_pile_carries_those_above),
+        cmocka_unit_test(arm_hangs_on_its_spring_and_current),
+        cmocka_unit_test(parallel_spring_takes_its_share),
+        cmocka_unit_test(thrown_body_is_left_alone),
+        cmocka_unit_test(refuses_a_body_that_nothing_supports),
+        cmocka_unit_test(refuses_a_body_that_tips_over),
+        cmocka_unit_test(refuses_a_body_that_would_slide),
+        cmocka_unit_test(refuses_a_rest_that_is_not_stable),
+        cmocka_unit_test(refuses_a_joint_without_a_drive_under_load),
+        cmocka_unit_test(refuses_a_load_beyond_the_supply),
+        cmocka_unit_test(refuses_a_world_without_gravity),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,152 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The implicit integrator on COMAN's rig, native contact, against dopri5 with a tolerance of 1e-9:
+ * from the rig's own start, springs and layers relaxed, through the transient of 0.2 s and one squat
+ * of 10 cm in 2 s, twice as fast as the rig's.
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <time.h>
+
+#include <cmocka.h>
+
+#include "tests/physics/near.h"
+#include "tests/physics/rig_scene.h"
+
+enum { BEGIN = 200, SAMPLES = 2300, STEPS = 3 }; /* ms; BEGIN: after the transient */
+
+static const double depth_m = 0.1, period_s = 2.0;
+static const double thigh_m = 0.2258, shank_m = 0.201;
+
+struct track {
+    double q[SAMPLES][RIG_SCENE_JOINTS], feet[SAMPLES];
+    double seconds; /* of the machine */
+};
+
+static const char *const pitch[2][3] = {{"RHipSag", "RKneeSag", "RAnkSag"},
+                                        {"LHipSag", "LKneeSag", "LAnkSag"}};
+
+/* Angles of hip, knee and ankle with the hips sunk by depth vertically over flat feet, trunk and feet
+ * turned as at the start. */
+static void leg_angles(const double start[3], double depth, double angle[3])
+{
+    double lean = start[0] + start[1] + start[2], thigh = -(start[1] + start[2]);
+    double height = thigh_m * cos(thigh) + shank_m * cos(thigh + start[1]) - depth;
+    double ahead = thigh_m * sin(thigh) + shank_m * sin(thigh + start[1]);
+    double square = height * height + ahead * ahead, turned;
+
+    angle[1] = acos((square - thigh_m * thigh_m - shank_m * shank_m) / (2.0 * thigh_m * shank_m));
+    turned =
+        atan2(ahead, height) - atan2(shank_m * sin(angle[1]), thigh_m + shank_m * cos(angle[1]));
+    angle[0] = turned + lean;
+    angle[2] = -turned - angle[1];
+}
+
+static void follow(enum plant_integrator integrator, int64_t substep_ns, struct track *track)
+{
+    const struct rig_scene_choice choice = {.file = "coman.yaml",
+                                            .integrator = integrator,
+                                            .substep_ns = substep_ns,
+                                            .tolerance = 1e-9};
+    static struct rig_scene scene;
+    double settled[RIG_SCENE_JOINTS];
+    struct timespec begin, end;
+
+    rig_scene_init(&scene, &choice);
+    rig_scene_settle(&scene);
+    memcpy(settled, scene.reference, sizeof settled);
+    rig_scene_reset(&scene);
+    clock_gettime(CLOCK_MONOTONIC, &begin);
+    for (int k = 0; k < SAMPLES; k++) {
+        double t = fmax(0.0, fmin(period_s, 1e-3 * (k - BEGIN)));
+
+        for (int side = 0; side < 2; side++) {
+            double start[3], angle[3];
+            int joint[3];
+
+            for (int n = 0; n < 3; n++) {
+                joint[n] = robot_find_joint(scene.robot, pitch[side][n]);
+                assert_true(joint[n] >= 0);
+                start[n] = scene.rig->joint[joint[n]];
+            }
+            leg_angles(start, 0.5 * depth_m * (1.0 - cos(2.0 * M_PI * t / period_s)), angle);
+            for (int n = 0; n < 3; n++) {
+                scene.reference[joint[n]] = settled[joint[n]] + angle[n] - start[n];
+            }
+        }
+        rig_scene_hold(&scene);
+        for (size_t j = 0; j < scene.robot->njoint; j++) {
+            track->q[k][j] = plant_sensors(scene.plant)->motor[j].q;
+        }
+        track->feet[k] = rig_scene_feet(&scene);
+    }
+    clock_gettime(CLOCK_MONOTONIC, &end);
+    track->seconds =
+        (double)(end.tv_sec - begin.tv_sec) + 1e-9 * (double)(end.tv_nsec - begin.tv_nsec);
+    rig_scene_fini(&scene);
+}
+
+/* RMS after the transient: of the worst joint (rad), and of the feet's force as a part of it */
+static void compare(const struct track *found, const struct track *oracle, double *joint,
+                    double *force)
+{
+    double off = 0.0, size = 0.0;
+
+    *joint = 0.0;
+    for (int j = 0; j < RIG_SCENE_JOINTS; j++) {
+        double sum = 0.0;
+
+        for (int k = BEGIN; k < SAMPLES; k++) {
+            double difference = found->q[k][j] - oracle->q[k][j];
+
+            sum += difference * difference;
+        }
+        *joint = fmax(*joint, sqrt(sum / (SAMPLES - BEGIN)));
+    }
+    for (int k = BEGIN; k < SAMPLES; k++) {
+        off += (found->feet[k] - oracle->feet[k]) * (found->feet[k] - oracle->feet[k]);
+        size += oracle->feet[k] * oracle->feet[k];
+    }
+    *force = sqrt(off / size);
+}
+
+static void squatting_it_is_where_dopri5_is_and_of_first_order(void **state)
+{
+    static struct track oracle, found;
+    double knee, last = 0.0;
+
+    (void)state;
+    follow(PLANT_DOPRI5, 1000000, &oracle);
+    knee = oracle.q[BEGIN + 1000][3] - oracle.q[BEGIN][3];
+    print_message("# the oracle bends the knees by %.3f rad and takes %.2f s\n", knee,
+                  oracle.seconds);
+    assert_true(knee > 0.4);
+    for (int n = 0; n < STEPS; n++) {
+        int64_t substep_ns = 1000000 >> n;
+        double joint, force;
+
+        follow(PLANT_IMPLICIT, substep_ns, &found);
+        compare(&found, &oracle, &joint, &force);
+        print_message("# h = %.2f ms: worst joint %.2e rad RMS, foot force %.3f %% RMS; %.3f s\n",
+                      1e-6 * (double)substep_ns, joint, 100.0 * force, found.seconds);
+        assert_true(joint < 2e-3);
+        assert_true(force < 0.02);
+        if (n > 0) {
+            assert_near(log2(last / joint), 1.0, 0.3);
+        }
+        last = joint;
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(squatting_it_is_where_dopri5_is_and_of_first_order),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
