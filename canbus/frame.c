@@ -21,6 +21,14 @@ static bool length_is_legal_fd(uint8_t len)
     }
 }
 
+uint8_t frame_fd_length(unsigned bytes)
+{
+    while (bytes < 64 && !length_is_legal_fd((uint8_t)bytes)) {
+        bytes++;
+    }
+    return (uint8_t)bytes;
+}
+
 bool frame_valid(const struct bus_frame *frame)
 {
     const uint8_t known =

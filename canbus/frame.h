@@ -20,8 +20,14 @@ struct bus_frame {
     uint8_t flags;
     uint8_t len; /* bytes of data: 0-8 classic; 0-8, 12, 16, 20, 24, 32, 48, 64 FD */
     uint8_t data[64];
+    /* Which of the nodes that the sending port stands for (local_bus_join_nodes); 0 on other ports. Means
+     * nothing to a receiver. */
+    uint16_t node;
     int64_t time_ns; /* when it was received or sent, on the clock of the port */
 };
+
+/* The shortest length that an FD frame with so many bytes (at most 64) can have. */
+uint8_t frame_fd_length(unsigned bytes);
 
 /* Identifier within range, length legal for the format, no contradictory flags. */
 bool frame_valid(const struct bus_frame *frame);

@@ -32,6 +32,15 @@ static struct can_port *join(struct local_bus *bus)
     return port;
 }
 
+static enum error_code create(const char *name, size_t max_nodes, size_t inbox, bool fd,
+                              struct arena *arena, struct local_bus **bus, struct error *error)
+{
+    const struct local_bus_config config = {
+        .name = name, .max_nodes = max_nodes, .inbox = inbox, .fd = fd};
+
+    return local_bus_create(&config, arena, bus, error);
+}
+
 static int set_up(void **state)
 {
     static struct bench bench;
@@ -39,9 +48,8 @@ static int set_up(void **state)
 
     memset(&bench, 0, sizeof bench);
     assert_int_equal(arena_init(&bench.arena, 64 << 20, &error), ERROR_NONE);
-    assert_int_equal(
-        local_bus_create("limb", NODES, INBOX, false, &bench.arena, &bench.bus, &error),
-        ERROR_NONE);
+    assert_int_equal(create("limb", NODES, INBOX, false, &bench.arena, &bench.bus, &error),
+                     ERROR_NONE);
     *state = &bench;
     return 0;
 }
@@ -236,7 +244,7 @@ static void carries_fd_frames_on_an_fd_bus(void **state)
     struct error error;
 
     memset(sent.data, 0x5A, sizeof sent.data);
-    assert_int_equal(local_bus_create("fd", 2, 8, true, &bench->arena, &bus, &error), ERROR_NONE);
+    assert_int_equal(create("fd", 2, 8, true, &bench->arena, &bus, &error), ERROR_NONE);
     a = join(bus);
     b = join(bus);
     assert_true(a->fd);
@@ -339,10 +347,9 @@ static void refuses_impossible_sizes_with_a_message(void **state)
     struct arena small;
     struct error error;
 
-    assert_int_equal(local_bus_create("x", 0, 8, false, &bench->arena, &bus, &error), ERROR_INPUT);
-    assert_int_equal(local_bus_create("x", 257, 8, false, &bench->arena, &bus, &error),
-                     ERROR_INPUT);
-    assert_int_equal(local_bus_create("x", 2, 7, false, &bench->arena, &bus, &error), ERROR_INPUT);
+    assert_int_equal(create("x", 0, 8, false, &bench->arena, &bus, &error), ERROR_INPUT);
+    assert_int_equal(create("x", 257, 8, false, &bench->arena, &bus, &error), ERROR_INPUT);
+    assert_int_equal(create("x", 2, 7, false, &bench->arena, &bus, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "power of two"));
     assert_int_equal(local_bus_join(bench->bus, filters, LOCAL_BUS_FILTERS_MAX + 1, &port, &error),
                      ERROR_INPUT);
@@ -352,8 +359,7 @@ static void refuses_impossible_sizes_with_a_message(void **state)
     /* every size of arena that is too small is survived */
     for (size_t size = 1 << 12; size < 1 << 20; size += 1 << 14) {
         assert_int_equal(arena_init(&small, size, &error), ERROR_NONE);
-        assert_int_equal(local_bus_create("x", 16, 1024, false, &small, &bus, &error),
-                         ERROR_MEMORY);
+        assert_int_equal(create("x", 16, 1024, false, &small, &bus, &error), ERROR_MEMORY);
         arena_fini(&small);
     }
     local_bus_destroy(NULL);

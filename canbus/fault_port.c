@@ -1,0 +1,292 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Rules on the frames of a port, and the frames that wait because of them. */
+#include "canbus/fault_port.h"
+
+#include "base/random.h"
+
+#include <stdio.h>
+#include <string.h>
+
+enum { BATCH = 64 };
+
+struct rule {
+    struct fault_port_rule rule;
+    struct random_stream random;
+};
+
+struct held_frame {
+    int64_t due_ns;
+    struct bus_frame frame;
+};
+
+/* Frames of one direction that are to come later; circular, in the order of their sending. Delays
+ * may differ, so what is due is taken out wherever it stands. */
+struct held {
+    struct held_frame *frame;
+    size_t count;
+    uint64_t dropped;
+};
+
+struct direction {
+    struct rule *rule;
+    struct held held;
+};
+
+struct fault_port {
+    struct can_port port;
+    struct can_port *inner;
+    struct fault_port_config config;
+    struct direction rx, tx;
+    int64_t now_ns;
+    uint64_t refused; /* frames sent while bus-off */
+};
+
+static struct fault_port *fault_port_of(struct can_port *port)
+{
+    return (struct fault_port *)((char *)port - offsetof(struct fault_port, port));
+}
+
+static const struct fault_port *const_fault_port_of(const struct can_port *port)
+{
+    return (const struct fault_port *)((const char *)port - offsetof(struct fault_port, port));
+}
+
+/* ---- rules ---- */
+
+static bool is_off(const struct fault_port *f)
+{
+    for (size_t i = 0; i < f->config.nrule; i++) {
+        if (f->config.rule[i].kind == FAULT_PORT_BUS_OFF && *f->config.rule[i].active) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool is_meant(const struct fault_port *f, const struct fault_port_rule *rule,
+                     const struct bus_frame *frame)
+{
+    if (!*rule->active || (frame->flags & FRAME_ERROR)) {
+        return false;
+    }
+    if (rule->id >= 0) {
+        return frame->id == (uint32_t)rule->id;
+    }
+    for (size_t i = 0; i < f->config.nexempt; i++) {
+        if (frame->id == f->config.exempt[i] && !(frame->flags & FRAME_EXTENDED)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static void flip_bit(struct random_stream *random, struct bus_frame *frame)
+{
+    if (frame->len > 0) {
+        uint64_t bit = random_bits(random) % (8u * frame->len);
+
+        frame->data[bit / 8] ^= (uint8_t)(1u << bit % 8);
+    }
+}
+
+static void hold(struct direction *d, const struct bus_frame *frame, int64_t due_ns)
+{
+    if (d->held.count == FAULT_PORT_HELD) {
+        d->held.dropped++;
+        return;
+    }
+    d->held.frame[d->held.count++] = (struct held_frame){due_ns, *frame};
+}
+
+/* What becomes of one frame now: up to two are written to out, the rest is held or lost. */
+static size_t pass(struct fault_port *f, struct direction *d, const struct bus_frame *from,
+                   struct bus_frame out[2])
+{
+    struct bus_frame frame = *from;
+    int64_t delay_ns = 0;
+    size_t copies = 1;
+
+    for (size_t i = 0; i < f->config.nrule; i++) {
+        struct rule *rule = &d->rule[i];
+        const struct fault_port_rule *r = &rule->rule;
+
+        if (!is_meant(f, r, &frame)) {
+            continue;
+        }
+        if (r->kind == FAULT_PORT_LATE) {
+            delay_ns += r->delay_ns;
+        } else if (r->kind != FAULT_PORT_BUS_OFF &&
+                   random_uniform(&rule->random) < r->probability) {
+            if (r->kind == FAULT_PORT_LOSS) {
+                return 0;
+            }
+            if (r->kind == FAULT_PORT_CORRUPTION) {
+                flip_bit(&rule->random, &frame);
+            } else {
+                copies = 2;
+            }
+        }
+    }
+    for (size_t i = 0; i < copies; i++) {
+        if (delay_ns > 0) {
+            hold(d, &frame, f->now_ns + delay_ns);
+        } else {
+            out[i] = frame;
+        }
+    }
+    return delay_ns > 0 ? 0 : copies;
+}
+
+/* Held frames that are due, in their order, at most max; the others move up. */
+static size_t release(struct fault_port *f, struct direction *d, struct bus_frame *out, size_t max)
+{
+    size_t released = 0, kept = 0;
+
+    for (size_t i = 0; i < d->held.count; i++) {
+        if (released < max && d->held.frame[i].due_ns <= f->now_ns) {
+            out[released++] = d->held.frame[i].frame;
+        } else {
+            d->held.frame[kept++] = d->held.frame[i];
+        }
+    }
+    d->held.count = kept;
+    return released;
+}
+
+/* ---- the port ---- */
+
+static void mirror(struct fault_port *f)
+{
+    f->port.counters = f->inner->counters;
+    f->port.counters.tx_dropped += f->tx.held.dropped + f->refused;
+    f->port.counters.rx_dropped += f->rx.held.dropped;
+    f->port.state = is_off(f) ? CAN_PORT_BUS_OFF : f->inner->state;
+}
+
+static size_t fault_receive(struct can_port *port, struct bus_frame *frames, size_t max)
+{
+    struct fault_port *f = fault_port_of(port);
+    size_t count, got;
+    bool off = is_off(f);
+
+    if (off) {
+        f->rx.held.count = f->tx.held.count = 0;
+    }
+    count = release(f, &f->rx, frames, max);
+    do {
+        struct bus_frame batch[BATCH], out[2];
+        size_t room = max - count;
+
+        got = room ? can_receive(f->inner, batch, room < BATCH ? room : BATCH) : 0;
+        for (size_t i = 0; i < got && !off; i++) {
+            size_t n = pass(f, &f->rx, &batch[i], out);
+
+            for (size_t k = 0; k < n; k++) {
+                if (count < max) {
+                    frames[count++] = out[k];
+                } else {
+                    hold(&f->rx, &out[k], f->now_ns); /* the next call has room */
+                }
+            }
+        }
+    } while (got > 0);
+    mirror(f);
+    return count;
+}
+
+/* Sends a batch; frames that the other port refuses are its business. */
+static size_t flush(struct fault_port *f, const struct bus_frame *batch, size_t count)
+{
+    return count ? can_send(f->inner, batch, count) : 0;
+}
+
+static size_t fault_send(struct can_port *port, const struct bus_frame *frames, size_t count)
+{
+    struct fault_port *f = fault_port_of(port);
+    struct bus_frame batch[BATCH];
+    size_t waiting, refused = 0;
+
+    if (is_off(f)) {
+        f->refused += count;
+        mirror(f);
+        return 0;
+    }
+    do {
+        waiting = release(f, &f->tx, batch, BATCH);
+        flush(f, batch, waiting);
+    } while (waiting == BATCH);
+    waiting = 0;
+    for (size_t i = 0; i < count; i++) {
+        waiting += pass(f, &f->tx, &frames[i], batch + waiting);
+        if (waiting + 2 > BATCH || i + 1 == count) {
+            refused += waiting - flush(f, batch, waiting);
+            waiting = 0;
+        }
+    }
+    mirror(f);
+    return refused < count ? count - refused : 0;
+}
+
+static int fault_descriptor(const struct can_port *port)
+{
+    const struct fault_port *f = const_fault_port_of(port);
+
+    return f->inner->ops->descriptor(f->inner);
+}
+
+static void fault_close(struct can_port *port)
+{
+    struct fault_port *f = fault_port_of(port);
+
+    f->inner->ops->close(f->inner);
+}
+
+static const struct can_port_ops ops = {
+    .name = "fault",
+    .receive = fault_receive,
+    .send = fault_send,
+    .descriptor = fault_descriptor,
+    .close = fault_close,
+};
+
+void fault_port_time(struct can_port *port, int64_t time_ns)
+{
+    fault_port_of(port)->now_ns = time_ns;
+}
+
+static bool make_direction(struct fault_port *f, struct direction *d, const char *name,
+                           struct arena *arena)
+{
+    d->rule = arena_alloc(arena, f->config.nrule + 1, sizeof *d->rule);
+    d->held.frame = arena_alloc(arena, FAULT_PORT_HELD, sizeof *d->held.frame);
+    for (size_t i = 0; d->rule && i < f->config.nrule; i++) {
+        const struct fault_port_rule *rule = &f->config.rule[i];
+        char stream[128];
+
+        snprintf(stream, sizeof stream, "%s %s %s", name, f->inner->bus, rule->stream);
+        d->rule[i] = (struct rule){*rule, random_named(f->config.seed, stream)};
+    }
+    return d->rule && d->held.frame;
+}
+
+enum error_code fault_port_create(const struct fault_port_config *config, struct arena *arena,
+                                  struct can_port **port, struct error *error)
+{
+    struct fault_port *f = arena_alloc(arena, 1, sizeof *f);
+    struct fault_port_rule *rules = arena_alloc(arena, config->nrule + 1, sizeof *rules);
+
+    if (!f || !rules) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the faults of a bus");
+    }
+    memcpy(rules, config->rule, config->nrule * sizeof *rules);
+    f->config = *config;
+    f->config.rule = rules;
+    f->inner = config->port;
+    f->port = (struct can_port){.ops = &ops, .bus = config->port->bus, .fd = config->port->fd};
+    if (!make_direction(f, &f->rx, "rx", arena) || !make_direction(f, &f->tx, "tx", arena)) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the faults of a bus");
+    }
+    mirror(f);
+    *port = &f->port;
+    return ERROR_NONE;
+}

@@ -1,0 +1,180 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A wire before a port that has none. */
+#include "canbus/paced.h"
+
+#include "canbus/port_private.h"
+
+enum { BATCH = 64 };
+
+struct paced {
+    struct can_port port;
+    struct paced_port_config config;
+    struct can_port *inner;
+    struct wire *wire;
+    uint64_t dropped; /* by the wire, or invalid */
+    void (*tap)(void *context, const struct bus_frame *frame);
+    void *tap_context;
+    struct bus_frame batch[BATCH];
+    size_t count;
+};
+
+static struct paced *paced_of(struct can_port *port)
+{
+    return (struct paced *)((char *)port - offsetof(struct paced, port));
+}
+
+/* The other port's news are ours, and what we dropped comes on top. */
+static void follow(struct paced *paced)
+{
+    paced->port.state = paced->inner->state;
+    paced->port.counters = paced->inner->counters;
+    paced->port.counters.tx_dropped += paced->dropped;
+}
+
+static void flush(struct paced *paced)
+{
+    can_send(paced->inner, paced->batch, paced->count);
+    paced->count = 0;
+}
+
+static void carried(void *context, const struct wire_event *event)
+{
+    struct paced *paced = context;
+
+    if (paced->tap) {
+        paced->tap(paced->tap_context, event->frame);
+    }
+    if (event->node == paced->config.nodes) {
+        return; /* it came from there */
+    }
+    if (paced->count == BATCH) {
+        flush(paced);
+    }
+    paced->batch[paced->count++] = *event->frame;
+}
+
+static bool bypasses(const struct paced *paced, const struct bus_frame *frame)
+{
+    for (size_t i = 0; i < paced->config.nbypass; i++) {
+        if (frame->id == paced->config.bypass_id[i] && !(frame->flags & FRAME_EXTENDED)) {
+            return true;
+        }
+    }
+    return (frame->flags & FRAME_ERROR) != 0;
+}
+
+static size_t paced_send(struct can_port *port, const struct bus_frame *frames, size_t count)
+{
+    struct paced *paced = paced_of(port);
+    size_t accepted = 0;
+
+    for (size_t i = 0; i < count; i++) {
+        bool taken;
+
+        if (!port_may_send(port, &frames[i]) || frames[i].node >= paced->config.nodes) {
+            taken = false;
+        } else if (bypasses(paced, &frames[i])) {
+            taken = can_send(paced->inner, &frames[i], 1) == 1;
+            accepted += taken;
+            continue; /* counted by the other port, one way or the other */
+        } else {
+            taken = wire_transmit(paced->wire, frames[i].node, &frames[i]);
+        }
+        accepted += taken;
+        paced->dropped += !taken;
+    }
+    follow(paced);
+    return accepted;
+}
+
+static size_t paced_receive(struct can_port *port, struct bus_frame *frames, size_t max)
+{
+    struct paced *paced = paced_of(port);
+    size_t count = can_receive(paced->inner, frames, max);
+
+    for (size_t i = 0; i < count; i++) {
+        if (!bypasses(paced, &frames[i])) {
+            /* more than its queue holds is more than the wire could have carried */
+            wire_transmit(paced->wire, paced->config.nodes, &frames[i]);
+        }
+    }
+    follow(paced);
+    return count;
+}
+
+void paced_port_advance(struct can_port *port, int64_t now_ns)
+{
+    struct paced *paced = paced_of(port);
+
+    wire_advance(paced->wire, now_ns);
+    flush(paced);
+    follow(paced);
+}
+
+void paced_port_tap(struct can_port *port, void (*tap)(void *context, const struct bus_frame *frame),
+                    void *context)
+{
+    paced_of(port)->tap = tap;
+    paced_of(port)->tap_context = context;
+}
+
+struct wire *paced_port_wire(const struct can_port *port)
+{
+    return ((const struct paced *)((const char *)port - offsetof(struct paced, port)))->wire;
+}
+
+static int paced_descriptor(const struct can_port *port)
+{
+    const struct can_port *inner =
+        ((const struct paced *)((const char *)port - offsetof(struct paced, port)))->inner;
+
+    return inner->ops->descriptor(inner);
+}
+
+static void paced_close(struct can_port *port)
+{
+    struct can_port *inner = paced_of(port)->inner;
+
+    inner->ops->close(inner);
+}
+
+static const struct can_port_ops paced_ops = {
+    .name = "paced",
+    .receive = paced_receive,
+    .send = paced_send,
+    .descriptor = paced_descriptor,
+    .close = paced_close,
+};
+
+enum error_code paced_port_create(const struct paced_port_config *config, struct arena *arena,
+                                  struct can_port **port, struct error *error)
+{
+    struct paced *paced = arena_alloc(arena, 1, sizeof *paced);
+    struct wire_config wire = {
+        .bitrate = config->bitrate,
+        .data_bitrate = config->data_bitrate,
+        .fd = config->port->fd,
+        .nodes = config->nodes + 1,
+        .queue = config->queue,
+        .order = config->fifo ? WIRE_FIFO : WIRE_PRIORITY,
+        .notify = carried,
+        .context = paced,
+        .events = 1 << WIRE_TRANSMIT,
+    };
+    enum error_code code;
+
+    if (!paced) {
+        return error_set(error, ERROR_MEMORY, "bus %s: no memory for its wire", config->port->bus);
+    }
+    code = wire_create(&wire, arena, &paced->wire, error);
+    if (code) {
+        return error_prefix(error, "bus %s", config->port->bus);
+    }
+    paced->config = *config;
+    paced->inner = config->port;
+    paced->port =
+        (struct can_port){.ops = &paced_ops, .bus = config->port->bus, .fd = config->port->fd};
+    follow(paced);
+    *port = &paced->port;
+    return ERROR_NONE;
+}

@@ -1,0 +1,399 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The bits of a frame: counted by tables of eight bits at a time, or written out one by one. */
+#include "canbus/wire_bits.h"
+
+enum {
+    STUFF_AFTER = 5, /* equal bits */
+    CRC15_POLYNOMIAL = 0x4599,
+    CRC17_POLYNOMIAL = 0x1685B, /* without the leading x^17 */
+    CRC21_POLYNOMIAL = 0x102899,
+    CRC17_LAST = 16, /* bytes: longer frames have CRC-21 */
+    TRAILER_BITS = 1 + 2 + WIRE_EOF_BITS, /* CRC delimiter, ACK slot and delimiter, EOF */
+};
+
+/* ---- fields ---- */
+
+static unsigned dlc_of(const struct bus_frame *frame)
+{
+    if (frame->len <= 8) {
+        return frame->len;
+    }
+    return frame->len <= 24 ? 9u + (frame->len - 12u) / 4u : 11u + frame->len / 16u;
+}
+
+/* SOF to DLC without stuff bits, right-aligned. */
+struct header {
+    uint64_t bits;
+    unsigned count;
+    unsigned arbitration; /* bits behind SOF that decide the arbitration */
+};
+
+static inline struct header header_of(const struct bus_frame *frame)
+{
+    const bool extended = frame->flags & FRAME_EXTENDED, fd = frame->flags & FRAME_FD;
+    const uint64_t remote = frame->flags & FRAME_REMOTE ? 1 : 0;
+    struct header header;
+
+    if (extended) {
+        /* base, SRR = 1, IDE = 1, the other 18 bits, RTR (RRS = 0) */
+        header.bits = (uint64_t)(frame->id >> 18) << 21 | UINT64_C(3) << 19 |
+                      (uint64_t)(frame->id & 0x3FFFF) << 1 | remote;
+        header.arbitration = 32;
+    } else {
+        header.bits = (uint64_t)frame->id << 1 | remote;
+        header.arbitration = 12;
+    }
+    header.count = 1 + header.arbitration;
+    if (!extended) {
+        header.bits <<= 1; /* IDE = 0 */
+        header.count += 1;
+    }
+    if (fd) {
+        /* FDF = 1, res = 0, BRS, ESI */
+        header.bits = header.bits << 4 | 8u | (frame->flags & FRAME_BRS ? 2u : 0u) |
+                      (frame->flags & FRAME_ESI ? 1u : 0u);
+        header.count += 4;
+    } else {
+        /* r0 = 0, with a 29-bit identifier r1 before it */
+        header.bits <<= extended ? 2 : 1;
+        header.count += extended ? 2 : 1;
+    }
+    header.bits = header.bits << 4 | dlc_of(frame);
+    header.count += 4;
+    return header;
+}
+
+static unsigned data_bytes(const struct bus_frame *frame)
+{
+    return frame->flags & FRAME_REMOTE ? 0 : frame->len;
+}
+
+/* stuff count and CRC of an FD frame */
+static unsigned fd_check_bits(uint8_t len)
+{
+    return 4 + (len <= CRC17_LAST ? 17 : 21);
+}
+
+/* with the fixed stuff bits: one before each four bits */
+static unsigned fd_check_field_bits(uint8_t len)
+{
+    unsigned bits = fd_check_bits(len);
+
+    return bits + (bits + 3) / 4;
+}
+
+uint32_t wire_priority(const struct bus_frame *frame)
+{
+    const uint32_t remote = frame->flags & FRAME_REMOTE ? 1 : 0;
+
+    if (frame->flags & FRAME_EXTENDED) {
+        return (frame->id >> 18) << 21 | 3u << 19 | (frame->id & 0x3FFFF) << 1 | remote;
+    }
+    return frame->id << 21 | remote << 20;
+}
+
+/* ---- counting ---- */
+
+/* A run of equal bits: the bit and how often it has stood, 1 to 4, as one of 8 states. */
+static unsigned run_state(unsigned bit, unsigned length)
+{
+    return bit * 4 + length - 1;
+}
+
+/* An entry of the table: bits 0-2 the next state, 3-4 stuff bits, 5 whether the last of them stands
+ * behind the last of the eight bits. */
+static uint8_t stuff_entry(unsigned state, unsigned byte)
+{
+    unsigned bit = state / 4, length = state % 4 + 1, stuffed = 0, last = 0;
+
+    for (int i = 7; i >= 0; i--) {
+        unsigned next = byte >> i & 1;
+
+        length = next == bit ? length + 1 : 1;
+        bit = next;
+        last = length == STUFF_AFTER;
+        if (last) {
+            stuffed++;
+            bit = !bit;
+            length = 1;
+        }
+    }
+    return (uint8_t)(run_state(bit, length) | stuffed << 3 | last << 5);
+}
+
+void wire_tables_make(struct wire_tables *tables)
+{
+    for (unsigned byte = 0; byte < 256; byte++) {
+        unsigned crc = byte << 7;
+
+        for (int i = 0; i < 8; i++) {
+            crc = crc << 1 ^ (crc & 0x4000 ? CRC15_POLYNOMIAL : 0);
+        }
+        tables->crc15[byte] = (uint16_t)(crc & 0x7FFF);
+        for (unsigned state = 0; state < 8; state++) {
+            tables->stuff[state][byte] = stuff_entry(state, byte);
+        }
+    }
+}
+
+struct counting {
+    const struct wire_tables *tables;
+    unsigned entry; /* of the last byte: its state and end */
+    unsigned stuffed;
+};
+
+static inline void count_byte(struct counting *counting, unsigned byte)
+{
+    counting->entry = counting->tables->stuff[counting->entry & 7][byte];
+    counting->stuffed += counting->entry >> 3 & 3;
+}
+
+/* Counts right-aligned bits. They are filled up to whole bytes on the left with bits that alternate
+ * and end with 1, before which nothing stands and after which SOF begins a run. */
+static inline struct counting count_header(const struct wire_tables *tables, uint64_t bits,
+                                           unsigned count)
+{
+    const unsigned whole = (count + 7) / 8 * 8;
+    struct counting counting = {tables, run_state(0, 1), 0};
+
+    if (whole > count) {
+        unsigned fill = whole - count;
+
+        bits |= (uint64_t)(0x55u & ((1u << fill) - 1)) << count;
+        /* the run before the first bit is of the other value */
+        counting.entry = run_state(fill % 2 ? 0 : 1, 1);
+    }
+    for (unsigned shift = whole; shift > 0; shift -= 8) {
+        count_byte(&counting, bits >> (shift - 8) & 0xFF);
+    }
+    return counting;
+}
+
+static unsigned crc15_byte(const struct wire_tables *tables, unsigned crc, unsigned byte)
+{
+    return (crc << 8 ^ tables->crc15[(crc >> 7 ^ byte) & 0xFF]) & 0x7FFF;
+}
+
+static struct wire_length classic_length(const struct wire_tables *tables,
+                                         const struct bus_frame *frame)
+{
+    const struct header header = header_of(frame);
+    const unsigned bytes = data_bytes(frame);
+    struct counting counting = count_header(tables, header.bits, header.count);
+    unsigned crc = 0, entry = counting.entry, stuffed = counting.stuffed;
+
+    /* leading zeros do not change this CRC */
+    for (unsigned shift = (header.count + 7) / 8 * 8; shift > 0; shift -= 8) {
+        crc = crc15_byte(tables, crc, header.bits >> (shift - 8) & 0xFF);
+    }
+    /* the inner loop of wire mode: everything in registers */
+    for (unsigned i = 0; i < bytes; i++) {
+        const unsigned byte = frame->data[i];
+
+        crc = crc << 8 ^ tables->crc15[(crc >> 7 ^ byte) & 0xFF];
+        entry = tables->stuff[entry & 7][byte];
+        stuffed += entry >> 3 & 3;
+    }
+    counting.entry = entry;
+    counting.stuffed = stuffed;
+    crc &= 0x7FFF;
+    /* the 16th bit is the opposite of the CRC's last: it completes no run */
+    crc = crc << 1 | (~crc & 1);
+    count_byte(&counting, crc >> 8);
+    count_byte(&counting, crc & 0xFF);
+    return (struct wire_length){
+        .nominal =
+            (uint16_t)(header.count + 8 * bytes + 15 + counting.stuffed + TRAILER_BITS),
+    };
+}
+
+/* ESI, DLC, data, stuff count, CRC and its delimiter */
+static unsigned fd_fast_bits(uint8_t len)
+{
+    return 5 + 8u * len + fd_check_field_bits(len) + 1;
+}
+
+static struct wire_length fd_length(const struct wire_tables *tables, const struct bus_frame *frame)
+{
+    const struct header header = header_of(frame);
+    const unsigned slow = header.count - 5 + TRAILER_BITS - 1, fast = fd_fast_bits(frame->len);
+    struct counting counting = count_header(tables, header.bits, header.count);
+    unsigned early;
+
+    for (unsigned i = 0; i < frame->len; i++) {
+        count_byte(&counting, frame->data[i]);
+    }
+    /* behind the last bit stands the first fixed stuff bit, and no other */
+    counting.stuffed -= counting.entry >> 5;
+    if (!(frame->flags & FRAME_BRS)) {
+        return (struct wire_length){.nominal = (uint16_t)(slow + fast + counting.stuffed)};
+    }
+    /* SOF to BRS; BRS is the first bit of its value, no stuff bit follows it */
+    early = count_header(tables, header.bits >> 5, header.count - 5).stuffed;
+    return (struct wire_length){
+        .nominal = (uint16_t)(slow + early),
+        .data = (uint16_t)(fast + counting.stuffed - early),
+    };
+}
+
+struct wire_length wire_frame_length(const struct wire_tables *tables,
+                                     const struct bus_frame *frame)
+{
+    return frame->flags & FRAME_FD ? fd_length(tables, frame) : classic_length(tables, frame);
+}
+
+struct wire_length wire_worst_length(uint8_t flags, uint8_t len)
+{
+    const struct bus_frame frame = {.flags = flags, .len = len};
+    const struct header header = header_of(&frame);
+    const unsigned bytes = data_bytes(&frame);
+    unsigned bits, stuffed, early, slow;
+
+    if (!(flags & FRAME_FD)) {
+        bits = header.count + 8 * bytes + 15;
+        return (struct wire_length){.nominal = (uint16_t)(bits + (bits - 1) / 4 + TRAILER_BITS)};
+    }
+    stuffed = (header.count + 8 * bytes - 1) / 4;
+    early = (header.count - 5 - 1) / 4;
+    slow = header.count - 5 + TRAILER_BITS - 1 + 1; /* the receiver's delay */
+    if (!(flags & FRAME_BRS)) {
+        return (struct wire_length){.nominal = (uint16_t)(slow + fd_fast_bits(len) + stuffed)};
+    }
+    return (struct wire_length){
+        .nominal = (uint16_t)(slow + early),
+        .data = (uint16_t)(fd_fast_bits(len) + stuffed - early),
+    };
+}
+
+static int64_t bits_ns(int64_t bits, int64_t bitrate)
+{
+    return (bits * 1000000000 + bitrate / 2) / bitrate;
+}
+
+int64_t wire_length_ns(struct wire_length length, int64_t bitrate, int64_t data_bitrate)
+{
+    return bits_ns(length.nominal, bitrate) + (length.data ? bits_ns(length.data, data_bitrate) : 0);
+}
+
+/* ---- writing ---- */
+
+/* Appends a bit and, in the stuffed part of the frame, the stuff bit that becomes due. */
+struct writing {
+    struct wire_bits *bits;
+    unsigned run;     /* equal bits at the end */
+    unsigned stuffed; /* so far */
+};
+
+static void put_plain(struct writing *writing, unsigned bit)
+{
+    writing->bits->bit[writing->bits->count++] = (uint8_t)bit;
+}
+
+static void put_stuffed(struct writing *writing, unsigned bit)
+{
+    struct wire_bits *bits = writing->bits;
+
+    if (writing->run == STUFF_AFTER) {
+        put_plain(writing, !bits->bit[bits->count - 1]);
+        writing->run = 1;
+        writing->stuffed++;
+    }
+    writing->run = bits->count && bits->bit[bits->count - 1] == bit ? writing->run + 1 : 1;
+    put_plain(writing, bit);
+}
+
+static uint32_t crc_bit(uint32_t crc, unsigned bit, unsigned width, uint32_t polynomial)
+{
+    const uint32_t top = crc >> (width - 1) & 1;
+
+    crc = crc << 1 & ((1u << width) - 1);
+    return top ^ bit ? crc ^ polynomial : crc;
+}
+
+/* of the bits before stuffing */
+static uint32_t crc15_of(const struct header *header, const struct bus_frame *frame)
+{
+    uint32_t crc = 0;
+
+    for (unsigned i = header->count; i-- > 0;) {
+        crc = crc_bit(crc, header->bits >> i & 1, 15, CRC15_POLYNOMIAL);
+    }
+    for (unsigned i = 0; i < 8 * data_bytes(frame); i++) {
+        crc = crc_bit(crc, frame->data[i / 8] >> (7 - i % 8) & 1, 15, CRC15_POLYNOMIAL);
+    }
+    return crc;
+}
+
+static void put_crc15(struct writing *writing, uint32_t crc)
+{
+    for (int i = 14; i >= 0; i--) {
+        put_stuffed(writing, crc >> i & 1);
+    }
+    if (writing->run == STUFF_AFTER) {
+        put_plain(writing, !writing->bits->bit[writing->bits->count - 1]);
+    }
+}
+
+/* Stuff count modulo 8 as a Gray code with even parity, then the CRC over all bits so far, stuff bits
+ * included, and over the stuff count; a fixed stuff bit before each four bits. */
+static void put_fd_check(struct writing *writing, uint8_t len)
+{
+    const bool crc17 = len <= CRC17_LAST;
+    const unsigned width = crc17 ? 17 : 21, modulo = writing->stuffed & 7;
+    const uint32_t polynomial = crc17 ? CRC17_POLYNOMIAL : CRC21_POLYNOMIAL;
+    const unsigned gray = modulo ^ modulo >> 1;
+    const unsigned count = gray << 1 | ((gray ^ gray >> 1 ^ gray >> 2) & 1);
+    struct wire_bits *bits = writing->bits;
+    uint32_t crc = 1u << (width - 1);
+    uint64_t check;
+
+    for (size_t i = 0; i < bits->count; i++) {
+        crc = crc_bit(crc, bits->bit[i], width, polynomial);
+    }
+    for (int i = 3; i >= 0; i--) {
+        crc = crc_bit(crc, count >> i & 1, width, polynomial);
+    }
+    check = (uint64_t)count << width | crc;
+    for (unsigned i = 0; i < width + 4; i++) {
+        if (i % 4 == 0) {
+            put_plain(writing, !bits->bit[bits->count - 1]);
+        }
+        put_plain(writing, check >> (width + 3 - i) & 1);
+    }
+}
+
+void wire_frame_encode(const struct bus_frame *frame, struct wire_bits *bits)
+{
+    const struct header header = header_of(frame);
+    const bool fd = frame->flags & FRAME_FD;
+    struct writing writing = {bits, 0, 0};
+
+    bits->count = 0;
+    bits->fast = 0;
+    for (unsigned i = header.count; i-- > 0;) {
+        put_stuffed(&writing, header.bits >> i & 1);
+        if (header.count - i == 1 + header.arbitration) {
+            bits->control = bits->count;
+        }
+        if (i == 5) {
+            bits->fast = bits->count;
+        }
+    }
+    for (unsigned i = 0; i < 8 * data_bytes(frame); i++) {
+        put_stuffed(&writing, frame->data[i / 8] >> (7 - i % 8) & 1);
+    }
+    if (fd) {
+        put_fd_check(&writing, frame->len);
+    } else {
+        put_crc15(&writing, crc15_of(&header, frame));
+    }
+    bits->crc_end = bits->count;
+    bits->slow = bits->count + 1;
+    if (!(frame->flags & FRAME_BRS)) {
+        bits->fast = bits->slow;
+    }
+    bits->ack = bits->count + 1;
+    for (int i = 0; i < TRAILER_BITS; i++) {
+        put_plain(&writing, 1);
+    }
+}

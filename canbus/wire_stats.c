@@ -1,0 +1,177 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the wire counts: load by windows of time, latency by identifier. */
+#include "canbus/wire_private.h"
+
+const char *wire_state_name(enum wire_state state)
+{
+    static const char *const names[] = {
+        [WIRE_ERROR_ACTIVE] = "error active",
+        [WIRE_ERROR_WARNING] = "error warning",
+        [WIRE_ERROR_PASSIVE] = "error passive",
+        [WIRE_BUS_OFF] = "bus-off",
+    };
+
+    return names[state];
+}
+
+const char *wire_error_name(enum wire_error error)
+{
+    static const char *const names[WIRE_ERRORS] = {
+        [WIRE_BIT_ERROR] = "bit",   [WIRE_STUFF_ERROR] = "stuff", [WIRE_FORM_ERROR] = "form",
+        [WIRE_CRC_ERROR] = "crc", [WIRE_ACK_ERROR] = "ack",
+    };
+
+    return names[error];
+}
+
+const char *wire_drop_name(enum wire_drop drop)
+{
+    static const char *const names[WIRE_DROPS] = {
+        [WIRE_DROP_QUEUE_FULL] = "queue full",
+        [WIRE_DROP_BUS_OFF] = "bus-off",
+        [WIRE_DROP_INVALID] = "invalid",
+        [WIRE_DROP_LATE_FULL] = "too many late",
+    };
+
+    return names[drop];
+}
+
+/* ---- load ---- */
+
+static void close_windows(struct wire_load *load, int64_t window_ns, int64_t time_ns)
+{
+    int64_t skipped;
+
+    if (time_ns < load->window_begin_ns + window_ns) {
+        return;
+    }
+    load->last = (double)load->window_busy_ns / (double)window_ns;
+    load->peak = load->last > load->peak ? load->last : load->peak;
+    load->window_begin_ns += window_ns;
+    load->window_busy_ns = 0;
+    skipped = (time_ns - load->window_begin_ns) / window_ns;
+    if (skipped > 0) {
+        load->last = 0.0;
+        load->window_begin_ns += skipped * window_ns;
+    }
+}
+
+/* Something is on the wire from from_ns, not before what was added last, to to_ns. */
+void wire_load_add(struct wire_load *load, int64_t window_ns, int64_t from_ns, int64_t to_ns)
+{
+    close_windows(load, window_ns, from_ns);
+    while (to_ns > load->window_begin_ns + window_ns) {
+        int64_t border = load->window_begin_ns + window_ns;
+
+        load->window_busy_ns += border - from_ns;
+        from_ns = border;
+        close_windows(load, window_ns, border);
+    }
+    load->window_busy_ns += to_ns - from_ns;
+}
+
+/* ---- latency ---- */
+
+static struct wire_latency *latency_of(struct wire *wire, const struct bus_frame *frame)
+{
+    const bool extended = frame->flags & FRAME_EXTENDED;
+    /* every standard identifier finds its own slot at once */
+    size_t at = extended ? (frame->id * UINT32_C(2654435761)) >> 21 : frame->id;
+
+    for (;; at = (at + 1) % WIRE_ID_SLOTS) {
+        struct wire_latency *entry = &wire->latency[at];
+
+        if (entry->count && entry->id == frame->id && entry->extended == extended) {
+            return entry;
+        }
+        if (!entry->count) {
+            if (wire->nid == WIRE_IDS_MAX) {
+                wire->others.others = true;
+                return &wire->others;
+            }
+            wire->nid++;
+            entry->id = frame->id;
+            entry->extended = extended;
+            return entry;
+        }
+    }
+}
+
+void wire_latency_add(struct wire *wire, const struct bus_frame *frame, int64_t latency_ns)
+{
+    struct wire_latency *entry = latency_of(wire, frame);
+
+    entry->min_ns = !entry->count || latency_ns < entry->min_ns ? latency_ns : entry->min_ns;
+    entry->max_ns = latency_ns > entry->max_ns ? latency_ns : entry->max_ns;
+    entry->sum_ns += latency_ns;
+    entry->count++;
+}
+
+size_t wire_latencies(const struct wire *wire, struct wire_latency *latency, size_t max)
+{
+    size_t count = 0;
+
+    for (size_t i = 0; i <= WIRE_ID_SLOTS; i++) {
+        const struct wire_latency *entry = i < WIRE_ID_SLOTS ? &wire->latency[i] : &wire->others;
+
+        if (entry->count) {
+            if (count < max) {
+                latency[count] = *entry;
+            }
+            count++;
+        }
+    }
+    return count;
+}
+
+struct wire_latency wire_worst_latency(const struct wire *wire)
+{
+    const struct wire_latency *worst = &wire->others;
+
+    for (size_t i = 0; i < WIRE_ID_SLOTS; i++) {
+        if (wire->latency[i].max_ns > worst->max_ns) {
+            worst = &wire->latency[i];
+        }
+    }
+    return *worst;
+}
+
+/* ---- looking ---- */
+
+/* What is on the wire now counts up to now. */
+void wire_stats(const struct wire *wire, struct wire_stats *stats)
+{
+    struct wire_load load = wire->load;
+    int64_t begin = wire->flight.busy ? wire->flight.start_ns : wire->idle_ns, excess = 0;
+
+    *stats = wire->stats;
+    stats->time_ns = wire->now_ns;
+    if (wire->flight.busy) {
+        excess = begin - wire->now_ns;
+        wire_load_add(&load, wire->config.window_ns, begin, wire->now_ns);
+    } else if (begin > wire->now_ns) {
+        excess = begin - wire->now_ns; /* of the intermission */
+    } else {
+        close_windows(&load, wire->config.window_ns, wire->now_ns);
+    }
+    stats->busy_ns -= excess;
+    stats->load_mean =
+        wire->now_ns > 0 ? (double)stats->busy_ns / (double)wire->now_ns : 0.0;
+    stats->load_now = load.last;
+    stats->load_peak = load.peak;
+}
+
+uint64_t wire_dropped(const struct wire *wire)
+{
+    uint64_t total = 0;
+
+    for (int drop = 0; drop < WIRE_DROPS; drop++) {
+        total += wire->stats.dropped[drop];
+    }
+    return total;
+}
+
+void wire_node_stats(const struct wire *wire, size_t node, struct wire_node_stats *stats)
+{
+    *stats = wire->node[node].stats;
+}

@@ -1,0 +1,585 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The wire with noise, faults and bad nodes: error flags, counters, states, recovery. */
+#include "tests/unit/wire_bench.h"
+
+static struct wire_bench bench;
+
+static int tear_down(void **state)
+{
+    (void)state;
+    bench_close(&bench);
+    memset(&bench, 0, sizeof bench);
+    return 0;
+}
+
+static int inject(enum wire_fault_kind kind, int receiver, uint64_t count)
+{
+    int fault = wire_inject(bench.wire, &(struct wire_fault){.kind = kind,
+                                                             .node = WIRE_ANY,
+                                                             .receiver = receiver,
+                                                             .count = count,
+                                                             .delay_ns = 700 * US});
+
+    assert_true(fault >= 0);
+    return fault;
+}
+
+static void send(size_t node, uint32_t id)
+{
+    struct bus_frame frame = bench_frame(id, 8);
+
+    assert_true(wire_transmit(bench.wire, node, &frame));
+}
+
+static void a_corrupted_frame_is_signaled_and_sent_again(void **state)
+{
+    struct bus_frame frame = bench_frame(0x123, 8);
+    int64_t length = bench_duration(&frame, 1000000, 0), again, flag_and_more;
+    unsigned shortest = 99, longest = 0;
+
+    (void)state;
+    for (uint64_t seed = 0; seed < 300; seed++) {
+        const struct wire_log *error, *event;
+
+        bench_open(&bench, (struct wire_config){.seed = seed});
+        inject(WIRE_FAULT_CORRUPT, WIRE_ANY, 1);
+        send(0, 0x123);
+        wire_advance(bench.wire, MS);
+        error = bench_event(&bench, WIRE_BUS_ERROR, 0);
+        event = bench_event(&bench, WIRE_TRANSMIT, 0);
+        assert_int_equal(error->event.tec, 8);
+        assert_int_equal(error->event.error, WIRE_BIT_ERROR);
+        assert_int_equal(bench_events(&bench, WIRE_BUS_ERROR), 1);
+        assert_int_equal(bench_events(&bench, WIRE_TRANSMIT), 1);
+        again = event->event.time_ns - length;
+        assert_int_equal(again, error->event.time_ns + 3 * US);
+        /* not before the control field, nor behind the CRC */
+        flag_and_more = error->event.time_ns;
+        assert_true(flag_and_more >= (14 + 6 + 8) * US);
+        assert_true(flag_and_more <= length - 10 * US + (12 + 8) * US);
+        assert_int_equal(flag_and_more % US, 0);
+        shortest = (unsigned)(flag_and_more / US) < shortest ? (unsigned)(flag_and_more / US) : shortest;
+        longest = (unsigned)(flag_and_more / US) > longest ? (unsigned)(flag_and_more / US) : longest;
+        assert_int_equal(bench_node(&bench, 0).tec, 7);
+        assert_int_equal(bench_node(&bench, 1).rec, 0);
+        assert_int_equal(bench_node(&bench, 1).rec_peak, 1);
+        assert_int_equal(bench_stats(&bench).errors[WIRE_BIT_ERROR], 1);
+        bench_close(&bench);
+    }
+    assert_true(shortest < 50 && longest > 110);
+    memset(&bench, 0, sizeof bench);
+}
+
+/* The reference for the length of superposed flags: every node by itself, bit by bit. */
+static void overlapping_flags_last_six_to_twelve_bits(void **state)
+{
+    struct bus_frame frame = {.id = 0x555, .len = 8};
+    struct reference bits;
+    unsigned seen[16] = {0};
+
+    (void)state;
+    memset(frame.data, 0xA3, sizeof frame.data);
+    reference_encode(&frame, &bits);
+    for (uint64_t seed = 0; seed < 400; seed++) {
+        int64_t end;
+        bool found = false;
+
+        bench_open(&bench, (struct wire_config){.seed = seed, .nodes = 2});
+        inject(WIRE_FAULT_CORRUPT, WIRE_ANY, 1);
+        wire_transmit(bench.wire, 0, &frame);
+        wire_advance(bench.wire, MS);
+        end = bench_event(&bench, WIRE_BUS_ERROR, 0)->event.time_ns / US;
+        /* some bit must explain the end: up to it the frame, inverted there; then the sender's six
+         * dominant bits; the receiver's six begin behind the sixth equal bit that it reads */
+        for (int64_t at = 13; at < (int64_t)bits.delimiter && !found; at++) {
+            int run = 1, last = !reference_value(bits.bit[at]);
+            int64_t receiver = -1, stop;
+
+            for (int64_t k = at - 1; k >= 0 && reference_value(bits.bit[k]) == last; k--) {
+                run++;
+            }
+            for (int64_t k = at + 1; receiver < 0; k++) {
+                if (run >= 6) {
+                    receiver = k;
+                }
+                run = last == 0 ? run + 1 : 1;
+                last = 0;
+            }
+            stop = (receiver > at + 1 ? receiver : at + 1) + 6;
+            found = stop + 8 == end;
+            if (found) {
+                seen[stop - at - 1]++;
+            }
+        }
+        assert_true(found);
+        bench_close(&bench);
+    }
+    assert_true(seen[11] > 0 && seen[12] > 0);
+    memset(&bench, 0, sizeof bench);
+}
+
+static void a_node_alone_gets_passive_but_never_bus_off(void **state)
+{
+    struct bus_frame frame = bench_frame(0x123, 8);
+    int64_t to_ack = bench_duration(&frame, 1000000, 0) - 8 * US, expected = 0;
+
+    (void)state;
+    bench_open(&bench, (struct wire_config){.nodes = 1});
+    send(0, 0x123);
+    wire_advance(bench.wire, 100 * MS);
+    for (size_t i = 0; i < 40; i++) {
+        const struct wire_log *error = bench_event(&bench, WIRE_BUS_ERROR, i);
+
+        expected += to_ack + (6 + 8) * US;
+        assert_int_equal(error->event.error, WIRE_ACK_ERROR);
+        assert_int_equal(error->event.time_ns, expected);
+        assert_int_equal(error->event.tec, i < 16 ? 8 * (i + 1) : 128);
+        expected += i < 15 ? 3 * US : 11 * US; /* suspend transmission */
+    }
+    assert_int_equal(bench_events(&bench, WIRE_STATUS), 2);
+    assert_int_equal(bench_event(&bench, WIRE_STATUS, 0)->event.state, WIRE_ERROR_WARNING);
+    assert_int_equal(bench_event(&bench, WIRE_STATUS, 0)->event.tec, 96);
+    assert_int_equal(bench_event(&bench, WIRE_STATUS, 1)->event.state, WIRE_ERROR_PASSIVE);
+    assert_int_equal(bench_node(&bench, 0).bus_offs, 0);
+}
+
+static void errors_without_end_lead_to_bus_off_after_32(void **state)
+{
+    int fault;
+    const struct wire_log *off;
+
+    (void)state;
+    bench_open(&bench, (struct wire_config){.restart_delay_ns = -1});
+    fault = inject(WIRE_FAULT_CORRUPT, WIRE_ANY, 0);
+    send(0, 0x123);
+    send(0, 0x124);
+    wire_advance(bench.wire, 100 * MS);
+    assert_int_equal(bench_events(&bench, WIRE_BUS_ERROR), 32);
+    assert_int_equal(wire_fault_hits(bench.wire, fault), 32);
+    assert_int_equal(bench_node(&bench, 0).tec, 256);
+    assert_int_equal(bench_node(&bench, 1).rec, 32);
+    assert_int_equal(bench_node(&bench, 0).dropped[WIRE_DROP_BUS_OFF], 2);
+    off = bench_event(&bench, WIRE_STATUS, 2);
+    assert_int_equal(off->event.state, WIRE_BUS_OFF);
+    assert_false(wire_transmit(bench.wire, 0, &(struct bus_frame){.id = 1}));
+    /* bus-off is for ever, until somebody says otherwise */
+    wire_advance(bench.wire, 1000 * MS);
+    assert_int_equal(bench_node(&bench, 0).state, WIRE_BUS_OFF);
+    assert_int_equal(wire_heal(bench.wire, fault), 32);
+    wire_restart(bench.wire, 0);
+    wire_advance(bench.wire, 1000 * MS + 128 * 11 * US - 1);
+    assert_int_equal(bench_node(&bench, 0).state, WIRE_BUS_OFF);
+    wire_advance(bench.wire, 1000 * MS + 128 * 11 * US);
+    assert_int_equal(bench_node(&bench, 0).state, WIRE_ERROR_ACTIVE);
+    assert_int_equal(bench_node(&bench, 0).tec, 0);
+    send(0, 0x125);
+    wire_advance(bench.wire, 1100 * MS);
+    assert_int_equal(bench_node(&bench, 0).confirmed, 1);
+    assert_int_equal(bench_node(&bench, 0).tec, 0);
+}
+
+static void recovery_begins_with_the_recessive_bits_of_the_error_frame(void **state)
+{
+    const struct wire_log *off, *on;
+
+    (void)state;
+    bench_open(&bench, (struct wire_config){0});
+    inject(WIRE_FAULT_CORRUPT, WIRE_ANY, 32);
+    send(0, 0x123);
+    wire_advance(bench.wire, 100 * MS);
+    off = bench_event(&bench, WIRE_STATUS, 2);
+    on = bench_event(&bench, WIRE_STATUS, 3);
+    assert_int_equal(off->event.state, WIRE_BUS_OFF);
+    assert_int_equal(on->event.state, WIRE_ERROR_ACTIVE);
+    /* bus-off is told at the end of the delimiter, but counting begins then too */
+    assert_int_equal(on->event.time_ns - off->event.time_ns, 128 * 11 * US);
+}
+
+/* Back to back, each frame ends with 1 + 7 + 3 recessive bits: one occurrence of eleven. */
+static void on_a_full_bus_recovery_takes_128_frames(void **state)
+{
+    struct bus_frame frame = bench_frame(0x100, 8);
+    uint64_t frames;
+
+    (void)state;
+    bench_open(&bench, (struct wire_config){.queue = 1024});
+    wire_force_bus_off(bench.wire, 2);
+    assert_int_equal(bench_node(&bench, 2).state, WIRE_BUS_OFF);
+    for (int i = 0; i < 400; i++) {
+        wire_transmit(bench.wire, 0, &frame);
+    }
+    for (int64_t t = 0; bench_node(&bench, 2).state == WIRE_BUS_OFF; t += 10 * US) {
+        wire_advance(bench.wire, t);
+        assert_true(t < 400 * 140 * US);
+    }
+    frames = bench_stats(&bench).frames;
+    assert_true(frames >= 127 && frames <= 129);
+}
+
+static void restart_waits_for_the_delay(void **state)
+{
+    (void)state;
+    bench_open(&bench, (struct wire_config){.restart_delay_ns = 100 * MS});
+    wire_advance(bench.wire, MS);
+    wire_force_bus_off(bench.wire, 1);
+    wire_advance(bench.wire, 101 * MS + 128 * 11 * US - 1);
+    assert_int_equal(bench_node(&bench, 1).state, WIRE_BUS_OFF);
+    wire_advance(bench.wire, 101 * MS + 128 * 11 * US);
+    assert_int_equal(bench_node(&bench, 1).state, WIRE_ERROR_ACTIVE);
+}
+
+static void counters_fall_by_one_with_every_good_frame(void **state)
+{
+    (void)state;
+    bench_open(&bench, (struct wire_config){.queue = 1024});
+    inject(WIRE_FAULT_CORRUPT, WIRE_ANY, 20);
+    send(0, 0x123);
+    wire_advance(bench.wire, 5 * MS);
+    /* 20 errors and the frame's success */
+    assert_int_equal(bench_node(&bench, 0).tec, 159);
+    assert_int_equal(bench_node(&bench, 0).state, WIRE_ERROR_PASSIVE);
+    assert_int_equal(bench_node(&bench, 1).rec, 19);
+    for (int i = 0; i < 31; i++) {
+        send(0, 0x123);
+    }
+    wire_advance(bench.wire, 20 * MS);
+    assert_int_equal(bench_node(&bench, 0).tec, 128);
+    assert_int_equal(bench_node(&bench, 0).state, WIRE_ERROR_PASSIVE);
+    send(0, 0x123);
+    wire_advance(bench.wire, 21 * MS);
+    assert_int_equal(bench_node(&bench, 0).state, WIRE_ERROR_WARNING);
+    assert_int_equal(bench_node(&bench, 1).rec, 0);
+}
+
+static void a_passive_sender_lets_others_go_first(void **state)
+{
+    struct bus_frame frame = bench_frame(0x010, 8), low = bench_frame(0x700, 8);
+    int64_t length = bench_duration(&frame, 1000000, 0), begin;
+
+    (void)state;
+    bench_open(&bench, (struct wire_config){0});
+    inject(WIRE_FAULT_CORRUPT, WIRE_ANY, 20);
+    send(0, 0x010);
+    wire_advance(bench.wire, 10 * MS);
+    assert_int_equal(bench_node(&bench, 0).state, WIRE_ERROR_PASSIVE);
+    begin = bench.count;
+    /* alone: 8 bits more between two frames */
+    send(0, 0x010);
+    send(0, 0x010);
+    wire_advance(bench.wire, 20 * MS);
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 2)->event.time_ns -
+                         bench_event(&bench, WIRE_TRANSMIT, 1)->event.time_ns,
+                     length + 11 * US);
+    /* with company: the lower priority slips in */
+    send(0, 0x010);
+    send(0, 0x010);
+    wire_transmit(bench.wire, 1, &low);
+    wire_advance(bench.wire, 30 * MS);
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 3)->frame.id, 0x010);
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 4)->frame.id, 0x700);
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 5)->frame.id, 0x010);
+    assert_true(bench.count > (size_t)begin);
+}
+
+static void a_receiver_that_errs_alone_counts_nine(void **state)
+{
+    (void)state;
+    bench_open(&bench, (struct wire_config){0});
+    inject(WIRE_FAULT_CORRUPT_AT, 2, 1);
+    send(0, 0x123);
+    wire_advance(bench.wire, MS);
+    assert_int_equal(bench_node(&bench, 0).tec, 7);
+    assert_int_equal(bench_node(&bench, 1).rec_peak, 1);
+    assert_int_equal(bench_node(&bench, 2).rec_peak, 9);
+    assert_int_equal(bench_node(&bench, 2).rec, 8);
+    /* after 15 of them it is passive, and only misses frames */
+    inject(WIRE_FAULT_CORRUPT_AT, 2, 0);
+    for (int i = 0; i < 10; i++) {
+        send(0, 0x123);
+    }
+    wire_advance(bench.wire, 30 * MS);
+    assert_int_equal(bench_node(&bench, 2).state, WIRE_ERROR_PASSIVE);
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 9)->event.receivers, 2);
+    assert_int_equal(bench_node(&bench, 0).confirmed, 11);
+    assert_true(bench_node(&bench, 0).tec_peak < 128);
+}
+
+static void loss_hides_a_frame_from_one_receiver(void **state)
+{
+    (void)state;
+    bench_open(&bench, (struct wire_config){0});
+    inject(WIRE_FAULT_LOSS, 1, 1);
+    send(0, 0x123);
+    send(0, 0x124);
+    wire_advance(bench.wire, MS);
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 0)->event.receivers, 4);
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 1)->event.receivers, 6);
+    assert_int_equal(bench_events(&bench, WIRE_BUS_ERROR), 0);
+    assert_int_equal(bench_node(&bench, 0).confirmed, 2);
+}
+
+static void late_frames_come_late_and_others_overtake_them(void **state)
+{
+    (void)state;
+    bench_open(&bench, (struct wire_config){0});
+    inject(WIRE_FAULT_LATE, WIRE_ANY, 1);
+    send(0, 0x123);
+    send(0, 0x124);
+    wire_advance(bench.wire, 2 * MS);
+    assert_int_equal(bench_events(&bench, WIRE_TRANSMIT), 2);
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 0)->frame.id, 0x124);
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 1)->frame.id, 0x123);
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 1)->event.time_ns,
+                     bench_event(&bench, WIRE_CONFIRM, 0)->event.time_ns + 700 * US);
+}
+
+static void a_duplicate_is_received_twice_and_counts_as_an_error(void **state)
+{
+    struct bus_frame frame = bench_frame(0x123, 8);
+    int64_t length = bench_duration(&frame, 1000000, 0);
+
+    (void)state;
+    bench_open(&bench, (struct wire_config){0});
+    inject(WIRE_FAULT_DUPLICATE, WIRE_ANY, 1);
+    send(0, 0x123);
+    wire_advance(bench.wire, MS);
+    assert_int_equal(bench_events(&bench, WIRE_TRANSMIT), 2);
+    assert_int_equal(bench_events(&bench, WIRE_CONFIRM), 1);
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 1)->event.time_ns -
+                         bench_event(&bench, WIRE_TRANSMIT, 0)->event.time_ns,
+                     length + (7 + 8 + 3) * US);
+    assert_int_equal(bench_node(&bench, 0).tec, 7);
+    assert_int_equal(bench_node(&bench, 1).rec_peak, 0);
+}
+
+static void two_nodes_with_one_identifier_climb_until_one_gives_way(void **state)
+{
+    struct bus_frame a = bench_frame(0x123, 8), b = bench_frame(0x123, 8);
+    size_t first;
+
+    (void)state;
+    b.data[3] = 0xFF;
+    bench_open(&bench, (struct wire_config){0});
+    wire_transmit(bench.wire, 0, &a);
+    wire_transmit(bench.wire, 1, &b);
+    wire_advance(bench.wire, 20 * MS);
+    /* 16 collisions make both passive; then the flag of who sends recessive disturbs nobody */
+    assert_int_equal(bench_events(&bench, WIRE_BUS_ERROR), 2 * 16 + 1);
+    assert_int_equal(bench_events(&bench, WIRE_TRANSMIT), 2);
+    first = bench_event(&bench, WIRE_TRANSMIT, 0)->event.node;
+    assert_int_equal(first, 0); /* 0x04 against 0xFF: dominant first */
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 1)->event.node, 1);
+    assert_int_equal(bench_node(&bench, 0).tec, 127);
+    assert_int_equal(bench_node(&bench, 1).tec, 135);
+    assert_int_equal(bench_node(&bench, 2).rec_peak, 16);
+}
+
+static void equal_frames_at_one_moment_are_one_frame(void **state)
+{
+    (void)state;
+    bench_open(&bench, (struct wire_config){0});
+    send(0, 0x123);
+    send(1, 0x123);
+    wire_advance(bench.wire, MS);
+    assert_int_equal(bench_events(&bench, WIRE_TRANSMIT), 1);
+    assert_int_equal(bench_events(&bench, WIRE_CONFIRM), 2);
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 0)->event.receivers, 4);
+    assert_int_equal(bench_stats(&bench).frames, 1);
+}
+
+static void a_foreign_node_collides_until_it_is_bus_off(void **state)
+{
+    int fault;
+
+    (void)state;
+    bench_open(&bench, (struct wire_config){.restart_delay_ns = -1, .queue = 1024});
+    fault = inject(WIRE_FAULT_COLLISION, WIRE_ANY, 0);
+    for (int i = 0; i < 600; i++) {
+        send(0, 0x123);
+    }
+    wire_advance(bench.wire, 200 * MS);
+    assert_true(wire_fault_hits(bench.wire, fault) >= 16);
+    assert_true(bench_node(&bench, 0).tec_peak >= 128);
+    assert_true(bench_node(&bench, 0).errors >= 16);
+    assert_true(bench_node(&bench, 0).confirmed > 0);
+}
+
+static void a_node_of_another_rate_disturbs_until_it_is_passive(void **state)
+{
+    const int64_t rates[] = {500000, 250000, 125000};
+
+    (void)state;
+    for (size_t i = 0; i < 3; i++) {
+        bench_open(&bench, (struct wire_config){.queue = 256});
+        wire_set_bitrate(bench.wire, 2, rates[i]);
+        for (int k = 0; k < 100; k++) {
+            send(0, 0x123);
+        }
+        wire_advance(bench.wire, 200 * MS);
+        /* 9 an error: passive with the 15th */
+        assert_int_equal(bench_node(&bench, 0).errors, 15);
+        assert_int_equal(bench_node(&bench, 2).state, WIRE_ERROR_PASSIVE);
+        assert_int_equal(bench_node(&bench, 0).confirmed, 100);
+        assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 0)->event.receivers, 2);
+        /* it cannot send either, and ends in bus-off, as traffic keeps the others error active */
+        send(2, 0x001);
+        for (int64_t tick = 200; tick < 400; tick++) {
+            wire_advance(bench.wire, tick * MS);
+            send(0, 0x123);
+            send(1, 0x124);
+        }
+        assert_true(bench_node(&bench, 2).bus_offs >= 1);
+        assert_int_equal(bench_node(&bench, 2).confirmed, 0);
+        bench_close(&bench);
+    }
+    memset(&bench, 0, sizeof bench);
+}
+
+static void an_unplugged_node_hears_nothing_and_sends_when_it_is_back(void **state)
+{
+    (void)state;
+    bench_open(&bench, (struct wire_config){0});
+    wire_connect(bench.wire, 2, false);
+    send(0, 0x100);
+    send(2, 0x001);
+    wire_advance(bench.wire, 20 * MS);
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 0)->event.receivers, 2);
+    assert_int_equal(bench_events(&bench, WIRE_TRANSMIT), 1);
+    assert_int_equal(bench_node(&bench, 2).tec, 128);
+    assert_int_equal(bench_node(&bench, 2).errors, 16);
+    wire_connect(bench.wire, 2, true);
+    wire_advance(bench.wire, 21 * MS);
+    assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 1)->frame.id, 0x001);
+    assert_int_equal(bench_node(&bench, 2).state, WIRE_ERROR_WARNING);
+}
+
+static void faults_keep_to_their_window_identifier_and_sender(void **state)
+{
+    const struct wire_fault fault = {.kind = WIRE_FAULT_CORRUPT,
+                                     .node = 1,
+                                     .receiver = WIRE_ANY,
+                                     .id = 0x120,
+                                     .id_mask = 0x7F0,
+                                     .from_ns = 10 * MS,
+                                     .until_ns = 20 * MS};
+    int number;
+
+    (void)state;
+    bench_open(&bench, (struct wire_config){.queue = 256, .restart_delay_ns = 0});
+    number = wire_inject(bench.wire, &fault);
+    for (int64_t tick = 0; tick < 30; tick++) {
+        wire_advance(bench.wire, tick * MS);
+        send(0, 0x121);
+        for (uint32_t id = 0x122; id <= 0x131; id += 15) {
+            struct bus_frame frame = bench_frame(id, 8);
+
+            if (id == 0x131 || tick % 10 == 5) {
+                wire_transmit(bench.wire, 1, &frame);
+            }
+        }
+    }
+    wire_advance(bench.wire, 200 * MS);
+    assert_true(wire_fault_hits(bench.wire, number) >= 32);
+    for (size_t i = 0; bench_event(&bench, WIRE_BUS_ERROR, i); i++) {
+        const struct wire_log *error = bench_event(&bench, WIRE_BUS_ERROR, i);
+
+        assert_int_equal(error->frame.id, 0x122);
+        assert_int_equal(error->event.node, 1);
+        assert_true(error->event.time_ns >= 15 * MS && error->event.time_ns < 21 * MS);
+    }
+    assert_int_equal(wire_inject(bench.wire, &(struct wire_fault){.node = 3}), -1);
+    assert_int_equal(wire_inject(bench.wire, &(struct wire_fault){.node = 0, .receiver = -2}), -1);
+    for (int i = 1; i < WIRE_FAULTS_MAX; i++) {
+        assert_int_equal(wire_inject(bench.wire, &fault), i);
+    }
+    assert_int_equal(wire_inject(bench.wire, &fault), -1);
+    wire_heal(bench.wire, 3);
+    assert_int_equal(wire_inject(bench.wire, &fault), 3);
+}
+
+/* Whatever is done to it, the wire accounts for every frame and time never runs backward. */
+static void nothing_gets_lost_in_a_storm_of_faults(void **state)
+{
+    struct random_stream random = random_named(11, "storm");
+    uint64_t handed = 0;
+    struct wire_stats stats;
+    uint64_t confirmed = 0, queued = 0;
+
+    (void)state;
+    bench_open(&bench, (struct wire_config){.nodes = 8, .queue = 16, .fd = true,
+                                            .data_bitrate = 5000000,
+                                            .restart_delay_ns = 5 * MS});
+    for (int64_t step = 0; step < 40000; step++) {
+        uint64_t pick = random_bits(&random);
+        size_t node = pick >> 8 & 7;
+        struct bus_frame frame = bench_frame((uint32_t)(pick >> 16 & 0x3F), (uint8_t)(pick >> 24 & 7));
+
+        wire_advance(bench.wire, step * 50 * US);
+        switch (pick % 64) {
+        case 0:
+            wire_inject(bench.wire, &(struct wire_fault){.kind = (enum wire_fault_kind)(pick >> 32) % 6,
+                                                         .node = WIRE_ANY,
+                                                         .receiver = (int)(pick >> 40 & 7),
+                                                         .probability = 0.3,
+                                                         .delay_ns = 200 * US,
+                                                         .count = 40});
+            break;
+        case 1:
+            wire_heal(bench.wire, (int)(pick >> 32 & 15));
+            break;
+        case 2:
+            wire_connect(bench.wire, node, pick >> 32 & 1);
+            break;
+        case 3:
+            wire_set_bitrate(bench.wire, node, pick >> 32 & 1 ? 0 : 250000);
+            break;
+        case 4:
+            wire_force_bus_off(bench.wire, node);
+            break;
+        default:
+            frame.flags = pick & 1 << 7 ? FRAME_FD | FRAME_BRS : 0;
+            wire_transmit(bench.wire, node, &frame);
+            handed++;
+            break;
+        }
+    }
+    stats = bench_stats(&bench);
+    for (size_t i = 0; i < 8; i++) {
+        confirmed += bench_node(&bench, i).confirmed;
+        queued += bench_node(&bench, i).queued;
+        assert_true(bench_node(&bench, i).rec <= 255);
+        assert_true(bench_node(&bench, i).tec <= 256 + 8);
+    }
+    assert_int_equal(confirmed + queued + wire_dropped(bench.wire) - stats.dropped[WIRE_DROP_LATE_FULL],
+                     handed);
+    assert_true(confirmed > 1000 && stats.bus_offs > 10 && stats.errors[WIRE_BIT_ERROR] > 100);
+}
+
+int main(void)
+{
+#define TEST(name) cmocka_unit_test_teardown(name, tear_down)
+    const struct CMUnitTest tests[] = {
+        TEST(a_corrupted_frame_is_signaled_and_sent_again),
+        TEST(overlapping_flags_last_six_to_twelve_bits),
+        TEST(a_node_alone_gets_passive_but_never_bus_off),
+        TEST(errors_without_end_lead_to_bus_off_after_32),
+        TEST(recovery_begins_with_the_recessive_bits_of_the_error_frame),
+        TEST(on_a_full_bus_recovery_takes_128_frames),
+        TEST(restart_waits_for_the_delay),
+        TEST(counters_fall_by_one_with_every_good_frame),
+        TEST(a_passive_sender_lets_others_go_first),
+        TEST(a_receiver_that_errs_alone_counts_nine),
+        TEST(loss_hides_a_frame_from_one_receiver),
+        TEST(late_frames_come_late_and_others_overtake_them),
+        TEST(a_duplicate_is_received_twice_and_counts_as_an_error),
+        TEST(two_nodes_with_one_identifier_climb_until_one_gives_way),
+        TEST(equal_frames_at_one_moment_are_one_frame),
+        TEST(a_foreign_node_collides_until_it_is_bus_off),
+        TEST(a_node_of_another_rate_disturbs_until_it_is_passive),
+        TEST(an_unplugged_node_hears_nothing_and_sends_when_it_is_back),
+        TEST(faults_keep_to_their_window_identifier_and_sender),
+        TEST(nothing_gets_lost_in_a_storm_of_faults),
+    };
+
+    return cmocka_run_group_tests_name("canbus/wire_errors", tests, NULL, NULL);
+}

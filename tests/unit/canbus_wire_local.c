@@ -1,0 +1,417 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The local bus in wire mode, and a port that is paced by a wire. */
+#include "canbus/paced.h"
+#include "tests/unit/wire_bench.h"
+
+#include <linux/can/error.h>
+#include <pthread.h>
+#include <sched.h>
+
+enum { BOARDS = 4, STEP = 0x6f0, DONE = 0x6ff };
+
+static struct arena arena;
+static struct local_bus *bus;
+static struct can_port *boards, *host;
+static struct bus_frame got[256];
+
+static struct can_port *join(size_t nodes)
+{
+    struct can_port *port = NULL;
+    struct error error;
+
+    if (local_bus_join_nodes(bus, nodes, NULL, 0, &port, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return port;
+}
+
+/* A bus whose controllers have all joined in. */
+static void open_bus(size_t queue)
+{
+    const struct local_bus_config config = {.name = "limb",
+                                            .max_nodes = 3,
+                                            .inbox = 256,
+                                            .mode = LOCAL_BUS_WIRE,
+                                            .wire_nodes = BOARDS + 2,
+                                            .queue = queue,
+                                            .restart_delay_ns = 10 * MS,
+                                            .bypass_id = {STEP, DONE},
+                                            .nbypass = 2};
+    struct error error;
+
+    assert_int_equal(local_bus_create(&config, &arena, &bus, &error), ERROR_NONE);
+    boards = join(BOARDS);
+    host = join(1);
+    local_bus_advance(bus, MS);
+}
+
+static int set_up(void **state)
+{
+    struct error error;
+
+    (void)state;
+    return (int)arena_init(&arena, (size_t)64 << 20, &error);
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    local_bus_destroy(bus);
+    bus = NULL;
+    arena_fini(&arena);
+    return 0;
+}
+
+static void a_frame_arrives_when_its_bits_have(void **state)
+{
+    struct bus_frame frame = bench_frame(0x123, 8);
+    int64_t length = bench_duration(&frame, 1000000, 0);
+
+    (void)state;
+    open_bus(0);
+    frame.node = 2;
+    assert_int_equal(can_send(boards, &frame, 1), 1);
+    assert_int_equal(can_receive(host, got, 8), 0);
+    local_bus_advance(bus, MS + length - 1);
+    assert_int_equal(can_receive(host, got, 8), 0);
+    local_bus_advance(bus, MS + length);
+    assert_int_equal(can_receive(host, got, 8), 1);
+    assert_int_equal(got[0].time_ns, MS + length);
+    assert_int_equal(can_receive(boards, got, 8), 0);
+}
+
+/* What both sides send at one time competes, whoever called first. */
+static void the_lowest_identifier_of_both_sides_goes_first(void **state)
+{
+    (void)state;
+    open_bus(0);
+    for (uint32_t i = 0; i < 4; i++) {
+        struct bus_frame of_board = bench_frame(0x301 + 2 * i, 8);
+        struct bus_frame of_host = bench_frame(0x300 + 2 * i, 3);
+
+        of_board.node = (uint16_t)i;
+        can_send(boards, &of_board, 1);
+        can_send(host, &of_host, 1);
+    }
+    local_bus_advance(bus, 3 * MS);
+    assert_int_equal(can_receive(host, got, 8), 4);
+    assert_int_equal(can_receive(boards, got + 4, 8), 4);
+    for (int i = 0; i < 4; i++) {
+        assert_int_equal(got[i].id, 0x301 + 2 * i);
+        assert_int_equal(got[4 + i].id, 0x300 + 2 * i);
+        assert_true(got[4 + i].time_ns < got[i].time_ns);
+    }
+}
+
+static void lockstep_frames_take_no_time_and_keep_their_place(void **state)
+{
+    struct bus_frame frame = bench_frame(0x123, 8), step = bench_frame(STEP, 6);
+
+    (void)state;
+    open_bus(0);
+    can_send(host, &frame, 1);
+    can_send(host, &step, 1);
+    assert_int_equal(can_receive(boards, got, 8), 1);
+    assert_int_equal(got[0].id, STEP);
+    step.id = DONE;
+    local_bus_advance(bus, 2 * MS);
+    can_send(host, &step, 1);
+    assert_int_equal(can_receive(boards, got, 8), 2);
+    assert_int_equal(got[0].id, 0x123);
+    assert_int_equal(got[1].id, DONE);
+}
+
+static void drops_of_a_controller_reach_the_counters_of_its_port(void **state)
+{
+    (void)state;
+    open_bus(4);
+    for (uint32_t i = 0; i < 10; i++) {
+        struct bus_frame frame = bench_frame(0x100 + i, 8);
+
+        assert_int_equal(can_send(host, &frame, 1), 1);
+    }
+    local_bus_advance(bus, 10 * MS);
+    can_receive(host, got, 8);
+    assert_int_equal(host->counters.tx_frames, 10);
+    assert_int_equal(host->counters.tx_dropped, 6);
+    assert_int_equal(can_receive(boards, got, 256), 4);
+    /* a node that the port does not stand for */
+    assert_int_equal(can_send(host, &(struct bus_frame){.id = 1, .node = 1}, 1), 0);
+    assert_int_equal(host->counters.tx_dropped, 7);
+}
+
+/* As SocketCAN would: error frames tell the program of its controller's state. */
+static void a_port_hears_of_the_state_of_its_controller(void **state)
+{
+    struct bus_frame frame = bench_frame(0x123, 8);
+    struct wire *wire;
+    int fault;
+
+    (void)state;
+    open_bus(0);
+    wire = local_bus_wire(bus);
+    assert_int_equal(local_bus_node(host), BOARDS);
+    fault = wire_inject(wire, &(struct wire_fault){.kind = WIRE_FAULT_CORRUPT,
+                                                   .node = (int)local_bus_node(host),
+                                                   .receiver = WIRE_ANY});
+    can_send(host, &frame, 1);
+    local_bus_advance(bus, 8 * MS);
+    assert_int_equal(can_receive(host, got, 8), 3);
+    assert_int_equal(got[0].id, CAN_ERR_CRTL);
+    assert_int_equal(got[0].data[1], CAN_ERR_CRTL_TX_WARNING);
+    assert_int_equal(got[0].data[6], 96);
+    assert_int_equal(got[1].data[1], CAN_ERR_CRTL_TX_PASSIVE);
+    assert_int_equal(got[2].id, CAN_ERR_BUSOFF);
+    assert_int_equal(host->state, CAN_PORT_BUS_OFF);
+    wire_heal(wire, fault);
+    local_bus_advance(bus, 30 * MS);
+    assert_int_equal(can_receive(host, got, 8), 1);
+    assert_true(got[0].id & CAN_ERR_RESTARTED);
+    assert_int_equal(host->state, CAN_PORT_UP);
+    /* one board in bus-off leaves the others on the bus */
+    wire_force_bus_off(wire, local_bus_node(boards) + 1);
+    local_bus_advance(bus, 31 * MS);
+    can_receive(boards, got, 8);
+    assert_int_equal(boards->state, CAN_PORT_UP);
+}
+
+static void a_port_that_closes_no_longer_acknowledges(void **state)
+{
+    struct bus_frame frame = bench_frame(0x123, 8);
+    struct wire_node_stats stats;
+
+    (void)state;
+    open_bus(0);
+    boards->ops->close(boards);
+    can_send(host, &frame, 1);
+    local_bus_advance(bus, 50 * MS);
+    wire_node_stats(local_bus_wire(bus), BOARDS, &stats);
+    assert_int_equal(stats.confirmed, 0);
+    assert_int_equal(stats.state, WIRE_ERROR_PASSIVE);
+}
+
+static void controllers_are_given_out_once(void **state)
+{
+    struct can_port *port;
+    struct error error;
+
+    (void)state;
+    open_bus(0);
+    assert_int_equal(local_bus_join_nodes(bus, 2, NULL, 0, &port, &error), ERROR_MEMORY);
+    assert_non_null(strstr(error.text, "2 controllers wanted, 1 of 6 are left"));
+    assert_int_equal(local_bus_join_nodes(bus, 1, NULL, 0, &port, &error), ERROR_NONE);
+}
+
+/* ---- senders in threads of their own ---- */
+
+enum { STREAM = 3000 };
+
+static void *stream(void *context)
+{
+    struct can_port *port = context;
+
+    for (uint32_t i = 0; i < STREAM; i++) {
+        /* no identifier on two nodes: they would collide */
+        struct bus_frame frame = bench_frame((port == host ? 0x200 : 0x300) + i % 7, 4);
+
+        put_u32_le(frame.data, i);
+        while (can_send(port, &frame, 1) == 0) {
+            sched_yield();
+        }
+        if (i % 50 == 49) {
+            sched_yield();
+        }
+    }
+    return NULL;
+}
+
+static void threads_may_send_while_time_moves(void **state)
+{
+    struct can_port *other;
+    pthread_t thread[2];
+    size_t received = 0;
+    int64_t last = 0;
+
+    (void)state;
+    open_bus(4096);
+    other = join(1);
+    assert_int_equal(pthread_create(&thread[0], NULL, stream, host), 0);
+    assert_int_equal(pthread_create(&thread[1], NULL, stream, other), 0);
+    for (int64_t tick = 2; received < 2 * STREAM; tick++) {
+        size_t count;
+
+        local_bus_advance(bus, tick * MS);
+        while ((count = can_receive(boards, got, 256))) {
+            for (size_t i = 0; i < count; i++) {
+                assert_true(got[i].time_ns >= last);
+                last = got[i].time_ns;
+            }
+            received += count;
+        }
+        sched_yield();
+    }
+    pthread_join(thread[0], NULL);
+    pthread_join(thread[1], NULL);
+    assert_int_equal(received, 2 * STREAM);
+}
+
+/* ---- pacing ---- */
+
+/* A port without time: takes everything, gives what the test puts in. */
+struct script {
+    struct can_port port;
+    struct bus_frame sent[64], waiting[64];
+    size_t nsent, nwaiting;
+    bool closed;
+};
+
+static struct script script;
+
+static size_t script_send(struct can_port *port, const struct bus_frame *frames, size_t count)
+{
+    (void)port;
+    for (size_t i = 0; i < count; i++) {
+        script.sent[script.nsent++ % 64] = frames[i];
+    }
+    script.port.counters.tx_frames += count;
+    return count;
+}
+
+static size_t script_receive(struct can_port *port, struct bus_frame *frames, size_t max)
+{
+    size_t count = script.nwaiting < max ? script.nwaiting : max;
+
+    (void)port;
+    memcpy(frames, script.waiting, count * sizeof *frames);
+    script.nwaiting = 0;
+    return count;
+}
+
+static int script_descriptor(const struct can_port *port)
+{
+    (void)port;
+    return 77;
+}
+
+static void script_close(struct can_port *port)
+{
+    (void)port;
+    script.closed = true;
+}
+
+static struct can_port *open_paced(size_t queue)
+{
+    static const struct can_port_ops ops = {.name = "script",
+                                            .receive = script_receive,
+                                            .send = script_send,
+                                            .descriptor = script_descriptor,
+                                            .close = script_close};
+    struct paced_port_config config = {.bitrate = 1000000,
+                                       .nodes = 2,
+                                       .queue = queue,
+                                       .bypass_id = {STEP, DONE},
+                                       .nbypass = 2};
+    struct can_port *port = NULL;
+    struct error error;
+
+    memset(&script, 0, sizeof script);
+    script.port = (struct can_port){.ops = &ops, .bus = "can0"};
+    config.port = &script.port;
+    assert_int_equal(paced_port_create(&config, &arena, &port, &error), ERROR_NONE);
+    return port;
+}
+
+static void paced_frames_leave_when_a_wire_would_have_delivered_them(void **state)
+{
+    struct can_port *port = open_paced(64);
+    struct bus_frame frames[20];
+
+    (void)state;
+    for (size_t i = 0; i < 20; i++) {
+        frames[i] = bench_frame(0x200 - (uint32_t)i, 8);
+        frames[i].node = i % 2;
+    }
+    assert_int_equal(can_send(port, frames, 20), 20);
+    assert_int_equal(script.nsent, 0);
+    paced_port_advance(port, MS);
+    /* the reference: frames of some 110 to 125 us and 3 us between them, the most urgent first */
+    {
+        int64_t end = 0;
+        size_t expected = 0;
+
+        for (size_t i = 20; i-- > 0;) {
+            end += bench_duration(&frames[i], 1000000, 0);
+            expected += end <= MS;
+            end += 3 * US;
+        }
+        assert_int_equal(script.nsent, expected);
+    }
+    assert_int_equal(script.sent[0].id, 0x200 - 19);
+    paced_port_advance(port, 3 * MS);
+    assert_int_equal(script.nsent, 20);
+    port->ops->close(port);
+    assert_true(script.closed);
+}
+
+static void what_comes_in_takes_its_share_of_the_paced_bus(void **state)
+{
+    struct can_port *port = open_paced(64);
+    struct bus_frame mine = bench_frame(0x700, 8);
+    struct wire_stats stats;
+
+    (void)state;
+    for (uint32_t i = 0; i < 30; i++) {
+        script.waiting[i] = bench_frame(0x100 + i, 8);
+    }
+    script.waiting[30] = bench_frame(STEP, 6);
+    script.nwaiting = 31;
+    assert_int_equal(can_receive(port, got, 64), 31);
+    can_send(port, &mine, 1);
+    paced_port_advance(port, 3 * MS);
+    assert_int_equal(script.nsent, 0);
+    paced_port_advance(port, 6 * MS);
+    assert_int_equal(script.nsent, 1);
+    wire_stats(paced_port_wire(port), &stats);
+    assert_int_equal(stats.frames, 31);
+    assert_true(stats.load_mean > 0.5);
+}
+
+static void paced_ports_drop_what_the_wire_cannot_hold_and_pass_lockstep(void **state)
+{
+    struct can_port *port = open_paced(4);
+    struct bus_frame frame = bench_frame(0x123, 8), done = bench_frame(DONE, 6);
+
+    (void)state;
+    for (int i = 0; i < 10; i++) {
+        assert_int_equal(can_send(port, &frame, 1), i < 4);
+    }
+    assert_int_equal(port->counters.tx_dropped, 6);
+    assert_int_equal(can_send(port, &done, 1), 1);
+    assert_int_equal(script.nsent, 1);
+    assert_int_equal(script.sent[0].id, DONE);
+    assert_int_equal(port->ops->descriptor(port), 77);
+    script.port.state = CAN_PORT_DOWN;
+    paced_port_advance(port, MS);
+    assert_int_equal(port->state, CAN_PORT_DOWN);
+    assert_int_equal(port->counters.tx_frames, 5);
+}
+
+int main(void)
+{
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+    const struct CMUnitTest tests[] = {
+        TEST(a_frame_arrives_when_its_bits_have),
+        TEST(the_lowest_identifier_of_both_sides_goes_first),
+        TEST(lockstep_frames_take_no_time_and_keep_their_place),
+        TEST(drops_of_a_controller_reach_the_counters_of_its_port),
+        TEST(a_port_hears_of_the_state_of_its_controller),
+        TEST(a_port_that_closes_no_longer_acknowledges),
+        TEST(controllers_are_given_out_once),
+        TEST(threads_may_send_while_time_moves),
+        TEST(paced_frames_leave_when_a_wire_would_have_delivered_them),
+        TEST(what_comes_in_takes_its_share_of_the_paced_bus),
+        TEST(paced_ports_drop_what_the_wire_cannot_hold_and_pass_lockstep),
+    };
+
+    return cmocka_run_group_tests_name("canbus/wire_local", tests, NULL, NULL);
+}
