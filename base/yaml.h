@@ -80,11 +80,16 @@ struct yaml_schema {
     size_t field_count;
     size_t name_offset; /* of the const char * that a YAML_DICT entry's name goes to */
     const void
-        *defaults; /* size bytes that the struct starts as; NULL = zeroes, or for a nested map
+        *defaults;   /* size bytes that the struct starts as; NULL = zeroes, or for a nested map
                            * what the parent's defaults hold there */
+    bool extendable; /* of a file: the key "extends" names one that this one extends */
 };
 
-/* Reads the file into *out, which starts as schema->defaults. Strings and lists live in arena. */
+/* Reads the file into *out, which starts as schema->defaults. Strings and lists live in arena.
+ *
+ * With schema->extendable a file may begin from another: "extends: FILE". What it gives itself
+ * replaces what stands there, but mappings are merged key by key (lists are not: they are replaced
+ * whole). Each value keeps the place, and the directory for references, of the file it stands in. */
 enum error_code yaml_read_file(const char *path, const struct yaml_schema *schema,
                                struct arena *arena, void *out, struct error *error);
 

@@ -41,6 +41,15 @@ struct yaml_reader {
 enum error_code yaml_tree_read(struct yaml_reader *reader, const char *text, size_t size,
                                struct yaml_node **root);
 
+/* The same for a file of that name (kept in reader->arena) and, when extendable, all files that it
+ * extends, merged: see yaml_read_file. */
+enum error_code yaml_document_read(struct yaml_reader *reader, const char *name, const char *text,
+                                   size_t size, bool extendable, struct yaml_node **root);
+
+/* All bytes of a regular file in *text, NULL or the caller's to free; at most one more than
+ * YAML_MAX_FILE. */
+enum error_code yaml_load_file(const char *path, char **text, size_t *size, struct error *error);
+
 /* What a plain scalar is. Quoted ones are text, whatever they look like. */
 bool yaml_is_null(const struct yaml_node *node);
 bool yaml_is_bool(const struct yaml_node *node);

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The boards of a rig: motor drivers and force-torque boards that speak on the buses. They receive
- * frames, turn them into bridge voltages, and send telemetry made from the plant's sensors. The
- * protocol is boards/icub_protocol.h; every message with its lengths and fields is a row of
- * boards/icub_table.h.
+ * frames, turn them into bridge voltages, and send telemetry made from the plant's sensors. Each
+ * bus speaks one of three protocols: boards/icub_protocol.h, boards/foc_protocol.h or
+ * boards/compact_protocol.h; every message with its lengths and fields is a row of the table beside
+ * it (icub_table.h, foc_table.h, compact_table.h), and boards/messages.h lists them all.
  *
  * Once a tick the loop calls, in this order: boards_receive for every frame that arrived,
  * boards_control (state machines, time-outs, control modes -> voltages), and, after the plant has
@@ -12,8 +13,8 @@
  *
  * Time is virtual: it moves by tick_ns with each boards_control. The boards' own loop has a step a
  * millisecond, as the real one: in a longer tick it takes several, in a shorter one it waits. All
- * boards power up together, so their slots (POSITION in slot 0, PID_VAL 1, STATUS 2, the rest 3)
- * coincide; the first millisecond is slot 0.
+ * iCub boards power up together, so their slots (POSITION in slot 0, PID_VAL 1, STATUS 2, the rest
+ * 3) coincide; the first millisecond is slot 0.
  *
  * An unwelcome frame is counted and never fatal: foreign (no board here), unknown (no such command)
  * or malformed (length or value), the latter two with an event. Answers wait in a queue; a board
@@ -30,9 +31,9 @@
 #include <stddef.h>
 
 enum board_kind {
-    BOARD_MOTOR,  /* two axes on one address (BLL) */
+    BOARD_MOTOR,  /* axes on one address: icub 2 (BLL), foc 1 (2FOC), compact 1 to 4 */
     BOARD_FT,     /* six-axis force-torque (STRAIN) */
-    BOARD_TORQUE, /* six joint torques in STRAIN frames (pseudo-STRAIN) */
+    BOARD_TORQUE, /* six joint torques in STRAIN frames (pseudo-STRAIN); not on compact buses */
 };
 
 /* What the boards of a bus speak. */
@@ -47,14 +48,21 @@ struct boards_bus_config {
     bool fd; /* BOARD_COMPACT: CAN FD frames */
 };
 
-enum { BOARD_AXES = 2, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };
+enum { BOARD_AXES_MAX = 4, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };
+
+/* Axes of a motor board at most. */
+static inline size_t board_axes_max(enum board_personality personality)
+{
+    return personality == BOARD_ICUB ? 2 : personality == BOARD_FOC ? 1 : BOARD_AXES_MAX;
+}
 
 /* A supply below this is an under-voltage fault: half of the nominal 48 V. */
 #define BOARD_UNDER_VOLTAGE_V 24.0
 
 /* One axis of a motor board. */
 struct board_axis_config {
-    int joint;                   /* index in the plant's arrays; -1 = spare axis */
+    int joint;                   /* index in the plant's arrays; -1 = spare axis, on a compact
+                                  * board the end of its axes */
     double joint_ticks_per_rad;  /* POSITION frames, link encoder */
     double motor_ticks_per_rad;  /* MOTOR_POSITION frames, rotor encoder, per link-side rad */
     double lower_rad, upper_rad; /* limits until the host sets its own */
@@ -62,25 +70,33 @@ struct board_axis_config {
     /* TorqueMax: 0x8000 counts of the torque source, which is the axis's own sensor until the host
      * names a STRAIN board; 0 = no such sensor */
     double torque_full_scale_nm;
+    double gear; /* rotor revolutions a link revolution; BOARD_FOC tells rotor angles */
+    /* BOARD_COMPACT: the motor that the factory has tuned the current loop for, its back-EMF per
+     * link-side rad/s; winding_ohm 0 = not tuned, the gains are 0 until the host sets them */
+    double winding_ohm, winding_h, bemf_v_s_rad;
 };
 
 struct board_config {
     const char *name; /* also the additional information that the board gives at first */
     enum board_kind kind;
     int bus;                    /* index of the bus */
-    uint8_t address;            /* 1-14 */
-    bool strict;                /* exactly as the firmware: no safety time-out of ours */
+    uint8_t address;            /* icub 1-14; foc motors 1-4, others 1-14; compact 1-31 */
+    bool strict;                /* icub: exactly as the firmware, see motor_board.c */
     int64_t command_timeout_ns; /* a voltage, current or torque reference without a fresh command
-                                 * for so long becomes 0; 0 = off; ignored when strict */
-    struct board_axis_config axis[BOARD_AXES]; /* BOARD_MOTOR */
-    int ft;                                    /* BOARD_FT: index in the plant's ft array */
-    int torque_joint[BOARD_CHANNELS];          /* BOARD_TORQUE: joints, -1 = none */
+                                 * for so long becomes 0; 0 = off; foc boards have the firmware's
+                                 * time-out, strict icub boards none */
+    struct board_axis_config axis[BOARD_AXES_MAX]; /* BOARD_MOTOR: the first board_axes_max */
+    int ft;                                        /* BOARD_FT: index in the plant's ft array */
+    int torque_joint[BOARD_CHANNELS];              /* BOARD_TORQUE: joints, -1 = none */
     double full_scale[BOARD_CHANNELS]; /* BOARD_FT: N, N, N, Nm, Nm, Nm, whole numbers, for the
                                         * host reads them as such; BOARD_TORQUE: Nm */
-    int64_t period_ns;                 /* STRAIN period until set by the host; 0 = 1 ms */
-    bool transmit_at_start;            /* send without waiting for the host's command: STRAIN
-                                        * calibrated frames, motor boards with the policy 0x7f */
-    bool discovery_stops_motors;       /* as BLL firmware: class 7 discovery switches PWM off */
+    int64_t period_ns;           /* STRAIN and compact telemetry period until set by the host; 0 =
+                                  * 1 ms */
+    int64_t status_period_ns;    /* foc motors: STATUS no more often; 0 = with every FOC */
+    int64_t boot_ns;             /* from power-up until the application runs; 0 = from the start */
+    bool transmit_at_start;      /* send without waiting for the host's command: STRAIN calibrated
+                                  * frames, icub motors with the policy 0x7f, compact telemetry */
+    bool discovery_stops_motors; /* as BLL firmware: class 7 discovery switches PWM off */
 };
 
 struct boards_config {
@@ -89,12 +105,13 @@ struct boards_config {
     size_t nbus;
     const struct boards_bus_config *bus; /* nbus entries; NULL: BOARD_ICUB everywhere */
     size_t njoint, nft;
-    int64_t tick_ns; /* boards_control is called once a tick; up to 100 ms */
+    const struct faults *faults; /* those of boards act; NULL = none (boards/faults.h) */
+    int64_t tick_ns;             /* boards_control is called once a tick; up to 100 ms */
 };
 
 enum board_event_kind {
     BOARD_EVENT_MODE,        /* an axis changed its control mode: a = old, b = new */
-    BOARD_EVENT_FAULT,       /* fault bits rose on an axis: a = bits (enum icub_fault) */
+    BOARD_EVENT_FAULT,       /* fault bits rose on an axis: a = bits, of the personality's enum */
     BOARD_EVENT_TIMEOUT,     /* a command of an axis went stale: a = its mode */
     BOARD_EVENT_SOURCE_LOST, /* the torque source of an axis fell silent: a = its address */
     BOARD_EVENT_LIMIT,       /* voltage refused beyond a joint limit: a = position in ticks */
@@ -111,7 +128,7 @@ struct board_event {
     enum board_event_kind kind;
     int bus;
     uint8_t address; /* at the time */
-    uint8_t axis;    /* 0 or 1 where the kind has one */
+    uint8_t axis;    /* where the kind has one */
     uint16_t board;  /* index in the configuration */
     uint32_t a, b;
 };

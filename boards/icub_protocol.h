@@ -125,6 +125,15 @@ enum icub_motor_command {
 enum { ICUB_AXIS_BIT = 0x80 };
 enum { ICUB_MOTOR_COMMANDS = 0x80 }; /* codes are below */
 
+/* data[1] of CALIBRATE_ENCODER; a BLL board knows only the absolute one */
+enum icub_calibration {
+    ICUB_CALIBRATE_HARD_STOPS = 0,
+    ICUB_CALIBRATE_ANALOG = 1,
+    ICUB_CALIBRATE_HARD_STOPS_DIFFERENTIAL = 2,
+    ICUB_CALIBRATE_ABSOLUTE = 3,
+    ICUB_CALIBRATE_ABSOLUTE_AND_INCREMENTAL = 4,
+};
+
 enum icub_interaction { ICUB_STIFF = 0, ICUB_COMPLIANT = 1 };
 
 /* data[1] of SET_CONTROL_MODE, bytes 1 and 3 of STATUS */

@@ -1,25 +1,26 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The rows of the iCub protocol, persona A, and the codec that works from them. Lengths and byte
- * orders as in the official message tables of motor and sensor boards; where two lengths are
- * allowed the shorter is what the fields need and the longer what common hosts send.
+ * The rows of the iCub protocol, persona A. Lengths and byte orders as in the official message
+ * tables of motor and sensor boards; where two lengths are allowed the shorter is what the fields
+ * need and the longer what common hosts send.
  */
 #include "boards/icub_table.h"
 
-#include "canbus/frame.h"
-
 /* clang-format off */
-#define FIELDS(...) (const struct icub_field[]){__VA_ARGS__, {.type = ICUB_END}}
+#define FIELDS(...) (const struct field[]){__VA_ARGS__, {.type = FIELD_END}}
 
-#define ANY 0, 0
-#define U8(name, unit)      {ICUB_U8, name, unit, ANY}
-#define U16(name, unit)     {ICUB_U16, name, unit, ANY}
-#define I16(name, unit)     {ICUB_I16, name, unit, ANY}
-#define I32(name, unit)     {ICUB_I32, name, unit, ANY}
-#define U16_BE(name, unit)  {ICUB_U16_BE, name, unit, ANY}
-#define I16_BE(name, unit)  {ICUB_I16_BE, name, unit, ANY}
-#define U8_IN(name, lowest, highest) {ICUB_U8, name, NULL, lowest, highest}
-#define PAD                 {ICUB_PAD, NULL, NULL, ANY}
+#define FIELD(kind, label, of)  {.type = kind, .name = label, .unit = of}
+#define IN(kind, label, of, lowest, highest) \
+    {.type = kind, .name = label, .unit = of, .min = lowest, .max = highest}
+#define U8(name, unit)      FIELD(FIELD_U8, name, unit)
+#define U16(name, unit)     FIELD(FIELD_U16, name, unit)
+#define I16(name, unit)     FIELD(FIELD_I16, name, unit)
+#define I32(name, unit)     FIELD(FIELD_I32, name, unit)
+#define U16_BE(name, unit)  FIELD(FIELD_U16_BE, name, unit)
+#define I16_BE(name, unit)  FIELD(FIELD_I16_BE, name, unit)
+#define U8_IN(name, lowest, highest) IN(FIELD_U8, name, NULL, lowest, highest)
+#define U8_OF(label, list)  {.type = FIELD_U8, .name = label, .values = list}
+#define PAD                 {.type = FIELD_PAD}
 
 #define SET(first, length, fields) \
     .kind = ICUB_SET, .parameter = first, .request_min = length, .request_max = length, \
@@ -36,46 +37,78 @@
     .kind = ICUB_DO, .request_min = shortest, .request_max = longest, .request = fields
 #define REPLY(length, fields) .reply_length = length, .reply = fields
 
-static const struct icub_field gain[] = {I16("value", NULL), {.type = ICUB_END}};
-static const struct icub_field ticks[] = {I32("position", "tick"), {.type = ICUB_END}};
-static const struct icub_field velocity[] = {I16("velocity", NULL), {.type = ICUB_END}};
-static const struct icub_field pwm[] = {I16("pwm", "pwm"), {.type = ICUB_END}};
-static const struct icub_field pid[] = {
-    I16("kp", NULL), I16("ki", NULL), I16("kd", NULL), U8("shift", NULL), {.type = ICUB_END}};
-static const struct icub_field pid_limits[] = {
-    I16("offset", "pwm"), I16("limit", "pwm"), I16("integral_limit", "pwm"), {.type = ICUB_END}};
-static const struct icub_field stiction[] = {
-    I16("up", "pwm"), I16("down", "pwm"), {.type = ICUB_END}};
-static const struct icub_field impedance[] = {
-    I16("stiffness", NULL), I16("damping", NULL), PAD, PAD, PAD, {.type = ICUB_END}};
-static const struct icub_field motor_parameters[] = {
+const struct field_value icub_mode_names[] = {
+    {ICUB_MODE_IDLE, "idle"}, {ICUB_MODE_POSITION, "position"}, {ICUB_MODE_VELOCITY, "velocity"},
+    {ICUB_MODE_TORQUE, "torque"}, {ICUB_MODE_IMPEDANCE_POSITION, "impedance_position"},
+    {ICUB_MODE_IMPEDANCE_VELOCITY, "impedance_velocity"}, {ICUB_MODE_CURRENT, "current"},
+    {ICUB_MODE_MIXED, "mixed"}, {ICUB_MODE_DIRECT, "direct"},
+    {ICUB_MODE_FORCE_IDLE, "force_idle"}, {ICUB_MODE_SPEED_VOLTAGE, "speed_voltage"},
+    {ICUB_MODE_SPEED_CURRENT, "speed_current"}, {ICUB_MODE_OPEN_LOOP, "open_loop"},
+    {ICUB_MODE_CALIBRATION, "calibration"}, {ICUB_MODE_HARDWARE_FAULT, "hardware_fault"},
+    {ICUB_MODE_NOT_CONFIGURED, "not_configured"}, {ICUB_MODE_CONFIGURED, "configured"},
+    {ICUB_MODE_UNKNOWN, "unknown"}, {0, NULL}};
+const struct field_value icub_board_names[] = {
+    {0, "dsp"}, {1, "pic"}, {2, "2dc"}, {3, "mc4"}, {ICUB_BOARD_BLL, "bll"}, {5, "mtb"},
+    {ICUB_BOARD_STRAIN, "strain"}, {7, "mais"}, {8, "2foc"}, {9, "6sg"}, {12, "strain2"},
+    {255, "unknown"}, {0, NULL}};
+
+static const struct field_value interactions[] = {
+    {ICUB_STIFF, "stiff"}, {ICUB_COMPLIANT, "compliant"}, {0, NULL}};
+static const struct field_value calibrations[] = {
+    {ICUB_CALIBRATE_HARD_STOPS, "hard_stops"}, {ICUB_CALIBRATE_ANALOG, "analog"},
+    {ICUB_CALIBRATE_HARD_STOPS_DIFFERENTIAL, "hard_stops_differential"},
+    {ICUB_CALIBRATE_ABSOLUTE, "absolute"},
+    {ICUB_CALIBRATE_ABSOLUTE_AND_INCREMENTAL, "absolute_and_incremental"}, {0, NULL}};
+static const struct field_value transmit_modes[] = {
+    {ICUB_STRAIN_CALIBRATED, "calibrated"}, {ICUB_STRAIN_SILENT, "silent"},
+    {ICUB_STRAIN_UNCALIBRATED, "uncalibrated"}, {ICUB_STRAIN_BOTH, "both"}, {0, NULL}};
+static const struct field_value tares[] = {
+    {ICUB_TARE_RESET, "reset"}, {ICUB_TARE_AUTOMATIC, "automatic"}, {ICUB_TARE_VALUE, "value"},
+    {0, NULL}};
+static const struct field_value acknowledged[] = {{0, "no"}, {1, "yes"}, {0, NULL}};
+
+static const struct field gain[] = {I16("value", NULL), {.type = FIELD_END}};
+static const struct field ticks[] = {I32("position", "tick"), {.type = FIELD_END}};
+static const struct field velocity[] = {I16("velocity", NULL), {.type = FIELD_END}};
+static const struct field pwm[] = {I16("pwm", "pwm"), {.type = FIELD_END}};
+static const struct field pid[] = {
+    I16("kp", NULL), I16("ki", NULL), I16("kd", NULL), U8("shift", NULL), {.type = FIELD_END}};
+static const struct field pid_limits[] = {
+    I16("offset", "pwm"), I16("limit", "pwm"), I16("integral_limit", "pwm"), {.type = FIELD_END}};
+static const struct field stiction[] = {
+    I16("up", "pwm"), I16("down", "pwm"), {.type = FIELD_END}};
+static const struct field impedance[] = {
+    I16("stiffness", NULL), I16("damping", NULL), PAD, PAD, PAD, {.type = FIELD_END}};
+static const struct field motor_parameters[] = {
     I16("bemf", NULL), U8("bemf_shift", NULL), I16("ktau", NULL), U8("ktau_shift", NULL), PAD,
-    {.type = ICUB_END}};
-static const struct icub_field model_parameters[] = {
-    I16("kff", NULL), PAD, PAD, PAD, PAD, PAD, {.type = ICUB_END}};
-static const struct icub_field i2t[] = {
+    {.type = FIELD_END}};
+static const struct field model_parameters[] = {
+    I16("kff", NULL), PAD, PAD, PAD, PAD, PAD, {.type = FIELD_END}};
+static const struct field i2t[] = {
     U8("b1", NULL), U8("b2", NULL), U8("b3", NULL), U8("b4", NULL), U8("b5", NULL),
-    U8("b6", NULL), U8("b7", NULL), {.type = ICUB_END}};
-static const struct icub_field byte[] = {U8("value", NULL), {.type = ICUB_END}};
-static const struct icub_field address[] = {
-    U8_IN("address", 1, ICUB_ADDRESS_MAX), {.type = ICUB_END}};
-static const struct icub_field host_protocol[] = {
-    U8("major", NULL), U8("minor", NULL), {.type = ICUB_END}};
-static const struct icub_field firmware[] = {
-    U8("type", NULL), U8("major", NULL), U8("version", NULL), U8("build", NULL),
-    U8("protocol_major", NULL), U8("protocol_minor", NULL), U8("ack", NULL), {.type = ICUB_END}};
-static const struct icub_field info_part[] = {
+    U8("b6", NULL), U8("b7", NULL), {.type = FIELD_END}};
+static const struct field byte[] = {U8("value", NULL), {.type = FIELD_END}};
+static const struct field address[] = {
+    U8_IN("address", 1, ICUB_ADDRESS_MAX), {.type = FIELD_END}};
+static const struct field host_protocol[] = {
+    U8("major", NULL), U8("minor", NULL), {.type = FIELD_END}};
+static const struct field firmware[] = {
+    U8_OF("type", icub_board_names), U8("major", NULL), U8("version", NULL), U8("build", NULL),
+    U8("protocol_major", NULL), U8("protocol_minor", NULL), U8_OF("ack", acknowledged),
+    {.type = FIELD_END}};
+static const struct field info_part[] = {
     U8_IN("part", 0, ICUB_INFO_LENGTH / ICUB_INFO_PART - 1), U8("c0", NULL), U8("c1", NULL),
-    U8("c2", NULL), U8("c3", NULL), {.type = ICUB_END}};
+    U8("c2", NULL), U8("c3", NULL), {.type = FIELD_END}};
 
 const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS] = {
     [ICUB_TOGGLE_VERBOSE] = {"TOGGLE_VERBOSE", DO(1, NULL)},
     [ICUB_CALIBRATE_ENCODER] = {"CALIBRATE_ENCODER",
-        DO(8, FIELDS(U8("type", NULL), I16("p1", NULL), I16("p2", NULL), I16("p3", "tick")))},
+        DO(8, FIELDS(U8_OF("type", calibrations), I16("p1", NULL), I16("p2", NULL),
+                     I16("p3", "tick")))},
     [ICUB_GET_CONTROL_MODE] = {"GET_CONTROL_MODE", DO(1, NULL),
-        REPLY(3, FIELDS(U8("mode", NULL), PAD))},
+        REPLY(3, FIELDS(U8_OF("mode", icub_mode_names), PAD))},
     [ICUB_MOTION_DONE] = {"MOTION_DONE", DO(1, NULL), REPLY(3, FIELDS(I16("done", NULL)))},
-    [ICUB_SET_CONTROL_MODE] = {"SET_CONTROL_MODE", DO(2, FIELDS(U8("mode", NULL)))},
+    [ICUB_SET_CONTROL_MODE] = {"SET_CONTROL_MODE", DO(2, FIELDS(U8_OF("mode", icub_mode_names)))},
     [ICUB_WRITE_FLASH] = {"WRITE_FLASH", DO(1, NULL)},
     [ICUB_READ_FLASH] = {"READ_FLASH", DO(1, NULL)},
     [ICUB_GET_INFO] = {"GET_INFO", DO(1, NULL), REPLY(6, info_part)},
@@ -142,11 +175,11 @@ const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS] = {
     [ICUB_SET_MAX_VELOCITY] = {"SET_MAX_VELOCITY", SET(ICUB_P_MAX_VELOCITY, 3, velocity)},
     [ICUB_GET_MAX_VELOCITY] = {"GET_MAX_VELOCITY", GET(ICUB_P_MAX_VELOCITY, 3, velocity)},
     [ICUB_SET_CURRENT_LIMIT] = {"SET_CURRENT_LIMIT",
-        SET(ICUB_P_CURRENT_LIMIT, 5, FIELDS({ICUB_I32, "limit", "mA", 0, INT32_MAX}))},
+        SET(ICUB_P_CURRENT_LIMIT, 5, FIELDS(IN(FIELD_I32, "limit", "mA", 0, INT32_MAX)))},
     [ICUB_SET_BROADCAST_POLICY] = {"SET_BROADCAST_POLICY",
-        DO(5, FIELDS({ICUB_U32, "mask", NULL, ANY}))},
+        DO(5, FIELDS(FIELD(FIELD_U32, "mask", NULL)))},
     [ICUB_SET_VELOCITY_SHIFT] = {"SET_VELOCITY_SHIFT",
-        SET(ICUB_P_VELOCITY_SHIFT, 3, FIELDS({ICUB_I16, "shift", NULL, 0, 16}))},
+        SET(ICUB_P_VELOCITY_SHIFT, 3, FIELDS(IN(FIELD_I16, "shift", NULL, 0, 16)))},
     [ICUB_SET_TORQUE_PID] = {"SET_TORQUE_PID", SET(ICUB_P_TORQUE_KP, 8, pid)},
     [ICUB_GET_TORQUE_PID] = {"GET_TORQUE_PID", GET(ICUB_P_TORQUE_KP, 8, pid)},
     [ICUB_SET_TORQUE_PID_LIMITS] = {"SET_TORQUE_PID_LIMITS",
@@ -160,7 +193,7 @@ const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS] = {
     [ICUB_GET_POSITION_PID_LIMITS] = {"GET_POSITION_PID_LIMITS",
         GET(ICUB_P_POSITION_OFFSET, 7, pid_limits)},
     [ICUB_SET_VELOCITY_TIMEOUT] = {"SET_VELOCITY_TIMEOUT",
-        SET(ICUB_P_VELOCITY_TIMEOUT, 3, FIELDS({ICUB_I16, "timeout", "ms", 0, INT16_MAX}))},
+        SET(ICUB_P_VELOCITY_TIMEOUT, 3, FIELDS(IN(FIELD_I16, "timeout", "ms", 0, INT16_MAX)))},
     [ICUB_SET_IMPEDANCE] = {"SET_IMPEDANCE", SET(ICUB_P_STIFFNESS, 8, impedance)},
     [ICUB_GET_IMPEDANCE] = {"GET_IMPEDANCE", GET(ICUB_P_STIFFNESS, 8, impedance)},
     [ICUB_SET_IMPEDANCE_OFFSET] = {"SET_IMPEDANCE_OFFSET", SET(ICUB_P_IMPEDANCE_OFFSET, 3, gain)},
@@ -188,8 +221,11 @@ const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS] = {
     [ICUB_SET_OPEN_LOOP] = {"SET_OPEN_LOOP", SET(ICUB_P_OPEN_LOOP, 3, pwm)},
     [ICUB_GET_OPEN_LOOP] = {"GET_OPEN_LOOP", GET(ICUB_P_OPEN_LOOP, 3, pwm)},
     [ICUB_SET_INTERACTION_MODE] = {"SET_INTERACTION_MODE",
-        SET(ICUB_P_INTERACTION, 2, FIELDS(U8_IN("mode", ICUB_STIFF, ICUB_COMPLIANT)))},
-    [ICUB_GET_INTERACTION_MODE] = {"GET_INTERACTION_MODE", GET(ICUB_P_INTERACTION, 2, byte)},
+        SET(ICUB_P_INTERACTION, 2,
+            FIELDS({.type = FIELD_U8, .name = "mode", .min = ICUB_STIFF, .max = ICUB_COMPLIANT,
+                .values = interactions}))},
+    [ICUB_GET_INTERACTION_MODE] = {"GET_INTERACTION_MODE",
+        GET(ICUB_P_INTERACTION, 3, FIELDS(U8_OF("mode", interactions), PAD))},
     [ICUB_SET_TORQUE_FILTER] = {"SET_TORQUE_FILTER", SET(ICUB_P_TORQUE_FILTER, 2, byte)},
     [ICUB_GET_TORQUE_FILTER] = {"GET_TORQUE_FILTER", GET(ICUB_P_TORQUE_FILTER, 2, byte)},
     [ICUB_SET_TEMPERATURE_LIMIT] = {"SET_TEMPERATURE_LIMIT",
@@ -198,23 +234,24 @@ const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS] = {
         GET(ICUB_P_TEMPERATURE_LIMIT, 3, gain)},
 };
 
-static const struct icub_field channel[] = {U8_IN("channel", 0, 5), {.type = ICUB_END}};
+static const struct field channel[] = {U8_IN("channel", 0, 5), {.type = FIELD_END}};
 /* the high half of a byte that selects a channel or row is the regulation set */
-static const struct icub_field channel_of_set[] = {U8("channel", NULL), {.type = ICUB_END}};
-static const struct icub_field channel_value[] = {
-    U8_IN("channel", 0, 5), U16_BE("value", NULL), {.type = ICUB_END}};
-static const struct icub_field channel_signed[] = {
-    U8_IN("channel", 0, 5), I16_BE("value", NULL), {.type = ICUB_END}};
-static const struct icub_field full_scale[] = {
-    U8("channel", NULL), U16_BE("full_scale", NULL), {.type = ICUB_END}};
-static const struct icub_field matrix_element[] = {
-    U8("row", NULL), U8_IN("column", 0, 5), I16_BE("value", NULL), {.type = ICUB_END}};
-static const struct icub_field tare[] = {
-    U8_IN("how", ICUB_TARE_RESET, ICUB_TARE_VALUE), U8_IN("channel", 0, 5), I16_BE("value", NULL),
-    {.type = ICUB_END}};
-static const struct icub_field serial[] = {
+static const struct field channel_of_set[] = {U8("channel", NULL), {.type = FIELD_END}};
+static const struct field channel_value[] = {
+    U8_IN("channel", 0, 5), U16_BE("value", NULL), {.type = FIELD_END}};
+static const struct field channel_signed[] = {
+    U8_IN("channel", 0, 5), I16_BE("value", NULL), {.type = FIELD_END}};
+static const struct field full_scale[] = {
+    U8("channel", NULL), U16_BE("full_scale", NULL), {.type = FIELD_END}};
+static const struct field matrix_element[] = {
+    U8("row", NULL), U8_IN("column", 0, 5), I16_BE("value", NULL), {.type = FIELD_END}};
+static const struct field tare[] = {
+    {.type = FIELD_U8, .name = "how", .min = ICUB_TARE_RESET, .max = ICUB_TARE_VALUE,
+     .values = tares}, U8_IN("channel", 0, 5), I16_BE("value", NULL),
+    {.type = FIELD_END}};
+static const struct field serial[] = {
     U8("c0", NULL), U8("c1", NULL), U8("c2", NULL), U8("c3", NULL), U8("c4", NULL),
-    U8("c5", NULL), U8("c6", NULL), {.type = ICUB_END}};
+    U8("c5", NULL), U8("c6", NULL), {.type = FIELD_END}};
 
 const struct icub_command icub_strain_commands[ICUB_STRAIN_COMMANDS] = {
     [ICUB_STRAIN_SET_FILTER] = {"SET_FILTER", DO_UP_TO(1, 8, NULL)},
@@ -222,8 +259,9 @@ const struct icub_command icub_strain_commands[ICUB_STRAIN_COMMANDS] = {
     [ICUB_STRAIN_SET_DAC] = {"SET_DAC", DO(4, channel_value)},
     [ICUB_STRAIN_SET_CHANNELS] = {"SET_CHANNELS", DO(2, FIELDS(U8("mask", NULL)))},
     [ICUB_STRAIN_CALIBRATE] = {"CALIBRATE", DO_UP_TO(1, 8, NULL)},
-    [ICUB_STRAIN_SET_TRANSMIT_MODE] = {"SET_TRANSMIT_MODE", DO(2, FIELDS(U8("mode", NULL)))},
-    [ICUB_STRAIN_SET_PERIOD] = {"SET_PERIOD", DO(2, FIELDS({ICUB_U8, "period", "ms", 1, 255}))},
+    [ICUB_STRAIN_SET_TRANSMIT_MODE] = {"SET_TRANSMIT_MODE",
+        DO(2, FIELDS(U8_OF("mode", transmit_modes)))},
+    [ICUB_STRAIN_SET_PERIOD] = {"SET_PERIOD", DO(2, FIELDS(IN(FIELD_U8, "period", "ms", 1, 255)))},
     [ICUB_STRAIN_SAVE] = {"SAVE", DO(1, NULL), REPLY(2, FIELDS(U8("ok", NULL)))},
     [ICUB_STRAIN_GET_MATRIX] = {"GET_MATRIX",
         DO(3, FIELDS(U8("row", NULL), U8_IN("column", 0, 5))), REPLY(5, matrix_element)},
@@ -252,7 +290,8 @@ const struct icub_frame_type icub_motor_frames[16] = {
     [ICUB_PID_VALUE] = {"PID_VAL", 8,
         FIELDS(I16("pid0", "pwm"), I16("pid1", "pwm"), I16("pwm0", "pwm"), I16("pwm1", "pwm"))},
     [ICUB_STATUS] = {"STATUS", 8,
-        FIELDS(U8("fault0", NULL), U8("mode0", NULL), U8("fault1", NULL), U8("mode1", NULL),
+        FIELDS(U8("fault0", NULL), U8_OF("mode0", icub_mode_names), U8("fault1", NULL),
+               U8_OF("mode1", icub_mode_names),
                U8("can_status", NULL), U8("board_status", NULL), U8("can_tx_errors", NULL),
                U8("can_rx_errors", NULL))},
     [ICUB_CURRENT] = {"CURRENT", 8,
@@ -278,8 +317,8 @@ const struct icub_frame_type icub_motor_frames[16] = {
     [ICUB_ADDITIONAL_STATUS] = {"ADDITIONAL_STATUS", 1, FIELDS(U8("interaction", NULL))},
 };
 
-static const struct icub_field three_channels[] = {
-    U16("c0", NULL), U16("c1", NULL), U16("c2", NULL), {.type = ICUB_END}};
+static const struct field three_channels[] = {
+    U16("c0", NULL), U16("c1", NULL), U16("c2", NULL), {.type = FIELD_END}};
 
 const struct icub_frame_type icub_analog_frames[16] = {
     [ICUB_UNCALIBRATED_FORCE] = {"UNCALIBRATED_FORCE", ICUB_STRAIN_LENGTH, three_channels},
@@ -302,7 +341,7 @@ static const struct {
     {ICUB_SET_ADDITIONAL_INFO, {"SET_ADDITIONAL_INFO", DO(6, info_part)}},
     {ICUB_SET_CAN_ADDRESS, {"SET_CAN_ADDRESS", DO(2, address)}},
     {ICUB_DISCOVER, {"DISCOVER", DO(1, NULL),
-        REPLY(5, FIELDS(U8("type", NULL), U8("major", NULL), U8("minor", NULL),
+        REPLY(5, FIELDS(U8_OF("type", icub_board_names), U8("major", NULL), U8("minor", NULL),
                         U8("build", NULL)))}},
 };
 /* clang-format on */
@@ -315,133 +354,4 @@ const struct icub_command *icub_management_command(uint8_t code)
         }
     }
     return NULL;
-}
-
-static size_t type_bytes(enum icub_type type)
-{
-    switch (type) {
-    case ICUB_U8:
-    case ICUB_PAD:
-        return 1;
-    case ICUB_U16:
-    case ICUB_I16:
-    case ICUB_U16_BE:
-    case ICUB_I16_BE:
-        return 2;
-    case ICUB_U32:
-    case ICUB_I32:
-        return 4;
-    case ICUB_END:
-        break;
-    }
-    return 0;
-}
-
-size_t icub_field_count(const struct icub_field *fields)
-{
-    size_t count = 0;
-
-    for (; fields && fields->type != ICUB_END; fields++) {
-        count += fields->type != ICUB_PAD;
-    }
-    return count;
-}
-
-size_t icub_field_bytes(const struct icub_field *fields)
-{
-    size_t bytes = 0;
-
-    for (; fields && fields->type != ICUB_END; fields++) {
-        bytes += type_bytes(fields->type);
-    }
-    return bytes;
-}
-
-static int64_t get_value(enum icub_type type, const uint8_t *p)
-{
-    switch (type) {
-    case ICUB_U8:
-        return p[0];
-    case ICUB_U16:
-        return get_u16_le(p);
-    case ICUB_I16:
-        return get_i16_le(p);
-    case ICUB_U32:
-        return get_u32_le(p);
-    case ICUB_I32:
-        return get_i32_le(p);
-    case ICUB_U16_BE:
-        return get_u16_be(p);
-    case ICUB_I16_BE:
-        return (int16_t)get_u16_be(p);
-    case ICUB_PAD:
-    case ICUB_END:
-        break;
-    }
-    return 0;
-}
-
-bool icub_decode(const struct icub_field *fields, const uint8_t *data, size_t size, int64_t *values)
-{
-    size_t at = 0;
-
-    for (; fields && fields->type != ICUB_END; fields++) {
-        size_t bytes = type_bytes(fields->type);
-
-        if (fields->type != ICUB_PAD) {
-            int64_t value = at + bytes <= size ? get_value(fields->type, data + at) : 0;
-
-            if ((fields->min || fields->max) && (value < fields->min || value > fields->max)) {
-                return false;
-            }
-            *values++ = value;
-        }
-        at += bytes;
-    }
-    return true;
-}
-
-static int64_t clamp(int64_t value, int64_t min, int64_t max)
-{
-    return value < min ? min : value > max ? max : value;
-}
-
-static void put_value(enum icub_type type, int64_t value, uint8_t *p)
-{
-    switch (type) {
-    case ICUB_U8:
-        p[0] = (uint8_t)clamp(value, 0, UINT8_MAX);
-        break;
-    case ICUB_U16:
-        put_u16_le(p, (uint16_t)clamp(value, 0, UINT16_MAX));
-        break;
-    case ICUB_I16:
-        put_u16_le(p, (uint16_t)clamp(value, INT16_MIN, INT16_MAX));
-        break;
-    case ICUB_U32:
-        put_u32_le(p, (uint32_t)clamp(value, 0, UINT32_MAX));
-        break;
-    case ICUB_I32:
-        put_u32_le(p, (uint32_t)clamp(value, INT32_MIN, INT32_MAX));
-        break;
-    case ICUB_U16_BE:
-        put_u16_be(p, (uint16_t)clamp(value, 0, UINT16_MAX));
-        break;
-    case ICUB_I16_BE:
-        put_u16_be(p, (uint16_t)clamp(value, INT16_MIN, INT16_MAX));
-        break;
-    case ICUB_PAD:
-        p[0] = 0;
-        break;
-    case ICUB_END:
-        break;
-    }
-}
-
-void icub_encode(const struct icub_field *fields, const int64_t *values, uint8_t *data)
-{
-    for (; fields && fields->type != ICUB_END; fields++) {
-        put_value(fields->type, fields->type == ICUB_PAD ? 0 : *values++, data);
-        data += type_bytes(fields->type);
-    }
 }

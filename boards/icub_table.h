@@ -10,32 +10,8 @@
 #ifndef BOARDS_ICUB_TABLE_H
 #define BOARDS_ICUB_TABLE_H
 
+#include "boards/field.h"
 #include "boards/icub_protocol.h"
-
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-enum icub_type {
-    ICUB_END = 0, /* closes a list of fields */
-    ICUB_U8,
-    ICUB_U16,
-    ICUB_I16,
-    ICUB_U32,
-    ICUB_I32,
-    ICUB_U16_BE,
-    ICUB_I16_BE,
-    ICUB_PAD, /* one byte, zero when sent, ignored when received */
-};
-
-struct icub_field {
-    enum icub_type type;
-    const char *name;
-    const char *unit; /* NULL: a bare number */
-    int64_t min, max; /* refused outside; both 0: whatever the type holds */
-};
-
-enum { ICUB_FIELDS_MAX = 8 }; /* values that one message carries at most */
 
 /* What the host can set in one axis of a motor board. Neighbors travel in one message. */
 enum icub_parameter {
@@ -110,15 +86,18 @@ struct icub_command {
     enum icub_parameter parameter;    /* of ICUB_SET and ICUB_GET */
     uint8_t request_min, request_max; /* length of the request; equal but for a few */
     uint8_t reply_length;             /* 0: no reply */
-    const struct icub_field *request; /* NULL: none */
-    const struct icub_field *reply;
+    const struct field *request;      /* NULL: none */
+    const struct field *reply;
 };
 
 struct icub_frame_type {
     const char *name; /* NULL: no such type */
     uint8_t length;
-    const struct icub_field *fields;
+    const struct field *fields;
 };
+
+/* enum icub_mode, and board types of class 7 */
+extern const struct field_value icub_mode_names[], icub_board_names[];
 
 extern const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS];   /* class 0 */
 extern const struct icub_command icub_strain_commands[ICUB_STRAIN_COMMANDS]; /* class 2 */
@@ -127,17 +106,5 @@ extern const struct icub_frame_type icub_analog_frames[16];                  /* 
 
 /* Class 7; NULL when there is no such command. */
 const struct icub_command *icub_management_command(uint8_t code);
-
-/* Number of values (fields without padding) of a list, and the bytes they take. */
-size_t icub_field_count(const struct icub_field *fields);
-size_t icub_field_bytes(const struct icub_field *fields);
-
-/* Reads the values of fields from data; a field beyond size reads as 0. Returns false when a value
- * is outside its field's range. values holds ICUB_FIELDS_MAX. */
-bool icub_decode(const struct icub_field *fields, const uint8_t *data, size_t size,
-                 int64_t *values);
-
-/* Writes the values, each brought into the range of its type, and zero padding. */
-void icub_encode(const struct icub_field *fields, const int64_t *values, uint8_t *data);
 
 #endif

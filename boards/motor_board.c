@@ -20,6 +20,15 @@
  * Each PID is cut to its own limit, everything to the PWM limit and the full scale. Gains are zero
  * at power-up, so that a board holds nothing before the host has configured it.
  *
+ * Calibration is that of the firmware whose version the board tells: type 3 (absolute encoder)
+ * takes p3 as the encoder's zero. A p2 of 0 is invalid and makes a fault.
+ *
+ * A strict board does what the firmware does also where that is odd. It drives its bridge only
+ * after a host has told a fitting protocol (GET_FIRMWARE_VERSION) and all seven parameters of the
+ * position PID before it left idle; without them STATUS tells the mode, but nothing moves. It has
+ * no current mode. A mode that it does not have resets the references of a running axis and nothing
+ * else; from idle it leads to position mode. PRINT tells of every change.
+ *
  * Over-current is an I2t law, as the firmware's: the motor may be above its limit by as much as
  * integral (I^2 - limit^2) dt = limit^2 * 10 ms, then the axis trips. At twice the limit that takes
  * 4 ms, at 3.4 times a single sample; the inrush of a voltage step, over within a few milliseconds,
@@ -31,9 +40,12 @@
 #include "canbus/frame.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 enum {
+    BOARD_AXES = 2,
+    ALL_PIDS = 0x7f,       /* SET_P_GAIN ... SET_OUTPUT_LIMIT have all come */
     CALIBRATION_MS = 100,  /* how long CALIBRATE_ENCODER takes */
     OVERLOAD_MS = 10,      /* budget of over-current, see above */
     POLICY_AT_START = 0x7f /* what a host usually asks for */
@@ -50,6 +62,8 @@ struct motor_axis {
     uint8_t mode;
     uint8_t faults;      /* as long as their cause lasts */
     uint8_t faults_once; /* until STATUS has told them */
+    uint8_t pids;        /* which parameters of the position PID have come; bits */
+    bool pads;           /* the bridge's drivers are enabled */
     bool sensors_bad;    /* no number came from the plant */
     bool limit_told;     /* the refusal at a joint limit has been reported */
     struct encoder joint, motor;
@@ -78,6 +92,7 @@ struct motor_board {
     int64_t sampled_ms, status_ms;
     uint8_t text; /* number of the last PRINT */
     bool status_due, additional_due;
+    bool protocol_ack;     /* the host speaks our protocol */
     bool powered, started; /* has had its first power-up; its first sample */
 };
 
@@ -194,13 +209,76 @@ static bool is_control_mode(int64_t mode)
     }
 }
 
+/* The drivers of the bridge, as a strict board enables them. */
+static bool enable_pads(struct board *board, struct motor_axis *axis)
+{
+    char text[32];
+
+    if (!board->motor->protocol_ack) {
+        print(board, "can protocol NOT ack");
+        return false;
+    }
+    if (axis->pids != ALL_PIDS) {
+        snprintf(text, sizeof text, "PID IS NOT SET %u", index_of(board, axis));
+        print(board, text);
+        return false;
+    }
+    snprintf(text, sizeof text, "PWM ENA:%u", index_of(board, axis));
+    print(board, text);
+    return true;
+}
+
+static void disable_pads(struct board *board, struct motor_axis *axis)
+{
+    char text[32];
+
+    axis->pads = false;
+    snprintf(text, sizeof text, "PWM DIS:%u", index_of(board, axis));
+    print(board, text);
+    set_mode(board, axis, ICUB_MODE_IDLE);
+}
+
+static bool command_mode_strictly(struct board *board, struct motor_axis *axis, int64_t mode)
+{
+    bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
+    bool known = is_control_mode(mode) && mode != ICUB_MODE_CURRENT;
+    char text[32];
+
+    if (axis->mode == ICUB_MODE_HARDWARE_FAULT) {
+        if (mode != ICUB_MODE_FORCE_IDLE) {
+            return true;
+        }
+        disable_pads(board, axis);
+    } else if (axis->mode == ICUB_MODE_IDLE) {
+        if (stop) {
+            return true;
+        }
+        axis->pads = enable_pads(board, axis);
+        set_mode(board, axis,
+                 known        ? (uint8_t)mode
+                 : axis->pads ? ICUB_MODE_POSITION
+                              : ICUB_MODE_HARDWARE_FAULT);
+    } else if (stop) {
+        disable_pads(board, axis);
+    } else {
+        set_mode(board, axis, known ? (uint8_t)mode : axis->mode);
+    }
+    snprintf(text, sizeof text, "CTRLMODE SET:%u", (unsigned)mode);
+    print(board, text);
+    return true;
+}
+
 static bool command_mode(struct board *board, struct motor_axis *axis, int64_t mode)
 {
     bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
 
+    if (board->config.strict) {
+        return command_mode_strictly(board, axis, mode);
+    }
     if (!stop && !is_control_mode(mode)) {
         return false;
     }
+    axis->pads = true;
     if (axis->mode == ICUB_MODE_IDLE) {
         if (!stop) {
             set_mode(board, axis, (uint8_t)mode);
@@ -277,11 +355,14 @@ static void power_up(struct board *board)
         }
         axis->mode = ICUB_MODE_IDLE;
         axis->faults = axis->faults_once = 0;
+        axis->pids = 0;
+        axis->pads = false;
         axis->offset = 0;
         axis->source_ns = board->boards->time_ns;
         reset_references(board, axis);
     }
     motor->powered = true;
+    motor->protocol_ack = false;
     motor->policy = board->config.transmit_at_start ? POLICY_AT_START : 0;
     motor->status_due = motor->additional_due = false;
     motor->status_ms = board->boards->time_ns / MS;
@@ -355,13 +436,20 @@ static void set_encoder(struct motor_axis *axis, int64_t value)
     trajectory_stop(&axis->trajectory, axis->desired);
 }
 
-static void calibrate(struct board *board, struct motor_axis *axis, int64_t zero)
+static bool calibrate(struct board *board, struct motor_axis *axis, const int64_t *request)
 {
-    if (axis->mode != ICUB_MODE_HARDWARE_FAULT) {
+    if (request[0] != ICUB_CALIBRATE_ABSOLUTE) {
+        return false;
+    }
+    if (request[2] == 0) {
+        print(board, "invalid calib p2");
+        set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
+    } else if (axis->mode != ICUB_MODE_HARDWARE_FAULT) {
         set_mode(board, axis, ICUB_MODE_CALIBRATION);
-        axis->calibration_zero = (int32_t)zero;
+        axis->calibration_zero = (int32_t)request[3];
         axis->calibrated_ns = board->boards->time_ns + (int64_t)CALIBRATION_MS * MS;
     }
+    return true;
 }
 
 static void tell_firmware(const struct board *board, const int64_t *host, int64_t *reply)
@@ -372,7 +460,36 @@ static void tell_firmware(const struct board *board, const int64_t *host, int64_
     reply[3] = board->ops->build;
     reply[4] = ICUB_PROTOCOL_MAJOR;
     reply[5] = ICUB_PROTOCOL_MINOR;
-    reply[6] = host[0] == ICUB_PROTOCOL_MAJOR && host[1] <= ICUB_PROTOCOL_MINOR;
+    reply[6] = board->motor->protocol_ack =
+        host[0] == ICUB_PROTOCOL_MAJOR && host[1] <= ICUB_PROTOCOL_MINOR;
+}
+
+/* The parameters of the position PID that a command brings: P, D, I, integral limit, offset, scale,
+ * output limit. */
+static uint8_t pid_bits(unsigned code)
+{
+    switch (code) {
+    case ICUB_SET_P_GAIN:
+        return 1 << 0;
+    case ICUB_SET_D_GAIN:
+        return 1 << 1;
+    case ICUB_SET_I_GAIN:
+        return 1 << 2;
+    case ICUB_SET_I_LIMIT:
+        return 1 << 3;
+    case ICUB_SET_OFFSET:
+        return 1 << 4;
+    case ICUB_SET_SCALE:
+        return 1 << 5;
+    case ICUB_SET_OUTPUT_LIMIT:
+        return 1 << 6;
+    case ICUB_SET_POSITION_PID:
+        return 1 << 0 | 1 << 1 | 1 << 2 | 1 << 5;
+    case ICUB_SET_POSITION_PID_LIMITS:
+        return 1 << 3 | 1 << 4 | 1 << 6;
+    default:
+        return 0;
+    }
 }
 
 /* What a parameter's new value means beyond being kept. */
@@ -380,6 +497,7 @@ static void parameter_set(struct board *board, struct motor_axis *axis, unsigned
 {
     int64_t now = board->boards->time_ns;
 
+    axis->pids |= pid_bits(code);
     switch (code) {
     case ICUB_SET_OPEN_LOOP:
         axis->voltage_ns = now;
@@ -446,8 +564,7 @@ static bool act(struct board *board, struct motor_axis *axis, unsigned code, con
 {
     switch (code) {
     case ICUB_CALIBRATE_ENCODER:
-        calibrate(board, axis, request[3]);
-        return true;
+        return calibrate(board, axis, request);
     case ICUB_SET_CONTROL_MODE:
         return command_mode(board, axis, request[0]);
     case ICUB_WRITE_FLASH:
@@ -518,11 +635,11 @@ static bool command(struct board *board, const struct bus_frame *frame, const in
 
     switch (row->kind) {
     case ICUB_SET:
-        memcpy(parameter, request, icub_field_count(row->request) * sizeof *parameter);
+        memcpy(parameter, request, fields_count(row->request) * sizeof *parameter);
         parameter_set(board, axis, code);
         return true;
     case ICUB_GET:
-        memcpy(reply, parameter, icub_field_count(row->reply) * sizeof *parameter);
+        memcpy(reply, parameter, fields_count(row->reply) * sizeof *parameter);
         return true;
     case ICUB_DO:
     case ICUB_NO_COMMAND:
@@ -856,7 +973,7 @@ static void drive(const struct board *board, const struct motor_axis *axis,
                   struct plant_command *command)
 {
     int joint = config_of(board, axis)->joint;
-    bool on = runs(axis->mode) && axis->mode != ICUB_MODE_CALIBRATION;
+    bool on = runs(axis->mode) && axis->mode != ICUB_MODE_CALIBRATION && axis->pads;
 
     if (joint >= 0) {
         command->motor[joint].bridge_on = on;
@@ -883,10 +1000,10 @@ static void control(struct board *board, struct ms_span span, struct plant_comma
     }
 }
 
-bool motor_board_fault(const struct motor_board *motor)
+static bool fault(const struct board *board)
 {
     for (int i = 0; i < BOARD_AXES; i++) {
-        if (motor->axis[i].mode == ICUB_MODE_HARDWARE_FAULT) {
+        if (board->motor->axis[i].mode == ICUB_MODE_HARDWARE_FAULT) {
             return true;
         }
     }
@@ -914,7 +1031,7 @@ static void send(struct board *board, struct frame_sink *sink, enum icub_motor_t
     const struct icub_frame_type *row = &icub_motor_frames[type];
     uint8_t data[8];
 
-    icub_encode(row->fields, values, data);
+    fields_encode(row->fields, values, data);
     board_send(board, sink, icub_id(ICUB_PERIODIC_MOTOR, board->address, type), row->length, data);
 }
 
@@ -1031,6 +1148,7 @@ const struct board_ops motor_board_ops = {
     .commands = icub_motor_commands,
     .command_count = ICUB_MOTOR_COMMANDS,
     .command_class = ICUB_POLLING_MOTOR,
+    .axis_bit = true,
     .command = command,
     .power_up = power_up,
     .discovered = discovered,
@@ -1038,4 +1156,5 @@ const struct board_ops motor_board_ops = {
     .control = control,
     .transmit = transmit,
     .shut_down = shut_down,
+    .fault = fault,
 };

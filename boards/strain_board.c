@@ -360,7 +360,7 @@ static void send(struct board *board, struct frame_sink *sink, enum icub_analog_
     for (int i = 0; i < HALF; i++) {
         values[i] = counts[first + i] + ICUB_STRAIN_ZERO;
     }
-    icub_encode(icub_analog_frames[type].fields, values, data);
+    fields_encode(icub_analog_frames[type].fields, values, data);
     if (is_saturated(strain)) {
         data[len++] =
             (uint8_t)(1 | strain->saturated[first] << 2 | strain->saturated[first + 1] << 4 |

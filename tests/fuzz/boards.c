@@ -134,13 +134,15 @@ static void check_command(const struct rig *rig, double sampled)
     }
 }
 
-static uint64_t check_frames(const struct rig *rig, uint64_t hash)
+/* flags: of bus 0 */
+static uint64_t check_frames(const struct rig *rig, unsigned flags, uint64_t hash)
 {
     for (size_t bus = 0; bus < RIG_BUSES; bus++) {
         for (size_t i = 0; i < rig->count[bus]; i++) {
             const struct bus_frame *frame = &rig->frame[bus][i];
 
-            assert_true(frame->id <= 0x7ff && frame->len <= 8 && frame->flags == 0);
+            assert_true(frame->id <= 0x7ff && frame->flags == (bus == 0 ? flags : 0));
+            assert_true(frame->len <= (frame->flags ? 64 : 8));
             hash = hash_bytes(hash, &frame->id, sizeof frame->id);
             hash = hash_bytes(hash, frame->data, frame->len);
         }
@@ -148,8 +150,76 @@ static uint64_t check_frames(const struct rig *rig, uint64_t hash)
     return hash;
 }
 
-/* One run; returns the hash of everything that the boards sent and commanded. */
-static uint64_t run(uint64_t seed, int ticks, int frames_a_tick, struct boards_counters *counters)
+/* Bus 0 with other boards than iCub ones; bus 1 keeps its own. */
+static void change_personality(struct rig *rig, const struct boards_bus_config *bus)
+{
+    rig->config.bus = bus;
+    if (bus->personality == BOARD_COMPACT) {
+        rig->config.nboard = 4; /* torques need no board */
+        rig->board[2] = rig->board[4];
+    }
+    for (int i = 0; i < RIG_BOARDS; i++) {
+        rig->board[i].axis[0].gear = 100.0;
+        rig->board[i].axis[2].joint = rig->board[i].axis[3].joint = -1;
+        rig->board[i].transmit_at_start = rig->board[i].period_ns <= 4000000;
+        rig->board[i].axis[0].winding_ohm = 0.7;
+    }
+    rig->board[0].boot_ns = 3000000;
+}
+
+/* What a host of these boards would send, more or less. */
+static struct bus_frame likely_of(enum board_personality personality, uint64_t *seed)
+{
+    static const uint32_t foc[] = {0x001, 0x002, 0x001, 0x10f, 0x10f, 0x10f, 0x701, 0x20d};
+    static const uint8_t foc_codes[] = {0x5b, 0x77, 0x48, 0x65, 0x69, 0x7d, 0x09,
+                                        0x09, 0x72, 0x17, 0x02, 0x01, 0x79, 0x07};
+    static const uint8_t modes[] = {0x50, 0x06, 0x0a, 0x0b, 0x01, 0x00, 0x09};
+    static const uint32_t compact[] = {0x020, 0x040, 0x040, 0x041, 0x681, 0x682, 0x68d, 0x7e0};
+    struct bus_frame frame = anything(seed);
+    uint64_t r = next(seed);
+
+    frame.flags = 0;
+    frame.len = r >> 40 & 7 ? 8 : (uint8_t)(r >> 44 & 7);
+    if (personality == BOARD_COMPACT) {
+        frame.id = compact[r & 7];
+        frame.flags = r >> 10 & 1 ? FRAME_FD : 0;
+        frame.len = frame.id == 0x020 ? 5 : frame.id >= 0x7e0 ? 0 : frame.len;
+        if (frame.id == 0x020) {
+            frame.data[0] &= 3;
+        } else if (frame.id >= 0x680 && frame.id < 0x6a0) {
+            frame.data[0] &= 0xbf; /* seldom a restart */
+            frame.data[0] ^= (frame.data[0] & 0x7f) == 7 && r >> 20 & 0xff ? 0x20 : 0;
+            frame.data[1] &= 7;
+            frame.len = frame.data[0] & 0x80 ? 6 : 2;
+        }
+        return frame;
+    }
+    frame.id = foc[r & 7];
+    if (frame.id < 0x100) {
+        static const uint8_t lengths[] = {3, 7, 8, 8, 8, 8, 2, 2, 3, 5, 6, 2, 3, 1};
+        size_t code = (r >> 8) % sizeof foc_codes;
+
+        frame.data[0] = foc_codes[code];
+        frame.len = r >> 48 & 15 ? lengths[code] : frame.len;
+        if (frame.data[0] == 0x5b && r >> 52 & 7) {
+            frame.data[1] = 1;
+            frame.data[2] = 6;
+        } else if (frame.data[0] == 0x09) {
+            frame.data[1] = modes[(r >> 20) % sizeof modes];
+        } else if (frame.data[0] == 0x48) {
+            frame.data[5] |= 0x20; /* some peak */
+            frame.data[5] &= 0x7f;
+        }
+    } else if (frame.id == 0x701) {
+        frame.data[0] = (r >> 24) % 20000 == 0 ? 0x00 : 0x0c;
+    }
+    return frame;
+}
+
+/* One run; returns the hash of everything that the boards sent and commanded. bus NULL: iCub boards
+ * everywhere. */
+static uint64_t run(const struct boards_bus_config *bus, uint64_t seed, int ticks,
+                    int frames_a_tick, struct boards_counters *counters)
 {
     static struct rig rig;
     uint64_t hash = HASH_START, received = 0;
@@ -159,13 +229,18 @@ static uint64_t run(uint64_t seed, int ticks, int frames_a_tick, struct boards_c
     rig_configure(&rig);
     rig.board[0].command_timeout_ns = rig.board[1].command_timeout_ns = 2000000;
     rig.board[1].discovery_stops_motors = true;
+    if (bus) {
+        change_personality(&rig, bus);
+    }
     rig_start(&rig);
     armed = true;
     for (int t = 0; t < ticks; t++) {
         bool quiet = t / 16 % 4 == 3; /* time for references to go stale */
 
         for (int f = 0; f < frames_a_tick && !quiet; f++) {
-            struct bus_frame frame = f % 4 ? likely(&seed) : anything(&seed);
+            struct bus_frame frame = f % 4 == 0 ? anything(&seed)
+                                     : bus      ? likely_of(bus->personality, &seed)
+                                                : likely(&seed);
 
             boards_receive(rig.boards, next(&seed) % 5 == 0, &frame);
             received++;
@@ -175,7 +250,7 @@ static uint64_t run(uint64_t seed, int ticks, int frames_a_tick, struct boards_c
         rig_tick(&rig);
         check_command(&rig, sampled);
         hash = hash_bytes(hash, rig.motor, sizeof rig.motor);
-        hash = check_frames(&rig, hash);
+        hash = check_frames(&rig, bus && bus->fd ? FRAME_FD | FRAME_BRS : 0, hash);
         shake(&rig, &seed);
         while (boards_next_event(rig.boards, &event)) {
             char text[256];
@@ -204,7 +279,7 @@ static void millions_of_frames_do_no_harm(void **state)
     (void)state;
     allocations = 0;
     for (uint64_t seed = 1; seed <= 200; seed++) {
-        run(seed, 400, 64, &counters);
+        run(NULL, seed, 400, 64, &counters);
         sum.frames += counters.frames;
         sum.foreign += counters.foreign;
         sum.unknown += counters.unknown;
@@ -228,12 +303,47 @@ static void millions_of_frames_do_no_harm(void **state)
 static void the_same_frames_give_the_same_answers(void **state)
 {
     struct boards_counters first, second;
-    uint64_t hash = run(7, 3000, 20, &first);
+    uint64_t hash = run(NULL, 7, 3000, 20, &first);
 
     (void)state;
-    assert_true(hash == run(7, 3000, 20, &second));
+    assert_true(hash == run(NULL, 7, 3000, 20, &second));
     assert_memory_equal(&first, &second, sizeof first);
-    assert_true(hash != run(8, 3000, 20, &second));
+    assert_true(hash != run(NULL, 8, 3000, 20, &second));
+}
+
+static void other_personalities_come_to_no_harm_either(void **state)
+{
+    static const struct boards_bus_config buses[][RIG_BUSES] = {
+        {{BOARD_FOC, false}, {BOARD_ICUB, false}},
+        {{BOARD_COMPACT, false}, {BOARD_ICUB, false}},
+        {{BOARD_COMPACT, true}, {BOARD_ICUB, false}}};
+
+    (void)state;
+    allocations = 0;
+    for (int p = 0; p < 3; p++) {
+        struct boards_counters counters, again, sum = {0};
+
+        for (uint64_t seed = 1; seed <= 60; seed++) {
+            uint64_t hash = run(buses[p], seed, 400, 40, &counters);
+
+            sum.frames += counters.frames;
+            sum.malformed += counters.malformed;
+            sum.unknown += counters.unknown;
+            sum.trips += counters.trips;
+            sum.timeouts += counters.timeouts;
+            if (seed % 20 == 0) {
+                assert_true(hash == run(buses[p], seed, 400, 40, &again));
+                assert_memory_equal(&counters, &again, sizeof again);
+            }
+        }
+        print_message("# personality %d: %" PRIu64 " frames, %" PRIu64 " unknown, %" PRIu64
+                      " malformed, %" PRIu64 " trips, %" PRIu64 " time-outs\n",
+                      p, sum.frames, sum.unknown, sum.malformed, sum.trips, sum.timeouts);
+        assert_true(sum.frames > 100000 && sum.malformed > 1000 && sum.unknown > 100);
+        assert_true(sum.trips > 10);
+        assert_true(p == 0 || sum.timeouts > 10); /* no silence is 50 ms long */
+    }
+    assert_int_equal(allocations, 0);
 }
 
 /* Bridges stay off after every way into idle and into a fault, whatever else is said. */
@@ -279,6 +389,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(millions_of_frames_do_no_harm),
+        cmocka_unit_test(other_personalities_come_to_no_harm_either),
         cmocka_unit_test(the_same_frames_give_the_same_answers),
         cmocka_unit_test(idle_and_fault_mean_bridge_off),
     };

@@ -138,7 +138,7 @@ static const struct {
     {"70 01 02 03 04 05 06 07", "71", "71 01 02 03 04 05 06 07"},
     {"72 4D 01", "73", "73 4D 01"},
     {"72 CB FA", "73", "73 CB FA"},
-    {"74 01", "75", "75 01"},
+    {"74 01", "75", "75 01 00"},
     {"76 03", "78", "78 03"},
     {"79 39 05", "7A", "7A 39 05"},
 };
@@ -249,7 +249,7 @@ static void the_encoder_reads_what_it_is_set_to(void **state)
     rig_ask(&rig, "39", "39 E8 03 00 00"); /* the reference kept its distance */
     rig_ask(&rig, "14", "14 D0 07 00 00 E8 03");
     /* calibration: 0x60 for a while, then idle with p3 as the zero */
-    rig_send(&rig, 0, 0x001, "04 03 00 00 00 00 E8 03");
+    rig_send(&rig, 0, 0x001, "04 03 00 00 01 00 E8 03");
     rig_ask(&rig, "07", "07 60 00");
     rig_ask(&rig, "08", "08 00 00");
     assert_false(rig.motor[0].bridge_on);

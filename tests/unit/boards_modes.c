@@ -119,7 +119,7 @@ static void only_force_idle_leaves_a_fault(void **state)
     }
     set_mode(&rig, 0x00);
     assert_int_equal(mode_of(&rig), 0xa0);
-    rig_send(&rig, 0, 0x001, "04 03 00 00 00 00 00 00");
+    rig_send(&rig, 0, 0x001, "04 03 00 00 01 00 00 00");
     assert_int_equal(mode_of(&rig), 0xa0);
     assert_false(rig.motor[0].bridge_on);
     set_mode(&rig, 0x09);
@@ -236,7 +236,8 @@ static void joints_without_a_board_are_left_alone(void **state)
     (void)state;
     rig_configure(&rig);
     rig.config.nboard = 4;
-    rig.motor[3] = (struct motor_command){true, 7.0, 0.25};
+    rig.motor[3] =
+        (struct motor_command){.bridge_on = true, .voltage_v = 7.0, .pretension_m = 0.25};
     rig.motor[0].pretension_m = 0.5;
     rig_start(&rig);
     set_mode(&rig, 0x50);
@@ -262,6 +263,9 @@ static void count_to_timeout(bool strict, int64_t timeout_ns, int *ticks)
     rig.board[0].strict = strict;
     rig.board[0].command_timeout_ns = timeout_ns;
     rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "5B 01 06");
+    rig_send(&rig, 0, 0x001, "52 00 00 00 00 00 00 00");
+    rig_send(&rig, 0, 0x001, "54 00 00 35 05 35 05");
     set_mode(&rig, 0x50);
     rig_tick(&rig);
     rig_send(&rig, 0, 0x001, "72 4D 01");
@@ -273,6 +277,92 @@ static void count_to_timeout(bool strict, int64_t timeout_ns, int *ticks)
     }
     assert_int_equal(rig_counters(&rig).timeouts, *ticks < 10000);
     assert_true(rig.motor[0].bridge_on);
+    rig_stop(&rig);
+}
+
+/* ---- strict boards ---- */
+
+static void ask_mode(struct rig *rig, const char *mode, const char *told, bool on)
+{
+    rig_send(rig, 0, 0x001, mode);
+    rig_ask(rig, "07", told);
+    assert_int_equal(rig->motor[0].bridge_on, on);
+}
+
+static void a_strict_board_drives_only_when_it_knows_host_and_gains(void **state)
+{
+    static const char *const pids[] = {"1E 01 00", "20 00 00", "22 00 00", "24 00 00",
+                                       "26 00 00", "28 00 00", "2A 35 05"};
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig.board[0].strict = true;
+    rig_start(&rig);
+    ask_mode(&rig, "09 50", "07 50 00", false); /* no protocol */
+    ask_mode(&rig, "09 00", "07 00 00", false);
+    rig_send(&rig, 0, 0x001, "5B 01 06");
+    rig_tick(&rig);
+    for (int i = 0; i < 7; i++) {
+        ask_mode(&rig, "09 50", "07 50 00", false);
+        ask_mode(&rig, "09 00", "07 00 00", false);
+        rig_send(&rig, 0, 0x001, pids[i]);
+    }
+    ask_mode(&rig, "09 50", "07 50 00", true);
+    /* what it does not have resets a running axis, and from idle leads to position mode */
+    rig_send(&rig, 0, 0x001, "72 4D 01");
+    rig_ask(&rig, "73", "73 4D 01");
+    ask_mode(&rig, "09 06", "07 50 00", true);
+    rig_ask(&rig, "73", "73 00 00");
+    ask_mode(&rig, "09 09", "07 00 00", false);
+    ask_mode(&rig, "09 0A", "07 01 00", true);
+    rig_stop(&rig);
+}
+
+static void a_strict_board_prints_what_the_firmware_prints(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig.board[0].strict = true;
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "49 20 00 00 00");
+    rig_send(&rig, 0, 0x001, "09 0A"); /* no protocol, no such mode: a fault */
+    rig_tick(&rig);
+    assert_int_equal(rig_sent(&rig, 0, 0x116), 4 + 3);
+    rig_expect_frame(rig_find(&rig, 0, 0x116), 0x116, "06 10 63 61 6E 20 70 72");
+    rig_ask(&rig, "07", "07 A0 00");
+    rig_stop(&rig);
+}
+
+static void modes_of_the_table_that_no_firmware_has_are_refused(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    ask_mode(&rig, "09 0A", "07 00 00", false);
+    ask_mode(&rig, "09 0B", "07 00 00", false);
+    ask_mode(&rig, "09 60", "07 00 00", false);
+    assert_int_equal(rig_counters(&rig).malformed, 3);
+    rig_stop(&rig);
+}
+
+static void calibration_is_that_of_the_absolute_encoder(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_send(&rig, 0, 0x001, "04 00 00 00 01 00 00 00"); /* hard stops: not on this board */
+    assert_int_equal(rig_counters(&rig).malformed, 1);
+    rig_ask(&rig, "07", "07 00 00");
+    rig_send(&rig, 0, 0x001, "04 03 00 00 00 00 00 00"); /* p2 = 0 */
+    rig_ask(&rig, "07", "07 A0 00");
+    assert_int_equal(rig_counters(&rig).malformed, 1);
     rig_stop(&rig);
 }
 
@@ -1012,6 +1102,10 @@ int main(void)
         cmocka_unit_test(voltage_is_the_reference_over_1333_of_the_supply),
         cmocka_unit_test(the_pwm_limit_cuts_the_voltage),
         cmocka_unit_test(joints_without_a_board_are_left_alone),
+        cmocka_unit_test(a_strict_board_drives_only_when_it_knows_host_and_gains),
+        cmocka_unit_test(a_strict_board_prints_what_the_firmware_prints),
+        cmocka_unit_test(modes_of_the_table_that_no_firmware_has_are_refused),
+        cmocka_unit_test(calibration_is_that_of_the_absolute_encoder),
         cmocka_unit_test(a_stale_voltage_becomes_zero_after_our_time_out),
         cmocka_unit_test(a_fresh_voltage_resumes_after_the_time_out),
         cmocka_unit_test(a_velocity_without_fresh_commands_becomes_zero),

@@ -5,8 +5,8 @@
 
 static void check_command(const struct icub_command *row, unsigned code)
 {
-    size_t request = 1 + icub_field_bytes(row->request);
-    size_t reply = 1 + icub_field_bytes(row->reply);
+    size_t request = 1 + fields_bytes(row->request);
+    size_t reply = 1 + fields_bytes(row->reply);
 
     if (!row->kind) {
         assert_null(row->name);
@@ -15,8 +15,8 @@ static void check_command(const struct icub_command *row, unsigned code)
     assert_non_null(row->name);
     assert_in_range(row->request_min, 1, row->request_max);
     assert_in_range(row->request_max, row->request_min, 8);
-    assert_true(icub_field_count(row->request) <= ICUB_FIELDS_MAX);
-    assert_true(icub_field_count(row->reply) <= ICUB_FIELDS_MAX);
+    assert_true(fields_count(row->request) <= FIELDS_MAX);
+    assert_true(fields_count(row->reply) <= FIELDS_MAX);
     if (row->request && row->request_min == row->request_max && request != row->request_max) {
         fail_msg("command 0x%02x %s: request of %zu bytes, not %d", code, row->name, request,
                  row->request_max);
@@ -27,9 +27,9 @@ static void check_command(const struct icub_command *row, unsigned code)
                  row->reply_length);
     }
     if (row->kind == ICUB_SET) {
-        assert_true(row->parameter + icub_field_count(row->request) <= ICUB_P_COUNT);
+        assert_true(row->parameter + fields_count(row->request) <= ICUB_P_COUNT);
     } else if (row->kind == ICUB_GET) {
-        assert_true(row->parameter + icub_field_count(row->reply) <= ICUB_P_COUNT);
+        assert_true(row->parameter + fields_count(row->reply) <= ICUB_P_COUNT);
     }
 }
 
@@ -55,9 +55,9 @@ static void lengths_of_periodic_frames_are_those_of_their_fields(void **state)
 {
     (void)state;
     for (int type = 0; type < 16; type++) {
-        assert_int_equal(icub_field_bytes(icub_motor_frames[type].fields),
+        assert_int_equal(fields_bytes(icub_motor_frames[type].fields),
                          icub_motor_frames[type].length);
-        assert_int_equal(icub_field_bytes(icub_analog_frames[type].fields),
+        assert_int_equal(fields_bytes(icub_analog_frames[type].fields),
                          icub_analog_frames[type].length);
     }
 }
@@ -77,22 +77,22 @@ static void names_are_unique_within_a_class(void **state)
 static void every_type_survives_the_codec_at_its_ends(void **state)
 {
     static const struct {
-        enum icub_type type;
+        unsigned type;
         int64_t min, max;
         const char *low, *high;
     } types[] = {
-        {ICUB_U8, 0, UINT8_MAX, "00", "FF"},
-        {ICUB_U16, 0, UINT16_MAX, "00 00", "FF FF"},
-        {ICUB_I16, INT16_MIN, INT16_MAX, "00 80", "FF 7F"},
-        {ICUB_U32, 0, UINT32_MAX, "00 00 00 00", "FF FF FF FF"},
-        {ICUB_I32, INT32_MIN, INT32_MAX, "00 00 00 80", "FF FF FF 7F"},
-        {ICUB_U16_BE, 0, UINT16_MAX, "00 00", "FF FF"},
-        {ICUB_I16_BE, INT16_MIN, INT16_MAX, "80 00", "7F FF"},
+        {FIELD_U8, 0, UINT8_MAX, "00", "FF"},
+        {FIELD_U16, 0, UINT16_MAX, "00 00", "FF FF"},
+        {FIELD_I16, INT16_MIN, INT16_MAX, "00 80", "FF 7F"},
+        {FIELD_U32, 0, UINT32_MAX, "00 00 00 00", "FF FF FF FF"},
+        {FIELD_I32, INT32_MIN, INT32_MAX, "00 00 00 80", "FF FF FF 7F"},
+        {FIELD_U16_BE, 0, UINT16_MAX, "00 00", "FF FF"},
+        {FIELD_I16_BE, INT16_MIN, INT16_MAX, "80 00", "7F FF"},
     };
 
     (void)state;
     for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
-        const struct icub_field fields[] = {{.type = types[i].type}, {.type = ICUB_END}};
+        const struct field fields[] = {{.type = types[i].type}, {.type = FIELD_END}};
         const int64_t ends[] = {types[i].min, types[i].max, INT64_MIN, INT64_MAX};
         const char *const texts[] = {types[i].low, types[i].high, types[i].low, types[i].high};
 
@@ -101,9 +101,9 @@ static void every_type_survives_the_codec_at_its_ends(void **state)
             uint8_t len = rig_bytes(texts[e], expected);
             int64_t value = 1;
 
-            icub_encode(fields, &ends[e], data);
+            fields_encode(fields, &ends[e], data);
             assert_memory_equal(data, expected, len);
-            assert_true(icub_decode(fields, data, len, &value));
+            assert_true(fields_decode(fields, data, len, &value));
             assert_int_equal(value, e % 2 ? types[i].max : types[i].min);
         }
     }
@@ -111,22 +111,22 @@ static void every_type_survives_the_codec_at_its_ends(void **state)
 
 static void decoding_stops_at_the_end_and_checks_ranges(void **state)
 {
-    const struct icub_field fields[] = {{ICUB_U8, "a", NULL, 2, 5},
-                                        {.type = ICUB_PAD},
-                                        {ICUB_I16, "b", NULL, 0, 0},
-                                        {.type = ICUB_END}};
+    const struct field fields[] = {{.type = FIELD_U8, .name = "a", .min = 2, .max = 5},
+                                   {.type = FIELD_PAD},
+                                   {.type = FIELD_I16, .name = "b"},
+                                   {.type = FIELD_END}};
     const uint8_t data[] = {3, 99, 0x34, 0x12};
     int64_t values[2] = {-1, -1};
 
     (void)state;
-    assert_true(icub_decode(fields, data, 4, values));
+    assert_true(fields_decode(fields, data, 4, values));
     assert_int_equal(values[0], 3);
     assert_int_equal(values[1], 0x1234);
-    assert_true(icub_decode(fields, data, 3, values)); /* half a field is none */
+    assert_true(fields_decode(fields, data, 3, values)); /* half a field is none */
     assert_int_equal(values[1], 0);
-    assert_false(icub_decode(fields, (const uint8_t[]){6}, 1, values));
-    assert_false(icub_decode(fields, (const uint8_t[]){1}, 1, values));
-    assert_false(icub_decode(fields, data, 0, values));
+    assert_false(fields_decode(fields, (const uint8_t[]){6}, 1, values));
+    assert_false(fields_decode(fields, (const uint8_t[]){1}, 1, values));
+    assert_false(fields_decode(fields, data, 0, values));
 }
 
 /* ---- configuration ---- */

@@ -1,0 +1,68 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Seeded random numbers for noise and faults: splitmix64 (Steele, Lea, Flood 2014), one stream for
+ * each thing that needs one, so that no stream depends on how often another was drawn from. The
+ * same seed and name give the same numbers on every machine (Gaussian ones up to its libm). RT-safe.
+ */
+#ifndef BASE_RANDOM_H
+#define BASE_RANDOM_H
+
+#include "base/hash.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <string.h>
+
+struct random_stream {
+    uint64_t state;
+};
+
+static inline uint64_t random_bits(struct random_stream *stream)
+{
+    uint64_t z = stream->state += UINT64_C(0x9e3779b97f4a7c15);
+
+    z = (z ^ z >> 30) * UINT64_C(0xbf58476d1ce4e5b9);
+    z = (z ^ z >> 27) * UINT64_C(0x94d049bb133111eb);
+    return z ^ z >> 31;
+}
+
+/* The stream of a name, independent of those of other names. */
+static inline struct random_stream random_named(uint64_t seed, const char *name)
+{
+    struct random_stream stream = {hash_bytes(HASH_START, name, strlen(name))};
+
+    stream.state = random_bits(&stream) ^ seed;
+    stream.state = random_bits(&stream);
+    return stream;
+}
+
+/* Uniform in [0, 1). */
+static inline double random_uniform(struct random_stream *stream)
+{
+    return (double)(random_bits(stream) >> 11) * 0x1p-53;
+}
+
+/* Mean 0, variance 1 (Box and Muller; the second number is not kept, so that every draw takes two). */
+static inline double random_gaussian(struct random_stream *stream)
+{
+    double radius = sqrt(-2.0 * log(1.0 - random_uniform(stream)));
+
+    return radius * cos(6.283185307179586 * random_uniform(stream));
+}
+
+/* Whether a contact that comes and goes is open in the coming step: gaps of the mean length dwell
+ * that fill the share of the time, from whether it was open before. */
+static inline bool random_gap(struct random_stream *stream, bool gap, double share, double dwell,
+                              double step)
+{
+    double leave = fmin(1.0, step / dwell);
+    double enter = share < 1.0 ? fmin(1.0, leave * share / (1.0 - share)) : 1.0;
+
+    if (share >= 1.0) {
+        return true;
+    }
+    return random_uniform(stream) < (gap ? leave : enter) ? !gap : gap;
+}
+
+#endif

@@ -1,0 +1,252 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* YAML files: their bytes, what they refer to, and those that extend others. */
+#include "base/yaml_tree.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+enum { MAX_EXTENDS = 4 /* files below one that extends */ };
+
+/* ---- files ---- */
+
+/* A wrong path is the user's to mend; anything else is the system's. */
+static enum error_code file_error(struct error *error, const char *path, int errno_value)
+{
+    enum error_code code = errno_value == ENOENT || errno_value == ENOTDIR ||
+                                   errno_value == EACCES || errno_value == ENAMETOOLONG ||
+                                   errno_value == ELOOP
+                               ? ERROR_INPUT
+                               : ERROR_SYSTEM;
+
+    return error_set(error, code, "%.200s: cannot be read: %s", path, strerror(errno_value));
+}
+
+static enum error_code read_bytes(int fd, const char *path, char *buffer, size_t capacity,
+                                  size_t *size, struct error *error)
+{
+    *size = 0;
+    while (*size < capacity) {
+        ssize_t n = read(fd, buffer + *size, capacity - *size);
+
+        if (n == 0) {
+            return ERROR_NONE;
+        }
+        if (n < 0 && errno != EINTR) {
+            return file_error(error, path, errno);
+        }
+        *size += n > 0 ? (size_t)n : 0;
+    }
+    return ERROR_NONE;
+}
+
+enum error_code yaml_load_file(const char *path, char **text, size_t *size, struct error *error)
+{
+    /* O_NONBLOCK: a pipe must not hang the open; it is refused below */
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    enum error_code code;
+    struct stat status;
+
+    *text = NULL;
+    if (fd < 0) {
+        return file_error(error, path, errno);
+    }
+    if (fstat(fd, &status)) {
+        code = file_error(error, path, errno);
+    } else if (!S_ISREG(status.st_mode)) {
+        code = error_set(error, ERROR_INPUT, "%.200s: found %s, expected a file", path,
+                         S_ISDIR(status.st_mode) ? "a directory" : "no regular file");
+    } else if (!(*text = malloc(YAML_MAX_FILE + 1))) {
+        code = error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", path);
+    } else {
+        code = read_bytes(fd, path, *text, YAML_MAX_FILE + 1, size, error);
+    }
+    close(fd);
+    return code;
+}
+
+/* ---- files that extend others ---- */
+
+static enum error_code read_tree(struct yaml_reader *r, const char *name, const char *text,
+                                 size_t size, bool extendable, int depth, struct yaml_node **root);
+
+/* Where the link to a key stands, or the end of the list. */
+static struct yaml_node **find_key(struct yaml_node *map, const char *name)
+{
+    struct yaml_node **at = &map->first;
+
+    while (*at && strcmp((*at)->text, name) != 0) {
+        at = &(*at)->next->next;
+    }
+    return at;
+}
+
+/* Adds to a mapping what only the base has; a mapping that both have is merged in turn. */
+static void merge(struct yaml_node *map, struct yaml_node *base)
+{
+    struct yaml_node *after;
+
+    for (struct yaml_node *key = base->first; key; key = after) {
+        struct yaml_node *value = key->next, **own = find_key(map, key->text);
+
+        after = value->next;
+        if (!*own) {
+            value->next = NULL;
+            *own = key;
+            map->count++;
+        } else if ((*own)->next->kind == YAML_KIND_MAP && value->kind == YAML_KIND_MAP) {
+            merge((*own)->next, value);
+        }
+    }
+}
+
+/* Follows the key extends, if the document has it. */
+static enum error_code extend(struct yaml_reader *r, int depth, struct yaml_node *root)
+{
+    struct yaml_node **at, *reference, *base;
+    enum error_code code;
+    const char *path;
+    char *text;
+    size_t size;
+
+    if (root->kind != YAML_KIND_MAP || !*(at = find_key(root, "extends"))) {
+        return ERROR_NONE;
+    }
+    reference = (*at)->next;
+    *at = reference->next;
+    root->count--;
+    if (reference->kind != YAML_KIND_SCALAR) {
+        return yaml_unexpected(r, reference, "the file that this one extends");
+    }
+    if (depth == MAX_EXTENDS) {
+        return yaml_error(r->error, &reference->mark,
+                          "found more than %d files that extend one another, expected an end",
+                          MAX_EXTENDS);
+    }
+    code = yaml_resolve_path(&reference->mark, reference->text, r->arena, &path, r->error);
+    if (code) {
+        return code;
+    }
+    code = yaml_load_file(path, &text, &size, r->error);
+    if (!code) {
+        code = read_tree(r, path, text, size, true, depth + 1, &base);
+    } else {
+        error_prefix(r->error, "%s:%d:%d", reference->mark.file, reference->mark.line,
+                     reference->mark.column);
+    }
+    if (!code && base->kind == YAML_KIND_MAP) {
+        merge(root, base);
+    }
+    free(text);
+    return code;
+}
+
+/* The document with all that it extends. */
+static enum error_code read_tree(struct yaml_reader *r, const char *name, const char *text,
+                                 size_t size, bool extendable, int depth, struct yaml_node **root)
+{
+    enum error_code code;
+
+    if (size > YAML_MAX_FILE) {
+        return error_set(r->error, ERROR_INPUT,
+                         "%.200s: found more than %d bytes, expected at most that", name,
+                         YAML_MAX_FILE);
+    }
+    r->file = arena_strdup(r->arena, name);
+    if (!r->file) {
+        r->file = name;
+        return yaml_no_memory(r);
+    }
+    code = yaml_tree_read(r, text, size, root);
+    return code || !extendable ? code : extend(r, depth, *root);
+}
+
+enum error_code yaml_document_read(struct yaml_reader *r, const char *name, const char *text,
+                                   size_t size, bool extendable, struct yaml_node **root)
+{
+    return read_tree(r, name, text, size, extendable, 0, root);
+}
+
+/* ---- references ---- */
+
+/* Levels below (positive) or above the starting directory at which the reference ends up, lowest
+ * on the way in *lowest. */
+static void walk(const char *reference, int *lowest)
+{
+    int level = 0;
+
+    *lowest = 0;
+    for (const char *part = reference; *part;) {
+        size_t n = strcspn(part, "/");
+
+        if (n == 2 && part[0] == '.' && part[1] == '.') {
+            level--;
+        } else if (n > 1 || (n == 1 && part[0] != '.')) {
+            level++;
+        }
+        *lowest = level < *lowest ? level : *lowest;
+        part += n + (part[n] == '/');
+    }
+}
+
+/* Takes "." and "name/.." out of a path, by its letters alone, so that messages read well. */
+static void normalize(char *path)
+{
+    char *out = path;
+
+    for (const char *part = path; *part;) {
+        size_t n = strcspn(part, "/"), slash = part[n] == '/';
+        char *last = out > path ? out - 1 : out; /* of the component before, without its slash */
+        bool up = n == 2 && part[0] == '.' && part[1] == '.';
+
+        while (last > path && last[-1] != '/') {
+            last--;
+        }
+        if (up && out > path && *last != '/' && strncmp(last, "../", 3) != 0) {
+            out = last;
+        } else if (!(n == 1 && part[0] == '.') && (n > 0 || out == path)) {
+            memmove(out, part, n + slash);
+            out += n + slash;
+        }
+        part += n + slash;
+    }
+    *out = '\0';
+}
+
+enum error_code yaml_resolve_path(const struct yaml_mark *mark, const char *reference,
+                                  struct arena *arena, const char **path, struct error *error)
+{
+    const char *slash = strrchr(mark->file, '/');
+    size_t directory = slash ? (size_t)(slash - mark->file) + 1 : 0;
+    size_t size = directory + strlen(reference) + 1;
+    char text[YAML_SHOWN + 4], *joined;
+    int lowest;
+
+    if (*reference == '\0') {
+        return yaml_error(error, mark,
+                          "found an empty text, expected a path relative to this file");
+    }
+    if (*reference == '/') {
+        return yaml_error(error, mark, "found absolute path \"%s\", expected one relative to %s",
+                          yaml_shown(reference, text), "this file");
+    }
+    walk(reference, &lowest);
+    if (lowest < -1) {
+        return yaml_error(error, mark,
+                          "found path \"%s\", which leaves the configuration tree, expected one "
+                          "at or below \"..\"",
+                          yaml_shown(reference, text));
+    }
+    joined = arena_alloc(arena, size, 1);
+    if (!joined) {
+        return error_set(error, ERROR_MEMORY, "%.200s: no memory left", mark->file);
+    }
+    snprintf(joined, size, "%.*s%s", (int)directory, mark->file, reference);
+    normalize(joined);
+    *path = joined;
+    return ERROR_NONE;
+}

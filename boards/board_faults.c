@@ -1,0 +1,246 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Faults of boards (boards/faults.h), where they act: on the power of a board, on its contact to the
+ * bus, and on the frames that it sends, replies included.
+ *
+ *   off           neither receives nor sends, its bridges are open; afterwards it boots as from cold;
+ *   intermittent  runs on, but in the gaps neither receives nor sends;
+ *   stuck         every id keeps the data of its last frame before;
+ *   garbage       data are random, id and length right;
+ *   slow          of every id one frame of `factor` is sent;
+ *   delayed       frames are sent later, up to DELAYED_MAX of them waiting.
+ *
+ * Other boards of the bus hear of a STRAIN board what it sends, faults and all.
+ */
+#include "boards/board_private.h"
+
+#include "base/random.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { IDS_MAX = 32, DELAYED_MAX = 2048 };
+
+/* The last frame of an id. */
+struct heard_id {
+    struct bus_frame frame;
+    uint64_t count;
+};
+
+struct board_fault {
+    const struct fault *fault;
+    struct random_stream random;
+    bool gap;                    /* INTERMITTENT */
+    struct heard_id id[IDS_MAX]; /* STUCK, SLOW */
+    size_t nid;
+    struct bus_frame *waiting; /* DELAYED; circular, time_ns is when they are due */
+    size_t first, count;
+};
+
+struct board_faults {
+    struct board_fault *fault;
+    size_t count;
+    bool without_power;
+};
+
+bool board_faults_create(struct boards *boards, const struct faults *faults, struct arena *arena)
+{
+    size_t n = faults ? faults_count(faults) : 0;
+
+    for (size_t i = 0; i < n; i++) {
+        const struct fault *fault = faults_at(faults, i);
+        struct board *board = &boards->board[fault->index];
+        struct board_fault *to;
+        char stream[FAULT_NAME_SIZE + 64];
+
+        if (fault->target != FAULT_BOARD || fault->index >= boards->nboard) {
+            continue;
+        }
+        if (!board->faults) {
+            board->faults = arena_alloc(arena, 1, sizeof *board->faults);
+            if (!board->faults ||
+                !(board->faults->fault = arena_alloc(arena, n, sizeof *board->faults->fault))) {
+                return false;
+            }
+        }
+        to = &board->faults->fault[board->faults->count++];
+        to->fault = fault;
+        snprintf(stream, sizeof stream, "fault %s", fault->name);
+        to->random = random_named(faults_seed(faults), stream);
+        if (fault->kind == FAULT_DELAYED &&
+            !(to->waiting = arena_alloc(arena, DELAYED_MAX, sizeof *to->waiting))) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* ---- power and contact ---- */
+
+static void power_down(struct board *board)
+{
+    struct board_bus *bus = board->bus;
+
+    /* what it had still to say is gone with its memory */
+    for (size_t i = 0; i < bus->waiting; i++) {
+        struct queued_reply *reply = &bus->replies[(bus->head + i) % bus->capacity];
+
+        if (reply->board == board) {
+            reply->lost = true;
+        }
+    }
+    board->faults->without_power = true;
+}
+
+static void power_up(struct board *board)
+{
+    board->faults->without_power = false;
+    board_enter_bootloader(board, board->config.boot_ns);
+}
+
+bool board_faults_control(struct board *board)
+{
+    bool off = false, gap = false;
+
+    for (size_t i = 0; i < board->faults->count; i++) {
+        struct board_fault *f = &board->faults->fault[i];
+
+        if (!f->fault->active) {
+            f->gap = false;
+        } else if (f->fault->kind == FAULT_OFF) {
+            off = true;
+        } else if (f->fault->kind == FAULT_INTERMITTENT) {
+            f->gap = random_gap(&f->random, f->gap, f->fault->value[0], f->fault->value[1],
+                                1e-9 * (double)board->boards->tick_ns);
+            gap = gap || f->gap;
+        }
+    }
+    if (off && !board->faults->without_power) {
+        power_down(board);
+    } else if (!off && board->faults->without_power) {
+        power_up(board);
+    }
+    board->away = off || gap;
+    return off;
+}
+
+/* ---- frames ---- */
+
+/* The entry of an id; NULL when there are more than a board has. */
+static struct heard_id *entry_of(struct board_fault *f, uint32_t id)
+{
+    for (size_t i = 0; i < f->nid; i++) {
+        if (f->id[i].frame.id == id) {
+            return &f->id[i];
+        }
+    }
+    if (f->nid == IDS_MAX) {
+        return NULL;
+    }
+    f->id[f->nid].frame.id = id;
+    return &f->id[f->nid++];
+}
+
+static void freeze(struct board_fault *f, struct bus_frame *frame)
+{
+    struct heard_id *last = entry_of(f, frame->id);
+
+    if (last && f->fault->active && last->count > 0) {
+        frame->len = last->frame.len;
+        memcpy(frame->data, last->frame.data, sizeof frame->data);
+    } else if (last) {
+        last->frame = *frame;
+        last->count++;
+    }
+}
+
+/* False: the frame is not sent, now or at all. */
+static bool disturb(struct board_fault *f, struct bus_frame *frame)
+{
+    struct heard_id *last;
+
+    if (f->fault->kind == FAULT_STUCK) {
+        freeze(f, frame); /* remembers also while it is not active */
+        return true;
+    }
+    if (!f->fault->active) {
+        return true;
+    }
+    switch (f->fault->kind) {
+    case FAULT_GARBAGE:
+        for (size_t i = 0; i < frame->len; i++) {
+            frame->data[i] = (uint8_t)(random_bits(&f->random) >> 32);
+        }
+        return true;
+    case FAULT_SLOW:
+        last = entry_of(f, frame->id);
+        return !last || last->count++ % (uint64_t)f->fault->value[0] == 0;
+    case FAULT_DELAYED:
+        if (f->count < DELAYED_MAX) {
+            struct bus_frame *slot = &f->waiting[(f->first + f->count++) % DELAYED_MAX];
+
+            *slot = *frame;
+            slot->time_ns += (int64_t)(f->fault->value[0] * 1e9);
+        }
+        return false;
+    default:
+        return true;
+    }
+}
+
+/* Delayed frames that are due, in their order. */
+static void release(struct board_fault *f, struct frame_sink *sink)
+{
+    while (f->count > 0 && sink->count < sink->max &&
+           f->waiting[f->first].time_ns <= sink->time_ns) {
+        struct bus_frame *frame = &sink->frames[sink->count++];
+
+        *frame = f->waiting[f->first];
+        frame->time_ns = sink->time_ns;
+        f->first = (f->first + 1) % DELAYED_MAX;
+        f->count--;
+    }
+}
+
+void board_faults_filter(struct board *board, struct frame_sink *sink, size_t from)
+{
+    struct board_faults *faults = board->faults;
+
+    for (size_t i = 0; i < faults->count; i++) {
+        struct board_fault *f = &faults->fault[i];
+        size_t kept = from;
+
+        for (size_t k = from; k < sink->count; k++) {
+            if (!board->away && disturb(f, &sink->frames[k])) {
+                sink->frames[kept++] = sink->frames[k];
+            }
+        }
+        sink->count = kept;
+        if (f->fault->kind == FAULT_DELAYED && !board->away) {
+            release(f, sink);
+        }
+    }
+}
+
+void board_faults_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
+{
+    struct torque_source *source =
+        board->address <= ICUB_ADDRESS_MAX ? &board->bus->source[board->address] : NULL;
+    struct torque_source before = source ? *source : (struct torque_source){.heard = false};
+    size_t from = sink->count;
+
+    board->ops->transmit(board, span, sink);
+    if (source) {
+        *source = before; /* what it meant to send; what it does send follows */
+    }
+    board_faults_filter(board, sink, from);
+    for (size_t k = from; source && board->strain && k < sink->count; k++) {
+        const struct bus_frame *frame = &sink->frames[k];
+        unsigned type = frame->id & 0xf;
+
+        if (frame->id >> 8 == ICUB_PERIODIC_ANALOG && (type == ICUB_FORCE || type == ICUB_TORQUE)) {
+            bus_hear_strain(board->bus, board->address, type, frame->data, board->boards->time_ns);
+        }
+    }
+}

@@ -1,0 +1,195 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A force-torque board of the compact protocol: six channels, each cut at its full scale. */
+#include "boards/compact_private.h"
+#include "boards/motor_control.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { HALF = BOARD_CHANNELS / 2, ALL_CHANNELS = 255 };
+
+struct compact_ft {
+    struct compact_node node;
+    int64_t full_scale[BOARD_CHANNELS], saved_scale[BOARD_CHANNELS]; /* mN, mN m */
+    int64_t tare[BOARD_CHANNELS], saved_tare[BOARD_CHANNELS];
+    int64_t counts[BOARD_CHANNELS]; /* without the tare */
+    uint8_t saturated;              /* bit = channel */
+    uint16_t frames, faults, told;
+    bool sensors_bad;
+    double supply_v;
+};
+
+struct compact_ft *compact_ft_create(struct arena *arena)
+{
+    return arena_alloc(arena, 1, sizeof(struct compact_ft));
+}
+
+static double count_worth(int channel)
+{
+    return channel < HALF ? COMPACT_FORCE_N : COMPACT_MOMENT_NM;
+}
+
+static void power_up(struct board *board)
+{
+    struct compact_ft *ft = board->wrench;
+
+    if (compact_node_power_up(board, &ft->node)) {
+        for (int i = 0; i < BOARD_CHANNELS; i++) {
+            ft->saved_scale[i] = llround(board->config.full_scale[i] * 1e3);
+        }
+    } else {
+        compact_identify(board);
+    }
+    memcpy(ft->full_scale, ft->saved_scale, sizeof ft->full_scale);
+    memcpy(ft->tare, ft->saved_tare, sizeof ft->tare);
+    ft->frames = 0;
+    ft->faults = ft->told = 0;
+}
+
+static void convert(struct compact_ft *ft, int channel, double value)
+{
+    double limit = (double)ft->full_scale[channel] * 1e-3;
+    int32_t counts;
+
+    if (fabs(value) > limit) {
+        ft->saturated |= (uint8_t)(1u << channel);
+        value = value > 0.0 ? limit : -limit;
+    }
+    if (control_quantize(value / count_worth(channel), &counts)) {
+        ft->counts[channel] = control_clamp(counts, INT16_MIN, INT16_MAX);
+    } else {
+        ft->sensors_bad = true; /* the value before is repeated */
+    }
+}
+
+static void sample(struct board *board, const struct plant_sensors *sensors)
+{
+    struct compact_ft *ft = board->wrench;
+    const struct ft_sense *sense = &sensors->ft[board->config.ft];
+
+    ft->supply_v = isfinite(sensors->supply_v) && sensors->supply_v > 0.0 ? sensors->supply_v : 0.0;
+    ft->saturated = 0;
+    ft->sensors_bad = false;
+    for (int i = 0; i < HALF; i++) {
+        convert(ft, i, sense->force_n[i]);
+        convert(ft, HALF + i, sense->torque_nm[i]);
+    }
+    ft->faults = (uint16_t)((ft->saturated ? COMPACT_FAULT_SATURATED : 0) |
+                            (ft->sensors_bad ? COMPACT_FAULT_TORQUE_SENSOR : 0) |
+                            (board->lost_in_status ? COMPACT_FAULT_OVERFLOW : 0));
+}
+
+static enum compact_result tare(struct compact_ft *ft, unsigned channel, bool write, int64_t *value)
+{
+    if (!write) {
+        *value = channel < BOARD_CHANNELS ? ft->tare[channel] : 0;
+        return channel < BOARD_CHANNELS ? COMPACT_OK : COMPACT_NO_SUCH_AXIS;
+    }
+    if (channel < BOARD_CHANNELS) {
+        if (*value < INT16_MIN || *value > INT16_MAX) {
+            *value = ft->tare[channel];
+            return COMPACT_OUT_OF_RANGE;
+        }
+        ft->tare[channel] = *value;
+    } else if (channel == ALL_CHANNELS && (*value == 0 || *value == 1)) {
+        for (int i = 0; i < BOARD_CHANNELS; i++) {
+            ft->tare[i] = *value ? -ft->counts[i] : 0;
+        }
+    } else {
+        return channel == ALL_CHANNELS ? COMPACT_OUT_OF_RANGE : COMPACT_NO_SUCH_AXIS;
+    }
+    ft->node.is_saved = false;
+    return COMPACT_OK;
+}
+
+static enum compact_result full_scale(const struct board *board, unsigned channel, bool write,
+                                      int64_t *value)
+{
+    struct compact_ft *ft = board->wrench;
+    enum compact_result result = COMPACT_OK;
+
+    if (channel >= BOARD_CHANNELS) {
+        return COMPACT_NO_SUCH_AXIS;
+    }
+    if (write && (*value < 1 || *value > llround(board->config.full_scale[channel] * 1e3))) {
+        result = COMPACT_OUT_OF_RANGE;
+    } else if (write) {
+        ft->full_scale[channel] = *value;
+        ft->node.is_saved = false;
+    }
+    *value = ft->full_scale[channel];
+    return result;
+}
+
+static enum compact_result parameter(struct board *board, unsigned parameter, unsigned axis,
+                                     bool write, int64_t *value)
+{
+    struct compact_ft *ft = board->wrench;
+    enum compact_result result;
+
+    switch (parameter) {
+    case COMPACT_P_FULL_SCALE:
+        return full_scale(board, axis, write, value);
+    case COMPACT_P_TARE:
+        return tare(ft, axis, write, value);
+    case COMPACT_P_FAULTS:
+        *value = ft->faults;
+        return write ? COMPACT_READ_ONLY : COMPACT_OK;
+    default:
+        result = compact_node_parameter(board, &ft->node, parameter, write, value);
+        if (result == COMPACT_OK && write && parameter == COMPACT_P_SAVE) {
+            memcpy(ft->saved_scale, ft->full_scale, sizeof ft->saved_scale);
+            memcpy(ft->saved_tare, ft->tare, sizeof ft->saved_tare);
+        }
+        return result;
+    }
+}
+
+static void send_wrench(struct board *board, struct frame_sink *sink)
+{
+    struct compact_ft *ft = board->wrench;
+    int64_t values[BOARD_CHANNELS];
+    uint8_t data[COMPACT_WRENCH_FD_LENGTH];
+
+    for (int i = 0; i < BOARD_CHANNELS; i++) {
+        values[i] = ft->counts[i] + ft->tare[i];
+    }
+    ft->frames++;
+    if (board->bus->config.fd) {
+        fields_encode(compact_message(COMPACT_WRENCH_FD)->fields, values, data);
+        board_send(board, sink, compact_id(COMPACT_WRENCH_FD, board->address), sizeof data, data);
+    } else {
+        compact_send(board, sink, COMPACT_FORCE, board->address, values);
+        compact_send(board, sink, COMPACT_MOMENT, board->address, values + HALF);
+    }
+}
+
+static void transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
+{
+    struct compact_ft *ft = board->wrench;
+    int32_t supply = 0;
+
+    if (compact_node_due(board, &ft->node)) {
+        send_wrench(board, sink);
+    }
+    if (!compact_state_due(span, board->address) && ft->faults == ft->told) {
+        return;
+    }
+    ft->told = ft->faults;
+    control_quantize(ft->supply_v / COMPACT_SUPPLY_V, &supply);
+    board->lost_in_status = board->lost_in_overflow = false;
+    compact_send(board, sink, COMPACT_FT_STATE, board->address,
+                 (const int64_t[]){ft->saturated, ft->faults, supply, 0, ft->frames});
+}
+
+const struct board_ops compact_ft_ops = {
+    .type = COMPACT_KIND_FT,
+    .major = 1,
+    .minor = 0,
+    .build = 4,
+    .periodic_max = 3,
+    .parameter = parameter,
+    .power_up = power_up,
+    .sample = sample,
+    .transmit = transmit,
+};

@@ -1,0 +1,578 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A motor board of the compact protocol: up to four axes, each with a voltage and a current mode.
+ *
+ * The current loop has a step a millisecond: v = kp e + sum of ki e dt + the back-EMF. At
+ * standstill the winding is i' = a i + (1 - a) / R v with a = exp(-1 ms R / L), so that kp = g R a
+ * / (1 - a), ki = g R / 1 ms cancel its pole and leave i' = i + g e: the error falls by 1 - g a
+ * step. The factory's g is 1/2, which stays stable down to a quarter of the resistance. The
+ * back-EMF has to be fed forward, for a motor with J R / (Kt Kw) of a few milliseconds, as COMAN's,
+ * speeds up as fast as the loop itself.
+ *
+ * Over-current is the I2t law of the iCub boards: integral (I^2 - limit^2) dt = limit^2 * 10 ms.
+ */
+#include "boards/compact_private.h"
+#include "boards/motor_control.h"
+
+#include <math.h>
+#include <string.h>
+
+enum {
+    OVERLOAD_MS = 10,
+    TEMPERATURE_MAX_C = 125,
+    GAIN_MAX = 1000000000,
+    /* these open the bridge */
+    FATAL = COMPACT_FAULT_UNDER_VOLTAGE | COMPACT_FAULT_OVER_VOLTAGE | COMPACT_FAULT_OVER_CURRENT |
+            COMPACT_FAULT_MOTOR_ENCODER | COMPACT_FAULT_LINK_ENCODER | COMPACT_FAULT_TORQUE_SENSOR |
+            COMPACT_FAULT_TEMPERATURE,
+};
+
+#define LOOP_GAIN 0.5 /* the factory's g */
+#define OVER_VOLTAGE_V 60.0
+
+/* Settings that SAVE keeps. */
+struct axis_settings {
+    int64_t current_limit_ma;
+    int64_t min_position, max_position; /* 1e-5 rad */
+    int64_t current_kp, current_ki;     /* mV/A, mV/(A s) */
+    int64_t back_emf;                   /* mV s/rad */
+};
+
+struct compact_axis {
+    struct axis_settings settings, saved;
+    enum compact_mode mode;
+    uint16_t latched; /* faults that have opened the bridge */
+    uint16_t faults;  /* these and the present ones */
+    int64_t set_point;
+    int64_t command_ns;
+    uint8_t commands; /* taken, modulo 16 */
+    double integral_v, overload_ms, voltage_v;
+
+    int32_t motor, link; /* 1e-5 rad */
+    double motor_rad, before_rad, velocity_rad_s;
+    double current_a, torque_nm, temperature_c;
+    bool bad_motor, bad_link, bad_torque;
+
+    uint8_t sequence;
+    uint16_t told_faults;
+    enum compact_mode told_mode;
+};
+
+struct compact_motor {
+    struct compact_node node;
+    struct compact_axis axis[BOARD_AXES_MAX];
+    unsigned axes, first_slot;
+    double supply_v;
+    int64_t sampled_ms;
+    bool started;
+};
+
+struct compact_motor *compact_motor_create(struct arena *arena)
+{
+    return arena_alloc(arena, 1, sizeof(struct compact_motor));
+}
+
+static bool runs(const struct compact_axis *axis)
+{
+    return axis->mode == COMPACT_VOLTAGE || axis->mode == COMPACT_CURRENT;
+}
+
+static unsigned index_of(const struct board *board, const struct compact_axis *axis)
+{
+    return (unsigned)(axis - board->compact->axis);
+}
+
+/* ---- modes ---- */
+
+static void forget_command(const struct board *board, struct compact_axis *axis)
+{
+    axis->set_point = 0;
+    axis->command_ns = board->boards->time_ns;
+    axis->integral_v = axis->voltage_v = 0.0;
+    axis->overload_ms = 0.0;
+}
+
+static void set_mode(struct board *board, struct compact_axis *axis, enum compact_mode mode)
+{
+    if (mode != axis->mode) {
+        board_event(board, BOARD_EVENT_MODE, index_of(board, axis), axis->mode, mode);
+        axis->mode = mode;
+        forget_command(board, axis);
+    }
+}
+
+void compact_motor_mode(struct board *board, unsigned index, enum compact_mode mode)
+{
+    struct compact_axis *axis = &board->compact->axis[index];
+
+    if (mode == COMPACT_OFF) {
+        axis->latched = 0;
+        set_mode(board, axis, COMPACT_OFF);
+    } else if (axis->mode != COMPACT_FAULT) {
+        set_mode(board, axis, mode);
+    }
+}
+
+void compact_motor_command(struct board *board, unsigned index, int16_t set_point)
+{
+    struct compact_axis *axis = &board->compact->axis[index];
+
+    axis->commands = (axis->commands + 1) & 0xf;
+    axis->command_ns = board->boards->time_ns;
+    axis->set_point = runs(axis) ? set_point : 0;
+}
+
+/* ---- power-up ---- */
+
+static int64_t counts(double value, double worth)
+{
+    int32_t count = 0;
+
+    control_quantize(value / worth, &count);
+    return count;
+}
+
+static void set_factory(struct axis_settings *settings, const struct board_axis_config *config)
+{
+    double R = config->winding_ohm;
+    double a = config->winding_h > 0.0 ? exp(-1e-3 * R / config->winding_h) : 0.0;
+
+    settings->current_limit_ma = counts(config->current_limit_a, 1e-3);
+    settings->min_position = counts(config->lower_rad, COMPACT_POSITION_RAD);
+    settings->max_position = counts(config->upper_rad, COMPACT_POSITION_RAD);
+    if (R > 0.0) {
+        settings->current_kp = counts(LOOP_GAIN * R * a / (1.0 - a), 1e-3);
+        settings->current_ki = counts(LOOP_GAIN * R / 1e-3, 1e-3);
+        settings->back_emf = counts(config->bemf_v_s_rad, 1e-3);
+    }
+}
+
+static void power_up(struct board *board)
+{
+    struct compact_motor *motor = board->compact;
+    bool first = compact_node_power_up(board, &motor->node);
+
+    while (first && motor->axes < BOARD_AXES_MAX && board->config.axis[motor->axes].joint >= 0) {
+        set_factory(&motor->axis[motor->axes].saved, &board->config.axis[motor->axes]);
+        motor->axes++;
+    }
+    motor->first_slot = compact_first_slot(board);
+    for (unsigned i = 0; i < motor->axes; i++) {
+        struct compact_axis *axis = &motor->axis[i];
+
+        axis->settings = axis->saved;
+        axis->mode = axis->told_mode = COMPACT_OFF;
+        axis->latched = axis->faults = axis->told_faults = 0;
+        axis->commands = axis->sequence = 0;
+        forget_command(board, axis);
+    }
+    if (!first) {
+        compact_identify(board);
+    }
+}
+
+/* ---- sensors ---- */
+
+static void sample_axis(struct compact_axis *axis, const struct board_axis_config *config,
+                        const struct motor_sense *sense, int64_t ms)
+{
+    int32_t motor, link;
+
+    axis->bad_motor = !control_quantize(sense->qm * config->motor_ticks_per_rad, &motor) ||
+                      !isfinite(sense->current_a);
+    axis->bad_link = !control_quantize(sense->q * config->joint_ticks_per_rad, &link);
+    axis->bad_torque = !isfinite(sense->torque_nm);
+    if (!axis->bad_motor) {
+        axis->motor_rad = motor / config->motor_ticks_per_rad;
+        axis->motor = (int32_t)counts(axis->motor_rad, COMPACT_POSITION_RAD);
+        axis->current_a = sense->current_a;
+    }
+    if (!axis->bad_link) {
+        axis->link = (int32_t)counts(link / config->joint_ticks_per_rad, COMPACT_POSITION_RAD);
+    }
+    if (!axis->bad_torque) {
+        axis->torque_nm = sense->torque_nm;
+    }
+    if (isfinite(sense->winding_c)) {
+        axis->temperature_c = sense->winding_c;
+    }
+    if (ms > 0) {
+        double change = (axis->motor_rad - axis->before_rad) / ((double)ms * 1e-3);
+
+        axis->velocity_rad_s = (axis->velocity_rad_s + change) / 2.0;
+        axis->before_rad = axis->motor_rad;
+    }
+}
+
+static void sample(struct board *board, const struct plant_sensors *sensors)
+{
+    struct compact_motor *motor = board->compact;
+    int64_t now_ms = board->boards->time_ns / MS;
+
+    motor->supply_v =
+        isfinite(sensors->supply_v) && sensors->supply_v > 0.0 ? sensors->supply_v : 0.0;
+    for (unsigned i = 0; i < motor->axes; i++) {
+        const struct board_axis_config *config = &board->config.axis[i];
+
+        sample_axis(&motor->axis[i], config, &sensors->motor[config->joint],
+                    motor->started ? now_ms - motor->sampled_ms : 0);
+        if (!motor->started) {
+            motor->axis[i].before_rad = motor->axis[i].motor_rad;
+        }
+    }
+    motor->started = true;
+    motor->sampled_ms = now_ms;
+}
+
+/* ---- faults ---- */
+
+static bool is_over_current(const struct board *board, struct compact_axis *axis)
+{
+    double limit = (double)axis->settings.current_limit_ma * 1e-3;
+    double tick_ms = (double)board->boards->tick_ns / MS;
+
+    if (!runs(axis)) {
+        axis->overload_ms = 0.0;
+        return false;
+    }
+    axis->overload_ms += (axis->current_a * axis->current_a / (limit * limit) - 1.0) * tick_ms;
+    axis->overload_ms = fmax(axis->overload_ms, 0.0);
+    return axis->overload_ms > OVERLOAD_MS;
+}
+
+static bool is_stale(const struct board *board, const struct compact_axis *axis)
+{
+    int64_t timeout_ms = board->compact->node.settings.timeout_ms;
+
+    return runs(axis) && timeout_ms > 0 &&
+           board->boards->time_ns - axis->command_ns > timeout_ms * MS;
+}
+
+static bool is_beyond(const struct compact_axis *axis)
+{
+    return axis->link < axis->settings.min_position || axis->link > axis->settings.max_position;
+}
+
+static unsigned present_faults(const struct board *board, struct compact_axis *axis)
+{
+    const struct compact_motor *motor = board->compact;
+    unsigned faults = 0;
+
+    faults |= motor->supply_v < BOARD_UNDER_VOLTAGE_V ? COMPACT_FAULT_UNDER_VOLTAGE : 0;
+    faults |= motor->supply_v > OVER_VOLTAGE_V ? COMPACT_FAULT_OVER_VOLTAGE : 0;
+    faults |= is_over_current(board, axis) ? COMPACT_FAULT_OVER_CURRENT : 0;
+    faults |= axis->bad_motor ? COMPACT_FAULT_MOTOR_ENCODER : 0;
+    faults |= axis->bad_link ? COMPACT_FAULT_LINK_ENCODER : 0;
+    faults |= axis->bad_torque ? COMPACT_FAULT_TORQUE_SENSOR : 0;
+    faults |= axis->temperature_c > TEMPERATURE_MAX_C ? COMPACT_FAULT_TEMPERATURE : 0;
+    faults |= is_stale(board, axis) ? COMPACT_FAULT_STALE : 0;
+    faults |= is_beyond(axis) ? COMPACT_FAULT_LIMIT : 0;
+    faults |= board->lost_in_status ? COMPACT_FAULT_OVERFLOW : 0;
+    return faults;
+}
+
+static void watch(struct board *board, struct compact_axis *axis)
+{
+    unsigned faults = present_faults(board, axis);
+    unsigned risen = faults & ~(unsigned)axis->faults;
+    struct boards_counters *counters = &board->boards->counters;
+
+    if (risen & COMPACT_FAULT_STALE) {
+        axis->set_point = 0;
+        counters->timeouts++;
+        board_event(board, BOARD_EVENT_TIMEOUT, index_of(board, axis), axis->mode, 0);
+    }
+    if (risen & COMPACT_FAULT_LIMIT && runs(axis)) {
+        board_event(board, BOARD_EVENT_LIMIT, index_of(board, axis), (uint32_t)axis->link, 0);
+    }
+    if (risen & FATAL) {
+        board_event(board, BOARD_EVENT_FAULT, index_of(board, axis), risen & FATAL, 0);
+    }
+    counters->trips += (faults & COMPACT_FAULT_OVER_CURRENT) != 0;
+    if (faults & FATAL && runs(axis)) {
+        axis->latched |= (uint16_t)(faults & FATAL);
+        set_mode(board, axis, COMPACT_FAULT);
+    }
+    axis->faults = (uint16_t)(faults | axis->latched);
+}
+
+/* ---- control ---- */
+
+static double voltage_law(const struct compact_axis *axis)
+{
+    return (double)axis->set_point * COMPACT_VOLTAGE_V;
+}
+
+static double current_law(struct compact_axis *axis, double supply_v)
+{
+    const struct axis_settings *p = &axis->settings;
+    int64_t wanted = control_clamp(axis->set_point, -p->current_limit_ma, p->current_limit_ma);
+    double error = (double)wanted * COMPACT_SET_CURRENT_A - axis->current_a;
+
+    axis->integral_v += (double)p->current_ki * 1e-3 * error * 1e-3;
+    axis->integral_v = fmax(fmin(axis->integral_v, supply_v), -supply_v);
+    return (double)p->current_kp * 1e-3 * error + axis->integral_v +
+           (double)p->back_emf * 1e-3 * axis->velocity_rad_s;
+}
+
+/* Beyond a limit only what leads back is obeyed. */
+static void heed_limits(struct compact_axis *axis)
+{
+    bool further = (axis->link > axis->settings.max_position && axis->set_point > 0) ||
+                   (axis->link < axis->settings.min_position && axis->set_point < 0);
+
+    if (further) {
+        axis->set_point = 0;
+    }
+}
+
+static void step(struct compact_axis *axis, double supply_v)
+{
+    double v = axis->mode == COMPACT_VOLTAGE   ? voltage_law(axis)
+               : axis->mode == COMPACT_CURRENT ? current_law(axis, supply_v)
+                                               : 0.0;
+
+    axis->voltage_v = fmax(fmin(v, supply_v), -supply_v);
+}
+
+static void drive(const struct board *board, struct plant_command *command)
+{
+    for (unsigned i = 0; i < board->compact->axes; i++) {
+        const struct compact_axis *axis = &board->compact->axis[i];
+        struct motor_command *motor = &command->motor[board->config.axis[i].joint];
+
+        motor->bridge_on = runs(axis);
+        motor->voltage_v = runs(axis) ? axis->voltage_v : 0.0;
+    }
+}
+
+static void control(struct board *board, struct ms_span span, struct plant_command *command)
+{
+    struct compact_motor *motor = board->compact;
+
+    for (unsigned i = 0; i < motor->axes; i++) {
+        watch(board, &motor->axis[i]);
+        heed_limits(&motor->axis[i]);
+        for (int64_t ms = span.from; ms < span.to; ms++) {
+            step(&motor->axis[i], motor->supply_v);
+        }
+    }
+    drive(board, command);
+}
+
+static void shut_down(struct board *board, struct plant_command *command)
+{
+    for (unsigned i = 0; i < board->compact->axes; i++) {
+        if (runs(&board->compact->axis[i])) {
+            set_mode(board, &board->compact->axis[i], COMPACT_OFF);
+        }
+    }
+    drive(board, command);
+}
+
+static bool fault(const struct board *board)
+{
+    for (unsigned i = 0; i < board->compact->axes; i++) {
+        if (board->compact->axis[i].mode == COMPACT_FAULT) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* ---- parameters ---- */
+
+/* Where a setting is, and the range that it may have; false: no such setting. */
+static bool find_setting(const struct board *board, struct compact_axis *axis, unsigned parameter,
+                         int64_t **setting, int64_t *least, int64_t *most)
+{
+    struct axis_settings *p = &axis->settings;
+    const struct board_axis_config *config = &board->config.axis[index_of(board, axis)];
+
+    *least = 0;
+    *most = GAIN_MAX;
+    switch (parameter) {
+    case COMPACT_P_CURRENT_LIMIT:
+        *setting = &p->current_limit_ma;
+        *least = 1;
+        *most = counts(config->current_limit_a, 1e-3);
+        return true;
+    case COMPACT_P_MIN_POSITION:
+        *setting = &p->min_position;
+        *least = INT32_MIN;
+        *most = p->max_position;
+        return true;
+    case COMPACT_P_MAX_POSITION:
+        *setting = &p->max_position;
+        *least = p->min_position;
+        *most = INT32_MAX;
+        return true;
+    case COMPACT_P_CURRENT_KP:
+        *setting = &p->current_kp;
+        return true;
+    case COMPACT_P_CURRENT_KI:
+        *setting = &p->current_ki;
+        return true;
+    case COMPACT_P_BACK_EMF:
+        *setting = &p->back_emf;
+        return true;
+    default:
+        return false;
+    }
+}
+
+static enum compact_result axis_parameter(struct board *board, struct compact_axis *axis,
+                                          unsigned parameter, bool write, int64_t *value)
+{
+    int64_t *setting, least, most, wanted = *value;
+
+    if (parameter == COMPACT_P_MODE || parameter == COMPACT_P_FAULTS) {
+        *value = parameter == COMPACT_P_MODE ? (int64_t)axis->mode : axis->faults;
+        return write ? COMPACT_READ_ONLY : COMPACT_OK;
+    }
+    if (!find_setting(board, axis, parameter, &setting, &least, &most)) {
+        return COMPACT_UNKNOWN_PARAMETER;
+    }
+    *value = *setting;
+    if (!write) {
+        return COMPACT_OK;
+    }
+    if (runs(axis)) {
+        return COMPACT_NOT_NOW;
+    }
+    if (wanted < least || wanted > most) {
+        return COMPACT_OUT_OF_RANGE;
+    }
+    *value = *setting = wanted;
+    board->compact->node.is_saved = false;
+    return COMPACT_OK;
+}
+
+static bool any_runs(const struct compact_motor *motor)
+{
+    for (unsigned i = 0; i < motor->axes; i++) {
+        if (runs(&motor->axis[i])) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static enum compact_result parameter(struct board *board, unsigned parameter, unsigned index,
+                                     bool write, int64_t *value)
+{
+    struct compact_motor *motor = board->compact;
+    enum compact_result result;
+
+    if (parameter >= COMPACT_P_MODE && parameter <= COMPACT_P_BACK_EMF) {
+        return index < motor->axes
+                   ? axis_parameter(board, &motor->axis[index], parameter, write, value)
+                   : COMPACT_NO_SUCH_AXIS;
+    }
+    if (write && parameter == COMPACT_P_RESTART && any_runs(motor)) {
+        *value = 0;
+        return COMPACT_NOT_NOW;
+    }
+    result = compact_node_parameter(board, &motor->node, parameter, write, value);
+    for (unsigned i = 0;
+         result == COMPACT_OK && write && parameter == COMPACT_P_SAVE && i < motor->axes; i++) {
+        motor->axis[i].saved = motor->axis[i].settings;
+    }
+    return result;
+}
+
+/* ---- frames ---- */
+
+static void send_telemetry(struct board *board, struct frame_sink *sink)
+{
+    struct compact_motor *motor = board->compact;
+
+    for (unsigned i = 0; i < motor->axes; i++) {
+        struct compact_axis *axis = &motor->axis[i];
+
+        compact_send(board, sink, COMPACT_TELEMETRY, motor->first_slot + i,
+                     (const int64_t[]){axis->motor, (int64_t)axis->motor - axis->link,
+                                       counts(axis->current_a, COMPACT_CURRENT_A),
+                                       counts(axis->torque_nm, COMPACT_TORQUE_NM),
+                                       axis->sequence & 3});
+        axis->sequence++;
+    }
+}
+
+static void send_telemetry_fd(struct board *board, struct frame_sink *sink)
+{
+    struct compact_motor *motor = board->compact;
+    const struct compact_message *row = compact_message(COMPACT_TELEMETRY_FD);
+    uint8_t data[64];
+
+    for (unsigned i = 0; i < motor->axes; i++) {
+        struct compact_axis *axis = &motor->axis[i];
+        const int64_t values[] = {axis->motor,
+                                  axis->link,
+                                  counts(axis->velocity_rad_s, COMPACT_VELOCITY_RAD_S),
+                                  counts(axis->current_a, COMPACT_SET_CURRENT_A),
+                                  counts(axis->torque_nm, COMPACT_TORQUE_FD_NM),
+                                  axis->mode,
+                                  (axis->faults & FATAL) != 0,
+                                  axis->sequence & 0xf};
+
+        fields_encode(row->fields, values, data + COMPACT_TELEMETRY_FD_LENGTH * i);
+        axis->sequence++;
+    }
+    board_send(board, sink, compact_id(COMPACT_TELEMETRY_FD, board->address),
+               (uint8_t)(COMPACT_TELEMETRY_FD_LENGTH * motor->axes), data);
+}
+
+static void send_state(struct board *board, struct compact_axis *axis, struct frame_sink *sink)
+{
+    struct compact_motor *motor = board->compact;
+
+    axis->told_mode = axis->mode;
+    axis->told_faults = axis->faults;
+    compact_send(board, sink, COMPACT_STATE, motor->first_slot + index_of(board, axis),
+                 (const int64_t[]){axis->mode, axis->commands, axis->faults,
+                                   counts(motor->supply_v, COMPACT_SUPPLY_V),
+                                   counts(axis->temperature_c, 1.0),
+                                   counts(axis->voltage_v, COMPACT_VOLTAGE_V)});
+}
+
+static void transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
+{
+    struct compact_motor *motor = board->compact;
+    bool overflow_told = board->lost_in_status;
+
+    if (compact_node_due(board, &motor->node) && motor->axes > 0) {
+        if (board->bus->config.fd) {
+            send_telemetry_fd(board, sink);
+        } else {
+            send_telemetry(board, sink);
+        }
+    }
+    for (unsigned i = 0; i < motor->axes; i++) {
+        struct compact_axis *axis = &motor->axis[i];
+
+        if (compact_state_due(span, motor->first_slot + i) || axis->mode != axis->told_mode ||
+            axis->faults != axis->told_faults) {
+            send_state(board, axis, sink);
+        }
+        overflow_told = overflow_told && axis->told_faults & COMPACT_FAULT_OVERFLOW;
+    }
+    if (overflow_told) {
+        board->lost_in_status = board->lost_in_overflow = false;
+    }
+}
+
+const struct board_ops compact_motor_ops = {
+    .type = COMPACT_KIND_MOTOR,
+    .major = 1,
+    .minor = 0,
+    .build = 12,
+    .periodic_max = 2 * BOARD_AXES_MAX,
+    .parameter = parameter,
+    .power_up = power_up,
+    .sample = sample,
+    .control = control,
+    .transmit = transmit,
+    .shut_down = shut_down,
+    .fault = fault,
+};

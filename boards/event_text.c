@@ -1,0 +1,165 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Events of boards as lines of a log; not in the loop. */
+#include "boards/board_private.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+
+static const char *compact_mode_name(uint32_t mode)
+{
+    return mode == COMPACT_VOLTAGE   ? "voltage"
+           : mode == COMPACT_CURRENT ? "current"
+           : mode == COMPACT_FAULT   ? "fault"
+                                     : "off";
+}
+
+static const char *mode_name(enum board_personality personality, uint32_t mode)
+{
+    if (personality == BOARD_COMPACT) {
+        return compact_mode_name(mode);
+    }
+    switch (mode) {
+    case ICUB_MODE_IDLE:
+        return "idle";
+    case ICUB_MODE_POSITION:
+        return "position";
+    case ICUB_MODE_VELOCITY:
+        return "velocity";
+    case ICUB_MODE_TORQUE:
+        return "torque";
+    case ICUB_MODE_IMPEDANCE_POSITION:
+        return "impedance position";
+    case ICUB_MODE_IMPEDANCE_VELOCITY:
+        return "impedance velocity";
+    case ICUB_MODE_CURRENT:
+        return "current";
+    case ICUB_MODE_MIXED:
+        return "mixed";
+    case ICUB_MODE_DIRECT:
+        return "direct position";
+    case ICUB_MODE_SPEED_VOLTAGE:
+        return "speed (voltage)";
+    case ICUB_MODE_SPEED_CURRENT:
+        return "speed (current)";
+    case ICUB_MODE_NOT_CONFIGURED:
+        return "not configured";
+    case ICUB_MODE_OPEN_LOOP:
+        return "voltage";
+    case ICUB_MODE_CALIBRATION:
+        return "calibration";
+    case ICUB_MODE_HARDWARE_FAULT:
+        return "hardware fault";
+    default:
+        return "unknown";
+    }
+}
+
+static const char *const icub_faults[] = {
+    "under-voltage", "over-voltage",     "external",        "over-current",
+    "Hall sensor",   "absolute encoder", "optical encoder", NULL};
+static const char *const foc_faults[] = {"protocol",
+                                         "Hall sequence",
+                                         "absolute encoder checksum",
+                                         "Hall value",
+                                         "over-current",
+                                         "over-voltage",
+                                         "under-voltage",
+                                         "external",
+                                         "bit 8",
+                                         "over-heating",
+                                         "CAN reception warning",
+                                         "CAN sending warning",
+                                         "CAN passive",
+                                         "CAN passive",
+                                         "set-point expired",
+                                         "CAN overrun",
+                                         "PWM",
+                                         "encoder calculation",
+                                         "SPI timing",
+                                         "encoder",
+                                         "EMUROM CRC",
+                                         "EMUROM",
+                                         "I2t",
+                                         "ADC calibration",
+                                         "lower limit",
+                                         "upper limit",
+                                         "silicon",
+                                         "CAN length",
+                                         NULL};
+static const char *const compact_faults[] = {"under-voltage", "over-voltage",  "over-current",
+                                             "motor encoder", "link encoder",  "torque sensor",
+                                             "temperature",   "stale command", "limit",
+                                             "overflow",      "saturated",     NULL};
+
+static void fault_names(enum board_personality personality, uint32_t bits, char *text, size_t size)
+{
+    const char *const *names = personality == BOARD_FOC       ? foc_faults
+                               : personality == BOARD_COMPACT ? compact_faults
+                                                              : icub_faults;
+    size_t used = 0;
+
+    text[0] = '\0';
+    for (size_t i = 0; names[i]; i++) {
+        if (bits >> i & 1 && used < size) {
+            used += (size_t)snprintf(text + used, size - used, "%s%s", used ? ", " : "", names[i]);
+        }
+    }
+}
+
+static void describe(enum board_personality personality, const struct board_event *event,
+                     char *text, size_t size)
+{
+    char faults[128];
+    unsigned axis = event->axis;
+    uint32_t a = event->a, b = event->b;
+
+    switch (event->kind) {
+    case BOARD_EVENT_MODE:
+        snprintf(text, size, "axis %u from %s to %s mode", axis, mode_name(personality, a),
+                 mode_name(personality, b));
+        return;
+    case BOARD_EVENT_FAULT:
+        fault_names(personality, a, faults, sizeof faults);
+        snprintf(text, size, "axis %u has a fault: %s", axis, faults);
+        return;
+    case BOARD_EVENT_TIMEOUT:
+        snprintf(text, size, "axis %u: the %s command went stale, now 0", axis,
+                 mode_name(personality, a));
+        return;
+    case BOARD_EVENT_SOURCE_LOST:
+        snprintf(text, size, "axis %u: torque source %" PRIu32 " is silent, motor off", axis, a);
+        return;
+    case BOARD_EVENT_LIMIT:
+        snprintf(text, size, "axis %u is beyond its limit at %" PRId32 " %s, voltage 0", axis,
+                 (int32_t)a, personality == BOARD_COMPACT ? "x 1e-5 rad" : "ticks");
+        return;
+    case BOARD_EVENT_UNKNOWN:
+        snprintf(text, size, "no such command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
+        return;
+    case BOARD_EVENT_MALFORMED:
+        snprintf(text, size,
+                 "wrong length or value in command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
+        return;
+    case BOARD_EVENT_ADDRESS:
+        snprintf(text, size, "moves from address %" PRIu32 " to %" PRIu32, a, b);
+        return;
+    case BOARD_EVENT_RESTART:
+        snprintf(text, size, "%s", a ? "in its bootloader" : "application started");
+        return;
+    case BOARD_EVENT_OVERFLOW:
+        snprintf(text, size, "loses frames, %" PRIu32 " until now", a);
+        return;
+    }
+    snprintf(text, size, "event %d", (int)event->kind);
+}
+
+void board_event_format(const struct boards *boards, const struct board_event *event, char *text,
+                        size_t size)
+{
+    const struct board *board = &boards->board[event->board];
+    char what[192];
+
+    describe(board->bus->config.personality, event, what, sizeof what);
+    snprintf(text, size, "%.6f s: %s (bus %d, address %d): %s", (double)event->time_ns * 1e-9,
+             board->config.name, event->bus, event->address, what);
+}

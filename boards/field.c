@@ -1,0 +1,135 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The codec of fields; see the header for the layout. */
+#include "boards/field.h"
+
+static unsigned bits_of(const struct field *field)
+{
+    return field->type & FIELD_BITS_MASK;
+}
+
+size_t fields_count(const struct field *fields)
+{
+    size_t count = 0;
+
+    for (; fields && fields->type != FIELD_END; fields++) {
+        count += !(fields->type & FIELD_PADDING);
+    }
+    return count;
+}
+
+size_t fields_bits(const struct field *fields)
+{
+    size_t bits = 0;
+
+    for (; fields && fields->type != FIELD_END; fields++) {
+        bits += bits_of(fields);
+    }
+    return bits;
+}
+
+size_t fields_bytes(const struct field *fields)
+{
+    return (fields_bits(fields) + 7) / 8;
+}
+
+int64_t field_lowest(const struct field *field)
+{
+    return field->type & FIELD_SIGNED ? -(INT64_C(1) << (bits_of(field) - 1)) : 0;
+}
+
+int64_t field_highest(const struct field *field)
+{
+    unsigned bits = bits_of(field) - (field->type & FIELD_SIGNED ? 1 : 0);
+
+    return (INT64_C(1) << bits) - 1;
+}
+
+/* Where the bits from number done of a field on lie: a run within one byte. */
+struct run {
+    size_t byte;
+    unsigned from;  /* bit of the byte */
+    unsigned value; /* bit of the value */
+    unsigned bits;
+};
+
+static struct run next_run(const struct field *field, size_t start, unsigned done)
+{
+    unsigned bits = bits_of(field), from = (start + done) % 8;
+    struct run run = {.byte = (start + done) / 8, .from = from, .value = done};
+
+    run.bits = bits - done < 8 - from ? bits - done : 8 - from;
+    if (field->type & FIELD_BIG_ENDIAN) {
+        run.value = bits - 8 - done;
+    }
+    return run;
+}
+
+static int64_t get_value(const struct field *field, size_t start, const uint8_t *data)
+{
+    unsigned bits = bits_of(field);
+    uint64_t value = 0;
+
+    for (unsigned done = 0; done < bits;) {
+        struct run run = next_run(field, start, done);
+        uint64_t part = data[run.byte] >> run.from & ((1u << run.bits) - 1);
+
+        value |= part << run.value;
+        done += run.bits;
+    }
+    if (field->type & FIELD_SIGNED && value >> (bits - 1)) {
+        value |= ~UINT64_C(0) << bits;
+    }
+    return (int64_t)value;
+}
+
+static void put_value(const struct field *field, int64_t value, size_t start, uint8_t *data)
+{
+    unsigned bits = bits_of(field);
+
+    for (unsigned done = 0; done < bits;) {
+        struct run run = next_run(field, start, done);
+        unsigned mask = (1u << run.bits) - 1;
+        unsigned part = (unsigned)((uint64_t)value >> run.value) & mask;
+
+        data[run.byte] = (uint8_t)((data[run.byte] & ~(mask << run.from)) | part << run.from);
+        done += run.bits;
+    }
+}
+
+bool fields_decode(const struct field *fields, const uint8_t *data, size_t size, int64_t *values)
+{
+    size_t at = 0;
+
+    for (; fields && fields->type != FIELD_END; fields++) {
+        size_t end = at + bits_of(fields);
+
+        if (!(fields->type & FIELD_PADDING)) {
+            int64_t value = end <= 8 * size ? get_value(fields, at, data) : 0;
+
+            if ((fields->min || fields->max) && (value < fields->min || value > fields->max)) {
+                return false;
+            }
+            *values++ = value;
+        }
+        at = end;
+    }
+    return true;
+}
+
+void fields_encode(const struct field *fields, const int64_t *values, uint8_t *data)
+{
+    size_t at = 0;
+
+    for (; fields && fields->type != FIELD_END; fields++) {
+        int64_t value = 0;
+
+        if (!(fields->type & FIELD_PADDING)) {
+            int64_t low = field_lowest(fields), high = field_highest(fields);
+
+            value = *values < low ? low : *values > high ? high : *values;
+            values++;
+        }
+        put_value(fields, value, at, data);
+        at += bits_of(fields);
+    }
+}

@@ -1,0 +1,160 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The iCub CAN protocol, persona B (2FOC boards): one motor an address, targets and telemetry every
+ * millisecond. Shared by the boards and by hosts; holds no behavior. Identifiers, classes, modes,
+ * class 7 and the STRAIN boards beside them are those of boards/icub_protocol.h; what differs is
+ * here. Numbers are little-endian.
+ *
+ * The host sends DESIRED_TARGETS, four i16, one for each of the addresses 1 to 4; what a target
+ * means is decided by the mode of the board that it is for:
+ *
+ *   mode (enum icub_mode)        target
+ *   ICUB_MODE_OPEN_LOOP          voltage, +-32000 = +-100 % of the supply (applied up to 95 %)
+ *   ICUB_MODE_CURRENT            mA
+ *   ICUB_MODE_SPEED_VOLTAGE      icubdeg/ms; a velocity loop that ends in the voltage
+ *   ICUB_MODE_SPEED_CURRENT      icubdeg/ms; a velocity loop that ends in the current
+ *   ICUB_MODE_POSITION           icubdeg from where the motor was when the mode began
+ *
+ * A board starts in ICUB_MODE_NOT_CONFIGURED, where only discovery, GET_FIRMWARE_VERSION and what
+ * configures are obeyed. It becomes idle when it has had all of GET_FIRMWARE_VERSION with exactly
+ * the protocol 1.6 (first: without it the others are refused), SET_MOTOR_CONFIG, SET_CURRENT_LIMIT
+ * with a peak above 0 and SET_CURRENT_PID; no command is acknowledged, STATUS tells. From idle
+ * SET_CONTROL_MODE reaches the modes above, from any of them any other or idle; set-points are 0
+ * after each change.
+ *
+ * An icubdeg is a 65536th of a revolution of the ROTOR, before the gear: with a gear of 100, 1 rad
+ * at the link is 1043038 icubdeg. Each DESIRED_TARGETS is answered by every board with one FOC and
+ * one STATUS frame (STATUS may be thinned out, see the rig). The set-point expires 50 ms after the
+ * last DESIRED_TARGETS: fault, mode ICUB_MODE_HARDWARE_FAULT, which ICUB_MODE_FORCE_IDLE leaves.
+ *
+ *   id                  name               data
+ *   0x10F               DESIRED_TARGETS    0: i16 target of address 1, 2: of 2, 4: of 3, 6: of 4
+ *   0x100 | a << 4 | 0  FOC                0: i16 current, mA; 2: i16 velocity, icubdeg/ms;
+ *                                          4: i32 position, icubdeg
+ *   0x100 | a << 4 | 3  STATUS             0: u8 mode; 1: u8 encoder bits; 2: i16 PWM, +-32000;
+ *                                          4: u32 fault bits
+ *   0x100 | a << 4 | C  ADDITIONAL_STATUS  0: 2 bytes, 0; 2: i16 temperature, 0.1 degree C
+ */
+#ifndef BOARDS_FOC_PROTOCOL_H
+#define BOARDS_FOC_PROTOCOL_H
+
+#include "boards/icub_protocol.h"
+
+enum { FOC_AXES_MAX = 4 }; /* addresses 1-4 have a target */
+
+enum { FOC_DESIRED_TARGETS_ID = 0x10f };
+
+/* class 1 frame types */
+enum foc_type {
+    FOC_FEEDBACK = 0x0,
+    FOC_STATUS = 0x3,
+    FOC_ADDITIONAL_STATUS = 0xc,
+    FOC_DESIRED_TARGETS = 0xf, /* source 0 */
+};
+
+enum { FOC_TARGETS_LENGTH = 8, FOC_FEEDBACK_LENGTH = 8, FOC_STATUS_LENGTH = 8 };
+enum { FOC_ADDITIONAL_STATUS_LENGTH = 4 };
+
+enum {
+    FOC_PWM_FULL_SCALE = 32000, /* 100 % of the supply */
+    FOC_PWM_MAX = 30400,        /* what the bridge gives at most, 95 % */
+    FOC_ICUBDEG_PER_REV = 65536,
+    FOC_TARGET_TIMEOUT_MS = 50,
+};
+
+/* class 0, data[0]: what these boards know of icub_motor_command, and their own */
+enum foc_command {
+    FOC_GET_MOTOR_PARAMETER = 0x01,
+    FOC_SET_MOTOR_PARAMETER = 0x02,
+    FOC_SET_CONTROL_MODE = ICUB_SET_CONTROL_MODE,
+    FOC_SET_CURRENT_LIMIT = ICUB_SET_CURRENT_LIMIT, /* 0, nominal, peak, overload: length 8 */
+    FOC_GET_FIRMWARE_VERSION = ICUB_GET_FIRMWARE_VERSION,
+    FOC_SET_CURRENT_PID = 0x65, /* kp ki kd i16, shift u8 */
+    FOC_SET_VELOCITY_PID = 0x69,
+    FOC_SET_MOTOR_CONFIG = 0x77,
+    FOC_SET_TEMPERATURE_LIMIT = 0x79,
+    FOC_SET_PID = 0x7d, /* one parameter as a float32 */
+};
+
+/* SET_MOTOR_CONFIG byte 1 */
+enum foc_motor_flag {
+    FOC_HAS_QE = 1 << 0,
+    FOC_HAS_HALL = 1 << 1,
+    FOC_HAS_TEMPERATURE = 1 << 2,
+    FOC_HAS_INDEX = 1 << 3,
+    FOC_HAS_SPEED_QE = 1 << 4,
+    FOC_VERBOSE = 1 << 5,
+};
+
+/* SET_PID byte 1 and 2; bytes 3: unused; 4-7 float32 */
+enum foc_pid_loop { FOC_LOOP_CURRENT = 0, FOC_LOOP_VELOCITY = 1, FOC_LOOP_POSITION = 2 };
+
+enum foc_pid_parameter {
+    FOC_PID_KP = 2,
+    FOC_PID_KI = 3,
+    FOC_PID_KD = 4,
+    FOC_PID_INTEGRAL_LIMIT = 5,
+    FOC_PID_OUTPUT_LIMIT = 6,
+    FOC_PID_KFF = 7,
+    FOC_PID_STICTION_UP = 8,
+    FOC_PID_STICTION_DOWN = 9,
+};
+
+/* SET/GET_MOTOR_PARAMETER byte 1; value float32 in bytes 2-5 (Hall: i16 offset, u8 swap) */
+enum foc_motor_parameter {
+    FOC_MOTOR_BEMF = 1,
+    FOC_MOTOR_HALL = 2,
+    FOC_MOTOR_MAX_VELOCITY = 3,
+};
+
+/* STATUS byte 1 */
+enum foc_encoder_state {
+    FOC_QE_DIRTY = 1 << 0,
+    FOC_QE_STUCK = 1 << 1,
+    FOC_QE_INDEX_BROKEN = 1 << 2,
+    FOC_QE_PHASE_BROKEN = 1 << 3,
+    FOC_QE_NOT_CALIBRATED = 1 << 4,
+};
+
+/* STATUS bytes 4-7 */
+#define FOC_FAULT_PROTOCOL (UINT32_C(1) << 0)
+#define FOC_FAULT_HALL_SEQUENCE (UINT32_C(1) << 1)
+#define FOC_FAULT_AS5045_CHECKSUM (UINT32_C(1) << 2)
+#define FOC_FAULT_HALL_VALUE (UINT32_C(1) << 3)
+#define FOC_FAULT_OVER_CURRENT (UINT32_C(1) << 4)
+#define FOC_FAULT_OVER_VOLTAGE (UINT32_C(1) << 5)
+#define FOC_FAULT_UNDER_VOLTAGE (UINT32_C(1) << 6)
+#define FOC_FAULT_EXTERNAL (UINT32_C(1) << 7)
+#define FOC_FAULT_OVER_HEATING (UINT32_C(1) << 9)
+#define FOC_FAULT_CAN_RX_WARNING (UINT32_C(1) << 10)
+#define FOC_FAULT_CAN_TX_WARNING (UINT32_C(1) << 11)
+#define FOC_FAULT_CAN_RX_PASSIVE (UINT32_C(1) << 12)
+#define FOC_FAULT_CAN_TX_PASSIVE (UINT32_C(1) << 13)
+#define FOC_FAULT_SET_POINT_EXPIRED (UINT32_C(1) << 14)
+#define FOC_FAULT_CAN_OVERRUN (UINT32_C(1) << 15)
+#define FOC_FAULT_PWM (UINT32_C(1) << 16)
+#define FOC_FAULT_AS5045_CALCULATION (UINT32_C(1) << 17)
+#define FOC_FAULT_SPI_TIMING (UINT32_C(1) << 18)
+#define FOC_FAULT_ENCODER (UINT32_C(1) << 19)
+#define FOC_FAULT_EMUROM_CRC (UINT32_C(1) << 20)
+#define FOC_FAULT_EMUROM (UINT32_C(1) << 21)
+#define FOC_FAULT_I2T (UINT32_C(1) << 22)
+#define FOC_FAULT_ADC_CALIBRATION (UINT32_C(1) << 23)
+#define FOC_FAULT_LIMIT_LOWER (UINT32_C(1) << 24)
+#define FOC_FAULT_LIMIT_UPPER (UINT32_C(1) << 25)
+#define FOC_FAULT_SILICON (UINT32_C(1) << 26)
+#define FOC_FAULT_CAN_DLC (UINT32_C(1) << 27)
+#define FOC_FAULT_CAN_WAS_WARNING (UINT32_C(1) << 28)
+#define FOC_FAULT_RTR (UINT32_C(1) << 29)
+#define FOC_FAULT_CAN_RX_WAS_PASSIVE (UINT32_C(1) << 30)
+#define FOC_FAULT_CAN_TX_WAS_PASSIVE (UINT32_C(1) << 31)
+
+enum { FOC_BOARD_2FOC = 8 }; /* class 7 discovery */
+
+/* ADDITIONAL_STATUS of the board with this address comes every so many ms. */
+static inline unsigned foc_additional_status_ms(unsigned address)
+{
+    return 100 + 100 * address;
+}
+
+#endif

@@ -1,0 +1,328 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The list of messages; see the header. */
+#include "boards/messages.h"
+
+#include "boards/board_private.h"
+#include "boards/compact_table.h"
+#include "boards/foc_table.h"
+
+enum { ICUB_SLOT_NS = ICUB_SLOTS * MS };
+
+struct walk {
+    const struct boards_config *config;
+    int bus;
+    bool (*visit)(void *context, const struct message *message);
+    void *context;
+    bool going;
+};
+
+static void tell(struct walk *walk, const struct message *message)
+{
+    walk->going = walk->going && walk->visit(walk->context, message);
+}
+
+/* ---- iCub buses ---- */
+
+static void tell_command(struct walk *walk, int board, unsigned cls, unsigned address,
+                         unsigned code, const struct icub_command *row)
+{
+    struct message message = {
+        .name = row->name,
+        .id = icub_id((enum icub_class)cls, ICUB_HOST, address),
+        .sender = MESSAGE_NO_BOARD,
+        .receiver = board,
+        .from_host = true,
+        .length = row->request_max,
+        .code = (int)code,
+        .fields = row->request,
+        .first_byte = 1,
+        .repeats = 1,
+        .slot = -1,
+    };
+
+    tell(walk, &message);
+    if (row->reply_length) {
+        message.id = icub_id((enum icub_class)cls, address, ICUB_HOST);
+        message.sender = board;
+        message.receiver = MESSAGE_NO_BOARD;
+        message.from_host = false;
+        message.length = row->reply_length;
+        message.fields = row->reply;
+        tell(walk, &message);
+    }
+}
+
+static void tell_commands(struct walk *walk, int board, unsigned cls, unsigned address,
+                          const struct icub_command *rows, unsigned count)
+{
+    for (unsigned code = 0; code < count; code++) {
+        if (rows[code].kind) {
+            tell_command(walk, board, cls, address, code, &rows[code]);
+        }
+    }
+}
+
+static uint32_t icub_cycle(const struct board_config *board, bool foc, unsigned type)
+{
+    int64_t period_ns = board->period_ns > 0 ? board->period_ns : MS;
+
+    if (board->kind != BOARD_MOTOR) {
+        return type == ICUB_FORCE || type == ICUB_TORQUE ? (uint32_t)period_ns : 0;
+    }
+    if (foc) {
+        return type == FOC_ADDITIONAL_STATUS
+                   ? foc_additional_status_ms(board->address) * (uint32_t)MS
+               : type == FOC_STATUS && board->status_period_ns > MS
+                   ? (uint32_t)board->status_period_ns
+                   : (uint32_t)MS;
+    }
+    return type == ICUB_STATUS || type == ICUB_ADDITIONAL_STATUS || type == ICUB_OVERFLOW ||
+                   type == ICUB_PRINT
+               ? 0
+               : (uint32_t)ICUB_SLOT_NS;
+}
+
+static void tell_frames(struct walk *walk, int index, bool foc)
+{
+    const struct board_config *board = &walk->config->board[index];
+    bool motor = board->kind == BOARD_MOTOR;
+    const struct icub_frame_type *rows = !motor ? icub_analog_frames
+                                         : foc  ? foc_frames
+                                                : icub_motor_frames;
+
+    for (unsigned type = 0; type < 16; type++) {
+        struct message message = {
+            .name = rows[type].name,
+            .id = icub_id(motor ? ICUB_PERIODIC_MOTOR : ICUB_PERIODIC_ANALOG, board->address, type),
+            .sender = index,
+            .receiver = MESSAGE_NO_BOARD,
+            .length = rows[type].length,
+            .code = MESSAGE_NO_CODE,
+            .cycle_ns = icub_cycle(board, foc, type),
+            .fields = rows[type].fields,
+            .repeats = 1,
+            .slot = -1,
+        };
+
+        if (message.name && !(foc && motor && type == FOC_DESIRED_TARGETS)) {
+            tell(walk, &message);
+        }
+    }
+}
+
+static void tell_icub_board(struct walk *walk, int index, bool foc)
+{
+    const struct board_config *board = &walk->config->board[index];
+    bool motor = board->kind == BOARD_MOTOR;
+
+    tell_frames(walk, index, foc);
+    if (motor) {
+        tell_commands(walk, index, ICUB_POLLING_MOTOR, board->address,
+                      foc ? foc_commands : icub_motor_commands, ICUB_MOTOR_COMMANDS);
+    } else {
+        tell_commands(walk, index, ICUB_POLLING_ANALOG, board->address, icub_strain_commands,
+                      ICUB_STRAIN_COMMANDS);
+    }
+    for (unsigned code = 0; code < 256; code++) {
+        const struct icub_command *row = icub_management_command((uint8_t)code);
+
+        if (row && code != ICUB_DISCOVER) {
+            tell_command(walk, index, ICUB_MANAGEMENT, board->address, code, row);
+        }
+    }
+}
+
+/* DISCOVER goes to all, its answers come from each; DESIRED_TARGETS is for four. */
+static void tell_icub_broadcasts(struct walk *walk, bool foc)
+{
+    const struct icub_command *row = icub_management_command(ICUB_DISCOVER);
+    const struct message discover = {
+        .name = row->name,
+        .id = icub_id(ICUB_MANAGEMENT, ICUB_HOST, ICUB_EVERYONE),
+        .sender = MESSAGE_NO_BOARD,
+        .receiver = MESSAGE_NO_BOARD,
+        .from_host = true,
+        .length = row->request_max,
+        .code = ICUB_DISCOVER,
+        .first_byte = 1,
+        .repeats = 1,
+        .slot = -1,
+    };
+    const struct message targets = {
+        .name = foc_frames[FOC_DESIRED_TARGETS].name,
+        .id = FOC_DESIRED_TARGETS_ID,
+        .sender = MESSAGE_NO_BOARD,
+        .receiver = MESSAGE_NO_BOARD,
+        .from_host = true,
+        .length = FOC_TARGETS_LENGTH,
+        .code = MESSAGE_NO_CODE,
+        .cycle_ns = MS,
+        .fields = foc_frames[FOC_DESIRED_TARGETS].fields,
+        .repeats = 1,
+        .slot = -1,
+    };
+
+    tell(walk, &discover);
+    if (foc) {
+        tell(walk, &targets);
+    }
+}
+
+static void tell_discovery_reply(struct walk *walk, int index)
+{
+    const struct icub_command *row = icub_management_command(ICUB_DISCOVER);
+    const struct message reply = {
+        .name = row->name,
+        .id = icub_id(ICUB_MANAGEMENT, walk->config->board[index].address, ICUB_HOST),
+        .sender = index,
+        .receiver = MESSAGE_NO_BOARD,
+        .length = row->reply_length,
+        .code = ICUB_DISCOVER,
+        .fields = row->reply,
+        .first_byte = 1,
+        .repeats = 1,
+        .slot = -1,
+    };
+
+    tell(walk, &reply);
+}
+
+/* ---- compact buses ---- */
+
+static unsigned axes_of(const struct board_config *board)
+{
+    unsigned count = 0;
+
+    while (board->kind == BOARD_MOTOR && count < BOARD_AXES_MAX && board->axis[count].joint >= 0) {
+        count++;
+    }
+    return count;
+}
+
+static bool is_of(const struct compact_message *row, const struct board_config *board, bool fd)
+{
+    bool motor = board->kind == BOARD_MOTOR;
+
+    switch (row->function) {
+    case COMPACT_TELEMETRY:
+        return motor && !fd;
+    case COMPACT_TELEMETRY_FD:
+        return motor && fd;
+    case COMPACT_STATE:
+        return motor;
+    case COMPACT_FORCE:
+    case COMPACT_MOMENT:
+        return !motor && !fd;
+    case COMPACT_WRENCH_FD:
+        return !motor && fd;
+    case COMPACT_FT_STATE:
+        return !motor;
+    default:
+        return true;
+    }
+}
+
+/* One message of the row; its number and how often the fields come are filled in. */
+static void tell_compact(struct walk *walk, const struct compact_message *row, int board,
+                         unsigned number, unsigned repeats)
+{
+    int64_t period_ns = (int64_t)row->period_ms * MS;
+    struct message message = {
+        .name = row->name,
+        .id = compact_id(row->function, number),
+        .fd = walk->config->bus[walk->bus].fd,
+        .sender = row->from_host ? MESSAGE_NO_BOARD : board,
+        .receiver = row->from_host ? board : MESSAGE_NO_BOARD,
+        .from_host = row->from_host,
+        .code = MESSAGE_NO_CODE,
+        .fields = row->fields,
+        .repeats = (uint8_t)repeats,
+        .slot = row->by == COMPACT_BY_SLOT ? (int)number : -1,
+    };
+
+    if (row->period_ms == 1 && board >= 0 && walk->config->board[board].period_ns > 0) {
+        period_ns = walk->config->board[board].period_ns;
+    }
+    message.cycle_ns = (uint32_t)period_ns;
+    message.length = (uint8_t)(row->length * repeats);
+    if (message.fd) {
+        static const uint8_t lengths[] = {8, 12, 16, 20, 24, 32, 48, 64};
+        size_t i = 0;
+
+        for (; message.length > 8 && message.length > lengths[i]; i++) {
+        }
+        message.length = message.length > 8 ? lengths[i] : message.length;
+    }
+    tell(walk, &message);
+}
+
+static void tell_compact_board(struct walk *walk, int index, unsigned first_slot)
+{
+    const struct board_config *board = &walk->config->board[index];
+    unsigned axes = axes_of(board);
+
+    for (int i = 0; i < COMPACT_MESSAGES; i++) {
+        const struct compact_message *row = &compact_messages[i];
+
+        if (!is_of(row, board, walk->config->bus[walk->bus].fd)) {
+            continue;
+        }
+        if (row->by == COMPACT_BY_NODE) {
+            tell_compact(walk, row, index, board->address,
+                         row->function == COMPACT_TELEMETRY_FD ? axes : 1);
+        } else if (row->by == COMPACT_BY_SLOT) {
+            for (unsigned k = 0; k < axes; k++) {
+                tell_compact(walk, row, index, first_slot + k, 1);
+            }
+        }
+    }
+}
+
+static void tell_compact_broadcasts(struct walk *walk, unsigned slots)
+{
+    bool fd = walk->config->bus[walk->bus].fd;
+
+    for (int i = 0; i < COMPACT_MESSAGES; i++) {
+        const struct compact_message *row = &compact_messages[i];
+
+        if (row->by == COMPACT_BY_NONE) {
+            tell_compact(walk, row, MESSAGE_NO_BOARD, 0, 1);
+        } else if (row->by == COMPACT_BY_GROUP) {
+            unsigned group = fd ? COMPACT_SLOTS : COMPACT_GROUP;
+
+            for (unsigned slot = 0; slot < slots; slot += group) {
+                tell_compact(walk, row, MESSAGE_NO_BOARD, slot / COMPACT_GROUP,
+                             slots - slot < group ? slots - slot : group);
+            }
+        }
+    }
+}
+
+void boards_messages(const struct boards_config *config, int bus,
+                     bool (*visit)(void *context, const struct message *message), void *context)
+{
+    struct walk walk = {config, bus, visit, context, true};
+    enum board_personality personality = boards_personality(config, bus);
+    unsigned slots = 0, slot = 0;
+
+    for (size_t i = 0; i < config->nboard; i++) {
+        slots += config->board[i].bus == bus ? axes_of(&config->board[i]) : 0;
+    }
+    if (personality == BOARD_COMPACT) {
+        tell_compact_broadcasts(&walk, slots);
+    } else {
+        tell_icub_broadcasts(&walk, personality == BOARD_FOC);
+    }
+    for (size_t i = 0; i < config->nboard && walk.going; i++) {
+        if (config->board[i].bus != bus) {
+            continue;
+        }
+        if (personality == BOARD_COMPACT) {
+            tell_compact_board(&walk, (int)i, slot);
+            slot += axes_of(&config->board[i]);
+        } else {
+            tell_discovery_reply(&walk, (int)i);
+            tell_icub_board(&walk, (int)i, personality == BOARD_FOC);
+        }
+    }
+}

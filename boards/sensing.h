@@ -1,0 +1,90 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The sensors between the plant's truth and the boards. What a sensor makes of a quantity x, each
+ * tick:
+ *
+ *   1. latency:   x of latency_ns ago (linear between ticks);
+ *   2. error:     (1 + gain_error) x + offset + drift, the drift a random walk of drift_per_sqrt_s and
+ *                 a ramp of ramp_per_s, both zero at the start;
+ *   3. noise:     white, Gaussian, noise_rms at every sample;
+ *   4. converter: cut to +-full_scale, then rounded to steps of lsb;
+ *   5. faults (boards/faults.h), on what comes out.
+ *
+ * A force-torque sensor mixes its six channels before that (crosstalk). An encoder may start at an
+ * unknown place: with `incremental` it counts from where it stood at the start. The boards round
+ * encoder angles to ticks themselves and estimate velocities from the ticks as the firmware does;
+ * motor_sense's qd and qmd are, where an encoder is not ideal, the difference of its last two
+ * readings, and the truth elsewhere.
+ *
+ * An encoder that is mounted at an angle has an offset; a host takes it out by the calibration
+ * command 0x04, whose third parameter is the reading at zero.
+ *
+ * Each channel draws from a random stream of its own, named after it: what one sensor shows depends
+ * on the seed and nothing else. Everything zero, which is the default, hands the truth on bit for
+ * bit. Order of a channel numbers: boards/faults.h.
+ */
+#ifndef BOARDS_SENSING_H
+#define BOARDS_SENSING_H
+
+#include "boards/faults.h"
+#include "model/plant_io.h"
+
+struct sensor_error {
+    double gain_error;       /* 0.01 = one percent too much */
+    double offset;           /* in the unit of the quantity, as all below */
+    double noise_rms;        /* of each sample */
+    double drift_per_sqrt_s; /* random walk */
+    double ramp_per_s;       /* linear drift */
+    double full_scale, lsb;  /* 0 = none */
+    int64_t latency_ns;      /* 0 to SENSING_LATENCY_MAX_NS */
+};
+
+#define SENSING_LATENCY_MAX_NS INT64_C(1000000000)
+
+/* The winding as one body: C T' = R I^2 - (T - ambient) / Rth, so that what it has taken is the I2t
+ * of the motor. Heats with the true current; the plant's resistance stays. */
+struct sensor_thermal {
+    double ambient_c;
+    double resistance_ohm;  /* R of the winding; 0 = no temperature (reads 0) */
+    double k_per_w;         /* Rth */
+    double time_constant_s; /* C Rth */
+};
+
+struct sensor_joint {
+    const char *name;
+    struct sensor_error link_encoder, motor_encoder;  /* rad */
+    struct sensor_error current, torque, temperature; /* A, Nm, K */
+    bool incremental;                                 /* the motor encoder */
+    struct sensor_thermal thermal;
+};
+
+struct sensor_ft {
+    const char *name;
+    struct sensor_error force, torque; /* of each of three channels; N, Nm */
+    double crosstalk; /* the part of its full scale that each channel shows when another is at its
+                       * own, so that both need one; signs are drawn from the seed */
+};
+
+struct sensing_config {
+    size_t njoint, nft;
+    const struct sensor_joint *joint; /* NULL = all ideal */
+    const struct sensor_ft *ft;       /* NULL = all ideal */
+    struct sensor_error gyro, accel;  /* rad/s, m/s2 */
+    int64_t tick_ns;
+    uint64_t seed;
+    const struct faults *faults; /* those of sensors act; NULL = none */
+};
+
+struct sensing;
+
+/* Memory from arena (delay lines included). ERROR_INPUT on a latency, resolution or scale out of
+ * range. Not RT-safe. */
+enum error_code sensing_create(const struct sensing_config *config, struct arena *arena,
+                               struct sensing **sensing, struct error *error);
+
+/* Reads the sensors, once a tick. Returns what the boards see: truth itself when nothing is to be
+ * done about it. RT-safe. */
+const struct plant_sensors *sensing_sample(struct sensing *sensing,
+                                           const struct plant_sensors *truth);
+
+#endif

@@ -1,0 +1,369 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Faults of boards: what each does to the frames of one board, to no other, and not before or after. */
+#include "tests/unit/boards_rig.h"
+
+#include "boards/faults.h"
+
+#define MS INT64_C(1000000)
+
+enum { POSITION = 0x111, STRAIN_FORCE = 0x3d0 | ICUB_FORCE, RUN_MS = 200 };
+
+static struct faults *arm(struct rig *rig, struct arena *arena, const char *line)
+{
+    static const char *const bus[] = {"leg", "arm"};
+    static const bool wire[] = {false, false};
+    static const char *const board[] = {"leg1", "leg2", "torques", "ankle", "arm1"};
+    static const size_t board_bus[] = {0, 0, 0, 0, 1};
+    static const int address[] = {1, 2, 12, 13, 1};
+    const struct fault_names names = {.nbus = 2,
+                                      .bus = bus,
+                                      .wire = wire,
+                                      .nboard = 5,
+                                      .board = board,
+                                      .board_bus = board_bus,
+                                      .board_address = address};
+    struct faults *faults;
+    struct fault fault;
+    struct error error;
+
+    if (line && fault_parse(line, &names, &fault, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_int_equal(faults_create(&fault, line != NULL, 5, arena, &faults, &error), ERROR_NONE);
+    rig->config.faults = faults;
+    return faults;
+}
+
+/* A rig whose board leg1 has line as its fault, all boards telling from the start. */
+struct bench {
+    struct rig rig;
+    struct arena arena;
+    struct faults *faults;
+    int64_t ms;
+};
+
+static void begin(struct bench *bench, const char *line)
+{
+    struct error error;
+
+    rig_configure(&bench->rig);
+    for (int i = 0; i < RIG_BOARDS; i++) {
+        bench->rig.board[i].transmit_at_start = true;
+    }
+    assert_int_equal(arena_init(&bench->arena, 8u << 20, &error), ERROR_NONE);
+    bench->faults = arm(&bench->rig, &bench->arena, line);
+    rig_start(&bench->rig);
+    bench->ms = 0;
+}
+
+static void end(struct bench *bench)
+{
+    rig_stop(&bench->rig);
+    arena_fini(&bench->arena);
+}
+
+/* A millisecond, with joint 0 at a place of its own. */
+static void tick(struct bench *bench)
+{
+    faults_step(bench->faults, bench->ms * MS);
+    bench->rig.sense[0].q = 0.01 * (double)bench->ms;
+    bench->rig.ft.force_n[2] = (double)bench->ms;
+    rig_tick(&bench->rig);
+    bench->ms++;
+}
+
+static int32_t position(const struct bench *bench)
+{
+    const struct bus_frame *frame = rig_find(&bench->rig, 0, POSITION);
+
+    return frame ? get_i32_le(frame->data) : INT32_MIN;
+}
+
+static void enable(struct bench *bench)
+{
+    rig_send(&bench->rig, 0, 0x001, "09 50");
+    rig_send(&bench->rig, 0, 0x001, "72 4D 01");
+}
+
+/* Frames of the whole run of a rig, hashed; without those of leg1 when others_only. */
+static uint64_t run_hash(const char *line, bool others_only)
+{
+    static struct bench bench;
+    uint64_t hash = 0;
+
+    begin(&bench, line);
+    for (int i = 0; i < RUN_MS; i++) {
+        tick(&bench);
+        for (size_t b = 0; b < RIG_BUSES; b++) {
+            for (size_t k = 0; k < bench.rig.count[b]; k++) {
+                const struct bus_frame *frame = &bench.rig.frame[b][k];
+
+                if (others_only && b == 0 && (frame->id >> 4 & 0xf) == 1) {
+                    continue;
+                }
+                hash = hash * 31 + frame->id * 7 + (uint64_t)i;
+                for (int n = 0; n < frame->len; n++) {
+                    hash = hash * 131 + frame->data[n];
+                }
+            }
+        }
+    }
+    end(&bench);
+    return hash;
+}
+
+static void armed_fault_that_does_not_begin_changes_no_frame(void **state)
+{
+    static const char *const lines[] = {
+        "board leg1 off manual",          "board leg1 stuck manual",
+        "board leg1 garbage manual",      "board leg1 slow 3 manual",
+        "board leg1 delayed 0.01 manual", "board leg1 intermittent manual"};
+    uint64_t sound = run_hash(NULL, false);
+
+    (void)state;
+    for (size_t i = 0; i < sizeof lines / sizeof lines[0]; i++) {
+        assert_true(run_hash(lines[i], false) == sound);
+    }
+}
+
+static void fault_shows_on_its_board_only_and_repeats_with_the_seed(void **state)
+{
+    static const char *const lines[] = {
+        "board leg1 off 0.05..",          "board leg1 stuck 0.05..",
+        "board leg1 garbage 0.05..",      "board leg1 slow 3 0.05..",
+        "board leg1 delayed 0.01 0.05..", "board leg1 intermittent 0.05.."};
+    uint64_t sound = run_hash(NULL, false), others = run_hash(NULL, true);
+
+    (void)state;
+    for (size_t i = 0; i < sizeof lines / sizeof lines[0]; i++) {
+        uint64_t hash = run_hash(lines[i], false);
+
+        assert_true(hash != sound);
+        assert_true(hash == run_hash(lines[i], false));
+        assert_true(run_hash(lines[i], true) == others);
+    }
+}
+
+static void board_without_power_is_silent_deaf_and_limp_and_boots_anew(void **state)
+{
+    static struct bench bench;
+    uint64_t foreign;
+    struct boards_counters counters;
+
+    (void)state;
+    begin(&bench, "board leg/1 off 0.02..0.04");
+    bench.rig.board[0].boot_ns = 0;
+    enable(&bench);
+    while (bench.ms < 20) {
+        tick(&bench);
+    }
+    assert_true(bench.rig.motor[0].bridge_on);
+    boards_counters(bench.rig.boards, &counters);
+    foreign = counters.foreign;
+    while (bench.ms < 40) {
+        tick(&bench);
+        assert_false(bench.rig.motor[0].bridge_on);
+        assert_int_equal(rig_sent(&bench.rig, 0, POSITION), 0);
+        enable(&bench); /* nobody hears it */
+    }
+    boards_counters(bench.rig.boards, &counters);
+    assert_int_equal(counters.foreign - foreign, 2 * 20);
+    for (int i = 0; i < 8; i++) {
+        tick(&bench);
+        assert_false(bench.rig.motor[0].bridge_on); /* idle after the restart */
+    }
+    enable(&bench);
+    tick(&bench);
+    tick(&bench);
+    assert_true(bench.rig.motor[0].bridge_on);
+    end(&bench);
+}
+
+static void board_that_boots_is_away_for_its_boot_time(void **state)
+{
+    static struct bench bench;
+    int64_t first = 0;
+
+    (void)state;
+    rig_configure(&bench.rig);
+    begin(&bench, "board leg1 off 0.02..0.03");
+    rig_stop(&bench.rig);
+    bench.rig.board[0].boot_ns = 50 * MS;
+    rig_start(&bench.rig);
+    while (bench.ms < 150) {
+        tick(&bench);
+        if (bench.ms > 30 && !first && rig_sent(&bench.rig, 0, POSITION)) {
+            first = bench.ms;
+        }
+    }
+    assert_in_range((uint64_t)first, 80, 86);
+    end(&bench);
+}
+
+static void replies_that_wait_are_lost_with_the_power(void **state)
+{
+    static struct bench bench;
+
+    (void)state;
+    begin(&bench, "board leg1 off 0.001..0.002");
+    tick(&bench);
+    rig_send(&bench.rig, 0, 0x001, "07"); /* control mode, please */
+    for (int i = 0; i < 10; i++) {
+        tick(&bench);
+        assert_int_equal(rig_sent(&bench.rig, 0, 0x010), 0);
+    }
+    rig_send(&bench.rig, 0, 0x001, "07");
+    tick(&bench);
+    assert_int_equal(rig_sent(&bench.rig, 0, 0x010), 1);
+    end(&bench);
+}
+
+static void stuck_board_repeats_its_last_position_at_its_rate(void **state)
+{
+    static struct bench bench;
+    int32_t last = 0;
+    size_t sent = 0;
+
+    (void)state;
+    begin(&bench, "board leg1 stuck 0.05..0.1");
+    while (bench.ms < 50) {
+        tick(&bench);
+        last = position(&bench) != INT32_MIN ? position(&bench) : last;
+    }
+    while (bench.ms < 100) {
+        tick(&bench);
+        if (position(&bench) != INT32_MIN) {
+            sent++;
+            assert_int_equal(position(&bench), last);
+        }
+    }
+    assert_in_range(sent, 12, 13);
+    for (int i = 0; i < 4; i++) {
+        tick(&bench);
+        if (position(&bench) != INT32_MIN) {
+            assert_true(position(&bench) > last);
+        }
+    }
+    end(&bench);
+}
+
+static void garbage_keeps_identifiers_and_lengths(void **state)
+{
+    static struct bench bench;
+    int different = 0, sent = 0;
+
+    (void)state;
+    begin(&bench, "board leg1 garbage");
+    while (bench.ms < 100) {
+        const struct bus_frame *frame;
+
+        tick(&bench);
+        frame = rig_find(&bench.rig, 0, POSITION);
+        if (frame) {
+            assert_int_equal(frame->len, 8);
+            sent++;
+            different += get_i32_le(frame->data) != (int32_t)(100 * (bench.ms - 1));
+        }
+    }
+    assert_in_range(sent, 24, 25);
+    assert_int_equal(different, sent);
+    end(&bench);
+}
+
+static void slow_board_sends_one_frame_of_n(void **state)
+{
+    static struct bench bench;
+    size_t sent = 0;
+
+    (void)state;
+    begin(&bench, "board leg1 slow 5");
+    while (bench.ms < 200) {
+        tick(&bench);
+        sent += rig_sent(&bench.rig, 0, POSITION);
+    }
+    assert_int_equal(sent, 10); /* of 50 */
+    end(&bench);
+}
+
+static void delayed_board_sends_what_was_true_before(void **state)
+{
+    static struct bench bench, sound;
+    int32_t history[RUN_MS];
+    int compared = 0;
+
+    (void)state;
+    begin(&bench, "board leg1 delayed 0.008");
+    begin(&sound, NULL);
+    for (int i = 0; i < RUN_MS; i++) {
+        tick(&sound);
+        tick(&bench);
+        history[i] = position(&sound);
+        if (i >= 8 && position(&bench) != INT32_MIN) {
+            assert_int_equal(position(&bench), history[i - 8]);
+            compared++;
+        }
+        if (i < 8) {
+            assert_int_equal(position(&bench), INT32_MIN);
+        }
+    }
+    assert_in_range(compared, 46, 48);
+    end(&bench);
+    end(&sound);
+}
+
+static void intermittent_board_is_gone_for_its_share_but_keeps_running(void **state)
+{
+    static struct bench bench;
+    size_t sent = 0;
+    const int ticks = 20000;
+
+    (void)state;
+    begin(&bench, "board leg1 intermittent 0.25 dwell=0.01");
+    while (bench.ms < ticks) {
+        bench.rig.sense[0].q = 0.0;
+        faults_step(bench.faults, bench.ms++ * MS);
+        rig_tick(&bench.rig);
+        sent += rig_sent(&bench.rig, 0, POSITION);
+    }
+    /* 5000 slots; five standard deviations with gaps of 2.5 slots on average */
+    assert_in_range(sent, 5000 * 3 / 4 - 400, 5000 * 3 / 4 + 400);
+    end(&bench);
+}
+
+static void neighbors_hear_the_faulty_torque_of_a_strain_board(void **state)
+{
+    static struct bench bench;
+
+    (void)state;
+    begin(&bench, "board torques off 0.05..");
+    rig_send(&bench.rig, 0, 0x001, "34 0C 00 00 00 00 00 00");
+    rig_send(&bench.rig, 0, 0x001, "09 03"); /* torque mode lives on the source */
+    while (bench.ms < 50) {
+        tick(&bench);
+    }
+    assert_true(bench.rig.motor[0].bridge_on);
+    while (bench.ms < 400) {
+        tick(&bench);
+    }
+    assert_false(bench.rig.motor[0].bridge_on); /* silent for 200 ms: watchdog */
+    end(&bench);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(armed_fault_that_does_not_begin_changes_no_frame),
+        cmocka_unit_test(fault_shows_on_its_board_only_and_repeats_with_the_seed),
+        cmocka_unit_test(board_without_power_is_silent_deaf_and_limp_and_boots_anew),
+        cmocka_unit_test(board_that_boots_is_away_for_its_boot_time),
+        cmocka_unit_test(replies_that_wait_are_lost_with_the_power),
+        cmocka_unit_test(stuck_board_repeats_its_last_position_at_its_rate),
+        cmocka_unit_test(garbage_keeps_identifiers_and_lengths),
+        cmocka_unit_test(slow_board_sends_one_frame_of_n),
+        cmocka_unit_test(delayed_board_sends_what_was_true_before),
+        cmocka_unit_test(intermittent_board_is_gone_for_its_share_but_keeps_running),
+        cmocka_unit_test(neighbors_hear_the_faulty_torque_of_a_strain_board),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,176 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The list of messages is complete and agrees with the boards: everything that boards send in a run
+ * is in it with its length, no two messages look the same, and cycle times give the worst-case load
+ * of the bus plans' table.
+ */
+#include "boards/compact_protocol.h"
+#include "boards/messages.h"
+#include "tests/unit/boards_rig.h"
+
+enum { MESSAGES_MAX = 2048 };
+
+struct list {
+    struct message message[MESSAGES_MAX];
+    size_t count;
+};
+
+static bool append(void *context, const struct message *message)
+{
+    struct list *list = context;
+
+    assert_true(list->count < MESSAGES_MAX);
+    list->message[list->count++] = *message;
+    return true;
+}
+
+static const struct boards_bus_config icub[RIG_BUSES],
+    foc[RIG_BUSES] = {{BOARD_FOC, false}}, compact[RIG_BUSES] = {{BOARD_COMPACT, false}},
+    fd[RIG_BUSES] = {{BOARD_COMPACT, true}};
+
+static void configure(struct rig *rig, const struct boards_bus_config *bus)
+{
+    rig_configure(rig);
+    rig->config.bus = bus;
+    for (int i = 0; i < RIG_BOARDS; i++) {
+        rig->board[i].axis[0].gear = 100.0;
+        rig->board[i].axis[2].joint = rig->board[i].axis[3].joint = -1;
+        rig->board[i].transmit_at_start = true;
+    }
+    if (bus->personality == BOARD_COMPACT) {
+        rig->board[2] = rig->board[3];
+        rig->board[2].period_ns = 1000000;
+        rig->config.nboard = 3;
+    }
+}
+
+static void everything_sent_is_in_the_list(void **state)
+{
+    const struct boards_bus_config *const variants[] = {icub, foc, compact, fd};
+    static struct list list;
+
+    (void)state;
+    for (int v = 0; v < 4; v++) {
+        struct rig rig;
+        size_t seen = 0;
+
+        configure(&rig, variants[v]);
+        rig_start(&rig);
+        list.count = 0;
+        boards_messages(&rig.config, 0, append, &list);
+        assert_true(list.count > 10);
+        for (int t = 0; t < 400; t++) {
+            if (t % 50 == 0) {
+                rig_send(&rig, 0, v < 2 ? 0x70f : 0x7e0, v < 2 ? "FF" : "");
+            }
+            rig_send(&rig, 0, 0x10f, "00 00 00 00 00 00 00 00");
+            rig_tick(&rig);
+            for (size_t i = 0; i < rig.count[0]; i++) {
+                const struct bus_frame *frame = &rig.frame[0][i];
+                size_t k = 0;
+
+                while (k < list.count &&
+                       (list.message[k].id != frame->id || list.message[k].from_host ||
+                        list.message[k].length != frame->len ||
+                        (list.message[k].code >= 0 && list.message[k].code != frame->data[0]))) {
+                    k++;
+                }
+                if (k == list.count) {
+                    fail_msg("id 0x%03x of %d bytes is in no message", (unsigned)frame->id,
+                             frame->len);
+                }
+                assert_int_equal(list.message[k].fd, (frame->flags & FRAME_FD) != 0);
+                seen++;
+            }
+        }
+        assert_true(seen > 100);
+        rig_stop(&rig);
+    }
+}
+
+static void no_two_messages_look_the_same(void **state)
+{
+    const struct boards_bus_config *const variants[] = {icub, foc, compact, fd};
+    static struct list list;
+
+    (void)state;
+    for (int v = 0; v < 4; v++) {
+        struct rig rig;
+
+        configure(&rig, variants[v]);
+        list.count = 0;
+        boards_messages(&rig.config, 0, append, &list);
+        for (size_t i = 0; i < list.count; i++) {
+            const struct message *a = &list.message[i];
+
+            assert_non_null(a->name);
+            assert_true(a->id <= 0x7ff && a->repeats >= 1);
+            assert_true(a->first_byte + a->repeats * fields_bytes(a->fields) <= a->length ||
+                        a->length < 8);
+            assert_true(a->from_host ? a->sender == -1 : a->receiver == -1);
+            for (size_t k = 0; k < i; k++) {
+                const struct message *b = &list.message[k];
+
+                if (a->id == b->id && a->code == b->code && a->from_host == b->from_host) {
+                    fail_msg("%s and %s are both 0x%03x", a->name, b->name, (unsigned)a->id);
+                }
+            }
+        }
+    }
+}
+
+/* 8n + 47 + floor((34 + 8n - 1) / 4) bits a frame of n bytes, with its cycle. */
+static void cycle_times_give_the_loads_of_the_plans(void **state)
+{
+    /* half a leg with F/T at 1 kHz: compact 3 axes, 3 * 135 + 2 * 115 + 115 a ms and STATE; foc
+     * with STATUS each 10 ms 81.0 %, each millisecond 117.5 % */
+    static const struct {
+        const struct boards_bus_config *bus;
+        int64_t status_period_ns;
+        double percent;
+    } plans[] = {{compact, 0, 75.0 + 4 * 0.27}, {foc, 0, 117.5}, {foc, 10000000, 81.05}};
+    static struct list list;
+
+    (void)state;
+    for (int p = 0; p < 3; p++) {
+        struct rig rig;
+        double bits = 0.0;
+
+        configure(&rig, plans[p].bus);
+        rig.board[2] = rig.board[p ? 3 : 2];
+        rig.board[2].period_ns = 1000000;
+        rig.config.nboard = p ? 4 : 3;
+        if (p) { /* one axis a board */
+            for (int i = 0; i < 4; i++) {
+                rig.board[i == 3 ? 3 : i] = i == 2 ? rig.board[2] : rig.board[i];
+            }
+            rig.board[3] = rig_motor("third", 0, 3, 4, -1);
+            for (int i = 0; i < 4; i++) {
+                rig.board[i].axis[0].gear = 100.0;
+                rig.board[i].status_period_ns = plans[p].status_period_ns;
+            }
+        }
+        list.count = 0;
+        boards_messages(&rig.config, 0, append, &list);
+        for (size_t i = 0; i < list.count; i++) {
+            const struct message *m = &list.message[i];
+            int n = m->length;
+
+            if (m->cycle_ns > 0 && !(p && m->name[0] == 'A')) { /* not the slow temperatures */
+                bits += (8 * n + 47 + (34 + 8 * n - 1) / 4) * 1e9 / m->cycle_ns;
+            }
+        }
+        assert_near(bits / 1e4, plans[p].percent, 0.01);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(everything_sent_is_in_the_list),
+        cmocka_unit_test(no_two_messages_look_the_same),
+        cmocka_unit_test(cycle_times_give_the_loads_of_the_plans),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,298 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A bad bus between two nodes of a local one: each rule does what it says while it is active and
+ * nothing before, beside and after. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "canbus/fault_port.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { INBOX = 16384, STEP_ID = 0x6f0, DONE_ID = 0x6ff, MS = 1000000 };
+
+struct bench {
+    struct arena arena;
+    struct local_bus *bus;
+    struct can_port *near, *far; /* the far one is plain */
+    bool active;
+    struct fault_port_rule rule;
+    struct bus_frame frame[8192];
+};
+
+static int set_up(void **state)
+{
+    static struct bench bench;
+    const struct local_bus_config config = {.name = "limb", .max_nodes = 2, .inbox = INBOX};
+    struct error error;
+
+    memset(&bench, 0, sizeof bench);
+    assert_int_equal(arena_init(&bench.arena, 64 << 20, &error), ERROR_NONE);
+    assert_int_equal(local_bus_create(&config, &bench.arena, &bench.bus, &error), ERROR_NONE);
+    assert_int_equal(local_bus_join(bench.bus, NULL, 0, &bench.near, &error), ERROR_NONE);
+    assert_int_equal(local_bus_join(bench.bus, NULL, 0, &bench.far, &error), ERROR_NONE);
+    *state = &bench;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->near->ops->close(bench->near);
+    bench->far->ops->close(bench->far);
+    local_bus_destroy(bench->bus);
+    arena_fini(&bench->arena);
+    return 0;
+}
+
+static void spoil(struct bench *bench, struct fault_port_rule rule, uint64_t seed)
+{
+    struct fault_port_config config = {.port = bench->near,
+                                       .rule = &bench->rule,
+                                       .nrule = 1,
+                                       .exempt = {STEP_ID, DONE_ID},
+                                       .nexempt = 2,
+                                       .seed = seed};
+    struct error error;
+
+    bench->rule = rule;
+    bench->rule.active = &bench->active;
+    bench->rule.stream = "1";
+    assert_int_equal(fault_port_create(&config, &bench->arena, &bench->near, &error), ERROR_NONE);
+}
+
+static void send(struct can_port *port, uint32_t id, unsigned first, unsigned count)
+{
+    for (unsigned i = first; i < first + count; i++) {
+        const uint8_t data[2] = {(uint8_t)i, (uint8_t)(i >> 8)};
+        struct bus_frame frame = frame_make(id, 2, data);
+
+        assert_int_equal(can_send(port, &frame, 1), 1);
+    }
+}
+
+static size_t receive(struct bench *bench, struct can_port *port)
+{
+    return can_receive(port, bench->frame, sizeof bench->frame / sizeof bench->frame[0]);
+}
+
+static unsigned number(const struct bus_frame *frame)
+{
+    return get_u16_le(frame->data);
+}
+
+/* Frames numbered from 0 to count - 1, each once, in order. */
+static void assert_all(const struct bench *bench, size_t found, size_t count)
+{
+    assert_int_equal(found, count);
+    for (size_t i = 0; i < count; i++) {
+        assert_int_equal(number(&bench->frame[i]), i);
+    }
+}
+
+static void rule_that_is_not_active_changes_nothing(void **state)
+{
+    struct bench *bench = *state;
+
+    spoil(bench, (struct fault_port_rule){FAULT_PORT_LOSS, .probability = 1.0, .id = -1}, 1);
+    send(bench->far, 0x101, 0, 1000);
+    assert_all(bench, receive(bench, bench->near), 1000);
+    send(bench->near, 0x101, 0, 1000);
+    assert_all(bench, receive(bench, bench->far), 1000);
+    assert_int_equal(bench->near->counters.rx_frames, 1000);
+    assert_int_equal(bench->near->counters.tx_frames, 1000);
+    assert_int_equal(bench->near->state, CAN_PORT_UP);
+}
+
+static void lost_frames_are_the_share_asked_for_in_both_directions(void **state)
+{
+    struct bench *bench = *state;
+    const double n = 8000, p = 0.1, bound = 5.0 * sqrt(n * p * (1.0 - p));
+
+    bench->active = true;
+    spoil(bench, (struct fault_port_rule){FAULT_PORT_LOSS, .probability = p, .id = -1}, 1);
+    send(bench->far, 0x101, 0, 8000);
+    assert_true(fabs((double)receive(bench, bench->near) - n * (1.0 - p)) < bound);
+    send(bench->near, 0x101, 0, 8000);
+    assert_true(fabs((double)receive(bench, bench->far) - n * (1.0 - p)) < bound);
+    assert_int_equal(bench->near->counters.rx_dropped, 0); /* no news of the port */
+}
+
+static void losses_repeat_with_the_seed(void **state)
+{
+    struct bench *bench = *state;
+    uint64_t hash[3] = {0};
+
+    bench->active = true;
+    for (int i = 0; i < 3; i++) {
+        struct can_port *plain = bench->near;
+        size_t count;
+
+        spoil(bench, (struct fault_port_rule){FAULT_PORT_LOSS, .probability = 0.5, .id = -1},
+              i == 2 ? 8 : 7);
+        send(bench->far, 0x101, 0, 200);
+        count = receive(bench, bench->near);
+        for (size_t k = 0; k < count; k++) {
+            hash[i] = hash[i] * 31 + number(&bench->frame[k]);
+        }
+        bench->near = plain;
+    }
+    assert_true(hash[0] == hash[1]);
+    assert_true(hash[0] != hash[2]);
+}
+
+static void corrupted_frames_differ_in_one_bit_of_their_data(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->active = true;
+    spoil(bench, (struct fault_port_rule){FAULT_PORT_CORRUPTION, .probability = 1.0, .id = -1}, 1);
+    send(bench->far, 0x101, 0, 500);
+    assert_int_equal(receive(bench, bench->near), 500);
+    for (unsigned i = 0; i < 500; i++) {
+        assert_int_equal(bench->frame[i].id, 0x101);
+        assert_int_equal(bench->frame[i].len, 2);
+        assert_int_equal(__builtin_popcount(number(&bench->frame[i]) ^ i), 1);
+    }
+}
+
+static void frames_without_data_cannot_be_corrupted(void **state)
+{
+    struct bench *bench = *state;
+    struct bus_frame frame = frame_make(0x101, 0, NULL);
+
+    bench->active = true;
+    spoil(bench, (struct fault_port_rule){FAULT_PORT_CORRUPTION, .probability = 1.0, .id = -1}, 1);
+    assert_int_equal(can_send(bench->far, &frame, 1), 1);
+    assert_int_equal(receive(bench, bench->near), 1);
+    assert_int_equal(bench->frame[0].len, 0);
+}
+
+static void duplicates_follow_their_frame_also_through_small_batches(void **state)
+{
+    struct bench *bench = *state;
+    size_t count = 0, got;
+
+    bench->active = true;
+    spoil(bench, (struct fault_port_rule){FAULT_PORT_DUPLICATE, .probability = 1.0, .id = -1}, 1);
+    send(bench->far, 0x101, 0, 99);
+    do {
+        got = can_receive(bench->near, bench->frame + count, 7);
+        count += got;
+    } while (got == 7);
+    assert_int_equal(count, 198);
+    for (size_t i = 0; i < count; i++) {
+        assert_int_equal(number(&bench->frame[i]), i / 2);
+    }
+    send(bench->near, 0x101, 0, 99);
+    assert_int_equal(receive(bench, bench->far), 198);
+}
+
+static void late_frames_come_after_their_delay_and_in_order(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->active = true;
+    spoil(bench, (struct fault_port_rule){FAULT_PORT_LATE, .delay_ns = 3 * MS, .id = -1}, 1);
+    for (unsigned ms = 0; ms < 20; ms++) {
+        fault_port_time(bench->near, (int64_t)ms * MS);
+        send(bench->far, 0x101, ms, 1);
+        send(bench->near, 0x102, ms, 1);
+        assert_int_equal(receive(bench, bench->near), ms >= 3);
+        if (ms >= 3) {
+            assert_int_equal(number(&bench->frame[0]), ms - 3);
+        }
+        assert_int_equal(receive(bench, bench->far), ms >= 3);
+        if (ms >= 3) {
+            assert_int_equal(number(&bench->frame[0]), ms - 3);
+        }
+    }
+    bench->active = false; /* what is on its way still arrives */
+    fault_port_time(bench->near, 30 * (int64_t)MS);
+    assert_int_equal(receive(bench, bench->near), 3);
+}
+
+static void more_late_frames_than_can_wait_are_counted_as_dropped(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->active = true;
+    spoil(bench, (struct fault_port_rule){FAULT_PORT_LATE, .delay_ns = MS, .id = -1}, 1);
+    send(bench->far, 0x101, 0, FAULT_PORT_HELD + 10);
+    assert_int_equal(receive(bench, bench->near), 0);
+    assert_int_equal(bench->near->counters.rx_dropped, 10);
+}
+
+static void bus_off_carries_nothing_and_says_so(void **state)
+{
+    struct bench *bench = *state;
+    struct bus_frame frame = frame_make(0x101, 0, NULL);
+
+    bench->active = true;
+    spoil(bench, (struct fault_port_rule){FAULT_PORT_BUS_OFF, .id = -1}, 1);
+    send(bench->far, 0x101, 0, 10);
+    assert_int_equal(receive(bench, bench->near), 0);
+    assert_int_equal(bench->near->state, CAN_PORT_BUS_OFF);
+    assert_int_equal(can_send(bench->near, &frame, 1), 0);
+    assert_int_equal(bench->near->counters.tx_dropped, 1);
+    assert_int_equal(receive(bench, bench->far), 0);
+    bench->active = false;
+    send(bench->far, 0x101, 0, 10);
+    assert_all(bench, receive(bench, bench->near), 10);
+    assert_int_equal(bench->near->state, CAN_PORT_UP);
+}
+
+static void lockstep_frames_pass_unless_a_rule_names_them(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->active = true;
+    spoil(bench, (struct fault_port_rule){FAULT_PORT_LOSS, .probability = 1.0, .id = -1}, 1);
+    send(bench->far, STEP_ID, 0, 5);
+    send(bench->far, 0x101, 0, 5);
+    assert_int_equal(receive(bench, bench->near), 5);
+    bench->rule.id = STEP_ID;
+    spoil(bench, bench->rule, 1);
+    send(bench->far, STEP_ID, 0, 5);
+    send(bench->far, DONE_ID, 0, 5);
+    assert_int_equal(receive(bench, bench->near), 5);
+    assert_int_equal(bench->frame[0].id, DONE_ID);
+}
+
+static void rule_with_an_id_leaves_the_others_alone(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->active = true;
+    spoil(bench, (struct fault_port_rule){FAULT_PORT_LOSS, .probability = 1.0, .id = 0x102}, 1);
+    send(bench->near, 0x102, 0, 5);
+    send(bench->near, 0x101, 0, 5);
+    assert_all(bench, receive(bench, bench->far), 5);
+    assert_int_equal(bench->frame[0].id, 0x101);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(rule_that_is_not_active_changes_nothing),
+        TEST(lost_frames_are_the_share_asked_for_in_both_directions),
+        TEST(losses_repeat_with_the_seed),
+        TEST(corrupted_frames_differ_in_one_bit_of_their_data),
+        TEST(frames_without_data_cannot_be_corrupted),
+        TEST(duplicates_follow_their_frame_also_through_small_batches),
+        TEST(late_frames_come_after_their_delay_and_in_order),
+        TEST(more_late_frames_than_can_wait_are_counted_as_dropped),
+        TEST(bus_off_carries_nothing_and_says_so),
+        TEST(lockstep_frames_pass_unless_a_rule_names_them),
+        TEST(rule_with_an_id_leaves_the_others_alone),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
