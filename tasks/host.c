@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The host of iCub boards: start-up, telemetry, commands. Protocol: boards/icub_protocol.h. */
-#include "tasks/host.h"
+/* The host's core: the map of boards, time and lockstep, queues, the phases of the start-up. */
+#include "tasks/host_private.h"
 
 #include "boards/icub_protocol.h"
 
@@ -9,75 +9,49 @@
 #include <string.h>
 
 enum {
-    ADDRESSES = 16,
-    AXES = 2,
-    CHANNELS = 6,
-    QUEUE_MAX = 96, /* frames that one bus may be sent in one period */
     RECEIVE_BATCH = 64,
+    BATCHES_MAX = 64, /* of one bus in one period: a flood must not hold the period up */
+    REQUEST_TRIES = 3,
 };
 
 static const int64_t MS = 1000000;
-static const int64_t DISCOVERY_TIMEOUT = 3000; /* ms: longer than a slow simulator's start */
-static const int64_t ENABLE_TIMEOUT = 1000;    /* ms; a STATUS frame follows a mode within 4 */
+static const int64_t DISCOVERY_TIMEOUT = 8000; /* ms: boards may boot for five seconds */
+static const int64_t DISCOVERY_REPEAT = 250;   /* ms */
+static const int64_t ENABLE_TIMEOUT = 1000;    /* ms; a status follows a mode within 10 */
 static const int64_t REPLY_TIMEOUT = 300;      /* ms a request, as real hosts wait */
 static const int64_t TELEMETRY_TIMEOUT = 200;  /* ms without rotor positions */
 
-/* POSITION, STATUS, CURRENT, MOTOR_POSITION */
-static const uint32_t POLICY = 1u << (ICUB_POSITION - 1) | 1u << (ICUB_STATUS - 1) |
-                               1u << (ICUB_CURRENT - 1) | 1u << (ICUB_MOTOR_POSITION - 1);
-
-enum node_kind { NODE_NONE, NODE_MOTOR, NODE_FT, NODE_TORQUE };
-
-/* What stands at one address of one bus. */
-struct node {
-    enum node_kind kind;
-    int axis[AXES];        /* NODE_MOTOR: host axis, -1 = not ours */
-    int ft;                /* NODE_FT */
-    int channel[CHANNELS]; /* NODE_TORQUE: host axis, -1 = unused */
-    bool found;
-    int requested, answered; /* start-up requests sent and confirmed */
-    int64_t request_time_ns;
-    double full_scale[CHANNELS]; /* as the board says */
-};
-
-struct bus {
-    struct node node[ADDRESSES];
-    struct bus_frame queue[QUEUE_MAX];
-    size_t queued;
-    bool done; /* DONE of the present tick has come (lockstep) */
-};
-
-struct host {
-    struct host_config config;
-    struct bus *bus;
-    struct host_joint *joint;
-    struct host_force *force;
-    enum host_phase phase;
-    int64_t phase_since_ns;
-    bool phase_entered;
-    int64_t now_ns;       /* host time */
-    uint32_t tick;        /* lockstep: tick that the next STEP expects */
-    int64_t step_sent_ns; /* caller's time of the last STEP */
-    bool step_waits;      /* a STEP is out and its DONE has not come on every bus */
-    bool step_refused;    /* it was not the tick that the simulator is at */
-    char message[160];
-};
-
 /* ---- creation ---- */
 
-static enum error_code claim_node(struct host *host, int bus, unsigned address, enum node_kind kind,
-                                  struct node **out, struct error *error)
+static const struct host_ops *ops_of(const struct host_config *config, size_t bus)
 {
-    struct node *node;
+    static const struct host_ops *const known[] = {
+        [HOST_ICUB] = &host_icub, [HOST_FOC] = &host_foc, [HOST_COMPACT] = &host_compact};
 
-    if (bus < 0 || (size_t)bus >= host->config.nbus || address < 1 || address > ICUB_ADDRESS_MAX) {
+    return config->bus ? known[config->bus[bus].personality] : &host_icub;
+}
+
+static enum error_code claim_node(struct host *host, int bus, unsigned address, enum host_kind kind,
+                                  struct host_node **out, struct error *error)
+{
+    const struct host_ops *ops;
+    struct host_node *node;
+
+    if (bus < 0 || (size_t)bus >= host->config.nbus) {
+        return error_set(error, ERROR_INPUT, "host: no bus %d", bus);
+    }
+    ops = host->line[bus].ops;
+    if (address < 1 ||
+        address > (kind == HOST_MOTOR_BOARD ? ops->motor_address_max : ops->address_max)) {
         return error_set(error, ERROR_INPUT, "host: no address %u on bus %d", address, bus);
     }
-    node = &host->bus[bus].node[address];
-    if (node->kind == NODE_NONE) {
+    node = &host->line[bus].node[address];
+    if (node->kind == HOST_NO_BOARD) {
         node->kind = kind;
-        node->axis[0] = node->axis[1] = -1;
-        for (int c = 0; c < CHANNELS; c++) {
+        for (int k = 0; k < HOST_AXES; k++) {
+            node->axis[k] = -1;
+        }
+        for (int c = 0; c < HOST_CHANNELS; c++) {
             node->channel[c] = -1;
         }
     } else if (node->kind != kind) {
@@ -91,28 +65,36 @@ static enum error_code claim_node(struct host *host, int bus, unsigned address, 
 static enum error_code map_axis(struct host *host, size_t index, struct error *error)
 {
     const struct host_axis *axis = &host->config.axis[index];
-    struct node *node;
-    enum error_code code = claim_node(host, axis->bus, axis->address, NODE_MOTOR, &node, error);
+    struct host_node *node;
+    enum error_code code =
+        claim_node(host, axis->bus, axis->address, HOST_MOTOR_BOARD, &node, error);
 
     if (code) {
         return code;
     }
-    if (axis->axis >= AXES || node->axis[axis->axis] >= 0) {
+    if (axis->axis >= host->line[axis->bus].ops->axes || node->axis[axis->axis] >= 0) {
         return error_set(error, ERROR_INPUT, "host: joint %s shares its axis", axis->joint);
     }
     node->axis[axis->axis] = (int)index;
+    if (host->line[axis->bus].ops == &host_foc &&
+        !(axis->drive.gear > 0 && axis->drive.spring_nm_rad > 0)) {
+        return error_set(error, ERROR_INPUT, "host: joint %s has no gear or no spring",
+                         axis->joint);
+    }
     if (axis->torque_address < 0) {
         return ERROR_NONE;
     }
-    code = claim_node(host, axis->bus, (unsigned)axis->torque_address, NODE_TORQUE, &node, error);
+    code = claim_node(host, axis->bus, (unsigned)axis->torque_address, HOST_TORQUE_BOARD, &node,
+                      error);
     if (code) {
         return code;
     }
-    if (axis->torque_channel < 0 || axis->torque_channel >= CHANNELS) {
+    if (axis->torque_channel < 0 || axis->torque_channel >= HOST_CHANNELS) {
         return error_set(error, ERROR_INPUT, "host: joint %s has torque channel %d", axis->joint,
                          axis->torque_channel);
     }
     node->channel[axis->torque_channel] = (int)index;
+    node->period_ns = axis->torque_period_ns;
     return ERROR_NONE;
 }
 
@@ -123,117 +105,47 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
     enum error_code code = ERROR_NONE;
 
     if (host) {
-        host->bus = arena_alloc(arena, config->nbus, sizeof *host->bus);
+        host->line = arena_alloc(arena, config->nbus, sizeof *host->line);
         host->joint = arena_alloc(arena, config->naxis, sizeof *host->joint);
         host->force = arena_alloc(arena, config->nft, sizeof *host->force);
+        host->volts = arena_alloc(arena, config->naxis, sizeof *host->volts);
     }
-    if (!host || !host->bus || !host->joint || !host->force) {
+    if (!host || !host->line || !host->joint || !host->force || !host->volts) {
         return error_set(error, ERROR_MEMORY, "no memory for the host");
     }
     host->config = *config;
-    host->phase_entered = true;
+    for (size_t b = 0; b < config->nbus; b++) {
+        host->line[b].ops = ops_of(config, b);
+        for (int k = 0; k < HOST_SLOTS; k++) {
+            host->line[b].slot[k] = -1;
+        }
+    }
     for (size_t i = 0; i < config->naxis && !code; i++) {
         host->joint[i].motor_time_ns = -1;
-        host->joint[i].mode = ICUB_MODE_UNKNOWN;
         code = map_axis(host, i, error);
     }
     for (size_t i = 0; i < config->nft && !code; i++) {
-        struct node *node;
+        struct host_node *node;
 
-        code = claim_node(host, config->ft[i].bus, config->ft[i].address, NODE_FT, &node, error);
+        code =
+            claim_node(host, config->ft[i].bus, config->ft[i].address, HOST_FT_BOARD, &node, error);
         if (!code) {
             node->ft = (int)i;
+            node->period_ns = config->ft[i].period_ns;
         }
     }
     *out = host;
     return code;
 }
 
-/* ---- telemetry ---- */
+/* ---- what arrives ---- */
 
-static void read_positions(struct host *host, const struct node *node,
-                           const struct bus_frame *frame, bool rotor)
+struct host_joint *host_node_joint(struct host *host, const struct host_node *node, int axis)
 {
-    for (int k = 0; k < AXES; k++) {
-        const struct host_axis *axis;
-        struct host_joint *joint;
-        int32_t ticks = get_i32_le(frame->data + 4 * k);
-
-        if (node->axis[k] < 0) {
-            continue;
-        }
-        axis = &host->config.axis[node->axis[k]];
-        joint = &host->joint[node->axis[k]];
-        if (rotor) {
-            joint->motor_rad = ticks / axis->motor_ticks_per_rad;
-            joint->motor_time_ns = host->now_ns;
-        } else {
-            joint->joint_rad = ticks / axis->joint_ticks_per_rad;
-            joint->joint_seen = true;
-        }
-    }
+    return node->axis[axis] < 0 ? NULL : &host->joint[node->axis[axis]];
 }
 
-static void read_motor_frame(struct host *host, struct node *node, const struct bus_frame *frame)
-{
-    unsigned type = frame->id & 0xf;
-
-    if (frame->len != 8) {
-        return;
-    }
-    if (type == ICUB_POSITION || type == ICUB_MOTOR_POSITION) {
-        read_positions(host, node, frame, type == ICUB_MOTOR_POSITION);
-        return;
-    }
-    for (int k = 0; k < AXES; k++) {
-        struct host_joint *joint = node->axis[k] < 0 ? NULL : &host->joint[node->axis[k]];
-
-        if (joint && type == ICUB_STATUS) {
-            joint->fault = frame->data[2 * k];
-            joint->mode = frame->data[2 * k + 1];
-            joint->status_seen = true;
-        } else if (joint && type == ICUB_CURRENT) {
-            joint->current_a = get_i16_le(frame->data + 2 * k) * 1e-3;
-        }
-    }
-}
-
-static double analog_value(const uint8_t *data, double full_scale)
-{
-    return ((int)get_u16_le(data) - 0x8000) * full_scale / 0x8000;
-}
-
-static void read_analog_frame(struct host *host, struct node *node, const struct bus_frame *frame)
-{
-    unsigned type = frame->id & 0xf;
-    int first = type == ICUB_TORQUE ? 3 : 0;
-
-    if ((type != ICUB_FORCE && type != ICUB_TORQUE) || (frame->len != 6 && frame->len != 7)) {
-        return;
-    }
-    if (node->kind == NODE_FT) {
-        struct host_force *force = &host->force[node->ft];
-
-        for (int c = 0; c < 3; c++) {
-            double value = analog_value(frame->data + 2 * c, node->full_scale[first + c]);
-
-            *(first ? &force->torque_nm[c] : &force->force_n[c]) = value;
-        }
-        *(first ? &force->torque_seen : &force->force_seen) = true;
-        force->overflow = frame->len == 7 && frame->data[6];
-        return;
-    }
-    for (int c = 0; c < 3; c++) {
-        int axis = node->channel[first + c];
-
-        if (axis >= 0) {
-            host->joint[axis].torque_nm =
-                analog_value(frame->data + 2 * c, host->config.axis[axis].torque_full_scale_nm);
-        }
-    }
-}
-
-static void read_done(struct host *host, struct bus *bus, const struct bus_frame *frame)
+static void read_done(struct host *host, struct host_line *line, const struct bus_frame *frame)
 {
     uint32_t tick;
     uint16_t flags;
@@ -248,7 +160,7 @@ static void read_done(struct host *host, struct bus *bus, const struct bus_frame
          * copy of a repeated one */
         host->step_refused = host->step_refused || tick != host->tick;
     } else {
-        bus->done = true;
+        line->done = true;
     }
     host->tick = tick;
     if (flags & LOCKSTEP_STOPPING) {
@@ -257,62 +169,43 @@ static void read_done(struct host *host, struct bus *bus, const struct bus_frame
     }
 }
 
-/* Replies to start-up requests. */
-static void read_reply(struct node *node, const struct bus_frame *frame, enum icub_class cls)
+static void read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
-    if (cls == ICUB_MANAGEMENT && frame->len >= 4 && frame->data[0] == ICUB_DISCOVER) {
-        node->found = true;
-    } else if (cls == ICUB_POLLING_MOTOR && frame->len == 8 &&
-               frame->data[0] == ICUB_GET_FIRMWARE_VERSION && frame->data[7] == 1) {
-        node->answered = node->requested;
-    } else if (cls == ICUB_POLLING_ANALOG && frame->len == 8 &&
-               frame->data[0] == ICUB_STRAIN_GET_FIRMWARE) {
-        node->answered = node->requested;
-    } else if (cls == ICUB_POLLING_ANALOG && frame->len == 4 &&
-               frame->data[0] == ICUB_STRAIN_GET_FULL_SCALE && (frame->data[1] & 0xf) < CHANNELS) {
-        node->full_scale[frame->data[1] & 0xf] = frame->data[2] << 8 | frame->data[3];
-        node->answered = node->requested;
-    }
-}
-
-static void read_frame(struct host *host, struct bus *bus, const struct bus_frame *frame)
-{
-    enum icub_class cls = (enum icub_class)(frame->id >> 8 & 7);
-    struct node *node = &bus->node[frame->id >> 4 & 0xf];
+    struct host_line *line = &host->line[bus];
 
     if (frame->flags & (FRAME_ERROR | FRAME_EXTENDED | FRAME_REMOTE)) {
         return;
     }
     if (host->config.lockstep && frame->id == host->config.done_id) {
-        read_done(host, bus, frame);
-    } else if (node->kind == NODE_NONE) {
-        return;
-    } else if (cls == ICUB_PERIODIC_MOTOR && node->kind == NODE_MOTOR) {
-        read_motor_frame(host, node, frame);
-    } else if (cls == ICUB_PERIODIC_ANALOG && node->kind != NODE_MOTOR) {
-        read_analog_frame(host, node, frame);
-    } else if ((frame->id & 0xf) == ICUB_HOST) {
-        read_reply(node, frame, cls);
+        read_done(host, line, frame);
+    } else {
+        line->ops->read(host, bus, frame);
+    }
+}
+
+static void read_bus(struct host *host, size_t bus)
+{
+    struct bus_frame frames[RECEIVE_BATCH];
+    size_t count = RECEIVE_BATCH;
+
+    for (int batch = 0; batch < BATCHES_MAX && count == RECEIVE_BATCH; batch++) {
+        count = can_receive(host->config.port[bus], frames, RECEIVE_BATCH);
+        for (size_t i = 0; i < count; i++) {
+            read_frame(host, bus, &frames[i]);
+        }
     }
 }
 
 bool host_receive(struct host *host, int64_t now_ns)
 {
-    struct bus_frame frames[RECEIVE_BATCH];
     bool all_done = true;
-    size_t count;
 
     if (!host->config.lockstep) {
         host->now_ns = now_ns;
     }
     for (size_t b = 0; b < host->config.nbus; b++) {
-        do {
-            count = can_receive(host->config.port[b], frames, RECEIVE_BATCH);
-            for (size_t i = 0; i < count; i++) {
-                read_frame(host, &host->bus[b], &frames[i]);
-            }
-        } while (count == RECEIVE_BATCH);
-        all_done = all_done && host->bus[b].done;
+        read_bus(host, b);
+        all_done = all_done && host->line[b].done;
     }
     if (!host->config.lockstep) {
         return true;
@@ -321,7 +214,7 @@ bool host_receive(struct host *host, int64_t now_ns)
         return false;
     }
     for (size_t b = 0; b < host->config.nbus; b++) {
-        host->bus[b].done = false;
+        host->line[b].done = false;
     }
     host->step_waits = false;
     host->step_refused = false;
@@ -336,42 +229,43 @@ int64_t host_time_ns(const struct host *host)
 
 /* ---- commands ---- */
 
-static void queue_frame(struct host *host, size_t bus, uint32_t id, uint8_t len,
-                        const uint8_t *data)
+void host_queue(struct host *host, size_t bus, const struct bus_frame *frame)
 {
-    struct bus *to = &host->bus[bus];
+    struct host_line *to = &host->line[bus];
 
-    if (to->queued < QUEUE_MAX) {
-        to->queue[to->queued] = frame_make(id, len, data);
+    if (to->queued < HOST_QUEUE) {
+        to->queue[to->queued] = *frame;
         to->queue[to->queued++].time_ns = host->now_ns;
     }
 }
 
-static void queue_motor_command(struct host *host, size_t axis, uint8_t command, uint8_t len,
-                                const uint8_t *payload)
+static struct host_line *line_of(struct host *host, size_t axis)
 {
-    const struct host_axis *at = &host->config.axis[axis];
-    uint8_t data[8] = {0};
-
-    data[0] = (uint8_t)(command | (at->axis ? ICUB_AXIS_BIT : 0));
-    memcpy(data + 1, payload, len - 1u);
-    queue_frame(host, (size_t)at->bus, icub_id(ICUB_POLLING_MOTOR, ICUB_HOST, at->address), len,
-                data);
+    return &host->line[host->config.axis[axis].bus];
 }
 
-void host_set_mode(struct host *host, size_t axis, uint8_t mode)
+void host_set_motor(struct host *host, size_t axis, bool on)
 {
-    queue_motor_command(host, axis, ICUB_SET_CONTROL_MODE, 2, &mode);
+    struct host_line *line = line_of(host, axis);
+
+    host->volts[axis] = 0;
+    line->driving = line->driving || on;
+    line->ops->set_motor(host, axis, on);
 }
 
 void host_set_voltage(struct host *host, size_t axis, double volts)
 {
-    double counts = volts / host->config.supply_v * ICUB_PWM_FULL_SCALE;
-    uint8_t payload[2];
+    struct host_line *line = line_of(host, axis);
 
-    counts = fmin(fmax(counts, -ICUB_PWM_FULL_SCALE), ICUB_PWM_FULL_SCALE);
-    put_u16_le(payload, (uint16_t)(int16_t)lrint(counts));
-    queue_motor_command(host, axis, ICUB_SET_OPEN_LOOP, 3, payload);
+    host->volts[axis] = fmin(fmax(volts, -host->config.supply_v), host->config.supply_v);
+    if (line->ops->set_voltage) {
+        line->ops->set_voltage(host, axis);
+    }
+}
+
+double host_duty(const struct host *host, size_t axis)
+{
+    return host->volts[axis] / host->config.supply_v;
 }
 
 static struct bus_frame step_frame(const struct host *host)
@@ -386,11 +280,14 @@ static struct bus_frame step_frame(const struct host *host)
 void host_send(struct host *host)
 {
     for (size_t b = 0; b < host->config.nbus; b++) {
-        struct bus *bus = &host->bus[b];
+        struct host_line *line = &host->line[b];
 
-        if (bus->queued) {
-            can_send(host->config.port[b], bus->queue, bus->queued);
-            bus->queued = 0;
+        if (line->ops->end_period) {
+            line->ops->end_period(host, b);
+        }
+        if (line->queued) {
+            can_send(host->config.port[b], line->queue, line->queued);
+            line->queued = 0;
         }
     }
     if (host->config.lockstep) {
@@ -424,24 +321,25 @@ static void enter(struct host *host, enum host_phase phase)
 {
     host->phase = phase;
     host->phase_since_ns = host->now_ns;
-    host->phase_entered = true;
 }
 
-static enum host_phase fail_node(struct host *host, size_t bus, int address, const char *what)
+void host_fail_node(struct host *host, size_t bus, unsigned address, const char *what)
 {
-    snprintf(host->message, sizeof host->message, "board %d on %s %s", address,
-             host->config.port[bus]->bus, what);
-    return host->phase = HOST_FAILED;
+    if (host->phase != HOST_FAILED) { /* the first failure is the cause of the others */
+        snprintf(host->message, sizeof host->message, "board %u on %s %s", address,
+                 host->config.port[bus]->bus, what);
+        host->phase = HOST_FAILED;
+    }
 }
 
 /* Calls step for every board of ours; true when it was true for all. */
-static bool every_node(struct host *host, bool (*step)(struct host *, size_t bus, int address))
+static bool every_node(struct host *host, bool (*step)(struct host *, size_t bus, unsigned address))
 {
     bool all = true;
 
     for (size_t b = 0; b < host->config.nbus; b++) {
-        for (int a = 1; a <= ICUB_ADDRESS_MAX; a++) {
-            if (host->bus[b].node[a].kind != NODE_NONE && !step(host, b, a)) {
+        for (unsigned a = 1; a < HOST_ADDRESSES; a++) {
+            if (host->line[b].node[a].kind != HOST_NO_BOARD && !step(host, b, a)) {
                 all = false;
             }
         }
@@ -449,29 +347,33 @@ static bool every_node(struct host *host, bool (*step)(struct host *, size_t bus
     return all;
 }
 
-static bool node_found(struct host *host, size_t bus, int address)
+static bool node_found(struct host *host, size_t bus, unsigned address)
 {
-    return host->bus[bus].node[address].found;
+    return host->line[bus].node[address].found;
 }
 
 static enum host_phase discover(struct host *host)
 {
-    static const uint8_t ask[1] = {ICUB_DISCOVER};
-
-    if (host->phase_entered) {
-        host->phase_since_ns = host->now_ns;
-        for (size_t b = 0; b < host->config.nbus; b++) {
-            queue_frame(host, b, icub_id(ICUB_MANAGEMENT, ICUB_HOST, ICUB_EVERYONE), 1, ask);
-        }
-        host->phase_entered = false;
-    }
     if (every_node(host, node_found)) {
         enter(host, HOST_CONFIGURING);
-    } else if (host->now_ns - host->phase_since_ns > DISCOVERY_TIMEOUT * MS) {
+        return host->phase;
+    }
+    if (!host->asked) {
+        host->phase_since_ns = host->now_ns;
+    }
+    if (!host->asked || host->now_ns - host->asked_ns >= DISCOVERY_REPEAT * MS) {
         for (size_t b = 0; b < host->config.nbus; b++) {
-            for (int a = 1; a <= ICUB_ADDRESS_MAX; a++) {
-                if (host->bus[b].node[a].kind != NODE_NONE && !host->bus[b].node[a].found) {
-                    return fail_node(host, b, a, "does not answer discovery");
+            host->line[b].ops->discover(host, b);
+        }
+        host->asked = true;
+        host->asked_ns = host->now_ns;
+    }
+    if (host->now_ns - host->phase_since_ns > DISCOVERY_TIMEOUT * MS) {
+        for (size_t b = 0; b < host->config.nbus; b++) {
+            for (unsigned a = 1; a < HOST_ADDRESSES; a++) {
+                if (host->line[b].node[a].kind != HOST_NO_BOARD && !host->line[b].node[a].found) {
+                    host_fail_node(host, b, a, "does not answer discovery");
+                    return host->phase;
                 }
             }
         }
@@ -479,84 +381,85 @@ static enum host_phase discover(struct host *host)
     return host->phase;
 }
 
-/* The requests that a board gets, one after the other. Returns false when there are no more; *reply
- * says whether an answer is due. */
-static bool start_up_request(const struct node *node, int number, uint8_t data[8], uint8_t *len,
-                             bool *reply)
+static bool configure_node(struct host *host, size_t bus, unsigned address)
 {
-    memset(data, 0, 8);
-    *reply = true;
-    if (number == 0) {
-        data[0] = node->kind == NODE_MOTOR ? (uint8_t)ICUB_GET_FIRMWARE_VERSION
-                                           : (uint8_t)ICUB_STRAIN_GET_FIRMWARE;
-        data[1] = ICUB_PROTOCOL_MAJOR;
-        data[2] = node->kind == NODE_MOTOR ? ICUB_PROTOCOL_MINOR : 0;
-        *len = 3;
-        return true;
-    }
-    if (node->kind == NODE_MOTOR) {
-        data[0] = ICUB_SET_BROADCAST_POLICY;
-        put_u32_le(data + 1, POLICY);
-        *len = 5;
-        *reply = false;
-        return number == 1;
-    }
-    *len = 2;
-    if (node->kind == NODE_FT && number <= CHANNELS) {
-        data[0] = ICUB_STRAIN_GET_FULL_SCALE;
-        data[1] = (uint8_t)(number - 1);
-        return true;
-    }
-    number -= node->kind == NODE_FT ? CHANNELS : 0;
-    *reply = false;
-    data[0] = number == 1 ? ICUB_STRAIN_SET_PERIOD : ICUB_STRAIN_SET_TRANSMIT_MODE;
-    data[1] = number == 1 ? 4 : ICUB_STRAIN_CALIBRATED; /* ms, as the motor boards' slots */
-    return number <= 2;
-}
+    struct host_node *node = &host->line[bus].node[address];
+    struct host_request request = {0};
 
-static bool configure_node(struct host *host, size_t bus, int address)
-{
-    struct node *node = &host->bus[bus].node[address];
-    enum icub_class cls = node->kind == NODE_MOTOR ? ICUB_POLLING_MOTOR : ICUB_POLLING_ANALOG;
-    uint8_t data[8], len;
-    bool reply;
+    bool waits = node->answered < node->requested;
 
-    if (node->answered < node->requested) {
-        if (host->now_ns - node->request_time_ns > REPLY_TIMEOUT * MS) {
-            fail_node(host, bus, address, "does not answer a start-up request");
-        }
+    if (waits && host->now_ns - node->request_time_ns <= REPLY_TIMEOUT * MS) {
         return false;
     }
-    if (!start_up_request(node, node->requested, data, &len, &reply)) {
+    if (waits && node->tries == REQUEST_TRIES) {
+        host_fail_node(host, bus, address, "does not answer a start-up request");
+        return false;
+    }
+    if (!host->line[bus].ops->request(host, bus, address, node->answered, &request)) {
         return true;
     }
-    queue_frame(host, bus, icub_id(cls, ICUB_HOST, (unsigned)address), len, data);
-    node->requested++;
-    node->answered += !reply;
+    host_queue(host, bus, &request.frame);
+    node->requested = node->answered + 1;
+    node->answered += !request.reply;
+    node->tries = waits ? node->tries + 1 : 1;
     node->request_time_ns = host->now_ns;
     return false;
+}
+
+/* ": over-current, under-voltage", or nothing */
+static const char *fault_names(const struct host *host, size_t axis, char text[96])
+{
+    const char *const *name = host->line[host->config.axis[axis].bus].ops->fault_name;
+    size_t used = 0;
+
+    text[0] = '\0';
+    for (int bit = 0; bit < 32 && used < 95; bit++) {
+        if (host->joint[axis].fault >> bit & 1 && name[bit]) {
+            used += (size_t)snprintf(text + used, 96 - used, "%s%s", used ? ", " : ": ", name[bit]);
+        }
+    }
+    return text;
+}
+
+static enum host_phase fail_joint(struct host *host, size_t axis, const char *what)
+{
+    const struct host_joint *joint = &host->joint[axis];
+    char names[96];
+
+    if (joint->motor == HOST_MOTOR_FAULT) {
+        snprintf(host->message, sizeof host->message, "joint %s is in fault 0x%02X%s",
+                 host->config.axis[axis].joint, (unsigned)joint->fault,
+                 fault_names(host, axis, names));
+    } else {
+        snprintf(host->message, sizeof host->message, "joint %s %s", host->config.axis[axis].joint,
+                 what);
+    }
+    return host->phase = HOST_FAILED;
 }
 
 static enum host_phase enable(struct host *host)
 {
     bool all = true;
 
-    if (host->phase_entered) {
+    /* off first, which leaves a fault of an earlier run; then on, and again what has not obeyed */
+    if (host->enabling < 2 || host->now_ns - host->asked_ns >= REPLY_TIMEOUT * MS) {
         for (size_t i = 0; i < host->config.naxis; i++) {
-            host_set_mode(host, i, ICUB_MODE_OPEN_LOOP);
+            if (host->enabling < 2 || host->joint[i].motor != HOST_MOTOR_ON) {
+                host_set_motor(host, i, host->enabling > 0);
+            }
         }
-        host->phase_entered = false;
+        host->enabling++;
+        host->asked_ns = host->now_ns;
     }
     for (size_t i = 0; i < host->config.naxis; i++) {
         const struct host_joint *joint = &host->joint[i];
         bool ready =
-            joint->mode == ICUB_MODE_OPEN_LOOP && joint->motor_time_ns >= 0 && joint->joint_seen;
+            joint->motor == HOST_MOTOR_ON && joint->motor_time_ns >= 0 && joint->joint_seen;
 
         if (!ready && host->now_ns - host->phase_since_ns > ENABLE_TIMEOUT * MS) {
-            snprintf(host->message, sizeof host->message,
-                     "joint %s did not enter open loop (mode 0x%02X, fault 0x%02X)",
-                     host->config.axis[i].joint, joint->mode, joint->fault);
-            return host->phase = HOST_FAILED;
+            return fail_joint(host, i,
+                              joint->motor == HOST_MOTOR_ON ? "does not tell its position"
+                                                            : "does not switch its motor on");
         }
         all = all && ready;
     }
@@ -589,15 +492,13 @@ bool host_healthy(struct host *host)
 {
     for (size_t i = 0; i < host->config.naxis && host->phase != HOST_FAILED; i++) {
         const struct host_joint *joint = &host->joint[i];
-        const char *name = host->config.axis[i].joint;
 
-        if (joint->mode == ICUB_MODE_HARDWARE_FAULT) {
-            snprintf(host->message, sizeof host->message, "joint %s is in fault 0x%02X", name,
-                     joint->fault);
-            host->phase = HOST_FAILED;
+        if (joint->motor != HOST_MOTOR_ON) {
+            fail_joint(host, i,
+                       joint->motor == HOST_MOTOR_OTHER ? "is in another mode than it was put into"
+                                                        : "has switched its motor off");
         } else if (host->now_ns - joint->motor_time_ns > TELEMETRY_TIMEOUT * MS) {
-            snprintf(host->message, sizeof host->message, "joint %s has gone silent", name);
-            host->phase = HOST_FAILED;
+            fail_joint(host, i, "has gone silent");
         }
     }
     return host->phase != HOST_FAILED;

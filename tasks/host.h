@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A host of iCub boards: discovers and configures them over CAN ports, keeps their latest telemetry,
- * and sends modes and voltages. It knows the map of the rig and the protocol, nothing else. One
+ * The host of the boards: discovers and configures them over CAN ports, keeps their latest
+ * telemetry, switches motors and sends voltages. Each bus speaks one personality (icub, foc,
+ * compact), and a host mixes them. It knows the map of the rig and the protocols, nothing else. One
  * thread; RT-safe after creation.
  */
 #ifndef TASKS_HOST_H
@@ -14,20 +15,31 @@
 struct host;
 
 enum host_phase {
-    HOST_DISCOVERING, /* waiting for every board's answer to class 7 discovery */
-    HOST_CONFIGURING, /* versions, policies, full scales, one request a board and period */
-    HOST_ENABLING,    /* axes switched to open loop, waiting for the STATUS echoes */
+    HOST_DISCOVERING, /* waiting for every board's answer to discovery */
+    HOST_CONFIGURING, /* versions, periods, full scales, one request a board and period */
+    HOST_ENABLING,    /* motors switched to voltage mode, waiting for the boards to say so */
     HOST_READY,
     HOST_FAILED, /* host_message says why */
 };
 
+enum host_motor {
+    HOST_MOTOR_UNKNOWN, /* the board has not said */
+    HOST_MOTOR_OFF,
+    HOST_MOTOR_ON,    /* obeys voltages */
+    HOST_MOTOR_OTHER, /* on in a mode that the host did not ask for */
+    HOST_MOTOR_FAULT,
+};
+
 /* The latest that the boards said about one joint. */
 struct host_joint {
-    double joint_rad, motor_rad; /* link and rotor encoder (rotor on the link side of the gear) */
+    /* Link and rotor encoder (rotor on the link side of the gear). HOST_FOC has no link encoder:
+     * there joint_rad is the rotor less what the spring yields under the measured torque. */
+    double joint_rad, motor_rad;
     double current_a, torque_nm;
-    uint8_t mode, fault;
-    int64_t motor_time_ns; /* host time of the last MOTOR_POSITION; -1 = none yet */
-    bool joint_seen, status_seen;
+    enum host_motor motor;
+    uint32_t fault;        /* bits of the personality */
+    int64_t motor_time_ns; /* host time of the last rotor angle; -1 = none yet */
+    bool joint_seen;
 };
 
 struct host_force {
@@ -49,11 +61,12 @@ int64_t host_time_ns(const struct host *host);
 /* Carries the start-up on by one period; returns the phase reached. */
 enum host_phase host_start_up(struct host *host);
 
-/* Queues commands of this period. */
-void host_set_mode(struct host *host, size_t axis, uint8_t mode);
+/* Commands of this period. A motor that is switched, on or off, gets 0 V. Where a personality wants
+ * set-points every period the last voltage is repeated. */
+void host_set_motor(struct host *host, size_t axis, bool on);
 void host_set_voltage(struct host *host, size_t axis, double volts);
 
-/* Sends what is queued, bus by bus, and in lockstep the STEP frame last. */
+/* Ends the period: sends what is queued, bus by bus, and in lockstep the STEP frame last. */
 void host_send(struct host *host);
 
 /* In lockstep, when DONE has not come: sends the STEP again after 100 ms of now_ns; a simulator that
@@ -67,7 +80,8 @@ const struct host_config *host_configuration(const struct host *host);
 /* Axis by joint name, -1 = none. Not RT-safe. */
 int host_find_axis(const struct host *host, const char *joint);
 
-/* Checks that no axis is in fault and that telemetry is fresh; false with a message otherwise. */
+/* Checks that every motor is on, without fault, and that telemetry is fresh; false with a message
+ * otherwise. */
 bool host_healthy(struct host *host);
 
 const char *host_message(const struct host *host);

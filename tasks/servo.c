@@ -4,9 +4,15 @@
 
 #include <math.h>
 
+/* rates are differences over this span at least: in less the jitter of the messages' arrival counts */
+enum { RATE_SPAN_NS = 2000000 };
+
 struct loop {
     double wanted, rate;
     double trim, integral;
+    double load_v;                /* carries what the joint bore at the start */
+    double motor_rad, motor_rate; /* of the latest message of the motor's angle */
+    int64_t motor_time_ns;
 };
 
 struct servo {
@@ -38,9 +44,15 @@ void servo_start(struct servo *servo)
 {
     for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
         const struct host_joint *joint = host_joint(servo->host, i);
-        double wanted = servo->config.trim_per_s > 0 ? joint->joint_rad : joint->motor_rad;
+        double wanted = servo->config.gains[i].trim_per_s > 0 ? joint->joint_rad : joint->motor_rad;
 
-        servo->loop[i] = (struct loop){.wanted = wanted, .trim = joint->motor_rad - wanted};
+        servo->loop[i] = (struct loop){
+            .wanted = wanted,
+            .trim = joint->motor_rad - wanted,
+            .load_v = servo->config.gains[i].load_v_per_nm * joint->torque_nm,
+            .motor_rad = joint->motor_rad,
+            .motor_time_ns = joint->motor_time_ns,
+        };
     }
     servo->last_ns = -1;
 }
@@ -71,22 +83,35 @@ static double link_error(const struct servo *servo, size_t axis)
     return error > step ? error - step : error < -step ? error + step : 0;
 }
 
+static void estimate_rate(struct loop *loop, const struct host_joint *joint)
+{
+    int64_t span = joint->motor_time_ns - loop->motor_time_ns;
+
+    if (span >= RATE_SPAN_NS) {
+        loop->motor_rate = (joint->motor_rad - loop->motor_rad) / ((double)span * 1e-9);
+        loop->motor_rad = joint->motor_rad;
+        loop->motor_time_ns = joint->motor_time_ns;
+    }
+}
+
 /* one axis; the integral stands still while the voltage is saturated in its direction */
 static double voltage(struct servo *servo, size_t axis, double dt)
 {
-    const struct servo_config *config = &servo->config;
+    const struct servo_gains *gains = &servo->config.gains[axis];
     double supply = host_configuration(servo->host)->supply_v;
+    double limit = gains->limit_v > 0 ? fmin(gains->limit_v, supply) : supply;
     struct loop *loop = &servo->loop[axis];
     const struct host_joint *joint = host_joint(servo->host, axis);
     double error = servo_reference(servo, axis) - joint->motor_rad;
-    double V = config->kp_v_per_rad * error + config->ki_v_per_rad_s * loop->integral +
-               config->kw_v_s_per_rad * loop->rate;
+    double V = gains->kp_v_per_rad * error + gains->ki_v_per_rad_s * loop->integral +
+               gains->kd_v_s_per_rad * (loop->rate - loop->motor_rate) +
+               gains->kw_v_s_per_rad * loop->rate + loop->load_v;
 
-    if (fabs(V) < supply || V * error < 0) {
+    if (fabs(V) < limit || V * error < 0) {
         loop->integral += error * dt;
-        loop->trim += config->trim_per_s * link_error(servo, axis) * dt;
+        loop->trim += gains->trim_per_s * link_error(servo, axis) * dt;
     }
-    return fmin(fmax(V, -supply), supply);
+    return fmin(fmax(V, -limit), limit);
 }
 
 void servo_update(struct servo *servo)
@@ -99,6 +124,7 @@ void servo_update(struct servo *servo)
     }
     servo->last_ns = now;
     for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
+        estimate_rate(&servo->loop[i], host_joint(servo->host, i));
         host_set_voltage(servo->host, i, voltage(servo, i, dt));
     }
 }

@@ -3,13 +3,12 @@
 #include "tasks/task_private.h"
 
 #include "base/text.h"
-#include "boards/icub_protocol.h"
 
 #include <stdio.h>
 #include <string.h>
 
-static const struct task_ops *const known[] = {&task_squat};
-static const char *const names[] = {"squat", NULL};
+static const struct task_ops *const known[] = {&task_squat, &task_grasp};
+static const char *const names[] = {"squat", "grasp", NULL};
 
 enum { KNOWN = sizeof known / sizeof known[0] };
 
@@ -35,7 +34,7 @@ enum error_code task_create(const char *name, const struct task_config *config, 
     if (!task->ops) {
         const char *nearest = text_nearest(name, names, KNOWN);
 
-        return error_set(error, ERROR_INPUT, "found task \"%s\", expected one of: squat%s%s", name,
+        return error_set(error, ERROR_INPUT, "found task \"%s\", expected one of: squat, grasp%s%s", name,
                          nearest ? "; did you mean " : "", nearest ? nearest : "");
     }
     task->config = *config;
@@ -102,7 +101,7 @@ enum task_status task_step(struct task *task, int64_t now_ns)
 void task_stop(struct task *task)
 {
     for (size_t i = 0; i < task->config.host.naxis; i++) {
-        host_set_mode(task->host, i, ICUB_MODE_FORCE_IDLE);
+        host_set_motor(task->host, i, false);
     }
     host_send(task->host);
 }

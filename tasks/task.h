@@ -11,7 +11,18 @@
 #include "base/error.h"
 #include "canbus/port.h"
 
+#include <stdbool.h>
 #include <stddef.h>
+
+/* What FOC boards leave to their host: it tells them the motor and its limits, and makes the link's
+ * angle of the rotor's. */
+struct host_drive {
+    double gear;          /* rotor turns a link turn */
+    double spring_nm_rad; /* of the series spring */
+    double winding_ohm, winding_h;
+    double current_limit_a; /* for ever; half as much again for some seconds */
+    int poles;              /* of the rotor */
+};
 
 /* Where a joint is found on the buses, and its scales. */
 struct host_axis {
@@ -21,6 +32,8 @@ struct host_axis {
     double joint_ticks_per_rad, motor_ticks_per_rad;
     int torque_address, torque_channel; /* pseudo-STRAIN, -1 = none */
     double torque_full_scale_nm;
+    int64_t torque_period_ns; /* 0: the board's own */
+    struct host_drive drive;  /* HOST_FOC */
     double lower_rad, upper_rad;
 };
 
@@ -28,6 +41,7 @@ struct host_ft {
     const char *name;
     int bus;
     uint8_t address;
+    int64_t period_ns; /* 0: the board's own */
 };
 
 /* What the boards of a bus speak. */
@@ -55,21 +69,49 @@ struct host_config {
 
 /* Knees bend and the hips sink vertically over flat feet, then rise again; cycle after cycle. */
 struct squat_config {
-    double thigh_m;       /* hip pitch axis to knee axis */
-    double shank_m;       /* knee axis to ankle pitch axis */
-    double depth_m;       /* how far the hips sink */
-    double period_s;      /* of one cycle down and back */
+    double thigh_m;  /* hip pitch axis to knee axis */
+    double shank_m;  /* knee axis to ankle pitch axis */
+    double depth_m;  /* how far the hips sink */
+    double period_s; /* of one cycle down and back */
     int cycles;
 };
 
-/* Voltage loop on the motor angle, closed here: V = kp (ref - qm) + ki integral + kw ref'. Outside it
- * a slow loop on the link angle takes out what the series spring yields: ref = wanted + trim, trim' =
- * trim_per_s (wanted - q). */
-struct servo_config {
+enum { GRASP_JOINTS = 4 };
+
+struct grasp_phase {
+    const char *name;             /* in messages */
+    double until_s;               /* after the arms began to move */
+    double arm_rad[GRASP_JOINTS]; /* right arm at its end: shoulder pitch, roll, yaw, elbow; the left
+                                   * arm mirrors roll and yaw */
+    bool closed; /* the object is held all the while: both wrists must press */
+};
+
+/* Both arms take an object between the wrists and lift it, on a piecewise linear path of angles. */
+struct grasp_config {
+    double settle_s; /* standing still before */
+    size_t nphase;
+    const struct grasp_phase *phase;
+    double hold_s;        /* standing still after */
+    double least_press_n; /* with less the grip counts as lost; 0: it may be */
+    double least_carry_n; /* by the wrists together, on average over hold_s; with less it failed; 0: it
+                           * may */
+};
+
+/* Voltage loop on a motor angle, closed here: V = kp (ref - qm) + ki integral + kd (ref' - qm') + kw
+ * ref' + load torque(start). Outside it a slow loop on the link angle takes out what the series spring
+ * yields: ref = wanted + trim, trim' = trim_per_s (wanted - q). */
+struct servo_gains {
     double kp_v_per_rad;
     double ki_v_per_rad_s;
-    double kw_v_s_per_rad;     /* back-EMF feed-forward of the reference's rate */
-    double trim_per_s;         /* 0: the motor angle itself is what is wanted */
+    double kd_v_s_per_rad; /* qm' is the difference between two messages of the motor's angle */
+    double kw_v_s_per_rad; /* back-EMF feed-forward of the reference's rate */
+    double trim_per_s;     /* 0: the motor angle itself is what is wanted */
+    double load_v_per_nm;  /* R/Kt: voltage that carries the joint's torque at the start; 0: none */
+    double limit_v;        /* of a drive that takes less than the supply; 0: none */
+};
+
+struct servo_config {
+    const struct servo_gains *gains; /* one an axis */
     int64_t command_period_ns; /* voltages are sent this often (a multiple of the host's period) */
 };
 
@@ -78,6 +120,7 @@ struct task_config {
     const double *initial_rad; /* naxis: the pose that the robot stands in at the start */
     struct servo_config servo;
     struct squat_config squat;
+    struct grasp_config grasp;
 };
 
 struct task;

@@ -29,6 +29,6 @@ struct task {
     char message[192];
 };
 
-extern const struct task_ops task_squat;
+extern const struct task_ops task_squat, task_grasp;
 
 #endif

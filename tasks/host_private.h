@@ -1,0 +1,114 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the host is made of: the core (host.c) keeps phases, time and queues; what differs between
+ * personalities is behind struct host_ops, one for each bus.
+ */
+#ifndef TASKS_HOST_PRIVATE_H
+#define TASKS_HOST_PRIVATE_H
+
+#include "tasks/host.h"
+
+enum {
+    HOST_ADDRESSES = 32, /* 0 to 31; each personality has its own maximum */
+    HOST_AXES = 4,       /* of a motor board, at most */
+    HOST_SLOTS = 32,     /* of a bus where set-points go by slot */
+    HOST_CHANNELS = 6,   /* of a force-torque or torque board */
+    HOST_QUEUE = 96,     /* frames that one bus may be sent in one period */
+};
+
+enum host_kind { HOST_NO_BOARD, HOST_MOTOR_BOARD, HOST_FT_BOARD, HOST_TORQUE_BOARD };
+
+/* What stands at one address of one bus. */
+struct host_node {
+    enum host_kind kind;
+    int axis[HOST_AXES];        /* HOST_MOTOR_BOARD: host axis, -1 = not ours */
+    int ft;                     /* HOST_FT_BOARD: host sensor */
+    int channel[HOST_CHANNELS]; /* HOST_TORQUE_BOARD: host axis, -1 = unused */
+    int64_t period_ns;          /* that telemetry is to have; 0 = the board's own */
+    bool found;                 /* answered discovery */
+    int requested, answered;    /* start-up requests sent and confirmed */
+    int tries;                  /* of the last one */
+    int64_t request_time_ns;
+    double full_scale[HOST_CHANNELS]; /* as the board says */
+};
+
+struct host_line {
+    const struct host_ops *ops;
+    struct host_node node[HOST_ADDRESSES];
+    struct bus_frame queue[HOST_QUEUE];
+    size_t queued;
+    bool done;                    /* DONE of the present tick has come (lockstep) */
+    bool driving;                 /* motors were switched on: set-points go out every period */
+    int slot[HOST_SLOTS];         /* set-points by slot: host axis, -1 = none */
+    uint32_t slots_on, slots_off; /* switched in this period */
+    int64_t targets_due_ns;       /* HOST_FOC: of the next set-points */
+};
+
+struct host {
+    struct host_config config;
+    struct host_line *line; /* one a bus */
+    struct host_joint *joint;
+    struct host_force *force;
+    double *volts; /* what each axis is to have, within the supply */
+    enum host_phase phase;
+    int64_t phase_since_ns;
+    bool asked;           /* who is there */
+    int64_t asked_ns;     /* the last time, or told the motors */
+    int enabling;         /* times that the motors were told: off, on, on, ... */
+    int64_t now_ns;       /* host time */
+    uint32_t tick;        /* lockstep: tick that the next STEP expects */
+    int64_t step_sent_ns; /* caller's time of the last STEP */
+    bool step_waits;      /* a STEP is out and its DONE has not come on every bus */
+    bool step_refused;    /* it was not the tick that the simulator is at */
+    char message[160];
+};
+
+/* A start-up request to one board. */
+struct host_request {
+    struct bus_frame frame;
+    bool reply; /* an answer is due: read() sets answered = requested */
+};
+
+/* A personality. All are called in the loop; bus is an index. */
+struct host_ops {
+    unsigned motor_address_max, address_max;
+    uint8_t axes; /* of a motor board */
+    /* Queues the question who is there; the answers set found. */
+    void (*discover)(struct host *host, size_t bus);
+    /* The number-th request that a board gets, from 0; false when there are no more. */
+    bool (*request)(const struct host *host, size_t bus, unsigned address, int number,
+                    struct host_request *request);
+    void (*read)(struct host *host, size_t bus, const struct bus_frame *frame);
+    void (*set_motor)(struct host *host, size_t axis, bool on);
+    /* Voltages: a frame for each when it is set, or what is due for the whole bus at the end of the
+     * period. NULL where there is no such. */
+    void (*set_voltage)(struct host *host, size_t axis);
+    void (*end_period)(struct host *host, size_t bus);
+    const char *const *fault_name; /* by bit, NULL = no such bit; 32 entries */
+};
+
+extern const struct host_ops host_icub, host_foc, host_compact;
+
+/* ---- for the personalities ---- */
+
+void host_queue(struct host *host, size_t bus, const struct bus_frame *frame);
+
+/* The axis that a motor board's axis is, or NULL when it is none of ours. */
+struct host_joint *host_node_joint(struct host *host, const struct host_node *node, int axis);
+
+/* Volts as a share of the supply, -1 to 1. */
+double host_duty(const struct host *host, size_t axis);
+
+/* "board 3 on can0 <what>"; the host has failed. */
+void host_fail_node(struct host *host, size_t bus, unsigned address, const char *what);
+
+/* The same for both kinds of iCub motor boards (host_strain.c): class 7 discovery, what a mode means,
+ * and the STRAIN boards' frames, answers and requests. */
+void host_discover_icub(struct host *host, size_t bus);
+bool host_read_discovery(struct host_node *node, const struct bus_frame *frame);
+enum host_motor host_motor_of_mode(uint8_t mode);
+void host_strain_read(struct host *host, struct host_node *node, const struct bus_frame *frame);
+bool host_strain_request(const struct host_node *node, unsigned address, int number,
+                         struct host_request *request);
+
+#endif

@@ -1,0 +1,140 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A host with another personality on each of its buses, and anything at all on them. */
+#include "tests/unit/host_bench.h"
+
+enum { ICUB, FOC, COMPACT };
+
+static void play_icub(struct bench *bench, int bus, const struct bus_frame *frame)
+{
+    if (frame->id == 0x70f) {
+        say(bench, bus, 0x710, 5, (const uint8_t[]){0xff, 4, 3, 0, 1});
+    } else if (frame->id == 0x001 && frame->data[0] == 0x5b) {
+        say(bench, bus, 0x010, 8, (const uint8_t[]){0x5b, 4, 3, 0, 1, 1, 6, 1});
+    } else if (frame->id == 0x001 && frame->data[0] == 0x09) {
+        uint8_t mode = frame->data[1] == 0x50 ? 0x50 : 0;
+
+        say(bench, bus, 0x113, 8, (const uint8_t[]){0, mode, 0, 0xb0, 0, 0, 0, 0});
+        say(bench, bus, 0x111, 8, (const uint8_t[8]){0, 4});
+        say(bench, bus, 0x11a, 8, (const uint8_t[8]){0, 4});
+    }
+}
+
+static void play_foc(struct bench *bench, int bus, const struct bus_frame *frame)
+{
+    if (frame->id == 0x70f) {
+        say(bench, bus, 0x710, 5, (const uint8_t[]){0xff, 8, 3, 0, 1});
+    } else if (frame->id == 0x001 && frame->data[0] == 0x5b) {
+        say(bench, bus, 0x010, 8, (const uint8_t[]){0x5b, 8, 3, 0, 1, 1, 6, 1});
+    } else if (frame->id == 0x10f) {
+        say(bench, bus, 0x110, 8, (const uint8_t[8]){0});
+        say(bench, bus, 0x113, 8, (const uint8_t[8]){0x50});
+    }
+}
+
+static void play_compact(struct bench *bench, int bus, const struct bus_frame *frame)
+{
+    if (frame->id == 0x7e0) {
+        say(bench, bus, 0x7c1, 8, (const uint8_t[]){2, 1, 0, 1, 1, 0, 0, 0});
+    } else if (frame->id == 0x681) {
+        say(bench, bus, 0x6a1, 7, (const uint8_t[7]){0x85});
+    } else if (frame->id == 0x020) {
+        say(bench, bus, 0x200, 8, (const uint8_t[8]){frame->data[0]});
+        say(bench, bus, 0x100, 8, (const uint8_t[8]){0});
+    }
+}
+
+static int set_up(void **state)
+{
+    static struct bench bench;
+    static const char *const joint[] = {"one", "two", "three"};
+    static struct host_axis axis[3];
+    static const struct host_bus bus[] = {
+        {.personality = HOST_ICUB}, {.personality = HOST_FOC}, {.personality = HOST_COMPACT}};
+    struct host_config config = {
+        .nbus = 3,
+        .bus = bus,
+        .naxis = 3,
+        .axis = axis,
+        .supply_v = 48,
+        .period_ns = 1000000,
+    };
+
+    memset(&bench, 0, sizeof bench);
+    for (int k = 0; k < 3; k++) {
+        axis[k] = (struct host_axis){.joint = joint[k],
+                                     .bus = k,
+                                     .address = 1,
+                                     .joint_ticks_per_rad = 100,
+                                     .motor_ticks_per_rad = 1000,
+                                     .drive = {.gear = 100, .spring_nm_rad = 100},
+                                     .torque_address = -1};
+    }
+    bench.play[ICUB] = play_icub;
+    bench.play[FOC] = play_foc;
+    bench.play[COMPACT] = play_compact;
+    bench_open(&bench, &config);
+    *state = &bench;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    bench_close(*state);
+    return 0;
+}
+
+static void each_bus_is_spoken_to_in_its_own_way(void **state)
+{
+    struct bench *bench = *state;
+
+    assert_int_equal(start_up(bench, 100), HOST_READY);
+    assert_true(host_healthy(bench->host));
+    for (size_t i = 0; i < 3; i++) {
+        host_set_voltage(bench->host, i, 12);
+    }
+    bench->nseen = 0;
+    one_period(bench);
+    assert_int_equal(bench->nseen, 3);
+    assert_true(was_sent(bench, ICUB, 0x001, 3, (const uint8_t[]){0x72, 0x4d, 0x01}));
+    assert_true(was_sent(bench, FOC, 0x10f, 8, (const uint8_t[8]){0x40, 0x1f}));
+    assert_true(was_sent(bench, COMPACT, 0x040, 2, (const uint8_t[]){0x70, 0x17}));
+}
+
+static void no_frame_can_harm_the_host(void **state)
+{
+    struct bench *bench = *state;
+    uint64_t random = 88172645463325252u;
+
+    for (int i = 0; i < 300000; i++) {
+        struct bus_frame frame = {0};
+
+        for (int k = 0; k < 9; k++) { /* xorshift64 */
+            random ^= random << 13;
+            random ^= random >> 7;
+            random ^= random << 17;
+            if (k < 8) {
+                memcpy(frame.data + 8 * k, &random, 8);
+            }
+        }
+        frame.id = (uint32_t)random & 0x7ff;
+        frame.len = (uint8_t)((random >> 16) % 9);
+        say_frame(bench, (int)((random >> 32) % 3), &frame);
+        if (i % 100 == 0) {
+            host_start_up(bench->host);
+            host_set_voltage(bench->host, 1, 1);
+            one_period(bench);
+            bench->nseen = 0;
+            host_healthy(bench->host);
+        }
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(each_bus_is_spoken_to_in_its_own_way, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(no_frame_can_harm_the_host, set_up, tear_down),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,158 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The servo's voltages, axis by axis, on a host that the test plays. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "tasks/servo.h"
+
+#include "tests/physics/near.h"
+
+enum { AXES = 2 };
+
+struct host {
+    struct host_config config;
+    struct host_joint joint[AXES];
+    double volts[AXES];
+    int64_t now_ns;
+};
+
+const struct host_config *host_configuration(const struct host *host)
+{
+    return &host->config;
+}
+
+const struct host_joint *host_joint(const struct host *host, size_t axis)
+{
+    return &host->joint[axis];
+}
+
+int64_t host_time_ns(const struct host *host)
+{
+    return host->now_ns;
+}
+
+void host_set_voltage(struct host *host, size_t axis, double volts)
+{
+    host->volts[axis] = volts;
+}
+
+static const struct host_axis axes[AXES] = {{.joint_ticks_per_rad = 1e6},
+                                            {.joint_ticks_per_rad = 1e6}};
+static struct arena arena;
+static struct host host;
+static struct servo_gains gains[AXES];
+static struct servo *servo;
+
+static int set_up(void **state)
+{
+    const struct servo_config config = {.gains = gains, .command_period_ns = 2000000};
+
+    (void)state;
+    host = (struct host){.config = {.naxis = AXES, .axis = axes, .supply_v = 80}};
+    for (int i = 0; i < AXES; i++) {
+        gains[i] = (struct servo_gains){.kp_v_per_rad = 100};
+    }
+    if (arena_init(&arena, 1 << 16, NULL) || servo_create(&config, &host, &arena, &servo, NULL)) {
+        return -1;
+    }
+    servo_start(servo);
+    servo_update(servo);
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    arena_fini(&arena);
+    return 0;
+}
+
+/* Time goes on by ms; the motors tell their angles. */
+static void pass(int ms, double motor0, double motor1)
+{
+    host.now_ns += 1000000 * (int64_t)ms;
+    host.joint[0].motor_rad = motor0;
+    host.joint[1].motor_rad = motor1;
+    host.joint[0].motor_time_ns = host.joint[1].motor_time_ns = host.now_ns;
+    servo_update(servo);
+}
+
+static void each_axis_has_its_own_gains(void **state)
+{
+    (void)state;
+    gains[1] = (struct servo_gains){.kp_v_per_rad = 300, .kw_v_s_per_rad = 5};
+    servo_set(servo, 0, 0.1, 2);
+    servo_set(servo, 1, 0.1, 2);
+    pass(2, 0, 0);
+    assert_near(host.volts[0], 10, 1e-12);
+    assert_near(host.volts[1], 300 * 0.1 + 5 * 2, 1e-12);
+}
+
+static void a_drive_is_kept_to_its_limit_below_the_supply(void **state)
+{
+    (void)state;
+    gains[1].limit_v = 40;
+    servo_set(servo, 0, 2, 0);
+    servo_set(servo, 1, -2, 0);
+    pass(2, 0, 0);
+    assert_near(host.volts[0], 80, 0);
+    assert_near(host.volts[1], -40, 0);
+}
+
+static void an_integral_does_not_wind_up_at_the_limit(void **state)
+{
+    (void)state;
+    gains[0] = (struct servo_gains){.kp_v_per_rad = 100, .ki_v_per_rad_s = 100, .limit_v = 40};
+    servo_set(servo, 0, 1, 0);
+    for (int i = 0; i < 1000; i++) {
+        pass(2, 0, 0);
+    }
+    assert_near(host.volts[0], 40, 0);
+    pass(2, 1, 0);
+    assert_near(host.volts[0], 0, 1e-12);
+}
+
+static void the_rate_is_damped_to_the_references_rate(void **state)
+{
+    (void)state;
+    gains[0] = (struct servo_gains){.kd_v_s_per_rad = 20};
+    servo_set(servo, 0, 0, 0.5);
+    pass(4, 0.004, 0);
+    assert_near(host.volts[0], 20 * (0.5 - 1.0), 1e-12);
+    /* no news: the last rate stands */
+    host.now_ns += 2000000;
+    servo_update(servo);
+    assert_near(host.volts[0], 20 * (0.5 - 1.0), 1e-12);
+}
+
+/* one came late, the next on time, a millisecond after it */
+static void messages_in_quick_succession_make_no_spike_in_the_rate(void **state)
+{
+    (void)state;
+    gains[0] = (struct servo_gains){.kd_v_s_per_rad = 20};
+    pass(6, 0.006, 0);
+    pass(1, 0.008, 0);
+    pass(1, 0.008, 0);
+    assert_near(host.volts[0], -20 * 0.002 / 0.002, 1e-9);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(each_axis_has_its_own_gains, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_drive_is_kept_to_its_limit_below_the_supply, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(an_integral_does_not_wind_up_at_the_limit, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(the_rate_is_damped_to_the_references_rate, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(messages_in_quick_succession_make_no_spike_in_the_rate,
+                                        set_up, tear_down),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
