@@ -3,6 +3,7 @@
 #include "rt/buses.h"
 
 #include "base/text.h"
+#include "canbus/paced.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -76,17 +77,43 @@ static enum error_code check_distinct(const struct buses *buses, struct error *e
     return ERROR_NONE;
 }
 
+/* The boards of a bus, each with a controller of its own. */
+static size_t controllers(const struct rig_bus *bus)
+{
+    return bus->nboard ? bus->nboard : 1;
+}
+
 static enum error_code create_local(struct buses *buses, struct arena *arena, struct error *error)
 {
-    for (size_t b = 0; b < buses->rig->nbus; b++) {
-        enum error_code code = local_bus_create(buses->interface[b], LOCAL_NODES, LOCAL_INBOX,
-                                                false, arena, &buses->bus[b], error);
+    const struct rig *rig = buses->rig;
+
+    for (size_t b = 0; b < rig->nbus; b++) {
+        const struct rig_bus *bus = &rig->bus[b];
+        const struct local_bus_config config = {
+            .name = buses->interface[b],
+            .max_nodes = LOCAL_NODES,
+            .inbox = LOCAL_INBOX,
+            .fd = bus->fd,
+            .mode = rig->wire.timed ? LOCAL_BUS_WIRE : LOCAL_BUS_IDEAL,
+            .bitrate = bus->bitrate,
+            .data_bitrate = bus->data_bitrate,
+            .wire_nodes = controllers(bus) + LOCAL_NODES - 1,
+            .queue = rig->wire.queue,
+            .fifo = rig->wire.fifo,
+            .restart_delay_ns = rig->wire.restart_ns,
+            .seed = b,
+            .bypass_id = {rig->lockstep.step_id, rig->lockstep.done_id},
+            .nbypass = 2,
+        };
+        enum error_code code = local_bus_create(&config, arena, &buses->bus[b], error);
 
         if (code) {
             buses_close(buses);
             return code;
         }
+        buses->wire[b] = local_bus_wire(buses->bus[b]);
     }
+    buses->timed = rig->wire.timed;
     return ERROR_NONE;
 }
 
@@ -126,13 +153,14 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
     return buses->local ? create_local(buses, arena, error) : ERROR_NONE;
 }
 
-static enum error_code join_one(struct buses *buses, size_t bus, struct arena *arena,
+static enum error_code join_one(struct buses *buses, size_t bus, size_t nodes, struct arena *arena,
                                 struct can_port **port, struct error *error)
 {
-    struct socketcan_config config = {.interface = buses->interface[bus]};
+    struct socketcan_config config = {.interface = buses->interface[bus],
+                                      .fd = buses->rig->bus[bus].fd};
 
     if (buses->local) {
-        return local_bus_join(buses->bus[bus], NULL, 0, port, error);
+        return local_bus_join_nodes(buses->bus[bus], nodes, NULL, 0, port, error);
     }
     if (socketcan_open(&config, arena, port, error)) {
         return error_prefix(error, "bus %s", buses->rig->bus[bus].name);
@@ -140,20 +168,82 @@ static enum error_code join_one(struct buses *buses, size_t bus, struct arena *a
     return ERROR_NONE;
 }
 
-enum error_code buses_join(struct buses *buses, struct arena *arena, struct bus_ports *ports,
-                           struct error *error)
+/* Puts a wire before the simulator's port. */
+static enum error_code pace(struct buses *buses, size_t b, struct arena *arena,
+                            struct can_port **port, struct error *error)
+{
+    const struct rig *rig = buses->rig;
+    const struct paced_port_config config = {
+        .port = *port,
+        .bitrate = rig->bus[b].bitrate,
+        .data_bitrate = rig->bus[b].data_bitrate,
+        .nodes = controllers(&rig->bus[b]),
+        .queue = rig->wire.queue,
+        .fifo = rig->wire.fifo,
+        .bypass_id = {rig->lockstep.step_id, rig->lockstep.done_id},
+        .nbypass = 2,
+    };
+    enum error_code code = paced_port_create(&config, arena, &buses->paced[b], error);
+
+    if (!code) {
+        *port = buses->paced[b];
+        buses->wire[b] = paced_port_wire(*port);
+        buses->timed = true;
+    }
+    return code;
+}
+
+static enum error_code join_all(struct buses *buses, bool boards, struct arena *arena,
+                                struct bus_ports *ports, struct error *error)
 {
     memset(ports, 0, sizeof *ports);
     for (size_t b = 0; b < buses->rig->nbus; b++) {
-        enum error_code code = join_one(buses, b, arena, &ports->port[b], error);
+        size_t nodes = boards ? controllers(&buses->rig->bus[b]) : 1;
+        enum error_code code = join_one(buses, b, nodes, arena, &ports->port[b], error);
 
+        ports->count += !code;
+        if (!code && boards && !buses->local && buses->rig->wire.paced) {
+            code = pace(buses, b, arena, &ports->port[b], error);
+        }
         if (code) {
             bus_ports_close(ports);
             return code;
         }
-        ports->count++;
     }
     return ERROR_NONE;
+}
+
+enum error_code buses_join_boards(struct buses *buses, struct arena *arena, struct bus_ports *ports,
+                                  struct error *error)
+{
+    return join_all(buses, true, arena, ports, error);
+}
+
+enum error_code buses_join(struct buses *buses, struct arena *arena, struct bus_ports *ports,
+                           struct error *error)
+{
+    return join_all(buses, false, arena, ports, error);
+}
+
+void buses_advance(const struct buses *buses, int64_t now_ns)
+{
+    for (size_t b = 0; b < buses->rig->nbus; b++) {
+        if (buses->bus[b]) {
+            local_bus_advance(buses->bus[b], now_ns);
+        } else if (buses->paced[b]) {
+            paced_port_advance(buses->paced[b], now_ns);
+        }
+    }
+}
+
+void buses_tap(const struct buses *buses, size_t bus,
+               void (*tap)(void *context, const struct bus_frame *frame), void *context)
+{
+    if (buses->bus[bus]) {
+        local_bus_tap(buses->bus[bus], tap, context);
+    } else {
+        paced_port_tap(buses->paced[bus], tap, context);
+    }
 }
 
 void bus_ports_close(struct bus_ports *ports)

@@ -30,7 +30,10 @@ struct buses {
     const struct rig *rig;
     const char *interface[BUSES_MAX]; /* of each bus, the rig's or the command line's */
     bool local;
-    struct local_bus *bus[BUSES_MAX]; /* when local */
+    bool timed;                          /* the wires have a time: buses_advance */
+    struct local_bus *bus[BUSES_MAX];    /* when local */
+    struct can_port *paced[BUSES_MAX];   /* the simulator's, when SocketCAN is paced */
+    struct wire *wire[BUSES_MAX];        /* when timed */
 };
 
 /* Chooses the transport and creates the local buses. overrides has "NAME=INTERFACE" entries, as of
@@ -39,9 +42,22 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
                            const char *const *overrides, size_t noverride, struct arena *arena,
                            struct buses *buses, char notice[256], struct error *error);
 
+/* Joins every bus as the simulator: in the place of all boards of the bus, each with a controller of its
+ * own where the buses are timed. Once, and before other participants. */
+enum error_code buses_join_boards(struct buses *buses, struct arena *arena, struct bus_ports *ports,
+                                  struct error *error);
+
 /* Joins every bus as one more participant. */
 enum error_code buses_join(struct buses *buses, struct arena *arena, struct bus_ports *ports,
                            struct error *error);
+
+/* Moves timed buses to a virtual time; from the simulator's thread, RT-safe. */
+void buses_advance(const struct buses *buses, int64_t now_ns);
+
+/* Has every frame that the wire of a timed bus has carried told, from the simulator's thread. To be set
+ * before the first frame. */
+void buses_tap(const struct buses *buses, size_t bus,
+               void (*tap)(void *context, const struct bus_frame *frame), void *context);
 
 void bus_ports_close(struct bus_ports *ports);
 

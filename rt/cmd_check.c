@@ -3,6 +3,7 @@
 #include "boards/board.h"
 #include "rt/commands.h"
 #include "rt/options.h"
+#include "rt/buses.h"
 #include "rt/rig.h"
 
 #include <inttypes.h>
@@ -45,9 +46,9 @@ static void print_time(const struct rig *rig)
         moved += rig->joint[j] != pose->joint[j];
     }
     printf("start       pose %s with %zu joints elsewhere, base at %g %g %g m, supply %g V, links "
-           "%s\n",
+           "%s%s\n",
            rig->pose, moved, rig->base_position[0], rig->base_position[1], rig->base_position[2],
-           rig->supply_v, holds[rig->hold]);
+           rig->supply_v, holds[rig->hold], rig->settle ? ", settled" : "");
 }
 
 static void print_running(const struct rig *rig)
@@ -109,13 +110,24 @@ static const char *joint_name(const struct rig *rig, int joint)
     return joint < 0 ? "spare" : rig->robot->joint[joint].name;
 }
 
+static void print_axes(const struct rig *rig, const struct board_config *board)
+{
+    enum board_personality personality = rig->bus[board->bus].personality;
+    size_t most = board_axes_max(personality);
+
+    printf("motor   ");
+    for (size_t i = 0; i < most && (board->axis[i].joint >= 0 || personality == BOARD_ICUB); i++) {
+        printf("%s%s", i ? ", " : "", joint_name(rig, board->axis[i].joint));
+    }
+    printf("\n");
+}
+
 static void print_board(const struct rig *rig, const struct board_config *board)
 {
     printf("    0x%02x ", board->address);
     switch (board->kind) {
     case BOARD_MOTOR:
-        printf("motor   %s, %s\n", joint_name(rig, board->axis[0].joint),
-               joint_name(rig, board->axis[1].joint));
+        print_axes(rig, board);
         break;
     case BOARD_FT:
         printf("F/T     %s, %g N, %g N m, every %g ms\n", rig->robot->ft[board->ft].name,
@@ -156,6 +168,132 @@ static void print_buses(const struct rig *rig)
     }
 }
 
+static bool is_ideal(const struct sensor_error *e)
+{
+    static const struct sensor_error none;
+
+    return memcmp(e, &none, sizeof none) == 0;
+}
+
+static void print_error(const char *what, const char *unit, const struct sensor_error *e)
+{
+    if (!is_ideal(e)) {
+        printf("  %-16s noise %g, offset %g, gain error %g, step %g %s, %g ms late\n", what,
+               e->noise_rms, e->offset, e->gain_error, e->lsb, unit, (double)e->latency_ns * 1e-6);
+    }
+}
+
+/* The sensors that are not ideal (joints by the first, with a note when others differ), and the
+ * faults that are armed. */
+static void print_sensors(const struct rig *rig)
+{
+    const struct sensing_config *s = &rig->sensing;
+    const struct sensor_joint *joint = s->joint;
+    size_t differ = 0;
+
+    for (size_t j = 1; j < s->njoint; j++) {
+        differ += memcmp(&joint[j].link_encoder, &joint[0].link_encoder,
+                         sizeof *joint - offsetof(struct sensor_joint, link_encoder)) != 0;
+    }
+    printf("sensors     of %zu joints, %zu F/T, seed %" PRIu64 "%s\n", s->njoint, s->nft, rig->seed,
+           differ ? ", not all joints alike" : "");
+    if (s->njoint > 0) {
+        print_error("link encoder", "rad", &joint[0].link_encoder);
+        print_error("motor encoder", "rad", &joint[0].motor_encoder);
+        print_error("current", "A", &joint[0].current);
+        print_error("torque", "N m", &joint[0].torque);
+        print_error("temperature", "K", &joint[0].temperature);
+    }
+    if (s->nft > 0) {
+        print_error("F/T force", "N", &s->ft[0].force);
+        print_error("F/T torque", "N m", &s->ft[0].torque);
+    }
+    print_error("gyro", "rad/s", &s->gyro);
+    print_error("accelerometer", "m/s2", &s->accel);
+    printf("faults      %zu armed\n", rig->nfault);
+    for (size_t i = 0; i < rig->nfault; i++) {
+        printf("  %s\n", rig->fault[i].name);
+    }
+}
+
+/* ---- the budget of each bus ---- */
+
+/* Percent of the bus's time with commands at a period. */
+static double demand(const struct rig *rig, size_t bus, int64_t command_ns)
+{
+    double telemetry, commands;
+
+    rig_bus_load(rig, bus, command_ns, &telemetry, &commands);
+    return 100.0 * (telemetry + commands) / (double)rig->bus[bus].bitrate;
+}
+
+/* The same at another bit rate; CAN FD keeps the ratio of its two rates. */
+static double demand_at(const struct rig *rig, size_t bus, int64_t bitrate)
+{
+    const struct rig_bus *of = &rig->bus[bus];
+    struct rig changed = *rig;
+    struct rig_bus buses[BUSES_MAX];
+
+    memcpy(buses, rig->bus, rig->nbus * sizeof *buses);
+    buses[bus].bitrate = bitrate;
+    buses[bus].data_bitrate = of->data_bitrate * bitrate / of->bitrate;
+    changed.bus = buses;
+    return demand(&changed, bus, rig->servo.command_period_ns);
+}
+
+/* What would make a bus fit: a longer command period, a higher bit rate, more buses. */
+static void advise(const struct rig *rig, size_t bus, double percent, char *text, size_t size)
+{
+    static const int64_t rates[] = {125000, 250000, 500000, 800000, 1000000};
+    const int64_t period = rig->servo.command_period_ns;
+    size_t used;
+    int times = 2;
+
+    snprintf(text, size, "split it over %d buses", (int)(percent / 100.0) + 1);
+    while (times <= 10 && demand(rig, bus, period * times) > 100.0) {
+        times++;
+    }
+    used = strlen(text);
+    if (times <= 10) {
+        snprintf(text + used, size - used, ", or command every %g ms (%.1f %%)",
+                 (double)(period * times) * 1e-6, demand(rig, bus, period * times));
+    }
+    for (size_t i = 0; i < sizeof rates / sizeof rates[0]; i++) {
+        double at = rates[i] > rig->bus[bus].bitrate ? demand_at(rig, bus, rates[i]) : 1e9;
+
+        used = strlen(text);
+        if (at <= 100.0) {
+            snprintf(text + used, size - used, ", or run it at %g kbit/s (%.1f %%)",
+                     (double)rates[i] * 1e-3, at);
+            return;
+        }
+    }
+}
+
+/* Periodic traffic that cannot fit is refused or warned of, as the rig says. */
+static enum error_code check_budget(const struct rig *rig, struct error *error)
+{
+    for (size_t b = 0; b < rig->nbus && rig->wire.budget != RIG_BUDGET_IGNORE; b++) {
+        const double percent = demand(rig, b, rig->servo.command_period_ns);
+        char advice[256];
+
+        if (percent <= 100.0) {
+            continue;
+        }
+        advise(rig, b, percent, advice, sizeof advice);
+        if (rig->wire.budget == RIG_BUDGET_REFUSE) {
+            return error_set(error, ERROR_INPUT,
+                             "%s: bus %s would carry %.1f %% of what it can at the worst: %s",
+                             rig->file, rig->bus[b].name, percent, advice);
+        }
+        fprintf(stderr,
+                "coman-hil check: warning: bus %s would carry %.1f %% of what it can at the worst: "
+                "%s\n",
+                rig->bus[b].name, percent, advice);
+    }
+    return ERROR_NONE;
+}
+
 /* The boards make checks of their own when they are created. */
 static enum error_code check_rig(const char *path, struct arena *arena, struct error *error)
 {
@@ -174,8 +312,9 @@ static enum error_code check_rig(const char *path, struct arena *arena, struct e
     print_time(rig);
     print_running(rig);
     print_scene(rig);
+    print_sensors(rig);
     print_buses(rig);
-    return ERROR_NONE;
+    return check_budget(rig, error);
 }
 
 static enum error_code check_robot(const char *path, const char *variant, struct arena *arena,

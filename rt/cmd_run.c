@@ -3,23 +3,21 @@
 #include "rt/commands.h"
 #include "rt/monitor.h"
 #include "rt/options.h"
+#include "rt/rig_command.h"
 #include "rt/summary.h"
 
 #include <math.h>
-#include <signal.h>
 #include <string.h>
 #include <unistd.h>
-
-#define ARENA_SIZE ((size_t)512 << 20)
 
 /* The command line. */
 struct run_options {
     const char *rig, *task, *record;
-    struct option_list bus;
+    struct option_list bus, fault;
     double duration_s;
-    int64_t ticks, record_period_ms;
-    int clock, overrun, transport, hold;
-    bool force, quiet;
+    int64_t ticks, record_period_ms, seed;
+    int clock, overrun, transport, hold, wire;
+    bool settle, energy, force, quiet;
 };
 
 static const struct option_word clock_words[] = {
@@ -32,10 +30,12 @@ static const struct option_word hold_words[] = {
 };
 static const struct option_word overrun_words[] = {
     {"skip", RIG_OVERRUN_SKIP}, {"slip", RIG_OVERRUN_SLIP}, {"stop", RIG_OVERRUN_STOP}, {0}};
+static const struct option_word wire_words[] = {{"ideal", 0}, {"wire", 1}, {0}};
 static const struct option_word transport_words[] = {
     {"auto", TRANSPORT_AUTO}, {"socketcan", TRANSPORT_SOCKETCAN}, {"local", TRANSPORT_LOCAL}, {0}};
 
-static const char manual[] =
+/* %s: the kinds of faults */
+static const char manual_format[] =
     "Clocks. real: one tick each period of the wall clock, on a grid that does not drift. "
     "lockstep: a "
     "tick runs when a STEP frame (0x6F0: expected tick, number of ticks) asks for it and is "
@@ -49,15 +49,47 @@ static const char manual[] =
     "phase "
     "that took longest. More than a second behind is taken for a pause, and the grid taken up "
     "again.\n\n"
+    "Start. As it stands in the rig a robot's springs are relaxed and its feet just touch: once "
+    "let go it sinks onto them, and that takes some 0.2 s to die out. --settle (or settle: true in "
+    "the rig's initial) starts in static equilibrium at the same joint angles, base and free bodies "
+    "moved so that contacts carry them. Until the links are let go the rotors are held like them, "
+    "as by brakes, so that the springs stay loaded while motors are off; all are let go 20 ms after "
+    "the last motor is on. A controller that gives each motor the voltage for its joint's torque "
+    "from the start (load_v_per_nm of the rig's servo) takes over without a jolt.\n\n"
+    "Faults. A line is [NAME:] TARGET KIND [PARAMETER...] [FROM..TO]: TARGET is motor JOINT, sensor "
+    "JOINT.CHANNEL (link_encoder, motor_encoder, current, torque, temperature), sensor FT[.fx fy fz "
+    "tx ty tz], sensor imu[.gyro_x ... accel_z], board BUS/ADDRESS, bus NAME or supply. FROM..TO are "
+    "seconds of virtual time, TO may be left out, without both the fault is there from the start; "
+    "manual waits until it is switched. Parameters are KEY=VALUE, or VALUE alone for the first. "
+    "id=ID restricts a fault of a bus to one identifier; without it STEP and DONE are spared. Each "
+    "begin and end is a line of the log; no frame tells of it. Kinds:\n%s\n"
     "The recording is candump.log (all buses, both directions, as candump -L writes it, stamped "
     "with "
     "virtual time: two lockstep or free runs give the same bytes), signals.csv (joints, contact "
     "forces, base) and summary.json. When it cannot be written whole, the run goes on and ends "
     "with "
     "status 3.\n\n"
+    "--energy integrates the power of every part beside the motion. What is left over, as a part of "
+    "all energy that went anywhere, judges the step: 1e-6 and less with rk4 that is short enough, "
+    "1e-3 with implicit at 1 ms, which is of first order. The state hash then covers the account "
+    "too.\n\n"
     "With a task the run ends when the task does: status 0 when it is done, 1 when it failed. An "
     "interrupt (Ctrl-C) or SIGTERM switches the motors off and ends with the summary; a second one "
     "kills.";
+
+static char manual[16384];
+
+static void write_manual(void)
+{
+    char kinds[4096] = "", line[256];
+    size_t used = 0, count = faults_help(0, NULL, 0);
+
+    for (size_t i = 0; i < count && used < sizeof kinds; i++) {
+        faults_help(i, line, sizeof line);
+        used += (size_t)snprintf(kinds + used, sizeof kinds - used, "  %s\n", line);
+    }
+    snprintf(manual, sizeof manual, manual_format, kinds);
+}
 
 static bool parse(int argc, char **argv, struct run_options *out, int *status)
 {
@@ -77,12 +109,28 @@ static bool parse(int argc, char **argv, struct run_options *out, int *status)
          "socketcan, local (inside this process) or auto, the default: socketcan when the kernel "
          "has CAN, else local",
          .value = &o.transport, .words = transport_words},
+        {"--wire", OPTION_ENUM, "MODE",
+         "ideal: frames take no time; wire: they take that of their bits, and arbitration, on local "
+         "buses and at the speed of SocketCAN's; the rig's by default",
+         .value = &o.wire, .words = wire_words},
         {"--hold", OPTION_ENUM, "WHEN",
          "links clamped as in a jig: none, until_enabled (all motors on) or always; the rig's by "
          "default",
          .value = &o.hold, .words = hold_words},
+        {"--settle", OPTION_FLAG, NULL,
+         "start in static equilibrium: springs and contacts carry the weight from the first tick",
+         .value = &o.settle},
+        {"--energy", OPTION_FLAG, NULL,
+         "account for electrical energy, heat and what is stored; the summary says how well it "
+         "balances",
+         .value = &o.energy},
         {"--overrun", OPTION_ENUM, "POLICY", "skip, slip or stop; the rig's by default",
          .value = &o.overrun, .words = overrun_words},
+        {"--fault", OPTION_LIST, "LINE",
+         "arm a fault, as 'motor LKneeSag jam 2..2.5'; may stand more than once; see below",
+         .value = &o.fault},
+        {"--seed", OPTION_INT, "N", "of sensor noise and faults; the rig's by default",
+         .value = &o.seed, .min = 0.0, .max = 9e15},
         {"--record", OPTION_STRING, "DIR", "record into this directory, new or empty",
          .value = &o.record},
         {"--record-period", OPTION_INT, "MS", "rows of signals.csv every MS ms, 10 by default",
@@ -102,38 +150,13 @@ static bool parse(int argc, char **argv, struct run_options *out, int *status)
         .manual = manual,
     };
 
-    o = (struct run_options){.clock = -1, .overrun = -1, .hold = -1, .record_period_ms = 10};
+    write_manual();
+    o = (struct run_options){.seed = -1, .clock = -1, .overrun = -1, .hold = -1, .wire = -1, .record_period_ms = 10};
     if (!options_read(&spec, argc, argv, status)) {
         return false;
     }
     *out = o;
     return true;
-}
-
-/* ---- signals ---- */
-
-static struct simulator *running;
-
-/* the handler is reset on entry, so that a second signal kills */
-static void on_signal(int number)
-{
-    (void)number;
-    simulator_stop(running);
-}
-
-static void catch_signals(struct simulator *simulator)
-{
-    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND};
-
-    running = simulator;
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
-}
-
-static void release_signals(void)
-{
-    signal(SIGINT, SIG_DFL);
-    signal(SIGTERM, SIG_DFL);
 }
 
 /* ---- the run ---- */
@@ -145,12 +168,18 @@ static enum error_code configure(const struct run_options *options, const struct
         .rig = rig,
         .clock = options->clock < 0 ? rig->clock : (enum rig_clock)options->clock,
         .hold = options->hold < 0 ? rig->hold : (enum rig_hold)options->hold,
+        .settle = options->settle || rig->settle,
+        .energy = options->energy,
         .overrun =
             options->overrun < 0 ? rig->realtime.overrun : (enum rig_overrun)options->overrun,
         .stop_after = rig->realtime.stop_after,
         .transport = (enum bus_transport)options->transport,
         .interface = options->bus.item,
         .ninterface = options->bus.count,
+        .fault = options->fault.item,
+        .nfault = options->fault.count,
+        .seed_given = options->seed >= 0,
+        .seed = (uint64_t)options->seed,
         .ticks = (uint64_t)options->ticks,
         .task = options->task,
         .record = options->record ? options->record : rig->record.directory,
@@ -211,6 +240,11 @@ static int finish(struct simulator *simulator, enum loop_end end)
     return status ? status : incomplete;
 }
 
+static void stop(void *context)
+{
+    simulator_stop(context);
+}
+
 static int run(struct simulator *simulator, bool quiet)
 {
     static struct monitor monitor;
@@ -224,35 +258,57 @@ static int run(struct simulator *simulator, bool quiet)
                       &error)) {
         return command_fail("run", &error);
     }
-    catch_signals(simulator);
+    rig_command_on_stop(stop, simulator);
     if (simulator_start(simulator, &report, &error)) {
         monitor_stop(&monitor);
         return command_fail("run", &error);
     }
-    for (size_t i = 0; i < report.count; i++) {
-        fprintf(stderr, "%swarning: %s\n", monitor.log.clear, report.warning[i]);
-    }
+    rig_command_warn(&report, monitor.log.clear);
     end = simulator_run(simulator);
     monitor_stop(&monitor);
     notify_close(&manager);
-    release_signals();
+    rig_command_ignore_stop();
     return finish(simulator, end);
 }
 
-static int prepare(const struct run_options *options, struct arena *arena)
+static void print_settled(const struct simulator *simulator)
 {
+    const struct settled *settled = simulator_settled(simulator);
+
+    if (!settled) {
+        return;
+    }
+    fprintf(stderr, "settled: %.1g of a weight left over, %.1g sideways", settled->residual,
+            settled->sideways);
+    if (simulator_configuration(simulator)->rig->robot->floating) {
+        fprintf(stderr, "; base %.3f mm lower and tilted by %.3f mrad", -1e3 * settled->rise_m,
+                1e3 * settled->tilt_rad);
+    }
+    fputc('\n', stderr);
+}
+
+static int run_rig(void *context, const struct rig *loaded, struct arena *arena)
+{
+    const struct run_options *options = context;
+    static struct rig changed;
+    const struct rig *rig = loaded;
     struct simulator_config config;
     struct simulator *simulator;
-    const struct rig *rig;
     struct error error;
     char notice[256];
     int status;
 
-    if (rig_load(options->rig, arena, &rig, &error) || configure(options, rig, &config, &error) ||
+    if (options->wire >= 0) {
+        changed = *loaded;
+        changed.wire.timed = changed.wire.paced = options->wire;
+        rig = &changed;
+    }
+    if (configure(options, rig, &config, &error) ||
         simulator_create(&config, arena, &simulator, notice, &error)) {
         return command_fail("run", &error);
     }
     fprintf(stderr, "dynamics: %s\n", simulator_dynamics(simulator));
+    print_settled(simulator);
     if (notice[0]) {
         fprintf(stderr, "notice: %s\n", notice);
     }
@@ -264,17 +320,9 @@ static int prepare(const struct run_options *options, struct arena *arena)
 int cmd_run(int argc, char **argv)
 {
     struct run_options options;
-    struct arena arena;
-    struct error error;
     int status;
 
-    if (!parse(argc, argv, &options, &status)) {
-        return status;
-    }
-    if (arena_init(&arena, ARENA_SIZE, &error)) {
-        return command_fail("run", &error);
-    }
-    status = prepare(&options, &arena);
-    arena_fini(&arena);
-    return status;
+    return parse(argc, argv, &options, &status)
+               ? rig_command("run", options.rig, &options, run_rig)
+               : status;
 }

@@ -4,15 +4,12 @@
 #include "rt/commands.h"
 #include "rt/controller.h"
 #include "rt/options.h"
-#include "rt/realtime.h"
+#include "rt/rig_command.h"
 
 #include <pthread.h>
-#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
-
-#define ARENA_SIZE ((size_t)512 << 20)
 
 struct task_options {
     const char *task, *rig;
@@ -44,7 +41,7 @@ static bool parse(int argc, char **argv, struct task_options *out, int *status)
         {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &o.quiet},
     };
     static const struct operand_spec operands[] = {
-        {"NAME", "the task: squat", true, &o.task},
+        {"NAME", "the task: squat or grasp", true, &o.task},
         {"RIG", "the rig file", true, &o.rig},
     };
     static const struct command_spec spec = {
@@ -66,14 +63,6 @@ static bool parse(int argc, char **argv, struct task_options *out, int *status)
 }
 
 /* ---- status line ---- */
-
-static struct controller *running;
-
-static void on_signal(int number)
-{
-    (void)number;
-    atomic_store(&running->stop, true);
-}
 
 struct reporter {
     struct controller *controller;
@@ -124,25 +113,27 @@ static int judge(struct controller *controller, enum task_status status)
     }
 }
 
+static void stop(void *context)
+{
+    struct controller *controller = context;
+
+    atomic_store(&controller->stop, true);
+}
+
 static int run(struct controller *controller, const struct rig *rig, bool quiet)
 {
-    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND};
     struct reporter reporter = {.controller = controller, .terminal = isatty(STDERR_FILENO)};
     struct realtime_config realtime = {rig->realtime.priority, rig->realtime.lock_memory, -1};
     struct realtime_report warnings;
     enum task_status status;
 
-    running = controller;
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
+    rig_command_on_stop(stop, controller);
     if (!quiet && pthread_create(&reporter.thread, NULL, report, &reporter)) {
         quiet = true;
     }
     if (!controller->lockstep) {
         realtime_apply(&realtime, &warnings);
-        for (size_t i = 0; i < warnings.count; i++) {
-            fprintf(stderr, "warning: %s\n", warnings.warning[i]);
-        }
+        rig_command_warn(&warnings, "");
     }
     status = controller_run(controller);
     if (!quiet) {
@@ -152,21 +143,17 @@ static int run(struct controller *controller, const struct rig *rig, bool quiet)
     return judge(controller, status);
 }
 
-static int prepare(const struct task_options *options, struct arena *arena)
+static int run_rig(void *context, const struct rig *rig, struct arena *arena)
 {
+    const struct task_options *options = context;
     struct controller *controller;
     struct bus_ports ports;
-    const struct rig *rig;
     struct buses buses;
     struct error error;
     char notice[256];
     bool lockstep;
     int status;
 
-    if (controller_check_name(options->task, &error) ||
-        rig_load(options->rig, arena, &rig, &error)) {
-        return command_fail("task", &error);
-    }
     lockstep =
         (options->clock < 0 ? rig->clock : (enum rig_clock)options->clock) == RIG_CLOCK_LOCKSTEP;
     if (buses_open(rig, TRANSPORT_SOCKETCAN, options->bus.item, options->bus.count, arena, &buses,
@@ -189,17 +176,13 @@ static int prepare(const struct task_options *options, struct arena *arena)
 int cmd_task(int argc, char **argv)
 {
     struct task_options options;
-    struct arena arena;
     struct error error;
     int status;
 
     if (!parse(argc, argv, &options, &status)) {
         return status;
     }
-    if (arena_init(&arena, ARENA_SIZE, &error)) {
-        return command_fail("task", &error);
-    }
-    status = prepare(&options, &arena);
-    arena_fini(&arena);
-    return status;
+    return controller_check_name(options.task, &error)
+               ? command_fail("task", &error)
+               : rig_command("task", options.rig, &options, run_rig);
 }

@@ -44,6 +44,7 @@ enum error_code controller_create(const struct rig *rig, const char *task, struc
             {
                 .nbus = rig->nbus,
                 .port = port,
+                .bus = rig->host_bus,
                 .naxis = rig->naxis,
                 .axis = rig->axis,
                 .nft = rig->nft,
@@ -58,6 +59,7 @@ enum error_code controller_create(const struct rig *rig, const char *task, struc
         .initial_rad = rig->initial_rad,
         .servo = rig->servo,
         .squat = rig->squat,
+        .grasp = rig->grasp,
     };
     enum error_code code;
 

@@ -187,9 +187,18 @@ static bool stop_wanted(struct loop *loop)
 
 /* ---- frames ---- */
 
+/* Whether a frame goes into the recording from here: a wire records what it carries itself. */
+static bool recorded_here(const struct loop *loop, const struct bus_frame *frame)
+{
+    const struct rig_lockstep *lockstep = &loop->config.lockstep;
+
+    return loop->config.recorder && (!loop->config.machine.advance || (frame->flags & FRAME_ERROR) ||
+                                     frame->id == lockstep->step_id || frame->id == lockstep->done_id);
+}
+
 static void deliver(struct loop *loop, size_t bus, const struct bus_frame *frame)
 {
-    if (loop->config.recorder) {
+    if (recorded_here(loop, frame)) {
         recorder_frame(loop->config.recorder, bus, frame, loop->stats.time_ns);
     }
     if (loop->config.clock != RIG_CLOCK_LOCKSTEP || frame->id != loop->config.lockstep.step_id) {
@@ -215,7 +224,9 @@ static void send(struct loop *loop, size_t bus, size_t count, int64_t time_ns)
     size_t sent = count ? can_send(loop->config.port[bus], loop->outgoing, count) : 0;
 
     for (size_t i = 0; loop->config.recorder && i < sent; i++) {
-        recorder_frame(loop->config.recorder, bus, &loop->outgoing[i], time_ns);
+        if (recorded_here(loop, &loop->outgoing[i])) {
+            recorder_frame(loop->config.recorder, bus, &loop->outgoing[i], time_ns);
+        }
     }
 }
 
@@ -476,15 +487,36 @@ static bool wait_for_tick(struct loop *loop)
     return go;
 }
 
+/* Takes the frames that a wire has delivered on the STEP's bus while a STEP runs; the next STEP, if it
+ * is there already, and what follows it stay. */
+static void drain_held(struct loop *loop)
+{
+    struct can_port *port = loop->config.port[loop->config.lockstep.bus];
+    size_t count;
+
+    do {
+        count = can_receive(port, loop->held + loop->held_count, HELD_MAX - loop->held_count);
+        loop->held_count += count;
+        while (loop->held_seen < loop->held_count &&
+               loop->held[loop->held_seen].id != loop->config.lockstep.step_id) {
+            loop->held_seen++;
+        }
+        deliver_held(loop);
+    } while (count && loop->held_count < HELD_MAX);
+}
+
 static void receive(struct loop *loop)
 {
     bool lockstep = loop->config.clock == RIG_CLOCK_LOCKSTEP;
+    bool due = !lockstep || loop->step_begins || loop->config.machine.advance;
 
-    for (size_t b = 0; b < loop->config.nbus && (!lockstep || loop->step_begins); b++) {
-        if (lockstep && b == (size_t)loop->config.lockstep.bus) {
+    for (size_t b = 0; b < loop->config.nbus && due; b++) {
+        if (!lockstep || b != (size_t)loop->config.lockstep.bus) {
+            drain(loop, b);
+        } else if (loop->step_begins) {
             deliver_held(loop);
         } else {
-            drain(loop, b);
+            drain_held(loop);
         }
     }
     phase_end(loop, PHASE_RECEIVE);
@@ -526,6 +558,10 @@ static void transmit(struct loop *loop)
 
     if (done_due) {
         done = lockstep_done(&loop->lockstep, 0);
+    }
+    /* what was on its way during the tick arrives before what the tick's end sends */
+    if (machine->advance) {
+        machine->advance(machine->context, loop->stats.time_ns);
     }
     for (size_t b = 0; b < loop->config.nbus; b++) {
         size_t count =

@@ -18,7 +18,8 @@
  *
  * Lockstep. Ticks run when a STEP frame asks for them. Before the tick, each bus is received in the
  * order of the buses: everything that waits, on the STEP's own bus everything up to the STEP. What
- * arrives while a STEP of several ticks runs belongs to the next one. DONE follows on every bus after
+ * arrives while a STEP of several ticks runs belongs to the next one, but for what a wire in virtual
+ * time delivers, which belongs to the tick. DONE follows on every bus after
  * the last frame of the last tick. Its overrun flag says that a bus lost frames since the last DONE.
  *
  * Free run. No waiting at all.
@@ -70,6 +71,9 @@ struct loop_stats {
 /* What the loop drives, in the order of a tick. All are called in the loop's thread. */
 struct loop_machine {
     void *context;
+    /* Moves buses that have a time of their own to the end of the tick, before the boards transmit;
+     * NULL = frames take no time. What such buses carry is not recorded here. */
+    void (*advance)(void *context, int64_t time_ns);
     /* An inline controller, before the tick's receive; NULL = none. time_ns is the virtual time.
      * False: it has finished, the loop runs the tick that its last frames ask for and ends. */
     bool (*controller)(void *context, int64_t time_ns);

@@ -6,6 +6,7 @@
 #include "rt/rig.h"
 
 #include "base/text.h"
+#include "boards/compact_protocol.h"
 #include "boards/icub_protocol.h"
 #include "rt/rig_build.h"
 #include "rt/rig_path.h"
@@ -88,27 +89,7 @@ enum error_code rig_check_keys(struct rig_builder *b, const struct yaml_mark *ma
     return ERROR_NONE;
 }
 
-/* ---- robot, time, pose ---- */
-
-static enum error_code load_robot(struct rig_builder *b)
-{
-    const struct raw_robot *raw = &b->raw->robot;
-    const char *path;
-    enum error_code code = yaml_resolve_path(&raw->file_mark, raw->file, b->arena, &path, b->error);
-
-    if (!code) {
-        code = robot_load(path, raw->variant, b->arena, &b->robot, b->error);
-    }
-    if (code) {
-        return code;
-    }
-    b->rig->robot = b->robot;
-    b->rig->variant = raw->variant;
-    b->torque = arena_alloc(b->arena, b->robot->njoint, sizeof *b->torque);
-    b->driver = arena_alloc(b->arena, b->robot->njoint, sizeof *b->driver);
-    b->ft = arena_alloc(b->arena, b->robot->nft, sizeof *b->ft);
-    return b->torque && b->driver && b->ft ? ERROR_NONE : rig_no_memory(b);
-}
+/* ---- time ---- */
 
 static enum error_code build_time(struct rig_builder *b)
 {
@@ -132,88 +113,8 @@ static enum error_code build_time(struct rig_builder *b)
     rig->tolerance = raw->tolerance;
     rig->dynamics = (enum rig_dynamics)raw->dynamics;
     rig->supply_v = raw->supply_v;
+    rig->supply_ohm = raw->supply_ohm;
     return ERROR_NONE;
-}
-
-/* The joints of the pose with those that the rig puts elsewhere. */
-static enum error_code build_joints(struct rig_builder *b, const struct robot_pose *pose)
-{
-    const struct raw_initial *raw = &b->raw->initial;
-    double *joint = arena_alloc(b->arena, b->robot->njoint, sizeof *joint);
-
-    if (!joint) {
-        return rig_no_memory(b);
-    }
-    memcpy(joint, pose->joint, b->robot->njoint * sizeof *joint);
-    for (size_t i = 0; i < raw->njoint; i++) {
-        const struct yaml_real_entry *entry = &raw->joint[i];
-        const struct robot_joint *limits;
-        int index;
-        enum error_code code = rig_find(b, &entry->mark, "joint", entry->name,
-                                        RIG_NAMES(b->robot->joint, b->robot->njoint), &index);
-
-        if (code) {
-            return code;
-        }
-        limits = &b->robot->joint[index];
-        if (limits->type != JOINT_REVOLUTE || entry->value < limits->lower ||
-            entry->value > limits->upper) {
-            return yaml_error(b->error, &entry->mark,
-                              "found joint \"%s\" at %g rad, expected a revolute joint within its "
-                              "limits, %g to %g",
-                              entry->name, entry->value, limits->lower, limits->upper);
-        }
-        joint[index] = entry->value;
-    }
-    b->rig->joint = joint;
-    return ERROR_NONE;
-}
-
-void rig_quaternion_of_rpy(const double rpy[3], double q[4])
-{
-    double cr = cos(rpy[0] / 2), sr = sin(rpy[0] / 2), cp = cos(rpy[1] / 2), sp = sin(rpy[1] / 2);
-    double cy = cos(rpy[2] / 2), sy = sin(rpy[2] / 2);
-
-    q[0] = cy * cp * cr + sy * sp * sr;
-    q[1] = cy * cp * sr - sy * sp * cr;
-    q[2] = cy * sp * cr + sy * cp * sr;
-    q[3] = sy * cp * cr - cy * sp * sr;
-}
-
-static enum error_code build_pose(struct rig_builder *b)
-{
-    const struct raw_initial *raw = &b->raw->initial;
-    const struct robot_pose *pose;
-    struct rig *rig = b->rig;
-    enum error_code code;
-    int index;
-
-    code = rig_find(b, &raw->pose_mark, "pose", raw->pose,
-                    RIG_NAMES(b->robot->pose, b->robot->npose), &index);
-    if (code) {
-        return code;
-    }
-    if (raw->position_given && raw->height_given) {
-        return yaml_error(b->error, &raw->mark,
-                          "found base_xyz_m and base_height_m, expected one of them");
-    }
-    if (!b->robot->floating && (raw->position_given || raw->height_given || raw->rpy_given)) {
-        return yaml_error(b->error, &raw->mark,
-                          "found a place of the base, expected none for a robot with a fixed base");
-    }
-    pose = &b->robot->pose[index];
-    rig->pose = pose->name;
-    rig->hold = (enum rig_hold)raw->hold;
-    memcpy(rig->base_position, raw->position_given ? raw->base_xyz_m : pose->base_position,
-           sizeof rig->base_position);
-    memcpy(rig->base_quaternion, pose->base_quaternion, sizeof rig->base_quaternion);
-    if (raw->height_given) {
-        rig->base_position[2] = raw->base_height_m;
-    }
-    if (raw->rpy_given) {
-        rig_quaternion_of_rpy(raw->base_rpy_rad, rig->base_quaternion);
-    }
-    return build_joints(b, pose);
 }
 
 /* ---- the controller's side ---- */
@@ -225,9 +126,10 @@ static enum error_code build_host_axis(struct rig_builder *b, const struct board
 {
     const struct board_axis_config *from = &board->axis[index];
     const struct rig_torque *source = &b->torque[from->joint];
+    const struct robot_joint *joint = &b->robot->joint[from->joint];
 
     *axis = (struct host_axis){
-        .joint = b->robot->joint[from->joint].name,
+        .joint = joint->name,
         .bus = board->bus,
         .address = board->address,
         .axis = index,
@@ -236,6 +138,16 @@ static enum error_code build_host_axis(struct rig_builder *b, const struct board
         .torque_address = source->board ? (int)source->board->address : -1,
         .torque_channel = source->board ? source->channel : -1,
         .torque_full_scale_nm = from->torque_full_scale_nm,
+        .torque_period_ns = source->board ? llround(source->board->period_s * 1e9) : 0,
+        .drive =
+            {
+                .gear = joint->sea.N,
+                .spring_nm_rad = joint->sea.Ks,
+                .winding_ohm = joint->sea.R,
+                .winding_h = joint->sea.L,
+                .current_limit_a = from->current_limit_a,
+                .poles = (int)b->raw->motors.rotor_poles,
+            },
         .lower_rad = from->lower_rad,
         .upper_rad = from->upper_rad,
     };
@@ -251,9 +163,9 @@ static enum error_code build_host_axis(struct rig_builder *b, const struct board
 static enum error_code build_host(struct rig_builder *b)
 {
     const struct boards_config *boards = &b->rig->boards;
-    struct host_axis *axis = arena_alloc(b->arena, boards->nboard * BOARD_AXES, sizeof *axis);
+    struct host_axis *axis = arena_alloc(b->arena, boards->nboard * BOARD_AXES_MAX, sizeof *axis);
     struct host_ft *ft = arena_alloc(b->arena, boards->nboard, sizeof *ft);
-    double *initial = arena_alloc(b->arena, boards->nboard * BOARD_AXES, sizeof *initial);
+    double *initial = arena_alloc(b->arena, boards->nboard * BOARD_AXES_MAX, sizeof *initial);
     struct rig *rig = b->rig;
 
     if (!axis || !ft || !initial) {
@@ -262,7 +174,7 @@ static enum error_code build_host(struct rig_builder *b)
     for (size_t i = 0; i < boards->nboard; i++) {
         const struct board_config *board = &boards->board[i];
 
-        for (uint8_t k = 0; k < BOARD_AXES && board->kind == BOARD_MOTOR; k++) {
+        for (uint8_t k = 0; k < BOARD_AXES_MAX && board->kind == BOARD_MOTOR; k++) {
             enum error_code code;
 
             if (board->axis[k].joint < 0) {
@@ -276,13 +188,117 @@ static enum error_code build_host(struct rig_builder *b)
             initial[rig->naxis++] = rig->joint[board->axis[k].joint];
         }
         if (board->kind == BOARD_FT) {
-            ft[rig->nft++] =
-                (struct host_ft){b->robot->ft[board->ft].name, board->bus, board->address};
+            ft[rig->nft++] = (struct host_ft){b->robot->ft[board->ft].name, board->bus,
+                                              board->address, board->period_ns};
         }
     }
     rig->axis = axis;
     rig->ft = ft;
     rig->initial_rad = initial;
+    return ERROR_NONE;
+}
+
+static void change_gains(struct servo_gains *gains, const struct raw_gains *raw)
+{
+    const struct {
+        bool given;
+        double *to, from;
+    } change[] = {
+        {raw->kp_given, &gains->kp_v_per_rad, raw->kp_v_per_rad},
+        {raw->ki_given, &gains->ki_v_per_rad_s, raw->ki_v_per_rad_s},
+        {raw->kd_given, &gains->kd_v_s_per_rad, raw->kd_v_s_per_rad},
+        {raw->kw_given, &gains->kw_v_s_per_rad, raw->kw_v_s_per_rad},
+        {raw->trim_given, &gains->trim_per_s, raw->trim_per_s},
+        {raw->limit_given, &gains->limit_v, raw->limit_v},
+        {raw->load_given, &gains->load_v_per_nm, raw->load_v_per_nm},
+    };
+
+    for (size_t i = 0; i < sizeof change / sizeof change[0]; i++) {
+        if (change[i].given) {
+            *change[i].to = change[i].from;
+        }
+    }
+}
+
+/* changed: by axis, where it was changed before */
+static enum error_code change_joints(struct rig_builder *b, const struct raw_gains *raw,
+                                     struct servo_gains *gains, const struct yaml_name **changed)
+{
+    const struct rig *rig = b->rig;
+    const struct rig_names axes = {rig->axis, rig->naxis, sizeof *rig->axis,
+                                   offsetof(struct host_axis, joint)};
+
+    for (size_t n = 0; n < raw->njoint; n++) {
+        const struct yaml_name *name = &raw->joint[n];
+        int axis;
+        enum error_code code = rig_find(b, &name->mark, "driven joint", name->name, axes, &axis);
+
+        if (code) {
+            return code;
+        }
+        if (changed[axis]) {
+            return yaml_error(b->error, &name->mark,
+                              "found joint \"%s\" again, expected it once (line %d)", name->name,
+                              changed[axis]->mark.line);
+        }
+        changed[axis] = name;
+        change_gains(&gains[axis], raw);
+    }
+    return ERROR_NONE;
+}
+
+/* The gains of every axis: those of all, with what "others" changes for some joints. */
+static enum error_code build_gains(struct rig_builder *b)
+{
+    const struct raw_servo *raw = &b->raw->tasks.servo;
+    struct rig *rig = b->rig;
+    struct servo_gains *gains = arena_alloc(b->arena, rig->naxis, sizeof *gains);
+    const struct yaml_name **changed = arena_alloc(b->arena, rig->naxis, sizeof *changed);
+    enum error_code code = ERROR_NONE;
+
+    if (!gains || !changed) {
+        return rig_no_memory(b);
+    }
+    for (size_t i = 0; i < rig->naxis; i++) {
+        gains[i] = (struct servo_gains){
+            .kp_v_per_rad = raw->gains.kp_v_per_rad,
+            .ki_v_per_rad_s = raw->gains.ki_v_per_rad_s,
+            .load_v_per_nm = raw->gains.load_v_per_nm,
+            .kd_v_s_per_rad = raw->gains.kd_v_s_per_rad,
+            .kw_v_s_per_rad = raw->gains.kw_v_s_per_rad,
+            .trim_per_s = raw->gains.trim_per_s,
+            .limit_v = raw->gains.limit_v,
+        };
+    }
+    rig->servo.gains = gains;
+    for (size_t k = 0; k < raw->nother && !code; k++) {
+        code = change_joints(b, &raw->other[k], gains, changed);
+    }
+    return code;
+}
+
+static enum error_code build_grasp(struct rig_builder *b)
+{
+    const struct raw_grasp *raw = &b->raw->tasks.grasp;
+    struct grasp_phase *phase = arena_alloc(b->arena, raw->npath, sizeof *phase);
+
+    if (!phase) {
+        return rig_no_memory(b);
+    }
+    for (size_t i = 0; i < raw->npath; i++) {
+        phase[i].name = raw->path[i].name;
+        phase[i].until_s = raw->path[i].until_s;
+        memcpy(phase[i].arm_rad, raw->path[i].arm_rad, sizeof phase[i].arm_rad);
+        phase[i].closed = raw->path[i].closed;
+    }
+    b->rig->grasp = (struct grasp_config){
+        .settle_s = raw->settle_s,
+        .nphase = raw->npath,
+        .phase = phase,
+        .hold_s = raw->hold_s,
+        .least_press_n = raw->least_press_n,
+        .least_carry_n = raw->least_carry_n,
+    };
     return ERROR_NONE;
 }
 
@@ -299,13 +315,7 @@ static enum error_code build_tasks(struct rig_builder *b)
         .period_s = squat->period_s,
         .cycles = (int)squat->cycles,
     };
-    rig->servo = (struct servo_config){
-        .kp_v_per_rad = servo->kp_v_per_rad,
-        .ki_v_per_rad_s = servo->ki_v_per_rad_s,
-        .kw_v_s_per_rad = servo->kw_v_s_per_rad,
-        .trim_per_s = servo->trim_per_s,
-        .command_period_ns = rig->tick_ns,
-    };
+    rig->servo.command_period_ns = rig->tick_ns;
     if (servo->command_period_s > 0 &&
         (!rig_whole_ns(servo->command_period_s, &rig->servo.command_period_ns) ||
          rig->servo.command_period_ns % rig->tick_ns != 0)) {
@@ -314,7 +324,7 @@ static enum error_code build_tasks(struct rig_builder *b)
                           "%.15g s",
                           servo->command_period_s, b->raw->tick_s);
     }
-    return ERROR_NONE;
+    return build_gains(b);
 }
 
 /* ---- how it runs ---- */
@@ -323,8 +333,14 @@ static enum error_code build_tasks(struct rig_builder *b)
 static enum error_code check_lockstep_id(struct rig_builder *b, const struct yaml_mark *mark,
                                          int64_t id)
 {
-    int64_t cls = id >> 8;
+    int64_t cls = id >> 8, function = id >> 5;
 
+    if (function == COMPACT_REQUEST || function == COMPACT_REPLY) {
+        return yaml_error(b->error, mark,
+                          "found id 0x%03x, which belongs to compact boards, expected one from "
+                          "0x400 to 0x67f or from 0x6c0 to 0x6ff",
+                          (unsigned)id);
+    }
     if (cls == ICUB_POLLING_MOTOR || cls == ICUB_PERIODIC_MOTOR || cls == ICUB_POLLING_ANALOG ||
         cls == ICUB_PERIODIC_ANALOG || cls == ICUB_MANAGEMENT) {
         return yaml_error(b->error, mark,
@@ -356,6 +372,20 @@ static enum error_code build_lockstep(struct rig_builder *b)
     return code;
 }
 
+static void build_wire(struct rig_builder *b)
+{
+    const struct raw_wire *raw = &b->raw->wire;
+
+    b->rig->wire = (struct rig_wire){
+        .timed = raw->mode,
+        .paced = raw->pace,
+        .fifo = raw->order,
+        .queue = (size_t)raw->queue,
+        .restart_ns = llround(raw->restart_s * 1e9),
+        .budget = (enum rig_budget)raw->budget,
+    };
+}
+
 static void build_realtime(struct rig_builder *b)
 {
     const struct raw_realtime *raw = &b->raw->realtime;
@@ -373,14 +403,16 @@ static void build_realtime(struct rig_builder *b)
 static enum error_code build(struct rig_builder *b)
 {
     static enum error_code (*const step[])(struct rig_builder *) = {
-        load_robot,       build_time,       build_pose, rig_build_bodies, rig_build_scene,
-        rig_build_boards, rig_check_drives, build_host, build_tasks,      build_lockstep,
+        rig_build_robot,  build_time,       rig_build_pose,    rig_build_bodies, rig_build_scene,
+        rig_build_boards, rig_build_faults, rig_build_sensors, rig_check_drives, build_host,
+        build_tasks,      build_grasp,      build_lockstep,
     };
     enum error_code code = rig_check_name(b, &b->raw->mark, "rig", b->raw->name);
 
     for (size_t i = 0; i < sizeof step / sizeof step[0] && !code; i++) {
         code = step[i](b);
     }
+    build_wire(b);
     build_realtime(b);
     return code;
 }
@@ -427,33 +459,4 @@ int rig_find_bus(const struct rig *rig, const char *name)
         }
     }
     return -1;
-}
-
-/* ---- load ---- */
-
-/* Bits of a classic frame with an 11-bit identifier and n bytes: worst-case stuffing and the three
- * bits of interframe space (Davis, Burns, Bril, Lukkien 2007, eq. (1)). */
-static double worst_case_bits(int n)
-{
-    return 8 * n + 47 + (34 + 8 * n - 1) / 4;
-}
-
-void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
-                  double *telemetry_bit_s, double *command_bit_s)
-{
-    /* POSITION, PID_VAL, CURRENT and VELOCITY in the board's four slots of 1 ms; STATUS every 5 s */
-    const double motor_bit_s = 4.0 * worst_case_bits(8) / 0.004 + worst_case_bits(8) / 5.0;
-
-    *telemetry_bit_s = 0.0;
-    for (size_t i = 0; i < rig->boards.nboard; i++) {
-        const struct board_config *board = &rig->boards.board[i];
-
-        if (board->bus == (int)bus) {
-            *telemetry_bit_s += board->kind == BOARD_MOTOR
-                                    ? motor_bit_s
-                                    : 2.0 * worst_case_bits(6) / ((double)board->period_ns * 1e-9);
-        }
-    }
-    *command_bit_s =
-        (double)rig->bus[bus].naxis * worst_case_bits(3) / ((double)command_period_ns * 1e-9);
 }

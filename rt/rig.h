@@ -10,7 +10,9 @@
 
 #include "base/arena.h"
 #include "base/error.h"
+#include "base/yaml.h"
 #include "boards/board.h"
+#include "boards/sensing.h"
 #include "contact/contact.h"
 #include "model/plant.h"
 #include "model/robot.h"
@@ -64,6 +66,19 @@ struct rig_lockstep {
     int64_t partner_timeout_ns; /* without STEP until the silence is reported */
 };
 
+/* What check says of a bus whose periodic traffic cannot fit. */
+enum rig_budget { RIG_BUDGET_WARN, RIG_BUDGET_REFUSE, RIG_BUDGET_IGNORE };
+
+/* How long frames take. */
+struct rig_wire {
+    bool timed; /* local buses: over a wire in virtual time (canbus/wire.h), not at once */
+    bool paced; /* SocketCAN: the boards' frames leave when such a wire would have carried them */
+    bool fifo;  /* controllers send in order, not the most urgent frame first */
+    size_t queue;       /* frames that a controller holds */
+    int64_t restart_ns; /* from bus-off to the begin of the recovery */
+    enum rig_budget budget;
+};
+
 struct rig_realtime {
     int priority; /* SCHED_FIFO, 1-99; 0 = do not ask for it */
     int cpu;      /* to be pinned to; -1 = any */
@@ -94,6 +109,7 @@ struct rig {
     double base_position[3], base_quaternion[4];
     const double *joint;
     enum rig_hold hold;
+    bool settle; /* into static equilibrium from there (plant_settle) */
 
     /* the scene; contact_body has contact.nbody entries: the body of each motion as in struct
      * plant_config, one of the robot or, from robot->nbody on, a free one. What is static is part
@@ -111,15 +127,24 @@ struct rig {
     /* what a controller may know: driven joints in the order of the boards, initial_rad (naxis)
      * where they stand at the start */
     size_t naxis, nft;
+    const struct host_bus *host_bus; /* nbus */
     const struct host_axis *axis;
     const struct host_ft *ft;
     const double *initial_rad;
     struct servo_config servo;
     struct squat_config squat;
+    struct grasp_config grasp; /* nphase 0: the file has none */
 
+    struct rig_wire wire;
     struct rig_lockstep lockstep;
     struct rig_realtime realtime;
     struct rig_record record;
+
+    uint64_t seed;                 /* of noise and faults */
+    struct sensing_config sensing; /* without faults */
+    const struct yaml_name *fault; /* lines (boards/faults.h), in order */
+    size_t nfault;
+    double supply_ohm; /* of the source */
 };
 
 /* Reads a rig file and what it refers to (robot, meshes); path may be the name of a rig that is
@@ -134,10 +159,11 @@ const char *rig_contact_name(const struct rig *rig, size_t motion);
 /* Index by name or -1. */
 int rig_find_bus(const struct rig *rig, const char *name);
 
-/* Worst-case load of a bus in bits per second, interframe spaces and stuff bits included: what its
- * boards send when a host has asked for the host's default broadcast policy (0x7f) and the
- * STRAIN boards run at their periods; and what a controller adds that commands every axis's voltage
- * each command_period_ns. */
+/* Worst-case load of a bus in bit times of its nominal rate a second (so that load / bitrate is the
+ * share of its time, also with CAN FD), stuff bits and interframe spaces included. Telemetry: icub
+ * motors at the host's default broadcast policy (0x7f), foc and compact motors once a tick, STRAIN and
+ * F/T boards at their periods. Commands: icub a voltage to every axis each command_period_ns, foc and
+ * compact all set-points of the bus once a tick; foc and compact know no period below a millisecond. */
 void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
                   double *telemetry_bit_s, double *command_bit_s);
 

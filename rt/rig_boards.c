@@ -3,10 +3,19 @@
 #include "rt/rig_build.h"
 
 #include "base/text.h"
+#include "boards/compact_protocol.h"
+#include "boards/foc_protocol.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+
+static enum board_personality bus_personality(const struct rig_builder *b,
+                                              const struct raw_bus *bus)
+{
+    return (enum board_personality)(bus->personality_given ? bus->personality
+                                                           : b->raw->personality);
+}
 
 static enum error_code check_whole(struct rig_builder *b, const struct yaml_mark *mark,
                                    double value)
@@ -141,25 +150,35 @@ static enum error_code build_axis(struct rig_builder *b, const struct raw_board 
     b->driver[axis->joint] = raw;
     axis->lower_rad = joint->lower;
     axis->upper_rad = joint->upper;
+    axis->gear = joint->sea.N;
+    axis->winding_ohm = joint->sea.R;
+    axis->winding_h = joint->sea.L;
+    axis->bemf_v_s_rad = joint->sea.Kw;
     return ERROR_NONE;
 }
 
 static enum error_code build_motor_board(struct rig_builder *b, const struct raw_board *raw,
-                                         struct board_config *board)
+                                         size_t most, struct board_config *board)
 {
     static const struct yaml_name spare = {.name = "spare"};
 
-    if (raw->naxis < 1 || raw->naxis > BOARD_AXES) {
-        return yaml_error(b->error, &raw->axis_mark, "found %zu axes, expected 1 to %d", raw->naxis,
-                          BOARD_AXES);
+    if (raw->naxis < 1 || raw->naxis > most) {
+        return yaml_error(b->error, &raw->axis_mark, "found %zu axes, expected 1 to %zu", raw->naxis,
+                          most);
     }
-    for (size_t i = 0; i < BOARD_AXES; i++) {
+    for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
         enum error_code code;
 
         board->axis[i].joint = -1;
         code = build_axis(b, raw, i < raw->naxis ? &raw->axis[i] : &spare, &board->axis[i]);
         if (code) {
             return code;
+        }
+        if (i < raw->naxis && board->axis[i].joint < 0 &&
+            bus_personality(b, &b->raw->bus[board->bus]) != BOARD_ICUB) {
+            return yaml_error(b->error, &raw->axis[i].mark,
+                              "found a spare axis, expected a joint: only icub boards have axes "
+                              "to spare");
         }
     }
     return ERROR_NONE;
@@ -177,13 +196,46 @@ static const char *board_name(struct rig_builder *b, const struct raw_bus *bus,
     return arena_strdup(b->arena, text);
 }
 
+/* What a personality can address. */
+static const struct personality {
+    const char *name;
+    int64_t motor_address_max, address_max;
+    size_t axes; /* of a motor board */
+    bool torque; /* has boards that send joint torques on their own */
+} personality[] = {
+    [BOARD_ICUB] = {"icub", ICUB_ADDRESS_MAX, ICUB_ADDRESS_MAX, 2, true},
+    [BOARD_FOC] = {"foc", FOC_AXES_MAX, ICUB_ADDRESS_MAX, 1, true},
+    [BOARD_COMPACT] = {"compact", COMPACT_NODE_MAX, COMPACT_NODE_MAX, COMPACT_BOARD_AXES, false},
+};
+
+static enum error_code check_address(struct rig_builder *b, const struct raw_board *raw,
+                                     const struct personality *speaks)
+{
+    int64_t max = raw->kind == BOARD_MOTOR ? speaks->motor_address_max : speaks->address_max;
+
+    if (raw->kind == BOARD_TORQUE && !speaks->torque) {
+        return yaml_error(b->error, &raw->mark,
+                          "found a torque board on a bus with personality %s, expected none: its "
+                          "motor boards tell the torques",
+                          speaks->name);
+    }
+    if (raw->address > max) {
+        return yaml_error(b->error, &raw->address_mark,
+                          "found address %d, expected 1 to %d with personality %s",
+                          (int)raw->address, (int)max, speaks->name);
+    }
+    return ERROR_NONE;
+}
+
 static enum error_code build_board(struct rig_builder *b, int bus, const struct raw_board *raw,
                                    struct board_config *board)
 {
     const struct raw_bus *raw_bus = &b->raw->bus[bus];
     const struct raw_motors *motors = &b->raw->motors;
+    const struct personality *speaks = &personality[bus_personality(b, raw_bus)];
     enum error_code code = check_board(b, raw);
 
+    code = code ? code : check_address(b, raw, speaks);
     if (code) {
         return code;
     }
@@ -202,6 +254,8 @@ static enum error_code build_board(struct rig_builder *b, int bus, const struct 
         .address = (uint8_t)raw->address,
         .strict = motors->strict,
         .command_timeout_ns = llround(motors->command_timeout_s * 1e9),
+        .status_period_ns = llround(motors->status_period_s * 1e9),
+        .boot_ns = llround(motors->boot_s * 1e9),
         .transmit_at_start = raw->transmit_at_start,
         .discovery_stops_motors = motors->discovery_stops_motors,
     };
@@ -216,7 +270,7 @@ static enum error_code build_board(struct rig_builder *b, int bus, const struct 
     }
     switch (board->kind) {
     case BOARD_MOTOR:
-        return build_motor_board(b, raw, board);
+        return build_motor_board(b, raw, speaks->axes, board);
     case BOARD_FT:
         return build_ft_board(b, raw, board);
     default:
@@ -241,15 +295,34 @@ static enum error_code check_bus(struct rig_builder *b, const struct raw_bus *bu
                               bus->interface, other->name);
         }
     }
+    if (bus->fd && bus_personality(b, bus) != BOARD_COMPACT) {
+        return yaml_error(b->error, &bus->fd_mark,
+                          "found fd on bus \"%s\", expected it with personality compact only",
+                          bus->name);
+    }
+    if (bus->fd != bus->data_bitrate_given ||
+        (bus->data_bitrate_given && bus->data_bitrate < bus->bitrate)) {
+        return yaml_error(b->error, &bus->data_bitrate_mark,
+                          "found %s on bus \"%s\", expected fd: true and a data_bitrate of at "
+                          "least the bitrate together",
+                          !bus->fd                   ? "data_bitrate without fd"
+                          : !bus->data_bitrate_given ? "fd without data_bitrate"
+                                                     : "a data_bitrate below the bitrate",
+                          bus->name);
+    }
     code = rig_check_name(b, &bus->name_mark, "bus", bus->name);
     return code ? code : rig_check_name(b, &bus->interface_mark, "interface", bus->interface);
 }
 
 enum error_code rig_build_boards(struct rig_builder *b)
 {
+    static const enum host_personality host_personality[] = {
+        [BOARD_ICUB] = HOST_ICUB, [BOARD_FOC] = HOST_FOC, [BOARD_COMPACT] = HOST_COMPACT};
     const struct raw_rig *raw = b->raw;
     struct board_config *board;
     struct rig_bus *bus = b->bus = arena_alloc(b->arena, raw->nbus, sizeof *bus);
+    struct boards_bus_config *speaks = arena_alloc(b->arena, raw->nbus, sizeof *speaks);
+    struct host_bus *heard = arena_alloc(b->arena, raw->nbus, sizeof *heard);
     size_t count = 0, n = 0;
     enum error_code code;
 
@@ -264,7 +337,7 @@ enum error_code rig_build_boards(struct rig_builder *b)
         count += raw->bus[i].nboard;
     }
     board = arena_alloc(b->arena, count, sizeof *board);
-    if (!bus || !board) {
+    if (!bus || !board || !speaks || !heard) {
         return rig_no_memory(b);
     }
     for (size_t i = 0; i < raw->nbus; i++) {
@@ -274,7 +347,12 @@ enum error_code rig_build_boards(struct rig_builder *b)
         bus[i] = (struct rig_bus){.name = from->name,
                                   .interface = from->interface,
                                   .bitrate = from->bitrate,
+                                  .fd = from->fd,
+                                  .data_bitrate = from->data_bitrate,
+                                  .personality = bus_personality(b, from),
                                   .nboard = from->nboard};
+        speaks[i] = (struct boards_bus_config){bus[i].personality, bus[i].fd};
+        heard[i] = (struct host_bus){host_personality[bus[i].personality], bus[i].fd};
         for (size_t k = 0; k < from->nboard && !code; k++) {
             code = build_board(b, (int)i, &from->board[k], &board[n++]);
         }
@@ -284,10 +362,12 @@ enum error_code rig_build_boards(struct rig_builder *b)
     }
     b->rig->nbus = raw->nbus;
     b->rig->bus = bus;
+    b->rig->host_bus = heard;
     b->rig->boards = (struct boards_config){
         .nboard = count,
         .board = board,
         .nbus = raw->nbus,
+        .bus = speaks,
         .njoint = b->robot->njoint,
         .nft = b->robot->nft,
         .tick_ns = b->rig->tick_ns,

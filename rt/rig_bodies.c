@@ -131,6 +131,8 @@ enum error_code rig_build_bodies(struct rig_builder *b)
     for (size_t i = 0; i < robot->nbody; i++) {
         add_place(b, robot->body[i].name, (int)i);
     }
+    memcpy(b->place[1].position, b->base_position, sizeof b->base_position);
+    memcpy(b->place[1].rotation, b->base_rotation, sizeof b->base_rotation);
     for (size_t i = 0; i < scene->nbody; i++) {
         enum error_code code = build_body(b, &scene->body[i], free_body);
 

@@ -18,7 +18,8 @@ struct rig_torque {
 struct rig_place {
     const char *name;
     int body;           /* as in struct plant_config; -1 = the world */
-    double position[3]; /* in that body or the world; zero but for static bodies of the scene */
+    double position[3]; /* in that body or the world; zero but for static bodies of the
+                         * scene and a base that the rig fixes */
     double rotation[9]; /* of it, row-major */
 };
 
@@ -26,6 +27,8 @@ struct rig_builder {
     struct rig *rig;
     const struct raw_rig *raw;
     const struct robot *robot;
+    double base_position[3], base_rotation[9]; /* of the robot's base frame in the frame of body 0:
+                                                * where the rig fixes it in the world */
     struct arena *arena;
     struct error *error;
     struct rig_torque *torque;       /* by joint of the robot */
@@ -37,9 +40,13 @@ struct rig_builder {
 };
 
 /* The parts, in the order in which they need each other. */
+enum error_code rig_build_robot(struct rig_builder *b);
+enum error_code rig_build_pose(struct rig_builder *b);
 enum error_code rig_build_bodies(struct rig_builder *b);
 enum error_code rig_build_scene(struct rig_builder *b);
 enum error_code rig_build_boards(struct rig_builder *b);
+enum error_code rig_build_faults(struct rig_builder *b);
+enum error_code rig_build_sensors(struct rig_builder *b);
 
 /* Every drive is reached by an axis, or the file says that it is not. */
 enum error_code rig_check_drives(struct rig_builder *b);

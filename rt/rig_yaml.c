@@ -20,7 +20,12 @@ static const struct yaml_enum integrator_names[] = {
     {"rk4", PLANT_RK4}, {"implicit", PLANT_IMPLICIT}, {"dopri5", PLANT_DOPRI5}, {NULL, 0}};
 static const struct yaml_enum dynamics_names[] = {
     {"fastest", RIG_DYNAMICS_FASTEST}, {"generic", RIG_DYNAMICS_GENERIC}, {NULL, 0}};
-static const struct yaml_enum personality_names[] = {{"icub", 0}, {NULL, 0}};
+static const struct yaml_enum personality_names[] = {
+    {"icub", BOARD_ICUB},
+    {"foc", BOARD_FOC},
+    {"compact", BOARD_COMPACT},
+    {NULL, 0},
+};
 static const struct yaml_enum engine_names[] = {
     {"none", RIG_CONTACT_NONE},
     {"native", RIG_CONTACT_NATIVE},
@@ -47,6 +52,15 @@ static const struct yaml_enum overrun_names[] = {
     {NULL, 0},
 };
 
+static const struct yaml_enum wire_mode_names[] = {{"ideal", 0}, {"wire", 1}, {NULL, 0}};
+static const struct yaml_enum wire_pace_names[] = {{"none", 0}, {"wire", 1}, {NULL, 0}};
+static const struct yaml_enum wire_order_names[] = {{"priority", 0}, {"fifo", 1}, {NULL, 0}};
+static const struct yaml_enum budget_names[] = {
+    {"warn", RIG_BUDGET_WARN},
+    {"refuse", RIG_BUDGET_REFUSE},
+    {"ignore", RIG_BUDGET_IGNORE},
+    {NULL, 0},
+};
 static const struct yaml_enum hold_names[] = {
     {"none", RIG_HOLD_NONE},
     {"until_enabled", RIG_HOLD_ENABLED},
@@ -54,10 +68,26 @@ static const struct yaml_enum hold_names[] = {
     {NULL, 0},
 };
 
+#define STRUCT raw_spring
+static const struct yaml_field spring_fields[] = {
+    {"Ks_nm_rad", YAML_REAL, true, AT(Ks_nm_rad), .min = 0.0, .max = 1e9},
+    {"Ds_nm_s_rad", YAML_REAL, true, AT(Ds_nm_s_rad), .min = 0.0, .max = 1e9},
+};
+#undef STRUCT
+static const struct yaml_schema spring_schema = {
+    .what = "a series spring",
+    .size = sizeof(struct raw_spring),
+    .fields = spring_fields,
+    .field_count = COUNT(spring_fields),
+    .name_offset = offsetof(struct raw_spring, joint),
+};
+
 #define STRUCT raw_robot
 static const struct yaml_field robot_fields[] = {
     {"file", YAML_STRING, true, AT(file), .mark_offset = AT(file_mark)},
     {"variant", YAML_STRING, false, .offset = AT(variant)},
+    {"fixed_base", YAML_BOOL, false, .offset = AT(fixed_base)},
+    {"springs", YAML_DICT, false, AT(spring), AT(nspring), .schema = &spring_schema},
 };
 #undef STRUCT
 static const struct raw_robot robot_defaults = {.variant = ""};
@@ -80,6 +110,7 @@ static const struct yaml_field initial_fields[] = {
      .given_offset = AT(rpy_given)},
     {"joints_rad", YAML_REAL_DICT, false, AT(joint), .count_offset = AT(njoint)},
     {"hold", YAML_ENUM, false, AT(hold), .names = hold_names},
+    {"settle", YAML_BOOL, false, .offset = AT(settle)},
 };
 #undef STRUCT
 static const struct yaml_schema initial_schema = {
@@ -202,7 +233,7 @@ static const struct yaml_schema scene_schema = {
 static const struct yaml_field board_fields[] = {
     {"name", YAML_STRING, false, AT(name), .min = 1, .max = 63},
     {"kind", YAML_ENUM, true, AT(kind), .names = kind_names},
-    {"address", YAML_INT, true, AT(address), .min = 1, .max = 14, .mark_offset = AT(address_mark)},
+    {"address", YAML_INT, true, AT(address), .min = 1, .max = 31, .mark_offset = AT(address_mark)},
     {"axes", YAML_NAME_LIST, false, AT(axis), AT(naxis), .mark_offset = AT(axis_mark),
      .given_offset = AT(axis_given)},
     {"current_limit_a", YAML_REAL, false, AT(current_limit_a), .min = DBL_MIN, .max = 1e3,
@@ -235,6 +266,11 @@ static const struct yaml_field bus_fields[] = {
     {"interface", YAML_STRING, true, AT(interface), .min = 1, .max = 15,
      .mark_offset = AT(interface_mark)},
     {"bitrate", YAML_INT, false, AT(bitrate), .min = 10000, .max = 1000000},
+    {"fd", YAML_BOOL, false, .offset = AT(fd), .mark_offset = AT(fd_mark)},
+    {"data_bitrate", YAML_INT, false, AT(data_bitrate), .min = 10000, .max = 8000000,
+     .mark_offset = AT(data_bitrate_mark), .given_offset = AT(data_bitrate_given)},
+    {"personality", YAML_ENUM, false, AT(personality), .names = personality_names,
+     .given_offset = AT(personality_given)},
     {"boards", YAML_LIST, true, AT(board), AT(nboard), .schema = &board_schema},
 };
 #undef STRUCT
@@ -256,17 +292,39 @@ static const struct yaml_field motors_fields[] = {
      .mark_offset = AT(torque_full_scale_mark)},
     {"current_limit_a", YAML_REAL, true, AT(current_limit_a), .min = DBL_MIN, .max = 1e3},
     {"command_timeout_s", YAML_REAL, false, AT(command_timeout_s), .min = 0.0, .max = 60.0},
+    {"rotor_poles", YAML_INT, false, AT(rotor_poles), .min = 2, .max = 126},
+    {"status_period_s", YAML_REAL, false, AT(status_period_s), .min = 0.0, .max = 10.0},
+    {"boot_s", YAML_REAL, false, AT(boot_s), .min = 0.0, .max = 60.0},
     {"strict", YAML_BOOL, false, .offset = AT(strict)},
     {"discovery_stops_motors", YAML_BOOL, false, .offset = AT(discovery_stops_motors)},
 };
 #undef STRUCT
-static const struct raw_motors motors_defaults = {.command_timeout_s = 0.1};
+static const struct raw_motors motors_defaults = {.rotor_poles = 8, .command_timeout_s = 0.1};
 static const struct yaml_schema motors_schema = {
     .what = "the motor boards",
     .size = sizeof(struct raw_motors),
     .fields = motors_fields,
     .field_count = COUNT(motors_fields),
     .defaults = &motors_defaults,
+};
+
+#define STRUCT raw_wire
+static const struct yaml_field wire_fields[] = {
+    {"mode", YAML_ENUM, false, AT(mode), .names = wire_mode_names},
+    {"pace", YAML_ENUM, false, AT(pace), .names = wire_pace_names},
+    {"order", YAML_ENUM, false, AT(order), .names = wire_order_names},
+    {"queue", YAML_INT, false, AT(queue), .min = 1, .max = 4096},
+    {"restart_s", YAML_REAL, false, AT(restart_s), .min = 0.0, .max = 3600.0},
+    {"budget", YAML_ENUM, false, AT(budget), .names = budget_names},
+};
+#undef STRUCT
+static const struct raw_wire wire_defaults = {.queue = 256, .restart_s = 0.1};
+static const struct yaml_schema wire_schema = {
+    .what = "the wire",
+    .size = sizeof(struct raw_wire),
+    .fields = wire_fields,
+    .field_count = COUNT(wire_fields),
+    .defaults = &wire_defaults,
 };
 
 #define STRUCT raw_lockstep
@@ -318,12 +376,42 @@ static const struct yaml_schema record_schema = {
     .field_count = COUNT(record_fields),
 };
 
+#define STRUCT raw_gains
+static const struct yaml_field other_fields[] = {
+    {"joints", YAML_NAME_LIST, true, .offset = AT(joint), .count_offset = AT(njoint)},
+    {"kp_v_per_rad", YAML_REAL, false, AT(kp_v_per_rad), .min = 0.0, .max = 1e6,
+     .given_offset = AT(kp_given)},
+    {"ki_v_per_rad_s", YAML_REAL, false, AT(ki_v_per_rad_s), .min = 0.0, .max = 1e6,
+     .given_offset = AT(ki_given)},
+    {"kd_v_s_per_rad", YAML_REAL, false, AT(kd_v_s_per_rad), .min = 0.0, .max = 1e6,
+     .given_offset = AT(kd_given)},
+    {"kw_v_s_per_rad", YAML_REAL, false, AT(kw_v_s_per_rad), .min = 0.0, .max = 1e6,
+     .given_offset = AT(kw_given)},
+    {"trim_per_s", YAML_REAL, false, AT(trim_per_s), .min = 0.0, .max = 1e3,
+     .given_offset = AT(trim_given)},
+    {"limit_v", YAML_REAL, false, AT(limit_v), .min = DBL_MIN, .max = 1e4,
+     .given_offset = AT(limit_given)},
+    {"load_v_per_nm", YAML_REAL, false, AT(load_v_per_nm), .min = 0.0, .max = 1e4,
+     .given_offset = AT(load_given)},
+};
+#undef STRUCT
+static const struct yaml_schema other_schema = {
+    .what = "the gains of some joints",
+    .size = sizeof(struct raw_gains),
+    .fields = other_fields,
+    .field_count = COUNT(other_fields),
+};
+
 #define STRUCT raw_servo
 static const struct yaml_field servo_fields[] = {
-    {"kp_v_per_rad", YAML_REAL, true, AT(kp_v_per_rad), .min = 0.0, .max = 1e6},
-    {"ki_v_per_rad_s", YAML_REAL, true, AT(ki_v_per_rad_s), .min = 0.0, .max = 1e6},
-    {"kw_v_s_per_rad", YAML_REAL, true, AT(kw_v_s_per_rad), .min = 0.0, .max = 1e6},
-    {"trim_per_s", YAML_REAL, false, AT(trim_per_s), .min = 0.0, .max = 1e3},
+    {"kp_v_per_rad", YAML_REAL, true, AT(gains.kp_v_per_rad), .min = 0.0, .max = 1e6},
+    {"ki_v_per_rad_s", YAML_REAL, true, AT(gains.ki_v_per_rad_s), .min = 0.0, .max = 1e6},
+    {"kd_v_s_per_rad", YAML_REAL, false, AT(gains.kd_v_s_per_rad), .min = 0.0, .max = 1e6},
+    {"kw_v_s_per_rad", YAML_REAL, true, AT(gains.kw_v_s_per_rad), .min = 0.0, .max = 1e6},
+    {"trim_per_s", YAML_REAL, false, AT(gains.trim_per_s), .min = 0.0, .max = 1e3},
+    {"limit_v", YAML_REAL, false, AT(gains.limit_v), .min = DBL_MIN, .max = 1e4},
+    {"load_v_per_nm", YAML_REAL, false, AT(gains.load_v_per_nm), .min = 0.0, .max = 1e4},
+    {"others", YAML_LIST, false, AT(other), AT(nother), .schema = &other_schema},
     {"command_period_s", YAML_REAL, true, AT(command_period_s), .min = 1e-5, .max = 1.0,
      .mark_offset = AT(command_period_mark)},
 };
@@ -351,10 +439,42 @@ static const struct yaml_schema squat_schema = {
     .field_count = COUNT(squat_fields),
 };
 
+#define STRUCT raw_phase
+static const struct yaml_field phase_fields[] = {
+    {"name", YAML_STRING, true, AT(name), .min = 1, .max = 31},
+    {"until_s", YAML_REAL, true, AT(until_s), .min = DBL_MIN, .max = 1e3},
+    {"arm_rad", YAML_REALS, true, AT(arm_rad), .count = GRASP_JOINTS, .min = -7.0, .max = 7.0},
+    {"closed", YAML_BOOL, false, .offset = AT(closed)},
+};
+#undef STRUCT
+static const struct yaml_schema phase_schema = {
+    .what = "a phase",
+    .size = sizeof(struct raw_phase),
+    .fields = phase_fields,
+    .field_count = COUNT(phase_fields),
+};
+
+#define STRUCT raw_grasp
+static const struct yaml_field grasp_fields[] = {
+    {"settle_s", YAML_REAL, true, AT(settle_s), .min = 0.1, .max = 1e3},
+    {"path", YAML_LIST, true, AT(path), AT(npath), .schema = &phase_schema},
+    {"hold_s", YAML_REAL, true, AT(hold_s), .min = 0.0, .max = 1e3},
+    {"least_press_n", YAML_REAL, true, AT(least_press_n), .min = 0.0, .max = 1e6},
+    {"least_carry_n", YAML_REAL, true, AT(least_carry_n), .min = 0.0, .max = 1e6},
+};
+#undef STRUCT
+static const struct yaml_schema grasp_schema = {
+    .what = "the grasp",
+    .size = sizeof(struct raw_grasp),
+    .fields = grasp_fields,
+    .field_count = COUNT(grasp_fields),
+};
+
 #define STRUCT raw_tasks
 static const struct yaml_field tasks_fields[] = {
     {"servo", YAML_MAP, false, AT(servo), .schema = &servo_schema},
     {"squat", YAML_MAP, false, AT(squat), .schema = &squat_schema},
+    {"grasp", YAML_MAP, false, AT(grasp), .schema = &grasp_schema},
 };
 #undef STRUCT
 static const struct yaml_schema tasks_schema = {
@@ -382,10 +502,15 @@ static const struct yaml_field rig_fields[] = {
     {"motors", YAML_MAP, true, AT(motors), .schema = &motors_schema},
     {"buses", YAML_LIST, true, AT(bus), AT(nbus), .schema = &bus_schema},
     {"undriven", YAML_NAME_LIST, false, .offset = AT(undriven), .count_offset = AT(nundriven)},
+    {"wire", YAML_MAP, false, AT(wire), .schema = &wire_schema},
     {"lockstep", YAML_MAP, false, AT(lockstep), .schema = &lockstep_schema},
     {"realtime", YAML_MAP, false, AT(realtime), .schema = &realtime_schema},
     {"record", YAML_MAP, false, AT(record), .schema = &record_schema},
     {"tasks", YAML_MAP, false, AT(tasks), .schema = &tasks_schema},
+    {"sensors", YAML_MAP, false, AT(sensors), .schema = &rig_sensors_schema},
+    {"faults", YAML_NAME_LIST, false, .offset = AT(fault), .count_offset = AT(nfault)},
+    {"seed", YAML_INT, false, AT(seed), .min = 0, .max = 9e15},
+    {"supply_ohm", YAML_REAL, false, AT(supply_ohm), .min = 0.0, .max = 1e3},
 };
 #undef STRUCT
 static const struct raw_rig rig_defaults = {
@@ -396,6 +521,7 @@ static const struct yaml_schema rig_schema = {
     .fields = rig_fields,
     .field_count = COUNT(rig_fields),
     .defaults = &rig_defaults,
+    .extendable = true,
 };
 
 enum error_code rig_yaml_read(const char *path, struct arena *arena, struct raw_rig *raw,

@@ -7,12 +7,24 @@
 #define RT_RIG_YAML_H
 
 #include "base/yaml.h"
+#include "rt/rig_sensors.h"
+#include "tasks/task.h"
 
 #include <stdint.h>
+
+/* A joint's series spring instead of the robot's. */
+struct raw_spring {
+    struct yaml_mark mark;
+    const char *joint;
+    double Ks_nm_rad, Ds_nm_s_rad;
+};
 
 struct raw_robot {
     struct yaml_mark mark, file_mark;
     const char *file, *variant;
+    bool fixed_base;
+    struct raw_spring *spring;
+    size_t nspring;
 };
 
 struct raw_initial {
@@ -23,6 +35,7 @@ struct raw_initial {
     struct yaml_real_entry *joint; /* instead of the pose's */
     size_t njoint;
     int hold;
+    bool settle;
 };
 
 struct raw_material {
@@ -112,7 +125,11 @@ struct raw_bus {
     struct yaml_mark mark;
     const char *name, *interface;
     struct yaml_mark name_mark, interface_mark;
-    int64_t bitrate;
+    int64_t bitrate, data_bitrate;
+    bool fd;
+    struct yaml_mark fd_mark, data_bitrate_mark;
+    int personality; /* the rig's unless given */
+    bool data_bitrate_given, personality_given;
     struct raw_board *board;
     size_t nboard;
 };
@@ -123,8 +140,17 @@ struct raw_motors {
     double joint_ticks_per_rev, motor_ticks_per_link_rev;
     double torque_full_scale_nm;
     struct yaml_mark torque_full_scale_mark;
+    int64_t rotor_poles;
     double current_limit_a, command_timeout_s;
+    double status_period_s, boot_s;
     bool strict, discovery_stops_motors;
+};
+
+struct raw_wire {
+    struct yaml_mark mark;
+    int mode, pace, order, budget;
+    int64_t queue;
+    double restart_s;
 };
 
 struct raw_lockstep {
@@ -147,9 +173,21 @@ struct raw_record {
     const char *directory;
 };
 
+/* Of the servo's loops, or of some joints that differ. */
+struct raw_gains {
+    struct yaml_mark mark;
+    struct yaml_name *joint; /* that differ */
+    size_t njoint;
+    double kp_v_per_rad, ki_v_per_rad_s, kd_v_s_per_rad, kw_v_s_per_rad, trim_per_s, limit_v,
+        load_v_per_nm;
+    bool kp_given, ki_given, kd_given, kw_given, trim_given, limit_given, load_given;
+};
+
 struct raw_servo {
     struct yaml_mark mark;
-    double kp_v_per_rad, ki_v_per_rad_s, kw_v_s_per_rad, trim_per_s;
+    struct raw_gains gains;
+    struct raw_gains *other;
+    size_t nother;
     double command_period_s;
     struct yaml_mark command_period_mark;
 };
@@ -160,10 +198,25 @@ struct raw_squat {
     int64_t cycles;
 };
 
+struct raw_phase {
+    struct yaml_mark mark;
+    const char *name;
+    double until_s, arm_rad[GRASP_JOINTS];
+    bool closed;
+};
+
+struct raw_grasp {
+    struct yaml_mark mark;
+    double settle_s, hold_s, least_press_n, least_carry_n;
+    struct raw_phase *path;
+    size_t npath;
+};
+
 struct raw_tasks {
     struct yaml_mark mark;
     struct raw_servo servo;
     struct raw_squat squat;
+    struct raw_grasp grasp;
 };
 
 struct raw_rig {
@@ -182,10 +235,16 @@ struct raw_rig {
     size_t nbus;
     struct yaml_name *undriven;
     size_t nundriven;
+    struct raw_wire wire;
     struct raw_lockstep lockstep;
     struct raw_realtime realtime;
     struct raw_record record;
     struct raw_tasks tasks;
+    struct raw_sensors sensors;
+    struct yaml_name *fault; /* a line each (boards/faults.h) */
+    size_t nfault;
+    int64_t seed;
+    double supply_ohm;
 };
 
 /* Reads the file; strings and lists live in arena. */

@@ -4,6 +4,8 @@
 
 #include "model/symbolic/builtin.h"
 #include "rt/cache.h"
+#include "rt/injection.h"
+#include "rt/rig_faults.h"
 
 #include <pthread.h>
 #include <stdatomic.h>
@@ -11,8 +13,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SIGNALS_PER_JOINT = 5, SIGNALS_PER_CONTACT = 3, SIGNALS_BASE = 7, SIGNALS_PER_FREE = 7 };
-enum { TITLE_SIZE = 64 };
+enum { SIGNALS_PER_JOINT = 5, SIGNALS_PER_CONTACT = 6, SIGNALS_PER_PAIR = 6, SIGNALS_BASE = 7,
+       SIGNALS_PER_FREE = 7 };
+enum { TITLE_SIZE = 192 };
+
+/* A settled robot's rotors are held by brakes, which let go so long after the last motor is on: time
+ * for a controller's first voltages to raise the currents. */
+#define BRAKE_NS INT64_C(20000000)
 
 /* The contact engine with a stopwatch, for its share of the plant's time is wanted, and a memory of
  * one evaluation: the sensors at the end of a tick and the first stage of the next ask for the same
@@ -30,6 +37,12 @@ struct timed_contact {
     int64_t spent_ns;
 };
 
+/* Where the recording of a wire goes. */
+struct bus_tap {
+    struct recorder *recorder;
+    size_t bus;
+};
+
 struct simulator {
     struct simulator_config config;
     struct arena *arena;
@@ -39,6 +52,11 @@ struct simulator {
     struct error dynamics_notice;    /* which implementation, and why */
     struct timed_contact contact;
     struct plant *plant;
+    struct settled settled;
+    struct faults *faults;
+    struct injection *injection;
+    struct sensing *sensing;
+    const struct plant_sensors *measured; /* what the boards see; the plant's are true */
     struct boards *boards;
     struct buses buses;
     struct bus_ports ports, task_ports;
@@ -46,7 +64,8 @@ struct simulator {
     struct loop *loop;
     struct recorder *recorder;
     double *row;
-    size_t nsignal;
+    struct contact_patch *patch; /* of the pairs, for a row */
+    size_t nsignal, npatch;
     uint64_t row_ticks;
     struct controller *controller;
     bool task_inline, task_running;
@@ -55,6 +74,7 @@ struct simulator {
     struct simulator_status status;
     struct snapshot *published; /* struct simulator_status */
     bool release_due;           /* the links are held until every motor is on */
+    int64_t release_ns;         /* virtual time at which they are let go; -1 = not yet or done */
     _Atomic int64_t released;   /* virtual time at which they were let go; -1 = told or not yet */
     char failure[256];
 };
@@ -128,6 +148,21 @@ static const struct contact_ops timed_ops = {
 
 /* ---- what the loop calls ---- */
 
+static void machine_advance(void *context, int64_t time_ns)
+{
+    const struct simulator *simulator = context;
+
+    buses_advance(&simulator->buses, time_ns);
+}
+
+/* What a wire in virtual time has carried, with its time. */
+static void record_carried(void *context, const struct bus_frame *frame)
+{
+    const struct bus_tap *tap = context;
+
+    recorder_frame(tap->recorder, tap->bus, frame, frame->time_ns);
+}
+
 static bool machine_controller(void *context, int64_t time_ns)
 {
     struct simulator *simulator = context;
@@ -150,7 +185,7 @@ static bool all_motors_on(const struct simulator *simulator)
     for (size_t i = 0; i < rig->boards.nboard; i++) {
         const struct board_config *board = &rig->boards.board[i];
 
-        for (int k = 0; k < BOARD_AXES && board->kind == BOARD_MOTOR; k++) {
+        for (int k = 0; k < BOARD_AXES_MAX && board->kind == BOARD_MOTOR; k++) {
             int joint = board->axis[k].joint;
 
             if (joint >= 0 && !command->motor[joint].bridge_on) {
@@ -165,11 +200,15 @@ static void machine_control(void *context)
 {
     struct simulator *simulator = context;
 
-    boards_control(simulator->boards, plant_sensors(simulator->plant),
-                   plant_command(simulator->plant));
+    boards_control(simulator->boards, simulator->measured, plant_command(simulator->plant));
     if (simulator->release_due && all_motors_on(simulator)) {
-        plant_clamp(simulator->plant, false);
         simulator->release_due = false;
+        simulator->release_ns =
+            plant_time_ns(simulator->plant) + (simulator->config.settle ? BRAKE_NS : 0);
+    }
+    if (simulator->release_ns >= 0 && plant_time_ns(simulator->plant) >= simulator->release_ns) {
+        plant_clamp(simulator->plant, false);
+        simulator->release_ns = -1;
         atomic_store(&simulator->released, plant_time_ns(simulator->plant));
     }
 }
@@ -194,14 +233,18 @@ static bool machine_sample(void *context)
 {
     struct simulator *simulator = context;
 
-    return sane(simulator, plant_sample(simulator->plant));
+    if (!sane(simulator, plant_sample(simulator->plant))) {
+        return false;
+    }
+    simulator->measured = sensing_sample(simulator->sensing, plant_sensors(simulator->plant));
+    return true;
 }
 
 static size_t machine_transmit(void *context, size_t bus, struct bus_frame *frames, size_t max)
 {
     struct simulator *simulator = context;
 
-    return boards_transmit(simulator->boards, bus, plant_sensors(simulator->plant), frames, max);
+    return boards_transmit(simulator->boards, bus, simulator->measured, frames, max);
 }
 
 static bool machine_fault(void *context)
@@ -254,6 +297,28 @@ static void fill_plant(struct simulator *simulator)
     for (size_t c = 0; c < rig->contact.nbody; c++) {
         simulator->status.force_z[c] = wrench[c].force[2];
     }
+    for (size_t i = 0; i < rig->nfree && i < SIMULATOR_FREE_MAX; i++) {
+        plant_free_pose(simulator->plant, i, simulator->status.free[i]);
+    }
+}
+
+/* what each pair of surfaces does to its second one; the moment is about the middle of the patch */
+static void record_pairs(const struct simulator *simulator, double *to)
+{
+    struct contact_world *engine = simulator->contact.engine;
+    size_t npair = simulator->config.rig->contact.npair, count;
+
+    memset(to, 0, npair * SIGNALS_PER_PAIR * sizeof *to);
+    count = npair ? engine->ops->patches(engine, simulator->patch, simulator->npatch) : 0;
+    for (size_t i = 0; i < count && i < simulator->npatch; i++) {
+        const struct contact_patch *patch = &simulator->patch[i];
+        double *row = to + (size_t)patch->pair * SIGNALS_PER_PAIR;
+
+        for (int k = 0; k < 3; k++) {
+            row[k] += patch->force[k];
+            row[3 + k] += patch->moment[k];
+        }
+    }
 }
 
 /* the columns in the order of make_titles */
@@ -275,8 +340,11 @@ static void record_row(struct simulator *simulator)
     }
     for (size_t c = 0; c < rig->contact.nbody; c++) {
         memcpy(to, wrench[c].force, sizeof wrench[c].force);
+        memcpy(to + 3, wrench[c].moment, sizeof wrench[c].moment);
         to += SIGNALS_PER_CONTACT;
     }
+    record_pairs(simulator, to);
+    to += rig->contact.npair * SIGNALS_PER_PAIR;
     if (rig->robot->floating) {
         memcpy(to, simulator->status.base, sizeof simulator->status.base);
         to += SIGNALS_BASE;
@@ -303,6 +371,7 @@ static void machine_publish(void *context, const struct loop_stats *stats)
     if (simulator->recorder && stats->ticks % simulator->row_ticks == 0) {
         record_row(simulator);
     }
+    injection_step(simulator->injection, stats->time_ns);
 }
 
 /* ---- assembly ---- */
@@ -380,6 +449,8 @@ static enum error_code create_plant(struct simulator *simulator, struct error *e
         .atol = rig->tolerance,
         .substep_ns = rig->substep_ns,
         .supply_v = rig->supply_v,
+        .account_energy = simulator->config.energy,
+        .supply_ohm = rig->supply_ohm,
     };
     enum error_code code = create_dynamics(simulator, error);
 
@@ -392,6 +463,7 @@ static enum error_code create_plant(struct simulator *simulator, struct error *e
     }
     if (!code) {
         simulator->release_due = simulator->config.hold == RIG_HOLD_ENABLED;
+        simulator->release_ns = -1;
         atomic_store(&simulator->released, -1);
         plant_clamp(simulator->plant, simulator->config.hold != RIG_HOLD_NONE);
     }
@@ -399,6 +471,10 @@ static enum error_code create_plant(struct simulator *simulator, struct error *e
         plant_reset(simulator->plant, rig->base_position, rig->base_quaternion, rig->joint)) {
         code = error_set(error, ERROR_INPUT, "%s: the robot cannot be put into pose %s: %s",
                          rig->file, rig->pose, plant_failure(simulator->plant));
+    }
+    if (!code && simulator->config.settle &&
+        plant_settle(simulator->plant, simulator->arena, &simulator->settled, error)) {
+        code = error_prefix(error, "%s: pose %s cannot settle", rig->file, rig->pose);
     }
     return code;
 }
@@ -418,7 +494,7 @@ static enum error_code create_buses(struct simulator *simulator, char notice[256
                          "with CAN");
     }
     if (!code) {
-        code = buses_join(&simulator->buses, simulator->arena, &simulator->ports, error);
+        code = buses_join_boards(&simulator->buses, simulator->arena, &simulator->ports, error);
     }
     if (!code && config->task) {
         code = buses_join(&simulator->buses, simulator->arena, &simulator->task_ports, error);
@@ -426,10 +502,59 @@ static enum error_code create_buses(struct simulator *simulator, char notice[256
     return code;
 }
 
+/* The table of faults and what carries them out: the ports of the boards may be replaced. */
+static enum error_code create_faults(struct simulator *simulator, struct error *error)
+{
+    const struct simulator_config *config = &simulator->config;
+    struct injection_config injection = {.rig = config->rig,
+                                         .command = plant_command(simulator->plant),
+                                         .wire = simulator->buses.wire};
+    uint64_t seed = config->seed_given ? config->seed : config->rig->seed;
+    bool *wire = arena_alloc(simulator->arena, config->rig->nbus + 1, sizeof *wire);
+    enum error_code code;
+
+    if (!wire) {
+        return error_set(error, ERROR_MEMORY, "no memory left for faults");
+    }
+    for (size_t b = 0; b < config->rig->nbus; b++) {
+        wire[b] = simulator->buses.wire[b] != NULL;
+    }
+    code = rig_faults_create(config->rig, config->fault, config->nfault, seed, wire,
+                             simulator->arena, &simulator->faults, error);
+    if (code) {
+        return code;
+    }
+    injection.faults = simulator->faults;
+    code = injection_create(&injection, simulator->arena, &simulator->ports,
+                            &simulator->injection, error);
+    if (!code) {
+        injection_step(simulator->injection, 0);
+    }
+    return code;
+}
+
+static enum error_code create_sensing(struct simulator *simulator, struct error *error)
+{
+    struct sensing_config config = simulator->config.rig->sensing;
+    enum error_code code;
+
+    config.seed = faults_seed(simulator->faults);
+    config.faults = simulator->faults;
+    code = sensing_create(&config, simulator->arena, &simulator->sensing, error);
+    if (!code) {
+        simulator->measured = sensing_sample(simulator->sensing, plant_sensors(simulator->plant));
+    }
+    return code;
+}
+
 static enum error_code create_boards(struct simulator *simulator, struct error *error)
 {
     const struct rig *rig = simulator->config.rig;
-    enum error_code code = boards_create(&rig->boards, simulator->arena, &simulator->boards, error);
+    struct boards_config config = rig->boards;
+    enum error_code code;
+
+    config.faults = simulator->faults;
+    code = boards_create(&config, simulator->arena, &simulator->boards, error);
 
     if (code) {
         return code;
@@ -479,7 +604,10 @@ static const char **make_titles(struct simulator *simulator)
 {
     static const char *const joint[SIGNALS_PER_JOINT] = {"q_*_rad", "qm_*_rad", "torque_*_nm",
                                                          "current_*_a", "voltage_*_v"};
-    static const char *const contact[SIGNALS_PER_CONTACT] = {"fx_*_n", "fy_*_n", "fz_*_n"};
+    static const char *const contact[SIGNALS_PER_CONTACT] = {"fx_*_n",  "fy_*_n",  "fz_*_n",
+                                                             "mx_*_nm", "my_*_nm", "mz_*_nm"};
+    static const char *const pair[SIGNALS_PER_PAIR] = {"fx_*_n",  "fy_*_n",  "fz_*_n",
+                                                       "mx_*_nm", "my_*_nm", "mz_*_nm"};
     static const char *const base[SIGNALS_BASE] = {"base_x_m", "base_y_m", "base_z_m", "base_qw",
                                                    "base_qx",  "base_qy",  "base_qz"};
     static const char *const free_body[SIGNALS_PER_FREE] = {"*_x_m", "*_y_m", "*_z_m", "*_qw",
@@ -487,6 +615,7 @@ static const char **make_titles(struct simulator *simulator)
     const struct rig *rig = simulator->config.rig;
     size_t count = rig->robot->njoint * SIGNALS_PER_JOINT +
                    rig->contact.nbody * SIGNALS_PER_CONTACT +
+                   rig->contact.npair * SIGNALS_PER_PAIR +
                    (rig->robot->floating ? SIGNALS_BASE : 0) + rig->nfree * SIGNALS_PER_FREE;
     const char **titles = arena_alloc(simulator->arena, count + 1, sizeof *titles);
     bool good = titles != NULL;
@@ -500,6 +629,14 @@ static const char **make_titles(struct simulator *simulator)
         good = add_title(simulator->arena, titles, &n, contact[i % SIGNALS_PER_CONTACT],
                          rig_contact_name(rig, i / SIGNALS_PER_CONTACT));
     }
+    for (size_t i = 0; good && i < rig->contact.npair * SIGNALS_PER_PAIR; i++) {
+        const struct contact_pair *of = &rig->contact.pair[i / SIGNALS_PER_PAIR];
+        char name[TITLE_SIZE];
+
+        snprintf(name, sizeof name, "%.63s_on_%.63s", rig->contact.surface[of->a].name,
+                 rig->contact.surface[of->b].name);
+        good = add_title(simulator->arena, titles, &n, pair[i % SIGNALS_PER_PAIR], name);
+    }
     for (size_t i = 0; good && rig->robot->floating && i < SIGNALS_BASE; i++) {
         good = add_title(simulator->arena, titles, &n, base[i], "");
     }
@@ -509,6 +646,22 @@ static const char **make_titles(struct simulator *simulator)
     }
     simulator->nsignal = n;
     return good ? titles : NULL;
+}
+
+/* Timed buses record what they have carried themselves. */
+static enum error_code tap_wires(struct simulator *simulator, struct error *error)
+{
+    const size_t nbus = simulator->config.rig->nbus;
+    struct bus_tap *tap = arena_alloc(simulator->arena, nbus, sizeof *tap);
+
+    if (!tap) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the recorder's buses");
+    }
+    for (size_t b = 0; b < nbus && simulator->buses.timed; b++) {
+        tap[b] = (struct bus_tap){simulator->recorder, b};
+        buses_tap(&simulator->buses, b, record_carried, &tap[b]);
+    }
+    return ERROR_NONE;
 }
 
 static enum error_code create_recorder(struct simulator *simulator, struct error *error)
@@ -521,6 +674,7 @@ static enum error_code create_recorder(struct simulator *simulator, struct error
         .nbus = config->rig->nbus,
         .bus = simulator->buses.interface,
     };
+    enum error_code code;
 
     if (!config->record) {
         return ERROR_NONE;
@@ -528,11 +682,15 @@ static enum error_code create_recorder(struct simulator *simulator, struct error
     recorder.signal = make_titles(simulator);
     recorder.nsignal = simulator->nsignal;
     simulator->row = arena_alloc(simulator->arena, simulator->nsignal + 1, sizeof(double));
+    simulator->npatch = 2 * config->rig->contact.npair; /* an engine may cut a pair's patch in parts */
+    simulator->patch =
+        arena_alloc(simulator->arena, simulator->npatch + 1, sizeof *simulator->patch);
     simulator->row_ticks = (uint64_t)(config->row_period_ns / config->rig->tick_ns);
-    if (!recorder.signal || !simulator->row) {
+    if (!recorder.signal || !simulator->row || !simulator->patch) {
         return error_set(error, ERROR_MEMORY, "no memory left for the recorder's signals");
     }
-    return recorder_open(&recorder, simulator->arena, &simulator->recorder, error);
+    code = recorder_open(&recorder, simulator->arena, &simulator->recorder, error);
+    return code ? code : tap_wires(simulator, error);
 }
 
 static enum error_code create_loop(struct simulator *simulator, struct error *error)
@@ -552,6 +710,7 @@ static enum error_code create_loop(struct simulator *simulator, struct error *er
         .machine =
             {
                 .context = simulator,
+                .advance = simulator->buses.timed ? machine_advance : NULL,
                 .controller = simulator->task_inline ? machine_controller : NULL,
                 .receive = machine_receive,
                 .control = machine_control,
@@ -590,6 +749,12 @@ enum error_code simulator_create(const struct simulator_config *config, struct a
     code = create_buses(simulator, notice, error);
     if (!code) {
         code = create_plant(simulator, error);
+    }
+    if (!code) {
+        code = create_faults(simulator, error);
+    }
+    if (!code) {
+        code = create_sensing(simulator, error);
     }
     if (!code) {
         code = create_boards(simulator, error);
@@ -723,6 +888,7 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
 {
     struct loop_event loop_event;
     struct board_event board_event;
+    struct fault_event fault_event;
     struct error error;
     int64_t released = atomic_exchange(&simulator->released, -1);
     int used;
@@ -737,6 +903,11 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
         *key = (uint64_t)loop_event.kind << 8 | (uint8_t)loop_event.bus;
         used = snprintf(text, size, "%.6f s: ", (double)loop_event.time_ns * 1e-9);
         loop_event_format(simulator->loop, &loop_event, text + used, size - (size_t)used);
+        return true;
+    }
+    if (faults_next_event(simulator->faults, &fault_event)) {
+        *key = UINT64_C(4) << 32 | fault_event.fault;
+        fault_event_format(simulator->faults, &fault_event, text, size);
         return true;
     }
     if (boards_next_event(simulator->boards, &board_event)) {
@@ -776,6 +947,11 @@ struct boards *simulator_boards(const struct simulator *simulator)
     return simulator->boards;
 }
 
+struct faults *simulator_faults(const struct simulator *simulator)
+{
+    return simulator->faults;
+}
+
 struct plant *simulator_plant(const struct simulator *simulator)
 {
     return simulator->plant;
@@ -791,9 +967,19 @@ const char *simulator_failure(const struct simulator *simulator)
     return simulator->failure;
 }
 
+const struct settled *simulator_settled(const struct simulator *simulator)
+{
+    return simulator->config.settle ? &simulator->settled : NULL;
+}
+
 const char *simulator_dynamics(const struct simulator *simulator)
 {
     return simulator->dynamics_notice.text;
+}
+
+const struct wire *simulator_wire(const struct simulator *simulator, size_t bus)
+{
+    return simulator->buses.wire[bus];
 }
 
 bool simulator_is_local(const struct simulator *simulator)

@@ -7,6 +7,7 @@
 #ifndef RT_SIMULATOR_H
 #define RT_SIMULATOR_H
 
+#include "model/settle.h"
 #include "rt/buses.h"
 #include "rt/controller.h"
 #include "rt/loop.h"
@@ -18,17 +19,23 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { SIMULATOR_JOINTS_MAX = 64, SIMULATOR_CONTACTS_MAX = 16 };
+enum { SIMULATOR_JOINTS_MAX = 64, SIMULATOR_CONTACTS_MAX = 16, SIMULATOR_FREE_MAX = 16 };
 
 struct simulator_config {
     const struct rig *rig;
     enum rig_clock clock;
     enum rig_hold hold;
+    bool settle; /* start in static equilibrium (plant_settle) */
+    bool energy; /* account for it (plant_energy) */
     enum rig_overrun overrun;
     int64_t stop_after; /* overruns, for RIG_OVERRUN_STOP */
     enum bus_transport transport;
     const char *const *interface; /* "NAME=INTERFACE", as of --bus */
     size_t ninterface;
+    const char *const *fault; /* lines as of --fault, after those of the rig */
+    size_t nfault;
+    bool seed_given;
+    uint64_t seed; /* of noise and faults, instead of the rig's */
     uint64_t ticks;     /* 0 = until stopped */
     const char *task;   /* NULL = none */
     const char *record; /* directory, NULL = none */
@@ -50,6 +57,7 @@ struct simulator_status {
     double base[7];                 /* position (m), quaternion wxyz; zeros with a fixed base */
     double q[SIMULATOR_JOINTS_MAX]; /* rad */
     double force_z[SIMULATOR_CONTACTS_MAX]; /* contact bodies, world frame, N */
+    double free[SIMULATOR_FREE_MAX][7]; /* of the first free bodies: origin (m), quaternion wxyz */
     struct bus_status bus[BUSES_MAX];
 };
 
@@ -92,12 +100,18 @@ const struct simulator_config *simulator_configuration(const struct simulator *s
 const struct loop_stats *simulator_stats(const struct simulator *simulator); /* after the run */
 struct can_port *simulator_port(const struct simulator *simulator, size_t bus);
 struct boards *simulator_boards(const struct simulator *simulator); /* counters after the run */
+/* Faults are switched (faults_set) in the loop's thread, or before the run. */
+struct faults *simulator_faults(const struct simulator *simulator);
 struct plant *simulator_plant(const struct simulator *simulator);   /* after the run */
 const struct controller *simulator_controller(const struct simulator *simulator); /* NULL = none */
 const char *simulator_failure(const struct simulator *simulator); /* after LOOP_END_MODEL */
+/* What plant_settle found at the start; NULL without settle. */
+const struct settled *simulator_settled(const struct simulator *simulator);
 /* Which implementation computes the rigid-body dynamics, and why; a sentence. */
 const char *simulator_dynamics(const struct simulator *simulator);
 bool simulator_is_local(const struct simulator *simulator);
+/* The wire of a timed bus, NULL where frames take no time; after the run. */
+const struct wire *simulator_wire(const struct simulator *simulator, size_t bus);
 
 /* Contact evaluations and the time spent in them, after the run. */
 void simulator_contact_profile(const struct simulator *simulator, uint64_t *evaluations,

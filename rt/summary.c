@@ -2,8 +2,11 @@
 /* The summary of a run. */
 #include "rt/summary.h"
 
+#include "canbus/wire.h"
+
 #include <errno.h>
 #include <inttypes.h>
+#include <math.h>
 
 static const char *clock_name(enum rig_clock clock)
 {
@@ -126,12 +129,20 @@ static void print_phases(const struct summary *summary, FILE *out)
     }
 }
 
+/* By the wire where there is one, else by the bits without stuff bits. */
 static double load(const struct summary *summary, size_t bus)
 {
     const struct rig_bus *rig_bus = &simulator_configuration(summary->simulator)->rig->bus[bus];
     const struct can_counters *c = &simulator_port(summary->simulator, bus)->counters;
+    const struct wire *wire = simulator_wire(summary->simulator, bus);
     double virtual_s = seconds(simulator_stats(summary->simulator)->time_ns);
 
+    if (wire) {
+        struct wire_stats of_wire;
+
+        wire_stats(wire, &of_wire);
+        return 100.0 * of_wire.load_mean;
+    }
     return virtual_s > 0.0
                ? 100.0 * (double)(c->rx_bits + c->tx_bits) / virtual_s / (double)rig_bus->bitrate
                : 0.0;
@@ -152,6 +163,44 @@ static void print_buses(const struct summary *summary, FILE *out)
                 " %6.1f %%\n",
                 rig->bus[b].name, port->bus, c->rx_frames, c->tx_frames, c->rx_dropped,
                 c->tx_dropped, c->error_frames, load(summary, b));
+    }
+}
+
+static unsigned long long total(const uint64_t *count, size_t n)
+{
+    unsigned long long sum = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        sum += count[i];
+    }
+    return sum;
+}
+
+/* What the wires in virtual time have seen. */
+static void print_wires(const struct summary *summary, FILE *out)
+{
+    const struct rig *rig = simulator_configuration(summary->simulator)->rig;
+
+    for (size_t b = 0; b < rig->nbus; b++) {
+        const struct wire *wire = simulator_wire(summary->simulator, b);
+        struct wire_stats w;
+        struct wire_latency worst;
+
+        if (!wire) {
+            continue;
+        }
+        if (b == 0) {
+            fprintf(out, "  %-10s %9s %9s %9s %9s %8s %6s %8s %8s %8s\n", "wire", "frames", "mean",
+                    "peak", "worst ms", "of id", "queue", "drops", "errors", "bus-off");
+        }
+        wire_stats(wire, &w);
+        worst = wire_worst_latency(wire);
+        fprintf(out,
+                "  %-10s %9" PRIu64 " %7.1f %% %7.1f %% %9.3f    0x%03x %6zu %8llu %8llu %8" PRIu64
+                "\n",
+                rig->bus[b].name, w.frames, 100.0 * w.load_mean, 100.0 * w.load_peak,
+                us(worst.max_ns) * 1e-3, worst.id, w.queued_peak, total(w.dropped, WIRE_DROPS),
+                total(w.errors, WIRE_ERRORS), w.bus_offs);
     }
 }
 
@@ -185,6 +234,35 @@ static void print_rest(const struct summary *summary, FILE *out)
     }
 }
 
+/* False when it was not asked for, or the contact engine does not answer any more. */
+static bool read_energy(const struct summary *summary, struct plant_energy *e, double *turnover)
+{
+    if (!simulator_configuration(summary->simulator)->energy ||
+        plant_energy(simulator_plant(summary->simulator), e)) {
+        return false;
+    }
+    *turnover = fabs(e->electrical_in) + fabs(e->pretension_work) + fabs(e->push_work) +
+                e->joule_heat + fabs(e->motor_friction) + e->spring_damping + e->parallel_damping +
+                fabs(e->contact_dissipation);
+    return true;
+}
+
+static void print_energy(const struct summary *summary, FILE *out)
+{
+    struct plant_energy e;
+    double turnover;
+
+    if (read_energy(summary, &e, &turnover)) {
+        fprintf(out,
+                "energy: electrical %.6g J, pretension %.6g J, pushes %.6g J in; windings %.6g J, "
+                "motor friction %.6g J, springs %.6g J, ropes %.6g J, contacts %.6g J lost\n"
+                "  unbalanced %.3g J, %.2g of the turnover\n",
+                e.electrical_in, e.pretension_work, e.push_work, e.joule_heat, e.motor_friction,
+                e.spring_damping, e.parallel_damping, e.contact_dissipation, e.balance,
+                turnover > 0.0 ? fabs(e.balance) / turnover : 0.0);
+    }
+}
+
 void summary_print(const struct summary *summary, FILE *out)
 {
     print_time(summary, out);
@@ -193,6 +271,8 @@ void summary_print(const struct summary *summary, FILE *out)
     }
     print_phases(summary, out);
     print_buses(summary, out);
+    print_wires(summary, out);
+    print_energy(summary, out);
     print_rest(summary, out);
 }
 
@@ -243,6 +323,32 @@ static void json_phases(const struct loop_stats *stats, FILE *out)
     fprintf(out, "  },\n");
 }
 
+static void json_wire(const struct wire *wire, FILE *out)
+{
+    struct wire_latency worst;
+    struct wire_stats w;
+
+    if (!wire) {
+        return;
+    }
+    wire_stats(wire, &w);
+    worst = wire_worst_latency(wire);
+    fprintf(out,
+            ",\n     \"wire\": {\"frames\": %" PRIu64 ", \"busy_ns\": %" PRId64
+            ", \"load_peak_percent\": %.3f, \"queue_peak\": %zu, \"arbitration_lost\": %" PRIu64
+            ", \"bus_offs\": %" PRIu64
+            ", \"worst_latency_ns\": %" PRId64 ", \"worst_latency_id\": %u",
+            w.frames, w.busy_ns, 100.0 * w.load_peak, w.queued_peak, w.arbitration_lost, w.bus_offs,
+            worst.max_ns, worst.id);
+    for (int i = 0; i < WIRE_ERRORS; i++) {
+        fprintf(out, ", \"%s_errors\": %" PRIu64, wire_error_name((enum wire_error)i), w.errors[i]);
+    }
+    for (int i = 0; i < WIRE_DROPS; i++) {
+        fprintf(out, ", \"dropped, %s\": %" PRIu64, wire_drop_name((enum wire_drop)i), w.dropped[i]);
+    }
+    fprintf(out, "}");
+}
+
 static void json_buses(const struct summary *summary, FILE *out)
 {
     const struct rig *rig = simulator_configuration(summary->simulator)->rig;
@@ -256,9 +362,11 @@ static void json_buses(const struct summary *summary, FILE *out)
         fprintf(out,
                 ", \"rx_frames\": %" PRIu64 ", \"tx_frames\": %" PRIu64 ", \"rx_dropped\": %" PRIu64
                 ", \"tx_dropped\": %" PRIu64 ", \"error_frames\": %" PRIu64
-                ", \"load_percent\": %.3f}%s\n",
+                ", \"load_percent\": %.3f",
                 c->rx_frames, c->tx_frames, c->rx_dropped, c->tx_dropped, c->error_frames,
-                load(summary, b), b + 1 < rig->nbus ? "," : "");
+                load(summary, b));
+        json_wire(simulator_wire(summary->simulator, b), out);
+        fprintf(out, "}%s\n", b + 1 < rig->nbus ? "," : "");
     }
     fprintf(out, "  ],\n");
 }
@@ -281,6 +389,23 @@ static void json_rest(const struct summary *summary, FILE *out)
             summary->recorder.rows_dropped, summary->recorder.unwritten);
 }
 
+static void json_energy(const struct summary *summary, FILE *out)
+{
+    struct plant_energy e;
+    double turnover;
+
+    if (read_energy(summary, &e, &turnover)) {
+        fprintf(out,
+                "  \"energy\": {\"electrical_in_j\": %.9g, \"pretension_work_j\": %.9g, "
+                "\"push_work_j\": %.9g, \"joule_heat_j\": %.9g, \"motor_friction_j\": %.9g, "
+                "\"spring_damping_j\": %.9g, \"parallel_damping_j\": %.9g, "
+                "\"contact_dissipation_j\": %.9g, \"balance_j\": %.9g, \"turnover_j\": "
+                "%.9g},\n",
+                e.electrical_in, e.pretension_work, e.push_work, e.joule_heat, e.motor_friction,
+                e.spring_damping, e.parallel_damping, e.contact_dissipation, e.balance, turnover);
+    }
+}
+
 static void json_write(const struct summary *summary, FILE *out)
 {
     const struct simulator_config *config = simulator_configuration(summary->simulator);
@@ -297,6 +422,7 @@ static void json_write(const struct summary *summary, FILE *out)
             state_hash(summary));
     json_phases(stats, out);
     json_buses(summary, out);
+    json_energy(summary, out);
     json_rest(summary, out);
     fprintf(out, "}\n");
 }

@@ -4,6 +4,8 @@ hil_script_test(service_run COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/run.sh
                 LABELS service TIMEOUT 120 SERIAL)
 hil_script_test(service_squat COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/squat.sh
                 LABELS service TIMEOUT 300)
+hil_script_test(service_bus_plans COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/bus_plans.sh
+                LABELS service TIMEOUT 300)
 hil_script_test(service_run_vcan LABELS service TIMEOUT 150
     COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 130
             ${CMAKE_CURRENT_SOURCE_DIR}/service/run_vcan.sh)

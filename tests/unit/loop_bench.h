@@ -175,9 +175,10 @@ static inline void bench_buses(struct bench *bench, size_t inbox)
     for (size_t b = 0; b < BENCH_BUSES; b++) {
         static const char *const names[] = {"can0", "can1", "can2"};
 
-        assert_int_equal(
-            local_bus_create(names[b], 2, inbox, false, &bench->arena, &bench->bus[b], &error),
-            ERROR_NONE);
+        const struct local_bus_config config = {.name = names[b], .max_nodes = 2, .inbox = inbox};
+
+        assert_int_equal(local_bus_create(&config, &bench->arena, &bench->bus[b], &error),
+                         ERROR_NONE);
         assert_int_equal(local_bus_join(bench->bus[b], NULL, 0, &bench->port[b], &error),
                          ERROR_NONE);
         assert_int_equal(local_bus_join(bench->bus[b], NULL, 0, &bench->host[b], &error),
@@ -214,7 +215,7 @@ static inline struct bench *bench_create(enum rig_clock clock, uint64_t ticks)
         .port = bench->port,
         .transmit_max = bench->transmit_max,
         .time = &bench->clock,
-        .machine = {bench, NULL, bench_receive, bench_control, bench_plant, bench_sample,
+        .machine = {bench, NULL, NULL, bench_receive, bench_control, bench_plant, bench_sample,
                     bench_transmit, bench_fault, bench_publish, bench_shut_down},
     };
     return bench;

@@ -95,6 +95,7 @@ static void reads_time_pose_and_settings(void **state)
     assert_int_equal(rig->realtime.stop_after, 3);
     assert_string_equal(rig->record.directory, "out");
     assert_int_equal(rig->servo.command_period_ns, 4000000);
+    assert_true(rig->servo.gains[1].kp_v_per_rad == 10 && rig->servo.gains[1].kw_v_s_per_rad == 4);
     assert_int_equal(rig->squat.cycles, 5);
 }
 
@@ -212,6 +213,34 @@ static void tells_a_controller_where_everything_is(void **state)
     assert_int_equal(rig_find_bus(rig, "none"), -1);
 }
 
+#define SERVO_END "kw_v_s_per_rad: 4, command_period_s: 0.004}"
+#define SERVO_OTHERS(list) "kw_v_s_per_rad: 4, command_period_s: 0.004, others: [" list "]}"
+
+static void gains_of_some_joints_differ(void **state)
+{
+    const struct servo_gains *gains;
+
+    (void)state;
+    write_toy_with(SERVO_END, SERVO_OTHERS("{joints: [knee], kp_v_per_rad: 30, kd_v_s_per_rad: 2, "
+                                           "limit_v: 24}"));
+    gains = load(rig_path)->servo.gains;
+    assert_true(gains[0].kp_v_per_rad == 10 && gains[0].kd_v_s_per_rad == 0);
+    assert_true(gains[0].limit_v == 0);
+    assert_true(gains[1].kp_v_per_rad == 30 && gains[1].kd_v_s_per_rad == 2);
+    assert_true(gains[1].ki_v_per_rad_s == 20 && gains[1].kw_v_s_per_rad == 4);
+    assert_true(gains[1].limit_v == 24);
+}
+
+static void gains_of_other_joints_are_refused(void **state)
+{
+    (void)state;
+    refused_with(SERVO_END, SERVO_OTHERS("{joints: [knea], kp_v_per_rad: 30}"),
+                 "43:112: found unknown driven joint \"knea\", expected \"knee\"");
+    refused_with(SERVO_END,
+                 SERVO_OTHERS("{joints: [knee], ki_v_per_rad_s: 1}, {joints: [hip, knee]}"),
+                 "43:154: found joint \"knee\" again, expected it once (line 43)");
+}
+
 static void the_coman_rig_reaches_every_joint_and_both_ankles(void **state)
 {
     const struct rig *rig = load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
@@ -231,32 +260,6 @@ static void the_coman_rig_reaches_every_joint_and_both_ankles(void **state)
     }
     weight = rig->robot->total_mass * 9.81;
     assert_true(weight > 278.0 && weight < 278.5);
-}
-
-/* The reference is the table "COMAN by limb" of the protocol study: iCub BLL, 4 ms telemetry, 1 kHz
- * voltage commands, F/T and joint torques at 5 ms, 1 Mbit/s. */
-static void bus_loads_are_those_of_the_protocol_study(void **state)
-{
-    static const struct {
-        const char *bus;
-        double percent;
-    } cases[] = {{"torso", 57.1},
-                 {"left_leg", 100.7},
-                 {"right_leg", 100.7},
-                 {"left_arm", 70.2},
-                 {"right_arm", 70.2}};
-    const struct rig *rig = load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
-
-    (void)state;
-    for (size_t i = 0; i < 5; i++) {
-        double telemetry, command;
-
-        rig_bus_load(rig, (size_t)rig_find_bus(rig, cases[i].bus), 1000000, &telemetry, &command);
-        if (fabs((telemetry + command) / 1e4 - cases[i].percent) > 0.06) {
-            fail_msg("%s: %g %%, expected %g %%", cases[i].bus, (telemetry + command) / 1e4,
-                     cases[i].percent);
-        }
-    }
 }
 
 /* ---- bad rigs ---- */
@@ -387,7 +390,9 @@ static void rejects_an_address_twice_on_a_bus(void **state)
                  "32:33: found address 0x01 again on bus \"left\", expected another (line 31 "
                  "has it)");
     refused_with("address: 0x0c", "address: 15",
-                 "32:33: found 15, expected an integer from 1 to 14");
+                 "32:33: found address 15, expected 1 to 14 with personality icub");
+    refused_with("address: 0x0c", "address: 32",
+                 "32:33: found 32, expected an integer from 1 to 31");
 }
 
 static void rejects_a_joint_driven_twice_or_not_at_all(void **state)
@@ -523,8 +528,9 @@ int main(void)
         TEST(the_rig_can_put_joints_and_base_elsewhere_than_the_pose),
         TEST(rejects_joints_of_the_start_beyond_their_limits),
         TEST(tells_a_controller_where_everything_is),
+        TEST(gains_of_some_joints_differ),
+        TEST(gains_of_other_joints_are_refused),
         TEST(the_coman_rig_reaches_every_joint_and_both_ankles),
-        TEST(bus_loads_are_those_of_the_protocol_study),
         TEST(rejects_ticks_that_substeps_do_not_fill),
         TEST(rejects_names_that_nothing_has),
         TEST(rejects_files_out_of_the_tree_or_missing),

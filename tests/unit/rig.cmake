@@ -2,5 +2,6 @@
 set(unit ${CMAKE_CURRENT_SOURCE_DIR}/unit)
 hil_test(options SOURCES ${unit}/options.c LIBS rt LABELS unit)
 hil_test(rig SOURCES ${unit}/rig.c LIBS rt LABELS unit)
+hil_test(rig_buses SOURCES ${unit}/rig_buses.c LIBS rt LABELS unit)
 hil_test(rig_fuzz SOURCES ${unit}/rig_fuzz.c LIBS rt LABELS fuzz TIMEOUT 120)
 hil_script_test(cli COMMAND ${unit}/cli.sh $<TARGET_FILE:coman-hil> LABELS unit)

@@ -192,13 +192,13 @@ static void without_an_engine_bodies_stay_and_nothing_touches(void **state)
     assert_int_equal(rig->contact.nbody + rig->contact.nsurface + rig->contact.npair, 0);
 }
 
-static void the_grasp_rig_is_the_scene_of_the_paper(void **state)
+static void the_rig_of_the_paper_s_grasp_is_its_scene(void **state)
 {
     const struct rig *rig = NULL;
     struct error error = {0};
 
     (void)state;
-    if (rig_load(HIL_SOURCE_DIR "/config/rigs/grasp.yaml", &arena, &rig, &error)) {
+    if (rig_load(HIL_SOURCE_DIR "/config/rigs/grasp-paper.yaml", &arena, &rig, &error)) {
         fail_msg("%s", error.text);
     }
     assert_int_equal(rig->nfree, 1);
@@ -297,7 +297,7 @@ int main(void)
         cmocka_unit_test(surfaces_of_static_bodies_belong_to_the_world),
         cmocka_unit_test(a_robot_can_touch_itself),
         cmocka_unit_test(without_an_engine_bodies_stay_and_nothing_touches),
-        cmocka_unit_test(the_grasp_rig_is_the_scene_of_the_paper),
+        cmocka_unit_test(the_rig_of_the_paper_s_grasp_is_its_scene),
         cmocka_unit_test(rejects_names_that_mean_something_else),
         cmocka_unit_test(rejects_keys_of_the_other_kind),
         cmocka_unit_test(rejects_masses_and_inertias_of_no_body),

@@ -1,0 +1,210 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What carries out the faults of motors, supply and buses. */
+#include "rt/injection.h"
+
+#include "canbus/fault_port.h"
+#include "canbus/wire.h"
+
+#include <string.h>
+
+/* A fault that a wire carries out: its number there while it lasts. */
+struct on_wire {
+    struct wire *wire; /* NULL: this fault is none */
+    int armed;         /* -1 = not */
+    bool was_active;
+};
+
+struct injection {
+    struct injection_config config;
+    struct on_wire *wire;             /* by fault */
+    struct can_port *port[BUSES_MAX]; /* with rules; NULL = none */
+    int64_t time_ns;
+};
+
+/* ---- buses ---- */
+
+static bool needs_wire(const struct fault *fault)
+{
+    return fault->kind == FAULT_ERROR_BURST || fault->kind == FAULT_ID_COLLISION;
+}
+
+static enum fault_port_kind port_kind(enum fault_kind kind)
+{
+    switch (kind) {
+    case FAULT_CORRUPTION:
+        return FAULT_PORT_CORRUPTION;
+    case FAULT_LATE:
+        return FAULT_PORT_LATE;
+    case FAULT_DUPLICATE:
+        return FAULT_PORT_DUPLICATE;
+    case FAULT_BUS_OFF:
+        return FAULT_PORT_BUS_OFF;
+    default:
+        return FAULT_PORT_LOSS;
+    }
+}
+
+static struct fault_port_rule rule_of(const struct fault *fault)
+{
+    return (struct fault_port_rule){
+        .kind = port_kind(fault->kind),
+        .probability = fault->value[0],
+        .delay_ns = fault->kind == FAULT_LATE ? (int64_t)(fault->value[0] * 1e9) : 0,
+        .id = fault->id,
+        .active = &fault->active,
+        .stream = fault->name,
+    };
+}
+
+/* The port of one bus with the rules of its faults, if it has any. */
+static enum error_code make_port(struct injection *injection, size_t bus, struct arena *arena,
+                                 struct can_port **port, struct error *error)
+{
+    const struct injection_config *config = &injection->config;
+    const struct rig_lockstep *lockstep = &config->rig->lockstep;
+    size_t count = faults_count(config->faults), on_wire = 0;
+    struct fault_port_rule *rule = arena_alloc(arena, count + 1, sizeof *rule);
+    struct fault_port_config made = {.port = *port,
+                                     .rule = rule,
+                                     .exempt = {lockstep->step_id, lockstep->done_id},
+                                     .nexempt = 2,
+                                     .seed = faults_seed(config->faults)};
+    enum error_code code;
+
+    if (!rule) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the faults of a bus");
+    }
+    for (size_t i = 0; i < count; i++) {
+        const struct fault *fault = faults_at(config->faults, i);
+
+        if (fault->target != FAULT_BUS || fault->index != bus) {
+            continue;
+        }
+        if (needs_wire(fault)) {
+            injection->wire[i].wire = config->wire[bus];
+            on_wire++;
+        } else {
+            rule[made.nrule++] = rule_of(fault);
+        }
+    }
+    if (on_wire > WIRE_FAULTS_MAX) {
+        return error_set(error, ERROR_UNSUPPORTED,
+                         "bus %s: found %zu faults that its wire carries out, expected at most %d",
+                         config->rig->bus[bus].name, on_wire, WIRE_FAULTS_MAX);
+    }
+    if (made.nrule == 0) {
+        return ERROR_NONE;
+    }
+    code = fault_port_create(&made, arena, &injection->port[bus], error);
+    if (!code) {
+        *port = injection->port[bus];
+    }
+    return code;
+}
+
+enum error_code injection_create(const struct injection_config *config, struct arena *arena,
+                                 struct bus_ports *ports, struct injection **out,
+                                 struct error *error)
+{
+    struct injection *injection = arena_alloc(arena, 1, sizeof *injection);
+    size_t count = faults_count(config->faults);
+    enum error_code code = ERROR_NONE;
+
+    if (!injection || !(injection->wire = arena_alloc(arena, count + 1, sizeof *injection->wire))) {
+        return error_set(error, ERROR_MEMORY, "no memory left for %zu faults", count);
+    }
+    injection->config = *config;
+    for (size_t i = 0; i < count; i++) {
+        injection->wire[i].armed = -1;
+    }
+    for (size_t b = 0; b < ports->count && !code; b++) {
+        code = make_port(injection, b, arena, &ports->port[b], error);
+    }
+    *out = injection;
+    return code;
+}
+
+static void step_wire(struct injection *injection, size_t index)
+{
+    const struct fault *fault = faults_at(injection->config.faults, index);
+    struct on_wire *state = &injection->wire[index];
+    bool begins = fault->active && !state->was_active, ends = !fault->active && state->was_active;
+
+    state->was_active = fault->active;
+    if (begins) {
+        const struct wire_fault noise = {
+            .kind = fault->kind == FAULT_ERROR_BURST ? WIRE_FAULT_CORRUPT : WIRE_FAULT_COLLISION,
+            .node = WIRE_ANY,
+            .receiver = WIRE_ANY,
+            .id = fault->id >= 0 ? (uint32_t)fault->id : 0,
+            .id_mask = fault->id >= 0 ? UINT32_MAX : 0,
+            .probability = fault->value[0],
+            .from_ns = injection->time_ns,
+        };
+
+        state->armed = wire_inject(state->wire, &noise);
+    }
+    if (ends && state->armed >= 0) {
+        wire_heal(state->wire, state->armed);
+        state->armed = -1;
+    }
+}
+
+/* ---- motors and supply ---- */
+
+static unsigned condition_of(enum fault_kind kind)
+{
+    switch (kind) {
+    case FAULT_OPEN_PHASE:
+        return DRIVE_OPEN_PHASE;
+    case FAULT_SHORT:
+        return DRIVE_SHORT;
+    case FAULT_JAM:
+        return DRIVE_JAM;
+    case FAULT_SPRING_BREAK:
+        return DRIVE_SPRING_BREAK;
+    default:
+        return 0;
+    }
+}
+
+static void step_command(struct injection *injection)
+{
+    struct plant_command *command = injection->config.command;
+
+    command->supply_sag_v = 0.0;
+    for (size_t j = 0; j < command->njoint; j++) {
+        command->motor[j].condition = 0;
+    }
+    for (size_t i = 0; i < faults_count(injection->config.faults); i++) {
+        const struct fault *fault = faults_at(injection->config.faults, i);
+
+        if (fault->active && fault->target == FAULT_MOTOR) {
+            command->motor[fault->index].condition |= condition_of(fault->kind);
+        } else if (fault->active && fault->target == FAULT_SUPPLY) {
+            command->supply_sag_v += fault->value[0];
+        }
+    }
+}
+
+void injection_step(struct injection *injection, int64_t time_ns)
+{
+    size_t count = faults_count(injection->config.faults);
+
+    if (count == 0) {
+        return;
+    }
+    injection->time_ns = time_ns;
+    faults_step(injection->config.faults, time_ns);
+    step_command(injection);
+    for (size_t i = 0; i < count; i++) {
+        if (injection->wire[i].wire) {
+            step_wire(injection, i);
+        }
+    }
+    for (size_t b = 0; b < BUSES_MAX; b++) {
+        if (injection->port[b]) {
+            fault_port_time(injection->port[b], time_ns);
+        }
+    }
+}

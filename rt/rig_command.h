@@ -1,0 +1,25 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the commands that run a rig (run, task) have in common: its memory, how it is stopped from
+ * outside, the warnings about real time. Not RT-safe.
+ */
+#ifndef RT_RIG_COMMAND_H
+#define RT_RIG_COMMAND_H
+
+#include "rt/realtime.h"
+#include "rt/rig.h"
+
+/* Loads the rig into an arena of its own and calls body; returns body's exit status, or that of what
+ * went wrong, of which a line has been printed. name: the command's. */
+int rig_command(const char *name, const char *path, void *options,
+                int (*body)(void *options, const struct rig *rig, struct arena *arena));
+
+/* The first SIGINT or SIGTERM calls stop(context), which must be async-signal-safe; a second one
+ * kills. Until rig_command_ignore_stop, after which signals do what they do by default. */
+void rig_command_on_stop(void (*stop)(void *context), void *context);
+void rig_command_ignore_stop(void);
+
+/* A line on stderr for each warning; clear is what takes a status line off the terminal, or "". */
+void rig_command_warn(const struct realtime_report *report, const char *clear);
+
+#endif

@@ -1,0 +1,110 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Lines of faults, of a rig file and of a command line, with the names that a rig gives things. */
+#include "rt/rig_faults.h"
+
+#include "rt/rig_build.h"
+
+#include <stdio.h>
+#include <string.h>
+
+/* Name tables in the form that fault_parse takes; false without memory. */
+static bool collect(const struct rig *rig, const bool *wire, struct arena *arena,
+                    struct fault_names *names)
+{
+    const struct robot *robot = rig->robot;
+    const char **joint = arena_alloc(arena, robot->njoint + 1, sizeof *joint);
+    bool *driven = arena_alloc(arena, robot->njoint + 1, sizeof *driven);
+    const char **ft = arena_alloc(arena, robot->nft + 1, sizeof *ft);
+    const char **bus = arena_alloc(arena, rig->nbus + 1, sizeof *bus);
+    const char **board = arena_alloc(arena, rig->boards.nboard + 1, sizeof *board);
+    size_t *board_bus = arena_alloc(arena, rig->boards.nboard + 1, sizeof *board_bus);
+    int *board_address = arena_alloc(arena, rig->boards.nboard + 1, sizeof *board_address);
+
+    if (!joint || !driven || !ft || !bus || !board || !board_bus || !board_address) {
+        return false;
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        joint[j] = robot->joint[j].name;
+        driven[j] = robot->joint[j].sea.present;
+    }
+    for (size_t f = 0; f < robot->nft; f++) {
+        ft[f] = robot->ft[f].name;
+    }
+    for (size_t i = 0; i < rig->nbus; i++) {
+        bus[i] = rig->bus[i].name;
+    }
+    for (size_t i = 0; i < rig->boards.nboard; i++) {
+        board[i] = rig->boards.board[i].name;
+        board_bus[i] = (size_t)rig->boards.board[i].bus;
+        board_address[i] = rig->boards.board[i].address;
+    }
+    *names = (struct fault_names){
+        .njoint = robot->njoint,
+        .joint = joint,
+        .driven = driven,
+        .nft = robot->nft,
+        .ft = ft,
+        .imu = robot->imu_frame >= 0,
+        .nbus = rig->nbus,
+        .bus = bus,
+        .wire = wire,
+        .nboard = rig->boards.nboard,
+        .board = board,
+        .board_bus = board_bus,
+        .board_address = board_address,
+    };
+    return true;
+}
+
+/* The lines of the rig, then those of the command line. */
+static enum error_code parse(const struct rig *rig, const struct fault_names *names,
+                             const char *const *extra, size_t nextra, struct fault *fault,
+                             struct error *error)
+{
+    for (size_t i = 0; i < rig->nfault + nextra; i++) {
+        const struct yaml_name *line = i < rig->nfault ? &rig->fault[i] : NULL;
+        const char *text = line ? line->name : extra[i - rig->nfault];
+
+        if (!fault_parse(text, names, &fault[i], error)) {
+            continue;
+        }
+        if (line) {
+            return error_prefix(error, "%.200s:%d:%d", line->mark.file, line->mark.line,
+                                line->mark.column);
+        }
+        return error_prefix(error, "--fault");
+    }
+    return ERROR_NONE;
+}
+
+enum error_code rig_faults_create(const struct rig *rig, const char *const *extra, size_t nextra,
+                                  uint64_t seed, const bool *wire, struct arena *arena,
+                                  struct faults **faults, struct error *error)
+{
+    size_t count = rig->nfault + nextra;
+    struct fault *fault = arena_alloc(arena, count + 1, sizeof *fault);
+    struct fault_names names;
+    enum error_code code;
+
+    if (!fault || !collect(rig, wire, arena, &names)) {
+        return error_set(error, ERROR_MEMORY, "no memory left for %zu faults", count);
+    }
+    code = parse(rig, &names, extra, nextra, fault, error);
+    return code ? code : faults_create(fault, count, seed, arena, faults, error);
+}
+
+/* Whether a bus is a wire is known only when it is opened: here every bus may be one. */
+enum error_code rig_build_faults(struct rig_builder *b)
+{
+    bool *wire = arena_alloc(b->arena, b->raw->nbus + 1, sizeof *wire);
+    struct faults *unused;
+
+    b->rig->seed = (uint64_t)b->raw->seed;
+    b->rig->fault = b->raw->fault;
+    b->rig->nfault = b->raw->nfault;
+    if (!wire) {
+        return rig_no_memory(b);
+    }
+    memset(wire, true, b->raw->nbus * sizeof *wire);
+    return rig_faults_create(b->rig, NULL, 0, b->rig->seed, wire, b->arena, &unused, b->error);
+}

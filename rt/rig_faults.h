@@ -1,0 +1,15 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The faults of a run: the lines of a rig's section `faults`, and those of the command line. */
+#ifndef RT_RIG_FAULTS_H
+#define RT_RIG_FAULTS_H
+
+#include "boards/faults.h"
+#include "rt/rig.h"
+
+/* Reads all lines, extra (nextra) being those of --fault. wire tells by bus whether it is a wire in
+ * virtual time. Errors begin with file:line:column or --fault. Memory from arena. Not RT-safe. */
+enum error_code rig_faults_create(const struct rig *rig, const char *const *extra, size_t nextra,
+                                  uint64_t seed, const bool *wire, struct arena *arena,
+                                  struct faults **faults, struct error *error);
+
+#endif

@@ -1,0 +1,142 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * How much of a bus's time the boards and the controller of a rig take, when every frame is as long as
+ * it can be.
+ */
+#include "rt/rig.h"
+
+#include "boards/compact_protocol.h"
+#include "boards/foc_protocol.h"
+#include "canbus/wire_bits.h"
+
+#include <math.h>
+
+static const double MS = 1e-3;
+
+/* Bit times of the nominal rate that a frame takes of its bus at the worst, the intermission
+ * included. */
+static double frame(const struct rig_bus *bus, unsigned bytes)
+{
+    uint8_t flags = bus->fd ? FRAME_FD | FRAME_BRS : 0;
+    struct wire_length length = wire_worst_length(flags, (uint8_t)bytes);
+
+    length.nominal = (uint16_t)(length.nominal + WIRE_INTERMISSION_BITS);
+    return (double)wire_length_ns(length, bus->bitrate, bus->data_bitrate) * 1e-9 *
+           (double)bus->bitrate;
+}
+
+static int axes(const struct board_config *board)
+{
+    int count = 0;
+
+    for (int k = 0; k < BOARD_AXES_MAX && board->kind == BOARD_MOTOR; k++) {
+        count += board->axis[k].joint >= 0;
+    }
+    return count;
+}
+
+/* What the host asks of the boards where the rig says nothing: telemetry with every tick, and the
+ * boards have no shorter period than a millisecond. */
+static double telemetry_period(const struct rig *rig, int64_t period_ns)
+{
+    return fmax((double)(period_ns > 0 ? period_ns : rig->tick_ns) * 1e-9, MS);
+}
+
+static double strain(const struct rig *rig, const struct rig_bus *bus,
+                     const struct board_config *board)
+{
+    return 2.0 * frame(bus, ICUB_STRAIN_LENGTH) / telemetry_period(rig, board->period_ns);
+}
+
+/* ---- one board, bits a second ---- */
+
+static double icub_board(const struct rig *rig, const struct rig_bus *bus,
+                         const struct board_config *board)
+{
+    /* POSITION, PID_VAL, CURRENT and VELOCITY, one in each slot; STATUS */
+    return board->kind != BOARD_MOTOR ? strain(rig, bus, board)
+                                      : 4.0 * frame(bus, 8) / (ICUB_SLOTS * MS) +
+                                            frame(bus, 8) / (ICUB_STATUS_PERIOD_MS * MS);
+}
+
+static double foc_board(const struct rig *rig, const struct rig_bus *bus,
+                        const struct board_config *board)
+{
+    double period = telemetry_period(rig, 0); /* of DESIRED_TARGETS */
+
+    return board->kind != BOARD_MOTOR
+               ? strain(rig, bus, board)
+               : frame(bus, FOC_FEEDBACK_LENGTH) / period +
+                     frame(bus, FOC_STATUS_LENGTH) /
+                         fmax(period, (double)board->status_period_ns * 1e-9) +
+                     frame(bus, FOC_ADDITIONAL_STATUS_LENGTH) /
+                         (foc_additional_status_ms(board->address) * MS);
+}
+
+static double compact_board(const struct rig *rig, const struct rig_bus *bus,
+                            const struct board_config *board)
+{
+    double period = telemetry_period(rig, board->period_ns);
+    double state = frame(bus, COMPACT_STATE_LENGTH) / (COMPACT_STATE_PERIOD_MS * MS);
+
+    if (board->kind == BOARD_FT) {
+        return state + (bus->fd ? frame(bus, COMPACT_WRENCH_FD_LENGTH)
+                                : 2.0 * frame(bus, COMPACT_FORCE_LENGTH)) /
+                           period;
+    }
+    return axes(board) * state +
+           (bus->fd ? frame(bus, (unsigned)axes(board) * COMPACT_TELEMETRY_FD_LENGTH)
+                    : axes(board) * frame(bus, COMPACT_TELEMETRY_LENGTH)) /
+               period;
+}
+
+/* ---- the controller, bits a second ---- */
+
+static double icub_commands(const struct rig *rig, const struct rig_bus *bus, double period)
+{
+    (void)rig;
+    return (double)bus->naxis * frame(bus, 3) / period;
+}
+
+static double foc_commands(const struct rig *rig, const struct rig_bus *bus, double period)
+{
+    (void)period;
+    return bus->naxis ? frame(bus, FOC_TARGETS_LENGTH) / telemetry_period(rig, 0) : 0.0;
+}
+
+static double compact_commands(const struct rig *rig, const struct rig_bus *bus, double period)
+{
+    size_t most = bus->fd ? COMPACT_SLOTS : COMPACT_GROUP;
+    double bits = 0.0;
+
+    (void)period;
+    for (size_t left = bus->naxis; left > 0; left -= left < most ? left : most) {
+        bits += frame(bus, frame_fd_length(2 * (unsigned)(left < most ? left : most)));
+    }
+    return bits / ((double)rig->tick_ns * 1e-9);
+}
+
+void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
+                  double *telemetry_bit_s, double *command_bit_s)
+{
+    static const struct {
+        double (*board)(const struct rig *rig, const struct rig_bus *bus,
+                        const struct board_config *board);
+        double (*commands)(const struct rig *rig, const struct rig_bus *bus, double period);
+    } load[] = {
+        [BOARD_ICUB] = {icub_board, icub_commands},
+        [BOARD_FOC] = {foc_board, foc_commands},
+        [BOARD_COMPACT] = {compact_board, compact_commands},
+    };
+    const struct rig_bus *of = &rig->bus[bus];
+
+    *telemetry_bit_s = 0.0;
+    for (size_t i = 0; i < rig->boards.nboard; i++) {
+        const struct board_config *board = &rig->boards.board[i];
+
+        if (board->bus == (int)bus) {
+            *telemetry_bit_s += load[of->personality].board(rig, of, board);
+        }
+    }
+    *command_bit_s = load[of->personality].commands(rig, of, (double)command_period_ns * 1e-9);
+}

@@ -1,0 +1,167 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The rig's robot: its file, what the rig makes different, and how it stands at the start. */
+#include "rt/rig_build.h"
+
+#include "model/spatial.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Series springs that the rig gives instead of the robot's. */
+static enum error_code replace_springs(struct rig_builder *b)
+{
+    const struct raw_robot *raw = &b->raw->robot;
+    struct robot *robot;
+    enum error_code code;
+    int index;
+
+    if (!raw->nspring) {
+        return ERROR_NONE;
+    }
+    code = robot_copy(b->robot, b->arena, &robot, b->error);
+    for (size_t i = 0; i < raw->nspring && !code; i++) {
+        const struct raw_spring *spring = &raw->spring[i];
+
+        code = rig_find(b, &spring->mark, "joint", spring->joint,
+                        RIG_NAMES(robot->joint, robot->njoint), &index);
+        if (!code && !robot->joint[index].sea.present) {
+            code = yaml_error(b->error, &spring->mark,
+                              "found a spring for joint \"%s\", expected a joint with a drive",
+                              spring->joint);
+        }
+        if (!code) {
+            robot->joint[index].sea.Ks = spring->Ks_nm_rad;
+            robot->joint[index].sea.Ds = spring->Ds_nm_s_rad;
+        }
+    }
+    if (!code) {
+        b->robot = robot;
+        code = robot_finish(robot, b->error);
+    }
+    return code;
+}
+
+enum error_code rig_build_robot(struct rig_builder *b)
+{
+    const struct raw_robot *raw = &b->raw->robot;
+    const char *path;
+    enum error_code code = yaml_resolve_path(&raw->file_mark, raw->file, b->arena, &path, b->error);
+
+    if (!code) {
+        code = robot_load(path, raw->variant, b->arena, &b->robot, b->error);
+    }
+    code = code ? code : replace_springs(b);
+    if (code) {
+        return code;
+    }
+    mat3_identity(b->base_rotation);
+    b->rig->robot = b->robot;
+    b->rig->variant = raw->variant;
+    b->torque = arena_alloc(b->arena, b->robot->njoint, sizeof *b->torque);
+    b->driver = arena_alloc(b->arena, b->robot->njoint, sizeof *b->driver);
+    b->ft = arena_alloc(b->arena, b->robot->nft, sizeof *b->ft);
+    return b->torque && b->driver && b->ft ? ERROR_NONE : rig_no_memory(b);
+}
+
+/* The joints of the pose with those that the rig puts elsewhere. */
+static enum error_code build_joints(struct rig_builder *b, const struct robot_pose *pose)
+{
+    const struct raw_initial *raw = &b->raw->initial;
+    double *joint = arena_alloc(b->arena, b->robot->njoint, sizeof *joint);
+
+    if (!joint) {
+        return rig_no_memory(b);
+    }
+    memcpy(joint, pose->joint, b->robot->njoint * sizeof *joint);
+    for (size_t i = 0; i < raw->njoint; i++) {
+        const struct yaml_real_entry *entry = &raw->joint[i];
+        const struct robot_joint *limits;
+        int index;
+        enum error_code code = rig_find(b, &entry->mark, "joint", entry->name,
+                                        RIG_NAMES(b->robot->joint, b->robot->njoint), &index);
+
+        if (code) {
+            return code;
+        }
+        limits = &b->robot->joint[index];
+        if (limits->type != JOINT_REVOLUTE || entry->value < limits->lower ||
+            entry->value > limits->upper) {
+            return yaml_error(b->error, &entry->mark,
+                              "found joint \"%s\" at %g rad, expected a revolute joint within its "
+                              "limits, %g to %g",
+                              entry->name, entry->value, limits->lower, limits->upper);
+        }
+        joint[index] = entry->value;
+    }
+    b->rig->joint = joint;
+    return ERROR_NONE;
+}
+
+void rig_quaternion_of_rpy(const double rpy[3], double q[4])
+{
+    double cr = cos(rpy[0] / 2), sr = sin(rpy[0] / 2), cp = cos(rpy[1] / 2), sp = sin(rpy[1] / 2);
+    double cy = cos(rpy[2] / 2), sy = sin(rpy[2] / 2);
+
+    q[0] = cy * cp * cr + sy * sp * sr;
+    q[1] = cy * cp * sr - sy * sp * cr;
+    q[2] = cy * sp * cr + sy * cp * sr;
+    q[3] = sy * cp * cr - cy * sp * sr;
+}
+
+/* What is described from the base's own frame is found there once it is the world's. */
+static enum error_code fix_base(struct rig_builder *b)
+{
+    struct rig *rig = b->rig;
+    enum error_code code = ERROR_NONE;
+    struct robot *robot;
+
+    if (!b->raw->robot.fixed_base || !b->robot->floating) {
+        return ERROR_NONE;
+    }
+    memcpy(b->base_position, rig->base_position, sizeof b->base_position);
+    mat3_from_quaternion(rig->base_quaternion, b->base_rotation);
+    code = robot_copy(b->robot, b->arena, &robot, b->error);
+    code = code ? code : robot_fix_base(robot, rig->base_position, rig->base_quaternion, b->error);
+    if (!code) {
+        b->robot = rig->robot = robot;
+    }
+    return code;
+}
+
+enum error_code rig_build_pose(struct rig_builder *b)
+{
+    const struct raw_initial *raw = &b->raw->initial;
+    const struct robot_pose *pose;
+    struct rig *rig = b->rig;
+    enum error_code code;
+    int index;
+
+    code = rig_find(b, &raw->pose_mark, "pose", raw->pose,
+                    RIG_NAMES(b->robot->pose, b->robot->npose), &index);
+    if (code) {
+        return code;
+    }
+    if (raw->position_given && raw->height_given) {
+        return yaml_error(b->error, &raw->mark,
+                          "found base_xyz_m and base_height_m, expected one of them");
+    }
+    if (!b->robot->floating && (raw->position_given || raw->height_given || raw->rpy_given)) {
+        return yaml_error(b->error, &raw->mark,
+                          "found a place of the base, expected none for a robot with a fixed base");
+    }
+    pose = &b->robot->pose[index];
+    rig->pose = pose->name;
+    rig->hold = (enum rig_hold)raw->hold;
+    rig->settle = raw->settle;
+    memcpy(rig->base_position, raw->position_given ? raw->base_xyz_m : pose->base_position,
+           sizeof rig->base_position);
+    memcpy(rig->base_quaternion, pose->base_quaternion, sizeof rig->base_quaternion);
+    if (raw->height_given) {
+        rig->base_position[2] = raw->base_height_m;
+    }
+    if (raw->rpy_given) {
+        rig_quaternion_of_rpy(raw->base_rpy_rad, rig->base_quaternion);
+    }
+    code = build_joints(b, pose);
+    return code ? code : fix_base(b);
+}

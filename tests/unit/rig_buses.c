@@ -1,0 +1,286 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The buses of rigs: what each speaks, what that allows on it, how far it is loaded. */
+#include "rt/rig.h"
+
+#include "tests/unit/rig_files.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+
+#include <cmocka.h>
+
+static struct arena arena;
+
+static int set_up(void **state)
+{
+    struct error error;
+
+    (void)state;
+    return arena_init(&arena, 64 << 20, &error) || make_tree() ? -1 : 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    remove_tree();
+    arena_fini(&arena);
+    return 0;
+}
+
+static const struct rig *load(const char *path)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+
+    if (rig_load(path, &arena, &rig, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return rig;
+}
+
+/* The toy rig with its buses replaced, of which each joint needs to be driven. */
+static void write_buses(const char *buses)
+{
+    char text[sizeof toy_rig + 2048];
+    const char *from = strstr(toy_rig, "buses:\n"), *to = strstr(toy_rig, "lockstep:");
+
+    snprintf(text, sizeof text, "%.*sbuses:\n%slockstep: {}\n%s", (int)(from - toy_rig), toy_rig,
+             buses, strchr(to, '\n') + 1);
+    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
+}
+
+static const struct rig *load_buses(const char *buses)
+{
+    write_buses(buses);
+    return load(rig_path);
+}
+
+static void refused(const char *buses, const char *message)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+    char expected[512];
+
+    write_buses(buses);
+    snprintf(expected, sizeof expected, "%s:%s", rig_path, message);
+    if (rig_load(rig_path, &arena, &rig, &error) != ERROR_INPUT ||
+        strcmp(error.text, expected) != 0) {
+        fail_msg("for\n%s\nexpected: %s\ngot:      %s", buses, expected, error.text);
+    }
+}
+
+/* ---- what a bus speaks ---- */
+
+static void each_bus_speaks_its_own_personality(void **state)
+{
+    const struct rig *rig =
+        load_buses("  - {name: left, interface: can0, personality: foc,\n"
+                   "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n"
+                   "  - {name: right, interface: can1, personality: compact, fd: true,\n"
+                   "     bitrate: 500000, data_bitrate: 2000000,\n"
+                   "     boards: [{kind: motor, address: 31, axes: [knee]}]}\n");
+
+    (void)state;
+    assert_int_equal(rig->bus[0].personality, BOARD_FOC);
+    assert_int_equal(rig->boards.bus[0].personality, BOARD_FOC);
+    assert_int_equal(rig->host_bus[0].personality, HOST_FOC);
+    assert_false(rig->bus[0].fd || rig->boards.bus[0].fd || rig->host_bus[0].fd);
+    assert_int_equal(rig->bus[1].personality, BOARD_COMPACT);
+    assert_int_equal(rig->host_bus[1].personality, HOST_COMPACT);
+    assert_true(rig->bus[1].fd && rig->boards.bus[1].fd && rig->host_bus[1].fd);
+    assert_int_equal(rig->bus[1].bitrate, 500000);
+    assert_int_equal(rig->bus[1].data_bitrate, 2000000);
+}
+
+static void the_controller_is_told_the_drives_of_foc_axes(void **state)
+{
+    const struct rig *rig =
+        load_buses("  - {name: left, interface: can0, personality: foc, boards: [\n"
+                   "     {kind: motor, address: 1, axes: [hip], current_limit_a: 7},\n"
+                   "     {kind: motor, address: 2, axes: [knee]},\n"
+                   "     {kind: torque, address: 12, joints: [spare, hip], period_s: 0.008}]}\n");
+    const struct host_drive *drive = &rig->axis[0].drive;
+
+    (void)state;
+    assert_true(drive->gear == 100 && drive->spring_nm_rad == 400);
+    assert_true(drive->winding_ohm == 0.6 && drive->winding_h == 0.0003);
+    assert_true(drive->current_limit_a == 7 && rig->axis[1].drive.current_limit_a == 12);
+    assert_int_equal(drive->poles, 8);
+    assert_int_equal(rig->axis[0].torque_period_ns, 8000000);
+    assert_int_equal(rig->axis[1].torque_period_ns, 0);
+}
+
+static void a_personality_has_its_own_addresses_axes_and_boards(void **state)
+{
+    (void)state;
+    refused("  - {name: left, interface: can0, personality: foc,\n"
+            "     boards: [{kind: motor, address: 5, axes: [hip]}]}\n",
+            "29:38: found address 5, expected 1 to 4 with personality foc");
+    refused("  - {name: left, interface: can0, personality: foc,\n"
+            "     boards: [{kind: motor, address: 4, axes: [hip, knee]}]}\n",
+            "29:47: found 2 axes, expected 1 to 1");
+    refused("  - {name: left, interface: can0, personality: foc,\n"
+            "     boards: [{kind: ft, address: 15, sensor: foot_ft}]}\n",
+            "29:15: found an F/T board without key \"full_scale_n\", expected it");
+    refused("  - {name: left, interface: can0, personality: compact,\n"
+            "     boards: [{kind: torque, address: 15, joints: [hip]}]}\n",
+            "29:15: found a torque board on a bus with personality compact, expected none: its "
+            "motor boards tell the torques");
+    refused("  - {name: left, interface: can0, personality: pdo, boards: []}\n",
+            "28:48: found \"pdo\", expected icub, foc or compact");
+}
+
+static void fd_belongs_to_compact_and_has_a_data_bitrate(void **state)
+{
+    (void)state;
+    refused("  - {name: left, interface: can0, fd: true, data_bitrate: 2000000, boards: []}\n",
+            "28:39: found fd on bus \"left\", expected it with personality compact only");
+    refused("  - {name: left, interface: can0, personality: compact, fd: true, boards: []}\n",
+            "28:5: found fd without data_bitrate on bus \"left\", expected fd: true and a "
+            "data_bitrate of at least the bitrate together");
+    refused("  - {name: left, interface: can0, data_bitrate: 2000000, boards: []}\n",
+            "28:49: found data_bitrate without fd on bus \"left\", expected fd: true and a "
+            "data_bitrate of at least the bitrate together");
+    refused(
+        "  - {name: left, interface: can0, personality: compact, fd: true,\n"
+        "     data_bitrate: 500000, boards: []}\n",
+        "29:20: found a data_bitrate below the bitrate on bus \"left\", expected fd: true and a "
+        "data_bitrate of at least the bitrate together");
+}
+
+/* ---- loads ---- */
+
+struct expected_load {
+    const char *bus;
+    double percent;
+};
+
+static void check_loads(const char *file, int64_t command_period_ns,
+                        const struct expected_load *expected, size_t count)
+{
+    char path[256];
+    const struct rig *rig;
+
+    snprintf(path, sizeof path, "%s/config/rigs/%s", HIL_SOURCE_DIR, file);
+    rig = load(path);
+    assert_int_equal(rig->naxis, 23);
+    assert_int_equal(rig->nft, 4);
+    assert_int_equal(rig->nbus, count);
+    for (size_t i = 0; i < count; i++) {
+        double telemetry, command, percent;
+        int bus = rig_find_bus(rig, expected[i].bus);
+
+        assert_true(bus >= 0);
+        rig_bus_load(rig, (size_t)bus, command_period_ns, &telemetry, &command);
+        percent = 100 * (telemetry + command) / (double)rig->bus[bus].bitrate;
+        if (fabs(percent - expected[i].percent) > 0.05) {
+            fail_msg("%s: %s at %.3f %%, expected %.2f %%", file, expected[i].bus, percent,
+                     expected[i].percent);
+        }
+    }
+}
+
+#define CHECK_LOADS(file, expected)                                                                \
+    check_loads(file, 1000000, expected, sizeof expected / sizeof *expected)
+
+/* The reference is the table "COMAN by limb" of the protocol study: iCub BLL, 4 ms telemetry, 1 kHz
+ * voltage commands, F/T and joint torques at 5 ms, 1 Mbit/s. */
+static void icub_loads_are_those_of_the_protocol_study(void **state)
+{
+    static const struct expected_load loads[] = {{"torso", 57.14},
+                                                 {"left_leg", 100.69},
+                                                 {"right_leg", 100.69},
+                                                 {"left_arm", 70.20},
+                                                 {"right_arm", 70.20}};
+
+    (void)state;
+    CHECK_LOADS("coman.yaml", loads);
+}
+
+/* The study's 94.5 % for three axes, 67.5 % for two and 23 % for F/T at 1 kHz; torques every 10 ms add
+ * 2.3 %, and ADDITIONAL_STATUS (95 bits every 100 + 100 a ms) 0.08 or 0.10 %. */
+static void foc_loads_are_those_of_the_protocol_study(void **state)
+{
+    static const struct expected_load loads[] = {
+        {"torso", 96.90},        {"left_hip", 96.90},       {"left_shank", 96.90},
+        {"right_hip", 96.90},    {"right_shank", 96.90},    {"left_shoulder", 69.88},
+        {"left_forearm", 92.88}, {"right_shoulder", 69.88}, {"right_forearm", 92.88},
+        {"feet", 46.00},
+    };
+
+    (void)state;
+    CHECK_LOADS("coman-foc.yaml", loads);
+}
+
+/* The study's 54.0, 77.0, 40.5 and 63.5 % have a set-point frame of 8 bytes; three axes need 6 and
+ * two need 4 of them (115 and 95 bits for 135). STATE adds 135 bits every 50 ms for each axis and F/T
+ * board. */
+static void compact_loads_are_those_of_the_protocol_study(void **state)
+{
+    static const struct expected_load loads[] = {
+        {"torso", 54.0 - 2.0 + 0.81},         {"left_hip", 54.0 - 2.0 + 0.81},
+        {"left_shank", 77.0 - 2.0 + 1.08},    {"right_hip", 54.0 - 2.0 + 0.81},
+        {"right_shank", 77.0 - 2.0 + 1.08},   {"left_shoulder", 40.5 - 4.0 + 0.54},
+        {"left_forearm", 63.5 - 4.0 + 0.81},  {"right_shoulder", 40.5 - 4.0 + 0.54},
+        {"right_forearm", 63.5 - 4.0 + 0.81},
+    };
+
+    (void)state;
+    CHECK_LOADS("coman-compact.yaml", loads);
+}
+
+/* The study's worst-case times at 1/8 Mbit/s: 48 bytes 98.9 us, 64 bytes 118.9, 12 bytes 53.2, 8 bytes
+ * 48.2; from 24 bytes (68.9 us) on a byte is 1.25 us, so that the set-points of 13 axes in 32 bytes
+ * take 78.9 and those of 10 axes in 20 bytes 63.9. */
+static void fd_loads_are_those_of_the_protocol_study(void **state)
+{
+    const double left = 3 * 98.9 + 118.9 + 2 * 53.2 + 78.9 + 15 * 48.2 / 50;
+    const double right = 2 * 98.9 + 118.9 + 2 * 53.2 + 63.9 + 12 * 48.2 / 50;
+    const struct expected_load loads[] = {{"left", left / 10}, {"right", right / 10}};
+
+    (void)state;
+    CHECK_LOADS("coman-fd.yaml", loads);
+}
+
+/* ---- rigs that extend others ---- */
+
+static void a_plan_shares_all_but_the_buses_with_the_rig_that_it_extends(void **state)
+{
+    const struct rig *base = load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
+    const struct rig *plan = load(HIL_SOURCE_DIR "/config/rigs/coman-fd.yaml");
+
+    (void)state;
+    assert_string_equal(plan->name, "coman-fd");
+    assert_string_equal(plan->robot->file, base->robot->file);
+    assert_int_equal(plan->contact.nsurface, base->contact.nsurface);
+    assert_string_equal(plan->pose, base->pose);
+    assert_true(plan->servo.command_period_ns == 1000000);
+    assert_true(base->servo.command_period_ns == 2000000);
+    for (size_t i = 0; i < plan->naxis; i++) {
+        assert_true(plan->servo.gains[i].kp_v_per_rad == base->servo.gains[i].kp_v_per_rad);
+    }
+    assert_int_equal(plan->squat.cycles, base->squat.cycles);
+    assert_int_equal(plan->lockstep.bus, rig_find_bus(plan, "left"));
+    assert_int_equal(plan->lockstep.step_id, base->lockstep.step_id);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(each_bus_speaks_its_own_personality),
+        TEST(the_controller_is_told_the_drives_of_foc_axes),
+        TEST(a_personality_has_its_own_addresses_axes_and_boards),
+        TEST(fd_belongs_to_compact_and_has_a_data_bitrate),
+        TEST(icub_loads_are_those_of_the_protocol_study),
+        TEST(foc_loads_are_those_of_the_protocol_study),
+        TEST(compact_loads_are_those_of_the_protocol_study),
+        TEST(fd_loads_are_those_of_the_protocol_study),
+        TEST(a_plan_shares_all_but_the_buses_with_the_rig_that_it_extends),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,257 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Rigs that extend others, change springs, and hold the base. */
+#include "rt/rig.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "model/dynamics.h"
+#include "tests/physics/near.h"
+#include "tests/unit/rig_files.h"
+
+static struct arena arena;
+static char extended[64]; /* the rig that extends the toy */
+
+static int set_up(void **state)
+{
+    (void)state;
+    if (arena_init(&arena, (size_t)256 << 20, NULL) || make_tree() ||
+        write_file("config/rigs/toy.yaml", toy_rig, sizeof toy_rig - 1)) {
+        return -1;
+    }
+    snprintf(extended, sizeof extended, "%s/config/rigs/more.yaml", tree);
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    unlink(extended);
+    remove_tree();
+    arena_fini(&arena);
+    return 0;
+}
+
+static enum error_code try_load(const char *text, const struct rig **rig, struct error *error)
+{
+    assert_int_equal(write_file("config/rigs/more.yaml", text, strlen(text)), 0);
+    return rig_load(extended, &arena, rig, error);
+}
+
+static const struct rig *load(const char *text)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+
+    if (try_load(text, &rig, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return rig;
+}
+
+static void refused(const char *text, const char *expected)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+
+    assert_int_equal(try_load(text, &rig, &error), ERROR_INPUT);
+    if (!strstr(error.text, expected)) {
+        fail_msg("found \"%s\", expected \"%s\"", error.text, expected);
+    }
+}
+
+/* ---- extends ---- */
+
+static void takes_what_it_does_not_give_from_the_other_file(void **state)
+{
+    const struct rig *rig = load("extends: toy.yaml\nname: more\n");
+
+    (void)state;
+    assert_string_equal(rig->name, "more");
+    assert_string_equal(rig->robot->name, "toy");
+    assert_int_equal(rig->tick_ns, 2000000);
+    assert_int_equal(rig->contact.npair, 2);
+    assert_true(rig->contact.transition_velocity_m_s == 0.02);
+}
+
+static void merges_mappings_and_replaces_lists(void **state)
+{
+    const struct rig *rig = load("extends: toy.yaml\n"
+                                 "scene:\n"
+                                 "  materials: {rubber: {young_pa: 2e5}}\n"
+                                 "  pairs:\n"
+                                 "    - between: [ground, ball]\n");
+
+    (void)state;
+    assert_int_equal(rig->contact.npair, 1);
+    assert_int_equal(rig->contact.nsurface, 4);
+    assert_true(rig->contact.surface[0].material.young_pa == 2e5);
+    assert_true(rig->contact.surface[0].material.thickness_m == 0.01);
+    assert_true(rig->contact.transition_velocity_m_s == 0.02);
+}
+
+static void names_the_file_in_which_a_value_stands(void **state)
+{
+    (void)state;
+    refused("extends: toy.yaml\nscene: {pairs: [{between: [ground, bal]}]}\n", "more.yaml:2:");
+    refused("extends: toy.yaml\nname: more\ninitial: {pose: crooked}\n", "more.yaml:3:");
+    refused("extends: toy.yaml\nsubstep_s: 0.003\n", "more.yaml:2:");
+    refused("extends: toy.yaml\ntick_s: 0.0003\n", "toy.yaml:");
+}
+
+static void refuses_files_that_cannot_be_extended(void **state)
+{
+    (void)state;
+    refused("extends: missing.yaml\n", "more.yaml:1:10: ");
+    refused("extends: ../../../etc/passwd\n", "leaves the configuration tree");
+    refused("extends: [toy.yaml]\n", "found a list, expected the file that this one extends");
+    refused("extends: more.yaml\n", "found more than 4 files that extend one another");
+}
+
+/* ---- springs ---- */
+
+static void replaces_springs_by_name(void **state)
+{
+    const struct rig *rig =
+        load("extends: toy.yaml\nrobot: {springs: {knee: {Ks_nm_rad: 1.5, Ds_nm_s_rad: 0.25}}}\n");
+
+    (void)state;
+    assert_true(rig->robot->joint[0].sea.Ks == 400.0);
+    assert_true(rig->robot->joint[1].sea.Ks == 1.5);
+    assert_true(rig->robot->joint[1].sea.Ds == 0.25);
+    assert_true(rig->robot->joint[1].sea.J == 0.1);
+}
+
+static void refuses_springs_of_joints_that_have_none(void **state)
+{
+    (void)state;
+    refused("extends: toy.yaml\nrobot: {springs: {kne: {Ks_nm_rad: 1, Ds_nm_s_rad: 1}}}\n",
+            "found unknown joint \"kne\", expected \"knee\"");
+    refused("extends: toy.yaml\nrobot: {springs: {wag: {Ks_nm_rad: 1, Ds_nm_s_rad: 1}}}\n",
+            "found a spring for joint \"wag\", expected a joint with a drive");
+    refused("extends: toy.yaml\nrobot: {springs: {knee: {Ks_nm_rad: -1, Ds_nm_s_rad: 1}}}\n",
+            "found -1");
+}
+
+/* ---- held bases ---- */
+
+enum { BODIES = 32, SPEEDS = 40 };
+
+static struct dynamics dynamics_of(const struct robot *robot)
+{
+    struct dynamics dynamics;
+    struct error error = {0};
+
+    assert_int_equal(dynamics_generic(robot, &arena, &dynamics, &error), ERROR_NONE);
+    return dynamics;
+}
+
+/* The same bodies are in the same places, and the joints accelerate as on a base that is too heavy to
+ * be moved. */
+static void a_held_base_is_one_of_infinite_mass(void **state)
+{
+    static const double p[3] = {0.3, -0.2, 0.9}, quaternion[4] = {0.8, 0.4, -0.4, 0.2};
+    double q[SPEEDS] = {0}, v[SPEEDS] = {0}, tau[SPEEDS] = {0}, free_a[SPEEDS], held_a[SPEEDS];
+    struct wrench ext[BODIES] = {0};
+    struct body_motion free_at[BODIES], held_at[BODIES];
+    const struct robot *robot;
+    struct robot *heavy, *held;
+    struct dynamics a, b;
+    struct error error = {0};
+
+    (void)state;
+    if (robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", "forearms", &arena, &robot,
+                   &error) ||
+        robot_copy(robot, &arena, &heavy, &error) || robot_copy(robot, &arena, &held, &error)) {
+        fail_msg("%s", error.text);
+    }
+    heavy->body[0].inertia.mass = 1e9;
+    memcpy(heavy->body[0].inertia.I, (double[6]){1e9, 0, 0, 1e9, 0, 1e9}, sizeof(double[6]));
+    memset(heavy->body[0].inertia.com, 0, sizeof heavy->body[0].inertia.com);
+    memset(heavy->gravity, 0, sizeof heavy->gravity);
+    memset(held->gravity, 0, sizeof held->gravity);
+    assert_int_equal(robot_finish(heavy, &error), ERROR_NONE);
+    assert_int_equal(robot_fix_base(held, p, quaternion, &error), ERROR_NONE);
+    assert_int_equal(held->nv, held->njoint);
+    assert_true(held->hash != robot->hash);
+    a = dynamics_of(heavy);
+    b = dynamics_of(held);
+    memcpy(q, p, sizeof p);
+    memcpy(q + 3, quaternion, sizeof quaternion);
+    for (size_t j = 0; j < held->njoint; j++) {
+        q[7 + j] = 0.3 * sin(1.0 + (double)j);
+        v[6 + j] = cos(2.0 * (double)j);
+        tau[j] = 3.0 * sin(3.0 * (double)j);
+    }
+    a.ops->kinematics(&a, q, v, free_at);
+    b.ops->kinematics(&b, q + 7, v + 6, held_at);
+    for (size_t k = 1; k < held->nbody; k++) {
+        for (int i = 0; i < 3 && held->body[k].observed; i++) {
+            assert_near(held_at[k].p[i], free_at[k].p[i], 1e-12);
+            assert_near(held_at[k].v[i], free_at[k].v[i], 1e-12);
+        }
+    }
+    a.ops->forward(&a, q, v, tau, ext, free_a);
+    b.ops->forward(&b, q + 7, v + 6, tau, ext, held_a);
+    for (size_t j = 0; j < held->njoint; j++) {
+        assert_near(held_a[j], free_a[6 + j], 1e-6 * (1.0 + fabs(held_a[j])));
+    }
+}
+
+static void surfaces_and_frames_of_a_held_base_stay_where_they_were(void **state)
+{
+    const struct robot *robot;
+    struct robot *held;
+    struct error error = {0};
+    int frame;
+
+    (void)state;
+    assert_int_equal(
+        robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error),
+        ERROR_NONE);
+    assert_int_equal(robot_copy(robot, &arena, &held, &error), ERROR_NONE);
+    /* a quarter turn about z, half a meter up */
+    assert_int_equal(robot_fix_base(held, (double[3]){0, 0, 0.5},
+                                    (double[4]){sqrt(0.5), 0, 0, sqrt(0.5)}, &error),
+                     ERROR_NONE);
+    assert_near(held->body[0].inertia.com[0], -robot->body[0].inertia.com[1], 1e-15);
+    assert_near(held->body[0].inertia.com[1], robot->body[0].inertia.com[0], 1e-15);
+    assert_near(held->body[0].inertia.com[2], robot->body[0].inertia.com[2] + 0.5, 1e-15);
+    assert_near(held->body[0].inertia.I[0], robot->body[0].inertia.I[3], 1e-15);
+    for (frame = 0; frame < (int)robot->nframe; frame++) {
+        if (robot->frame[frame].body == 0) {
+            assert_near(held->frame[frame].position[2], robot->frame[frame].position[2] + 0.5,
+                        1e-15);
+        }
+    }
+    assert_true(robot->floating); /* the original is as it was */
+}
+
+static void a_base_that_is_fixed_already_stays_so(void **state)
+{
+    const struct rig *rig = load("extends: toy.yaml\nrobot: {fixed_base: true}\n");
+
+    (void)state;
+    assert_false(rig->robot->floating);
+    assert_int_equal(rig->robot->nq, 3);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(takes_what_it_does_not_give_from_the_other_file),
+        cmocka_unit_test(merges_mappings_and_replaces_lists),
+        cmocka_unit_test(names_the_file_in_which_a_value_stands),
+        cmocka_unit_test(refuses_files_that_cannot_be_extended),
+        cmocka_unit_test(replaces_springs_by_name),
+        cmocka_unit_test(refuses_springs_of_joints_that_have_none),
+        cmocka_unit_test(a_held_base_is_one_of_infinite_mass),
+        cmocka_unit_test(surfaces_and_frames_of_a_held_base_stay_where_they_were),
+        cmocka_unit_test(a_base_that_is_fixed_already_stays_so),
+    };
+
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
