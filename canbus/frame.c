@@ -64,6 +64,15 @@ uint32_t frame_bits(const struct bus_frame *frame)
     return (extended ? 67u : 47u) + ((frame->flags & FRAME_REMOTE) ? 0u : 8u * frame->len);
 }
 
+uint32_t frame_fast_bits(const struct bus_frame *frame)
+{
+    /* at the nominal rate: 17 bits from SOF to the switch (36 with a 29-bit identifier), ACK and its
+     * delimiter, EOF and intermission */
+    const uint32_t slow = (frame->flags & FRAME_EXTENDED ? 36u : 17u) + 2u + 7u + 3u;
+
+    return frame->flags & FRAME_BRS ? frame_bits(frame) - slow : 0;
+}
+
 struct bus_frame frame_make(uint32_t id, uint8_t len, const uint8_t *data)
 {
     struct bus_frame frame = {.id = id, .len = len};

@@ -40,6 +40,10 @@ bool frame_valid(const struct bus_frame *frame);
  * time. 0 for error frames, which are messages of the controller and no traffic. */
 uint32_t frame_bits(const struct bus_frame *frame);
 
+/* Those of them that go at the data rate: with a bit rate switch the bits behind it up to the end of
+ * the CRC, else none. */
+uint32_t frame_fast_bits(const struct bus_frame *frame);
+
 /* A classic data frame with a standard identifier; len <= 8; data beyond len is zero. */
 struct bus_frame frame_make(uint32_t id, uint8_t len, const uint8_t *data);
 

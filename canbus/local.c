@@ -4,8 +4,8 @@
  * reader, so that no lock is needed. The sender stamps every frame with a number of the whole bus;
  * a receiver merges its rings by that number and so sees one order.
  *
- * In wire mode the wire is one more place in that square: senders write into the rings that it reads,
- * stamped with the time, and what it has carried it writes into the receivers' rings.
+ * In wire mode the wire is one more place in that square: senders write into the rings that it
+ * reads, stamped with the time, and what it has carried it writes into the receivers' rings.
  */
 #include "base/ring.h"
 #include "canbus/port_private.h"
@@ -74,12 +74,12 @@ struct local_bus {
 
     /* wire mode; but for now_ns and plugged of the thread that advances */
     struct wire *wire;
-    size_t controllers;         /* given out */
-    _Atomic int64_t now_ns;     /* up to where the wire was advanced */
-    _Atomic uint64_t plugged;   /* controllers whose port is open */
-    uint64_t plugged_seen;      /* what the wire knows of that */
-    enum wire_state *state;     /* of each controller */
-    uint64_t dropped_seen;      /* of the wire's drops, what was handed on to the ports */
+    size_t controllers;               /* given out */
+    _Atomic int64_t now_ns;           /* up to where the wire was advanced */
+    _Atomic uint64_t plugged;         /* controllers whose port is open */
+    uint64_t plugged_seen;            /* what the wire knows of that */
+    enum wire_state *state;           /* of each controller */
+    uint64_t dropped_seen;            /* of the wire's drops, what was handed on to the ports */
     uint64_t reached[NODES_MAX / 64]; /* ports that received something in this advance */
     void (*tap)(void *context, const struct bus_frame *frame);
     void *tap_context;
@@ -259,9 +259,9 @@ static bool comes_before(const struct parcel *a, const struct parcel *b, bool by
     return a->number < b->number;
 }
 
-/* The lane to a place (a node, or the wire) whose oldest parcel comes first in the order of the bus, or
- * NULL when all are empty. What goes to the wire is stamped before it is numbered: there the time comes
- * first. */
+/* The lane to a place (a node, or the wire) whose oldest parcel comes first in the order of the
+ * bus, or NULL when all are empty. What goes to the wire is stamped before it is numbered: there
+ * the time comes first. */
 static struct lane *first_lane(const struct local_bus *bus, size_t place, bool by_time)
 {
     const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
@@ -319,8 +319,8 @@ static size_t local_receive(struct can_port *port, struct bus_frame *frames, siz
     if (count < max) {
         uint32_t signal = atomic_load_explicit(&node->signal, memory_order_relaxed);
 
-        /* the inbox is empty: lower the signal, then look once more for what came meanwhile. A wake-up
-         * that was written late is cleared by the call that finds nothing. */
+        /* the inbox is empty: lower the signal, then look once more for what came meanwhile. A
+         * wake-up that was written late is cleared by the call that finds nothing. */
         if ((signal & SIGNAL_RAISED) || !count) {
             if (signal & SIGNAL_WANTED) {
                 event_clear(node->event);

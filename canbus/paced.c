@@ -111,8 +111,8 @@ void paced_port_advance(struct can_port *port, int64_t now_ns)
     follow(paced);
 }
 
-void paced_port_tap(struct can_port *port, void (*tap)(void *context, const struct bus_frame *frame),
-                    void *context)
+void paced_port_tap(struct can_port *port,
+                    void (*tap)(void *context, const struct bus_frame *frame), void *context)
 {
     paced_of(port)->tap = tap;
     paced_of(port)->tap_context = context;

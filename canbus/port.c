@@ -42,6 +42,7 @@ void port_count_received(struct can_port *port, const struct bus_frame *frame)
     }
     port->counters.rx_frames++;
     port->counters.rx_bits += frame_bits(frame);
+    port->counters.fast_bits += frame_fast_bits(frame);
     /* not every driver announces its recovery; traffic proves that it is back on the bus */
     if (port->state == CAN_PORT_BUS_OFF) {
         port->state = CAN_PORT_UP;
@@ -52,6 +53,7 @@ void port_count_sent(struct can_port *port, const struct bus_frame *frame)
 {
     port->counters.tx_frames++;
     port->counters.tx_bits += frame_bits(frame);
+    port->counters.fast_bits += frame_fast_bits(frame);
 }
 
 bool port_may_send(const struct can_port *port, const struct bus_frame *frame)

@@ -25,6 +25,7 @@ enum can_port_state {
 struct can_counters {
     uint64_t rx_frames, tx_frames;
     uint64_t rx_bits, tx_bits; /* sums of frame_bits(), for the load figure */
+    uint64_t fast_bits;        /* sum of frame_fast_bits(), both ways */
     uint64_t rx_dropped;       /* lost before we read them (SO_RXQ_OVFL, full local inbox) */
     uint64_t tx_dropped;       /* not sent: frame invalid, queue full, or interface down; on a bus
                                 * with wire time also frames that were accepted first and then lost
@@ -94,15 +95,17 @@ bool socketcan_interface_exists(const char *interface);
 /*
  * A bus in the process. Nodes may live in different threads (lock-free).
  *
- * Ideal mode: a frame that one node sends is at every other node at once; nothing is delayed, time_ns
- * stays as the sender set it. Every receiver gets all frames in the order in which they were sent; of
- * frames that are sent while another thread is still inside its send call the order is open.
+ * Ideal mode: a frame that one node sends is at every other node at once; nothing is delayed,
+ * time_ns stays as the sender set it. Every receiver gets all frames in the order in which they
+ * were sent; of frames that are sent while another thread is still inside its send call the order
+ * is open.
  *
  * Wire mode: the frames go over a wire in virtual time (canbus/wire.h), which moves with
- * local_bus_advance. A frame is handed to its node's controller at the time last advanced to, however
- * late the next call takes it over; it is received, with time_ns set, in the call that reaches the end
- * of its EOF. A port whose controller changes its state receives an error frame as SocketCAN would give
- * it. Frames of the bypass identifiers, which are no traffic of the robot's, take no time.
+ * local_bus_advance. A frame is handed to its node's controller at the time last advanced to,
+ * however late the next call takes it over; it is received, with time_ns set, in the call that
+ * reaches the end of its EOF. A port whose controller changes its state receives an error frame as
+ * SocketCAN would give it. Frames of the bypass identifiers, which are no traffic of the robot's,
+ * take no time.
  */
 struct local_bus;
 struct wire;
@@ -114,8 +117,8 @@ enum local_bus_mode { LOCAL_BUS_IDEAL, LOCAL_BUS_WIRE };
 struct local_bus_config {
     const char *name;
     size_t max_nodes; /* ports that may join in the bus's life */
-    size_t inbox;     /* frames that a port holds of each other port, and of the wire, before it drops
-                       * what comes from there and counts it as rx_dropped; a power of two */
+    size_t inbox;     /* frames that a port holds of each other port, and of the wire, before it
+                       * drops what comes from there and counts it as rx_dropped; a power of two */
     bool fd;          /* nodes may send FD frames */
     enum local_bus_mode mode;
 
@@ -136,34 +139,36 @@ struct local_bus_config {
 enum error_code local_bus_create(const struct local_bus_config *config, struct arena *arena,
                                  struct local_bus **bus, struct error *error);
 
-/* Joins the bus as a node; what was sent before is not received. From any thread, while others send.
- * The filters (at most LOCAL_BUS_FILTERS_MAX) are copied. The place of a port that was closed is
- * not given out again: max_nodes bounds the joins of the bus's life. A node signals its descriptor
- * only after descriptor() was asked for once, so that a polling node costs no system call. Not
- * RT-safe. */
+/* Joins the bus as a node; what was sent before is not received. From any thread, while others
+ * send. The filters (at most LOCAL_BUS_FILTERS_MAX) are copied. The place of a port that was closed
+ * is not given out again: max_nodes bounds the joins of the bus's life. A node signals its
+ * descriptor only after descriptor() was asked for once, so that a polling node costs no system
+ * call. Not RT-safe. */
 enum error_code local_bus_join(struct local_bus *bus, const struct frame_filter *filter,
                                size_t nfilter, struct can_port **port, struct error *error);
 
-/* The same for a port that stands for several controllers on the wire, as the boards of a simulator:
- * frame.node says which of them sends, each has its own queue and error counters, and they acknowledge
- * each other's frames but do not receive them. The port's state is that of the worst of those on the
- * bus, bus-off when none is. In ideal mode no different from local_bus_join. */
+/* The same for a port that stands for several controllers on the wire, as the boards of a
+ * simulator: frame.node says which of them sends, each has its own queue and error counters, and
+ * they acknowledge each other's frames but do not receive them. The port's state is that of the
+ * worst of those on the bus, bus-off when none is. In ideal mode no different from
+ * local_bus_join. */
 enum error_code local_bus_join_nodes(struct local_bus *bus, size_t nodes,
                                      const struct frame_filter *filter, size_t nfilter,
                                      struct can_port **port, struct error *error);
 
-/* Runs the wire up to a virtual time and delivers what has arrived. No effect in ideal mode. From one
- * thread: that of the participant who keeps time. RT-safe. */
+/* Runs the wire up to a virtual time and delivers what has arrived. No effect in ideal mode. From
+ * one thread: that of the participant who keeps time. RT-safe. */
 void local_bus_advance(struct local_bus *bus, int64_t now_ns);
 
-/* The wire, to look at it and to inject faults from the thread that advances it; NULL in ideal mode. */
+/* The wire, to look at it and to inject faults from the thread that advances it; NULL in ideal
+ * mode. */
 struct wire *local_bus_wire(const struct local_bus *bus);
 
 /* The controller on the wire of the first of a port's nodes; the others follow. */
 size_t local_bus_node(const struct can_port *port);
 
-/* Calls tap, in the thread that advances, for every frame that the wire has carried to its end, in the
- * order of the wire. To be set before the first frame. No effect in ideal mode. */
+/* Calls tap, in the thread that advances, for every frame that the wire has carried to its end, in
+ * the order of the wire. To be set before the first frame. No effect in ideal mode. */
 void local_bus_tap(struct local_bus *bus, void (*tap)(void *context, const struct bus_frame *frame),
                    void *context);
 

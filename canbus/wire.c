@@ -65,8 +65,8 @@ enum error_code wire_create(const struct wire_config *config, struct arena *aren
     wire = arena_alloc(arena, 1, sizeof *wire);
     good = wire && (wire->node = arena_alloc(arena, config->nodes + 1, sizeof *wire->node));
     for (size_t i = 0; good && i <= config->nodes; i++) {
-        good = create_node(&wire->node[i], i < config->nodes ? config->queue : FOREIGN_QUEUE,
-                           arena);
+        good =
+            create_node(&wire->node[i], i < config->nodes ? config->queue : FOREIGN_QUEUE, arena);
     }
     if (!good) {
         return error_set(error, ERROR_MEMORY, "no memory for a wire of %zu nodes", config->nodes);
@@ -231,9 +231,8 @@ static void enter_bus_off(struct wire *wire, size_t index, int64_t time_ns)
     wire->pending &= ~WIRE_BIT(index);
     wire->off |= WIRE_BIT(index);
     node->runs = 0;
-    node->recovery_ns = wire->config.restart_delay_ns < 0
-                            ? WIRE_NEVER
-                            : time_ns + wire->config.restart_delay_ns;
+    node->recovery_ns =
+        wire->config.restart_delay_ns < 0 ? WIRE_NEVER : time_ns + wire->config.restart_delay_ns;
     node->stats.bus_offs++;
     wire->stats.bus_offs++;
 }
@@ -247,8 +246,8 @@ void wire_count_errors(struct wire *wire, size_t index, int64_t time_ns, int tec
     stats->tec = tec < 0 && !stats->tec ? 0 : (unsigned)((int)stats->tec + tec);
     if (rec < 0) {
         /* a received frame brings a passive receiver back to the limit at once */
-        stats->rec = stats->rec >= WIRE_PASSIVE_FROM ? WIRE_PASSIVE_FROM - 1
-                                                     : stats->rec - (stats->rec > 0);
+        stats->rec =
+            stats->rec >= WIRE_PASSIVE_FROM ? WIRE_PASSIVE_FROM - 1 : stats->rec - (stats->rec > 0);
     } else {
         stats->rec += (unsigned)rec;
         stats->rec = stats->rec > 255 ? 255 : stats->rec;
@@ -300,7 +299,8 @@ void wire_connect(struct wire *wire, size_t node, bool connected)
 {
     if (connected && wire->unplugged & WIRE_BIT(node)) {
         wire->unplugged &= ~WIRE_BIT(node);
-        /* it joins in after eleven recessive bits, which at the very beginning everybody has seen */
+        /* it joins in after eleven recessive bits, which at the very beginning everybody has
+         * seen */
         wire->node[node].hold_ns =
             wire->now_ns > 0 ? wire->now_ns + wire_bits_ns(wire, WIRE_RUN_BITS) : 0;
     } else if (!connected && !(wire->unplugged & WIRE_BIT(node))) {
@@ -326,8 +326,7 @@ static int64_t recovery_end(const struct wire *wire, const struct wire_node *nod
     if (node->recovery_ns == WIRE_NEVER) {
         return WIRE_NEVER;
     }
-    return from +
-           wire_bits_ns(wire, (int64_t)(WIRE_RECOVERY_RUNS - node->runs) * WIRE_RUN_BITS);
+    return from + wire_bits_ns(wire, (int64_t)(WIRE_RECOVERY_RUNS - node->runs) * WIRE_RUN_BITS);
 }
 
 /* A frame starts: what nodes in bus-off have seen of recessive bits before it. */

@@ -1,30 +1,30 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A CAN bus in virtual time: controllers with transmit queues on one wire. Frames take the exact time
- * of their stuffed bits (canbus/wire_bits.h), the lowest identifier wins the arbitration, errors are
- * signaled, counted and repeated by the rules of ISO 11898-1. Knows no thread and no clock: time moves
- * when the caller says so, and the same calls give the same events bit for bit. The names of the
- * events are those of FMI-LS-BUS.
+ * A CAN bus in virtual time: controllers with transmit queues on one wire. Frames take the exact
+ * time of their stuffed bits (canbus/wire_bits.h), the lowest identifier wins the arbitration,
+ * errors are signaled, counted and repeated by the rules of ISO 11898-1. Knows no thread and no
+ * clock: time moves when the caller says so, and the same calls give the same events bit for bit.
+ * The names of the events are those of FMI-LS-BUS.
  *
  * Time. wire_advance(to) ends every frame that ends by `to` and starts every frame that can start
- * before it; a frame handed over with wire_transmit is ready at the time up to which the wire was last
- * advanced. So everything that is handed over between two advances competes on equal terms, whatever
- * the order of the calls. A frame is received at the end of its seven bits of EOF; three bits of
- * intermission follow. Durations are rounded to whole nanoseconds, exact where the bit rate divides
- * 1 GHz.
+ * before it; a frame handed over with wire_transmit is ready at the time up to which the wire was
+ * last advanced. So everything that is handed over between two advances competes on equal terms,
+ * whatever the order of the calls. A frame is received at the end of its seven bits of EOF; three
+ * bits of intermission follow. Durations are rounded to whole nanoseconds, exact where the bit rate
+ * divides 1 GHz.
  *
- * Queues. Each node has one bounded queue; what finds it full is dropped and counted. By default it is
- * a bank of mailboxes: the frame that would win the arbitration goes first, equal ones in the order in
- * which they came. WIRE_FIFO sends strictly in order, as controllers with a FIFO do, and then an
- * urgent frame waits behind others. A frame on the wire is not preempted.
+ * Queues. Each node has one bounded queue; what finds it full is dropped and counted. By default it
+ * is a bank of mailboxes: the frame that would win the arbitration goes first, equal ones in the
+ * order in which they came. WIRE_FIFO sends strictly in order, as controllers with a FIFO do, and
+ * then an urgent frame waits behind others. A frame on the wire is not preempted.
  *
  * Errors. Every error ends the frame with an error flag of 6 bits, with the flags that other nodes
- * answer 6 to 12, and a delimiter of 8; the frame is sent again. Error counters (TEC, REC) move by +8,
- * +1 and -1 as the standard says; from 96 a node is in warning, from 128 error passive (its flags are
- * recessive and disturb nobody; after sending it waits another 8 bits), with TEC from 256 bus-off: it
- * loses its queue and neither sends nor receives until it has seen 128 times 11 recessive bits, counted
- * from restart_delay_ns after bus-off. A frame that no node acknowledges is an error too; being alone
- * makes a node error passive, never bus-off.
+ * answer 6 to 12, and a delimiter of 8; the frame is sent again. Error counters (TEC, REC) move by
+ * +8, +1 and -1 as the standard says; from 96 a node is in warning, from 128 error passive (its
+ * flags are recessive and disturb nobody; after sending it waits another 8 bits), with TEC from 256
+ * bus-off: it loses its queue and neither sends nor receives until it has seen 128 times 11
+ * recessive bits, counted from restart_delay_ns after bus-off. A frame that no node acknowledges is
+ * an error too; being alone makes a node error passive, never bus-off.
  *
  * All functions but wire_create are RT-safe and belong to one thread.
  */
@@ -81,8 +81,8 @@ struct wire_event {
 /* Why a frame never reached the wire's end. */
 enum wire_drop {
     WIRE_DROP_QUEUE_FULL,
-    WIRE_DROP_BUS_OFF,  /* was in the queue, or came, while its node was bus-off */
-    WIRE_DROP_INVALID,  /* impossible length or identifier; FD on a classic bus */
+    WIRE_DROP_BUS_OFF,   /* was in the queue, or came, while its node was bus-off */
+    WIRE_DROP_INVALID,   /* impossible length or identifier; FD on a classic bus */
     WIRE_DROP_LATE_FULL, /* more than WIRE_LATE_MAX held back */
     WIRE_DROPS
 };
@@ -121,13 +121,14 @@ int64_t wire_now(const struct wire *wire);
 enum wire_fault_kind {
     /* Noise on the line: a bit behind the arbitration field is inverted for everybody. */
     WIRE_FAULT_CORRUPT,
-    /* One node alone reads a bit wrong (`receiver`): its error flag destroys the frame, unless it is
-     * error passive and only misses it. */
+    /* One node alone reads a bit wrong (`receiver`): its error flag destroys the frame, unless it
+     * is error passive and only misses it. */
     WIRE_FAULT_CORRUPT_AT,
     /* Received by nobody (or not by `receiver`) although the bus carried it: an overrun in the
      * receiving controller. */
     WIRE_FAULT_LOSS,
-    /* The sender misses the last bit of EOF, when the receivers have taken the frame, and repeats it. */
+    /* The sender misses the last bit of EOF, when the receivers have taken the frame, and repeats
+     * it. */
     WIRE_FAULT_DUPLICATE,
     /* Received delay_ns late, as from a receiver with a slow driver. */
     WIRE_FAULT_LATE,
@@ -141,11 +142,11 @@ enum { WIRE_ANY = -1 };
 /* Hits the frames of `node` that match the identifier and start within [from_ns, until_ns). */
 struct wire_fault {
     enum wire_fault_kind kind;
-    int node;             /* sender, WIRE_ANY = all */
-    int receiver;         /* CORRUPT_AT: a node; LOSS, LATE: a node or WIRE_ANY */
-    uint32_t id, id_mask; /* (frame id ^ id) & id_mask == 0; mask 0 = every frame */
-    double probability;   /* of each such frame; 0 or 1 and more: all */
-    uint64_t count;       /* ends after so many hits; 0 = no limit */
+    int node;                  /* sender, WIRE_ANY = all */
+    int receiver;              /* CORRUPT_AT: a node; LOSS, LATE: a node or WIRE_ANY */
+    uint32_t id, id_mask;      /* (frame id ^ id) & id_mask == 0; mask 0 = every frame */
+    double probability;        /* of each such frame; 0 or 1 and more: all */
+    uint64_t count;            /* ends after so many hits; 0 = no limit */
     int64_t from_ns, until_ns; /* until_ns 0 = for ever */
     int64_t delay_ns;          /* LATE */
 };
@@ -160,13 +161,13 @@ uint64_t wire_heal(struct wire *wire, int fault);
 /* Hits so far of an armed fault. */
 uint64_t wire_fault_hits(const struct wire *wire, int fault);
 
-/* The plug of one node: out, it hears nothing and nobody acknowledges what it sends; in again, it joins
- * after 11 bits. */
+/* The plug of one node: out, it hears nothing and nobody acknowledges what it sends; in again, it
+ * joins after 11 bits. */
 void wire_connect(struct wire *wire, size_t node, bool connected);
 
-/* Sets a node's bit rate: with another than the bus has, it destroys with its error flags the frames of
- * others until it is error passive, and others destroy its frames until it is bus-off or they are error
- * passive themselves. 0 = the bus's. */
+/* Sets a node's bit rate: with another than the bus has, it destroys with its error flags the
+ * frames of others until it is error passive, and others destroy its frames until it is bus-off or
+ * they are error passive themselves. 0 = the bus's. */
 void wire_set_bitrate(struct wire *wire, size_t node, int64_t bitrate);
 
 /* Into bus-off at once, as after a short circuit. */

@@ -7,7 +7,7 @@ enum {
     CRC15_POLYNOMIAL = 0x4599,
     CRC17_POLYNOMIAL = 0x1685B, /* without the leading x^17 */
     CRC21_POLYNOMIAL = 0x102899,
-    CRC17_LAST = 16, /* bytes: longer frames have CRC-21 */
+    CRC17_LAST = 16,                      /* bytes: longer frames have CRC-21 */
     TRAILER_BITS = 1 + 2 + WIRE_EOF_BITS, /* CRC delimiter, ACK slot and delimiter, EOF */
 };
 
@@ -202,8 +202,7 @@ static struct wire_length classic_length(const struct wire_tables *tables,
     count_byte(&counting, crc >> 8);
     count_byte(&counting, crc & 0xFF);
     return (struct wire_length){
-        .nominal =
-            (uint16_t)(header.count + 8 * bytes + 15 + counting.stuffed + TRAILER_BITS),
+        .nominal = (uint16_t)(header.count + 8 * bytes + 15 + counting.stuffed + TRAILER_BITS),
     };
 }
 
@@ -272,7 +271,8 @@ static int64_t bits_ns(int64_t bits, int64_t bitrate)
 
 int64_t wire_length_ns(struct wire_length length, int64_t bitrate, int64_t data_bitrate)
 {
-    return bits_ns(length.nominal, bitrate) + (length.data ? bits_ns(length.data, data_bitrate) : 0);
+    return bits_ns(length.nominal, bitrate) +
+           (length.data ? bits_ns(length.data, data_bitrate) : 0);
 }
 
 /* ---- writing ---- */
@@ -334,8 +334,8 @@ static void put_crc15(struct writing *writing, uint32_t crc)
     }
 }
 
-/* Stuff count modulo 8 as a Gray code with even parity, then the CRC over all bits so far, stuff bits
- * included, and over the stuff count; a fixed stuff bit before each four bits. */
+/* Stuff count modulo 8 as a Gray code with even parity, then the CRC over all bits so far, stuff
+ * bits included, and over the stuff count; a fixed stuff bit before each four bits. */
 static void put_fd_check(struct writing *writing, uint8_t len)
 {
     const bool crc17 = len <= CRC17_LAST;

@@ -3,11 +3,11 @@
  * A frame as bits on the wire (ISO 11898-1:2015): how many, stuff bits included, and which.
  *
  * Classic frames are stuffed from SOF to the end of the CRC, so their length depends on the CRC-15.
- * FD frames are stuffed from SOF to the end of the data; the CRC field has stuff bits at fixed places
- * and counts the others, so their length depends on the CRC not at all. With a bit rate switch the bits
- * behind BRS up to and with the CRC delimiter go at the data rate: the switch is at the sample points
- * of those two bits, and what the first of them loses the second gains when both rates sample at the
- * same fraction of a bit.
+ * FD frames are stuffed from SOF to the end of the data; the CRC field has stuff bits at fixed
+ * places and counts the others, so their length depends on the CRC not at all. With a bit rate
+ * switch the bits behind BRS up to and with the CRC delimiter go at the data rate: the switch is at
+ * the sample points of those two bits, and what the first of them loses the second gains when both
+ * rates sample at the same fraction of a bit.
  *
  * All RT-safe but wire_tables_make, which is only slow.
  */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Frames that do not go well. When a frame starts and something may happen to it, its bits are written
- * out and everything that some node will take for an error is looked for; the earliest one ends the
- * frame. Comparing bits also tells how long the error flags of the nodes overlap.
+ * Frames that do not go well. When a frame starts and something may happen to it, its bits are
+ * written out and everything that some node will take for an error is looked for; the earliest one
+ * ends the frame. Comparing bits also tells how long the error flags of the nodes overlap.
  */
 #include "canbus/wire_private.h"
 
@@ -83,8 +83,9 @@ static unsigned flag_of_sender(const struct wire *wire, const struct wire_bits *
     return active && !any_active(wire, wire_listeners(wire)) ? FLAG : 2 * FLAG - run;
 }
 
-/* A receiver finds an error at a bit; the sender answers after the first recessive bit that it cannot
- * send, the other receivers after six dominant ones. Behind the ACK field all answer at once. */
+/* A receiver finds an error at a bit; the sender answers after the first recessive bit that it
+ * cannot send, the other receivers after six dominant ones. Behind the ACK field all answer at
+ * once. */
 static unsigned flag_of_receiver(const struct wire_bits *bits, size_t at)
 {
     unsigned sender = 0, others;
@@ -132,8 +133,8 @@ static struct trouble unacknowledged(const struct wire *wire)
     };
 }
 
-/* Where a receiver that reads one bit wrong notices it: six equal bits, else the CRC, which is judged
- * behind the ACK field. */
+/* Where a receiver that reads one bit wrong notices it: six equal bits, else the CRC, which is
+ * judged behind the ACK field. */
 static size_t misread_found_at(struct wire_bits *bits, size_t wrong)
 {
     size_t found = bits->ack + 1;
@@ -151,8 +152,8 @@ static size_t misread_found_at(struct wire_bits *bits, size_t wrong)
     return found;
 }
 
-/* The same for a node of another bit rate: it samples at 80 % of its own bits, from the edge of SOF on,
- * without resynchronizing. */
+/* The same for a node of another bit rate: it samples at 80 % of its own bits, from the edge of SOF
+ * on, without resynchronizing. */
 static size_t mismatch_found_at(const struct wire *wire, const struct wire_bits *bits,
                                 int64_t bitrate)
 {
@@ -177,8 +178,8 @@ static size_t mismatch_found_at(const struct wire *wire, const struct wire_bits 
     }
 }
 
-/* A sender of another bit rate: bits of the bus until its receivers have read six equal ones; behind its
- * frame the line is recessive. */
+/* A sender of another bit rate: bits of the bus until its receivers have read six equal ones;
+ * behind its frame the line is recessive. */
 static int64_t foreign_rate_found_after(const struct wire *wire, const struct wire_bits *bits,
                                         int64_t bitrate)
 {
@@ -228,8 +229,8 @@ static uint64_t recessive_senders(struct wire *wire, size_t at)
 }
 
 /* Several nodes send behind the same arbitration field. At the first bit that differs who sends
- * recessive reads dominant: its error flag ends the frame, unless it is passive and only drops out. Leaves
- * the frame that stays in bits[0]. */
+ * recessive reads dominant: its error flag ends the frame, unless it is passive and only drops out.
+ * Leaves the frame that stays in bits[0]. */
 static void collide(struct wire *wire, struct trouble *kept)
 {
     struct wire_flight *flight = &wire->flight;
@@ -366,8 +367,8 @@ static bool apply(struct wire *wire, const struct wire_fault *fault, struct trou
         if (!(wire_listeners(wire) & WIRE_BIT(fault->receiver))) {
             return false;
         }
-        misread(wire, (size_t)fault->receiver,
-                misread_found_at(&wire->bits[0], somewhere(wire)), kept);
+        misread(wire, (size_t)fault->receiver, misread_found_at(&wire->bits[0], somewhere(wire)),
+                kept);
         return true;
     case WIRE_FAULT_LOSS:
         flight->lost |= receivers_of(fault);
@@ -429,8 +430,8 @@ static void mismatch(struct wire *wire, struct trouble *kept)
     }
     WIRE_FOR_EACH(index, on & ~(wire->flight.senders | wire->flight.beaten))
     {
-        misread(wire, index,
-                mismatch_found_at(wire, &wire->bits[0], wire->node[index].bitrate), kept);
+        misread(wire, index, mismatch_found_at(wire, &wire->bits[0], wire->node[index].bitrate),
+                kept);
     }
 }
 

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the parts of the wire share: its state, and the seams between normal and disturbed frames. */
+/* What the parts of the wire share: its state, and the seams between normal and disturbed
+ * frames. */
 #ifndef CANBUS_WIRE_PRIVATE_H
 #define CANBUS_WIRE_PRIVATE_H
 
@@ -49,12 +50,12 @@ struct wire_node {
 struct wire_flight {
     bool busy;
     bool failed;
-    bool repeat;           /* received, but the sender missed it */
-    uint64_t senders;      /* more than one: the same frame bit for bit, or an error */
-    uint64_t beaten;       /* passive senders that dropped out of a collision */
-    uint64_t first;        /* receivers that found the error before the others did */
-    uint64_t blind;        /* passive receivers that found an error alone */
-    uint64_t lost, late;   /* receivers */
+    bool repeat;         /* received, but the sender missed it */
+    uint64_t senders;    /* more than one: the same frame bit for bit, or an error */
+    uint64_t beaten;     /* passive senders that dropped out of a collision */
+    uint64_t first;      /* receivers that found the error before the others did */
+    uint64_t blind;      /* passive receivers that found an error alone */
+    uint64_t lost, late; /* receivers */
     bool unacknowledged;
     enum wire_error error;
     int64_t start_ns, end_ns; /* end of EOF or of the error delimiter */
@@ -88,9 +89,9 @@ struct wire {
     struct wire_node *node; /* config.nodes, and one more: the foreign node of collisions */
 
     /* a bit for each node */
-    uint64_t all;        /* without the foreign node */
-    uint64_t pending;    /* has frames waiting */
-    uint64_t off;        /* bus-off */
+    uint64_t all;     /* without the foreign node */
+    uint64_t pending; /* has frames waiting */
+    uint64_t off;     /* bus-off */
     uint64_t unplugged;
     uint64_t mismatched; /* of another bit rate */
     uint64_t counting;   /* TEC or REC is not 0 */
@@ -115,8 +116,8 @@ struct wire {
 
 /* Calls work with `node` for each bit of a mask. */
 #define WIRE_FOR_EACH(node, mask)                                                                  \
-    for (uint64_t left_ = (mask), bit_; left_ && ((node) = (size_t)__builtin_ctzll(left_),         \
-                                                 bit_ = left_ & -left_, true);                     \
+    for (uint64_t left_ = (mask), bit_;                                                            \
+         left_ && ((node) = (size_t)__builtin_ctzll(left_), bit_ = left_ & -left_, true);          \
          left_ ^= bit_)
 
 static inline int64_t wire_bits_ns(const struct wire *wire, int64_t bits)

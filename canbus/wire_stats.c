@@ -17,7 +17,7 @@ const char *wire_state_name(enum wire_state state)
 const char *wire_error_name(enum wire_error error)
 {
     static const char *const names[WIRE_ERRORS] = {
-        [WIRE_BIT_ERROR] = "bit",   [WIRE_STUFF_ERROR] = "stuff", [WIRE_FORM_ERROR] = "form",
+        [WIRE_BIT_ERROR] = "bit", [WIRE_STUFF_ERROR] = "stuff", [WIRE_FORM_ERROR] = "form",
         [WIRE_CRC_ERROR] = "crc", [WIRE_ACK_ERROR] = "ack",
     };
 
@@ -155,8 +155,7 @@ void wire_stats(const struct wire *wire, struct wire_stats *stats)
         close_windows(&load, wire->config.window_ns, wire->now_ns);
     }
     stats->busy_ns -= excess;
-    stats->load_mean =
-        wire->now_ns > 0 ? (double)stats->busy_ns / (double)wire->now_ns : 0.0;
+    stats->load_mean = wire->now_ns > 0 ? (double)stats->busy_ns / (double)wire->now_ns : 0.0;
     stats->load_now = load.last;
     stats->load_peak = load.peak;
 }

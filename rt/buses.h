@@ -42,8 +42,8 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
                            const char *const *overrides, size_t noverride, struct arena *arena,
                            struct buses *buses, char notice[256], struct error *error);
 
-/* Joins every bus as the simulator: in the place of all boards of the bus, each with a controller of its
- * own where the buses are timed. Once, and before other participants. */
+/* Joins every bus as the simulator: in the place of all boards of the bus, each with a controller
+ * of its own where the buses are timed. Once, and before other participants. */
 enum error_code buses_join_boards(struct buses *buses, struct arena *arena, struct bus_ports *ports,
                                   struct error *error);
 
@@ -54,8 +54,8 @@ enum error_code buses_join(struct buses *buses, struct arena *arena, struct bus_
 /* Moves timed buses to a virtual time; from the simulator's thread, RT-safe. */
 void buses_advance(const struct buses *buses, int64_t now_ns);
 
-/* Has every frame that the wire of a timed bus has carried told, from the simulator's thread. To be set
- * before the first frame. */
+/* Has every frame that the wire of a timed bus has carried told, from the simulator's thread. To be
+ * set before the first frame. */
 void buses_tap(const struct buses *buses, size_t bus,
                void (*tap)(void *context, const struct bus_frame *frame), void *context);
 

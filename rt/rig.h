@@ -159,6 +159,9 @@ const char *rig_contact_name(const struct rig *rig, size_t motion);
 /* Index by name or -1. */
 int rig_find_bus(const struct rig *rig, const char *name);
 
+/* What a port has received and sent, in bit times of the bus's nominal rate, without stuff bits. */
+double rig_bus_bits(const struct rig_bus *bus, const struct can_counters *counters);
+
 /* Worst-case load of a bus in bit times of its nominal rate a second (so that load / bitrate is the
  * share of its time, also with CAN FD), stuff bits and interframe spaces included. Telemetry: icub
  * motors at the host's default broadcast policy (0x7f), foc and compact motors once a tick, STRAIN and

@@ -106,5 +106,10 @@ enum error_code rig_build_faults(struct rig_builder *b)
         return rig_no_memory(b);
     }
     memset(wire, true, b->raw->nbus * sizeof *wire);
-    return rig_faults_create(b->rig, NULL, 0, b->rig->seed, wire, b->arena, &unused, b->error);
+    if (rig_faults_create(b->rig, NULL, 0, b->rig->seed, wire, b->arena, &unused, b->error)) {
+        bool placed = !strncmp(b->error->text, b->raw->mark.file, strlen(b->raw->mark.file));
+
+        return placed ? b->error->code : error_prefix(b->error, "%.200s", b->raw->mark.file);
+    }
+    return ERROR_NONE;
 }

@@ -116,6 +116,14 @@ static double compact_commands(const struct rig *rig, const struct rig_bus *bus,
     return bits / ((double)rig->tick_ns * 1e-9);
 }
 
+double rig_bus_bits(const struct rig_bus *bus, const struct can_counters *counters)
+{
+    double fast = (double)counters->fast_bits;
+    double ratio = bus->data_bitrate ? (double)bus->bitrate / (double)bus->data_bitrate : 1.0;
+
+    return (double)(counters->rx_bits + counters->tx_bits) - fast + fast * ratio;
+}
+
 void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
                   double *telemetry_bit_s, double *command_bit_s)
 {

@@ -274,7 +274,7 @@ static void fill_buses(struct simulator *simulator)
             .tx_frames = counters->tx_frames,
             .rx_dropped = counters->rx_dropped,
             .tx_dropped = counters->tx_dropped,
-            .bits = counters->rx_bits + counters->tx_bits,
+            .bits = (uint64_t)rig_bus_bits(&rig->bus[b], counters),
             .state = port->state,
         };
     }

@@ -144,7 +144,7 @@ static double load(const struct summary *summary, size_t bus)
         return 100.0 * of_wire.load_mean;
     }
     return virtual_s > 0.0
-               ? 100.0 * (double)(c->rx_bits + c->tx_bits) / virtual_s / (double)rig_bus->bitrate
+               ? 100.0 * rig_bus_bits(rig_bus, c) / virtual_s / (double)rig_bus->bitrate
                : 0.0;
 }
 

@@ -2,8 +2,8 @@
 /*
  * Checks a candump log of buses in wire mode (stdin, 1 Mbit/s, whole microseconds) against the
  * reference encoder: a frame's end less its length by the reference is its start, and that must be
- * the end of the intermission behind the frame before, or the beginning of a tick, when boards and host
- * hand over what they have. Usage: wire_log TICK_US IGNORED_ID... < candump.log
+ * the end of the intermission behind the frame before, or the beginning of a tick, when boards and
+ * host hand over what they have. Usage: wire_log TICK_US IGNORED_ID... < candump.log
  */
 #include "tests/unit/wire_reference.h"
 
@@ -97,7 +97,8 @@ int main(int argc, char **argv)
         frames += buses[i].frames;
         back_to_back += buses[i].back_to_back;
         printf("# %s: %llu frames, %llu of them right behind another, the last ends at %.6f s\n",
-               buses[i].name, buses[i].frames, buses[i].back_to_back, (double)buses[i].end_us * 1e-6);
+               buses[i].name, buses[i].frames, buses[i].back_to_back,
+               (double)buses[i].end_us * 1e-6);
     }
     printf("# %llu frames, every time as the reference encoder has it\n", frames);
     return frames > 0 && back_to_back > 0 ? 0 : 1;

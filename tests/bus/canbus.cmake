@@ -6,6 +6,7 @@ hil_test(canbus_local SOURCES ${tests}/unit/canbus_local.c LIBS canbus Threads::
 hil_test(canbus_wire_bits SOURCES ${tests}/unit/canbus_wire_bits.c LIBS canbus LABELS unit)
 hil_test(canbus_wire SOURCES ${tests}/unit/canbus_wire.c LIBS canbus LABELS unit)
 hil_test(canbus_wire_errors SOURCES ${tests}/unit/canbus_wire_errors.c LIBS canbus LABELS unit)
+hil_test(canbus_wire_local SOURCES ${tests}/unit/canbus_wire_local.c LIBS canbus Threads::Threads LABELS unit)
 hil_test(canbus_candump SOURCES ${tests}/unit/canbus_candump.c LIBS canbus LABELS unit)
 hil_test(canbus_socketcand SOURCES ${tests}/unit/canbus_socketcand.c LIBS canbus LABELS unit)
 hil_test(canbus_gateway SOURCES ${tests}/unit/canbus_gateway.c LIBS canbus LABELS unit)

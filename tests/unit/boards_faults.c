@@ -3,6 +3,7 @@
 #include "tests/unit/boards_rig.h"
 
 #include "boards/faults.h"
+#include "boards/sensing.h"
 
 #define MS INT64_C(1000000)
 
@@ -349,6 +350,41 @@ static void neighbors_hear_the_faulty_torque_of_a_strain_board(void **state)
     end(&bench);
 }
 
+/* An encoder mounted 0.1 rad off: command 0x04 with what it reads at zero takes it out. */
+static void calibration_takes_out_the_offset_of_an_encoder(void **state)
+{
+    static struct bench bench;
+    struct sensor_joint joint[RIG_JOINTS] = {{.name = "hip", .link_encoder = {.offset = 0.1}}};
+    struct sensing_config config = {
+        .njoint = RIG_JOINTS, .nft = 1, .joint = joint, .tick_ns = MS, .seed = 1};
+    struct plant_sensors truth;
+    struct sensing *sensing;
+    struct error error;
+    int32_t seen[2] = {0};
+
+    (void)state;
+    for (int j = 1; j < RIG_JOINTS; j++) {
+        joint[j].name = "other";
+    }
+    begin(&bench, NULL);
+    truth = bench.rig.sensors;
+    assert_int_equal(sensing_create(&config, &bench.arena, &sensing, &error), ERROR_NONE);
+    for (int i = 0; i < 300; i++) {
+        bench.rig.sensors = *sensing_sample(sensing, &truth);
+        if (i == 100) {
+            rig_send(&bench.rig, 0, 0x001, "04 03 00 00 0A 00 E8 03");
+        }
+        rig_tick(&bench.rig);
+        truth.time_ns += MS;
+        if (position(&bench) != INT32_MIN) {
+            seen[i > 100] = position(&bench);
+        }
+    }
+    assert_int_equal(seen[0], 0.1 * TICKS_PER_RAD);
+    assert_int_equal(seen[1], 0);
+    end(&bench);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -362,6 +398,7 @@ int main(void)
         cmocka_unit_test(slow_board_sends_one_frame_of_n),
         cmocka_unit_test(delayed_board_sends_what_was_true_before),
         cmocka_unit_test(intermittent_board_is_gone_for_its_share_but_keeps_running),
+        cmocka_unit_test(calibration_takes_out_the_offset_of_an_encoder),
         cmocka_unit_test(neighbors_hear_the_faulty_torque_of_a_strain_board),
     };
 

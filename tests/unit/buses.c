@@ -88,6 +88,41 @@ static void local_buses_bear_the_interface_names_and_carry_frames(void **state)
     buses_close(&buses);
 }
 
+/* What one side sends needs its time on the wire; the boards' side stands for as many controllers as
+ * there are boards. */
+static void timed_local_buses_deliver_when_they_are_advanced(void **state)
+{
+    static const struct rig_bus timed_buses[] = {
+        {.name = "arm", .interface = "can0", .bitrate = 1000000, .nboard = 3}};
+    static const struct rig timed = {.file = "rig.yaml",
+                                     .nbus = 1,
+                                     .bus = timed_buses,
+                                     .wire = {.timed = true, .queue = 16},
+                                     .lockstep = {.step_id = 0x6f0, .done_id = 0x6ff}};
+    struct bus_frame frame = frame_make(0x123, 2, (const uint8_t[]){1, 2}), found;
+    struct bus_ports simulator, task;
+    struct buses buses;
+    struct error error;
+    char notice[256];
+
+    (void)state;
+    assert_int_equal(buses_open(&timed, TRANSPORT_LOCAL, NULL, 0, &arena, &buses, notice, &error),
+                     ERROR_NONE);
+    assert_true(buses.timed);
+    assert_non_null(buses.wire[0]);
+    assert_int_equal(buses_join_boards(&buses, &arena, &simulator, &error), ERROR_NONE);
+    assert_int_equal(buses_join(&buses, &arena, &task, &error), ERROR_NONE);
+    frame.node = 2;
+    assert_int_equal(can_send(simulator.port[0], &frame, 1), 1);
+    assert_int_equal(can_receive(task.port[0], &found, 1), 0);
+    buses_advance(&buses, 1000000);
+    assert_int_equal(can_receive(task.port[0], &found, 1), 1);
+    assert_true(found.time_ns > 60000 && found.time_ns < 80000);
+    bus_ports_close(&task);
+    bus_ports_close(&simulator);
+    buses_close(&buses);
+}
+
 static void without_can_auto_is_local_and_says_so(void **state)
 {
     struct buses buses;
@@ -126,6 +161,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         BUSES_TEST(wrong_overrides_are_refused_with_what_was_expected),
         BUSES_TEST(local_buses_bear_the_interface_names_and_carry_frames),
+        BUSES_TEST(timed_local_buses_deliver_when_they_are_advanced),
         BUSES_TEST(without_can_auto_is_local_and_says_so),
         BUSES_TEST(a_named_interface_is_never_replaced_by_a_local_bus),
     };

@@ -110,6 +110,40 @@ static void counts_the_bits_of_a_frame_field_by_field(void **state)
                      fd17 + 64 + 19);
 }
 
+static void counts_the_fast_bits_of_a_frame_field_by_field(void **state)
+{
+    /* ESI, DLC, data, stuff count, CRC with a fixed stuff bit before it and after every four bits of
+     * stuff count and CRC, CRC delimiter */
+    const uint32_t fd17 = 1 + 4 + 4 + 17 + 1 + (4 + 17) / 4 + 1;
+    const uint32_t fd21 = 1 + 4 + 4 + 21 + 1 + (4 + 21) / 4 + 1;
+    struct bus_frame frame = {.flags = FRAME_FD | FRAME_BRS};
+
+    (void)state;
+    for (uint8_t n = 0; n <= 16; n = (uint8_t)(n < 8 ? n + 1 : n + 4)) {
+        frame.len = n;
+        assert_int_equal(frame_fast_bits(&frame), fd17 + 8u * n);
+    }
+    frame.len = 64;
+    assert_int_equal(frame_fast_bits(&frame), fd21 + 512);
+    frame.flags |= FRAME_EXTENDED;
+    assert_int_equal(frame_fast_bits(&frame), fd21 + 512);
+    frame.flags = FRAME_FD;
+    assert_int_equal(frame_fast_bits(&frame), 0);
+    assert_int_equal(frame_fast_bits(&(struct bus_frame){.len = 8}), 0);
+}
+
+static void rounds_up_to_the_lengths_of_fd(void **state)
+{
+    static const uint8_t length[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
+    size_t k = 0;
+
+    (void)state;
+    for (unsigned n = 0; n <= 64; n++) {
+        k += length[k] < n;
+        assert_int_equal(frame_fd_length(n), length[k]);
+    }
+}
+
 static void puts_and_gets_in_the_byte_order_of_its_name(void **state)
 {
     uint8_t bytes[4];
@@ -133,6 +167,8 @@ int main(void)
         cmocka_unit_test(accepts_exactly_the_lengths_of_fd),
         cmocka_unit_test(makes_a_classic_frame_with_zeroes_behind_its_data),
         cmocka_unit_test(counts_the_bits_of_a_frame_field_by_field),
+        cmocka_unit_test(counts_the_fast_bits_of_a_frame_field_by_field),
+        cmocka_unit_test(rounds_up_to_the_lengths_of_fd),
         cmocka_unit_test(puts_and_gets_in_the_byte_order_of_its_name),
     };
 

@@ -55,9 +55,8 @@ static void frames_follow_each_other_after_three_bits(void **state)
 
 static void fd_frames_go_at_two_rates(void **state)
 {
-    struct bus_frame frame = {.id = 0x1ABCDEF0,
-                              .flags = FRAME_FD | FRAME_BRS | FRAME_EXTENDED,
-                              .len = 64};
+    struct bus_frame frame = {
+        .id = 0x1ABCDEF0, .flags = FRAME_FD | FRAME_BRS | FRAME_EXTENDED, .len = 64};
 
     (void)state;
     bench_open(&bench, (struct wire_config){.fd = true, .data_bitrate = 8000000});
@@ -147,8 +146,8 @@ struct brute {
     bool sent;
 };
 
-/* Of all frames that are ready when the bus is free, the one whose bits are dominant first; among equal
- * ones of a node the first that came. */
+/* Of all frames that are ready when the bus is free, the one whose bits are dominant first; among
+ * equal ones of a node the first that came. */
 static int brute_next(const struct brute *frames, int64_t free_ns, int64_t *start_ns)
 {
     int64_t first_ready = INT64_MAX;
@@ -261,7 +260,8 @@ static int64_t response_bound(const struct stream *streams, int of)
         before = delay;
         delay = blocking > own ? blocking : own;
         for (int k = 0; k < of; k++) {
-            delay += ((before + US) / streams[k].period_ns + ((before + US) % streams[k].period_ns != 0)) *
+            delay += ((before + US) / streams[k].period_ns +
+                      ((before + US) % streams[k].period_ns != 0)) *
                      (55 + 10 * streams[k].len) * US;
         }
     } while (delay != before);
@@ -271,7 +271,7 @@ static int64_t response_bound(const struct stream *streams, int of)
 static void latencies_stay_within_the_response_time_analysis(void **state)
 {
     const struct stream streams[STREAMS] = {
-        {0x010, 3, 1 * MS}, {0x020, 3, 1 * MS},  {0x0F0, 8, 2 * MS},  {0x100, 8, 2 * MS},
+        {0x010, 3, 1 * MS}, {0x020, 3, 1 * MS}, {0x0F0, 8, 2 * MS}, {0x100, 8, 2 * MS},
         {0x110, 8, 4 * MS}, {0x200, 6, 5 * MS}, {0x300, 8, 5 * MS}, {0x7F0, 8, 10 * MS}};
     struct random_stream random = random_named(8, "streams");
     struct wire_latency latency[STREAMS];
@@ -459,7 +459,8 @@ static void impossible_configurations_are_refused_with_a_reason(void **state)
         {{.bitrate = 1000000, .nodes = 64, .queue = 1}, "expected 1 to 63"},
         {{.bitrate = 1000000, .nodes = 1, .queue = 0}, "queue of 0"},
         {{.bitrate = 999, .nodes = 1, .queue = 1}, "bit rate of 999"},
-        {{.bitrate = 500000, .data_bitrate = 250000, .nodes = 1, .queue = 1}, "expected the nominal"},
+        {{.bitrate = 500000, .data_bitrate = 250000, .nodes = 1, .queue = 1},
+         "expected the nominal"},
     };
     struct arena arena;
     struct error error;

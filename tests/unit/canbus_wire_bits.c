@@ -113,7 +113,8 @@ static void written_bits_are_those_of_the_reference_encoder(void **state)
     }
 }
 
-/* Davis, Burns, Bril, Lukkien 2007: 55, 65, ... 135 bits with the intermission; 29 bits: 80 + 10 n. */
+/* Davis, Burns, Bril, Lukkien 2007: 55, 65, ... 135 bits with the intermission; 29 bits: 80 + 10
+ * n. */
 static void worst_classic_lengths_are_the_published_ones(void **state)
 {
     (void)state;
@@ -133,9 +134,9 @@ static void worst_fd_durations_are_the_published_ones(void **state)
         uint8_t len;
         int64_t ns;
     } table[] = {
-        {2, 8, 91000}, {2, 24, 173500}, {2, 48, 293500}, {2, 64, 373500}, {5, 8, 56800},
-        {5, 12, 64800}, {5, 24, 89800}, {5, 48, 137800}, {5, 64, 169800}, {8, 8, 48250},
-        {8, 12, 53250}, {8, 24, 68875}, {8, 48, 98875}, {8, 64, 118875},
+        {2, 8, 91000},  {2, 24, 173500}, {2, 48, 293500}, {2, 64, 373500}, {5, 8, 56800},
+        {5, 12, 64800}, {5, 24, 89800},  {5, 48, 137800}, {5, 64, 169800}, {8, 8, 48250},
+        {8, 12, 53250}, {8, 24, 68875},  {8, 48, 98875},  {8, 64, 118875},
     };
 
     (void)state;
@@ -148,7 +149,8 @@ static void worst_fd_durations_are_the_published_ones(void **state)
     }
 }
 
-/* The bound leaves out that some bits of the header have fixed values and that the CRC is not free. */
+/* The bound leaves out that some bits of the header have fixed values and that the CRC is not
+ * free. */
 static void the_worst_case_is_nearly_met_by_real_frames(void **state)
 {
     struct random_stream random = random_named(3, "frames");
@@ -156,8 +158,8 @@ static void the_worst_case_is_nearly_met_by_real_frames(void **state)
     unsigned longest = 0, nominal, data;
 
     (void)state;
-    /* five equal bits, then again and again four that equal the stuff bit before them, in the header
-     * as in the data: 00000 1111 0000, 000 00 1111 0000 1111 ... */
+    /* five equal bits, then again and again four that equal the stuff bit before them, in the
+     * header as in the data: 00000 1111 0000, 000 00 1111 0000 1111 ... */
     for (int n = 0; n < 200000; n++) {
         for (int i = 0; i < 8; i++) {
             frame.data[i] = i < 6 ? 0x3C : (uint8_t)random_bits(&random);
@@ -169,8 +171,8 @@ static void the_worst_case_is_nearly_met_by_real_frames(void **state)
     assert_true(longest >= 128 && longest <= 132);
 }
 
-/* CRC-15/CAN of "123456789" is 0x059E, CRC-17/CAN-FD 0x04F03, CRC-21/CAN-FD 0x0ED841, the latter two
- * with a start value of 0 (catalogue of parametrised CRC algorithms): the reference itself. */
+/* CRC-15/CAN of "123456789" is 0x059E, CRC-17/CAN-FD 0x04F03, CRC-21/CAN-FD 0x0ED841, the latter
+ * two with a start value of 0 (catalogue of parametrised CRC algorithms): the reference itself. */
 static void the_reference_computes_the_catalogued_crcs(void **state)
 {
     struct reference text = {.count = 0};

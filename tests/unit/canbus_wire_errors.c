@@ -58,8 +58,10 @@ static void a_corrupted_frame_is_signaled_and_sent_again(void **state)
         assert_true(flag_and_more >= (14 + 6 + 8) * US);
         assert_true(flag_and_more <= length - 10 * US + (12 + 8) * US);
         assert_int_equal(flag_and_more % US, 0);
-        shortest = (unsigned)(flag_and_more / US) < shortest ? (unsigned)(flag_and_more / US) : shortest;
-        longest = (unsigned)(flag_and_more / US) > longest ? (unsigned)(flag_and_more / US) : longest;
+        shortest =
+            (unsigned)(flag_and_more / US) < shortest ? (unsigned)(flag_and_more / US) : shortest;
+        longest =
+            (unsigned)(flag_and_more / US) > longest ? (unsigned)(flag_and_more / US) : longest;
         assert_int_equal(bench_node(&bench, 0).tec, 7);
         assert_int_equal(bench_node(&bench, 1).rec, 0);
         assert_int_equal(bench_node(&bench, 1).rec_peak, 1);
@@ -506,23 +508,27 @@ static void nothing_gets_lost_in_a_storm_of_faults(void **state)
     uint64_t confirmed = 0, queued = 0;
 
     (void)state;
-    bench_open(&bench, (struct wire_config){.nodes = 8, .queue = 16, .fd = true,
+    bench_open(&bench, (struct wire_config){.nodes = 8,
+                                            .queue = 16,
+                                            .fd = true,
                                             .data_bitrate = 5000000,
                                             .restart_delay_ns = 5 * MS});
     for (int64_t step = 0; step < 40000; step++) {
         uint64_t pick = random_bits(&random);
         size_t node = pick >> 8 & 7;
-        struct bus_frame frame = bench_frame((uint32_t)(pick >> 16 & 0x3F), (uint8_t)(pick >> 24 & 7));
+        struct bus_frame frame =
+            bench_frame((uint32_t)(pick >> 16 & 0x3F), (uint8_t)(pick >> 24 & 7));
 
         wire_advance(bench.wire, step * 50 * US);
         switch (pick % 64) {
         case 0:
-            wire_inject(bench.wire, &(struct wire_fault){.kind = (enum wire_fault_kind)(pick >> 32) % 6,
-                                                         .node = WIRE_ANY,
-                                                         .receiver = (int)(pick >> 40 & 7),
-                                                         .probability = 0.3,
-                                                         .delay_ns = 200 * US,
-                                                         .count = 40});
+            wire_inject(bench.wire,
+                        &(struct wire_fault){.kind = (enum wire_fault_kind)(pick >> 32) % 6,
+                                             .node = WIRE_ANY,
+                                             .receiver = (int)(pick >> 40 & 7),
+                                             .probability = 0.3,
+                                             .delay_ns = 200 * US,
+                                             .count = 40});
             break;
         case 1:
             wire_heal(bench.wire, (int)(pick >> 32 & 15));
@@ -550,8 +556,8 @@ static void nothing_gets_lost_in_a_storm_of_faults(void **state)
         assert_true(bench_node(&bench, i).rec <= 255);
         assert_true(bench_node(&bench, i).tec <= 256 + 8);
     }
-    assert_int_equal(confirmed + queued + wire_dropped(bench.wire) - stats.dropped[WIRE_DROP_LATE_FULL],
-                     handed);
+    assert_int_equal(
+        confirmed + queued + wire_dropped(bench.wire) - stats.dropped[WIRE_DROP_LATE_FULL], handed);
     assert_true(confirmed > 1000 && stats.bus_offs > 10 && stats.errors[WIRE_BIT_ERROR] > 100);
 }
 

@@ -306,11 +306,8 @@ static struct can_port *open_paced(size_t queue)
                                             .send = script_send,
                                             .descriptor = script_descriptor,
                                             .close = script_close};
-    struct paced_port_config config = {.bitrate = 1000000,
-                                       .nodes = 2,
-                                       .queue = queue,
-                                       .bypass_id = {STEP, DONE},
-                                       .nbypass = 2};
+    struct paced_port_config config = {
+        .bitrate = 1000000, .nodes = 2, .queue = queue, .bypass_id = {STEP, DONE}, .nbypass = 2};
     struct can_port *port = NULL;
     struct error error;
 

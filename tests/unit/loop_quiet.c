@@ -71,7 +71,13 @@ static void remove_directory(const char *path)
 
 static size_t allocations_of(enum rig_clock clock, const char *directory)
 {
+    static const char *const fault[] = {
+        "sensor l_leg_ft delayed 0.01", "sensor imu intermittent",
+        "bus left_arm late 0.001",      "bus right_arm duplicate 0.1",
+        "motor LElbj jam 0.2..",        "board left_arm/1 delayed 0.002"};
     struct simulator_config config = {
+        .fault = fault,
+        .nfault = sizeof fault / sizeof fault[0],
         .clock = clock,
         .transport = TRANSPORT_LOCAL,
         .ticks = 400,
@@ -94,7 +100,7 @@ static size_t allocations_of(enum rig_clock clock, const char *directory)
     assert_int_equal(rig_load(RIG, &arena, &loaded, &error), ERROR_NONE);
     rig = *loaded;
     rig.contact_engine = RIG_CONTACT_NONE;
-    rig.contact.nbody = 0;
+    rig.contact.nbody = rig.contact.npair = 0;
     rig.realtime.priority = 0;
     config.rig = &rig;
     if (simulator_create(&config, &arena, &simulator, notice, &error)) {

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The reference for canbus/wire_bits.c, written from the text of ISO 11898-1:2015 and independent of
- * it: a frame as a string of characters, built field by field and bit by bit. '0' and '1' are bits of
- * the frame, 'o' and 'i' are stuff bits (dominant, recessive). No tables, no words, no shortcuts.
+ * The reference for canbus/wire_bits.c, written from the text of ISO 11898-1:2015 and independent
+ * of it: a frame as a string of characters, built field by field and bit by bit. '0' and '1' are
+ * bits of the frame, 'o' and 'i' are stuff bits (dominant, recessive). No tables, no words, no
+ * shortcuts.
  */
 #ifndef TESTS_UNIT_WIRE_REFERENCE_H
 #define TESTS_UNIT_WIRE_REFERENCE_H
@@ -95,7 +96,8 @@ static inline uint32_t reference_crc(const struct reference *of, int width, uint
     return reg;
 }
 
-/* After five equal bits, stuff bits included, the opposite one; `last`: also behind the last bit. */
+/* After five equal bits, stuff bits included, the opposite one; `last`: also behind the last
+ * bit. */
 static inline int reference_stuff(const struct reference *from, struct reference *to, int last)
 {
     int stuffed = 0;
@@ -197,7 +199,8 @@ static inline void reference_encode(const struct bus_frame *frame, struct refere
 }
 
 /* Bits from SOF to EOF at the nominal and at the data rate. */
-static inline void reference_length(const struct bus_frame *frame, unsigned *nominal, unsigned *data)
+static inline void reference_length(const struct bus_frame *frame, unsigned *nominal,
+                                    unsigned *data)
 {
     struct reference bits;
 

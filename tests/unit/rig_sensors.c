@@ -1,0 +1,169 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The sections `sensors`, `faults` and `seed` of a rig: what becomes of them, and where they are
+ * wrong. */
+#include "rt/rig_faults.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "tests/unit/rig_files.h"
+
+static struct arena arena;
+
+static int set_up(void **state)
+{
+    (void)state;
+    return arena_init(&arena, (size_t)64 << 20, NULL) || make_tree() ? -1 : 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    remove_tree();
+    arena_fini(&arena);
+    return 0;
+}
+
+/* The toy rig with these lines at its end. */
+static enum error_code load(const char *lines, const struct rig **rig, struct error *error)
+{
+    static char text[sizeof toy_rig + 2048];
+
+    snprintf(text, sizeof text, "%s%s", toy_rig, lines);
+    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
+    return rig_load(rig_path, &arena, rig, error);
+}
+
+static const struct rig *loaded(const char *lines)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+
+    if (load(lines, &rig, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return rig;
+}
+
+static void refused(const char *lines, const char *message)
+{
+    const struct rig *rig;
+    struct error error = {0};
+
+    if (load(lines, &rig, &error) == ERROR_NONE || !strstr(error.text, message) ||
+        strncmp(error.text, rig_path, strlen(rig_path)) != 0) {
+        fail_msg("\"%s\" gave \"%s\", expected \"%s\"", lines, error.text, message);
+    }
+}
+
+static void without_the_sections_all_is_ideal(void **state)
+{
+    static const struct sensor_error none;
+    const struct rig *rig = loaded("");
+
+    (void)state;
+    assert_int_equal(rig->nfault, 0);
+    assert_int_equal(rig->seed, 0);
+    assert_true(rig->supply_ohm == 0.0);
+    for (size_t j = 0; j < rig->sensing.njoint; j++) {
+        assert_memory_equal(&rig->sensing.joint[j].torque, &none, sizeof none);
+        assert_memory_equal(&rig->sensing.joint[j].link_encoder, &none, sizeof none);
+        assert_true(rig->sensing.joint[j].thermal.resistance_ohm == 0.0);
+    }
+    assert_memory_equal(&rig->sensing.gyro, &none, sizeof none);
+}
+
+static void what_a_joint_gives_replaces_the_channel_of_all(void **state)
+{
+    const struct rig *rig =
+        loaded("seed: 9\n"
+               "supply_ohm: 0.1\n"
+               "sensors:\n"
+               "  every_joint:\n"
+               "    torque_nm: {noise_rms: 0.05, latency_s: 0.001}\n"
+               "    current_a: {lsb: 0.01}\n"
+               "    winding: {k_per_w: 2, time_constant_s: 100}\n"
+               "  joints:\n"
+               "    knee: {torque_nm: {offset: 1}, motor_encoder_from_start: true}\n"
+               "  every_ft: {force_n: {full_scale: 2000}, torque_nm: {full_scale: 40}}\n"
+               "  fts: {wrist_ft: {crosstalk: 0.01}}\n"
+               "  imu: {gyro_rad_s: {ramp_per_s: 0.1}}\n");
+    const struct sensor_joint *hip = &rig->sensing.joint[0], *knee = &rig->sensing.joint[1];
+
+    (void)state;
+    assert_int_equal(rig->sensing.seed, 9);
+    assert_true(rig->supply_ohm == 0.1);
+    assert_true(hip->torque.noise_rms == 0.05 && hip->torque.latency_ns == 1000000);
+    assert_true(hip->thermal.resistance_ohm == 0.6 && hip->thermal.ambient_c == 25.0);
+    assert_false(hip->incremental);
+    assert_true(knee->torque.noise_rms == 0.0 && knee->torque.offset == 1.0);
+    assert_true(knee->torque.latency_ns == 0);
+    assert_true(knee->current.lsb == 0.01 && knee->incremental);
+    assert_true(rig->sensing.joint[2].thermal.resistance_ohm == 0.0); /* has no motor */
+    assert_true(rig->sensing.ft[0].crosstalk == 0.0 && rig->sensing.ft[1].crosstalk == 0.01);
+    assert_true(rig->sensing.ft[1].force.full_scale == 2000.0);
+    assert_true(rig->sensing.gyro.ramp_per_s == 0.1);
+}
+
+static void refuses_wrong_sensors(void **state)
+{
+    (void)state;
+    refused("sensors: {joints: {kne: {}}}\n", "\"knee\"");
+    refused("sensors: {fts: {fot_ft: {}}}\n", "\"foot_ft\"");
+    refused("sensors: {every_joint: {torque_nm: {noise: 1}}}\n", "noise_rms");
+    refused("sensors: {every_joint: {torque_nm: {noise_rms: -1}}}\n", "-1");
+    refused("sensors: {every_joint: {torque_nm: {latency_s: 2}}}\n", "2");
+    refused("sensors: {every_ft: {crosstalk: 0.1}}\n", "full_scale");
+}
+
+static void faults_are_lines_in_their_order(void **state)
+{
+    const struct rig *rig =
+        loaded("faults: [\"motor knee jam 1..2\", \"late: bus right late 0.01\"]\n");
+    const char *extra[] = {"board shin off", "board left/12 stuck"};
+    const bool wire[] = {false, false};
+    struct faults *faults;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(rig_faults_create(rig, extra, 2, rig->seed, wire, &arena, &faults, &error),
+                     ERROR_NONE);
+    assert_int_equal(faults_count(faults), 4);
+    assert_int_equal(faults_at(faults, 0)->kind, FAULT_JAM);
+    assert_int_equal(faults_find(faults, "late"), 1);
+    assert_int_equal(faults_at(faults, 2)->index, 2);
+    assert_int_equal(faults_at(faults, 3)->index, 1);
+}
+
+static void refuses_wrong_faults_with_their_place(void **state)
+{
+    const struct rig *rig = loaded("");
+    const char *extra[] = {"motor wag jam"};
+    const bool wire[] = {false, false};
+    struct faults *faults;
+    struct error error;
+
+    (void)state;
+    refused("faults: [\"motor knee jam\", \"motor nee jam\"]\n", ":28: fault \"motor nee jam\"");
+    refused("faults: [\"a: motor knee jam\", \"a: motor hip jam\"]\n", "name a again");
+    assert_int_equal(rig_faults_create(rig, extra, 1, 0, wire, &arena, &faults, &error),
+                     ERROR_UNSUPPORTED);
+    assert_non_null(strstr(error.text, "--fault: "));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(without_the_sections_all_is_ideal),
+        cmocka_unit_test(what_a_joint_gives_replaces_the_channel_of_all),
+        cmocka_unit_test(refuses_wrong_sensors),
+        cmocka_unit_test(faults_are_lines_in_their_order),
+        cmocka_unit_test(refuses_wrong_faults_with_their_place),
+    };
+
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
