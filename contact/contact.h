@@ -187,8 +187,12 @@ enum error_code contact_simbody_create(const struct contact_config *config,
  *   volume on a flat side, wherever on it. A sphere that has sunk under a facet as deep as it is
  *   wide is no longer held by it. Sphere on half-space or sphere: Hertz's law, as above.
  * - Velocity, dissipation and friction are taken at three points between a facet's centroid and
- *   each edge of the overlap (four points of a sphere's patch).
- * Nothing is kept from one evaluation for the next, so the same motion always gives the same bits.
+ *   each edge of the overlap, at three in all on facets that are small against the smaller mesh (four
+ *   points of a sphere's patch).
+ * Nothing is kept from one evaluation for the next, so the same motion always gives the same bits on
+ * the same machine. The kernels are compiled for several instruction sets, of which the machine's
+ * best is taken; with another number of lanes sums have another order, and may differ in their last
+ * bits.
  *
  * Work at worst, all of both meshes within each other: for each pair of meshes the product of their
  * numbers of facets, for a half-space or a sphere the number of facets. It follows the patch where

@@ -1,12 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Four numbers at a time. They are vectors of the compiler's, which it maps to whatever registers
- * there are; a function marked FOR_EACH_ISA is compiled for several instruction sets, of which the
- * loader takes the widest that the machine has. All do the same operations in the same order (and
- * none may fuse a multiplication with an addition), so results do not depend on it.
- *
- * Not eight: what is wider than the machine's registers GCC takes apart by way of memory, at twice
- * the time on AVX2, and with AVX-512 the engine gained nothing from it.
+ * Several numbers at a time. They are vectors of the compiler's, as wide as the registers of the
+ * instruction set that the file is compiled for (contact/native_variant.h); wider ones GCC would
+ * take apart by way of memory, at twice the time.
  */
 #ifndef CONTACT_LANES_H
 #define CONTACT_LANES_H
@@ -14,15 +10,17 @@
 #include <math.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) &&                             \
-    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define FOR_EACH_ISA __attribute__((target_clones("avx2", "default")))
-#else
-#define FOR_EACH_ISA /* the loader would call the choice before a sanitizer is ready */
+#if defined(__AVX2__)
+#include <immintrin.h>
 #endif
 
-#define LANES 4
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+#define LANES 8
+#else
+#define LANES 4 /* two registers of the plain instruction set: the same operations as with AVX2 */
+#endif
 #define LANES_INLINE static inline __attribute__((always_inline))
 
 typedef double lanes __attribute__((vector_size(LANES * sizeof(double))));
@@ -34,6 +32,15 @@ LANES_INLINE lanes lanes_load(const double *p)
     return *(const lanes *)p;
 }
 
+/* p is aligned as a double is. */
+LANES_INLINE lanes lanes_load_any(const double *p)
+{
+    lanes x;
+
+    memcpy(&x, p, sizeof x);
+    return x;
+}
+
 LANES_INLINE lanes lanes_pick(lanes_mask m, lanes yes, lanes no)
 {
     return (lanes)((m & (lanes_mask)yes) | (~m & (lanes_mask)no));
@@ -41,17 +48,35 @@ LANES_INLINE lanes lanes_pick(lanes_mask m, lanes yes, lanes no)
 
 LANES_INLINE lanes lanes_root(lanes x)
 {
+#if LANES == 8
+    return (lanes)_mm512_sqrt_pd((__m512d)x);
+#elif defined(__AVX2__)
+    return (lanes)_mm256_sqrt_pd((__m256d)x);
+#else
     lanes r;
 
     for (int i = 0; i < LANES; ++i) {
         r[i] = sqrt(x[i]);
     }
     return r;
+#endif
 }
 
+/* In halves, so that the order is that of the widest registers. */
 LANES_INLINE double lanes_sum(lanes x)
 {
+#if LANES == 8
+    __m256d four = _mm512_castpd512_pd256((__m512d)x) + _mm512_extractf64x4_pd((__m512d)x, 1);
+    __m128d two = _mm256_castpd256_pd128(four) + _mm256_extractf128_pd(four, 1);
+
+    return two[0] + two[1];
+#elif defined(__AVX2__)
+    __m128d two = _mm256_castpd256_pd128((__m256d)x) + _mm256_extractf128_pd((__m256d)x, 1);
+
+    return two[0] + two[1];
+#else
     return (x[0] + x[2]) + (x[1] + x[3]);
+#endif
 }
 
 LANES_INLINE lanes_mask lanes_less(lanes a, lanes b)
@@ -62,8 +87,14 @@ LANES_INLINE lanes_mask lanes_less(lanes a, lanes b)
 /* One bit a lane, lane 0 the lowest. */
 LANES_INLINE uint64_t lanes_bits(lanes_mask m)
 {
+#if LANES == 8
+    return _mm512_movepi64_mask((__m512i)m);
+#elif defined(__AVX2__)
+    return (uint64_t)_mm256_movemask_pd((__m256d)m);
+#else
     return (uint64_t)(m[0] & 1) | (uint64_t)(m[1] & 2) | (uint64_t)(m[2] & 4) |
            (uint64_t)(m[3] & 8);
+#endif
 }
 
 LANES_INLINE double lanes_least(lanes x)

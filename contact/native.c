@@ -5,8 +5,7 @@
  * it back to the world.
  */
 #include "contact/contact.h"
-#include "contact/lanes.h"
-#include "contact/native_pairs.h"
+#include "contact/native_kernels.h"
 #include "contact/vec.h"
 
 #include <float.h>
@@ -39,8 +38,14 @@ enum pair_kind {
 struct pair {
     enum pair_kind kind;
     int surface[2]; /* in the order in which contact/native_pairs.h takes them */
-    double sign;    /* of the force on the configured pair's b, from that on the first */
+    const struct native_kernels *kernels;
+    double sign; /* of the force on the configured pair's b, from that on the first */
     struct native_law law;
+};
+
+/* Where the springs of a pair in touch are in the batch. */
+struct springs {
+    size_t from, to;
 };
 
 struct engine {
@@ -51,6 +56,7 @@ struct engine {
     struct pose *pose;
     struct pair *pair;
     struct contact_patch *patch;
+    struct springs *springs; /* of each patch */
     struct native_scratch *scratch;
     char failure[128];
 };
@@ -124,19 +130,16 @@ static void press(const struct engine *e, const struct pair *pair,
     switch (pair->kind) {
     case PAIR_HERTZ_SPHERES:
     case PAIR_HERTZ_HALF_SPACE:
-        native_hertz(radius, &pair->law, relative, s, sum);
+        pair->kernels->hertz(radius, &pair->law, relative, s, sum);
         break;
     case PAIR_MESH_HALF_SPACE:
-        (e->centroids ? native_centroid_half_space
-                      : native_overlap_half_space)(a->solid, &pair->law, relative, s, sum);
+        pair->kernels->half_space[e->centroids](a->solid, &pair->law, relative, s, sum);
         break;
     case PAIR_MESH_SPHERE:
-        (e->centroids ? native_centroid_sphere
-                      : native_overlap_sphere)(a->solid, b->radius, &pair->law, relative, s, sum);
+        pair->kernels->sphere[e->centroids](a->solid, b->radius, &pair->law, relative, s, sum);
         break;
     case PAIR_MESHES:
-        (e->centroids ? native_centroid_meshes
-                      : native_overlap_meshes)(a->solid, b->solid, &pair->law, relative, s, sum);
+        pair->kernels->meshes[e->centroids](a->solid, b->solid, &pair->law, relative, s, sum);
         break;
     }
 }
@@ -168,8 +171,8 @@ static void collect(struct engine *e, size_t index, const struct native_sum *sum
     double center[3] = {0, 0, 0}, force[3], moment[3], about[3], turn[3];
 
     /* about the middle of the pressure: nothing large is added to take off again */
-    for (int k = 0; k < 3 && sum->normal > 0; ++k) {
-        center[k] = sum->lever[k] / sum->normal;
+    if (sum->normal > 0) {
+        vec_madd(center, 1 / sum->normal, sum->lever, center);
     }
     vec_cross(center, sum->force, turn);
     vec_sub(sum->moment, turn, about);
@@ -215,16 +218,23 @@ static enum error_code engine_evaluate(struct contact_world *world,
         }
     }
     e->npatch = 0;
+    e->scratch->batch.n = e->scratch->batch.start = 0;
+    e->scratch->batch.full = false;
     for (size_t i = 0; i < e->npair; ++i) {
         const struct pair *pair = &e->pair[i];
         struct native_relative relative;
         struct native_sum sum = {.depth = 0};
+        struct native_batch *batch = &e->scratch->batch;
+        const size_t from = (batch->n + BATCH_ALIGN - 1) / BATCH_ALIGN * BATCH_ALIGN;
+
+        batch->n = batch->start = from;
 
         if (near(e, pair)) {
             relate(&e->pose[pair->surface[0]], &e->pose[pair->surface[1]], &relative);
             press(e, pair, &relative, &sum);
         }
         if (sum.area > 0) {
+            e->springs[e->npatch] = (struct springs){from, batch->n};
             collect(e, i, &sum, motion, wrench);
         }
     }
@@ -241,33 +251,24 @@ static size_t engine_patches(struct contact_world *world, struct contact_patch *
     return e->npatch;
 }
 
-/* Turns a symmetric 6x6 matrix, upper triangle by rows: both halves of its vectors by R. */
-static void turn_tangent(const double R[9], double S[21])
+/* What the springs of a pair in touch add to a tangent: those of the last evaluation, or the same
+ * found once more where it had no room for them all. */
+static void resist(const struct engine *e, size_t patch, const struct native_relative *relative,
+                   struct native_sum *sum)
 {
-    double full[6][6], half[6][6];
+    const struct pair *pair = &e->pair[e->patch[patch].pair];
+    struct native_batch *batch = &e->scratch->batch;
 
-    for (int r = 0, at = 0; r < 6; ++r) {
-        for (int c = r; c < 6; ++c, ++at) {
-            full[r][c] = full[c][r] = S[at];
-        }
-    }
-    for (int r = 0; r < 6; ++r) {
-        for (int c = 0; c < 6; ++c) {
-            const double *row = R + 3 * (r % 3);
-            int from = r - r % 3;
-
-            half[r][c] =
-                row[0] * full[from][c] + row[1] * full[from + 1][c] + row[2] * full[from + 2][c];
-        }
-    }
-    for (int r = 0, at = 0; r < 6; ++r) {
-        for (int c = r; c < 6; ++c, ++at) {
-            S[at] = vec_dot(&half[r][c - c % 3], R + 3 * (c % 3));
-        }
+    if (batch->full) {
+        batch->n = batch->start = 0;
+        press(e, pair, relative, sum);
+    } else {
+        batch->start = e->springs[patch].from;
+        batch->n = e->springs[patch].to;
+        pair->kernels->sum(batch, &pair->law, relative, sum);
     }
 }
 
-/* Finds the springs of the pairs in touch once more, from where the last evaluation left them. */
 static size_t engine_tangents(struct contact_world *world, struct contact_tangent *tangent,
                               size_t max)
 {
@@ -278,7 +279,7 @@ static size_t engine_tangents(struct contact_world *world, struct contact_tangen
         const struct pose *a = &e->pose[pair->surface[0]];
         bool turned = pair->sign > 0; /* the configured pair's a is our second */
         struct native_relative relative;
-        struct native_sum sum = {.tangent = &tangent[i]};
+        struct native_sum sum = {.tangent = &tangent[i], .turn = a->R};
         double arm[3];
 
         tangent[i] = (struct contact_tangent){
@@ -289,9 +290,7 @@ static size_t engine_tangents(struct contact_world *world, struct contact_tangen
         vec_sub(e->patch[i].center, a->p, arm);
         mat_apply_t(a->R, arm, tangent[i].center);
         relate(a, &e->pose[pair->surface[1]], &relative);
-        press(e, pair, &relative, &sum);
-        turn_tangent(a->R, tangent[i].K);
-        turn_tangent(a->R, tangent[i].D);
+        resist(e, i, &relative, &sum);
         memcpy(tangent[i].center, e->patch[i].center, sizeof tangent[i].center);
     }
     return e->npatch;
@@ -350,8 +349,6 @@ static struct native_law make_law(const struct contact_material *a,
         .transition_inverse = 1 / transition,
         .hertz = pow(ha * hs, 1.5),
         .hertz_share = hs,
-        .hertz_dissipation =
-            1.5 * (hs * a->dissipation_s_per_m + (1 - hs) * b->dissipation_s_per_m),
     };
 }
 
@@ -364,6 +361,27 @@ static bool is_mesh(enum contact_shape shape)
 static int rank(enum contact_shape shape)
 {
     return is_mesh(shape) ? 0 : shape == CONTACT_SPHERE ? 1 : 2;
+}
+
+/* The best that this machine has. A sphere has four springs, which do not fill more than four lanes:
+ * wider ones would only take longer to add up. */
+static const struct native_kernels *choose_kernels(enum pair_kind kind)
+{
+#if defined(NATIVE_VARIANTS)
+    bool many = kind == PAIR_MESH_HALF_SPACE || kind == PAIR_MESHES;
+
+    __builtin_cpu_init();
+    if (many && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+        __builtin_cpu_supports("avx512dq")) {
+        return &native_kernels_avx512;
+    }
+    if (__builtin_cpu_supports("avx2")) {
+        return &native_kernels_avx2;
+    }
+#else
+    (void)kind;
+#endif
+    return &native_kernels;
 }
 
 static void make_pair(const struct contact_config *config, size_t index, struct pair *pair)
@@ -382,8 +400,13 @@ static void make_pair(const struct contact_config *config, size_t index, struct 
                      : b->shape == CONTACT_SPHERE ? PAIR_MESH_SPHERE
                                                   : PAIR_MESH_HALF_SPACE;
     } else {
+        double share = pair->law.hertz_share;
+
         pair->kind = b->shape == CONTACT_SPHERE ? PAIR_HERTZ_SPHERES : PAIR_HERTZ_HALF_SPACE;
+        pair->law.dissipation = 1.5 * (share * a->material.dissipation_s_per_m +
+                                       (1 - share) * b->material.dissipation_s_per_m);
     }
+    pair->kernels = choose_kernels(pair->kind);
 }
 
 static enum error_code no_memory(struct error *error)
@@ -475,7 +498,7 @@ static enum error_code make_scratch(struct engine *e, struct arena *arena, struc
         return no_memory(error);
     }
     view = &s->view;
-    padded = (most + LANES - 1) / LANES * LANES;
+    padded = (most + SOLID_LANES - 1) / SOLID_LANES * SOLID_LANES;
     view->radius = arena_alloc(arena, padded, sizeof *view->radius);
     view->ring = arena_alloc(arena, most, sizeof *view->ring);
     view->corner = arena_alloc(arena, 3 * most, sizeof *view->corner);
@@ -517,7 +540,8 @@ static enum error_code make_engine(const struct contact_config *config, bool cen
     e->pose = arena_alloc(arena, e->nsurface + 1, sizeof *e->pose);
     e->pair = arena_alloc(arena, e->npair + 1, sizeof *e->pair);
     e->patch = arena_alloc(arena, e->npair + 1, sizeof *e->patch);
-    if (!e->surface || !e->pose || !e->pair || !e->patch) {
+    e->springs = arena_alloc(arena, e->npair + 1, sizeof *e->springs);
+    if (!e->surface || !e->pose || !e->pair || !e->patch || !e->springs) {
         return no_memory(error);
     }
     for (size_t i = 0; !code && i < e->nsurface; ++i) {

@@ -25,9 +25,7 @@ static void put(struct native_scratch *s, const double q[3], const double d[3], 
 {
     struct native_batch *b = &s->batch;
 
-    if (b->n == BATCH_MAX) {
-        native_law_sum(b, law, relative, sum);
-    }
+    native_law_make_room(b, 1, law, relative, sum);
     for (int k = 0; k < 3; ++k) {
         b->p[k][b->n] = q[k] + share * depth * d[k];
         b->d[k][b->n] = d[k];
@@ -37,14 +35,6 @@ static void put(struct native_scratch *s, const double q[3], const double d[3], 
     b->rate[b->n] = pressure;
     b->n++;
     sum->depth = depth > sum->depth ? depth : sum->depth;
-}
-
-static void finish(struct native_scratch *s, const struct native_law *law,
-                   const struct native_relative *relative, struct native_sum *sum)
-{
-    if (s->batch.n > 0) {
-        native_law_sum(&s->batch, law, relative, sum);
-    }
 }
 
 void native_centroid_half_space(const struct solid *solid, const struct native_law *law,
@@ -65,7 +55,7 @@ void native_centroid_half_space(const struct solid *solid, const struct native_l
             sum->area += solid->area[f];
         }
     }
-    finish(scratch, law, relative, sum);
+    native_law_sum(&scratch->batch, law, relative, sum);
 }
 
 void native_centroid_sphere(const struct solid *solid, double radius, const struct native_law *law,
@@ -96,7 +86,7 @@ void native_centroid_sphere(const struct solid *solid, double radius, const stru
             sum->area += solid->area[f];
         }
     }
-    finish(scratch, law, relative, sum);
+    native_law_sum(&scratch->batch, law, relative, sum);
 }
 
 /* ---- two meshes: which triangles overlap ---- */
@@ -265,5 +255,5 @@ void native_centroid_meshes(const struct solid *first, const struct solid *secon
             sum->area += scale * solid[m]->area[f];
         }
     }
-    finish(scratch, law, relative, sum);
+    native_law_sum(&scratch->batch, law, relative, sum);
 }

@@ -23,7 +23,7 @@ static void sink_facet(struct native_scratch *s, const struct solid *solid, cons
         int room, take = f->npoint - done;
         struct native_batch *b = &s->batch;
 
-        polygon_make_room(s, 8, law, relative, sum);
+        native_law_make_room(&s->batch, 8, law, relative, sum);
         room = (int)(BATCH_MAX - b->n);
         take = take < room ? take : room;
         for (int i = 0; i < take; ++i) {
@@ -118,7 +118,5 @@ void native_overlap_half_space(const struct solid *solid, const struct native_la
                                 n, height, law, relative, sum);
         }
     }
-    if (scratch->batch.n > 0) {
-        native_law_sum(&scratch->batch, law, relative, sum);
-    }
+    native_law_sum(&scratch->batch, law, relative, sum);
 }

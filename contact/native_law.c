@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The contact law, four points at a time. */
+/* The contact law, as many points at a time as there are lanes. */
 #include "contact/native_law.h"
 
 #include "contact/lanes.h"
@@ -38,7 +38,6 @@ static void pad(struct native_batch *b)
     }
 }
 
-FOR_EACH_ISA
 static void add_forces(const struct native_batch *batch, const struct native_law *law,
                        const struct native_relative *relative, struct native_sum *sum)
 {
@@ -46,7 +45,7 @@ static void add_forces(const struct native_batch *batch, const struct native_law
     lanes zero = {0}, force[3] = {zero, zero, zero}, moment[3] = {zero, zero, zero};
     lanes lever[3] = {zero, zero, zero}, normal = zero, potential = zero, power = zero;
 
-    for (size_t i = 0; i < batch->n; i += LANES) {
+    for (size_t i = batch->start; i < batch->n; i += LANES) {
         lanes px = lanes_load(batch->p[0] + i), py = lanes_load(batch->p[1] + i),
               pz = lanes_load(batch->p[2] + i);
         lanes dx = lanes_load(batch->d[0] + i), dy = lanes_load(batch->d[1] + i),
@@ -99,75 +98,130 @@ static void add_forces(const struct native_batch *batch, const struct native_law
     sum->power += lanes_sum(power);
 }
 
-/* What the springs of a batch add to a tangent: along the normal to K and D, and across it to D. */
+#define RESISTANCE_MAX 136 /* springs at a time; as BATCH_MAX */
+
+/* What springs add to a tangent, and where, in the world's directions. */
 struct resistance {
-    _Alignas(64) double stiffness[BATCH_MAX];
-    _Alignas(64) double damping[BATCH_MAX];  /* along the normal, less friction */
-    _Alignas(64) double friction[BATCH_MAX]; /* in all directions */
+    size_t n;
+    _Alignas(64) double arm[3][RESISTANCE_MAX];   /* from the tangent's center */
+    _Alignas(64) double along[6][RESISTANCE_MAX]; /* the normal, and a force's moment along it */
+    _Alignas(64) double stiffness[RESISTANCE_MAX];
+    _Alignas(64) double damping[RESISTANCE_MAX];  /* along the normal, less friction */
+    _Alignas(64) double friction[RESISTANCE_MAX]; /* in all directions */
 };
 
-static void find_resistance(const struct native_batch *b, const struct native_law *law,
-                            const struct native_relative *relative, struct resistance *out)
+LANES_INLINE void lanes_store(lanes x, double *p)
 {
-    for (size_t i = 0; i < b->n; ++i) {
-        const double p[3] = {b->p[0][i], b->p[1][i], b->p[2][i]};
-        const double d[3] = {b->d[0][i], b->d[1][i], b->d[2][i]};
-        double u[3], leaving, pushes;
+    *(lanes *)p = x;
+}
 
-        vec_cross(relative->w, p, u);
-        vec_madd(u, 1, relative->v, u);
-        leaving = vec_dot(u, d);
-        vec_madd(u, -leaving, d, u);
+LANES_INLINE lanes lanes_turn(const double row[3], const lanes v[3])
+{
+    return row[0] * v[0] + row[1] * v[1] + row[2] * v[2];
+}
+
+/* Of the springs from start on, as many as there is room for. The friction's damping is that of
+ * contact_friction_damping. */
+static void find_resistance(const struct native_batch *b, size_t start,
+                            const struct native_law *law, const struct native_relative *relative,
+                            const struct native_sum *sum, struct resistance *out)
+{
+    const double *w = relative->w, *v = relative->v, *center = sum->tangent->center;
+    const double scale = law->us * law->transition_inverse;
+    const lanes zero = {0}, half = zero + 0.5, one = zero + 1;
+
+    out->n = b->n - start < RESISTANCE_MAX ? b->n - start : RESISTANCE_MAX;
+    for (size_t i = 0; i < out->n; i += LANES) {
+        const size_t from = start + i;
+        lanes p[3], d[3], u[3], arm[3], along[3], pushes, x, y, slope, friction;
+        lanes force = lanes_load(b->force + from);
+
+        for (int k = 0; k < 3; ++k) {
+            p[k] = lanes_load(b->p[k] + from);
+            d[k] = lanes_load(b->d[k] + from);
+        }
+        u[0] = v[0] + (w[1] * p[2] - w[2] * p[1]);
+        u[1] = v[1] + (w[2] * p[0] - w[0] * p[2]);
+        u[2] = v[2] + (w[0] * p[1] - w[1] * p[0]);
+        lanes leaving = u[0] * d[0] + u[1] * d[1] + u[2] * d[2];
+
+        for (int k = 0; k < 3; ++k) {
+            u[k] -= leaving * d[k];
+        }
         pushes = 1 - law->dissipation * leaving;
-        pushes = pushes > 0 ? pushes : 0;
-        out->stiffness[i] = b->rate[i] * pushes;
-        out->friction[i] = contact_friction_damping(law->us, law->uv, 1 / law->transition_inverse,
-                                                    b->force[i] * pushes, vec_norm(u));
-        out->damping[i] = (pushes > 0 ? law->dissipation * b->force[i] : 0) - out->friction[i];
+        pushes = lanes_pick(lanes_less(zero, pushes), pushes, zero);
+        x = lanes_root(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) * law->transition_inverse;
+        y = lanes_pick(lanes_less(x, half), x, half);
+        slope = lanes_pick(lanes_less(x, one), 30 * (y * y) * ((1 - y) * (1 - y)),
+                           CONTACT_FRICTION_STEEPEST / (x + DBL_MIN));
+        friction = (slope * scale + law->uv) * (force * pushes);
+        lanes_store(lanes_load(b->rate + from) * pushes, out->stiffness + i);
+        lanes_store(friction, out->friction + i);
+        lanes_store(lanes_pick(lanes_less(zero, pushes), law->dissipation * force, zero) - friction,
+                    out->damping + i);
+
+        for (int k = 0; k < 3; ++k) {
+            p[k] -= center[k];
+        }
+        for (int k = 0; k < 3; ++k) {
+            arm[k] = lanes_turn(sum->turn + 3 * k, p);
+            along[k] = lanes_turn(sum->turn + 3 * k, d);
+            lanes_store(arm[k], out->arm[k] + i);
+            lanes_store(along[k], out->along[k] + i);
+        }
+        lanes_store(arm[1] * along[2] - arm[2] * along[1], out->along[3] + i);
+        lanes_store(arm[2] * along[0] - arm[0] * along[2], out->along[4] + i);
+        lanes_store(arm[0] * along[1] - arm[1] * along[0], out->along[5] + i);
     }
 }
 
-FOR_EACH_ISA
-static void add_tangents(const struct native_batch *b, const struct resistance *by,
-                         struct contact_tangent *tangent)
+/* One row of the upper triangle of K and D: few enough sums at a time to stay in registers. */
+LANES_INLINE void add_row(const struct resistance *by, const int row, double *K, double *D)
 {
-    lanes K[21] = {{0}}, D[21] = {{0}}, f = {0}, fr[3] = {{0}}, frr[6] = {{0}};
+    lanes k[6] = {{0}}, d[6] = {{0}};
 
-    for (size_t i = 0; i < b->n; i += LANES) {
-        lanes r[3], w[6];
-        lanes stiffness = lanes_load(by->stiffness + i), damping = lanes_load(by->damping + i);
+    for (size_t i = 0; i < by->n; i += LANES) {
+        lanes w = lanes_load(by->along[row] + i);
+        lanes stiffness = lanes_load(by->stiffness + i) * w;
+        lanes damping = lanes_load(by->damping + i) * w;
+
+        for (int column = row; column < 6; ++column) {
+            lanes other = lanes_load(by->along[column] + i);
+
+            k[column] += stiffness * other;
+            d[column] += damping * other;
+        }
+    }
+    for (int column = row; column < 6; ++column) {
+        K[column - row] += lanes_sum(k[column]);
+        D[column - row] += lanes_sum(d[column]);
+    }
+}
+
+/* Friction f against the velocity v + w x r at r: the identity, the cross product with r, and r^2
+ * less the outer product of r. */
+static void add_friction(const struct resistance *by, double D[21])
+{
+    lanes f = {0}, fr[3] = {{0}}, frr[6] = {{0}};
+
+    for (size_t i = 0; i < by->n; i += LANES) {
         lanes friction = lanes_load(by->friction + i);
+        lanes x = lanes_load(by->arm[0] + i), y = lanes_load(by->arm[1] + i),
+              z = lanes_load(by->arm[2] + i);
+        lanes fx = friction * x, fy = friction * y, fz = friction * z;
 
-        for (int k = 0; k < 3; ++k) {
-            r[k] = lanes_load(b->p[k] + i) - tangent->center[k];
-            w[k] = lanes_load(b->d[k] + i);
-        }
-        w[3] = r[1] * w[2] - r[2] * w[1];
-        w[4] = r[2] * w[0] - r[0] * w[2];
-        w[5] = r[0] * w[1] - r[1] * w[0];
-        for (int row = 0, at = 0; row < 6; ++row) {
-            for (int column = row; column < 6; ++column, ++at) {
-                lanes ww = w[row] * w[column];
-
-                K[at] += stiffness * ww;
-                D[at] += damping * ww;
-            }
-        }
         f += friction;
-        for (int row = 0, at = 0; row < 3; ++row) {
-            fr[row] += friction * r[row];
-            for (int column = row; column < 3; ++column, ++at) {
-                frr[at] += friction * r[row] * r[column];
-            }
-        }
-    }
-    for (int at = 0; at < 21; ++at) {
-        tangent->K[at] += lanes_sum(K[at]);
-        tangent->D[at] += lanes_sum(D[at]);
+        fr[0] += fx;
+        fr[1] += fy;
+        fr[2] += fz;
+        frr[0] += fx * x;
+        frr[1] += fx * y;
+        frr[2] += fx * z;
+        frr[3] += fy * y;
+        frr[4] += fy * z;
+        frr[5] += fz * z;
     }
 
-    /* friction f against the velocity v + w x r at r: the identity, the cross product with r, and
-     * r^2 less the outer product of r; rows of the upper triangle */
     double s = lanes_sum(f), x = lanes_sum(fr[0]), y = lanes_sum(fr[1]), z = lanes_sum(fr[2]);
     double xx = lanes_sum(frr[0]), xy = lanes_sum(frr[1]), xz = lanes_sum(frr[2]);
     double yy = lanes_sum(frr[3]), yz = lanes_sum(frr[4]), zz = lanes_sum(frr[5]);
@@ -175,21 +229,46 @@ static void add_tangents(const struct native_batch *b, const struct resistance *
                                s, y, -x, 0, yy + zz, -xy, -xz, xx + zz, -yz, xx + yy};
 
     for (int at = 0; at < 21; ++at) {
-        tangent->D[at] += across[at];
+        D[at] += across[at];
+    }
+}
+
+static void add_tangents(const struct native_batch *b, const struct native_law *law,
+                         const struct native_relative *relative, const struct native_sum *sum)
+{
+    double *K = sum->tangent->K, *D = sum->tangent->D;
+    struct resistance by;
+
+    for (size_t start = b->start; start < b->n; start += RESISTANCE_MAX) {
+        find_resistance(b, start, law, relative, sum, &by);
+        add_row(&by, 0, K, D);
+        add_row(&by, 1, K + 6, D + 6);
+        add_row(&by, 2, K + 11, D + 11);
+        add_row(&by, 3, K + 15, D + 15);
+        add_row(&by, 4, K + 18, D + 18);
+        add_row(&by, 5, K + 20, D + 20);
+        add_friction(&by, D);
     }
 }
 
 void native_law_sum(struct native_batch *batch, const struct native_law *law,
                     const struct native_relative *relative, struct native_sum *sum)
 {
-    struct resistance by;
-
     pad(batch);
     if (sum->tangent) {
-        find_resistance(batch, law, relative, &by);
-        add_tangents(batch, &by, sum->tangent);
+        add_tangents(batch, law, relative, sum);
     } else {
         add_forces(batch, law, relative, sum);
     }
-    batch->n = 0;
+    batch->start = batch->n;
+}
+
+void native_law_make_room(struct native_batch *batch, size_t n, const struct native_law *law,
+                          const struct native_relative *relative, struct native_sum *sum)
+{
+    if (batch->n + n > BATCH_MAX) {
+        native_law_sum(batch, law, relative, sum);
+        batch->n = batch->start = 0;
+        batch->full = true;
+    }
 }

@@ -16,7 +16,7 @@
 #define DEPTH_NONE 0.25
 #define DEPTH_FULL 0.5
 
-/* Facets of the second surface, seen from the first; padded to a multiple of LANES. */
+/* Facets of the second surface, seen from the first; padded for the lanes. */
 struct native_view {
     double *normal[3], *center[3], *radius;
     int *ring;           /* first corner of each in corner, -1 before it is needed */
@@ -24,7 +24,7 @@ struct native_view {
     int ncorner;
 };
 
-/* Memory that an evaluation works in; nothing in it outlives the call. */
+/* Memory that an evaluation works in. Of what is in it only the springs outlive the call. */
 struct native_scratch {
     struct native_batch batch;
     int *list[2];            /* as many as the largest mesh has faces, each */

@@ -57,27 +57,6 @@ double polygon_center(const struct polygon *g, const double normal[3], double ce
     return twice;
 }
 
-void polygon_make_room(struct native_scratch *s, size_t n, const struct native_law *law,
-                       const struct native_relative *relative, struct native_sum *sum)
-{
-    if (s->batch.n + n > BATCH_MAX) {
-        native_law_sum(&s->batch, law, relative, sum);
-    }
-}
-
-static void put(struct native_batch *b, const double p[3], const double d[3], double rate,
-                double depth)
-{
-    for (int k = 0; k < 3; ++k) {
-        b->p[k][b->n] = p[k];
-        b->d[k][b->n] = d[k];
-    }
-    b->force[b->n] = rate * depth;
-    b->depth[b->n] = depth;
-    b->rate[b->n] = rate;
-    b->n++;
-}
-
 void polygon_springs(struct native_scratch *s, const struct polygon *g, const double center[4],
                      const double normal[3], const double d[3], double pressure, double share,
                      const struct native_law *law, const struct native_relative *relative,
@@ -87,7 +66,7 @@ void polygon_springs(struct native_scratch *s, const struct polygon *g, const do
         const double *v[3] = {center, g->p[i], g->p[i + 1 < g->n ? i + 1 : 0]};
         double rate = pressure * twice_area(v[0], v[1], v[2], normal) / 6;
 
-        polygon_make_room(s, FACET_POINTS, law, relative, sum);
+        native_law_make_room(&s->batch, FACET_POINTS, law, relative, sum);
         for (int q = 0; q < FACET_POINTS; ++q) {
             double p[4];
 
@@ -97,7 +76,7 @@ void polygon_springs(struct native_scratch *s, const struct polygon *g, const do
             for (int k = 0; k < 3; ++k) {
                 p[k] += share * p[DEPTH] * d[k];
             }
-            put(&s->batch, p, d, rate, p[DEPTH]);
+            polygon_put(&s->batch, p, d, rate, p[DEPTH]);
         }
         sum->depth = v[1][DEPTH] > sum->depth ? v[1][DEPTH] : sum->depth;
     }

@@ -25,9 +25,19 @@ void polygon_clip_depth(const struct polygon *in, struct polygon *out);
 /* Twice the area as seen along a normal, and the centroid with its depth. */
 double polygon_center(const struct polygon *g, const double normal[3], double center[4]);
 
-/* Empties the batch unless there is room for n springs more. */
-void polygon_make_room(struct native_scratch *s, size_t n, const struct native_law *law,
-                       const struct native_relative *relative, struct native_sum *sum);
+/* Adds a spring; there must be room. rate: of the force with the depth. */
+static inline void polygon_put(struct native_batch *b, const double p[3], const double d[3],
+                               double rate, double depth)
+{
+    for (int k = 0; k < 3; ++k) {
+        b->p[k][b->n] = p[k];
+        b->d[k][b->n] = d[k];
+    }
+    b->force[b->n] = rate * depth;
+    b->depth[b->n] = depth;
+    b->rate[b->n] = rate;
+    b->n++;
+}
 
 /* The springs on a polygon: three in each triangle between the center (polygon_center's) and an
  * edge, which integrates force and moment of a linear depth exactly. pressure is the elastic force

@@ -15,6 +15,7 @@
 
 #include <float.h>
 #include <stdbool.h>
+#include <string.h>
 
 #define NOTHING 1e-12         /* of a circle */
 #define MEAN_LEVER (8.0 / 15) /* of a paraboloid of pressure, over its radius */
@@ -59,17 +60,20 @@ static double radial_moment(const struct circle *c, double s)
 static void whole_circle(const struct circle *c, struct cap *cap)
 {
     const double pi = 3.14159265358979323846;
-    double length, square;
+    double r2 = c->r * c->r, length, square;
 
-    radial(c, c->r, &length, &square);
-    *cap = (struct cap){.length = 2 * pi * length * c->r * c->r,
-                        .square = 2 * pi * square * c->r * c->r,
-                        .area = pi * c->r * c->r};
     if (c->h > 0) {
-        double d = c->R - c->h;
+        /* the springs' lengths t = q - h run from 0 to d, and s ds is (t + h) dt */
+        double d = c->R - c->h, d2 = d * d;
 
-        cap->length = pi * d * d * (3 * c->R - d) / 3;
+        *cap = (struct cap){.length = pi * d2 * (d * (2.0 / 3) + c->h),
+                            .square = pi * d2 * d * (d / 2 + c->h * (2.0 / 3)),
+                            .area = pi * r2};
+        return;
     }
+    radial(c, c->r, &length, &square);
+    *cap = (struct cap){
+        .length = 2 * pi * length * r2, .square = 2 * pi * square * r2, .area = pi * r2};
 }
 
 /* A piece of the rim that is straight and inside the circle. */
@@ -149,18 +153,22 @@ static void rim_edge(const struct circle *c, const double a[2], const double b[2
 
 /* The part of the facet in the circle; false when there is none. E: two directions in the plane. */
 static bool cap_of_facet(const struct solid *solid, const struct facet *f, const struct circle *c,
-                         const double origin[3], const double E[6], struct cap *cap)
+                         const double origin[3], const double (*E)[3], struct cap *cap)
 {
-    double corner[FACET_MAX_VERTICES][2];
+    double corner[FACET_MAX_VERTICES][2], to[3], room = f->within - c->r;
     struct cap circle;
     bool whole = true;
 
+    whole_circle(c, &circle);
+    vec_sub(f->center, origin, to);
+    if (room > 0 && vec_dot(to, to) <= room * room) {
+        *cap = circle;
+        return true;
+    }
     for (int i = 0; i < f->count; ++i) {
-        double to[3];
-
         vec_sub(solid->ring[f->first + i], origin, to);
-        corner[i][0] = vec_dot(E, to);
-        corner[i][1] = vec_dot(E + 3, to);
+        corner[i][0] = vec_dot(E[0], to);
+        corner[i][1] = vec_dot(E[1], to);
     }
     for (int i = 0; i < f->count; ++i) {
         const double *a = corner[i], *b = corner[i + 1 < f->count ? i + 1 : 0];
@@ -172,7 +180,6 @@ static bool cap_of_facet(const struct solid *solid, const struct facet *f, const
         }
         whole = whole && side >= reach;
     }
-    whole_circle(c, &circle);
     if (whole) {
         *cap = circle;
         return true;
@@ -191,10 +198,11 @@ static void sphere_on_facet(const struct solid *solid, const struct facet *f, co
                             const struct native_relative *relative, struct native_batch *batch,
                             struct native_sum *sum)
 {
-    static const double around[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
     struct circle c = {radius, vec_dot(f->normal, at) - f->offset, radius};
-    double E[6], origin[3], to[3], middle[3], depth, weight, lever, reach;
+    const double(*E)[3] = f->across;
+    double origin[3], to[3], middle[3], depth, inverse, weight, lever, reach;
     struct cap cap;
+    size_t n;
 
     /* from a center below the plane on the circle grows smaller again: a sphere that has sunk as
      * deep as it is wide is no longer held by this facet */
@@ -208,21 +216,13 @@ static void sphere_on_facet(const struct solid *solid, const struct facet *f, co
     if (vec_dot(to, to) >= reach * reach) {
         return;
     }
-    for (int k = 0; k < 3; ++k) {
-        /* any two directions of the facet's own will do: those of its first corner */
-        to[k] = solid->ring[f->first][k] - f->center[k];
-    }
-    reach = 1 / vec_norm(to);
-    for (int k = 0; k < 3; ++k) {
-        E[k] = to[k] * reach;
-    }
-    vec_cross(f->normal, E, E + 3);
     if (!cap_of_facet(solid, f, &c, origin, E, &cap)) {
         return;
     }
-    depth = cap.square / cap.length;
+    inverse = 1 / cap.length;
+    depth = cap.square * inverse;
     for (int k = 0; k < 3; ++k) {
-        origin[k] += (cap.moment[0] * E[k] + cap.moment[1] * E[3 + k]) / cap.length;
+        origin[k] += (cap.moment[0] * E[0][k] + cap.moment[1] * E[1][k]) * inverse;
     }
     vec_madd(origin, -depth / 2, f->normal, middle);
     weight = native_ramp(solid_depth(solid, middle, 1.01 * depth / 2) / (depth / 2), DEPTH_NONE,
@@ -233,20 +233,26 @@ static void sphere_on_facet(const struct solid *solid, const struct facet *f, co
 
     /* four springs about the center of pressure, so that a turning sphere is braked */
     lever = MEAN_LEVER * sqrt(cap.area / 3.14159265358979323846);
-    if (batch->n + 4 > BATCH_MAX) {
-        native_law_sum(batch, law, relative, sum);
+    native_law_make_room(batch, 4, law, relative, sum);
+    n = batch->n;
+    for (int k = 0; k < 3; ++k) {
+        /* side by side, as they are read again at once */
+        double at_center = origin[k] - law->share[0] * depth * f->normal[k];
+        double first = lever * E[0][k], second = lever * E[1][k], down = -f->normal[k];
+        double p[4] = {at_center + first, at_center + second, at_center - first,
+                       at_center - second};
+        double d[4] = {down, down, down, down};
+
+        memcpy(batch->p[k] + n, p, sizeof p);
+        memcpy(batch->d[k] + n, d, sizeof d);
     }
-    for (int i = 0; i < 4; ++i, ++batch->n) {
-        for (int k = 0; k < 3; ++k) {
-            batch->p[k][batch->n] = origin[k] - law->share[0] * depth * f->normal[k] +
-                                    lever * (around[i][0] * E[k] + around[i][1] * E[3 + k]);
-            batch->d[k][batch->n] = -f->normal[k];
-        }
-        batch->force[batch->n] = weight * law->stiffness * cap.length / 4;
-        batch->depth[batch->n] = depth;
+    for (size_t i = 0; i < 4; ++i) {
+        batch->force[n + i] = weight * law->stiffness * cap.length / 4;
+        batch->depth[n + i] = depth;
         /* a deeper sphere makes each spring of the bed longer */
-        batch->rate[batch->n] = weight * law->stiffness * cap.area / 4;
+        batch->rate[n + i] = weight * law->stiffness * cap.area / 4;
     }
+    batch->n += 4;
     sum->area += weight * cap.area;
     depth = c.R - c.h;
     sum->depth = weight >= 0.5 && depth > sum->depth ? depth : sum->depth;
@@ -277,9 +283,7 @@ void native_overlap_sphere(const struct solid *solid, double radius, const struc
                             law, relative, &scratch->batch, sum);
         }
     }
-    if (scratch->batch.n > 0) {
-        native_law_sum(&scratch->batch, law, relative, sum);
-    }
+    native_law_sum(&scratch->batch, law, relative, sum);
 }
 
 /* ---- Hertz ---- */
@@ -288,7 +292,6 @@ void native_hertz(const double radius[2], const struct native_law *law,
                   const struct native_relative *relative, struct native_scratch *scratch,
                   struct native_sum *sum)
 {
-    struct native_law hertz = *law;
     struct native_batch *b = &scratch->batch;
     double d[3], depth, apart, relative_radius, force;
 
@@ -311,18 +314,18 @@ void native_hertz(const double radius[2], const struct native_law *law,
     if (depth <= 0) {
         return;
     }
+    native_law_make_room(b, 1, law, relative, sum);
     force = 4.0 / 3 * law->hertz * sqrt(relative_radius * depth) * depth;
     for (int k = 0; k < 3; ++k) {
         /* from the first's surface inward by its share */
-        b->p[k][0] = (law->hertz_share * depth - radius[0]) * d[k];
-        b->d[k][0] = d[k];
+        b->p[k][b->n] = (law->hertz_share * depth - radius[0]) * d[k];
+        b->d[k][b->n] = d[k];
     }
-    b->force[0] = force;
-    b->rate[0] = 1.5 * force / depth;
-    b->depth[0] = 0.8 * depth; /* two fifths of force times depth are stored */
-    b->n = 1;
-    hertz.dissipation = law->hertz_dissipation;
-    native_law_sum(b, &hertz, relative, sum);
+    b->force[b->n] = force;
+    b->rate[b->n] = 1.5 * force / depth;
+    b->depth[b->n] = 0.8 * depth; /* two fifths of force times depth are stored */
+    b->n++;
+    native_law_sum(b, law, relative, sum);
     sum->area += 3.14159265358979323846 * relative_radius * depth;
     sum->depth = depth;
 }

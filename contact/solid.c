@@ -2,7 +2,6 @@
 /* Making a mesh ready for contact. */
 #include "contact/solid.h"
 
-#include "contact/lanes.h"
 #include "contact/vec.h"
 
 #include <float.h>
@@ -278,6 +277,19 @@ static double polygon_area(const double (*v)[3], int n, const double normal[3], 
     return twice / 2;
 }
 
+/* Two directions that make a right-handed frame with n (Duff et al. 2017). */
+static void frame_about(const double n[3], double e1[3], double e2[3])
+{
+    double sign = n[2] >= 0 ? 1 : -1, a = -1 / (sign + n[2]), b = n[0] * n[1] * a;
+
+    e1[0] = 1 + sign * n[0] * n[0] * a;
+    e1[1] = sign * b;
+    e1[2] = -sign * n[0];
+    e2[0] = b;
+    e2[1] = sign + n[1] * n[1] * a;
+    e2[2] = -n[1];
+}
+
 /* tiles: how many faces make it up */
 static void add_facet(struct work *w, const int *loop, int count, int seed, int tiles)
 {
@@ -306,6 +318,7 @@ static void add_facet(struct work *w, const int *loop, int count, int seed, int 
         f->within = fmin(f->within, vec_dot(x, f->normal) / vec_norm(edge));
     }
     f->npoint = count > 3 ? count * FACET_POINTS : 0;
+    frame_about(f->normal, f->across[0], f->across[1]);
 }
 
 static enum error_code make_facets(struct work *w, struct solid *s)
@@ -386,6 +399,36 @@ static enum error_code make_points(struct work *w, struct solid *s)
     return ERROR_NONE;
 }
 
+static enum error_code make_outlines(struct work *w, struct solid *s)
+{
+    double *outline[2];
+    size_t n = 0;
+
+    for (size_t i = 0; i < s->nfacet; ++i) {
+        struct facet *f = &w->facet[i];
+
+        f->outline = (int)n;
+        n += f->count > 3 ? FACET_OUTLINE((size_t)f->count) : 0;
+    }
+    for (int side = 0; side < 2; ++side) {
+        s->outline[side] = outline[side] = take(w, n + 1, sizeof **outline);
+        if (!outline[side]) {
+            return ERROR_MEMORY;
+        }
+        for (size_t i = 0; i < s->nfacet; ++i) {
+            const struct facet *f = &s->facet[i];
+
+            for (int e = 0; f->count > 3 && e < FACET_OUTLINE(f->count); ++e) {
+                double to[3];
+
+                vec_sub(s->ring[f->first + (e < f->count ? e : 0)], f->center, to);
+                outline[side][f->outline + e] = vec_dot(f->across[side], to);
+            }
+        }
+    }
+    return ERROR_NONE;
+}
+
 static bool is_convex(const struct work *w, const struct solid *s)
 {
     if (s->nfacet > CONVEX_FACETS) {
@@ -411,7 +454,7 @@ static enum error_code make_planes(struct work *w, struct solid *s)
     if (!s->convex) {
         return ERROR_NONE;
     }
-    s->nplane = (s->nfacet + LANES - 1) / LANES * LANES;
+    s->nplane = (s->nfacet + SOLID_LANES - 1) / SOLID_LANES * SOLID_LANES;
     for (int k = 0; k < 4; ++k) {
         s->plane[k] = plane[k] = take(w, s->nplane, sizeof **plane);
         if (!plane[k]) {
@@ -474,59 +517,6 @@ static enum error_code make_trees(struct work *w, struct solid *s)
     return code;
 }
 
-/* What is known about the surroundings of a facet: see struct facet. corner: its vertices. */
-static void look_around(const struct solid *s, const int *corner, struct facet *f)
-{
-    enum { MOST = 256 }; /* a crowd is not worth the time */
-    double margin = f->radius, apart = margin, cosine = 1;
-    struct box box;
-    int near[MOST];
-    size_t n;
-
-    for (int k = 0; k < 3; ++k) {
-        box.low[k] = f->center[k] - f->radius - margin;
-        box.high[k] = f->center[k] + f->radius + margin;
-    }
-    n = tree_collect(&s->faces, &box, near, MOST);
-    if (n == MOST) {
-        return;
-    }
-    for (size_t i = 0; i < n; ++i) {
-        const int *v = s->face[near[i]];
-        double point[3], to[3];
-        bool touches = false;
-
-        for (int k = 0; k < 3 * f->count; ++k) {
-            touches = touches || v[k % 3] == corner[k / 3];
-        }
-        if (touches) {
-            cosine = fmin(cosine, vec_dot(s->normal[near[i]], f->normal));
-        } else {
-            solid_nearest_of_face(s, near[i], f->center, point);
-            vec_sub(point, f->center, to);
-            apart = fmin(apart, vec_norm(to) - f->radius);
-        }
-    }
-    if (cosine > 0 && apart > 0) {
-        f->lean[0] = cosine;
-        f->lean[1] = sqrt(1 - cosine * cosine);
-        f->room = apart / 3;
-    }
-}
-
-/* Where all vertices of a facet are corners of it, which is so without any inside or on its edges,
- * what touches it is what has one of them. */
-static void make_surroundings(struct work *w, struct solid *s)
-{
-    for (size_t i = 0; i < s->nfacet; ++i) {
-        struct facet *f = &w->facet[i];
-
-        if (f->tiles == f->count - 2) {
-            look_around(s, w->ring_vertex + f->first, f);
-        }
-    }
-}
-
 static enum error_code make_all(struct work *w, struct solid *s)
 {
     enum error_code code = make_faces(w, s);
@@ -540,6 +530,7 @@ static enum error_code make_all(struct work *w, struct solid *s)
     }
     vec_sub(s->box.high, s->box.low, diagonal);
     w->size = vec_norm(diagonal);
+    s->radius = w->size / 2;
     if (!code) {
         code = make_neighbors(w, s);
     }
@@ -550,13 +541,16 @@ static enum error_code make_all(struct work *w, struct solid *s)
         code = make_points(w, s);
     }
     if (!code) {
+        code = make_outlines(w, s);
+    }
+    if (!code) {
         code = make_planes(w, s);
     }
     if (!code) {
         code = make_trees(w, s);
     }
     if (!code) {
-        make_surroundings(w, s);
+        solid_look_around(s, w->ring_vertex, w->facet);
     }
     return code;
 }

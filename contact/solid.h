@@ -9,10 +9,15 @@
 #define CONTACT_SOLID_H
 
 #include "contact/mesh.h"
+#include "contact/native_variant.h"
 #include "contact/tree.h"
 
 #define FACET_MAX_VERTICES 64
+#define SOLID_LANES 8  /* what is read side by side is padded to a multiple of this */
 #define FACET_POINTS 3 /* of quadrature in each triangle between the centroid and an edge */
+
+/* Entries of an outline: of the edge from each entry to the next, SOLID_LANES can be read at once. */
+#define FACET_OUTLINE(count) (((count) + SOLID_LANES - 1) / SOLID_LANES * SOLID_LANES + SOLID_LANES)
 
 struct facet {
     int first, count; /* vertices: solid->ring[first] to [first + count - 1], counterclockwise */
@@ -27,12 +32,15 @@ struct facet {
     /* The faces that touch it lean off it by less than a right angle, at most with this cosine and
      * sine, and all others are three times room away. 0 where nothing is known. */
     double lean[2], room;
+    double across[2][3]; /* directions in its plane, right-handed with the normal */
+    int outline;         /* its corners along them, from the center; not of a triangle */
 };
 
 struct solid {
     const char *name;
     size_t nface, nfacet, npoint;
     struct box box;
+    double radius; /* half of the box's diagonal */
 
     /* triangles */
     const double *centroid[3], *area;
@@ -46,10 +54,13 @@ struct solid {
     const struct facet *facet;
     const double (*ring)[3];
     const double *point[3], *weight; /* points of quadrature and their share of the area */
+    /* Corners of facets in their planes, counterclockwise: from facet.outline on x and y of as many
+     * as it has, then the first once more, up to FACET_OUTLINE. */
+    const double *outline[2];
     struct tree facets;
     const struct box *facing; /* of the normals under each node of the tree of facets */
     bool convex;              /* then every point behind all facets is inside, */
-    const double *plane[4]; /* their normals and offsets; a multiple of LANES, the last repeated */
+    const double *plane[4];   /* their normals and offsets; padded, the last repeated */
     size_t nplane;
 };
 
@@ -73,6 +84,10 @@ void solid_nearest_of_face(const struct solid *solid, int face, const double p[3
  * RT-safe; visits every face at worst. */
 bool solid_find_nearest(const struct solid *solid, const double p[3], double limit2,
                         struct solid_nearest *nearest);
+
+/* Finds out what is around the facets (lean and room of struct facet) when all else of the solid is
+ * made; ring_vertex: the mesh's vertex at each corner in ring. Not RT-safe. */
+void solid_look_around(const struct solid *solid, const int *ring_vertex, struct facet *facet);
 
 /* How deep p is inside, negative outside, right for any closed surface: the sign is that of the
  * pseudonormal of the nearest face, edge or corner (Baerentzen, Aanaes 2005). What is farther than

@@ -160,7 +160,6 @@ static void pseudonormal(const struct solid *s, int face, enum feature feature, 
 }
 
 /* Behind every facet. */
-FOR_EACH_ISA
 static double convex_depth(const struct solid *s, const double p[3])
 {
     lanes depth = lanes_load(s->plane[3]) - p[0] * lanes_load(s->plane[0]) -

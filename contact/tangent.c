@@ -4,9 +4,6 @@
 
 #include <math.h>
 
-/* Steepest slope of S(x) = 10 x^3 - 15 x^4 + 6 x^5, at x = 1/2. */
-#define STEEPEST 1.875
-
 /* Adds what resists a point at an arm equally in every direction. */
 static void add_isotropic(double weight, const double arm[3], double S[21])
 {
@@ -60,8 +57,10 @@ void contact_tangent_add(struct contact_tangent *tangent, const struct contact_e
 double contact_friction_damping(double static_friction, double viscous_friction,
                                 double transition_velocity_m_s, double normal_n, double speed)
 {
-    double slope = STEEPEST * static_friction / fmax(transition_velocity_m_s, speed);
+    double x = speed / transition_velocity_m_s, y = fmin(x, 0.5);
+    /* S'(y), which rises up to y = 1/2 */
+    double slope = x < 1 ? 30 * y * y * (1 - y) * (1 - y) : CONTACT_FRICTION_STEEPEST / x;
 
     /* the viscous part of the force is proportional to the speed, and so its own slope */
-    return (slope + viscous_friction) * normal_n;
+    return (slope * static_friction / transition_velocity_m_s + viscous_friction) * normal_n;
 }

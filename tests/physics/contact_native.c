@@ -857,12 +857,13 @@ static void tangents_resist_sliding_at_least_as_much_as_friction_does(void **sta
         scene_place(&motion[1], 0, 0, height);
         motion[1].v[0] = speed[i];
         evaluate(world, motion, wrench);
-        assert_int_equal(world->ops->tangents(world, &t, 1), 1);
         motion[1].v[0] += 1e-6;
         evaluate(world, motion, faster);
+        /* the steepest slope up to the present speed bounds the mean slope of the last bit */
+        assert_int_equal(world->ops->tangents(world, &t, 1), 1);
         slope = (wrench[1].force[0] - faster[1].force[0]) / 1e-6;
         assert_true(t.D[0] > slope * (1 - 1e-6) && t.D[0] > 0);
-        assert_true(t.D[0] * speed[i] >= -wrench[1].force[0] * (1 - 1e-6));
+        assert_true(t.D[0] * motion[1].v[0] >= -faster[1].force[0] * (1 - 1e-6));
         assert_near(t.D[0], t.D[6], 1e-9 * t.D[0]);
     }
 }

@@ -1,0 +1,378 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The springs between two facets. All is done in the plane of the facet with more corners, the
+ * base, whose outline there is known beforehand: the other one's corners are moved along the
+ * springs into that plane, what is not deep is cut away first as it mostly leaves nothing, and the
+ * rest is cut to the outline.
+ *
+ * With e the unit vector along the difference of the normals, which have the same angle to it, the
+ * way from a height h over one facet's plane back to it along e is h over that angle's cosine; so
+ * the other one's corners, and the depth anywhere in the base's plane, follow without a division.
+ */
+#include "contact/lanes.h"
+#include "contact/native_facets.h"
+#include "contact/native_polygon.h"
+#include "contact/vec.h"
+
+#include <float.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <string.h>
+
+/* A polygon in the base's plane, counterclockwise seen against the base's normal. */
+struct flat {
+    int n;
+    double x[POLYGON_MAX], y[POLYGON_MAX];
+};
+
+struct bed {
+    const struct facet *base, *other;
+    const double *base_normal, *other_normal, *origin; /* first's frame; the base's center */
+    bool on_second;                                    /* the base is the second mesh's facet */
+    double across[2][3];                               /* directions of the base's outline */
+    double along[3];                                   /* of the springs: what pushes the first */
+    double cosine;          /* of the angle between springs and normals */
+    double depth, slope[2]; /* at the origin, and how it grows in the base's plane */
+};
+
+static double depth_at(const struct bed *bed, double x, double y)
+{
+    return bed->depth + bed->slope[0] * x + bed->slope[1] * y;
+}
+
+/* ---- where both lie on top of one another ---- */
+
+/* Lays the bed and moves the other facet's corners into the base's plane, backward to have them
+ * counterclockwise there. False when no corner is behind that plane. */
+static bool lay_bed(const struct facets_between *m, const struct facets_couple *c, struct bed *bed,
+                    struct flat *flat)
+{
+    double length, inverse, height[FACET_MAX_VERTICES], lean[2], offset, to[3];
+    bool behind = false;
+
+    bed->on_second = c->a->count < c->b->count;
+    bed->base = bed->on_second ? c->b : c->a;
+    bed->other = bed->on_second ? c->a : c->b;
+    bed->base_normal = bed->on_second ? c->normal_b : c->a->normal;
+    bed->other_normal = bed->on_second ? c->a->normal : c->normal_b;
+    bed->origin = bed->on_second ? c->center_b : c->a->center;
+    offset = vec_dot(bed->base_normal, bed->origin);
+    flat->n = bed->other->count;
+    for (int i = 0; i < flat->n; ++i) {
+        height[i] = vec_dot(bed->base_normal, c->ring[i]) - offset;
+        behind = behind || height[i] < 0;
+    }
+    if (!behind) {
+        return false;
+    }
+    length = sqrt(2 + 2 * c->facing);
+    inverse = 1 / length;
+    bed->cosine = length / 2;
+    for (int k = 0; k < 3; ++k) {
+        bed->along[k] = (c->normal_b[k] - c->a->normal[k]) * inverse;
+    }
+    vec_sub(bed->origin, bed->on_second ? c->a->center : c->center_b, to);
+    bed->depth = -2 * inverse * vec_dot(bed->other_normal, to);
+    for (int side = 0; side < 2; ++side) {
+        if (bed->on_second) {
+            mat_apply(m->relative->R, bed->base->across[side], bed->across[side]);
+        } else {
+            memcpy(bed->across[side], bed->base->across[side], sizeof bed->across[side]);
+        }
+        /* against the springs from the first mesh's facet to the second's, or with them */
+        lean[side] = vec_dot(bed->across[side], bed->along) * (bed->on_second ? 2 : -2) * inverse;
+        bed->slope[side] = -2 * inverse * vec_dot(bed->other_normal, bed->across[side]);
+    }
+    for (int i = 0; i < flat->n; ++i) {
+        int at = flat->n - 1 - i;
+
+        vec_sub(c->ring[i], bed->origin, to);
+        flat->x[at] = vec_dot(bed->across[0], to) - lean[0] * height[i];
+        flat->y[at] = vec_dot(bed->across[1], to) - lean[1] * height[i];
+    }
+    return true;
+}
+
+/* Keeps the part of a polygon where a function of the place that is linear is not negative; side:
+ * its values at the corners. */
+static void keep(const struct flat *in, const double *side, struct flat *out)
+{
+    int n = 0;
+
+    for (int i = 0; i < in->n && n + 2 <= POLYGON_MAX; ++i) {
+        int j = i + 1 < in->n ? i + 1 : 0;
+
+        if (side[i] >= 0) {
+            out->x[n] = in->x[i];
+            out->y[n++] = in->y[i];
+        }
+        if ((side[i] >= 0) != (side[j] >= 0)) {
+            double t = side[i] / (side[i] - side[j]);
+
+            out->x[n] = in->x[i] + t * (in->x[j] - in->x[i]);
+            out->y[n++] = in->y[i] + t * (in->y[j] - in->y[i]);
+        }
+    }
+    out->n = n;
+}
+
+/* The outline of a triangle, which is not kept. */
+static void outline_triangle(const struct facet *f, const double (*ring)[3], double *x, double *y)
+{
+    for (int i = 0; i < 3; ++i) {
+        double to[3];
+
+        vec_sub(ring[i], f->center, to);
+        x[i] = vec_dot(f->across[0], to);
+        y[i] = vec_dot(f->across[1], to);
+    }
+    for (int i = 3; i < FACET_OUTLINE(3); ++i) {
+        x[i] = x[0];
+        y[i] = y[0];
+    }
+}
+
+/* The edges of an outline that some corner of the polygon is outside of, a bit each. */
+static uint64_t cutting_edges(const double *x, const double *y, int n, const struct flat *g)
+{
+    uint64_t edges = 0;
+
+    for (int i = 0; i < n; i += LANES) {
+        lanes x0 = lanes_load(x + i), dx = lanes_load_any(x + i + 1) - x0;
+        lanes y0 = lanes_load(y + i), dy = lanes_load_any(y + i + 1) - y0;
+        lanes_mask outside = {0};
+
+        for (int k = 0; k < g->n; ++k) {
+            outside |= lanes_less(dx * (g->y[k] - y0), dy * (g->x[k] - x0));
+        }
+        edges |= lanes_bits(outside) << i;
+    }
+    return edges; /* nothing is outside of an edge of no length */
+}
+
+static bool in_circle(const struct flat *g, double radius)
+{
+    for (int i = 0; i < g->n; ++i) {
+        if (g->x[i] * g->x[i] + g->y[i] * g->y[i] > radius * radius) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Cuts the polygon to where it is deep and on the base; g[0] goes in, what is returned comes out. */
+static const struct flat *cut(const struct solid *solid, const struct bed *bed, struct flat g[2])
+{
+    _Alignas(64) double triangle[2][FACET_OUTLINE(3)];
+    const struct facet *base = bed->base;
+    const double *x = triangle[0], *y = triangle[1];
+    struct flat *now = &g[0];
+    double side[POLYGON_MAX];
+    bool all = true;
+
+    for (int i = 0; i < now->n; ++i) {
+        side[i] = depth_at(bed, now->x[i], now->y[i]);
+        all = all && side[i] >= 0;
+    }
+    if (!all) {
+        keep(now, side, &g[1]);
+        now = &g[1];
+    }
+    if (now->n < 3 || in_circle(now, base->within)) {
+        return now;
+    }
+    if (base->count == 3) {
+        outline_triangle(base, solid->ring + base->first, triangle[0], triangle[1]);
+    } else {
+        x = solid->outline[0] + base->outline;
+        y = solid->outline[1] + base->outline;
+    }
+    for (uint64_t edges = cutting_edges(x, y, base->count, now); edges != 0 && now->n >= 3;
+         edges &= edges - 1) {
+        struct flat *next = now == &g[0] ? &g[1] : &g[0];
+        int e = __builtin_ctzll(edges);
+        double dx = x[e + 1] - x[e], dy = y[e + 1] - y[e];
+
+        for (int i = 0; i < now->n; ++i) {
+            side[i] = dx * (now->y[i] - y[e]) - dy * (now->x[i] - x[e]);
+        }
+        keep(now, side, next);
+        now = next;
+    }
+    return now;
+}
+
+/* ---- springs ---- */
+
+/* Twice the area, the centroid, and the mean squares and product of what is off it. */
+struct moments {
+    double twice, x, y, xx, xy, yy;
+};
+
+/* Summed over the triangles between the first corner and an edge; the second moments only for who
+ * wants them. */
+static void find_moments(const struct flat *g, bool second, struct moments *m)
+{
+    double x0 = g->x[0], y0 = g->y[0], ux = g->x[1] - x0, uy = g->y[1] - y0;
+
+    *m = (struct moments){0};
+    for (int i = 2; i < g->n; ++i) {
+        double vx = g->x[i] - x0, vy = g->y[i] - y0, twice = ux * vy - uy * vx;
+        double sx = ux + vx, sy = uy + vy;
+
+        m->twice += twice;
+        m->x += twice * sx;
+        m->y += twice * sy;
+        if (second) {
+            m->xx += twice * (sx * sx - ux * vx);
+            m->yy += twice * (sy * sy - uy * vy);
+            m->xy += twice * (sx * sy + ux * uy + vx * vy);
+        }
+        ux = vx;
+        uy = vy;
+    }
+    if (m->twice > DBL_MIN) {
+        double inverse = 1 / m->twice, x = m->x * inverse / 3, y = m->y * inverse / 3;
+
+        m->x = x0 + x;
+        m->y = y0 + y;
+        m->xx = m->xx * inverse / 6 - x * x;
+        m->yy = m->yy * inverse / 6 - y * y;
+        m->xy = m->xy * inverse / 12 - x * y;
+    }
+}
+
+static double positive_root(double x)
+{
+    return sqrt(x > 0 ? x : 0);
+}
+
+/* Where on the spring through a place in the base's plane: part 0 is at the first mesh's facet, part
+ * 1 at the second's, a depth apart. */
+static void place_on_spring(const struct bed *bed, double x, double y, double depth, double part,
+                            double out[3])
+{
+    double step = (bed->on_second ? part - 1 : part) * depth;
+
+    for (int k = 0; k < 3; ++k) {
+        out[k] =
+            bed->origin[k] + x * bed->across[0][k] + y * bed->across[1][k] + step * bed->along[k];
+    }
+}
+
+static void put_spring(const struct facets_between *m, const struct bed *bed, double x, double y,
+                       double rate)
+{
+    double depth = depth_at(bed, x, y), p[3];
+
+    place_on_spring(bed, x, y, depth, m->law->share[0], p);
+    polygon_put(&m->scratch->batch, p, bed->along, rate, depth);
+}
+
+/* Three springs for all of a polygon. They stand at L times the corners of an equilateral triangle
+ * about the centroid, L L' being twice the matrix of the mean squares off the centroid. So they have
+ * the polygon's moments up to the second, which integrates force and moment of a linear depth
+ * exactly. None is off the polygon: the ellipse through them is inside every convex figure (Kannan,
+ * Lovasz, Simonovits 1995); in a triangle it touches the middles of the sides. */
+static void put_three(const struct facets_between *m, const struct bed *bed,
+                      const struct moments *at, double rate)
+{
+    double lx = positive_root(2 * at->xx), ly = lx > 0 ? 2 * at->xy / lx : 0;
+    double lyy = positive_root(2 * at->yy - ly * ly);
+    const double h = 0.86602540378443865; /* sqrt(3)/2 */
+
+    native_law_make_room(&m->scratch->batch, 3, m->law, m->relative, m->sum);
+    put_spring(m, bed, at->x, at->y + lyy, rate / 3);
+    put_spring(m, bed, at->x - h * lx, at->y - h * ly - lyy / 2, rate / 3);
+    put_spring(m, bed, at->x + h * lx, at->y + h * ly - lyy / 2, rate / 3);
+}
+
+/* Three springs for each triangle between the centroid and an edge. */
+static void put_around(const struct facets_between *m, const struct bed *bed, const struct flat *g,
+                       const struct moments *at, double rate)
+{
+    for (int i = 0; i < g->n; ++i) {
+        int j = i + 1 < g->n ? i + 1 : 0;
+        double ux = g->x[i] - at->x, uy = g->y[i] - at->y;
+        double vx = g->x[j] - at->x, vy = g->y[j] - at->y;
+        double part = rate * (ux * vy - uy * vx) / (3 * at->twice);
+
+        native_law_make_room(&m->scratch->batch, FACET_POINTS, m->law, m->relative, m->sum);
+        put_spring(m, bed, at->x + (ux + vx) / 6, at->y + (uy + vy) / 6, part);
+        put_spring(m, bed, at->x + (4 * ux + vx) / 6, at->y + (4 * uy + vy) / 6, part);
+        put_spring(m, bed, at->x + (ux + 4 * vx) / 6, at->y + (uy + 4 * vy) / 6, part);
+    }
+}
+
+/* ---- how much they count ---- */
+
+/* How much of a spring from this facet counts by the depth of its middle under the surface, in its
+ * half lengths (up to DEPTH_FULL; the rest does not matter). middle: in the solid's frame; cosine:
+ * of the angle between spring and normal. */
+static double middle_depth(const struct solid *solid, const struct facet *facet, double cosine,
+                           const double middle[3], double half)
+{
+    /* of what is nearby nothing can be nearer */
+    if (half <= facet->room &&
+        facet->lean[0] * cosine - facet->lean[1] * positive_root(1 - cosine * cosine) >=
+            DEPTH_FULL) {
+        return DEPTH_FULL;
+    }
+    /* the surface at the spring's end is half a spring away, so the search always ends at one */
+    return solid_depth(solid, middle, (solid->convex ? DEPTH_FULL : 1) * 1.01 * half) / half;
+}
+
+/* How much of a spring counts that is this long and has its middle here (first's frame). */
+static double spring_counts(const struct facets_between *m, const struct facets_couple *c,
+                            double cosine, const double middle[3], double length)
+{
+    double a = middle_depth(m->first, c->a, cosine, middle, length / 2), b, to[3], there[3];
+
+    if (a <= DEPTH_NONE) {
+        return 0;
+    }
+    vec_sub(middle, m->relative->p, to);
+    mat_apply_t(m->relative->R, to, there);
+    b = middle_depth(m->second, c->b, cosine, there, length / 2);
+    return native_ramp(a < b ? a : b, DEPTH_NONE, DEPTH_FULL);
+}
+
+void native_between_facets(const struct facets_between *m, const struct facets_couple *c)
+{
+    const bool fine = (c->a->radius < c->b->radius ? c->a : c->b)->radius <= m->fine;
+    struct flat g[2];
+    const struct flat *common;
+    struct bed bed;
+    struct moments at;
+    double depth, area, weight, middle[3];
+
+    if (!lay_bed(m, c, &bed, &g[0])) {
+        return;
+    }
+    common = cut(bed.on_second ? m->second : m->first, &bed, g);
+    if (common->n < 3) {
+        return;
+    }
+    find_moments(common, fine, &at);
+    depth = depth_at(&bed, at.x, at.y);
+    if (!(at.twice > DBL_MIN) || depth > m->reach) {
+        return;
+    }
+    place_on_spring(&bed, at.x, at.y, depth, 0.5, middle);
+    weight = spring_counts(m, c, bed.cosine, middle, depth);
+    if (weight <= 0) {
+        return;
+    }
+    weight *= c->facing * native_ramp(c->facing, FACING_NONE, FACING_FULL);
+    area = weight * bed.cosine * at.twice / 2; /* as seen along the springs */
+    if (fine) {
+        put_three(m, &bed, &at, m->law->stiffness * area);
+    } else {
+        put_around(m, &bed, common, &at, m->law->stiffness * area);
+    }
+    m->sum->area += area;
+    for (int i = 0; i < common->n && weight >= 0.5; ++i) {
+        depth = depth_at(&bed, common->x[i], common->y[i]);
+        m->sum->depth = depth > m->sum->depth ? depth : m->sum->depth;
+    }
+}

@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The table of the kernels, in each of their variants. */
+#include "contact/native_kernels.h"
+
+#define STRING(x) #x
+#define EXPANDED_STRING(x) STRING(x)
+
+const struct native_kernels native_kernels = {
+#ifdef NATIVE_VARIANT
+    .name = EXPANDED_STRING(NATIVE_VARIANT),
+#else
+    .name = "plain",
+#endif
+    .half_space = {native_overlap_half_space, native_centroid_half_space},
+    .sphere = {native_overlap_sphere, native_centroid_sphere},
+    .meshes = {native_overlap_meshes, native_centroid_meshes},
+    .sum = native_law_sum,
+    .hertz = native_hertz,
+};
