@@ -16,6 +16,10 @@
  * definite, and so is P - C, hence P^-1 C has its eigenvalues within (-1, 1), no more than 12 of
  * them other than zero for each such pair.
  *
+ * The wrench at a step's end is thus F - h K V - h (D + h K) A. It is kept for the sensors, with the
+ * accelerations: the law of contact itself, evaluated at the state that the step led to, would turn
+ * each error e of a velocity into a force D e, with D up to 1e5 N s/m, that has moved nothing.
+ *
  * Positions follow with the new velocities: q+ = q + h v+, rotations by the exponential.
  *
  * What is explicit: gravity, velocity products, pushes, and the difference between contact and its
@@ -43,6 +47,8 @@ struct touch {
     int body[2];
     double center[3];
     struct spatial_inertia A; /* h (D + h K) */
+    int pair;
+    struct spatial less; /* by which the wrench on b there falls in the step; at first its h K V */
 };
 
 struct implicit {
@@ -55,9 +61,10 @@ struct implicit {
     size_t ntouch;
     struct contact_tangent *tangent;
     struct touch *touch;
-    bool coupled;                /* some pair is between two bodies that move */
-    struct spatial_inertia *own; /* by free body: inertia with A_b, body frame, center of mass */
-    struct spatial *load;        /* by free body: force on it, body frame, center of mass */
+    struct contact_wrench *wrench; /* by contact motion, at the end of the step */
+    bool coupled;                  /* some pair is between two bodies that move */
+    struct spatial_inertia *own;   /* by free body: inertia with A_b, body frame, center of mass */
+    struct spatial *load;          /* by free body: force on it, body frame, center of mass */
 
     /* accelerations: nv of the robot, then 6 of each free body (linear, angular; in its frame) */
     size_t na;
@@ -184,6 +191,21 @@ static void arm_to(const struct plant *plant, int contact, const double center[3
     }
 }
 
+/* x += what body number side of the pair does at the center, when y is its motion */
+static void add_relative(const struct plant *plant, const struct touch *touch, int side,
+                         const struct spatial *y, struct spatial *x)
+{
+    struct spatial at;
+    double arm[3];
+
+    arm_to(plant, touch->body[side], touch->center, arm);
+    at = move_motion(y, arm);
+    for (int i = 0; i < 3; i++) {
+        x->a[i] += side == 1 ? at.a[i] : -at.a[i];
+        x->l[i] += side == 1 ? at.l[i] : -at.l[i];
+    }
+}
+
 /* b's velocity at the center less a's */
 static struct spatial relative_velocity(const struct plant *plant, const struct touch *touch)
 {
@@ -192,17 +214,11 @@ static struct spatial relative_velocity(const struct plant *plant, const struct 
     for (int side = 0; side < 2; side++) {
         if (touch->body[side] >= 0) {
             const struct body_motion *motion = motion_of(plant, touch->body[side]);
-            struct spatial x, at;
-            double arm[3];
+            struct spatial x;
 
             memcpy(x.a, motion->w, sizeof x.a);
             memcpy(x.l, motion->v, sizeof x.l);
-            arm_to(plant, touch->body[side], touch->center, arm);
-            at = move_motion(&x, arm);
-            for (int i = 0; i < 3; i++) {
-                V.a[i] += side == 1 ? at.a[i] : -at.a[i];
-                V.l[i] += side == 1 ? at.l[i] : -at.l[i];
-            }
+            add_relative(plant, touch, side, &x, &V);
         }
     }
     return V;
@@ -259,9 +275,10 @@ static void begin_touch(struct plant *plant, const struct contact_tangent *tange
 {
     struct implicit *im = plant->implicit;
     struct spatial_inertia K;
-    struct spatial V, yield;
+    struct spatial V;
     double A[21];
 
+    touch->pair = tangent->pair;
     touch->body[0] = tangent->body_a;
     touch->body[1] = tangent->body_b;
     memcpy(touch->center, tangent->center, sizeof touch->center);
@@ -271,7 +288,11 @@ static void begin_touch(struct plant *plant, const struct contact_tangent *tange
     full(A, &touch->A);
     full(tangent->K, &K);
     V = relative_velocity(plant, touch);
-    spatial_inertia_apply(&K, &V, &yield);
+    for (int i = 0; i < 3; i++) {
+        V.a[i] *= h;
+        V.l[i] *= h;
+    }
+    spatial_inertia_apply(&K, &V, &touch->less);
     for (int side = 0; side < 2; side++) {
         int contact = touch->body[side];
 
@@ -281,7 +302,7 @@ static void begin_touch(struct plant *plant, const struct contact_tangent *tange
             double arm[3];
 
             arm_to(plant, contact, touch->center, arm);
-            add_wrench(side == 1 ? -h : h, &yield, arm, &f);
+            add_wrench(side == 1 ? -1.0 : 1.0, &touch->less, arm, &f);
             add_external(plant, contact, &f, &plant->ext[plant->config.contact_body[contact]]);
             spatial_inertia_shift(arm, &own);
             spatial_inertia_add(&own, &im->solid[contact]);
@@ -517,6 +538,75 @@ static void solve_coupled(struct plant *plant)
 
 /* ---- taking the step ---- */
 
+/* the wrenches at the end of the step, from those at its begin */
+static void end_contact(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+
+    memcpy(im->wrench, plant->contact_wrench, plant->config.ncontact * sizeof *im->wrench);
+    if (im->ntouch > 0) {
+        map_to_contact(plant, im->a, im->twist_z);
+    }
+    for (size_t t = 0; t < im->ntouch; t++) {
+        struct touch *touch = &im->touch[t];
+        struct spatial A = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}}, f;
+
+        for (int side = 0; side < 2; side++) {
+            if (touch->body[side] >= 0) {
+                add_relative(plant, touch, side, &im->twist_z[touch->body[side]], &A);
+            }
+        }
+        spatial_inertia_apply(&touch->A, &A, &f);
+        add_scaled(1.0, f.l, touch->less.l, 3);
+        add_scaled(1.0, f.a, touch->less.a, 3);
+        for (int side = 0; side < 2; side++) {
+            if (touch->body[side] >= 0) {
+                struct contact_wrench *wrench = &im->wrench[touch->body[side]];
+                struct spatial sum = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+                double arm[3];
+
+                arm_to(plant, touch->body[side], touch->center, arm);
+                add_wrench(side == 1 ? -1.0 : 1.0, &touch->less, arm, &sum);
+                add_scaled(1.0, sum.l, wrench->force, 3);
+                add_scaled(1.0, sum.a, wrench->moment, 3);
+            }
+        }
+    }
+}
+
+void implicit_recall(struct plant *plant)
+{
+    const struct implicit *im = plant->implicit;
+
+    memcpy(plant->vdot, im->a, plant->config.robot->nv * sizeof *plant->vdot);
+    memcpy(plant->contact_wrench, im->wrench,
+           plant->config.ncontact * sizeof *plant->contact_wrench);
+}
+
+void implicit_patches(const struct plant *plant, struct contact_patch *patch, size_t count)
+{
+    const struct implicit *im = plant->implicit;
+
+    for (size_t t = 0; t < im->ntouch; t++) {
+        const struct touch *touch = &im->touch[t];
+
+        for (size_t i = 0; i < count; i++) {
+            if (patch[i].pair == touch->pair) {
+                struct spatial sum = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+                double arm[3];
+
+                for (int k = 0; k < 3; k++) {
+                    arm[k] = touch->center[k] - patch[i].center[k];
+                }
+                add_wrench(-1.0, &touch->less, arm, &sum);
+                add_scaled(1.0, sum.l, patch[i].force, 3);
+                add_scaled(1.0, sum.a, patch[i].moment, 3);
+                break;
+            }
+        }
+    }
+}
+
 /* quaternion <- quaternion * exp(h w / 2), w in the body frame */
 static void turn_quaternion(const double w[3], double h, double quaternion[4])
 {
@@ -628,6 +718,9 @@ enum error_code implicit_step(struct plant *plant, double h)
     if (im->coupled) {
         solve_coupled(plant);
     }
+    if (!plant->clamped) {
+        end_contact(plant);
+    }
     move_robot(plant, h);
     move_free(plant, h);
     move_actuators(plant, h);
@@ -670,6 +763,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->solid, ncontact);
     TAKE(im->tangent, pairs);
     TAKE(im->touch, pairs);
+    TAKE(im->wrench, ncontact);
     TAKE(im->own, nfree);
     TAKE(im->load, nfree);
     TAKE(im->a, im->na);

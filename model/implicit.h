@@ -21,4 +21,13 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
  * contact engine is. */
 enum error_code implicit_step(struct plant *plant, double h);
 
+/* What the last step moved the bodies with, which is not what the laws of contact say of the state
+ * that it led to: fills plant->vdot and contact_wrench (of the last unclamped step; the wrenches in
+ * the world frame, about the bodies' origins). RT-safe. */
+void implicit_recall(struct plant *plant);
+
+/* Takes the forces and moments of count patches, which the contact engine had at the begin of that
+ * step, to its end. RT-safe. */
+void implicit_patches(const struct plant *plant, struct contact_patch *patch, size_t count);
+
 #endif

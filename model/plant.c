@@ -83,26 +83,18 @@ static double apply_wrench(const struct body_motion *motion, const double force[
     return vec3_dot(force, motion->v) + vec3_dot(moment, motion->w);
 }
 
-/* ext, and the powers of contact and pushes in addition to load's, given what plant_place fills */
-static enum error_code apply_loads(struct plant *plant, const double *v, struct plant_load *load)
+void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *load)
 {
     const struct plant_config *config = &plant->config;
     size_t nbody = config->robot->nbody, count = nbody + config->nfree;
 
     memset(plant->ext, 0, count * sizeof *plant->ext);
-    if (config->contact) {
-        enum error_code code = plant_touch(plant, v);
+    for (size_t c = 0; c < config->ncontact; c++) {
+        const struct contact_wrench *wrench = &plant->contact_wrench[c];
+        int body = config->contact_body[c];
 
-        if (code != ERROR_NONE) {
-            return code;
-        }
-        for (size_t c = 0; c < config->ncontact; c++) {
-            const struct contact_wrench *wrench = &plant->contact_wrench[c];
-            int body = config->contact_body[c];
-
-            load->contact += apply_wrench(&plant->motion[body], wrench->force, wrench->moment,
-                                          &plant->ext[body]);
-        }
+        load->contact +=
+            apply_wrench(&plant->motion[body], wrench->force, wrench->moment, &plant->ext[body]);
     }
     if (plant->pushing) {
         plant->whole.ops->kinematics(&plant->whole, plant->q, v, plant->whole_motion);
@@ -111,7 +103,6 @@ static enum error_code apply_loads(struct plant *plant, const double *v, struct 
                                        plant->push[b].force, plant->push[b].moment, &plant->ext[b]);
         }
     }
-    return ERROR_NONE;
 }
 
 /* torques of drives and parallel springs on the joints */
@@ -124,9 +115,8 @@ static void apply_actuators(struct plant *plant, const double *state)
         size_t j = plant->drive_joint[d];
         struct sea_state drive = plant_drive_state(plant, state, d);
 
-        plant->tau[j] +=
-            sea_torque(&plant->sea[d], &drive, plant_joint_position(plant, state, j),
-                       plant_joint_rate(plant, state, j));
+        plant->tau[j] += sea_torque(&plant->sea[d], &drive, plant_joint_position(plant, state, j),
+                                    plant_joint_rate(plant, state, j));
     }
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
@@ -157,12 +147,20 @@ static void feel_jig(struct plant *plant)
 
 enum error_code plant_load_bodies(struct plant *plant, const double *state, struct plant_load *load)
 {
+    enum error_code code = ERROR_NONE;
+
     plant_place(plant, state);
     *load = (struct plant_load){0.0, 0.0};
     if (plant->clamped && !plant->balanced && plant->config.nfree == 0) {
         return ERROR_NONE;
     }
-    return apply_loads(plant, state + plant->at.v, load);
+    if (plant->config.contact) {
+        code = plant_touch(plant, state + plant->at.v);
+    }
+    if (code == ERROR_NONE) {
+        plant_apply_loads(plant, state + plant->at.v, load);
+    }
+    return code;
 }
 
 enum error_code plant_evaluate(struct plant *plant, const double *state, struct plant_load *load)
@@ -292,6 +290,7 @@ static void set_condition(struct plant *plant, size_t d, unsigned condition)
 void plant_balance(struct plant *plant, bool balanced)
 {
     plant->balanced = balanced;
+    plant->stepped = false;
     for (size_t d = 0; d < plant->ndrive; d++) {
         plant->state[plant->at.drive + 3 * d + 1] = 0.0;
         set_condition(plant, d, plant->condition[d]);
@@ -416,6 +415,7 @@ enum error_code plant_step(struct plant *plant, size_t steps)
     if (steps == 0) {
         return ERROR_NONE;
     }
+    plant->stepped = false;
     hold_command(plant, 1e-9 * (double)plant->config.substep_ns * (double)steps);
     for (size_t k = 0; k < steps; k++) {
         enum error_code code = substep(plant);
@@ -425,6 +425,8 @@ enum error_code plant_step(struct plant *plant, size_t steps)
         }
     }
     settle_pretensions(plant);
+    plant->stepped = plant->config.integrator == PLANT_IMPLICIT && !plant->clamped;
+    memcpy(plant->last_good, plant->state, plant->at.count * sizeof *plant->state);
     return ERROR_NONE;
 }
 
@@ -455,6 +457,7 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
     memset(plant->pretension_rate, 0, plant->nspring * sizeof *plant->pretension_rate);
     memset(plant->push, 0, (robot->nbody + plant->config.nfree) * sizeof *plant->push);
     plant->pushing = false;
+    plant->stepped = false;
     plant->balanced = false;
     plant->time_ns = 0;
     plant->failure = "";
@@ -469,6 +472,7 @@ void plant_set_push(struct plant *plant, int body, const double force[3], const 
 
     memcpy(plant->push[body].force, force, sizeof plant->push[body].force);
     memcpy(plant->push[body].moment, moment, sizeof plant->push[body].moment);
+    plant->stepped = false;
     plant->pushing = false;
     for (size_t b = 0; b < count; b++) {
         for (int i = 0; i < 3; i++) {
@@ -480,6 +484,7 @@ void plant_set_push(struct plant *plant, int body, const double force[3], const 
 void plant_clamp(struct plant *plant, bool clamped)
 {
     plant->clamped = clamped;
+    plant->stepped = false;
     if (clamped) {
         memset(plant->state + plant->at.v, 0, plant->config.robot->nv * sizeof *plant->state);
         memset(plant->lost + plant->at.v, 0, plant->config.robot->nv * sizeof *plant->lost);

@@ -113,10 +113,13 @@ enum error_code plant_step(struct plant *plant, size_t steps);
  * there was none. Owned by the plant or the contact engine. RT-safe. */
 const char *plant_failure(const struct plant *plant);
 
-/* Fills the sensors from the present state; on failure they keep their last values. A force-torque
- * sensor feels the contact and pushes on its body (all of which count as below it) and the weight
- * and inertia of its distal part; bodies that are joined to its body count as above it. What the
- * part below exerts through it: a robot at rest on its foot reads + the carried weight along up.
+/* Fills the sensors from the present state; on failure they keep their last values. Forces of contact
+ * and accelerations are those that the laws give for it; after a plant_step of the implicit
+ * integrator, until something is set or written, those that its last substep moved the bodies with,
+ * so that accelerations, forces and motion agree. A force-torque sensor feels the contact and pushes
+ * on its body (all of which count as below it) and the weight and inertia of its distal part; bodies
+ * that are joined to its body count as above it. What the part below exerts through it: a robot at
+ * rest on its foot reads + the carried weight along up.
  * RT-safe when the contact engine is. */
 enum error_code plant_sample(struct plant *plant);
 
@@ -124,6 +127,10 @@ enum error_code plant_sample(struct plant *plant);
  * last sample (ncontact entries, world frame, about the body's origin). */
 double *plant_state(struct plant *plant, size_t *count);
 const struct contact_wrench *plant_contact_wrenches(const struct plant *plant);
+
+/* The patches of the last sample, until the plant steps or is asked for its energies: what of those
+ * wrenches each pair in touch gives. Returns their number, writes at most max. RT-safe. */
+size_t plant_patches(const struct plant *plant, struct contact_patch *patch, size_t max);
 
 /* Poses and velocities of the robot's bodies (nbody entries) at the last sample; only those of
  * observed bodies are set. */

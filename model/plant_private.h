@@ -51,6 +51,7 @@ struct plant {
     struct wrench *push; /* by body, world frame */
     bool pushing;        /* some push is not zero */
     bool clamped;        /* links held in a jig */
+    bool stepped;        /* last_good is what an implicit step of the free robot led to */
     bool balanced;       /* ... that holds the rotors too and carries nothing: plant_settle */
 
     /* held over a step */
@@ -68,12 +69,14 @@ struct plant {
     struct contact_motion *contact_motion;
     struct contact_wrench *contact_wrench;
     struct body_motion *whole_motion; /* of the robot's bodies */
-    double *last_good, *scratch;
+    double *last_good; /* the state before a substep; once plant_step is done, the one it led to */
+    double *scratch;
     double *lost; /* of the state, by rounding (integrator_rk4) */
     struct integrator_dopri5 dopri5;
     struct implicit *implicit; /* NULL with another integrator */
 
     /* of the last sample */
+    bool sampled_step;                  /* taken from an implicit step */
     struct body_motion *sampled_motion; /* by body */
     struct contact_wrench *sampled_wrench;
     struct body_acceleration *acceleration;
@@ -122,6 +125,10 @@ enum error_code plant_evaluate(struct plant *plant, const double *state, struct 
 /* The part of it before the dynamics: q, ext and the motions, with or without contact. */
 enum error_code plant_load_bodies(struct plant *plant, const double *state,
                                   struct plant_load *load);
+
+/* The part of that which fills ext, given what plant_place fills and, when there is contact, the
+ * robot's motion and contact_wrench; adds the powers to load's. */
+void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *load);
 
 /* The contact part of it: fills the robot's motion and contact_wrench, given v and what plant_place
  * fills. */

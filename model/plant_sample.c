@@ -1,7 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The plant's sensors: what each would read of the present state if it were perfect. */
+/*
+ * The plant's sensors: what each would read of the present state if it were perfect.
+ *
+ * Accelerations and contact wrenches are those that belong to the state by the laws of motion and
+ * contact; where an implicit step has just led to it, those of the step (model/implicit.h).
+ */
 #include "model/plant.h"
 
+#include "model/implicit.h"
 #include "model/plant_private.h"
 #include "model/spatial.h"
 
@@ -109,13 +115,38 @@ static void sample_motors(struct plant *plant)
     }
 }
 
+/* The present state is the one that an implicit step led to, under the same pushes, not one that
+ * was set or written since. */
+static bool after_a_step(const struct plant *plant)
+{
+    return plant->stepped &&
+           memcmp(plant->state, plant->last_good, plant->at.count * sizeof *plant->state) == 0;
+}
+
+/* vdot, ext and contact_wrench */
+static enum error_code find_forces(struct plant *plant)
+{
+    const struct dynamics *dynamics = plant->config.dynamics;
+    const double *v = plant->state + plant->at.v;
+    struct plant_load load = {0.0, 0.0};
+
+    plant->sampled_step = after_a_step(plant);
+    if (!plant->sampled_step) {
+        return plant_evaluate(plant, plant->state, &load);
+    }
+    plant_place(plant, plant->state);
+    implicit_recall(plant);
+    dynamics->ops->kinematics(dynamics, plant->q, v, plant->motion);
+    plant_apply_loads(plant, v, &load);
+    return ERROR_NONE;
+}
+
 enum error_code plant_sample(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
     const struct dynamics *dynamics = plant->config.dynamics;
     const double *v = plant->state + plant->at.v;
-    struct plant_load load;
-    enum error_code code = plant_evaluate(plant, plant->state, &load);
+    enum error_code code = find_forces(plant);
 
     if (code != ERROR_NONE) {
         return code;
@@ -146,6 +177,17 @@ const struct plant_sensors *plant_sensors(const struct plant *plant)
 const struct contact_wrench *plant_contact_wrenches(const struct plant *plant)
 {
     return plant->sampled_wrench;
+}
+
+size_t plant_patches(const struct plant *plant, struct contact_patch *patch, size_t max)
+{
+    struct contact_world *contact = plant->config.contact;
+    size_t count = contact ? contact->ops->patches(contact, patch, max) : 0;
+
+    if (plant->sampled_step) {
+        implicit_patches(plant, patch, count < max ? count : max);
+    }
+    return count;
 }
 
 const struct body_motion *plant_motion(const struct plant *plant)

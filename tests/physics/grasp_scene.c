@@ -44,7 +44,8 @@ static void scene_init(struct scene *scene, bool with_table)
     struct error error = {0};
 
     assert_int_equal(arena_init(&scene->arena, 64 << 20, &error), ERROR_NONE);
-    if (rig_load(HIL_SOURCE_DIR "/config/rigs/grasp-paper.yaml", &scene->arena, &scene->rig, &error)) {
+    if (rig_load(HIL_SOURCE_DIR "/config/rigs/grasp-paper.yaml", &scene->arena, &scene->rig,
+                 &error)) {
         fail_msg("%s", error.text);
     }
     contact = scene->rig->contact;

@@ -5,3 +5,4 @@ hil_test(settle_rig SOURCES physics/settle_rig.c LIBS rt LABELS physics)
 hil_test(whole_robot SOURCES physics/whole_robot.c LIBS rt TIMEOUT 120 LABELS physics)
 hil_test(whole_robot_implicit SOURCES physics/whole_robot_implicit.c LIBS rt TIMEOUT 120
          LABELS physics)
+hil_test(implicit_sensors SOURCES physics/implicit_sensors.c LIBS rt TIMEOUT 120 LABELS physics)
