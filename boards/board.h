@@ -67,6 +67,7 @@ struct board_axis_config {
     double motor_ticks_per_rad;  /* MOTOR_POSITION frames, rotor encoder, per link-side rad */
     double lower_rad, upper_rad; /* limits until the host sets its own */
     double current_limit_a; /* over-current (I2t, see motor_board.c) until the host sets its own */
+    double temperature_limit_c; /* of the winding, until the host sets its own; 0 = none */
     /* TorqueMax: 0x8000 counts of the torque source, which is the axis's own sensor until the host
      * names a STRAIN board; 0 = no such sensor */
     double torque_full_scale_nm;
@@ -107,6 +108,10 @@ struct boards_config {
     size_t njoint, nft;
     const struct faults *faults; /* those of boards act; NULL = none (boards/faults.h) */
     int64_t tick_ns;             /* boards_control is called once a tick; up to 100 ms */
+    /* Called from boards_control for each axis of a board whose application starts anew: what its
+     * hardware counted is lost. RT-safe, as its caller. NULL = nobody needs to know. */
+    void (*restarted)(void *context, int joint);
+    void *context;
 };
 
 enum board_event_kind {
@@ -120,6 +125,7 @@ enum board_event_kind {
     BOARD_EVENT_ADDRESS,     /* a board moved to another address: a = old, b = new */
     BOARD_EVENT_RESTART,     /* a board went into its bootloader: a = 1, or left it: a = 0 */
     BOARD_EVENT_OVERFLOW,    /* a board loses replies or frames: a = how many until now */
+    BOARD_EVENT_OVER_HEATED, /* icub: the winding of an axis is too hot: a = 0.1 degree C */
 };
 
 /* Something worth a line in the log; formatted outside the loop. */
@@ -140,7 +146,7 @@ struct boards_counters {
     uint64_t unknown;     /* addressed to a board, but no such command */
     uint64_t malformed;   /* known command, wrong length or value */
     uint64_t timeouts;    /* commands gone stale, torque sources fallen silent */
-    uint64_t trips;       /* over-current */
+    uint64_t trips;       /* over-current, over-temperature */
     uint64_t overflows;   /* replies and periodic frames that a board could not send */
     uint64_t events_lost; /* events that found the ring full */
 };
@@ -156,12 +162,21 @@ enum error_code boards_create(const struct boards_config *config, struct arena *
  * of the joints that have a board and leaves the rest of command alone. boards_transmit writes at
  * most max frames, replies in the order of their requests, then periodic frames by board address;
  * with max below boards_transmit_max replies wait and periodic frames may be lost. Returns how many
- * it wrote. */
+ * it wrote. The node of a frame is the number of its board among those of its bus, in the order of
+ * the configuration: each is a CAN node of its own. */
 void boards_receive(struct boards *boards, size_t bus, const struct bus_frame *frame);
 void boards_control(struct boards *boards, const struct plant_sensors *sensors,
                     struct plant_command *command);
 size_t boards_transmit(struct boards *boards, size_t bus, const struct plant_sensors *sensors,
                        struct bus_frame *frames, size_t max);
+
+/* What the CAN controller of a board (index in the configuration) counts, where the bus is a wire
+ * that has such: iCub boards tell it in STATUS. RT-safe; once a tick before boards_transmit. */
+struct board_can_state {
+    unsigned tec, rec; /* error counters */
+    bool bus_off;
+};
+void boards_set_can_state(struct boards *boards, size_t board, const struct board_can_state *state);
 
 /* Most frames that one bus's boards can send in a tick. */
 size_t boards_transmit_max(const struct boards *boards, size_t bus);

@@ -1,9 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Faults of boards (boards/faults.h), where they act: on the power of a board, on its contact to the
- * bus, and on the frames that it sends, replies included.
+ * Faults of boards (boards/faults.h), where they act: on the power of a board, on its firmware, on
+ * its contact to the bus, and on the frames that it sends, replies included.
  *
- *   off           neither receives nor sends, its bridges are open; afterwards it boots as from cold;
+ *   off           neither receives nor sends, its bridges are open; afterwards it boots as from
+ *                 cold;
+ *   hung          when it begins the firmware stands still: neither receives nor sends; after
+ *                 `watchdog` seconds it is reset and boots as from cold, whether the fault still
+ *                 lasts or not. One hang each time that the fault begins; the next one at the
+ *                 earliest when the application runs again;
  *   intermittent  runs on, but in the gaps neither receives nor sends;
  *   stuck         every id keeps the data of its last frame before;
  *   garbage       data are random, id and length right;
@@ -11,6 +16,12 @@
  *   delayed       frames are sent later, up to DELAYED_MAX of them waiting.
  *
  * Other boards of the bus hear of a STRAIN board what it sends, faults and all.
+ *
+ * The PWM timers of a hung board go on with their last compare values: the bridges give the same
+ * share of the supply until the reset opens them. A 2FOC board turns the field of its motor by
+ * firmware; hung, the field stands still and holds the rotor, which for the motor that the plant
+ * knows is a winding with 0 V: it brakes. Emergency stops (boards_shut_down) open the bridges of
+ * hung boards too, for they cut the motors' supply.
  */
 #include "boards/board_private.h"
 
@@ -32,6 +43,7 @@ struct board_fault {
     const struct fault *fault;
     struct random_stream random;
     bool gap;                    /* INTERMITTENT */
+    bool spent;                  /* HUNG: has hung since it began */
     struct heard_id id[IDS_MAX]; /* STUCK, SLOW */
     size_t nid;
     struct bus_frame *waiting; /* DELAYED; circular, time_ns is when they are due */
@@ -41,7 +53,9 @@ struct board_fault {
 struct board_faults {
     struct board_fault *fault;
     size_t count;
-    bool without_power;
+    bool without_power, hung;
+    int64_t watchdog_ns;         /* hung until then */
+    double duty[BOARD_AXES_MAX]; /* of the bridges of a hung board */
 };
 
 bool board_faults_create(struct boards *boards, const struct faults *faults, struct arena *arena)
@@ -78,11 +92,11 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
 
 /* ---- power and contact ---- */
 
-static void power_down(struct board *board)
+/* What it had still to say is gone with its memory. */
+static void forget_replies(const struct board *board)
 {
     struct board_bus *bus = board->bus;
 
-    /* what it had still to say is gone with its memory */
     for (size_t i = 0; i < bus->waiting; i++) {
         struct queued_reply *reply = &bus->replies[(bus->head + i) % bus->capacity];
 
@@ -90,7 +104,13 @@ static void power_down(struct board *board)
             reply->lost = true;
         }
     }
+}
+
+static void power_down(struct board *board)
+{
+    forget_replies(board);
     board->faults->without_power = true;
+    board->faults->hung = false;
 }
 
 static void power_up(struct board *board)
@@ -99,9 +119,78 @@ static void power_up(struct board *board)
     board_enter_bootloader(board, board->config.boot_ns);
 }
 
-bool board_faults_control(struct board *board)
+/* ---- a firmware that hangs ---- */
+
+static void hang(struct board *board, int64_t watchdog_ns, double supply_v,
+                 const struct plant_command *command)
 {
-    bool off = false, gap = false;
+    struct board_faults *faults = board->faults;
+
+    for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
+        int joint = board_joint(board, i);
+
+        faults->duty[i] = joint >= 0 && !board->ops->turns_field && supply_v > 0.0
+                              ? command->motor[joint].voltage_v / supply_v
+                              : 0.0;
+    }
+    faults->hung = true;
+    faults->watchdog_ns = board->boards->time_ns + watchdog_ns;
+}
+
+/* The fault, if any, that makes the application hang in this tick. */
+static struct board_fault *find_hang(const struct board *board)
+{
+    for (size_t i = 0; i < board->faults->count; i++) {
+        struct board_fault *f = &board->faults->fault[i];
+
+        if (f->fault->kind == FAULT_HUNG) {
+            f->spent = f->spent && f->fault->active;
+            if (f->fault->active && !f->spent && !board->in_bootloader && !board->faults->hung) {
+                return f;
+            }
+        }
+    }
+    return NULL;
+}
+
+static void hold_bridges(const struct board *board, double supply_v, struct plant_command *command)
+{
+    for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
+        int joint = board_joint(board, i);
+
+        if (joint >= 0) {
+            struct motor_command *motor = &command->motor[joint];
+
+            motor->voltage_v = motor->bridge_on ? board->faults->duty[i] * supply_v : 0.0;
+        }
+    }
+}
+
+/* One tick of a board with power; true while it hangs. */
+static bool hangs(struct board *board, double supply_v, struct plant_command *command)
+{
+    struct board_faults *faults = board->faults;
+    struct board_fault *f = find_hang(board);
+
+    if (f) {
+        f->spent = true;
+        hang(board, (int64_t)(f->fault->value[0] * 1e9), supply_v, command);
+    } else if (faults->hung && board->boards->time_ns >= faults->watchdog_ns) {
+        faults->hung = false;
+        forget_replies(board);
+        board_enter_bootloader(board, board->config.boot_ns);
+    }
+    if (faults->hung) {
+        hold_bridges(board, supply_v, command);
+    }
+    return faults->hung;
+}
+
+enum board_health board_faults_control(struct board *board, const struct plant_sensors *sensors,
+                                       struct plant_command *command)
+{
+    double supply_v = isfinite(sensors->supply_v) ? fmax(sensors->supply_v, 0.0) : 0.0;
+    bool off = false, gap = false, hung;
 
     for (size_t i = 0; i < board->faults->count; i++) {
         struct board_fault *f = &board->faults->fault[i];
@@ -121,8 +210,9 @@ bool board_faults_control(struct board *board)
     } else if (!off && board->faults->without_power) {
         power_up(board);
     }
-    board->away = off || gap;
-    return off;
+    hung = !off && hangs(board, supply_v, command);
+    board->away = off || gap || hung;
+    return off ? BOARD_WITHOUT_POWER : hung ? BOARD_HUNG : BOARD_WORKS;
 }
 
 /* ---- frames ---- */

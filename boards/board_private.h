@@ -37,8 +37,9 @@ struct board_ops {
     const struct icub_command *commands;
     size_t command_count;
     enum icub_class command_class;
-    bool axis_bit; /* bit 7 of a class 0 command is the axis */
-    bool no_info;  /* gives no additional information */
+    bool axis_bit;    /* bit 7 of a class 0 command is the axis */
+    bool no_info;     /* gives no additional information */
+    bool turns_field; /* the motor's field turns by firmware: when that hangs it stands still */
 
     /* Obeys a command whose length and values are right; request has its values, reply takes those
      * of the answer, which is sent when the row has one. Returns false when the board refuses the
@@ -88,6 +89,7 @@ struct board_bus {
     struct board *by_address[BOARD_ADDRESSES]; /* [0] stays empty: the host */
     struct board_slot slot[COMPACT_SLOTS];     /* BOARD_COMPACT */
     unsigned slots;
+    uint16_t nodes; /* boards: each is a CAN node of its own */
     struct torque_source source[ICUB_ADDRESS_MAX + 2];
     struct queued_reply *replies; /* circular */
     size_t capacity, head, waiting;
@@ -108,6 +110,7 @@ struct board {
     struct board_config config; /* name points into the arena */
     struct board_bus *bus;
     uint8_t address;
+    uint16_t node; /* of its frames: which of its bus's boards it is, counted as configured */
     char info[ICUB_INFO_LENGTH];
     int64_t application_ns; /* in the bootloader until then */
     bool in_bootloader;
@@ -115,14 +118,27 @@ struct board {
     unsigned replies;                      /* of this board, waiting */
     uint64_t lost;                         /* frames it could not send */
     bool lost_in_status, lost_in_overflow; /* to be reported there */
-    struct motor_board *motor; /* of these, the one of its kind */
+    struct motor_board *motor;             /* of these, the one of its kind */
     struct strain_board *strain;
     struct foc_board *foc;
     struct compact_motor *compact;
     struct compact_ft *wrench;
     struct board_faults *faults; /* NULL = it can have none (board_faults.c) */
     bool away;                   /* a fault keeps it from the bus */
+    struct board_can_state can;
 };
+
+/* The joint of an axis, -1 = none: a spare axis, or one that such a board has not. */
+static inline int board_joint(const struct board *board, size_t axis)
+{
+    return board->config.kind == BOARD_MOTOR &&
+                   axis < board_axes_max(board->bus->config.personality)
+               ? board->config.axis[axis].joint
+               : -1;
+}
+
+/* Limits of ISO 11898-1 */
+enum { BOARD_CAN_WARNING = 96, BOARD_CAN_PASSIVE = 128 };
 
 /* Neither obeys nor answers commands of its application. */
 static inline bool board_is_deaf(const struct board *board)
@@ -139,6 +155,8 @@ struct boards {
     size_t nbus, nboard;
     struct board_bus *bus;
     struct board *board;
+    void (*restarted)(void *context, int joint);
+    void *context;
 };
 
 extern const struct board_ops motor_board_ops, ft_board_ops, torque_board_ops;
@@ -172,11 +190,19 @@ void boards_count_frame(struct boards *boards, struct board *listener, enum boar
 void board_enter_bootloader(struct board *board, int64_t duration_ns);
 void board_leave_bootloader(struct board *board);
 
+/* Whether the electronics of a board work in a tick. */
+enum board_health {
+    BOARD_WORKS,
+    BOARD_WITHOUT_POWER,
+    BOARD_HUNG, /* its bridges have been served */
+};
+
 /* Faults of boards (board_faults.c). Finds those that boards can have; false without memory. The
- * others are for boards that have faults: one tick of power and contact, true when the board is
- * without power; what the faults leave of the frames from `from` on; a transmission. */
+ * others are for boards that have faults: one tick of power and contact; what the faults leave of
+ * the frames from `from` on; a transmission. */
 bool board_faults_create(struct boards *boards, const struct faults *faults, struct arena *arena);
-bool board_faults_control(struct board *board);
+enum board_health board_faults_control(struct board *board, const struct plant_sensors *sensors,
+                                       struct plant_command *command);
 void board_faults_filter(struct board *board, struct frame_sink *sink, size_t from);
 void board_faults_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
 

@@ -69,6 +69,7 @@ static bool make_board(struct boards *boards, struct board *board,
     board->config.name = arena_strdup(arena, config->name ? config->name : "board");
     board->address = config->address;
     board->bus = &boards->bus[config->bus];
+    board->node = board->bus->nodes++;
     if (!make_kind(board, config->kind, arena) || !board->config.name) {
         return false;
     }
@@ -92,6 +93,8 @@ static bool make(const struct boards_config *config, struct arena *arena, struct
     void *slots = arena_alloc(arena, EVENT_SLOTS, sizeof(struct board_event));
 
     boards->tick_ns = config->tick_ns;
+    boards->restarted = config->restarted;
+    boards->context = config->context;
     boards->nbus = config->nbus;
     boards->nboard = config->nboard;
     boards->bus = arena_alloc(arena, config->nbus + 1, sizeof *boards->bus);
@@ -231,9 +234,16 @@ void board_enter_bootloader(struct board *board, int64_t duration_ns)
 
 void board_leave_bootloader(struct board *board)
 {
+    const struct boards *boards = board->boards;
+
     board->in_bootloader = false;
     board_event(board, BOARD_EVENT_RESTART, 0, 0, 0);
     board->ops->power_up(board);
+    for (size_t i = 0; boards->restarted && i < BOARD_AXES_MAX; i++) {
+        if (board_joint(board, i) >= 0) {
+            boards->restarted(boards->context, board_joint(board, i));
+        }
+    }
 }
 
 /* ---- reception ---- */
@@ -288,6 +298,18 @@ static void shut_down(struct board *board, struct plant_command *command)
     }
 }
 
+static void control(struct board *board, struct ms_span span, struct plant_command *command)
+{
+    if (board->in_bootloader) {
+        shut_down(board, command);
+        if (board->boards->time_ns >= board->application_ns) {
+            board_leave_bootloader(board);
+        }
+    } else if (board->ops->control) {
+        board->ops->control(board, span, command);
+    }
+}
+
 void boards_control(struct boards *boards, const struct plant_sensors *sensors,
                     struct plant_command *command)
 {
@@ -299,23 +321,30 @@ void boards_control(struct boards *boards, const struct plant_sensors *sensors,
     span.to = boards->time_ns / MS;
     for (size_t i = 0; i < boards->nboard; i++) {
         struct board *board = &boards->board[i];
+        enum board_health health = BOARD_WORKS;
 
         sample(board, sensors);
         board->sampled = false;
-        if (board->faults && board_faults_control(board)) {
+        if (board->faults) {
+            health = board_faults_control(board, sensors, command);
+        }
+        if (health == BOARD_WORKS) {
+            control(board, span, command);
+        } else if (health == BOARD_WITHOUT_POWER) {
             shut_down(board, command);
-        } else if (board->in_bootloader) {
-            shut_down(board, command);
-            if (boards->time_ns >= board->application_ns) {
-                board_leave_bootloader(board);
-            }
-        } else if (board->ops->control) {
-            board->ops->control(board, span, command);
         }
     }
 }
 
-static void put_frame(struct frame_sink *sink, uint32_t id, uint8_t len, const uint8_t *data)
+void boards_set_can_state(struct boards *boards, size_t board, const struct board_can_state *state)
+{
+    if (board < boards->nboard) {
+        boards->board[board].can = *state;
+    }
+}
+
+static void put_frame(const struct board *board, struct frame_sink *sink, uint32_t id, uint8_t len,
+                      const uint8_t *data)
 {
     struct bus_frame *frame = &sink->frames[sink->count++];
 
@@ -323,6 +352,7 @@ static void put_frame(struct frame_sink *sink, uint32_t id, uint8_t len, const u
     frame->id = id;
     frame->flags = sink->flags;
     frame->len = len;
+    frame->node = board->node;
     frame->time_ns = sink->time_ns;
     if (len) {
         memcpy(frame->data, data, len);
@@ -336,7 +366,7 @@ void board_send(struct board *board, struct frame_sink *sink, uint32_t id, uint8
         board_lose(board);
         return;
     }
-    put_frame(sink, id, len, data);
+    put_frame(board, sink, id, len, data);
 }
 
 static void send_replies(struct board_bus *bus, struct frame_sink *sink)
@@ -347,7 +377,7 @@ static void send_replies(struct board_bus *bus, struct frame_sink *sink)
         if (!reply->lost) {
             size_t from = sink->count;
 
-            put_frame(sink, reply->id, reply->len, reply->data);
+            put_frame(reply->board, sink, reply->id, reply->len, reply->data);
             if (reply->board->faults) {
                 board_faults_filter(reply->board, sink, from);
             }

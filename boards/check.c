@@ -39,6 +39,9 @@ static enum error_code check_axis(const struct boards_config *config,
     if (!positive(axis->current_limit_a) || axis->current_limit_a > 1e6) {
         return refuse(error, board, "the current limit of an axis must be above 0 A");
     }
+    if (!isfinite(axis->temperature_limit_c) || axis->temperature_limit_c < 0.0) {
+        return refuse(error, board, "the temperature limit of an axis must not be negative");
+    }
     if (!isfinite(axis->torque_full_scale_nm) || axis->torque_full_scale_nm < 0.0) {
         return refuse(error, board, "the full scale of torque must not be negative");
     }

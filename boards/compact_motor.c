@@ -19,7 +19,7 @@
 
 enum {
     OVERLOAD_MS = 10,
-    TEMPERATURE_MAX_C = 125,
+    TEMPERATURE_MAX_C = 125, /* what the board bears where the rig gives no limit */
     GAIN_MAX = 1000000000,
     /* these open the bridge */
     FATAL = COMPACT_FAULT_UNDER_VOLTAGE | COMPACT_FAULT_OVER_VOLTAGE | COMPACT_FAULT_OVER_CURRENT |
@@ -36,6 +36,7 @@ struct axis_settings {
     int64_t min_position, max_position; /* 1e-5 rad */
     int64_t current_kp, current_ki;     /* mV/A, mV/(A s) */
     int64_t back_emf;                   /* mV s/rad */
+    int64_t temperature_limit_c;
 };
 
 struct compact_axis {
@@ -50,7 +51,8 @@ struct compact_axis {
 
     int32_t motor, link; /* 1e-5 rad */
     double motor_rad, before_rad, velocity_rad_s;
-    double current_a, torque_nm, temperature_c;
+    double current_a, torque_nm;
+    int32_t temperature_c;
     bool bad_motor, bad_link, bad_torque;
 
     uint8_t sequence;
@@ -132,6 +134,13 @@ static int64_t counts(double value, double worth)
     return count;
 }
 
+static int64_t temperature_limit(const struct board_axis_config *config)
+{
+    return config->temperature_limit_c > 0.0
+               ? control_clamp(counts(config->temperature_limit_c, 1.0), 1, TEMPERATURE_MAX_C)
+               : TEMPERATURE_MAX_C;
+}
+
 static void set_factory(struct axis_settings *settings, const struct board_axis_config *config)
 {
     double R = config->winding_ohm;
@@ -140,6 +149,7 @@ static void set_factory(struct axis_settings *settings, const struct board_axis_
     settings->current_limit_ma = counts(config->current_limit_a, 1e-3);
     settings->min_position = counts(config->lower_rad, COMPACT_POSITION_RAD);
     settings->max_position = counts(config->upper_rad, COMPACT_POSITION_RAD);
+    settings->temperature_limit_c = temperature_limit(config);
     if (R > 0.0) {
         settings->current_kp = counts(LOOP_GAIN * R * a / (1.0 - a), 1e-3);
         settings->current_ki = counts(LOOP_GAIN * R / 1e-3, 1e-3);
@@ -164,8 +174,10 @@ static void power_up(struct board *board)
         axis->mode = axis->told_mode = COMPACT_OFF;
         axis->latched = axis->faults = axis->told_faults = 0;
         axis->commands = axis->sequence = 0;
+        axis->velocity_rad_s = 0.0;
         forget_command(board, axis);
     }
+    motor->started = false;
     if (!first) {
         compact_identify(board);
     }
@@ -193,9 +205,7 @@ static void sample_axis(struct compact_axis *axis, const struct board_axis_confi
     if (!axis->bad_torque) {
         axis->torque_nm = sense->torque_nm;
     }
-    if (isfinite(sense->winding_c)) {
-        axis->temperature_c = sense->winding_c;
-    }
+    control_quantize(sense->winding_c, &axis->temperature_c);
     if (ms > 0) {
         double change = (axis->motor_rad - axis->before_rad) / ((double)ms * 1e-3);
 
@@ -264,7 +274,8 @@ static unsigned present_faults(const struct board *board, struct compact_axis *a
     faults |= axis->bad_motor ? COMPACT_FAULT_MOTOR_ENCODER : 0;
     faults |= axis->bad_link ? COMPACT_FAULT_LINK_ENCODER : 0;
     faults |= axis->bad_torque ? COMPACT_FAULT_TORQUE_SENSOR : 0;
-    faults |= axis->temperature_c > TEMPERATURE_MAX_C ? COMPACT_FAULT_TEMPERATURE : 0;
+    faults |=
+        axis->temperature_c > axis->settings.temperature_limit_c ? COMPACT_FAULT_TEMPERATURE : 0;
     faults |= is_stale(board, axis) ? COMPACT_FAULT_STALE : 0;
     faults |= is_beyond(axis) ? COMPACT_FAULT_LIMIT : 0;
     faults |= board->lost_in_status ? COMPACT_FAULT_OVERFLOW : 0;
@@ -289,6 +300,7 @@ static void watch(struct board *board, struct compact_axis *axis)
         board_event(board, BOARD_EVENT_FAULT, index_of(board, axis), risen & FATAL, 0);
     }
     counters->trips += (faults & COMPACT_FAULT_OVER_CURRENT) != 0;
+    counters->trips += (risen & COMPACT_FAULT_TEMPERATURE) != 0;
     if (faults & FATAL && runs(axis)) {
         axis->latched |= (uint16_t)(faults & FATAL);
         set_mode(board, axis, COMPACT_FAULT);
@@ -416,6 +428,11 @@ static bool find_setting(const struct board *board, struct compact_axis *axis, u
     case COMPACT_P_BACK_EMF:
         *setting = &p->back_emf;
         return true;
+    case COMPACT_P_TEMPERATURE_LIMIT:
+        *setting = &p->temperature_limit_c;
+        *least = 1;
+        *most = temperature_limit(config);
+        return true;
     default:
         return false;
     }
@@ -464,7 +481,7 @@ static enum compact_result parameter(struct board *board, unsigned parameter, un
     struct compact_motor *motor = board->compact;
     enum compact_result result;
 
-    if (parameter >= COMPACT_P_MODE && parameter <= COMPACT_P_BACK_EMF) {
+    if (parameter >= COMPACT_P_MODE && parameter <= COMPACT_P_TEMPERATURE_LIMIT) {
         return index < motor->axes
                    ? axis_parameter(board, &motor->axis[index], parameter, write, value)
                    : COMPACT_NO_SUCH_AXIS;
@@ -531,8 +548,7 @@ static void send_state(struct board *board, struct compact_axis *axis, struct fr
     axis->told_faults = axis->faults;
     compact_send(board, sink, COMPACT_STATE, motor->first_slot + index_of(board, axis),
                  (const int64_t[]){axis->mode, axis->commands, axis->faults,
-                                   counts(motor->supply_v, COMPACT_SUPPLY_V),
-                                   counts(axis->temperature_c, 1.0),
+                                   counts(motor->supply_v, COMPACT_SUPPLY_V), axis->temperature_c,
                                    counts(axis->voltage_v, COMPACT_VOLTAGE_V)});
 }
 

@@ -164,8 +164,9 @@ enum compact_parameter {
     COMPACT_P_CURRENT_KP = 21,      /* [mV/A] 0-1000000 */
     COMPACT_P_CURRENT_KI = 22,      /* [mV/(A s)] */
     COMPACT_P_BACK_EMF = 23,        /* [mV s/rad], motor velocity on the link side */
-    COMPACT_P_FULL_SCALE = 32,      /* F/T [mN, mN m] of a channel, up to the sensor's own */
-    COMPACT_P_TARE = 33,            /* F/T [counts of FORCE/MOMENT] added to a channel; write 0 to
+    COMPACT_P_TEMPERATURE_LIMIT = 24, /* [degree C] of the winding, 1 up to the board's own */
+    COMPACT_P_FULL_SCALE = 32,        /* F/T [mN, mN m] of a channel, up to the sensor's own */
+    COMPACT_P_TARE = 33,              /* F/T [counts of FORCE/MOMENT] added to a channel; write 0 to
                                      * channel 255: all to 0, 1: the present reading to 0 */
 };
 

@@ -30,6 +30,7 @@ static const struct field_value parameters[] = {
     {COMPACT_P_CURRENT_LIMIT, "current_limit"}, {COMPACT_P_MIN_POSITION, "min_position"},
     {COMPACT_P_MAX_POSITION, "max_position"}, {COMPACT_P_CURRENT_KP, "current_kp"},
     {COMPACT_P_CURRENT_KI, "current_ki"}, {COMPACT_P_BACK_EMF, "back_emf"},
+    {COMPACT_P_TEMPERATURE_LIMIT, "temperature_limit"},
     {COMPACT_P_FULL_SCALE, "full_scale"},
     {COMPACT_P_TARE, "tare"}, {0, NULL}};
 

@@ -54,6 +54,12 @@ static const char *mode_name(enum board_personality personality, uint32_t mode)
     }
 }
 
+/* What a stale command leads to. */
+static const char *stale_means(enum board_personality personality)
+{
+    return personality == BOARD_FOC ? "a fault" : "now 0";
+}
+
 static const char *const icub_faults[] = {
     "under-voltage", "over-voltage",     "external",        "over-current",
     "Hall sensor",   "absolute encoder", "optical encoder", NULL};
@@ -123,15 +129,16 @@ static void describe(enum board_personality personality, const struct board_even
         snprintf(text, size, "axis %u has a fault: %s", axis, faults);
         return;
     case BOARD_EVENT_TIMEOUT:
-        snprintf(text, size, "axis %u: the %s command went stale, now 0", axis,
-                 mode_name(personality, a));
+        snprintf(text, size, "axis %u: the %s command went stale, %s", axis,
+                 mode_name(personality, a), stale_means(personality));
         return;
     case BOARD_EVENT_SOURCE_LOST:
         snprintf(text, size, "axis %u: torque source %" PRIu32 " is silent, motor off", axis, a);
         return;
     case BOARD_EVENT_LIMIT:
-        snprintf(text, size, "axis %u is beyond its limit at %" PRId32 " %s, voltage 0", axis,
-                 (int32_t)a, personality == BOARD_COMPACT ? "x 1e-5 rad" : "ticks");
+        snprintf(text, size, "axis %u is beyond its limit at %" PRId32 " %s", axis, (int32_t)a,
+                 personality == BOARD_COMPACT ? "x 1e-5 rad, obeys only what leads back"
+                                              : "ticks, voltage 0");
         return;
     case BOARD_EVENT_UNKNOWN:
         snprintf(text, size, "no such command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
@@ -148,6 +155,10 @@ static void describe(enum board_personality personality, const struct board_even
         return;
     case BOARD_EVENT_OVERFLOW:
         snprintf(text, size, "loses frames, %" PRIu32 " until now", a);
+        return;
+    case BOARD_EVENT_OVER_HEATED:
+        snprintf(text, size, "axis %u is too hot: %.1f degree C", axis,
+                 (int32_t)a * ICUB_TEMPERATURE_C);
         return;
     }
     snprintf(text, size, "event %d", (int)event->kind);

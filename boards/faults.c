@@ -98,6 +98,12 @@ static const struct rule rules[] = {
      "without contact to the bus a share of the time, at random",
      false,
      {SHARE, {"dwell", "s, mean length of a gap", 1e-4, 1e3, false, 0.02}}},
+    {FAULT_BOARD,
+     FAULT_HUNG,
+     "hung",
+     "once, the firmware stands still until its watchdog resets it",
+     false,
+     {{"watchdog", "s", 1e-3, 60.0, false, 1.0}}},
 
     {FAULT_MOTOR, FAULT_OPEN_PHASE, "open_phase", "no current flows", false, {{0}}},
     {FAULT_MOTOR, FAULT_SHORT, "short", "the winding is shorted and brakes", false, {{0}}},

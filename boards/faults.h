@@ -8,6 +8,7 @@
  *     sensor LKneeSag.motor_encoder stuck 3.0..
  *     sensor l_leg_ft.fz wrong gain=1.1 offset=-20
  *     board left_leg/1 off 1..1.2
+ *     board left_leg/2 hung watchdog=0.5 2.0..
  *     lossy: bus left_leg loss 0.1 manual
  *     supply sag 30 1..1.05
  *
@@ -44,6 +45,7 @@ enum fault_kind {
     FAULT_SLOW,         /* sensor: a new value only every period; board: every n-th frame only */
     FAULT_DELAYED,      /* everything comes later */
     FAULT_INTERMITTENT, /* a loose contact: off, or for a board without bus, a share of the time */
+    FAULT_HUNG,         /* boards: the firmware stands still until its watchdog resets it */
     FAULT_OPEN_PHASE,   /* motors: enum drive_condition */
     FAULT_SHORT,
     FAULT_JAM,

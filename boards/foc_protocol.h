@@ -34,6 +34,9 @@
  *   0x100 | a << 4 | 3  STATUS             0: u8 mode; 1: u8 encoder bits; 2: i16 PWM, +-32000;
  *                                          4: u32 fault bits
  *   0x100 | a << 4 | C  ADDITIONAL_STATUS  0: 2 bytes, 0; 2: i16 temperature, 0.1 degree C
+ *
+ * Temperatures are raw in the real protocol, what a count is worth depends on the thermometer; here
+ * it is 0.1 degree C. They are watched when SET_MOTOR_CONFIG says that there is a thermometer.
  */
 #ifndef BOARDS_FOC_PROTOCOL_H
 #define BOARDS_FOC_PROTOCOL_H

@@ -196,6 +196,19 @@ enum icub_can_status {
     ICUB_CAN_RX_OVERRUN = 1 << 6,
 };
 
+/* STATUS byte 5 */
+enum icub_board_status {
+    ICUB_BOARD_LOOP_OVERFLOW = 1 << 0,
+    ICUB_BOARD_OVER_TEMPERATURE_0 = 1 << 1, /* axis 0 */
+    ICUB_BOARD_OVER_TEMPERATURE_1 = 1 << 2,
+    ICUB_BOARD_TEMPERATURE_ERROR_0 = 1 << 3,
+    ICUB_BOARD_TEMPERATURE_ERROR_1 = 1 << 4,
+};
+
+/* SET_TEMPERATURE_LIMIT and 2FOC temperatures: what a raw count is worth depends on the thermometer
+ * that a board has; those here read 0.1 degree C. */
+#define ICUB_TEMPERATURE_C 0.1
+
 enum { ICUB_SLOTS = 4 }; /* a BLL board's periodic frames take turns, 1 ms each */
 enum { ICUB_STATUS_PERIOD_MS = 5000 };
 enum { ICUB_STRAIN_SAFE_MS = 200 };  /* silence of a torque source that stops a torque loop */

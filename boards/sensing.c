@@ -34,6 +34,7 @@ struct sensor_fault {
 
 struct joint_state {
     double start_rad; /* incremental encoder: where it stood */
+    bool restarts;    /* its counter begins anew with the next sample */
     double heated_c;  /* winding above ambient */
     double keep;      /* exp(-tick/tau) */
     double last_q, last_qm;
@@ -481,13 +482,17 @@ static void read_joint(struct sensing *s, size_t j, const struct motor_sense *tr
     size_t link = joint_channel(j, SENSOR_LINK_ENCODER),
            motor = joint_channel(j, SENSOR_MOTOR_ENCODER);
 
-    if (!s->started) {
-        state->start_rad = s->joint[j].incremental ? truth->qm : 0.0;
+    if (s->joint[j].incremental && (!s->started || state->restarts)) {
+        state->start_rad = truth->qm;
     }
     *out = *truth;
     out->q = read_channel(s, link, truth->q);
     out->qm = read_channel(s, motor, truth->qm - state->start_rad);
     out->qd = rate(s, link, out->q, &state->last_q, truth->qd);
+    if (state->restarts) {
+        state->last_qm = out->qm; /* no jump for those who look at the rate */
+        state->restarts = false;
+    }
     out->qmd = rate(s, motor, out->qm, &state->last_qm, truth->qmd);
     out->current_a = read_channel(s, joint_channel(j, SENSOR_CURRENT), truth->current_a);
     out->torque_nm = read_channel(s, joint_channel(j, SENSOR_TORQUE), truth->torque_nm);
@@ -523,6 +528,13 @@ static void read_imu(struct sensing *s, const struct imu_sense *truth)
         s->measured.imu.gyro_rad_s[i] = read_channel(s, imu_channel(s, i), truth->gyro_rad_s[i]);
         s->measured.imu.accel_m_s2[i] =
             read_channel(s, imu_channel(s, 3 + i), truth->accel_m_s2[i]);
+    }
+}
+
+void sensing_restart_counter(struct sensing *s, size_t joint)
+{
+    if (joint < s->config.njoint) {
+        s->state[joint].restarts = s->joint[joint].incremental;
     }
 }
 

@@ -4,14 +4,15 @@
  * tick:
  *
  *   1. latency:   x of latency_ns ago (linear between ticks);
- *   2. error:     (1 + gain_error) x + offset + drift, the drift a random walk of drift_per_sqrt_s and
- *                 a ramp of ramp_per_s, both zero at the start;
+ *   2. error:     (1 + gain_error) x + offset + drift, the drift a random walk of drift_per_sqrt_s
+ *                 and a ramp of ramp_per_s, both zero at the start;
  *   3. noise:     white, Gaussian, noise_rms at every sample;
  *   4. converter: cut to +-full_scale, then rounded to steps of lsb;
  *   5. faults (boards/faults.h), on what comes out.
  *
  * A force-torque sensor mixes its six channels before that (crosstalk). An encoder may start at an
- * unknown place: with `incremental` it counts from where it stood at the start. The boards round
+ * unknown place: with `incremental` it counts from where it stood at the start, and again after
+ * sensing_restart_counter, for the counter is in the board. The boards round
  * encoder angles to ticks themselves and estimate velocities from the ticks as the firmware does;
  * motor_sense's qd and qmd are, where an encoder is not ideal, the difference of its last two
  * readings, and the truth elsewhere.
@@ -86,5 +87,9 @@ enum error_code sensing_create(const struct sensing_config *config, struct arena
  * done about it. RT-safe. */
 const struct plant_sensors *sensing_sample(struct sensing *sensing,
                                            const struct plant_sensors *truth);
+
+/* The board that counts a joint's motor encoder has restarted: an incremental one counts from where
+ * it stands at the next sample. RT-safe. */
+void sensing_restart_counter(struct sensing *sensing, size_t joint);
 
 #endif

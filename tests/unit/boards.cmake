@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(part commands compact control foc messages modes strain table)
+foreach(part commands compact control foc heat messages modes nodes strain table)
     hil_test(boards_${part} SOURCES ${CMAKE_CURRENT_LIST_DIR}/boards_${part}.c
              LIBS boards Threads::Threads LABELS unit)
 endforeach()
+hil_test(boards_wire SOURCES ${CMAKE_CURRENT_LIST_DIR}/boards_wire.c
+         LIBS boards canbus Threads::Threads LABELS unit)
 hil_test(boards_fuzz SOURCES ${CMAKE_CURRENT_LIST_DIR}/../fuzz/boards.c
          LIBS boards -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc LABELS fuzz)
 hil_test(boards_drive SOURCES ${CMAKE_CURRENT_LIST_DIR}/../physics/boards_drive.c

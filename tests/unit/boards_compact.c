@@ -547,6 +547,35 @@ static void a_wrong_configuration_is_refused(void **state)
     }
 }
 
+static void events_have_the_names_of_this_protocol(void **state)
+{
+    static const struct {
+        struct board_event event;
+        const char *text;
+    } cases[] = {
+        {{.kind = BOARD_EVENT_MODE, .axis = 1, .a = COMPACT_OFF, .b = COMPACT_VOLTAGE},
+         "axis 1 from off to voltage mode"},
+        {{.kind = BOARD_EVENT_MODE, .a = COMPACT_CURRENT, .b = COMPACT_FAULT},
+         "axis 0 from current to fault mode"},
+        {{.kind = BOARD_EVENT_TIMEOUT, .a = COMPACT_VOLTAGE},
+         "axis 0: the voltage command went stale, now 0"},
+        {{.kind = BOARD_EVENT_FAULT, .a = COMPACT_FAULT_TEMPERATURE},
+         "axis 0 has a fault: temperature"},
+        {{.kind = BOARD_EVENT_LIMIT, .a = (uint32_t)-200100},
+         "axis 0 is beyond its limit at -200100 x 1e-5 rad, obeys only what leads back"},
+    };
+    char text[256];
+    struct rig rig;
+
+    (void)state;
+    start(&rig);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        board_event_format(rig.boards, &cases[i].event, text, sizeof text);
+        assert_string_equal(strstr(text, "): ") + 3, cases[i].text);
+    }
+    rig_stop(&rig);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -568,6 +597,7 @@ int main(void)
         cmocka_unit_test(what_is_saved_survives_a_restart),
         cmocka_unit_test(a_board_that_boots_is_silent),
         cmocka_unit_test(a_classic_half_leg_fits_1_mbit_at_1_khz),
+        cmocka_unit_test(events_have_the_names_of_this_protocol),
         cmocka_unit_test(a_wrong_configuration_is_refused),
     };
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Faults of boards: what each does to the frames of one board, to no other, and not before or after. */
+/* Faults of boards: what each does to the frames of one board, to no other, only in its time. */
 #include "tests/unit/boards_rig.h"
 
 #include "boards/faults.h"
@@ -118,7 +118,8 @@ static void armed_fault_that_does_not_begin_changes_no_frame(void **state)
     static const char *const lines[] = {
         "board leg1 off manual",          "board leg1 stuck manual",
         "board leg1 garbage manual",      "board leg1 slow 3 manual",
-        "board leg1 delayed 0.01 manual", "board leg1 intermittent manual"};
+        "board leg1 delayed 0.01 manual", "board leg1 intermittent manual",
+        "board leg1 hung manual"};
     uint64_t sound = run_hash(NULL, false);
 
     (void)state;
@@ -129,10 +130,13 @@ static void armed_fault_that_does_not_begin_changes_no_frame(void **state)
 
 static void fault_shows_on_its_board_only_and_repeats_with_the_seed(void **state)
 {
-    static const char *const lines[] = {
-        "board leg1 off 0.05..",          "board leg1 stuck 0.05..",
-        "board leg1 garbage 0.05..",      "board leg1 slow 3 0.05..",
-        "board leg1 delayed 0.01 0.05..", "board leg1 intermittent 0.05.."};
+    static const char *const lines[] = {"board leg1 off 0.05..",
+                                        "board leg1 stuck 0.05..",
+                                        "board leg1 garbage 0.05..",
+                                        "board leg1 slow 3 0.05..",
+                                        "board leg1 delayed 0.01 0.05..",
+                                        "board leg1 intermittent 0.05..",
+                                        "board leg1 hung watchdog=0.03 0.05.."};
     uint64_t sound = run_hash(NULL, false), others = run_hash(NULL, true);
 
     (void)state;
@@ -198,6 +202,229 @@ static void board_that_boots_is_away_for_its_boot_time(void **state)
         }
     }
     assert_in_range((uint64_t)first, 80, 86);
+    end(&bench);
+}
+
+/* +333 counts of 1333 in open loop; then the firmware stands still, the timer does not. */
+static void hung_board_keeps_its_share_of_the_supply_until_the_watchdog_resets_it(void **state)
+{
+    static struct bench bench;
+
+    (void)state;
+    begin(&bench, "board leg1 hung watchdog=0.03 0.02..0.021");
+    enable(&bench);
+    while (bench.ms < 20) {
+        tick(&bench);
+    }
+    assert_near(bench.rig.motor[0].voltage_v, 333.0 / 1333.0 * SUPPLY_V, 1e-12);
+    while (bench.ms < 50) {
+        bench.rig.sensors.supply_v = bench.ms < 30 ? SUPPLY_V : 40.0;
+        rig_send(&bench.rig, 0, 0x001, "72 00 00"); /* nobody hears it */
+        rig_send(&bench.rig, 0, 0x70f, "FF");
+        tick(&bench);
+        assert_int_equal(rig_sent(&bench.rig, 0, POSITION), 0);
+        assert_int_equal(rig_sent(&bench.rig, 0, 0x710), 0);
+        assert_true(bench.rig.motor[0].bridge_on);
+        assert_near(bench.rig.motor[0].voltage_v, 333.0 / 1333.0 * bench.rig.sensors.supply_v,
+                    1e-12);
+        assert_false(bench.rig.motor[1].bridge_on);
+    }
+    for (int i = 0; i < 8; i++) {
+        tick(&bench);
+        assert_false(bench.rig.motor[0].bridge_on); /* idle after the restart */
+    }
+    enable(&bench);
+    tick(&bench);
+    assert_true(bench.rig.motor[0].bridge_on);
+    end(&bench);
+}
+
+static void hung_board_boots_for_its_boot_time_and_hangs_once(void **state)
+{
+    static struct bench bench;
+    int64_t first = 0;
+    size_t sent = 0;
+
+    (void)state;
+    begin(&bench, "board leg1 hung watchdog=0.02 0.05..");
+    rig_stop(&bench.rig);
+    bench.rig.board[0].boot_ns = 30 * MS;
+    rig_start(&bench.rig);
+    while (bench.ms < 300) {
+        tick(&bench);
+        if (bench.ms > 50 && rig_sent(&bench.rig, 0, POSITION)) {
+            first = first ? first : bench.ms;
+            sent++;
+        }
+    }
+    assert_in_range((uint64_t)first, 100, 106); /* 50 + 20 + 30, and its slot */
+    assert_in_range(sent, 48, 51);
+    end(&bench);
+}
+
+static void emergency_stop_opens_the_bridges_of_a_hung_board(void **state)
+{
+    static struct bench bench;
+
+    (void)state;
+    begin(&bench, "board leg1 hung watchdog=1 0.02..");
+    enable(&bench);
+    while (bench.ms < 30) {
+        tick(&bench);
+    }
+    assert_true(bench.rig.motor[0].bridge_on);
+    boards_shut_down(bench.rig.boards, &bench.rig.command);
+    for (int i = 0; i < 5; i++) {
+        assert_false(bench.rig.motor[0].bridge_on);
+        assert_true(bench.rig.motor[0].voltage_v == 0.0);
+        tick(&bench);
+    }
+    end(&bench);
+}
+
+/* Board leg2 has one axis; the joints of leg1 are none of its business. */
+static void hung_board_leaves_the_bridges_of_others_alone(void **state)
+{
+    static struct bench bench;
+
+    (void)state;
+    begin(&bench, "board leg2 hung watchdog=1 0.02..");
+    enable(&bench);
+    while (bench.ms < 30) {
+        tick(&bench);
+    }
+    rig_send(&bench.rig, 0, 0x001, "72 00 01");
+    tick(&bench);
+    assert_near(bench.rig.motor[0].voltage_v, 256.0 / 1333.0 * SUPPLY_V, 1e-12);
+    end(&bench);
+}
+
+static void power_cut_ends_a_hang(void **state)
+{
+    static struct bench bench;
+    struct board_event event;
+    struct fault fault[2];
+    int restarts = 0;
+
+    (void)state;
+    begin(&bench, "board leg1 hung watchdog=10 0.02..");
+    rig_stop(&bench.rig);
+    fault[0] = *faults_at(bench.faults, 0);
+    fault[1] = fault[0];
+    fault[1].kind = FAULT_OFF;
+    fault[1].from_ns = 40 * MS;
+    fault[1].to_ns = 50 * MS;
+    snprintf(fault[1].name, sizeof fault[1].name, "off");
+    assert_int_equal(
+        faults_create(fault, 2, 5, &bench.arena, &bench.faults, &(struct error){ERROR_NONE}),
+        ERROR_NONE);
+    bench.rig.config.faults = bench.faults;
+    rig_start(&bench.rig);
+    enable(&bench);
+    while (bench.ms < 45) {
+        tick(&bench);
+    }
+    assert_false(bench.rig.motor[0].bridge_on);
+    while (bench.ms < 60) {
+        tick(&bench);
+    }
+    while (rig_event(&bench.rig, BOARD_EVENT_RESTART, &event)) {
+        restarts++;
+    }
+    assert_int_equal(restarts, 2); /* into the bootloader and out of it: by the power alone */
+    assert_int_not_equal(position(&bench), INT32_MAX);
+    end(&bench);
+}
+
+/* A field that the firmware turns stands still: the motor brakes. */
+static void hung_2foc_brakes(void **state)
+{
+    static const struct boards_bus_config buses[RIG_BUSES] = {{.personality = BOARD_FOC}};
+    static struct bench bench;
+
+    (void)state;
+    begin(&bench, "board leg1 hung watchdog=0.03 0.02..");
+    rig_stop(&bench.rig);
+    bench.rig.config.bus = buses;
+    bench.rig.config.nboard = 1;
+    bench.rig.board[0].axis[0].gear = 100.0;
+    bench.rig.board[0].axis[1].joint = -1;
+    rig_start(&bench.rig);
+    rig_send(&bench.rig, 0, 0x001, "5B 01 06");
+    rig_send(&bench.rig, 0, 0x001, "77 01 00 10 00 00 0E");
+    rig_send(&bench.rig, 0, 0x001, "48 00 A0 0F 40 1F 20 4E");
+    rig_send(&bench.rig, 0, 0x001, "65 92 00 E3 00 00 00 0F");
+    rig_send(&bench.rig, 0, 0x001, "09 50");
+    while (bench.ms < 50) {
+        rig_send(&bench.rig, 0, 0x10f, "00 10");
+        tick(&bench);
+        assert_true(bench.rig.motor[0].bridge_on);
+        assert_int_equal(bench.rig.motor[0].voltage_v != 0.0, bench.ms <= 20);
+    }
+    tick(&bench);
+    assert_false(bench.rig.motor[0].bridge_on);
+    end(&bench);
+}
+
+static void joint_restarted(void *context, int joint)
+{
+    sensing_restart_counter(context, (size_t)joint);
+}
+
+/* What the motor board 1 tells of its rotor, in ticks, before and after it was without power. */
+static void counter_of_an_incremental_encoder_starts_anew_with_the_power(void **state)
+{
+    static struct bench bench;
+    struct sensor_joint joint[RIG_JOINTS] = {{.name = "hip", .incremental = true}};
+    struct sensing_config config = {
+        .njoint = RIG_JOINTS, .nft = 1, .joint = joint, .tick_ns = MS, .seed = 1};
+    struct motor_sense true_sense[RIG_JOINTS] = {{.qm = 0.5}};
+    struct plant_sensors truth;
+    struct sensing *sensing;
+    struct error error;
+    int32_t seen[3] = {0};
+
+    (void)state;
+    for (int j = 1; j < RIG_JOINTS; j++) {
+        joint[j].name = "other";
+        true_sense[j].qm = 0.25;
+    }
+    begin(&bench, "board leg1 off 0.1..0.12");
+    rig_stop(&bench.rig);
+    assert_int_equal(sensing_create(&config, &bench.arena, &sensing, &error), ERROR_NONE);
+    bench.rig.config.restarted = joint_restarted;
+    bench.rig.config.context = sensing;
+    rig_start(&bench.rig);
+    rig_send(&bench.rig, 0, 0x001, "49 FF 0F 00 00");
+    truth = bench.rig.sensors;
+    truth.motor = true_sense;
+    bench.rig.sensors = *sensing_sample(sensing, &truth);
+    for (; bench.ms < 200; bench.ms++) {
+        const struct bus_frame *frame;
+
+        true_sense[0].qm = bench.ms < 50 ? 0.5 : bench.ms < 110 ? 0.6 : bench.ms < 150 ? 0.9 : 1.0;
+        truth.time_ns = bench.ms * MS;
+        faults_step(bench.faults, bench.ms * MS);
+        if (bench.ms == 125) {
+            rig_send(&bench.rig, 0, 0x001, "49 FF 0F 00 00");
+        }
+        boards_control(bench.rig.boards, &bench.rig.sensors, &bench.rig.command);
+        bench.rig.sensors = *sensing_sample(sensing, &truth);
+        bench.rig.count[0] = boards_transmit(bench.rig.boards, 0, &bench.rig.sensors,
+                                             bench.rig.frame[0], RIG_FRAMES);
+        frame = rig_find(&bench.rig, 0, 0x110 | ICUB_MOTOR_POSITION);
+        if (frame) {
+            seen[bench.ms < 100 ? 0 : bench.ms < 150 ? 1 : 2] = get_i32_le(frame->data);
+            assert_int_equal(get_i32_le(frame->data + 4), 0.25 * MOTOR_TICKS_PER_RAD);
+        }
+        frame = rig_find(&bench.rig, 0, 0x110 | ICUB_MOTOR_SPEED);
+        if (frame && bench.ms > 120 && bench.ms < 150) {
+            assert_int_equal(get_i16_le(frame->data), 0); /* the jump of the count is no motion */
+        }
+    }
+    assert_int_equal(seen[0], lround(0.1 * MOTOR_TICKS_PER_RAD));
+    assert_int_equal(seen[1], 0);
+    assert_int_equal(seen[2], lround(0.1 * MOTOR_TICKS_PER_RAD));
     end(&bench);
 }
 
@@ -392,6 +619,13 @@ int main(void)
         cmocka_unit_test(fault_shows_on_its_board_only_and_repeats_with_the_seed),
         cmocka_unit_test(board_without_power_is_silent_deaf_and_limp_and_boots_anew),
         cmocka_unit_test(board_that_boots_is_away_for_its_boot_time),
+        cmocka_unit_test(hung_board_keeps_its_share_of_the_supply_until_the_watchdog_resets_it),
+        cmocka_unit_test(hung_board_boots_for_its_boot_time_and_hangs_once),
+        cmocka_unit_test(emergency_stop_opens_the_bridges_of_a_hung_board),
+        cmocka_unit_test(hung_board_leaves_the_bridges_of_others_alone),
+        cmocka_unit_test(power_cut_ends_a_hang),
+        cmocka_unit_test(hung_2foc_brakes),
+        cmocka_unit_test(counter_of_an_incremental_encoder_starts_anew_with_the_power),
         cmocka_unit_test(replies_that_wait_are_lost_with_the_power),
         cmocka_unit_test(stuck_board_repeats_its_last_position_at_its_rate),
         cmocka_unit_test(garbage_keeps_identifiers_and_lengths),

@@ -243,6 +243,8 @@ static void a_set_point_expires_after_50_ms(void **state)
     assert_false(rig.motor[0].bridge_on);
     assert_true(boards_fault(rig.boards));
     assert_true(rig_event(&rig, BOARD_EVENT_TIMEOUT, &event));
+    board_event_format(rig.boards, &event, text, sizeof text);
+    assert_non_null(strstr(text, "axis 0: the voltage command went stale, a fault"));
     assert_true(rig_event(&rig, BOARD_EVENT_FAULT, &event));
     assert_int_equal(event.a, FOC_FAULT_SET_POINT_EXPIRED);
     board_event_format(rig.boards, &event, text, sizeof text);

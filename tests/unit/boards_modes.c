@@ -997,6 +997,8 @@ static void every_kind_of_event_has_its_sentence(void **state)
         {{.kind = BOARD_EVENT_RESTART, .a = 1}, "in its bootloader"},
         {{.kind = BOARD_EVENT_RESTART, .a = 0}, "application started"},
         {{.kind = BOARD_EVENT_OVERFLOW, .a = 3}, "loses frames, 3 until now"},
+        {{.kind = BOARD_EVENT_OVER_HEATED, .axis = 1, .a = 705},
+         "axis 1 is too hot: 70.5 degree C"},
     };
     char text[256];
     struct rig rig;

@@ -1,0 +1,284 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What a 2FOC board does on each command of class 0 and on DESIRED_TARGETS. */
+#include "boards/foc_private.h"
+#include "boards/motor_control.h"
+
+#include "canbus/frame.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { TOLERANCE = 36 }; /* of the encoder, 0.1 deg */
+
+static bool is_control_mode(int64_t mode)
+{
+    return mode == ICUB_MODE_CURRENT || mode == ICUB_MODE_SPEED_VOLTAGE ||
+           mode == ICUB_MODE_SPEED_CURRENT || mode == ICUB_MODE_OPEN_LOOP ||
+           mode == ICUB_MODE_POSITION;
+}
+
+static bool command_mode(struct board *board, int64_t mode)
+{
+    struct foc_board *foc = board->foc;
+    bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
+
+    if (!stop && !is_control_mode(mode)) {
+        return false;
+    }
+    if (foc->mode == ICUB_MODE_NOT_CONFIGURED) {
+        return true;
+    }
+    if (foc->mode == ICUB_MODE_HARDWARE_FAULT) {
+        if (mode == ICUB_MODE_FORCE_IDLE) {
+            foc->faults = 0;
+            foc->encoder = 0;
+            foc_set_mode(board, ICUB_MODE_IDLE);
+        }
+        return true;
+    }
+    foc_set_mode(board, stop ? ICUB_MODE_IDLE : (uint8_t)mode);
+    return true;
+}
+
+static float float_of(const uint8_t *data)
+{
+    uint32_t bits = get_u32_le(data);
+    float value;
+
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+static bool command_law(struct foc_board *foc, const struct bus_frame *frame,
+                        const int64_t *request)
+{
+    bool current = frame->data[0] == FOC_SET_CURRENT_PID;
+    struct foc_law *law = current ? &foc->current : &foc->speed;
+
+    if (frame->len == 6) {
+        if (!foc_law_set_gain(law, frame->data[1] - 1u, (double)float_of(frame->data + 2))) {
+            return false;
+        }
+    } else if (frame->len == 8) {
+        foc_law_set(law, request[0], request[1], request[3]);
+    } else {
+        return false;
+    }
+    foc->current_set = foc->current_set || current;
+    return true;
+}
+
+static bool command_pid(struct foc_board *foc, const struct bus_frame *frame,
+                        const int64_t *request)
+{
+    float value = float_of(frame->data + 4);
+    unsigned which = (unsigned)request[1];
+
+    if (which < FOC_PID_KP || which > FOC_PID_STICTION_DOWN || !isfinite(value)) {
+        return false;
+    }
+    switch (request[0]) {
+    case FOC_LOOP_POSITION:
+        foc->position_law.gain[which] = value;
+        return true;
+    case FOC_LOOP_CURRENT:
+        /* the other parameters have no use in a PI law with fixed limits */
+        foc->current_set = true;
+        return which > FOC_PID_KI ||
+               foc_law_set_gain(&foc->current, which - FOC_PID_KP, (double)value);
+    case FOC_LOOP_VELOCITY:
+        return which > FOC_PID_KI ||
+               foc_law_set_gain(&foc->speed, which - FOC_PID_KP, (double)value);
+    default:
+        return false;
+    }
+}
+
+static bool command_limit(struct foc_board *foc, const struct bus_frame *frame,
+                          const int64_t *request)
+{
+    if (frame->len == 5) {
+        foc->peak_ma = get_i16_le(frame->data + 1);
+        foc->nominal_ma = foc->peak_ma / 2;
+        foc->overload_ma = 20000;
+    } else if (frame->len == 8) {
+        foc->nominal_ma = request[0];
+        foc->peak_ma = request[1];
+        foc->overload_ma = request[2];
+    } else {
+        return false;
+    }
+    return true;
+}
+
+static void configure_motor(struct foc_board *foc, const struct bus_frame *frame,
+                            const int64_t *request)
+{
+    foc->flags = (uint8_t)request[0];
+    foc->resolution = request[1];
+    foc->index_offset = request[2];
+    foc->poles = request[3];
+    foc->tolerance = frame->len == 8 ? request[4] : TOLERANCE;
+    foc->motor_set = true;
+    foc->encoder &= (uint8_t)~FOC_QE_NOT_CALIBRATED;
+    if (foc->flags & FOC_HAS_HALL) {
+        foc->flags &= (uint8_t) ~(FOC_HAS_INDEX | FOC_HAS_TEMPERATURE);
+    }
+    if (foc->flags & FOC_HAS_QE && foc->flags & FOC_HAS_INDEX) {
+        foc->encoder |= FOC_QE_NOT_CALIBRATED;
+    }
+}
+
+static bool configure(struct foc_board *foc, const struct bus_frame *frame, const int64_t *request)
+{
+    switch (frame->data[0]) {
+    case FOC_SET_CURRENT_PID:
+    case FOC_SET_VELOCITY_PID:
+        return command_law(foc, frame, request);
+    case FOC_SET_PID:
+        return command_pid(foc, frame, request);
+    case FOC_SET_CURRENT_LIMIT:
+        return command_limit(foc, frame, request);
+    case FOC_SET_MOTOR_CONFIG:
+        configure_motor(foc, frame, request);
+        return true;
+    case FOC_SET_TEMPERATURE_LIMIT:
+        foc->temperature_limit = request[0];
+        return true;
+    case FOC_SET_MOTOR_PARAMETER:
+        if (request[0] < FOC_MOTOR_BEMF || request[0] > FOC_MOTOR_MAX_VELOCITY) {
+            return false;
+        }
+        foc->motor_parameter[request[0]] = float_of(frame->data + 2);
+        return true;
+    case ICUB_SET_I2T: /* the limits of the current set it here */
+        return true;
+    default:
+        return false;
+    }
+}
+
+static void take_target(struct foc_board *foc, int64_t target)
+{
+    switch (foc->mode) {
+    case ICUB_MODE_OPEN_LOOP:
+        foc->target = control_clamp(target, -FOC_PWM_MAX, FOC_PWM_MAX);
+        break;
+    case ICUB_MODE_CURRENT:
+        foc->target = control_clamp(target, -foc->peak_ma, foc->peak_ma);
+        break;
+    case ICUB_MODE_IDLE:
+        foc_forget_references(foc);
+        break;
+    default:
+        foc->target = target;
+        break;
+    }
+}
+
+static void tell_firmware(struct board *board, const int64_t *host, int64_t *reply)
+{
+    board->foc->compatible = host[0] == ICUB_PROTOCOL_MAJOR && host[1] == ICUB_PROTOCOL_MINOR;
+    reply[0] = board->ops->type;
+    reply[1] = board->ops->major;
+    reply[2] = board->ops->minor;
+    reply[3] = board->ops->build;
+    reply[4] = ICUB_PROTOCOL_MAJOR;
+    reply[5] = ICUB_PROTOCOL_MINOR;
+    reply[6] = board->foc->compatible;
+}
+
+static bool get(struct board *board, unsigned code, const int64_t *request, int64_t *reply)
+{
+    struct foc_board *foc = board->foc;
+    uint32_t bits;
+
+    switch (code) {
+    case FOC_GET_FIRMWARE_VERSION:
+        tell_firmware(board, request, reply);
+        return true;
+    case ICUB_GET_CONTROL_MODE:
+        reply[0] = foc->mode;
+        return true;
+    case ICUB_GET_BOARD_ID:
+        reply[0] = board->address;
+        return true;
+    case FOC_GET_MOTOR_PARAMETER:
+        if (request[0] < FOC_MOTOR_BEMF || request[0] > FOC_MOTOR_MAX_VELOCITY) {
+            return false;
+        }
+        memcpy(&bits, &foc->motor_parameter[request[0]], sizeof bits);
+        reply[0] = request[0];
+        reply[1] = bits;
+        return true;
+    default:
+        return false;
+    }
+}
+
+static void become_idle_when_configured(struct board *board)
+{
+    struct foc_board *foc = board->foc;
+
+    if (foc->mode == ICUB_MODE_NOT_CONFIGURED && foc->compatible && foc->motor_set &&
+        foc->current_set && foc->peak_ma != 0) {
+        foc_set_mode(board, ICUB_MODE_IDLE);
+        foc->answers += foc->answers < FOC_ANSWERS_MAX; /* tells it unasked, once */
+    }
+}
+
+bool foc_command(struct board *board, const struct bus_frame *frame, const int64_t *request,
+                 int64_t *reply, bool *answer)
+{
+    struct foc_board *foc = board->foc;
+    unsigned code = frame->data[0];
+    bool obeyed;
+
+    (void)answer;
+    if (get(board, code, request, reply)) {
+        become_idle_when_configured(board);
+        return true;
+    }
+    if (code == ICUB_SET_BOARD_ID) {
+        return !foc_runs(foc->mode) && board_set_address(board, (uint8_t)request[0]);
+    }
+    if (!foc->compatible) {
+        return false; /* a host that has not said its protocol is not trusted */
+    }
+    switch (code) {
+    case FOC_SET_CONTROL_MODE:
+        return command_mode(board, request[0]);
+    case ICUB_SET_OPEN_LOOP:
+        obeyed = foc->mode == ICUB_MODE_OPEN_LOOP;
+        break;
+    case ICUB_SET_DESIRED_VELOCITY:
+        obeyed = foc->mode == ICUB_MODE_SPEED_VOLTAGE || foc->mode == ICUB_MODE_SPEED_CURRENT;
+        break;
+    default:
+        obeyed = configure(foc, frame, request);
+        become_idle_when_configured(board);
+        return obeyed;
+    }
+    if (obeyed) {
+        take_target(foc, request[0]);
+    }
+    return obeyed;
+}
+
+/* Any such frame feeds the watchdog; one too short for this board's target gets no answer. */
+bool foc_targets(struct board *board, const struct bus_frame *frame)
+{
+    struct foc_board *foc = board->foc;
+
+    foc->target_ns = board->boards->time_ns;
+    if (frame->len < 2 * board->address) {
+        return false;
+    }
+    take_target(foc, get_i16_le(frame->data + 2 * (board->address - 1)));
+    if (foc->answers == FOC_ANSWERS_MAX) {
+        board_lose(board);
+    } else {
+        foc->answers++;
+    }
+    return true;
+}

@@ -1,0 +1,271 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What a motor board does on each command of class 0. */
+#include "boards/motor_private.h"
+
+#include "canbus/frame.h"
+
+#include <string.h>
+
+enum { CALIBRATION_MS = 100 }; /* how long CALIBRATE_ENCODER takes */
+
+static int64_t in_limits(const struct motor_axis *axis, int64_t position)
+{
+    const int64_t *p = axis->parameter;
+
+    return position < p[ICUB_P_MIN_POSITION]   ? p[ICUB_P_MIN_POSITION]
+           : position > p[ICUB_P_MAX_POSITION] ? p[ICUB_P_MAX_POSITION]
+                                               : position;
+}
+
+static void position_move(struct motor_axis *axis, int64_t target, int64_t speed)
+{
+    if (!motor_moves(axis)) {
+        return;
+    }
+    target = in_limits(axis, target);
+    axis->parameter[ICUB_P_DESIRED_POSITION] = target;
+    axis->trajectory.position = axis->desired;
+    trajectory_start(&axis->trajectory, (int32_t)target, speed);
+}
+
+static void velocity_move(struct board *board, struct motor_axis *axis, const int64_t *request)
+{
+    if (motor_has_velocity(axis)) {
+        axis->parameter[ICUB_P_DESIRED_VELOCITY] = request[0];
+        axis->parameter[ICUB_P_DESIRED_ACCELERATION] = request[1];
+        axis->velocity_ns = board->boards->time_ns;
+    }
+}
+
+static void stop_trajectory(struct motor_axis *axis)
+{
+    if (motor_moves(axis) || motor_has_velocity(axis)) {
+        axis->parameter[ICUB_P_DESIRED_VELOCITY] = 0;
+        axis->desired_velocity = axis->velocity_rest = 0;
+        motor_hold_position(axis);
+    }
+}
+
+/* The present position shall read value; references keep their distance to it. */
+static void set_encoder(struct motor_axis *axis, int64_t value)
+{
+    int64_t change = value - motor_position(axis);
+
+    axis->offset = (int32_t)control_clamp(axis->offset + change, INT32_MIN, INT32_MAX);
+    axis->desired = (int32_t)control_clamp(axis->desired + change, INT32_MIN, INT32_MAX);
+    axis->parameter[ICUB_P_DESIRED_POSITION] = axis->desired;
+    trajectory_stop(&axis->trajectory, axis->desired);
+}
+
+static bool calibrate(struct board *board, struct motor_axis *axis, const int64_t *request)
+{
+    if (request[0] != ICUB_CALIBRATE_ABSOLUTE) {
+        return false;
+    }
+    if (request[2] == 0) {
+        motor_print(board, "invalid calib p2");
+        motor_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
+    } else if (axis->mode != ICUB_MODE_HARDWARE_FAULT) {
+        motor_set_mode(board, axis, ICUB_MODE_CALIBRATION);
+        axis->calibration_zero = (int32_t)request[3];
+        axis->calibrated_ns = board->boards->time_ns + (int64_t)CALIBRATION_MS * MS;
+    }
+    return true;
+}
+
+static void tell_firmware(const struct board *board, const int64_t *host, int64_t *reply)
+{
+    reply[0] = board->ops->type;
+    reply[1] = board->ops->major;
+    reply[2] = board->ops->minor;
+    reply[3] = board->ops->build;
+    reply[4] = ICUB_PROTOCOL_MAJOR;
+    reply[5] = ICUB_PROTOCOL_MINOR;
+    reply[6] = board->motor->protocol_ack =
+        host[0] == ICUB_PROTOCOL_MAJOR && host[1] <= ICUB_PROTOCOL_MINOR;
+}
+
+/* The parameters of the position PID that a command brings: P, D, I, integral limit, offset, scale,
+ * output limit. */
+static uint8_t pid_bits(unsigned code)
+{
+    switch (code) {
+    case ICUB_SET_P_GAIN:
+        return 1 << 0;
+    case ICUB_SET_D_GAIN:
+        return 1 << 1;
+    case ICUB_SET_I_GAIN:
+        return 1 << 2;
+    case ICUB_SET_I_LIMIT:
+        return 1 << 3;
+    case ICUB_SET_OFFSET:
+        return 1 << 4;
+    case ICUB_SET_SCALE:
+        return 1 << 5;
+    case ICUB_SET_OUTPUT_LIMIT:
+        return 1 << 6;
+    case ICUB_SET_POSITION_PID:
+        return 1 << 0 | 1 << 1 | 1 << 2 | 1 << 5;
+    case ICUB_SET_POSITION_PID_LIMITS:
+        return 1 << 3 | 1 << 4 | 1 << 6;
+    default:
+        return 0;
+    }
+}
+
+/* What a parameter's new value means beyond being kept. */
+static void parameter_set(struct board *board, struct motor_axis *axis, unsigned code)
+{
+    int64_t now = board->boards->time_ns;
+
+    axis->pids |= pid_bits(code);
+    switch (code) {
+    case ICUB_SET_OPEN_LOOP:
+        axis->voltage_ns = now;
+        break;
+    case ICUB_SET_I_GAIN:
+        axis->position_pid.integral = 0;
+        break;
+    case ICUB_SET_TORQUE_SOURCE:
+        axis->source_ns = now;
+        break;
+    case ICUB_SET_INTERACTION_MODE:
+        board->motor->additional_due = true;
+        break;
+    default:
+        break;
+    }
+}
+
+/* Commands that ask for the state of an axis. */
+static bool tell(const struct board *board, const struct motor_axis *axis, unsigned code,
+                 int64_t *reply)
+{
+    const int64_t *p = axis->parameter;
+
+    switch (code) {
+    case ICUB_GET_CONTROL_MODE:
+        reply[0] = axis->mode;
+        return true;
+    case ICUB_MOTION_DONE:
+        reply[0] = !axis->trajectory.running && axis->mode != ICUB_MODE_CALIBRATION;
+        return true;
+    case ICUB_GET_ENCODER_POSITION:
+        reply[0] = motor_position(axis);
+        reply[1] = estimator_speed(&axis->joint.speed, p[ICUB_P_JOINT_SPEED_SHIFT]);
+        return true;
+    case ICUB_GET_ENCODER_VELOCITY:
+        reply[0] = estimator_speed(&axis->joint.speed, p[ICUB_P_JOINT_SPEED_SHIFT]);
+        return true;
+    case ICUB_GET_PID_ERROR:
+        reply[0] = axis->position_pid.error;
+        return true;
+    case ICUB_GET_PID_OUTPUT:
+        reply[0] = axis->output;
+        return true;
+    case ICUB_GET_POSITION_REFERENCE:
+        reply[0] = axis->desired;
+        return true;
+    case ICUB_GET_VELOCITY_REFERENCE:
+        reply[0] = axis->desired_velocity;
+        return true;
+    case ICUB_GET_ERROR_STATUS:
+        reply[0] = axis->faults | axis->faults_once;
+        return true;
+    case ICUB_GET_BOARD_ID:
+        reply[0] = board->address;
+        return true;
+    default:
+        return false;
+    }
+}
+
+/* Commands that make an axis do something. */
+static bool act(struct board *board, struct motor_axis *axis, unsigned code, const int64_t *request)
+{
+    switch (code) {
+    case ICUB_CALIBRATE_ENCODER:
+        return calibrate(board, axis, request);
+    case ICUB_SET_CONTROL_MODE:
+        return motor_command_mode(board, axis, request[0]);
+    case ICUB_WRITE_FLASH:
+        memcpy(axis->saved, axis->parameter, sizeof axis->saved);
+        return true;
+    case ICUB_READ_FLASH:
+        memcpy(axis->parameter, axis->saved, sizeof axis->saved);
+        return true;
+    case ICUB_POSITION_MOVE:
+        position_move(axis, request[0], request[1]);
+        return true;
+    case ICUB_VELOCITY_MOVE:
+        velocity_move(board, axis, request);
+        return true;
+    case ICUB_SET_ENCODER_POSITION:
+        set_encoder(axis, request[0]);
+        return true;
+    case ICUB_SET_DESIRED_TORQUE:
+        axis->parameter[ICUB_P_DESIRED_TORQUE] = control_clamp(request[0], INT16_MIN, INT16_MAX);
+        axis->torque_ns = board->boards->time_ns;
+        return true;
+    case ICUB_STOP_TRAJECTORY:
+        stop_trajectory(axis);
+        return true;
+    case ICUB_SET_COMMAND_POSITION:
+        if (axis->mode == ICUB_MODE_DIRECT) {
+            axis->desired = (int32_t)in_limits(axis, request[0]);
+        }
+        return true;
+    case ICUB_TOGGLE_VERBOSE: /* of the serial port, which is not here */
+        return true;
+    default:
+        return false;
+    }
+}
+
+static bool obey_board(struct board *board, const struct bus_frame *frame, unsigned code,
+                       const int64_t *request, int64_t *reply, bool *answer)
+{
+    switch (code) {
+    case ICUB_GET_INFO:
+        board_queue_info(board, icub_id(ICUB_POLLING_MOTOR, board->address, frame->id >> 4));
+        *answer = false;
+        return true;
+    case ICUB_SET_INFO:
+        board_set_info(board, request);
+        return true;
+    case ICUB_SET_BOARD_ID:
+        return board_set_address(board, (uint8_t)request[0]);
+    case ICUB_SET_BROADCAST_POLICY:
+        board->motor->policy = (uint32_t)request[0];
+        return true;
+    case ICUB_GET_FIRMWARE_VERSION:
+        tell_firmware(board, request, reply);
+        return true;
+    default:
+        return false;
+    }
+}
+
+bool motor_command(struct board *board, const struct bus_frame *frame, const int64_t *request,
+                   int64_t *reply, bool *answer)
+{
+    unsigned code = frame->data[0] & ~(unsigned)ICUB_AXIS_BIT;
+    struct motor_axis *axis = &board->motor->axis[frame->data[0] & ICUB_AXIS_BIT ? 1 : 0];
+    const struct icub_command *row = &icub_motor_commands[code];
+    int64_t *parameter = &axis->parameter[row->parameter];
+
+    switch (row->kind) {
+    case ICUB_SET:
+        memcpy(parameter, request, fields_count(row->request) * sizeof *parameter);
+        parameter_set(board, axis, code);
+        return true;
+    case ICUB_GET:
+        memcpy(reply, parameter, fields_count(row->reply) * sizeof *parameter);
+        return true;
+    case ICUB_DO:
+    case ICUB_NO_COMMAND:
+        break;
+    }
+    return obey_board(board, frame, code, request, reply, answer) ||
+           tell(board, axis, code, reply) || act(board, axis, code, request);
+}

@@ -1,0 +1,124 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The state of a motor board (boards/motor_board.c), shared by the sources that are its parts. */
+#ifndef BOARDS_MOTOR_PRIVATE_H
+#define BOARDS_MOTOR_PRIVATE_H
+
+#include "boards/board_private.h"
+#include "boards/motor_control.h"
+
+enum { MOTOR_AXES = 2 };
+
+struct encoder {
+    int32_t raw;
+    struct speed_estimator speed;
+};
+
+struct motor_axis {
+    int64_t parameter[ICUB_P_COUNT];
+    int64_t saved[ICUB_P_SAVED]; /* flash */
+    uint8_t mode;
+    uint8_t faults;      /* as long as their cause lasts */
+    uint8_t faults_once; /* until STATUS has told them */
+    uint8_t pids;        /* which parameters of the position PID have come; bits */
+    bool pads;           /* the bridge's drivers are enabled */
+    bool sensors_bad;    /* no number came from the plant */
+    uint8_t heat;        /* ICUB_BOARD_OVER_TEMPERATURE_0 and ..._ERROR_0, of this axis */
+    bool limit_told;     /* the refusal at a joint limit has been reported */
+    struct encoder joint, motor;
+    int32_t offset; /* position = raw + offset */
+    double current_a, torque_nm;
+    int32_t temperature; /* raw */
+    bool thermometer_bad;
+    double overload; /* integral of (I / limit)^2 - 1, ms */
+
+    int32_t desired;          /* position reference of this millisecond */
+    int64_t desired_velocity; /* ramped velocity reference */
+    int64_t velocity_rest;    /* what is less than a tick */
+    struct trajectory trajectory;
+    struct pid position_pid, torque_pid, current_pid, impedance;
+    int64_t torque_reference, torque; /* counts */
+    int64_t output, pwm;              /* of the law, and after the PWM limit */
+
+    int64_t voltage_ns, torque_ns, velocity_ns; /* when the reference was last commanded */
+    int64_t source_ns;                          /* when the torque source was chosen */
+    int64_t calibrated_ns;                      /* end of the calibration */
+    int32_t calibration_zero;
+};
+
+struct motor_board {
+    struct motor_axis axis[MOTOR_AXES];
+    double supply_v;
+    uint32_t policy;
+    int64_t sampled_ms, status_ms;
+    uint8_t text;          /* number of the last PRINT */
+    uint8_t can, can_told; /* bits of STATUS byte 4: news until told; as told the last time */
+    int told_tec, told_rec;
+    bool status_due, additional_due;
+    bool protocol_ack;     /* the host speaks our protocol */
+    bool powered, started; /* has had its first power-up; its first sample */
+};
+
+static inline unsigned motor_index(const struct board *board, const struct motor_axis *axis)
+{
+    return (unsigned)(axis - board->motor->axis);
+}
+
+static inline const struct board_axis_config *motor_config(const struct board *board,
+                                                           const struct motor_axis *axis)
+{
+    return &board->config.axis[motor_index(board, axis)];
+}
+
+static inline int32_t motor_position(const struct motor_axis *axis)
+{
+    return (int32_t)control_clamp((int64_t)axis->joint.raw + axis->offset, INT32_MIN, INT32_MAX);
+}
+
+static inline int64_t motor_milliamperes(const struct motor_axis *axis)
+{
+    int32_t value = 0;
+
+    control_quantize(axis->current_a * 1e3, &value);
+    return value;
+}
+
+static inline bool motor_runs(uint8_t mode)
+{
+    return mode != ICUB_MODE_IDLE && mode != ICUB_MODE_HARDWARE_FAULT;
+}
+
+/* A text for whoever watches the bus, in PRINT frames of six characters. */
+void motor_print(struct board *board, const char *text);
+
+/* Modes (motor_modes.c). A new mode or the present one again; references begin anew. */
+void motor_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode);
+
+/* SET_CONTROL_MODE; false: there is no such mode. */
+bool motor_command_mode(struct board *board, struct motor_axis *axis, int64_t mode);
+
+/* The axis stays where it is; the second: with nothing left of earlier commands. */
+void motor_hold_position(struct motor_axis *axis);
+void motor_reset_references(struct board *board, struct motor_axis *axis);
+
+/* What the mode has: a trajectory generator, a velocity reference, an impedance law. */
+bool motor_moves(const struct motor_axis *axis);
+bool motor_has_velocity(const struct motor_axis *axis);
+bool motor_is_impedance(const struct motor_axis *axis);
+
+/* Obeys a command (motor_commands.c); see struct board_ops. */
+bool motor_command(struct board *board, const struct bus_frame *frame, const int64_t *request,
+                   int64_t *reply, bool *answer);
+
+/* Faults, limits and time-outs of a tick (motor_watch.c). */
+void motor_watch(struct board *board);
+
+/* What the CAN controller is in, as STATUS byte 4 has it. */
+uint8_t motor_can_status(const struct board *board);
+
+/* One millisecond of an axis's control law (motor_laws.c). */
+void motor_step(const struct board *board, struct motor_axis *axis);
+
+/* The periodic frames (motor_telemetry.c). */
+void motor_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
+
+#endif

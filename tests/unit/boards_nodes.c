@@ -1,0 +1,78 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Each board is a CAN node of its own: its frames say which one. */
+#include "tests/unit/boards_rig.h"
+
+/* Of bus 0, in the order of the configuration: boards 1, 2, 0x0C, 0x0D. */
+static int node_of(unsigned address)
+{
+    switch (address) {
+    case 1:
+        return 0;
+    case 2:
+        return 1;
+    case 0x0c:
+        return 2;
+    default:
+        return 3;
+    }
+}
+
+static void every_frame_bears_the_number_of_its_board_on_its_bus(void **state)
+{
+    size_t seen[4] = {0};
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    /* telemetry of the motor boards, then of the others, which send what the host starts */
+    rig_send(&rig, 0, 0x001, "49 7F 00 00 00");
+    rig_send(&rig, 0, 0x002, "49 7F 00 00 00");
+    rig_send(&rig, 0, 0x20c, "07 00");
+    rig_send(&rig, 0, 0x20d, "07 00");
+    for (int tick = 0; tick < 40; tick++) {
+        rig_send(&rig, 0, 0x70f, "FF"); /* each board answers */
+        rig_tick(&rig);
+        for (size_t i = 0; i < rig.count[0]; i++) {
+            const int node = node_of(rig.frame[0][i].id >> 4 & 0xf);
+
+            assert_int_equal(rig.frame[0][i].node, node);
+            seen[node]++;
+        }
+    }
+    for (int node = 0; node < 4; node++) {
+        assert_true(seen[node] > 40);
+    }
+    rig_stop(&rig);
+}
+
+static void nodes_are_counted_anew_on_each_bus_and_stay_when_the_address_changes(void **state)
+{
+    struct rig rig;
+
+    (void)state;
+    rig_configure(&rig);
+    rig_start(&rig);
+    rig_send(&rig, 1, 0x70f, "FF");
+    rig_tick(&rig);
+    assert_int_equal(rig.count[1], 1);
+    assert_int_equal(rig.frame[1][0].node, 0);
+    rig_send(&rig, 0, 0x002, "32 05"); /* SET_BOARD_ID */
+    rig_tick(&rig);
+    rig_send(&rig, 0, 0x705, "FF");
+    rig_tick(&rig);
+    assert_int_equal(rig.count[0], 1);
+    assert_int_equal(rig.frame[0][0].id >> 4 & 0xf, 5);
+    assert_int_equal(rig.frame[0][0].node, 1);
+    rig_stop(&rig);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_frame_bears_the_number_of_its_board_on_its_bus),
+        cmocka_unit_test(nodes_are_counted_anew_on_each_bus_and_stay_when_the_address_changes),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
