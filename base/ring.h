@@ -58,6 +58,39 @@ static inline bool ring_pop(struct ring *ring, void *item)
     return true;
 }
 
+/* The slot that the next item goes to, to be filled and then handed over with ring_commit; NULL when
+ * the ring is full. Writer only. */
+static inline void *ring_back(const struct ring *ring)
+{
+    uint32_t head = atomic_load_explicit(&ring->head, memory_order_relaxed);
+    uint32_t tail = atomic_load_explicit(&ring->tail, memory_order_acquire);
+
+    return head - tail > ring->mask ? NULL
+                                    : ring->slots + (size_t)(head & ring->mask) * ring->slot_size;
+}
+
+static inline void ring_commit(struct ring *ring)
+{
+    atomic_store_explicit(&ring->head, atomic_load_explicit(&ring->head, memory_order_relaxed) + 1,
+                          memory_order_release);
+}
+
+/* The oldest item, to be looked at in place until ring_drop; NULL when the ring is empty. Reader
+ * only. */
+static inline const void *ring_front(const struct ring *ring)
+{
+    uint32_t tail = atomic_load_explicit(&ring->tail, memory_order_relaxed);
+    uint32_t head = atomic_load_explicit(&ring->head, memory_order_acquire);
+
+    return head == tail ? NULL : ring->slots + (size_t)(tail & ring->mask) * ring->slot_size;
+}
+
+static inline void ring_drop(struct ring *ring)
+{
+    atomic_store_explicit(&ring->tail, atomic_load_explicit(&ring->tail, memory_order_relaxed) + 1,
+                          memory_order_release);
+}
+
 /* Items waiting; exact for either side at the moment it asks. */
 static inline uint32_t ring_count(const struct ring *ring)
 {

@@ -461,7 +461,9 @@ static enum error_code allocate(const struct gateway_config *config, struct aren
     if (!gateway || !bus || !time_ns || !outbox) {
         return error_set(error, ERROR_MEMORY, "gateway: no memory");
     }
-    memcpy(bus, config->bus, config->nbus * sizeof *bus);
+    for (size_t i = 0; i < config->nbus; i++) {
+        bus[i] = config->bus[i];
+    }
     *gateway =
         (struct gateway){.config = *config, .time_ns = time_ns, .listener = -1, .stop_event = -1};
     gateway->config.bus = bus;

@@ -23,6 +23,78 @@ int link_open(void)
     return socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, NETLINK_ROUTE);
 }
 
+/* Copies an attribute of a fixed size; one of another size is not what we know and is left out. */
+static bool copy(const struct rtattr *attribute, void *to, size_t size)
+{
+    if (RTA_PAYLOAD(attribute) < size) {
+        return false;
+    }
+    memcpy(to, RTA_DATA(attribute), size);
+    return true;
+}
+
+/* The type without the flag that newer kernels put on nested attributes. */
+static int type_of(const struct rtattr *attribute)
+{
+    return attribute->rta_type & NLA_TYPE_MASK;
+}
+
+static void parse_controller(const struct rtattr *data, struct link_controller *controller)
+{
+    int rest = (int)RTA_PAYLOAD(data);
+    uint32_t state;
+
+    for (const struct rtattr *a = RTA_DATA(data); RTA_OK(a, rest); a = RTA_NEXT(a, rest)) {
+        switch (type_of(a)) {
+        case IFLA_CAN_STATE:
+            if (copy(a, &state, sizeof state) && state < CAN_STATE_MAX) {
+                controller->state = (enum can_state)state;
+            }
+            break;
+        case IFLA_CAN_BITTIMING:
+            copy(a, &controller->timing, sizeof controller->timing);
+            break;
+        case IFLA_CAN_DATA_BITTIMING:
+            copy(a, &controller->data_timing, sizeof controller->data_timing);
+            break;
+        case IFLA_CAN_CLOCK:
+            copy(a, &controller->clock, sizeof controller->clock);
+            break;
+        case IFLA_CAN_CTRLMODE:
+            copy(a, &controller->mode, sizeof controller->mode);
+            break;
+        case IFLA_CAN_RESTART_MS:
+            copy(a, &controller->restart_ms, sizeof controller->restart_ms);
+            break;
+        case IFLA_CAN_BERR_COUNTER:
+            controller->counts = copy(a, &controller->errors, sizeof controller->errors);
+            break;
+        default:
+            break;
+        }
+    }
+}
+
+/* The kind comes first, and says what the rest means. */
+static void parse_link_info(const struct rtattr *info, struct link_info *link)
+{
+    int rest = (int)RTA_PAYLOAD(info);
+
+    for (const struct rtattr *a = RTA_DATA(info); RTA_OK(a, rest); a = RTA_NEXT(a, rest)) {
+        bool controller = strcmp(link->kind, "can") == 0;
+
+        if (type_of(a) == IFLA_INFO_KIND && RTA_PAYLOAD(a) > 0) {
+            const size_t size = RTA_PAYLOAD(a) < LINK_KIND_MAX ? RTA_PAYLOAD(a) : LINK_KIND_MAX;
+
+            memcpy(link->kind, RTA_DATA(a), size - 1);
+        } else if (type_of(a) == IFLA_INFO_DATA && controller) {
+            parse_controller(a, &link->controller);
+        } else if (type_of(a) == IFLA_INFO_XSTATS && controller) {
+            copy(a, &link->controller.stats, sizeof link->controller.stats);
+        }
+    }
+}
+
 /* The interface in an answer; the kernel's, but checked like anything that comes from outside. */
 static int parse_answer(const struct nlmsghdr *header, int size, struct link_info *info)
 {
@@ -53,8 +125,18 @@ static int parse_answer(const struct nlmsghdr *header, int size, struct link_inf
     rest = (int)IFLA_PAYLOAD(header);
     for (const struct rtattr *attribute = IFLA_RTA((const char *)NLMSG_DATA(header));
          RTA_OK(attribute, rest); attribute = RTA_NEXT(attribute, rest)) {
-        if (attribute->rta_type == IFLA_MTU && RTA_PAYLOAD(attribute) >= sizeof info->mtu) {
-            memcpy(&info->mtu, RTA_DATA(attribute), sizeof info->mtu);
+        switch (type_of(attribute)) {
+        case IFLA_MTU:
+            copy(attribute, &info->mtu, sizeof info->mtu);
+            break;
+        case IFLA_TXQLEN:
+            copy(attribute, &info->tx_queue, sizeof info->tx_queue);
+            break;
+        case IFLA_LINKINFO:
+            parse_link_info(attribute, info);
+            break;
+        default:
+            break;
         }
     }
     return 0;

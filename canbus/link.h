@@ -7,14 +7,32 @@
 #ifndef CANBUS_LINK_H
 #define CANBUS_LINK_H
 
+#include <linux/can/netlink.h>
 #include <stdbool.h>
 #include <stdint.h>
+
+enum { LINK_KIND_MAX = 16 };
+
+/* What a CAN controller's driver tells of it; what it does not tell is 0. */
+struct link_controller {
+    enum can_state state;
+    struct can_bittiming timing, data_timing; /* bit rate 0: not set, no FD */
+    struct can_clock clock;
+    struct can_ctrlmode mode;
+    uint32_t restart_ms;
+    bool counts; /* the driver has error counters */
+    struct can_berr_counter errors;
+    struct can_device_stats stats;
+};
 
 struct link_info {
     int index;
     bool up;       /* administratively up */
     uint16_t type; /* ARPHRD_ of linux/if_arp.h */
     uint32_t mtu;
+    uint32_t tx_queue;        /* frames */
+    char kind[LINK_KIND_MAX]; /* "can", "vcan", ...; "" when the kernel names none */
+    struct link_controller controller;
 };
 
 /* A descriptor for link_query, or -1 with errno. Not RT-safe. */

@@ -3,6 +3,7 @@
 #include "canbus/port_private.h"
 
 #include <linux/can/error.h>
+#include <stdatomic.h>
 
 /* The state that an error frame reports, or the present one when it reports none. */
 static enum can_port_state state_after_error(enum can_port_state state,
@@ -16,7 +17,8 @@ static enum can_port_state state_after_error(enum can_port_state state,
     if (frame->id & CAN_ERR_RESTARTED) {
         return CAN_PORT_UP;
     }
-    if (frame->id & CAN_ERR_CRTL) {
+    /* of a stuck queue the error states are the cause: they do not end it */
+    if ((frame->id & CAN_ERR_CRTL) && state != CAN_PORT_STUCK) {
         if (controller & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) {
             return CAN_PORT_PASSIVE;
         }
@@ -59,4 +61,13 @@ void port_count_sent(struct can_port *port, const struct bus_frame *frame)
 bool port_may_send(const struct can_port *port, const struct bus_frame *frame)
 {
     return frame_valid(frame) && (port->fd || !(frame->flags & FRAME_FD));
+}
+
+void can_state_post(struct can_state_box *box, enum can_port_state state)
+{
+    const uint32_t number = (atomic_load_explicit(&box->post, memory_order_relaxed) >> 8) + 1;
+
+    /* never 0 again */
+    atomic_store_explicit(&box->post, (number & 0x7fffff) << 8 | 1u << 31 | (uint32_t)state,
+                          memory_order_relaxed);
 }

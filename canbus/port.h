@@ -19,6 +19,7 @@ enum can_port_state {
     CAN_PORT_BUS_OFF, /* controller bus-off */
     CAN_PORT_DOWN,    /* interface is down */
     CAN_PORT_GONE,    /* interface was removed */
+    CAN_PORT_STUCK,   /* the interface's queue has been full for long: nothing leaves it */
 };
 
 /* What happened on a port since it was opened. */
@@ -34,6 +35,7 @@ struct can_counters {
     uint64_t error_frames;
     uint64_t rx_malformed; /* short reads, impossible lengths */
     uint64_t down_events;  /* times the interface was found down or gone */
+    uint64_t tx_held;      /* frames that met a full queue and were kept for the next cycle */
 };
 
 /* Accept a data or remote frame of this identifier length when (id & mask) == (filter.id & mask),
@@ -52,7 +54,8 @@ struct can_port_ops {
     size_t (*receive)(struct can_port *port, struct bus_frame *frames, size_t max);
     /* Sends frames in order; returns how many were accepted. The others are dropped and counted: an
      * invalid frame alone, everything behind a full queue. What is dropped is never sent later: the
-     * next cycle carries newer values. Never waits. RT-safe. */
+     * next cycle carries newer values. A port on a real interface accepts some frames behind a full
+     * queue, see socketcan_open. Never waits. RT-safe. */
     size_t (*send)(struct can_port *port, const struct bus_frame *frames, size_t count);
     /* A descriptor that polls readable when frames wait; for threads that may sleep. */
     int (*descriptor)(const struct can_port *port);
@@ -68,6 +71,15 @@ struct can_port {
     struct can_counters counters;
 };
 
+/* A mailbox by which a thread that has asked a controller for its state tells the ports on it:
+ * error frames alone do not announce every recovery. 0 = nothing yet. RT-safe. */
+struct can_state_box {
+    _Atomic uint32_t post; /* number << 8 | enum can_port_state */
+};
+
+/* From one thread. */
+void can_state_post(struct can_state_box *box, enum can_port_state state);
+
 struct socketcan_config {
     const char *interface;
     bool fd;                           /* ask for FD; refused with a message when the MTU says no */
@@ -75,14 +87,25 @@ struct socketcan_config {
     size_t nfilter;
     bool receive_own;         /* also what this port sent, where the filters let it through */
     int receive_buffer_bytes; /* 0 = 4 MiB, forced when allowed */
+    const struct can_state_box *controller; /* NULL = error frames alone move the state */
 };
+
+enum { SOCKETCAN_HELD_MAX = 128, SOCKETCAN_STUCK_NS = 100000000 };
 
 /* Opens a raw socket on an interface. Distinct messages for: kernel without CAN
  * (ERROR_UNSUPPORTED), no such interface, not a CAN interface, FD on an interface without it
  * (ERROR_INPUT), interface down, no permission (ERROR_SYSTEM). Error frames are subscribed and
  * move port->state. A later loss of the interface sets state DOWN or GONE; receive and send try to
  * come back at most once a second, also when the interface was created anew. frame->time_ns is
- * when the kernel received the frame, on CLOCK_MONOTONIC. Memory from arena. Not RT-safe. */
+ * when the kernel received the frame, on CLOCK_MONOTONIC. Memory from arena. Not RT-safe.
+ *
+ * A real interface has a short queue (txqueuelen), and sending to a full one fails (ENOBUFS). What
+ * fails is kept, one frame an identifier and SOCKETCAN_HELD_MAX of them: the next receive or send
+ * passes it on before anything else. While the queue stays full a newer frame takes the place of the
+ * kept one of its identifier, for of periodic frames the newest value counts; the one that it
+ * replaces, and what finds no place, is counted as tx_dropped, also when it was a reply. When no
+ * frame has left for SOCKETCAN_STUCK_NS nobody takes them off (no other node, bus-off): state STUCK,
+ * and further attempts after 10, 20, 40 ... ms, at last once a second, until one succeeds. */
 enum error_code socketcan_open(const struct socketcan_config *config, struct arena *arena,
                                struct can_port **port, struct error *error);
 
@@ -123,11 +146,11 @@ struct local_bus_config {
     enum local_bus_mode mode;
 
     /* wire mode; zeros take what is said in [] */
-    int64_t bitrate;      /* [1 Mbit/s] */
-    int64_t data_bitrate; /* [bitrate] */
-    size_t wire_nodes;    /* controllers of all ports together, at most 63 [max_nodes] */
-    size_t queue;         /* frames a controller holds [256] */
-    bool fifo;            /* controllers send in order instead of the most urgent first */
+    int64_t bitrate;          /* [1 Mbit/s] */
+    int64_t data_bitrate;     /* [bitrate] */
+    size_t wire_nodes;        /* controllers of all ports together, at most 63 [max_nodes] */
+    size_t queue;             /* frames a controller holds [256] */
+    bool fifo;                /* controllers send in order instead of the most urgent first */
     int64_t restart_delay_ns; /* from bus-off to the recovery; negative: never by itself */
     uint64_t seed;            /* of faults with a probability */
     uint32_t bypass_id[LOCAL_BUS_BYPASS_MAX]; /* standard identifiers */

@@ -4,47 +4,18 @@
  * socket stays open when its interface goes; it is bound anew when the interface returns, and keeps
  * its options and drop counter.
  */
-#include "canbus/link.h"
-#include "canbus/port_private.h"
+#include "canbus/socketcan_private.h"
 
 #include <errno.h>
-#include <linux/can.h>
-#include <linux/can/error.h>
-#include <linux/can/raw.h>
-#include <net/if.h>
 #include <net/if_arp.h>
-#include <stdio.h>
+#include <stdatomic.h>
 #include <string.h>
-#include <sys/socket.h>
-#include <time.h>
 #include <unistd.h>
 
 enum {
-    BATCH = 64,
-    RECEIVE_BUFFER_DEFAULT = 4 << 20,
     RETRY_NS = 1000000000,
-};
-
-/* Room for the ancillary data of one frame: time stamp and drop counter. */
-union ancillary {
-    struct cmsghdr align;
-    char space[CMSG_SPACE(sizeof(struct timespec)) + CMSG_SPACE(sizeof(uint32_t))];
-};
-
-struct socketcan {
-    struct can_port port;
-    int socket;
-    int link; /* descriptor for link_query */
-    bool want_fd;
-    struct can_filter *filter; /* as the kernel wants them; it forgets them with the interface */
-    size_t nfilter;
-    uint32_t overflow; /* drop counter of the kernel, as last seen */
-    int64_t retry_ns;  /* not before this time, CLOCK_MONOTONIC, look for a lost interface */
-    struct canfd_frame raw[BATCH];
-    struct iovec vector[BATCH];
-    struct mmsghdr message[BATCH];
-    union ancillary ancillary[BATCH];
-    const struct bus_frame *source[BATCH]; /* while sending: what the messages were made from */
+    BACK_OFF_FIRST_NS = 10000000,
+    BACK_OFF_LAST_NS = 1000000000,
 };
 
 static struct socketcan *socketcan_of(struct can_port *port)
@@ -70,6 +41,37 @@ static bool error_means_lost(int code)
     return code == ENETDOWN || code == ENODEV || code == ENXIO;
 }
 
+/* The interface has taken a frame, or begins anew. */
+static void queue_moves(struct socketcan *can)
+{
+    can->full_since_ns = can->back_off_ns = can->attempt_ns = 0;
+    if (can->port.state == CAN_PORT_STUCK) {
+        can->port.state = CAN_PORT_UP;
+    }
+}
+
+/* A full queue is nothing unusual; one that stays full has nobody who takes the frames. */
+static void queue_is_full(struct socketcan *can)
+{
+    const int64_t now = clock_ns(CLOCK_MONOTONIC);
+
+    can->port.counters.tx_queue_full++;
+    if (!can->full_since_ns) {
+        can->full_since_ns = now;
+    }
+    if (now - can->full_since_ns < SOCKETCAN_STUCK_NS) {
+        return;
+    }
+    can->back_off_ns = can->back_off_ns ? 2 * can->back_off_ns : BACK_OFF_FIRST_NS;
+    if (can->back_off_ns > BACK_OFF_LAST_NS) {
+        can->back_off_ns = BACK_OFF_LAST_NS;
+    }
+    can->attempt_ns = now + can->back_off_ns;
+    if (can->port.state != CAN_PORT_BUS_OFF) {
+        can->port.state = CAN_PORT_STUCK;
+    }
+}
+
 static void port_lose(struct socketcan *can, int code)
 {
     if (!port_is_lost(&can->port)) {
@@ -77,10 +79,13 @@ static void port_lose(struct socketcan *can, int code)
         can->retry_ns = 0; /* it may be back already */
     }
     can->port.state = code == ENETDOWN ? CAN_PORT_DOWN : CAN_PORT_GONE;
+    /* what waited here will be old when it comes back */
+    can->port.counters.tx_dropped += can->nheld;
+    can->nheld = 0;
+    queue_moves(can);
 }
 
-/* Sets the filters, which the kernel drops when an interface is removed, and binds. 0 or an errno. */
-static int bind_to(const struct socketcan *can, int index)
+int socketcan_bind(const struct socketcan *can, int index)
 {
     const struct sockaddr_can address = {.can_family = AF_CAN, .can_ifindex = index};
 
@@ -108,7 +113,7 @@ static void port_find(struct socketcan *can)
         can->port.state = CAN_PORT_GONE;
         return;
     }
-    if (!info.up || bind_to(can, info.index)) {
+    if (!info.up || socketcan_bind(can, info.index)) {
         can->port.state = CAN_PORT_DOWN;
         return;
     }
@@ -192,7 +197,7 @@ static void read_ancillary(struct socketcan *can, struct msghdr *header, int64_t
     }
 }
 
-/* One recvmmsg of up to max frames (at most BATCH). Returns the number of messages, or -1. */
+/* One recvmmsg of up to max frames (at most SOCKETCAN_BATCH). Returns the number of messages, or -1. */
 static int read_batch(struct socketcan *can, size_t max)
 {
     for (size_t i = 0; i < max; i++) {
@@ -207,6 +212,144 @@ static int read_batch(struct socketcan *can, size_t max)
     return recvmmsg(can->socket, can->message, (unsigned)max, MSG_DONTWAIT, NULL);
 }
 
+/* What another thread has heard from the controller. */
+static void follow_controller(struct socketcan *can)
+{
+    const uint32_t post =
+        can->controller ? atomic_load_explicit(&can->controller->post, memory_order_relaxed) : 0;
+    const enum can_port_state state = (enum can_port_state)(post & 0xff);
+
+    if (post == can->post) {
+        return;
+    }
+    can->post = post;
+    if (can->port.state != CAN_PORT_STUCK || state == CAN_PORT_BUS_OFF) {
+        can->port.state = state;
+    }
+}
+
+/* Puts frames that the port may send, up to the first other one, into the batch; returns how many. */
+static size_t fill_batch(struct socketcan *can, const struct bus_frame *frames, size_t count)
+{
+    size_t size = 0;
+
+    for (; size < count && size < SOCKETCAN_BATCH && port_may_send(&can->port, &frames[size]);
+         size++) {
+        can->vector[size] = (struct iovec){
+            .iov_base = &can->raw[size],
+            .iov_len = encode(&frames[size], &can->raw[size]),
+        };
+        can->message[size] = (struct mmsghdr){
+            .msg_hdr = {.msg_iov = &can->vector[size], .msg_iovlen = 1},
+        };
+    }
+    return size;
+}
+
+/* Sends the batch that was made of size frames; returns how many are done with: taken by the kernel,
+ * or such as the device cannot carry. */
+static size_t send_batch(struct socketcan *can, const struct bus_frame *frames, size_t size,
+                         size_t *taken)
+{
+    size_t slot = 0;
+
+    while (slot < size) {
+        const int sent =
+            sendmmsg(can->socket, &can->message[slot], (unsigned)(size - slot), MSG_DONTWAIT);
+
+        if (sent > 0) {
+            for (int i = 0; i < sent; i++) {
+                port_count_sent(&can->port, &frames[slot++]);
+            }
+            *taken += (size_t)sent;
+            queue_moves(can);
+        } else if (errno == EINVAL || errno == EMSGSIZE) {
+            slot++;
+            can->port.counters.tx_dropped++;
+        } else if (errno == ENOBUFS || errno == EAGAIN) {
+            queue_is_full(can);
+            break;
+        } else {
+            if (error_means_lost(errno)) {
+                port_lose(can, errno);
+            }
+            break;
+        }
+    }
+    return slot;
+}
+
+/* Sends frames until one does not go; returns how many are done with: *taken of them by the kernel,
+ * the others are dropped. */
+static size_t transmit(struct socketcan *can, const struct bus_frame *frames, size_t count,
+                       size_t *taken)
+{
+    size_t at = 0;
+
+    while (at < count) {
+        const size_t size = fill_batch(can, frames + at, count - at);
+        const size_t done = send_batch(can, frames + at, size, taken);
+
+        at += done;
+        if (done < size) {
+            break;
+        }
+        if (at < count && !port_may_send(&can->port, &frames[at])) {
+            can->port.counters.tx_dropped++;
+            at++;
+        }
+    }
+    return at;
+}
+
+static bool same_identifier(const struct bus_frame *a, const struct bus_frame *b)
+{
+    return a->id == b->id && !((a->flags ^ b->flags) & (FRAME_EXTENDED | FRAME_REMOTE));
+}
+
+/* Keeps a frame that met a full queue, in the place of an older one of its identifier. */
+static bool hold(struct socketcan *can, const struct bus_frame *frame)
+{
+    struct can_counters *counters = &can->port.counters;
+    size_t i = 0;
+
+    while (i < can->nheld && !same_identifier(&can->held[i], frame)) {
+        i++;
+    }
+    if (!port_may_send(&can->port, frame) || i == SOCKETCAN_HELD_MAX) {
+        counters->tx_dropped++;
+        return false;
+    }
+    if (i < can->nheld) {
+        counters->tx_dropped++;
+    } else {
+        can->nheld++;
+    }
+    can->held[i] = *frame;
+    counters->tx_held++;
+    return true;
+}
+
+/* Passes on what is held, when it is time for an attempt. False when the queue is still full. */
+static bool release(struct socketcan *can)
+{
+    size_t done, taken = 0;
+
+    if (!can->nheld) {
+        return true;
+    }
+    if (can->attempt_ns && clock_ns(CLOCK_MONOTONIC) < can->attempt_ns) {
+        return false;
+    }
+    done = transmit(can, can->held, can->nheld, &taken);
+    if (port_is_lost(&can->port)) {
+        return false;
+    }
+    can->nheld -= done;
+    memmove(can->held, can->held + done, can->nheld * sizeof *can->held);
+    return can->nheld == 0;
+}
+
 static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     struct socketcan *can = socketcan_of(port);
@@ -215,8 +358,12 @@ static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames,
     if (port_is_lost(port)) {
         port_find(can);
     }
+    if (!port_is_lost(port)) {
+        follow_controller(can);
+        release(can);
+    }
     while (count < max) {
-        const size_t wanted = max - count < BATCH ? max - count : BATCH;
+        const size_t wanted = max - count < SOCKETCAN_BATCH ? max - count : SOCKETCAN_BATCH;
         const int got = read_batch(can, wanted);
         int64_t now, to_monotonic;
 
@@ -248,82 +395,20 @@ static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames,
     return count;
 }
 
-/* Puts the sendable ones of the next frames into the batch; returns how many frames it has looked
- * at and in *size how many are in the batch. */
-static size_t fill_batch(struct socketcan *can, const struct bus_frame *frames, size_t count,
-                         size_t *size)
-{
-    size_t looked = 0;
-
-    *size = 0;
-    for (; looked < count && *size < BATCH; looked++) {
-        const size_t slot = *size;
-
-        if (!port_may_send(&can->port, &frames[looked])) {
-            can->port.counters.tx_dropped++;
-            continue;
-        }
-        can->vector[slot] = (struct iovec){
-            .iov_base = &can->raw[slot],
-            .iov_len = encode(&frames[looked], &can->raw[slot]),
-        };
-        can->source[slot] = &frames[looked];
-        can->message[slot] = (struct mmsghdr){
-            .msg_hdr = {.msg_iov = &can->vector[slot], .msg_iovlen = 1},
-        };
-        (*size)++;
-    }
-    return looked;
-}
-
-/* Sends the batch of size frames; returns how many the kernel took. *stop: nothing more will go. */
-static size_t send_batch(struct socketcan *can, size_t size, bool *stop)
-{
-    size_t slot = 0, accepted = 0;
-
-    while (slot < size && !*stop) {
-        const int sent =
-            sendmmsg(can->socket, &can->message[slot], (unsigned)(size - slot), MSG_DONTWAIT);
-
-        if (sent > 0) {
-            for (int i = 0; i < sent; i++) {
-                port_count_sent(&can->port, can->source[slot++]);
-            }
-            accepted += (size_t)sent;
-            continue;
-        }
-        if (errno == EINVAL || errno == EMSGSIZE) {
-            /* the device cannot carry this kind of frame; the others may pass */
-            slot++;
-            can->port.counters.tx_dropped++;
-            continue;
-        }
-        if (errno == ENOBUFS || errno == EAGAIN) {
-            can->port.counters.tx_queue_full++;
-        } else if (error_means_lost(errno)) {
-            port_lose(can, errno);
-        }
-        *stop = true;
-    }
-    can->port.counters.tx_dropped += size - slot;
-    return accepted;
-}
-
 static size_t socketcan_send(struct can_port *port, const struct bus_frame *frames, size_t count)
 {
     struct socketcan *can = socketcan_of(port);
     size_t accepted = 0, at = 0;
-    bool stop = false;
 
     if (port_is_lost(port)) {
         port_find(can);
-        stop = port_is_lost(port);
     }
-    while (at < count && !stop) {
-        size_t size;
-
-        at += fill_batch(can, frames + at, count - at, &size);
-        accepted += send_batch(can, size, &stop);
+    if (!port_is_lost(port) && release(can)) {
+        at = transmit(can, frames, count, &accepted);
+    }
+    /* behind a full queue */
+    for (; at < count && can->full_since_ns; at++) {
+        accepted += hold(can, &frames[at]);
     }
     port->counters.tx_dropped += count - at;
     return accepted;
@@ -344,254 +429,10 @@ static void socketcan_close(struct can_port *port)
     can->socket = can->link = -1;
 }
 
-static const struct can_port_ops socketcan_ops = {
+const struct can_port_ops socketcan_ops = {
     .name = "socketcan",
     .receive = socketcan_receive,
     .send = socketcan_send,
     .descriptor = socketcan_descriptor,
     .close = socketcan_close,
 };
-
-/* Names of the CAN interfaces that exist, for a message: "can0, can1", or "none". */
-static void list_interfaces(int link, char *text, size_t size)
-{
-    struct if_nameindex *all = if_nameindex();
-    size_t used = 0;
-
-    snprintf(text, size, "none");
-    for (const struct if_nameindex *i = all; i && i->if_index && used + IFNAMSIZ + 3 < size; i++) {
-        struct link_info info;
-
-        if (!link_query(link, i->if_name, &info) && info.type == ARPHRD_CAN) {
-            used +=
-                (size_t)snprintf(text + used, size - used, "%s%s", used ? ", " : "", i->if_name);
-        }
-    }
-    if (all) {
-        if_freenameindex(all);
-    }
-}
-
-/* Checks that the interface can be used as the configuration asks. */
-static enum error_code check_interface(const struct socketcan *can, const char *name,
-                                       struct link_info *info, struct error *error)
-{
-    const int failure = link_query(can->link, name, info);
-
-    if (failure == ENODEV) {
-        char known[200];
-
-        list_interfaces(can->link, known, sizeof known);
-        return error_set(error, ERROR_INPUT,
-                         "no interface %s; CAN interfaces here: %s. Create a virtual one with "
-                         "`ip link add dev %s type vcan && ip link set %s up`",
-                         name, known, name, name);
-    }
-    if (failure) {
-        return error_set_errno(error, failure, "cannot ask the kernel about interface %s", name);
-    }
-    if (info->type != ARPHRD_CAN) {
-        return error_set(error, ERROR_INPUT, "interface %s is not a CAN interface", name);
-    }
-    if (!info->up) {
-        return error_set(error, ERROR_SYSTEM,
-                         "interface %s is down; bring it up with `ip link set %s up` (a real one "
-                         "needs its bit rate first)",
-                         name, name);
-    }
-    if (can->want_fd && info->mtu < CANFD_MTU) {
-        return error_set(error, ERROR_INPUT,
-                         "interface %s does not carry CAN FD (MTU %u, FD needs %d); a virtual one "
-                         "gets it with `ip link set %s mtu %d` while it is down",
-                         name, info->mtu, (int)CANFD_MTU, name, (int)CANFD_MTU);
-    }
-    return ERROR_NONE;
-}
-
-static enum error_code set_option(int socket, int level, int option, const void *value,
-                                  socklen_t size, const char *what, struct error *error)
-{
-    if (setsockopt(socket, level, option, value, size)) {
-        return error_set_errno(error, errno, "cannot set %s of the CAN socket", what);
-    }
-    return ERROR_NONE;
-}
-
-/* Translates the filters; without any, one that everything passes. */
-static enum error_code make_filters(struct socketcan *can, const struct socketcan_config *config,
-                                    struct arena *arena, struct error *error)
-{
-    const size_t count = config->filter ? config->nfilter : 0;
-
-    if (count > CAN_RAW_FILTER_MAX) {
-        return error_set(error, ERROR_INPUT, "%zu filters on %s, expected at most %d", count,
-                         config->interface, CAN_RAW_FILTER_MAX);
-    }
-    can->nfilter = count ? count : 1;
-    can->filter = arena_alloc(arena, can->nfilter, sizeof *can->filter);
-    if (!can->filter) {
-        return error_set(error, ERROR_MEMORY, "no memory for the filters of %s", config->interface);
-    }
-    for (size_t i = 0; i < count; i++) {
-        const struct frame_filter *from = &config->filter[i];
-
-        can->filter[i].can_id = from->id | (from->extended ? CAN_EFF_FLAG : 0);
-        can->filter[i].can_mask =
-            (from->mask & (from->extended ? CAN_EFF_MASK : CAN_SFF_MASK)) | CAN_EFF_FLAG;
-    }
-    return ERROR_NONE;
-}
-
-/* More room than the 278 frames of the default; beyond the system's limit only when allowed. */
-static enum error_code set_receive_buffer(int socket, int bytes, struct error *error)
-{
-    if (!bytes) {
-        bytes = RECEIVE_BUFFER_DEFAULT;
-    }
-    if (!setsockopt(socket, SOL_SOCKET, SO_RCVBUFFORCE, &bytes, sizeof bytes)) {
-        return ERROR_NONE;
-    }
-    return set_option(socket, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes, "the receive buffer",
-                      error);
-}
-
-static enum error_code set_options(int socket, const struct socketcan_config *config,
-                                   struct error *error)
-{
-    const can_err_mask_t errors = CAN_ERR_MASK;
-    const int on = 1;
-    enum error_code code;
-
-    code = set_option(socket, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors,
-                      "the error filter", error);
-    if (!code && config->fd) {
-        code =
-            set_option(socket, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on, "FD frames", error);
-    }
-    if (!code && config->receive_own) {
-        code = set_option(socket, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on,
-                          "reception of own frames", error);
-    }
-    if (!code) {
-        code =
-            set_option(socket, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on, "the drop counter", error);
-    }
-    if (!code) {
-        code = set_option(socket, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on, "time stamps", error);
-    }
-    return code ? code : set_receive_buffer(socket, config->receive_buffer_bytes, error);
-}
-
-static int open_socket(void)
-{
-    return socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
-}
-
-static enum error_code explain_no_socket(int code, struct error *error)
-{
-    switch (code) {
-    case EAFNOSUPPORT:
-    case EPROTONOSUPPORT:
-        return error_set(error, ERROR_UNSUPPORTED,
-                         "this kernel has no CAN: raw CAN sockets are not available; load can and "
-                         "can_raw (`modprobe can-raw`) or use a bus of kind local");
-    case EPERM:
-    case EACCES:
-        return error_set(error, ERROR_SYSTEM,
-                         "no permission to open a CAN socket; a container or service filter "
-                         "forbids address family AF_CAN");
-    default:
-        return error_set_errno(error, code, "cannot open a CAN socket");
-    }
-}
-
-/* Opens the descriptors and binds; what is open when it fails is closed by the caller. */
-static enum error_code start(struct socketcan *can, const struct socketcan_config *config,
-                             struct error *error)
-{
-    struct link_info info;
-    enum error_code code;
-    int failure;
-
-    can->socket = open_socket();
-    if (can->socket < 0) {
-        return explain_no_socket(errno, error);
-    }
-    can->link = link_open();
-    if (can->link < 0) {
-        return error_set_errno(error, errno, "cannot open a netlink socket");
-    }
-    code = check_interface(can, config->interface, &info, error);
-    if (!code) {
-        code = set_options(can->socket, config, error);
-    }
-    if (code) {
-        return code;
-    }
-    failure = bind_to(can, info.index);
-    return failure ? error_set_errno(error, failure, "cannot bind to %s", config->interface)
-                   : ERROR_NONE;
-}
-
-static void close_if_open(int descriptor)
-{
-    if (descriptor >= 0) {
-        close(descriptor);
-    }
-}
-
-enum error_code socketcan_open(const struct socketcan_config *config, struct arena *arena,
-                               struct can_port **port, struct error *error)
-{
-    const size_t length = strlen(config->interface);
-    struct socketcan *can;
-    enum error_code code;
-
-    if (!length || length >= IFNAMSIZ) {
-        return error_set(error, ERROR_INPUT,
-                         "interface name \"%.32s\" has %zu characters, expected 1 to %d",
-                         config->interface, length, IFNAMSIZ - 1);
-    }
-    if (config->receive_buffer_bytes < 0) {
-        return error_set(error, ERROR_INPUT, "receive buffer of %d bytes on %s",
-                         config->receive_buffer_bytes, config->interface);
-    }
-    can = arena_alloc(arena, 1, sizeof *can);
-    if (!can || !(can->port.bus = arena_strdup(arena, config->interface))) {
-        return error_set(error, ERROR_MEMORY, "no memory for the port of %s", config->interface);
-    }
-    can->socket = can->link = -1;
-    can->want_fd = config->fd;
-    code = make_filters(can, config, arena, error);
-    if (!code) {
-        code = start(can, config, error);
-    }
-    if (code) {
-        close_if_open(can->socket);
-        close_if_open(can->link);
-        return code;
-    }
-    can->port.ops = &socketcan_ops;
-    can->port.fd = config->fd;
-    can->port.state = CAN_PORT_UP;
-    *port = &can->port;
-    return ERROR_NONE;
-}
-
-bool socketcan_available(void)
-{
-    const int descriptor = open_socket();
-
-    close_if_open(descriptor);
-    return descriptor >= 0;
-}
-
-bool socketcan_interface_exists(const char *interface)
-{
-    const int link = link_open();
-    struct link_info info;
-    const bool exists = link >= 0 && !link_query(link, interface, &info);
-
-    close_if_open(link);
-    return exists;
-}

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The queues of the nodes, arbitration, and frames that go well. */
+/* Time, arbitration, and frames that go well. */
 #include "canbus/wire_private.h"
 
 #include <string.h>
@@ -102,251 +102,6 @@ void wire_notify(const struct wire *wire, const struct wire_event *event)
     }
 }
 
-/* ---- queues: a binary heap of slots ---- */
-
-static bool goes_before(const struct wire *wire, const struct wire_slot *a,
-                        const struct wire_slot *b)
-{
-    if (wire->config.order == WIRE_PRIORITY && a->priority != b->priority) {
-        return a->priority < b->priority;
-    }
-    return (int32_t)(a->order - b->order) < 0;
-}
-
-static void queue_push(const struct wire *wire, struct wire_node *node, uint16_t slot)
-{
-    size_t at = node->waiting++;
-
-    while (at > 0) {
-        size_t parent = (at - 1) / 2;
-
-        if (!goes_before(wire, &node->slot[slot], &node->slot[node->heap[parent]])) {
-            break;
-        }
-        node->heap[at] = node->heap[parent];
-        at = parent;
-    }
-    node->heap[at] = slot;
-}
-
-static uint16_t queue_pop(const struct wire *wire, struct wire_node *node)
-{
-    const uint16_t first = node->heap[0], moved = node->heap[--node->waiting];
-    size_t at = 0, child;
-
-    while ((child = 2 * at + 1) < node->waiting) {
-        if (child + 1 < node->waiting &&
-            goes_before(wire, &node->slot[node->heap[child + 1]], &node->slot[node->heap[child]])) {
-            child++;
-        }
-        if (!goes_before(wire, &node->slot[node->heap[child]], &node->slot[moved])) {
-            break;
-        }
-        node->heap[at] = node->heap[child];
-        at = child;
-    }
-    node->heap[at] = moved;
-    return first;
-}
-
-static void slot_free(struct wire *wire, struct wire_node *node, uint16_t slot)
-{
-    node->spare[node->nspare++] = slot;
-    node->stats.queued--;
-    wire->stats.queued--;
-}
-
-void wire_count_drop(struct wire *wire, size_t node, enum wire_drop drop)
-{
-    wire->node[node].stats.dropped[drop]++;
-    wire->stats.dropped[drop]++;
-}
-
-static void count_queued(struct wire *wire, struct wire_node *node)
-{
-    node->stats.queued++;
-    wire->stats.queued++;
-    if (node->stats.queued > node->stats.queued_peak) {
-        node->stats.queued_peak = node->stats.queued;
-    }
-    if (wire->stats.queued > wire->stats.queued_peak) {
-        wire->stats.queued_peak = wire->stats.queued;
-    }
-}
-
-bool wire_transmit(struct wire *wire, size_t index, const struct bus_frame *frame)
-{
-    struct wire_node *node = &wire->node[index];
-    struct wire_slot *slot;
-    uint16_t free_slot;
-
-    if (!frame_valid(frame) || (frame->flags & FRAME_ERROR) ||
-        ((frame->flags & FRAME_FD) && !wire->config.fd)) {
-        wire_count_drop(wire, index, WIRE_DROP_INVALID);
-        return false;
-    }
-    if (wire->off & WIRE_BIT(index)) {
-        wire_count_drop(wire, index, WIRE_DROP_BUS_OFF);
-        return false;
-    }
-    if (!node->nspare) {
-        wire_count_drop(wire, index, WIRE_DROP_QUEUE_FULL);
-        return false;
-    }
-    free_slot = node->spare[--node->nspare];
-    slot = &node->slot[free_slot];
-    slot->frame = *frame;
-    slot->ready_ns = wire->now_ns;
-    slot->priority = wire_priority(frame);
-    slot->order = node->order++;
-    queue_push(wire, node, free_slot);
-    count_queued(wire, node);
-    wire->pending |= WIRE_BIT(index);
-    return true;
-}
-
-/* ---- error counters and states ---- */
-
-static enum wire_state state_of(const struct wire_node *node)
-{
-    if (node->stats.tec >= WIRE_BUS_OFF_FROM) {
-        return WIRE_BUS_OFF;
-    }
-    if (wire_is_passive(node)) {
-        return WIRE_ERROR_PASSIVE;
-    }
-    return node->stats.tec >= WIRE_WARNING_FROM || node->stats.rec >= WIRE_WARNING_FROM
-               ? WIRE_ERROR_WARNING
-               : WIRE_ERROR_ACTIVE;
-}
-
-static void enter_bus_off(struct wire *wire, size_t index, int64_t time_ns)
-{
-    struct wire_node *node = &wire->node[index];
-
-    while (node->waiting) {
-        slot_free(wire, node, node->heap[--node->waiting]);
-        wire_count_drop(wire, index, WIRE_DROP_BUS_OFF);
-    }
-    wire->pending &= ~WIRE_BIT(index);
-    wire->off |= WIRE_BIT(index);
-    node->runs = 0;
-    node->recovery_ns =
-        wire->config.restart_delay_ns < 0 ? WIRE_NEVER : time_ns + wire->config.restart_delay_ns;
-    node->stats.bus_offs++;
-    wire->stats.bus_offs++;
-}
-
-void wire_count_errors(struct wire *wire, size_t index, int64_t time_ns, int tec, int rec)
-{
-    struct wire_node *node = &wire->node[index];
-    struct wire_node_stats *stats = &node->stats;
-    enum wire_state before = stats->state;
-
-    stats->tec = tec < 0 && !stats->tec ? 0 : (unsigned)((int)stats->tec + tec);
-    if (rec < 0) {
-        /* a received frame brings a passive receiver back to the limit at once */
-        stats->rec =
-            stats->rec >= WIRE_PASSIVE_FROM ? WIRE_PASSIVE_FROM - 1 : stats->rec - (stats->rec > 0);
-    } else {
-        stats->rec += (unsigned)rec;
-        stats->rec = stats->rec > 255 ? 255 : stats->rec;
-    }
-    stats->tec_peak = stats->tec > stats->tec_peak ? stats->tec : stats->tec_peak;
-    stats->rec_peak = stats->rec > stats->rec_peak ? stats->rec : stats->rec_peak;
-    wire->counting &= ~WIRE_BIT(index);
-    wire->counting |= stats->tec || stats->rec ? WIRE_BIT(index) : 0;
-    stats->state = state_of(node);
-    if (stats->state == before) {
-        return;
-    }
-    if (stats->state == WIRE_BUS_OFF) {
-        enter_bus_off(wire, index, time_ns);
-    }
-    wire_notify(wire, &(struct wire_event){.kind = WIRE_STATUS,
-                                           .time_ns = time_ns,
-                                           .node = index,
-                                           .state = stats->state,
-                                           .tec = stats->tec,
-                                           .rec = stats->rec});
-}
-
-static void recover(struct wire *wire, size_t index, int64_t time_ns)
-{
-    struct wire_node_stats *stats = &wire->node[index].stats;
-
-    wire->off &= ~WIRE_BIT(index);
-    stats->tec = stats->rec = 0;
-    wire_count_errors(wire, index, time_ns, 0, 0);
-}
-
-void wire_force_bus_off(struct wire *wire, size_t node)
-{
-    if (!(wire->off & WIRE_BIT(node))) {
-        wire_count_errors(wire, node, wire->now_ns,
-                          WIRE_BUS_OFF_FROM - (int)wire->node[node].stats.tec, 0);
-    }
-}
-
-void wire_restart(struct wire *wire, size_t node)
-{
-    if (wire->off & WIRE_BIT(node) && wire->node[node].recovery_ns > wire->now_ns) {
-        wire->node[node].recovery_ns = wire->now_ns;
-    }
-}
-
-void wire_connect(struct wire *wire, size_t node, bool connected)
-{
-    if (connected && wire->unplugged & WIRE_BIT(node)) {
-        wire->unplugged &= ~WIRE_BIT(node);
-        /* it joins in after eleven recessive bits, which at the very beginning everybody has
-         * seen */
-        wire->node[node].hold_ns =
-            wire->now_ns > 0 ? wire->now_ns + wire_bits_ns(wire, WIRE_RUN_BITS) : 0;
-    } else if (!connected && !(wire->unplugged & WIRE_BIT(node))) {
-        wire->unplugged |= WIRE_BIT(node);
-        wire->node[node].void_ns = wire->now_ns;
-    }
-}
-
-void wire_set_bitrate(struct wire *wire, size_t node, int64_t bitrate)
-{
-    const bool other = bitrate > 0 && bitrate != wire->config.bitrate;
-
-    wire->node[node].bitrate = other ? bitrate : 0;
-    wire->mismatched &= ~WIRE_BIT(node);
-    wire->mismatched |= other ? WIRE_BIT(node) : 0;
-}
-
-/* When the recovery of a node in bus-off would be complete if the bus stayed idle. */
-static int64_t recovery_end(const struct wire *wire, const struct wire_node *node)
-{
-    int64_t from = node->recovery_ns > wire->recessive_ns ? node->recovery_ns : wire->recessive_ns;
-
-    if (node->recovery_ns == WIRE_NEVER) {
-        return WIRE_NEVER;
-    }
-    return from + wire_bits_ns(wire, (int64_t)(WIRE_RECOVERY_RUNS - node->runs) * WIRE_RUN_BITS);
-}
-
-/* A frame starts: what nodes in bus-off have seen of recessive bits before it. */
-static void count_runs(struct wire *wire, int64_t start_ns)
-{
-    const int64_t run_ns = wire_bits_ns(wire, WIRE_RUN_BITS);
-    size_t index;
-
-    WIRE_FOR_EACH(index, wire->off)
-    {
-        struct wire_node *node = &wire->node[index];
-        int64_t from =
-            node->recovery_ns > wire->recessive_ns ? node->recovery_ns : wire->recessive_ns;
-
-        if (start_ns > from) {
-            node->runs += (unsigned)((start_ns - from) / run_ns);
-        }
-    }
-}
-
 /* ---- arbitration ---- */
 
 static inline int64_t may_start(const struct wire *wire, size_t index)
@@ -358,49 +113,42 @@ static inline int64_t may_start(const struct wire *wire, size_t index)
     return node->hold_ns > at ? node->hold_ns : at;
 }
 
-static int64_t next_start(const struct wire *wire)
+/* Who starts next. */
+struct contest {
+    int64_t at_ns;   /* WIRE_NEVER: nobody */
+    uint64_t winner; /* those with the frame of the lowest priority number */
+    uint64_t loser;  /* the others that start at that time */
+};
+
+static inline struct contest next_contest(const struct wire *wire)
 {
-    int64_t first = WIRE_NEVER;
-    size_t index;
-
-    WIRE_FOR_EACH(index, wire->pending & ~wire->unplugged)
-    {
-        int64_t at = may_start(wire, index);
-
-        first = at < first ? at : first;
-    }
-    return first;
-}
-
-/* The nodes that send the frame of the lowest priority number; the others of those that compete are
- * left in *losers. */
-static uint64_t arbitrate(const struct wire *wire, int64_t time_ns, uint64_t *losers)
-{
-    uint64_t winners = 0, all = 0;
+    struct contest next = {.at_ns = WIRE_NEVER};
     uint32_t lowest = UINT32_MAX;
     size_t index;
 
-    if (!(wire->pending & (wire->pending - 1))) {
-        *losers = 0;
-        return wire->pending;
-    }
     WIRE_FOR_EACH(index, wire->pending & ~wire->unplugged)
     {
         const struct wire_node *node = &wire->node[index];
-        uint32_t priority = node->slot[node->heap[0]].priority;
+        const uint32_t priority = node->slot[node->heap[0]].priority;
+        const int64_t at = may_start(wire, index);
+        const uint64_t bit = WIRE_BIT(index);
 
-        if (may_start(wire, index) > time_ns) {
-            continue;
-        }
-        all |= WIRE_BIT(index);
-        if (priority < lowest || !winners) {
+        if (at < next.at_ns) {
+            next = (struct contest){.at_ns = at, .winner = bit};
             lowest = priority;
-            winners = 0;
+        } else if (at > next.at_ns) {
+            continue;
+        } else if (priority < lowest) {
+            next.loser |= next.winner;
+            next.winner = bit;
+            lowest = priority;
+        } else if (priority == lowest) {
+            next.winner |= bit;
+        } else {
+            next.loser |= bit;
         }
-        winners |= priority == lowest ? WIRE_BIT(index) : 0;
     }
-    *losers = all & ~winners;
-    return winners;
+    return next;
 }
 
 static void tell_losers(struct wire *wire, uint64_t losers, const struct bus_frame *frame)
@@ -428,7 +176,7 @@ static void take_off(struct wire *wire, size_t index)
     struct wire_node *node = &wire->node[index];
     struct bus_frame *frame;
 
-    node->flying = queue_pop(wire, node);
+    node->flying = wire_queue_pop(wire, node);
     wire->pending &= node->waiting ? UINT64_MAX : ~WIRE_BIT(index);
     frame = &node->slot[node->flying].frame;
     if (frame->flags & FRAME_FD) {
@@ -437,27 +185,29 @@ static void take_off(struct wire *wire, size_t index)
     }
 }
 
-static void start(struct wire *wire, int64_t time_ns)
+static void start(struct wire *wire, const struct contest *contest)
 {
     struct wire_flight *flight = &wire->flight;
-    uint64_t losers;
+    const int64_t time_ns = contest->at_ns;
     struct bus_frame *frame;
     size_t index;
 
-    *flight = (struct wire_flight){.busy = true, .start_ns = time_ns};
-    flight->senders = arbitrate(wire, time_ns, &losers);
+    *flight = (struct wire_flight){.busy = true, .start_ns = time_ns, .senders = contest->winner};
     WIRE_FOR_EACH(index, flight->senders)
     {
         take_off(wire, index);
     }
-    count_runs(wire, time_ns);
+    if (wire->off) {
+        wire_count_runs(wire, time_ns);
+    }
     frame = &wire_flying(wire, (size_t)__builtin_ctzll(flight->senders))->frame;
     frame->time_ns = time_ns;
-    tell_losers(wire, losers, frame);
+    tell_losers(wire, contest->loser, frame);
     flight->end_ns = time_ns + wire_length_ns(wire_frame_length(&wire->tables, frame),
                                               wire->config.bitrate, wire->config.data_bitrate);
     if (wire->armed || wire->mismatched || (flight->senders & (flight->senders - 1)) ||
         !wire_listeners(wire)) {
+        flight->disturbed = true;
         wire_disturb(wire);
     }
 }
@@ -508,7 +258,7 @@ static void confirm(struct wire *wire, size_t index)
                                                .node = index,
                                                .frame = &slot->frame});
     }
-    slot_free(wire, node, node->flying);
+    wire_slot_free(wire, node, node->flying);
 }
 
 static void finish_good(struct wire *wire)
@@ -551,30 +301,29 @@ static void take_back(struct wire *wire, uint64_t nodes)
         struct wire_node *node = &wire->node[index];
 
         if (index == wire->config.nodes) {
-            slot_free(wire, node, node->flying);
+            wire_slot_free(wire, node, node->flying);
         } else if (wire->off & WIRE_BIT(index)) {
-            slot_free(wire, node, node->flying);
+            wire_slot_free(wire, node, node->flying);
             wire_count_drop(wire, index, WIRE_DROP_BUS_OFF);
         } else {
-            queue_push(wire, node, node->flying);
+            wire_queue_push(wire, node, node->flying);
             wire->pending |= WIRE_BIT(index);
         }
     }
 }
 
-static void finish(struct wire *wire)
+/* What else there is to do when not all is well with the frame or with those who sent it. */
+static void finish_disturbed(struct wire *wire)
 {
     struct wire_flight *flight = &wire->flight;
-    const uint64_t gone = (flight->senders | flight->beaten) & (wire->off | wire->unplugged);
     const uint64_t senders = flight->senders | flight->beaten;
+    const uint64_t gone = senders & (wire->off | wire->unplugged);
     size_t index;
 
     /* who was unplugged or put into bus-off meanwhile has sent nothing */
     take_back(wire, gone);
     flight->senders &= ~gone;
     flight->beaten &= ~gone;
-    wire->idle_ns = flight->end_ns + wire->intermission_ns;
-    wire->recessive_ns = flight->end_ns - wire->delimiter_ns;
     if (flight->senders && !flight->failed) {
         finish_good(wire);
     }
@@ -590,6 +339,19 @@ static void finish(struct wire *wire)
         if (wire_is_passive(&wire->node[index])) {
             wire->node[index].hold_ns = wire->idle_ns + wire_bits_ns(wire, WIRE_SUSPEND_BITS);
         }
+    }
+}
+
+static void finish(struct wire *wire)
+{
+    struct wire_flight *flight = &wire->flight;
+
+    wire->idle_ns = flight->end_ns + wire->intermission_ns;
+    wire->recessive_ns = flight->end_ns - wire->delimiter_ns;
+    if (flight->disturbed || wire->off | wire->unplugged | wire->counting) {
+        finish_disturbed(wire);
+    } else {
+        finish_good(wire);
     }
     wire->stats.busy_ns += wire->idle_ns - flight->start_ns;
     wire_load_add(&wire->load, wire->config.window_ns, flight->start_ns, wire->idle_ns);
@@ -642,7 +404,7 @@ static struct step next_step(const struct wire *wire, int64_t to_ns)
     } else if (wire->off) {
         WIRE_FOR_EACH(index, wire->off)
         {
-            consider(&step, STEP_RECOVER, recovery_end(wire, &wire->node[index]), index);
+            consider(&step, STEP_RECOVER, wire_recovery_end(wire, &wire->node[index]), index);
         }
     }
     for (size_t i = 0; i < wire->nlate; i++) {
@@ -653,7 +415,7 @@ static struct step next_step(const struct wire *wire, int64_t to_ns)
         consider(&step, STEP_ATTEMPT, attempt_end(wire, index), index);
     }
     if (!wire->flight.busy && wire->pending & ~wire->unplugged) {
-        int64_t at = next_start(wire);
+        const int64_t at = next_contest(wire).at_ns;
 
         if (at < to_ns) {
             consider(&step, STEP_START, at, 0);
@@ -667,6 +429,7 @@ static bool take_any_step(struct wire *wire, int64_t to_ns)
 {
     const struct step step = next_step(wire, to_ns);
     struct wire_late *late = &wire->late[step.index];
+    struct contest contest;
 
     switch (step.kind) {
     case STEP_NONE:
@@ -675,7 +438,7 @@ static bool take_any_step(struct wire *wire, int64_t to_ns)
         finish(wire);
         break;
     case STEP_RECOVER:
-        recover(wire, step.index, step.time_ns);
+        wire_recover(wire, step.index, step.time_ns);
         break;
     case STEP_LATE:
         deliver(wire, late->node, &late->frame, late->receivers);
@@ -688,7 +451,8 @@ static bool take_any_step(struct wire *wire, int64_t to_ns)
         wire_count_errors(wire, step.index, step.time_ns, 8, 0);
         break;
     case STEP_START:
-        start(wire, step.time_ns);
+        contest = next_contest(wire);
+        start(wire, &contest);
         break;
     }
     return true;
@@ -697,7 +461,7 @@ static bool take_any_step(struct wire *wire, int64_t to_ns)
 /* The same when only frames can happen. */
 static bool take_frame_step(struct wire *wire, int64_t to_ns)
 {
-    int64_t at;
+    struct contest next;
 
     if (wire->flight.busy) {
         if (wire->flight.end_ns > to_ns) {
@@ -709,11 +473,11 @@ static bool take_frame_step(struct wire *wire, int64_t to_ns)
     if (!wire->pending) {
         return false;
     }
-    at = next_start(wire);
-    if (at >= to_ns) {
+    next = next_contest(wire);
+    if (next.at_ns >= to_ns) {
         return false;
     }
-    start(wire, at);
+    start(wire, &next);
     return true;
 }
 

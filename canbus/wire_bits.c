@@ -13,7 +13,7 @@ enum {
 
 /* ---- fields ---- */
 
-static unsigned dlc_of(const struct bus_frame *frame)
+static inline unsigned dlc_of(const struct bus_frame *frame)
 {
     if (frame->len <= 8) {
         return frame->len;
@@ -28,9 +28,8 @@ struct header {
     unsigned arbitration; /* bits behind SOF that decide the arbitration */
 };
 
-static inline struct header header_of(const struct bus_frame *frame)
+static inline struct header header_of(const struct bus_frame *frame, bool extended, bool fd)
 {
-    const bool extended = frame->flags & FRAME_EXTENDED, fd = frame->flags & FRAME_FD;
     const uint64_t remote = frame->flags & FRAME_REMOTE ? 1 : 0;
     struct header header;
 
@@ -100,9 +99,12 @@ static unsigned run_state(unsigned bit, unsigned length)
     return bit * 4 + length - 1;
 }
 
-/* An entry of the table: bits 0-2 the next state, 3-4 stuff bits, 5 whether the last of them stands
- * behind the last of the eight bits. */
-static uint8_t stuff_entry(unsigned state, unsigned byte)
+/* An entry of the table, where the next byte finds its own at (entry & ENTRY_STATE) | byte: bits 8-10
+ * the next state, 11 whether the last stuff bit stands behind the last of the eight bits, 12 and up
+ * how many there are. */
+enum { ENTRY_STATE = 7 << 8, ENTRY_LAST = 1 << 11, ENTRY_STUFFED = 12 };
+
+static uint16_t stuff_entry(unsigned state, unsigned byte)
 {
     unsigned bit = state / 4, length = state % 4 + 1, stuffed = 0, last = 0;
 
@@ -118,7 +120,8 @@ static uint8_t stuff_entry(unsigned state, unsigned byte)
             length = 1;
         }
     }
-    return (uint8_t)(run_state(bit, length) | stuffed << 3 | last << 5);
+    return (uint16_t)(run_state(bit, length) << 8 | (last ? ENTRY_LAST : 0) |
+                      stuffed << ENTRY_STUFFED);
 }
 
 void wire_tables_make(struct wire_tables *tables)
@@ -131,7 +134,7 @@ void wire_tables_make(struct wire_tables *tables)
         }
         tables->crc15[byte] = (uint16_t)(crc & 0x7FFF);
         for (unsigned state = 0; state < 8; state++) {
-            tables->stuff[state][byte] = stuff_entry(state, byte);
+            tables->stuff[state << 8 | byte] = stuff_entry(state, byte);
         }
     }
 }
@@ -144,8 +147,8 @@ struct counting {
 
 static inline void count_byte(struct counting *counting, unsigned byte)
 {
-    counting->entry = counting->tables->stuff[counting->entry & 7][byte];
-    counting->stuffed += counting->entry >> 3 & 3;
+    counting->entry = counting->tables->stuff[(counting->entry & ENTRY_STATE) | byte];
+    counting->stuffed += counting->entry >> ENTRY_STUFFED;
 }
 
 /* Counts right-aligned bits. They are filled up to whole bytes on the left with bits that alternate
@@ -154,14 +157,14 @@ static inline struct counting count_header(const struct wire_tables *tables, uin
                                            unsigned count)
 {
     const unsigned whole = (count + 7) / 8 * 8;
-    struct counting counting = {tables, run_state(0, 1), 0};
+    struct counting counting = {tables, run_state(0, 1) << 8, 0};
 
     if (whole > count) {
         unsigned fill = whole - count;
 
         bits |= (uint64_t)(0x55u & ((1u << fill) - 1)) << count;
         /* the run before the first bit is of the other value */
-        counting.entry = run_state(fill % 2 ? 0 : 1, 1);
+        counting.entry = run_state(fill % 2 ? 0 : 1, 1) << 8;
     }
     for (unsigned shift = whole; shift > 0; shift -= 8) {
         count_byte(&counting, bits >> (shift - 8) & 0xFF);
@@ -174,35 +177,35 @@ static unsigned crc15_byte(const struct wire_tables *tables, unsigned crc, unsig
     return (crc << 8 ^ tables->crc15[(crc >> 7 ^ byte) & 0xFF]) & 0x7FFF;
 }
 
-static struct wire_length classic_length(const struct wire_tables *tables,
-                                         const struct bus_frame *frame)
+/* The inner loop of wire mode: inlined for each format, so that the loops over the header's bytes
+ * have a known end, and everything stays in registers. */
+static inline __attribute__((always_inline)) struct wire_length
+classic_length(const struct wire_tables *tables, const struct bus_frame *frame, bool extended)
 {
-    const struct header header = header_of(frame);
+    const struct header header = header_of(frame, extended, false);
     const unsigned bytes = data_bytes(frame);
-    struct counting counting = count_header(tables, header.bits, header.count);
-    unsigned crc = 0, entry = counting.entry, stuffed = counting.stuffed;
+    const struct counting counted = count_header(tables, header.bits, header.count);
+    unsigned crc = 0, entry = counted.entry, stuffed = counted.stuffed;
 
     /* leading zeros do not change this CRC */
     for (unsigned shift = (header.count + 7) / 8 * 8; shift > 0; shift -= 8) {
         crc = crc15_byte(tables, crc, header.bits >> (shift - 8) & 0xFF);
     }
-    /* the inner loop of wire mode: everything in registers */
     for (unsigned i = 0; i < bytes; i++) {
         const unsigned byte = frame->data[i];
 
         crc = crc << 8 ^ tables->crc15[(crc >> 7 ^ byte) & 0xFF];
-        entry = tables->stuff[entry & 7][byte];
-        stuffed += entry >> 3 & 3;
+        entry = tables->stuff[(entry & ENTRY_STATE) | byte];
+        stuffed += entry >> ENTRY_STUFFED;
     }
-    counting.entry = entry;
-    counting.stuffed = stuffed;
     crc &= 0x7FFF;
     /* the 16th bit is the opposite of the CRC's last: it completes no run */
     crc = crc << 1 | (~crc & 1);
-    count_byte(&counting, crc >> 8);
-    count_byte(&counting, crc & 0xFF);
+    entry = tables->stuff[(entry & ENTRY_STATE) | crc >> 8];
+    stuffed += entry >> ENTRY_STUFFED;
+    stuffed += tables->stuff[(entry & ENTRY_STATE) | (crc & 0xFF)] >> ENTRY_STUFFED;
     return (struct wire_length){
-        .nominal = (uint16_t)(header.count + 8 * bytes + 15 + counting.stuffed + TRAILER_BITS),
+        .nominal = (uint16_t)(header.count + 8 * bytes + 15 + stuffed + TRAILER_BITS),
     };
 }
 
@@ -214,7 +217,8 @@ static unsigned fd_fast_bits(uint8_t len)
 
 static struct wire_length fd_length(const struct wire_tables *tables, const struct bus_frame *frame)
 {
-    const struct header header = header_of(frame);
+    const struct header header =
+        header_of(frame, frame->flags & FRAME_EXTENDED, frame->flags & FRAME_FD);
     const unsigned slow = header.count - 5 + TRAILER_BITS - 1, fast = fd_fast_bits(frame->len);
     struct counting counting = count_header(tables, header.bits, header.count);
     unsigned early;
@@ -223,7 +227,7 @@ static struct wire_length fd_length(const struct wire_tables *tables, const stru
         count_byte(&counting, frame->data[i]);
     }
     /* behind the last bit stands the first fixed stuff bit, and no other */
-    counting.stuffed -= counting.entry >> 5;
+    counting.stuffed -= counting.entry & ENTRY_LAST ? 1 : 0;
     if (!(frame->flags & FRAME_BRS)) {
         return (struct wire_length){.nominal = (uint16_t)(slow + fast + counting.stuffed)};
     }
@@ -238,13 +242,17 @@ static struct wire_length fd_length(const struct wire_tables *tables, const stru
 struct wire_length wire_frame_length(const struct wire_tables *tables,
                                      const struct bus_frame *frame)
 {
-    return frame->flags & FRAME_FD ? fd_length(tables, frame) : classic_length(tables, frame);
+    if (frame->flags & FRAME_FD) {
+        return fd_length(tables, frame);
+    }
+    return frame->flags & FRAME_EXTENDED ? classic_length(tables, frame, true)
+                                         : classic_length(tables, frame, false);
 }
 
 struct wire_length wire_worst_length(uint8_t flags, uint8_t len)
 {
     const struct bus_frame frame = {.flags = flags, .len = len};
-    const struct header header = header_of(&frame);
+    const struct header header = header_of(&frame, flags & FRAME_EXTENDED, flags & FRAME_FD);
     const unsigned bytes = data_bytes(&frame);
     unsigned bits, stuffed, early, slow;
 
@@ -364,7 +372,8 @@ static void put_fd_check(struct writing *writing, uint8_t len)
 
 void wire_frame_encode(const struct bus_frame *frame, struct wire_bits *bits)
 {
-    const struct header header = header_of(frame);
+    const struct header header =
+        header_of(frame, frame->flags & FRAME_EXTENDED, frame->flags & FRAME_FD);
     const bool fd = frame->flags & FRAME_FD;
     struct writing writing = {bits, 0, 0};
 

@@ -34,7 +34,7 @@ struct wire_length {
 /* CRC-15 a byte at a time; stuff bits of eight bits after a run, and the run that they leave. */
 struct wire_tables {
     uint16_t crc15[256];
-    uint8_t stuff[8][256];
+    uint16_t stuff[8 * 256];
 };
 
 void wire_tables_make(struct wire_tables *tables);

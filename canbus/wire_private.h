@@ -49,6 +49,7 @@ struct wire_node {
 /* The frame or the error on the wire; all that will come of it is known when it starts. */
 struct wire_flight {
     bool busy;
+    bool disturbed; /* wire_disturb has decided what follows */
     bool failed;
     bool repeat;         /* received, but the sender missed it */
     uint64_t senders;    /* more than one: the same frame bit for bit, or an error */
@@ -142,10 +143,28 @@ static inline struct wire_slot *wire_flying(const struct wire *wire, size_t node
     return &wire->node[node].slot[wire->node[node].flying];
 }
 
+/* wire_queue.c */
+void wire_queue_push(const struct wire *wire, struct wire_node *node, uint16_t slot);
+uint16_t wire_queue_pop(const struct wire *wire, struct wire_node *node);
+void wire_count_drop(struct wire *wire, size_t node, enum wire_drop drop);
+
+static inline void wire_slot_free(struct wire *wire, struct wire_node *node, uint16_t slot)
+{
+    node->spare[node->nspare++] = slot;
+    node->stats.queued--;
+    wire->stats.queued--;
+}
+
 void wire_notify(const struct wire *wire, const struct wire_event *event);
 
-/* Changes the error counters and what follows from them; bus-off empties the queue. */
+/* wire_nodes.c. Changes the error counters and what follows from them; bus-off empties the queue. */
 void wire_count_errors(struct wire *wire, size_t node, int64_t time_ns, int tec, int rec);
+
+/* Out of bus-off; when that will be if the bus stays idle; and what nodes in bus-off have seen of
+ * recessive bits when a frame starts. */
+void wire_recover(struct wire *wire, size_t index, int64_t time_ns);
+int64_t wire_recovery_end(const struct wire *wire, const struct wire_node *node);
+void wire_count_runs(struct wire *wire, int64_t start_ns);
 
 /* wire_errors.c: what faults, collisions and missing receivers make of the frame that starts. */
 void wire_disturb(struct wire *wire);
@@ -154,6 +173,5 @@ void wire_finish_error(struct wire *wire);
 /* wire_stats.c */
 void wire_load_add(struct wire_load *load, int64_t window_ns, int64_t from_ns, int64_t to_ns);
 void wire_latency_add(struct wire *wire, const struct bus_frame *frame, int64_t latency_ns);
-void wire_count_drop(struct wire *wire, size_t node, enum wire_drop drop);
 
 #endif

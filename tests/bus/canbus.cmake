@@ -17,6 +17,10 @@ hil_test(canbus_socketcan SOURCES ${tests}/bus/canbus_socketcan.c LIBS canbus LA
 add_executable(canbus_tool ${tests}/bus/canbus_tool.c)
 target_link_libraries(canbus_tool PRIVATE canbus)
 
+# A controller that checks every frame of every tick.
+add_executable(lockstep_controller ${tests}/bus/lockstep_controller.c)
+target_link_libraries(lockstep_controller PRIVATE canbus)
+
 # The address space of a guest process has no room for the shadow memory of the sanitizers.
 if(NOT HIL_SANITIZE)
     hil_script_test(canbus_socketcan_vcan LABELS bus TIMEOUT 120
@@ -24,6 +28,9 @@ if(NOT HIL_SANITIZE)
     hil_script_test(clients_port LABELS bus TIMEOUT 150
         COMMAND bash ${tests}/bus/uml/run.sh -t 120 /usr/bin/python3 ${tests}/bus/uml/clients.py
                 $<TARGET_FILE:canbus_tool>)
+    hil_script_test(lockstep_vcan LABELS bus TIMEOUT 150
+        COMMAND bash ${tests}/bus/uml/run.sh -t 130 /usr/bin/python3 ${tests}/bus/uml/lockstep.py
+                $<TARGET_FILE:coman-hil> $<TARGET_FILE:lockstep_controller>)
     hil_script_test(clients_simulator LABELS bus TIMEOUT 240
         COMMAND bash ${tests}/bus/uml/run.sh -t 200 /usr/bin/python3 ${tests}/bus/uml/clients.py
                 $<TARGET_FILE:canbus_tool> $<TARGET_FILE:coman-hil>)

@@ -175,6 +175,68 @@ static void a_port_hears_of_the_state_of_its_controller(void **state)
     assert_int_equal(boards->state, CAN_PORT_UP);
 }
 
+/* Errors hit the node that sends: a stranger with the identifier of board 2 makes that board error
+ * passive, and no other. */
+static void a_fault_of_one_board_leaves_the_others_alone(void **state)
+{
+    const struct wire_fault stranger = {.kind = WIRE_FAULT_COLLISION,
+                                        .node = WIRE_ANY,
+                                        .receiver = WIRE_ANY,
+                                        .id = 0x102,
+                                        .id_mask = 0x7ff,
+                                        .probability = 1.0};
+    struct wire_node_stats stats;
+    size_t count = 0, of_victim = 0;
+
+    (void)state;
+    open_bus(0);
+    assert_true(wire_inject(local_bus_wire(bus), &stranger) >= 0);
+    for (int tick = 0; tick < 10; tick++) {
+        for (uint16_t node = 0; node < BOARDS; node++) {
+            struct bus_frame frame = bench_frame(0x100u + node, 2);
+
+            frame.node = node;
+            can_send(boards, &frame, 1);
+        }
+        local_bus_advance(bus, (2 + tick) * MS);
+        count += can_receive(host, got + count, 64);
+    }
+    for (size_t i = 0; i < count; i++) {
+        of_victim += got[i].id == 0x102;
+        assert_int_equal(got[i].node, 0); /* nothing for a receiver */
+    }
+    for (size_t node = 0; node < BOARDS; node++) {
+        wire_node_stats(local_bus_wire(bus), local_bus_node(boards) + node, &stats);
+        assert_int_equal(stats.confirmed, node == 2 ? of_victim : 10);
+        assert_int_equal(stats.errors > 0, node == 2);
+        assert_int_equal(stats.tec_peak >= 128, node == 2);
+    }
+}
+
+/* A STEP of several ticks: nobody receives between them, and every frame has the time of its tick. */
+static void frames_of_several_ticks_wait_in_their_order(void **state)
+{
+    struct bus_frame frame = bench_frame(0x123, 1), done = bench_frame(DONE, 6);
+    int64_t length;
+
+    (void)state;
+    open_bus(0);
+    for (int tick = 1; tick <= 20; tick++) {
+        frame.data[0] = (uint8_t)tick;
+        can_send(boards, &frame, 1);
+        local_bus_advance(bus, (tick + 1) * MS);
+    }
+    can_send(boards, &done, 1);
+    assert_int_equal(can_receive(host, got, 64), 21);
+    for (int tick = 1; tick <= 20; tick++) {
+        frame.data[0] = (uint8_t)tick;
+        length = bench_duration(&frame, 1000000, 0);
+        assert_int_equal(got[tick - 1].data[0], tick);
+        assert_int_equal(got[tick - 1].time_ns, tick * MS + length);
+    }
+    assert_int_equal(got[20].id, DONE);
+}
+
 static void a_port_that_closes_no_longer_acknowledges(void **state)
 {
     struct bus_frame frame = bench_frame(0x123, 8);
@@ -402,6 +464,8 @@ int main(void)
         TEST(lockstep_frames_take_no_time_and_keep_their_place),
         TEST(drops_of_a_controller_reach_the_counters_of_its_port),
         TEST(a_port_hears_of_the_state_of_its_controller),
+        TEST(a_fault_of_one_board_leaves_the_others_alone),
+        TEST(frames_of_several_ticks_wait_in_their_order),
         TEST(a_port_that_closes_no_longer_acknowledges),
         TEST(controllers_are_given_out_once),
         TEST(threads_may_send_while_time_moves),

@@ -55,5 +55,9 @@ done
 
 cd "$HIL_BINARY_DIR" || fail "no $HIL_BINARY_DIR"
 # shellcheck disable=SC2154
+if [ -n "$first" ]; then
+    exec "${command[@]}" </dev/null >>"$HIL_WORK/console" 2>&1
+fi
+# shellcheck disable=SC2154
 "${command[@]}" </dev/null >>"$HIL_WORK/output" 2>&1
 power_off $?

@@ -4,8 +4,10 @@
 # with this machine's files as its read-only root, loads the CAN modules, creates the virtual
 # interfaces can0 to can4, runs the command, powers off.
 #
-#   run.sh [-t SECONDS] COMMAND [ARGUMENT...]
+#   run.sh [-t SECONDS] [-x] COMMAND [ARGUMENT...]
 #
+# With -x the command takes the place of the guest's first process: it writes what it has to say to
+# $HIL_WORK/output, its exit status to $HIL_WORK/status, and powers off.
 # The command's output goes to standard output; the exit status is the command's, 70 when the guest did
 # not come to its end (its console is shown as TAP comments). Without user-mode Linux the TAP plan is
 # one skipped test with the reason. HIL_SOURCE_DIR and HIL_BINARY_DIR are passed on; the guest can
@@ -17,6 +19,11 @@ limit=120
 if [ "${1:-}" = -t ]; then
     limit=$2
     shift 2
+fi
+first=
+if [ "${1:-}" = -x ]; then
+    first=exec
+    shift
 fi
 if [ $# -eq 0 ]; then
     sed -n 's/^#   //p' "$0" >&2
@@ -54,7 +61,7 @@ cp "$here/init.sh" "$work/init" && chmod +x "$work/init"
     declare -p HIL_SOURCE_DIR HIL_BINARY_DIR
     printf 'command=('
     printf ' %q' "$@"
-    printf ' )\n'
+    printf ' )\nfirst=%s\n' "$first"
     printf 'export CMOCKA_MESSAGE_OUTPUT=TAP HIL_SOURCE_DIR HIL_BINARY_DIR HIL_UML=1\n'
 } >"$work/environment"
 

@@ -1,0 +1,487 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Building a DBC database; see the header. */
+#include "canbus/dbc.h"
+
+#include "canbus/dbc_private.h"
+#include "canbus/frame.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <string.h>
+
+enum { ID_MAX = 0x7ff, CLASSIC_LENGTH = 8, FD_LENGTH = 64, FRAME_BITS = 8 * FD_LENGTH };
+
+static const double EXACT = 9007199254740992.0; /* 2^53: whole numbers that a double holds */
+
+const char *const dbc_symbols[DBC_SYMBOLS] = {
+    "NS_DESC_",     "CM_",
+    "BA_DEF_",      "BA_",
+    "VAL_",         "CAT_DEF_",
+    "CAT_",         "FILTER",
+    "BA_DEF_DEF_",  "EV_DATA_",
+    "ENVVAR_DATA_", "SGTYPE_",
+    "SGTYPE_VAL_",  "BA_DEF_SGTYPE_",
+    "BA_SGTYPE_",   "SIG_TYPE_REF_",
+    "VAL_TABLE_",   "SIG_GROUP_",
+    "SIG_VALTYPE_", "SIGTYPE_VALTYPE_",
+    "BO_TX_BU_",    "BA_DEF_REL_",
+    "BA_REL_",      "BA_DEF_DEF_REL_",
+    "BU_SG_REL_",   "BU_EV_REL_",
+    "BU_BO_REL_",
+};
+
+/* clang-format off */
+const char dbc_definitions[] =
+    "BA_DEF_ \"" DBC_NAME "\" STRING ;\n"
+    "BA_DEF_ \"" DBC_BUS_TYPE "\" STRING ;\n"
+    "BA_DEF_ \"" DBC_BITRATE "\" INT 0 1000000000;\n"
+    "BA_DEF_ \"" DBC_DATA_BITRATE "\" INT 0 1000000000;\n"
+    "BA_DEF_ BO_ \"" DBC_CYCLE "\" INT 0 3600000;\n"
+    "BA_DEF_ BO_ \"" DBC_FORMAT "\" ENUM \"StandardCAN\",\"ExtendedCAN\",\"reserved\",\"reserved\","
+    "\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\","
+    "\"reserved\",\"reserved\",\"reserved\",\"StandardCAN_FD\",\"ExtendedCAN_FD\";\n"
+    "BA_DEF_ SG_ \"" DBC_LENGTH "\" INT 0 64;\n"
+    "BA_DEF_DEF_ \"" DBC_NAME "\" \"\";\n"
+    "BA_DEF_DEF_ \"" DBC_BUS_TYPE "\" \"" DBC_BUS_CLASSIC "\";\n"
+    "BA_DEF_DEF_ \"" DBC_BITRATE "\" 0;\n"
+    "BA_DEF_DEF_ \"" DBC_DATA_BITRATE "\" 0;\n"
+    "BA_DEF_DEF_ \"" DBC_CYCLE "\" 0;\n"
+    "BA_DEF_DEF_ \"" DBC_FORMAT "\" \"StandardCAN\";\n"
+    "BA_DEF_DEF_ \"" DBC_LENGTH "\" 0;\n";
+/* clang-format on */
+
+/* ---- names and texts ---- */
+
+static bool is_letter(char c)
+{
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
+}
+
+static bool is_reserved(const char *name)
+{
+    static const char *const words[] = {"VERSION", "NS_", "BS_", "BU_",
+                                        "BO_",     "SG_", "EV_", DBC_NOBODY};
+
+    for (size_t i = 0; i < DBC_SYMBOLS; i++) {
+        if (!strcmp(name, dbc_symbols[i])) {
+            return true;
+        }
+    }
+    for (size_t i = 0; i < sizeof words / sizeof *words; i++) {
+        if (!strcmp(name, words[i])) {
+            return true;
+        }
+    }
+    return false;
+}
+
+bool dbc_is_name(const char *name)
+{
+    size_t size = 0;
+
+    for (; size <= DBC_NAME_MAX && name[size]; size++) {
+        if (!is_letter(name[size]) && !(size && name[size] >= '0' && name[size] <= '9')) {
+            return false;
+        }
+    }
+    return size > 0 && size <= DBC_NAME_MAX && !is_reserved(name);
+}
+
+static bool is_text(const char *text)
+{
+    size_t size = 0;
+
+    for (; size <= DBC_TEXT_MAX && text[size]; size++) {
+        if (text[size] < ' ' || text[size] > '~' || text[size] == '"' || text[size] == '\\') {
+            return false;
+        }
+    }
+    return size <= DBC_TEXT_MAX;
+}
+
+static enum error_code check_name(const char *what, const char *name, struct error *error)
+{
+    return dbc_is_name(name)
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT,
+                           "found %s \"%.40s\", expected at most %d letters, digits and _ that are "
+                           "no word of the format",
+                           what, name, DBC_NAME_MAX);
+}
+
+static enum error_code check_text(const char *what, const char *text, struct error *error)
+{
+    return is_text(text)
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT,
+                           "found %s \"%.40s\", expected at most %d printable ASCII characters "
+                           "without \" and \\",
+                           what, text, DBC_TEXT_MAX);
+}
+
+static enum error_code no_memory(struct error *error)
+{
+    return error_set(error, ERROR_MEMORY, "no memory left for the DBC database");
+}
+
+static enum error_code too_many(const char *what, int most, struct error *error)
+{
+    return error_set(error, ERROR_INPUT, "found more than %d %s", most, what);
+}
+
+struct dbc *dbc_create(struct arena *arena, const char *name)
+{
+    struct dbc *dbc = arena_alloc(arena, 1, sizeof *dbc);
+
+    if (!dbc) {
+        return NULL;
+    }
+    dbc->arena = arena;
+    dbc->name = arena_strdup(arena, name);
+    return dbc->name ? dbc : NULL;
+}
+
+enum error_code dbc_set_comment(struct dbc *dbc, const char **comment, const char *text,
+                                struct error *error)
+{
+    if (*comment) {
+        return error_set(error, ERROR_INPUT, "found a second comment, expected one");
+    }
+    if (check_text("comment", text, error)) {
+        return ERROR_INPUT;
+    }
+    *comment = arena_strdup(dbc->arena, text);
+    return *comment ? ERROR_NONE : no_memory(error);
+}
+
+/* ---- nodes and messages ---- */
+
+int dbc_find_node(const struct dbc *dbc, const char *name)
+{
+    for (size_t i = 0; i < dbc->nnode; i++) {
+        if (!strcmp(dbc->node[i].name, name)) {
+            return (int)i;
+        }
+    }
+    return DBC_NO_NODE;
+}
+
+enum error_code dbc_add_node(struct dbc *dbc, const char *name, struct error *error)
+{
+    if (check_name("node", name, error)) {
+        return ERROR_INPUT;
+    }
+    if (dbc_find_node(dbc, name) != DBC_NO_NODE) {
+        return error_set(error, ERROR_INPUT, "found node %s again, expected another name", name);
+    }
+    if (dbc->nnode == DBC_NODES_MAX) {
+        return too_many("nodes", DBC_NODES_MAX, error);
+    }
+    dbc->node[dbc->nnode].name = arena_strdup(dbc->arena, name);
+    if (!dbc->node[dbc->nnode].name) {
+        return no_memory(error);
+    }
+    dbc->nnode++;
+    return ERROR_NONE;
+}
+
+struct dbc_message *dbc_find_message(const struct dbc *dbc, uint32_t id)
+{
+    struct dbc_message *message = dbc->message;
+
+    while (message && message->id != id) {
+        message = message->next;
+    }
+    return message;
+}
+
+static enum error_code check_length(const struct dbc_message *message, struct error *error)
+{
+    const unsigned most = message->fd ? FD_LENGTH : CLASSIC_LENGTH, length = message->length;
+
+    if (length > most || frame_fd_length(length) != length) {
+        return error_set(error, ERROR_INPUT,
+                         "found %u bytes, expected a length that %s frames can have", length,
+                         message->fd ? "CAN FD" : "classic CAN");
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code check_message(const struct dbc *dbc, const struct dbc_message *message,
+                                     struct error *error)
+{
+    if (check_name("message", message->name, error) || check_length(message, error)) {
+        return ERROR_INPUT;
+    }
+    if (message->id > ID_MAX) {
+        return error_set(error, ERROR_INPUT, "found identifier %" PRIu32 ", expected at most %d",
+                         message->id, ID_MAX);
+    }
+    if (message->cycle_ms > DBC_CYCLE_MAX_MS) {
+        return error_set(error, ERROR_INPUT, "found a cycle of %" PRIu32 " ms, expected at most %d",
+                         message->cycle_ms, DBC_CYCLE_MAX_MS);
+    }
+    if (message->sender < DBC_NO_NODE || message->sender >= (int)dbc->nnode) {
+        return error_set(error, ERROR_INPUT, "found a sender that is no node");
+    }
+    for (const struct dbc_message *other = dbc->message; other; other = other->next) {
+        if (other->id == message->id || !strcmp(other->name, message->name)) {
+            return error_set(error, ERROR_INPUT,
+                             "found message %s with identifier %" PRIu32
+                             ", expected another name and identifier than %s with %" PRIu32,
+                             message->name, message->id, other->name, other->id);
+        }
+    }
+    return dbc->nmessage == DBC_MESSAGES_MAX ? too_many("messages", DBC_MESSAGES_MAX, error)
+                                             : ERROR_NONE;
+}
+
+enum error_code dbc_add_message(struct dbc *dbc, const struct dbc_message *message,
+                                struct dbc_message **added, struct error *error)
+{
+    enum error_code code = check_message(dbc, message, error);
+    struct dbc_message *made;
+
+    if (code) {
+        return code;
+    }
+    made = arena_alloc(dbc->arena, 1, sizeof *made);
+    if (!made) {
+        return no_memory(error);
+    }
+    made->id = message->id;
+    made->fd = message->fd;
+    made->length = message->length;
+    made->sender = message->sender;
+    made->cycle_ms = message->cycle_ms;
+    made->name = arena_strdup(dbc->arena, message->name);
+    if (!made->name) {
+        return no_memory(error);
+    }
+    *(dbc->last_message ? &dbc->last_message->next : &dbc->message) = made;
+    dbc->last_message = made;
+    dbc->nmessage++;
+    *added = made;
+    return ERROR_NONE;
+}
+
+/* ---- signals ---- */
+
+struct dbc_signal *dbc_find_signal(const struct dbc_message *message, const char *name)
+{
+    struct dbc_signal *signal = message->signal;
+
+    while (signal && strcmp(signal->name, name)) {
+        signal = signal->next;
+    }
+    return signal;
+}
+
+/* big-endian: from the least significant bit of a byte on to the most significant of the byte before;
+ * counted in bits from the most significant of byte 0 on that is a straight line */
+unsigned dbc_bit(const struct dbc_signal *signal, unsigned k)
+{
+    unsigned line = (signal->start ^ 7u) + signal->bits - 1u - k;
+
+    return signal->big_endian ? line ^ 7u : signal->start + k;
+}
+
+static bool fits(const struct dbc_signal *signal, unsigned length)
+{
+    /* the bit furthest from the front: of a big-endian signal the least, else the most significant */
+    return signal->bits >= 1 && signal->bits <= 64 && signal->start < FRAME_BITS &&
+           dbc_bit(signal, signal->big_endian ? 0 : signal->bits - 1u) < 8 * length;
+}
+
+/* Smallest and largest raw value of a signal that is no DBC_FLOAT. */
+static double raw_lowest(const struct dbc_signal *signal)
+{
+    return signal->type == DBC_SIGNED ? -ldexp(1.0, signal->bits - 1) : 0.0;
+}
+
+static double raw_highest(const struct dbc_signal *signal)
+{
+    return ldexp(1.0, signal->bits - (signal->type == DBC_SIGNED)) - 1.0;
+}
+
+static bool can_meet(const struct dbc_signal *a, const struct dbc_signal *b)
+{
+    return a->role != DBC_MULTIPLEXED || b->role != DBC_MULTIPLEXED || a->selector == b->selector;
+}
+
+static void mark_bits(const struct dbc_signal *signal, bool *used)
+{
+    for (unsigned k = 0; k < signal->bits; k++) {
+        used[dbc_bit(signal, k)] = true;
+    }
+}
+
+/* The first signal that has a bit of this one, or its name; NULL = none. */
+static const struct dbc_signal *find_clash(const struct dbc_message *message,
+                                           const struct dbc_signal *signal)
+{
+    bool used[FRAME_BITS] = {false};
+
+    mark_bits(signal, used);
+    for (const struct dbc_signal *other = message->signal; other; other = other->next) {
+        for (unsigned k = 0; k < other->bits && can_meet(signal, other); k++) {
+            if (used[dbc_bit(other, k)]) {
+                return other;
+            }
+        }
+        if (!strcmp(other->name, signal->name)) {
+            return other;
+        }
+    }
+    return NULL;
+}
+
+static enum error_code check_numbers(const struct dbc_signal *signal, struct error *error)
+{
+    if (!isfinite(signal->scale) || signal->scale == 0.0 || !isfinite(signal->offset)) {
+        return error_set(error, ERROR_INPUT,
+                         "found factor %g and offset %g, expected finite numbers, the factor not 0",
+                         signal->scale, signal->offset);
+    }
+    if (!isfinite(signal->min) || !isfinite(signal->max) || signal->min > signal->max) {
+        return error_set(error, ERROR_INPUT, "found the range %g to %g, expected it to ascend",
+                         signal->min, signal->max);
+    }
+    if (signal->type == DBC_FLOAT && signal->bits != 32) {
+        return error_set(error, ERROR_INPUT, "found a float of %d bits, expected 32", signal->bits);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code check_role(const struct dbc_message *message,
+                                  const struct dbc_signal *signal, struct error *error)
+{
+    const struct dbc_signal *by = message->multiplexor;
+
+    if (signal->role == DBC_MULTIPLEXOR && (by || signal->type != DBC_UNSIGNED)) {
+        return error_set(error, ERROR_INPUT,
+                         "found multiplexor %s, expected one unsigned signal to be it",
+                         signal->name);
+    }
+    if (signal->role == DBC_MULTIPLEXED && (!by || signal->selector > raw_highest(by))) {
+        return error_set(error, ERROR_INPUT,
+                         "found signal %s of multiplexor value %" PRIu32
+                         ", expected a multiplexor before it that can be this",
+                         signal->name, signal->selector);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code check_signal(const struct dbc *dbc, const struct dbc_message *message,
+                                    const struct dbc_signal *signal, struct error *error)
+{
+    const struct dbc_signal *clash;
+
+    if (check_name("signal", signal->name, error) || check_text("unit", signal->unit, error) ||
+        check_numbers(signal, error) || check_role(message, signal, error)) {
+        return ERROR_INPUT;
+    }
+    if (!fits(signal, message->length)) {
+        return error_set(error, ERROR_INPUT,
+                         "found signal %s of %d bits from bit %d on, expected it within the %d "
+                         "bytes of %s",
+                         signal->name, signal->bits, signal->start, message->length, message->name);
+    }
+    if (signal->frame_length > message->length) {
+        return error_set(error, ERROR_INPUT, "found frame length %d, expected at most %d",
+                         signal->frame_length, message->length);
+    }
+    if (dbc->nnode < DBC_NODES_MAX && signal->receivers >> dbc->nnode) {
+        return error_set(error, ERROR_INPUT, "found a receiver that is no node");
+    }
+    clash = find_clash(message, signal);
+    if (clash) {
+        return error_set(error, ERROR_INPUT,
+                         "found signal %s, expected other bits and another name than %s in %s",
+                         signal->name, clash->name, message->name);
+    }
+    return message->nsignal == DBC_SIGNALS_MAX
+               ? too_many("signals in a message", DBC_SIGNALS_MAX, error)
+               : ERROR_NONE;
+}
+
+enum error_code dbc_add_signal(struct dbc *dbc, struct dbc_message *message,
+                               const struct dbc_signal *signal, struct dbc_signal **added,
+                               struct error *error)
+{
+    enum error_code code = check_signal(dbc, message, signal, error);
+    struct dbc_signal *made;
+
+    if (code) {
+        return code;
+    }
+    made = arena_alloc(dbc->arena, 1, sizeof *made);
+    if (!made) {
+        return no_memory(error);
+    }
+    *made = *signal;
+    made->next = NULL;
+    made->comment = NULL;
+    made->value = made->last_value = NULL;
+    made->nvalue = 0;
+    made->name = arena_strdup(dbc->arena, signal->name);
+    made->unit = arena_strdup(dbc->arena, signal->unit);
+    if (!made->name || !made->unit) {
+        return no_memory(error);
+    }
+    *(message->last_signal ? &message->last_signal->next : &message->signal) = made;
+    message->last_signal = made;
+    message->nsignal++;
+    if (made->role == DBC_MULTIPLEXOR) {
+        message->multiplexor = made;
+    }
+    *added = made;
+    return ERROR_NONE;
+}
+
+static enum error_code check_value(const struct dbc_signal *signal, int64_t number,
+                                   const char *text, struct error *error)
+{
+    if (check_text("value name", text, error)) {
+        return ERROR_INPUT;
+    }
+    if (signal->type == DBC_FLOAT || fabs((double)number) > EXACT ||
+        (double)number < raw_lowest(signal) || (double)number > raw_highest(signal)) {
+        return error_set(error, ERROR_INPUT,
+                         "found value %" PRId64 ", expected one that signal %s can have", number,
+                         signal->name);
+    }
+    for (const struct dbc_value *other = signal->value; other; other = other->next) {
+        if (other->number == number) {
+            return error_set(error, ERROR_INPUT,
+                             "found value %" PRId64 " of signal %s again, expected it once", number,
+                             signal->name);
+        }
+    }
+    return signal->nvalue == DBC_VALUES_MAX ? too_many("values of a signal", DBC_VALUES_MAX, error)
+                                            : ERROR_NONE;
+}
+
+enum error_code dbc_add_value(struct dbc *dbc, struct dbc_signal *signal, int64_t number,
+                              const char *text, struct error *error)
+{
+    enum error_code code = check_value(signal, number, text, error);
+    struct dbc_value *made;
+
+    if (code) {
+        return code;
+    }
+    made = arena_alloc(dbc->arena, 1, sizeof *made);
+    if (!made) {
+        return no_memory(error);
+    }
+    made->number = number;
+    made->text = arena_strdup(dbc->arena, text);
+    if (!made->text) {
+        return no_memory(error);
+    }
+    *(signal->last_value ? &signal->last_value->next : &signal->value) = made;
+    signal->last_value = made;
+    signal->nvalue++;
+    return ERROR_NONE;
+}

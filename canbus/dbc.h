@@ -1,0 +1,142 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A DBC database: what the frames of one bus mean, in the text format that CAN tools read (nodes,
+ * messages, signals, multiplexing, value tables, comments, cycle times, CAN FD). A database is built
+ * piece by piece, each piece checked as it is added, then written; the reader builds it in the same
+ * way out of text, and takes what the writer writes and nothing beyond it: 11-bit identifiers, plain
+ * ASCII, the attributes below, sections in their usual order. Not RT-safe.
+ *
+ *   GenMsgCycleTime  of a message, ms; 0 = on demand
+ *   VFrameFormat     of a message: StandardCAN, StandardCAN_FD
+ *   FrameLength      of a multiplexed signal: how long the frame is that carries it, where frames of
+ *                    a message differ; 0 = as long as the message. Ours; tools show it.
+ *   DBName, BusType, Baudrate, BaudrateCANFD  of the database
+ */
+#ifndef CANBUS_DBC_H
+#define CANBUS_DBC_H
+
+#include "base/arena.h"
+#include "base/error.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+enum {
+    DBC_NAME_MAX = 32,  /* letters of a name, which is an identifier of C */
+    DBC_TEXT_MAX = 255, /* of units, value names and comments: printable ASCII without " and \ */
+    DBC_NODES_MAX = 64,
+    DBC_MESSAGES_MAX = 2048, /* as many as 11-bit identifiers */
+    DBC_SIGNALS_MAX = 4096,  /* of a message */
+    DBC_VALUES_MAX = 512,    /* of a signal */
+    DBC_CYCLE_MAX_MS = 3600000,
+};
+
+enum { DBC_NO_NODE = -1 };
+
+enum dbc_role { DBC_PLAIN, DBC_MULTIPLEXOR, DBC_MULTIPLEXED };
+enum dbc_type { DBC_UNSIGNED, DBC_SIGNED, DBC_FLOAT };
+
+/* What a raw value is called. */
+struct dbc_value {
+    struct dbc_value *next;
+    int64_t number;
+    const char *text;
+};
+
+struct dbc_signal {
+    struct dbc_signal *next;
+    const char *name;
+    enum dbc_role role;
+    uint32_t selector; /* DBC_MULTIPLEXED: there when the multiplexor has this value */
+    /* bit 8 i + j is bit j (0 = least significant) of byte i; little-endian signals start at their
+     * least, big-endian ones at their most significant bit */
+    uint16_t start;
+    uint8_t bits; /* 1 to 64, DBC_FLOAT 32 */
+    bool big_endian;
+    enum dbc_type type;
+    double scale, offset, min, max; /* value = raw * scale + offset; min = max = 0: not limited */
+    const char *unit;               /* "" = none */
+    uint64_t receivers;             /* bit i = node i */
+    uint8_t frame_length;           /* FrameLength */
+    const char *comment;            /* NULL = none */
+    struct dbc_value *value;        /* a list; NULL = numbers */
+    struct dbc_value *last_value;
+    size_t nvalue;
+};
+
+struct dbc_message {
+    struct dbc_message *next;
+    uint32_t id; /* 11 bits */
+    const char *name;
+    bool fd;
+    uint8_t length;
+    int sender; /* index of a node, DBC_NO_NODE = nobody here */
+    uint32_t cycle_ms;
+    const char *comment;       /* NULL = none */
+    struct dbc_signal *signal; /* a list */
+    struct dbc_signal *last_signal;
+    const struct dbc_signal *multiplexor; /* NULL = none */
+    size_t nsignal;
+};
+
+struct dbc_node {
+    const char *name;
+    const char *comment; /* NULL = none */
+};
+
+struct dbc {
+    struct arena *arena; /* owns everything */
+    const char *name;
+    const char *comment; /* NULL = none */
+    bool fd;
+    int64_t bitrate, data_bitrate; /* bit/s; data_bitrate 0 without fd */
+    struct dbc_node node[DBC_NODES_MAX];
+    size_t nnode;
+    struct dbc_message *message; /* a list */
+    struct dbc_message *last_message;
+    size_t nmessage;
+};
+
+/* An empty database in arena, its name copied; NULL when there is no memory. */
+struct dbc *dbc_create(struct arena *arena, const char *name);
+
+/*
+ * Each adds a copy of what is given, strings included (lists, comments and counts are left empty),
+ * and returns ERROR_INPUT with a sentence that says what was found and what was expected. A message
+ * with more than 8 bytes is fd; a signal is within its message and shares no bit with another one
+ * that can be in the same frame; the multiplexor comes before the signals that it selects.
+ */
+enum error_code dbc_add_node(struct dbc *dbc, const char *name, struct error *error);
+enum error_code dbc_add_message(struct dbc *dbc, const struct dbc_message *message,
+                                struct dbc_message **added, struct error *error);
+enum error_code dbc_add_signal(struct dbc *dbc, struct dbc_message *message,
+                               const struct dbc_signal *signal, struct dbc_signal **added,
+                               struct error *error);
+enum error_code dbc_add_value(struct dbc *dbc, struct dbc_signal *signal, int64_t number,
+                              const char *text, struct error *error);
+
+/* Puts a copy of text where a comment belongs, once. */
+enum error_code dbc_set_comment(struct dbc *dbc, const char **comment, const char *text,
+                                struct error *error);
+
+/* Whether a name can stand in a database: an identifier of C, at most DBC_NAME_MAX long, that means
+ * nothing else in the format. */
+bool dbc_is_name(const char *name);
+
+int dbc_find_node(const struct dbc *dbc, const char *name); /* DBC_NO_NODE = none */
+struct dbc_message *dbc_find_message(const struct dbc *dbc, uint32_t id);
+struct dbc_signal *dbc_find_signal(const struct dbc_message *message, const char *name);
+
+/* The position (as of start) of bit k of a signal, 0 = the least significant; k < bits. */
+unsigned dbc_bit(const struct dbc_signal *signal, unsigned k);
+
+/* The same database gives the same bytes. */
+enum error_code dbc_write(const struct dbc *dbc, FILE *file, struct error *error);
+
+/* Reads size bytes of text. Errors begin with file:line:column. */
+enum error_code dbc_read(const char *file, const char *text, size_t size, struct arena *arena,
+                         struct dbc **dbc, struct error *error);
+
+#endif

@@ -1,0 +1,171 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A DBC database as text, sections in their usual order. */
+#include "canbus/dbc.h"
+
+#include "canbus/dbc_private.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdlib.h>
+
+/* The shortest notation that reads back as the same number. */
+static void put_number(FILE *file, double value)
+{
+    char text[32];
+    int digits = 15;
+
+    do {
+        snprintf(text, sizeof text, "%.*g", digits, value);
+    } while (strtod(text, NULL) != value && digits++ < 17);
+    fputs(text, file);
+}
+
+static const char *node_name(const struct dbc *dbc, int node)
+{
+    return node == DBC_NO_NODE ? DBC_NOBODY : dbc->node[node].name;
+}
+
+static void put_head(const struct dbc *dbc, FILE *file)
+{
+    fputs("VERSION \"\"\n\nNS_ :\n", file);
+    for (size_t i = 0; i < DBC_SYMBOLS; i++) {
+        fprintf(file, "\t%s\n", dbc_symbols[i]);
+    }
+    fputs("\nBS_:\n\nBU_:", file);
+    for (size_t i = 0; i < dbc->nnode; i++) {
+        fprintf(file, " %s", dbc->node[i].name);
+    }
+    fputc('\n', file);
+}
+
+static void put_receivers(const struct dbc *dbc, const struct dbc_signal *signal, FILE *file)
+{
+    const char *separator = "";
+
+    for (size_t i = 0; i < dbc->nnode; i++) {
+        if (signal->receivers >> i & 1) {
+            fprintf(file, "%s%s", separator, dbc->node[i].name);
+            separator = ",";
+        }
+    }
+    fputs(signal->receivers ? "\n" : DBC_NOBODY "\n", file);
+}
+
+static void put_signal(const struct dbc *dbc, const struct dbc_signal *signal, FILE *file)
+{
+    fprintf(file, " SG_ %s ", signal->name);
+    if (signal->role == DBC_MULTIPLEXOR) {
+        fputs("M ", file);
+    } else if (signal->role == DBC_MULTIPLEXED) {
+        fprintf(file, "m%" PRIu32 " ", signal->selector);
+    }
+    fprintf(file, ": %d|%d@%d%c (", signal->start, signal->bits, !signal->big_endian,
+            signal->type == DBC_UNSIGNED ? '+' : '-');
+    put_number(file, signal->scale);
+    fputc(',', file);
+    put_number(file, signal->offset);
+    fputs(") [", file);
+    put_number(file, signal->min);
+    fputc('|', file);
+    put_number(file, signal->max);
+    fprintf(file, "] \"%s\" ", signal->unit);
+    put_receivers(dbc, signal, file);
+}
+
+static void put_messages(const struct dbc *dbc, FILE *file)
+{
+    for (const struct dbc_message *m = dbc->message; m; m = m->next) {
+        fprintf(file, "\nBO_ %" PRIu32 " %s: %d %s\n", m->id, m->name, m->length,
+                node_name(dbc, m->sender));
+        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
+            put_signal(dbc, s, file);
+        }
+    }
+    fputc('\n', file);
+}
+
+static void put_comments(const struct dbc *dbc, FILE *file)
+{
+    if (dbc->comment) {
+        fprintf(file, "CM_ \"%s\";\n", dbc->comment);
+    }
+    for (size_t i = 0; i < dbc->nnode; i++) {
+        if (dbc->node[i].comment) {
+            fprintf(file, "CM_ BU_ %s \"%s\";\n", dbc->node[i].name, dbc->node[i].comment);
+        }
+    }
+    for (const struct dbc_message *m = dbc->message; m; m = m->next) {
+        if (m->comment) {
+            fprintf(file, "CM_ BO_ %" PRIu32 " \"%s\";\n", m->id, m->comment);
+        }
+        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
+            if (s->comment) {
+                fprintf(file, "CM_ SG_ %" PRIu32 " %s \"%s\";\n", m->id, s->name, s->comment);
+            }
+        }
+    }
+}
+
+static void put_attributes(const struct dbc *dbc, FILE *file)
+{
+    fputs(dbc_definitions, file);
+    fprintf(file, "BA_ \"" DBC_NAME "\" \"%s\";\n", dbc->name);
+    fprintf(file, "BA_ \"" DBC_BUS_TYPE "\" \"%s\";\n", dbc->fd ? DBC_BUS_FD : DBC_BUS_CLASSIC);
+    fprintf(file, "BA_ \"" DBC_BITRATE "\" %" PRId64 ";\n", dbc->bitrate);
+    fprintf(file, "BA_ \"" DBC_DATA_BITRATE "\" %" PRId64 ";\n", dbc->data_bitrate);
+    for (const struct dbc_message *m = dbc->message; m; m = m->next) {
+        if (m->cycle_ms) {
+            fprintf(file, "BA_ \"" DBC_CYCLE "\" BO_ %" PRIu32 " %" PRIu32 ";\n", m->id,
+                    m->cycle_ms);
+        }
+        if (m->fd) {
+            fprintf(file, "BA_ \"" DBC_FORMAT "\" BO_ %" PRIu32 " %d;\n", m->id, DBC_FORMAT_FD);
+        }
+        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
+            if (s->frame_length) {
+                fprintf(file, "BA_ \"" DBC_LENGTH "\" SG_ %" PRIu32 " %s %d;\n", m->id, s->name,
+                        s->frame_length);
+            }
+        }
+    }
+}
+
+static void put_values(const struct dbc *dbc, FILE *file)
+{
+    for (const struct dbc_message *m = dbc->message; m; m = m->next) {
+        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
+            if (s->value) {
+                fprintf(file, "VAL_ %" PRIu32 " %s", m->id, s->name);
+                for (const struct dbc_value *v = s->value; v; v = v->next) {
+                    fprintf(file, " %" PRId64 " \"%s\"", v->number, v->text);
+                }
+                fputs(" ;\n", file);
+            }
+        }
+    }
+}
+
+static void put_floats(const struct dbc *dbc, FILE *file)
+{
+    for (const struct dbc_message *m = dbc->message; m; m = m->next) {
+        for (const struct dbc_signal *s = m->signal; s; s = s->next) {
+            if (s->type == DBC_FLOAT) {
+                fprintf(file, "SIG_VALTYPE_ %" PRIu32 " %s : 1;\n", m->id, s->name);
+            }
+        }
+    }
+}
+
+enum error_code dbc_write(const struct dbc *dbc, FILE *file, struct error *error)
+{
+    put_head(dbc, file);
+    put_messages(dbc, file);
+    put_comments(dbc, file);
+    put_attributes(dbc, file);
+    put_values(dbc, file);
+    put_floats(dbc, file);
+    if (fflush(file) || ferror(file)) {
+        return error_set_errno(error, errno, "the DBC database could not be written");
+    }
+    return ERROR_NONE;
+}

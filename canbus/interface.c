@@ -1,0 +1,255 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Questions by rtnetlink, control by libsocketcan. */
+#include "canbus/interface.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <libsocketcan.h>
+#include <linux/capability.h>
+#include <math.h>
+#include <net/if_arp.h>
+#include <string.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+enum { BITRATE_MAX = 1000000, RESTART_MS_MAX = 3600000 };
+
+static const double BITRATE_TOLERANCE = 0.005;
+
+/* A controller has at least eight time quanta a bit: it comes within one of them. */
+static const double SAMPLE_POINT_TOLERANCE = 0.0625;
+
+enum interface_kind interface_kind(const struct link_info *info)
+{
+    if (info->type != ARPHRD_CAN) {
+        return INTERFACE_NOT_CAN;
+    }
+    if (strcmp(info->kind, "can") == 0) {
+        return INTERFACE_CONTROLLER;
+    }
+    return strcmp(info->kind, "vcan") == 0 || strcmp(info->kind, "vxcan") == 0 ? INTERFACE_VIRTUAL
+                                                                               : INTERFACE_OTHER;
+}
+
+bool interface_bitrate_fits(uint32_t actual, int64_t wanted)
+{
+    return fabs((double)actual - (double)wanted) <= BITRATE_TOLERANCE * (double)wanted;
+}
+
+bool interface_is_set(const struct link_info *info, const struct interface_settings *settings)
+{
+    const struct link_controller *controller = &info->controller;
+    const double sample_point = (double)controller->timing.sample_point * 1e-3;
+
+    return interface_bitrate_fits(controller->timing.bitrate, settings->bitrate) &&
+           controller->restart_ms == settings->restart_ms &&
+           (settings->sample_point == 0.0 ||
+            fabs(sample_point - settings->sample_point) <= SAMPLE_POINT_TOLERANCE);
+}
+
+const char *interface_state_name(enum can_state state)
+{
+    static const char *const names[CAN_STATE_MAX] = {
+        [CAN_STATE_ERROR_ACTIVE] = "error active",
+        [CAN_STATE_ERROR_WARNING] = "error warning",
+        [CAN_STATE_ERROR_PASSIVE] = "error passive",
+        [CAN_STATE_BUS_OFF] = "bus-off",
+        [CAN_STATE_STOPPED] = "stopped",
+        [CAN_STATE_SLEEPING] = "sleeping",
+    };
+
+    return names[state];
+}
+
+bool interface_port_state(const struct link_info *info, enum can_port_state *state)
+{
+    static const enum can_port_state states[CAN_STATE_STOPPED] = {
+        [CAN_STATE_ERROR_ACTIVE] = CAN_PORT_UP,
+        [CAN_STATE_ERROR_WARNING] = CAN_PORT_WARNING,
+        [CAN_STATE_ERROR_PASSIVE] = CAN_PORT_PASSIVE,
+        [CAN_STATE_BUS_OFF] = CAN_PORT_BUS_OFF,
+    };
+
+    if (!info->up || info->controller.state >= CAN_STATE_STOPPED) {
+        return false;
+    }
+    *state = states[info->controller.state];
+    return true;
+}
+
+static enum error_code query(void *context, const char *name, struct link_info *info,
+                             struct error *error)
+{
+    const int link = link_open();
+    int failure;
+
+    (void)context;
+    if (link < 0) {
+        return error_set_errno(error, errno, "cannot open a netlink socket");
+    }
+    failure = link_query(link, name, info);
+    close(link);
+    if (failure == ENODEV) {
+        return error_set(error, ERROR_INPUT, "no interface %s", name);
+    }
+    return failure
+               ? error_set_errno(error, failure, "cannot ask the kernel about interface %s", name)
+               : ERROR_NONE;
+}
+
+static bool may_administer(void)
+{
+    struct __user_cap_header_struct header = {.version = _LINUX_CAPABILITY_VERSION_3};
+    struct __user_cap_data_struct data[_LINUX_CAPABILITY_U32S_3] = {{0}};
+
+    return !syscall(SYS_capget, &header, data) &&
+           (data[CAP_TO_INDEX(CAP_NET_ADMIN)].effective & CAP_TO_MASK(CAP_NET_ADMIN));
+}
+
+/* What libsocketcan would only print: whether it can be called at all. */
+static enum error_code check_controller(const char *name, struct link_info *info,
+                                        struct error *error)
+{
+    enum error_code code = query(NULL, name, info, error);
+
+    if (code) {
+        return code;
+    }
+    if (interface_kind(info) != INTERFACE_CONTROLLER) {
+        return error_set(error, ERROR_INPUT, "interface %s is %s%s, which has no controller to set",
+                         name, info->kind[0] ? "of kind " : "no CAN controller",
+                         info->kind[0] ? info->kind : "");
+    }
+    if (!may_administer()) {
+        return error_set(error, ERROR_SYSTEM,
+                         "no permission to set interface %s: it needs CAP_NET_ADMIN", name);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code check_settings(const char *name, const struct interface_settings *settings,
+                                      struct error *error)
+{
+    if (settings->bitrate < 1 || settings->bitrate > BITRATE_MAX) {
+        return error_set(error, ERROR_INPUT,
+                         "interface %s: bit rate %" PRId64 ", expected 1 to %d bit/s", name,
+                         settings->bitrate, BITRATE_MAX);
+    }
+    if (!(settings->sample_point >= 0.0 && settings->sample_point < 1.0)) {
+        return error_set(error, ERROR_INPUT,
+                         "interface %s: sample point %g, expected a part of a bit below 1", name,
+                         settings->sample_point);
+    }
+    if (settings->restart_ms < 0 || settings->restart_ms > RESTART_MS_MAX) {
+        return error_set(error, ERROR_INPUT,
+                         "interface %s: restart after %" PRId64 " ms, expected 0 to %d", name,
+                         settings->restart_ms, RESTART_MS_MAX);
+    }
+    return ERROR_NONE;
+}
+
+/* libsocketcan's answer, whose reason is in errno. */
+static enum error_code judge(int result, const char *name, const char *what, struct error *error)
+{
+    return result ? error_set_errno(error, errno, "cannot %s interface %s", what, name)
+                  : ERROR_NONE;
+}
+
+enum error_code interface_start(const char *name, struct error *error)
+{
+    struct link_info info;
+    enum error_code code = check_controller(name, &info, error);
+
+    return code ? code : judge(can_do_start(name), name, "start", error);
+}
+
+enum error_code interface_stop(const char *name, struct error *error)
+{
+    struct link_info info;
+    enum error_code code = check_controller(name, &info, error);
+
+    return code ? code : judge(can_do_stop(name), name, "stop", error);
+}
+
+/* Sets a controller that is stopped. */
+static enum error_code set(const char *name, const struct interface_settings *settings,
+                           struct error *error)
+{
+    const uint32_t bitrate = (uint32_t)settings->bitrate;
+    const uint32_t sample_point = (uint32_t)lround(settings->sample_point * 1e3);
+    struct link_info info;
+    enum error_code code;
+
+    code = judge(sample_point ? can_set_bitrate_samplepoint(name, bitrate, sample_point)
+                              : can_set_bitrate(name, bitrate),
+                 name, "set the bit rate of", error);
+    if (!code) {
+        code = judge(can_set_restart_ms(name, (uint32_t)settings->restart_ms), name,
+                     "set the restart of", error);
+    }
+    if (!code) {
+        code = query(NULL, name, &info, error);
+    }
+    if (!code && !interface_is_set(&info, settings)) {
+        code = error_set(error, ERROR_INPUT,
+                         "interface %s cannot make %" PRId64 " bit/s with sample point %.3f from "
+                         "its clock of %u Hz; it would be %u bit/s and %.3f",
+                         name, settings->bitrate, settings->sample_point,
+                         info.controller.clock.freq, info.controller.timing.bitrate,
+                         (double)info.controller.timing.sample_point * 1e-3);
+    }
+    return code;
+}
+
+static enum error_code configure(void *context, const char *name,
+                                 const struct interface_settings *settings, struct error *error)
+{
+    struct link_info before;
+    enum error_code code = check_settings(name, settings, error);
+
+    (void)context;
+    if (!code) {
+        code = check_controller(name, &before, error);
+    }
+    if (!code) {
+        code = interface_stop(name, error);
+    }
+    if (code) {
+        return code;
+    }
+    code = set(name, settings, error);
+    if (!code) {
+        return interface_start(name, error);
+    }
+    /* as it was: somebody else may be on the bus with it */
+    if (before.controller.timing.bitrate) {
+        can_set_bittiming(name, &before.controller.timing);
+        can_set_restart_ms(name, before.controller.restart_ms);
+    }
+    if (before.up) {
+        can_do_start(name);
+    }
+    return code;
+}
+
+static enum error_code restart(void *context, const char *name, struct error *error)
+{
+    struct link_info info;
+    enum error_code code = check_controller(name, &info, error);
+
+    (void)context;
+    if (code) {
+        return code;
+    }
+    if (!info.up || info.controller.state != CAN_STATE_BUS_OFF) {
+        return error_set(error, ERROR_INPUT, "interface %s is %s, expected bus-off for a restart",
+                         name, info.up ? interface_state_name(info.controller.state) : "down");
+    }
+    return judge(can_do_restart(name), name, "restart", error);
+}
+
+const struct interface_ops interface_kernel = {
+    .query = query,
+    .configure = configure,
+    .restart = restart,
+};

@@ -1,0 +1,67 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Real CAN interfaces: what their controllers are set to and how they are, and the control of them.
+ * Asked for by one rtnetlink request of our own (canbus/link.h), which never prints and whose answer
+ * is of one moment; set by libsocketcan, which is called for controllers only, since on virtual
+ * interfaces it prints to stderr and fails. It also prints a line when the kernel refuses a
+ * setting, besides the error that is returned. Setting needs CAP_NET_ADMIN.
+ *
+ * Every call opens sockets and waits for the kernel's interface lock: not RT-safe.
+ */
+#ifndef CANBUS_INTERFACE_H
+#define CANBUS_INTERFACE_H
+
+#include "base/error.h"
+#include "canbus/link.h"
+#include "canbus/port.h"
+
+enum interface_kind {
+    INTERFACE_NOT_CAN,
+    INTERFACE_VIRTUAL,    /* vcan, vxcan: carries any rate, has no states */
+    INTERFACE_CONTROLLER, /* can */
+    INTERFACE_OTHER,      /* carries CAN frames, but the kernel cannot control it */
+};
+
+struct interface_settings {
+    int64_t bitrate;     /* bit/s */
+    double sample_point; /* 0 to 1, as part of a bit; 0 = the driver's choice */
+    int64_t restart_ms;  /* from bus-off to the kernel's restart; 0 = the kernel does not restart */
+};
+
+/* What a supervisor of interfaces calls: the kernel's, or those of a test. */
+struct interface_ops {
+    /* ERROR_INPUT when there is no such interface. */
+    enum error_code (*query)(void *context, const char *name, struct link_info *info,
+                             struct error *error);
+
+    /* Stops a controller, sets it and starts it. When it refuses the settings, it goes on with
+     * those that it had; one that was down stays down then. */
+    enum error_code (*configure)(void *context, const char *name,
+                                 const struct interface_settings *settings, struct error *error);
+
+    /* Takes a controller out of bus-off now; ERROR_INPUT when it is in another state. */
+    enum error_code (*restart)(void *context, const char *name, struct error *error);
+    void *context;
+};
+
+extern const struct interface_ops interface_kernel;
+
+enum interface_kind interface_kind(const struct link_info *info);
+
+/* Whether a controller runs so near at a bit rate (0.5 %) that it understands others there. */
+bool interface_bitrate_fits(uint32_t actual, int64_t wanted);
+
+/* Whether a controller is set as the settings say. */
+bool interface_is_set(const struct link_info *info, const struct interface_settings *settings);
+
+/* "error active", ... */
+const char *interface_state_name(enum can_state state);
+
+/* The state of a port on it; false when a controller that does not run says nothing of it. */
+bool interface_port_state(const struct link_info *info, enum can_port_state *state);
+
+/* Puts a controller on the bus and takes it off; no effect when it is there already. */
+enum error_code interface_start(const char *name, struct error *error);
+enum error_code interface_stop(const char *name, struct error *error);
+
+#endif

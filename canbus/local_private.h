@@ -1,0 +1,109 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the local bus (local.c) shares with its wire (local_wire.c): the nodes, and the square of
+ * rings between them, in which the wire is one more place.
+ */
+#ifndef CANBUS_LOCAL_PRIVATE_H
+#define CANBUS_LOCAL_PRIVATE_H
+
+#include "base/ring.h"
+#include "canbus/port_private.h"
+#include "canbus/wire.h"
+
+#include <pthread.h>
+#include <stdatomic.h>
+
+/* A frame on its way to a node. */
+struct parcel {
+    uint64_t number; /* place in the order of the bus; nothing on the way to the wire */
+    struct bus_frame frame;
+};
+
+enum { LOCAL_NODES_MAX = 256 };
+
+/* Bits of node.signal. */
+enum {
+    SIGNAL_WANTED = 1, /* somebody may sleep on the descriptor */
+    SIGNAL_RAISED = 2, /* frames were put in since the node last found nothing */
+};
+
+/* From one sender to one receiver. */
+struct lane {
+    struct ring ring;         /* of parcels */
+    _Atomic uint64_t dropped; /* the sender's count of what the full ring refused */
+    uint64_t dropped_seen;    /* the receiver's: what it has counted of that */
+};
+
+struct node {
+    struct can_port port;
+    struct local_bus *bus;
+    size_t index;
+    int event;
+    _Atomic uint32_t signal;
+    _Atomic bool open;
+    struct frame_filter filter[LOCAL_BUS_FILTERS_MAX];
+    size_t nfilter;
+
+    /* wire mode: its controllers */
+    size_t first_controller, controllers;
+    uint64_t controller_mask;
+    enum wire_state shown;         /* the state last reported to the port */
+    _Atomic uint64_t wire_dropped; /* the wire's count of what it lost of accepted frames */
+    uint64_t wire_dropped_seen;    /* the port's: what it has counted of that */
+};
+
+struct local_bus {
+    const char *name;
+    struct local_bus_config config;
+    size_t places; /* in each row of lanes: the nodes, and the wire where there is one */
+    pthread_mutex_t joining;
+    _Atomic size_t count;      /* nodes that have joined; complete up to here */
+    _Atomic uint64_t sequence; /* number of the next frame */
+    struct node *nodes;
+    struct lane *lanes; /* [receiver * places + sender] */
+
+    /* wire mode; but for plugged of the thread that advances */
+    struct wire *wire;
+    size_t controllers;       /* given out */
+    _Atomic uint64_t plugged; /* controllers whose port is open */
+    uint64_t plugged_seen;    /* what the wire knows of that */
+    enum wire_state *state;   /* of each controller */
+    uint64_t dropped_seen;    /* of the wire's drops, what was handed on to the ports */
+    uint64_t reached[LOCAL_NODES_MAX / 64]; /* ports that received something in this advance */
+    void (*tap)(void *context, const struct bus_frame *frame);
+    void *tap_context;
+};
+
+static inline struct lane *lane_of(const struct local_bus *bus, size_t receiver, size_t sender)
+{
+    return &bus->lanes[receiver * bus->places + sender];
+}
+
+static inline const struct node *const_node_of(const struct can_port *port)
+{
+    return (const struct node *)((const char *)port - offsetof(struct node, port));
+}
+
+/* local.c: puts a frame into the inbox of a node, from a place; false when the node does not want
+ * it. Then tells the nodes that are marked that frames are there. */
+bool local_put(const struct local_bus *bus, size_t receiver, size_t sender, uint64_t number,
+               const struct bus_frame *frame);
+void local_signal(const struct local_bus *bus, const uint64_t reached[LOCAL_NODES_MAX / 64]);
+
+/* local_wire.c. Whether a frame is none of the robot's traffic. */
+bool local_bypasses_wire(const struct local_bus *bus, const struct bus_frame *frame);
+
+/* Into the ring that the wire reads; false when it is full, or the frame's node not the port's. */
+bool local_send_by_wire(struct node *sender, const struct bus_frame *frame);
+
+/* What the wire has lost of the port's frames since the last call goes into its counters. */
+void local_count_wire_dropped(struct node *node);
+
+enum error_code local_wire_create(struct local_bus *bus, struct arena *arena, struct error *error);
+
+/* With the bus's mutex held: the next controllers of the wire, where there is one, become the
+ * node's. */
+enum error_code local_wire_join(struct local_bus *bus, struct node *node, size_t count,
+                                struct error *error);
+
+#endif

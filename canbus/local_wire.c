@@ -1,0 +1,309 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The local bus in wire mode: frames go into the rings that the wire reads, wait there for the next
+ * advance, and go from the wire into the inboxes of those who have received them.
+ */
+#include "canbus/local_private.h"
+
+#include <linux/can/error.h>
+
+#include <string.h>
+
+enum { QUEUE_DEFAULT = 256, BITRATE_DEFAULT = 1000000 };
+
+/* ---- the senders' side ---- */
+
+bool local_bypasses_wire(const struct local_bus *bus, const struct bus_frame *frame)
+{
+    for (size_t i = 0; i < bus->config.nbypass; i++) {
+        if (frame->id == bus->config.bypass_id[i] && !(frame->flags & FRAME_EXTENDED)) {
+            return true;
+        }
+    }
+    return (frame->flags & FRAME_ERROR) != 0;
+}
+
+bool local_send_by_wire(struct node *sender, const struct bus_frame *frame)
+{
+    const struct local_bus *bus = sender->bus;
+    struct ring *ring = &lane_of(bus, bus->config.max_nodes, sender->index)->ring;
+    struct parcel *parcel = frame->node < sender->controllers ? ring_back(ring) : NULL;
+
+    if (!parcel) {
+        return false;
+    }
+    parcel->frame = *frame;
+    ring_commit(ring);
+    return true;
+}
+
+void local_count_wire_dropped(struct node *node)
+{
+    uint64_t dropped = atomic_load_explicit(&node->wire_dropped, memory_order_relaxed);
+
+    node->port.counters.tx_dropped += dropped - node->wire_dropped_seen;
+    node->wire_dropped_seen = dropped;
+}
+
+/* ---- what the wire tells ---- */
+
+static struct node *owner_of(const struct local_bus *bus, size_t controller)
+{
+    const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
+
+    for (size_t i = 0; i < nodes; i++) {
+        if (bus->nodes[i].controller_mask >> controller & 1) {
+            return &bus->nodes[i];
+        }
+    }
+    return NULL;
+}
+
+/* From the wire to a node. */
+static void deliver(struct local_bus *bus, size_t to, const struct bus_frame *frame)
+{
+    uint64_t number = atomic_fetch_add_explicit(&bus->sequence, 1, memory_order_relaxed);
+
+    if (local_put(bus, to, bus->config.max_nodes, number, frame)) {
+        bus->reached[to / 64] |= UINT64_C(1) << to % 64;
+    }
+}
+
+static void carry(struct local_bus *bus, const struct wire_event *event)
+{
+    const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
+
+    for (size_t to = 0; to < nodes; to++) {
+        const struct node *node = &bus->nodes[to];
+
+        if ((node->controller_mask & event->receivers) &&
+            !(node->controller_mask >> event->node & 1)) {
+            deliver(bus, to, event->frame);
+        }
+    }
+    if (bus->tap) {
+        bus->tap(bus->tap_context, event->frame);
+    }
+}
+
+/* What SocketCAN would send to a program about its controller. */
+static struct bus_frame state_frame(enum wire_state before, const struct wire_event *event)
+{
+    struct bus_frame frame = {.flags = FRAME_ERROR, .len = 8, .time_ns = event->time_ns};
+    const bool receiver = event->rec > event->tec;
+
+    switch (event->state) {
+    case WIRE_BUS_OFF:
+        frame.id = CAN_ERR_BUSOFF;
+        return frame;
+    case WIRE_ERROR_PASSIVE:
+        frame.data[1] = receiver ? CAN_ERR_CRTL_RX_PASSIVE : CAN_ERR_CRTL_TX_PASSIVE;
+        break;
+    case WIRE_ERROR_WARNING:
+        frame.data[1] = receiver ? CAN_ERR_CRTL_RX_WARNING : CAN_ERR_CRTL_TX_WARNING;
+        break;
+    case WIRE_ERROR_ACTIVE:
+        frame.data[1] = CAN_ERR_CRTL_ACTIVE;
+        break;
+    }
+    frame.id = CAN_ERR_CRTL;
+    if (before == WIRE_BUS_OFF && event->state == WIRE_ERROR_ACTIVE) {
+        frame.id |= CAN_ERR_RESTARTED;
+    }
+    frame.data[6] = (uint8_t)(event->tec > 255 ? 255 : event->tec);
+    frame.data[7] = (uint8_t)event->rec;
+    return frame;
+}
+
+/* The state of a port: the worst of its controllers that are on the bus, bus-off when none is. */
+static enum wire_state state_of_port(const struct local_bus *bus, const struct node *node)
+{
+    enum wire_state worst = WIRE_ERROR_ACTIVE;
+    size_t off = 0;
+
+    for (size_t i = 0; i < node->controllers; i++) {
+        enum wire_state state = bus->state[node->first_controller + i];
+
+        off += state == WIRE_BUS_OFF;
+        worst = state != WIRE_BUS_OFF && state > worst ? state : worst;
+    }
+    return off == node->controllers ? WIRE_BUS_OFF : worst;
+}
+
+/* A controller has changed its state: its port hears of it when that changes the port's. */
+static void report_state(struct local_bus *bus, const struct wire_event *event)
+{
+    struct node *owner = owner_of(bus, event->node);
+    struct wire_event shown = *event;
+    enum wire_state before;
+    struct bus_frame frame;
+
+    bus->state[event->node] = event->state;
+    if (!owner) {
+        return;
+    }
+    before = owner->shown;
+    shown.state = state_of_port(bus, owner);
+    if (shown.state != before) {
+        owner->shown = shown.state;
+        frame = state_frame(before, &shown);
+        deliver(bus, owner->index, &frame);
+    }
+}
+
+static void wire_event(void *context, const struct wire_event *event)
+{
+    struct local_bus *bus = context;
+
+    if (event->kind == WIRE_TRANSMIT) {
+        carry(bus, event);
+    } else if (event->kind == WIRE_STATUS && event->node < bus->controllers) {
+        report_state(bus, event);
+    }
+}
+
+/* ---- the advance ---- */
+
+/* Ports that came or went plug their controllers in or out. */
+static void follow_plugs(struct local_bus *bus)
+{
+    const uint64_t plugged = atomic_load_explicit(&bus->plugged, memory_order_acquire);
+    const uint64_t changed = plugged ^ bus->plugged_seen;
+
+    for (size_t i = 0; changed >> i; i++) {
+        if (changed >> i & 1) {
+            wire_connect(bus->wire, i, plugged >> i & 1);
+        }
+    }
+    bus->plugged_seen = plugged;
+}
+
+/* What the wire has dropped of accepted frames goes into the counters of the ports. */
+static void hand_on_drops(struct local_bus *bus)
+{
+    const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
+    const uint64_t total = wire_dropped(bus->wire);
+
+    if (total == bus->dropped_seen) {
+        return;
+    }
+    bus->dropped_seen = total;
+    for (size_t i = 0; i < nodes; i++) {
+        struct node *node = &bus->nodes[i];
+        uint64_t dropped = 0;
+
+        for (size_t k = 0; k < node->controllers; k++) {
+            struct wire_node_stats of_node;
+
+            wire_node_stats(bus->wire, node->first_controller + k, &of_node);
+            for (int drop = 0; drop < WIRE_DROPS; drop++) {
+                dropped += of_node.dropped[drop];
+            }
+        }
+        atomic_store_explicit(&node->wire_dropped, dropped, memory_order_relaxed);
+    }
+}
+
+/* Hands what a port has sent since the last advance to its controllers: at the time up to which the
+ * wire was advanced then. The order between ports does not matter, as no controller has two. */
+static void take_over(struct local_bus *bus, size_t sender)
+{
+    struct ring *ring = &lane_of(bus, bus->config.max_nodes, sender)->ring;
+    const size_t first = bus->nodes[sender].first_controller;
+    const struct parcel *parcel;
+
+    while ((parcel = ring_front(ring))) {
+        wire_transmit(bus->wire, first + parcel->frame.node, &parcel->frame);
+        ring_drop(ring);
+    }
+}
+
+void local_bus_advance(struct local_bus *bus, int64_t now_ns)
+{
+    size_t nodes;
+
+    if (!bus->wire) {
+        return;
+    }
+    follow_plugs(bus);
+    nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
+    for (size_t from = 0; from < nodes; from++) {
+        take_over(bus, from);
+    }
+    wire_advance(bus->wire, now_ns);
+    hand_on_drops(bus);
+    local_signal(bus, bus->reached);
+    memset(bus->reached, 0, sizeof bus->reached);
+}
+
+struct wire *local_bus_wire(const struct local_bus *bus)
+{
+    return bus->wire;
+}
+
+size_t local_bus_node(const struct can_port *port)
+{
+    return const_node_of(port)->first_controller;
+}
+
+void local_bus_tap(struct local_bus *bus, void (*tap)(void *context, const struct bus_frame *frame),
+                   void *context)
+{
+    bus->tap = tap;
+    bus->tap_context = context;
+}
+
+/* ---- creation ---- */
+
+enum error_code local_wire_create(struct local_bus *bus, struct arena *arena, struct error *error)
+{
+    struct local_bus_config *config = &bus->config;
+    struct wire_config wire = {
+        .context = bus,
+        .notify = wire_event,
+        .events = 1 << WIRE_TRANSMIT | 1 << WIRE_STATUS,
+    };
+    enum error_code code;
+
+    config->bitrate = config->bitrate ? config->bitrate : BITRATE_DEFAULT;
+    config->wire_nodes = config->wire_nodes ? config->wire_nodes : config->max_nodes;
+    wire.bitrate = config->bitrate;
+    wire.data_bitrate = config->data_bitrate;
+    wire.fd = config->fd;
+    wire.nodes = config->wire_nodes;
+    wire.queue = config->queue ? config->queue : QUEUE_DEFAULT;
+    wire.order = config->fifo ? WIRE_FIFO : WIRE_PRIORITY;
+    wire.restart_delay_ns = config->restart_delay_ns;
+    wire.seed = config->seed;
+    code = wire_create(&wire, arena, &bus->wire, error);
+    if (code) {
+        return error_prefix(error, "local bus %s", config->name);
+    }
+    bus->state = arena_alloc(arena, config->wire_nodes, sizeof *bus->state);
+    if (!bus->state) {
+        return error_set(error, ERROR_MEMORY, "local bus %s: no memory for its wire", config->name);
+    }
+    /* nobody is there yet who could acknowledge */
+    for (size_t i = 0; i < config->wire_nodes; i++) {
+        wire_connect(bus->wire, i, false);
+    }
+    return ERROR_NONE;
+}
+
+enum error_code local_wire_join(struct local_bus *bus, struct node *node, size_t count,
+                                struct error *error)
+{
+    if (!bus->wire) {
+        return ERROR_NONE;
+    }
+    if (count < 1 || count > bus->config.wire_nodes - bus->controllers) {
+        return error_set(error, ERROR_MEMORY,
+                         "local bus %s: %zu controllers wanted, %zu of %zu are left", bus->name,
+                         count, bus->config.wire_nodes - bus->controllers, bus->config.wire_nodes);
+    }
+    node->first_controller = bus->controllers;
+    node->controllers = count;
+    node->controller_mask = ((UINT64_C(1) << count) - 1) << bus->controllers;
+    bus->controllers += count;
+    return ERROR_NONE;
+}

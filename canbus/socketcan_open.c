@@ -1,0 +1,258 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Opening a raw SocketCAN socket, with a message of its own for each way to fail. */
+#include "canbus/socketcan_private.h"
+
+#include <errno.h>
+#include <linux/can/error.h>
+#include <net/if.h>
+#include <net/if_arp.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+enum { RECEIVE_BUFFER_DEFAULT = 4 << 20 };
+
+/* Names of the CAN interfaces that exist, for a message: "can0, can1", or "none". */
+static void list_interfaces(int link, char *text, size_t size)
+{
+    struct if_nameindex *all = if_nameindex();
+    size_t used = 0;
+
+    snprintf(text, size, "none");
+    for (const struct if_nameindex *i = all; i && i->if_index && used + IFNAMSIZ + 3 < size; i++) {
+        struct link_info info;
+
+        if (!link_query(link, i->if_name, &info) && info.type == ARPHRD_CAN) {
+            used +=
+                (size_t)snprintf(text + used, size - used, "%s%s", used ? ", " : "", i->if_name);
+        }
+    }
+    if (all) {
+        if_freenameindex(all);
+    }
+}
+
+/* Checks that the interface can be used as the configuration asks. */
+static enum error_code check_interface(const struct socketcan *can, const char *name,
+                                       struct link_info *info, struct error *error)
+{
+    const int failure = link_query(can->link, name, info);
+
+    if (failure == ENODEV) {
+        char known[200];
+
+        list_interfaces(can->link, known, sizeof known);
+        return error_set(error, ERROR_INPUT,
+                         "no interface %s; CAN interfaces here: %s. Create a virtual one with "
+                         "`ip link add dev %s type vcan && ip link set %s up`",
+                         name, known, name, name);
+    }
+    if (failure) {
+        return error_set_errno(error, failure, "cannot ask the kernel about interface %s", name);
+    }
+    if (info->type != ARPHRD_CAN) {
+        return error_set(error, ERROR_INPUT, "interface %s is not a CAN interface", name);
+    }
+    if (!info->up) {
+        return error_set(error, ERROR_SYSTEM,
+                         "interface %s is down; bring it up with `ip link set %s up` (a real one "
+                         "needs its bit rate first)",
+                         name, name);
+    }
+    if (can->want_fd && info->mtu < CANFD_MTU) {
+        return error_set(error, ERROR_INPUT,
+                         "interface %s does not carry CAN FD (MTU %u, FD needs %d); a virtual one "
+                         "gets it with `ip link set %s mtu %d` while it is down",
+                         name, info->mtu, (int)CANFD_MTU, name, (int)CANFD_MTU);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code set_option(int socket, int level, int option, const void *value,
+                                  socklen_t size, const char *what, struct error *error)
+{
+    if (setsockopt(socket, level, option, value, size)) {
+        return error_set_errno(error, errno, "cannot set %s of the CAN socket", what);
+    }
+    return ERROR_NONE;
+}
+
+/* Translates the filters; without any, one that everything passes. */
+static enum error_code make_filters(struct socketcan *can, const struct socketcan_config *config,
+                                    struct arena *arena, struct error *error)
+{
+    const size_t count = config->filter ? config->nfilter : 0;
+
+    if (count > CAN_RAW_FILTER_MAX) {
+        return error_set(error, ERROR_INPUT, "%zu filters on %s, expected at most %d", count,
+                         config->interface, CAN_RAW_FILTER_MAX);
+    }
+    can->nfilter = count ? count : 1;
+    can->filter = arena_alloc(arena, can->nfilter, sizeof *can->filter);
+    if (!can->filter) {
+        return error_set(error, ERROR_MEMORY, "no memory for the filters of %s", config->interface);
+    }
+    for (size_t i = 0; i < count; i++) {
+        const struct frame_filter *from = &config->filter[i];
+
+        can->filter[i].can_id = from->id | (from->extended ? CAN_EFF_FLAG : 0);
+        can->filter[i].can_mask =
+            (from->mask & (from->extended ? CAN_EFF_MASK : CAN_SFF_MASK)) | CAN_EFF_FLAG;
+    }
+    return ERROR_NONE;
+}
+
+/* More room than the 278 frames of the default; beyond the system's limit only when allowed. */
+static enum error_code set_receive_buffer(int socket, int bytes, struct error *error)
+{
+    if (!bytes) {
+        bytes = RECEIVE_BUFFER_DEFAULT;
+    }
+    if (!setsockopt(socket, SOL_SOCKET, SO_RCVBUFFORCE, &bytes, sizeof bytes)) {
+        return ERROR_NONE;
+    }
+    return set_option(socket, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes, "the receive buffer",
+                      error);
+}
+
+static enum error_code set_options(int socket, const struct socketcan_config *config,
+                                   struct error *error)
+{
+    const can_err_mask_t errors = CAN_ERR_MASK;
+    const int on = 1;
+    enum error_code code;
+
+    code = set_option(socket, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors,
+                      "the error filter", error);
+    if (!code && config->fd) {
+        code =
+            set_option(socket, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on, "FD frames", error);
+    }
+    if (!code && config->receive_own) {
+        code = set_option(socket, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on,
+                          "reception of own frames", error);
+    }
+    if (!code) {
+        code =
+            set_option(socket, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on, "the drop counter", error);
+    }
+    if (!code) {
+        code = set_option(socket, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on, "time stamps", error);
+    }
+    return code ? code : set_receive_buffer(socket, config->receive_buffer_bytes, error);
+}
+
+static int open_socket(void)
+{
+    return socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
+}
+
+static enum error_code explain_no_socket(int code, struct error *error)
+{
+    switch (code) {
+    case EAFNOSUPPORT:
+    case EPROTONOSUPPORT:
+        return error_set(error, ERROR_UNSUPPORTED,
+                         "this kernel has no CAN: raw CAN sockets are not available; load can and "
+                         "can_raw (`modprobe can-raw`) or use a bus of kind local");
+    case EPERM:
+    case EACCES:
+        return error_set(error, ERROR_SYSTEM,
+                         "no permission to open a CAN socket; a container or service filter "
+                         "forbids address family AF_CAN");
+    default:
+        return error_set_errno(error, code, "cannot open a CAN socket");
+    }
+}
+
+/* Opens the descriptors and binds; what is open when it fails is closed by the caller. */
+static enum error_code start(struct socketcan *can, const struct socketcan_config *config,
+                             struct error *error)
+{
+    struct link_info info;
+    enum error_code code;
+    int failure;
+
+    can->socket = open_socket();
+    if (can->socket < 0) {
+        return explain_no_socket(errno, error);
+    }
+    can->link = link_open();
+    if (can->link < 0) {
+        return error_set_errno(error, errno, "cannot open a netlink socket");
+    }
+    code = check_interface(can, config->interface, &info, error);
+    if (!code) {
+        code = set_options(can->socket, config, error);
+    }
+    if (code) {
+        return code;
+    }
+    failure = socketcan_bind(can, info.index);
+    return failure ? error_set_errno(error, failure, "cannot bind to %s", config->interface)
+                   : ERROR_NONE;
+}
+
+static void close_if_open(int descriptor)
+{
+    if (descriptor >= 0) {
+        close(descriptor);
+    }
+}
+
+enum error_code socketcan_open(const struct socketcan_config *config, struct arena *arena,
+                               struct can_port **port, struct error *error)
+{
+    const size_t length = strlen(config->interface);
+    struct socketcan *can;
+    enum error_code code;
+
+    if (!length || length >= IFNAMSIZ) {
+        return error_set(error, ERROR_INPUT,
+                         "interface name \"%.32s\" has %zu characters, expected 1 to %d",
+                         config->interface, length, IFNAMSIZ - 1);
+    }
+    if (config->receive_buffer_bytes < 0) {
+        return error_set(error, ERROR_INPUT, "receive buffer of %d bytes on %s",
+                         config->receive_buffer_bytes, config->interface);
+    }
+    can = arena_alloc(arena, 1, sizeof *can);
+    if (!can || !(can->port.bus = arena_strdup(arena, config->interface))) {
+        return error_set(error, ERROR_MEMORY, "no memory for the port of %s", config->interface);
+    }
+    can->socket = can->link = -1;
+    can->want_fd = config->fd;
+    can->controller = config->controller;
+    code = make_filters(can, config, arena, error);
+    if (!code) {
+        code = start(can, config, error);
+    }
+    if (code) {
+        close_if_open(can->socket);
+        close_if_open(can->link);
+        return code;
+    }
+    can->port.ops = &socketcan_ops;
+    can->port.fd = config->fd;
+    can->port.state = CAN_PORT_UP;
+    *port = &can->port;
+    return ERROR_NONE;
+}
+
+bool socketcan_available(void)
+{
+    const int descriptor = open_socket();
+
+    close_if_open(descriptor);
+    return descriptor >= 0;
+}
+
+bool socketcan_interface_exists(const char *interface)
+{
+    const int link = link_open();
+    struct link_info info;
+    const bool exists = link >= 0 && !link_query(link, interface, &info);
+
+    close_if_open(link);
+    return exists;
+}

@@ -1,0 +1,52 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What opening a raw socket (socketcan_open.c) and using it (socketcan.c) share. */
+#ifndef CANBUS_SOCKETCAN_PRIVATE_H
+#define CANBUS_SOCKETCAN_PRIVATE_H
+
+#include "canbus/link.h"
+#include "canbus/port_private.h"
+
+#include <linux/can.h>
+#include <linux/can/raw.h>
+#include <sys/socket.h>
+#include <time.h>
+
+enum { SOCKETCAN_BATCH = 64 };
+
+/* Room for the ancillary data of one frame: time stamp and drop counter. */
+union ancillary {
+    struct cmsghdr align;
+    char space[CMSG_SPACE(sizeof(struct timespec)) + CMSG_SPACE(sizeof(uint32_t))];
+};
+
+struct socketcan {
+    struct can_port port;
+    int socket;
+    int link; /* descriptor for link_query */
+    bool want_fd;
+    struct can_filter *filter; /* as the kernel wants them; it forgets them with the interface */
+    size_t nfilter;
+    uint32_t overflow; /* drop counter of the kernel, as last seen */
+    int64_t retry_ns;  /* not before this time, CLOCK_MONOTONIC, look for a lost interface */
+    struct canfd_frame raw[SOCKETCAN_BATCH];
+    struct iovec vector[SOCKETCAN_BATCH];
+    struct mmsghdr message[SOCKETCAN_BATCH];
+    union ancillary ancillary[SOCKETCAN_BATCH];
+
+    const struct can_state_box *controller;
+    uint32_t post; /* the last one that was read from it */
+
+    /* the newest frame of each identifier that met a full queue, in the order of arrival */
+    struct bus_frame held[SOCKETCAN_HELD_MAX];
+    size_t nheld;
+    int64_t full_since_ns; /* no frame has left since; 0 = the last attempt met no full queue */
+    int64_t back_off_ns;   /* between attempts; 0 = none */
+    int64_t attempt_ns;    /* not before this time */
+};
+
+extern const struct can_port_ops socketcan_ops;
+
+/* Sets the filters, which the kernel drops when an interface is removed, and binds. 0 or an errno. */
+int socketcan_bind(const struct socketcan *can, int index);
+
+#endif
