@@ -4,6 +4,7 @@
  * freedom, ours and other simulators' in one interleaved run (the paper's section 3.2 and Fig. 4).
  */
 #include "model/symbolic/builtin.h"
+#include "rt/bench_dynamics.h"
 #include "rt/bench_engines.h"
 #include "rt/bench_output.h"
 #include "rt/commands.h"
@@ -16,30 +17,12 @@
 #include <time.h>
 #include <unistd.h>
 
-#define ARENA_BYTES ((size_t)256 << 20)
 #define BATCH_NS 200000.0 /* of one measurement: many times what reading the clock takes */
 
-enum { ENGINES = 8, SIZES = 4, ROUNDS_MAX = 100000, QUICK_ROUNDS = 20 };
+enum { ROUNDS_MAX = 100000, QUICK_ROUNDS = 20 };
 
 /* Joints of COMAN's waist and one leg, both legs, torso; the last is the whole robot. */
-static const size_t part_joints[SIZES - 1] = {6, 12, 15};
-
-/* One engine with a robot of one size. */
-struct cell {
-    void *engine;
-    size_t repeat;            /* of all states in a measurement */
-    double *ns;               /* of one evaluation, by round */
-    double median, low, high; /* us; low and high: a tenth of the rounds lies beyond either */
-    double difference;        /* from the numeric one, average over the states */
-};
-
-struct bench {
-    const struct robot *robot[SIZES];
-    size_t nsize, nengine, rounds;
-    const struct peer_dynamics *peer[ENGINES];
-    struct cell cell[ENGINES][SIZES];
-    double slope[ENGINES]; /* us a degree of freedom, least squares */
-};
+static const size_t part_joints[DYNAMICS_SIZES - 1] = {6, 12, 15};
 
 static double cpu_ns(void)
 {
@@ -49,7 +32,7 @@ static double cpu_ns(void)
     return 1e9 * (double)now.tv_sec + (double)now.tv_nsec;
 }
 
-static double measure(const struct peer_dynamics *peer, const struct cell *cell)
+static double measure(const struct peer_dynamics *peer, const struct dynamics_cell *cell)
 {
     double start = cpu_ns();
 
@@ -61,10 +44,11 @@ static double measure(const struct peer_dynamics *peer, const struct cell *cell)
     return (cpu_ns() - start) / (double)(cell->repeat * PEER_SLOTS);
 }
 
-static enum error_code take_sizes(struct bench *bench, const struct robot *whole,
+static enum error_code take_sizes(struct dynamics_bench *bench, const struct robot *whole,
                                   struct arena *arena, struct error *error)
 {
-    for (size_t i = 0; i < SIZES - 1 && part_joints[i] < whole->njoint; i++) {
+    for (size_t i = 0;
+         !bench->whole_only && i < DYNAMICS_SIZES - 1 && part_joints[i] < whole->njoint; i++) {
         enum error_code code =
             bench_part(whole, part_joints[i], arena, &bench->robot[bench->nsize++], error);
 
@@ -76,20 +60,20 @@ static enum error_code take_sizes(struct bench *bench, const struct robot *whole
     return ERROR_NONE;
 }
 
-static void take_engines(struct bench *bench, const struct peers *peers)
+static void take_engines(struct dynamics_bench *bench, const struct peers *peers)
 {
     for (size_t i = 0; i < BENCH_OURS; i++) {
         bench->peer[bench->nengine++] = &bench_ours[i];
     }
-    for (size_t i = 0; peers && i < peers->ndynamics && bench->nengine < ENGINES; i++) {
+    for (size_t i = 0; peers && i < peers->ndynamics && bench->nengine < DYNAMICS_ENGINES; i++) {
         bench->peer[bench->nengine++] = &peers->dynamics[i];
     }
 }
 
-static enum error_code create_cell(struct bench *bench, size_t e, size_t s, struct arena *arena,
-                                   struct error *error)
+static enum error_code create_cell(struct dynamics_bench *bench, size_t e, size_t s,
+                                   struct arena *arena, struct error *error)
 {
-    struct cell *cell = &bench->cell[e][s];
+    struct dynamics_cell *cell = &bench->cell[e][s];
     const struct peer_dynamics *peer = bench->peer[e];
     char message[512];
 
@@ -110,7 +94,7 @@ static enum error_code create_cell(struct bench *bench, size_t e, size_t s, stru
     return ERROR_NONE;
 }
 
-static void run_rounds(struct bench *bench)
+static void run_rounds(struct dynamics_bench *bench)
 {
     for (size_t round = 0; round < bench->rounds; round++) {
         for (size_t s = 0; s < bench->nsize; s++) {
@@ -129,13 +113,13 @@ static int by_size(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static void evaluate(struct bench *bench)
+static void evaluate(struct dynamics_bench *bench)
 {
     for (size_t e = 0; e < bench->nengine; e++) {
         double n = (double)bench->nsize, sx = 0.0, sy = 0.0, sxx = 0.0, sxy = 0.0;
 
         for (size_t s = 0; s < bench->nsize; s++) {
-            struct cell *cell = &bench->cell[e][s];
+            struct dynamics_cell *cell = &bench->cell[e][s];
             double x = (double)bench->robot[s]->nv;
 
             qsort(cell->ns, bench->rounds, sizeof *cell->ns, by_size);
@@ -151,13 +135,13 @@ static void evaluate(struct bench *bench)
     }
 }
 
-static double median_of(const struct bench *bench, size_t e, size_t s)
+static double median_of(const struct dynamics_bench *bench, size_t e, size_t s)
 {
     return bench->cell[e][s].median;
 }
 
 /* The paper compares with Simbody; without it the numeric implementation takes its place. */
-static size_t reference_of(const struct bench *bench)
+size_t dynamics_bench_reference(const struct dynamics_bench *bench)
 {
     for (size_t e = 0; e < bench->nengine; e++) {
         if (!strcmp(bench->peer[e]->name, "Simbody")) {
@@ -167,25 +151,25 @@ static size_t reference_of(const struct bench *bench)
     return 0;
 }
 
-static double speed_of(const struct bench *bench, size_t e, size_t s)
+static double speed_of(const struct dynamics_bench *bench, size_t e, size_t s)
 {
-    return bench->cell[reference_of(bench)][s].median / bench->cell[e][s].median;
+    return bench->cell[dynamics_bench_reference(bench)][s].median / bench->cell[e][s].median;
 }
 
-static double slope_of(const struct bench *bench, size_t e, size_t s)
+static double slope_of(const struct dynamics_bench *bench, size_t e, size_t s)
 {
     (void)s;
     return bench->slope[e];
 }
 
-static double difference_of(const struct bench *bench, size_t e, size_t s)
+static double difference_of(const struct dynamics_bench *bench, size_t e, size_t s)
 {
     return bench->cell[e][s].difference;
 }
 
 /* One row of the table with a figure of every engine. */
-static void print_row(const struct bench *bench, const char *head,
-                      double (*value)(const struct bench *, size_t e, size_t s), size_t s)
+static void print_row(const struct dynamics_bench *bench, const char *head,
+                      double (*value)(const struct dynamics_bench *, size_t e, size_t s), size_t s)
 {
     printf("%-24s", head);
     for (size_t e = 0; e < bench->nengine; e++) {
@@ -200,7 +184,7 @@ static void print_row(const struct bench *bench, const char *head,
     printf("\n");
 }
 
-static void print_table(const struct bench *bench)
+static void print_table(const struct dynamics_bench *bench)
 {
     size_t last = bench->nsize - 1;
     const struct dynamics_module *module = symbolic_builtin(bench->robot[last]->hash);
@@ -225,7 +209,7 @@ static void print_table(const struct bench *bench)
         print_row(bench, "us a freedom, slope", slope_of, 0);
     }
     snprintf(head, sizeof head, "%zu: times %s's speed", bench->robot[last]->nv,
-             bench->peer[reference_of(bench)]->name);
+             bench->peer[dynamics_bench_reference(bench)]->name);
     print_row(bench, head, speed_of, last);
     print_row(bench, "difference, average", difference_of, last);
     if (module) {
@@ -240,13 +224,13 @@ static void print_table(const struct bench *bench)
         "is about 1.8 times as fast.\n");
 }
 
-static enum error_code write_csv(const struct bench *bench, FILE *out, struct error *error)
+static enum error_code write_csv(const struct dynamics_bench *bench, FILE *out, struct error *error)
 {
     (void)error;
     fprintf(out, "engine,version,degrees_of_freedom,median_us,low_us,high_us,difference\n");
     for (size_t e = 0; e < bench->nengine; e++) {
         for (size_t s = 0; s < bench->nsize; s++) {
-            const struct cell *cell = &bench->cell[e][s];
+            const struct dynamics_cell *cell = &bench->cell[e][s];
 
             fprintf(out, "%s,%s,%zu,%.4f,%.4f,%.4f,%.3e\n", bench->peer[e]->name,
                     bench->peer[e]->version, bench->robot[s]->nv, cell->median, cell->low,
@@ -256,10 +240,11 @@ static enum error_code write_csv(const struct bench *bench, FILE *out, struct er
     return ERROR_NONE;
 }
 
-static enum error_code write_plot(const struct bench *bench, FILE *out, struct error *error)
+static enum error_code write_plot(const struct dynamics_bench *bench, FILE *out,
+                                  struct error *error)
 {
-    double x[SIZES], y[ENGINES][SIZES];
-    struct svg_series series[ENGINES];
+    double x[DYNAMICS_SIZES], y[DYNAMICS_ENGINES][DYNAMICS_SIZES];
+    struct svg_series series[DYNAMICS_ENGINES];
     char title[128];
     struct svg_plot plot = {.title = title,
                             .x = {.label = "degrees of freedom"},
@@ -285,7 +270,7 @@ static enum error_code write_plot(const struct bench *bench, FILE *out, struct e
     return svg_write(&plot, out, error);
 }
 
-static enum error_code write_files(const struct bench *bench, const char *folder,
+static enum error_code write_files(const struct dynamics_bench *bench, const char *folder,
                                    struct error *error)
 {
     FILE *out;
@@ -303,9 +288,9 @@ static enum error_code write_files(const struct bench *bench, const char *folder
     return code;
 }
 
-static enum error_code run_bench(struct bench *bench, const char *file, const char *folder,
-                                 const struct peers *peers, struct arena *arena,
-                                 struct error *error)
+enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *file,
+                                   const struct peers *peers, struct arena *arena,
+                                   struct error *error)
 {
     const struct robot *whole;
     enum error_code code = robot_load(file, NULL, arena, &whole, error);
@@ -323,16 +308,14 @@ static enum error_code run_bench(struct bench *bench, const char *file, const ch
             code = create_cell(bench, e, s, arena, error);
         }
     }
-    if (code) {
-        return code;
+    if (!code) {
+        run_rounds(bench);
+        evaluate(bench);
     }
-    run_rounds(bench);
-    evaluate(bench);
-    print_table(bench);
-    return folder ? write_files(bench, folder, error) : ERROR_NONE;
+    return code;
 }
 
-static void destroy_cells(struct bench *bench)
+void dynamics_bench_end(struct dynamics_bench *bench)
 {
     for (size_t e = 0; e < bench->nengine; e++) {
         for (size_t s = 0; s < bench->nsize; s++) {
@@ -380,7 +363,7 @@ int bench_dynamics(int argc, char **argv)
             "difference from the numeric implementation's accelerations.\n"
             "\n" BENCH_PEERS_MANUAL,
     };
-    static struct bench bench;
+    static struct dynamics_bench bench;
     struct peers_library library;
     struct arena arena;
     struct error error;
@@ -393,11 +376,17 @@ int bench_dynamics(int argc, char **argv)
     bench.rounds = quick ? QUICK_ROUNDS : (size_t)rounds;
     code = bench_peers(module, "ours only", &library, &error);
     if (!code) {
-        code = arena_init(&arena, ARENA_BYTES, &error);
+        code = arena_init(&arena, DYNAMICS_ARENA_BYTES, &error);
     }
     if (!code) {
-        code = run_bench(&bench, file, folder, library.peers, &arena, &error);
-        destroy_cells(&bench);
+        code = dynamics_bench_run(&bench, file, library.peers, &arena, &error);
+        if (!code) {
+            print_table(&bench);
+        }
+        if (!code && folder) {
+            code = write_files(&bench, folder, &error);
+        }
+        dynamics_bench_end(&bench);
         arena_fini(&arena);
     }
     peers_close(&library);

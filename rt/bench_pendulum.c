@@ -14,6 +14,7 @@
  * the period 4 K(m)/w0, m = 4 (5/24.5)/w0^2, K the complete elliptic integral of the first kind.
  */
 #include "rt/bench_output.h"
+#include "rt/bench_pendulum.h"
 #include "rt/commands.h"
 #include "rt/options.h"
 #include "rt/svg.h"
@@ -26,19 +27,13 @@
 #include <time.h>
 
 #define START_SPEED 2.1
-#define TABLE_UNITS 10.0   /* time units of a row of the table */
-#define PERIOD_UNITS 300.0 /* of the figure */
-#define PERIOD_STEP 1e-2
 #define TIMED_S 0.2 /* short runs are timed again and again for as long */
 
-enum { STEPS = 3, TIMED_MAX = 51, CHECKS_MAX = 1000000, TURNS_MAX = 256, SAMPLE = 10 };
+enum { TIMED_MAX = 51, CHECKS_MAX = 1000000, SAMPLE = 10 };
 
-static const double step_sizes[STEPS] = {1e-2, 1e-4, 1e-6};
+const double pendulum_step_sizes[PENDULUM_STEPS] = {1e-2, 1e-4, 1e-6};
 
-/* The paper's Table 1, by number of bodies and step size. */
-static const struct paper_row {
-    double robotran_energy, robotran_rtf, ode_energy, ode_constraint, ode_rtf;
-} paper[2][STEPS] = {
+const struct pendulum_paper_row pendulum_paper[2][PENDULUM_STEPS] = {
     {{3e-8, 800.0, 2e-3, 1e-3, 1e3},
      {1e-13, 31.0, 8e-6, 1e-7, 26.0},
      {1e-13, 0.3, 8e-8, 1e-11, 0.3}},
@@ -193,8 +188,8 @@ static void ours_get(void *engine, struct peer_chain_body *out)
     }
 }
 
-static const struct peer_pendulum ours_pendulum = {"coman-hil", HIL_VERSION,  1,         0,
-                                                   ours_create, ours_destroy, ours_step, ours_get};
+const struct peer_pendulum pendulum_ours = {"coman-hil", HIL_VERSION,  1,         0,
+                                            ours_create, ours_destroy, ours_step, ours_get};
 
 /* ---- what is measured ---- */
 
@@ -224,10 +219,6 @@ static double constraint_error(const struct peer_chain *chain, const struct peer
     }
     return worst;
 }
-
-struct row {
-    double energy, constraint, rtf; /* largest relative errors; simulated over computed time */
-};
 
 static double cpu_s(void)
 {
@@ -270,7 +261,7 @@ static enum error_code time_run(const struct peer_pendulum *peer, const struct p
             return code;
         }
         start = cpu_s();
-        peer->step(engine, (size_t)llround(TABLE_UNITS / dt));
+        peer->step(engine, (size_t)llround(PENDULUM_TABLE_UNITS / dt));
         spent[n] = cpu_s() - start;
         sum += spent[n++];
         peer->destroy(engine);
@@ -281,9 +272,9 @@ static enum error_code time_run(const struct peer_pendulum *peer, const struct p
 }
 
 static enum error_code measure_row(const struct peer_pendulum *peer, const struct peer_chain *chain,
-                                   double dt, struct row *row, struct error *error)
+                                   double dt, struct pendulum_row *row, struct error *error)
 {
-    size_t steps = (size_t)llround(TABLE_UNITS / dt);
+    size_t steps = (size_t)llround(PENDULUM_TABLE_UNITS / dt);
     size_t stride = steps > CHECKS_MAX ? steps / CHECKS_MAX : 1;
     struct peer_chain_body body[2];
     double start, seconds;
@@ -293,7 +284,7 @@ static enum error_code measure_row(const struct peer_pendulum *peer, const struc
     if (code) {
         return code;
     }
-    *row = (struct row){0};
+    *row = (struct pendulum_row){0};
     peer->get(engine, body);
     start = energy_of(chain, body);
     for (size_t k = 0; k < steps; k += stride) {
@@ -308,30 +299,24 @@ static enum error_code measure_row(const struct peer_pendulum *peer, const struc
     peer->destroy(engine);
     code = time_run(peer, chain, dt, &seconds, error);
     if (!code) {
-        row->rtf = TABLE_UNITS / seconds;
+        row->rtf = PENDULUM_TABLE_UNITS / seconds;
     }
     return code;
 }
 
 /* ---- Table 1 ---- */
 
-struct table {
-    const struct peer_pendulum *absolute; /* NULL = none */
-    size_t nstep;
-    struct row ours[2][STEPS], theirs[2][STEPS];
-};
-
-static enum error_code measure_table(struct table *table, struct error *error)
+enum error_code pendulum_measure_table(struct pendulum_table *table, struct error *error)
 {
     size_t all = 2 * table->nstep, done = 0;
     enum error_code code = ERROR_NONE;
 
     for (size_t n = 0; n < 2; n++) {
         for (size_t k = 0; !code && k < table->nstep; k++) {
-            code =
-                measure_row(&ours_pendulum, &chain_of[n], step_sizes[k], &table->ours[n][k], error);
+            code = measure_row(&pendulum_ours, &chain_of[n], pendulum_step_sizes[k],
+                               &table->ours[n][k], error);
             if (!code && table->absolute) {
-                code = measure_row(table->absolute, &chain_of[n], step_sizes[k],
+                code = measure_row(table->absolute, &chain_of[n], pendulum_step_sizes[k],
                                    &table->theirs[n][k], error);
             }
             bench_progress("bench pendulum, table", ++done, all);
@@ -357,14 +342,14 @@ static void put_factor(double value, double said)
     printf(" %-18s", text);
 }
 
-static void print_row(const struct table *table, size_t n, size_t k)
+static void print_row(const struct pendulum_table *table, size_t n, size_t k)
 {
-    const struct row *us = &table->ours[n][k], *them = &table->theirs[n][k];
+    const struct pendulum_row *us = &table->ours[n][k], *them = &table->theirs[n][k];
     const struct peer_pendulum *absolute = table->absolute;
-    const struct paper_row *said = &paper[n][k];
+    const struct pendulum_paper_row *said = &pendulum_paper[n][k];
 
-    printf("%-7zu%-6.0e| %2zu %3zu", n + 1, step_sizes[k], (n + 1) * ours_pendulum.coordinates,
-           (n + 1) * ours_pendulum.constraints);
+    printf("%-7zu%-6.0e| %2zu %3zu", n + 1, pendulum_step_sizes[k],
+           (n + 1) * pendulum_ours.coordinates, (n + 1) * pendulum_ours.constraints);
     put_error(us->energy, said->robotran_energy);
     put_factor(us->rtf, said->robotran_rtf);
     if (absolute) {
@@ -376,7 +361,7 @@ static void print_row(const struct table *table, size_t n, size_t k)
     printf("\n");
 }
 
-static void print_table(const struct table *table)
+static void print_table(const struct pendulum_table *table)
 {
     const struct peer_pendulum *absolute = table->absolute;
     char title[64];
@@ -385,7 +370,7 @@ static void print_table(const struct table *table)
         "Over %g time units: energy error, the largest |E(t) - E(0)| / E(t); constraint error, the "
         "largest relative\nerror of the distance from center of mass to axis; RTF, simulated time "
         "over CPU time. In brackets: the paper's.\n\n",
-        TABLE_UNITS);
+        PENDULUM_TABLE_UNITS);
     printf("%-13s| %-44s", "", "coman-hil, Runge-Kutta 4 [Robotran]");
     if (absolute) {
         snprintf(title, sizeof title, "%s %s [ODE]", absolute->name, absolute->version);
@@ -404,21 +389,21 @@ static void print_table(const struct table *table)
 }
 
 static enum error_code write_rows(FILE *out, const struct peer_pendulum *peer, size_t nstep,
-                                  const struct row rows[2][STEPS])
+                                  const struct pendulum_row rows[2][PENDULUM_STEPS])
 {
     for (size_t n = 0; n < 2; n++) {
         for (size_t k = 0; k < nstep; k++) {
-            const struct row *row = &rows[n][k];
+            const struct pendulum_row *row = &rows[n][k];
 
             fprintf(out, "%s,%s,%zu,%g,%zu,%zu,%.3e,%.3e,%.4g\n", peer->name, peer->version, n + 1,
-                    step_sizes[k], (n + 1) * peer->coordinates, (n + 1) * peer->constraints,
-                    row->energy, row->constraint, row->rtf);
+                    pendulum_step_sizes[k], (n + 1) * peer->coordinates,
+                    (n + 1) * peer->constraints, row->energy, row->constraint, row->rtf);
         }
     }
     return ERROR_NONE;
 }
 
-static enum error_code write_table(const struct table *table, const char *folder,
+static enum error_code write_table(const struct pendulum_table *table, const char *folder,
                                    struct error *error)
 {
     static const char name[] = "pendulum-table.csv";
@@ -430,7 +415,7 @@ static enum error_code write_table(const struct table *table, const char *folder
     }
     fprintf(out, "engine,version,bodies,dt,coordinates,constraints,energy_error,constraint_error,"
                  "real_time_factor\n");
-    write_rows(out, &ours_pendulum, table->nstep, table->ours);
+    write_rows(out, &pendulum_ours, table->nstep, table->ours);
     if (table->absolute) {
         write_rows(out, table->absolute, table->nstep, table->theirs);
     }
@@ -439,15 +424,7 @@ static enum error_code write_table(const struct table *table, const char *folder
 
 /* ---- Fig. 3 ---- */
 
-/* The synchronous double pendulum by one engine. */
-struct course {
-    const struct peer_pendulum *peer;
-    size_t nturn, nsample;
-    double end[TURNS_MAX], period[TURNS_MAX]; /* of each turn */
-    double *time, *height;                    /* of the first center of mass, every SAMPLE steps */
-};
-
-static double analytic_period(void)
+double pendulum_analytic_period(void)
 {
     double m = 4.0 * (5.0 / 24.5) / (START_SPEED * START_SPEED), a = 1.0, b = sqrt(1.0 - m);
 
@@ -468,7 +445,8 @@ static double passing(const double before[2], const double after[2], double goal
     double s = (goal - before[0]) / (after[0] - before[0]);
 
     for (int i = 0; i < 20; i++) {
-        double a = before[0], b = after[0], u = PERIOD_STEP * before[1], v = PERIOD_STEP * after[1];
+        double a = before[0], b = after[0], u = PENDULUM_PERIOD_STEP * before[1],
+               v = PENDULUM_PERIOD_STEP * after[1];
         double c2 = 3.0 * (b - a) - 2.0 * u - v, c3 = 2.0 * (a - b) + u + v;
 
         s -= (a + s * (u + s * (c2 + s * c3)) - goal) / (u + s * (2.0 * c2 + s * 3.0 * c3));
@@ -476,32 +454,33 @@ static double passing(const double before[2], const double after[2], double goal
     return s;
 }
 
-static void end_turn(struct course *course, double now)
+static void end_turn(struct pendulum_course *course, double now)
 {
     double last = course->nturn ? course->end[course->nturn - 1] : 0.0;
 
-    if (course->nturn < TURNS_MAX) {
+    if (course->nturn < PENDULUM_TURNS_MAX) {
         course->end[course->nturn] = now;
         course->period[course->nturn++] = now - last;
     }
 }
 
-static enum error_code run_course(const struct peer_pendulum *peer, struct course *course,
-                                  struct arena *arena, struct error *error)
+enum error_code pendulum_run_course(const struct peer_pendulum *peer,
+                                    struct pendulum_course *course, struct arena *arena,
+                                    struct error *error)
 {
-    size_t steps = (size_t)llround(PERIOD_UNITS / PERIOD_STEP);
+    size_t steps = (size_t)llround(PENDULUM_PERIOD_UNITS / PENDULUM_PERIOD_STEP);
     struct peer_chain_body body[2];
     double before[2], after[2];
     enum error_code code;
     void *engine;
 
-    *course = (struct course){.peer = peer};
+    *course = (struct pendulum_course){.peer = peer};
     course->time = arena_alloc(arena, steps / SAMPLE + 1, sizeof(double));
     course->height = arena_alloc(arena, steps / SAMPLE + 1, sizeof(double));
     if (!course->time || !course->height) {
         return error_set(error, ERROR_MEMORY, "no memory for %zu samples", steps / SAMPLE);
     }
-    code = create(peer, &chain_of[1], PERIOD_STEP, &engine, error);
+    code = create(peer, &chain_of[1], PENDULUM_PERIOD_STEP, &engine, error);
     if (code) {
         return code;
     }
@@ -511,7 +490,7 @@ static enum error_code run_course(const struct peer_pendulum *peer, struct cours
         double goal = 2.0 * M_PI * (double)(course->nturn + 1);
 
         if (k % SAMPLE == 0) {
-            course->time[course->nsample] = PERIOD_STEP * (double)k;
+            course->time[course->nsample] = PENDULUM_PERIOD_STEP * (double)k;
             course->height[course->nsample++] = body[0].z;
         }
         before[0] = after[0];
@@ -522,15 +501,15 @@ static enum error_code run_course(const struct peer_pendulum *peer, struct cours
         after[0] = before[0] + remainder(body[0].angle - before[0], 2.0 * M_PI);
         after[1] = body[0].rate;
         if (after[0] >= goal) {
-            end_turn(course, PERIOD_STEP * ((double)k + passing(before, after, goal)));
+            end_turn(course, PENDULUM_PERIOD_STEP * ((double)k + passing(before, after, goal)));
         }
     }
     peer->destroy(engine);
     return ERROR_NONE;
 }
 
-/* First time at which the heights differ by as much, or NAN. */
-static double apart_at(const struct course *a, const struct course *b, double difference)
+double pendulum_apart_at(const struct pendulum_course *a, const struct pendulum_course *b,
+                         double difference)
 {
     for (size_t i = 0; i < a->nsample; i++) {
         if (fabs(a->height[i] - b->height[i]) >= difference) {
@@ -540,8 +519,8 @@ static double apart_at(const struct course *a, const struct course *b, double di
     return NAN;
 }
 
-/* First end of a turn that the slower one reaches half a period late, or NAN. */
-static double antiphase_at(const struct course *a, const struct course *b, double period)
+double pendulum_antiphase_at(const struct pendulum_course *a, const struct pendulum_course *b,
+                             double period)
 {
     for (size_t i = 0; i < a->nturn && i < b->nturn; i++) {
         if (fabs(a->end[i] - b->end[i]) >= 0.5 * period) {
@@ -551,7 +530,7 @@ static double antiphase_at(const struct course *a, const struct course *b, doubl
     return NAN;
 }
 
-static void print_course(const struct course *course, double period)
+static void print_course(const struct pendulum_course *course, double period)
 {
     double worst = 0.0;
 
@@ -563,13 +542,13 @@ static void print_course(const struct course *course, double period)
            worst);
 }
 
-static void print_courses(const struct course *course, size_t count)
+static void print_courses(const struct pendulum_course *course, size_t count)
 {
-    double period = analytic_period();
+    double period = pendulum_analytic_period();
 
     printf("\nSynchronous double pendulum over %g time units, dt = %g; analytic period %.14f [the "
            "paper's 3.15]\n",
-           PERIOD_UNITS, PERIOD_STEP, period);
+           PENDULUM_PERIOD_UNITS, PENDULUM_PERIOD_STEP, period);
     for (size_t i = 0; i < count; i++) {
         print_course(&course[i], period);
     }
@@ -577,15 +556,16 @@ static void print_courses(const struct course *course, size_t count)
     if (count > 1) {
         printf("  heights of the first center of mass differ by half of their range at %.1f "
                "[80], turning in antiphase from %.1f [124]\n",
-               apart_at(&course[0], &course[1], 1.0), antiphase_at(&course[0], &course[1], period));
+               pendulum_apart_at(&course[0], &course[1], 1.0),
+               pendulum_antiphase_at(&course[0], &course[1], period));
     }
 }
 
-static enum error_code write_periods(const struct course *course, size_t count, const char *folder,
-                                     struct error *error)
+static enum error_code write_periods(const struct pendulum_course *course, size_t count,
+                                     const char *folder, struct error *error)
 {
     static const char name[] = "pendulum-period.csv", plot_name[] = "pendulum-period.svg";
-    const double period = analytic_period(), ends[2] = {0.0, PERIOD_UNITS},
+    const double period = pendulum_analytic_period(), ends[2] = {0.0, PENDULUM_PERIOD_UNITS},
                  flat[2] = {period, period};
     struct svg_series series[3] = {
         {.name = "analytic", .x = ends, .y = flat, .count = 2, .style = SVG_DASHED}};
@@ -602,7 +582,7 @@ static enum error_code write_periods(const struct course *course, size_t count, 
     }
     fprintf(out, "engine,turn,time,period,error\n");
     for (size_t i = 0; i < count; i++) {
-        const struct course *c = &course[i];
+        const struct pendulum_course *c = &course[i];
 
         for (size_t k = 0; k < c->nturn; k++) {
             fprintf(out, "%s,%zu,%.9f,%.12f,%.3e\n", c->peer->name, k + 1, c->end[k], c->period[k],
@@ -618,8 +598,8 @@ static enum error_code write_periods(const struct course *course, size_t count, 
     return code ? code : bench_close(out, plot_name, svg_write(&plot, out, error), error);
 }
 
-static enum error_code write_heights(const struct course *course, size_t count, const char *folder,
-                                     struct error *error)
+static enum error_code write_heights(const struct pendulum_course *course, size_t count,
+                                     const char *folder, struct error *error)
 {
     static const char name[] = "pendulum-height.csv", plot_name[] = "pendulum-height.svg";
     struct svg_series series[2];
@@ -638,7 +618,7 @@ static enum error_code write_heights(const struct course *course, size_t count, 
     }
     fprintf(out, "engine,time,height\n");
     for (size_t i = 0; i < count; i++) {
-        const struct course *c = &course[i];
+        const struct pendulum_course *c = &course[i];
 
         for (size_t k = 0; k < c->nsample; k++) {
             fprintf(out, "%s,%.2f,%.9f\n", c->peer->name, c->time[k], c->height[k]);
@@ -656,19 +636,19 @@ static enum error_code write_heights(const struct course *course, size_t count, 
     return code ? code : bench_close(out, plot_name, svg_write(&plot, out, error), error);
 }
 
-static enum error_code run_bench(struct table *table, const char *folder, struct arena *arena,
-                                 struct error *error)
+static enum error_code run_bench(struct pendulum_table *table, const char *folder,
+                                 struct arena *arena, struct error *error)
 {
-    struct course course[2];
+    struct pendulum_course course[2];
     size_t count = table->absolute ? 2 : 1;
-    enum error_code code = measure_table(table, error);
+    enum error_code code = pendulum_measure_table(table, error);
 
     if (!code) {
         print_table(table);
-        code = run_course(&ours_pendulum, &course[0], arena, error);
+        code = pendulum_run_course(&pendulum_ours, &course[0], arena, error);
     }
     if (!code && table->absolute) {
-        code = run_course(table->absolute, &course[1], arena, error);
+        code = pendulum_run_course(table->absolute, &course[1], arena, error);
     }
     if (code) {
         return code;
@@ -712,7 +692,7 @@ int bench_pendulum(int argc, char **argv)
             "both bodies of its example stay in line for ever.\n"
             "\n" BENCH_PEERS_MANUAL,
     };
-    static struct table table;
+    static struct pendulum_table table;
     struct peers_library library;
     struct arena arena;
     struct error error;
@@ -729,8 +709,8 @@ int bench_pendulum(int argc, char **argv)
     if (!code) {
         bool other = library.peers && library.peers->npendulum;
 
-        table = (struct table){.absolute = other ? &library.peers->pendulum[0] : NULL,
-                               .nstep = quick ? STEPS - 1 : STEPS};
+        table = (struct pendulum_table){.absolute = other ? &library.peers->pendulum[0] : NULL,
+                                        .nstep = quick ? PENDULUM_STEPS - 1 : PENDULUM_STEPS};
         code = run_bench(&table, folder, &arena, &error);
         arena_fini(&arena);
     }

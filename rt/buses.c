@@ -4,12 +4,12 @@
 
 #include "base/text.h"
 #include "canbus/paced.h"
+#include "rt/interfaces.h"
 
 #include <stdio.h>
 #include <string.h>
 
 enum {
-    LOCAL_NODES = 2, /* the simulator and a task */
     LOCAL_INBOX = 4096,
     INTERFACE_MAX = 15, /* IFNAMSIZ less the zero */
 };
@@ -83,7 +83,8 @@ static size_t controllers(const struct rig_bus *bus)
     return bus->nboard ? bus->nboard : 1;
 }
 
-static enum error_code create_local(struct buses *buses, struct arena *arena, struct error *error)
+static enum error_code create_local(struct buses *buses, size_t guests, struct arena *arena,
+                                    struct error *error)
 {
     const struct rig *rig = buses->rig;
 
@@ -91,13 +92,13 @@ static enum error_code create_local(struct buses *buses, struct arena *arena, st
         const struct rig_bus *bus = &rig->bus[b];
         const struct local_bus_config config = {
             .name = buses->interface[b],
-            .max_nodes = LOCAL_NODES,
+            .max_nodes = 1 + guests,
             .inbox = LOCAL_INBOX,
             .fd = bus->fd,
             .mode = rig->wire.timed ? LOCAL_BUS_WIRE : LOCAL_BUS_IDEAL,
             .bitrate = bus->bitrate,
             .data_bitrate = bus->data_bitrate,
-            .wire_nodes = controllers(bus) + LOCAL_NODES - 1,
+            .wire_nodes = controllers(bus) + guests,
             .queue = rig->wire.queue,
             .fifo = rig->wire.fifo,
             .restart_delay_ns = rig->wire.restart_ns,
@@ -118,8 +119,9 @@ static enum error_code create_local(struct buses *buses, struct arena *arena, st
 }
 
 enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
-                           const char *const *overrides, size_t noverride, struct arena *arena,
-                           struct buses *buses, char notice[256], struct error *error)
+                           const char *const *overrides, size_t noverride, size_t guests,
+                           struct arena *arena, struct buses *buses, char notice[256],
+                           struct error *error)
 {
     enum error_code code = ERROR_NONE;
 
@@ -146,18 +148,20 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
     if (transport == TRANSPORT_AUTO && noverride == 0 && !socketcan_available()) {
         snprintf(notice, 256,
                  "this kernel has no CAN: the buses are local to this process; only "
-                 "a task started with --task can reach them");
+                 "a task started with --task and clients of --gateway can reach them");
         transport = TRANSPORT_LOCAL;
     }
     buses->local = transport == TRANSPORT_LOCAL;
-    return buses->local ? create_local(buses, arena, error) : ERROR_NONE;
+    return buses->local ? create_local(buses, guests, arena, error)
+                        : interfaces_prepare(rig, buses->interface, &interface_kernel, error);
 }
 
 static enum error_code join_one(struct buses *buses, size_t bus, size_t nodes, struct arena *arena,
                                 struct can_port **port, struct error *error)
 {
     struct socketcan_config config = {.interface = buses->interface[bus],
-                                      .fd = buses->rig->bus[bus].fd};
+                                      .fd = buses->rig->bus[bus].fd,
+                                      .controller = &buses->state[bus]};
 
     if (buses->local) {
         return local_bus_join_nodes(buses->bus[bus], nodes, NULL, 0, port, error);

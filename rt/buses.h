@@ -30,17 +30,19 @@ struct buses {
     const struct rig *rig;
     const char *interface[BUSES_MAX]; /* of each bus, the rig's or the command line's */
     bool local;
-    bool timed;                          /* the wires have a time: buses_advance */
-    struct local_bus *bus[BUSES_MAX];    /* when local */
-    struct can_port *paced[BUSES_MAX];   /* the simulator's, when SocketCAN is paced */
-    struct wire *wire[BUSES_MAX];        /* when timed */
+    bool timed;                            /* the wires have a time: buses_advance */
+    struct local_bus *bus[BUSES_MAX];      /* when local */
+    struct can_port *paced[BUSES_MAX];     /* the simulator's, when SocketCAN is paced */
+    struct wire *wire[BUSES_MAX];          /* when timed */
+    struct can_state_box state[BUSES_MAX]; /* of SocketCAN's controllers (rt/interfaces.h) */
 };
 
 /* Chooses the transport and creates the local buses. overrides has "NAME=INTERFACE" entries, as of
- * --bus. notice receives one line when auto falls back on local buses, else "". */
+ * --bus. guests: how often buses_join will be called. notice receives one line when auto falls back on local buses, else "". */
 enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
-                           const char *const *overrides, size_t noverride, struct arena *arena,
-                           struct buses *buses, char notice[256], struct error *error);
+                           const char *const *overrides, size_t noverride, size_t guests,
+                           struct arena *arena, struct buses *buses, char notice[256],
+                           struct error *error);
 
 /* Joins every bus as the simulator: in the place of all boards of the bus, each with a controller
  * of its own where the buses are timed. Once, and before other participants. */

@@ -16,6 +16,8 @@ static const struct bench {
      bench_contact},
     {"dynamics", "time of one evaluation of a robot's accelerations, the paper's Fig. 4",
      bench_dynamics},
+    {"paper", "a report with every table and figure of the paper that can be reproduced",
+     bench_paper},
     {"pendulum", "pendulums in relative and absolute coordinates, the paper's Table 1 and Fig. 3",
      bench_pendulum},
 };

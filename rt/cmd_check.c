@@ -3,8 +3,8 @@
 #include "boards/board.h"
 #include "rt/commands.h"
 #include "rt/options.h"
-#include "rt/buses.h"
 #include "rt/rig.h"
+#include "rt/rig_command.h"
 
 #include <inttypes.h>
 #include <stdio.h>
@@ -216,84 +216,6 @@ static void print_sensors(const struct rig *rig)
     }
 }
 
-/* ---- the budget of each bus ---- */
-
-/* Percent of the bus's time with commands at a period. */
-static double demand(const struct rig *rig, size_t bus, int64_t command_ns)
-{
-    double telemetry, commands;
-
-    rig_bus_load(rig, bus, command_ns, &telemetry, &commands);
-    return 100.0 * (telemetry + commands) / (double)rig->bus[bus].bitrate;
-}
-
-/* The same at another bit rate; CAN FD keeps the ratio of its two rates. */
-static double demand_at(const struct rig *rig, size_t bus, int64_t bitrate)
-{
-    const struct rig_bus *of = &rig->bus[bus];
-    struct rig changed = *rig;
-    struct rig_bus buses[BUSES_MAX];
-
-    memcpy(buses, rig->bus, rig->nbus * sizeof *buses);
-    buses[bus].bitrate = bitrate;
-    buses[bus].data_bitrate = of->data_bitrate * bitrate / of->bitrate;
-    changed.bus = buses;
-    return demand(&changed, bus, rig->servo.command_period_ns);
-}
-
-/* What would make a bus fit: a longer command period, a higher bit rate, more buses. */
-static void advise(const struct rig *rig, size_t bus, double percent, char *text, size_t size)
-{
-    static const int64_t rates[] = {125000, 250000, 500000, 800000, 1000000};
-    const int64_t period = rig->servo.command_period_ns;
-    size_t used;
-    int times = 2;
-
-    snprintf(text, size, "split it over %d buses", (int)(percent / 100.0) + 1);
-    while (times <= 10 && demand(rig, bus, period * times) > 100.0) {
-        times++;
-    }
-    used = strlen(text);
-    if (times <= 10) {
-        snprintf(text + used, size - used, ", or command every %g ms (%.1f %%)",
-                 (double)(period * times) * 1e-6, demand(rig, bus, period * times));
-    }
-    for (size_t i = 0; i < sizeof rates / sizeof rates[0]; i++) {
-        double at = rates[i] > rig->bus[bus].bitrate ? demand_at(rig, bus, rates[i]) : 1e9;
-
-        used = strlen(text);
-        if (at <= 100.0) {
-            snprintf(text + used, size - used, ", or run it at %g kbit/s (%.1f %%)",
-                     (double)rates[i] * 1e-3, at);
-            return;
-        }
-    }
-}
-
-/* Periodic traffic that cannot fit is refused or warned of, as the rig says. */
-static enum error_code check_budget(const struct rig *rig, struct error *error)
-{
-    for (size_t b = 0; b < rig->nbus && rig->wire.budget != RIG_BUDGET_IGNORE; b++) {
-        const double percent = demand(rig, b, rig->servo.command_period_ns);
-        char advice[256];
-
-        if (percent <= 100.0) {
-            continue;
-        }
-        advise(rig, b, percent, advice, sizeof advice);
-        if (rig->wire.budget == RIG_BUDGET_REFUSE) {
-            return error_set(error, ERROR_INPUT,
-                             "%s: bus %s would carry %.1f %% of what it can at the worst: %s",
-                             rig->file, rig->bus[b].name, percent, advice);
-        }
-        fprintf(stderr,
-                "coman-hil check: warning: bus %s would carry %.1f %% of what it can at the worst: "
-                "%s\n",
-                rig->bus[b].name, percent, advice);
-    }
-    return ERROR_NONE;
-}
-
 /* The boards make checks of their own when they are created. */
 static enum error_code check_rig(const char *path, struct arena *arena, struct error *error)
 {
@@ -314,7 +236,7 @@ static enum error_code check_rig(const char *path, struct arena *arena, struct e
     print_scene(rig);
     print_sensors(rig);
     print_buses(rig);
-    return check_budget(rig, error);
+    return rig_command_budget("check", rig, error);
 }
 
 static enum error_code check_robot(const char *path, const char *variant, struct arena *arena,
@@ -356,7 +278,11 @@ int cmd_check(int argc, char **argv)
         .manual =
             "Loads the file, the robot and the meshes as \"run\" would, without opening a bus. "
             "The first thing that is wrong is reported as file:line:column: found ..., expected "
-            "...; the exit status is then 2.",
+            "...; the exit status is then 2. A bus whose periodic traffic cannot fit, when every "
+            "frame is "
+            "as long as it can be, is warned of, refused or ignored as the rig's wire.budget says; "
+            "run "
+            "does the same.",
     };
     struct error error;
     struct arena arena;

@@ -78,7 +78,7 @@ static void measure(const struct rig *rig, double seconds)
 static int examine(const char *path, bool local, double seconds, struct arena *arena)
 {
     static struct doctor_finding findings[DOCTOR_FINDINGS_MAX];
-    struct doctor_config config = {.root = "", .local = local};
+    struct doctor_config config = {.root = "", .local = local, .interfaces = &interface_kernel};
     struct error error;
     size_t count;
 

@@ -1,200 +1,55 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil plot: signals of a recording (signals.csv) as an SVG line plot. */
-#include "base/text.h"
 #include "rt/commands.h"
 #include "rt/options.h"
+#include "rt/signals.h"
 #include "rt/svg.h"
 
 #include <errno.h>
-#include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
-enum {
-    COLUMNS_MAX = 1024,
-    LINE_MAX_BYTES = 1 << 16,
-    POINTS_MAX = 20000000, /* values kept: an hour of eight signals at 1 kHz is 29 million */
+/* What the titles of signals end in, and the axis that is. */
+static const struct unit {
+    const char *ending, *label;
+} units[] = {
+    {"_rad", "angle, rad"}, {"_nm", "torque, N m"}, {"_n", "force, N"},
+    {"_m", "position, m"},  {"_a", "current, A"},   {"_v", "voltage, V"},
 };
 
-/* A CSV file of numbers under one line of titles. */
-struct table {
-    const char *path;
-    FILE *file;
-    char *line, *titles; /* LINE_MAX_BYTES each */
-    const char *title[COLUMNS_MAX];
-    size_t ncolumn;
-    long row; /* line of the file */
-};
-
-/* What is plotted: x first, then the chosen signals. */
-struct selection {
-    size_t column[SVG_SERIES_MAX + 1];
-    double *value[SVG_SERIES_MAX + 1];
-    size_t nsignal, count, capacity;
-};
-
-static enum error_code read_line(struct table *table, bool *end, struct error *error)
+static const char *axis_of(const char *title)
 {
-    size_t length;
+    for (size_t i = 0; i < sizeof units / sizeof units[0]; i++) {
+        size_t length = strlen(title), end = strlen(units[i].ending);
 
-    *end = !fgets(table->line, LINE_MAX_BYTES, table->file);
-    table->row++;
-    if (*end) {
-        return ferror(table->file) ? error_set_errno(error, errno, "%s", table->path) : ERROR_NONE;
+        if (length > end && !strcmp(title + length - end, units[i].ending)) {
+            return units[i].label;
+        }
     }
-    length = strlen(table->line);
-    if (length == LINE_MAX_BYTES - 1) {
-        return error_set(error, ERROR_INPUT, "%s:%ld: found a line of more than %d bytes",
-                         table->path, table->row, LINE_MAX_BYTES - 2);
-    }
-    table->line[strcspn(table->line, "\r\n")] = '\0';
-    return ERROR_NONE;
+    return "";
 }
 
-static enum error_code read_titles(struct table *table, struct error *error)
+/* The axis of all of them, or none when they differ. */
+static const char *common_axis(const struct option_list *names)
 {
-    bool end;
-    enum error_code code = read_line(table, &end, error);
-
-    if (code) {
-        return code;
-    }
-    memcpy(table->titles, table->line, LINE_MAX_BYTES);
-    for (char *at = end ? NULL : table->titles; at;) {
-        char *title = strsep(&at, ",");
-
-        if (table->ncolumn == COLUMNS_MAX) {
-            return error_set(error, ERROR_INPUT, "%s:1: found more than %d columns", table->path,
-                             COLUMNS_MAX);
+    for (size_t i = 1; i < names->count; i++) {
+        if (axis_of(names->item[i]) != axis_of(names->item[0])) {
+            return "";
         }
-        table->title[table->ncolumn++] = title;
     }
-    if (table->ncolumn < 2) {
-        return error_set(error, ERROR_INPUT,
-                         "%s:1: found no titles, expected those of signals.csv: time_s,...",
-                         table->path);
-    }
-    return ERROR_NONE;
+    return axis_of(names->item[0]);
 }
 
-static enum error_code select_signals(const struct table *table, const struct option_list *names,
-                                      struct selection *selection, struct error *error)
-{
-    selection->column[0] = 0;
-    for (size_t i = 0; i < names->count; i++) {
-        size_t column = 0;
-
-        while (column < table->ncolumn && strcmp(table->title[column], names->item[i]) != 0) {
-            column++;
-        }
-        if (column == table->ncolumn) {
-            const char *nearest = text_nearest(names->item[i], table->title, table->ncolumn);
-
-            return error_set(error, ERROR_INPUT,
-                             "found no signal \"%.100s\" in %s, expected one of its titles%s%s",
-                             names->item[i], table->path, nearest ? "; the nearest is " : "",
-                             nearest ? nearest : "");
-        }
-        selection->column[++selection->nsignal] = column;
-    }
-    return ERROR_NONE;
-}
-
-static enum error_code grow(struct selection *selection, struct error *error)
-{
-    size_t capacity = selection->capacity ? 2 * selection->capacity : 4096;
-
-    if (capacity * (selection->nsignal + 1) > POINTS_MAX) {
-        return error_set(error, ERROR_INPUT,
-                         "found more than %d values to plot, expected fewer: "
-                         "choose a shorter time or fewer signals",
-                         POINTS_MAX);
-    }
-    for (size_t i = 0; i <= selection->nsignal; i++) {
-        double *value = realloc(selection->value[i], capacity * sizeof *value);
-
-        if (!value) {
-            return error_set(error, ERROR_MEMORY, "no memory for %zu values", capacity);
-        }
-        selection->value[i] = value;
-    }
-    selection->capacity = capacity;
-    return ERROR_NONE;
-}
-
-/* takes the selected cells of the present line over; lines outside [from, to] are passed over */
-static enum error_code take_row(const struct table *table, struct selection *selection, double from,
-                                double to, struct error *error)
-{
-    double cell[SVG_SERIES_MAX + 1];
-    char *at = table->line;
-
-    for (size_t column = 0; column < table->ncolumn; column++) {
-        const char *text = strsep(&at, ",");
-        double value;
-
-        if (!text || !text_to_double(text, &value)) {
-            return error_set(error, ERROR_INPUT,
-                             "%s:%ld: column %zu (%s): found \"%.40s\", expected "
-                             "a number",
-                             table->path, table->row, column + 1, table->title[column],
-                             text ? text : "");
-        }
-        for (size_t i = 0; i <= selection->nsignal; i++) {
-            if (selection->column[i] == column) {
-                cell[i] = value;
-            }
-        }
-    }
-    if (at) {
-        return error_set(error, ERROR_INPUT, "%s:%ld: found more than %zu columns", table->path,
-                         table->row, table->ncolumn);
-    }
-    if (cell[0] < from || cell[0] > to) {
-        return ERROR_NONE;
-    }
-    if (selection->count == selection->capacity) {
-        enum error_code code = grow(selection, error);
-
-        if (code) {
-            return code;
-        }
-    }
-    for (size_t i = 0; i <= selection->nsignal; i++) {
-        selection->value[i][selection->count] = cell[i];
-    }
-    selection->count++;
-    return ERROR_NONE;
-}
-
-static enum error_code read_table(struct table *table, const struct option_list *names, double from,
-                                  double to, struct selection *selection, struct error *error)
-{
-    enum error_code code = read_titles(table, error);
-    bool end = false;
-
-    if (!code) {
-        code = select_signals(table, names, selection, error);
-    }
-    while (!code && !end) {
-        code = read_line(table, &end, error);
-        if (!code && !end) {
-            code = take_row(table, selection, from, to, error);
-        }
-    }
-    return code;
-}
-
-static enum error_code draw(const struct table *table, const struct selection *selection,
+static enum error_code draw(const struct option_list *names, const struct signals *signals,
                             const char *title, const char *path, struct error *error)
 {
     struct svg_series series[SVG_SERIES_MAX];
+    bool time = !strcmp(signals->first_title, "time_s");
     struct svg_plot plot = {.title = title,
-                            .x = {.label = table->title[0]},
-                            .y = {.label = ""},
+                            .x = {.label = time ? "time, s" : signals->first_title},
+                            .y = {.label = common_axis(names)},
                             .series = series,
-                            .nseries = selection->nsignal,
+                            .nseries = signals->nsignal,
                             .width = 900,
                             .height = 360};
     FILE *out = path ? fopen(path, "w") : stdout;
@@ -203,11 +58,11 @@ static enum error_code draw(const struct table *table, const struct selection *s
     if (!out) {
         return error_set_errno(error, errno, "cannot write %s", path);
     }
-    for (size_t i = 0; i < selection->nsignal; i++) {
-        series[i] = (struct svg_series){.name = table->title[selection->column[i + 1]],
-                                        .x = selection->value[0],
-                                        .y = selection->value[i + 1],
-                                        .count = selection->count,
+    for (size_t i = 0; i < signals->nsignal; i++) {
+        series[i] = (struct svg_series){.name = names->item[i],
+                                        .x = signals->value[0],
+                                        .y = signals->value[i + 1],
+                                        .count = signals->count,
                                         .style = SVG_LINE};
     }
     code = svg_write(&plot, out, error);
@@ -221,30 +76,14 @@ static enum error_code plot_file(const char *path, const struct option_list *nam
                                  const double span[2], const char *title, const char *output,
                                  struct error *error)
 {
-    static struct table table;
-    struct selection selection = {.nsignal = 0};
-    enum error_code code;
+    struct signals signals;
+    enum error_code code =
+        signals_read(path, names->item, names->count, span[0], span[1], &signals, error);
 
-    table.path = path;
-    table.file = fopen(path, "r");
-    if (!table.file) {
-        return error_set(error, ERROR_INPUT, "cannot read %s: %s", path, strerror(errno));
-    }
-    table.line = malloc(LINE_MAX_BYTES);
-    table.titles = malloc(LINE_MAX_BYTES);
-    code = table.line && table.titles ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory");
     if (!code) {
-        code = read_table(&table, names, span[0], span[1], &selection, error);
+        code = draw(names, &signals, title, output, error);
     }
-    if (!code) {
-        code = draw(&table, &selection, title, output, error);
-    }
-    for (size_t i = 0; i <= SVG_SERIES_MAX; i++) {
-        free(selection.value[i]);
-    }
-    free(table.line);
-    free(table.titles);
-    fclose(table.file);
+    signals_free(&signals);
     return code;
 }
 

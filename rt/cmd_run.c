@@ -1,18 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil run: a rig from start to summary. */
+#include "base/text.h"
 #include "rt/commands.h"
 #include "rt/monitor.h"
 #include "rt/options.h"
 #include "rt/rig_command.h"
 #include "rt/summary.h"
 
+#include <inttypes.h>
 #include <math.h>
+#include <signal.h>
 #include <string.h>
 #include <unistd.h>
 
 /* The command line. */
 struct run_options {
-    const char *rig, *task, *record;
+    const char *rig, *task, *record, *gateway;
     struct option_list bus, fault;
     double duration_s;
     int64_t ticks, record_period_ms, seed;
@@ -51,14 +54,19 @@ static const char manual_format[] =
     "again.\n\n"
     "Start. As it stands in the rig a robot's springs are relaxed and its feet just touch: once "
     "let go it sinks onto them, and that takes some 0.2 s to die out. --settle (or settle: true in "
-    "the rig's initial) starts in static equilibrium at the same joint angles, base and free bodies "
+    "the rig's initial) starts in static equilibrium at the same joint angles, base and free "
+    "bodies "
     "moved so that contacts carry them. Until the links are let go the rotors are held like them, "
-    "as by brakes, so that the springs stay loaded while motors are off; all are let go 20 ms after "
+    "as by brakes, so that the springs stay loaded while motors are off; all are let go 20 ms "
+    "after "
     "the last motor is on. A controller that gives each motor the voltage for its joint's torque "
     "from the start (load_v_per_nm of the rig's servo) takes over without a jolt.\n\n"
-    "Faults. A line is [NAME:] TARGET KIND [PARAMETER...] [FROM..TO]: TARGET is motor JOINT, sensor "
-    "JOINT.CHANNEL (link_encoder, motor_encoder, current, torque, temperature), sensor FT[.fx fy fz "
-    "tx ty tz], sensor imu[.gyro_x ... accel_z], board BUS/ADDRESS, bus NAME or supply. FROM..TO are "
+    "Faults. A line is [NAME:] TARGET KIND [PARAMETER...] [FROM..TO]: TARGET is motor JOINT, "
+    "sensor "
+    "JOINT.CHANNEL (link_encoder, motor_encoder, current, torque, temperature), sensor FT[.fx fy "
+    "fz "
+    "tx ty tz], sensor imu[.gyro_x ... accel_z], board BUS/ADDRESS, bus NAME or supply. FROM..TO "
+    "are "
     "seconds of virtual time, TO may be left out, without both the fault is there from the start; "
     "manual waits until it is switched. Parameters are KEY=VALUE, or VALUE alone for the first. "
     "id=ID restricts a fault of a bus to one identifier; without it STEP and DONE are spared. Each "
@@ -69,13 +77,21 @@ static const char manual_format[] =
     "forces, base) and summary.json. When it cannot be written whole, the run goes on and ends "
     "with "
     "status 3.\n\n"
-    "--energy integrates the power of every part beside the motion. What is left over, as a part of "
+    "--energy integrates the power of every part beside the motion. What is left over, as a part "
+    "of "
     "all energy that went anywhere, judges the step: 1e-6 and less with rk4 that is short enough, "
     "1e-3 with implicit at 1 ms, which is of first order. The state hash then covers the account "
     "too.\n\n"
+    "Gateway. With --gateway programs of any language join the buses without kernel CAN: it speaks "
+    "the "
+    "protocol of socketcand in raw mode, a bus under its name or that of its interface. In "
+    "lockstep "
+    "such a program sends the STEP frames.\n\n"
     "With a task the run ends when the task does: status 0 when it is done, 1 when it failed. An "
     "interrupt (Ctrl-C) or SIGTERM switches the motors off and ends with the summary; a second one "
-    "kills.";
+    "kills. Under a service manager (NOTIFY_SOCKET) SIGHUP reads the rig again: when it is good, "
+    "the run ends "
+    "and a new one begins with it, else it goes on.";
 
 static char manual[16384];
 
@@ -109,8 +125,14 @@ static bool parse(int argc, char **argv, struct run_options *out, int *status)
          "socketcan, local (inside this process) or auto, the default: socketcan when the kernel "
          "has CAN, else local",
          .value = &o.transport, .words = transport_words},
+        {"--gateway", OPTION_STRING, "[HOST:]PORT",
+         "let other programs join the buses over TCP, with any socketcand client; HOST is a "
+         "numeric "
+         "address, 127.0.0.1 by default; PORT 0 is any that is free",
+         .value = &o.gateway},
         {"--wire", OPTION_ENUM, "MODE",
-         "ideal: frames take no time; wire: they take that of their bits, and arbitration, on local "
+         "ideal: frames take no time; wire: they take that of their bits, and arbitration, on "
+         "local "
          "buses and at the speed of SocketCAN's; the rig's by default",
          .value = &o.wire, .words = wire_words},
         {"--hold", OPTION_ENUM, "WHEN",
@@ -151,7 +173,8 @@ static bool parse(int argc, char **argv, struct run_options *out, int *status)
     };
 
     write_manual();
-    o = (struct run_options){.seed = -1, .clock = -1, .overrun = -1, .hold = -1, .wire = -1, .record_period_ms = 10};
+    o = (struct run_options){
+        .seed = -1, .clock = -1, .overrun = -1, .hold = -1, .wire = -1, .record_period_ms = 10};
     if (!options_read(&spec, argc, argv, status)) {
         return false;
     }
@@ -160,6 +183,29 @@ static bool parse(int argc, char **argv, struct run_options *out, int *status)
 }
 
 /* ---- the run ---- */
+
+/* "[HOST:]PORT", with an IPv6 address in brackets; host has room for any address */
+static enum error_code parse_gateway(const char *text, char host[64],
+                                     struct gateway_config *gateway, struct error *error)
+{
+    const char *colon = strrchr(text, ':');
+    size_t length = colon ? (size_t)(colon - text) : 0;
+    int64_t port;
+
+    if (length > 2 && text[0] == '[' && text[length - 1] == ']') {
+        snprintf(host, 64, "%.*s", (int)length - 2, text + 1);
+    } else {
+        snprintf(host, 64, "%.*s", (int)length, text);
+    }
+    if (!text_to_int(colon ? colon + 1 : text, 0, UINT16_MAX, &port) || length > 60 ||
+        (colon && length == 0)) {
+        return error_set(error, ERROR_INPUT,
+                         "--gateway: found \"%.100s\", expected PORT or HOST:PORT, as in 29536",
+                         text);
+    }
+    *gateway = (struct gateway_config){.host = colon ? host : NULL, .port = (uint16_t)port};
+    return ERROR_NONE;
+}
 
 static enum error_code configure(const struct run_options *options, const struct rig *rig,
                                  struct simulator_config *config, struct error *error)
@@ -223,6 +269,18 @@ static int judge(const struct simulator *simulator, enum loop_end end)
     return STATUS_OK;
 }
 
+static void print_gateway(struct simulator *simulator)
+{
+    struct gateway_counters counters;
+
+    if (simulator_close_gateway(simulator, &counters)) {
+        printf("gateway: %" PRIu64 " clients, %" PRIu64 " turned away, %" PRIu64
+               " cut off; %" PRIu64 " frames to the buses, %" PRIu64 " to clients\n",
+               counters.clients, counters.refused, counters.cut_slow + counters.cut_junk,
+               counters.to_bus, counters.to_client);
+    }
+}
+
 static int finish(struct simulator *simulator, enum loop_end end)
 {
     const char *directory = simulator_configuration(simulator)->record;
@@ -233,6 +291,7 @@ static int finish(struct simulator *simulator, enum loop_end end)
     if (simulator_finish_recording(simulator, &summary.recorder, &error)) {
         incomplete = command_fail("run", &error);
     }
+    print_gateway(simulator);
     summary_print(&summary, stdout);
     if (directory && summary_write(&summary, directory, &error)) {
         incomplete = command_fail("run", &error);
@@ -245,17 +304,62 @@ static void stop(void *context)
     simulator_stop(context);
 }
 
+/* ---- a new start on SIGHUP, under a service manager ---- */
+
+static struct notify manager;
+static const char *run_rig_path;
+static volatile sig_atomic_t reload_wanted;
+static bool reload;
+
+static void on_hangup(int number)
+{
+    (void)number;
+    reload_wanted = 1;
+}
+
+/* In the monitor's thread: a rig that can be read ends the run for the next one to begin with it, one
+ * that cannot leaves everything as it is. */
+static void try_reload(void *context)
+{
+    struct simulator *simulator = context;
+    const struct rig *rig;
+    struct arena arena;
+    struct error error;
+
+    if (!reload_wanted) {
+        return;
+    }
+    reload_wanted = 0;
+    notify_reloading(&manager);
+    if (arena_init(&arena, RIG_COMMAND_ARENA, &error)) {
+        fprintf(stderr, "reload refused: %s\n", error.text);
+        return;
+    }
+    if (rig_load(run_rig_path, &arena, &rig, &error)) {
+        fprintf(stderr, "reload refused, the run goes on: %s\n", error.text);
+    } else {
+        fprintf(stderr, "reload: starting anew\n");
+        reload = true;
+        simulator_stop(simulator);
+    }
+    arena_fini(&arena);
+}
+
 static int run(struct simulator *simulator, bool quiet)
 {
     static struct monitor monitor;
-    static struct notify manager;
+    struct monitor_config config = {.simulator = simulator,
+                                    .manager = &manager,
+                                    .out = stderr,
+                                    .terminal = isatty(STDERR_FILENO),
+                                    .quiet = quiet,
+                                    .each = try_reload,
+                                    .context = simulator};
     struct realtime_report report;
     struct error error;
     enum loop_end end;
 
-    notify_open(&manager);
-    if (monitor_start(&monitor, simulator, &manager, stderr, isatty(STDERR_FILENO), quiet,
-                      &error)) {
+    if (monitor_start(&monitor, &config, &error)) {
         return command_fail("run", &error);
     }
     rig_command_on_stop(stop, simulator);
@@ -266,7 +370,6 @@ static int run(struct simulator *simulator, bool quiet)
     rig_command_warn(&report, monitor.log.clear);
     end = simulator_run(simulator);
     monitor_stop(&monitor);
-    notify_close(&manager);
     rig_command_ignore_stop();
     return finish(simulator, end);
 }
@@ -291,6 +394,8 @@ static int run_rig(void *context, const struct rig *loaded, struct arena *arena)
 {
     const struct run_options *options = context;
     static struct rig changed;
+    static struct gateway_config gateway;
+    static char host[64];
     const struct rig *rig = loaded;
     struct simulator_config config;
     struct simulator *simulator;
@@ -303,14 +408,22 @@ static int run_rig(void *context, const struct rig *loaded, struct arena *arena)
         changed.wire.timed = changed.wire.paced = options->wire;
         rig = &changed;
     }
-    if (configure(options, rig, &config, &error) ||
-        simulator_create(&config, arena, &simulator, notice, &error)) {
+    if ((options->gateway && parse_gateway(options->gateway, host, &gateway, &error)) ||
+        rig_command_budget("run", rig, &error) || configure(options, rig, &config, &error)) {
+        return command_fail("run", &error);
+    }
+    config.gateway = options->gateway ? &gateway : NULL;
+    if (simulator_create(&config, arena, &simulator, notice, &error)) {
         return command_fail("run", &error);
     }
     fprintf(stderr, "dynamics: %s\n", simulator_dynamics(simulator));
     print_settled(simulator);
     if (notice[0]) {
         fprintf(stderr, "notice: %s\n", notice);
+    }
+    if (simulator_gateway(simulator)) {
+        fprintf(stderr, "gateway: %s port %u\n", host[0] ? host : "127.0.0.1",
+                gateway_port(simulator_gateway(simulator)));
     }
     status = run(simulator, options->quiet);
     simulator_destroy(simulator);
@@ -322,7 +435,19 @@ int cmd_run(int argc, char **argv)
     struct run_options options;
     int status;
 
-    return parse(argc, argv, &options, &status)
-               ? rig_command("run", options.rig, &options, run_rig)
-               : status;
+    if (!parse(argc, argv, &options, &status)) {
+        return status;
+    }
+    notify_open(&manager);
+    if (manager.descriptor >= 0) {
+        signal(SIGHUP, on_hangup);
+    }
+    run_rig_path = options.rig;
+    do {
+        reload = false;
+        status = rig_command("run", options.rig, &options, run_rig);
+    } while (reload);
+    notify_stopping(&manager);
+    notify_close(&manager);
+    return status;
 }

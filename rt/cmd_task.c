@@ -156,8 +156,8 @@ static int run_rig(void *context, const struct rig *rig, struct arena *arena)
 
     lockstep =
         (options->clock < 0 ? rig->clock : (enum rig_clock)options->clock) == RIG_CLOCK_LOCKSTEP;
-    if (buses_open(rig, TRANSPORT_SOCKETCAN, options->bus.item, options->bus.count, arena, &buses,
-                   notice, &error) ||
+    if (buses_open(rig, TRANSPORT_SOCKETCAN, options->bus.item, options->bus.count, 1, arena,
+                   &buses, notice, &error) ||
         buses_join(&buses, arena, &ports, &error)) {
         return command_fail("task", &error);
     }

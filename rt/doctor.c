@@ -10,7 +10,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { TEXT = 512, PATH = 512, CAP_IPC_LOCK = 14, CAP_SYS_NICE = 23, ARPHRD_CAN = 280 };
+enum {
+    TEXT = 512,
+    PATH = 512,
+    CAP_NET_ADMIN = 12,
+    CAP_IPC_LOCK = 14,
+    CAP_SYS_NICE = 23,
+    ARPHRD_CAN = 280
+};
 
 /* A controller's queue that holds less than this loses frames when a tick's batch is sent. */
 enum { SHORT_QUEUE = 100 };
@@ -393,6 +400,10 @@ static void interface(struct doctor *d, const struct rig_bus *bus)
     } else if (!up && is_virtual) {
         snprintf(fix, sizeof fix, "ip link set up %s", name);
         say(d, DOCTOR_FAIL, "interface", fix, "%s of bus %s is down", name, bus->name);
+    } else if (!up && bus->configure && has_capability(d, CAP_NET_ADMIN)) {
+        say(d, DOCTOR_OK, "interface", "",
+            "%s of bus %s is down: a run sets it to %" PRId64 " bit/s and starts it", name,
+            bus->name, bus->bitrate);
     } else if (!up) {
         snprintf(fix, sizeof fix, "ip link set %s up type can bitrate %" PRId64 " restart-ms 100",
                  name, bus->bitrate);
@@ -405,6 +416,71 @@ static void interface(struct doctor *d, const struct rig_bus *bus)
     } else {
         say(d, DOCTOR_OK, "interface", "", "%s of bus %s is up%s", name, bus->name,
             is_virtual ? ", virtual" : "");
+    }
+}
+
+/* whether a controller runs at another bit rate than the rig says; then what follows is said */
+static bool bitrate_is_wrong(struct doctor *d, const struct rig_bus *bus,
+                             const struct link_info *info)
+{
+    const uint32_t actual = info->controller.timing.bitrate;
+    char fix[192];
+
+    if (interface_bitrate_fits(actual, bus->bitrate)) {
+        return false;
+    }
+    snprintf(fix, sizeof fix,
+             "ip link set %s down && ip link set %s type can bitrate %" PRId64
+             " && ip link set %s up, or configure: true in the rig",
+             bus->interface, bus->interface, bus->bitrate, bus->interface);
+    if (!bus->configure) {
+        say(d, DOCTOR_FAIL, "controller", fix,
+            "%s of bus %s runs at %u bit/s, the rig says %" PRId64, bus->interface, bus->name,
+            actual, bus->bitrate);
+    } else if (!has_capability(d, CAP_NET_ADMIN)) {
+        say(d, DOCTOR_FAIL, "controller", "run it with CAP_NET_ADMIN",
+            "%s of bus %s is to be set to %" PRId64 " bit/s, which this process may not do",
+            bus->interface, bus->name, bus->bitrate);
+    } else {
+        say(d, DOCTOR_OK, "controller", "",
+            "%s of bus %s runs at %u bit/s: a run sets it to %" PRId64, bus->interface, bus->name,
+            actual, bus->bitrate);
+    }
+    return true;
+}
+
+/* A controller that runs; what the files do not tell. */
+static void controller(struct doctor *d, const struct rig_bus *bus)
+{
+    const struct interface_ops *ops = d->config->interfaces;
+    const char *name = bus->interface;
+    const struct link_controller *c;
+    struct link_info info;
+    char fix[192];
+
+    if (!ops || ops->query(ops->context, name, &info, NULL) || !info.up ||
+        interface_kind(&info) != INTERFACE_CONTROLLER || bitrate_is_wrong(d, bus, &info)) {
+        return;
+    }
+    c = &info.controller;
+    if (c->state == CAN_STATE_BUS_OFF) {
+        snprintf(fix, sizeof fix, "check cable and terminators; ip link set %s type can restart",
+                 name);
+        say(d, DOCTOR_FAIL, "controller", fix, "%s of bus %s is in bus-off", name, bus->name);
+    } else if (c->state != CAN_STATE_ERROR_ACTIVE) {
+        say(d, DOCTOR_WARN, "controller",
+            "check cable, terminators, and that another node is on with the same bit rate",
+            "%s of bus %s is %s (TEC %u, REC %u)", name, bus->name, interface_state_name(c->state),
+            c->errors.txerr, c->errors.rxerr);
+    } else if (!c->restart_ms && !bus->configure) {
+        snprintf(fix, sizeof fix, "ip link set %s down; ip link set %s up type can restart-ms 100",
+                 name, name);
+        say(d, DOCTOR_WARN, "controller", fix,
+            "%s of bus %s stays in bus-off once it is there: it has no restart-ms", name,
+            bus->name);
+    } else {
+        say(d, DOCTOR_OK, "controller", "", "%s of bus %s is error active at %u bit/s", name,
+            bus->name, c->timing.bitrate);
     }
 }
 
@@ -422,6 +498,7 @@ static void kernel_can(struct doctor *d)
     say(d, DOCTOR_OK, "CAN", "", "the kernel has raw CAN sockets");
     for (size_t i = 0; i < d->config->rig->nbus; i++) {
         interface(d, &d->config->rig->bus[i]);
+        controller(d, &d->config->rig->bus[i]);
     }
 }
 

@@ -2,11 +2,12 @@
 /*
  * Looks at a machine with the eyes of somebody who wants to keep 1 kHz on it: the kernel, the rights
  * of this process, processors, interrupts, power saving, CAN interfaces, the load of the rig's buses.
- * Reads files below /proc and /sys, changes nothing. Not RT-safe.
+ * Reads files below /proc and /sys and asks CAN controllers, changes nothing. Not RT-safe.
  */
 #ifndef RT_DOCTOR_H
 #define RT_DOCTOR_H
 
+#include "canbus/interface.h"
 #include "rt/rig.h"
 
 #include <stdbool.h>
@@ -25,12 +26,13 @@ struct doctor_finding {
     char fix[192];       /* the command that puts it right, "" = none is needed or none is known */
 };
 
-enum { DOCTOR_FINDINGS_MAX = 64 };
+enum { DOCTOR_FINDINGS_MAX = 128 };
 
 struct doctor_config {
     const char *root; /* what stands before /proc and /sys: "", or a test's directory */
     const struct rig *rig;
     bool local; /* the buses are in the process: CAN interfaces are not looked at */
+    const struct interface_ops *interfaces; /* NULL = controllers are not asked */
 };
 
 /* Fills at most max findings, in an order that does not change; returns how many. */

@@ -83,6 +83,7 @@ static const char *state_name(int64_t state)
         [CAN_PORT_BUS_OFF] = "bus-off",
         [CAN_PORT_DOWN] = "down",
         [CAN_PORT_GONE] = "gone",
+        [CAN_PORT_STUCK] = "stuck: its queue does not empty",
     };
 
     return names[state];
@@ -192,8 +193,9 @@ static bool recorded_here(const struct loop *loop, const struct bus_frame *frame
 {
     const struct rig_lockstep *lockstep = &loop->config.lockstep;
 
-    return loop->config.recorder && (!loop->config.machine.advance || (frame->flags & FRAME_ERROR) ||
-                                     frame->id == lockstep->step_id || frame->id == lockstep->done_id);
+    return loop->config.recorder &&
+           (!loop->config.machine.advance || (frame->flags & FRAME_ERROR) ||
+            frame->id == lockstep->step_id || frame->id == lockstep->done_id);
 }
 
 static void deliver(struct loop *loop, size_t bus, const struct bus_frame *frame)

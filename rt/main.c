@@ -17,9 +17,11 @@ static const struct command {
     int (*run)(int argc, char **argv);
 } commands[] = {
     {"run", "run a rig: robot, boards and buses, in real time, lockstep or free run", cmd_run},
+    {"test", "run scenarios: tests of a rig with a verdict", cmd_test},
     {"task", "run a controller alone, on the other side of the buses", cmd_task},
     {"plot", "plot signals of a recording as SVG", cmd_plot},
     {"check", "check a rig or a robot file and print what is in it", cmd_check},
+    {"dbc", "write DBC files of the messages on a rig's buses", cmd_dbc},
     {"doctor", "say what on this machine stands in the way of a rig's deadlines", cmd_doctor},
     {"generate", "write C code for the dynamics of a robot", cmd_generate},
     {"bench", "repeat the paper's measurements on this machine", cmd_bench},

@@ -62,14 +62,14 @@ static void print_status(struct monitor *monitor)
     struct simulator_status status;
     char text[LINE_SIZE];
 
-    if (!simulator_read(monitor->simulator, &status) || status.tick == monitor->last.tick) {
+    if (!simulator_read(monitor->config.simulator, &status) || status.tick == monitor->last.tick) {
         return;
     }
-    monitor_format(monitor->simulator, &monitor->last, &status, text, sizeof text);
-    notify_status(monitor->manager, text);
-    if (monitor->terminal) {
+    monitor_format(monitor->config.simulator, &monitor->last, &status, text, sizeof text);
+    notify_status(monitor->config.manager, text);
+    if (monitor->config.terminal) {
         fprintf(monitor->log.out, "\r\033[K%s", text);
-    } else if (monitor->manager->descriptor < 0) {
+    } else if (monitor->config.manager->descriptor < 0) {
         fprintf(monitor->log.out, "%s\n", text);
     }
     fflush(monitor->log.out);
@@ -81,7 +81,7 @@ static void print_events(struct monitor *monitor, int64_t now)
     char text[EVENTLOG_TEXT];
     uint64_t key;
 
-    while (simulator_next_event(monitor->simulator, &key, text, sizeof text)) {
+    while (simulator_next_event(monitor->config.simulator, &key, text, sizeof text)) {
         eventlog_put(&monitor->log, now, key, text);
     }
     eventlog_flush(&monitor->log, now, false);
@@ -89,13 +89,13 @@ static void print_events(struct monitor *monitor, int64_t now)
 
 static void tell_manager(struct monitor *monitor, int64_t now)
 {
-    struct notify_health health = {.beat = simulator_beat(monitor->simulator)};
+    struct notify_health health = {.beat = simulator_beat(monitor->config.simulator)};
     struct simulator_status status;
 
-    if (simulator_read(monitor->simulator, &status)) {
+    if (simulator_read(monitor->config.simulator, &status)) {
         health.ticks = status.tick + 1;
     }
-    notify_watch(monitor->manager, &health, now);
+    notify_watch(monitor->config.manager, &health, now);
 }
 
 static void *monitor_main(void *context)
@@ -106,30 +106,31 @@ static void *monitor_main(void *context)
     while (!atomic_load(&monitor->stop)) {
         int64_t now = clock_now(clock);
 
+        simulator_watch_interfaces(monitor->config.simulator, now);
         print_events(monitor, now);
         tell_manager(monitor, now);
-        if (!monitor->quiet && now >= monitor->next_status_ns) {
+        if (monitor->config.each) {
+            monitor->config.each(monitor->config.context);
+        }
+        if (!monitor->config.quiet && now >= monitor->next_status_ns) {
             print_status(monitor);
-            monitor->next_status_ns = now + (monitor->terminal ? TERMINAL_NS : LOG_NS);
+            monitor->next_status_ns = now + (monitor->config.terminal ? TERMINAL_NS : LOG_NS);
         }
         clock_sleep_until(clock, now + POLL_NS);
     }
     return NULL;
 }
 
-enum error_code monitor_start(struct monitor *monitor, struct simulator *simulator,
-                              struct notify *manager, FILE *out, bool terminal, bool quiet,
+enum error_code monitor_start(struct monitor *monitor, const struct monitor_config *config,
                               struct error *error)
 {
+    bool terminal = config->terminal;
     int reason;
 
     memset(monitor, 0, sizeof *monitor);
-    monitor->simulator = simulator;
-    monitor->manager = manager;
-    monitor->terminal = terminal;
-    monitor->quiet = quiet;
-    monitor->log.out = out;
-    monitor->log.clear = terminal && !quiet ? "\r\033[K" : "";
+    monitor->config = *config;
+    monitor->log.out = config->out;
+    monitor->log.clear = terminal && !config->quiet ? "\r\033[K" : "";
     monitor->next_status_ns = clock_now(clock_monotonic()) + (terminal ? TERMINAL_NS : LOG_NS);
     reason = pthread_create(&monitor->thread, NULL, monitor_main, monitor);
     if (reason) {
@@ -142,12 +143,11 @@ void monitor_stop(struct monitor *monitor)
 {
     int64_t now = clock_now(clock_monotonic());
 
-    notify_stopping(monitor->manager);
     atomic_store(&monitor->stop, true);
     pthread_join(monitor->thread, NULL);
     print_events(monitor, now);
     eventlog_flush(&monitor->log, now, true);
-    if (monitor->terminal && !monitor->quiet) {
+    if (monitor->config.terminal && !monitor->config.quiet) {
         /* the last status line stays on the screen */
         print_status(monitor);
         fputc('\n', monitor->log.out);

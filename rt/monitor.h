@@ -13,10 +13,17 @@
 
 #include <pthread.h>
 
-struct monitor {
+struct monitor_config {
     struct simulator *simulator;
-    struct notify *manager;
-    bool terminal, quiet; /* quiet: events, no status */
+    struct notify *manager;      /* stays the caller's */
+    FILE *out;                   /* stderr, or a test's file */
+    bool terminal, quiet;        /* quiet: events, no status */
+    void (*each)(void *context); /* called in the thread once a period; NULL = nothing */
+    void *context;
+};
+
+struct monitor {
+    struct monitor_config config;
     struct eventlog log;
     atomic_bool stop;
     pthread_t thread;
@@ -24,9 +31,8 @@ struct monitor {
     struct simulator_status last; /* as of the last status line, for the factor and the loads */
 };
 
-/* Starts the thread; out is stderr or a test's file. manager stays the caller's. */
-enum error_code monitor_start(struct monitor *monitor, struct simulator *simulator,
-                              struct notify *manager, FILE *out, bool terminal, bool quiet,
+/* Starts the thread. */
+enum error_code monitor_start(struct monitor *monitor, const struct monitor_config *config,
                               struct error *error);
 
 /* Prints what is left and joins the thread. */

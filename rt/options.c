@@ -167,15 +167,23 @@ static enum error_code parse_option(const struct command_spec *spec, int argc, c
 static enum error_code parse_operand(const struct command_spec *spec, const char *word,
                                      size_t *count, struct error *error)
 {
-    if (*count == spec->noperand) {
+    size_t last = spec->noperand ? spec->noperand - 1 : 0;
+    bool many = spec->many && *count >= last;
+
+    if (!many && *count == spec->noperand) {
         return error_set(error, ERROR_INPUT, "found \"%.100s\", expected %s", word,
                          spec->noperand ? "nothing more" : "options only");
     }
     if (*word == '\0') {
         return error_set(error, ERROR_INPUT, "found an empty argument, expected %s",
-                         spec->operand[*count].name);
+                         spec->operand[many ? last : *count].name);
     }
-    *spec->operand[(*count)++].value = word;
+    if (many) {
+        spec->operand[last].value[*count - last] = word;
+    } else {
+        *spec->operand[*count].value = word;
+    }
+    ++*count;
     return ERROR_NONE;
 }
 
@@ -264,6 +272,7 @@ void options_help(const struct command_spec *spec, FILE *out)
         const struct operand_spec *operand = &spec->operand[i];
 
         fprintf(out, operand->required ? " %s" : " [%s]", operand->name);
+        fputs(spec->many && i + 1 == spec->noperand ? "..." : "", out);
     }
     fprintf(out, "\n\n");
     options_wrap(spec->summary, 0, 0, out);

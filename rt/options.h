@@ -85,6 +85,7 @@ struct command_spec {
     size_t noption;
     const struct operand_spec *operand;
     size_t noperand;
+    bool many; /* the last operand may stand more than once; its value has room for argc of them */
     const char *manual; /* paragraphs printed at the end of --help, or NULL */
 };
 

@@ -55,6 +55,9 @@ struct rig_bus {
     int64_t bitrate;       /* bit/s */
     bool fd;               /* carries CAN FD frames */
     int64_t data_bitrate;  /* bit/s, of FD frames with a bit rate switch */
+    bool configure;        /* a real interface is set by us (rt/interfaces.h), not taken as it is */
+    double sample_point;   /* of a bit, for configure; 0 = the driver's choice */
+    int64_t restart_ms;    /* of the kernel after bus-off, for configure; 0 = ours */
     enum board_personality personality;
     size_t nboard;
     size_t naxis; /* joints driven from this bus */
@@ -66,15 +69,15 @@ struct rig_lockstep {
     int64_t partner_timeout_ns; /* without STEP until the silence is reported */
 };
 
-/* What check says of a bus whose periodic traffic cannot fit. */
+/* What check and run do about a bus whose periodic traffic cannot fit. */
 enum rig_budget { RIG_BUDGET_WARN, RIG_BUDGET_REFUSE, RIG_BUDGET_IGNORE };
 
 /* How long frames take. */
 struct rig_wire {
-    bool timed; /* local buses: over a wire in virtual time (canbus/wire.h), not at once */
-    bool paced; /* SocketCAN: the boards' frames leave when such a wire would have carried them */
-    bool fifo;  /* controllers send in order, not the most urgent frame first */
-    size_t queue;       /* frames that a controller holds */
+    bool timed;   /* local buses: over a wire in virtual time (canbus/wire.h), not at once */
+    bool paced;   /* SocketCAN: the boards' frames leave when such a wire would have carried them */
+    bool fifo;    /* controllers send in order, not the most urgent frame first */
+    size_t queue; /* frames that a controller holds */
     int64_t restart_ns; /* from bus-off to the begin of the recovery */
     enum rig_budget budget;
 };
@@ -169,5 +172,9 @@ double rig_bus_bits(const struct rig_bus *bus, const struct can_counters *counte
  * compact all set-points of the bus once a tick; foc and compact know no period below a millisecond. */
 void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
                   double *telemetry_bit_s, double *command_bit_s);
+
+/* Whether the periodic traffic of a bus cannot fit when every frame is as long as it can be; text then
+ * says so, and what would help. */
+bool rig_bus_over_budget(const struct rig *rig, size_t bus, char *text, size_t size);
 
 #endif

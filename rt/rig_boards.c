@@ -127,6 +127,7 @@ static enum error_code build_axis(struct rig_builder *b, const struct raw_board 
     axis->joint_ticks_per_rad = motors->joint_ticks_per_rev / (2.0 * M_PI);
     axis->motor_ticks_per_rad = motors->motor_ticks_per_link_rev / (2.0 * M_PI);
     axis->current_limit_a = raw->current_given ? raw->current_limit_a : motors->current_limit_a;
+    axis->temperature_limit_c = motors->temperature_limit_c;
     axis->torque_full_scale_nm = motors->torque_full_scale_nm;
     if (!strcmp(name->name, "spare")) {
         return ERROR_NONE;
@@ -163,8 +164,10 @@ static enum error_code build_motor_board(struct rig_builder *b, const struct raw
     static const struct yaml_name spare = {.name = "spare"};
 
     if (raw->naxis < 1 || raw->naxis > most) {
-        return yaml_error(b->error, &raw->axis_mark, "found %zu axes, expected 1 to %zu", raw->naxis,
-                          most);
+        return most == 1
+                   ? yaml_error(b->error, &raw->axis_mark, "found %zu axes, expected 1", raw->naxis)
+                   : yaml_error(b->error, &raw->axis_mark, "found %zu axes, expected 1 to %zu",
+                                raw->naxis, most);
     }
     for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
         enum error_code code;
@@ -310,6 +313,12 @@ static enum error_code check_bus(struct rig_builder *b, const struct raw_bus *bu
                                                      : "a data_bitrate below the bitrate",
                           bus->name);
     }
+    if (!bus->configure && (bus->sample_point_given || bus->restart_given)) {
+        return yaml_error(b->error,
+                          bus->sample_point_given ? &bus->sample_point_mark : &bus->restart_mark,
+                          "found %s on bus \"%s\" without configure: true, expected both or none",
+                          bus->sample_point_given ? "sample_point" : "restart_ms", bus->name);
+    }
     code = rig_check_name(b, &bus->name_mark, "bus", bus->name);
     return code ? code : rig_check_name(b, &bus->interface_mark, "interface", bus->interface);
 }
@@ -349,6 +358,9 @@ enum error_code rig_build_boards(struct rig_builder *b)
                                   .bitrate = from->bitrate,
                                   .fd = from->fd,
                                   .data_bitrate = from->data_bitrate,
+                                  .configure = from->configure,
+                                  .sample_point = from->sample_point,
+                                  .restart_ms = from->restart_ms,
                                   .personality = bus_personality(b, from),
                                   .nboard = from->nboard};
         speaks[i] = (struct boards_bus_config){bus[i].personality, bus[i].fd};

@@ -7,8 +7,6 @@
 #include <signal.h>
 #include <stdio.h>
 
-#define ARENA_SIZE ((size_t)512 << 20) /* of address space; pages cost nothing until touched */
-
 int rig_command(const char *name, const char *path, void *options,
                 int (*body)(void *options, const struct rig *rig, struct arena *arena))
 {
@@ -17,13 +15,29 @@ int rig_command(const char *name, const char *path, void *options,
     struct error error;
     int status;
 
-    if (arena_init(&arena, ARENA_SIZE, &error)) {
+    if (arena_init(&arena, RIG_COMMAND_ARENA, &error)) {
         return command_fail(name, &error);
     }
     status = rig_load(path, &arena, &rig, &error) ? command_fail(name, &error)
                                                   : body(options, rig, &arena);
     arena_fini(&arena);
     return status;
+}
+
+enum error_code rig_command_budget(const char *name, const struct rig *rig, struct error *error)
+{
+    char text[384];
+
+    for (size_t b = 0; b < rig->nbus && rig->wire.budget != RIG_BUDGET_IGNORE; b++) {
+        if (!rig_bus_over_budget(rig, b, text, sizeof text)) {
+            continue;
+        }
+        if (rig->wire.budget == RIG_BUDGET_REFUSE) {
+            return error_set(error, ERROR_INPUT, "%s: %s", rig->file, text);
+        }
+        fprintf(stderr, "coman-hil %s: warning: %s\n", name, text);
+    }
+    return ERROR_NONE;
 }
 
 static void (*on_stop)(void *context);

@@ -271,6 +271,11 @@ static const struct yaml_field bus_fields[] = {
      .mark_offset = AT(data_bitrate_mark), .given_offset = AT(data_bitrate_given)},
     {"personality", YAML_ENUM, false, AT(personality), .names = personality_names,
      .given_offset = AT(personality_given)},
+    {"configure", YAML_BOOL, false, .offset = AT(configure)},
+    {"sample_point", YAML_REAL, false, AT(sample_point), .min = 0.5, .max = 0.95,
+     .mark_offset = AT(sample_point_mark), .given_offset = AT(sample_point_given)},
+    {"restart_ms", YAML_INT, false, AT(restart_ms), .min = 0, .max = 60000,
+     .mark_offset = AT(restart_mark), .given_offset = AT(restart_given)},
     {"boards", YAML_LIST, true, AT(board), AT(nboard), .schema = &board_schema},
 };
 #undef STRUCT
@@ -291,6 +296,7 @@ static const struct yaml_field motors_fields[] = {
     {"torque_full_scale_nm", YAML_REAL, true, AT(torque_full_scale_nm), .min = 1, .max = 65535,
      .mark_offset = AT(torque_full_scale_mark)},
     {"current_limit_a", YAML_REAL, true, AT(current_limit_a), .min = DBL_MIN, .max = 1e3},
+    {"temperature_limit_c", YAML_REAL, false, AT(temperature_limit_c), .min = 0.0, .max = 125.0},
     {"command_timeout_s", YAML_REAL, false, AT(command_timeout_s), .min = 0.0, .max = 60.0},
     {"rotor_poles", YAML_INT, false, AT(rotor_poles), .min = 2, .max = 126},
     {"status_period_s", YAML_REAL, false, AT(status_period_s), .min = 0.0, .max = 10.0},
@@ -299,7 +305,8 @@ static const struct yaml_field motors_fields[] = {
     {"discovery_stops_motors", YAML_BOOL, false, .offset = AT(discovery_stops_motors)},
 };
 #undef STRUCT
-static const struct raw_motors motors_defaults = {.rotor_poles = 8, .command_timeout_s = 0.1};
+static const struct raw_motors motors_defaults = {
+    .rotor_poles = 8, .command_timeout_s = 0.1, .temperature_limit_c = 70.0};
 static const struct yaml_schema motors_schema = {
     .what = "the motor boards",
     .size = sizeof(struct raw_motors),

@@ -130,6 +130,11 @@ struct raw_bus {
     struct yaml_mark fd_mark, data_bitrate_mark;
     int personality; /* the rig's unless given */
     bool data_bitrate_given, personality_given;
+    bool configure; /* of a real interface, with the two below */
+    double sample_point;
+    int64_t restart_ms;
+    struct yaml_mark sample_point_mark, restart_mark;
+    bool sample_point_given, restart_given;
     struct raw_board *board;
     size_t nboard;
 };
@@ -141,7 +146,7 @@ struct raw_motors {
     double torque_full_scale_nm;
     struct yaml_mark torque_full_scale_mark;
     int64_t rotor_poles;
-    double current_limit_a, command_timeout_s;
+    double current_limit_a, temperature_limit_c, command_timeout_s;
     double status_period_s, boot_s;
     bool strict, discovery_stops_motors;
 };

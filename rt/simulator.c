@@ -2,9 +2,11 @@
 /* Joins the parts of a rig behind the loop. */
 #include "rt/simulator.h"
 
+#include "canbus/wire.h"
 #include "model/symbolic/builtin.h"
 #include "rt/cache.h"
 #include "rt/injection.h"
+#include "rt/interfaces.h"
 #include "rt/rig_faults.h"
 
 #include <pthread.h>
@@ -13,8 +15,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SIGNALS_PER_JOINT = 5, SIGNALS_PER_CONTACT = 6, SIGNALS_PER_PAIR = 6, SIGNALS_BASE = 7,
-       SIGNALS_PER_FREE = 7 };
+enum {
+    SIGNALS_PER_JOINT = 5,
+    SIGNALS_PER_CONTACT = 6,
+    SIGNALS_PER_PAIR = 6,
+    SIGNALS_BASE = 7,
+    SIGNALS_PER_FREE = 7
+};
 enum { TITLE_SIZE = 192 };
 
 /* A settled robot's rotors are held by brakes, which let go so long after the last motor is on: time
@@ -59,7 +66,9 @@ struct simulator {
     const struct plant_sensors *measured; /* what the boards see; the plant's are true */
     struct boards *boards;
     struct buses buses;
-    struct bus_ports ports, task_ports;
+    struct interfaces interfaces; /* the real ones; none with local buses */
+    struct bus_ports ports, task_ports, gateway_ports;
+    struct gateway *gateway;
     size_t *transmit_max;
     struct loop *loop;
     struct recorder *recorder;
@@ -166,8 +175,16 @@ static void record_carried(void *context, const struct bus_frame *frame)
 static bool machine_controller(void *context, int64_t time_ns)
 {
     struct simulator *simulator = context;
+    const struct simulator_observer *observer = simulator->config.observer;
+    bool goes_on = observer && simulator->config.clock == RIG_CLOCK_FREE;
 
-    return controller_step(simulator->controller, time_ns) == TASK_RUNNING;
+    if (observer) {
+        observer->step(observer->context, time_ns);
+    }
+    if (simulator->task_inline && simulator->controller->now.status == TASK_RUNNING) {
+        controller_step(simulator->controller, time_ns);
+    }
+    return goes_on || !simulator->task_inline || simulator->controller->now.status == TASK_RUNNING;
 }
 
 static void machine_receive(void *context, size_t bus, const struct bus_frame *frame)
@@ -240,10 +257,32 @@ static bool machine_sample(void *context)
     return true;
 }
 
+/* On a wire every board has a controller of its own, in the order of the rig, with error counters
+ * that the board tells. */
+static void tell_controllers(struct simulator *simulator, size_t bus)
+{
+    const struct boards_config *boards = &simulator->config.rig->boards;
+    const struct wire *wire = simulator->buses.wire[bus];
+    size_t node = 0;
+
+    for (size_t i = 0; wire && i < boards->nboard; i++) {
+        struct wire_node_stats stats;
+
+        if (boards->board[i].bus == (int)bus) {
+            wire_node_stats(wire, node++, &stats);
+            boards_set_can_state(simulator->boards, i,
+                                 &(struct board_can_state){.tec = stats.tec,
+                                                           .rec = stats.rec,
+                                                           .bus_off = stats.state == WIRE_BUS_OFF});
+        }
+    }
+}
+
 static size_t machine_transmit(void *context, size_t bus, struct bus_frame *frames, size_t max)
 {
     struct simulator *simulator = context;
 
+    tell_controllers(simulator, bus);
     return boards_transmit(simulator->boards, bus, simulator->measured, frames, max);
 }
 
@@ -305,11 +344,10 @@ static void fill_plant(struct simulator *simulator)
 /* what each pair of surfaces does to its second one; the moment is about the middle of the patch */
 static void record_pairs(const struct simulator *simulator, double *to)
 {
-    struct contact_world *engine = simulator->contact.engine;
     size_t npair = simulator->config.rig->contact.npair, count;
 
     memset(to, 0, npair * SIGNALS_PER_PAIR * sizeof *to);
-    count = npair ? engine->ops->patches(engine, simulator->patch, simulator->npatch) : 0;
+    count = npair ? plant_patches(simulator->plant, simulator->patch, simulator->npatch) : 0;
     for (size_t i = 0; i < count && i < simulator->npatch; i++) {
         const struct contact_patch *patch = &simulator->patch[i];
         double *row = to + (size_t)patch->pair * SIGNALS_PER_PAIR;
@@ -483,21 +521,28 @@ static enum error_code create_buses(struct simulator *simulator, char notice[256
                                     struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
+    size_t guests = config->guests + (config->task != NULL) + (config->gateway != NULL);
     enum error_code code =
-        buses_open(config->rig, config->transport, config->interface, config->ninterface,
+        buses_open(config->rig, config->transport, config->interface, config->ninterface, guests,
                    simulator->arena, &simulator->buses, notice, error);
 
-    if (!code && simulator->buses.local && config->clock == RIG_CLOCK_LOCKSTEP && !config->task) {
+    if (!code && simulator->buses.local && config->clock == RIG_CLOCK_LOCKSTEP && !guests) {
         code = error_set(error, ERROR_UNSUPPORTED,
-                         "lockstep on local buses waits for STEP frames that nobody outside this "
-                         "process can send: give --task, or use --transport socketcan on a kernel "
-                         "with CAN");
+                         "lockstep on local buses waits for STEP frames that nobody can send: give "
+                         "--task or --gateway, or use --transport socketcan on a kernel with CAN");
+    }
+    if (!code && !simulator->buses.local) {
+        interfaces_init(&simulator->interfaces, config->rig, simulator->buses.interface,
+                        simulator->buses.state, &interface_kernel);
     }
     if (!code) {
         code = buses_join_boards(&simulator->buses, simulator->arena, &simulator->ports, error);
     }
     if (!code && config->task) {
         code = buses_join(&simulator->buses, simulator->arena, &simulator->task_ports, error);
+    }
+    if (!code && config->gateway) {
+        code = buses_join(&simulator->buses, simulator->arena, &simulator->gateway_ports, error);
     }
     return code;
 }
@@ -525,8 +570,8 @@ static enum error_code create_faults(struct simulator *simulator, struct error *
         return code;
     }
     injection.faults = simulator->faults;
-    code = injection_create(&injection, simulator->arena, &simulator->ports,
-                            &simulator->injection, error);
+    code = injection_create(&injection, simulator->arena, &simulator->ports, &simulator->injection,
+                            error);
     if (!code) {
         injection_step(simulator->injection, 0);
     }
@@ -547,6 +592,13 @@ static enum error_code create_sensing(struct simulator *simulator, struct error 
     return code;
 }
 
+static void board_restarted(void *context, int joint)
+{
+    const struct simulator *simulator = context;
+
+    sensing_restart_counter(simulator->sensing, (size_t)joint);
+}
+
 static enum error_code create_boards(struct simulator *simulator, struct error *error)
 {
     const struct rig *rig = simulator->config.rig;
@@ -554,6 +606,8 @@ static enum error_code create_boards(struct simulator *simulator, struct error *
     enum error_code code;
 
     config.faults = simulator->faults;
+    config.restarted = board_restarted;
+    config.context = simulator;
     code = boards_create(&config, simulator->arena, &simulator->boards, error);
 
     if (code) {
@@ -682,7 +736,8 @@ static enum error_code create_recorder(struct simulator *simulator, struct error
     recorder.signal = make_titles(simulator);
     recorder.nsignal = simulator->nsignal;
     simulator->row = arena_alloc(simulator->arena, simulator->nsignal + 1, sizeof(double));
-    simulator->npatch = 2 * config->rig->contact.npair; /* an engine may cut a pair's patch in parts */
+    simulator->npatch =
+        2 * config->rig->contact.npair; /* an engine may cut a pair's patch in parts */
     simulator->patch =
         arena_alloc(simulator->arena, simulator->npatch + 1, sizeof *simulator->patch);
     simulator->row_ticks = (uint64_t)(config->row_period_ns / config->rig->tick_ns);
@@ -711,7 +766,8 @@ static enum error_code create_loop(struct simulator *simulator, struct error *er
             {
                 .context = simulator,
                 .advance = simulator->buses.timed ? machine_advance : NULL,
-                .controller = simulator->task_inline ? machine_controller : NULL,
+                .controller =
+                    simulator->task_inline || config->observer ? machine_controller : NULL,
                 .receive = machine_receive,
                 .control = machine_control,
                 .plant = machine_plant,
@@ -727,6 +783,27 @@ static enum error_code create_loop(struct simulator *simulator, struct error *er
                                            &simulator->published, error);
 
     return code ? code : loop_create(&loop, simulator->arena, &simulator->loop, error);
+}
+
+/* The buses of the rig, each by its name and by that of its interface, for clients of the gateway. */
+static enum error_code create_gateway(struct simulator *simulator, struct error *error)
+{
+    const struct simulator_config *config = &simulator->config;
+    struct gateway_bus bus[BUSES_MAX];
+    struct gateway_config gateway;
+
+    if (!config->gateway) {
+        return ERROR_NONE;
+    }
+    for (size_t b = 0; b < config->rig->nbus; b++) {
+        bus[b] = (struct gateway_bus){.name = config->rig->bus[b].name,
+                                      .alias = simulator->buses.interface[b],
+                                      .port = simulator->gateway_ports.port[b]};
+    }
+    gateway = *config->gateway;
+    gateway.nbus = config->rig->nbus;
+    gateway.bus = bus;
+    return gateway_start(&gateway, simulator->arena, &simulator->gateway, error);
 }
 
 enum error_code simulator_create(const struct simulator_config *config, struct arena *arena,
@@ -768,6 +845,9 @@ enum error_code simulator_create(const struct simulator_config *config, struct a
     }
     if (!code) {
         code = create_loop(simulator, error);
+    }
+    if (!code) {
+        code = create_gateway(simulator, error);
     }
     if (code) {
         simulator_destroy(simulator);
@@ -839,6 +919,12 @@ enum loop_end simulator_run(struct simulator *simulator)
     return end;
 }
 
+enum error_code simulator_join(struct simulator *simulator, struct bus_ports *ports,
+                               struct error *error)
+{
+    return buses_join(&simulator->buses, simulator->arena, ports, error);
+}
+
 void simulator_stop(struct simulator *simulator)
 {
     loop_stop(simulator->loop);
@@ -859,8 +945,22 @@ enum error_code simulator_finish_recording(struct simulator *simulator,
     return recorder ? recorder_close(recorder, counters, error) : ERROR_NONE;
 }
 
+bool simulator_close_gateway(struct simulator *simulator, struct gateway_counters *counters)
+{
+    struct gateway *gateway = simulator->gateway;
+
+    if (!gateway) {
+        return false;
+    }
+    simulator->gateway = NULL;
+    gateway_stop(gateway);
+    gateway_counters(gateway, counters);
+    return true;
+}
+
 void simulator_destroy(struct simulator *simulator)
 {
+    struct gateway_counters carried;
     struct recorder_counters counters;
     struct error error;
 
@@ -868,6 +968,8 @@ void simulator_destroy(struct simulator *simulator)
         return;
     }
     simulator_finish_recording(simulator, &counters, &error);
+    simulator_close_gateway(simulator, &carried);
+    bus_ports_close(&simulator->gateway_ports);
     bus_ports_close(&simulator->task_ports);
     bus_ports_close(&simulator->ports);
     buses_close(&simulator->buses);
@@ -884,6 +986,11 @@ bool simulator_read(const struct simulator *simulator, struct simulator_status *
     return snapshot_read(simulator->published, status) > 0;
 }
 
+void simulator_watch_interfaces(struct simulator *simulator, int64_t now_ns)
+{
+    interfaces_watch(&simulator->interfaces, now_ns);
+}
+
 bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size)
 {
     struct loop_event loop_event;
@@ -891,6 +998,7 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
     struct fault_event fault_event;
     struct error error;
     int64_t released = atomic_exchange(&simulator->released, -1);
+    size_t bus;
     int used;
 
     if (released >= 0) {
@@ -908,6 +1016,10 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
     if (faults_next_event(simulator->faults, &fault_event)) {
         *key = UINT64_C(4) << 32 | fault_event.fault;
         fault_event_format(simulator->faults, &fault_event, text, size);
+        return true;
+    }
+    if (interfaces_next_event(&simulator->interfaces, &bus, text, size)) {
+        *key = UINT64_C(5) << 32 | bus;
         return true;
     }
     if (boards_next_event(simulator->boards, &board_event)) {
@@ -957,6 +1069,16 @@ struct plant *simulator_plant(const struct simulator *simulator)
     return simulator->plant;
 }
 
+const struct plant_sensors *simulator_measured(const struct simulator *simulator)
+{
+    return simulator->measured;
+}
+
+const struct gateway *simulator_gateway(const struct simulator *simulator)
+{
+    return simulator->gateway;
+}
+
 const struct controller *simulator_controller(const struct simulator *simulator)
 {
     return simulator->controller;
@@ -975,6 +1097,12 @@ const struct settled *simulator_settled(const struct simulator *simulator)
 const char *simulator_dynamics(const struct simulator *simulator)
 {
     return simulator->dynamics_notice.text;
+}
+
+bool simulator_controller_state(const struct simulator *simulator, size_t bus, char *text,
+                                size_t size)
+{
+    return interfaces_describe(&simulator->interfaces, bus, text, size);
 }
 
 const struct wire *simulator_wire(const struct simulator *simulator, size_t bus)

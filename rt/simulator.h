@@ -7,6 +7,7 @@
 #ifndef RT_SIMULATOR_H
 #define RT_SIMULATOR_H
 
+#include "canbus/gateway.h"
 #include "model/settle.h"
 #include "rt/buses.h"
 #include "rt/controller.h"
@@ -20,6 +21,15 @@
 #include <stdint.h>
 
 enum { SIMULATOR_JOINTS_MAX = 64, SIMULATOR_CONTACTS_MAX = 16, SIMULATOR_FREE_MAX = 16 };
+
+/* Somebody in the loop's thread who sees every tick, free run and lockstep only: called before each
+ * tick with the virtual time at which it begins, when everything that the tick before has sent is on
+ * the buses; in lockstep again, with the same time, as long as no STEP has come. What it sends and
+ * switches counts for the tick. */
+struct simulator_observer {
+    void *context;
+    void (*step)(void *context, int64_t time_ns);
+};
 
 struct simulator_config {
     const struct rig *rig;
@@ -35,10 +45,15 @@ struct simulator_config {
     const char *const *fault; /* lines as of --fault, after those of the rig */
     size_t nfault;
     bool seed_given;
-    uint64_t seed; /* of noise and faults, instead of the rig's */
-    uint64_t ticks;     /* 0 = until stopped */
-    const char *task;   /* NULL = none */
-    const char *record; /* directory, NULL = none */
+    uint64_t seed;    /* of noise and faults, instead of the rig's */
+    uint64_t ticks;   /* 0 = until stopped */
+    const char *task; /* NULL = none */
+    /* NULL = none. With it the run goes on when a task has ended, but in lockstep, where the task's
+     * STEP frames drive it. */
+    const struct simulator_observer *observer;
+    size_t guests;                        /* how often simulator_join will be called */
+    const struct gateway_config *gateway; /* host and port; NULL = none */
+    const char *record;                   /* directory, NULL = none */
     bool overwrite;
     int64_t row_period_ns; /* of signals.csv, a multiple of the tick */
 };
@@ -75,6 +90,11 @@ enum error_code simulator_start(struct simulator *simulator, struct realtime_rep
                                 struct error *error);
 enum loop_end simulator_run(struct simulator *simulator);
 
+/* Joins every bus once more, before simulator_start; the ports are the caller's to close, before
+ * simulator_destroy. */
+enum error_code simulator_join(struct simulator *simulator, struct bus_ports *ports,
+                               struct error *error);
+
 /* Ends the run; from any thread or signal handler. */
 void simulator_stop(struct simulator *simulator);
 
@@ -85,13 +105,20 @@ uint64_t simulator_beat(const struct simulator *simulator);
 enum error_code simulator_finish_recording(struct simulator *simulator,
                                            struct recorder_counters *counters, struct error *error);
 
+/* Ends the connections of the gateway and says what it has carried; false when there is none. */
+bool simulator_close_gateway(struct simulator *simulator, struct gateway_counters *counters);
+
 /* Closes ports, recording and contact engine; the arena is the caller's. NULL is allowed. */
 void simulator_destroy(struct simulator *simulator);
 
 /* The last published status; from any thread. False before the first tick. */
 bool simulator_read(const struct simulator *simulator, struct simulator_status *status);
 
-/* One event of the loop, the boards or the recorder as a line of text, with a key for the event log;
+/* Looks after the real CAN interfaces, at most once a second (rt/interfaces.h); from the thread that
+ * asks for events. */
+void simulator_watch_interfaces(struct simulator *simulator, int64_t now_ns);
+
+/* One event of the loop, the boards, the interfaces or the recorder as a line of text, with a key for the event log;
  * false when none waits. From one thread other than the loop's. */
 bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size);
 
@@ -102,7 +129,10 @@ struct can_port *simulator_port(const struct simulator *simulator, size_t bus);
 struct boards *simulator_boards(const struct simulator *simulator); /* counters after the run */
 /* Faults are switched (faults_set) in the loop's thread, or before the run. */
 struct faults *simulator_faults(const struct simulator *simulator);
-struct plant *simulator_plant(const struct simulator *simulator);   /* after the run */
+struct plant *simulator_plant(const struct simulator *simulator); /* after the run */
+/* What the boards see of the plant; in the loop's thread, or after the run. */
+const struct plant_sensors *simulator_measured(const struct simulator *simulator);
+const struct gateway *simulator_gateway(const struct simulator *simulator);       /* NULL = none */
 const struct controller *simulator_controller(const struct simulator *simulator); /* NULL = none */
 const char *simulator_failure(const struct simulator *simulator); /* after LOOP_END_MODEL */
 /* What plant_settle found at the start; NULL without settle. */
@@ -110,6 +140,10 @@ const struct settled *simulator_settled(const struct simulator *simulator);
 /* Which implementation computes the rigid-body dynamics, and why; a sentence. */
 const char *simulator_dynamics(const struct simulator *simulator);
 bool simulator_is_local(const struct simulator *simulator);
+/* State, settings and counters of the controller of a bus, now, as text; false when its interface has
+ * none. */
+bool simulator_controller_state(const struct simulator *simulator, size_t bus, char *text,
+                                size_t size);
 /* The wire of a timed bus, NULL where frames take no time; after the run. */
 const struct wire *simulator_wire(const struct simulator *simulator, size_t bus);
 

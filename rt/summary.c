@@ -143,9 +143,8 @@ static double load(const struct summary *summary, size_t bus)
         wire_stats(wire, &of_wire);
         return 100.0 * of_wire.load_mean;
     }
-    return virtual_s > 0.0
-               ? 100.0 * rig_bus_bits(rig_bus, c) / virtual_s / (double)rig_bus->bitrate
-               : 0.0;
+    return virtual_s > 0.0 ? 100.0 * rig_bus_bits(rig_bus, c) / virtual_s / (double)rig_bus->bitrate
+                           : 0.0;
 }
 
 static void print_buses(const struct summary *summary, FILE *out)
@@ -163,6 +162,23 @@ static void print_buses(const struct summary *summary, FILE *out)
                 " %6.1f %%\n",
                 rig->bus[b].name, port->bus, c->rx_frames, c->tx_frames, c->rx_dropped,
                 c->tx_dropped, c->error_frames, load(summary, b));
+    }
+}
+
+/* What the controllers of real interfaces say at the end, and how their queues did. */
+static void print_controllers(const struct summary *summary, FILE *out)
+{
+    const struct rig *rig = simulator_configuration(summary->simulator)->rig;
+    char text[320];
+
+    for (size_t b = 0; b < rig->nbus; b++) {
+        const struct can_port *port = simulator_port(summary->simulator, b);
+
+        if (simulator_controller_state(summary->simulator, b, text, sizeof text)) {
+            fprintf(out,
+                    "  %s: %s; queue full %" PRIu64 " times, frames kept for later %" PRIu64 "\n",
+                    port->bus, text, port->counters.tx_queue_full, port->counters.tx_held);
+        }
     }
 }
 
@@ -271,6 +287,7 @@ void summary_print(const struct summary *summary, FILE *out)
     }
     print_phases(summary, out);
     print_buses(summary, out);
+    print_controllers(summary, out);
     print_wires(summary, out);
     print_energy(summary, out);
     print_rest(summary, out);
@@ -336,15 +353,16 @@ static void json_wire(const struct wire *wire, FILE *out)
     fprintf(out,
             ",\n     \"wire\": {\"frames\": %" PRIu64 ", \"busy_ns\": %" PRId64
             ", \"load_peak_percent\": %.3f, \"queue_peak\": %zu, \"arbitration_lost\": %" PRIu64
-            ", \"bus_offs\": %" PRIu64
-            ", \"worst_latency_ns\": %" PRId64 ", \"worst_latency_id\": %u",
+            ", \"bus_offs\": %" PRIu64 ", \"worst_latency_ns\": %" PRId64
+            ", \"worst_latency_id\": %u",
             w.frames, w.busy_ns, 100.0 * w.load_peak, w.queued_peak, w.arbitration_lost, w.bus_offs,
             worst.max_ns, worst.id);
     for (int i = 0; i < WIRE_ERRORS; i++) {
         fprintf(out, ", \"%s_errors\": %" PRIu64, wire_error_name((enum wire_error)i), w.errors[i]);
     }
     for (int i = 0; i < WIRE_DROPS; i++) {
-        fprintf(out, ", \"dropped, %s\": %" PRIu64, wire_drop_name((enum wire_drop)i), w.dropped[i]);
+        fprintf(out, ", \"dropped, %s\": %" PRIu64, wire_drop_name((enum wire_drop)i),
+                w.dropped[i]);
     }
     fprintf(out, "}");
 }
@@ -361,10 +379,10 @@ static void json_buses(const struct summary *summary, FILE *out)
         json_string(rig->bus[b].name, out);
         fprintf(out,
                 ", \"rx_frames\": %" PRIu64 ", \"tx_frames\": %" PRIu64 ", \"rx_dropped\": %" PRIu64
-                ", \"tx_dropped\": %" PRIu64 ", \"error_frames\": %" PRIu64
-                ", \"load_percent\": %.3f",
-                c->rx_frames, c->tx_frames, c->rx_dropped, c->tx_dropped, c->error_frames,
-                load(summary, b));
+                ", \"tx_dropped\": %" PRIu64 ", \"tx_queue_full\": %" PRIu64
+                ", \"tx_held\": %" PRIu64 ", \"error_frames\": %" PRIu64 ", \"load_percent\": %.3f",
+                c->rx_frames, c->tx_frames, c->rx_dropped, c->tx_dropped, c->tx_queue_full,
+                c->tx_held, c->error_frames, load(summary, b));
         json_wire(simulator_wire(summary->simulator, b), out);
         fprintf(out, "}%s\n", b + 1 < rig->nbus ? "," : "");
     }

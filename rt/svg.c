@@ -217,12 +217,32 @@ static void put_axes(const struct page *page)
     fputs("</text>\n", page->out);
 }
 
-static void put_line(const struct page *page, const struct svg_series *series, const char *color)
+/* Begins the path of series s, up to its data. */
+static void open_line(const struct page *page, size_t s)
 {
+    fputs("<path class=\"line", page->out);
+    if (page->plot->part) {
+        fprintf(page->out, " s%zu", s);
+    }
+    fprintf(page->out, "\" stroke=\"%s\"%s d=\"", colors[s],
+            page->plot->series[s].style == SVG_DASHED ? " stroke-dasharray=\"6 4\"" : "");
+}
+
+static void put_dot(const struct page *page, size_t s, double x, double y)
+{
+    fprintf(page->out, "<circle cx=\"%.2f\" cy=\"%.2f\" r=\"3\" fill=\"%s\"", x, y, colors[s]);
+    if (page->plot->part) {
+        fprintf(page->out, " class=\"s%zu\"", s);
+    }
+    fputs("/>", page->out);
+}
+
+static void put_line(const struct page *page, size_t s)
+{
+    const struct svg_series *series = &page->plot->series[s];
     bool drawing = false;
 
-    fprintf(page->out, "<path class=\"line\" stroke=\"%s\"%s d=\"", color,
-            series->style == SVG_DASHED ? " stroke-dasharray=\"6 4\"" : "");
+    open_line(page, s);
     for (size_t i = 0; i < series->count; i++) {
         if (!point_can_stand(page->plot, series, i)) {
             drawing = false;
@@ -235,12 +255,14 @@ static void put_line(const struct page *page, const struct svg_series *series, c
     fputs("\"/>\n", page->out);
 }
 
-static void put_markers(const struct page *page, const struct svg_series *series, const char *color)
+static void put_markers(const struct page *page, size_t s)
 {
+    const struct svg_series *series = &page->plot->series[s];
+
     for (size_t i = 0; i < series->count; i++) {
         if (point_can_stand(page->plot, series, i)) {
-            fprintf(page->out, "<circle cx=\"%.2f\" cy=\"%.2f\" r=\"3\" fill=\"%s\"/>\n",
-                    on_scale(&page->x, series->x[i]), on_scale(&page->y, series->y[i]), color);
+            put_dot(page, s, on_scale(&page->x, series->x[i]), on_scale(&page->y, series->y[i]));
+            putc('\n', page->out);
         }
     }
 }
@@ -274,13 +296,11 @@ static void put_legend(const struct page *page)
 
         y = TOP + LEGEND_LINE * legend_place(page->plot, s, page->x.from, page->x.to, &x) - 10.0;
         if (series->style != SVG_MARKERS) {
-            fprintf(page->out, "<path class=\"line\" stroke=\"%s\"%s d=\"M%.2f %.2fh24\"/>",
-                    colors[s], series->style == SVG_DASHED ? " stroke-dasharray=\"6 4\"" : "", x,
-                    y - 4.0);
+            open_line(page, s);
+            fprintf(page->out, "M%.2f %.2fh24\"/>", x, y - 4.0);
         }
         if (series->style == SVG_MARKERS || series->style == SVG_LINE_MARKERS) {
-            fprintf(page->out, "<circle cx=\"%.2f\" cy=\"%.2f\" r=\"3\" fill=\"%s\"/>", x + 12.0,
-                    y - 4.0, colors[s]);
+            put_dot(page, s, x + 12.0, y - 4.0);
         }
         fprintf(page->out, "<text x=\"%.2f\" y=\"%.2f\">", x + 30.0, y);
         put_text(page->out, series->name);
@@ -290,21 +310,44 @@ static void put_legend(const struct page *page)
 
 static void put_series(const struct page *page)
 {
+    const char *area = page->plot->part ? page->plot->part : "area";
+
     fprintf(page->out,
-            "<clipPath id=\"area\"><rect x=\"%.2f\" y=\"%.2f\" width=\"%.2f\" height=\"%.2f\"/>"
-            "</clipPath>\n<g clip-path=\"url(#area)\">\n",
-            page->x.from, page->y.to, page->x.to - page->x.from, page->y.from - page->y.to);
+            "<clipPath id=\"%s\"><rect x=\"%.2f\" y=\"%.2f\" width=\"%.2f\" height=\"%.2f\"/>"
+            "</clipPath>\n<g clip-path=\"url(#%s)\">\n",
+            area, page->x.from, page->y.to, page->x.to - page->x.from, page->y.from - page->y.to,
+            area);
     for (size_t s = 0; s < page->plot->nseries; s++) {
         const struct svg_series *series = &page->plot->series[s];
 
         if (series->style != SVG_MARKERS) {
-            put_line(page, series, colors[s]);
+            put_line(page, s);
         }
         if (series->style == SVG_MARKERS || series->style == SVG_LINE_MARKERS) {
-            put_markers(page, series, colors[s]);
+            put_markers(page, s);
         }
     }
     fputs("</g>\n", page->out);
+}
+
+static void open_svg(const struct svg_plot *plot, int width, int height, FILE *out)
+{
+    if (plot->part) {
+        fputs("<svg class=\"plot\" role=\"img\"", out);
+    } else {
+        fprintf(out, "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\"", width,
+                height);
+    }
+    fprintf(out, " viewBox=\"0 0 %d %d\" font-family=\"sans-serif\" font-size=\"12\">\n", width,
+            height);
+    if (!plot->part) {
+        fputs("<style>.grid{stroke:#ddd;fill:none}.axis{stroke:#000;fill:none}"
+              ".line{stroke-width:1.5;fill:none;stroke-linejoin:round}.title{font-size:15px}"
+              "</style>\n",
+              out);
+    }
+    fprintf(out, "<rect%s width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",
+            plot->part ? " class=\"paper\"" : "", width, height);
 }
 
 enum error_code svg_write(const struct svg_plot *plot, FILE *out, struct error *error)
@@ -325,14 +368,7 @@ enum error_code svg_write(const struct svg_plot *plot, FILE *out, struct error *
     page.y.from = height - BOTTOM;
     page.y.to =
         TOP + LEGEND_LINE * legend_place(plot, plot->nseries - 1, LEFT, width - RIGHT, &unused);
-    fprintf(
-        out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\" "
-        "viewBox=\"0 0 %d %d\" font-family=\"sans-serif\" font-size=\"12\">\n"
-        "<style>.grid{stroke:#ddd;fill:none}.axis{stroke:#000;fill:none}"
-        ".line{stroke-width:1.5;fill:none;stroke-linejoin:round}.title{font-size:15px}</style>\n"
-        "<rect width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",
-        width, height, width, height, width, height);
+    open_svg(plot, width, height, out);
     put_axes(&page);
     put_series(&page);
     put_legend(&page);

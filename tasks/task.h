@@ -79,11 +79,12 @@ struct squat_config {
 enum { GRASP_JOINTS = 4 };
 
 struct grasp_phase {
-    const char *name;             /* in messages */
-    double until_s;               /* after the arms began to move */
-    double arm_rad[GRASP_JOINTS]; /* right arm at its end: shoulder pitch, roll, yaw, elbow; the left
+    const char *name; /* in messages */
+    double until_s;   /* after the arms began to move */
+    double
+        arm_rad[GRASP_JOINTS]; /* right arm at its end: shoulder pitch, roll, yaw, elbow; the left
                                    * arm mirrors roll and yaw */
-    bool closed; /* the object is held all the while: both wrists must press */
+    bool closed;               /* the object is held all the while: both wrists must press */
 };
 
 /* Both arms take an object between the wrists and lift it, on a piecewise linear path of angles. */
@@ -93,7 +94,8 @@ struct grasp_config {
     const struct grasp_phase *phase;
     double hold_s;        /* standing still after */
     double least_press_n; /* with less the grip counts as lost; 0: it may be */
-    double least_carry_n; /* by the wrists together, on average over hold_s; with less it failed; 0: it
+    double
+        least_carry_n; /* by the wrists together, on average over hold_s; with less it failed; 0: it
                            * may */
 };
 

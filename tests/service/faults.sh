@@ -58,7 +58,7 @@ frames()
     grep -c " $2#" "$work/$1/candump.log"
 }
 
-echo 1..25
+echo 1..26
 
 go sound "$rig" --duration 3
 sound=$(json sound state_hash)
@@ -87,7 +87,8 @@ shows()
 
 for line in "sensor LKneeSag.motor_encoder stuck 2..2.4" "sensor l_leg_ft.fz off 2.." \
     "sensor RHipSag.torque wrong gain=2 offset=1 2.." "board left_leg/1 stuck 2..2.2" \
-    "board right_arm/2 garbage 2.." "board torso/1 slow 5 2.." "bus right_leg corruption 0.05 2.." \
+    "board right_arm/2 garbage 2.." "board left_arm/1 hung watchdog=0.2 2.." \
+    "board torso/1 slow 5 2.." "bus right_leg corruption 0.05 2.." \
     "bus left_leg duplicate 0.2 2.." "bus left_leg late 0.004 2.."; do
     name="shows in frames or state, repeats bit for bit, stands in the log: $line"
     if shows "$name" "$line"; then ok "$name"; else not_ok "$name"; fi
@@ -186,4 +187,4 @@ name="the manual of run lists the kinds"
 if "$program" run --help >"$work/out" && grep -q "spring_break" "$work/out" && grep -q "error_burst" "$work/out"
 then ok "$name"; else not_ok "$name"; fi
 
-[ "$number" -eq 25 ]
+[ "$number" -eq 26 ]

@@ -6,6 +6,8 @@ hil_script_test(service_squat COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/squat.
                 LABELS service TIMEOUT 300)
 hil_script_test(service_bus_plans COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/bus_plans.sh
                 LABELS service TIMEOUT 300)
+hil_script_test(service_wire_budget COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/wire_budget.sh
+                $<TARGET_FILE:coman-hil> LABELS service TIMEOUT 60)
 hil_script_test(service_run_vcan LABELS service TIMEOUT 150
     COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 130
             ${CMAKE_CURRENT_SOURCE_DIR}/service/run_vcan.sh)

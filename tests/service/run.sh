@@ -154,7 +154,7 @@ sed 's/^tick_s:.*/tick_s: 0.002/' "$rig" >"$work/config/rigs/two.yaml"
 wrong 2 "a row period that is no multiple of the tick is refused" "multiple of the tick" \
     run "$work/config/rigs/two.yaml" --transport local --record-period 5 "${none[@]}"
 wrong 2 "a rig that is not there is refused" "No such file" run "$work/no-such.yaml" "${none[@]}"
-wrong 4 "lockstep on local buses without a task is refused" "nobody outside" \
+wrong 4 "lockstep on local buses without a task is refused" "nobody can send" \
     run "$rig" --transport local --clock lockstep "${none[@]}"
 if without_can; then
     wrong 4 "a kernel without CAN is told apart" "no CAN" run "$rig" --transport socketcan "${none[@]}"

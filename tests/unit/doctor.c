@@ -18,6 +18,7 @@ struct machine {
     struct arena arena;
     struct rig rig;
     struct rig_bus bus;
+    struct link_info link;
     struct doctor_finding finding[DOCTOR_FINDINGS_MAX];
     size_t count;
 };
@@ -96,9 +97,20 @@ static int stop(void **state)
     return system(command);
 }
 
+/* the controller that the test makes up; one without a kind is none */
+static enum error_code query(void *context, const char *name, struct link_info *info,
+                             struct error *error)
+{
+    const struct machine *m = context;
+
+    *info = m->link;
+    return m->link.kind[0] ? ERROR_NONE : error_set(error, ERROR_INPUT, "no interface %s", name);
+}
+
 static enum doctor_verdict examine(struct machine *m)
 {
-    struct doctor_config config = {.root = m->root, .rig = &m->rig};
+    struct interface_ops interfaces = {.query = query, .context = m};
+    struct doctor_config config = {.root = m->root, .rig = &m->rig, .interfaces = &interfaces};
 
     m->count = doctor_examine(&config, m->finding, DOCTOR_FINDINGS_MAX);
     return doctor_verdict(m->finding, m->count);
@@ -249,6 +261,32 @@ static void judges_interfaces(void **state)
     assert_only(m, "CAN", DOCTOR_WARN, "no CAN");
 }
 
+static void judges_controllers(void **state)
+{
+    struct machine *m = *state;
+
+    m->link = (struct link_info){.up = true, .type = 280, .kind = "can"};
+    m->link.controller.timing.bitrate = 500000;
+    assert_only(m, "controller", DOCTOR_FAIL, "runs at 500000 bit/s, the rig says 1000000");
+    m->bus.configure = true;
+    assert_only(m, "controller", DOCTOR_FAIL, "may not do");
+    put(m, "/proc/self/status", "CapEff:\t0000000000001000\nCpus_allowed_list:\t0-2\n");
+    assert_int_equal(examine(m), DOCTOR_OK);
+    put(m, "/sys/class/net/can0/flags", "0x40c0\n");
+    assert_int_equal(examine(m), DOCTOR_OK); /* a run starts it */
+    put(m, "/sys/class/net/can0/flags", "0x40c1\n");
+    m->link.controller.timing.bitrate = 1000000;
+    m->bus.configure = false;
+    assert_only(m, "controller", DOCTOR_WARN, "has no restart-ms");
+    m->link.controller.restart_ms = 100;
+    assert_int_equal(examine(m), DOCTOR_OK);
+    m->link.controller.state = CAN_STATE_ERROR_PASSIVE;
+    m->link.controller.errors.txerr = 128;
+    assert_only(m, "controller", DOCTOR_WARN, "error passive (TEC 128, REC 0)");
+    m->link.controller.state = CAN_STATE_BUS_OFF;
+    assert_only(m, "controller", DOCTOR_FAIL, "is in bus-off");
+}
+
 static void lives_in_an_empty_machine(void **state)
 {
     struct machine *m = *state;
@@ -285,6 +323,7 @@ int main(void)
         MACHINE_TEST(sees_power_saving),
         MACHINE_TEST(sees_slow_idle_states_that_are_enabled),
         MACHINE_TEST(judges_interfaces),
+        MACHINE_TEST(judges_controllers),
         MACHINE_TEST(lives_in_an_empty_machine),
         cmocka_unit_test(reads_lists_of_processors),
     };

@@ -29,7 +29,7 @@ struct bench {
     size_t late_sleep; /* this sleep (from 0) wakes late_by late instead */
     int64_t late_by;
     int64_t work[PHASE_COUNT + 1]; /* every tick; the last: of buses after the first, 0 */
-    uint64_t slow_tick;        /* this tick (from 0) spends slow_by more in slow_phase */
+    uint64_t slow_tick;            /* this tick (from 0) spends slow_by more in slow_phase */
     enum loop_phase slow_phase;
     int64_t slow_by;
     void (*on_wait)(struct bench *bench); /* the host's turn while the loop waits */

@@ -220,6 +220,26 @@ static void rejects_unknown_option_and_names_the_nearest(void **state)
                         "found unknown option -x, expected one that is listed by --help");
 }
 
+static void the_last_operand_may_stand_more_than_once(void **state)
+{
+    static const char *files[6];
+    static const struct operand_spec several[] = {{"FILE", "files", true, files}};
+    static const struct command_spec many = {
+        .name = "try", .summary = "Try.", .operand = several, .noperand = 1, .many = true};
+    char word[5][4] = {"try", "a", "b", "--", "--c"};
+    char *some[] = {word[0], word[1], word[2], word[3], word[4]};
+    struct error error;
+    bool help;
+
+    (void)state;
+    assert_int_equal(options_parse(&many, 5, some, &help, &error), ERROR_NONE);
+    assert_string_equal(files[0], "a");
+    assert_string_equal(files[1], "b");
+    assert_string_equal(files[2], "--c");
+    assert_null(files[3]);
+    assert_int_equal(options_parse(&many, 1, some, &help, &error), ERROR_INPUT);
+}
+
 static void asks_for_the_operands_that_it_needs_and_takes_no_more(void **state)
 {
     (void)state;
@@ -292,6 +312,7 @@ int main(void)
         TEST(refuses_an_option_that_stands_twice),
         TEST(rejects_unknown_option_and_names_the_nearest),
         TEST(asks_for_the_operands_that_it_needs_and_takes_no_more),
+        TEST(the_last_operand_may_stand_more_than_once),
         TEST(a_list_has_an_end),
         TEST(the_manual_lists_everything_within_eighty_columns),
         TEST(exit_statuses_follow_the_error),

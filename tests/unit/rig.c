@@ -143,6 +143,7 @@ static void hands_every_board_what_it_needs(void **state)
     assert_int_equal(board[0].axis[1].joint, 0);
     assert_true(board[0].axis[1].current_limit_a == 5.0);
     assert_true(board[2].axis[0].current_limit_a == 12.0);
+    assert_true(board[2].axis[0].temperature_limit_c == 70.0); /* COMAN's, where none is given */
     assert_true(fabs(board[0].axis[1].joint_ticks_per_rad * 2 * M_PI - 4096) < 1e-9);
     assert_true(board[0].axis[1].upper_rad == 2.0);
     assert_int_equal(board[0].command_timeout_ns, 100000000);

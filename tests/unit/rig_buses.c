@@ -73,6 +73,29 @@ static void refused(const char *buses, const char *message)
 
 /* ---- what a bus speaks ---- */
 
+static void a_bus_says_how_its_real_interface_is_set(void **state)
+{
+    const struct rig *rig =
+        load_buses("  - {name: left, interface: can0, configure: true, sample_point: 0.8,\n"
+                   "     restart_ms: 100, boards: [{kind: motor, address: 4, axes: [hip]}]}\n"
+                   "  - {name: right, interface: can1,\n"
+                   "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n");
+
+    (void)state;
+    assert_true(rig->bus[0].configure);
+    assert_true(rig->bus[0].sample_point == 0.8);
+    assert_int_equal(rig->bus[0].restart_ms, 100);
+    assert_false(rig->bus[1].configure);
+    refused(
+        "  - {name: left, interface: can0, sample_point: 0.8,\n"
+        "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n",
+        "28:49: found sample_point on bus \"left\" without configure: true, expected both or none");
+    refused(
+        "  - {name: left, interface: can0, restart_ms: 0,\n"
+        "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n",
+        "28:47: found restart_ms on bus \"left\" without configure: true, expected both or none");
+}
+
 static void each_bus_speaks_its_own_personality(void **state)
 {
     const struct rig *rig =
@@ -120,7 +143,7 @@ static void a_personality_has_its_own_addresses_axes_and_boards(void **state)
             "29:38: found address 5, expected 1 to 4 with personality foc");
     refused("  - {name: left, interface: can0, personality: foc,\n"
             "     boards: [{kind: motor, address: 4, axes: [hip, knee]}]}\n",
-            "29:47: found 2 axes, expected 1 to 1");
+            "29:47: found 2 axes, expected 1");
     refused("  - {name: left, interface: can0, personality: foc,\n"
             "     boards: [{kind: ft, address: 15, sensor: foot_ft}]}\n",
             "29:15: found an F/T board without key \"full_scale_n\", expected it");
@@ -271,6 +294,7 @@ static void a_plan_shares_all_but_the_buses_with_the_rig_that_it_extends(void **
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        TEST(a_bus_says_how_its_real_interface_is_set),
         TEST(each_bus_speaks_its_own_personality),
         TEST(the_controller_is_told_the_drives_of_foc_axes),
         TEST(a_personality_has_its_own_addresses_axes_and_boards),

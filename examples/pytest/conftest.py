@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fixtures for tests of a controller against the simulator.
+
+simulator starts coman-hil in lockstep with a gateway, for each test anew; robot is a python-can bus on
+the torso and the means to move virtual time. Nothing depends on how fast the machine is. The program is
+the one of the environment variable COMAN_HIL, else coman-hil on the PATH.
+
+Commands go over the connection that STEP goes over: what a program sends on another bus may arrive a tick
+later.
+"""
+import logging
+import os
+import pathlib
+import re
+import struct
+import subprocess
+import tempfile
+import time
+
+import can
+import pytest
+
+logging.getLogger("can").setLevel(logging.ERROR)  # it warns of the newlines between frames
+RIG = pathlib.Path(__file__).parents[2] / "config" / "rigs" / "coman.yaml"
+STEP, DONE = 0x6F0, 0x6FF
+PATIENCE_S = 20
+
+
+@pytest.fixture
+def simulator(request):
+    """Host and port of a gateway. A test may ask for arguments of `coman-hil run`:
+    @pytest.mark.parametrize("simulator", [["--fault", "supply sag 30 0.1.."]], indirect=True)"""
+    program = os.environ.get("COMAN_HIL", "coman-hil")
+    with tempfile.NamedTemporaryFile("w+") as log:
+        process = subprocess.Popen(
+            [program, "run", RIG, "--transport", "local", "--clock", "lockstep", "--hold", "always",
+             "--gateway", "0", "--quiet", *getattr(request, "param", [])],
+            stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+        try:
+            yield gateway_of(process, log.name)
+        finally:
+            process.terminate()
+            process.wait(PATIENCE_S)
+
+
+def gateway_of(process, log):
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end and process.poll() is None:
+        found = re.search(r"^gateway: (\S+) port (\d+)$", open(log).read(), re.M)
+        if found:
+            return found[1], int(found[2])
+        time.sleep(0.02)
+    pytest.fail("the simulator did not start:\n" + open(log).read())
+
+
+class Robot:
+    def __init__(self, bus):
+        self.bus, self.tick = bus, 0
+
+    def send(self, identifier, data):
+        self.bus.send(can.Message(arbitration_id=identifier, data=bytes.fromhex(data), is_extended_id=False))
+
+    def step(self, milliseconds=1):
+        """Runs the simulator on; the frames that it sent meanwhile."""
+        self.send(STEP, struct.pack("<IH", self.tick, milliseconds).hex())
+        frames = []
+        while True:
+            frame = self.bus.recv(PATIENCE_S)
+            assert frame, "no DONE"
+            if frame.arbitration_id == DONE:
+                self.tick = struct.unpack_from("<I", frame.data)[0]
+                return frames
+            frames.append(frame)
+
+
+@pytest.fixture
+def robot(simulator):
+    host, port = simulator
+    with can.Bus(interface="socketcand", host=host, port=port, channel="can0") as bus:
+        yield Robot(bus)

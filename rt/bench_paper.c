@@ -1,0 +1,147 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* coman-hil bench paper: every table and figure of the paper that can be reproduced, in one report. */
+#include "rt/bench_paper.h"
+
+#include "rt/bench_output.h"
+#include "rt/bench_pendulum.h"
+#include "rt/commands.h"
+#include "rt/options.h"
+
+#include <unistd.h>
+
+static const char title[] =
+    "Multi-physics Modelling of a Compliant Humanoid Robot: the paper and coman-hil";
+
+void paper_progress(struct paper *paper, const char *what)
+{
+    paper->step++;
+    if (isatty(STDERR_FILENO)) {
+        fprintf(stderr, "\r\033[Kbench paper: %zu of %zu: %s", paper->step, paper->nstep, what);
+    }
+}
+
+static void clear_progress(void)
+{
+    if (isatty(STDERR_FILENO)) {
+        fprintf(stderr, "\r\033[K");
+    }
+}
+
+static void put_rest(struct report *report)
+{
+    report_section(report, "rest", "What is not reproduced");
+    report_table(report, "not-reproduced", "", "of the paper|why");
+    report_row(report,
+               "Figs. 1, 2, 5, 6, 7|Drawings of the robot, the simulator's parts, the actuator, "
+               "meshes in contact, the coupling with Simbody: there is nothing to measure.");
+    report_row(report,
+               "Fig. 8, right: walking over a bump|The gait controller is another paper's and is "
+               "not described.");
+    report_row(report, "Fig. 9: the references themselves|Plotted only. The path here is our own.");
+    report_row(report, "Fig. 12: measured curves|Measured on the real WALK-MAN, plotted only.");
+    report_row(
+        report,
+        "Figs. 3, 4, 9 to 12: curves point by point|No numbers are published; compared is what "
+        "the text says of them.");
+    report_row(report,
+               "supplementary animations|A recording (run --record) has all motion, as numbers.");
+}
+
+static enum error_code measure(struct paper *paper, struct error *error)
+{
+    struct pendulum_table table;
+    char path[PATH_MAX];
+    /* rigs that are not there are told before the minutes that the pendulums take */
+    enum error_code code = paper_rig_path("grasp", path, error);
+
+    if (!code) {
+        code = paper_pendulums(paper, &table, error);
+    }
+    if (!code) {
+        code = paper_grasp(paper, error);
+    }
+    if (!code) {
+        code = paper_squat(paper, error);
+    }
+    if (!code) {
+        code = paper_speed(paper, &table, error);
+    }
+    if (!code) {
+        put_rest(&paper->report);
+    }
+    return code;
+}
+
+static enum error_code make_report(struct paper *paper, struct error *error)
+{
+    struct error closing;
+    enum error_code code = report_open(&paper->report, paper->folder, title, error);
+
+    if (code) {
+        return code;
+    }
+    code = measure(paper, error);
+    clear_progress();
+    if (code) {
+        report_abandon(&paper->report);
+        return code;
+    }
+    code = report_close(&paper->report, &closing);
+    if (code) {
+        *error = closing;
+    }
+    return code;
+}
+
+int bench_paper(int argc, char **argv)
+{
+    static const char *folder = "paper-report", *module;
+    static bool quick;
+    static const struct option_spec options[] = {
+        {.name = "--quick",
+         .type = OPTION_FLAG,
+         .help = "a look in seconds: without the pendulums' step of 1e-6, one cycle of the squat, "
+                 "one run for "
+                 "each real-time factor, the whole robot only in Fig. 4",
+         .value = &quick},
+        BENCH_OUT_OPTION(&folder,
+                         "index.html, the tables and figures as CSV, and the plots as SVG"),
+        BENCH_PEERS_OPTION(&module),
+    };
+    static const struct command_spec spec = {
+        .name = "bench paper",
+        .summary = "A report with every table and figure of the paper that can be reproduced.",
+        .option = options,
+        .noption = sizeof options / sizeof options[0],
+        .manual =
+            "Ours stand beside the paper's numbers, and where they differ the report says why. The "
+            "rigs "
+            "are those of config/rigs where the program runs, else the installed ones; the buses "
+            "are "
+            "inside the process. Without --out the report goes to paper-report. All of it but the "
+            "section on speed is the same on every run.\n\n" BENCH_PEERS_MANUAL,
+    };
+    static struct paper paper;
+    struct peers_library library;
+    struct error error;
+    enum error_code code;
+    int status;
+
+    if (!options_read(&spec, argc, argv, &status)) {
+        return status;
+    }
+    code = bench_peers(module, "ours only", &library, &error);
+    if (!code) {
+        paper = (struct paper){.folder = folder,
+                               .quick = quick,
+                               .peers = library.peers,
+                               .nstep = 8 + PAPER_SPEEDS * (quick ? 1 : 5)};
+        code = make_report(&paper, &error);
+    }
+    peers_close(&library);
+    if (code) {
+        return command_fail(spec.name, &error);
+    }
+    printf("%s/index.html\n", folder);
+    return STATUS_OK;
+}

@@ -1,0 +1,240 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Runs of rigs for the report, and what is computed from their recordings. */
+#include "rt/bench_paper.h"
+
+#include "model/spatial.h"
+#include "rt/rig_path.h"
+#include "rt/simulator.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#define ARENA_BYTES ((size_t)512 << 20) /* of address space; pages cost nothing until touched */
+
+static const char recording[] = ".recording";
+
+static double cpu_s(void)
+{
+    struct timespec now;
+
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+enum error_code paper_rig_path(const char *name, char path[PATH_MAX], struct error *error)
+{
+    snprintf(path, PATH_MAX, "config/rigs/%s.yaml", name);
+    return access(path, F_OK) ? rig_locate(name, path, error) : ERROR_NONE;
+}
+
+static void recorded_path(const struct paper *paper, const char *name, char path[PATH_MAX])
+{
+    snprintf(path, PATH_MAX, "%s/%s%s%s", paper->folder, recording, name[0] ? "/" : "", name);
+}
+
+void paper_log_path(const struct paper *paper, char path[PATH_MAX])
+{
+    recorded_path(paper, "candump.log", path);
+}
+
+/* Runs to the task's end. */
+static enum error_code drive(struct simulator *simulator, const struct paper_order *order,
+                             struct paper_run *run, struct error *error)
+{
+    struct realtime_report report;
+    struct recorder_counters counters;
+    struct controller_status status;
+    const struct loop_stats *stats = simulator_stats(simulator);
+    enum error_code code = simulator_start(simulator, &report, error);
+    enum loop_end end;
+    double begin;
+
+    if (code) {
+        return code;
+    }
+    begin = cpu_s();
+    end = simulator_run(simulator);
+    run->cpu_s = cpu_s() - begin;
+    run->wall_s = 1e-9 * (double)(stats->end_ns - stats->start_ns);
+    run->seconds = 1e-9 * (double)stats->time_ns;
+    if (end == LOOP_END_MODEL) {
+        return error_set(error, ERROR_UNSUPPORTED, "%s: %s", order->rig,
+                         simulator_failure(simulator));
+    }
+    controller_read(simulator_controller(simulator), &status);
+    memcpy(run->message, status.message, sizeof run->message);
+    if (status.status != TASK_DONE) {
+        return error_set(error, ERROR_UNSUPPORTED, "%s: task %s: %s", order->rig, order->task,
+                         status.message);
+    }
+    return simulator_finish_recording(simulator, &counters, error);
+}
+
+static enum error_code simulate(const struct paper *paper, const struct paper_order *order,
+                                struct paper_run *run, struct error *error)
+{
+    char directory[PATH_MAX], notice[256];
+    struct simulator_config config = {
+        .rig = &run->rig,
+        .clock = order->clock,
+        .hold = run->rig.hold,
+        .settle = run->rig.settle,
+        .overrun = run->rig.realtime.overrun,
+        .stop_after = run->rig.realtime.stop_after,
+        .transport = TRANSPORT_LOCAL,
+        .task = order->task,
+        .record = order->title ? directory : NULL,
+        .overwrite = true,
+        .row_period_ns = order->row_ms * CLOCK_MS,
+    };
+    struct simulator *simulator;
+    enum error_code code;
+
+    recorded_path(paper, "", directory);
+    code = simulator_create(&config, &run->arena, &simulator, notice, error);
+    if (code) {
+        return code;
+    }
+    code = drive(simulator, order, run, error);
+    simulator_destroy(simulator);
+    return code;
+}
+
+static enum error_code read_signals(const struct paper *paper, const struct paper_order *order,
+                                    struct paper_run *run, struct error *error)
+{
+    const struct robot *robot = run->rig.robot;
+    const char *title[SIGNALS_MAX];
+    char name[SIGNALS_MAX][80], path[PATH_MAX];
+    size_t count = order->ntitle;
+
+    if (order->joints && count + robot->njoint > SIGNALS_MAX) {
+        return error_set(error, ERROR_INPUT, "%s: found %zu joints, expected at most %zu",
+                         order->rig, robot->njoint, SIGNALS_MAX - count);
+    }
+    memcpy(title, order->title, count * sizeof *title);
+    for (size_t j = 0; order->joints && j < robot->njoint; j++) {
+        snprintf(name[j], sizeof name[j], "q_%s_rad", robot->joint[j].name);
+        title[count++] = name[j];
+    }
+    recorded_path(paper, "signals.csv", path);
+    return signals_read(path, title, count, 0.0, INFINITY, &run->signals, error);
+}
+
+enum error_code paper_run(const struct paper *paper, const struct paper_order *order,
+                          struct paper_run *run, struct error *error)
+{
+    const struct rig *rig;
+    char path[PATH_MAX];
+    enum error_code code;
+
+    *run = (struct paper_run){.seconds = 0.0};
+    if ((code = paper_rig_path(order->rig, path, error)) ||
+        (code = arena_init(&run->arena, ARENA_BYTES, error)) ||
+        (code = rig_load(path, &run->arena, &rig, error))) {
+        return code;
+    }
+    run->rig = *rig;
+    if (order->one_cycle) {
+        run->rig.squat.cycles = 1;
+    }
+    code = simulate(paper, order, run, error);
+    if (!code && order->title) {
+        code = read_signals(paper, order, run, error);
+    }
+    return code;
+}
+
+void paper_run_end(const struct paper *paper, struct paper_run *run)
+{
+    static const char *const names[] = {"candump.log", "signals.csv"};
+    char path[PATH_MAX];
+
+    for (size_t i = 0; i < 2; i++) {
+        recorded_path(paper, names[i], path);
+        unlink(path);
+    }
+    recorded_path(paper, "", path);
+    rmdir(path);
+    signals_free(&run->signals);
+    arena_fini(&run->arena);
+}
+
+/* ---- kinematics ---- */
+
+void paper_place_bodies(const struct robot *robot, const double base[7], const double *q,
+                        double (*place)[3], double (*turn)[9])
+{
+    memcpy(place[0], base, 3 * sizeof(double));
+    mat3_from_quaternion(base + 3, turn[0]);
+    for (size_t j = 0; j < robot->njoint; j++) {
+        const struct robot_joint *joint = &robot->joint[j];
+        int parent = robot->body[j + 1].parent;
+        double local[9], fixed[9], offset[3];
+
+        mat3_about_axis(joint->axis, q[j], local);
+        mat3_mul(turn[parent], joint->rotation, fixed);
+        mat3_mul(fixed, local, turn[j + 1]);
+        mat3_apply(turn[parent], joint->origin, offset);
+        for (int k = 0; k < 3; k++) {
+            place[j + 1][k] = place[parent][k] + offset[k];
+        }
+    }
+}
+
+double paper_mass_height(const struct robot *robot, double (*place)[3], double (*turn)[9])
+{
+    double sum = 0.0;
+
+    for (size_t b = 0; b < robot->nbody; b++) {
+        double com[3];
+
+        mat3_apply(turn[b], robot->body[b].inertia.com, com);
+        sum += robot->body[b].inertia.mass * (place[b][2] + com[2]);
+    }
+    return sum / robot->total_mass;
+}
+
+/* ---- numbers from series ---- */
+
+double paper_mean(const double *x, const double *y, size_t count, double from, double to)
+{
+    double sum = 0.0;
+    size_t n = 0;
+
+    for (size_t i = 0; i < count; i++) {
+        if (x[i] >= from && x[i] < to) {
+            sum += y[i];
+            n++;
+        }
+    }
+    return n ? sum / (double)n : (double)NAN;
+}
+
+double paper_largest(const double *x, const double *y, size_t count, double from, double to)
+{
+    double largest = NAN;
+
+    for (size_t i = 0; i < count; i++) {
+        if (x[i] >= from && x[i] < to) {
+            largest = fmax(largest, y[i]);
+        }
+    }
+    return largest;
+}
+
+double paper_smallest(const double *x, const double *y, size_t count, double from, double to)
+{
+    double smallest = NAN;
+
+    for (size_t i = 0; i < count; i++) {
+        if (x[i] >= from && x[i] < to) {
+            smallest = fmin(smallest, y[i]);
+        }
+    }
+    return smallest;
+}

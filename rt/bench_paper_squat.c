@@ -1,0 +1,345 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The paper's Fig. 12: WALK-MAN squats. */
+#include "rt/bench_paper.h"
+
+#include "boards/icub_protocol.h"
+#include "canbus/candump.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define STAND_S 1.0 /* that the task stands still after its last cycle */
+#define ROW_MS 20
+
+enum { TIME, KNEE_TORQUE, FOOT_RIGHT, FOOT_LEFT, BASE, JOINTS = BASE + 7 };
+
+/* What is made from the recording; all arrays as long as it. */
+struct squat {
+    const struct rig *rig;
+    size_t count;
+    double *time; /* s since the first cycle began */
+    double *const *value;
+    double *reference, *hip, *knee, *height; /* rad, rad, N m, m: of the base */
+    double *feet, *newton;                   /* N: both feet; m (g + a) of the center of mass */
+    double *board_time, *board_force;        /* the right F/T board's frames */
+    size_t nboard;
+};
+
+/* The hip's angle when hips sink straight above the ankles, by the law of cosines. */
+static double hip_reference(const struct squat_config *squat, double top, double t)
+{
+    double a = squat->thigh_m, b = squat->shank_m, height = top, knee;
+
+    if (t > 0.0 && t < squat->period_s * squat->cycles) {
+        height -= squat->depth_m / 2.0 * (1.0 - cos(2.0 * M_PI * t / squat->period_s));
+    }
+    knee = M_PI - acos((a * a + b * b - height * height) / (2.0 * a * b));
+    return -asin(b * sin(knee) / height);
+}
+
+static bool allocate(struct squat *squat, struct arena *arena)
+{
+    double **array[] = {&squat->reference, &squat->hip,  &squat->knee,
+                        &squat->height,    &squat->feet, &squat->newton};
+
+    for (size_t i = 0; i < sizeof array / sizeof array[0]; i++) {
+        *array[i] = arena_alloc(arena, squat->count + 1, sizeof(double));
+        if (!*array[i]) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Heights of base and center of mass, angles and forces of every row. */
+static bool derive(struct squat *squat, struct arena *arena)
+{
+    const struct robot *robot = squat->rig->robot;
+    double(*place)[3] = arena_alloc(arena, robot->nbody, sizeof *place);
+    double(*turn)[9] = arena_alloc(arena, robot->nbody, sizeof *turn);
+    double *q = arena_alloc(arena, robot->njoint, sizeof *q);
+    double *mass_height = arena_alloc(arena, squat->count + 1, sizeof *mass_height);
+    int hip = robot_find_joint(robot, "RHipSag"), knee = robot_find_joint(robot, "RKneeSag");
+    const struct squat_config *task = &squat->rig->squat;
+    double bent = squat->rig->joint[knee], step = 1e-3 * ROW_MS, top;
+    enum { HALF = 2 }; /* rows to either side of an acceleration */
+
+    if (!place || !turn || !q || !mass_height || !allocate(squat, arena)) {
+        return false;
+    }
+    top = sqrt(task->thigh_m * task->thigh_m + task->shank_m * task->shank_m +
+               2.0 * task->thigh_m * task->shank_m * cos(bent));
+    for (size_t i = 0; i < squat->count; i++) {
+        double base[7];
+
+        for (int k = 0; k < 7; k++) {
+            base[k] = squat->value[BASE + k][i];
+        }
+        for (size_t j = 0; j < robot->njoint; j++) {
+            q[j] = squat->value[JOINTS + j][i];
+        }
+        paper_place_bodies(robot, base, q, place, turn);
+        mass_height[i] = paper_mass_height(robot, place, turn);
+        squat->height[i] = base[2];
+        squat->reference[i] = hip_reference(task, top, squat->time[i]);
+        squat->hip[i] = q[hip];
+        squat->knee[i] = -squat->value[KNEE_TORQUE][i]; /* what straightens is positive */
+        squat->feet[i] = squat->value[FOOT_RIGHT][i] + squat->value[FOOT_LEFT][i];
+    }
+    for (size_t i = 0; i < squat->count; i++) {
+        squat->newton[i] = NAN;
+        if (i >= HALF && i + HALF < squat->count) {
+            double second = mass_height[i + HALF] - 2.0 * mass_height[i] + mass_height[i - HALF];
+
+            squat->newton[i] =
+                robot->total_mass * (second / (HALF * step * HALF * step) - robot->gravity[2]);
+        }
+    }
+    return true;
+}
+
+/* The right foot's force-torque board. */
+static const struct board_config *foot_board(const struct rig *rig)
+{
+    for (size_t i = 0; i < rig->boards.nboard; i++) {
+        const struct board_config *board = &rig->boards.board[i];
+
+        if (board->kind == BOARD_FT && !strcmp(rig->robot->ft[board->ft].name, "r_leg_ft")) {
+            return board;
+        }
+    }
+    return NULL;
+}
+
+/* Takes the vertical forces out of the recorded frames. */
+static enum error_code read_board(struct squat *squat, const char *path, double begin,
+                                  struct arena *arena, struct error *error)
+{
+    const struct board_config *board = foot_board(squat->rig);
+    const char *bus = board ? squat->rig->bus[board->bus].interface : "";
+    uint32_t id = board ? icub_id(ICUB_PERIODIC_ANALOG, board->address, ICUB_FORCE) : 0;
+    size_t most = squat->count * ROW_MS + 1;
+    struct candump_reader reader;
+    struct bus_frame frame;
+    char name[16];
+    bool end = false;
+    enum error_code code;
+
+    squat->board_time = arena_alloc(arena, most, sizeof(double));
+    squat->board_force = arena_alloc(arena, most, sizeof(double));
+    if (!board || !squat->board_time || !squat->board_force) {
+        return error_set(error, board ? ERROR_MEMORY : ERROR_INPUT,
+                         "%s: no force-torque board of the right foot", squat->rig->file);
+    }
+    code = candump_open(&reader, path, error);
+    if (code) {
+        return code;
+    }
+    while (!code && !end && squat->nboard < most) {
+        code = candump_next(&reader, &frame, name, &end, error);
+        if (!code && !end && frame.id == id && frame.len >= ICUB_STRAIN_LENGTH &&
+            !strcmp(name, bus)) {
+            int raw = frame.data[4] | frame.data[5] << 8;
+
+            squat->board_time[squat->nboard] = 1e-9 * (double)frame.time_ns - begin;
+            squat->board_force[squat->nboard++] =
+                (double)(raw - ICUB_STRAIN_ZERO) * board->full_scale[2] / ICUB_STRAIN_ZERO;
+        }
+    }
+    candump_close(&reader);
+    return code;
+}
+
+static double rms_error(const struct squat *squat, const double *a, const double *b, double from,
+                        double to)
+{
+    double sum = 0.0;
+    size_t n = 0;
+
+    for (size_t i = 0; i < squat->count; i++) {
+        if (squat->time[i] >= from && squat->time[i] < to && isfinite(a[i]) && isfinite(b[i])) {
+            sum += (a[i] - b[i]) * (a[i] - b[i]);
+            n++;
+        }
+    }
+    return sqrt(sum / (double)n);
+}
+
+static void put_figure(struct report *report, const struct squat *squat)
+{
+    const struct svg_series hip[] = {
+        {.name = "simulated", .x = squat->time, .y = squat->hip, .count = squat->count},
+        {.name = "reference",
+         .x = squat->time,
+         .y = squat->reference,
+         .count = squat->count,
+         .style = SVG_DASHED},
+    };
+    const struct svg_series knee[] = {
+        {.name = "right knee", .x = squat->time, .y = squat->knee, .count = squat->count}};
+    const struct svg_series foot[] = {
+        {.name = "F/T board, as sent on the bus",
+         .x = squat->board_time,
+         .y = squat->board_force,
+         .count = squat->nboard},
+        {.name = "ground on the foot",
+         .x = squat->time,
+         .y = squat->value[FOOT_RIGHT],
+         .count = squat->count,
+         .style = SVG_DASHED},
+    };
+    const struct svg_series height[] = {
+        {.name = "waist", .x = squat->time, .y = squat->height, .count = squat->count}};
+    const struct svg_axis time = {.label = "time since the first cycle began, s"};
+    struct svg_axis force = {.label = "vertical force, N"};
+    const struct svg_plot panels[] = {
+        {.title = "Height of the waist",
+         .x = time,
+         .y = {.label = "height, m"},
+         .series = height,
+         .nseries = 1,
+         .width = 560,
+         .height = 360},
+        {.title = "Hip pitch, right",
+         .x = time,
+         .y = {.label = "angle, rad"},
+         .series = hip,
+         .nseries = 2,
+         .width = 560,
+         .height = 360},
+        {.title = "Right foot, vertical force",
+         .x = time,
+         .y = force,
+         .series = foot,
+         .nseries = 2,
+         .width = 560,
+         .height = 360},
+        {.title = "Knee torque",
+         .x = time,
+         .y = {.label = "torque that straightens the knee, N m"},
+         .series = knee,
+         .nseries = 1,
+         .width = 560,
+         .height = 360},
+    };
+
+    report_figure(
+        report, "figure-12",
+        "Paper: photograph; hip tracking; vertical force of the foot's sensor; knee torque; "
+        "simulated and measured on the robot. Here: the depth in place of the photograph, then "
+        "the same three, simulated; the reference comes from the law of cosines, not from the "
+        "controller. The measured curves are not published as numbers.",
+        panels, 4);
+}
+
+static void put_findings(struct report *report, const struct squat *squat)
+{
+    const struct squat_config *task = &squat->rig->squat;
+    const struct robot *robot = squat->rig->robot;
+    const double *t = squat->time, weight = -robot->total_mass * robot->gravity[2];
+    size_t n = squat->count;
+    double end = task->period_s * task->cycles, last = t[n - 1] - 0.1;
+    double still = paper_mean(t, squat->feet, n, -0.5, 0.0);
+    double board =
+        paper_mean(squat->board_time, squat->board_force, squat->nboard, end + 0.3, last);
+
+    report_finding(report, true, "depth of the squat, mm|300|%.1f|",
+                   1e3 * (paper_mean(t, squat->height, n, -0.3, 0.0) -
+                          paper_smallest(t, squat->height, n, 0.0, end)));
+    report_finding(report, false, "cycles of %g s|4|%d|%s", task->period_s, task->cycles,
+                   task->cycles == 4 ? "" : "quick run");
+    report_finding(report, true,
+                   "hip, error against its reference, mrad RMS|\"properly tracks\"|%.1f|",
+                   1e3 * rms_error(squat, squat->hip, squat->reference, 0.0, end));
+    report_finding(
+        report, true,
+        "knee torque, N m|plotted only|%.1f to %.1f|Standing upright, and at the bottom. It "
+        "is what statics of the robot's masses ask for.",
+        paper_smallest(t, squat->knee, n, 0.0, end), paper_largest(t, squat->knee, n, 0.0, end));
+    report_finding(report, true,
+                   "both feet, standing, N|plotted only|%.1f|The weight of %.1f kg is %.1f N.",
+                   still, robot->total_mass, weight);
+    report_finding(
+        report, true,
+        "both feet less m (g + a) of the center of mass, N RMS|oscillates with the "
+        "center of mass's acceleration|%.2f|a: second differences of the recorded motion; the "
+        "feet's force moves between %.1f and %.1f N.",
+        rms_error(squat, squat->feet, squat->newton, 0.5, end),
+        paper_smallest(t, squat->feet, n, 0.0, end), paper_largest(t, squat->feet, n, 0.0, end));
+    report_finding(
+        report, false,
+        "right foot's F/T board, standing, N|plotted only|%.1f|The ground pushes with %.1f N; "
+        "the sensor does not feel the %.2f kg below it.",
+        board, paper_mean(t, squat->value[FOOT_RIGHT], n, end + 0.3, last),
+        robot->ft[foot_board(squat->rig)->ft].distal.mass);
+    report_finding(
+        report, false,
+        "relaxation at the start|fast, damped, in the first second|%.1f N above the weight at "
+        "most|The contacts relax, then the robot sways on its springs. "
+        "run --settle starts without.",
+        paper_largest(t, squat->feet, n, t[0], 0.0) - weight);
+    report_compared(report);
+}
+
+static enum error_code put_squat(struct paper *paper, struct paper_run *run, struct error *error)
+{
+    const struct squat_config *task = &run->rig.squat;
+    struct squat squat = {.rig = &run->rig,
+                          .count = run->signals.count,
+                          .time = run->signals.value[0],
+                          .value = run->signals.value};
+    double begin = run->seconds - STAND_S - task->period_s * task->cycles;
+    char path[PATH_MAX];
+    struct arena arena;
+    enum error_code code = arena_init(&arena, (size_t)64 << 20, error);
+
+    if (code) {
+        return code;
+    }
+    for (size_t i = 0; i < squat.count; i++) {
+        squat.time[i] -= begin;
+    }
+    paper_log_path(paper, path);
+    code = read_board(&squat, path, begin, &arena, error);
+    if (!code && !derive(&squat, &arena)) {
+        code = error_set(error, ERROR_MEMORY, "no memory for the squat's figures");
+    }
+    if (!code) {
+        put_figure(&paper->report, &squat);
+        put_findings(&paper->report, &squat);
+    }
+    arena_fini(&arena);
+    return code;
+}
+
+enum error_code paper_squat(struct paper *paper, struct error *error)
+{
+    static const char *const title[JOINTS - 1] = {
+        "torque_RKneeSag_nm", "fz_RFoot_n", "fz_LFoot_n", "base_x_m", "base_y_m",
+        "base_z_m",           "base_qw",    "base_qx",    "base_qy",  "base_qz"};
+    const struct paper_order order = {.rig = "walkman",
+                                      .task = "squat",
+                                      .clock = RIG_CLOCK_LOCKSTEP,
+                                      .title = title,
+                                      .ntitle = JOINTS - 1,
+                                      .joints = true,
+                                      .row_ms = ROW_MS,
+                                      .one_cycle = paper->quick};
+    struct paper_run run;
+    enum error_code code;
+
+    report_section(&paper->report, "squat", "Fig. 12: WALK-MAN squats");
+    report_text(
+        &paper->report,
+        "coman-hil run config/rigs/walkman.yaml --task squat: the controller that squats COMAN "
+        "squats WALK-MAN, 24 motors and four F/T boards on five CAN buses, in lockstep, implicit "
+        "steps of 1 ms. The real robot's boards speak EtherCAT; CAN stands in for it.");
+    paper_progress(paper, "WALK-MAN squats");
+    code = paper_run(paper, &order, &run, error);
+    if (!code) {
+        code = put_squat(paper, &run, error);
+    }
+    paper_run_end(paper, &run);
+    return code;
+}

@@ -1,0 +1,472 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A report as HTML and CSV. */
+#include "rt/report.h"
+
+#include "rt/bench_output.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+enum { LINE_BYTES = 4096, CELLS_MAX = 16 };
+
+/* Legible on a telephone and on paper, light or dark as the reader's system is. */
+static const char style[] =
+    ":root{color-scheme:light dark;--ink:#1b1f24;--soft:#57606a;--paper:#fff;--line:#d0d7de;"
+    "--grid:#e3e6ea;--band:#f6f8fa;--link:#0a58ca}\n"
+    "@media(prefers-color-scheme:dark){:root{--ink:#e6e8eb;--soft:#a3abb5;--paper:#14171b;"
+    "--line:#3a424c;--grid:#2a3038;--band:#1b2026;--link:#7db4ff}\n"
+    ".line.s0{stroke:#57b6f0}circle.s0{fill:#57b6f0}.line.s1{stroke:#ff8b45}circle.s1{fill:#ff8b45}"
+    ".line.s2{stroke:#30cfa0}circle.s2{fill:#30cfa0}.line.s3{stroke:#e29cc4}circle.s3{fill:#e29cc4}"
+    ".line.s6{stroke:#e6e8eb}circle.s6{fill:#e6e8eb}}\n"
+    "*{box-sizing:border-box}\n"
+    "body{margin:0 auto;max-width:72rem;padding:1.5rem 1rem 4rem;background:var(--paper);"
+    "color:var(--ink);font:1rem/1.55 system-ui,-apple-system,\"Segoe UI\",\"Liberation Sans\","
+    "sans-serif}\n"
+    "h1{font-size:1.7rem;line-height:1.2;margin:0 0 .75rem}\n"
+    "h2{font-size:1.25rem;line-height:1.3;margin:3rem 0 .5rem;padding-top:.75rem;"
+    "border-top:1px solid var(--line)}\n"
+    "p{max-width:46rem;margin:.6rem 0}a{color:var(--link)}\n"
+    "nav ul{columns:2 20rem;padding-left:1.2rem;margin:.5rem 0}nav li{break-inside:avoid}\n"
+    ".scroll{overflow-x:auto;margin:1rem 0}\n"
+    "table{border-collapse:collapse;font-size:.9rem;font-variant-numeric:tabular-nums}\n"
+    "caption{text-align:left;color:var(--soft);padding:.2rem 0 .5rem}\n"
+    "th,td{text-align:left;vertical-align:top;padding:.35rem .8rem .35rem 0;"
+    "border-bottom:1px solid var(--line)}\n"
+    "th{font-weight:600;border-bottom:2px solid var(--line)}\n"
+    "td:first-child{min-width:4.5rem}td.what{min-width:10.5rem}td.value{min-width:5rem}"
+    "td:last-child{min-width:9rem}"
+    "td.remark{min-width:13rem;max-width:32rem;color:var(--soft)}\n"
+    "figure{margin:1.2rem 0}figcaption{max-width:46rem;color:var(--soft);font-size:.92rem}\n"
+    ".panels{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,25rem),1fr));"
+    "gap:.8rem}\n"
+    "svg.plot{display:block;width:100%;height:auto;max-width:44rem;max-height:38rem}\n"
+    "svg.plot text{fill:var(--ink);font-size:13px}svg.plot text.title{font-size:15px;"
+    "font-weight:600}\n"
+    ".paper{fill:var(--paper)}.grid{stroke:var(--grid);fill:none}.axis{stroke:var(--soft);"
+    "fill:none}.line{stroke-width:1.7;fill:none;stroke-linejoin:round}\n"
+    "@media print{h2{break-after:avoid}figure,table{break-inside:avoid}}\n";
+
+/* Characters that HTML keeps to itself. */
+static void put_html(FILE *out, const char *text)
+{
+    for (; *text; text++) {
+        switch (*text) {
+        case '&':
+            fputs("&amp;", out);
+            break;
+        case '<':
+            fputs("&lt;", out);
+            break;
+        case '>':
+            fputs("&gt;", out);
+            break;
+        case '"':
+            fputs("&quot;", out);
+            break;
+        default:
+            putc(*text, out);
+        }
+    }
+}
+
+static void put_csv(FILE *out, const char *text)
+{
+    if (!strpbrk(text, ",\"\n")) {
+        fputs(text, out);
+        return;
+    }
+    putc('"', out);
+    for (; *text; text++) {
+        if (*text == '"') {
+            putc('"', out);
+        }
+        putc(*text, out);
+    }
+    putc('"', out);
+}
+
+static void fail(struct report *report, enum error_code code, const char *what)
+{
+    if (!report->error.code) {
+        error_set(&report->error, code, "%s", what);
+    }
+}
+
+static bool good(const struct report *report)
+{
+    return !report->error.code;
+}
+
+/* A copy on the heap, "" when there is no memory. */
+static char *keep(struct report *report, const char *text)
+{
+    char *copy = strdup(text);
+
+    if (!copy) {
+        fail(report, ERROR_MEMORY, "no memory for the report");
+    }
+    return copy;
+}
+
+/* Splits a line at '|' in place. */
+static size_t split(char *line, char *cell[CELLS_MAX])
+{
+    size_t count = 0;
+
+    while (line && count < CELLS_MAX) {
+        cell[count++] = strsep(&line, "|");
+    }
+    return count;
+}
+
+enum error_code report_open(struct report *report, const char *folder, const char *title,
+                            struct error *error)
+{
+    *report = (struct report){.folder = folder, .title = title};
+    if (mkdir(folder, 0777) && errno != EEXIST) {
+        return error_set_errno(error, errno, "%s", folder);
+    }
+    report->body = open_memstream(&report->text, &report->size);
+    return report->body ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory for the report");
+}
+
+static FILE *open_file(struct report *report, const char *name)
+{
+    FILE *out = NULL;
+
+    if (good(report)) {
+        bench_open(report->folder, name, &out, &report->error);
+    }
+    return good(report) ? out : NULL;
+}
+
+static void close_file(struct report *report, FILE *out, const char *name)
+{
+    struct error error;
+
+    if (bench_close(out, name, ERROR_NONE, &error)) {
+        fail(report, error.code, error.text);
+    }
+}
+
+static void close_table(struct report *report)
+{
+    if (report->csv) {
+        fputs("</tbody></table></div>\n", report->body);
+        close_file(report, report->csv, "a table of the report");
+        report->csv = NULL;
+    }
+}
+
+void report_section(struct report *report, const char *id, const char *title)
+{
+    size_t n = report->nsection;
+
+    close_table(report);
+    if (n == REPORT_SECTIONS_MAX) {
+        fail(report, ERROR_MEMORY, "too many sections in the report");
+    }
+    if (!good(report)) {
+        return;
+    }
+    snprintf(report->section[n].id, sizeof report->section[n].id, "%s", id);
+    report->section[n].title = keep(report, title);
+    report->nsection++;
+    fprintf(report->body, "%s<section id=\"%s\">\n<h2>", n ? "</section>\n" : "", id);
+    put_html(report->body, title);
+    fputs("</h2>\n", report->body);
+}
+
+void report_text(struct report *report, const char *format, ...)
+{
+    char line[LINE_BYTES];
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(line, sizeof line, format, arguments);
+    va_end(arguments);
+    close_table(report);
+    fputs("<p>", report->body);
+    put_html(report->body, line);
+    fputs("</p>\n", report->body);
+}
+
+static void put_cells(struct report *report, const char *element, char *line)
+{
+    char *cell[CELLS_MAX];
+    size_t count = split(line, cell);
+
+    fputs("<tr>", report->body);
+    for (size_t i = 0; i < count; i++) {
+        fprintf(report->body, "<%s>", element);
+        put_html(report->body, cell[i]);
+        fprintf(report->body, "</%s>", element);
+        put_csv(report->csv, cell[i]);
+        putc(i + 1 < count ? ',' : '\n', report->csv);
+    }
+    fputs("</tr>\n", report->body);
+}
+
+void report_table(struct report *report, const char *id, const char *caption, const char *columns)
+{
+    char name[64], line[LINE_BYTES];
+
+    close_table(report);
+    snprintf(name, sizeof name, "%s.csv", id);
+    report->csv = open_file(report, name);
+    if (!report->csv) {
+        return;
+    }
+    fprintf(report->body, "<div class=\"scroll\"><table id=\"%s\"><caption>", id);
+    put_html(report->body, caption);
+    fputs("</caption>\n<thead>", report->body);
+    snprintf(line, sizeof line, "%s", columns);
+    put_cells(report, "th", line);
+    fputs("</thead><tbody>\n", report->body);
+}
+
+void report_row(struct report *report, const char *format, ...)
+{
+    char line[LINE_BYTES];
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(line, sizeof line, format, arguments);
+    va_end(arguments);
+    if (report->csv) {
+        put_cells(report, "td", line);
+    }
+}
+
+void report_finding(struct report *report, bool main, const char *format, ...)
+{
+    struct report_finding *finding = &report->finding[report->nfinding];
+    char line[LINE_BYTES], *cell[CELLS_MAX];
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(line, sizeof line, format, arguments);
+    va_end(arguments);
+    if (report->nfinding == REPORT_FINDINGS_MAX || report->nsection == 0) {
+        fail(report, ERROR_MEMORY, "too many findings in the report");
+    }
+    for (size_t count = split(line, cell); count < 4; count++) {
+        cell[count] = line + strlen(line);
+    }
+    if (!good(report)) {
+        return;
+    }
+    *finding = (struct report_finding){.main = main,
+                                       .where = report->section[report->nsection - 1].title,
+                                       .what = keep(report, cell[0]),
+                                       .theirs = keep(report, cell[1]),
+                                       .ours = keep(report, cell[2]),
+                                       .remark = keep(report, cell[3])};
+    memcpy(finding->section, report->section[report->nsection - 1].id, sizeof finding->section);
+    report->nfinding++;
+}
+
+/* A section's title up to its colon: "Fig. 3". */
+static void put_start(FILE *out, const char *title)
+{
+    char start[64];
+
+    snprintf(start, sizeof start, "%.*s", (int)strcspn(title, ":"), title);
+    put_html(out, start);
+}
+
+static void put_finding(FILE *out, const struct report_finding *finding, bool summary)
+{
+    fputs("<tr>", out);
+    if (summary) {
+        fprintf(out, "<td><a href=\"#%s\">", finding->section);
+        put_start(out, finding->where);
+        fputs("</a></td>", out);
+    }
+    fputs("<td class=\"what\">", out);
+    put_html(out, finding->what);
+    fputs("</td><td class=\"value\">", out);
+    put_html(out, finding->theirs);
+    fputs("</td><td class=\"value\">", out);
+    put_html(out, finding->ours);
+    fputs("</td>", out);
+    if (!summary) {
+        fputs("<td class=\"remark\">", out);
+        put_html(out, finding->remark);
+        fputs("</td>", out);
+    }
+    fputs("</tr>\n", out);
+}
+
+void report_compared(struct report *report)
+{
+    close_table(report);
+    fputs("<div class=\"scroll\"><table><thead><tr><th>quantity</th><th>paper</th><th>here</th>"
+          "<th>remark</th></tr></thead><tbody>\n",
+          report->body);
+    for (; report->compared < report->nfinding; report->compared++) {
+        put_finding(report->body, &report->finding[report->compared], false);
+    }
+    fputs("</tbody></table></div>\n", report->body);
+}
+
+static void write_panel(struct report *report, const struct svg_plot *panel, const char *id,
+                        size_t number)
+{
+    struct svg_plot plot = *panel;
+    char name[64];
+    FILE *out;
+
+    if (!good(report)) {
+        return;
+    }
+    snprintf(name, sizeof name, "%s-%zu", id, number);
+    plot.part = name;
+    svg_write(&plot, report->body, &report->error);
+    snprintf(name, sizeof name, "%s-%zu.svg", id, number);
+    out = open_file(report, name);
+    if (out) {
+        svg_write(panel, out, &report->error);
+        close_file(report, out, name);
+    }
+}
+
+static void write_points(struct report *report, const char *id, const struct svg_plot *panel,
+                         size_t npanel)
+{
+    char name[64];
+    FILE *out;
+
+    snprintf(name, sizeof name, "%s.csv", id);
+    out = open_file(report, name);
+    if (!out) {
+        return;
+    }
+    fputs("panel,series,x,y\n", out);
+    for (size_t p = 0; p < npanel; p++) {
+        for (size_t s = 0; s < panel[p].nseries; s++) {
+            const struct svg_series *series = &panel[p].series[s];
+
+            for (size_t i = 0; i < series->count; i++) {
+                fprintf(out, "%zu,", p + 1);
+                put_csv(out, series->name);
+                fprintf(out, ",%.9g,%.9g\n", series->x[i], series->y[i]);
+            }
+        }
+    }
+    close_file(report, out, name);
+}
+
+void report_figure(struct report *report, const char *id, const char *caption,
+                   const struct svg_plot *panel, size_t npanel)
+{
+    close_table(report);
+    fprintf(report->body, "<figure id=\"%s\"><div class=\"panels\">\n", id);
+    for (size_t p = 0; p < npanel; p++) {
+        write_panel(report, &panel[p], id, p + 1);
+    }
+    fputs("</div><figcaption>", report->body);
+    put_html(report->body, caption);
+    fputs("</figcaption></figure>\n", report->body);
+    write_points(report, id, panel, npanel);
+}
+
+/* ---- the whole ---- */
+
+static void put_summary(const struct report *report, FILE *out)
+{
+    fputs("<h2 id=\"short\">In short</h2>\n<div class=\"scroll\"><table><thead><tr><th>in the "
+          "paper</th>"
+          "<th>quantity</th><th>paper</th><th>here</th></tr></thead><tbody>\n",
+          out);
+    for (size_t i = 0; i < report->nfinding; i++) {
+        if (report->finding[i].main) {
+            put_finding(out, &report->finding[i], true);
+        }
+    }
+    fputs("</tbody></table></div>\n", out);
+}
+
+static void put_page(const struct report *report, FILE *out)
+{
+    fputs("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+          "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>",
+          out);
+    put_html(out, report->title);
+    fprintf(out, "</title>\n<style>\n%s</style>\n</head>\n<body>\n<h1>", style);
+    put_html(out, report->title);
+    fputs("</h1>\n<nav>\n<ul>\n<li><a href=\"#short\">In short</a></li>\n", out);
+    for (size_t i = 0; i < report->nsection; i++) {
+        fprintf(out, "<li><a href=\"#%s\">", report->section[i].id);
+        put_html(out, report->section[i].title);
+        fputs("</a></li>\n", out);
+    }
+    fputs("</ul>\n</nav>\n", out);
+    put_summary(report, out);
+    fwrite(report->text, 1, report->size, out);
+    fprintf(out, "%s</body>\n</html>\n", report->nsection ? "</section>\n" : "");
+}
+
+static void write_findings(struct report *report)
+{
+    FILE *out = open_file(report, "compared.csv");
+
+    if (!out) {
+        return;
+    }
+    fputs("section,quantity,paper,here,remark\n", out);
+    for (size_t i = 0; i < report->nfinding; i++) {
+        const struct report_finding *finding = &report->finding[i];
+        const char *cell[] = {finding->section, finding->what, finding->theirs, finding->ours,
+                              finding->remark};
+
+        for (size_t k = 0; k < 5; k++) {
+            put_csv(out, cell[k]);
+            putc(k < 4 ? ',' : '\n', out);
+        }
+    }
+    close_file(report, out, "compared.csv");
+}
+
+static void release(struct report *report)
+{
+    for (size_t i = 0; i < report->nfinding; i++) {
+        free(report->finding[i].what);
+        free(report->finding[i].theirs);
+        free(report->finding[i].ours);
+        free(report->finding[i].remark);
+    }
+    for (size_t i = 0; i < report->nsection; i++) {
+        free(report->section[i].title);
+    }
+    free(report->text);
+}
+
+enum error_code report_close(struct report *report, struct error *error)
+{
+    FILE *out;
+
+    close_table(report);
+    if (fclose(report->body)) {
+        fail(report, ERROR_MEMORY, "no memory for the report");
+    }
+    write_findings(report);
+    out = open_file(report, "index.html");
+    if (out) {
+        put_page(report, out);
+        close_file(report, out, "index.html");
+    }
+    release(report);
+    *error = report->error;
+    return report->error.code;
+}
+
+void report_abandon(struct report *report)
+{
+    close_table(report);
+    fclose(report->body);
+    release(report);
+}

@@ -1,0 +1,76 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A report as one HTML page that needs nothing else, and its numbers as CSV files beside it: sections
+ * with text, tables, plots (rt/svg.h), and comparisons of what somebody else found with what was
+ * found here. The same bytes for the same content. Not RT-safe.
+ *
+ * The first error is kept; what follows it does nothing, and report_close returns it.
+ */
+#ifndef RT_REPORT_H
+#define RT_REPORT_H
+
+#include "base/error.h"
+#include "rt/svg.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdio.h>
+
+enum { REPORT_SECTIONS_MAX = 24, REPORT_FINDINGS_MAX = 96, REPORT_PANELS_MAX = 8 };
+
+struct report_finding {
+    char section[32]; /* id */
+    char *where, *what, *theirs, *ours, *remark;
+    bool main; /* stands in the summary too */
+};
+
+struct report {
+    const char *folder, *title;
+    FILE *body;
+    char *text;
+    size_t size;
+    FILE *csv; /* of the open table */
+    size_t nsection, nfinding, compared;
+    struct {
+        char id[32];
+        char *title;
+    } section[REPORT_SECTIONS_MAX];
+    struct report_finding finding[REPORT_FINDINGS_MAX];
+    struct error error;
+};
+
+/* Makes the folder. folder and title must outlive the report. */
+enum error_code report_open(struct report *report, const char *folder, const char *title,
+                            struct error *error);
+
+/* id: a name that no other section, table or figure of the report has; letters, digits, dashes. */
+void report_section(struct report *report, const char *id, const char *title);
+
+void report_text(struct report *report, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+/* A table and its file ID.csv. columns and each row are cells, separated by '|'; a row may have fewer
+ * cells than there are columns. A table is closed by whatever follows it. */
+void report_table(struct report *report, const char *id, const char *caption, const char *columns);
+void report_row(struct report *report, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+/* One of the section's findings: where it stands in the paper, what it is, their value, ours, and why
+ * they differ (or ""). Cells as of report_row: "what|theirs|ours|remark". */
+void report_finding(struct report *report, bool main, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* The findings since the last call as a table. */
+void report_compared(struct report *report);
+
+/* Plots side by side, each also as a file ID-N.svg, and all points in ID.csv. */
+void report_figure(struct report *report, const char *id, const char *caption,
+                   const struct svg_plot *panel, size_t npanel);
+
+/* Writes index.html and compared.csv and frees what the report holds; the first error of all. */
+enum error_code report_close(struct report *report, struct error *error);
+
+/* Frees what the report holds and writes nothing. */
+void report_abandon(struct report *report);
+
+#endif

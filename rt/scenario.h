@@ -1,0 +1,243 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Scenarios: tests of a rig with a verdict, as files (config/scenarios/). A scenario names a rig
+ * and how it starts, what is done to it (frames, voltages, faults, pushes) and what must be seen
+ * (signals in a band, frames and log lines in time or never). It is read once, multiplied by its
+ * parameters, and run in virtual time; nothing depends on the wall clock but the limit that ends a
+ * run that hangs.
+ *
+ * Time. Everything is placed relative to a label, by default "start", virtual time 0. The runner
+ * sets "start", "ready" (the host's start-up is complete, or all motors are on), "clean_up"
+ * (duration_s) and the labels of stimuli, each at the moment it first happens.
+ *
+ * Mutations. A scenario says for itself what would make it fail: a mutation adds a fault or leaves
+ * stimuli out, and names the expectations that must then not be met. A scenario all of whose
+ * expectations are named by some mutation that makes them fail is known to look at something.
+ */
+#ifndef RT_SCENARIO_H
+#define RT_SCENARIO_H
+
+#include "base/arena.h"
+#include "base/error.h"
+#include "base/yaml.h"
+#include "canbus/frame.h"
+#include "rt/rig.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+enum {
+    SCENARIO_STIMULI_MAX = 128,
+    SCENARIO_EXPECTATIONS_MAX = 32,
+    SCENARIO_MUTATIONS_MAX = 32,
+    SCENARIO_CASES_MAX = 4096, /* combinations of the parameters of one file */
+    SCENARIO_TEXT = 256,
+};
+
+enum scenario_host {
+    SCENARIO_HOST_NONE,
+    SCENARIO_HOST_ENABLED, /* discovers and configures the boards and switches all motors on */
+};
+
+/* ---- as read ---- */
+
+/* A pattern for frames; two hexadecimal digits a byte, x for a digit that may be any. */
+struct scenario_pattern {
+    struct yaml_mark mark;
+    const char *bus;
+    int64_t id, id_mask;
+    bool extended;
+    bool data_given;
+    const char *data;
+    /* derived */
+    int bus_index;
+    uint8_t len; /* bytes of the pattern; further bytes of a frame may be any */
+    uint8_t byte[64], mask[64];
+};
+
+struct scenario_frame {
+    struct yaml_mark mark;
+    const char *bus;
+    int64_t id, copies; /* how many at once */
+    const char *data;
+    bool extended, fd, remote;
+    /* derived */
+    int bus_index;
+    struct bus_frame frame;
+};
+
+struct scenario_voltage {
+    struct yaml_mark mark;
+    const char *joint;
+    double volts;
+    int axis; /* derived */
+};
+
+struct scenario_motor {
+    struct yaml_mark mark;
+    const char *joint; /* "all" */
+    bool on;
+    int axis; /* derived; -1 = all */
+};
+
+struct scenario_push {
+    struct yaml_mark mark;
+    const char *body;
+    double force_n[3], moment_nm[3]; /* world frame, at the body's origin */
+    int index;                       /* derived */
+};
+
+enum scenario_action {
+    SCENARIO_FRAME,
+    SCENARIO_VOLTAGE,
+    SCENARIO_MOTOR,
+    SCENARIO_PUSH,
+    SCENARIO_FAULT,
+    SCENARIO_SILENCE, /* the host sends nothing */
+    SCENARIO_MARK,    /* nothing but its label */
+};
+
+struct scenario_stimulus {
+    struct yaml_mark mark;
+    const char *label, *after;
+    double at_s, for_s, every_s;
+    bool frame_given, voltage_given, motor_given, push_given, fault_given;
+    struct scenario_frame frame;
+    struct scenario_voltage voltage;
+    struct scenario_motor motor;
+    struct scenario_push push;
+    const char *fault;
+    bool silence;
+    enum scenario_action action; /* derived */
+    int label_index, after_index;
+};
+
+enum scenario_look {
+    SCENARIO_BETWEEN, /* every sample of the window within the band */
+    SCENARIO_REACHES, /* some sample within it */
+    SCENARIO_SEEN,    /* frames or events: so many in the window */
+    SCENARIO_PERIOD,  /* frames: the time between two, and from the window's edges, within a band */
+};
+
+struct scenario_expectation {
+    struct yaml_mark mark;
+    const char *name, *after;
+    double from_s, to_s, within_s;
+    const char *signal, *event;
+    bool signal_given, event_given, frame_given;
+    bool between_given, reaches_given, count_given, period_given, to_given, within_given;
+    double between[2], reaches[2], count[2], period_s[2];
+    bool relative; /* to the signal's value when the window opens */
+    bool never;
+    struct scenario_pattern frame;
+    enum scenario_look look; /* derived */
+    double band[2];
+    int after_index;
+};
+
+struct scenario_mutation {
+    struct yaml_mark mark;
+    const char *name;
+    bool fault_given;
+    const char *fault;
+    bool without_given;
+    const char *without; /* label of the stimuli that are left out */
+    size_t nfail;
+    const struct yaml_name *fails; /* names of expectations; none = any */
+};
+
+struct scenario_parameter {
+    struct yaml_mark mark;
+    const char *name;
+    size_t count;
+    double *value;
+};
+
+struct scenario {
+    struct yaml_mark mark;
+    const char *file, *name, *description;
+    const char *rig; /* as written */
+    struct yaml_mark rig_mark;
+    int clock, hold, wire, host;
+    bool clock_given, hold_given, wire_given, seed_given, task_given;
+    bool settle;
+    int64_t seed;
+    double duration_s, clean_up_s, wall_limit_s;
+    const char *task;
+    struct yaml_mark task_mark;
+    size_t nfault, nstimulus, ncleanup, nexpectation, nmutation, nparameter;
+    struct yaml_name *fault;
+    struct scenario_stimulus *stimulus; /* derived: those of clean_up follow */
+    struct scenario_stimulus *clean_up;
+    struct scenario_expectation *expectation;
+    struct scenario_mutation *mutation;
+    struct scenario_parameter *parameter;
+
+    /* derived */
+    const char *rig_path;
+    size_t nlabel;
+    const char *label[SCENARIO_STIMULI_MAX + 3]; /* the first three: start, ready, clean_up */
+    char values[SCENARIO_TEXT]; /* of the parameters of this case: "a=1, b=2" or "" */
+};
+
+enum { SCENARIO_LABEL_START, SCENARIO_LABEL_READY, SCENARIO_LABEL_CLEAN_UP, SCENARIO_LABELS };
+
+/* Reads a file and makes a scenario of every combination of its parameters, the last one varying
+ * fastest. Errors begin with file:line:column. Names of the rig are looked at by scenario_bind. Not
+ * RT-safe. */
+enum error_code scenario_read(const char *path, struct arena *arena, struct scenario **cases,
+                              size_t *count, struct error *error);
+
+/* The same from memory. */
+enum error_code scenario_read_text(const char *name, const char *text, size_t size,
+                                   struct arena *arena, struct scenario **cases, size_t *count,
+                                   struct error *error);
+
+/* Finds the buses, joints and bodies of stimuli and expectations in the rig. Not RT-safe. */
+enum error_code scenario_bind(struct scenario *scenario, const struct rig *rig,
+                              struct error *error);
+
+/* A frame's pattern against a frame. */
+bool scenario_pattern_matches(const struct scenario_pattern *pattern,
+                              const struct bus_frame *frame);
+
+/* ---- a run ---- */
+
+struct scenario_verdict {
+    bool met;
+    int64_t time_ns;          /* when it was decided; -1 = never */
+    char text[SCENARIO_TEXT]; /* what was found and what was expected, when it was not met */
+};
+
+struct scenario_outcome {
+    bool ran; /* false: text says why there are no verdicts */
+    char text[SCENARIO_TEXT];
+    size_t nverdict;
+    struct scenario_verdict verdict[SCENARIO_EXPECTATIONS_MAX];
+    uint64_t state_hash, seed;
+    int64_t virtual_ns, wall_ns;
+};
+
+struct scenario_options {
+    int mutation; /* index, -1 = none */
+    bool seed_given;
+    uint64_t seed;
+    const char
+        *record; /* directory for the recording and the plots of what was not met; NULL = none */
+};
+
+/* Runs the scenario in this process, with memory of its own. Not RT-safe. */
+void scenario_run(struct scenario *scenario, const struct scenario_options *options,
+                  struct scenario_outcome *outcome);
+
+/* Whether every expectation was met. */
+bool scenario_passed(const struct scenario_outcome *outcome);
+
+/* Whether a mutated run failed where the mutation says; missed is the expectation that was met all
+ * the same, or "" when any would have done. */
+bool scenario_flipped(const struct scenario *scenario, size_t mutation,
+                      const struct scenario_outcome *outcome, const char **missed);
+
+#endif

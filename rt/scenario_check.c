@@ -1,0 +1,531 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What follows from a scenario's file, and what its names mean in the rig. */
+#include "rt/scenario_private.h"
+
+#include "base/text.h"
+
+#include <float.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { NAMES_MAX = 256, BYTES_MAX = 64 };
+
+/* ---- bytes ---- */
+
+static int digit(char c)
+{
+    return c >= '0' && c <= '9'   ? c - '0'
+           : c >= 'a' && c <= 'f' ? c - 'a' + 10
+           : c >= 'A' && c <= 'F' ? c - 'A' + 10
+                                  : -1;
+}
+
+/* Two hexadecimal digits a byte, spaces or dots between bytes; where mask is given, x for a digit
+ * that may be any. */
+static enum error_code parse_bytes(const char *text, const struct yaml_mark *mark,
+                                   uint8_t byte[BYTES_MAX], uint8_t *any, uint8_t *len,
+                                   struct error *error)
+{
+    size_t digits = 0;
+
+    for (const char *c = text ? text : ""; *c; c++) {
+        bool wild = any && (*c == 'x' || *c == 'X');
+        int value = wild ? 0 : digit(*c);
+
+        if ((*c == ' ' || *c == '.') && digits % 2 == 0) {
+            continue;
+        }
+        if (value < 0 || digits == 2 * (size_t)BYTES_MAX) {
+            return yaml_error(error, mark,
+                              "found data \"%.60s\", expected at most %d bytes of two hexadecimal "
+                              "digits%s",
+                              text, BYTES_MAX, any ? ", x for a digit that may be any" : "");
+        }
+        byte[digits / 2] = (uint8_t)(byte[digits / 2] << 4 | value);
+        if (any) {
+            any[digits / 2] = (uint8_t)(any[digits / 2] << 4 | (wild ? 0 : 0x0f));
+        }
+        digits++;
+    }
+    if (digits % 2) {
+        return yaml_error(error, mark,
+                          "found data \"%.60s\" with an odd number of digits, expected two "
+                          "a byte",
+                          text);
+    }
+    *len = (uint8_t)(digits / 2);
+    return ERROR_NONE;
+}
+
+static enum error_code check_pattern(struct scenario_pattern *pattern, struct error *error)
+{
+    return parse_bytes(pattern->data, &pattern->mark, pattern->byte, pattern->mask, &pattern->len,
+                       error);
+}
+
+static enum error_code check_frame(struct scenario_frame *frame, struct error *error)
+{
+    uint8_t flags =
+        (uint8_t)((frame->extended ? FRAME_EXTENDED : 0) | (frame->fd ? FRAME_FD | FRAME_BRS : 0) |
+                  (frame->remote ? FRAME_REMOTE : 0));
+    enum error_code code;
+
+    frame->frame = (struct bus_frame){.id = (uint32_t)frame->id, .flags = flags};
+    code =
+        parse_bytes(frame->data, &frame->mark, frame->frame.data, NULL, &frame->frame.len, error);
+    if (!code && !frame_valid(&frame->frame)) {
+        code = yaml_error(error, &frame->mark,
+                          "found a frame with id 0x%x and %u bytes, expected one that %s can carry",
+                          (unsigned)frame->frame.id, frame->frame.len,
+                          frame->fd ? "CAN FD" : "classic CAN");
+    }
+    return code;
+}
+
+bool scenario_pattern_matches(const struct scenario_pattern *pattern, const struct bus_frame *frame)
+{
+    uint32_t mask = (uint32_t)pattern->id_mask;
+
+    if (frame->flags & FRAME_ERROR || ((frame->id ^ (uint32_t)pattern->id) & mask) != 0 ||
+        (frame->flags & FRAME_EXTENDED) != (pattern->extended ? FRAME_EXTENDED : 0) ||
+        frame->len < pattern->len) {
+        return false;
+    }
+    for (size_t i = 0; i < pattern->len; i++) {
+        if ((frame->data[i] ^ pattern->byte[i]) & pattern->mask[i]) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* ---- labels ---- */
+
+static int find_label(const struct scenario *scenario, const char *name)
+{
+    for (size_t i = 0; i < scenario->nlabel; i++) {
+        if (strcmp(scenario->label[i], name) == 0) {
+            return (int)i;
+        }
+    }
+    return -1;
+}
+
+static enum error_code resolve_after(const struct scenario *scenario, const char *after,
+                                     const struct yaml_mark *mark, int *index, struct error *error)
+{
+    const char *nearest;
+
+    *index = after ? find_label(scenario, after) : SCENARIO_LABEL_START;
+    if (*index >= 0) {
+        return ERROR_NONE;
+    }
+    nearest = text_nearest(after, scenario->label, scenario->nlabel);
+    return yaml_error(error, mark,
+                      "found after: \"%.60s\", expected start, ready, clean_up or the label of a "
+                      "stimulus%s%s%s",
+                      after, nearest ? "; did you mean \"" : "", nearest ? nearest : "",
+                      nearest ? "\"?" : "");
+}
+
+/* ---- stimuli ---- */
+
+static bool takes_time(enum scenario_action action)
+{
+    return action != SCENARIO_MOTOR && action != SCENARIO_MARK;
+}
+
+static enum error_code check_stimulus(const struct scenario *scenario,
+                                      struct scenario_stimulus *stimulus, struct error *error)
+{
+    int kinds = stimulus->frame_given + stimulus->voltage_given + stimulus->motor_given +
+                stimulus->push_given + stimulus->fault_given + stimulus->silence;
+
+    if (kinds > 1 || (kinds == 0 && !stimulus->label)) {
+        return yaml_error(
+            error, &stimulus->mark,
+            "found %d actions, expected one of frame, voltage, motor, push, fault and "
+            "silence, or a label alone",
+            kinds);
+    }
+    stimulus->action = stimulus->frame_given     ? SCENARIO_FRAME
+                       : stimulus->voltage_given ? SCENARIO_VOLTAGE
+                       : stimulus->motor_given   ? SCENARIO_MOTOR
+                       : stimulus->push_given    ? SCENARIO_PUSH
+                       : stimulus->fault_given   ? SCENARIO_FAULT
+                       : stimulus->silence       ? SCENARIO_SILENCE
+                                                 : SCENARIO_MARK;
+    if (stimulus->for_s > 0.0 && !takes_time(stimulus->action)) {
+        return yaml_error(error, &stimulus->mark, "found for_s, expected none: this takes no time");
+    }
+    if (stimulus->every_s > 0.0 && stimulus->action != SCENARIO_FRAME &&
+        stimulus->action != SCENARIO_VOLTAGE) {
+        return yaml_error(error, &stimulus->mark,
+                          "found every_s, expected it with a frame or a voltage only");
+    }
+    if (stimulus->action == SCENARIO_FRAME &&
+        (stimulus->for_s > 0.0) != (stimulus->every_s > 0.0)) {
+        return yaml_error(error, &stimulus->mark,
+                          "found %s of a frame alone, expected every_s and for_s or neither",
+                          stimulus->for_s > 0.0 ? "for_s" : "every_s");
+    }
+    if ((stimulus->action == SCENARIO_VOLTAGE || stimulus->action == SCENARIO_MOTOR ||
+         stimulus->action == SCENARIO_SILENCE) &&
+        scenario->host != SCENARIO_HOST_ENABLED) {
+        return yaml_error(
+            error, &stimulus->mark,
+            "found something for the host to do, expected host: enabled in the scenario");
+    }
+    if (stimulus->action == SCENARIO_SILENCE && scenario->clock == RIG_CLOCK_LOCKSTEP) {
+        return yaml_error(
+            error, &stimulus->mark,
+            "found silence in lockstep, expected clock: free: without STEP time stands");
+    }
+    return stimulus->frame_given ? check_frame(&stimulus->frame, error) : ERROR_NONE;
+}
+
+/* clean_up is stimuli after the label of that name */
+static enum error_code join_clean_up(struct scenario *scenario, struct arena *arena,
+                                     struct error *error)
+{
+    size_t count = scenario->nstimulus + scenario->ncleanup;
+    struct scenario_stimulus *all = arena_alloc(arena, count + 1, sizeof *all);
+
+    if (!all) {
+        return error_set(error, ERROR_MEMORY, "%s: no memory left", scenario->file);
+    }
+    if (count > SCENARIO_STIMULI_MAX) {
+        return yaml_error(error, &scenario->mark, "found %zu stimuli, expected at most %d", count,
+                          SCENARIO_STIMULI_MAX);
+    }
+    for (size_t i = 0; i < count; i++) {
+        bool last = i >= scenario->nstimulus;
+
+        all[i] = last ? scenario->clean_up[i - scenario->nstimulus] : scenario->stimulus[i];
+        if (last && all[i].after) {
+            return yaml_error(error, &all[i].mark, "found after: in clean_up, expected none");
+        }
+        all[i].after = last ? "clean_up" : all[i].after;
+    }
+    scenario->stimulus = all;
+    scenario->nstimulus = count;
+    return ERROR_NONE;
+}
+
+static enum error_code check_stimuli(struct scenario *scenario, struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    scenario->label[SCENARIO_LABEL_START] = "start";
+    scenario->label[SCENARIO_LABEL_READY] = "ready";
+    scenario->label[SCENARIO_LABEL_CLEAN_UP] = "clean_up";
+    scenario->nlabel = SCENARIO_LABELS;
+    for (size_t i = 0; i < scenario->nstimulus && !code; i++) {
+        struct scenario_stimulus *stimulus = &scenario->stimulus[i];
+
+        code = check_stimulus(scenario, stimulus, error);
+        stimulus->label_index = -1;
+        if (!code && stimulus->label) {
+            int known = find_label(scenario, stimulus->label);
+
+            if (known >= 0 && known < SCENARIO_LABELS) {
+                code = yaml_error(error, &stimulus->mark,
+                                  "found label \"%s\", expected another: that is the runner's own",
+                                  stimulus->label);
+            }
+            stimulus->label_index = known >= 0 ? known : (int)scenario->nlabel;
+            if (known < 0) {
+                scenario->label[scenario->nlabel++] = stimulus->label;
+            }
+        }
+    }
+    for (size_t i = 0; i < scenario->nstimulus && !code; i++) {
+        struct scenario_stimulus *stimulus = &scenario->stimulus[i];
+
+        code = resolve_after(scenario, stimulus->after, &stimulus->mark, &stimulus->after_index,
+                             error);
+    }
+    return code;
+}
+
+/* ---- expectations ---- */
+
+static enum error_code wrong_form(const struct scenario_expectation *expectation,
+                                  struct error *error)
+{
+    return yaml_error(
+        error, &expectation->mark,
+        "found expectation \"%.60s\" of no known form, expected signal with between or "
+        "reaches; frame with nothing more, never, count or period_s; or event with "
+        "nothing more, never or count",
+        expectation->name);
+}
+
+static enum error_code check_form(struct scenario_expectation *e, struct error *error)
+{
+    int how = e->between_given + e->reaches_given + e->count_given + e->period_given + e->never;
+    bool of_signal = e->between_given || e->reaches_given;
+
+    if (e->signal_given + e->frame_given + e->event_given != 1 || how > 1 ||
+        e->signal_given != of_signal || (e->relative && !e->signal_given) ||
+        (e->period_given && !e->frame_given)) {
+        return wrong_form(e, error);
+    }
+    e->look = e->between_given   ? SCENARIO_BETWEEN
+              : e->reaches_given ? SCENARIO_REACHES
+              : e->period_given  ? SCENARIO_PERIOD
+                                 : SCENARIO_SEEN;
+    memcpy(e->band,
+           e->between_given   ? e->between
+           : e->reaches_given ? e->reaches
+           : e->period_given  ? e->period_s
+           : e->count_given   ? e->count
+           : e->never         ? (const double[2]){0.0, 0.0}
+                              : (const double[2]){1.0, DBL_MAX},
+           sizeof e->band);
+    if (!(e->band[0] <= e->band[1])) {
+        return yaml_error(error, &e->mark, "found the band [%g, %g], expected the lower end first",
+                          e->band[0], e->band[1]);
+    }
+    if (e->to_given && e->within_given) {
+        return yaml_error(error, &e->mark, "found both to_s and within_s, expected one");
+    }
+    if (e->within_given) {
+        e->to_s = e->from_s + e->within_s;
+        e->to_given = true;
+    }
+    if (e->to_given && e->to_s < e->from_s) {
+        return yaml_error(error, &e->mark, "found to_s %g before from_s %g", e->to_s, e->from_s);
+    }
+    return e->frame_given ? check_pattern(&e->frame, error) : ERROR_NONE;
+}
+
+static enum error_code check_expectations(struct scenario *scenario, struct error *error)
+{
+    if (scenario->nexpectation == 0 || scenario->nexpectation > SCENARIO_EXPECTATIONS_MAX) {
+        return yaml_error(error, &scenario->mark, "found %zu expectations, expected 1 to %d",
+                          scenario->nexpectation, SCENARIO_EXPECTATIONS_MAX);
+    }
+    for (size_t i = 0; i < scenario->nexpectation; i++) {
+        struct scenario_expectation *expectation = &scenario->expectation[i];
+        enum error_code code = check_form(expectation, error);
+
+        for (size_t k = 0; k < i && !code; k++) {
+            if (strcmp(scenario->expectation[k].name, expectation->name) == 0) {
+                code = yaml_error(error, &expectation->mark,
+                                  "found expectation \"%.60s\" twice, expected names of their own",
+                                  expectation->name);
+            }
+        }
+        if (!code) {
+            code = resolve_after(scenario, expectation->after, &expectation->mark,
+                                 &expectation->after_index, error);
+        }
+        if (code) {
+            return code;
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* ---- mutations ---- */
+
+static enum error_code check_fails(const struct scenario *scenario, const struct yaml_name *fails,
+                                   struct error *error)
+{
+    const char *names[SCENARIO_EXPECTATIONS_MAX], *nearest;
+
+    for (size_t i = 0; i < scenario->nexpectation; i++) {
+        names[i] = scenario->expectation[i].name;
+        if (strcmp(names[i], fails->name) == 0) {
+            return ERROR_NONE;
+        }
+    }
+    nearest = text_nearest(fails->name, names, scenario->nexpectation);
+    return yaml_error(error, &fails->mark,
+                      "found \"%.60s\", expected the name of an expectation%s%s%s", fails->name,
+                      nearest ? "; did you mean \"" : "", nearest ? nearest : "",
+                      nearest ? "\"?" : "");
+}
+
+static enum error_code check_mutations(const struct scenario *scenario, struct error *error)
+{
+    if (scenario->nmutation > SCENARIO_MUTATIONS_MAX) {
+        return yaml_error(error, &scenario->mark, "found %zu mutations, expected at most %d",
+                          scenario->nmutation, SCENARIO_MUTATIONS_MAX);
+    }
+    for (size_t i = 0; i < scenario->nmutation; i++) {
+        const struct scenario_mutation *mutation = &scenario->mutation[i];
+
+        if (mutation->fault_given == mutation->without_given) {
+            return yaml_error(error, &mutation->mark,
+                              "found mutation \"%.60s\" with %s of fault and without, expected one",
+                              mutation->name, mutation->fault_given ? "both" : "neither");
+        }
+        if (mutation->without_given && find_label(scenario, mutation->without) < SCENARIO_LABELS) {
+            return yaml_error(error, &mutation->mark,
+                              "found without: \"%.60s\", expected the label of a stimulus",
+                              mutation->without);
+        }
+        for (size_t k = 0; k < mutation->nfail; k++) {
+            if (check_fails(scenario, &mutation->fails[k], error)) {
+                return ERROR_INPUT;
+            }
+        }
+    }
+    return ERROR_NONE;
+}
+
+enum error_code scenario_check(struct scenario *scenario, struct arena *arena, struct error *error)
+{
+    enum error_code code;
+
+    if (!text_is_name(scenario->name)) {
+        return yaml_error(error, &scenario->mark,
+                          "found name \"%.60s\", expected letters, digits, _ - and . only",
+                          scenario->name);
+    }
+    if (scenario->task && scenario->host != SCENARIO_HOST_NONE) {
+        return yaml_error(error, &scenario->task_mark,
+                          "found both a task and a host, expected one of them to lead the boards");
+    }
+    if (scenario->task && controller_check_name(scenario->task, error)) {
+        return error_prefix(error, "%s:%d:%d", scenario->file, scenario->task_mark.line,
+                            scenario->task_mark.column);
+    }
+    code = yaml_resolve_path(&scenario->rig_mark, scenario->rig, arena, &scenario->rig_path, error);
+    if (!code) {
+        code = join_clean_up(scenario, arena, error);
+    }
+    if (!code) {
+        code = check_stimuli(scenario, error);
+    }
+    if (!code) {
+        code = check_expectations(scenario, error);
+    }
+    return code ? code : check_mutations(scenario, error);
+}
+
+/* ---- names of the rig ---- */
+
+static enum error_code find_bus(const struct rig *rig, const char *name,
+                                const struct yaml_mark *mark, int *index, struct error *error)
+{
+    const char *names[NAMES_MAX], *nearest;
+    size_t count = 0;
+
+    *index = rig_find_bus(rig, name);
+    if (*index >= 0) {
+        return ERROR_NONE;
+    }
+    for (; count < rig->nbus && count < NAMES_MAX; count++) {
+        names[count] = rig->bus[count].name;
+    }
+    nearest = text_nearest(name, names, count);
+    return yaml_error(error, mark, "found bus \"%.60s\", expected one of the rig's%s%s%s", name,
+                      nearest ? "; did you mean \"" : "", nearest ? nearest : "",
+                      nearest ? "\"?" : "");
+}
+
+static enum error_code find_axis(const struct rig *rig, const char *name,
+                                 const struct yaml_mark *mark, int *index, struct error *error)
+{
+    const char *names[NAMES_MAX], *nearest;
+    size_t count = 0;
+
+    for (; count < rig->naxis && count < NAMES_MAX; count++) {
+        names[count] = rig->axis[count].joint;
+        if (strcmp(names[count], name) == 0) {
+            *index = (int)count;
+            return ERROR_NONE;
+        }
+    }
+    nearest = text_nearest(name, names, count);
+    return yaml_error(error, mark, "found joint \"%.60s\", expected a driven one%s%s%s", name,
+                      nearest ? "; did you mean \"" : "", nearest ? nearest : "",
+                      nearest ? "\"?" : "");
+}
+
+static enum error_code find_body(const struct rig *rig, const char *name,
+                                 const struct yaml_mark *mark, int *index, struct error *error)
+{
+    const char *names[NAMES_MAX], *nearest;
+    size_t count = 0;
+
+    for (size_t i = 0; i < rig->robot->nbody && count < NAMES_MAX; i++) {
+        names[count++] = rig->robot->body[i].name;
+    }
+    for (size_t i = 0; i < rig->nfree && count < NAMES_MAX; i++) {
+        names[count++] = rig->free[i].name;
+    }
+    for (size_t i = 0; i < count; i++) {
+        if (strcmp(names[i], name) == 0) {
+            *index = (int)i;
+            return ERROR_NONE;
+        }
+    }
+    nearest = text_nearest(name, names, count);
+    return yaml_error(error, mark, "found body \"%.60s\", expected one of the rig's%s%s%s", name,
+                      nearest ? "; did you mean \"" : "", nearest ? nearest : "",
+                      nearest ? "\"?" : "");
+}
+
+static enum error_code bind_stimulus(struct scenario_stimulus *stimulus, const struct rig *rig,
+                                     struct error *error)
+{
+    switch (stimulus->action) {
+    case SCENARIO_FRAME:
+        if (find_bus(rig, stimulus->frame.bus, &stimulus->frame.mark, &stimulus->frame.bus_index,
+                     error)) {
+            return ERROR_INPUT;
+        }
+        if (stimulus->frame.fd && !rig->bus[stimulus->frame.bus_index].fd) {
+            return yaml_error(error, &stimulus->frame.mark,
+                              "found an FD frame, but bus %s is classic", stimulus->frame.bus);
+        }
+        return ERROR_NONE;
+    case SCENARIO_VOLTAGE:
+        return find_axis(rig, stimulus->voltage.joint, &stimulus->voltage.mark,
+                         &stimulus->voltage.axis, error);
+    case SCENARIO_MOTOR:
+        stimulus->motor.axis = -1;
+        return strcmp(stimulus->motor.joint, "all") == 0
+                   ? ERROR_NONE
+                   : find_axis(rig, stimulus->motor.joint, &stimulus->motor.mark,
+                               &stimulus->motor.axis, error);
+    case SCENARIO_PUSH:
+        return find_body(rig, stimulus->push.body, &stimulus->push.mark, &stimulus->push.index,
+                         error);
+    default:
+        return ERROR_NONE;
+    }
+}
+
+enum error_code scenario_bind(struct scenario *scenario, const struct rig *rig, struct error *error)
+{
+    for (size_t i = 0; i < scenario->nstimulus; i++) {
+        if (bind_stimulus(&scenario->stimulus[i], rig, error)) {
+            return ERROR_INPUT;
+        }
+    }
+    for (size_t i = 0; i < scenario->nexpectation; i++) {
+        struct scenario_expectation *expectation = &scenario->expectation[i];
+        struct scenario_signal signal;
+
+        if (expectation->frame_given &&
+            find_bus(rig, expectation->frame.bus, &expectation->frame.mark,
+                     &expectation->frame.bus_index, error)) {
+            return ERROR_INPUT;
+        }
+        if (expectation->signal_given &&
+            scenario_signal_find(expectation->signal, rig, &expectation->mark, &signal, error)) {
+            return ERROR_INPUT;
+        }
+        if (expectation->signal_given && signal.host && scenario->host == SCENARIO_HOST_NONE) {
+            return yaml_error(error, &expectation->mark,
+                              "found signal \"%.80s\", expected host: enabled in the scenario",
+                              expectation->signal);
+        }
+    }
+    return ERROR_NONE;
+}

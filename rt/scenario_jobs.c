@@ -1,0 +1,257 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A process for each run, several at a time, with a limit of wall-clock time. */
+#include "rt/scenario_jobs.h"
+
+#include "rt/clock.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+enum { PARALLEL_MAX = 256 };
+
+/* A job in a process. */
+struct process {
+    struct scenario_job *job; /* NULL = this place is free */
+    pid_t pid;
+    int pipe; /* its outcome comes through here */
+    size_t got;
+    struct scenario_outcome outcome;
+    int64_t begin_ns, limit_ns;
+};
+
+struct pool {
+    const struct scenario_jobs_options *options;
+    struct clock *time;
+    struct process process[PARALLEL_MAX];
+    size_t running;
+};
+
+/* ---- in the process ---- */
+
+static void make_directories(const char *path)
+{
+    char part[PATH_MAX];
+
+    for (size_t i = 1; path[i - 1] && i < sizeof part; i++) {
+        if (path[i] == '/' || path[i] == '\0') {
+            snprintf(part, sizeof part, "%.*s", (int)i, path);
+            mkdir(part, 0777); /* what is wrong with it shows when the recorder opens it */
+        }
+    }
+}
+
+/* A run that fails is made again with the recorder on: in virtual time it is the same run. */
+static void run_here(const struct scenario_job *job, const struct scenario_jobs_options *jobs,
+                     struct scenario_outcome *outcome)
+{
+    struct scenario_options options = {
+        .mutation = job->mutation, .seed_given = jobs->seed_given, .seed = jobs->seed};
+    struct scenario_outcome *again;
+
+    scenario_run(job->scenario, &options, outcome);
+    if (scenario_passed(outcome) || !outcome->ran || !job->record[0]) {
+        return;
+    }
+    again = calloc(1, sizeof *again);
+    if (!again) {
+        return;
+    }
+    make_directories(job->record);
+    options.record = job->record;
+    scenario_run(job->scenario, &options, again);
+    if (!again->ran || again->state_hash != outcome->state_hash) {
+        outcome->ran = false;
+        snprintf(outcome->text, sizeof outcome->text, "the recorded repeat %.200s",
+                 again->ran ? "went another way: the run does not depend on its input alone"
+                            : again->text);
+    }
+    free(again);
+}
+
+static void child(const struct scenario_job *job, const struct scenario_jobs_options *options,
+                  int out, pid_t parent)
+{
+    static struct scenario_outcome outcome;
+    const char *from = (const char *)&outcome;
+    size_t left = sizeof outcome;
+
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (getppid() != parent) {
+        _exit(EXIT_FAILURE);
+    }
+    run_here(job, options, &outcome);
+    while (left > 0) {
+        ssize_t n = write(out, from, left);
+
+        if (n < 0 && errno != EINTR) {
+            _exit(EXIT_FAILURE);
+        }
+        from += n > 0 ? n : 0;
+        left -= n > 0 ? (size_t)n : 0;
+    }
+    _exit(EXIT_SUCCESS);
+}
+
+/* ---- the pool ---- */
+
+static enum error_code start(struct pool *pool, struct scenario_job *job, struct error *error)
+{
+    struct process *process = pool->process;
+    pid_t parent = getpid();
+    int ends[2];
+
+    while (process->job) {
+        process++;
+    }
+    if (pipe(ends)) {
+        return error_set_errno(error, errno, "cannot make a pipe for a scenario");
+    }
+    fflush(NULL);
+    process->pid = fork();
+    if (process->pid < 0) {
+        int reason = errno;
+
+        close(ends[0]);
+        close(ends[1]);
+        return error_set_errno(error, reason, "cannot make a process for a scenario");
+    }
+    if (process->pid == 0) {
+        close(ends[0]);
+        child(job, pool->options, ends[1], parent);
+    }
+    close(ends[1]);
+    process->job = job;
+    process->pipe = ends[0];
+    process->got = 0;
+    process->begin_ns = clock_now(pool->time);
+    process->limit_ns = process->begin_ns + (int64_t)(job->scenario->wall_limit_s * 1e9);
+    pool->running++;
+    return ERROR_NONE;
+}
+
+/* the process has ended or is ended now; why: NULL or what is wrong */
+static void end(struct pool *pool, struct process *process, const char *why)
+{
+    struct scenario_job *job = process->job;
+    int status = 0;
+
+    if (why) {
+        kill(process->pid, SIGKILL);
+    }
+    close(process->pipe);
+    while (waitpid(process->pid, &status, 0) < 0 && errno == EINTR) {
+    }
+    if (!why && process->got == sizeof process->outcome) {
+        job->outcome = process->outcome;
+    } else if (why) {
+        snprintf(job->outcome.text, sizeof job->outcome.text, "%s", why);
+    } else {
+        snprintf(job->outcome.text, sizeof job->outcome.text, "the process died%s%s",
+                 WIFSIGNALED(status) ? " of: " : "",
+                 WIFSIGNALED(status) ? strsignal(WTERMSIG(status)) : "");
+    }
+    job->seconds = (double)(clock_now(pool->time) - process->begin_ns) * 1e-9;
+    process->job = NULL;
+    pool->running--;
+}
+
+static void take(struct pool *pool, struct process *process)
+{
+    unsigned char *to = (unsigned char *)&process->outcome;
+    ssize_t n = read(process->pipe, to + process->got, sizeof process->outcome - process->got);
+
+    if (n > 0) {
+        process->got += (size_t)n;
+    }
+    if (n == 0 || (n < 0 && errno != EINTR) || process->got == sizeof process->outcome) {
+        end(pool, process, NULL);
+    }
+}
+
+/* waits until a process says something or its time is over */
+static void attend(struct pool *pool)
+{
+    struct pollfd fd[PARALLEL_MAX];
+    int64_t now = clock_now(pool->time), next = INT64_MAX;
+    size_t count = 0;
+    char why[64];
+
+    for (size_t i = 0; i < pool->options->parallel; i++) {
+        struct process *process = &pool->process[i];
+
+        fd[count++] = (struct pollfd){.fd = process->job ? process->pipe : -1, .events = POLLIN};
+        if (process->job && process->limit_ns < next) {
+            next = process->limit_ns;
+        }
+    }
+    poll(fd, count, next > now ? (int)((next - now) / CLOCK_MS) + 1 : 0);
+    now = clock_now(pool->time);
+    for (size_t i = 0; i < count; i++) {
+        struct process *process = &pool->process[i];
+
+        if (!process->job) {
+            continue;
+        }
+        if (fd[i].revents) {
+            take(pool, process);
+        } else if (now >= process->limit_ns) {
+            snprintf(why, sizeof why, "no end after %g s of wall-clock time",
+                     process->job->scenario->wall_limit_s);
+            end(pool, process, why);
+        }
+    }
+}
+
+static bool is_running(const struct pool *pool, const struct scenario_job *job)
+{
+    for (size_t i = 0; i < pool->options->parallel; i++) {
+        if (pool->process[i].job == job) {
+            return true;
+        }
+    }
+    return false;
+}
+
+enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
+                                  const struct scenario_jobs_options *given, struct error *error)
+{
+    struct scenario_jobs_options options = *given;
+    struct pool *pool = calloc(1, sizeof *pool);
+    enum error_code code = ERROR_NONE;
+    size_t started = 0, told = 0;
+
+    if (!pool) {
+        return error_set(error, ERROR_MEMORY, "no memory left for running scenarios");
+    }
+    options.parallel = options.parallel < 1 ? 1 : options.parallel;
+    options.parallel = options.parallel > PARALLEL_MAX ? PARALLEL_MAX : options.parallel;
+    pool->options = &options;
+    pool->time = clock_monotonic();
+    while (!code && told < count) {
+        while (!code && started < count && pool->running < options.parallel) {
+            code = start(pool, &job[started], error);
+            started += !code;
+        }
+        if (!code) {
+            attend(pool);
+        }
+        for (; told < started && !is_running(pool, &job[told]); told++) {
+            options.ended(options.context, &job[told]);
+        }
+    }
+    for (size_t i = 0; i < options.parallel; i++) {
+        if (pool->process[i].job) {
+            end(pool, &pool->process[i], "not finished");
+        }
+    }
+    free(pool);
+    return code;
+}

@@ -1,0 +1,69 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Runs of scenarios in processes of their own, several at a time, and what they amount to: one
+ * result a run, as lines on the terminal and as JUnit XML. Not RT-safe.
+ */
+#ifndef RT_SCENARIO_JOBS_H
+#define RT_SCENARIO_JOBS_H
+
+#include "rt/scenario.h"
+
+#include <limits.h>
+
+enum { RESULT_NAME = 512, RESULT_MESSAGE = 2048 };
+
+/* One run to be made. */
+struct scenario_job {
+    struct scenario *scenario;
+    int mutation;          /* index, -1 = none */
+    char record[PATH_MAX]; /* of a run that fails, made a second time; "" = none */
+    struct scenario_outcome outcome;
+    double seconds; /* of the process */
+};
+
+struct scenario_jobs_options {
+    size_t parallel; /* processes at a time */
+    bool seed_given;
+    uint64_t seed;
+    /* Called for each job in the order of the array, as soon as it and all before it have ended. */
+    void (*ended)(void *context, const struct scenario_job *job);
+    void *context;
+};
+
+/* Runs all. A process that crashes or outlives its scenario's wall_limit_s is an outcome that has
+ * not run. ERROR_SYSTEM when no process can be made. */
+enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
+                                  const struct scenario_jobs_options *options, struct error *error);
+
+enum scenario_status { SCENARIO_PASSED, SCENARIO_FAILED, SCENARIO_BROKEN /* did not run */ };
+
+struct scenario_result {
+    const struct scenario *scenario;
+    char name[RESULT_NAME]; /* with parameters and mutation */
+    enum scenario_status status;
+    char message[RESULT_MESSAGE]; /* a line for each thing that is wrong */
+    const char *record;           /* directory with the recording and the plots, "" = none */
+    bool ran;                     /* seed and hash are those of a run */
+    uint64_t seed, state_hash;
+    double seconds;
+};
+
+/* The verdict on a job: a plain run passes when all expectations are met, a mutated one when those
+ * fail that its mutation names. */
+void scenario_judge(const struct scenario_job *job, struct scenario_result *result);
+
+/* The verdict on the mutations of one case, count jobs of the same scenario: each expectation has
+ * to fail under one of them. */
+void scenario_judge_mutations(const struct scenario_job *job, size_t count,
+                              struct scenario_result *result);
+
+/* One testsuite a scenario, one testcase a result. */
+enum error_code scenario_junit_write(const char *path, const struct scenario_result *result,
+                                     size_t count, struct error *error);
+
+/* Puts files that scenario_junit_write has written into one; testcases of suites of one name are
+ * put together. *failed: how many testcases have a failure or an error. */
+enum error_code scenario_junit_merge(const char *const *from, size_t count, const char *path,
+                                     size_t *tests, size_t *failed, struct error *error);
+
+#endif

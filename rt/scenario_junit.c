@@ -1,0 +1,332 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Results as JUnit XML, one element a line; and files of that form put together. */
+#include "rt/scenario_jobs.h"
+
+#include "base/text.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { LINE_BYTES = 1 << 16, SUITES_MAX = 4096, SUITE_NAME = 256 };
+
+static const char declaration[] = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
+
+struct suite {
+    char name[SUITE_NAME]; /* as in the file: escaped */
+    size_t tests, failures, errors;
+    double seconds;
+    char *body; /* the testcases, of open_memstream */
+    size_t size;
+    FILE *to;
+};
+
+struct suites {
+    size_t count;
+    struct suite suite[SUITES_MAX];
+};
+
+/* ---- writing ---- */
+
+/* one line whatever stands in text; what XML cannot hold becomes ? */
+static void escape(const char *text, FILE *out)
+{
+    for (const unsigned char *c = (const unsigned char *)text; *c; c++) {
+        switch (*c) {
+        case '<':
+            fputs("&lt;", out);
+            break;
+        case '>':
+            fputs("&gt;", out);
+            break;
+        case '&':
+            fputs("&amp;", out);
+            break;
+        case '"':
+            fputs("&quot;", out);
+            break;
+        case '\n':
+            fputs("&#10;", out);
+            break;
+        default:
+            fputc(*c < 0x20 || *c >= 0x7f ? '?' : *c, out);
+        }
+    }
+}
+
+static struct suite *find_suite(struct suites *suites, const char *name)
+{
+    struct suite *suite;
+
+    for (size_t i = 0; i < suites->count; i++) {
+        if (strcmp(suites->suite[i].name, name) == 0) {
+            return &suites->suite[i];
+        }
+    }
+    if (suites->count == SUITES_MAX) {
+        return NULL;
+    }
+    suite = &suites->suite[suites->count];
+    snprintf(suite->name, sizeof suite->name, "%s", name);
+    suite->to = open_memstream(&suite->body, &suite->size);
+    suites->count += suite->to != NULL;
+    return suite->to ? suite : NULL;
+}
+
+static void property(const char *name, const char *value, FILE *out)
+{
+    fprintf(out, "        <property name=\"%s\" value=\"", name);
+    escape(value, out);
+    fputs("\"/>\n", out);
+}
+
+static void write_case(const struct scenario_result *result, FILE *out)
+{
+    static const char *const element[] = {"", "failure", "error"};
+    char number[32];
+
+    fputs("    <testcase classname=\"scenarios.", out);
+    escape(result->scenario->name, out);
+    fputs("\" name=\"", out);
+    escape(result->name, out);
+    fprintf(out, "\" time=\"%.3f\">\n      <properties>\n", result->seconds);
+    property("file", result->scenario->file, out);
+    if (result->scenario->values[0]) {
+        property("parameters", result->scenario->values, out);
+    }
+    if (result->ran) {
+        snprintf(number, sizeof number, "%" PRIu64, result->seed);
+        property("seed", number, out);
+        snprintf(number, sizeof number, "%016" PRIx64, result->state_hash);
+        property("state_hash", number, out);
+    }
+    fputs("      </properties>\n", out);
+    if (result->status != SCENARIO_PASSED) {
+        fprintf(out, "      <%s message=\"", element[result->status]);
+        escape(result->message, out);
+        fprintf(out, "\" type=\"%s\"/>\n",
+                result->status == SCENARIO_FAILED ? "expectation" : "run");
+    }
+    if (result->record[0]) {
+        fputs("      <system-out>", out);
+        escape(result->record, out);
+        fputs("/candump.log</system-out>\n", out);
+    }
+    fputs("    </testcase>\n", out);
+}
+
+static void free_suites(struct suites *suites)
+{
+    for (size_t i = 0; suites && i < suites->count; i++) {
+        if (suites->suite[i].to) {
+            fclose(suites->suite[i].to);
+        }
+        free(suites->suite[i].body);
+    }
+    free(suites);
+}
+
+static enum error_code write_suites(struct suites *suites, const char *path, struct suite *all,
+                                    struct error *error)
+{
+    FILE *out = fopen(path, "w");
+    bool bad = false;
+
+    if (!out) {
+        return error_set_errno(error, errno, "cannot write %s", path);
+    }
+    for (size_t i = 0; i < suites->count; i++) {
+        const struct suite *suite = &suites->suite[i];
+
+        all->tests += suite->tests;
+        all->failures += suite->failures;
+        all->errors += suite->errors;
+        all->seconds += suite->seconds;
+    }
+    fprintf(out, "%s<testsuites tests=\"%zu\" failures=\"%zu\" errors=\"%zu\" time=\"%.3f\">\n",
+            declaration, all->tests, all->failures, all->errors, all->seconds);
+    for (size_t i = 0; i < suites->count; i++) {
+        struct suite *suite = &suites->suite[i];
+
+        fprintf(out,
+                "  <testsuite name=\"%s\" tests=\"%zu\" failures=\"%zu\" errors=\"%zu\" "
+                "time=\"%.3f\">\n",
+                suite->name, suite->tests, suite->failures, suite->errors, suite->seconds);
+        bad |= fclose(suite->to) != 0;
+        suite->to = NULL;
+        fputs(suite->body ? suite->body : "", out);
+        fputs("  </testsuite>\n", out);
+    }
+    fputs("</testsuites>\n", out);
+    bad |= ferror(out) != 0;
+    return fclose(out) || bad ? error_set_errno(error, errno, "cannot write %s", path) : ERROR_NONE;
+}
+
+enum error_code scenario_junit_write(const char *path, const struct scenario_result *result,
+                                     size_t count, struct error *error)
+{
+    struct suites *suites = calloc(1, sizeof *suites);
+    enum error_code code = ERROR_NONE;
+    struct suite all = {.tests = 0};
+
+    for (size_t i = 0; i < count && !code; i++) {
+        struct suite *suite = suites ? find_suite(suites, result[i].scenario->name) : NULL;
+
+        if (!suite) {
+            code = error_set(error, ERROR_MEMORY, "no memory left for %zu results", count);
+            break;
+        }
+        write_case(&result[i], suite->to);
+        suite->tests++;
+        suite->failures += result[i].status == SCENARIO_FAILED;
+        suite->errors += result[i].status == SCENARIO_BROKEN;
+        suite->seconds += result[i].seconds;
+    }
+    if (!suites) {
+        code = error_set(error, ERROR_MEMORY, "no memory left for results");
+    }
+    code = code ? code : write_suites(suites, path, &all, error);
+    free_suites(suites);
+    return code;
+}
+
+/* ---- reading what was written ---- */
+
+struct reader {
+    const char *path;
+    long line;
+    char *text; /* LINE_BYTES */
+    struct error *error;
+};
+
+static enum error_code unexpected(const struct reader *reader, const char *expected)
+{
+    return error_set(reader->error, ERROR_INPUT, "%.200s:%ld: found \"%.40s\", expected %s",
+                     reader->path, reader->line, reader->text, expected);
+}
+
+static bool begins(const char *text, const char *with)
+{
+    return strncmp(text, with, strlen(with)) == 0;
+}
+
+/* the value of an attribute of the element in the line; false: there is none, or it is too long */
+static bool attribute(const char *line, const char *name, char *value, size_t size)
+{
+    const char *at = strstr(line, name), *end;
+
+    at = at ? at + strlen(name) : NULL;
+    end = at ? strchr(at, '"') : NULL;
+    if (!end || (size_t)(end - at) >= size) {
+        return false;
+    }
+    snprintf(value, size, "%.*s", (int)(end - at), at);
+    return true;
+}
+
+/* a line of a suite */
+static enum error_code take_line(const struct reader *reader, struct suite *suite)
+{
+    const char *line = reader->text;
+    double seconds;
+    char time[32];
+
+    if (begins(line, "    <testcase ")) {
+        if (!attribute(line, " time=\"", time, sizeof time) || !text_to_double(time, &seconds)) {
+            return unexpected(reader, "a testcase with a time");
+        }
+        suite->tests++;
+        suite->seconds += seconds;
+    } else if (begins(line, "      <failure ")) {
+        suite->failures++;
+    } else if (begins(line, "      <error ")) {
+        suite->errors++;
+    } else if (!begins(line, "      <properties>") && !begins(line, "        <property ") &&
+               !begins(line, "      </properties>") && !begins(line, "      <system-out>") &&
+               !begins(line, "    </testcase>")) {
+        return unexpected(reader, "a line of a testcase as test --junit writes it");
+    }
+    fputs(line, suite->to);
+    return ERROR_NONE;
+}
+
+static enum error_code take_file(struct reader *reader, FILE *in, struct suites *suites)
+{
+    struct suite *suite = NULL;
+    bool inside = false, done = false;
+    char name[SUITE_NAME];
+
+    for (reader->line = 1; fgets(reader->text, LINE_BYTES, in); reader->line++) {
+        const char *line = reader->text;
+        enum error_code code = ERROR_NONE;
+
+        if (!strchr(line, '\n')) {
+            return unexpected(reader, "a shorter line");
+        }
+        if (reader->line == 1 ? strcmp(line, declaration) != 0
+                              : reader->line == 2 && !begins(line, "<testsuites ")) {
+            return unexpected(reader, "JUnit XML as test --junit writes it");
+        }
+        if (reader->line <= 2) {
+            continue;
+        }
+        if (done) {
+            return unexpected(reader, "nothing behind </testsuites>");
+        }
+        if (!suite && begins(line, "  <testsuite ")) {
+            if (!attribute(line, " name=\"", name, sizeof name)) {
+                return unexpected(reader, "a testsuite with a name");
+            }
+            suite = find_suite(suites, name);
+            if (!suite) {
+                return error_set(reader->error, ERROR_MEMORY, "%.200s: no memory left",
+                                 reader->path);
+            }
+        } else if (suite && !inside && begins(line, "  </testsuite>")) {
+            suite = NULL;
+        } else if (!suite && begins(line, "</testsuites>")) {
+            done = true;
+        } else if (suite) {
+            inside = !begins(line, "    </testcase>") && (inside || begins(line, "    <testcase "));
+            code = take_line(reader, suite);
+        } else {
+            code = unexpected(reader, "a testsuite");
+        }
+        if (code) {
+            return code;
+        }
+    }
+    snprintf(reader->text, LINE_BYTES, "the end");
+    return done ? ERROR_NONE : unexpected(reader, "</testsuites>");
+}
+
+enum error_code scenario_junit_merge(const char *const *from, size_t count, const char *path,
+                                     size_t *tests, size_t *failed, struct error *error)
+{
+    struct suites *suites = calloc(1, sizeof *suites);
+    struct reader reader = {.text = malloc(LINE_BYTES), .error = error};
+    enum error_code code = ERROR_NONE;
+    struct suite all = {.tests = 0};
+
+    if (!suites || !reader.text) {
+        code = error_set(error, ERROR_MEMORY, "no memory left for results");
+    }
+    for (size_t i = 0; i < count && !code; i++) {
+        FILE *in = fopen(from[i], "r");
+
+        reader.path = from[i];
+        code = in ? take_file(&reader, in, suites)
+                  : error_set(error, ERROR_INPUT, "cannot read %s: %s", from[i], strerror(errno));
+        if (in) {
+            fclose(in);
+        }
+    }
+    code = code ? code : write_suites(suites, path, &all, error);
+    *tests = all.tests;
+    *failed = all.failures + all.errors;
+    free_suites(suites);
+    free(reader.text);
+    return code;
+}

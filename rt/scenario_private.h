@@ -1,0 +1,88 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Private to the runner of scenarios: what its files share. */
+#ifndef RT_SCENARIO_PRIVATE_H
+#define RT_SCENARIO_PRIVATE_H
+
+#include "rt/scenario.h"
+#include "rt/simulator.h"
+#include "tasks/host.h"
+
+/* What can be looked at while a scenario runs; all in the loop's thread. */
+struct scenario_view {
+    const struct rig *rig;
+    struct simulator *simulator;
+    struct host *host; /* NULL = none */
+    int host_phase;    /* enum host_phase */
+};
+
+/* A number that can be read every tick. */
+struct scenario_signal {
+    double (*read)(const struct scenario_view *view, size_t a, size_t b);
+    size_t a, b; /* which joint, sensor, bus...; which of its quantities */
+    bool host;   /* needs the host */
+};
+
+/* Finds a signal by its name. Errors begin with mark. */
+enum error_code scenario_signal_find(const char *name, const struct rig *rig,
+                                     const struct yaml_mark *mark, struct scenario_signal *signal,
+                                     struct error *error);
+
+/* Signals and their meanings, a line each; NULL ends. */
+const char *const *scenario_signal_help(void);
+
+/* Derives what follows from the file alone: actions, labels, patterns. */
+enum error_code scenario_check(struct scenario *scenario, struct arena *arena, struct error *error);
+
+/* When the labels happened; -1 = not yet. */
+struct scenario_clock {
+    int64_t label_ns[SCENARIO_STIMULI_MAX + SCENARIO_LABELS];
+};
+
+/* ---- stimuli ---- */
+
+struct scenario_stimuli;
+
+/* mutation: index or -1. fault: the lines for simulator_config, with room for those of the
+ * scenario, one of each stimulus and one of the mutation. */
+enum error_code scenario_stimuli_create(const struct scenario *scenario, int mutation,
+                                        struct arena *arena, struct scenario_stimuli **stimuli,
+                                        const char **fault, size_t *nfault, struct error *error);
+
+/* Does what is due at time_ns; ports are those of the scenario. */
+void scenario_stimuli_step(struct scenario_stimuli *stimuli, const struct scenario_view *view,
+                           const struct bus_ports *ports, struct scenario_clock *clock,
+                           int64_t time_ns);
+
+/* Whether the host is to keep silent in this tick. */
+bool scenario_stimuli_silence(const struct scenario_stimuli *stimuli);
+
+/* ---- expectations ---- */
+
+struct scenario_expectations;
+
+/* ticks: how many samples to keep of each for a plot. */
+enum error_code scenario_expectations_create(const struct scenario *scenario, const struct rig *rig,
+                                             size_t ticks, struct arena *arena,
+                                             struct scenario_expectations **expectations,
+                                             struct error *error);
+
+void scenario_expectations_frame(struct scenario_expectations *expectations, size_t bus,
+                                 const struct bus_frame *frame);
+void scenario_expectations_event(struct scenario_expectations *expectations, const char *text);
+
+/* After the frames and events of the tick that ended at time_ns. */
+void scenario_expectations_step(struct scenario_expectations *expectations,
+                                const struct scenario_view *view,
+                                const struct scenario_clock *clock, int64_t time_ns);
+
+/* The run has ended: windows that are still open close. */
+void scenario_expectations_finish(struct scenario_expectations *expectations,
+                                  const struct scenario_clock *clock, int64_t time_ns,
+                                  struct scenario_outcome *outcome);
+
+/* A plot of each expectation that was not met, directory/expectation-N.svg. */
+enum error_code scenario_expectations_plot(const struct scenario_expectations *expectations,
+                                           const struct scenario_outcome *outcome,
+                                           const char *directory, struct error *error);
+
+#endif

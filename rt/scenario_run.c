@@ -1,0 +1,365 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* One run of a scenario: the rig, a host, and an observer that acts and looks once a tick. */
+#include "rt/scenario_private.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { BATCH = 64 };
+
+/* Of address space; pages cost nothing until they are touched. */
+#define MEMORY ((size_t)1 << 30)
+
+struct run {
+    struct scenario *scenario;
+    struct scenario_view view;
+    struct scenario_stimuli *stimuli;
+    struct scenario_expectations *expectations;
+    struct scenario_clock clock;
+    struct bus_ports ports, host_ports;
+    struct clock *wall;
+    int64_t last_ns, duration_ns;
+    bool leads;  /* the host takes part */
+    bool starts; /* and brings the boards up */
+    struct bus_frame batch[BATCH];
+};
+
+/* ---- once a tick ---- */
+
+static void look_at_frames(struct run *run)
+{
+    for (size_t b = 0; b < run->ports.count; b++) {
+        size_t count;
+
+        do {
+            count = can_receive(run->ports.port[b], run->batch, BATCH);
+            for (size_t i = 0; i < count; i++) {
+                scenario_expectations_frame(run->expectations, b, &run->batch[i]);
+            }
+        } while (count == BATCH);
+    }
+}
+
+static void look_at_events(struct run *run)
+{
+    char text[512];
+    uint64_t key;
+
+    while (simulator_next_event(run->view.simulator, &key, text, sizeof text)) {
+        scenario_expectations_event(run->expectations, text);
+    }
+}
+
+static bool all_motors_on(const struct run *run)
+{
+    const struct plant_command *command = plant_command(simulator_plant(run->view.simulator));
+    size_t on = 0;
+
+    for (size_t j = 0; j < command->njoint; j++) {
+        on += command->motor[j].bridge_on;
+    }
+    return on >= run->view.rig->naxis;
+}
+
+static void set_labels(struct run *run, int64_t time_ns)
+{
+    int64_t *label = run->clock.label_ns;
+    bool ready = run->starts ? run->view.host_phase == HOST_READY : all_motors_on(run);
+
+    if (label[SCENARIO_LABEL_READY] < 0 && ready) {
+        label[SCENARIO_LABEL_READY] = time_ns;
+    }
+    if (label[SCENARIO_LABEL_CLEAN_UP] < 0 && time_ns >= run->duration_ns) {
+        label[SCENARIO_LABEL_CLEAN_UP] = time_ns;
+    }
+}
+
+/* The tick that ended at time_ns: what it has sent was received before. */
+static void look(struct run *run, int64_t time_ns)
+{
+    set_labels(run, time_ns);
+    scenario_stimuli_step(run->stimuli, &run->view, &run->ports, &run->clock, time_ns);
+    scenario_expectations_step(run->expectations, &run->view, &run->clock, time_ns);
+}
+
+static void lead(struct run *run)
+{
+    if (run->starts && run->view.host_phase < HOST_READY) {
+        run->view.host_phase = host_start_up(run->view.host);
+    }
+    if (!scenario_stimuli_silence(run->stimuli)) {
+        host_send(run->view.host);
+    }
+}
+
+static void step(void *context, int64_t time_ns)
+{
+    struct run *run = context;
+    bool fresh = time_ns != run->last_ns;
+
+    run->last_ns = time_ns;
+    if (fresh) {
+        look_at_frames(run);
+        look_at_events(run);
+    }
+    /* only in lockstep does a host wait: for DONE */
+    if (run->leads && !host_receive(run->view.host, time_ns)) {
+        host_repeat_step(run->view.host, clock_now(run->wall));
+        return;
+    }
+    if (fresh) {
+        look(run, time_ns);
+    }
+    if (run->leads) {
+        lead(run);
+    }
+}
+
+/* ---- set-up ---- */
+
+static enum error_code create_host(struct run *run, struct arena *arena, struct error *error)
+{
+    const struct rig *rig = run->view.rig;
+    const struct scenario *scenario = run->scenario;
+    struct host_config config = {
+        .nbus = rig->nbus,
+        .port = run->host_ports.port,
+        .bus = rig->host_bus,
+        .naxis = rig->naxis,
+        .axis = rig->axis,
+        .nft = rig->nft,
+        .ft = rig->ft,
+        .supply_v = rig->supply_v,
+        .period_ns = rig->tick_ns,
+        .lockstep = scenario->clock == RIG_CLOCK_LOCKSTEP,
+        .lockstep_bus = rig->lockstep.bus,
+        .step_id = rig->lockstep.step_id,
+        .done_id = rig->lockstep.done_id,
+    };
+
+    run->starts = scenario->host == SCENARIO_HOST_ENABLED;
+    run->leads = run->starts || (config.lockstep && !scenario->task);
+    return run->leads ? host_create(&config, arena, &run->view.host, error) : ERROR_NONE;
+}
+
+/* The rig with what the scenario changes of it. */
+static enum error_code load_rig(struct run *run, struct arena *arena, struct error *error)
+{
+    const struct scenario *scenario = run->scenario;
+    struct rig *changed = arena_alloc(arena, 1, sizeof *changed);
+    const struct rig *rig;
+    enum error_code code;
+
+    if (!changed) {
+        return error_set(error, ERROR_MEMORY, "no memory left for a scenario's rig");
+    }
+    code = rig_load(scenario->rig_path, arena, &rig, error);
+    if (code) {
+        return code;
+    }
+    *changed = *rig;
+    changed->wire.timed = scenario->wire_given ? scenario->wire : rig->wire.timed;
+    changed->hold = scenario->hold_given ? (enum rig_hold)scenario->hold : rig->hold;
+    changed->settle = scenario->settle || rig->settle;
+    run->view.rig = changed;
+    run->duration_ns = llround(scenario->duration_s * 1e9);
+    return scenario_bind(run->scenario, changed, error);
+}
+
+static uint64_t ticks(const struct run *run)
+{
+    double length_s = run->scenario->duration_s + run->scenario->clean_up_s;
+
+    return (uint64_t)ceil(length_s * 1e9 / (double)run->view.rig->tick_ns - 1e-6);
+}
+
+static enum error_code create_simulator(struct run *run, const struct scenario_options *options,
+                                        const struct simulator_observer *observer,
+                                        const char **fault, size_t nfault, struct arena *arena,
+                                        struct error *error)
+{
+    const struct scenario *scenario = run->scenario;
+    const struct simulator_config config = {
+        .rig = run->view.rig,
+        .clock = (enum rig_clock)scenario->clock,
+        .hold = run->view.rig->hold,
+        .settle = run->view.rig->settle,
+        .transport = TRANSPORT_LOCAL,
+        .fault = fault,
+        .nfault = nfault,
+        .seed_given = options->seed_given || scenario->seed_given,
+        .seed = options->seed_given ? options->seed : (uint64_t)scenario->seed,
+        .ticks = ticks(run),
+        .task = scenario->task,
+        .observer = observer,
+        .guests = 2,
+        .record = options->record,
+        .overwrite = true,
+        .row_period_ns = run->view.rig->tick_ns,
+    };
+    char notice[256];
+    enum error_code code = simulator_create(&config, arena, &run->view.simulator, notice, error);
+
+    if (!code) {
+        code = simulator_join(run->view.simulator, &run->ports, error);
+    }
+    if (!code) {
+        code = simulator_join(run->view.simulator, &run->host_ports, error);
+    }
+    return code;
+}
+
+static enum error_code create(struct run *run, const struct scenario_options *options,
+                              const struct simulator_observer *observer, struct arena *arena,
+                              struct error *error)
+{
+    struct scenario *scenario = run->scenario;
+    const char **fault =
+        arena_alloc(arena, scenario->nfault + scenario->nstimulus + 1, sizeof *fault);
+    size_t nfault;
+    enum error_code code = load_rig(run, arena, error);
+
+    if (!fault) {
+        return error_set(error, ERROR_MEMORY, "no memory left for a scenario");
+    }
+    if (!code) {
+        code = scenario_stimuli_create(scenario, options->mutation, arena, &run->stimuli, fault,
+                                       &nfault, error);
+    }
+    if (!code) {
+        code = scenario_expectations_create(scenario, run->view.rig, (size_t)ticks(run) + 1, arena,
+                                            &run->expectations, error);
+    }
+    if (!code) {
+        code = create_simulator(run, options, observer, fault, nfault, arena, error);
+    }
+    return code ? code : create_host(run, arena, error);
+}
+
+/* ---- the run ---- */
+
+static void finish(struct run *run, const struct scenario_options *options, enum loop_end end,
+                   struct scenario_outcome *outcome)
+{
+    struct simulator *simulator = run->view.simulator;
+    int64_t time_ns = simulator_stats(simulator)->time_ns;
+    struct recorder_counters counters;
+    struct error error;
+
+    /* what the last tick has sent */
+    look_at_frames(run);
+    look_at_events(run);
+    if (run->leads) {
+        host_receive(run->view.host, time_ns);
+    }
+    if (time_ns != run->last_ns) {
+        look(run, time_ns);
+    }
+    scenario_expectations_finish(run->expectations, &run->clock, time_ns, outcome);
+    outcome->ran = true;
+    outcome->virtual_ns = time_ns;
+    outcome->seed = faults_seed(simulator_faults(simulator));
+    outcome->state_hash = plant_hash(simulator_plant(simulator));
+    if (end == LOOP_END_MODEL) {
+        outcome->ran = false;
+        snprintf(outcome->text, sizeof outcome->text, "%.200s", simulator_failure(simulator));
+    }
+    if (simulator_finish_recording(simulator, &counters, &error) ||
+        (options->record &&
+         scenario_expectations_plot(run->expectations, outcome, options->record, &error))) {
+        outcome->ran = false;
+        snprintf(outcome->text, sizeof outcome->text, "%.200s", error.text);
+    }
+}
+
+static enum error_code run_in(struct run *run, const struct scenario_options *options,
+                              struct arena *arena, struct scenario_outcome *outcome,
+                              struct error *error)
+{
+    const struct simulator_observer observer = {run, step};
+    struct realtime_report unused;
+    enum error_code code = create(run, options, &observer, arena, error);
+
+    if (!code) {
+        code = simulator_start(run->view.simulator, &unused, error);
+    }
+    if (!code) {
+        enum loop_end end = simulator_run(run->view.simulator);
+
+        finish(run, options, end, outcome);
+    }
+    bus_ports_close(&run->host_ports);
+    bus_ports_close(&run->ports);
+    simulator_destroy(run->view.simulator);
+    return code;
+}
+
+void scenario_run(struct scenario *scenario, const struct scenario_options *options,
+                  struct scenario_outcome *outcome)
+{
+    struct run *run = calloc(1, sizeof *run);
+    struct clock *wall = clock_monotonic();
+    int64_t begin = clock_now(wall);
+    enum error_code code;
+    struct arena arena;
+    struct error error;
+
+    memset(outcome, 0, sizeof *outcome);
+    if (!run) {
+        snprintf(outcome->text, sizeof outcome->text, "no memory for a run");
+        return;
+    }
+    run->scenario = scenario;
+    run->wall = wall;
+    run->last_ns = -1;
+    for (size_t i = 0; i < sizeof run->clock.label_ns / sizeof run->clock.label_ns[0]; i++) {
+        run->clock.label_ns[i] = -1;
+    }
+    run->clock.label_ns[SCENARIO_LABEL_START] = 0;
+    code = arena_init(&arena, MEMORY, &error);
+    if (!code) {
+        code = run_in(run, options, &arena, outcome, &error);
+        arena_fini(&arena);
+    }
+    if (code) {
+        outcome->ran = false;
+        snprintf(outcome->text, sizeof outcome->text, "%.250s", error.text);
+    }
+    outcome->wall_ns = clock_now(wall) - begin;
+    free(run);
+}
+
+/* ---- verdicts ---- */
+
+bool scenario_passed(const struct scenario_outcome *outcome)
+{
+    bool passed = outcome->ran;
+
+    for (size_t i = 0; i < outcome->nverdict; i++) {
+        passed = passed && outcome->verdict[i].met;
+    }
+    return passed;
+}
+
+bool scenario_flipped(const struct scenario *scenario, size_t mutation,
+                      const struct scenario_outcome *outcome, const char **missed)
+{
+    const struct scenario_mutation *with = &scenario->mutation[mutation];
+
+    *missed = "";
+    if (!outcome->ran) {
+        return false;
+    }
+    for (size_t k = 0; k < with->nfail; k++) {
+        for (size_t i = 0; i < scenario->nexpectation; i++) {
+            if (strcmp(scenario->expectation[i].name, with->fails[k].name) == 0 &&
+                outcome->verdict[i].met) {
+                *missed = scenario->expectation[i].name;
+                return false;
+            }
+        }
+    }
+    return !scenario_passed(outcome);
+}

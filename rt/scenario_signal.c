@@ -1,0 +1,412 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Signals of a scenario by their names. */
+#include "rt/scenario_private.h"
+
+#include "base/text.h"
+#include "canbus/wire.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#define COUNT(array) (sizeof(array) / sizeof(array)[0])
+
+enum { PARTS_MAX = 4, PART_SIZE = 64, NAMES_MAX = 128 };
+
+/* ---- quantities ---- */
+
+static const char *const joint_words[] = {"q",       "qd",     "qm",      "qmd",
+                                          "current", "torque", "voltage", "winding"};
+static const char *const wrench_words[] = {"fx", "fy", "fz", "tx", "ty", "tz"};
+static const char *const host_joint_words[] = {"q", "qm", "current", "torque", "motor", "fault"};
+static const char *const host_force_words[] = {"fx", "fy", "fz", "tx", "ty", "tz", "overflow"};
+static const char *const base_words[] = {"x", "y", "z", "qw", "qx", "qy", "qz", "tilt"};
+static const char *const com_words[] = {"x", "y", "z"};
+static const char *const bus_words[] = {"rx",    "tx",        "rx_dropped", "tx_dropped",
+                                        "state", "tec",       "bus_off",    "errors",
+                                        "load",  "load_peak", "queued",     "latency_max"};
+static const char *const boards_words[] = {"frames",   "foreign", "unknown",   "malformed",
+                                           "timeouts", "trips",   "overflows", "fault"};
+static const char *const lockstep_words[] = {"steps", "mismatches", "malformed", "silences"};
+
+static double joint_value(const struct motor_sense *motor, size_t word)
+{
+    const double value[COUNT(joint_words)] = {motor->q,         motor->qd,        motor->qm,
+                                              motor->qmd,       motor->current_a, motor->torque_nm,
+                                              motor->voltage_v, motor->winding_c};
+
+    return value[word];
+}
+
+static double wrench_value(const struct ft_sense *ft, size_t word)
+{
+    return word < 3 ? ft->force_n[word] : ft->torque_nm[word - 3];
+}
+
+/* ---- readers ---- */
+
+static double read_joint(const struct scenario_view *view, size_t joint, size_t word)
+{
+    return joint_value(&plant_sensors(simulator_plant(view->simulator))->motor[joint], word);
+}
+
+static double read_measured_joint(const struct scenario_view *view, size_t joint, size_t word)
+{
+    return joint_value(&simulator_measured(view->simulator)->motor[joint], word);
+}
+
+static double read_ft(const struct scenario_view *view, size_t ft, size_t word)
+{
+    return wrench_value(&plant_sensors(simulator_plant(view->simulator))->ft[ft], word);
+}
+
+static double read_measured_ft(const struct scenario_view *view, size_t ft, size_t word)
+{
+    return wrench_value(&simulator_measured(view->simulator)->ft[ft], word);
+}
+
+static double read_host_joint(const struct scenario_view *view, size_t axis, size_t word)
+{
+    const struct host_joint *joint = host_joint(view->host, axis);
+    const double value[COUNT(host_joint_words)] = {joint->joint_rad,     joint->motor_rad,
+                                                   joint->current_a,     joint->torque_nm,
+                                                   (double)joint->motor, (double)joint->fault};
+
+    return value[word];
+}
+
+static double read_host_ft(const struct scenario_view *view, size_t ft, size_t word)
+{
+    const struct host_force *force = host_force(view->host, ft);
+
+    return word < 3   ? force->force_n[word]
+           : word < 6 ? force->torque_nm[word - 3]
+                      : (double)force->overflow;
+}
+
+static double read_host(const struct scenario_view *view, size_t a, size_t b)
+{
+    (void)a;
+    (void)b;
+    return (double)view->host_phase;
+}
+
+static double read_base(const struct scenario_view *view, size_t a, size_t word)
+{
+    size_t count;
+    const double *state = plant_state(simulator_plant(view->simulator), &count);
+    double up;
+
+    (void)a;
+    if (word < 7) {
+        return state[word];
+    }
+    up = 1.0 - 2.0 * (state[4] * state[4] + state[5] * state[5]); /* cosine, from the quaternion */
+    return acos(fmin(fmax(up, -1.0), 1.0));
+}
+
+static double read_com(const struct scenario_view *view, size_t a, size_t word)
+{
+    double position[3], momentum[3];
+
+    (void)a;
+    plant_centre_of_mass(simulator_plant(view->simulator), position, momentum);
+    return position[word];
+}
+
+static double read_contact(const struct scenario_view *view, size_t body, size_t word)
+{
+    const struct contact_wrench *wrench =
+        &plant_contact_wrenches(simulator_plant(view->simulator))[body];
+
+    return word < 3 ? wrench->force[word] : wrench->moment[word - 3];
+}
+
+static double read_supply(const struct scenario_view *view, size_t a, size_t b)
+{
+    (void)a;
+    (void)b;
+    return plant_sensors(simulator_plant(view->simulator))->supply_v;
+}
+
+static double read_clamped(const struct scenario_view *view, size_t a, size_t b)
+{
+    (void)a;
+    (void)b;
+    return (double)plant_is_clamped(simulator_plant(view->simulator));
+}
+
+static double read_task(const struct scenario_view *view, size_t a, size_t b)
+{
+    const struct controller *controller = simulator_controller(view->simulator);
+
+    (void)a;
+    (void)b;
+    return controller ? (double)controller->now.status : 0.0;
+}
+
+/* the largest of the counters of the boards' controllers */
+static double largest_tec(const struct scenario_view *view, const struct wire *wire, size_t bus)
+{
+    unsigned largest = 0;
+
+    for (size_t i = 0; i < view->rig->bus[bus].nboard; i++) {
+        struct wire_node_stats stats;
+
+        wire_node_stats(wire, i, &stats);
+        largest = stats.tec > largest ? stats.tec : largest;
+    }
+    return (double)largest;
+}
+
+static double read_wire(const struct scenario_view *view, size_t bus, size_t word)
+{
+    const struct wire *wire = simulator_wire(view->simulator, bus);
+    struct wire_stats stats;
+    uint64_t errors = 0;
+
+    if (!wire) {
+        return NAN;
+    }
+    if (word == 5) {
+        return largest_tec(view, wire, bus);
+    }
+    if (word == 11) {
+        return (double)wire_worst_latency(wire).max_ns * 1e-9;
+    }
+    wire_stats(wire, &stats);
+    for (int i = 0; i < WIRE_ERRORS; i++) {
+        errors += stats.errors[i];
+    }
+    return word == 6   ? (double)stats.bus_offs
+           : word == 7 ? (double)errors
+           : word == 8 ? stats.load_now
+           : word == 9 ? stats.load_peak
+                       : (double)stats.queued_peak;
+}
+
+static double read_bus(const struct scenario_view *view, size_t bus, size_t word)
+{
+    const struct can_port *port = simulator_port(view->simulator, bus);
+    const double value[] = {(double)port->counters.rx_frames, (double)port->counters.tx_frames,
+                            (double)port->counters.rx_dropped, (double)port->counters.tx_dropped,
+                            (double)port->state};
+
+    return word < COUNT(value) ? value[word] : read_wire(view, bus, word);
+}
+
+static double read_boards(const struct scenario_view *view, size_t a, size_t word)
+{
+    struct boards_counters counters;
+
+    (void)a;
+    boards_counters(simulator_boards(view->simulator), &counters);
+    {
+        const double value[] = {
+            (double)counters.frames,    (double)counters.foreign,
+            (double)counters.unknown,   (double)counters.malformed,
+            (double)counters.timeouts,  (double)counters.trips,
+            (double)counters.overflows, (double)boards_fault(simulator_boards(view->simulator))};
+
+        return value[word];
+    }
+}
+
+static double read_lockstep(const struct scenario_view *view, size_t a, size_t word)
+{
+    const struct lockstep_counters *counters = &simulator_stats(view->simulator)->lockstep;
+    const double value[COUNT(lockstep_words)] = {
+        (double)counters->steps, (double)counters->mismatches, (double)counters->malformed,
+        (double)counters->silences};
+
+    (void)a;
+    return value[word];
+}
+
+/* ---- names ---- */
+
+static size_t joint_names(const struct rig *rig, const char **name)
+{
+    for (size_t i = 0; i < rig->robot->njoint && i < NAMES_MAX; i++) {
+        name[i] = rig->robot->joint[i].name;
+    }
+    return rig->robot->njoint;
+}
+
+static size_t axis_names(const struct rig *rig, const char **name)
+{
+    for (size_t i = 0; i < rig->naxis && i < NAMES_MAX; i++) {
+        name[i] = rig->axis[i].joint;
+    }
+    return rig->naxis;
+}
+
+static size_t ft_names(const struct rig *rig, const char **name)
+{
+    for (size_t i = 0; i < rig->robot->nft && i < NAMES_MAX; i++) {
+        name[i] = rig->robot->ft[i].name;
+    }
+    return rig->robot->nft;
+}
+
+static size_t host_ft_names(const struct rig *rig, const char **name)
+{
+    for (size_t i = 0; i < rig->nft && i < NAMES_MAX; i++) {
+        name[i] = rig->ft[i].name;
+    }
+    return rig->nft;
+}
+
+static size_t contact_names(const struct rig *rig, const char **name)
+{
+    for (size_t i = 0; i < rig->contact.nbody && i < NAMES_MAX; i++) {
+        name[i] = rig_contact_name(rig, i);
+    }
+    return rig->contact.nbody;
+}
+
+static size_t bus_names(const struct rig *rig, const char **name)
+{
+    for (size_t i = 0; i < rig->nbus && i < NAMES_MAX; i++) {
+        name[i] = rig->bus[i].name;
+    }
+    return rig->nbus;
+}
+
+/* PREFIX.NAME.WORD; with a prefix of "" it is left out, without names too */
+static const struct form {
+    const char *prefix;
+    size_t (*names)(const struct rig *rig, const char **name);
+    const char *const *word;
+    size_t nword;
+    double (*read)(const struct scenario_view *view, size_t a, size_t b);
+    bool host, floating;
+} forms[] = {
+    {"measured.ft", ft_names, wrench_words, COUNT(wrench_words), read_measured_ft, false, false},
+    {"host.ft", host_ft_names, host_force_words, COUNT(host_force_words), read_host_ft, true,
+     false},
+    {"measured", joint_names, joint_words, COUNT(joint_words), read_measured_joint, false, false},
+    {"host", axis_names, host_joint_words, COUNT(host_joint_words), read_host_joint, true, false},
+    {"ft", ft_names, wrench_words, COUNT(wrench_words), read_ft, false, false},
+    {"contact", contact_names, wrench_words, COUNT(wrench_words), read_contact, false, false},
+    {"bus", bus_names, bus_words, COUNT(bus_words), read_bus, false, false},
+    {"", joint_names, joint_words, COUNT(joint_words), read_joint, false, false},
+    {"base", NULL, base_words, COUNT(base_words), read_base, false, true},
+    {"com", NULL, com_words, COUNT(com_words), read_com, false, false},
+    {"boards", NULL, boards_words, COUNT(boards_words), read_boards, false, false},
+    {"lockstep", NULL, lockstep_words, COUNT(lockstep_words), read_lockstep, false, false},
+    {"supply", NULL, (const char *const[]){"v"}, 1, read_supply, false, false},
+    {"links", NULL, (const char *const[]){"clamped"}, 1, read_clamped, false, false},
+    {"host", NULL, (const char *const[]){"phase"}, 1, read_host, true, false},
+    {"task", NULL, (const char *const[]){"status"}, 1, read_task, false, false},
+};
+
+static bool find(const char *const *word, size_t count, const char *text, size_t *index)
+{
+    for (*index = 0; *index < count; ++*index) {
+        if (strcmp(word[*index], text) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* the middle of PREFIX.middle.WORD, in *middle; false when the form is another */
+static bool fits(const struct form *form, const char *name, char middle[PART_SIZE],
+                 const char **word)
+{
+    size_t prefix = strlen(form->prefix);
+    const char *last = strrchr(name, '.');
+    const char *from = name;
+
+    if (prefix) {
+        if (strncmp(name, form->prefix, prefix) != 0 || name[prefix] != '.') {
+            return false;
+        }
+        from = name + prefix + 1;
+    }
+    *word = last ? last + 1 : "";
+    middle[0] = '\0';
+    if (!form->names) {
+        return last == name + prefix;
+    }
+    if (!last || last <= from) {
+        return false;
+    }
+    snprintf(middle, PART_SIZE, "%.*s", (int)(last - from), from);
+    return true;
+}
+
+static enum error_code unknown(const char *name, const char *part, const char *const *words,
+                               size_t count, const struct yaml_mark *mark, struct error *error)
+{
+    const char *nearest = text_nearest(part, words, count);
+
+    return yaml_error(error, mark, "found signal \"%.80s\" with unknown \"%.60s\", expected %s%s%s",
+                      name, part, nearest ? "\"" : "one that is listed by test --help",
+                      nearest ? nearest : "", nearest ? "\"" : "");
+}
+
+enum error_code scenario_signal_find(const char *name, const struct rig *rig,
+                                     const struct yaml_mark *mark, struct scenario_signal *signal,
+                                     struct error *error)
+{
+    const char *names[NAMES_MAX], *word, *part = name;
+    const char *const *words = NULL;
+    size_t count = 0;
+
+    for (size_t i = 0; i < COUNT(forms); i++) {
+        const struct form *form = &forms[i];
+        size_t n = 0, a = 0, b;
+        char middle[PART_SIZE];
+
+        if (!fits(form, name, middle, &word)) {
+            continue;
+        }
+        if (form->names) {
+            n = form->names(rig, names);
+            n = n < NAMES_MAX ? n : NAMES_MAX;
+        }
+        if (form->floating && !rig->robot->floating) {
+            return yaml_error(error, mark, "found signal \"%.80s\", but the robot's base is fixed",
+                              name);
+        }
+        if (!form->names || find(names, n, middle, &a)) {
+            if (find(form->word, form->nword, word, &b)) {
+                *signal = (struct scenario_signal){form->read, a, b, form->host};
+                return ERROR_NONE;
+            }
+            words = form->word;
+            count = form->nword;
+            part = word;
+        }
+    }
+    if (words) {
+        return unknown(name, part, words, count, mark, error);
+    }
+    count = joint_names(rig, names);
+    return unknown(name, name, names, count < NAMES_MAX ? count : NAMES_MAX, mark, error);
+}
+
+const char *const *scenario_signal_help(void)
+{
+    static const char *const lines[] = {
+        "JOINT.q qd qm qmd current torque voltage winding: as it truly is (rad, A, N m, V, deg C)",
+        "measured.JOINT.*: as the boards' sensors see it",
+        "host.JOINT.q qm current torque motor fault: as the host was told in frames; motor 2 is "
+        "on, 4 in "
+        "fault",
+        "ft.SENSOR.fx fy fz tx ty tz, measured.ft.SENSOR.*, host.ft.SENSOR.* and .overflow (N, N "
+        "m)",
+        "base.x y z qw qx qy qz tilt (m, rad); com.x y z; contact.BODY.fx fy fz tx ty tz",
+        "bus.NAME.rx tx rx_dropped tx_dropped state; of a wire also tec bus_off errors load "
+        "load_peak "
+        "queued latency_max (s)",
+        "boards.frames foreign unknown malformed timeouts trips overflows fault",
+        "supply.v; links.clamped; host.phase (3 = ready, 4 = failed); task.status (0 running, 1 "
+        "done, 2 "
+        "failed); lockstep.steps mismatches malformed silences",
+        NULL};
+
+    return lines;
+}

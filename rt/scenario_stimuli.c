@@ -1,0 +1,216 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What a scenario does to its rig, tick by tick. */
+#include "rt/scenario_private.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+static const double REFRESH_S = 0.01; /* of a voltage */
+
+struct state {
+    bool left_out; /* by the mutation */
+    bool begun, over;
+    int64_t begin_ns, next_ns;
+    int fault; /* index in the table of faults, -1 = not looked up */
+};
+
+struct scenario_stimuli {
+    const struct scenario *scenario;
+    struct state state[SCENARIO_STIMULI_MAX];
+    bool silence;
+};
+
+static int64_t ns(double seconds)
+{
+    return llround(seconds * 1e9);
+}
+
+static void fault_name(size_t stimulus, char name[32])
+{
+    snprintf(name, 32, "stimulus-%zu", stimulus + 1);
+}
+
+/* ---- set-up ---- */
+
+static bool left_out(const struct scenario *scenario, int mutation, size_t stimulus)
+{
+    const char *label = scenario->stimulus[stimulus].label;
+    const char *without = mutation < 0 ? NULL : scenario->mutation[mutation].without;
+
+    return label && without && strcmp(label, without) == 0;
+}
+
+enum error_code scenario_stimuli_create(const struct scenario *scenario, int mutation,
+                                        struct arena *arena, struct scenario_stimuli **out,
+                                        const char **fault, size_t *nfault, struct error *error)
+{
+    struct scenario_stimuli *stimuli = arena_alloc(arena, 1, sizeof *stimuli);
+    bool good = stimuli != NULL;
+
+    *nfault = 0;
+    for (size_t i = 0; i < scenario->nfault; i++) {
+        fault[(*nfault)++] = scenario->fault[i].name;
+    }
+    for (size_t i = 0; i < scenario->nstimulus && good; i++) {
+        const struct scenario_stimulus *stimulus = &scenario->stimulus[i];
+        char name[32], line[FAULT_TEXT_SIZE + 64];
+
+        stimuli->state[i] =
+            (struct state){.left_out = left_out(scenario, mutation, i), .fault = -1};
+        if (stimulus->action == SCENARIO_FAULT) {
+            fault_name(i, name);
+            snprintf(line, sizeof line, "%s: %s manual", name, stimulus->fault);
+            fault[*nfault] = arena_strdup(arena, line);
+            good = fault[(*nfault)++] != NULL;
+        }
+    }
+    if (good && mutation >= 0 && scenario->mutation[mutation].fault_given) {
+        char line[FAULT_TEXT_SIZE + 64];
+
+        snprintf(line, sizeof line, "mutation: %s", scenario->mutation[mutation].fault);
+        fault[*nfault] = arena_strdup(arena, line);
+        good = fault[(*nfault)++] != NULL;
+    }
+    if (!good) {
+        return error_set(error, ERROR_MEMORY, "%s: no memory left for stimuli", scenario->file);
+    }
+    stimuli->scenario = scenario;
+    *out = stimuli;
+    return ERROR_NONE;
+}
+
+/* ---- the actions ---- */
+
+static void switch_fault(struct scenario_stimuli *stimuli, size_t index,
+                         const struct scenario_view *view, bool active)
+{
+    struct faults *faults = simulator_faults(view->simulator);
+    struct state *state = &stimuli->state[index];
+    char name[32];
+
+    if (state->fault < 0) {
+        fault_name(index, name);
+        state->fault = faults_find(faults, name);
+    }
+    faults_set(faults, (size_t)state->fault, active);
+}
+
+static void switch_motors(const struct scenario_motor *motor, const struct scenario_view *view)
+{
+    for (size_t i = 0; i < view->rig->naxis; i++) {
+        if (motor->axis < 0 || motor->axis == (int)i) {
+            host_set_motor(view->host, i, motor->on);
+        }
+    }
+}
+
+static void push(const struct scenario_push *what, const struct scenario_view *view, bool on)
+{
+    static const double none[3];
+
+    plant_set_push(simulator_plant(view->simulator), what->index, on ? what->force_n : none,
+                   on ? what->moment_nm : none);
+}
+
+/* once more, or for the first time */
+static void act(struct scenario_stimuli *stimuli, size_t index, const struct scenario_view *view,
+                const struct bus_ports *ports, int64_t time_ns)
+{
+    const struct scenario_stimulus *stimulus = &stimuli->scenario->stimulus[index];
+    struct bus_frame frame = stimulus->frame.frame;
+
+    switch (stimulus->action) {
+    case SCENARIO_FRAME:
+        frame.time_ns = time_ns;
+        for (int64_t i = 0; i < stimulus->frame.copies; i++) {
+            can_send(ports->port[stimulus->frame.bus_index], &frame, 1);
+        }
+        break;
+    case SCENARIO_VOLTAGE:
+        host_set_voltage(view->host, (size_t)stimulus->voltage.axis, stimulus->voltage.volts);
+        break;
+    case SCENARIO_MOTOR:
+        switch_motors(&stimulus->motor, view);
+        break;
+    case SCENARIO_PUSH:
+        push(&stimulus->push, view, true);
+        break;
+    case SCENARIO_FAULT:
+        switch_fault(stimuli, index, view, true);
+        break;
+    case SCENARIO_SILENCE:
+    case SCENARIO_MARK:
+        break;
+    }
+}
+
+static void end(struct scenario_stimuli *stimuli, size_t index, const struct scenario_view *view)
+{
+    const struct scenario_stimulus *stimulus = &stimuli->scenario->stimulus[index];
+
+    if (stimulus->action == SCENARIO_PUSH) {
+        push(&stimulus->push, view, false);
+    } else if (stimulus->action == SCENARIO_FAULT) {
+        switch_fault(stimuli, index, view, false);
+    }
+    stimuli->state[index].over = true;
+}
+
+/* how long it is until the next time; 0 = it acts once */
+static int64_t period_ns(const struct scenario_stimulus *stimulus)
+{
+    return stimulus->every_s > 0.0                ? ns(stimulus->every_s)
+           : stimulus->action == SCENARIO_VOLTAGE ? ns(REFRESH_S)
+                                                  : 0;
+}
+
+/* begins or carries on what is due; true when it began, which may be the label of another */
+static bool step_one(struct scenario_stimuli *stimuli, size_t index,
+                     const struct scenario_view *view, const struct bus_ports *ports,
+                     struct scenario_clock *clock, int64_t time_ns)
+{
+    const struct scenario_stimulus *stimulus = &stimuli->scenario->stimulus[index];
+    struct state *state = &stimuli->state[index];
+    int64_t label = clock->label_ns[stimulus->after_index];
+    bool begins = !state->begun && label >= 0 && time_ns >= label + ns(stimulus->at_s);
+
+    if (state->left_out || state->over || (!state->begun && !begins)) {
+        return false;
+    }
+    if (begins) {
+        state->begun = true;
+        state->begin_ns = state->next_ns = time_ns;
+        if (stimulus->label_index >= 0 && clock->label_ns[stimulus->label_index] < 0) {
+            clock->label_ns[stimulus->label_index] = time_ns;
+        }
+    }
+    if (stimulus->for_s > 0.0 && time_ns >= state->begin_ns + ns(stimulus->for_s)) {
+        end(stimuli, index, view);
+    } else if (begins || (period_ns(stimulus) && time_ns >= state->next_ns)) {
+        act(stimuli, index, view, ports, time_ns);
+        state->next_ns += period_ns(stimulus);
+    }
+    stimuli->silence |= stimulus->action == SCENARIO_SILENCE && !state->over;
+    return begins;
+}
+
+void scenario_stimuli_step(struct scenario_stimuli *stimuli, const struct scenario_view *view,
+                           const struct bus_ports *ports, struct scenario_clock *clock,
+                           int64_t time_ns)
+{
+    bool again = true;
+
+    stimuli->silence = false;
+    for (size_t round = 0; again && round <= stimuli->scenario->nstimulus; round++) {
+        again = false;
+        for (size_t i = 0; i < stimuli->scenario->nstimulus; i++) {
+            again |= step_one(stimuli, i, view, ports, clock, time_ns);
+        }
+    }
+}
+
+bool scenario_stimuli_silence(const struct scenario_stimuli *stimuli)
+{
+    return stimuli->silence;
+}

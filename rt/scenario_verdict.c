@@ -1,0 +1,86 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the outcomes of runs amount to. */
+#include "rt/scenario_jobs.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static void name_case(const struct scenario *scenario, struct scenario_result *result)
+{
+    snprintf(result->name, sizeof result->name, "%s%s%s%s", scenario->name,
+             scenario->values[0] ? " [" : "", scenario->values, scenario->values[0] ? "]" : "");
+}
+
+static void add_name(struct scenario_result *result, const char *text, const char *name)
+{
+    size_t used = strlen(result->name);
+
+    snprintf(result->name + used, sizeof result->name - used, "%s%s", text, name);
+}
+
+static void add(struct scenario_result *result, enum scenario_status status, const char *what,
+                const char *text)
+{
+    size_t used = strlen(result->message);
+
+    result->status = status;
+    snprintf(result->message + used, sizeof result->message - used, "%s%s%s%s", used ? "\n" : "",
+             what, what[0] ? ": " : "", text);
+}
+
+void scenario_judge(const struct scenario_job *job, struct scenario_result *result)
+{
+    const struct scenario *scenario = job->scenario;
+    const struct scenario_outcome *outcome = &job->outcome;
+    const char *missed;
+
+    *result = (struct scenario_result){.scenario = scenario,
+                                       .record = "",
+                                       .ran = outcome->ran,
+                                       .seed = outcome->seed,
+                                       .state_hash = outcome->state_hash,
+                                       .seconds = job->seconds};
+    name_case(scenario, result);
+    if (job->mutation >= 0) {
+        add_name(result, ", mutation ", scenario->mutation[job->mutation].name);
+    }
+    if (!outcome->ran) {
+        add(result, SCENARIO_BROKEN, "", outcome->text);
+        return;
+    }
+    if (job->mutation >= 0) {
+        if (!scenario_flipped(scenario, (size_t)job->mutation, outcome, &missed)) {
+            add(result, SCENARIO_FAILED, missed,
+                missed[0] ? "met all the same" : "every expectation was met all the same");
+        }
+        return;
+    }
+    for (size_t i = 0; i < outcome->nverdict; i++) {
+        if (!outcome->verdict[i].met) {
+            add(result, SCENARIO_FAILED, scenario->expectation[i].name, outcome->verdict[i].text);
+            result->record = job->record;
+        }
+    }
+}
+
+void scenario_judge_mutations(const struct scenario_job *job, size_t count,
+                              struct scenario_result *result)
+{
+    const struct scenario *scenario = job->scenario;
+
+    *result = (struct scenario_result){.scenario = scenario, .record = ""};
+    name_case(scenario, result);
+    add_name(result, ", every expectation can fail", "");
+    for (size_t i = 0; i < scenario->nexpectation; i++) {
+        bool fails = false;
+
+        for (size_t k = 0; k < count; k++) {
+            fails = fails ||
+                    (job[k].mutation >= 0 && job[k].outcome.ran && !job[k].outcome.verdict[i].met);
+        }
+        if (!fails) {
+            add(result, SCENARIO_FAILED, scenario->expectation[i].name,
+                "no mutation of the scenario makes it fail");
+        }
+    }
+}

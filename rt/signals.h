@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Signals of a recording, read back from its signals.csv: a line of titles, then numbers, time first
+ * (rt/recorder.h). Not RT-safe.
+ */
+#ifndef RT_SIGNALS_H
+#define RT_SIGNALS_H
+
+#include "base/error.h"
+
+#include <stddef.h>
+
+enum { SIGNALS_MAX = 64 };
+
+/* Chosen columns, as long as one another. */
+struct signals {
+    char first_title[64];           /* of the first column, the time */
+    size_t nsignal, count;          /* columns beside the first; rows */
+    double *value[SIGNALS_MAX + 1]; /* the first column, then the chosen ones in their order */
+    size_t capacity;
+};
+
+/* Reads the columns with these titles (at most SIGNALS_MAX) and the first one, of the rows whose first
+ * number is within [from, to]. Everything wrong with the file is ERROR_INPUT with file:line. Memory is
+ * the caller's until signals_free, also after an error. */
+enum error_code signals_read(const char *path, const char *const *title, size_t ntitle, double from,
+                             double to, struct signals *signals, struct error *error);
+
+/* Safe on a zeroed struct. */
+void signals_free(struct signals *signals);
+
+#endif

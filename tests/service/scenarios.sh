@@ -1,0 +1,158 @@
+#!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
+# The scenarios that come with the program: all pass, each fails under its mutations, shards and JUnit
+# files fit together, what fails leaves a recording and plots. Prints TAP.
+set -u
+program=$HIL_BINARY_DIR/rt/coman-hil
+scenarios=$HIL_SOURCE_DIR/config/scenarios
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+number=0
+
+ok()
+{
+    number=$((number + 1))
+    echo "ok $number - $1"
+}
+
+not_ok()
+{
+    number=$((number + 1))
+    echo "not ok $number - $1"
+    sed 's/^/# /' "$work/out" "$work/err" 2>/dev/null | tail -40
+}
+
+# run STATUS ARGUMENT...
+run()
+{
+    local expected=$1
+    shift
+    timeout -k 5 200 "$program" test "$@" >"$work/out" 2>"$work/err" </dev/null
+    [ $? -eq "$expected" ]
+}
+
+# totals FILE: tests, failures and errors of a JUnit file that python can read
+totals()
+{
+    python3 -c 'import sys, xml.etree.ElementTree as tree
+root = tree.parse(sys.argv[1]).getroot()
+cases = root.findall(".//testcase")
+assert int(root.get("tests")) == len(cases)
+assert int(root.get("failures")) == len(root.findall(".//failure"))
+assert sum(int(s.get("tests")) for s in root) == len(cases)
+assert len({s.get("name") for s in root}) == len(root)
+print(len(cases), len(root.findall(".//failure")), len(root.findall(".//error")))' "$1"
+}
+
+names()
+{
+    python3 -c 'import sys, xml.etree.ElementTree as tree
+print(*sorted(c.get("name") for c in tree.parse(sys.argv[1]).iter("testcase")), sep="\n")' "$1"
+}
+
+echo 1..10
+
+name="there are at least twenty scenarios"
+if [ "$(find "$scenarios" -name '*.yaml' | wc -l)" -ge 20 ]; then ok "$name"; else not_ok "$name"; fi
+
+name="all pass, every mutation makes its scenario fail, and every expectation fails under some"
+if run 0 --mutate --junit "$work/all.xml" --output "$work/results" "$scenarios"/*.yaml &&
+    [[ "$(totals "$work/all.xml")" =~ ^[1-9][0-9]+\ 0\ 0$ ]] && [ ! -e "$work/results" ]
+then ok "$name"; else not_ok "$name"; fi
+echo "# $(tail -1 "$work/out")"
+
+name="the parts of three shards merge into the whole"
+if run 0 --shard 1/3 --junit "$work/1.xml" "$scenarios"/[a-e]*.yaml &&
+    run 0 --shard 2/3 --junit "$work/2.xml" "$scenarios"/[a-e]*.yaml &&
+    run 0 --shard 3/3 --junit "$work/3.xml" "$scenarios"/[a-e]*.yaml &&
+    run 0 --junit "$work/whole.xml" "$scenarios"/[a-e]*.yaml &&
+    run 0 --merge --junit "$work/merged.xml" "$work/1.xml" "$work/2.xml" "$work/3.xml" &&
+    [ "$(totals "$work/merged.xml")" = "$(totals "$work/whole.xml")" ] &&
+    [ "$(names "$work/merged.xml")" = "$(names "$work/whole.xml")" ]
+then ok "$name"; else not_ok "$name"; fi
+
+# ---- a scenario that fails ----
+mkdir -p "$work/config/scenarios"
+cp -r "$HIL_SOURCE_DIR/config/rigs" "$HIL_SOURCE_DIR/config/robots" "$HIL_SOURCE_DIR/config/meshes" "$work/config"
+cat >"$work/config/scenarios/wrong.yaml" <<'END'
+name: wrong
+description: Expects <what> is "not" & never will be.
+rig: ../rigs/coman.yaml
+hold: always
+host: enabled
+parameters:
+  volts: {values: [1, 2]}
+duration_s: 0.3
+stimuli:
+  - {label: drive, after: ready, voltage: {joint: LElbj, volts: ${volts}}, for_s: 0.1}
+expectations:
+  - {name: "one <volt>", after: drive, signal: LElbj.voltage, reaches: [0.99, 1.01], within_s: 0.05}
+  - {name: quiet bus, frame: {bus: left_arm, id: 0x121}, never: true}
+  - {name: a log line, event: nobody says this}
+END
+
+name="what fails is told with time and value, in the status, in JUnit, and as log and plots"
+if run 1 --output "$work/results" --junit "$work/wrong.xml" "$work/config/scenarios/wrong.yaml" &&
+    [ "$(totals "$work/wrong.xml")" = "2 2 0" ] &&
+    grep -q '^FAIL  wrong \[volts=2\]' "$work/out" &&
+    grep -q 'one <volt>: LElbj.voltage stayed between 0 and 2.* until 0.0[0-9]* s, expected it to reach 0.99 to 1.01' "$work/out" &&
+    grep -q 'quiet bus: frames seen 1 times until 0.0[0-9]* s, expected 0 to 0' "$work/out" &&
+    grep -q '#' "$work/results/wrong-2/candump.log" && grep -q '<svg' "$work/results/wrong-2/expectation-1.svg" &&
+    grep -q '<svg' "$work/results/wrong-1/expectation-3.svg" && [ ! -e "$work/results/wrong-1/expectation-1.svg" ]
+then ok "$name"; else not_ok "$name"; fi
+
+name="merging keeps failures and says so in its status"
+if run 1 --merge --junit "$work/merged.xml" "$work/wrong.xml" "$work/1.xml" &&
+    [[ "$(totals "$work/merged.xml")" =~ ^[0-9]+\ 2\ 0$ ]]
+then ok "$name"; else not_ok "$name"; fi
+
+name="a file that test did not write is not merged, and the place is named"
+sed 's/<testcase /<testcas /' "$work/wrong.xml" >"$work/broken.xml"
+if run 2 --merge --junit "$work/merged.xml" "$work/broken.xml" && grep -q 'broken.xml:4: found' "$work/err" &&
+    head -5 "$work/wrong.xml" >"$work/broken.xml" && run 2 --merge --junit "$work/merged.xml" "$work/broken.xml" &&
+    run 2 --merge --junit "$work/merged.xml" "$scenarios/brown_out.yaml"
+then ok "$name"; else not_ok "$name"; fi
+
+name="a run that hangs is ended by its limit of wall-clock time, the others go on"
+sed 's/^name: wrong/name: hangs/; s/^hold:/clock: lockstep\nwall_limit_s: 0.5\nfaults: ["bus torso loss 1 id=0x6f0"]\nhold:/' \
+    "$work/config/scenarios/wrong.yaml" >"$work/config/scenarios/hangs.yaml"
+if run 1 --output "$work/results" --junit "$work/hangs.xml" "$work/config/scenarios/hangs.yaml" "$scenarios/brown_out.yaml" &&
+    [ "$(totals "$work/hangs.xml")" = "3 0 2" ] && grep -q 'no end after 0.5 s' "$work/out"
+then ok "$name"; else not_ok "$name"; fi
+
+name="the seed of the command line is that of the run, and equal seeds make equal runs"
+hash_of()
+{
+    python3 -c 'import sys, xml.etree.ElementTree as tree
+print(*[p.get("value") for p in tree.parse(sys.argv[1]).iter("property") if p.get("name") in ("seed", "state_hash")])' "$1"
+}
+if run 0 --seed 7 --junit "$work/a.xml" "$scenarios/noisy_sensors_squat.yaml" &&
+    run 0 --seed 7 --jobs 1 --junit "$work/b.xml" "$scenarios/noisy_sensors_squat.yaml" &&
+    run 0 --junit "$work/c.xml" "$scenarios/noisy_sensors_squat.yaml" &&
+    [[ "$(hash_of "$work/a.xml")" = 7\ * ]] && [ "$(hash_of "$work/a.xml")" = "$(hash_of "$work/b.xml")" ] &&
+    [ "$(hash_of "$work/a.xml")" != "$(hash_of "$work/c.xml")" ]
+then ok "$name"; else not_ok "$name"; fi
+
+name="names that the rig does not have are refused with the nearest one"
+sed 's/LElbj.voltage/LElbj.voltag/' "$work/config/scenarios/wrong.yaml" >"$work/config/scenarios/named.yaml"
+if run 2 "$work/config/scenarios/named.yaml" && grep -q 'named.yaml:12:5: found signal "LElbj.voltag".*expected "voltage"' "$work/err"
+then ok "$name"; else not_ok "$name"; fi
+
+# who only looks changes nothing
+cat >"$work/config/scenarios/looks.yaml" <<'END'
+name: looks
+description: Looks at a squat.
+rig: ../rigs/coman.yaml
+task: squat
+duration_s: 2.0
+expectations:
+  - {name: it squats, signal: task.status, between: [0, 0]}
+  - {name: frames pass, frame: {bus: left_leg, id: 0x111}}
+END
+name="a scenario that only looks ends in the state in which run ends"
+if run 0 --junit "$work/looks.xml" "$work/config/scenarios/looks.yaml" &&
+    "$program" run "$scenarios/../rigs/coman.yaml" --transport local --clock free --task squat --duration 2 \
+        --quiet --record "$work/run" >"$work/out" 2>"$work/err" &&
+    [ "$(hash_of "$work/looks.xml" | cut -d' ' -f2)" = \
+      "$(python3 -c 'import json, sys; print(json.load(open(sys.argv[1]))["state_hash"])' "$work/run/summary.json")" ]
+then ok "$name"; else not_ok "$name"; fi

@@ -1,0 +1,154 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The wire section of rigs: how long frames take, and what to do about buses that cannot carry their
+ * traffic. */
+#include "rt/rig.h"
+
+#include "tests/unit/rig_files.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+
+#include <cmocka.h>
+
+static struct arena arena;
+
+static int set_up(void **state)
+{
+    struct error error;
+
+    (void)state;
+    return arena_init(&arena, 64 << 20, &error) || make_tree() ? -1 : 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    remove_tree();
+    arena_fini(&arena);
+    return 0;
+}
+
+/* The toy rig with a line more, the last one. */
+static enum error_code load_with(const char *line, const struct rig **rig, struct error *error)
+{
+    char text[sizeof toy_rig + 256];
+
+    snprintf(text, sizeof text, "%s%s\n", toy_rig, line);
+    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
+    return rig_load(rig_path, &arena, rig, error);
+}
+
+static const struct rig_wire *wire_of(const char *line)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+
+    if (load_with(line, &rig, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return &rig->wire;
+}
+
+static void without_it_frames_take_no_time_and_overload_is_warned_of(void **state)
+{
+    const struct rig_wire *wire = wire_of("");
+
+    (void)state;
+    assert_false(wire->timed || wire->paced || wire->fifo);
+    assert_int_equal(wire->queue, 256);
+    assert_int_equal(wire->restart_ns, 100000000);
+    assert_int_equal(wire->budget, RIG_BUDGET_WARN);
+}
+
+static void every_key_is_taken(void **state)
+{
+    const struct rig_wire *wire = wire_of("wire: {mode: wire, pace: wire, order: fifo, queue: 8, "
+                                          "restart_s: 0.25, budget: refuse}");
+
+    (void)state;
+    assert_true(wire->timed && wire->paced && wire->fifo);
+    assert_int_equal(wire->queue, 8);
+    assert_int_equal(wire->restart_ns, 250000000);
+    assert_int_equal(wire->budget, RIG_BUDGET_REFUSE);
+    assert_int_equal(wire_of("wire: {budget: ignore}")->budget, RIG_BUDGET_IGNORE);
+    assert_false(wire_of("wire: {mode: wire}")->paced);
+}
+
+static void what_is_wrong_is_said_with_its_place(void **state)
+{
+    static const struct {
+        const char *line;
+        int column;
+        const char *found, *expected;
+    } cases[] = {
+        {"wire: {mode: exact}", 14, "\"exact\"", "ideal or wire"},
+        {"wire: {pace: 1}", 14, "1", "none or wire"},
+        {"wire: {order: lifo}", 15, "\"lifo\"", "priority or fifo"},
+        {"wire: {queue: 0}", 15, "0", "1"},
+        {"wire: {queue: 4097}", 15, "4097", "4096"},
+        {"wire: {queue: 1.5}", 15, "1.5", "integer"},
+        {"wire: {restart_s: -1}", 19, "-1", "0"},
+        {"wire: {budget: strict}", 16, "\"strict\"", "warn"},
+        {"wire: {que: 4}", 8, "que", "queue"},
+        {"wire: wire", 7, "wire", "map"},
+    };
+    int line = 1;
+
+    (void)state;
+    for (const char *at = toy_rig; (at = strchr(at, '\n')); at++) {
+        line++;
+    }
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        const struct rig *rig;
+        struct error error = {0};
+        char place[96];
+
+        snprintf(place, sizeof place, "%s:%d:%d: ", rig_path, line, cases[i].column);
+        if (load_with(cases[i].line, &rig, &error) != ERROR_INPUT ||
+            strncmp(error.text, place, strlen(place)) != 0 ||
+            !strstr(error.text + strlen(place), cases[i].found) ||
+            !strstr(error.text + strlen(place), cases[i].expected)) {
+            fail_msg("for %s: %s", cases[i].line, error.text);
+        }
+    }
+}
+
+/* A bus that is too slow: what is said, and what would help. */
+static void an_overloaded_bus_is_told_with_advice(void **state)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+    struct rig changed;
+    struct rig_bus bus;
+    char text[384], slow[384];
+
+    (void)state;
+    if (load_with("", &rig, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_false(rig_bus_over_budget(rig, 0, text, sizeof text));
+    changed = *rig;
+    bus = rig->bus[0];
+    bus.bitrate = 50000;
+    changed.bus = &bus;
+    changed.nbus = 1;
+    assert_true(rig_bus_over_budget(&changed, 0, slow, sizeof slow));
+    assert_non_null(strstr(slow, "would carry"));
+    assert_non_null(strstr(slow, "split it over"));
+    assert_non_null(strstr(slow, "or run it at"));
+}
+
+#define WIRE_TEST(f) cmocka_unit_test_setup_teardown(f, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        WIRE_TEST(without_it_frames_take_no_time_and_overload_is_warned_of),
+        WIRE_TEST(every_key_is_taken),
+        WIRE_TEST(what_is_wrong_is_said_with_its_place),
+        WIRE_TEST(an_overloaded_bus_is_told_with_advice),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,341 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Reading scenarios: parameters, labels, patterns, and what is refused with which words. */
+#include "base/random.h"
+#include "rt/scenario_jobs.h"
+#include "rt/scenario_private.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#define FILE_NAME "config/scenarios/x.yaml"
+
+static const char head[] = "name: x\n"
+                           "description: what it is about\n"
+                           "rig: ../rigs/coman.yaml\n"
+                           "host: enabled\n"
+                           "duration_s: 1.0\n";
+static const char expectations[] = "expectations:\n"
+                                   "  - {name: stands, signal: LElbj.q, between: [-1, 1]}\n";
+
+static struct arena arena;
+static struct scenario *cases;
+static size_t count;
+static struct error error;
+
+static enum error_code read_text(const char *text)
+{
+    error.text[0] = '\0';
+    return scenario_read_text(FILE_NAME, text, strlen(text), &arena, &cases, &count, &error);
+}
+
+/* head, then more, then the expectations */
+static enum error_code read_with(const char *more)
+{
+    char text[4096];
+
+    snprintf(text, sizeof text, "%s%s%s", head, more, expectations);
+    return read_text(text);
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    return arena_init(&arena, (size_t)1 << 30, &error);
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    arena_fini(&arena);
+    return 0;
+}
+
+/* ---- what is read ---- */
+
+static void reads_a_whole_scenario(void **state)
+{
+    const struct scenario_expectation *expectation;
+
+    (void)state;
+    assert_int_equal(
+        read_text(
+            "name: whole\ndescription: all of it\nrig: ../rigs/coman.yaml\nclock: free\n"
+            "hold: always\nwire: wire\nsettle: true\nseed: 7\nduration_s: 2\nclean_up_s: 0.5\n"
+            "wall_limit_s: 3\nhost: enabled\nfaults: [\"supply sag 1\"]\n"
+            "stimuli:\n"
+            "  - {label: a, at_s: 0.1, frame: {bus: torso, id: 0x001, data: \"49 0D.00 0000\"}}\n"
+            "  - {after: a, push: {body: Waist, force_n: [1, 2, 3]}, for_s: 0.2}\n"
+            "clean_up:\n"
+            "  - {motor: {joint: all, on: false}}\n"
+            "expectations:\n"
+            "  - {name: one, after: a, from_s: 0.1, within_s: 0.2, frame: {bus: torso, id: 0x110,\n"
+            "     id_mask: 0x7f0, data: \"x1 2x\"}, count: [2, 4]}\n"
+            "  - {name: two, event: text, never: true}\n"
+            "mutations:\n"
+            "  - {name: m, without: a, fails: [one]}\n"),
+        ERROR_NONE);
+    assert_int_equal(count, 1);
+    assert_string_equal(cases->name, "whole");
+    assert_string_equal(cases->rig_path, "config/rigs/coman.yaml");
+    assert_int_equal(cases->nstimulus, 3);
+    assert_int_equal(cases->stimulus[0].frame.frame.len, 5);
+    assert_int_equal(cases->stimulus[0].frame.frame.data[1], 0x0d);
+    assert_int_equal(cases->stimulus[1].after_index, cases->stimulus[0].label_index);
+    assert_int_equal(cases->stimulus[2].after_index, SCENARIO_LABEL_CLEAN_UP);
+    expectation = &cases->expectation[0];
+    assert_int_equal(expectation->look, SCENARIO_SEEN);
+    assert_true(expectation->to_s > 0.299 && expectation->to_s < 0.301);
+    assert_int_equal(expectation->frame.len, 2);
+    assert_int_equal(cases->expectation[1].band[1], 0);
+}
+
+static void a_pattern_matches_by_bits(void **state)
+{
+    static const struct {
+        uint32_t id;
+        uint8_t flags, len, data[3];
+        bool matches;
+    } frames[] = {
+        {0x110, 0, 2, {0x01, 0x20}, true},
+        {0x11f, 0, 3, {0xf1, 0x2f, 0xff}, true},
+        {0x110, 0, 1, {0x01}, false},
+        {0x110, 0, 2, {0x02, 0x20}, false},
+        {0x110, 0, 2, {0x01, 0x30}, false},
+        {0x120, 0, 2, {0x01, 0x20}, false},
+        {0x110, FRAME_EXTENDED, 2, {0x01, 0x20}, false},
+        {0x110, FRAME_ERROR, 2, {0x01, 0x20}, false},
+    };
+
+    (void)state;
+    assert_int_equal(
+        read_text("name: x\ndescription: d\nrig: r.yaml\nduration_s: 1\nexpectations:\n"
+                  "  - {name: f, frame: {bus: b, id: 0x110, id_mask: 0x7f0, data: x1 2x}}\n"),
+        ERROR_NONE);
+    for (size_t i = 0; i < sizeof frames / sizeof frames[0]; i++) {
+        struct bus_frame frame = {
+            .id = frames[i].id, .flags = frames[i].flags, .len = frames[i].len};
+
+        memcpy(frame.data, frames[i].data, sizeof frames[i].data);
+        assert_int_equal(scenario_pattern_matches(&cases->expectation[0].frame, &frame),
+                         frames[i].matches);
+    }
+}
+
+static void parameters_make_every_combination(void **state)
+{
+    static const char *const values[] = {"volts=1.5, seed=1", "volts=1.5, seed=2",
+                                         "volts=-2, seed=1", "volts=-2, seed=2"};
+
+    (void)state;
+    assert_int_equal(read_with("parameters:\n  volts: {values: [1.5, -2]}\n\n  # seeds\n"
+                               "  seed: {values: [1, 2]}\nseed: ${seed}\nstimuli:\n"
+                               "  - {voltage: {joint: LElbj, volts: ${volts}}}\n"),
+                     ERROR_NONE);
+    assert_int_equal(count, 4);
+    for (size_t i = 0; i < 4; i++) {
+        assert_string_equal(cases[i].values, values[i]);
+        assert_int_equal(cases[i].seed, 1 + i % 2);
+        assert_true(cases[i].stimulus[0].voltage.volts == (i < 2 ? 1.5 : -2.0));
+    }
+}
+
+/* ---- what is refused ---- */
+
+static void refuses_with_place_and_reason(void **state)
+{
+    static const struct {
+        const char *more, *says;
+    } wrong[] = {
+        {"color: red\n", FILE_NAME ":6:1: "},
+        {"stimuli: [{at_s: 1}]\n", FILE_NAME ":6:11: found 0 actions"},
+        {"stimuli: [{silence: true, fault: supply sag 1}]\n", "found 2 actions"},
+        {"stimuli: [{label: ready}]\n", "runner's own"},
+        {"stimuli: [{after: raedy, label: a}]\n", "did you mean \"ready\"?"},
+        {"stimuli: [{motor: {joint: all, on: true}, for_s: 1}]\n", "takes no time"},
+        {"stimuli: [{push: {body: b}, every_s: 1}]\n", "with a frame or a voltage only"},
+        {"stimuli: [{frame: {bus: b, id: 1}, every_s: 1}]\n", "expected every_s and for_s"},
+        {"stimuli: [{frame: {bus: b, id: 0x800}}]\n", "classic CAN can carry"},
+        {"stimuli: [{frame: {bus: b, id: 1, data: 0 1}}]\n", "two hexadecimal digits"},
+        {"stimuli: [{frame: {bus: b, id: 1, data: \"001\"}}]\n", "odd number of digits"},
+        {"stimuli: [{frame: {bus: b, id: 1, data: x0}}]\n", "two hexadecimal digits"},
+        {"stimuli: [{frame: {bus: b, id: 1, data: 00 00 00 00 00 00 00 00 00}}]\n", "9 bytes"},
+        {"clock: lockstep\nstimuli: [{silence: true}]\n", "without STEP time stands"},
+        {"clean_up: [{after: start, label: a}]\n", "found after: in clean_up"},
+        {"task: squat\n", "found both a task and a host"},
+        {"mutations: [{name: m}]\n", "neither of fault and without"},
+        {"mutations: [{name: m, without: nothing}]\n", "expected the label of a stimulus"},
+        {"mutations: [{name: m, fault: f, fails: [stand]}]\n", "did you mean \"stands\"?"},
+        {"seed: ${sed}\nparameters:\n  seed: {values: [1]}\n",
+         ":6:7: found ${sed}, expected ${NAME}"},
+        {"seed: ${\n", ":6:7: found ${"},
+        {"parameters:\n  a: {values: []}\n", "with 0 values"},
+        {"parameters:\n  a: {value: [1]}\n", ":7:7: "},
+        {"parameters:\n  a b: {values: [1]}\n", "expected a plain name"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        print_message("# %s", wrong[i].more);
+        assert_int_equal(read_with(wrong[i].more), ERROR_INPUT);
+        print_message("# %s\n", error.text);
+        assert_non_null(strstr(error.text, wrong[i].says));
+    }
+}
+
+static void refuses_expectations_of_no_form(void **state)
+{
+    static const char *const wrong[] = {
+        "{name: a}",
+        "{name: a, signal: x.q}",
+        "{name: a, signal: x.q, between: [0, 1], reaches: [0, 1]}",
+        "{name: a, signal: x.q, never: true}",
+        "{name: a, event: e, between: [0, 1]}",
+        "{name: a, event: e, period_s: [0, 1]}",
+        "{name: a, event: e, relative: true}",
+        "{name: a, event: e, never: true, count: [0, 1]}",
+        "{name: a, event: e, signal: x.q, between: [0, 1]}",
+        "{name: a, signal: x.q, between: [1, 0]}",
+        "{name: a, event: e, to_s: 1, within_s: 1}",
+        "{name: a, event: e, from_s: 2, to_s: 1}",
+        "{name: a, event: e}\n  - {name: a, event: e}",
+    };
+    char text[1024];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        snprintf(text, sizeof text, "%sexpectations:\n  - %s\n", head, wrong[i]);
+        assert_int_equal(read_text(text), ERROR_INPUT);
+        assert_non_null(strstr(error.text, FILE_NAME ":"));
+    }
+}
+
+static void bounds_the_number_of_combinations(void **state)
+{
+    char text[8192] = "parameters:\n";
+
+    (void)state;
+    for (int p = 0; p < 3; p++) {
+        size_t used = strlen(text);
+
+        used += (size_t)snprintf(text + used, sizeof text - used, "  p%d: {values: [0", p);
+        for (int i = 1; i < 20; i++) {
+            used += (size_t)snprintf(text + used, sizeof text - used, ", %d", i);
+        }
+        snprintf(text + used, sizeof text - used, "]}\n");
+    }
+    assert_int_equal(read_text(text), ERROR_INPUT);
+    assert_non_null(strstr(error.text, ":4:"));
+}
+
+/* A good file with bytes changed, lost and doubled is read or refused with words. */
+static void survives_damaged_files(void **state)
+{
+    static const char good[] =
+        "name: x\ndescription: d\nrig: ../rigs/coman.yaml\nhost: enabled\nduration_s: 1.0\n"
+        "parameters:\n  v: {values: [1, 2]}\n"
+        "stimuli:\n  - {label: a, after: ready, voltage: {joint: LElbj, volts: ${v}}, for_s: 0.1}\n"
+        "  - {after: a, frame: {bus: torso, id: 0x01, data: \"49 0d\"}}\n"
+        "expectations:\n  - {name: e, after: a, frame: {bus: b, id: 1, data: \"x0\"}, never: "
+        "true}\n"
+        "mutations:\n  - {name: m, without: a, fails: [e]}\n";
+    struct random_stream random = random_named(20260101, "damage");
+    size_t refused = 0;
+
+    (void)state;
+    for (int round = 0; round < 1500; round++) {
+        char text[2 * sizeof good];
+        size_t size = sizeof good - 1;
+
+        memcpy(text, good, sizeof good);
+        for (int damage = 0; damage < 1 + round % 3; damage++) {
+            size_t at = (size_t)(random_bits(&random) % size);
+
+            switch (random_bits(&random) % 3) {
+            case 0:
+                text[at] = (char)random_bits(&random);
+                break;
+            case 1:
+                memmove(text + at, text + at + 1, --size - at);
+                break;
+            default:
+                memmove(text + at + 1, text + at, size++ - at);
+                break;
+            }
+        }
+        arena_fini(&arena);
+        assert_int_equal(arena_init(&arena, (size_t)64 << 20, &error), ERROR_NONE);
+        error.text[0] = '\0';
+        if (scenario_read_text(FILE_NAME, text, size, &arena, &cases, &count, &error)) {
+            refused++;
+            assert_true(error.text[0] != '\0');
+        } else {
+            assert_true(count >= 1);
+        }
+    }
+    assert_true(refused > 500);
+}
+
+/* ---- verdicts ---- */
+
+static void a_mutation_has_to_make_its_expectations_fail(void **state)
+{
+    static struct scenario_job jobs[2];
+    static struct scenario_result result;
+    const char *missed;
+
+    (void)state;
+    assert_int_equal(
+        read_text("name: x\ndescription: d\nrig: r.yaml\nduration_s: 1\nexpectations:\n"
+                  "  - {name: one, event: a}\n  - {name: two, event: b}\n"
+                  "mutations: [{name: m, fault: f, fails: [one]}, {name: n, fault: f}]\n"),
+        ERROR_NONE);
+    for (int i = 0; i < 2; i++) {
+        jobs[i] = (struct scenario_job){.scenario = cases, .mutation = i - 1};
+        jobs[i].outcome = (struct scenario_outcome){.ran = true, .nverdict = 2};
+        jobs[i].outcome.verdict[0].met = jobs[i].outcome.verdict[1].met = true;
+    }
+    assert_false(scenario_flipped(cases, 0, &jobs[1].outcome, &missed));
+    assert_string_equal(missed, "one");
+    assert_false(scenario_flipped(cases, 1, &jobs[1].outcome, &missed));
+    assert_string_equal(missed, "");
+    jobs[1].outcome.verdict[0].met = false;
+    assert_true(scenario_flipped(cases, 0, &jobs[1].outcome, &missed));
+    assert_true(scenario_flipped(cases, 1, &jobs[1].outcome, &missed));
+
+    scenario_judge(&jobs[0], &result);
+    assert_int_equal(result.status, SCENARIO_PASSED);
+    scenario_judge(&jobs[1], &result);
+    assert_int_equal(result.status, SCENARIO_PASSED);
+    scenario_judge_mutations(jobs, 2, &result);
+    assert_int_equal(result.status, SCENARIO_FAILED);
+    assert_string_equal(result.message, "two: no mutation of the scenario makes it fail");
+
+    jobs[1].outcome.ran = false;
+    scenario_judge(&jobs[1], &result);
+    assert_int_equal(result.status, SCENARIO_BROKEN);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(reads_a_whole_scenario, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_pattern_matches_by_bits, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(parameters_make_every_combination, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(refuses_with_place_and_reason, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(refuses_expectations_of_no_form, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(bounds_the_number_of_combinations, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(survives_damaged_files, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_mutation_has_to_make_its_expectations_fail, set_up,
+                                        tear_down),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

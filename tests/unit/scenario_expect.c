@@ -1,0 +1,123 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Windows, counts and periods of frames and log lines, tick by tick with a clock in hand. */
+#include "rt/scenario_private.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+enum { TICKS = 100 };
+
+#define MS INT64_C(1000000)
+
+static struct arena arena;
+static struct error error;
+static struct scenario_expectations *expectations;
+static struct scenario_clock clock_of;
+static struct scenario_outcome outcome;
+
+/* One expectation that reads expectation_text, of frames 0x10 on bus 0 or of the event "boom". */
+static void expect(const char *expectation_text)
+{
+    struct scenario *cases;
+    char text[1024];
+    size_t count;
+
+    arena_fini(&arena);
+    assert_int_equal(arena_init(&arena, (size_t)64 << 20, &error), ERROR_NONE);
+    snprintf(text, sizeof text,
+             "name: x\ndescription: d\nrig: r.yaml\nduration_s: 1\n"
+             "stimuli: [{label: mark}]\nexpectations:\n  - {name: e, %s}\n",
+             expectation_text);
+    assert_int_equal(
+        scenario_read_text("a/x.yaml", text, strlen(text), &arena, &cases, &count, &error), 0);
+    assert_int_equal(
+        scenario_expectations_create(cases, NULL, TICKS + 1, &arena, &expectations, &error), 0);
+    for (size_t i = 0; i < sizeof clock_of.label_ns / sizeof clock_of.label_ns[0]; i++) {
+        clock_of.label_ns[i] = -1;
+    }
+    clock_of.label_ns[SCENARIO_LABEL_START] = 0;
+}
+
+/* Runs to the end of TICKS ms; a frame and an event come in the ticks of the list, which ends with
+ * 0; mark is when the label happens, -1 = never. */
+static const struct scenario_verdict *run(const int *ticks, int mark)
+{
+    const struct bus_frame frame = frame_make(0x10, 0, NULL);
+
+    for (int tick = 0; tick <= TICKS; tick++) {
+        if (tick == mark) {
+            clock_of.label_ns[SCENARIO_LABELS] = tick * MS;
+        }
+        for (const int *at = ticks; *at; at++) {
+            if (*at == tick) {
+                scenario_expectations_frame(expectations, 0, &frame);
+                scenario_expectations_event(expectations, "1.0 s: boom and bust");
+            }
+        }
+        scenario_expectations_step(expectations, NULL, &clock_of, tick * MS);
+    }
+    scenario_expectations_finish(expectations, &clock_of, TICKS * MS, &outcome);
+    assert_int_equal(outcome.nverdict, 1);
+    return &outcome.verdict[0];
+}
+
+static void judges_frames_and_events(void **state)
+{
+    static const struct {
+        const char *expectation;
+        int ticks[8], mark;
+        bool met;
+        int decided_ms; /* -1 = never */
+    } table[] = {
+        {"event: boom", {30}, -1, true, 30},
+        {"event: doom", {30}, -1, false, 100},
+        {"event: boom, within_s: 0.03", {30}, -1, true, 30},
+        {"event: boom, within_s: 0.03", {31}, -1, false, 30},
+        {"event: boom, from_s: 0.03", {30}, -1, false, 100}, /* what came before it opened */
+        {"event: boom, from_s: 0.03", {31}, -1, true, 31},
+        {"event: boom, never: true", {30}, -1, false, 30},
+        {"event: boom, never: true, to_s: 0.029", {30}, -1, true, 29},
+        {"event: boom, after: mark, never: true", {30}, 30, true, 100},
+        {"event: boom, after: mark, never: true", {30}, -1, false, -1},
+        {"event: boom, after: mark, within_s: 0.01", {30, 45}, 35, true, 45},
+        {"event: boom, to_s: 0.2", {0}, -1, false, 100}, /* the run ended before the window */
+        {"event: boom, count: [2, 3]", {10, 20}, -1, true, 100},
+        {"event: boom, count: [2, 3]", {10}, -1, false, 100},
+        {"event: boom, count: [2, 3]", {10, 20, 30, 40}, -1, false, 40},
+        {"frame: {bus: b, id: 0x10}", {30}, -1, true, 30},
+        {"frame: {bus: b, id: 0x11}", {30}, -1, false, 100},
+        {"frame: {bus: b, id: 0x10}, period_s: [0.02, 0.03]", {10, 40, 60, 85}, -1, true, 100},
+        {"frame: {bus: b, id: 0x10}, period_s: [0.02, 0.03]", {10, 40, 59, 85}, -1, false, 59},
+        {"frame: {bus: b, id: 0x10}, period_s: [0.02, 0.03]", {10, 40, 60}, -1, false, 91},
+        {"frame: {bus: b, id: 0x10}, period_s: [0.02, 0.03]", {0}, -1, false, 31},
+        {"frame: {bus: b, id: 0x10}, period_s: [0.02, 0.2]", {0}, -1, false, 100},
+        {"frame: {bus: b, id: 0x10}, period_s: [0.001, 0.2]", {10, 10}, -1, false, 10},
+        {"frame: {bus: b, id: 0x10}, period_s: [0.0, 0.2]", {10, 10}, -1, true, 100},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+        const struct scenario_verdict *verdict;
+
+        print_message("# %s\n", table[i].expectation);
+        expect(table[i].expectation);
+        verdict = run(table[i].ticks, table[i].mark);
+        assert_int_equal(verdict->met, table[i].met);
+        assert_int_equal(verdict->time_ns, table[i].decided_ms < 0 ? -1 : table[i].decided_ms * MS);
+        assert_int_equal(verdict->text[0] == '\0', verdict->met);
+    }
+    arena_fini(&arena);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(judges_frames_and_events)};
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
