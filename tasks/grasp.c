@@ -347,7 +347,10 @@ static enum task_status grasp_step(struct task *task, double t)
         if (t > config->settle_s - WEIGH_S) {
             weigh(task);
         }
-        snprintf(task->message, sizeof task->message, "settling, feet carry %.1f N", on_feet(task));
+        if (task->tells) {
+            snprintf(task->message, sizeof task->message, "settling, feet carry %.1f N",
+                     on_feet(task));
+        }
         return TASK_RUNNING;
     }
     t -= config->settle_s;
@@ -360,7 +363,9 @@ static enum task_status grasp_step(struct task *task, double t)
             grasp->carried_sum += carried(task);
             grasp->carried_count++;
         }
-        describe(task, t > end ? "hold" : config->phase[grasp->phase].name);
+        if (task->tells) {
+            describe(task, t > end ? "hold" : config->phase[grasp->phase].name);
+        }
         return TASK_RUNNING;
     }
     return judge(task);

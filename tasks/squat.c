@@ -256,7 +256,7 @@ static enum task_status squat_step(struct task *task, double t)
     struct squat *squat = task->state;
     const struct squat_config *config = &task->config.squat;
     double begin = RAMP_S + SETTLE_S, length = config->period_s * config->cycles;
-    double weight = squat->weighed ? squat->weight_sum / (double)squat->weighed : 0;
+    double weight = squat->weighed ? squat->weight_sum / (double)squat->weighed : 0, depth;
 
     hold_pose(task, t);
     if (t < begin) {
@@ -264,22 +264,26 @@ static enum task_status squat_step(struct task *task, double t)
             squat->weight_sum += foot_force(task);
             squat->weighed++;
         }
-        snprintf(task->message, sizeof task->message, "standing, feet carry %.1f N",
-                 foot_force(task));
+        if (task->tells) {
+            snprintf(task->message, sizeof task->message, "standing, feet carry %.1f N",
+                     foot_force(task));
+        }
         return TASK_RUNNING;
     }
     bend_legs(task, t - begin);
     if (!still_up(task, t, weight)) {
         return TASK_FAILED;
     }
-    squat->deepest_m = fmax(squat->deepest_m, measured_depth(task));
+    depth = measured_depth(task);
+    squat->deepest_m = fmax(squat->deepest_m, depth);
     if (t < begin + length + SETTLE_S) {
-        int cycle = (int)fmin((t - begin) / config->period_s, config->cycles - 1);
+        if (task->tells) {
+            int cycle = (int)fmin((t - begin) / config->period_s, config->cycles - 1);
 
-        snprintf(task->message, sizeof task->message,
-                 "cycle %d of %d, %.0f mm down, feet carry "
-                 "%.1f N",
-                 cycle + 1, config->cycles, 1e3 * measured_depth(task), foot_force(task));
+            snprintf(task->message, sizeof task->message,
+                     "cycle %d of %d, %.0f mm down, feet carry %.1f N", cycle + 1, config->cycles,
+                     1e3 * depth, foot_force(task));
+        }
         return TASK_RUNNING;
     }
     snprintf(task->message, sizeof task->message,

@@ -7,6 +7,8 @@
 #include <stdio.h>
 #include <string.h>
 
+enum { TELL_STEPS = 20 };
+
 static const struct task_ops *const known[] = {&task_squat, &task_grasp};
 static const char *const names[] = {"squat", "grasp", NULL};
 
@@ -87,6 +89,7 @@ enum task_status task_step(struct task *task, int64_t now_ns)
         snprintf(task->message, sizeof task->message, "%s", host_message(task->host));
         status = TASK_FAILED;
     } else {
+        task->tells = task->steps++ % TELL_STEPS == 0;
         status = task->ops->step(task, (double)(host_time_ns(task->host) - task->start_ns) * 1e-9);
         servo_update(task->servo);
     }

@@ -14,7 +14,8 @@ struct task_ops {
     enum error_code (*create)(struct task *task, struct arena *arena, struct error *error);
     /* The boards are ready and hold still: t_s = 0 is now. */
     void (*start)(struct task *task);
-    /* Sets the servo's references for t_s; writes task->message. */
+    /* Sets the servo's references for t_s; writes task->message when it ends or task->tells: words
+     * for a person in every step would take a tenth of the time. */
     enum task_status (*step)(struct task *task, double t_s);
 };
 
@@ -26,6 +27,8 @@ struct task {
     void *state;
     bool started;
     int64_t start_ns;
+    unsigned steps;
+    bool tells; /* this step writes the message even if there is only progress to tell */
     char message[192];
 };
 
