@@ -10,10 +10,16 @@ bool control_quantize(double value, int32_t *count)
     if (!isfinite(value)) {
         return false;
     }
-    value = floor(value + 0.5);
-    *count = value <= (double)INT32_MIN   ? INT32_MIN
-             : value >= (double)INT32_MAX ? INT32_MAX
-                                          : (int32_t)value;
+    value += 0.5;
+    if (value <= (double)INT32_MIN) {
+        *count = INT32_MIN;
+    } else if (value >= (double)INT32_MAX) {
+        *count = INT32_MAX;
+    } else {
+        /* floor() by hand: a call of the library costs more than all the rest */
+        *count = (int32_t)value;
+        *count -= *count > value;
+    }
     return true;
 }
 

@@ -38,7 +38,7 @@
 /* Bounds of the conjugate gradients: steps, and the share of the first residual that is left
  * (squared, in the norm of P^-1). */
 enum { COUPLING_STEPS = 16 };
-#define COUPLING_LEFT 1e-10
+#define COUPLING_LEFT 1e-8
 
 static const char crowded[] = "contact: more pairs are in touch than the implicit integrator takes";
 
