@@ -23,11 +23,6 @@ bool control_quantize(double value, int32_t *count)
     return true;
 }
 
-int64_t control_clamp(int64_t value, int64_t min, int64_t max)
-{
-    return value < min ? min : value > max ? max : value;
-}
-
 int64_t control_shift_right(int64_t value, int64_t shift)
 {
     return value / (INT64_C(1) << control_clamp(shift, 0, 30));

@@ -13,7 +13,10 @@
 /* To the nearest count, held within int32; false (*count untouched) when value is not finite. */
 bool control_quantize(double value, int32_t *count);
 
-int64_t control_clamp(int64_t value, int64_t min, int64_t max);
+static inline int64_t control_clamp(int64_t value, int64_t min, int64_t max)
+{
+    return value < min ? min : value > max ? max : value;
+}
 
 /* value / 2^shift toward zero; a shift outside 0-30 counts as its nearer end. */
 int64_t control_shift_right(int64_t value, int64_t shift);

@@ -82,21 +82,41 @@ static int32_t uncalibrated(const struct strain_board *strain, int channel)
                                   INT16_MIN, INT16_MAX);
 }
 
-/* Before the current tare. */
-static int32_t calibrate(const struct strain_board *strain, int channel)
+static void read_uncalibrated(const struct strain_board *strain, int32_t counts[BOARD_CHANNELS])
+{
+    for (int i = 0; i < BOARD_CHANNELS; i++) {
+        counts[i] = uncalibrated(strain, i);
+    }
+}
+
+static int32_t apply_matrix(const struct strain_board *strain, const int32_t counts[BOARD_CHANNELS],
+                            int channel)
 {
     int64_t sum = 0;
 
     for (int i = 0; i < BOARD_CHANNELS; i++) {
-        sum += (int64_t)strain->matrix[channel][i] * uncalibrated(strain, i);
+        sum += (int64_t)strain->matrix[channel][i] * counts[i];
     }
     return (int32_t)control_clamp(sum / MATRIX_ONE, INT16_MIN, INT16_MAX);
 }
 
+/* Before the current tare. */
+static int32_t calibrate(const struct strain_board *strain, int channel)
+{
+    int32_t counts[BOARD_CHANNELS];
+
+    read_uncalibrated(strain, counts);
+    return apply_matrix(strain, counts, channel);
+}
+
+static int32_t add_tare(const struct strain_board *strain, int32_t value, int channel)
+{
+    return (int32_t)control_clamp(value + strain->current_tare[channel], INT16_MIN, INT16_MAX);
+}
+
 static int32_t calibrated(const struct strain_board *strain, int channel)
 {
-    return (int32_t)control_clamp(calibrate(strain, channel) + strain->current_tare[channel],
-                                  INT16_MIN, INT16_MAX);
+    return add_tare(strain, calibrate(strain, channel), channel);
 }
 
 static void convert(struct board *board, int channel, double value)
@@ -125,8 +145,14 @@ static bool is_saturated(const struct strain_board *strain)
 
 static void hold_good_values(struct strain_board *strain)
 {
-    for (int i = 0; !is_saturated(strain) && i < BOARD_CHANNELS; i++) {
-        strain->held[i] = calibrated(strain, i);
+    int32_t counts[BOARD_CHANNELS];
+
+    if (is_saturated(strain)) {
+        return;
+    }
+    read_uncalibrated(strain, counts);
+    for (int i = 0; i < BOARD_CHANNELS; i++) {
+        strain->held[i] = add_tare(strain, apply_matrix(strain, counts, i), i);
     }
 }
 
@@ -395,9 +421,7 @@ static void transmit(struct board *board, struct ms_span span, struct frame_sink
     if (!is_due(board) || (strain->mode != ICUB_STRAIN_CALIBRATED && !raw && !both)) {
         return;
     }
-    for (int i = 0; i < BOARD_CHANNELS; i++) {
-        counts[i] = uncalibrated(strain, i);
-    }
+    read_uncalibrated(strain, counts);
     send(board, sink, ICUB_FORCE, raw ? counts : strain->held, 0);
     send(board, sink, ICUB_TORQUE, raw ? counts : strain->held, HALF);
     if (both) {
