@@ -363,7 +363,7 @@ static void idle_states(struct doctor *d)
     }
     if (worst > SLOW_STATE_US) {
         say(d, DOCTOR_WARN, "idle states",
-            "run it with write access to /dev/cpu_dma_latency (the service has it)",
+            "let it write /dev/cpu_dma_latency: systemd/examples has a udev rule",
             "%s takes %ld us to leave", slowest, worst);
     } else {
         say(d, DOCTOR_OK, "idle states", "", "slowest %s, %ld us to leave", slowest, worst);

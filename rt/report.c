@@ -3,6 +3,7 @@
 #include "rt/report.h"
 
 #include "rt/bench_output.h"
+#include "rt/markup.h"
 
 #include <errno.h>
 #include <stdarg.h>
@@ -48,29 +49,6 @@ static const char style[] =
     ".paper{fill:var(--paper)}.grid{stroke:var(--grid);fill:none}.axis{stroke:var(--soft);"
     "fill:none}.line{stroke-width:1.7;fill:none;stroke-linejoin:round}\n"
     "@media print{h2{break-after:avoid}figure,table{break-inside:avoid}}\n";
-
-/* Characters that HTML keeps to itself. */
-static void put_html(FILE *out, const char *text)
-{
-    for (; *text; text++) {
-        switch (*text) {
-        case '&':
-            fputs("&amp;", out);
-            break;
-        case '<':
-            fputs("&lt;", out);
-            break;
-        case '>':
-            fputs("&gt;", out);
-            break;
-        case '"':
-            fputs("&quot;", out);
-            break;
-        default:
-            putc(*text, out);
-        }
-    }
-}
 
 static void put_csv(FILE *out, const char *text)
 {
@@ -176,7 +154,7 @@ void report_section(struct report *report, const char *id, const char *title)
     report->section[n].title = keep(report, title);
     report->nsection++;
     fprintf(report->body, "%s<section id=\"%s\">\n<h2>", n ? "</section>\n" : "", id);
-    put_html(report->body, title);
+    markup_put(report->body, title);
     fputs("</h2>\n", report->body);
 }
 
@@ -190,7 +168,7 @@ void report_text(struct report *report, const char *format, ...)
     va_end(arguments);
     close_table(report);
     fputs("<p>", report->body);
-    put_html(report->body, line);
+    markup_put(report->body, line);
     fputs("</p>\n", report->body);
 }
 
@@ -202,7 +180,7 @@ static void put_cells(struct report *report, const char *element, char *line)
     fputs("<tr>", report->body);
     for (size_t i = 0; i < count; i++) {
         fprintf(report->body, "<%s>", element);
-        put_html(report->body, cell[i]);
+        markup_put(report->body, cell[i]);
         fprintf(report->body, "</%s>", element);
         put_csv(report->csv, cell[i]);
         putc(i + 1 < count ? ',' : '\n', report->csv);
@@ -221,7 +199,7 @@ void report_table(struct report *report, const char *id, const char *caption, co
         return;
     }
     fprintf(report->body, "<div class=\"scroll\"><table id=\"%s\"><caption>", id);
-    put_html(report->body, caption);
+    markup_put(report->body, caption);
     fputs("</caption>\n<thead>", report->body);
     snprintf(line, sizeof line, "%s", columns);
     put_cells(report, "th", line);
@@ -275,7 +253,7 @@ static void put_start(FILE *out, const char *title)
     char start[64];
 
     snprintf(start, sizeof start, "%.*s", (int)strcspn(title, ":"), title);
-    put_html(out, start);
+    markup_put(out, start);
 }
 
 static void put_finding(FILE *out, const struct report_finding *finding, bool summary)
@@ -287,15 +265,15 @@ static void put_finding(FILE *out, const struct report_finding *finding, bool su
         fputs("</a></td>", out);
     }
     fputs("<td class=\"what\">", out);
-    put_html(out, finding->what);
+    markup_put(out, finding->what);
     fputs("</td><td class=\"value\">", out);
-    put_html(out, finding->theirs);
+    markup_put(out, finding->theirs);
     fputs("</td><td class=\"value\">", out);
-    put_html(out, finding->ours);
+    markup_put(out, finding->ours);
     fputs("</td>", out);
     if (!summary) {
         fputs("<td class=\"remark\">", out);
-        put_html(out, finding->remark);
+        markup_put(out, finding->remark);
         fputs("</td>", out);
     }
     fputs("</tr>\n", out);
@@ -369,7 +347,7 @@ void report_figure(struct report *report, const char *id, const char *caption,
         write_panel(report, &panel[p], id, p + 1);
     }
     fputs("</div><figcaption>", report->body);
-    put_html(report->body, caption);
+    markup_put(report->body, caption);
     fputs("</figcaption></figure>\n", report->body);
     write_points(report, id, panel, npanel);
 }
@@ -395,13 +373,13 @@ static void put_page(const struct report *report, FILE *out)
     fputs("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
           "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>",
           out);
-    put_html(out, report->title);
+    markup_put(out, report->title);
     fprintf(out, "</title>\n<style>\n%s</style>\n</head>\n<body>\n<h1>", style);
-    put_html(out, report->title);
+    markup_put(out, report->title);
     fputs("</h1>\n<nav>\n<ul>\n<li><a href=\"#short\">In short</a></li>\n", out);
     for (size_t i = 0; i < report->nsection; i++) {
         fprintf(out, "<li><a href=\"#%s\">", report->section[i].id);
-        put_html(out, report->section[i].title);
+        markup_put(out, report->section[i].title);
         fputs("</a></li>\n", out);
     }
     fputs("</ul>\n</nav>\n", out);

@@ -2,6 +2,8 @@
 /* Line plots as SVG. */
 #include "rt/svg.h"
 
+#include "rt/markup.h"
+
 #include <errno.h>
 #include <math.h>
 #include <string.h>
@@ -53,29 +55,6 @@ static bool can_stand(const struct svg_axis *axis, double value)
 static bool point_can_stand(const struct svg_plot *plot, const struct svg_series *series, size_t i)
 {
     return can_stand(&plot->x, series->x[i]) && can_stand(&plot->y, series->y[i]);
-}
-
-/* Characters that XML keeps to itself, and control characters that it does not take at all. */
-static void put_text(FILE *out, const char *text)
-{
-    for (; text && *text; text++) {
-        switch (*text) {
-        case '&':
-            fputs("&amp;", out);
-            break;
-        case '<':
-            fputs("&lt;", out);
-            break;
-        case '>':
-            fputs("&gt;", out);
-            break;
-        case '"':
-            fputs("&quot;", out);
-            break;
-        default:
-            putc((unsigned char)*text < 0x20 || *text == 0x7f ? ' ' : *text, out);
-        }
-    }
 }
 
 /* The step of 1, 2 or 5 times a power of ten that gives about TICKS ticks. */
@@ -206,14 +185,14 @@ static void put_axes(const struct page *page)
             page->y.to, page->y.from, page->x.to);
     fprintf(page->out, "<text class=\"title\" x=\"%.2f\" y=\"26\" text-anchor=\"middle\">",
             middle_x);
-    put_text(page->out, plot->title);
+    markup_put(page->out, plot->title);
     fprintf(page->out, "</text>\n<text x=\"%.2f\" y=\"%.2f\" text-anchor=\"middle\">", middle_x,
             page->y.from + 42.0);
-    put_text(page->out, plot->x.label);
+    markup_put(page->out, plot->x.label);
     fprintf(page->out,
             "</text>\n<text transform=\"translate(20 %.2f) rotate(-90)\" text-anchor=\"middle\">",
             middle_y);
-    put_text(page->out, plot->y.label);
+    markup_put(page->out, plot->y.label);
     fputs("</text>\n", page->out);
 }
 
@@ -303,7 +282,7 @@ static void put_legend(const struct page *page)
             put_dot(page, s, x + 12.0, y - 4.0);
         }
         fprintf(page->out, "<text x=\"%.2f\" y=\"%.2f\">", x + 30.0, y);
-        put_text(page->out, series->name);
+        markup_put(page->out, series->name);
         fputs("</text>\n", page->out);
     }
 }
