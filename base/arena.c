@@ -7,7 +7,22 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-enum { ALIGNMENT = 64 };
+/* Under the address sanitizer what was not handed out may not be touched, not even within a page. */
+#if __has_include(<sanitizer/asan_interface.h>)
+#include <sanitizer/asan_interface.h>
+#else
+#define ASAN_POISON_MEMORY_REGION(at, size) ((void)(at), (void)(size))
+#define ASAN_UNPOISON_MEMORY_REGION(at, size) ((void)(at), (void)(size))
+#endif
+
+enum { ALIGNMENT = 64, FORBIDDEN = 4096 /* behind what was handed out last */ };
+
+static void forbid_rest(const struct arena *arena)
+{
+    size_t rest = arena->capacity - arena->used;
+
+    ASAN_POISON_MEMORY_REGION(arena->memory + arena->used, rest < FORBIDDEN ? rest : FORBIDDEN);
+}
 
 enum error_code arena_init(struct arena *arena, size_t capacity, struct error *error)
 {
@@ -26,6 +41,7 @@ enum error_code arena_init(struct arena *arena, size_t capacity, struct error *e
 void arena_fini(struct arena *arena)
 {
     if (arena->memory) {
+        ASAN_UNPOISON_MEMORY_REGION(arena->memory, arena->capacity);
         munmap(arena->memory, arena->capacity);
     }
     memset(arena, 0, sizeof *arena);
@@ -40,6 +56,8 @@ void *arena_alloc(struct arena *arena, size_t count, size_t size)
         return NULL;
     }
     arena->used = start + bytes;
+    ASAN_UNPOISON_MEMORY_REGION(arena->memory + start, bytes);
+    forbid_rest(arena);
     return arena->memory + start;
 }
 
@@ -54,16 +72,22 @@ char *arena_strdup(struct arena *arena, const char *text)
     return copy;
 }
 
-enum error_code arena_seal(struct arena *arena, bool lock, struct error *error)
+/* The first byte of a page may lie between two pieces. */
+__attribute__((no_sanitize("address"))) static void touch_pages(const struct arena *arena)
 {
     size_t page = (size_t)sysconf(_SC_PAGESIZE);
 
-    arena->sealed = true;
     for (size_t at = 0; at < arena->used; at += page) {
         volatile unsigned char *touch = arena->memory + at;
 
         *touch = *touch;
     }
+}
+
+enum error_code arena_seal(struct arena *arena, bool lock, struct error *error)
+{
+    arena->sealed = true;
+    touch_pages(arena);
     if (lock && mlock(arena->memory, arena->used)) {
         return error_set_errno(error, errno, "cannot lock %zu bytes in memory", arena->used);
     }

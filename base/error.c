@@ -2,7 +2,9 @@
 /* Errors as values: formatting of the message. */
 #include "base/error.h"
 
+#include <errno.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -33,6 +35,16 @@ enum error_code error_set_errno(struct error *error, int errno_value, const char
         snprintf(error->text + used, sizeof error->text - used, ": %s", strerror(errno_value));
     }
     return ERROR_SYSTEM;
+}
+
+enum error_code error_set_file(struct error *error, int errno_value, const char *path,
+                               const char *what)
+{
+    bool name = errno_value == ENOENT || errno_value == ENOTDIR || errno_value == EISDIR ||
+                errno_value == EACCES || errno_value == ENAMETOOLONG || errno_value == ELOOP;
+
+    return error_set(error, name ? ERROR_INPUT : ERROR_SYSTEM, "%.300s: %s: %s", path, what,
+                     strerror(errno_value));
 }
 
 enum error_code error_prefix(struct error *error, const char *format, ...)

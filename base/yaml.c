@@ -407,7 +407,7 @@ enum error_code yaml_read_text(const char *name, const char *text, size_t size,
     if (code) {
         return code;
     }
-    code = yaml_document_read(&r, name, text, size, schema->extendable, &root);
+    code = yaml_document_read(&r, name, text, size, schema, &root);
     if (!code) {
         memset(out, 0, schema->size);
         code = read_struct(&r, schema, root, out);

@@ -14,18 +14,6 @@ enum { MAX_EXTENDS = 4 /* files below one that extends */ };
 
 /* ---- files ---- */
 
-/* A wrong path is the user's to mend; anything else is the system's. */
-static enum error_code file_error(struct error *error, const char *path, int errno_value)
-{
-    enum error_code code = errno_value == ENOENT || errno_value == ENOTDIR ||
-                                   errno_value == EACCES || errno_value == ENAMETOOLONG ||
-                                   errno_value == ELOOP
-                               ? ERROR_INPUT
-                               : ERROR_SYSTEM;
-
-    return error_set(error, code, "%.200s: cannot be read: %s", path, strerror(errno_value));
-}
-
 static enum error_code read_bytes(int fd, const char *path, char *buffer, size_t capacity,
                                   size_t *size, struct error *error)
 {
@@ -37,7 +25,7 @@ static enum error_code read_bytes(int fd, const char *path, char *buffer, size_t
             return ERROR_NONE;
         }
         if (n < 0 && errno != EINTR) {
-            return file_error(error, path, errno);
+            return error_set_file(error, errno, path, "cannot be read");
         }
         *size += n > 0 ? (size_t)n : 0;
     }
@@ -53,10 +41,10 @@ enum error_code yaml_load_file(const char *path, char **text, size_t *size, stru
 
     *text = NULL;
     if (fd < 0) {
-        return file_error(error, path, errno);
+        return error_set_file(error, errno, path, "cannot be read");
     }
     if (fstat(fd, &status)) {
-        code = file_error(error, path, errno);
+        code = error_set_file(error, errno, path, "cannot be read");
     } else if (!S_ISREG(status.st_mode)) {
         code = error_set(error, ERROR_INPUT, "%.200s: found %s, expected a file", path,
                          S_ISDIR(status.st_mode) ? "a directory" : "no regular file");
@@ -72,7 +60,8 @@ enum error_code yaml_load_file(const char *path, char **text, size_t *size, stru
 /* ---- files that extend others ---- */
 
 static enum error_code read_tree(struct yaml_reader *r, const char *name, const char *text,
-                                 size_t size, bool extendable, int depth, struct yaml_node **root);
+                                 size_t size, const struct yaml_schema *schema, int depth,
+                                 struct yaml_node **root);
 
 /* Where the link to a key stands, or the end of the list. */
 static struct yaml_node **find_key(struct yaml_node *map, const char *name)
@@ -104,8 +93,24 @@ static void merge(struct yaml_node *map, struct yaml_node *base)
     }
 }
 
+/* Of the file that a document extends. */
+static enum error_code find_extended(struct yaml_reader *r, const struct yaml_schema *schema,
+                                     const struct yaml_node *reference, const char **path)
+{
+    enum error_code code;
+
+    if (!schema->locate || !*reference->text || strpbrk(reference->text, "/.")) {
+        return yaml_resolve_path(&reference->mark, reference->text, r->arena, path, r->error);
+    }
+    code = schema->locate(reference->text, reference->mark.file, r->arena, path, r->error);
+    return code ? error_prefix(r->error, "%s:%d:%d", reference->mark.file, reference->mark.line,
+                               reference->mark.column)
+                : ERROR_NONE;
+}
+
 /* Follows the key extends, if the document has it. */
-static enum error_code extend(struct yaml_reader *r, int depth, struct yaml_node *root)
+static enum error_code extend(struct yaml_reader *r, const struct yaml_schema *schema, int depth,
+                              struct yaml_node *root)
 {
     struct yaml_node **at, *reference, *base;
     enum error_code code;
@@ -127,13 +132,13 @@ static enum error_code extend(struct yaml_reader *r, int depth, struct yaml_node
                           "found more than %d files that extend one another, expected an end",
                           MAX_EXTENDS);
     }
-    code = yaml_resolve_path(&reference->mark, reference->text, r->arena, &path, r->error);
+    code = find_extended(r, schema, reference, &path);
     if (code) {
         return code;
     }
     code = yaml_load_file(path, &text, &size, r->error);
     if (!code) {
-        code = read_tree(r, path, text, size, true, depth + 1, &base);
+        code = read_tree(r, path, text, size, schema, depth + 1, &base);
     } else {
         error_prefix(r->error, "%s:%d:%d", reference->mark.file, reference->mark.line,
                      reference->mark.column);
@@ -147,7 +152,8 @@ static enum error_code extend(struct yaml_reader *r, int depth, struct yaml_node
 
 /* The document with all that it extends. */
 static enum error_code read_tree(struct yaml_reader *r, const char *name, const char *text,
-                                 size_t size, bool extendable, int depth, struct yaml_node **root)
+                                 size_t size, const struct yaml_schema *schema, int depth,
+                                 struct yaml_node **root)
 {
     enum error_code code;
 
@@ -162,13 +168,14 @@ static enum error_code read_tree(struct yaml_reader *r, const char *name, const 
         return yaml_no_memory(r);
     }
     code = yaml_tree_read(r, text, size, root);
-    return code || !extendable ? code : extend(r, depth, *root);
+    return code || !schema->extendable ? code : extend(r, schema, depth, *root);
 }
 
 enum error_code yaml_document_read(struct yaml_reader *r, const char *name, const char *text,
-                                   size_t size, bool extendable, struct yaml_node **root)
+                                   size_t size, const struct yaml_schema *schema,
+                                   struct yaml_node **root)
 {
-    return read_tree(r, name, text, size, extendable, 0, root);
+    return read_tree(r, name, text, size, schema, 0, root);
 }
 
 /* ---- references ---- */

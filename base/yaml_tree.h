@@ -41,10 +41,11 @@ struct yaml_reader {
 enum error_code yaml_tree_read(struct yaml_reader *reader, const char *text, size_t size,
                                struct yaml_node **root);
 
-/* The same for a file of that name (kept in reader->arena) and, when extendable, all files that it
- * extends, merged: see yaml_read_file. */
+/* The same for a file of that name (kept in reader->arena) and, when the schema is of an extendable
+ * one, all files that it extends, merged: see yaml_read_file. */
 enum error_code yaml_document_read(struct yaml_reader *reader, const char *name, const char *text,
-                                   size_t size, bool extendable, struct yaml_node **root);
+                                   size_t size, const struct yaml_schema *schema,
+                                   struct yaml_node **root);
 
 /* All bytes of a regular file in *text, NULL or the caller's to free; at most one more than
  * YAML_MAX_FILE. */

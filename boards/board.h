@@ -152,6 +152,7 @@ struct boards_counters {
 };
 
 struct boards;
+struct ring;
 
 /* Checks the configuration (addresses unique per bus, joints known and driven by one axis only,
  * ...) and makes the boards; copies what it needs of config. Memory from arena. Not RT-safe. */
@@ -186,6 +187,28 @@ void boards_shut_down(struct boards *boards, struct plant_command *command);
 
 /* Some axis is in hardware fault (mode 0xA0). RT-safe. */
 bool boards_fault(const struct boards *boards);
+
+/* Settings of a motor board's axis: gains and limits that a host sets over the bus and whoever runs
+ * the simulator may change beside it, as a hand on the debugger, also while the axis runs. Ranges
+ * are those of the protocol; a value between two steps of it is refused where it is whole. Looking
+ * and changing in the thread of the boards, RT-safe. */
+struct board_setting {
+    const char *name; /* "current_kp", ...; static */
+    const char *unit; /* "" = a count */
+    double min, max;
+    bool whole;
+};
+size_t boards_settings(const struct boards *boards, size_t board, size_t axis);
+void boards_setting(const struct boards *boards, size_t board, size_t axis, size_t index,
+                    struct board_setting *setting);
+double boards_get(const struct boards *boards, size_t board, size_t axis, size_t index);
+bool boards_set(struct boards *boards, size_t board, size_t axis, size_t index, double value);
+
+/* Moves whenever some setting may have changed, whoever did it. */
+uint64_t boards_settings_changes(const struct boards *boards);
+
+/* The ring of events, which the thread that reads them writes too. */
+const struct ring *boards_event_ring(const struct boards *boards);
 
 /* Read from another thread: one event, false when none waits; text for a log line. */
 bool boards_next_event(struct boards *boards, struct board_event *event);

@@ -59,6 +59,16 @@ struct board_ops {
     void (*transmit)(struct board *board, struct ms_span span, struct frame_sink *sink);
     void (*shut_down)(struct board *board, struct plant_command *command);
     bool (*fault)(const struct board *board); /* an axis is in hardware fault; NULL: never */
+    const struct board_settings *settings;    /* NULL: none */
+};
+
+/* The settings of a kind's axes (boards/board.h). The index is below count. */
+struct board_settings {
+    size_t count;
+    void (*describe)(const struct board *board, unsigned axis, size_t index,
+                     struct board_setting *setting);
+    double (*get)(const struct board *board, unsigned axis, size_t index);
+    bool (*set)(struct board *board, unsigned axis, size_t index, double value);
 };
 
 /* The last frames of a STRAIN board, as motor boards on the bus hear them. */
@@ -152,6 +162,7 @@ struct boards {
     int64_t tick_ns;
     int64_t time_ns;        /* since power-up */
     int64_t sensor_time_ns; /* newest time stamp of the plant, for events */
+    uint64_t settings_changes;
     size_t nbus, nboard;
     struct board_bus *bus;
     struct board *board;
@@ -159,6 +170,7 @@ struct boards {
     void *context;
 };
 
+extern const struct board_settings motor_settings, foc_settings, compact_settings;
 extern const struct board_ops motor_board_ops, ft_board_ops, torque_board_ops;
 extern const struct board_ops foc_board_ops, compact_motor_ops, compact_ft_ops;
 

@@ -239,6 +239,7 @@ void board_leave_bootloader(struct board *board)
     board->in_bootloader = false;
     board_event(board, BOARD_EVENT_RESTART, 0, 0, 0);
     board->ops->power_up(board);
+    board->boards->settings_changes++;
     for (size_t i = 0; boards->restarted && i < BOARD_AXES_MAX; i++) {
         if (board_joint(board, i) >= 0) {
             boards->restarted(boards->context, board_joint(board, i));
@@ -449,6 +450,11 @@ bool boards_fault(const struct boards *boards)
 bool boards_next_event(struct boards *boards, struct board_event *event)
 {
     return ring_pop(&boards->events, event);
+}
+
+const struct ring *boards_event_ring(const struct boards *boards)
+{
+    return &boards->events;
 }
 
 void boards_counters(const struct boards *boards, struct boards_counters *counters)

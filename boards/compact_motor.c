@@ -19,8 +19,6 @@
 
 enum {
     OVERLOAD_MS = 10,
-    TEMPERATURE_MAX_C = 125, /* what the board bears where the rig gives no limit */
-    GAIN_MAX = 1000000000,
     /* these open the bridge */
     FATAL = COMPACT_FAULT_UNDER_VOLTAGE | COMPACT_FAULT_OVER_VOLTAGE | COMPACT_FAULT_OVER_CURRENT |
             COMPACT_FAULT_MOTOR_ENCODER | COMPACT_FAULT_LINK_ENCODER | COMPACT_FAULT_TORQUE_SENSOR |
@@ -30,58 +28,9 @@ enum {
 #define LOOP_GAIN 0.5 /* the factory's g */
 #define OVER_VOLTAGE_V 60.0
 
-/* Settings that SAVE keeps. */
-struct axis_settings {
-    int64_t current_limit_ma;
-    int64_t min_position, max_position; /* 1e-5 rad */
-    int64_t current_kp, current_ki;     /* mV/A, mV/(A s) */
-    int64_t back_emf;                   /* mV s/rad */
-    int64_t temperature_limit_c;
-};
-
-struct compact_axis {
-    struct axis_settings settings, saved;
-    enum compact_mode mode;
-    uint16_t latched; /* faults that have opened the bridge */
-    uint16_t faults;  /* these and the present ones */
-    int64_t set_point;
-    int64_t command_ns;
-    uint8_t commands; /* taken, modulo 16 */
-    double integral_v, overload_ms, voltage_v;
-
-    int32_t motor, link; /* 1e-5 rad */
-    double motor_rad, before_rad, velocity_rad_s;
-    double current_a, torque_nm;
-    int32_t temperature_c;
-    bool bad_motor, bad_link, bad_torque;
-
-    uint8_t sequence;
-    uint16_t told_faults;
-    enum compact_mode told_mode;
-};
-
-struct compact_motor {
-    struct compact_node node;
-    struct compact_axis axis[BOARD_AXES_MAX];
-    unsigned axes, first_slot;
-    double supply_v;
-    int64_t sampled_ms;
-    bool started;
-};
-
 struct compact_motor *compact_motor_create(struct arena *arena)
 {
     return arena_alloc(arena, 1, sizeof(struct compact_motor));
-}
-
-static bool runs(const struct compact_axis *axis)
-{
-    return axis->mode == COMPACT_VOLTAGE || axis->mode == COMPACT_CURRENT;
-}
-
-static unsigned index_of(const struct board *board, const struct compact_axis *axis)
-{
-    return (unsigned)(axis - board->compact->axis);
 }
 
 /* ---- modes ---- */
@@ -97,7 +46,7 @@ static void forget_command(const struct board *board, struct compact_axis *axis)
 static void set_mode(struct board *board, struct compact_axis *axis, enum compact_mode mode)
 {
     if (mode != axis->mode) {
-        board_event(board, BOARD_EVENT_MODE, index_of(board, axis), axis->mode, mode);
+        board_event(board, BOARD_EVENT_MODE, compact_index(board, axis), axis->mode, mode);
         axis->mode = mode;
         forget_command(board, axis);
     }
@@ -121,39 +70,24 @@ void compact_motor_command(struct board *board, unsigned index, int16_t set_poin
 
     axis->commands = (axis->commands + 1) & 0xf;
     axis->command_ns = board->boards->time_ns;
-    axis->set_point = runs(axis) ? set_point : 0;
+    axis->set_point = compact_runs(axis) ? set_point : 0;
 }
 
 /* ---- power-up ---- */
 
-static int64_t counts(double value, double worth)
-{
-    int32_t count = 0;
-
-    control_quantize(value / worth, &count);
-    return count;
-}
-
-static int64_t temperature_limit(const struct board_axis_config *config)
-{
-    return config->temperature_limit_c > 0.0
-               ? control_clamp(counts(config->temperature_limit_c, 1.0), 1, TEMPERATURE_MAX_C)
-               : TEMPERATURE_MAX_C;
-}
-
-static void set_factory(struct axis_settings *settings, const struct board_axis_config *config)
+static void set_factory(struct compact_axis_settings *settings, const struct board_axis_config *config)
 {
     double R = config->winding_ohm;
     double a = config->winding_h > 0.0 ? exp(-1e-3 * R / config->winding_h) : 0.0;
 
-    settings->current_limit_ma = counts(config->current_limit_a, 1e-3);
-    settings->min_position = counts(config->lower_rad, COMPACT_POSITION_RAD);
-    settings->max_position = counts(config->upper_rad, COMPACT_POSITION_RAD);
-    settings->temperature_limit_c = temperature_limit(config);
+    settings->current_limit_ma = compact_counts(config->current_limit_a, 1e-3);
+    settings->min_position = compact_counts(config->lower_rad, COMPACT_POSITION_RAD);
+    settings->max_position = compact_counts(config->upper_rad, COMPACT_POSITION_RAD);
+    settings->temperature_limit_c = compact_temperature_limit(config);
     if (R > 0.0) {
-        settings->current_kp = counts(LOOP_GAIN * R * a / (1.0 - a), 1e-3);
-        settings->current_ki = counts(LOOP_GAIN * R / 1e-3, 1e-3);
-        settings->back_emf = counts(config->bemf_v_s_rad, 1e-3);
+        settings->current_kp = compact_counts(LOOP_GAIN * R * a / (1.0 - a), 1e-3);
+        settings->current_ki = compact_counts(LOOP_GAIN * R / 1e-3, 1e-3);
+        settings->back_emf = compact_counts(config->bemf_v_s_rad, 1e-3);
     }
 }
 
@@ -196,11 +130,11 @@ static void sample_axis(struct compact_axis *axis, const struct board_axis_confi
     axis->bad_torque = !isfinite(sense->torque_nm);
     if (!axis->bad_motor) {
         axis->motor_rad = motor / config->motor_ticks_per_rad;
-        axis->motor = (int32_t)counts(axis->motor_rad, COMPACT_POSITION_RAD);
+        axis->motor = (int32_t)compact_counts(axis->motor_rad, COMPACT_POSITION_RAD);
         axis->current_a = sense->current_a;
     }
     if (!axis->bad_link) {
-        axis->link = (int32_t)counts(link / config->joint_ticks_per_rad, COMPACT_POSITION_RAD);
+        axis->link = (int32_t)compact_counts(link / config->joint_ticks_per_rad, COMPACT_POSITION_RAD);
     }
     if (!axis->bad_torque) {
         axis->torque_nm = sense->torque_nm;
@@ -241,7 +175,7 @@ static bool is_over_current(const struct board *board, struct compact_axis *axis
     double limit = (double)axis->settings.current_limit_ma * 1e-3;
     double tick_ms = (double)board->boards->tick_ns / MS;
 
-    if (!runs(axis)) {
+    if (!compact_runs(axis)) {
         axis->overload_ms = 0.0;
         return false;
     }
@@ -254,7 +188,7 @@ static bool is_stale(const struct board *board, const struct compact_axis *axis)
 {
     int64_t timeout_ms = board->compact->node.settings.timeout_ms;
 
-    return runs(axis) && timeout_ms > 0 &&
+    return compact_runs(axis) && timeout_ms > 0 &&
            board->boards->time_ns - axis->command_ns > timeout_ms * MS;
 }
 
@@ -291,17 +225,17 @@ static void watch(struct board *board, struct compact_axis *axis)
     if (risen & COMPACT_FAULT_STALE) {
         axis->set_point = 0;
         counters->timeouts++;
-        board_event(board, BOARD_EVENT_TIMEOUT, index_of(board, axis), axis->mode, 0);
+        board_event(board, BOARD_EVENT_TIMEOUT, compact_index(board, axis), axis->mode, 0);
     }
-    if (risen & COMPACT_FAULT_LIMIT && runs(axis)) {
-        board_event(board, BOARD_EVENT_LIMIT, index_of(board, axis), (uint32_t)axis->link, 0);
+    if (risen & COMPACT_FAULT_LIMIT && compact_runs(axis)) {
+        board_event(board, BOARD_EVENT_LIMIT, compact_index(board, axis), (uint32_t)axis->link, 0);
     }
     if (risen & FATAL) {
-        board_event(board, BOARD_EVENT_FAULT, index_of(board, axis), risen & FATAL, 0);
+        board_event(board, BOARD_EVENT_FAULT, compact_index(board, axis), risen & FATAL, 0);
     }
     counters->trips += (faults & COMPACT_FAULT_OVER_CURRENT) != 0;
     counters->trips += (risen & COMPACT_FAULT_TEMPERATURE) != 0;
-    if (faults & FATAL && runs(axis)) {
+    if (faults & FATAL && compact_runs(axis)) {
         axis->latched |= (uint16_t)(faults & FATAL);
         set_mode(board, axis, COMPACT_FAULT);
     }
@@ -317,7 +251,7 @@ static double voltage_law(const struct compact_axis *axis)
 
 static double current_law(struct compact_axis *axis, double supply_v)
 {
-    const struct axis_settings *p = &axis->settings;
+    const struct compact_axis_settings *p = &axis->settings;
     int64_t wanted = control_clamp(axis->set_point, -p->current_limit_ma, p->current_limit_ma);
     double error = (double)wanted * COMPACT_SET_CURRENT_A - axis->current_a;
 
@@ -353,8 +287,8 @@ static void drive(const struct board *board, struct plant_command *command)
         const struct compact_axis *axis = &board->compact->axis[i];
         struct motor_command *motor = &command->motor[board->config.axis[i].joint];
 
-        motor->bridge_on = runs(axis);
-        motor->voltage_v = runs(axis) ? axis->voltage_v : 0.0;
+        motor->bridge_on = compact_runs(axis);
+        motor->voltage_v = compact_runs(axis) ? axis->voltage_v : 0.0;
     }
 }
 
@@ -375,7 +309,7 @@ static void control(struct board *board, struct ms_span span, struct plant_comma
 static void shut_down(struct board *board, struct plant_command *command)
 {
     for (unsigned i = 0; i < board->compact->axes; i++) {
-        if (runs(&board->compact->axis[i])) {
+        if (compact_runs(&board->compact->axis[i])) {
             set_mode(board, &board->compact->axis[i], COMPACT_OFF);
         }
     }
@@ -392,112 +326,6 @@ static bool fault(const struct board *board)
     return false;
 }
 
-/* ---- parameters ---- */
-
-/* Where a setting is, and the range that it may have; false: no such setting. */
-static bool find_setting(const struct board *board, struct compact_axis *axis, unsigned parameter,
-                         int64_t **setting, int64_t *least, int64_t *most)
-{
-    struct axis_settings *p = &axis->settings;
-    const struct board_axis_config *config = &board->config.axis[index_of(board, axis)];
-
-    *least = 0;
-    *most = GAIN_MAX;
-    switch (parameter) {
-    case COMPACT_P_CURRENT_LIMIT:
-        *setting = &p->current_limit_ma;
-        *least = 1;
-        *most = counts(config->current_limit_a, 1e-3);
-        return true;
-    case COMPACT_P_MIN_POSITION:
-        *setting = &p->min_position;
-        *least = INT32_MIN;
-        *most = p->max_position;
-        return true;
-    case COMPACT_P_MAX_POSITION:
-        *setting = &p->max_position;
-        *least = p->min_position;
-        *most = INT32_MAX;
-        return true;
-    case COMPACT_P_CURRENT_KP:
-        *setting = &p->current_kp;
-        return true;
-    case COMPACT_P_CURRENT_KI:
-        *setting = &p->current_ki;
-        return true;
-    case COMPACT_P_BACK_EMF:
-        *setting = &p->back_emf;
-        return true;
-    case COMPACT_P_TEMPERATURE_LIMIT:
-        *setting = &p->temperature_limit_c;
-        *least = 1;
-        *most = temperature_limit(config);
-        return true;
-    default:
-        return false;
-    }
-}
-
-static enum compact_result axis_parameter(struct board *board, struct compact_axis *axis,
-                                          unsigned parameter, bool write, int64_t *value)
-{
-    int64_t *setting, least, most, wanted = *value;
-
-    if (parameter == COMPACT_P_MODE || parameter == COMPACT_P_FAULTS) {
-        *value = parameter == COMPACT_P_MODE ? (int64_t)axis->mode : axis->faults;
-        return write ? COMPACT_READ_ONLY : COMPACT_OK;
-    }
-    if (!find_setting(board, axis, parameter, &setting, &least, &most)) {
-        return COMPACT_UNKNOWN_PARAMETER;
-    }
-    *value = *setting;
-    if (!write) {
-        return COMPACT_OK;
-    }
-    if (runs(axis)) {
-        return COMPACT_NOT_NOW;
-    }
-    if (wanted < least || wanted > most) {
-        return COMPACT_OUT_OF_RANGE;
-    }
-    *value = *setting = wanted;
-    board->compact->node.is_saved = false;
-    return COMPACT_OK;
-}
-
-static bool any_runs(const struct compact_motor *motor)
-{
-    for (unsigned i = 0; i < motor->axes; i++) {
-        if (runs(&motor->axis[i])) {
-            return true;
-        }
-    }
-    return false;
-}
-
-static enum compact_result parameter(struct board *board, unsigned parameter, unsigned index,
-                                     bool write, int64_t *value)
-{
-    struct compact_motor *motor = board->compact;
-    enum compact_result result;
-
-    if (parameter >= COMPACT_P_MODE && parameter <= COMPACT_P_TEMPERATURE_LIMIT) {
-        return index < motor->axes
-                   ? axis_parameter(board, &motor->axis[index], parameter, write, value)
-                   : COMPACT_NO_SUCH_AXIS;
-    }
-    if (write && parameter == COMPACT_P_RESTART && any_runs(motor)) {
-        *value = 0;
-        return COMPACT_NOT_NOW;
-    }
-    result = compact_node_parameter(board, &motor->node, parameter, write, value);
-    for (unsigned i = 0;
-         result == COMPACT_OK && write && parameter == COMPACT_P_SAVE && i < motor->axes; i++) {
-        motor->axis[i].saved = motor->axis[i].settings;
-    }
-    return result;
-}
-
 /* ---- frames ---- */
 
 static void send_telemetry(struct board *board, struct frame_sink *sink)
@@ -509,8 +337,8 @@ static void send_telemetry(struct board *board, struct frame_sink *sink)
 
         compact_send(board, sink, COMPACT_TELEMETRY, motor->first_slot + i,
                      (const int64_t[]){axis->motor, (int64_t)axis->motor - axis->link,
-                                       counts(axis->current_a, COMPACT_CURRENT_A),
-                                       counts(axis->torque_nm, COMPACT_TORQUE_NM),
+                                       compact_counts(axis->current_a, COMPACT_CURRENT_A),
+                                       compact_counts(axis->torque_nm, COMPACT_TORQUE_NM),
                                        axis->sequence & 3});
         axis->sequence++;
     }
@@ -526,9 +354,9 @@ static void send_telemetry_fd(struct board *board, struct frame_sink *sink)
         struct compact_axis *axis = &motor->axis[i];
         const int64_t values[] = {axis->motor,
                                   axis->link,
-                                  counts(axis->velocity_rad_s, COMPACT_VELOCITY_RAD_S),
-                                  counts(axis->current_a, COMPACT_SET_CURRENT_A),
-                                  counts(axis->torque_nm, COMPACT_TORQUE_FD_NM),
+                                  compact_counts(axis->velocity_rad_s, COMPACT_VELOCITY_RAD_S),
+                                  compact_counts(axis->current_a, COMPACT_SET_CURRENT_A),
+                                  compact_counts(axis->torque_nm, COMPACT_TORQUE_FD_NM),
                                   axis->mode,
                                   (axis->faults & FATAL) != 0,
                                   axis->sequence & 0xf};
@@ -546,10 +374,10 @@ static void send_state(struct board *board, struct compact_axis *axis, struct fr
 
     axis->told_mode = axis->mode;
     axis->told_faults = axis->faults;
-    compact_send(board, sink, COMPACT_STATE, motor->first_slot + index_of(board, axis),
+    compact_send(board, sink, COMPACT_STATE, motor->first_slot + compact_index(board, axis),
                  (const int64_t[]){axis->mode, axis->commands, axis->faults,
-                                   counts(motor->supply_v, COMPACT_SUPPLY_V), axis->temperature_c,
-                                   counts(axis->voltage_v, COMPACT_VOLTAGE_V)});
+                                   compact_counts(motor->supply_v, COMPACT_SUPPLY_V), axis->temperature_c,
+                                   compact_counts(axis->voltage_v, COMPACT_VOLTAGE_V)});
 }
 
 static void transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
@@ -584,11 +412,12 @@ const struct board_ops compact_motor_ops = {
     .minor = 0,
     .build = 12,
     .periodic_max = 2 * BOARD_AXES_MAX,
-    .parameter = parameter,
+    .parameter = compact_motor_parameter,
     .power_up = power_up,
     .sample = sample,
     .control = control,
     .transmit = transmit,
     .shut_down = shut_down,
     .fault = fault,
+    .settings = &compact_settings,
 };

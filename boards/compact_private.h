@@ -5,6 +5,7 @@
 
 #include "boards/board_private.h"
 #include "boards/compact_table.h"
+#include "boards/motor_control.h"
 
 /* Settings that SAVE keeps over a restart. */
 struct compact_settings {
@@ -38,6 +39,79 @@ enum compact_result compact_node_parameter(struct board *board, struct compact_n
 /* Builds a frame from the row of its function and sends it. */
 void compact_send(struct board *board, struct frame_sink *sink, enum compact_function function,
                   unsigned number, const int64_t *values);
+
+/* ---- motor boards ---- */
+
+/* What the board bears where the rig gives no limit. */
+enum { COMPACT_TEMPERATURE_MAX_C = 125 };
+
+/* Settings that SAVE keeps. */
+struct compact_axis_settings {
+    int64_t current_limit_ma;
+    int64_t min_position, max_position; /* 1e-5 rad */
+    int64_t current_kp, current_ki;     /* mV/A, mV/(A s) */
+    int64_t back_emf;                   /* mV s/rad */
+    int64_t temperature_limit_c;
+};
+
+struct compact_axis {
+    struct compact_axis_settings settings, saved;
+    enum compact_mode mode;
+    uint16_t latched; /* faults that have opened the bridge */
+    uint16_t faults;  /* these and the present ones */
+    int64_t set_point;
+    int64_t command_ns;
+    uint8_t commands; /* taken, modulo 16 */
+    double integral_v, overload_ms, voltage_v;
+
+    int32_t motor, link; /* 1e-5 rad */
+    double motor_rad, before_rad, velocity_rad_s;
+    double current_a, torque_nm;
+    int32_t temperature_c;
+    bool bad_motor, bad_link, bad_torque;
+
+    uint8_t sequence;
+    uint16_t told_faults;
+    enum compact_mode told_mode;
+};
+
+struct compact_motor {
+    struct compact_node node;
+    struct compact_axis axis[BOARD_AXES_MAX];
+    unsigned axes, first_slot;
+    double supply_v;
+    int64_t sampled_ms;
+    bool started;
+};
+
+static inline bool compact_runs(const struct compact_axis *axis)
+{
+    return axis->mode == COMPACT_VOLTAGE || axis->mode == COMPACT_CURRENT;
+}
+
+static inline unsigned compact_index(const struct board *board, const struct compact_axis *axis)
+{
+    return (unsigned)(axis - board->compact->axis);
+}
+
+static inline int64_t compact_counts(double value, double worth)
+{
+    int32_t count = 0;
+
+    control_quantize(value / worth, &count);
+    return count;
+}
+
+static inline int64_t compact_temperature_limit(const struct board_axis_config *config)
+{
+    return config->temperature_limit_c > 0.0
+               ? control_clamp(compact_counts(config->temperature_limit_c, 1.0), 1, COMPACT_TEMPERATURE_MAX_C)
+               : COMPACT_TEMPERATURE_MAX_C;
+}
+
+/* Reads or writes a parameter of a motor board (compact_settings.c); see struct board_ops. */
+enum compact_result compact_motor_parameter(struct board *board, unsigned parameter, unsigned axis,
+                                            bool write, int64_t *value);
 
 /* A motor board's axis gets its mode or set-point. */
 void compact_motor_mode(struct board *board, unsigned axis, enum compact_mode mode);

@@ -657,6 +657,11 @@ bool faults_set(struct faults *faults, size_t index, bool active)
     return true;
 }
 
+const struct ring *faults_event_ring(const struct faults *faults)
+{
+    return &faults->events;
+}
+
 bool faults_next_event(struct faults *faults, struct fault_event *event)
 {
     return ring_pop(&faults->events, event);

@@ -123,6 +123,7 @@ struct fault_event {
 };
 
 struct faults;
+struct ring;
 
 /* Copies count faults (count may be 0), numbers those without a name, refuses a name that is there
  * twice. Memory from arena. Not RT-safe. */
@@ -144,6 +145,9 @@ void faults_step(struct faults *faults, int64_t time_ns);
 /* Switches a fault by hand; from then on its window means nothing. By the thread of faults_step.
  * False: there is no such fault. RT-safe. */
 bool faults_set(struct faults *faults, size_t index, bool active);
+
+/* The ring of events, which the thread that reads them writes too. */
+const struct ring *faults_event_ring(const struct faults *faults);
 
 /* Read from one other thread: an event, false when none waits; text for a log line. */
 bool faults_next_event(struct faults *faults, struct fault_event *event);

@@ -341,4 +341,5 @@ const struct board_ops foc_board_ops = {
     .transmit = transmit,
     .shut_down = shut_down,
     .fault = fault,
+    .settings = &foc_settings,
 };

@@ -256,6 +256,7 @@ bool foc_command(struct board *board, const struct bus_frame *frame, const int64
         break;
     default:
         obeyed = configure(foc, frame, request);
+        board->boards->settings_changes++;
         become_idle_when_configured(board);
         return obeyed;
     }

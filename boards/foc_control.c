@@ -6,11 +6,18 @@
 
 #include <math.h>
 
-void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
+static void set_mantissas(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
 {
     law->kp = kp;
     law->ki = ki / 2;
     law->shift = shift;
+}
+
+void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
+{
+    set_mantissas(law, kp, ki, shift);
+    law->gain[0] = ldexp((double)kp, -(int)shift);
+    law->gain[1] = ldexp((double)ki, -(int)shift);
 }
 
 bool foc_law_set_gain(struct foc_law *law, unsigned which, double value)
@@ -26,8 +33,8 @@ bool foc_law_set_gain(struct foc_law *law, unsigned which, double value)
         exponent++;
     }
     law->gain[which] = value;
-    foc_law_set(law, (int64_t)ldexp(gain[0], 15 - exponent), (int64_t)ldexp(gain[1], 15 - exponent),
-                15 - exponent);
+    set_mantissas(law, (int64_t)ldexp(gain[0], 15 - exponent),
+                  (int64_t)ldexp(gain[1], 15 - exponent), 15 - exponent);
     return true;
 }
 

@@ -25,7 +25,7 @@ enum { FOC_VQ_MAX = 950, FOC_VQ_SHIFT = 5 /* between Vq and the +-32000 of the b
 /* An incremental PI law: v += kp (e - e') + ki (e + e'), kp and ki shifted left. */
 struct foc_law {
     int64_t kp, ki, shift;
-    double gain[2]; /* kp and ki as they were set as floats */
+    double gain[2]; /* kp and ki as they were set, whichever way */
     int64_t v, error;
 };
 

@@ -266,4 +266,5 @@ const struct board_ops motor_board_ops = {
     .transmit = motor_transmit,
     .shut_down = shut_down,
     .fault = fault,
+    .settings = &motor_settings,
 };

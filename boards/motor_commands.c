@@ -193,6 +193,7 @@ static bool act(struct board *board, struct motor_axis *axis, unsigned code, con
         return true;
     case ICUB_READ_FLASH:
         memcpy(axis->parameter, axis->saved, sizeof axis->saved);
+        board->boards->settings_changes++;
         return true;
     case ICUB_POSITION_MOVE:
         position_move(axis, request[0], request[1]);
@@ -258,6 +259,7 @@ bool motor_command(struct board *board, const struct bus_frame *frame, const int
     case ICUB_SET:
         memcpy(parameter, request, fields_count(row->request) * sizeof *parameter);
         parameter_set(board, axis, code);
+        board->boards->settings_changes += row->parameter < ICUB_P_SAVED;
         return true;
     case ICUB_GET:
         memcpy(reply, parameter, fields_count(row->reply) * sizeof *parameter);

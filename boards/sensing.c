@@ -51,6 +51,7 @@ struct sensing {
     struct sensor_fault *fault;
     size_t nfault;
     struct plant_sensors measured;
+    double noise_scale;
     bool ideal; /* nothing to do */
     bool started;
     int64_t time_ns;
@@ -296,6 +297,7 @@ enum error_code sensing_create(const struct sensing_config *config, struct arena
         return error_set(error, ERROR_MEMORY, "no memory left for the sensors");
     }
     s->config = *config;
+    s->noise_scale = 1.0;
     s->ideal = true;
     if (!allocate(s, arena)) {
         return error_set(error, ERROR_MEMORY, "no memory left for the sensors");
@@ -366,7 +368,7 @@ static double measure(struct sensing *s, struct channel *channel, double x)
     }
     x += e->gain_error * x + e->offset + channel->drift + channel->ramp;
     if (e->noise_rms > 0.0) {
-        x += e->noise_rms * random_gaussian(&channel->noise);
+        x += s->noise_scale * e->noise_rms * random_gaussian(&channel->noise);
     }
     return convert(e, x);
 }
@@ -529,6 +531,26 @@ static void read_imu(struct sensing *s, const struct imu_sense *truth)
         s->measured.imu.accel_m_s2[i] =
             read_channel(s, imu_channel(s, 3 + i), truth->accel_m_s2[i]);
     }
+}
+
+void sensing_scale_noise(struct sensing *s, double factor)
+{
+    s->noise_scale = factor;
+}
+
+double sensing_noise_scale(const struct sensing *s)
+{
+    return s->noise_scale;
+}
+
+bool sensing_has_noise(const struct sensing *s)
+{
+    for (size_t c = 0; c < s->nchannel; c++) {
+        if (s->channel[c].error.noise_rms > 0.0) {
+            return true;
+        }
+    }
+    return false;
 }
 
 void sensing_restart_counter(struct sensing *s, size_t joint)

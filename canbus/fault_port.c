@@ -252,6 +252,7 @@ static const struct can_port_ops ops = {
 void fault_port_time(struct can_port *port, int64_t time_ns)
 {
     fault_port_of(port)->now_ns = time_ns;
+    mirror(fault_port_of(port)); /* time may have gone back, and what was counted with it */
 }
 
 static bool make_direction(struct fault_port *f, struct direction *d, const char *name,

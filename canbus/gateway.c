@@ -16,7 +16,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { BATCH = 64, BACKLOG = 64, IDLE_MS = 1000, POLL_MS = 1 };
+enum { BATCH = 64, TURNS = 64, BACKLOG = 64, IDLE_MS = 1000, POLL_MS = 1 };
 
 /* A client that has just been told "ok" gets frames this much later: widespread clients expect the
  * answer to come alone. */
@@ -180,7 +180,9 @@ static void send_frame(struct gateway *gateway, struct client *client,
 
     frame.time_ns = gateway->time_ns[client->bus];
     if (can_send(gateway->config.bus[client->bus].port, &frame, 1) != 1) {
-        complain(gateway, client, "< error the bus refuses the frame >");
+        /* a full queue: bad luck, not bad manners */
+        gateway->counters.not_taken++;
+        answer(gateway, client, "< error the bus refuses the frame >");
         return;
     }
     gateway->counters.to_bus++;
@@ -303,15 +305,15 @@ static void serve_bus(struct gateway *gateway, size_t bus)
 {
     struct can_port *port = gateway->config.bus[bus].port;
     struct bus_frame frame[BATCH];
-    size_t count;
+    size_t count = BATCH;
 
-    do {
+    for (int turn = 0; turn < TURNS && count == BATCH; turn++) {
         count = can_receive(port, frame, BATCH);
         for (size_t i = 0; i < count; i++) {
             gateway->time_ns[bus] = frame[i].time_ns;
             publish(gateway, bus, &frame[i], NULL);
         }
-    } while (count == BATCH);
+    }
 }
 
 enum { POLL_FIXED = 2, POLL_MAX = POLL_FIXED + GATEWAY_CLIENTS + GATEWAY_BUSES };

@@ -8,6 +8,12 @@
  * a buffer of GATEWAY_OUTBOX bytes; a client that lets it fill up is cut off, as is one that sends what
  * is not the protocol for GATEWAY_JUNK_MAX times, or a command without an end. The bus never waits for
  * a client. Not RT-safe, and no part of the loop.
+ *
+ * Whatever clients do, all memory is taken at the start; clients, buses and the order to stop have their
+ * turns, none of them without end; a frame that a bus does not take, as its queue is full, is told
+ * to its sender, counted and forgotten. On local buses what clients send has room of its own at every
+ * other participant (canbus/port.h): a flood drops frames of the gateway's, never those of boards or
+ * controllers; only on a wire in virtual time it takes the time of the others, as on a real bus.
  */
 #ifndef CANBUS_GATEWAY_H
 #define CANBUS_GATEWAY_H
@@ -46,6 +52,7 @@ struct gateway_counters {
     uint64_t cut_slow;  /* cut off with a full outbox */
     uint64_t cut_junk;  /* cut off for what they sent */
     uint64_t to_bus;    /* frames */
+    uint64_t not_taken; /* frames of clients that their bus refused */
     uint64_t to_client; /* frames, once for each client */
 };
 

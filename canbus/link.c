@@ -23,13 +23,27 @@ int link_open(void)
     return socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, NETLINK_ROUTE);
 }
 
+/* As RTA_DATA and RTA_NEXT, which cast constness away. */
+static const void *data_of(const struct rtattr *attribute)
+{
+    return (const char *)attribute + RTA_LENGTH(0);
+}
+
+static const struct rtattr *next_of(const struct rtattr *attribute, int *rest)
+{
+    const int length = RTA_ALIGN(attribute->rta_len);
+
+    *rest -= length;
+    return (const void *)((const char *)attribute + length);
+}
+
 /* Copies an attribute of a fixed size; one of another size is not what we know and is left out. */
 static bool copy(const struct rtattr *attribute, void *to, size_t size)
 {
     if (RTA_PAYLOAD(attribute) < size) {
         return false;
     }
-    memcpy(to, RTA_DATA(attribute), size);
+    memcpy(to, data_of(attribute), size);
     return true;
 }
 
@@ -44,7 +58,7 @@ static void parse_controller(const struct rtattr *data, struct link_controller *
     int rest = (int)RTA_PAYLOAD(data);
     uint32_t state;
 
-    for (const struct rtattr *a = RTA_DATA(data); RTA_OK(a, rest); a = RTA_NEXT(a, rest)) {
+    for (const struct rtattr *a = data_of(data); RTA_OK(a, rest); a = next_of(a, &rest)) {
         switch (type_of(a)) {
         case IFLA_CAN_STATE:
             if (copy(a, &state, sizeof state) && state < CAN_STATE_MAX) {
@@ -80,13 +94,13 @@ static void parse_link_info(const struct rtattr *info, struct link_info *link)
 {
     int rest = (int)RTA_PAYLOAD(info);
 
-    for (const struct rtattr *a = RTA_DATA(info); RTA_OK(a, rest); a = RTA_NEXT(a, rest)) {
+    for (const struct rtattr *a = data_of(info); RTA_OK(a, rest); a = next_of(a, &rest)) {
         bool controller = strcmp(link->kind, "can") == 0;
 
         if (type_of(a) == IFLA_INFO_KIND && RTA_PAYLOAD(a) > 0) {
             const size_t size = RTA_PAYLOAD(a) < LINK_KIND_MAX ? RTA_PAYLOAD(a) : LINK_KIND_MAX;
 
-            memcpy(link->kind, RTA_DATA(a), size - 1);
+            memcpy(link->kind, data_of(a), size - 1);
         } else if (type_of(a) == IFLA_INFO_DATA && controller) {
             parse_controller(a, &link->controller);
         } else if (type_of(a) == IFLA_INFO_XSTATS && controller) {
@@ -95,13 +109,14 @@ static void parse_link_info(const struct rtattr *info, struct link_info *link)
     }
 }
 
-/* The interface in an answer; the kernel's, but checked like anything that comes from outside. */
-static int parse_answer(const struct nlmsghdr *header, int size, struct link_info *info)
+int link_parse(const void *answer, size_t size, struct link_info *info)
 {
+    const struct nlmsghdr *header = answer;
+    const char *payload = (const char *)answer + NLMSG_HDRLEN;
     struct ifinfomsg link;
     int rest;
 
-    if (!NLMSG_OK(header, size)) {
+    if (size < sizeof *header || header->nlmsg_len < sizeof *header || header->nlmsg_len > size) {
         return EPROTO;
     }
     if (header->nlmsg_type == NLMSG_ERROR) {
@@ -110,21 +125,21 @@ static int parse_answer(const struct nlmsghdr *header, int size, struct link_inf
         if (header->nlmsg_len < NLMSG_LENGTH(sizeof failure)) {
             return EPROTO;
         }
-        memcpy(&failure, NLMSG_DATA(header), sizeof failure);
+        memcpy(&failure, payload, sizeof failure);
         return failure.error ? -failure.error : EPROTO;
     }
     if (header->nlmsg_type != RTM_NEWLINK || header->nlmsg_len < NLMSG_LENGTH(sizeof link)) {
         return EPROTO;
     }
-    memcpy(&link, NLMSG_DATA(header), sizeof link);
+    memcpy(&link, payload, sizeof link);
     *info = (struct link_info){
         .index = link.ifi_index,
         .up = link.ifi_flags & IFF_UP,
         .type = link.ifi_type,
     };
     rest = (int)IFLA_PAYLOAD(header);
-    for (const struct rtattr *attribute = IFLA_RTA((const char *)NLMSG_DATA(header));
-         RTA_OK(attribute, rest); attribute = RTA_NEXT(attribute, rest)) {
+    for (const struct rtattr *attribute = (const void *)(payload + NLMSG_ALIGN(sizeof link));
+         RTA_OK(attribute, rest); attribute = next_of(attribute, &rest)) {
         switch (type_of(attribute)) {
         case IFLA_MTU:
             copy(attribute, &info->mtu, sizeof info->mtu);
@@ -171,5 +186,5 @@ int link_query(int descriptor, const char *name, struct link_info *info)
     if (size < 0) {
         return errno;
     }
-    return parse_answer((const struct nlmsghdr *)answer, (int)size, info);
+    return link_parse(answer, (size_t)size, info);
 }

@@ -9,6 +9,7 @@
 
 #include <linux/can/netlink.h>
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 enum { LINK_KIND_MAX = 16 };
@@ -42,5 +43,9 @@ int link_open(void);
  * none. One send and one receive that do not wait for anybody but the kernel's interface lock, no
  * allocation: may be called in the loop when an interface is lost, not in every tick. */
 int link_query(int descriptor, const char *name, struct link_info *info);
+
+/* The interface in an answer of size bytes, aligned to 4: the kernel's, but checked like anything that
+ * comes from outside. 0, or an errno. RT-safe. */
+int link_parse(const void *answer, size_t size, struct link_info *info);
 
 #endif

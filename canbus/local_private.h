@@ -50,6 +50,7 @@ struct node {
     enum wire_state shown;         /* the state last reported to the port */
     _Atomic uint64_t wire_dropped; /* the wire's count of what it lost of accepted frames */
     uint64_t wire_dropped_seen;    /* the port's: what it has counted of that */
+    uint64_t wire_dropped_told;    /* of what the wire's statistics say, what was added there */
 };
 
 struct local_bus {

@@ -200,7 +200,9 @@ static void hand_on_drops(struct local_bus *bus)
                 dropped += of_node.dropped[drop];
             }
         }
-        atomic_store_explicit(&node->wire_dropped, dropped, memory_order_relaxed);
+        atomic_fetch_add_explicit(&node->wire_dropped, dropped - node->wire_dropped_told,
+                                  memory_order_relaxed);
+        node->wire_dropped_told = dropped;
     }
 }
 

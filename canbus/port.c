@@ -71,3 +71,18 @@ void can_state_post(struct can_state_box *box, enum can_port_state state)
     atomic_store_explicit(&box->post, (number & 0x7fffff) << 8 | 1u << 31 | (uint32_t)state,
                           memory_order_relaxed);
 }
+
+const char *can_port_state_name(enum can_port_state state)
+{
+    static const char *const names[] = {
+        [CAN_PORT_UP] = "up",
+        [CAN_PORT_WARNING] = "error warning",
+        [CAN_PORT_PASSIVE] = "error passive",
+        [CAN_PORT_BUS_OFF] = "bus-off",
+        [CAN_PORT_DOWN] = "down",
+        [CAN_PORT_GONE] = "gone",
+        [CAN_PORT_STUCK] = "stuck: its queue does not empty",
+    };
+
+    return names[state];
+}

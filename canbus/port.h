@@ -22,6 +22,9 @@ enum can_port_state {
     CAN_PORT_STUCK,   /* the interface's queue has been full for long: nothing leaves it */
 };
 
+/* "up", "gone", ... */
+const char *can_port_state_name(enum can_port_state state);
+
 /* What happened on a port since it was opened. */
 struct can_counters {
     uint64_t rx_frames, tx_frames;
@@ -97,7 +100,8 @@ enum { SOCKETCAN_HELD_MAX = 128, SOCKETCAN_STUCK_NS = 100000000 };
  * (ERROR_INPUT), interface down, no permission (ERROR_SYSTEM). Error frames are subscribed and
  * move port->state. A later loss of the interface sets state DOWN or GONE; receive and send try to
  * come back at most once a second, also when the interface was created anew. frame->time_ns is
- * when the kernel received the frame, on CLOCK_MONOTONIC. Memory from arena. Not RT-safe.
+ * when the kernel received the frame, on CLOCK_MONOTONIC; it never goes back, and lies between the
+ * frame before and now also when the time of day was set meanwhile. Memory from arena. Not RT-safe.
  *
  * A real interface has a short queue (txqueuelen), and sending to a full one fails (ENOBUFS). What
  * fails is kept, one frame an identifier and SOCKETCAN_HELD_MAX of them: the next receive or send
@@ -194,6 +198,16 @@ size_t local_bus_node(const struct can_port *port);
  * the order of the wire. To be set before the first frame. No effect in ideal mode. */
 void local_bus_tap(struct local_bus *bus, void (*tap)(void *context, const struct bus_frame *frame),
                    void *context);
+
+/* Going back in time. Keeps what is on its way between the first `own` nodes that joined, and between
+ * them and the wire: the calling thread must be the only one that uses them and the one that
+ * advances. The wire itself is kept by its memory (canbus/wire.h), in the same breath. memory has
+ * local_bus_moment_size bytes, aligned to 8; false when more frames are on their way than it holds.
+ * Going back, frames of and for other nodes stay where they are, and all counters of ports go on.
+ * RT-safe. */
+size_t local_bus_moment_size(const struct local_bus *bus);
+bool local_bus_keep(const struct local_bus *bus, size_t own, void *memory);
+void local_bus_back(struct local_bus *bus, size_t own, const void *memory);
 
 /* Closes what the bus holds, also of ports that are still open; no thread may use them then. NULL
  * is allowed. Not RT-safe. */

@@ -197,6 +197,15 @@ static void read_ancillary(struct socketcan *can, struct msghdr *header, int64_t
     }
 }
 
+/* The kernel stamps with the time of day. When that was set while the frame waited here, its stamp is
+ * off by as much. */
+static void mend_time(struct socketcan *can, int64_t now, struct bus_frame *frame)
+{
+    frame->time_ns = frame->time_ns < now ? frame->time_ns : now;
+    frame->time_ns = frame->time_ns > can->last_ns ? frame->time_ns : can->last_ns;
+    can->last_ns = frame->time_ns;
+}
+
 /* One recvmmsg of up to max frames (at most SOCKETCAN_BATCH). Returns the number of messages, or -1. */
 static int read_batch(struct socketcan *can, size_t max)
 {
@@ -381,6 +390,7 @@ static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames,
 
             frame->time_ns = now;
             read_ancillary(can, &can->message[i].msg_hdr, to_monotonic, frame);
+            mend_time(can, now, frame);
             if (!whole) {
                 port->counters.rx_malformed++;
                 continue;

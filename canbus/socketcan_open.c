@@ -205,6 +205,7 @@ enum error_code socketcan_open(const struct socketcan_config *config, struct are
 {
     const size_t length = strlen(config->interface);
     struct socketcan *can;
+    struct timespec now;
     enum error_code code;
 
     if (!length || length >= IFNAMSIZ) {
@@ -235,6 +236,8 @@ enum error_code socketcan_open(const struct socketcan_config *config, struct are
     can->port.ops = &socketcan_ops;
     can->port.fd = config->fd;
     can->port.state = CAN_PORT_UP;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    can->last_ns = (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
     *port = &can->port;
     return ERROR_NONE;
 }

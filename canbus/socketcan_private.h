@@ -26,6 +26,7 @@ struct socketcan {
     bool want_fd;
     struct can_filter *filter; /* as the kernel wants them; it forgets them with the interface */
     size_t nfilter;
+    int64_t last_ns;   /* time of the last frame received */
     uint32_t overflow; /* drop counter of the kernel, as last seen */
     int64_t retry_ns;  /* not before this time, CLOCK_MONOTONIC, look for a lost interface */
     struct canfd_frame raw[SOCKETCAN_BATCH];

@@ -86,8 +86,15 @@ enum error_code wire_create(const struct wire_config *config, struct arena *aren
     wire->intermission_ns = wire_bits_ns(wire, WIRE_INTERMISSION_BITS);
     wire->delimiter_ns = wire_bits_ns(wire, WIRE_DELIMITER_BITS);
     wire->random = random_named(config->seed, "wire");
+    wire->size = (size_t)(arena->memory + arena->used - (unsigned char *)wire);
     *out = wire;
     return ERROR_NONE;
+}
+
+void *wire_memory(struct wire *wire, size_t *size)
+{
+    *size = wire->size;
+    return wire;
 }
 
 int64_t wire_now(const struct wire *wire)

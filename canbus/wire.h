@@ -70,7 +70,7 @@ enum wire_event_kind {
 struct wire_event {
     enum wire_event_kind kind;
     int64_t time_ns;
-    size_t node;
+    size_t node; /* wire_config.nodes: the foreign one of WIRE_FAULT_COLLISION */
     const struct bus_frame *frame; /* time_ns of it is the time of the event; NULL with STATUS */
     uint64_t receivers;            /* bit of each node */
     enum wire_error error;         /* BUS_ERROR */
@@ -115,6 +115,10 @@ bool wire_transmit(struct wire *wire, size_t node, const struct bus_frame *frame
 void wire_advance(struct wire *wire, int64_t to_ns);
 
 int64_t wire_now(const struct wire *wire);
+
+/* All of the wire, with its faults, statistics and randomness: bytes that, copied and put back where
+ * they were, make it what it was. */
+void *wire_memory(struct wire *wire, size_t *size);
 
 /* ---- faults ---- */
 

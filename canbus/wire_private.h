@@ -84,6 +84,7 @@ struct wire_armed {
 
 struct wire {
     struct wire_config config;
+    size_t size; /* of the memory that begins here and holds all of the wire */
     struct wire_tables tables;
     int64_t now_ns;
     int64_t intermission_ns, delimiter_ns;

@@ -653,7 +653,7 @@ static enum error_code slurp(const char *path, int fd, char **text, size_t *size
     struct stat about;
 
     if (fstat(fd, &about) != 0) {
-        return error_set(error, ERROR_INPUT, "%s: cannot be examined: %s", path, strerror(errno));
+        return error_set_file(error, errno, path, "cannot be examined");
     }
     if (!S_ISREG(about.st_mode)) {
         return error_set(error, ERROR_INPUT, "%s: found something else, expected a regular file",
@@ -695,7 +695,7 @@ enum error_code mesh_read_obj(const char *path, struct arena *arena, const struc
     enum error_code code;
 
     if (fd < 0) {
-        return error_set(error, ERROR_INPUT, "%s: cannot be opened: %s", path, strerror(errno));
+        return error_set_file(error, errno, path, "cannot be opened");
     }
     code = slurp(path, fd, &text, &size, error);
     if (code == ERROR_NONE) {

@@ -481,6 +481,16 @@ void plant_set_push(struct plant *plant, int body, const double force[3], const 
     }
 }
 
+void plant_set_source(struct plant *plant, double supply_v)
+{
+    plant->config.supply_v = supply_v;
+}
+
+double plant_source(const struct plant *plant)
+{
+    return plant->config.supply_v;
+}
+
 void plant_clamp(struct plant *plant, bool clamped)
 {
     plant->clamped = clamped;

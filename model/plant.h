@@ -162,6 +162,10 @@ enum error_code plant_restart_energy(struct plant *plant);
  * changed. RT-safe. */
 void plant_set_push(struct plant *plant, int body, const double force[3], const double moment[3]);
 
+/* Voltage of the source without load and sag (config.supply_v), from the next step on. RT-safe. */
+void plant_set_source(struct plant *plant, double supply_v);
+double plant_source(const struct plant *plant);
+
 /* Clamps every link where it is, as in a jig, or lets go: while clamped nothing of the robot moves
  * but the drives behind their springs, and it feels neither contacts nor pushes (the jig takes
  * them: its bodies' wrenches read zero). Free bodies live on, and lean on a clamped robot as on a

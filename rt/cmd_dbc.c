@@ -2,10 +2,11 @@
 /* coman-hil dbc: what the frames of a rig's buses mean, as DBC files. */
 #include "rt/commands.h"
 
+#include "base/memory_file.h"
 #include "rt/options.h"
 #include "rt/rig_dbc.h"
+#include "rt/whole_file.h"
 
-#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -41,89 +42,76 @@ static const char manual[] =
 
 /* ---- one bus ---- */
 
-static enum error_code write_text(const struct dbc *dbc, char **text, size_t *size,
+static enum error_code write_text(const struct dbc *dbc, struct memory_file *text,
                                   struct error *error)
 {
-    FILE *file = open_memstream(text, size);
-    enum error_code code;
+    FILE *file = memory_file_open(text);
 
     if (!file) {
-        return error_set_errno(error, errno, "no memory left for the DBC file");
+        return error_set(error, ERROR_MEMORY, "no memory left for the DBC file");
     }
-    code = dbc_write(dbc, file, error);
-    if (fclose(file) && !code) {
-        code = error_set_errno(error, errno, "no memory left for the DBC file");
-    }
-    return code;
+    /* all that can fail is the stream, which memory_file_close speaks of */
+    dbc_write(dbc, file, NULL);
+    return memory_file_close(file, text, "the DBC file", error);
 }
 
 /* The text has to mean the same database again. */
-static enum error_code verify(const char *text, size_t size, struct arena *arena,
+static enum error_code verify(const struct memory_file *text, struct arena *arena,
                               struct error *error)
 {
-    char *again = NULL;
-    size_t again_size = 0;
+    struct memory_file again = {.text = NULL};
     struct dbc *dbc;
-    enum error_code code = dbc_read("DBC", text, size, arena, &dbc, error);
+    enum error_code code = dbc_read("DBC", text->text, text->size, arena, &dbc, error);
 
     if (!code) {
-        code = write_text(dbc, &again, &again_size, error);
+        code = write_text(dbc, &again, error);
     }
-    if (!code && (size != again_size || memcmp(text, again, size) != 0)) {
+    if (!code && (text->size != again.size || memcmp(text->text, again.text, again.size) != 0)) {
         code = error_set(error, ERROR_UNSUPPORTED,
                          "the DBC file does not read back as what was written");
     }
-    free(again);
+    free(again.text);
     return code;
 }
 
-/* To standard output when path is NULL. A file is written under another name first: one that is
- * there is whole. */
-static enum error_code put_text(const char *text, size_t size, const char *path,
+/* To standard output when path is NULL. */
+static enum error_code put_text(const struct memory_file *text, const char *path,
                                 struct error *error)
 {
-    char partial[PATH_SIZE + 8];
-    FILE *file;
-    bool good;
+    struct whole_file file;
+    enum error_code code;
 
     if (!path) {
-        fwrite(text, 1, size, stdout); /* main sees whether it could be written */
+        fwrite(text->text, 1, text->size, stdout); /* main sees whether it could be written */
         return ERROR_NONE;
     }
-    snprintf(partial, sizeof partial, "%s.part", path);
-    file = fopen(partial, "w");
-    if (!file) {
-        return error_set_errno(error, errno, "%s", partial);
+    code = whole_file_open(&file, path, error);
+    if (code) {
+        return code;
     }
-    good = fwrite(text, 1, size, file) == size;
-    good = fclose(file) == 0 && good && rename(partial, path) == 0;
-    if (!good) {
-        error_set_errno(error, errno, "%s", path);
-        remove(partial);
-        return ERROR_SYSTEM;
-    }
-    return ERROR_NONE;
+    fwrite(text->text, 1, text->size, file.out);
+    return whole_file_close(&file, ERROR_NONE, error);
 }
 
 static enum error_code export_bus(const struct rig *rig, size_t bus, const char *path,
                                   struct arena *arena, struct error *error)
 {
-    char *text = NULL;
-    size_t size = 0, signals = 0;
+    struct memory_file text = {.text = NULL};
+    size_t signals = 0;
     struct dbc *dbc;
     enum error_code code = rig_dbc(rig, bus, arena, &dbc, error);
 
     if (code) {
         return code;
     }
-    code = write_text(dbc, &text, &size, error);
+    code = write_text(dbc, &text, error);
     if (!code) {
-        code = verify(text, size, arena, error);
+        code = verify(&text, arena, error);
     }
     if (!code) {
-        code = put_text(text, size, path, error);
+        code = put_text(&text, path, error);
     }
-    free(text);
+    free(text.text);
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {
         signals += m->nsignal;
     }

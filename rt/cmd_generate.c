@@ -5,8 +5,8 @@
 #include "base/arena.h"
 #include "model/symbolic/symbolic.h"
 #include "rt/options.h"
+#include "rt/whole_file.h"
 
-#include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
@@ -45,31 +45,18 @@ static void print_report(const struct robot *robot, const struct symbolic_report
     printf("written   %s\n", path);
 }
 
-/* Writes under another name first: a file that is there is whole. */
 static enum error_code write_module(const struct robot *robot,
                                     const struct symbolic_options *options, const char *path,
                                     struct symbolic_report *report, struct error *error)
 {
-    char partial[PATH_SIZE + 8];
-    enum error_code code;
-    FILE *file;
+    struct whole_file file;
+    enum error_code code = whole_file_open(&file, path, error);
 
-    snprintf(partial, sizeof partial, "%s.part", path);
-    file = fopen(partial, "w");
-    if (!file) {
-        return error_set_errno(error, errno, "%s", partial);
-    }
-    code = symbolic_generate(robot, options, file, report, error);
-    if (fclose(file) && !code) {
-        code = error_set_errno(error, errno, "%s", partial);
-    }
-    if (!code && rename(partial, path)) {
-        code = error_set_errno(error, errno, "%s", path);
-    }
     if (code) {
-        remove(partial);
+        return code;
     }
-    return code;
+    code = symbolic_generate(robot, options, file.out, report, error);
+    return whole_file_close(&file, code, error);
 }
 
 static enum error_code generate(const char *file, const char *variant, const char *folder,

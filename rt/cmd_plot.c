@@ -4,8 +4,8 @@
 #include "rt/options.h"
 #include "rt/signals.h"
 #include "rt/svg.h"
+#include "rt/whole_file.h"
 
-#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -52,11 +52,11 @@ static enum error_code draw(const struct option_list *names, const struct signal
                             .nseries = signals->nsignal,
                             .width = 900,
                             .height = 360};
-    FILE *out = path ? fopen(path, "w") : stdout;
-    enum error_code code;
+    struct whole_file file;
+    enum error_code code = path ? whole_file_open(&file, path, error) : ERROR_NONE;
 
-    if (!out) {
-        return error_set_errno(error, errno, "cannot write %s", path);
+    if (code) {
+        return code;
     }
     for (size_t i = 0; i < signals->nsignal; i++) {
         series[i] = (struct svg_series){.name = names->item[i],
@@ -65,11 +65,8 @@ static enum error_code draw(const struct option_list *names, const struct signal
                                         .count = signals->count,
                                         .style = SVG_LINE};
     }
-    code = svg_write(&plot, out, error);
-    if (path && fclose(out) && !code) {
-        code = error_set_errno(error, errno, "cannot write %s", path);
-    }
-    return code;
+    code = svg_write(&plot, path ? file.out : stdout, error);
+    return path ? whole_file_close(&file, code, error) : code;
 }
 
 static enum error_code plot_file(const char *path, const struct option_list *names,

@@ -2,6 +2,7 @@
 /* coman-hil run: a rig from start to summary. */
 #include "base/text.h"
 #include "rt/commands.h"
+#include "rt/journal.h"
 #include "rt/monitor.h"
 #include "rt/options.h"
 #include "rt/rig_command.h"
@@ -76,7 +77,9 @@ static const char manual_format[] =
     "virtual time: two lockstep or free runs give the same bytes), signals.csv (joints, contact "
     "forces, base) and summary.json. When it cannot be written whole, the run goes on and ends "
     "with "
-    "status 3.\n\n"
+    "status 3, and says what is missing. A slow disk costs frames in real time and time otherwise; a "
+    "file whose disk is full or that is removed ends there, with a whole line; one that is renamed "
+    "goes on.\n\n"
     "--energy integrates the power of every part beside the motion. What is left over, as a part "
     "of "
     "all energy that went anywhere, judges the step: 1e-6 and less with rk4 that is short enough, "
@@ -251,11 +254,13 @@ static int judge(const struct simulator *simulator, enum loop_end end)
         controller_read(controller, &task);
     }
     if (end == LOOP_END_MODEL) {
-        fprintf(stderr, "coman-hil run: %s\n", simulator_failure(simulator));
+        fprintf(stderr, "%scoman-hil run: %s\n", journal_prefix(JOURNAL_ERROR),
+                simulator_failure(simulator));
         return STATUS_FAILED;
     }
     if (end == LOOP_END_OVERRUNS) {
-        fprintf(stderr, "coman-hil run: stopped by overruns, as the policy says\n");
+        fprintf(stderr, "%scoman-hil run: stopped by overruns, as the policy says\n",
+                journal_prefix(JOURNAL_ERROR));
         return STATUS_FAILED;
     }
     if (task.status == TASK_FAILED) {
@@ -275,9 +280,10 @@ static void print_gateway(struct simulator *simulator)
 
     if (simulator_close_gateway(simulator, &counters)) {
         printf("gateway: %" PRIu64 " clients, %" PRIu64 " turned away, %" PRIu64
-               " cut off; %" PRIu64 " frames to the buses, %" PRIu64 " to clients\n",
+               " cut off; %" PRIu64 " frames to the buses, %" PRIu64 " not taken by them, %" PRIu64
+               " to clients\n",
                counters.clients, counters.refused, counters.cut_slow + counters.cut_junk,
-               counters.to_bus, counters.to_client);
+               counters.to_bus, counters.not_taken, counters.to_client);
     }
 }
 
@@ -332,13 +338,14 @@ static void try_reload(void *context)
     reload_wanted = 0;
     notify_reloading(&manager);
     if (arena_init(&arena, RIG_COMMAND_ARENA, &error)) {
-        fprintf(stderr, "reload refused: %s\n", error.text);
+        fprintf(stderr, "%sreload refused: %s\n", journal_prefix(JOURNAL_ERROR), error.text);
         return;
     }
     if (rig_load(run_rig_path, &arena, &rig, &error)) {
-        fprintf(stderr, "reload refused, the run goes on: %s\n", error.text);
+        fprintf(stderr, "%sreload refused, the run goes on: %s\n", journal_prefix(JOURNAL_ERROR),
+                error.text);
     } else {
-        fprintf(stderr, "reload: starting anew\n");
+        fprintf(stderr, "%sreload: starting anew\n", journal_prefix(JOURNAL_NOTICE));
         reload = true;
         simulator_stop(simulator);
     }
@@ -419,7 +426,7 @@ static int run_rig(void *context, const struct rig *loaded, struct arena *arena)
     fprintf(stderr, "dynamics: %s\n", simulator_dynamics(simulator));
     print_settled(simulator);
     if (notice[0]) {
-        fprintf(stderr, "notice: %s\n", notice);
+        fprintf(stderr, "%snotice: %s\n", journal_prefix(JOURNAL_NOTICE), notice);
     }
     if (simulator_gateway(simulator)) {
         fprintf(stderr, "gateway: %s port %u\n", host[0] ? host : "127.0.0.1",

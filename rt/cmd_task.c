@@ -15,7 +15,7 @@ struct task_options {
     const char *task, *rig;
     struct option_list bus;
     int clock;
-    bool quiet;
+    bool quiet, reconnect;
 };
 
 static const struct option_word clock_words[] = {
@@ -28,7 +28,12 @@ static const char manual[] = "The controller sees the buses and the rig's map of
                              "it inside the simulator. An interrupt switches the motors off.\n\n"
                              "Clocks. real: one control period each tick of the rig by the wall "
                              "clock. lockstep: it sends the "
-                             "STEP frames and waits for DONE.";
+                             "STEP frames and waits for DONE.\n\n"
+                             "With --reconnect boards that fall silent for 200 ms, do not answer or "
+                             "have begun anew are no end: motors are switched off, the rig is read "
+                             "again, the boards are looked for until they are back, and the task "
+                             "begins at its beginning. A fault of a motor and a task that fails are "
+                             "an end.";
 
 static bool parse(int argc, char **argv, struct task_options *out, int *status)
 {
@@ -38,6 +43,8 @@ static bool parse(int argc, char **argv, struct task_options *out, int *status)
          .value = &o.clock, .words = clock_words},
         {"--bus", OPTION_LIST, "NAME=INTERFACE",
          "put a bus of the rig on this interface; may stand more than once", .value = &o.bus},
+        {"--reconnect", OPTION_FLAG, NULL,
+         "begin anew when the boards are gone, until the task is done", .value = &o.reconnect},
         {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &o.quiet},
     };
     static const struct operand_spec operands[] = {
@@ -98,6 +105,8 @@ static void *report(void *context)
 
 /* ---- the run ---- */
 
+static bool lost; /* the boards: another run may find them */
+
 static int judge(struct controller *controller, enum task_status status)
 {
     switch (status) {
@@ -105,6 +114,7 @@ static int judge(struct controller *controller, enum task_status status)
         printf("%s\n", task_message(controller->task));
         return STATUS_OK;
     case TASK_FAILED:
+        lost = task_lost(controller->task);
         fprintf(stderr, "coman-hil task: failed: %s\n", task_message(controller->task));
         return STATUS_FAILED;
     default:
@@ -136,6 +146,7 @@ static int run(struct controller *controller, const struct rig *rig, bool quiet)
         rig_command_warn(&warnings, "");
     }
     status = controller_run(controller);
+    rig_command_ignore_stop();
     if (!quiet) {
         atomic_store(&reporter.stop, true);
         pthread_join(reporter.thread, NULL);
@@ -182,7 +193,15 @@ int cmd_task(int argc, char **argv)
     if (!parse(argc, argv, &options, &status)) {
         return status;
     }
-    return controller_check_name(options.task, &error)
-               ? command_fail("task", &error)
-               : rig_command("task", options.rig, &options, run_rig);
+    if (controller_check_name(options.task, &error)) {
+        return command_fail("task", &error);
+    }
+    do {
+        lost = false;
+        status = rig_command("task", options.rig, &options, run_rig);
+        if (lost && options.reconnect) {
+            fprintf(stderr, "looking for the boards again\n");
+        }
+    } while (lost && options.reconnect);
+    return status;
 }

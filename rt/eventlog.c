@@ -8,14 +8,19 @@
 
 #define WINDOW_MAX_NS (60 * CLOCK_SECOND)
 
+static const char *prefix(const struct eventlog *log, uint64_t key)
+{
+    return log->prefix ? log->prefix(key) : "";
+}
+
 /* prints what was held back */
 static void sum_up(struct eventlog *log, const struct eventlog_entry *entry)
 {
     if (entry->held == 1) {
-        fprintf(log->out, "%s%s\n", log->clear, entry->last);
+        fprintf(log->out, "%s%s%s\n", log->clear, prefix(log, entry->key), entry->last);
     } else if (entry->held > 1) {
-        fprintf(log->out, "%s... and %llu more like it, the last: %s\n", log->clear,
-                (unsigned long long)entry->held, entry->last);
+        fprintf(log->out, "%s%s... and %llu more like it, the last: %s\n", log->clear,
+                prefix(log, entry->key), (unsigned long long)entry->held, entry->last);
     }
 }
 
@@ -33,15 +38,29 @@ static void end_window(struct eventlog *log, struct eventlog_entry *entry, int64
     entry->window_ns = next < WINDOW_MAX_NS ? next : WINDOW_MAX_NS;
 }
 
+/* the place of a key: its own, a free one, or the shared one */
+static struct eventlog_entry *place_of(struct eventlog *log, uint64_t key)
+{
+    struct eventlog_entry *shared = &log->entry[EVENTLOG_KEYS], *place = NULL;
+
+    for (size_t i = 0; i < EVENTLOG_KEYS; i++) {
+        struct eventlog_entry *entry = &log->entry[i];
+
+        if (entry->used && entry->key == key) {
+            return entry;
+        }
+        if (!entry->used && !place) {
+            place = entry;
+        }
+    }
+    return place ? place : shared;
+}
+
 void eventlog_put(struct eventlog *log, int64_t now_ns, uint64_t key, const char *text)
 {
-    struct eventlog_entry *entry =
-        &log->entry[key * UINT64_C(0x9e3779b97f4a7c15) >> 58 & (EVENTLOG_KEYS - 1)];
+    struct eventlog_entry *entry = place_of(log, key);
 
-    if (entry->used && entry->key != key) {
-        sum_up(log, entry);
-        entry->used = false;
-    } else if (entry->used && now_ns - entry->since_ns >= entry->window_ns) {
+    if (entry->used && now_ns - entry->since_ns >= entry->window_ns) {
         end_window(log, entry, now_ns);
     }
     if (!entry->used) {
@@ -51,7 +70,7 @@ void eventlog_put(struct eventlog *log, int64_t now_ns, uint64_t key, const char
     if (entry->lines < EVENTLOG_BURST) {
         entry->lines++;
         log->printed++;
-        fprintf(log->out, "%s%s\n", log->clear, text);
+        fprintf(log->out, "%s%s%s\n", log->clear, prefix(log, key), text);
     } else {
         entry->held++;
         log->held++;
@@ -61,7 +80,7 @@ void eventlog_put(struct eventlog *log, int64_t now_ns, uint64_t key, const char
 
 void eventlog_flush(struct eventlog *log, int64_t now_ns, bool all)
 {
-    for (size_t i = 0; i < EVENTLOG_KEYS; i++) {
+    for (size_t i = 0; i <= EVENTLOG_KEYS; i++) {
         struct eventlog_entry *entry = &log->entry[i];
 
         if (entry->used && (all || now_ns - entry->since_ns >= entry->window_ns)) {

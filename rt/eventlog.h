@@ -3,7 +3,8 @@
  * Lines about things that happen, to a terminal or a log, without flooding it: of lines with the
  * same key the first few in a second are printed, the rest is counted and summed up in one line. As
  * long as the flood goes on there is nothing but that line, after 2 s, 4 s, ... and at last every
- * minute. Time is passed in. Not RT-safe.
+ * minute. However many keys there are, a second sees a few hundred lines at most. Time is passed in.
+ * Not RT-safe.
  */
 #ifndef RT_EVENTLOG_H
 #define RT_EVENTLOG_H
@@ -13,7 +14,7 @@
 #include <stdio.h>
 
 enum {
-    EVENTLOG_KEYS = 64,
+    EVENTLOG_KEYS = 64, /* at a time; what comes under others shares one place */
     EVENTLOG_BURST = 5, /* lines of one key printed in the first window, of one second */
     EVENTLOG_TEXT = 256,
 };
@@ -29,8 +30,9 @@ struct eventlog_entry {
 struct eventlog {
     FILE *out;
     const char *clear; /* printed before each line: "" or what wipes a status line */
+    const char *(*prefix)(uint64_t key); /* printed after it; NULL = nothing */
     uint64_t printed, held;
-    struct eventlog_entry entry[EVENTLOG_KEYS];
+    struct eventlog_entry entry[EVENTLOG_KEYS + 1]; /* the last one is shared */
 };
 
 /* Prints or holds back one line (text without newline). */

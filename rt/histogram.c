@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Log-linear buckets. */
+/* Log-linear buckets. The writer stores each field as an atomic, which costs nothing more than a plain
+ * store, and the bucket last. */
 #include "rt/histogram.h"
 
 #include <math.h>
@@ -33,12 +34,30 @@ static int64_t upper_edge(unsigned index)
 void histogram_add(struct histogram *histogram, int64_t ns)
 {
     int64_t value = ns > 0 ? ns : 0;
+    uint64_t *bucket = &histogram->bucket[bucket_of((uint64_t)value)];
 
-    histogram->min = histogram->count == 0 || value < histogram->min ? value : histogram->min;
-    histogram->max = value > histogram->max ? value : histogram->max;
-    histogram->sum += value;
-    histogram->count++;
-    histogram->bucket[bucket_of((uint64_t)value)]++;
+    if (histogram->count == 0 || value < histogram->min) {
+        __atomic_store_n(&histogram->min, value, __ATOMIC_RELAXED);
+    }
+    if (value > histogram->max) {
+        __atomic_store_n(&histogram->max, value, __ATOMIC_RELAXED);
+    }
+    __atomic_store_n(&histogram->sum, histogram->sum + value, __ATOMIC_RELAXED);
+    __atomic_store_n(&histogram->count, histogram->count + 1, __ATOMIC_RELAXED);
+    /* release: whoever sees the sample here sees the min and max that it belongs to */
+    __atomic_store_n(bucket, *bucket + 1, __ATOMIC_RELEASE);
+}
+
+void histogram_copy(const struct histogram *from, struct histogram *to)
+{
+    to->count = 0;
+    for (unsigned i = 0; i < HISTOGRAM_BUCKETS; i++) {
+        to->bucket[i] = __atomic_load_n(&from->bucket[i], __ATOMIC_ACQUIRE);
+        to->count += to->bucket[i];
+    }
+    to->sum = __atomic_load_n(&from->sum, __ATOMIC_RELAXED);
+    to->min = __atomic_load_n(&from->min, __ATOMIC_RELAXED);
+    to->max = __atomic_load_n(&from->max, __ATOMIC_RELAXED);
 }
 
 int64_t histogram_percentile(const struct histogram *histogram, double fraction)

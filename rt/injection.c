@@ -187,6 +187,20 @@ static void step_command(struct injection *injection)
     }
 }
 
+static void tell_ports(struct injection *injection)
+{
+    for (size_t b = 0; b < BUSES_MAX; b++) {
+        if (injection->port[b]) {
+            fault_port_time(injection->port[b], injection->time_ns);
+        }
+    }
+}
+
+void injection_went_back(struct injection *injection)
+{
+    tell_ports(injection);
+}
+
 void injection_step(struct injection *injection, int64_t time_ns)
 {
     size_t count = faults_count(injection->config.faults);
@@ -202,9 +216,5 @@ void injection_step(struct injection *injection, int64_t time_ns)
             step_wire(injection, i);
         }
     }
-    for (size_t b = 0; b < BUSES_MAX; b++) {
-        if (injection->port[b]) {
-            fault_port_time(injection->port[b], time_ns);
-        }
-    }
+    tell_ports(injection);
 }

@@ -30,4 +30,7 @@ enum error_code injection_create(const struct injection_config *config, struct a
  * RT-safe. */
 void injection_step(struct injection *injection, int64_t time_ns);
 
+/* All that moves has gone back to an earlier time: what the ports count and say follows. RT-safe. */
+void injection_went_back(struct injection *injection);
+
 #endif

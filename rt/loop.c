@@ -1,132 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Waiting, the phases of a tick, and their accounting. */
-#include "rt/loop.h"
-
-#include "base/ring.h"
 #include "boards/icub_protocol.h"
+#include "rt/loop_private.h"
+#include "rt/probes.h"
 
-#include <stdatomic.h>
-#include <stdio.h>
 #include <string.h>
 #include <sys/resource.h>
-
-enum {
-    BATCH = 64,          /* frames per receive call */
-    RECEIVE_MAX = 16384, /* frames taken from a bus in one tick */
-    HELD_MAX = 1024,     /* frames of the STEP's bus kept until the STEP comes */
-    EVENT_RING = 1024,
-    WAIT_SLICE_NS = 100000000, /* the stop flag is looked at as often while waiting */
-    POLL_SLICE_NS = 10000000,  /* the same when the port is gone and has nothing to sleep on */
-};
-
-struct loop {
-    struct loop_config config;
-    struct loop_stats stats;
-    atomic_bool stop;
-    _Atomic uint64_t beat; /* loop_beat */
-    enum loop_end end;
-
-    /* the tick being run */
-    int64_t mark_ns;            /* end of the last phase */
-    int64_t spent[PHASE_COUNT]; /* wait: how late the tick began */
-    int64_t work_begin_ns;
-
-    /* real clock */
-    int64_t deadline_ns;
-    int64_t reference_ns; /* when the tick could have begun: its deadline, or the end of the last */
-    int64_t last_end_ns;
-
-    /* lockstep */
-    struct lockstep lockstep;
-    bool step_begins; /* this tick is the first of its STEP */
-    struct bus_frame *held;
-    size_t held_count; /* frames in held */
-    size_t held_seen;  /* of which judged; up to and with the STEP once it was found */
-
-    struct bus_frame *batch;    /* BATCH, received */
-    struct bus_frame *outgoing; /* largest transmit_max + DONE */
-    enum can_port_state *state; /* of each bus, as last reported */
-    uint64_t rx_lost, tx_lost;  /* of all buses, as last reported */
-    uint64_t lost_at_done;
-    struct ring events;
-};
-
-/* ---- events ---- */
-
-static void emit(struct loop *loop, enum loop_event_kind kind, int bus, int64_t a, int64_t b)
-{
-    struct loop_event event = {loop->stats.time_ns, kind, bus, a, b};
-
-    loop->stats.events_lost += !ring_push(&loop->events, &event);
-}
-
-bool loop_next_event(struct loop *loop, struct loop_event *event)
-{
-    return ring_pop(&loop->events, event);
-}
-
-const char *loop_phase_name(enum loop_phase phase)
-{
-    static const char *const names[PHASE_COUNT] = {
-        "wait", "receive", "boards", "plant", "sensors", "transmit", "publish",
-    };
-
-    return names[phase];
-}
-
-static const char *state_name(int64_t state)
-{
-    static const char *const names[] = {
-        [CAN_PORT_UP] = "up",
-        [CAN_PORT_WARNING] = "error warning",
-        [CAN_PORT_PASSIVE] = "error passive",
-        [CAN_PORT_BUS_OFF] = "bus-off",
-        [CAN_PORT_DOWN] = "down",
-        [CAN_PORT_GONE] = "gone",
-        [CAN_PORT_STUCK] = "stuck: its queue does not empty",
-    };
-
-    return names[state];
-}
-
-void loop_event_format(const struct loop *loop, const struct loop_event *event, char *text,
-                       size_t size)
-{
-    const char *bus = event->bus >= 0 ? loop->config.port[event->bus]->bus : "";
-    long long a = event->a, b = event->b;
-
-    switch (event->kind) {
-    case LOOP_EVENT_OVERRUN:
-        snprintf(text, size, "overrun by %.3f ms in phase %s", (double)b * 1e-6,
-                 loop_phase_name((enum loop_phase)a));
-        break;
-    case LOOP_EVENT_PAUSE:
-        snprintf(text, size, "%.1f s behind: taken for a pause, grid taken up again",
-                 (double)a * 1e-9);
-        break;
-    case LOOP_EVENT_BUS_STATE:
-        snprintf(text, size, "bus %s is %s (was %s)", bus, state_name(b), state_name(a));
-        break;
-    case LOOP_EVENT_FRAMES_LOST:
-        snprintf(text, size, "lost %lld frames on receiving and %lld on sending", a, b);
-        break;
-    case LOOP_EVENT_SILENT:
-        snprintf(text, size, "no STEP frame on %s for %.1f s: still waiting for the controller",
-                 bus, (double)a * 1e-9);
-        break;
-    case LOOP_EVENT_BACK:
-        snprintf(text, size, "STEP frames on %s again after %.1f s", bus, (double)a * 1e-9);
-        break;
-    case LOOP_EVENT_STEP_MISMATCH:
-        snprintf(text, size, "STEP on %s expects tick %lld, but this is tick %lld: not run", bus, a,
-                 b);
-        break;
-    case LOOP_EVENT_STEP_MALFORMED:
-        snprintf(text, size, "malformed STEP on %s: length %lld, expected %d", bus, a,
-                 LOCKSTEP_LENGTH);
-        break;
-    }
-}
 
 /* ---- creation ---- */
 
@@ -149,6 +28,10 @@ enum error_code loop_create(const struct loop_config *config, struct arena *aren
         return error_set(error, ERROR_MEMORY, "no memory left for the loop");
     }
     loop->config = *config;
+    loop->period_ns = config->tick_ns;
+    if (config->steering && !loop_steer_create(loop, arena)) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the steering of the loop");
+    }
     lockstep_init(&loop->lockstep, &lockstep);
     ring_init(&loop->events, events, sizeof(struct loop_event), EVENT_RING);
     for (size_t b = 0; b < config->nbus; b++) {
@@ -173,8 +56,7 @@ const struct loop_stats *loop_stats(const struct loop *loop)
     return &loop->stats;
 }
 
-/* at each wake-up */
-static bool stop_wanted(struct loop *loop)
+bool loop_stop_wanted(struct loop *loop)
 {
     uint64_t beat = atomic_load_explicit(&loop->beat, memory_order_relaxed);
 
@@ -214,17 +96,19 @@ static void drain(struct loop *loop, size_t bus)
 
     do {
         count = can_receive(loop->config.port[bus], loop->batch, BATCH);
+        PROBE2(received, bus, count);
         for (size_t i = 0; i < count; i++) {
             deliver(loop, bus, &loop->batch[i]);
         }
         total += count;
-    } while (count == BATCH && total < RECEIVE_MAX);
+    } while (count == BATCH && total < LOOP_RECEIVE_MAX);
 }
 
 static void send(struct loop *loop, size_t bus, size_t count, int64_t time_ns)
 {
     size_t sent = count ? can_send(loop->config.port[bus], loop->outgoing, count) : 0;
 
+    PROBE3(sent, bus, count, sent);
     for (size_t i = 0; loop->config.recorder && i < sent; i++) {
         if (recorded_here(loop, &loop->outgoing[i])) {
             recorder_frame(loop->config.recorder, bus, &loop->outgoing[i], time_ns);
@@ -232,7 +116,7 @@ static void send(struct loop *loop, size_t bus, size_t count, int64_t time_ns)
     }
 }
 
-static void send_done(struct loop *loop, uint16_t flags)
+void loop_send_done(struct loop *loop, uint16_t flags)
 {
     struct bus_frame done = lockstep_done(&loop->lockstep, flags);
 
@@ -265,11 +149,11 @@ static bool judge(struct loop *loop, const struct bus_frame *frame)
     case LOCKSTEP_RUN:
         return true;
     case LOCKSTEP_REFUSED:
-        emit(loop, LOOP_EVENT_STEP_MISMATCH, bus, loop->lockstep.expected, loop->lockstep.tick);
-        send_done(loop, LOCKSTEP_MISMATCH);
+        loop_emit(loop, LOOP_EVENT_STEP_MISMATCH, bus, loop->lockstep.expected, loop->lockstep.tick);
+        loop_send_done(loop, LOCKSTEP_MISMATCH);
         break;
     case LOCKSTEP_MALFORMED:
-        emit(loop, LOOP_EVENT_STEP_MALFORMED, bus, frame->len, 0);
+        loop_emit(loop, LOOP_EVENT_STEP_MALFORMED, bus, frame->len, 0);
         break;
     case LOCKSTEP_OTHER:
         break;
@@ -280,7 +164,9 @@ static bool judge(struct loop *loop, const struct bus_frame *frame)
 /* reads the STEP's bus up to a STEP; false when none has come */
 static bool find_step(struct loop *loop)
 {
-    struct can_port *port = loop->config.port[loop->config.lockstep.bus];
+    int bus = loop->config.lockstep.bus;
+    struct can_port *port = loop->config.port[bus];
+    size_t count, total = 0;
 
     for (;;) {
         while (loop->held_seen < loop->held_count) {
@@ -292,9 +178,14 @@ static bool find_step(struct loop *loop)
             /* that much talk without a STEP: the boards take it now */
             deliver_held(loop);
         }
-        loop->held_count +=
-            can_receive(port, loop->held + loop->held_count, HELD_MAX - loop->held_count);
-        if (loop->held_seen == loop->held_count) {
+        if (total >= LOOP_RECEIVE_MAX) {
+            return false;
+        }
+        count = can_receive(port, loop->held + loop->held_count, HELD_MAX - loop->held_count);
+        PROBE2(received, bus, count);
+        loop->held_count += count;
+        total += count;
+        if (count == 0) {
             return false;
         }
     }
@@ -309,6 +200,10 @@ static void sleep_for_step(struct loop *loop, int64_t now)
 
     if (loop->lockstep.report_at_ns < until) {
         until = loop->lockstep.report_at_ns;
+    }
+    if (loop->config.steering) {
+        loop_steer_sleep(loop, fd.fd >= 0 ? &fd : NULL, until);
+        return;
     }
     clock_wait_readable(loop->config.time, &fd, fd.fd >= 0, until);
 }
@@ -325,6 +220,24 @@ static bool control_inline(struct loop *loop)
     return true;
 }
 
+/* between two ticks somebody is to be heard first */
+static bool request_waits(const struct loop *loop)
+{
+    return loop->config.steering && steering_waits(loop->config.steering);
+}
+
+/* STEER_STEP plays the part of a STEP frame, unless an inline controller sends its own. */
+static bool step_asked_for(struct loop *loop)
+{
+    uint64_t left = loop->config.steering ? loop->steer.step_left : 0;
+
+    loop->step_asked = left > 0 && !loop->config.machine.controller;
+    if (loop->step_asked) {
+        loop->lockstep.ticks = left < UINT32_MAX ? (uint32_t)left : UINT32_MAX;
+    }
+    return loop->step_asked;
+}
+
 /* false when no tick is to be run */
 static bool wait_lockstep(struct loop *loop)
 {
@@ -332,12 +245,15 @@ static bool wait_lockstep(struct loop *loop)
     int64_t now = loop->mark_ns, silent;
 
     loop->step_begins = loop->lockstep.ticks == 0;
-    if (!loop->step_begins) {
-        return !stop_wanted(loop);
+    if (!loop->step_begins || step_asked_for(loop)) {
+        return !loop_stop_wanted(loop);
     }
-    lockstep_wait_begin(&loop->lockstep, now);
+    if (!loop->awaiting) {
+        lockstep_wait_begin(&loop->lockstep, now);
+        loop->awaiting = true;
+    }
     for (;;) {
-        if (stop_wanted(loop)) {
+        if (loop_stop_wanted(loop)) {
             return false;
         }
         if (!control_inline(loop)) {
@@ -348,12 +264,16 @@ static bool wait_lockstep(struct loop *loop)
         }
         now = clock_now(loop->config.time);
         if (lockstep_wait_check(&loop->lockstep, now, &silent)) {
-            emit(loop, LOOP_EVENT_SILENT, bus, silent, 0);
+            loop_emit(loop, LOOP_EVENT_SILENT, bus, silent, 0);
         }
         sleep_for_step(loop, now);
+        if (request_waits(loop)) {
+            return false;
+        }
     }
+    loop->awaiting = false;
     if (lockstep_wait_end(&loop->lockstep, now, &silent)) {
-        emit(loop, LOOP_EVENT_BACK, bus, silent, 0);
+        loop_emit(loop, LOOP_EVENT_BACK, bus, silent, 0);
     }
     return true;
 }
@@ -365,22 +285,30 @@ static uint64_t deadlines_missed(const struct loop *loop, int64_t now)
 {
     int64_t behind = now - loop->deadline_ns;
 
-    return (uint64_t)((behind + loop->config.tick_ns - 1) / loop->config.tick_ns);
+    return (uint64_t)((behind + loop->period_ns - 1) / loop->period_ns);
 }
 
 static void drop_deadlines(struct loop *loop, uint64_t count)
 {
-    loop->deadline_ns += (int64_t)count * loop->config.tick_ns;
+    loop->deadline_ns += (int64_t)count * loop->period_ns;
 }
 
 static void take_up_grid(struct loop *loop, int64_t now)
 {
     uint64_t missed = deadlines_missed(loop, now);
 
-    emit(loop, LOOP_EVENT_PAUSE, -1, now - loop->deadline_ns, 0);
+    loop_emit(loop, LOOP_EVENT_PAUSE, -1, now - loop->deadline_ns, 0);
     drop_deadlines(loop, missed);
     loop->stats.pauses++;
     loop->stats.pause_ticks += missed;
+}
+
+/* of a loop that sleeps until a deadline far off */
+static int64_t next_look(const struct loop *loop, int64_t now)
+{
+    int64_t slice = now + WAIT_SLICE_NS, before = loop->deadline_ns - POLL_SLICE_NS;
+
+    return slice < before ? slice : before;
 }
 
 static bool wait_real(struct loop *loop)
@@ -388,8 +316,11 @@ static bool wait_real(struct loop *loop)
     int64_t now = clock_now(loop->config.time);
     bool slept = false;
 
+    if (loop->period_ns == 0) {
+        loop->deadline_ns = now;
+    }
     for (;;) {
-        if (stop_wanted(loop)) {
+        if (loop_stop_wanted(loop)) {
             return false;
         }
         if (now - loop->deadline_ns > LOOP_PAUSE_NS) {
@@ -398,8 +329,16 @@ static bool wait_real(struct loop *loop)
         if (now >= loop->deadline_ns) {
             break;
         }
-        clock_sleep_until(loop->config.time, loop->deadline_ns);
-        slept = true;
+        if (loop->config.steering && loop->deadline_ns - now > 2 * POLL_SLICE_NS) {
+            /* far off: somebody may ask meanwhile */
+            loop_steer_sleep(loop, NULL, next_look(loop, now));
+            if (request_waits(loop)) {
+                return false;
+            }
+        } else {
+            clock_sleep_until(loop->config.time, loop->deadline_ns);
+            slept = true;
+        }
         now = clock_now(loop->config.time);
     }
     loop->reference_ns =
@@ -419,7 +358,8 @@ static void charge_overrun(struct loop *loop, int64_t over)
     }
     loop->stats.overruns[worst]++;
     loop->stats.overrun_total++;
-    emit(loop, LOOP_EVENT_OVERRUN, -1, worst, over);
+    PROBE2(overrun, worst, over);
+    loop_emit(loop, LOOP_EVENT_OVERRUN, -1, worst, over);
     if (loop->config.overrun == RIG_OVERRUN_STOP &&
         loop->stats.overrun_total >= (uint64_t)loop->config.stop_after) {
         loop->end = LOOP_END_OVERRUNS;
@@ -430,15 +370,15 @@ static void charge_overrun(struct loop *loop, int64_t over)
 static void account_real(struct loop *loop, int64_t now)
 {
     loop->last_end_ns = now;
-    loop->deadline_ns += loop->config.tick_ns;
-    if (now <= loop->deadline_ns) {
+    loop->deadline_ns += loop->period_ns;
+    if (now <= loop->deadline_ns || loop->period_ns == 0) {
         return;
     }
     if (now - loop->deadline_ns > LOOP_PAUSE_NS) {
         take_up_grid(loop, now);
         return;
     }
-    if (now - loop->reference_ns > loop->config.tick_ns) {
+    if (now - loop->reference_ns > loop->period_ns) {
         charge_overrun(loop, now - loop->deadline_ns);
     } else {
         loop->stats.late_ticks++;
@@ -451,6 +391,20 @@ static void account_real(struct loop *loop, int64_t now)
     }
 }
 
+/* free run that has been given a speed */
+static bool paced(const struct loop *loop)
+{
+    return loop->config.clock == RIG_CLOCK_FREE && loop->steer.speed > 0.0;
+}
+
+/* A pace, not a promise: what is late stays late, and nobody counts it. */
+static void account_paced(struct loop *loop, int64_t now)
+{
+    loop->last_end_ns = now;
+    loop->deadline_ns += loop->period_ns;
+    loop->deadline_ns = loop->deadline_ns > now ? loop->deadline_ns : now;
+}
+
 /* ---- the phases of a tick ---- */
 
 static void phase_end(struct loop *loop, enum loop_phase phase)
@@ -460,25 +414,33 @@ static void phase_end(struct loop *loop, enum loop_phase phase)
     loop->spent[phase] = now - loop->mark_ns;
     histogram_add(&loop->stats.phase[phase], loop->spent[phase]);
     loop->mark_ns = now;
+    PROBE2(phase_end, phase, loop->spent[phase]);
 }
 
-static bool wait_for_tick(struct loop *loop)
+static bool wait_by_clock(struct loop *loop)
 {
     bool go;
 
     switch (loop->config.clock) {
     case RIG_CLOCK_REAL:
-        go = wait_real(loop);
-        break;
+        return wait_real(loop);
     case RIG_CLOCK_LOCKSTEP:
-        go = wait_lockstep(loop);
-        break;
+        return wait_lockstep(loop);
     default:
-        go = !stop_wanted(loop);
+        go = paced(loop) ? wait_real(loop) : !loop_stop_wanted(loop);
         if (go) {
             control_inline(loop);
         }
-        break;
+        return go;
+    }
+}
+
+static bool wait_for_tick(struct loop *loop)
+{
+    bool go = (!loop->config.steering || loop_steer(loop)) && wait_by_clock(loop);
+
+    if (!go && loop->end == LOOP_RUNNING) {
+        return false; /* there is something to be carried out first */
     }
     phase_end(loop, PHASE_WAIT);
     if (loop->config.clock == RIG_CLOCK_REAL) {
@@ -493,11 +455,13 @@ static bool wait_for_tick(struct loop *loop)
  * is there already, and what follows it stay. */
 static void drain_held(struct loop *loop)
 {
-    struct can_port *port = loop->config.port[loop->config.lockstep.bus];
+    int bus = loop->config.lockstep.bus;
+    struct can_port *port = loop->config.port[bus];
     size_t count;
 
     do {
         count = can_receive(port, loop->held + loop->held_count, HELD_MAX - loop->held_count);
+        PROBE2(received, bus, count);
         loop->held_count += count;
         while (loop->held_seen < loop->held_count &&
                loop->held[loop->held_seen].id != loop->config.lockstep.step_id) {
@@ -515,7 +479,7 @@ static void receive(struct loop *loop)
     for (size_t b = 0; b < loop->config.nbus && due; b++) {
         if (!lockstep || b != (size_t)loop->config.lockstep.bus) {
             drain(loop, b);
-        } else if (loop->step_begins) {
+        } else if (loop->step_begins && !loop->step_asked) {
             deliver_held(loop);
         } else {
             drain_held(loop);
@@ -524,7 +488,7 @@ static void receive(struct loop *loop)
     phase_end(loop, PHASE_RECEIVE);
 }
 
-static void count_lost(const struct loop *loop, uint64_t *rx, uint64_t *tx)
+void loop_count_lost(const struct loop *loop, uint64_t *rx, uint64_t *tx)
 {
     *rx = *tx = 0;
     for (size_t b = 0; b < loop->config.nbus; b++) {
@@ -545,7 +509,7 @@ static bool advance(struct loop *loop)
     if (loop->config.clock != RIG_CLOCK_LOCKSTEP) {
         return false;
     }
-    count_lost(loop, &rx, &tx);
+    loop_count_lost(loop, &rx, &tx);
     flags |= rx + tx > loop->lost_at_done ? LOCKSTEP_OVERRUN : 0;
     flags |= machine->fault(machine->context) ? LOCKSTEP_FAULT : 0;
     loop->lost_at_done = rx + tx;
@@ -585,13 +549,13 @@ static void watch_buses(struct loop *loop)
         enum can_port_state state = loop->config.port[b]->state;
 
         if (state != loop->state[b]) {
-            emit(loop, LOOP_EVENT_BUS_STATE, (int)b, loop->state[b], state);
+            loop_emit(loop, LOOP_EVENT_BUS_STATE, (int)b, loop->state[b], state);
             loop->state[b] = state;
         }
     }
-    count_lost(loop, &rx, &tx);
+    loop_count_lost(loop, &rx, &tx);
     if (rx != loop->rx_lost || tx != loop->tx_lost) {
-        emit(loop, LOOP_EVENT_FRAMES_LOST, -1, (int64_t)(rx - loop->rx_lost),
+        loop_emit(loop, LOOP_EVENT_FRAMES_LOST, -1, (int64_t)(rx - loop->rx_lost),
              (int64_t)(tx - loop->tx_lost));
         loop->rx_lost = rx;
         loop->tx_lost = tx;
@@ -615,6 +579,10 @@ static void run_tick(struct loop *loop)
     if (!wait_for_tick(loop)) {
         return;
     }
+    PROBE2(tick_begin, loop->stats.ticks, loop->stats.time_ns);
+    if (loop->config.steering) {
+        loop_steer_ticks(loop);
+    }
     receive(loop);
     machine->control(machine->context);
     phase_end(loop, PHASE_BOARDS);
@@ -626,7 +594,13 @@ static void run_tick(struct loop *loop)
     publish(loop);
     if (loop->config.clock == RIG_CLOCK_REAL) {
         account_real(loop, loop->mark_ns);
+    } else if (paced(loop)) {
+        account_paced(loop, loop->mark_ns);
     }
+    if (loop->config.steering) {
+        loop_steer_ticked(loop);
+    }
+    PROBE2(tick_end, loop->stats.ticks - 1, loop->mark_ns - loop->work_begin_ns);
     if (!sane) {
         loop->end = LOOP_END_MODEL;
     } else if (loop->end == LOOP_RUNNING && loop->stats.ticks == loop->config.ticks) {
@@ -650,15 +624,23 @@ enum loop_end loop_run(struct loop *loop)
     loop->mark_ns = loop->stats.start_ns;
     loop->deadline_ns = loop->stats.start_ns;
     loop->last_end_ns = loop->stats.start_ns;
+    if (loop->config.steering) {
+        loop_steer_begin(loop);
+    }
+    PROBE2(run_begin, loop->config.clock, loop->config.tick_ns);
     while (loop->end == LOOP_RUNNING) {
         run_tick(loop);
     }
+    PROBE2(run_end, loop->end, loop->stats.ticks);
     loop->stats.page_faults = page_faults() - faults;
+    if (loop->config.steering) {
+        loop_steer_end(loop);
+    }
     loop->config.machine.shut_down(loop->config.machine.context);
     if (loop->config.clock == RIG_CLOCK_LOCKSTEP) {
-        send_done(loop, LOCKSTEP_STOPPING);
+        loop_send_done(loop, LOCKSTEP_STOPPING);
     }
     loop->stats.lockstep = loop->lockstep.counters;
-    loop->stats.end_ns = clock_now(loop->config.time);
+    loop->stats.end_ns = loop->mark_ns;
     return loop->end;
 }

@@ -16,6 +16,20 @@
  * More than LOOP_PAUSE_NS behind (stopped by SIGSTOP, suspended, hopelessly overloaded) the loop
  * takes up the grid at its next deadline whatever the policy, and counts a pause.
  *
+ * The books of the real clock close, as long as nobody changes the pace or lets the loop stand:
+ * start_ns + (ticks + lost_ticks + pause_ticks) T is the deadline of the tick that would come next. The
+ * last tick has ended before it, by less than T; with slip it may have ended up to LOOP_PAUSE_NS
+ * after it. The sum of overruns[] is overrun_total.
+ *
+ * Time of day is nothing to the loop: it may be set forward and back. A suspended machine stands
+ * still for the loop as well, for its clock does not run then. Virtual time stands still in a pause:
+ * no board does anything, and the time-outs of commands, which are of virtual time, do not run. The
+ * first tick after it receives what the buses have kept, in its order, and counts what they could
+ * not keep; a motor whose controller did not survive the pause is at 0 V a command time-out later.
+ *
+ * No bus can hold the loop: it takes at most LOOP_RECEIVE_MAX frames of each in a tick, the rest has
+ * to wait or is lost and counted; between two looks for a STEP it takes no more either.
+ *
  * Lockstep. Ticks run when a STEP frame asks for them. Before the tick, each bus is received in the
  * order of the buses: everything that waits, on the STEP's own bus everything up to the STEP. What
  * arrives while a STEP of several ticks runs belongs to the next one, but for what a wire in virtual
@@ -33,6 +47,7 @@
 #include "rt/lockstep.h"
 #include "rt/recorder.h"
 #include "rt/rig.h"
+#include "rt/steering.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -51,11 +66,13 @@ enum loop_phase {
 
 #define LOOP_PAUSE_NS CLOCK_SECOND
 
+enum { LOOP_RECEIVE_MAX = 16384 }; /* frames taken from a bus in one tick */
+
 /* Accounts of a run. Written by the loop's thread; others read them when loop_run has returned. */
 struct loop_stats {
     uint64_t ticks;
     int64_t time_ns;          /* virtual: ticks * T */
-    int64_t start_ns, end_ns; /* of the clock */
+    int64_t start_ns, end_ns; /* of the clock: the run's beginning, the last tick's end */
     uint64_t overruns[PHASE_COUNT], overrun_total;
     uint64_t late_ticks;          /* ended late because an earlier tick did (slip) */
     uint64_t lost_ticks;          /* deadlines dropped by skip and stop */
@@ -100,6 +117,7 @@ struct loop_config {
     struct clock *time;
     struct loop_machine machine;
     struct recorder *recorder; /* NULL = none */
+    struct steering *steering; /* what others ask (rt/steering.h); NULL = nobody can */
 };
 
 enum loop_end {
@@ -120,6 +138,14 @@ enum loop_event_kind {
     LOOP_EVENT_BACK,           /* STEP again after a ns */
     LOOP_EVENT_STEP_MISMATCH,  /* a = expected by the host, b = tick that we are at */
     LOOP_EVENT_STEP_MALFORMED, /* a = length */
+    /* of the steering */
+    LOOP_EVENT_PAUSED,     /* a = tick */
+    LOOP_EVENT_RESUMED,    /* a = tick */
+    LOOP_EVENT_SPEED,      /* a = millionths of virtual seconds a second, 0 = unpaced */
+    LOOP_EVENT_CHECKPOINT, /* a = slot, b = tick */
+    LOOP_EVENT_WENT_BACK,  /* a = slot, b = tick */
+    LOOP_EVENT_PUSH,       /* a = body, b = mN */
+    LOOP_EVENT_SET,        /* a = tunable, b = bits of the double */
 };
 
 /* Something worth a line in the log; formatted outside the loop. */

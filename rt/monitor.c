@@ -2,6 +2,8 @@
 /* Events and the status line. */
 #include "rt/monitor.h"
 
+#include "rt/journal.h"
+
 #include <string.h>
 #include <time.h>
 
@@ -51,8 +53,10 @@ void monitor_format(const struct simulator *simulator, const struct simulator_st
         controller_read(simulator_controller(simulator), &task);
     }
     load = busiest(simulator, before, status, &bus);
-    snprintf(text, size, "%9.3f s  x%.2f  overruns %llu  ground %.1f N  %s %.0f %%  lost %llu%s%s",
-             (double)status->time_ns * 1e-9, rtf, (unsigned long long)status->overruns, force,
+    snprintf(text, size,
+             "%9.3f s  x%.2f  overruns %llu  pauses %llu  ground %.1f N  %s %.0f %%  lost %llu%s%s",
+             (double)status->time_ns * 1e-9, rtf, (unsigned long long)status->overruns,
+             (unsigned long long)status->pauses, force,
              rig->bus[bus].name, load, (unsigned long long)lost, task.message[0] ? "  " : "",
              task.message);
 }
@@ -74,6 +78,11 @@ static void print_status(struct monitor *monitor)
     }
     fflush(monitor->log.out);
     monitor->last = status;
+}
+
+static const char *event_prefix(uint64_t key)
+{
+    return journal_prefix(simulator_event_priority(key));
 }
 
 static void print_events(struct monitor *monitor, int64_t now)
@@ -130,6 +139,7 @@ enum error_code monitor_start(struct monitor *monitor, const struct monitor_conf
     memset(monitor, 0, sizeof *monitor);
     monitor->config = *config;
     monitor->log.out = config->out;
+    monitor->log.prefix = event_prefix;
     monitor->log.clear = terminal && !config->quiet ? "\r\033[K" : "";
     monitor->next_status_ns = clock_now(clock_monotonic()) + (terminal ? TERMINAL_NS : LOG_NS);
     reason = pthread_create(&monitor->thread, NULL, monitor_main, monitor);

@@ -3,6 +3,7 @@
 #include "rt/options.h"
 
 #include "base/text.h"
+#include "rt/journal.h"
 
 #include <stdint.h>
 #include <string.h>
@@ -297,6 +298,11 @@ bool options_read(const struct command_spec *spec, int argc, char **argv, int *s
     struct error error;
     bool help;
 
+    if (argc == 2 && !strcmp(argv[1], "--help=scdoc")) {
+        options_page(spec, stdout);
+        *status = STATUS_OK;
+        return false;
+    }
     if (options_parse(spec, argc, argv, &help, &error)) {
         *status = command_fail(spec->name, &error);
         return false;
@@ -325,6 +331,6 @@ enum exit_status exit_status_of(enum error_code code)
 
 int command_fail(const char *command, const struct error *error)
 {
-    fprintf(stderr, "coman-hil %s: %s\n", command, error->text);
+    fprintf(stderr, "%scoman-hil %s: %s\n", journal_prefix(JOURNAL_ERROR), command, error->text);
     return exit_status_of(error->code);
 }

@@ -98,8 +98,12 @@ enum error_code options_parse(const struct command_spec *spec, int argc, char **
 /* Prints the command's manual, made from the table. */
 void options_help(const struct command_spec *spec, FILE *out);
 
+/* The same as the source of a manual page, for scdoc(1). */
+void options_page(const struct command_spec *spec, FILE *out);
+
 /* options_parse with what a command does about the result: false when the command is to return
- * *status at once, because the manual was printed or the error was reported on stderr. */
+ * *status at once, because the manual was printed (by --help, or as a page by --help=scdoc alone) or
+ * the error was reported on stderr. */
 bool options_read(const struct command_spec *spec, int argc, char **argv, int *status);
 
 /* The exit status that an error means. */

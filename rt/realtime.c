@@ -4,6 +4,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <link.h>
 #include <sched.h>
 #include <stdarg.h>
 #include <stdint.h>
@@ -106,6 +107,57 @@ static void __attribute__((noinline)) touch_stack(void)
     for (size_t i = 0; i < sizeof stack; i += 1024) {
         stack[i] = 0;
     }
+}
+
+/* without a sanitizer's opinion: between two variables there is nothing that may be read */
+__attribute__((no_sanitize("address", "thread"))) static void touch_pages(uintptr_t begin,
+                                                                          uintptr_t end,
+                                                                          size_t page)
+{
+    for (uintptr_t at = begin; at < end; at += page) {
+        (void)*(const volatile unsigned char *)at;
+    }
+}
+
+/* the segments of one program or library */
+static int touch_object(struct dl_phdr_info *info, size_t size, void *context)
+{
+    const size_t *page = context;
+    uintptr_t constant = 0; /* end of what is read only once it was relocated */
+
+    (void)size;
+    for (int i = 0; i < info->dlpi_phnum; i++) {
+        const ElfW(Phdr) *part = &info->dlpi_phdr[i];
+
+        if (part->p_type == PT_GNU_RELRO) {
+            constant = info->dlpi_addr + part->p_vaddr + part->p_memsz;
+        }
+    }
+    for (int i = 0; i < info->dlpi_phnum; i++) {
+        const ElfW(Phdr) *part = &info->dlpi_phdr[i];
+        uintptr_t begin = (info->dlpi_addr + part->p_vaddr) / *page * *page;
+        uintptr_t end = info->dlpi_addr + part->p_vaddr + part->p_memsz;
+
+        if (part->p_type != PT_LOAD || !(part->p_flags & PF_R)) {
+            continue;
+        }
+        touch_pages(begin, end, *page);
+        if (part->p_flags & PF_W) {
+            begin = constant > begin ? constant / *page * *page : begin;
+            /* the private copies, which are made at the first write; kernels before 5.14 refuse, and
+             * make them then */
+            madvise((void *)begin, end > begin ? end - begin : 0, MADV_POPULATE_WRITE);
+        }
+    }
+    return 0;
+}
+
+void realtime_touch(void)
+{
+    size_t page = (size_t)sysconf(_SC_PAGESIZE);
+
+    dl_iterate_phdr(touch_object, &page);
+    touch_stack();
 }
 
 void realtime_apply(const struct realtime_config *config, struct realtime_report *report)

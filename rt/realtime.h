@@ -29,4 +29,9 @@ struct realtime_report {
  * states could not be had is no warning: many machines have none that matter. */
 void realtime_apply(const struct realtime_config *config, struct realtime_report *report);
 
+/* Brings into memory what a loop uses beside its arena, for any clock: the calling thread's stack, and
+ * the code and data of the program and its libraries, whose pages the system else maps at their first
+ * use. */
+void realtime_touch(void);
+
 #endif

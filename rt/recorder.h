@@ -8,9 +8,23 @@
  * which it ends; so the log depends on nothing but the run, and equal runs give equal bytes. With
  * the real clock this is the time of the grid, not of the wall.
  *
- * When a ring is full, a lossless recorder (lockstep, free run) waits for its thread; otherwise the
- * item is dropped and counted. A write error is reported once, counted, and ends the writing of
- * that file, not the run.
+ * What is promised when the disk does not do its part:
+ *
+ * - Slow, real clock. The loop never waits: what finds a ring full is dropped and counted, and so
+ *   said once a second. When the disk has caught up the recording goes on behind the gap.
+ * - Slow, lockstep and free run (lossless). The loop waits, for virtual time can. A disk that takes
+ *   nothing for stall_ns is given up: from there on everything is dropped and counted.
+ * - Full, broken, at the limit of a file's size, or a pipe that nobody reads any more. The file ends
+ *   there, the other one and the run go on. It ends with a whole line: what a torn write has left
+ *   is cut off; where that cannot be done, in a pipe, it is said.
+ * - Removed. The file ends there too, and its room on the disk is given back.
+ * - Renamed, as a log rotation does it. Recording goes on into the same file; said.
+ * - What has not been written 250 ms ago is written; a program that is killed leaves the rest
+ *   unwritten and perhaps half a line.
+ *
+ * All of it is said within a second (recorder_next_event), counted, and makes recorder_close fail.
+ * The books close: frames offered = frames + frames_dropped, lines in candump.log = frames -
+ * frames_unwritten, rows alike.
  */
 #ifndef RT_RECORDER_H
 #define RT_RECORDER_H
@@ -21,6 +35,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#define RECORDER_STALL_NS INT64_C(10000000000)
+
 struct recorder_config {
     const char *directory; /* made when missing; must be empty or ours to overwrite */
     bool overwrite;        /* replace the files of an earlier recording */
@@ -30,18 +46,23 @@ struct recorder_config {
     size_t nsignal;
     const char *const *signal; /* column titles after time_s */
     size_t frame_ring;         /* frames held between loop and thread, a power of two; 0 = 65536 */
+    int64_t stall_ns;          /* a disk that takes nothing for so long is given up; 0 =
+                                * RECORDER_STALL_NS */
 };
 
 struct recorder_counters {
-    uint64_t frames, rows;                 /* taken from the loop */
-    uint64_t frames_dropped, rows_dropped; /* found the ring full */
-    uint64_t unwritten;                    /* lost to write errors */
+    uint64_t frames, rows;                     /* taken from the loop */
+    uint64_t frames_dropped, rows_dropped;     /* found the ring full, or the disk given up */
+    uint64_t frames_unwritten, rows_unwritten; /* taken, and then not written */
 };
+
+enum { RECORDER_EVENTS = 4 }; /* kinds of events */
 
 struct recorder;
 
 /* Makes the directory and the files and starts the thread. ERROR_INPUT when the directory holds
- * something and overwrite is not set. Rings come from arena. Not RT-safe. */
+ * something and overwrite is not set. What it has made is gone again when it fails. Rings come from
+ * arena. Not RT-safe. */
 enum error_code recorder_open(const struct recorder_config *config, struct arena *arena,
                               struct recorder **recorder, struct error *error);
 
@@ -50,11 +71,18 @@ void recorder_frame(struct recorder *recorder, size_t bus, const struct bus_fram
                     int64_t time_ns);
 void recorder_row(struct recorder *recorder, int64_t time_ns, const double *value);
 
-/* The first write error, once; from any thread. */
-bool recorder_failure(struct recorder *recorder, struct error *error);
+/* What has gone wrong since the last call, as a sentence; kind (below RECORDER_EVENTS) tells a file
+ * of the other, and from drops, which come again at most once a second. False when there is nothing
+ * new. From one thread. */
+bool recorder_next_event(struct recorder *recorder, unsigned *kind, char *text, size_t size);
 
-/* Writes what is left and closes the files. The first write error, if any, comes back here too. */
+/* Writes what is left and closes the files; a disk that takes nothing for stall_ns is left behind
+ * with its thread. Fails when the recording is not whole: with the first thing that went wrong. */
 enum error_code recorder_close(struct recorder *recorder, struct recorder_counters *counters,
                                struct error *error);
+
+/* In the place of recorder_close when the run never began: removes what recorder_open has made, so
+ * that the next start finds the directory as this one did. */
+void recorder_discard(struct recorder *recorder);
 
 #endif

@@ -78,7 +78,7 @@ static bool good(const struct report *report)
     return !report->error.code;
 }
 
-/* A copy on the heap, "" when there is no memory. */
+/* A copy on the heap, NULL when there is no memory, with which the report has failed. */
 static char *keep(struct report *report, const char *text)
 {
     char *copy = strdup(text);
@@ -107,7 +107,7 @@ enum error_code report_open(struct report *report, const char *folder, const cha
     if (mkdir(folder, 0777) && errno != EEXIST) {
         return error_set_errno(error, errno, "%s", folder);
     }
-    report->body = open_memstream(&report->text, &report->size);
+    report->body = memory_file_open(&report->text);
     return report->body ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory for the report");
 }
 
@@ -285,7 +285,7 @@ void report_compared(struct report *report)
     fputs("<div class=\"scroll\"><table><thead><tr><th>quantity</th><th>paper</th><th>here</th>"
           "<th>remark</th></tr></thead><tbody>\n",
           report->body);
-    for (; report->compared < report->nfinding; report->compared++) {
+    for (; good(report) && report->compared < report->nfinding; report->compared++) {
         put_finding(report->body, &report->finding[report->compared], false);
     }
     fputs("</tbody></table></div>\n", report->body);
@@ -384,7 +384,7 @@ static void put_page(const struct report *report, FILE *out)
     }
     fputs("</ul>\n</nav>\n", out);
     put_summary(report, out);
-    fwrite(report->text, 1, report->size, out);
+    fwrite(report->text.text, 1, report->text.size, out);
     fprintf(out, "%s</body>\n</html>\n", report->nsection ? "</section>\n" : "");
 }
 
@@ -420,16 +420,17 @@ static void release(struct report *report)
     for (size_t i = 0; i < report->nsection; i++) {
         free(report->section[i].title);
     }
-    free(report->text);
+    free(report->text.text);
 }
 
 enum error_code report_close(struct report *report, struct error *error)
 {
+    struct error lost;
     FILE *out;
 
     close_table(report);
-    if (fclose(report->body)) {
-        fail(report, ERROR_MEMORY, "no memory for the report");
+    if (memory_file_close(report->body, &report->text, "the report", &lost)) {
+        fail(report, lost.code, lost.text);
     }
     write_findings(report);
     out = open_file(report, "index.html");

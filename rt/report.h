@@ -10,6 +10,7 @@
 #define RT_REPORT_H
 
 #include "base/error.h"
+#include "base/memory_file.h"
 #include "rt/svg.h"
 
 #include <stdbool.h>
@@ -27,8 +28,7 @@ struct report_finding {
 struct report {
     const char *folder, *title;
     FILE *body;
-    char *text;
-    size_t size;
+    struct memory_file text; /* of body */
     FILE *csv; /* of the open table */
     size_t nsection, nfinding, compared;
     struct {

@@ -2,6 +2,7 @@
 /* What the commands that run a rig have in common. */
 #include "rt/rig_command.h"
 
+#include "rt/journal.h"
 #include "rt/options.h"
 
 #include <signal.h>
@@ -35,7 +36,8 @@ enum error_code rig_command_budget(const char *name, const struct rig *rig, stru
         if (rig->wire.budget == RIG_BUDGET_REFUSE) {
             return error_set(error, ERROR_INPUT, "%s: %s", rig->file, text);
         }
-        fprintf(stderr, "coman-hil %s: warning: %s\n", name, text);
+        fprintf(stderr, "%scoman-hil %s: warning: %s\n", journal_prefix(JOURNAL_WARNING), name,
+                text);
     }
     return ERROR_NONE;
 }
@@ -69,6 +71,7 @@ void rig_command_ignore_stop(void)
 void rig_command_warn(const struct realtime_report *report, const char *clear)
 {
     for (size_t i = 0; i < report->count; i++) {
-        fprintf(stderr, "%swarning: %s\n", clear, report->warning[i]);
+        fprintf(stderr, "%s%swarning: %s\n", clear, journal_prefix(JOURNAL_WARNING),
+                report->warning[i]);
     }
 }

@@ -5,6 +5,7 @@
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 static const char local_folder[] = "/etc/coman-hil/rigs";
@@ -32,7 +33,15 @@ static bool try_path(char path[PATH_MAX], const char *folder, const char *name)
 {
     int length = snprintf(path, PATH_MAX, "%s/%s.yaml", folder, name);
 
-    return length > 0 && length < PATH_MAX && access(path, F_OK) == 0;
+    return folder[0] && length > 0 && length < PATH_MAX && access(path, F_OK) == 0;
+}
+
+static bool same_file(const char *a, const char *b)
+{
+    struct stat of_a, of_b;
+
+    return stat(a, &of_a) == 0 && stat(b, &of_b) == 0 && of_a.st_dev == of_b.st_dev &&
+           of_a.st_ino == of_b.st_ino;
 }
 
 enum error_code rig_locate_in(const char *name, const char *local, const char *installed,
@@ -46,7 +55,7 @@ enum error_code rig_locate_in(const char *name, const char *local, const char *i
         strcpy(path, name);
         return ERROR_NONE;
     }
-    if (try_path(path, local, name) || (installed[0] && try_path(path, installed, name))) {
+    if (try_path(path, local, name) || try_path(path, installed, name)) {
         return ERROR_NONE;
     }
     return error_set(error, ERROR_INPUT, "found no file %.100s, nor %.100s.yaml in %.200s%s%.200s",
@@ -59,4 +68,19 @@ enum error_code rig_locate(const char *name, char path[PATH_MAX], struct error *
 
     installed_folder(installed);
     return rig_locate_in(name, local_folder, installed, path, error);
+}
+
+enum error_code rig_locate_from(const char *name, const char *from, struct arena *arena,
+                                const char **path, struct error *error)
+{
+    char installed[PATH_MAX], found[PATH_MAX];
+
+    installed_folder(installed);
+    if (!(try_path(found, local_folder, name) && !same_file(found, from)) &&
+        !(try_path(found, installed, name) && !same_file(found, from))) {
+        return error_set(error, ERROR_INPUT, "found no rig %.100s.yaml in %.200s%s%.200s", name,
+                         local_folder, installed[0] ? " or " : "", installed);
+    }
+    *path = arena_strdup(arena, found);
+    return *path ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory left for a path");
 }

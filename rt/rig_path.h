@@ -5,6 +5,7 @@
 #ifndef RT_RIG_PATH_H
 #define RT_RIG_PATH_H
 
+#include "base/arena.h"
 #include "base/error.h"
 
 #include <limits.h>
@@ -17,5 +18,11 @@ enum error_code rig_locate(const char *name, char path[PATH_MAX], struct error *
 /* The same with the folders given, for tests; installed may be "". */
 enum error_code rig_locate_in(const char *name, const char *local, const char *installed,
                               char path[PATH_MAX], struct error *error);
+
+/* The path of a rig that the file from calls by its bare name NAME, to extend or to run it: as
+ * rig_locate, but never a file of the present folder, and not from itself, so that the coman.yaml of
+ * /etc/coman-hil may extend the installed one. The path lives in arena. */
+enum error_code rig_locate_from(const char *name, const char *from, struct arena *arena,
+                                const char **path, struct error *error);
 
 #endif

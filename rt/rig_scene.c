@@ -233,8 +233,12 @@ enum error_code rig_build_scene(struct rig_builder *b)
     contact->npair = scene->npair;
     contact->transition_velocity_m_s = scene->transition_velocity_m_s;
     b->rig->contact_engine = (enum rig_contact_engine)scene->engine;
-    if (contact_config_check(contact, &why)) {
+    code = contact_config_check(contact, &why);
+    if (code == ERROR_INPUT) {
         return yaml_error(b->error, &scene->mark, "%s", why.text);
+    }
+    if (code) {
+        return error_set(b->error, code, "%s: %s", b->rig->file, why.text);
     }
     if (b->rig->contact_engine == RIG_CONTACT_NONE) {
         *contact = (struct contact_config){0};

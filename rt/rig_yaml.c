@@ -4,6 +4,7 @@
 
 #include "boards/icub_protocol.h"
 #include "rt/rig.h"
+#include "rt/rig_path.h"
 
 #include <float.h>
 
@@ -529,6 +530,7 @@ static const struct yaml_schema rig_schema = {
     .field_count = COUNT(rig_fields),
     .defaults = &rig_defaults,
     .extendable = true,
+    .locate = rig_locate_from,
 };
 
 enum error_code rig_yaml_read(const char *path, struct arena *arena, struct raw_rig *raw,

@@ -3,6 +3,7 @@
 #include "rt/scenario_private.h"
 
 #include "base/text.h"
+#include "rt/rig_path.h"
 
 #include <float.h>
 #include <stdio.h>
@@ -376,6 +377,19 @@ static enum error_code check_mutations(const struct scenario *scenario, struct e
     return ERROR_NONE;
 }
 
+/* A path relative to the scenario, or the name of an installed rig. */
+static enum error_code find_rig(struct scenario *scenario, struct arena *arena, struct error *error)
+{
+    const struct yaml_mark *mark = &scenario->rig_mark;
+
+    if (strpbrk(scenario->rig, "/.")) {
+        return yaml_resolve_path(mark, scenario->rig, arena, &scenario->rig_path, error);
+    }
+    return rig_locate_from(scenario->rig, scenario->file, arena, &scenario->rig_path, error)
+               ? error_prefix(error, "%s:%d:%d", mark->file, mark->line, mark->column)
+               : ERROR_NONE;
+}
+
 enum error_code scenario_check(struct scenario *scenario, struct arena *arena, struct error *error)
 {
     enum error_code code;
@@ -393,7 +407,7 @@ enum error_code scenario_check(struct scenario *scenario, struct arena *arena, s
         return error_prefix(error, "%s:%d:%d", scenario->file, scenario->task_mark.line,
                             scenario->task_mark.column);
     }
-    code = yaml_resolve_path(&scenario->rig_mark, scenario->rig, arena, &scenario->rig_path, error);
+    code = find_rig(scenario, arena, error);
     if (!code) {
         code = join_clean_up(scenario, arena, error);
     }

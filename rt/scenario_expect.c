@@ -51,8 +51,8 @@ enum error_code scenario_expectations_create(const struct scenario *scenario, co
         struct judged *judged = &made->judged[i];
 
         judged->what = &scenario->expectation[i];
-        judged->lowest = INFINITY;
-        judged->highest = -INFINITY;
+        judged->lowest = (double)INFINITY;
+        judged->highest = -(double)INFINITY;
         judged->decided_ns = -1;
         judged->trace = arena_alloc(arena, ticks, sizeof *judged->trace);
         good = judged->trace != NULL;

@@ -2,7 +2,9 @@
 /* Results as JUnit XML, one element a line; and files of that form put together. */
 #include "rt/scenario_jobs.h"
 
+#include "base/memory_file.h"
 #include "base/text.h"
+#include "rt/whole_file.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -18,8 +20,7 @@ struct suite {
     char name[SUITE_NAME]; /* as in the file: escaped */
     size_t tests, failures, errors;
     double seconds;
-    char *body; /* the testcases, of open_memstream */
-    size_t size;
+    struct memory_file body; /* the testcases */
     FILE *to;
 };
 
@@ -70,7 +71,7 @@ static struct suite *find_suite(struct suites *suites, const char *name)
     }
     suite = &suites->suite[suites->count];
     snprintf(suite->name, sizeof suite->name, "%s", name);
-    suite->to = open_memstream(&suite->body, &suite->size);
+    suite->to = memory_file_open(&suite->body);
     suites->count += suite->to != NULL;
     return suite->to ? suite : NULL;
 }
@@ -123,7 +124,7 @@ static void free_suites(struct suites *suites)
         if (suites->suite[i].to) {
             fclose(suites->suite[i].to);
         }
-        free(suites->suite[i].body);
+        free(suites->suite[i].body.text);
     }
     free(suites);
 }
@@ -131,11 +132,12 @@ static void free_suites(struct suites *suites)
 static enum error_code write_suites(struct suites *suites, const char *path, struct suite *all,
                                     struct error *error)
 {
-    FILE *out = fopen(path, "w");
-    bool bad = false;
+    struct whole_file file;
+    enum error_code code = whole_file_open(&file, path, error);
+    FILE *out = file.out;
 
-    if (!out) {
-        return error_set_errno(error, errno, "cannot write %s", path);
+    if (code) {
+        return code;
     }
     for (size_t i = 0; i < suites->count; i++) {
         const struct suite *suite = &suites->suite[i];
@@ -147,21 +149,20 @@ static enum error_code write_suites(struct suites *suites, const char *path, str
     }
     fprintf(out, "%s<testsuites tests=\"%zu\" failures=\"%zu\" errors=\"%zu\" time=\"%.3f\">\n",
             declaration, all->tests, all->failures, all->errors, all->seconds);
-    for (size_t i = 0; i < suites->count; i++) {
+    for (size_t i = 0; i < suites->count && !code; i++) {
         struct suite *suite = &suites->suite[i];
 
         fprintf(out,
                 "  <testsuite name=\"%s\" tests=\"%zu\" failures=\"%zu\" errors=\"%zu\" "
                 "time=\"%.3f\">\n",
                 suite->name, suite->tests, suite->failures, suite->errors, suite->seconds);
-        bad |= fclose(suite->to) != 0;
+        code = memory_file_close(suite->to, &suite->body, "the results", error);
         suite->to = NULL;
-        fputs(suite->body ? suite->body : "", out);
+        fputs(code ? "" : suite->body.text, out);
         fputs("  </testsuite>\n", out);
     }
     fputs("</testsuites>\n", out);
-    bad |= ferror(out) != 0;
-    return fclose(out) || bad ? error_set_errno(error, errno, "cannot write %s", path) : ERROR_NONE;
+    return whole_file_close(&file, code, error);
 }
 
 enum error_code scenario_junit_write(const char *path, const struct scenario_result *result,
@@ -318,7 +319,7 @@ enum error_code scenario_junit_merge(const char *const *from, size_t count, cons
 
         reader.path = from[i];
         code = in ? take_file(&reader, in, suites)
-                  : error_set(error, ERROR_INPUT, "cannot read %s: %s", from[i], strerror(errno));
+                  : error_set_file(error, errno, from[i], "cannot be read");
         if (in) {
             fclose(in);
         }

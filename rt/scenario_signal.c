@@ -166,7 +166,7 @@ static double read_wire(const struct scenario_view *view, size_t bus, size_t wor
     uint64_t errors = 0;
 
     if (!wire) {
-        return NAN;
+        return (double)NAN;
     }
     if (word == 5) {
         return largest_tec(view, wire, bus);

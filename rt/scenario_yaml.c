@@ -441,14 +441,14 @@ enum error_code scenario_read(const char *path, struct arena *arena, struct scen
     size_t size;
 
     if (!in) {
-        code = text ? error_set(error, ERROR_INPUT, "cannot read %s: %s", path, strerror(errno))
+        code = text ? error_set_file(error, errno, path, "cannot be read")
                     : error_set(error, ERROR_MEMORY, "no memory left for scenario %s", path);
         free(text);
         return code;
     }
     size = fread(text, 1, EXPANDED_MAX, in);
     if (ferror(in)) {
-        code = error_set(error, ERROR_INPUT, "cannot read %s: %s", path, strerror(errno));
+        code = error_set_file(error, errno, path, "cannot be read");
     } else if (size == EXPANDED_MAX) {
         code = error_set(error, ERROR_INPUT, "%s: found %d bytes or more, expected fewer", path,
                          EXPANDED_MAX);

@@ -198,8 +198,9 @@ enum error_code signals_read(const char *path, const char *const *title, size_t 
     table->path = path;
     table->file = fopen(path, "r");
     if (!table->file) {
+        code = error_set_file(error, errno, path, "cannot be read");
         free(table);
-        return error_set(error, ERROR_INPUT, "cannot read %s: %s", path, strerror(errno));
+        return code;
     }
     table->line = malloc(LINE_MAX_BYTES);
     table->titles = malloc(LINE_MAX_BYTES);

@@ -8,6 +8,7 @@
 #include "rt/injection.h"
 #include "rt/interfaces.h"
 #include "rt/rig_faults.h"
+#include "rt/steered.h"
 
 #include <pthread.h>
 #include <stdatomic.h>
@@ -20,9 +21,11 @@ enum {
     SIGNALS_PER_CONTACT = 6,
     SIGNALS_PER_PAIR = 6,
     SIGNALS_BASE = 7,
-    SIGNALS_PER_FREE = 7
+    SIGNALS_PER_FREE = 7,
+    SIGNALS_PER_BUS = 2
 };
 enum { TITLE_SIZE = 192 };
+enum { STREAM_ROWS = 1024 }; /* a second at 1 kHz */
 
 /* A settled robot's rotors are held by brakes, which let go so long after the last motor is on: time
  * for a controller's first voltages to raise the currents. */
@@ -50,6 +53,12 @@ struct bus_tap {
     size_t bus;
 };
 
+/* When the links of a held robot are let go. */
+struct release {
+    bool due;      /* when every motor is on */
+    int64_t at_ns; /* virtual time; -1 = not yet or done */
+};
+
 struct simulator {
     struct simulator_config config;
     struct arena *arena;
@@ -72,9 +81,11 @@ struct simulator {
     size_t *transmit_max;
     struct loop *loop;
     struct recorder *recorder;
+    const char **title; /* of the signals: those of signals.csv, then those of the buses */
     double *row;
     struct contact_patch *patch; /* of the pairs, for a row */
-    size_t nsignal, npatch;
+    size_t nrecorded, nsignal, npatch;
+    struct stream *stream;
     uint64_t row_ticks;
     struct controller *controller;
     bool task_inline, task_running;
@@ -82,10 +93,12 @@ struct simulator {
     struct realtime_config task_realtime;
     struct simulator_status status;
     struct snapshot *published; /* struct simulator_status */
-    bool release_due;           /* the links are held until every motor is on */
-    int64_t release_ns;         /* virtual time at which they are let go; -1 = not yet or done */
+    struct release release;
     _Atomic int64_t released;   /* virtual time at which they were let go; -1 = told or not yet */
     char failure[256];
+    struct steering *steering; /* NULL = none */
+    struct steered *steered;
+    size_t moves_from, moves_to; /* of the arena: what moves in virtual time */
 };
 
 /* ---- the stopwatch on the contact engine ---- */
@@ -218,14 +231,15 @@ static void machine_control(void *context)
     struct simulator *simulator = context;
 
     boards_control(simulator->boards, simulator->measured, plant_command(simulator->plant));
-    if (simulator->release_due && all_motors_on(simulator)) {
-        simulator->release_due = false;
-        simulator->release_ns =
+    if (simulator->release.due && all_motors_on(simulator)) {
+        simulator->release.due = false;
+        simulator->release.at_ns =
             plant_time_ns(simulator->plant) + (simulator->config.settle ? BRAKE_NS : 0);
     }
-    if (simulator->release_ns >= 0 && plant_time_ns(simulator->plant) >= simulator->release_ns) {
+    if (simulator->release.at_ns >= 0 &&
+        plant_time_ns(simulator->plant) >= simulator->release.at_ns) {
         plant_clamp(simulator->plant, false);
-        simulator->release_ns = -1;
+        simulator->release.at_ns = -1;
         atomic_store(&simulator->released, plant_time_ns(simulator->plant));
     }
 }
@@ -333,6 +347,7 @@ static void fill_plant(struct simulator *simulator)
     for (size_t j = 0; j < rig->robot->njoint; j++) {
         simulator->status.q[j] = sensors->motor[j].q;
     }
+    simulator->status.clamped = plant_is_clamped(simulator->plant);
     for (size_t c = 0; c < rig->contact.nbody; c++) {
         simulator->status.force_z[c] = wrench[c].force[2];
     }
@@ -359,13 +374,12 @@ static void record_pairs(const struct simulator *simulator, double *to)
     }
 }
 
-/* the columns in the order of make_titles */
-static void record_row(struct simulator *simulator)
+/* the columns in the order of make_titles; returns where the next would go */
+static double *fill_row(const struct simulator *simulator, double *to)
 {
     const struct rig *rig = simulator->config.rig;
     const struct plant_sensors *sensors = plant_sensors(simulator->plant);
     const struct contact_wrench *wrench = plant_contact_wrenches(simulator->plant);
-    double *to = simulator->row;
 
     for (size_t j = 0; j < rig->robot->njoint; j++) {
         const struct motor_sense *motor = &sensors->motor[j];
@@ -391,24 +405,74 @@ static void record_row(struct simulator *simulator)
         plant_free_pose(simulator->plant, i, to);
         to += SIGNALS_PER_FREE;
     }
-    recorder_row(simulator->recorder, simulator->status.time_ns, simulator->row);
+    return to;
+}
+
+/* for subscribers, when a row is due */
+static void stream_row(struct simulator *simulator)
+{
+    const struct simulator_status *status = &simulator->status;
+    double *to = stream_begin(simulator->stream, status->tick, status->time_ns);
+
+    if (!to) {
+        return;
+    }
+    to = fill_row(simulator, to);
+    for (size_t b = 0; b < simulator->config.rig->nbus; b++) {
+        *to++ = (double)status->bus[b].rx_frames;
+        *to++ = (double)status->bus[b].tx_frames;
+    }
+    stream_commit(simulator->stream);
+}
+
+static void fill_counters(struct simulator *simulator, const struct loop_stats *stats)
+{
+    struct simulator_status *status = &simulator->status;
+
+    status->tick = stats->ticks;
+    status->time_ns = stats->time_ns;
+    status->elapsed_ns = clock_now(simulator->time) - stats->start_ns;
+    status->overruns = stats->overrun_total;
+    memcpy(status->overruns_by, stats->overruns, sizeof status->overruns_by);
+    status->late_ticks = stats->late_ticks;
+    status->lost_ticks = stats->lost_ticks;
+    status->pauses = stats->pauses;
+    status->pause_ticks = stats->pause_ticks;
+    status->events_lost = stats->events_lost;
+    status->lockstep = stats->lockstep;
+}
+
+static void fill_faults(struct simulator *simulator)
+{
+    uint64_t *word = simulator->status.fault;
+
+    memset(word, 0, sizeof simulator->status.fault);
+    for (size_t i = 0; i < faults_count(simulator->faults); i++) {
+        word[i / 64] |= (uint64_t)faults_at(simulator->faults, i)->active << i % 64;
+    }
+}
+
+static void publish_status(void *context, const struct loop_stats *stats)
+{
+    struct simulator *simulator = context;
+
+    fill_counters(simulator, stats);
+    fill_faults(simulator);
+    fill_buses(simulator);
+    fill_plant(simulator);
+    snapshot_write(simulator->published, &simulator->status);
 }
 
 static void machine_publish(void *context, const struct loop_stats *stats)
 {
     struct simulator *simulator = context;
 
-    simulator->status.tick = stats->ticks;
-    simulator->status.overruns = stats->overrun_total;
-    simulator->status.lost_ticks = stats->lost_ticks;
-    simulator->status.time_ns = stats->time_ns;
-    simulator->status.elapsed_ns = clock_now(simulator->time) - stats->start_ns;
-    fill_buses(simulator);
-    fill_plant(simulator);
-    snapshot_write(simulator->published, &simulator->status);
+    publish_status(simulator, stats);
     if (simulator->recorder && stats->ticks % simulator->row_ticks == 0) {
-        record_row(simulator);
+        fill_row(simulator, simulator->row);
+        recorder_row(simulator->recorder, simulator->status.time_ns, simulator->row);
     }
+    stream_row(simulator);
     injection_step(simulator->injection, stats->time_ns);
 }
 
@@ -496,12 +560,13 @@ static enum error_code create_plant(struct simulator *simulator, struct error *e
         code = create_contact(simulator, error);
         config.contact = &simulator->contact.world;
     }
+    simulator->moves_from = simulator->arena->used;
     if (!code) {
         code = plant_create(&config, simulator->arena, &simulator->plant, error);
     }
     if (!code) {
-        simulator->release_due = simulator->config.hold == RIG_HOLD_ENABLED;
-        simulator->release_ns = -1;
+        simulator->release =
+            (struct release){.due = simulator->config.hold == RIG_HOLD_ENABLED, .at_ns = -1};
         atomic_store(&simulator->released, -1);
         plant_clamp(simulator->plant, simulator->config.hold != RIG_HOLD_NONE);
     }
@@ -627,14 +692,65 @@ static enum error_code create_boards(struct simulator *simulator, struct error *
 static enum error_code create_task(struct simulator *simulator, struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
+    enum error_code code;
 
+    simulator->moves_to = simulator->arena->used;
     if (!config->task) {
         return ERROR_NONE;
     }
     simulator->task_inline = config->clock != RIG_CLOCK_REAL;
-    return controller_create(config->rig, config->task, simulator->task_ports.port,
+    code = controller_create(config->rig, config->task, simulator->task_ports.port,
                              config->clock == RIG_CLOCK_LOCKSTEP, simulator->time, simulator->arena,
                              &simulator->controller, error);
+    if (simulator->task_inline) {
+        simulator->moves_to = simulator->arena->used;
+    }
+    return code;
+}
+
+/* What depends on the past and is no part of the copy. */
+static void went_back(void *context)
+{
+    struct simulator *simulator = context;
+
+    simulator->contact.remembered = false;
+}
+
+static enum error_code create_steering(struct simulator *simulator, struct error *error)
+{
+    struct controller *task = simulator->task_inline ? simulator->controller : NULL;
+    const struct span moving[] = {
+        {simulator->arena->memory + simulator->moves_from,
+         simulator->moves_to - simulator->moves_from},
+        {&simulator->release, sizeof simulator->release},
+    };
+    const struct span hole[] = {
+        {task ? task->published : NULL, task ? sizeof *task->published : 0},
+        {task ? task->published->word : NULL, task ? 8 * task->published->words : 0},
+    };
+    struct steered_config steered = {
+        .rig = simulator->config.rig,
+        .plant = simulator->plant,
+        .boards = simulator->boards,
+        .sensing = simulator->sensing,
+        .faults = simulator->faults,
+        .injection = simulator->injection,
+        .buses = &simulator->buses,
+        .moving = moving,
+        .nmoving = sizeof moving / sizeof moving[0],
+        .hole = hole,
+        .nhole = sizeof hole / sizeof hole[0],
+        .own = 1 + simulator->task_inline,
+        .one_way = simulator->controller && !simulator->task_inline,
+        .context = simulator,
+        .went_back = went_back,
+        .show = publish_status,
+    };
+
+    return simulator->config.steered ? steered_create(&steered, simulator->arena,
+                                                      &simulator->steered, &simulator->steering,
+                                                      error)
+                                     : ERROR_NONE;
 }
 
 /* appends a formatted title */
@@ -653,8 +769,9 @@ static bool add_title(struct arena *arena, const char **titles, size_t *count, c
     return titles[(*count)++] != NULL;
 }
 
-/* titles of the columns of signals.csv; NULL when memory is short or a name too long */
-static const char **make_titles(struct simulator *simulator)
+/* titles of the columns of signals.csv and of what only the stream has; false when memory is short or
+ * a name too long */
+static bool make_titles(struct simulator *simulator)
 {
     static const char *const joint[SIGNALS_PER_JOINT] = {"q_*_rad", "qm_*_rad", "torque_*_nm",
                                                          "current_*_a", "voltage_*_v"};
@@ -666,11 +783,13 @@ static const char **make_titles(struct simulator *simulator)
                                                    "base_qx",  "base_qy",  "base_qz"};
     static const char *const free_body[SIGNALS_PER_FREE] = {"*_x_m", "*_y_m", "*_z_m", "*_qw",
                                                             "*_qx",  "*_qy",  "*_qz"};
+    static const char *const bus[SIGNALS_PER_BUS] = {"rx_*_frames", "tx_*_frames"};
     const struct rig *rig = simulator->config.rig;
     size_t count = rig->robot->njoint * SIGNALS_PER_JOINT +
                    rig->contact.nbody * SIGNALS_PER_CONTACT +
                    rig->contact.npair * SIGNALS_PER_PAIR +
-                   (rig->robot->floating ? SIGNALS_BASE : 0) + rig->nfree * SIGNALS_PER_FREE;
+                   (rig->robot->floating ? SIGNALS_BASE : 0) + rig->nfree * SIGNALS_PER_FREE +
+                   rig->nbus * SIGNALS_PER_BUS;
     const char **titles = arena_alloc(simulator->arena, count + 1, sizeof *titles);
     bool good = titles != NULL;
     size_t n = 0;
@@ -698,8 +817,27 @@ static const char **make_titles(struct simulator *simulator)
         good = add_title(simulator->arena, titles, &n, free_body[i % SIGNALS_PER_FREE],
                          rig->free[i / SIGNALS_PER_FREE].name);
     }
+    simulator->nrecorded = n;
+    for (size_t i = 0; good && i < rig->nbus * SIGNALS_PER_BUS; i++) {
+        good = add_title(simulator->arena, titles, &n, bus[i % SIGNALS_PER_BUS],
+                         rig->bus[i / SIGNALS_PER_BUS].name);
+    }
     simulator->nsignal = n;
-    return good ? titles : NULL;
+    simulator->title = titles;
+    return good;
+}
+
+static enum error_code create_signals(struct simulator *simulator, struct error *error)
+{
+    /* an engine may cut a pair's patch in parts */
+    simulator->npatch = 2 * simulator->config.rig->contact.npair;
+    simulator->patch =
+        arena_alloc(simulator->arena, simulator->npatch + 1, sizeof *simulator->patch);
+    if (!simulator->patch || !make_titles(simulator)) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the signals");
+    }
+    return stream_create(simulator->nsignal, STREAM_ROWS, simulator->arena, &simulator->stream,
+                         error);
 }
 
 /* Timed buses record what they have carried themselves. */
@@ -733,15 +871,11 @@ static enum error_code create_recorder(struct simulator *simulator, struct error
     if (!config->record) {
         return ERROR_NONE;
     }
-    recorder.signal = make_titles(simulator);
-    recorder.nsignal = simulator->nsignal;
-    simulator->row = arena_alloc(simulator->arena, simulator->nsignal + 1, sizeof(double));
-    simulator->npatch =
-        2 * config->rig->contact.npair; /* an engine may cut a pair's patch in parts */
-    simulator->patch =
-        arena_alloc(simulator->arena, simulator->npatch + 1, sizeof *simulator->patch);
+    recorder.signal = simulator->title;
+    recorder.nsignal = simulator->nrecorded;
+    simulator->row = arena_alloc(simulator->arena, simulator->nrecorded + 1, sizeof(double));
     simulator->row_ticks = (uint64_t)(config->row_period_ns / config->rig->tick_ns);
-    if (!recorder.signal || !simulator->row || !simulator->patch) {
+    if (!simulator->row) {
         return error_set(error, ERROR_MEMORY, "no memory left for the recorder's signals");
     }
     code = recorder_open(&recorder, simulator->arena, &simulator->recorder, error);
@@ -778,6 +912,7 @@ static enum error_code create_loop(struct simulator *simulator, struct error *er
                 .shut_down = machine_shut_down,
             },
         .recorder = simulator->recorder,
+        .steering = simulator->steering,
     };
     enum error_code code = snapshot_create(sizeof(struct simulator_status), simulator->arena,
                                            &simulator->published, error);
@@ -839,6 +974,12 @@ enum error_code simulator_create(const struct simulator_config *config, struct a
     if (!code) {
         code = create_task(simulator, error);
     }
+    if (!code) {
+        code = create_steering(simulator, error);
+    }
+    if (!code) {
+        code = create_signals(simulator, error);
+    }
     /* last of what can fail outside: it leaves files */
     if (!code) {
         code = create_recorder(simulator, error);
@@ -883,6 +1024,7 @@ enum error_code simulator_start(struct simulator *simulator, struct realtime_rep
 
     memset(report, 0, sizeof *report);
     code = arena_seal(simulator->arena, false, error);
+    realtime_touch();
     if (code || simulator->config.clock != RIG_CLOCK_REAL) {
         return code;
     }
@@ -967,6 +1109,10 @@ void simulator_destroy(struct simulator *simulator)
     if (!simulator) {
         return;
     }
+    if (simulator->recorder && (!simulator->loop || !loop_stats(simulator->loop)->ticks)) {
+        recorder_discard(simulator->recorder);
+        simulator->recorder = NULL;
+    }
     simulator_finish_recording(simulator, &counters, &error);
     simulator_close_gateway(simulator, &carried);
     bus_ports_close(&simulator->gateway_ports);
@@ -977,6 +1123,7 @@ void simulator_destroy(struct simulator *simulator)
     if (simulator->contact.world.ops) {
         simulator->contact.world.ops->destroy(&simulator->contact.world);
     }
+    steering_destroy(simulator->steering);
 }
 
 /* ---- looking in ---- */
@@ -986,9 +1133,71 @@ bool simulator_read(const struct simulator *simulator, struct simulator_status *
     return snapshot_read(simulator->published, status) > 0;
 }
 
+size_t simulator_signals(const struct simulator *simulator)
+{
+    return simulator->nsignal;
+}
+
+const char *const *simulator_signal_names(const struct simulator *simulator)
+{
+    return simulator->title;
+}
+
+struct stream *simulator_stream(const struct simulator *simulator)
+{
+    return simulator->stream;
+}
+
 void simulator_watch_interfaces(struct simulator *simulator, int64_t now_ns)
 {
     interfaces_watch(&simulator->interfaces, now_ns);
+}
+
+/* what an event's key has above its 32 bits */
+enum event_source {
+    EVENT_LOOP,
+    EVENT_BOARD,
+    EVENT_RECORDER,
+    EVENT_RELEASE,
+    EVENT_FAULT,
+    EVENT_INTERFACE,
+};
+
+static uint64_t event_key(enum event_source source, uint64_t topic)
+{
+    return (uint64_t)source << 32 | topic;
+}
+
+static enum journal_priority board_event_priority(enum board_event_kind kind)
+{
+    switch (kind) {
+    case BOARD_EVENT_MODE:
+    case BOARD_EVENT_ADDRESS:
+    case BOARD_EVENT_RESTART:
+        return JOURNAL_INFO;
+    default:
+        return JOURNAL_WARNING;
+    }
+}
+
+enum journal_priority simulator_event_priority(uint64_t key)
+{
+    switch (key >> 32) {
+    case EVENT_LOOP:
+        return key >> 8 == LOOP_EVENT_BACK     ? JOURNAL_INFO
+               : key >> 8 >= LOOP_EVENT_PAUSED ? JOURNAL_NOTICE
+                                               : JOURNAL_WARNING;
+    case EVENT_BOARD:
+        return board_event_priority((enum board_event_kind)(key >> 16 & 0xffff));
+    case EVENT_RECORDER:
+        return JOURNAL_ERROR;
+    case EVENT_RELEASE:
+        return JOURNAL_INFO;
+    case EVENT_FAULT:
+        return JOURNAL_NOTICE;
+    default:
+        return JOURNAL_WARNING;
+    }
 }
 
 bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size)
@@ -996,44 +1205,44 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
     struct loop_event loop_event;
     struct board_event board_event;
     struct fault_event fault_event;
-    struct error error;
+    unsigned kind;
     int64_t released = atomic_exchange(&simulator->released, -1);
     size_t bus;
     int used;
 
     if (released >= 0) {
-        *key = UINT64_C(3) << 32;
+        *key = event_key(EVENT_RELEASE, 0);
         snprintf(text, size, "%.6f s: all motors are on, the links are let go",
                  (double)released * 1e-9);
         return true;
     }
     if (loop_next_event(simulator->loop, &loop_event)) {
-        *key = (uint64_t)loop_event.kind << 8 | (uint8_t)loop_event.bus;
+        *key = event_key(EVENT_LOOP, (uint64_t)loop_event.kind << 8 | (uint8_t)loop_event.bus);
         used = snprintf(text, size, "%.6f s: ", (double)loop_event.time_ns * 1e-9);
         loop_event_format(simulator->loop, &loop_event, text + used, size - (size_t)used);
         return true;
     }
     if (faults_next_event(simulator->faults, &fault_event)) {
-        *key = UINT64_C(4) << 32 | fault_event.fault;
+        *key = event_key(EVENT_FAULT, fault_event.fault);
         fault_event_format(simulator->faults, &fault_event, text, size);
         return true;
     }
     if (interfaces_next_event(&simulator->interfaces, &bus, text, size)) {
-        *key = UINT64_C(5) << 32 | bus;
+        *key = event_key(EVENT_INTERFACE, bus);
         return true;
     }
     if (boards_next_event(simulator->boards, &board_event)) {
         /* all axes change their mode at once when a controller comes and goes: one topic */
         bool grouped = board_event.kind == BOARD_EVENT_MODE;
 
-        *key = UINT64_C(1) << 32 | (uint64_t)board_event.kind << 16 |
-               (grouped ? 0 : (uint64_t)board_event.bus << 8 | board_event.address);
+        *key = event_key(EVENT_BOARD,
+                         (uint64_t)board_event.kind << 16 |
+                             (grouped ? 0 : (uint64_t)board_event.bus << 8 | board_event.address));
         board_event_format(simulator->boards, &board_event, text, size);
         return true;
     }
-    if (simulator->recorder && recorder_failure(simulator->recorder, &error)) {
-        *key = UINT64_C(2) << 32;
-        snprintf(text, size, "%s", error.text);
+    if (simulator->recorder && recorder_next_event(simulator->recorder, &kind, text, size)) {
+        *key = event_key(EVENT_RECORDER, kind);
         return true;
     }
     return false;
@@ -1108,6 +1317,16 @@ bool simulator_controller_state(const struct simulator *simulator, size_t bus, c
 const struct wire *simulator_wire(const struct simulator *simulator, size_t bus)
 {
     return simulator->buses.wire[bus];
+}
+
+struct steering *simulator_steering(const struct simulator *simulator)
+{
+    return simulator->steering;
+}
+
+size_t simulator_checkpoint_size(const struct simulator *simulator)
+{
+    return simulator->steered ? steered_checkpoint_size(simulator->steered) : 0;
 }
 
 bool simulator_is_local(const struct simulator *simulator)

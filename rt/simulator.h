@@ -11,10 +11,12 @@
 #include "model/settle.h"
 #include "rt/buses.h"
 #include "rt/controller.h"
+#include "rt/journal.h"
 #include "rt/loop.h"
 #include "rt/realtime.h"
 #include "rt/rig.h"
 #include "rt/snapshot.h"
+#include "rt/stream.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -51,6 +53,7 @@ struct simulator_config {
     /* NULL = none. With it the run goes on when a task has ended, but in lockstep, where the task's
      * STEP frames drive it. */
     const struct simulator_observer *observer;
+    bool steered; /* others may steer it (rt/steering.h); sets memory aside for checkpoints */
     size_t guests;                        /* how often simulator_join will be called */
     const struct gateway_config *gateway; /* host and port; NULL = none */
     const char *record;                   /* directory, NULL = none */
@@ -64,9 +67,13 @@ struct bus_status {
     int64_t state; /* enum can_port_state */
 };
 
-/* Published once a tick. */
+/* Published once a tick. The counters are those of struct loop_stats. */
 struct simulator_status {
-    uint64_t tick, overruns, lost_ticks;
+    uint64_t tick, overruns, lost_ticks, pauses;
+    uint64_t overruns_by[PHASE_COUNT], late_ticks, pause_ticks, events_lost;
+    struct lockstep_counters lockstep;
+    uint64_t clamped;                 /* the links are held (plant_is_clamped) */
+    uint64_t fault[FAULTS_MAX / 64];  /* a bit for each that is active, of simulator_faults */
     int64_t time_ns;                /* virtual */
     int64_t elapsed_ns;             /* of the clock, since the loop began */
     double base[7];                 /* position (m), quaternion wxyz; zeros with a fixed base */
@@ -122,9 +129,19 @@ void simulator_watch_interfaces(struct simulator *simulator, int64_t now_ns);
  * false when none waits. From one thread other than the loop's. */
 bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size);
 
+/* How grave the events with such a key are. */
+enum journal_priority simulator_event_priority(uint64_t key);
+
+/* Signals by the names that they have in signals.csv, then frames received and sent on each bus; rows
+ * of them for one reader (rt/stream.h). */
+size_t simulator_signals(const struct simulator *simulator);
+const char *const *simulator_signal_names(const struct simulator *simulator);
+struct stream *simulator_stream(const struct simulator *simulator);
+
 /* Looking in; const access while the loop runs only where said. */
 const struct simulator_config *simulator_configuration(const struct simulator *simulator);
-const struct loop_stats *simulator_stats(const struct simulator *simulator); /* after the run */
+/* After the run; its histograms also while it runs, with histogram_copy. */
+const struct loop_stats *simulator_stats(const struct simulator *simulator);
 struct can_port *simulator_port(const struct simulator *simulator, size_t bus);
 struct boards *simulator_boards(const struct simulator *simulator); /* counters after the run */
 /* Faults are switched (faults_set) in the loop's thread, or before the run. */
@@ -139,6 +156,9 @@ const char *simulator_failure(const struct simulator *simulator); /* after LOOP_
 const struct settled *simulator_settled(const struct simulator *simulator);
 /* Which implementation computes the rigid-body dynamics, and why; a sentence. */
 const char *simulator_dynamics(const struct simulator *simulator);
+/* What others steer it with, NULL without `steered`; bytes of one checkpoint, 0 = there are none. */
+struct steering *simulator_steering(const struct simulator *simulator);
+size_t simulator_checkpoint_size(const struct simulator *simulator);
 bool simulator_is_local(const struct simulator *simulator);
 /* State, settings and counters of the controller of a bus, now, as text; false when its interface has
  * none. */

@@ -59,6 +59,7 @@ enum steer_verdict {
     STEER_CLOCK,       /* this clock cannot do it (speed in lockstep) */
     STEER_BUSY,        /* a STEER_STEP is under way */
     STEER_UNAVAILABLE, /* this run has not what it takes (no memory was set aside, ...) */
+    STEER_CUT,         /* a STEER_PAUSE ended the STEER_STEP; tick says where */
 };
 
 struct steer_answer {

@@ -7,6 +7,7 @@
 #include <errno.h>
 #include <inttypes.h>
 #include <math.h>
+#include <unistd.h>
 
 static const char *clock_name(enum rig_clock clock)
 {
@@ -78,8 +79,9 @@ static void print_overruns(const struct loop_stats *stats, FILE *out)
         }
     }
     fprintf(out,
-            "; late after them %" PRIu64 ", deadlines dropped %" PRIu64 ", pauses %" PRIu64 "\n",
-            stats->late_ticks, stats->lost_ticks, stats->pauses);
+            "; late after them %" PRIu64 ", deadlines dropped %" PRIu64 ", pauses %" PRIu64
+            " of %" PRIu64 " ticks\n",
+            stats->late_ticks, stats->lost_ticks, stats->pauses, stats->pause_ticks);
     fprintf(out, "  page faults in the loop %" PRIu64 "\n", stats->page_faults);
     if (stats->overrun_total > stats->ticks / 4) {
         fprintf(out,
@@ -151,17 +153,17 @@ static void print_buses(const struct summary *summary, FILE *out)
 {
     const struct rig *rig = simulator_configuration(summary->simulator)->rig;
 
-    fprintf(out, "  %-10s %-10s %10s %10s %9s %9s %8s %8s\n", "bus", "interface", "rx", "tx",
-            "rx lost", "tx lost", "errors", "load");
+    fprintf(out, "  %-10s %-10s %10s %10s %9s %9s %8s %8s  %s\n", "bus", "interface", "rx", "tx",
+            "rx lost", "tx lost", "errors", "load", "state");
     for (size_t b = 0; b < rig->nbus; b++) {
         const struct can_port *port = simulator_port(summary->simulator, b);
         const struct can_counters *c = &port->counters;
 
         fprintf(out,
                 "  %-10s %-10s %10" PRIu64 " %10" PRIu64 " %9" PRIu64 " %9" PRIu64 " %8" PRIu64
-                " %6.1f %%\n",
+                " %6.1f %%  %s\n",
                 rig->bus[b].name, port->bus, c->rx_frames, c->tx_frames, c->rx_dropped,
-                c->tx_dropped, c->error_frames, load(summary, b));
+                c->tx_dropped, c->error_frames, load(summary, b), can_port_state_name(port->state));
     }
 }
 
@@ -242,8 +244,9 @@ static void print_rest(const struct summary *summary, FILE *out)
 
         fprintf(out,
                 "recorder: %" PRIu64 " frames, %" PRIu64 " rows; dropped %" PRIu64
-                " frames, %" PRIu64 " rows; not written %" PRIu64 "\n",
-                r->frames, r->rows, r->frames_dropped, r->rows_dropped, r->unwritten);
+                " frames, %" PRIu64 " rows; not written %" PRIu64 " frames, %" PRIu64 " rows\n",
+                r->frames, r->rows, r->frames_dropped, r->rows_dropped, r->frames_unwritten,
+                r->rows_unwritten);
     }
     if (stats->events_lost + b.events_lost) {
         fprintf(out, "events lost: %" PRIu64 "\n", stats->events_lost + b.events_lost);
@@ -330,8 +333,10 @@ static void json_phases(const struct loop_stats *stats, FILE *out)
     fprintf(out, "\"total\": %" PRIu64 "},\n", stats->overrun_total);
     fprintf(out,
             "  \"late_ticks\": %" PRIu64 ", \"dropped_deadlines\": %" PRIu64
-            ", \"pauses\": %" PRIu64 ", \"page_faults\": %" PRIu64 ",\n  \"durations\": {\n",
-            stats->late_ticks, stats->lost_ticks, stats->pauses, stats->page_faults);
+            ", \"pauses\": %" PRIu64 ", \"pause_ticks\": %" PRIu64 ", \"page_faults\": %" PRIu64
+            ",\n  \"durations\": {\n",
+            stats->late_ticks, stats->lost_ticks, stats->pauses, stats->pause_ticks,
+            stats->page_faults);
     for (int p = 0; p < PHASE_COUNT; p++) {
         json_histogram(loop_phase_name((enum loop_phase)p), &stats->phase[p], ",", out);
     }
@@ -380,9 +385,12 @@ static void json_buses(const struct summary *summary, FILE *out)
         fprintf(out,
                 ", \"rx_frames\": %" PRIu64 ", \"tx_frames\": %" PRIu64 ", \"rx_dropped\": %" PRIu64
                 ", \"tx_dropped\": %" PRIu64 ", \"tx_queue_full\": %" PRIu64
-                ", \"tx_held\": %" PRIu64 ", \"error_frames\": %" PRIu64 ", \"load_percent\": %.3f",
+                ", \"tx_held\": %" PRIu64 ", \"error_frames\": %" PRIu64
+                ", \"down_events\": %" PRIu64 ", \"state\": \"%s\", \"load_percent\": %.3f",
                 c->rx_frames, c->tx_frames, c->rx_dropped, c->tx_dropped, c->tx_queue_full,
-                c->tx_held, c->error_frames, load(summary, b));
+                c->tx_held, c->error_frames, c->down_events,
+                can_port_state_name(simulator_port(summary->simulator, b)->state),
+                load(summary, b));
         json_wire(simulator_wire(summary->simulator, b), out);
         fprintf(out, "}%s\n", b + 1 < rig->nbus ? "," : "");
     }
@@ -402,9 +410,10 @@ static void json_rest(const struct summary *summary, FILE *out)
     fprintf(out,
             "  \"recorder\": {\"frames\": %" PRIu64 ", \"rows\": %" PRIu64
             ", \"frames_dropped\": %" PRIu64 ", \"rows_dropped\": %" PRIu64
-            ", \"unwritten\": %" PRIu64 "}\n",
+            ", \"frames_unwritten\": %" PRIu64 ", \"rows_unwritten\": %" PRIu64 "}\n",
             summary->recorder.frames, summary->recorder.rows, summary->recorder.frames_dropped,
-            summary->recorder.rows_dropped, summary->recorder.unwritten);
+            summary->recorder.rows_dropped, summary->recorder.frames_unwritten,
+            summary->recorder.rows_unwritten);
 }
 
 static void json_energy(const struct summary *summary, FILE *out)
@@ -460,7 +469,11 @@ enum error_code summary_write(const struct summary *summary, const char *directo
     json_write(summary, out);
     bad = ferror(out);
     if (fclose(out) || bad) {
-        return error_set_errno(error, errno, "cannot write %s", path);
+        int reason = errno;
+
+        /* half of it would be taken for the whole by whoever looks for the file */
+        unlink(path);
+        return error_set_errno(error, reason, "cannot write %s", path);
     }
     return ERROR_NONE;
 }

@@ -79,7 +79,7 @@ static double tick_step(const struct scale *scale)
 static bool find_range(const struct svg_plot *plot, bool vertical, struct scale *scale)
 {
     const struct svg_axis *axis = vertical ? &plot->y : &plot->x;
-    double low = INFINITY, high = -INFINITY, air;
+    double low = (double)INFINITY, high = -(double)INFINITY, air;
 
     for (size_t s = 0; s < plot->nseries; s++) {
         const struct svg_series *series = &plot->series[s];

@@ -155,6 +155,13 @@ static void read_done(struct host *host, struct host_line *line, const struct bu
     }
     flags = get_u16_le(frame->data + 4);
     tick = get_u32_le(frame->data);
+    /* by more than the one tick that buses may be apart */
+    if (flags & LOCKSTEP_MISMATCH && tick + 1 < host->tick && host->phase != HOST_FAILED) {
+        host->phase = HOST_FAILED;
+        host->lost = true;
+        snprintf(host->message, sizeof host->message, "the simulator began anew: it is at tick %u",
+                 (unsigned)tick);
+    }
     if (flags & LOCKSTEP_MISMATCH) {
         /* a refusal that asks for the very tick of the STEP that is out was meant for an earlier
          * copy of a repeated one */
@@ -165,6 +172,7 @@ static void read_done(struct host *host, struct host_line *line, const struct bu
     host->tick = tick;
     if (flags & LOCKSTEP_STOPPING) {
         host->phase = HOST_FAILED;
+        host->lost = true;
         snprintf(host->message, sizeof host->message, "the simulator is stopping");
     }
 }
@@ -373,6 +381,7 @@ static enum host_phase discover(struct host *host)
             for (unsigned a = 1; a < HOST_ADDRESSES; a++) {
                 if (host->line[b].node[a].kind != HOST_NO_BOARD && !host->line[b].node[a].found) {
                     host_fail_node(host, b, a, "does not answer discovery");
+                    host->lost = true;
                     return host->phase;
                 }
             }
@@ -393,6 +402,7 @@ static bool configure_node(struct host *host, size_t bus, unsigned address)
     }
     if (waits && node->tries == REQUEST_TRIES) {
         host_fail_node(host, bus, address, "does not answer a start-up request");
+        host->lost = true;
         return false;
     }
     if (!host->line[bus].ops->request(host, bus, address, node->answered, &request)) {
@@ -494,11 +504,14 @@ bool host_healthy(struct host *host)
         const struct host_joint *joint = &host->joint[i];
 
         if (joint->motor != HOST_MOTOR_ON) {
+            /* off without a fault: a board that has started anew */
+            host->lost = joint->motor == HOST_MOTOR_OFF;
             fail_joint(host, i,
                        joint->motor == HOST_MOTOR_OTHER ? "is in another mode than it was put into"
                                                         : "has switched its motor off");
         } else if (host->now_ns - joint->motor_time_ns > TELEMETRY_TIMEOUT * MS) {
             fail_joint(host, i, "has gone silent");
+            host->lost = joint->motor != HOST_MOTOR_FAULT;
         }
     }
     return host->phase != HOST_FAILED;
@@ -532,4 +545,9 @@ int host_find_axis(const struct host *host, const char *joint)
 const char *host_message(const struct host *host)
 {
     return host->message;
+}
+
+bool host_lost(const struct host *host)
+{
+    return host->phase == HOST_FAILED && host->lost;
 }

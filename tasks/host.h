@@ -86,4 +86,8 @@ bool host_healthy(struct host *host);
 
 const char *host_message(const struct host *host);
 
+/* Whether it failed because boards fell silent, did not answer or have begun anew, which another host
+ * may find mended: what to look at before a start with a new one. */
+bool host_lost(const struct host *host);
+
 #endif

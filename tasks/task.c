@@ -113,3 +113,8 @@ const char *task_message(const struct task *task)
 {
     return task->message;
 }
+
+bool task_lost(const struct task *task)
+{
+    return host_lost(task->host);
+}

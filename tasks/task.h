@@ -147,6 +147,9 @@ void task_stop(struct task *task);
 /* One line about where it is ("cycle 2 of 4, 43 mm down") or why it failed. */
 const char *task_message(const struct task *task);
 
+/* Whether it failed because the boards are gone or have begun anew: a new task may find them again. */
+bool task_lost(const struct task *task);
+
 /* Names of all tasks, NULL-terminated, for --help. */
 const char *const *task_names(void);
 

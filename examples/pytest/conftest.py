@@ -3,14 +3,14 @@
 
 simulator starts coman-hil in lockstep with a gateway, for each test anew; robot is a python-can bus on
 the torso and the means to move virtual time. Nothing depends on how fast the machine is. The program is
-the one of the environment variable COMAN_HIL, else coman-hil on the PATH.
+the one of the environment variable COMAN_HIL, else coman-hil on the PATH; the rig is that of COMAN_HIL_RIG,
+else the installed coman.
 
 Commands go over the connection that STEP goes over: what a program sends on another bus may arrive a tick
 later.
 """
 import logging
 import os
-import pathlib
 import re
 import struct
 import subprocess
@@ -21,7 +21,7 @@ import can
 import pytest
 
 logging.getLogger("can").setLevel(logging.ERROR)  # it warns of the newlines between frames
-RIG = pathlib.Path(__file__).parents[2] / "config" / "rigs" / "coman.yaml"
+RIG = os.environ.get("COMAN_HIL_RIG", "coman")
 STEP, DONE = 0x6F0, 0x6FF
 PATIENCE_S = 20
 

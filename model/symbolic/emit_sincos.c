@@ -65,9 +65,8 @@ static const char *const sincos_text[] = {
     "    *(w8 *)cosine = (((w8)c & ~odd) | ((w8)s & odd)) ^ turned;",
     "    const w8 near = ((v8)((w8)a & INT64_MAX) <= 1e5);",
     "    const int64_t *flag = (const int64_t *)&near;",
-    "    if (__builtin_expect((flag[0] & flag[1] & flag[2] & flag[3] & flag[4] & flag[5] & flag[6] "
-    "&",
-    "                          flag[7]) == 0, 0)) {",
+    "    if (__builtin_expect((flag[0] & flag[1] & flag[2] & flag[3] &",
+    "                          flag[4] & flag[5] & flag[6] & flag[7]) == 0, 0)) {",
     "        sincos_far(x, sine, cosine);",
     "    }",
     "}",

@@ -10,7 +10,6 @@ hil_test(canbus_wire_local SOURCES ${tests}/unit/canbus_wire_local.c LIBS canbus
 hil_test(canbus_candump SOURCES ${tests}/unit/canbus_candump.c LIBS canbus LABELS unit)
 hil_test(canbus_socketcand SOURCES ${tests}/unit/canbus_socketcand.c LIBS canbus LABELS unit)
 hil_test(canbus_gateway SOURCES ${tests}/unit/canbus_gateway.c LIBS canbus LABELS unit)
-hil_test(fuzz_candump SOURCES ${tests}/fuzz/candump.c LIBS canbus LABELS fuzz)
 hil_test(canbus_socketcan SOURCES ${tests}/bus/canbus_socketcan.c LIBS canbus LABELS bus)
 
 # A port as a program, for can-utils to be put against.

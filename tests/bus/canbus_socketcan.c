@@ -414,6 +414,40 @@ static void comes_back_with_its_filters_when_its_interface_was_created_anew(void
     picky->ops->close(picky);
 }
 
+static void set_time_of_day(int64_t by_s)
+{
+    struct timespec now;
+
+    clock_gettime(CLOCK_REALTIME, &now);
+    now.tv_sec += by_s;
+    assert_int_equal(clock_settime(CLOCK_REALTIME, &now), 0);
+}
+
+static void the_time_of_day_may_be_set_while_frames_wait(void **state)
+{
+    static const int64_t jump_s[] = {3600, -7200, 3600};
+    struct bench *bench = need_vcan(state);
+    struct bus_frame frame = numbered(0x123, 7), got[MANY];
+    int64_t last = monotonic_ns();
+
+    if (!getenv("HIL_UML")) {
+        print_message("SKIP: sets the time of the whole machine: only in user-mode Linux\n");
+        skip();
+    }
+    assert_int_equal(can_send(bench->a, &frame, 1), 1);
+    assert_int_equal(collect(bench->b, got, 1), 1);
+    for (size_t i = 0; i < 3; i++) {
+        assert_int_equal(can_send(bench->a, &frame, 1), 1);
+        set_time_of_day(jump_s[i]);
+        assert_int_equal(collect(bench->b, &got[1], 1), 1);
+        assert_true(got[1].time_ns >= got[0].time_ns);
+        assert_true(got[1].time_ns >= last - 1000000000);
+        assert_true(got[1].time_ns <= monotonic_ns());
+        got[0] = got[1];
+        last = monotonic_ns();
+    }
+}
+
 static void descriptor_is_readable_while_frames_wait(void **state)
 {
     struct bench *bench = need_vcan(state);
@@ -441,6 +475,7 @@ int main(void)
         TEST(counts_what_the_kernel_drops_when_a_receive_buffer_runs_over),
         TEST(comes_back_when_its_interface_was_down),
         TEST(comes_back_with_its_filters_when_its_interface_was_created_anew),
+        TEST(the_time_of_day_may_be_set_while_frames_wait),
         TEST(descriptor_is_readable_while_frames_wait),
     };
 

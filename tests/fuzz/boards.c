@@ -1,17 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Whatever arrives on the buses and whatever the sensors say, the boards neither crash nor
- * allocate, keep voltages within the supply, keep bridges off in idle and after faults, and account
- * for every frame. The sequences are random but the same every time.
+ * Whatever arrives on the buses, whatever the sensors say and whichever board breaks: voltages stay
+ * within the supply, bridges are open in idle and after faults, every frame that a board sends is one
+ * of the list of messages with its values in range, every frame that it gets is accounted for, nothing
+ * is allocated, and the same input gives the same answers. Bus 0 speaks FUZZ_PERSONALITY, bus 1 iCub.
  */
 #include "base/hash.h"
+#include "boards/faults.h"
+#include "boards/messages.h"
+#include "tests/fuzz/fuzz.h"
 #include "tests/unit/boards_rig.h"
 
 #include <inttypes.h>
 
-/* Allocations of the whole program, counted while armed: the linker sends them through here. */
+enum { TICKS_MAX = 600, MESSAGES_MAX = 2048, MEMORY = 8 << 20 };
+
+/* ---- allocations: the linker sends them through here ---- */
+
 static bool armed;
-static unsigned allocations;
 
 void *__real_malloc(size_t size);
 void *__real_calloc(size_t count, size_t size);
@@ -22,377 +28,437 @@ void *__wrap_realloc(void *memory, size_t size);
 
 void *__wrap_malloc(size_t size)
 {
-    allocations += armed;
+    fuzz_require(!armed, "%zu bytes allocated in a tick", size);
     return __real_malloc(size);
 }
 
 void *__wrap_calloc(size_t count, size_t size)
 {
-    allocations += armed;
+    fuzz_require(!armed, "%zu bytes allocated in a tick", count * size);
     return __real_calloc(count, size);
 }
 
 void *__wrap_realloc(void *memory, size_t size)
 {
-    allocations += armed;
+    fuzz_require(!armed, "%zu bytes allocated in a tick", size);
     return __real_realloc(memory, size);
 }
 
-/* SplitMix64 */
-static uint64_t next(uint64_t *seed)
-{
-    uint64_t z = *seed += UINT64_C(0x9e3779b97f4a7c15);
+/* ---- the boards ---- */
 
-    z = (z ^ z >> 30) * UINT64_C(0xbf58476d1ce4e5b9);
-    z = (z ^ z >> 27) * UINT64_C(0x94d049bb133111eb);
-    return z ^ z >> 31;
+static const char *const fault_lines[] = {
+    "a: board one/1 off manual",        "b: board one/1 hung watchdog=0.005 manual",
+    "c: board one/1 stuck manual",      "d: board one/1 garbage manual",
+    "e: board one/1 slow 3 manual",     "f: board one/1 delayed 0.003 manual",
+    "g: board one/13 garbage manual",   "h: board two/1 intermittent 0.5 manual",
+    "i: board one/2 delayed 0.01 manual",
+};
+
+enum { FAULTS = sizeof fault_lines / sizeof *fault_lines };
+
+/* What a run needs beside the rig. */
+struct bench {
+    struct rig rig;
+    struct boards_bus_config bus[RIG_BUSES];
+    struct faults *faults;
+    struct message message[RIG_BUSES][MESSAGES_MAX];
+    size_t nmessage[RIG_BUSES];
+    double supply_v, sampled_v; /* the boards read the supply at the end of the tick before */
+    uint64_t received, hash;
+    int ticks, bus_in_hand;
+    bool garbage; /* some board has sent what means nothing */
+    bool moved;   /* some board has another address now */
+    size_t room;  /* for frames of a tick */
+};
+
+static bool list_message(void *context, const struct message *message)
+{
+    struct bench *bench = context;
+    size_t *count = &bench->nmessage[bench->bus_in_hand];
+
+    fuzz_require(*count < MESSAGES_MAX, "too many messages");
+    if (!message->from_host) {
+        bench->message[bench->bus_in_hand][(*count)++] = *message;
+    }
+    return true;
 }
 
-static struct bus_frame anything(uint64_t *seed)
+static struct faults *make_faults(const struct rig *rig, struct arena *arena)
 {
-    struct bus_frame frame = {.id = (uint32_t)next(seed), .flags = (uint8_t)next(seed)};
-    uint64_t bytes = next(seed);
+    static const char *const buses[] = {"one", "two"};
+    const char *board[RIG_BOARDS];
+    size_t board_bus[RIG_BOARDS];
+    int address[RIG_BOARDS];
+    struct fault_names names = {.nbus = 2, .bus = buses, .board = board, .board_bus = board_bus,
+                                .board_address = address, .nboard = rig->config.nboard};
+    struct fault fault[FAULTS];
+    struct faults *faults;
+    struct error error;
 
-    frame.len = (uint8_t)next(seed);
-    for (int i = 0; i < 8; i++) {
-        frame.data[i] = (uint8_t)(bytes >> 8 * i);
+    for (size_t i = 0; i < rig->config.nboard; i++) {
+        board[i] = rig->board[i].name;
+        board_bus[i] = (size_t)rig->board[i].bus;
+        address[i] = rig->board[i].address;
     }
-    return frame;
+    for (size_t i = 0; i < FAULTS; i++) {
+        fuzz_require(fault_parse(fault_lines[i], &names, &fault[i], &error) == ERROR_NONE, "%s",
+                     error.text);
+    }
+    fuzz_require(faults_create(fault, FAULTS, 1, arena, &faults, &error) == ERROR_NONE, "%s",
+                 error.text);
+    return faults;
 }
 
-/* A frame that some board is likely to take: right address, a command that exists. */
-static struct bus_frame likely(uint64_t *seed)
+/* What the first bytes say of the rig. */
+static void configure(struct bench *bench, struct fuzz_bytes *bytes)
 {
-    static const uint32_t ids[] = {0x001, 0x002, 0x00f, 0x20c, 0x20d, 0x20f, 0x701,
-                                   0x70d, 0x70f, 0x35a, 0x35b, 0x001, 0x001, 0x002};
-    static const uint8_t modes[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 0x50, 0x60, 0xa0};
-    struct bus_frame frame = anything(seed);
-    uint64_t r = next(seed);
+    static const int64_t ticks_ns[] = {1000000, 250000, 3000000, 10000000};
+    const uint8_t how = fuzz_u8(bytes), what = fuzz_u8(bytes);
+    struct rig *rig = &bench->rig;
 
-    frame.flags = 0;
-    frame.id = ids[r % (sizeof ids / sizeof *ids)];
-    frame.len = (uint8_t)(r >> 8 & 0xff) % 9;
-    if (r >> 16 & 1) { /* often a mode or a voltage */
-        frame.id = r >> 17 & 1 ? 0x001 : 0x002;
-        frame.len = r >> 18 & 1 ? 2 : 3;
-        frame.data[0] = (uint8_t)((frame.len == 2 ? 0x09 : 0x72) | (r >> 19 & 1) << 7);
-        if (frame.len == 2) {
-            frame.data[1] = modes[(r >> 20) % sizeof modes];
-        }
-    } else if (frame.id == 0x701 || frame.id == 0x70d) {
-        /* seldom the bootloader, which takes 5 s */
-        frame.data[0] = (r >> 24) % 20000 == 0 ? 0x00 : (r >> 24) % 20000 == 1 ? 0x02 : 0x0c;
-    } else {
-        frame.data[0] &= (uint8_t)(frame.id & 0x200 ? 0x3f : 0xff);
-        frame.data[0] ^= (frame.data[0] & 0x7f) == 0x32; /* boards keep their addresses */
-    }
-    return frame;
-}
-
-static double wild(uint64_t *seed, double usual)
-{
-    static const double odd[] = {0.0, 1e300, -1e300, 1e-300};
-    uint64_t r = next(seed);
-
-    switch (r % 2000) {
-    case 0:
-        return (double)NAN;
-    case 1:
-        return (double)INFINITY;
-    case 2:
-        return odd[r >> 32 & 3];
-    default:
-        return usual * ((double)(r >> 11) * 0x1p-52 - 1.0);
-    }
-}
-
-static void shake(struct rig *rig, uint64_t *seed)
-{
-    for (int i = 0; i < RIG_JOINTS; i++) {
-        rig->sense[i].q = wild(seed, 2.0);
-        rig->sense[i].qm = wild(seed, 2.0);
-        rig->sense[i].current_a = wild(seed, 25.0);
-        rig->sense[i].torque_nm = wild(seed, 60.0);
-    }
-    for (int i = 0; i < 3; i++) {
-        rig->ft.force_n[i] = wild(seed, 2000.0);
-        rig->ft.torque_nm[i] = wild(seed, 40.0);
-    }
-    rig->sensors.supply_v = next(seed) % 1000 ? SUPPLY_V : wild(seed, 60.0);
-}
-
-/* sampled: the supply that the boards had read when they gave their command. */
-static void check_command(const struct rig *rig, double sampled)
-{
-    double supply = isfinite(sampled) && sampled > 0.0 ? sampled : 0.0;
-
-    for (int i = 0; i < RIG_JOINTS; i++) {
-        const struct motor_command *motor = &rig->motor[i];
-
-        assert_true(fabs(motor->voltage_v) <= supply);
-        assert_true(motor->bridge_on || motor->voltage_v == 0.0);
-    }
-}
-
-/* flags: of bus 0 */
-static uint64_t check_frames(const struct rig *rig, unsigned flags, uint64_t hash)
-{
-    for (size_t bus = 0; bus < RIG_BUSES; bus++) {
-        for (size_t i = 0; i < rig->count[bus]; i++) {
-            const struct bus_frame *frame = &rig->frame[bus][i];
-
-            assert_true(frame->id <= 0x7ff && frame->flags == (bus == 0 ? flags : 0));
-            assert_true(frame->len <= (frame->flags ? 64 : 8));
-            hash = hash_bytes(hash, &frame->id, sizeof frame->id);
-            hash = hash_bytes(hash, frame->data, frame->len);
-        }
-    }
-    return hash;
-}
-
-/* Bus 0 with other boards than iCub ones; bus 1 keeps its own. */
-static void change_personality(struct rig *rig, const struct boards_bus_config *bus)
-{
-    rig->config.bus = bus;
-    if (bus->personality == BOARD_COMPACT) {
-        rig->config.nboard = 4; /* torques need no board */
+    rig_configure(rig);
+    rig->config.tick_ns = ticks_ns[how & 3];
+    bench->bus[0].personality = FUZZ_PERSONALITY;
+    bench->bus[0].fd = FUZZ_PERSONALITY == BOARD_COMPACT && how & 4;
+    rig->config.bus = bench->bus;
+    if (FUZZ_PERSONALITY == BOARD_COMPACT) {
+        rig->config.nboard = RIG_BOARDS - 1; /* torques need no board */
         rig->board[2] = rig->board[4];
     }
-    for (int i = 0; i < RIG_BOARDS; i++) {
-        rig->board[i].axis[0].gear = 100.0;
-        rig->board[i].axis[2].joint = rig->board[i].axis[3].joint = -1;
-        rig->board[i].transmit_at_start = rig->board[i].period_ns <= 4000000;
-        rig->board[i].axis[0].winding_ohm = 0.7;
+    for (size_t i = 0; i < rig->config.nboard; i++) {
+        struct board_config *board = &rig->board[i];
+
+        board->strict = how & 8;
+        board->discovery_stops_motors = how & 16;
+        board->transmit_at_start = what & 1;
+        board->command_timeout_ns = what & 2 ? 2000000 : 0;
+        board->boot_ns = what & 4 ? 3000000 : 0;
+        board->status_period_ns = what & 8 ? 5000000 : 0;
+        for (int k = 0; k < BOARD_AXES_MAX; k++) {
+            board->axis[k].gear = 100.0;
+            board->axis[k].temperature_limit_c = what & 16 ? 80.0 : 0.0;
+            board->axis[k].winding_ohm = what & 32 ? 0.7 : 0.0;
+            board->axis[k].joint = k < 2 ? board->axis[k].joint : -1;
+        }
     }
-    rig->board[0].boot_ns = 3000000;
 }
 
-/* What a host of these boards would send, more or less. */
-static struct bus_frame likely_of(enum board_personality personality, uint64_t *seed)
+static void start(struct bench *bench, struct fuzz_bytes *bytes)
 {
-    static const uint32_t foc[] = {0x001, 0x002, 0x001, 0x10f, 0x10f, 0x10f, 0x701, 0x20d};
-    static const uint8_t foc_codes[] = {0x5b, 0x77, 0x48, 0x65, 0x69, 0x7d, 0x09,
-                                        0x09, 0x72, 0x17, 0x02, 0x01, 0x79, 0x07};
-    static const uint8_t modes[] = {0x50, 0x06, 0x0a, 0x0b, 0x01, 0x00, 0x09};
-    static const uint32_t compact[] = {0x020, 0x040, 0x040, 0x041, 0x681, 0x682, 0x68d, 0x7e0};
-    struct bus_frame frame = anything(seed);
-    uint64_t r = next(seed);
+    struct arena *arena = fuzz_arena(MEMORY);
+    struct rig *rig = &bench->rig;
+    struct error error;
 
-    frame.flags = 0;
-    frame.len = r >> 40 & 7 ? 8 : (uint8_t)(r >> 44 & 7);
-    if (personality == BOARD_COMPACT) {
-        frame.id = compact[r & 7];
-        frame.flags = r >> 10 & 1 ? FRAME_FD : 0;
-        frame.len = frame.id == 0x020 ? 5 : frame.id >= 0x7e0 ? 0 : frame.len;
-        if (frame.id == 0x020) {
-            frame.data[0] &= 3;
-        } else if (frame.id >= 0x680 && frame.id < 0x6a0) {
-            frame.data[0] &= 0xbf; /* seldom a restart */
-            frame.data[0] ^= (frame.data[0] & 0x7f) == 7 && r >> 20 & 0xff ? 0x20 : 0;
-            frame.data[1] &= 7;
-            frame.len = frame.data[0] & 0x80 ? 6 : 2;
-        }
-        return frame;
+    memset(bench, 0, sizeof *bench);
+    configure(bench, bytes);
+    bench->faults = make_faults(rig, arena);
+    rig->config.faults = bench->faults;
+    fuzz_require(boards_create(&rig->config, arena, &rig->boards, &error) == ERROR_NONE, "%s",
+                 error.text);
+    for (int bus = 0; bus < RIG_BUSES; bus++) {
+        fuzz_require(boards_transmit_max(rig->boards, (size_t)bus) <= RIG_FRAMES, "%zu frames",
+                     boards_transmit_max(rig->boards, (size_t)bus));
+        bench->bus_in_hand = bus;
+        boards_messages(&rig->config, bus, list_message, bench);
     }
-    frame.id = foc[r & 7];
-    if (frame.id < 0x100) {
-        static const uint8_t lengths[] = {3, 7, 8, 8, 8, 8, 2, 2, 3, 5, 6, 2, 3, 1};
-        size_t code = (r >> 8) % sizeof foc_codes;
-
-        frame.data[0] = foc_codes[code];
-        frame.len = r >> 48 & 15 ? lengths[code] : frame.len;
-        if (frame.data[0] == 0x5b && r >> 52 & 7) {
-            frame.data[1] = 1;
-            frame.data[2] = 6;
-        } else if (frame.data[0] == 0x09) {
-            frame.data[1] = modes[(r >> 20) % sizeof modes];
-        } else if (frame.data[0] == 0x48) {
-            frame.data[5] |= 0x20; /* some peak */
-            frame.data[5] &= 0x7f;
-        }
-    } else if (frame.id == 0x701) {
-        frame.data[0] = (r >> 24) % 20000 == 0 ? 0x00 : 0x0c;
-    }
-    return frame;
+    bench->supply_v = SUPPLY_V;
+    bench->hash = HASH_START;
+    bench->room = RIG_FRAMES;
 }
 
-/* One run; returns the hash of everything that the boards sent and commanded. bus NULL: iCub boards
- * everywhere. */
-static uint64_t run(const struct boards_bus_config *bus, uint64_t seed, int ticks,
-                    int frames_a_tick, struct boards_counters *counters)
+/* ---- what must hold ---- */
+
+static void check_commands(const struct bench *bench)
 {
-    static struct rig rig;
-    uint64_t hash = HASH_START, received = 0;
-    double supply = SUPPLY_V, sampled;
+    const double supply_v = isfinite(bench->sampled_v) ? fmax(bench->sampled_v, 0.0) : 0.0;
+
+    for (int i = 0; i < RIG_JOINTS; i++) {
+        const struct motor_command *motor = &bench->rig.motor[i];
+
+        fuzz_require(fabs(motor->voltage_v) <= supply_v, "%g V of %g", motor->voltage_v, supply_v);
+        fuzz_require(motor->bridge_on || motor->voltage_v == 0.0, "%g V with the bridge open",
+                     motor->voltage_v);
+    }
+}
+
+/* Texts are as long as they are; a saturated STRAIN board adds a byte that says so; a bootloader has
+ * no build number. */
+static bool is_length(const struct message *message, uint8_t len)
+{
+    const bool strain = message->length == ICUB_STRAIN_LENGTH && message->id >> 8 == 3;
+
+    return len == message->length || (strain && len == ICUB_STRAIN_SATURATED_LENGTH) ||
+           (strcmp(message->name, "PRINT") == 0 && len > 2 && len < message->length) ||
+           (message->code == ICUB_DISCOVER && len == message->length - 1);
+}
+
+static bool is_message(const struct bench *bench, const struct message *message,
+                       const struct bus_frame *frame)
+{
+    /* on iCub buses bits 4 to 7 are the sender's address */
+    const uint32_t sender = bench->moved ? 0x0f0 : 0;
+    const size_t bytes = fields_bytes(message->fields);
+    int64_t values[FIELDS_MAX];
+
+    if ((frame->id | sender) != (message->id | sender) || !is_length(message, frame->len)) {
+        return false;
+    }
+    /* bit 7 is the axis */
+    if (message->code != MESSAGE_NO_CODE && (frame->data[0] & 0x7f) != (message->code & 0x7f)) {
+        return false;
+    }
+    for (uint8_t k = 0; k < message->repeats; k++) {
+        const size_t at = message->first_byte + k * bytes;
+
+        if (!fields_decode(message->fields, frame->data + at, frame->len - at, values)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static void check_frame(const struct bench *bench, size_t bus, const struct bus_frame *frame)
+{
+    const unsigned flags = bench->bus[bus].fd ? FRAME_FD | FRAME_BRS : 0;
+    size_t i = 0;
+
+    fuzz_require(frame_valid(frame) && frame->id <= 0x7ff && frame->flags == flags &&
+                     frame->node < RIG_BOARDS,
+                 "id 0x%x flags 0x%x length %u", frame->id, frame->flags, frame->len);
+    while (!bench->garbage && i < bench->nmessage[bus] &&
+           !is_message(bench, &bench->message[bus][i], frame)) {
+        i++;
+    }
+    fuzz_require(bench->garbage || i < bench->nmessage[bus],
+                 "no such message: id 0x%x length %u: %02x %02x %02x %02x %02x %02x %02x %02x",
+                 frame->id, frame->len, frame->data[0], frame->data[1], frame->data[2],
+                 frame->data[3], frame->data[4], frame->data[5], frame->data[6], frame->data[7]);
+}
+
+static void drain_events(struct bench *bench)
+{
     struct board_event event;
+    char text[256];
 
-    rig_configure(&rig);
-    rig.board[0].command_timeout_ns = rig.board[1].command_timeout_ns = 2000000;
-    rig.board[1].discovery_stops_motors = true;
-    if (bus) {
-        change_personality(&rig, bus);
+    while (boards_next_event(bench->rig.boards, &event)) {
+        bench->hash = hash_bytes(bench->hash, &event.kind, sizeof event.kind);
+        bench->moved = bench->moved || event.kind == BOARD_EVENT_ADDRESS;
+        armed = false; /* not for the loop */
+        board_event_format(bench->rig.boards, &event, text, sizeof text);
+        armed = true;
+        fuzz_require(fuzz_is_sentence(text) && strlen(text) > 10, "%s", text);
     }
-    rig_start(&rig);
+}
+
+static void check_counters(const struct bench *bench)
+{
+    const struct boards_counters counters = rig_counters(&bench->rig);
+
+    /* boards whose receiver is off do not count */
+    fuzz_require(counters.frames + counters.foreign <= bench->received,
+                 "%" PRIu64 " and %" PRIu64 " of %" PRIu64, counters.frames, counters.foreign,
+                 bench->received);
+    fuzz_require(counters.unknown + counters.malformed <= counters.frames, "more bad than all");
+}
+
+/* ---- what happens ---- */
+
+static void tick(struct bench *bench)
+{
+    struct rig *rig = &bench->rig;
+
+    bench->ticks++;
+    faults_step(bench->faults, rig->sensors.time_ns);
+    bench->sampled_v = bench->supply_v;
+    bench->supply_v = rig->sensors.supply_v;
+    boards_control(rig->boards, &rig->sensors, &rig->command);
+    rig->sensors.time_ns += rig->config.tick_ns;
+    check_commands(bench);
+    bench->hash = hash_bytes(bench->hash, rig->motor, sizeof rig->motor);
+    for (size_t bus = 0; bus < RIG_BUSES; bus++) {
+        const size_t most = boards_transmit_max(rig->boards, bus);
+        const size_t room = bench->room < most ? bench->room : most;
+        const size_t count = boards_transmit(rig->boards, bus, &rig->sensors, rig->frame[bus], room);
+
+        fuzz_require(count <= room, "%zu frames, room for %zu", count, room);
+        drain_events(bench);
+        for (size_t i = 0; i < count; i++) {
+            const struct bus_frame *frame = &rig->frame[bus][i];
+
+            check_frame(bench, bus, frame);
+            bench->hash = hash_bytes(bench->hash, &frame->id, sizeof frame->id);
+            bench->hash = hash_bytes(bench->hash, frame->data, frame->len);
+        }
+    }
+    bench->room = RIG_FRAMES;
+}
+
+static void receive(struct bench *bench, size_t bus, const struct bus_frame *frame)
+{
+    boards_receive(bench->rig.boards, bus, frame);
+    bench->received++;
+}
+
+/* A frame that some board is likely to take: the right identifier and length. */
+static void receive_likely(struct bench *bench, struct fuzz_bytes *bytes, uint8_t what)
+{
+    static const uint16_t icub[] = {0x001, 0x002, 0x00f, 0x20c, 0x20d, 0x20f, 0x701, 0x702,
+                                    0x70c, 0x70d, 0x70f, 0x35a, 0x35b, 0x30c, 0x3ca, 0x3cb};
+    static const uint16_t foc[] = {0x001, 0x002, 0x10f, 0x701, 0x702, 0x20d, 0x70f, 0x00f};
+    static const uint16_t compact[] = {0x020, 0x040, 0x041, 0x042, 0x680, 0x681, 0x682, 0x683,
+                                       0x68d, 0x7e0, 0x7e1, 0x7c1, 0x060, 0x080, 0x6a1, 0x000};
+    struct bus_frame frame = {.id = what >> 4 & 1};
+    const size_t bus = frame.id;
+    const uint8_t which = fuzz_u8(bytes);
+
+    if (bus == 1 || FUZZ_PERSONALITY == BOARD_ICUB) {
+        frame.id = icub[which & 0xf];
+    } else if (FUZZ_PERSONALITY == BOARD_FOC) {
+        frame.id = foc[which & 7];
+    } else {
+        frame.id = compact[which & 0xf];
+        frame.flags = bench->bus[0].fd ? FRAME_FD | FRAME_BRS : 0;
+    }
+    frame.len = what & 0xf;
+    if (frame.len > 8) {
+        frame.len = frame.flags & FRAME_FD ? frame_fd_length(4u * frame.len) : 8;
+    }
+    fuzz_copy(bytes, frame.data, frame.len);
+    receive(bench, bus, &frame);
+}
+
+static void change_sensor(struct bench *bench, struct fuzz_bytes *bytes, uint8_t what)
+{
+    struct motor_sense *sense = &bench->rig.sense[(what & 7) % RIG_JOINTS];
+
+    switch (what >> 3 & 7) {
+    case 0:
+        sense->q = fuzz_real(bytes, 4.0);
+        break;
+    case 1:
+        sense->qm = fuzz_real(bytes, 4.0);
+        break;
+    case 2:
+        sense->current_a = fuzz_real(bytes, 40.0);
+        break;
+    case 3:
+        sense->torque_nm = fuzz_real(bytes, 100.0);
+        break;
+    case 4:
+        sense->qd = fuzz_real(bytes, 10.0);
+        sense->qmd = fuzz_real(bytes, 10.0);
+        break;
+    case 5:
+        sense->winding_c = fuzz_real(bytes, 200.0);
+        break;
+    case 6:
+        bench->rig.ft.force_n[what % 3] = fuzz_real(bytes, 4000.0);
+        bench->rig.ft.torque_nm[what % 3] = fuzz_real(bytes, 80.0);
+        break;
+    default:
+        bench->rig.sensors.supply_v = fuzz_real(bytes, 60.0);
+        break;
+    }
+}
+
+/* iCub: after the command to be idle nothing else that a host says closes the bridge, but a mode. */
+static void go_idle(struct bench *bench)
+{
+    static const struct bus_frame idle = {.id = 1, .len = 2, .data = {0x09, 0x00}};
+    static const struct bus_frame pwm = {.id = 1, .len = 3, .data = {0x72, 0x35, 0x05}};
+    const size_t bus = 1; /* whatever bus 0 speaks */
+
+    if (bench->moved) {
+        return;
+    }
+    receive(bench, bus, &idle);
+    receive(bench, bus, &pwm);
+    tick(bench);
+    tick(bench);
+    fuzz_require(!bench->rig.motor[3].bridge_on || bench->rig.config.tick_ns < 1000000,
+                 "the bridge is on in idle");
+}
+
+static void shut_down(struct bench *bench)
+{
+    boards_shut_down(bench->rig.boards, &bench->rig.command);
+    for (int i = 0; i < RIG_JOINTS; i++) {
+        fuzz_require(!bench->rig.motor[i].bridge_on && bench->rig.motor[i].voltage_v == 0.0,
+                     "joint %d is on after the end", i);
+    }
+}
+
+static void break_board(struct bench *bench, uint8_t what)
+{
+    const size_t fault = what % FAULTS;
+
+    faults_set(bench->faults, fault, what & 0x10);
+    bench->garbage = bench->garbage || faults_at(bench->faults, fault)->kind == FAULT_GARBAGE;
+}
+
+static void act(struct bench *bench, struct fuzz_bytes *bytes)
+{
+    const uint8_t what = fuzz_u8(bytes);
+    struct board_can_state state;
+    struct bus_frame frame;
+
+    switch (what >> 5) {
+    case 0:
+        for (int i = 1 + (what & 3) * (what & 0x1c); i > 0 && bench->ticks < TICKS_MAX; i--) {
+            tick(bench);
+        }
+        break;
+    case 1:
+    case 2:
+    case 3:
+        receive_likely(bench, bytes, what);
+        break;
+    case 4:
+        fuzz_frame(bytes, &frame);
+        receive(bench, what & 1, &frame);
+        break;
+    case 5:
+    case 6:
+        change_sensor(bench, bytes, what - 0xa0);
+        break;
+    default:
+        if (what < 0xe8) {
+            go_idle(bench);
+        } else if (what < 0xea) {
+            shut_down(bench);
+        } else if (what < 0xec) {
+            state = (struct board_can_state){fuzz_u8(bytes), fuzz_u8(bytes), what & 1};
+            boards_set_can_state(bench->rig.boards, fuzz_u8(bytes) % bench->rig.config.nboard,
+                                 &state);
+        } else if (what < 0xee) {
+            bench->room = fuzz_u8(bytes) % 8;
+        } else {
+            break_board(bench, fuzz_u8(bytes));
+        }
+    }
+}
+
+/* Returns the hash of everything that the boards said and commanded. */
+static uint64_t run(const uint8_t *data, size_t size)
+{
+    static struct bench bench;
+    struct fuzz_bytes bytes = {data, size};
+
+    start(&bench, &bytes);
     armed = true;
-    for (int t = 0; t < ticks; t++) {
-        bool quiet = t / 16 % 4 == 3; /* time for references to go stale */
-
-        for (int f = 0; f < frames_a_tick && !quiet; f++) {
-            struct bus_frame frame = f % 4 == 0 ? anything(&seed)
-                                     : bus      ? likely_of(bus->personality, &seed)
-                                                : likely(&seed);
-
-            boards_receive(rig.boards, next(&seed) % 5 == 0, &frame);
-            received++;
-        }
-        sampled = supply; /* read at the end of the tick before */
-        supply = rig.sensors.supply_v;
-        rig_tick(&rig);
-        check_command(&rig, sampled);
-        hash = hash_bytes(hash, rig.motor, sizeof rig.motor);
-        hash = check_frames(&rig, bus && bus->fd ? FRAME_FD | FRAME_BRS : 0, hash);
-        shake(&rig, &seed);
-        while (boards_next_event(rig.boards, &event)) {
-            char text[256];
-
-            hash = hash_bytes(hash, &event.kind, sizeof event.kind);
-            if (t % 64 == 0) {
-                board_event_format(rig.boards, &event, text, sizeof text);
-                assert_true(strlen(text) > 10);
-            }
-        }
+    while (bytes.left > 0 && bench.ticks < TICKS_MAX) {
+        act(&bench, &bytes);
     }
+    tick(&bench);
+    check_counters(&bench);
     armed = false;
-    *counters = rig_counters(&rig);
-    assert_int_equal(counters->frames + counters->foreign, received);
-    assert_true(counters->unknown + counters->malformed <= counters->frames);
-    assert_int_equal(counters->events_lost, 0);
-    rig_stop(&rig);
-    return hash;
+    return bench.hash;
 }
 
-/* Many short runs: in a long one random limits and gains soon leave nothing that moves. */
-static void millions_of_frames_do_no_harm(void **state)
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    struct boards_counters counters, sum = {0};
+    const uint64_t hash = run(data, size);
 
-    (void)state;
-    allocations = 0;
-    for (uint64_t seed = 1; seed <= 200; seed++) {
-        run(NULL, seed, 400, 64, &counters);
-        sum.frames += counters.frames;
-        sum.foreign += counters.foreign;
-        sum.unknown += counters.unknown;
-        sum.malformed += counters.malformed;
-        sum.trips += counters.trips;
-        sum.timeouts += counters.timeouts;
-    }
-    assert_int_equal(allocations, 0);
-    print_message("# %" PRIu64 " frames for boards, %" PRIu64 " foreign, %" PRIu64
-                  " unknown, %" PRIu64 " malformed, %" PRIu64 " trips, %" PRIu64 " time-outs\n",
-                  sum.frames, sum.foreign, sum.unknown, sum.malformed, sum.trips, sum.timeouts);
-    /* every kind of accident has happened */
-    assert_true(sum.frames > 1000000);
-    assert_true(sum.foreign > 1000000);
-    assert_true(sum.unknown > 1000);
-    assert_true(sum.malformed > 1000);
-    assert_true(sum.trips > 100);
-    assert_true(sum.timeouts > 10);
-}
-
-static void the_same_frames_give_the_same_answers(void **state)
-{
-    struct boards_counters first, second;
-    uint64_t hash = run(NULL, 7, 3000, 20, &first);
-
-    (void)state;
-    assert_true(hash == run(NULL, 7, 3000, 20, &second));
-    assert_memory_equal(&first, &second, sizeof first);
-    assert_true(hash != run(NULL, 8, 3000, 20, &second));
-}
-
-static void other_personalities_come_to_no_harm_either(void **state)
-{
-    static const struct boards_bus_config buses[][RIG_BUSES] = {
-        {{BOARD_FOC, false}, {BOARD_ICUB, false}},
-        {{BOARD_COMPACT, false}, {BOARD_ICUB, false}},
-        {{BOARD_COMPACT, true}, {BOARD_ICUB, false}}};
-
-    (void)state;
-    allocations = 0;
-    for (int p = 0; p < 3; p++) {
-        struct boards_counters counters, again, sum = {0};
-
-        for (uint64_t seed = 1; seed <= 60; seed++) {
-            uint64_t hash = run(buses[p], seed, 400, 40, &counters);
-
-            sum.frames += counters.frames;
-            sum.malformed += counters.malformed;
-            sum.unknown += counters.unknown;
-            sum.trips += counters.trips;
-            sum.timeouts += counters.timeouts;
-            if (seed % 20 == 0) {
-                assert_true(hash == run(buses[p], seed, 400, 40, &again));
-                assert_memory_equal(&counters, &again, sizeof again);
-            }
-        }
-        print_message("# personality %d: %" PRIu64 " frames, %" PRIu64 " unknown, %" PRIu64
-                      " malformed, %" PRIu64 " trips, %" PRIu64 " time-outs\n",
-                      p, sum.frames, sum.unknown, sum.malformed, sum.trips, sum.timeouts);
-        assert_true(sum.frames > 100000 && sum.malformed > 1000 && sum.unknown > 100);
-        assert_true(sum.trips > 10);
-        assert_true(p == 0 || sum.timeouts > 10); /* no silence is 50 ms long */
-    }
-    assert_int_equal(allocations, 0);
-}
-
-/* Bridges stay off after every way into idle and into a fault, whatever else is said. */
-static void idle_and_fault_mean_bridge_off(void **state)
-{
-    static struct rig rig;
-    uint64_t seed = 11;
-
-    (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    for (int round = 0; round < 20000; round++) {
-        struct bus_frame frame;
-        bool fault = next(&seed) & 1;
-
-        for (int i = 0; i < 6; i++) {
-            frame = likely(&seed);
-            if ((frame.id & 0x700) == 0) { /* no bootloader, no other address */
-                frame.data[0] = (frame.data[0] & 0x7f) == 0x32 ? 0x72 : frame.data[0];
-                frame.id = 0x001;
-                boards_receive(rig.boards, 0, &frame);
-            }
-        }
-        rig_send(&rig, 0, 0x001, "09 09");
-        if (fault) {
-            rig_send(&rig, 0, 0x001, "48 E8 03 00 00");
-            rig_send(&rig, 0, 0x001, "09 50");
-            rig.sense[0].current_a = 5.0;
-            rig_ticks(&rig, 2);
-            rig_send(&rig, 0, 0x001, "09 00");
-            rig_send(&rig, 0, 0x001, "09 01");
-        }
-        rig_send(&rig, 0, 0x001, "72 35 05");
-        rig_tick(&rig);
-        assert_false(rig.motor[0].bridge_on);
-        assert_true(rig.motor[0].voltage_v == 0.0);
-        rig.sense[0].current_a = 0.0;
-    }
-    rig_stop(&rig);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(millions_of_frames_do_no_harm),
-        cmocka_unit_test(other_personalities_come_to_no_harm_either),
-        cmocka_unit_test(the_same_frames_give_the_same_answers),
-        cmocka_unit_test(idle_and_fault_mean_bridge_off),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    fuzz_require(size % 8 || run(data, size) == hash, "other answers the second time");
+    return 0;
 }

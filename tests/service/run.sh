@@ -175,7 +175,7 @@ name="a full disk is reported, the run goes on to its end, the status tells"
 mkdir "$work/full" && ln -s /dev/full "$work/full/candump.log"
 if run 3 "$name" run "$rig" --transport local --clock free --task squat --duration 0.5 \
     --record "$work/full" --force && grep -q "No space left" "$work/err" &&
-    [ "$(json "$work/full" ticks)" = 500 ] && [ "$(json "$work/full" recorder.unwritten)" -gt 0 ]
+    [ "$(json "$work/full" ticks)" = 500 ] && [ "$(json "$work/full" recorder.frames_unwritten)" -gt 0 ]
 then ok "$name"; else not_ok "$name"; fi
 
 # ---- signals ----

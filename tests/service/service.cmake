@@ -10,5 +10,12 @@ hil_script_test(service_reload COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_D
 # The address space of a guest process has no room for the shadow memory of the sanitizers.
 if(NOT HIL_SANITIZE)
     hil_script_test(service_systemd LABELS service TIMEOUT 240
-        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/systemd.sh)
+        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/systemd.sh ${CMAKE_CPACK_COMMAND})
+    hil_script_test(service_package LABELS service TIMEOUT 120
+        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/package.sh ${CMAKE_COMMAND} ${CMAKE_CPACK_COMMAND})
+    # both write the list of what was installed
+    set_tests_properties(service_systemd service_package PROPERTIES RESOURCE_LOCK install)
 endif()
+hil_script_test(service_manual LABELS service TIMEOUT 240 COMMAND
+    /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/service/manual.py ${CMAKE_SOURCE_DIR} ${CMAKE_BINARY_DIR})
+set_tests_properties(service_manual PROPERTIES RESOURCE_LOCK install)

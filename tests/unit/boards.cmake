@@ -5,7 +5,5 @@ foreach(part commands compact control foc heat messages modes nodes strain table
 endforeach()
 hil_test(boards_wire SOURCES ${CMAKE_CURRENT_LIST_DIR}/boards_wire.c
          LIBS boards canbus Threads::Threads LABELS unit)
-hil_test(boards_fuzz SOURCES ${CMAKE_CURRENT_LIST_DIR}/../fuzz/boards.c
-         LIBS boards -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc LABELS fuzz)
 hil_test(boards_drive SOURCES ${CMAKE_CURRENT_LIST_DIR}/../physics/boards_drive.c
          ${CMAKE_CURRENT_LIST_DIR}/../physics/toy.c LIBS boards model LABELS physics)

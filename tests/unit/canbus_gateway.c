@@ -356,6 +356,32 @@ static void more_clients_than_places_are_refused(void **state)
     }
 }
 
+static void a_frame_that_the_bus_does_not_take_is_told_and_no_junk(void **state)
+{
+    enum { TOO_MANY = 4 * GATEWAY_JUNK_MAX };
+    struct fixture *f = *state;
+    struct gateway_counters counters;
+    int client = join_raw(f, "torso");
+
+    for (int i = 0; i < QUEUE; i++) {
+        say(client, "< send 123 0 >");
+    }
+    wait_for_frames(&f->hand[0], QUEUE);
+    for (int i = 0; i < TOO_MANY; i++) {
+        say(client, "< send 123 0 >");
+        hears(client, "< error the bus refuses the frame >");
+    }
+    say(client, "< echo >");
+    hears(client, "< echo >");
+    gateway_stop(f->gateway);
+    gateway_counters(f->gateway, &counters);
+    f->gateway = NULL;
+    assert_int_equal(counters.to_bus, QUEUE);
+    assert_int_equal(counters.not_taken, TOO_MANY);
+    assert_int_equal(counters.cut_junk, 0);
+    close(client);
+}
+
 static void hostile_bytes_do_no_harm(void **state)
 {
     struct fixture *f = *state;
@@ -405,6 +431,7 @@ int main(void)
         GATEWAY_TEST(a_command_without_an_end_is_cut_off),
         GATEWAY_TEST(a_slow_client_is_cut_off_and_the_others_do_not_notice),
         GATEWAY_TEST(more_clients_than_places_are_refused),
+        GATEWAY_TEST(a_frame_that_the_bus_does_not_take_is_told_and_no_junk),
         GATEWAY_TEST(hostile_bytes_do_no_harm),
         GATEWAY_TEST(refuses_hosts_and_ports_that_cannot_be_had),
     };

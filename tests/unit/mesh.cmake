@@ -9,5 +9,3 @@ add_dependencies(test_mesh_foot foot-mesh)
 hil_test(mesh_memory SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/unit/mesh_memory.c LIBS contact
          LABELS unit)
 target_link_options(test_mesh_memory PRIVATE -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc)
-
-hil_test(obj_fuzz SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/fuzz/obj.c LIBS contact LABELS fuzz)

@@ -1,0 +1,82 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The settings of an iCub motor board's axes: what commands of class 0 set, with their ranges. */
+#include "boards/motor_private.h"
+
+/* One value of the command that sets it. */
+static const struct {
+    const char *name;
+    uint8_t code;
+    uint8_t field;
+} rows[] = {
+    {"position_kp", ICUB_SET_P_GAIN, 0},
+    {"position_ki", ICUB_SET_I_GAIN, 0},
+    {"position_kd", ICUB_SET_D_GAIN, 0},
+    {"position_shift", ICUB_SET_SCALE, 0},
+    {"position_offset", ICUB_SET_OFFSET, 0},
+    {"position_limit", ICUB_SET_OUTPUT_LIMIT, 0},
+    {"position_integral_limit", ICUB_SET_I_LIMIT, 0},
+    {"torque_kp", ICUB_SET_TORQUE_PID, 0},
+    {"torque_ki", ICUB_SET_TORQUE_PID, 1},
+    {"torque_kd", ICUB_SET_TORQUE_PID, 2},
+    {"torque_shift", ICUB_SET_TORQUE_PID, 3},
+    {"torque_offset", ICUB_SET_TORQUE_PID_LIMITS, 0},
+    {"torque_limit", ICUB_SET_TORQUE_PID_LIMITS, 1},
+    {"torque_integral_limit", ICUB_SET_TORQUE_PID_LIMITS, 2},
+    {"current_kp", ICUB_SET_CURRENT_PID, 0},
+    {"current_ki", ICUB_SET_CURRENT_PID, 1},
+    {"current_kd", ICUB_SET_CURRENT_PID, 2},
+    {"current_shift", ICUB_SET_CURRENT_PID, 3},
+    {"stiffness", ICUB_SET_IMPEDANCE, 0},
+    {"damping", ICUB_SET_IMPEDANCE, 1},
+    {"pwm_limit", ICUB_SET_PWM_LIMIT, 0},
+    {"current_limit", ICUB_SET_CURRENT_LIMIT, 0},
+    {"max_velocity", ICUB_SET_MAX_VELOCITY, 0},
+};
+
+static const struct field *field_of(size_t index)
+{
+    return &icub_motor_commands[rows[index].code].request[rows[index].field];
+}
+
+static unsigned parameter_of(size_t index)
+{
+    return (unsigned)icub_motor_commands[rows[index].code].parameter + rows[index].field;
+}
+
+static void describe(const struct board *board, unsigned axis, size_t index,
+                     struct board_setting *setting)
+{
+    const struct field *field = field_of(index);
+    bool bounded = field->min != 0 || field->max != 0;
+
+    (void)board;
+    (void)axis;
+    *setting = (struct board_setting){
+        .name = rows[index].name,
+        .unit = field->unit ? field->unit : "",
+        .min = (double)(bounded ? field->min : field_lowest(field)),
+        .max = (double)(bounded ? field->max : field_highest(field)),
+        .whole = true,
+    };
+}
+
+static double get(const struct board *board, unsigned axis, size_t index)
+{
+    return (double)board->motor->axis[axis].parameter[parameter_of(index)];
+}
+
+static bool set(struct board *board, unsigned axis, size_t index, double value)
+{
+    board->motor->axis[axis].parameter[parameter_of(index)] = (int64_t)value;
+    if (rows[index].code == ICUB_SET_I_GAIN) {
+        board->motor->axis[axis].position_pid.integral = 0; /* as the command */
+    }
+    return true;
+}
+
+const struct board_settings motor_settings = {
+    .count = sizeof rows / sizeof rows[0],
+    .describe = describe,
+    .get = get,
+    .set = set,
+};

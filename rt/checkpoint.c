@@ -1,0 +1,120 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Copies of spans of memory. */
+#include "rt/checkpoint.h"
+
+#include <stdint.h>
+#include <string.h>
+
+struct checkpoint {
+    size_t size, nspan;
+    struct span *span;
+    unsigned char *copy;
+};
+
+static unsigned char *end_of(const struct span *span)
+{
+    return (unsigned char *)span->memory + span->size;
+}
+
+/* The first hole, by address, that begins in [from, to) or reaches into it; NULL = none. */
+static const struct span *first_hole(const struct span *hole, size_t nhole,
+                                     const unsigned char *from, const unsigned char *to)
+{
+    const struct span *first = NULL;
+
+    for (size_t i = 0; i < nhole; i++) {
+        const unsigned char *begin = hole[i].memory;
+
+        if (hole[i].size > 0 && begin < to && end_of(&hole[i]) > from &&
+            (!first || begin < (const unsigned char *)first->memory)) {
+            first = &hole[i];
+        }
+    }
+    return first;
+}
+
+/* Cuts what moves at the holes. There is a span more for every hole at most. */
+static void cut(struct checkpoint *c, const struct span *moving, const struct span *hole,
+                size_t nhole)
+{
+    unsigned char *from = moving->memory, *to = end_of(moving);
+
+    while (from < to) {
+        const struct span *gap = first_hole(hole, nhole, from, to);
+        unsigned char *until = gap ? gap->memory : to;
+
+        if (until > from) {
+            c->span[c->nspan++] = (struct span){from, (size_t)(until - from)};
+            c->size += (size_t)(until - from);
+        }
+        from = gap ? end_of(gap) : to;
+    }
+}
+
+enum error_code checkpoint_create(const struct span *moving, size_t nmoving,
+                                  const struct span *hole, size_t nhole, size_t copies,
+                                  struct arena *arena, struct checkpoint **out,
+                                  struct error *error)
+{
+    struct checkpoint *made = arena_alloc(arena, 1, sizeof *made);
+
+    if (!made || !(made->span = arena_alloc(arena, nmoving + nhole, sizeof *made->span))) {
+        return error_set(error, ERROR_MEMORY, "no memory left for checkpoints");
+    }
+    for (size_t i = 0; i < nmoving; i++) {
+        cut(made, &moving[i], hole, nhole);
+    }
+    made->copy = arena_alloc(arena, copies, made->size);
+    if (!made->copy) {
+        return error_set(error, ERROR_MEMORY, "no memory left for %zu checkpoints of %zu bytes",
+                         copies, made->size);
+    }
+    *out = made;
+    return ERROR_NONE;
+}
+
+size_t checkpoint_size(const struct checkpoint *checkpoint)
+{
+    return checkpoint->size;
+}
+
+void checkpoint_keep(struct checkpoint *c, size_t copy)
+{
+    unsigned char *to = c->copy + copy * c->size;
+
+    for (size_t i = 0; i < c->nspan; i++) {
+        memcpy(to, c->span[i].memory, c->span[i].size);
+        to += c->span[i].size;
+    }
+}
+
+/* what differs; most of it does not */
+static void put_back(unsigned char *to, const unsigned char *from, size_t size)
+{
+    size_t at = 0;
+
+    for (; at + sizeof(uint64_t) <= size; at += sizeof(uint64_t)) {
+        uint64_t is, was;
+
+        memcpy(&is, to + at, sizeof is);
+        memcpy(&was, from + at, sizeof was);
+        if (is != was) {
+            memcpy(to + at, &was, sizeof was);
+        }
+    }
+    for (; at < size; at++) {
+        if (to[at] != from[at]) {
+            to[at] = from[at];
+        }
+    }
+}
+
+void checkpoint_back(const struct checkpoint *c, size_t copy)
+{
+    const unsigned char *from = c->copy + copy * c->size;
+
+    for (size_t i = 0; i < c->nspan; i++) {
+        put_back(c->span[i].memory, from, c->span[i].size);
+        from += c->span[i].size;
+    }
+}

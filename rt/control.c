@@ -1,0 +1,206 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* One thread, one poll set: a descriptor to stop, the listening socket, the clients. */
+#include "rt/control_private.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+enum {
+    EVENTS = 64,    /* lines for the log, a power of two */
+    IDLE_MS = 1000, /* between looks at who has been too slow */
+    BUSY_MS = 1,    /* between looks at what the loop has answered */
+    ROWS_MS = 5,    /* between looks at the rows that it has made */
+    DOOR_MS = 100,  /* nobody is let in for so long after the system refused to */
+};
+
+#define PATIENCE_NS (30 * CLOCK_SECOND)
+
+/* ---- the thread ---- */
+
+enum { POLL_FIXED = 2, POLL_COUNT = POLL_FIXED + CONTROL_CLIENTS };
+
+/* The descriptors to wait for, and for how long. */
+static void prepare(const struct control *control, bool door, struct pollfd fd[POLL_COUNT],
+                    int *timeout_ms)
+{
+    *timeout_ms = door ? IDLE_MS : DOOR_MS;
+    fd[0] = (struct pollfd){.fd = control->stop_event, .events = POLLIN};
+    fd[1] = (struct pollfd){.fd = door ? control->socket.descriptor : -1, .events = POLLIN};
+    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+        const struct control_client *client = &control->client[i];
+        bool reads = control_listens(client) && !client->ended && client->received < CONTROL_LINE;
+        bool writes = client->socket >= 0 && client->filled > client->sent;
+
+        fd[POLL_FIXED + i] =
+            (struct pollfd){.fd = client->socket,
+                            .events = (short)((reads ? POLLIN : 0) | (writes ? POLLOUT : 0))};
+        if (client->socket >= 0 && client->subscription.count > 0 && *timeout_ms > ROWS_MS) {
+            *timeout_ms = ROWS_MS;
+        }
+        if (client->socket >= 0 && client->waiting != WAITING_NOT) {
+            *timeout_ms = BUSY_MS;
+        }
+    }
+}
+
+/* What poll says of a client. True: it has sent more than fits in a turn. */
+static bool serve_client(struct control *control, struct control_client *client, short events)
+{
+    if (client->socket < 0) {
+        return false;
+    }
+    if ((events & (POLLHUP | POLLERR)) && (client->ended || !control_listens(client))) {
+        /* gone in both directions: nobody takes an answer */
+        control_drop(control, client);
+        return false;
+    }
+    if (events & POLLOUT) {
+        control_flush(control, client);
+    }
+    return (events & ~POLLOUT) && control_listens(client) && control_hear(control, client);
+}
+
+static void *serve(void *context)
+{
+    struct control *control = context;
+    struct clock *clock = clock_monotonic();
+    int64_t door_ns = 0;
+    bool more = false;
+
+    for (;;) {
+        struct pollfd fd[POLL_COUNT];
+        int timeout_ms;
+
+        prepare(control, control->now_ns >= door_ns, fd, &timeout_ms);
+        if (poll(fd, POLL_COUNT, more ? 0 : timeout_ms) < 0) {
+            memset(fd, 0, sizeof fd); /* a signal, or no memory: look again */
+        }
+        control->now_ns = clock_now(clock);
+        if (fd[0].revents) {
+            control_end(control);
+            return NULL;
+        }
+        more = control_pump(control);
+        for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+            more = serve_client(control, &control->client[i], fd[POLL_FIXED + i].revents) || more;
+        }
+        more = control_rows(control) || more;
+        for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+            control_check(control, &control->client[i]);
+        }
+        if (fd[1].revents && !control_welcome(control)) {
+            door_ns = control->now_ns + DOOR_MS * CLOCK_MS;
+        }
+    }
+}
+
+/* ---- start and stop ---- */
+
+static enum error_code allocate(const struct control_config *config, struct arena *arena,
+                                struct control **out, struct error *error)
+{
+    struct control *control = arena_alloc(arena, 1, sizeof *control);
+    size_t nsignal = simulator_signals(config->simulator);
+    char *inbox = arena_alloc(arena, CONTROL_CLIENTS, CONTROL_LINE);
+    char *outbox = arena_alloc(arena, CONTROL_CLIENTS, CONTROL_OUTBOX);
+    uint16_t *signal = arena_alloc(arena, CONTROL_CLIENTS, (nsignal + 1) * sizeof *signal);
+    void *events = arena_alloc(arena, EVENTS, sizeof(struct control_event));
+
+    if (!control || !inbox || !outbox || !signal || !events) {
+        return error_set(error, ERROR_MEMORY, "control socket: no memory");
+    }
+    control->config = *config;
+    control->steering = config->steering;
+    control->rig = simulator_configuration(config->simulator)->rig;
+    control->socket.descriptor = control->stop_event = -1;
+    control->patience_ns = config->patience_ns ? config->patience_ns : PATIENCE_NS;
+    ring_init(&control->events, events, sizeof(struct control_event), EVENTS);
+    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+        struct control_client *client = &control->client[i];
+
+        client->socket = -1;
+        client->inbox = inbox + i * (size_t)CONTROL_LINE;
+        client->outbox = outbox + i * (size_t)CONTROL_OUTBOX;
+        client->subscription.signal = signal + i * (nsignal + 1);
+    }
+    *out = control;
+    return ERROR_NONE;
+}
+
+static enum error_code start_thread(struct control *control, struct error *error)
+{
+    int reason;
+
+    control->stop_event = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (control->stop_event < 0) {
+        return error_set_errno(error, errno, "control socket: cannot create an event descriptor");
+    }
+    reason = pthread_create(&control->thread, NULL, serve, control);
+    if (reason) {
+        close(control->stop_event);
+        return error_set_errno(error, reason, "control socket: cannot start its thread");
+    }
+    return ERROR_NONE;
+}
+
+enum error_code control_start(const struct control_config *config, struct arena *arena,
+                              struct control **out, struct error *error)
+{
+    struct control *control = NULL;
+    enum error_code code = allocate(config, arena, &control, error);
+
+    if (code) {
+        return code;
+    }
+    code = config->path ? control_socket_open(config->path, &control->socket, error)
+                        : control_socket_open_default(config->name, &control->socket, error);
+    if (code) {
+        return code;
+    }
+    code = start_thread(control, error);
+    if (code) {
+        control_socket_close(&control->socket);
+        return code;
+    }
+    *out = control;
+    return ERROR_NONE;
+}
+
+const char *control_path(const struct control *control)
+{
+    return control->socket.path;
+}
+
+bool control_next_event(struct control *control, uint64_t *key, char *text, size_t size)
+{
+    struct control_event event;
+
+    if (!ring_pop(&control->events, &event)) {
+        return false;
+    }
+    *key = UINT64_C(6) << 32 | event.key; /* beside those of simulator_next_event */
+    snprintf(text, size, "%s", event.text);
+    return true;
+}
+
+void control_stop(struct control *control)
+{
+    uint64_t one = 1;
+
+    if (!control) {
+        return;
+    }
+    /* cannot fail: the counter is zero */
+    (void)!write(control->stop_event, &one, sizeof one);
+    pthread_join(control->thread, NULL);
+    close(control->stop_event);
+    control_socket_close(&control->socket);
+}
+
+void control_counters(const struct control *control, struct control_counters *counters)
+{
+    *counters = control->counters;
+}

@@ -1,0 +1,362 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Clients of the control socket: bytes in, lines out, and when it is enough. */
+#include "rt/control_private.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+enum { LINES_A_TURN = 32 }; /* of one client, before the others have theirs */
+
+/* Topics of the log. */
+enum { KEY_CUT = 1, KEY_TURNED_AWAY };
+
+void control_log(struct control *control, uint64_t key, const char *format, ...)
+{
+    struct control_event event = {.key = key};
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(event.text, sizeof event.text, format, arguments);
+    va_end(arguments);
+    /* when nobody reads them they are not worth keeping */
+    (void)ring_push(&control->events, &event);
+}
+
+/* ---- out ---- */
+
+static size_t waiting(const struct control_client *client)
+{
+    return client->filled - client->sent;
+}
+
+void control_drop(struct control *control, struct control_client *client)
+{
+    if (client->socket < 0) {
+        return;
+    }
+    close(client->socket);
+    client->socket = -1;
+    client->waiting = WAITING_NOT;
+    control_request_clear(&client->request);
+    control_forget(control, client);
+}
+
+static void cut_off(struct control *control, struct control_client *client, uint64_t *counter,
+                    const char *reason)
+{
+    (*counter)++;
+    control_log(control, KEY_CUT, "control: process %ld is cut off: %s", (long)client->pid, reason);
+    control_flush(control, client);
+    control_drop(control, client);
+}
+
+/* Gives the system what it takes. */
+void control_flush(struct control *control, struct control_client *client)
+{
+    while (client->socket >= 0 && waiting(client) > 0) {
+        ssize_t sent = send(client->socket, client->outbox + client->sent, waiting(client),
+                            MSG_NOSIGNAL | MSG_DONTWAIT);
+
+        if (sent < 0 && errno == EINTR) {
+            continue;
+        }
+        if (sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) {
+            return;
+        }
+        if (sent <= 0) {
+            control_drop(control, client);
+            return;
+        }
+        client->sent += (size_t)sent;
+        client->taken_ns = control->now_ns;
+    }
+    client->sent = client->filled = 0;
+}
+
+/* Room for so many bytes at the outbox's end; NULL when there is none. */
+char *control_room(struct control *control, struct control_client *client, size_t size)
+{
+    if (waiting(client) == 0) {
+        client->taken_ns = control->now_ns;
+    }
+    if (client->filled + size > CONTROL_OUTBOX) {
+        client->filled -= client->sent;
+        memmove(client->outbox, client->outbox + client->sent, client->filled);
+        client->sent = 0;
+    }
+    return client->filled + size > CONTROL_OUTBOX ? NULL : client->outbox + client->filled;
+}
+
+static void put_text(struct control *control, struct control_client *client, const char *text)
+{
+    size_t size = strlen(text);
+    char *to = control_room(control, client, size);
+
+    if (to) {
+        memcpy(to, text, size);
+        client->filled += size;
+    }
+}
+
+/* The object as a line. */
+static void put_object(struct control *control, struct control_client *client, const json_t *object)
+{
+    const size_t flags = JSON_COMPACT | JSON_REAL_PRECISION(15);
+    size_t size = json_dumpb(object, NULL, 0, flags);
+    char *to = size > 0 ? control_room(control, client, size + 1) : NULL;
+
+    if (!to || json_dumpb(object, to, size, flags) != size) {
+        put_text(control, client,
+                 "{\"id\":null,\"ok\":false,\"code\":\"memory\",\"error\":\"no room for the "
+                 "answer\"}\n");
+        return;
+    }
+    to[size] = '\n';
+    client->filled += size + 1;
+}
+
+static void put_answer(struct control *control, struct control_client *client, const json_t *id,
+                       bool ok, json_t *body)
+{
+    json_t *answer = json_object();
+    json_t *repeated = id ? json_deep_copy(id) : json_null();
+
+    if (!body || !control_put(answer, "id", repeated) ||
+        !control_put(answer, "ok", json_boolean(ok)) || json_object_update(answer, body)) {
+        put_text(control, client,
+                 "{\"id\":null,\"ok\":false,\"code\":\"memory\",\"error\":\"no memory for the "
+                 "answer\"}\n");
+    } else {
+        put_object(control, client, answer);
+    }
+    json_decref(answer);
+    json_decref(body);
+    control_flush(control, client);
+}
+
+void control_answer(struct control *control, struct control_client *client, const json_t *id,
+                    json_t *body)
+{
+    client->junk = 0;
+    put_answer(control, client, id, true, body);
+}
+
+void control_refuse(struct control *control, struct control_client *client, const json_t *id,
+                    const char *code, const char *text, json_t *body)
+{
+    json_t *refusal = body ? body : json_object();
+
+    control->counters.refused_requests++;
+    if (!control_put(refusal, "code", json_string(code)) ||
+        !control_put(refusal, "error", control_text(text))) {
+        json_decref(refusal);
+        refusal = NULL;
+    }
+    put_answer(control, client, id, false, refusal);
+}
+
+/* ---- in ---- */
+
+/* What was no request: told, and cut off when it goes on. */
+static void complain(struct control *control, struct control_client *client, const json_t *id,
+                     const struct error *error)
+{
+    control_refuse(control, client, id, error->code == ERROR_MEMORY ? "memory" : "input",
+                   error->text, NULL);
+    if (client->socket >= 0 && ++client->junk >= CONTROL_JUNK_MAX) {
+        cut_off(control, client, &control->counters.cut_junk, error->text);
+    }
+}
+
+static bool is_blank(const char *line, size_t size)
+{
+    while (size > 0 && (line[size - 1] == ' ' || line[size - 1] == '\t' || line[size - 1] == '\r')) {
+        size--;
+    }
+    return size == 0;
+}
+
+static void obey_line(struct control *control, struct control_client *client, const char *line,
+                      size_t size)
+{
+    struct error error;
+
+    client->line++;
+    if (is_blank(line, size)) {
+        return;
+    }
+    if (!client->counted) {
+        client->counted = true;
+        control->counters.clients++;
+    }
+    control->counters.requests++;
+    if (control_parse(line, size, client->line, &client->request, &error)) {
+        complain(control, client, client->request.id, &error);
+        control_request_clear(&client->request);
+        return;
+    }
+    control_execute(control, client);
+}
+
+bool control_listens(const struct control_client *client)
+{
+    return client->socket >= 0 && client->waiting == WAITING_NOT && !client->last_word &&
+           waiting(client) <= CONTROL_OUTBOX / 2;
+}
+
+/* The inbox is full and holds no whole line: what follows up to the line's end is passed over. */
+static void skip_line(struct control *control, struct control_client *client)
+{
+    struct error error;
+
+    client->received = 0;
+    client->skipping = true;
+    error_set(&error, ERROR_INPUT, "line %llu: found more than %d bytes, expected fewer",
+              (unsigned long long)client->line + 1, CONTROL_LINE - 1);
+    complain(control, client, NULL, &error);
+}
+
+/* One line out of the inbox. False: there is none. */
+static bool next_line(struct control *control, struct control_client *client)
+{
+    char *end = memchr(client->inbox, '\n', client->received);
+    size_t size = end ? (size_t)(end - client->inbox) : client->received;
+
+    if (!end && client->ended && client->received > 0) {
+        /* what was sent last and closed counts as a line */
+        client->received = 0;
+        if (!client->skipping) {
+            obey_line(control, client, client->inbox, size);
+        }
+        return false;
+    }
+    if (!end) {
+        if (client->received == CONTROL_LINE) {
+            skip_line(control, client);
+        }
+        return false;
+    }
+    if (client->skipping) {
+        client->skipping = false;
+        client->line++;
+    } else {
+        obey_line(control, client, client->inbox, size);
+    }
+    if (client->socket >= 0) {
+        client->received -= size + 1;
+        memmove(client->inbox, end + 1, client->received);
+    }
+    return client->socket >= 0;
+}
+
+bool control_obey(struct control *control, struct control_client *client)
+{
+    for (int i = 0; i < LINES_A_TURN; i++) {
+        if (!control_listens(client) || !next_line(control, client)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+bool control_hear(struct control *control, struct control_client *client)
+{
+    if (client->received < CONTROL_LINE && !client->ended) {
+        ssize_t count = recv(client->socket, client->inbox + client->received,
+                             CONTROL_LINE - client->received, MSG_DONTWAIT);
+
+        if (count > 0) {
+            client->received += (size_t)count;
+            client->heard_ns = control->now_ns;
+        } else if (count == 0) {
+            client->ended = true;
+        } else if (errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR) {
+            control_drop(control, client);
+            return false;
+        }
+    }
+    return control_obey(control, client);
+}
+
+/* Once a turn: has it ended, or been too slow? */
+void control_check(struct control *control, struct control_client *client)
+{
+    if (client->socket < 0) {
+        return;
+    }
+    if (waiting(client) > 0 && control->now_ns - client->taken_ns > control->patience_ns) {
+        cut_off(control, client, &control->counters.cut_slow,
+                "it does not take what it has asked for");
+    } else if (control_listens(client) && !client->ended && client->received > 0 &&
+               !memchr(client->inbox, '\n', client->received) &&
+               control->now_ns - client->heard_ns > control->patience_ns) {
+        control_refuse(control, client, NULL, "input",
+                       "found half a line and then nothing, expected its end", NULL);
+        cut_off(control, client, &control->counters.cut_silent, "it stopped in the middle of a line");
+    } else if (waiting(client) == 0 &&
+               (client->last_word ||
+                (client->ended && client->received == 0 && client->waiting == WAITING_NOT &&
+                 client->subscription.count == 0))) {
+        control_drop(control, client);
+    }
+}
+
+/* ---- the door ---- */
+
+static struct control_client *free_place(struct control *control)
+{
+    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+        if (control->client[i].socket < 0) {
+            return &control->client[i];
+        }
+    }
+    return NULL;
+}
+
+static void turn_away(struct control *control, int socket, pid_t pid, const char *code,
+                      const char *reason)
+{
+    char text[256];
+    int size = snprintf(text, sizeof text,
+                        "{\"id\":null,\"ok\":false,\"code\":\"%s\",\"error\":\"%s\"}\n", code,
+                        reason);
+
+    (void)!send(socket, text, (size_t)size, MSG_NOSIGNAL | MSG_DONTWAIT);
+    close(socket);
+    control->counters.refused++;
+    control_log(control, KEY_TURNED_AWAY, "control: process %ld is turned away: %s", (long)pid,
+                reason);
+}
+
+bool control_welcome(struct control *control)
+{
+    int socket;
+
+    while ((socket = accept4(control->socket.descriptor, NULL, NULL,
+                             SOCK_NONBLOCK | SOCK_CLOEXEC)) >= 0) {
+        struct control_client *client = free_place(control);
+        pid_t pid;
+        uid_t uid;
+
+        if (!control_socket_peer(socket, &pid, &uid)) {
+            turn_away(control, socket, pid, "owner", "this socket is for its owner and root");
+        } else if (!client) {
+            turn_away(control, socket, pid, "busy", "too many clients are there already");
+        } else {
+            const struct control_client fresh = {
+                .socket = socket,
+                .pid = pid,
+                .inbox = client->inbox,
+                .outbox = client->outbox,
+                .subscription.signal = client->subscription.signal,
+            };
+
+            *client = fresh;
+        }
+    }
+    return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR || errno == ECONNABORTED;
+}

@@ -1,0 +1,423 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Requests carried out: at once, by the loop, or when a tick has come. */
+#include "rt/control_private.h"
+
+#include "base/text.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { KEY_CHANGED = 16 }; /* topics of the log, one a command */
+
+/* ---- names ---- */
+
+/* A list of names with what is nearest to a wrong one. */
+struct names {
+    const char *what;
+    size_t count;
+    const char *(*at)(const struct control *control, size_t index);
+};
+
+static const char *tunable_at(const struct control *control, size_t index)
+{
+    return steering_tunable(control->steering, index)->name;
+}
+
+static const char *fault_at(const struct control *control, size_t index)
+{
+    return faults_at(simulator_faults(control->config.simulator), index)->name;
+}
+
+static const char *body_at(const struct control *control, size_t index)
+{
+    const struct rig *rig = control->rig;
+
+    return index < rig->robot->nbody ? rig->robot->body[index].name
+                                     : rig->free[index - rig->robot->nbody].name;
+}
+
+static enum error_code find(const struct control *control, const struct names *names,
+                            const char *name, size_t *index, struct error *error)
+{
+    const char *nearest = NULL;
+
+    for (size_t i = 0; i < names->count; i++) {
+        const char *known = names->at(control, i);
+
+        if (strcmp(known, name) == 0) {
+            *index = i;
+            return ERROR_NONE;
+        }
+        /* the nearest of two, over and over, is the nearest of all */
+        nearest = text_nearest(name, (const char *[]){nearest ? nearest : known, known}, 2);
+    }
+    if (names->count == 0) {
+        return error_set(error, ERROR_INPUT, "found no %s \"%.80s\": this run has none",
+                         names->what, name);
+    }
+    return error_set(error, ERROR_INPUT, "found no %s \"%.80s\", expected one of %zu%s%s%s",
+                     names->what, name, names->count, nearest ? "; the nearest is \"" : "",
+                     nearest ? nearest : "", nearest ? "\"" : "");
+}
+
+static enum error_code find_tunable(const struct control *control, const char *name, size_t *index,
+                                    struct error *error)
+{
+    const struct names names = {"tunable", steering_tunables(control->steering), tunable_at};
+
+    return find(control, &names, name, index, error);
+}
+
+static enum error_code find_fault(const struct control *control, const char *name, size_t *index,
+                                  struct error *error)
+{
+    const struct names names = {"fault", faults_count(simulator_faults(control->config.simulator)),
+                                fault_at};
+
+    return find(control, &names, name, index, error);
+}
+
+static enum error_code find_body(const struct control *control, const char *name, size_t *index,
+                                 struct error *error)
+{
+    const struct names names = {"body", control->rig->robot->nbody + control->rig->nfree, body_at};
+
+    return find(control, &names, name, index, error);
+}
+
+/* ---- what the loop is asked ---- */
+
+static enum error_code steer_set(const struct control *control,
+                                 const struct control_request *request, struct steer_request *steer,
+                                 struct error *error)
+{
+    enum error_code code = find_tunable(control, request->name, &steer->index, error);
+    const struct tunable *tunable;
+
+    if (code) {
+        return code;
+    }
+    tunable = steering_tunable(control->steering, steer->index);
+    if (!(request->value >= tunable->min && request->value <= tunable->max) ||
+        (tunable->whole && request->value != floor(request->value))) {
+        return error_set(error, ERROR_INPUT, "set: %s: found %.15g, expected %s%.15g to %.15g%s%s",
+                         tunable->name, request->value, tunable->whole ? "a whole number, " : "",
+                         tunable->min, tunable->max, tunable->unit[0] ? " " : "", tunable->unit);
+    }
+    steer->value = request->value;
+    return ERROR_NONE;
+}
+
+static enum error_code steer_push(const struct control *control,
+                                  const struct control_request *request,
+                                  struct steer_request *steer, struct error *error)
+{
+    memcpy(steer->force_n, request->force_n, sizeof steer->force_n);
+    memcpy(steer->moment_nm, request->moment_nm, sizeof steer->moment_nm);
+    steer->duration_ns = (int64_t)llround(request->time_s * 1e9);
+    return find_body(control, request->name, &steer->index, error);
+}
+
+/* What the loop is to do for a request, and a line about it for the log; kind is set for those that
+ * are the loop's only. */
+static enum error_code make_steer(const struct control *control, struct control_client *client,
+                                  struct steer_request *steer, struct error *error)
+{
+    const struct control_request *request = &client->request;
+    char *what = client->what;
+    const size_t size = sizeof client->what;
+
+    snprintf(what, size, "%s", control_command_name(request->command));
+    switch (request->command) {
+    case CONTROL_PAUSE:
+        steer->kind = STEER_PAUSE;
+        return ERROR_NONE;
+    case CONTROL_RESUME:
+        steer->kind = STEER_RESUME;
+        return ERROR_NONE;
+    case CONTROL_RESET:
+        steer->kind = STEER_RESET;
+        return ERROR_NONE;
+    case CONTROL_STEP:
+        steer->kind = STEER_STEP;
+        steer->count = (uint64_t)request->count;
+        snprintf(what, size, "step %lld", (long long)request->count);
+        return ERROR_NONE;
+    case CONTROL_SPEED:
+        steer->kind = STEER_SPEED;
+        steer->value = request->value;
+        snprintf(what, size, "speed %g", request->value);
+        return ERROR_NONE;
+    case CONTROL_CHECKPOINT:
+    case CONTROL_RESTORE:
+        steer->kind = request->command == CONTROL_RESTORE ? STEER_RESTORE : STEER_CHECKPOINT;
+        steer->index = (size_t)request->count;
+        snprintf(what, size, "%s %lld", control_command_name(request->command),
+                 (long long)request->count);
+        return ERROR_NONE;
+    case CONTROL_FAULT:
+        steer->kind = STEER_FAULT;
+        steer->on = request->on;
+        snprintf(what, size, "fault %.63s %s", request->name, request->on ? "on" : "off");
+        return find_fault(control, request->name, &steer->index, error);
+    case CONTROL_PUSH:
+        steer->kind = STEER_PUSH;
+        snprintf(what, size, "push %.63s", request->name);
+        return steer_push(control, request, steer, error);
+    default:
+        steer->kind = STEER_SET;
+        snprintf(what, size, "set %.63s %.9g", request->name, request->value);
+        return steer_set(control, request, steer, error);
+    }
+}
+
+static void ask(struct control *control, struct control_client *client)
+{
+    client->waiting = steering_ask(control->steering, &client->steer) ? WAITING_LOOP : WAITING_ROOM;
+}
+
+/* Tells later which checkpoint was written, also when the client is gone by then. */
+static uint64_t new_ticket(struct control *control, const struct steer_request *steer)
+{
+    return ++control->tickets * STEERING_SLOTS +
+           (steer->kind == STEER_CHECKPOINT ? steer->index : 0);
+}
+
+static void begin_steer(struct control *control, struct control_client *client)
+{
+    struct error error;
+
+    client->steer = (struct steer_request){.ticket = 0};
+    if (make_steer(control, client, &client->steer, &error)) {
+        control_refuse(control, client, client->request.id, "input", error.text, NULL);
+        control_request_clear(&client->request);
+        return;
+    }
+    client->steer.ticket = new_ticket(control, &client->steer);
+    ask(control, client);
+}
+
+/* ---- at once ---- */
+
+static json_t *get(const struct control *control, const struct control_request *request,
+                   struct error *error)
+{
+    size_t index;
+
+    return find_tunable(control, request->name, &index, error) ? NULL
+                                                               : control_tunable(control, index);
+}
+
+static json_t *stop(struct control *control, const struct control_client *client)
+{
+    control_log(control, KEY_CHANGED + CONTROL_STOP, "control: process %ld: stop",
+                (long)client->pid);
+    simulator_stop(control->config.simulator);
+    return json_object();
+}
+
+/* Answers what needs no waiting. */
+static void answer_now(struct control *control, struct control_client *client)
+{
+    struct control_request request = client->request;
+    struct error error;
+    json_t *body = NULL;
+
+    error_set(&error, ERROR_MEMORY, "no memory for the answer");
+    switch (request.command) {
+    case CONTROL_HELLO:
+        body = control_hello(control);
+        break;
+    case CONTROL_STATUS:
+        body = control_status(control, client);
+        break;
+    case CONTROL_STATISTICS:
+        body = control_statistics(control);
+        break;
+    case CONTROL_LIST:
+        body = control_list(control, &request);
+        break;
+    case CONTROL_GET:
+        body = get(control, &request, &error);
+        break;
+    case CONTROL_SUBSCRIBE:
+        body = control_subscribe(control, client, &request, &error);
+        break;
+    case CONTROL_UNSUBSCRIBE:
+        body = control_unsubscribe(control, client);
+        break;
+    default:
+        body = stop(control, client);
+        break;
+    }
+    if (body) {
+        control_answer(control, client, request.id, body);
+    } else {
+        control_refuse(control, client, request.id,
+                       error.code == ERROR_MEMORY ? "memory" : "input", error.text, NULL);
+    }
+    control_request_clear(&client->request);
+}
+
+void control_execute(struct control *control, struct control_client *client)
+{
+    switch (client->request.command) {
+    case CONTROL_SET:
+    case CONTROL_FAULT:
+    case CONTROL_PUSH:
+    case CONTROL_PAUSE:
+    case CONTROL_RESUME:
+    case CONTROL_STEP:
+    case CONTROL_SPEED:
+    case CONTROL_RESET:
+    case CONTROL_CHECKPOINT:
+    case CONTROL_RESTORE:
+        begin_steer(control, client);
+        break;
+    case CONTROL_WAIT:
+        client->waiting = WAITING_TICK;
+        break;
+    default:
+        answer_now(control, client);
+        break;
+    }
+}
+
+/* ---- waiting ---- */
+
+static json_t *moment(uint64_t tick, int64_t time_ns)
+{
+    json_t *body = json_object();
+
+    if (!control_put(body, "tick", control_count(tick)) ||
+        !control_put(body, "time_s", control_number((double)time_ns * 1e-9))) {
+        json_decref(body);
+        return NULL;
+    }
+    return body;
+}
+
+static const char *verdict_code(enum steer_verdict verdict)
+{
+    static const char *const codes[] = {
+        [STEER_OK] = "",
+        [STEER_RANGE] = "input",
+        [STEER_EMPTY] = "empty",
+        [STEER_RECORDING] = "recording",
+        [STEER_CLOCK] = "clock",
+        [STEER_BUSY] = "busy",
+        [STEER_UNAVAILABLE] = "unavailable",
+        [STEER_CUT] = "cut",
+    };
+
+    return codes[verdict];
+}
+
+/* The loop has done it, or would not. */
+static void finish_steer(struct control *control, struct control_client *client,
+                         const struct steer_answer *answer)
+{
+    struct control_request request = client->request;
+    json_t *body = moment(answer->tick, answer->time_ns);
+
+    if (!control_put(body, "state_hash", control_hash(answer->state_hash))) {
+        json_decref(body);
+        body = NULL;
+    }
+    client->request.root = NULL;
+    client->waiting = WAITING_NOT;
+    if (answer->verdict == STEER_OK) {
+        control_log(control, KEY_CHANGED + (uint64_t)request.command,
+                    "%.6f s: control: process %ld: %s", (double)answer->time_ns * 1e-9,
+                    (long)client->pid, client->what);
+        control_answer(control, client, request.id, body);
+    } else {
+        control_refuse(control, client, request.id, verdict_code(answer->verdict),
+                       steer_verdict_text(answer->verdict), body);
+    }
+    control_request_clear(&request);
+}
+
+static void take_answers(struct control *control)
+{
+    struct steer_answer answer;
+
+    while (steering_answer(control->steering, &answer)) {
+        size_t slot = answer.ticket % STEERING_SLOTS;
+
+        if (slot > 0 && answer.verdict == STEER_OK) {
+            control->slot[slot] = answer;
+        }
+        for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+            struct control_client *client = &control->client[i];
+
+            if (client->socket >= 0 && client->waiting == WAITING_LOOP &&
+                client->steer.ticket == answer.ticket) {
+                finish_steer(control, client, &answer);
+            }
+        }
+    }
+}
+
+static bool is_reached(const struct control_request *request,
+                       const struct simulator_status *status)
+{
+    return request->wait_time ? (double)status->time_ns * 1e-9 >= request->time_s
+                              : status->tick >= (uint64_t)request->count;
+}
+
+static void look_at_tick(struct control *control, struct control_client *client)
+{
+    struct simulator_status status = {0};
+    struct control_request request = client->request;
+
+    simulator_read(control->config.simulator, &status);
+    if (is_reached(&request, &status)) {
+        client->request.root = NULL;
+        client->waiting = WAITING_NOT;
+        control_answer(control, client, request.id, moment(status.tick, status.time_ns));
+        control_request_clear(&request);
+    }
+}
+
+bool control_pump(struct control *control)
+{
+    bool more = false;
+
+    take_answers(control);
+    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+        struct control_client *client = &control->client[i];
+
+        if (client->socket < 0) {
+            continue;
+        }
+        if (client->waiting == WAITING_ROOM) {
+            ask(control, client);
+        } else if (client->waiting == WAITING_TICK) {
+            look_at_tick(control, client);
+        }
+        if (client->received > 0 && control_obey(control, client)) {
+            more = true;
+        }
+    }
+    return more;
+}
+
+void control_end(struct control *control)
+{
+    take_answers(control);
+    for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
+        struct control_client *client = &control->client[i];
+
+        if (client->socket >= 0 && client->waiting != WAITING_NOT) {
+            struct control_request request = client->request;
+
+            client->request.root = NULL;
+            control_refuse(control, client, request.id, "ended", "the run is over", NULL);
+            control_request_clear(&request);
+        }
+        control_flush(control, client);
+        control_drop(control, client);
+    }
+}

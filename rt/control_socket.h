@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Where the control socket of a run is, and how it gets and leaves that place: for the server
+ * (rt/control.h) and for those who look for it (`coman-hil ctl`). Not RT-safe.
+ *
+ * Only its owner and root may connect: the file is born with mode 0600, and the peer of every
+ * connection is asked for (SO_PEERCRED). What a dead process has left at the place is replaced, the
+ * socket of a living one never, nor any other file. Servers that start at the same time take turns
+ * by a lock on the directory.
+ *
+ * The places by default: $RUNTIME_DIRECTORY/control under a service manager that gives one
+ * (/run/coman-hil/RIG/control with our unit), else $XDG_RUNTIME_DIR/coman-hil/RIG.sock, for root
+ * without that variable /run/coman-hil/RIG.sock; a second run of the same rig gets RIG-2.sock, and so
+ * on.
+ */
+#ifndef RT_CONTROL_SOCKET_H
+#define RT_CONTROL_SOCKET_H
+
+#include "base/error.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <sys/types.h>
+
+enum { CONTROL_PATH_SIZE = 108, CONTROL_FOUND_MAX = 64 }; /* 108: of sockaddr_un */
+
+/* A listening socket in its place. */
+struct control_socket {
+    int descriptor; /* -1 = none; non-blocking */
+    char path[CONTROL_PATH_SIZE];
+    dev_t device; /* of the file, to know it again */
+    ino_t inode;
+};
+
+/* Listens at path. ERROR_INPUT: it is too long, or something else is there; ERROR_SYSTEM: the system
+ * refuses, or a living process listens there. */
+enum error_code control_socket_open(const char *path, struct control_socket *socket,
+                                    struct error *error);
+
+/* Listens at the first free one of the default places for this name. The error says what was in the
+ * way of the last. ERROR_UNSUPPORTED: there is no such place in this environment. */
+enum error_code control_socket_open_default(const char *name, struct control_socket *socket,
+                                            struct error *error);
+
+/* Closes it and removes the file, when it is still this socket's. */
+void control_socket_close(struct control_socket *socket);
+
+/* Who is at the other end of a connection. False: the system does not say, or not one of ours, which
+ * is this user or root. */
+bool control_socket_peer(int connection, pid_t *pid, uid_t *uid);
+
+/* Connects to the server at path; a blocking descriptor. */
+enum error_code control_socket_connect(const char *path, int *descriptor, struct error *error);
+
+/* The sockets in the default places that a living process answers at, the newest first; returns how many. */
+size_t control_socket_find(char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE]);
+
+#endif

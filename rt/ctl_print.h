@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Answers of the control socket (rt/control.h) for a person, of `coman-hil ctl`. Not RT-safe. */
+#ifndef RT_CTL_PRINT_H
+#define RT_CTL_PRINT_H
+
+#include <jansson.h>
+#include <stdbool.h>
+#include <stdio.h>
+
+void ctl_print_hello(const json_t *answer, FILE *out);
+void ctl_print_status(const json_t *answer, FILE *out);
+void ctl_print_statistics(const json_t *answer, FILE *out);
+
+/* Whichever list it is. */
+void ctl_print_list(const json_t *answer, FILE *out);
+
+/* A tunable of get. */
+void ctl_print_tunable(const json_t *answer, FILE *out);
+
+/* When the loop has done it: tick, time, hash. */
+void ctl_print_moment(const char *what, const json_t *answer, FILE *out);
+
+/* The titles of a subscription and its rows, aligned or as CSV in the manner of signals.csv. */
+void ctl_print_titles(const json_t *answer, bool csv, FILE *out);
+void ctl_print_row(const json_t *row, bool csv, FILE *out);
+
+#endif

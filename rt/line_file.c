@@ -1,0 +1,218 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Whole lines into a file, or its end. */
+#include "rt/line_file.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+enum {
+    BUFFER = 64 * 1024,
+    PIECE = 4096, /* of a write to what is no file: a slow reader is to be seen moving */
+};
+
+/* ---- the end of a file ---- */
+
+static uint64_t count_lines(const char *text, size_t size)
+{
+    uint64_t count = 0;
+
+    for (size_t i = 0; i < size; i++) {
+        count += text[i] == '\n';
+    }
+    return count;
+}
+
+/* Settles what the system has taken of the buffer: whole lines stay, the rest is cut off. False when
+ * half a line stays. */
+static bool cut_to_lines(struct line_file *file)
+{
+    size_t whole = file->taken;
+    bool clean;
+
+    while (whole > 0 && file->buffer[whole - 1] != '\n') {
+        whole--;
+    }
+    clean = whole == file->taken ||
+            (file->regular && ftruncate(file->descriptor, file->size + (off_t)whole) == 0);
+    file->lines += count_lines(file->buffer, whole);
+    file->unwritten += count_lines(file->buffer + whole, file->used - whole);
+    file->used = file->taken = 0;
+    return clean;
+}
+
+/* Ends the file; the error is set. */
+static void end(struct line_file *file)
+{
+    close(file->descriptor);
+    file->descriptor = -1;
+    atomic_store(&file->ended, true);
+}
+
+static void end_failed(struct line_file *file, int reason)
+{
+    bool clean = cut_to_lines(file);
+
+    error_set_errno(&file->error, reason,
+                    "cannot write %s: recording of it ends here%s, the run goes on", file->path,
+                    clean ? "" : " with half a line");
+    end(file);
+}
+
+static void end_removed(struct line_file *file)
+{
+    cut_to_lines(file);
+    file->unwritten += file->lines;
+    file->lines = 0;
+    error_set(&file->error, ERROR_SYSTEM,
+              "%s was removed while it was written: recording of it ends here, the run goes on",
+              file->path);
+    end(file);
+}
+
+/* ---- writing ---- */
+
+void line_file_flush(struct line_file *file)
+{
+    while (file->descriptor >= 0 && file->taken < file->used) {
+        size_t rest = file->used - file->taken;
+        ssize_t count = write(file->descriptor, file->buffer + file->taken,
+                              !file->regular && rest > PIECE ? PIECE : rest);
+
+        if (count < 0 && errno != EINTR) {
+            end_failed(file, errno);
+        } else if (count > 0) {
+            file->taken += (size_t)count;
+            atomic_fetch_add_explicit(file->beat, 1, memory_order_relaxed);
+        }
+    }
+    file->size += (int64_t)file->used;
+    file->lines += count_lines(file->buffer, file->used);
+    file->used = file->taken = 0;
+}
+
+void line_file_put(struct line_file *file, const char *line, size_t size)
+{
+    if (file->used + size > file->capacity) {
+        line_file_flush(file);
+    }
+    if (file->descriptor < 0) {
+        file->unwritten++;
+        return;
+    }
+    memcpy(file->buffer + file->used, line, size);
+    file->used += size;
+}
+
+void line_file_look(struct line_file *file)
+{
+    struct stat here, there;
+
+    if (file->descriptor < 0 || !file->regular || fstat(file->descriptor, &here)) {
+        return;
+    }
+    if (here.st_nlink == 0) {
+        end_removed(file);
+    } else if (stat(file->path, &there)
+                   ? errno == ENOENT
+                   : there.st_ino != here.st_ino || there.st_dev != here.st_dev) {
+        atomic_store(&file->moved, true);
+    }
+}
+
+void line_file_abandon(struct line_file *file)
+{
+    if (file->descriptor < 0) {
+        return;
+    }
+    if (file->regular) {
+        off_t at = lseek(file->descriptor, 0, SEEK_CUR);
+
+        file->taken = at > file->size ? (size_t)(at - file->size) : 0;
+    }
+    end_failed(file, ETIMEDOUT);
+}
+
+void line_file_close(struct line_file *file)
+{
+    line_file_flush(file);
+    if (file->descriptor >= 0 && close(file->descriptor)) {
+        error_set_errno(&file->error, errno, "cannot write %s to its end", file->path);
+        atomic_store(&file->ended, true);
+    }
+    file->descriptor = -1;
+}
+
+void line_file_remove(struct line_file *file)
+{
+    if (file->descriptor >= 0) {
+        close(file->descriptor);
+    }
+    file->descriptor = -1;
+    if (file->regular) {
+        unlink(file->path);
+    }
+}
+
+/* ---- opening ---- */
+
+static enum error_code open_descriptor(struct line_file *file, struct error *error)
+{
+    struct stat info;
+
+    /* without waiting for the reader of a pipe */
+    file->descriptor =
+        open(file->path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NONBLOCK, 0666);
+    if (file->descriptor < 0) {
+        return errno == ENXIO ? error_set(error, ERROR_SYSTEM,
+                                          "cannot open %s: a pipe that nobody reads", file->path)
+                              : error_set_errno(error, errno, "cannot open %s", file->path);
+    }
+    fcntl(file->descriptor, F_SETFL, fcntl(file->descriptor, F_GETFL) & ~O_NONBLOCK);
+    file->regular = fstat(file->descriptor, &info) == 0 && S_ISREG(info.st_mode);
+    return ERROR_NONE;
+}
+
+static enum error_code write_title(struct line_file *file, const char *title, struct error *error)
+{
+    for (size_t length = strlen(title); (size_t)file->size < length;) {
+        ssize_t count = write(file->descriptor, title + file->size, length - (size_t)file->size);
+
+        if (count < 0 && errno != EINTR) {
+            return error_set_errno(error, errno, "cannot write %s", file->path);
+        }
+        file->size += count > 0 ? count : 0;
+    }
+    return ERROR_NONE;
+}
+
+enum error_code line_file_open(struct line_file *file, const char *directory, const char *name,
+                               const char *title, size_t longest, _Atomic uint64_t *beat,
+                               struct arena *arena, struct error *error)
+{
+    enum error_code code;
+
+    memset(file, 0, sizeof *file);
+    file->descriptor = -1;
+    if ((size_t)snprintf(file->path, sizeof file->path, "%s/%s", directory, name) >=
+        sizeof file->path) {
+        return error_set(error, ERROR_INPUT,
+                         "the name of the directory to record into is too long");
+    }
+    file->beat = beat;
+    file->capacity = longest > BUFFER ? longest : BUFFER;
+    file->buffer = arena_alloc(arena, file->capacity, 1);
+    if (!file->buffer) {
+        return error_set(error, ERROR_MEMORY, "no memory left for %s", file->path);
+    }
+    code = open_descriptor(file, error);
+    code = code ? code : write_title(file, title, error);
+    if (code && file->descriptor >= 0) {
+        close(file->descriptor);
+        file->descriptor = -1;
+    }
+    return code;
+}

@@ -1,0 +1,117 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the loop tells the log. */
+#include "boards/icub_protocol.h"
+#include "rt/loop_private.h"
+
+#include <stdio.h>
+#include <string.h>
+
+void loop_emit(struct loop *loop, enum loop_event_kind kind, int bus, int64_t a, int64_t b)
+{
+    struct loop_event event = {loop->stats.time_ns, kind, bus, a, b};
+
+    loop->stats.events_lost += !ring_push(&loop->events, &event);
+}
+
+bool loop_next_event(struct loop *loop, struct loop_event *event)
+{
+    return ring_pop(&loop->events, event);
+}
+
+const char *loop_phase_name(enum loop_phase phase)
+{
+    static const char *const names[PHASE_COUNT] = {
+        "wait", "receive", "boards", "plant", "sensors", "transmit", "publish",
+    };
+
+    return names[phase];
+}
+
+/* What was asked of the loop and done. */
+static void format_steering(const struct loop *loop, const struct loop_event *event, char *text,
+                            size_t size)
+{
+    const struct steering *steering = loop->config.steering;
+    const struct steering_machine *machine = steering_machine(steering);
+    const struct tunable *tunable;
+    long long a = event->a, b = event->b;
+    double value;
+
+    switch (event->kind) {
+    case LOOP_EVENT_PAUSED:
+        snprintf(text, size, "control: paused at tick %lld", a);
+        break;
+    case LOOP_EVENT_RESUMED:
+        snprintf(text, size, "control: goes on from tick %lld", a);
+        break;
+    case LOOP_EVENT_SPEED:
+        snprintf(text, size, a ? "control: speed %g" : "control: as fast as it goes",
+                 (double)a * 1e-6);
+        break;
+    case LOOP_EVENT_CHECKPOINT:
+        snprintf(text, size, "control: checkpoint %lld at tick %lld", a, b);
+        break;
+    case LOOP_EVENT_WENT_BACK:
+        snprintf(text, size,
+                 a ? "control: back to checkpoint %lld, tick %lld" : "control: back to the start",
+                 a, b);
+        break;
+    case LOOP_EVENT_PUSH:
+        snprintf(text, size, "control: body %s is pushed with %.1f N",
+                 machine->body(machine->context, (size_t)a), (double)b * 1e-3);
+        break;
+    case LOOP_EVENT_SET:
+        tunable = steering_tunable(steering, (size_t)a);
+        memcpy(&value, &event->b, sizeof value);
+        snprintf(text, size, "control: %s is %g%s%s", tunable->name, value,
+                 tunable->unit[0] ? " " : "", tunable->unit);
+        break;
+    default:
+        snprintf(text, size, "event %d", (int)event->kind);
+        break;
+    }
+}
+
+void loop_event_format(const struct loop *loop, const struct loop_event *event, char *text,
+                       size_t size)
+{
+    const char *bus = event->bus >= 0 ? loop->config.port[event->bus]->bus : "";
+    long long a = event->a, b = event->b;
+
+    switch (event->kind) {
+    case LOOP_EVENT_OVERRUN:
+        snprintf(text, size, "overrun by %.3f ms in phase %s", (double)b * 1e-6,
+                 loop_phase_name((enum loop_phase)a));
+        break;
+    case LOOP_EVENT_PAUSE:
+        snprintf(text, size, "%.1f s behind: taken for a pause, grid taken up again",
+                 (double)a * 1e-9);
+        break;
+    case LOOP_EVENT_BUS_STATE:
+        snprintf(text, size, "bus %s is %s (was %s)", bus,
+                 can_port_state_name((enum can_port_state)b),
+                 can_port_state_name((enum can_port_state)a));
+        break;
+    case LOOP_EVENT_FRAMES_LOST:
+        snprintf(text, size, "lost %lld frames on receiving and %lld on sending", a, b);
+        break;
+    case LOOP_EVENT_SILENT:
+        snprintf(text, size, "no STEP frame on %s for %.1f s: still waiting for the controller",
+                 bus, (double)a * 1e-9);
+        break;
+    case LOOP_EVENT_BACK:
+        snprintf(text, size, "STEP frames on %s again after %.1f s", bus, (double)a * 1e-9);
+        break;
+    case LOOP_EVENT_STEP_MISMATCH:
+        snprintf(text, size, "STEP on %s expects tick %lld, but this is tick %lld: not run", bus, a,
+                 b);
+        break;
+    case LOOP_EVENT_STEP_MALFORMED:
+        snprintf(text, size, "malformed STEP on %s: length %lld, expected %d", bus, a,
+                 LOCKSTEP_LENGTH);
+        break;
+    default:
+        format_steering(loop, event, text, size);
+        break;
+    }
+}

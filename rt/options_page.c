@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The manual page of a command, in scdoc(5), from the same table as its --help. */
+#include "rt/options.h"
+
+#include <ctype.h>
+#include <string.h>
+
+/* Every sign that could mean something to scdoc is escaped. */
+static void put_text(const char *text, size_t length, FILE *out)
+{
+    for (size_t i = 0; i < length; i++) {
+        if (ispunct((unsigned char)text[i])) {
+            putc('\\', out);
+        }
+        putc(text[i], out);
+    }
+}
+
+/* Paragraphs are divided by blank lines; a line that begins with two blanks is an item of a list. */
+static void put_manual(const char *text, FILE *out)
+{
+    while (*text) {
+        size_t length = strcspn(text, "\n");
+        bool item = length > 2 && text[0] == ' ' && text[1] == ' ';
+
+        if (length > 0) {
+            fputs(item ? "- " : "\n", out);
+            put_text(item ? text + 2 : text, item ? length - 2 : length, out);
+            putc('\n', out);
+        }
+        text += length;
+        text += *text == '\n';
+        if (!item && *text == ' ') {
+            putc('\n', out);
+        }
+    }
+}
+
+static void put_term(const char *name, const char *argument, const char *help, FILE *out)
+{
+    fputs("\n*", out);
+    put_text(name, strlen(name), out);
+    fputs("*", out);
+    if (argument) {
+        fputs(" _", out);
+        put_text(argument, strlen(argument), out);
+        fputs("_", out);
+    }
+    fputs("\n\t", out);
+    put_text(help, strlen(help), out);
+    fputs("\n", out);
+}
+
+static void put_synopsis(const struct command_spec *spec, FILE *out)
+{
+    fprintf(out, "\n# SYNOPSIS\n\n*coman-hil %s*%s", spec->name, spec->noption ? " [OPTIONS]" : "");
+    for (size_t i = 0; i < spec->noperand; i++) {
+        const struct operand_spec *operand = &spec->operand[i];
+
+        fprintf(out, operand->required ? " _%s_" : " [_%s_]", operand->name);
+        fputs(spec->many && i + 1 == spec->noperand ? "..." : "", out);
+    }
+    putc('\n', out);
+}
+
+/* "coman-hil-bench-paper" */
+static void put_name(const struct command_spec *spec, FILE *out)
+{
+    fputs("coman-hil-", out);
+    for (const char *c = spec->name; *c; c++) {
+        putc(*c == ' ' ? '-' : *c, out);
+    }
+}
+
+void options_page(const struct command_spec *spec, FILE *out)
+{
+    put_name(spec, out);
+    fprintf(out, "(1) \"coman-hil %s\"\n\n# NAME\n\n", HIL_VERSION);
+    put_name(spec, out);
+    fputs(" - ", out);
+    put_text(spec->summary, strlen(spec->summary), out);
+    putc('\n', out);
+    put_synopsis(spec, out);
+    fputs("\n# OPTIONS\n", out);
+    for (size_t i = 0; i < spec->noperand; i++) {
+        put_term(spec->operand[i].name, NULL, spec->operand[i].help, out);
+    }
+    for (size_t i = 0; i < spec->noption; i++) {
+        put_term(spec->option[i].name, spec->option[i].argument, spec->option[i].help, out);
+    }
+    put_term("--help", NULL, "print the manual and exit", out);
+    if (spec->manual) {
+        fputs("\n# DESCRIPTION\n", out);
+        put_manual(spec->manual, out);
+    }
+    fputs("\n# SEE ALSO\n\n*coman-hil*(1), *coman-hil-rig*(5), *coman-hil-scenario*(5)\n", out);
+}

@@ -1,0 +1,444 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Faults, pushes, tunables and the way back, on the parts of a simulator. */
+#include "rt/steered.h"
+
+#include "base/ring.h"
+#include "canbus/wire.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { NAME_SIZE = 160 };
+
+#define PUSH_MAX_N 1e6
+#define NOISE_SCALE_MAX 1000.0
+#define PRETENSION_MAX_M 1.0
+
+enum tunable_kind { TUNE_SETTING, TUNE_PRETENSION, TUNE_SUPPLY, TUNE_NOISE };
+
+/* What a tunable stands for. */
+struct meaning {
+    enum tunable_kind kind;
+    size_t joint;              /* TUNE_PRETENSION */
+    size_t board, axis, index; /* TUNE_SETTING */
+};
+
+struct steered {
+    struct steered_config config;
+    struct steering_machine machine;
+    struct checkpoint *checkpoint;
+    struct tunable *tunable;
+    struct meaning *meaning;
+    size_t ntunable;
+    unsigned char *bus_moment[STEERING_SLOTS][BUSES_MAX]; /* NULL = not a local bus */
+
+    /* moves with the virtual time */
+    struct {
+        uint64_t changes; /* of tunables that are no settings */
+        bool winding;     /* some winch is on its way */
+    } moving;
+    int64_t *push_until; /* by body; 0 = until changed */
+    double *pretension;  /* by joint: where its winch is to go */
+};
+
+/* ---- faults and pushes ---- */
+
+static enum steer_verdict switch_fault(void *context, size_t index, bool on, int64_t time_ns)
+{
+    struct steered *s = context;
+
+    if (!faults_set(s->config.faults, index, on)) {
+        return STEER_RANGE;
+    }
+    injection_step(s->config.injection, time_ns); /* counts for the coming tick */
+    return STEER_OK;
+}
+
+static size_t bodies(const struct steered *s)
+{
+    return s->config.rig->robot->nbody + s->config.rig->nfree;
+}
+
+static bool is_bearable(const double vector[3])
+{
+    for (int i = 0; i < 3; i++) {
+        if (!(fabs(vector[i]) <= PUSH_MAX_N)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static enum steer_verdict push(void *context, const struct steer_request *request, int64_t time_ns)
+{
+    struct steered *s = context;
+    int64_t tick_ns = s->config.rig->tick_ns, duration_ns = request->duration_ns;
+
+    if (request->index >= bodies(s) || duration_ns < 0 || duration_ns > INT64_MAX - time_ns ||
+        !is_bearable(request->force_n) || !is_bearable(request->moment_nm)) {
+        return STEER_RANGE;
+    }
+    plant_set_push(s->config.plant, (int)request->index, request->force_n, request->moment_nm);
+    s->push_until[request->index] =
+        duration_ns == 0 ? 0 : time_ns + (duration_ns > tick_ns ? duration_ns : tick_ns);
+    return STEER_OK;
+}
+
+static void end_pushes(struct steered *s, int64_t time_ns)
+{
+    const double none[3] = {0.0, 0.0, 0.0};
+
+    for (size_t b = 0; b < bodies(s); b++) {
+        if (s->push_until[b] > 0 && time_ns >= s->push_until[b]) {
+            s->push_until[b] = 0;
+            plant_set_push(s->config.plant, (int)b, none, none);
+        }
+    }
+}
+
+static const char *body_name(void *context, size_t index)
+{
+    const struct steered *s = context;
+    const struct robot *robot = s->config.rig->robot;
+
+    return index < robot->nbody ? robot->body[index].name
+                                : s->config.rig->free[index - robot->nbody].name;
+}
+
+/* ---- tunables ---- */
+
+static double get(void *context, size_t index)
+{
+    const struct steered *s = context;
+    const struct meaning *meaning = &s->meaning[index];
+
+    switch (meaning->kind) {
+    case TUNE_SETTING:
+        return boards_get(s->config.boards, meaning->board, meaning->axis, meaning->index);
+    case TUNE_PRETENSION:
+        return s->pretension[meaning->joint];
+    case TUNE_SUPPLY:
+        return plant_source(s->config.plant);
+    case TUNE_NOISE:
+        return sensing_noise_scale(s->config.sensing);
+    }
+    return 0.0;
+}
+
+static enum steer_verdict set(void *context, size_t index, double value)
+{
+    struct steered *s = context;
+    const struct meaning *meaning = &s->meaning[index];
+
+    s->moving.changes++;
+    switch (meaning->kind) {
+    case TUNE_SETTING:
+        return boards_set(s->config.boards, meaning->board, meaning->axis, meaning->index, value)
+                   ? STEER_OK
+                   : STEER_RANGE;
+    case TUNE_PRETENSION:
+        s->pretension[meaning->joint] = value;
+        s->moving.winding = true;
+        break;
+    case TUNE_SUPPLY:
+        plant_set_source(s->config.plant, value);
+        break;
+    case TUNE_NOISE:
+        sensing_scale_noise(s->config.sensing, value);
+        break;
+    }
+    return STEER_OK;
+}
+
+static uint64_t changes(void *context)
+{
+    const struct steered *s = context;
+
+    return s->moving.changes + boards_settings_changes(s->config.boards);
+}
+
+/* Winches move at their speed, so that a rope does not jerk. */
+static void wind(struct steered *s)
+{
+    struct plant_command *command = plant_command(s->config.plant);
+    double most = STEERED_WINCH_M_S * 1e-9 * (double)s->config.rig->tick_ns;
+
+    s->moving.winding = false;
+    for (size_t j = 0; j < command->njoint; j++) {
+        double *is = &command->motor[j].pretension_m, left = s->pretension[j] - *is;
+
+        if (fabs(left) > most) {
+            *is += copysign(most, left);
+            s->moving.winding = true;
+        } else {
+            *is = s->pretension[j];
+        }
+    }
+}
+
+static void begin_tick(void *context, int64_t time_ns)
+{
+    struct steered *s = context;
+
+    end_pushes(s, time_ns);
+    if (s->moving.winding) {
+        wind(s);
+    }
+}
+
+/* ---- the way back ---- */
+
+static enum steer_verdict keep(void *context, size_t slot)
+{
+    struct steered *s = context;
+
+    for (size_t b = 0; b < s->config.rig->nbus; b++) {
+        if (s->bus_moment[slot][b] &&
+            !local_bus_keep(s->config.buses->bus[b], s->config.own, s->bus_moment[slot][b])) {
+            return STEER_UNAVAILABLE;
+        }
+    }
+    checkpoint_keep(s->checkpoint, slot);
+    return STEER_OK;
+}
+
+static void back(void *context, size_t slot)
+{
+    struct steered *s = context;
+
+    checkpoint_back(s->checkpoint, slot);
+    for (size_t b = 0; b < s->config.rig->nbus; b++) {
+        if (s->bus_moment[slot][b]) {
+            local_bus_back(s->config.buses->bus[b], s->config.own, s->bus_moment[slot][b]);
+        }
+    }
+    injection_went_back(s->config.injection);
+    s->config.went_back(s->config.context);
+}
+
+static uint64_t hash(void *context)
+{
+    const struct steered *s = context;
+
+    return plant_hash(s->config.plant);
+}
+
+static void show(void *context, const struct loop_stats *stats)
+{
+    const struct steered *s = context;
+
+    s->config.show(s->config.context, stats);
+}
+
+static void pace(void *context, double speed, bool paused)
+{
+    const struct steered *s = context;
+
+    if (s->config.pace) {
+        s->config.pace(s->config.context, speed, paused);
+    }
+}
+
+/* ---- creation ---- */
+
+/* The next tunable; counts only while there is no room yet. */
+static struct tunable *next(struct steered *s, struct meaning meaning)
+{
+    size_t index = s->ntunable++;
+
+    if (!s->tunable) {
+        return NULL;
+    }
+    s->meaning[index] = meaning;
+    return &s->tunable[index];
+}
+
+static bool name_it(struct tunable *tunable, struct arena *arena, const char *joint,
+                    const char *what)
+{
+    char name[NAME_SIZE];
+
+    snprintf(name, sizeof name, "joint.%s.%s", joint, what);
+    tunable->name = arena_strdup(arena, name);
+    return tunable->name != NULL;
+}
+
+static bool list_axis(struct steered *s, size_t board, size_t axis, struct arena *arena)
+{
+    const struct board_config *config = &s->config.rig->boards.board[board];
+    size_t count = boards_settings(s->config.boards, board, axis);
+
+    for (size_t i = 0; i < count; i++) {
+        struct meaning meaning = {
+            .kind = TUNE_SETTING, .board = board, .axis = axis, .index = i};
+        const char *joint = s->config.rig->robot->joint[config->axis[axis].joint].name;
+        struct tunable *to = next(s, meaning);
+        struct board_setting setting;
+
+        if (to) {
+            boards_setting(s->config.boards, board, axis, i, &setting);
+            *to = (struct tunable){NULL, setting.unit, setting.min, setting.max, setting.whole};
+            if (!name_it(to, arena, joint, setting.name)) {
+                return false;
+            }
+        }
+    }
+    return true;
+}
+
+static bool list_springs(struct steered *s, struct arena *arena)
+{
+    const struct robot *robot = s->config.rig->robot;
+    bool good = true;
+
+    for (size_t j = 0; good && j < robot->njoint; j++) {
+        if (robot->joint[j].spring.present && robot->joint[j].spring.enabled) {
+            struct tunable *to =
+                next(s, (struct meaning){.kind = TUNE_PRETENSION, .joint = j});
+
+            if (to) {
+                *to = (struct tunable){NULL, "m", -PRETENSION_MAX_M, PRETENSION_MAX_M, false};
+                good = name_it(to, arena, robot->joint[j].name, "pretension_m");
+            }
+        }
+    }
+    return good;
+}
+
+/* All of them; called once to count and once to write. */
+static bool list(struct steered *s, struct arena *arena)
+{
+    struct tunable *to;
+    bool good = true;
+
+    s->ntunable = 0;
+    for (size_t b = 0; good && b < s->config.rig->boards.nboard; b++) {
+        for (size_t axis = 0; good && axis < BOARD_AXES_MAX; axis++) {
+            good = list_axis(s, b, axis, arena);
+        }
+    }
+    good = good && list_springs(s, arena);
+    to = next(s, (struct meaning){.kind = TUNE_SUPPLY});
+    if (to) {
+        *to = (struct tunable){"supply_v", "V", 0.0, 2.0 * s->config.rig->supply_v, false};
+    }
+    if (sensing_has_noise(s->config.sensing)) {
+        to = next(s, (struct meaning){.kind = TUNE_NOISE});
+        if (to) {
+            *to = (struct tunable){"sensing.noise_scale", "", 0.0, NOISE_SCALE_MAX, false};
+        }
+    }
+    return good;
+}
+
+static bool create_tunables(struct steered *s, struct arena *arena)
+{
+    list(s, arena);
+    s->meaning = arena_alloc(arena, s->ntunable, sizeof *s->meaning);
+    s->tunable = arena_alloc(arena, s->ntunable, sizeof *s->tunable);
+    return s->meaning && s->tunable && list(s, arena);
+}
+
+/* A ring is written by whoever reads it, too. */
+static void add_ring(struct span *hole, size_t *count, const struct ring *ring)
+{
+    hole[(*count)++] = (struct span){(void *)(uintptr_t)ring, sizeof *ring};
+    hole[(*count)++] = (struct span){ring->slots, ring->slot_size * ((size_t)ring->mask + 1)};
+}
+
+static enum error_code create_checkpoint(struct steered *s, struct arena *arena,
+                                         struct error *error)
+{
+    const struct steered_config *config = &s->config;
+    enum { OWN_SPANS = 3, OWN_HOLES = 4 };
+    struct span *moving =
+        arena_alloc(arena, config->nmoving + BUSES_MAX + OWN_SPANS, sizeof *moving);
+    struct span *hole = arena_alloc(arena, config->nhole + OWN_HOLES, sizeof *hole);
+    size_t nmoving = config->nmoving, nhole = config->nhole;
+
+    if (!moving || !hole) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the steering");
+    }
+    memcpy(moving, config->moving, nmoving * sizeof *moving);
+    memcpy(hole, config->hole, nhole * sizeof *hole);
+    moving[nmoving++] = (struct span){&s->moving, sizeof s->moving};
+    moving[nmoving++] = (struct span){s->push_until, bodies(s) * sizeof *s->push_until};
+    moving[nmoving++] =
+        (struct span){s->pretension, config->rig->robot->njoint * sizeof *s->pretension};
+    for (size_t b = 0; b < config->rig->nbus; b++) {
+        if (config->buses->wire[b]) {
+            struct span *wire = &moving[nmoving++];
+
+            wire->memory = wire_memory(config->buses->wire[b], &wire->size);
+        }
+    }
+    add_ring(hole, &nhole, boards_event_ring(config->boards));
+    add_ring(hole, &nhole, faults_event_ring(config->faults));
+    return checkpoint_create(moving, nmoving, hole, nhole, STEERING_SLOTS, arena, &s->checkpoint,
+                             error);
+}
+
+static bool create_bus_moments(struct steered *s, struct arena *arena)
+{
+    for (size_t b = 0; b < s->config.rig->nbus; b++) {
+        struct local_bus *bus = s->config.buses->bus[b];
+
+        for (size_t slot = 0; bus && slot < STEERING_SLOTS; slot++) {
+            s->bus_moment[slot][b] = arena_alloc(arena, 1, local_bus_moment_size(bus));
+            if (!s->bus_moment[slot][b]) {
+                return false;
+            }
+        }
+    }
+    return true;
+}
+
+enum error_code steered_create(const struct steered_config *config, struct arena *arena,
+                               struct steered **out, struct steering **steering,
+                               struct error *error)
+{
+    struct steered *s = arena_alloc(arena, 1, sizeof *s);
+    enum error_code code = ERROR_NONE;
+
+    if (s) {
+        s->config = *config;
+        s->push_until = arena_alloc(arena, bodies(s), sizeof *s->push_until);
+        s->pretension = arena_alloc(arena, config->rig->robot->njoint, sizeof *s->pretension);
+    }
+    if (!s || !s->push_until || !s->pretension || !create_tunables(s, arena) ||
+        !create_bus_moments(s, arena)) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the steering");
+    }
+    s->machine = (struct steering_machine){
+        .context = s,
+        .fault = switch_fault,
+        .push = push,
+        .set = set,
+        .get = get,
+        .changes = changes,
+        .keep = config->one_way ? NULL : keep,
+        .back = config->one_way ? NULL : back,
+        .hash = hash,
+        .show = show,
+        .pace = pace,
+        .begin = begin_tick,
+        .body = body_name,
+        .nfault = faults_count(config->faults),
+        .ntunable = s->ntunable,
+        .tunable = s->tunable,
+    };
+    if (!config->one_way) {
+        code = create_checkpoint(s, arena, error);
+    }
+    if (!code) {
+        code = steering_create(&s->machine, arena, steering, error);
+    }
+    *out = s;
+    return code;
+}
+
+size_t steered_checkpoint_size(const struct steered *steered)
+{
+    return steered->checkpoint ? checkpoint_size(steered->checkpoint) : 0;
+}

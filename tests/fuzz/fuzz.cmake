@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+# Fuzz targets: what a person, a peer, a file or a bus may say, whatever it is. Each is one file with
+# LLVMFuzzerTestOneInput, a corpus in corpus/TARGET (small, minimized, with every input that once
+# failed) and, for languages of words, a dictionary dictionary/TARGET.dict.
+#
+# In every normal build a target is a test: replay.c runs the corpus and a fixed number of seeded
+# mutations of it, with gcc, and under the sanitizers in the presets of that name.
+#
+# To look for more, with clang's libFuzzer and the address and undefined-behavior sanitizers:
+#
+#     cmake --preset fuzz && cmake --build --preset fuzz
+#     mkdir -p /tmp/TARGET && build/fuzz/tests/fuzz_TARGET -max_total_time=600 -timeout=5 \
+#         -rss_limit_mb=1024 -dict=tests/fuzz/dictionary/TARGET.dict /tmp/TARGET tests/fuzz/corpus/TARGET
+#
+# A finding is a file crash-*, timeout-* or oom-*; fuzz_TARGET FILE runs it again. Mend the code, then
+# put the file into the corpus under a name that says what it was. What was learned is kept with
+#
+#     build/fuzz/tests/fuzz_TARGET -merge=1 tests/fuzz/corpus/TARGET /tmp/TARGET
+#
+# as long as the corpus stays small (the inputs of one target below 50 kB). What a corpus covers:
+#
+#     cmake --preset fuzz -B build/coverage -D HIL_SANITIZE=fuzzer-no-link \
+#         -D CMAKE_C_FLAGS="-fprofile-instr-generate -fcoverage-mapping"
+#     cmake --build build/coverage --target fuzz_TARGET
+#     LLVM_PROFILE_FILE=/tmp/raw build/coverage/tests/fuzz_TARGET -runs=0 tests/fuzz/corpus/TARGET
+#     llvm-profdata merge -o /tmp/profile /tmp/raw
+#     llvm-cov report build/coverage/tests/fuzz_TARGET -instr-profile=/tmp/profile
+set(fuzz ${CMAKE_CURRENT_LIST_DIR})
+
+# hil_fuzz(TARGET SOURCE file LIBS library... [MUTATIONS n] [DEFINE name=value...])
+# Mutations: as many as take about a second, in the release build.
+function(hil_fuzz name)
+    cmake_parse_arguments(F "" "SOURCE;MUTATIONS" "LIBS;DEFINE" ${ARGN})
+    set(corpus ${fuzz}/corpus/${name})
+    set(dictionary ${fuzz}/dictionary/${name}.dict)
+    if(NOT EXISTS ${dictionary})
+        set(dictionary "")
+    endif()
+    if(NOT F_MUTATIONS)
+        set(F_MUTATIONS 10000)
+    endif()
+    add_executable(fuzz_${name} ${fuzz}/${F_SOURCE} ${fuzz}/fuzz.c)
+    target_link_libraries(fuzz_${name} PRIVATE hil_flags ${F_LIBS} base m)
+    target_compile_definitions(fuzz_${name} PRIVATE HIL_SOURCE_DIR="${CMAKE_SOURCE_DIR}" ${F_DEFINE})
+    if(HIL_FUZZ)
+        target_link_options(fuzz_${name} PRIVATE -fsanitize=fuzzer)
+    else()
+        target_sources(fuzz_${name} PRIVATE ${fuzz}/replay.c)
+        if(HIL_SANITIZE)
+            math(EXPR F_MUTATIONS "${F_MUTATIONS} / 4")
+        endif()
+        add_test(NAME fuzz_${name}
+                 COMMAND fuzz_${name} ${corpus} ${F_MUTATIONS} ${dictionary})
+        hil_test_limits(fuzz_${name} 120 "" fuzz)
+    endif()
+endfunction()
+
+hil_fuzz(candump SOURCE candump.c LIBS canbus MUTATIONS 100000)
+hil_fuzz(dbc SOURCE dbc.c LIBS canbus)
+hil_fuzz(obj SOURCE obj.c LIBS contact MUTATIONS 40000)
+hil_fuzz(socketcand SOURCE socketcand.c LIBS canbus MUTATIONS 100000)
+hil_fuzz(wire SOURCE wire.c LIBS canbus)
+foreach(personality ICUB FOC COMPACT)
+    string(TOLOWER ${personality} name)
+    hil_fuzz(boards_${name} SOURCE boards.c DEFINE FUZZ_PERSONALITY=BOARD_${personality}
+             LIBS boards PkgConfig::CMOCKA -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc)
+endforeach()

@@ -1,0 +1,113 @@
+#!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
+# usage: guard_runs.sh GUARD COMAN-HIL
+# The unchanged program under the guard: in every clock, with all that can be switched on beside the
+# loop, nothing is done in it that a real-time loop may not do, no page is faulted in, and the system
+# calls are those expected. Prints TAP, with the guard's table of each run.
+set -u
+guard=$1
+program=$2
+# shellcheck source=/dev/null
+. "$(dirname "$0")/guard_lib.sh"
+
+echo 1..16
+
+guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --ticks 3000 --wire ideal
+verdict "lockstep on ideal buses makes no system call" only
+
+guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --ticks 3000 --wire wire
+verdict "nor on buses in wire mode" only
+
+for rig in grasp walkman coman-fd coman-foc coman-compact; do
+    task=squat
+    [ $rig = grasp ] && task=grasp
+    guarded "$rigs/$rig.yaml" --transport local --clock lockstep --task $task --ticks 3000 \
+        --wire wire --record "$work/record"
+    verdict "$rig, recorded" only clock_nanosleep
+done
+
+guarded "$rigs/coman-sensors.yaml" --transport local --clock free --ticks 3000 --energy --settle
+verdict "noisy sensors, the account of energy and a settled start" only
+
+guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --ticks 3000 \
+    --fault 'sensor LKneeSag.torque garbage amplitude=5 0.2..1' \
+    --fault 'board left_leg/0x01 intermittent 0.5..1' --fault 'board right_leg/0x02 hung 2.95..3.2' \
+    --fault 'motor RKneeSag open_phase 1.5..1.6' --fault 'bus left_arm loss p=0.1 0.5..2' \
+    --fault 'bus right_arm late delay=0.002 0.5..2' --fault 'supply sag volts=3 2..2.5'
+verdict "faults on a sensor, boards, a motor, buses and the supply" only
+
+guarded "$rigs/coman.yaml" --transport local --clock real --task squat --duration 1.5 \
+    --record "$work/record"
+verdict "in real time with a task and a recording the loop sleeps and does nothing else" only \
+    clock_nanosleep
+
+guarded "$rigs/coman.yaml" --transport local --clock real --task squat --duration 1.5 --wire wire
+verdict "likewise on buses in wire mode" only clock_nanosleep
+
+guarded "$rigs/coman-fd.yaml" --transport local --clock real --task squat --duration 1 --wire wire
+verdict "CAN FD in real time" only clock_nanosleep
+
+# client COMMAND...: joins the torso's bus by the gateway, then runs the command with the connection as 3
+client()
+{
+    local port=
+    rm -f "$work/err"
+    for _ in $(seq 200); do
+        port=$(sed -n 's/^gateway: .* port \([0-9]*\)$/\1/p' "$work/err" 2>/dev/null)
+        [ -n "$port" ] && break
+        sleep 0.02
+    done
+    exec 3<>"/dev/tcp/127.0.0.1/$port" || return
+    printf '< open torso >< rawmode >' >&3
+    "$@" >"$work/heard"
+    exec 3>&-
+}
+# STEP frames of ten ticks each, after each a pause in which the loop waits
+steps()
+{
+    for k in $(seq 0 19); do
+        printf '< send 6f0 6 %x 0 0 0 a 0 >' $((k * 10)) >&3
+        sleep 0.01
+    done
+    timeout 1 cat <&3
+}
+listen()
+{
+    timeout 1 cat <&3
+}
+made()
+{
+    local name
+    for name in "$@"; do
+        [ -n "$(calls "$name")" ] || return
+    done
+}
+
+client listen &
+guarded "$rigs/coman.yaml" --transport local --clock real --task squat --gateway 0 --duration 1.5
+wait $!
+verdict "with a client of the gateway, whose thread is woken" made clock_nanosleep write
+
+client steps &
+guarded "$rigs/coman.yaml" --transport local --clock lockstep --gateway 0 --ticks 200
+wait $!
+verdict "a client of the gateway drives lockstep: the loop sleeps for it" made ppoll read write
+
+guarded "$rigs/coman.yaml" --transport local --clock real --duration 1
+verdict "in real time without a task the loop sleeps and does nothing else" only clock_nanosleep
+
+# the engine that is not made for a loop is caught: it is said to allocate
+mkdir -p "$work/config/rigs"
+ln -s "$HIL_SOURCE_DIR/config/robots" "$HIL_SOURCE_DIR/config/meshes" "$work/config/"
+sed 's/engine: native .*/engine: simbody/' "$rigs/coman.yaml" >"$work/config/rigs/simbody.yaml"
+guarded "$work/config/rigs/simbody.yaml" --transport local --clock free --hold none --ticks 300
+number=$((number + 1))
+if grep -q 'VIOLATION in phase \(plant\|sensors\)' "$work/log"; then
+    echo "ok $number - an engine that allocates is caught in the program too"
+    head -n 3 "$work/log" | sed 's/^/# /'
+else
+    echo "not ok $number - an engine that allocates is caught in the program too"
+    cat "$work/log" "$work/err" | sed 's/^/# /'
+    failures=$((failures + 1))
+fi
+exit $((failures > 0))

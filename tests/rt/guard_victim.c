@@ -1,0 +1,230 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * usage: rt_guard_victim WAY
+ * A loop whose plant does in tick 7 what a real-time loop may not, for the guard to catch; "nothing"
+ * does nothing, "bystander" lets another thread do it all the while.
+ */
+#include "rt/loop.h"
+#include "rt/realtime.h"
+
+#include <fcntl.h>
+#include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+enum { TICKS = 20, BAD_TICK = 7, PAGE = 4096 };
+
+static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
+static pthread_rwlock_t rwlock = PTHREAD_RWLOCK_INITIALIZER;
+static pthread_cond_t condition = PTHREAD_COND_INITIALIZER;
+static void *volatile kept; /* so that the compiler leaves allocations alone */
+static volatile unsigned char *fresh;
+static char text[32];
+static atomic_bool ended;
+
+static void do_malloc(void)
+{
+    kept = malloc(32);
+}
+
+static void do_free(void)
+{
+    free(kept);
+}
+
+static void do_realloc(void)
+{
+    kept = realloc(kept, 4096);
+}
+
+static void do_posix_memalign(void)
+{
+    void *memory = NULL;
+
+    (void)!posix_memalign(&memory, 64, 64);
+    kept = memory;
+}
+
+/* the C library allocates for so many digits */
+static void do_digits(void)
+{
+    static volatile int digits = 20000;
+
+    (void)!snprintf(text, sizeof text, "%.*f", digits, M_PI);
+}
+
+static void do_mutex(void)
+{
+    pthread_mutex_lock(&mutex);
+    pthread_mutex_unlock(&mutex);
+}
+
+static void do_rwlock(void)
+{
+    pthread_rwlock_rdlock(&rwlock);
+    pthread_rwlock_unlock(&rwlock);
+}
+
+static void do_signal(void)
+{
+    pthread_cond_signal(&condition);
+}
+
+static void do_printf(void)
+{
+    printf("%d\n", text[0]);
+}
+
+static void do_fputs(void)
+{
+    fputs("a line\n", stderr);
+}
+
+static void do_open(void)
+{
+    close(open("/dev/null", O_RDONLY | O_CLOEXEC));
+}
+
+/* a function that may write, but not on this descriptor */
+static void do_write(void)
+{
+    (void)!write(STDOUT_FILENO, "a line\n", 7);
+}
+
+static void do_sleep(void)
+{
+    clock_nanosleep(CLOCK_MONOTONIC, 0, &(struct timespec){.tv_nsec = 1000}, NULL);
+}
+
+/* no function of any library */
+static void do_instruction(void)
+{
+    long number = SYS_getppid;
+
+    __asm__ volatile("syscall" : "+a"(number) : : "rcx", "r11", "memory");
+}
+
+static void do_mmap(void)
+{
+    kept = mmap(NULL, PAGE, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+}
+
+static void do_fault(void)
+{
+    fresh[0] = 1;
+}
+
+static void do_nothing(void)
+{
+}
+
+static const struct way {
+    const char *name;
+    void (*act)(void);
+} ways[] = {
+    {"malloc", do_malloc},
+    {"free", do_free},
+    {"realloc", do_realloc},
+    {"posix_memalign", do_posix_memalign},
+    {"digits", do_digits},
+    {"mutex", do_mutex},
+    {"rwlock", do_rwlock},
+    {"signal", do_signal},
+    {"printf", do_printf},
+    {"fputs", do_fputs},
+    {"open", do_open},
+    {"write", do_write},
+    {"sleep", do_sleep},
+    {"instruction", do_instruction},
+    {"mmap", do_mmap},
+    {"fault", do_fault},
+    {"nothing", do_nothing},
+    {"bystander", do_nothing},
+};
+
+static const struct way *way;
+static int tick;
+
+static bool plant(void *context)
+{
+    (void)context;
+    if (tick++ == BAD_TICK) {
+        way->act();
+    }
+    return true;
+}
+
+static void nothing(void *context)
+{
+    (void)context;
+}
+
+static bool fine(void *context)
+{
+    (void)context;
+    return true;
+}
+
+static void publish(void *context, const struct loop_stats *stats)
+{
+    (void)context;
+    (void)stats;
+}
+
+static void *stand_by(void *unused)
+{
+    (void)unused;
+    while (!atomic_load(&ended)) {
+        do_malloc();
+        do_free();
+        do_mutex();
+        do_open();
+    }
+    return NULL;
+}
+
+int main(int argc, char **argv)
+{
+    struct loop_config config = {
+        .clock = RIG_CLOCK_FREE,
+        .tick_ns = CLOCK_MS,
+        .ticks = TICKS,
+        .time = clock_monotonic(),
+        .machine = {.control = nothing,
+                    .plant = plant,
+                    .sample = fine,
+                    .fault = fine,
+                    .publish = publish,
+                    .shut_down = nothing},
+    };
+    struct arena arena;
+    struct error error;
+    struct loop *loop;
+    pthread_t thread;
+
+    for (size_t i = 0; i < sizeof ways / sizeof ways[0] && argc == 2; i++) {
+        way = strcmp(ways[i].name, argv[1]) ? way : &ways[i];
+    }
+    fresh = mmap(NULL, PAGE, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (!way || fresh == MAP_FAILED || arena_init(&arena, 16 << 20, &error) ||
+        loop_create(&config, &arena, &loop, &error) || arena_seal(&arena, false, &error)) {
+        return 2;
+    }
+    kept = malloc(32);
+    if (!strcmp(way->name, "bystander") && pthread_create(&thread, NULL, stand_by, NULL)) {
+        return 2;
+    }
+    realtime_touch();
+    loop_run(loop);
+    atomic_store(&ended, true);
+    if (!strcmp(way->name, "bystander")) {
+        pthread_join(thread, NULL);
+    }
+    return loop_stats(loop)->ticks == TICKS ? 0 : 1;
+}

@@ -1,0 +1,263 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the loop promises when the machine or the buses are too much for it (rt/loop.h): its books
+ * close whatever the clock does, and no bus holds it. */
+#include "loop_bench.h"
+
+#include <stdlib.h>
+
+/* ---- the books of the real clock ---- */
+
+struct dice {
+    uint64_t state;
+};
+
+static struct dice dice;
+
+static uint64_t roll(uint64_t below)
+{
+    dice.state = dice.state * UINT64_C(6364136223846793005) + UINT64_C(1442695040888963407);
+    return (dice.state >> 33) % below;
+}
+
+/* Of a hundred ticks some are too long, some wake too late, and now and then the machine is gone. */
+static void throw_the_dice(struct bench *bench)
+{
+    bench->work[PHASE_PLANT] = (int64_t)roll(TICK * 9 / 10);
+    bench->work[PHASE_BOARDS] = (int64_t)roll(TICK / 10);
+    bench->wake_late = (int64_t)roll(TICK / 5);
+    if (roll(10) == 0) {
+        bench->slow_tick = bench->tick;
+        bench->slow_phase = (enum loop_phase)(PHASE_BOARDS + roll(PHASE_COUNT - PHASE_BOARDS));
+        bench->slow_by = (int64_t)roll(roll(20) == 0 ? 3 * CLOCK_SECOND : 30 * TICK);
+    }
+    if (roll(20) == 0) {
+        bench->late_sleep = bench->sleeps;
+        bench->late_by = (int64_t)roll(roll(10) == 0 ? 3 * CLOCK_SECOND : 10 * TICK);
+    }
+}
+
+static void assert_books_close(const struct bench *bench, enum rig_overrun policy)
+{
+    const struct loop_stats *stats = loop_stats(bench->loop);
+    int64_t next =
+        stats->start_ns + (int64_t)(stats->ticks + stats->lost_ticks + stats->pause_ticks) * TICK;
+    uint64_t charged = 0;
+
+    for (int p = 0; p < PHASE_COUNT; p++) {
+        charged += stats->overruns[p];
+    }
+    assert_int_equal(charged, stats->overrun_total);
+    assert_int_equal(stats->time_ns, (int64_t)stats->ticks * TICK);
+    assert_true(stats->end_ns > next - TICK);
+    if (policy == RIG_OVERRUN_SLIP) {
+        assert_true(stats->end_ns <= next + LOOP_PAUSE_NS);
+        assert_int_equal(stats->lost_ticks, 0);
+    } else {
+        assert_true(stats->end_ns <= next);
+        assert_int_equal(stats->late_ticks, 0);
+    }
+    for (size_t i = 0; i < bench->sleeps && i < BENCH_SLEEPS; i++) {
+        assert_int_equal((bench->deadline[i] - START) % TICK, 0);
+    }
+}
+
+static void the_books_close_whatever_the_machine_does(void **state)
+{
+    static const enum rig_overrun policies[] = {RIG_OVERRUN_SKIP, RIG_OVERRUN_SLIP,
+                                                RIG_OVERRUN_STOP};
+    uint64_t overruns = 0, pauses = 0, lost = 0, late = 0;
+
+    (void)state;
+    for (uint64_t seed = 0; seed < 60; seed++) {
+        struct bench *bench = bench_create(RIG_CLOCK_REAL, 2000);
+        enum rig_overrun policy = policies[seed % 3];
+        enum loop_end end;
+
+        dice.state = seed;
+        bench->config.overrun = policy;
+        bench->config.stop_after = 100;
+        bench->on_tick = throw_the_dice;
+        end = bench_run(bench);
+        assert_int_equal(end, policy == RIG_OVERRUN_STOP ? LOOP_END_OVERRUNS : LOOP_END_LENGTH);
+        assert_books_close(bench, policy);
+        overruns += loop_stats(bench->loop)->overrun_total;
+        pauses += loop_stats(bench->loop)->pauses;
+        lost += loop_stats(bench->loop)->lost_ticks;
+        late += loop_stats(bench->loop)->late_ticks;
+        bench_destroy(bench);
+    }
+    /* it was about something */
+    assert_true(overruns > 1000 && pauses > 100 && lost > 1000 && late > 1000);
+}
+
+static void an_hour_ahead_is_one_pause_and_no_burst(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_REAL, 10);
+    const struct loop_stats *stats;
+    struct loop_event event;
+
+    (void)state;
+    bench->config.overrun = RIG_OVERRUN_SLIP;
+    bench->late_sleep = 2;
+    bench->late_by = 3600 * CLOCK_SECOND + TICK / 4;
+    assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
+    stats = loop_stats(bench->loop);
+    assert_int_equal(stats->pauses, 1);
+    assert_int_equal(stats->pause_ticks, 3600001);
+    assert_int_equal(stats->ticks, 10);
+    assert_int_equal(stats->late_ticks + stats->overrun_total, 0);
+    assert_int_equal(bench->deadline[3], START + 3600004 * TICK);
+    assert_int_equal(bench->deadline[4], START + 3600005 * TICK);
+    assert_books_close(bench, RIG_OVERRUN_SLIP);
+    assert_int_equal(bench_events(bench, LOOP_EVENT_PAUSE, &event), 1);
+    assert_int_equal(event.a, 3600 * CLOCK_SECOND + TICK / 4);
+    bench_destroy(bench);
+}
+
+static void a_sleep_that_ends_too_early_is_slept_to_its_end(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_REAL, 10);
+
+    (void)state;
+    /* a signal, or a clock that stands still */
+    bench->late_sleep = 4;
+    bench->late_by = -TICK / 2;
+    assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
+    assert_int_equal(bench->deadline[4], START + 5 * TICK);
+    assert_int_equal(bench->deadline[5], START + 5 * TICK);
+    assert_int_equal(bench->deadline[6], START + 6 * TICK);
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
+    assert_books_close(bench, RIG_OVERRUN_SKIP);
+    bench_destroy(bench);
+}
+
+/* ---- a bus that never falls silent ---- */
+
+struct flood {
+    struct can_port port;
+    uint64_t given;
+    uint64_t step_at; /* this frame (from 1) is a STEP; 0 = none */
+};
+
+static size_t flood_receive(struct can_port *port, struct bus_frame *frames, size_t max)
+{
+    struct flood *flood = (struct flood *)port;
+
+    for (size_t i = 0; i < max; i++) {
+        frames[i] = frame_make(0x7AA, 0, NULL);
+        if (++flood->given == flood->step_at) {
+            frames[i] = frame_make(LOCKSTEP_STEP_ID, LOCKSTEP_LENGTH, (const uint8_t[8]){0});
+        }
+    }
+    return max;
+}
+
+static size_t flood_send(struct can_port *port, const struct bus_frame *frames, size_t count)
+{
+    (void)port;
+    (void)frames;
+    return count;
+}
+
+static int flood_descriptor(const struct can_port *port)
+{
+    (void)port;
+    return -1;
+}
+
+static void flood_close(struct can_port *port)
+{
+    (void)port;
+}
+
+static const struct can_port_ops flood_ops = {
+    .name = "flood",
+    .receive = flood_receive,
+    .send = flood_send,
+    .descriptor = flood_descriptor,
+    .close = flood_close,
+};
+
+/* A flood in the place of the port of bus 1, which is the STEP's. */
+static void break_the_dam(struct bench *bench, struct flood *flood)
+{
+    *flood = (struct flood){.port = {.ops = &flood_ops, .bus = "can1"}};
+    bench->port[1]->ops->close(bench->port[1]);
+    bench->port[1] = &flood->port;
+}
+
+static void a_flooded_bus_costs_a_bounded_time(void **state)
+{
+    static const enum rig_clock clocks[] = {RIG_CLOCK_REAL, RIG_CLOCK_FREE};
+
+    (void)state;
+    for (size_t c = 0; c < 2; c++) {
+        struct bench *bench = bench_create(clocks[c], 3);
+        struct bus_frame frame = frame_make(0x123, 0, NULL);
+        struct flood flood;
+
+        break_the_dam(bench, &flood);
+        can_send(bench->host[2], &frame, 1);
+        assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
+        assert_int_equal(loop_stats(bench->loop)->ticks, 3);
+        assert_int_equal(flood.given, 3 * LOOP_RECEIVE_MAX);
+        /* the bus behind it has its turn in the same tick */
+        assert_int_equal(bench->received_count, 3 * LOOP_RECEIVE_MAX + 1);
+        assert_int_equal(bench->received_tick[LOOP_RECEIVE_MAX], 0);
+        assert_int_equal(bench->received[LOOP_RECEIVE_MAX].id, 0x123);
+        bench_destroy(bench);
+    }
+}
+
+static void stop_at_the_fifth_look(struct bench *bench)
+{
+    if (bench->waits == 5) {
+        loop_stop(bench->loop);
+    }
+}
+
+static void a_flood_without_a_step_does_not_hold_the_loop(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 0);
+    struct flood flood;
+    uint64_t beat;
+
+    (void)state;
+    break_the_dam(bench, &flood);
+    bench->on_wait = stop_at_the_fifth_look;
+    assert_int_equal(bench_run(bench), LOOP_END_STOPPED);
+    assert_int_equal(loop_stats(bench->loop)->ticks, 0);
+    assert_in_range(flood.given, 5 * LOOP_RECEIVE_MAX, 5 * (LOOP_RECEIVE_MAX + 1024));
+    /* the watchdog of a service sees it alive */
+    beat = loop_beat(bench->loop);
+    assert_true(beat >= 5);
+    bench_destroy(bench);
+}
+
+static void a_step_is_found_in_a_flood(void **state)
+{
+    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 1);
+    struct flood flood;
+
+    (void)state;
+    break_the_dam(bench, &flood);
+    flood.step_at = 3 * LOOP_RECEIVE_MAX + 7;
+    assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
+    assert_int_equal(loop_stats(bench->loop)->lockstep.steps, 1);
+    assert_int_equal(bench->received_count, flood.step_at - 1);
+    bench_destroy(bench);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_books_close_whatever_the_machine_does),
+        cmocka_unit_test(an_hour_ahead_is_one_pause_and_no_burst),
+        cmocka_unit_test(a_sleep_that_ends_too_early_is_slept_to_its_end),
+        cmocka_unit_test(a_flooded_bus_costs_a_bounded_time),
+        cmocka_unit_test(a_flood_without_a_step_does_not_hold_the_loop),
+        cmocka_unit_test(a_step_is_found_in_a_flood),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,413 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Going back in time with whole robots: what follows a checkpoint follows it again, frame by frame
+ * and bit by bit of the plant's state. A guest on every bus notes what is sent; requests are made
+ * by an observer, in the loop's own thread, so that all happens at known ticks.
+ */
+#include "base/hash.h"
+#include "canbus/wire.h"
+#include "rt/simulator.h"
+#include "rt/steering.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+enum { TICKS_MAX = 4000, FAULTS = 8 };
+
+struct scene {
+    const char *rig, *task;
+    enum rig_clock clock;
+    bool timed;      /* wires */
+    bool generic;    /* numeric dynamics */
+    bool simbody;    /* contact engine, with the integrator it can serve */
+    bool no_contact; /* for scenes that are about something else */
+    const char *fault[FAULTS];
+    uint64_t at, span; /* the checkpoint; how many ticks are compared */
+};
+
+/* What one pass through a tick gave. */
+struct pass {
+    uint64_t frames, count, plant, measured;
+};
+
+struct witness {
+    const struct scene *scene;
+    struct simulator *simulator;
+    struct bus_ports ports;
+    int64_t tick_ns;
+    int64_t tick; /* that runs next; -1 = none has yet */
+    struct pass first[TICKS_MAX], again[TICKS_MAX];
+    struct pass *pass;
+    int goes; /* how often it went back */
+    uint64_t tickets;
+    struct steer_answer checkpoint;
+    bool asked;
+};
+
+static void ask(struct witness *w, enum steer_kind kind, size_t index)
+{
+    struct steer_request request = {.ticket = ++w->tickets, .kind = kind, .index = index};
+
+    assert_true(steering_ask(simulator_steering(w->simulator), &request));
+}
+
+static uint64_t hash_measured(const struct plant_sensors *sensors)
+{
+    uint64_t hash =
+        hash_bytes(HASH_START, sensors->motor, sensors->njoint * sizeof *sensors->motor);
+
+    hash = hash_bytes(hash, sensors->ft, sensors->nft * sizeof *sensors->ft);
+    return hash_bytes(hash, &sensors->imu, sizeof sensors->imu);
+}
+
+/* everything that the tick before has sent */
+static void note(struct witness *w, struct pass *pass)
+{
+    const struct rig *rig = simulator_configuration(w->simulator)->rig;
+
+    *pass = (struct pass){.frames = HASH_START};
+    for (size_t b = 0; b < rig->nbus; b++) {
+        struct bus_frame frame[64];
+        size_t count;
+
+        while ((count = can_receive(w->ports.port[b], frame, 64)) > 0) {
+            for (size_t i = 0; i < count; i++) {
+                pass->frames = hash_bytes(pass->frames, &b, sizeof b);
+                pass->frames = hash_bytes(pass->frames, &frame[i].id, sizeof frame[i].id);
+                pass->frames = hash_bytes(pass->frames, frame[i].data, frame[i].len);
+                pass->frames = hash_bytes(pass->frames, &frame[i].time_ns, sizeof(int64_t));
+            }
+            pass->count += count;
+        }
+    }
+    pass->plant = plant_hash(simulator_plant(w->simulator));
+    pass->measured = hash_measured(simulator_measured(w->simulator));
+}
+
+static void take_answers(struct witness *w, int64_t tick)
+{
+    struct steer_answer answer;
+
+    while (steering_answer(simulator_steering(w->simulator), &answer)) {
+        if (answer.verdict != STEER_OK) {
+            fail_msg("%s: %s", w->scene->rig, steer_verdict_text(answer.verdict));
+        }
+        assert_int_equal((int64_t)answer.tick, tick);
+        if (answer.ticket == 1) {
+            w->checkpoint = answer;
+        } else {
+            assert_true(answer.state_hash == w->checkpoint.state_hash);
+            w->goes++;
+            w->pass = w->again;
+        }
+        w->asked = false;
+    }
+}
+
+static void step(void *context, int64_t time_ns)
+{
+    struct witness *w = context;
+    int64_t tick = time_ns / w->tick_ns;
+    bool back;
+
+    if (tick == w->tick) {
+        return; /* lockstep: no STEP has come yet */
+    }
+    back = w->asked && tick <= w->tick;
+    if (w->tick >= 0 && !back) {
+        assert_true(w->tick < TICKS_MAX);
+        note(w, &w->pass[w->tick]);
+    } else {
+        struct pass unused;
+
+        note(w, &unused); /* of the tick that was undone */
+    }
+    w->tick = tick;
+    take_answers(w, tick);
+    if (tick == (int64_t)w->scene->at - 1 && w->goes == 0) {
+        w->asked = true;
+        ask(w, STEER_CHECKPOINT, 1);
+    } else if (tick == (int64_t)(w->scene->at + w->scene->span) && w->goes == 0) {
+        w->asked = true;
+        ask(w, STEER_RESTORE, 1);
+    }
+}
+
+static void open_scene(const struct scene *scene, struct witness *w, struct arena *arena,
+                       struct rig *rig, const struct simulator_observer *observer,
+                       uint64_t ticks, bool steered)
+{
+    struct simulator_config config = {
+        .clock = scene->clock,
+        .transport = TRANSPORT_LOCAL,
+        .ticks = ticks,
+        .task = scene->task,
+        .observer = observer,
+        .guests = 1,
+        .steered = steered,
+        .fault = scene->fault,
+    };
+    struct realtime_report report;
+    const struct rig *loaded;
+    struct error error;
+    char notice[256], file[512];
+
+    memset(w, 0, sizeof *w);
+    assert_int_equal(arena_init(arena, (size_t)1 << 30, &error), ERROR_NONE);
+    snprintf(file, sizeof file, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR, scene->rig);
+    if (rig_load(file, arena, &loaded, &error)) {
+        fail_msg("%s", error.text);
+    }
+    *rig = *loaded;
+    rig->wire.timed = scene->timed;
+    rig->dynamics = scene->generic ? RIG_DYNAMICS_GENERIC : rig->dynamics;
+    if (scene->simbody) {
+        rig->contact_engine = RIG_CONTACT_SIMBODY;
+        rig->integrator = PLANT_RK4;
+    } else if (scene->no_contact) {
+        rig->contact_engine = RIG_CONTACT_NONE;
+        rig->contact = (struct contact_config){0};
+    }
+    config.rig = rig;
+    config.hold = rig->hold;
+    config.settle = !scene->no_contact && !scene->simbody && rig->settle;
+    while (config.nfault < FAULTS && scene->fault[config.nfault]) {
+        config.nfault++;
+    }
+    w->scene = scene;
+    w->tick_ns = rig->tick_ns;
+    w->tick = -1;
+    w->pass = w->first;
+    if (simulator_create(&config, arena, &w->simulator, notice, &error) ||
+        simulator_join(w->simulator, &w->ports, &error) ||
+        simulator_start(w->simulator, &report, &error)) {
+        fail_msg("%s: %s", scene->rig, error.text);
+    }
+}
+
+static void close_scene(struct witness *w, struct arena *arena)
+{
+    bus_ports_close(&w->ports);
+    simulator_destroy(w->simulator);
+    arena_fini(arena);
+}
+
+static void repeats(const struct scene *scene)
+{
+    static struct witness w;
+    const struct simulator_observer observer = {&w, step};
+    struct arena arena;
+    struct rig rig;
+    uint64_t frames = 0;
+
+    open_scene(scene, &w, &arena, &rig, &observer, scene->at + scene->span + 2, true);
+    simulator_run(w.simulator);
+    assert_int_equal(w.goes, 1);
+    for (uint64_t t = scene->at; t < scene->at + scene->span; t++) {
+        const struct pass *a = &w.first[t], *b = &w.again[t];
+
+        if (a->frames != b->frames || a->count != b->count || a->plant != b->plant ||
+            a->measured != b->measured) {
+            fail_msg("%s: tick %llu differs the second time: frames %d (%llu and %llu), plant %d, "
+                     "measured %d",
+                     scene->rig, (unsigned long long)t, a->frames != b->frames,
+                     (unsigned long long)a->count, (unsigned long long)b->count,
+                     a->plant != b->plant, a->measured != b->measured);
+        }
+        assert_true(a->plant != w.first[t - 1].plant); /* it moves */
+        frames += a->count;
+    }
+    assert_true(frames > scene->span);
+    print_message("%s: %llu frames again, %zu bytes a checkpoint\n", scene->rig,
+                  (unsigned long long)frames, simulator_checkpoint_size(w.simulator));
+    close_scene(&w, &arena);
+}
+
+static void repeats_a_squat_on_ideal_buses(void **state)
+{
+    const struct scene scene = {
+        .rig = "coman", .task = "squat", .clock = RIG_CLOCK_FREE, .at = 300, .span = 400};
+
+    (void)state;
+    repeats(&scene);
+}
+
+static void repeats_a_squat_in_lockstep(void **state)
+{
+    const struct scene scene = {
+        .rig = "coman", .task = "squat", .clock = RIG_CLOCK_LOCKSTEP, .at = 251, .span = 300};
+
+    (void)state;
+    repeats(&scene);
+}
+
+static void repeats_a_squat_with_numeric_dynamics(void **state)
+{
+    const struct scene scene = {.rig = "coman",
+                                .task = "squat",
+                                .clock = RIG_CLOCK_FREE,
+                                .generic = true,
+                                .at = 300,
+                                .span = 100};
+
+    (void)state;
+    repeats(&scene);
+}
+
+static void repeats_noise_and_faults_on_wires(void **state)
+{
+    const struct scene scene = {
+        .rig = "coman-sensors",
+        .task = "squat",
+        .clock = RIG_CLOCK_FREE,
+        .timed = true,
+        .fault = {"bus left_leg error_burst 0.02", "bus right_leg duplicate 0.1",
+                  "bus right_arm late 0.0023", "bus left_arm loss 0.05",
+                  "sensor imu intermittent", "board left_arm/1 delayed 0.0031",
+                  "motor LElbj jam 0.45..", "sensor LKneeSag.torque garbage 3"},
+        .at = 300,
+        .span = 400,
+    };
+
+    (void)state;
+    repeats(&scene);
+}
+
+static void repeats_a_grasp_with_free_bodies(void **state)
+{
+    const struct scene scene = {
+        .rig = "grasp", .task = "grasp", .clock = RIG_CLOCK_FREE, .at = 300, .span = 60};
+
+    (void)state;
+    repeats(&scene);
+}
+
+static void repeats_the_compact_boards(void **state)
+{
+    const struct scene scene = {
+        .rig = "coman-compact", .task = "squat", .clock = RIG_CLOCK_FREE, .at = 300, .span = 200};
+
+    (void)state;
+    repeats(&scene);
+}
+
+static void repeats_the_foc_boards(void **state)
+{
+    const struct scene scene = {
+        .rig = "coman-foc", .task = "squat", .clock = RIG_CLOCK_FREE, .at = 300, .span = 200};
+
+    (void)state;
+    repeats(&scene);
+}
+
+static void repeats_fd_frames(void **state)
+{
+    const struct scene scene = {.rig = "coman-fd",
+                                .task = "squat",
+                                .clock = RIG_CLOCK_FREE,
+                                .timed = true,
+                                .at = 300,
+                                .span = 200};
+
+    (void)state;
+    repeats(&scene);
+}
+
+static void repeats_on_the_other_contact_engine(void **state)
+{
+    const struct scene scene = {.rig = "coman",
+                                .task = "squat",
+                                .clock = RIG_CLOCK_FREE,
+                                .simbody = true,
+                                .at = 40,
+                                .span = 40};
+
+    (void)state;
+    repeats(&scene);
+}
+
+/* ---- what it costs ---- */
+
+enum { COPIES = 50 };
+
+struct stopwatch {
+    struct witness w;
+    int64_t begin_ns, spent_ns[3]; /* a tick; one with checkpoints, with restores of another state */
+};
+
+static int64_t wall_ns(void)
+{
+    struct timespec now;
+
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+static void measure(void *context, int64_t time_ns)
+{
+    struct stopwatch *stopwatch = context;
+    int64_t tick = time_ns / stopwatch->w.tick_ns, spent = wall_ns() - stopwatch->begin_ns;
+    struct steer_answer answer;
+
+    for (int i = 0; i < 3; i++) {
+        stopwatch->spent_ns[i] = tick == 101 + i ? spent : stopwatch->spent_ns[i];
+    }
+    while (steering_answer(simulator_steering(stopwatch->w.simulator), &answer)) {
+        assert_int_equal(answer.verdict, STEER_OK);
+    }
+    for (int i = 0; i < COPIES && (tick == 101 || tick == 102); i++) {
+        ask(&stopwatch->w, tick == 101 ? STEER_CHECKPOINT : STEER_RESTORE, 1u + (i & 1));
+    }
+    stopwatch->begin_ns = wall_ns();
+}
+
+static void prints_what_a_checkpoint_costs(void **state)
+{
+    static const struct scene scenes[] = {
+        {.rig = "coman", .task = "squat", .clock = RIG_CLOCK_FREE},
+        {.rig = "coman", .task = "squat", .clock = RIG_CLOCK_FREE, .timed = true},
+        {.rig = "grasp", .task = "grasp", .clock = RIG_CLOCK_FREE},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof scenes / sizeof scenes[0]; i++) {
+        static struct stopwatch stopwatch;
+        const struct simulator_observer observer = {&stopwatch, measure};
+        struct arena arena;
+        struct rig rig;
+
+        open_scene(&scenes[i], &stopwatch.w, &arena, &rig, &observer, 110, true);
+        simulator_run(stopwatch.w.simulator);
+        print_message("%s%s: %zu bytes, %.0f us to keep, %.0f us to go back\n", scenes[i].rig,
+                      scenes[i].timed ? " on wires" : "",
+                      simulator_checkpoint_size(stopwatch.w.simulator),
+                      (double)(stopwatch.spent_ns[1] - stopwatch.spent_ns[0]) * 1e-3 / COPIES,
+                      (double)(stopwatch.spent_ns[2] - stopwatch.spent_ns[0]) * 1e-3 / COPIES);
+        close_scene(&stopwatch.w, &arena);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(repeats_a_squat_on_ideal_buses),
+        cmocka_unit_test(repeats_a_squat_in_lockstep),
+        cmocka_unit_test(repeats_a_squat_with_numeric_dynamics),
+        cmocka_unit_test(repeats_noise_and_faults_on_wires),
+        cmocka_unit_test(repeats_a_grasp_with_free_bodies),
+        cmocka_unit_test(repeats_the_compact_boards),
+        cmocka_unit_test(repeats_the_foc_boards),
+        cmocka_unit_test(repeats_fd_frames),
+        cmocka_unit_test(repeats_on_the_other_contact_engine),
+        cmocka_unit_test(prints_what_a_checkpoint_costs),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
