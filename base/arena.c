@@ -17,11 +17,19 @@
 
 enum { ALIGNMENT = 64, FORBIDDEN = 4096 /* behind what was handed out last */ };
 
+static size_t forbidden_end(const struct arena *arena)
+{
+    return arena->capacity - arena->used < FORBIDDEN ? arena->capacity : arena->used + FORBIDDEN;
+}
+
 static void forbid_rest(const struct arena *arena)
 {
-    size_t rest = arena->capacity - arena->used;
+    ASAN_POISON_MEMORY_REGION(arena->memory + arena->used, forbidden_end(arena) - arena->used);
+}
 
-    ASAN_POISON_MEMORY_REGION(arena->memory + arena->used, rest < FORBIDDEN ? rest : FORBIDDEN);
+static void allow_all(const struct arena *arena)
+{
+    ASAN_UNPOISON_MEMORY_REGION(arena->memory, forbidden_end(arena));
 }
 
 enum error_code arena_init(struct arena *arena, size_t capacity, struct error *error)
@@ -41,7 +49,7 @@ enum error_code arena_init(struct arena *arena, size_t capacity, struct error *e
 void arena_fini(struct arena *arena)
 {
     if (arena->memory) {
-        ASAN_UNPOISON_MEMORY_REGION(arena->memory, arena->capacity);
+        allow_all(arena);
         munmap(arena->memory, arena->capacity);
     }
     memset(arena, 0, sizeof *arena);

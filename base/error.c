@@ -8,6 +8,16 @@
 #include <stdio.h>
 #include <string.h>
 
+/* Messages repeat what was found, which may be anything: a terminal or a log is not to obey it. */
+static void tame(struct error *error)
+{
+    for (char *at = error->text; *at; at++) {
+        if ((unsigned char)*at < 0x20 || *at == 0x7f) {
+            *at = '?';
+        }
+    }
+}
+
 enum error_code error_set(struct error *error, enum error_code code, const char *format, ...)
 {
     if (error) {
@@ -17,6 +27,7 @@ enum error_code error_set(struct error *error, enum error_code code, const char 
         va_start(args, format);
         vsnprintf(error->text, sizeof error->text, format, args);
         va_end(args);
+        tame(error);
     }
     return code;
 }
@@ -33,6 +44,7 @@ enum error_code error_set_errno(struct error *error, int errno_value, const char
         va_end(args);
         used = strlen(error->text);
         snprintf(error->text + used, sizeof error->text - used, ": %s", strerror(errno_value));
+        tame(error);
     }
     return ERROR_SYSTEM;
 }
@@ -60,5 +72,6 @@ enum error_code error_prefix(struct error *error, const char *format, ...)
     va_end(args);
     memcpy(text, error->text, sizeof text);
     snprintf(error->text, sizeof error->text, "%s: %.500s", prefix, text);
+    tame(error);
     return error->code;
 }

@@ -8,24 +8,36 @@
 
 enum { FIRST = 4096 };
 
-static ssize_t append(void *cookie, const char *bytes, size_t count)
+/* for count bytes and a zero */
+static bool make_room(struct memory_file *memory, size_t count)
 {
-    struct memory_file *memory = cookie;
     size_t capacity = memory->capacity;
     char *text;
 
     while (capacity - memory->size <= count) {
         capacity *= 2;
     }
-    text = capacity > memory->capacity ? realloc(memory->text, capacity) : memory->text;
+    if (capacity == memory->capacity) {
+        return true;
+    }
+    text = realloc(memory->text, capacity);
+    if (text) {
+        memory->text = text;
+        memory->capacity = capacity;
+    }
+    return text != NULL;
+}
+
+static ssize_t append(void *cookie, const char *bytes, size_t count)
+{
+    struct memory_file *memory = cookie;
+
     /* nothing more after what was lost: no holes */
-    if (memory->failed || !text) {
+    if (memory->failed || !make_room(memory, count)) {
         memory->failed = true;
         errno = ENOMEM;
         return 0;
     }
-    memory->text = text;
-    memory->capacity = capacity;
     memcpy(memory->text + memory->size, bytes, count);
     memory->size += count;
     memory->text[memory->size] = '\0';
@@ -37,9 +49,7 @@ FILE *memory_file_open(struct memory_file *memory)
     FILE *file;
 
     *memory = (struct memory_file){.text = calloc(FIRST, 1), .capacity = FIRST};
-    file = memory->text
-               ? fopencookie(memory, "w", (cookie_io_functions_t){.write = append})
-               : NULL;
+    file = memory->text ? fopencookie(memory, "w", (cookie_io_functions_t){.write = append}) : NULL;
     if (!file) {
         free(memory->text);
         memory->text = NULL;

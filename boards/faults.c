@@ -234,6 +234,14 @@ static enum error_code split(struct reader *r)
 {
     char *rest = NULL;
 
+    /* messages and logs repeat the line */
+    for (const char *at = r->line; *at; at++) {
+        if (((unsigned char)*at < 0x20 && *at != '\t') || *at == 0x7f) {
+            return error_set(r->error, ERROR_INPUT,
+                             "fault: found a control character at column %td, expected text",
+                             at - r->line + 1);
+        }
+    }
     if (strlen(r->line) >= sizeof r->buffer) {
         return error_set(r->error, ERROR_INPUT,
                          "fault \"%.40s...\": found %zu characters, expected at most %zu", r->line,
@@ -441,7 +449,7 @@ static enum error_code read_window(struct reader *r, const char *word, struct fa
         return ERROR_NONE;
     }
     snprintf(from, sizeof from, "%.*s", (int)(dots - word), word);
-    if (!text_to_double(from, &begin) || begin < 0.0 || begin > 1e9 ||
+    if (dots - word >= (ptrdiff_t)sizeof from || !text_to_double(from, &begin) || begin < 0.0 || begin > 1e9 ||
         (dots[2] && (!text_to_double(dots + 2, &end) || end <= begin || end > 1e9))) {
         return wrong(r, word, "FROM..TO in seconds, FROM before TO, or FROM..");
     }

@@ -63,6 +63,17 @@ static bool is_off(const struct fault_port *f)
     return false;
 }
 
+/* no traffic of the bus: a bus that is down does not keep it */
+static bool is_exempt(const struct fault_port *f, const struct bus_frame *frame)
+{
+    for (size_t i = 0; i < f->config.nexempt; i++) {
+        if (frame->id == f->config.exempt[i] && !(frame->flags & FRAME_EXTENDED)) {
+            return true;
+        }
+    }
+    return false;
+}
+
 static bool is_meant(const struct fault_port *f, const struct fault_port_rule *rule,
                      const struct bus_frame *frame)
 {
@@ -72,12 +83,7 @@ static bool is_meant(const struct fault_port *f, const struct fault_port_rule *r
     if (rule->id >= 0) {
         return frame->id == (uint32_t)rule->id;
     }
-    for (size_t i = 0; i < f->config.nexempt; i++) {
-        if (frame->id == f->config.exempt[i] && !(frame->flags & FRAME_EXTENDED)) {
-            return false;
-        }
-    }
-    return true;
+    return !is_exempt(f, frame);
 }
 
 static void flip_bit(struct random_stream *random, struct bus_frame *frame)
@@ -178,8 +184,8 @@ static size_t fault_receive(struct can_port *port, struct bus_frame *frames, siz
         size_t room = max - count;
 
         got = room ? can_receive(f->inner, batch, room < BATCH ? room : BATCH) : 0;
-        for (size_t i = 0; i < got && !off; i++) {
-            size_t n = pass(f, &f->rx, &batch[i], out);
+        for (size_t i = 0; i < got; i++) {
+            size_t n = off && !is_exempt(f, &batch[i]) ? 0 : pass(f, &f->rx, &batch[i], out);
 
             for (size_t k = 0; k < n; k++) {
                 if (count < max) {
@@ -204,25 +210,27 @@ static size_t fault_send(struct can_port *port, const struct bus_frame *frames, 
 {
     struct fault_port *f = fault_port_of(port);
     struct bus_frame batch[BATCH];
-    size_t waiting, refused = 0;
+    size_t waiting, refused = 0, lost = 0;
+    bool off = is_off(f);
 
-    if (is_off(f)) {
-        f->refused += count;
-        mirror(f);
-        return 0;
-    }
     do {
-        waiting = release(f, &f->tx, batch, BATCH);
+        waiting = off ? 0 : release(f, &f->tx, batch, BATCH);
         flush(f, batch, waiting);
     } while (waiting == BATCH);
     waiting = 0;
     for (size_t i = 0; i < count; i++) {
-        waiting += pass(f, &f->tx, &frames[i], batch + waiting);
+        if (off && !is_exempt(f, &frames[i])) {
+            lost++;
+        } else {
+            waiting += pass(f, &f->tx, &frames[i], batch + waiting);
+        }
         if (waiting + 2 > BATCH || i + 1 == count) {
             refused += waiting - flush(f, batch, waiting);
             waiting = 0;
         }
     }
+    f->refused += lost;
+    refused += lost;
     mirror(f);
     return refused < count ? count - refused : 0;
 }

@@ -6,7 +6,8 @@
  * of the port), but for FAULT_PORT_BUS_OFF, which is.
  *
  * Frames that must not be lost because they are no traffic of a real bus (STEP and DONE of lockstep)
- * are named when the port is made; a rule that gives their identifier takes them all the same.
+ * are named when the port is made; a rule that gives their identifier takes them all the same, but
+ * for FAULT_PORT_BUS_OFF: they pass, for else virtual time would never reach its end.
  *
  * Time is virtual: the owner says what it is, once a tick.
  */
@@ -20,7 +21,7 @@ enum fault_port_kind {
     FAULT_PORT_CORRUPTION, /* with the probability: one bit of the data is inverted */
     FAULT_PORT_DUPLICATE,  /* with the probability: comes again right after itself */
     FAULT_PORT_LATE,       /* comes delay_ns later */
-    FAULT_PORT_BUS_OFF,    /* nothing in either direction, and the port's state says so */
+    FAULT_PORT_BUS_OFF,    /* no traffic in either direction, and the port's state says so */
 };
 
 struct fault_port_rule {

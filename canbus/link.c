@@ -126,7 +126,7 @@ int link_parse(const void *answer, size_t size, struct link_info *info)
             return EPROTO;
         }
         memcpy(&failure, payload, sizeof failure);
-        return failure.error ? -failure.error : EPROTO;
+        return failure.error < 0 && failure.error >= -INT16_MAX ? -failure.error : EPROTO;
     }
     if (header->nlmsg_type != RTM_NEWLINK || header->nlmsg_len < NLMSG_LENGTH(sizeof link)) {
         return EPROTO;

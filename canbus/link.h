@@ -40,8 +40,8 @@ struct link_info {
 int link_open(void);
 
 /* Asks for the interface of a name (shorter than IFNAMSIZ). 0, or an errno: ENODEV when there is
- * none. One send and one receive that do not wait for anybody but the kernel's interface lock, no
- * allocation: may be called in the loop when an interface is lost, not in every tick. */
+ * none. One send and one receive that wait for nobody but the kernel's interface lock; no allocation.
+ * Not RT-safe: that lock is held for as long as somebody sets up an interface. */
 int link_query(int descriptor, const char *name, struct link_info *info);
 
 /* The interface in an answer of size bytes, aligned to 4: the kernel's, but checked like anything that

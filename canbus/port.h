@@ -30,7 +30,8 @@ struct can_counters {
     uint64_t rx_frames, tx_frames;
     uint64_t rx_bits, tx_bits; /* sums of frame_bits(), for the load figure */
     uint64_t fast_bits;        /* sum of frame_fast_bits(), both ways */
-    uint64_t rx_dropped;       /* lost before we read them (SO_RXQ_OVFL, full local inbox) */
+    uint64_t rx_dropped;       /* lost before we read them (full socket buffer or local inbox);
+                                * whole when all that waited has been received */
     uint64_t tx_dropped;       /* not sent: frame invalid, queue full, or interface down; on a bus
                                 * with wire time also frames that were accepted first and then lost
                                 * in a full queue or by bus-off */
@@ -91,6 +92,7 @@ struct socketcan_config {
     bool receive_own;         /* also what this port sent, where the filters let it through */
     int receive_buffer_bytes; /* 0 = 4 MiB, forced when allowed */
     const struct can_state_box *controller; /* NULL = error frames alone move the state */
+    bool sought; /* another thread looks for a lost interface: socketcan_seek */
 };
 
 enum { SOCKETCAN_HELD_MAX = 128, SOCKETCAN_STUCK_NS = 100000000 };
@@ -99,7 +101,8 @@ enum { SOCKETCAN_HELD_MAX = 128, SOCKETCAN_STUCK_NS = 100000000 };
  * (ERROR_UNSUPPORTED), no such interface, not a CAN interface, FD on an interface without it
  * (ERROR_INPUT), interface down, no permission (ERROR_SYSTEM). Error frames are subscribed and
  * move port->state. A later loss of the interface sets state DOWN or GONE; receive and send try to
- * come back at most once a second, also when the interface was created anew. frame->time_ns is
+ * come back at most once a second, also when the interface was created anew, and wait for the kernel's
+ * interface lock for it; a port in a real-time loop is sought. frame->time_ns is
  * when the kernel received the frame, on CLOCK_MONOTONIC; it never goes back, and lies between the
  * frame before and now also when the time of day was set meanwhile. Memory from arena. Not RT-safe.
  *
@@ -112,6 +115,11 @@ enum { SOCKETCAN_HELD_MAX = 128, SOCKETCAN_STUCK_NS = 100000000 };
  * and further attempts after 10, 20, 40 ... ms, at last once a second, until one succeeds. */
 enum error_code socketcan_open(const struct socketcan_config *config, struct arena *arena,
                                struct can_port **port, struct error *error);
+
+/* Looks for the interface of a port that was opened as sought, when it has lost it; the port goes on
+ * with it at its next receive or send. From one thread other than the port's, once a second, say. Not
+ * RT-safe. */
+void socketcan_seek(struct can_port *port);
 
 /* Whether the kernel can open CAN sockets at all. Not RT-safe. */
 bool socketcan_available(void);

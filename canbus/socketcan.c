@@ -7,6 +7,7 @@
 #include "canbus/socketcan_private.h"
 
 #include <errno.h>
+#include <linux/sock_diag.h>
 #include <net/if_arp.h>
 #include <stdatomic.h>
 #include <string.h>
@@ -77,6 +78,7 @@ static void port_lose(struct socketcan *can, int code)
     if (!port_is_lost(&can->port)) {
         can->port.counters.down_events++;
         can->retry_ns = 0; /* it may be back already */
+        atomic_store(&can->lost, true);
     }
     can->port.state = code == ENETDOWN ? CAN_PORT_DOWN : CAN_PORT_GONE;
     /* what waited here will be old when it comes back */
@@ -97,30 +99,75 @@ int socketcan_bind(const struct socketcan *can, int index)
     return 0;
 }
 
-/* Looks for a lost interface, at most once a second, and goes on with it when it is up. */
-static void port_find(struct socketcan *can)
+/* Asks for the interface and binds to it when it is up; how it is then. Waits for the kernel's
+ * interface lock. */
+static enum can_port_state seek(const struct socketcan *can, bool *fd)
 {
-    const int64_t now = clock_ns(CLOCK_MONOTONIC);
     struct link_info info;
+
+    if (link_query(can->link, can->port.bus, &info) || info.type != ARPHRD_CAN) {
+        return CAN_PORT_GONE;
+    }
+    if (!info.up || socketcan_bind(can, info.index)) {
+        return CAN_PORT_DOWN;
+    }
+    *fd = can->want_fd && info.mtu >= CANFD_MTU;
+    return CAN_PORT_UP;
+}
+
+static void take_up(struct socketcan *can, enum can_port_state state, bool fd)
+{
     socklen_t size = sizeof(int);
     int pending;
 
+    can->port.state = state;
+    if (state == CAN_PORT_UP) {
+        /* takes away the error that the loss has left on the socket */
+        getsockopt(can->socket, SOL_SOCKET, SO_ERROR, &pending, &size);
+        can->port.fd = fd;
+    }
+}
+
+void socketcan_seek(struct can_port *port)
+{
+    struct socketcan *can = socketcan_of(port);
+    uint32_t number = (atomic_load(&can->finding) >> 9) + 1;
+    enum can_port_state state;
+    bool fd = false;
+
+    if (!atomic_load(&can->lost)) {
+        return;
+    }
+    state = seek(can, &fd);
+    if (state == CAN_PORT_UP) {
+        atomic_store(&can->lost, false);
+    }
+    atomic_store(&can->finding, number << 9 | (uint32_t)fd << 8 | state);
+}
+
+/* Looks for a lost interface, at most once a second, or at what was found by who looks for it, and goes
+ * on with it when it is up. */
+static void port_find(struct socketcan *can)
+{
+    const uint32_t finding = atomic_load(&can->finding);
+    int64_t now;
+    bool fd = false;
+    enum can_port_state state;
+
+    if (can->sought) {
+        if (finding != can->finding_seen) {
+            can->finding_seen = finding;
+            take_up(can, (enum can_port_state)(finding & 0xff), finding >> 8 & 1);
+        }
+        return;
+    }
+    now = clock_ns(CLOCK_MONOTONIC);
     if (now < can->retry_ns) {
         return;
     }
     can->retry_ns = now + RETRY_NS;
-    if (link_query(can->link, can->port.bus, &info) || info.type != ARPHRD_CAN) {
-        can->port.state = CAN_PORT_GONE;
-        return;
-    }
-    if (!info.up || socketcan_bind(can, info.index)) {
-        can->port.state = CAN_PORT_DOWN;
-        return;
-    }
-    /* takes away the error that the loss has left on the socket */
-    getsockopt(can->socket, SOL_SOCKET, SO_ERROR, &pending, &size);
-    can->port.fd = can->want_fd && info.mtu >= CANFD_MTU;
-    can->port.state = CAN_PORT_UP;
+    state = seek(can, &fd);
+    take_up(can, state, fd);
 }
 
 /* From the kernel's frame of size bytes; false when it is not a frame. */
@@ -174,6 +221,17 @@ static size_t encode(const struct bus_frame *frame, struct canfd_frame *raw)
     return (frame->flags & FRAME_FD) ? CANFD_MTU : CAN_MTU;
 }
 
+/* The counter as of some moment, which may be before the last one seen. */
+static void count_overflow(struct socketcan *can, uint32_t overflow)
+{
+    const int32_t more = (int32_t)(overflow - can->overflow);
+
+    if (more > 0) {
+        can->port.counters.rx_dropped += (uint32_t)more;
+        can->overflow = overflow;
+    }
+}
+
 /* Reads the time stamp and the drop counter that came with a frame. */
 static void read_ancillary(struct socketcan *can, struct msghdr *header, int64_t to_monotonic_ns,
                            struct bus_frame *frame)
@@ -191,10 +249,24 @@ static void read_ancillary(struct socketcan *can, struct msghdr *header, int64_t
             uint32_t overflow;
 
             memcpy(&overflow, CMSG_DATA(c), sizeof overflow);
-            can->port.counters.rx_dropped += overflow - can->overflow;
-            can->overflow = overflow;
+            count_overflow(can, overflow);
         }
     }
+}
+
+/* A frame tells what was lost before it. What was lost behind the last one that waited is asked for,
+ * when so much waited that there may have been no more room. */
+static void ask_for_overflow(struct socketcan *can, bool full_batch)
+{
+    uint32_t memory[SK_MEMINFO_VARS] = {0};
+    socklen_t size = sizeof memory;
+
+    if (can->full_batch && !full_batch &&
+        !getsockopt(can->socket, SOL_SOCKET, SO_MEMINFO, memory, &size) &&
+        size > SK_MEMINFO_DROPS * sizeof *memory) {
+        count_overflow(can, memory[SK_MEMINFO_DROPS]);
+    }
+    can->full_batch = full_batch;
 }
 
 /* The kernel stamps with the time of day. When that was set while the frame waited here, its stamp is
@@ -380,6 +452,7 @@ static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames,
             if (error_means_lost(errno)) {
                 port_lose(can, errno);
             }
+            ask_for_overflow(can, false);
             break;
         }
         now = clock_ns(CLOCK_MONOTONIC);
@@ -398,6 +471,7 @@ static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames,
             port_count_received(port, frame);
             count++;
         }
+        ask_for_overflow(can, (size_t)got == wanted);
         if ((size_t)got < wanted) {
             break;
         }

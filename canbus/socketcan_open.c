@@ -224,6 +224,7 @@ enum error_code socketcan_open(const struct socketcan_config *config, struct are
     can->socket = can->link = -1;
     can->want_fd = config->fd;
     can->controller = config->controller;
+    can->sought = config->sought;
     code = make_filters(can, config, arena, error);
     if (!code) {
         code = start(can, config, error);

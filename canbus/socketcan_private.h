@@ -8,6 +8,7 @@
 
 #include <linux/can.h>
 #include <linux/can/raw.h>
+#include <stdatomic.h>
 #include <sys/socket.h>
 #include <time.h>
 
@@ -28,6 +29,7 @@ struct socketcan {
     size_t nfilter;
     int64_t last_ns;   /* time of the last frame received */
     uint32_t overflow; /* drop counter of the kernel, as last seen */
+    bool full_batch;   /* the last read found as much as it could take */
     int64_t retry_ns;  /* not before this time, CLOCK_MONOTONIC, look for a lost interface */
     struct canfd_frame raw[SOCKETCAN_BATCH];
     struct iovec vector[SOCKETCAN_BATCH];
@@ -36,6 +38,12 @@ struct socketcan {
 
     const struct can_state_box *controller;
     uint32_t post; /* the last one that was read from it */
+
+    /* between the port and who seeks its interface */
+    bool sought;
+    atomic_bool lost;        /* the interface, and nobody has found it again */
+    _Atomic uint32_t finding; /* number << 9 | FD possible << 8 | enum can_port_state */
+    uint32_t finding_seen;
 
     /* the newest frame of each identifier that met a full queue, in the order of arrival */
     struct bus_frame held[SOCKETCAN_HELD_MAX];

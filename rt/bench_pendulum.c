@@ -235,7 +235,8 @@ static enum error_code create(const struct peer_pendulum *peer, const struct pee
 
     *engine = peer->create(chain, dt, message, sizeof message);
     return *engine ? ERROR_NONE
-                   : error_set(error, ERROR_UNSUPPORTED, "%s: %s", peer->name, message);
+                   : error_set(error, peer == &pendulum_ours ? ERROR_MEMORY : ERROR_UNSUPPORTED,
+                               "%s: %s", peer->name, message);
 }
 
 static int by_size(const void *a, const void *b)

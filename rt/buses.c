@@ -12,6 +12,7 @@
 enum {
     LOCAL_INBOX = 4096,
     INTERFACE_MAX = 15, /* IFNAMSIZ less the zero */
+    SEEK_NS = 1000000000,
 };
 
 static enum error_code unknown_bus(const struct rig *rig, const char *item, const char *name,
@@ -156,12 +157,14 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
                         : interfaces_prepare(rig, buses->interface, &interface_kernel, error);
 }
 
-static enum error_code join_one(struct buses *buses, size_t bus, size_t nodes, struct arena *arena,
+static enum error_code join_one(struct buses *buses, size_t bus, bool boards, struct arena *arena,
                                 struct can_port **port, struct error *error)
 {
     struct socketcan_config config = {.interface = buses->interface[bus],
                                       .fd = buses->rig->bus[bus].fd,
-                                      .controller = &buses->state[bus]};
+                                      .controller = &buses->state[bus],
+                                      .sought = boards};
+    size_t nodes = boards ? controllers(&buses->rig->bus[bus]) : 1;
 
     if (buses->local) {
         return local_bus_join_nodes(buses->bus[bus], nodes, NULL, 0, port, error);
@@ -169,6 +172,7 @@ static enum error_code join_one(struct buses *buses, size_t bus, size_t nodes, s
     if (socketcan_open(&config, arena, port, error)) {
         return error_prefix(error, "bus %s", buses->rig->bus[bus].name);
     }
+    buses->sought[bus] = boards ? *port : buses->sought[bus];
     return ERROR_NONE;
 }
 
@@ -202,8 +206,7 @@ static enum error_code join_all(struct buses *buses, bool boards, struct arena *
 {
     memset(ports, 0, sizeof *ports);
     for (size_t b = 0; b < buses->rig->nbus; b++) {
-        size_t nodes = boards ? controllers(&buses->rig->bus[b]) : 1;
-        enum error_code code = join_one(buses, b, nodes, arena, &ports->port[b], error);
+        enum error_code code = join_one(buses, b, boards, arena, &ports->port[b], error);
 
         ports->count += !code;
         if (!code && boards && !buses->local && buses->rig->wire.paced) {
@@ -247,6 +250,19 @@ void buses_tap(const struct buses *buses, size_t bus,
         local_bus_tap(buses->bus[bus], tap, context);
     } else {
         paced_port_tap(buses->paced[bus], tap, context);
+    }
+}
+
+void buses_seek(struct buses *buses, int64_t now_ns)
+{
+    if (now_ns < buses->seek_ns) {
+        return;
+    }
+    buses->seek_ns = now_ns + SEEK_NS;
+    for (size_t b = 0; b < buses->rig->nbus; b++) {
+        if (buses->sought[b]) {
+            socketcan_seek(buses->sought[b]);
+        }
     }
 }
 

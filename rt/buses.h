@@ -35,6 +35,8 @@ struct buses {
     struct can_port *paced[BUSES_MAX];     /* the simulator's, when SocketCAN is paced */
     struct wire *wire[BUSES_MAX];          /* when timed */
     struct can_state_box state[BUSES_MAX]; /* of SocketCAN's controllers (rt/interfaces.h) */
+    struct can_port *sought[BUSES_MAX];    /* the simulator's on SocketCAN, for buses_seek */
+    int64_t seek_ns;                       /* not before this time */
 };
 
 /* Chooses the transport and creates the local buses. overrides has "NAME=INTERFACE" entries, as of
@@ -60,6 +62,10 @@ void buses_advance(const struct buses *buses, int64_t now_ns);
  * set before the first frame. */
 void buses_tap(const struct buses *buses, size_t bus,
                void (*tap)(void *context, const struct bus_frame *frame), void *context);
+
+/* Looks for interfaces that the simulator has lost, at most once a second: in its loop that would wait
+ * for locks of the kernel. From one thread other than the loop's. Not RT-safe. */
+void buses_seek(struct buses *buses, int64_t now_ns);
 
 void bus_ports_close(struct bus_ports *ports);
 

@@ -2,6 +2,7 @@
 /* coman-hil run: a rig from start to summary. */
 #include "base/text.h"
 #include "rt/commands.h"
+#include "rt/control.h"
 #include "rt/journal.h"
 #include "rt/monitor.h"
 #include "rt/options.h"
@@ -16,7 +17,7 @@
 
 /* The command line. */
 struct run_options {
-    const char *rig, *task, *record, *gateway;
+    const char *rig, *task, *record, *gateway, *control;
     struct option_list bus, fault;
     double duration_s;
     int64_t ticks, record_period_ms, seed;
@@ -90,6 +91,12 @@ static const char manual_format[] =
     "protocol of socketcand in raw mode, a bus under its name or that of its interface. In "
     "lockstep "
     "such a program sends the STEP frames.\n\n"
+    "Control. \"coman-hil ctl\" and other programs look at the run and steer it over a unix socket that "
+    "only its owner and root may use: at $RUNTIME_DIRECTORY/control under a service manager that gives "
+    "such a directory, else at $XDG_RUNTIME_DIR/coman-hil/RIG.sock, for root without that variable at "
+    "/run/coman-hil/RIG.sock; RIG-2.sock when that is taken, and so on. When none of them can be had a "
+    "notice says so and the run goes on; with --control PATH it does not start. \"ctl --help\" has the "
+    "protocol.\n\n"
     "With a task the run ends when the task does: status 0 when it is done, 1 when it failed. An "
     "interrupt (Ctrl-C) or SIGTERM switches the motors off and ends with the summary; a second one "
     "kills. Under a service manager (NOTIFY_SOCKET) SIGHUP reads the rig again: when it is good, "
@@ -133,6 +140,10 @@ static bool parse(int argc, char **argv, struct run_options *out, int *status)
          "numeric "
          "address, 127.0.0.1 by default; PORT 0 is any that is free",
          .value = &o.gateway},
+        {"--control", OPTION_STRING, "PATH",
+         "where the socket for \"coman-hil ctl\" is; none: nowhere; a default place otherwise, see "
+         "below",
+         .value = &o.control},
         {"--wire", OPTION_ENUM, "MODE",
          "ideal: frames take no time; wire: they take that of their bits, and arbitration, on "
          "local "
@@ -231,6 +242,7 @@ static enum error_code configure(const struct run_options *options, const struct
         .seed = (uint64_t)options->seed,
         .ticks = (uint64_t)options->ticks,
         .task = options->task,
+        .steered = !options->control || strcmp(options->control, "none") != 0,
         .record = options->record ? options->record : rig->record.directory,
         .overwrite = options->force,
         .row_period_ns = options->record_period_ms * CLOCK_MS,
@@ -287,7 +299,22 @@ static void print_gateway(struct simulator *simulator)
     }
 }
 
-static int finish(struct simulator *simulator, enum loop_end end)
+static void print_control(struct control *control)
+{
+    struct control_counters counters;
+
+    control_counters(control, &counters);
+    if (counters.clients + counters.refused > 0) {
+        printf("control: %" PRIu64 " clients, %" PRIu64 " turned away, %" PRIu64
+               " cut off; %" PRIu64 " requests, %" PRIu64 " refused; %" PRIu64 " rows, %" PRIu64
+               " missed\n",
+               counters.clients, counters.refused,
+               counters.cut_junk + counters.cut_slow + counters.cut_silent, counters.requests,
+               counters.refused_requests, counters.rows, counters.missed_rows);
+    }
+}
+
+static int finish(struct simulator *simulator, struct control *control, enum loop_end end)
 {
     const char *directory = simulator_configuration(simulator)->record;
     struct summary summary = {.simulator = simulator, .end = end, .recorded = directory != NULL};
@@ -298,6 +325,9 @@ static int finish(struct simulator *simulator, enum loop_end end)
         incomplete = command_fail("run", &error);
     }
     print_gateway(simulator);
+    if (control) {
+        print_control(control);
+    }
     summary_print(&summary, stdout);
     if (directory && summary_write(&summary, directory, &error)) {
         incomplete = command_fail("run", &error);
@@ -352,33 +382,94 @@ static void try_reload(void *context)
     arena_fini(&arena);
 }
 
-static int run(struct simulator *simulator, bool quiet)
+/* ---- the control socket ---- */
+
+/* NULL in *control: there is none, and that is all right. */
+static enum error_code open_control(const struct run_options *options, struct simulator *simulator,
+                                    struct control **control, struct error *error)
+{
+    struct control_config config = {
+        .simulator = simulator,
+        .steering = simulator_steering(simulator),
+        .path = options->control,
+        .name = simulator_configuration(simulator)->rig->name,
+    };
+
+    *control = NULL;
+    if (!config.steering) {
+        return ERROR_NONE;
+    }
+    if (control_start(&config, control, error)) {
+        if (options->control) {
+            return error->code;
+        }
+        fprintf(stderr, "%snotice: %s: \"coman-hil ctl\" cannot reach this run\n",
+                journal_prefix(JOURNAL_NOTICE), error->text);
+        return ERROR_NONE;
+    }
+    fprintf(stderr, "control: %s\n", control_path(*control));
+    return ERROR_NONE;
+}
+
+/* What the monitor's thread does beside its own. */
+struct background {
+    struct simulator *simulator;
+    struct control *control; /* NULL = none */
+    struct monitor *monitor;
+};
+
+static void log_control(const struct background *background)
+{
+    char text[EVENTLOG_TEXT];
+    uint64_t key;
+
+    while (background->control &&
+           control_next_event(background->control, &key, text, sizeof text)) {
+        eventlog_put(&background->monitor->log, clock_now(clock_monotonic()), key, text);
+    }
+}
+
+static void each_period(void *context)
+{
+    const struct background *background = context;
+
+    try_reload(background->simulator);
+    log_control(background);
+}
+
+static int run(struct simulator *simulator, struct control *control, bool quiet)
 {
     static struct monitor monitor;
+    struct background background = {simulator, control, &monitor};
     struct monitor_config config = {.simulator = simulator,
                                     .manager = &manager,
                                     .out = stderr,
                                     .terminal = isatty(STDERR_FILENO),
                                     .quiet = quiet,
-                                    .each = try_reload,
-                                    .context = simulator};
+                                    .each = each_period,
+                                    .context = &background};
     struct realtime_report report;
     struct error error;
     enum loop_end end;
 
     if (monitor_start(&monitor, &config, &error)) {
+        control_stop(control);
         return command_fail("run", &error);
     }
     rig_command_on_stop(stop, simulator);
     if (simulator_start(simulator, &report, &error)) {
+        control_stop(control);
         monitor_stop(&monitor);
         return command_fail("run", &error);
     }
+    control_serve(control);
     rig_command_warn(&report, monitor.log.clear);
     end = simulator_run(simulator);
+    control_stop(control);
     monitor_stop(&monitor);
+    log_control(&background);
     rig_command_ignore_stop();
-    return finish(simulator, end);
+    return finish(simulator, control, end);
 }
 
 static void print_settled(const struct simulator *simulator)
@@ -406,6 +497,7 @@ static int run_rig(void *context, const struct rig *loaded, struct arena *arena)
     const struct rig *rig = loaded;
     struct simulator_config config;
     struct simulator *simulator;
+    struct control *control;
     struct error error;
     char notice[256];
     int status;
@@ -432,7 +524,12 @@ static int run_rig(void *context, const struct rig *loaded, struct arena *arena)
         fprintf(stderr, "gateway: %s port %u\n", host[0] ? host : "127.0.0.1",
                 gateway_port(simulator_gateway(simulator)));
     }
-    status = run(simulator, options->quiet);
+    if (open_control(options, simulator, &control, &error)) {
+        status = command_fail("run", &error);
+    } else {
+        status = run(simulator, control, options->quiet);
+    }
+    control_destroy(control);
     simulator_destroy(simulator);
     return status;
 }

@@ -21,19 +21,20 @@ struct task_options {
 static const struct option_word clock_words[] = {
     {"real", RIG_CLOCK_REAL}, {"lockstep", RIG_CLOCK_LOCKSTEP}, {0}};
 
-static const char manual[] = "The controller sees the buses and the rig's map of them, nothing "
-                             "else; it drives real boards as "
-                             "it does virtual ones. It needs SocketCAN; on a kernel without CAN, "
-                             "`coman-hil run --task` starts "
-                             "it inside the simulator. An interrupt switches the motors off.\n\n"
-                             "Clocks. real: one control period each tick of the rig by the wall "
-                             "clock. lockstep: it sends the "
-                             "STEP frames and waits for DONE.\n\n"
-                             "With --reconnect boards that fall silent for 200 ms, do not answer or "
-                             "have begun anew are no end: motors are switched off, the rig is read "
-                             "again, the boards are looked for until they are back, and the task "
-                             "begins at its beginning. A fault of a motor and a task that fails are "
-                             "an end.";
+static const char manual[] =
+    "The controller sees the buses and the rig's map of them, nothing "
+    "else; it drives real boards as "
+    "it does virtual ones. It needs SocketCAN; on a kernel without CAN, "
+    "`coman-hil run --task` starts "
+    "it inside the simulator. An interrupt switches the motors off.\n\n"
+    "Clocks. real: one control period each tick of the rig by the wall "
+    "clock. lockstep: it sends the "
+    "STEP frames and waits for DONE.\n\n"
+    "With --reconnect boards that fall silent for 200 ms, do not answer or "
+    "have begun anew are no end: motors are switched off, the rig is read "
+    "again, the boards are looked for until they are back, and the task "
+    "begins at its beginning. A fault of a motor and a task that fails are "
+    "an end.";
 
 static bool parse(int argc, char **argv, struct task_options *out, int *status)
 {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* One thread, one poll set: a descriptor to stop, the listening socket, the clients. */
+/* One thread, one poll set: a descriptor for orders, the listening socket, the clients. */
 #include "rt/control_private.h"
 
 #include <errno.h>
@@ -17,6 +17,7 @@ enum {
 };
 
 #define PATIENCE_NS (30 * CLOCK_SECOND)
+#define MEMORY ((size_t)16 << 20) /* of address space */
 
 /* ---- the thread ---- */
 
@@ -27,16 +28,15 @@ static void prepare(const struct control *control, bool door, struct pollfd fd[P
                     int *timeout_ms)
 {
     *timeout_ms = door ? IDLE_MS : DOOR_MS;
-    fd[0] = (struct pollfd){.fd = control->stop_event, .events = POLLIN};
+    fd[0] = (struct pollfd){.fd = control->event, .events = POLLIN};
     fd[1] = (struct pollfd){.fd = door ? control->socket.descriptor : -1, .events = POLLIN};
     for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
         const struct control_client *client = &control->client[i];
         bool reads = control_listens(client) && !client->ended && client->received < CONTROL_LINE;
         bool writes = client->socket >= 0 && client->filled > client->sent;
 
-        fd[POLL_FIXED + i] =
-            (struct pollfd){.fd = client->socket,
-                            .events = (short)((reads ? POLLIN : 0) | (writes ? POLLOUT : 0))};
+        fd[POLL_FIXED + i] = (struct pollfd){
+            .fd = client->socket, .events = (short)((reads ? POLLIN : 0) | (writes ? POLLOUT : 0))};
         if (client->socket >= 0 && client->subscription.count > 0 && *timeout_ms > ROWS_MS) {
             *timeout_ms = ROWS_MS;
         }
@@ -63,6 +63,18 @@ static bool serve_client(struct control *control, struct control_client *client,
     return (events & ~POLLOUT) && control_listens(client) && control_hear(control, client);
 }
 
+/* Until there is an order to serve, or to stop. */
+static void wait_for_order(struct control *control)
+{
+    struct pollfd fd = {.fd = control->event, .events = POLLIN};
+    uint64_t orders;
+
+    while (atomic_load(&control->order) == CONTROL_ORDER_WAIT) {
+        poll(&fd, 1, -1);
+    }
+    (void)!read(control->event, &orders, sizeof orders);
+}
+
 static void *serve(void *context)
 {
     struct control *control = context;
@@ -70,7 +82,8 @@ static void *serve(void *context)
     int64_t door_ns = 0;
     bool more = false;
 
-    for (;;) {
+    wait_for_order(control);
+    while (atomic_load(&control->order) != CONTROL_ORDER_STOP) {
         struct pollfd fd[POLL_COUNT];
         int timeout_ms;
 
@@ -79,10 +92,6 @@ static void *serve(void *context)
             memset(fd, 0, sizeof fd); /* a signal, or no memory: look again */
         }
         control->now_ns = clock_now(clock);
-        if (fd[0].revents) {
-            control_end(control);
-            return NULL;
-        }
         more = control_pump(control);
         for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
             more = serve_client(control, &control->client[i], fd[POLL_FIXED + i].revents) || more;
@@ -95,6 +104,8 @@ static void *serve(void *context)
             door_ns = control->now_ns + DOOR_MS * CLOCK_MS;
         }
     }
+    control_end(control);
+    return NULL;
 }
 
 /* ---- start and stop ---- */
@@ -113,9 +124,9 @@ static enum error_code allocate(const struct control_config *config, struct aren
         return error_set(error, ERROR_MEMORY, "control socket: no memory");
     }
     control->config = *config;
-    control->steering = config->steering;
+    control->arena = *arena;
     control->rig = simulator_configuration(config->simulator)->rig;
-    control->socket.descriptor = control->stop_event = -1;
+    control->socket.descriptor = control->event = -1;
     control->patience_ns = config->patience_ns ? config->patience_ns : PATIENCE_NS;
     ring_init(&control->events, events, sizeof(struct control_event), EVENTS);
     for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
@@ -134,39 +145,61 @@ static enum error_code start_thread(struct control *control, struct error *error
 {
     int reason;
 
-    control->stop_event = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    if (control->stop_event < 0) {
+    control->event = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (control->event < 0) {
         return error_set_errno(error, errno, "control socket: cannot create an event descriptor");
     }
     reason = pthread_create(&control->thread, NULL, serve, control);
     if (reason) {
-        close(control->stop_event);
+        close(control->event);
         return error_set_errno(error, reason, "control socket: cannot start its thread");
     }
     return ERROR_NONE;
 }
 
-enum error_code control_start(const struct control_config *config, struct arena *arena,
-                              struct control **out, struct error *error)
+enum error_code control_start(const struct control_config *config, struct control **out,
+                              struct error *error)
 {
+    struct arena arena;
     struct control *control = NULL;
-    enum error_code code = allocate(config, arena, &control, error);
+    enum error_code code = arena_init(&arena, MEMORY, error);
 
     if (code) {
         return code;
     }
-    code = config->path ? control_socket_open(config->path, &control->socket, error)
-                        : control_socket_open_default(config->name, &control->socket, error);
-    if (code) {
-        return code;
+    code = allocate(config, &arena, &control, error);
+    if (!code) {
+        code = config->path ? control_socket_open(config->path, &control->socket, error)
+                            : control_socket_open_default(config->name, &control->socket, error);
     }
-    code = start_thread(control, error);
+    if (!code) {
+        code = start_thread(control, error);
+    }
     if (code) {
-        control_socket_close(&control->socket);
+        if (control) {
+            control_socket_close(&control->socket);
+        }
+        arena_fini(&arena);
         return code;
     }
     *out = control;
     return ERROR_NONE;
+}
+
+static void give_order(struct control *control, enum control_order order)
+{
+    const uint64_t one = 1;
+
+    atomic_store(&control->order, (int)order);
+    /* cannot fail: the counter is small */
+    (void)!write(control->event, &one, sizeof one);
+}
+
+void control_serve(struct control *control)
+{
+    if (control) {
+        give_order(control, CONTROL_ORDER_SERVE);
+    }
 }
 
 const char *control_path(const struct control *control)
@@ -188,19 +221,24 @@ bool control_next_event(struct control *control, uint64_t *key, char *text, size
 
 void control_stop(struct control *control)
 {
-    uint64_t one = 1;
-
-    if (!control) {
-        return;
+    if (control) {
+        give_order(control, CONTROL_ORDER_STOP);
+        pthread_join(control->thread, NULL);
+        close(control->event);
+        control_socket_close(&control->socket);
     }
-    /* cannot fail: the counter is zero */
-    (void)!write(control->stop_event, &one, sizeof one);
-    pthread_join(control->thread, NULL);
-    close(control->stop_event);
-    control_socket_close(&control->socket);
 }
 
 void control_counters(const struct control *control, struct control_counters *counters)
 {
     *counters = control->counters;
+}
+
+void control_destroy(struct control *control)
+{
+    if (control) {
+        struct arena arena = control->arena;
+
+        arena_fini(&arena);
+    }
 }

@@ -22,7 +22,7 @@
  * number is null, hashes are strings of 16 hexadecimal digits.
  *
  *   hello         program, version, protocol (1), rig, pid
- *   status        rig, robot_hash, task, clock, speed, paused, clamped, tick, time_s, elapsed_s, overruns, lost_ticks,
+ *   status        rig, file, robot_hash, task, clock, speed, paused, clamped, tick, time_s, elapsed_s, overruns, lost_ticks,
  *                 buses (load: mean since this client's last status, or since the start), joints,
  *                 contacts (force_z_n), faults (the active ones), control (counters of this socket)
  *   statistics    phases, wakeup and work: count, min, median, p99, max, mean in us; overruns by phase,
@@ -81,9 +81,9 @@ enum {
 struct control_config {
     struct simulator *simulator;
     struct steering *steering; /* of its loop */
-    const char *path;    /* of the socket; NULL = a default one for name */
-    const char *name;    /* of the instance: the rig's */
-    int64_t patience_ns; /* with half lines and full outboxes; 0 = 30 s */
+    const char *path;          /* of the socket; NULL = a default one for name */
+    const char *name;          /* of the instance: the rig's */
+    int64_t patience_ns;       /* with half lines and full outboxes; 0 = 30 s */
 };
 
 struct control_counters {
@@ -96,14 +96,19 @@ struct control_counters {
 
 struct control;
 
-/* Listens and starts the thread; after simulator_create and before simulator_start. Memory from arena.
- * Errors are those of control_socket_open and control_socket_open_default. */
-enum error_code control_start(const struct control_config *config, struct arena *arena,
-                              struct control **control, struct error *error);
+/* Listens and starts the thread; after simulator_create and before simulator_start, so that the thread
+ * has the rights and processors of any other. Errors are those of control_socket_open and
+ * control_socket_open_default. */
+enum error_code control_start(const struct control_config *config, struct control **control,
+                              struct error *error);
+
+/* Clients are heard from now on; after simulator_start, which moves the simulator's memory into place
+ * and must not be disturbed. Who came before waits until then. */
+void control_serve(struct control *control);
 
 const char *control_path(const struct control *control);
 
-/* One line for the log: who was cut off and why, who has changed what; false when none waits. From one
+/* One line for the log: who was cut off and why, who has ended the run; false when none waits. From one
  * thread. */
 bool control_next_event(struct control *control, uint64_t *key, char *text, size_t size);
 
@@ -113,5 +118,6 @@ void control_stop(struct control *control);
 
 /* After control_stop. */
 void control_counters(const struct control *control, struct control_counters *counters);
+void control_destroy(struct control *control); /* NULL is allowed */
 
 #endif

@@ -127,13 +127,14 @@ static json_t *status_buses(const struct control *control, const struct simulato
     return whole(array, good);
 }
 
+/* before the first tick nothing is known of joints and contacts */
 static json_t *status_joints(const struct control *control, const struct simulator_status *now)
 {
     const struct robot *robot = control->rig->robot;
     json_t *object = json_object();
     bool good = object != NULL;
 
-    for (size_t j = 0; j < robot->njoint && good; j++) {
+    for (size_t j = 0; j < robot->njoint && good && now->tick > 0; j++) {
         good = control_put(object, robot->joint[j].name, control_number(now->q[j]));
     }
     return whole(object, good);
@@ -144,9 +145,9 @@ static json_t *status_contacts(const struct control *control, const struct simul
     json_t *object = json_object();
     bool good = object != NULL;
 
-    for (size_t c = 0; c < control->rig->contact.nbody && good; c++) {
-        good = control_put(object, rig_contact_name(control->rig, c),
-                           control_number(now->force_z[c]));
+    for (size_t c = 0; c < control->rig->contact.nbody && good && now->tick > 0; c++) {
+        good =
+            control_put(object, rig_contact_name(control->rig, c), control_number(now->force_z[c]));
     }
     return whole(object, good);
 }
@@ -182,8 +183,8 @@ static json_t *status_task(const struct control *control)
     }
     controller_read(controller, &status);
     body = json_object();
-    good = control_put(
-        body, "name", control_text(simulator_configuration(control->config.simulator)->task));
+    good = control_put(body, "name",
+                       control_text(simulator_configuration(control->config.simulator)->task));
     good = control_put(body, "status", json_string(names[status.status])) && good;
     good = control_put(body, "message", control_text(status.message)) && good;
     return whole(body, good);
@@ -217,14 +218,17 @@ json_t *control_status(const struct control *control, struct control_client *cli
 
     simulator_read(simulator, &now);
     good = control_put(body, "rig", control_text(control->rig->name)) && good;
+    good = control_put(body, "file", control_text(control->rig->file)) && good;
     good = control_put(body, "robot_hash", control_hash(control->rig->robot->hash)) && good;
     good = control_put(body, "task", status_task(control)) && good;
-    good = control_put(body, "recording", config->record ? control_text(config->record)
-                                                         : json_null()) &&
+    good = control_put(body, "recording",
+                       config->record ? control_text(config->record) : json_null()) &&
            good;
     good = control_put(body, "clock", json_string(clock_name(config->clock))) && good;
-    good = control_put(body, "speed", control_number(steering_speed(control->steering))) && good;
-    good = control_put(body, "paused", json_boolean(steering_paused(control->steering))) && good;
+    good = control_put(body, "speed", control_number(steering_speed(control->config.steering))) &&
+           good;
+    good = control_put(body, "paused", json_boolean(steering_paused(control->config.steering))) &&
+           good;
     good = control_put(body, "clamped", json_boolean(now.clamped)) && good;
     good = control_put(body, "tick", control_count(now.tick)) && good;
     good = control_put(body, "tick_s", seconds(control->rig->tick_ns)) && good;
@@ -333,12 +337,12 @@ json_t *control_statistics(struct control *control)
 
 json_t *control_tunable(const struct control *control, size_t index)
 {
-    const struct tunable *tunable = steering_tunable(control->steering, index);
+    const struct tunable *tunable = steering_tunable(control->config.steering, index);
     json_t *body = json_object();
     bool good = control_put(body, "name", control_text(tunable->name));
 
     good = control_put(body, "value",
-                       control_number(steering_value(control->steering, index))) &&
+                       control_number(steering_value(control->config.steering, index))) &&
            good;
     good = control_put(body, "unit", control_text(tunable->unit)) && good;
     good = control_put(body, "min", control_number(tunable->min)) && good;
@@ -357,8 +361,8 @@ static json_t *list_tunables(const struct control *control, const struct control
     json_t *array = json_array();
     bool good = array != NULL;
 
-    for (size_t i = 0; i < steering_tunables(control->steering) && good; i++) {
-        good = !wanted(request, steering_tunable(control->steering, i)->name) ||
+    for (size_t i = 0; i < steering_tunables(control->config.steering) && good; i++) {
+        good = !wanted(request, steering_tunable(control->config.steering, i)->name) ||
                append(array, control_tunable(control, i));
     }
     return whole(array, good);

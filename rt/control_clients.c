@@ -22,6 +22,7 @@ void control_log(struct control *control, uint64_t key, const char *format, ...)
     va_start(arguments, format);
     vsnprintf(event.text, sizeof event.text, format, arguments);
     va_end(arguments);
+    control_clean(event.text);
     /* when nobody reads them they are not worth keeping */
     (void)ring_push(&control->events, &event);
 }
@@ -174,7 +175,8 @@ static void complain(struct control *control, struct control_client *client, con
 
 static bool is_blank(const char *line, size_t size)
 {
-    while (size > 0 && (line[size - 1] == ' ' || line[size - 1] == '\t' || line[size - 1] == '\r')) {
+    while (size > 0 &&
+           (line[size - 1] == ' ' || line[size - 1] == '\t' || line[size - 1] == '\r')) {
         size--;
     }
     return size == 0;
@@ -296,7 +298,8 @@ void control_check(struct control *control, struct control_client *client)
                control->now_ns - client->heard_ns > control->patience_ns) {
         control_refuse(control, client, NULL, "input",
                        "found half a line and then nothing, expected its end", NULL);
-        cut_off(control, client, &control->counters.cut_silent, "it stopped in the middle of a line");
+        cut_off(control, client, &control->counters.cut_silent,
+                "it stopped in the middle of a line");
     } else if (waiting(client) == 0 &&
                (client->last_word ||
                 (client->ended && client->received == 0 && client->waiting == WAITING_NOT &&
@@ -321,9 +324,9 @@ static void turn_away(struct control *control, int socket, pid_t pid, const char
                       const char *reason)
 {
     char text[256];
-    int size = snprintf(text, sizeof text,
-                        "{\"id\":null,\"ok\":false,\"code\":\"%s\",\"error\":\"%s\"}\n", code,
-                        reason);
+    int size =
+        snprintf(text, sizeof text, "{\"id\":null,\"ok\":false,\"code\":\"%s\",\"error\":\"%s\"}\n",
+                 code, reason);
 
     (void)!send(socket, text, (size_t)size, MSG_NOSIGNAL | MSG_DONTWAIT);
     close(socket);

@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { KEY_CHANGED = 16 }; /* topics of the log, one a command */
+enum { KEY_STOP = 16 }; /* a topic of the log */
 
 /* ---- names ---- */
 
@@ -21,7 +21,7 @@ struct names {
 
 static const char *tunable_at(const struct control *control, size_t index)
 {
-    return steering_tunable(control->steering, index)->name;
+    return steering_tunable(control->config.steering, index)->name;
 }
 
 static const char *fault_at(const struct control *control, size_t index)
@@ -64,7 +64,7 @@ static enum error_code find(const struct control *control, const struct names *n
 static enum error_code find_tunable(const struct control *control, const char *name, size_t *index,
                                     struct error *error)
 {
-    const struct names names = {"tunable", steering_tunables(control->steering), tunable_at};
+    const struct names names = {"tunable", steering_tunables(control->config.steering), tunable_at};
 
     return find(control, &names, name, index, error);
 }
@@ -98,7 +98,7 @@ static enum error_code steer_set(const struct control *control,
     if (code) {
         return code;
     }
-    tunable = steering_tunable(control->steering, steer->index);
+    tunable = steering_tunable(control->config.steering, steer->index);
     if (!(request->value >= tunable->min && request->value <= tunable->max) ||
         (tunable->whole && request->value != floor(request->value))) {
         return error_set(error, ERROR_INPUT, "set: %s: found %.15g, expected %s%.15g to %.15g%s%s",
@@ -119,16 +119,11 @@ static enum error_code steer_push(const struct control *control,
     return find_body(control, request->name, &steer->index, error);
 }
 
-/* What the loop is to do for a request, and a line about it for the log; kind is set for those that
- * are the loop's only. */
-static enum error_code make_steer(const struct control *control, struct control_client *client,
+/* What the loop is to do for a request. */
+static enum error_code make_steer(const struct control *control,
+                                  const struct control_request *request,
                                   struct steer_request *steer, struct error *error)
 {
-    const struct control_request *request = &client->request;
-    char *what = client->what;
-    const size_t size = sizeof client->what;
-
-    snprintf(what, size, "%s", control_command_name(request->command));
     switch (request->command) {
     case CONTROL_PAUSE:
         steer->kind = STEER_PAUSE;
@@ -142,39 +137,33 @@ static enum error_code make_steer(const struct control *control, struct control_
     case CONTROL_STEP:
         steer->kind = STEER_STEP;
         steer->count = (uint64_t)request->count;
-        snprintf(what, size, "step %lld", (long long)request->count);
         return ERROR_NONE;
     case CONTROL_SPEED:
         steer->kind = STEER_SPEED;
         steer->value = request->value;
-        snprintf(what, size, "speed %g", request->value);
         return ERROR_NONE;
     case CONTROL_CHECKPOINT:
     case CONTROL_RESTORE:
         steer->kind = request->command == CONTROL_RESTORE ? STEER_RESTORE : STEER_CHECKPOINT;
         steer->index = (size_t)request->count;
-        snprintf(what, size, "%s %lld", control_command_name(request->command),
-                 (long long)request->count);
         return ERROR_NONE;
     case CONTROL_FAULT:
         steer->kind = STEER_FAULT;
         steer->on = request->on;
-        snprintf(what, size, "fault %.63s %s", request->name, request->on ? "on" : "off");
         return find_fault(control, request->name, &steer->index, error);
     case CONTROL_PUSH:
         steer->kind = STEER_PUSH;
-        snprintf(what, size, "push %.63s", request->name);
         return steer_push(control, request, steer, error);
     default:
         steer->kind = STEER_SET;
-        snprintf(what, size, "set %.63s %.9g", request->name, request->value);
         return steer_set(control, request, steer, error);
     }
 }
 
 static void ask(struct control *control, struct control_client *client)
 {
-    client->waiting = steering_ask(control->steering, &client->steer) ? WAITING_LOOP : WAITING_ROOM;
+    client->waiting =
+        steering_ask(control->config.steering, &client->steer) ? WAITING_LOOP : WAITING_ROOM;
 }
 
 /* Tells later which checkpoint was written, also when the client is gone by then. */
@@ -189,7 +178,7 @@ static void begin_steer(struct control *control, struct control_client *client)
     struct error error;
 
     client->steer = (struct steer_request){.ticket = 0};
-    if (make_steer(control, client, &client->steer, &error)) {
+    if (make_steer(control, &client->request, &client->steer, &error)) {
         control_refuse(control, client, client->request.id, "input", error.text, NULL);
         control_request_clear(&client->request);
         return;
@@ -211,8 +200,7 @@ static json_t *get(const struct control *control, const struct control_request *
 
 static json_t *stop(struct control *control, const struct control_client *client)
 {
-    control_log(control, KEY_CHANGED + CONTROL_STOP, "control: process %ld: stop",
-                (long)client->pid);
+    control_log(control, KEY_STOP, "control: process %ld ends the run", (long)client->pid);
     simulator_stop(control->config.simulator);
     return json_object();
 }
@@ -254,8 +242,8 @@ static void answer_now(struct control *control, struct control_client *client)
     if (body) {
         control_answer(control, client, request.id, body);
     } else {
-        control_refuse(control, client, request.id,
-                       error.code == ERROR_MEMORY ? "memory" : "input", error.text, NULL);
+        control_refuse(control, client, request.id, error.code == ERROR_MEMORY ? "memory" : "input",
+                       error.text, NULL);
     }
     control_request_clear(&client->request);
 }
@@ -314,6 +302,23 @@ static const char *verdict_code(enum steer_verdict verdict)
     return codes[verdict];
 }
 
+/* Why the loop would not. */
+static const char *verdict_text(const struct control *control, enum control_command command,
+                                enum steer_verdict verdict)
+{
+    bool back =
+        command == CONTROL_RESET || command == CONTROL_CHECKPOINT || command == CONTROL_RESTORE;
+
+    if (verdict == STEER_UNAVAILABLE && back && simulator_controller(control->config.simulator)) {
+        return "this run has no way back: with the real clock its task has a thread of its own; "
+               "start the task as a process (coman-hil task), or run with --clock free or lockstep";
+    }
+    if (verdict == STEER_CLOCK && command == CONTROL_SPEED) {
+        return "this clock has no speed of its own: only the real one has";
+    }
+    return steer_verdict_text(verdict);
+}
+
 /* The loop has done it, or would not. */
 static void finish_steer(struct control *control, struct control_client *client,
                          const struct steer_answer *answer)
@@ -328,13 +333,10 @@ static void finish_steer(struct control *control, struct control_client *client,
     client->request.root = NULL;
     client->waiting = WAITING_NOT;
     if (answer->verdict == STEER_OK) {
-        control_log(control, KEY_CHANGED + (uint64_t)request.command,
-                    "%.6f s: control: process %ld: %s", (double)answer->time_ns * 1e-9,
-                    (long)client->pid, client->what);
         control_answer(control, client, request.id, body);
     } else {
         control_refuse(control, client, request.id, verdict_code(answer->verdict),
-                       steer_verdict_text(answer->verdict), body);
+                       verdict_text(control, request.command, answer->verdict), body);
     }
     control_request_clear(&request);
 }
@@ -343,7 +345,7 @@ static void take_answers(struct control *control)
 {
     struct steer_answer answer;
 
-    while (steering_answer(control->steering, &answer)) {
+    while (steering_answer(control->config.steering, &answer)) {
         size_t slot = answer.ticket % STEERING_SLOTS;
 
         if (slot > 0 && answer.verdict == STEER_OK) {
@@ -360,8 +362,7 @@ static void take_answers(struct control *control)
     }
 }
 
-static bool is_reached(const struct control_request *request,
-                       const struct simulator_status *status)
+static bool is_reached(const struct control_request *request, const struct simulator_status *status)
 {
     return request->wait_time ? (double)status->time_ns * 1e-9 >= request->time_s
                               : status->tick >= (uint64_t)request->count;

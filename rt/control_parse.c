@@ -14,21 +14,30 @@
 #define OF(member) offsetof(struct control_request, member)
 
 static const char *const command_names[CONTROL_COMMANDS] = {
-    [CONTROL_HELLO] = "hello",           [CONTROL_STATUS] = "status",
-    [CONTROL_STATISTICS] = "statistics", [CONTROL_LIST] = "list",
-    [CONTROL_GET] = "get",               [CONTROL_SET] = "set",
-    [CONTROL_FAULT] = "fault",           [CONTROL_PUSH] = "push",
-    [CONTROL_PAUSE] = "pause",           [CONTROL_RESUME] = "resume",
-    [CONTROL_STEP] = "step",             [CONTROL_SPEED] = "speed",
-    [CONTROL_RESET] = "reset",           [CONTROL_CHECKPOINT] = "checkpoint",
-    [CONTROL_RESTORE] = "restore",       [CONTROL_WAIT] = "wait",
-    [CONTROL_SUBSCRIBE] = "subscribe",   [CONTROL_UNSUBSCRIBE] = "unsubscribe",
+    [CONTROL_HELLO] = "hello",
+    [CONTROL_STATUS] = "status",
+    [CONTROL_STATISTICS] = "statistics",
+    [CONTROL_LIST] = "list",
+    [CONTROL_GET] = "get",
+    [CONTROL_SET] = "set",
+    [CONTROL_FAULT] = "fault",
+    [CONTROL_PUSH] = "push",
+    [CONTROL_PAUSE] = "pause",
+    [CONTROL_RESUME] = "resume",
+    [CONTROL_STEP] = "step",
+    [CONTROL_SPEED] = "speed",
+    [CONTROL_RESET] = "reset",
+    [CONTROL_CHECKPOINT] = "checkpoint",
+    [CONTROL_RESTORE] = "restore",
+    [CONTROL_WAIT] = "wait",
+    [CONTROL_SUBSCRIBE] = "subscribe",
+    [CONTROL_UNSUBSCRIBE] = "unsubscribe",
     [CONTROL_STOP] = "stop",
 };
 
 static const char *const list_names[CONTROL_LISTS] = {
-    [CONTROL_LIST_TUNABLES] = "tunables", [CONTROL_LIST_FAULTS] = "faults",
-    [CONTROL_LIST_BODIES] = "bodies",     [CONTROL_LIST_SIGNALS] = "signals",
+    [CONTROL_LIST_TUNABLES] = "tunables",       [CONTROL_LIST_FAULTS] = "faults",
+    [CONTROL_LIST_BODIES] = "bodies",           [CONTROL_LIST_SIGNALS] = "signals",
     [CONTROL_LIST_CHECKPOINTS] = "checkpoints", [CONTROL_LIST_COMMANDS] = "commands",
 };
 
@@ -172,8 +181,13 @@ static enum error_code read_vector(const struct key *key, const json_t *value, d
 {
     enum error_code code = ERROR_NONE;
 
-    if (!json_is_array(value) || json_array_size(value) != 3) {
+    if (!json_is_array(value)) {
         return wrong_type(key, value, "an array of three numbers", error);
+    }
+    if (json_array_size(value) != 3) {
+        return error_set(error, ERROR_INPUT,
+                         "%s: key \"%s\": found an array of %zu, expected three numbers",
+                         command_names[key->command], key->name, json_array_size(value));
     }
     for (size_t i = 0; i < 3 && !code; i++) {
         code = read_real(key, json_array_get(value, i), &to[i], error);
@@ -371,13 +385,12 @@ static enum error_code check(struct control_request *request, struct error *erro
     return ERROR_NONE;
 }
 
-enum error_code control_parse(const char *line, size_t size, uint64_t number,
-                              struct control_request *request, struct error *error)
+static enum error_code read_request(const char *line, size_t size, uint64_t number,
+                                    struct control_request *request, struct error *error)
 {
     enum error_code code;
     json_error_t wrong;
 
-    *request = (struct control_request){.count = 1, .period_ms = 10.0};
     request->root = json_loadb(line, size, JSON_REJECT_DUPLICATES, &wrong);
     if (!request->root) {
         return json_error_code(&wrong) == json_error_out_of_memory
@@ -399,6 +412,19 @@ enum error_code control_parse(const char *line, size_t size, uint64_t number,
         code = read_keys(request, error);
     }
     return code ? code : check(request, error);
+}
+
+enum error_code control_parse(const char *line, size_t size, uint64_t number,
+                              struct control_request *request, struct error *error)
+{
+    enum error_code code;
+
+    *request = (struct control_request){.count = 1, .period_ms = 10.0};
+    code = read_request(line, size, number, request, error);
+    if (code) {
+        control_clean(error->text);
+    }
+    return code;
 }
 
 void control_request_clear(struct control_request *request)
@@ -432,6 +458,13 @@ bool control_matches(const char *pattern, const char *name)
         pattern++;
     }
     return *pattern == '\0';
+}
+
+void control_clean(char *text)
+{
+    for (; *text; text++) {
+        *text = (unsigned char)*text < 0x20 || *text == 0x7f ? '?' : *text;
+    }
 }
 
 json_t *control_text(const char *text)

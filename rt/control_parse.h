@@ -57,7 +57,7 @@ struct control_request {
     const char *match; /* NULL = everything */
     double value;      /* of set; factor of speed */
     bool on;
-    int64_t count; /* ticks of step, slot, tick of wait */
+    int64_t count;  /* ticks of step, slot, tick of wait */
     bool wait_time; /* wait: time_s was given, not tick */
     double time_s;  /* of wait; duration of push */
     double force_n[3], moment_nm[3];
@@ -65,8 +65,9 @@ struct control_request {
     double period_ms;
 };
 
-/* Reads one line (size bytes, without its end). number: the line's, from 1, for messages. On an error
- * root and id are set as far as it got; the caller ends with control_request_clear either way. */
+/* Reads one line (size bytes, without its end). number: the line's, from 1, for messages. On an error,
+ * which is one printable line, root and id are set as far as it got; the caller ends with
+ * control_request_clear either way. */
 enum error_code control_parse(const char *line, size_t size, uint64_t number,
                               struct control_request *request, struct error *error);
 
@@ -75,6 +76,9 @@ void control_request_clear(struct control_request *request);
 /* "set", "tunables". */
 const char *control_command_name(enum control_command command);
 const char *control_list_name(enum control_list list);
+
+/* Control characters, of which a stranger could make lines of his own in a log, become "?". */
+void control_clean(char *text);
 
 /* Whether a name matches a pattern with * (any characters) and ? (one). */
 bool control_matches(const char *pattern, const char *name);

@@ -49,19 +49,21 @@ struct control_client {
     size_t received;
     char *inbox; /* CONTROL_LINE */
     size_t sent, filled;
-    char *outbox;       /* CONTROL_OUTBOX; sent to filled wait */
-    int64_t heard_ns;   /* the last byte came */
-    int64_t taken_ns;   /* the last byte was taken, or the outbox began to fill */
+    char *outbox;     /* CONTROL_OUTBOX; sent to filled wait */
+    int64_t heard_ns; /* the last byte came */
+    int64_t taken_ns; /* the last byte was taken, or the outbox began to fill */
 
     enum control_waiting waiting;
     struct steer_request steer;
     struct control_request request; /* being waited for */
-    char what[CONTROL_EVENT_TEXT / 2]; /* the request for the log */
 
     struct control_subscription subscription;
     bool seen; /* before is that of the last status */
     struct simulator_status before;
 };
+
+/* What the server's thread is to do. */
+enum control_order { CONTROL_ORDER_WAIT, CONTROL_ORDER_SERVE, CONTROL_ORDER_STOP };
 
 struct control_event {
     uint64_t key;
@@ -70,10 +72,11 @@ struct control_event {
 
 struct control {
     struct control_config config;
-    struct steering *steering;
     const struct rig *rig;
     struct control_socket socket;
-    int stop_event;
+    struct arena arena; /* of all this: its own, for the simulator's is sealed while we run */
+    int event;          /* eventfd: order has changed */
+    _Atomic int order;  /* enum control_order */
     pthread_t thread;
     int64_t patience_ns;
     int64_t now_ns; /* of this turn */

@@ -129,8 +129,8 @@ json_t *control_subscribe(struct control *control, struct control_client *client
     control_forget(control, client);
     code = check_period(control, request, &to->period, error);
     for (size_t i = 0; i < json_array_size(request->signals) && !code; i++) {
-        code = add_signals(control, json_string_value(json_array_get(request->signals, i)), to,
-                           error);
+        code =
+            add_signals(control, json_string_value(json_array_get(request->signals, i)), to, error);
     }
     if (!code && ROW_BYTES + to->count * VALUE_BYTES > ROWS_OUTBOX) {
         code = error_set(error, ERROR_INPUT, "subscribe: found %zu signals, expected at most %d",
@@ -149,8 +149,7 @@ json_t *control_subscribe(struct control *control, struct control_client *client
 /* Without a subscription, whatever there was. */
 void control_forget(struct control *control, struct control_client *client)
 {
-    client->subscription =
-        (struct control_subscription){.signal = client->subscription.signal};
+    client->subscription = (struct control_subscription){.signal = client->subscription.signal};
     want_rows(control);
 }
 

@@ -49,7 +49,10 @@ static int lock_directory(const char *path, struct error *error)
     int descriptor;
 
     snprintf(directory, sizeof directory, "%.*s",
-             slash == path ? 1 : slash ? (int)(slash - path) : 1, slash ? path : ".");
+             slash == path ? 1
+             : slash       ? (int)(slash - path)
+                           : 1,
+             slash ? path : ".");
     descriptor = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (descriptor < 0) {
         error_set_errno(error, errno, "control socket: cannot open the directory of %s", path);
@@ -130,10 +133,11 @@ static enum error_code listen_there(const struct sockaddr_un *address,
         close(descriptor);
         return ERROR_SYSTEM;
     }
+    errno = EPERM; /* of a mode that others may use; a call that fails says why itself */
     if (lstat(address->sun_path, &made) || (made.st_mode & (S_IRWXG | S_IRWXO)) != 0 ||
         listen(descriptor, BACKLOG)) {
-        error_set(error, ERROR_SYSTEM, "control socket: cannot keep %s to its owner",
-                  address->sun_path);
+        error_set_errno(error, errno, "control socket: cannot keep %s to its owner",
+                        address->sun_path);
         unlink(address->sun_path);
         close(descriptor);
         return ERROR_SYSTEM;

@@ -13,6 +13,8 @@ enum {
     POLLED_MAX = 64,
 };
 
+#define GAP_NS (50 * CLOCK_MS) /* between two steps: longer ones are pauses */
+
 enum error_code controller_check_name(const char *task, struct error *error)
 {
     const char *const *names = task_names();
@@ -107,9 +109,21 @@ static void wait_for_frames(struct controller *controller)
     clock_wait_readable(controller->time, fds, count, clock_now(controller->time) + DONE_WAIT_NS);
 }
 
+/* The task's time: the clock's without the pauses in which it did not run. */
+static int64_t task_time(const struct controller *controller, int64_t *last_ns, int64_t *paused_ns)
+{
+    int64_t now = clock_now(controller->time);
+
+    if (now - *last_ns > GAP_NS) {
+        *paused_ns += now - *last_ns - controller->period_ns;
+    }
+    *last_ns = now;
+    return now - *paused_ns;
+}
+
 enum task_status controller_run(struct controller *controller)
 {
-    int64_t deadline = clock_now(controller->time), now = deadline;
+    int64_t deadline = clock_now(controller->time), now = deadline, last = deadline, paused = 0;
     enum task_status status = TASK_RUNNING;
 
     while (!atomic_load(&controller->stop)) {
@@ -128,7 +142,7 @@ enum task_status controller_run(struct controller *controller)
             }
             clock_sleep_until(controller->time, deadline);
         }
-        now = clock_now(controller->time);
+        now = task_time(controller, &last, &paused);
     }
     task_stop(controller->task);
     return status;

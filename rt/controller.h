@@ -45,7 +45,9 @@ enum error_code controller_create(const struct rig *rig, const char *task, struc
 /* One step of the task. RT-safe. */
 enum task_status controller_step(struct controller *controller, int64_t now_ns);
 
-/* Steps until the task ends or stop is set; sends the motors-off when it was stopped. */
+/* Steps until the task ends or stop is set; sends the motors-off when it was stopped. When it could not
+ * run for more than 50 ms (a stopped process, a stolen processor) the task's time stands still
+ * meanwhile: it goes on where it was, and takes its own absence for nobody else's silence. */
 enum task_status controller_run(struct controller *controller);
 
 /* The last published status; from any thread. */

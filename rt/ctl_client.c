@@ -31,8 +31,9 @@ static enum error_code choose(struct ctl_client *client, const char *path, struc
                          "PATH looks elsewhere, and the socket of a service is root's");
     }
     if (count > 1) {
-        fprintf(stderr, "coman-hil ctl: %zu simulators run, this is the newest, %s; others with "
-                        "--socket PATH:",
+        fprintf(stderr,
+                "coman-hil ctl: %zu simulators run, this is the newest, %s; others with "
+                "--socket PATH:",
                 count, found[0]);
         for (size_t i = 1; i < count; i++) {
             fprintf(stderr, " %s", found[i]);

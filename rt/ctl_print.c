@@ -3,9 +3,10 @@
  * version. */
 #include "rt/ctl_print.h"
 
+#include <math.h>
 #include <string.h>
 
-enum { COLUMN = 13 }; /* of a row */
+enum { COLUMN = 12 }; /* least width of one of a row */
 
 static const char *text(const json_t *object, const char *key)
 {
@@ -51,7 +52,8 @@ static void print_time(const json_t *answer, FILE *out)
             fputs(", as fast as it goes", out);
         }
     }
-    fprintf(out, "\n  time      %.3f s, tick %lld of %g ms; %.3f s since the start\n",
+    fprintf(out, "\n  file      %s\n", text(answer, "file"));
+    fprintf(out, "  time      %.3f s, tick %lld of %g ms; %.3f s since the start\n",
             number(answer, "time_s"), whole(answer, "tick"), 1e3 * number(answer, "tick_s"),
             number(answer, "elapsed_s"));
     fprintf(out, "  overruns  %lld, lost ticks %lld\n", whole(answer, "overruns"),
@@ -89,7 +91,7 @@ static void print_buses(const json_t *answer, FILE *out)
 }
 
 /* names and numbers of an object, three to a line */
-static void print_values(const char *title, const json_t *object, int digits, FILE *out)
+static void print_values(const char *title, json_t *object, int digits, FILE *out)
 {
     const char *name;
     json_t *value;
@@ -99,7 +101,7 @@ static void print_values(const char *title, const json_t *object, int digits, FI
         return;
     }
     fprintf(out, "%s\n", title);
-    json_object_foreach((json_t *)(uintptr_t)object, name, value)
+    json_object_foreach(object, name, value)
     {
         fprintf(out, "%s%-16s %*.*f", column % 3 ? "  " : "", name, 8, digits,
                 json_number_value(value));
@@ -227,26 +229,34 @@ void ctl_print_titles(const json_t *answer, bool csv, FILE *out)
     const json_t *title;
     size_t i;
 
-    fprintf(out, csv ? "time_s" : "%12s", "time_s");
+    fputs(csv ? "time_s" : "      time_s", out);
     json_array_foreach(json_object_get(answer, "signals"), i, title)
     {
-        const char *name = json_string_value(title);
-
-        fprintf(out, csv ? ",%s" : " %*s", csv ? 0 : COLUMN, name);
+        if (csv) {
+            fprintf(out, ",%s", json_string_value(title));
+        } else {
+            fprintf(out, "  %*s", COLUMN, json_string_value(title));
+        }
     }
     fputc('\n', out);
-    fflush(out);
 }
 
-void ctl_print_row(const json_t *row, bool csv, FILE *out)
+void ctl_print_row(const json_t *answer, const json_t *row, bool csv, FILE *out)
 {
-    const json_t *value;
+    const json_t *titles = json_object_get(answer, "signals"), *value;
     size_t i;
 
     fprintf(out, csv ? "%.9f" : "%12.6f", number(row, "time_s"));
     json_array_foreach(json_object_get(row, "values"), i, value)
     {
-        fprintf(out, csv ? ",%.9g" : " %13.6g", json_number_value(value));
+        double found = json_is_number(value) ? json_number_value(value) : (double)NAN;
+        int width = (int)json_string_length(json_array_get(titles, i));
+
+        if (csv) {
+            fprintf(out, ",%.9g", found);
+        } else {
+            fprintf(out, "  %*.6g", width > COLUMN ? width : COLUMN, found);
+        }
     }
     fputc('\n', out);
 }

@@ -20,8 +20,9 @@ void ctl_print_tunable(const json_t *answer, FILE *out);
 /* When the loop has done it: tick, time, hash. */
 void ctl_print_moment(const char *what, const json_t *answer, FILE *out);
 
-/* The titles of a subscription and its rows, aligned or as CSV in the manner of signals.csv. */
+/* The titles of the answer to a subscribe, and its rows, aligned or as CSV in the manner of
+ * signals.csv. */
 void ctl_print_titles(const json_t *answer, bool csv, FILE *out);
-void ctl_print_row(const json_t *row, bool csv, FILE *out);
+void ctl_print_row(const json_t *answer, const json_t *row, bool csv, FILE *out);
 
 #endif

@@ -20,7 +20,7 @@ static unsigned bucket_of(uint64_t value)
     return index < HISTOGRAM_BUCKETS ? index : HISTOGRAM_BUCKETS - 1;
 }
 
-static int64_t upper_edge(unsigned index)
+int64_t histogram_edge(unsigned index)
 {
     unsigned shift;
 
@@ -71,7 +71,7 @@ int64_t histogram_percentile(const struct histogram *histogram, double fraction)
     for (unsigned i = 0; i < HISTOGRAM_BUCKETS - 1; i++) {
         seen += histogram->bucket[i];
         if (seen > 0 && (double)seen >= wanted) {
-            int64_t edge = upper_edge(i);
+            int64_t edge = histogram_edge(i);
 
             return edge < histogram->max ? edge : histogram->max;
         }

@@ -29,6 +29,9 @@ void histogram_add(struct histogram *histogram, int64_t ns);
  * may differ by them. */
 void histogram_copy(const struct histogram *from, struct histogram *to);
 
+/* The greatest value that falls into a bucket; the last takes in all above its own too. */
+int64_t histogram_edge(unsigned index);
+
 /* The smallest value that at least fraction (0-1) of the samples do not exceed, rounded up to its
  * bucket's upper edge, never above the greatest sample; 0 when empty. */
 int64_t histogram_percentile(const struct histogram *histogram, double fraction);

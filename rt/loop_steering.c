@@ -188,7 +188,9 @@ static enum steer_verdict step(struct loop *loop, const struct steer_request *re
 
 static enum steer_verdict set_speed(struct loop *loop, double speed)
 {
-    if (loop->config.clock == RIG_CLOCK_LOCKSTEP) {
+    const struct steering_machine *machine = steering_machine(loop->config.steering);
+
+    if (loop->config.clock == RIG_CLOCK_LOCKSTEP || (speed == 0.0 && machine->pace)) {
         return STEER_CLOCK;
     }
     if (!(speed == 0.0 || (speed >= SPEED_MIN && speed <= SPEED_MAX))) {

@@ -4,6 +4,7 @@
 #include "base/text.h"
 #include "rt/commands.h"
 #include "rt/options.h"
+#include "rt/topics.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -19,6 +20,7 @@ static const struct command {
     {"run", "run a rig: robot, boards and buses, in real time, lockstep or free run", cmd_run},
     {"test", "run scenarios: tests of a rig with a verdict", cmd_test},
     {"task", "run a controller alone, on the other side of the buses", cmd_task},
+    {"ctl", "look at a running simulator and steer it", cmd_ctl},
     {"plot", "plot signals of a recording as SVG", cmd_plot},
     {"check", "check a rig or a robot file and print what is in it", cmd_check},
     {"dbc", "write DBC files of the messages on a rig's buses", cmd_dbc},
@@ -26,11 +28,22 @@ static const struct command {
     {"generate", "write C code for the dynamics of a robot", cmd_generate},
     {"bench", "repeat the paper's measurements on this machine", cmd_bench},
     {"accel", "accelerations of a robot from states on standard input", cmd_accel},
-    {"help", "print the manual of a command", cmd_help},
+    {"help", "print the manual of a command or a topic", cmd_help},
     {"version", "print the version", cmd_version},
 };
 
-enum { NCOMMAND = sizeof commands / sizeof commands[0] };
+/* what the manual has beside the commands */
+static const struct topic {
+    const char *name, *summary;
+    void (*print)(FILE *out);
+} topics[] = {
+    {"rt", "real time: the phases of a tick, their budget, overruns, probes", topic_rt},
+};
+
+enum {
+    NCOMMAND = sizeof commands / sizeof commands[0],
+    NTOPIC = sizeof topics / sizeof topics[0],
+};
 
 static const char exit_manual[] =
     "Exit status: 0 ok; 1 the run itself failed (a task failed, or it stopped on an overrun); 2 "
@@ -45,7 +58,12 @@ static void print_usage(FILE *out)
     for (size_t i = 0; i < NCOMMAND; i++) {
         fprintf(out, "  %-10s%s\n", commands[i].name, commands[i].summary);
     }
-    fprintf(out, "\ncoman-hil COMMAND --help prints the manual of a command.\n\n");
+    fprintf(out, "\ncoman-hil COMMAND --help prints the manual of a command, coman-hil help TOPIC\n"
+                 "tells about\n\n");
+    for (size_t i = 0; i < NTOPIC; i++) {
+        fprintf(out, "  %-10s%s\n", topics[i].name, topics[i].summary);
+    }
+    fputc('\n', out);
     options_wrap(exit_manual, 0, 0, out);
 }
 
@@ -59,14 +77,28 @@ static const struct command *find_command(const char *name)
     return NULL;
 }
 
-static int unknown_command(const char *name)
+static const struct topic *find_topic(const char *name)
 {
-    const char *names[NCOMMAND], *nearest;
+    for (size_t i = 0; i < NTOPIC; i++) {
+        if (!strcmp(topics[i].name, name)) {
+            return &topics[i];
+        }
+    }
+    return NULL;
+}
+
+/* ntopic: 0 where a topic would do as little */
+static int unknown_command(const char *name, size_t ntopic)
+{
+    const char *names[NCOMMAND + NTOPIC], *nearest;
 
     for (size_t i = 0; i < NCOMMAND; i++) {
         names[i] = commands[i].name;
     }
-    nearest = text_nearest(name, names, NCOMMAND);
+    for (size_t i = 0; i < ntopic; i++) {
+        names[NCOMMAND + i] = topics[i].name;
+    }
+    nearest = text_nearest(name, names, NCOMMAND + ntopic);
     fprintf(stderr, "coman-hil: found unknown command \"%.100s\", expected %s%s%s\n", name,
             nearest ? "\"" : "one that is listed by --help", nearest ? nearest : "",
             nearest ? "\"" : "");
@@ -75,28 +107,36 @@ static int unknown_command(const char *name)
 
 static int cmd_help(int argc, char **argv)
 {
-    static const char *topic;
-    static const struct operand_spec operands[] = {{"COMMAND", "a command", false, &topic}};
+    static const char *name;
+    static const struct operand_spec operands[] = {
+        {"COMMAND|TOPIC", "a command, or a topic of those that coman-hil --help lists", false,
+         &name}};
     static const struct command_spec spec = {
         .name = "help",
-        .summary = "Print the manual of a command, or the list of commands.",
+        .summary = "Print the manual of a command or a topic, or the list of both.",
         .operand = operands,
         .noperand = 1,
     };
     static char help_option[] = "--help";
     const struct command *command;
+    const struct topic *topic;
     int status;
 
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
-    if (!topic) {
+    if (!name) {
         print_usage(stdout);
         return STATUS_OK;
     }
-    command = find_command(topic);
+    topic = find_topic(name);
+    if (topic) {
+        topic->print(stdout);
+        return STATUS_OK;
+    }
+    command = find_command(name);
     return command ? command->run(2, (char *[]){argv[0], help_option, NULL})
-                   : unknown_command(topic);
+                   : unknown_command(name, NTOPIC);
 }
 
 static int cmd_version(int argc, char **argv)
@@ -130,13 +170,12 @@ int main(int argc, char **argv)
         return STATUS_INPUT;
     }
     if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h")) {
-        print_usage(stdout);
-        return flush_output(STATUS_OK);
+        return flush_output(cmd_help(argc - 1, argv + 1));
     }
     if (!strcmp(argv[1], "--version")) {
         printf("coman-hil %s\n", HIL_VERSION);
         return flush_output(STATUS_OK);
     }
     command = find_command(argv[1]);
-    return command ? flush_output(command->run(argc - 1, argv + 1)) : unknown_command(argv[1]);
+    return command ? flush_output(command->run(argc - 1, argv + 1)) : unknown_command(argv[1], 0);
 }

@@ -98,12 +98,13 @@ static void print_events(struct monitor *monitor, int64_t now)
 
 static void tell_manager(struct monitor *monitor, int64_t now)
 {
-    struct notify_health health = {.beat = simulator_beat(monitor->config.simulator)};
+    const struct simulator *simulator = monitor->config.simulator;
+    struct notify_health health = {.beat = simulator_beat(simulator)};
     struct simulator_status status;
 
-    if (simulator_read(monitor->config.simulator, &status)) {
-        health.ticks = status.tick + 1;
-    }
+    health.ready =
+        simulator_read(simulator, &status) ||
+        (simulator_configuration(simulator)->clock == RIG_CLOCK_LOCKSTEP && health.beat > 0);
     notify_watch(monitor->config.manager, &health, now);
 }
 

@@ -73,7 +73,7 @@ void notify_open(struct notify *notify)
 
 void notify_watch(struct notify *notify, const struct notify_health *health, int64_t now_ns)
 {
-    if (!notify->ready && health->ticks > 0) {
+    if (!notify->ready && health->ready) {
         notify->ready = true;
         send_text(notify, "READY=1");
     }

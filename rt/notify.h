@@ -25,15 +25,15 @@ struct notify {
 
 /* How the loop is, as the monitor sees it. */
 struct notify_health {
-    uint64_t ticks; /* run until now */
-    uint64_t beat;  /* moves while the loop lives: with each tick, and while it waits for a STEP */
+    bool ready;    /* its first tick has run, or in lockstep it waits for the STEP of it */
+    uint64_t beat; /* moves while the loop lives: with each tick, and while it waits for a STEP */
 };
 
 /* Reads NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID, and takes them out of the environment so that
  * no child speaks in our name. A socket that cannot be reached counts as none. */
 void notify_open(struct notify *notify);
 
-/* Once a period of the monitor: says READY=1 after the first tick, then feeds the watchdog at half
+/* Once a period of the monitor: says READY=1 when it is ready, then feeds the watchdog at half
  * its time, as long as the beat has moved since it was last fed. (A run that fails ends, and the manager sees
  * its status.) */
 void notify_watch(struct notify *notify, const struct notify_health *health, int64_t now_ns);

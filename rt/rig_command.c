@@ -45,7 +45,7 @@ enum error_code rig_command_budget(const char *name, const struct rig *rig, stru
 static void (*on_stop)(void *context);
 static void *on_stop_context;
 
-/* the handler is reset on entry, so that a second signal kills */
+/* the handler is reset on entry, so that a second signal kills; a write that it meets goes on */
 static void on_signal(int number)
 {
     (void)number;
@@ -54,7 +54,8 @@ static void on_signal(int number)
 
 void rig_command_on_stop(void (*stop)(void *context), void *context)
 {
-    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND};
+    struct sigaction action = {.sa_handler = on_signal,
+                               .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
 
     on_stop = stop;
     on_stop_context = context;

@@ -299,6 +299,9 @@ static enum error_code take_file(struct reader *reader, FILE *in, struct suites 
             return code;
         }
     }
+    if (ferror(in)) {
+        return error_set_file(reader->error, errno, reader->path, "cannot be read");
+    }
     snprintf(reader->text, LINE_BYTES, "the end");
     return done ? ERROR_NONE : unexpected(reader, "</testsuites>");
 }

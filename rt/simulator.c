@@ -7,6 +7,7 @@
 #include "rt/cache.h"
 #include "rt/injection.h"
 #include "rt/interfaces.h"
+#include "rt/pace.h"
 #include "rt/rig_faults.h"
 #include "rt/steered.h"
 
@@ -98,6 +99,7 @@ struct simulator {
     char failure[256];
     struct steering *steering; /* NULL = none */
     struct steered *steered;
+    struct pace *pace;           /* of a task in its own thread that is steered; NULL = none */
     size_t moves_from, moves_to; /* of the arena: what moves in virtual time */
 };
 
@@ -692,6 +694,7 @@ static enum error_code create_boards(struct simulator *simulator, struct error *
 static enum error_code create_task(struct simulator *simulator, struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
+    struct clock *time = simulator->time;
     enum error_code code;
 
     simulator->moves_to = simulator->arena->used;
@@ -699,8 +702,15 @@ static enum error_code create_task(struct simulator *simulator, struct error *er
         return ERROR_NONE;
     }
     simulator->task_inline = config->clock != RIG_CLOCK_REAL;
+    if (config->steered && !simulator->task_inline) {
+        code = pace_create(simulator->time, simulator->arena, &simulator->pace, error);
+        if (code) {
+            return code;
+        }
+        time = pace_clock(simulator->pace);
+    }
     code = controller_create(config->rig, config->task, simulator->task_ports.port,
-                             config->clock == RIG_CLOCK_LOCKSTEP, simulator->time, simulator->arena,
+                             config->clock == RIG_CLOCK_LOCKSTEP, time, simulator->arena,
                              &simulator->controller, error);
     if (simulator->task_inline) {
         simulator->moves_to = simulator->arena->used;
@@ -714,6 +724,13 @@ static void went_back(void *context)
     struct simulator *simulator = context;
 
     simulator->contact.remembered = false;
+}
+
+static void follow_pace(void *context, double speed, bool paused)
+{
+    const struct simulator *simulator = context;
+
+    pace_set(simulator->pace, paused ? 0.0 : speed);
 }
 
 static enum error_code create_steering(struct simulator *simulator, struct error *error)
@@ -745,6 +762,7 @@ static enum error_code create_steering(struct simulator *simulator, struct error
         .context = simulator,
         .went_back = went_back,
         .show = publish_status,
+        .pace = simulator->pace ? follow_pace : NULL,
     };
 
     return simulator->config.steered ? steered_create(&steered, simulator->arena,
@@ -1052,6 +1070,9 @@ enum loop_end simulator_run(struct simulator *simulator)
 
     if (simulator->task_running) {
         atomic_store(&simulator->controller->stop, true);
+        if (simulator->pace) {
+            pace_set(simulator->pace, 1.0); /* it may sleep */
+        }
         pthread_join(simulator->task_thread, NULL);
         simulator->task_running = false;
         if (end == LOOP_END_STOPPED && simulator->controller->now.status != TASK_RUNNING) {
@@ -1151,6 +1172,7 @@ struct stream *simulator_stream(const struct simulator *simulator)
 void simulator_watch_interfaces(struct simulator *simulator, int64_t now_ns)
 {
     interfaces_watch(&simulator->interfaces, now_ns);
+    buses_seek(&simulator->buses, now_ns);
 }
 
 /* what an event's key has above its 32 bits */

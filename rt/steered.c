@@ -235,9 +235,7 @@ static void pace(void *context, double speed, bool paused)
 {
     const struct steered *s = context;
 
-    if (s->config.pace) {
-        s->config.pace(s->config.context, speed, paused);
-    }
+    s->config.pace(s->config.context, speed, paused);
 }
 
 /* ---- creation ---- */
@@ -421,7 +419,7 @@ enum error_code steered_create(const struct steered_config *config, struct arena
         .back = config->one_way ? NULL : back,
         .hash = hash,
         .show = show,
-        .pace = pace,
+        .pace = config->pace ? pace : NULL,
         .begin = begin_tick,
         .body = body_name,
         .nfault = faults_count(config->faults),

@@ -38,7 +38,8 @@ struct steered_config {
     void *context; /* of the two below */
     void (*went_back)(void *context);
     void (*show)(void *context, const struct loop_stats *stats); /* struct steering_machine */
-    void (*pace)(void *context, double speed, bool paused);      /* likewise; NULL = none */
+    /* Of what runs along at its own pace, which then must be one; likewise; NULL = nothing does. */
+    void (*pace)(void *context, double speed, bool paused);
 };
 
 struct steered;

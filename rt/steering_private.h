@@ -25,7 +25,8 @@ struct steering_machine {
     enum steer_verdict (*keep)(void *context, size_t slot);
     void (*back)(void *context, size_t slot);
     uint64_t (*hash)(void *context);
-    /* The speed has changed or the loop stands still (paused); NULL = nobody minds. */
+    /* The speed has changed or the loop stands still (paused); NULL = nobody minds. Where somebody
+     * does, 0 (as fast as it goes) is no speed: STEER_CLOCK. */
     void (*pace)(void *context, double speed, bool paused);
     /* Before the tick that begins at time_ns. */
     void (*begin)(void *context, int64_t time_ns);

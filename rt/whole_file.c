@@ -17,12 +17,10 @@ enum error_code whole_file_open(struct whole_file *file, const char *path, struc
         return error_set(error, ERROR_INPUT, "the file's name %.40s... is too long", path);
     }
     file->out = fopen(file->partial, "we");
-    return file->out ? ERROR_NONE
-                     : error_set_errno(error, errno, "cannot write %s", file->partial);
+    return file->out ? ERROR_NONE : error_set_errno(error, errno, "cannot write %s", file->partial);
 }
 
-enum error_code whole_file_close(struct whole_file *file, enum error_code code,
-                                 struct error *error)
+enum error_code whole_file_close(struct whole_file *file, enum error_code code, struct error *error)
 {
     bool bad = ferror(file->out) != 0;
 

@@ -349,6 +349,29 @@ static void counts_what_the_kernel_drops_when_a_receive_buffer_runs_over(void **
     small->ops->close(small);
 }
 
+static void what_a_flood_has_lost_is_known_when_the_rest_was_received(void **state)
+{
+    struct bench *bench = need_vcan(state);
+    const struct bus_frame frame = numbered(0x100, 0);
+    struct can_port *port =
+        open_port(bench, (struct socketcan_config){.receive_buffer_bytes = 256 << 10});
+    struct bus_frame got[MANY];
+    size_t seen = 0, count;
+
+    send_many(bench->a, 3000);
+    while ((count = collect(port, got, 0))) {
+        seen += count;
+    }
+    assert_in_range(seen, MANY, 2999);
+    /* no frame comes after them that could tell */
+    assert_int_equal(port->counters.rx_dropped, 3000 - seen);
+    /* and it is counted once */
+    assert_int_equal(can_send(bench->a, &frame, 1), 1);
+    assert_int_equal(collect(port, got, 1), 1);
+    assert_int_equal(port->counters.rx_dropped, 3000 - seen);
+    port->ops->close(port);
+}
+
 /* Calls receive until the port is in a state; it looks for its interface once a second. */
 static bool comes_to(struct can_port *port, enum can_port_state state)
 {
@@ -414,6 +437,38 @@ static void comes_back_with_its_filters_when_its_interface_was_created_anew(void
     picky->ops->close(picky);
 }
 
+static void a_sought_port_comes_back_when_it_was_sought_and_not_before(void **state)
+{
+    struct bench *bench = need_vcan(state);
+    struct can_port *port = open_port(bench, (struct socketcan_config){.sought = true});
+    struct bus_frame frame = numbered(0x123, 7), got[MANY];
+
+    socketcan_seek(port); /* nothing to look for */
+    assert_int_equal(port->state, CAN_PORT_UP);
+    for (int round = 1; round <= 2; round++) {
+        assert_true(run("ip link set " VCAN " down"));
+        assert_true(comes_to(port, CAN_PORT_DOWN));
+        assert_int_equal(port->counters.down_events, round);
+        socketcan_seek(port);
+        assert_int_equal(can_receive(port, got, MANY), 0);
+        assert_int_equal(port->state, CAN_PORT_DOWN);
+        assert_true(run("ip link set " VCAN " up"));
+        assert_true(comes_to(bench->a, CAN_PORT_UP)); /* which looks for itself */
+        can_receive(port, got, MANY);
+        assert_int_equal(port->state, CAN_PORT_DOWN);
+        socketcan_seek(port);
+        assert_int_equal(port->state, CAN_PORT_DOWN); /* the port's thread changes it */
+        can_receive(port, got, MANY);
+        assert_int_equal(port->state, CAN_PORT_UP);
+        assert_int_equal(can_send(port, &frame, 1), 1);
+        assert_int_equal(collect(bench->a, got, 1), 1);
+        assert_frame(&got[0], &frame);
+        while (can_receive(bench->a, got, MANY) || can_receive(port, got, MANY)) {
+        }
+    }
+    port->ops->close(port);
+}
+
 static void set_time_of_day(int64_t by_s)
 {
     struct timespec now;
@@ -473,8 +528,10 @@ int main(void)
         TEST(filters_pass_what_matches_and_own_frames_come_when_asked_for),
         TEST(follows_the_states_of_injected_error_frames),
         TEST(counts_what_the_kernel_drops_when_a_receive_buffer_runs_over),
+        TEST(what_a_flood_has_lost_is_known_when_the_rest_was_received),
         TEST(comes_back_when_its_interface_was_down),
         TEST(comes_back_with_its_filters_when_its_interface_was_created_anew),
+        TEST(a_sought_port_comes_back_when_it_was_sought_and_not_before),
         TEST(the_time_of_day_may_be_set_while_frames_wait),
         TEST(descriptor_is_readable_while_frames_wait),
     };

@@ -41,7 +41,7 @@ bool fuzz_is_sentence(const char *message)
         return false;
     }
     for (const char *at = message; *at; at++) {
-        if ((unsigned char)*at < 0x20 || *at == 0x7f) {
+        if (((unsigned char)*at < 0x20 && *at != '\t') || *at == 0x7f) {
             return false;
         }
     }

@@ -41,7 +41,7 @@ struct arena *fuzz_arena(size_t capacity);
  * one line and printable. */
 bool fuzz_has_place(const char *message, const char *file, size_t size);
 
-/* Whether a message is not empty, on one line and free of control characters. */
+/* Whether a message is not empty, on one line and free of control characters but tabs. */
 bool fuzz_is_sentence(const char *message);
 
 /* An input taken as numbers, one after the other; behind its end there are zeros. */

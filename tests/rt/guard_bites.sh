@@ -70,7 +70,7 @@ caught fault '1 page faults' loop_run
 
 run "$victim" fault
 good=0
-! grep -q 'page fault at' log || grep -q 'page fault at 0x[0-9a-f]*000 by plant+' log && good=1
+! grep -q 'page fault at' log || grep -q 'page fault at 0x[0-9a-f]*000 by do_fault+' log && good=1
 verdict $good the_instruction_that_faulted_is_named_where_the_kernel_tells
 
 run "$victim" bystander

@@ -68,7 +68,9 @@ static void print_ring(void)
 {
     const unsigned char *data = (const unsigned char *)ring + ring->data_offset;
 
-    while (ring->data_tail + 24 <= ring->data_head) {
+    const uint64_t head = ring->data_head; /* printing may add some */
+
+    while (ring->data_tail + 24 <= head) {
         struct {
             struct perf_event_header header;
             uint64_t instruction, address;

@@ -119,7 +119,7 @@ static int64_t read_argument(const char **text, const greg_t *greg)
 
 /* ---- breakpoints ---- */
 
-static void on_breakpoint(int number, siginfo_t *info, void *context)
+void guard_on_breakpoint(int number, siginfo_t *info, void *context)
 {
     ucontext_t *at = context;
     uintptr_t address = (uintptr_t)at->uc_mcontext.gregs[REG_RIP] - 1;
@@ -187,7 +187,7 @@ void guard_plant_probes(void)
         read_note(at + sizeof *note + name);
         at += sizeof *note + name + text;
     }
-    guard_handle(SIGTRAP, on_breakpoint);
+    guard_handle(SIGTRAP, guard_entry_breakpoint);
     for (size_t i = 0; i < nsite; i++) {
         plant(&site[i]);
     }

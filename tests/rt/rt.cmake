@@ -3,6 +3,26 @@
 # and its budget.
 set(rt_tests ${CMAKE_CURRENT_SOURCE_DIR}/rt)
 
+if(HIL_PROBES)
+    hil_script_test(rt_probes LABELS service TIMEOUT 30
+        COMMAND bash ${rt_tests}/probes.sh $<TARGET_FILE:coman-hil>)
+endif()
+
+if(NOT HIL_SANITIZE)
+    foreach(rig coman grasp walkman coman-fd)
+        foreach(clock free lockstep)
+            hil_script_test(rt_page_faults_${rig}_${clock} LABELS service TIMEOUT 120
+                COMMAND bash ${rt_tests}/page_faults.sh $<TARGET_FILE:coman-hil> ${rig} ${clock})
+        endforeach()
+    endforeach()
+    hil_script_test(rt_page_faults_real LABELS service TIMEOUT 60 SERIAL
+        COMMAND bash ${rt_tests}/page_faults.sh $<TARGET_FILE:coman-hil> coman real)
+    hil_script_test(rt_phase_instructions LABELS bench TIMEOUT 180
+        COMMAND bash ${rt_tests}/phase_instructions.sh $<TARGET_FILE:coman-hil>)
+endif()
+
+# The guard: a library for x86-64 that needs the probes. What it is said to catch it catches in a loop
+# that misbehaves, then it goes along with the program.
 if(HIL_PROBES AND NOT HIL_SANITIZE AND CMAKE_SYSTEM_PROCESSOR STREQUAL x86_64)
     add_library(rt_guard MODULE rt/guard.c rt/guard_calls.c rt/guard_faults.c rt/guard_probes.c
                                 rt/guard_syscalls.c)
@@ -19,4 +39,18 @@ if(HIL_PROBES AND NOT HIL_SANITIZE AND CMAKE_SYSTEM_PROCESSOR STREQUAL x86_64)
     hil_script_test(rt_guard_bites LABELS service TIMEOUT 60
         COMMAND ${rt_tests}/guard_bites.sh $<TARGET_FILE:rt_guard> $<TARGET_FILE:rt_guard_victim>
                 $<TARGET_FILE:rt_guard_victim_lazy>)
+    hil_script_test(rt_guard_runs LABELS service TIMEOUT 120
+        COMMAND bash ${rt_tests}/guard_runs.sh $<TARGET_FILE:rt_guard> $<TARGET_FILE:coman-hil>)
+    hil_script_test(rt_guard_vcan LABELS service TIMEOUT 150
+        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 130 bash ${rt_tests}/guard_vcan.sh
+                $<TARGET_FILE:rt_guard> $<TARGET_FILE:coman-hil>)
+
+    # the same loop with and without probes
+    foreach(probes 0 1)
+        add_executable(rt_probes_${probes} rt/guard_victim.c ${CMAKE_SOURCE_DIR}/rt/loop.c)
+        target_link_libraries(rt_probes_${probes} PRIVATE rt)
+        target_compile_definitions(rt_probes_${probes} PRIVATE HIL_PROBES=${probes})
+    endforeach()
+    hil_script_test(rt_probe_cost LABELS bench TIMEOUT 60
+        COMMAND ${rt_tests}/probe_cost.sh $<TARGET_FILE:rt_probes_1> $<TARGET_FILE:rt_probes_0>)
 endif()

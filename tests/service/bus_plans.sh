@@ -6,13 +6,7 @@
 set -u
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-number=0
-
-result() { # STATUS NAME [FOUND]
-    number=$((number + 1))
-    if [ "$1" -eq 0 ]; then echo "ok $number - $2"; else echo "not ok $number - $2"; fi
-    if [ -n "${3:-}" ]; then echo "# $3"; fi
-}
+. "$(dirname "$0")/tap.sh"
 
 run() { # RECORD RIG OPTION...
     local record=$1 rig=$2

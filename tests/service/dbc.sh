@@ -6,14 +6,7 @@ set -u
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 hil=$HIL_BINARY_DIR/rt/coman-hil
-number=0
-failed=0
-
-result() { # STATUS NAME [FOUND]
-    number=$((number + 1))
-    if [ "$1" -eq 0 ]; then echo "ok $number - $2"; else echo "not ok $number - $2" && failed=1; fi
-    if [ -n "${3:-}" ]; then echo "# $3"; fi
-}
+. "$(dirname "$0")/tap.sh"
 
 export_rig() { # RIG BUSES
     local files

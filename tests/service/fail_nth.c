@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Preloaded into the program under test by fail_nth.py: makes the n-th allocation or the n-th system
- * call of one kind fail. The program is loaded once; from there each line on standard input
- * asks for one run, done by a fork just before main, so that only what the program itself does after
- * the dynamic linker is counted, and so that a run costs no more than main.
+ * call of one kind fail. The program is loaded once; from there each line on standard input asks
+ * for one run, done by a fork just before main, so that only what the program itself does after the
+ * dynamic linker is counted, and so that a run costs no more than main.
  *
  *   a N SPAN               SPAN allocations from the N-th on fail; SPAN 0: all that follow; N 0: none
  *   s NUMBER N SPAN WHAT   as above for system call NUMBER: WHAT is the errno that it gives, -1 has
@@ -42,7 +42,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-enum { DEPTH = 24, PLACES = 16384, SYSCALLS = 1024, FOREIGN = 64, RUN_LIMIT_S = 20, LEFT_OVER_TRIES = 50 };
+enum {
+    DEPTH = 24,
+    PLACES = 16384,
+    SYSCALLS = 1024,
+    FOREIGN = 64,
+    RUN_LIMIT_S = 20,
+    LEFT_OVER_TRIES = 50
+};
 enum { EXCERPT = 128 };
 
 /* What a run and the server both see. */
@@ -217,7 +224,8 @@ static void install_filter(long number)
     struct sock_filter all[] = {BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_TRACE)};
     struct sock_fprog program = {number < 0 ? 1 : 4, number < 0 ? all : one};
 
-    if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) || prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program)) {
+    if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) ||
+        prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program)) {
         _exit(125);
     }
 }
@@ -297,7 +305,8 @@ static void intercept(pid_t pid, const struct request *request, struct outcome *
         return;
     }
     outcome->hit = true;
-    memcpy(outcome->argument, (unsigned long[]){regs.rdi, regs.rsi, regs.rdx, regs.r10, regs.r8, regs.r9},
+    memcpy(outcome->argument,
+           (unsigned long[]){regs.rdi, regs.rsi, regs.rdx, regs.r10, regs.r8, regs.r9},
            sizeof outcome->argument);
     if (!read_text(pid, regs.rdi, outcome->about, sizeof outcome->about) &&
         !read_text(pid, regs.rsi, outcome->about, sizeof outcome->about)) {
@@ -436,8 +445,8 @@ static void prepare_run(const char *root, const struct request *request)
 
     setpgid(0, 0);
     snprintf(path, sizeof path, "%s/work", root);
-    if (chdir(path) || !redirect("/dev", "null", O_RDONLY, 0) || !redirect(root, "out", create, 1) ||
-        !redirect(root, "err", create, 2)) {
+    if (chdir(path) || !redirect("/dev", "null", O_RDONLY, 0) ||
+        !redirect(root, "out", create, 1) || !redirect(root, "err", create, 2)) {
         _exit(125);
     }
     alarm(RUN_LIMIT_S);
@@ -469,7 +478,8 @@ static void report(const struct request *request, const struct outcome *outcome)
         Dl_info info;
 
         if (dladdr(shared->frame[i], &info) && info.dli_fname) {
-            say(" %s+0x%lx", info.dli_fname, (unsigned long)((char *)shared->frame[i] - (char *)info.dli_fbase));
+            say(" %s+0x%lx", info.dli_fname,
+                (unsigned long)((char *)shared->frame[i] - (char *)info.dli_fbase));
         }
     }
     for (int i = 0; request->kind == 's' && request->number < 0 && i < SYSCALLS; i++) {
@@ -478,8 +488,8 @@ static void report(const struct request *request, const struct outcome *outcome)
         }
     }
     if (outcome->hit) {
-        say(" (%lx, %lx, %lx, %lx) %s", outcome->argument[0], outcome->argument[1], outcome->argument[2],
-            outcome->argument[3], outcome->about);
+        say(" (%lx, %lx, %lx, %lx) %s", outcome->argument[0], outcome->argument[1],
+            outcome->argument[2], outcome->argument[3], outcome->about);
     }
     say("\n");
 }
@@ -526,7 +536,8 @@ static bool read_line(char *line, size_t size)
 static int server_main(int argc, char **argv, char **environment)
 {
     const char *root = getenv("FAIL_NTH_ROOT");
-    struct shared *both = mmap(NULL, sizeof *both, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    struct shared *both =
+        mmap(NULL, sizeof *both, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     void *frame[DEPTH];
     char line[256];
 
@@ -543,8 +554,8 @@ static int server_main(int argc, char **argv, char **environment)
 
         if (sscanf(line, "a %lu %lu", &request.first, &request.span) == 2) {
             request.kind = 'a';
-        } else if (traceable && sscanf(line, "s %ld %lu %lu %ld", &request.number, &request.first, &request.span,
-                          &request.what) == 4) {
+        } else if (traceable && sscanf(line, "s %ld %lu %lu %ld", &request.number, &request.first,
+                                       &request.span, &request.what) == 4) {
             request.kind = 's';
         } else {
             say("unsupported\n");
@@ -559,13 +570,14 @@ static int server_main(int argc, char **argv, char **environment)
 
 typedef int main_function(int, char **, char **);
 
-int __libc_start_main(main_function *entry, int argc, char **argv, void (*init)(void), void (*fini)(void),
-                      void (*rtld_fini)(void), void *stack_end);
+int __libc_start_main(main_function *entry, int argc, char **argv, void (*init)(void),
+                      void (*fini)(void), void (*rtld_fini)(void), void *stack_end);
 
-int __libc_start_main(main_function *entry, int argc, char **argv, void (*init)(void), void (*fini)(void),
-                      void (*rtld_fini)(void), void *stack_end)
+int __libc_start_main(main_function *entry, int argc, char **argv, void (*init)(void),
+                      void (*fini)(void), void (*rtld_fini)(void), void *stack_end)
 {
-    int (*real)(main_function *, int, char **, void (*)(void), void (*)(void), void (*)(void), void *);
+    int (*real)(main_function *, int, char **, void (*)(void), void (*)(void), void (*)(void),
+                void *);
 
     find(&real, "__libc_start_main");
     program_main = entry;

@@ -9,20 +9,8 @@ rig=$HIL_SOURCE_DIR/config/rigs/coman.yaml
 real=$HIL_SOURCE_DIR/config/rigs/coman-sensors.yaml
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-number=0
-
-ok()
-{
-    number=$((number + 1))
-    echo "ok $number - $1"
-}
-
-not_ok()
-{
-    number=$((number + 1))
-    echo "not ok $number - $1"
-    sed 's/^/# /' "$work/out" "$work/err" 2>/dev/null | tail -40
-}
+. "$(dirname "$0")/tap.sh"
+tap_show="$work/out $work/err"
 
 # go DIR RIG ARGUMENT...: a free run with the squat, recorded into DIR. That the task gives up (status
 # 1) is an answer to a fault, not a failure of the run.

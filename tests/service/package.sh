@@ -7,20 +7,8 @@ set -u
 cmake=$1 cpack=$2
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-number=0
-failures=0
-
-# result NAME STATUS: with what $work/out has when it is no success
-result() {
-    number=$((number + 1))
-    if [ "$2" -eq 0 ]; then
-        echo "ok $number - $1"
-    else
-        echo "not ok $number - $1"
-        sed 's/^/# /' "$work/out"
-        failures=$((failures + 1))
-    fi
-}
+. "$(dirname "$0")/tap.sh"
+tap_show="$work/out"
 
 # nothing TEXT: what a search has found is said, and is a failure
 nothing() {
@@ -41,38 +29,38 @@ echo 1..11
 "$cpack" --config "$HIL_BINARY_DIR/CPackConfig.cmake" -G DEB -B "$work" >"$work/out" 2>&1
 deb=$(echo "$work"/coman-hil_*.deb)
 [ -s "$deb" ]
-result "the package is built" $?
+result $? "the package is built"
 
 field() { dpkg-deb -f "$deb" "$1"; }
 dpkg-deb -I "$deb" >"$work/out"
 case $(field Depends) in *libc6*libyaml*) true ;; *) false ;; esac && [ "$(field Package)" = coman-hil ] &&
     [ "$(field Architecture)" = "$(dpkg --print-architecture)" ] && [ -n "$(field Description)" ] &&
     [ -n "$(field Maintainer)" ] && [ "$(field Installed-Size)" -gt 0 ]
-result "it names the libraries that it needs, and itself" $?
+result $? "it names the libraries that it needs, and itself"
 
 dpkg-deb -e "$deb" "$work/control"
 dpkg-deb -x "$deb" "$work/data"
 dpkg-deb -c "$deb" >"$work/list"
 nothing "$(awk '$2 != "root/root" || ($1 !~ /^drwxr-xr-x$/ && $1 !~ /^-rwxr-xr-x$/ && $1 !~ /^-rw-r--r--$/) ||
     ($1 ~ /^-rwx/ && $6 !~ /\/bin\//)' "$work/list")"
-result "all is root's, writable by root alone, and only programs are executable" $?
+result $? "all is root's, writable by root alone, and only programs are executable"
 nothing "$(awk '$1 !~ /^d/ && $6 !~ /^\.\/usr\/(bin\/coman-hil$|lib\/systemd\/system\/coman-hil|share\/coman-hil\/|share\/doc\/coman-hil\/|share\/man\/)/' "$work/list")"
-result "no file is outside of its places" $?
+result $? "no file is outside of its places"
 file "$work/data/usr/bin/coman-hil" >"$work/out"
 grep -q ', stripped' "$work/out"
-result "the program is stripped" $?
+result $? "the program is stripped"
 (cd "$work/data" && md5sum --quiet -c ../control/md5sums) >"$work/out" 2>&1
-result "its checksums are right" $?
+result $? "its checksums are right"
 nothing "$(for script in postinst prerm postrm; do
     [ -x "$work/control/$script" ] || echo "$script is not executable"
     sh -n "$work/control/$script" 2>&1
     grep -q '^set -e$' "$work/control/$script" || echo "$script goes on after errors"
     ! command -v shellcheck >/dev/null || shellcheck "$work/control/$script"
 done)"
-result "maintainer scripts can be run, and stop at errors" $?
+result $? "maintainer scripts can be run, and stop at errors"
 # a program with debugging information would name them all, one without has no reason to
 nothing "$(cd "$work/data" && grep -rlF -e "$HIL_BINARY_DIR" -e "$HIL_SOURCE_DIR" . 2>&1)"
-result "no installed file knows where it was built" $?
+result $? "no installed file knows where it was built"
 
 # ---- install and uninstall by CMake ----
 
@@ -80,14 +68,14 @@ everything() { (cd "$work/root" && find . "$@" | sort); }
 
 DESTDIR=$work/root "$cmake" --install "$HIL_BINARY_DIR" --prefix /opt/hil >"$work/out" 2>&1 &&
     "$work/root/opt/hil/bin/coman-hil" check coman >"$work/out" 2>&1
-result "an installed program finds the installed rigs wherever it is" $?
+result $? "an installed program finds the installed rigs wherever it is"
 everything -type f >"$work/before"
 touch "$work/root/opt/hil/share/coman-hil/rigs/mine.yaml"
 DESTDIR=$work/root "$cmake" --build "$HIL_BINARY_DIR" --target uninstall >"$work/out" 2>&1 &&
     [ -s "$work/before" ] && [ "$(everything -type f)" = ./opt/hil/share/coman-hil/rigs/mine.yaml ]
-result "uninstall removes every file that was installed, and no other" $?
+result $? "uninstall removes every file that was installed, and no other"
 rm "$work/root/opt/hil/share/coman-hil/rigs/mine.yaml"
 DESTDIR=$work/root sh "$HIL_SOURCE_DIR/systemd/uninstall.sh" "$HIL_BINARY_DIR/install_manifest.txt" >"$work/out" 2>&1 &&
     nothing "$(everything -type d -name 'coman-hil*')"
-result "and the folders, when they are empty" $?
-exit $((failures > 0))
+result $? "and the folders, when they are empty"
+exit $failed

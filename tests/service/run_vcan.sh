@@ -8,20 +8,8 @@ program=$HIL_BINARY_DIR/rt/coman-hil
 rig=$HIL_SOURCE_DIR/config/rigs/coman.yaml
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-number=0
-
-ok()
-{
-    number=$((number + 1))
-    echo "ok $number - $1"
-}
-
-not_ok()
-{
-    number=$((number + 1))
-    echo "not ok $number - $1"
-    tail -n 15 "$work"/*.out "$work"/*.err 2>/dev/null | sed 's/^/# /'
-}
+. "$(dirname "$0")/tap.sh"
+tap_show="$work/*.out $work/*.err"
 
 json()
 {
@@ -49,7 +37,7 @@ simulate()
 
 task()
 {
-    "$program" task squat "$rig" --clock lockstep --quiet >"$work/task.out" \
+    "$program" task squat "$rig" --clock lockstep --quiet "$@" >"$work/task.out" \
         2>"$work/task.err" </dev/null &
     controller=$!
 }
@@ -92,7 +80,7 @@ then ok "$name"; else not_ok "$name"; fi
 
 name="the simulator may start again under a controller"
 simulate first --clock lockstep
-task
+task --reconnect
 sleep 0.7
 kill -KILL "$simulator"
 wait "$simulator" 2>/dev/null

@@ -7,20 +7,8 @@ program=$HIL_BINARY_DIR/rt/coman-hil
 scenarios=$HIL_SOURCE_DIR/config/scenarios
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-number=0
-
-ok()
-{
-    number=$((number + 1))
-    echo "ok $number - $1"
-}
-
-not_ok()
-{
-    number=$((number + 1))
-    echo "not ok $number - $1"
-    sed 's/^/# /' "$work/out" "$work/err" 2>/dev/null | tail -40
-}
+. "$(dirname "$0")/tap.sh"
+tap_show="$work/out $work/err"
 
 # run STATUS ARGUMENT...
 run()

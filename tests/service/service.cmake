@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # What makes it a service.
 hil_test(rt_notify SOURCES unit/notify.c LIBS rt LABELS unit)
+hil_test(rt_journal SOURCES unit/journal.c LIBS rt LABELS unit)
 hil_test(rt_doctor SOURCES unit/doctor.c LIBS rt LABELS unit)
 hil_test(rt_rig_path SOURCES unit/rig_path.c LIBS rt LABELS unit)
 hil_script_test(service_units COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/units.sh $<TARGET_FILE:coman-hil>
@@ -9,7 +10,7 @@ hil_script_test(service_reload COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_D
                 $<TARGET_FILE:coman-hil> LABELS service TIMEOUT 120)
 # The address space of a guest process has no room for the shadow memory of the sanitizers.
 if(NOT HIL_SANITIZE)
-    hil_script_test(service_systemd LABELS service TIMEOUT 240
+    hil_script_test(service_systemd LABELS service TIMEOUT 290
         COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/systemd.sh ${CMAKE_CPACK_COMMAND})
     hil_script_test(service_package LABELS service TIMEOUT 120
         COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/package.sh ${CMAKE_COMMAND} ${CMAKE_CPACK_COMMAND})

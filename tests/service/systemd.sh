@@ -25,7 +25,23 @@ host() {
     dpkg-deb -R "$packages"/coman-hil_*.deb "$packages/next" &&
         sed -i 's/^Version: .*/&+next/' "$packages/next/DEBIAN/control" &&
         dpkg-deb --root-owner-group -Znone -b "$packages/next" "$packages/next.deb" >/dev/null || exit 70
-    exec bash "$here/../bus/uml/run.sh" -t 200 -x bash "$here/systemd.sh" guest
+    exec bash "$here/../bus/uml/run.sh" -t 270 -x bash "$here/systemd.sh" guest
+}
+
+# small_database FOLDER: of the packages that ours depends on, in the place of the machine's, which takes
+# many seconds to read here
+small_database() {
+    local needed
+    needed=$(dpkg-deb -f "$(echo "$HIL_BINARY_DIR"/systemd-packages/coman-hil_*.deb)" Depends |
+        tr ',|' '\n\n' | awk '{ print $1 }')
+    mount -t tmpfs none "$1"
+    mkdir -p "$1/info" "$1/updates" "$1/triggers"
+    awk -v RS= -v ORS='\n\n' -v needed="$needed" '
+        BEGIN { for (n = split(needed, list); n; n--) want[list[n]] = 1 }
+        $1 == "Package:" && $2 in want' /var/lib/dpkg/status >"$1/status"
+    for package in $needed; do
+        cp /var/lib/dpkg/info/"$package".list /var/lib/dpkg/info/"$package":*.list "$1/info" 2>/dev/null
+    done
 }
 
 guest() {
@@ -39,6 +55,10 @@ guest() {
         mount --rbind /$folder $root/$folder
     done
     mount -t tmpfs none $root/run
+    # what the guest changes, for those who look for what is left of it
+    mkdir $root/run/upper
+    mount --bind /run/layer/upper $root/run/upper
+    small_database $root/var/lib/dpkg
     for folder in "$HIL_WORK" "$HIL_SOURCE_DIR" "$HIL_BINARY_DIR"; do
         mkdir -p "$root$folder" && mount --bind "$folder" "$root$folder"
     done
@@ -68,8 +88,10 @@ Environment=HIL_WORK=$HIL_WORK HIL_SOURCE_DIR=$HIL_SOURCE_DIR HIL_BINARY_DIR=$HI
 ExecStart=/bin/bash $here/systemd_inside.sh
 StandardOutput=append:$HIL_WORK/output
 StandardError=append:$HIL_WORK/console
-TimeoutStartSec=180
+TimeoutStartSec=260
 END
+    # nor for the units that generators make of the machine's files each time that units are read
+    export SYSTEMD_GENERATOR_PATH=/run/none SYSTEMD_ENVIRONMENT_GENERATOR_PATH=/run/none
     export SYSTEMD_UNIT_PATH=/run/units:/etc/systemd/system:/usr/lib/systemd/system
     exec /lib/systemd/systemd --system --unit=hil-test.target --log-target=journal --show-status=no \
         systemd.unified_cgroup_hierarchy=1

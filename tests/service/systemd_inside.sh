@@ -7,15 +7,13 @@ packages=$HIL_BINARY_DIR/systemd-packages
 package=$(echo "$packages"/coman-hil_*.deb)
 log=$HIL_WORK/log
 unit=coman-hil@coman
-number=0
+. "$(dirname "$0")/tap.sh"
+tap_show=$log
 
-result() {
-    number=$((number + 1))
-    if [ "$2" -eq 0 ]; then
-        echo "ok $number - $1"
-    else
-        echo "not ok $number - $1"
-        sed 's/^/# /' "$log"
+# check STATUS NAME: a result, with what systemd has to say of a failure
+check() {
+    result "$1" "$2"
+    if [ "$1" -ne 0 ]; then
         systemctl --no-pager --full status $unit 2>&1 | head -n 20 | sed 's/^/# /'
         journalctl --no-pager -n 15 2>&1 | sed 's/^/# /'
     fi
@@ -31,7 +29,7 @@ within() {
     shift
     until "$@" >/dev/null 2>&1; do
         [ $SECONDS -le $end ] || return 1
-        sleep 0.2
+        sleep 0.4
     done
 }
 
@@ -48,32 +46,33 @@ finish() {
 }
 
 test_installation() {
-    dpkg -i "$package" >"$log" 2>&1 && [ -z "$(dpkg --verify coman-hil)" ] &&
+    dpkg --force-unsafe-io -i "$package" >"$log" 2>&1 && [ -z "$(dpkg --verify coman-hil)" ] &&
         [ "$(property ActiveState)" = inactive ]
-    result "the package is installed and starts nothing" $?
-    # the laboratory's own rig of this name: the installed one at 250 Hz, which this kernel keeps
+    check $? "the package is installed and starts nothing"
+    # the laboratory's own rig of this name: the installed one at 100 Hz, which this kernel keeps
     mkdir -p /etc/coman-hil/rigs
     cat >/etc/coman-hil/rigs/coman.yaml <<'END'
 extends: coman
-tick_s: 0.004
+tick_s: 0.01
 tasks:
-  servo: {command_period_s: 0.004}
+  servo: {command_period_s: 0.01}
 END
-    for n in 0 1 2 3 4; do ip link delete "can$n"; done
-    for n in 0 1 2 3 4; do systemctl start "coman-hil-vcan@can$n"; done
-    ip -br link show type vcan | grep -q can4
-    result "the unit creates virtual interfaces" $?
+    ip link delete can0
+    systemctl start coman-hil-vcan@can0 && ip -br link show type vcan | grep -q '^can0 .*UP'
+    check $? "the unit creates a virtual interface"
+    ! systemctl start coman-hil-vcan@can1 2>/dev/null && ip link show can1 >/dev/null
+    check $? "and leaves alone what has been there before it"
 }
 
 test_start() {
     timeout 30 systemctl start $unit
-    result "systemctl start comes back when the loop has run its first tick" $?
+    check $? "systemctl start comes back when the loop has run its first tick"
     [ "$(property ActiveState)/$(property SubState)" = active/running ]
-    result "it is running" $?
+    check $? "it is running"
     answers_on_can
-    result "its boards answer on can0" $?
+    check $? "its boards answer on can0"
     within 10 eval 'systemctl --no-pager status $unit | grep -q "Status: .* s  x"'
-    result "systemctl status tells how it is" $?
+    check $? "systemctl status tells how it is"
 }
 
 # as the service's own user, with the limits of the unit
@@ -88,20 +87,28 @@ test_rights() {
     pid=$(property MainPID)
     ps -L -o user=,cls=,rtprio= -p "$pid" >"$log"
     ! grep -q '^root' "$log"
-    result "it does not run as root" $?
+    check $? "it does not run as root"
     ps -L -o cls=,rtprio= -p "$pid" >"$log"
     [ "$(grep -c 'FF  *80' "$log")" = 1 ]
-    result "one thread, the loop, has the FIFO priority of the rig" $?
+    check $? "one thread, the loop, has the FIFO priority of the rig"
     grep VmLck "/proc/$pid/status" >"$log"
     awk '{ exit !($2 > 1000) }' "$log"
-    result "its memory is locked" $?
+    check $? "its memory is locked"
     grep '^Cap' "/proc/$pid/status" >"$log"
     [ "$(grep -c '0000000000000000$' "$log")" = 5 ]
-    result "it has no capability at all" $?
+    check $? "it has no capability at all"
     as_service coman-hil doctor --measure 0 coman >"$log" 2>&1 && ! grep -q '^fail' "$log" &&
         grep -q '^ok   FIFO priority' "$log" && grep -q '^ok   locked memory' "$log" &&
         [ "$(grep -c '^ok   interface' "$log")" = 5 ]
-    result "doctor finds as its user that it may do what the rig says" $?
+    check $? "doctor finds as its user that it may do what the rig says"
+}
+
+test_control() {
+    local socket=/run/coman-hil/coman/control
+    coman-hil ctl status --socket $socket >"$log" 2>&1 && as_service coman-hil ctl status --socket $socket >>"$log" 2>&1
+    check $? "root and its user may ask it how it is"
+    ! setpriv --reuid=65534 --regid=65534 --clear-groups coman-hil ctl status --socket $socket >"$log" 2>&1
+    check $? "nobody else may"
 }
 
 test_reload() {
@@ -109,13 +116,13 @@ test_reload() {
     pid=$(property MainPID)
     timeout 20 systemctl reload $unit
     within 10 said 1 "reload: starting anew" && within 10 answers_on_can && [ "$(property MainPID)" = "$pid" ]
-    result "reload starts the rig anew in the same process" $?
+    check $? "reload starts the rig anew in the same process"
 }
 
 test_journal() {
     journalctl --no-pager -o cat -u $unit >"$log"
     [ -s "$log" ] && ! LC_ALL=C grep -nP '[\x00-\x08\x0b-\x1f\x7f]|^<[0-9]>' "$log" >"$log.odd"
-    result "the journal has whole lines without control characters or prefixes" $?
+    check $? "the journal has whole lines without control characters or prefixes"
 
     # a program that sends nonsense to every address of every bus, as fast as it can
     journal --cursor-file="$HIL_WORK/cursor" >/dev/null
@@ -128,12 +135,12 @@ test_journal() {
     journal --cursor-file="$HIL_WORK/cursor" >"$log"
     echo "# 10000 frames of nonsense left $(wc -l <"$log") lines in the journal"
     grep -q 'more like it' "$log" && [ "$(wc -l <"$log")" -ge 5 ] && [ "$(wc -l <"$log")" -le 1000 ]
-    result "a flood of events leaves few lines, which tell how many there were" $?
+    check $? "a flood of events leaves few lines, which tell how many there were"
     journal -p warning >"$log"
     grep -q 'no such command' "$log" && ! grep -q 'dynamics:' "$log"
-    result "journalctl -p warning shows what went wrong, and only that" $?
+    check $? "journalctl -p warning shows what went wrong, and only that"
     [ "$(property ActiveState)/$(property NRestarts)" = active/0 ]
-    result "the service has outlived it" $?
+    check $? "the service has outlived it"
 }
 
 # a controller that sees its boards vanish, in real time: by their silence
@@ -144,17 +151,17 @@ test_silence() {
     coman-hil task squat coman --clock real --reconnect >"$HIL_WORK/task" 2>&1 </dev/null &
     controller=$!
     within 20 said 1 "links are let go" && systemctl restart $unit && within 20 said 2 "links are let go"
-    result "a controller in real time finds the boards of a restarted service" $?
+    check $? "a controller in real time finds the boards of a restarted service"
     cp "$HIL_WORK/task" "$log"
     journal -n 30 >>"$log"
     grep -q "gone silent" "$HIL_WORK/task" && grep -q "looking for the boards again" "$HIL_WORK/task"
-    result "it has noticed their silence" $?
+    check $? "it has noticed their silence"
     kill -TERM $controller
     wait $controller
-    result "and switches the motors off at its end" $?
+    check $? "and switches the motors off at its end"
     timeout 20 systemctl stop $unit
     [ "$(property ActiveState)" = inactive ] && [ "$(property Result)" = success ]
-    result "stop ends the service well" $?
+    check $? "stop ends the service well"
 }
 
 # Rows of a recording before the one of the given time have 0 V everywhere, later ones have not.
@@ -166,51 +173,49 @@ on = float(sys.argv[2])
 driven = [float(r["time_s"]) for r in rows if any(abs(float(v)) > 0 for k, v in r.items() if k.startswith("voltage_"))]
 before = [r for r in rows if float(r["time_s"]) < on]
 print(f"{len(before)} rows before the motors were on at {on} s, voltages from {driven[0] if driven else None} s")
-sys.exit(not (len(before) > 1 and driven and driven[0] >= on - 0.021))
+sys.exit(not (len(before) > 1 and driven and driven[0] >= on))
 END
 }
 
 # the same in lockstep, where the outcome does not hang on the clock; a rig of the laboratory's own
 test_reconnection() {
-    local controller pid let_go
+    local controller pid on found
     unit=coman-hil@lab
     cat >/etc/coman-hil/rigs/lab.yaml <<'END'
 extends: coman
-tick_s: 0.001
+tick_s: 0.004
 tasks:
-  servo: {command_period_s: 0.002}
+  servo: {command_period_s: 0.004}
   squat: {depth_m: 0.05, period_s: 1.5, cycles: 1}
 END
-    echo 'OPTIONS=--clock lockstep --record recording --force' >/etc/default/coman-hil-lab
+    echo 'OPTIONS=--clock lockstep --record recording --record-period 4 --force' >/etc/default/coman-hil-lab
     timeout 30 systemctl start $unit
-    result "a rig that extends one that extends the package's is started" $?
+    check $? "a rig that extends one that extends the package's is started"
     coman-hil task squat lab --clock lockstep --reconnect >"$HIL_WORK/task" 2>&1 </dev/null &
     controller=$!
     within 20 said 1 "links are let go" && systemctl restart $unit && within 20 said 2 "links are let go"
-    result "a controller finds the boards of a restarted service" $?
+    check $? "a controller finds the boards of a restarted service"
 
     pid=$(property MainPID)
     kill -STOP "$pid"
     within 20 main_pid_is_not "$pid"
-    result "a stopped process is found by the watchdog and started anew" $?
+    check $? "a stopped process is found by the watchdog and started anew"
     journalctl --no-pager -u $unit | grep -qi watchdog
-    result "the journal says so" $?
+    check $? "the journal says so"
     within 20 said 3 "links are let go"
-    result "the controller finds its boards once more" $?
+    check $? "the controller finds its boards once more"
 
     wait $controller
     found=$?
     cp "$HIL_WORK/task" "$log"
     [ $found = 0 ] && [ "$(grep -c "looking for the boards again" "$log")" = 2 ]
-    result "and ends the squat that it has begun three times" $?
+    check $? "and ends the squat that it has begun three times"
     sed -n 's/.*cycles done, \([0-9.]*\) mm deep.*/\1/p' "$HIL_WORK/task" | awk '{ exit !($1 > 45 && $1 < 55) }'
-    result "50 mm deep, within a tenth" $?
-    let_go=$(journal | sed -n 's/^\([0-9.]*\) s: .*links are let go.*/\1/p' | tail -n 1)
-    # the first motor is on some milliseconds before the last, and those before the links
+    check $? "50 mm deep, within a tenth"
     systemctl stop $unit
-    judge_voltages /var/lib/coman-hil/lab/recording/signals.csv "$(awk -v t="$let_go" 'BEGIN { print t - 0.1 }')" >"$log" 2>&1
-    result "until it has switched the motors on again they are at 0 V" $?
-    unit=coman-hil@coman
+    on=$(journal | awk '/^dynamics:/ { on = "" } on == "" && /idle to voltage mode/ { on = $1 } END { print on }')
+    judge_voltages /var/lib/coman-hil/lab/recording/signals.csv "${on:-0}" >"$log" 2>&1
+    check $? "until it has switched the motors on again they are at 0 V"
 }
 
 test_examples() {
@@ -222,7 +227,7 @@ test_examples() {
     grep Cap "/proc/$pid/status" >"$log"
     [ "$(sed -n 's/^CapEff:\s*//p' "/proc/$pid/status")" = 0000000000001000 ] &&
         [ "$(readlink "/proc/$pid/ns/user")" = "$(readlink /proc/self/ns/user)" ]
-    result "a drop-in gives it the right to set up interfaces, and no other" $?
+    check $? "a drop-in gives it the right to set up interfaces, and no other"
     rm -r /etc/systemd/system/coman-hil@.service.d
     systemctl daemon-reload
 
@@ -230,44 +235,45 @@ test_examples() {
     mkdir -p /etc/systemd/network /etc/udev/rules.d
     cp /usr/share/doc/coman-hil/examples/*.network /usr/share/doc/coman-hil/examples/*.link /etc/systemd/network/
     cp /usr/share/doc/coman-hil/examples/*.rules /etc/udev/rules.d/
-    SYSTEMD_LOG_LEVEL=debug SYSTEMD_LOG_TARGET=console timeout 2 /lib/systemd/systemd-networkd >"$log.networkd" 2>&1
+    SYSTEMD_LOG_LEVEL=debug SYSTEMD_LOG_TARGET=console timeout 1 /lib/systemd/systemd-networkd >"$log.networkd" 2>&1
     SYSTEMD_LOG_LEVEL=debug udevadm test -a add /sys/class/net/can0 >"$log.udev" 2>&1
     grep -h '80-coman-hil' "$log.networkd" "$log.udev" >"$log"
     grep -q '80-coman-hil-can.rules' "$log" &&
         ! grep -hE '80-coman-hil.*(Unknown|Invalid|Failed|ignor)' "$log.networkd" "$log.udev"
-    result "networkd and udev understand the examples" $?
+    check $? "networkd and udev understand the examples"
+    rm /etc/systemd/network/80-coman-hil-can.* /etc/udev/rules.d/80-coman-hil-can.rules
 }
 
 test_upgrade_and_removal() {
     local pid
     systemctl enable -q $unit coman-hil-vcan@can0
     pid=$(property MainPID)
-    dpkg -i "$packages/next.deb" >"$log" 2>&1 && within 10 main_pid_is_not "$pid" && within 10 answers_on_can
-    result "an upgrade starts what runs anew, with the new program" $?
+    dpkg --force-unsafe-io -i "$packages/next.deb" >"$log" 2>&1 && within 10 main_pid_is_not "$pid"
+    check $? "an upgrade starts what runs anew, with the new program"
     [ ! -L "/proc/$(property MainPID)/exe" ] || readlink "/proc/$(property MainPID)/exe" >"$log"
     ! grep -q deleted "$log" && [ -e /etc/coman-hil/rigs/lab.yaml ]
-    result "and keeps the rigs of the laboratory" $?
+    check $? "and keeps the rigs of the laboratory"
 
     dpkg -r coman-hil >"$log" 2>&1 && [ "$(property ActiveState)" = inactive ] && ! pidof coman-hil >>"$log" &&
         ! ip link show can0 >>"$log" 2>&1
-    result "removing it stops what runs and takes the virtual interfaces away" $?
+    check $? "removing it stops what runs and takes the virtual interfaces away"
     [ -d /var/lib/private/coman-hil ] && [ -e /var/lib/coman-hil/lab/recording/candump.log ]
-    result "recordings stay" $?
+    check $? "recordings stay"
     dpkg -P coman-hil >"$log" 2>&1
-    find / -xdev -path /proc -prune -o \( -name '*coman-hil*' -o -name '*coman_hil*' \) -print 2>/dev/null |
-        grep -v -e "^$HIL_SOURCE_DIR" -e "^$HIL_BINARY_DIR" -e '^/mnt' -e '^/run' -e '^/tmp' >>"$log"
-    [ "$(grep '^/' "$log" | sort | tr '\n' ' ')" = "/etc/coman-hil /etc/default/coman-hil-lab " ]
-    result "a purge leaves the laboratory's own files and nothing else" $?
+    (cd /run/upper && find etc usr var -name '*coman-hil*' ! -type c ! -path 'var/log/*') | sort >>"$log"
+    [ "$(grep -e '^etc/' -e '^usr/' -e '^var/' "$log" | tr '\n' ' ')" = "etc/coman-hil etc/default/coman-hil-lab " ]
+    check $? "a purge leaves the laboratory's own files and nothing else"
 }
 
-echo 1..35
+echo 1..38
 test_installation
 test_start
 test_rights
+test_control
 test_reload
 test_journal
 test_silence
 test_reconnection
 test_examples
 test_upgrade_and_removal
-finish 0
+finish $failed

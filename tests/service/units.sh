@@ -7,34 +7,40 @@ set -u
 program=$1
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-number=0
-failures=0
+. "$(dirname "$0")/tap.sh"
+tap_show="$work/out"
 
-result() {
-    number=$((number + 1))
-    if [ "$2" -eq 0 ]; then
-        echo "ok $number - $1"
-    else
-        echo "not ok $number - $1"
-        sed 's/^/# /' "$work/out"
-        failures=$((failures + 1))
-    fi
-}
-
-echo 1..4
+echo 1..8
 if ! command -v systemd-analyze >/dev/null; then
-    for n in 1 2 3 4; do echo "ok $n # SKIP systemd-analyze is not installed"; done
+    for n in 1 2 3 4 5 6 7 8; do echo "ok $n # SKIP systemd-analyze is not installed"; done
     exit 0
 fi
 for unit in coman-hil@ coman-hil-vcan@; do
     # the program is not installed where systemd looks for it
     sed "s|^ExecStart=coman-hil |ExecStart=$program |" "$HIL_SOURCE_DIR/systemd/$unit.service" >"$work/$unit.service"
     timeout 60 systemd-analyze verify --man=no "$work/$unit.service" >"$work/out" 2>&1 && [ ! -s "$work/out" ]
-    result "$unit.service is understood without a word" $?
+    result $? "$unit.service is understood without a word"
     timeout 60 systemd-analyze security --offline=true --no-pager "$work/$unit.service" >"$work/out" 2>&1
     exposure=$(sed -n 's/.*Overall exposure level for [^:]*: \([0-9.]*\).*/\1/p' "$work/out")
     echo "# $unit.service: exposure ${exposure:-unknown}"
     awk -v e="${exposure:-99}" 'BEGIN { exit !(e <= 2.0) }'
-    result "$unit.service is exposed by at most 2.0" $?
+    result $? "$unit.service is exposed by at most 2.0"
 done
-exit $((failures > 0))
+
+# the examples of drop-ins; the group of the second need not be there for it to be understood
+for example in can-configure processors; do
+    dropin=$work/coman-hil@.service.d
+    mkdir "$dropin"
+    cp "$HIL_SOURCE_DIR/systemd/examples/$example.conf" "$dropin"
+    timeout 60 systemd-analyze verify --man=no "$work/coman-hil@.service" >"$work/out" 2>&1 && [ ! -s "$work/out" ]
+    result $? "$example.conf is understood without a word"
+    # as systemd would read them together
+    cat "$work/coman-hil@.service" "$dropin/$example.conf" >"$work/with-$example@.service"
+    timeout 60 systemd-analyze security --offline=true --no-pager "$work/with-$example@.service" >"$work/out" 2>&1
+    exposure=$(sed -n 's/.*Overall exposure level for [^:]*: \([0-9.]*\).*/\1/p' "$work/out")
+    echo "# with $example.conf: exposure ${exposure:-unknown}"
+    awk -v e="${exposure:-99}" 'BEGIN { exit !(e <= 2.0) }'
+    result $? "the unit with it is exposed by at most 2.0"
+    rm -r "$dropin"
+done
+exit $failed

@@ -8,17 +8,8 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 mkdir "$work/rigs"
 ln -s "$HIL_SOURCE_DIR/config/robots" "$HIL_SOURCE_DIR/config/meshes" "$work"
-number=0
-
-result() { # GOOD NAME
-    number=$((number + 1))
-    if [ "$1" = 0 ]; then
-        echo "ok $number - $2"
-    else
-        echo "not ok $number - $2"
-        sed 's/^/# /' "$work/out" "$work/err"
-    fi
-}
+. "$(dirname "$0")/tap.sh"
+tap_show="$work/out $work/err"
 
 # rig BUDGET BITRATE: COMAN's buses at another bit rate
 rig() {

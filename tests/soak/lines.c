@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+static const double BROKEN_SPRING_S = 0.15;
+
 enum { WORDS_MAX = 8, WIRE_MOST = 12, BUSES = 64 };
 
 void lines_init(struct lines *lines, const struct rig *rig, bool wire, uint64_t seed, size_t kind)
@@ -121,8 +123,8 @@ static bool write_parameters(struct lines *lines, char *const *word, size_t nwor
 
         key[strcspn(key, "=")] = '\0';
         if (!choose_value(lines, key, &value)) {
-            error_set(error, ERROR_INPUT, "faults_help lists a parameter \"%s\" that has no range here",
-                      key);
+            error_set(error, ERROR_INPUT,
+                      "faults_help lists a parameter \"%s\" that has no range here", key);
             return false;
         }
         if (!optional || random_uniform(&lines->random) < 0.5) {
@@ -155,7 +157,8 @@ static bool write_target(struct lines *lines, const char *target, bool on_wire, 
 }
 
 /* One line of the kind; false with error->code when something is unknown, or without when the kind does
- * not exist here. */
+ * not exist here. A broken spring is whole again before its ends are turns apart, which is no state of
+ * any robot: it would fling the link about at a turn a step. */
 static bool write_line(struct lines *lines, size_t kind, double from_s, double to_s,
                        struct error *error)
 {
@@ -169,7 +172,8 @@ static bool write_line(struct lines *lines, size_t kind, double from_s, double t
         return false;
     }
     help[strcspn(help, ":")] = '\0';
-    for (char *w = strtok_r(help, " ", &rest); w && count < WORDS_MAX; w = strtok_r(NULL, " ", &rest)) {
+    for (char *w = strtok_r(help, " ", &rest); w && count < WORDS_MAX;
+         w = strtok_r(NULL, " ", &rest)) {
         word[count++] = w;
     }
     /* target, "...", kind, parameters */
@@ -180,6 +184,9 @@ static bool write_line(struct lines *lines, size_t kind, double from_s, double t
     if (!write_target(lines, word[0], on_wire, target, sizeof target) ||
         !write_parameters(lines, word + 3, count - 3, parameters, sizeof parameters, error)) {
         return false;
+    }
+    if (!strcmp(word[2], "spring_break")) {
+        to_s = fmin(to_s, from_s + BROKEN_SPRING_S);
     }
     snprintf(lines->text[lines->count++], FAULT_TEXT_SIZE, "%s %s%s %.3f..%.3f", target, word[2],
              parameters, from_s, to_s);

@@ -16,8 +16,8 @@ struct lines {
     const struct rig *rig;
     bool wire; /* the buses have a time of their own */
     struct random_stream random;
-    size_t kind;                   /* the one that comes next: each in its turn */
-    size_t on_wire[64];            /* faults that the wire of each bus has to carry out */
+    size_t kind;        /* the one that comes next: each in its turn */
+    size_t on_wire[64]; /* faults that the wire of each bus has to carry out */
     char text[FAULTS_MAX][FAULT_TEXT_SIZE];
     const char *line[FAULTS_MAX]; /* to texts */
     size_t count;

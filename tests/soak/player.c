@@ -3,15 +3,16 @@
 #include "tests/soak/player.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #define ARENA ((size_t)4 << 20)
 #define MS INT64_C(1000000)
 
-static const int64_t RETRY_NS = 100 * MS;   /* between two commands to a motor that is off */
-static const int64_t FRESH_NS = 50 * MS;    /* telemetry is not older */
-static const int64_t SILENT_NS = 1000 * MS; /* a board that has forgotten its settings */
+static const int64_t RETRY_NS = 100 * MS;   /* between two attempts at the same thing */
+static const int64_t SILENT_NS = 1000 * MS; /* as long as that: the board is gone */
 static const double RAMP_S = 1.0;
+enum { TRIES = 10 }; /* to switch an axis on before all is begun anew */
 
 static enum error_code start_host(struct player *player, struct error *error)
 {
@@ -39,6 +40,10 @@ static enum error_code start_host(struct player *player, struct error *error)
     if (!code) {
         code = servo_create(&rig->servo, player->host, &player->arena, &player->servo, error);
     }
+    for (size_t i = 0; i < rig->naxis; i++) {
+        player->axis[i].was_off = player->axis[i].told_off = false;
+        player->axis[i].tries = 0;
+    }
     player->ready = false;
     player->starts++;
     return code;
@@ -59,8 +64,8 @@ enum error_code player_init(struct player *player, const struct rig *rig, uint64
     }
     for (size_t i = 0; i < rig->naxis; i++) {
         const struct host_axis *axis = &rig->axis[i];
-        double room = fmin(axis->upper_rad - rig->initial_rad[i],
-                           rig->initial_rad[i] - axis->lower_rad);
+        double room =
+            fmin(axis->upper_rad - rig->initial_rad[i], rig->initial_rad[i] - axis->lower_rad);
 
         player->axis[i] = (struct player_axis){
             .amplitude_rad = fmax(0.0, fmin(0.2, 0.5 * room)),
@@ -83,8 +88,6 @@ static void begin(struct player *player, int64_t time_ns)
     servo_start(player->servo);
     for (size_t i = 0; i < player->rig->naxis; i++) {
         player->from_rad[i] = servo_wanted(player->servo, i);
-        player->axis[i].retry_ns = time_ns;
-        player->axis[i].told_off = false;
     }
 }
 
@@ -97,8 +100,8 @@ static void move(struct player *player, int64_t time_ns)
     for (size_t i = 0; i < player->rig->naxis; i++) {
         const struct player_axis *axis = &player->axis[i];
         double omega = 6.283185307179586 * axis->frequency_hz;
-        double goal = player->rig->initial_rad[i] +
-                      axis->amplitude_rad * sin(omega * t + axis->phase_rad);
+        double goal =
+            player->rig->initial_rad[i] + axis->amplitude_rad * sin(omega * t + axis->phase_rad);
         double rate = axis->amplitude_rad * omega * cos(omega * t + axis->phase_rad);
 
         servo_set(player->servo, i, player->from_rad[i] + blend * (goal - player->from_rad[i]),
@@ -106,27 +109,38 @@ static void move(struct player *player, int64_t time_ns)
     }
 }
 
-/* off first, which leaves a fault, then on */
-static void switch_on_again(struct player *player, int64_t time_ns)
+/* Off first, which leaves a fault, then on. True: one has come back, and stands somewhere else than it
+ * was to be: at full voltage towards it, it would trip again. */
+static bool switch_on_again(struct player *player, int64_t time_ns)
 {
+    bool back = false;
+
     for (size_t i = 0; i < player->rig->naxis; i++) {
         struct player_axis *axis = &player->axis[i];
 
         if (host_joint(player->host, i)->motor == HOST_MOTOR_ON) {
-            axis->told_off = false;
+            axis->on_ns = time_ns;
+            back = back || axis->was_off;
+            axis->was_off = axis->told_off = false;
+            axis->tries = 0;
         } else if (time_ns >= axis->retry_ns) {
+            axis->was_off = true;
             host_set_motor(player->host, i, axis->told_off);
             player->switched_on += axis->told_off;
+            axis->tries += axis->told_off;
             axis->told_off = !axis->told_off;
             axis->retry_ns = time_ns + RETRY_NS;
         }
     }
+    return back;
 }
 
-static bool some_axis_silent(const struct player *player, int64_t time_ns)
+/* A board that boots anew is silent, or will not switch on before it is told again what it drives. */
+static bool some_board_forgot(const struct player *player, int64_t time_ns)
 {
     for (size_t i = 0; i < player->rig->naxis; i++) {
-        if (time_ns - host_joint(player->host, i)->motor_time_ns > SILENT_NS) {
+        if (time_ns - host_joint(player->host, i)->motor_time_ns > SILENT_NS ||
+            player->axis[i].tries > TRIES) {
             return true;
         }
     }
@@ -139,21 +153,24 @@ enum error_code player_step(struct player *player, int64_t time_ns, bool silent,
     enum host_phase phase;
 
     host_receive(player->host, time_ns);
-    if (silent) {
+    if (silent || time_ns < player->resume_ns) {
         return ERROR_NONE;
     }
     if (!player->ready) {
         phase = host_start_up(player->host);
         if (phase == HOST_FAILED) {
+            player->resume_ns = time_ns + RETRY_NS;
             return start_host(player, error);
         }
         if (phase == HOST_READY) {
             begin(player, time_ns);
         }
-    } else if (some_axis_silent(player, time_ns)) {
+    } else if (some_board_forgot(player, time_ns)) {
         return start_host(player, error);
     } else {
-        switch_on_again(player, time_ns);
+        if (switch_on_again(player, time_ns)) {
+            begin(player, time_ns);
+        }
         move(player, time_ns);
         servo_update(player->servo);
     }
@@ -161,14 +178,17 @@ enum error_code player_step(struct player *player, int64_t time_ns, bool silent,
     return ERROR_NONE;
 }
 
-bool player_all_well(const struct player *player, int64_t time_ns, const char **joint)
+bool player_all_back(const struct player *player, int64_t since_ns, char *text, size_t size)
 {
+    static const char *const modes[] = {"unknown", "off", "on", "in another mode", "in fault"};
+
     for (size_t i = 0; i < player->rig->naxis; i++) {
         const struct host_joint *found = host_joint(player->host, i);
 
-        *joint = player->rig->axis[i].joint;
-        if (!player->ready || found->motor != HOST_MOTOR_ON ||
-            time_ns - found->motor_time_ns > FRESH_NS) {
+        if (player->axis[i].on_ns <= since_ns || found->motor_time_ns <= since_ns) {
+            snprintf(text, size, "%s has not been on, last at %.3f s; is %s, faults 0x%x, %s",
+                     player->rig->axis[i].joint, (double)player->axis[i].on_ns * 1e-9,
+                     modes[found->motor], (unsigned)found->fault, host_message(player->host));
             return false;
         }
     }

@@ -17,7 +17,9 @@ enum { PLAYER_AXES_MAX = 64 };
 struct player_axis {
     double amplitude_rad, frequency_hz, phase_rad;
     int64_t retry_ns; /* when to switch it on again */
-    bool told_off;
+    bool was_off, told_off;
+    int tries;     /* to switch it on */
+    int64_t on_ns; /* when it was last on */
 };
 
 struct player {
@@ -28,7 +30,7 @@ struct player {
     struct servo *servo;
     struct random_stream random;
     bool ready;
-    int64_t ready_ns;
+    int64_t ready_ns, resume_ns;      /* since when; when it tries again after a failure */
     double from_rad[PLAYER_AXES_MAX]; /* where the joints were then */
     struct player_axis axis[PLAYER_AXES_MAX];
     uint64_t starts, switched_on; /* hosts started, axes switched on again */
@@ -43,7 +45,7 @@ void player_fini(struct player *player);
 enum error_code player_step(struct player *player, int64_t time_ns, bool silent,
                             struct error *error);
 
-/* Whether every motor is on and tells where it is; else the name of one that is not. */
-bool player_all_well(const struct player *player, int64_t time_ns, const char **joint);
+/* Whether every motor has been on since, and told where it is; else which has not, and how it is. */
+bool player_all_back(const struct player *player, int64_t since_ns, char *text, size_t size);
 
 #endif

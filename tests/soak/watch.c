@@ -10,8 +10,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static bool __attribute__((format(printf, 2, 3)))
-fail(struct watch *watch, const char *format, ...)
+static bool __attribute__((format(printf, 2, 3))) fail(struct watch *watch, const char *format, ...)
 {
     va_list args;
 

@@ -41,6 +41,14 @@ static void put(const struct machine *m, const char *name, const char *text)
     fclose(file);
 }
 
+static void remove_file(const struct machine *m, const char *name)
+{
+    char path[512];
+
+    snprintf(path, sizeof path, "%s%s", m->root, name);
+    assert_int_equal(unlink(path), 0);
+}
+
 /* a laboratory machine as it should be */
 static void put_good_machine(const struct machine *m)
 {
@@ -239,6 +247,10 @@ static void sees_slow_idle_states_that_are_enabled(void **state)
     put(m, "/sys/devices/system/cpu/cpu3/cpuidle/state1/name", "C6\n");
     put(m, "/sys/devices/system/cpu/cpu3/cpuidle/state1/disable", "0\n");
     assert_only(m, "idle states", DOCTOR_WARN, "C6 takes 133 us");
+    put(m, "/dev/cpu_dma_latency", "");
+    assert_int_equal(examine(m), DOCTOR_OK);
+    remove_file(m, "/dev/cpu_dma_latency");
+    assert_only(m, "idle states", DOCTOR_WARN, "cannot be written");
     put(m, "/sys/devices/system/cpu/cpu3/cpuidle/state1/disable", "1\n");
     assert_int_equal(examine(m), DOCTOR_OK);
 }

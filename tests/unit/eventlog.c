@@ -91,6 +91,49 @@ static void nothing_is_lost_when_keys_share_a_place(void **state)
     fclose(bench.log.out);
 }
 
+static const char *grave(uint64_t key)
+{
+    return key == 7 ? "<4>" : "";
+}
+
+static void a_flood_under_many_keys_is_held_back_too(void **state)
+{
+    static struct bench bench;
+
+    (void)state;
+    bench_init(&bench);
+    for (int64_t ms = 0; ms < 10000; ms++) {
+        for (uint64_t key = 0; key < 300; key++) {
+            eventlog_put(&bench.log, ms * CLOCK_MS, key, "x");
+        }
+        if (ms % 50 == 0) {
+            eventlog_flush(&bench.log, ms * CLOCK_MS, false);
+        }
+    }
+    /* the first lines of every place, and what was held back after 1, 3 and 7 s */
+    assert_int_equal(lines(&bench), (EVENTLOG_KEYS + 1) * (EVENTLOG_BURST + 3));
+    assert_int_equal(bench.log.printed + bench.log.held, 3000000);
+    fclose(bench.log.out);
+}
+
+static void a_prefix_stands_before_lines_and_sums(void **state)
+{
+    static struct bench bench;
+
+    (void)state;
+    bench_init(&bench);
+    bench.log.prefix = grave;
+    eventlog_put(&bench.log, 0, 1, "light");
+    for (int i = 0; i < EVENTLOG_BURST + 2; i++) {
+        eventlog_put(&bench.log, 0, 7, "heavy");
+    }
+    eventlog_flush(&bench.log, 0, true);
+    fflush(bench.log.out);
+    assert_ptr_equal(strstr(bench.text, "light\n<4>heavy\n<4>heavy\n"), bench.text);
+    assert_non_null(strstr(bench.text, "\n<4>... and 2 more like it, the last: heavy\n"));
+    fclose(bench.log.out);
+}
+
 static void one_held_line_is_printed_as_it_is(void **state)
 {
     static struct bench bench;
@@ -150,6 +193,8 @@ int main(void)
         cmocka_unit_test(a_flood_is_summed_up_in_one_line),
         cmocka_unit_test(other_keys_are_not_held_back),
         cmocka_unit_test(nothing_is_lost_when_keys_share_a_place),
+        cmocka_unit_test(a_flood_under_many_keys_is_held_back_too),
+        cmocka_unit_test(a_prefix_stands_before_lines_and_sums),
         cmocka_unit_test(one_held_line_is_printed_as_it_is),
         cmocka_unit_test(a_quiet_second_ends_the_flood),
         cmocka_unit_test(a_lasting_flood_is_told_of_ever_more_rarely),

@@ -264,6 +264,23 @@ static void lockstep_frames_pass_unless_a_rule_names_them(void **state)
     assert_int_equal(bench->frame[0].id, DONE_ID);
 }
 
+static void lockstep_frames_pass_even_when_the_bus_is_off(void **state)
+{
+    struct bench *bench = *state;
+    struct bus_frame frames[2] = {frame_make(0x101, 0, NULL), frame_make(DONE_ID, 0, NULL)};
+
+    bench->active = true;
+    spoil(bench, (struct fault_port_rule){FAULT_PORT_BUS_OFF, .id = -1}, 1);
+    send(bench->far, 0x101, 0, 5);
+    send(bench->far, STEP_ID, 0, 5);
+    assert_int_equal(receive(bench, bench->near), 5);
+    assert_int_equal(bench->frame[0].id, STEP_ID);
+    assert_int_equal(can_send(bench->near, frames, 2), 1);
+    assert_int_equal(bench->near->counters.tx_dropped, 1);
+    assert_int_equal(receive(bench, bench->far), 1);
+    assert_int_equal(bench->frame[0].id, DONE_ID);
+}
+
 static void rule_with_an_id_leaves_the_others_alone(void **state)
 {
     struct bench *bench = *state;
@@ -291,6 +308,7 @@ int main(void)
         TEST(more_late_frames_than_can_wait_are_counted_as_dropped),
         TEST(bus_off_carries_nothing_and_says_so),
         TEST(lockstep_frames_pass_unless_a_rule_names_them),
+        TEST(lockstep_frames_pass_even_when_the_bus_is_off),
         TEST(rule_with_an_id_leaves_the_others_alone),
     };
 

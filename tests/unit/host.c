@@ -100,6 +100,7 @@ static void a_silent_board_is_named(void **state)
     bench->mute = true;
     assert_int_equal(start_up(bench, 10000), HOST_FAILED);
     assert_string_equal(host_message(bench->host), "board 13 on can0 does not answer discovery");
+    assert_true(host_lost(bench->host));
 }
 
 /* Every frame of the start-up in turn is lost on its way. */
@@ -165,9 +166,11 @@ static void faults_and_silence_are_reported(void **state)
 
     assert_int_equal(start_up(bench, 100), HOST_READY);
     assert_true(host_healthy(bench->host));
+    assert_false(host_lost(bench->host));
     host_receive(bench->host, bench->now_ns + 300000000);
     assert_false(host_healthy(bench->host));
     assert_string_equal(host_message(bench->host), "joint hip has gone silent");
+    assert_true(host_lost(bench->host));
 }
 
 static void an_over_current_fault_fails_the_host(void **state)
@@ -179,6 +182,7 @@ static void an_over_current_fault_fails_the_host(void **state)
     host_receive(bench->host, bench->now_ns);
     assert_false(host_healthy(bench->host));
     assert_string_equal(host_message(bench->host), "joint knee is in fault 0x08: over-current");
+    assert_false(host_lost(bench->host));
 }
 
 static void a_motor_that_goes_off_by_itself_fails_the_host(void **state)
@@ -190,6 +194,8 @@ static void a_motor_that_goes_off_by_itself_fails_the_host(void **state)
     host_receive(bench->host, bench->now_ns);
     assert_false(host_healthy(bench->host));
     assert_string_equal(host_message(bench->host), "joint hip has switched its motor off");
+    /* without a fault: the board has started anew */
+    assert_true(host_lost(bench->host));
 }
 
 static void foreign_and_short_frames_change_nothing(void **state)

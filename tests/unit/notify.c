@@ -66,11 +66,12 @@ static void says_ready_after_the_first_tick_only(void **state)
     assert_int_equal(notify.watchdog_ns, INT64_C(2000000000));
     notify_watch(&notify, &health, 0);
     assert_hears(*state, "");
-    health.ticks = health.beat = 1;
+    health.ready = true;
+    health.beat = 1;
     notify_watch(&notify, &health, 1);
     assert_hears(*state, "READY=1");
     assert_hears(*state, "WATCHDOG=1");
-    health.ticks = health.beat = 2;
+    health.beat = 2;
     notify_watch(&notify, &health, 2);
     assert_hears(*state, "");
     notify_close(&notify);
@@ -79,7 +80,7 @@ static void says_ready_after_the_first_tick_only(void **state)
 static void feeds_the_watchdog_while_the_loop_lives(void **state)
 {
     struct notify notify;
-    struct notify_health health = {.ticks = 5, .beat = 5};
+    struct notify_health health = {.ready = true, .beat = 5};
 
     notify_open(&notify);
     notify_watch(&notify, &health, 0);
@@ -103,7 +104,7 @@ static void feeds_the_watchdog_while_the_loop_lives(void **state)
 static void says_how_it_is_and_that_it_ends(void **state)
 {
     struct notify notify;
-    struct notify_health health = {.ticks = 1};
+    struct notify_health health = {.ready = true};
     char text[512];
 
     notify_open(&notify);

@@ -1,0 +1,107 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The clock of another pace. */
+#include "rt/pace.h"
+
+#include "rt/snapshot.h"
+
+/* A sleeper looks so often whether the pace has changed. */
+#define LOOK_NS (5 * CLOCK_MS)
+
+/* now = own_ns + rate (behind - behind_ns) */
+struct line {
+    int64_t behind_ns, own_ns;
+    double rate;
+};
+
+struct pace {
+    struct clock clock; /* first */
+    struct clock *behind;
+    struct snapshot *line; /* struct line */
+};
+
+static int64_t at(const struct line *line, int64_t behind_ns)
+{
+    return line->own_ns + (int64_t)(line->rate * (double)(behind_ns - line->behind_ns));
+}
+
+static int64_t paced_now(struct clock *clock)
+{
+    const struct pace *pace = (struct pace *)clock;
+    struct line line;
+
+    snapshot_read(pace->line, &line);
+    return at(&line, clock_now(pace->behind));
+}
+
+/* When to look again, of the clock behind: at the deadline if that is soon. */
+static int64_t next_look(const struct line *line, int64_t now_ns, int64_t deadline_ns)
+{
+    double left = (double)(deadline_ns - at(line, now_ns));
+
+    return left < line->rate * (double)LOOK_NS ? now_ns + (int64_t)(left / line->rate) + 1
+                                               : now_ns + LOOK_NS;
+}
+
+static void paced_sleep_until(struct clock *clock, int64_t deadline_ns)
+{
+    const struct pace *pace = (struct pace *)clock;
+
+    for (;;) {
+        int64_t now = clock_now(pace->behind);
+        struct line line;
+
+        snapshot_read(pace->line, &line);
+        if (at(&line, now) >= deadline_ns) {
+            return;
+        }
+        clock_sleep_until(pace->behind, next_look(&line, now, deadline_ns));
+    }
+}
+
+/* Frames may come at any pace: it is asked again at the latest when it looks. */
+static void paced_wait_readable(struct clock *clock, struct pollfd *fds, size_t count,
+                                int64_t deadline_ns)
+{
+    const struct pace *pace = (struct pace *)clock;
+    int64_t now = clock_now(pace->behind);
+    struct line line;
+
+    snapshot_read(pace->line, &line);
+    clock_wait_readable(pace->behind, fds, count, next_look(&line, now, deadline_ns));
+}
+
+enum error_code pace_create(struct clock *behind, struct arena *arena, struct pace **out,
+                            struct error *error)
+{
+    static const struct clock_ops ops = {paced_now, paced_sleep_until, paced_wait_readable};
+    int64_t now = clock_now(behind);
+    struct pace *made = arena_alloc(arena, 1, sizeof *made);
+    enum error_code code;
+
+    if (!made) {
+        return error_set(error, ERROR_MEMORY, "no memory left for a clock");
+    }
+    made->clock.ops = &ops;
+    made->behind = behind;
+    code = snapshot_create(sizeof(struct line), arena, &made->line, error);
+    if (!code) {
+        snapshot_write(made->line, &(struct line){now, now, 1.0});
+    }
+    *out = made;
+    return code;
+}
+
+void pace_set(struct pace *pace, double rate)
+{
+    int64_t now = clock_now(pace->behind);
+    struct line line;
+
+    snapshot_read(pace->line, &line);
+    line = (struct line){now, at(&line, now), rate};
+    snapshot_write(pace->line, &line);
+}
+
+struct clock *pace_clock(struct pace *pace)
+{
+    return &pace->clock;
+}

@@ -1,0 +1,56 @@
+#!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
+# usage: guard_vcan.sh GUARD COMAN-HIL
+# The program under the guard on SocketCAN, on a kernel that has CAN (run it through
+# tests/bus/uml/run.sh): which system calls the loop makes in which phase. Page faults are counted and
+# not judged: what the guest's kernel does with pages is not what a machine's does. Prints TAP.
+set -u
+guard=$1
+program=$2
+faults=count
+# shellcheck source=/dev/null
+. "$(dirname "$0")/guard_lib.sh"
+
+# a controller as a process of its own
+task()
+{
+    sleep 0.3
+    exec "$program" task squat "$rigs/coman.yaml" "$@" --quiet >"$work/task" 2>&1 </dev/null
+}
+
+echo 1..4
+
+task --clock lockstep &
+guarded "$rigs/coman.yaml" --transport socketcan --clock lockstep --ticks 200 --wire ideal
+kill $! 2>/dev/null
+wait $!
+verdict "lockstep on vcan: batches of frames, and the sleep for a STEP" only ppoll recvmmsg sendmmsg \
+    clock_gettime
+
+task &
+guarded "$rigs/coman.yaml" --transport socketcan --clock real --duration 1.5 --wire ideal \
+    --record "$work/record"
+kill $! 2>/dev/null
+wait $!
+verdict "real time on vcan, recorded: batches of frames, and the sleep for the deadline" only \
+    clock_nanosleep recvmmsg sendmmsg clock_gettime
+
+task &
+guarded "$rigs/coman.yaml" --transport socketcan --clock real --duration 1.5 --wire wire
+kill $! 2>/dev/null
+wait $!
+verdict "the same paced like a wire" only clock_nanosleep recvmmsg sendmmsg clock_gettime
+
+{
+    sleep 0.8
+    ip link set can2 down
+    sleep 0.4
+    ip link set can2 up
+    ip link del can3
+} &
+guarded "$rigs/coman.yaml" --transport socketcan --clock real --duration 1.5 --wire ideal
+wait $!
+ip link add dev can3 type vcan && ip link set can3 up
+verdict "interfaces go down, come up and vanish" only clock_nanosleep recvmmsg sendmmsg getsockopt \
+    clock_gettime
+exit $((failures > 0))

@@ -1,0 +1,45 @@
+#!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
+# COMAN in lockstep with everything broken at random, two runs side by side in processes of their own,
+# one of them with less of the machine and recording: no rule is broken, and both agree to the last
+# bit. Five simulated minutes; SOAK=full: an hour. Usage: lockstep.sh SOAK_LOCKSTEP. Prints TAP.
+set -u
+program=$1
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+seconds=300
+[ "${SOAK:-}" = full ] && seconds=3600
+number=0
+bad=0
+
+result() { # GOOD NAME
+    number=$((number + 1))
+    if [ "$1" = 0 ]; then
+        echo "ok $number - $2"
+    else
+        echo "not ok $number - $2"
+        bad=1
+        sed 's/^/# /' "$work"/*.err
+        diff "$work/plain.out" "$work/recorded.out" | head -20 | sed 's/^/# /'
+    fi
+}
+
+# hash FILE: of the whole run
+hash() {
+    sed -n 's/^soak: .* hash \([0-9a-f]*\)$/\1/p' "$1"
+}
+
+echo 1..3
+nice -n 19 "$program" $seconds 1 "$work/recording" >"$work/recorded.out" 2>"$work/recorded.err" &
+"$program" $seconds 1 >"$work/plain.out" 2>"$work/plain.err"
+plain=$?
+wait $!
+recorded=$?
+[ $plain = 0 ]
+result $? "$seconds simulated seconds of faults break no rule"
+[ $recorded = 0 ] && [ -s "$work/recording/candump.log" ]
+result $? "nor do they while a recorder runs and the machine is busy"
+[ -n "$(hash "$work/plain.out")" ] && [ "$(hash "$work/plain.out")" = "$(hash "$work/recorded.out")" ]
+result $? "both runs agree in every frame and every state"
+sed 's/^/# /' "$work/plain.out"
+exit $bad

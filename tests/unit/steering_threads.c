@@ -1,0 +1,224 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A robot that is steered from another thread with every kind of request, as fast as answers come,
+ * while a third reads its state, its tunables and its log and a fourth talks on its buses. The
+ * thread sanitizer looks on; without it the test still counts the answers.
+ */
+#include "base/random.h"
+#include "rt/simulator.h"
+#include "rt/steering.h"
+
+#include <pthread.h>
+#include <sched.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+enum { ROUNDS = 250, KINDS = STEER_SET + 1 };
+
+struct crowd {
+    struct simulator *simulator;
+    struct bus_ports ports;
+    size_t nbus;
+    atomic_bool stop;
+    uint64_t verdicts[STEER_CUT + 1];
+    uint64_t lines, frames;
+};
+
+/* Mostly in range. */
+static struct steer_request next_request(struct crowd *crowd, struct random_stream *random,
+                                         uint64_t ticket)
+{
+    const struct steering *steering = simulator_steering(crowd->simulator);
+    struct steer_request request = {.ticket = ticket,
+                                    .kind = (enum steer_kind)(random_bits(random) % KINDS),
+                                    .index = random_bits(random) % (STEERING_SLOTS + 1),
+                                    .count = random_bits(random) % 4,
+                                    .value = 100.0 * random_uniform(random),
+                                    .on = random_bits(random) & 1,
+                                    .force_n = {random_uniform(random), 0.0, 1.0},
+                                    .duration_ns = (int64_t)(random_bits(random) % 5) * 1000000};
+
+    if (request.kind == STEER_SET) {
+        request.index = random_bits(random) % steering_tunables(steering);
+        request.value = steering_value(steering, request.index);
+    } else if (request.kind == STEER_SPEED) {
+        request.value *= 10.0;
+    }
+    return request;
+}
+
+static void await_answer(struct crowd *crowd, uint64_t ticket)
+{
+    struct steering *steering = simulator_steering(crowd->simulator);
+    struct steer_request resume = {.kind = STEER_RESUME};
+    struct steer_answer answer;
+
+    for (;;) {
+        while (!steering_answer(steering, &answer)) {
+            sched_yield();
+        }
+        assert_in_range(answer.verdict, 0, STEER_CUT);
+        crowd->verdicts[answer.verdict]++;
+        if (answer.ticket == ticket) {
+            break;
+        }
+    }
+    while (!steering_ask(steering, &resume)) {
+        sched_yield();
+    }
+    while (!steering_answer(steering, &answer)) {
+        sched_yield();
+    }
+}
+
+static void *asks(void *context)
+{
+    struct crowd *crowd = context;
+    struct random_stream random = random_named(7, "asks");
+
+    for (uint64_t i = 1; i <= ROUNDS; i++) {
+        struct steer_request request = next_request(crowd, &random, i);
+
+        while (!steering_ask(simulator_steering(crowd->simulator), &request)) {
+            sched_yield();
+        }
+        await_answer(crowd, i);
+    }
+    simulator_stop(crowd->simulator);
+    return NULL;
+}
+
+static void *looks(void *context)
+{
+    struct crowd *crowd = context;
+    const struct steering *steering = simulator_steering(crowd->simulator);
+    struct controller_status task;
+    struct simulator_status status;
+    char text[256];
+    uint64_t key;
+    double sum = 0.0;
+
+    while (!atomic_load(&crowd->stop)) {
+        while (simulator_next_event(crowd->simulator, &key, text, sizeof text)) {
+            crowd->lines++;
+        }
+        for (size_t i = 0; i < steering_tunables(steering); i++) {
+            sum += steering_value(steering, i);
+        }
+        simulator_read(crowd->simulator, &status);
+        controller_read(simulator_controller(crowd->simulator), &task);
+        sum += steering_speed(steering) + steering_paused(steering);
+        sched_yield();
+    }
+    assert_true(sum == sum);
+    return NULL;
+}
+
+static void *talks(void *context)
+{
+    struct crowd *crowd = context;
+    const struct bus_frame hello = frame_make(0x7ff, 2, (const uint8_t[]){1, 2});
+
+    while (!atomic_load(&crowd->stop)) {
+        for (size_t b = 0; b < crowd->nbus; b++) {
+            struct bus_frame frame[16];
+
+            crowd->frames += can_receive(crowd->ports.port[b], frame, 16);
+            can_send(crowd->ports.port[b], &hello, 1);
+        }
+        sched_yield();
+    }
+    return NULL;
+}
+
+/* With an observer the run goes on when the task has given up. */
+static void nothing(void *context, int64_t time_ns)
+{
+    (void)context;
+    (void)time_ns;
+}
+
+static void hammer(bool timed)
+{
+    static const struct simulator_observer observer = {NULL, nothing};
+    static const char *const fault[] = {"sensor imu off manual",     "bus left_arm loss 0.5 manual",
+                                        "board left_arm/1 stuck manual", "motor LElbj jam manual",
+                                        "supply sag 1 manual"};
+    struct simulator_config config = {
+        .clock = RIG_CLOCK_FREE,
+        .transport = TRANSPORT_LOCAL,
+        .task = "squat",
+        .observer = &observer,
+        .guests = 1,
+        .steered = true,
+        .fault = fault,
+        .nfault = sizeof fault / sizeof fault[0],
+    };
+    struct crowd crowd = {.nbus = 0};
+    struct realtime_report report;
+    const struct rig *loaded;
+    pthread_t thread[3];
+    struct arena arena;
+    struct error error;
+    char notice[256];
+    struct rig rig;
+
+    assert_int_equal(arena_init(&arena, (size_t)1 << 30, &error), ERROR_NONE);
+    if (rig_load(HIL_SOURCE_DIR "/config/rigs/coman.yaml", &arena, &loaded, &error)) {
+        fail_msg("%s", error.text);
+    }
+    rig = *loaded;
+    rig.wire.timed = timed;
+    rig.contact_engine = RIG_CONTACT_NONE;
+    rig.contact = (struct contact_config){0};
+    config.rig = &rig;
+    crowd.nbus = rig.nbus;
+    if (simulator_create(&config, &arena, &crowd.simulator, notice, &error) ||
+        simulator_join(crowd.simulator, &crowd.ports, &error) ||
+        simulator_start(crowd.simulator, &report, &error)) {
+        fail_msg("%s", error.text);
+    }
+    assert_int_equal(pthread_create(&thread[0], NULL, asks, &crowd), 0);
+    assert_int_equal(pthread_create(&thread[1], NULL, looks, &crowd), 0);
+    assert_int_equal(pthread_create(&thread[2], NULL, talks, &crowd), 0);
+    assert_int_equal(simulator_run(crowd.simulator), LOOP_END_STOPPED);
+    atomic_store(&crowd.stop, true);
+    for (int i = 0; i < 3; i++) {
+        pthread_join(thread[i], NULL);
+    }
+    assert_true(crowd.verdicts[STEER_OK] > ROUNDS / 3);
+    assert_true(crowd.lines > 20);
+    assert_true(crowd.frames > 20);
+    bus_ports_close(&crowd.ports);
+    simulator_destroy(crowd.simulator);
+    arena_fini(&arena);
+}
+
+static void every_request_from_another_thread_on_ideal_buses(void **state)
+{
+    (void)state;
+    hammer(false);
+}
+
+static void every_request_from_another_thread_on_wires(void **state)
+{
+    (void)state;
+    hammer(true);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_request_from_another_thread_on_ideal_buses),
+        cmocka_unit_test(every_request_from_another_thread_on_wires),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
