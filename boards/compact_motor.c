@@ -75,7 +75,8 @@ void compact_motor_command(struct board *board, unsigned index, int16_t set_poin
 
 /* ---- power-up ---- */
 
-static void set_factory(struct compact_axis_settings *settings, const struct board_axis_config *config)
+static void set_factory(struct compact_axis_settings *settings,
+                        const struct board_axis_config *config)
 {
     double R = config->winding_ohm;
     double a = config->winding_h > 0.0 ? exp(-1e-3 * R / config->winding_h) : 0.0;
@@ -134,7 +135,8 @@ static void sample_axis(struct compact_axis *axis, const struct board_axis_confi
         axis->current_a = sense->current_a;
     }
     if (!axis->bad_link) {
-        axis->link = (int32_t)compact_counts(link / config->joint_ticks_per_rad, COMPACT_POSITION_RAD);
+        axis->link =
+            (int32_t)compact_counts(link / config->joint_ticks_per_rad, COMPACT_POSITION_RAD);
     }
     if (!axis->bad_torque) {
         axis->torque_nm = sense->torque_nm;
@@ -376,7 +378,8 @@ static void send_state(struct board *board, struct compact_axis *axis, struct fr
     axis->told_faults = axis->faults;
     compact_send(board, sink, COMPACT_STATE, motor->first_slot + compact_index(board, axis),
                  (const int64_t[]){axis->mode, axis->commands, axis->faults,
-                                   compact_counts(motor->supply_v, COMPACT_SUPPLY_V), axis->temperature_c,
+                                   compact_counts(motor->supply_v, COMPACT_SUPPLY_V),
+                                   axis->temperature_c,
                                    compact_counts(axis->voltage_v, COMPACT_VOLTAGE_V)});
 }
 

@@ -105,7 +105,8 @@ static inline int64_t compact_counts(double value, double worth)
 static inline int64_t compact_temperature_limit(const struct board_axis_config *config)
 {
     return config->temperature_limit_c > 0.0
-               ? control_clamp(compact_counts(config->temperature_limit_c, 1.0), 1, COMPACT_TEMPERATURE_MAX_C)
+               ? control_clamp(compact_counts(config->temperature_limit_c, 1.0), 1,
+                               COMPACT_TEMPERATURE_MAX_C)
                : COMPACT_TEMPERATURE_MAX_C;
 }
 

@@ -81,10 +81,9 @@ bool local_bus_keep(const struct local_bus *bus, size_t own, void *memory)
     for (size_t n = 0; n < bus->config.max_nodes; n++) {
         const struct node *node = &bus->nodes[n];
 
-        kept_nodes(moment)[n] =
-            (struct kept_node){.port = n < own ? node->port.state : CAN_PORT_UP,
-                               .shown = node->shown,
-                               .wire_dropped_told = node->wire_dropped_told};
+        kept_nodes(moment)[n] = (struct kept_node){.port = n < own ? node->port.state : CAN_PORT_UP,
+                                                   .shown = node->shown,
+                                                   .wire_dropped_told = node->wire_dropped_told};
     }
     for (size_t i = 0; good && i < bus->places * bus->places; i++) {
         if (is_own(bus, own, i / bus->places, i % bus->places)) {

@@ -41,7 +41,7 @@ struct socketcan {
 
     /* between the port and who seeks its interface */
     bool sought;
-    atomic_bool lost;        /* the interface, and nobody has found it again */
+    atomic_bool lost;         /* the interface, and nobody has found it again */
     _Atomic uint32_t finding; /* number << 9 | FD possible << 8 | enum can_port_state */
     uint32_t finding_seen;
 

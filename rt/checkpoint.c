@@ -53,8 +53,7 @@ static void cut(struct checkpoint *c, const struct span *moving, const struct sp
 
 enum error_code checkpoint_create(const struct span *moving, size_t nmoving,
                                   const struct span *hole, size_t nhole, size_t copies,
-                                  struct arena *arena, struct checkpoint **out,
-                                  struct error *error)
+                                  struct arena *arena, struct checkpoint **out, struct error *error)
 {
     struct checkpoint *made = arena_alloc(arena, 1, sizeof *made);
 

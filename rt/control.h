@@ -52,7 +52,7 @@
  *
  *     {"time_s": 1.25, "tick": 1250, "values": [...]}
  *
- * one at every tick that is a multiple of the period. Rows that the client, or this server, was too
+ * one at every tick that is a multiple of the period, those of a step before its answer. Rows that the client, or this server, was too
  * slow for are left out, and the next one says how many with "missed": 3.
  *
  * What a client may not do. It is told what was wrong, with line and column, and cut off when it goes

@@ -348,6 +348,7 @@ static void take_answers(struct control *control)
     while (steering_answer(control->config.steering, &answer)) {
         size_t slot = answer.ticket % STEERING_SLOTS;
 
+        control_rows(control); /* those of the ticks before the answer come before it */
         if (slot > 0 && answer.verdict == STEER_OK) {
             control->slot[slot] = answer;
         }

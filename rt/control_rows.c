@@ -10,9 +10,9 @@
 #include <string.h>
 
 enum {
-    ROWS_A_TURN = 256,
-    ROW_BYTES = 128,  /* of a row without its values */
-    VALUE_BYTES = 26, /* %.15g of any number, and a comma */
+    ROWS_A_TURN = 1024, /* what a stream holds, and so all that is there when a turn begins */
+    ROW_BYTES = 128,    /* of a row without its values */
+    VALUE_BYTES = 26,   /* %.15g of any number, and a comma */
     /* rows may fill so much of an outbox: the rest is for answers */
     ROWS_OUTBOX = CONTROL_OUTBOX / 2,
 };

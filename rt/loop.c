@@ -149,7 +149,8 @@ static bool judge(struct loop *loop, const struct bus_frame *frame)
     case LOCKSTEP_RUN:
         return true;
     case LOCKSTEP_REFUSED:
-        loop_emit(loop, LOOP_EVENT_STEP_MISMATCH, bus, loop->lockstep.expected, loop->lockstep.tick);
+        loop_emit(loop, LOOP_EVENT_STEP_MISMATCH, bus, loop->lockstep.expected,
+                  loop->lockstep.tick);
         loop_send_done(loop, LOCKSTEP_MISMATCH);
         break;
     case LOCKSTEP_MALFORMED:
@@ -563,7 +564,7 @@ static void watch_buses(struct loop *loop)
     loop_count_lost(loop, &rx, &tx);
     if (rx != loop->rx_lost || tx != loop->tx_lost) {
         loop_emit(loop, LOOP_EVENT_FRAMES_LOST, -1, (int64_t)(rx - loop->rx_lost),
-             (int64_t)(tx - loop->tx_lost));
+                  (int64_t)(tx - loop->tx_lost));
         loop->rx_lost = rx;
         loop->tx_lost = tx;
     }

@@ -210,9 +210,9 @@ static enum steer_verdict set_speed(struct loop *loop, double speed)
 static enum steer_verdict push(struct loop *loop, const struct steer_request *request)
 {
     const struct steering_machine *machine = steering_machine(loop->config.steering);
-    enum steer_verdict verdict =
-        machine->push ? machine->push(machine->context, request, loop->stats.time_ns)
-                      : STEER_UNAVAILABLE;
+    enum steer_verdict verdict = machine->push
+                                     ? machine->push(machine->context, request, loop->stats.time_ns)
+                                     : STEER_UNAVAILABLE;
 
     if (verdict == STEER_OK) {
         const double *f = request->force_n;
@@ -271,10 +271,9 @@ static enum steer_verdict carry_out(struct loop *loop, const struct steer_reques
     case STEER_RESTORE:
         return go_back(loop, request->index);
     case STEER_FAULT:
-        return request->index < machine->nfault
-                   ? machine->fault(machine->context, request->index, request->on,
-                                    loop->stats.time_ns)
-                   : STEER_RANGE;
+        return request->index < machine->nfault ? machine->fault(machine->context, request->index,
+                                                                 request->on, loop->stats.time_ns)
+                                                : STEER_RANGE;
     case STEER_PUSH:
         return push(loop, request);
     case STEER_SET:

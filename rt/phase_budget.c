@@ -12,10 +12,12 @@ const struct phase_budget phase_budgets[PHASE_COUNT] = {
     [PHASE_BOARDS] = {"state machines, time-outs and control loops of the boards: the voltage of "
                       "each motor",
                       10500, 1.7, 4.9},
-    [PHASE_PLANT] = {"moves the robot on by a tick: actuators, dynamics, contact", 52000, 7.4, 16.3},
-    [PHASE_SENSORS] = {"samples, delays, quantises and disturbs what the boards measure", 11500, 1.2,
-                       2.5},
-    [PHASE_TRANSMIT] = {"wires in virtual time move on; boards send what is due", 68000, 14.8, 36.9},
-    [PHASE_PUBLISH] = {"hands state and counters to other threads, a row to the recorder", 5000, 0.8,
-                       3.0},
+    [PHASE_PLANT] = {"moves the robot on by a tick: actuators, dynamics, contact", 52000, 7.4,
+                     16.3},
+    [PHASE_SENSORS] = {"samples, delays, quantises and disturbs what the boards measure", 11500,
+                       1.2, 2.5},
+    [PHASE_TRANSMIT] = {"wires in virtual time move on; boards send what is due", 68000, 14.8,
+                        36.9},
+    [PHASE_PUBLISH] = {"hands state and counters to other threads, a row to the recorder", 5000,
+                       0.8, 3.0},
 };

@@ -110,9 +110,8 @@ static void __attribute__((noinline)) touch_stack(void)
 }
 
 /* without a sanitizer's opinion: between two variables there is nothing that may be read */
-__attribute__((no_sanitize("address", "thread"))) static void touch_pages(uintptr_t begin,
-                                                                          uintptr_t end,
-                                                                          size_t page)
+__attribute__((no_sanitize("address", "thread"))) static void
+touch_pages(uintptr_t begin, uintptr_t end, size_t page)
 {
     for (uintptr_t at = begin; at < end; at += page) {
         (void)*(const volatile unsigned char *)at;

@@ -95,7 +95,7 @@ struct simulator {
     struct simulator_status status;
     struct snapshot *published; /* struct simulator_status */
     struct release release;
-    _Atomic int64_t released;   /* virtual time at which they were let go; -1 = told or not yet */
+    _Atomic int64_t released; /* virtual time at which they were let go; -1 = told or not yet */
     char failure[256];
     struct steering *steering; /* NULL = none */
     struct steered *steered;
@@ -765,10 +765,10 @@ static enum error_code create_steering(struct simulator *simulator, struct error
         .pace = simulator->pace ? follow_pace : NULL,
     };
 
-    return simulator->config.steered ? steered_create(&steered, simulator->arena,
-                                                      &simulator->steered, &simulator->steering,
-                                                      error)
-                                     : ERROR_NONE;
+    return simulator->config.steered
+               ? steered_create(&steered, simulator->arena, &simulator->steered,
+                                &simulator->steering, error)
+               : ERROR_NONE;
 }
 
 /* appends a formatted title */

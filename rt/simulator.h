@@ -53,8 +53,8 @@ struct simulator_config {
     /* NULL = none. With it the run goes on when a task has ended, but in lockstep, where the task's
      * STEP frames drive it. */
     const struct simulator_observer *observer;
-    bool steered; /* others may steer it (rt/steering.h); sets memory aside for checkpoints */
-    size_t guests;                        /* how often simulator_join will be called */
+    bool steered;  /* others may steer it (rt/steering.h); sets memory aside for checkpoints */
+    size_t guests; /* how often simulator_join will be called */
     const struct gateway_config *gateway; /* host and port; NULL = none */
     const char *record;                   /* directory, NULL = none */
     bool overwrite;

@@ -268,8 +268,7 @@ static bool list_axis(struct steered *s, size_t board, size_t axis, struct arena
     size_t count = boards_settings(s->config.boards, board, axis);
 
     for (size_t i = 0; i < count; i++) {
-        struct meaning meaning = {
-            .kind = TUNE_SETTING, .board = board, .axis = axis, .index = i};
+        struct meaning meaning = {.kind = TUNE_SETTING, .board = board, .axis = axis, .index = i};
         const char *joint = s->config.rig->robot->joint[config->axis[axis].joint].name;
         struct tunable *to = next(s, meaning);
         struct board_setting setting;
@@ -292,8 +291,7 @@ static bool list_springs(struct steered *s, struct arena *arena)
 
     for (size_t j = 0; good && j < robot->njoint; j++) {
         if (robot->joint[j].spring.present && robot->joint[j].spring.enabled) {
-            struct tunable *to =
-                next(s, (struct meaning){.kind = TUNE_PRETENSION, .joint = j});
+            struct tunable *to = next(s, (struct meaning){.kind = TUNE_PRETENSION, .joint = j});
 
             if (to) {
                 *to = (struct tunable){NULL, "m", -PRETENSION_MAX_M, PRETENSION_MAX_M, false};

@@ -16,8 +16,7 @@ struct loop_stats;
 struct steering_machine {
     void *context;
     enum steer_verdict (*fault)(void *context, size_t index, bool on, int64_t time_ns);
-    enum steer_verdict (*push)(void *context, const struct steer_request *request,
-                               int64_t time_ns);
+    enum steer_verdict (*push)(void *context, const struct steer_request *request, int64_t time_ns);
     enum steer_verdict (*set)(void *context, size_t index, double value);
     double (*get)(void *context, size_t index);
     /* What moves in virtual time, to a slot and back from one that was kept; NULL: there is no way
@@ -57,7 +56,8 @@ void steering_reply(struct steering *steering, uint64_t ticket, enum steer_verdi
 
 /* For others to see: the loop's state, the values of the tunables. */
 void steering_show(struct steering *steering, bool paused, double speed);
-void steering_show_values(struct steering *steering, bool all); /* not only when they may have changed */
+void steering_show_values(struct steering *steering,
+                          bool all); /* not only when they may have changed */
 
 /* Nothing is asked any more: what waits is answered STEER_UNAVAILABLE. */
 void steering_close(struct steering *steering, uint64_t tick, int64_t time_ns);

@@ -12,6 +12,7 @@ enum {
     RECEIVE_BATCH = 64,
     BATCHES_MAX = 64, /* of one bus in one period: a flood must not hold the period up */
     REQUEST_TRIES = 3,
+    STEPS_APART = 50, /* farther back than answers to repeated STEPs: another simulator */
 };
 
 static const int64_t MS = 1000000;
@@ -155,8 +156,8 @@ static void read_done(struct host *host, struct host_line *line, const struct bu
     }
     flags = get_u16_le(frame->data + 4);
     tick = get_u32_le(frame->data);
-    /* by more than the one tick that buses may be apart */
-    if (flags & LOCKSTEP_MISMATCH && tick + 1 < host->tick && host->phase != HOST_FAILED) {
+    if (flags & LOCKSTEP_MISMATCH && tick + STEPS_APART < host->tick &&
+        host->phase != HOST_FAILED) {
         host->phase = HOST_FAILED;
         host->lost = true;
         snprintf(host->message, sizeof host->message, "the simulator began anew: it is at tick %u",

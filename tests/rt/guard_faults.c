@@ -42,8 +42,8 @@ static void open_ring(void)
     if (descriptor < 0) {
         return;
     }
-    memory = mmap(NULL, 9 * page, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE,
-                  (int)descriptor, 0);
+    memory =
+        mmap(NULL, 9 * page, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, (int)descriptor, 0);
     ring = memory == MAP_FAILED ? NULL : memory;
 }
 

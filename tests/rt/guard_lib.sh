@@ -13,6 +13,10 @@ guarded()
 {
     local rig=$1
     shift
+    case " $* " in
+    *" --control "*) ;;
+    *) set -- --control none "$@" ;; # or anybody may steer it
+    esac
     rm -rf "$work/log" "$work/record"
     touch "$work/log"
     {

@@ -10,7 +10,7 @@ program=$2
 # shellcheck source=/dev/null
 . "$(dirname "$0")/guard_lib.sh"
 
-echo 1..16
+echo 1..18
 
 guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --ticks 3000 --wire ideal
 verdict "lockstep on ideal buses makes no system call" only
@@ -92,6 +92,49 @@ client steps &
 guarded "$rigs/coman.yaml" --transport local --clock lockstep --gateway 0 --ticks 200
 wait $!
 verdict "a client of the gateway drives lockstep: the loop sleeps for it" made ppoll read write
+
+# all that can be asked of a running simulator
+steer()
+{
+    local tries=0 tunable
+    until "$program" ctl --socket "$work/control" status >"$work/steered" 2>&1; do
+        tries=$((tries + 1))
+        [ $tries -lt 200 ] || return
+        sleep 0.02
+    done
+    tunable=$("$program" ctl --socket "$work/control" list tunables '*position_kp' |
+        sed -n 's/^ *\([^ ]*position_kp\).*/\1/p' | head -n 1)
+    while read -r request; do
+        # shellcheck disable=SC2086
+        "$program" ctl --socket "$work/control" $request >>"$work/steered" 2>&1 </dev/null
+    done <<END
+pause
+checkpoint 1
+step 20
+push Waist force_n=20,0,0 duration_s=0.1
+set ${tunable:-supply_v}=40
+step 30
+restore 1
+resume
+statistics
+speed 2
+subscribe q_* --rows 20
+wait time_s=0.5
+pause
+reset
+resume
+speed max
+stop
+END
+}
+for clock in real free; do
+    steer &
+    guarded "$rigs/coman.yaml" --transport local --clock $clock --task squat --control "$work/control"
+    wait $!
+    grep -i 'expected' "$work/steered" | sed 's/^/# /'
+    verdict "steered: pause, step, checkpoint, push, set, restore, speed, reset, $clock clock" only \
+        clock_nanosleep ppoll read write
+done
 
 guarded "$rigs/coman.yaml" --transport local --clock real --duration 1
 verdict "in real time without a task the loop sleeps and does nothing else" only clock_nanosleep

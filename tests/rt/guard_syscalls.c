@@ -17,6 +17,7 @@
 #include <linux/seccomp.h>
 #include <signal.h>
 #include <stddef.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
@@ -25,8 +26,9 @@
 #include <unistd.h>
 
 enum { DESCRIPTORS = 1024 };
-enum { WAIT = 1, RECEIVE = 2, TRANSMIT = 32, PUBLISH = 64, ALL = 127 }; /* bits of enum loop_phase */
-enum { REAL = 1, LOCKSTEP = 2, FREE = 4, ANY = 7 };          /* bits of enum rig_clock */
+/* bits of enum loop_phase and of enum rig_clock */
+enum { WAIT = 1, RECEIVE = 2, TRANSMIT = 32, PUBLISH = 64, ALL = 127 };
+enum { REAL = 1, LOCKSTEP = 2, FREE = 4, ANY = 7 };
 
 enum kind { UNKNOWN, OTHER, CAN, EVENT };
 
@@ -40,17 +42,22 @@ static const struct rule {
 } rules[] = {
     {SYS_clock_nanosleep, "clock_nanosleep", REAL, WAIT, UNKNOWN, "sleeps until the deadline"},
     {SYS_clock_nanosleep, "clock_nanosleep", LOCKSTEP | FREE, WAIT | RECEIVE | TRANSMIT | PUBLISH,
-     UNKNOWN, "waits for a lossless recorder that has fallen behind"},
+     UNKNOWN,
+     "waits for a lossless recorder that has fallen behind; in wait keeps the speed asked for"},
     {SYS_clock_gettime, "clock_gettime", ANY, ALL, UNKNOWN,
      "the clock of a kernel that does not show it to programs (vDSO)"},
-    {SYS_ppoll, "ppoll", LOCKSTEP, WAIT, UNKNOWN, "sleeps until a STEP can have come"},
-    {SYS_recvmmsg, "recvmmsg", ANY, WAIT | RECEIVE, CAN, "a batch of frames; in wait up to the STEP"},
+    {SYS_ppoll, "ppoll", ANY, WAIT, UNKNOWN,
+     "sleeps until a STEP can have come; stands still for who steers it"},
+    {SYS_recvmmsg, "recvmmsg", ANY, WAIT | RECEIVE, CAN,
+     "a batch of frames; in wait up to the STEP"},
     {SYS_sendmmsg, "sendmmsg", ANY, WAIT | TRANSMIT, CAN,
      "a batch of frames; in wait the DONE that refuses a STEP"},
-    {SYS_getsockopt, "getsockopt", ANY, WAIT | RECEIVE | TRANSMIT, CAN, "what a full socket has lost; that one has failed is taken away"},
+    {SYS_getsockopt, "getsockopt", ANY, WAIT | RECEIVE | TRANSMIT, CAN,
+     "what a full socket has lost; that one has failed is taken away"},
     {SYS_write, "write", ANY, WAIT | TRANSMIT, EVENT,
      "a local bus wakes a reader that sleeps; in wait for an inline task"},
-    {SYS_read, "read", ANY, WAIT | RECEIVE, EVENT, "a local bus clears the wake-up that it was given"},
+    {SYS_read, "read", ANY, WAIT | RECEIVE, EVENT,
+     "clears the wake-up of a local bus, or of who steers"},
 };
 
 static uint64_t count[sizeof rules / sizeof rules[0]][GUARD_PHASES];
@@ -59,7 +66,7 @@ static bool watched, works;
 
 /* ---- the guard's own calls ----
  *
- * A handler is entered by a stub that leaves the word behind for guard_restorer, which ends it; an
+ * A handler is entered by a stub that leaves the word behind for the restorer, which ends it; an
  * unwinder knows the frame above that by these very bytes. */
 #define WORD UINT64_C(0x68696c2d67756172)
 
@@ -134,7 +141,7 @@ void guard_handle(int number, void (*entry)(int, siginfo_t *, void *))
 
 static enum kind look(long descriptor)
 {
-    char path[32], link[64];
+    char path[32], target[64];
     int domain = 0;
     socklen_t size = sizeof domain;
     long length;
@@ -143,19 +150,10 @@ static enum kind look(long descriptor)
                       0) == 0) {
         return domain == AF_CAN ? CAN : OTHER;
     }
-    memcpy(path, "/proc/self/fd/", 14);
-    path[14] = (char)('0' + descriptor / 100 % 10);
-    path[15] = (char)('0' + descriptor / 10 % 10);
-    path[16] = (char)('0' + descriptor % 10);
-    path[17] = '\0';
-    /* no leading zeros in that folder */
-    memmove(path + 14, path + 14 + (descriptor < 10 ? 2 : descriptor < 100),
-            descriptor < 10    ? 2
-            : descriptor < 100 ? 3
-                               : 4);
-    length = guard_syscall(SYS_readlink, (long)path, (long)link, sizeof link - 1, 0, 0, 0);
-    link[length > 0 ? length : 0] = '\0';
-    return !strcmp(link, "anon_inode:[eventfd]") ? EVENT : OTHER;
+    snprintf(path, sizeof path, "/proc/self/fd/%ld", descriptor);
+    length = guard_syscall(SYS_readlink, (long)path, (long)target, sizeof target - 1, 0, 0, 0);
+    target[length > 0 ? length : 0] = '\0';
+    return !strcmp(target, "anon_inode:[eventfd]") ? EVENT : OTHER;
 }
 
 static bool fits(const struct rule *rule, long descriptor)
@@ -177,20 +175,31 @@ static const char *name_of(long number)
     static const struct {
         long number;
         const char *name;
-    } others[] = {
-        {SYS_openat, "openat"},         {SYS_open, "open"},
-        {SYS_close, "close"},           {SYS_futex, "futex"},
-        {SYS_mmap, "mmap"},             {SYS_munmap, "munmap"},
-        {SYS_brk, "brk"},               {SYS_mprotect, "mprotect"},
-        {SYS_madvise, "madvise"},       {SYS_sched_yield, "sched_yield"},
-        {SYS_nanosleep, "nanosleep"},   {SYS_clock_gettime, "clock_gettime"},
-        {SYS_writev, "writev"},         {SYS_pwrite64, "pwrite64"},
-        {SYS_sendto, "sendto"},         {SYS_sendmsg, "sendmsg"},
-        {SYS_recvmsg, "recvmsg"},       {SYS_recvfrom, "recvfrom"},
-        {SYS_poll, "poll"},             {SYS_ioctl, "ioctl"},
-        {SYS_clone, "clone"},           {SYS_getrusage, "getrusage"},
-        {SYS_getppid, "getppid"},       {SYS_fsync, "fsync"},
-        {SYS_rt_sigaction, "sigaction"}};
+    } others[] = {{SYS_openat, "openat"},
+                  {SYS_open, "open"},
+                  {SYS_close, "close"},
+                  {SYS_futex, "futex"},
+                  {SYS_mmap, "mmap"},
+                  {SYS_munmap, "munmap"},
+                  {SYS_brk, "brk"},
+                  {SYS_mprotect, "mprotect"},
+                  {SYS_madvise, "madvise"},
+                  {SYS_sched_yield, "sched_yield"},
+                  {SYS_nanosleep, "nanosleep"},
+                  {SYS_clock_gettime, "clock_gettime"},
+                  {SYS_writev, "writev"},
+                  {SYS_pwrite64, "pwrite64"},
+                  {SYS_sendto, "sendto"},
+                  {SYS_sendmsg, "sendmsg"},
+                  {SYS_recvmsg, "recvmsg"},
+                  {SYS_recvfrom, "recvfrom"},
+                  {SYS_poll, "poll"},
+                  {SYS_ioctl, "ioctl"},
+                  {SYS_clone, "clone"},
+                  {SYS_getrusage, "getrusage"},
+                  {SYS_getppid, "getppid"},
+                  {SYS_fsync, "fsync"},
+                  {SYS_rt_sigaction, "sigaction"}};
 
     for (size_t i = 0; i < sizeof rules / sizeof rules[0]; i++) {
         if (rules[i].number == number) {
@@ -216,7 +225,8 @@ static void judge(long number, long descriptor)
             return;
         }
     }
-    guard_violation("system call %s (%ld), first argument %ld", name_of(number), number, descriptor);
+    guard_violation("system call %s (%ld), first argument %ld", name_of(number), number,
+                    descriptor);
 }
 
 void guard_on_system_call(int signal, siginfo_t *info, void *context)
@@ -264,19 +274,30 @@ static bool place_is_told(void)
 void guard_watch_syscalls(void)
 {
     struct sock_filter filter[] = {
-        LOAD(PLACE + 4), WHEN_EQUAL(HIGH(gate_end), 5),
-        LOAD(PLACE),     WHEN_EQUAL(LOW(gate_end), 1),
-        ALLOW,           WHEN_EQUAL(LOW(restorer_end), 1),
-        ALLOW,           LOAD(SIXTH),
-        WHEN_EQUAL(LOW(WORD), 3), LOAD(SIXTH + 4),
-        WHEN_EQUAL(HIGH(WORD), 1), ALLOW,
+        LOAD(PLACE + 4),
+        WHEN_EQUAL(HIGH(gate_end), 5),
+        LOAD(PLACE),
+        WHEN_EQUAL(LOW(gate_end), 1),
+        ALLOW,
+        WHEN_EQUAL(LOW(restorer_end), 1),
+        ALLOW,
+        LOAD(SIXTH),
+        WHEN_EQUAL(LOW(WORD), 3),
+        LOAD(SIXTH + 4),
+        WHEN_EQUAL(HIGH(WORD), 1),
+        ALLOW,
         LOAD(offsetof(struct seccomp_data, nr)),
         /* without the place */
-        WHEN_EQUAL(SYS_mmap, 1), ALLOW,
-        WHEN_EQUAL(SYS_futex, 1), ALLOW,
-        WHEN_EQUAL(SYS_sendto, 1), ALLOW,
-        WHEN_EQUAL(SYS_recvfrom, 1), ALLOW,
-        WHEN_EQUAL(SYS_pselect6, 1), ALLOW,
+        WHEN_EQUAL(SYS_mmap, 1),
+        ALLOW,
+        WHEN_EQUAL(SYS_futex, 1),
+        ALLOW,
+        WHEN_EQUAL(SYS_sendto, 1),
+        ALLOW,
+        WHEN_EQUAL(SYS_recvfrom, 1),
+        ALLOW,
+        WHEN_EQUAL(SYS_pselect6, 1),
+        ALLOW,
         BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_TRAP),
     };
     const size_t size = sizeof filter / sizeof filter[0];

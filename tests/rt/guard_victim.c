@@ -128,24 +128,15 @@ static const struct way {
     const char *name;
     void (*act)(void);
 } ways[] = {
-    {"malloc", do_malloc},
-    {"free", do_free},
-    {"realloc", do_realloc},
-    {"posix_memalign", do_posix_memalign},
-    {"digits", do_digits},
-    {"mutex", do_mutex},
-    {"rwlock", do_rwlock},
-    {"signal", do_signal},
-    {"printf", do_printf},
-    {"fputs", do_fputs},
-    {"open", do_open},
-    {"write", do_write},
-    {"sleep", do_sleep},
-    {"instruction", do_instruction},
-    {"mmap", do_mmap},
-    {"fault", do_fault},
-    {"nothing", do_nothing},
-    {"bystander", do_nothing},
+    {"malloc", do_malloc},   {"free", do_free},
+    {"realloc", do_realloc}, {"posix_memalign", do_posix_memalign},
+    {"digits", do_digits},   {"mutex", do_mutex},
+    {"rwlock", do_rwlock},   {"signal", do_signal},
+    {"printf", do_printf},   {"fputs", do_fputs},
+    {"open", do_open},       {"write", do_write},
+    {"sleep", do_sleep},     {"instruction", do_instruction},
+    {"mmap", do_mmap},       {"fault", do_fault},
+    {"nothing", do_nothing}, {"bystander", do_nothing},
 };
 
 static const struct way *way;

@@ -27,9 +27,9 @@ sed 's/lock_memory: true/lock_memory: false/' "$rig.yaml" >unlocked.yaml
 run()
 {
     local name=$1 rig=$2
-clock=$3
     shift 2
-    "$program" run "$rig.yaml" --transport local --wire wire --record "$work/$name" --quiet "$@" \
+    "$program" run "$rig.yaml" --transport local --wire wire --record "$work/$name" --quiet \
+        --control none "$@" \
         >"$work/$name.out" 2>"$work/$name.err" </dev/null
     echo $? >"$work/$name.status"
 }

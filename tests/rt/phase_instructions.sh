@@ -17,7 +17,7 @@ fi
 "$program" help rt >"$dir/topic"
 valgrind --tool=callgrind --callgrind-out-file="$dir/out" --toggle-collect=loop_run "$program" run \
     "$HIL_SOURCE_DIR/config/rigs/coman.yaml" --wire wire --clock lockstep --transport local \
-    --task squat --ticks $ticks --quiet >/dev/null 2>"$dir/log" || cat "$dir/log" >&2
+    --task squat --ticks $ticks --control none --quiet >/dev/null 2>"$dir/log" || cat "$dir/log" >&2
 callgrind_annotate --inclusive=yes --threshold=100 "$dir/out" >"$dir/annotated" 2>/dev/null
 
 # function FILE:NAME: instructions with all that it calls

@@ -4,11 +4,12 @@
 hil_test(fail_memory SOURCES unit/fail_memory.c LIBS rt LABELS unit TIMEOUT 120)
 target_link_options(test_fail_memory PRIVATE
     -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=free,--wrap=arena_alloc)
+hil_test(rt_whole_file SOURCES unit/whole_file.c LIBS rt LABELS unit)
 
 # preloaded: a sanitizer's library comes with the program, not with it
 add_library(fail_nth MODULE service/fail_nth.c)
 target_compile_definitions(fail_nth PRIVATE _GNU_SOURCE)
 target_compile_options(fail_nth PRIVATE -Wall -Wextra -Wmissing-prototypes)
-hil_script_test(service_fail_nth LABELS service TIMEOUT 240
+hil_script_test(service_fail_nth LABELS service TIMEOUT 400
     COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/service/fail_nth.py $<TARGET_FILE:coman-hil>
             $<TARGET_FILE:fail_nth>)

@@ -47,7 +47,7 @@ enum {
     PLACES = 16384,
     SYSCALLS = 1024,
     FOREIGN = 64,
-    RUN_LIMIT_S = 20,
+    RUN_LIMIT_S = 90,
     LEFT_OVER_TRIES = 50
 };
 enum { EXCERPT = 128 };

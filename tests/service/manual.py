@@ -68,7 +68,8 @@ def check_keys(page, *sources):
 
 def check_pages():
     pages = {path.name.removesuffix(".gz") for path in (PREFIX / "share" / "man").glob("man*/*.gz")}
-    commands = set(re.findall(r"^  (\w+)  ", coman_hil("--help"), re.M)) - {"help", "version", "bench"}
+    table = coman_hil("--help").split("coman-hil COMMAND --help")[0]  # topics of help follow
+    commands = set(re.findall(r"^  (\w+)  ", table, re.M)) - {"help", "version", "bench"}
     benches = set(re.findall(r"^  (\w+)  ", coman_hil("bench", "--help"), re.M))
     expected = {f"coman-hil-{c}.1" for c in commands} | {f"coman-hil-bench-{b}.1" for b in benches} | \
         {"coman-hil.1", "coman-hil-rig.5", "coman-hil-scenario.5"}
@@ -110,7 +111,8 @@ def write_file(folder, text):
 
 def run(folder, text, name):
     """What to tell of a block: whether it ended with 0, its name, and why not."""
-    environment = dict(os.environ, PATH=f"{PREFIX}/bin:{os.environ['PATH']}", PYTHONDONTWRITEBYTECODE="1")
+    environment = dict(os.environ, PATH=f"{PREFIX}/bin:{os.environ['PATH']}", PYTHONDONTWRITEBYTECODE="1",
+                       XDG_RUNTIME_DIR=str(folder))
     process = subprocess.Popen(["bash", "-eu", "-o", "pipefail", "-c", text], cwd=folder, env=environment,
                                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                text=True, start_new_session=True)

@@ -10,7 +10,7 @@ hil_script_test(service_reload COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_D
                 $<TARGET_FILE:coman-hil> LABELS service TIMEOUT 120)
 # The address space of a guest process has no room for the shadow memory of the sanitizers.
 if(NOT HIL_SANITIZE)
-    hil_script_test(service_systemd LABELS service TIMEOUT 290
+    hil_script_test(service_systemd LABELS service TIMEOUT 360
         COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/systemd.sh ${CMAKE_CPACK_COMMAND})
     hil_script_test(service_package LABELS service TIMEOUT 120
         COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/service/package.sh ${CMAKE_COMMAND} ${CMAKE_CPACK_COMMAND})

@@ -25,7 +25,7 @@ host() {
     dpkg-deb -R "$packages"/coman-hil_*.deb "$packages/next" &&
         sed -i 's/^Version: .*/&+next/' "$packages/next/DEBIAN/control" &&
         dpkg-deb --root-owner-group -Znone -b "$packages/next" "$packages/next.deb" >/dev/null || exit 70
-    exec bash "$here/../bus/uml/run.sh" -t 270 -x bash "$here/systemd.sh" guest
+    exec bash "$here/../bus/uml/run.sh" -t 340 -x bash "$here/systemd.sh" guest
 }
 
 # small_database FOLDER: of the packages that ours depends on, in the place of the machine's, which takes
@@ -88,7 +88,7 @@ Environment=HIL_WORK=$HIL_WORK HIL_SOURCE_DIR=$HIL_SOURCE_DIR HIL_BINARY_DIR=$HI
 ExecStart=/bin/bash $here/systemd_inside.sh
 StandardOutput=append:$HIL_WORK/output
 StandardError=append:$HIL_WORK/console
-TimeoutStartSec=260
+TimeoutStartSec=330
 END
     # nor for the units that generators make of the machine's files each time that units are read
     export SYSTEMD_GENERATOR_PATH=/run/none SYSTEMD_ENVIRONMENT_GENERATOR_PATH=/run/none

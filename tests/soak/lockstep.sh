@@ -7,8 +7,8 @@ set -u
 program=$1
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-seconds=300
-[ "${SOAK:-}" = full ] && seconds=3600
+seconds=300 limit=280 # of the wall's, a run
+[ "${SOAK:-}" = full ] && seconds=3600 limit=1700
 number=0
 bad=0
 
@@ -30,8 +30,8 @@ hash() {
 }
 
 echo 1..3
-nice -n 19 "$program" $seconds 1 "$work/recording" >"$work/recorded.out" 2>"$work/recorded.err" &
-"$program" $seconds 1 >"$work/plain.out" 2>"$work/plain.err"
+nice -n 5 timeout $limit "$program" $seconds 1 "$work/recording" >"$work/recorded.out" 2>"$work/recorded.err" &
+timeout $limit "$program" $seconds 1 >"$work/plain.out" 2>"$work/plain.err"
 plain=$?
 wait $!
 recorded=$?

@@ -226,6 +226,10 @@ void rules_check_end(struct run *run, enum loop_end end)
                   stats->lockstep.steps, stats->lockstep.mismatches, stats->lockstep.malformed,
                   run->watch.steps, run->watch.refused, run->watch.malformed);
     }
+    /* a person may read some; three times what these faults have been seen to cause is a storm */
+    if (run->events > 500 + stats->ticks / 2) {
+        part_fail(run, "%" PRIu64 " events in %" PRIu64 " ms", run->events, stats->ticks);
+    }
     if (stats->events_lost + boards.events_lost > 0) {
         part_fail(run, "%" PRIu64 " events lost: a storm", stats->events_lost + boards.events_lost);
     }

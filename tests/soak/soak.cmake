@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-# Long runs, bounded here: five simulated minutes in lockstep and twelve seconds in real time; with SOAK=full in
-# the environment an hour and ten minutes.
-set(parts lines lockstep part player rules stranger watch)
-list(TRANSFORM parts PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/soak/)
-list(TRANSFORM parts APPEND .c)
-add_executable(soak_lockstep ${parts})
+# Long runs, bounded here: five simulated minutes in lockstep and twelve seconds in real time; with
+# SOAK=full in the environment an hour and ten minutes.
+set(soak_sources lines lockstep part player rules stranger watch)
+list(TRANSFORM soak_sources PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/soak/)
+list(TRANSFORM soak_sources APPEND .c)
+add_executable(soak_lockstep ${soak_sources})
 target_link_libraries(soak_lockstep PRIVATE hil_flags rt)
 target_compile_definitions(soak_lockstep PRIVATE HIL_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
 
@@ -16,3 +16,5 @@ hil_script_test(soak_lockstep COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/soak/lock
                 $<TARGET_FILE:soak_lockstep> LABELS soak TIMEOUT 1800)
 hil_script_test(soak_realtime COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/soak/realtime.sh
                 $<TARGET_FILE:soak_realtime> LABELS soak TIMEOUT 1500 SERIAL)
+hil_test(soak_judge SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/soak/judge.c ${CMAKE_CURRENT_SOURCE_DIR}/soak/watch.c
+         LIBS rt LABELS soak)

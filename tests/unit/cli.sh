@@ -36,7 +36,7 @@ result() {
     fi
 }
 
-echo 1..20
+echo 1..21
 
 run 0 --help
 says out 'usage: coman-hil COMMAND'
@@ -83,6 +83,14 @@ result every_command_has_a_manual_of_eighty_columns
 run 2 help chekc
 says err 'expected "check"'
 result help_of_an_unknown_command_names_the_nearest
+
+run 0 help rt
+says out 'The budget of a tick'
+cp "$work/out" "$work/topic"
+"$program" --help rt | cmp -s - "$work/topic" || problem="$problem; --help rt differs from help rt"
+awk 'length($0) > 80 { exit 1 }' "$work/topic" || problem="$problem; it is too wide"
+silent err
+result help_has_topics_beside_the_commands
 
 problem=
 for command in run task check accel; do

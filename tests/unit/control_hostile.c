@@ -449,12 +449,11 @@ static void *attack(void *context)
     return NULL;
 }
 
-static uint64_t quiet_hash(void)
+static uint64_t quiet_hash(enum rig_clock clock)
 {
-    bench_open(&bench, &(struct bench_options){.clock = RIG_CLOCK_FREE,
-                                               .task = "squat",
-                                               .ticks = STORM_TICKS,
-                                               .without_socket = true});
+    bench_open(&bench,
+               &(struct bench_options){
+                   .clock = clock, .task = "squat", .ticks = STORM_TICKS, .without_socket = true});
     bench_close(&bench);
     assert_int_equal(bench.ticks, STORM_TICKS);
     return bench.hash;
@@ -464,7 +463,7 @@ static void a_storm_of_clients_changes_nothing(void **state)
 {
     enum { ATTACKERS = 12 };
     static struct attacker attacker[ATTACKERS];
-    uint64_t expected = quiet_hash();
+    uint64_t expected = quiet_hash(RIG_CLOCK_FREE);
     atomic_bool stop = false;
 
     (void)state;
@@ -507,16 +506,14 @@ static void a_storm_of_clients_changes_nothing(void **state)
 }
 
 /* without a pause: the loop goes as fast as it can while it is looked at */
-static void a_run_that_is_watched_is_the_same_run(void **state)
+static void watch_run(enum rig_clock clock)
 {
-    uint64_t expected = quiet_hash();
+    uint64_t expected = quiet_hash(clock);
     atomic_bool stop = false;
     static struct attacker watcher[4];
 
-    (void)state;
-    bench_open(&bench,
-               &(struct bench_options){
-                   .clock = RIG_CLOCK_FREE, .task = "squat", .ticks = STORM_TICKS, .runs = true});
+    bench_open(&bench, &(struct bench_options){
+                           .clock = clock, .task = "squat", .ticks = STORM_TICKS, .runs = true});
     for (int i = 0; i < 4; i++) {
         watcher[i].path = bench.path;
         watcher[i].stop = &stop;
@@ -531,6 +528,18 @@ static void a_run_that_is_watched_is_the_same_run(void **state)
     bench_finish(&bench);
     assert_int_equal(bench.ticks, STORM_TICKS);
     assert_true(bench.hash == expected);
+}
+
+static void a_run_that_is_watched_is_the_same_run(void **state)
+{
+    (void)state;
+    watch_run(RIG_CLOCK_FREE);
+}
+
+static void in_lockstep_too(void **state)
+{
+    (void)state;
+    watch_run(RIG_CLOCK_LOCKSTEP);
 }
 
 int main(void)
@@ -552,6 +561,7 @@ int main(void)
         cmocka_unit_test(those_who_leave_in_the_middle_are_forgotten),
         cmocka_unit_test(a_storm_of_clients_changes_nothing),
         cmocka_unit_test(a_run_that_is_watched_is_the_same_run),
+        cmocka_unit_test(in_lockstep_too),
     };
 
     return cmocka_run_group_tests_name("unit/control_hostile", tests, NULL, NULL);

@@ -8,6 +8,7 @@
  * The linker puts the functions __wrap_... in front of those of the same name.
  */
 #include "base/arena.h"
+#include "base/memory_file.h"
 #include "rt/rig.h"
 #include "rt/simulator.h"
 
@@ -239,9 +240,53 @@ static void coman_fd_gives_back_what_it_holds(void **state)
     try_all("coman-fd", "squat");
 }
 
+/* Text that grows the memory several times; false: the text came whole. */
+static bool loses_text(size_t n)
+{
+    struct memory_file memory;
+    struct error error;
+    size_t written = 0;
+    FILE *file;
+
+    atomic_store(&allocations, 0);
+    atomic_store(&failing, n);
+    file = memory_file_open(&memory);
+    for (int i = 0; file && i < 10000; i++) {
+        written += (size_t)fprintf(file, "line %d\n", i);
+    }
+    if (file && !memory_file_close(file, &memory, "a text", &error)) {
+        assert_int_equal(memory.size, written);
+        assert_int_equal(strlen(memory.text), written);
+        free(memory.text);
+        atomic_store(&failing, 0);
+        return false;
+    }
+    atomic_store(&failing, 0);
+    assert_null(memory.text);
+    if (file) {
+        assert_int_equal(error.code, ERROR_MEMORY);
+        assert_string_equal(error.text, "no memory left for a text");
+    }
+    return true;
+}
+
+static void a_text_in_memory_is_whole_or_not_there(void **state)
+{
+    struct holdings before = holdings();
+    size_t n = 1;
+
+    (void)state;
+    while (loses_text(n)) {
+        n++;
+    }
+    assert_true(n > 5);
+    assert_int_equal(holdings().blocks, before.blocks);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_text_in_memory_is_whole_or_not_there),
         cmocka_unit_test(coman_gives_back_what_it_holds),
         cmocka_unit_test(grasp_gives_back_what_it_holds),
         cmocka_unit_test(coman_fd_gives_back_what_it_holds),

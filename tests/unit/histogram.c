@@ -3,6 +3,9 @@
 #include "rt/histogram.h"
 
 #include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <setjmp.h>
@@ -99,6 +102,21 @@ static void every_edge_of_a_bucket_is_within_the_error(void **state)
     }
 }
 
+static void edge_is_the_greatest_value_of_its_bucket(void **state)
+{
+    struct histogram *histogram = test_calloc(1, sizeof *histogram);
+
+    (void)state;
+    for (unsigned i = 0; i < HISTOGRAM_BUCKETS - 1; i++) {
+        histogram_add(histogram, histogram_edge(i));
+        assert_int_equal(histogram->bucket[i], 1);
+        histogram_add(histogram, histogram_edge(i) + 1);
+        assert_int_equal(histogram->bucket[i + 1], 1);
+        histogram->bucket[i + 1] = 0;
+    }
+    test_free(histogram);
+}
+
 static void an_empty_histogram_has_zero_percentiles(void **state)
 {
     struct histogram *histogram = test_calloc(1, sizeof *histogram);
@@ -122,13 +140,60 @@ static void negative_and_enormous_values_are_taken_in(void **state)
     test_free(histogram);
 }
 
+struct writer {
+    struct histogram histogram;
+    atomic_bool ended;
+};
+
+static void *write_samples(void *context)
+{
+    struct writer *writer = context;
+
+    for (int i = 0; i < 400000; i++) {
+        histogram_add(&writer->histogram, 1000 + (int64_t)(uniform() * 1e6));
+    }
+    atomic_store(&writer->ended, true);
+    return NULL;
+}
+
+static void a_copy_beside_the_writer_agrees_with_itself(void **state)
+{
+    struct writer *writer = test_calloc(1, sizeof *writer);
+    struct histogram *copy = test_calloc(1, sizeof *copy);
+    uint64_t last = 0, wrong = 0;
+    pthread_t thread;
+    bool ended;
+
+    (void)state;
+    assert_int_equal(pthread_create(&thread, NULL, write_samples, writer), 0);
+    do {
+        ended = atomic_load(&writer->ended);
+        histogram_copy(&writer->histogram, copy);
+        wrong += copy->count < last;
+        last = copy->count;
+        if (copy->count > 0) {
+            wrong += copy->min < 1000 || copy->max > 1001000 || copy->min > copy->max;
+            wrong += histogram_percentile(copy, 1.0) > copy->max ||
+                     histogram_percentile(copy, 0.0) < copy->min;
+        }
+    } while (!ended);
+    pthread_join(thread, NULL);
+    assert_int_equal(wrong, 0);
+    assert_int_equal(copy->count, 400000);
+    assert_memory_equal(copy, &writer->histogram, sizeof *copy);
+    test_free(copy);
+    test_free(writer);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(percentiles_are_within_a_64th_above_the_sorted_samples),
         cmocka_unit_test(every_edge_of_a_bucket_is_within_the_error),
+        cmocka_unit_test(edge_is_the_greatest_value_of_its_bucket),
         cmocka_unit_test(an_empty_histogram_has_zero_percentiles),
         cmocka_unit_test(negative_and_enormous_values_are_taken_in),
+        cmocka_unit_test(a_copy_beside_the_writer_agrees_with_itself),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -43,8 +43,8 @@ static void copies_come_back_around_their_holes(void **state)
     struct error error;
 
     (void)state;
-    assert_int_equal(
-        checkpoint_create(moving, 2, hole, 5, 2, &arena, &checkpoint, &error), ERROR_NONE);
+    assert_int_equal(checkpoint_create(moving, 2, hole, 5, 2, &arena, &checkpoint, &error),
+                     ERROR_NONE);
     assert_int_equal(checkpoint_size(checkpoint), 256 + 13 - 7 - 3 - 6 - 1);
     memset(memory, 1, sizeof memory);
     memset(other, 1, sizeof other);
@@ -75,9 +75,9 @@ static void no_memory_for_copies_is_an_error(void **state)
     struct error error;
 
     (void)state;
-    assert_int_equal(checkpoint_create(&moving, 1, NULL, 0, (size_t)1 << 40, &arena, &checkpoint,
-                                       &error),
-                     ERROR_MEMORY);
+    assert_int_equal(
+        checkpoint_create(&moving, 1, NULL, 0, (size_t)1 << 40, &arena, &checkpoint, &error),
+        ERROR_MEMORY);
 }
 
 /* ---- frames on their way ---- */

@@ -20,7 +20,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-enum { ROUNDS = 250, KINDS = STEER_SET + 1 };
+enum { ROUNDS = 120, KINDS = STEER_SET + 1 };
 
 struct crowd {
     struct simulator *simulator;
@@ -148,7 +148,7 @@ static void nothing(void *context, int64_t time_ns)
 static void hammer(bool timed)
 {
     static const struct simulator_observer observer = {NULL, nothing};
-    static const char *const fault[] = {"sensor imu off manual",     "bus left_arm loss 0.5 manual",
+    static const char *const fault[] = {"sensor imu off manual", "bus left_arm loss 0.5 manual",
                                         "board left_arm/1 stuck manual", "motor LElbj jam manual",
                                         "supply sag 1 manual"};
     struct simulator_config config = {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The YAML reader: every type, every refusal with its place, and hostile bytes. */
+/* The YAML reader: every type, and every refusal with its place. */
 #include "base/yaml.h"
 
 #include <float.h>
@@ -741,81 +741,6 @@ static void paths_are_relative_to_the_file_and_stay_in_the_tree(void **state)
     }
 }
 
-/* ---- hostile bytes ---- */
-
-static uint64_t random_state = 20141118;
-
-static uint32_t random_number(void)
-{
-    random_state = random_state * UINT64_C(6364136223846793005) + UINT64_C(1442695040888963407);
-    return (uint32_t)(random_state >> 33);
-}
-
-/* Deletes, inserts, overwrites or copies a few bytes. */
-static size_t mutate(char *text, size_t size, size_t capacity)
-{
-    static const char special[] = "{}[]:,&*!|>'\"%@`#-? \n\t\\0\x80\xff\xc3";
-
-    for (uint32_t edits = 1 + random_number() % 4; edits > 0 && size > 1; edits--) {
-        size_t at = random_number() % size, n = 1 + random_number() % 8;
-
-        switch (random_number() % 4) {
-        case 0:
-            text[at] = (char)random_number();
-            break;
-        case 1:
-            n = n < size - at ? n : size - at;
-            memmove(text + at, text + at + n, size - at - n);
-            size -= n;
-            break;
-        case 2:
-            if (size < capacity) {
-                memmove(text + at + 1, text + at, size - at);
-                text[at] = special[random_number() % sizeof special];
-                size++;
-            }
-            break;
-        default:
-            n = n < size - at ? n : size - at;
-            memmove(text + random_number() % (size - n + 1), text + at, n);
-        }
-    }
-    return size;
-}
-
-static bool has_place(const char *message)
-{
-    int line, column;
-
-    return sscanf(message, "f.yaml:%d:%d: ", &line, &column) == 2 && line > 0 && column > 0 &&
-           strstr(message, "found ") && strstr(message, ", expected ");
-}
-
-static void any_bytes_give_a_car_or_an_error_with_its_place(void **state)
-{
-    char text[sizeof full + 64];
-    size_t taken = 0;
-
-    (void)state;
-    for (int i = 0; i < 20000; i++) {
-        struct error error = {0};
-        size_t size = sizeof full - 1;
-        enum error_code code;
-        struct car car;
-
-        memcpy(text, full, size);
-        size = mutate(text, size, sizeof text);
-        code = read_bytes(text, size, &car, &error);
-        taken += code == ERROR_NONE;
-        if (code != ERROR_NONE && (code != ERROR_INPUT || !has_place(error.text))) {
-            fail_msg("round %d: %s", i, error.text);
-        }
-        arena.used = 0;
-    }
-    /* edits of comments, names and digits must have left some good */
-    assert_in_range(taken, 200, 19000);
-}
-
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
@@ -849,7 +774,6 @@ int main(void)
         FILE_TEST(a_pipe_is_refused_at_once),
         FILE_TEST(says_that_a_file_may_not_be_read),
         TEST(paths_are_relative_to_the_file_and_stay_in_the_tree),
-        TEST(any_bytes_give_a_car_or_an_error_with_its_place),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

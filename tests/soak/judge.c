@@ -1,0 +1,187 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The listener of the soak would notice: what breaks the rules of lockstep does not pass. */
+#include "base/hash.h"
+#include "boards/icub_protocol.h"
+#include "tests/soak/watch.h"
+
+#include <string.h>
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+enum { BUSES = 2 };
+
+struct bench {
+    struct arena arena;
+    struct local_bus *bus[BUSES];
+    struct can_port *port[BUSES]; /* of whoever sends */
+    struct rig rig;
+    struct watch watch;
+};
+
+static int set_up(void **state)
+{
+    static const struct rig_bus names[BUSES] = {{.name = "torso"}, {.name = "arm"}};
+    static struct bench bench;
+    struct error error;
+
+    memset(&bench, 0, sizeof bench);
+    assert_int_equal(arena_init(&bench.arena, 16 << 20, &error), ERROR_NONE);
+    bench.rig.nbus = BUSES;
+    bench.rig.bus = names;
+    bench.rig.lockstep =
+        (struct rig_lockstep){.step_id = LOCKSTEP_STEP_ID, .done_id = LOCKSTEP_DONE_ID};
+    bench.watch.rig = &bench.rig;
+    bench.watch.ports.count = BUSES;
+    for (int b = 0; b < BUSES; b++) {
+        const struct local_bus_config config = {
+            .name = names[b].name, .max_nodes = 2, .inbox = 1024};
+
+        assert_int_equal(local_bus_create(&config, &bench.arena, &bench.bus[b], &error),
+                         ERROR_NONE);
+        assert_int_equal(local_bus_join(bench.bus[b], NULL, 0, &bench.port[b], &error), ERROR_NONE);
+        assert_int_equal(local_bus_join(bench.bus[b], NULL, 0, &bench.watch.ports.port[b], &error),
+                         ERROR_NONE);
+    }
+    *state = &bench;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    struct bench *bench = *state;
+
+    for (int b = 0; b < BUSES; b++) {
+        bench->port[b]->ops->close(bench->port[b]);
+    }
+    bus_ports_close(&bench->watch.ports);
+    for (int b = 0; b < BUSES; b++) {
+        local_bus_destroy(bench->bus[b]);
+    }
+    arena_fini(&bench->arena);
+    return 0;
+}
+
+static void send(struct bench *bench, int bus, uint32_t id, uint32_t tick, uint16_t last)
+{
+    uint8_t data[LOCKSTEP_LENGTH];
+    struct bus_frame frame;
+
+    put_u32_le(data, tick);
+    put_u16_le(data + 4, last);
+    frame = frame_make(id, LOCKSTEP_LENGTH, data);
+    assert_int_equal(can_send(bench->port[bus], &frame, 1), 1);
+}
+
+static void ask(struct bench *bench, uint32_t tick, uint16_t ticks)
+{
+    send(bench, 0, LOCKSTEP_STEP_ID, tick, ticks);
+}
+
+static void answer(struct bench *bench, uint32_t tick, uint16_t flags)
+{
+    for (int b = 0; b < BUSES; b++) {
+        send(bench, b, LOCKSTEP_DONE_ID, tick, flags);
+    }
+}
+
+static void right_answers_pass(void **state)
+{
+    struct bench *bench = *state;
+
+    ask(bench, 0, 1);
+    answer(bench, 1, LOCKSTEP_FAULT);
+    ask(bench, 1, 5);
+    ask(bench, 7, 1); /* waits until those five have run, and is refused then */
+    answer(bench, 6, 0);
+    answer(bench, 6, LOCKSTEP_MISMATCH);
+    assert_true(watch_look(&bench->watch, true));
+    assert_int_equal(bench->watch.tick, 6);
+    assert_int_equal(bench->watch.steps, 2);
+    assert_int_equal(bench->watch.refused, 1);
+}
+
+static void done_that_nobody_asked_for_is_noticed(void **state)
+{
+    struct bench *bench = *state;
+
+    ask(bench, 0, 1);
+    answer(bench, 1, 0);
+    answer(bench, 1, 0);
+    assert_false(watch_look(&bench->watch, true));
+    assert_non_null(strstr(bench->watch.failure, "no STEP"));
+}
+
+static void done_of_another_tick_is_noticed(void **state)
+{
+    struct bench *bench = *state;
+
+    ask(bench, 0, 2);
+    answer(bench, 1, 0);
+    assert_false(watch_look(&bench->watch, true));
+    assert_non_null(strstr(bench->watch.failure, "expected tick 2"));
+}
+
+static void refusal_of_a_right_step_is_noticed(void **state)
+{
+    struct bench *bench = *state;
+
+    ask(bench, 0, 1);
+    answer(bench, 1, LOCKSTEP_MISMATCH);
+    assert_false(watch_look(&bench->watch, true));
+}
+
+static void step_without_an_answer_is_noticed(void **state)
+{
+    struct bench *bench = *state;
+
+    ask(bench, 0, 1);
+    assert_true(watch_look(&bench->watch, false)); /* it may still come */
+    assert_false(watch_look(&bench->watch, true));
+    assert_non_null(strstr(bench->watch.failure, "without an answer"));
+}
+
+static void bus_without_its_done_is_noticed(void **state)
+{
+    struct bench *bench = *state;
+
+    ask(bench, 0, 1);
+    send(bench, 0, LOCKSTEP_DONE_ID, 1, 0);
+    assert_false(watch_look(&bench->watch, true));
+    assert_non_null(strstr(bench->watch.failure, "bus arm had 0 DONE"));
+}
+
+static void hash_tells_one_bit_of_one_frame(void **state)
+{
+    struct bench *bench = *state;
+    uint64_t hash[2];
+
+    for (unsigned i = 0; i < 2; i++) {
+        bench->watch.hash = HASH_START;
+        send(bench, 1, 0x123, i, 0);
+        assert_true(watch_look(&bench->watch, true));
+        hash[i] = bench->watch.hash;
+    }
+    assert_int_not_equal(hash[0], hash[1]);
+    assert_int_equal(bench->watch.frames[1], 2);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(right_answers_pass),
+        TEST(done_that_nobody_asked_for_is_noticed),
+        TEST(done_of_another_tick_is_noticed),
+        TEST(refusal_of_a_right_step_is_noticed),
+        TEST(step_without_an_answer_is_noticed),
+        TEST(bus_without_its_done_is_noticed),
+        TEST(hash_tells_one_bit_of_one_frame),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,146 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Rows of signals between two threads: at the ticks that were asked for, none lost in silence. */
+#include "rt/stream.h"
+
+#include <pthread.h>
+#include <stdatomic.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+enum { SIGNALS = 5, ROWS = 8, TICKS = 200000 };
+
+static struct arena arena;
+static struct stream *stream;
+
+static int set_up(void **state)
+{
+    struct error error;
+
+    (void)state;
+    return arena_init(&arena, 1 << 20, &error) ||
+           stream_create(SIGNALS, ROWS, &arena, &stream, &error);
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    arena_fini(&arena);
+    return 0;
+}
+
+static void run(uint64_t from, uint64_t to)
+{
+    for (uint64_t tick = from; tick < to; tick++) {
+        double *value = stream_begin(stream, tick, (int64_t)tick * 1000);
+
+        if (value) {
+            for (int i = 0; i < SIGNALS; i++) {
+                value[i] = (double)tick * (i + 1);
+            }
+            stream_commit(stream);
+        }
+    }
+}
+
+static void nobody_asks_nothing_comes(void **state)
+{
+    (void)state;
+    run(0, 100);
+    assert_null(stream_front(stream));
+}
+
+static void rows_come_at_multiples_of_the_period(void **state)
+{
+    const struct stream_row *row;
+
+    (void)state;
+    stream_want(stream, 10);
+    run(1, 31);
+    for (uint64_t tick = 10; tick <= 30; tick += 10) {
+        row = stream_front(stream);
+        assert_non_null(row);
+        assert_int_equal(row->tick, tick);
+        assert_int_equal(row->time_ns, (int64_t)tick * 1000);
+        assert_int_equal(row->lost, 0);
+        assert_true(row->value[SIGNALS - 1] == (double)tick * SIGNALS);
+        stream_drop(stream);
+    }
+    assert_null(stream_front(stream));
+}
+
+static void rows_that_find_no_room_are_counted(void **state)
+{
+    (void)state;
+    stream_want(stream, 1);
+    run(0, ROWS + 3);
+    for (int i = 0; i < ROWS; i++) {
+        assert_int_equal(stream_front(stream)->tick, i);
+        assert_int_equal(stream_front(stream)->lost, 0);
+        stream_drop(stream);
+    }
+    run(ROWS + 3, ROWS + 4);
+    assert_int_equal(stream_front(stream)->tick, ROWS + 3);
+    assert_int_equal(stream_front(stream)->lost, 3);
+}
+
+static void *write_rows(void *context)
+{
+    (void)context;
+    run(1, TICKS + 1);
+    return NULL;
+}
+
+static void a_reader_beside_the_writer_gets_whole_rows(void **state)
+{
+    uint64_t last = 0, lost = 0, rows = 0, wrong = 0;
+    pthread_t writer;
+
+    (void)state;
+    stream_want(stream, 1);
+    assert_int_equal(pthread_create(&writer, NULL, write_rows, NULL), 0);
+    while (last < TICKS - ROWS) {
+        const struct stream_row *row = stream_front(stream);
+
+        if (!row) {
+            continue;
+        }
+        for (int i = 0; i < SIGNALS; i++) {
+            wrong += row->value[i] != (double)row->tick * (i + 1);
+        }
+        /* what is missing between two rows is what the second one counts */
+        wrong += row->tick - last - 1 != row->lost - lost;
+        last = row->tick;
+        lost = row->lost;
+        rows++;
+        stream_drop(stream);
+    }
+    pthread_join(writer, NULL);
+    assert_int_equal(wrong, 0);
+    assert_int_equal(rows + lost, last);
+}
+
+static void no_memory_is_an_error(void **state)
+{
+    struct stream *none;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(stream_create(1 << 20, ROWS, &arena, &none, &error), ERROR_MEMORY);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(nobody_asks_nothing_comes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(rows_come_at_multiples_of_the_period, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(rows_that_find_no_room_are_counted, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_reader_beside_the_writer_gets_whole_rows, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(no_memory_is_an_error, set_up, tear_down),
+    };
+
+    return cmocka_run_group_tests_name("unit/stream", tests, NULL, NULL);
+}

@@ -1,0 +1,111 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Files that are there whole or as they were before. */
+#include "rt/whole_file.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+static char folder[] = "/tmp/whole-file-XXXXXX";
+static char path[64], partial[64];
+
+static const char *content(const char *name)
+{
+    static char text[64];
+    FILE *in = fopen(name, "r");
+    size_t size = in ? fread(text, 1, sizeof text - 1, in) : 0;
+
+    if (!in) {
+        return NULL;
+    }
+    fclose(in);
+    text[size] = '\0';
+    return text;
+}
+
+static int make_folder(void **state)
+{
+    (void)state;
+    if (!mkdtemp(folder)) {
+        return -1;
+    }
+    snprintf(path, sizeof path, "%s/file", folder);
+    snprintf(partial, sizeof partial, "%s.part", path);
+    return 0;
+}
+
+static int remove_folder(void **state)
+{
+    (void)state;
+    unlink(path);
+    return rmdir(folder);
+}
+
+static enum error_code write_file(const char *name, const char *text, enum error_code code)
+{
+    struct whole_file file;
+    struct error error;
+
+    assert_int_equal(whole_file_open(&file, name, &error), ERROR_NONE);
+    fputs(text, file.out);
+    return whole_file_close(&file, code, &error);
+}
+
+static void has_its_name_when_it_is_whole(void **state)
+{
+    struct whole_file file;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(whole_file_open(&file, path, &error), ERROR_NONE);
+    fputs("first", file.out);
+    assert_null(content(path));
+    assert_int_equal(whole_file_close(&file, ERROR_NONE, &error), ERROR_NONE);
+    assert_string_equal(content(path), "first");
+    assert_null(content(partial));
+}
+
+static void leaves_what_was_there_when_writing_fails(void **state)
+{
+    (void)state;
+    assert_int_equal(write_file(path, "first", ERROR_NONE), ERROR_NONE);
+    assert_int_equal(write_file(path, "second", ERROR_MEMORY), ERROR_MEMORY);
+    assert_string_equal(content(path), "first");
+    assert_null(content(partial));
+}
+
+static void writes_to_a_device_in_place_and_says_that_it_is_full(void **state)
+{
+    (void)state;
+    assert_int_equal(write_file("/dev/null", "text", ERROR_NONE), ERROR_NONE);
+    assert_int_equal(write_file("/dev/full", "text", ERROR_NONE), ERROR_SYSTEM);
+    assert_int_equal(access("/dev/full", F_OK), 0);
+}
+
+static void names_a_folder_that_is_not_there(void **state)
+{
+    struct whole_file file;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(whole_file_open(&file, "/nowhere/file", &error), ERROR_SYSTEM);
+    assert_non_null(strstr(error.text, "/nowhere/file"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(has_its_name_when_it_is_whole),
+        cmocka_unit_test(leaves_what_was_there_when_writing_fails),
+        cmocka_unit_test(writes_to_a_device_in_place_and_says_that_it_is_full),
+        cmocka_unit_test(names_a_folder_that_is_not_there),
+    };
+
+    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+}
