@@ -80,6 +80,11 @@ char *arena_strdup(struct arena *arena, const char *text)
     return copy;
 }
 
+void arena_join(void *memory, size_t size)
+{
+    ASAN_UNPOISON_MEMORY_REGION(memory, size);
+}
+
 /* Writes every page. Its first byte may lie between two pieces, or belong to a thread that already
  * runs (the recorder's): it is exchanged for itself, in one. */
 __attribute__((no_sanitize("address"))) static void touch_pages(const struct arena *arena)

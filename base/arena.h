@@ -32,6 +32,10 @@ void *arena_alloc(struct arena *arena, size_t count, size_t size);
 /* A copy of text in the arena, or NULL. Not RT-safe. */
 char *arena_strdup(struct arena *arena, const char *text);
 
+/* Declares memory of an arena that holds several pieces to be one, gaps and all, for who copies it as
+ * a whole: it matters to the address sanitizer only. */
+void arena_join(void *memory, size_t size);
+
 /* Refuses further allocation and touches every page in use; with lock also mlocks them. An error
  * of mlock is reported, the arena is sealed all the same. Not RT-safe. */
 enum error_code arena_seal(struct arena *arena, bool lock, struct error *error);

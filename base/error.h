@@ -16,7 +16,8 @@ enum error_code {
 
 struct error {
     enum error_code code;
-    char text[768]; /* one sentence without control characters; begins with file:line:column where there is one */
+    char text[768]; /* one sentence without control characters; begins with file:line:column where
+                     * there is one */
 };
 
 /* Writes code and text; returns code so that a failing path reads `return error_set(...)`.

@@ -132,6 +132,8 @@ static void hang(struct board *board, int64_t watchdog_ns, double supply_v,
         faults->duty[i] = joint >= 0 && !board->ops->turns_field && supply_v > 0.0
                               ? command->motor[joint].voltage_v / supply_v
                               : 0.0;
+        /* the supply may have sunk since the board drove the bridge */
+        faults->duty[i] = fmax(fmin(faults->duty[i], 1.0), -1.0);
     }
     faults->hung = true;
     faults->watchdog_ns = board->boards->time_ns + watchdog_ns;

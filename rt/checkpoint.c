@@ -61,6 +61,7 @@ enum error_code checkpoint_create(const struct span *moving, size_t nmoving,
         return error_set(error, ERROR_MEMORY, "no memory left for checkpoints");
     }
     for (size_t i = 0; i < nmoving; i++) {
+        arena_join(moving[i].memory, moving[i].size);
         cut(made, &moving[i], hole, nhole);
     }
     made->copy = arena_alloc(arena, copies, made->size);

@@ -20,7 +20,7 @@ struct span {
 struct checkpoint;
 
 /* Sets memory aside for so many copies of what is in `moving` and in no hole; holes may lie anywhere
- * and overlap nothing but what moves. Borrowed for the call. Not RT-safe. */
+ * and overlap nothing but what moves. What moves may be several pieces of an arena. Borrowed for the call. Not RT-safe. */
 enum error_code checkpoint_create(const struct span *moving, size_t nmoving,
                                   const struct span *hole, size_t nhole, size_t copies,
                                   struct arena *arena, struct checkpoint **checkpoint,

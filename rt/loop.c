@@ -7,6 +7,10 @@
 #include <string.h>
 #include <sys/resource.h>
 
+/* A function of its own in the program: one place for a probe, a line of its own in a profile, and
+ * what the test of the budget (rt/phase_budget.h) counts. */
+#define APART static __attribute__((noinline))
+
 /* ---- creation ---- */
 
 enum error_code loop_create(const struct loop_config *config, struct arena *arena,
@@ -90,13 +94,20 @@ static void deliver(struct loop *loop, size_t bus, const struct bus_frame *frame
     }
 }
 
+APART size_t take(struct loop *loop, size_t bus, struct bus_frame *frames, size_t max)
+{
+    size_t count = can_receive(loop->config.port[bus], frames, max);
+
+    PROBE2(received, bus, count);
+    return count;
+}
+
 static void drain(struct loop *loop, size_t bus)
 {
     size_t count, total = 0;
 
     do {
-        count = can_receive(loop->config.port[bus], loop->batch, BATCH);
-        PROBE2(received, bus, count);
+        count = take(loop, bus, loop->batch, BATCH);
         for (size_t i = 0; i < count; i++) {
             deliver(loop, bus, &loop->batch[i]);
         }
@@ -104,7 +115,7 @@ static void drain(struct loop *loop, size_t bus)
     } while (count == BATCH && total < LOOP_RECEIVE_MAX);
 }
 
-static void send(struct loop *loop, size_t bus, size_t count, int64_t time_ns)
+APART void send(struct loop *loop, size_t bus, size_t count, int64_t time_ns)
 {
     size_t sent = count ? can_send(loop->config.port[bus], loop->outgoing, count) : 0;
 
@@ -165,8 +176,7 @@ static bool judge(struct loop *loop, const struct bus_frame *frame)
 /* reads the STEP's bus up to a STEP; false when none has come */
 static bool find_step(struct loop *loop)
 {
-    int bus = loop->config.lockstep.bus;
-    struct can_port *port = loop->config.port[bus];
+    size_t bus = (size_t)loop->config.lockstep.bus;
     size_t count, total = 0;
 
     for (;;) {
@@ -182,8 +192,7 @@ static bool find_step(struct loop *loop)
         if (total >= LOOP_RECEIVE_MAX) {
             return false;
         }
-        count = can_receive(port, loop->held + loop->held_count, HELD_MAX - loop->held_count);
-        PROBE2(received, bus, count);
+        count = take(loop, bus, loop->held + loop->held_count, HELD_MAX - loop->held_count);
         loop->held_count += count;
         total += count;
         if (count == 0) {
@@ -408,19 +417,16 @@ static void account_paced(struct loop *loop, int64_t now)
 
 /* ---- the phases of a tick ---- */
 
-/* A function of its own, in a profile and for the test of the budget (rt/phase_budget.h). */
-#define PHASE static __attribute__((noinline)) void
-
-/* inline, as the compiler judges by the text of the probe, which is long, and not by its one nop */
-static inline __attribute__((always_inline)) void phase_end(struct loop *loop,
-                                                            enum loop_phase phase)
+APART void phase_end(struct loop *loop, enum loop_phase phase)
 {
     int64_t now = clock_now(loop->config.time);
 
-    loop->spent[phase] = now - loop->mark_ns;
-    histogram_add(&loop->stats.phase[phase], loop->spent[phase]);
+    int64_t spent = now - loop->mark_ns;
+
+    loop->spent[phase] = spent;
     loop->mark_ns = now;
-    PROBE2(phase_end, phase, loop->spent[phase]);
+    PROBE2(phase_end, phase, spent);
+    histogram_add(&loop->stats.phase[phase], spent);
 }
 
 static bool wait_by_clock(struct loop *loop)
@@ -461,13 +467,11 @@ static bool wait_for_tick(struct loop *loop)
  * is there already, and what follows it stay. */
 static void drain_held(struct loop *loop)
 {
-    int bus = loop->config.lockstep.bus;
-    struct can_port *port = loop->config.port[bus];
+    size_t bus = (size_t)loop->config.lockstep.bus;
     size_t count;
 
     do {
-        count = can_receive(port, loop->held + loop->held_count, HELD_MAX - loop->held_count);
-        PROBE2(received, bus, count);
+        count = take(loop, bus, loop->held + loop->held_count, HELD_MAX - loop->held_count);
         loop->held_count += count;
         while (loop->held_seen < loop->held_count &&
                loop->held[loop->held_seen].id != loop->config.lockstep.step_id) {
@@ -477,7 +481,7 @@ static void drain_held(struct loop *loop)
     } while (count && loop->held_count < HELD_MAX);
 }
 
-PHASE receive(struct loop *loop)
+APART void receive(struct loop *loop)
 {
     bool lockstep = loop->config.clock == RIG_CLOCK_LOCKSTEP;
     bool due = !lockstep || loop->step_begins || loop->config.machine.advance;
@@ -522,7 +526,7 @@ static bool advance(struct loop *loop)
     return lockstep_advance(&loop->lockstep, flags);
 }
 
-PHASE transmit(struct loop *loop)
+APART void transmit(struct loop *loop)
 {
     const struct loop_machine *machine = &loop->config.machine;
     bool done_due = advance(loop);
@@ -570,7 +574,7 @@ static void watch_buses(struct loop *loop)
     }
 }
 
-PHASE publish(struct loop *loop)
+APART void publish(struct loop *loop)
 {
     watch_buses(loop);
     loop->stats.lockstep = loop->lockstep.counters;

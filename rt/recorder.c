@@ -28,6 +28,8 @@ enum {
 };
 
 #define ATTEND_NS (250 * CLOCK_MS)
+#define CANCEL_NS                                                                                  \
+    (5 * CLOCK_SECOND) /* a call of the system that a signal does not end by then hangs */
 
 /* What has gone wrong, as of recorder_next_event. */
 enum recorder_event { EVENT_LOG, EVENT_CSV, EVENT_DROPS, EVENT_GIVEN_UP };
@@ -460,7 +462,7 @@ static void end_thread(struct recorder *recorder, struct recorder_counters *coun
         return;
     }
     pthread_cancel(recorder->thread);
-    if (wait_for_thread(recorder, CLOCK_SECOND)) {
+    if (wait_for_thread(recorder, CANCEL_NS)) {
         pthread_join(recorder->thread, NULL);
         line_file_abandon(&recorder->log);
         line_file_abandon(&recorder->csv);

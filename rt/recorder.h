@@ -24,7 +24,8 @@
  *
  * All of it is said within a second (recorder_next_event), counted, and makes recorder_close fail.
  * The books close: frames offered = frames + frames_dropped, lines in candump.log = frames -
- * frames_unwritten, rows alike.
+ * frames_unwritten, rows alike (but for a disk that hangs beyond all signals until the program ends:
+ * what its thread had in hand is then not counted).
  */
 #ifndef RT_RECORDER_H
 #define RT_RECORDER_H

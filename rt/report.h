@@ -29,7 +29,7 @@ struct report {
     const char *folder, *title;
     FILE *body;
     struct memory_file text; /* of body */
-    FILE *csv; /* of the open table */
+    FILE *csv;               /* of the open table */
     size_t nsection, nfinding, compared;
     struct {
         char id[32];

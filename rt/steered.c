@@ -214,7 +214,6 @@ static void back(void *context, size_t slot)
         }
     }
     injection_went_back(s->config.injection);
-    s->config.went_back(s->config.context);
 }
 
 static uint64_t hash(void *context)

@@ -36,7 +36,6 @@ struct steered_config {
     size_t own;    /* participants of the buses, the first to join, that the loop's thread is */
     bool one_way;  /* something runs along that cannot go back: a task in its own thread */
     void *context; /* of the two below */
-    void (*went_back)(void *context);
     void (*show)(void *context, const struct loop_stats *stats); /* struct steering_machine */
     /* Of what runs along at its own pace, which then must be one; likewise; NULL = nothing does. */
     void (*pace)(void *context, double speed, bool paused);

@@ -5,14 +5,37 @@
  *
  * Requests and answers cross in two rings of fixed size; the loop carries requests out between two
  * ticks, in their order, and neither side ever waits for the other. One thread asks (the control
- * socket's, rt/control.h); what is asked counts for the tick that comes next.
+ * socket's, rt/control.h); what is asked counts for the tick that comes next. Who does not take his
+ * answers is not heard any more once their ring is full. The end of the run answers what is left.
+ *
+ * Standing still. Time stands by intent: it costs no deadline, no overrun, no silence of a lockstep
+ * controller, and the loop's beat goes on. No frame is received or sent; what arrives waits in
+ * sockets and inboxes, and is lost and counted where these are full. All time-outs of boards are of
+ * virtual time and stand too. A task in a thread of its own (real clock) stands and goes with the
+ * loop, at its pace (rt/pace.h); controllers in other processes see that the bus is silent.
+ *
+ * Steps. STEER_STEP runs its ticks at the present speed, whether the loop stood or not, then stands.
+ * Until then RESUME, STEP, RESET and RESTORE are STEER_BUSY, and a PAUSE ends it (STEER_CUT). In
+ * lockstep it plays the part of a STEP frame: the frames that wait, its ticks, DONE on every bus. A
+ * STEP frame that waits stays; its sender will hear by a mismatch where the simulator is. What is
+ * left of a STEP frame comes first. An inline task sends STEPs of its own, of which so many ticks
+ * run.
+ *
+ * Speed. The real clock's grid and all that is judged by it scale, and it begins anew; at 0 there is
+ * none, and nothing is late. Free run is paced without any account. In lockstep the STEPs are the
+ * pace, and a task in a thread of its own needs one: STEER_CLOCK.
  *
  * Going back. A checkpoint is a copy, in memory set aside at the start, of everything that moves in
  * virtual time: plant, boards, sensors, faults, wires, an inline task, the loop's tick. Slot 0 holds the
  * start and is what STEER_RESET goes back to. Time goes back with it, so that a run from a
- * checkpoint repeats bit for bit what followed it the first time, given the same frames. Frames in
- * the queues of other processes stay where they are. While a recording runs there is no way back:
- * its time never does.
+ * checkpoint repeats bit for bit what followed it the first time, given the same frames. Faults that
+ * were switched, pushes and tunables go back too; speed and standing still do not. Frames in the
+ * queues of other processes and threads (clients of the gateway) stay where they are; those that the
+ * loop itself had taken for the next STEP are again those of then. Accounts (overruns, histograms,
+ * counters of ports, the log) go on. While a recording runs there is no way back: its time never
+ * does. There is none, STEER_UNAVAILABLE, with a task in a thread of its own, which has a past of
+ * its own; and no checkpoint while more than two thousand frames are on their way between boards and
+ * an inline task on one local bus.
  */
 #ifndef RT_STEERING_H
 #define RT_STEERING_H
@@ -35,8 +58,8 @@ enum steer_kind {
     STEER_CHECKPOINT, /* index: the slot, 1 to STEERING_SLOTS - 1 */
     STEER_RESTORE,    /* index: the slot */
     STEER_FAULT,      /* index of the fault, on */
-    STEER_PUSH,       /* index of the body, force and moment (world frame), for duration_ns of virtual
-                       * time, 0 = until changed */
+    STEER_PUSH,       /* index of the body, force and moment (world frame), for duration_ns of
+                       * virtual time, 0 = until changed */
     STEER_SET,        /* index of the tunable, value */
 };
 
@@ -80,7 +103,7 @@ struct tunable {
 
 struct steering;
 
-/* Asks; false when the ring is full. From one thread other than the loop's. */
+/* Asks; false when the ring is full or the run has ended. From one thread other than the loop's. */
 bool steering_ask(struct steering *steering, const struct steer_request *request);
 
 /* One answer, false when none waits. By the thread that asks. */

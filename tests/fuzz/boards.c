@@ -67,6 +67,7 @@ struct bench {
     uint64_t received, hash;
     int ticks, bus_in_hand;
     bool garbage; /* some board has sent what means nothing */
+    bool hung;    /* some board hangs, or has */
     bool moved;   /* some board has another address now */
     size_t room;  /* for frames of a tick */
 };
@@ -170,7 +171,12 @@ static void start(struct bench *bench, struct fuzz_bytes *bytes)
 
 static void check_commands(const struct bench *bench)
 {
-    const double supply_v = isfinite(bench->sampled_v) ? fmax(bench->sampled_v, 0.0) : 0.0;
+    double supply_v = isfinite(bench->sampled_v) ? fmax(bench->sampled_v, 0.0) : 0.0;
+
+    /* what a hung board leaves switched on follows the supply at once */
+    if (bench->hung && isfinite(bench->supply_v)) {
+        supply_v = fmax(supply_v, bench->supply_v);
+    }
 
     for (int i = 0; i < RIG_JOINTS; i++) {
         const struct motor_command *motor = &bench->rig.motor[i];
@@ -394,6 +400,7 @@ static void break_board(struct bench *bench, uint8_t what)
 
     faults_set(bench->faults, fault, what & 0x10);
     bench->garbage = bench->garbage || faults_at(bench->faults, fault)->kind == FAULT_GARBAGE;
+    bench->hung = bench->hung || faults_at(bench->faults, fault)->kind == FAULT_HUNG;
 }
 
 static void act(struct bench *bench, struct fuzz_bytes *bytes)

@@ -132,7 +132,32 @@ static void show_events(struct faults *faults, size_t count)
     }
 }
 
-static void live_with(const struct fault *fault, size_t count)
+/* Sensors with every imperfection that there is. */
+static void make_real(struct sensing_config *config)
+{
+    static const struct sensor_error error = {.gain_error = 0.01, .offset = 0.1, .noise_rms = 0.01,
+                                              .drift_per_sqrt_s = 0.01, .ramp_per_s = 0.01,
+                                              .full_scale = 50.0, .lsb = 0.001,
+                                              .latency_ns = 120000000};
+    static struct sensor_joint joint[JOINTS];
+    static struct sensor_ft ft[FTS];
+
+    for (size_t j = 0; j < JOINTS; j++) {
+        joint[j] = (struct sensor_joint){.name = joints[j], .link_encoder = error,
+                                         .motor_encoder = error, .current = error,
+                                         .torque = error, .temperature = error, .incremental = true,
+                                         .thermal = {20.0, 0.7, 2.0, 60.0}};
+    }
+    for (size_t f = 0; f < FTS; f++) {
+        ft[f] = (struct sensor_ft){.name = fts[f], .force = error, .torque = error,
+                                   .crosstalk = 0.02};
+    }
+    config->joint = joint;
+    config->ft = ft;
+    config->gyro = config->accel = error;
+}
+
+static void live_with(const struct fault *fault, size_t count, bool real)
 {
     static struct motor_sense motor[JOINTS];
     static struct ft_sense ft[FTS];
@@ -148,6 +173,9 @@ static void live_with(const struct fault *fault, size_t count)
         return; /* two of one name */
     }
     config.faults = faults;
+    if (real) {
+        make_real(&config);
+    }
     fuzz_require(sensing_create(&config, arena, &sensing, &error) == ERROR_NONE, "%s", error.text);
     for (size_t i = 0; i < count; i++) {
         fuzz_require(faults_find(faults, faults_at(faults, i)->name) == (int)i, "%s",
@@ -159,6 +187,9 @@ static void live_with(const struct fault *fault, size_t count)
             faults_set(faults, (size_t)tick % count, tick % 2);
         }
         move(&truth, tick);
+        if (tick == 30) {
+            sensing_restart_counter(sensing, 1);
+        }
         check_sensors(sensing_sample(sensing, &truth));
         show_events(faults, count);
     }
@@ -179,6 +210,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         count += read_line(line, &fault[count]);
         at += length + 1;
     }
-    live_with(fault, count);
+    live_with(fault, count, size & 1);
     return 0;
 }

@@ -41,16 +41,24 @@ kill $! 2>/dev/null
 wait $!
 verdict "the same paced like a wire" only clock_nanosleep recvmmsg sendmmsg clock_gettime
 
+rm -rf "$work/record"
 {
-    sleep 0.8
+    until [ -e "$work/record/signals.csv" ]; do sleep 0.05; done
+    sleep 0.2
     ip link set can2 down
-    sleep 0.4
+    sleep 0.3
     ip link set can2 up
     ip link del can3
 } &
-guarded "$rigs/coman.yaml" --transport socketcan --clock real --duration 1.5 --wire ideal
+guarded "$rigs/coman.yaml" --transport socketcan --clock real --duration 3 --wire ideal \
+    --record "$work/record"
 wait $!
 ip link add dev can3 type vcan && ip link set can3 up
-verdict "interfaces go down, come up and vanish" only clock_nanosleep recvmmsg sendmmsg getsockopt \
-    clock_gettime
+lost_and_found()
+{
+    grep -q 'can2 is down' "$work/err" && grep -q 'can2 is up' "$work/err" &&
+        grep -q 'can3 is gone' "$work/err" &&
+        only clock_nanosleep recvmmsg sendmmsg getsockopt clock_gettime
+}
+verdict "interfaces go down, come up and vanish" lost_and_found
 exit $((failures > 0))

@@ -29,8 +29,7 @@ run()
     local name=$1 rig=$2
     shift 2
     "$program" run "$rig.yaml" --transport local --wire wire --record "$work/$name" --quiet \
-        --control none "$@" \
-        >"$work/$name.out" 2>"$work/$name.err" </dev/null
+        --control none "$@" >"$work/$name.out" 2>"$work/$name.err" </dev/null
     echo $? >"$work/$name.status"
 }
 

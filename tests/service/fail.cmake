@@ -12,4 +12,4 @@ target_compile_definitions(fail_nth PRIVATE _GNU_SOURCE)
 target_compile_options(fail_nth PRIVATE -Wall -Wextra -Wmissing-prototypes)
 hil_script_test(service_fail_nth LABELS service TIMEOUT 400
     COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/service/fail_nth.py $<TARGET_FILE:coman-hil>
-            $<TARGET_FILE:fail_nth>)
+            $<TARGET_FILE:fail_nth> $<$<BOOL:${HIL_SANITIZE}>:--sanitized>)

@@ -30,13 +30,14 @@ PATIENCE_S = 60
 SCRATCH = pathlib.Path(tempfile.mkdtemp())
 PREFIX = SCRATCH / "prefix"
 PAGES = SOURCE / "docs" / "man"
-GUIDES = [SOURCE / "docs" / "controller.md", SOURCE / "docs" / "lab-pc.md"]
-count = 0
+GUIDES = [SOURCE / "docs" / "lab-pc.md", SOURCE / "docs" / "controller.md"]
+count = failed = 0
 
 
 def tell(good, name, why=""):
-    global count
+    global count, failed
     count += 1
+    failed += not good
     print(f"{'ok' if good else 'not ok'} {count} - {name}", flush=True)
     for line in [] if good else why.splitlines():
         print("# " + line)
@@ -172,9 +173,10 @@ def main():
     for guide in GUIDES:
         try_guide(guide)
     print(f"1..{count}")
+    return failed > 0
 
 
 try:
-    main()
+    sys.exit(main())
 finally:
     shutil.rmtree(SCRATCH)

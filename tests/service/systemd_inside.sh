@@ -244,6 +244,17 @@ test_examples() {
     rm /etc/systemd/network/80-coman-hil-can.* /etc/udev/rules.d/80-coman-hil-can.rules
 }
 
+# What the guides tell people to type on such a machine; they make the interfaces themselves.
+test_guides() {
+    systemctl stop $unit coman-hil-vcan@can0
+    for n in 1 2 3 4; do ip link delete can$n; done
+    python3 "$HIL_SOURCE_DIR/tests/service/manual.py" "$HIL_SOURCE_DIR" guest >"$log" 2>&1
+    check $? "the commands of the guides for such a machine work"
+    rm -f /etc/systemd/network/80-coman-hil-can.* /etc/udev/rules.d/80-coman-hil-can.rules
+    ip link delete can0
+    systemctl start coman-hil-vcan@can0 && timeout 30 systemctl start $unit
+}
+
 test_upgrade_and_removal() {
     local pid
     systemctl enable -q $unit coman-hil-vcan@can0
@@ -265,7 +276,7 @@ test_upgrade_and_removal() {
     check $? "a purge leaves the laboratory's own files and nothing else"
 }
 
-echo 1..38
+echo 1..39
 test_installation
 test_start
 test_rights
@@ -275,5 +286,6 @@ test_journal
 test_silence
 test_reconnection
 test_examples
+test_guides
 test_upgrade_and_removal
 finish $failed

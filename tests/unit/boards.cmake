@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(part commands compact control foc heat messages modes nodes strain table)
+foreach(part commands compact control foc heat messages modes nodes settings strain table)
     hil_test(boards_${part} SOURCES ${CMAKE_CURRENT_LIST_DIR}/boards_${part}.c
              LIBS boards Threads::Threads LABELS unit)
 endforeach()

@@ -175,24 +175,25 @@ static void a_wire_goes_back_with_its_bus(void **state)
         .name = "bus", .max_nodes = 2, .inbox = 16, .mode = LOCAL_BUS_WIRE};
     struct can_port *own[2];
     struct local_bus *bus;
+    struct checkpoint *wire;
     struct error error;
-    void *memory, *copy;
-    size_t size;
+    struct span moving;
+    void *memory;
 
     (void)state;
     assert_int_equal(local_bus_create(&config, &arena, &bus, &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[0], &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[1], &error), ERROR_NONE);
     memory = arena_alloc(&arena, 1, local_bus_moment_size(bus));
-    wire_memory(local_bus_wire(bus), &size);
-    copy = arena_alloc(&arena, 1, size);
+    moving.memory = wire_memory(local_bus_wire(bus), &moving.size);
+    assert_int_equal(checkpoint_create(&moving, 1, NULL, 0, 1, &arena, &wire, &error), ERROR_NONE);
     local_bus_advance(bus, 1000000);
     send(own[0], 1);
     send(own[0], 2);
     local_bus_advance(bus, 1050000); /* the first is half across */
     send(own[0], 3);                 /* not yet taken over */
     assert_true(local_bus_keep(bus, 2, memory));
-    memcpy(copy, wire_memory(local_bus_wire(bus), &size), size);
+    checkpoint_keep(wire, 0);
     for (int i = 0; i < 2; i++) {
         assert_int_equal(waiting(own[1]), 0);
         local_bus_advance(bus, 1200000);
@@ -200,7 +201,7 @@ static void a_wire_goes_back_with_its_bus(void **state)
         local_bus_advance(bus, 2000000);
         assert_int_equal(waiting(own[1]), 23);
         assert_int_equal(wire_now(local_bus_wire(bus)), 2000000);
-        memcpy(wire_memory(local_bus_wire(bus), &size), copy, size);
+        checkpoint_back(wire, 0);
         local_bus_back(bus, 2, memory);
     }
     own[0]->ops->close(own[0]);

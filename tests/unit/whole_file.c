@@ -36,7 +36,7 @@ static int make_folder(void **state)
         return -1;
     }
     snprintf(path, sizeof path, "%s/file", folder);
-    snprintf(partial, sizeof partial, "%s.part", path);
+    snprintf(partial, sizeof partial, "%s/file.part", folder);
     return 0;
 }
 

@@ -1,0 +1,100 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What happens in a run, as lines of a log, whoever tells it. */
+#include "rt/simulator_private.h"
+
+#include <stdio.h>
+
+/* what an event's key has above its 32 bits */
+enum event_source {
+    EVENT_LOOP,
+    EVENT_BOARD,
+    EVENT_RECORDER,
+    EVENT_RELEASE,
+    EVENT_FAULT,
+    EVENT_INTERFACE,
+};
+
+static uint64_t event_key(enum event_source source, uint64_t topic)
+{
+    return (uint64_t)source << 32 | topic;
+}
+
+static enum journal_priority board_event_priority(enum board_event_kind kind)
+{
+    switch (kind) {
+    case BOARD_EVENT_MODE:
+    case BOARD_EVENT_ADDRESS:
+    case BOARD_EVENT_RESTART:
+        return JOURNAL_INFO;
+    default:
+        return JOURNAL_WARNING;
+    }
+}
+
+enum journal_priority simulator_event_priority(uint64_t key)
+{
+    switch (key >> 32) {
+    case EVENT_LOOP:
+        return key >> 8 == LOOP_EVENT_BACK     ? JOURNAL_INFO
+               : key >> 8 >= LOOP_EVENT_PAUSED ? JOURNAL_NOTICE
+                                               : JOURNAL_WARNING;
+    case EVENT_BOARD:
+        return board_event_priority((enum board_event_kind)(key >> 16 & 0xffff));
+    case EVENT_RECORDER:
+        return JOURNAL_ERROR;
+    case EVENT_RELEASE:
+        return JOURNAL_INFO;
+    case EVENT_FAULT:
+        return JOURNAL_NOTICE;
+    default:
+        return JOURNAL_WARNING;
+    }
+}
+
+bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size)
+{
+    struct loop_event loop_event;
+    struct board_event board_event;
+    struct fault_event fault_event;
+    unsigned kind;
+    int64_t released = atomic_exchange(&simulator->released, -1);
+    size_t bus;
+    int used;
+
+    if (released >= 0) {
+        *key = event_key(EVENT_RELEASE, 0);
+        snprintf(text, size, "%.6f s: all motors are on, the links are let go",
+                 (double)released * 1e-9);
+        return true;
+    }
+    if (loop_next_event(simulator->loop, &loop_event)) {
+        *key = event_key(EVENT_LOOP, (uint64_t)loop_event.kind << 8 | (uint8_t)loop_event.bus);
+        used = snprintf(text, size, "%.6f s: ", (double)loop_event.time_ns * 1e-9);
+        loop_event_format(simulator->loop, &loop_event, text + used, size - (size_t)used);
+        return true;
+    }
+    if (faults_next_event(simulator->faults, &fault_event)) {
+        *key = event_key(EVENT_FAULT, fault_event.fault);
+        fault_event_format(simulator->faults, &fault_event, text, size);
+        return true;
+    }
+    if (interfaces_next_event(&simulator->interfaces, &bus, text, size)) {
+        *key = event_key(EVENT_INTERFACE, bus);
+        return true;
+    }
+    if (boards_next_event(simulator->boards, &board_event)) {
+        /* all axes change their mode at once when a controller comes and goes: one topic */
+        bool grouped = board_event.kind == BOARD_EVENT_MODE;
+
+        *key = event_key(EVENT_BOARD,
+                         (uint64_t)board_event.kind << 16 |
+                             (grouped ? 0 : (uint64_t)board_event.bus << 8 | board_event.address));
+        board_event_format(simulator->boards, &board_event, text, size);
+        return true;
+    }
+    if (simulator->recorder && recorder_next_event(simulator->recorder, &kind, text, size)) {
+        *key = event_key(EVENT_RECORDER, kind);
+        return true;
+    }
+    return false;
+}
