@@ -1,14 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The control socket: other programs look at a running simulator and steer it, over a unix stream
- * socket that only its owner and root may use (rt/control_socket.h). `coman-hil ctl` is such a program.
+ * socket that only its owner and root may use (rt/control_socket.h). `coman-hil ctl` is such a
+ * program.
  *
- * The protocol. A line is a JSON object (RFC 8259, UTF-8, no key twice, at most CONTROL_LINE bytes), of
- * a request
+ * The protocol. A line is a JSON object (RFC 8259, UTF-8, no key twice, at most CONTROL_LINE
+ * bytes), of a request
  *
  *     {"id": 7, "cmd": "set", "name": "supply_v", "value": 40}
  *
- * and of its answer, which repeats the id (any number or a string of at most 256 bytes; null without):
+ * and of its answer, which repeats the id (any number or a string of at most 256 bytes; null
+ * without):
  *
  *     {"id": 7, "ok": true, "tick": 1250, "time_s": 1.25, "state_hash": "90c2f0e2d9a74b11"}
  *     {"id": 7, "ok": false, "code": "input", "error": "found ..., expected ..."}
@@ -17,23 +19,26 @@
  * next is begun when the one before is answered. To pause a long step use a second connection.
  * Unknown commands and keys and values out of range are refused with code "input" and, where one is
  * near, the name that may have been meant. The other codes are those of what the loop refuses:
- * "empty", "recording", "clock", "busy", "unavailable", "cut" (a pause has ended the step), and "ended"
- * (the run is over), "memory". Times are virtual, _s in seconds; numbers have 15 digits, what is not a
- * number is null, hashes are strings of 16 hexadecimal digits.
+ * "empty", "recording", "clock", "busy", "unavailable", "cut" (a pause has ended the step), and
+ * "ended" (the run is over), "memory". Times are virtual, _s in seconds; numbers have 15 digits,
+ * what is not a number is null, hashes are strings of 16 hexadecimal digits.
  *
  *   hello         program, version, protocol (1), rig, pid
- *   status        rig, file, robot_hash, task, clock, speed, paused, clamped, tick, time_s, elapsed_s, overruns, lost_ticks,
- *                 buses (load: mean since this client's last status, or since the start), joints,
- *                 contacts (force_z_n), faults (the active ones), control (counters of this socket)
- *   statistics    phases, wakeup and work: count, min, median, p99, max, mean in us; overruns by phase,
- *                 late ticks, pauses, lockstep counters
+ *   status        rig, file, robot_hash, task, recording, clock, speed, paused, clamped, tick,
+ *                 tick_s, time_s, elapsed_s, overruns, lost_ticks, buses (load: mean since this
+ *                 client's last status, or since the start), joints (rad) and contacts (force up,
+ *                 N), both empty before the first tick, faults (the active ones), control (counters
+ *                 of this socket)
+ *   statistics    phases, wakeup and work: count, min, median, p99, max, mean in us, live: one may
+ *                 be a tick ahead of another; overruns by phase, late ticks, pauses, lockstep
+ *                 counters, all as of tick
  *   list          what: "tunables", "faults", "bodies", "signals", "checkpoints" or "commands";
  *                 match: a pattern of names with * and ? (optional)
  *   get           name: of a tunable; answers value, unit, min, max
  *   set           name, value
  *   fault         name, on: true or false; from then on its window means nothing
- *   push          body; force_n, moment_nm: [x, y, z] in the world frame at its origin (optional, 0);
- *                 duration_s (optional; 0: until the next push)
+ *   push          body; force_n, moment_nm: [x, y, z] in the world frame at its origin (optional,
+ *                 0); duration_s (optional; 0: until the next push)
  *   pause, resume after the tick that runs
  *   step          count (optional, 1): ticks; answered when they have run
  *   speed         factor: virtual seconds a second, 0.001 to 1000; 0: as fast as it goes
@@ -41,28 +46,31 @@
  *   checkpoint    slot (optional, 1): 1 to 3
  *   restore       slot (optional, 1): 0 to 3; 0 is the start
  *   wait          tick or time_s: answered when it has been reached
- *   subscribe     signals: array of names or patterns with * and ?; period_ms (optional, 10): a multiple
- *                 of the tick. Answers signals, the names in the order of the values. Replaces an
- *                 earlier subscription of this connection.
+ *   subscribe     signals: array of names or patterns with * and ?; period_ms (optional, 10): a
+ *                 multiple of the tick. Answers signals, the names in the order of the values.
+ *                 Replaces an earlier subscription of this connection.
  *   unsubscribe   answers rows and missed, the totals
  *   stop          ends the run cleanly
  *
- * Those that the loop carries out (fault to restore, and set) answer tick, time_s and state_hash as of
- * then. After a subscribe lines without id come between answers,
+ * Those that the loop carries out (fault to restore, and set) answer tick, time_s and state_hash as
+ * of then. After a subscribe lines without id come between answers,
  *
  *     {"time_s": 1.25, "tick": 1250, "values": [...]}
  *
- * one at every tick that is a multiple of the period, those of a step before its answer. Rows that the client, or this server, was too
- * slow for are left out, and the next one says how many with "missed": 3.
+ * one at every tick that is a multiple of the period, those of a step before its answer. Rows that
+ * the client, or this server, was too slow for are left out, and the next one says how many with
+ * "missed": 3.
  *
- * What a client may not do. It is told what was wrong, with line and column, and cut off when it goes
- * on: CONTROL_JUNK_MAX wrong lines without a good one between them (each CONTROL_LINE bytes of an endless line count as one);
- * half a line, and then nothing for 30 s; answers that it does not take for 30 s. Requests are not read
- * while more than half of its CONTROL_OUTBOX bytes wait. CONTROL_CLIENTS may be there at a time. A
- * half-closed connection is served until its last answer, or row, is out.
+ * What a client may not do. It is told what was wrong, with line and column, and cut off when it
+ * goes on: CONTROL_JUNK_MAX wrong lines without a good one between them (each CONTROL_LINE bytes of
+ * an endless line count as one); half a line, and then nothing for 30 s; answers that it does not
+ * take for 30 s. Requests are not read while more than half of its CONTROL_OUTBOX bytes wait.
+ * CONTROL_CLIENTS may be there at a time. A half-closed connection is served until its last answer,
+ * or row, is out.
  *
  * The server has one thread of its own. It touches the loop through rt/steering.h and what the loop
- * publishes (simulator_read, stream, histograms) only, so that no client can delay a tick. Not RT-safe.
+ * publishes (simulator_read, stream, histograms) only, so that no client can delay a tick. Not
+ * RT-safe.
  */
 #ifndef RT_CONTROL_H
 #define RT_CONTROL_H
@@ -96,24 +104,24 @@ struct control_counters {
 
 struct control;
 
-/* Listens and starts the thread; after simulator_create and before simulator_start, so that the thread
- * has the rights and processors of any other. Errors are those of control_socket_open and
+/* Listens and starts the thread; after simulator_create and before simulator_start, so that the
+ * thread has the rights and processors of any other. Errors are those of control_socket_open and
  * control_socket_open_default. */
 enum error_code control_start(const struct control_config *config, struct control **control,
                               struct error *error);
 
-/* Clients are heard from now on; after simulator_start, which moves the simulator's memory into place
- * and must not be disturbed. Who came before waits until then. */
+/* Clients are heard from now on; after simulator_start, which touches all of the simulator's
+ * memory and must be alone. Who came before waits until then. NULL is allowed. */
 void control_serve(struct control *control);
 
 const char *control_path(const struct control *control);
 
-/* One line for the log: who was cut off and why, who has ended the run; false when none waits. From one
- * thread. */
+/* One line for the log: who was cut off and why, who has ended the run; false when none waits. From
+ * one thread. */
 bool control_next_event(struct control *control, uint64_t *key, char *text, size_t size);
 
-/* When the loop has ended: answers what still waits with "ended", closes every connection and removes
- * the socket. NULL is allowed. */
+/* When the loop has ended: answers what still waits with "ended", closes every connection and
+ * removes the socket. NULL is allowed. */
 void control_stop(struct control *control);
 
 /* After control_stop. */

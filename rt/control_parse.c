@@ -393,7 +393,8 @@ static enum error_code read_request(const char *line, size_t size, uint64_t numb
 
     request->root = json_loadb(line, size, JSON_REJECT_DUPLICATES, &wrong);
     if (!request->root) {
-        return json_error_code(&wrong) == json_error_out_of_memory
+        /* the library has no text for memory that ran out, and in some places a wrong one */
+        return wrong.text[0] == '\0'
                    ? error_set(error, ERROR_MEMORY, "no memory for the request")
                    : error_set(error, ERROR_INPUT,
                                "line %" PRIu64 ", column %d (byte %d): found %s, expected a JSON "

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A request of the control socket (rt/control.h) from a line of text: JSON first, then a table of what
- * each command takes. Names of tunables, signals and so on are not looked up here. Not RT-safe.
+ * A request of the control socket (rt/control.h) from a line of text: JSON first, then a table of
+ * what each command takes. Names of tunables, signals and so on are not looked up here. Not
+ * RT-safe.
  */
 #ifndef RT_CONTROL_PARSE_H
 #define RT_CONTROL_PARSE_H
@@ -65,8 +66,8 @@ struct control_request {
     double period_ms;
 };
 
-/* Reads one line (size bytes, without its end). number: the line's, from 1, for messages. On an error,
- * which is one printable line, root and id are set as far as it got; the caller ends with
+/* Reads one line (size bytes, without its end). number: the line's, from 1, for messages. On an
+ * error, which is one printable line, root and id are set as far as it got; the caller ends with
  * control_request_clear either way. */
 enum error_code control_parse(const char *line, size_t size, uint64_t number,
                               struct control_request *request, struct error *error);
@@ -83,8 +84,8 @@ void control_clean(char *text);
 /* Whether a name matches a pattern with * (any characters) and ? (one). */
 bool control_matches(const char *pattern, const char *name);
 
-/* A string for an answer; what is not UTF-8 in text (cut in the middle of a character, or a stranger's
- * bytes) becomes "?". NULL without memory. */
+/* A string for an answer; what is not UTF-8 in text (cut in the middle of a character, or a
+ * stranger's bytes) becomes "?". NULL without memory. */
 json_t *control_text(const char *text);
 
 #endif

@@ -96,7 +96,8 @@ void control_log(struct control *control, uint64_t key, const char *format, ...)
 /* Takes everybody who waits at the door; false: the system refuses to (no descriptor left). */
 bool control_welcome(struct control *control);
 
-/* Reads what has come and carries out the lines that are whole, some at a time; true: there are more. */
+/* Reads what has come and carries out the lines that are whole, some at a time; true: there are
+ * more. */
 bool control_hear(struct control *control, struct control_client *client);
 bool control_obey(struct control *control, struct control_client *client);
 
@@ -110,7 +111,8 @@ void control_drop(struct control *control, struct control_client *client);
 /* Room for so many bytes at the outbox's end, to be counted in filled; NULL when there is none. */
 char *control_room(struct control *control, struct control_client *client, size_t size);
 
-/* Sends the answer to a request, with its id and "ok"; body is taken over, NULL counts as no memory. */
+/* Sends the answer to a request, with its id and "ok"; body is taken over, NULL counts as no
+ * memory. */
 void control_answer(struct control *control, struct control_client *client, const json_t *id,
                     json_t *body);
 void control_refuse(struct control *control, struct control_client *client, const json_t *id,
@@ -121,7 +123,8 @@ void control_refuse(struct control *control, struct control_client *client, cons
 /* Carries out client->request, or begins to; the request is then its own to clear. */
 void control_execute(struct control *control, struct control_client *client);
 
-/* What waits goes on: for room in the ring, for answers of the loop, for a tick. True: some client may go on. */
+/* What waits goes on: for room in the ring, for answers of the loop, for a tick. True: some client
+ * may go on. */
 bool control_pump(struct control *control);
 
 /* The run is over: answers what waits. */

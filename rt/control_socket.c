@@ -85,7 +85,8 @@ static int probe(const struct sockaddr_un *address)
     return reason;
 }
 
-/* Makes room at the address when a dead process has left its socket there; taken: by a living one. */
+/* Makes room at the address when a dead process has left its socket there; taken: by a living
+ * one. */
 static enum error_code clear_place(const struct sockaddr_un *address, bool *taken,
                                    struct error *error)
 {

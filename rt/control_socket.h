@@ -10,8 +10,8 @@
  *
  * The places by default: $RUNTIME_DIRECTORY/control under a service manager that gives one
  * (/run/coman-hil/RIG/control with our unit), else $XDG_RUNTIME_DIR/coman-hil/RIG.sock, for root
- * without that variable /run/coman-hil/RIG.sock; a second run of the same rig gets RIG-2.sock, and so
- * on.
+ * without that variable /run/coman-hil/RIG.sock; a second run of the same rig gets RIG-2.sock, and
+ * so on.
  */
 #ifndef RT_CONTROL_SOCKET_H
 #define RT_CONTROL_SOCKET_H
@@ -32,8 +32,8 @@ struct control_socket {
     ino_t inode;
 };
 
-/* Listens at path. ERROR_INPUT: it is too long, or something else is there; ERROR_SYSTEM: the system
- * refuses, or a living process listens there. */
+/* Listens at path. ERROR_INPUT: it is too long, or something else is there; ERROR_SYSTEM: the
+ * system refuses, or a living process listens there. */
 enum error_code control_socket_open(const char *path, struct control_socket *socket,
                                     struct error *error);
 
@@ -45,14 +45,15 @@ enum error_code control_socket_open_default(const char *name, struct control_soc
 /* Closes it and removes the file, when it is still this socket's. */
 void control_socket_close(struct control_socket *socket);
 
-/* Who is at the other end of a connection. False: the system does not say, or not one of ours, which
- * is this user or root. */
+/* Who is at the other end of a connection. False: the system does not say, or not one of ours,
+ * which is this user or root. */
 bool control_socket_peer(int connection, pid_t *pid, uid_t *uid);
 
 /* Connects to the server at path; a blocking descriptor. */
 enum error_code control_socket_connect(const char *path, int *descriptor, struct error *error);
 
-/* The sockets in the default places that a living process answers at, the newest first; returns how many. */
+/* The sockets in the default places that a living process answers at, the newest first; returns how
+ * many. */
 size_t control_socket_find(char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE]);
 
 #endif

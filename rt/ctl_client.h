@@ -24,15 +24,15 @@ struct ctl_client {
 
 enum ctl_heard { CTL_LINE, CTL_END, CTL_INTERRUPTED, CTL_FAILED };
 
-/* Connects: to path; else to what COMAN_HIL_CONTROL in the environment says; else to the newest running
- * simulator, with a line on stderr when there are more. */
+/* Connects: to path; else to what COMAN_HIL_CONTROL in the environment says; else to the newest
+ * running simulator, with a line on stderr when there are more. */
 enum error_code ctl_connect(struct ctl_client *client, const char *path, struct error *error);
 
 /* Sends an object as a line. */
 enum error_code ctl_send(struct ctl_client *client, const json_t *object, struct error *error);
 
-/* The next line, without its end, zero-terminated, until the next call. CTL_END: the other side has closed;
- * error is set with CTL_FAILED only. */
+/* The next line, without its end, zero-terminated, until the next call. CTL_END: the other side has
+ * closed; error is set with CTL_FAILED only. */
 enum ctl_heard ctl_hear(struct ctl_client *client, char **line, struct error *error);
 
 void ctl_close(struct ctl_client *client);

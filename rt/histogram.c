@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Log-linear buckets. The writer stores each field as an atomic, which costs nothing more than a plain
- * store, and the bucket last. */
+/* Log-linear buckets. The writer stores each field as an atomic, which costs nothing more than a
+ * plain store, and the bucket last. */
 #include "rt/histogram.h"
 
 #include <math.h>

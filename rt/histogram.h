@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A histogram of durations in fixed memory: buckets of width 1 up to 128 ns, then 64 a power of two,
- * so that a percentile read back is never below the true one and at most 1/64 above it. One writing
- * thread; others copy it with histogram_copy while it writes, or read it when it has stopped. RT-safe.
+ * A histogram of durations in fixed memory: buckets of width 1 up to 128 ns, then 64 a power of
+ * two, so that a percentile read back is never below the true one and at most 1/64 above it. One
+ * writing thread; others copy it with histogram_copy while it writes, or read it when it has
+ * stopped. RT-safe.
  */
 #ifndef RT_HISTOGRAM_H
 #define RT_HISTOGRAM_H
@@ -24,9 +25,9 @@ struct histogram {
 /* Zero memory is an empty histogram. Negative values count as 0. */
 void histogram_add(struct histogram *histogram, int64_t ns);
 
-/* A copy from any thread while another adds. Every sample in its buckets is within its min and max, and
- * its count is that of the buckets; of samples that are being added right now it has some, and its sum
- * may differ by them. */
+/* A copy from any thread while another adds. Every sample in its buckets is within its min and max,
+ * and its count is that of the buckets; of samples that are being added right now it has some, and
+ * its sum may differ by them. */
 void histogram_copy(const struct histogram *from, struct histogram *to);
 
 /* The greatest value that falls into a bucket; the last takes in all above its own too. */

@@ -632,13 +632,13 @@ enum loop_end loop_run(struct loop *loop)
 {
     uint64_t faults = page_faults();
 
+    if (loop->config.steering) {
+        loop_steer_begin(loop);
+    }
     loop->stats.start_ns = clock_now(loop->config.time);
     loop->mark_ns = loop->stats.start_ns;
     loop->deadline_ns = loop->stats.start_ns;
     loop->last_end_ns = loop->stats.start_ns;
-    if (loop->config.steering) {
-        loop_steer_begin(loop);
-    }
     PROBE2(run_begin, loop->config.clock, loop->config.tick_ns);
     while (loop->end == LOOP_RUNNING) {
         run_tick(loop);

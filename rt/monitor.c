@@ -56,9 +56,8 @@ void monitor_format(const struct simulator *simulator, const struct simulator_st
     snprintf(text, size,
              "%9.3f s  x%.2f  overruns %llu  pauses %llu  ground %.1f N  %s %.0f %%  lost %llu%s%s",
              (double)status->time_ns * 1e-9, rtf, (unsigned long long)status->overruns,
-             (unsigned long long)status->pauses, force,
-             rig->bus[bus].name, load, (unsigned long long)lost, task.message[0] ? "  " : "",
-             task.message);
+             (unsigned long long)status->pauses, force, rig->bus[bus].name, load,
+             (unsigned long long)lost, task.message[0] ? "  " : "", task.message);
 }
 
 static void print_status(struct monitor *monitor)

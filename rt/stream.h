@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Rows of signals from the loop to one other thread while it runs, for whoever has subscribed to some
- * of them (rt/control.h). The reader says at which period it wants rows; the loop fills a row in
- * place, of all signals, and never waits: rows that find the ring full are counted, and the next row
- * says how many there were. Without a reader it costs the loop one load.
+ * Rows of signals from the loop to one other thread while it runs, for whoever has subscribed to
+ * some of them (rt/control.h). The reader says at which period it wants rows; the loop fills a row
+ * in place, of all signals, and never waits: rows that find the ring full are counted, and the next
+ * row says how many there were. Without a reader it costs the loop one load.
  */
 #ifndef RT_STREAM_H
 #define RT_STREAM_H
@@ -32,8 +32,8 @@ enum error_code stream_create(size_t nsignal, uint32_t capacity, struct arena *a
 double *stream_begin(struct stream *stream, uint64_t tick, int64_t time_ns);
 void stream_commit(struct stream *stream);
 
-/* The reader's side. A row at each tick that is a multiple of period, 0 = no rows. What waits in the
- * ring is of the earlier period. */
+/* The reader's side. A row at each tick that is a multiple of period, 0 = no rows. What waits in
+ * the ring is of the earlier period. */
 void stream_want(struct stream *stream, uint64_t period_ticks);
 
 /* The oldest row, until stream_drop; NULL when none waits. */

@@ -281,6 +281,7 @@ static void tick(struct bench *bench)
     rig->sensors.time_ns += rig->config.tick_ns;
     check_commands(bench);
     bench->hash = hash_bytes(bench->hash, rig->motor, sizeof rig->motor);
+    bench->hash = hash_bytes(bench->hash, &(bool){boards_fault(rig->boards)}, sizeof(bool));
     for (size_t bus = 0; bus < RIG_BUSES; bus++) {
         const size_t most = boards_transmit_max(rig->boards, bus);
         const size_t room = bench->room < most ? bench->room : most;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Lines of the control socket: each is refused in a sentence, or it is a request whose values are in
- * range and that means the same when it is written out and read again. The first line is a pattern for
- * those that follow, too.
+ * Lines of the control socket: each is refused in a sentence, or it is a request whose values are
+ * in range and that means the same when it is written out and read again. The first line is a
+ * pattern for those that follow, too.
  */
 #include "rt/control_parse.h"
 

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A running simulator with a control socket, and clients of it, for tests. The loop runs in a thread of
- * its own, in free run, and is stopped at tick 0 when the test gets it (unless bench_open is told
- * otherwise). Clients may be used from any thread; what they return is for the test to judge.
+ * A running simulator with a control socket, and clients of it, for tests. The loop runs in a
+ * thread of its own, in free run, and is stopped at tick 0 when the test gets it (unless bench_open
+ * is told otherwise). Clients may be used from any thread; what they return is for the test to
+ * judge.
  */
 #ifndef TESTS_UNIT_CONTROL_BENCH_H
 #define TESTS_UNIT_CONTROL_BENCH_H

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Clients of the control socket that are slow, wrong or mean. Each is told what was wrong and cut off
- * when it goes on; none has any influence on the run, nor on the others.
+ * Clients of the control socket that are slow, wrong or mean. Each is told what was wrong and cut
+ * off when it goes on; none has any influence on the run, nor on the others.
  */
 #include "tests/unit/control_bench.h"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Requests of the control socket from text: what each command takes, and how what is wrong is told. */
+/* Requests of the control socket from text: what each command takes, how what is wrong is told. */
 #include "rt/control_parse.h"
 
 #include <string.h>

@@ -306,6 +306,38 @@ static void host_and_steering_see_the_same_parameters(void **state)
     assert_true(play.number[7] == 48.0);
 }
 
+/* A winch of 0.1 m/s that is told 0.02 m. */
+static void tighten(struct play *p, int64_t tick)
+{
+    const struct rig *rig = simulator_configuration(p->w.simulator)->rig;
+    const struct plant_command *command = plant_command(simulator_plant(p->w.simulator));
+    size_t j = 0;
+
+    while (!rig->robot->joint[j].spring.enabled) {
+        j++;
+        assert_true(j < rig->robot->njoint);
+    }
+    p->number[tick == 110 ? 0 : tick == 400 ? 1 : 2] = command->motor[j].pretension_m;
+    if (tick == 9) {
+        char name[128];
+
+        snprintf(name, sizeof name, "joint.%s.pretension_m", rig->robot->joint[j].name);
+        ask_set(name, 0.02);
+    }
+}
+
+static void a_winch_takes_its_time(void **state)
+{
+    const struct scene scene = {
+        .rig = "coman", .clock = RIG_CLOCK_FREE, .no_contact = true, .springs = true};
+
+    (void)state;
+    perform(&scene, 401, true, tighten);
+    expect(0, STEER_OK);
+    assert_true(fabs(play.number[0] - 0.1 * 0.100) < 1e-9); /* ticks 10 to 109 */
+    assert_true(play.number[1] == 0.02);
+}
+
 /* every tunable takes its own value and both its ends */
 static void try_all(struct play *p, int64_t tick)
 {
@@ -423,6 +455,7 @@ int main(void)
         cmocka_unit_test(pushes_give_their_momentum_and_end_in_virtual_time),
         cmocka_unit_test(a_fault_counts_for_the_tick_that_comes),
         cmocka_unit_test(host_and_steering_see_the_same_parameters),
+        cmocka_unit_test(a_winch_takes_its_time),
         cmocka_unit_test(every_tunable_takes_what_its_range_says),
         cmocka_unit_test(there_is_no_way_back_while_it_is_recorded),
         cmocka_unit_test(a_task_beside_the_loop_cannot_go_back),

@@ -29,6 +29,7 @@ struct scene {
     const char *fault[FAULTS];
     uint64_t at, span; /* the checkpoint, 0 = the start; how many ticks are compared */
     bool falls;        /* held by nothing */
+    bool springs;      /* the robot has its parallel springs */
     const char *record;
 };
 
@@ -91,6 +92,21 @@ static inline void note(struct witness *w, struct pass *pass)
     pass->measured = hash_measured(simulator_measured(w->simulator));
 }
 
+static inline void enable_springs(struct rig *rig)
+{
+    static struct robot robot;
+    static struct robot_joint joint[64];
+
+    assert_true(rig->robot->njoint <= 64);
+    robot = *rig->robot;
+    memcpy(joint, robot.joint, robot.njoint * sizeof *joint);
+    robot.joint = joint;
+    for (size_t j = 0; j < robot.njoint; j++) {
+        joint[j].spring.enabled = joint[j].spring.present;
+    }
+    rig->robot = &robot;
+}
+
 static inline void open_scene(const struct scene *scene, struct witness *w, struct arena *arena,
                               struct rig *rig, const struct simulator_observer *observer,
                               uint64_t ticks, bool steered)
@@ -128,6 +144,9 @@ static inline void open_scene(const struct scene *scene, struct witness *w, stru
     } else if (scene->no_contact) {
         rig->contact_engine = RIG_CONTACT_NONE;
         rig->contact = (struct contact_config){0};
+    }
+    if (scene->springs) {
+        enable_springs(rig);
     }
     config.rig = rig;
     config.hold = scene->falls ? RIG_HOLD_NONE : rig->hold;
