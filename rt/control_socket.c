@@ -354,8 +354,10 @@ size_t control_socket_find(char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE])
         snprintf(pattern, sizeof pattern, "%s/*.sock", directory);
         add_candidates(pattern, list, &count);
     }
-    add_candidates("/run/coman-hil/*.sock", list, &count);
-    add_candidates("/run/coman-hil/*/control", list, &count);
+    if (count == 0) {
+        add_candidates("/run/coman-hil/*.sock", list, &count);
+        add_candidates("/run/coman-hil/*/control", list, &count);
+    }
     qsort(list, count, sizeof *list, newest_first);
     for (size_t i = 0; i < count; i++) {
         memcpy(found[i], list[i].path, CONTROL_PATH_SIZE);

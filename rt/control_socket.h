@@ -52,8 +52,8 @@ bool control_socket_peer(int connection, pid_t *pid, uid_t *uid);
 /* Connects to the server at path; a blocking descriptor. */
 enum error_code control_socket_connect(const char *path, int *descriptor, struct error *error);
 
-/* The sockets in the default places that a living process answers at, the newest first; returns how
- * many. */
+/* The sockets in the user's default place that a living process answers at, the newest first; when
+ * there is none, those in /run/coman-hil. Returns how many. */
 size_t control_socket_find(char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE]);
 
 #endif

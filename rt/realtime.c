@@ -7,6 +7,7 @@
 #include <link.h>
 #include <sched.h>
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
@@ -87,14 +88,20 @@ static void lock_memory(struct realtime_report *report)
          strerror(errno), (unsigned long long)limit.rlim_cur / 1024);
 }
 
-/* the kernel keeps to it as long as the file is open, which is meant to be until the end */
+/* the kernel keeps to it as long as the file is open, which is meant to be until the end; the loop's
+ * thread and the task's may ask at once */
 static void stay_awake(struct realtime_report *report)
 {
-    static int descriptor = -1;
+    static _Atomic int shared = -1;
     int32_t latency_us = 0;
+    int descriptor = atomic_load(&shared), none = -1;
 
     if (descriptor < 0) {
         descriptor = open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC);
+        if (descriptor >= 0 && !atomic_compare_exchange_strong(&shared, &none, descriptor)) {
+            close(descriptor);
+            descriptor = none;
+        }
     }
     report->awake = descriptor >= 0 &&
                     write(descriptor, &latency_us, sizeof latency_us) == (ssize_t)sizeof latency_us;

@@ -8,23 +8,24 @@
 #
 # To look for more, with clang's libFuzzer and the address and undefined-behavior sanitizers:
 #
-#     cmake --preset fuzz && cmake --build --preset fuzz
-#     mkdir -p /tmp/TARGET && build/fuzz/tests/fuzz_TARGET -max_total_time=600 -timeout=5 \
-#         -rss_limit_mb=1024 -dict=tests/fuzz/dictionary/TARGET.dict /tmp/TARGET tests/fuzz/corpus/TARGET
+#     cmake --preset fuzz && cmake --build --preset fuzz && tests/fuzz/fuzz.sh build/fuzz TARGET 600
 #
-# A finding is a file crash-*, timeout-* or oom-*; fuzz_TARGET FILE runs it again. Mend the code, then
-# put the file into the corpus under a name that says what it was. What was learned is kept with
+# which keeps what it learns and finds in build/fuzz/fuzz/TARGET: crash-*, timeout-* and oom-* are
+# findings, and build/fuzz/tests/fuzz_TARGET FILE runs one again. Mend the code, then put the file into
+# the corpus under a name that says what it was. What else was learned is kept with
 #
-#     build/fuzz/tests/fuzz_TARGET -merge=1 tests/fuzz/corpus/TARGET /tmp/TARGET
+#     build/fuzz/tests/fuzz_TARGET -merge=1 -set_cover_merge=1 -use_counters=0 \
+#         tests/fuzz/corpus/TARGET build/fuzz/fuzz/TARGET/corpus
 #
-# as long as the corpus stays small (the inputs of one target below 50 kB). What a corpus covers:
+# as long as the corpora stay small: 300 kB all together. What a corpus covers:
 #
+#     flags="-fprofile-instr-generate -fcoverage-mapping"
 #     cmake --preset fuzz -B build/coverage -D HIL_SANITIZE=fuzzer-no-link \
-#         -D CMAKE_C_FLAGS="-fprofile-instr-generate -fcoverage-mapping"
+#         -D CMAKE_C_FLAGS="$flags" -D CMAKE_EXE_LINKER_FLAGS="$flags"
 #     cmake --build build/coverage --target fuzz_TARGET
-#     LLVM_PROFILE_FILE=/tmp/raw build/coverage/tests/fuzz_TARGET -runs=0 tests/fuzz/corpus/TARGET
-#     llvm-profdata merge -o /tmp/profile /tmp/raw
-#     llvm-cov report build/coverage/tests/fuzz_TARGET -instr-profile=/tmp/profile
+#     LLVM_PROFILE_FILE=raw build/coverage/tests/fuzz_TARGET -runs=0 tests/fuzz/corpus/TARGET
+#     llvm-profdata merge -o profile raw
+#     llvm-cov report build/coverage/tests/fuzz_TARGET -instr-profile=profile
 set(fuzz ${CMAKE_CURRENT_LIST_DIR})
 
 # hil_fuzz(TARGET SOURCE file LIBS library... [MUTATIONS n] [DEFINE name=value...])
@@ -76,3 +77,9 @@ hil_fuzz(text SOURCE text.c LIBS rt MUTATIONS 50000)
 hil_fuzz(results SOURCE results.c LIBS rt MUTATIONS 3000)
 hil_fuzz(host SOURCE host.c LIBS rt MUTATIONS 500)
 hil_fuzz(gateway SOURCE gateway.c LIBS canbus Threads::Threads MUTATIONS 60)
+
+if(HIL_FUZZ)
+    get_property(targets DIRECTORY PROPERTY BUILDSYSTEM_TARGETS)
+    list(FILTER targets INCLUDE REGEX "^fuzz_")
+    add_custom_target(fuzz DEPENDS ${targets})
+endif()

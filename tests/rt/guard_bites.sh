@@ -1,4 +1,4 @@
-#!/bin/sh
+#!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # usage: guard_bites.sh GUARD VICTIM LAZY-VICTIM
 # The guard catches each thing that a real-time loop may not do, names it, the phase and the tick, and

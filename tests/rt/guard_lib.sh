@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Sourced by the tests that run the program under the guard: guarded NAME RIG ARGUMENT..., then a TAP
 # line by verdict. Expects $guard and $program.
+# shellcheck shell=bash
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 number=0
@@ -21,7 +22,7 @@ guarded()
     touch "$work/log"
     {
         LD_PRELOAD=$guard RT_GUARD_LOG=$work/log RT_GUARD_FAULTS=${faults:-forbid} \
-            "$program" run "$rig" --quiet "$@" </dev/null
+            timeout 60 "$program" run "$rig" --quiet "$@" </dev/null
         status=$?
     } >"$work/out" 2>"$work/err"
 }
@@ -38,7 +39,7 @@ verdict()
     local name=$1
     shift
     number=$((number + 1))
-    if [ $status = 0 ] && grep -q '^rt guard: clock' "$work/log" && "$@"; then
+    if [ "$status" = 0 ] && grep -q '^rt guard: clock' "$work/log" && "$@"; then
         echo "ok $number - $name"
         sed 's/^/# /' "$work/log"
     else

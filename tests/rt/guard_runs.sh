@@ -51,8 +51,7 @@ verdict "CAN FD in real time" only clock_nanosleep
 client()
 {
     local port=
-    rm -f "$work/err"
-    for _ in $(seq 200); do
+    for _ in $(seq 500); do
         port=$(sed -n 's/^gateway: .* port \([0-9]*\)$/\1/p' "$work/err" 2>/dev/null)
         [ -n "$port" ] && break
         sleep 0.02
@@ -83,11 +82,13 @@ made()
     done
 }
 
+rm -f "$work/err"
 client listen &
 guarded "$rigs/coman.yaml" --transport local --clock real --task squat --gateway 0 --duration 1.5
 wait $!
 verdict "with a client of the gateway, whose thread is woken" made clock_nanosleep write
 
+rm -f "$work/err"
 client steps &
 guarded "$rigs/coman.yaml" --transport local --clock lockstep --gateway 0 --ticks 200
 wait $!

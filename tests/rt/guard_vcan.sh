@@ -24,8 +24,8 @@ task --clock lockstep &
 guarded "$rigs/coman.yaml" --transport socketcan --clock lockstep --ticks 200 --wire ideal
 kill $! 2>/dev/null
 wait $!
-verdict "lockstep on vcan: batches of frames, and the sleep for a STEP" only ppoll recvmmsg sendmmsg \
-    clock_gettime
+verdict "lockstep on vcan: batches of frames, and the sleep for a STEP" only \
+    ppoll recvmmsg sendmmsg getsockopt clock_gettime
 
 task &
 guarded "$rigs/coman.yaml" --transport socketcan --clock real --duration 1.5 --wire ideal \
@@ -33,13 +33,14 @@ guarded "$rigs/coman.yaml" --transport socketcan --clock real --duration 1.5 --w
 kill $! 2>/dev/null
 wait $!
 verdict "real time on vcan, recorded: batches of frames, and the sleep for the deadline" only \
-    clock_nanosleep recvmmsg sendmmsg clock_gettime
+    clock_nanosleep recvmmsg sendmmsg getsockopt clock_gettime
 
 task &
 guarded "$rigs/coman.yaml" --transport socketcan --clock real --duration 1.5 --wire wire
 kill $! 2>/dev/null
 wait $!
-verdict "the same paced like a wire" only clock_nanosleep recvmmsg sendmmsg clock_gettime
+verdict "the same paced like a wire" only clock_nanosleep recvmmsg sendmmsg \
+    getsockopt clock_gettime
 
 rm -rf "$work/record"
 {

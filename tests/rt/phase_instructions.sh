@@ -30,9 +30,9 @@ number=0
 failures=0
 for phase in $phases; do
     case $phase in
-    boards) name=simulator.c:machine_control ;;
-    plant) name=simulator.c:machine_plant ;;
-    sensors) name=simulator.c:machine_sample ;;
+    boards) name=[a-z_]*.c:machine_control ;;
+    plant) name=[a-z_]*.c:machine_plant ;;
+    sensors) name=[a-z_]*.c:machine_sample ;;
     *) name=loop.c:$phase ;;
     esac
     total=$(function_total "$name")
