@@ -5,6 +5,8 @@
 #include <stdint.h>
 #include <string.h>
 
+enum { BLOCK = 256 }; /* bytes compared at once, whole words */
+
 struct checkpoint {
     size_t size, nspan;
     struct span *span;
@@ -88,8 +90,8 @@ void checkpoint_keep(struct checkpoint *c, size_t copy)
     }
 }
 
-/* what differs; most of it does not */
-static void put_back(unsigned char *to, const unsigned char *from, size_t size)
+/* the words that differ */
+static void put_words_back(unsigned char *to, const unsigned char *from, size_t size)
 {
     size_t at = 0;
 
@@ -105,6 +107,18 @@ static void put_back(unsigned char *to, const unsigned char *from, size_t size)
     for (; at < size; at++) {
         if (to[at] != from[at]) {
             to[at] = from[at];
+        }
+    }
+}
+
+/* most of it does not differ */
+static void put_back(unsigned char *to, const unsigned char *from, size_t size)
+{
+    for (size_t at = 0; at < size; at += BLOCK) {
+        size_t part = size - at < BLOCK ? size - at : BLOCK;
+
+        if (memcmp(to + at, from + at, part) != 0) {
+            put_words_back(to + at, from + at, part);
         }
     }
 }

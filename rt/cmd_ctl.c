@@ -13,25 +13,26 @@ enum { WORDS_MAX = 1024, WORD_COPY = 256 };
 
 static const char manual[] =
     "Commands. status, statistics, hello: how it is. list tunables, faults, bodies, signals, "
-    "checkpoints or commands [PATTERN]. get NAME or PATTERN. set NAME=VALUE (or NAME VALUE). fault "
-    "NAME on or off. push BODY [force_n=X,Y,Z] [moment_nm=X,Y,Z] [duration_s=S]: in the world "
-    "frame, "
-    "until the next push without duration_s. pause, resume, step [TICKS]. speed FACTOR: virtual "
-    "seconds a second; max: as fast as it goes. reset: to the start. checkpoint [SLOT], restore "
-    "[SLOT]: slots 1 to 3, 1 by default; 0 is the start. wait tick=N or time_s=S. subscribe SIGNAL "
-    "or "
-    "PATTERN...: rows until Ctrl-C, the end of the run or --rows. stop: ends the run.\n\n"
+    "checkpoints or commands [PATTERN]. get NAME or PATTERN. set NAME=VALUE (or NAME VALUE). "
+    "fault NAME on or off. push BODY [force_n=X,Y,Z] [moment_nm=X,Y,Z] [duration_s=S]: in the "
+    "world frame, until the next push without duration_s. pause, resume, step [TICKS]. speed "
+    "FACTOR: virtual seconds a second; max: as fast as it goes. reset: to the start. checkpoint "
+    "[SLOT], restore [SLOT]: slots 1 to 3, 1 by default; 0 is the start. wait tick=N or "
+    "time_s=S. subscribe SIGNAL or PATTERN...: rows until Ctrl-C, the end of the run or --rows. "
+    "stop: ends the run.\n"
+    "\n"
     "Patterns have * for any characters and ? for one; quote them. A value that begins with a "
-    "minus "
-    "needs NAME=VALUE.\n\n"
-    "Which simulator. --socket PATH, else COMAN_HIL_CONTROL in the environment, else the newest of "
-    "the user's that runs: \"run\" opens a socket at $XDG_RUNTIME_DIR/coman-hil/RIG.sock "
+    "minus needs NAME=VALUE.\n"
+    "\n"
+    "Which simulator. --socket PATH, else COMAN_HIL_CONTROL in the environment, else the newest "
+    "of the user's that runs: \"run\" opens a socket at $XDG_RUNTIME_DIR/coman-hil/RIG.sock "
     "(RIG-2.sock for a second run of the same rig). When there is none of these, the newest in "
     "/run/coman-hil: RIG.sock of root's runs, RIG/control of coman-hil@RIG.service. Only who has "
-    "started it, and root, may use it.\n\n"
+    "started it, and root, may use it.\n"
+    "\n"
     "Programs. The socket is a unix stream socket; a request is one line of JSON, its answer "
-    "another, "
-    "which repeats the id:\n\n"
+    "another, which repeats the id:\n"
+    "\n"
     "  {\"id\": 1, \"cmd\": \"status\"}: {\"id\": 1, \"ok\": true, \"tick\": 1250, ...}\n"
     "  {\"cmd\": \"list\", \"what\": \"tunables\", \"match\": \"*knee*\"}\n"
     "  {\"cmd\": \"get\", \"name\": N}, {\"cmd\": \"set\", \"name\": N, \"value\": V}\n"
@@ -42,21 +43,21 @@ static const char manual[] =
     "  {\"cmd\": \"speed\", \"factor\": F}: 0 is as fast as it goes\n"
     "  {\"cmd\": \"checkpoint\", \"slot\": 1}, {\"cmd\": \"restore\", \"slot\": 1}\n"
     "  {\"cmd\": \"wait\", \"tick\": N} or {\"cmd\": \"wait\", \"time_s\": T}\n"
-    "  {\"cmd\": \"subscribe\", \"signals\": [\"q_*\"], \"period_ms\": 10}, \"unsubscribe\"\n\n"
+    "  {\"cmd\": \"subscribe\", \"signals\": [\"q_*\"], \"period_ms\": 10}, \"unsubscribe\"\n"
+    "\n"
     "After a subscribe rows come between the answers, {\"time_s\": T, \"tick\": N, \"values\": "
-    "[...]}, with \"missed\": N when N were left out before it.\n\n"
-    "A refusal is {\"id\": 1, \"ok\": false, \"code\": C, \"error\": \"found ..., expected ...\"}; "
-    "C is "
-    "input, or what the loop refuses: empty (no such checkpoint), recording (no way back while one "
-    "runs), clock, busy (a step runs), unavailable, cut (a pause ended the step), or ended. "
-    "Requests "
-    "are answered in their order, one after another: to pause a long step use a second connection. "
-    "pause to restore, fault, push and set answer tick, time_s and state_hash as of then. Who "
-    "sends "
-    "16 wrong lines in a row, half a line and then nothing for 30 s, or does not take its answers "
-    "for 30 s is cut off.\n\n"
-    "Exit status: 0 done; 1 refused by the loop; 2 wrong command line, name or value; 3 no running "
-    "simulator, or it went away; 4 this run cannot do it.";
+    "[...]}, with \"missed\": N when N were left out before it.\n"
+    "\n"
+    "A refusal is {\"id\": 1, \"ok\": false, \"code\": C, \"error\": \"found ..., expected "
+    "...\"}; C is input, or what the loop refuses: empty (no such checkpoint), recording (no way "
+    "back while one runs), clock, busy (a step runs), unavailable, cut (a pause ended the step), "
+    "or ended. Requests are answered in their order, one after another: to pause a long step use "
+    "a second connection. pause to restore, fault, push and set answer tick, time_s and "
+    "state_hash as of then. Who sends 16 wrong lines in a row, half a line and then nothing for "
+    "30 s, or does not take its answers for 30 s is cut off.\n"
+    "\n"
+    "Exit status: 0 done; 1 refused by the loop; 2 wrong command line, name or value; 3 no "
+    "running simulator, or it went away; 4 this run cannot do it.";
 
 struct ctl_options {
     const char *command, *socket;
@@ -395,7 +396,8 @@ static int follow(struct ctl_client *client, const struct ctl_options *o, const 
         case CTL_INTERRUPTED:
             return STATUS_OK;
         case CTL_END:
-            fprintf(stderr, "coman-hil ctl: the run has ended\n");
+            fprintf(stderr, "coman-hil ctl: the connection was closed: the run has ended, or rows "
+                            "were not taken for long\n");
             return STATUS_OK;
         case CTL_FAILED:
             return command_fail("ctl", &error);

@@ -9,7 +9,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-enum { LINES_A_TURN = 32 }; /* of one client, before the others have theirs */
+/* Before the others have their turn. */
+enum { LINES_A_TURN = 32, GUESTS_A_TURN = 32 };
 
 /* Topics of the log. */
 enum { KEY_CUT = 1, KEY_TURNED_AWAY };
@@ -206,7 +207,7 @@ static void obey_line(struct control *control, struct control_client *client, co
 
 bool control_listens(const struct control_client *client)
 {
-    return client->socket >= 0 && client->waiting == WAITING_NOT && !client->last_word &&
+    return client->socket >= 0 && client->waiting == WAITING_NOT &&
            waiting(client) <= CONTROL_OUTBOX / 2;
 }
 
@@ -300,10 +301,8 @@ void control_check(struct control *control, struct control_client *client)
                        "found half a line and then nothing, expected its end", NULL);
         cut_off(control, client, &control->counters.cut_silent,
                 "it stopped in the middle of a line");
-    } else if (waiting(client) == 0 &&
-               (client->last_word ||
-                (client->ended && client->received == 0 && client->waiting == WAITING_NOT &&
-                 client->subscription.count == 0))) {
+    } else if (waiting(client) == 0 && client->ended && client->received == 0 &&
+               client->waiting == WAITING_NOT && client->subscription.count == 0) {
         control_drop(control, client);
     }
 }
@@ -335,31 +334,39 @@ static void turn_away(struct control *control, int socket, pid_t pid, const char
                 reason);
 }
 
+static void take_in(struct control *control, int socket)
+{
+    struct control_client *client = free_place(control);
+    pid_t pid;
+    uid_t uid;
+
+    if (!control_socket_peer(socket, &pid, &uid)) {
+        turn_away(control, socket, pid, "owner", "this socket is for its owner and root");
+    } else if (!client) {
+        turn_away(control, socket, pid, "busy", "too many clients are there already");
+    } else {
+        const struct control_client fresh = {
+            .socket = socket,
+            .pid = pid,
+            .inbox = client->inbox,
+            .outbox = client->outbox,
+            .subscription.signal = client->subscription.signal,
+        };
+
+        *client = fresh;
+    }
+}
+
 bool control_welcome(struct control *control)
 {
-    int socket;
+    for (int i = 0; i < GUESTS_A_TURN; i++) {
+        int socket = accept4(control->socket.descriptor, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
 
-    while ((socket = accept4(control->socket.descriptor, NULL, NULL,
-                             SOCK_NONBLOCK | SOCK_CLOEXEC)) >= 0) {
-        struct control_client *client = free_place(control);
-        pid_t pid;
-        uid_t uid;
-
-        if (!control_socket_peer(socket, &pid, &uid)) {
-            turn_away(control, socket, pid, "owner", "this socket is for its owner and root");
-        } else if (!client) {
-            turn_away(control, socket, pid, "busy", "too many clients are there already");
-        } else {
-            const struct control_client fresh = {
-                .socket = socket,
-                .pid = pid,
-                .inbox = client->inbox,
-                .outbox = client->outbox,
-                .subscription.signal = client->subscription.signal,
-            };
-
-            *client = fresh;
+        if (socket < 0) {
+            return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR ||
+                   errno == ECONNABORTED;
         }
+        take_in(control, socket);
     }
-    return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR || errno == ECONNABORTED;
+    return true;
 }

@@ -40,12 +40,11 @@ struct control_subscription {
 struct control_client {
     int socket; /* -1 = free place */
     pid_t pid;
-    uint64_t line;  /* number of the last line read */
-    unsigned junk;  /* wrong lines since the last good one */
-    bool counted;   /* has asked for something */
-    bool ended;     /* will send no more */
-    bool skipping;  /* the rest of a line that was too long */
-    bool last_word; /* to be closed when the outbox is empty */
+    uint64_t line; /* number of the last line read */
+    unsigned junk; /* wrong lines since the last good one */
+    bool counted;  /* has asked for something */
+    bool ended;    /* will send no more */
+    bool skipping; /* the rest of a line that was too long */
     size_t received;
     char *inbox; /* CONTROL_LINE */
     size_t sent, filled;
@@ -93,7 +92,7 @@ struct control {
 void control_log(struct control *control, uint64_t key, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* Takes everybody who waits at the door; false: the system refuses to (no descriptor left). */
+/* Takes in who waits at the door; false: the system refuses to (no descriptor left). */
 bool control_welcome(struct control *control);
 
 /* Reads what has come and carries out the lines that are whole, some at a time; true: there are

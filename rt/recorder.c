@@ -53,7 +53,7 @@ struct recorder {
     struct recorder_config config;
     struct ring frames, rows;
     double *row; /* the loop's scratch: time in whole ns, then the signals */
-    char *line;  /* the thread's: a row as text */
+    char *line;  /* the thread's, for one line of either file */
     struct tally tally;
     struct line_file log, csv;
     bool made_directory;
@@ -84,10 +84,9 @@ static void nap(int64_t ns)
 
 static void write_frame(struct recorder *recorder, const struct frame_item *item)
 {
-    char line[CANDUMP_LINE_MAX];
+    size_t size = candump_format(&item->frame, recorder->config.bus[item->bus], recorder->line);
 
-    line_file_put(&recorder->log, line,
-                  candump_format(&item->frame, recorder->config.bus[item->bus], line));
+    line_file_put(&recorder->log, recorder->line, size);
 }
 
 static void write_row(struct recorder *recorder, const double *row)
@@ -240,7 +239,7 @@ static struct recorder *allocate(const struct recorder_config *config, struct ar
     void *frames = arena_alloc(arena, count, sizeof(struct frame_item));
     void *rows = arena_alloc(arena, ROW_RING, row_size);
     double *row = arena_alloc(arena, 1, row_size);
-    char *line = arena_alloc(arena, 1 + config->nsignal, NUMBER_SIZE);
+    char *line = arena_alloc(arena, CANDUMP_LINE_MAX + (1 + config->nsignal) * NUMBER_SIZE, 1);
 
     if (!made || !frames || !rows || !row || !line) {
         return NULL;

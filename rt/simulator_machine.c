@@ -27,7 +27,10 @@ static bool machine_controller(void *context, int64_t time_ns)
         observer->step(observer->context, time_ns);
     }
     if (simulator->task_inline && simulator->controller->now.status == TASK_RUNNING) {
-        controller_step(simulator->controller, time_ns);
+        /* in lockstep the clock's time: only a STEP that got lost hangs on it */
+        controller_step(simulator->controller, simulator->config.clock == RIG_CLOCK_LOCKSTEP
+                                                   ? clock_now(simulator->time)
+                                                   : time_ns);
     }
     return goes_on || !simulator->task_inline || simulator->controller->now.status == TASK_RUNNING;
 }

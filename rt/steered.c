@@ -37,6 +37,7 @@ struct steered {
     struct {
         uint64_t changes; /* of tunables that are no settings */
         bool winding;     /* some winch is on its way */
+        bool pushing;     /* some push has an end */
     } moving;
     int64_t *push_until; /* by body; 0 = until changed */
     double *pretension;  /* by joint: where its winch is to go */
@@ -80,6 +81,7 @@ static enum steer_verdict push(void *context, const struct steer_request *reques
         return STEER_RANGE;
     }
     plant_set_push(s->config.plant, (int)request->index, request->force_n, request->moment_nm);
+    s->moving.pushing = s->moving.pushing || duration_ns > 0;
     s->push_until[request->index] =
         duration_ns == 0 ? 0 : time_ns + (duration_ns > tick_ns ? duration_ns : tick_ns);
     return STEER_OK;
@@ -89,11 +91,13 @@ static void end_pushes(struct steered *s, int64_t time_ns)
 {
     const double none[3] = {0.0, 0.0, 0.0};
 
+    s->moving.pushing = false;
     for (size_t b = 0; b < bodies(s); b++) {
         if (s->push_until[b] > 0 && time_ns >= s->push_until[b]) {
             s->push_until[b] = 0;
             plant_set_push(s->config.plant, (int)b, none, none);
         }
+        s->moving.pushing = s->moving.pushing || s->push_until[b] > 0;
     }
 }
 
@@ -181,7 +185,9 @@ static void begin_tick(void *context, int64_t time_ns)
 {
     struct steered *s = context;
 
-    end_pushes(s, time_ns);
+    if (s->moving.pushing) {
+        end_pushes(s, time_ns);
+    }
     if (s->moving.winding) {
         wind(s);
     }

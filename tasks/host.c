@@ -146,6 +146,22 @@ struct host_joint *host_node_joint(struct host *host, const struct host_node *no
     return node->axis[axis] < 0 ? NULL : &host->joint[node->axis[axis]];
 }
 
+/* The simulator is not at the tick of a STEP of ours. */
+static void read_refusal(struct host *host, uint32_t tick)
+{
+    if (tick == host->step_tick) {
+        return; /* of an earlier copy of a repeated STEP; the one that is out will run */
+    }
+    if (tick + STEPS_APART < host->step_tick && host->phase != HOST_FAILED) {
+        host->phase = HOST_FAILED;
+        host->lost = true;
+        snprintf(host->message, sizeof host->message, "the simulator began anew: it is at tick %u",
+                 (unsigned)tick);
+    }
+    host->step_refused = true;
+    host->tick = tick;
+}
+
 static void read_done(struct host *host, struct host_line *line, const struct bus_frame *frame)
 {
     uint32_t tick;
@@ -156,21 +172,13 @@ static void read_done(struct host *host, struct host_line *line, const struct bu
     }
     flags = get_u16_le(frame->data + 4);
     tick = get_u32_le(frame->data);
-    if (flags & LOCKSTEP_MISMATCH && tick + STEPS_APART < host->tick &&
-        host->phase != HOST_FAILED) {
-        host->phase = HOST_FAILED;
-        host->lost = true;
-        snprintf(host->message, sizeof host->message, "the simulator began anew: it is at tick %u",
-                 (unsigned)tick);
-    }
-    if (flags & LOCKSTEP_MISMATCH) {
-        /* a refusal that asks for the very tick of the STEP that is out was meant for an earlier
-         * copy of a repeated one */
-        host->step_refused = host->step_refused || tick != host->tick;
+    if (flags & LOCKSTEP_MISMATCH && tick != host->step_tick + 1) {
+        read_refusal(host, tick);
     } else {
+        /* or a refusal of a copy of the STEP, which has run: its DONE may have been lost here */
         line->done = true;
+        host->tick = tick;
     }
-    host->tick = tick;
     if (flags & LOCKSTEP_STOPPING) {
         host->phase = HOST_FAILED;
         host->lost = true;
@@ -281,7 +289,7 @@ static struct bus_frame step_frame(const struct host *host)
 {
     uint8_t data[LOCKSTEP_LENGTH];
 
-    put_u32_le(data, host->tick);
+    put_u32_le(data, host->step_tick);
     put_u16_le(data + 4, 1);
     return frame_make(host->config.step_id, LOCKSTEP_LENGTH, data);
 }
@@ -300,8 +308,10 @@ void host_send(struct host *host)
         }
     }
     if (host->config.lockstep) {
-        struct bus_frame step = step_frame(host);
+        struct bus_frame step;
 
+        host->step_tick = host->tick;
+        step = step_frame(host);
         can_send(host->config.port[host->config.lockstep_bus], &step, 1);
         host->step_waits = true;
         host->step_sent_ns = -1;

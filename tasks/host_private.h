@@ -56,7 +56,8 @@ struct host {
     int64_t asked_ns;     /* the last time, or told the motors */
     int enabling;         /* times that the motors were told: off, on, on, ... */
     int64_t now_ns;       /* host time */
-    uint32_t tick;        /* lockstep: tick that the next STEP expects */
+    uint32_t tick;        /* lockstep: that the simulator is at, as far as we know */
+    uint32_t step_tick;   /* that the last STEP expects */
     int64_t step_sent_ns; /* caller's time of the last STEP */
     bool step_waits;      /* a STEP is out and its DONE has not come on every bus */
     bool step_refused;    /* it was not the tick that the simulator is at */

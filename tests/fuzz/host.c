@@ -15,7 +15,7 @@
 #include <string.h>
 
 enum { BUSES = 4, AXES = 5, BOARDS = 7, FTS = 2, INBOX = 512, MESSAGES_MAX = 2048, PERIODS_MAX = 1500 };
-enum { STEP_ID = 0x7f0, DONE_ID = 0x7f1 };
+enum { STEP_ID = 0x6f0, DONE_ID = 0x6f1 };
 
 /* Bus by bus: iCub with torque and F/T boards, FOC, compact, compact over CAN FD. */
 static const struct boards_bus_config board_buses[BUSES] = {

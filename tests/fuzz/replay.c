@@ -219,7 +219,7 @@ static void mutate(struct input *input)
     static const char digits[] = "0123456789";
     const struct input *other = &inputs[random_below(ninput)];
     const size_t at = random_below(input->size + 1), length = 1 + random_below(24);
-    uint8_t byte = (uint8_t)random_below(256), piece[32];
+    uint8_t byte = (uint8_t)random_below(256), piece[32] = {0};
     size_t from;
 
     switch (random_below(nword ? 9 : 7)) {
@@ -230,7 +230,7 @@ static void mutate(struct input *input)
         replace(input, at, 0, &byte, 1);
         break;
     case 2:
-        replace(input, at, length, NULL, 0);
+        replace(input, at, length, piece, 0);
         break;
     case 3:
         if (at < input->size) {
@@ -300,10 +300,10 @@ static int replay(const char *corpus, unsigned long mutations, const char *dicti
     run_mutations(mutations);
     printf("ok 2 - %lu mutations of them\n", mutations);
 
-    /* one in a hundred each way, where a target takes and refuses */
+    /* one in a thousand each way, where a target takes and refuses */
     tally = fuzz_tally;
     both = tally.taken + tally.refused == 0 ||
-           (tally.taken * 100 > tally.refused && tally.refused * 100 > tally.taken);
+           (tally.taken * 1000 > tally.refused && tally.refused * 1000 > tally.taken);
     printf("%s 3 - %" PRIu64 " taken, %" PRIu64 " refused\n", both ? "ok" : "not ok", tally.taken,
            tally.refused);
     return both ? 0 : 1;

@@ -180,6 +180,16 @@ def resident_kb(process):
         return int(re.search(r"^VmRSS:\s+(\d+) kB", file.read(), re.M)[1])
 
 
+def patient_client(port, bus):
+    """One that comes again when all places are taken by those whose end was not noticed yet."""
+    for _ in range(100):
+        try:
+            return Client(port, bus, raw=True)
+        except (AssertionError, OSError):
+            time.sleep(0.02)
+    raise AssertionError("no place at the gateway")
+
+
 def hostile_crowd(port, seed):
     """Connections that come and go, garbage, and readers that do not read. Returns those that stay."""
     dice = random.Random(seed)
@@ -190,7 +200,7 @@ def hostile_crowd(port, seed):
             guest.close()
         except OSError:
             pass
-    return [Client(port, "can%d" % (1 + n), raw=True) for n in range(3)]
+    return [patient_client(port, "can%d" % (1 + n)) for n in range(3)]
 
 
 def lockstep_session(disturb=None):

@@ -198,29 +198,6 @@ static void a_motor_that_goes_off_by_itself_fails_the_host(void **state)
     assert_true(host_lost(bench->host));
 }
 
-/* DONE of lockstep: tick, flags (bit 2: this was not the tick) */
-static void a_simulator_that_began_anew_is_noticed(void **state)
-{
-    struct bench *bench = *state;
-    struct host_config config = bench->config;
-    struct error error;
-
-    config.lockstep = true;
-    config.step_id = 0x6f0;
-    config.done_id = 0x6ff;
-    assert_int_equal(host_create(&config, &bench->arena, &bench->host, &error), 0);
-    say(bench, 0, 0x6ff, 6, (const uint8_t[]){0xe8, 0x03, 0, 0, 0, 0});
-    assert_true(host_receive(bench->host, 0));
-    /* an answer to a STEP that was sent again is none */
-    say(bench, 0, 0x6ff, 6, (const uint8_t[]){0xe7, 0x03, 0, 0, 4, 0});
-    assert_true(host_receive(bench->host, 0));
-    assert_false(host_lost(bench->host));
-    say(bench, 0, 0x6ff, 6, (const uint8_t[]){0, 0, 0, 0, 4, 0});
-    assert_true(host_receive(bench->host, 0));
-    assert_true(host_lost(bench->host));
-    assert_string_equal(host_message(bench->host), "the simulator began anew: it is at tick 0");
-}
-
 static void foreign_and_short_frames_change_nothing(void **state)
 {
     struct bench *bench = *state;
@@ -273,7 +250,6 @@ int main(void)
         cmocka_unit_test_setup_teardown(start_up_discovers_configures_and_enables, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(a_lost_frame_does_not_stop_the_start_up, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_simulator_that_began_anew_is_noticed, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_silent_board_is_named, set_up, tear_down),
         cmocka_unit_test_setup_teardown(telemetry_is_scaled_to_si_units, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_quarter_of_the_supply_is_333_counts, set_up, tear_down),
