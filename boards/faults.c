@@ -449,7 +449,8 @@ static enum error_code read_window(struct reader *r, const char *word, struct fa
         return ERROR_NONE;
     }
     snprintf(from, sizeof from, "%.*s", (int)(dots - word), word);
-    if (dots - word >= (ptrdiff_t)sizeof from || !text_to_double(from, &begin) || begin < 0.0 || begin > 1e9 ||
+    if (dots - word >= (ptrdiff_t)sizeof from || !text_to_double(from, &begin) || begin < 0.0 ||
+        begin > 1e9 ||
         (dots[2] && (!text_to_double(dots + 2, &end) || end <= begin || end > 1e9))) {
         return wrong(r, word, "FROM..TO in seconds, FROM before TO, or FROM..");
     }

@@ -37,6 +37,10 @@
  * the last frame of the last tick. Its overrun flag says that a bus lost frames since the last DONE.
  *
  * Free run. No waiting at all.
+ *
+ * What others ask of a loop that is steered is carried out between two ticks (rt/steering.h): it may
+ * stand still, keep another pace and go back in time; the deadlines are then D + k T / speed, and a
+ * new D wherever one of these begins or ends.
  */
 #ifndef RT_LOOP_H
 #define RT_LOOP_H

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Whatever arrives on the buses, whatever the sensors say and whichever board breaks: voltages stay
- * within the supply, bridges are open in idle and after faults, every frame that a board sends is one
- * of the list of messages with its values in range, every frame that it gets is accounted for, nothing
- * is allocated, and the same input gives the same answers. Bus 0 speaks FUZZ_PERSONALITY, bus 1 iCub.
+ * within the supply, bridges are open in idle and after faults, every frame that a board sends is
+ * one of the list of messages with its values in range, every frame that it gets is accounted for,
+ * nothing is allocated, and the same input gives the same answers. Bus 0 speaks FUZZ_PERSONALITY,
+ * bus 1 iCub.
  */
 #include "base/hash.h"
 #include "boards/faults.h"
@@ -47,10 +48,10 @@ void *__wrap_realloc(void *memory, size_t size)
 /* ---- the boards ---- */
 
 static const char *const fault_lines[] = {
-    "a: board one/1 off manual",        "b: board one/1 hung watchdog=0.005 manual",
-    "c: board one/1 stuck manual",      "d: board one/1 garbage manual",
-    "e: board one/1 slow 3 manual",     "f: board one/1 delayed 0.003 manual",
-    "g: board one/13 garbage manual",   "h: board two/1 intermittent 0.5 manual",
+    "a: board one/1 off manual",          "b: board one/1 hung watchdog=0.005 manual",
+    "c: board one/1 stuck manual",        "d: board one/1 garbage manual",
+    "e: board one/1 slow 3 manual",       "f: board one/1 delayed 0.003 manual",
+    "g: board one/13 garbage manual",     "h: board two/1 intermittent 0.5 manual",
     "i: board one/2 delayed 0.01 manual",
 };
 
@@ -90,8 +91,12 @@ static struct faults *make_faults(const struct rig *rig, struct arena *arena)
     const char *board[RIG_BOARDS];
     size_t board_bus[RIG_BOARDS];
     int address[RIG_BOARDS];
-    struct fault_names names = {.nbus = 2, .bus = buses, .board = board, .board_bus = board_bus,
-                                .board_address = address, .nboard = rig->config.nboard};
+    struct fault_names names = {.nbus = 2,
+                                .bus = buses,
+                                .board = board,
+                                .board_bus = board_bus,
+                                .board_address = address,
+                                .nboard = rig->config.nboard};
     struct fault fault[FAULTS];
     struct faults *faults;
     struct error error;
@@ -187,8 +192,8 @@ static void check_commands(const struct bench *bench)
     }
 }
 
-/* Texts are as long as they are; a saturated STRAIN board adds a byte that says so; a bootloader has
- * no build number. */
+/* Texts are as long as they are; a saturated STRAIN board adds a byte that says so; a bootloader
+ * has no build number. */
 static bool is_length(const struct message *message, uint8_t len)
 {
     const bool strain = message->length == ICUB_STRAIN_LENGTH && message->id >> 8 == 3;
@@ -285,7 +290,8 @@ static void tick(struct bench *bench)
     for (size_t bus = 0; bus < RIG_BUSES; bus++) {
         const size_t most = boards_transmit_max(rig->boards, bus);
         const size_t room = bench->room < most ? bench->room : most;
-        const size_t count = boards_transmit(rig->boards, bus, &rig->sensors, rig->frame[bus], room);
+        const size_t count =
+            boards_transmit(rig->boards, bus, &rig->sensors, rig->frame[bus], room);
 
         fuzz_require(count <= room, "%zu frames, room for %zu", count, room);
         drain_events(bench);
@@ -368,7 +374,7 @@ static void change_sensor(struct bench *bench, struct fuzz_bytes *bytes, uint8_t
     }
 }
 
-/* iCub: after the command to be idle nothing else that a host says closes the bridge, but a mode. */
+/* iCub: after the command to be idle nothing that a host says closes the bridge, but a mode. */
 static void go_idle(struct bench *bench)
 {
     static const struct bus_frame idle = {.id = 1, .len = 2, .data = {0x09, 0x00}};

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * candump logs: a line is refused with a column inside it or means a legal frame whose text means the
- * same frame again; a file gives the same as its lines.
+ * candump logs: a line is refused with a column inside it or means a legal frame whose text means
+ * the same frame again; a file gives the same as its lines.
  */
 #include "canbus/candump.h"
 

@@ -23,7 +23,7 @@ static void put_head(FILE *file)
     fputs("BS_:\n", file);
 }
 
-/* In a short input a line of # stands for the attributes' definitions, which are always the same. */
+/* In a short input a line of # stands for the attributes' definitions, which never change. */
 static void put_body(FILE *file, const char *text, size_t size)
 {
     const char *mark = memmem(text, size, "#\n", 2);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Lines of faults, one fault a line: each is refused in a sentence or reads the same again and has its
- * values in range; those that were taken run for a while, and sensors that are broken in any of these
- * ways never show the boards what is no number.
+ * Lines of faults, one fault a line: each is refused in a sentence or reads the same again and has
+ * its values in range; those that were taken run for a while, and sensors that are broken in any of
+ * these ways never show the boards what is no number.
  */
 #include "boards/faults.h"
 
@@ -42,9 +42,12 @@ static const struct fault_names names = {
 static void check_fault(const struct fault *fault)
 {
     static const size_t most[] = {
-        [FAULT_SENSOR] = JOINTS * SENSOR_JOINT_CHANNELS + FTS * SENSOR_FT_CHANNELS +
-                         SENSOR_IMU_CHANNELS,
-        [FAULT_BOARD] = 2, [FAULT_MOTOR] = JOINTS, [FAULT_BUS] = 2, [FAULT_SUPPLY] = 1,
+        [FAULT_SENSOR] =
+            JOINTS * SENSOR_JOINT_CHANNELS + FTS * SENSOR_FT_CHANNELS + SENSOR_IMU_CHANNELS,
+        [FAULT_BOARD] = 2,
+        [FAULT_MOTOR] = JOINTS,
+        [FAULT_BUS] = 2,
+        [FAULT_SUPPLY] = 1,
     };
     struct fault again;
     struct error error;
@@ -53,9 +56,9 @@ static void check_fault(const struct fault *fault)
     fuzz_require(fault->index + (fault->target == FAULT_SENSOR ? fault->channels : 1) <=
                      most[fault->target],
                  "%s: index %zu", fault->text, fault->index);
-    fuzz_require(fault->from_ns >= 0 && (fault->to_ns > fault->from_ns || fault->from_ns == INT64_MAX),
-                 "%s: from %lld to %lld", fault->text, (long long)fault->from_ns,
-                 (long long)fault->to_ns);
+    fuzz_require(
+        fault->from_ns >= 0 && (fault->to_ns > fault->from_ns || fault->from_ns == INT64_MAX),
+        "%s: from %lld to %lld", fault->text, (long long)fault->from_ns, (long long)fault->to_ns);
     for (int i = 0; i < FAULT_PARAMETERS; i++) {
         fuzz_require(isfinite(fault->value[i]), "%s: %g", fault->text, fault->value[i]);
     }
@@ -109,8 +112,8 @@ static void move(struct plant_sensors *truth, int tick)
     for (size_t j = 0; j < JOINTS; j++) {
         const double x = sin(0.1 * tick + (double)j);
 
-        truth->motor[j] = (struct motor_sense){.q = x, .qd = x, .qm = x, .qmd = x,
-                                               .current_a = 10.0 * x, .torque_nm = 30.0 * x};
+        truth->motor[j] = (struct motor_sense){
+            .q = x, .qd = x, .qm = x, .qmd = x, .current_a = 10.0 * x, .torque_nm = 30.0 * x};
     }
     for (size_t f = 0; f < FTS; f++) {
         for (int i = 0; i < 3; i++) {
@@ -135,22 +138,30 @@ static void show_events(struct faults *faults, size_t count)
 /* Sensors with every imperfection that there is. */
 static void make_real(struct sensing_config *config)
 {
-    static const struct sensor_error error = {.gain_error = 0.01, .offset = 0.1, .noise_rms = 0.01,
-                                              .drift_per_sqrt_s = 0.01, .ramp_per_s = 0.01,
-                                              .full_scale = 50.0, .lsb = 0.001,
+    static const struct sensor_error error = {.gain_error = 0.01,
+                                              .offset = 0.1,
+                                              .noise_rms = 0.01,
+                                              .drift_per_sqrt_s = 0.01,
+                                              .ramp_per_s = 0.01,
+                                              .full_scale = 50.0,
+                                              .lsb = 0.001,
                                               .latency_ns = 120000000};
     static struct sensor_joint joint[JOINTS];
     static struct sensor_ft ft[FTS];
 
     for (size_t j = 0; j < JOINTS; j++) {
-        joint[j] = (struct sensor_joint){.name = joints[j], .link_encoder = error,
-                                         .motor_encoder = error, .current = error,
-                                         .torque = error, .temperature = error, .incremental = true,
+        joint[j] = (struct sensor_joint){.name = joints[j],
+                                         .link_encoder = error,
+                                         .motor_encoder = error,
+                                         .current = error,
+                                         .torque = error,
+                                         .temperature = error,
+                                         .incremental = true,
                                          .thermal = {20.0, 0.7, 2.0, 60.0}};
     }
     for (size_t f = 0; f < FTS; f++) {
-        ft[f] = (struct sensor_ft){.name = fts[f], .force = error, .torque = error,
-                                   .crosstalk = 0.02};
+        ft[f] =
+            (struct sensor_ft){.name = fts[f], .force = error, .torque = error, .crosstalk = 0.02};
     }
     config->joint = joint;
     config->ft = ft;

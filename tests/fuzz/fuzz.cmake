@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-# Fuzz targets: what a person, a peer, a file or a bus may say, whatever it is. Each is one file with
-# LLVMFuzzerTestOneInput, a corpus in corpus/TARGET (small, minimized, with every input that once
-# failed) and, for languages of words, a dictionary dictionary/TARGET.dict.
+# Fuzz targets: what a person, a peer, a file or a bus may say, whatever it is. Each is one file
+# with LLVMFuzzerTestOneInput, a corpus in corpus/TARGET (small, minimized, with every input that
+# once failed) and, for languages of words, a dictionary dictionary/TARGET.dict.
 #
 # In every normal build a target is a test: replay.c runs the corpus and a fixed number of seeded
 # mutations of it, with gcc, and under the sanitizers in the presets of that name.
@@ -11,8 +11,8 @@
 #     cmake --preset fuzz && cmake --build --preset fuzz && tests/fuzz/fuzz.sh build/fuzz TARGET 600
 #
 # which keeps what it learns and finds in build/fuzz/fuzz/TARGET: crash-*, timeout-* and oom-* are
-# findings, and build/fuzz/tests/fuzz_TARGET FILE runs one again. Mend the code, then put the file into
-# the corpus under a name that says what it was. What else was learned is kept with
+# findings, and build/fuzz/tests/fuzz_TARGET FILE runs one again. Mend the code, then put the file
+# into the corpus under a name that says what it was. What else was learned is kept with
 #
 #     build/fuzz/tests/fuzz_TARGET -merge=1 -set_cover_merge=1 -use_counters=0 \
 #         tests/fuzz/corpus/TARGET build/fuzz/fuzz/TARGET/corpus
@@ -42,7 +42,8 @@ function(hil_fuzz name)
     endif()
     add_executable(fuzz_${name} ${fuzz}/${F_SOURCE} ${fuzz}/fuzz.c)
     target_link_libraries(fuzz_${name} PRIVATE hil_flags ${F_LIBS} base m)
-    target_compile_definitions(fuzz_${name} PRIVATE HIL_SOURCE_DIR="${CMAKE_SOURCE_DIR}" ${F_DEFINE})
+    target_compile_definitions(fuzz_${name} PRIVATE ${F_DEFINE}
+                                                    HIL_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
     if(HIL_FUZZ)
         target_link_options(fuzz_${name} PRIVATE -fsanitize=fuzzer)
     else()

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What fuzz targets share. A target is a file with one LLVMFuzzerTestOneInput: it feeds the bytes to
- * the code under test and states with fuzz_require what must hold whatever they are. It keeps nothing
- * from one call to the next, so that an input alone repeats what it did.
+ * What fuzz targets share. A target is a file with one LLVMFuzzerTestOneInput: it feeds the bytes
+ * to the code under test and states with fuzz_require what must hold whatever they are. It keeps
+ * nothing from one call to the next, so that an input alone repeats what it did.
  */
 #ifndef TESTS_FUZZ_FUZZ_H
 #define TESTS_FUZZ_FUZZ_H
@@ -27,8 +27,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 _Noreturn void fuzz_fail(const char *file, int line, const char *condition, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
 
-/* How many inputs the code under test took and refused; a target that calls these is expected to see
- * both (tests/fuzz/replay.c). */
+/* How many inputs the code under test took and refused; a target that calls these is expected to
+ * see both (tests/fuzz/replay.c). */
 struct fuzz_tally {
     uint64_t taken, refused;
 };
@@ -37,8 +37,8 @@ extern struct fuzz_tally fuzz_tally;
 /* An empty arena; the same one each time. */
 struct arena *fuzz_arena(size_t capacity);
 
-/* Whether a message is "FILE:LINE:COLUMN: text" with a place that lies in a text of so many bytes, on
- * one line and printable. */
+/* Whether a message is "FILE:LINE:COLUMN: text" with a place that lies in a text of so many bytes,
+ * on one line and printable. */
 bool fuzz_has_place(const char *message, const char *file, size_t size);
 
 /* Whether a message is not empty, on one line and free of control characters but tabs. */

@@ -11,7 +11,8 @@ here=$(cd "$(dirname "$0")" && pwd)
 build=$(cd "$build" && pwd)
 
 if [ "$target" = all ]; then
-    targets=$(cd "$build/tests" && find . -maxdepth 1 -name 'fuzz_*' -type f -perm -u+x | sed 's|./fuzz_||' | sort)
+    targets=$(cd "$build/tests" && find . -maxdepth 1 -name 'fuzz_*' -type f -perm -u+x |
+        sed 's|./fuzz_||' | sort)
 else
     targets=$target
 fi
@@ -32,14 +33,16 @@ for name in $targets; do
     mkdir -p "$folder/corpus"
     cd "$folder" || exit 3
     dictionary=$here/dictionary/$name.dict
-    times >times # of the programs until now, then with this one
+    times >cpu # of the programs until now, then with this one
+    set -- corpus "$here/corpus/$name"
+    [ ! -f "$dictionary" ] || set -- "-dict=$dictionary" "$@"
     "$program" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=1024 -malloc_limit_mb=512 \
-        -print_final_stats=1 $([ ! -f "$dictionary" ] || echo "-dict=$dictionary") corpus \
-        "$here/corpus/$name" >log 2>&1
+        -print_final_stats=1 "$@" >log 2>&1
     code=$?
-    times >>times
-    cpu=$(awk '{ for (i = 1; i <= 2; i++) { split($i, part, /[ms]/); t[NR] += 60 * part[1] + part[2] } }
-        END { printf "%.0f", t[4] - t[2] }' times)
+    times >>cpu
+    cpu=$(awk '
+        { for (i = 1; i <= 2; i++) { split($i, part, /[ms]/); t[NR] += 60 * part[1] + part[2] } }
+        END { printf "%.0f", t[4] - t[2] }' cpu)
     last=$(grep -a 'cov: ' log | tail -n 1)
     findings=$(find . -maxdepth 1 -type f \( -name 'crash-*' -o -name 'timeout-*' -o -name 'oom-*' \
         -o -name 'leak-*' \) | tr '\n' ' ')

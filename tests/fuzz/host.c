@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The host and the boards of a mixed rig on a hostile bus: frames of both sides are lost, doubled,
- * spoiled, or made up. What the host sends stays what the protocols allow, its picture of the joints
- * stays finite, and a start-up that fails says why. By the first byte in lockstep, where the
+ * spoiled, or made up. What the host sends stays what the protocols allow, its picture of the
+ * joints stays finite, and a start-up that fails says why. By the first byte in lockstep, where the
  * simulator's side is rt/lockstep.h.
  */
 #include "boards/icub_protocol.h"
@@ -14,7 +14,15 @@
 #include <math.h>
 #include <string.h>
 
-enum { BUSES = 4, AXES = 5, BOARDS = 7, FTS = 2, INBOX = 512, MESSAGES_MAX = 2048, PERIODS_MAX = 1500 };
+enum {
+    BUSES = 4,
+    AXES = 5,
+    BOARDS = 7,
+    FTS = 2,
+    INBOX = 512,
+    MESSAGES_MAX = 2048,
+    PERIODS_MAX = 1500
+};
 enum { STEP_ID = 0x6f0, DONE_ID = 0x6f1 };
 
 /* Bus by bus: iCub with torque and F/T boards, FOC, compact, compact over CAN FD. */
@@ -94,21 +102,38 @@ static void arrive(struct bench *bench, size_t bus, const struct bus_frame *fram
 
 static struct board_axis_config board_axis(int joint)
 {
-    return (struct board_axis_config){
-        .joint = joint, .joint_ticks_per_rad = 10000.0, .motor_ticks_per_rad = 65000.0,
-        .lower_rad = -2.0, .upper_rad = 2.5, .current_limit_a = 12.0,
-        .torque_full_scale_nm = 55.0, .gear = 100.0, .winding_ohm = 0.7, .winding_h = 0.0003,
-        .bemf_v_s_rad = 4.0};
+    return (struct board_axis_config){.joint = joint,
+                                      .joint_ticks_per_rad = 10000.0,
+                                      .motor_ticks_per_rad = 65000.0,
+                                      .lower_rad = -2.0,
+                                      .upper_rad = 2.5,
+                                      .current_limit_a = 12.0,
+                                      .torque_full_scale_nm = 55.0,
+                                      .gear = 100.0,
+                                      .winding_ohm = 0.7,
+                                      .winding_h = 0.0003,
+                                      .bemf_v_s_rad = 4.0};
 }
 
 static struct host_axis host_axis(const char *name, int bus, uint8_t axis)
 {
-    return (struct host_axis){
-        .joint = name, .bus = bus, .address = 1, .axis = axis, .joint_ticks_per_rad = 10000.0,
-        .motor_ticks_per_rad = 65000.0, .torque_address = bus == 0 ? 12 : -1,
-        .torque_channel = axis, .torque_full_scale_nm = 55.0, .lower_rad = -2.0, .upper_rad = 2.5,
-        .drive = {.gear = 100.0, .spring_nm_rad = 400.0, .winding_ohm = 0.7, .winding_h = 0.0003,
-                  .current_limit_a = 12.0, .poles = 8}};
+    return (struct host_axis){.joint = name,
+                              .bus = bus,
+                              .address = 1,
+                              .axis = axis,
+                              .joint_ticks_per_rad = 10000.0,
+                              .motor_ticks_per_rad = 65000.0,
+                              .torque_address = bus == 0 ? 12 : -1,
+                              .torque_channel = axis,
+                              .torque_full_scale_nm = 55.0,
+                              .lower_rad = -2.0,
+                              .upper_rad = 2.5,
+                              .drive = {.gear = 100.0,
+                                        .spring_nm_rad = 400.0,
+                                        .winding_ohm = 0.7,
+                                        .winding_h = 0.0003,
+                                        .current_limit_a = 12.0,
+                                        .poles = 8}};
 }
 
 static bool list_message(void *context, const struct message *message)
@@ -126,25 +151,37 @@ static bool list_message(void *context, const struct message *message)
 static void make_boards(struct bench *bench, struct arena *arena)
 {
     static struct board_config board[BOARDS];
-    struct boards_config config = {.nboard = BOARDS, .board = board, .nbus = BUSES,
-                                   .bus = board_buses, .njoint = AXES, .nft = FTS,
+    struct boards_config config = {.nboard = BOARDS,
+                                   .board = board,
+                                   .nbus = BUSES,
+                                   .bus = board_buses,
+                                   .njoint = AXES,
+                                   .nft = FTS,
                                    .tick_ns = 1000000};
     struct error error;
 
     memset(board, 0, sizeof board);
     for (int b = 0; b < BUSES; b++) {
-        board[b] = (struct board_config){.name = "motor", .kind = BOARD_MOTOR, .bus = b,
-                                         .address = 1};
+        board[b] =
+            (struct board_config){.name = "motor", .kind = BOARD_MOTOR, .bus = b, .address = 1};
         board[b].axis[0] = board_axis(b);
         board[b].axis[1] = board_axis(b == 0 ? 4 : -1);
         board[b].axis[2].joint = board[b].axis[3].joint = -1;
     }
-    board[4] = (struct board_config){.name = "torque", .kind = BOARD_TORQUE, .address = 12,
+    board[4] = (struct board_config){.name = "torque",
+                                     .kind = BOARD_TORQUE,
+                                     .address = 12,
                                      .torque_joint = {0, 4, -1, -1, -1, -1},
                                      .full_scale = {55, 55, 55, 55, 55, 55}};
-    board[5] = (struct board_config){.name = "ft", .kind = BOARD_FT, .address = 13,
+    board[5] = (struct board_config){.name = "ft",
+                                     .kind = BOARD_FT,
+                                     .address = 13,
                                      .full_scale = {1500, 1500, 2000, 40, 40, 40}};
-    board[6] = (struct board_config){.name = "ft", .kind = BOARD_FT, .address = 2, .bus = 3, .ft = 1,
+    board[6] = (struct board_config){.name = "ft",
+                                     .kind = BOARD_FT,
+                                     .address = 2,
+                                     .bus = 3,
+                                     .ft = 1,
                                      .full_scale = {1500, 1500, 2000, 40, 40, 40}};
     fuzz_require(boards_create(&config, arena, &bench->boards, &error) == ERROR_NONE, "%s",
                  error.text);
@@ -161,10 +198,18 @@ static void make_host(struct bench *bench, struct arena *arena)
         {.name = "a", .bus = 0, .address = 13, .period_ns = 5000000},
         {.name = "b", .bus = 3, .address = 2},
     };
-    struct host_config config = {.nbus = BUSES, .port = bench->port, .bus = host_buses,
-                                 .naxis = AXES, .axis = axis, .nft = FTS, .ft = ft, .supply_v = 48.0,
-                                 .period_ns = 1000000, .lockstep = bench->in_lockstep,
-                                 .step_id = STEP_ID, .done_id = DONE_ID};
+    struct host_config config = {.nbus = BUSES,
+                                 .port = bench->port,
+                                 .bus = host_buses,
+                                 .naxis = AXES,
+                                 .axis = axis,
+                                 .nft = FTS,
+                                 .ft = ft,
+                                 .supply_v = 48.0,
+                                 .period_ns = 1000000,
+                                 .lockstep = bench->in_lockstep,
+                                 .step_id = STEP_ID,
+                                 .done_id = DONE_ID};
     struct error error;
 
     for (int b = 0; b < BUSES; b++) {
@@ -179,13 +224,13 @@ static void make_host(struct bench *bench, struct arena *arena)
 static void start(struct bench *bench, uint8_t how)
 {
     struct arena *arena = fuzz_arena((size_t)16 << 20);
-    const struct lockstep_config lockstep = {.step_id = STEP_ID, .done_id = DONE_ID,
-                                             .silence_ns = 1000000000};
+    const struct lockstep_config lockstep = {
+        .step_id = STEP_ID, .done_id = DONE_ID, .silence_ns = 1000000000};
 
     memset(bench, 0, sizeof *bench);
     bench->in_lockstep = how & 1;
-    bench->sensors = (struct plant_sensors){.supply_v = 48.0, .njoint = AXES, .nft = FTS,
-                                            .motor = bench->sense, .ft = bench->ft};
+    bench->sensors = (struct plant_sensors){
+        .supply_v = 48.0, .njoint = AXES, .nft = FTS, .motor = bench->sense, .ft = bench->ft};
     bench->command = (struct plant_command){.njoint = AXES, .motor = bench->motor};
     make_boards(bench, arena);
     make_host(bench, arena);

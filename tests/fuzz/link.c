@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The kernel's answer about a network interface: whatever its attributes say, what is taken of them has
- * an end and a meaning.
+ * The kernel's answer about a network interface: whatever its attributes say, what is taken of them
+ * has an end and a meaning.
  */
 #include "canbus/link.h"
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * OBJ meshes: a file is refused in words with its place, or gives a mesh that mesh_check calls sound,
- * with finite measures, and whose text reads back as the same mesh.
+ * OBJ meshes: a file is refused in words with its place, or gives a mesh that mesh_check calls
+ * sound, with finite measures, and whose text reads back as the same mesh.
  */
 #include "contact/mesh.h"
 #include "tests/fuzz/fuzz.h"

@@ -326,8 +326,8 @@ int main(int argc, char **argv)
         fuzz_require(read_input(argv[1], &inputs[ninput++]), "cannot read %s", argv[1]);
         run(inputs[0].data, inputs[0].size, 1, argv[1]);
     } else {
-        result = replay(argv[1], argc > 2 ? strtoul(argv[2], NULL, 10) : 0,
-                        argc > 3 ? argv[3] : NULL);
+        result =
+            replay(argv[1], argc > 2 ? strtoul(argv[2], NULL, 10) : 0, argc > 3 ? argv[3] : NULL);
     }
     free_inputs();
     return result;

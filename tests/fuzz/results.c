@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a run has left and is read again, and may have been edited in between: an input that begins with
- * '<' is a JUnit file to be merged, any other is signals.csv behind a first line of the titles wanted.
- * Refused with its place, or finite numbers of which a plot is made.
+ * What a run has left and is read again, and may have been edited in between: an input that begins
+ * with '<' is a JUnit file to be merged, any other is signals.csv behind a first line of the titles
+ * wanted. Refused with its place, or finite numbers of which a plot is made.
  */
 #include "rt/scenario_jobs.h"
 #include "rt/signals.h"
@@ -26,8 +26,7 @@ static bool has_line(const char *message, const char *path)
 static void check_plot(const struct signals *signals)
 {
     struct svg_series series[TITLES] = {0};
-    struct svg_plot plot = {.title = "t", .x.label = "x", .y.label = "y",
-                            .series = series};
+    struct svg_plot plot = {.title = "t", .x.label = "x", .y.label = "y", .series = series};
     struct fuzz_text text;
     struct error error;
 

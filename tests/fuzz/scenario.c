@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Scenario files: refused with a place, or cases whose frames are legal, whose bands are in order and
- * whose labels and names mean something in the rig of COMAN that they are bound to.
+ * Scenario files: refused with a place, or cases whose frames are legal, whose bands are in order
+ * and whose labels and names mean something in the rig of COMAN that they are bound to.
  */
 #include "rt/scenario.h"
 

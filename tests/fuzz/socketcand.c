@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Commands of the socketcand protocol: whatever stands between < and >, a frame that is to be sent is
- * a legal one, the name of a bus ends, and a frame as the server writes it is one command with the
- * same contents when a client says it.
+ * Commands of the socketcand protocol: whatever stands between < and >, a frame that is to be sent
+ * is a legal one, the name of a bus ends, and a frame as the server writes it is one command with
+ * the same contents when a client says it.
  */
 #include "canbus/socketcand.h"
 
@@ -45,8 +45,8 @@ static void check_format(const struct bus_frame *frame)
     fuzz_require(size == 0 || (text[0] == '<' && strcmp(text + size - 3, " >\n") == 0 &&
                                strchr(text, '>') == text + size - 2),
                  "%s", text);
-    fuzz_require((size > 0) == (frame_valid(frame) && !(frame->flags & FRAME_ERROR) &&
-                                frame->time_ns >= 0),
+    fuzz_require((size > 0) ==
+                     (frame_valid(frame) && !(frame->flags & FRAME_ERROR) && frame->time_ns >= 0),
                  "id 0x%x flags 0x%x length %u", frame->id, frame->flags, frame->len);
 }
 

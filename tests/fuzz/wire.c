@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A wire in virtual time that carries whatever the input says: the length of every frame is that of a
- * naive encoder written from the standard's text, and on a bus with faults nothing is lost without
- * being counted, time does not go back, and frames arrive no sooner than their bits take.
+ * A wire in virtual time that carries whatever the input says: the length of every frame is that of
+ * a naive encoder written from the standard's text, and on a bus with faults nothing is lost
+ * without being counted, time does not go back, and frames arrive no sooner than their bits take.
  */
 #include "canbus/wire.h"
 
@@ -34,7 +34,8 @@ static void check_bits(const struct bus_frame *frame)
                  length.nominal, length.data, nominal, data);
     worst = wire_worst_length(frame->flags, frame->len);
     fuzz_require(nominal + data <= (unsigned)worst.nominal + worst.data, "longer than the longest");
-    fuzz_require(frame_bits(frame) <= nominal + data + WIRE_INTERMISSION_BITS, "shorter than plain");
+    fuzz_require(frame_bits(frame) <= nominal + data + WIRE_INTERMISSION_BITS,
+                 "shorter than plain");
 
     wire_frame_encode(frame, &bits);
     reference_encode(frame, &reference);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * YAML through a schema with every type in it: a text is refused with its place, or what was read is
- * within its ranges, has a place of its own, and reads the same when it is written again. An input with
- * a line "%%%" is two files, the first of which may extend the second, base.yaml.
+ * YAML through a schema with every type in it: a text is refused with its place, or what was read
+ * is within its ranges, has a place of its own, and reads the same when it is written again. An
+ * input with a line "%%%" is two files, the first of which may extend the second, base.yaml.
  */
 #include "base/yaml.h"
 
@@ -249,10 +249,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 
     if (code) {
         fuzz_require(code == ERROR_INPUT && code == error.code, "%d: %s", (int)code, error.text);
-        fuzz_require(
-            mark ? fuzz_is_sentence(error.text) && strstr(error.text, fuzz_folder()) == error.text
-                 : fuzz_has_place(error.text, "x.yaml", size),
-            "%s", error.text);
+        fuzz_require(mark ? fuzz_is_sentence(error.text) &&
+                                strstr(error.text, fuzz_folder()) == error.text
+                          : fuzz_has_place(error.text, "x.yaml", size),
+                     "%s", error.text);
         fuzz_tally.refused++;
     } else {
         check_thing(&thing);
