@@ -289,8 +289,8 @@ static void carry_out_all(struct loop *loop)
 
     while (steering_next(loop->config.steering, &request)) {
         enum steer_verdict verdict = carry_out(loop, &request);
-
-        bool went_back = request.kind == STEER_RESTORE || request.kind == STEER_RESET;
+        bool back = request.kind == STEER_RESTORE || request.kind == STEER_RESET;
+        bool went_back = back && verdict == STEER_OK;
 
         if (went_back) {
             begin_anew(loop);

@@ -647,6 +647,26 @@ static void time_goes_back_and_the_run_ends_at_its_length(void **state)
     }
 }
 
+static void ask_in_vain(struct steered_bench *unused)
+{
+    (void)unused;
+    ask(STEER_RESTORE, 1, 0, 0.0);
+}
+
+static void a_refused_way_back_moves_no_deadline(void **state)
+{
+    struct bench *bench = create(RIG_CLOCK_REAL, 20);
+
+    (void)state;
+    sb.each_tick = ask_in_vain;
+    bench_run(bench);
+    assert_int_equal(bench->sleeps, 19);
+    for (size_t i = 0; i < 19; i++) {
+        assert_int_equal(bench->deadline[i], START + (int64_t)(i + 1) * TICK);
+    }
+    destroy(bench);
+}
+
 static void slots_are_checked(void **state)
 {
     struct bench *bench = create(RIG_CLOCK_FREE, 5);
@@ -735,6 +755,7 @@ int main(void)
         cmocka_unit_test(a_slow_loop_hears_requests_between_its_ticks),
         cmocka_unit_test(speeds_out_of_range_are_refused),
         cmocka_unit_test(time_goes_back_and_the_run_ends_at_its_length),
+        cmocka_unit_test(a_refused_way_back_moves_no_deadline),
         cmocka_unit_test(slots_are_checked),
         cmocka_unit_test(tunables_are_checked_and_seen),
         cmocka_unit_test(an_asker_who_never_listens_only_stops_being_heard),
