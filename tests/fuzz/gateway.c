@@ -17,7 +17,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-enum { HEARD = 1 << 16, PATIENCE_MS = 8000 };
+enum { HEARD = 1 << 16, PATIENCE_MS = 30000 };
 
 static struct gateway *gateway;
 static struct can_port *board; /* another node of the bus */

@@ -20,19 +20,18 @@ for key in sys.argv[2].split("."):
 print(value)' "$1/summary.json" "$2"
 }
 
-# simulate NAME ARGUMENT...: starts the simulator in the background and waits until its buses are open
+# simulate NAME ARGUMENT...: starts the simulator in the background and waits until its loop runs
 simulate()
 {
     local name=$1
     shift
-    "$program" run "$rig" --transport socketcan --record "$work/$name" --quiet "$@" \
-        >"$work/$name.out" 2>"$work/$name.err" </dev/null &
+    "$program" run "$rig" --transport socketcan --record "$work/$name" --quiet \
+        --control "$work/$name.socket" "$@" >"$work/$name.out" 2>"$work/$name.err" </dev/null &
     simulator=$!
     for _ in $(seq 100); do
-        [ -e "$work/$name/signals.csv" ] && break
+        "$program" ctl hello --socket "$work/$name.socket" >/dev/null 2>&1 && break
         sleep 0.05
     done
-    sleep 0.2
 }
 
 task()

@@ -119,6 +119,19 @@ static void an_error_that_nobody_asked_for_is_only_a_code(void **state)
     assert_int_equal(error_set_errno(NULL, ENOENT, "x"), ERROR_SYSTEM);
 }
 
+static void an_error_repeats_no_control_characters(void **state)
+{
+    struct error error;
+
+    (void)state;
+    error_set(&error, ERROR_INPUT, "found \"%s\"", "a\x1b[2J\n\x7f\xc3\xa4");
+    assert_string_equal(error.text, "found \"a?[2J??\xc3\xa4\"");
+    error_prefix(&error, "%s", "x\ty");
+    assert_string_equal(error.text, "x?y: found \"a?[2J??\xc3\xa4\"");
+    error_set_errno(&error, ENOENT, "open %s", "\r");
+    assert_string_equal(error.text, "open ?: No such file or directory");
+}
+
 static void a_long_error_text_is_cut_and_stays_a_string(void **state)
 {
     struct error error;
@@ -159,6 +172,7 @@ int main(void)
         cmocka_unit_test(says_why_memory_could_not_be_reserved),
         cmocka_unit_test(an_error_carries_code_and_text),
         cmocka_unit_test(an_error_that_nobody_asked_for_is_only_a_code),
+        cmocka_unit_test(an_error_repeats_no_control_characters),
         cmocka_unit_test(a_long_error_text_is_cut_and_stays_a_string),
         cmocka_unit_test(the_hash_is_fnv_1a),
     };
