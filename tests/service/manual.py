@@ -158,12 +158,24 @@ def try_pages():
             tell(*run(folder, command.format(file) if command else text, f"{page}:{line}: {text.splitlines()[0]}"))
 
 
+def check_words():
+    """What README and check-list call by name is there: commands of ./dev and of the program."""
+    table = coman_hil("--help")
+    usage = subprocess.run([SOURCE / "dev", "--help"], capture_output=True, text=True).stdout
+    for path in [SOURCE / "README.md", SOURCE / "docs" / "release.md", *GUIDES]:
+        text = path.read_text()
+        lost = {word for word in re.findall(r"`\./dev (\w+)", text) if f"\n  {word} " not in usage} | \
+            {word for word in re.findall(r"(?:`|    )coman-hil (\w+)", text) if f"\n  {word} " not in table}
+        tell(not lost, f"{path.name} names commands that are there", str(lost))
+
+
 def check_build():
     subprocess.run(["cmake", "--install", BUILD, "--prefix", PREFIX], check=True, stdout=subprocess.DEVNULL)
     (PREFIX / "bin" / "python3").symlink_to("/usr/bin/python3")  # the one of the Debian packages
     check_keys("coman-hil-rig.5.scd", "rig_yaml.c", "rig_sensors.c")
     check_keys("coman-hil-scenario.5.scd", "scenario_yaml.c")
     check_pages()
+    check_words()
     try_pages()
 
 
