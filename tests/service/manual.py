@@ -24,7 +24,7 @@ import subprocess
 import sys
 import tempfile
 
-SOURCE, BUILD = map(pathlib.Path, sys.argv[1:3])
+SOURCE, BUILD = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 GUEST = sys.argv[2] == "guest"
 PATIENCE_S = 60
 SCRATCH = pathlib.Path(tempfile.mkdtemp())
