@@ -165,7 +165,7 @@ def check_words():
     for path in [SOURCE / "README.md", SOURCE / "docs" / "release.md", *GUIDES]:
         text = path.read_text()
         lost = {word for word in re.findall(r"`\./dev (\w+)", text) if f"\n  {word} " not in usage} | \
-            {word for word in re.findall(r"(?:`|    )coman-hil (\w+)", text) if f"\n  {word} " not in table}
+            {word for word in re.findall(r"(?:`|    )coman-hil ([a-z]+)", text) if f"\n  {word} " not in table}
         tell(not lost, f"{path.name} names commands that are there", str(lost))
 
 
