@@ -498,6 +498,29 @@ static void controller(struct doctor *d, const struct rig_bus *bus)
     }
 }
 
+/* What waits for a loop that is held up: without the capability a buffer is as large as the kernel
+ * allows everybody. */
+static void receive_buffer(struct doctor *d)
+{
+    enum { WANTED = 4 << 20, FRAME_COST = 384 /* of that size, with the kernel's own account */ };
+    char text[TEXT];
+    long long most;
+
+    if (has_capability(d, CAP_NET_ADMIN) ||
+        !read_line(d, text, sizeof text, "/proc/sys/net/core/rmem_max")) {
+        return;
+    }
+    most = strtoll(text, NULL, 10);
+    if (most < WANTED) {
+        say(d, DOCTOR_WARN, "receive buffer", "sysctl -w net.core.rmem_max=4194304",
+            "%lld bytes, about %lld frames, wait for the loop at most; what else comes is lost, and "
+            "counted",
+            most, most / FRAME_COST);
+    } else {
+        say(d, DOCTOR_OK, "receive buffer", "", "%lld bytes of frames may wait for the loop", most);
+    }
+}
+
 static void kernel_can(struct doctor *d)
 {
     char text[TEXT];
@@ -510,6 +533,7 @@ static void kernel_can(struct doctor *d)
         return;
     }
     say(d, DOCTOR_OK, "CAN", "", "the kernel has raw CAN sockets");
+    receive_buffer(d);
     for (size_t i = 0; i < d->config->rig->nbus; i++) {
         interface(d, &d->config->rig->bus[i]);
         controller(d, &d->config->rig->bus[i]);

@@ -72,6 +72,7 @@ static void put_good_machine(const struct machine *m)
     put(m, "/sys/devices/system/cpu/cpu3/cpuidle/state0/latency", "1\n");
     put(m, "/sys/devices/system/cpu/cpu3/cpuidle/state0/name", "C1\n");
     put(m, "/proc/net/protocols", "protocol  size sockets\nCAN_RAW   1024 0\n");
+    put(m, "/proc/sys/net/core/rmem_max", "4194304\n");
     put(m, "/sys/class/net/can0/type", "280\n");
     put(m, "/sys/class/net/can0/flags", "0x40c1\n");
     put(m, "/sys/class/net/can0/tx_queue_len", "1000\n");
@@ -152,7 +153,7 @@ static void finds_nothing_on_a_good_machine(void **state)
     struct machine *m = *state;
 
     assert_int_equal(examine(m), DOCTOR_OK);
-    assert_int_equal(m->count, 13);
+    assert_int_equal(m->count, 14);
     for (size_t i = 0; i < m->count; i++) {
         assert_string_equal(m->finding[i].fix, "");
     }
@@ -255,6 +256,16 @@ static void sees_slow_idle_states_that_are_enabled(void **state)
     assert_int_equal(examine(m), DOCTOR_OK);
 }
 
+static void sees_a_small_receive_buffer_but_not_with_the_capability(void **state)
+{
+    struct machine *m = *state;
+
+    put(m, "/proc/sys/net/core/rmem_max", "212992\n");
+    assert_only(m, "receive buffer", DOCTOR_WARN, "about 554 frames");
+    put(m, "/proc/self/status", "CapEff:\t0000000000001000\nCpus_allowed_list:\t0-2\n");
+    assert_int_equal(examine(m), DOCTOR_OK);
+}
+
 static void judges_interfaces(void **state)
 {
     struct machine *m = *state;
@@ -334,6 +345,7 @@ int main(void)
         MACHINE_TEST(sees_interrupts_on_the_loops_processor),
         MACHINE_TEST(sees_power_saving),
         MACHINE_TEST(sees_slow_idle_states_that_are_enabled),
+        MACHINE_TEST(sees_a_small_receive_buffer_but_not_with_the_capability),
         MACHINE_TEST(judges_interfaces),
         MACHINE_TEST(judges_controllers),
         MACHINE_TEST(lives_in_an_empty_machine),
