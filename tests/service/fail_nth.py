@@ -5,7 +5,8 @@
 usage: fail_nth.py PROGRAM PRELOAD [--full] [--only PART-OF-NAME] [--kind allocation|syscall]
        [--sanitized]
 
---sanitized: the program has a sanitizer, which maps memory for itself and gives up without.
+--sanitized: the program has a sanitizer, which allocates and maps memory for itself and gives up without:
+no allocation fails then (tests/unit/fail_memory.c does that), and no mmap.
 
 For every case (a command line of coman-hil) one process is loaded with PRELOAD (fail_nth.c), which
 runs main in a fork for each call that is to fail. Promised for each of them:
@@ -436,7 +437,7 @@ def main():
         if only not in case.name:
             continue
         server = Server(program, os.path.abspath(arguments[1]), case)
-        if kind != "syscall":
+        if kind != "syscall" and "--sanitized" not in sys.argv:
             fail_allocations(server, report, full)
         if kind != "allocation":
             fail_calls(server, report, full)
