@@ -73,7 +73,7 @@ static void write_files(const char *text, size_t size)
 static bool has_place(const char *message)
 {
     static const char *const whole[] = {"cannot be read", "cannot be opened", "found a directory",
-                                        "no regular file"};
+                                        "no regular file", "found unknown variant"};
     char prefix[96];
     int line, column;
 
