@@ -123,7 +123,8 @@ static int64_t task_time(const struct controller *controller, int64_t *last_ns, 
 
 enum task_status controller_run(struct controller *controller)
 {
-    int64_t deadline = clock_now(controller->time), now = deadline, last = deadline, paused = 0;
+    int64_t now = clock_now(controller->time), last = now, paused = 0;
+    int64_t deadline = controller->grid_ns > 0 ? controller->grid_ns : now;
     enum task_status status = TASK_RUNNING;
 
     while (!atomic_load(&controller->stop)) {

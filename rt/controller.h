@@ -27,6 +27,7 @@ struct controller {
     size_t nbus;
     struct can_port **port;
     struct clock *time;
+    int64_t grid_ns;  /* controller_run wakes up at this + k periods of the clock; 0 = at its begin */
     atomic_bool stop; /* ends controller_run */
     struct controller_status now;
     uint64_t steps;

@@ -75,7 +75,8 @@ struct simulator_status {
     uint64_t clamped;                 /* the links are held (plant_is_clamped) */
     uint64_t fault[FAULTS_MAX / 64];  /* a bit for each that is active, of simulator_faults */
     int64_t time_ns;                /* virtual */
-    int64_t elapsed_ns;             /* of the clock, since the loop began */
+    int64_t start_ns;               /* of the clock: when the loop began */
+    int64_t elapsed_ns;             /* of the clock, since then */
     double base[7];                 /* position (m), quaternion wxyz; zeros with a fixed base */
     double q[SIMULATOR_JOINTS_MAX]; /* rad */
     double force_z[SIMULATOR_CONTACTS_MAX]; /* contact bodies, world frame, N */

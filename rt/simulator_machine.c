@@ -197,6 +197,7 @@ static void fill_counters(struct simulator *simulator, const struct loop_stats *
 
     status->tick = stats->ticks;
     status->time_ns = stats->time_ns;
+    status->start_ns = stats->start_ns;
     status->elapsed_ns = clock_now(simulator->time) - stats->start_ns;
     status->overruns = stats->overrun_total;
     memcpy(status->overruns_by, stats->overruns, sizeof status->overruns_by);
