@@ -70,6 +70,7 @@ struct bench {
     bool garbage; /* some board has sent what means nothing */
     bool hung;    /* some board hangs, or has */
     bool moved;   /* some board has another address now */
+    bool loose;   /* some board has a loose contact, or had: it may miss a command */
     size_t room;  /* for frames of a tick */
 };
 
@@ -381,7 +382,7 @@ static void go_idle(struct bench *bench)
     static const struct bus_frame pwm = {.id = 1, .len = 3, .data = {0x72, 0x35, 0x05}};
     const size_t bus = 1; /* whatever bus 0 speaks */
 
-    if (bench->moved) {
+    if (bench->moved || bench->loose) {
         return;
     }
     receive(bench, bus, &idle);
@@ -408,6 +409,7 @@ static void break_board(struct bench *bench, uint8_t what)
     faults_set(bench->faults, fault, what & 0x10);
     bench->garbage = bench->garbage || faults_at(bench->faults, fault)->kind == FAULT_GARBAGE;
     bench->hung = bench->hung || faults_at(bench->faults, fault)->kind == FAULT_HUNG;
+    bench->loose = bench->loose || faults_at(bench->faults, fault)->kind == FAULT_INTERMITTENT;
 }
 
 static void act(struct bench *bench, struct fuzz_bytes *bytes)
