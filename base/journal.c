@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The prefix of sd-daemon(3). */
-#include "rt/journal.h"
+#include "base/journal.h"
 
 #include <stdio.h>
 #include <stdlib.h>

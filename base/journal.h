@@ -4,8 +4,8 @@
  * begin with, so that `journalctl -p warning` shows overruns and faults and leaves the rest out. On a
  * terminal and in files there is no such prefix. Not RT-safe.
  */
-#ifndef RT_JOURNAL_H
-#define RT_JOURNAL_H
+#ifndef BASE_JOURNAL_H
+#define BASE_JOURNAL_H
 
 #include <stdbool.h>
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Escapes. */
-#include "rt/markup.h"
+#include "base/markup.h"
 
 void markup_put(FILE *out, const char *text)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Text inside HTML and SVG. Not RT-safe. */
-#ifndef RT_MARKUP_H
-#define RT_MARKUP_H
+#ifndef BASE_MARKUP_H
+#define BASE_MARKUP_H
 
 #include <stdio.h>
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Command lines read through a table, and manuals printed from it. */
-#include "rt/options.h"
+#include "base/options.h"
 
 #include "base/text.h"
-#include "rt/journal.h"
+#include "base/journal.h"
 
 #include <stdint.h>
 #include <string.h>
@@ -266,9 +266,15 @@ static void help_line(const char *name, const char *argument, const char *help, 
     options_wrap(help, HELP_COLUMN, HELP_COLUMN, out);
 }
 
+static const char *options_program(const struct command_spec *spec)
+{
+    return spec->program ? spec->program : "coman-hil";
+}
+
 void options_help(const struct command_spec *spec, FILE *out)
 {
-    fprintf(out, "usage: coman-hil %s%s", spec->name, spec->noption ? " [OPTIONS]" : "");
+    fprintf(out, "usage: %s %s%s", options_program(spec), spec->name,
+            spec->noption ? " [OPTIONS]" : "");
     for (size_t i = 0; i < spec->noperand; i++) {
         const struct operand_spec *operand = &spec->operand[i];
 
@@ -304,7 +310,7 @@ bool options_read(const struct command_spec *spec, int argc, char **argv, int *s
         return false;
     }
     if (options_parse(spec, argc, argv, &help, &error)) {
-        *status = command_fail(spec->name, &error);
+        *status = options_fail(spec, &error);
         return false;
     }
     if (help) {
@@ -331,6 +337,21 @@ enum exit_status exit_status_of(enum error_code code)
 
 int command_fail(const char *command, const struct error *error)
 {
-    fprintf(stderr, "%scoman-hil %s: %s\n", journal_prefix(JOURNAL_ERROR), command, error->text);
+    return options_fail(&(struct command_spec){.name = command}, error);
+}
+
+int options_fail(const struct command_spec *spec, const struct error *error)
+{
+    fprintf(stderr, "%s%s %s: %s\n", journal_prefix(JOURNAL_ERROR), options_program(spec),
+            spec->name, error->text);
     return exit_status_of(error->code);
+}
+
+int options_flush_output(int status)
+{
+    if (fflush(stdout) || ferror(stdout)) {
+        fprintf(stderr, "coman-hil: standard output could not be written\n");
+        return status ? status : STATUS_SYSTEM;
+    }
+    return status;
 }

@@ -19,8 +19,8 @@
  *         return status;
  *     }
  */
-#ifndef RT_OPTIONS_H
-#define RT_OPTIONS_H
+#ifndef BASE_OPTIONS_H
+#define BASE_OPTIONS_H
 
 #include "base/error.h"
 
@@ -87,6 +87,7 @@ struct command_spec {
     size_t noperand;
     bool many; /* the last operand may stand more than once; its value has room for argc of them */
     const char *manual; /* paragraphs printed at the end of --help, or NULL */
+    const char *program; /* whose command it is; NULL = "coman-hil" */
 };
 
 /* Parses the arguments after argv[0]. --name VALUE and --name=VALUE are the same; -- ends the
@@ -111,6 +112,13 @@ enum exit_status exit_status_of(enum error_code code);
 
 /* Prints "coman-hil COMMAND: text" on stderr and returns the exit status of the error. */
 int command_fail(const char *command, const struct error *error);
+
+/* The same with the names of program and command from the table. */
+int options_fail(const struct command_spec *spec, const struct error *error);
+
+/* Flushes standard output at a program's end and returns its exit status: a full disk or a closed
+ * pipe must not look like success. */
+int options_flush_output(int status);
 
 /* Prints text wrapped at 80 columns, every line but the first indented; used is the column that the
  * first line starts in. */

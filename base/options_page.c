@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The manual page of a command, in scdoc(5), from the same table as its --help. */
-#include "rt/options.h"
+#include "base/options.h"
 
 #include <ctype.h>
 #include <string.h>
@@ -53,7 +53,8 @@ static void put_term(const char *name, const char *argument, const char *help, F
 
 static void put_synopsis(const struct command_spec *spec, FILE *out)
 {
-    fprintf(out, "\n# SYNOPSIS\n\n*coman-hil %s*%s", spec->name, spec->noption ? " [OPTIONS]" : "");
+    fprintf(out, "\n# SYNOPSIS\n\n*%s %s*%s", spec->program ? spec->program : "coman-hil", spec->name,
+            spec->noption ? " [OPTIONS]" : "");
     for (size_t i = 0; i < spec->noperand; i++) {
         const struct operand_spec *operand = &spec->operand[i];
 
@@ -66,10 +67,7 @@ static void put_synopsis(const struct command_spec *spec, FILE *out)
 /* "coman-hil-bench-paper" */
 static void put_name(const struct command_spec *spec, FILE *out)
 {
-    fputs("coman-hil-", out);
-    for (const char *c = spec->name; *c; c++) {
-        putc(*c == ' ' ? '-' : *c, out);
-    }
+    fprintf(out, "%s-%s", spec->program ? spec->program : "coman-hil", spec->name);
 }
 
 void options_page(const struct command_spec *spec, FILE *out)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Files under another name until they are whole. */
-#include "rt/whole_file.h"
+#include "base/whole_file.h"
 
 #include <errno.h>
 #include <sys/stat.h>

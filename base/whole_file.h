@@ -4,8 +4,8 @@
  * that a full disk or an interrupt leaves what was there before. What is no regular file (a pipe, a
  * terminal) is written in place. Not RT-safe.
  */
-#ifndef RT_WHOLE_FILE_H
-#define RT_WHOLE_FILE_H
+#ifndef BASE_WHOLE_FILE_H
+#define BASE_WHOLE_FILE_H
 
 #include "base/error.h"
 

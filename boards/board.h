@@ -2,8 +2,8 @@
 /*
  * The boards of a rig: motor drivers and force-torque boards that speak on the buses. They receive
  * frames, turn them into bridge voltages, and send telemetry made from the plant's sensors. Each
- * bus speaks one of three protocols: boards/icub_protocol.h, boards/foc_protocol.h or
- * boards/compact_protocol.h; every message with its lengths and fields is a row of the table beside
+ * bus speaks one of three protocols: boards/icub/protocol.h, boards/foc/protocol.h or
+ * boards/compact/protocol.h; every message with its lengths and fields is a row of the table beside
  * it (icub_table.h, foc_table.h, compact_table.h), and boards/messages.h lists them all.
  *
  * Once a tick the loop calls, in this order: boards_receive for every frame that arrived,
@@ -38,9 +38,9 @@ enum board_kind {
 
 /* What the boards of a bus speak. */
 enum board_personality {
-    BOARD_ICUB,    /* two axes an address, telemetry every 4 ms: boards/icub_protocol.h */
-    BOARD_FOC,     /* one axis an address, 1 kHz, at most four axes a bus: boards/foc_protocol.h */
-    BOARD_COMPACT, /* ours, classic or FD, 1 kHz: boards/compact_protocol.h */
+    BOARD_ICUB,    /* two axes an address, telemetry every 4 ms: boards/icub/protocol.h */
+    BOARD_FOC,     /* one axis an address, 1 kHz, at most four axes a bus: boards/foc/protocol.h */
+    BOARD_COMPACT, /* ours, classic or FD, 1 kHz: boards/compact/protocol.h */
 };
 
 struct boards_bus_config {

@@ -8,9 +8,9 @@
 
 #include "base/ring.h"
 #include "boards/board.h"
-#include "boards/compact_protocol.h"
+#include "boards/compact/protocol.h"
 #include "boards/faults.h"
-#include "boards/icub_table.h"
+#include "boards/icub/table.h"
 
 #include <stdint.h>
 

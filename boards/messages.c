@@ -3,8 +3,8 @@
 #include "boards/messages.h"
 
 #include "boards/board_private.h"
-#include "boards/compact_table.h"
-#include "boards/foc_table.h"
+#include "boards/compact/table.h"
+#include "boards/foc/table.h"
 
 enum { ICUB_SLOT_NS = ICUB_SLOTS * MS };
 

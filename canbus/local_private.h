@@ -8,7 +8,7 @@
 
 #include "base/ring.h"
 #include "canbus/port_private.h"
-#include "canbus/wire.h"
+#include "canbus/wire/wire.h"
 
 #include <pthread.h>
 #include <stdatomic.h>

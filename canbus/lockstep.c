@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* STEP and DONE. */
-#include "rt/lockstep.h"
-
-#include "boards/icub_protocol.h"
+#include "canbus/lockstep.h"
 
 #define BACKOFF_MAX_NS INT64_C(60000000000)
 

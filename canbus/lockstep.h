@@ -4,20 +4,31 @@
  * it has got there (PROTOCOL.md, "Lockstep frames"). A state machine without clock or port.
  *
  *   STEP  u32 LE expected tick, u16 LE number of ticks (0 = 1)
- *   DONE  u32 LE tick, u16 LE flags (LOCKSTEP_* of boards/icub_protocol.h)
+ *   DONE  u32 LE tick, u16 LE flags (enum lockstep_flag)
  *
  * Both sides count the ticks that have been run: a STEP expects the count before it runs, DONE
  * carries the count after, which is what the next STEP must expect. A STEP that expects another
  * count is answered with the true one and LOCKSTEP_MISMATCH, and nothing runs; so either side may
  * be started again: the host takes its count from that answer. RT-safe.
  */
-#ifndef RT_LOCKSTEP_H
-#define RT_LOCKSTEP_H
+#ifndef CANBUS_LOCKSTEP_H
+#define CANBUS_LOCKSTEP_H
 
 #include "canbus/frame.h"
 
 #include <stdbool.h>
 #include <stdint.h>
+
+/* The identifiers unless a rig says others, and the length of both frames. */
+enum { LOCKSTEP_STEP_ID = 0x6f0, LOCKSTEP_DONE_ID = 0x6ff, LOCKSTEP_LENGTH = 6 };
+
+/* Flags of DONE. */
+enum lockstep_flag {
+    LOCKSTEP_OVERRUN = 1 << 0,  /* frames were lost since the last DONE */
+    LOCKSTEP_FAULT = 1 << 1,    /* a board is in fault */
+    LOCKSTEP_MISMATCH = 1 << 2, /* the STEP expected another tick and was not run */
+    LOCKSTEP_STOPPING = 1 << 3, /* the simulator ends: the last DONE */
+};
 
 struct lockstep_config {
     uint32_t step_id, done_id;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A port that takes as long as a real bus would, over one that takes none (vcan). What is sent goes
- * over a wire in virtual time (canbus/wire.h) and leaves the other port when that wire has carried
+ * over a wire in virtual time (canbus/wire/wire.h) and leaves the other port when that wire has carried
  * it; what comes in has arrived already and is handed on at once, but takes its time on the wire
  * too, as the frames of one more controller. The state is that of the other port; frames that the
  * wire drops count as tx_dropped. Its granularity is that of paced_port_advance.
@@ -12,7 +12,7 @@
 #define CANBUS_PACED_H
 
 #include "canbus/port.h"
-#include "canbus/wire.h"
+#include "canbus/wire/wire.h"
 
 enum { PACED_PORT_BYPASS_MAX = 2 };
 

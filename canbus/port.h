@@ -135,7 +135,7 @@ bool socketcan_interface_exists(const char *interface);
  * were sent; of frames that are sent while another thread is still inside its send call the order
  * is open.
  *
- * Wire mode: the frames go over a wire in virtual time (canbus/wire.h), which moves with
+ * Wire mode: the frames go over a wire in virtual time (canbus/wire/wire.h), which moves with
  * local_bus_advance. A frame is handed to its node's controller at the time last advanced to,
  * however late the next call takes it over; it is received, with time_ns set, in the call that
  * reaches the end of its EOF. A port whose controller changes its state receives an error frame as
@@ -209,7 +209,7 @@ void local_bus_tap(struct local_bus *bus, void (*tap)(void *context, const struc
 
 /* Going back in time. Keeps what is on its way between the first `own` nodes that joined, and between
  * them and the wire: the calling thread must be the only one that uses them and the one that
- * advances. The wire itself is kept by its memory (canbus/wire.h), in the same breath. memory has
+ * advances. The wire itself is kept by its memory (canbus/wire/wire.h), in the same breath. memory has
  * local_bus_moment_size bytes, aligned to 8; false when more frames are on their way than it holds.
  * Going back, frames of and for other nodes stay where they are, and all counters of ports go on.
  * RT-safe. */

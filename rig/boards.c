@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The buses of a rig and the boards on them. */
-#include "rt/rig_build.h"
+#include "rig/build.h"
 
 #include "base/text.h"
-#include "boards/compact_protocol.h"
-#include "boards/foc_protocol.h"
+#include "boards/compact/protocol.h"
+#include "boards/foc/protocol.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The bodies of a rig's scene, free and static ones, and what a surface may be fixed to. */
 #include "model/spatial.h"
-#include "rt/rig_build.h"
+#include "rig/build.h"
 
 #include <string.h>
 

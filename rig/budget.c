@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Buses whose periodic traffic cannot fit, and what would help them. */
-#include "rt/buses.h"
-#include "rt/rig.h"
+#include "sim/buses.h"
+#include "rig/rig.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -20,7 +20,7 @@ static double demand_at(const struct rig *rig, size_t bus, int64_t bitrate)
 {
     const struct rig_bus *of = &rig->bus[bus];
     struct rig changed = *rig;
-    struct rig_bus buses[BUSES_MAX];
+    struct rig_bus buses[RIG_BUSES_MAX];
 
     memcpy(buses, rig->bus, rig->nbus * sizeof *buses);
     buses[bus].bitrate = bitrate;

@@ -2,11 +2,11 @@
 /*
  * Private to the rig reader: what its parts share while a struct rig is made of a struct raw_rig.
  */
-#ifndef RT_RIG_BUILD_H
-#define RT_RIG_BUILD_H
+#ifndef RIG_BUILD_H
+#define RIG_BUILD_H
 
-#include "rt/rig.h"
-#include "rt/rig_yaml.h"
+#include "rig/rig.h"
+#include "rig/schema.h"
 
 /* The pseudo-STRAIN that carries a joint's torque. */
 struct rig_torque {

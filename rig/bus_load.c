@@ -3,11 +3,11 @@
  * How much of a bus's time the boards and the controller of a rig take, when every frame is as long as
  * it can be.
  */
-#include "rt/rig.h"
+#include "rig/rig.h"
 
-#include "boards/compact_protocol.h"
-#include "boards/foc_protocol.h"
-#include "canbus/wire_bits.h"
+#include "boards/compact/protocol.h"
+#include "boards/foc/protocol.h"
+#include "canbus/wire/bits.h"
 
 #include <math.h>
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A rig's messages as a DBC database; see the header. */
-#include "rt/rig_dbc.h"
+#include "rig/dbc.h"
 
-#include "boards/compact_protocol.h"
-#include "boards/foc_protocol.h"
+#include "boards/compact/protocol.h"
+#include "boards/foc/protocol.h"
 #include "boards/messages.h"
 
 #include <math.h>
@@ -522,7 +522,7 @@ static void add_lockstep_frame(struct exporter *e, const char *name, uint32_t id
 
 static void add_lockstep(struct exporter *e)
 {
-    const struct rig_lockstep *lockstep = &e->rig->lockstep;
+    const struct loop_lockstep *lockstep = &e->rig->lockstep;
 
     if (lockstep->bus == (int)e->bus) {
         add_lockstep_frame(e, "STEP", lockstep->step_id, HOST, SIMULATOR, "ticks");

@@ -9,11 +9,11 @@
  * axis. A name is DBC_NAME_MAX letters at most: the words of a command that make it longer are cut
  * short, all alike.
  */
-#ifndef RT_RIG_DBC_H
-#define RT_RIG_DBC_H
+#ifndef RIG_DBC_H
+#define RIG_DBC_H
 
 #include "canbus/dbc.h"
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 /* Everything lives in arena. */
 enum error_code rig_dbc(const struct rig *rig, size_t bus, struct arena *arena, struct dbc **dbc,

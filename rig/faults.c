@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Lines of faults, of a rig file and of a command line, with the names that a rig gives things. */
-#include "rt/rig_faults.h"
+#include "rig/faults.h"
 
-#include "rt/rig_build.h"
+#include "rig/build.h"
 
 #include <stdio.h>
 #include <string.h>

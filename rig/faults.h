@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The faults of a run: the lines of a rig's section `faults`, and those of the command line. */
-#ifndef RT_RIG_FAULTS_H
-#define RT_RIG_FAULTS_H
+#ifndef RIG_FAULTS_H
+#define RIG_FAULTS_H
 
 #include "boards/faults.h"
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 /* Reads all lines, extra (nextra) being those of --fault. wire tells by bus whether it is a wire in
  * virtual time. Errors begin with file:line:column or --fault. Memory from arena. Not RT-safe. */

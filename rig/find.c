@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The places of rigs. */
-#include "rt/rig_path.h"
+#include "rig/find.h"
 
 #include <stdbool.h>
 #include <stdio.h>

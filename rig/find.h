@@ -2,8 +2,8 @@
 /*
  * Where a rig is when it is called by its name: coman-hil run coman. Not RT-safe.
  */
-#ifndef RT_RIG_PATH_H
-#define RT_RIG_PATH_H
+#ifndef RIG_FIND_H
+#define RIG_FIND_H
 
 #include "base/arena.h"
 #include "base/error.h"

@@ -3,13 +3,13 @@
  * From the rig file as it is written to the pieces that run: names are looked up, what contradicts
  * itself is refused with the place where it stands.
  */
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 #include "base/text.h"
-#include "boards/compact_protocol.h"
-#include "boards/icub_protocol.h"
-#include "rt/rig_build.h"
-#include "rt/rig_path.h"
+#include "boards/compact/protocol.h"
+#include "boards/icub/protocol.h"
+#include "rig/build.h"
+#include "rig/find.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -108,7 +108,7 @@ static enum error_code build_time(struct rig_builder *b)
                           raw->substep_s, raw->tick_s);
     }
     rig->substeps = (size_t)(rig->tick_ns / rig->substep_ns);
-    rig->clock = (enum rig_clock)raw->clock;
+    rig->clock = (enum loop_clock)raw->clock;
     rig->integrator = (enum plant_integrator)raw->integrator;
     rig->tolerance = raw->tolerance;
     rig->dynamics = (enum rig_dynamics)raw->dynamics;
@@ -354,7 +354,7 @@ static enum error_code check_lockstep_id(struct rig_builder *b, const struct yam
 static enum error_code build_lockstep(struct rig_builder *b)
 {
     const struct raw_lockstep *raw = &b->raw->lockstep;
-    struct rig_lockstep *lockstep = &b->rig->lockstep;
+    struct loop_lockstep *lockstep = &b->rig->lockstep;
     enum error_code code = check_lockstep_id(b, &raw->step_mark, raw->step_id);
 
     code = code ? code : check_lockstep_id(b, &raw->done_mark, raw->done_id);
@@ -394,7 +394,7 @@ static void build_realtime(struct rig_builder *b)
         .priority = (int)raw->priority,
         .cpu = (int)raw->cpu,
         .lock_memory = raw->lock_memory,
-        .overrun = (enum rig_overrun)raw->overrun,
+        .overrun = (enum loop_overrun)raw->overrun,
         .stop_after = raw->stop_after,
     };
     b->rig->record.directory = b->raw->record.directory;

@@ -5,8 +5,8 @@
  * configuration with its meshes, the boards, the controller's map of the buses. Immutable after
  * rig_load. Not RT-safe.
  */
-#ifndef RT_RIG_H
-#define RT_RIG_H
+#ifndef RIG_RIG_H
+#define RIG_RIG_H
 
 #include "base/arena.h"
 #include "base/error.h"
@@ -16,24 +16,14 @@
 #include "contact/contact.h"
 #include "model/plant.h"
 #include "model/robot.h"
+#include "rt/timing.h"
 #include "tasks/task.h"
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-enum rig_clock {
-    RIG_CLOCK_REAL,     /* absolute deadlines, one tick each tick_ns */
-    RIG_CLOCK_LOCKSTEP, /* the controller's STEP frame drives virtual time */
-    RIG_CLOCK_FREE,     /* virtual time, no pacing */
-};
-
-/* What happens with the deadlines that an overrun has missed; rt/loop.h says it exactly. */
-enum rig_overrun {
-    RIG_OVERRUN_SKIP, /* dropped: virtual time falls behind by them */
-    RIG_OVERRUN_SLIP, /* run back to back until the grid is caught up */
-    RIG_OVERRUN_STOP, /* as skip, and stop_after overruns end the run */
-};
+enum { RIG_BUSES_MAX = 32 };
 
 enum rig_contact_engine { RIG_CONTACT_NONE, RIG_CONTACT_SIMBODY, RIG_CONTACT_NATIVE };
 
@@ -55,7 +45,7 @@ struct rig_bus {
     int64_t bitrate;       /* bit/s */
     bool fd;               /* carries CAN FD frames */
     int64_t data_bitrate;  /* bit/s, of FD frames with a bit rate switch */
-    bool configure;        /* a real interface is set by us (rt/interfaces.h), not taken as it is */
+    bool configure;        /* a real interface is set by us (sim/interfaces.h), not taken as it is */
     double sample_point;   /* of a bit, for configure; 0 = the driver's choice */
     int64_t restart_ms;    /* of the kernel after bus-off, for configure; 0 = ours */
     enum board_personality personality;
@@ -63,18 +53,12 @@ struct rig_bus {
     size_t naxis; /* joints driven from this bus */
 };
 
-struct rig_lockstep {
-    int bus; /* of the STEP frame */
-    uint32_t step_id, done_id;
-    int64_t partner_timeout_ns; /* without STEP until the silence is reported */
-};
-
 /* What check and run do about a bus whose periodic traffic cannot fit. */
 enum rig_budget { RIG_BUDGET_WARN, RIG_BUDGET_REFUSE, RIG_BUDGET_IGNORE };
 
 /* How long frames take. */
 struct rig_wire {
-    bool timed;   /* local buses: over a wire in virtual time (canbus/wire.h), not at once */
+    bool timed;   /* local buses: over a wire in virtual time (canbus/wire/wire.h), not at once */
     bool paced;   /* SocketCAN: the boards' frames leave when such a wire would have carried them */
     bool fifo;    /* controllers send in order, not the most urgent frame first */
     size_t queue; /* frames that a controller holds */
@@ -86,8 +70,8 @@ struct rig_realtime {
     int priority; /* SCHED_FIFO, 1-99; 0 = do not ask for it */
     int cpu;      /* to be pinned to; -1 = any */
     bool lock_memory;
-    enum rig_overrun overrun;
-    int64_t stop_after; /* overruns until RIG_OVERRUN_STOP ends the run */
+    enum loop_overrun overrun;
+    int64_t stop_after; /* overruns until LOOP_OVERRUN_STOP ends the run */
 };
 
 struct rig_record {
@@ -99,7 +83,7 @@ struct rig {
     const char *variant; /* of the robot; "" = the default */
     const struct robot *robot;
 
-    enum rig_clock clock;
+    enum loop_clock clock;
     int64_t tick_ns, substep_ns; /* tick_ns = substeps * substep_ns exactly */
     size_t substeps;
     enum plant_integrator integrator;
@@ -139,7 +123,7 @@ struct rig {
     struct grasp_config grasp; /* nphase 0: the file has none */
 
     struct rig_wire wire;
-    struct rig_lockstep lockstep;
+    struct loop_lockstep lockstep;
     struct rig_realtime realtime;
     struct rig_record record;
 
@@ -151,7 +135,7 @@ struct rig {
 };
 
 /* Reads a rig file and what it refers to (robot, meshes); path may be the name of a rig that is
- * installed (rt/rig_path.h). Everything lives in arena. Errors carry
+ * installed (rig/find.h). Everything lives in arena. Errors carry
  * file:line:column. */
 enum error_code rig_load(const char *path, struct arena *arena, const struct rig **rig,
                          struct error *error);

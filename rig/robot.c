@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The rig's robot: its file, what the rig makes different, and how it stands at the start. */
-#include "rt/rig_build.h"
+#include "rig/build.h"
 
 #include "model/spatial.h"
 

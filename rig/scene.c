@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The scene of a rig: surfaces, their materials and meshes, and the pairs that may touch. */
 #include "model/spatial.h"
-#include "rt/rig_build.h"
+#include "rig/build.h"
 
 #include <string.h>
 

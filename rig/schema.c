@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The schema of a rig file. */
-#include "rt/rig_yaml.h"
+#include "rig/schema.h"
 
-#include "boards/icub_protocol.h"
-#include "rt/rig.h"
-#include "rt/rig_path.h"
+#include "boards/icub/protocol.h"
+#include "canbus/lockstep.h"
+#include "rig/rig.h"
+#include "rig/find.h"
 
 #include <float.h>
 
@@ -12,9 +13,9 @@
 #define AT(member) offsetof(struct STRUCT, member)
 
 static const struct yaml_enum clock_names[] = {
-    {"real", RIG_CLOCK_REAL},
-    {"lockstep", RIG_CLOCK_LOCKSTEP},
-    {"free", RIG_CLOCK_FREE},
+    {"real", LOOP_CLOCK_REAL},
+    {"lockstep", LOOP_CLOCK_LOCKSTEP},
+    {"free", LOOP_CLOCK_FREE},
     {NULL, 0},
 };
 static const struct yaml_enum integrator_names[] = {
@@ -47,9 +48,9 @@ static const struct yaml_enum kind_names[] = {
     {NULL, 0},
 };
 static const struct yaml_enum overrun_names[] = {
-    {"skip", RIG_OVERRUN_SKIP},
-    {"slip", RIG_OVERRUN_SLIP},
-    {"stop", RIG_OVERRUN_STOP},
+    {"skip", LOOP_OVERRUN_SKIP},
+    {"slip", LOOP_OVERRUN_SLIP},
+    {"stop", LOOP_OVERRUN_STOP},
     {NULL, 0},
 };
 
@@ -363,7 +364,7 @@ static const struct yaml_field realtime_fields[] = {
 };
 #undef STRUCT
 static const struct raw_realtime realtime_defaults = {
-    .priority = 80, .cpu = -1, .lock_memory = true, .overrun = RIG_OVERRUN_SKIP, .stop_after = 1};
+    .priority = 80, .cpu = -1, .lock_memory = true, .overrun = LOOP_OVERRUN_SKIP, .stop_after = 1};
 static const struct yaml_schema realtime_schema = {
     .what = "the real-time settings",
     .size = sizeof(struct raw_realtime),
@@ -522,7 +523,7 @@ static const struct yaml_field rig_fields[] = {
 };
 #undef STRUCT
 static const struct raw_rig rig_defaults = {
-    .clock = RIG_CLOCK_REAL, .tick_s = 0.001, .tolerance = 1e-9};
+    .clock = LOOP_CLOCK_REAL, .tick_s = 0.001, .tolerance = 1e-9};
 static const struct yaml_schema rig_schema = {
     .what = "the rig",
     .size = sizeof(struct raw_rig),

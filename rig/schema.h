@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A rig file as it is written: names not yet looked up, times in seconds, marks kept for messages.
- * rt/rig.c makes a struct rig of it.
+ * rig/rig.c makes a struct rig of it.
  */
-#ifndef RT_RIG_YAML_H
-#define RT_RIG_YAML_H
+#ifndef RIG_SCHEMA_H
+#define RIG_SCHEMA_H
 
 #include "base/yaml.h"
-#include "rt/rig_sensors.h"
+#include "rig/sensors.h"
 #include "tasks/task.h"
 
 #include <stdint.h>

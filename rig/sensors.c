@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The section `sensors` of a rig: its schema, and what the boards' sensors become of it. */
-#include "rt/rig_sensors.h"
+#include "rig/sensors.h"
 
-#include "rt/rig_build.h"
+#include "rig/build.h"
 
 #include <float.h>
 #include <math.h>

@@ -3,8 +3,8 @@
  * The section `sensors` of a rig file: what is wrong with its sensors, as written. Private to the
  * rig reader.
  */
-#ifndef RT_RIG_SENSORS_H
-#define RT_RIG_SENSORS_H
+#ifndef RIG_SENSORS_H
+#define RIG_SENSORS_H
 
 #include "base/yaml.h"
 

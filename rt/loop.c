@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Waiting, the phases of a tick, and their accounting. */
-#include "boards/icub_protocol.h"
 #include "rt/loop_private.h"
 #include "rt/probes.h"
 
@@ -77,7 +76,7 @@ bool loop_stop_wanted(struct loop *loop)
 /* Whether a frame goes into the recording from here: a wire records what it carries itself. */
 static bool recorded_here(const struct loop *loop, const struct bus_frame *frame)
 {
-    const struct rig_lockstep *lockstep = &loop->config.lockstep;
+    const struct loop_lockstep *lockstep = &loop->config.lockstep;
 
     return loop->config.recorder &&
            (!loop->config.machine.advance || (frame->flags & FRAME_ERROR) ||
@@ -89,7 +88,7 @@ static void deliver(struct loop *loop, size_t bus, const struct bus_frame *frame
     if (recorded_here(loop, frame)) {
         recorder_frame(loop->config.recorder, bus, frame, loop->stats.time_ns);
     }
-    if (loop->config.clock != RIG_CLOCK_LOCKSTEP || frame->id != loop->config.lockstep.step_id) {
+    if (loop->config.clock != LOOP_CLOCK_LOCKSTEP || frame->id != loop->config.lockstep.step_id) {
         loop->config.machine.receive(loop->config.machine.context, bus, frame);
     }
 }
@@ -370,7 +369,7 @@ static void charge_overrun(struct loop *loop, int64_t over)
     loop->stats.overrun_total++;
     PROBE2(overrun, worst, over);
     loop_emit(loop, LOOP_EVENT_OVERRUN, -1, worst, over);
-    if (loop->config.overrun == RIG_OVERRUN_STOP &&
+    if (loop->config.overrun == LOOP_OVERRUN_STOP &&
         loop->stats.overrun_total >= (uint64_t)loop->config.stop_after) {
         loop->end = LOOP_END_OVERRUNS;
     }
@@ -393,7 +392,7 @@ static void account_real(struct loop *loop, int64_t now)
     } else {
         loop->stats.late_ticks++;
     }
-    if (loop->config.overrun != RIG_OVERRUN_SLIP) {
+    if (loop->config.overrun != LOOP_OVERRUN_SLIP) {
         uint64_t missed = deadlines_missed(loop, now);
 
         drop_deadlines(loop, missed);
@@ -404,7 +403,7 @@ static void account_real(struct loop *loop, int64_t now)
 /* free run that has been given a speed */
 static bool paced(const struct loop *loop)
 {
-    return loop->config.clock == RIG_CLOCK_FREE && loop->steer.speed > 0.0;
+    return loop->config.clock == LOOP_CLOCK_FREE && loop->steer.speed > 0.0;
 }
 
 /* A pace, not a promise: what is late stays late, and nobody counts it. */
@@ -434,9 +433,9 @@ static bool wait_by_clock(struct loop *loop)
     bool go;
 
     switch (loop->config.clock) {
-    case RIG_CLOCK_REAL:
+    case LOOP_CLOCK_REAL:
         return wait_real(loop);
-    case RIG_CLOCK_LOCKSTEP:
+    case LOOP_CLOCK_LOCKSTEP:
         return wait_lockstep(loop);
     default:
         go = paced(loop) ? wait_real(loop) : !loop_stop_wanted(loop);
@@ -455,7 +454,7 @@ static bool wait_for_tick(struct loop *loop)
         return false; /* there is something to be carried out first */
     }
     phase_end(loop, PHASE_WAIT);
-    if (loop->config.clock == RIG_CLOCK_REAL) {
+    if (loop->config.clock == LOOP_CLOCK_REAL) {
         /* for the blame only the lateness counts, not the sleep */
         loop->spent[PHASE_WAIT] = loop->mark_ns - loop->reference_ns;
     }
@@ -483,7 +482,7 @@ static void drain_held(struct loop *loop)
 
 APART void receive(struct loop *loop)
 {
-    bool lockstep = loop->config.clock == RIG_CLOCK_LOCKSTEP;
+    bool lockstep = loop->config.clock == LOOP_CLOCK_LOCKSTEP;
     bool due = !lockstep || loop->step_begins || loop->config.machine.advance;
 
     for (size_t b = 0; b < loop->config.nbus && due; b++) {
@@ -516,7 +515,7 @@ static bool advance(struct loop *loop)
 
     loop->stats.ticks++;
     loop->stats.time_ns += loop->config.tick_ns;
-    if (loop->config.clock != RIG_CLOCK_LOCKSTEP) {
+    if (loop->config.clock != LOOP_CLOCK_LOCKSTEP) {
         return false;
     }
     loop_count_lost(loop, &rx, &tx);
@@ -604,7 +603,7 @@ static void run_tick(struct loop *loop)
     phase_end(loop, PHASE_SENSORS);
     transmit(loop);
     publish(loop);
-    if (loop->config.clock == RIG_CLOCK_REAL) {
+    if (loop->config.clock == LOOP_CLOCK_REAL) {
         account_real(loop, loop->mark_ns);
     } else if (paced(loop)) {
         account_paced(loop, loop->mark_ns);
@@ -649,10 +648,10 @@ enum loop_end loop_run(struct loop *loop)
         loop_steer_end(loop);
     }
     loop->config.machine.shut_down(loop->config.machine.context);
-    if (loop->config.clock == RIG_CLOCK_LOCKSTEP) {
+    if (loop->config.clock == LOOP_CLOCK_LOCKSTEP) {
         loop_send_done(loop, LOCKSTEP_STOPPING);
     }
     loop->stats.lockstep = loop->lockstep.counters;
-    loop->stats.end_ns = loop->config.clock == RIG_CLOCK_REAL ? loop->last_end_ns : loop->mark_ns;
+    loop->stats.end_ns = loop->config.clock == LOOP_CLOCK_REAL ? loop->last_end_ns : loop->mark_ns;
     return loop->end;
 }

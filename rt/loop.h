@@ -45,13 +45,13 @@
 #ifndef RT_LOOP_H
 #define RT_LOOP_H
 
+#include "canbus/lockstep.h"
 #include "canbus/port.h"
 #include "rt/clock.h"
 #include "rt/histogram.h"
-#include "rt/lockstep.h"
 #include "rt/recorder.h"
-#include "rt/rig.h"
 #include "rt/steering.h"
+#include "rt/timing.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -109,11 +109,11 @@ struct loop_machine {
 };
 
 struct loop_config {
-    enum rig_clock clock;
+    enum loop_clock clock;
     int64_t tick_ns;
-    enum rig_overrun overrun;
+    enum loop_overrun overrun;
     int64_t stop_after;
-    struct rig_lockstep lockstep;
+    struct loop_lockstep lockstep;
     uint64_t ticks; /* length of the run, 0 = until stopped */
     size_t nbus;
     struct can_port *const *port;

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the loop tells the log. */
-#include "boards/icub_protocol.h"
 #include "rt/loop_private.h"
 
 #include <stdio.h>

@@ -12,8 +12,8 @@ bool loop_steer_create(struct loop *loop, struct arena *arena)
 {
     struct loop_steer *steer = &loop->steer;
 
-    steer->speed = loop->config.clock == RIG_CLOCK_REAL ? 1.0 : 0.0;
-    for (size_t i = 0; i < STEERING_SLOTS && loop->config.clock == RIG_CLOCK_LOCKSTEP; i++) {
+    steer->speed = loop->config.clock == LOOP_CLOCK_REAL ? 1.0 : 0.0;
+    for (size_t i = 0; i < STEERING_SLOTS && loop->config.clock == LOOP_CLOCK_LOCKSTEP; i++) {
         steer->moment[i].held = arena_alloc(arena, HELD_MAX, sizeof *steer->moment[i].held);
         if (!steer->moment[i].held) {
             return false;
@@ -190,7 +190,7 @@ static enum steer_verdict set_speed(struct loop *loop, double speed)
 {
     const struct steering_machine *machine = steering_machine(loop->config.steering);
 
-    if (loop->config.clock == RIG_CLOCK_LOCKSTEP || (speed == 0.0 && machine->pace)) {
+    if (loop->config.clock == LOOP_CLOCK_LOCKSTEP || (speed == 0.0 && machine->pace)) {
         return STEER_CLOCK;
     }
     if (!(speed == 0.0 || (speed >= SPEED_MIN && speed <= SPEED_MAX))) {

@@ -7,7 +7,7 @@
  *
  * Provider coman_hil. All probes are hit in the loop's thread, and these are all there are:
  *
- *   run_begin(clock, tick_ns)       before the first tick; clock as enum rig_clock
+ *   run_begin(clock, tick_ns)       before the first tick; clock as enum loop_clock
  *   tick_begin(tick, time_ns)       the wait is over; tick from 0, virtual time at which it begins
  *   received(bus, frames)           one batch taken from a bus, in wait and receive
  *   sent(bus, frames, accepted)     one batch for a bus; accepted by its port

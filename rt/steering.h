@@ -5,7 +5,7 @@
  *
  * Requests and answers cross in two rings of fixed size; the loop carries requests out between two
  * ticks, in their order, and neither side ever waits for the other. One thread asks (the control
- * socket's, rt/control.h); what is asked counts for the tick that comes next. Who does not take his
+ * socket's, app/control/control.h); what is asked counts for the tick that comes next. Who does not take his
  * answers is not heard any more once their ring is full. The end of the run answers what is left.
  *
  * Standing still. Time stands by intent: it costs no deadline, no overrun, no silence of a lockstep

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Rows of signals from the loop to one other thread while it runs, for whoever has subscribed to
- * some of them (rt/control.h). The reader says at which period it wants rows; the loop fills a row
+ * some of them (app/control/control.h). The reader says at which period it wants rows; the loop fills a row
  * in place, of all signals, and never waits: rows that find the ring full are counted, and the next
  * row says how many there were. Without a reader it costs the loop one load.
  */

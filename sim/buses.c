@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Opening a rig's buses. */
-#include "rt/buses.h"
+#include "sim/buses.h"
 
 #include "base/text.h"
 #include "canbus/paced.h"
-#include "rt/interfaces.h"
+#include "sim/interfaces.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -18,7 +18,7 @@ enum {
 static enum error_code unknown_bus(const struct rig *rig, const char *item, const char *name,
                                    struct error *error)
 {
-    const char *names[BUSES_MAX], *nearest;
+    const char *names[RIG_BUSES_MAX], *nearest;
     char list[256] = "";
 
     for (size_t b = 0; b < rig->nbus; b++) {
@@ -128,9 +128,9 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
 
     memset(buses, 0, sizeof *buses);
     notice[0] = '\0';
-    if (rig->nbus > BUSES_MAX) {
+    if (rig->nbus > RIG_BUSES_MAX) {
         return error_set(error, ERROR_INPUT, "%s: found %zu buses, expected at most %d", rig->file,
-                         rig->nbus, BUSES_MAX);
+                         rig->nbus, RIG_BUSES_MAX);
     }
     buses->rig = rig;
     for (size_t b = 0; b < rig->nbus; b++) {
@@ -276,7 +276,7 @@ void bus_ports_close(struct bus_ports *ports)
 
 void buses_close(struct buses *buses)
 {
-    for (size_t b = 0; b < BUSES_MAX; b++) {
+    for (size_t b = 0; b < RIG_BUSES_MAX; b++) {
         if (buses->bus[b]) {
             local_bus_destroy(buses->bus[b]);
             buses->bus[b] = NULL;

@@ -3,11 +3,11 @@
  * Opens a rig's buses: SocketCAN interfaces, or local buses in the process when the kernel has no
  * CAN. All or none. Not RT-safe.
  */
-#ifndef RT_BUSES_H
-#define RT_BUSES_H
+#ifndef SIM_BUSES_H
+#define SIM_BUSES_H
 
 #include "canbus/port.h"
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -18,24 +18,22 @@ enum bus_transport {
     TRANSPORT_LOCAL,
 };
 
-enum { BUSES_MAX = 32 };
-
 /* One participant's ports, one a bus. */
 struct bus_ports {
     size_t count;
-    struct can_port *port[BUSES_MAX];
+    struct can_port *port[RIG_BUSES_MAX];
 };
 
 struct buses {
     const struct rig *rig;
-    const char *interface[BUSES_MAX]; /* of each bus, the rig's or the command line's */
+    const char *interface[RIG_BUSES_MAX]; /* of each bus, the rig's or the command line's */
     bool local;
     bool timed;                            /* the wires have a time: buses_advance */
-    struct local_bus *bus[BUSES_MAX];      /* when local */
-    struct can_port *paced[BUSES_MAX];     /* the simulator's, when SocketCAN is paced */
-    struct wire *wire[BUSES_MAX];          /* when timed */
-    struct can_state_box state[BUSES_MAX]; /* of SocketCAN's controllers (rt/interfaces.h) */
-    struct can_port *sought[BUSES_MAX];    /* the simulator's on SocketCAN, for buses_seek */
+    struct local_bus *bus[RIG_BUSES_MAX];      /* when local */
+    struct can_port *paced[RIG_BUSES_MAX];     /* the simulator's, when SocketCAN is paced */
+    struct wire *wire[RIG_BUSES_MAX];          /* when timed */
+    struct can_state_box state[RIG_BUSES_MAX]; /* of SocketCAN's controllers (sim/interfaces.h) */
+    struct can_port *sought[RIG_BUSES_MAX];    /* the simulator's on SocketCAN, for buses_seek */
     int64_t seek_ns;                       /* not before this time */
 };
 

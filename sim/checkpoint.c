@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Copies of spans of memory. */
-#include "rt/checkpoint.h"
+#include "sim/checkpoint.h"
 
 #include <stdint.h>
 #include <string.h>

@@ -4,8 +4,8 @@
  * it is told to copy it leaves holes alone, which are what other threads write, and on the way back
  * writes only the words that differ, so that another thread may read what nobody ever changes.
  */
-#ifndef RT_CHECKPOINT_H
-#define RT_CHECKPOINT_H
+#ifndef SIM_CHECKPOINT_H
+#define SIM_CHECKPOINT_H
 
 #include "base/arena.h"
 #include "base/error.h"

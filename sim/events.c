@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What happens in a run, as lines of a log, whoever tells it. */
-#include "rt/simulator_private.h"
+#include "sim/private.h"
 
 #include <stdio.h>
 

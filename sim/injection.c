@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What carries out the faults of motors, supply and buses. */
-#include "rt/injection.h"
+#include "sim/injection.h"
 
 #include "canbus/fault_port.h"
-#include "canbus/wire.h"
+#include "canbus/wire/wire.h"
 
 #include <string.h>
 
@@ -17,7 +17,7 @@ struct on_wire {
 struct injection {
     struct injection_config config;
     struct on_wire *wire;             /* by fault */
-    struct can_port *port[BUSES_MAX]; /* with rules; NULL = none */
+    struct can_port *port[RIG_BUSES_MAX]; /* with rules; NULL = none */
     int64_t time_ns;
 };
 
@@ -61,7 +61,7 @@ static enum error_code make_port(struct injection *injection, size_t bus, struct
                                  struct can_port **port, struct error *error)
 {
     const struct injection_config *config = &injection->config;
-    const struct rig_lockstep *lockstep = &config->rig->lockstep;
+    const struct loop_lockstep *lockstep = &config->rig->lockstep;
     size_t count = faults_count(config->faults), on_wire = 0;
     struct fault_port_rule *rule = arena_alloc(arena, count + 1, sizeof *rule);
     struct fault_port_config made = {.port = *port,
@@ -189,7 +189,7 @@ static void step_command(struct injection *injection)
 
 static void tell_ports(struct injection *injection)
 {
-    for (size_t b = 0; b < BUSES_MAX; b++) {
+    for (size_t b = 0; b < RIG_BUSES_MAX; b++) {
         if (injection->port[b]) {
             fault_port_time(injection->port[b], injection->time_ns);
         }

@@ -4,12 +4,12 @@
  * boards and their sensors look at the table themselves; motors and the supply are told through the
  * plant's command, buses through a port with rules, wires through their own faults.
  */
-#ifndef RT_INJECTION_H
-#define RT_INJECTION_H
+#ifndef SIM_INJECTION_H
+#define SIM_INJECTION_H
 
 #include "boards/faults.h"
-#include "rt/buses.h"
-#include "rt/rig.h"
+#include "sim/buses.h"
+#include "rig/rig.h"
 
 struct injection_config {
     const struct rig *rig;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Preparing and watching the real CAN interfaces of a rig. */
-#include "rt/interfaces.h"
+#include "sim/interfaces.h"
 
 #include <inttypes.h>
 #include <stdarg.h>

@@ -13,12 +13,12 @@
  * Virtual interfaces are left alone. From one thread, not the loop's; time is passed in. Not
  * RT-safe.
  */
-#ifndef RT_INTERFACES_H
-#define RT_INTERFACES_H
+#ifndef SIM_INTERFACES_H
+#define SIM_INTERFACES_H
 
 #include "canbus/interface.h"
-#include "rt/buses.h"
-#include "rt/rig.h"
+#include "sim/buses.h"
+#include "rig/rig.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -44,7 +44,7 @@ struct interface_watch {
 struct interfaces {
     const struct interface_ops *ops;
     size_t count;
-    struct interface_watch watch[BUSES_MAX];
+    struct interface_watch watch[RIG_BUSES_MAX];
     int64_t next_ns;
 };
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the loop drives: boards, plant and sensors, tick by tick. */
-#include "canbus/wire.h"
-#include "rt/simulator_private.h"
+#include "canbus/wire/wire.h"
+#include "sim/private.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -21,14 +21,14 @@ static bool machine_controller(void *context, int64_t time_ns)
 {
     struct simulator *simulator = context;
     const struct simulator_observer *observer = simulator->config.observer;
-    bool goes_on = observer && simulator->config.clock == RIG_CLOCK_FREE;
+    bool goes_on = observer && simulator->config.clock == LOOP_CLOCK_FREE;
 
     if (observer) {
         observer->step(observer->context, time_ns);
     }
     if (simulator->task_inline && simulator->controller->now.status == TASK_RUNNING) {
         /* in lockstep the clock's time: only a STEP that got lost hangs on it */
-        controller_step(simulator->controller, simulator->config.clock == RIG_CLOCK_LOCKSTEP
+        controller_step(simulator->controller, simulator->config.clock == LOOP_CLOCK_LOCKSTEP
                                                    ? clock_now(simulator->time)
                                                    : time_ns);
     }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Finding and making the cache folder. */
-#include "rt/cache.h"
+#include "sim/module_cache.h"
 
 #include <errno.h>
 #include <stdio.h>

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The folder where compiled dynamics are kept between runs. Not RT-safe. */
-#ifndef RT_CACHE_H
-#define RT_CACHE_H
+#ifndef SIM_MODULE_CACHE_H
+#define SIM_MODULE_CACHE_H
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the parts of the simulator share: simulator.c (assembly, running, looking in),
  * simulator_machine.c (what the loop calls), simulator_signals.c (recording), simulator_events.c. */
-#ifndef RT_SIMULATOR_PRIVATE_H
-#define RT_SIMULATOR_PRIVATE_H
+#ifndef SIM_PRIVATE_H
+#define SIM_PRIVATE_H
 
 #include "model/symbolic/builtin.h"
-#include "rt/injection.h"
-#include "rt/interfaces.h"
+#include "sim/injection.h"
+#include "sim/interfaces.h"
 #include "rt/pace.h"
-#include "rt/simulator.h"
-#include "rt/steered.h"
-#include "rt/timed_contact.h"
+#include "sim/simulator.h"
+#include "sim/steered.h"
+#include "sim/timed_contact.h"
 
 #include <pthread.h>
 #include <stdatomic.h>

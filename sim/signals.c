@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The signals of a run, their titles and rows: for signals.csv and for subscribers. */
-#include "rt/simulator_private.h"
+#include "sim/private.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -221,7 +221,7 @@ enum error_code simulator_create_recorder(struct simulator *simulator, struct er
     struct recorder_config recorder = {
         .directory = config->record,
         .overwrite = config->overwrite,
-        .lossless = config->clock != RIG_CLOCK_REAL,
+        .lossless = config->clock != LOOP_CLOCK_REAL,
         .nbus = config->rig->nbus,
         .bus = simulator->buses.interface,
     };

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Joins the parts of a rig behind the loop. */
-#include "rt/simulator_private.h"
+#include "sim/private.h"
 
-#include "rt/cache.h"
-#include "rt/rig_faults.h"
+#include "sim/module_cache.h"
+#include "rig/faults.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -124,7 +124,7 @@ static enum error_code create_buses(struct simulator *simulator, char notice[256
         buses_open(config->rig, config->transport, config->interface, config->ninterface, guests,
                    simulator->arena, &simulator->buses, notice, error);
 
-    if (!code && simulator->buses.local && config->clock == RIG_CLOCK_LOCKSTEP && !guests) {
+    if (!code && simulator->buses.local && config->clock == LOOP_CLOCK_LOCKSTEP && !guests) {
         code = error_set(error, ERROR_UNSUPPORTED,
                          "lockstep on local buses waits for STEP frames that nobody can send: give "
                          "--task or --gateway, or use --transport socketcan on a kernel with CAN");
@@ -232,7 +232,7 @@ static enum error_code create_task(struct simulator *simulator, struct error *er
     if (!config->task) {
         return ERROR_NONE;
     }
-    simulator->task_inline = config->clock != RIG_CLOCK_REAL;
+    simulator->task_inline = config->clock != LOOP_CLOCK_REAL;
     if (config->steered && !simulator->task_inline) {
         code = pace_create(simulator->time, simulator->arena, &simulator->pace, error);
         if (code) {
@@ -241,7 +241,7 @@ static enum error_code create_task(struct simulator *simulator, struct error *er
         time = pace_clock(simulator->pace);
     }
     code = controller_create(config->rig, config->task, simulator->task_ports.port,
-                             config->clock == RIG_CLOCK_LOCKSTEP, time, simulator->arena,
+                             config->clock == LOOP_CLOCK_LOCKSTEP, time, simulator->arena,
                              &simulator->controller, error);
     if (simulator->task_inline) {
         simulator->moves_to = simulator->arena->used;
@@ -321,7 +321,7 @@ static enum error_code create_loop(struct simulator *simulator, struct error *er
 static enum error_code create_gateway(struct simulator *simulator, struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
-    struct gateway_bus bus[BUSES_MAX];
+    struct gateway_bus bus[RIG_BUSES_MAX];
     struct gateway_config gateway;
 
     if (!config->gateway) {
@@ -439,7 +439,7 @@ enum error_code simulator_start(struct simulator *simulator, struct realtime_rep
     memset(report, 0, sizeof *report);
     code = arena_seal(simulator->arena, false, error);
     realtime_touch();
-    if (code || simulator->config.clock != RIG_CLOCK_REAL) {
+    if (code || simulator->config.clock != LOOP_CLOCK_REAL) {
         return code;
     }
     if (simulator->controller) {

@@ -4,17 +4,17 @@
  * with the recorder and, when asked for, a task on the other side of the buses. Not RT-safe but for
  * what the loop calls.
  */
-#ifndef RT_SIMULATOR_H
-#define RT_SIMULATOR_H
+#ifndef SIM_SIMULATOR_H
+#define SIM_SIMULATOR_H
 
 #include "canbus/gateway.h"
 #include "model/settle.h"
-#include "rt/buses.h"
-#include "rt/controller.h"
-#include "rt/journal.h"
+#include "sim/buses.h"
+#include "sim/task_runner.h"
+#include "base/journal.h"
 #include "rt/loop.h"
 #include "rt/realtime.h"
-#include "rt/rig.h"
+#include "rig/rig.h"
 #include "rt/snapshot.h"
 #include "rt/stream.h"
 
@@ -35,12 +35,12 @@ struct simulator_observer {
 
 struct simulator_config {
     const struct rig *rig;
-    enum rig_clock clock;
+    enum loop_clock clock;
     enum rig_hold hold;
     bool settle; /* start in static equilibrium (plant_settle) */
     bool energy; /* account for it (plant_energy) */
-    enum rig_overrun overrun;
-    int64_t stop_after; /* overruns, for RIG_OVERRUN_STOP */
+    enum loop_overrun overrun;
+    int64_t stop_after; /* overruns, for LOOP_OVERRUN_STOP */
     enum bus_transport transport;
     const char *const *interface; /* "NAME=INTERFACE", as of --bus */
     size_t ninterface;
@@ -81,7 +81,7 @@ struct simulator_status {
     double q[SIMULATOR_JOINTS_MAX]; /* rad */
     double force_z[SIMULATOR_CONTACTS_MAX]; /* contact bodies, world frame, N */
     double free[SIMULATOR_FREE_MAX][7]; /* of the first free bodies: origin (m), quaternion wxyz */
-    struct bus_status bus[BUSES_MAX];
+    struct bus_status bus[RIG_BUSES_MAX];
 };
 
 struct simulator;
@@ -122,7 +122,7 @@ void simulator_destroy(struct simulator *simulator);
 /* The last published status; from any thread. False before the first tick. */
 bool simulator_read(const struct simulator *simulator, struct simulator_status *status);
 
-/* Looks after the real CAN interfaces, at most once a second (rt/interfaces.h); from the thread that
+/* Looks after the real CAN interfaces, at most once a second (sim/interfaces.h); from the thread that
  * asks for events. */
 void simulator_watch_interfaces(struct simulator *simulator, int64_t now_ns);
 

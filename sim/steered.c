@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Faults, pushes, tunables and the way back, on the parts of a simulator. */
-#include "rt/steered.h"
+#include "sim/steered.h"
 
 #include "base/ring.h"
-#include "canbus/wire.h"
+#include "canbus/wire/wire.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -31,7 +31,7 @@ struct steered {
     struct tunable *tunable;
     struct meaning *meaning;
     size_t ntunable;
-    unsigned char *bus_moment[STEERING_SLOTS][BUSES_MAX]; /* NULL = not a local bus */
+    unsigned char *bus_moment[STEERING_SLOTS][RIG_BUSES_MAX]; /* NULL = not a local bus */
 
     /* moves with the virtual time */
     struct {
@@ -354,7 +354,7 @@ static enum error_code create_checkpoint(struct steered *s, struct arena *arena,
     const struct steered_config *config = &s->config;
     enum { OWN_SPANS = 3, OWN_HOLES = 4 };
     struct span *moving =
-        arena_alloc(arena, config->nmoving + BUSES_MAX + OWN_SPANS, sizeof *moving);
+        arena_alloc(arena, config->nmoving + RIG_BUSES_MAX + OWN_SPANS, sizeof *moving);
     struct span *hole = arena_alloc(arena, config->nhole + OWN_HOLES, sizeof *hole);
     size_t nmoving = config->nmoving, nhole = config->nhole;
 

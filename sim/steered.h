@@ -10,14 +10,14 @@
  *   sensing.noise_scale      factor on all sensor noise
  * They are part of what goes back.
  */
-#ifndef RT_STEERED_H
-#define RT_STEERED_H
+#ifndef SIM_STEERED_H
+#define SIM_STEERED_H
 
 #include "boards/sensing.h"
 #include "model/plant.h"
-#include "rt/buses.h"
-#include "rt/checkpoint.h"
-#include "rt/injection.h"
+#include "sim/buses.h"
+#include "sim/checkpoint.h"
+#include "sim/injection.h"
 #include "rt/steering_private.h"
 
 #define STEERED_WINCH_M_S 0.1

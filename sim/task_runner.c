@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Steps a task on time. */
-#include "rt/controller.h"
+#include "sim/task_runner.h"
 
 #include "base/text.h"
 

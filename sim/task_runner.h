@@ -4,11 +4,11 @@
  * thread or process of its own (real time on a grid of the tick, or lockstep from outside). What the
  * task has to say can be read from any thread.
  */
-#ifndef RT_CONTROLLER_H
-#define RT_CONTROLLER_H
+#ifndef SIM_TASK_RUNNER_H
+#define SIM_TASK_RUNNER_H
 
 #include "rt/clock.h"
-#include "rt/rig.h"
+#include "rig/rig.h"
 #include "rt/snapshot.h"
 #include "tasks/task.h"
 

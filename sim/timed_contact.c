@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A contact engine in front of another, with a stopwatch. */
-#include "rt/timed_contact.h"
+#include "sim/timed_contact.h"
 
 #include <string.h>
 

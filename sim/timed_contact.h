@@ -4,8 +4,8 @@
  * one evaluation: the sensors at the end of a tick and the first stage of the next ask for the same
  * motion, and what the engine answers depends on nothing else.
  */
-#ifndef RT_TIMED_CONTACT_H
-#define RT_TIMED_CONTACT_H
+#ifndef SIM_TIMED_CONTACT_H
+#define SIM_TIMED_CONTACT_H
 
 #include "contact/contact.h"
 #include "rt/clock.h"

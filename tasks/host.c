@@ -2,7 +2,8 @@
 /* The host's core: the map of boards, time and lockstep, queues, the phases of the start-up. */
 #include "tasks/host_private.h"
 
-#include "boards/icub_protocol.h"
+#include "boards/icub/protocol.h"
+#include "canbus/lockstep.h"
 
 #include <math.h>
 #include <stdio.h>

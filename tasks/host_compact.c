@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The host's side of boards/compact_protocol.h: set-points by slot, all of a bus in one or few
+ * The host's side of boards/compact/protocol.h: set-points by slot, all of a bus in one or few
  * frames every period, telemetry every period.
  */
 #include "tasks/host_private.h"
 
-#include "boards/compact_protocol.h"
+#include "boards/compact/protocol.h"
 
 #include <math.h>
 #include <string.h>

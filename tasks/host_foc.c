@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The host's side of boards/foc_protocol.h: one axis a board, all set-points of a bus in one frame
+ * The host's side of boards/foc/protocol.h: one axis a board, all set-points of a bus in one frame
  * every millisecond, answered by every board.
  */
 #include "tasks/host_private.h"
 
-#include "boards/foc_protocol.h"
+#include "boards/foc/protocol.h"
 
 #include <math.h>
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The host's side of boards/icub_protocol.h: two axes a board, telemetry every 4 ms. */
+/* The host's side of boards/icub/protocol.h: two axes a board, telemetry every 4 ms. */
 #include "tasks/host_private.h"
 
-#include "boards/icub_protocol.h"
+#include "boards/icub/protocol.h"
 
 #include <math.h>
 #include <string.h>

@@ -5,7 +5,7 @@
  */
 #include "tasks/host_private.h"
 
-#include "boards/icub_protocol.h"
+#include "boards/icub/protocol.h"
 
 void host_discover_icub(struct host *host, size_t bus)
 {

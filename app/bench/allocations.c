@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A malloc that counts, in place of the C library's for the whole program. */
-#include "rt/bench_allocations.h"
+#include "app/bench/allocations.h"
 
 #include <stdlib.h>
 

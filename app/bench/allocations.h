@@ -4,8 +4,8 @@
  * so that what shared libraries allocate counts too. Not with sanitizers, which have a malloc of
  * their own.
  */
-#ifndef RT_BENCH_ALLOCATIONS_H
-#define RT_BENCH_ALLOCATIONS_H
+#ifndef APP_BENCH_ALLOCATIONS_H
+#define APP_BENCH_ALLOCATIONS_H
 
 #include <stdbool.h>
 #include <stddef.h>

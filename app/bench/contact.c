@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * coman-hil bench contact: time of one evaluation of contact forces for the pairs of surfaces that
+ * coman-hil-bench contact: time of one evaluation of contact forces for the pairs of surfaces that
  * a robot meets and for the paper's five-body scene, the native engine beside Simbody in one
  * interleaved run; how it grows with the size of a mesh; and the slowest of many random poses.
  */
 #include "contact/contact.h"
-#include "rt/bench_allocations.h"
-#include "rt/bench_contact_scenes.h"
-#include "rt/bench_output.h"
-#include "rt/commands.h"
-#include "rt/options.h"
+#include "app/bench/allocations.h"
+#include "app/bench/contact_scenes.h"
+#include "app/bench/output.h"
+#include "app/bench/benchmarks.h"
+#include "base/options.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -106,7 +106,7 @@ static void run_rounds(struct bench *bench)
                 bench->result[i].us[e][round] = measure(&bench->result[i], e);
             }
         }
-        bench_progress("bench contact", round + 1, bench->rounds);
+        bench_progress("contact", round + 1, bench->rounds);
     }
 }
 
@@ -207,7 +207,7 @@ static enum error_code run_random(struct bench *bench, struct error *error)
         qsort(us, n, sizeof *us, compare);
         printf("%-26s %9zu %8.3f %8.3f %8.3f %8.3f %8.1f\n", s->name, s->faces, us[n / 2],
                us[n - 1 - n / 100], us[n - 1 - n / 1000], us[n - 1], us[n - 1] / us[n / 2]);
-        bench_progress("bench contact, random poses", i + 1, bench->nscene);
+        bench_progress("contact, random poses", i + 1, bench->nscene);
     }
     free(us);
     return ERROR_NONE;
@@ -255,7 +255,8 @@ int bench_contact(int argc, char **argv)
         {"FOOT", "the foot's mesh (config/meshes/coman-foot-right.obj)", false, &foot},
     };
     static const struct command_spec spec = {
-        .name = "bench contact",
+        .program = "coman-hil-bench",
+        .name = "contact",
         .summary = "Time the contact engines on the pairs of surfaces that a robot meets.",
         .option = options,
         .noption = sizeof options / sizeof *options,
@@ -282,5 +283,5 @@ int bench_contact(int argc, char **argv)
         code = run(&bench, foot ? foot : "config/meshes/coman-foot-right.obj", &error);
         arena_fini(&bench.arena);
     }
-    return code ? command_fail("bench contact", &error) : STATUS_OK;
+    return code ? options_fail(&spec, &error) : STATUS_OK;
 }

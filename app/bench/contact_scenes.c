@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The contact scenes that are measured. */
-#include "rt/bench_contact_scenes.h"
+#include "app/bench/contact_scenes.h"
 
 #include <math.h>
 #include <string.h>

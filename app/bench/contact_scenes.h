@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The contact scenes that are measured: the pairs of surfaces that a robot meets, the paper's five
- * bodies, and a foot on bumpy ground of more and more triangles. Shared by coman-hil bench contact
+ * bodies, and a foot on bumpy ground of more and more triangles. Shared by coman-hil-bench contact
  * and by the program that counts instructions. Not RT-safe.
  */
-#ifndef RT_BENCH_CONTACT_SCENES_H
-#define RT_BENCH_CONTACT_SCENES_H
+#ifndef APP_BENCH_CONTACT_SCENES_H
+#define APP_BENCH_CONTACT_SCENES_H
 
 #include "contact/contact.h"
 

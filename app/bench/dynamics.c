@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * coman-hil bench dynamics: CPU time of a robot's generalized accelerations by number of degrees of
+ * coman-hil-bench dynamics: CPU time of a robot's generalized accelerations by number of degrees of
  * freedom, ours and other simulators' in one interleaved run (the paper's section 3.2 and Fig. 4).
  */
 #include "model/symbolic/builtin.h"
-#include "rt/bench_dynamics.h"
-#include "rt/bench_engines.h"
-#include "rt/bench_output.h"
-#include "rt/commands.h"
-#include "rt/options.h"
-#include "rt/svg.h"
+#include "app/bench/dynamics.h"
+#include "app/bench/engines.h"
+#include "app/bench/output.h"
+#include "app/bench/benchmarks.h"
+#include "app/report/report_file.h"
+#include "base/options.h"
+#include "app/report/svg.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -102,7 +103,7 @@ static void run_rounds(struct dynamics_bench *bench)
                 bench->cell[e][s].ns[round] = measure(bench->peer[e], &bench->cell[e][s]);
             }
         }
-        bench_progress("bench dynamics", round + 1, bench->rounds);
+        bench_progress("dynamics", round + 1, bench->rounds);
     }
 }
 
@@ -274,16 +275,16 @@ static enum error_code write_files(const struct dynamics_bench *bench, const cha
                                    struct error *error)
 {
     FILE *out;
-    enum error_code code = bench_open(folder, "dynamics.csv", &out, error);
+    enum error_code code = report_file_open(folder, "dynamics.csv", &out, error);
 
     if (!code) {
-        code = bench_close(out, "dynamics.csv", write_csv(bench, out, error), error);
+        code = report_file_close(out, "dynamics.csv", write_csv(bench, out, error), error);
     }
     if (!code) {
-        code = bench_open(folder, "dynamics.svg", &out, error);
+        code = report_file_open(folder, "dynamics.svg", &out, error);
     }
     if (!code) {
-        code = bench_close(out, "dynamics.svg", write_plot(bench, out, error), error);
+        code = report_file_close(out, "dynamics.svg", write_plot(bench, out, error), error);
     }
     return code;
 }
@@ -346,7 +347,8 @@ int bench_dynamics(int argc, char **argv)
     static const struct operand_spec operands[] = {
         {"ROBOT", "the robot file (default config/robots/coman.yaml)", false, &file}};
     static const struct command_spec spec = {
-        .name = "bench dynamics",
+        .program = "coman-hil-bench",
+        .name = "dynamics",
         .summary = "CPU time of a robot's generalized accelerations by number of degrees of "
                    "freedom, the paper's Fig. 4.",
         .option = options,

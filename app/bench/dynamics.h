@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * CPU time of a robot's generalized accelerations by number of degrees of freedom: what coman-hil bench
+ * CPU time of a robot's generalized accelerations by number of degrees of freedom: what coman-hil-bench
  * dynamics and bench paper measure. Not RT-safe.
  */
-#ifndef RT_BENCH_DYNAMICS_H
-#define RT_BENCH_DYNAMICS_H
+#ifndef APP_BENCH_DYNAMICS_H
+#define APP_BENCH_DYNAMICS_H
 
-#include "rt/peers.h"
+#include "app/bench/peers.h"
 
 enum { DYNAMICS_ENGINES = 8, DYNAMICS_SIZES = 4 };
 #define DYNAMICS_ARENA_BYTES ((size_t)256 << 20)
@@ -26,7 +26,7 @@ struct dynamics_bench {
     /* the rest is filled in */
     const struct robot *robot[DYNAMICS_SIZES]; /* the last is the whole one */
     size_t nsize, nengine;
-    const struct peer_dynamics *peer[DYNAMICS_ENGINES]; /* ours first (rt/bench_engines.h) */
+    const struct peer_dynamics *peer[DYNAMICS_ENGINES]; /* ours first (app/bench/engines.h) */
     struct dynamics_cell cell[DYNAMICS_ENGINES][DYNAMICS_SIZES];
     double slope[DYNAMICS_ENGINES]; /* us a degree of freedom, least squares; 0 with one size */
 };

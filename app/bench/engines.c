@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Our dynamics as engines beside the others. */
-#include "rt/bench_engines.h"
+#include "app/bench/engines.h"
 
 #include "model/dynamics.h"
 #include "model/symbolic/builtin.h"

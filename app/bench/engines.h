@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Our implementations of a robot's dynamics in the terms in which other simulators are compared
- * (rt/peers.h). Not RT-safe. */
-#ifndef RT_BENCH_ENGINES_H
-#define RT_BENCH_ENGINES_H
+ * (app/bench/peers.h). Not RT-safe. */
+#ifndef APP_BENCH_ENGINES_H
+#define APP_BENCH_ENGINES_H
 
-#include "rt/peers.h"
+#include "app/bench/peers.h"
 
 /* The implementations of struct dynamics, the numeric one first. The generator's code is what is
  * built in for the robot, else create compiles it (seconds). */

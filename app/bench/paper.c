@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil bench paper: every table and figure of the paper that can be reproduced, in one report. */
-#include "rt/bench_paper.h"
+/* coman-hil-bench paper: every table and figure of the paper that can be reproduced, in one report. */
+#include "app/bench/paper.h"
 
-#include "rt/bench_output.h"
-#include "rt/bench_pendulum.h"
-#include "rt/commands.h"
-#include "rt/options.h"
+#include "app/bench/output.h"
+#include "app/bench/pendulum.h"
+#include "app/bench/benchmarks.h"
+#include "base/options.h"
 
 #include <unistd.h>
 
@@ -109,7 +109,8 @@ int bench_paper(int argc, char **argv)
         BENCH_PEERS_OPTION(&module),
     };
     static const struct command_spec spec = {
-        .name = "bench paper",
+        .program = "coman-hil-bench",
+        .name = "paper",
         .summary = "A report with every table and figure of the paper that can be reproduced.",
         .option = options,
         .noption = sizeof options / sizeof options[0],

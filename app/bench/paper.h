@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The parts of coman-hil bench paper: each measures some of the paper's experiments and writes its
+ * The parts of coman-hil-bench paper: each measures some of the paper's experiments and writes its
  * sections of the report. Not RT-safe.
  */
-#ifndef RT_BENCH_PAPER_H
-#define RT_BENCH_PAPER_H
+#ifndef APP_BENCH_PAPER_H
+#define APP_BENCH_PAPER_H
 
 #include "rt/loop.h"
-#include "rt/peers.h"
-#include "rt/report.h"
-#include "rt/rig.h"
-#include "rt/signals.h"
+#include "app/bench/peers.h"
+#include "app/report/report.h"
+#include "rig/rig.h"
+#include "app/report/signals.h"
 
 #include <limits.h>
 
@@ -43,7 +43,7 @@ struct paper_run {
 /* How a rig is run. */
 struct paper_order {
     const char *rig, *task;
-    enum rig_clock clock;
+    enum loop_clock clock;
     const char *const *title; /* of the signals to record; NULL = nothing is recorded */
     size_t ntitle;
     bool joints; /* after them the angle of every joint */

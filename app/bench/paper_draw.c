@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Recorded runs of the manipulation task, and drawings of the robot from them. */
-#include "rt/bench_paper_grasp.h"
+#include "app/bench/paper_grasp.h"
 
 #include "model/spatial.h"
 
@@ -39,7 +39,7 @@ enum error_code paper_grasp_run(const struct paper *paper, const char *rig, stru
                                                          "base_qz"};
     const struct paper_order order = {.rig = rig,
                                       .task = "grasp",
-                                      .clock = RIG_CLOCK_LOCKSTEP,
+                                      .clock = LOOP_CLOCK_LOCKSTEP,
                                       .title = title,
                                       .ntitle = GRASP_SIGNALS - 1,
                                       .joints = true,

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The paper's section 6: Table 2 and Figs. 9 to 11, COMAN takes a box from a table. */
-#include "rt/bench_paper.h"
-#include "rt/bench_paper_grasp.h"
+#include "app/bench/paper.h"
+#include "app/bench/paper_grasp.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Recorded runs of the manipulation task, for the report. Not RT-safe. */
-#ifndef RT_BENCH_PAPER_GRASP_H
-#define RT_BENCH_PAPER_GRASP_H
+#ifndef APP_BENCH_PAPER_GRASP_H
+#define APP_BENCH_PAPER_GRASP_H
 
-#include "rt/bench_paper.h"
+#include "app/bench/paper.h"
 
 #define GRASP_TIME "time since the arms began to move, s"
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The paper's Table 1 and Fig. 3: relative and absolute coordinates. */
-#include "rt/bench_paper.h"
-#include "rt/bench_pendulum.h"
+#include "app/bench/paper.h"
+#include "app/bench/pendulum.h"
 
 #include <math.h>
 

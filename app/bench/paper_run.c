@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Runs of rigs for the report, and what is computed from their recordings. */
-#include "rt/bench_paper.h"
+#include "app/bench/paper.h"
 
 #include "model/spatial.h"
-#include "rt/rig_path.h"
-#include "rt/simulator.h"
+#include "rig/find.h"
+#include "sim/simulator.h"
 
 #include <math.h>
 #include <stdlib.h>

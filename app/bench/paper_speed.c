@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Every timing of the paper: Fig. 4, the real-time factors of Table 1 and of section 6. */
-#include "rt/bench_dynamics.h"
-#include "rt/bench_output.h"
-#include "rt/bench_paper.h"
-#include "rt/bench_pendulum.h"
+#include "app/bench/dynamics.h"
+#include "app/bench/output.h"
+#include "app/bench/paper.h"
+#include "app/bench/pendulum.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -62,14 +62,14 @@ static void put_machine(struct report *report)
 
 static const struct setting {
     const char *what, *rig;
-    enum rig_clock clock;
+    enum loop_clock clock;
     double said; /* NAN: nothing */
 } settings[PAPER_SPEEDS] = {
-    {"rk4, dt 0.1 ms, five bodies in contact", "grasp-paper", RIG_CLOCK_FREE, 0.013},
-    {"rk4, dt 0.1 ms, feet locked", "grasp-locked", RIG_CLOCK_FREE, 0.033},
-    {"rk4, dt 0.9 ms, feet locked", "grasp-coarse", RIG_CLOCK_FREE, 0.28},
-    {"implicit, dt 1 ms, five bodies in contact", "grasp", RIG_CLOCK_FREE, NAN},
-    {"implicit, dt 1 ms, five bodies, lockstep", "grasp", RIG_CLOCK_LOCKSTEP, NAN},
+    {"rk4, dt 0.1 ms, five bodies in contact", "grasp-paper", LOOP_CLOCK_FREE, 0.013},
+    {"rk4, dt 0.1 ms, feet locked", "grasp-locked", LOOP_CLOCK_FREE, 0.033},
+    {"rk4, dt 0.9 ms, feet locked", "grasp-coarse", LOOP_CLOCK_FREE, 0.28},
+    {"implicit, dt 1 ms, five bodies in contact", "grasp", LOOP_CLOCK_FREE, NAN},
+    {"implicit, dt 1 ms, five bodies, lockstep", "grasp", LOOP_CLOCK_LOCKSTEP, NAN},
 };
 
 struct speed {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The paper's Fig. 12: WALK-MAN squats. */
-#include "rt/bench_paper.h"
+#include "app/bench/paper.h"
 
-#include "boards/icub_protocol.h"
+#include "boards/icub/protocol.h"
 #include "canbus/candump.h"
 
 #include <math.h>
@@ -320,7 +320,7 @@ enum error_code paper_squat(struct paper *paper, struct error *error)
         "base_z_m",           "base_qw",    "base_qx",    "base_qy",  "base_qz"};
     const struct paper_order order = {.rig = "walkman",
                                       .task = "squat",
-                                      .clock = RIG_CLOCK_LOCKSTEP,
+                                      .clock = LOOP_CLOCK_LOCKSTEP,
                                       .title = title,
                                       .ntitle = JOINTS - 1,
                                       .joints = true,

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Finding and loading the module with the other simulators. */
-#include "rt/peers.h"
+#include "app/bench/peers.h"
 
 #include <dlfcn.h>
 #include <limits.h>
@@ -49,8 +49,8 @@ static enum error_code program_folder(char folder[PATH_MAX], struct error *error
 
 enum error_code peers_open(const char *path, struct peers_library *library, struct error *error)
 {
-    static const char *const places[] = {"", "/../tests"};
-    char folder[PATH_MAX], file[PATH_MAX + sizeof "/../tests/" PEERS_FILE];
+    static const char *const places[] = {"", "/tests"};
+    char folder[PATH_MAX], file[PATH_MAX + sizeof "/tests/" PEERS_FILE];
     enum error_code code;
 
     *library = (struct peers_library){0};
@@ -69,7 +69,7 @@ enum error_code peers_open(const char *path, struct peers_library *library, stru
     }
     return error_set(error, ERROR_UNSUPPORTED,
                      "found no " PEERS_FILE
-                     " in %s or %s/../tests: it is built with the tests where "
+                     " in %s or %s/tests: it is built with the tests where "
                      "libsimbody-dev, libmujoco-dev or libode-dev is installed",
                      folder, folder);
 }

@@ -5,8 +5,8 @@
  * and loaded when it is there. Every number is in the units and orders of model/robot.h and
  * model/dynamics.h. Not RT-safe.
  */
-#ifndef RT_PEERS_H
-#define RT_PEERS_H
+#ifndef APP_BENCH_PEERS_H
+#define APP_BENCH_PEERS_H
 
 #include "base/error.h"
 #include "model/robot.h"
@@ -75,7 +75,7 @@ struct peers_library {
 };
 
 /* Loads the module at path, or with path NULL the one that lies beside the program or where the build
- * puts it, in ../tests from there. Without one ERROR_UNSUPPORTED. */
+ * puts it, in tests/ from there. Without one ERROR_UNSUPPORTED. */
 enum error_code peers_open(const char *path, struct peers_library *library, struct error *error);
 
 /* Nothing of the module may be in use. Safe on a zeroed library. */

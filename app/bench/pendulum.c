@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * coman-hil bench pendulum: a single and a double pendulum in relative coordinates (ours, Runge-Kutta
+ * coman-hil-bench pendulum: a single and a double pendulum in relative coordinates (ours, Runge-Kutta
  * 4 through the whole plant) and in absolute ones with constraints (another simulator), as in the
  * paper's section 3.1: its Table 1 and Fig. 3.
  *
@@ -13,11 +13,12 @@
  * which only m2 = 2 does, with a'' = -(5/24.5) sin a. Started at speed w0 = 2.1 they turn over with
  * the period 4 K(m)/w0, m = 4 (5/24.5)/w0^2, K the complete elliptic integral of the first kind.
  */
-#include "rt/bench_output.h"
-#include "rt/bench_pendulum.h"
-#include "rt/commands.h"
-#include "rt/options.h"
-#include "rt/svg.h"
+#include "app/bench/output.h"
+#include "app/bench/pendulum.h"
+#include "app/bench/benchmarks.h"
+#include "app/report/report_file.h"
+#include "base/options.h"
+#include "app/report/svg.h"
 
 #include "model/plant.h"
 
@@ -320,7 +321,7 @@ enum error_code pendulum_measure_table(struct pendulum_table *table, struct erro
                 code = measure_row(table->absolute, &chain_of[n], pendulum_step_sizes[k],
                                    &table->theirs[n][k], error);
             }
-            bench_progress("bench pendulum, table", ++done, all);
+            bench_progress("pendulum, table", ++done, all);
         }
     }
     return code;
@@ -409,7 +410,7 @@ static enum error_code write_table(const struct pendulum_table *table, const cha
 {
     static const char name[] = "pendulum-table.csv";
     FILE *out;
-    enum error_code code = bench_open(folder, name, &out, error);
+    enum error_code code = report_file_open(folder, name, &out, error);
 
     if (code) {
         return code;
@@ -420,7 +421,7 @@ static enum error_code write_table(const struct pendulum_table *table, const cha
     if (table->absolute) {
         write_rows(out, table->absolute, table->nstep, table->theirs);
     }
-    return bench_close(out, name, ERROR_NONE, error);
+    return report_file_close(out, name, ERROR_NONE, error);
 }
 
 /* ---- Fig. 3 ---- */
@@ -576,7 +577,7 @@ static enum error_code write_periods(const struct pendulum_course *course, size_
                                   .series = series,
                                   .nseries = count + 1};
     FILE *out;
-    enum error_code code = bench_open(folder, name, &out, error);
+    enum error_code code = report_file_open(folder, name, &out, error);
 
     if (code) {
         return code;
@@ -592,11 +593,11 @@ static enum error_code write_periods(const struct pendulum_course *course, size_
         series[i + 1] = (struct svg_series){
             .name = c->peer->name, .x = c->end, .y = c->period, .count = c->nturn};
     }
-    code = bench_close(out, name, ERROR_NONE, error);
+    code = report_file_close(out, name, ERROR_NONE, error);
     if (!code) {
-        code = bench_open(folder, plot_name, &out, error);
+        code = report_file_open(folder, plot_name, &out, error);
     }
-    return code ? code : bench_close(out, plot_name, svg_write(&plot, out, error), error);
+    return code ? code : report_file_close(out, plot_name, svg_write(&plot, out, error), error);
 }
 
 static enum error_code write_heights(const struct pendulum_course *course, size_t count,
@@ -612,7 +613,7 @@ static enum error_code write_heights(const struct pendulum_course *course, size_
                                   .nseries = count,
                                   .width = 1200};
     FILE *out;
-    enum error_code code = bench_open(folder, name, &out, error);
+    enum error_code code = report_file_open(folder, name, &out, error);
 
     if (code) {
         return code;
@@ -630,11 +631,11 @@ static enum error_code write_heights(const struct pendulum_course *course, size_
                                         .count = c->nsample,
                                         .style = i ? SVG_DASHED : SVG_LINE};
     }
-    code = bench_close(out, name, ERROR_NONE, error);
+    code = report_file_close(out, name, ERROR_NONE, error);
     if (!code) {
-        code = bench_open(folder, plot_name, &out, error);
+        code = report_file_open(folder, plot_name, &out, error);
     }
-    return code ? code : bench_close(out, plot_name, svg_write(&plot, out, error), error);
+    return code ? code : report_file_close(out, plot_name, svg_write(&plot, out, error), error);
 }
 
 static enum error_code run_bench(struct pendulum_table *table, const char *folder,
@@ -679,7 +680,8 @@ int bench_pendulum(int argc, char **argv)
         BENCH_PEERS_OPTION(&module),
     };
     static const struct command_spec spec = {
-        .name = "bench pendulum",
+        .program = "coman-hil-bench",
+        .name = "pendulum",
         .summary = "A single and a double pendulum in relative and in absolute coordinates, the "
                    "paper's Table 1 and Fig. 3.",
         .option = options,

@@ -3,13 +3,13 @@
  * coman-hil accel: reads states of a robot as text from standard input and prints its generalized
  * accelerations, so that other programs can check the dynamics.
  */
-#include "rt/commands.h"
+#include "app/cli/commands.h"
 
 #include "base/arena.h"
 #include "base/text.h"
 #include "model/symbolic/builtin.h"
-#include "rt/cache.h"
-#include "rt/options.h"
+#include "sim/module_cache.h"
+#include "base/options.h"
 
 #include <errno.h>
 #include <math.h>

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil check: what a rig or a robot file holds, or what is wrong with it. */
 #include "boards/board.h"
-#include "rt/commands.h"
-#include "rt/options.h"
-#include "rt/rig.h"
-#include "rt/rig_command.h"
+#include "app/cli/commands.h"
+#include "base/options.h"
+#include "rig/rig.h"
+#include "app/cli/rig_command.h"
 
 #include <inttypes.h>
 #include <stdio.h>

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil ctl: looks at a running simulator and steers it, over its control socket. */
 #include "base/text.h"
-#include "rt/commands.h"
-#include "rt/ctl_client.h"
-#include "rt/ctl_print.h"
-#include "rt/options.h"
+#include "app/cli/commands.h"
+#include "app/control/ctl_client.h"
+#include "app/control/ctl_print.h"
+#include "base/options.h"
 
 #include <stdlib.h>
 #include <string.h>

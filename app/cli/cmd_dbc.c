@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil dbc: what the frames of a rig's buses mean, as DBC files. */
-#include "rt/commands.h"
+#include "app/cli/commands.h"
 
 #include "base/memory_file.h"
-#include "rt/options.h"
-#include "rt/rig_dbc.h"
-#include "rt/whole_file.h"
+#include "base/options.h"
+#include "rig/dbc.h"
+#include "base/whole_file.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -2,10 +2,10 @@
 /* coman-hil doctor: can this machine keep a rig's deadlines, and what would help. */
 #include "model/symbolic/builtin.h"
 #include "rt/clock.h"
-#include "rt/commands.h"
-#include "rt/doctor.h"
+#include "app/cli/commands.h"
+#include "app/cli/doctor.h"
 #include "rt/histogram.h"
-#include "rt/options.h"
+#include "base/options.h"
 #include "rt/realtime.h"
 
 #include <inttypes.h>

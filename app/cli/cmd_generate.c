@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil generate: writes the C code of a robot's dynamics. */
-#include "rt/commands.h"
+#include "app/cli/commands.h"
 
 #include "base/arena.h"
 #include "model/symbolic/symbolic.h"
-#include "rt/options.h"
-#include "rt/whole_file.h"
+#include "base/options.h"
+#include "base/whole_file.h"
 
 #include <inttypes.h>
 #include <stdio.h>

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil plot: signals of a recording (signals.csv) as an SVG line plot. */
-#include "rt/commands.h"
-#include "rt/options.h"
-#include "rt/signals.h"
-#include "rt/svg.h"
-#include "rt/whole_file.h"
+#include "app/cli/commands.h"
+#include "base/options.h"
+#include "app/report/signals.h"
+#include "app/report/svg.h"
+#include "base/whole_file.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil run: a rig from start to summary. */
 #include "base/text.h"
-#include "rt/commands.h"
-#include "rt/control.h"
-#include "rt/journal.h"
-#include "rt/monitor.h"
-#include "rt/options.h"
-#include "rt/rig_command.h"
-#include "rt/summary.h"
+#include "app/cli/commands.h"
+#include "app/control/control.h"
+#include "base/journal.h"
+#include "app/cli/monitor.h"
+#include "base/options.h"
+#include "app/cli/rig_command.h"
+#include "app/cli/summary.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -26,7 +26,7 @@ struct run_options {
 };
 
 static const struct option_word clock_words[] = {
-    {"real", RIG_CLOCK_REAL}, {"lockstep", RIG_CLOCK_LOCKSTEP}, {"free", RIG_CLOCK_FREE}, {0}};
+    {"real", LOOP_CLOCK_REAL}, {"lockstep", LOOP_CLOCK_LOCKSTEP}, {"free", LOOP_CLOCK_FREE}, {0}};
 static const struct option_word hold_words[] = {
     {"none", RIG_HOLD_NONE},
     {"until_enabled", RIG_HOLD_ENABLED},
@@ -34,7 +34,7 @@ static const struct option_word hold_words[] = {
     {NULL, 0},
 };
 static const struct option_word overrun_words[] = {
-    {"skip", RIG_OVERRUN_SKIP}, {"slip", RIG_OVERRUN_SLIP}, {"stop", RIG_OVERRUN_STOP}, {0}};
+    {"skip", LOOP_OVERRUN_SKIP}, {"slip", LOOP_OVERRUN_SLIP}, {"stop", LOOP_OVERRUN_STOP}, {0}};
 static const struct option_word wire_words[] = {{"ideal", 0}, {"wire", 1}, {0}};
 static const struct option_word transport_words[] = {
     {"auto", TRANSPORT_AUTO}, {"socketcan", TRANSPORT_SOCKETCAN}, {"local", TRANSPORT_LOCAL}, {0}};
@@ -226,12 +226,12 @@ static enum error_code configure(const struct run_options *options, const struct
 {
     *config = (struct simulator_config){
         .rig = rig,
-        .clock = options->clock < 0 ? rig->clock : (enum rig_clock)options->clock,
+        .clock = options->clock < 0 ? rig->clock : (enum loop_clock)options->clock,
         .hold = options->hold < 0 ? rig->hold : (enum rig_hold)options->hold,
         .settle = options->settle || rig->settle,
         .energy = options->energy,
         .overrun =
-            options->overrun < 0 ? rig->realtime.overrun : (enum rig_overrun)options->overrun,
+            options->overrun < 0 ? rig->realtime.overrun : (enum loop_overrun)options->overrun,
         .stop_after = rig->realtime.stop_after,
         .transport = (enum bus_transport)options->transport,
         .interface = options->bus.item,

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil task: a controller as its own process, against virtual or real boards. */
-#include "rt/buses.h"
-#include "rt/commands.h"
-#include "rt/controller.h"
-#include "rt/options.h"
-#include "rt/rig_command.h"
+#include "sim/buses.h"
+#include "app/cli/commands.h"
+#include "sim/task_runner.h"
+#include "base/options.h"
+#include "app/cli/rig_command.h"
 
 #include <pthread.h>
 #include <stdio.h>
@@ -19,7 +19,7 @@ struct task_options {
 };
 
 static const struct option_word clock_words[] = {
-    {"real", RIG_CLOCK_REAL}, {"lockstep", RIG_CLOCK_LOCKSTEP}, {0}};
+    {"real", LOOP_CLOCK_REAL}, {"lockstep", LOOP_CLOCK_LOCKSTEP}, {0}};
 
 static const char manual[] =
     "The controller sees the buses and the rig's map of them, nothing "
@@ -167,7 +167,7 @@ static int run_rig(void *context, const struct rig *rig, struct arena *arena)
     int status;
 
     lockstep =
-        (options->clock < 0 ? rig->clock : (enum rig_clock)options->clock) == RIG_CLOCK_LOCKSTEP;
+        (options->clock < 0 ? rig->clock : (enum loop_clock)options->clock) == LOOP_CLOCK_LOCKSTEP;
     if (buses_open(rig, TRANSPORT_SOCKETCAN, options->bus.item, options->bus.count, 1, arena,
                    &buses, notice, &error) ||
         buses_join(&buses, arena, &ports, &error)) {

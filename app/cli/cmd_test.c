@@ -2,10 +2,10 @@
 /* coman-hil test: scenarios, their verdicts, and the files that tell of them. */
 #include "base/text.h"
 #include "rt/clock.h"
-#include "rt/commands.h"
-#include "rt/options.h"
-#include "rt/scenario_jobs.h"
-#include "rt/scenario_private.h"
+#include "app/cli/commands.h"
+#include "base/options.h"
+#include "app/scenario/jobs.h"
+#include "app/scenario/private.h"
 
 #include <stdio.h>
 #include <stdlib.h>

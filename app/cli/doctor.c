@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* One function a finding; each reads what it judges. */
-#include "rt/doctor.h"
+#include "app/cli/doctor.h"
 
 #include <ctype.h>
 #include <dirent.h>

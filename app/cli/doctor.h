@@ -4,11 +4,11 @@
  * of this process, processors, interrupts, power saving, CAN interfaces, the load of the rig's buses.
  * Reads files below /proc and /sys and asks CAN controllers, changes nothing. Not RT-safe.
  */
-#ifndef RT_DOCTOR_H
-#define RT_DOCTOR_H
+#ifndef APP_CLI_DOCTOR_H
+#define APP_CLI_DOCTOR_H
 
 #include "canbus/interface.h"
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 #include <stdbool.h>
 #include <stddef.h>

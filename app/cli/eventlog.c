@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Rate limiting of log lines. */
-#include "rt/eventlog.h"
+#include "app/cli/eventlog.h"
 
 #include "rt/clock.h"
 

@@ -6,8 +6,8 @@
  * minute. However many keys there are, a second sees a few hundred lines at most. Time is passed in.
  * Not RT-safe.
  */
-#ifndef RT_EVENTLOG_H
-#define RT_EVENTLOG_H
+#ifndef APP_CLI_EVENTLOG_H
+#define APP_CLI_EVENTLOG_H
 
 #include <stdbool.h>
 #include <stdint.h>

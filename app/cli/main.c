@@ -2,9 +2,9 @@
 /* coman-hil: the table of commands. */
 #include "base/error.h"
 #include "base/text.h"
-#include "rt/commands.h"
-#include "rt/options.h"
-#include "rt/topics.h"
+#include "app/cli/commands.h"
+#include "base/options.h"
+#include "app/cli/topics.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -26,7 +26,6 @@ static const struct command {
     {"dbc", "write DBC files of the messages on a rig's buses", cmd_dbc},
     {"doctor", "say what on this machine stands in the way of a rig's deadlines", cmd_doctor},
     {"generate", "write C code for the dynamics of a robot", cmd_generate},
-    {"bench", "repeat the paper's measurements on this machine", cmd_bench},
     {"accel", "accelerations of a robot from states on standard input", cmd_accel},
     {"help", "print the manual of a command or a topic", cmd_help},
     {"version", "print the version", cmd_version},
@@ -151,16 +150,6 @@ static int cmd_version(int argc, char **argv)
     return STATUS_OK;
 }
 
-/* A full disk or a closed pipe must not look like success. */
-static int flush_output(int status)
-{
-    if (fflush(stdout) || ferror(stdout)) {
-        fprintf(stderr, "coman-hil: standard output could not be written\n");
-        return status ? status : STATUS_SYSTEM;
-    }
-    return status;
-}
-
 int main(int argc, char **argv)
 {
     const struct command *command;
@@ -170,12 +159,12 @@ int main(int argc, char **argv)
         return STATUS_INPUT;
     }
     if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h")) {
-        return flush_output(cmd_help(argc - 1, argv + 1));
+        return options_flush_output(cmd_help(argc - 1, argv + 1));
     }
     if (!strcmp(argv[1], "--version")) {
         printf("coman-hil %s\n", HIL_VERSION);
-        return flush_output(STATUS_OK);
+        return options_flush_output(STATUS_OK);
     }
     command = find_command(argv[1]);
-    return command ? flush_output(command->run(argc - 1, argv + 1)) : unknown_command(argv[1], 0);
+    return command ? options_flush_output(command->run(argc - 1, argv + 1)) : unknown_command(argv[1], 0);
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Events and the status line. */
-#include "rt/monitor.h"
+#include "app/cli/monitor.h"
 
-#include "rt/journal.h"
+#include "base/journal.h"
 
 #include <string.h>
 #include <time.h>
@@ -103,7 +103,7 @@ static void tell_manager(struct monitor *monitor, int64_t now)
 
     health.ready =
         simulator_read(simulator, &status) ||
-        (simulator_configuration(simulator)->clock == RIG_CLOCK_LOCKSTEP && health.beat > 0);
+        (simulator_configuration(simulator)->clock == LOOP_CLOCK_LOCKSTEP && health.beat > 0);
     notify_watch(monitor->config.manager, &health, now);
 }
 

@@ -4,12 +4,12 @@
  * a second in place on a terminal, every five seconds as a line otherwise; a service manager gets it
  * instead of the lines, and is told that the run lives. Not RT-safe.
  */
-#ifndef RT_MONITOR_H
-#define RT_MONITOR_H
+#ifndef APP_CLI_MONITOR_H
+#define APP_CLI_MONITOR_H
 
-#include "rt/eventlog.h"
-#include "rt/notify.h"
-#include "rt/simulator.h"
+#include "app/cli/eventlog.h"
+#include "app/cli/notify.h"
+#include "sim/simulator.h"
 
 #include <pthread.h>
 

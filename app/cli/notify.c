@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The protocol of sd_notify(3): lines of KEY=VALUE in datagrams to a unix socket. */
-#include "rt/notify.h"
+#include "app/cli/notify.h"
 
 #include "rt/clock.h"
 

@@ -4,8 +4,8 @@
  * may be fed. Without a manager (no NOTIFY_SOCKET) everything here does nothing. Not RT-safe: for
  * the monitor's thread.
  */
-#ifndef RT_NOTIFY_H
-#define RT_NOTIFY_H
+#ifndef APP_CLI_NOTIFY_H
+#define APP_CLI_NOTIFY_H
 
 #include <stdbool.h>
 #include <stdint.h>

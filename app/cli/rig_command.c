@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the commands that run a rig have in common. */
-#include "rt/rig_command.h"
+#include "app/cli/rig_command.h"
 
-#include "rt/journal.h"
-#include "rt/options.h"
+#include "base/journal.h"
+#include "base/options.h"
 
 #include <signal.h>
 #include <stdio.h>

@@ -3,11 +3,11 @@
  * What the commands that take a rig (check, run, task) have in common: its memory, how it is stopped from
  * outside, the warnings about real time. Not RT-safe.
  */
-#ifndef RT_RIG_COMMAND_H
-#define RT_RIG_COMMAND_H
+#ifndef APP_CLI_RIG_COMMAND_H
+#define APP_CLI_RIG_COMMAND_H
 
 #include "rt/realtime.h"
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 /* Of address space; pages cost nothing until they are touched. */
 #define RIG_COMMAND_ARENA ((size_t)512 << 20)

@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The summary of a run. */
-#include "rt/summary.h"
+#include "app/cli/summary.h"
 
-#include "canbus/wire.h"
+#include "canbus/wire/wire.h"
 
 #include <errno.h>
 #include <inttypes.h>
 #include <math.h>
 #include <unistd.h>
 
-static const char *clock_name(enum rig_clock clock)
+static const char *clock_name(enum loop_clock clock)
 {
     static const char *const names[] = {
-        [RIG_CLOCK_REAL] = "real", [RIG_CLOCK_LOCKSTEP] = "lockstep", [RIG_CLOCK_FREE] = "free"};
+        [LOOP_CLOCK_REAL] = "real", [LOOP_CLOCK_LOCKSTEP] = "lockstep", [LOOP_CLOCK_FREE] = "free"};
 
     return names[clock];
 }
@@ -107,7 +107,7 @@ static void print_phases(const struct summary *summary, FILE *out)
     const struct simulator_config *config = simulator_configuration(summary->simulator);
     const struct loop_stats *stats = simulator_stats(summary->simulator);
     int64_t spent, total = stats->end_ns - stats->start_ns;
-    bool task_waits = config->task && config->clock != RIG_CLOCK_REAL;
+    bool task_waits = config->task && config->clock != LOOP_CLOCK_REAL;
     uint64_t evaluations;
 
     fprintf(out, "  %-10s %10s %10s %10s %10s %10s\n", "us", "p50", "p99", "max", "mean", "share");
@@ -232,7 +232,7 @@ static void print_rest(const struct summary *summary, FILE *out)
             "boards: %" PRIu64 " frames for them, %" PRIu64 " foreign, %" PRIu64
             " unknown commands, %" PRIu64 " malformed, %" PRIu64 " time-outs, %" PRIu64 " trips\n",
             b.frames, b.foreign, b.unknown, b.malformed, b.timeouts, b.trips);
-    if (simulator_configuration(summary->simulator)->clock == RIG_CLOCK_LOCKSTEP) {
+    if (simulator_configuration(summary->simulator)->clock == LOOP_CLOCK_LOCKSTEP) {
         fprintf(out,
                 "lockstep: %" PRIu64 " STEP frames run, %" PRIu64 " of another tick, %" PRIu64
                 " malformed, %" PRIu64 " silences\n",
@@ -285,7 +285,7 @@ static void print_energy(const struct summary *summary, FILE *out)
 void summary_print(const struct summary *summary, FILE *out)
 {
     print_time(summary, out);
-    if (simulator_configuration(summary->simulator)->clock == RIG_CLOCK_REAL) {
+    if (simulator_configuration(summary->simulator)->clock == LOOP_CLOCK_REAL) {
         print_overruns(simulator_stats(summary->simulator), out);
     }
     print_phases(summary, out);

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a run amounted to: text for a person, JSON for a program. Not RT-safe. */
-#ifndef RT_SUMMARY_H
-#define RT_SUMMARY_H
+#ifndef APP_CLI_SUMMARY_H
+#define APP_CLI_SUMMARY_H
 
-#include "rt/simulator.h"
+#include "sim/simulator.h"
 
 #include <stdio.h>
 

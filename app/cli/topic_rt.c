@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil help rt: how the loop keeps real time, and how to see whether it does. */
-#include "rt/options.h"
+#include "base/options.h"
 #include "rt/phase_budget.h"
-#include "rt/topics.h"
+#include "app/cli/topics.h"
 
 #include <inttypes.h>
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* How the simulator is, as JSON. */
-#include "rt/control_private.h"
+#include "app/control/private.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -70,10 +70,10 @@ json_t *control_hello(const struct control *control)
 
 /* ---- status ---- */
 
-static const char *clock_name(enum rig_clock clock)
+static const char *clock_name(enum loop_clock clock)
 {
     static const char *const names[] = {
-        [RIG_CLOCK_REAL] = "real", [RIG_CLOCK_LOCKSTEP] = "lockstep", [RIG_CLOCK_FREE] = "free"};
+        [LOOP_CLOCK_REAL] = "real", [LOOP_CLOCK_LOCKSTEP] = "lockstep", [LOOP_CLOCK_FREE] = "free"};
 
     return names[clock];
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Clients of the control socket: bytes in, lines out, and when it is enough. */
-#include "rt/control_private.h"
+#include "app/control/private.h"
 
 #include <errno.h>
 #include <stdarg.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* One thread, one poll set: a descriptor for orders, the listening socket, the clients. */
-#include "rt/control_private.h"
+#include "app/control/private.h"
 
 #include <errno.h>
 #include <poll.h>

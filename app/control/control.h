@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The control socket: other programs look at a running simulator and steer it, over a unix stream
- * socket that only its owner and root may use (rt/control_socket.h). `coman-hil ctl` is such a
+ * socket that only its owner and root may use (app/control/socket.h). `coman-hil ctl` is such a
  * program.
  *
  * The protocol. A line is a JSON object (RFC 8259, UTF-8, no key twice, at most CONTROL_LINE
@@ -72,10 +72,10 @@
  * publishes (simulator_read, stream, histograms) only, so that no client can delay a tick. Not
  * RT-safe.
  */
-#ifndef RT_CONTROL_H
-#define RT_CONTROL_H
+#ifndef APP_CONTROL_CONTROL_H
+#define APP_CONTROL_CONTROL_H
 
-#include "rt/simulator.h"
+#include "sim/simulator.h"
 #include "rt/steering.h"
 
 enum {

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A connection to the control socket of a running simulator. */
-#include "rt/ctl_client.h"
+#include "app/control/ctl_client.h"
 
 #include "rt/clock.h"
-#include "rt/control_socket.h"
+#include "app/control/socket.h"
 
 #include <errno.h>
 #include <poll.h>

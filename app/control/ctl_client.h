@@ -3,11 +3,11 @@
  * The other end of the control socket, for `coman-hil ctl`: one connection, lines out and in. Not
  * RT-safe.
  */
-#ifndef RT_CTL_CLIENT_H
-#define RT_CTL_CLIENT_H
+#ifndef APP_CONTROL_CTL_CLIENT_H
+#define APP_CONTROL_CTL_CLIENT_H
 
 #include "base/error.h"
-#include "rt/control.h"
+#include "app/control/control.h"
 
 #include <jansson.h>
 #include <signal.h>

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Answers as text. What an answer lacks prints as nothing or zero: the server may be of another
  * version. */
-#include "rt/ctl_print.h"
+#include "app/control/ctl_print.h"
 
 #include <math.h>
 #include <string.h>

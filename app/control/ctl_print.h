@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Answers of the control socket (rt/control.h) for a person, of `coman-hil ctl`. Not RT-safe. */
-#ifndef RT_CTL_PRINT_H
-#define RT_CTL_PRINT_H
+/* Answers of the control socket (app/control/control.h) for a person, of `coman-hil ctl`. Not RT-safe. */
+#ifndef APP_CONTROL_CTL_PRINT_H
+#define APP_CONTROL_CTL_PRINT_H
 
 #include <jansson.h>
 #include <stdbool.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Requests carried out: at once, by the loop, or when a tick has come. */
-#include "rt/control_private.h"
+#include "app/control/private.h"
 
 #include "base/text.h"
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Requests of the control socket: what each command takes is a table. */
-#include "rt/control_parse.h"
+#include "app/control/parse.h"
 
 #include "base/text.h"
 #include "rt/steering.h"

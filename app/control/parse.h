@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A request of the control socket (rt/control.h) from a line of text: JSON first, then a table of
+ * A request of the control socket (app/control/control.h) from a line of text: JSON first, then a table of
  * what each command takes. Names of tunables, signals and so on are not looked up here. Not
  * RT-safe.
  */
-#ifndef RT_CONTROL_PARSE_H
-#define RT_CONTROL_PARSE_H
+#ifndef APP_CONTROL_PARSE_H
+#define APP_CONTROL_PARSE_H
 
 #include "base/error.h"
 

@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The parts of the control socket (rt/control.h) among themselves: control.c has the thread,
+ * The parts of the control socket (app/control/control.h) among themselves: control.c has the thread,
  * control_clients.c what comes from and goes to a client, control_execute.c carries requests out,
  * control_answer.c tells how the simulator is, control_rows.c serves subscriptions. All in the
  * server's thread but for what control.h says.
  */
-#ifndef RT_CONTROL_PRIVATE_H
-#define RT_CONTROL_PRIVATE_H
+#ifndef APP_CONTROL_PRIVATE_H
+#define APP_CONTROL_PRIVATE_H
 
 #include "base/ring.h"
-#include "rt/control.h"
-#include "rt/control_parse.h"
-#include "rt/control_socket.h"
+#include "app/control/control.h"
+#include "app/control/parse.h"
+#include "app/control/socket.h"
 
 #include <pthread.h>
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Subscriptions: which rows the loop is asked for, and who gets what of them. */
-#include "rt/control_private.h"
+#include "app/control/private.h"
 
 #include "base/text.h"
 

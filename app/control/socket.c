@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The place of the control socket. */
-#include "rt/control_socket.h"
+#include "app/control/socket.h"
 
 #include <errno.h>
 #include <fcntl.h>

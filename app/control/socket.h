@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Where the control socket of a run is, and how it gets and leaves that place: for the server
- * (rt/control.h) and for those who look for it (`coman-hil ctl`). Not RT-safe.
+ * (app/control/control.h) and for those who look for it (`coman-hil ctl`). Not RT-safe.
  *
  * Only its owner and root may connect: the file is born with mode 0600, and the peer of every
  * connection is asked for (SO_PEERCRED). What a dead process has left at the place is replaced, the
@@ -13,8 +13,8 @@
  * without that variable /run/coman-hil/RIG.sock; a second run of the same rig gets RIG-2.sock, and
  * so on.
  */
-#ifndef RT_CONTROL_SOCKET_H
-#define RT_CONTROL_SOCKET_H
+#ifndef APP_CONTROL_SOCKET_H
+#define APP_CONTROL_SOCKET_H
 
 #include "base/error.h"
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A report as HTML and CSV. */
-#include "rt/report.h"
+#include "app/report/report.h"
 
-#include "rt/bench_output.h"
-#include "rt/markup.h"
+#include "app/report/report_file.h"
+#include "base/markup.h"
 
 #include <errno.h>
 #include <stdarg.h>
@@ -116,7 +116,7 @@ static FILE *open_file(struct report *report, const char *name)
     FILE *out = NULL;
 
     if (good(report)) {
-        bench_open(report->folder, name, &out, &report->error);
+        report_file_open(report->folder, name, &out, &report->error);
     }
     return good(report) ? out : NULL;
 }
@@ -125,7 +125,7 @@ static void close_file(struct report *report, FILE *out, const char *name)
 {
     struct error error;
 
-    if (bench_close(out, name, ERROR_NONE, &error)) {
+    if (report_file_close(out, name, ERROR_NONE, &error)) {
         fail(report, error.code, error.text);
     }
 }

@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A report as one HTML page that needs nothing else, and its numbers as CSV files beside it: sections
- * with text, tables, plots (rt/svg.h), and comparisons of what somebody else found with what was
+ * with text, tables, plots (app/report/svg.h), and comparisons of what somebody else found with what was
  * found here. The same bytes for the same content. Not RT-safe.
  *
  * The first error is kept; what follows it does nothing, and report_close returns it.
  */
-#ifndef RT_REPORT_H
-#define RT_REPORT_H
+#ifndef APP_REPORT_REPORT_H
+#define APP_REPORT_REPORT_H
 
 #include "base/error.h"
 #include "base/memory_file.h"
-#include "rt/svg.h"
+#include "app/report/svg.h"
 
 #include <stdbool.h>
 #include <stddef.h>

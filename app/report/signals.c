@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Signals of a recording. */
-#include "rt/signals.h"
+#include "app/report/signals.h"
 
 #include "base/text.h"
 

@@ -3,8 +3,8 @@
  * Signals of a recording, read back from its signals.csv: a line of titles, then numbers, time first
  * (rt/recorder.h). Not RT-safe.
  */
-#ifndef RT_SIGNALS_H
-#define RT_SIGNALS_H
+#ifndef APP_REPORT_SIGNALS_H
+#define APP_REPORT_SIGNALS_H
 
 #include "base/error.h"
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Line plots as SVG. */
-#include "rt/svg.h"
+#include "app/report/svg.h"
 
-#include "rt/markup.h"
+#include "base/markup.h"
 
 #include <errno.h>
 #include <math.h>

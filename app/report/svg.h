@@ -3,8 +3,8 @@
  * Line plots as SVG: axes with ticks at round numbers, lines and markers, a legend. The same bytes
  * for the same numbers. Not RT-safe.
  */
-#ifndef RT_SVG_H
-#define RT_SVG_H
+#ifndef APP_REPORT_SVG_H
+#define APP_REPORT_SVG_H
 
 #include "base/error.h"
 

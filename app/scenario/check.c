@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What follows from a scenario's file, and what its names mean in the rig. */
-#include "rt/scenario_private.h"
+#include "app/scenario/private.h"
 
 #include "base/text.h"
-#include "rt/rig_path.h"
+#include "rig/find.h"
 
 #include <float.h>
 #include <stdio.h>
@@ -177,7 +177,7 @@ static enum error_code check_stimulus(const struct scenario *scenario,
             error, &stimulus->mark,
             "found something for the host to do, expected host: enabled in the scenario");
     }
-    if (stimulus->action == SCENARIO_SILENCE && scenario->clock == RIG_CLOCK_LOCKSTEP) {
+    if (stimulus->action == SCENARIO_SILENCE && scenario->clock == LOOP_CLOCK_LOCKSTEP) {
         return yaml_error(
             error, &stimulus->mark,
             "found silence in lockstep, expected clock: free: without STEP time stands");

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a scenario expects, judged tick by tick, and plots of what was not met. */
-#include "rt/scenario_private.h"
+#include "app/scenario/private.h"
 
-#include "rt/svg.h"
+#include "app/report/svg.h"
 
 #include <errno.h>
 #include <float.h>

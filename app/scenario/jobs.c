@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A process for each run, several at a time, with a limit of wall-clock time. */
-#include "rt/scenario_jobs.h"
+#include "app/scenario/jobs.h"
 
 #include "rt/clock.h"
 

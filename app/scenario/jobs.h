@@ -3,10 +3,10 @@
  * Runs of scenarios in processes of their own, several at a time, and what they amount to: one
  * result a run, as lines on the terminal and as JUnit XML. Not RT-safe.
  */
-#ifndef RT_SCENARIO_JOBS_H
-#define RT_SCENARIO_JOBS_H
+#ifndef APP_SCENARIO_JOBS_H
+#define APP_SCENARIO_JOBS_H
 
-#include "rt/scenario.h"
+#include "app/scenario/scenario.h"
 
 #include <limits.h>
 

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Results as JUnit XML, one element a line; and files of that form put together. */
-#include "rt/scenario_jobs.h"
+#include "app/scenario/jobs.h"
 
 #include "base/memory_file.h"
 #include "base/text.h"
-#include "rt/whole_file.h"
+#include "base/whole_file.h"
 
 #include <errno.h>
 #include <inttypes.h>

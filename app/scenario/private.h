@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Private to the runner of scenarios: what its files share. */
-#ifndef RT_SCENARIO_PRIVATE_H
-#define RT_SCENARIO_PRIVATE_H
+#ifndef APP_SCENARIO_PRIVATE_H
+#define APP_SCENARIO_PRIVATE_H
 
-#include "rt/scenario.h"
-#include "rt/simulator.h"
+#include "app/scenario/scenario.h"
+#include "sim/simulator.h"
 #include "tasks/host.h"
 
 /* What can be looked at while a scenario runs; all in the loop's thread. */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* One run of a scenario: the rig, a host, and an observer that acts and looks once a tick. */
-#include "rt/scenario_private.h"
+#include "app/scenario/private.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -133,7 +133,7 @@ static enum error_code create_host(struct run *run, struct arena *arena, struct 
         .ft = rig->ft,
         .supply_v = rig->supply_v,
         .period_ns = rig->tick_ns,
-        .lockstep = scenario->clock == RIG_CLOCK_LOCKSTEP,
+        .lockstep = scenario->clock == LOOP_CLOCK_LOCKSTEP,
         .lockstep_bus = rig->lockstep.bus,
         .step_id = rig->lockstep.step_id,
         .done_id = rig->lockstep.done_id,
@@ -183,7 +183,7 @@ static enum error_code create_simulator(struct run *run, const struct scenario_o
     const struct scenario *scenario = run->scenario;
     const struct simulator_config config = {
         .rig = run->view.rig,
-        .clock = (enum rig_clock)scenario->clock,
+        .clock = (enum loop_clock)scenario->clock,
         .hold = run->view.rig->hold,
         .settle = run->view.rig->settle,
         .transport = TRANSPORT_LOCAL,

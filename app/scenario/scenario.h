@@ -14,14 +14,14 @@
  * stimuli out, and names the expectations that must then not be met. A scenario all of whose
  * expectations are named by some mutation that makes them fail is known to look at something.
  */
-#ifndef RT_SCENARIO_H
-#define RT_SCENARIO_H
+#ifndef APP_SCENARIO_SCENARIO_H
+#define APP_SCENARIO_SCENARIO_H
 
 #include "base/arena.h"
 #include "base/error.h"
 #include "base/yaml.h"
 #include "canbus/frame.h"
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Reads scenarios: the parameters first, then the document once for each of their combinations. */
-#include "rt/scenario_private.h"
+#include "app/scenario/private.h"
 
 #include "base/text.h"
 
@@ -18,7 +18,7 @@ enum { EXPANDED_MAX = 1 << 20, PARAMETERS_MAX = 16 };
 /* ---- the form of a file ---- */
 
 static const struct yaml_enum clock_words[] = {
-    {"free", RIG_CLOCK_FREE}, {"lockstep", RIG_CLOCK_LOCKSTEP}, {NULL, 0}};
+    {"free", LOOP_CLOCK_FREE}, {"lockstep", LOOP_CLOCK_LOCKSTEP}, {NULL, 0}};
 static const struct yaml_enum hold_words[] = {{"none", RIG_HOLD_NONE},
                                               {"until_enabled", RIG_HOLD_ENABLED},
                                               {"always", RIG_HOLD_ALWAYS},
@@ -213,7 +213,7 @@ static const struct yaml_field scenario_fields[] = {
 };
 #undef STRUCT
 static const struct scenario scenario_defaults = {
-    .clock = RIG_CLOCK_FREE,
+    .clock = LOOP_CLOCK_FREE,
     .wall_limit_s = 60.0,
 };
 static const struct yaml_schema scenario_schema = {.what = "the scenario",

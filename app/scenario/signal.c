@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Signals of a scenario by their names. */
-#include "rt/scenario_private.h"
+#include "app/scenario/private.h"
 
 #include "base/text.h"
-#include "canbus/wire.h"
+#include "canbus/wire/wire.h"
 
 #include <math.h>
 #include <stdio.h>

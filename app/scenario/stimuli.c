@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a scenario does to its rig, tick by tick. */
-#include "rt/scenario_private.h"
+#include "app/scenario/private.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the outcomes of runs amount to. */
-#include "rt/scenario_jobs.h"
+#include "app/scenario/jobs.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Buses that speak the compact protocol: dispatch of frames, and what all of their boards have. */
-#include "boards/compact_private.h"
+#include "boards/compact/private.h"
 
 #include "canbus/frame.h"
 

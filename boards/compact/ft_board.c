@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A force-torque board of the compact protocol: six channels, each cut at its full scale. */
-#include "boards/compact_private.h"
+#include "boards/compact/private.h"
 #include "boards/motor_control.h"
 
 #include <math.h>

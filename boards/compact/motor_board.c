@@ -11,7 +11,7 @@
  *
  * Over-current is the I2t law of the iCub boards: integral (I^2 - limit^2) dt = limit^2 * 10 ms.
  */
-#include "boards/compact_private.h"
+#include "boards/compact/private.h"
 #include "boards/motor_control.h"
 
 #include <math.h>

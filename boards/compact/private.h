@@ -4,7 +4,7 @@
 #define BOARDS_COMPACT_PRIVATE_H
 
 #include "boards/board_private.h"
-#include "boards/compact_table.h"
+#include "boards/compact/table.h"
 #include "boards/motor_control.h"
 
 /* Settings that SAVE keeps over a restart. */

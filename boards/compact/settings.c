@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The parameters of a compact motor board, as the host asks for them and as settings of its axes. */
-#include "boards/compact_private.h"
+#include "boards/compact/private.h"
 
 enum { GAIN_MAX = 1000000000 };
 

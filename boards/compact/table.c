@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The rows of the compact protocol. */
-#include "boards/compact_table.h"
+#include "boards/compact/table.h"
 
 /* clang-format off */
 #define FIELDS(...) (const struct field[]){__VA_ARGS__, {.type = FIELD_END}}

@@ -7,7 +7,7 @@
 #ifndef BOARDS_COMPACT_TABLE_H
 #define BOARDS_COMPACT_TABLE_H
 
-#include "boards/compact_protocol.h"
+#include "boards/compact/protocol.h"
 #include "boards/field.h"
 
 /* What the low five bits of an identifier count. */

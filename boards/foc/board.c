@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A 2FOC board: one motor, one answer to each DESIRED_TARGETS. Its modes, gates and faults are
- * those of the firmware, its control laws those of boards/foc_control.h.
+ * those of the firmware, its control laws those of boards/foc/control.h.
  */
-#include "boards/foc_private.h"
+#include "boards/foc/private.h"
 #include "boards/motor_control.h"
 
 #include "canbus/frame.h"

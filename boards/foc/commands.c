@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a 2FOC board does on each command of class 0 and on DESIRED_TARGETS. */
-#include "boards/foc_private.h"
+#include "boards/foc/private.h"
 #include "boards/motor_control.h"
 
 #include "canbus/frame.h"

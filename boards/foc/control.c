@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The control laws of a 2FOC board; see the header for what each computes. */
-#include "boards/foc_control.h"
+#include "boards/foc/control.h"
 
 #include "boards/motor_control.h"
 

@@ -15,7 +15,7 @@
 #ifndef BOARDS_FOC_CONTROL_H
 #define BOARDS_FOC_CONTROL_H
 
-#include "boards/foc_protocol.h"
+#include "boards/foc/protocol.h"
 
 #include <stdbool.h>
 #include <stdint.h>

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The state of a 2FOC board (boards/foc_board.c), shared by the sources that are its parts. */
+/* The state of a 2FOC board (boards/foc/board.c), shared by the sources that are its parts. */
 #ifndef BOARDS_FOC_PRIVATE_H
 #define BOARDS_FOC_PRIVATE_H
 
 #include "boards/board_private.h"
-#include "boards/foc_control.h"
-#include "boards/foc_table.h"
+#include "boards/foc/control.h"
+#include "boards/foc/table.h"
 
 enum { FOC_ANSWERS_MAX = 8 }; /* to DESIRED_TARGETS within a tick */
 

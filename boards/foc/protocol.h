@@ -2,7 +2,7 @@
 /*
  * The iCub CAN protocol, persona B (2FOC boards): one motor an address, targets and telemetry every
  * millisecond. Shared by the boards and by hosts; holds no behavior. Identifiers, classes, modes,
- * class 7 and the STRAIN boards beside them are those of boards/icub_protocol.h; what differs is
+ * class 7 and the STRAIN boards beside them are those of boards/icub/protocol.h; what differs is
  * here. Numbers are little-endian.
  *
  * The host sends DESIRED_TARGETS, four i16, one for each of the addresses 1 to 4; what a target
@@ -41,7 +41,7 @@
 #ifndef BOARDS_FOC_PROTOCOL_H
 #define BOARDS_FOC_PROTOCOL_H
 
-#include "boards/icub_protocol.h"
+#include "boards/icub/protocol.h"
 
 enum { FOC_AXES_MAX = 4 }; /* addresses 1-4 have a target */
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The settings of a 2FOC board: gains of its laws as floats, limits of the current. */
-#include "boards/foc_private.h"
+#include "boards/foc/private.h"
 
 #include <float.h>
 

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Every message of persona B as a table, in the rows of boards/icub_table.h. Most commands are
+ * Every message of persona B as a table, in the rows of boards/icub/table.h. Most commands are
  * never answered. Immutable; RT-safe.
  */
 #ifndef BOARDS_FOC_TABLE_H
 #define BOARDS_FOC_TABLE_H
 
-#include "boards/foc_protocol.h"
-#include "boards/icub_table.h"
+#include "boards/foc/protocol.h"
+#include "boards/icub/table.h"
 
 extern const struct icub_command foc_commands[ICUB_MOTOR_COMMANDS]; /* class 0 */
 extern const struct icub_frame_type foc_frames[16];                 /* class 1 */

@@ -5,7 +5,7 @@
  */
 #include "boards/board_private.h"
 
-#include "boards/foc_protocol.h"
+#include "boards/foc/protocol.h"
 #include "canbus/frame.h"
 
 static const int64_t BOOTLOADER_NS = (int64_t)ICUB_BOOTLOADER_MS * MS;

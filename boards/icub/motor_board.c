@@ -42,7 +42,7 @@
  * 4 ms, at 3.4 times a single sample; the inrush of a voltage step, over within a few milliseconds,
  * passes.
  */
-#include "boards/motor_private.h"
+#include "boards/icub/motor_private.h"
 
 #include <math.h>
 #include <string.h>

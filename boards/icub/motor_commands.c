@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a motor board does on each command of class 0. */
-#include "boards/motor_private.h"
+#include "boards/icub/motor_private.h"
 
 #include "canbus/frame.h"
 

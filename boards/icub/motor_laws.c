@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The control laws of a motor board, from references to PWM (boards/motor_board.c says which). */
-#include "boards/motor_private.h"
+/* The control laws of a motor board, from references to PWM (boards/icub/motor_board.c says which). */
+#include "boards/icub/motor_private.h"
 
 static int64_t cut(int64_t value, int64_t limit)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The control modes of a motor board: how an axis comes into each, gently or strictly. */
-#include "boards/motor_private.h"
+#include "boards/icub/motor_private.h"
 
 #include <stdio.h>
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The state of a motor board (boards/motor_board.c), shared by the sources that are its parts. */
-#ifndef BOARDS_MOTOR_PRIVATE_H
-#define BOARDS_MOTOR_PRIVATE_H
+/* The state of a motor board (boards/icub/motor_board.c), shared by the sources that are its parts. */
+#ifndef BOARDS_ICUB_MOTOR_PRIVATE_H
+#define BOARDS_ICUB_MOTOR_PRIVATE_H
 
 #include "boards/board_private.h"
 #include "boards/motor_control.h"

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The settings of an iCub motor board's axes: what commands of class 0 set, with their ranges. */
-#include "boards/motor_private.h"
+#include "boards/icub/motor_private.h"
 
 /* One value of the command that sets it. */
 static const struct {

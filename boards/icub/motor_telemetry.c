@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The periodic frames of a motor board in their slots. */
-#include "boards/motor_private.h"
+#include "boards/icub/motor_private.h"
 
 static bool wanted(const struct motor_board *motor, enum icub_motor_type type)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a motor board watches: faults of its hardware, its limits and its time-outs. */
-#include "boards/motor_private.h"
+#include "boards/icub/motor_private.h"
 
 #include <math.h>
 

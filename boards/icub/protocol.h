@@ -292,15 +292,4 @@ enum { ICUB_BOARD_BLL = 4, ICUB_BOARD_STRAIN = 6 };
 enum { ICUB_PROTOCOL_MAJOR = 1, ICUB_PROTOCOL_MINOR = 6 }; /* motor boards, hosts */
 enum { ICUB_STRAIN_PROTOCOL_MAJOR = 1, ICUB_STRAIN_PROTOCOL_MINOR = 0 };
 
-/* Lockstep frames of this simulator (ours): STEP u32 expected tick, u16 ticks (0 = 1);
- * DONE u32 tick, u16 flags. Little-endian, 6 bytes. */
-enum { LOCKSTEP_STEP_ID = 0x6f0, LOCKSTEP_DONE_ID = 0x6ff, LOCKSTEP_LENGTH = 6 };
-
-enum lockstep_flag {
-    LOCKSTEP_OVERRUN = 1 << 0,
-    LOCKSTEP_FAULT = 1 << 1,
-    LOCKSTEP_MISMATCH = 1 << 2,
-    LOCKSTEP_STOPPING = 1 << 3,
-};
-
 #endif

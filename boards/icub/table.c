@@ -4,7 +4,7 @@
  * tables of motor and sensor boards; where two lengths are allowed the shorter is what the fields
  * need and the longer what common hosts send.
  */
-#include "boards/icub_table.h"
+#include "boards/icub/table.h"
 
 /* clang-format off */
 #define FIELDS(...) (const struct field[]){__VA_ARGS__, {.type = FIELD_END}}

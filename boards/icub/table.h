@@ -11,7 +11,7 @@
 #define BOARDS_ICUB_TABLE_H
 
 #include "boards/field.h"
-#include "boards/icub_protocol.h"
+#include "boards/icub/protocol.h"
 
 /* What the host can set in one axis of a motor board. Neighbors travel in one message. */
 enum icub_parameter {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The bits of a frame: counted by tables of eight bits at a time, or written out one by one. */
-#include "canbus/wire_bits.h"
+#include "canbus/wire/bits.h"
 
 enum {
     STUFF_AFTER = 5, /* equal bits */

@@ -4,7 +4,7 @@
  * written out and everything that some node will take for an error is looked for; the earliest one
  * ends the frame. Comparing bits also tells how long the error flags of the nodes overlap.
  */
-#include "canbus/wire_private.h"
+#include "canbus/wire/private.h"
 
 enum {
     FLAG = WIRE_ERROR_FLAG_BITS,

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The nodes' controllers: error counters, the states that follow from them, bus-off and recovery,
  * plugs and bit rates. */
-#include "canbus/wire_private.h"
+#include "canbus/wire/private.h"
 
 static enum wire_state state_of(const struct wire_node *node)
 {

@@ -5,8 +5,8 @@
 #define CANBUS_WIRE_PRIVATE_H
 
 #include "base/random.h"
-#include "canbus/wire.h"
-#include "canbus/wire_bits.h"
+#include "canbus/wire/wire.h"
+#include "canbus/wire/bits.h"
 
 enum {
     WIRE_PASSIVE_FROM = 128, /* TEC or REC */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The transmit queues of the nodes: binary heaps of slots. */
-#include "canbus/wire_private.h"
+#include "canbus/wire/private.h"
 
 static bool goes_before(const struct wire *wire, const struct wire_slot *a,
                         const struct wire_slot *b)

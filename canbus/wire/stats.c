@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the wire counts: load by windows of time, latency by identifier. */
-#include "canbus/wire_private.h"
+#include "canbus/wire/private.h"
 
 const char *wire_state_name(enum wire_state state)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Time, arbitration, and frames that go well. */
-#include "canbus/wire_private.h"
+#include "canbus/wire/private.h"
 
 #include <string.h>
 

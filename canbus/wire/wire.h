@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A CAN bus in virtual time: controllers with transmit queues on one wire. Frames take the exact
- * time of their stuffed bits (canbus/wire_bits.h), the lowest identifier wins the arbitration,
+ * time of their stuffed bits (canbus/wire/bits.h), the lowest identifier wins the arbitration,
  * errors are signaled, counted and repeated by the rules of ISO 11898-1. Knows no thread and no
  * clock: time moves when the caller says so, and the same calls give the same events bit for bit.
  * The names of the events are those of FMI-LS-BUS.
@@ -28,8 +28,8 @@
  *
  * All functions but wire_create are RT-safe and belong to one thread.
  */
-#ifndef CANBUS_WIRE_H
-#define CANBUS_WIRE_H
+#ifndef CANBUS_WIRE_WIRE_H
+#define CANBUS_WIRE_WIRE_H
 
 #include "base/arena.h"
 #include "base/error.h"

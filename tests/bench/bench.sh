@@ -1,7 +1,7 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# usage: bench.sh COMAN-HIL
-# The bench command from outside: manuals, what is refused, the files it writes, and that it works
+# usage: bench.sh COMAN-HIL-BENCH
+# The benchmarks from outside: manuals, what is refused, the files it writes, and that it works
 # without other simulators. Figures are looked at for errors, never for times. Prints TAP.
 set -u
 program=$1
@@ -17,7 +17,7 @@ failures=0
 run() {
     expected=$1
     shift
-    "$program" bench "$@" >out 2>err </dev/null
+    "$program" "$@" >out 2>err </dev/null
     status=$?
     problem=
     [ "$status" -eq "$expected" ] || problem="exit status $status, expected $expected"
@@ -47,7 +47,7 @@ says out '  pendulum'
 result help_lists_the_benchmarks
 
 run 2
-says err 'usage: coman-hil bench'
+says err 'usage: coman-hil-bench'
 result no_name_prints_the_usage_as_an_error
 
 run 2 pendulun
@@ -61,7 +61,7 @@ result missing_module_that_was_named_is_an_error
 # alone: a copy of the program has no module beside it
 mkdir -p far/away
 cp "$program" far/away/
-far/away/coman-hil bench dynamics "$source/config/robots/coman.yaml" --rounds 1 >out 2>err
+far/away/coman-hil-bench dynamics "$source/config/robots/coman.yaml" --rounds 1 >out 2>err
 status=$?
 problem=
 [ $status -eq 0 ] || problem="exit status $status"

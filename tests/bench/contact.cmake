@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 set(contact_count_sources ${CMAKE_CURRENT_SOURCE_DIR}/bench/contact_count.c
-    ${CMAKE_SOURCE_DIR}/rt/bench_contact_scenes.c)
+    ${CMAKE_SOURCE_DIR}/app/bench/contact_scenes.c)
 add_executable(contact_count ${contact_count_sources})
 target_link_libraries(contact_count PRIVATE hil_flags contact)
 target_compile_definitions(contact_count PRIVATE HIL_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
@@ -21,5 +21,5 @@ if(CMAKE_C_COMPILER_ID STREQUAL GNU AND NOT HIL_SANITIZE)
         TIMEOUT 180 LABELS bench)
 endif()
 hil_script_test(contact_bench
-    COMMAND $<TARGET_FILE:coman-hil> bench contact --quick ${CMAKE_SOURCE_DIR}/config/meshes/coman-foot-right.obj
+    COMMAND $<TARGET_FILE:coman-hil-bench> contact --quick ${CMAKE_SOURCE_DIR}/config/meshes/coman-foot-right.obj
     TIMEOUT 180 LABELS bench)

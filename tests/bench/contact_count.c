@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The scenes of coman-hil bench contact, for a count of instructions. A pose is named by the seed
+ * The scenes of coman-hil-bench contact, for a count of instructions. A pose is named by the seed
  * that it is drawn from. Built twice:
  *
  * contact_count SCENE ENGINE SEED... evaluates the poses with the engine native or simbody, each in
@@ -14,7 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "rt/bench_contact_scenes.h"
+#include "app/bench/contact_scenes.h"
 
 static struct bench_scene scene[BENCH_SCENES];
 

@@ -1,5 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
 # The report on the paper, in its short form: whole, well formed, and its numbers right.
-hil_script_test(paper_report COMMAND ${CMAKE_CURRENT_LIST_DIR}/paper.sh $<TARGET_FILE:coman-hil>
+hil_script_test(paper_report COMMAND ${CMAKE_CURRENT_LIST_DIR}/paper.sh $<TARGET_FILE:coman-hil-bench>
                 LABELS bench TIMEOUT 300)
-hil_test(report SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/unit/report.c LIBS rt LABELS unit)

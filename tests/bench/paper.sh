@@ -1,6 +1,6 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# usage: paper.sh COMAN-HIL
+# usage: paper.sh COMAN-HIL-BENCH
 # The report of bench paper, made in its short form: every table and figure is there, HTML and SVG are
 # well formed, numbers are those of an independent calculation, none is missing. Times are looked at for
 # their order of magnitude at most. Prints TAP.
@@ -13,9 +13,9 @@ cd "$source" || exit 1
 
 module=()
 [ -e "${HIL_BINARY_DIR:?}/tests/libhil-peers.so" ] && module=(--peers "$HIL_BINARY_DIR/tests/libhil-peers.so")
-"$program" bench paper --quick --out "$work/report" "${module[@]}" >"$work/out" 2>"$work/err" </dev/null
+"$program" paper --quick --out "$work/report" "${module[@]}" >"$work/out" 2>"$work/err" </dev/null
 echo $? >"$work/status"
-"$program" bench paper --quick --out /dev/null/report >"$work/refused" 2>&1 </dev/null
+"$program" paper --quick --out /dev/null/report >"$work/refused" 2>&1 </dev/null
 echo $? >>"$work/refused"
 
 python3 - "$work" "$source" <<'END'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Other simulators as a module that `coman-hil bench` and tests load: those whose libraries are
+# Other simulators as a module that `coman-hil-bench` and tests load: those whose libraries are
 # installed. Nothing of them is linked into our libraries or the program.
 find_package(Simbody CONFIG QUIET)
 # Debian's mujocoConfig.cmake names a folder that does not exist
@@ -31,18 +31,16 @@ if(ODE_FOUND)
     target_link_libraries(hil-peers PRIVATE PkgConfig::ODE m)
 endif()
 
-hil_test(peers_exact SOURCES ${CMAKE_CURRENT_LIST_DIR}/peers_exact.c LIBS rt random_robot LABELS bench)
+hil_test(peers_exact SOURCES ${CMAKE_CURRENT_LIST_DIR}/peers_exact.c LIBS bench random_robot LABELS bench)
 add_dependencies(test_peers_exact hil-peers)
 
-hil_test(svg SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/unit/svg.c LIBS rt LABELS unit)
-hil_test(walkman SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/unit/walkman.c LIBS model LABELS unit)
-hil_script_test(bench COMMAND ${CMAKE_CURRENT_LIST_DIR}/bench.sh $<TARGET_FILE:coman-hil>
+hil_script_test(bench COMMAND ${CMAKE_CURRENT_LIST_DIR}/bench.sh $<TARGET_FILE:coman-hil-bench>
                 LABELS bench TIMEOUT 240)
 
 # valgrind cannot run what the sanitizers build, and the budget is for optimized code
 if(NOT HIL_SANITIZE AND NOT CMAKE_BUILD_TYPE STREQUAL "Debug")
     add_executable(dynamics-count ${CMAKE_CURRENT_LIST_DIR}/dynamics_count.c)
-    target_link_libraries(dynamics-count PRIVATE rt)
+    target_link_libraries(dynamics-count PRIVATE bench)
     hil_script_test(dynamics_instructions
                     COMMAND ${CMAKE_CURRENT_LIST_DIR}/dynamics_instructions.sh
                             $<TARGET_FILE:dynamics-count> $<TARGET_FILE:hil-peers>

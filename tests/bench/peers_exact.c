@@ -11,8 +11,8 @@
 
 #include <cmocka.h>
 
-#include "rt/bench_engines.h"
-#include "tests/unit/random_robot.h"
+#include "app/bench/engines.h"
+#include "tests/unit/model/random_robot.h"
 
 #include <math.h>
 #include <unistd.h>

@@ -10,7 +10,7 @@ extern "C" {
 #include "tests/bench/peers.h"
 }
 
-#include "tests/unit/simbody_tree.h"
+#include "tests/unit/model/simbody_tree.h"
 
 #include <cstdio>
 #include <memory>

@@ -5,7 +5,7 @@
  * the end of the intermission behind the frame before, or the beginning of a tick, when boards and
  * host hand over what they have. Usage: wire_log TICK_US IGNORED_ID... < candump.log
  */
-#include "tests/unit/wire_reference.h"
+#include "tests/unit/canbus/wire/wire_reference.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,15 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # The canbus folder: what runs anywhere, and what needs a kernel with CAN (user-mode Linux).
 set(tests ${CMAKE_CURRENT_SOURCE_DIR})
-hil_test(canbus_frame SOURCES ${tests}/unit/canbus_frame.c LIBS canbus LABELS unit)
-hil_test(canbus_local SOURCES ${tests}/unit/canbus_local.c LIBS canbus Threads::Threads LABELS unit)
-hil_test(canbus_wire_bits SOURCES ${tests}/unit/canbus_wire_bits.c LIBS canbus LABELS unit)
-hil_test(canbus_wire SOURCES ${tests}/unit/canbus_wire.c LIBS canbus LABELS unit)
-hil_test(canbus_wire_errors SOURCES ${tests}/unit/canbus_wire_errors.c LIBS canbus LABELS unit)
-hil_test(canbus_wire_local SOURCES ${tests}/unit/canbus_wire_local.c LIBS canbus Threads::Threads LABELS unit)
-hil_test(canbus_candump SOURCES ${tests}/unit/canbus_candump.c LIBS canbus LABELS unit)
-hil_test(canbus_socketcand SOURCES ${tests}/unit/canbus_socketcand.c LIBS canbus LABELS unit)
-hil_test(canbus_gateway SOURCES ${tests}/unit/canbus_gateway.c LIBS canbus LABELS unit)
 hil_test(canbus_socketcan SOURCES ${tests}/bus/canbus_socketcan.c LIBS canbus LABELS bus)
 
 # A port as a program, for can-utils to be put against.

@@ -10,7 +10,7 @@
 #include "boards/faults.h"
 #include "boards/messages.h"
 #include "tests/fuzz/fuzz.h"
-#include "tests/unit/boards_rig.h"
+#include "tests/unit/boards/boards_rig.h"
 
 #include <inttypes.h>
 

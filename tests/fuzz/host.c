@@ -3,11 +3,11 @@
  * The host and the boards of a mixed rig on a hostile bus: frames of both sides are lost, doubled,
  * spoiled, or made up. What the host sends stays what the protocols allow, its picture of the
  * joints stays finite, and a start-up that fails says why. By the first byte in lockstep, where the
- * simulator's side is rt/lockstep.h.
+ * simulator's side is canbus/lockstep.h.
  */
-#include "boards/icub_protocol.h"
+#include "boards/icub/protocol.h"
 #include "boards/messages.h"
-#include "rt/lockstep.h"
+#include "canbus/lockstep.h"
 #include "tasks/host.h"
 #include "tests/fuzz/fuzz.h"
 

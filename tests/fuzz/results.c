@@ -4,9 +4,9 @@
  * with '<' is a JUnit file to be merged, any other is signals.csv behind a first line of the titles
  * wanted. Refused with its place, or finite numbers of which a plot is made.
  */
-#include "rt/scenario_jobs.h"
-#include "rt/signals.h"
-#include "rt/svg.h"
+#include "app/scenario/jobs.h"
+#include "app/report/signals.h"
+#include "app/report/svg.h"
 #include "tests/fuzz/fuzz.h"
 
 #include <math.h>

@@ -2,15 +2,15 @@
 /*
  * Rig files and what they refer to: an input is the rig, then, each behind a line of its own, "%%%
  * b" (a rig that the first may extend), "%%% r" (the robot) and "%%% m" (a mesh); what is not given
- * is that of tests/unit/rig_files.h. Refused with a place in one of the files, or a rig that all
+ * is that of tests/unit/rig/rig_files.h. Refused with a place in one of the files, or a rig that all
  * who get a part of it take: contact, boards, sensors, faults, the export of the protocol.
  */
-#include "rt/rig.h"
+#include "rig/rig.h"
 
-#include "rt/rig_dbc.h"
-#include "rt/rig_faults.h"
+#include "rig/dbc.h"
+#include "rig/faults.h"
 #include "tests/fuzz/fuzz.h"
-#include "tests/unit/rig_files.h"
+#include "tests/unit/rig/rig_files.h"
 
 #include <math.h>
 

@@ -3,9 +3,9 @@
  * Scenario files: refused with a place, or cases whose frames are legal, whose bands are in order
  * and whose labels and names mean something in the rig of COMAN that they are bound to.
  */
-#include "rt/scenario.h"
+#include "app/scenario/scenario.h"
 
-#include "rt/scenario_private.h"
+#include "app/scenario/private.h"
 #include "tests/fuzz/fuzz.h"
 
 #include <math.h>

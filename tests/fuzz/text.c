@@ -5,10 +5,10 @@
  */
 #include "base/text.h"
 
-#include "rt/lockstep.h"
-#include "rt/markup.h"
-#include "rt/notify.h"
-#include "rt/options.h"
+#include "canbus/lockstep.h"
+#include "base/markup.h"
+#include "app/cli/notify.h"
+#include "base/options.h"
 #include "tests/fuzz/fuzz.h"
 
 #include <errno.h>

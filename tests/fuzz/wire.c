@@ -4,11 +4,11 @@
  * a naive encoder written from the standard's text, and on a bus with faults nothing is lost
  * without being counted, time does not go back, and frames arrive no sooner than their bits take.
  */
-#include "canbus/wire.h"
+#include "canbus/wire/wire.h"
 
-#include "canbus/wire_bits.h"
+#include "canbus/wire/bits.h"
 #include "tests/fuzz/fuzz.h"
-#include "tests/unit/wire_reference.h"
+#include "tests/unit/canbus/wire/wire_reference.h"
 
 #include <inttypes.h>
 

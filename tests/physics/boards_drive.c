@@ -12,8 +12,8 @@
 #include <cmocka.h>
 
 #include "boards/board.h"
-#include "boards/compact_protocol.h"
-#include "boards/foc_protocol.h"
+#include "boards/compact/protocol.h"
+#include "boards/foc/protocol.h"
 #include "tests/physics/plant_rig.h"
 
 #include <math.h>
@@ -102,7 +102,7 @@ static void stop(struct bench *bench)
     plant_rig_fini(&bench->rig);
 }
 
-/* Gains of the 2FOC's current loop as boards/foc_control.h says, for g = 0.5 and shift 15. */
+/* Gains of the 2FOC's current loop as boards/foc/control.h says, for g = 0.5 and shift 15. */
 static void configure_foc(struct bench *bench, double nominal_a)
 {
     double a = exp(-1e-3 * bench->sea.R / bench->sea.L);

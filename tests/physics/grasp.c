@@ -4,7 +4,7 @@
  * the motors' voltages from the same law as over CAN but from unrounded angles: the box is lifted and
  * held, a soft elbow gives way, and the implicit integrator at 1 ms is where dopri5 is.
  */
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 #include <math.h>
 #include <setjmp.h>

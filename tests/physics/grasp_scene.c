@@ -4,7 +4,7 @@
  * table with its weight, and the reference poses bring the wrists to where they touch, press and
  * hold it.
  */
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 #include <math.h>
 #include <setjmp.h>

@@ -4,7 +4,7 @@
  * the box between its wrists and lifts it. Five bodies in contact, two of them with a third that
  * only they hold; series springs from the paper's soft elbow to bare harmonic drives.
  */
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 #include <math.h>
 #include <setjmp.h>

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
 # Drives, integrator and plant.
-hil_test(actuator SOURCES unit/actuator.c LIBS model LABELS unit)
-hil_test(integrator SOURCES unit/integrator.c LIBS model LABELS unit)
 hil_test(actuator_motion SOURCES physics/actuator.c LIBS model LABELS physics)
 hil_test(pendulum SOURCES physics/pendulum.c physics/toy.c LIBS model LABELS physics)
 hil_test(plant SOURCES physics/plant.c physics/toy.c LIBS model LABELS physics)

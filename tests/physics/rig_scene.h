@@ -6,7 +6,7 @@
 
 #include "model/settle.h"
 #include "model/spatial.h"
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 #include <string.h>
 

@@ -26,7 +26,7 @@
 #include <unistd.h>
 
 enum { DESCRIPTORS = 1024 };
-/* bits of enum loop_phase and of enum rig_clock */
+/* bits of enum loop_phase and of enum loop_clock */
 enum { WAIT = 1, RECEIVE = 2, TRANSMIT = 32, PUBLISH = 64, ALL = 127 };
 enum { REAL = 1, LOCKSTEP = 2, FREE = 4, ANY = 7 };
 

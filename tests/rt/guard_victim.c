@@ -183,7 +183,7 @@ static void *stand_by(void *unused)
 int main(int argc, char **argv)
 {
     struct loop_config config = {
-        .clock = RIG_CLOCK_FREE,
+        .clock = LOOP_CLOCK_FREE,
         .tick_ns = CLOCK_MS,
         .ticks = TICKS,
         .time = clock_monotonic(),

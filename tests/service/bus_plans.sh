@@ -11,7 +11,7 @@ trap 'rm -rf "$work"' EXIT
 run() { # RECORD RIG OPTION...
     local record=$1 rig=$2
     shift 2
-    timeout -k 5 100 "$HIL_BINARY_DIR/rt/coman-hil" run "$work/config/rigs/$rig.yaml" \
+    timeout -k 5 100 "$HIL_BINARY_DIR/coman-hil" run "$work/config/rigs/$rig.yaml" \
         --transport local --task squat --quiet --record "$work/$record" "$@" \
         >"$work/out" 2>"$work/err" </dev/null
 }
@@ -19,7 +19,7 @@ run() { # RECORD RIG OPTION...
 # buses of the plan, and that none is to carry more than it can
 check_budget() { # RIG BUSES
     local loads
-    "$HIL_BINARY_DIR/rt/coman-hil" check "$work/config/rigs/$1.yaml" >"$work/check-$1" 2>&1
+    "$HIL_BINARY_DIR/coman-hil" check "$work/config/rigs/$1.yaml" >"$work/check-$1" 2>&1
     loads=$(sed -n 's/.* load .* = \([0-9.]*\) %.*/\1/p' "$work/check-$1" | tr '\n' ' ')
     python3 -c 'import sys; l = [float(x) for x in sys.argv[2:]]; sys.exit(len(l) != int(sys.argv[1]) or max(l) > 100)' \
         "$2" $loads

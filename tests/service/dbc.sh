@@ -5,7 +5,7 @@
 set -u
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-hil=$HIL_BINARY_DIR/rt/coman-hil
+hil=$HIL_BINARY_DIR/coman-hil
 . "$(dirname "$0")/tap.sh"
 
 export_rig() { # RIG BUSES

@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # The n-th allocation or system call fails. A full run of both (HIL_FAIL_NTH=full in the environment)
 # belongs to a release.
-hil_test(fail_memory SOURCES unit/fail_memory.c LIBS rt LABELS unit TIMEOUT 120)
-target_link_options(test_fail_memory PRIVATE
-    -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=free,--wrap=arena_alloc)
-hil_test(rt_whole_file SOURCES unit/whole_file.c LIBS rt LABELS unit)
 
 # preloaded: a sanitizer's library comes with the program, not with it
 add_library(fail_nth MODULE service/fail_nth.c)

@@ -168,7 +168,7 @@ void *mmap(void *address, size_t size, int protection, int flags, int descriptor
     return fails() ? MAP_FAILED : real_mmap(address, size, protection, flags, descriptor, offset);
 }
 
-/* A program with a malloc of its own calls these from there (rt/bench_allocations.c). */
+/* A program with a malloc of its own calls these from there (app/bench/allocations.c). */
 void *__libc_malloc(size_t size);
 void *__libc_calloc(size_t n, size_t size);
 void *__libc_realloc(void *memory, size_t size);

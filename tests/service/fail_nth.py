@@ -6,7 +6,7 @@ usage: fail_nth.py PROGRAM PRELOAD [--full] [--only PART-OF-NAME] [--kind alloca
        [--sanitized]
 
 --sanitized: the program has a sanitizer, which allocates and maps memory for itself and gives up without:
-no allocation fails then (tests/unit/fail_memory.c does that), and no mmap.
+no allocation fails then (tests/unit/app/fail_memory.c does that), and no mmap.
 
 For every case (a command line of coman-hil) one process is loaded with PRELOAD (fail_nth.c), which
 runs main in a fork for each call that is to fail. Promised for each of them:
@@ -118,8 +118,9 @@ class Case:
     status: what it may end with beside 0 and 3
     """
 
-    def __init__(self, name, arguments, keep=None, status=()):
+    def __init__(self, name, arguments, keep=None, status=(), program="coman-hil"):
         self.name, self.arguments, self.keep, self.status = name, arguments, keep, status
+        self.program = program
 
 
 def rig(name):
@@ -151,7 +152,7 @@ CASES = [
     Case("test", ["test", os.path.join(SOURCE, "config/scenarios/wrong_length.yaml"), "--jobs", "1",
                   "--junit", "j.xml"], r"$^", status=(1,)),
     Case("test --merge", ["test", "--merge", "../one.xml", "--junit", "j.xml"], r"$^"),
-    Case("bench pendulum", ["bench", "pendulum", "--quick"], r"$^"),
+    Case("bench pendulum", ["pendulum", "--quick"], r"$^", program="coman-hil-bench"),
     Case("accel", ["accel", COMAN, "--list"]),
     # status 4: without a compiler
     Case("accel of a compiled robot", ["accel", "../arm.yaml", "--implementation", "generated"],
@@ -432,11 +433,12 @@ def main():
     report = Report()
     # a copy elsewhere does not find the peers of the benchmarks: ODE dies of a failed allocation
     folder = tempfile.TemporaryDirectory(prefix="fail-nth-program-")
-    program = shutil.copy2(arguments[0], folder.name)
+    for program in arguments[0], arguments[0] + "-bench":
+        shutil.copy2(program, folder.name)
     for case in CASES:
         if only not in case.name:
             continue
-        server = Server(program, os.path.abspath(arguments[1]), case)
+        server = Server(os.path.join(folder.name, case.program), os.path.abspath(arguments[1]), case)
         if kind != "syscall" and "--sanitized" not in sys.argv:
             fail_allocations(server, report, full)
         if kind != "allocation":

@@ -4,7 +4,7 @@
 # from the sound one, which stands; armed faults that do not begin change nothing; the log, check and
 # the refusals. Virtual time and counts only. Prints TAP.
 set -u
-program=$HIL_BINARY_DIR/rt/coman-hil
+program=$HIL_BINARY_DIR/coman-hil
 rig=$HIL_SOURCE_DIR/config/rigs/coman.yaml
 real=$HIL_SOURCE_DIR/config/rigs/coman-sensors.yaml
 work=$(mktemp -d)

@@ -26,7 +26,7 @@ except ImportError:
     sys.exit(0)
 
 logging.getLogger("can").setLevel(logging.ERROR)  # it warns of the newlines between frames
-PROGRAM = os.path.join(os.environ["HIL_BINARY_DIR"], "rt", "coman-hil")
+PROGRAM = os.path.join(os.environ["HIL_BINARY_DIR"], "coman-hil")
 RIG = os.path.join(os.environ["HIL_SOURCE_DIR"], "config", "rigs", "coman.yaml")
 WORK = tempfile.TemporaryDirectory()
 STEP, DONE = 0x6F0, 0x6FF

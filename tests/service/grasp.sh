@@ -17,7 +17,7 @@ run() # NAME RIG OPTION...
 {
     local name=$1 file=$work/config/rigs/$2.yaml
     shift 2
-    timeout -k 5 60 "$HIL_BINARY_DIR/rt/coman-hil" run "$file" --transport local --quiet \
+    timeout -k 5 60 "$HIL_BINARY_DIR/coman-hil" run "$file" --transport local --quiet \
         --record "$work/$name" "$@" >"$work/$name.out" 2>"$work/$name.err" </dev/null
     echo $? >"$work/$name.status"
 }

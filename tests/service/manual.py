@@ -43,8 +43,8 @@ def tell(good, name, why=""):
         print("# " + line)
 
 
-def coman_hil(*arguments):
-    return subprocess.run([PREFIX / "bin" / "coman-hil", *arguments], capture_output=True, text=True,
+def coman_hil(*arguments, program="coman-hil"):
+    return subprocess.run([PREFIX / "bin" / program, *arguments], capture_output=True, text=True,
                           timeout=PATIENCE_S).stdout
 
 
@@ -53,7 +53,7 @@ def coman_hil(*arguments):
 def keys_of(*sources):
     """The keys of the schema tables of a YAML file."""
     return {key for source in sources
-            for key in re.findall(r'\{"(\w+)",\s*YAML_', (SOURCE / "rt" / source).read_text())}
+            for key in re.findall(r'\{"(\w+)",\s*YAML_', (SOURCE / source).read_text())}
 
 
 def bold_of(page):
@@ -70,8 +70,8 @@ def check_keys(page, *sources):
 def check_pages():
     pages = {path.name.removesuffix(".gz") for path in (PREFIX / "share" / "man").glob("man*/*.gz")}
     table = coman_hil("--help").split("coman-hil COMMAND --help")[0]  # topics of help follow
-    commands = set(re.findall(r"^  (\w+)  ", table, re.M)) - {"help", "version", "bench"}
-    benches = set(re.findall(r"^  (\w+)  ", coman_hil("bench", "--help"), re.M))
+    commands = set(re.findall(r"^  (\w+)  ", table, re.M)) - {"help", "version"}
+    benches = set(re.findall(r"^  (\w+)  ", coman_hil("--help", program="coman-hil-bench"), re.M))
     expected = {f"coman-hil-{c}.1" for c in commands} | {f"coman-hil-bench-{b}.1" for b in benches} | \
         {"coman-hil.1", "coman-hil-rig.5", "coman-hil-scenario.5"}
     tell(pages == expected, "there is a page for every command", str(sorted(pages ^ expected)))
@@ -172,8 +172,8 @@ def check_words():
 def check_build():
     subprocess.run(["cmake", "--install", BUILD, "--prefix", PREFIX], check=True, stdout=subprocess.DEVNULL)
     (PREFIX / "bin" / "python3").symlink_to("/usr/bin/python3")  # the one of the Debian packages
-    check_keys("coman-hil-rig.5.scd", "rig_yaml.c", "rig_sensors.c")
-    check_keys("coman-hil-scenario.5.scd", "scenario_yaml.c")
+    check_keys("coman-hil-rig.5.scd", "rig/schema.c", "rig/sensors.c")
+    check_keys("coman-hil-scenario.5.scd", "app/scenario/schema.c")
     check_pages()
     check_words()
     try_pages()

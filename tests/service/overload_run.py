@@ -11,7 +11,7 @@ import tempfile
 import time
 import traceback
 
-PROGRAM = os.path.join(os.environ["HIL_BINARY_DIR"], "rt", "coman-hil")
+PROGRAM = os.path.join(os.environ["HIL_BINARY_DIR"], "coman-hil")
 CONFIG = os.path.join(os.environ["HIL_SOURCE_DIR"], "config")
 RIG = os.path.join(CONFIG, "rigs", "coman.yaml")
 WORK = tempfile.TemporaryDirectory()

@@ -4,7 +4,7 @@
 # the command line, recordings, determinism, signals. Virtual time and counts are asserted, wall time
 # never. Prints TAP.
 set -u
-program=$HIL_BINARY_DIR/rt/coman-hil
+program=$HIL_BINARY_DIR/coman-hil
 rig=$HIL_SOURCE_DIR/config/rigs/coman.yaml
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

@@ -4,7 +4,7 @@
 # tests/bus/uml/run.sh): lockstep gives the very bytes that one process gives, either side may start
 # again, interfaces may go while it runs. Prints TAP.
 set -u
-program=$HIL_BINARY_DIR/rt/coman-hil
+program=$HIL_BINARY_DIR/coman-hil
 rig=$HIL_SOURCE_DIR/config/rigs/coman.yaml
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
 # Scenarios, and programs that join the buses through the gateway.
-hil_test(scenario SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/unit/scenario.c LIBS rt LABELS unit)
-hil_test(scenario_expect SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/unit/scenario_expect.c LIBS rt LABELS unit)
 hil_script_test(service_scenarios COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/scenarios.sh
                 LABELS service TIMEOUT 300)
 hil_script_test(service_gateway COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/gateway.py

@@ -3,7 +3,7 @@
 # The scenarios that come with the program: all pass, each fails under its mutations, shards and JUnit
 # files fit together, what fails leaves a recording and plots. Prints TAP.
 set -u
-program=$HIL_BINARY_DIR/rt/coman-hil
+program=$HIL_BINARY_DIR/coman-hil
 scenarios=$HIL_SOURCE_DIR/config/scenarios
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

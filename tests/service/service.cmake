@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
 # What makes it a service.
-hil_test(rt_notify SOURCES unit/notify.c LIBS rt LABELS unit)
-hil_test(rt_journal SOURCES unit/journal.c LIBS rt LABELS unit)
-hil_test(rt_doctor SOURCES unit/doctor.c LIBS rt LABELS unit)
-hil_test(rt_rig_path SOURCES unit/rig_path.c LIBS rt LABELS unit)
 hil_script_test(service_units COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/units.sh $<TARGET_FILE:coman-hil>
                 LABELS service)
 hil_script_test(service_reload COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/service/reload.py

@@ -13,7 +13,7 @@ start()
 {
     local name=$1
     shift
-    timeout -k 5 100 "$HIL_BINARY_DIR/rt/coman-hil" run "$rig" --transport local --clock free \
+    timeout -k 5 100 "$HIL_BINARY_DIR/coman-hil" run "$rig" --transport local --clock free \
         --task squat --ticks 3500 --energy --quiet --record "$work/$name" --record-period 1 "$@" \
         >"$work/$name.out" 2>"$work/$name.err" </dev/null
 }
@@ -39,8 +39,8 @@ fi
 cp -r "$HIL_SOURCE_DIR/config" "$work/config"
 asking=$work/config/rigs/coman.yaml
 sed -i "s|settle: false|settle: true|" "$asking"
-if "$HIL_BINARY_DIR/rt/coman-hil" check "$asking" | grep -q "^start .*settled$" &&
-    ! "$HIL_BINARY_DIR/rt/coman-hil" check "$rig" | grep -q "settled"; then
+if "$HIL_BINARY_DIR/coman-hil" check "$asking" | grep -q "^start .*settled$" &&
+    ! "$HIL_BINARY_DIR/coman-hil" check "$rig" | grep -q "settled"; then
     echo "ok 4 - a rig can ask for it"
 else
     echo "not ok 4 - a rig can ask for it"

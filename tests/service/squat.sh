@@ -7,7 +7,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 echo 1..6
-if timeout -k 5 280 "$HIL_BINARY_DIR/rt/coman-hil" run "$HIL_SOURCE_DIR/config/rigs/coman.yaml" \
+if timeout -k 5 280 "$HIL_BINARY_DIR/coman-hil" run "$HIL_SOURCE_DIR/config/rigs/coman.yaml" \
     --transport local --clock lockstep --task squat --quiet --record "$work/squat" \
     >"$work/out" 2>"$work/err" </dev/null; then
     echo "ok 1 - the run ends with status 0, the task done"

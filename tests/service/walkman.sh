@@ -12,7 +12,7 @@ rig=$HIL_SOURCE_DIR/config/rigs/walkman.yaml
 run() { # name, rig, options
     name=$1 file=$2
     shift 2
-    timeout -k 5 100 "$HIL_BINARY_DIR/rt/coman-hil" run "$file" --transport local --task squat --quiet \
+    timeout -k 5 100 "$HIL_BINARY_DIR/coman-hil" run "$file" --transport local --task squat --quiet \
         --record "$work/$name" "$@" >"$work/$name.out" 2>"$work/$name.err" </dev/null
     echo $? >"$work/$name.status"
 }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The listener of the soak would notice: what breaks the rules of lockstep does not pass. */
 #include "base/hash.h"
-#include "boards/icub_protocol.h"
+#include "boards/icub/protocol.h"
+#include "canbus/lockstep.h"
 #include "tests/soak/watch.h"
 
 #include <string.h>
@@ -33,7 +34,7 @@ static int set_up(void **state)
     bench.rig.nbus = BUSES;
     bench.rig.bus = names;
     bench.rig.lockstep =
-        (struct rig_lockstep){.step_id = LOCKSTEP_STEP_ID, .done_id = LOCKSTEP_DONE_ID};
+        (struct loop_lockstep){.step_id = LOCKSTEP_STEP_ID, .done_id = LOCKSTEP_DONE_ID};
     bench.watch.rig = &bench.rig;
     bench.watch.ports.count = BUSES;
     for (int b = 0; b < BUSES; b++) {

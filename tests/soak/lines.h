@@ -8,7 +8,7 @@
 
 #include "base/random.h"
 #include "boards/faults.h"
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 enum { LINE_KINDS_MAX = 64 };
 

@@ -3,7 +3,8 @@
 #include "tests/soak/part.h"
 
 #include "base/hash.h"
-#include "boards/icub_protocol.h"
+#include "boards/icub/protocol.h"
+#include "canbus/lockstep.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -166,7 +167,7 @@ static enum error_code create(struct run *run, const struct totals *totals, uint
 {
     struct simulator_config config = {
         .rig = &run->rig,
-        .clock = RIG_CLOCK_LOCKSTEP,
+        .clock = LOOP_CLOCK_LOCKSTEP,
         .energy = true,
         .transport = TRANSPORT_LOCAL,
         .seed_given = true,

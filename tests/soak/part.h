@@ -5,7 +5,7 @@
 #ifndef SOAK_PART_H
 #define SOAK_PART_H
 
-#include "rt/simulator.h"
+#include "sim/simulator.h"
 #include "tests/soak/lines.h"
 #include "tests/soak/player.h"
 #include "tests/soak/stranger.h"
@@ -59,7 +59,7 @@ struct run {
     double held[7]; /* where the harness holds the base */
     double error_before[6];
     double fastest[SIMULATOR_JOINTS_MAX]; /* rotor of each joint, rad/s */
-    struct bus_status before[BUSES_MAX];
+    struct bus_status before[RIG_BUSES_MAX];
     uint64_t faults, events;
     bool was_active[FAULTS_MAX];
     long pages_early;

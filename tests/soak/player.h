@@ -8,7 +8,7 @@
 #define SOAK_PLAYER_H
 
 #include "base/random.h"
-#include "rt/buses.h"
+#include "sim/buses.h"
 #include "tasks/host.h"
 #include "tasks/servo.h"
 

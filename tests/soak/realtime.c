@@ -12,8 +12,8 @@
  * cyclictest cuts them off to microseconds; ours are rounded up by at most 1/64 (rt/histogram.h), then
  * cut off to half a microsecond.
  */
-#include "rt/simulator.h"
-#include "rt/svg.h"
+#include "sim/simulator.h"
+#include "app/report/svg.h"
 
 #include <inttypes.h>
 #include <stdio.h>
@@ -98,7 +98,7 @@ static int run(int64_t seconds, int priority, int cpu, const char *path)
     static struct rig changed;
     struct simulator_config config = {
         .rig = &changed,
-        .clock = RIG_CLOCK_REAL,
+        .clock = LOOP_CLOCK_REAL,
         .transport = TRANSPORT_LOCAL,
         .task = "squat",
         .ticks = (uint64_t)seconds * 1000,

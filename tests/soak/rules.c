@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What must hold in every tick of a part, and at its end. */
 #include "base/hash.h"
-#include "canbus/wire.h"
+#include "canbus/wire/wire.h"
 #include "tests/soak/part.h"
 
 #include <inttypes.h>

@@ -5,11 +5,11 @@ set(soak_sources lines lockstep part player rules stranger watch)
 list(TRANSFORM soak_sources PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/soak/)
 list(TRANSFORM soak_sources APPEND .c)
 add_executable(soak_lockstep ${soak_sources})
-target_link_libraries(soak_lockstep PRIVATE hil_flags rt)
+target_link_libraries(soak_lockstep PRIVATE hil_flags sim)
 target_compile_definitions(soak_lockstep PRIVATE HIL_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
 
 add_executable(soak_realtime ${CMAKE_CURRENT_SOURCE_DIR}/soak/realtime.c)
-target_link_libraries(soak_realtime PRIVATE hil_flags rt)
+target_link_libraries(soak_realtime PRIVATE hil_flags sim report)
 target_compile_definitions(soak_realtime PRIVATE HIL_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
 
 hil_script_test(soak_lockstep COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/soak/lockstep.sh
@@ -17,4 +17,4 @@ hil_script_test(soak_lockstep COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/soak/lock
 hil_script_test(soak_realtime COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/soak/realtime.sh
                 $<TARGET_FILE:soak_realtime> LABELS soak TIMEOUT 1500 SERIAL)
 hil_test(soak_judge SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/soak/judge.c ${CMAKE_CURRENT_SOURCE_DIR}/soak/watch.c
-         LIBS rt LABELS soak)
+         LIBS sim LABELS soak)

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/soak/stranger.h"
 
-#include "boards/icub_protocol.h"
+#include "boards/icub/protocol.h"
+#include "canbus/lockstep.h"
 
 static const double BURST = 0.01; /* in a tick */
 enum { BURST_MOST = 8 };

@@ -7,7 +7,7 @@
 #define SOAK_STRANGER_H
 
 #include "base/random.h"
-#include "rt/buses.h"
+#include "sim/buses.h"
 
 struct stranger {
     const struct rig *rig;

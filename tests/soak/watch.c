@@ -3,7 +3,8 @@
 #include "tests/soak/watch.h"
 
 #include "base/hash.h"
-#include "boards/icub_protocol.h"
+#include "boards/icub/protocol.h"
+#include "canbus/lockstep.h"
 
 #include <inttypes.h>
 #include <stdarg.h>
@@ -93,7 +94,7 @@ static void hash_frame(struct watch *watch, size_t bus, const struct bus_frame *
 
 static bool see(struct watch *watch, size_t bus, const struct bus_frame *frame)
 {
-    const struct rig_lockstep *lockstep = &watch->rig->lockstep;
+    const struct loop_lockstep *lockstep = &watch->rig->lockstep;
     bool leads = bus == (size_t)lockstep->bus;
 
     if (frame->flags & FRAME_ERROR) {

@@ -6,7 +6,7 @@
 #ifndef SOAK_WATCH_H
 #define SOAK_WATCH_H
 
-#include "rt/buses.h"
+#include "sim/buses.h"
 
 enum { WATCH_DUE = 512, WATCH_BATCH = 256 };
 
@@ -15,7 +15,7 @@ struct watch {
     struct bus_ports ports;
     bool wire;
     uint64_t hash;              /* of every frame, in the order in which the buses were looked at */
-    uint64_t frames[BUSES_MAX]; /* of the robot's traffic */
+    uint64_t frames[RIG_BUSES_MAX]; /* of the robot's traffic */
     uint64_t steps, refused, malformed;
     uint32_t tick; /* when all STEP frames seen until now have been carried out */
     struct watch_due {
@@ -23,7 +23,7 @@ struct watch {
         bool refusal;
     } due[WATCH_DUE]; /* answers that are to come, oldest first */
     size_t ndue;
-    uint64_t done[BUSES_MAX], done_hash[BUSES_MAX];
+    uint64_t done[RIG_BUSES_MAX], done_hash[RIG_BUSES_MAX];
     bool stopping; /* the simulator said that it stops */
     char failure[256];
     struct bus_frame batch[WATCH_BATCH];

@@ -9,8 +9,8 @@
  */
 #include "base/arena.h"
 #include "base/memory_file.h"
-#include "rt/rig.h"
-#include "rt/simulator.h"
+#include "rig/rig.h"
+#include "sim/simulator.h"
 
 #include <dirent.h>
 #include <setjmp.h>
@@ -128,7 +128,7 @@ static enum error_code start(const char *name, const char *task,
                              struct error *error)
 {
     struct simulator_config config = {
-        .clock = RIG_CLOCK_FREE,
+        .clock = LOOP_CLOCK_FREE,
         .transport = TRANSPORT_LOCAL,
         .ticks = 10,
         .task = task,

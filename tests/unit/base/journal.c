@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* When lines get a priority for the journal. */
-#include "rt/journal.h"
+#include "base/journal.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

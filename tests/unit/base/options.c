@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Command lines through the table of options. */
-#include "rt/options.h"
+#include "base/options.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

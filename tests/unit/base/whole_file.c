@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Files that are there whole or as they were before. */
-#include "rt/whole_file.h"
+#include "base/whole_file.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Faults of boards: what each does to the frames of one board, to no other, only in its time. */
-#include "tests/unit/boards_rig.h"
+#include "tests/unit/boards/boards_rig.h"
 
 #include "boards/faults.h"
 #include "boards/sensing.h"

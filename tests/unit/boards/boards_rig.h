@@ -6,8 +6,8 @@
  * bus 0: motor board 1 (joints 0, 1), motor board 2 (joint 2, spare axis), pseudo-STRAIN 0x0C
  * (joints 0, 1, 2), F/T board 0x0D (sensor 0); bus 1: motor board 1 (joints 3, 4).
  */
-#ifndef TESTS_UNIT_BOARDS_RIG_H
-#define TESTS_UNIT_BOARDS_RIG_H
+#ifndef TESTS_UNIT_BOARDS_BOARDS_RIG_H
+#define TESTS_UNIT_BOARDS_BOARDS_RIG_H
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -17,7 +17,7 @@
 #include <cmocka.h>
 
 #include "boards/board.h"
-#include "boards/icub_protocol.h"
+#include "boards/icub/protocol.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What boards tell of their CAN controllers: by hand, and with a wire that counts. */
-#include "boards/foc_protocol.h"
-#include "canbus/wire.h"
-#include "tests/unit/boards_rig.h"
+#include "boards/foc/protocol.h"
+#include "canbus/wire/wire.h"
+#include "tests/unit/boards/boards_rig.h"
 
 enum { STATUS = 0x113, CAN_STATUS = 4, TX_ERRORS = 6, RX_ERRORS = 7 };
 

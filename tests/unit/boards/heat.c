@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Windings that heat: what the boards tell of their temperature and when they stop. */
-#include "boards/compact_table.h"
-#include "boards/foc_protocol.h"
+#include "boards/compact/table.h"
+#include "boards/foc/protocol.h"
 #include "boards/sensing.h"
-#include "tests/unit/boards_rig.h"
+#include "tests/unit/boards/boards_rig.h"
 
 #define LIMIT_C 70.0
 

@@ -4,9 +4,9 @@
  * is in it with its length, no two messages look the same, and cycle times give the worst-case load
  * of the bus plans' table.
  */
-#include "boards/compact_protocol.h"
+#include "boards/compact/protocol.h"
 #include "boards/messages.h"
-#include "tests/unit/boards_rig.h"
+#include "tests/unit/boards/boards_rig.h"
 
 enum { MESSAGES_MAX = 2048 };
 

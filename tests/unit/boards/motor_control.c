@@ -4,7 +4,7 @@
  * boards on a simple motor (first-order current, inertia, viscous friction) integrated here.
  */
 #include "boards/motor_control.h"
-#include "tests/unit/boards_rig.h"
+#include "tests/unit/boards/boards_rig.h"
 
 /* ---- arithmetic ---- */
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Each board is a CAN node of its own: its frames say which one. */
-#include "tests/unit/boards_rig.h"
+#include "tests/unit/boards/boards_rig.h"
 
 /* Of bus 0, in the order of the configuration: boards 1, 2, 0x0C, 0x0D. */
 static int node_of(unsigned address)

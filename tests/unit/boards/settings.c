@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Settings of axes beside the bus: the same values and ranges as over it, for all that boards speak. */
-#include "boards/compact_protocol.h"
-#include "boards/foc_protocol.h"
-#include "tests/unit/boards_rig.h"
+#include "boards/compact/protocol.h"
+#include "boards/foc/protocol.h"
+#include "tests/unit/boards/boards_rig.h"
 
 static size_t find(const struct rig *rig, size_t board, size_t axis, const char *name,
                    struct board_setting *setting)

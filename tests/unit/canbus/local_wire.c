@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The local bus in wire mode, and a port that is paced by a wire. */
 #include "canbus/paced.h"
-#include "tests/unit/wire_bench.h"
+#include "tests/unit/canbus/wire/wire_bench.h"
 
 #include <linux/can/error.h>
 #include <pthread.h>

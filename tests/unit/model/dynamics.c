@@ -12,7 +12,7 @@
 
 #include "model/dynamics.h"
 #include "model/spatial.h"
-#include "tests/unit/random_robot.h"
+#include "tests/unit/model/random_robot.h"
 
 #include <stdio.h>
 #include <time.h>

@@ -16,7 +16,7 @@
 #include <cmocka.h>
 
 #include "model/spatial.h"
-#include "tests/unit/random_robot.h"
+#include "tests/unit/model/random_robot.h"
 
 #ifdef HIL_SYMBOLIC
 #include "model/symbolic/builtin.h"

@@ -14,10 +14,10 @@
 extern "C" {
 #include <cmocka.h>
 
-#include "tests/unit/random_robot.h"
+#include "tests/unit/model/random_robot.h"
 }
 
-#include "tests/unit/simbody_tree.h"
+#include "tests/unit/model/simbody_tree.h"
 
 using namespace SimTK;
 using simbody_tree::put;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Random trees of bodies and random states. */
-#include "tests/unit/random_robot.h"
+#include "tests/unit/model/random_robot.h"
 
 #include "model/spatial.h"
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Random trees of bodies and random states for the tests of the dynamics; the same from run to
  * run: everything follows from *seed, which moves on. */
-#ifndef TESTS_UNIT_RANDOM_ROBOT_H
-#define TESTS_UNIT_RANDOM_ROBOT_H
+#ifndef TESTS_UNIT_MODEL_RANDOM_ROBOT_H
+#define TESTS_UNIT_MODEL_RANDOM_ROBOT_H
 
 #include "model/dynamics.h"
 #include "model/robot.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A robot built from Simbody's mobilizers, for tests and benchmarks that compare with Simbody. C++;
  * include after SimTKsimbody.h, with model/robot.h as C. */
-#ifndef TESTS_UNIT_SIMBODY_TREE_H
-#define TESTS_UNIT_SIMBODY_TREE_H
+#ifndef TESTS_UNIT_MODEL_SIMBODY_TREE_H
+#define TESTS_UNIT_MODEL_SIMBODY_TREE_H
 
 #include <vector>
 

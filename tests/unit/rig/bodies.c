@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Bodies of a rig's scene: what becomes of good ones, and where bad ones are wrong. */
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -8,7 +8,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "tests/unit/rig_files.h"
+#include "tests/unit/rig/rig_files.h"
 
 static struct arena arena;
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The wire section of rigs: how long frames take, and what to do about buses that cannot carry their
  * traffic. */
-#include "rt/rig.h"
+#include "rig/rig.h"
 
-#include "tests/unit/rig_files.h"
+#include "tests/unit/rig/rig_files.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

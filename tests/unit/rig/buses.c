@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The buses of rigs: what each speaks, what that allows on it, how far it is loaded. */
-#include "rt/rig.h"
+#include "rig/rig.h"
 
-#include "tests/unit/rig_files.h"
+#include "tests/unit/rig/rig_files.h"
 
 #include <math.h>
 #include <setjmp.h>

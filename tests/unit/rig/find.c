@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Where a rig's name leads. */
-#include "rt/rig_path.h"
+#include "rig/find.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Rig files: what becomes of a good one, and where a bad one is wrong. */
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -8,7 +8,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "tests/unit/rig_files.h"
+#include "tests/unit/rig/rig_files.h"
 
 static struct arena arena;
 
@@ -77,7 +77,7 @@ static void reads_time_pose_and_settings(void **state)
     (void)state;
     assert_string_equal(rig->name, "toy");
     assert_string_equal(rig->file, rig_path);
-    assert_int_equal(rig->clock, RIG_CLOCK_FREE);
+    assert_int_equal(rig->clock, LOOP_CLOCK_FREE);
     assert_int_equal(rig->tick_ns, 2000000);
     assert_int_equal(rig->substep_ns, 500000);
     assert_int_equal(rig->substeps, 4);
@@ -91,7 +91,7 @@ static void reads_time_pose_and_settings(void **state)
     assert_int_equal(rig->realtime.priority, 0);
     assert_int_equal(rig->realtime.cpu, 1);
     assert_false(rig->realtime.lock_memory);
-    assert_int_equal(rig->realtime.overrun, RIG_OVERRUN_STOP);
+    assert_int_equal(rig->realtime.overrun, LOOP_OVERRUN_STOP);
     assert_int_equal(rig->realtime.stop_after, 3);
     assert_string_equal(rig->record.directory, "out");
     assert_int_equal(rig->servo.command_period_ns, 4000000);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A small rig in a configuration tree of its own under /tmp, to be written wrong in every way. */
-#ifndef TESTS_UNIT_RIG_FILES_H
-#define TESTS_UNIT_RIG_FILES_H
+#ifndef TESTS_UNIT_RIG_RIG_FILES_H
+#define TESTS_UNIT_RIG_RIG_FILES_H
 
 #include <stdbool.h>
 #include <stdio.h>

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The sections `sensors`, `faults` and `seed` of a rig: what becomes of them, and where they are
  * wrong. */
-#include "rt/rig_faults.h"
+#include "rig/faults.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "tests/unit/rig_files.h"
+#include "tests/unit/rig/rig_files.h"
 
 static struct arena arena;
 

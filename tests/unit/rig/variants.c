@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Rigs that extend others, change springs, and hold the base. */
-#include "rt/rig.h"
+#include "rig/rig.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -10,7 +10,7 @@
 
 #include "model/dynamics.h"
 #include "tests/physics/near.h"
-#include "tests/unit/rig_files.h"
+#include "tests/unit/rig/rig_files.h"
 
 static struct arena arena;
 static char extended[64]; /* the rig that extends the toy */

@@ -5,7 +5,7 @@
 
 static void the_grid_does_not_drift(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_REAL, 3000);
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 3000);
 
     (void)state;
     bench->wake_late = 37123;
@@ -23,7 +23,7 @@ static void the_grid_does_not_drift(void **state)
 
 static void an_end_at_the_deadline_is_in_time(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_REAL, 100);
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 100);
 
     (void)state;
     bench->work[PHASE_PLANT] = TICK;
@@ -36,7 +36,7 @@ static void an_end_at_the_deadline_is_in_time(void **state)
 
 static void skip_drops_the_missed_deadlines_and_stays_on_the_grid(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_REAL, 10);
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
     const struct loop_stats *stats;
     struct loop_event event;
 
@@ -62,12 +62,12 @@ static void skip_drops_the_missed_deadlines_and_stays_on_the_grid(void **state)
 
 static void slip_runs_late_ticks_until_the_grid_is_caught_up(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_REAL, 20);
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 20);
     const struct loop_stats *stats;
 
     (void)state;
     /* work 0.4 T; tick 3 ends at 6.9 T, tick 4 at 7.3, 5 at 7.7, 6 at 8.1, 7 at 8.5, 8 at 8.9 T */
-    bench->config.overrun = RIG_OVERRUN_SLIP;
+    bench->config.overrun = LOOP_OVERRUN_SLIP;
     bench->work[PHASE_PLANT] = 4 * TICK / 10;
     bench->slow_tick = 3;
     bench->slow_phase = PHASE_SENSORS;
@@ -85,10 +85,10 @@ static void slip_runs_late_ticks_until_the_grid_is_caught_up(void **state)
 
 static void slip_charges_every_tick_that_is_itself_too_long(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_REAL, 50);
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 50);
 
     (void)state;
-    bench->config.overrun = RIG_OVERRUN_SLIP;
+    bench->config.overrun = LOOP_OVERRUN_SLIP;
     bench->work[PHASE_BOARDS] = 11 * TICK / 10;
     bench_run(bench);
     assert_int_equal(loop_stats(bench->loop)->overruns[PHASE_BOARDS], 50);
@@ -99,10 +99,10 @@ static void slip_charges_every_tick_that_is_itself_too_long(void **state)
 
 static void stop_ends_the_run_at_the_nth_overrun(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_REAL, 50);
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 50);
 
     (void)state;
-    bench->config.overrun = RIG_OVERRUN_STOP;
+    bench->config.overrun = LOOP_OVERRUN_STOP;
     bench->config.stop_after = 4;
     bench->work[PHASE_PLANT] = 2 * TICK;
     assert_int_equal(bench_run(bench), LOOP_END_OVERRUNS);
@@ -116,7 +116,7 @@ static void an_overrun_is_charged_to_the_phase_that_caused_it(void **state)
 {
     (void)state;
     for (int p = PHASE_WAIT; p < PHASE_COUNT; p++) {
-        struct bench *bench = bench_create(RIG_CLOCK_REAL, 10);
+        struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
 
         if (p == PHASE_WAIT) {
             bench->late_sleep = 4;
@@ -142,12 +142,12 @@ static void an_overrun_is_charged_to_the_phase_that_caused_it(void **state)
 
 static void a_pause_takes_up_the_grid_and_is_no_overrun(void **state)
 {
-    static const enum rig_overrun policies[] = {RIG_OVERRUN_SKIP, RIG_OVERRUN_SLIP,
-                                                RIG_OVERRUN_STOP};
+    static const enum loop_overrun policies[] = {LOOP_OVERRUN_SKIP, LOOP_OVERRUN_SLIP,
+                                                LOOP_OVERRUN_STOP};
 
     (void)state;
     for (size_t i = 0; i < 3; i++) {
-        struct bench *bench = bench_create(RIG_CLOCK_REAL, 20);
+        struct bench *bench = bench_create(LOOP_CLOCK_REAL, 20);
         const struct loop_stats *stats;
 
         /* stopped while it sleeps for 5 T */
@@ -167,11 +167,11 @@ static void a_pause_takes_up_the_grid_and_is_no_overrun(void **state)
 
 static void a_pause_inside_a_tick_is_no_overrun_either(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_REAL, 20);
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 20);
     struct loop_event event;
 
     (void)state;
-    bench->config.overrun = RIG_OVERRUN_SLIP;
+    bench->config.overrun = LOOP_OVERRUN_SLIP;
     bench->slow_tick = 7;
     bench->slow_phase = PHASE_PLANT;
     bench->slow_by = 3000 * TICK;
@@ -185,10 +185,10 @@ static void a_pause_inside_a_tick_is_no_overrun_either(void **state)
 
 static void a_second_behind_is_still_caught_up(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_REAL, 1200);
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 1200);
 
     (void)state;
-    bench->config.overrun = RIG_OVERRUN_SLIP;
+    bench->config.overrun = LOOP_OVERRUN_SLIP;
     bench->slow_tick = 0;
     bench->slow_phase = PHASE_PLANT;
     bench->slow_by = 1000 * TICK;
@@ -202,7 +202,7 @@ static void a_second_behind_is_still_caught_up(void **state)
 
 static void a_tick_has_its_order(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_FREE, 2);
+    struct bench *bench = bench_create(LOOP_CLOCK_FREE, 2);
     struct bus_frame frame = frame_make(0x123, 1, (const uint8_t[]){7});
 
     (void)state;
@@ -217,7 +217,7 @@ static void a_tick_has_its_order(void **state)
 
 static void buses_are_drained_in_their_order(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_FREE, 1);
+    struct bench *bench = bench_create(LOOP_CLOCK_FREE, 1);
 
     (void)state;
     for (size_t i = 0; i < 600; i++) {
@@ -236,7 +236,7 @@ static void buses_are_drained_in_their_order(void **state)
 
 static void what_is_sent_arrives_at_the_host(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_FREE, 3);
+    struct bench *bench = bench_create(LOOP_CLOCK_FREE, 3);
     struct bus_frame frames[16];
 
     (void)state;
@@ -258,7 +258,7 @@ static void stop_at_ten(struct bench *bench)
 
 static void a_stop_ends_after_the_tick_with_motors_off(void **state)
 {
-    static const enum rig_clock clocks[] = {RIG_CLOCK_REAL, RIG_CLOCK_FREE};
+    static const enum loop_clock clocks[] = {LOOP_CLOCK_REAL, LOOP_CLOCK_FREE};
 
     (void)state;
     for (size_t i = 0; i < 2; i++) {
@@ -275,7 +275,7 @@ static void a_stop_ends_after_the_tick_with_motors_off(void **state)
 
 static void a_finished_controller_gets_its_last_tick(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_FREE, 0);
+    struct bench *bench = bench_create(LOOP_CLOCK_FREE, 0);
 
     (void)state;
     bench->config.machine.controller = bench_controller;
@@ -292,7 +292,7 @@ static void break_at_four(struct bench *bench)
 
 static void a_failing_model_ends_the_run(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_REAL, 0);
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 0);
 
     (void)state;
     bench->on_tick = break_at_four;
@@ -315,7 +315,7 @@ static void bus_goes_and_loses(struct bench *bench)
 
 static void a_bus_that_goes_is_an_event_and_the_loop_goes_on(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_FREE, 10);
+    struct bench *bench = bench_create(LOOP_CLOCK_FREE, 10);
     struct loop_event event;
 
     (void)state;
@@ -335,7 +335,7 @@ static void a_bus_that_goes_is_an_event_and_the_loop_goes_on(void **state)
 
 static void events_that_find_the_ring_full_are_counted(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_REAL, 3000);
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 3000);
     struct loop_event event;
     uint64_t lost;
 
@@ -350,7 +350,7 @@ static void events_that_find_the_ring_full_are_counted(void **state)
 
 static void phases_are_timed(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_FREE, 100);
+    struct bench *bench = bench_create(LOOP_CLOCK_FREE, 100);
     const struct loop_stats *stats;
 
     (void)state;

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A loop on the bench: a clock that tests script, a machine that records what it is asked to do, and
  * local buses with a host on the other side. */
-#ifndef TESTS_UNIT_LOOP_BENCH_H
-#define TESTS_UNIT_LOOP_BENCH_H
+#ifndef TESTS_UNIT_RT_LOOP_BENCH_H
+#define TESTS_UNIT_RT_LOOP_BENCH_H
 
-#include "boards/icub_protocol.h"
+#include "boards/icub/protocol.h"
 #include "rt/loop.h"
 
 #include <setjmp.h>
@@ -189,7 +189,7 @@ static inline void bench_buses(struct bench *bench, size_t inbox)
 
 /* A bench with 10 % of work in each tick, all in the plant; change what the test is about, then call
  * bench_run. */
-static inline struct bench *bench_create(enum rig_clock clock, uint64_t ticks)
+static inline struct bench *bench_create(enum loop_clock clock, uint64_t ticks)
 {
     static const struct clock_ops ops = {bench_now, bench_sleep_until, bench_wait_readable};
     struct bench *bench = test_calloc(1, sizeof *bench);
@@ -207,7 +207,7 @@ static inline struct bench *bench_create(enum rig_clock clock, uint64_t ticks)
     bench->config = (struct loop_config){
         .clock = clock,
         .tick_ns = TICK,
-        .overrun = RIG_OVERRUN_SKIP,
+        .overrun = LOOP_OVERRUN_SKIP,
         .stop_after = 1,
         .lockstep = {1, LOCKSTEP_STEP_ID, LOCKSTEP_DONE_ID, CLOCK_SECOND},
         .ticks = ticks,

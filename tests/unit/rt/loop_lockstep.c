@@ -59,7 +59,7 @@ static void stop_now(struct bench *bench)
 
 static void a_step_runs_a_tick_and_is_answered_on_every_bus_after_its_frames(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 0);
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
 
     (void)state;
     send_step(bench, 0, 1);
@@ -88,7 +88,7 @@ static void zero_ticks_mean_one_and_several_are_answered_once(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 0);
+        struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
         struct done_list list;
 
         bench->send_count = 0;
@@ -105,7 +105,7 @@ static void zero_ticks_mean_one_and_several_are_answered_once(void **state)
 
 static void a_step_of_another_tick_is_refused_with_the_true_one(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 0);
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct loop_event event;
 
     (void)state;
@@ -136,7 +136,7 @@ static void a_step_of_another_tick_is_refused_with_the_true_one(void **state)
 
 static void malformed_steps_are_counted_and_not_answered(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 0);
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct bus_frame frame = step_frame(0, 1);
     struct loop_event event;
 
@@ -168,7 +168,7 @@ static void malformed_steps_are_counted_and_not_answered(void **state)
 
 static void frames_before_the_step_belong_to_it_and_frames_after_it_to_the_next(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 0);
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     static const uint32_t ids[] = {0x10, 0x20, 0x21, 0x30, 0x22, 0x23};
     static const uint64_t ticks[] = {0, 0, 0, 0, 2, 2};
 
@@ -195,7 +195,7 @@ static void frames_before_the_step_belong_to_it_and_frames_after_it_to_the_next(
 
 static void talk_without_a_step_goes_to_the_boards_and_is_not_lost(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 0);
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
 
     (void)state;
     for (uint32_t i = 0; i < 3000; i++) {
@@ -224,7 +224,7 @@ static void come_back_after_ten_seconds(struct bench *bench)
 static void a_silent_partner_is_reported_at_growing_distances_and_waited_for(void **state)
 {
     static const int64_t reports[] = {1, 3, 7};
-    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 0);
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct loop_event event;
 
     (void)state;
@@ -261,7 +261,7 @@ static void forgetful_host(struct bench *bench)
 
 static void the_host_may_start_again(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 0);
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
 
     (void)state;
     bench->on_wait = forgetful_host;
@@ -284,7 +284,7 @@ static void older_host(struct bench *bench)
 
 static void the_simulator_may_start_again(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 0);
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
 
     (void)state;
     bench->on_wait = older_host;
@@ -304,7 +304,7 @@ static void lose_in_the_second_tick(struct bench *bench)
 
 static void flags_tell_of_lost_frames_and_faults(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 0);
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct done_list list;
 
     (void)state;
@@ -324,7 +324,7 @@ static void flags_tell_of_lost_frames_and_faults(void **state)
 
 static void flags_of_the_ticks_of_one_step_are_gathered(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 0);
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct done_list list;
 
     (void)state;
@@ -341,7 +341,7 @@ static void flags_of_the_ticks_of_one_step_are_gathered(void **state)
 
 static void the_length_of_the_run_ends_it_within_a_step(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 4);
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 4);
     struct done_list list;
 
     (void)state;
@@ -366,7 +366,7 @@ static bool stepping_controller(void *context, int64_t time_ns)
 
 static void an_inline_controller_steps_without_waiting(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 0);
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
 
     (void)state;
     bench->config.machine.controller = stepping_controller;

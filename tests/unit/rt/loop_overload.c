@@ -36,7 +36,7 @@ static void throw_the_dice(struct bench *bench)
     }
 }
 
-static void assert_books_close(const struct bench *bench, enum rig_overrun policy)
+static void assert_books_close(const struct bench *bench, enum loop_overrun policy)
 {
     const struct loop_stats *stats = loop_stats(bench->loop);
     int64_t next =
@@ -49,7 +49,7 @@ static void assert_books_close(const struct bench *bench, enum rig_overrun polic
     assert_int_equal(charged, stats->overrun_total);
     assert_int_equal(stats->time_ns, (int64_t)stats->ticks * TICK);
     assert_true(stats->end_ns > next - TICK);
-    if (policy == RIG_OVERRUN_SLIP) {
+    if (policy == LOOP_OVERRUN_SLIP) {
         assert_true(stats->end_ns <= next + LOOP_PAUSE_NS);
         assert_int_equal(stats->lost_ticks, 0);
     } else {
@@ -63,14 +63,14 @@ static void assert_books_close(const struct bench *bench, enum rig_overrun polic
 
 static void the_books_close_whatever_the_machine_does(void **state)
 {
-    static const enum rig_overrun policies[] = {RIG_OVERRUN_SKIP, RIG_OVERRUN_SLIP,
-                                                RIG_OVERRUN_STOP};
+    static const enum loop_overrun policies[] = {LOOP_OVERRUN_SKIP, LOOP_OVERRUN_SLIP,
+                                                LOOP_OVERRUN_STOP};
     uint64_t overruns = 0, pauses = 0, lost = 0, late = 0;
 
     (void)state;
     for (uint64_t seed = 0; seed < 60; seed++) {
-        struct bench *bench = bench_create(RIG_CLOCK_REAL, 2000);
-        enum rig_overrun policy = policies[seed % 3];
+        struct bench *bench = bench_create(LOOP_CLOCK_REAL, 2000);
+        enum loop_overrun policy = policies[seed % 3];
         enum loop_end end;
 
         dice.state = seed;
@@ -78,7 +78,7 @@ static void the_books_close_whatever_the_machine_does(void **state)
         bench->config.stop_after = 100;
         bench->on_tick = throw_the_dice;
         end = bench_run(bench);
-        assert_int_equal(end, policy == RIG_OVERRUN_STOP ? LOOP_END_OVERRUNS : LOOP_END_LENGTH);
+        assert_int_equal(end, policy == LOOP_OVERRUN_STOP ? LOOP_END_OVERRUNS : LOOP_END_LENGTH);
         assert_books_close(bench, policy);
         overruns += loop_stats(bench->loop)->overrun_total;
         pauses += loop_stats(bench->loop)->pauses;
@@ -92,12 +92,12 @@ static void the_books_close_whatever_the_machine_does(void **state)
 
 static void an_hour_ahead_is_one_pause_and_no_burst(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_REAL, 10);
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
     const struct loop_stats *stats;
     struct loop_event event;
 
     (void)state;
-    bench->config.overrun = RIG_OVERRUN_SLIP;
+    bench->config.overrun = LOOP_OVERRUN_SLIP;
     bench->late_sleep = 2;
     bench->late_by = 3600 * CLOCK_SECOND + TICK / 4;
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
@@ -108,7 +108,7 @@ static void an_hour_ahead_is_one_pause_and_no_burst(void **state)
     assert_int_equal(stats->late_ticks + stats->overrun_total, 0);
     assert_int_equal(bench->deadline[3], START + 3600004 * TICK);
     assert_int_equal(bench->deadline[4], START + 3600005 * TICK);
-    assert_books_close(bench, RIG_OVERRUN_SLIP);
+    assert_books_close(bench, LOOP_OVERRUN_SLIP);
     assert_int_equal(bench_events(bench, LOOP_EVENT_PAUSE, &event), 1);
     assert_int_equal(event.a, 3600 * CLOCK_SECOND + TICK / 4);
     bench_destroy(bench);
@@ -116,7 +116,7 @@ static void an_hour_ahead_is_one_pause_and_no_burst(void **state)
 
 static void a_sleep_that_ends_too_early_is_slept_to_its_end(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_REAL, 10);
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
 
     (void)state;
     /* a signal, or a clock that stands still */
@@ -127,7 +127,7 @@ static void a_sleep_that_ends_too_early_is_slept_to_its_end(void **state)
     assert_int_equal(bench->deadline[5], START + 5 * TICK);
     assert_int_equal(bench->deadline[6], START + 6 * TICK);
     assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
-    assert_books_close(bench, RIG_OVERRUN_SKIP);
+    assert_books_close(bench, LOOP_OVERRUN_SKIP);
     bench_destroy(bench);
 }
 
@@ -188,7 +188,7 @@ static void break_the_dam(struct bench *bench, struct flood *flood)
 
 static void a_flooded_bus_costs_a_bounded_time(void **state)
 {
-    static const enum rig_clock clocks[] = {RIG_CLOCK_REAL, RIG_CLOCK_FREE};
+    static const enum loop_clock clocks[] = {LOOP_CLOCK_REAL, LOOP_CLOCK_FREE};
 
     (void)state;
     for (size_t c = 0; c < 2; c++) {
@@ -218,7 +218,7 @@ static void stop_at_the_fifth_look(struct bench *bench)
 
 static void a_flood_without_a_step_does_not_hold_the_loop(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 0);
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct flood flood;
     uint64_t beat;
 
@@ -236,7 +236,7 @@ static void a_flood_without_a_step_does_not_hold_the_loop(void **state)
 
 static void a_step_is_found_in_a_flood(void **state)
 {
-    struct bench *bench = bench_create(RIG_CLOCK_LOCKSTEP, 1);
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 1);
     struct flood flood;
 
     (void)state;

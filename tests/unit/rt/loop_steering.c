@@ -5,7 +5,7 @@
  * or from the end of a tick.
  */
 #include "rt/steering_private.h"
-#include "tests/unit/loop_bench.h"
+#include "tests/unit/rt/loop_bench.h"
 
 #include <math.h>
 
@@ -120,7 +120,7 @@ static void on_wait(struct bench *bench)
     }
 }
 
-static struct bench *create(enum rig_clock clock, uint64_t ticks)
+static struct bench *create(enum loop_clock clock, uint64_t ticks)
 {
     static const struct tunable tunable[] = {{"gain", "", 0.0, 10.0, true},
                                              {"supply_v", "V", -5.0, 5.0, false}};
@@ -163,7 +163,7 @@ static void go_on(struct steered_bench *unused)
 
 static void a_pause_in_real_time_costs_no_deadline(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_REAL, 100);
+    struct bench *bench = create(LOOP_CLOCK_REAL, 100);
     struct loop_event event;
     const struct loop_stats *stats;
 
@@ -186,7 +186,7 @@ static void a_pause_in_real_time_costs_no_deadline(void **state)
 
 static void the_grid_begins_anew_at_resume(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_REAL, 20);
+    struct bench *bench = create(LOOP_CLOCK_REAL, 20);
     int64_t first;
 
     (void)state;
@@ -212,7 +212,7 @@ static void stop_it(struct steered_bench *unused)
 
 static void a_loop_that_stands_still_can_be_ended(void **state)
 {
-    static const enum rig_clock clocks[] = {RIG_CLOCK_REAL, RIG_CLOCK_LOCKSTEP, RIG_CLOCK_FREE};
+    static const enum loop_clock clocks[] = {LOOP_CLOCK_REAL, LOOP_CLOCK_LOCKSTEP, LOOP_CLOCK_FREE};
 
     (void)state;
     for (int i = 0; i < 3; i++) {
@@ -237,7 +237,7 @@ static void ask_two_and_stop(struct steered_bench *unused)
 
 static void what_waits_at_the_end_is_answered(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_FREE, 0);
+    struct bench *bench = create(LOOP_CLOCK_FREE, 0);
     struct steer_request late = {.kind = STEER_PAUSE};
 
     (void)state;
@@ -268,7 +268,7 @@ static void step_5_then_go_on(struct steered_bench *unused)
 
 static void steps_end_where_they_should(void **state)
 {
-    static const enum rig_clock clocks[] = {RIG_CLOCK_REAL, RIG_CLOCK_FREE};
+    static const enum loop_clock clocks[] = {LOOP_CLOCK_REAL, LOOP_CLOCK_FREE};
 
     (void)state;
     for (int i = 0; i < 2; i++) {
@@ -311,7 +311,7 @@ static void step_100_then_stop(struct steered_bench *unused)
 
 static void a_step_under_way_refuses_others_and_is_cut_by_a_pause(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_FREE, 0);
+    struct bench *bench = create(LOOP_CLOCK_FREE, 0);
 
     (void)state;
     sb.paused_at = 10;
@@ -331,7 +331,7 @@ static void a_step_under_way_refuses_others_and_is_cut_by_a_pause(void **state)
 
 static void a_step_of_nothing_is_refused(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_FREE, 3);
+    struct bench *bench = create(LOOP_CLOCK_FREE, 3);
 
     (void)state;
     ask(STEER_STEP, 0, 0, 0.0);
@@ -342,7 +342,7 @@ static void a_step_of_nothing_is_refused(void **state)
 
 static void a_step_ends_with_the_run(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_FREE, 3);
+    struct bench *bench = create(LOOP_CLOCK_FREE, 3);
 
     (void)state;
     ask(STEER_STEP, 0, 7, 0.0);
@@ -391,7 +391,7 @@ static void step_4_then_stop(struct steered_bench *unused)
 
 static void a_step_plays_the_part_of_a_step_frame(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_LOCKSTEP, 0);
+    struct bench *bench = create(LOOP_CLOCK_LOCKSTEP, 0);
     uint8_t data[8] = {1, 2, 3};
     struct bus_frame command = frame_make(0x123, 8, data);
     uint32_t tick;
@@ -432,7 +432,7 @@ static void send_step_and_go_on(struct steered_bench *unused)
 
 static void a_pause_interrupts_a_step_frame_and_its_rest_follows(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_LOCKSTEP, 10);
+    struct bench *bench = create(LOOP_CLOCK_LOCKSTEP, 10);
     uint32_t tick;
 
     (void)state;
@@ -458,7 +458,7 @@ static void steps_wait_while_it_stands_still(struct steered_bench *unused)
 
 static void step_frames_wait_during_a_pause(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_LOCKSTEP, 2);
+    struct bench *bench = create(LOOP_CLOCK_LOCKSTEP, 2);
     struct loop_event event;
 
     (void)state;
@@ -491,7 +491,7 @@ static void ask_often_and_stop(struct bench *bench)
 
 static void requests_do_not_begin_the_silence_anew(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_LOCKSTEP, 0);
+    struct bench *bench = create(LOOP_CLOCK_LOCKSTEP, 0);
     struct loop_event event;
 
     (void)state;
@@ -514,7 +514,7 @@ static void speed_at_10(struct steered_bench *unused)
 
 static void speed_scales_the_grid_and_what_an_overrun_is(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_REAL, 30);
+    struct bench *bench = create(LOOP_CLOCK_REAL, 30);
 
     (void)state;
     sb.value = 0.25; /* 4 ms a tick */
@@ -529,7 +529,7 @@ static void speed_scales_the_grid_and_what_an_overrun_is(void **state)
     assert_int_equal(answer(1, STEER_OK).tick, 10);
     destroy(bench);
 
-    bench = create(RIG_CLOCK_REAL, 30);
+    bench = create(LOOP_CLOCK_REAL, 30);
     sb.value = 20.0; /* 0.05 ms a tick, half of what one takes */
     sb.each_tick = speed_at_10;
     bench_run(bench);
@@ -539,7 +539,7 @@ static void speed_scales_the_grid_and_what_an_overrun_is(void **state)
 
 static void real_time_without_a_pace_waits_for_nothing(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_REAL, 1000);
+    struct bench *bench = create(LOOP_CLOCK_REAL, 1000);
 
     (void)state;
     sb.value = 0.0;
@@ -554,7 +554,7 @@ static void real_time_without_a_pace_waits_for_nothing(void **state)
 
 static void free_run_can_be_paced_and_counts_nothing(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_FREE, 50);
+    struct bench *bench = create(LOOP_CLOCK_FREE, 50);
 
     (void)state;
     sb.value = 2.0; /* 0.5 ms a tick */
@@ -573,7 +573,7 @@ static void free_run_can_be_paced_and_counts_nothing(void **state)
 
 static void a_slow_loop_hears_requests_between_its_ticks(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_REAL, 0);
+    struct bench *bench = create(LOOP_CLOCK_REAL, 0);
 
     (void)state;
     ask(STEER_SPEED, 0, 0, 0.001); /* a tick a second */
@@ -589,7 +589,7 @@ static void a_slow_loop_hears_requests_between_its_ticks(void **state)
 static void speeds_out_of_range_are_refused(void **state)
 {
     static const double bad[] = {-1.0, 0.0009, 1001.0, NAN, INFINITY};
-    struct bench *bench = create(RIG_CLOCK_REAL, 5);
+    struct bench *bench = create(LOOP_CLOCK_REAL, 5);
 
     (void)state;
     for (uint64_t i = 0; i < 5; i++) {
@@ -602,7 +602,7 @@ static void speeds_out_of_range_are_refused(void **state)
     assert_true(steering_speed(sb.steering) == 1.0);
     destroy(bench);
 
-    bench = create(RIG_CLOCK_LOCKSTEP, 1);
+    bench = create(LOOP_CLOCK_LOCKSTEP, 1);
     ask(STEER_SPEED, 0, 0, 1.0);
     send_step(bench, 0, 1);
     bench_run(bench);
@@ -626,7 +626,7 @@ static void back_at_20(struct steered_bench *unused)
 
 static void time_goes_back_and_the_run_ends_at_its_length(void **state)
 {
-    static const enum rig_clock clocks[] = {RIG_CLOCK_REAL, RIG_CLOCK_FREE};
+    static const enum loop_clock clocks[] = {LOOP_CLOCK_REAL, LOOP_CLOCK_FREE};
 
     (void)state;
     for (int i = 0; i < 2; i++) {
@@ -655,7 +655,7 @@ static void ask_in_vain(struct steered_bench *unused)
 
 static void a_refused_way_back_moves_no_deadline(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_REAL, 20);
+    struct bench *bench = create(LOOP_CLOCK_REAL, 20);
 
     (void)state;
     sb.each_tick = ask_in_vain;
@@ -669,7 +669,7 @@ static void a_refused_way_back_moves_no_deadline(void **state)
 
 static void slots_are_checked(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_FREE, 5);
+    struct bench *bench = create(LOOP_CLOCK_FREE, 5);
     uint64_t t;
 
     (void)state;
@@ -689,7 +689,7 @@ static void slots_are_checked(void **state)
 
 static void tunables_are_checked_and_seen(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_FREE, 5);
+    struct bench *bench = create(LOOP_CLOCK_FREE, 5);
 
     (void)state;
     assert_int_equal(steering_find(sb.steering, "supply_v"), 1);
@@ -716,7 +716,7 @@ static void tunables_are_checked_and_seen(void **state)
 
 static void an_asker_who_never_listens_only_stops_being_heard(void **state)
 {
-    struct bench *bench = create(RIG_CLOCK_FREE, 100);
+    struct bench *bench = create(LOOP_CLOCK_FREE, 100);
     struct steer_request request = {.kind = STEER_FAULT, .index = 1, .on = true};
     struct steer_answer got;
     size_t asked = 0, answered = 0;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Opening a rig's buses: what --bus may say, and local buses that carry frames both ways. */
-#include "rt/buses.h"
+#include "sim/buses.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "rt/interfaces.h"
+#include "sim/interfaces.h"
 
 #include <net/if_arp.h>
 #include <stdio.h>

@@ -4,7 +4,7 @@
  * and bit by bit of the plant's state. A guest on every bus notes what is sent; requests are made
  * by an observer, in the loop's own thread, so that all happens at known ticks.
  */
-#include "tests/unit/steering_scene.h"
+#include "tests/unit/sim/steering_scene.h"
 
 #include <time.h>
 
@@ -108,7 +108,7 @@ static void repeats(const struct scene *scene)
 static void repeats_a_squat_on_ideal_buses(void **state)
 {
     const struct scene scene = {
-        .rig = "coman", .task = "squat", .clock = RIG_CLOCK_FREE, .at = 300, .span = 400};
+        .rig = "coman", .task = "squat", .clock = LOOP_CLOCK_FREE, .at = 300, .span = 400};
 
     (void)state;
     repeats(&scene);
@@ -117,7 +117,7 @@ static void repeats_a_squat_on_ideal_buses(void **state)
 static void repeats_a_squat_in_lockstep(void **state)
 {
     const struct scene scene = {
-        .rig = "coman", .task = "squat", .clock = RIG_CLOCK_LOCKSTEP, .at = 251, .span = 300};
+        .rig = "coman", .task = "squat", .clock = LOOP_CLOCK_LOCKSTEP, .at = 251, .span = 300};
 
     (void)state;
     repeats(&scene);
@@ -127,7 +127,7 @@ static void repeats_a_squat_with_numeric_dynamics(void **state)
 {
     const struct scene scene = {.rig = "coman",
                                 .task = "squat",
-                                .clock = RIG_CLOCK_FREE,
+                                .clock = LOOP_CLOCK_FREE,
                                 .generic = true,
                                 .at = 300,
                                 .span = 100};
@@ -141,7 +141,7 @@ static void repeats_noise_and_faults_on_wires(void **state)
     const struct scene scene = {
         .rig = "coman-sensors",
         .task = "squat",
-        .clock = RIG_CLOCK_FREE,
+        .clock = LOOP_CLOCK_FREE,
         .timed = true,
         .fault = {"bus left_leg error_burst 0.02", "bus right_leg duplicate 0.1",
                   "bus right_arm late 0.0023", "bus left_arm loss 0.05", "sensor imu intermittent",
@@ -158,7 +158,7 @@ static void repeats_noise_and_faults_on_wires(void **state)
 static void repeats_a_grasp_with_free_bodies(void **state)
 {
     const struct scene scene = {
-        .rig = "grasp", .task = "grasp", .clock = RIG_CLOCK_FREE, .at = 300, .span = 60};
+        .rig = "grasp", .task = "grasp", .clock = LOOP_CLOCK_FREE, .at = 300, .span = 60};
 
     (void)state;
     repeats(&scene);
@@ -167,7 +167,7 @@ static void repeats_a_grasp_with_free_bodies(void **state)
 static void a_reset_in_a_grasp_begins_it_again(void **state)
 {
     const struct scene scene = {
-        .rig = "grasp", .task = "grasp", .clock = RIG_CLOCK_FREE, .at = 0, .span = 250};
+        .rig = "grasp", .task = "grasp", .clock = LOOP_CLOCK_FREE, .at = 0, .span = 250};
 
     (void)state;
     repeats(&scene);
@@ -178,7 +178,7 @@ static void a_reset_begins_noise_and_faults_again(void **state)
     const struct scene scene = {
         .rig = "coman-sensors",
         .task = "squat",
-        .clock = RIG_CLOCK_LOCKSTEP,
+        .clock = LOOP_CLOCK_LOCKSTEP,
         .timed = true,
         .fault = {"bus left_leg error_burst 0.02 0.1..", "bus right_arm late 0.0023",
                   "sensor imu intermittent", "sensor LKneeSag.torque garbage 3 0.1..0.15"},
@@ -193,7 +193,7 @@ static void a_reset_begins_noise_and_faults_again(void **state)
 static void repeats_the_compact_boards(void **state)
 {
     const struct scene scene = {
-        .rig = "coman-compact", .task = "squat", .clock = RIG_CLOCK_FREE, .at = 300, .span = 200};
+        .rig = "coman-compact", .task = "squat", .clock = LOOP_CLOCK_FREE, .at = 300, .span = 200};
 
     (void)state;
     repeats(&scene);
@@ -202,7 +202,7 @@ static void repeats_the_compact_boards(void **state)
 static void repeats_the_foc_boards(void **state)
 {
     const struct scene scene = {
-        .rig = "coman-foc", .task = "squat", .clock = RIG_CLOCK_FREE, .at = 300, .span = 200};
+        .rig = "coman-foc", .task = "squat", .clock = LOOP_CLOCK_FREE, .at = 300, .span = 200};
 
     (void)state;
     repeats(&scene);
@@ -212,7 +212,7 @@ static void repeats_fd_frames(void **state)
 {
     const struct scene scene = {.rig = "coman-fd",
                                 .task = "squat",
-                                .clock = RIG_CLOCK_FREE,
+                                .clock = LOOP_CLOCK_FREE,
                                 .timed = true,
                                 .at = 300,
                                 .span = 200};
@@ -225,7 +225,7 @@ static void repeats_on_the_other_contact_engine(void **state)
 {
     const struct scene scene = {.rig = "coman",
                                 .task = "squat",
-                                .clock = RIG_CLOCK_FREE,
+                                .clock = LOOP_CLOCK_FREE,
                                 .simbody = true,
                                 .at = 40,
                                 .span = 40};
@@ -276,9 +276,9 @@ static void measure(void *context, int64_t time_ns)
 static void prints_what_a_checkpoint_costs(void **state)
 {
     static const struct scene scenes[] = {
-        {.rig = "coman", .task = "squat", .clock = RIG_CLOCK_FREE},
-        {.rig = "coman", .task = "squat", .clock = RIG_CLOCK_FREE, .timed = true},
-        {.rig = "grasp", .task = "grasp", .clock = RIG_CLOCK_FREE},
+        {.rig = "coman", .task = "squat", .clock = LOOP_CLOCK_FREE},
+        {.rig = "coman", .task = "squat", .clock = LOOP_CLOCK_FREE, .timed = true},
+        {.rig = "grasp", .task = "grasp", .clock = LOOP_CLOCK_FREE},
     };
 
     (void)state;

@@ -2,8 +2,8 @@
 /* What going back and another pace are made of: copies with holes, frames on their way, the clock. */
 #include "base/ring.h"
 #include "canbus/port.h"
-#include "canbus/wire.h"
-#include "rt/checkpoint.h"
+#include "canbus/wire/wire.h"
+#include "sim/checkpoint.h"
 #include "rt/pace.h"
 
 #include <string.h>

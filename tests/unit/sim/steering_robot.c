@@ -3,8 +3,8 @@
  * What is asked of a whole robot happens to it: pushes by their momentum, faults, parameters that
  * host and steering see alike; and to be steered changes nothing by itself.
  */
-#include "boards/icub_protocol.h"
-#include "tests/unit/steering_scene.h"
+#include "boards/icub/protocol.h"
+#include "tests/unit/sim/steering_scene.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -71,10 +71,10 @@ static void a_run_without_requests_is_the_same_bit_for_bit(void **state)
 {
     enum { TICKS = 250 };
     static const struct scene scenes[] = {
-        {.rig = "coman", .task = "squat", .clock = RIG_CLOCK_FREE},
+        {.rig = "coman", .task = "squat", .clock = LOOP_CLOCK_FREE},
         {.rig = "coman-sensors",
          .task = "squat",
-         .clock = RIG_CLOCK_LOCKSTEP,
+         .clock = LOOP_CLOCK_LOCKSTEP,
          .timed = true,
          .fault = {"bus left_leg error_burst 0.02", "bus right_arm late 0.0023"}},
     };
@@ -125,7 +125,7 @@ static void push_two(struct play *p, int64_t tick)
 static void pushes_give_their_momentum_and_end_in_virtual_time(void **state)
 {
     const struct scene scene = {
-        .rig = "coman", .clock = RIG_CLOCK_FREE, .no_contact = true, .falls = true};
+        .rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true, .falls = true};
 
     (void)state;
     perform(&scene, 60, true, push_two);
@@ -160,7 +160,7 @@ static void sag(struct play *p, int64_t tick)
 static void a_fault_counts_for_the_tick_that_comes(void **state)
 {
     const struct scene scene = {.rig = "coman",
-                                .clock = RIG_CLOCK_FREE,
+                                .clock = LOOP_CLOCK_FREE,
                                 .no_contact = true,
                                 .fault = {"supply sag 10 manual"}};
 
@@ -285,7 +285,7 @@ static void tune(struct play *p, int64_t tick)
 static void host_and_steering_see_the_same_parameters(void **state)
 {
     const struct scene scene = {
-        .rig = "coman-sensors", .clock = RIG_CLOCK_FREE, .no_contact = true};
+        .rig = "coman-sensors", .clock = LOOP_CLOCK_FREE, .no_contact = true};
 
     (void)state;
     perform(&scene, 20, true, tune);
@@ -329,7 +329,7 @@ static void tighten(struct play *p, int64_t tick)
 static void a_winch_takes_its_time(void **state)
 {
     const struct scene scene = {
-        .rig = "coman", .clock = RIG_CLOCK_FREE, .no_contact = true, .springs = true};
+        .rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true, .springs = true};
 
     (void)state;
     perform(&scene, 401, true, tighten);
@@ -374,10 +374,10 @@ static void try_all(struct play *p, int64_t tick)
 static void every_tunable_takes_what_its_range_says(void **state)
 {
     static const struct scene scenes[] = {
-        {.rig = "coman", .clock = RIG_CLOCK_FREE, .no_contact = true},
-        {.rig = "coman-foc", .clock = RIG_CLOCK_FREE, .no_contact = true},
-        {.rig = "coman-compact", .clock = RIG_CLOCK_FREE, .no_contact = true},
-        {.rig = "walkman", .clock = RIG_CLOCK_FREE, .no_contact = true},
+        {.rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true},
+        {.rig = "coman-foc", .clock = LOOP_CLOCK_FREE, .no_contact = true},
+        {.rig = "coman-compact", .clock = LOOP_CLOCK_FREE, .no_contact = true},
+        {.rig = "walkman", .clock = LOOP_CLOCK_FREE, .no_contact = true},
     };
 
     (void)state;
@@ -403,7 +403,7 @@ static void there_is_no_way_back_while_it_is_recorded(void **state)
 {
     char directory[] = "/tmp/steering-XXXXXX", file[64];
     const struct scene scene = {
-        .rig = "coman", .clock = RIG_CLOCK_FREE, .no_contact = true, .record = directory};
+        .rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true, .record = directory};
 
     (void)state;
     assert_non_null(mkdtemp(directory));
@@ -422,7 +422,7 @@ static void there_is_no_way_back_while_it_is_recorded(void **state)
 static void a_task_beside_the_loop_cannot_go_back(void **state)
 {
     const struct scene scene = {
-        .rig = "coman", .task = "squat", .clock = RIG_CLOCK_REAL, .no_contact = true};
+        .rig = "coman", .task = "squat", .clock = LOOP_CLOCK_REAL, .no_contact = true};
     static const enum steer_kind kinds[] = {STEER_CHECKPOINT, STEER_RESTORE, STEER_RESET,
                                             STEER_SPEED};
     struct steer_request request = {.kind = STEER_SPEED, .value = 1000.0};

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A whole robot that is steered from within its own thread, and a guest on its buses who notes what
  * is sent: for tests of rt/steering.h. */
-#ifndef TESTS_UNIT_STEERING_SCENE_H
-#define TESTS_UNIT_STEERING_SCENE_H
+#ifndef TESTS_UNIT_SIM_STEERING_SCENE_H
+#define TESTS_UNIT_SIM_STEERING_SCENE_H
 
 #include "base/hash.h"
-#include "rt/simulator.h"
+#include "sim/simulator.h"
 #include "rt/steering.h"
 
 #include <stdio.h>
@@ -21,7 +21,7 @@ enum { TICKS_MAX = 4000, FAULTS = 8 };
 
 struct scene {
     const char *rig, *task;
-    enum rig_clock clock;
+    enum loop_clock clock;
     bool timed;      /* wires */
     bool generic;    /* numeric dynamics */
     bool simbody;    /* contact engine, with the integrator it can serve */

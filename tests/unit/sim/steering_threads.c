@@ -5,7 +5,7 @@
  * thread sanitizer looks on; without it the test still counts the answers.
  */
 #include "base/random.h"
-#include "rt/simulator.h"
+#include "sim/simulator.h"
 #include "rt/steering.h"
 
 #include <pthread.h>
@@ -152,7 +152,7 @@ static void hammer(bool timed)
                                         "board left_arm/1 stuck manual", "motor LElbj jam manual",
                                         "supply sag 1 manual"};
     struct simulator_config config = {
-        .clock = RIG_CLOCK_FREE,
+        .clock = LOOP_CLOCK_FREE,
         .transport = TRANSPORT_LOCAL,
         .task = "squat",
         .observer = &observer,

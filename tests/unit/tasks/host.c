@@ -2,7 +2,7 @@
 /*
  * The host against iCub boards played by the test.
  */
-#include "tests/unit/host_bench.h"
+#include "tests/unit/tasks/host_bench.h"
 
 #include "tasks/servo.h"
 

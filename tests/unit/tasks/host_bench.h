@@ -3,8 +3,8 @@
  * A host on local buses whose boards the test plays, frame by frame, from the protocols' documents
  * and not from the headers that host and boards share.
  */
-#ifndef TESTS_UNIT_HOST_BENCH_H
-#define TESTS_UNIT_HOST_BENCH_H
+#ifndef TESTS_UNIT_TASKS_HOST_BENCH_H
+#define TESTS_UNIT_TASKS_HOST_BENCH_H
 
 #include "canbus/port.h"
 #include "tasks/host.h"

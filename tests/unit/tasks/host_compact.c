@@ -3,12 +3,12 @@
  * The host against compact boards played by the test: on a classic bus two boards of three and two
  * axes and a force-torque board; on an FD bus one board of four axes and one of one.
  */
-#include "tests/unit/host_bench.h"
+#include "tests/unit/tasks/host_bench.h"
 
 enum { CLASSIC, FD };
 enum { AXES = 10 };
 
-/* function << 5 | number, as boards/compact_protocol.h has them in its table */
+/* function << 5 | number, as boards/compact/protocol.h has them in its table */
 enum {
     MODE = 0x020,
     COMMAND = 0x040,

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The host against FOC boards played by the test: four motors and a joint torque board on a bus. */
-#include "tests/unit/host_bench.h"
+#include "tests/unit/tasks/host_bench.h"
 
 enum { AXES = 4, TORQUE = 12 };
 
@@ -98,7 +98,7 @@ static void start_up_discovers_configures_and_enables(void **state)
         assert_true(was_sent(bench, 0, a, 7, (const uint8_t[]){0x77, 1, 0, 0x10, 0, 0, 14}));
         assert_true(was_sent(bench, 0, a, 8,
                              (const uint8_t[]){0x48, 0, 0xe0, 0x2e, 0x50, 0x46, 0xc0, 0x5d}));
-        /* by the rule in the head of boards/foc_board.c with g = 1/2 and a = exp(-2): 134.45 and
+        /* by the rule in the head of boards/foc/board.c with g = 1/2 and a = exp(-2): 134.45 and
          * 204.8 shifted by 15 */
         assert_true(was_sent(bench, 0, a, 8, (const uint8_t[]){0x65, 134, 0, 205, 0, 0, 0, 15}));
         assert_true(off >= 0);

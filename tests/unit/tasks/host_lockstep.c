@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The host's side of lockstep on two buses: STEP sent once and again, DONE, refusals, lost ones. */
-#include "tests/unit/host_bench.h"
+#include "tests/unit/tasks/host_bench.h"
 
 #define MS INT64_C(1000000)
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A host with another personality on each of its buses, and anything at all on them. */
-#include "tests/unit/host_bench.h"
+#include "tests/unit/tasks/host_bench.h"
 
 enum { ICUB, FOC, COMPACT };
 

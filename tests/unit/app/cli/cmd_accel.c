@@ -8,8 +8,8 @@
 #include <cmocka.h>
 
 #include "model/dynamics.h"
-#include "rt/commands.h"
-#include "tests/unit/random_robot.h"
+#include "app/cli/commands.h"
+#include "tests/unit/model/random_robot.h"
 
 #include <errno.h>
 #include <poll.h>

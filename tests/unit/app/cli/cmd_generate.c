@@ -8,8 +8,8 @@
 #include <cmocka.h>
 
 #include "model/symbolic/symbolic.h"
-#include "rt/commands.h"
-#include "rt/options.h"
+#include "app/cli/commands.h"
+#include "base/options.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The control socket on a running simulator: what each request does and answers. */
-#include "tests/unit/control_bench.h"
+#include "tests/unit/app/control/control_bench.h"
 
 #include <math.h>
 
@@ -40,7 +40,7 @@ static void hello_says_who_it_is(void **state)
     json_t *answer;
 
     (void)state;
-    bench_open(&bench, &(struct bench_options){.clock = RIG_CLOCK_FREE});
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     answer = ask("{\"cmd\":\"hello\",\"id\":\"first\"}");
     assert_string_equal(string_of(answer, "id"), "first");
     assert_string_equal(string_of(answer, "program"), "coman-hil");
@@ -56,7 +56,7 @@ static void status_is_that_of_the_tick(void **state)
     json_t *answer;
 
     (void)state;
-    bench_open(&bench, &(struct bench_options){.clock = RIG_CLOCK_FREE, .task = "squat"});
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE, .task = "squat"});
     bench_do(&bench, "{\"cmd\":\"step\",\"count\":250}");
     answer = ask("{\"cmd\":\"status\",\"id\":3}");
     assert_int_equal(whole_of(answer, "id"), 3);
@@ -80,7 +80,7 @@ static void statistics_count_every_tick(void **state)
     json_t *answer, *phases;
 
     (void)state;
-    bench_open(&bench, &(struct bench_options){.clock = RIG_CLOCK_FREE});
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     bench_do(&bench, "{\"cmd\":\"step\",\"count\":400}");
     answer = ask("{\"cmd\":\"statistics\"}");
     phases = json_object_get(answer, "phases");
@@ -101,7 +101,7 @@ static void lists_have_patterns(void **state)
     json_t *answer, *list;
 
     (void)state;
-    bench_open(&bench, &(struct bench_options){.clock = RIG_CLOCK_FREE});
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     answer = ask("{\"cmd\":\"list\",\"what\":\"signals\",\"match\":\"q_?Knee*\"}");
     list = json_object_get(answer, "signals");
     assert_int_equal(json_array_size(list), 2);
@@ -126,7 +126,7 @@ static void tunables_are_set_and_read_back(void **state)
     json_t *answer;
 
     (void)state;
-    bench_open(&bench, &(struct bench_options){.clock = RIG_CLOCK_FREE});
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     bench_do(&bench, "{\"cmd\":\"set\",\"name\":\"joint.LKneeSag.position_kp\",\"value\":123}");
     answer = ask("{\"cmd\":\"get\",\"name\":\"joint.LKneeSag.position_kp\"}");
     assert_true(number_of(answer, "value") == 123.0);
@@ -149,7 +149,7 @@ static void faults_are_switched_and_seen(void **state)
 
     (void)state;
     bench_open(&bench,
-               &(struct bench_options){.clock = RIG_CLOCK_FREE, .fault = lines, .nfault = 1});
+               &(struct bench_options){.clock = LOOP_CLOCK_FREE, .fault = lines, .nfault = 1});
     bench_do(&bench, "{\"cmd\":\"step\"}");
     bench_do(&bench, "{\"cmd\":\"fault\",\"name\":\"silent\",\"on\":true}");
     bench_do(&bench, "{\"cmd\":\"step\"}");
@@ -176,7 +176,7 @@ static void going_back_repeats_what_followed(void **state)
     json_t *answer, *list;
 
     (void)state;
-    bench_open(&bench, &(struct bench_options){.clock = RIG_CLOCK_FREE, .task = "squat"});
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE, .task = "squat"});
     bench_do(&bench, "{\"cmd\":\"step\",\"count\":500}");
     assert_refused("{\"cmd\":\"restore\",\"slot\":2}", "empty", "no checkpoint");
     bench_do(&bench, "{\"cmd\":\"checkpoint\",\"slot\":2}");
@@ -218,7 +218,7 @@ static void rows_come_at_every_multiple_of_the_period(void **state)
     json_t *answer, *row;
 
     (void)state;
-    bench_open(&bench, &(struct bench_options){.clock = RIG_CLOCK_FREE, .task = "squat"});
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE, .task = "squat"});
     bench_do(&bench, "{\"cmd\":\"step\",\"count\":3}");
     answer = ask("{\"cmd\":\"subscribe\",\"signals\":[\"q_LKneeSag_rad\",\"rx_*_frames\","
                  "\"q_?KneeSag_rad\"],\"period_ms\":5}");
@@ -257,7 +257,7 @@ static void waiting_ends_at_its_tick_and_answers_keep_their_order(void **state)
     json_t *answer;
 
     (void)state;
-    bench_open(&bench, &(struct bench_options){.clock = RIG_CLOCK_FREE});
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     client_open(other, bench.path);
     assert_true(client_say(other, "{\"cmd\":\"wait\",\"time_s\":0.05,\"id\":1}\n"
                                   "{\"cmd\":\"status\",\"id\":2}\n"
@@ -282,7 +282,7 @@ static void a_pause_from_another_connection_cuts_a_step(void **state)
     json_t *answer;
 
     (void)state;
-    bench_open(&bench, &(struct bench_options){.clock = RIG_CLOCK_FREE});
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     client_open(other, bench.path);
     assert_true(client_say(other, "{\"cmd\":\"step\",\"count\":1000000000}\n"));
     bench_do(&bench, "{\"cmd\":\"wait\",\"tick\":100}");
@@ -303,7 +303,7 @@ static void what_still_waits_at_the_end_is_told(void **state)
     json_t *answer;
 
     (void)state;
-    bench_open(&bench, &(struct bench_options){.clock = RIG_CLOCK_FREE});
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     client_open(other, bench.path);
     assert_true(client_say(other, "{\"cmd\":\"hello\"}\n{\"cmd\":\"wait\",\"tick\":1000000}\n"));
     answer = client_hear(other);

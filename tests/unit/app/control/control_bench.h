@@ -5,11 +5,11 @@
  * is told otherwise). Clients may be used from any thread; what they return is for the test to
  * judge.
  */
-#ifndef TESTS_UNIT_CONTROL_BENCH_H
-#define TESTS_UNIT_CONTROL_BENCH_H
+#ifndef TESTS_UNIT_APP_CONTROL_CONTROL_BENCH_H
+#define TESTS_UNIT_APP_CONTROL_CONTROL_BENCH_H
 
-#include "rt/control.h"
-#include "rt/control_socket.h"
+#include "app/control/control.h"
+#include "app/control/socket.h"
 
 #include <errno.h>
 #include <jansson.h>
@@ -166,7 +166,7 @@ static inline void *bench_loop(void *context)
 }
 
 struct bench_options {
-    enum rig_clock clock;
+    enum loop_clock clock;
     const char *task;
     const char *const *fault;
     size_t nfault;

@@ -3,7 +3,7 @@
  * Clients of the control socket that are slow, wrong or mean. Each is told what was wrong and cut
  * off when it goes on; none has any influence on the run, nor on the others.
  */
-#include "tests/unit/control_bench.h"
+#include "tests/unit/app/control/control_bench.h"
 
 #include <fcntl.h>
 
@@ -21,7 +21,7 @@ static uint32_t random_below(uint64_t *state, uint32_t limit)
 static void open_bench(int64_t patience_ns)
 {
     bench_open(&bench,
-               &(struct bench_options){.clock = RIG_CLOCK_FREE, .patience_ns = patience_ns});
+               &(struct bench_options){.clock = LOOP_CLOCK_FREE, .patience_ns = patience_ns});
     client_open(&hostile, bench.path);
     assert_true(hostile.socket >= 0);
 }
@@ -449,7 +449,7 @@ static void *attack(void *context)
     return NULL;
 }
 
-static uint64_t quiet_hash(enum rig_clock clock)
+static uint64_t quiet_hash(enum loop_clock clock)
 {
     bench_open(&bench,
                &(struct bench_options){
@@ -463,11 +463,11 @@ static void a_storm_of_clients_changes_nothing(void **state)
 {
     enum { ATTACKERS = 12 };
     static struct attacker attacker[ATTACKERS];
-    uint64_t expected = quiet_hash(RIG_CLOCK_FREE);
+    uint64_t expected = quiet_hash(LOOP_CLOCK_FREE);
     atomic_bool stop = false;
 
     (void)state;
-    bench_open(&bench, &(struct bench_options){.clock = RIG_CLOCK_FREE,
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE,
                                                .task = "squat",
                                                .ticks = STORM_TICKS,
                                                .patience_ns = BENCH_QUICK});
@@ -506,7 +506,7 @@ static void a_storm_of_clients_changes_nothing(void **state)
 }
 
 /* without a pause: the loop goes as fast as it can while it is looked at */
-static void watch_run(enum rig_clock clock)
+static void watch_run(enum loop_clock clock)
 {
     uint64_t expected = quiet_hash(clock);
     atomic_bool stop = false;
@@ -533,13 +533,13 @@ static void watch_run(enum rig_clock clock)
 static void a_run_that_is_watched_is_the_same_run(void **state)
 {
     (void)state;
-    watch_run(RIG_CLOCK_FREE);
+    watch_run(LOOP_CLOCK_FREE);
 }
 
 static void in_lockstep_too(void **state)
 {
     (void)state;
-    watch_run(RIG_CLOCK_LOCKSTEP);
+    watch_run(LOOP_CLOCK_LOCKSTEP);
 }
 
 int main(void)

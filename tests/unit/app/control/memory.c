@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The control socket when there is no memory for a request or its answer: each is refused with a
  * line of its own, nothing is lost, and the next one is served. */
-#include "tests/unit/control_bench.h"
+#include "tests/unit/app/control/control_bench.h"
 
 static struct bench bench;
 static pthread_t client_thread;
@@ -55,7 +55,7 @@ static void every_failed_allocation_is_told(void **state)
     client_thread = pthread_self();
     atomic_store(&until_failure, -1);
     json_set_alloc_funcs(allocate, free);
-    bench_open(&bench, &(struct bench_options){.clock = RIG_CLOCK_FREE});
+    bench_open(&bench, &(struct bench_options){.clock = LOOP_CLOCK_FREE});
     fail_each_allocation_of("{\"id\":\"one\",\"cmd\":\"hello\"}");
     fail_each_allocation_of("{\"id\":2,\"cmd\":\"status\"}");
     fail_each_allocation_of("{\"cmd\":\"statistics\"}");

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Requests of the control socket from text: what each command takes, how what is wrong is told. */
-#include "rt/control_parse.h"
+#include "app/control/parse.h"
 
 #include <string.h>
 #include <setjmp.h>

@@ -7,8 +7,8 @@
 
 #include <cmocka.h>
 
-#include "rt/report.h"
-#include "rt/signals.h"
+#include "app/report/report.h"
+#include "app/report/signals.h"
 
 #include <math.h>
 #include <stdlib.h>

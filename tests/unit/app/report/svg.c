@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "rt/svg.h"
+#include "app/report/svg.h"
 
 #include <ctype.h>
 #include <math.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Windows, counts and periods of frames and log lines, tick by tick with a clock in hand. */
-#include "rt/scenario_private.h"
+#include "app/scenario/private.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

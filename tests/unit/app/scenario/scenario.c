@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Reading scenarios: parameters, labels, patterns, and what is refused with which words. */
 #include "base/random.h"
-#include "rt/scenario_jobs.h"
-#include "rt/scenario_private.h"
+#include "app/scenario/jobs.h"
+#include "app/scenario/private.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

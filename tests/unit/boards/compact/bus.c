@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Compact buses, classic and FD: identity, modes, commands, telemetry, parameters, faults. */
-#include "boards/compact_table.h"
-#include "tests/unit/boards_rig.h"
+#include "boards/compact/table.h"
+#include "tests/unit/boards/boards_rig.h"
 
 static const struct boards_bus_config buses[RIG_BUSES] = {
     {.personality = BOARD_COMPACT}, {.personality = BOARD_COMPACT, .fd = true}};

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A bus of 2FOC boards: configuration, targets, answers, modes, limits and faults. */
-#include "boards/foc_protocol.h"
-#include "tests/unit/boards_rig.h"
+#include "boards/foc/protocol.h"
+#include "tests/unit/boards/boards_rig.h"
 
 #define GEAR 100.0
 #define ROTOR_TICKS 4096.0

@@ -3,7 +3,7 @@
  * Commands of the motor boards and class 7, byte by byte. Every expected frame is written from the
  * protocol's message tables, none from the code.
  */
-#include "tests/unit/boards_rig.h"
+#include "tests/unit/boards/boards_rig.h"
 
 static void discovery_finds_every_board_with_its_type(void **state)
 {

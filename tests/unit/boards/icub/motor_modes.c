@@ -2,7 +2,7 @@
 /*
  * Modes, faults, time-outs and periodic frames of the motor boards, against the protocol's rules.
  */
-#include "tests/unit/boards_rig.h"
+#include "tests/unit/boards/boards_rig.h"
 
 #include <pthread.h>
 #include <stdatomic.h>

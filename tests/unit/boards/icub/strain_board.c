@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* STRAIN and pseudo-STRAIN boards: commands of class 2 and frames of class 3, byte by byte. */
-#include "tests/unit/boards_rig.h"
+#include "tests/unit/boards/boards_rig.h"
 
 /* The F/T board: address 0x0D on bus 0, full scale 1500 1500 2000 N, 40 40 40 Nm, 5 ms. */
 static void ft_ask(struct rig *rig, const char *request, const char *reply)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The message tables agree with themselves: lengths with fields, fields with the codec. */
-#include "boards/icub_table.h"
-#include "tests/unit/boards_rig.h"
+#include "boards/icub/table.h"
+#include "tests/unit/boards/boards_rig.h"
 
 static void check_command(const struct icub_command *row, unsigned code)
 {

@@ -8,8 +8,8 @@
 #include <cmocka.h>
 
 #include "base/random.h"
-#include "canbus/wire_bits.h"
-#include "tests/unit/wire_reference.h"
+#include "canbus/wire/bits.h"
+#include "tests/unit/canbus/wire/wire_reference.h"
 
 #include <stdlib.h>
 

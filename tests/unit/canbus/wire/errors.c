@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The wire with noise, faults and bad nodes: error flags, counters, states, recovery. */
-#include "tests/unit/wire_bench.h"
+#include "tests/unit/canbus/wire/wire_bench.h"
 
 static struct wire_bench bench;
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The wire with healthy nodes: times, arbitration, queues, load, latency. */
-#include "tests/unit/wire_bench.h"
+#include "tests/unit/canbus/wire/wire_bench.h"
 
 #include <stdlib.h>
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A wire whose events are kept, for tests of it. */
-#ifndef TESTS_UNIT_WIRE_BENCH_H
-#define TESTS_UNIT_WIRE_BENCH_H
+#ifndef TESTS_UNIT_CANBUS_WIRE_WIRE_BENCH_H
+#define TESTS_UNIT_CANBUS_WIRE_WIRE_BENCH_H
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -12,9 +12,9 @@
 
 #include "base/random.h"
 #include "canbus/port.h"
-#include "canbus/wire.h"
-#include "canbus/wire_bits.h"
-#include "tests/unit/wire_reference.h"
+#include "canbus/wire/wire.h"
+#include "canbus/wire/bits.h"
+#include "tests/unit/canbus/wire/wire_reference.h"
 
 enum { WIRE_LOG_MAX = 1 << 17 };
 

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The reference for canbus/wire_bits.c, written from the text of ISO 11898-1:2015 and independent
+ * The reference for canbus/wire/bits.c, written from the text of ISO 11898-1:2015 and independent
  * of it: a frame as a string of characters, built field by field and bit by bit. '0' and '1' are
  * bits of the frame, 'o' and 'i' are stuff bits (dominant, recessive). No tables, no words, no
  * shortcuts.
  */
-#ifndef TESTS_UNIT_WIRE_REFERENCE_H
-#define TESTS_UNIT_WIRE_REFERENCE_H
+#ifndef TESTS_UNIT_CANBUS_WIRE_WIRE_REFERENCE_H
+#define TESTS_UNIT_CANBUS_WIRE_WIRE_REFERENCE_H
 
 #include "canbus/frame.h"
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* An interpreter of the expression graph, and robots with like limbs. */
-#include "tests/unit/symbolic_evaluate.h"
+#include "tests/unit/model/symbolic/evaluate.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Robots for the tests of the symbolic generator, and its expressions evaluated without a compiler:
  * an interpreter of the graph, so that hundreds of trees can be tried. */
-#ifndef TESTS_UNIT_SYMBOLIC_EVALUATE_H
-#define TESTS_UNIT_SYMBOLIC_EVALUATE_H
+#ifndef TESTS_UNIT_MODEL_SYMBOLIC_EVALUATE_H
+#define TESTS_UNIT_MODEL_SYMBOLIC_EVALUATE_H
 
 #include "model/symbolic/derive.h"
-#include "tests/unit/random_robot.h"
+#include "tests/unit/model/random_robot.h"
 
 /* Evaluates a derived function: argument[array] may be NULL when it is not read. Returns false when
  * there is no memory. */

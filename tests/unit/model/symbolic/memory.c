@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "model/symbolic/symbolic.h"
-#include "tests/unit/symbolic_evaluate.h"
+#include "tests/unit/model/symbolic/evaluate.h"
 
 #include <stdlib.h>
 

@@ -12,7 +12,7 @@
 
 #include "model/symbolic/builtin.h"
 #include "model/symbolic/symbolic.h"
-#include "tests/unit/symbolic_evaluate.h"
+#include "tests/unit/model/symbolic/evaluate.h"
 
 #include <math.h>
 #include <stdlib.h>

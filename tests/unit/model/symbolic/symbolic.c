@@ -12,7 +12,7 @@
 
 #include "model/spatial.h"
 #include "model/symbolic/symbolic.h"
-#include "tests/unit/symbolic_evaluate.h"
+#include "tests/unit/model/symbolic/evaluate.h"
 
 #include <stdlib.h>
 

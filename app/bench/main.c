@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil bench: the table of benchmarks. */
+/* coman-hil-bench: the table of benchmarks. */
+#include "app/bench/benchmarks.h"
+#include "base/options.h"
 #include "base/text.h"
-#include "rt/commands.h"
-#include "rt/options.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -26,13 +26,13 @@ enum { NBENCH = sizeof benches / sizeof benches[0] };
 
 static void print_usage(FILE *out)
 {
-    fprintf(out, "usage: coman-hil bench NAME [OPTIONS] [ARGUMENTS]\n\n"
+    fprintf(out, "usage: coman-hil-bench NAME [OPTIONS] [ARGUMENTS]\n\n"
                  "Repeat the paper's measurements on this machine, beside its numbers.\n\n");
     for (size_t i = 0; i < NBENCH; i++) {
         fprintf(out, "  %-10s", benches[i].name);
         options_wrap(benches[i].summary, 12, 12, out);
     }
-    fprintf(out, "\ncoman-hil bench NAME --help prints the manual of a benchmark.\n");
+    fprintf(out, "\ncoman-hil-bench NAME --help prints the manual of a benchmark.\n");
 }
 
 static int unknown_bench(const char *name)
@@ -43,13 +43,13 @@ static int unknown_bench(const char *name)
         names[i] = benches[i].name;
     }
     nearest = text_nearest(name, names, NBENCH);
-    fprintf(stderr, "coman-hil bench: found unknown benchmark \"%.100s\", expected %s%s%s\n", name,
+    fprintf(stderr, "coman-hil-bench: found unknown benchmark \"%.100s\", expected %s%s%s\n", name,
             nearest ? "\"" : "one that is listed by --help", nearest ? nearest : "",
             nearest ? "\"" : "");
     return STATUS_INPUT;
 }
 
-int cmd_bench(int argc, char **argv)
+int main(int argc, char **argv)
 {
     if (argc < 2) {
         print_usage(stderr);
@@ -57,11 +57,11 @@ int cmd_bench(int argc, char **argv)
     }
     if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h")) {
         print_usage(stdout);
-        return STATUS_OK;
+        return options_flush_output(STATUS_OK);
     }
     for (size_t i = 0; i < NBENCH; i++) {
         if (!strcmp(benches[i].name, argv[1])) {
-            return benches[i].run(argc - 1, argv + 1);
+            return options_flush_output(benches[i].run(argc - 1, argv + 1));
         }
     }
     return unknown_bench(argv[1]);

@@ -4,7 +4,7 @@
  * runs with every malloc of the loop's thread counted. The contact engine is left out, for Simbody
  * allocates by nature.
  */
-#include "rt/simulator.h"
+#include "sim/simulator.h"
 
 #include <dirent.h>
 #include <stdio.h>
@@ -111,7 +111,7 @@ static void ask_all(void *context, int64_t time_ns)
     }
 }
 
-static size_t allocations_of(enum rig_clock clock, const char *directory, bool steered)
+static size_t allocations_of(enum loop_clock clock, const char *directory, bool steered)
 {
     static const char *const fault[] = {
         "sensor l_leg_ft delayed 0.01", "sensor imu intermittent",
@@ -171,16 +171,16 @@ static void a_tick_does_not_allocate(void **state)
 
     (void)state;
     assert_non_null(mkdtemp(directory));
-    assert_int_equal(allocations_of(RIG_CLOCK_FREE, directory, false), 0);
-    assert_int_equal(allocations_of(RIG_CLOCK_LOCKSTEP, directory, false), 0);
+    assert_int_equal(allocations_of(LOOP_CLOCK_FREE, directory, false), 0);
+    assert_int_equal(allocations_of(LOOP_CLOCK_LOCKSTEP, directory, false), 0);
     remove_directory(directory);
 }
 
 static void a_request_does_not_allocate(void **state)
 {
     (void)state;
-    assert_int_equal(allocations_of(RIG_CLOCK_FREE, NULL, true), 0);
-    assert_int_equal(allocations_of(RIG_CLOCK_LOCKSTEP, NULL, true), 0);
+    assert_int_equal(allocations_of(LOOP_CLOCK_FREE, NULL, true), 0);
+    assert_int_equal(allocations_of(LOOP_CLOCK_LOCKSTEP, NULL, true), 0);
     assert_true(answers > 400);
 }
 

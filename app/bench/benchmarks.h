@@ -1,0 +1,12 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The benchmarks of coman-hil-bench. argv[0] is the benchmark's name; the return value is an enum
+ * exit_status (base/options.h). Each prints its own manual for --help. Not RT-safe. */
+#ifndef APP_BENCH_BENCHMARKS_H
+#define APP_BENCH_BENCHMARKS_H
+
+int bench_contact(int argc, char **argv);
+int bench_dynamics(int argc, char **argv);
+int bench_paper(int argc, char **argv);
+int bench_pendulum(int argc, char **argv);
+
+#endif

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+# control: the socket and ctl
+foreach(name control hostile memory parse socket)
+    hil_test(control_${name} SOURCES unit/app/control/${name}.c LIBS control LABELS unit TIMEOUT 240)
+endforeach()
+
+foreach(name doctor eventlog notify)
+    hil_test(cli_${name} SOURCES unit/app/cli/${name}.c LIBS cli LABELS unit)
+endforeach()
+hil_test(cli_cmd_accel SOURCES unit/app/cli/cmd_accel.c LIBS cli random_robot LABELS unit)
+hil_test(cli_cmd_generate SOURCES unit/app/cli/cmd_generate.c LIBS cli LABELS unit)
+hil_script_test(cli COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/cli.sh $<TARGET_FILE:coman-hil> LABELS unit)
+
+foreach(name report svg)
+    hil_test(report_${name} SOURCES unit/app/report/${name}.c LIBS report LABELS unit)
+endforeach()
+
+foreach(name scenario expect)
+    hil_test(scenario_${name} SOURCES unit/app/scenario/${name}.c LIBS scenario LABELS unit)
+endforeach()
+
+hil_test(fail_memory SOURCES unit/app/fail_memory.c LIBS cli LABELS unit TIMEOUT 120)
+target_link_options(test_fail_memory PRIVATE
+    -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=free,--wrap=arena_alloc)

@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: Apache-2.0
+foreach(name arena options ring text yaml)
+    hil_test(base_${name} SOURCES unit/base/${name}.c LIBS base Threads::Threads LABELS unit)
+endforeach()
+foreach(name journal whole_file)
+    hil_test(base_${name} SOURCES unit/base/${name}.c LIBS base LABELS unit)
+endforeach()

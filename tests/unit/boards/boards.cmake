@@ -1,0 +1,9 @@
+# SPDX-License-Identifier: Apache-2.0
+foreach(name board_faults can_state faults heat messages motor_control nodes sensing settings)
+    hil_test(boards_${name} SOURCES unit/boards/${name}.c LIBS boards LABELS unit)
+endforeach()
+foreach(name motor_commands motor_modes strain_board table)
+    hil_test(boards_icub_${name} SOURCES unit/boards/icub/${name}.c LIBS boards LABELS unit)
+endforeach()
+hil_test(boards_foc SOURCES unit/boards/foc/board.c LIBS boards LABELS unit)
+hil_test(boards_compact SOURCES unit/boards/compact/bus.c LIBS boards LABELS unit)

@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: Apache-2.0
+foreach(name candump dbc fault_port frame gateway local local_wire socketcand)
+    hil_test(canbus_${name} SOURCES unit/canbus/${name}.c LIBS canbus LABELS unit)
+endforeach()
+foreach(name bits errors wire)
+    hil_test(canbus_wire_${name} SOURCES unit/canbus/wire/${name}.c LIBS canbus LABELS unit)
+endforeach()
