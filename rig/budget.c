@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Buses whose periodic traffic cannot fit, and what would help them. */
-#include "sim/buses.h"
 #include "rig/rig.h"
 
 #include <stdio.h>
