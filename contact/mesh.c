@@ -2,31 +2,19 @@
 /* Measures of triangle meshes, and the box as a mesh. */
 #include "contact/mesh.h"
 
+#include "base/vec3.h"
+
 #include <math.h>
 #include <stdbool.h>
 #include <string.h>
-
-static void cross(const double a[3], const double b[3], double c[3])
-{
-    c[0] = a[1] * b[2] - a[2] * b[1];
-    c[1] = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 
 /* The two edges of a face that leave its first corner. */
 static void face_edges(const struct mesh *mesh, size_t face, double e1[3], double e2[3])
 {
     const int *corner = mesh->face[face];
 
-    for (int i = 0; i < 3; ++i) {
-        e1[i] = mesh->vertex[corner[1]][i] - mesh->vertex[corner[0]][i];
-        e2[i] = mesh->vertex[corner[2]][i] - mesh->vertex[corner[0]][i];
-    }
+    vec3_sub(mesh->vertex[corner[1]], mesh->vertex[corner[0]], e1);
+    vec3_sub(mesh->vertex[corner[2]], mesh->vertex[corner[0]], e2);
 }
 
 double mesh_volume(const struct mesh *mesh)
@@ -38,11 +26,11 @@ double mesh_volume(const struct mesh *mesh)
         double e1[3], e2[3], normal[3], from[3];
 
         face_edges(mesh, f, e1, e2);
-        cross(e1, e2, normal);
+        vec3_cross(e1, e2, normal);
         for (int i = 0; i < 3; ++i) {
             from[i] = mesh->vertex[mesh->face[f][0]][i] - mesh->vertex[0][i];
         }
-        six += dot(from, normal);
+        six += vec3_dot(from, normal);
     }
     return six / 6;
 }
@@ -55,8 +43,8 @@ double mesh_area(const struct mesh *mesh)
         double e1[3], e2[3], normal[3];
 
         face_edges(mesh, f, e1, e2);
-        cross(e1, e2, normal);
-        twice += sqrt(dot(normal, normal));
+        vec3_cross(e1, e2, normal);
+        twice += vec3_norm(normal);
     }
     return twice / 2;
 }

@@ -5,6 +5,8 @@
  */
 #include "contact/mesh.h"
 
+#include "base/vec3.h"
+
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -115,19 +117,11 @@ static bool faces_have_area(struct check *c)
             p[i] = m->vertex[m->face[f][i]];
         }
         for (int i = 0; i < 3; ++i) {
-            double square = 0;
-
-            for (int axis = 0; axis < 3; ++axis) {
-                e[i][axis] = p[(i + 1) % 3][axis] - p[i][axis];
-                square += e[i][axis] * e[i][axis];
-            }
-            longest = fmax(longest, square);
+            vec3_sub(p[(i + 1) % 3], p[i], e[i]);
+            longest = fmax(longest, vec3_dot(e[i], e[i]));
         }
-        area[0] = e[0][1] * e[1][2] - e[0][2] * e[1][1];
-        area[1] = e[0][2] * e[1][0] - e[0][0] * e[1][2];
-        area[2] = e[0][0] * e[1][1] - e[0][1] * e[1][0];
-        if (!(sqrt(area[0] * area[0] + area[1] * area[1] + area[2] * area[2]) >
-              DEGENERATE_RATIO * longest)) {
+        vec3_cross(e[0], e[1], area);
+        if (!(vec3_norm(area) > DEGENERATE_RATIO * longest)) {
             report(c, MESH_DEGENERATE_FACE, 3 * f, 3 * f);
             return false;
         }

@@ -4,7 +4,9 @@
  * buffer to overflow, no length of line that matters.
  */
 #include "contact/mesh.h"
+
 #include "base/text.h"
+#include "base/vec3.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -369,25 +371,6 @@ static enum error_code read_corner(struct reader *r, const struct token *t)
     return ERROR_NONE;
 }
 
-static void subtract(const double a[3], const double b[3], double c[3])
-{
-    for (int i = 0; i < 3; ++i) {
-        c[i] = a[i] - b[i];
-    }
-}
-
-static void cross(const double a[3], const double b[3], double c[3])
-{
-    c[0] = a[1] * b[2] - a[2] * b[1];
-    c[1] = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 /* The polygon's unit normal (sum over the fan) and its largest edge. False without area. */
 static bool polygon_frame(const struct reader *r, double normal[3], double *longest)
 {
@@ -401,16 +384,16 @@ static bool polygon_frame(const struct reader *r, double normal[3], double *long
         const double *next = r->vertex[r->polygon[(i + 1) % r->ncorner]];
         double a[3], b[3], part[3];
 
-        subtract(here, first, a);
-        subtract(next, first, b);
-        cross(a, b, part);
+        vec3_sub(here, first, a);
+        vec3_sub(next, first, b);
+        vec3_cross(a, b, part);
         for (int axis = 0; axis < 3; ++axis) {
             normal[axis] += part[axis];
         }
-        subtract(next, here, a);
-        *longest = fmax(*longest, sqrt(dot(a, a)));
+        vec3_sub(next, here, a);
+        *longest = fmax(*longest, vec3_norm(a));
     }
-    length = sqrt(dot(normal, normal));
+    length = vec3_norm(normal);
     if (!(length > 0)) {
         return false;
     }
@@ -436,24 +419,24 @@ static enum error_code check_polygon(struct reader *r, struct place place)
         double a[3], b[3], turn[3];
         struct place next_place = r->polygon_place[(i + 1) % r->ncorner];
 
-        subtract(here, first, a);
-        if (fabs(dot(a, normal)) > FLAT_RATIO * longest) {
+        vec3_sub(here, first, a);
+        if (fabs(vec3_dot(a, normal)) > FLAT_RATIO * longest) {
             return refuse(r, r->polygon_place[i],
                           "found a corner %g m off its polygon's plane, expected a flat polygon; "
                           "split it into triangles",
-                          fabs(dot(a, normal)));
+                          fabs(vec3_dot(a, normal)));
         }
-        subtract(next, first, b);
-        cross(a, b, turn);
-        if (i > 0 && i + 1 < r->ncorner && !(dot(turn, normal) > 0)) {
+        vec3_sub(next, first, b);
+        vec3_cross(a, b, turn);
+        if (i > 0 && i + 1 < r->ncorner && !(vec3_dot(turn, normal) > 0)) {
             return refuse(r, next_place,
                           "found a polygon that its fan does not cover once, expected a convex "
                           "one; split it into triangles");
         }
-        subtract(next, here, a);
-        subtract(after, next, b);
-        cross(a, b, turn);
-        if (dot(turn, normal) < 0) {
+        vec3_sub(next, here, a);
+        vec3_sub(after, next, b);
+        vec3_cross(a, b, turn);
+        if (vec3_dot(turn, normal) < 0) {
             return refuse(r, next_place,
                           "found a corner that points inward, expected a convex "
                           "polygon; split it into triangles");

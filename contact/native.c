@@ -4,9 +4,9 @@
  * is and how it moves seen from the first, lets contact/native_pairs.h find the force, and brings
  * it back to the world.
  */
+#include "base/vec3.h"
 #include "contact/contact.h"
 #include "contact/native_kernels.h"
-#include "contact/vec.h"
 
 #include <float.h>
 #include <stdio.h>
@@ -76,13 +76,13 @@ static void place(const struct surface *s, const struct contact_motion *m, struc
                                  m->R[3 * r + 2] * s->rotation[6 + c];
         }
     }
-    mat_apply(m->R, s->position, arm);
-    vec_madd(arm, 1, m->p, pose->p);
-    vec_cross(m->w, arm, turn);
-    vec_madd(m->v, 1, turn, pose->v);
+    mat3_apply(m->R, s->position, arm);
+    vec3_add_scaled(arm, 1, m->p, pose->p);
+    vec3_cross(m->w, arm, turn);
+    vec3_add_scaled(m->v, 1, turn, pose->v);
     memcpy(pose->w, m->w, sizeof pose->w);
-    mat_apply(pose->R, s->center, pose->center);
-    vec_madd(pose->center, 1, pose->p, pose->center);
+    mat3_apply(pose->R, s->center, pose->center);
+    vec3_add_scaled(pose->center, 1, pose->p, pose->center);
 }
 
 /* Whether the balls about two surfaces meet. */
@@ -92,11 +92,11 @@ static bool near(const struct engine *e, const struct pair *pair)
     const struct pose *pa = &e->pose[pair->surface[0]], *pb = &e->pose[pair->surface[1]];
     double apart[3], reach = a->reach + b->reach;
 
-    vec_sub(pa->center, pb->center, apart);
+    vec3_sub(pa->center, pb->center, apart);
     if (b->shape == CONTACT_HALF_SPACE) {
         return pb->R[2] * apart[0] + pb->R[5] * apart[1] + pb->R[8] * apart[2] < a->reach;
     }
-    return vec_dot(apart, apart) < reach * reach;
+    return vec3_dot(apart, apart) < reach * reach;
 }
 
 static void relate(const struct pose *a, const struct pose *b, struct native_relative *relative)
@@ -109,15 +109,15 @@ static void relate(const struct pose *a, const struct pose *b, struct native_rel
                 a->R[r] * b->R[c] + a->R[3 + r] * b->R[3 + c] + a->R[6 + r] * b->R[6 + c];
         }
     }
-    vec_sub(b->p, a->p, arm);
-    mat_apply_t(a->R, arm, relative->p);
+    vec3_sub(b->p, a->p, arm);
+    mat3_apply_transposed(a->R, arm, relative->p);
     /* the second body's velocity at the first's origin */
-    vec_cross(b->w, arm, turn);
-    vec_sub(a->v, b->v, v);
-    vec_madd(v, 1, turn, v);
-    vec_sub(a->w, b->w, w);
-    mat_apply_t(a->R, w, relative->w);
-    mat_apply_t(a->R, v, relative->v);
+    vec3_cross(b->w, arm, turn);
+    vec3_sub(a->v, b->v, v);
+    vec3_add_scaled(v, 1, turn, v);
+    vec3_sub(a->w, b->w, w);
+    mat3_apply_transposed(a->R, w, relative->w);
+    mat3_apply_transposed(a->R, v, relative->v);
 }
 
 static void press(const struct engine *e, const struct pair *pair,
@@ -154,11 +154,11 @@ static void add_wrench(const struct engine *e, int surface, const double force[3
     if (body < 0) {
         return;
     }
-    vec_sub(at, motion[body].p, arm);
-    vec_cross(arm, force, turn);
-    vec_madd(wrench[body].force, sign, force, wrench[body].force);
-    vec_madd(wrench[body].moment, sign, moment, wrench[body].moment);
-    vec_madd(wrench[body].moment, sign, turn, wrench[body].moment);
+    vec3_sub(at, motion[body].p, arm);
+    vec3_cross(arm, force, turn);
+    vec3_add_scaled(wrench[body].force, sign, force, wrench[body].force);
+    vec3_add_scaled(wrench[body].moment, sign, moment, wrench[body].moment);
+    vec3_add_scaled(wrench[body].moment, sign, turn, wrench[body].moment);
 }
 
 /* Adds what a pair in touch does to its bodies and to the patches. */
@@ -172,14 +172,14 @@ static void collect(struct engine *e, size_t index, const struct native_sum *sum
 
     /* about the middle of the pressure: nothing large is added to take off again */
     if (sum->normal > 0) {
-        vec_madd(center, 1 / sum->normal, sum->lever, center);
+        vec3_add_scaled(center, 1 / sum->normal, sum->lever, center);
     }
-    vec_cross(center, sum->force, turn);
-    vec_sub(sum->moment, turn, about);
-    mat_apply(a->R, sum->force, force);
-    mat_apply(a->R, about, moment);
-    mat_apply(a->R, center, patch->center);
-    vec_madd(patch->center, 1, a->p, patch->center);
+    vec3_cross(center, sum->force, turn);
+    vec3_sub(sum->moment, turn, about);
+    mat3_apply(a->R, sum->force, force);
+    mat3_apply(a->R, about, moment);
+    mat3_apply(a->R, center, patch->center);
+    vec3_add_scaled(patch->center, 1, a->p, patch->center);
     add_wrench(e, pair->surface[0], force, moment, patch->center, 1, motion, wrench);
     add_wrench(e, pair->surface[1], force, moment, patch->center, -1, motion, wrench);
 
@@ -287,8 +287,8 @@ static size_t engine_tangents(struct contact_world *world, struct contact_tangen
             .body_a = e->surface[pair->surface[turned]].body,
             .body_b = e->surface[pair->surface[!turned]].body,
         };
-        vec_sub(e->patch[i].center, a->p, arm);
-        mat_apply_t(a->R, arm, tangent[i].center);
+        vec3_sub(e->patch[i].center, a->p, arm);
+        mat3_apply_transposed(a->R, arm, tangent[i].center);
         relate(a, &e->pose[pair->surface[1]], &relative);
         resist(e, i, &relative, &sum);
         memcpy(tangent[i].center, e->patch[i].center, sizeof tangent[i].center);
@@ -452,8 +452,8 @@ static enum error_code make_solid(const struct contact_config *config, size_t in
     for (size_t v = 0; !code && v < mesh->nvertex; ++v) {
         double to[3];
 
-        vec_sub(mesh->vertex[v], s->center, to);
-        s->reach = fmax(s->reach, vec_norm(to));
+        vec3_sub(mesh->vertex[v], s->center, to);
+        s->reach = fmax(s->reach, vec3_norm(to));
     }
     return code;
 }

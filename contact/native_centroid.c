@@ -4,8 +4,8 @@
  * all that is its own (contact/contact.h): whole triangles in or out, and for two meshes areas
  * scaled so that both patches have the same. For comparison; not continuous in the pose.
  */
+#include "base/vec3.h"
 #include "contact/native_pairs.h"
-#include "contact/vec.h"
 
 #include <float.h>
 #include <stdbool.h>
@@ -42,13 +42,13 @@ void native_centroid_half_space(const struct solid *solid, const struct native_l
                                 struct native_scratch *scratch, struct native_sum *sum)
 {
     const double n[3] = {relative->R[2], relative->R[5], relative->R[8]};
-    const double height = vec_dot(n, relative->p);
+    const double height = vec3_dot(n, relative->p);
 
     for (int f = 0; f < (int)solid->nface; ++f) {
         double q[3], depth;
 
         centroid_of(solid, f, q);
-        depth = height - vec_dot(n, q);
+        depth = height - vec3_dot(n, q);
         if (depth > 0) {
             put(scratch, q, n, law->share[0], law->stiffness * solid->area[f], depth, law, relative,
                 sum);
@@ -75,8 +75,8 @@ void native_centroid_sphere(const struct solid *solid, double radius, const stru
         double q[3], d[3], apart;
 
         centroid_of(solid, f, q);
-        vec_sub(q, relative->p, d);
-        apart = vec_norm(d);
+        vec3_sub(q, relative->p, d);
+        apart = vec3_norm(d);
         if (apart < radius && apart > 0) {
             for (int k = 0; k < 3; ++k) {
                 d[k] /= apart;
@@ -100,11 +100,11 @@ static double volume(const double a[3], const double b[3], const double c[3], co
 {
     double ab[3], ac[3], ad[3], x[3];
 
-    vec_sub(b, a, ab);
-    vec_sub(c, a, ac);
-    vec_sub(d, a, ad);
-    vec_cross(ab, ac, x);
-    return vec_dot(x, ad);
+    vec3_sub(b, a, ab);
+    vec3_sub(c, a, ac);
+    vec3_sub(d, a, ad);
+    vec3_cross(ab, ac, x);
+    return vec3_dot(x, ad);
 }
 
 /* Whether a triangle's edge passes through another triangle. */
@@ -149,8 +149,8 @@ static bool mark_crossing(const struct solid *first, const struct solid *second,
         size_t n;
 
         for (int i = 0; i < 3; ++i) {
-            mat_apply(relative->R, second->vertex[second->face[g][i]], t.v[i]);
-            vec_madd(t.v[i], 1, relative->p, t.v[i]);
+            mat3_apply(relative->R, second->vertex[second->face[g][i]], t.v[i]);
+            vec3_add_scaled(t.v[i], 1, relative->p, t.v[i]);
             if (i == 0) {
                 memcpy(box.low, t.v[0], sizeof box.low);
                 memcpy(box.high, t.v[0], sizeof box.high);
@@ -185,8 +185,8 @@ static double mark_buried(const struct solid *mesh, const struct solid *other, c
 
         if (!mark[f]) {
             centroid_of(mesh, f, q);
-            mat_apply(R, q, there);
-            vec_madd(there, 1, p, there);
+            mat3_apply(R, q, there);
+            vec3_add_scaled(there, 1, p, there);
             mark[f] = box_distance2(&other->box, there) == 0 &&
                       solid_depth(other, there, sqrt(DBL_MAX) / 2) > 0;
         }
@@ -212,7 +212,7 @@ void native_centroid_meshes(const struct solid *first, const struct solid *secon
     for (int i = 0; i < 9; ++i) {
         R[0][i] = relative->R[i % 3 * 3 + i / 3];
     }
-    mat_apply(R[0], p[1], p[0]);
+    mat3_apply(R[0], p[1], p[0]);
     for (int k = 0; k < 3; ++k) {
         p[0][k] = -p[0][k];
     }
@@ -230,8 +230,8 @@ void native_centroid_meshes(const struct solid *first, const struct solid *secon
                 continue;
             }
             centroid_of(solid[m], f, q);
-            mat_apply(R[m], q, there);
-            vec_madd(there, 1, p[m], there);
+            mat3_apply(R[m], q, there);
+            vec3_add_scaled(there, 1, p[m], there);
             if (!solid_find_nearest(solid[!m], there, DBL_MAX / 4, &nearest) || !nearest.inside ||
                 nearest.distance2 == 0) {
                 continue;
@@ -242,7 +242,7 @@ void native_centroid_meshes(const struct solid *first, const struct solid *secon
             }
             if (m == 0) {
                 /* the spring's direction is in the second's frame, its place in the first's */
-                mat_apply(R[1], d, turned);
+                mat3_apply(R[1], d, turned);
             } else {
                 /* the other way round, and what pushes the second pulls at the first */
                 for (int k = 0; k < 3; ++k) {

@@ -9,10 +9,10 @@
  * way from a height h over one facet's plane back to it along e is h over that angle's cosine; so
  * the other one's corners, and the depth anywhere in the base's plane, follow without a division.
  */
+#include "base/vec3.h"
 #include "contact/lanes.h"
 #include "contact/native_facets.h"
 #include "contact/native_polygon.h"
-#include "contact/vec.h"
 
 #include <float.h>
 #include <stdbool.h>
@@ -56,10 +56,10 @@ static bool lay_bed(const struct facets_between *m, const struct facets_couple *
     bed->base_normal = bed->on_second ? c->normal_b : c->a->normal;
     bed->other_normal = bed->on_second ? c->a->normal : c->normal_b;
     bed->origin = bed->on_second ? c->center_b : c->a->center;
-    offset = vec_dot(bed->base_normal, bed->origin);
+    offset = vec3_dot(bed->base_normal, bed->origin);
     flat->n = bed->other->count;
     for (int i = 0; i < flat->n; ++i) {
-        height[i] = vec_dot(bed->base_normal, c->ring[i]) - offset;
+        height[i] = vec3_dot(bed->base_normal, c->ring[i]) - offset;
         behind = behind || height[i] < 0;
     }
     if (!behind) {
@@ -71,24 +71,24 @@ static bool lay_bed(const struct facets_between *m, const struct facets_couple *
     for (int k = 0; k < 3; ++k) {
         bed->along[k] = (c->normal_b[k] - c->a->normal[k]) * inverse;
     }
-    vec_sub(bed->origin, bed->on_second ? c->a->center : c->center_b, to);
-    bed->depth = -2 * inverse * vec_dot(bed->other_normal, to);
+    vec3_sub(bed->origin, bed->on_second ? c->a->center : c->center_b, to);
+    bed->depth = -2 * inverse * vec3_dot(bed->other_normal, to);
     for (int side = 0; side < 2; ++side) {
         if (bed->on_second) {
-            mat_apply(m->relative->R, bed->base->across[side], bed->across[side]);
+            mat3_apply(m->relative->R, bed->base->across[side], bed->across[side]);
         } else {
             memcpy(bed->across[side], bed->base->across[side], sizeof bed->across[side]);
         }
         /* against the springs from the first mesh's facet to the second's, or with them */
-        lean[side] = vec_dot(bed->across[side], bed->along) * (bed->on_second ? 2 : -2) * inverse;
-        bed->slope[side] = -2 * inverse * vec_dot(bed->other_normal, bed->across[side]);
+        lean[side] = vec3_dot(bed->across[side], bed->along) * (bed->on_second ? 2 : -2) * inverse;
+        bed->slope[side] = -2 * inverse * vec3_dot(bed->other_normal, bed->across[side]);
     }
     for (int i = 0; i < flat->n; ++i) {
         int at = flat->n - 1 - i;
 
-        vec_sub(c->ring[i], bed->origin, to);
-        flat->x[at] = vec_dot(bed->across[0], to) - lean[0] * height[i];
-        flat->y[at] = vec_dot(bed->across[1], to) - lean[1] * height[i];
+        vec3_sub(c->ring[i], bed->origin, to);
+        flat->x[at] = vec3_dot(bed->across[0], to) - lean[0] * height[i];
+        flat->y[at] = vec3_dot(bed->across[1], to) - lean[1] * height[i];
     }
     return true;
 }
@@ -122,9 +122,9 @@ static void outline_triangle(const struct facet *f, const double (*ring)[3], dou
     for (int i = 0; i < 3; ++i) {
         double to[3];
 
-        vec_sub(ring[i], f->center, to);
-        x[i] = vec_dot(f->across[0], to);
-        y[i] = vec_dot(f->across[1], to);
+        vec3_sub(ring[i], f->center, to);
+        x[i] = vec3_dot(f->across[0], to);
+        y[i] = vec3_dot(f->across[1], to);
     }
     for (int i = 3; i < FACET_OUTLINE(3); ++i) {
         x[i] = x[0];
@@ -331,8 +331,8 @@ static double spring_counts(const struct facets_between *m, const struct facets_
     if (a <= DEPTH_NONE) {
         return 0;
     }
-    vec_sub(middle, m->relative->p, to);
-    mat_apply_t(m->relative->R, to, there);
+    vec3_sub(middle, m->relative->p, to);
+    mat3_apply_transposed(m->relative->R, to, there);
     b = middle_depth(m->second, c->b, cosine, there, length / 2);
     return native_ramp(a < b ? a : b, DEPTH_NONE, DEPTH_FULL);
 }

@@ -4,9 +4,9 @@
  * below the plane there. Its undamped force is the stiffness times the volume that has sunk in,
  * however the mesh is cut into triangles.
  */
+#include "base/vec3.h"
 #include "contact/native_pairs.h"
 #include "contact/native_polygon.h"
-#include "contact/vec.h"
 
 #include <float.h>
 #include <string.h>
@@ -51,19 +51,19 @@ static void facet_on_half_space(struct native_scratch *s, const struct solid *so
                                 const struct native_law *law,
                                 const struct native_relative *relative, struct native_sum *sum)
 {
-    double facing = -vec_dot(f->normal, n);
+    double facing = -vec3_dot(f->normal, n);
     double lowest = 0, highest = DBL_MAX;
     struct polygon whole, cut, *sunk = &whole;
     double center[4], twice;
 
-    if (facing <= 0 || height - vec_dot(n, f->center) + f->radius <= 0) {
+    if (facing <= 0 || height - vec3_dot(n, f->center) + f->radius <= 0) {
         return;
     }
     whole.n = f->count;
     for (int i = 0; i < f->count; ++i) {
         const double *v = solid->ring[f->first + i];
 
-        double depth = height - vec_dot(n, v);
+        double depth = height - vec3_dot(n, v);
 
         memcpy(whole.p[i], v, sizeof *solid->ring);
         whole.p[i][DEPTH] = depth;
@@ -96,7 +96,7 @@ void native_overlap_half_space(const struct solid *solid, const struct native_la
                                struct native_scratch *scratch, struct native_sum *sum)
 {
     const double n[3] = {relative->R[2], relative->R[5], relative->R[8]};
-    const double height = vec_dot(n, relative->p);
+    const double height = vec3_dot(n, relative->p);
     int stack[TREE_DEPTH_MAX], top = 0;
 
     stack[top++] = 0;

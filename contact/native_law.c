@@ -2,9 +2,9 @@
 /* The contact law, as many points at a time as there are lanes. */
 #include "contact/native_law.h"
 
+#include "base/vec3.h"
 #include "contact/lanes.h"
 #include "contact/tangent.h"
-#include "contact/vec.h"
 
 #include <float.h>
 

@@ -8,9 +8,9 @@
  * facets of the second at a time as there are lanes; and the corners of the facet that has fewer of
  * them.
  */
+#include "base/vec3.h"
 #include "contact/lanes.h"
 #include "contact/native_facets.h"
-#include "contact/vec.h"
 
 #include <float.h>
 #include <stdbool.h>
@@ -33,7 +33,7 @@ static struct box moved_box(const struct box *box, const double R[9], const doub
         center[k] = (box->low[k] + box->high[k]) / 2;
         half[k] = (box->high[k] - box->low[k]) / 2;
     }
-    mat_apply(R, center, to);
+    mat3_apply(R, center, to);
     for (int k = 0; k < 3; ++k) {
         double reach =
             fabs(R[3 * k]) * half[0] + fabs(R[3 * k + 1]) * half[1] + fabs(R[3 * k + 2]) * half[2];
@@ -71,10 +71,10 @@ static size_t view_second(const struct facets_between *m, const struct box *here
         const struct facet *f = &m->second->facet[list[i]];
         double normal[3], center[3];
 
-        mat_apply(m->relative->R, f->normal, normal);
-        mat_apply(m->relative->R, f->center, center);
-        vec_madd(center, 1, m->relative->p, center);
-        if (box_least(here, normal) >= vec_dot(normal, center)) {
+        mat3_apply(m->relative->R, f->normal, normal);
+        mat3_apply(m->relative->R, f->center, center);
+        vec3_add_scaled(center, 1, m->relative->p, center);
+        if (box_least(here, normal) >= vec3_dot(normal, center)) {
             continue;
         }
         for (int k = 0; k < 3; ++k) {
@@ -107,8 +107,8 @@ static const double (*view_ring(const struct facets_between *m, int i))[3]
         for (int v = 0; v < f->count; ++v) {
             double *corner = view->corner[view->ncorner++];
 
-            mat_apply(m->relative->R, m->second->ring[f->first + v], corner);
-            vec_madd(corner, 1, m->relative->p, corner);
+            mat3_apply(m->relative->R, m->second->ring[f->first + v], corner);
+            vec3_add_scaled(corner, 1, m->relative->p, corner);
         }
     }
     return (const double(*)[3])view->corner + view->ring[i];
@@ -165,7 +165,7 @@ static void facet_on_mesh(const struct facets_between *m, const struct facet *a,
             .center_b = {view->center[0][i], view->center[1][i], view->center[2][i]},
         };
 
-        c.facing = -vec_dot(a->normal, c.normal_b);
+        c.facing = -vec3_dot(a->normal, c.normal_b);
         native_between_facets(m, &c);
     }
 }
@@ -183,7 +183,7 @@ void native_overlap_meshes(const struct solid *first, const struct solid *second
     for (int i = 0; i < 9; ++i) {
         back[i] = relative->R[i % 3 * 3 + i / 3];
     }
-    mat_apply(back, relative->p, origin);
+    mat3_apply(back, relative->p, origin);
     for (int k = 0; k < 3; ++k) {
         origin[k] = -origin[k];
     }

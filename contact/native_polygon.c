@@ -2,7 +2,7 @@
 /* Polygons under a bed of springs. */
 #include "contact/native_polygon.h"
 
-#include "contact/vec.h"
+#include "base/vec3.h"
 
 #include <float.h>
 #include <string.h>
@@ -33,10 +33,10 @@ static double twice_area(const double a[3], const double b[3], const double c[3]
 {
     double ab[3], ac[3], x[3];
 
-    vec_sub(b, a, ab);
-    vec_sub(c, a, ac);
-    vec_cross(ab, ac, x);
-    return vec_dot(x, normal);
+    vec3_sub(b, a, ab);
+    vec3_sub(c, a, ac);
+    vec3_cross(ab, ac, x);
+    return vec3_dot(x, normal);
 }
 
 double polygon_center(const struct polygon *g, const double normal[3], double center[4])

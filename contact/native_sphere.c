@@ -10,8 +10,8 @@
  *
  * So a whole circle has a closed form and force and moment do not depend on how the plane is cut.
  */
+#include "base/vec3.h"
 #include "contact/native_pairs.h"
-#include "contact/vec.h"
 
 #include <float.h>
 #include <stdbool.h>
@@ -160,15 +160,15 @@ static bool cap_of_facet(const struct solid *solid, const struct facet *f, const
     bool whole = true;
 
     whole_circle(c, &circle);
-    vec_sub(f->center, origin, to);
-    if (room > 0 && vec_dot(to, to) <= room * room) {
+    vec3_sub(f->center, origin, to);
+    if (room > 0 && vec3_dot(to, to) <= room * room) {
         *cap = circle;
         return true;
     }
     for (int i = 0; i < f->count; ++i) {
-        vec_sub(solid->ring[f->first + i], origin, to);
-        corner[i][0] = vec_dot(E[0], to);
-        corner[i][1] = vec_dot(E[1], to);
+        vec3_sub(solid->ring[f->first + i], origin, to);
+        corner[i][0] = vec3_dot(E[0], to);
+        corner[i][1] = vec3_dot(E[1], to);
     }
     for (int i = 0; i < f->count; ++i) {
         const double *a = corner[i], *b = corner[i + 1 < f->count ? i + 1 : 0];
@@ -198,7 +198,7 @@ static void sphere_on_facet(const struct solid *solid, const struct facet *f, co
                             const struct native_relative *relative, struct native_batch *batch,
                             struct native_sum *sum)
 {
-    struct circle c = {radius, vec_dot(f->normal, at) - f->offset, radius};
+    struct circle c = {radius, vec3_dot(f->normal, at) - f->offset, radius};
     const double(*E)[3] = f->across;
     double origin[3], to[3], middle[3], depth, inverse, weight, lever, reach;
     struct cap cap;
@@ -210,10 +210,10 @@ static void sphere_on_facet(const struct solid *solid, const struct facet *f, co
         return;
     }
     c.r = sqrt((radius - c.h) * (radius + c.h));
-    vec_madd(at, -c.h, f->normal, origin);
-    vec_sub(f->center, origin, to);
+    vec3_add_scaled(at, -c.h, f->normal, origin);
+    vec3_sub(f->center, origin, to);
     reach = f->radius + c.r;
-    if (vec_dot(to, to) >= reach * reach) {
+    if (vec3_dot(to, to) >= reach * reach) {
         return;
     }
     if (!cap_of_facet(solid, f, &c, origin, E, &cap)) {
@@ -224,7 +224,7 @@ static void sphere_on_facet(const struct solid *solid, const struct facet *f, co
     for (int k = 0; k < 3; ++k) {
         origin[k] += (cap.moment[0] * E[0][k] + cap.moment[1] * E[1][k]) * inverse;
     }
-    vec_madd(origin, -depth / 2, f->normal, middle);
+    vec3_add_scaled(origin, -depth / 2, f->normal, middle);
     weight = native_ramp(solid_depth(solid, middle, 1.01 * depth / 2) / (depth / 2), DEPTH_NONE,
                          DEPTH_FULL);
     if (weight <= 0) {
@@ -300,10 +300,10 @@ void native_hertz(const double radius[2], const struct native_law *law,
         for (int k = 0; k < 3; ++k) {
             d[k] = relative->R[3 * k + 2];
         }
-        depth = radius[0] + vec_dot(d, relative->p);
+        depth = radius[0] + vec3_dot(d, relative->p);
         relative_radius = radius[0];
     } else {
-        apart = vec_norm(relative->p);
+        apart = vec3_norm(relative->p);
         depth = radius[0] + radius[1] - apart;
         relative_radius = radius[0] * radius[1] / (radius[0] + radius[1]);
         for (int k = 0; k < 3; ++k) {

@@ -2,7 +2,7 @@
 /* Making a mesh ready for contact. */
 #include "contact/solid.h"
 
-#include "contact/vec.h"
+#include "base/vec3.h"
 
 #include <float.h>
 #include <stdint.h>
@@ -71,10 +71,10 @@ static enum error_code make_faces(struct work *w, struct solid *s)
         double e[3][3], n[3], length;
 
         for (int i = 0; i < 3; ++i) {
-            vec_sub(corner(m, f, (i + 1) % 3), corner(m, f, i), e[i]);
+            vec3_sub(corner(m, f, (i + 1) % 3), corner(m, f, i), e[i]);
         }
-        vec_cross(e[0], e[1], n);
-        length = vec_norm(n);
+        vec3_cross(e[0], e[1], n);
+        length = vec3_norm(n);
         area[f] = length / 2;
         for (int k = 0; k < 3; ++k) {
             w->normal[f][k] = n[k] / length;
@@ -83,8 +83,9 @@ static enum error_code make_faces(struct work *w, struct solid *s)
         for (int i = 0; i < 3; ++i) {
             double *sum = vertex_normal[m->face[f][i]], side[3];
 
-            vec_cross(e[(i + 2) % 3], e[i], side);
-            vec_madd(sum, atan2(vec_norm(side), -vec_dot(e[(i + 2) % 3], e[i])), w->normal[f], sum);
+            vec3_cross(e[(i + 2) % 3], e[i], side);
+            vec3_add_scaled(sum, atan2(vec3_norm(side), -vec3_dot(e[(i + 2) % 3], e[i])),
+                            w->normal[f], sum);
         }
     }
     s->area = area;
@@ -140,13 +141,13 @@ static bool in_plane(const struct work *w, int seed, int face)
     const double *n = w->normal[seed], *base = corner(w->mesh, seed, 0);
     double across[3], to[3];
 
-    vec_cross(n, w->normal[face], across);
-    if (vec_dot(n, w->normal[face]) <= 0 || vec_norm(across) > COPLANAR) {
+    vec3_cross(n, w->normal[face], across);
+    if (vec3_dot(n, w->normal[face]) <= 0 || vec3_norm(across) > COPLANAR) {
         return false;
     }
     for (int i = 0; i < 3; ++i) {
-        vec_sub(corner(w->mesh, face, i), base, to);
-        if (fabs(vec_dot(to, n)) > COPLANAR * w->size) {
+        vec3_sub(corner(w->mesh, face, i), base, to);
+        if (fabs(vec3_dot(to, n)) > COPLANAR * w->size) {
             return false;
         }
     }
@@ -179,10 +180,10 @@ static double bulge(const double a[3], const double b[3], const double c[3], con
 {
     double ab[3], ac[3], x[3];
 
-    vec_sub(b, a, ab);
-    vec_sub(c, a, ac);
-    vec_cross(ab, ac, x);
-    return vec_dot(x, n) / (vec_norm(ac) + DBL_MIN);
+    vec3_sub(b, a, ab);
+    vec3_sub(c, a, ac);
+    vec3_cross(ab, ac, x);
+    return vec3_dot(x, n) / (vec3_norm(ac) + DBL_MIN);
 }
 
 /* Follows the rim of n faces once around, leaving out corners in line. Returns the number of
@@ -249,10 +250,10 @@ static bool loop_is_convex(const struct work *w, int count, int seed)
         if (bulge(a, b, c, w->normal[seed]) < -CONVEX * w->size) {
             return false;
         }
-        vec_sub(b, a, ab);
-        vec_sub(c, b, bc);
-        vec_cross(ab, bc, x);
-        turned += atan2(vec_dot(x, w->normal[seed]), vec_dot(ab, bc));
+        vec3_sub(b, a, ab);
+        vec3_sub(c, b, bc);
+        vec3_cross(ab, bc, x);
+        turned += atan2(vec3_dot(x, w->normal[seed]), vec3_dot(ab, bc));
     }
     return count >= 3 && turned < 7; /* 2 pi, not 4 pi */
 }
@@ -265,15 +266,15 @@ static double polygon_area(const double (*v)[3], int n, const double normal[3], 
     for (int i = 1; i + 1 < n; ++i) {
         double a[3], b[3], x[3], part;
 
-        vec_sub(v[i], v[0], a);
-        vec_sub(v[i + 1], v[0], b);
-        vec_cross(a, b, x);
-        part = vec_dot(x, normal);
+        vec3_sub(v[i], v[0], a);
+        vec3_sub(v[i + 1], v[0], b);
+        vec3_cross(a, b, x);
+        part = vec3_dot(x, normal);
         twice += part;
-        vec_madd(sum, part, a, sum);
-        vec_madd(sum, part, b, sum);
+        vec3_add_scaled(sum, part, a, sum);
+        vec3_add_scaled(sum, part, b, sum);
     }
-    vec_madd(v[0], 1 / (3 * twice), sum, center);
+    vec3_add_scaled(v[0], 1 / (3 * twice), sum, center);
     return twice / 2;
 }
 
@@ -306,16 +307,16 @@ static void add_facet(struct work *w, const int *loop, int count, int seed, int 
     }
     w->nring += (size_t)count;
     f->area = polygon_area((const double(*)[3])ring, count, f->normal, f->center);
-    f->offset = vec_dot(f->normal, f->center);
+    f->offset = vec3_dot(f->normal, f->center);
     f->within = w->size;
     for (int i = 0; i < count; ++i) {
         double to[3], edge[3], x[3];
 
-        vec_sub(ring[i], f->center, to);
-        vec_sub(ring[(i + 1) % count], ring[i], edge);
-        vec_cross(to, edge, x);
-        f->radius = fmax(f->radius, vec_norm(to));
-        f->within = fmin(f->within, vec_dot(x, f->normal) / vec_norm(edge));
+        vec3_sub(ring[i], f->center, to);
+        vec3_sub(ring[(i + 1) % count], ring[i], edge);
+        vec3_cross(to, edge, x);
+        f->radius = fmax(f->radius, vec3_norm(to));
+        f->within = fmin(f->within, vec3_dot(x, f->normal) / vec3_norm(edge));
     }
     f->npoint = count > 3 ? count * FACET_POINTS : 0;
     frame_about(f->normal, f->across[0], f->across[1]);
@@ -385,11 +386,11 @@ static enum error_code make_points(struct work *w, struct solid *s)
                                   s->ring[f->first + (e + 1) % f->count]};
             double a[3], b[3], x[3];
 
-            vec_sub(v[1], v[0], a);
-            vec_sub(v[2], v[0], b);
-            vec_cross(a, b, x);
+            vec3_sub(v[1], v[0], a);
+            vec3_sub(v[2], v[0], b);
+            vec3_cross(a, b, x);
             for (int q = 0; q < FACET_POINTS; ++q, ++at) {
-                weight[at] = vec_dot(x, f->normal) / 6;
+                weight[at] = vec3_dot(x, f->normal) / 6;
                 for (int k = 0; k < 3; ++k) {
                     point[k][at] = (v[0][k] + v[1][k] + v[2][k] + 3 * v[q][k]) / 6;
                 }
@@ -421,8 +422,8 @@ static enum error_code make_outlines(struct work *w, struct solid *s)
             for (int e = 0; f->count > 3 && e < FACET_OUTLINE(f->count); ++e) {
                 double to[3];
 
-                vec_sub(s->ring[f->first + (e < f->count ? e : 0)], f->center, to);
-                outline[side][f->outline + e] = vec_dot(f->across[side], to);
+                vec3_sub(s->ring[f->first + (e < f->count ? e : 0)], f->center, to);
+                outline[side][f->outline + e] = vec3_dot(f->across[side], to);
             }
         }
     }
@@ -438,7 +439,7 @@ static bool is_convex(const struct work *w, const struct solid *s)
         const struct facet *f = &s->facet[i];
 
         for (size_t v = 0; v < w->mesh->nvertex; ++v) {
-            if (vec_dot(f->normal, w->mesh->vertex[v]) - f->offset > CONVEX * w->size) {
+            if (vec3_dot(f->normal, w->mesh->vertex[v]) - f->offset > CONVEX * w->size) {
                 return false;
             }
         }
@@ -528,8 +529,8 @@ static enum error_code make_all(struct work *w, struct solid *s)
     for (size_t v = 1; v < w->mesh->nvertex; ++v) {
         box_add(&s->box, w->mesh->vertex[v]);
     }
-    vec_sub(s->box.high, s->box.low, diagonal);
-    w->size = vec_norm(diagonal);
+    vec3_sub(s->box.high, s->box.low, diagonal);
+    w->size = vec3_norm(diagonal);
     s->radius = w->size / 2;
     if (!code) {
         code = make_neighbors(w, s);

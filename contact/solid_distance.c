@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Distances to a solid. */
+#include "base/vec3.h"
 #include "contact/lanes.h"
 #include "contact/solid.h"
-#include "contact/vec.h"
 
 #include <string.h>
 
@@ -17,17 +17,17 @@ static enum feature nearest_of_triangle(const double a[3], const double b[3], co
 {
     double ab[3], ac[3], ap[3], bp[3], cp[3];
 
-    vec_sub(b, a, ab);
-    vec_sub(c, a, ac);
-    vec_sub(p, a, ap);
-    double d1 = vec_dot(ab, ap), d2 = vec_dot(ac, ap);
+    vec3_sub(b, a, ab);
+    vec3_sub(c, a, ac);
+    vec3_sub(p, a, ap);
+    double d1 = vec3_dot(ab, ap), d2 = vec3_dot(ac, ap);
 
     if (d1 <= 0 && d2 <= 0) {
         memcpy(out, a, sizeof ab);
         return CORNER_0;
     }
-    vec_sub(p, b, bp);
-    double d3 = vec_dot(ab, bp), d4 = vec_dot(ac, bp);
+    vec3_sub(p, b, bp);
+    double d3 = vec3_dot(ab, bp), d4 = vec3_dot(ac, bp);
 
     if (d3 >= 0 && d4 <= d3) {
         memcpy(out, b, sizeof ab);
@@ -36,11 +36,11 @@ static enum feature nearest_of_triangle(const double a[3], const double b[3], co
     double vc = d1 * d4 - d3 * d2;
 
     if (vc <= 0 && d1 >= 0 && d3 <= 0) {
-        vec_madd(a, d1 / (d1 - d3), ab, out);
+        vec3_add_scaled(a, d1 / (d1 - d3), ab, out);
         return EDGE_0;
     }
-    vec_sub(p, c, cp);
-    double d5 = vec_dot(ab, cp), d6 = vec_dot(ac, cp);
+    vec3_sub(p, c, cp);
+    double d5 = vec3_dot(ab, cp), d6 = vec3_dot(ac, cp);
 
     if (d6 >= 0 && d5 <= d6) {
         memcpy(out, c, sizeof ab);
@@ -49,7 +49,7 @@ static enum feature nearest_of_triangle(const double a[3], const double b[3], co
     double vb = d5 * d2 - d1 * d6;
 
     if (vb <= 0 && d2 >= 0 && d6 <= 0) {
-        vec_madd(a, d2 / (d2 - d6), ac, out);
+        vec3_add_scaled(a, d2 / (d2 - d6), ac, out);
         return EDGE_2;
     }
     double va = d3 * d6 - d5 * d4;
@@ -57,8 +57,8 @@ static enum feature nearest_of_triangle(const double a[3], const double b[3], co
     if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) {
         double bc[3];
 
-        vec_sub(c, b, bc);
-        vec_madd(b, (d4 - d3) / ((d4 - d3) + (d5 - d6)), bc, out);
+        vec3_sub(c, b, bc);
+        vec3_add_scaled(b, (d4 - d3) / ((d4 - d3) + (d5 - d6)), bc, out);
         return EDGE_1;
     }
     double whole = 1 / (va + vb + vc);
@@ -116,9 +116,9 @@ static bool search(const struct solid *s, const double p[3], double limit2,
             double point[3], to[3], d2, height;
             enum feature f = nearest_of_face(s, face, p, point);
 
-            vec_sub(p, point, to);
-            d2 = vec_dot(to, to);
-            height = vec_dot(to, s->normal[face]);
+            vec3_sub(p, point, to);
+            d2 = vec3_dot(to, to);
+            height = vec3_dot(to, s->normal[face]);
             if (d2 < best->distance2 * (1 - TIE) ||
                 (best->face >= 0 && d2 <= best->distance2 * (1 + TIE) &&
                  fabs(height) > best_height)) {
@@ -153,7 +153,7 @@ static void pseudonormal(const struct solid *s, int face, enum feature feature, 
     if (feature >= CORNER_0) {
         memcpy(out, s->vertex_normal[s->face[face][feature - CORNER_0]], sizeof s->normal[0]);
     } else if (feature >= EDGE_0) {
-        vec_madd(s->normal[face], 1, s->normal[s->neighbor[face][feature]], out);
+        vec3_add_scaled(s->normal[face], 1, s->normal[s->neighbor[face][feature]], out);
     } else {
         memcpy(out, s->normal[face], sizeof s->normal[0]);
     }
@@ -190,6 +190,6 @@ double solid_depth(const struct solid *solid, const double p[3], double limit)
         return limit;
     }
     pseudonormal(solid, nearest.face, feature, n);
-    vec_sub(nearest.point, p, to);
-    return vec_dot(to, n) >= 0 ? sqrt(nearest.distance2) : -sqrt(nearest.distance2);
+    vec3_sub(nearest.point, p, to);
+    return vec3_dot(to, n) >= 0 ? sqrt(nearest.distance2) : -sqrt(nearest.distance2);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What is around the facets of a solid, so that a search can often be left out. */
+#include "base/vec3.h"
 #include "contact/solid.h"
-#include "contact/vec.h"
 
 #include <math.h>
 
@@ -31,11 +31,11 @@ static void look_around(const struct solid *s, const int *corner, struct facet *
             touches = touches || v[k % 3] == corner[k / 3];
         }
         if (touches) {
-            cosine = fmin(cosine, vec_dot(s->normal[near[i]], f->normal));
+            cosine = fmin(cosine, vec3_dot(s->normal[near[i]], f->normal));
         } else {
             solid_nearest_of_face(s, near[i], f->center, point);
-            vec_sub(point, f->center, to);
-            apart = fmin(apart, vec_norm(to) - f->radius);
+            vec3_sub(point, f->center, to);
+            apart = fmin(apart, vec3_norm(to) - f->radius);
         }
     }
     if (cosine > 0 && apart > 0) {

@@ -144,8 +144,8 @@ INLINE void force_up(int k, const struct link *link, const struct link_state *st
 INLINE void sym3_turn(int k, bool plane, double c, double s, double S[6])
 {
     int i = (k + 1) % 3, j = (k + 2) % 3;
-    int ii = spatial_sym[i][i], ij = spatial_sym[i][j], jj = spatial_sym[j][j];
-    int ik = spatial_sym[i][k], jk = spatial_sym[j][k];
+    int ii = sym3_index[i][i], ij = sym3_index[i][j], jj = sym3_index[j][j];
+    int ik = sym3_index[i][k], jk = sym3_index[j][k];
     double a = c * S[ii] - s * S[ij], b = c * S[ij] - s * S[jj];
     double d = s * S[ii] + c * S[ij], e = s * S[ij] + c * S[jj];
 
@@ -269,10 +269,10 @@ INLINE void remove_motion(enum joint_type type, int k, bool plain, const struct 
             A->H[3 * row + column] = gone ? 0.0 : A->H[3 * row + column] - a * U->l[column];
         }
         for (int column = row; column < 3; column++) {
-            double *J = &A->J[spatial_sym[row][column]];
+            double *J = &A->J[sym3_index[row][column]];
 
             *J = gone || (free && column == k) ? 0.0 : *J - a * U->a[column];
-            A->M[spatial_sym[row][column]] -= l * U->l[column];
+            A->M[sym3_index[row][column]] -= l * U->l[column];
         }
     }
 }
@@ -285,9 +285,9 @@ INLINE void add_bias(enum joint_type type, int k, const struct spatial_inertia *
 
     for (int m = 0; m < 3; m++) {
         p->a[m] += A->H[3 * m + i] * bias->l[i] + A->H[3 * m + j] * bias->l[j];
-        p->l[m] += A->M[spatial_sym[m][i]] * bias->l[i] + A->M[spatial_sym[m][j]] * bias->l[j];
+        p->l[m] += A->M[sym3_index[m][i]] * bias->l[i] + A->M[sym3_index[m][j]] * bias->l[j];
         if (type == JOINT_REVOLUTE) {
-            p->a[m] += A->J[spatial_sym[m][i]] * bias->a[i] + A->J[spatial_sym[m][j]] * bias->a[j];
+            p->a[m] += A->J[sym3_index[m][i]] * bias->a[i] + A->J[sym3_index[m][j]] * bias->a[j];
             p->l[m] += A->H[3 * i + m] * bias->a[i] + A->H[3 * j + m] * bias->a[j];
         }
     }
@@ -306,8 +306,8 @@ INLINE void inward_articulated(enum joint_type type, int k, bool plain, const st
 
     /* U = A S, d = S^T U + extra, u = tau - S^T p */
     for (int m = 0; m < 3; m++) {
-        U.a[m] = turns ? A.J[spatial_sym[k][m]] : A.H[3 * m + k];
-        U.l[m] = turns ? A.H[3 * k + m] : A.M[spatial_sym[k][m]];
+        U.a[m] = turns ? A.J[sym3_index[k][m]] : A.H[3 * m + k];
+        U.l[m] = turns ? A.H[3 * k + m] : A.M[sym3_index[k][m]];
     }
     inverse_d = 1.0 / ((turns ? U.a[k] : U.l[k]) + (plain ? 0.0 : extra));
     u = tau - (turns ? p.a[k] : p.l[k]);

@@ -242,8 +242,8 @@ static void remove_motion(const struct spatial *y, double d, struct spatial_iner
             A->H[3 * i + j] -= y->a[i] * y->l[j] / d;
         }
         for (int j = i; j < 3; j++) {
-            A->J[spatial_sym[i][j]] -= y->a[i] * y->a[j] / d;
-            A->M[spatial_sym[i][j]] -= y->l[i] * y->l[j] / d;
+            A->J[sym3_index[i][j]] -= y->a[i] * y->a[j] / d;
+            A->M[sym3_index[i][j]] -= y->l[i] * y->l[j] / d;
         }
     }
 }
@@ -278,14 +278,14 @@ static bool base_is_regular(const struct spatial_inertia *A, const struct spatia
 
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
-            m[i][j] = A->J[spatial_sym[i][j]];
+            m[i][j] = A->J[sym3_index[i][j]];
             m[i][j + 3] = m[j + 3][i] = A->H[3 * i + j];
-            m[i + 3][j + 3] = A->M[spatial_sym[i][j]];
+            m[i + 3][j + 3] = A->M[sym3_index[i][j]];
         }
     }
     /* Gaussian elimination: each pivot against what a rigid robot would have there */
     for (int k = 0; k < 6; k++) {
-        double rigid = k < 3 ? whole->J[spatial_sym[k][k]] : whole->M[spatial_sym[k - 3][k - 3]];
+        double rigid = k < 3 ? whole->J[sym3_index[k][k]] : whole->M[sym3_index[k - 3][k - 3]];
 
         if (!(m[k][k] > SINGULAR_RATIO * rigid)) {
             return false;

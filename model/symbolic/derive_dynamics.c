@@ -160,7 +160,7 @@ static void body_force(struct derive *d, size_t group, bool ext)
         h[m] = derive_body_const(d, group, BODY(h[0]) + (size_t)m * sizeof(double));
         for (int n = m; n < 3; n++) {
             K[m][n] = K[n][m] =
-                derive_body_const(d, group, BODY(K[0]) + spatial_sym[m][n] * sizeof(double));
+                derive_body_const(d, group, BODY(K[0]) + sym3_index[m][n] * sizeof(double));
         }
     }
     for (int m = 0; m < 3; m++) {

@@ -25,11 +25,11 @@ void derive_body_inertia(struct derive *d, size_t group)
         for (int l = 0; l < lanes->width; l++) {
             const double *K = d->tree->body[lanes->body[l]].K;
 
-            value[l] = K[spatial_sym[i][i]] + K[spatial_sym[j][j]];
+            value[l] = K[sym3_index[i][i]] + K[sym3_index[j][j]];
         }
         state->J[m][m] = graph_const_lanes(d->g, lanes->width, value);
         *upper(state->J, i, j) =
-            expr_neg(derive_body_const(d, group, BODY(K[0]) + spatial_sym[i][j] * sizeof(double)));
+            expr_neg(derive_body_const(d, group, BODY(K[0]) + sym3_index[i][j] * sizeof(double)));
     }
 }
 

@@ -324,7 +324,7 @@ static void set_inertia(const struct robot_inertia *inertia, struct tree_body *b
     for (int i = 0; i < 3; i++) {
         body->h[i] = inertia->mass * com[i];
         for (int j = i; j < 3; j++) {
-            int ij = spatial_sym[i][j];
+            int ij = sym3_index[i][j];
 
             body->K[ij] = (i == j ? 0.5 * trace : 0.0) - I[ij] + body->h[i] * com[j];
         }
@@ -365,7 +365,7 @@ static void add_outer(double K[6], double factor, const double x[3], const doubl
 {
     for (int i = 0; i < 3; i++) {
         for (int j = i; j < 3; j++) {
-            K[spatial_sym[i][j]] += factor * (x[i] * y[j] + y[i] * x[j]);
+            K[sym3_index[i][j]] += factor * (x[i] * y[j] + y[i] * x[j]);
         }
     }
 }
@@ -373,7 +373,7 @@ static void add_outer(double K[6], double factor, const double x[3], const doubl
 /* Moves to the parent what moves as well with it. */
 static void lump(struct tree_body *child, struct tree_body *parent)
 {
-    int k = child->axis, kk = spatial_sym[k][k];
+    int k = child->axis, kk = sym3_index[k][k];
     double C[9], a[3];
 
     mat3_identity(C);

@@ -61,7 +61,7 @@ static inline void derive(const struct bodies *b, const struct contact_motion *a
         for (int i = 0; i < 3; ++i) {
             double column[3] = {at[n].R[i], at[n].R[3 + i], at[n].R[6 + i]}, turn[3];
 
-            scene_cross(at[n].w, column, turn);
+            vec3_cross(at[n].w, column, turn);
             for (int row = 0; row < 3; ++row) {
                 rate[n].R[3 * row + i] = turn[row];
             }
@@ -91,7 +91,7 @@ static inline void combine(size_t count, const struct contact_motion *a, double 
 /* Makes the rows orthonormal again. */
 static inline void straighten(double R[9])
 {
-    double length = scene_norm(R), dot;
+    double length = vec3_norm(R), dot;
 
     for (int i = 0; i < 3; ++i) {
         R[i] /= length;
@@ -100,11 +100,11 @@ static inline void straighten(double R[9])
     for (int i = 0; i < 3; ++i) {
         R[3 + i] -= dot * R[i];
     }
-    length = scene_norm(R + 3);
+    length = vec3_norm(R + 3);
     for (int i = 0; i < 3; ++i) {
         R[3 + i] /= length;
     }
-    scene_cross(R, R + 3, R + 6);
+    vec3_cross(R, R + 3, R + 6);
 }
 
 static inline void step(struct bodies *b, double h)

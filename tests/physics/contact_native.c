@@ -103,7 +103,7 @@ static void onto_sphere(double p[3], const double *radius)
         p[i] = tan(p[i] * pi / 4);
     }
 
-    double length = scene_norm(p);
+    double length = vec3_norm(p);
 
     for (int i = 0; i < 3; ++i) {
         p[i] *= *radius / length;
@@ -226,7 +226,7 @@ static void box_on_half_space_pushes_with_k_a_d_and_not_with_its_sides(void **st
         scene_place(&motion, 0.3, -0.2, 0.075 - depth[i]);
         evaluate(world, &motion, &wrench);
         assert_near(wrench.force[2], force, 1e-9 * force);
-        assert_near(scene_norm(wrench.moment), 0, 1e-9 * force);
+        assert_near(vec3_norm(wrench.moment), 0, 1e-9 * force);
     }
 }
 
@@ -409,7 +409,7 @@ static void a_facet_may_be_cut_into_any_triangles(void **state)
         evaluate(world, motion, wrench[fine]);
     }
     for (int b = 0; b < 3; ++b) {
-        double size = scene_norm(wrench[0][b].force);
+        double size = vec3_norm(wrench[0][b].force);
 
         assert_true(size > 0);
         for (int i = 0; i < 3; ++i) {
@@ -495,13 +495,13 @@ static void action_equals_reaction_and_patches_add_up_to_the_wrenches(void **sta
 
             two_motions(&seed, height, motion);
             evaluate(world, motion, wrench);
-            size = scene_norm(wrench[0].force);
+            size = vec3_norm(wrench[0].force);
             if (size == 0) {
                 continue;
             }
             touching++;
             for (int n = 0; n < 2; ++n) {
-                scene_cross(motion[n].p, wrench[n].force, turn);
+                vec3_cross(motion[n].p, wrench[n].force, turn);
                 for (int axis = 0; axis < 3; ++axis) {
                     moment[axis] += wrench[n].moment[axis] + turn[axis];
                 }
@@ -510,7 +510,7 @@ static void action_equals_reaction_and_patches_add_up_to_the_wrenches(void **sta
             for (int axis = 0; axis < 3; ++axis) {
                 arm[axis] = patch.center[axis] - motion[b].p[axis];
             }
-            scene_cross(arm, patch.force, turn);
+            vec3_cross(arm, patch.force, turn);
             for (int axis = 0; axis < 3; ++axis) {
                 assert_near(wrench[0].force[axis] + wrench[1].force[axis], 0, 1e-14 * size);
                 assert_near(moment[axis], 0, 1e-14 * size);
@@ -545,15 +545,15 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
                 shift[axis] = 2 * scene_random(&seed);
             }
             for (int b = 0; b < 2; ++b) {
-                scene_apply(Q, motion[b].p, moved[b].p);
-                scene_apply(Q, motion[b].w, moved[b].w);
-                scene_apply(Q, motion[b].v, moved[b].v);
+                mat3_apply(Q, motion[b].p, moved[b].p);
+                mat3_apply(Q, motion[b].w, moved[b].w);
+                mat3_apply(Q, motion[b].v, moved[b].v);
                 for (int axis = 0; axis < 3; ++axis) {
                     double column[3] = {motion[b].R[axis], motion[b].R[3 + axis],
                                         motion[b].R[6 + axis]};
                     double out[3];
 
-                    scene_apply(Q, column, out);
+                    mat3_apply(Q, column, out);
                     for (int row = 0; row < 3; ++row) {
                         moved[b].R[3 * row + axis] = out[row];
                     }
@@ -562,12 +562,12 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
             }
             evaluate(world, motion, wrench);
             evaluate(world, moved, turned);
-            size = scene_norm(wrench[0].force) + 1e-3;
+            size = vec3_norm(wrench[0].force) + 1e-3;
             for (int b = 0; b < 2; ++b) {
                 double force[3], moment[3];
 
-                scene_apply(Q, wrench[b].force, force);
-                scene_apply(Q, wrench[b].moment, moment);
+                mat3_apply(Q, wrench[b].force, force);
+                mat3_apply(Q, wrench[b].moment, moment);
                 for (int axis = 0; axis < 3; ++axis) {
                     assert_near(turned[b].force[axis], force[axis], 1e-9 * size);
                     assert_near(turned[b].moment[axis], moment[axis], 1e-10 * size);
@@ -722,7 +722,7 @@ static void disturb(struct contact_motion *motion, const double center[3], int a
     for (int i = 0; i < 3; ++i) {
         arm[i] = motion->p[i] - center[i];
     }
-    scene_cross(e, arm, turn);
+    vec3_cross(e, arm, turn);
     for (int i = 0; i < 3; ++i) {
         double *place = velocity ? motion->v : motion->p;
 
@@ -735,7 +735,7 @@ static void disturb(struct contact_motion *motion, const double center[3], int a
         for (int column = 0; column < 3; ++column) {
             double v[3] = {motion->R[column], motion->R[3 + column], motion->R[6 + column]};
 
-            scene_cross(e, v, turn);
+            vec3_cross(e, v, turn);
             for (int row = 0; row < 3; ++row) {
                 motion->R[3 * row + column] += step * turn[row];
             }
@@ -752,7 +752,7 @@ static void about(const struct contact_motion *motion, const struct contact_wren
     for (int i = 0; i < 3; ++i) {
         arm[i] = motion->p[i] - center[i];
     }
-    scene_cross(arm, wrench->force, turn);
+    vec3_cross(arm, wrench->force, turn);
     for (int i = 0; i < 3; ++i) {
         out[i] = wrench->force[i];
         out[3 + i] = wrench->moment[i] + turn[i];
@@ -799,7 +799,7 @@ static void tangents_are_the_slopes_of_the_wrench_without_friction(void **state)
             if (world->ops->tangents(world, &t, 1) == 0) {
                 continue;
             }
-            load = scene_norm(wrench[b].force);
+            load = vec3_norm(wrench[b].force);
             assert_int_equal(t.pair, 0);
             assert_int_equal(t.body_a, scene.pair[0].a);
             assert_int_equal(t.body_b, b);
@@ -929,7 +929,7 @@ static void a_corner_that_is_open_holds_a_box_and_a_sphere_only_where_they_touch
         /* in the open, inside the hull */
         scene_place(&motion, 0.05, 0, 0.05);
         evaluate(world, &motion, &wrench);
-        assert_true(scene_norm(wrench.force) == 0);
+        assert_true(vec3_norm(wrench.force) == 0);
         /* on the floor */
         scene_place(&motion, 0.08, 0, t + 0.02 - 5e-4);
         evaluate(world, &motion, &wrench);

@@ -116,8 +116,8 @@ static void compare(const struct scene *scene, const struct sweep *sweep)
         simbody->ops->patches(simbody, &theirs, 1);
         native->ops->patches(native, &ours, 1);
 
-        double force = scene_norm(expected[1].force);
-        double moment = scene_norm(expected[1].moment) + 0.05 * force;
+        double force = vec3_norm(expected[1].force);
+        double moment = vec3_norm(expected[1].moment) + 0.05 * force;
 
         touching += force > 0;
         for (int b = 0; b < 2 && force > 0; ++b) {
@@ -128,7 +128,7 @@ static void compare(const struct scene *scene, const struct sweep *sweep)
                 fmax(worst, fabs(ours.dissipation_w - theirs.dissipation_w) / theirs.dissipation_w);
         }
         if (force == 0) {
-            assert_true(scene_norm(wrench[1].force) == 0);
+            assert_true(vec3_norm(wrench[1].force) == 0);
         }
     }
     print_message("%d of %d poses touch, largest difference %.1e of the wrench\n", touching,

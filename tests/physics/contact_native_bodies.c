@@ -39,7 +39,7 @@ static void a_box_at_rest_is_carried_with_its_weight(void **state)
         b.world->ops->evaluate(b.world, b.motion, &wrench);
         assert_near(wrench.force[2], 14.715, 1e-4);
         assert_near(b.motion[0].p[2], 0.075 - 14.715 / (5e5 * 0.0225), 1e-8);
-        assert_near(scene_norm(b.motion[0].v), 0, 1e-5);
+        assert_near(vec3_norm(b.motion[0].v), 0, 1e-5);
     }
 }
 
@@ -179,7 +179,7 @@ static void colliding_bodies_exchange_momentum_and_lose_none(void **state)
             for (int k = 0; k < 2; ++k) {
                 double arm[3];
 
-                scene_cross(b.motion[k].p, b.motion[k].v, arm);
+                vec3_cross(b.motion[k].p, b.motion[k].v, arm);
                 for (int i = 0; i < 3; ++i) {
                     sum[i] += b.mass[k] * b.motion[k].v[i];
                     sum[3 + i] += b.mass[k] * arm[i] + b.inertia[k] * b.motion[k].w[i];
@@ -251,7 +251,7 @@ static void stacked_boxes_stay(void **state)
         assert_near(b.motion[n].p[0], 0.004 * n, 0.25 * SCENE_TRANSITION_M_S * 2);
         assert_near(b.motion[n].p[1], 0, 1e-6);
         assert_true(b.motion[n].R[8] > 1 - 1e-4);
-        assert_true(scene_norm(b.motion[n].v) < 0.3 * SCENE_TRANSITION_M_S);
+        assert_true(vec3_norm(b.motion[n].v) < 0.3 * SCENE_TRANSITION_M_S);
         assert_near(wrench[n].force[2], 14.715, 0.1);
     }
 }

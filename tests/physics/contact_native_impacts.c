@@ -89,7 +89,7 @@ static void aim_sphere_at_box(struct contact_motion *m, uint64_t *seed)
         to[i] = 0.9 * HALF * scene_random(seed);
     }
     for (int i = 0; i < 3; ++i) {
-        from[i] *= 0.3 / scene_norm(from);
+        from[i] *= 0.3 / vec3_norm(from);
     }
     for (int i = 0; i < 3; ++i) {
         way[i] = to[i] - from[i];
@@ -101,14 +101,14 @@ static void aim_sphere_at_box(struct contact_motion *m, uint64_t *seed)
         for (int i = 0; i < 3; ++i) {
             out[i] = fmax(fabs(m->p[i]) - HALF, 0);
         }
-        apart = scene_norm(out) - RADIUS;
+        apart = vec3_norm(out) - RADIUS;
         for (int i = 0; i < 3; ++i) {
-            m->p[i] += fmax(apart, 0) * way[i] / scene_norm(way);
+            m->p[i] += fmax(apart, 0) * way[i] / vec3_norm(way);
         }
     }
     for (int i = 0; i < 3; ++i) {
         m->w[i] = 3 * scene_random(seed);
-        m->v[i] = 0.5 * way[i] / scene_norm(way) + 0.1 * scene_random(seed);
+        m->v[i] = 0.5 * way[i] / vec3_norm(way) + 0.1 * scene_random(seed);
     }
 }
 

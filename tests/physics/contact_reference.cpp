@@ -151,7 +151,7 @@ void sweep(const scene &scene, Reference &reference, double apart)
             compare(wrench[b], reference.applied(b), 1e-12);
             compare(wrench[b], reference.from_motion(b), 1e-11);
         }
-        touching += scene_norm(wrench[0].force) > 0;
+        touching += vec3_norm(wrench[0].force) > 0;
     }
     assert_true(touching > 40);
     world->ops->destroy(world);

@@ -3,6 +3,7 @@
 #ifndef TESTS_PHYSICS_CONTACT_SCENE_H
 #define TESTS_PHYSICS_CONTACT_SCENE_H
 
+#include "base/vec3.h"
 #include "contact/contact.h"
 
 #include <math.h>
@@ -131,25 +132,6 @@ static inline void scene_random_rotation(uint64_t *seed, double angle, double R[
     R[5] -= s * a[0];
     R[6] -= s * a[1];
     R[7] += s * a[0];
-}
-
-static inline void scene_apply(const double R[9], const double v[3], double out[3])
-{
-    for (int i = 0; i < 3; ++i) {
-        out[i] = R[3 * i] * v[0] + R[3 * i + 1] * v[1] + R[3 * i + 2] * v[2];
-    }
-}
-
-static inline void scene_cross(const double a[3], const double b[3], double out[3])
-{
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static inline double scene_norm(const double v[3])
-{
-    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
 #endif

@@ -248,7 +248,7 @@ static void sphere_on_half_space_obeys_hertz(void **state)
         scene_place(&motion, -1, 1, radius - d);
         evaluate(world, &motion, &wrench);
         assert_near(wrench.force[2], elastic, tolerance * elastic);
-        assert_near(scene_norm(wrench.moment), 0, 1e-12 * elastic);
+        assert_near(vec3_norm(wrench.moment), 0, 1e-12 * elastic);
         assert_int_equal(world->ops->patches(world, &patch, 1), 1);
         assert_near(patch.potential_j, 0.4 * elastic * d, tolerance * elastic * d);
 
@@ -282,7 +282,7 @@ static void half_space_is_solid_below_its_own_z_axis(void **state)
     assert_near(wrench.force[2], 0, 1e-9);
     scene_place(&motion, 0.5 + 0.076, 7, -3);
     evaluate(world, &motion, &wrench);
-    assert_true(scene_norm(wrench.force) == 0);
+    assert_true(vec3_norm(wrench.force) == 0);
     world->ops->destroy(world);
 }
 
@@ -439,12 +439,12 @@ static void action_equals_reaction_about_any_point(void **state)
 
             two_motions(&seed, motion);
             evaluate(world, motion, wrench);
-            size = scene_norm(wrench[0].force);
+            size = vec3_norm(wrench[0].force);
             touching += size > 0;
             for (int b = 0; b < 2; ++b) {
                 double shifted[3];
 
-                scene_cross(motion[b].p, wrench[b].force, shifted);
+                vec3_cross(motion[b].p, wrench[b].force, shifted);
                 for (int axis = 0; axis < 3; ++axis) {
                     moment[axis] += wrench[b].moment[axis] + shifted[axis];
                 }
@@ -477,7 +477,7 @@ static void patches_add_up_to_the_wrenches(void **state)
 
         two_motions(&seed, motion);
         evaluate(world, motion, wrench);
-        size = scene_norm(wrench[0].force);
+        size = vec3_norm(wrench[0].force);
         if (size == 0) {
             assert_int_equal(world->ops->patches(world, &patch, 1), 0);
             continue;
@@ -488,7 +488,7 @@ static void patches_add_up_to_the_wrenches(void **state)
         for (int axis = 0; axis < 3; ++axis) {
             arm[axis] = patch.center[axis] - motion[0].p[axis];
         }
-        scene_cross(arm, patch.force, moment);
+        vec3_cross(arm, patch.force, moment);
         for (int axis = 0; axis < 3; ++axis) {
             assert_near(patch.force[axis], wrench[0].force[axis], 1e-14 * size);
             assert_near(patch.moment[axis] + moment[axis], wrench[0].moment[axis], 1e-14 * size);
@@ -522,15 +522,15 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
                 shift[axis] = 2 * scene_random(&seed);
             }
             for (int b = 0; b < 2; ++b) {
-                scene_apply(Q, motion[b].p, moved[b].p);
-                scene_apply(Q, motion[b].w, moved[b].w);
-                scene_apply(Q, motion[b].v, moved[b].v);
+                mat3_apply(Q, motion[b].p, moved[b].p);
+                mat3_apply(Q, motion[b].w, moved[b].w);
+                mat3_apply(Q, motion[b].v, moved[b].v);
                 for (int axis = 0; axis < 3; ++axis) {
                     double column[3] = {motion[b].R[axis], motion[b].R[3 + axis],
                                         motion[b].R[6 + axis]};
                     double out[3];
 
-                    scene_apply(Q, column, out);
+                    mat3_apply(Q, column, out);
                     for (int row = 0; row < 3; ++row) {
                         moved[b].R[3 * row + axis] = out[row];
                     }
@@ -539,13 +539,13 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
             }
             evaluate(world, motion, wrench);
             evaluate(world, moved, turned);
-            size = scene_norm(wrench[0].force);
+            size = vec3_norm(wrench[0].force);
             touching += size > 0;
             for (int b = 0; b < 2; ++b) {
                 double force[3], moment[3];
 
-                scene_apply(Q, wrench[b].force, force);
-                scene_apply(Q, wrench[b].moment, moment);
+                mat3_apply(Q, wrench[b].force, force);
+                mat3_apply(Q, wrench[b].moment, moment);
                 for (int axis = 0; axis < 3; ++axis) {
                     assert_near(turned[b].force[axis], force[axis], 1e-10 * size);
                     assert_near(turned[b].moment[axis], moment[axis], 1e-11 * size);
@@ -582,7 +582,7 @@ static void the_same_motion_gives_the_same_bits_whatever_came_before(void **stat
             memcpy(apart, motion[pick], sizeof apart);
             apart[1].p[2] += 1;
             evaluate(world, apart, again);
-            assert_true(scene_norm(again[0].force) == 0);
+            assert_true(vec3_norm(again[0].force) == 0);
         }
         evaluate(world, motion[pick], again);
         assert_memory_equal(again, first[pick], sizeof again);
@@ -686,7 +686,7 @@ static void a_body_without_surfaces_feels_nothing(void **state)
     scene_place(&motion[1], 0, 0, 0.07);
     evaluate(world, motion, wrench);
     assert_true(wrench[0].force[2] > 0);
-    assert_true(scene_norm(wrench[1].force) == 0 && scene_norm(wrench[1].moment) == 0);
+    assert_true(vec3_norm(wrench[1].force) == 0 && vec3_norm(wrench[1].moment) == 0);
     world->ops->destroy(world);
 }
 

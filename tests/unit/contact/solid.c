@@ -5,7 +5,7 @@
  */
 #include "contact/solid.h"
 
-#include "contact/vec.h"
+#include "base/vec3.h"
 
 #include <float.h>
 #include <setjmp.h>
@@ -104,13 +104,13 @@ static double winding(const struct mesh *mesh, const double p[3])
         double r[3][3], l[3], x[3];
 
         for (int i = 0; i < 3; ++i) {
-            vec_sub(mesh->vertex[mesh->face[f][i]], p, r[i]);
-            l[i] = vec_norm(r[i]);
+            vec3_sub(mesh->vertex[mesh->face[f][i]], p, r[i]);
+            l[i] = vec3_norm(r[i]);
         }
-        vec_cross(r[1], r[2], x);
-        sum += 2 *
-               atan2(vec_dot(r[0], x), l[0] * l[1] * l[2] + vec_dot(r[0], r[1]) * l[2] +
-                                           vec_dot(r[1], r[2]) * l[0] + vec_dot(r[2], r[0]) * l[1]);
+        vec3_cross(r[1], r[2], x);
+        sum += 2 * atan2(vec3_dot(r[0], x), l[0] * l[1] * l[2] + vec3_dot(r[0], r[1]) * l[2] +
+                                                vec3_dot(r[1], r[2]) * l[0] +
+                                                vec3_dot(r[2], r[0]) * l[1]);
     }
     return sum / (4 * 3.14159265358979323846);
 }
@@ -121,22 +121,22 @@ static double triangle_distance(const double v[3][3], const double p[3])
     double best = DBL_MAX, e[3][3], n[3], to[3], inside = 1, height;
 
     for (int i = 0; i < 3; ++i) {
-        vec_sub(v[(i + 1) % 3], v[i], e[i]);
+        vec3_sub(v[(i + 1) % 3], v[i], e[i]);
     }
-    vec_cross(e[0], e[1], n);
+    vec3_cross(e[0], e[1], n);
     for (int i = 0; i < 3; ++i) {
         double t, near[3], out[3];
 
-        vec_sub(p, v[i], to);
-        t = vec_dot(to, e[i]) / vec_dot(e[i], e[i]);
+        vec3_sub(p, v[i], to);
+        t = vec3_dot(to, e[i]) / vec3_dot(e[i], e[i]);
         t = t < 0 ? 0 : t > 1 ? 1 : t;
-        vec_madd(v[i], t, e[i], near);
-        vec_sub(p, near, near);
-        best = fmin(best, vec_norm(near));
-        vec_cross(e[i], n, out);
-        inside = vec_dot(to, out) > 0 ? 0 : inside;
+        vec3_add_scaled(v[i], t, e[i], near);
+        vec3_sub(p, near, near);
+        best = fmin(best, vec3_norm(near));
+        vec3_cross(e[i], n, out);
+        inside = vec3_dot(to, out) > 0 ? 0 : inside;
     }
-    height = fabs(vec_dot(to, n)) / vec_norm(n);
+    height = fabs(vec3_dot(to, n)) / vec3_norm(n);
     return inside > 0 ? fmin(best, height) : best;
 }
 
@@ -336,9 +336,9 @@ static void nothing_under_a_facet_is_nearer_than_its_surroundings_say(void **sta
                     x[k] = v[0][k] + a * (v[1][k] - v[0][k]) + (1 - a) * b * (v[2][k] - v[0][k]);
                     way[k] = -f->normal[k] + 0.8 * random_number(&seed);
                 }
-                cosine = -vec_dot(way, f->normal) / vec_norm(way);
+                cosine = -vec3_dot(way, f->normal) / vec3_norm(way);
                 lean = f->lean[0] * cosine - f->lean[1] * sqrt(fmax(1 - cosine * cosine, 0));
-                vec_madd(x, half / vec_norm(way), way, x);
+                vec3_add_scaled(x, half / vec3_norm(way), way, x);
                 if (lean >= 0.5) {
                     assert_true(solid_depth(&solid, x, 1) >= half * lean - 1e-12);
                 }

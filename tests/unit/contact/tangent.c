@@ -43,7 +43,7 @@ static void resist(const struct contact_element *element, const double center[3]
         for (int i = 0; i < 3; i++) {
             arm[i] = element[e].point[i] - center[i];
         }
-        scene_cross(twist + 3, arm, u);
+        vec3_cross(twist + 3, arm, u);
         for (int i = 0; i < 3; i++) {
             u[i] += twist[i];
             normal += u[i] * n[i];
@@ -51,7 +51,7 @@ static void resist(const struct contact_element *element, const double center[3]
         for (int i = 0; i < 3; i++) {
             f[i] = along * normal * n[i] + across * (u[i] - normal * n[i]);
         }
-        scene_cross(arm, f, moment);
+        vec3_cross(arm, f, moment);
         for (int i = 0; i < 3; i++) {
             wrench[i] += f[i];
             wrench[3 + i] += moment[i];
@@ -74,7 +74,7 @@ static void elements_add_up_to_what_they_resist_with(void **state)
             element[e].point[i] = scene_random(&seed);
             element[e].normal[i] = scene_random(&seed);
         }
-        length = scene_norm(element[e].normal);
+        length = vec3_norm(element[e].normal);
         for (int i = 0; i < 3; i++) {
             element[e].normal[i] /= length;
         }

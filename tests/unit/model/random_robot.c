@@ -64,7 +64,7 @@ void random_inertia(uint64_t *seed, struct robot_inertia *inertia)
     for (int m = 0; m < 3; m++) {
         double radius = random_in(seed, 0.02, 0.2);
 
-        second[spatial_sym[m][m]] = inertia->mass * radius * radius;
+        second[sym3_index[m][m]] = inertia->mass * radius * radius;
     }
     random_rotation(seed, R);
     sym3_rotate(R, second);

@@ -1,0 +1,183 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Vectors of three, 3x3 matrices and rotations: the one place for their arithmetic, shared by the
+ * model and the contact engines, in C and in C++.
+ *
+ * Shapes: double[3]; double[9] row-major; symmetric matrices double[6] as xx xy xz yy yz zz;
+ * quaternions double[4] as wxyz. Units are the caller's, angles in rad. A result never shares
+ * memory with an argument unless it is said ("S <- ..."). The order of operations is part of the
+ * contract: what the simulator computes is compared bit by bit. No errors, no memory. RT-safe.
+ */
+#ifndef BASE_VEC3_H
+#define BASE_VEC3_H
+
+#include <math.h>
+#include <string.h>
+
+/* ---- vectors ---- */
+
+static inline double vec3_dot(const double x[3], const double y[3])
+{
+    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
+}
+
+static inline double vec3_norm(const double x[3])
+{
+    return sqrt(vec3_dot(x, x));
+}
+
+/* z = x - y; z may be one of them */
+static inline void vec3_sub(const double x[3], const double y[3], double z[3])
+{
+    z[0] = x[0] - y[0];
+    z[1] = x[1] - y[1];
+    z[2] = x[2] - y[2];
+}
+
+/* z = x + s y; z may be one of them */
+static inline void vec3_add_scaled(const double x[3], double s, const double y[3], double z[3])
+{
+    z[0] = x[0] + s * y[0];
+    z[1] = x[1] + s * y[1];
+    z[2] = x[2] + s * y[2];
+}
+
+/* z = x cross y */
+static inline void vec3_cross(const double x[3], const double y[3], double z[3])
+{
+    z[0] = x[1] * y[2] - x[2] * y[1];
+    z[1] = x[2] * y[0] - x[0] * y[2];
+    z[2] = x[0] * y[1] - x[1] * y[0];
+}
+
+/* z += x cross y */
+static inline void vec3_add_cross(const double x[3], const double y[3], double z[3])
+{
+    z[0] += x[1] * y[2] - x[2] * y[1];
+    z[1] += x[2] * y[0] - x[0] * y[2];
+    z[2] += x[0] * y[1] - x[1] * y[0];
+}
+
+/* ---- matrices ---- */
+
+/* y = A x */
+static inline void mat3_apply(const double A[9], const double x[3], double y[3])
+{
+    y[0] = A[0] * x[0] + A[1] * x[1] + A[2] * x[2];
+    y[1] = A[3] * x[0] + A[4] * x[1] + A[5] * x[2];
+    y[2] = A[6] * x[0] + A[7] * x[1] + A[8] * x[2];
+}
+
+/* y = A^T x */
+static inline void mat3_apply_transposed(const double A[9], const double x[3], double y[3])
+{
+    y[0] = A[0] * x[0] + A[3] * x[1] + A[6] * x[2];
+    y[1] = A[1] * x[0] + A[4] * x[1] + A[7] * x[2];
+    y[2] = A[2] * x[0] + A[5] * x[1] + A[8] * x[2];
+}
+
+/* C = A B */
+static inline void mat3_mul(const double A[9], const double B[9], double C[9])
+{
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            C[3 * i + j] = A[3 * i] * B[j] + A[3 * i + 1] * B[3 + j] + A[3 * i + 2] * B[6 + j];
+        }
+    }
+}
+
+/* B = A^T */
+static inline void mat3_transpose(const double A[9], double B[9])
+{
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            B[3 * i + j] = A[3 * j + i];
+        }
+    }
+}
+
+static inline void mat3_identity(double A[9])
+{
+    for (int i = 0; i < 9; i++) {
+        A[i] = i % 4 == 0 ? 1.0 : 0.0;
+    }
+}
+
+/* ---- symmetric matrices ---- */
+
+/* Index of element (row, column) of a symmetric matrix. */
+static const unsigned char sym3_index[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
+
+/* y = S x, S symmetric */
+static inline void sym3_apply(const double S[6], const double x[3], double y[3])
+{
+    y[0] = S[0] * x[0] + S[1] * x[1] + S[2] * x[2];
+    y[1] = S[1] * x[0] + S[3] * x[1] + S[4] * x[2];
+    y[2] = S[2] * x[0] + S[4] * x[1] + S[5] * x[2];
+}
+
+/* S <- R S R^T */
+static inline void sym3_rotate(const double R[9], double S[6])
+{
+    double T[9]; /* R S */
+
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            T[3 * i + j] = R[3 * i] * S[sym3_index[0][j]] + R[3 * i + 1] * S[sym3_index[1][j]] +
+                           R[3 * i + 2] * S[sym3_index[2][j]];
+        }
+    }
+    for (int i = 0; i < 3; i++) {
+        for (int j = i; j < 3; j++) {
+            S[sym3_index[i][j]] = vec3_dot(T + 3 * i, R + 3 * j);
+        }
+    }
+}
+
+/* ---- rotations ---- */
+
+/* Rotation by angle about a unit axis (Rodrigues). */
+static inline void mat3_about_axis(const double axis[3], double angle, double R[9])
+{
+    double s = sin(angle), c = cos(angle), t = 1.0 - c;
+    double x = axis[0], y = axis[1], z = axis[2];
+    const double value[9] = {t * x * x + c,     t * x * y - s * z, t * x * z + s * y,
+                             t * x * y + s * z, t * y * y + c,     t * y * z - s * x,
+                             t * x * z - s * y, t * y * z + s * x, t * z * z + c};
+
+    memcpy(R, value, sizeof value);
+}
+
+/* Fixed-axis roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll). */
+static inline void mat3_from_rpy(const double rpy[3], double R[9])
+{
+    double cr = cos(rpy[0]), sr = sin(rpy[0]), cp = cos(rpy[1]), sp = sin(rpy[1]);
+    double cy = cos(rpy[2]), sy = sin(rpy[2]);
+    const double value[9] = {cy * cp,
+                             cy * sp * sr - sy * cr,
+                             cy * sp * cr + sy * sr,
+                             sy * cp,
+                             sy * sp * sr + cy * cr,
+                             sy * sp * cr - cy * sr,
+                             -sp,
+                             cp * sr,
+                             cp * cr};
+
+    memcpy(R, value, sizeof value);
+}
+
+/* Body-to-world rotation of a quaternion wxyz of any non-zero length. */
+static inline void mat3_from_quaternion(const double quaternion[4], double R[9])
+{
+    double w = quaternion[0], x = quaternion[1], y = quaternion[2], z = quaternion[3];
+    double k = 2.0 / (w * w + x * x + y * y + z * z);
+    double xx = k * x * x, yy = k * y * y, zz = k * z * z;
+    double xy = k * x * y, xz = k * x * z, yz = k * y * z;
+    double wx = k * w * x, wy = k * w * y, wz = k * w * z;
+    const double value[9] = {1.0 - yy - zz, xy - wz, xz + wy, xy + wz,      1.0 - xx - zz,
+                             yz - wx,       xz - wy, yz + wx, 1.0 - xx - yy};
+
+    memcpy(R, value, sizeof value);
+}
+
+#endif
