@@ -30,6 +30,7 @@
 
 #include "base/arena.h"
 #include "base/error.h"
+#include "base/motion.h"
 #include "contact/mesh.h"
 
 #include <stdbool.h>
@@ -81,14 +82,6 @@ struct contact_config {
     double transition_velocity_m_s; /* of the friction law, > 0 */
 };
 
-/* Pose and velocity of a body, world frame; same layout as model's struct body_motion. */
-struct contact_motion {
-    double R[9]; /* body to world, row-major */
-    double p[3]; /* origin, m */
-    double w[3]; /* rad/s */
-    double v[3]; /* of the origin, m/s */
-};
-
 /* World frame, about the body's origin. */
 struct contact_wrench {
     double force[3];  /* N */
@@ -127,7 +120,7 @@ enum error_code contact_config_check(const struct contact_config *config, struct
 
 /* Whether an engine can take this motion: numbers within 1e9, and R a rotation but for what an
  * integrator's stage may have left in it (1 %). RT-safe. */
-bool contact_motion_valid(const struct contact_motion *motion);
+bool contact_motion_valid(const struct body_motion *motion);
 
 struct contact_world;
 
@@ -135,7 +128,7 @@ struct contact_ops {
     const char *name;
     /* Wrenches on all nbody bodies (overwritten). Returns ERROR_NONE, ERROR_INPUT for a motion that
      * is not valid, or the engine's failure; wrench is then undefined. */
-    enum error_code (*evaluate)(struct contact_world *world, const struct contact_motion *motion,
+    enum error_code (*evaluate)(struct contact_world *world, const struct body_motion *motion,
                                 struct contact_wrench *wrench);
     /* Patches of the last evaluation; returns their number, writes at most max. */
     size_t (*patches)(struct contact_world *world, struct contact_patch *patch, size_t max);

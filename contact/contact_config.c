@@ -49,7 +49,7 @@ static bool is_rotation(const double r[9], double tolerance)
     return determinant > 0;
 }
 
-bool contact_motion_valid(const struct contact_motion *motion)
+bool contact_motion_valid(const struct body_motion *motion)
 {
     for (int i = 0; i < 3; ++i) {
         if (!(fabs(motion->p[i]) <= MOTION_LIMIT && fabs(motion->w[i]) <= MOTION_LIMIT &&

@@ -61,11 +61,11 @@ struct engine {
     char failure[128];
 };
 
-static const struct contact_motion world_at_rest = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+static const struct body_motion world_at_rest = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
 
 /* ---- evaluating ---- */
 
-static void place(const struct surface *s, const struct contact_motion *m, struct pose *pose)
+static void place(const struct surface *s, const struct body_motion *m, struct pose *pose)
 {
     double arm[3], turn[3];
 
@@ -146,7 +146,7 @@ static void press(const struct engine *e, const struct pair *pair,
 
 static void add_wrench(const struct engine *e, int surface, const double force[3],
                        const double moment[3], const double at[3], double sign,
-                       const struct contact_motion *motion, struct contact_wrench *wrench)
+                       const struct body_motion *motion, struct contact_wrench *wrench)
 {
     int body = e->surface[surface].body;
     double arm[3], turn[3];
@@ -163,7 +163,7 @@ static void add_wrench(const struct engine *e, int surface, const double force[3
 
 /* Adds what a pair in touch does to its bodies and to the patches. */
 static void collect(struct engine *e, size_t index, const struct native_sum *sum,
-                    const struct contact_motion *motion, struct contact_wrench *wrench)
+                    const struct body_motion *motion, struct contact_wrench *wrench)
 {
     const struct pair *pair = &e->pair[index];
     const struct pose *a = &e->pose[pair->surface[0]];
@@ -195,7 +195,7 @@ static void collect(struct engine *e, size_t index, const struct native_sum *sum
 }
 
 static enum error_code engine_evaluate(struct contact_world *world,
-                                       const struct contact_motion *motion,
+                                       const struct body_motion *motion,
                                        struct contact_wrench *wrench)
 {
     struct engine *e = (struct engine *)world;

@@ -60,10 +60,10 @@ struct Law {
 struct Engine : contact_world {
     explicit Engine(const struct contact_config &config);
 
-    void evaluate(const struct contact_motion *motion, struct contact_wrench *wrench);
-    void impose(const struct contact_motion *motion);
+    void evaluate(const struct body_motion *motion, struct contact_wrench *wrench);
+    void impose(const struct body_motion *motion);
     void collect(const ContactForce &force, const Contact &contact,
-                 const struct contact_motion *motion, struct contact_wrench *wrench);
+                 const struct body_motion *motion, struct contact_wrench *wrench);
     size_t tangents(struct contact_tangent *tangent, size_t max);
 
     size_t nbody, nsurface;
@@ -283,13 +283,13 @@ Engine::Engine(const struct contact_config &config)
 
 /* A free mobilizer on Ground: q is the quaternion and the origin, u the angular velocity and the
  * origin's velocity, all in Ground. */
-void Engine::impose(const struct contact_motion *motion)
+void Engine::impose(const struct body_motion *motion)
 {
     Vector &q = state.updQ();
     Vector &u = state.updU();
 
     for (size_t b = 0; b < nbody; ++b) {
-        const struct contact_motion &m = motion[b];
+        const struct body_motion &m = motion[b];
         const Quaternion turn = Rotation(mat33(m.R), true).convertRotationToQuaternion();
 
         for (int i = 0; i < 4; ++i) {
@@ -305,7 +305,7 @@ void Engine::impose(const struct contact_motion *motion)
 
 /* Adds one contact to the wrenches of its two bodies, and to the patches. */
 void Engine::collect(const ContactForce &force, const Contact &contact,
-                     const struct contact_motion *motion, struct contact_wrench *wrench)
+                     const struct body_motion *motion, struct contact_wrench *wrench)
 {
     const size_t first = static_cast<size_t>(surface_of[contact.getSurface1()]);
     const size_t second = static_cast<size_t>(surface_of[contact.getSurface2()]);
@@ -341,7 +341,7 @@ void Engine::collect(const ContactForce &force, const Contact &contact,
     touching.push_back(force.getContactId());
 }
 
-void Engine::evaluate(const struct contact_motion *motion, struct contact_wrench *wrench)
+void Engine::evaluate(const struct body_motion *motion, struct contact_wrench *wrench)
 {
     patches.clear();
     touching.clear();
@@ -424,7 +424,7 @@ void one_line(char *out, size_t size, const char *message)
     out[n] = '\0';
 }
 
-enum error_code engine_evaluate(struct contact_world *world, const struct contact_motion *motion,
+enum error_code engine_evaluate(struct contact_world *world, const struct body_motion *motion,
                                 struct contact_wrench *wrench)
 {
     Engine *engine = static_cast<Engine *>(world);

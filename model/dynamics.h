@@ -11,20 +11,13 @@
 #ifndef MODEL_DYNAMICS_H
 #define MODEL_DYNAMICS_H
 
+#include "base/motion.h"
 #include "model/robot.h"
 
 /* A force and a moment about the body's origin, in the body frame unless said otherwise. */
 struct wrench {
     double force[3];  /* N */
     double moment[3]; /* N m */
-};
-
-/* Where a body is and how it moves, in the world frame. */
-struct body_motion {
-    double R[9]; /* body to world, row-major */
-    double p[3]; /* origin, m */
-    double w[3]; /* angular velocity, rad/s */
-    double v[3]; /* velocity of the origin, m/s */
 };
 
 /* Classical accelerations in the world frame (gravity not included). */

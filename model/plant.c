@@ -53,13 +53,7 @@ enum error_code plant_touch(struct plant *plant, const double *v)
 
     config->dynamics->ops->kinematics(config->dynamics, plant->q, v, plant->motion);
     for (size_t c = 0; c < config->ncontact; c++) {
-        const struct body_motion *from = &plant->motion[config->contact_body[c]];
-        struct contact_motion *to = &plant->contact_motion[c];
-
-        memcpy(to->R, from->R, sizeof to->R);
-        memcpy(to->p, from->p, sizeof to->p);
-        memcpy(to->w, from->w, sizeof to->w);
-        memcpy(to->v, from->v, sizeof to->v);
+        plant->contact_motion[c] = plant->motion[config->contact_body[c]];
     }
     code = contact->ops->evaluate(contact, plant->contact_motion, plant->contact_wrench);
     if (code != ERROR_NONE) {

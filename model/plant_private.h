@@ -64,9 +64,9 @@ struct plant {
     /* scratch of one evaluation */
     double *q; /* with a quaternion of unit length */
     double *tau, *vdot;
-    struct wrench *ext;         /* by body, body frame */
-    struct body_motion *motion; /* by body */
-    struct contact_motion *contact_motion;
+    struct wrench *ext;                 /* by body, body frame */
+    struct body_motion *motion;         /* by body */
+    struct body_motion *contact_motion; /* by contact body, as the engine wants them */
     struct contact_wrench *contact_wrench;
     struct body_motion *whole_motion; /* of the robot's bodies */
     double *last_good; /* the state before a substep; once plant_step is done, the one it led to */

@@ -4,8 +4,7 @@
 
 #include <string.h>
 
-static enum error_code timed_evaluate(struct contact_world *world,
-                                      const struct contact_motion *motion,
+static enum error_code timed_evaluate(struct contact_world *world, const struct body_motion *motion,
                                       struct contact_wrench *wrench)
 {
     struct timed_contact *timed = (struct timed_contact *)world;

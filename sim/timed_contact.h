@@ -20,7 +20,7 @@ struct timed_contact {
     struct contact_world *engine;
     struct clock *time;
     size_t nbody;
-    struct contact_motion *motion; /* of the last evaluation */
+    struct body_motion *motion; /* of the last evaluation */
     struct contact_wrench *wrench;
     bool remembered;
     uint64_t evaluations;

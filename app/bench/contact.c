@@ -26,7 +26,7 @@ static const char *const engine_name[ENGINES] = {"native", "simbody"};
 
 /* Of a scene: motions in which its bodies touch, and what was measured. */
 struct result {
-    struct contact_motion motion[POSES][BENCH_BODIES];
+    struct body_motion motion[POSES][BENCH_BODIES];
     struct contact_world *world[ENGINES];
     double *us[ENGINES];         /* of one evaluation, by round */
     double allocations[ENGINES]; /* in one evaluation */
@@ -170,7 +170,7 @@ static void time_random(const struct bench_scene *s, struct contact_world *world
     uint64_t seed = 1000003;
 
     for (size_t i = 0; i < n; ++i) {
-        struct contact_motion motion[BENCH_BODIES];
+        struct body_motion motion[BENCH_BODIES];
         struct contact_wrench wrench[BENCH_BODIES];
 
         bench_scene_draw(s, &seed, motion);

@@ -183,10 +183,10 @@ enum error_code bench_scenes_make(struct bench_scene scene[BENCH_SCENES], size_t
 }
 
 void bench_scene_draw(const struct bench_scene *scene, uint64_t *seed,
-                      struct contact_motion motion[BENCH_BODIES])
+                      struct body_motion motion[BENCH_BODIES])
 {
     for (size_t b = 0; b < scene->config.nbody; ++b) {
-        struct contact_motion *m = &motion[b];
+        struct body_motion *m = &motion[b];
         double q[4] = {1, 0, 0, 0}, norm;
 
         for (int i = 0; i < 3; ++i) {

@@ -37,6 +37,6 @@ enum error_code bench_scenes_make(struct bench_scene scene[BENCH_SCENES], size_t
 /* A motion of all bodies near their places: up to 0.3 mm and 3 mrad off, in slow motion. The same
  * for the same seed, which must not be 0 and goes on to the next. */
 void bench_scene_draw(const struct bench_scene *scene, uint64_t *seed,
-                      struct contact_motion motion[BENCH_BODIES]);
+                      struct body_motion motion[BENCH_BODIES]);
 
 #endif

@@ -18,10 +18,10 @@
 
 static struct bench_scene scene[BENCH_SCENES];
 
-void one_pose(struct contact_world *world, const struct contact_motion *motion);
+void one_pose(struct contact_world *world, const struct body_motion *motion);
 
 __attribute__((noinline)) void one_pose(struct contact_world *world,
-                                        const struct contact_motion *motion)
+                                        const struct body_motion *motion)
 {
     struct contact_wrench wrench[BENCH_BODIES];
 
@@ -32,7 +32,7 @@ __attribute__((noinline)) void one_pose(struct contact_world *world,
 
 static void draw_and_evaluate(size_t index, struct contact_world *world, uint64_t *seed)
 {
-    struct contact_motion motion[BENCH_BODIES];
+    struct body_motion motion[BENCH_BODIES];
 
     bench_scene_draw(&scene[index], seed, motion);
     one_pose(world, motion);

@@ -45,12 +45,12 @@ struct bodies {
     size_t count;
     double mass[BODIES], inertia[BODIES]; /* equal about all axes */
     double gravity[3];
-    struct contact_motion motion[BODIES];
+    struct body_motion motion[BODIES];
 };
 
 /* The derivative of a motion is kept in one: R' in R, v in p, and the accelerations. */
-static inline void derive(const struct bodies *b, const struct contact_motion *at,
-                          struct contact_motion *rate)
+static inline void derive(const struct bodies *b, const struct body_motion *at,
+                          struct body_motion *rate)
 {
     struct contact_wrench wrench[BODIES];
 
@@ -73,8 +73,8 @@ static inline void derive(const struct bodies *b, const struct contact_motion *a
 }
 
 /* out = a + s b, of all the numbers of the motions. */
-static inline void combine(size_t count, const struct contact_motion *a, double s,
-                           const struct contact_motion *b, struct contact_motion *out)
+static inline void combine(size_t count, const struct body_motion *a, double s,
+                           const struct body_motion *b, struct body_motion *out)
 {
     for (size_t n = 0; n < count; ++n) {
         for (int i = 0; i < 9; ++i) {
@@ -109,7 +109,7 @@ static inline void straighten(double R[9])
 
 static inline void step(struct bodies *b, double h)
 {
-    struct contact_motion k[4][BODIES], at[BODIES];
+    struct body_motion k[4][BODIES], at[BODIES];
     const double part[4] = {0, h / 2, h / 2, h}, weight[4] = {h / 6, h / 3, h / 3, h / 6};
 
     for (int s = 0; s < 4; ++s) {

@@ -98,7 +98,7 @@ double now_us()
     return 1e6 * static_cast<double>(t.tv_sec) + 1e-3 * static_cast<double>(t.tv_nsec);
 }
 
-void profile(const char *what, const scene &scene, contact_motion *motion)
+void profile(const char *what, const scene &scene, body_motion *motion)
 {
     contact_world *world = nullptr;
     struct error error = {};
@@ -149,7 +149,7 @@ void feet(int count)
                                         HIL_SOURCE_DIR "/config/meshes/coman-foot-left.obj"};
     struct arena arena = {};
     scene scene;
-    contact_motion motion[2];
+    body_motion motion[2];
 
     assert_int_equal(arena_init(&arena, 1 << 20, nullptr), ERROR_NONE);
     scene_init(&scene, static_cast<size_t>(count));
@@ -177,7 +177,7 @@ void evaluations_of_two_feet_give_back_their_memory(void **)
 void evaluations_of_a_box_on_a_table_give_back_their_memory(void **)
 {
     scene scene;
-    contact_motion motion[1];
+    body_motion motion[1];
 
     scene_init(&scene, 1);
     scene_add_box(&scene, -1, 0.2, 0.3, 0.02, 1, &scene_ground);
@@ -194,7 +194,7 @@ void an_evaluation_without_memory_is_an_error_and_harms_nothing(void **)
     contact_world *world = nullptr;
     struct error error = {};
     scene scene;
-    contact_motion motion[2];
+    body_motion motion[2];
     contact_wrench reference[2], wrench[2];
     long failures = 0;
 

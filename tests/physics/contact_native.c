@@ -54,7 +54,7 @@ static struct contact_world *make(const struct scene *scene)
     return world;
 }
 
-static void evaluate(struct contact_world *world, const struct contact_motion *motion,
+static void evaluate(struct contact_world *world, const struct body_motion *motion,
                      struct contact_wrench *wrench)
 {
     if (world->ops->evaluate(world, motion, wrench) != ERROR_NONE) {
@@ -62,14 +62,14 @@ static void evaluate(struct contact_world *world, const struct contact_motion *m
     }
 }
 
-static void turn_z(struct contact_motion *motion, double angle)
+static void turn_z(struct body_motion *motion, double angle)
 {
     motion->R[0] = motion->R[4] = cos(angle);
     motion->R[1] = -sin(angle);
     motion->R[3] = sin(angle);
 }
 
-static void turn_y(struct contact_motion *motion, double angle)
+static void turn_y(struct body_motion *motion, double angle)
 {
     motion->R[0] = motion->R[8] = cos(angle);
     motion->R[2] = sin(angle);
@@ -145,7 +145,7 @@ static void box_on_table_pushes_with_k_a_d_whatever_the_tables_size(void **state
     for (int s = 0; s < 3; ++s) {
         for (int c = 0; c < 3; ++c) {
             struct scene scene;
-            struct contact_motion motion;
+            struct body_motion motion;
             struct contact_wrench wrench;
             struct contact_patch patch;
 
@@ -181,7 +181,7 @@ static void box_over_the_edge_pushes_with_what_is_on_the_table(void **state)
     (void)state;
     for (int cells = 1; cells <= 7; cells += 6) {
         struct scene scene;
-        struct contact_motion motion;
+        struct body_motion motion;
         struct contact_wrench wrench;
 
         scene_init(&scene, 1);
@@ -209,7 +209,7 @@ static void box_on_half_space_pushes_with_k_a_d_and_not_with_its_sides(void **st
 {
     const double depth[] = {1e-7, 1e-4, 1e-3, 1e-2, 0.05};
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
 
     (void)state;
@@ -242,7 +242,7 @@ static void a_tilted_box_meets_half_space_and_table_alike(void **state)
     (void)state;
     for (int table = 0; table < 2; ++table) {
         struct scene scene;
-        struct contact_motion motion;
+        struct body_motion motion;
         struct contact_wrench wrench;
 
         scene_init(&scene, 1);
@@ -277,7 +277,7 @@ static void sphere_on_a_box_pushes_with_k_times_the_cap_wherever_it_lands(void *
     /* 441 places over a cell of the box, as others have measured */
     const double depth = 0.5e-3, force = 5e5 * cap_volume(0.02, depth);
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
 
     (void)state;
@@ -315,7 +315,7 @@ static void a_sphere_does_not_feel_the_cells_of_a_surface_that_is_almost_flat(vo
     /* dents of 2 um in each corner of the cells: no two triangles are in one plane */
     const double top = 0.05, depth = 0.5e-3, expected = 5e5 * cap_volume(0.02, depth);
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
     double least = 1e9, most = 0;
 
@@ -350,7 +350,7 @@ static void a_refined_ball_on_a_plane_converges_to_k_times_the_cap(void **state)
         for (int i = 0; i < 4; ++i) {
             int cells = 8 << i;
             struct scene scene;
-            struct contact_motion motion;
+            struct body_motion motion;
             struct contact_wrench wrench;
 
             scene_init(&scene, 1);
@@ -395,7 +395,7 @@ static void a_facet_may_be_cut_into_any_triangles(void **state)
         scene_add_pair(&scene, 0, 2);
 
         struct contact_world *world = make(&scene);
-        struct contact_motion motion[3];
+        struct body_motion motion[3];
 
         seed = 3;
         for (int b = 0; b < 3; ++b) {
@@ -461,7 +461,7 @@ static double two_bodies(struct scene *scene, int kind)
     }
 }
 
-static void two_motions(uint64_t *seed, double height, struct contact_motion motion[2])
+static void two_motions(uint64_t *seed, double height, struct body_motion motion[2])
 {
     for (int b = 0; b < 2; ++b) {
         scene_place(&motion[b], 0.01 * scene_random(seed), 0.01 * scene_random(seed),
@@ -487,7 +487,7 @@ static void action_equals_reaction_and_patches_add_up_to_the_wrenches(void **sta
         int touching = 0;
 
         for (int i = 0; i < 50; ++i) {
-            struct contact_motion motion[2];
+            struct body_motion motion[2];
             struct contact_wrench wrench[2];
             struct contact_patch patch;
             double size, moment[3] = {0}, arm[3], turn[3];
@@ -535,7 +535,7 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
         struct contact_world *world = make(&scene);
 
         for (int i = 0; i < 30; ++i) {
-            struct contact_motion motion[2], moved[2];
+            struct body_motion motion[2], moved[2];
             struct contact_wrench wrench[2], turned[2];
             double Q[9], shift[3], size;
 
@@ -586,7 +586,7 @@ static void the_same_motion_gives_the_same_bits_whatever_came_before(void **stat
         struct scene scene;
         double height = two_bodies(&scene, kind);
         struct contact_world *world = make(&scene), *fresh = make(&scene);
-        struct contact_motion motion[20][2];
+        struct body_motion motion[20][2];
         struct contact_wrench first[20][2], again[2];
 
         for (int i = 0; i < 20; ++i) {
@@ -608,10 +608,10 @@ static void the_same_motion_gives_the_same_bits_whatever_came_before(void **stat
 
 /* Walks the second body along a line in steps; returns the largest change of force and moment in
  * one. */
-static double largest_jump(struct contact_world *world, const struct contact_motion from[2],
+static double largest_jump(struct contact_world *world, const struct body_motion from[2],
                            const double way[3], int steps)
 {
-    struct contact_motion motion[2];
+    struct body_motion motion[2];
     struct contact_wrench last[2], now[2];
     double jump = 0;
 
@@ -645,7 +645,7 @@ static void the_wrench_is_continuous_in_the_pose(void **state)
         struct contact_world *world = make(&scene);
 
         for (int i = 0; i < 6; ++i) {
-            struct contact_motion motion[2];
+            struct body_motion motion[2];
             double way[3] = {0.03 * scene_random(&seed), 0.03 * scene_random(&seed),
                              0.002 * scene_random(&seed)};
             double coarse, fine;
@@ -680,7 +680,7 @@ static void the_elastic_force_is_the_slope_of_the_stored_energy(void **state)
         struct contact_world *world = make(&scene);
 
         for (int i = 0; i < 20; ++i) {
-            struct contact_motion motion[2];
+            struct body_motion motion[2];
             struct contact_wrench wrench[2];
             struct contact_patch patch[2];
             double step = 1e-6, slope;
@@ -695,7 +695,7 @@ static void the_elastic_force_is_the_slope_of_the_stored_energy(void **state)
                 continue;
             }
             for (int side = 0; side < 2; ++side) {
-                struct contact_motion moved[2];
+                struct body_motion moved[2];
                 struct contact_wrench unused[2];
 
                 memcpy(moved, motion, sizeof moved);
@@ -714,7 +714,7 @@ static void the_elastic_force_is_the_slope_of_the_stored_energy(void **state)
 /* ---- tangents ---- */
 
 /* A velocity's or small displacement's six numbers applied to a body about a point. */
-static void disturb(struct contact_motion *motion, const double center[3], int axis, double step,
+static void disturb(struct body_motion *motion, const double center[3], int axis, double step,
                     bool velocity)
 {
     double arm[3], turn[3], e[3] = {axis % 3 == 0, axis % 3 == 1, axis % 3 == 2};
@@ -744,7 +744,7 @@ static void disturb(struct contact_motion *motion, const double center[3], int a
 }
 
 /* The wrench on a body about a point. */
-static void about(const struct contact_motion *motion, const struct contact_wrench *wrench,
+static void about(const struct body_motion *motion, const struct contact_wrench *wrench,
                   const double center[3], double out[6])
 {
     double arm[3], turn[3];
@@ -784,7 +784,7 @@ static void tangents_are_the_slopes_of_the_wrench_without_friction(void **state)
         struct contact_world *world = make(&scene);
 
         for (int i = 0; i < 10; ++i) {
-            struct contact_motion motion[2];
+            struct body_motion motion[2];
             struct contact_wrench wrench[2];
             struct contact_tangent t;
             double load;
@@ -809,7 +809,7 @@ static void tangents_are_the_slopes_of_the_wrench_without_friction(void **state)
                     double side[2][6], center[3];
 
                     for (int way = 0; way < 2; ++way) {
-                        struct contact_motion moved[2];
+                        struct body_motion moved[2];
 
                         memcpy(moved, motion, sizeof moved);
                         disturb(&moved[b], t.center, column, way ? step : -step, velocity);
@@ -848,7 +848,7 @@ static void tangents_resist_sliding_at_least_as_much_as_friction_does(void **sta
 
     (void)state;
     for (int i = 0; i < 5; ++i) {
-        struct contact_motion motion[2];
+        struct body_motion motion[2];
         struct contact_wrench wrench[2], faster[2];
         struct contact_tangent t;
         double slope;
@@ -911,7 +911,7 @@ static void a_corner_that_is_open_holds_a_box_and_a_sphere_only_where_they_touch
     (void)state;
     for (int sphere = 0; sphere < 2; ++sphere) {
         struct scene scene;
-        struct contact_motion motion;
+        struct body_motion motion;
         struct contact_wrench wrench;
 
         scene_init(&scene, 1);

@@ -71,7 +71,7 @@ struct sweep {
     int count, touching; /* poses, and how many of them have to touch */
 };
 
-static void draw(uint64_t *seed, const struct sweep *sweep, struct contact_motion motion[2])
+static void draw(uint64_t *seed, const struct sweep *sweep, struct body_motion motion[2])
 {
     for (int b = 0; b < 2; ++b) {
         scene_place(&motion[b], sweep->across * scene_random(seed),
@@ -106,7 +106,7 @@ static void compare(const struct scene *scene, const struct sweep *sweep)
         fail_msg("%s", error.text);
     }
     for (int i = 0; i < sweep->count; ++i) {
-        struct contact_motion motion[2];
+        struct body_motion motion[2];
         struct contact_wrench expected[2], wrench[2];
         struct contact_patch theirs = {0}, ours = {0};
 

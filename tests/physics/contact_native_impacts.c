@@ -26,7 +26,7 @@
 struct game {
     const char *name;
     void (*build)(struct scene *scene, const struct contact_material *material);
-    void (*aim)(struct contact_motion *motion, uint64_t *seed);
+    void (*aim)(struct body_motion *motion, uint64_t *seed);
     double mass, inertia, step;
     int throws;
 };
@@ -57,7 +57,7 @@ static void sphere_at_box(struct scene *scene, const struct contact_material *ma
     scene_add_pair(scene, 0, 1);
 }
 
-static void give_velocity(struct contact_motion *m, uint64_t *seed)
+static void give_velocity(struct body_motion *m, uint64_t *seed)
 {
     for (int i = 0; i < 3; ++i) {
         m->w[i] = 3 * scene_random(seed);
@@ -65,7 +65,7 @@ static void give_velocity(struct contact_motion *m, uint64_t *seed)
     }
 }
 
-static void aim_cube(struct contact_motion *m, uint64_t *seed)
+static void aim_cube(struct body_motion *m, uint64_t *seed)
 {
     scene_place(m, 0.1 * scene_random(seed), 0.1 * scene_random(seed), 0);
     scene_random_rotation(seed, 3.2, m->R);
@@ -73,14 +73,14 @@ static void aim_cube(struct contact_motion *m, uint64_t *seed)
     give_velocity(m, seed);
 }
 
-static void aim_sphere(struct contact_motion *m, uint64_t *seed)
+static void aim_sphere(struct body_motion *m, uint64_t *seed)
 {
     scene_place(m, 0.1 * scene_random(seed), 0.1 * scene_random(seed), RADIUS + 1e-6);
     give_velocity(m, seed);
 }
 
 /* From any side at faces, edges and corners: flies on in a straight line until it almost touches. */
-static void aim_sphere_at_box(struct contact_motion *m, uint64_t *seed)
+static void aim_sphere_at_box(struct body_motion *m, uint64_t *seed)
 {
     double from[3], to[3], way[3], apart = 1;
 

@@ -91,7 +91,7 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
     }
     assert_int_equal(arena_seal(&arena, false, NULL), ERROR_NONE);
     for (int i = 0; i < 1000; ++i) {
-        struct contact_motion motion[4];
+        struct body_motion motion[4];
         struct contact_wrench wrench[4];
         struct contact_patch patch[5];
         struct contact_tangent tangent[5];
@@ -121,7 +121,7 @@ static void a_motion_that_is_none_is_an_error(void **state)
 {
     struct arena arena;
     struct scene scene;
-    struct contact_motion motion[4];
+    struct body_motion motion[4];
     struct contact_wrench wrench[4];
     struct contact_world *world;
 

@@ -74,17 +74,17 @@ struct Reference {
         state = system.realizeTopology();
     }
 
-    void set(const contact_motion *motion)
+    void set(const body_motion *motion)
     {
         for (int b = 0; b < 2; ++b) {
-            const contact_motion &m = motion[b];
+            const body_motion &m = motion[b];
             const Mat33 R(m.R[0], m.R[1], m.R[2], m.R[3], m.R[4], m.R[5], m.R[6], m.R[7], m.R[8]);
 
             body[b].setQToFitTransform(state, Transform(Rotation(R), Vec3(m.p[0], m.p[1], m.p[2])));
         }
         system.realize(state, Stage::Position);
         for (int b = 0; b < 2; ++b) {
-            const contact_motion &m = motion[b];
+            const body_motion &m = motion[b];
 
             body[b].setUToFitVelocity(
                 state, SpatialVec(Vec3(m.w[0], m.w[1], m.w[2]), Vec3(m.v[0], m.v[1], m.v[2])));
@@ -132,7 +132,7 @@ void sweep(const scene &scene, Reference &reference, double apart)
         fail_msg("%s", error.text);
     }
     for (int i = 0; i < 60; ++i) {
-        contact_motion motion[2];
+        body_motion motion[2];
         contact_wrench wrench[2];
 
         for (int b = 0; b < 2; ++b) {

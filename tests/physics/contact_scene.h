@@ -91,7 +91,7 @@ static inline void scene_add_pair(struct scene *scene, int a, int b)
 }
 
 /* Upright at a place, at rest. */
-static inline void scene_place(struct contact_motion *motion, double x, double y, double z)
+static inline void scene_place(struct body_motion *motion, double x, double y, double z)
 {
     memset(motion, 0, sizeof *motion);
     motion->R[0] = motion->R[4] = motion->R[8] = 1;

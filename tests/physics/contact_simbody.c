@@ -57,7 +57,7 @@ static struct contact_world *make(const struct scene *scene)
     return world;
 }
 
-static void evaluate(struct contact_world *world, const struct contact_motion *motion,
+static void evaluate(struct contact_world *world, const struct body_motion *motion,
                      struct contact_wrench *wrench)
 {
     if (world->ops->evaluate(world, motion, wrench) != ERROR_NONE) {
@@ -90,7 +90,7 @@ static struct contact_surface *box_on_ground(struct scene *scene)
 static void box_on_half_space_pushes_with_k_a_d(void **state)
 {
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
     struct contact_patch patch;
     double k = scene_stiffness(&scene_foot, &scene_ground), area = 0.15 * 0.15;
@@ -125,7 +125,7 @@ static void box_on_half_space_pushes_with_k_a_d(void **state)
 static void nothing_pushes_without_overlap(void **state)
 {
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench = {{1, 1, 1}, {1, 1, 1}};
 
     (void)state;
@@ -146,7 +146,7 @@ static void foot_pushes_with_its_sole_area_at_the_soles_centroid(void **state)
 {
     const double d = 0.0017;
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
     double k = scene_stiffness(&scene_foot, &scene_ground), force = k * sole_area * d;
 
@@ -170,7 +170,7 @@ static void tilted_foot_pushes_with_its_mean_depth(void **state)
 {
     const double tilt = 0.02, d = 0.004;
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
     double k = scene_stiffness(&scene_foot, &scene_ground), c = cos(tilt), s = sin(tilt);
     const double pitch[9] = {c, 0, s, 0, 1, 0, -s, 0, c};
@@ -193,7 +193,7 @@ static void tilted_foot_pushes_with_its_mean_depth(void **state)
 static void sinking_adds_the_dissipation_and_rising_takes_it_away(void **state)
 {
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
     struct contact_patch patch;
     double c = scene_dissipation(&scene_foot, &scene_ground), d = 1e-3;
@@ -223,7 +223,7 @@ static void sphere_on_half_space_obeys_hertz(void **state)
 {
     const double radius = 0.02, d = 4e-4, rate = 0.5;
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
     struct contact_patch patch;
     double stiff = 1e9;
@@ -262,7 +262,7 @@ static void sphere_on_half_space_obeys_hertz(void **state)
 static void half_space_is_solid_below_its_own_z_axis(void **state)
 {
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
     /* z of the wall's frame along world x: solid at x < 0.5 */
     const double wall[9] = {0, 0, 1, 1, 0, 0, 0, 1, 0};
@@ -300,7 +300,7 @@ static void friction_follows_the_stribeck_curve_against_the_motion(void **state)
     double uv = scene_mean(scene_foot.viscous_friction, scene_ground.viscous_friction);
     double ratio[] = {0.01, 0.3, 1, 1.7, 3, 12, 300};
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
     struct contact_patch patch;
 
@@ -342,7 +342,7 @@ static void friction_peaks_at_the_transition_velocity(void **state)
     double us = scene_mean(scene_foot.static_friction, scene_ground.static_friction);
     double peak = 0, at = 0;
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
 
     (void)state;
@@ -371,7 +371,7 @@ static void friction_peaks_at_the_transition_velocity(void **state)
 static void a_spinning_box_is_braked_by_torsional_friction(void **state)
 {
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
     double ud = scene_mean(scene_foot.dynamic_friction, scene_ground.dynamic_friction);
     /* mean distance of a square's points from its center, side 0.15:
@@ -407,7 +407,7 @@ static void two_bodies(struct scene *scene, bool sphere)
     scene_add_pair(scene, 1, 0);
 }
 
-static void two_motions(uint64_t *seed, struct contact_motion motion[2])
+static void two_motions(uint64_t *seed, struct body_motion motion[2])
 {
     for (int b = 0; b < 2; ++b) {
         scene_place(&motion[b], 0.02 * scene_random(seed), 0.02 * scene_random(seed), 0.12 * b);
@@ -427,7 +427,7 @@ static void action_equals_reaction_about_any_point(void **state)
     (void)state;
     for (int sphere = 0; sphere < 2; ++sphere) {
         struct scene scene;
-        struct contact_motion motion[2];
+        struct body_motion motion[2];
         struct contact_wrench wrench[2];
 
         two_bodies(&scene, sphere);
@@ -463,7 +463,7 @@ static void patches_add_up_to_the_wrenches(void **state)
 {
     uint64_t seed = 11;
     struct scene scene;
-    struct contact_motion motion[2];
+    struct body_motion motion[2];
     struct contact_wrench wrench[2];
     struct contact_patch patch;
 
@@ -506,7 +506,7 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
     (void)state;
     for (int sphere = 0; sphere < 2; ++sphere) {
         struct scene scene;
-        struct contact_motion motion[2], moved[2];
+        struct body_motion motion[2], moved[2];
         struct contact_wrench wrench[2], turned[2];
 
         two_bodies(&scene, sphere);
@@ -561,7 +561,7 @@ static void the_same_motion_gives_the_same_bits_whatever_came_before(void **stat
 {
     uint64_t seed = 5;
     struct scene scene;
-    struct contact_motion motion[20][2];
+    struct body_motion motion[20][2];
     struct contact_wrench first[20][2], again[2];
 
     (void)state;
@@ -575,7 +575,7 @@ static void the_same_motion_gives_the_same_bits_whatever_came_before(void **stat
     }
     for (int i = 0; i < 400; ++i) {
         int pick = (int)(10 + 9.99 * scene_random(&seed));
-        struct contact_motion apart[2];
+        struct body_motion apart[2];
 
         /* now and then apart, so that contacts end and begin anew */
         if (i % 3 == 0) {
@@ -606,7 +606,7 @@ static void only_the_given_pairs_interact_in_every_subset(void **state)
     (void)state;
     for (unsigned subset = 0; subset < 64; ++subset) {
         struct scene scene;
-        struct contact_motion motion[3];
+        struct body_motion motion[3];
         struct contact_wrench wrench[3];
         struct contact_patch patch[8];
         unsigned seen = 0, listed[6], n = 0;
@@ -644,7 +644,7 @@ static void only_the_given_pairs_interact_in_every_subset(void **state)
 static void patches_writes_no_more_than_asked_and_returns_all(void **state)
 {
     struct scene scene;
-    struct contact_motion motion[2];
+    struct body_motion motion[2];
     struct contact_wrench wrench[2];
     struct contact_patch patch[2];
 
@@ -673,7 +673,7 @@ static void patches_writes_no_more_than_asked_and_returns_all(void **state)
 static void a_body_without_surfaces_feels_nothing(void **state)
 {
     struct scene scene;
-    struct contact_motion motion[2];
+    struct body_motion motion[2];
     struct contact_wrench wrench[2];
 
     (void)state;
@@ -693,7 +693,7 @@ static void a_body_without_surfaces_feels_nothing(void **state)
 static void a_surface_may_sit_anywhere_on_its_body(void **state)
 {
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
     const double yaw[9] = {0, -1, 0, 1, 0, 0, 0, 0, 1};
     double force = scene_stiffness(&scene_foot, &scene_ground) * 4 * 0.02 * 0.03 * 1e-3;
@@ -735,7 +735,7 @@ static void whole_triangles_of_a_coarse_table_push_too_hard_as_others_have_measu
     assert_near(scene_stiffness(&hard, &hard) * 0.0225 * 1e-3, 11.25, 1e-12);
     for (size_t i = 0; i < sizeof table / sizeof *table; ++i) {
         struct scene scene;
-        struct contact_motion motion;
+        struct body_motion motion;
         struct contact_wrench wrench;
 
         scene_init(&scene, 1);
@@ -755,7 +755,7 @@ static void whole_triangles_of_a_coarse_table_push_too_hard_as_others_have_measu
 static void upright_faces_below_a_half_space_push_too(void **state)
 {
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
     double k = scene_stiffness(&scene_foot, &scene_ground), cell = 0.15 / 7;
     double column = cell * cell / 2 * 28, d = 0.01;
@@ -779,7 +779,7 @@ static void a_dropped_block_comes_to_rest_with_its_weight(void **state)
     const double mass = 1.5, weight = mass * 9.81, h = 1e-4;
     struct contact_material soft = {2e4, 5e-3, 2, 0.9, 0.6, 0};
     struct scene scene;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
     double k, highest = 0;
 
@@ -885,7 +885,7 @@ static void wrong_configurations_are_refused_with_the_reason(void **state)
 static void a_motion_that_is_none_is_an_error_and_harms_nothing(void **state)
 {
     struct scene scene;
-    struct contact_motion motion, broken;
+    struct body_motion motion, broken;
     struct contact_wrench wrench, again;
 
     (void)state;

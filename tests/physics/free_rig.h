@@ -18,7 +18,7 @@ struct tie {
 };
 
 static inline enum error_code tie_evaluate(struct contact_world *world,
-                                           const struct contact_motion *motion,
+                                           const struct body_motion *motion,
                                            struct contact_wrench *wrench)
 {
     struct tie *tie = (struct tie *)world;

@@ -142,7 +142,7 @@ void toy_walker(struct toy *toy)
 
 /* the point's tangent, in the place of the patch that is about to be counted */
 static void note_tangent(struct toy_ground *ground, const struct toy_point *point,
-                         const struct contact_motion *motion, const double arm[3], double normal,
+                         const struct body_motion *motion, const double arm[3], double normal,
                          double depth)
 {
     struct contact_tangent *tangent = &ground->tangent[ground->npatch];
@@ -160,7 +160,7 @@ static void note_tangent(struct toy_ground *ground, const struct toy_point *poin
 
 /* force and moment of one point; adds to the body's wrench */
 static void press(struct toy_ground *ground, const struct toy_point *point,
-                  const struct contact_motion *motion, struct contact_wrench *wrench)
+                  const struct body_motion *motion, struct contact_wrench *wrench)
 {
     double arm[3], velocity[3], moment[3] = {0.0, 0.0, 0.0}, force[3];
     double depth, normal;
@@ -187,7 +187,7 @@ static void press(struct toy_ground *ground, const struct toy_point *point,
 }
 
 static enum error_code ground_evaluate(struct contact_world *world,
-                                       const struct contact_motion *motion,
+                                       const struct body_motion *motion,
                                        struct contact_wrench *wrench)
 {
     struct toy_ground *ground = (struct toy_ground *)world;

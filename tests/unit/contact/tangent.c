@@ -120,7 +120,7 @@ static void friction_is_bounded_by_its_steepest_slope_and_its_secant(void **stat
     assert_true(contact_friction_damping(us, 0.5, v_t, fn, 0.2) >= fn * (us / 0.2 + 0.5));
 }
 
-static void differ(struct contact_world *world, struct contact_motion *motion, double *number,
+static void differ(struct contact_world *world, struct body_motion *motion, double *number,
                    double step, double change[6])
 {
     struct contact_wrench plus, minus;
@@ -142,7 +142,7 @@ static void simbody_says_how_a_flat_box_resists(void **state)
 {
     struct scene scene;
     struct contact_world *world;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
     struct contact_tangent tangent;
     struct error error;
@@ -181,7 +181,7 @@ static void simbody_says_how_a_sphere_resists(void **state)
 {
     struct scene scene;
     struct contact_world *world;
-    struct contact_motion motion;
+    struct body_motion motion;
     struct contact_wrench wrench;
     struct contact_tangent tangent;
     struct error error;
