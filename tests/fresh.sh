@@ -69,4 +69,11 @@ echo "making a minimal Debian in $work/root"
 make_root "$work/root" "$work/archives"
 git clone --quiet --no-hardlinks "$source" "$work/root/root/coman-hil"
 git -C "$work/root/root/coman-hil" checkout --quiet --detach "$(git -C "$source" rev-parse HEAD)"
-unshare --mount --pid --fork --kill-child bash "$0" --machine "$work/root" "$work/archives" "$@"
+
+# its first process heeds no signal but KILL, which ends all others and the mounts with it
+setpriv --pdeathsig KILL unshare --mount --pid --fork --kill-child \
+    bash "$0" --machine "$work/root" "$work/archives" "$@" </dev/null &
+machine=$!
+trap 'kill -KILL $machine 2>/dev/null' EXIT
+trap 'exit 130' INT TERM HUP
+wait $machine
