@@ -64,6 +64,8 @@ work=${1:?the folder to work in}
 shift
 mkdir -p "$work"
 work=$(cd "$work" && pwd)
+exec 9>"$work/lock"
+flock --nonblock 9 || { echo "fresh: another one works in $work" >&2; exit 1; }
 rm -rf --one-file-system "$work/root"
 echo "making a minimal Debian in $work/root"
 make_root "$work/root" "$work/archives"
@@ -72,7 +74,7 @@ git -C "$work/root/root/coman-hil" checkout --quiet --detach "$(git -C "$source"
 
 # its first process heeds no signal but KILL, which ends all others and the mounts with it
 setpriv --pdeathsig KILL unshare --mount --pid --fork --kill-child \
-    bash "$0" --machine "$work/root" "$work/archives" "$@" </dev/null &
+    bash "$0" --machine "$work/root" "$work/archives" "$@" </dev/null 9>&- &
 machine=$!
 trap 'kill -KILL $machine 2>/dev/null' EXIT
 trap 'exit 130' INT TERM HUP
