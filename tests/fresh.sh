@@ -40,8 +40,8 @@ make_root() {
     cp -L /etc/resolv.conf /etc/hosts "$root/etc/"
 }
 
-# machine ROOT ARCHIVES [TEST...]: the first process of the machine's name spaces
-machine() {
+# enter ROOT ARCHIVES [TEST...]: becomes a run and the suite in the machine
+enter() {
     local root=$1 archives=$2
     shift 2
     mount -t proc proc "$root/proc"
@@ -56,9 +56,21 @@ machine() {
         bash -euo pipefail -c 'cd /root/coman-hil && ./dev run --duration 3 && ./dev test "$@"' fresh "$@"
 }
 
-if [ "${1:-}" = --machine ]; then
+# fresh WORK [TEST...]: the first process of the name spaces
+fresh() {
+    local root=$1/root archives=$1/archives
     shift
-    machine "$@"
+    rm -rf --one-file-system "$root"
+    echo "making a minimal Debian in $root"
+    make_root "$root" "$archives"
+    git clone --quiet --no-hardlinks "$source" "$root/root/coman-hil"
+    git -C "$root/root/coman-hil" checkout --quiet --detach "$(git -C "$source" rev-parse HEAD)"
+    enter "$root" "$archives" "$@"
+}
+
+if [ "${1:-}" = --inside ]; then
+    shift
+    fresh "$@"
 fi
 work=${1:?the folder to work in}
 shift
@@ -66,15 +78,10 @@ mkdir -p "$work"
 work=$(cd "$work" && pwd)
 exec 9>"$work/lock"
 flock --nonblock 9 || { echo "fresh: another one works in $work" >&2; exit 1; }
-rm -rf --one-file-system "$work/root"
-echo "making a minimal Debian in $work/root"
-make_root "$work/root" "$work/archives"
-git clone --quiet --no-hardlinks "$source" "$work/root/root/coman-hil"
-git -C "$work/root/root/coman-hil" checkout --quiet --detach "$(git -C "$source" rev-parse HEAD)"
 
-# its first process heeds no signal but KILL, which ends all others and the mounts with it
-setpriv --pdeathsig KILL unshare --mount --pid --fork --kill-child \
-    bash "$0" --machine "$work/root" "$work/archives" "$@" </dev/null 9>&- &
+# the first process heeds no signal but KILL, which ends all others and the mounts with it
+setpriv --pdeathsig KILL unshare --mount --pid --mount-proc --fork --kill-child \
+    bash "$0" --inside "$work" "$@" </dev/null 9>&- &
 machine=$!
 trap 'kill -KILL $machine 2>/dev/null' EXIT
 trap 'exit 130' INT TERM HUP

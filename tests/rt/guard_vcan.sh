@@ -11,10 +11,12 @@ faults=count
 # shellcheck source=/dev/null
 . "$(dirname "$0")/guard_lib.sh"
 
-# a controller as a process of its own
+# a controller as a process of its own, when the simulator listens on all buses
 task()
 {
-    sleep 0.3
+    until [ "$(cat /proc/net/can/rcvlist_* 2>/dev/null | grep -o '^ *can[0-4] ' | sort -u | wc -l)" = 5 ]; do
+        sleep 0.05
+    done
     exec "$program" task squat "$rigs/coman.yaml" "$@" --quiet >"$work/task" 2>&1 </dev/null
 }
 
