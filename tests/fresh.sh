@@ -27,6 +27,7 @@ make_root() {
     apt-config dump --no-empty | grep '^Acquire::' | grep -v '^Acquire::IndexTargets' >"$root.apt"
     mkdir -p "$archives/partial"
     mmdebstrap --quiet --mode=root --variant=minbase --include=$packages --aptopt="$root.apt" \
+        --dpkgopt=force-unsafe-io \
         --skip=essential/unlink,cleanup/apt \
         --setup-hook='mkdir -p "$1/var/cache/apt/archives"' \
         --setup-hook="sync-in '$archives' /var/cache/apt/archives" \

@@ -15,7 +15,7 @@ if(NOT HIL_SANITIZE)
     endforeach()
     hil_script_test(rt_page_faults_free LABELS service TIMEOUT 120
         COMMAND bash ${rt_tests}/page_faults.sh $<TARGET_FILE:coman-hil> coman free)
-    hil_script_test(rt_page_faults_real LABELS service TIMEOUT 240 SERIAL
+    hil_script_test(rt_page_faults_real LABELS service TIMEOUT 60 SERIAL
         COMMAND bash ${rt_tests}/page_faults.sh $<TARGET_FILE:coman-hil> coman real)
     hil_script_test(rt_phase_instructions LABELS bench TIMEOUT 180
         COMMAND bash ${rt_tests}/phase_instructions.sh $<TARGET_FILE:coman-hil>)

@@ -25,6 +25,7 @@ if [ "${1:-}" = -t ]; then
     limit=$2
     shift 2
 fi
+limit=$((3 * limit)) # as ctest's: it ends what hangs, and a busy machine takes its time
 first=
 if [ "${1:-}" = -x ]; then
     first=exec
