@@ -1,15 +1,16 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# HEAD on a machine that has nothing: a minimal Debian 12 with git, of this release's packages only, in
-# which a clone is run for three seconds and tested (./dev fresh). What a test needs and ./dev does not
-# install fails there, whatever somebody has installed here by hand.
+# HEAD on a machine that has nothing: a minimal Debian 12 with git, of this release's packages
+# only, in which a clone is run for three seconds and tested (./dev fresh). What a test needs and
+# ./dev does not install fails there, whatever somebody has installed here by hand.
 #
 #   fresh.sh WORK [TEST...]
 #
-# WORK/root is the machine, made anew each time and left for a look; WORK/archives keeps the downloaded
-# packages. The machine uses this one's kernel, its sources of packages (/etc/apt) and its name server.
-# All mounts and processes of it are in name spaces of their own and end with the script. Closes with
-# the suite's line "N passed, N failed, N skipped"; exits 1 when something failed.
+# WORK/root is the machine, made anew each time and left for a look; WORK/archives keeps the
+# downloaded packages. The machine uses this one's kernel, its sources of packages (/etc/apt) and
+# its name server. All mounts and processes of it are in name spaces of their own and end with the
+# script. Closes with the suite's line "N passed, N failed, N skipped"; exits 1 when something
+# failed.
 set -euo pipefail
 source=$(cd "$(dirname "$0")/.." && pwd)
 
@@ -20,7 +21,7 @@ packages=ca-certificates,git
 make_root() {
     local root=$1 archives=$2 release sources=() file
     release=$(. /etc/os-release && echo "$VERSION_CODENAME")
-    for file in /etc/apt/sources.list /etc/apt/sources.list.d/*.list /etc/apt/sources.list.d/*.sources; do
+    for file in /etc/apt/sources.list /etc/apt/sources.list.d/*.{list,sources}; do
         [ -s "$file" ] && sources+=("$file")
     done
     # proxies, dates, retries: what apt was told about fetching, but not what it would do afterwards
@@ -54,7 +55,8 @@ enter() {
     exec chroot "$root" /usr/bin/env -i HOME=/root TERM=dumb LC_ALL=C.UTF-8 \
         PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
         ${http_proxy:+"http_proxy=$http_proxy"} ${https_proxy:+"https_proxy=$https_proxy"} \
-        bash -euo pipefail -c 'cd /root/coman-hil && ./dev run --duration 3 && ./dev test "$@"' fresh "$@"
+        bash -euo pipefail -c \
+        'cd /root/coman-hil && ./dev run --duration 3 && ./dev test "$@"' fresh "$@"
 }
 
 # fresh WORK [TEST...]: the first process of the name spaces

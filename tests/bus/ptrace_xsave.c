@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The ptrace that user-mode Linux is given on machines with a large XSAVE area: against a kernel that
- * has the area of a CPU with AMX and insists on the whole of it, and against this machine's.
+ * The ptrace that user-mode Linux is given on machines with a large XSAVE area: against a kernel
+ * that has the area of a CPU with AMX and insists on the whole of it, and against this machine's.
  */
 #include "bus/uml/ptrace_xsave.h"
 
@@ -357,8 +357,8 @@ static long whole_set(int request, pid_t pid, unsigned char *bytes, size_t *size
     return result;
 }
 
-/* A child that stands still, with 0x11 in the low and the high halves of its vector registers; then only
- * the low halves are set, by a buffer that has room for no more. */
+/* A child that stands still, with 0x11 in the low and the high halves of its vector registers;
+ * then only the low halves are set, by a buffer that has room for no more. */
 static void this_kernel_takes_the_widened_set(void **unused)
 {
     struct xsave_host machine = {.ptrace = machine_ptrace};

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # User-mode Linux on machines whose XSAVE area is larger than it knows (uml/run.sh).
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
-    hil_test(ptrace_xsave SOURCES bus/ptrace_xsave.c bus/uml/ptrace_xsave.c LIBS Threads::Threads LABELS bus)
+    hil_test(ptrace_xsave SOURCES bus/ptrace_xsave.c bus/uml/ptrace_xsave.c
+             LIBS Threads::Threads LABELS bus)
     target_include_directories(test_ptrace_xsave PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
 
     # linux.uml is not ours: what is preloaded into it has no sanitizers

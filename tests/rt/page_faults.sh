@@ -1,10 +1,11 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # usage: page_faults.sh COMAN-HIL RIG CLOCK
-# Not one page fault of the loop's thread, from the first tick on: over 100,000 ticks of full traffic on
-# buses in wire mode with a recording, or over ten seconds of real time with memory locked and not locked.
-# On a busy machine a controller in real time may be too late for its robot, which ends the run early:
-# that is said, and faults are judged over the ticks that there were. Prints TAP.
+# Not one page fault of the loop's thread, from the first tick on: over 100,000 ticks of full
+# traffic on buses in wire mode with a recording, or over ten seconds of real time with memory
+# locked and not locked. On a busy machine a controller in real time may be too late for its
+# robot, which ends the run early: that is said, and faults are judged over the ticks that there
+# were. Prints TAP.
 set -u
 program=$1
 rig=$2

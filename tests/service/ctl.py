@@ -110,8 +110,8 @@ class Frames:
             heard += self.socket.recv(65536)
 
     def boards(self, last=None):
-        """which boards have sent telemetry, with how many frames, until nothing more comes; the last of the bus
-        is waited for until it has sent many"""
+        """which boards have sent telemetry, with how many frames, until nothing more comes; the
+        last of the bus is waited for until it has sent many"""
         count, text, end = {}, "", time.monotonic() + PATIENCE_S
         self.socket.settimeout(0.3)
         while time.monotonic() < end:

@@ -57,8 +57,8 @@ class Run:
         recording = ["--record", self.directory] + (["--force"] if before else []) if record else []
         self.control = self.directory + ".control"
         self.process = subprocess.Popen(
-            [*prefix, PROGRAM, "run", rig, *recording, "--control", self.control, *arguments], stdin=subprocess.DEVNULL,
-            stdout=open(self.out, "w"), stderr=open(self.err, "w"), preexec_fn=prepare)
+            [*prefix, PROGRAM, "run", rig, *recording, "--control", self.control, *arguments],
+            stdin=subprocess.DEVNULL, stdout=open(self.out, "w"), stderr=open(self.err, "w"), preexec_fn=prepare)
 
     def path(self, name):
         return os.path.join(self.directory, name)
@@ -86,8 +86,9 @@ class Run:
     def passes(self, ticks):
         """Waits until so many more ticks have run."""
         def ctl(*words):
-            return json.loads(subprocess.run([PROGRAM, "ctl", "--socket", self.control, "--json", *words], check=True,
-                                             stdout=subprocess.PIPE, timeout=PATIENCE_S).stdout)
+            answer = subprocess.run([PROGRAM, "ctl", "--socket", self.control, "--json", *words],
+                                    check=True, stdout=subprocess.PIPE, timeout=PATIENCE_S)
+            return json.loads(answer.stdout)
 
         ctl("wait", "tick=%d" % (ctl("status")["tick"] + ticks))
 

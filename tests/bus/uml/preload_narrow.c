@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Preloaded into linux.uml by narrow.sh: the guest's buffer of floating-point registers seems to have
- * no more than the legacy state and the header, less than the area of any CPU with AVX. So a machine
- * without AMX shows what linux.uml does on one with AMX.
+ * Preloaded into linux.uml by narrow.sh: the guest's buffer of floating-point registers seems to
+ * have no more than the legacy state and the header, less than the area of any CPU with AVX. So a
+ * machine without AMX shows what linux.uml does on one with AMX.
  */
 #include "bus/uml/ptrace_xsave.h"
 

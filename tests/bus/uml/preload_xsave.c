@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Preloaded into linux.uml by run.sh on machines whose XSAVE area is larger than linux.uml knows: its
- * ptrace is xsave_ptrace over that of the C library.
+ * Preloaded into linux.uml by run.sh on machines whose XSAVE area is larger than linux.uml knows:
+ * its ptrace is xsave_ptrace over that of the C library.
  */
 #include "bus/uml/ptrace_xsave.h"
 

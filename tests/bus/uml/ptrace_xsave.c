@@ -25,8 +25,9 @@ void xsave_read_layout(struct xsave_component component[XSAVE_COMPONENTS])
 
 /*
  * Buffers of whole areas. Not on the stack, because a kernel stack of the guest has 16 KiB; not
- * thread-local, because the guest makes threads by bare clone(2) that share one thread pointer. A call
- * owns a buffer from the test-and-set to the clear, also against a signal handler that interrupts it.
+ * thread-local, because the guest makes threads by bare clone(2) that share one thread pointer. A
+ * call owns a buffer from the test-and-set to the clear, also against a signal handler that
+ * interrupts it.
  */
 enum { BUFFERS = 8 };
 
@@ -53,11 +54,12 @@ static void buffer_release(struct area_buffer *buffer)
 }
 
 /*
- * Lays the caller's state over the host's area, component by component, because in the area their order
- * is not that of their numbers, and because half a component would be neither's. A component's bit in
- * XSTATE_BV goes with its bytes: a clear bit means "initial state", so that the bit of a component
- * beyond the caller's buffer must stay as the tracee has it (or'ing it in would wake up stale bytes, the
- * caller's own header would wipe the state out). The rest of the header is the caller's.
+ * Lays the caller's state over the host's area, component by component, because in the area their
+ * order is not that of their numbers, and because half a component would be neither's. A
+ * component's bit in XSTATE_BV goes with its bytes: a clear bit means "initial state", so that
+ * the bit of a component beyond the caller's buffer must stay as the tracee has it (or'ing it in
+ * would wake up stale bytes, the caller's own header would wipe the state out). The rest of the
+ * header is the caller's.
  */
 static void area_overlay(const struct xsave_host *host, unsigned char *area, size_t area_size,
                          const unsigned char *state, size_t state_size)
@@ -95,8 +97,9 @@ long xsave_ptrace(const struct xsave_host *host, int request, pid_t pid, void *a
         return host->ptrace(request, pid, addr, data);
     }
 
-    /* The whole area, whose size is what the kernel fills. Where this fails or is no larger than the
-     * caller's buffer, or might go on beyond ours, the call itself says what the caller shall hear. */
+    /* The whole area, whose size is what the kernel fills. Where this fails or is no larger than
+     * the caller's buffer, or might go on beyond ours, the call itself says what the caller shall
+     * hear. */
     area = (struct iovec){.iov_base = buffer->bytes, .iov_len = sizeof buffer->bytes};
     if (host->ptrace(PTRACE_GETREGSET, pid, addr, &area) != 0 || area.iov_len <= state->iov_len ||
         area.iov_len >= sizeof buffer->bytes) {

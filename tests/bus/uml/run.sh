@@ -9,15 +9,15 @@
 # With -x the command takes the place of the guest's first process: it writes what it has to say to
 # $HIL_WORK/output, its exit status to $HIL_WORK/status, and powers off.
 # The command's output goes to standard output; the exit status is the command's, 70 when the guest did
-# not come to its end (its console is shown as TAP comments). Without user-mode Linux the TAP plan is
-# one skipped test with the reason. HIL_SOURCE_DIR and HIL_BINARY_DIR are passed on; the guest can
-# write to HIL_BINARY_DIR, HIL_WORK (a temporary directory, kept when HIL_WORK_KEEP is set) and /tmp,
-# which is its own.
+# not come to its end (its console is shown as TAP comments). Without user-mode Linux the TAP plan
+# is one skipped test with the reason. HIL_SOURCE_DIR and HIL_BINARY_DIR are passed on; the guest
+# can write to HIL_BINARY_DIR, HIL_WORK (a temporary directory, kept when HIL_WORK_KEEP is set)
+# and /tmp, which is its own.
 #
-# On a CPU whose XSAVE area is larger than the buffer of linux.uml (2,696 bytes; with AMX it is 11,008)
-# the guest's ptrace is that of ptrace_xsave.h; HIL_UML_XSAVE=always or never, for tests, says when.
-# HIL_UML_PRELOAD, for tests too, is a library to preload before it, HIL_UML_ENVIRONMENT a variable
-# NAME=VALUE for the guest's processes.
+# On a CPU whose XSAVE area is larger than the buffer of linux.uml (2,696 bytes; with AMX it is
+# 11,008) the guest's ptrace is that of ptrace_xsave.h; HIL_UML_XSAVE=always or never, for tests,
+# says when. HIL_UML_PRELOAD, for tests too, is a library to preload before it,
+# HIL_UML_ENVIRONMENT a variable NAME=VALUE for the guest's processes.
 set -u
 
 limit=120
@@ -48,9 +48,11 @@ kernel=$(command -v linux.uml) || skip "linux.uml is not installed (Debian packa
 ls /usr/lib/uml/modules/*/kernel/net/can/can-raw.ko >/dev/null 2>&1 ||
     skip "the CAN modules of user-mode Linux are not installed"
 for program in insmod ip pkill setsid taskset; do
-    command -v "$program" >/dev/null || skip "$program is not installed (kmod, iproute2, procps, util-linux)"
+    command -v "$program" >/dev/null ||
+        skip "$program is not installed (kmod, iproute2, procps, util-linux)"
 done
-[ "$(id -u)" = 0 ] || skip "the guest's root needs to read everything the host's root can: run as root"
+[ "$(id -u)" = 0 ] ||
+    skip "the guest's root needs to read everything the host's root can: run as root"
 
 work=$(mktemp -d /tmp/hil-uml-XXXXXX) || exit 70
 session=
@@ -91,7 +93,8 @@ processor=$(taskset -cp $$ | sed 's/.*[:,-] *//')
 setsid taskset -c "$processor" timeout -k 5 "$limit" \
     env ${preload:+"LD_PRELOAD=$preload"} \
     "$kernel" mem=512M root=/dev/root rootfstype=hostfs rootflags=/ ro \
-    init="$work/init" HIL_WORK="$work" ${HIL_UML_ENVIRONMENT:+"$HIL_UML_ENVIRONMENT"} con=null con0=fd:0,fd:1 quiet panic=1 \
+    init="$work/init" HIL_WORK="$work" ${HIL_UML_ENVIRONMENT:+"$HIL_UML_ENVIRONMENT"} \
+    con=null con0=fd:0,fd:1 quiet panic=1 \
     </dev/null >"$work/console" 2>&1 &
 session=$!
 # show the output while it comes; the status file marks its end
