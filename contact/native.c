@@ -384,7 +384,8 @@ static const struct native_kernels *choose_kernels(enum pair_kind kind)
     return &native_kernels;
 }
 
-static void make_pair(const struct contact_config *config, size_t index, struct pair *pair)
+static void make_pair(const struct contact_config *config, size_t index,
+                      const struct native_kernels *kernels, struct pair *pair)
 {
     const struct contact_pair *given = &config->pair[index];
     bool turned = rank(config->surface[given->b].shape) < rank(config->surface[given->a].shape);
@@ -406,7 +407,7 @@ static void make_pair(const struct contact_config *config, size_t index, struct 
         pair->law.dissipation = 1.5 * (share * a->material.dissipation_s_per_m +
                                        (1 - share) * b->material.dissipation_s_per_m);
     }
-    pair->kernels = choose_kernels(pair->kind);
+    pair->kernels = kernels ? kernels : choose_kernels(pair->kind);
 }
 
 static enum error_code no_memory(struct error *error)
@@ -517,8 +518,8 @@ static enum error_code make_scratch(struct engine *e, struct arena *arena, struc
 }
 
 static enum error_code make_engine(const struct contact_config *config, bool centroids,
-                                   struct arena *arena, struct contact_world **world,
-                                   struct error *error)
+                                   const struct native_kernels *kernels, struct arena *arena,
+                                   struct contact_world **world, struct error *error)
 {
     enum error_code code = contact_config_check(config, error);
     struct engine *e;
@@ -548,7 +549,7 @@ static enum error_code make_engine(const struct contact_config *config, bool cen
         code = make_surface(config, i, arena, e, error);
     }
     for (size_t i = 0; !code && i < e->npair; ++i) {
-        make_pair(config, i, &e->pair[i]);
+        make_pair(config, i, kernels, &e->pair[i]);
     }
     if (!code) {
         code = make_scratch(e, arena, error);
@@ -562,12 +563,20 @@ static enum error_code make_engine(const struct contact_config *config, bool cen
 enum error_code contact_native_create(const struct contact_config *config, struct arena *arena,
                                       struct contact_world **world, struct error *error)
 {
-    return make_engine(config, false, arena, world, error);
+    return make_engine(config, false, NULL, arena, world, error);
+}
+
+enum error_code native_create_with_kernels(const struct contact_config *config,
+                                           const struct native_kernels *kernels,
+                                           struct arena *arena, struct contact_world **world,
+                                           struct error *error)
+{
+    return make_engine(config, false, kernels, arena, world, error);
 }
 
 enum error_code contact_native_create_centroids(const struct contact_config *config,
                                                 struct arena *arena, struct contact_world **world,
                                                 struct error *error)
 {
-    return make_engine(config, true, arena, world, error);
+    return make_engine(config, true, NULL, arena, world, error);
 }

@@ -73,7 +73,8 @@ result without_other_simulators_ours_are_measured
 run 0 dynamics "$source/config/robots/coman.yaml" --rounds 2 --out results --peers "$module"
 says out "29: times "
 says results/dynamics.csv 'engine,version,degrees_of_freedom,median_us,low_us,high_us,difference'
-for dof in 12 18 21 29; do says results/dynamics.csv "generic,$("$program" --version | cut -d' ' -f2),$dof,"; done
+version=$("$HIL_BINARY_DIR/coman-hil" --version | cut -d' ' -f2)
+for dof in 12 18 21 29; do says results/dynamics.csv "generic,$version,$dof,"; done
 says results/dynamics.svg '</svg>'
 # ours and theirs compute the same: the last column
 awk -F, 'NR > 1 && !($7 <= 1e-10) { bad = 1 } END { exit bad }' results/dynamics.csv ||

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # usage: guard_vcan.sh GUARD COMAN-HIL
 # The program under the guard on SocketCAN, on a kernel that has CAN (run it through
-# tests/bus/uml/run.sh): which system calls the loop makes in which phase. Page faults are counted and
-# not judged: what the guest's kernel does with pages is not what a machine's does. Prints TAP.
+# tests/bus/uml/run.sh): which system calls the loop makes in which phase. Page faults are counted
+# and not judged: what the guest's kernel does with pages is not what a machine's does. Prints
+# TAP.
 set -u
 guard=$1
 program=$2
@@ -11,10 +12,12 @@ faults=count
 # shellcheck source=/dev/null
 . "$(dirname "$0")/guard_lib.sh"
 
-# a controller as a process of its own
+# a controller as a process of its own, when the simulator listens on all buses
 task()
 {
-    sleep 0.3
+    until [ "$(cat /proc/net/can/rcvlist_* | grep -o '^ *can[0-4] ' | sort -u | wc -l)" = 5 ]; do
+        sleep 0.05
+    done
     exec "$program" task squat "$rigs/coman.yaml" "$@" --quiet >"$work/task" 2>&1 </dev/null
 }
 

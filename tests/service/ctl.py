@@ -99,24 +99,32 @@ class Frames:
             while answer not in heard:
                 heard += self.socket.recv(4096)
 
-    def report(self, board):
-        """the board is to send position, status and current from now on"""
-        self.socket.sendall(b"< send %03X 5 49 0D 02 00 00 >" % board)
+    def report(self, *boards):
+        """these boards are to send position, status and current from now on"""
+        for board in boards:
+            self.socket.sendall(b"< send %03X 5 49 0D 02 00 00 >" % board)
+        self.socket.sendall(b"< echo >")  # when it is answered, all before it is on the bus
+        self.socket.settimeout(PATIENCE_S)
+        heard = b""
+        while b"< echo >" not in heard:
+            heard += self.socket.recv(65536)
 
-    def boards(self):
-        """which boards have sent telemetry, with how many frames, until nothing more comes"""
+    def boards(self, last=None):
+        """which boards have sent telemetry, with how many frames, until nothing more comes; the
+        last of the bus is waited for until it has sent many"""
+        count, text, end = {}, "", time.monotonic() + PATIENCE_S
         self.socket.settimeout(0.3)
-        text = b""
-        try:
-            while True:
-                text += self.socket.recv(65536)
-        except socket.timeout:
-            pass
-        count = {}
-        for word in text.decode().split("< frame ")[1:]:
-            ident = int(word.split()[0], 16)
-            if ident >> 8 == 1:
-                count[ident >> 4 & 15] = count.get(ident >> 4 & 15, 0) + 1
+        while time.monotonic() < end:
+            try:
+                text += self.socket.recv(65536).decode()
+            except socket.timeout:
+                if last is None or count.get(last, 0) > 40:
+                    break
+            *whole, text = text.split(">")
+            for frame in whole:
+                ident = int(frame.split("frame ")[1].split()[0], 16) if "frame " in frame else 0
+                if ident >> 8 == 1:
+                    count[ident >> 4 & 15] = count.get(ident >> 4 & 15, 0) + 1
         return count
 
 
@@ -163,11 +171,9 @@ def session(work):
             client.ask("fault", name="silent", on=on)
             client.ask("step", count=1000)  # a board without power boots for a while after it
             frames.boards()
-            frames.report(1)
-            frames.report(2)
-            time.sleep(0.1)
+            frames.report(1, 2)
             client.ask("step", count=200)
-            heard.append(frames.boards())
+            heard.append(frames.boards(last=2))
         active = client.ask("list", what="faults")["faults"][0]
         result("a fault is on and off in the frames",
                all(h.get(2, 0) > 40 for h in heard) and heard[0].get(1, 0) > 40 and heard[1].get(1, 0) == 0

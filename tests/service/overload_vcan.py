@@ -138,7 +138,8 @@ def test_the_time_of_day_may_be_set_while_it_runs():
         time.sleep(0.2)
     summary = run.end()
     check_clock(summary, tick_s=TICK_S)
-    assert summary["ticks"] == 750 and summary["pauses"] == 0, summary["pauses"]
+    # a busy machine may have paused it; an hour or a day is more than that
+    assert summary["ticks"] == 750 and summary["pause_ticks"] * TICK_S < 60, summary["pause_ticks"]
     check_recording(run, summary)
     check_grid(log(run.path("candump.log")), 1500)
 
@@ -167,7 +168,7 @@ def test_a_bus_flooded_in_real_time_is_counted_and_the_others_do_not_notice():
     sent = 40000
     noise = flood(sent)
     assert noise.wait(60) == 0
-    time.sleep(0.3)
+    run.passes(5)    # a tick takes more than the receive buffer holds
     run.process.send_signal(signal.SIGTERM)
     status = run.process.wait()
     summary = run.end(status)
@@ -213,12 +214,12 @@ def test_a_controller_that_falls_silent_leaves_motors_safe_and_may_come_back():
     run = simulate(*REAL, "--hold", "always")
     host = HostThread()
     run.says("right_arm/0x02.* from idle to voltage mode")
-    time.sleep(0.5)
+    run.passes(100)
     host.stop()
     run.says("right_arm/0x02.* the voltage command went stale")
-    time.sleep(0.5)
+    run.passes(100)
     host = HostThread()
-    time.sleep(0.5)
+    run.passes(200)
     run.process.send_signal(signal.SIGTERM)
     summary = run.end()
     host.stop()

@@ -177,7 +177,6 @@ interrupted()
         [ -e "$work/$1-$2/signals.csv" ] && break
         sleep 0.05
     done
-    sleep 0.3
     kill -"$1" "$process"
     wait "$process"
 }
@@ -199,17 +198,16 @@ for signal in INT TERM; do
 done
 
 name="a stopped and continued process takes up the grid and does not run after it"
-"$program" run "$rig" --transport local --clock real --duration 1 --record "$work/paused" \
+"$program" run "$rig" --transport local --clock real --duration 3 --record "$work/paused" \
     >"$work/out" 2>"$work/err" </dev/null &
 process=$!
 for _ in $(seq 200); do
     [ -e "$work/paused/signals.csv" ] && break
     sleep 0.05
 done
-sleep 0.2
 kill -STOP $process
 sleep 1.5
 kill -CONT $process
 wait $process
-if [ "$(json "$work/paused" ticks)" = 1000 ] && [ "$(json "$work/paused" pauses)" -ge 1 ]
+if [ "$(json "$work/paused" ticks)" = 3000 ] && [ "$(json "$work/paused" pauses)" -ge 1 ]
 then ok "$name"; else not_ok "$name"; fi

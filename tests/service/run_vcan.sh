@@ -34,6 +34,18 @@ simulate()
     done
 }
 
+# reached TICK NAME: waits until the simulator of the name has run so far
+reached() { timeout 60 "$program" ctl --socket "$work/$2.socket" wait tick="$1" >/dev/null 2>&1; }
+
+# said TEXT FILE: waits until the file has it
+said()
+{
+    for _ in $(seq 600); do
+        grep -q "$1" "$2" && return
+        sleep 0.05
+    done
+}
+
 task()
 {
     "$program" task squat "$rig" --clock lockstep --quiet "$@" >"$work/task.out" \
@@ -63,12 +75,12 @@ then ok "$name"; else not_ok "$name"; fi
 name="a controller may start again while the simulator waits"
 simulate host --clock lockstep
 task
-sleep 0.4
+reached 1 host
 kill -TERM "$controller"
 wait "$controller"
 stopped=$?
 task
-sleep 0.4
+said "expects tick 0" "$work/host.err"
 kill -TERM "$simulator"
 wait "$simulator"
 simulated=$?
@@ -80,7 +92,7 @@ then ok "$name"; else not_ok "$name"; fi
 name="the simulator may start again under a controller"
 simulate first --clock lockstep
 task --reconnect
-sleep 0.7
+reached 1 first
 kill -KILL "$simulator"
 wait "$simulator" 2>/dev/null
 simulate second --clock lockstep --ticks 50
@@ -93,7 +105,7 @@ then ok "$name"; else not_ok "$name"; fi
 
 name="a partner that does not come is reported, and waited for until SIGTERM"
 simulate silent --clock lockstep
-sleep 1.5
+said "no STEP frame on can0" "$work/silent.err"
 kill -TERM "$simulator"
 wait "$simulator"
 simulated=$?
@@ -102,15 +114,18 @@ if grep -q "no STEP frame on can0" "$work/silent.err" && [ "$(json "$work/silent
 then ok "$name"; else not_ok "$name"; fi
 
 name="interfaces go down, come up and vanish while the loop goes on"
-simulate fragile --clock real --duration 3
+simulate fragile --clock real
 ip link set can2 down
-sleep 0.5
+said "bus can2 is down" "$work/fragile.err"
 ip link set can2 up
 ip link del can3
+said "bus can2 is up" "$work/fragile.err"
+said "bus can3 is gone" "$work/fragile.err"
+kill -TERM "$simulator"
 wait "$simulator"
 simulated=$?
 ip link add dev can3 type vcan && ip link set can3 up
-if [ $simulated = 0 ] && [ "$(json "$work/fragile" ticks)" = 3000 ] &&
+if [ $simulated = 0 ] && [ "$(json "$work/fragile" end)" = stopped ] &&
     grep -q "bus can2 is down" "$work/fragile.err" && grep -q "bus can2 is up" "$work/fragile.err" &&
     grep -q "bus can3 is gone" "$work/fragile.err"
 then ok "$name"; else not_ok "$name"; fi

@@ -88,7 +88,7 @@ Environment=HIL_WORK=$HIL_WORK HIL_SOURCE_DIR=$HIL_SOURCE_DIR HIL_BINARY_DIR=$HI
 ExecStart=/bin/bash $here/systemd_inside.sh
 StandardOutput=append:$HIL_WORK/output
 StandardError=append:$HIL_WORK/console
-TimeoutStartSec=330
+TimeoutStartSec=1000
 END
     # nor for the units that generators make of the machine's files each time that units are read
     export SYSTEMD_GENERATOR_PATH=/run/none SYSTEMD_ENVIRONMENT_GENERATOR_PATH=/run/none

@@ -69,7 +69,7 @@ test_start() {
     check $? "systemctl start comes back when the loop has run its first tick"
     [ "$(property ActiveState)/$(property SubState)" = active/running ]
     check $? "it is running"
-    answers_on_can
+    within 20 answers_on_can
     check $? "its boards answer on can0"
     within 10 eval 'systemctl --no-pager status $unit | grep -q "Status: .* s  x"'
     check $? "systemctl status tells how it is"
@@ -131,6 +131,8 @@ test_journal() {
         cangen "can$n" -g 0 -n 1000 -I 001 -L 1 -D 7F -p 1 2>/dev/null &
     done
     wait $(jobs -p)
+    # what the loop has counted is written a second later
+    within 15 eval 'journal -n 100 | grep -q "more like it"'
     sleep 2.5
     journal --cursor-file="$HIL_WORK/cursor" >"$log"
     echo "# 10000 frames of nonsense left $(wc -l <"$log") lines in the journal"

@@ -10,6 +10,7 @@ answers. The simulator's own counts must be those of the controllers. Ticks a se
 judged. With TICKS and STRIDE only the C controller runs, so many ticks with so many a STEP. Prints
 TAP.
 """
+import glob
 import os
 import re
 import signal
@@ -59,17 +60,20 @@ class Simulator:
             return file.read()
 
     def wait_for_buses(self):
-        """A controller must not send before the simulator listens."""
+        """A controller must not send before the simulator listens on every bus."""
         end = time.monotonic() + PATIENCE_S
-        while self.sockets() < len(BUSES):
+        while self.listening() < set(BUSES):
             assert time.monotonic() < end and self.process.poll() is None, self.text()
             time.sleep(0.05)
-        time.sleep(0.3)
 
-    def sockets(self):
-        directory = "/proc/%d/fd" % self.process.pid
-        return sum(os.readlink(os.path.join(directory, entry)).startswith("socket:")
-                   for entry in os.listdir(directory))
+    @staticmethod
+    def listening():
+        """The interfaces that a socket receives from, in the kernel's lists."""
+        found = set()
+        for path in glob.glob("/proc/net/can/rcvlist_*"):
+            with open(path) as listing:
+                found |= set(re.findall(r"^ *(can\d) ", listing.read(), re.M))
+        return found
 
     def finish(self):
         """Received, sent and lost frames by interface."""
