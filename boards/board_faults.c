@@ -93,7 +93,7 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
 /* ---- power and contact ---- */
 
 /* What it had still to say is gone with its memory. */
-static void forget_replies(const struct board *board)
+static void board_discard_replies(const struct board *board)
 {
     struct board_bus *bus = board->bus;
 
@@ -106,14 +106,14 @@ static void forget_replies(const struct board *board)
     }
 }
 
-static void power_down(struct board *board)
+static void board_cut_power(struct board *board)
 {
-    forget_replies(board);
+    board_discard_replies(board);
     board->faults->without_power = true;
     board->faults->hung = false;
 }
 
-static void power_up(struct board *board)
+static void board_restore_power(struct board *board)
 {
     board->faults->without_power = false;
     board_enter_bootloader(board, board->config.boot_ns);
@@ -121,8 +121,8 @@ static void power_up(struct board *board)
 
 /* ---- a firmware that hangs ---- */
 
-static void hang(struct board *board, int64_t watchdog_ns, double supply_v,
-                 const struct plant_command *command)
+static void board_begin_hang(struct board *board, int64_t watchdog_ns, double supply_v,
+                             const struct plant_command *command)
 {
     struct board_faults *faults = board->faults;
 
@@ -140,7 +140,7 @@ static void hang(struct board *board, int64_t watchdog_ns, double supply_v,
 }
 
 /* The fault, if any, that makes the application hang in this tick. */
-static struct board_fault *find_hang(const struct board *board)
+static struct board_fault *board_find_hang(const struct board *board)
 {
     for (size_t i = 0; i < board->faults->count; i++) {
         struct board_fault *f = &board->faults->fault[i];
@@ -155,7 +155,8 @@ static struct board_fault *find_hang(const struct board *board)
     return NULL;
 }
 
-static void hold_bridges(const struct board *board, double supply_v, struct plant_command *command)
+static void board_hold_bridges(const struct board *board, double supply_v,
+                               struct plant_command *command)
 {
     for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
         int joint = board_joint(board, i);
@@ -169,21 +170,21 @@ static void hold_bridges(const struct board *board, double supply_v, struct plan
 }
 
 /* One tick of a board with power; true while it hangs. */
-static bool hangs(struct board *board, double supply_v, struct plant_command *command)
+static bool board_step_hang(struct board *board, double supply_v, struct plant_command *command)
 {
     struct board_faults *faults = board->faults;
-    struct board_fault *f = find_hang(board);
+    struct board_fault *f = board_find_hang(board);
 
     if (f) {
         f->spent = true;
-        hang(board, (int64_t)(f->fault->value[0] * 1e9), supply_v, command);
+        board_begin_hang(board, (int64_t)(f->fault->value[0] * 1e9), supply_v, command);
     } else if (faults->hung && board->boards->time_ns >= faults->watchdog_ns) {
         faults->hung = false;
-        forget_replies(board);
+        board_discard_replies(board);
         board_enter_bootloader(board, board->config.boot_ns);
     }
     if (faults->hung) {
-        hold_bridges(board, supply_v, command);
+        board_hold_bridges(board, supply_v, command);
     }
     return faults->hung;
 }
@@ -208,11 +209,11 @@ enum board_health board_faults_control(struct board *board, const struct plant_s
         }
     }
     if (off && !board->faults->without_power) {
-        power_down(board);
+        board_cut_power(board);
     } else if (!off && board->faults->without_power) {
-        power_up(board);
+        board_restore_power(board);
     }
-    hung = !off && hangs(board, supply_v, command);
+    hung = !off && board_step_hang(board, supply_v, command);
     board->away = off || gap || hung;
     return off ? BOARD_WITHOUT_POWER : hung ? BOARD_HUNG : BOARD_WORKS;
 }
@@ -220,7 +221,7 @@ enum board_health board_faults_control(struct board *board, const struct plant_s
 /* ---- frames ---- */
 
 /* The entry of an id; NULL when there are more than a board has. */
-static struct heard_id *entry_of(struct board_fault *f, uint32_t id)
+static struct heard_id *board_fault_find_id(struct board_fault *f, uint32_t id)
 {
     for (size_t i = 0; i < f->nid; i++) {
         if (f->id[i].frame.id == id) {
@@ -234,9 +235,9 @@ static struct heard_id *entry_of(struct board_fault *f, uint32_t id)
     return &f->id[f->nid++];
 }
 
-static void freeze(struct board_fault *f, struct bus_frame *frame)
+static void board_fault_freeze_frame(struct board_fault *f, struct bus_frame *frame)
 {
-    struct heard_id *last = entry_of(f, frame->id);
+    struct heard_id *last = board_fault_find_id(f, frame->id);
 
     if (last && f->fault->active && last->count > 0) {
         frame->len = last->frame.len;
@@ -248,12 +249,12 @@ static void freeze(struct board_fault *f, struct bus_frame *frame)
 }
 
 /* False: the frame is not sent, now or at all. */
-static bool disturb(struct board_fault *f, struct bus_frame *frame)
+static bool board_fault_disturb_frame(struct board_fault *f, struct bus_frame *frame)
 {
     struct heard_id *last;
 
     if (f->fault->kind == FAULT_STUCK) {
-        freeze(f, frame); /* remembers also while it is not active */
+        board_fault_freeze_frame(f, frame); /* remembers also while it is not active */
         return true;
     }
     if (!f->fault->active) {
@@ -266,7 +267,7 @@ static bool disturb(struct board_fault *f, struct bus_frame *frame)
         }
         return true;
     case FAULT_SLOW:
-        last = entry_of(f, frame->id);
+        last = board_fault_find_id(f, frame->id);
         return !last || last->count++ % (uint64_t)f->fault->value[0] == 0;
     case FAULT_DELAYED:
         if (f->count < DELAYED_MAX) {
@@ -282,7 +283,7 @@ static bool disturb(struct board_fault *f, struct bus_frame *frame)
 }
 
 /* Delayed frames that are due, in their order. */
-static void release(struct board_fault *f, struct frame_sink *sink)
+static void board_fault_release_delayed(struct board_fault *f, struct frame_sink *sink)
 {
     while (f->count > 0 && sink->count < sink->max &&
            f->waiting[f->first].time_ns <= sink->time_ns) {
@@ -304,13 +305,13 @@ void board_faults_filter(struct board *board, struct frame_sink *sink, size_t fr
         size_t kept = from;
 
         for (size_t k = from; k < sink->count; k++) {
-            if (!board->away && disturb(f, &sink->frames[k])) {
+            if (!board->away && board_fault_disturb_frame(f, &sink->frames[k])) {
                 sink->frames[kept++] = sink->frames[k];
             }
         }
         sink->count = kept;
         if (f->fault->kind == FAULT_DELAYED && !board->away) {
-            release(f, sink);
+            board_fault_release_delayed(f, sink);
         }
     }
 }
@@ -332,7 +333,8 @@ void board_faults_transmit(struct board *board, struct ms_span span, struct fram
         unsigned type = frame->id & 0xf;
 
         if (frame->id >> 8 == ICUB_PERIODIC_ANALOG && (type == ICUB_FORCE || type == ICUB_TORQUE)) {
-            bus_hear_strain(board->bus, board->address, type, frame->data, board->boards->time_ns);
+            icub_bus_hear_strain(board->bus, board->address, type, frame->data,
+                                 board->boards->time_ns);
         }
     }
 }

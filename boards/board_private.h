@@ -239,7 +239,7 @@ void board_send(struct board *board, struct frame_sink *sink, uint32_t id, uint8
                 const uint8_t *data);
 
 /* What other boards on the bus hear of a STRAIN frame of six bytes of data. */
-void bus_hear_strain(struct board_bus *bus, uint8_t address, unsigned type, const uint8_t *data,
-                     int64_t time_ns);
+void icub_bus_hear_strain(struct board_bus *bus, uint8_t address, unsigned type,
+                          const uint8_t *data, int64_t time_ns);
 
 #endif

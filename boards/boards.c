@@ -61,8 +61,8 @@ static void take_slots(struct board *board)
     }
 }
 
-static bool make_board(struct boards *boards, struct board *board,
-                       const struct board_config *config, struct arena *arena)
+static bool boards_make_board(struct boards *boards, struct board *board,
+                              const struct board_config *config, struct arena *arena)
 {
     board->boards = boards;
     board->config = *config;
@@ -88,7 +88,8 @@ static bool make_board(struct boards *boards, struct board *board,
     return true;
 }
 
-static bool make(const struct boards_config *config, struct arena *arena, struct boards *boards)
+static bool boards_make(const struct boards_config *config, struct arena *arena,
+                        struct boards *boards)
 {
     void *slots = arena_alloc(arena, EVENT_SLOTS, sizeof(struct board_event));
 
@@ -107,7 +108,7 @@ static bool make(const struct boards_config *config, struct arena *arena, struct
         boards->bus[i].config = config->bus[i];
     }
     for (size_t i = 0; i < config->nboard; i++) {
-        if (!make_board(boards, &boards->board[i], &config->board[i], arena)) {
+        if (!boards_make_board(boards, &boards->board[i], &config->board[i], arena)) {
             return false;
         }
     }
@@ -135,7 +136,7 @@ enum error_code boards_create(const struct boards_config *config, struct arena *
         return code;
     }
     made = arena_alloc(arena, 1, sizeof *made);
-    if (!made || !make(config, arena, made)) {
+    if (!made || !boards_make(config, arena, made)) {
         return error_set(error, ERROR_MEMORY, "boards: no memory for %zu boards", config->nboard);
     }
     *boards = made;
@@ -292,17 +293,17 @@ static void sample(struct board *board, const struct plant_sensors *sensors)
     }
 }
 
-static void shut_down(struct board *board, struct plant_command *command)
+static void board_shut_down(struct board *board, struct plant_command *command)
 {
     if (board->ops->shut_down) {
         board->ops->shut_down(board, command);
     }
 }
 
-static void control(struct board *board, struct ms_span span, struct plant_command *command)
+static void board_step(struct board *board, struct ms_span span, struct plant_command *command)
 {
     if (board->in_bootloader) {
-        shut_down(board, command);
+        board_shut_down(board, command);
         if (board->boards->time_ns >= board->application_ns) {
             board_leave_bootloader(board);
         }
@@ -330,9 +331,9 @@ void boards_control(struct boards *boards, const struct plant_sensors *sensors,
             health = board_faults_control(board, sensors, command);
         }
         if (health == BOARD_WORKS) {
-            control(board, span, command);
+            board_step(board, span, command);
         } else if (health == BOARD_WITHOUT_POWER) {
-            shut_down(board, command);
+            board_shut_down(board, command);
         }
     }
 }
@@ -344,8 +345,8 @@ void boards_set_can_state(struct boards *boards, size_t board, const struct boar
     }
 }
 
-static void put_frame(const struct board *board, struct frame_sink *sink, uint32_t id, uint8_t len,
-                      const uint8_t *data)
+static void board_put_frame(const struct board *board, struct frame_sink *sink, uint32_t id,
+                            uint8_t len, const uint8_t *data)
 {
     struct bus_frame *frame = &sink->frames[sink->count++];
 
@@ -367,10 +368,10 @@ void board_send(struct board *board, struct frame_sink *sink, uint32_t id, uint8
         board_lose(board);
         return;
     }
-    put_frame(board, sink, id, len, data);
+    board_put_frame(board, sink, id, len, data);
 }
 
-static void send_replies(struct board_bus *bus, struct frame_sink *sink)
+static void bus_send_replies(struct board_bus *bus, struct frame_sink *sink)
 {
     while (bus->waiting && sink->count < sink->max) {
         struct queued_reply *reply = &bus->replies[bus->head];
@@ -378,7 +379,7 @@ static void send_replies(struct board_bus *bus, struct frame_sink *sink)
         if (!reply->lost) {
             size_t from = sink->count;
 
-            put_frame(reply->board, sink, reply->id, reply->len, reply->data);
+            board_put_frame(reply->board, sink, reply->id, reply->len, reply->data);
             if (reply->board->faults) {
                 board_faults_filter(reply->board, sink, from);
             }
@@ -404,7 +405,7 @@ size_t boards_transmit(struct boards *boards, size_t bus_index, const struct pla
     boards->sensor_time_ns = sensors->time_ns;
     span = (struct ms_span){.from = bus->sent_ms, .to = boards->time_ns / MS};
     bus->sent_ms = span.to;
-    send_replies(bus, &sink);
+    bus_send_replies(bus, &sink);
     for (unsigned address = 1; address < BOARD_ADDRESSES; address++) {
         struct board *board = bus->by_address[address];
 
@@ -429,7 +430,7 @@ size_t boards_transmit_max(const struct boards *boards, size_t bus)
 void boards_shut_down(struct boards *boards, struct plant_command *command)
 {
     for (size_t i = 0; i < boards->nboard; i++) {
-        shut_down(&boards->board[i], command);
+        board_shut_down(&boards->board[i], command);
     }
 }
 

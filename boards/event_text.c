@@ -5,7 +5,7 @@
 #include <inttypes.h>
 #include <stdio.h>
 
-static const char *compact_mode_name(uint32_t mode)
+static const char *event_compact_mode_name(uint32_t mode)
 {
     return mode == COMPACT_VOLTAGE   ? "voltage"
            : mode == COMPACT_CURRENT ? "current"
@@ -13,10 +13,10 @@ static const char *compact_mode_name(uint32_t mode)
                                      : "off";
 }
 
-static const char *mode_name(enum board_personality personality, uint32_t mode)
+static const char *event_mode_name(enum board_personality personality, uint32_t mode)
 {
     if (personality == BOARD_COMPACT) {
-        return compact_mode_name(mode);
+        return event_compact_mode_name(mode);
     }
     switch (mode) {
     case ICUB_MODE_IDLE:
@@ -55,7 +55,7 @@ static const char *mode_name(enum board_personality personality, uint32_t mode)
 }
 
 /* What a stale command leads to. */
-static const char *stale_means(enum board_personality personality)
+static const char *event_timeout_consequence(enum board_personality personality)
 {
     return personality == BOARD_FOC ? "a fault" : "now 0";
 }
@@ -97,7 +97,8 @@ static const char *const compact_faults[] = {"under-voltage", "over-voltage",  "
                                              "temperature",   "stale command", "limit",
                                              "overflow",      "saturated",     NULL};
 
-static void fault_names(enum board_personality personality, uint32_t bits, char *text, size_t size)
+static void event_list_faults(enum board_personality personality, uint32_t bits, char *text,
+                              size_t size)
 {
     const char *const *names = personality == BOARD_FOC       ? foc_faults
                                : personality == BOARD_COMPACT ? compact_faults
@@ -112,8 +113,8 @@ static void fault_names(enum board_personality personality, uint32_t bits, char 
     }
 }
 
-static void describe(enum board_personality personality, const struct board_event *event,
-                     char *text, size_t size)
+static void event_describe(enum board_personality personality, const struct board_event *event,
+                           char *text, size_t size)
 {
     char faults[128];
     unsigned axis = event->axis;
@@ -121,16 +122,16 @@ static void describe(enum board_personality personality, const struct board_even
 
     switch (event->kind) {
     case BOARD_EVENT_MODE:
-        snprintf(text, size, "axis %u from %s to %s mode", axis, mode_name(personality, a),
-                 mode_name(personality, b));
+        snprintf(text, size, "axis %u from %s to %s mode", axis, event_mode_name(personality, a),
+                 event_mode_name(personality, b));
         return;
     case BOARD_EVENT_FAULT:
-        fault_names(personality, a, faults, sizeof faults);
+        event_list_faults(personality, a, faults, sizeof faults);
         snprintf(text, size, "axis %u has a fault: %s", axis, faults);
         return;
     case BOARD_EVENT_TIMEOUT:
         snprintf(text, size, "axis %u: the %s command went stale, %s", axis,
-                 mode_name(personality, a), stale_means(personality));
+                 event_mode_name(personality, a), event_timeout_consequence(personality));
         return;
     case BOARD_EVENT_SOURCE_LOST:
         snprintf(text, size, "axis %u: torque source %" PRIu32 " is silent, motor off", axis, a);
@@ -170,7 +171,7 @@ void board_event_format(const struct boards *boards, const struct board_event *e
     const struct board *board = &boards->board[event->board];
     char what[192];
 
-    describe(board->bus->config.personality, event, what, sizeof what);
+    event_describe(board->bus->config.personality, event, what, sizeof what);
     snprintf(text, size, "%.6f s: %s (bus %d, address %d): %s", (double)event->time_ns * 1e-9,
              board->config.name, event->bus, event->address, what);
 }

@@ -193,7 +193,7 @@ struct reader {
     struct error *error;
 };
 
-static enum error_code wrong(struct reader *r, const char *found, const char *expected)
+static enum error_code fault_refuse_word(struct reader *r, const char *found, const char *expected)
 {
     return error_set(r->error, ERROR_INPUT, "fault \"%.159s\": found %s%.64s%s, expected %s",
                      r->line, found ? "\"" : "", found ? found : "nothing", found ? "\"" : "",
@@ -201,8 +201,8 @@ static enum error_code wrong(struct reader *r, const char *found, const char *ex
 }
 
 /* An unknown name, with the nearest of those that exist. */
-static enum error_code unknown(struct reader *r, const char *what, const char *name,
-                               const char *const *names, size_t count)
+static enum error_code fault_refuse_name(struct reader *r, const char *what, const char *name,
+                                         const char *const *names, size_t count)
 {
     const char *nearest = text_nearest(name, names, count < NAMES_MAX ? count : NAMES_MAX);
     char expected[256];
@@ -216,10 +216,10 @@ static enum error_code unknown(struct reader *r, const char *what, const char *n
                                      i ? ", " : ": ", names[i]);
         }
     }
-    return wrong(r, name, expected);
+    return fault_refuse_word(r, name, expected);
 }
 
-static bool find(const char *name, const char *const *names, size_t count, size_t *index)
+static bool fault_find_word(const char *name, const char *const *names, size_t count, size_t *index)
 {
     for (size_t i = 0; i < count; i++) {
         if (!strcmp(name, names[i])) {
@@ -230,7 +230,7 @@ static bool find(const char *name, const char *const *names, size_t count, size_
     return false;
 }
 
-static enum error_code split(struct reader *r)
+static enum error_code fault_split_line(struct reader *r)
 {
     char *rest = NULL;
 
@@ -251,7 +251,7 @@ static enum error_code split(struct reader *r)
     for (char *word = strtok_r(r->buffer, " \t", &rest); word;
          word = strtok_r(NULL, " \t", &rest)) {
         if (r->count == WORDS_MAX) {
-            return wrong(r, word, "nothing more");
+            return fault_refuse_word(r, word, "nothing more");
         }
         r->word[r->count++] = word;
     }
@@ -259,13 +259,13 @@ static enum error_code split(struct reader *r)
 }
 
 /* The word at the reader's place, or NULL at the end. */
-static const char *peek(const struct reader *r)
+static const char *fault_next_word(const struct reader *r)
 {
     return r->at < r->count ? r->word[r->at] : NULL;
 }
 
 /* "knee:" before the target */
-static enum error_code read_name(struct reader *r, struct fault *fault)
+static enum error_code fault_read_name(struct reader *r, struct fault *fault)
 {
     char *word = r->count ? r->word[0] : NULL;
     size_t length = word ? strlen(word) : 0;
@@ -275,17 +275,17 @@ static enum error_code read_name(struct reader *r, struct fault *fault)
     }
     word[length - 1] = '\0';
     if (!text_is_name(word)) {
-        return wrong(r, word, "a name of at most 63 letters, digits and _ - .");
+        return fault_refuse_word(r, word, "a name of at most 63 letters, digits and _ - .");
     }
     snprintf(fault->name, sizeof fault->name, "%s", word);
     r->at = 1;
     return ERROR_NONE;
 }
 
-static enum error_code read_motor(struct reader *r, const char *name, struct fault *fault)
+static enum error_code fault_read_motor(struct reader *r, const char *name, struct fault *fault)
 {
-    if (!find(name, r->names->joint, r->names->njoint, &fault->index)) {
-        return unknown(r, "a joint", name, r->names->joint, r->names->njoint);
+    if (!fault_find_word(name, r->names->joint, r->names->njoint, &fault->index)) {
+        return fault_refuse_name(r, "a joint", name, r->names->joint, r->names->njoint);
     }
     if (!r->names->driven[fault->index]) {
         return error_set(r->error, ERROR_UNSUPPORTED,
@@ -296,14 +296,14 @@ static enum error_code read_motor(struct reader *r, const char *name, struct fau
 }
 
 /* One channel of a group that starts at first, or all of it when the line names none. */
-static enum error_code read_channel(struct reader *r, const char *channel,
-                                    const char *const *channels, size_t count, size_t first,
-                                    struct fault *fault)
+static enum error_code fault_read_channel(struct reader *r, const char *channel,
+                                          const char *const *channels, size_t count, size_t first,
+                                          struct fault *fault)
 {
     size_t index = 0;
 
-    if (channel && !find(channel, channels, count, &index)) {
-        return unknown(r, "a channel", channel, channels, count);
+    if (channel && !fault_find_word(channel, channels, count, &index)) {
+        return fault_refuse_name(r, "a channel", channel, channels, count);
     }
     fault->index = first + index;
     fault->channels = channel ? 1 : count;
@@ -311,7 +311,7 @@ static enum error_code read_channel(struct reader *r, const char *channel,
 }
 
 /* The name before the last dot that makes it known: names may hold dots themselves. */
-static enum error_code read_sensor(struct reader *r, const char *text, struct fault *fault)
+static enum error_code fault_read_sensor(struct reader *r, const char *text, struct fault *fault)
 {
     const struct fault_names *names = r->names;
     char name[WORD_SIZE * 2];
@@ -321,45 +321,47 @@ static enum error_code read_sensor(struct reader *r, const char *text, struct fa
 
     snprintf(name, sizeof name, "%s", text);
     if (names->imu && !strcmp(name, "imu")) {
-        return read_channel(r, NULL, imu_channels, SENSOR_IMU_CHANNELS,
-                            ft_first + names->nft * SENSOR_FT_CHANNELS, fault);
+        return fault_read_channel(r, NULL, imu_channels, SENSOR_IMU_CHANNELS,
+                                  ft_first + names->nft * SENSOR_FT_CHANNELS, fault);
     }
     dot = strrchr(name, '.');
-    if (dot && !find(name, names->ft, names->nft, &index)) {
+    if (dot && !fault_find_word(name, names->ft, names->nft, &index)) {
         *dot = '\0';
         channel = dot + 1;
     }
     if (names->imu && channel && !strcmp(name, "imu")) {
-        return read_channel(r, channel, imu_channels, SENSOR_IMU_CHANNELS,
-                            ft_first + names->nft * SENSOR_FT_CHANNELS, fault);
+        return fault_read_channel(r, channel, imu_channels, SENSOR_IMU_CHANNELS,
+                                  ft_first + names->nft * SENSOR_FT_CHANNELS, fault);
     }
-    if (find(name, names->ft, names->nft, &index)) {
-        return read_channel(r, channel, ft_channels, SENSOR_FT_CHANNELS,
-                            ft_first + index * SENSOR_FT_CHANNELS, fault);
+    if (fault_find_word(name, names->ft, names->nft, &index)) {
+        return fault_read_channel(r, channel, ft_channels, SENSOR_FT_CHANNELS,
+                                  ft_first + index * SENSOR_FT_CHANNELS, fault);
     }
-    if (!find(name, names->joint, names->njoint, &index)) {
+    if (!fault_find_word(name, names->joint, names->njoint, &index)) {
         bool no_ft = text_nearest(name, names->joint, names->njoint) || names->nft == 0;
 
-        return no_ft ? unknown(r, "a joint", name, names->joint, names->njoint)
-                     : unknown(r, "a joint or a force-torque sensor", name, names->ft, names->nft);
+        return no_ft ? fault_refuse_name(r, "a joint", name, names->joint, names->njoint)
+                     : fault_refuse_name(r, "a joint or a force-torque sensor", name, names->ft,
+                                         names->nft);
     }
     if (!channel) {
-        return wrong(r, text,
-                     "JOINT.CHANNEL, a channel being link_encoder, motor_encoder, current, torque "
-                     "or temperature");
+        return fault_refuse_word(
+            r, text,
+            "JOINT.CHANNEL, a channel being link_encoder, motor_encoder, current, torque "
+            "or temperature");
     }
-    return read_channel(r, channel, joint_channels, SENSOR_JOINT_CHANNELS,
-                        index * SENSOR_JOINT_CHANNELS, fault);
+    return fault_read_channel(r, channel, joint_channels, SENSOR_JOINT_CHANNELS,
+                              index * SENSOR_JOINT_CHANNELS, fault);
 }
 
 /* By its name, or "BUS/ADDRESS" */
-static enum error_code read_board(struct reader *r, const char *text, struct fault *fault)
+static enum error_code fault_read_board(struct reader *r, const char *text, struct fault *fault)
 {
     const struct fault_names *names = r->names;
     const char *slash = strrchr(text, '/');
     int64_t address;
 
-    if (find(text, names->board, names->nboard, &fault->index)) {
+    if (fault_find_word(text, names->board, names->nboard, &fault->index)) {
         return ERROR_NONE;
     }
     if (slash && text_to_int(slash + 1, 0, 255, &address)) {
@@ -373,48 +375,50 @@ static enum error_code read_board(struct reader *r, const char *text, struct fau
             }
         }
     }
-    return unknown(r, "a board, as BUS/ADDRESS or by its name,", text, names->board, names->nboard);
+    return fault_refuse_name(r, "a board, as BUS/ADDRESS or by its name,", text, names->board,
+                             names->nboard);
 }
 
-static enum error_code read_target(struct reader *r, struct fault *fault)
+static enum error_code fault_read_target(struct reader *r, struct fault *fault)
 {
-    const char *word = peek(r), *name;
+    const char *word = fault_next_word(r), *name;
     size_t target;
 
     if (!word) {
-        return wrong(r, NULL, "sensor, board, motor, bus or supply");
+        return fault_refuse_word(r, NULL, "sensor, board, motor, bus or supply");
     }
-    if (!find(word, target_words, TARGETS, &target)) {
-        return unknown(r, "sensor, board, motor, bus or supply", word, target_words, 0);
+    if (!fault_find_word(word, target_words, TARGETS, &target)) {
+        return fault_refuse_name(r, "sensor, board, motor, bus or supply", word, target_words, 0);
     }
     fault->target = (enum fault_target)target;
     r->at++;
     if (fault->target == FAULT_SUPPLY) {
         return ERROR_NONE;
     }
-    name = peek(r);
+    name = fault_next_word(r);
     if (!name) {
-        return wrong(r, NULL, "what is broken");
+        return fault_refuse_word(r, NULL, "what is broken");
     }
     r->at++;
     switch (fault->target) {
     case FAULT_MOTOR:
-        return read_motor(r, name, fault);
+        return fault_read_motor(r, name, fault);
     case FAULT_SENSOR:
-        return read_sensor(r, name, fault);
+        return fault_read_sensor(r, name, fault);
     case FAULT_BOARD:
-        return read_board(r, name, fault);
+        return fault_read_board(r, name, fault);
     default:
-        return find(name, r->names->bus, r->names->nbus, &fault->index)
+        return fault_find_word(name, r->names->bus, r->names->nbus, &fault->index)
                    ? ERROR_NONE
-                   : unknown(r, "a bus", name, r->names->bus, r->names->nbus);
+                   : fault_refuse_name(r, "a bus", name, r->names->bus, r->names->nbus);
     }
 }
 
 /* The word of the kind, which must be one of the target's and possible there. */
-static enum error_code read_kind(struct reader *r, struct fault *fault, const struct rule **out)
+static enum error_code fault_read_kind(struct reader *r, struct fault *fault,
+                                       const struct rule **out)
 {
-    const char *word = peek(r), *kinds[RULES];
+    const char *word = fault_next_word(r), *kinds[RULES];
     size_t count = 0;
 
     for (size_t i = 0; i < RULES; i++) {
@@ -435,10 +439,11 @@ static enum error_code read_kind(struct reader *r, struct fault *fault, const st
         }
         kinds[count++] = rules[i].word;
     }
-    return unknown(r, "a kind of fault of this target", word ? word : "nothing", kinds, count);
+    return fault_refuse_name(r, "a kind of fault of this target", word ? word : "nothing", kinds,
+                             count);
 }
 
-static enum error_code read_window(struct reader *r, const char *word, struct fault *fault)
+static enum error_code fault_read_window(struct reader *r, const char *word, struct fault *fault)
 {
     const char *dots = strstr(word, "..");
     char from[WORD_SIZE];
@@ -452,20 +457,21 @@ static enum error_code read_window(struct reader *r, const char *word, struct fa
     if (dots - word >= (ptrdiff_t)sizeof from || !text_to_double(from, &begin) || begin < 0.0 ||
         begin > 1e9 ||
         (dots[2] && (!text_to_double(dots + 2, &end) || end <= begin || end > 1e9))) {
-        return wrong(r, word, "FROM..TO in seconds, FROM before TO, or FROM..");
+        return fault_refuse_word(r, word, "FROM..TO in seconds, FROM before TO, or FROM..");
     }
     fault->from_ns = (int64_t)(begin * 1e9 + 0.5);
     fault->to_ns = dots[2] ? (int64_t)(end * 1e9 + 0.5) : INT64_MAX;
     return ERROR_NONE;
 }
 
-static bool is_window(const char *word)
+static bool fault_is_window(const char *word)
 {
     return strstr(word, "..") || !strcmp(word, "manual");
 }
 
-static enum error_code read_parameter(struct reader *r, const struct rule *rule, const char *word,
-                                      bool given[FAULT_PARAMETERS], struct fault *fault)
+static enum error_code fault_read_parameter(struct reader *r, const struct rule *rule,
+                                            const char *word, bool given[FAULT_PARAMETERS],
+                                            struct fault *fault)
 {
     const char *equals = strchr(word, '=');
     size_t length = equals ? (size_t)(equals - word) : 0;
@@ -475,7 +481,7 @@ static enum error_code read_parameter(struct reader *r, const struct rule *rule,
     if (length == 2 && !strncmp(word, "id", 2) && fault->target == FAULT_BUS) {
         return text_to_int(equals + 1, 0, 0x1fffffff, &fault->id)
                    ? ERROR_NONE
-                   : wrong(r, word, "id=0 to id=0x1fffffff");
+                   : fault_refuse_word(r, word, "id=0 to id=0x1fffffff");
     }
     for (int i = 0; i < FAULT_PARAMETERS; i++) {
         const struct parameter *p = &rule->parameter[i];
@@ -489,7 +495,7 @@ static enum error_code read_parameter(struct reader *r, const struct rule *rule,
                  p->unit);
         if (given[i] || !text_to_double(equals ? equals + 1 : word, &value) || value < p->min ||
             value > p->max) {
-            return wrong(r, word, expected);
+            return fault_refuse_word(r, word, expected);
         }
         given[i] = true;
         fault->value[i] = value;
@@ -499,27 +505,28 @@ static enum error_code read_parameter(struct reader *r, const struct rule *rule,
         expected, sizeof expected, "%s%s%s%sFROM..TO or manual",
         rule->parameter[0].key ? rule->parameter[0].key : "", rule->parameter[0].key ? "=, " : "",
         rule->parameter[1].key ? rule->parameter[1].key : "", rule->parameter[1].key ? "=, " : "");
-    return wrong(r, word, expected);
+    return fault_refuse_word(r, word, expected);
 }
 
-static enum error_code read_rest(struct reader *r, const struct rule *rule, struct fault *fault)
+static enum error_code fault_read_parameters(struct reader *r, const struct rule *rule,
+                                             struct fault *fault)
 {
     bool given[FAULT_PARAMETERS] = {false};
 
     for (int i = 0; i < FAULT_PARAMETERS; i++) {
         fault->value[i] = rule->parameter[i].otherwise;
     }
-    for (const char *word = peek(r); word; word = peek(r)) {
+    for (const char *word = fault_next_word(r); word; word = fault_next_word(r)) {
         enum error_code code;
 
         r->at++;
-        if (is_window(word)) {
-            code = read_window(r, word, fault);
-            if (!code && peek(r)) {
-                return wrong(r, peek(r), "nothing after the time");
+        if (fault_is_window(word)) {
+            code = fault_read_window(r, word, fault);
+            if (!code && fault_next_word(r)) {
+                return fault_refuse_word(r, fault_next_word(r), "nothing after the time");
             }
         } else {
-            code = read_parameter(r, rule, word, given, fault);
+            code = fault_read_parameter(r, rule, word, given, fault);
         }
         if (code) {
             return code;
@@ -527,7 +534,7 @@ static enum error_code read_rest(struct reader *r, const struct rule *rule, stru
     }
     for (int i = 0; i < FAULT_PARAMETERS; i++) {
         if (rule->parameter[i].required && !given[i]) {
-            return wrong(r, NULL, rule->parameter[i].key);
+            return fault_refuse_word(r, NULL, rule->parameter[i].key);
         }
     }
     return ERROR_NONE;
@@ -538,15 +545,15 @@ enum error_code fault_parse(const char *text, const struct fault_names *names, s
 {
     struct reader r = {.line = text, .names = names, .error = error};
     const struct rule *rule = NULL;
-    enum error_code code = split(&r);
+    enum error_code code = fault_split_line(&r);
 
     memset(fault, 0, sizeof *fault);
     fault->id = -1;
     fault->to_ns = INT64_MAX;
-    code = code ? code : read_name(&r, fault);
-    code = code ? code : read_target(&r, fault);
-    code = code ? code : read_kind(&r, fault, &rule);
-    code = code ? code : read_rest(&r, rule, fault);
+    code = code ? code : fault_read_name(&r, fault);
+    code = code ? code : fault_read_target(&r, fault);
+    code = code ? code : fault_read_kind(&r, fault, &rule);
+    code = code ? code : fault_read_parameters(&r, rule, fault);
     if (!code) {
         snprintf(fault->text, sizeof fault->text, "%s", text);
     }
@@ -631,7 +638,7 @@ int faults_find(const struct faults *faults, const char *name)
     return -1;
 }
 
-static void change(struct faults *faults, size_t index, bool active)
+static void faults_switch(struct faults *faults, size_t index, bool active)
 {
     struct fault_event event = {.time_ns = faults->time_ns,
                                 .fault = index,
@@ -650,9 +657,10 @@ void faults_step(struct faults *faults, int64_t time_ns)
     for (size_t i = 0; i < faults->count; i++) {
         const struct fault *fault = &faults->fault[i];
 
-        change(faults, i,
-               faults->hand[i] == BY_CLOCK ? time_ns >= fault->from_ns && time_ns < fault->to_ns
-                                           : faults->hand[i] == HAND_ON);
+        faults_switch(faults, i,
+                      faults->hand[i] == BY_CLOCK
+                          ? time_ns >= fault->from_ns && time_ns < fault->to_ns
+                          : faults->hand[i] == HAND_ON);
     }
 }
 
@@ -662,7 +670,7 @@ bool faults_set(struct faults *faults, size_t index, bool active)
         return false;
     }
     faults->hand[index] = active ? HAND_ON : HAND_OFF;
-    change(faults, index, active);
+    faults_switch(faults, index, active);
     return true;
 }
 

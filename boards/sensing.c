@@ -59,32 +59,32 @@ struct sensing {
 
 /* ---- making ---- */
 
-static size_t joint_channel(size_t joint, size_t channel)
+static size_t sensing_joint_channel(size_t joint, size_t channel)
 {
     return joint * SENSOR_JOINT_CHANNELS + channel;
 }
 
-static size_t ft_channel(const struct sensing *s, size_t ft, size_t channel)
+static size_t sensing_ft_channel(const struct sensing *s, size_t ft, size_t channel)
 {
     return s->config.njoint * SENSOR_JOINT_CHANNELS + ft * SENSOR_FT_CHANNELS + channel;
 }
 
-static size_t imu_channel(const struct sensing *s, size_t channel)
+static size_t sensing_imu_channel(const struct sensing *s, size_t channel)
 {
-    return ft_channel(s, s->config.nft, channel);
+    return sensing_ft_channel(s, s->config.nft, channel);
 }
 
-static bool not_negative(double value)
+static bool sensing_is_not_negative(double value)
 {
     return isfinite(value) && value >= 0.0;
 }
 
-static enum error_code check_error(const struct sensor_error *e, const char *name,
-                                   struct error *error)
+static enum error_code sensor_error_check(const struct sensor_error *e, const char *name,
+                                          struct error *error)
 {
     if (!isfinite(e->gain_error) || !isfinite(e->offset) || !isfinite(e->ramp_per_s) ||
-        !not_negative(e->noise_rms) || !not_negative(e->drift_per_sqrt_s) ||
-        !not_negative(e->full_scale) || !not_negative(e->lsb)) {
+        !sensing_is_not_negative(e->noise_rms) || !sensing_is_not_negative(e->drift_per_sqrt_s) ||
+        !sensing_is_not_negative(e->full_scale) || !sensing_is_not_negative(e->lsb)) {
         return error_set(error, ERROR_INPUT,
                          "sensor %s: found an error that is negative or no number", name);
     }
@@ -96,7 +96,7 @@ static enum error_code check_error(const struct sensor_error *e, const char *nam
     return ERROR_NONE;
 }
 
-static bool is_ideal(const struct sensor_error *e)
+static bool sensor_error_is_ideal(const struct sensor_error *e)
 {
     return e->gain_error == 0.0 && e->offset == 0.0 && e->noise_rms == 0.0 &&
            e->drift_per_sqrt_s == 0.0 && e->ramp_per_s == 0.0 && e->full_scale == 0.0 &&
@@ -104,37 +104,37 @@ static bool is_ideal(const struct sensor_error *e)
 }
 
 /* Samples that a delay needs: the newest and those up to one beyond it. */
-static size_t line_length(int64_t delay_ns, int64_t tick_ns)
+static size_t delay_line_length(int64_t delay_ns, int64_t tick_ns)
 {
     return delay_ns > 0 ? (size_t)((delay_ns + tick_ns - 1) / tick_ns) + 1 : 0;
 }
 
-static enum error_code make_channel(struct sensing *s, size_t index, const char *name,
-                                    const char *what, const struct sensor_error *from,
-                                    struct arena *arena, struct error *error)
+static enum error_code sensing_make_channel(struct sensing *s, size_t index, const char *name,
+                                            const char *what, const struct sensor_error *from,
+                                            struct arena *arena, struct error *error)
 {
     struct channel *channel = &s->channel[index];
     char stream[160];
-    enum error_code code = check_error(from, name, error);
+    enum error_code code = sensor_error_check(from, name, error);
 
     if (code) {
         return code;
     }
     channel->error = *from;
-    channel->ideal = is_ideal(from);
+    channel->ideal = sensor_error_is_ideal(from);
     s->ideal = s->ideal && channel->ideal;
     snprintf(stream, sizeof stream, "noise %s.%s", name, what);
     channel->noise = random_named(s->config.seed, stream);
     snprintf(stream, sizeof stream, "drift %s.%s", name, what);
     channel->walk = random_named(s->config.seed, stream);
-    channel->length = line_length(from->latency_ns, s->config.tick_ns);
+    channel->length = delay_line_length(from->latency_ns, s->config.tick_ns);
     channel->line = arena_alloc(arena, channel->length + 1, sizeof *channel->line);
     return channel->line ? ERROR_NONE
                          : error_set(error, ERROR_MEMORY, "no memory left for sensor %s", name);
 }
 
-static enum error_code make_joint(struct sensing *s, size_t j, struct arena *arena,
-                                  struct error *error)
+static enum error_code sensing_make_joint(struct sensing *s, size_t j, struct arena *arena,
+                                          struct error *error)
 {
     static const char *const what[SENSOR_JOINT_CHANNELS] = {"link_encoder", "motor_encoder",
                                                             "current", "torque", "temperature"};
@@ -149,7 +149,7 @@ static enum error_code make_joint(struct sensing *s, size_t j, struct arena *are
     const struct sensor_thermal *thermal = &joint->thermal;
     enum error_code code = ERROR_NONE;
 
-    if (!not_negative(thermal->resistance_ohm) || !isfinite(thermal->ambient_c) ||
+    if (!sensing_is_not_negative(thermal->resistance_ohm) || !isfinite(thermal->ambient_c) ||
         (thermal->resistance_ohm > 0.0 &&
          (!(thermal->k_per_w > 0.0) || !isfinite(thermal->k_per_w) ||
           !(thermal->time_constant_s > 0.0)))) {
@@ -162,13 +162,14 @@ static enum error_code make_joint(struct sensing *s, size_t j, struct arena *are
                            ? exp(-1e-9 * (double)s->config.tick_ns / thermal->time_constant_s)
                            : 0.0;
     for (size_t i = 0; i < SENSOR_JOINT_CHANNELS && !code; i++) {
-        code = make_channel(s, joint_channel(j, i), joint->name, what[i], from[i], arena, error);
+        code = sensing_make_channel(s, sensing_joint_channel(j, i), joint->name, what[i], from[i],
+                                    arena, error);
     }
     return code;
 }
 
 /* Ones on the diagonal; beside it crosstalk in units of the full scales, of a sign by chance. */
-static enum error_code make_mix(struct sensing *s, size_t f, struct error *error)
+static enum error_code sensing_make_crosstalk(struct sensing *s, size_t f, struct error *error)
 {
     const struct sensor_ft *ft = &s->ft[f];
     double force = ft->force.full_scale, torque = ft->torque.full_scale;
@@ -176,7 +177,7 @@ static enum error_code make_mix(struct sensing *s, size_t f, struct error *error
     struct random_stream sign;
     char stream[160];
 
-    if (!not_negative(ft->crosstalk) ||
+    if (!sensing_is_not_negative(ft->crosstalk) ||
         (ft->crosstalk > 0.0 && (!(force > 0.0) || !(torque > 0.0)))) {
         return error_set(error, ERROR_INPUT,
                          "sensor %s: found crosstalk without the full scales that it needs",
@@ -197,34 +198,35 @@ static enum error_code make_mix(struct sensing *s, size_t f, struct error *error
     return ERROR_NONE;
 }
 
-static enum error_code make_ft(struct sensing *s, size_t f, struct arena *arena,
-                               struct error *error)
+static enum error_code sensing_make_ft(struct sensing *s, size_t f, struct arena *arena,
+                                       struct error *error)
 {
     static const char *const what[SENSOR_FT_CHANNELS] = {"fx", "fy", "fz", "tx", "ty", "tz"};
-    enum error_code code = make_mix(s, f, error);
+    enum error_code code = sensing_make_crosstalk(s, f, error);
 
     for (size_t i = 0; i < SENSOR_FT_CHANNELS && !code; i++) {
-        code = make_channel(s, ft_channel(s, f, i), s->ft[f].name, what[i],
-                            i < 3 ? &s->ft[f].force : &s->ft[f].torque, arena, error);
+        code = sensing_make_channel(s, sensing_ft_channel(s, f, i), s->ft[f].name, what[i],
+                                    i < 3 ? &s->ft[f].force : &s->ft[f].torque, arena, error);
     }
     return code;
 }
 
-static enum error_code make_imu(struct sensing *s, struct arena *arena, struct error *error)
+static enum error_code sensing_make_imu(struct sensing *s, struct arena *arena, struct error *error)
 {
     static const char *const what[SENSOR_IMU_CHANNELS] = {"gyro_x",  "gyro_y",  "gyro_z",
                                                           "accel_x", "accel_y", "accel_z"};
     enum error_code code = ERROR_NONE;
 
     for (size_t i = 0; i < SENSOR_IMU_CHANNELS && !code; i++) {
-        code = make_channel(s, imu_channel(s, i), "imu", what[i],
-                            i < 3 ? &s->config.gyro : &s->config.accel, arena, error);
+        code = sensing_make_channel(s, sensing_imu_channel(s, i), "imu", what[i],
+                                    i < 3 ? &s->config.gyro : &s->config.accel, arena, error);
     }
     return code;
 }
 
 /* One entry for each channel of each fault of a sensor. */
-static enum error_code make_faults(struct sensing *s, struct arena *arena, struct error *error)
+static enum error_code sensing_make_faults(struct sensing *s, struct arena *arena,
+                                           struct error *error)
 {
     const struct faults *faults = s->config.faults;
     size_t count = 0, n = faults ? faults_count(faults) : 0;
@@ -247,7 +249,7 @@ static enum error_code make_faults(struct sensing *s, struct arena *arena, struc
             to->channel = fault->index + k;
             to->random = random_named(faults_seed(faults), stream);
             if (fault->kind == FAULT_DELAYED) {
-                to->length = line_length((int64_t)(fault->value[0] * 1e9), s->config.tick_ns);
+                to->length = delay_line_length((int64_t)(fault->value[0] * 1e9), s->config.tick_ns);
             }
             to->line = arena_alloc(arena, to->length + 1, sizeof *to->line);
             if (!to->line) {
@@ -259,11 +261,11 @@ static enum error_code make_faults(struct sensing *s, struct arena *arena, struc
     return s->fault ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory left for faults");
 }
 
-static bool allocate(struct sensing *s, struct arena *arena)
+static bool sensing_allocate(struct sensing *s, struct arena *arena)
 {
     size_t njoint = s->config.njoint, nft = s->config.nft;
 
-    s->nchannel = imu_channel(s, SENSOR_IMU_CHANNELS);
+    s->nchannel = sensing_imu_channel(s, SENSOR_IMU_CHANNELS);
     s->channel = arena_alloc(arena, s->nchannel, sizeof *s->channel);
     s->joint = arena_alloc(arena, njoint + 1, sizeof *s->joint);
     s->ft = arena_alloc(arena, nft + 1, sizeof *s->ft);
@@ -299,17 +301,17 @@ enum error_code sensing_create(const struct sensing_config *config, struct arena
     s->config = *config;
     s->noise_scale = 1.0;
     s->ideal = true;
-    if (!allocate(s, arena)) {
+    if (!sensing_allocate(s, arena)) {
         return error_set(error, ERROR_MEMORY, "no memory left for the sensors");
     }
     for (size_t j = 0; j < config->njoint && !code; j++) {
-        code = make_joint(s, j, arena, error);
+        code = sensing_make_joint(s, j, arena, error);
     }
     for (size_t f = 0; f < config->nft && !code; f++) {
-        code = make_ft(s, f, arena, error);
+        code = sensing_make_ft(s, f, arena, error);
     }
-    code = code ? code : make_imu(s, arena, error);
-    code = code ? code : make_faults(s, arena, error);
+    code = code ? code : sensing_make_imu(s, arena, error);
+    code = code ? code : sensing_make_faults(s, arena, error);
     *out = s;
     return code;
 }
@@ -317,7 +319,8 @@ enum error_code sensing_create(const struct sensing_config *config, struct arena
 /* ---- the chain ---- */
 
 /* x of delay_ns ago from a line whose newest entry is at `at`; the line holds at least so much. */
-static double ago(const double *line, size_t length, size_t at, int64_t delay_ns, int64_t tick_ns)
+static double delay_line_read(const double *line, size_t length, size_t at, int64_t delay_ns,
+                              int64_t tick_ns)
 {
     size_t whole = (size_t)(delay_ns / tick_ns);
     double part = (double)(delay_ns % tick_ns) / (double)tick_ns;
@@ -329,7 +332,7 @@ static double ago(const double *line, size_t length, size_t at, int64_t delay_ns
     return younger + part * (line[(at + length - whole - 1) % length] - younger);
 }
 
-static double delay(struct channel *channel, double x, int64_t tick_ns, bool started)
+static double channel_delay(struct channel *channel, double x, int64_t tick_ns, bool started)
 {
     if (channel->length == 0) {
         return x;
@@ -340,10 +343,11 @@ static double delay(struct channel *channel, double x, int64_t tick_ns, bool sta
     }
     channel->at = (channel->at + 1) % channel->length;
     channel->line[channel->at] = x;
-    return ago(channel->line, channel->length, channel->at, channel->error.latency_ns, tick_ns);
+    return delay_line_read(channel->line, channel->length, channel->at, channel->error.latency_ns,
+                           tick_ns);
 }
 
-static double convert(const struct sensor_error *e, double x)
+static double sensor_error_convert(const struct sensor_error *e, double x)
 {
     if (e->full_scale > 0.0) {
         x = fmax(-e->full_scale, fmin(e->full_scale, x));
@@ -351,7 +355,7 @@ static double convert(const struct sensor_error *e, double x)
     return e->lsb > 0.0 ? e->lsb * floor(x / e->lsb + 0.5) : x;
 }
 
-static double measure(struct sensing *s, struct channel *channel, double x)
+static double channel_measure(struct sensing *s, struct channel *channel, double x)
 {
     const struct sensor_error *e = &channel->error;
     double tick_s = 1e-9 * (double)s->config.tick_ns;
@@ -359,7 +363,7 @@ static double measure(struct sensing *s, struct channel *channel, double x)
     if (channel->ideal) {
         return x;
     }
-    x = delay(channel, x, s->config.tick_ns, s->started);
+    x = channel_delay(channel, x, s->config.tick_ns, s->started);
     if (s->started) {
         channel->ramp += e->ramp_per_s * tick_s;
         if (e->drift_per_sqrt_s > 0.0) {
@@ -370,13 +374,14 @@ static double measure(struct sensing *s, struct channel *channel, double x)
     if (e->noise_rms > 0.0) {
         x += s->noise_scale * e->noise_rms * random_gaussian(&channel->noise);
     }
-    return convert(e, x);
+    return sensor_error_convert(e, x);
 }
 
 /* ---- faults ---- */
 
 /* What a fault makes of x; last is what the channel said before. */
-static double disturb(const struct sensing *s, struct sensor_fault *f, double x, double last)
+static double sensor_fault_disturb(const struct sensing *s, struct sensor_fault *f, double x,
+                                   double last)
 {
     const struct fault *fault = f->fault;
     bool begins = !f->was_active;
@@ -398,7 +403,8 @@ static double disturb(const struct sensing *s, struct sensor_fault *f, double x,
         }
         return f->held;
     case FAULT_DELAYED:
-        return ago(f->line, f->length, f->at, (int64_t)(fault->value[0] * 1e9), s->config.tick_ns);
+        return delay_line_read(f->line, f->length, f->at, (int64_t)(fault->value[0] * 1e9),
+                               s->config.tick_ns);
     case FAULT_INTERMITTENT:
         f->gap = random_gap(&f->random, f->gap, fault->value[0], fault->value[1],
                             1e-9 * (double)s->config.tick_ns);
@@ -409,7 +415,7 @@ static double disturb(const struct sensing *s, struct sensor_fault *f, double x,
 }
 
 /* The line runs also while the fault does not, so that it knows the past when it begins. */
-static void remember(struct sensor_fault *f, double x, bool started)
+static void sensor_fault_remember(struct sensor_fault *f, double x, bool started)
 {
     for (size_t i = 0; !started && i < f->length; i++) {
         f->line[i] = x;
@@ -420,20 +426,20 @@ static void remember(struct sensor_fault *f, double x, bool started)
     }
 }
 
-static double read_channel(struct sensing *s, size_t index, double x)
+static double sensing_read_channel(struct sensing *s, size_t index, double x)
 {
     struct channel *channel = &s->channel[index];
 
-    x = measure(s, channel, x);
+    x = channel_measure(s, channel, x);
     for (size_t i = 0; i < s->nfault; i++) {
         struct sensor_fault *f = &s->fault[i];
 
         if (f->channel != index) {
             continue;
         }
-        remember(f, x, s->started);
+        sensor_fault_remember(f, x, s->started);
         if (f->fault->active) {
-            x = disturb(s, f, x, s->started ? channel->last : x);
+            x = sensor_fault_disturb(s, f, x, s->started ? channel->last : x);
         }
         f->was_active = f->fault->active;
     }
@@ -443,7 +449,7 @@ static double read_channel(struct sensing *s, size_t index, double x)
 
 /* ---- the sensors ---- */
 
-static bool is_plain(const struct sensing *s, size_t channel)
+static bool sensing_channel_is_plain(const struct sensing *s, size_t channel)
 {
     for (size_t i = 0; i < s->nfault; i++) {
         if (s->fault[i].channel == channel) {
@@ -453,7 +459,7 @@ static bool is_plain(const struct sensing *s, size_t channel)
     return s->channel[channel].ideal;
 }
 
-static double heat(const struct sensing *s, size_t j, double current_a)
+static double sensing_heat_winding(const struct sensing *s, size_t j, double current_a)
 {
     const struct sensor_thermal *thermal = &s->joint[j].thermal;
     struct joint_state *state = &s->state[j];
@@ -469,40 +475,44 @@ static double heat(const struct sensing *s, size_t j, double current_a)
 }
 
 /* The rate that an encoder's readings show, or the truth where it is ideal. */
-static double rate(const struct sensing *s, size_t channel, double now, double *last, double truth)
+static double sensing_encoder_rate(const struct sensing *s, size_t channel, double now,
+                                   double *last, double truth)
 {
     double change = s->started ? now - *last : 0.0;
 
     *last = now;
-    return is_plain(s, channel) ? truth : change / (1e-9 * (double)s->config.tick_ns);
+    return sensing_channel_is_plain(s, channel) ? truth
+                                                : change / (1e-9 * (double)s->config.tick_ns);
 }
 
-static void read_joint(struct sensing *s, size_t j, const struct motor_sense *truth)
+static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_sense *truth)
 {
     struct motor_sense *out = &s->measured.motor[j];
     struct joint_state *state = &s->state[j];
-    size_t link = joint_channel(j, SENSOR_LINK_ENCODER),
-           motor = joint_channel(j, SENSOR_MOTOR_ENCODER);
+    size_t link = sensing_joint_channel(j, SENSOR_LINK_ENCODER),
+           motor = sensing_joint_channel(j, SENSOR_MOTOR_ENCODER);
 
     if (s->joint[j].incremental && (!s->started || state->restarts)) {
         state->start_rad = truth->qm;
     }
     *out = *truth;
-    out->q = read_channel(s, link, truth->q);
-    out->qm = read_channel(s, motor, truth->qm - state->start_rad);
-    out->qd = rate(s, link, out->q, &state->last_q, truth->qd);
+    out->q = sensing_read_channel(s, link, truth->q);
+    out->qm = sensing_read_channel(s, motor, truth->qm - state->start_rad);
+    out->qd = sensing_encoder_rate(s, link, out->q, &state->last_q, truth->qd);
     if (state->restarts) {
         state->last_qm = out->qm; /* no jump for those who look at the rate */
         state->restarts = false;
     }
-    out->qmd = rate(s, motor, out->qm, &state->last_qm, truth->qmd);
-    out->current_a = read_channel(s, joint_channel(j, SENSOR_CURRENT), truth->current_a);
-    out->torque_nm = read_channel(s, joint_channel(j, SENSOR_TORQUE), truth->torque_nm);
-    out->winding_c =
-        read_channel(s, joint_channel(j, SENSOR_TEMPERATURE), heat(s, j, truth->current_a));
+    out->qmd = sensing_encoder_rate(s, motor, out->qm, &state->last_qm, truth->qmd);
+    out->current_a =
+        sensing_read_channel(s, sensing_joint_channel(j, SENSOR_CURRENT), truth->current_a);
+    out->torque_nm =
+        sensing_read_channel(s, sensing_joint_channel(j, SENSOR_TORQUE), truth->torque_nm);
+    out->winding_c = sensing_read_channel(s, sensing_joint_channel(j, SENSOR_TEMPERATURE),
+                                          sensing_heat_winding(s, j, truth->current_a));
 }
 
-static void read_ft(struct sensing *s, size_t f, const struct ft_sense *truth)
+static void sensing_read_ft(struct sensing *s, size_t f, const struct ft_sense *truth)
 {
     const double x[SENSOR_FT_CHANNELS] = {truth->force_n[0],   truth->force_n[1],
                                           truth->force_n[2],   truth->torque_nm[0],
@@ -515,7 +525,7 @@ static void read_ft(struct sensing *s, size_t f, const struct ft_sense *truth)
         for (size_t from = 0; s->ft[f].crosstalk > 0.0 && from < SENSOR_FT_CHANNELS; from++) {
             sum += from == to ? 0.0 : s->mix[f][to][from] * x[from];
         }
-        sum = read_channel(s, ft_channel(s, f, to), sum);
+        sum = sensing_read_channel(s, sensing_ft_channel(s, f, to), sum);
         if (to < 3) {
             out->force_n[to] = sum;
         } else {
@@ -524,12 +534,13 @@ static void read_ft(struct sensing *s, size_t f, const struct ft_sense *truth)
     }
 }
 
-static void read_imu(struct sensing *s, const struct imu_sense *truth)
+static void sensing_read_imu(struct sensing *s, const struct imu_sense *truth)
 {
     for (size_t i = 0; i < 3; i++) {
-        s->measured.imu.gyro_rad_s[i] = read_channel(s, imu_channel(s, i), truth->gyro_rad_s[i]);
+        s->measured.imu.gyro_rad_s[i] =
+            sensing_read_channel(s, sensing_imu_channel(s, i), truth->gyro_rad_s[i]);
         s->measured.imu.accel_m_s2[i] =
-            read_channel(s, imu_channel(s, 3 + i), truth->accel_m_s2[i]);
+            sensing_read_channel(s, sensing_imu_channel(s, 3 + i), truth->accel_m_s2[i]);
     }
 }
 
@@ -570,12 +581,12 @@ const struct plant_sensors *sensing_sample(struct sensing *s, const struct plant
     s->measured.njoint = truth->njoint;
     s->measured.nft = truth->nft;
     for (size_t j = 0; j < s->config.njoint; j++) {
-        read_joint(s, j, &truth->motor[j]);
+        sensing_read_joint(s, j, &truth->motor[j]);
     }
     for (size_t f = 0; f < s->config.nft; f++) {
-        read_ft(s, f, &truth->ft[f]);
+        sensing_read_ft(s, f, &truth->ft[f]);
     }
-    read_imu(s, &truth->imu);
+    sensing_read_imu(s, &truth->imu);
     s->started = true;
     return &s->measured;
 }

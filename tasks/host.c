@@ -25,7 +25,7 @@ static const int64_t TELEMETRY_TIMEOUT = 200;  /* ms without rotor positions */
 
 /* ---- creation ---- */
 
-static const struct host_ops *ops_of(const struct host_config *config, size_t bus)
+static const struct host_ops *host_bus_ops(const struct host_config *config, size_t bus)
 {
     static const struct host_ops *const known[] = {
         [HOST_ICUB] = &host_icub, [HOST_FOC] = &host_foc, [HOST_COMPACT] = &host_compact};
@@ -33,8 +33,9 @@ static const struct host_ops *ops_of(const struct host_config *config, size_t bu
     return config->bus ? known[config->bus[bus].personality] : &host_icub;
 }
 
-static enum error_code claim_node(struct host *host, int bus, unsigned address, enum host_kind kind,
-                                  struct host_node **out, struct error *error)
+static enum error_code host_claim_node(struct host *host, int bus, unsigned address,
+                                       enum host_kind kind, struct host_node **out,
+                                       struct error *error)
 {
     const struct host_ops *ops;
     struct host_node *node;
@@ -64,12 +65,12 @@ static enum error_code claim_node(struct host *host, int bus, unsigned address, 
     return ERROR_NONE;
 }
 
-static enum error_code map_axis(struct host *host, size_t index, struct error *error)
+static enum error_code host_map_axis(struct host *host, size_t index, struct error *error)
 {
     const struct host_axis *axis = &host->config.axis[index];
     struct host_node *node;
     enum error_code code =
-        claim_node(host, axis->bus, axis->address, HOST_MOTOR_BOARD, &node, error);
+        host_claim_node(host, axis->bus, axis->address, HOST_MOTOR_BOARD, &node, error);
 
     if (code) {
         return code;
@@ -86,8 +87,8 @@ static enum error_code map_axis(struct host *host, size_t index, struct error *e
     if (axis->torque_address < 0) {
         return ERROR_NONE;
     }
-    code = claim_node(host, axis->bus, (unsigned)axis->torque_address, HOST_TORQUE_BOARD, &node,
-                      error);
+    code = host_claim_node(host, axis->bus, (unsigned)axis->torque_address, HOST_TORQUE_BOARD,
+                           &node, error);
     if (code) {
         return code;
     }
@@ -117,20 +118,20 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
     }
     host->config = *config;
     for (size_t b = 0; b < config->nbus; b++) {
-        host->line[b].ops = ops_of(config, b);
+        host->line[b].ops = host_bus_ops(config, b);
         for (int k = 0; k < HOST_SLOTS; k++) {
             host->line[b].slot[k] = -1;
         }
     }
     for (size_t i = 0; i < config->naxis && !code; i++) {
         host->joint[i].motor_time_ns = -1;
-        code = map_axis(host, i, error);
+        code = host_map_axis(host, i, error);
     }
     for (size_t i = 0; i < config->nft && !code; i++) {
         struct host_node *node;
 
-        code =
-            claim_node(host, config->ft[i].bus, config->ft[i].address, HOST_FT_BOARD, &node, error);
+        code = host_claim_node(host, config->ft[i].bus, config->ft[i].address, HOST_FT_BOARD, &node,
+                               error);
         if (!code) {
             node->ft = (int)i;
             node->period_ns = config->ft[i].period_ns;
@@ -148,7 +149,7 @@ struct host_joint *host_node_joint(struct host *host, const struct host_node *no
 }
 
 /* The simulator is not at the tick of a STEP of ours. */
-static void read_refusal(struct host *host, uint32_t tick)
+static void host_read_refusal(struct host *host, uint32_t tick)
 {
     if (tick == host->step_tick) {
         return; /* of an earlier copy of a repeated STEP; the one that is out will run */
@@ -163,7 +164,7 @@ static void read_refusal(struct host *host, uint32_t tick)
     host->tick = tick;
 }
 
-static void read_done(struct host *host, struct host_line *line, const struct bus_frame *frame)
+static void host_read_done(struct host *host, struct host_line *line, const struct bus_frame *frame)
 {
     uint32_t tick;
     uint16_t flags;
@@ -174,7 +175,7 @@ static void read_done(struct host *host, struct host_line *line, const struct bu
     flags = get_u16_le(frame->data + 4);
     tick = get_u32_le(frame->data);
     if (flags & LOCKSTEP_MISMATCH && tick != host->step_tick + 1) {
-        read_refusal(host, tick);
+        host_read_refusal(host, tick);
     } else {
         /* or a refusal of a copy of the STEP, which has run: its DONE may have been lost here */
         line->done = true;
@@ -187,7 +188,7 @@ static void read_done(struct host *host, struct host_line *line, const struct bu
     }
 }
 
-static void read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
+static void host_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     struct host_line *line = &host->line[bus];
 
@@ -195,13 +196,13 @@ static void read_frame(struct host *host, size_t bus, const struct bus_frame *fr
         return;
     }
     if (host->config.lockstep && frame->id == host->config.done_id) {
-        read_done(host, line, frame);
+        host_read_done(host, line, frame);
     } else {
         line->ops->read(host, bus, frame);
     }
 }
 
-static void read_bus(struct host *host, size_t bus)
+static void host_read_bus(struct host *host, size_t bus)
 {
     struct bus_frame frames[RECEIVE_BATCH];
     size_t count = RECEIVE_BATCH;
@@ -209,7 +210,7 @@ static void read_bus(struct host *host, size_t bus)
     for (int batch = 0; batch < BATCHES_MAX && count == RECEIVE_BATCH; batch++) {
         count = can_receive(host->config.port[bus], frames, RECEIVE_BATCH);
         for (size_t i = 0; i < count; i++) {
-            read_frame(host, bus, &frames[i]);
+            host_read_frame(host, bus, &frames[i]);
         }
     }
 }
@@ -222,7 +223,7 @@ bool host_receive(struct host *host, int64_t now_ns)
         host->now_ns = now_ns;
     }
     for (size_t b = 0; b < host->config.nbus; b++) {
-        read_bus(host, b);
+        host_read_bus(host, b);
         all_done = all_done && host->line[b].done;
     }
     if (!host->config.lockstep) {
@@ -257,14 +258,14 @@ void host_queue(struct host *host, size_t bus, const struct bus_frame *frame)
     }
 }
 
-static struct host_line *line_of(struct host *host, size_t axis)
+static struct host_line *host_axis_line(struct host *host, size_t axis)
 {
     return &host->line[host->config.axis[axis].bus];
 }
 
 void host_set_motor(struct host *host, size_t axis, bool on)
 {
-    struct host_line *line = line_of(host, axis);
+    struct host_line *line = host_axis_line(host, axis);
 
     host->volts[axis] = 0;
     line->driving = line->driving || on;
@@ -273,7 +274,7 @@ void host_set_motor(struct host *host, size_t axis, bool on)
 
 void host_set_voltage(struct host *host, size_t axis, double volts)
 {
-    struct host_line *line = line_of(host, axis);
+    struct host_line *line = host_axis_line(host, axis);
 
     host->volts[axis] = fmin(fmax(volts, -host->config.supply_v), host->config.supply_v);
     if (line->ops->set_voltage) {
@@ -286,7 +287,7 @@ double host_duty(const struct host *host, size_t axis)
     return host->volts[axis] / host->config.supply_v;
 }
 
-static struct bus_frame step_frame(const struct host *host)
+static struct bus_frame host_step_frame(const struct host *host)
 {
     uint8_t data[LOCKSTEP_LENGTH];
 
@@ -312,7 +313,7 @@ void host_send(struct host *host)
         struct bus_frame step;
 
         host->step_tick = host->tick;
-        step = step_frame(host);
+        step = host_step_frame(host);
         can_send(host->config.port[host->config.lockstep_bus], &step, 1);
         host->step_waits = true;
         host->step_sent_ns = -1;
@@ -328,7 +329,7 @@ void host_repeat_step(struct host *host, int64_t now_ns)
         host->step_sent_ns = now_ns;
     }
     if (now_ns - host->step_sent_ns >= 100 * MS) {
-        struct bus_frame step = step_frame(host);
+        struct bus_frame step = host_step_frame(host);
 
         can_send(host->config.port[host->config.lockstep_bus], &step, 1);
         host->step_sent_ns = now_ns;
@@ -337,7 +338,7 @@ void host_repeat_step(struct host *host, int64_t now_ns)
 
 /* ---- start-up ---- */
 
-static void enter(struct host *host, enum host_phase phase)
+static void host_enter_phase(struct host *host, enum host_phase phase)
 {
     host->phase = phase;
     host->phase_since_ns = host->now_ns;
@@ -353,7 +354,8 @@ void host_fail_node(struct host *host, size_t bus, unsigned address, const char 
 }
 
 /* Calls step for every board of ours; true when it was true for all. */
-static bool every_node(struct host *host, bool (*step)(struct host *, size_t bus, unsigned address))
+static bool host_every_node(struct host *host,
+                            bool (*step)(struct host *, size_t bus, unsigned address))
 {
     bool all = true;
 
@@ -367,15 +369,15 @@ static bool every_node(struct host *host, bool (*step)(struct host *, size_t bus
     return all;
 }
 
-static bool node_found(struct host *host, size_t bus, unsigned address)
+static bool host_node_found(struct host *host, size_t bus, unsigned address)
 {
     return host->line[bus].node[address].found;
 }
 
-static enum host_phase discover(struct host *host)
+static enum host_phase host_discover(struct host *host)
 {
-    if (every_node(host, node_found)) {
-        enter(host, HOST_CONFIGURING);
+    if (host_every_node(host, host_node_found)) {
+        host_enter_phase(host, HOST_CONFIGURING);
         return host->phase;
     }
     if (!host->asked) {
@@ -402,7 +404,7 @@ static enum host_phase discover(struct host *host)
     return host->phase;
 }
 
-static bool configure_node(struct host *host, size_t bus, unsigned address)
+static bool host_configure_node(struct host *host, size_t bus, unsigned address)
 {
     struct host_node *node = &host->line[bus].node[address];
     struct host_request request = {0};
@@ -429,7 +431,7 @@ static bool configure_node(struct host *host, size_t bus, unsigned address)
 }
 
 /* ": over-current, under-voltage", or nothing */
-static const char *fault_names(const struct host *host, size_t axis, char text[96])
+static const char *host_list_faults(const struct host *host, size_t axis, char text[96])
 {
     const char *const *name = host->line[host->config.axis[axis].bus].ops->fault_name;
     size_t used = 0;
@@ -443,7 +445,7 @@ static const char *fault_names(const struct host *host, size_t axis, char text[9
     return text;
 }
 
-static enum host_phase fail_joint(struct host *host, size_t axis, const char *what)
+static enum host_phase host_fail_joint(struct host *host, size_t axis, const char *what)
 {
     const struct host_joint *joint = &host->joint[axis];
     char names[96];
@@ -451,7 +453,7 @@ static enum host_phase fail_joint(struct host *host, size_t axis, const char *wh
     if (joint->motor == HOST_MOTOR_FAULT) {
         snprintf(host->message, sizeof host->message, "joint %s is in fault 0x%02X%s",
                  host->config.axis[axis].joint, (unsigned)joint->fault,
-                 fault_names(host, axis, names));
+                 host_list_faults(host, axis, names));
     } else {
         snprintf(host->message, sizeof host->message, "joint %s %s", host->config.axis[axis].joint,
                  what);
@@ -459,7 +461,7 @@ static enum host_phase fail_joint(struct host *host, size_t axis, const char *wh
     return host->phase = HOST_FAILED;
 }
 
-static enum host_phase enable(struct host *host)
+static enum host_phase host_enable_motors(struct host *host)
 {
     bool all = true;
 
@@ -479,14 +481,14 @@ static enum host_phase enable(struct host *host)
             joint->motor == HOST_MOTOR_ON && joint->motor_time_ns >= 0 && joint->joint_seen;
 
         if (!ready && host->now_ns - host->phase_since_ns > ENABLE_TIMEOUT * MS) {
-            return fail_joint(host, i,
-                              joint->motor == HOST_MOTOR_ON ? "does not tell its position"
-                                                            : "does not switch its motor on");
+            return host_fail_joint(host, i,
+                                   joint->motor == HOST_MOTOR_ON ? "does not tell its position"
+                                                                 : "does not switch its motor on");
         }
         all = all && ready;
     }
     if (all) {
-        enter(host, HOST_READY);
+        host_enter_phase(host, HOST_READY);
     }
     return host->phase;
 }
@@ -495,14 +497,14 @@ enum host_phase host_start_up(struct host *host)
 {
     switch (host->phase) {
     case HOST_DISCOVERING:
-        return discover(host);
+        return host_discover(host);
     case HOST_CONFIGURING:
-        if (every_node(host, configure_node) && host->phase == HOST_CONFIGURING) {
-            enter(host, HOST_ENABLING);
+        if (host_every_node(host, host_configure_node) && host->phase == HOST_CONFIGURING) {
+            host_enter_phase(host, HOST_ENABLING);
         }
         return host->phase;
     case HOST_ENABLING:
-        return enable(host);
+        return host_enable_motors(host);
     default:
         return host->phase;
     }
@@ -518,11 +520,12 @@ bool host_healthy(struct host *host)
         if (joint->motor != HOST_MOTOR_ON) {
             /* off without a fault: a board that has started anew */
             host->lost = joint->motor == HOST_MOTOR_OFF;
-            fail_joint(host, i,
-                       joint->motor == HOST_MOTOR_OTHER ? "is in another mode than it was put into"
-                                                        : "has switched its motor off");
+            host_fail_joint(host, i,
+                            joint->motor == HOST_MOTOR_OTHER
+                                ? "is in another mode than it was put into"
+                                : "has switched its motor off");
         } else if (host->now_ns - joint->motor_time_ns > TELEMETRY_TIMEOUT * MS) {
-            fail_joint(host, i, "has gone silent");
+            host_fail_joint(host, i, "has gone silent");
             host->lost = joint->motor != HOST_MOTOR_FAULT;
         }
     }

@@ -41,12 +41,13 @@ enum host_motor host_motor_of_mode(uint8_t mode)
     }
 }
 
-static double analog_value(const uint8_t *data, double full_scale)
+static double host_strain_value(const uint8_t *data, double full_scale)
 {
     return (get_u16_le(data) - ICUB_STRAIN_ZERO) * full_scale / ICUB_STRAIN_ZERO;
 }
 
-static void read_analog(struct host *host, struct host_node *node, const struct bus_frame *frame)
+static void host_strain_read_forces(struct host *host, struct host_node *node,
+                                    const struct bus_frame *frame)
 {
     unsigned type = frame->id & 0xf;
     int first = type == ICUB_TORQUE ? 3 : 0;
@@ -59,7 +60,7 @@ static void read_analog(struct host *host, struct host_node *node, const struct 
         struct host_force *force = &host->force[node->ft];
 
         for (int c = 0; c < 3; c++) {
-            double value = analog_value(frame->data + 2 * c, node->full_scale[first + c]);
+            double value = host_strain_value(frame->data + 2 * c, node->full_scale[first + c]);
 
             *(first ? &force->torque_nm[c] : &force->force_n[c]) = value;
         }
@@ -71,8 +72,8 @@ static void read_analog(struct host *host, struct host_node *node, const struct 
         int axis = node->channel[first + c];
 
         if (axis >= 0) {
-            host->joint[axis].torque_nm =
-                analog_value(frame->data + 2 * c, host->config.axis[axis].torque_full_scale_nm);
+            host->joint[axis].torque_nm = host_strain_value(
+                frame->data + 2 * c, host->config.axis[axis].torque_full_scale_nm);
         }
     }
 }
@@ -82,7 +83,7 @@ void host_strain_read(struct host *host, struct host_node *node, const struct bu
     const uint8_t *data = frame->data;
 
     if (frame->id >> 8 == ICUB_PERIODIC_ANALOG) {
-        read_analog(host, node, frame);
+        host_strain_read_forces(host, node, frame);
     } else if (frame->id >> 8 != ICUB_POLLING_ANALOG || (frame->id & 0xf) != ICUB_HOST) {
         return;
     } else if (frame->len == 8 && data[0] == ICUB_STRAIN_GET_FIRMWARE) {

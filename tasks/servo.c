@@ -75,7 +75,7 @@ double servo_reference(const struct servo *servo, size_t axis)
 
 /* what the link is off, less what its encoder cannot tell: integrated for ever, the rounding of two
  * legs that stand on the same ground would wind them against each other */
-static double link_error(const struct servo *servo, size_t axis)
+static double servo_link_error(const struct servo *servo, size_t axis)
 {
     double step = 1 / host_configuration(servo->host)->axis[axis].joint_ticks_per_rad;
     double error = servo->loop[axis].wanted - host_joint(servo->host, axis)->joint_rad;
@@ -83,7 +83,7 @@ static double link_error(const struct servo *servo, size_t axis)
     return error > step ? error - step : error < -step ? error + step : 0;
 }
 
-static void estimate_rate(struct loop *loop, const struct host_joint *joint)
+static void servo_estimate_rate(struct loop *loop, const struct host_joint *joint)
 {
     int64_t span = joint->motor_time_ns - loop->motor_time_ns;
 
@@ -95,7 +95,7 @@ static void estimate_rate(struct loop *loop, const struct host_joint *joint)
 }
 
 /* one axis; the integral stands still while the voltage is saturated in its direction */
-static double voltage(struct servo *servo, size_t axis, double dt)
+static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
 {
     const struct servo_gains *gains = &servo->config.gains[axis];
     double supply = host_configuration(servo->host)->supply_v;
@@ -109,7 +109,7 @@ static double voltage(struct servo *servo, size_t axis, double dt)
 
     if (fabs(V) < limit || V * error < 0) {
         loop->integral += error * dt;
-        loop->trim += gains->trim_per_s * link_error(servo, axis) * dt;
+        loop->trim += gains->trim_per_s * servo_link_error(servo, axis) * dt;
     }
     return fmin(fmax(V, -limit), limit);
 }
@@ -124,7 +124,7 @@ void servo_update(struct servo *servo)
     }
     servo->last_ns = now;
     for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
-        estimate_rate(&servo->loop[i], host_joint(servo->host, i));
-        host_set_voltage(servo->host, i, voltage(servo, i, dt));
+        servo_estimate_rate(&servo->loop[i], host_joint(servo->host, i));
+        host_set_voltage(servo->host, i, servo_axis_voltage(servo, i, dt));
     }
 }

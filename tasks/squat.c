@@ -45,8 +45,8 @@ struct squat {
 
 /* Height of the hip over the ankle and how far the ankle is ahead of the hip, from the thigh's pitch
  * in the world and the knee's angle. */
-static void leg_forward(const struct squat_config *config, double thigh, double knee,
-                        double *height, double *ahead)
+static void squat_leg_forward(const struct squat_config *config, double thigh, double knee,
+                              double *height, double *ahead)
 {
     *height = config->thigh_m * cos(thigh) + config->shank_m * cos(thigh + knee);
     *ahead = -config->thigh_m * sin(thigh) - config->shank_m * sin(thigh + knee);
@@ -54,8 +54,8 @@ static void leg_forward(const struct squat_config *config, double thigh, double 
 
 /* The inverse for joint angles, knee bent forward; the trunk keeps its lean over a flat foot. False
  * when out of reach. */
-static bool leg_inverse(const struct squat_config *config, const struct leg *leg, double height,
-                        double angle[PITCH_JOINTS])
+static bool squat_leg_inverse(const struct squat_config *config, const struct leg *leg,
+                              double height, double angle[PITCH_JOINTS])
 {
     double l1 = config->thigh_m, l2 = config->shank_m;
     double r2 = height * height + leg->ankle_x * leg->ankle_x;
@@ -72,7 +72,7 @@ static bool leg_inverse(const struct squat_config *config, const struct leg *leg
     return true;
 }
 
-static double depth_at(const struct squat_config *config, double t)
+static double squat_depth_at(const struct squat_config *config, double t)
 {
     double length = config->period_s * config->cycles;
 
@@ -80,7 +80,8 @@ static double depth_at(const struct squat_config *config, double t)
                                  : config->depth_m / 2 * (1 - cos(2 * M_PI * t / config->period_s));
 }
 
-static enum error_code find_leg(struct task *task, int side, struct leg *leg, struct error *error)
+static enum error_code squat_find_leg(struct task *task, int side, struct leg *leg,
+                                      struct error *error)
 {
     double angle[PITCH_JOINTS];
 
@@ -95,10 +96,10 @@ static enum error_code find_leg(struct task *task, int side, struct leg *leg, st
         leg->initial[j] = task->config.initial_rad[axis];
     }
     leg->lean = -(leg->initial[HIP] + leg->initial[KNEE] + leg->initial[ANKLE]);
-    leg_forward(&task->config.squat, leg->lean + leg->initial[HIP], leg->initial[KNEE],
-                &leg->hip_height, &leg->ankle_x);
-    if (!leg_inverse(&task->config.squat, leg, leg->hip_height - task->config.squat.depth_m,
-                     angle)) {
+    squat_leg_forward(&task->config.squat, leg->lean + leg->initial[HIP], leg->initial[KNEE],
+                      &leg->hip_height, &leg->ankle_x);
+    if (!squat_leg_inverse(&task->config.squat, leg, leg->hip_height - task->config.squat.depth_m,
+                           angle)) {
         return error_set(error, ERROR_INPUT, "squat: depth %g m is out of the legs' reach",
                          task->config.squat.depth_m);
     }
@@ -116,7 +117,8 @@ static enum error_code find_leg(struct task *task, int side, struct leg *leg, st
     return ERROR_NONE;
 }
 
-static enum error_code find_foot(struct task *task, int side, size_t *foot, struct error *error)
+static enum error_code squat_find_foot(struct task *task, int side, size_t *foot,
+                                       struct error *error)
 {
     for (size_t i = 0; i < task->config.host.nft; i++) {
         if (strcmp(task->config.host.ft[i].name, foot_name[side]) == 0) {
@@ -146,9 +148,9 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
     squat->from = from;
     task->state = squat;
     for (int side = 0; side < LEGS && !code; side++) {
-        code = find_leg(task, side, &squat->leg[side], error);
+        code = squat_find_leg(task, side, &squat->leg[side], error);
         if (!code) {
-            code = find_foot(task, side, &squat->foot[side], error);
+            code = squat_find_foot(task, side, &squat->foot[side], error);
         }
     }
     return code;
@@ -165,7 +167,7 @@ static void squat_start(struct task *task)
 }
 
 /* every joint goes smoothly from where it was to the initial pose, and stays */
-static void hold_pose(struct task *task, double t)
+static void squat_hold_pose(struct task *task, double t)
 {
     const struct squat *squat = task->state;
     double s = fmin(t / RAMP_S, 1), blend = s * s * (3 - 2 * s);
@@ -178,7 +180,7 @@ static void hold_pose(struct task *task, double t)
     }
 }
 
-static void bend_legs(struct task *task, double t)
+static void squat_bend_legs(struct task *task, double t)
 {
     const struct squat *squat = task->state;
     const struct squat_config *config = &task->config.squat;
@@ -189,16 +191,16 @@ static void bend_legs(struct task *task, double t)
         double angle[PITCH_JOINTS], before[PITCH_JOINTS], after[PITCH_JOINTS];
 
         /* in reach all the way: the deepest point was checked at creation */
-        leg_inverse(config, leg, leg->hip_height - depth_at(config, t), angle);
-        leg_inverse(config, leg, leg->hip_height - depth_at(config, t - dt), before);
-        leg_inverse(config, leg, leg->hip_height - depth_at(config, t + dt), after);
+        squat_leg_inverse(config, leg, leg->hip_height - squat_depth_at(config, t), angle);
+        squat_leg_inverse(config, leg, leg->hip_height - squat_depth_at(config, t - dt), before);
+        squat_leg_inverse(config, leg, leg->hip_height - squat_depth_at(config, t + dt), after);
         for (int j = 0; j < PITCH_JOINTS; j++) {
             servo_set(task->servo, leg->axis[j], angle[j], (after[j] - before[j]) / (2 * dt));
         }
     }
 }
 
-static double foot_force(const struct task *task)
+static double squat_feet_force(const struct task *task)
 {
     const struct squat *squat = task->state;
 
@@ -207,7 +209,7 @@ static double foot_force(const struct task *task)
 }
 
 /* how far the hips are below the initial height, by the link encoders */
-static double measured_depth(const struct task *task)
+static double squat_measured_depth(const struct task *task)
 {
     const struct squat *squat = task->state;
     double sum = 0;
@@ -216,16 +218,16 @@ static double measured_depth(const struct task *task)
         const struct leg *leg = &squat->leg[side];
         double height, ahead;
 
-        leg_forward(&task->config.squat,
-                    leg->lean + host_joint(task->host, leg->axis[HIP])->joint_rad,
-                    host_joint(task->host, leg->axis[KNEE])->joint_rad, &height, &ahead);
+        squat_leg_forward(&task->config.squat,
+                          leg->lean + host_joint(task->host, leg->axis[HIP])->joint_rad,
+                          host_joint(task->host, leg->axis[KNEE])->joint_rad, &height, &ahead);
         sum += leg->hip_height - height;
     }
     return sum / LEGS;
 }
 
 /* false with a message when the robot no longer stands or a motor does not follow */
-static bool still_up(struct task *task, double t, double weight)
+static bool squat_is_healthy(struct task *task, double t, double weight)
 {
     struct squat *squat = task->state;
 
@@ -239,13 +241,13 @@ static bool still_up(struct task *task, double t, double weight)
             return false;
         }
     }
-    if (foot_force(task) > LIGHT * weight) {
+    if (squat_feet_force(task) > LIGHT * weight) {
         squat->light_since_s = -1;
     } else if (squat->light_since_s < 0) {
         squat->light_since_s = t;
     } else if (t - squat->light_since_s > LIGHT_S) {
         snprintf(task->message, sizeof task->message,
-                 "the robot fell: the feet carry %.0f N of %.0f N", foot_force(task), weight);
+                 "the robot fell: the feet carry %.0f N of %.0f N", squat_feet_force(task), weight);
         return false;
     }
     return true;
@@ -258,23 +260,23 @@ static enum task_status squat_step(struct task *task, double t)
     double begin = RAMP_S + SETTLE_S, length = config->period_s * config->cycles;
     double weight = squat->weighed ? squat->weight_sum / (double)squat->weighed : 0, depth;
 
-    hold_pose(task, t);
+    squat_hold_pose(task, t);
     if (t < begin) {
         if (t > begin - WEIGH_S) {
-            squat->weight_sum += foot_force(task);
+            squat->weight_sum += squat_feet_force(task);
             squat->weighed++;
         }
         if (task->tells) {
             snprintf(task->message, sizeof task->message, "standing, feet carry %.1f N",
-                     foot_force(task));
+                     squat_feet_force(task));
         }
         return TASK_RUNNING;
     }
-    bend_legs(task, t - begin);
-    if (!still_up(task, t, weight)) {
+    squat_bend_legs(task, t - begin);
+    if (!squat_is_healthy(task, t, weight)) {
         return TASK_FAILED;
     }
-    depth = measured_depth(task);
+    depth = squat_measured_depth(task);
     squat->deepest_m = fmax(squat->deepest_m, depth);
     if (t < begin + length + SETTLE_S) {
         if (task->tells) {
@@ -282,15 +284,15 @@ static enum task_status squat_step(struct task *task, double t)
 
             snprintf(task->message, sizeof task->message,
                      "cycle %d of %d, %.0f mm down, feet carry %.1f N", cycle + 1, config->cycles,
-                     1e3 * depth, foot_force(task));
+                     1e3 * depth, squat_feet_force(task));
         }
         return TASK_RUNNING;
     }
     snprintf(task->message, sizeof task->message,
              "%d cycles done, %.1f mm deep, worst motor error %.1f mrad, feet carry %.1f N "
              "(%.1f N before)",
-             config->cycles, 1e3 * squat->deepest_m, 1e3 * squat->worst_error_rad, foot_force(task),
-             weight);
+             config->cycles, 1e3 * squat->deepest_m, 1e3 * squat->worst_error_rad,
+             squat_feet_force(task), weight);
     return TASK_DONE;
 }
 

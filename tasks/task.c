@@ -51,7 +51,7 @@ enum error_code task_create(const char *name, const struct task_config *config, 
     return code;
 }
 
-static enum task_status start_up(struct task *task)
+static enum task_status task_start_up(struct task *task)
 {
     static const char *const doing[] = {
         [HOST_DISCOVERING] = "discovering the boards",
@@ -84,7 +84,7 @@ enum task_status task_step(struct task *task, int64_t now_ns)
         return TASK_RUNNING;
     }
     if (!task->started) {
-        status = start_up(task);
+        status = task_start_up(task);
     } else if (!host_healthy(task->host)) {
         snprintf(task->message, sizeof task->message, "%s", host_message(task->host));
         status = TASK_FAILED;

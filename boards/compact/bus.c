@@ -48,8 +48,8 @@ bool compact_state_due(struct ms_span span, unsigned phase)
     return (span.to + period - 1 - phase) / period > (span.from + period - 1 - phase) / period;
 }
 
-void compact_send(struct board *board, struct frame_sink *sink, enum compact_function function,
-                  unsigned number, const int64_t *values)
+void compact_board_send(struct board *board, struct frame_sink *sink,
+                        enum compact_function function, unsigned number, const int64_t *values)
 {
     const struct compact_message *row = compact_message(function);
     uint8_t data[8] = {0};
@@ -68,7 +68,7 @@ unsigned compact_first_slot(const struct board *board)
     return slot;
 }
 
-static unsigned axes_of(const struct board *board)
+static unsigned compact_axis_count(const struct board *board)
 {
     unsigned count = 0;
 
@@ -79,23 +79,24 @@ static unsigned axes_of(const struct board *board)
     return count;
 }
 
-static unsigned first_slot_or_0(const struct board *board)
+static unsigned compact_first_slot_or_0(const struct board *board)
 {
-    return axes_of(board) ? compact_first_slot(board) : 0;
+    return compact_axis_count(board) ? compact_first_slot(board) : 0;
 }
 
-void compact_identify(struct board *board)
+void compact_board_identify(struct board *board)
 {
-    const int64_t values[] = {board->ops->type,         axes_of(board),    first_slot_or_0(board),
-                              COMPACT_PROTOCOL_VERSION, board->ops->major, board->ops->minor,
-                              board->ops->build};
+    const int64_t values[] = {
+        board->ops->type,         compact_axis_count(board), compact_first_slot_or_0(board),
+        COMPACT_PROTOCOL_VERSION, board->ops->major,         board->ops->minor,
+        board->ops->build};
     uint8_t data[8] = {0};
 
     fields_encode(compact_message(COMPACT_IDENTITY)->fields, values, data);
     board_queue(board, compact_id(COMPACT_IDENTITY, board->address), COMPACT_IDENTITY_LENGTH, data);
 }
 
-static bool set_within(int64_t *setting, int64_t value, int64_t most)
+static bool compact_set_within(int64_t *setting, int64_t value, int64_t most)
 {
     if (value < 0 || value > most) {
         return false;
@@ -104,14 +105,14 @@ static bool set_within(int64_t *setting, int64_t value, int64_t most)
     return true;
 }
 
-static enum compact_result write_node(struct board *board, struct compact_node *node,
-                                      unsigned parameter, int64_t *value)
+static enum compact_result compact_node_write(struct board *board, struct compact_node *node,
+                                              unsigned parameter, int64_t *value)
 {
     int64_t boot_ns = board->config.boot_ns;
 
     switch (parameter) {
     case COMPACT_P_TELEMETRY_PERIOD:
-        if (!set_within(&node->settings.telemetry_ms, *value, 255)) {
+        if (!compact_set_within(&node->settings.telemetry_ms, *value, 255)) {
             *value = node->settings.telemetry_ms;
             return COMPACT_OUT_OF_RANGE;
         }
@@ -119,7 +120,7 @@ static enum compact_result write_node(struct board *board, struct compact_node *
         node->is_saved = false;
         return COMPACT_OK;
     case COMPACT_P_COMMAND_TIMEOUT:
-        if (!set_within(&node->settings.timeout_ms, *value, 60000)) {
+        if (!compact_set_within(&node->settings.timeout_ms, *value, 60000)) {
             *value = node->settings.timeout_ms;
             return COMPACT_OUT_OF_RANGE;
         }
@@ -153,16 +154,17 @@ static enum compact_result write_node(struct board *board, struct compact_node *
 }
 
 /* Of a board as long as the rig stays: bus, kind and the address that it left the factory with. */
-static int64_t serial_of(const struct board *board)
+static int64_t compact_serial_number(const struct board *board)
 {
     return INT64_C(0x51000000) | (int64_t)(board->config.bus & 0xff) << 16 |
            (int64_t)board->config.kind << 8 | board->config.address;
 }
 
-enum compact_result compact_node_parameter(struct board *board, struct compact_node *node,
-                                           unsigned parameter, bool write, int64_t *value)
+enum compact_result compact_node_access_parameter(struct board *board, struct compact_node *node,
+                                                  unsigned parameter, bool write, int64_t *value)
 {
-    enum compact_result result = write ? write_node(board, node, parameter, value) : COMPACT_OK;
+    enum compact_result result =
+        write ? compact_node_write(board, node, parameter, value) : COMPACT_OK;
 
     if (write && result != COMPACT_READ_ONLY) {
         return result;
@@ -175,10 +177,10 @@ enum compact_result compact_node_parameter(struct board *board, struct compact_n
         *value = (int64_t)board->ops->major << 24 | board->ops->minor << 16 | board->ops->build;
         return result;
     case COMPACT_P_SERIAL:
-        *value = serial_of(board);
+        *value = compact_serial_number(board);
         return result;
     case COMPACT_P_FIRST_SLOT:
-        *value = first_slot_or_0(board);
+        *value = compact_first_slot_or_0(board);
         return result;
     case COMPACT_P_UPTIME:
         *value = (board->boards->time_ns - node->started_ns) / MS;
@@ -202,8 +204,8 @@ enum compact_result compact_node_parameter(struct board *board, struct compact_n
 
 /* ---- reception ---- */
 
-static void receive_mode(struct boards *boards, struct board_bus *bus,
-                         const struct bus_frame *frame)
+static void compact_bus_receive_mode(struct boards *boards, struct board_bus *bus,
+                                     const struct bus_frame *frame)
 {
     struct board *listener = NULL;
     enum board_verdict verdict = BOARD_OBEYED;
@@ -223,14 +225,14 @@ static void receive_mode(struct boards *boards, struct board_bus *bus,
         }
         listener = board;
         if (verdict == BOARD_OBEYED) {
-            compact_motor_mode(board, bus->slot[slot].axis, (enum compact_mode)values[0]);
+            compact_axis_command_mode(board, bus->slot[slot].axis, (enum compact_mode)values[0]);
         }
     }
     boards_count_frame(boards, listener, verdict, frame);
 }
 
-static void receive_command(struct boards *boards, struct board_bus *bus,
-                            const struct bus_frame *frame)
+static void compact_bus_receive_command(struct boards *boards, struct board_bus *bus,
+                                        const struct bus_frame *frame)
 {
     unsigned first = (frame->id & 0x1f) * COMPACT_GROUP;
     struct board *listener = NULL;
@@ -244,7 +246,7 @@ static void receive_command(struct boards *boards, struct board_bus *bus,
         }
         listener = slot->board;
         if (whole) {
-            compact_motor_command(slot->board, slot->axis, get_i16_le(frame->data + 2 * i));
+            compact_axis_command(slot->board, slot->axis, get_i16_le(frame->data + 2 * i));
         }
     }
     if (frame->len == 0 && first < bus->slots) {
@@ -253,8 +255,8 @@ static void receive_command(struct boards *boards, struct board_bus *bus,
     boards_count_frame(boards, listener, whole ? BOARD_OBEYED : BOARD_MALFORMED, frame);
 }
 
-static void receive_discover(struct boards *boards, struct board_bus *bus,
-                             const struct bus_frame *frame)
+static void compact_bus_receive_discover(struct boards *boards, struct board_bus *bus,
+                                         const struct bus_frame *frame)
 {
     struct board *listener = NULL;
 
@@ -264,15 +266,15 @@ static void receive_discover(struct boards *boards, struct board_bus *bus,
         if (board && !board_is_deaf(board)) {
             listener = board;
             if (frame->len == 0) {
-                compact_identify(board);
+                compact_board_identify(board);
             }
         }
     }
     boards_count_frame(boards, listener, frame->len ? BOARD_MALFORMED : BOARD_OBEYED, frame);
 }
 
-static void receive_request(struct boards *boards, struct board_bus *bus,
-                            const struct bus_frame *frame)
+static void compact_bus_receive_request(struct boards *boards, struct board_bus *bus,
+                                        const struct bus_frame *frame)
 {
     struct board *board = bus->by_address[frame->id & 0x1f];
     bool write = frame->len > 0 && frame->data[0] & COMPACT_WRITE;
@@ -307,21 +309,21 @@ void compact_bus_receive(struct boards *boards, struct board_bus *bus,
     switch (frame->id >> 5) {
     case COMPACT_MODE:
         if (first) {
-            receive_mode(boards, bus, frame);
+            compact_bus_receive_mode(boards, bus, frame);
             return;
         }
         break;
     case COMPACT_COMMAND:
-        receive_command(boards, bus, frame);
+        compact_bus_receive_command(boards, bus, frame);
         return;
     case COMPACT_DISCOVER:
         if (first) {
-            receive_discover(boards, bus, frame);
+            compact_bus_receive_discover(boards, bus, frame);
             return;
         }
         break;
     case COMPACT_REQUEST:
-        receive_request(boards, bus, frame);
+        compact_bus_receive_request(boards, bus, frame);
         return;
     default:
         break;

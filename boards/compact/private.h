@@ -30,15 +30,15 @@ bool compact_node_due(const struct board *board, struct compact_node *node);
 bool compact_state_due(struct ms_span span, unsigned phase);
 
 /* Queues IDENTITY. */
-void compact_identify(struct board *board);
+void compact_board_identify(struct board *board);
 
 /* A parameter of the board as a whole; COMPACT_UNKNOWN_PARAMETER when it is not one of these. */
-enum compact_result compact_node_parameter(struct board *board, struct compact_node *node,
-                                           unsigned parameter, bool write, int64_t *value);
+enum compact_result compact_node_access_parameter(struct board *board, struct compact_node *node,
+                                                  unsigned parameter, bool write, int64_t *value);
 
 /* Builds a frame from the row of its function and sends it. */
-void compact_send(struct board *board, struct frame_sink *sink, enum compact_function function,
-                  unsigned number, const int64_t *values);
+void compact_board_send(struct board *board, struct frame_sink *sink,
+                        enum compact_function function, unsigned number, const int64_t *values);
 
 /* ---- motor boards ---- */
 
@@ -84,12 +84,13 @@ struct compact_motor {
     bool started;
 };
 
-static inline bool compact_runs(const struct compact_axis *axis)
+static inline bool compact_axis_runs(const struct compact_axis *axis)
 {
     return axis->mode == COMPACT_VOLTAGE || axis->mode == COMPACT_CURRENT;
 }
 
-static inline unsigned compact_index(const struct board *board, const struct compact_axis *axis)
+static inline unsigned compact_axis_index(const struct board *board,
+                                          const struct compact_axis *axis)
 {
     return (unsigned)(axis - board->compact->axis);
 }
@@ -111,12 +112,12 @@ static inline int64_t compact_temperature_limit(const struct board_axis_config *
 }
 
 /* Reads or writes a parameter of a motor board (compact_settings.c); see struct board_ops. */
-enum compact_result compact_motor_parameter(struct board *board, unsigned parameter, unsigned axis,
-                                            bool write, int64_t *value);
+enum compact_result compact_motor_access_parameter(struct board *board, unsigned parameter,
+                                                   unsigned axis, bool write, int64_t *value);
 
 /* A motor board's axis gets its mode or set-point. */
-void compact_motor_mode(struct board *board, unsigned axis, enum compact_mode mode);
-void compact_motor_command(struct board *board, unsigned axis, int16_t set_point);
+void compact_axis_command_mode(struct board *board, unsigned axis, enum compact_mode mode);
+void compact_axis_command(struct board *board, unsigned axis, int16_t set_point);
 
 /* First slot of a motor board. */
 unsigned compact_first_slot(const struct board *board);

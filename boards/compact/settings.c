@@ -5,11 +5,12 @@
 enum { GAIN_MAX = 1000000000 };
 
 /* Where a setting is, and the range that it may have; false: no such setting. */
-static bool find_setting(const struct board *board, struct compact_axis *axis, unsigned parameter,
-                         int64_t **setting, int64_t *least, int64_t *most)
+static bool compact_axis_find_setting(const struct board *board, struct compact_axis *axis,
+                                      unsigned parameter, int64_t **setting, int64_t *least,
+                                      int64_t *most)
 {
     struct compact_axis_settings *p = &axis->settings;
-    const struct board_axis_config *config = &board->config.axis[compact_index(board, axis)];
+    const struct board_axis_config *config = &board->config.axis[compact_axis_index(board, axis)];
 
     *least = 0;
     *most = GAIN_MAX;
@@ -48,8 +49,10 @@ static bool find_setting(const struct board *board, struct compact_axis *axis, u
     }
 }
 
-static enum compact_result axis_parameter(struct board *board, struct compact_axis *axis,
-                                          unsigned parameter, bool write, int64_t *value)
+static enum compact_result compact_axis_access_parameter(struct board *board,
+                                                         struct compact_axis *axis,
+                                                         unsigned parameter, bool write,
+                                                         int64_t *value)
 {
     int64_t *setting, least, most, wanted = *value;
 
@@ -57,14 +60,14 @@ static enum compact_result axis_parameter(struct board *board, struct compact_ax
         *value = parameter == COMPACT_P_MODE ? (int64_t)axis->mode : axis->faults;
         return write ? COMPACT_READ_ONLY : COMPACT_OK;
     }
-    if (!find_setting(board, axis, parameter, &setting, &least, &most)) {
+    if (!compact_axis_find_setting(board, axis, parameter, &setting, &least, &most)) {
         return COMPACT_UNKNOWN_PARAMETER;
     }
     *value = *setting;
     if (!write) {
         return COMPACT_OK;
     }
-    if (compact_runs(axis)) {
+    if (compact_axis_runs(axis)) {
         return COMPACT_NOT_NOW;
     }
     if (wanted < least || wanted > most) {
@@ -76,32 +79,32 @@ static enum compact_result axis_parameter(struct board *board, struct compact_ax
     return COMPACT_OK;
 }
 
-static bool any_runs(const struct compact_motor *motor)
+static bool compact_motor_any_runs(const struct compact_motor *motor)
 {
     for (unsigned i = 0; i < motor->axes; i++) {
-        if (compact_runs(&motor->axis[i])) {
+        if (compact_axis_runs(&motor->axis[i])) {
             return true;
         }
     }
     return false;
 }
 
-enum compact_result compact_motor_parameter(struct board *board, unsigned parameter, unsigned index,
-                                            bool write, int64_t *value)
+enum compact_result compact_motor_access_parameter(struct board *board, unsigned parameter,
+                                                   unsigned index, bool write, int64_t *value)
 {
     struct compact_motor *motor = board->compact;
     enum compact_result result;
 
     if (parameter >= COMPACT_P_MODE && parameter <= COMPACT_P_TEMPERATURE_LIMIT) {
-        return index < motor->axes
-                   ? axis_parameter(board, &motor->axis[index], parameter, write, value)
-                   : COMPACT_NO_SUCH_AXIS;
+        return index < motor->axes ? compact_axis_access_parameter(board, &motor->axis[index],
+                                                                   parameter, write, value)
+                                   : COMPACT_NO_SUCH_AXIS;
     }
-    if (write && parameter == COMPACT_P_RESTART && any_runs(motor)) {
+    if (write && parameter == COMPACT_P_RESTART && compact_motor_any_runs(motor)) {
         *value = 0;
         return COMPACT_NOT_NOW;
     }
-    result = compact_node_parameter(board, &motor->node, parameter, write, value);
+    result = compact_node_access_parameter(board, &motor->node, parameter, write, value);
     for (unsigned i = 0;
          result == COMPACT_OK && write && parameter == COMPACT_P_SAVE && i < motor->axes; i++) {
         motor->axis[i].saved = motor->axis[i].settings;
@@ -123,21 +126,22 @@ static const struct {
     {"temperature_limit", COMPACT_P_TEMPERATURE_LIMIT, "degree C"},
 };
 
-static int64_t *setting_of(const struct board *board, unsigned axis, size_t index, int64_t *least,
-                           int64_t *most)
+static int64_t *compact_setting_at(const struct board *board, unsigned axis, size_t index,
+                                   int64_t *least, int64_t *most)
 {
     int64_t *setting = NULL;
 
-    find_setting(board, &board->compact->axis[axis], rows[index].parameter, &setting, least, most);
+    compact_axis_find_setting(board, &board->compact->axis[axis], rows[index].parameter, &setting,
+                              least, most);
     return setting;
 }
 
-static void describe(const struct board *board, unsigned axis, size_t index,
-                     struct board_setting *setting)
+static void compact_setting_describe(const struct board *board, unsigned axis, size_t index,
+                                     struct board_setting *setting)
 {
     int64_t least, most;
 
-    setting_of(board, axis, index, &least, &most);
+    compact_setting_at(board, axis, index, &least, &most);
     *setting = (struct board_setting){.name = rows[index].name,
                                       .unit = rows[index].unit,
                                       .min = (double)least,
@@ -145,25 +149,25 @@ static void describe(const struct board *board, unsigned axis, size_t index,
                                       .whole = true};
 }
 
-static double get(const struct board *board, unsigned axis, size_t index)
+static double compact_setting_get(const struct board *board, unsigned axis, size_t index)
 {
     int64_t least, most;
 
-    return (double)*setting_of(board, axis, index, &least, &most);
+    return (double)*compact_setting_at(board, axis, index, &least, &most);
 }
 
-static bool set(struct board *board, unsigned axis, size_t index, double value)
+static bool compact_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
     int64_t least, most;
 
-    *setting_of(board, axis, index, &least, &most) = (int64_t)value;
+    *compact_setting_at(board, axis, index, &least, &most) = (int64_t)value;
     board->compact->node.is_saved = false;
     return true;
 }
 
 const struct board_settings compact_settings = {
     .count = sizeof rows / sizeof rows[0],
-    .describe = describe,
-    .get = get,
-    .set = set,
+    .describe = compact_setting_describe,
+    .get = compact_setting_get,
+    .set = compact_setting_set,
 };

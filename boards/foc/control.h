@@ -48,8 +48,8 @@ struct foc_limiter {
 };
 
 /* Returns the Vq to apply instead of vq; gains are those of the current law. */
-int64_t foc_limit(struct foc_limiter *limiter, const struct foc_law *law, int64_t vq,
-                  int64_t current_ma, int64_t peak_ma);
+int64_t foc_limiter_step(struct foc_limiter *limiter, const struct foc_law *law, int64_t vq,
+                         int64_t current_ma, int64_t peak_ma);
 
 /* A PID on floats: output +-32000. An output or integral limit of 0 counts as full scale. */
 struct foc_position_law {

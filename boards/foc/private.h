@@ -50,12 +50,12 @@ static inline bool foc_runs(uint8_t mode)
 }
 
 /* Both begin the references anew; the second in another mode, or in the present one. */
-void foc_forget_references(struct foc_board *foc);
-void foc_set_mode(struct board *board, uint8_t mode);
+void foc_board_forget_references(struct foc_board *foc);
+void foc_board_set_mode(struct board *board, uint8_t mode);
 
 /* Obeys a command, takes DESIRED_TARGETS (foc_commands.c); see struct board_ops. */
-bool foc_command(struct board *board, const struct bus_frame *frame, const int64_t *request,
-                 int64_t *reply, bool *answer);
-bool foc_targets(struct board *board, const struct bus_frame *frame);
+bool foc_board_command(struct board *board, const struct bus_frame *frame, const int64_t *request,
+                       int64_t *reply, bool *answer);
+bool foc_board_targets(struct board *board, const struct bus_frame *frame);
 
 #endif

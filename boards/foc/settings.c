@@ -28,8 +28,8 @@ static const struct {
     {"current_peak", PEAK_CURRENT, 0},
 };
 
-static void describe(const struct board *board, unsigned axis, size_t index,
-                     struct board_setting *setting)
+static void foc_setting_describe(const struct board *board, unsigned axis, size_t index,
+                                 struct board_setting *setting)
 {
     enum kind kind = rows[index].kind;
     bool is_limit = kind == NOMINAL_CURRENT || kind == PEAK_CURRENT;
@@ -46,7 +46,7 @@ static void describe(const struct board *board, unsigned axis, size_t index,
     };
 }
 
-static double get(const struct board *board, unsigned axis, size_t index)
+static double foc_setting_get(const struct board *board, unsigned axis, size_t index)
 {
     const struct foc_board *foc = board->foc;
 
@@ -66,7 +66,7 @@ static double get(const struct board *board, unsigned axis, size_t index)
     return 0.0;
 }
 
-static bool set(struct board *board, unsigned axis, size_t index, double value)
+static bool foc_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
     struct foc_board *foc = board->foc;
 
@@ -91,7 +91,7 @@ static bool set(struct board *board, unsigned axis, size_t index, double value)
 
 const struct board_settings foc_settings = {
     .count = sizeof rows / sizeof rows[0],
-    .describe = describe,
-    .get = get,
-    .set = set,
+    .describe = foc_setting_describe,
+    .get = foc_setting_get,
+    .set = foc_setting_set,
 };

@@ -12,7 +12,7 @@ static const int64_t BOOTLOADER_NS = (int64_t)ICUB_BOOTLOADER_MS * MS;
 
 /* ---- commands ---- */
 
-static void discover(struct board *board, uint32_t reply_id)
+static void icub_board_discover(struct board *board, uint32_t reply_id)
 {
     const uint8_t data[] = {ICUB_DISCOVER, board->ops->type, board->ops->major, board->ops->minor,
                             board->ops->build};
@@ -24,13 +24,14 @@ static void discover(struct board *board, uint32_t reply_id)
     }
 }
 
-static bool management(struct board *board, const struct bus_frame *frame, const int64_t *request)
+static bool icub_board_manage(struct board *board, const struct bus_frame *frame,
+                              const int64_t *request)
 {
     uint32_t reply_id = icub_id(ICUB_MANAGEMENT, board->address, frame->id >> 4);
 
     switch ((enum icub_management_command)frame->data[0]) {
     case ICUB_DISCOVER:
-        discover(board, reply_id);
+        icub_board_discover(board, reply_id);
         return true;
     case ICUB_GET_ADDITIONAL_INFO:
         if (!board->ops->no_info) {
@@ -63,8 +64,8 @@ static bool management(struct board *board, const struct bus_frame *frame, const
     return false;
 }
 
-static const struct icub_command *find_command(const struct board *board, enum icub_class cls,
-                                               uint8_t first)
+static const struct icub_command *icub_board_find_command(const struct board *board,
+                                                          enum icub_class cls, uint8_t first)
 {
     const struct board_ops *ops = board->ops;
     uint8_t code = ops->axis_bit ? first & (uint8_t)~ICUB_AXIS_BIT : first;
@@ -75,8 +76,8 @@ static const struct icub_command *find_command(const struct board *board, enum i
     return code < ops->command_count && ops->commands[code].kind ? &ops->commands[code] : NULL;
 }
 
-static bool obey(struct board *board, const struct bus_frame *frame,
-                 const struct icub_command *command, const int64_t *request)
+static bool icub_board_obey(struct board *board, const struct bus_frame *frame,
+                            const struct icub_command *command, const int64_t *request)
 {
     int64_t reply[FIELDS_MAX] = {0};
     uint8_t data[8] = {frame->data[0]};
@@ -94,7 +95,7 @@ static bool obey(struct board *board, const struct bus_frame *frame,
     return true;
 }
 
-static enum board_verdict handle(struct board *board, const struct bus_frame *frame)
+static enum board_verdict icub_board_receive(struct board *board, const struct bus_frame *frame)
 {
     enum icub_class cls = (enum icub_class)(frame->id >> 8);
     const struct icub_command *command;
@@ -104,7 +105,7 @@ static enum board_verdict handle(struct board *board, const struct bus_frame *fr
     if (frame->len == 0) {
         return BOARD_MALFORMED;
     }
-    command = find_command(board, cls, frame->data[0]);
+    command = icub_board_find_command(board, cls, frame->data[0]);
     if (!command) {
         return BOARD_UNKNOWN;
     }
@@ -113,14 +114,14 @@ static enum board_verdict handle(struct board *board, const struct bus_frame *fr
         return BOARD_MALFORMED;
     }
     if (cls == ICUB_MANAGEMENT) {
-        obeyed = management(board, frame, request);
+        obeyed = icub_board_manage(board, frame, request);
     } else {
-        obeyed = board->in_bootloader || obey(board, frame, command, request);
+        obeyed = board->in_bootloader || icub_board_obey(board, frame, command, request);
     }
     return obeyed ? BOARD_OBEYED : BOARD_MALFORMED;
 }
 
-static bool is_for(const struct board *board, const struct bus_frame *frame)
+static bool icub_board_is_addressed(const struct board *board, const struct bus_frame *frame)
 {
     enum icub_class cls = (enum icub_class)(frame->id >> 8);
     bool everyone = (frame->id & 0xf) == ICUB_EVERYONE;
@@ -132,8 +133,8 @@ static bool is_for(const struct board *board, const struct bus_frame *frame)
     return cls == board->ops->command_class;
 }
 
-static void receive_command(struct boards *boards, struct board_bus *bus,
-                            const struct bus_frame *frame)
+static void icub_bus_receive_command(struct boards *boards, struct board_bus *bus,
+                                     const struct bus_frame *frame)
 {
     unsigned to = frame->id & 0xf;
     unsigned first = to == ICUB_EVERYONE ? 1 : to;
@@ -145,10 +146,10 @@ static void receive_command(struct boards *boards, struct board_bus *bus,
         struct board *board = bus->by_address[address];
         enum board_verdict verdict;
 
-        if (!board || board->away || !is_for(board, frame)) {
+        if (!board || board->away || !icub_board_is_addressed(board, frame)) {
             continue;
         }
-        verdict = handle(board, frame);
+        verdict = icub_board_receive(board, frame);
         if (!listener || verdict > worst) {
             listener = board;
             worst = verdict;
@@ -158,8 +159,8 @@ static void receive_command(struct boards *boards, struct board_bus *bus,
 }
 
 /* DESIRED_TARGETS of persona B */
-static void receive_periodic(struct boards *boards, struct board_bus *bus,
-                             const struct bus_frame *frame)
+static void icub_bus_receive_targets(struct boards *boards, struct board_bus *bus,
+                                     const struct bus_frame *frame)
 {
     struct board *listener = NULL;
     enum board_verdict worst = BOARD_OBEYED;
@@ -179,8 +180,8 @@ static void receive_periodic(struct boards *boards, struct board_bus *bus,
     boards_count_frame(boards, listener, worst, frame);
 }
 
-void bus_hear_strain(struct board_bus *bus, uint8_t address, unsigned type, const uint8_t *data,
-                     int64_t time_ns)
+void icub_bus_hear_strain(struct board_bus *bus, uint8_t address, unsigned type,
+                          const uint8_t *data, int64_t time_ns)
 {
     struct torque_source *source = &bus->source[address];
     unsigned first = type == ICUB_FORCE ? 0 : BOARD_CHANNELS / 2;
@@ -193,8 +194,8 @@ void bus_hear_strain(struct board_bus *bus, uint8_t address, unsigned type, cons
 }
 
 /* A STRAIN board that is not ours: hardware on the bus, whose torques a motor board may use. */
-static void receive_strain(struct boards *boards, struct board_bus *bus,
-                           const struct bus_frame *frame)
+static void icub_bus_receive_strain(struct boards *boards, struct board_bus *bus,
+                                    const struct bus_frame *frame)
 {
     unsigned type = frame->id & 0xf;
     uint8_t source = frame->id >> 4 & 0xf;
@@ -203,7 +204,7 @@ static void receive_strain(struct boards *boards, struct board_bus *bus,
     if ((type == ICUB_FORCE || type == ICUB_TORQUE) && source >= 1 && source <= ICUB_ADDRESS_MAX &&
         !bus->by_address[source] &&
         (frame->len == ICUB_STRAIN_LENGTH || frame->len == ICUB_STRAIN_SATURATED_LENGTH)) {
-        bus_hear_strain(bus, source, type, frame->data, boards->time_ns);
+        icub_bus_hear_strain(bus, source, type, frame->data, boards->time_ns);
     }
 }
 
@@ -213,13 +214,13 @@ void icub_bus_receive(struct boards *boards, struct board_bus *bus, const struct
     case ICUB_POLLING_MOTOR:
     case ICUB_POLLING_ANALOG:
     case ICUB_MANAGEMENT:
-        receive_command(boards, bus, frame);
+        icub_bus_receive_command(boards, bus, frame);
         break;
     case ICUB_PERIODIC_MOTOR:
-        receive_periodic(boards, bus, frame);
+        icub_bus_receive_targets(boards, bus, frame);
         break;
     case ICUB_PERIODIC_ANALOG:
-        receive_strain(boards, bus, frame);
+        icub_bus_receive_strain(boards, bus, frame);
         break;
     default:
         boards->counters.foreign++;

@@ -58,23 +58,23 @@ struct motor_board {
     bool powered, started; /* has had its first power-up; its first sample */
 };
 
-static inline unsigned motor_index(const struct board *board, const struct motor_axis *axis)
+static inline unsigned motor_axis_index(const struct board *board, const struct motor_axis *axis)
 {
     return (unsigned)(axis - board->motor->axis);
 }
 
-static inline const struct board_axis_config *motor_config(const struct board *board,
-                                                           const struct motor_axis *axis)
+static inline const struct board_axis_config *motor_axis_config(const struct board *board,
+                                                                const struct motor_axis *axis)
 {
-    return &board->config.axis[motor_index(board, axis)];
+    return &board->config.axis[motor_axis_index(board, axis)];
 }
 
-static inline int32_t motor_position(const struct motor_axis *axis)
+static inline int32_t motor_axis_position(const struct motor_axis *axis)
 {
     return (int32_t)control_clamp((int64_t)axis->joint.raw + axis->offset, INT32_MIN, INT32_MAX);
 }
 
-static inline int64_t motor_milliamperes(const struct motor_axis *axis)
+static inline int64_t motor_axis_current_ma(const struct motor_axis *axis)
 {
     int32_t value = 0;
 
@@ -88,37 +88,37 @@ static inline bool motor_runs(uint8_t mode)
 }
 
 /* A text for whoever watches the bus, in PRINT frames of six characters. */
-void motor_print(struct board *board, const char *text);
+void motor_board_print(struct board *board, const char *text);
 
 /* Modes (motor_modes.c). A new mode or the present one again; references begin anew. */
-void motor_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode);
+void motor_axis_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode);
 
 /* SET_CONTROL_MODE; false: there is no such mode. */
-bool motor_command_mode(struct board *board, struct motor_axis *axis, int64_t mode);
+bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64_t mode);
 
 /* The axis stays where it is; the second: with nothing left of earlier commands. */
-void motor_hold_position(struct motor_axis *axis);
-void motor_reset_references(struct board *board, struct motor_axis *axis);
+void motor_axis_hold_position(struct motor_axis *axis);
+void motor_axis_reset_references(struct board *board, struct motor_axis *axis);
 
 /* What the mode has: a trajectory generator, a velocity reference, an impedance law. */
-bool motor_moves(const struct motor_axis *axis);
-bool motor_has_velocity(const struct motor_axis *axis);
-bool motor_is_impedance(const struct motor_axis *axis);
+bool motor_axis_moves(const struct motor_axis *axis);
+bool motor_axis_has_velocity(const struct motor_axis *axis);
+bool motor_axis_is_impedance(const struct motor_axis *axis);
 
 /* Obeys a command (motor_commands.c); see struct board_ops. */
-bool motor_command(struct board *board, const struct bus_frame *frame, const int64_t *request,
-                   int64_t *reply, bool *answer);
+bool motor_board_command(struct board *board, const struct bus_frame *frame, const int64_t *request,
+                         int64_t *reply, bool *answer);
 
 /* Faults, limits and time-outs of a tick (motor_watch.c). */
-void motor_watch(struct board *board);
+void motor_board_watch(struct board *board);
 
 /* What the CAN controller is in, as STATUS byte 4 has it. */
-uint8_t motor_can_status(const struct board *board);
+uint8_t motor_board_can_status(const struct board *board);
 
 /* One millisecond of an axis's control law (motor_laws.c). */
-void motor_step(const struct board *board, struct motor_axis *axis);
+void motor_axis_step(const struct board *board, struct motor_axis *axis);
 
 /* The periodic frames (motor_telemetry.c). */
-void motor_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
+void motor_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
 
 #endif

@@ -33,20 +33,20 @@ static const struct {
     {"max_velocity", ICUB_SET_MAX_VELOCITY, 0},
 };
 
-static const struct field *field_of(size_t index)
+static const struct field *motor_setting_field(size_t index)
 {
     return &icub_motor_commands[rows[index].code].request[rows[index].field];
 }
 
-static unsigned parameter_of(size_t index)
+static unsigned motor_setting_parameter(size_t index)
 {
     return (unsigned)icub_motor_commands[rows[index].code].parameter + rows[index].field;
 }
 
-static void describe(const struct board *board, unsigned axis, size_t index,
-                     struct board_setting *setting)
+static void motor_setting_describe(const struct board *board, unsigned axis, size_t index,
+                                   struct board_setting *setting)
 {
-    const struct field *field = field_of(index);
+    const struct field *field = motor_setting_field(index);
     bool bounded = field->min != 0 || field->max != 0;
 
     (void)board;
@@ -60,14 +60,14 @@ static void describe(const struct board *board, unsigned axis, size_t index,
     };
 }
 
-static double get(const struct board *board, unsigned axis, size_t index)
+static double motor_setting_get(const struct board *board, unsigned axis, size_t index)
 {
-    return (double)board->motor->axis[axis].parameter[parameter_of(index)];
+    return (double)board->motor->axis[axis].parameter[motor_setting_parameter(index)];
 }
 
-static bool set(struct board *board, unsigned axis, size_t index, double value)
+static bool motor_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
-    board->motor->axis[axis].parameter[parameter_of(index)] = (int64_t)value;
+    board->motor->axis[axis].parameter[motor_setting_parameter(index)] = (int64_t)value;
     if (rows[index].code == ICUB_SET_I_GAIN) {
         board->motor->axis[axis].position_pid.integral = 0; /* as the command */
     }
@@ -76,7 +76,7 @@ static bool set(struct board *board, unsigned axis, size_t index, double value)
 
 const struct board_settings motor_settings = {
     .count = sizeof rows / sizeof rows[0],
-    .describe = describe,
-    .get = get,
-    .set = set,
+    .describe = motor_setting_describe,
+    .get = motor_setting_get,
+    .set = motor_setting_set,
 };

@@ -41,7 +41,7 @@ struct strain_board *strain_board_create(struct arena *arena)
     return arena_alloc(arena, 1, sizeof(struct strain_board));
 }
 
-static void set_up_eeprom(const struct board *board)
+static void strain_board_set_up_eeprom(const struct board *board)
 {
     struct strain_board *strain = board->strain;
     char serial[ICUB_SERIAL_LENGTH + 1];
@@ -59,12 +59,12 @@ static void set_up_eeprom(const struct board *board)
     strain->saved = true;
 }
 
-static void power_up(struct board *board)
+static void strain_board_power_up(struct board *board)
 {
     struct strain_board *strain = board->strain;
 
     if (!strain->powered) {
-        set_up_eeprom(board);
+        strain_board_set_up_eeprom(board);
         strain->powered = true;
     }
     memset(strain->current_tare, 0, sizeof strain->current_tare);
@@ -76,21 +76,22 @@ static void power_up(struct board *board)
 
 /* ---- values ---- */
 
-static int32_t uncalibrated(const struct strain_board *strain, int channel)
+static int32_t strain_board_uncalibrated(const struct strain_board *strain, int channel)
 {
     return (int32_t)control_clamp(strain->adc[channel] + strain->calibration_tare[channel],
                                   INT16_MIN, INT16_MAX);
 }
 
-static void read_uncalibrated(const struct strain_board *strain, int32_t counts[BOARD_CHANNELS])
+static void strain_board_read_uncalibrated(const struct strain_board *strain,
+                                           int32_t counts[BOARD_CHANNELS])
 {
     for (int i = 0; i < BOARD_CHANNELS; i++) {
-        counts[i] = uncalibrated(strain, i);
+        counts[i] = strain_board_uncalibrated(strain, i);
     }
 }
 
-static int32_t apply_matrix(const struct strain_board *strain, const int32_t counts[BOARD_CHANNELS],
-                            int channel)
+static int32_t strain_board_apply_matrix(const struct strain_board *strain,
+                                         const int32_t counts[BOARD_CHANNELS], int channel)
 {
     int64_t sum = 0;
 
@@ -101,25 +102,25 @@ static int32_t apply_matrix(const struct strain_board *strain, const int32_t cou
 }
 
 /* Before the current tare. */
-static int32_t calibrate(const struct strain_board *strain, int channel)
+static int32_t strain_board_calibrate(const struct strain_board *strain, int channel)
 {
     int32_t counts[BOARD_CHANNELS];
 
-    read_uncalibrated(strain, counts);
-    return apply_matrix(strain, counts, channel);
+    strain_board_read_uncalibrated(strain, counts);
+    return strain_board_apply_matrix(strain, counts, channel);
 }
 
-static int32_t add_tare(const struct strain_board *strain, int32_t value, int channel)
+static int32_t strain_board_add_tare(const struct strain_board *strain, int32_t value, int channel)
 {
     return (int32_t)control_clamp(value + strain->current_tare[channel], INT16_MIN, INT16_MAX);
 }
 
-static int32_t calibrated(const struct strain_board *strain, int channel)
+static int32_t strain_board_calibrated(const struct strain_board *strain, int channel)
 {
-    return add_tare(strain, calibrate(strain, channel), channel);
+    return strain_board_add_tare(strain, strain_board_calibrate(strain, channel), channel);
 }
 
-static void convert(struct board *board, int channel, double value)
+static void strain_board_convert(struct board *board, int channel, double value)
 {
     struct strain_board *strain = board->strain;
     int32_t counts;
@@ -133,7 +134,7 @@ static void convert(struct board *board, int channel, double value)
     strain->saturated[channel] = raw < ICUB_STRAIN_LOW ? 1 : raw > ICUB_STRAIN_HIGH ? 2 : 0;
 }
 
-static bool is_saturated(const struct strain_board *strain)
+static bool strain_board_is_saturated(const struct strain_board *strain)
 {
     for (int i = 0; i < BOARD_CHANNELS; i++) {
         if (strain->saturated[i]) {
@@ -143,44 +144,46 @@ static bool is_saturated(const struct strain_board *strain)
     return false;
 }
 
-static void hold_good_values(struct strain_board *strain)
+static void strain_board_hold_good_values(struct strain_board *strain)
 {
     int32_t counts[BOARD_CHANNELS];
 
-    if (is_saturated(strain)) {
+    if (strain_board_is_saturated(strain)) {
         return;
     }
-    read_uncalibrated(strain, counts);
+    strain_board_read_uncalibrated(strain, counts);
     for (int i = 0; i < BOARD_CHANNELS; i++) {
-        strain->held[i] = add_tare(strain, apply_matrix(strain, counts, i), i);
+        strain->held[i] =
+            strain_board_add_tare(strain, strain_board_apply_matrix(strain, counts, i), i);
     }
 }
 
-static void sample_ft(struct board *board, const struct plant_sensors *sensors)
+static void strain_board_sample_ft(struct board *board, const struct plant_sensors *sensors)
 {
     const struct ft_sense *sense = &sensors->ft[board->config.ft];
 
     for (int i = 0; i < HALF; i++) {
-        convert(board, i, sense->force_n[i]);
-        convert(board, HALF + i, sense->torque_nm[i]);
+        strain_board_convert(board, i, sense->force_n[i]);
+        strain_board_convert(board, HALF + i, sense->torque_nm[i]);
     }
 }
 
-static void sample_torque(struct board *board, const struct plant_sensors *sensors)
+static void strain_board_sample_torque(struct board *board, const struct plant_sensors *sensors)
 {
     for (int i = 0; i < BOARD_CHANNELS; i++) {
         int joint = board->config.torque_joint[i];
 
         if (joint >= 0) {
-            convert(board, i, sensors->motor[joint].torque_nm);
+            strain_board_convert(board, i, sensors->motor[joint].torque_nm);
         }
     }
 }
 
 /* ---- commands ---- */
 
-static void set_tare(const struct strain_board *strain, int16_t *tare, const int64_t *request,
-                     int32_t (*value)(const struct strain_board *strain, int channel))
+static void strain_board_set_tare(const struct strain_board *strain, int16_t *tare,
+                                  const int64_t *request,
+                                  int32_t (*value)(const struct strain_board *strain, int channel))
 {
     if (request[0] == ICUB_TARE_VALUE) {
         tare[request[1]] = (int16_t)request[2];
@@ -193,40 +196,40 @@ static void set_tare(const struct strain_board *strain, int16_t *tare, const int
     }
 }
 
-static int32_t reading(const struct strain_board *strain, int channel)
+static int32_t strain_board_reading(const struct strain_board *strain, int channel)
 {
     return strain->adc[channel];
 }
 
-static bool command_tare(struct strain_board *strain, const struct bus_frame *frame,
-                         const int64_t *request)
+static bool strain_board_command_tare(struct strain_board *strain, const struct bus_frame *frame,
+                                      const int64_t *request)
 {
     if (frame->len != 5 && (frame->len != 2 || request[0] == ICUB_TARE_VALUE)) {
         return false;
     }
     if (frame->data[0] == ICUB_STRAIN_SET_CALIBRATION_TARE) {
-        set_tare(strain, strain->calibration_tare, request, reading);
+        strain_board_set_tare(strain, strain->calibration_tare, request, strain_board_reading);
         strain->saved = false;
     } else {
-        set_tare(strain, strain->current_tare, request, calibrate);
+        strain_board_set_tare(strain, strain->current_tare, request, strain_board_calibrate);
     }
     return true;
 }
 
 /* The low half of a channel or row byte selects it; the high half is the regulation set, of which
  * this board has one. */
-static bool split_channel(int64_t byte, unsigned *channel)
+static bool strain_board_split_channel(int64_t byte, unsigned *channel)
 {
     *channel = byte & 0xf;
     return *channel < BOARD_CHANNELS;
 }
 
-static bool command_matrix(struct strain_board *strain, unsigned code, const int64_t *request,
-                           int64_t *reply)
+static bool strain_board_command_matrix(struct strain_board *strain, unsigned code,
+                                        const int64_t *request, int64_t *reply)
 {
     unsigned row;
 
-    if (!split_channel(request[0], &row)) {
+    if (!strain_board_split_channel(request[0], &row)) {
         return false;
     }
     if (code == ICUB_STRAIN_SET_MATRIX) {
@@ -240,12 +243,12 @@ static bool command_matrix(struct strain_board *strain, unsigned code, const int
     return true;
 }
 
-static bool command_full_scale(struct strain_board *strain, unsigned code, const int64_t *request,
-                               int64_t *reply)
+static bool strain_board_command_full_scale(struct strain_board *strain, unsigned code,
+                                            const int64_t *request, int64_t *reply)
 {
     unsigned channel;
 
-    if (!split_channel(request[0], &channel)) {
+    if (!strain_board_split_channel(request[0], &channel)) {
         return false;
     }
     if (code == ICUB_STRAIN_SET_FULL_SCALE) {
@@ -258,7 +261,7 @@ static bool command_full_scale(struct strain_board *strain, unsigned code, const
     return true;
 }
 
-static bool set(struct board *board, unsigned code, const int64_t *request)
+static bool strain_board_set(struct board *board, unsigned code, const int64_t *request)
 {
     struct strain_board *strain = board->strain;
 
@@ -294,7 +297,8 @@ static bool set(struct board *board, unsigned code, const int64_t *request)
     return true;
 }
 
-static void tell_firmware(const struct board *board, const int64_t *host, int64_t *reply)
+static void strain_board_tell_firmware(const struct board *board, const int64_t *host,
+                                       int64_t *reply)
 {
     reply[0] = board->ops->type;
     reply[1] = board->ops->major;
@@ -305,7 +309,8 @@ static void tell_firmware(const struct board *board, const int64_t *host, int64_
     reply[6] = host[0] == ICUB_STRAIN_PROTOCOL_MAJOR && host[1] <= ICUB_STRAIN_PROTOCOL_MINOR;
 }
 
-static bool get(struct board *board, unsigned code, const int64_t *request, int64_t *reply)
+static bool strain_board_get(struct board *board, unsigned code, const int64_t *request,
+                             int64_t *reply)
 {
     struct strain_board *strain = board->strain;
 
@@ -324,8 +329,9 @@ static bool get(struct board *board, unsigned code, const int64_t *request, int6
     case ICUB_STRAIN_GET_ADC:
         reply[0] = request[0];
         reply[1] = request[1];
-        reply[2] = ICUB_STRAIN_ZERO + (request[1] ? calibrated(strain, (int)request[0])
-                                                  : uncalibrated(strain, (int)request[0]));
+        reply[2] =
+            ICUB_STRAIN_ZERO + (request[1] ? strain_board_calibrated(strain, (int)request[0])
+                                           : strain_board_uncalibrated(strain, (int)request[0]));
         return true;
     case ICUB_STRAIN_GET_MATRIX_GAIN:
         reply[0] = strain->matrix_gain;
@@ -344,15 +350,15 @@ static bool get(struct board *board, unsigned code, const int64_t *request, int6
         }
         return true;
     case ICUB_STRAIN_GET_FIRMWARE:
-        tell_firmware(board, request, reply);
+        strain_board_tell_firmware(board, request, reply);
         return true;
     default:
         return false;
     }
 }
 
-static bool command(struct board *board, const struct bus_frame *frame, const int64_t *request,
-                    int64_t *reply, bool *answer)
+static bool strain_board_command(struct board *board, const struct bus_frame *frame,
+                                 const int64_t *request, int64_t *reply, bool *answer)
 {
     unsigned code = frame->data[0];
 
@@ -360,23 +366,24 @@ static bool command(struct board *board, const struct bus_frame *frame, const in
     switch (code) {
     case ICUB_STRAIN_SET_CALIBRATION_TARE:
     case ICUB_STRAIN_SET_CURRENT_TARE:
-        return command_tare(board->strain, frame, request);
+        return strain_board_command_tare(board->strain, frame, request);
     case ICUB_STRAIN_SET_MATRIX:
     case ICUB_STRAIN_GET_MATRIX:
-        return command_matrix(board->strain, code, request, reply);
+        return strain_board_command_matrix(board->strain, code, request, reply);
     case ICUB_STRAIN_SET_FULL_SCALE:
     case ICUB_STRAIN_GET_FULL_SCALE:
-        return command_full_scale(board->strain, code, request, reply);
+        return strain_board_command_full_scale(board->strain, code, request, reply);
     default:
-        return get(board, code, request, reply) || set(board, code, request);
+        return strain_board_get(board, code, request, reply) ||
+               strain_board_set(board, code, request);
     }
 }
 
 /* ---- periodic frames ---- */
 
 /* Three channels from first on; saturation in a seventh byte: any, then two bits a channel. */
-static void send(struct board *board, struct frame_sink *sink, enum icub_analog_type type,
-                 const int32_t *counts, int first)
+static void strain_board_send_frame(struct board *board, struct frame_sink *sink,
+                                    enum icub_analog_type type, const int32_t *counts, int first)
 {
     const struct strain_board *strain = board->strain;
     int64_t values[HALF];
@@ -387,18 +394,18 @@ static void send(struct board *board, struct frame_sink *sink, enum icub_analog_
         values[i] = counts[first + i] + ICUB_STRAIN_ZERO;
     }
     fields_encode(icub_analog_frames[type].fields, values, data);
-    if (is_saturated(strain)) {
+    if (strain_board_is_saturated(strain)) {
         data[len++] =
             (uint8_t)(1 | strain->saturated[first] << 2 | strain->saturated[first + 1] << 4 |
                       strain->saturated[first + 2] << 6);
     }
     board_send(board, sink, icub_id(ICUB_PERIODIC_ANALOG, board->address, type), len, data);
     if (type == ICUB_FORCE || type == ICUB_TORQUE) {
-        bus_hear_strain(board->bus, board->address, type, data, board->boards->time_ns);
+        icub_bus_hear_strain(board->bus, board->address, type, data, board->boards->time_ns);
     }
 }
 
-static bool is_due(struct board *board)
+static bool strain_board_is_due(struct board *board)
 {
     struct strain_board *strain = board->strain;
     int64_t late = board->boards->time_ns - strain->next_ns;
@@ -410,31 +417,31 @@ static bool is_due(struct board *board)
     return true;
 }
 
-static void transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
+static void strain_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
     struct strain_board *strain = board->strain;
     bool raw = strain->mode == ICUB_STRAIN_UNCALIBRATED, both = strain->mode == ICUB_STRAIN_BOTH;
     int32_t counts[BOARD_CHANNELS];
 
     (void)span;
-    hold_good_values(strain);
-    if (!is_due(board) || (strain->mode != ICUB_STRAIN_CALIBRATED && !raw && !both)) {
+    strain_board_hold_good_values(strain);
+    if (!strain_board_is_due(board) || (strain->mode != ICUB_STRAIN_CALIBRATED && !raw && !both)) {
         return;
     }
-    read_uncalibrated(strain, counts);
-    send(board, sink, ICUB_FORCE, raw ? counts : strain->held, 0);
-    send(board, sink, ICUB_TORQUE, raw ? counts : strain->held, HALF);
+    strain_board_read_uncalibrated(strain, counts);
+    strain_board_send_frame(board, sink, ICUB_FORCE, raw ? counts : strain->held, 0);
+    strain_board_send_frame(board, sink, ICUB_TORQUE, raw ? counts : strain->held, HALF);
     if (both) {
-        send(board, sink, ICUB_UNCALIBRATED_FORCE, counts, 0);
-        send(board, sink, ICUB_UNCALIBRATED_TORQUE, counts, HALF);
+        strain_board_send_frame(board, sink, ICUB_UNCALIBRATED_FORCE, counts, 0);
+        strain_board_send_frame(board, sink, ICUB_UNCALIBRATED_TORQUE, counts, HALF);
     }
 }
 
 #define STRAIN_BOARD                                                                               \
     .type = ICUB_BOARD_STRAIN, .major = 3, .minor = 0, .build = 5, .periodic_max = 4,              \
     .commands = icub_strain_commands, .command_count = ICUB_STRAIN_COMMANDS,                       \
-    .command_class = ICUB_POLLING_ANALOG, .command = command, .power_up = power_up,                \
-    .transmit = transmit
+    .command_class = ICUB_POLLING_ANALOG, .command = strain_board_command,                         \
+    .power_up = strain_board_power_up, .transmit = strain_board_transmit
 
-const struct board_ops ft_board_ops = {STRAIN_BOARD, .sample = sample_ft};
-const struct board_ops torque_board_ops = {STRAIN_BOARD, .sample = sample_torque};
+const struct board_ops ft_board_ops = {STRAIN_BOARD, .sample = strain_board_sample_ft};
+const struct board_ops torque_board_ops = {STRAIN_BOARD, .sample = strain_board_sample_torque};
