@@ -159,17 +159,25 @@ struct ring;
 enum error_code boards_create(const struct boards_config *config, struct arena *arena,
                               struct boards **boards, struct error *error);
 
-/* RT-safe, all of them. Any frame whatever may be given. boards_control writes bridge and voltage
- * of the joints that have a board and leaves the rest of command alone. boards_transmit writes at
+/*
+ * The phases of a tick, RT-safe, all of them. now_ns is the virtual time of the phase: of the tick's
+ * beginning in boards_receive and boards_control, of its end in boards_sample and boards_transmit;
+ * it never goes back but with a checkpoint of the whole arena. Event stamps are of it.
+ *
+ * boards_sample comes first, with what the plant shows before its first step. Any frame whatever may
+ * be given to boards_receive. boards_control writes bridge and voltage of the joints that have a
+ * board, from what was sampled last, and leaves the rest of command alone. boards_transmit writes at
  * most max frames, replies in the order of their requests, then periodic frames by board address;
  * with max below boards_transmit_max replies wait and periodic frames may be lost. Returns how many
  * it wrote. The node of a frame is the number of its board among those of its bus, in the order of
- * the configuration: each is a CAN node of its own. */
-void boards_receive(struct boards *boards, size_t bus, const struct bus_frame *frame);
-void boards_control(struct boards *boards, const struct plant_sensors *sensors,
-                    struct plant_command *command);
-size_t boards_transmit(struct boards *boards, size_t bus, const struct plant_sensors *sensors,
-                       struct bus_frame *frames, size_t max);
+ * the configuration: each is a CAN node of its own.
+ */
+void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
+                    const struct bus_frame *frame);
+void boards_control(struct boards *boards, int64_t now_ns, struct plant_command *command);
+void boards_sample(struct boards *boards, int64_t now_ns, const struct plant_sensors *sensors);
+size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus, struct bus_frame *frames,
+                       size_t max);
 
 /* What the CAN controller of a board (index in the configuration) counts, where the bus is a wire
  * that has such: iCub boards tell it in STATUS. RT-safe; once a tick before boards_transmit. */
@@ -183,7 +191,7 @@ void boards_set_can_state(struct boards *boards, size_t board, const struct boar
 size_t boards_transmit_max(const struct boards *boards, size_t bus);
 
 /* All bridges off at once (stop, emergency). RT-safe. */
-void boards_shut_down(struct boards *boards, struct plant_command *command);
+void boards_shut_down(struct boards *boards, int64_t now_ns, struct plant_command *command);
 
 /* Some axis is in hardware fault (mode 0xA0). RT-safe. */
 bool boards_fault(const struct boards *boards);

@@ -64,13 +64,14 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
 
     for (size_t i = 0; i < n; i++) {
         const struct fault *fault = faults_at(faults, i);
-        struct board *board = &boards->board[fault->index];
+        struct board *board;
         struct board_fault *to;
         char stream[FAULT_NAME_SIZE + 64];
 
         if (fault->target != FAULT_BOARD || fault->index >= boards->nboard) {
             continue;
         }
+        board = boards->board[fault->index];
         if (!board->faults) {
             board->faults = arena_alloc(arena, 1, sizeof *board->faults);
             if (!board->faults ||
@@ -136,7 +137,7 @@ static void board_begin_hang(struct board *board, int64_t watchdog_ns, double su
         faults->duty[i] = fmax(fmin(faults->duty[i], 1.0), -1.0);
     }
     faults->hung = true;
-    faults->watchdog_ns = board->boards->time_ns + watchdog_ns;
+    faults->watchdog_ns = board->boards->now_ns + watchdog_ns;
 }
 
 /* The fault, if any, that makes the application hang in this tick. */
@@ -178,7 +179,7 @@ static bool board_step_hang(struct board *board, double supply_v, struct plant_c
     if (f) {
         f->spent = true;
         board_begin_hang(board, (int64_t)(f->fault->value[0] * 1e9), supply_v, command);
-    } else if (faults->hung && board->boards->time_ns >= faults->watchdog_ns) {
+    } else if (faults->hung && board->boards->now_ns >= faults->watchdog_ns) {
         faults->hung = false;
         board_discard_replies(board);
         board_enter_bootloader(board, board->config.boot_ns);
@@ -189,10 +190,9 @@ static bool board_step_hang(struct board *board, double supply_v, struct plant_c
     return faults->hung;
 }
 
-enum board_health board_faults_control(struct board *board, const struct plant_sensors *sensors,
-                                       struct plant_command *command)
+enum board_health board_faults_control(struct board *board, struct plant_command *command)
 {
-    double supply_v = isfinite(sensors->supply_v) ? fmax(sensors->supply_v, 0.0) : 0.0;
+    double supply_v = board->boards->supply_v;
     bool off = false, gap = false, hung;
 
     for (size_t i = 0; i < board->faults->count; i++) {
@@ -312,29 +312,6 @@ void board_faults_filter(struct board *board, struct frame_sink *sink, size_t fr
         sink->count = kept;
         if (f->fault->kind == FAULT_DELAYED && !board->away) {
             board_fault_release_delayed(f, sink);
-        }
-    }
-}
-
-void board_faults_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
-{
-    struct torque_source *source =
-        board->address <= ICUB_ADDRESS_MAX ? &board->bus->source[board->address] : NULL;
-    struct torque_source before = source ? *source : (struct torque_source){.heard = false};
-    size_t from = sink->count;
-
-    board->ops->transmit(board, span, sink);
-    if (source) {
-        *source = before; /* what it meant to send; what it does send follows */
-    }
-    board_faults_filter(board, sink, from);
-    for (size_t k = from; source && board->strain && k < sink->count; k++) {
-        const struct bus_frame *frame = &sink->frames[k];
-        unsigned type = frame->id & 0xf;
-
-        if (frame->id >> 8 == ICUB_PERIODIC_ANALOG && (type == ICUB_FORCE || type == ICUB_TORQUE)) {
-            icub_bus_hear_strain(board->bus, board->address, type, frame->data,
-                                 board->boards->time_ns);
         }
     }
 }

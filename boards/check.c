@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a configuration of boards must fulfill. */
 #include "boards/board_private.h"
+#include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
 
 #include <math.h>

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Events of boards as lines of a log; not in the loop. */
 #include "boards/board_private.h"
+#include "boards/compact/protocol.h"
+#include "boards/icub/protocol.h"
 
 #include <inttypes.h>
 #include <stdio.h>
@@ -168,7 +170,7 @@ static void event_describe(enum board_personality personality, const struct boar
 void board_event_format(const struct boards *boards, const struct board_event *event, char *text,
                         size_t size)
 {
-    const struct board *board = &boards->board[event->board];
+    const struct board *board = boards->board[event->board];
     char what[192];
 
     event_describe(board->bus->config.personality, event, what, sizeof what);

@@ -569,7 +569,6 @@ struct faults {
     enum hand *hand;
     size_t count;
     uint64_t seed;
-    int64_t time_ns;
     struct ring events;
 };
 
@@ -638,9 +637,9 @@ int faults_find(const struct faults *faults, const char *name)
     return -1;
 }
 
-static void faults_switch(struct faults *faults, size_t index, bool active)
+static void faults_switch(struct faults *faults, int64_t now_ns, size_t index, bool active)
 {
-    struct fault_event event = {.time_ns = faults->time_ns,
+    struct fault_event event = {.time_ns = now_ns,
                                 .fault = index,
                                 .active = active,
                                 .by_hand = faults->hand[index] != BY_CLOCK};
@@ -651,26 +650,24 @@ static void faults_switch(struct faults *faults, size_t index, bool active)
     }
 }
 
-void faults_step(struct faults *faults, int64_t time_ns)
+void faults_step(struct faults *faults, int64_t now_ns)
 {
-    faults->time_ns = time_ns;
     for (size_t i = 0; i < faults->count; i++) {
         const struct fault *fault = &faults->fault[i];
+        bool in_window = now_ns >= fault->from_ns && now_ns < fault->to_ns;
 
-        faults_switch(faults, i,
-                      faults->hand[i] == BY_CLOCK
-                          ? time_ns >= fault->from_ns && time_ns < fault->to_ns
-                          : faults->hand[i] == HAND_ON);
+        faults_switch(faults, now_ns, i,
+                      faults->hand[i] == BY_CLOCK ? in_window : faults->hand[i] == HAND_ON);
     }
 }
 
-bool faults_set(struct faults *faults, size_t index, bool active)
+bool faults_set(struct faults *faults, int64_t now_ns, size_t index, bool active)
 {
     if (index >= faults->count) {
         return false;
     }
     faults->hand[index] = active ? HAND_ON : HAND_OFF;
-    faults_switch(faults, index, active);
+    faults_switch(faults, now_ns, index, active);
     return true;
 }
 

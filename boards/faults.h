@@ -139,12 +139,12 @@ uint64_t faults_seed(const struct faults *faults);
 /* Index by name, -1 = none. RT-safe. */
 int faults_find(const struct faults *faults, const char *name);
 
-/* At the begin of the tick at time_ns: windows open and close. RT-safe. */
-void faults_step(struct faults *faults, int64_t time_ns);
+/* At the beginning of the tick at now_ns: windows open and close. RT-safe. */
+void faults_step(struct faults *faults, int64_t now_ns);
 
-/* Switches a fault by hand; from then on its window means nothing. By the thread of faults_step.
- * False: there is no such fault. RT-safe. */
-bool faults_set(struct faults *faults, size_t index, bool active);
+/* Switches a fault by hand at now_ns; from then on its window is ignored. In the thread of
+ * faults_step. False: there is no such fault. RT-safe. */
+bool faults_set(struct faults *faults, int64_t now_ns, size_t index, bool active);
 
 /* The ring of events, which the thread that reads them writes too. */
 const struct ring *faults_event_ring(const struct faults *faults);

@@ -85,7 +85,7 @@ enum error_code sensing_create(const struct sensing_config *config, struct arena
 
 /* Reads the sensors, once a tick. Returns what the boards see: truth itself when nothing is to be
  * done about it. RT-safe. */
-const struct plant_sensors *sensing_sample(struct sensing *sensing,
+const struct plant_sensors *sensing_sample(struct sensing *sensing, int64_t now_ns,
                                            const struct plant_sensors *truth);
 
 /* All noise (noise_rms) times a factor, 1 at the start; whether there is any at all. RT-safe. */

@@ -6,7 +6,7 @@
 
 static const struct board *boards_board_at(const struct boards *boards, size_t board)
 {
-    return &boards->board[board];
+    return boards->board[board];
 }
 
 size_t boards_settings(const struct boards *boards, size_t board, size_t axis)
@@ -33,7 +33,7 @@ double boards_get(const struct boards *boards, size_t board, size_t axis, size_t
 
 bool boards_set(struct boards *boards, size_t board, size_t axis, size_t index, double value)
 {
-    struct board *of = &boards->board[board];
+    struct board *of = boards->board[board];
     struct board_setting setting;
 
     boards_setting(boards, board, axis, index, &setting);

@@ -28,17 +28,12 @@ enum {
 #define LOOP_GAIN 0.5 /* the factory's g */
 #define OVER_VOLTAGE_V 60.0
 
-struct compact_motor *compact_motor_create(struct arena *arena)
-{
-    return arena_alloc(arena, 1, sizeof(struct compact_motor));
-}
-
 /* ---- modes ---- */
 
 static void compact_axis_forget_command(const struct board *board, struct compact_axis *axis)
 {
     axis->set_point = 0;
-    axis->command_ns = board->boards->time_ns;
+    axis->command_ns = board->boards->now_ns;
     axis->integral_v = axis->voltage_v = 0.0;
     axis->overload_ms = 0.0;
 }
@@ -55,7 +50,7 @@ static void compact_axis_set_mode(struct board *board, struct compact_axis *axis
 
 void compact_axis_command_mode(struct board *board, unsigned index, enum compact_mode mode)
 {
-    struct compact_axis *axis = &board->compact->axis[index];
+    struct compact_axis *axis = &compact_motor_of(board)->axis[index];
 
     if (mode == COMPACT_OFF) {
         axis->latched = 0;
@@ -67,10 +62,10 @@ void compact_axis_command_mode(struct board *board, unsigned index, enum compact
 
 void compact_axis_command(struct board *board, unsigned index, int16_t set_point)
 {
-    struct compact_axis *axis = &board->compact->axis[index];
+    struct compact_axis *axis = &compact_motor_of(board)->axis[index];
 
     axis->commands = (axis->commands + 1) & 0xf;
-    axis->command_ns = board->boards->time_ns;
+    axis->command_ns = board->boards->now_ns;
     axis->set_point = compact_axis_runs(axis) ? set_point : 0;
 }
 
@@ -95,8 +90,8 @@ static void compact_axis_set_factory(struct compact_axis_settings *settings,
 
 static void compact_motor_power_up(struct board *board)
 {
-    struct compact_motor *motor = board->compact;
-    bool first = compact_node_power_up(board, &motor->node);
+    struct compact_motor *motor = compact_motor_of(board);
+    bool first = compact_node_power_up(&motor->node);
 
     while (first && motor->axes < BOARD_AXES_MAX && board->config.axis[motor->axes].joint >= 0) {
         compact_axis_set_factory(&motor->axis[motor->axes].saved, &board->config.axis[motor->axes]);
@@ -115,7 +110,7 @@ static void compact_motor_power_up(struct board *board)
     }
     motor->started = false;
     if (!first) {
-        compact_board_identify(board);
+        compact_node_identify(&motor->node);
     }
 }
 
@@ -153,11 +148,10 @@ static void compact_axis_sample(struct compact_axis *axis, const struct board_ax
 
 static void compact_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
-    struct compact_motor *motor = board->compact;
-    int64_t now_ms = board->boards->time_ns / MS;
+    struct compact_motor *motor = compact_motor_of(board);
+    int64_t now_ms = board->boards->now_ns / MS;
 
-    motor->supply_v =
-        isfinite(sensors->supply_v) && sensors->supply_v > 0.0 ? sensors->supply_v : 0.0;
+    motor->supply_v = board_supply_v(sensors);
     for (unsigned i = 0; i < motor->axes; i++) {
         const struct board_axis_config *config = &board->config.axis[i];
 
@@ -189,10 +183,10 @@ static bool compact_axis_is_over_current(const struct board *board, struct compa
 
 static bool compact_axis_is_stale(const struct board *board, const struct compact_axis *axis)
 {
-    int64_t timeout_ms = board->compact->node.settings.timeout_ms;
+    int64_t timeout_ms = compact_motor_of(board)->node.settings.timeout_ms;
 
     return compact_axis_runs(axis) && timeout_ms > 0 &&
-           board->boards->time_ns - axis->command_ns > timeout_ms * MS;
+           board->boards->now_ns - axis->command_ns > timeout_ms * MS;
 }
 
 static bool compact_axis_is_beyond_limit(const struct compact_axis *axis)
@@ -202,7 +196,7 @@ static bool compact_axis_is_beyond_limit(const struct compact_axis *axis)
 
 static unsigned compact_axis_present_faults(const struct board *board, struct compact_axis *axis)
 {
-    const struct compact_motor *motor = board->compact;
+    const struct compact_motor *motor = compact_motor_of(board);
     unsigned faults = 0;
 
     faults |= motor->supply_v < BOARD_UNDER_VOLTAGE_V ? COMPACT_FAULT_UNDER_VOLTAGE : 0;
@@ -287,8 +281,8 @@ static void compact_axis_step(struct compact_axis *axis, double supply_v)
 
 static void compact_motor_drive_bridges(const struct board *board, struct plant_command *command)
 {
-    for (unsigned i = 0; i < board->compact->axes; i++) {
-        const struct compact_axis *axis = &board->compact->axis[i];
+    for (unsigned i = 0; i < compact_motor_of(board)->axes; i++) {
+        const struct compact_axis *axis = &compact_motor_of(board)->axis[i];
         struct motor_command *motor = &command->motor[board->config.axis[i].joint];
 
         motor->bridge_on = compact_axis_runs(axis);
@@ -299,7 +293,7 @@ static void compact_motor_drive_bridges(const struct board *board, struct plant_
 static void compact_motor_control(struct board *board, struct ms_span span,
                                   struct plant_command *command)
 {
-    struct compact_motor *motor = board->compact;
+    struct compact_motor *motor = compact_motor_of(board);
 
     for (unsigned i = 0; i < motor->axes; i++) {
         compact_axis_watch_faults(board, &motor->axis[i]);
@@ -313,9 +307,9 @@ static void compact_motor_control(struct board *board, struct ms_span span,
 
 static void compact_motor_shut_down(struct board *board, struct plant_command *command)
 {
-    for (unsigned i = 0; i < board->compact->axes; i++) {
-        if (compact_axis_runs(&board->compact->axis[i])) {
-            compact_axis_set_mode(board, &board->compact->axis[i], COMPACT_OFF);
+    for (unsigned i = 0; i < compact_motor_of(board)->axes; i++) {
+        if (compact_axis_runs(&compact_motor_of(board)->axis[i])) {
+            compact_axis_set_mode(board, &compact_motor_of(board)->axis[i], COMPACT_OFF);
         }
     }
     compact_motor_drive_bridges(board, command);
@@ -323,8 +317,8 @@ static void compact_motor_shut_down(struct board *board, struct plant_command *c
 
 static bool compact_motor_is_faulty(const struct board *board)
 {
-    for (unsigned i = 0; i < board->compact->axes; i++) {
-        if (board->compact->axis[i].mode == COMPACT_FAULT) {
+    for (unsigned i = 0; i < compact_motor_of(board)->axes; i++) {
+        if (compact_motor_of(board)->axis[i].mode == COMPACT_FAULT) {
             return true;
         }
     }
@@ -335,23 +329,23 @@ static bool compact_motor_is_faulty(const struct board *board)
 
 static void compact_motor_send_telemetry(struct board *board, struct frame_sink *sink)
 {
-    struct compact_motor *motor = board->compact;
+    struct compact_motor *motor = compact_motor_of(board);
 
     for (unsigned i = 0; i < motor->axes; i++) {
         struct compact_axis *axis = &motor->axis[i];
 
-        compact_board_send(board, sink, COMPACT_TELEMETRY, motor->first_slot + i,
-                           (const int64_t[]){axis->motor, (int64_t)axis->motor - axis->link,
-                                             compact_counts(axis->current_a, COMPACT_CURRENT_A),
-                                             compact_counts(axis->torque_nm, COMPACT_TORQUE_NM),
-                                             axis->sequence & 3});
+        compact_node_send(&motor->node, sink, COMPACT_TELEMETRY, motor->first_slot + i,
+                          (const int64_t[]){axis->motor, (int64_t)axis->motor - axis->link,
+                                            compact_counts(axis->current_a, COMPACT_CURRENT_A),
+                                            compact_counts(axis->torque_nm, COMPACT_TORQUE_NM),
+                                            axis->sequence & 3});
         axis->sequence++;
     }
 }
 
 static void compact_motor_send_telemetry_fd(struct board *board, struct frame_sink *sink)
 {
-    struct compact_motor *motor = board->compact;
+    struct compact_motor *motor = compact_motor_of(board);
     const struct compact_message *row = compact_message(COMPACT_TELEMETRY_FD);
     uint8_t data[64];
 
@@ -376,12 +370,12 @@ static void compact_motor_send_telemetry_fd(struct board *board, struct frame_si
 static void compact_axis_send_state(struct board *board, struct compact_axis *axis,
                                     struct frame_sink *sink)
 {
-    struct compact_motor *motor = board->compact;
+    struct compact_motor *motor = compact_motor_of(board);
 
     axis->told_mode = axis->mode;
     axis->told_faults = axis->faults;
-    compact_board_send(
-        board, sink, COMPACT_STATE, motor->first_slot + compact_axis_index(board, axis),
+    compact_node_send(
+        &motor->node, sink, COMPACT_STATE, motor->first_slot + compact_axis_index(board, axis),
         (const int64_t[]){axis->mode, axis->commands, axis->faults,
                           compact_counts(motor->supply_v, COMPACT_SUPPLY_V), axis->temperature_c,
                           compact_counts(axis->voltage_v, COMPACT_VOLTAGE_V)});
@@ -390,10 +384,10 @@ static void compact_axis_send_state(struct board *board, struct compact_axis *ax
 static void compact_motor_transmit(struct board *board, struct ms_span span,
                                    struct frame_sink *sink)
 {
-    struct compact_motor *motor = board->compact;
+    struct compact_motor *motor = compact_motor_of(board);
     bool overflow_told = board->lost_in_status;
 
-    if (compact_node_due(board, &motor->node) && motor->axes > 0) {
+    if (compact_node_due(&motor->node) && motor->axes > 0) {
         if (board->bus->config.fd) {
             compact_motor_send_telemetry_fd(board, sink);
         } else {
@@ -414,13 +408,9 @@ static void compact_motor_transmit(struct board *board, struct ms_span span,
     }
 }
 
-const struct board_ops compact_motor_ops = {
-    .type = COMPACT_KIND_MOTOR,
-    .major = 1,
-    .minor = 0,
-    .build = 12,
+static const struct board_ops compact_motor_ops = {
+    .identity = {.type = COMPACT_KIND_MOTOR, .major = 1, .minor = 0, .build = 12},
     .periodic_max = 2 * BOARD_AXES_MAX,
-    .parameter = compact_motor_access_parameter,
     .power_up = compact_motor_power_up,
     .sample = compact_motor_sample,
     .control = compact_motor_control,
@@ -429,3 +419,19 @@ const struct board_ops compact_motor_ops = {
     .fault = compact_motor_is_faulty,
     .settings = &compact_settings,
 };
+
+static const struct compact_node_ops compact_motor_node_ops = {
+    .parameter = compact_motor_access_parameter,
+};
+
+struct board *compact_motor_create(struct arena *arena)
+{
+    struct compact_motor *motor = arena_alloc(arena, 1, sizeof *motor);
+
+    if (!motor) {
+        return NULL;
+    }
+    motor->node.board.ops = &compact_motor_ops;
+    motor->node.ops = &compact_motor_node_ops;
+    return &motor->node.board;
+}

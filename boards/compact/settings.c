@@ -74,7 +74,7 @@ static enum compact_result compact_axis_access_parameter(struct board *board,
         return COMPACT_OUT_OF_RANGE;
     }
     *value = *setting = wanted;
-    board->compact->node.is_saved = false;
+    compact_motor_of(board)->node.is_saved = false;
     board->boards->settings_changes++;
     return COMPACT_OK;
 }
@@ -89,10 +89,11 @@ static bool compact_motor_any_runs(const struct compact_motor *motor)
     return false;
 }
 
-enum compact_result compact_motor_access_parameter(struct board *board, unsigned parameter,
+enum compact_result compact_motor_access_parameter(struct compact_node *node, unsigned parameter,
                                                    unsigned index, bool write, int64_t *value)
 {
-    struct compact_motor *motor = board->compact;
+    struct board *board = &node->board;
+    struct compact_motor *motor = compact_motor_of(board);
     enum compact_result result;
 
     if (parameter >= COMPACT_P_MODE && parameter <= COMPACT_P_TEMPERATURE_LIMIT) {
@@ -104,7 +105,7 @@ enum compact_result compact_motor_access_parameter(struct board *board, unsigned
         *value = 0;
         return COMPACT_NOT_NOW;
     }
-    result = compact_node_access_parameter(board, &motor->node, parameter, write, value);
+    result = compact_node_access_parameter(node, parameter, write, value);
     for (unsigned i = 0;
          result == COMPACT_OK && write && parameter == COMPACT_P_SAVE && i < motor->axes; i++) {
         motor->axis[i].saved = motor->axis[i].settings;
@@ -131,8 +132,8 @@ static int64_t *compact_setting_at(const struct board *board, unsigned axis, siz
 {
     int64_t *setting = NULL;
 
-    compact_axis_find_setting(board, &board->compact->axis[axis], rows[index].parameter, &setting,
-                              least, most);
+    compact_axis_find_setting(board, &compact_motor_of(board)->axis[axis], rows[index].parameter,
+                              &setting, least, most);
     return setting;
 }
 
@@ -161,7 +162,7 @@ static bool compact_setting_set(struct board *board, unsigned axis, size_t index
     int64_t least, most;
 
     *compact_setting_at(board, axis, index, &least, &most) = (int64_t)value;
-    board->compact->node.is_saved = false;
+    compact_motor_of(board)->node.is_saved = false;
     return true;
 }
 

@@ -11,11 +11,6 @@
 #include <math.h>
 #include <string.h>
 
-struct foc_board *foc_board_create(struct arena *arena)
-{
-    return arena_alloc(arena, 1, sizeof(struct foc_board));
-}
-
 void foc_board_forget_references(struct foc_board *foc)
 {
     foc->target = foc->speed_ma = 0;
@@ -29,19 +24,19 @@ void foc_board_forget_references(struct foc_board *foc)
 
 void foc_board_set_mode(struct board *board, uint8_t mode)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
 
     if (mode != foc->mode) {
         board_event(board, BOARD_EVENT_MODE, 0, foc->mode, mode);
         foc->mode = mode;
     }
     foc_board_forget_references(foc);
-    foc->target_ns = board->boards->time_ns;
+    foc->target_ns = board->boards->now_ns;
 }
 
 static void foc_board_raise_faults(struct board *board, uint32_t faults)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
     uint32_t risen = faults & ~foc->faults;
 
     foc->faults |= faults;
@@ -55,15 +50,16 @@ static void foc_board_raise_faults(struct board *board, uint32_t faults)
 
 static void foc_board_power_up(struct board *board)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
     int32_t temperature_limit = 0;
     const struct foc_board fresh = {
+        .icub = foc->icub,
         .mode = ICUB_MODE_NOT_CONFIGURED,
         .speed = {.kp = 0x0c, .ki = 0x08, .shift = 0x0a}, /* the firmware's */
         .supply_v = foc->supply_v,
-        .target_ns = board->boards->time_ns,
+        .target_ns = board->boards->now_ns,
         .status_ms = INT64_MIN / 2,
-        .sampled_ms = board->boards->time_ns / MS,
+        .sampled_ms = board->boards->now_ns / MS,
     };
 
     control_quantize(board->config.axis[0].temperature_limit_c / ICUB_TEMPERATURE_C,
@@ -82,14 +78,13 @@ static double foc_ticks_per_rev(const struct board_axis_config *axis)
 
 static void foc_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
     const struct board_axis_config *axis = &board->config.axis[0];
-    int64_t now_ms = board->boards->time_ns / MS, ms = now_ms - foc->sampled_ms;
+    int64_t now_ms = board->boards->now_ns / MS, ms = now_ms - foc->sampled_ms;
     const struct motor_sense *sense;
     int32_t raw, position, turn;
 
-    foc->supply_v =
-        isfinite(sensors->supply_v) && sensors->supply_v > 0.0 ? sensors->supply_v : 0.0;
+    foc->supply_v = board_supply_v(sensors);
     if (axis->joint < 0) {
         return;
     }
@@ -132,7 +127,7 @@ static int64_t foc_board_current_ma(const struct foc_board *foc)
 
 static void foc_board_watch_i2t(struct board *board)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
     int64_t current = control_clamp(foc_board_current_ma(foc), INT16_MIN, INT16_MAX);
     int64_t nominal2 = foc->nominal_ma * foc->nominal_ma;
     int64_t limit = (foc->peak_ma * foc->peak_ma - nominal2) * 10;
@@ -148,13 +143,13 @@ static void foc_board_watch_i2t(struct board *board)
 
 static void foc_board_watch_faults(struct board *board)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
     uint32_t faults = 0;
 
     if (!foc_runs(foc->mode)) {
         return;
     }
-    if (board->boards->time_ns - foc->target_ns > (int64_t)FOC_TARGET_TIMEOUT_MS * MS) {
+    if (board->boards->now_ns - foc->target_ns > (int64_t)FOC_TARGET_TIMEOUT_MS * MS) {
         board->boards->counters.timeouts++;
         board_event(board, BOARD_EVENT_TIMEOUT, 0, foc->mode, 0);
         faults |= FOC_FAULT_SET_POINT_EXPIRED;
@@ -230,7 +225,7 @@ static void foc_board_step_laws(struct foc_board *foc)
 
 static void foc_board_drive_bridge(const struct board *board, struct plant_command *command)
 {
-    const struct foc_board *foc = board->foc;
+    const struct foc_board *foc = foc_board_of(board);
     int joint = board->config.axis[0].joint;
 
     if (joint >= 0) {
@@ -246,14 +241,14 @@ static void foc_board_control(struct board *board, struct ms_span span,
     foc_board_watch_faults(board);
     for (int64_t ms = span.from; ms < span.to; ms++) {
         foc_board_watch_i2t(board);
-        foc_board_step_laws(board->foc);
+        foc_board_step_laws(foc_board_of(board));
     }
     foc_board_drive_bridge(board, command);
 }
 
 static void foc_board_shut_down(struct board *board, struct plant_command *command)
 {
-    if (foc_runs(board->foc->mode)) {
+    if (foc_runs(foc_board_of(board)->mode)) {
         foc_board_set_mode(board, ICUB_MODE_IDLE);
     }
     foc_board_drive_bridge(board, command);
@@ -261,7 +256,7 @@ static void foc_board_shut_down(struct board *board, struct plant_command *comma
 
 static bool foc_board_is_faulty(const struct board *board)
 {
-    return board->foc->mode == ICUB_MODE_HARDWARE_FAULT;
+    return foc_board_of(board)->mode == ICUB_MODE_HARDWARE_FAULT;
 }
 
 /* ---- frames ---- */
@@ -299,7 +294,7 @@ static void foc_board_latch_can_faults(struct foc_board *foc, uint32_t now)
 
 static void foc_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
     uint32_t can = foc_board_can_faults(board);
     int64_t period_ms = board->config.status_period_ns / MS;
     int64_t additional_ms = foc_additional_status_ms(board->address);
@@ -327,19 +322,10 @@ static void foc_board_transmit(struct board *board, struct ms_span span, struct 
     }
 }
 
-const struct board_ops foc_board_ops = {
-    .type = FOC_BOARD_2FOC,
-    .major = 3,
-    .minor = 6,
-    .build = 31,
+static const struct board_ops foc_board_ops = {
+    .identity = {.type = FOC_BOARD_2FOC, .major = 3, .minor = 6, .build = 31},
     .periodic_max = 2 * FOC_ANSWERS_MAX + 1,
-    .commands = foc_commands,
-    .command_count = ICUB_MOTOR_COMMANDS,
-    .command_class = ICUB_POLLING_MOTOR,
-    .no_info = true,
     .turns_field = true,
-    .command = foc_board_command,
-    .targets = foc_board_targets,
     .power_up = foc_board_power_up,
     .sample = foc_board_sample,
     .control = foc_board_control,
@@ -348,3 +334,24 @@ const struct board_ops foc_board_ops = {
     .fault = foc_board_is_faulty,
     .settings = &foc_settings,
 };
+
+static const struct icub_board_ops foc_icub_ops = {
+    .commands = foc_commands,
+    .command_count = ICUB_MOTOR_COMMANDS,
+    .command_class = ICUB_POLLING_MOTOR,
+    .no_info = true,
+    .command = foc_board_command,
+    .targets = foc_board_targets,
+};
+
+struct board *foc_board_create(struct arena *arena)
+{
+    struct foc_board *foc = arena_alloc(arena, 1, sizeof *foc);
+
+    if (!foc) {
+        return NULL;
+    }
+    foc->icub.board.ops = &foc_board_ops;
+    foc->icub.ops = &foc_icub_ops;
+    return &foc->icub.board;
+}

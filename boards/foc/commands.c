@@ -19,7 +19,7 @@ static bool foc_is_control_mode(int64_t mode)
 
 static bool foc_board_command_mode(struct board *board, int64_t mode)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
     bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
 
     if (!stop && !foc_is_control_mode(mode)) {
@@ -177,27 +177,17 @@ static void foc_board_set_target(struct foc_board *foc, int64_t target)
     }
 }
 
-static void foc_board_tell_firmware(struct board *board, const int64_t *host, int64_t *reply)
-{
-    board->foc->compatible = host[0] == ICUB_PROTOCOL_MAJOR && host[1] == ICUB_PROTOCOL_MINOR;
-    reply[0] = board->ops->type;
-    reply[1] = board->ops->major;
-    reply[2] = board->ops->minor;
-    reply[3] = board->ops->build;
-    reply[4] = ICUB_PROTOCOL_MAJOR;
-    reply[5] = ICUB_PROTOCOL_MINOR;
-    reply[6] = board->foc->compatible;
-}
-
 static bool foc_board_answer(struct board *board, unsigned code, const int64_t *request,
                              int64_t *reply)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
     uint32_t bits;
 
     switch (code) {
     case FOC_GET_FIRMWARE_VERSION:
-        foc_board_tell_firmware(board, request, reply);
+        foc->compatible = request[0] == ICUB_PROTOCOL_MAJOR && request[1] == ICUB_PROTOCOL_MINOR;
+        icub_board_tell_firmware(board, ICUB_PROTOCOL_MAJOR, ICUB_PROTOCOL_MINOR, foc->compatible,
+                                 reply);
         return true;
     case ICUB_GET_CONTROL_MODE:
         reply[0] = foc->mode;
@@ -220,7 +210,7 @@ static bool foc_board_answer(struct board *board, unsigned code, const int64_t *
 
 static void foc_board_idle_when_configured(struct board *board)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
 
     if (foc->mode == ICUB_MODE_NOT_CONFIGURED && foc->compatible && foc->motor_set &&
         foc->current_set && foc->peak_ma != 0) {
@@ -229,10 +219,11 @@ static void foc_board_idle_when_configured(struct board *board)
     }
 }
 
-bool foc_board_command(struct board *board, const struct bus_frame *frame, const int64_t *request,
-                       int64_t *reply, bool *answer)
+bool foc_board_command(struct icub_board *icub, const struct bus_frame *frame,
+                       const int64_t *request, int64_t *reply, bool *answer)
 {
-    struct foc_board *foc = board->foc;
+    struct board *board = &icub->board;
+    struct foc_board *foc = foc_board_of(board);
     unsigned code = frame->data[0];
     bool obeyed;
 
@@ -269,11 +260,12 @@ bool foc_board_command(struct board *board, const struct bus_frame *frame, const
 }
 
 /* Any such frame feeds the watchdog; one too short for this board's target gets no answer. */
-bool foc_board_targets(struct board *board, const struct bus_frame *frame)
+bool foc_board_targets(struct icub_board *icub, const struct bus_frame *frame)
 {
-    struct foc_board *foc = board->foc;
+    struct board *board = &icub->board;
+    struct foc_board *foc = foc_board_of(board);
 
-    foc->target_ns = board->boards->time_ns;
+    foc->target_ns = board->boards->now_ns;
     if (frame->len < 2 * board->address) {
         return false;
     }

@@ -48,7 +48,7 @@ static void foc_setting_describe(const struct board *board, unsigned axis, size_
 
 static double foc_setting_get(const struct board *board, unsigned axis, size_t index)
 {
-    const struct foc_board *foc = board->foc;
+    const struct foc_board *foc = foc_board_of(board);
 
     (void)axis;
     switch (rows[index].kind) {
@@ -68,7 +68,7 @@ static double foc_setting_get(const struct board *board, unsigned axis, size_t i
 
 static bool foc_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
 
     (void)axis;
     switch (rows[index].kind) {

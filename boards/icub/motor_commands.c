@@ -34,7 +34,7 @@ static void motor_axis_start_velocity(struct board *board, struct motor_axis *ax
     if (motor_axis_has_velocity(axis)) {
         axis->parameter[ICUB_P_DESIRED_VELOCITY] = request[0];
         axis->parameter[ICUB_P_DESIRED_ACCELERATION] = request[1];
-        axis->velocity_ns = board->boards->time_ns;
+        axis->velocity_ns = board->boards->now_ns;
     }
 }
 
@@ -70,22 +70,9 @@ static bool motor_axis_calibrate(struct board *board, struct motor_axis *axis,
     } else if (axis->mode != ICUB_MODE_HARDWARE_FAULT) {
         motor_axis_set_mode(board, axis, ICUB_MODE_CALIBRATION);
         axis->calibration_zero = (int32_t)request[3];
-        axis->calibrated_ns = board->boards->time_ns + (int64_t)CALIBRATION_MS * MS;
+        axis->calibrated_ns = board->boards->now_ns + (int64_t)CALIBRATION_MS * MS;
     }
     return true;
-}
-
-static void motor_board_tell_firmware(const struct board *board, const int64_t *host,
-                                      int64_t *reply)
-{
-    reply[0] = board->ops->type;
-    reply[1] = board->ops->major;
-    reply[2] = board->ops->minor;
-    reply[3] = board->ops->build;
-    reply[4] = ICUB_PROTOCOL_MAJOR;
-    reply[5] = ICUB_PROTOCOL_MINOR;
-    reply[6] = board->motor->protocol_ack =
-        host[0] == ICUB_PROTOCOL_MAJOR && host[1] <= ICUB_PROTOCOL_MINOR;
 }
 
 /* The parameters of the position PID that a command brings: P, D, I, integral limit, offset, scale,
@@ -120,7 +107,7 @@ static uint8_t motor_axis_pid_bits(unsigned code)
 static void motor_axis_parameter_changed(struct board *board, struct motor_axis *axis,
                                          unsigned code)
 {
-    int64_t now = board->boards->time_ns;
+    int64_t now = board->boards->now_ns;
 
     axis->pids |= motor_axis_pid_bits(code);
     switch (code) {
@@ -134,7 +121,7 @@ static void motor_axis_parameter_changed(struct board *board, struct motor_axis 
         axis->source_ns = now;
         break;
     case ICUB_SET_INTERACTION_MODE:
-        board->motor->additional_due = true;
+        motor_board_of(board)->additional_due = true;
         break;
     default:
         break;
@@ -211,7 +198,7 @@ static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigne
         return true;
     case ICUB_SET_DESIRED_TORQUE:
         axis->parameter[ICUB_P_DESIRED_TORQUE] = control_clamp(request[0], INT16_MIN, INT16_MAX);
-        axis->torque_ns = board->boards->time_ns;
+        axis->torque_ns = board->boards->now_ns;
         return true;
     case ICUB_STOP_TRAJECTORY:
         motor_axis_stop_move(axis);
@@ -228,35 +215,44 @@ static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigne
     }
 }
 
-static bool motor_board_obey(struct board *board, const struct bus_frame *frame, unsigned code,
-                             const int64_t *request, int64_t *reply, bool *answer)
+/* Commands that are for the board, whatever their axis bit. */
+static bool motor_board_obey(struct motor_board *motor, const struct bus_frame *frame,
+                             unsigned code, const int64_t *request, int64_t *reply, bool *answer)
 {
+    struct icub_board *icub = &motor->icub;
+    struct board *board = &icub->board;
+
     switch (code) {
     case ICUB_GET_INFO:
-        board_queue_info(board, icub_id(ICUB_POLLING_MOTOR, board->address, frame->id >> 4));
+        icub_board_queue_info(icub, icub_id(ICUB_POLLING_MOTOR, board->address, frame->id >> 4));
         *answer = false;
         return true;
     case ICUB_SET_INFO:
-        board_set_info(board, request);
+        icub_board_set_info(icub, request);
         return true;
     case ICUB_SET_BOARD_ID:
         return board_set_address(board, (uint8_t)request[0]);
     case ICUB_SET_BROADCAST_POLICY:
-        board->motor->policy = (uint32_t)request[0];
+        motor->policy = (uint32_t)request[0];
         return true;
     case ICUB_GET_FIRMWARE_VERSION:
-        motor_board_tell_firmware(board, request, reply);
+        motor->protocol_ack =
+            request[0] == ICUB_PROTOCOL_MAJOR && request[1] <= ICUB_PROTOCOL_MINOR;
+        icub_board_tell_firmware(board, ICUB_PROTOCOL_MAJOR, ICUB_PROTOCOL_MINOR,
+                                 motor->protocol_ack, reply);
         return true;
     default:
         return false;
     }
 }
 
-bool motor_board_command(struct board *board, const struct bus_frame *frame, const int64_t *request,
-                         int64_t *reply, bool *answer)
+bool motor_board_command(struct icub_board *icub, const struct bus_frame *frame,
+                         const int64_t *request, int64_t *reply, bool *answer)
 {
+    struct board *board = &icub->board;
+    struct motor_board *motor = motor_board_of(board);
     unsigned code = frame->data[0] & ~(unsigned)ICUB_AXIS_BIT;
-    struct motor_axis *axis = &board->motor->axis[frame->data[0] & ICUB_AXIS_BIT ? 1 : 0];
+    struct motor_axis *axis = &motor->axis[frame->data[0] & ICUB_AXIS_BIT ? 1 : 0];
     const struct icub_command *row = &icub_motor_commands[code];
     int64_t *parameter = &axis->parameter[row->parameter];
 
@@ -273,7 +269,7 @@ bool motor_board_command(struct board *board, const struct bus_frame *frame, con
     case ICUB_NO_COMMAND:
         break;
     }
-    return motor_board_obey(board, frame, code, request, reply, answer) ||
+    return motor_board_obey(motor, frame, code, request, reply, answer) ||
            motor_axis_answer(board, axis, code, reply) ||
            motor_axis_act(board, axis, code, request);
 }

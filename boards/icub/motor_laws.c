@@ -105,7 +105,9 @@ static int64_t motor_axis_measured_torque(const struct board *board, const struc
     int32_t counts = 0;
 
     if (address != 0) {
-        return board->bus->source[address].value[axis->parameter[ICUB_P_TORQUE_CHANNEL]];
+        return icub_bus_of(board->bus)
+            ->source[address]
+            .value[axis->parameter[ICUB_P_TORQUE_CHANNEL]];
     }
     if (config->torque_full_scale_nm > 0.0) {
         control_quantize(axis->torque_nm / config->torque_full_scale_nm * ICUB_STRAIN_ZERO,

@@ -16,7 +16,7 @@ void motor_axis_hold_position(struct motor_axis *axis)
 /* The axis stays where it is, with nothing left of earlier commands. */
 void motor_axis_reset_references(struct board *board, struct motor_axis *axis)
 {
-    int64_t now = board->boards->time_ns;
+    int64_t now = board->boards->now_ns;
 
     motor_axis_hold_position(axis);
     axis->desired_velocity = axis->velocity_rest = 0;
@@ -37,7 +37,7 @@ void motor_axis_set_mode(struct board *board, struct motor_axis *axis, uint8_t m
     if (mode != axis->mode) {
         board_event(board, BOARD_EVENT_MODE, motor_axis_index(board, axis), axis->mode, mode);
         axis->mode = mode;
-        board->motor->status_due = true;
+        motor_board_of(board)->status_due = true;
     }
     motor_axis_reset_references(board, axis);
 }
@@ -65,7 +65,7 @@ static bool motor_axis_enable_pads(struct board *board, struct motor_axis *axis)
 {
     char text[32];
 
-    if (!board->motor->protocol_ack) {
+    if (!motor_board_of(board)->protocol_ack) {
         motor_board_print(board, "can protocol NOT ack");
         return false;
     }

@@ -3,7 +3,7 @@
 #ifndef BOARDS_ICUB_MOTOR_PRIVATE_H
 #define BOARDS_ICUB_MOTOR_PRIVATE_H
 
-#include "boards/board_private.h"
+#include "boards/icub/private.h"
 #include "boards/motor_control.h"
 
 enum { MOTOR_AXES = 2 };
@@ -46,6 +46,7 @@ struct motor_axis {
 };
 
 struct motor_board {
+    struct icub_board icub;
     struct motor_axis axis[MOTOR_AXES];
     double supply_v;
     uint32_t policy;
@@ -58,9 +59,14 @@ struct motor_board {
     bool powered, started; /* has had its first power-up; its first sample */
 };
 
+static inline struct motor_board *motor_board_of(const struct board *board)
+{
+    return container_of(board, struct motor_board, icub.board);
+}
+
 static inline unsigned motor_axis_index(const struct board *board, const struct motor_axis *axis)
 {
-    return (unsigned)(axis - board->motor->axis);
+    return (unsigned)(axis - motor_board_of(board)->axis);
 }
 
 static inline const struct board_axis_config *motor_axis_config(const struct board *board,
@@ -105,9 +111,12 @@ bool motor_axis_moves(const struct motor_axis *axis);
 bool motor_axis_has_velocity(const struct motor_axis *axis);
 bool motor_axis_is_impedance(const struct motor_axis *axis);
 
-/* Obeys a command (motor_commands.c); see struct board_ops. */
-bool motor_board_command(struct board *board, const struct bus_frame *frame, const int64_t *request,
-                         int64_t *reply, bool *answer);
+/* Obeys a command (motor_commands.c); see struct icub_board_ops. */
+bool motor_board_command(struct icub_board *icub, const struct bus_frame *frame,
+                         const int64_t *request, int64_t *reply, bool *answer);
+
+/* What a controller or a host may set beside the bus (motor_settings.c). */
+extern const struct board_settings motor_settings;
 
 /* Faults, limits and time-outs of a tick (motor_watch.c). */
 void motor_board_watch(struct board *board);

@@ -62,14 +62,14 @@ static void motor_setting_describe(const struct board *board, unsigned axis, siz
 
 static double motor_setting_get(const struct board *board, unsigned axis, size_t index)
 {
-    return (double)board->motor->axis[axis].parameter[motor_setting_parameter(index)];
+    return (double)motor_board_of(board)->axis[axis].parameter[motor_setting_parameter(index)];
 }
 
 static bool motor_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
-    board->motor->axis[axis].parameter[motor_setting_parameter(index)] = (int64_t)value;
+    motor_board_of(board)->axis[axis].parameter[motor_setting_parameter(index)] = (int64_t)value;
     if (rows[index].code == ICUB_SET_I_GAIN) {
-        board->motor->axis[axis].position_pid.integral = 0; /* as the command */
+        motor_board_of(board)->axis[axis].position_pid.integral = 0; /* as the command */
     }
     return true;
 }

@@ -21,7 +21,7 @@ static void motor_board_send_if_wanted(struct board *board, struct frame_sink *s
                                        enum icub_motor_type type, int64_t v0, int64_t v1,
                                        int64_t v2, int64_t v3)
 {
-    if (motor_board_broadcasts(board->motor, type)) {
+    if (motor_board_broadcasts(motor_board_of(board), type)) {
         motor_board_send_frame(board, sink, type, (const int64_t[]){v0, v1, v2, v3});
     }
 }
@@ -37,7 +37,7 @@ static int64_t can_counter_change(unsigned counter, int *told)
 
 static void motor_board_send_status(struct board *board, struct frame_sink *sink)
 {
-    struct motor_board *motor = board->motor;
+    struct motor_board *motor = motor_board_of(board);
     struct motor_axis *a = &motor->axis[0], *b = &motor->axis[1];
 
     motor_board_send_frame(board, sink, ICUB_STATUS,
@@ -57,7 +57,7 @@ static void motor_board_send_status(struct board *board, struct frame_sink *sink
 static void motor_board_transmit_status(struct board *board, struct frame_sink *sink,
                                         int64_t now_ms)
 {
-    struct motor_board *motor = board->motor;
+    struct motor_board *motor = motor_board_of(board);
     struct motor_axis *a = &motor->axis[0], *b = &motor->axis[1];
     bool periodic = now_ms - motor->status_ms >= ICUB_STATUS_PERIOD_MS;
     uint8_t lasting = (a->faults | b->faults) &
@@ -81,7 +81,8 @@ static void motor_board_transmit_status(struct board *board, struct frame_sink *
 
 static void motor_board_send_joint_speeds(struct board *board, struct frame_sink *sink)
 {
-    const struct motor_axis *a = &board->motor->axis[0], *b = &board->motor->axis[1];
+    const struct motor_axis *a = &motor_board_of(board)->axis[0],
+                            *b = &motor_board_of(board)->axis[1];
     const int64_t *p = a->parameter, *q = b->parameter;
 
     motor_board_send_if_wanted(
@@ -95,7 +96,8 @@ static void motor_board_send_joint_speeds(struct board *board, struct frame_sink
 
 static void motor_board_send_motor_speeds(struct board *board, struct frame_sink *sink)
 {
-    const struct motor_axis *a = &board->motor->axis[0], *b = &board->motor->axis[1];
+    const struct motor_axis *a = &motor_board_of(board)->axis[0],
+                            *b = &motor_board_of(board)->axis[1];
     const int64_t *p = a->parameter, *q = b->parameter;
 
     motor_board_send_if_wanted(
@@ -110,11 +112,12 @@ static void motor_board_send_motor_speeds(struct board *board, struct frame_sink
 
 static void motor_board_transmit_slot_3(struct board *board, struct frame_sink *sink)
 {
-    const struct motor_axis *a = &board->motor->axis[0], *b = &board->motor->axis[1];
+    const struct motor_axis *a = &motor_board_of(board)->axis[0],
+                            *b = &motor_board_of(board)->axis[1];
 
     motor_board_send_if_wanted(board, sink, ICUB_CURRENT, motor_axis_current_ma(a),
                                motor_axis_current_ma(b), 0, 0);
-    if (board->lost_in_overflow && motor_board_broadcasts(board->motor, ICUB_OVERFLOW)) {
+    if (board->lost_in_overflow && motor_board_broadcasts(motor_board_of(board), ICUB_OVERFLOW)) {
         board->lost_in_overflow = false;
         motor_board_send_frame(board, sink, ICUB_OVERFLOW, NULL);
     }
@@ -129,7 +132,8 @@ static void motor_board_transmit_slot_3(struct board *board, struct frame_sink *
 
 void motor_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
-    const struct motor_axis *a = &board->motor->axis[0], *b = &board->motor->axis[1];
+    const struct motor_axis *a = &motor_board_of(board)->axis[0],
+                            *b = &motor_board_of(board)->axis[1];
     unsigned slots = 0;
 
     for (int64_t ms = span.from; ms < span.to && ms < span.from + ICUB_SLOTS; ms++) {

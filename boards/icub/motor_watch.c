@@ -25,9 +25,10 @@ static bool motor_axis_is_over_current(const struct board *board, struct motor_a
 
 static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis)
 {
-    uint8_t faults =
-        (uint8_t)((board->motor->supply_v < BOARD_UNDER_VOLTAGE_V ? ICUB_FAULT_UNDER_VOLTAGE : 0) |
-                  (axis->sensors_bad ? ICUB_FAULT_ABSOLUTE_ENCODER : 0));
+    uint8_t faults = (uint8_t)((motor_board_of(board)->supply_v < BOARD_UNDER_VOLTAGE_V
+                                    ? ICUB_FAULT_UNDER_VOLTAGE
+                                    : 0) |
+                               (axis->sensors_bad ? ICUB_FAULT_ABSOLUTE_ENCODER : 0));
     uint8_t risen = faults & (uint8_t)~axis->faults;
     bool over_current = motor_axis_is_over_current(board, axis);
 
@@ -40,7 +41,7 @@ static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis
     }
     if (risen) {
         board_event(board, BOARD_EVENT_FAULT, motor_axis_index(board, axis), risen, 0);
-        board->motor->status_due = true;
+        motor_board_of(board)->status_due = true;
     }
     if (motor_runs(axis->mode) && (faults || over_current)) {
         motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
@@ -56,7 +57,7 @@ static void motor_axis_watch_temperature(struct board *board, struct motor_axis 
     axis->heat = (uint8_t)((hot ? ICUB_BOARD_OVER_TEMPERATURE_0 : 0) |
                            (axis->thermometer_bad ? ICUB_BOARD_TEMPERATURE_ERROR_0 : 0));
     if (axis->heat != before) {
-        board->motor->status_due = true;
+        motor_board_of(board)->status_due = true;
     }
     if (hot && !(before & ICUB_BOARD_OVER_TEMPERATURE_0)) {
         board->boards->counters.trips++;
@@ -82,7 +83,7 @@ uint8_t motor_board_can_status(const struct board *board)
 
 static void motor_board_watch_can(struct board *board)
 {
-    struct motor_board *motor = board->motor;
+    struct motor_board *motor = motor_board_of(board);
     uint8_t now = motor_board_can_status(board);
 
     if (now & (uint8_t)~motor->can_told) {
@@ -106,7 +107,7 @@ static void motor_axis_watch_references(struct board *board, struct motor_axis *
     bool voltage = axis->mode == ICUB_MODE_OPEN_LOOP;
     bool torque = axis->mode == ICUB_MODE_TORQUE || axis->mode == ICUB_MODE_CURRENT;
     enum icub_parameter reference = voltage ? ICUB_P_OPEN_LOOP : ICUB_P_DESIRED_TORQUE;
-    int64_t age = board->boards->time_ns - (voltage ? axis->voltage_ns : axis->torque_ns);
+    int64_t age = board->boards->now_ns - (voltage ? axis->voltage_ns : axis->torque_ns);
 
     if ((voltage || torque) && !board->config.strict && board->config.command_timeout_ns > 0 &&
         age > board->config.command_timeout_ns && axis->parameter[reference] != 0) {
@@ -117,7 +118,7 @@ static void motor_axis_watch_references(struct board *board, struct motor_axis *
 
 static void motor_axis_watch_velocity(struct board *board, struct motor_axis *axis)
 {
-    int64_t age = board->boards->time_ns - axis->velocity_ns;
+    int64_t age = board->boards->now_ns - axis->velocity_ns;
 
     if (motor_axis_has_velocity(axis) && axis->parameter[ICUB_P_DESIRED_VELOCITY] != 0 &&
         age > axis->parameter[ICUB_P_VELOCITY_TIMEOUT] * MS) {
@@ -129,7 +130,7 @@ static void motor_axis_watch_velocity(struct board *board, struct motor_axis *ax
 static bool motor_axis_source_is_alive(const struct board *board, const struct motor_axis *axis)
 {
     int64_t address = axis->parameter[ICUB_P_TORQUE_SOURCE];
-    const struct torque_source *source = &board->bus->source[address];
+    const struct torque_source *source = &icub_bus_of(board->bus)->source[address];
     int64_t since = axis->source_ns;
 
     if (address == 0) {
@@ -138,7 +139,7 @@ static bool motor_axis_source_is_alive(const struct board *board, const struct m
     if (source->heard && source->time_ns > since) {
         since = source->time_ns;
     }
-    return board->boards->time_ns - since <= (int64_t)ICUB_STRAIN_SAFE_MS * MS;
+    return board->boards->now_ns - since <= (int64_t)ICUB_STRAIN_SAFE_MS * MS;
 }
 
 static void motor_axis_watch_source(struct board *board, struct motor_axis *axis)
@@ -175,7 +176,7 @@ static void motor_axis_watch_limits(struct board *board, struct motor_axis *axis
 
 static void motor_axis_watch_calibration(struct board *board, struct motor_axis *axis)
 {
-    if (axis->mode == ICUB_MODE_CALIBRATION && board->boards->time_ns >= axis->calibrated_ns) {
+    if (axis->mode == ICUB_MODE_CALIBRATION && board->boards->now_ns >= axis->calibrated_ns) {
         axis->offset = -axis->calibration_zero;
         motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
     }
@@ -185,7 +186,7 @@ void motor_board_watch(struct board *board)
 {
     motor_board_watch_can(board);
     for (int i = 0; i < MOTOR_AXES; i++) {
-        struct motor_axis *axis = &board->motor->axis[i];
+        struct motor_axis *axis = &motor_board_of(board)->axis[i];
 
         motor_axis_watch_faults(board, axis);
         motor_axis_watch_temperature(board, axis);

@@ -11,7 +11,7 @@
  * Settings survive a restart as EEPROM would keep them; transmit mode, period and current tare do
  * not.
  */
-#include "boards/board_private.h"
+#include "boards/icub/private.h"
 #include "boards/motor_control.h"
 
 #include "canbus/frame.h"
@@ -23,6 +23,7 @@
 enum { MATRIX_ONE = 32767, HALF = BOARD_CHANNELS / 2 };
 
 struct strain_board {
+    struct icub_board icub;
     int32_t adc[BOARD_CHANNELS]; /* counts from zero */
     int32_t held[BOARD_CHANNELS];
     uint8_t saturated[BOARD_CHANNELS]; /* 0 no, 1 low, 2 high */
@@ -36,14 +37,14 @@ struct strain_board {
     bool saved, powered;
 };
 
-struct strain_board *strain_board_create(struct arena *arena)
+static struct strain_board *strain_board_of(const struct board *board)
 {
-    return arena_alloc(arena, 1, sizeof(struct strain_board));
+    return container_of(board, struct strain_board, icub.board);
 }
 
 static void strain_board_set_up_eeprom(const struct board *board)
 {
-    struct strain_board *strain = board->strain;
+    struct strain_board *strain = strain_board_of(board);
     char serial[ICUB_SERIAL_LENGTH + 1];
 
     snprintf(serial, sizeof serial, "SIM%02X%02X", (unsigned)board->config.bus & 0xff,
@@ -61,7 +62,7 @@ static void strain_board_set_up_eeprom(const struct board *board)
 
 static void strain_board_power_up(struct board *board)
 {
-    struct strain_board *strain = board->strain;
+    struct strain_board *strain = strain_board_of(board);
 
     if (!strain->powered) {
         strain_board_set_up_eeprom(board);
@@ -71,7 +72,7 @@ static void strain_board_power_up(struct board *board)
     memset(strain->held, 0, sizeof strain->held);
     strain->mode = board->config.transmit_at_start ? ICUB_STRAIN_CALIBRATED : ICUB_STRAIN_SILENT;
     strain->period_ns = board->config.period_ns > 0 ? board->config.period_ns : MS;
-    strain->next_ns = board->boards->time_ns + strain->period_ns;
+    strain->next_ns = board->boards->now_ns + strain->period_ns;
 }
 
 /* ---- values ---- */
@@ -122,7 +123,7 @@ static int32_t strain_board_calibrated(const struct strain_board *strain, int ch
 
 static void strain_board_convert(struct board *board, int channel, double value)
 {
-    struct strain_board *strain = board->strain;
+    struct strain_board *strain = strain_board_of(board);
     int32_t counts;
     int64_t raw;
 
@@ -263,7 +264,7 @@ static bool strain_board_command_full_scale(struct strain_board *strain, unsigne
 
 static bool strain_board_set(struct board *board, unsigned code, const int64_t *request)
 {
-    struct strain_board *strain = board->strain;
+    struct strain_board *strain = strain_board_of(board);
 
     switch (code) {
     case ICUB_STRAIN_SET_TRANSMIT_MODE:
@@ -271,7 +272,7 @@ static bool strain_board_set(struct board *board, unsigned code, const int64_t *
         return true;
     case ICUB_STRAIN_SET_PERIOD:
         strain->period_ns = request[0] * MS;
-        strain->next_ns = board->boards->time_ns + strain->period_ns;
+        strain->next_ns = board->boards->now_ns + strain->period_ns;
         return true;
     case ICUB_STRAIN_SET_DAC:
         strain->dac[request[0]] = (uint16_t)request[1];
@@ -297,22 +298,10 @@ static bool strain_board_set(struct board *board, unsigned code, const int64_t *
     return true;
 }
 
-static void strain_board_tell_firmware(const struct board *board, const int64_t *host,
-                                       int64_t *reply)
-{
-    reply[0] = board->ops->type;
-    reply[1] = board->ops->major;
-    reply[2] = board->ops->minor;
-    reply[3] = board->ops->build;
-    reply[4] = ICUB_STRAIN_PROTOCOL_MAJOR;
-    reply[5] = ICUB_STRAIN_PROTOCOL_MINOR;
-    reply[6] = host[0] == ICUB_STRAIN_PROTOCOL_MAJOR && host[1] <= ICUB_STRAIN_PROTOCOL_MINOR;
-}
-
 static bool strain_board_get(struct board *board, unsigned code, const int64_t *request,
                              int64_t *reply)
 {
-    struct strain_board *strain = board->strain;
+    struct strain_board *strain = strain_board_of(board);
 
     switch (code) {
     case ICUB_STRAIN_SAVE:
@@ -350,29 +339,33 @@ static bool strain_board_get(struct board *board, unsigned code, const int64_t *
         }
         return true;
     case ICUB_STRAIN_GET_FIRMWARE:
-        strain_board_tell_firmware(board, request, reply);
+        icub_board_tell_firmware(board, ICUB_STRAIN_PROTOCOL_MAJOR, ICUB_STRAIN_PROTOCOL_MINOR,
+                                 request[0] == ICUB_STRAIN_PROTOCOL_MAJOR &&
+                                     request[1] <= ICUB_STRAIN_PROTOCOL_MINOR,
+                                 reply);
         return true;
     default:
         return false;
     }
 }
 
-static bool strain_board_command(struct board *board, const struct bus_frame *frame,
+static bool strain_board_command(struct icub_board *icub, const struct bus_frame *frame,
                                  const int64_t *request, int64_t *reply, bool *answer)
 {
+    struct board *board = &icub->board;
     unsigned code = frame->data[0];
 
     (void)answer;
     switch (code) {
     case ICUB_STRAIN_SET_CALIBRATION_TARE:
     case ICUB_STRAIN_SET_CURRENT_TARE:
-        return strain_board_command_tare(board->strain, frame, request);
+        return strain_board_command_tare(strain_board_of(board), frame, request);
     case ICUB_STRAIN_SET_MATRIX:
     case ICUB_STRAIN_GET_MATRIX:
-        return strain_board_command_matrix(board->strain, code, request, reply);
+        return strain_board_command_matrix(strain_board_of(board), code, request, reply);
     case ICUB_STRAIN_SET_FULL_SCALE:
     case ICUB_STRAIN_GET_FULL_SCALE:
-        return strain_board_command_full_scale(board->strain, code, request, reply);
+        return strain_board_command_full_scale(strain_board_of(board), code, request, reply);
     default:
         return strain_board_get(board, code, request, reply) ||
                strain_board_set(board, code, request);
@@ -385,7 +378,7 @@ static bool strain_board_command(struct board *board, const struct bus_frame *fr
 static void strain_board_send_frame(struct board *board, struct frame_sink *sink,
                                     enum icub_analog_type type, const int32_t *counts, int first)
 {
-    const struct strain_board *strain = board->strain;
+    const struct strain_board *strain = strain_board_of(board);
     int64_t values[HALF];
     uint8_t data[ICUB_STRAIN_SATURATED_LENGTH] = {0};
     uint8_t len = icub_analog_frames[type].length;
@@ -400,15 +393,22 @@ static void strain_board_send_frame(struct board *board, struct frame_sink *sink
                       strain->saturated[first + 2] << 6);
     }
     board_send(board, sink, icub_id(ICUB_PERIODIC_ANALOG, board->address, type), len, data);
-    if (type == ICUB_FORCE || type == ICUB_TORQUE) {
-        icub_bus_hear_strain(board->bus, board->address, type, data, board->boards->time_ns);
+}
+
+/* Motor boards on the bus take the torques of their loops from these frames. */
+static void strain_board_sent(struct board *board, const struct bus_frame *frame)
+{
+    enum icub_analog_type type = (enum icub_analog_type)(frame->id & 0xf);
+
+    if (frame->id >> 8 == ICUB_PERIODIC_ANALOG && (type == ICUB_FORCE || type == ICUB_TORQUE)) {
+        icub_bus_hear_strain(board->bus, board->address, type, frame->data, board->boards->now_ns);
     }
 }
 
 static bool strain_board_is_due(struct board *board)
 {
-    struct strain_board *strain = board->strain;
-    int64_t late = board->boards->time_ns - strain->next_ns;
+    struct strain_board *strain = strain_board_of(board);
+    int64_t late = board->boards->now_ns - strain->next_ns;
 
     if (late < 0) {
         return false;
@@ -419,7 +419,7 @@ static bool strain_board_is_due(struct board *board)
 
 static void strain_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
-    struct strain_board *strain = board->strain;
+    struct strain_board *strain = strain_board_of(board);
     bool raw = strain->mode == ICUB_STRAIN_UNCALIBRATED, both = strain->mode == ICUB_STRAIN_BOTH;
     int32_t counts[BOARD_CHANNELS];
 
@@ -438,10 +438,29 @@ static void strain_board_transmit(struct board *board, struct ms_span span, stru
 }
 
 #define STRAIN_BOARD                                                                               \
-    .type = ICUB_BOARD_STRAIN, .major = 3, .minor = 0, .build = 5, .periodic_max = 4,              \
-    .commands = icub_strain_commands, .command_count = ICUB_STRAIN_COMMANDS,                       \
-    .command_class = ICUB_POLLING_ANALOG, .command = strain_board_command,                         \
-    .power_up = strain_board_power_up, .transmit = strain_board_transmit
+    .identity = {.type = ICUB_BOARD_STRAIN, .major = 3, .minor = 0, .build = 5},                   \
+    .periodic_max = 4, .power_up = strain_board_power_up, .transmit = strain_board_transmit,       \
+    .sent = strain_board_sent
 
-const struct board_ops ft_board_ops = {STRAIN_BOARD, .sample = strain_board_sample_ft};
-const struct board_ops torque_board_ops = {STRAIN_BOARD, .sample = strain_board_sample_torque};
+static const struct board_ops ft_board_ops = {STRAIN_BOARD, .sample = strain_board_sample_ft};
+static const struct board_ops torque_board_ops = {STRAIN_BOARD,
+                                                  .sample = strain_board_sample_torque};
+
+static const struct icub_board_ops strain_icub_ops = {
+    .commands = icub_strain_commands,
+    .command_count = ICUB_STRAIN_COMMANDS,
+    .command_class = ICUB_POLLING_ANALOG,
+    .command = strain_board_command,
+};
+
+struct board *strain_board_create(enum board_kind kind, struct arena *arena)
+{
+    struct strain_board *strain = arena_alloc(arena, 1, sizeof *strain);
+
+    if (!strain) {
+        return NULL;
+    }
+    strain->icub.board.ops = kind == BOARD_FT ? &ft_board_ops : &torque_board_ops;
+    strain->icub.ops = &strain_icub_ops;
+    return &strain->icub.board;
+}
