@@ -15,9 +15,9 @@ const struct phase_budget phase_budgets[PHASE_COUNT] = {
     [PHASE_PLANT] = {"moves the robot on by a tick: actuators, dynamics, contact", 52000, 7.4,
                      16.3},
     [PHASE_SENSORS] = {"samples, delays, quantises and disturbs what the boards measure", 21000,
-                       1.2, 2.5},
-    [PHASE_TRANSMIT] = {"wires in virtual time move on; boards send what is due", 60000, 13.6,
-                        36.9},
+                       2.2, 4.6},
+    [PHASE_TRANSMIT] = {"wires in virtual time move on; boards send what is due", 60000, 13.8,
+                        34.8},
     [PHASE_PUBLISH] = {"hands state and counters to other threads, a row to the recorder", 5000,
                        0.8, 3.0},
 };

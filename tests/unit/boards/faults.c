@@ -281,14 +281,14 @@ static void hand_overrules_the_clock(void **state)
     assert_int_equal(lossy, 1);
     assert_int_equal(faults_find(bench->faults, "3"), 2);
     assert_int_equal(faults_find(bench->faults, "none"), -1);
-    assert_true(faults_set(bench->faults, 1, true));
+    assert_true(faults_set(bench->faults, 0, 1, true));
     assert_true(is_active(bench, 1));
     faults_step(bench->faults, SECOND);
     assert_true(is_active(bench, 1));
-    assert_true(faults_set(bench->faults, 0, false));
+    assert_true(faults_set(bench->faults, SECOND, 0, false));
     faults_step(bench->faults, 2 * SECOND);
     assert_false(is_active(bench, 0));
-    assert_false(faults_set(bench->faults, 3, true));
+    assert_false(faults_set(bench->faults, 2 * SECOND, 3, true));
 }
 
 static void each_change_is_one_event(void **state)
@@ -300,8 +300,8 @@ static void each_change_is_one_event(void **state)
     for (int64_t ms = 0; ms < 3000; ms++) {
         faults_step(bench->faults, ms * 1000000);
     }
-    faults_set(bench->faults, 1, true);
-    faults_set(bench->faults, 1, true);
+    faults_set(bench->faults, 2999 * (SECOND / 1000), 1, true);
+    faults_set(bench->faults, 2999 * (SECOND / 1000), 1, true);
     for (int i = 0; i < 4; i++) {
         assert_true(faults_next_event(bench->faults, &event));
     }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Each board is a CAN node of its own: its frames say which one. */
-#include "tests/unit/boards/boards_rig.h"
+#include "tests/unit/boards/board_bench.h"
 
 /* Of bus 0, in the order of the configuration: boards 1, 2, 0x0C, 0x0D. */
 static int node_of(unsigned address)
@@ -20,51 +20,51 @@ static int node_of(unsigned address)
 static void every_frame_bears_the_number_of_its_board_on_its_bus(void **state)
 {
     size_t seen[4] = {0};
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
     /* telemetry of the motor boards, then of the others, which send what the host starts */
-    rig_send(&rig, 0, 0x001, "49 7F 00 00 00");
-    rig_send(&rig, 0, 0x002, "49 7F 00 00 00");
-    rig_send(&rig, 0, 0x20c, "07 00");
-    rig_send(&rig, 0, 0x20d, "07 00");
+    bench_send(&bench, 0, 0x001, "49 7F 00 00 00");
+    bench_send(&bench, 0, 0x002, "49 7F 00 00 00");
+    bench_send(&bench, 0, 0x20c, "07 00");
+    bench_send(&bench, 0, 0x20d, "07 00");
     for (int tick = 0; tick < 40; tick++) {
-        rig_send(&rig, 0, 0x70f, "FF"); /* each board answers */
-        rig_tick(&rig);
-        for (size_t i = 0; i < rig.count[0]; i++) {
-            const int node = node_of(rig.frame[0][i].id >> 4 & 0xf);
+        bench_send(&bench, 0, 0x70f, "FF"); /* each board answers */
+        bench_tick(&bench);
+        for (size_t i = 0; i < bench.count[0]; i++) {
+            const int node = node_of(bench.frame[0][i].id >> 4 & 0xf);
 
-            assert_int_equal(rig.frame[0][i].node, node);
+            assert_int_equal(bench.frame[0][i].node, node);
             seen[node]++;
         }
     }
     for (int node = 0; node < 4; node++) {
         assert_true(seen[node] > 40);
     }
-    rig_stop(&rig);
+    bench_stop(&bench);
 }
 
 static void nodes_are_counted_anew_on_each_bus_and_stay_when_the_address_changes(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 1, 0x70f, "FF");
-    rig_tick(&rig);
-    assert_int_equal(rig.count[1], 1);
-    assert_int_equal(rig.frame[1][0].node, 0);
-    rig_send(&rig, 0, 0x002, "32 05"); /* SET_BOARD_ID */
-    rig_tick(&rig);
-    rig_send(&rig, 0, 0x705, "FF");
-    rig_tick(&rig);
-    assert_int_equal(rig.count[0], 1);
-    assert_int_equal(rig.frame[0][0].id >> 4 & 0xf, 5);
-    assert_int_equal(rig.frame[0][0].node, 1);
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 1, 0x70f, "FF");
+    bench_tick(&bench);
+    assert_int_equal(bench.count[1], 1);
+    assert_int_equal(bench.frame[1][0].node, 0);
+    bench_send(&bench, 0, 0x002, "32 05"); /* SET_BOARD_ID */
+    bench_tick(&bench);
+    bench_send(&bench, 0, 0x705, "FF");
+    bench_tick(&bench);
+    assert_int_equal(bench.count[0], 1);
+    assert_int_equal(bench.frame[0][0].id >> 4 & 0xf, 5);
+    assert_int_equal(bench.frame[0][0].node, 1);
+    bench_stop(&bench);
 }
 
 int main(void)
