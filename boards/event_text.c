@@ -56,10 +56,10 @@ static const char *event_mode_name(enum board_personality personality, uint32_t 
     }
 }
 
-/* What a stale command leads to. */
+/* What a command that timed out leads to. */
 static const char *event_timeout_consequence(enum board_personality personality)
 {
-    return personality == BOARD_FOC ? "a fault" : "now 0";
+    return personality == BOARD_FOC ? "a fault" : "reference set to 0";
 }
 
 static const char *const icub_faults[] = {
@@ -132,32 +132,32 @@ static void event_describe(enum board_personality personality, const struct boar
         snprintf(text, size, "axis %u has a fault: %s", axis, faults);
         return;
     case BOARD_EVENT_TIMEOUT:
-        snprintf(text, size, "axis %u: the %s command went stale, %s", axis,
+        snprintf(text, size, "axis %u: the %s command timed out, %s", axis,
                  event_mode_name(personality, a), event_timeout_consequence(personality));
         return;
     case BOARD_EVENT_SOURCE_LOST:
-        snprintf(text, size, "axis %u: torque source %" PRIu32 " is silent, motor off", axis, a);
+        snprintf(text, size, "axis %u: torque source %" PRIu32 " timed out, motor switched off", axis, a);
         return;
     case BOARD_EVENT_LIMIT:
-        snprintf(text, size, "axis %u is beyond its limit at %" PRId32 " %s", axis, (int32_t)a,
-                 personality == BOARD_COMPACT ? "x 1e-5 rad, obeys only what leads back"
-                                              : "ticks, voltage 0");
+        snprintf(text, size, "axis %u is beyond its position limit at %" PRId32 " %s", axis, (int32_t)a,
+                 personality == BOARD_COMPACT ? "x 1e-5 rad, only commands that lead back are obeyed"
+                                              : "ticks, voltage set to 0");
         return;
     case BOARD_EVENT_UNKNOWN:
-        snprintf(text, size, "no such command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
+        snprintf(text, size, "unknown command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
         return;
     case BOARD_EVENT_MALFORMED:
         snprintf(text, size,
                  "wrong length or value in command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
         return;
     case BOARD_EVENT_ADDRESS:
-        snprintf(text, size, "moves from address %" PRIu32 " to %" PRIu32, a, b);
+        snprintf(text, size, "address changed from %" PRIu32 " to %" PRIu32, a, b);
         return;
     case BOARD_EVENT_RESTART:
-        snprintf(text, size, "%s", a ? "in its bootloader" : "application started");
+        snprintf(text, size, "%s", a ? "bootloader entered" : "application started");
         return;
     case BOARD_EVENT_OVERFLOW:
-        snprintf(text, size, "loses frames, %" PRIu32 " until now", a);
+        snprintf(text, size, "frames lost, %" PRIu32 " so far", a);
         return;
     case BOARD_EVENT_OVER_HEATED:
         snprintf(text, size, "axis %u is too hot: %.1f degree C", axis,

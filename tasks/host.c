@@ -12,16 +12,10 @@
 enum {
     RECEIVE_BATCH = 64,
     BATCHES_MAX = 64, /* of one bus in one period: a flood must not hold the period up */
-    REQUEST_TRIES = 3,
     STEPS_APART = 50, /* farther back than answers to repeated STEPs: another simulator */
 };
 
-static const int64_t MS = 1000000;
-static const int64_t DISCOVERY_TIMEOUT = 8000; /* ms: boards may boot for five seconds */
-static const int64_t DISCOVERY_REPEAT = 250;   /* ms */
-static const int64_t ENABLE_TIMEOUT = 1000;    /* ms; a status follows a mode within 10 */
-static const int64_t REPLY_TIMEOUT = 300;      /* ms a request, as real hosts wait */
-static const int64_t TELEMETRY_TIMEOUT = 200;  /* ms without rotor positions */
+static const int64_t STEP_REPEAT_NS = 100000000;
 
 /* ---- creation ---- */
 
@@ -328,7 +322,7 @@ void host_repeat_step(struct host *host, int64_t now_ns)
     if (host->step_sent_ns < 0) {
         host->step_sent_ns = now_ns;
     }
-    if (now_ns - host->step_sent_ns >= 100 * MS) {
+    if (now_ns - host->step_sent_ns >= STEP_REPEAT_NS) {
         struct bus_frame step = host_step_frame(host);
 
         can_send(host->config.port[host->config.lockstep_bus], &step, 1);
@@ -336,201 +330,7 @@ void host_repeat_step(struct host *host, int64_t now_ns)
     }
 }
 
-/* ---- start-up ---- */
-
-static void host_enter_phase(struct host *host, enum host_phase phase)
-{
-    host->phase = phase;
-    host->phase_since_ns = host->now_ns;
-}
-
-void host_fail_node(struct host *host, size_t bus, unsigned address, const char *what)
-{
-    if (host->phase != HOST_FAILED) { /* the first failure is the cause of the others */
-        snprintf(host->message, sizeof host->message, "board %u on %s %s", address,
-                 host->config.port[bus]->bus, what);
-        host->phase = HOST_FAILED;
-    }
-}
-
-/* Calls step for every board of ours; true when it was true for all. */
-static bool host_every_node(struct host *host,
-                            bool (*step)(struct host *, size_t bus, unsigned address))
-{
-    bool all = true;
-
-    for (size_t b = 0; b < host->config.nbus; b++) {
-        for (unsigned a = 1; a < HOST_ADDRESSES; a++) {
-            if (host->line[b].node[a].kind != HOST_NO_BOARD && !step(host, b, a)) {
-                all = false;
-            }
-        }
-    }
-    return all;
-}
-
-static bool host_node_found(struct host *host, size_t bus, unsigned address)
-{
-    return host->line[bus].node[address].found;
-}
-
-static enum host_phase host_discover(struct host *host)
-{
-    if (host_every_node(host, host_node_found)) {
-        host_enter_phase(host, HOST_CONFIGURING);
-        return host->phase;
-    }
-    if (!host->asked) {
-        host->phase_since_ns = host->now_ns;
-    }
-    if (!host->asked || host->now_ns - host->asked_ns >= DISCOVERY_REPEAT * MS) {
-        for (size_t b = 0; b < host->config.nbus; b++) {
-            host->line[b].ops->discover(host, b);
-        }
-        host->asked = true;
-        host->asked_ns = host->now_ns;
-    }
-    if (host->now_ns - host->phase_since_ns > DISCOVERY_TIMEOUT * MS) {
-        for (size_t b = 0; b < host->config.nbus; b++) {
-            for (unsigned a = 1; a < HOST_ADDRESSES; a++) {
-                if (host->line[b].node[a].kind != HOST_NO_BOARD && !host->line[b].node[a].found) {
-                    host_fail_node(host, b, a, "does not answer discovery");
-                    host->lost = true;
-                    return host->phase;
-                }
-            }
-        }
-    }
-    return host->phase;
-}
-
-static bool host_configure_node(struct host *host, size_t bus, unsigned address)
-{
-    struct host_node *node = &host->line[bus].node[address];
-    struct host_request request = {0};
-
-    bool waits = node->answered < node->requested;
-
-    if (waits && host->now_ns - node->request_time_ns <= REPLY_TIMEOUT * MS) {
-        return false;
-    }
-    if (waits && node->tries == REQUEST_TRIES) {
-        host_fail_node(host, bus, address, "does not answer a start-up request");
-        host->lost = true;
-        return false;
-    }
-    if (!host->line[bus].ops->request(host, bus, address, node->answered, &request)) {
-        return true;
-    }
-    host_queue(host, bus, &request.frame);
-    node->requested = node->answered + 1;
-    node->answered += !request.reply;
-    node->tries = waits ? node->tries + 1 : 1;
-    node->request_time_ns = host->now_ns;
-    return false;
-}
-
-/* ": over-current, under-voltage", or nothing */
-static const char *host_list_faults(const struct host *host, size_t axis, char text[96])
-{
-    const char *const *name = host->line[host->config.axis[axis].bus].ops->fault_name;
-    size_t used = 0;
-
-    text[0] = '\0';
-    for (int bit = 0; bit < 32 && used < 95; bit++) {
-        if (host->joint[axis].fault >> bit & 1 && name[bit]) {
-            used += (size_t)snprintf(text + used, 96 - used, "%s%s", used ? ", " : ": ", name[bit]);
-        }
-    }
-    return text;
-}
-
-static enum host_phase host_fail_joint(struct host *host, size_t axis, const char *what)
-{
-    const struct host_joint *joint = &host->joint[axis];
-    char names[96];
-
-    if (joint->motor == HOST_MOTOR_FAULT) {
-        snprintf(host->message, sizeof host->message, "joint %s is in fault 0x%02X%s",
-                 host->config.axis[axis].joint, (unsigned)joint->fault,
-                 host_list_faults(host, axis, names));
-    } else {
-        snprintf(host->message, sizeof host->message, "joint %s %s", host->config.axis[axis].joint,
-                 what);
-    }
-    return host->phase = HOST_FAILED;
-}
-
-static enum host_phase host_enable_motors(struct host *host)
-{
-    bool all = true;
-
-    /* off first, which leaves a fault of an earlier run; then on, and again what has not obeyed */
-    if (host->enabling < 2 || host->now_ns - host->asked_ns >= REPLY_TIMEOUT * MS) {
-        for (size_t i = 0; i < host->config.naxis; i++) {
-            if (host->enabling < 2 || host->joint[i].motor != HOST_MOTOR_ON) {
-                host_set_motor(host, i, host->enabling > 0);
-            }
-        }
-        host->enabling++;
-        host->asked_ns = host->now_ns;
-    }
-    for (size_t i = 0; i < host->config.naxis; i++) {
-        const struct host_joint *joint = &host->joint[i];
-        bool ready =
-            joint->motor == HOST_MOTOR_ON && joint->motor_time_ns >= 0 && joint->joint_seen;
-
-        if (!ready && host->now_ns - host->phase_since_ns > ENABLE_TIMEOUT * MS) {
-            return host_fail_joint(host, i,
-                                   joint->motor == HOST_MOTOR_ON ? "does not tell its position"
-                                                                 : "does not switch its motor on");
-        }
-        all = all && ready;
-    }
-    if (all) {
-        host_enter_phase(host, HOST_READY);
-    }
-    return host->phase;
-}
-
-enum host_phase host_start_up(struct host *host)
-{
-    switch (host->phase) {
-    case HOST_DISCOVERING:
-        return host_discover(host);
-    case HOST_CONFIGURING:
-        if (host_every_node(host, host_configure_node) && host->phase == HOST_CONFIGURING) {
-            host_enter_phase(host, HOST_ENABLING);
-        }
-        return host->phase;
-    case HOST_ENABLING:
-        return host_enable_motors(host);
-    default:
-        return host->phase;
-    }
-}
-
 /* ---- what others ask ---- */
-
-bool host_healthy(struct host *host)
-{
-    for (size_t i = 0; i < host->config.naxis && host->phase != HOST_FAILED; i++) {
-        const struct host_joint *joint = &host->joint[i];
-
-        if (joint->motor != HOST_MOTOR_ON) {
-            /* off without a fault: a board that has started anew */
-            host->lost = joint->motor == HOST_MOTOR_OFF;
-            host_fail_joint(host, i,
-                            joint->motor == HOST_MOTOR_OTHER
-                                ? "is in another mode than it was put into"
-                                : "has switched its motor off");
-        } else if (host->now_ns - joint->motor_time_ns > TELEMETRY_TIMEOUT * MS) {
-            host_fail_joint(host, i, "has gone silent");
-            host->lost = joint->motor != HOST_MOTOR_FAULT;
-        }
-    }
-    return host->phase != HOST_FAILED;
-}
 
 const struct host_joint *host_joint(const struct host *host, size_t axis)
 {
@@ -555,14 +355,4 @@ int host_find_axis(const struct host *host, const char *joint)
         }
     }
     return -1;
-}
-
-const char *host_message(const struct host *host)
-{
-    return host->message;
-}
-
-bool host_lost(const struct host *host)
-{
-    return host->phase == HOST_FAILED && host->lost;
 }

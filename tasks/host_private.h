@@ -8,6 +8,8 @@
 
 #include "tasks/host.h"
 
+#define HOST_MS INT64_C(1000000) /* nanoseconds */
+
 enum {
     HOST_ADDRESSES = 32, /* 0 to 31; each personality has its own maximum */
     HOST_AXES = 4,       /* of a motor board, at most */
@@ -103,6 +105,9 @@ double host_duty(const struct host *host, size_t axis);
 
 /* "board 3 on can0 <what>"; the host has failed. */
 void host_fail_node(struct host *host, size_t bus, unsigned address, const char *what);
+
+/* "joint LKneeSag <what>", or which faults it is in; returns HOST_FAILED. */
+enum host_phase host_fail_joint(struct host *host, size_t axis, const char *what);
 
 /* The same for both kinds of iCub motor boards (host_strain.c): class 7 discovery, what a mode means,
  * and the STRAIN boards' frames, answers and requests. */

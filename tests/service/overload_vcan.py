@@ -215,7 +215,7 @@ def test_a_controller_that_falls_silent_leaves_motors_safe_and_may_come_back():
     run.says("right_arm/0x02.* from idle to voltage mode")
     time.sleep(0.5)
     host.stop()
-    run.says("right_arm/0x02.* the voltage command went stale")
+    run.says("right_arm/0x02.* the voltage command timed out")
     time.sleep(0.5)
     host = HostThread()
     time.sleep(0.5)

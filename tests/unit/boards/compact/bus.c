@@ -264,7 +264,7 @@ static void a_stale_command_becomes_0_volts_and_is_told(void **state)
     assert_true(bench_event(&bench, BOARD_EVENT_TIMEOUT, &event));
     board_event_format(bench.boards, &event, text, sizeof text);
     assert_non_null(
-        strstr(text, "leg 1 (bus 0, address 4): axis 0: the voltage command went stale"));
+        strstr(text, "leg 1 (bus 0, address 4): axis 0: the voltage command timed out"));
     assert_int_equal(bench_counters(&bench).timeouts, 1);
     bench_send(&bench, 0, 0x040, "E8 03");
     bench_tick(&bench);
@@ -560,11 +560,11 @@ static void events_have_the_names_of_this_protocol(void **state)
         {{.kind = BOARD_EVENT_MODE, .a = COMPACT_CURRENT, .b = COMPACT_FAULT},
          "axis 0 from current to fault mode"},
         {{.kind = BOARD_EVENT_TIMEOUT, .a = COMPACT_VOLTAGE},
-         "axis 0: the voltage command went stale, now 0"},
+         "axis 0: the voltage command timed out, reference set to 0"},
         {{.kind = BOARD_EVENT_FAULT, .a = COMPACT_FAULT_TEMPERATURE},
          "axis 0 has a fault: temperature"},
         {{.kind = BOARD_EVENT_LIMIT, .a = (uint32_t)-200100},
-         "axis 0 is beyond its limit at -200100 x 1e-5 rad, obeys only what leads back"},
+         "axis 0 is beyond its position limit at -200100 x 1e-5 rad, only commands that lead back are obeyed"},
     };
     char text[256];
     struct board_bench bench;

@@ -244,7 +244,7 @@ static void a_set_point_expires_after_50_ms(void **state)
     assert_true(boards_fault(bench.boards));
     assert_true(bench_event(&bench, BOARD_EVENT_TIMEOUT, &event));
     board_event_format(bench.boards, &event, text, sizeof text);
-    assert_non_null(strstr(text, "axis 0: the voltage command went stale, a fault"));
+    assert_non_null(strstr(text, "axis 0: the voltage command timed out, a fault"));
     assert_true(bench_event(&bench, BOARD_EVENT_FAULT, &event));
     assert_int_equal(event.a, FOC_FAULT_SET_POINT_EXPIRED);
     board_event_format(bench.boards, &event, text, sizeof text);

@@ -964,7 +964,7 @@ static void events_read_as_sentences(void **state)
     bench_send(&bench, 1, 0x001, "6B");
     assert_true(bench_event(&bench, BOARD_EVENT_UNKNOWN, &event));
     board_event_format(bench.boards, &event, text, sizeof text);
-    assert_non_null(strstr(text, "arm 1 (bus 1, address 1): no such command 0x6b (id 0x001)"));
+    assert_non_null(strstr(text, "arm 1 (bus 1, address 1): unknown command 0x6b (id 0x001)"));
     bench_stop(&bench);
 }
 
@@ -986,17 +986,17 @@ static void every_kind_of_event_has_its_sentence(void **state)
          "axis 0 from calibration to hardware fault mode"},
         {{.kind = BOARD_EVENT_FAULT, .a = 0x21},
          "axis 0 has a fault: under-voltage, absolute encoder"},
-        {{.kind = BOARD_EVENT_TIMEOUT, .a = 0x50}, "axis 0: the voltage command went stale, now 0"},
+        {{.kind = BOARD_EVENT_TIMEOUT, .a = 0x50}, "axis 0: the voltage command timed out, reference set to 0"},
         {{.kind = BOARD_EVENT_SOURCE_LOST, .a = 12},
-         "axis 0: torque source 12 is silent, motor off"},
+         "axis 0: torque source 12 timed out, motor switched off"},
         {{.kind = BOARD_EVENT_LIMIT, .a = (uint32_t)-5},
-         "axis 0 is beyond its limit at -5 ticks, voltage 0"},
+         "axis 0 is beyond its position limit at -5 ticks, voltage set to 0"},
         {{.kind = BOARD_EVENT_MALFORMED, .a = 0x001, .b = 0x72},
          "wrong length or value in command 0x72 (id 0x001)"},
-        {{.kind = BOARD_EVENT_ADDRESS, .a = 1, .b = 5}, "moves from address 1 to 5"},
-        {{.kind = BOARD_EVENT_RESTART, .a = 1}, "in its bootloader"},
+        {{.kind = BOARD_EVENT_ADDRESS, .a = 1, .b = 5}, "address changed from 1 to 5"},
+        {{.kind = BOARD_EVENT_RESTART, .a = 1}, "bootloader entered"},
         {{.kind = BOARD_EVENT_RESTART, .a = 0}, "application started"},
-        {{.kind = BOARD_EVENT_OVERFLOW, .a = 3}, "loses frames, 3 until now"},
+        {{.kind = BOARD_EVENT_OVERFLOW, .a = 3}, "frames lost, 3 so far"},
         {{.kind = BOARD_EVENT_OVER_HEATED, .axis = 1, .a = 705},
          "axis 1 is too hot: 70.5 degree C"},
     };
