@@ -33,8 +33,8 @@
 
 enum { IDS_MAX = 32, DELAYED_MAX = 2048 };
 
-/* The last frame of an id. */
-struct heard_id {
+/* The last frame that was sent with an identifier. */
+struct sent_id {
     struct bus_frame frame;
     uint64_t count;
 };
@@ -42,9 +42,9 @@ struct heard_id {
 struct board_fault {
     const struct fault *fault;
     struct random_stream random;
-    bool gap;                    /* INTERMITTENT */
-    bool spent;                  /* HUNG: has hung since it began */
-    struct heard_id id[IDS_MAX]; /* STUCK, SLOW */
+    bool gap;                   /* INTERMITTENT */
+    bool spent;                 /* HUNG: has hung since it began */
+    struct sent_id id[IDS_MAX]; /* STUCK, SLOW */
     size_t nid;
     struct bus_frame *waiting; /* DELAYED; circular, time_ns is when they are due */
     size_t first, count;
@@ -71,6 +71,8 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
         if (fault->target != FAULT_BOARD || fault->index >= boards->nboard) {
             continue;
         }
+
+        /* A board may have all of them: the first one lays the list out */
         board = boards->board[fault->index];
         if (!board->faults) {
             board->faults = arena_alloc(arena, 1, sizeof *board->faults);
@@ -79,6 +81,8 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
                 return false;
             }
         }
+
+        /* Each fault draws from a random stream of its own, so that others do not change it */
         to = &board->faults->fault[board->faults->count++];
         to->fault = fault;
         snprintf(stream, sizeof stream, "fault %s", fault->name);
@@ -93,7 +97,7 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
 
 /* ---- power and contact ---- */
 
-/* What it had still to say is gone with its memory. */
+/* Answers that wait are lost with the board's memory. */
 static void board_discard_replies(const struct board *board)
 {
     struct board_bus *bus = board->bus;
@@ -122,6 +126,7 @@ static void board_restore_power(struct board *board)
 
 /* ---- a firmware that hangs ---- */
 
+/* The timers keep the share of the supply that each bridge gives now. */
 static void board_begin_hang(struct board *board, int64_t watchdog_ns, double supply_v,
                              const struct plant_command *command)
 {
@@ -133,7 +138,7 @@ static void board_begin_hang(struct board *board, int64_t watchdog_ns, double su
         faults->duty[i] = joint >= 0 && !board->ops->turns_field && supply_v > 0.0
                               ? command->motor[joint].voltage_v / supply_v
                               : 0.0;
-        /* the supply may have sunk since the board drove the bridge */
+        /* The supply may have sunk since the board drove the bridge */
         faults->duty[i] = fmax(fmin(faults->duty[i], 1.0), -1.0);
     }
     faults->hung = true;
@@ -195,6 +200,7 @@ enum board_health board_faults_control(struct board *board, struct plant_command
     double supply_v = board->boards->supply_v;
     bool off = false, gap = false, hung;
 
+    /* Power and contact, as the faults have them in this tick */
     for (size_t i = 0; i < board->faults->count; i++) {
         struct board_fault *f = &board->faults->fault[i];
 
@@ -208,6 +214,8 @@ enum board_health board_faults_control(struct board *board, struct plant_command
             gap = gap || f->gap;
         }
     }
+
+    /* The power comes or goes; with power the firmware may hang */
     if (off && !board->faults->without_power) {
         board_cut_power(board);
     } else if (!off && board->faults->without_power) {
@@ -220,8 +228,8 @@ enum board_health board_faults_control(struct board *board, struct plant_command
 
 /* ---- frames ---- */
 
-/* The entry of an id; NULL when there are more than a board has. */
-static struct heard_id *board_fault_find_id(struct board_fault *f, uint32_t id)
+/* The entry of an identifier, a new one when there is none; NULL when the table is full. */
+static struct sent_id *board_fault_find_id(struct board_fault *f, uint32_t id)
 {
     for (size_t i = 0; i < f->nid; i++) {
         if (f->id[i].frame.id == id) {
@@ -237,7 +245,7 @@ static struct heard_id *board_fault_find_id(struct board_fault *f, uint32_t id)
 
 static void board_fault_freeze_frame(struct board_fault *f, struct bus_frame *frame)
 {
-    struct heard_id *last = board_fault_find_id(f, frame->id);
+    struct sent_id *last = board_fault_find_id(f, frame->id);
 
     if (last && f->fault->active && last->count > 0) {
         frame->len = last->frame.len;
@@ -248,10 +256,10 @@ static void board_fault_freeze_frame(struct board_fault *f, struct bus_frame *fr
     }
 }
 
-/* False: the frame is not sent, now or at all. */
+/* What a fault makes of a frame that is sent. False: it does not go out, now or at all. */
 static bool board_fault_disturb_frame(struct board_fault *f, struct bus_frame *frame)
 {
-    struct heard_id *last;
+    struct sent_id *last;
 
     if (f->fault->kind == FAULT_STUCK) {
         board_fault_freeze_frame(f, frame); /* remembers also while it is not active */
@@ -260,16 +268,17 @@ static bool board_fault_disturb_frame(struct board_fault *f, struct bus_frame *f
     if (!f->fault->active) {
         return true;
     }
+
     switch (f->fault->kind) {
-    case FAULT_GARBAGE:
+    case FAULT_GARBAGE: /* identifier and length stay */
         for (size_t i = 0; i < frame->len; i++) {
             frame->data[i] = (uint8_t)(random_bits(&f->random) >> 32);
         }
         return true;
-    case FAULT_SLOW:
+    case FAULT_SLOW: /* one of so many of each identifier */
         last = board_fault_find_id(f, frame->id);
         return !last || last->count++ % (uint64_t)f->fault->value[0] == 0;
-    case FAULT_DELAYED:
+    case FAULT_DELAYED: /* waits until it is due; a full queue loses it */
         if (f->count < DELAYED_MAX) {
             struct bus_frame *slot = &f->waiting[(f->first + f->count++) % DELAYED_MAX];
 

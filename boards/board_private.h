@@ -124,9 +124,9 @@ struct boards {
     struct boards_counters counters;
     struct ring events;
     int64_t tick_ns;
-    /* Both are set by each phase from the now_ns of its caller: the time stamp of events, and what a
-     * board's timers show. They differ in boards_control, which computes what the boards have done
-     * by the end of the tick. */
+    /* Both are set by each phase from the now_ns of its caller: the time stamp of events, and what
+     * a board's timers show. They differ in boards_control, which computes what the boards have
+     * done by the end of the tick. */
     int64_t event_ns, now_ns;
     double supply_v; /* as sampled */
     uint64_t settings_changes;

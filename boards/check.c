@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a configuration of boards must fulfill. */
+/* Whether a configuration of boards can be built: addresses, axes, channels, ranges. */
 #include "boards/board_private.h"
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
@@ -113,6 +113,8 @@ static enum error_code check_board_config(const struct boards_config *config,
     if (board->bus < 0 || (size_t)board->bus >= config->nbus) {
         return check_refuse(error, board, "there is no bus with its index");
     }
+
+    /* Addresses, as the protocol of the bus has them */
     personality = boards_personality(config, board->bus);
     if (personality == BOARD_COMPACT) {
         if (board->address < 1 || board->address > COMPACT_NODE_MAX) {
@@ -126,12 +128,15 @@ static enum error_code check_board_config(const struct boards_config *config,
     } else if (board->address < 1 || board->address > ICUB_ADDRESS_MAX) {
         return check_refuse(error, board, "the address must be 1 to 14");
     }
+
     if (board->command_timeout_ns < 0) {
         return check_refuse(error, board, "the command time-out must not be negative");
     }
     if (board->boot_ns < 0 || board->status_period_ns < 0) {
         return check_refuse(error, board, "times must not be negative");
     }
+
+    /* What stands behind the board */
     switch (board->kind) {
     case BOARD_MOTOR:
         return check_motor_board(config, board, error);
@@ -174,7 +179,7 @@ static enum error_code check_board_pair(const struct boards_config *config,
     return ERROR_NONE;
 }
 
-/* Compact slots are what a bus has room for. */
+/* A compact bus has COMPACT_SLOTS slots, one an axis. */
 static enum error_code check_compact_slots(const struct boards_config *config, struct error *error)
 {
     for (size_t bus = 0; bus < config->nbus; bus++) {
@@ -210,6 +215,8 @@ enum error_code boards_check(const struct boards_config *config, struct error *e
             return error_set(error, ERROR_INPUT, "boards: only compact boards speak CAN FD");
         }
     }
+
+    /* Each board for itself, then against those before it */
     for (size_t i = 0; i < config->nboard; i++) {
         const struct board_config *board = &config->board[i];
         enum error_code code = check_board_config(config, board, error);

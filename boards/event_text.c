@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Events of boards as lines of a log; not in the loop. */
+/* Events of boards as lines of a log. Not called in the loop. */
 #include "boards/board_private.h"
 #include "boards/compact/protocol.h"
 #include "boards/icub/protocol.h"
@@ -136,12 +136,14 @@ static void event_describe(enum board_personality personality, const struct boar
                  event_mode_name(personality, a), event_timeout_consequence(personality));
         return;
     case BOARD_EVENT_SOURCE_LOST:
-        snprintf(text, size, "axis %u: torque source %" PRIu32 " timed out, motor switched off", axis, a);
+        snprintf(text, size, "axis %u: torque source %" PRIu32 " timed out, motor switched off",
+                 axis, a);
         return;
     case BOARD_EVENT_LIMIT:
-        snprintf(text, size, "axis %u is beyond its position limit at %" PRId32 " %s", axis, (int32_t)a,
-                 personality == BOARD_COMPACT ? "x 1e-5 rad, only commands that lead back are obeyed"
-                                              : "ticks, voltage set to 0");
+        snprintf(
+            text, size, "axis %u is beyond its position limit at %" PRId32 " %s", axis, (int32_t)a,
+            personality == BOARD_COMPACT ? "x 1e-5 rad, only commands that lead back are obeyed"
+                                         : "ticks, voltage set to 0");
         return;
     case BOARD_EVENT_UNKNOWN:
         snprintf(text, size, "unknown command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);

@@ -60,7 +60,7 @@ static enum error_code fault_split_line(struct fault_reader *r)
 {
     char *rest = NULL;
 
-    /* messages and logs repeat the line */
+    /* Messages and logs repeat the line: it must be plain text */
     for (const char *at = r->line; *at; at++) {
         if (((unsigned char)*at < 0x20 && *at != '\t') || *at == 0x7f) {
             return error_set(r->error, ERROR_INPUT,
@@ -90,7 +90,7 @@ static const char *fault_next_word(const struct fault_reader *r)
     return r->at < r->count ? r->word[r->at] : NULL;
 }
 
-/* "knee:" before the target */
+/* A name before the target, "knee:"; none is no error. */
 static enum error_code fault_read_name(struct fault_reader *r, struct fault *fault)
 {
     char *word = r->count ? r->word[0] : NULL;
@@ -147,17 +147,16 @@ static enum error_code fault_read_sensor(struct fault_reader *r, const char *tex
     const char *channel = NULL;
     char *dot;
 
+    /* SENSOR or SENSOR.CHANNEL, unless the whole is the name of a force-torque sensor */
     snprintf(name, sizeof name, "%s", text);
-    if (names->imu && !strcmp(name, "imu")) {
-        return fault_read_channel(r, NULL, sensor_imu_channels, SENSOR_IMU_CHANNELS,
-                                  ft_first + names->nft * SENSOR_FT_CHANNELS, fault);
-    }
     dot = strrchr(name, '.');
     if (dot && !fault_find_word(name, names->ft, names->nft, &index)) {
         *dot = '\0';
         channel = dot + 1;
     }
-    if (names->imu && channel && !strcmp(name, "imu")) {
+
+    /* The inertial sensor and force-torque sensors may break as a whole */
+    if (names->imu && !strcmp(name, "imu")) {
         return fault_read_channel(r, channel, sensor_imu_channels, SENSOR_IMU_CHANNELS,
                                   ft_first + names->nft * SENSOR_FT_CHANNELS, fault);
     }
@@ -165,6 +164,8 @@ static enum error_code fault_read_sensor(struct fault_reader *r, const char *tex
         return fault_read_channel(r, channel, sensor_ft_channels, SENSOR_FT_CHANNELS,
                                   ft_first + index * SENSOR_FT_CHANNELS, fault);
     }
+
+    /* Of a joint's sensors one is meant */
     if (!fault_find_word(name, names->joint, names->njoint, &index)) {
         bool no_ft = text_nearest(name, names->joint, names->njoint) || names->nft == 0;
 
@@ -182,7 +183,7 @@ static enum error_code fault_read_sensor(struct fault_reader *r, const char *tex
                               index * SENSOR_JOINT_CHANNELS, fault);
 }
 
-/* By its name, or "BUS/ADDRESS" */
+/* A board by its name or as "BUS/ADDRESS". */
 static enum error_code fault_read_board(struct fault_reader *r, const char *text,
                                         struct fault *fault)
 {
@@ -213,6 +214,7 @@ static enum error_code fault_read_target(struct fault_reader *r, struct fault *f
     const char *word = fault_next_word(r), *name;
     size_t target;
 
+    /* What kind of thing it is */
     if (!word) {
         return fault_refuse_word(r, NULL, "sensor, board, motor, bus or supply");
     }
@@ -225,6 +227,8 @@ static enum error_code fault_read_target(struct fault_reader *r, struct fault *f
     if (fault->target == FAULT_SUPPLY) {
         return ERROR_NONE;
     }
+
+    /* Which one */
     name = fault_next_word(r);
     if (!name) {
         return fault_refuse_word(r, NULL, "what is broken");
@@ -309,11 +313,14 @@ static enum error_code fault_read_parameter(struct fault_reader *r, const struct
     char expected[128];
     double value;
 
+    /* Every fault of a bus may be of one identifier only */
     if (length == 2 && !strncmp(word, "id", 2) && fault->target == FAULT_BUS) {
         return text_to_int(equals + 1, 0, 0x1fffffff, &fault->id)
                    ? ERROR_NONE
                    : fault_refuse_word(r, word, "id=0 to id=0x1fffffff");
     }
+
+    /* KEY=VALUE, or the first parameter's value alone */
     for (int i = 0; i < FAULT_PARAMETERS; i++) {
         const struct fault_parameter *p = &rule->parameter[i];
         bool meant = p->key &&
@@ -332,6 +339,7 @@ static enum error_code fault_read_parameter(struct fault_reader *r, const struct
         fault->value[i] = value;
         return ERROR_NONE;
     }
+
     snprintf(
         expected, sizeof expected, "%s%s%s%sFROM..TO or manual",
         rule->parameter[0].key ? rule->parameter[0].key : "", rule->parameter[0].key ? "=, " : "",
@@ -347,22 +355,22 @@ static enum error_code fault_read_parameters(struct fault_reader *r, const struc
     for (int i = 0; i < FAULT_PARAMETERS; i++) {
         fault->value[i] = rule->parameter[i].otherwise;
     }
+
+    /* Parameters, then the time, with which the line ends */
     for (const char *word = fault_next_word(r); word; word = fault_next_word(r)) {
         enum error_code code;
 
         r->at++;
-        if (fault_is_window(word)) {
-            code = fault_read_window(r, word, fault);
-            if (!code && fault_next_word(r)) {
-                return fault_refuse_word(r, fault_next_word(r), "nothing after the time");
-            }
-        } else {
-            code = fault_read_parameter(r, rule, word, given, fault);
-        }
+        code = fault_is_window(word) ? fault_read_window(r, word, fault)
+                                     : fault_read_parameter(r, rule, word, given, fault);
         if (code) {
             return code;
         }
+        if (fault_is_window(word) && fault_next_word(r)) {
+            return fault_refuse_word(r, fault_next_word(r), "nothing after the time");
+        }
     }
+
     for (int i = 0; i < FAULT_PARAMETERS; i++) {
         if (rule->parameter[i].required && !given[i]) {
             return fault_refuse_word(r, NULL, rule->parameter[i].key);
@@ -378,9 +386,12 @@ enum error_code fault_parse(const char *text, const struct fault_names *names, s
     const struct fault_rule *rule = NULL;
     enum error_code code;
 
+    /* No name, all frames, from the start without an end, unless the line says so */
     memset(fault, 0, sizeof *fault);
     fault->id = -1;
     fault->to_ns = INT64_MAX;
+
+    /* [NAME:] TARGET KIND [PARAMETER...] [WHEN] */
     code = fault_split_line(&r);
     if (code) {
         return code;
@@ -401,6 +412,7 @@ enum error_code fault_parse(const char *text, const struct fault_names *names, s
     if (code) {
         return code;
     }
+
     snprintf(fault->text, sizeof fault->text, "%s", text);
     return ERROR_NONE;
 }

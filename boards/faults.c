@@ -9,6 +9,7 @@
 
 enum { EVENT_SLOTS = 1024 };
 
+/* What decides whether a fault is active. */
 enum hand { HAND_OFF, HAND_ON, BY_CLOCK };
 
 struct faults {
@@ -39,6 +40,8 @@ enum error_code faults_create(const struct fault *fault, size_t count, uint64_t 
     }
     ring_init(&faults->events, slots, sizeof(struct fault_event), EVENT_SLOTS);
     faults->seed = seed;
+
+    /* Copied one by one; who has no name is called by its number; names must differ */
     for (size_t i = 0; i < count; i++) {
         struct fault *to = &faults->fault[i];
 
@@ -93,7 +96,7 @@ static void faults_switch(struct faults *faults, int64_t now_ns, size_t index, b
 
     if (faults->fault[index].active != active) {
         faults->fault[index].active = active;
-        ring_push(&faults->events, &event); /* a full ring loses lines of the log, not the fault */
+        ring_push(&faults->events, &event); /* a full ring loses the log line, not the fault */
     }
 }
 

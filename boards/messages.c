@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The list of messages; see the header. */
+/* The list of messages, walked bus by bus; see the header. */
 #include "boards/messages.h"
 
 #include "boards/board_private.h"
@@ -132,7 +132,8 @@ static void walk_icub_board(struct walk *walk, int index, bool foc)
     }
 }
 
-/* DISCOVER goes to all, its answers come from each; DESIRED_TARGETS is for four. */
+/* What a host sends to everyone: DISCOVER, which each board answers, and DESIRED_TARGETS, which
+ * has a target for each of four addresses. */
 static void walk_icub_broadcasts(struct walk *walk, bool foc)
 {
     const struct icub_command *row = icub_management_command(ICUB_DISCOVER);
@@ -223,7 +224,7 @@ static bool compact_row_applies(const struct compact_message *row, const struct 
     }
 }
 
-/* One message of the row; its number and how often the fields come are filled in. */
+/* Visits the message of a row with its number; repeats: how often the row's fields follow. */
 static void walk_compact_row(struct walk *walk, const struct compact_message *row, int board,
                              unsigned number, unsigned repeats)
 {
@@ -241,18 +242,14 @@ static void walk_compact_row(struct walk *walk, const struct compact_message *ro
         .slot = row->by == COMPACT_BY_SLOT ? (int)number : -1,
     };
 
+    /* The telemetry period is the rig's; the other periods are fixed */
     if (row->period_ms == 1 && board >= 0 && walk->config->board[board].period_ns > 0) {
         period_ns = walk->config->board[board].period_ns;
     }
     message.cycle_ns = (uint32_t)period_ns;
     message.length = (uint8_t)(row->length * repeats);
     if (message.fd) {
-        static const uint8_t lengths[] = {8, 12, 16, 20, 24, 32, 48, 64};
-        size_t i = 0;
-
-        for (; message.length > 8 && message.length > lengths[i]; i++) {
-        }
-        message.length = message.length > 8 ? lengths[i] : message.length;
+        message.length = frame_fd_length(message.length);
     }
     walk_visit(walk, &message);
 }

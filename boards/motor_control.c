@@ -76,7 +76,7 @@ void trajectory_stop(struct trajectory *trajectory, int32_t position)
     trajectory->position = trajectory->target = trajectory->start = position;
 }
 
-/* distance and derivative along the motion, ticks and ticks/ms, at s = t/T */
+/* Distance and derivative along the motion, ticks and ticks/ms, at s = t/T */
 static double trajectory_evaluate(const struct trajectory *trajectory, double s, double *speed)
 {
     double d = (double)trajectory->target - (double)trajectory->start;

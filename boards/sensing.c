@@ -7,7 +7,8 @@
 
 /* ---- the chain ---- */
 
-/* x of delay_ns ago from a line whose newest entry is at `at`; the line holds at least so much. */
+/* What x was delay_ns ago, linear between two ticks. The newest entry of the line is line[at]; the
+ * line reaches at least that far back. */
 static double delay_line_read(const double *line, size_t length, size_t at, int64_t delay_ns,
                               int64_t tick_ns)
 {
@@ -26,7 +27,7 @@ static double channel_delay(struct channel *channel, double x, int64_t tick_ns, 
     if (channel->length == 0) {
         return x;
     }
-    /* before the first sample it has always been so */
+    /* Before the first sample the quantity is taken to have been constant */
     for (size_t i = 0; !started && i < channel->length; i++) {
         channel->line[i] = x;
     }
@@ -36,6 +37,7 @@ static double channel_delay(struct channel *channel, double x, int64_t tick_ns, 
                            tick_ns);
 }
 
+/* The converter: cut to the full scale, rounded to steps of lsb. */
 static double sensor_error_convert(const struct sensor_error *e, double x)
 {
     if (e->full_scale > 0.0) {
@@ -44,6 +46,7 @@ static double sensor_error_convert(const struct sensor_error *e, double x)
     return e->lsb > 0.0 ? e->lsb * floor(x / e->lsb + 0.5) : x;
 }
 
+/* What the sensor makes of x, in the order that boards/sensing.h gives. */
 static double channel_measure(struct sensing *s, struct channel *channel, double x)
 {
     const struct sensor_error *e = &channel->error;
@@ -79,14 +82,14 @@ static double sensor_fault_disturb(const struct sensing *s, struct sensor_fault 
     switch (fault->kind) {
     case FAULT_OFF:
         return 0.0;
-    case FAULT_STUCK:
+    case FAULT_STUCK: /* at what it said before the fault */
         f->held = begins ? last : f->held;
         return f->held;
     case FAULT_GARBAGE:
         return fault->value[0] * (2.0 * random_uniform(&f->random) - 1.0);
     case FAULT_WRONG:
         return fault->value[0] * x + fault->value[1];
-    case FAULT_SLOW:
+    case FAULT_SLOW: /* a new value when the period is over */
         if (begins || now_ns - f->since_ns >= (int64_t)(fault->value[0] * 1e9)) {
             f->held = x;
             f->since_ns = now_ns;
@@ -95,7 +98,7 @@ static double sensor_fault_disturb(const struct sensing *s, struct sensor_fault 
     case FAULT_DELAYED:
         return delay_line_read(f->line, f->length, f->at, (int64_t)(fault->value[0] * 1e9),
                                s->config.tick_ns);
-    case FAULT_INTERMITTENT:
+    case FAULT_INTERMITTENT: /* gaps begin and end at random */
         f->gap = random_gap(&f->random, f->gap, fault->value[0], fault->value[1],
                             1e-9 * (double)s->config.tick_ns);
         return f->gap ? 0.0 : x;
@@ -104,7 +107,8 @@ static double sensor_fault_disturb(const struct sensing *s, struct sensor_fault 
     }
 }
 
-/* The line runs also while the fault does not, so that it knows the past when it begins. */
+/* The delay line is fed also while the fault is not active, so that it holds the past when the
+ * fault begins. */
 static void sensor_fault_remember(struct sensor_fault *f, double x, bool started)
 {
     for (size_t i = 0; !started && i < f->length; i++) {
@@ -116,6 +120,7 @@ static void sensor_fault_remember(struct sensor_fault *f, double x, bool started
     }
 }
 
+/* One channel: the sensor, then its faults in the order of the table. */
 static double sensing_read_channel(struct sensing *s, size_t index, double x)
 {
     struct channel *channel = &s->channel[index];
@@ -139,6 +144,7 @@ static double sensing_read_channel(struct sensing *s, size_t index, double x)
 
 /* ---- the sensors ---- */
 
+/* Neither errors nor faults: the channel shows the truth. */
 static bool sensing_channel_is_plain(const struct sensing *s, size_t channel)
 {
     for (size_t i = 0; i < s->nfault; i++) {
@@ -149,6 +155,7 @@ static bool sensing_channel_is_plain(const struct sensing *s, size_t channel)
     return s->channel[channel].ideal;
 }
 
+/* The temperature of a winding after another tick of current_a, 0 where none is modelled. */
 static double sensing_heat_winding(const struct sensing *s, size_t j, double current_a)
 {
     const struct sensor_thermal *thermal = &s->joint[j].thermal;
@@ -190,7 +197,7 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
     out->qm = sensing_read_channel(s, motor, truth->qm - state->start_rad);
     out->qd = sensing_encoder_rate(s, link, out->q, &state->last_q, truth->qd);
     if (state->restarts) {
-        state->last_qm = out->qm; /* no jump for those who look at the rate */
+        state->last_qm = out->qm; /* the jump of the counter is no motion */
         state->restarts = false;
     }
     out->qmd = sensing_encoder_rate(s, motor, out->qm, &state->last_qm, truth->qmd);

@@ -18,7 +18,7 @@ static enum error_code sensor_error_check(const struct sensor_error *e, const ch
         !sensing_is_not_negative(e->noise_rms) || !sensing_is_not_negative(e->drift_per_sqrt_s) ||
         !sensing_is_not_negative(e->full_scale) || !sensing_is_not_negative(e->lsb)) {
         return error_set(error, ERROR_INPUT,
-                         "sensor %s: found an error that is negative or no number", name);
+                         "sensor %s: found an error term that is negative or not a number", name);
     }
     if (e->latency_ns < 0 || e->latency_ns > SENSING_LATENCY_MAX_NS) {
         return error_set(error, ERROR_INPUT,
@@ -41,6 +41,7 @@ static size_t delay_line_length(int64_t delay_ns, int64_t tick_ns)
     return delay_ns > 0 ? (size_t)((delay_ns + tick_ns - 1) / tick_ns) + 1 : 0;
 }
 
+/* A channel, with random streams that bear its name: they depend on the seed and nothing else. */
 static enum error_code sensing_make_channel(struct sensing *s, size_t index, const char *name,
                                             const char *what, const struct sensor_error *from,
                                             struct arena *arena, struct error *error)
@@ -105,7 +106,8 @@ static enum error_code sensing_make_joint(struct sensing *s, size_t j, struct ar
     return ERROR_NONE;
 }
 
-/* Ones on the diagonal; beside it crosstalk in units of the full scales, of a sign by chance. */
+/* The mixing matrix of a force-torque sensor: ones on the diagonal, crosstalk as a part of the full
+ * scales beside it, with random signs. */
 static enum error_code sensing_make_crosstalk(struct sensing *s, size_t f, struct error *error)
 {
     const struct sensor_ft *ft = &s->ft[f];
@@ -219,6 +221,7 @@ static enum error_code sensing_make_faults(struct sensing *s, struct arena *aren
     return ERROR_NONE;
 }
 
+/* All arrays by joint, force-torque sensor and channel; false without memory. */
 static bool sensing_allocate(struct sensing *s, struct arena *arena)
 {
     size_t njoint = s->config.njoint, nft = s->config.nft;

@@ -31,8 +31,8 @@ struct sensor_fault {
 };
 
 struct joint_state {
-    double start_rad; /* incremental encoder: where it stood */
-    bool restarts;    /* its counter begins anew with the next sample */
+    double start_rad; /* incremental encoder: its angle when counting began */
+    bool restarts;    /* the counter restarts with the next sample */
     double heated_c;  /* winding above ambient */
     double keep;      /* exp(-tick/tau) */
     double last_q, last_qm;
@@ -50,7 +50,7 @@ struct sensing {
     size_t nfault;
     struct plant_sensors measured;
     double noise_scale;
-    bool ideal; /* nothing to do */
+    bool ideal; /* every sensor shows the truth: nothing to do */
     bool started;
 };
 

@@ -19,7 +19,7 @@
 
 enum {
     OVERLOAD_MS = 10,
-    /* these open the bridge */
+    /* These faults open the bridge */
     FATAL = COMPACT_FAULT_UNDER_VOLTAGE | COMPACT_FAULT_OVER_VOLTAGE | COMPACT_FAULT_OVER_CURRENT |
             COMPACT_FAULT_MOTOR_ENCODER | COMPACT_FAULT_LINK_ENCODER | COMPACT_FAULT_TORQUE_SENSOR |
             COMPACT_FAULT_TEMPERATURE,
@@ -146,6 +146,8 @@ static void compact_axis_sample(struct compact_axis *axis, const struct board_ax
     }
 }
 
+/* Encoders are quantized to their ticks, then told in 1e-5 rad; the rotor's speed is a running
+ * mean. */
 static void compact_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct compact_motor *motor = compact_motor_of(board);
@@ -259,7 +261,7 @@ static double compact_axis_current_law(struct compact_axis *axis, double supply_
            (double)p->back_emf * 1e-3 * axis->velocity_rad_s;
 }
 
-/* Beyond a limit only what leads back is obeyed. */
+/* Beyond a limit only set-points that lead back are obeyed. */
 static void compact_axis_heed_limits(struct compact_axis *axis)
 {
     bool further = (axis->link > axis->settings.max_position && axis->set_point > 0) ||

@@ -105,6 +105,7 @@ static bool compact_set_within(int64_t *setting, int64_t value, int64_t most)
     return true;
 }
 
+/* Writes a parameter of the board; a refused *value becomes the one in force. */
 static enum compact_result compact_node_write(struct compact_node *node, unsigned parameter,
                                               int64_t *value)
 {
@@ -112,6 +113,7 @@ static enum compact_result compact_node_write(struct compact_node *node, unsigne
     int64_t boot_ns = board->config.boot_ns;
 
     switch (parameter) {
+    /* Settings, which SAVE keeps */
     case COMPACT_P_TELEMETRY_PERIOD:
         if (!compact_set_within(&node->settings.telemetry_ms, *value, 255)) {
             *value = node->settings.telemetry_ms;
@@ -127,6 +129,8 @@ static enum compact_result compact_node_write(struct compact_node *node, unsigne
         }
         node->is_saved = false;
         return COMPACT_OK;
+
+    /* Orders */
     case COMPACT_P_RESTART:
         if (*value != 1) {
             *value = 0;
@@ -143,6 +147,7 @@ static enum compact_result compact_node_write(struct compact_node *node, unsigne
         node->saved = node->settings;
         node->is_saved = true;
         return COMPACT_OK;
+
     case COMPACT_P_KIND:
     case COMPACT_P_FIRMWARE:
     case COMPACT_P_SERIAL:
@@ -154,7 +159,7 @@ static enum compact_result compact_node_write(struct compact_node *node, unsigne
     }
 }
 
-/* Of a board as long as the rig stays: bus, kind and the address that it left the factory with. */
+/* The same as long as the rig does not change: of bus, kind and configured address. */
 static int64_t compact_serial_number(const struct board *board)
 {
     return INT64_C(0x51000000) | (int64_t)(board->config.bus & 0xff) << 16 |
@@ -168,11 +173,13 @@ enum compact_result compact_node_access_parameter(struct compact_node *node, uns
     const struct board_identity *identity = &board->ops->identity;
     enum compact_result result = write ? compact_node_write(node, parameter, value) : COMPACT_OK;
 
-    /* What may only be read is told also to who wanted to write it */
+    /* A refused write is answered with the value in force, also of what is read only */
     if (write && result != COMPACT_READ_ONLY) {
         return result;
     }
+
     switch (parameter) {
+    /* What the board is */
     case COMPACT_P_KIND:
         *value = identity->type;
         return result;
@@ -188,6 +195,8 @@ enum compact_result compact_node_access_parameter(struct compact_node *node, uns
     case COMPACT_P_UPTIME:
         *value = (board->boards->now_ns - node->started_ns) / MS;
         return result;
+
+    /* What can be set */
     case COMPACT_P_TELEMETRY_PERIOD:
         *value = node->settings.telemetry_ms;
         return result;

@@ -162,7 +162,7 @@ static inline int64_t compact_temperature_limit(const struct board_axis_config *
 enum compact_result compact_motor_access_parameter(struct compact_node *node, unsigned parameter,
                                                    unsigned axis, bool write, int64_t *value);
 
-/* What a controller or a host may set beside the bus (settings.c). */
+/* What may be set beside the bus (settings.c). */
 extern const struct board_settings compact_settings;
 
 /* A motor board's axis gets its mode or set-point. */

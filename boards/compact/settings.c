@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The parameters of a compact motor board, as the host asks for them and as settings of its axes. */
+/* The parameters of a compact motor board: over the bus, and as settings beside it. */
 #include "boards/compact/private.h"
 
 enum { GAIN_MAX = 1000000000 };
@@ -12,6 +12,7 @@ static bool compact_axis_find_setting(const struct board *board, struct compact_
     struct compact_axis_settings *p = &axis->settings;
     const struct board_axis_config *config = &board->config.axis[compact_axis_index(board, axis)];
 
+    /* Gains; limits have ranges of their own, within those of the board's configuration */
     *least = 0;
     *most = GAIN_MAX;
     switch (parameter) {
@@ -113,7 +114,7 @@ enum compact_result compact_motor_access_parameter(struct compact_node *node, un
     return result;
 }
 
-/* ---- the same as settings ---- */
+/* ---- settings beside the bus ---- */
 
 static const struct {
     const char *name;

@@ -76,6 +76,7 @@ static double foc_ticks_per_rev(const struct board_axis_config *axis)
     return axis->motor_ticks_per_rad * 2.0 * M_PI / axis->gear;
 }
 
+/* The rotor encoder is quantized and becomes icubdeg; its speed is a running mean a millisecond. */
 static void foc_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -88,6 +89,8 @@ static void foc_board_sample(struct board *board, const struct plant_sensors *se
     if (axis->joint < 0) {
         return;
     }
+
+    /* Without a number the values before stay */
     sense = &sensors->motor[axis->joint];
     foc->sensors_bad = !control_quantize(sense->qm * axis->motor_ticks_per_rad, &raw) ||
                        !isfinite(sense->current_a);
@@ -98,12 +101,15 @@ static void foc_board_sample(struct board *board, const struct plant_sensors *se
     control_quantize(sense->winding_c / ICUB_TEMPERATURE_C, &foc->temperature);
     control_quantize(floor((double)raw * FOC_ICUBDEG_PER_REV / foc_ticks_per_rev(axis)), &position);
     control_quantize(floor((double)raw / foc_ticks_per_rev(axis)), &turn);
+
+    /* The encoder is calibrated when its index has gone by, once a revolution */
     if (!foc->started) {
         foc->position_before = foc->start = position;
         foc->started = true;
     } else if (turn != foc->turn) {
-        foc->encoder &= (uint8_t)~FOC_QE_NOT_CALIBRATED; /* the index went by */
+        foc->encoder &= (uint8_t)~FOC_QE_NOT_CALIBRATED;
     }
+
     if (ms > 0) {
         int64_t change = ((int64_t)position - foc->position_before) / ms;
 
@@ -125,6 +131,8 @@ static int64_t foc_board_current_ma(const struct foc_board *foc)
 
 /* ---- faults ---- */
 
+/* The I2t law of the firmware, once a millisecond: at the peak current an axis trips after
+ * 10.24 s. */
 static void foc_board_watch_i2t(struct board *board)
 {
     struct foc_board *foc = foc_board_of(board);
@@ -149,11 +157,15 @@ static void foc_board_watch_faults(struct board *board)
     if (!foc_runs(foc->mode)) {
         return;
     }
+
+    /* The host: DESIRED_TARGETS must come */
     if (board->boards->now_ns - foc->target_ns > (int64_t)FOC_TARGET_TIMEOUT_MS * MS) {
         board->boards->counters.timeouts++;
         board_event(board, BOARD_EVENT_TIMEOUT, 0, foc->mode, 0);
         faults |= FOC_FAULT_SET_POINT_EXPIRED;
     }
+
+    /* The hardware: current, supply, encoder, winding */
     if (foc->overload_ma > 0 && fabs(foc->current_a) * 1e3 > (double)foc->overload_ma) {
         board->boards->counters.trips++;
         faults |= FOC_FAULT_OVER_CURRENT;

@@ -82,7 +82,7 @@ static bool foc_board_command_pid(struct foc_board *foc, const struct bus_frame 
         foc->position_law.gain[which] = value;
         return true;
     case FOC_LOOP_CURRENT:
-        /* the other parameters have no use in a PI law with fixed limits */
+        /* The other parameters have no use in a PI law with fixed limits */
         foc->current_set = true;
         return which > FOC_PID_KI ||
                foc_law_set_gain(&foc->current, which - FOC_PID_KP, (double)value);
@@ -227,21 +227,25 @@ bool foc_board_command(struct icub_board *icub, const struct bus_frame *frame,
     unsigned code = frame->data[0];
     bool obeyed;
 
+    /* What is answered in any mode */
     (void)answer;
     if (foc_board_answer(board, code, request, reply)) {
         foc_board_idle_when_configured(board);
         return true;
     }
+
+    /* What changes the board or its axis */
     if (code == ICUB_SET_BOARD_ID) {
         return !foc_runs(foc->mode) && board_set_address(board, (uint8_t)request[0]);
     }
     if (!foc->compatible) {
-        return false; /* a host that has not said its protocol is not trusted */
+        return false; /* a host must tell its protocol first */
     }
+
     switch (code) {
     case FOC_SET_CONTROL_MODE:
         return foc_board_command_mode(board, request[0]);
-    case ICUB_SET_OPEN_LOOP:
+    case ICUB_SET_OPEN_LOOP: /* targets as DESIRED_TARGETS brings them, in their mode only */
         obeyed = foc->mode == ICUB_MODE_OPEN_LOOP;
         break;
     case ICUB_SET_DESIRED_VELOCITY:

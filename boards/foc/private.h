@@ -64,7 +64,7 @@ bool foc_board_command(struct icub_board *icub, const struct bus_frame *frame,
                        const int64_t *request, int64_t *reply, bool *answer);
 bool foc_board_targets(struct icub_board *icub, const struct bus_frame *frame);
 
-/* What a controller or a host may set beside the bus (settings.c). */
+/* What may be set beside the bus (settings.c). */
 extern const struct board_settings foc_settings;
 
 /* NULL without memory; not RT-safe. The configuration has been checked. */

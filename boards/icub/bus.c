@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Buses with iCub boards: which boards a frame is for, and the torques that go from one to another. */
+/* Buses with iCub boards: which boards a frame is for, and the torques that go from one to
+ * another. */
 #include "boards/icub/private.h"
 
 #include "canbus/frame.h"

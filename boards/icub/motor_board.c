@@ -174,6 +174,7 @@ static void motor_axis_sample(struct motor_axis *axis, const struct board_axis_c
         !control_quantize(sense->winding_c / ICUB_TEMPERATURE_C, &axis->temperature);
 }
 
+/* Encoders are quantized; their speeds are estimated from a sample a millisecond. */
 static void motor_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
     struct motor_board *motor = motor_board_of(board);
@@ -184,11 +185,15 @@ static void motor_board_sample(struct board *board, const struct plant_sensors *
         struct motor_axis *axis = &motor->axis[i];
 
         motor_axis_sample(axis, &board->config.axis[i], sensors);
+
+        /* The first sample after power-up: as if the axis had always been here */
         if (!motor->started) {
             estimator_reset(&axis->joint.speed, axis->joint.raw);
             estimator_reset(&axis->motor.speed, axis->motor.raw);
             motor_axis_hold_position(axis);
         }
+
+        /* In a tick of several milliseconds the sample stands for all of them */
         for (int64_t ms = motor->sampled_ms; ms < now_ms; ms++) {
             estimator_push(&axis->joint.speed, axis->joint.raw);
             estimator_push(&axis->motor.speed, axis->motor.raw);

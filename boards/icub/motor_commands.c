@@ -47,7 +47,7 @@ static void motor_axis_stop_move(struct motor_axis *axis)
     }
 }
 
-/* The present position shall read value; references keep their distance to it. */
+/* Makes the present position read value; references keep their distance to it. */
 static void motor_axis_set_encoder(struct motor_axis *axis, int64_t value)
 {
     int64_t change = value - motor_axis_position(axis);
@@ -75,35 +75,34 @@ static bool motor_axis_calibrate(struct board *board, struct motor_axis *axis,
     return true;
 }
 
-/* The parameters of the position PID that a command brings: P, D, I, integral limit, offset, scale,
- * output limit. */
+/* The parameters of the position PID that a command sets, as bits of motor_axis's pids. */
 static uint8_t motor_axis_pid_bits(unsigned code)
 {
     switch (code) {
     case ICUB_SET_P_GAIN:
-        return 1 << 0;
+        return PID_HAS_P;
     case ICUB_SET_D_GAIN:
-        return 1 << 1;
+        return PID_HAS_D;
     case ICUB_SET_I_GAIN:
-        return 1 << 2;
+        return PID_HAS_I;
     case ICUB_SET_I_LIMIT:
-        return 1 << 3;
+        return PID_HAS_INTEGRAL_LIMIT;
     case ICUB_SET_OFFSET:
-        return 1 << 4;
+        return PID_HAS_OFFSET;
     case ICUB_SET_SCALE:
-        return 1 << 5;
+        return PID_HAS_SCALE;
     case ICUB_SET_OUTPUT_LIMIT:
-        return 1 << 6;
+        return PID_HAS_LIMIT;
     case ICUB_SET_POSITION_PID:
-        return 1 << 0 | 1 << 1 | 1 << 2 | 1 << 5;
+        return PID_HAS_P | PID_HAS_D | PID_HAS_I | PID_HAS_SCALE;
     case ICUB_SET_POSITION_PID_LIMITS:
-        return 1 << 3 | 1 << 4 | 1 << 6;
+        return PID_HAS_INTEGRAL_LIMIT | PID_HAS_OFFSET | PID_HAS_LIMIT;
     default:
         return 0;
     }
 }
 
-/* What a parameter's new value means beyond being kept. */
+/* What follows from a parameter's new value, beyond its being kept. */
 static void motor_axis_parameter_changed(struct board *board, struct motor_axis *axis,
                                          unsigned code)
 {
@@ -128,13 +127,14 @@ static void motor_axis_parameter_changed(struct board *board, struct motor_axis 
     }
 }
 
-/* Commands that ask for the state of an axis. */
+/* Commands that ask for the state of an axis; false: not one of them. */
 static bool motor_axis_answer(const struct board *board, const struct motor_axis *axis,
                               unsigned code, int64_t *reply)
 {
     const int64_t *p = axis->parameter;
 
     switch (code) {
+    /* Mode and motion */
     case ICUB_GET_CONTROL_MODE:
         reply[0] = axis->mode;
         return true;
@@ -148,6 +148,8 @@ static bool motor_axis_answer(const struct board *board, const struct motor_axis
     case ICUB_GET_ENCODER_VELOCITY:
         reply[0] = estimator_speed(&axis->joint.speed, p[ICUB_P_JOINT_SPEED_SHIFT]);
         return true;
+
+    /* The control law */
     case ICUB_GET_PID_ERROR:
         reply[0] = axis->position_pid.error;
         return true;
@@ -160,6 +162,8 @@ static bool motor_axis_answer(const struct board *board, const struct motor_axis
     case ICUB_GET_VELOCITY_REFERENCE:
         reply[0] = axis->desired_velocity;
         return true;
+
+    /* The board */
     case ICUB_GET_ERROR_STATUS:
         reply[0] = axis->faults | axis->faults_once;
         return true;
@@ -171,15 +175,18 @@ static bool motor_axis_answer(const struct board *board, const struct motor_axis
     }
 }
 
-/* Commands that make an axis do something. */
+/* Commands that make an axis do something; false: not one of them, or refused. */
 static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigned code,
                            const int64_t *request)
 {
     switch (code) {
+    /* Mode and calibration */
     case ICUB_CALIBRATE_ENCODER:
         return motor_axis_calibrate(board, axis, request);
     case ICUB_SET_CONTROL_MODE:
         return motor_axis_command_mode(board, axis, request[0]);
+
+    /* What survives a power cycle */
     case ICUB_WRITE_FLASH:
         memcpy(axis->saved, axis->parameter, sizeof axis->saved);
         return true;
@@ -187,6 +194,8 @@ static bool motor_axis_act(struct board *board, struct motor_axis *axis, unsigne
         memcpy(axis->parameter, axis->saved, sizeof axis->saved);
         board->boards->settings_changes++;
         return true;
+
+    /* References */
     case ICUB_POSITION_MOVE:
         motor_axis_start_move(axis, request[0], request[1]);
         return true;

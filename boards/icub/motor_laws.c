@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The control laws of a motor board, from references to PWM (boards/icub/motor_board.c says which). */
+/* The control laws of a motor board, from references to PWM (boards/icub/motor_board.c says
+ * which). */
 #include "boards/icub/motor_private.h"
 
 static int64_t pwm_clamp(int64_t value, int64_t limit)
@@ -9,7 +10,7 @@ static int64_t pwm_clamp(int64_t value, int64_t limit)
     return control_clamp(value, -most, most);
 }
 
-/* Ticks that the velocity reference is worth in this millisecond. */
+/* By how many ticks the velocity reference moves in this millisecond. */
 static int64_t motor_axis_velocity_step(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
@@ -29,7 +30,7 @@ static int64_t motor_axis_velocity_step(struct motor_axis *axis)
     return step;
 }
 
-/* Moves the position reference on; it never moves (further) out of the limits. */
+/* Advances the position reference; it never moves (further) out of the limits. */
 static void motor_axis_advance_reference(struct motor_axis *axis)
 {
     int64_t *p = axis->parameter;
@@ -116,12 +117,13 @@ static int64_t motor_axis_measured_torque(const struct board *board, const struc
     return control_clamp(counts, INT16_MIN, INT16_MAX);
 }
 
-/* One millisecond of the board's loop. */
+/* Torque feedback, then the law of the mode, then the limits of the PWM. */
 void motor_axis_step(const struct board *board, struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
 
     axis->torque = motor_axis_measured_torque(board, axis);
+
     switch (axis->mode) {
     case ICUB_MODE_OPEN_LOOP:
         axis->output = p[ICUB_P_OPEN_LOOP];
@@ -138,12 +140,13 @@ void motor_axis_step(const struct board *board, struct motor_axis *axis)
     case ICUB_MODE_CALIBRATION:
         axis->output = 0;
         break;
-    default:
+    default: /* the position-like modes */
         motor_axis_advance_reference(axis);
         axis->output = motor_axis_is_impedance(axis) ? motor_axis_impedance_law(axis)
                                                      : motor_axis_position_law(axis);
         break;
     }
+
     axis->output = pwm_clamp(axis->output, ICUB_PWM_FULL_SCALE);
     axis->pwm = pwm_clamp(axis->output, p[ICUB_P_PWM_LIMIT]);
 }

@@ -4,8 +4,6 @@
 
 #include <stdio.h>
 
-enum { ALL_PIDS = 0x7f }; /* SET_P_GAIN ... SET_OUTPUT_LIMIT have all come */
-
 void motor_axis_hold_position(struct motor_axis *axis)
 {
     axis->desired = motor_axis_position(axis);
@@ -13,7 +11,6 @@ void motor_axis_hold_position(struct motor_axis *axis)
     trajectory_stop(&axis->trajectory, axis->desired);
 }
 
-/* The axis stays where it is, with nothing left of earlier commands. */
 void motor_axis_reset_references(struct board *board, struct motor_axis *axis)
 {
     int64_t now = board->boards->now_ns;
@@ -60,7 +57,7 @@ static bool motor_is_control_mode(int64_t mode)
     }
 }
 
-/* The drivers of the bridge, as a strict board enables them. */
+/* Enables the drivers of the bridge as a strict board does; false: it does not. */
 static bool motor_axis_enable_pads(struct board *board, struct motor_axis *axis)
 {
     char text[32];
@@ -69,7 +66,7 @@ static bool motor_axis_enable_pads(struct board *board, struct motor_axis *axis)
         motor_board_print(board, "can protocol NOT ack");
         return false;
     }
-    if (axis->pids != ALL_PIDS) {
+    if (axis->pids != PID_HAS_ALL) {
         snprintf(text, sizeof text, "PID IS NOT SET %u", motor_axis_index(board, axis));
         motor_board_print(board, text);
         return false;
@@ -89,6 +86,7 @@ static void motor_axis_disable_pads(struct board *board, struct motor_axis *axis
     motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
 }
 
+/* SET_CONTROL_MODE as the firmware obeys it, oddities included (motor_board.c). */
 static bool motor_axis_command_mode_strictly(struct board *board, struct motor_axis *axis,
                                              int64_t mode)
 {

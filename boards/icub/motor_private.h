@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The state of a motor board (boards/icub/motor_board.c), shared by the sources that are its parts. */
+/* The state of a BLL motor board (motor_board.c), shared by its parts. Units are the protocol's. */
 #ifndef BOARDS_ICUB_MOTOR_PRIVATE_H
 #define BOARDS_ICUB_MOTOR_PRIVATE_H
 
@@ -8,8 +8,20 @@
 
 enum { MOTOR_AXES = 2 };
 
+/* Which parameters of the position PID a host has set since power-up. */
+enum motor_pid_bit {
+    PID_HAS_P = 1 << 0,
+    PID_HAS_D = 1 << 1,
+    PID_HAS_I = 1 << 2,
+    PID_HAS_INTEGRAL_LIMIT = 1 << 3,
+    PID_HAS_OFFSET = 1 << 4,
+    PID_HAS_SCALE = 1 << 5,
+    PID_HAS_LIMIT = 1 << 6,
+    PID_HAS_ALL = 0x7f,
+};
+
 struct encoder {
-    int32_t raw;
+    int32_t raw; /* ticks */
     struct speed_estimator speed;
 };
 
@@ -19,11 +31,11 @@ struct motor_axis {
     uint8_t mode;
     uint8_t faults;      /* as long as their cause lasts */
     uint8_t faults_once; /* until STATUS has told them */
-    uint8_t pids;        /* which parameters of the position PID have come; bits */
+    uint8_t pids;        /* enum motor_pid_bit */
     bool pads;           /* the bridge's drivers are enabled */
     bool sensors_bad;    /* no number came from the plant */
     uint8_t heat;        /* ICUB_BOARD_OVER_TEMPERATURE_0 and ..._ERROR_0, of this axis */
-    bool limit_told;     /* the refusal at a joint limit has been reported */
+    bool limit_told;     /* a voltage beyond a joint limit has been reported as refused */
     struct encoder joint, motor;
     int32_t offset; /* position = raw + offset */
     double current_a, torque_nm;
@@ -93,16 +105,16 @@ static inline bool motor_runs(uint8_t mode)
     return mode != ICUB_MODE_IDLE && mode != ICUB_MODE_HARDWARE_FAULT;
 }
 
-/* A text for whoever watches the bus, in PRINT frames of six characters. */
+/* Queues a text for the log of the host, in PRINT frames of six characters. */
 void motor_board_print(struct board *board, const char *text);
 
-/* Modes (motor_modes.c). A new mode or the present one again; references begin anew. */
+/* Modes (motor_modes.c). A new mode or the present one again; references are reset. */
 void motor_axis_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode);
 
 /* SET_CONTROL_MODE; false: there is no such mode. */
 bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64_t mode);
 
-/* The axis stays where it is; the second: with nothing left of earlier commands. */
+/* The position reference is where the axis is; the second resets all other references, too. */
 void motor_axis_hold_position(struct motor_axis *axis);
 void motor_axis_reset_references(struct board *board, struct motor_axis *axis);
 
@@ -115,7 +127,7 @@ bool motor_axis_is_impedance(const struct motor_axis *axis);
 bool motor_board_command(struct icub_board *icub, const struct bus_frame *frame,
                          const int64_t *request, int64_t *reply, bool *answer);
 
-/* What a controller or a host may set beside the bus (motor_settings.c). */
+/* What may be set beside the bus (motor_settings.c). */
 extern const struct board_settings motor_settings;
 
 /* Faults, limits and time-outs of a tick (motor_watch.c). */

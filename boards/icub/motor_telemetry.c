@@ -26,7 +26,7 @@ static void motor_board_send_if_wanted(struct board *board, struct frame_sink *s
     }
 }
 
-/* What is to be told of an error counter: by how much it has changed, as far as a byte goes. */
+/* An error counter as STATUS has it: its change since the last one, as far as a byte goes. */
 static int64_t can_counter_change(unsigned counter, int *told)
 {
     int64_t change = control_clamp((int64_t)counter - *told, INT8_MIN, INT8_MAX);
@@ -65,7 +65,7 @@ static void motor_board_transmit_status(struct board *board, struct frame_sink *
     bool now = motor->status_due || periodic || lasting || board->lost_in_status;
 
     if (!motor_board_broadcasts(motor, ICUB_STATUS) || board->can.bus_off) {
-        return; /* in bus-off nobody would hear it */
+        return; /* in bus-off it would be lost */
     }
     if (now) {
         motor_board_send_status(board, sink);
@@ -136,9 +136,11 @@ void motor_board_transmit(struct board *board, struct ms_span span, struct frame
                             *b = &motor_board_of(board)->axis[1];
     unsigned slots = 0;
 
+    /* A tick may complete several slots, or none */
     for (int64_t ms = span.from; ms < span.to && ms < span.from + ICUB_SLOTS; ms++) {
         slots |= 1u << ms % ICUB_SLOTS;
     }
+
     if (slots & 1u << 0) {
         motor_board_send_if_wanted(board, sink, ICUB_POSITION, motor_axis_position(a),
                                    motor_axis_position(b), 0, 0);

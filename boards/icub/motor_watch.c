@@ -101,7 +101,7 @@ static void motor_axis_reference_timed_out(struct board *board, struct motor_axi
     board_event(board, BOARD_EVENT_TIMEOUT, motor_axis_index(board, axis), axis->mode, 0);
 }
 
-/* Our safety time-out, which no strict board has. */
+/* The command time-out of this simulator, a safety that the firmware (a strict board) lacks. */
 static void motor_axis_watch_references(struct board *board, struct motor_axis *axis)
 {
     bool voltage = axis->mode == ICUB_MODE_OPEN_LOOP;
@@ -154,7 +154,7 @@ static void motor_axis_watch_source(struct board *board, struct motor_axis *axis
     }
 }
 
-/* Beyond a limit the firmware refuses any voltage, also that which would lead back. */
+/* Beyond a limit the firmware refuses any voltage, even one that would lead back. */
 static void motor_axis_watch_limits(struct board *board, struct motor_axis *axis)
 {
     int32_t position = motor_axis_position(axis);

@@ -22,11 +22,13 @@
 
 enum { MATRIX_ONE = 32767, HALF = BOARD_CHANNELS / 2 };
 
+enum saturation { SATURATED_NOT, SATURATED_LOW, SATURATED_HIGH };
+
 struct strain_board {
     struct icub_board icub;
     int32_t adc[BOARD_CHANNELS]; /* counts from zero */
     int32_t held[BOARD_CHANNELS];
-    uint8_t saturated[BOARD_CHANNELS]; /* 0 no, 1 low, 2 high */
+    uint8_t saturated[BOARD_CHANNELS]; /* enum saturation */
     uint8_t mode;                      /* enum icub_strain_transmit; others are silent */
     int64_t period_ns, next_ns;
     int16_t matrix[BOARD_CHANNELS][BOARD_CHANNELS];
@@ -132,7 +134,9 @@ static void strain_board_convert(struct board *board, int channel, double value)
     }
     raw = control_clamp((int64_t)counts + ICUB_STRAIN_ZERO, 0, UINT16_MAX);
     strain->adc[channel] = (int32_t)raw - ICUB_STRAIN_ZERO;
-    strain->saturated[channel] = raw < ICUB_STRAIN_LOW ? 1 : raw > ICUB_STRAIN_HIGH ? 2 : 0;
+    strain->saturated[channel] = raw < ICUB_STRAIN_LOW    ? SATURATED_LOW
+                                 : raw > ICUB_STRAIN_HIGH ? SATURATED_HIGH
+                                                          : SATURATED_NOT;
 }
 
 static bool strain_board_is_saturated(const struct strain_board *strain)
@@ -262,11 +266,13 @@ static bool strain_board_command_full_scale(struct strain_board *strain, unsigne
     return true;
 }
 
+/* Commands that set something; false: not one of them. */
 static bool strain_board_set(struct board *board, unsigned code, const int64_t *request)
 {
     struct strain_board *strain = strain_board_of(board);
 
     switch (code) {
+    /* Lost with the power */
     case ICUB_STRAIN_SET_TRANSMIT_MODE:
         strain->mode = (uint8_t)request[0];
         return true;
@@ -274,6 +280,8 @@ static bool strain_board_set(struct board *board, unsigned code, const int64_t *
         strain->period_ns = request[0] * MS;
         strain->next_ns = board->boards->now_ns + strain->period_ns;
         return true;
+
+    /* Of the EEPROM, if SAVE follows */
     case ICUB_STRAIN_SET_DAC:
         strain->dac[request[0]] = (uint16_t)request[1];
         break;
@@ -285,6 +293,7 @@ static bool strain_board_set(struct board *board, unsigned code, const int64_t *
             strain->serial[i] = (uint8_t)request[i];
         }
         break;
+
     case ICUB_STRAIN_SET_ADDRESS:
         return board_set_address(board, (uint8_t)request[0]);
     case ICUB_STRAIN_SET_FILTER: /* no filter, no multiplexer and no amplifier to adjust here */
@@ -298,12 +307,14 @@ static bool strain_board_set(struct board *board, unsigned code, const int64_t *
     return true;
 }
 
+/* Commands that are answered; false: not one of them. */
 static bool strain_board_get(struct board *board, unsigned code, const int64_t *request,
                              int64_t *reply)
 {
     struct strain_board *strain = strain_board_of(board);
 
     switch (code) {
+    /* The EEPROM */
     case ICUB_STRAIN_SAVE:
         strain->saved = true;
         reply[0] = 1;
@@ -311,6 +322,8 @@ static bool strain_board_get(struct board *board, unsigned code, const int64_t *
     case ICUB_STRAIN_EEPROM_SAVED:
         reply[0] = strain->saved;
         return true;
+
+    /* The channels */
     case ICUB_STRAIN_GET_DAC:
         reply[0] = request[0];
         reply[1] = strain->dac[request[0]];
@@ -333,6 +346,8 @@ static bool strain_board_get(struct board *board, unsigned code, const int64_t *
         reply[0] = request[0];
         reply[1] = strain->current_tare[request[0]];
         return true;
+
+    /* The board */
     case ICUB_STRAIN_GET_SERIAL:
         for (int i = 0; i < ICUB_SERIAL_LENGTH; i++) {
             reply[i] = strain->serial[i];

@@ -180,8 +180,8 @@ static void refuses_what_is_unsupported_there(void **unused)
 {
     (void)unused;
     assert_refused("motor hand jam", ERROR_UNSUPPORTED, "no drive");
-    assert_refused("bus torso error_burst 0.1", ERROR_UNSUPPORTED, "no wire");
-    assert_refused("bus torso id_collision", ERROR_UNSUPPORTED, "no wire");
+    assert_refused("bus torso error_burst 0.1", ERROR_UNSUPPORTED, "not in wire mode");
+    assert_refused("bus torso id_collision", ERROR_UNSUPPORTED, "not in wire mode");
     parse("bus left_leg error_burst 0.1");
     parse("bus left_leg id_collision");
 }
