@@ -22,10 +22,9 @@ static const double mirrored[GRASP_JOINTS] = {1, -1, -1, 1}; /* the left arm's a
 static const char *const wrist_name[SIDES] = {"r_arm_ft", "l_arm_ft"};
 static const char *const foot_name[SIDES] = {"r_leg_ft", "l_leg_ft"};
 
-static const double WEIGH_S = 0.2;   /* end of settling, in which the weight is measured */
-static const double LIGHT = 0.3;     /* feet carry less than this part of the weight: fallen, ... */
-static const double LOST_S = 0.05;   /* ... or a wrist presses too little: when it lasts so long */
-static const double STRAY_RAD = 0.4; /* a motor so far from its reference: fallen or stuck */
+static const double WEIGH_S = 0.2; /* end of settling, in which the weight is measured */
+static const double LIGHT = 0.3;   /* feet carry less than this part of the weight: fallen, ... */
+static const double LOST_S = 0.05; /* ... or a wrist presses too little: when it lasts so long */
 
 struct grasp {
     size_t axis[SIDES][GRASP_JOINTS], wrist[SIDES], foot[SIDES];
@@ -40,34 +39,21 @@ struct grasp {
     double worst_error_rad;
 };
 
-static enum error_code grasp_find_force(struct task *task, const char *name, size_t *index,
-                                        struct error *error)
-{
-    for (size_t i = 0; i < task->config.host.nft; i++) {
-        if (strcmp(task->config.host.ft[i].name, name) == 0) {
-            *index = i;
-            return ERROR_NONE;
-        }
-    }
-    return error_set(error, ERROR_INPUT, "grasp: the rig has no force-torque board for %s", name);
-}
-
-/* the axes of an arm, whose limits all points of the path must keep */
+/* The axes of an arm; all points of the path must be within their limits. */
 static enum error_code grasp_find_arm(struct task *task, int side, struct error *error)
 {
     const struct grasp_config *config = &task->config.grasp;
     struct grasp *grasp = task->state;
 
     for (int k = 0; k < GRASP_JOINTS; k++) {
-        int index = host_find_axis(task->host, joint_name[side][k]);
+        enum error_code code =
+            task_find_axis(task, joint_name[side][k], &grasp->axis[side][k], error);
         const struct host_axis *axis;
 
-        if (index < 0) {
-            return error_set(error, ERROR_INPUT, "grasp: the rig has no joint %s",
-                             joint_name[side][k]);
+        if (code) {
+            return code;
         }
-        axis = &task->config.host.axis[index];
-        grasp->axis[side][k] = (size_t)index;
+        axis = &task->config.host.axis[grasp->axis[side][k]];
         for (size_t i = 0; i < config->nphase; i++) {
             double angle = config->phase[i].arm_rad[k] * (side == LEFT ? mirrored[k] : 1);
 
@@ -112,12 +98,24 @@ static enum error_code grasp_create(struct task *task, struct arena *arena, stru
     grasp->from = from;
     task->state = grasp;
     code = grasp_check_path(&task->config.grasp, error);
-    for (int side = 0; side < SIDES && !code; side++) {
-        code = grasp_find_arm(task, side, error);
-        code = code ? code : grasp_find_force(task, wrist_name[side], &grasp->wrist[side], error);
-        code = code ? code : grasp_find_force(task, foot_name[side], &grasp->foot[side], error);
+    if (code) {
+        return code;
     }
-    return code;
+    for (int side = 0; side < SIDES; side++) {
+        code = grasp_find_arm(task, side, error);
+        if (code) {
+            return code;
+        }
+        code = task_find_force(task, wrist_name[side], &grasp->wrist[side], error);
+        if (code) {
+            return code;
+        }
+        code = task_find_force(task, foot_name[side], &grasp->foot[side], error);
+        if (code) {
+            return code;
+        }
+    }
+    return ERROR_NONE;
 }
 
 static void grasp_start(struct task *task)
@@ -128,20 +126,6 @@ static void grasp_start(struct task *task)
         grasp->from[i] = servo_wanted(task->servo, i);
     }
     grasp->least_n = HUGE_VAL;
-}
-
-/* every joint goes smoothly from where it was to the initial pose, and stays */
-static void grasp_hold_pose(struct task *task, double t)
-{
-    const struct grasp *grasp = task->state;
-    double ramp = task->config.grasp.settle_s / 2, s = fmin(t / ramp, 1);
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        double span = task->config.initial_rad[i] - grasp->from[i];
-
-        servo_set(task->servo, i, grasp->from[i] + s * s * (3 - 2 * s) * span,
-                  s < 1 ? 6 * s * (1 - s) * span / ramp : 0);
-    }
 }
 
 /* Both arms on the piecewise linear path, t seconds after its beginning, in grasp->phase. */
@@ -174,8 +158,8 @@ static void grasp_rotate_axis(double v[3], int axis, double angle)
     *b = sin(angle) * old + cos(angle) * *b;
 }
 
-/* What hangs on a wrist's sensor pulls on it, in the torso's axes: the forearm is turned by pitch, roll
- * and yaw of the shoulder and by the elbow. */
+/* What hangs on a wrist's sensor pulls on it, in the torso's axes: the forearm is turned by pitch,
+ * roll and yaw of the shoulder and by the elbow. */
 static void grasp_wrist_force(const struct task *task, int side, double force[3])
 {
     static const int about[GRASP_JOINTS] = {1, 0, 2, 1};
@@ -247,24 +231,7 @@ static void grasp_weigh(struct task *task)
     grasp->weighed++;
 }
 
-static bool grasp_motors_follow(struct task *task)
-{
-    struct grasp *grasp = task->state;
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        double error = fabs(servo_reference(task->servo, i) - host_joint(task->host, i)->motor_rad);
-
-        grasp->worst_error_rad = fmax(grasp->worst_error_rad, error);
-        if (error > STRAY_RAD) {
-            snprintf(task->message, sizeof task->message, "joint %s is %.2f rad from its reference",
-                     task->config.host.axis[i].joint, error);
-            return false;
-        }
-    }
-    return true;
-}
-
-/* false with a message when the robot no longer stands or has lost what it holds */
+/* False with a message when the robot no longer stands or has lost the object. */
 static bool grasp_is_healthy(struct task *task, double t)
 {
     struct grasp *grasp = task->state;
@@ -274,9 +241,11 @@ static bool grasp_is_healthy(struct task *task, double t)
     bool lost = closed && config->least_press_n > 0 && least < config->least_press_n;
     bool fallen = grasp_weight(grasp) > 0 && grasp_feet_force(task) < LIGHT * grasp_weight(grasp);
 
-    if (!grasp_motors_follow(task)) {
+    if (!task_motors_follow(task, &grasp->worst_error_rad)) {
         return false;
     }
+
+    /* A loss counts when it lasts: fine_s is when all was in order last */
     if (closed) {
         grasp->least_n = fmin(grasp->least_n, least);
     }
@@ -298,7 +267,7 @@ static bool grasp_is_healthy(struct task *task, double t)
     return true;
 }
 
-/* into the phase of the path that t is in */
+/* Moves the arms along the path, in the phase that t is in. */
 static void grasp_follow_path(struct task *task, double t)
 {
     const struct grasp_config *config = &task->config.grasp;
@@ -318,7 +287,7 @@ static void grasp_describe(struct task *task, const char *doing)
              grasp_carried_force(task));
 }
 
-/* at the end, with the grip never lost: was it lifted? */
+/* The verdict at the end, when the grip was never lost: do the wrists carry the object? */
 static enum task_status grasp_judge_lift(struct task *task)
 {
     const struct grasp *grasp = task->state;
@@ -344,8 +313,9 @@ static enum task_status grasp_step(struct task *task, double t)
     const struct grasp_config *config = &task->config.grasp;
     double end = config->phase[config->nphase - 1].until_s;
 
-    grasp_hold_pose(task, t);
-    /* weighed once at least, also when a stall of the machine skips the time for it */
+    /* Stand; nothing is held yet, so that what the sensors show is the weight of the robot */
+    task_hold_pose(task, grasp->from, config->settle_s / 2, t);
+    /* Weighed once at least, even when a stall of the computer skips the time for it */
     if (t < config->settle_s || !grasp->weighed) {
         if (t > config->settle_s - WEIGH_S) {
             grasp_weigh(task);
@@ -356,6 +326,8 @@ static enum task_status grasp_step(struct task *task, double t)
         }
         return TASK_RUNNING;
     }
+
+    /* The path, then standing still with the object */
     t -= config->settle_s;
     grasp_follow_path(task, t);
     if (!grasp_is_healthy(task, t)) {

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The host's core: the map of boards, time and lockstep, queues, the phases of the start-up. */
+/* The host's core: the map of boards, time and lockstep, what arrives and what is sent. */
 #include "tasks/host_private.h"
 
-#include "boards/icub/protocol.h"
 #include "canbus/lockstep.h"
 
 #include <math.h>
@@ -12,7 +11,7 @@
 enum {
     RECEIVE_BATCH = 64,
     BATCHES_MAX = 64, /* of one bus in one period: a flood must not hold the period up */
-    STEPS_APART = 50, /* farther back than answers to repeated STEPs: another simulator */
+    STEPS_APART = 50, /* farther back than answers to repeated STEPs: it was restarted */
 };
 
 static const int64_t STEP_REPEAT_NS = 100000000;
@@ -27,6 +26,7 @@ static const struct host_ops *host_bus_ops(const struct host_config *config, siz
     return config->bus ? known[config->bus[bus].personality] : &host_icub;
 }
 
+/* The node at an address, which must be of one kind. */
 static enum error_code host_claim_node(struct host *host, int bus, unsigned address,
                                        enum host_kind kind, struct host_node **out,
                                        struct error *error)
@@ -59,6 +59,7 @@ static enum error_code host_claim_node(struct host *host, int bus, unsigned addr
     return ERROR_NONE;
 }
 
+/* Where a joint's motor and its torque stand. */
 static enum error_code host_map_axis(struct host *host, size_t index, struct error *error)
 {
     const struct host_axis *axis = &host->config.axis[index];
@@ -69,6 +70,8 @@ static enum error_code host_map_axis(struct host *host, size_t index, struct err
     if (code) {
         return code;
     }
+
+    /* The motor: one joint an axis; a 2FOC host needs the gear and the spring for the link's angle */
     if (axis->axis >= host->line[axis->bus].ops->axes || node->axis[axis->axis] >= 0) {
         return error_set(error, ERROR_INPUT, "host: joint %s shares its axis", axis->joint);
     }
@@ -78,6 +81,8 @@ static enum error_code host_map_axis(struct host *host, size_t index, struct err
         return error_set(error, ERROR_INPUT, "host: joint %s has no gear or no spring",
                          axis->joint);
     }
+
+    /* The torque, if a board of its own measures it */
     if (axis->torque_address < 0) {
         return ERROR_NONE;
     }
@@ -95,11 +100,24 @@ static enum error_code host_map_axis(struct host *host, size_t index, struct err
     return ERROR_NONE;
 }
 
+static enum error_code host_map_force(struct host *host, size_t index, struct error *error)
+{
+    const struct host_ft *ft = &host->config.ft[index];
+    struct host_node *node;
+    enum error_code code = host_claim_node(host, ft->bus, ft->address, HOST_FT_BOARD, &node, error);
+
+    if (code) {
+        return code;
+    }
+    node->ft = (int)index;
+    node->period_ns = ft->period_ns;
+    return ERROR_NONE;
+}
+
 enum error_code host_create(const struct host_config *config, struct arena *arena,
                             struct host **out, struct error *error)
 {
     struct host *host = arena_alloc(arena, 1, sizeof *host);
-    enum error_code code = ERROR_NONE;
 
     if (host) {
         host->line = arena_alloc(arena, config->nbus, sizeof *host->line);
@@ -117,22 +135,25 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
             host->line[b].slot[k] = -1;
         }
     }
-    for (size_t i = 0; i < config->naxis && !code; i++) {
-        host->joint[i].motor_time_ns = -1;
-        code = host_map_axis(host, i, error);
-    }
-    for (size_t i = 0; i < config->nft && !code; i++) {
-        struct host_node *node;
 
-        code = host_claim_node(host, config->ft[i].bus, config->ft[i].address, HOST_FT_BOARD, &node,
-                               error);
-        if (!code) {
-            node->ft = (int)i;
-            node->period_ns = config->ft[i].period_ns;
+    /* The map of the rig: which axis or sensor stands behind which address */
+    for (size_t i = 0; i < config->naxis; i++) {
+        enum error_code code = host_map_axis(host, i, error);
+
+        if (code) {
+            return code;
+        }
+        host->joint[i].motor_time_ns = -1;
+    }
+    for (size_t i = 0; i < config->nft; i++) {
+        enum error_code code = host_map_force(host, i, error);
+
+        if (code) {
+            return code;
         }
     }
     *out = host;
-    return code;
+    return ERROR_NONE;
 }
 
 /* ---- what arrives ---- */
@@ -151,8 +172,8 @@ static void host_read_refusal(struct host *host, uint32_t tick)
     if (tick + STEPS_APART < host->step_tick && host->phase != HOST_FAILED) {
         host->phase = HOST_FAILED;
         host->lost = true;
-        snprintf(host->message, sizeof host->message, "the simulator began anew: it is at tick %u",
-                 (unsigned)tick);
+        snprintf(host->message, sizeof host->message,
+                 "the simulator was restarted: it is at tick %u", (unsigned)tick);
     }
     host->step_refused = true;
     host->tick = tick;
@@ -171,7 +192,7 @@ static void host_read_done(struct host *host, struct host_line *line, const stru
     if (flags & LOCKSTEP_MISMATCH && tick != host->step_tick + 1) {
         host_read_refusal(host, tick);
     } else {
-        /* or a refusal of a copy of the STEP, which has run: its DONE may have been lost here */
+        /* Or a refusal of a copy of the STEP, which has run: its DONE may have been lost */
         line->done = true;
         host->tick = tick;
     }

@@ -69,8 +69,8 @@ void host_set_voltage(struct host *host, size_t axis, double volts);
 /* Ends the period: sends what is queued, bus by bus, and in lockstep the STEP frame last. */
 void host_send(struct host *host);
 
-/* In lockstep, when DONE has not come: sends the STEP again after 100 ms of now_ns; a simulator that
- * had it already answers with its tick. */
+/* In lockstep, when DONE has not come: sends the STEP again after 100 ms of now_ns; a simulator
+ * that had it already answers with its tick. */
 void host_repeat_step(struct host *host, int64_t now_ns);
 
 const struct host_joint *host_joint(const struct host *host, size_t axis);
@@ -86,8 +86,8 @@ bool host_healthy(struct host *host);
 
 const char *host_message(const struct host *host);
 
-/* Whether it failed because boards fell silent, did not answer or have begun anew, which another host
- * may find mended: what to look at before a start with a new one. */
+/* Whether it failed because boards fell silent, did not answer or have begun anew, which another
+ * host may find mended: what to look at before a start with a new one. */
 bool host_lost(const struct host *host);
 
 #endif

@@ -58,7 +58,7 @@ static void host_compact_read_telemetry_fd(struct host *host, struct host_joint 
     compact_set_joint_mode(joint, data[15] & 7);
 }
 
-/* frames that a board sends about one of its axes */
+/* Frames that a board sends about one of its axes */
 static void host_compact_read_axis(struct host *host, struct host_line *line,
                                    const struct bus_frame *frame)
 {
@@ -144,7 +144,7 @@ static void host_compact_read_reply(struct host *host, size_t bus, struct host_n
     node->answered = node->requested;
 }
 
-/* frames that are a board's */
+/* Frames that are a board's */
 static void host_compact_read_node(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     struct host_node *node = &host->line[bus].node[frame->id & 0x1f];
@@ -216,7 +216,7 @@ static void host_compact_discover(struct host *host, size_t bus)
     host_compact_queue(host, bus, compact_id(COMPACT_DISCOVER, 0), 0, nothing);
 }
 
-/* telemetry once a control period, or as the rig says */
+/* Telemetry once a control period, or as the rig says */
 static bool host_compact_request(const struct host *host, size_t bus, unsigned address, int number,
                                  struct host_request *request)
 {
@@ -232,7 +232,7 @@ static bool host_compact_request(const struct host *host, size_t bus, unsigned a
     return number == 0;
 }
 
-/* the motors of a bus that are switched in one period are switched with one frame */
+/* The motors of a bus that are switched in one period are switched with one frame */
 static void host_compact_set_motor(struct host *host, size_t axis, bool on)
 {
     struct host_line *line = &host->line[host->config.axis[axis].bus];

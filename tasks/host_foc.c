@@ -115,7 +115,7 @@ static void host_foc_put_current_law(const struct host *host, const struct host_
     data[6] = (uint8_t)shift;
 }
 
-/* firmware version with the protocol check, without which nothing is obeyed; the motor; the limits
+/* Firmware version with the protocol check, without which nothing is obeyed; the motor; the limits
  * of its current; then the board is ready */
 static bool host_foc_request(const struct host *host, size_t bus, unsigned address, int number,
                              struct host_request *request)

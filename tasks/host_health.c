@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What is wrong with the boards, and whether anything is. */
+/* Whether the boards are healthy, and what is wrong when they are not. */
 #include "tasks/host_private.h"
 
 #include <stdio.h>
@@ -52,14 +52,13 @@ bool host_healthy(struct host *host)
         const struct host_joint *joint = &host->joint[i];
 
         if (joint->motor != HOST_MOTOR_ON) {
-            /* off without a fault: a board that has started anew */
+            /* Off without a fault: a board that was restarted */
             host->lost = joint->motor == HOST_MOTOR_OFF;
             host_fail_joint(host, i,
-                            joint->motor == HOST_MOTOR_OTHER
-                                ? "is in another mode than it was put into"
-                                : "has switched its motor off");
+                            joint->motor == HOST_MOTOR_OTHER ? "is in a mode that was not commanded"
+                                                             : "has switched its motor off");
         } else if (host->now_ns - joint->motor_time_ns > TELEMETRY_TIMEOUT_NS) {
-            host_fail_joint(host, i, "has gone silent");
+            host_fail_joint(host, i, "sends no telemetry");
             host->lost = joint->motor != HOST_MOTOR_FAULT;
         }
     }

@@ -81,7 +81,7 @@ static void host_icub_read_frame(struct host *host, size_t bus, const struct bus
 
 /* ---- what is sent ---- */
 
-/* firmware version with the protocol check, and which telemetry to send */
+/* Firmware version with the protocol check, and which telemetry to send */
 static bool host_icub_request(const struct host *host, size_t bus, unsigned address, int number,
                               struct host_request *request)
 {

@@ -109,8 +109,8 @@ void host_fail_node(struct host *host, size_t bus, unsigned address, const char 
 /* "joint LKneeSag <what>", or which faults it is in; returns HOST_FAILED. */
 enum host_phase host_fail_joint(struct host *host, size_t axis, const char *what);
 
-/* The same for both kinds of iCub motor boards (host_strain.c): class 7 discovery, what a mode means,
- * and the STRAIN boards' frames, answers and requests. */
+/* The same for both kinds of iCub motor boards (host_strain.c): class 7 discovery, what a mode
+ * means, and the STRAIN boards' frames, answers and requests. */
 void host_discover_icub(struct host *host, size_t bus);
 bool host_read_discovery(struct host_node *node, const struct bus_frame *frame);
 enum host_motor host_motor_of_mode(uint8_t mode);

@@ -36,12 +36,24 @@ static bool host_node_found(struct host *host, size_t bus, unsigned address)
     return host->line[bus].node[address].found;
 }
 
+/* host_fail_node keeps the first of these failures. */
+static bool host_fail_missing(struct host *host, size_t bus, unsigned address)
+{
+    if (!host->line[bus].node[address].found) {
+        host_fail_node(host, bus, address, "does not answer discovery");
+        host->lost = true;
+    }
+    return true;
+}
+
 static enum host_phase host_discover(struct host *host)
 {
     if (host_every_node(host, host_node_found)) {
         host_enter_phase(host, HOST_CONFIGURING);
         return host->phase;
     }
+
+    /* Asked again and again, for a board that boots answers late */
     if (!host->asked) {
         host->phase_since_ns = host->now_ns;
     }
@@ -52,25 +64,19 @@ static enum host_phase host_discover(struct host *host)
         host->asked = true;
         host->asked_ns = host->now_ns;
     }
+
+    /* The message names the first board that is missing */
     if (host->now_ns - host->phase_since_ns > DISCOVERY_TIMEOUT_NS) {
-        for (size_t b = 0; b < host->config.nbus; b++) {
-            for (unsigned a = 1; a < HOST_ADDRESSES; a++) {
-                if (host->line[b].node[a].kind != HOST_NO_BOARD && !host->line[b].node[a].found) {
-                    host_fail_node(host, b, a, "does not answer discovery");
-                    host->lost = true;
-                    return host->phase;
-                }
-            }
-        }
+        host_every_node(host, host_fail_missing);
     }
     return host->phase;
 }
 
+/* One request after the other, each repeated until it is answered; true when all have been. */
 static bool host_configure_node(struct host *host, size_t bus, unsigned address)
 {
     struct host_node *node = &host->line[bus].node[address];
     struct host_request request = {0};
-
     bool waits = node->answered < node->requested;
 
     if (waits && host->now_ns - node->request_time_ns <= REPLY_TIMEOUT_NS) {
@@ -96,7 +102,7 @@ static enum host_phase host_enable_motors(struct host *host)
 {
     bool all = true;
 
-    /* off first, which leaves a fault of an earlier run; then on, and again what has not obeyed */
+    /* Off first, which clears a fault of an earlier run; then on, and again what has not obeyed */
     if (host->enabling < 2 || host->now_ns - host->asked_ns >= REPLY_TIMEOUT_NS) {
         for (size_t i = 0; i < host->config.naxis; i++) {
             if (host->enabling < 2 || host->joint[i].motor != HOST_MOTOR_ON) {
@@ -106,6 +112,8 @@ static enum host_phase host_enable_motors(struct host *host)
         host->enabling++;
         host->asked_ns = host->now_ns;
     }
+
+    /* On means that the board says so and that both encoders have been heard */
     for (size_t i = 0; i < host->config.naxis; i++) {
         const struct host_joint *joint = &host->joint[i];
         bool ready =
@@ -113,7 +121,7 @@ static enum host_phase host_enable_motors(struct host *host)
 
         if (!ready && host->now_ns - host->phase_since_ns > ENABLE_TIMEOUT_NS) {
             return host_fail_joint(host, i,
-                                   joint->motor == HOST_MOTOR_ON ? "does not tell its position"
+                                   joint->motor == HOST_MOTOR_ON ? "reports no position"
                                                                  : "does not switch its motor on");
         }
         all = all && ready;

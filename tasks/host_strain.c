@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What both kinds of iCub motor boards have in common: class 7 discovery, modes, and the STRAIN boards
- * beside them with forces or joint torques.
+ * What both kinds of iCub motor boards have in common: class 7 discovery, modes, and the STRAIN
+ * boards beside them with forces or joint torques.
  */
 #include "tasks/host_private.h"
 
@@ -20,7 +20,7 @@ bool host_read_discovery(struct host_node *node, const struct bus_frame *frame)
     if (frame->id >> 8 != ICUB_MANAGEMENT || (frame->id & 0xf) != ICUB_HOST) {
         return false;
     }
-    /* a bootloader answers with 4 bytes, without a build number: then the board is still to come */
+    /* A bootloader answers with 4 bytes, without a build number: then the board is still to come */
     node->found = node->found || (frame->len >= 5 && frame->data[0] == ICUB_DISCOVER);
     return true;
 }
@@ -95,7 +95,7 @@ void host_strain_read(struct host *host, struct host_node *node, const struct bu
     }
 }
 
-/* firmware version, the full scale of each channel of forces, the period when the rig has one, and
+/* Firmware version, the full scale of each channel of forces, the period when the rig has one, and
  * go */
 bool host_strain_request(const struct host_node *node, unsigned address, int number,
                          struct host_request *request)

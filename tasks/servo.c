@@ -4,7 +4,8 @@
 
 #include <math.h>
 
-/* rates are differences over this span at least: in less the jitter of the messages' arrival counts */
+/* Rates are differences over this span at least: in less the jitter of the messages' arrival
+ * counts */
 enum { RATE_SPAN_NS = 2000000 };
 
 struct loop {
@@ -73,7 +74,7 @@ double servo_reference(const struct servo *servo, size_t axis)
     return servo->loop[axis].wanted + servo->loop[axis].trim;
 }
 
-/* what the link is off, less what its encoder cannot tell: integrated for ever, the rounding of two
+/* What the link is off, less what its encoder cannot tell: integrated for ever, the rounding of two
  * legs that stand on the same ground would wind them against each other */
 static double servo_link_error(const struct servo *servo, size_t axis)
 {
@@ -94,7 +95,7 @@ static void servo_estimate_rate(struct loop *loop, const struct host_joint *join
     }
 }
 
-/* one axis; the integral stands still while the voltage is saturated in its direction */
+/* One axis; the integral stands still while the voltage is saturated in its direction */
 static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
 {
     const struct servo_gains *gains = &servo->config.gains[axis];

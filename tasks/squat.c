@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Squat: the hips sink vertically over flat feet and rise again, cycle after cycle (paper section 7).
- * Both legs are two-link chains in the sagittal plane: hip pitch, knee, ankle pitch. All other
+ * Squat: the hips sink vertically over flat feet and rise again, cycle after cycle (paper section
+ * 7). Both legs are two-link chains in the sagittal plane: hip pitch, knee, ankle pitch. All other
  * joints hold the initial pose. The verdict comes from telemetry alone: the feet must go on
  * carrying the weight and the motors must follow.
  */
@@ -19,12 +19,11 @@ static const char *const joint_name[LEGS][PITCH_JOINTS] = {
 };
 static const char *const foot_name[LEGS] = {"r_leg_ft", "l_leg_ft"};
 
-static const double RAMP_S = 1.0;    /* from where the joints were to the initial pose */
-static const double SETTLE_S = 1.0;  /* standing still before and after */
-static const double WEIGH_S = 0.25;  /* end of settling, in which the weight is measured */
-static const double LIGHT = 0.3;     /* feet carry less than this part of the weight: fallen, ... */
-static const double LIGHT_S = 0.25;  /* ... when it lasts so long */
-static const double STRAY_RAD = 0.4; /* a motor so far from its reference: fallen or stuck */
+static const double RAMP_S = 1.0;   /* from where the joints were to the initial pose */
+static const double SETTLE_S = 1.0; /* standing still before and after */
+static const double WEIGH_S = 0.25; /* end of settling, in which the weight is measured */
+static const double LIGHT = 0.3;    /* feet carry less than this part of the weight: fallen, ... */
+static const double LIGHT_S = 0.25; /* ... when it lasts so long */
 
 struct leg {
     size_t axis[PITCH_JOINTS];
@@ -43,8 +42,8 @@ struct squat {
     double deepest_m, worst_error_rad;
 };
 
-/* Height of the hip over the ankle and how far the ankle is ahead of the hip, from the thigh's pitch
- * in the world and the knee's angle. */
+/* Height of the hip over the ankle and how far the ankle is ahead of the hip, from the thigh's
+ * pitch in the world and the knee's angle. */
 static void squat_leg_forward(const struct squat_config *config, double thigh, double knee,
                               double *height, double *ahead)
 {
@@ -80,28 +79,31 @@ static double squat_depth_at(const struct squat_config *config, double t)
                                  : config->depth_m / 2 * (1 - cos(2 * M_PI * t / config->period_s));
 }
 
+/* The axes of a leg; at the deepest point all of them must be within their limits. */
 static enum error_code squat_find_leg(struct task *task, int side, struct leg *leg,
                                       struct error *error)
 {
+    const struct squat_config *config = &task->config.squat;
     double angle[PITCH_JOINTS];
 
     for (int j = 0; j < PITCH_JOINTS; j++) {
-        int axis = host_find_axis(task->host, joint_name[side][j]);
+        enum error_code code = task_find_axis(task, joint_name[side][j], &leg->axis[j], error);
 
-        if (axis < 0) {
-            return error_set(error, ERROR_INPUT, "squat: the rig has no joint %s",
-                             joint_name[side][j]);
+        if (code) {
+            return code;
         }
-        leg->axis[j] = (size_t)axis;
-        leg->initial[j] = task->config.initial_rad[axis];
+        leg->initial[j] = task->config.initial_rad[leg->axis[j]];
     }
+
+    /* The initial pose, over a flat foot */
     leg->lean = -(leg->initial[HIP] + leg->initial[KNEE] + leg->initial[ANKLE]);
-    squat_leg_forward(&task->config.squat, leg->lean + leg->initial[HIP], leg->initial[KNEE],
-                      &leg->hip_height, &leg->ankle_x);
-    if (!squat_leg_inverse(&task->config.squat, leg, leg->hip_height - task->config.squat.depth_m,
-                           angle)) {
+    squat_leg_forward(config, leg->lean + leg->initial[HIP], leg->initial[KNEE], &leg->hip_height,
+                      &leg->ankle_x);
+
+    /* The deepest one */
+    if (!squat_leg_inverse(config, leg, leg->hip_height - config->depth_m, angle)) {
         return error_set(error, ERROR_INPUT, "squat: depth %g m is out of the legs' reach",
-                         task->config.squat.depth_m);
+                         config->depth_m);
     }
     for (int j = 0; j < PITCH_JOINTS; j++) {
         const struct host_axis *axis = &task->config.host.axis[leg->axis[j]];
@@ -110,24 +112,11 @@ static enum error_code squat_find_leg(struct task *task, int side, struct leg *l
             return error_set(error, ERROR_INPUT,
                              "squat: at depth %g m joint %s needs %.3f rad, its limits are %.3f to "
                              "%.3f rad",
-                             task->config.squat.depth_m, axis->joint, angle[j], axis->lower_rad,
+                             config->depth_m, axis->joint, angle[j], axis->lower_rad,
                              axis->upper_rad);
         }
     }
     return ERROR_NONE;
-}
-
-static enum error_code squat_find_foot(struct task *task, int side, size_t *foot,
-                                       struct error *error)
-{
-    for (size_t i = 0; i < task->config.host.nft; i++) {
-        if (strcmp(task->config.host.ft[i].name, foot_name[side]) == 0) {
-            *foot = i;
-            return ERROR_NONE;
-        }
-    }
-    return error_set(error, ERROR_INPUT, "squat: the rig has no force-torque board for %s",
-                     foot_name[side]);
 }
 
 static enum error_code squat_create(struct task *task, struct arena *arena, struct error *error)
@@ -135,7 +124,6 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
     const struct squat_config *config = &task->config.squat;
     struct squat *squat = arena_alloc(arena, 1, sizeof *squat);
     double *from = arena_alloc(arena, task->config.host.naxis, sizeof *from);
-    enum error_code code = ERROR_NONE;
 
     if (!squat || !from) {
         return error_set(error, ERROR_MEMORY, "no memory for the squat");
@@ -147,13 +135,18 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
     }
     squat->from = from;
     task->state = squat;
-    for (int side = 0; side < LEGS && !code; side++) {
-        code = squat_find_leg(task, side, &squat->leg[side], error);
-        if (!code) {
-            code = squat_find_foot(task, side, &squat->foot[side], error);
+    for (int side = 0; side < LEGS; side++) {
+        enum error_code code = squat_find_leg(task, side, &squat->leg[side], error);
+
+        if (code) {
+            return code;
+        }
+        code = task_find_force(task, foot_name[side], &squat->foot[side], error);
+        if (code) {
+            return code;
         }
     }
-    return code;
+    return ERROR_NONE;
 }
 
 static void squat_start(struct task *task)
@@ -166,20 +159,6 @@ static void squat_start(struct task *task)
     squat->light_since_s = -1;
 }
 
-/* every joint goes smoothly from where it was to the initial pose, and stays */
-static void squat_hold_pose(struct task *task, double t)
-{
-    const struct squat *squat = task->state;
-    double s = fmin(t / RAMP_S, 1), blend = s * s * (3 - 2 * s);
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        double span = task->config.initial_rad[i] - squat->from[i];
-
-        servo_set(task->servo, i, squat->from[i] + blend * span,
-                  s < 1 ? 6 * s * (1 - s) * span / RAMP_S : 0);
-    }
-}
-
 static void squat_bend_legs(struct task *task, double t)
 {
     const struct squat *squat = task->state;
@@ -190,7 +169,7 @@ static void squat_bend_legs(struct task *task, double t)
         const struct leg *leg = &squat->leg[side];
         double angle[PITCH_JOINTS], before[PITCH_JOINTS], after[PITCH_JOINTS];
 
-        /* in reach all the way: the deepest point was checked at creation */
+        /* In reach all the way: the deepest point was checked at creation */
         squat_leg_inverse(config, leg, leg->hip_height - squat_depth_at(config, t), angle);
         squat_leg_inverse(config, leg, leg->hip_height - squat_depth_at(config, t - dt), before);
         squat_leg_inverse(config, leg, leg->hip_height - squat_depth_at(config, t + dt), after);
@@ -208,7 +187,7 @@ static double squat_feet_force(const struct task *task)
            host_force(task->host, squat->foot[1])->force_n[2];
 }
 
-/* how far the hips are below the initial height, by the link encoders */
+/* How far the hips are below the initial height, by the link encoders */
 static double squat_measured_depth(const struct task *task)
 {
     const struct squat *squat = task->state;
@@ -226,20 +205,13 @@ static double squat_measured_depth(const struct task *task)
     return sum / LEGS;
 }
 
-/* false with a message when the robot no longer stands or a motor does not follow */
+/* False with a message when the robot no longer stands or a motor does not follow its reference. */
 static bool squat_is_healthy(struct task *task, double t, double weight)
 {
     struct squat *squat = task->state;
 
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        double error = fabs(servo_reference(task->servo, i) - host_joint(task->host, i)->motor_rad);
-
-        squat->worst_error_rad = fmax(squat->worst_error_rad, error);
-        if (error > STRAY_RAD) {
-            snprintf(task->message, sizeof task->message, "joint %s is %.2f rad from its reference",
-                     task->config.host.axis[i].joint, error);
-            return false;
-        }
+    if (!task_motors_follow(task, &squat->worst_error_rad)) {
+        return false;
     }
     if (squat_feet_force(task) > LIGHT * weight) {
         squat->light_since_s = -1;
@@ -260,7 +232,8 @@ static enum task_status squat_step(struct task *task, double t)
     double begin = RAMP_S + SETTLE_S, length = config->period_s * config->cycles;
     double weight = squat->weighed ? squat->weight_sum / (double)squat->weighed : 0, depth;
 
-    squat_hold_pose(task, t);
+    /* Stand, then weigh the robot */
+    task_hold_pose(task, squat->from, RAMP_S, t);
     if (t < begin) {
         if (t > begin - WEIGH_S) {
             squat->weight_sum += squat_feet_force(task);
@@ -272,6 +245,8 @@ static enum task_status squat_step(struct task *task, double t)
         }
         return TASK_RUNNING;
     }
+
+    /* Bend and stretch, then stand again */
     squat_bend_legs(task, t - begin);
     if (!squat_is_healthy(task, t, weight)) {
         return TASK_FAILED;
@@ -288,6 +263,7 @@ static enum task_status squat_step(struct task *task, double t)
         }
         return TASK_RUNNING;
     }
+
     snprintf(task->message, sizeof task->message,
              "%d cycles done, %.1f mm deep, worst motor error %.1f mrad, feet carry %.1f N "
              "(%.1f N before)",

@@ -99,9 +99,9 @@ struct grasp_config {
                            * may */
 };
 
-/* Voltage loop on a motor angle, closed here: V = kp (ref - qm) + ki integral + kd (ref' - qm') + kw
- * ref' + load torque(start). Outside it a slow loop on the link angle takes out what the series spring
- * yields: ref = wanted + trim, trim' = trim_per_s (wanted - q). */
+/* Voltage loop on a motor angle, closed here: V = kp (ref - qm) + ki integral + kd (ref' - qm') +
+ * kw ref' + load torque(start). Outside it a slow loop on the link angle takes out what the series
+ * spring yields: ref = wanted + trim, trim' = trim_per_s (wanted - q). */
 struct servo_gains {
     double kp_v_per_rad;
     double ki_v_per_rad_s;
@@ -147,7 +147,8 @@ void task_stop(struct task *task);
 /* One line about where it is ("cycle 2 of 4, 43 mm down") or why it failed. */
 const char *task_message(const struct task *task);
 
-/* Whether it failed because the boards are gone or have begun anew: a new task may find them again. */
+/* Whether it failed because the boards are gone or have begun anew: a new task may find them
+ * again. */
 bool task_lost(const struct task *task);
 
 /* Names of all tasks, NULL-terminated, for --help. */
