@@ -146,6 +146,18 @@ static inline int board_joint(const struct board *board, size_t axis)
                : -1;
 }
 
+/* Axes of a compact board: they end with the first spare one. */
+static inline unsigned board_config_axes(const struct board_config *config)
+{
+    unsigned count = 0;
+
+    while (config->kind == BOARD_MOTOR && count < BOARD_AXES_MAX &&
+           config->axis[count].joint >= 0) {
+        count++;
+    }
+    return count;
+}
+
 /* What a board reads of the supply: a number, 0 or more. */
 static inline double board_supply_v(const struct plant_sensors *sensors)
 {

@@ -4,9 +4,9 @@
  * events, its address, its bootloader), and the phases of a tick.
  */
 #include "boards/board_private.h"
-#include "boards/compact/private.h"
-#include "boards/foc/private.h"
-#include "boards/icub/private.h"
+#include "boards/compact/board.h"
+#include "boards/foc/board.h"
+#include "boards/icub/board.h"
 
 #include "canbus/frame.h"
 

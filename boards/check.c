@@ -188,11 +188,7 @@ static enum error_code check_compact_slots(const struct boards_config *config, s
         for (size_t i = 0; i < config->nboard; i++) {
             const struct board_config *board = &config->board[i];
 
-            for (size_t k = 0; k < BOARD_AXES_MAX && board->bus == (int)bus &&
-                               board->kind == BOARD_MOTOR && board->axis[k].joint >= 0;
-                 k++) {
-                slots++;
-            }
+            slots += board->bus == (int)bus ? board_config_axes(board) : 0;
             if (slots > COMPACT_SLOTS && boards_personality(config, (int)bus) == BOARD_COMPACT) {
                 return check_refuse(error, board, "a compact bus has at most 32 axes");
             }

@@ -190,16 +190,6 @@ static void walk_discovery_reply(struct walk *walk, int index)
 
 /* ---- compact buses ---- */
 
-static unsigned config_axis_count(const struct board_config *board)
-{
-    unsigned count = 0;
-
-    while (board->kind == BOARD_MOTOR && count < BOARD_AXES_MAX && board->axis[count].joint >= 0) {
-        count++;
-    }
-    return count;
-}
-
 static bool compact_row_applies(const struct compact_message *row, const struct board_config *board,
                                 bool fd)
 {
@@ -257,7 +247,7 @@ static void walk_compact_row(struct walk *walk, const struct compact_message *ro
 static void walk_compact_board(struct walk *walk, int index, unsigned first_slot)
 {
     const struct board_config *board = &walk->config->board[index];
-    unsigned axes = config_axis_count(board);
+    unsigned axes = board_config_axes(board);
 
     for (int i = 0; i < COMPACT_MESSAGES; i++) {
         const struct compact_message *row = &compact_messages[i];
@@ -304,7 +294,7 @@ void boards_messages(const struct boards_config *config, int bus,
     unsigned slots = 0, slot = 0;
 
     for (size_t i = 0; i < config->nboard; i++) {
-        slots += config->board[i].bus == bus ? config_axis_count(&config->board[i]) : 0;
+        slots += config->board[i].bus == bus ? board_config_axes(&config->board[i]) : 0;
     }
     if (personality == BOARD_COMPACT) {
         walk_compact_broadcasts(&walk, slots);
@@ -317,7 +307,7 @@ void boards_messages(const struct boards_config *config, int bus,
         }
         if (personality == BOARD_COMPACT) {
             walk_compact_board(&walk, (int)i, slot);
-            slot += config_axis_count(&config->board[i]);
+            slot += board_config_axes(&config->board[i]);
         } else {
             walk_discovery_reply(&walk, (int)i);
             walk_icub_board(&walk, (int)i, personality == BOARD_FOC);

@@ -71,7 +71,8 @@ static enum error_code host_map_axis(struct host *host, size_t index, struct err
         return code;
     }
 
-    /* The motor: one joint an axis; a 2FOC host needs the gear and the spring for the link's angle */
+    /* The motor: one joint an axis; a 2FOC host needs the gear and the spring for the link's
+     * angle */
     if (axis->axis >= host->line[axis->bus].ops->axes || node->axis[axis->axis] >= 0) {
         return error_set(error, ERROR_INPUT, "host: joint %s shares its axis", axis->joint);
     }

@@ -2,6 +2,7 @@
 /* What all tasks share: start-up of the boards, poses, health, stopping. */
 #include "tasks/task_private.h"
 
+#include "base/count.h"
 #include "base/text.h"
 
 #include <math.h>
@@ -15,7 +16,7 @@ static const double STRAY_RAD = 0.4; /* a motor so far from its reference: falle
 static const struct task_ops *const known[] = {&task_squat, &task_grasp};
 static const char *const names[] = {"squat", "grasp", NULL};
 
-enum { KNOWN = sizeof known / sizeof known[0] };
+enum { KNOWN = ARRAY_COUNT(known) };
 
 const char *const *task_names(void)
 {

@@ -66,30 +66,22 @@ unsigned compact_first_slot(const struct board *board)
     return slot < bus->slots ? slot : COMPACT_SLOTS;
 }
 
-static unsigned compact_axis_count(const struct board *board)
-{
-    unsigned count = 0;
-
-    while (board->config.kind == BOARD_MOTOR && count < BOARD_AXES_MAX &&
-           board->config.axis[count].joint >= 0) {
-        count++;
-    }
-    return count;
-}
-
 static unsigned compact_first_slot_or_0(const struct board *board)
 {
-    return compact_axis_count(board) ? compact_first_slot(board) : 0;
+    return board_config_axes(&board->config) ? compact_first_slot(board) : 0;
 }
 
 void compact_node_identify(struct compact_node *node)
 {
     struct board *board = &node->board;
     const struct board_identity *identity = &board->ops->identity;
-    const int64_t values[] = {
-        identity->type,           compact_axis_count(board), compact_first_slot_or_0(board),
-        COMPACT_PROTOCOL_VERSION, identity->major,           identity->minor,
-        identity->build};
+    const int64_t values[] = {identity->type,
+                              board_config_axes(&board->config),
+                              compact_first_slot_or_0(board),
+                              COMPACT_PROTOCOL_VERSION,
+                              identity->major,
+                              identity->minor,
+                              identity->build};
     uint8_t data[8] = {0};
 
     fields_encode(compact_message(COMPACT_IDENTITY)->fields, values, data);

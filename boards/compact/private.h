@@ -7,6 +7,7 @@
 #define BOARDS_COMPACT_PRIVATE_H
 
 #include "boards/board_private.h"
+#include "boards/compact/board.h"
 #include "boards/compact/table.h"
 #include "boards/motor_control.h"
 
@@ -56,11 +57,6 @@ static inline struct compact_node *compact_node_of(const struct board *board)
 {
     return container_of(board, struct compact_node, board);
 }
-
-/* NULL without memory; not RT-safe. The configuration has been checked. */
-struct board_bus *compact_bus_create(struct arena *arena);
-struct board *compact_motor_create(struct arena *arena);
-struct board *compact_ft_create(struct arena *arena);
 
 /* Settings of the first power-up, or what was saved. Returns true at the first. */
 bool compact_node_power_up(struct compact_node *node);

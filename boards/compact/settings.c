@@ -2,6 +2,8 @@
 /* The parameters of a compact motor board: over the bus, and as settings beside it. */
 #include "boards/compact/private.h"
 
+#include "base/count.h"
+
 enum { GAIN_MAX = 1000000000 };
 
 /* Where a setting is, and the range that it may have; false: no such setting. */
@@ -168,7 +170,7 @@ static bool compact_setting_set(struct board *board, unsigned axis, size_t index
 }
 
 const struct board_settings compact_settings = {
-    .count = sizeof rows / sizeof rows[0],
+    .count = ARRAY_COUNT(rows),
     .describe = compact_setting_describe,
     .get = compact_setting_get,
     .set = compact_setting_set,

@@ -3,9 +3,10 @@
 #ifndef BOARDS_FOC_PRIVATE_H
 #define BOARDS_FOC_PRIVATE_H
 
+#include "boards/foc/board.h"
 #include "boards/foc/control.h"
 #include "boards/foc/table.h"
-#include "boards/icub/private.h"
+#include "boards/icub/board.h"
 
 enum { FOC_ANSWERS_MAX = 8 }; /* to DESIRED_TARGETS within a tick */
 
@@ -66,8 +67,5 @@ bool foc_board_targets(struct icub_board *icub, const struct bus_frame *frame);
 
 /* What may be set beside the bus (settings.c). */
 extern const struct board_settings foc_settings;
-
-/* NULL without memory; not RT-safe. The configuration has been checked. */
-struct board *foc_board_create(struct arena *arena);
 
 #endif

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The iCub CAN protocol, personality BOARD_FOC (2FOC boards): one motor an address, targets and
- * telemetry every millisecond. Shared by the boards and by hosts; holds no behavior. Identifiers,
- * classes, modes, class 7 and the STRAIN boards beside them are those of boards/icub/protocol.h;
- * what differs is here. Numbers are little-endian.
+ * telemetry every millisecond. Shared by the boards and by hosts; holds no behavior, so that all of
+ * it is RT-safe. Identifiers, classes, modes, class 7 and the STRAIN boards beside them are those
+ * of boards/icub/protocol.h; what differs is here. Numbers are little-endian.
  *
  * The host sends DESIRED_TARGETS, four i16, one for each of the addresses 1 to 4; what a target
  * means is decided by the mode of the board that it is for:

@@ -2,6 +2,8 @@
 /* The settings of a 2FOC board: gains of its laws as floats, limits of the current. */
 #include "boards/foc/private.h"
 
+#include "base/count.h"
+
 #include <float.h>
 
 enum kind { LAW_CURRENT, LAW_SPEED, LAW_POSITION, NOMINAL_CURRENT, PEAK_CURRENT };
@@ -90,7 +92,7 @@ static bool foc_setting_set(struct board *board, unsigned axis, size_t index, do
 }
 
 const struct board_settings foc_settings = {
-    .count = sizeof rows / sizeof rows[0],
+    .count = ARRAY_COUNT(rows),
     .describe = foc_setting_describe,
     .get = foc_setting_get,
     .set = foc_setting_set,

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What every iCub board does: class 7, and a command's way through the rows of its table. */
-#include "boards/icub/private.h"
+#include "boards/icub/board.h"
 
 #include "canbus/frame.h"
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Buses with iCub boards: which boards a frame is for, and the torques that go from one to
  * another. */
-#include "boards/icub/private.h"
+#include "boards/icub/board.h"
 
 #include "canbus/frame.h"
 

@@ -3,7 +3,7 @@
 #ifndef BOARDS_ICUB_MOTOR_PRIVATE_H
 #define BOARDS_ICUB_MOTOR_PRIVATE_H
 
-#include "boards/icub/private.h"
+#include "boards/icub/board.h"
 #include "boards/motor_control.h"
 
 enum { MOTOR_AXES = 2 };

@@ -2,6 +2,8 @@
 /* The settings of an iCub motor board's axes: what commands of class 0 set, with their ranges. */
 #include "boards/icub/motor_private.h"
 
+#include "base/count.h"
+
 /* One value of the command that sets it. */
 static const struct {
     const char *name;
@@ -75,7 +77,7 @@ static bool motor_setting_set(struct board *board, unsigned axis, size_t index, 
 }
 
 const struct board_settings motor_settings = {
-    .count = sizeof rows / sizeof rows[0],
+    .count = ARRAY_COUNT(rows),
     .describe = motor_setting_describe,
     .get = motor_setting_get,
     .set = motor_setting_set,

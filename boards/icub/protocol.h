@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The iCub CAN protocol, personality BOARD_ICUB (BLL/MC4 motor boards, STRAIN): identifiers,
- * commands, modes, frame types and scales. Shared by the boards and by hosts; holds no behavior.
+ * commands, modes, frame types and scales. Shared by the boards and by hosts; holds no behavior, so
+ * that all of it is RT-safe.
  *
  * 11-bit identifiers: class << 8 | source << 4 | x, where x is the destination address (classes 0,
  * 2, 7) or the frame type (classes 1, 3).

@@ -11,7 +11,7 @@
  * Settings survive a restart as EEPROM would keep them; transmit mode, period and current tare do
  * not.
  */
-#include "boards/icub/private.h"
+#include "boards/icub/board.h"
 #include "boards/motor_control.h"
 
 #include "canbus/frame.h"

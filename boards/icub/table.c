@@ -6,6 +6,8 @@
  */
 #include "boards/icub/table.h"
 
+#include "base/count.h"
+
 /* clang-format off */
 #define FIELDS(...) (const struct field[]){__VA_ARGS__, {.type = FIELD_END}}
 
@@ -348,7 +350,7 @@ static const struct {
 
 const struct icub_command *icub_management_command(uint8_t code)
 {
-    for (size_t i = 0; i < sizeof management / sizeof *management; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(management); i++) {
         if (management[i].code == code) {
             return &management[i].row;
         }

@@ -143,7 +143,8 @@ int main(void)
                                         tear_down),
         cmocka_unit_test_setup_teardown(the_refusal_of_an_earlier_copy_changes_nothing, set_up,
                                         tear_down),
-        cmocka_unit_test_setup_teardown(a_simulator_that_was_restarted_is_noticed, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_simulator_that_was_restarted_is_noticed, set_up,
+                                        tear_down),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

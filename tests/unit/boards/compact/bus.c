@@ -564,7 +564,8 @@ static void events_have_the_names_of_this_protocol(void **state)
         {{.kind = BOARD_EVENT_FAULT, .a = COMPACT_FAULT_TEMPERATURE},
          "axis 0 has a fault: temperature"},
         {{.kind = BOARD_EVENT_LIMIT, .a = (uint32_t)-200100},
-         "axis 0 is beyond its position limit at -200100 x 1e-5 rad, only commands that lead back are obeyed"},
+         "axis 0 is beyond its position limit at -200100 x 1e-5 rad, only commands that lead back "
+         "are obeyed"},
     };
     char text[256];
     struct board_bench bench;

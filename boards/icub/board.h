@@ -4,8 +4,8 @@
  * frame to a row of the tables and back to an answer, and the torques that one board hears of
  * another. Embedded in each kind of these boards. RT-safe but for what creates.
  */
-#ifndef BOARDS_ICUB_PRIVATE_H
-#define BOARDS_ICUB_PRIVATE_H
+#ifndef BOARDS_ICUB_BOARD_H
+#define BOARDS_ICUB_BOARD_H
 
 #include "boards/board_private.h"
 #include "boards/icub/table.h"
