@@ -15,6 +15,7 @@ static const char *event_compact_mode_name(uint32_t mode)
                                      : "off";
 }
 
+/* A mode as people call it, with blanks; the DBC has names without. */
 static const char *event_mode_name(enum board_personality personality, uint32_t mode)
 {
     if (personality == BOARD_COMPACT) {
@@ -123,6 +124,7 @@ static void event_describe(enum board_personality personality, const struct boar
     uint32_t a = event->a, b = event->b;
 
     switch (event->kind) {
+    /* Of an axis */
     case BOARD_EVENT_MODE:
         snprintf(text, size, "axis %u from %s to %s mode", axis, event_mode_name(personality, a),
                  event_mode_name(personality, b));
@@ -145,6 +147,8 @@ static void event_describe(enum board_personality personality, const struct boar
             personality == BOARD_COMPACT ? "x 1e-5 rad, only commands that lead back are obeyed"
                                          : "ticks, voltage set to 0");
         return;
+
+    /* Of a frame */
     case BOARD_EVENT_UNKNOWN:
         snprintf(text, size, "unknown command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
         return;
@@ -152,6 +156,8 @@ static void event_describe(enum board_personality personality, const struct boar
         snprintf(text, size,
                  "wrong length or value in command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
         return;
+
+    /* Of a board */
     case BOARD_EVENT_ADDRESS:
         snprintf(text, size, "address changed from %" PRIu32 " to %" PRIu32, a, b);
         return;

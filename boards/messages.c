@@ -163,6 +163,7 @@ static void walk_icub_broadcasts(struct walk *walk, bool foc)
         .slot = -1,
     };
 
+    /* DESIRED_TARGETS only where 2FOC boards listen */
     walk_visit(walk, &discover);
     if (foc) {
         walk_visit(walk, &targets);

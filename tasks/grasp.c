@@ -97,6 +97,8 @@ static enum error_code grasp_create(struct task *task, struct arena *arena, stru
     }
     grasp->from = from;
     task->state = grasp;
+
+    /* The path must make sense, and the rig must have arms, wrists and feet for it */
     code = grasp_check_path(&task->config.grasp, error);
     if (code) {
         return code;

@@ -58,7 +58,7 @@ static void host_compact_read_telemetry_fd(struct host *host, struct host_joint 
     compact_set_joint_mode(joint, data[15] & 7);
 }
 
-/* Frames that a board sends about one of its axes */
+/* A frame that a board sends about one of its axes. */
 static void host_compact_read_axis(struct host *host, struct host_line *line,
                                    const struct bus_frame *frame)
 {
@@ -97,7 +97,7 @@ static void host_compact_read_wrench(struct host_force *force, const struct bus_
     }
 }
 
-/* The slots of a board's axes are the board's to say; what is not as the rig has it ends the
+/* A board's answer to discovery says which slots its axes have; what contradicts the rig ends the
  * start-up. */
 static void host_compact_read_identity(struct host *host, size_t bus, struct host_node *node,
                                        const struct bus_frame *frame)
@@ -110,6 +110,8 @@ static void host_compact_read_identity(struct host *host, size_t bus, struct hos
     if (frame->len != COMPACT_IDENTITY_LENGTH || node->found) {
         return;
     }
+
+    /* Is it the board that the rig has there? */
     if (data[3] != COMPACT_PROTOCOL_VERSION) {
         host_fail_node(host, bus, frame->id & 0x1f, "speaks another version of the protocol");
         return;
@@ -119,6 +121,8 @@ static void host_compact_read_identity(struct host *host, size_t bus, struct hos
         host_fail_node(host, bus, frame->id & 0x1f, "is of another kind");
         return;
     }
+
+    /* Set-points go by slot from now on */
     for (unsigned k = 0; k < HOST_AXES; k++) {
         if (motor && node->axis[k] >= 0 && (k >= axes || line->slot[first + k] >= 0)) {
             host_fail_node(host, bus, frame->id & 0x1f, "has other axes");
@@ -144,7 +148,7 @@ static void host_compact_read_reply(struct host *host, size_t bus, struct host_n
     node->answered = node->requested;
 }
 
-/* Frames that are a board's */
+/* A frame of a board as a whole. */
 static void host_compact_read_node(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     struct host_node *node = &host->line[bus].node[frame->id & 0x1f];
@@ -153,6 +157,7 @@ static void host_compact_read_node(struct host *host, size_t bus, const struct b
         return;
     }
     switch (frame->id >> 5) {
+    /* Telemetry: on FD buses all axes of a motor board, the wrench of a sensor */
     case COMPACT_TELEMETRY_FD:
         for (int k = 0; k < HOST_AXES && node->kind == HOST_MOTOR_BOARD; k++) {
             struct host_joint *joint = host_node_joint(host, node, k);
@@ -175,6 +180,8 @@ static void host_compact_read_node(struct host *host, size_t bus, const struct b
             host->force[node->ft].overflow = frame->data[0];
         }
         break;
+
+    /* The start-up */
     case COMPACT_REPLY:
         host_compact_read_reply(host, bus, node, frame);
         break;
@@ -216,7 +223,7 @@ static void host_compact_discover(struct host *host, size_t bus)
     host_compact_queue(host, bus, compact_id(COMPACT_DISCOVER, 0), 0, nothing);
 }
 
-/* Telemetry once a control period, or as the rig says */
+/* The one request of the start-up: telemetry once a control period, or as the rig says. */
 static bool host_compact_request(const struct host *host, size_t bus, unsigned address, int number,
                                  struct host_request *request)
 {
@@ -232,7 +239,7 @@ static bool host_compact_request(const struct host *host, size_t bus, unsigned a
     return number == 0;
 }
 
-/* The motors of a bus that are switched in one period are switched with one frame */
+/* All motors of a bus that are switched in one period are switched by one frame at its end. */
 static void host_compact_set_motor(struct host *host, size_t axis, bool on)
 {
     struct host_line *line = &host->line[host->config.axis[axis].bus];
@@ -257,7 +264,7 @@ static void host_compact_queue_mode(struct host *host, size_t bus, enum compact_
     }
 }
 
-/* COMMAND for the slots from first on, as far as there are axes of ours */
+/* Queues COMMAND for the slots from first on, as far as there are axes of ours. */
 static void host_compact_queue_command(struct host *host, size_t bus, unsigned first,
                                        unsigned count)
 {
@@ -281,6 +288,7 @@ static void host_compact_queue_command(struct host *host, size_t bus, unsigned f
     }
 }
 
+/* Modes first, then the set-points of all axes. */
 static void host_compact_end_period(struct host *host, size_t bus)
 {
     struct host_line *line = &host->line[bus];

@@ -115,8 +115,8 @@ static void host_foc_put_current_law(const struct host *host, const struct host_
     data[6] = (uint8_t)shift;
 }
 
-/* Firmware version with the protocol check, without which nothing is obeyed; the motor; the limits
- * of its current; then the board is ready */
+/* The start-up: firmware version with the protocol check, without which nothing is obeyed; the
+ * motor; the limits of its current; the gains that hold them. */
 static bool host_foc_request(const struct host *host, size_t bus, unsigned address, int number,
                              struct host_request *request)
 {
@@ -127,15 +127,16 @@ static bool host_foc_request(const struct host *host, size_t bus, unsigned addre
     if (node->kind != HOST_MOTOR_BOARD) {
         return host_strain_request(node, address, number, request);
     }
+
     axis = &host->config.axis[node->axis[0]];
     switch (number) {
-    case 0:
+    case 0: /* who we are */
         data[0] = FOC_GET_FIRMWARE_VERSION;
         data[1] = ICUB_PROTOCOL_MAJOR;
         data[2] = ICUB_PROTOCOL_MINOR;
         len = 3;
         break;
-    case 1:
+    case 1: /* the motor */
         data[0] = FOC_SET_MOTOR_CONFIG;
         data[1] = FOC_HAS_QE;
         put_u16_le(data + 2,
@@ -143,17 +144,19 @@ static bool host_foc_request(const struct host *host, size_t bus, unsigned addre
         data[6] = (uint8_t)axis->drive.poles;
         len = 7;
         break;
-    case 2:
+    case 2: /* nominal, peak and overload current */
         data[0] = FOC_SET_CURRENT_LIMIT;
         host_foc_put_milliamperes(data + 2, axis->drive.current_limit_a);
         host_foc_put_milliamperes(data + 4, 1.5 * axis->drive.current_limit_a);
         host_foc_put_milliamperes(data + 6, 2 * axis->drive.current_limit_a);
         break;
-    default:
+    default: /* the current limiter's law */
         data[0] = FOC_SET_CURRENT_PID;
         host_foc_put_current_law(host, &axis->drive, data + 1);
         break;
     }
+
+    /* Only the first is answered */
     request->frame = frame_make(icub_id(ICUB_POLLING_MOTOR, ICUB_HOST, address), len, data);
     request->reply = number == 0;
     return number <= 3;
@@ -169,7 +172,7 @@ static void host_foc_set_motor(struct host *host, size_t axis, bool on)
     host_queue(host, (size_t)at->bus, &frame);
 }
 
-/* Without motors on the bus nothing was ever switched on, and nothing is sent. */
+/* Queues DESIRED_TARGETS when it is due; on a bus without motors it never is. */
 static void host_foc_send_targets(struct host *host, size_t bus)
 {
     struct host_line *line = &host->line[bus];

@@ -9,7 +9,7 @@
 
 enum { AXES = 2 };
 
-/* POSITION, STATUS, CURRENT, MOTOR_POSITION */
+/* The telemetry that the host needs: POSITION, STATUS, CURRENT, MOTOR_POSITION */
 static const uint32_t POLICY = 1u << (ICUB_POSITION - 1) | 1u << (ICUB_STATUS - 1) |
                                1u << (ICUB_CURRENT - 1) | 1u << (ICUB_MOTOR_POSITION - 1);
 
@@ -81,7 +81,7 @@ static void host_icub_read_frame(struct host *host, size_t bus, const struct bus
 
 /* ---- what is sent ---- */
 
-/* Firmware version with the protocol check, and which telemetry to send */
+/* The start-up: firmware version with the protocol check, and which telemetry to send. */
 static bool host_icub_request(const struct host *host, size_t bus, unsigned address, int number,
                               struct host_request *request)
 {

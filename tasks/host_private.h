@@ -2,6 +2,7 @@
 /*
  * What the host is made of: the core (host.c) keeps phases, time and queues; what differs between
  * personalities is behind struct host_ops, one for each bus.
+ * RT-safe, as all that is called in the loop.
  */
 #ifndef TASKS_HOST_PRIVATE_H
 #define TASKS_HOST_PRIVATE_H

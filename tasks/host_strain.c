@@ -20,7 +20,7 @@ bool host_read_discovery(struct host_node *node, const struct bus_frame *frame)
     if (frame->id >> 8 != ICUB_MANAGEMENT || (frame->id & 0xf) != ICUB_HOST) {
         return false;
     }
-    /* A bootloader answers with 4 bytes, without a build number: then the board is still to come */
+    /* A bootloader answers with 4 bytes, without a build number: the board still boots */
     node->found = node->found || (frame->len >= 5 && frame->data[0] == ICUB_DISCOVER);
     return true;
 }
@@ -56,6 +56,8 @@ static void host_strain_read_forces(struct host *host, struct host_node *node,
         (frame->len != ICUB_STRAIN_LENGTH && frame->len != ICUB_STRAIN_SATURATED_LENGTH)) {
         return;
     }
+
+    /* Forces and torques of a sensor, in halves */
     if (node->kind == HOST_FT_BOARD) {
         struct host_force *force = &host->force[node->ft];
 
@@ -68,6 +70,8 @@ static void host_strain_read_forces(struct host *host, struct host_node *node,
         force->overflow = frame->len == ICUB_STRAIN_SATURATED_LENGTH && frame->data[6];
         return;
     }
+
+    /* Joint torques, a channel a joint */
     for (int c = 0; c < 3; c++) {
         int axis = node->channel[first + c];
 
@@ -95,8 +99,8 @@ void host_strain_read(struct host *host, struct host_node *node, const struct bu
     }
 }
 
-/* Firmware version, the full scale of each channel of forces, the period when the rig has one, and
- * go */
+/* The start-up: firmware version, the full scale of each channel of forces, the period when the rig
+ * has one, then the command to transmit. */
 bool host_strain_request(const struct host_node *node, unsigned address, int number,
                          struct host_request *request)
 {

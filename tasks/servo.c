@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Position loops on motor angles. */
+/* Position loops on motor angles; the law is that of struct servo_gains (tasks/task.h). */
 #include "tasks/servo.h"
 
 #include <math.h>
@@ -74,8 +74,9 @@ double servo_reference(const struct servo *servo, size_t axis)
     return servo->loop[axis].wanted + servo->loop[axis].trim;
 }
 
-/* What the link is off, less what its encoder cannot tell: integrated for ever, the rounding of two
- * legs that stand on the same ground would wind them against each other */
+/* The error of the link's angle with a dead zone of one encoder tick. Without it the rounding
+ * errors of two legs on the same ground, integrated, would press them against each other more and
+ * more. */
 static double servo_link_error(const struct servo *servo, size_t axis)
 {
     double step = 1 / host_configuration(servo->host)->axis[axis].joint_ticks_per_rad;
@@ -95,7 +96,8 @@ static void servo_estimate_rate(struct loop *loop, const struct host_joint *join
     }
 }
 
-/* One axis; the integral stands still while the voltage is saturated in its direction */
+/* The voltage of one axis; the integral is held while the voltage saturates in its direction
+ * (anti-windup). */
 static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
 {
     const struct servo_gains *gains = &servo->config.gains[axis];

@@ -16,25 +16,25 @@ static void foc_law_set_mantissas(struct foc_law *law, int64_t kp, int64_t ki, i
 void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
 {
     foc_law_set_mantissas(law, kp, ki, shift);
-    law->gain[0] = ldexp((double)kp, -(int)shift);
-    law->gain[1] = ldexp((double)ki, -(int)shift);
+    law->gain[FOC_LAW_KP] = ldexp((double)kp, -(int)shift);
+    law->gain[FOC_LAW_KI] = ldexp((double)ki, -(int)shift);
 }
 
 bool foc_law_set_gain(struct foc_law *law, unsigned which, double value)
 {
-    double gain[2] = {law->gain[0], law->gain[1]};
+    double gain[FOC_LAW_GAINS] = {law->gain[FOC_LAW_KP], law->gain[FOC_LAW_KI]};
     int exponent = 0;
 
-    if (which > 1 || !isfinite(value) || fabs(value) >= 32768.0) {
+    if (which >= FOC_LAW_GAINS || !isfinite(value) || fabs(value) >= 32768.0) {
         return false;
     }
     gain[which] = value;
-    while (fmax(gain[0], gain[1]) >= ldexp(1.0, exponent)) {
+    while (fmax(gain[FOC_LAW_KP], gain[FOC_LAW_KI]) >= ldexp(1.0, exponent)) {
         exponent++;
     }
     law->gain[which] = value;
-    foc_law_set_mantissas(law, (int64_t)ldexp(gain[0], 15 - exponent),
-                          (int64_t)ldexp(gain[1], 15 - exponent), 15 - exponent);
+    foc_law_set_mantissas(law, (int64_t)ldexp(gain[FOC_LAW_KP], 15 - exponent),
+                          (int64_t)ldexp(gain[FOC_LAW_KI], 15 - exponent), 15 - exponent);
     return true;
 }
 

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The state of a 2FOC board (boards/foc/board.c), shared by the sources that are its parts. */
+/* The state of a 2FOC board (boards/foc/board.c), shared by the sources that are its parts. Units
+ * are the protocol's. RT-safe. */
 #ifndef BOARDS_FOC_PRIVATE_H
 #define BOARDS_FOC_PRIVATE_H
 

@@ -17,10 +17,10 @@ static const struct {
     enum kind kind;
     unsigned which; /* gain of a law */
 } rows[] = {
-    {"current_kp", LAW_CURRENT, 0},
-    {"current_ki", LAW_CURRENT, 1},
-    {"speed_kp", LAW_SPEED, 0},
-    {"speed_ki", LAW_SPEED, 1},
+    {"current_kp", LAW_CURRENT, FOC_LAW_KP},
+    {"current_ki", LAW_CURRENT, FOC_LAW_KI},
+    {"speed_kp", LAW_SPEED, FOC_LAW_KP},
+    {"speed_ki", LAW_SPEED, FOC_LAW_KI},
     {"position_kp", LAW_POSITION, FOC_PID_KP},
     {"position_ki", LAW_POSITION, FOC_PID_KI},
     {"position_kd", LAW_POSITION, FOC_PID_KD},

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The state of a BLL motor board (motor_board.c), shared by its parts. Units are the protocol's. */
+/* The state of a BLL motor board (motor_board.c), shared by its parts. Units are the protocol's.
+ * RT-safe. */
 #ifndef BOARDS_ICUB_MOTOR_PRIVATE_H
 #define BOARDS_ICUB_MOTOR_PRIVATE_H
 
