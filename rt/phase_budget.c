@@ -14,7 +14,7 @@ const struct phase_budget phase_budgets[PHASE_COUNT] = {
                       10500, 1.7, 4.9},
     [PHASE_PLANT] = {"moves the robot on by a tick: actuators, dynamics, contact", 52000, 7.4,
                      16.3},
-    [PHASE_SENSORS] = {"samples, delays, quantises and disturbs what the boards measure", 21000,
+    [PHASE_SENSORS] = {"samples, delays, quantizes and disturbs what the boards measure", 21000,
                        2.2, 4.6},
     [PHASE_TRANSMIT] = {"wires in virtual time move on; boards send what is due", 60000, 13.8,
                         34.8},
