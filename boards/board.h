@@ -3,22 +3,27 @@
  * The boards of a rig: motor drivers and force-torque boards that speak on the buses. They receive
  * frames, turn them into bridge voltages, and send telemetry made from the plant's sensors. Each
  * bus speaks one of three protocols: boards/icub/protocol.h, boards/foc/protocol.h or
- * boards/compact/protocol.h; every message with its lengths and fields is a row of the table beside
- * it (icub_table.h, foc_table.h, compact_table.h), and boards/messages.h lists them all.
+ * boards/compact/protocol.h; every message with its lengths and fields is a row of the table.h
+ * beside it, and boards/messages.h lists them all.
  *
  * Once a tick the loop calls, in this order: boards_receive for every frame that arrived,
  * boards_control (state machines, time-outs, control modes -> voltages), and, after the plant has
- * moved and been sampled, boards_transmit for each bus. One thread makes all these calls; only
- * boards_next_event and board_event_format may be called from another.
+ * moved, boards_sample (encoders are quantized) and boards_transmit for each bus. One thread makes
+ * all these calls; only boards_next_event and board_event_format may be called from another.
  *
- * Time is virtual: it moves by tick_ns with each boards_control. The boards' own loop has a step a
- * millisecond, as the real one: in a longer tick it takes several, in a shorter one it waits. All
- * iCub boards power up together, so their slots (POSITION in slot 0, PID_VAL 1, STATUS 2, the rest
- * 3) coincide; the first millisecond is slot 0.
+ * Time is virtual and the caller's, int64_t nanoseconds since power-up. The boards' own loop has a
+ * step a millisecond, as the real one: in a longer tick it takes several, in a shorter one it
+ * waits. All iCub boards power up together, so their slots (POSITION in slot 0, PID_VAL 1, STATUS
+ * 2, the rest 3) coincide; the first millisecond is slot 0.
  *
- * An unwelcome frame is counted and never fatal: foreign (no board here), unknown (no such command)
- * or malformed (length or value), the latter two with an event. Answers wait in a queue; a board
- * that has BOARD_REPLIES_MAX of them waiting loses further ones and says so in STATUS and OVERFLOW.
+ * A frame that cannot be obeyed is counted and never fatal: foreign (no board here), unknown (no
+ * such command) or malformed (length or value), the latter two with an event. Answers wait in a
+ * queue; a board that has BOARD_REPLIES_MAX of them waiting loses further ones and reports it in
+ * STATUS and OVERFLOW.
+ *
+ * Units: SI, unless a name or the protocol says otherwise. All memory is the arena's; what is given
+ * in a configuration stays the caller's and must outlive only boards_create, but for config.faults
+ * and config.context, which must outlive the boards.
  */
 #ifndef BOARDS_BOARD_H
 #define BOARDS_BOARD_H
@@ -108,8 +113,8 @@ struct boards_config {
     size_t njoint, nft;
     const struct faults *faults; /* those of boards act; NULL = none (boards/faults.h) */
     int64_t tick_ns;             /* boards_control is called once a tick; up to 100 ms */
-    /* Called from boards_control for each axis of a board whose application starts anew: what its
-     * hardware counted is lost. RT-safe, as its caller. NULL = nobody needs to know. */
+    /* Called from boards_control for each axis of a board whose application restarts: what its
+     * hardware counted is lost. Must be RT-safe. NULL = not needed. */
     void (*restarted)(void *context, int joint);
     void *context;
 };
@@ -117,18 +122,18 @@ struct boards_config {
 enum board_event_kind {
     BOARD_EVENT_MODE,        /* an axis changed its control mode: a = old, b = new */
     BOARD_EVENT_FAULT,       /* fault bits rose on an axis: a = bits, of the personality's enum */
-    BOARD_EVENT_TIMEOUT,     /* a command of an axis went stale: a = its mode */
-    BOARD_EVENT_SOURCE_LOST, /* the torque source of an axis fell silent: a = its address */
+    BOARD_EVENT_TIMEOUT,     /* a command of an axis timed out: a = its mode */
+    BOARD_EVENT_SOURCE_LOST, /* the torque source of an axis timed out: a = its address */
     BOARD_EVENT_LIMIT,       /* voltage refused beyond a joint limit: a = position in ticks */
     BOARD_EVENT_UNKNOWN,     /* no such command: a = id, b = first byte */
     BOARD_EVENT_MALFORMED,   /* wrong length or value: a = id, b = first byte */
     BOARD_EVENT_ADDRESS,     /* a board moved to another address: a = old, b = new */
-    BOARD_EVENT_RESTART,     /* a board went into its bootloader: a = 1, or left it: a = 0 */
-    BOARD_EVENT_OVERFLOW,    /* a board loses replies or frames: a = how many until now */
+    BOARD_EVENT_RESTART,     /* a board entered its bootloader: a = 1, or left it: a = 0 */
+    BOARD_EVENT_OVERFLOW,    /* a board loses replies or frames: a = how many so far */
     BOARD_EVENT_OVER_HEATED, /* icub: the winding of an axis is too hot: a = 0.1 degree C */
 };
 
-/* Something worth a line in the log; formatted outside the loop. */
+/* An event for the log; formatted outside the loop. */
 struct board_event {
     int64_t time_ns;
     enum board_event_kind kind;
@@ -145,7 +150,7 @@ struct boards_counters {
     uint64_t foreign;     /* ids that belong to no board here */
     uint64_t unknown;     /* addressed to a board, but no such command */
     uint64_t malformed;   /* known command, wrong length or value */
-    uint64_t timeouts;    /* commands gone stale, torque sources fallen silent */
+    uint64_t timeouts;    /* of commands and torque sources */
     uint64_t trips;       /* over-current, over-temperature */
     uint64_t overflows;   /* replies and periodic frames that a board could not send */
     uint64_t events_lost; /* events that found the ring full */
@@ -159,17 +164,25 @@ struct ring;
 enum error_code boards_create(const struct boards_config *config, struct arena *arena,
                               struct boards **boards, struct error *error);
 
-/* RT-safe, all of them. Any frame whatever may be given. boards_control writes bridge and voltage
- * of the joints that have a board and leaves the rest of command alone. boards_transmit writes at
- * most max frames, replies in the order of their requests, then periodic frames by board address;
- * with max below boards_transmit_max replies wait and periodic frames may be lost. Returns how many
- * it wrote. The node of a frame is the number of its board among those of its bus, in the order of
- * the configuration: each is a CAN node of its own. */
-void boards_receive(struct boards *boards, size_t bus, const struct bus_frame *frame);
-void boards_control(struct boards *boards, const struct plant_sensors *sensors,
-                    struct plant_command *command);
-size_t boards_transmit(struct boards *boards, size_t bus, const struct plant_sensors *sensors,
-                       struct bus_frame *frames, size_t max);
+/*
+ * The phases of a tick, all RT-safe. now_ns is the virtual time of the phase: of the tick's
+ * beginning in boards_receive and boards_control, of its end in boards_sample and boards_transmit.
+ * Events bear it. It goes back only when the whole arena does (a checkpoint is restored).
+ *
+ * boards_sample is also called once before the first tick, with what the plant shows before its
+ * first step. boards_receive takes any frame whatever. boards_control writes bridge and voltage of
+ * the joints that have a board, from what was sampled last, and leaves the rest of command alone.
+ * boards_transmit writes at most max frames, replies in the order of their requests, then periodic
+ * frames by board address, and returns how many; with max below boards_transmit_max replies wait
+ * and periodic frames may be lost. The node of a frame is the number of its board among those of
+ * its bus, in the order of the configuration: each is a CAN node of its own.
+ */
+void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
+                    const struct bus_frame *frame);
+void boards_control(struct boards *boards, int64_t now_ns, struct plant_command *command);
+void boards_sample(struct boards *boards, int64_t now_ns, const struct plant_sensors *sensors);
+size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus, struct bus_frame *frames,
+                       size_t max);
 
 /* What the CAN controller of a board (index in the configuration) counts, where the bus is a wire
  * that has such: iCub boards tell it in STATUS. RT-safe; once a tick before boards_transmit. */
@@ -179,19 +192,19 @@ struct board_can_state {
 };
 void boards_set_can_state(struct boards *boards, size_t board, const struct board_can_state *state);
 
-/* Most frames that one bus's boards can send in a tick. */
+/* Most frames that the boards of a bus can send in a tick. RT-safe. */
 size_t boards_transmit_max(const struct boards *boards, size_t bus);
 
-/* All bridges off at once (stop, emergency). RT-safe. */
-void boards_shut_down(struct boards *boards, struct plant_command *command);
+/* Switches all bridges off at once (stop, emergency). RT-safe. */
+void boards_shut_down(struct boards *boards, int64_t now_ns, struct plant_command *command);
 
-/* Some axis is in hardware fault (mode 0xA0). RT-safe. */
+/* Whether some axis is in hardware fault. RT-safe. */
 bool boards_fault(const struct boards *boards);
 
-/* Settings of a motor board's axis: gains and limits that a host sets over the bus and whoever runs
- * the simulator may change beside it, as a hand on the debugger, also while the axis runs. Ranges
- * are those of the protocol; a value between two steps of it is refused where it is whole. Looking
- * and changing in the thread of the boards, RT-safe. */
+/* Settings of a motor board's axis: gains and limits that a host sets over the bus. Whoever runs
+ * the simulator may change them beside it, as with a debugger, also while the axis runs. Ranges are
+ * those of the protocol; a fraction is refused where the protocol has whole numbers. Read and
+ * written in the thread of the boards; RT-safe. */
 struct board_setting {
     const char *name; /* "current_kp", ...; static */
     const char *unit; /* "" = a count */
@@ -204,13 +217,14 @@ void boards_setting(const struct boards *boards, size_t board, size_t axis, size
 double boards_get(const struct boards *boards, size_t board, size_t axis, size_t index);
 bool boards_set(struct boards *boards, size_t board, size_t axis, size_t index, double value);
 
-/* Moves whenever some setting may have changed, whoever did it. */
+/* A count that increases whenever some setting may have changed, whoever did it. RT-safe. */
 uint64_t boards_settings_changes(const struct boards *boards);
 
-/* The ring of events, which the thread that reads them writes too. */
+/* The ring of events, which the thread that reads them writes too: a checkpoint leaves it alone. */
 const struct ring *boards_event_ring(const struct boards *boards);
 
-/* Read from another thread: one event, false when none waits; text for a log line. */
+/* From one other thread: takes an event, false when none waits; formats it as a log line (not
+ * RT-safe). */
 bool boards_next_event(struct boards *boards, struct board_event *event);
 void board_event_format(const struct boards *boards, const struct board_event *event, char *text,
                         size_t size);

@@ -33,8 +33,8 @@
 
 enum { IDS_MAX = 32, DELAYED_MAX = 2048 };
 
-/* The last frame of an id. */
-struct heard_id {
+/* The last frame that was sent with an identifier. */
+struct sent_id {
     struct bus_frame frame;
     uint64_t count;
 };
@@ -42,9 +42,9 @@ struct heard_id {
 struct board_fault {
     const struct fault *fault;
     struct random_stream random;
-    bool gap;                    /* INTERMITTENT */
-    bool spent;                  /* HUNG: has hung since it began */
-    struct heard_id id[IDS_MAX]; /* STUCK, SLOW */
+    bool gap;                   /* INTERMITTENT */
+    bool spent;                 /* HUNG: has hung since it began */
+    struct sent_id id[IDS_MAX]; /* STUCK, SLOW */
     size_t nid;
     struct bus_frame *waiting; /* DELAYED; circular, time_ns is when they are due */
     size_t first, count;
@@ -64,13 +64,16 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
 
     for (size_t i = 0; i < n; i++) {
         const struct fault *fault = faults_at(faults, i);
-        struct board *board = &boards->board[fault->index];
+        struct board *board;
         struct board_fault *to;
         char stream[FAULT_NAME_SIZE + 64];
 
         if (fault->target != FAULT_BOARD || fault->index >= boards->nboard) {
             continue;
         }
+
+        /* A board may have all of them: the first one lays the list out */
+        board = boards->board[fault->index];
         if (!board->faults) {
             board->faults = arena_alloc(arena, 1, sizeof *board->faults);
             if (!board->faults ||
@@ -78,6 +81,8 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
                 return false;
             }
         }
+
+        /* Each fault draws from a random stream of its own, so that others do not change it */
         to = &board->faults->fault[board->faults->count++];
         to->fault = fault;
         snprintf(stream, sizeof stream, "fault %s", fault->name);
@@ -92,8 +97,8 @@ bool board_faults_create(struct boards *boards, const struct faults *faults, str
 
 /* ---- power and contact ---- */
 
-/* What it had still to say is gone with its memory. */
-static void forget_replies(const struct board *board)
+/* Answers that wait are lost with the board's memory. */
+static void board_discard_replies(const struct board *board)
 {
     struct board_bus *bus = board->bus;
 
@@ -106,14 +111,14 @@ static void forget_replies(const struct board *board)
     }
 }
 
-static void power_down(struct board *board)
+static void board_cut_power(struct board *board)
 {
-    forget_replies(board);
+    board_discard_replies(board);
     board->faults->without_power = true;
     board->faults->hung = false;
 }
 
-static void power_up(struct board *board)
+static void board_restore_power(struct board *board)
 {
     board->faults->without_power = false;
     board_enter_bootloader(board, board->config.boot_ns);
@@ -121,8 +126,9 @@ static void power_up(struct board *board)
 
 /* ---- a firmware that hangs ---- */
 
-static void hang(struct board *board, int64_t watchdog_ns, double supply_v,
-                 const struct plant_command *command)
+/* The timers keep the share of the supply that each bridge gives now. */
+static void board_begin_hang(struct board *board, int64_t watchdog_ns, double supply_v,
+                             const struct plant_command *command)
 {
     struct board_faults *faults = board->faults;
 
@@ -132,15 +138,15 @@ static void hang(struct board *board, int64_t watchdog_ns, double supply_v,
         faults->duty[i] = joint >= 0 && !board->ops->turns_field && supply_v > 0.0
                               ? command->motor[joint].voltage_v / supply_v
                               : 0.0;
-        /* the supply may have sunk since the board drove the bridge */
+        /* The supply may have sunk since the board drove the bridge */
         faults->duty[i] = fmax(fmin(faults->duty[i], 1.0), -1.0);
     }
     faults->hung = true;
-    faults->watchdog_ns = board->boards->time_ns + watchdog_ns;
+    faults->watchdog_ns = board->boards->now_ns + watchdog_ns;
 }
 
 /* The fault, if any, that makes the application hang in this tick. */
-static struct board_fault *find_hang(const struct board *board)
+static struct board_fault *board_find_hang(const struct board *board)
 {
     for (size_t i = 0; i < board->faults->count; i++) {
         struct board_fault *f = &board->faults->fault[i];
@@ -155,7 +161,8 @@ static struct board_fault *find_hang(const struct board *board)
     return NULL;
 }
 
-static void hold_bridges(const struct board *board, double supply_v, struct plant_command *command)
+static void board_hold_bridges(const struct board *board, double supply_v,
+                               struct plant_command *command)
 {
     for (size_t i = 0; i < BOARD_AXES_MAX; i++) {
         int joint = board_joint(board, i);
@@ -169,31 +176,31 @@ static void hold_bridges(const struct board *board, double supply_v, struct plan
 }
 
 /* One tick of a board with power; true while it hangs. */
-static bool hangs(struct board *board, double supply_v, struct plant_command *command)
+static bool board_step_hang(struct board *board, double supply_v, struct plant_command *command)
 {
     struct board_faults *faults = board->faults;
-    struct board_fault *f = find_hang(board);
+    struct board_fault *f = board_find_hang(board);
 
     if (f) {
         f->spent = true;
-        hang(board, (int64_t)(f->fault->value[0] * 1e9), supply_v, command);
-    } else if (faults->hung && board->boards->time_ns >= faults->watchdog_ns) {
+        board_begin_hang(board, (int64_t)(f->fault->value[0] * 1e9), supply_v, command);
+    } else if (faults->hung && board->boards->now_ns >= faults->watchdog_ns) {
         faults->hung = false;
-        forget_replies(board);
+        board_discard_replies(board);
         board_enter_bootloader(board, board->config.boot_ns);
     }
     if (faults->hung) {
-        hold_bridges(board, supply_v, command);
+        board_hold_bridges(board, supply_v, command);
     }
     return faults->hung;
 }
 
-enum board_health board_faults_control(struct board *board, const struct plant_sensors *sensors,
-                                       struct plant_command *command)
+enum board_health board_faults_control(struct board *board, struct plant_command *command)
 {
-    double supply_v = isfinite(sensors->supply_v) ? fmax(sensors->supply_v, 0.0) : 0.0;
+    double supply_v = board->boards->supply_v;
     bool off = false, gap = false, hung;
 
+    /* Power and contact, as the faults have them in this tick */
     for (size_t i = 0; i < board->faults->count; i++) {
         struct board_fault *f = &board->faults->fault[i];
 
@@ -207,20 +214,22 @@ enum board_health board_faults_control(struct board *board, const struct plant_s
             gap = gap || f->gap;
         }
     }
+
+    /* The power comes or goes; with power the firmware may hang */
     if (off && !board->faults->without_power) {
-        power_down(board);
+        board_cut_power(board);
     } else if (!off && board->faults->without_power) {
-        power_up(board);
+        board_restore_power(board);
     }
-    hung = !off && hangs(board, supply_v, command);
+    hung = !off && board_step_hang(board, supply_v, command);
     board->away = off || gap || hung;
     return off ? BOARD_WITHOUT_POWER : hung ? BOARD_HUNG : BOARD_WORKS;
 }
 
 /* ---- frames ---- */
 
-/* The entry of an id; NULL when there are more than a board has. */
-static struct heard_id *entry_of(struct board_fault *f, uint32_t id)
+/* The entry of an identifier, a new one when there is none; NULL when the table is full. */
+static struct sent_id *board_fault_find_id(struct board_fault *f, uint32_t id)
 {
     for (size_t i = 0; i < f->nid; i++) {
         if (f->id[i].frame.id == id) {
@@ -234,9 +243,9 @@ static struct heard_id *entry_of(struct board_fault *f, uint32_t id)
     return &f->id[f->nid++];
 }
 
-static void freeze(struct board_fault *f, struct bus_frame *frame)
+static void board_fault_freeze_frame(struct board_fault *f, struct bus_frame *frame)
 {
-    struct heard_id *last = entry_of(f, frame->id);
+    struct sent_id *last = board_fault_find_id(f, frame->id);
 
     if (last && f->fault->active && last->count > 0) {
         frame->len = last->frame.len;
@@ -247,28 +256,29 @@ static void freeze(struct board_fault *f, struct bus_frame *frame)
     }
 }
 
-/* False: the frame is not sent, now or at all. */
-static bool disturb(struct board_fault *f, struct bus_frame *frame)
+/* What a fault makes of a frame that is sent. False: it does not go out, now or at all. */
+static bool board_fault_disturb_frame(struct board_fault *f, struct bus_frame *frame)
 {
-    struct heard_id *last;
+    struct sent_id *last;
 
     if (f->fault->kind == FAULT_STUCK) {
-        freeze(f, frame); /* remembers also while it is not active */
+        board_fault_freeze_frame(f, frame); /* remembers also while it is not active */
         return true;
     }
     if (!f->fault->active) {
         return true;
     }
+
     switch (f->fault->kind) {
-    case FAULT_GARBAGE:
+    case FAULT_GARBAGE: /* identifier and length stay */
         for (size_t i = 0; i < frame->len; i++) {
             frame->data[i] = (uint8_t)(random_bits(&f->random) >> 32);
         }
         return true;
-    case FAULT_SLOW:
-        last = entry_of(f, frame->id);
+    case FAULT_SLOW: /* one of so many of each identifier */
+        last = board_fault_find_id(f, frame->id);
         return !last || last->count++ % (uint64_t)f->fault->value[0] == 0;
-    case FAULT_DELAYED:
+    case FAULT_DELAYED: /* waits until it is due; a full queue loses it */
         if (f->count < DELAYED_MAX) {
             struct bus_frame *slot = &f->waiting[(f->first + f->count++) % DELAYED_MAX];
 
@@ -282,7 +292,7 @@ static bool disturb(struct board_fault *f, struct bus_frame *frame)
 }
 
 /* Delayed frames that are due, in their order. */
-static void release(struct board_fault *f, struct frame_sink *sink)
+static void board_fault_release_delayed(struct board_fault *f, struct frame_sink *sink)
 {
     while (f->count > 0 && sink->count < sink->max &&
            f->waiting[f->first].time_ns <= sink->time_ns) {
@@ -304,35 +314,13 @@ void board_faults_filter(struct board *board, struct frame_sink *sink, size_t fr
         size_t kept = from;
 
         for (size_t k = from; k < sink->count; k++) {
-            if (!board->away && disturb(f, &sink->frames[k])) {
+            if (!board->away && board_fault_disturb_frame(f, &sink->frames[k])) {
                 sink->frames[kept++] = sink->frames[k];
             }
         }
         sink->count = kept;
         if (f->fault->kind == FAULT_DELAYED && !board->away) {
-            release(f, sink);
-        }
-    }
-}
-
-void board_faults_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
-{
-    struct torque_source *source =
-        board->address <= ICUB_ADDRESS_MAX ? &board->bus->source[board->address] : NULL;
-    struct torque_source before = source ? *source : (struct torque_source){.heard = false};
-    size_t from = sink->count;
-
-    board->ops->transmit(board, span, sink);
-    if (source) {
-        *source = before; /* what it meant to send; what it does send follows */
-    }
-    board_faults_filter(board, sink, from);
-    for (size_t k = from; source && board->strain && k < sink->count; k++) {
-        const struct bus_frame *frame = &sink->frames[k];
-        unsigned type = frame->id & 0xf;
-
-        if (frame->id >> 8 == ICUB_PERIODIC_ANALOG && (type == ICUB_FORCE || type == ICUB_TORQUE)) {
-            bus_hear_strain(board->bus, board->address, type, frame->data, board->boards->time_ns);
+            board_fault_release_delayed(f, sink);
         }
     }
 }

@@ -1,24 +1,31 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the sources of this folder share: a board is a common head (address, replies, identity) and
- * the state of its kind behind a small function table.
+ * What every board has, whatever it speaks: an address, a place on its bus, answers that wait, a
+ * bootloader, faults. A protocol embeds struct board in the structure of each kind of its boards
+ * and struct board_bus in that of its buses, and stands behind their tables of functions; this
+ * header knows no protocol.
+ *
+ * Units: nanoseconds of virtual time since power-up unless a name says otherwise. All memory is the
+ * arena's of boards_create. Everything here is RT-safe but what is said to create something.
  */
 #ifndef BOARDS_BOARD_PRIVATE_H
 #define BOARDS_BOARD_PRIVATE_H
 
+#include "base/container_of.h"
 #include "base/ring.h"
 #include "boards/board.h"
-#include "boards/compact/protocol.h"
 #include "boards/faults.h"
-#include "boards/icub/table.h"
 
+#include <math.h>
 #include <stdint.h>
 
 enum { MS = 1000000 }; /* nanoseconds */
 
 struct board;
+struct board_bus;
+struct board_faults;
 
-/* An inclusive-exclusive run of milliseconds since power-up. */
+/* A run of milliseconds since power-up: from inclusive, to exclusive. */
 struct ms_span {
     int64_t from, to;
 };
@@ -31,32 +38,25 @@ struct frame_sink {
     uint8_t flags; /* of every frame: FRAME_FD and FRAME_BRS, or none */
 };
 
-struct board_ops {
-    uint8_t type, major, minor, build; /* identity */
-    size_t periodic_max;               /* frames in a transmission at most */
-    const struct icub_command *commands;
-    size_t command_count;
-    enum icub_class command_class;
-    bool axis_bit;    /* bit 7 of a class 0 command is the axis */
-    bool no_info;     /* gives no additional information */
-    bool turns_field; /* the motor's field turns by firmware: when that hangs it stands still */
+/* What discovery says of a board. */
+struct board_identity {
+    uint8_t type, major, minor, build;
+};
 
-    /* Obeys a command whose length and values are right; request has its values, reply takes those
-     * of the answer, which is sent when the row has one. Returns false when the board refuses the
-     * value after all; sets *answer to false to suppress the answer. */
-    bool (*command)(struct board *board, const struct bus_frame *frame, const int64_t *request,
-                    int64_t *reply, bool *answer);
-    /* Periodic frames of the host (DESIRED_TARGETS); NULL: none. False: wrong length. */
-    bool (*targets)(struct board *board, const struct bus_frame *frame);
-    /* Reads or writes a parameter of a compact board; *value is the one in force afterwards. */
-    enum compact_result (*parameter)(struct board *board, unsigned parameter, unsigned axis,
-                                     bool write, int64_t *value);
+/* A kind of board. */
+struct board_ops {
+    struct board_identity identity;
+    size_t periodic_max; /* frames in a transmission at most */
+    bool turns_field; /* the firmware commutates the motor: when it hangs the field stands still */
+
     void (*power_up)(struct board *board);
-    void (*discovered)(struct board *board); /* may be NULL, as control and shut_down */
+    /* Reads and quantizes the sensors, at the time boards->now_ns. */
     void (*sample)(struct board *board, const struct plant_sensors *sensors);
-    /* One tick; span holds the milliseconds that it completes. */
+    /* One tick; span holds the milliseconds that it completes. NULL: no motors, as shut_down. */
     void (*control)(struct board *board, struct ms_span span, struct plant_command *command);
     void (*transmit)(struct board *board, struct ms_span span, struct frame_sink *sink);
+    /* A periodic frame of this board is on the bus, where others hear it. NULL: none listens. */
+    void (*sent)(struct board *board, const struct bus_frame *frame);
     void (*shut_down)(struct board *board, struct plant_command *command);
     bool (*fault)(const struct board *board); /* an axis is in hardware fault; NULL: never */
     const struct board_settings *settings;    /* NULL: none */
@@ -71,11 +71,12 @@ struct board_settings {
     bool (*set)(struct board *board, unsigned axis, size_t index, double value);
 };
 
-/* The last frames of a STRAIN board, as motor boards on the bus hear them. */
-struct torque_source {
-    int16_t value[BOARD_CHANNELS];
-    int64_t time_ns; /* of the newest, since power-up */
-    bool heard;
+/* A protocol, as its buses see it. */
+struct board_bus_ops {
+    /* A board has got its address; before its power-up. */
+    void (*add_board)(struct board_bus *bus, struct board *board);
+    /* A data frame with an 11-bit identifier and a length that the bus allows. */
+    void (*receive)(struct boards *boards, struct board_bus *bus, const struct bus_frame *frame);
 };
 
 struct queued_reply {
@@ -86,59 +87,57 @@ struct queued_reply {
     uint8_t data[8];
 };
 
-enum { BOARD_ADDRESSES = COMPACT_NODE_MAX + 1 };
+enum { BOARD_ADDRESSES = 32 }; /* of all protocols; [0] is the host */
 
-/* Which axis stands behind a slot of a compact bus. */
-struct board_slot {
-    struct board *board; /* NULL: none */
-    unsigned axis;
-};
-
+/* Embedded in the bus of each protocol. */
 struct board_bus {
+    const struct board_bus_ops *ops;
     struct boards_bus_config config;
-    struct board *by_address[BOARD_ADDRESSES]; /* [0] stays empty: the host */
-    struct board_slot slot[COMPACT_SLOTS];     /* BOARD_COMPACT */
-    unsigned slots;
-    uint16_t nodes; /* boards: each is a CAN node of its own */
-    struct torque_source source[ICUB_ADDRESS_MAX + 2];
+    struct board *by_address[BOARD_ADDRESSES];
+    uint16_t nodes;               /* boards: each is a CAN node of its own */
     struct queued_reply *replies; /* circular */
     size_t capacity, head, waiting;
     size_t transmit_max;
     int64_t sent_ms; /* milliseconds whose periodic frames have been sent */
 };
 
-struct motor_board;
-struct foc_board;
-struct compact_motor;
-struct compact_ft;
-struct strain_board;
-struct board_faults;
-
+/* Embedded in the boards of each protocol. */
 struct board {
-    struct boards *boards;
     const struct board_ops *ops;
-    struct board_config config; /* name points into the arena */
+    struct boards *boards;
     struct board_bus *bus;
+    struct board_config config; /* name points into the arena */
+    uint16_t index;             /* in the configuration */
+    uint16_t node;              /* of its frames: its number among the boards of its bus */
     uint8_t address;
-    uint16_t node; /* of its frames: which of its bus's boards it is, counted as configured */
-    char info[ICUB_INFO_LENGTH];
-    int64_t application_ns; /* in the bootloader until then */
     bool in_bootloader;
-    bool sampled;                          /* the sensors of this tick have been read */
+    bool away;                             /* a fault keeps it from the bus */
+    int64_t application_ns;                /* in the bootloader until then */
     unsigned replies;                      /* of this board, waiting */
-    uint64_t lost;                         /* frames it could not send */
+    uint64_t lost;                         /* frames that it could not send */
     bool lost_in_status, lost_in_overflow; /* to be reported there */
-    struct motor_board *motor;             /* of these, the one of its kind */
-    struct strain_board *strain;
-    struct foc_board *foc;
-    struct compact_motor *compact;
-    struct compact_ft *wrench;
-    struct board_faults *faults; /* NULL = it can have none (board_faults.c) */
-    bool away;                   /* a fault keeps it from the bus */
+    struct board_faults *faults;           /* NULL = it can have none (board_faults.c) */
     struct board_can_state can;
 };
 
-/* The joint of an axis, -1 = none: a spare axis, or one that such a board has not. */
+struct boards {
+    struct boards_counters counters;
+    struct ring events;
+    int64_t tick_ns;
+    /* Both are set by each phase from the now_ns of its caller: the time stamp of events, and what
+     * a board's timers show. They differ in boards_control, which computes what the boards have
+     * done by the end of the tick. */
+    int64_t event_ns, now_ns;
+    double supply_v; /* as sampled */
+    uint64_t settings_changes;
+    size_t nbus, nboard;
+    struct board_bus **bus;
+    struct board **board;
+    void (*restarted)(void *context, int joint);
+    void *context;
+};
+
+/* The joint of an axis, -1 = none: a spare axis, or one that such a board does not have. */
 static inline int board_joint(const struct board *board, size_t axis)
 {
     return board->config.kind == BOARD_MOTOR &&
@@ -147,7 +146,25 @@ static inline int board_joint(const struct board *board, size_t axis)
                : -1;
 }
 
-/* Limits of ISO 11898-1 */
+/* Axes of a compact board: they end with the first spare one. */
+static inline unsigned board_config_axes(const struct board_config *config)
+{
+    unsigned count = 0;
+
+    while (config->kind == BOARD_MOTOR && count < BOARD_AXES_MAX &&
+           config->axis[count].joint >= 0) {
+        count++;
+    }
+    return count;
+}
+
+/* What a board reads of the supply: a number, 0 or more. */
+static inline double board_supply_v(const struct plant_sensors *sensors)
+{
+    return isfinite(sensors->supply_v) && sensors->supply_v > 0.0 ? sensors->supply_v : 0.0;
+}
+
+/* Limits of the error counters, ISO 11898-1 */
 enum { BOARD_CAN_WARNING = 96, BOARD_CAN_PASSIVE = 128 };
 
 /* Neither obeys nor answers commands of its application. */
@@ -156,45 +173,15 @@ static inline bool board_is_deaf(const struct board *board)
     return board->in_bootloader || board->away;
 }
 
-struct boards {
-    struct boards_counters counters;
-    struct ring events;
-    int64_t tick_ns;
-    int64_t time_ns;        /* since power-up */
-    int64_t sensor_time_ns; /* newest time stamp of the plant, for events */
-    uint64_t settings_changes;
-    size_t nbus, nboard;
-    struct board_bus *bus;
-    struct board *board;
-    void (*restarted)(void *context, int joint);
-    void *context;
-};
-
-extern const struct board_settings motor_settings, foc_settings, compact_settings;
-extern const struct board_ops motor_board_ops, ft_board_ops, torque_board_ops;
-extern const struct board_ops foc_board_ops, compact_motor_ops, compact_ft_ops;
-
-/* Make the state of a kind; config has been checked. NULL without memory. */
-struct motor_board *motor_board_create(struct arena *arena);
-struct strain_board *strain_board_create(struct arena *arena);
-struct foc_board *foc_board_create(struct arena *arena);
-struct compact_motor *compact_motor_create(struct arena *arena);
-struct compact_ft *compact_ft_create(struct arena *arena);
-
-/* Whether the boards can be made (check.c). */
+/* Whether the boards can be made (check.c). Not RT-safe. */
 enum error_code boards_check(const struct boards_config *config, struct error *error);
 
 /* What the boards of a bus speak. */
 enum board_personality boards_personality(const struct boards_config *config, int bus);
 
-/* A frame that is no error frame, for the boards of a bus of either kind. */
-void icub_bus_receive(struct boards *boards, struct board_bus *bus, const struct bus_frame *frame);
-void compact_bus_receive(struct boards *boards, struct board_bus *bus,
-                         const struct bus_frame *frame);
-
 enum board_verdict { BOARD_OBEYED, BOARD_UNKNOWN, BOARD_MALFORMED };
 
-/* Counts a frame for listener (NULL: for no board here), with an event when it was unwelcome. */
+/* Counts a frame for listener (NULL: for no board here), with an event when it was not obeyed. */
 void boards_count_frame(struct boards *boards, struct board *listener, enum board_verdict verdict,
                         const struct bus_frame *frame);
 
@@ -202,22 +189,7 @@ void boards_count_frame(struct boards *boards, struct board *listener, enum boar
 void board_enter_bootloader(struct board *board, int64_t duration_ns);
 void board_leave_bootloader(struct board *board);
 
-/* Whether the electronics of a board work in a tick. */
-enum board_health {
-    BOARD_WORKS,
-    BOARD_WITHOUT_POWER,
-    BOARD_HUNG, /* its bridges have been served */
-};
-
-/* Faults of boards (board_faults.c). Finds those that boards can have; false without memory. The
- * others are for boards that have faults: one tick of power and contact; what the faults leave of
- * the frames from `from` on; a transmission. */
-bool board_faults_create(struct boards *boards, const struct faults *faults, struct arena *arena);
-enum board_health board_faults_control(struct board *board, const struct plant_sensors *sensors,
-                                       struct plant_command *command);
-void board_faults_filter(struct board *board, struct frame_sink *sink, size_t from);
-void board_faults_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
-
+/* Queues an event, stamped with the time of the phase under way. */
 void board_event(const struct board *board, enum board_event_kind kind, unsigned axis, uint32_t a,
                  uint32_t b);
 
@@ -227,10 +199,6 @@ void board_lose(struct board *board);
 /* Queues an answer (or a PRINT frame). */
 void board_queue(struct board *board, uint32_t id, uint8_t len, const uint8_t *data);
 
-/* The eight frames of additional information in the class of id. */
-void board_queue_info(struct board *board, uint32_t id);
-void board_set_info(struct board *board, const int64_t *part);
-
 /* Moves to another address; false when it is taken. */
 bool board_set_address(struct board *board, uint8_t address);
 
@@ -238,8 +206,18 @@ bool board_set_address(struct board *board, uint8_t address);
 void board_send(struct board *board, struct frame_sink *sink, uint32_t id, uint8_t len,
                 const uint8_t *data);
 
-/* What other boards on the bus hear of a STRAIN frame of six bytes of data. */
-void bus_hear_strain(struct board_bus *bus, uint8_t address, unsigned type, const uint8_t *data,
-                     int64_t time_ns);
+/* Whether the electronics of a board work in a tick. */
+enum board_health {
+    BOARD_WORKS,
+    BOARD_WITHOUT_POWER,
+    BOARD_HUNG, /* its bridges have been served */
+};
+
+/* Faults of boards (board_faults.c). Finds those that boards can have; false without memory; not
+ * RT-safe. The others are for boards that have faults: one tick of power and contact; what the
+ * faults leave of the frames from `from` on. */
+bool board_faults_create(struct boards *boards, const struct faults *faults, struct arena *arena);
+enum board_health board_faults_control(struct board *board, struct plant_command *command);
+void board_faults_filter(struct board *board, struct frame_sink *sink, size_t from);
 
 #endif

@@ -1,9 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * All boards of a rig: how they are made, what every board has whatever it speaks (replies, events,
- * its address, its bootloader), and the tick.
+ * All boards of a rig: how they are created, what every board has whatever it speaks (replies,
+ * events, its address, its bootloader), and the phases of a tick.
  */
 #include "boards/board_private.h"
+#include "boards/compact/board.h"
+#include "boards/foc/board.h"
+#include "boards/icub/board.h"
 
 #include "canbus/frame.h"
 
@@ -11,75 +14,57 @@
 
 enum { EVENT_SLOTS = 1024 };
 
-/* ---- making ---- */
+/* ---- creation ---- */
 
 enum board_personality boards_personality(const struct boards_config *config, int bus)
 {
     return config->bus ? config->bus[bus].personality : BOARD_ICUB;
 }
 
-/* Sets what the board is and makes the state of its kind; false without memory. */
-static bool make_kind(struct board *board, enum board_kind kind, struct arena *arena)
+static struct board_bus *boards_create_bus(enum board_personality personality, struct arena *arena)
 {
-    switch (board->bus->config.personality) {
-    case BOARD_COMPACT:
-        if (kind == BOARD_MOTOR) {
-            board->ops = &compact_motor_ops;
-            board->compact = compact_motor_create(arena);
-            return board->compact;
-        }
-        board->ops = &compact_ft_ops;
-        board->wrench = compact_ft_create(arena);
-        return board->wrench;
-    case BOARD_FOC:
-        if (kind == BOARD_MOTOR) {
-            board->ops = &foc_board_ops;
-            board->foc = foc_board_create(arena);
-            return board->foc;
-        }
-        break;
-    case BOARD_ICUB:
-        if (kind == BOARD_MOTOR) {
-            board->ops = &motor_board_ops;
-            board->motor = motor_board_create(arena);
-            return board->motor;
-        }
-        break;
-    }
-    board->ops = kind == BOARD_FT ? &ft_board_ops : &torque_board_ops;
-    board->strain = strain_board_create(arena);
-    return board->strain;
+    return personality == BOARD_COMPACT ? compact_bus_create(arena) : icub_bus_create(arena);
 }
 
-/* The axes of a compact board take the next slots of its bus. */
-static void take_slots(struct board *board)
+static struct board *boards_create_board(enum board_personality personality, enum board_kind kind,
+                                         struct arena *arena)
 {
-    struct board_bus *bus = board->bus;
-
-    for (unsigned i = 0; i < BOARD_AXES_MAX && board->config.axis[i].joint >= 0; i++) {
-        bus->slot[bus->slots++] = (struct board_slot){board, i};
+    if (personality == BOARD_COMPACT) {
+        return kind == BOARD_MOTOR ? compact_motor_create(arena) : compact_ft_create(arena);
     }
+    if (kind != BOARD_MOTOR) {
+        return strain_board_create(kind, arena);
+    }
+    return personality == BOARD_FOC ? foc_board_create(arena) : motor_board_create(arena);
 }
 
-static bool make_board(struct boards *boards, struct board *board,
-                       const struct board_config *config, struct arena *arena)
+static bool boards_make_board(struct boards *boards, size_t index,
+                              const struct board_config *config, struct arena *arena)
 {
-    board->boards = boards;
-    board->config = *config;
-    board->config.name = arena_strdup(arena, config->name ? config->name : "board");
-    board->address = config->address;
-    board->bus = &boards->bus[config->bus];
-    board->node = board->bus->nodes++;
-    if (!make_kind(board, config->kind, arena) || !board->config.name) {
+    struct board_bus *bus = boards->bus[config->bus];
+    struct board *board = boards_create_board(bus->config.personality, config->kind, arena);
+
+    if (!board) {
         return false;
     }
-    if (board->compact) {
-        take_slots(board);
+    boards->board[index] = board;
+    board->boards = boards;
+    board->bus = bus;
+    board->index = (uint16_t)index;
+    board->config = *config;
+    board->config.name = arena_strdup(arena, config->name ? config->name : "board");
+    if (!board->config.name) {
+        return false;
     }
-    memcpy(board->info, board->config.name, strnlen(board->config.name, sizeof board->info));
-    board->bus->by_address[board->address] = board;
-    board->bus->capacity += BOARD_REPLIES_MAX;
-    board->bus->transmit_max += BOARD_REPLIES_MAX + board->ops->periodic_max;
+
+    /* Its place on the bus, with room for what it may have to say in a tick */
+    board->address = config->address;
+    board->node = bus->nodes++;
+    bus->by_address[board->address] = board;
+    bus->capacity += BOARD_REPLIES_MAX;
+    bus->transmit_max += BOARD_REPLIES_MAX + board->ops->periodic_max;
+    bus->ops->add_board(bus, board);
+
     board->ops->power_up(board);
     if (config->boot_ns > 0) {
         board->in_bootloader = true;
@@ -88,41 +73,51 @@ static bool make_board(struct boards *boards, struct board *board,
     return true;
 }
 
-static bool make(const struct boards_config *config, struct arena *arena, struct boards *boards)
+static bool boards_make_buses(struct boards *boards, const struct boards_config *config,
+                              struct arena *arena)
+{
+    boards->nbus = config->nbus;
+    boards->bus = arena_alloc(arena, config->nbus + 1, sizeof(struct board_bus *));
+    for (size_t i = 0; boards->bus && i < config->nbus; i++) {
+        boards->bus[i] = boards_create_bus(boards_personality(config, (int)i), arena);
+        if (!boards->bus[i]) {
+            return false;
+        }
+        boards->bus[i]->config = config->bus ? config->bus[i] : (struct boards_bus_config){0};
+    }
+    return boards->bus;
+}
+
+static bool boards_make(struct boards *boards, const struct boards_config *config,
+                        struct arena *arena)
 {
     void *slots = arena_alloc(arena, EVENT_SLOTS, sizeof(struct board_event));
 
     boards->tick_ns = config->tick_ns;
     boards->restarted = config->restarted;
     boards->context = config->context;
-    boards->nbus = config->nbus;
     boards->nboard = config->nboard;
-    boards->bus = arena_alloc(arena, config->nbus + 1, sizeof *boards->bus);
-    boards->board = arena_alloc(arena, config->nboard + 1, sizeof *boards->board);
-    if (!slots || !boards->bus || !boards->board) {
+    boards->board = arena_alloc(arena, config->nboard + 1, sizeof(struct board *));
+    if (!slots || !boards->board || !boards_make_buses(boards, config, arena)) {
         return false;
     }
     ring_init(&boards->events, slots, sizeof(struct board_event), EVENT_SLOTS);
-    for (size_t i = 0; config->bus && i < config->nbus; i++) {
-        boards->bus[i].config = config->bus[i];
-    }
     for (size_t i = 0; i < config->nboard; i++) {
-        if (!make_board(boards, &boards->board[i], &config->board[i], arena)) {
+        if (!boards_make_board(boards, i, &config->board[i], arena)) {
             return false;
         }
     }
-    if (!board_faults_create(boards, config->faults, arena)) {
-        return false;
-    }
+
+    /* The queues of the buses, whose length the boards have settled */
     for (size_t i = 0; i < config->nbus; i++) {
-        struct board_bus *bus = &boards->bus[i];
+        struct board_bus *bus = boards->bus[i];
 
         bus->replies = arena_alloc(arena, bus->capacity + 1, sizeof *bus->replies);
         if (!bus->replies) {
             return false;
         }
     }
-    return true;
+    return board_faults_create(boards, config->faults, arena);
 }
 
 enum error_code boards_create(const struct boards_config *config, struct arena *arena,
@@ -135,7 +130,7 @@ enum error_code boards_create(const struct boards_config *config, struct arena *
         return code;
     }
     made = arena_alloc(arena, 1, sizeof *made);
-    if (!made || !make(config, arena, made)) {
+    if (!made || !boards_make(made, config, arena)) {
         return error_set(error, ERROR_MEMORY, "boards: no memory for %zu boards", config->nboard);
     }
     *boards = made;
@@ -149,12 +144,12 @@ void board_event(const struct board *board, enum board_event_kind kind, unsigned
 {
     struct boards *boards = board->boards;
     struct board_event event = {
-        .time_ns = boards->sensor_time_ns,
+        .time_ns = boards->event_ns,
         .kind = kind,
         .bus = board->config.bus,
         .address = board->address,
         .axis = (uint8_t)axis,
-        .board = (uint16_t)(board - boards->board),
+        .board = board->index,
         .a = a,
         .b = b,
     };
@@ -189,23 +184,6 @@ void board_queue(struct board *board, uint32_t id, uint8_t len, const uint8_t *d
     memcpy(reply->data, data, len);
 }
 
-void board_queue_info(struct board *board, uint32_t id)
-{
-    for (uint8_t part = 0; part < ICUB_INFO_LENGTH / ICUB_INFO_PART; part++) {
-        uint8_t data[2 + ICUB_INFO_PART] = {ICUB_GET_ADDITIONAL_INFO, part};
-
-        memcpy(data + 2, board->info + part * ICUB_INFO_PART, ICUB_INFO_PART);
-        board_queue(board, id, sizeof data, data);
-    }
-}
-
-void board_set_info(struct board *board, const int64_t *part)
-{
-    for (int i = 0; i < ICUB_INFO_PART; i++) {
-        board->info[part[0] * ICUB_INFO_PART + i] = (char)(uint8_t)part[1 + i];
-    }
-}
-
 bool board_set_address(struct board *board, uint8_t address)
 {
     struct board_bus *bus = board->bus;
@@ -225,7 +203,7 @@ bool board_set_address(struct board *board, uint8_t address)
 
 void board_enter_bootloader(struct board *board, int64_t duration_ns)
 {
-    board->application_ns = board->boards->time_ns + duration_ns;
+    board->application_ns = board->boards->now_ns + duration_ns;
     if (!board->in_bootloader) {
         board->in_bootloader = true;
         board_event(board, BOARD_EVENT_RESTART, 0, 1, 0);
@@ -234,12 +212,12 @@ void board_enter_bootloader(struct board *board, int64_t duration_ns)
 
 void board_leave_bootloader(struct board *board)
 {
-    const struct boards *boards = board->boards;
+    struct boards *boards = board->boards;
 
     board->in_bootloader = false;
     board_event(board, BOARD_EVENT_RESTART, 0, 0, 0);
     board->ops->power_up(board);
-    board->boards->settings_changes++;
+    boards->settings_changes++;
     for (size_t i = 0; boards->restarted && i < BOARD_AXES_MAX; i++) {
         if (board_joint(board, i) >= 0) {
             boards->restarted(boards->context, board_joint(board, i));
@@ -267,43 +245,35 @@ void boards_count_frame(struct boards *boards, struct board *listener, enum boar
     }
 }
 
-void boards_receive(struct boards *boards, size_t bus, const struct bus_frame *frame)
+void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
+                    const struct bus_frame *frame)
 {
     const unsigned foreign = FRAME_EXTENDED | FRAME_REMOTE | FRAME_ERROR;
     bool fd = frame->flags & FRAME_FD;
 
     if (bus >= boards->nbus || frame->flags & foreign || frame->id > 0x7ff ||
-        frame->len > (fd ? 64 : 8) || (fd && !boards->bus[bus].config.fd)) {
+        frame->len > (fd ? 64 : 8) || (fd && !boards->bus[bus]->config.fd)) {
         boards->counters.foreign++;
-    } else if (boards->bus[bus].config.personality == BOARD_COMPACT) {
-        compact_bus_receive(boards, &boards->bus[bus], frame);
-    } else {
-        icub_bus_receive(boards, &boards->bus[bus], frame);
+        return;
     }
+    boards->event_ns = boards->now_ns = now_ns;
+    boards->bus[bus]->ops->receive(boards, boards->bus[bus], frame);
 }
 
-/* ---- the tick ---- */
+/* ---- control ---- */
 
-static void sample(struct board *board, const struct plant_sensors *sensors)
-{
-    if (!board->sampled) {
-        board->ops->sample(board, sensors);
-        board->sampled = true;
-    }
-}
-
-static void shut_down(struct board *board, struct plant_command *command)
+static void board_shut_down(struct board *board, struct plant_command *command)
 {
     if (board->ops->shut_down) {
         board->ops->shut_down(board, command);
     }
 }
 
-static void control(struct board *board, struct ms_span span, struct plant_command *command)
+static void board_control(struct board *board, struct ms_span span, struct plant_command *command)
 {
     if (board->in_bootloader) {
-        shut_down(board, command);
-        if (board->boards->time_ns >= board->application_ns) {
+        board_shut_down(board, command);
+        if (board->boards->now_ns >= board->application_ns) {
             board_leave_bootloader(board);
         }
     } else if (board->ops->control) {
@@ -311,41 +281,67 @@ static void control(struct board *board, struct ms_span span, struct plant_comma
     }
 }
 
-void boards_control(struct boards *boards, const struct plant_sensors *sensors,
-                    struct plant_command *command)
+void boards_control(struct boards *boards, int64_t now_ns, struct plant_command *command)
 {
-    struct ms_span span;
+    struct ms_span span = {.from = now_ns / MS, .to = (now_ns + boards->tick_ns) / MS};
 
-    boards->sensor_time_ns = sensors->time_ns;
-    span.from = boards->time_ns / MS;
-    boards->time_ns += boards->tick_ns;
-    span.to = boards->time_ns / MS;
+    boards->event_ns = now_ns;
+    boards->now_ns = now_ns + boards->tick_ns;
     for (size_t i = 0; i < boards->nboard; i++) {
-        struct board *board = &boards->board[i];
-        enum board_health health = BOARD_WORKS;
+        struct board *board = boards->board[i];
+        enum board_health health =
+            board->faults ? board_faults_control(board, command) : BOARD_WORKS;
 
-        sample(board, sensors);
-        board->sampled = false;
-        if (board->faults) {
-            health = board_faults_control(board, sensors, command);
-        }
         if (health == BOARD_WORKS) {
-            control(board, span, command);
+            board_control(board, span, command);
         } else if (health == BOARD_WITHOUT_POWER) {
-            shut_down(board, command);
+            board_shut_down(board, command);
         }
     }
 }
+
+void boards_shut_down(struct boards *boards, int64_t now_ns, struct plant_command *command)
+{
+    boards->event_ns = boards->now_ns = now_ns;
+    for (size_t i = 0; i < boards->nboard; i++) {
+        board_shut_down(boards->board[i], command);
+    }
+}
+
+bool boards_fault(const struct boards *boards)
+{
+    for (size_t i = 0; i < boards->nboard; i++) {
+        const struct board *board = boards->board[i];
+
+        if (board->ops->fault && board->ops->fault(board)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* ---- sensors ---- */
+
+void boards_sample(struct boards *boards, int64_t now_ns, const struct plant_sensors *sensors)
+{
+    boards->event_ns = boards->now_ns = now_ns;
+    boards->supply_v = board_supply_v(sensors);
+    for (size_t i = 0; i < boards->nboard; i++) {
+        boards->board[i]->ops->sample(boards->board[i], sensors);
+    }
+}
+
+/* ---- transmission ---- */
 
 void boards_set_can_state(struct boards *boards, size_t board, const struct board_can_state *state)
 {
     if (board < boards->nboard) {
-        boards->board[board].can = *state;
+        boards->board[board]->can = *state;
     }
 }
 
-static void put_frame(const struct board *board, struct frame_sink *sink, uint32_t id, uint8_t len,
-                      const uint8_t *data)
+static void board_put_frame(const struct board *board, struct frame_sink *sink, uint32_t id,
+                            uint8_t len, const uint8_t *data)
 {
     struct bus_frame *frame = &sink->frames[sink->count++];
 
@@ -367,10 +363,10 @@ void board_send(struct board *board, struct frame_sink *sink, uint32_t id, uint8
         board_lose(board);
         return;
     }
-    put_frame(board, sink, id, len, data);
+    board_put_frame(board, sink, id, len, data);
 }
 
-static void send_replies(struct board_bus *bus, struct frame_sink *sink)
+static void bus_send_replies(struct board_bus *bus, struct frame_sink *sink)
 {
     while (bus->waiting && sink->count < sink->max) {
         struct queued_reply *reply = &bus->replies[bus->head];
@@ -378,7 +374,7 @@ static void send_replies(struct board_bus *bus, struct frame_sink *sink)
         if (!reply->lost) {
             size_t from = sink->count;
 
-            put_frame(reply->board, sink, reply->id, reply->len, reply->data);
+            board_put_frame(reply->board, sink, reply->id, reply->len, reply->data);
             if (reply->board->faults) {
                 board_faults_filter(reply->board, sink, from);
             }
@@ -389,33 +385,43 @@ static void send_replies(struct board_bus *bus, struct frame_sink *sink)
     }
 }
 
-size_t boards_transmit(struct boards *boards, size_t bus_index, const struct plant_sensors *sensors,
+/* The periodic frames of a board: what its faults leave of them others on the bus hear. */
+static void board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
+{
+    size_t from = sink->count;
+
+    board->ops->transmit(board, span, sink);
+    if (board->faults) {
+        board_faults_filter(board, sink, from);
+    }
+    for (size_t i = from; board->ops->sent && i < sink->count; i++) {
+        board->ops->sent(board, &sink->frames[i]);
+    }
+}
+
+size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus_index,
                        struct bus_frame *frames, size_t max)
 {
-    struct frame_sink sink = {.frames = frames, .max = max, .time_ns = sensors->time_ns};
+    struct frame_sink sink = {.frames = frames, .max = max, .time_ns = now_ns};
     struct board_bus *bus;
     struct ms_span span;
 
     if (bus_index >= boards->nbus) {
         return 0;
     }
-    bus = &boards->bus[bus_index];
+    bus = boards->bus[bus_index];
     sink.flags = bus->config.fd ? FRAME_FD | FRAME_BRS : 0;
-    boards->sensor_time_ns = sensors->time_ns;
-    span = (struct ms_span){.from = bus->sent_ms, .to = boards->time_ns / MS};
+    boards->event_ns = boards->now_ns = now_ns;
+
+    /* Answers first, then what is due of the periodic frames, by address */
+    bus_send_replies(bus, &sink);
+    span = (struct ms_span){.from = bus->sent_ms, .to = now_ns / MS};
     bus->sent_ms = span.to;
-    send_replies(bus, &sink);
     for (unsigned address = 1; address < BOARD_ADDRESSES; address++) {
         struct board *board = bus->by_address[address];
 
-        if (!board) {
-            continue;
-        }
-        sample(board, sensors);
-        if (board->faults && !board_is_deaf(board)) {
-            board_faults_transmit(board, span, &sink);
-        } else if (!board_is_deaf(board)) {
-            board->ops->transmit(board, span, &sink);
+        if (board && !board_is_deaf(board)) {
+            board_transmit(board, span, &sink);
         }
     }
     return sink.count;
@@ -423,26 +429,7 @@ size_t boards_transmit(struct boards *boards, size_t bus_index, const struct pla
 
 size_t boards_transmit_max(const struct boards *boards, size_t bus)
 {
-    return bus < boards->nbus ? boards->bus[bus].transmit_max : 0;
-}
-
-void boards_shut_down(struct boards *boards, struct plant_command *command)
-{
-    for (size_t i = 0; i < boards->nboard; i++) {
-        shut_down(&boards->board[i], command);
-    }
-}
-
-bool boards_fault(const struct boards *boards)
-{
-    for (size_t i = 0; i < boards->nboard; i++) {
-        const struct board *board = &boards->board[i];
-
-        if (board->ops->fault && board->ops->fault(board)) {
-            return true;
-        }
-    }
-    return false;
+    return bus < boards->nbus ? boards->bus[bus]->transmit_max : 0;
 }
 
 /* ---- the log's side ---- */

@@ -1,61 +1,63 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a configuration of boards must fulfill. */
+/* Whether a configuration of boards can be built: addresses, axes, channels, ranges. */
 #include "boards/board_private.h"
+#include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
 
 #include <math.h>
 
 enum { TICK_MAX_MS = 100 };
 
-static enum error_code refuse(struct error *error, const struct board_config *board,
-                              const char *text)
+static enum error_code check_refuse(struct error *error, const struct board_config *board,
+                                    const char *text)
 {
     return error_set(error, ERROR_INPUT, "board %s: %s", board->name ? board->name : "(no name)",
                      text);
 }
 
-static bool positive(double value)
+static bool check_is_positive(double value)
 {
     return isfinite(value) && value > 0.0;
 }
 
-static enum error_code check_axis(const struct boards_config *config,
-                                  const struct board_config *board,
-                                  const struct board_axis_config *axis, struct error *error)
+static enum error_code check_axis_config(const struct boards_config *config,
+                                         const struct board_config *board,
+                                         const struct board_axis_config *axis, struct error *error)
 {
     if (axis->joint == -1) {
         return ERROR_NONE;
     }
     if (axis->joint < 0 || (size_t)axis->joint >= config->njoint) {
-        return refuse(error, board, "there is no joint with the index of its axis");
+        return check_refuse(error, board, "there is no joint with the index of its axis");
     }
-    if (!positive(axis->joint_ticks_per_rad) || !positive(axis->motor_ticks_per_rad)) {
-        return refuse(error, board, "encoders need more than 0 ticks per rad");
+    if (!check_is_positive(axis->joint_ticks_per_rad) ||
+        !check_is_positive(axis->motor_ticks_per_rad)) {
+        return check_refuse(error, board, "encoders need more than 0 ticks per rad");
     }
     if (!isfinite(axis->lower_rad) || !isfinite(axis->upper_rad) ||
         axis->lower_rad >= axis->upper_rad) {
-        return refuse(error, board, "the lower limit of an axis must be below the upper one");
+        return check_refuse(error, board, "the lower limit of an axis must be below the upper one");
     }
-    if (!positive(axis->current_limit_a) || axis->current_limit_a > 1e6) {
-        return refuse(error, board, "the current limit of an axis must be above 0 A");
+    if (!check_is_positive(axis->current_limit_a) || axis->current_limit_a > 1e6) {
+        return check_refuse(error, board, "the current limit of an axis must be above 0 A");
     }
     if (!isfinite(axis->temperature_limit_c) || axis->temperature_limit_c < 0.0) {
-        return refuse(error, board, "the temperature limit of an axis must not be negative");
+        return check_refuse(error, board, "the temperature limit of an axis must not be negative");
     }
     if (!isfinite(axis->torque_full_scale_nm) || axis->torque_full_scale_nm < 0.0) {
-        return refuse(error, board, "the full scale of torque must not be negative");
+        return check_refuse(error, board, "the full scale of torque must not be negative");
     }
     return ERROR_NONE;
 }
 
-static enum error_code check_channels(const struct boards_config *config,
-                                      const struct board_config *board, struct error *error)
+static enum error_code check_channel_configs(const struct boards_config *config,
+                                             const struct board_config *board, struct error *error)
 {
     if (board->kind == BOARD_FT && (board->ft < 0 || (size_t)board->ft >= config->nft)) {
-        return refuse(error, board, "there is no force-torque sensor with its index");
+        return check_refuse(error, board, "there is no force-torque sensor with its index");
     }
     if (board->period_ns < 0) {
-        return refuse(error, board, "the period must not be negative");
+        return check_refuse(error, board, "the period must not be negative");
     }
     for (int i = 0; i < BOARD_CHANNELS; i++) {
         double scale = board->full_scale[i];
@@ -65,86 +67,95 @@ static enum error_code check_channels(const struct boards_config *config,
                 continue;
             }
             if (board->torque_joint[i] < 0 || (size_t)board->torque_joint[i] >= config->njoint) {
-                return refuse(error, board, "there is no joint with the index of its channel");
+                return check_refuse(error, board,
+                                    "there is no joint with the index of its channel");
             }
         }
-        if (!positive(scale) || scale > UINT16_MAX) {
-            return refuse(error, board, "a full scale must be above 0 and at most 65535");
+        if (!check_is_positive(scale) || scale > UINT16_MAX) {
+            return check_refuse(error, board, "a full scale must be above 0 and at most 65535");
         }
         if (board->kind == BOARD_FT && scale != floor(scale)) {
-            return refuse(error, board, "a full scale must be a whole number of N or Nm");
+            return check_refuse(error, board, "a full scale must be a whole number of N or Nm");
         }
     }
     return ERROR_NONE;
 }
 
-static enum error_code check_axes(const struct boards_config *config,
-                                  const struct board_config *board, struct error *error)
+static enum error_code check_motor_board(const struct boards_config *config,
+                                         const struct board_config *board, struct error *error)
 {
     enum board_personality personality = boards_personality(config, board->bus);
 
     for (size_t i = 0; i < board_axes_max(personality); i++) {
         const struct board_axis_config *axis = &board->axis[i];
-        enum error_code code = check_axis(config, board, axis, error);
+        enum error_code code = check_axis_config(config, board, axis, error);
 
         if (code) {
             return code;
         }
-        if (personality == BOARD_FOC && axis->joint >= 0 && !positive(axis->gear)) {
-            return refuse(error, board, "the gear must be above 0");
+        if (personality == BOARD_FOC && axis->joint >= 0 && !check_is_positive(axis->gear)) {
+            return check_refuse(error, board, "the gear must be above 0");
         }
         for (size_t k = 0; k < i; k++) {
             if (axis->joint >= 0 && board->axis[k].joint == axis->joint) {
-                return refuse(error, board, "both axes have the same joint");
+                return check_refuse(error, board, "both axes have the same joint");
             }
         }
     }
     return ERROR_NONE;
 }
 
-static enum error_code check_board(const struct boards_config *config,
-                                   const struct board_config *board, struct error *error)
+static enum error_code check_board_config(const struct boards_config *config,
+                                          const struct board_config *board, struct error *error)
 {
     enum board_personality personality;
 
     if (board->bus < 0 || (size_t)board->bus >= config->nbus) {
-        return refuse(error, board, "there is no bus with its index");
+        return check_refuse(error, board, "there is no bus with its index");
     }
+
+    /* Addresses, as the protocol of the bus has them */
     personality = boards_personality(config, board->bus);
     if (personality == BOARD_COMPACT) {
         if (board->address < 1 || board->address > COMPACT_NODE_MAX) {
-            return refuse(error, board, "the address must be 1 to 31 on a compact bus");
+            return check_refuse(error, board, "the address must be 1 to 31 on a compact bus");
         }
     } else if (personality == BOARD_FOC && board->kind == BOARD_MOTOR) {
         if (board->address < 1 || board->address > FOC_AXES_MAX) {
-            return refuse(error, board, "the address must be 1 to 4, for only these have a target");
+            return check_refuse(error, board,
+                                "the address must be 1 to 4, for only these have a target");
         }
     } else if (board->address < 1 || board->address > ICUB_ADDRESS_MAX) {
-        return refuse(error, board, "the address must be 1 to 14");
+        return check_refuse(error, board, "the address must be 1 to 14");
     }
+
     if (board->command_timeout_ns < 0) {
-        return refuse(error, board, "the command time-out must not be negative");
+        return check_refuse(error, board, "the command time-out must not be negative");
     }
     if (board->boot_ns < 0 || board->status_period_ns < 0) {
-        return refuse(error, board, "times must not be negative");
+        return check_refuse(error, board, "times must not be negative");
     }
+
+    /* What stands behind the board */
     switch (board->kind) {
     case BOARD_MOTOR:
-        return check_axes(config, board, error);
+        return check_motor_board(config, board, error);
     case BOARD_TORQUE:
         if (personality == BOARD_COMPACT) {
-            return refuse(error, board, "a compact bus needs no torque board: TELEMETRY has it");
+            return check_refuse(error, board,
+                                "a compact bus needs no torque board: TELEMETRY has it");
         }
-        return check_channels(config, board, error);
+        return check_channel_configs(config, board, error);
     case BOARD_FT:
-        return check_channels(config, board, error);
+        return check_channel_configs(config, board, error);
     }
-    return refuse(error, board, "no such kind of board");
+    return check_refuse(error, board, "no such kind of board");
 }
 
 /* Two boards with one address or two axes with one joint. */
-static enum error_code check_pair(const struct boards_config *config, const struct board_config *a,
-                                  const struct board_config *b, struct error *error)
+static enum error_code check_board_pair(const struct boards_config *config,
+                                        const struct board_config *a, const struct board_config *b,
+                                        struct error *error)
 {
     size_t na = board_axes_max(boards_personality(config, a->bus));
     size_t nb = board_axes_max(boards_personality(config, b->bus));
@@ -160,15 +171,16 @@ static enum error_code check_pair(const struct boards_config *config, const stru
     for (size_t i = 0; i < na; i++) {
         for (size_t j = 0; j < nb; j++) {
             if (a->axis[i].joint >= 0 && a->axis[i].joint == b->axis[j].joint) {
-                return refuse(error, b, "one of its joints already has an axis of another board");
+                return check_refuse(error, b,
+                                    "one of its joints already has an axis of another board");
             }
         }
     }
     return ERROR_NONE;
 }
 
-/* Compact slots are what a bus has room for. */
-static enum error_code check_slots(const struct boards_config *config, struct error *error)
+/* A compact bus has COMPACT_SLOTS slots, one an axis. */
+static enum error_code check_compact_slots(const struct boards_config *config, struct error *error)
 {
     for (size_t bus = 0; bus < config->nbus; bus++) {
         size_t slots = 0;
@@ -176,13 +188,9 @@ static enum error_code check_slots(const struct boards_config *config, struct er
         for (size_t i = 0; i < config->nboard; i++) {
             const struct board_config *board = &config->board[i];
 
-            for (size_t k = 0; k < BOARD_AXES_MAX && board->bus == (int)bus &&
-                               board->kind == BOARD_MOTOR && board->axis[k].joint >= 0;
-                 k++) {
-                slots++;
-            }
+            slots += board->bus == (int)bus ? board_config_axes(board) : 0;
             if (slots > COMPACT_SLOTS && boards_personality(config, (int)bus) == BOARD_COMPACT) {
-                return refuse(error, board, "a compact bus has at most 32 axes");
+                return check_refuse(error, board, "a compact bus has at most 32 axes");
             }
         }
     }
@@ -203,16 +211,18 @@ enum error_code boards_check(const struct boards_config *config, struct error *e
             return error_set(error, ERROR_INPUT, "boards: only compact boards speak CAN FD");
         }
     }
+
+    /* Each board for itself, then against those before it */
     for (size_t i = 0; i < config->nboard; i++) {
         const struct board_config *board = &config->board[i];
-        enum error_code code = check_board(config, board, error);
+        enum error_code code = check_board_config(config, board, error);
 
         for (size_t j = 0; !code && j < i; j++) {
-            code = check_pair(config, &config->board[j], board, error);
+            code = check_board_pair(config, &config->board[j], board, error);
         }
         if (code) {
             return code;
         }
     }
-    return check_slots(config, error);
+    return check_compact_slots(config, error);
 }

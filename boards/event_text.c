@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Events of boards as lines of a log; not in the loop. */
+/* Events of boards as lines of a log. Not called in the loop. */
 #include "boards/board_private.h"
+#include "boards/compact/protocol.h"
+#include "boards/icub/protocol.h"
 
 #include <inttypes.h>
 #include <stdio.h>
 
-static const char *compact_mode_name(uint32_t mode)
+static const char *event_compact_mode_name(uint32_t mode)
 {
     return mode == COMPACT_VOLTAGE   ? "voltage"
            : mode == COMPACT_CURRENT ? "current"
@@ -13,10 +15,11 @@ static const char *compact_mode_name(uint32_t mode)
                                      : "off";
 }
 
-static const char *mode_name(enum board_personality personality, uint32_t mode)
+/* A mode as people call it, with blanks; the DBC has names without. */
+static const char *event_mode_name(enum board_personality personality, uint32_t mode)
 {
     if (personality == BOARD_COMPACT) {
-        return compact_mode_name(mode);
+        return event_compact_mode_name(mode);
     }
     switch (mode) {
     case ICUB_MODE_IDLE:
@@ -54,10 +57,10 @@ static const char *mode_name(enum board_personality personality, uint32_t mode)
     }
 }
 
-/* What a stale command leads to. */
-static const char *stale_means(enum board_personality personality)
+/* What a command that timed out leads to. */
+static const char *event_timeout_consequence(enum board_personality personality)
 {
-    return personality == BOARD_FOC ? "a fault" : "now 0";
+    return personality == BOARD_FOC ? "a fault" : "reference set to 0";
 }
 
 static const char *const icub_faults[] = {
@@ -97,7 +100,8 @@ static const char *const compact_faults[] = {"under-voltage", "over-voltage",  "
                                              "temperature",   "stale command", "limit",
                                              "overflow",      "saturated",     NULL};
 
-static void fault_names(enum board_personality personality, uint32_t bits, char *text, size_t size)
+static void event_list_faults(enum board_personality personality, uint32_t bits, char *text,
+                              size_t size)
 {
     const char *const *names = personality == BOARD_FOC       ? foc_faults
                                : personality == BOARD_COMPACT ? compact_faults
@@ -112,49 +116,56 @@ static void fault_names(enum board_personality personality, uint32_t bits, char 
     }
 }
 
-static void describe(enum board_personality personality, const struct board_event *event,
-                     char *text, size_t size)
+static void event_describe(enum board_personality personality, const struct board_event *event,
+                           char *text, size_t size)
 {
     char faults[128];
     unsigned axis = event->axis;
     uint32_t a = event->a, b = event->b;
 
     switch (event->kind) {
+    /* Of an axis */
     case BOARD_EVENT_MODE:
-        snprintf(text, size, "axis %u from %s to %s mode", axis, mode_name(personality, a),
-                 mode_name(personality, b));
+        snprintf(text, size, "axis %u from %s to %s mode", axis, event_mode_name(personality, a),
+                 event_mode_name(personality, b));
         return;
     case BOARD_EVENT_FAULT:
-        fault_names(personality, a, faults, sizeof faults);
+        event_list_faults(personality, a, faults, sizeof faults);
         snprintf(text, size, "axis %u has a fault: %s", axis, faults);
         return;
     case BOARD_EVENT_TIMEOUT:
-        snprintf(text, size, "axis %u: the %s command went stale, %s", axis,
-                 mode_name(personality, a), stale_means(personality));
+        snprintf(text, size, "axis %u: the %s command timed out, %s", axis,
+                 event_mode_name(personality, a), event_timeout_consequence(personality));
         return;
     case BOARD_EVENT_SOURCE_LOST:
-        snprintf(text, size, "axis %u: torque source %" PRIu32 " is silent, motor off", axis, a);
+        snprintf(text, size, "axis %u: torque source %" PRIu32 " timed out, motor switched off",
+                 axis, a);
         return;
     case BOARD_EVENT_LIMIT:
-        snprintf(text, size, "axis %u is beyond its limit at %" PRId32 " %s", axis, (int32_t)a,
-                 personality == BOARD_COMPACT ? "x 1e-5 rad, obeys only what leads back"
-                                              : "ticks, voltage 0");
+        snprintf(
+            text, size, "axis %u is beyond its position limit at %" PRId32 " %s", axis, (int32_t)a,
+            personality == BOARD_COMPACT ? "x 1e-5 rad, only commands that lead back are obeyed"
+                                         : "ticks, voltage set to 0");
         return;
+
+    /* Of a frame */
     case BOARD_EVENT_UNKNOWN:
-        snprintf(text, size, "no such command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
+        snprintf(text, size, "unknown command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
         return;
     case BOARD_EVENT_MALFORMED:
         snprintf(text, size,
                  "wrong length or value in command 0x%02" PRIx32 " (id 0x%03" PRIx32 ")", b, a);
         return;
+
+    /* Of a board */
     case BOARD_EVENT_ADDRESS:
-        snprintf(text, size, "moves from address %" PRIu32 " to %" PRIu32, a, b);
+        snprintf(text, size, "address changed from %" PRIu32 " to %" PRIu32, a, b);
         return;
     case BOARD_EVENT_RESTART:
-        snprintf(text, size, "%s", a ? "in its bootloader" : "application started");
+        snprintf(text, size, "%s", a ? "bootloader entered" : "application started");
         return;
     case BOARD_EVENT_OVERFLOW:
-        snprintf(text, size, "loses frames, %" PRIu32 " until now", a);
+        snprintf(text, size, "frames lost, %" PRIu32 " so far", a);
         return;
     case BOARD_EVENT_OVER_HEATED:
         snprintf(text, size, "axis %u is too hot: %.1f degree C", axis,
@@ -167,10 +178,10 @@ static void describe(enum board_personality personality, const struct board_even
 void board_event_format(const struct boards *boards, const struct board_event *event, char *text,
                         size_t size)
 {
-    const struct board *board = &boards->board[event->board];
+    const struct board *board = boards->board[event->board];
     char what[192];
 
-    describe(board->bus->config.personality, event, what, sizeof what);
+    event_describe(board->bus->config.personality, event, what, sizeof what);
     snprintf(text, size, "%.6f s: %s (bus %d, address %d): %s", (double)event->time_ns * 1e-9,
              board->config.name, event->bus, event->address, what);
 }

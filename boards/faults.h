@@ -14,16 +14,20 @@
  *
  * TARGET is "motor JOINT", "sensor JOINT.CHANNEL" (link_encoder, motor_encoder, current, torque,
  * temperature), "sensor FT[.CHANNEL]" (fx fy fz tx ty tz), "sensor imu[.CHANNEL]" (gyro_x gyro_y
- * gyro_z accel_x accel_y accel_z), "board NAME" or "board BUS/ADDRESS", "bus NAME" or "supply".
- * The kinds of each target with their parameters are the table in faults.c; faults_help lists them.
- * A parameter is KEY=VALUE, or VALUE alone for the first. WHEN is FROM..TO in seconds of virtual
- * time, TO exclusive and maybe left out; "manual" waits to be switched by faults_set. Without WHEN
- * the fault is there from the start.
+ * gyro_z accel_x accel_y accel_z), "board NAME" or "board BUS/ADDRESS", "bus NAME" or "supply". The
+ * kinds of each target with their parameters are the table in fault_kinds.c; faults_help lists
+ * them. A parameter is KEY=VALUE, or VALUE alone for the first. WHEN is FROM..TO in seconds of
+ * virtual time, TO exclusive and maybe left out; "manual" waits to be switched by faults_set.
+ * Without WHEN the fault is active from the start.
  *
- * This is only the table and its clock. What a fault does is in boards/sensing.h (sensors),
- * boards/board_faults.c (boards), canbus/fault_port.h (buses) and model/plant.c (motors, supply);
- * all of them look at struct fault's active. A fault shows on the buses by what it does and in the
- * log by its event: no frame of a board tells of it, for a real bus would not know.
+ * This is only the table and which of its faults are active. What a fault does is in
+ * boards/sensing.h (sensors), boards/board_faults.c (boards), canbus/fault_port.h (buses) and
+ * model/plant.c (motors, supply); all of them look at struct fault's active. A fault shows on the
+ * buses by its effect and in the log by its event: no frame of a board reports it, for a real bus
+ * would not know.
+ *
+ * Units: SI; times are int64_t nanoseconds of virtual time. Memory is the arena's. Functions say
+ * whether they are RT-safe; those that only look at the table are.
  */
 #ifndef BOARDS_FAULTS_H
 #define BOARDS_FAULTS_H
@@ -38,13 +42,13 @@
 enum fault_target { FAULT_SENSOR, FAULT_BOARD, FAULT_MOTOR, FAULT_BUS, FAULT_SUPPLY };
 
 enum fault_kind {
-    FAULT_OFF,          /* sensor: reads 0; board: without power, and boots anew after it */
+    FAULT_OFF,          /* sensor: reads 0; board: without power, boots again afterwards */
     FAULT_STUCK,        /* repeats what it last said */
     FAULT_GARBAGE,      /* random values; of a board, payloads */
     FAULT_WRONG,        /* gain and offset */
     FAULT_SLOW,         /* sensor: a new value only every period; board: every n-th frame only */
     FAULT_DELAYED,      /* everything comes later */
-    FAULT_INTERMITTENT, /* a loose contact: off, or for a board without bus, a share of the time */
+    FAULT_INTERMITTENT, /* a loose contact: a share of the time off, or a board without its bus */
     FAULT_HUNG,         /* boards: the firmware stands still until its watchdog resets it */
     FAULT_OPEN_PHASE,   /* motors: enum drive_condition */
     FAULT_SHORT,
@@ -114,7 +118,7 @@ enum error_code fault_parse(const char *text, const struct fault_names *names, s
  * the number of lines when line is NULL. Not RT-safe. */
 size_t faults_help(size_t line, char *text, size_t size);
 
-/* A fault came or went. */
+/* A fault began or ended. */
 struct fault_event {
     int64_t time_ns;
     size_t fault;
@@ -139,17 +143,18 @@ uint64_t faults_seed(const struct faults *faults);
 /* Index by name, -1 = none. RT-safe. */
 int faults_find(const struct faults *faults, const char *name);
 
-/* At the begin of the tick at time_ns: windows open and close. RT-safe. */
-void faults_step(struct faults *faults, int64_t time_ns);
+/* At the beginning of the tick at now_ns: windows open and close. RT-safe. */
+void faults_step(struct faults *faults, int64_t now_ns);
 
-/* Switches a fault by hand; from then on its window means nothing. By the thread of faults_step.
- * False: there is no such fault. RT-safe. */
-bool faults_set(struct faults *faults, size_t index, bool active);
+/* Switches a fault by hand at now_ns; from then on its window is ignored. In the thread of
+ * faults_step. False: there is no such fault. RT-safe. */
+bool faults_set(struct faults *faults, int64_t now_ns, size_t index, bool active);
 
-/* The ring of events, which the thread that reads them writes too. */
+/* The ring of events, which the thread that reads them writes too: a checkpoint leaves it alone. */
 const struct ring *faults_event_ring(const struct faults *faults);
 
-/* Read from one other thread: an event, false when none waits; text for a log line. */
+/* From one other thread: takes an event, false when none waits; formats it as a log line (not
+ * RT-safe). */
 bool faults_next_event(struct faults *faults, struct fault_event *event);
 void fault_event_format(const struct faults *faults, const struct fault_event *event, char *text,
                         size_t size);

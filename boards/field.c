@@ -2,7 +2,7 @@
 /* The codec of fields; see the header for the layout. */
 #include "boards/field.h"
 
-static unsigned bits_of(const struct field *field)
+static unsigned field_bits(const struct field *field)
 {
     return field->type & FIELD_BITS_MASK;
 }
@@ -22,7 +22,7 @@ size_t fields_bits(const struct field *fields)
     size_t bits = 0;
 
     for (; fields && fields->type != FIELD_END; fields++) {
-        bits += bits_of(fields);
+        bits += field_bits(fields);
     }
     return bits;
 }
@@ -34,12 +34,12 @@ size_t fields_bytes(const struct field *fields)
 
 int64_t field_lowest(const struct field *field)
 {
-    return field->type & FIELD_SIGNED ? -(INT64_C(1) << (bits_of(field) - 1)) : 0;
+    return field->type & FIELD_SIGNED ? -(INT64_C(1) << (field_bits(field) - 1)) : 0;
 }
 
 int64_t field_highest(const struct field *field)
 {
-    unsigned bits = bits_of(field) - (field->type & FIELD_SIGNED ? 1 : 0);
+    unsigned bits = field_bits(field) - (field->type & FIELD_SIGNED ? 1 : 0);
 
     return (INT64_C(1) << bits) - 1;
 }
@@ -52,9 +52,9 @@ struct run {
     unsigned bits;
 };
 
-static struct run next_run(const struct field *field, size_t start, unsigned done)
+static struct run field_next_run(const struct field *field, size_t start, unsigned done)
 {
-    unsigned bits = bits_of(field), from = (start + done) % 8;
+    unsigned bits = field_bits(field), from = (start + done) % 8;
     struct run run = {.byte = (start + done) / 8, .from = from, .value = done};
 
     run.bits = bits - done < 8 - from ? bits - done : 8 - from;
@@ -64,13 +64,13 @@ static struct run next_run(const struct field *field, size_t start, unsigned don
     return run;
 }
 
-static int64_t get_value(const struct field *field, size_t start, const uint8_t *data)
+static int64_t field_get_value(const struct field *field, size_t start, const uint8_t *data)
 {
-    unsigned bits = bits_of(field);
+    unsigned bits = field_bits(field);
     uint64_t value = 0;
 
     for (unsigned done = 0; done < bits;) {
-        struct run run = next_run(field, start, done);
+        struct run run = field_next_run(field, start, done);
         uint64_t part = data[run.byte] >> run.from & ((1u << run.bits) - 1);
 
         value |= part << run.value;
@@ -82,12 +82,12 @@ static int64_t get_value(const struct field *field, size_t start, const uint8_t 
     return (int64_t)value;
 }
 
-static void put_value(const struct field *field, int64_t value, size_t start, uint8_t *data)
+static void field_put_value(const struct field *field, int64_t value, size_t start, uint8_t *data)
 {
-    unsigned bits = bits_of(field);
+    unsigned bits = field_bits(field);
 
     for (unsigned done = 0; done < bits;) {
-        struct run run = next_run(field, start, done);
+        struct run run = field_next_run(field, start, done);
         unsigned mask = (1u << run.bits) - 1;
         unsigned part = (unsigned)((uint64_t)value >> run.value) & mask;
 
@@ -101,10 +101,10 @@ bool fields_decode(const struct field *fields, const uint8_t *data, size_t size,
     size_t at = 0;
 
     for (; fields && fields->type != FIELD_END; fields++) {
-        size_t end = at + bits_of(fields);
+        size_t end = at + field_bits(fields);
 
         if (!(fields->type & FIELD_PADDING)) {
-            int64_t value = end <= 8 * size ? get_value(fields, at, data) : 0;
+            int64_t value = end <= 8 * size ? field_get_value(fields, at, data) : 0;
 
             if ((fields->min || fields->max) && (value < fields->min || value > fields->max)) {
                 return false;
@@ -129,7 +129,7 @@ void fields_encode(const struct field *fields, const int64_t *values, uint8_t *d
             value = *values < low ? low : *values > high ? high : *values;
             values++;
         }
-        put_value(fields, value, at, data);
-        at += bits_of(fields);
+        field_put_value(fields, value, at, data);
+        at += field_bits(fields);
     }
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The list of messages; see the header. */
+/* The list of messages, walked bus by bus; see the header. */
 #include "boards/messages.h"
 
 #include "boards/board_private.h"
@@ -16,15 +16,15 @@ struct walk {
     bool going;
 };
 
-static void tell(struct walk *walk, const struct message *message)
+static void walk_visit(struct walk *walk, const struct message *message)
 {
     walk->going = walk->going && walk->visit(walk->context, message);
 }
 
 /* ---- iCub buses ---- */
 
-static void tell_command(struct walk *walk, int board, unsigned cls, unsigned address,
-                         unsigned code, const struct icub_command *row)
+static void walk_icub_command(struct walk *walk, int board, unsigned cls, unsigned address,
+                              unsigned code, const struct icub_command *row)
 {
     struct message message = {
         .name = row->name,
@@ -40,7 +40,7 @@ static void tell_command(struct walk *walk, int board, unsigned cls, unsigned ad
         .slot = -1,
     };
 
-    tell(walk, &message);
+    walk_visit(walk, &message);
     if (row->reply_length) {
         message.id = icub_id((enum icub_class)cls, address, ICUB_HOST);
         message.sender = board;
@@ -48,21 +48,21 @@ static void tell_command(struct walk *walk, int board, unsigned cls, unsigned ad
         message.from_host = false;
         message.length = row->reply_length;
         message.fields = row->reply;
-        tell(walk, &message);
+        walk_visit(walk, &message);
     }
 }
 
-static void tell_commands(struct walk *walk, int board, unsigned cls, unsigned address,
-                          const struct icub_command *rows, unsigned count)
+static void walk_icub_commands(struct walk *walk, int board, unsigned cls, unsigned address,
+                               const struct icub_command *rows, unsigned count)
 {
     for (unsigned code = 0; code < count; code++) {
         if (rows[code].kind) {
-            tell_command(walk, board, cls, address, code, &rows[code]);
+            walk_icub_command(walk, board, cls, address, code, &rows[code]);
         }
     }
 }
 
-static uint32_t icub_cycle(const struct board_config *board, bool foc, unsigned type)
+static uint32_t icub_frame_cycle_ns(const struct board_config *board, bool foc, unsigned type)
 {
     int64_t period_ns = board->period_ns > 0 ? board->period_ns : MS;
 
@@ -82,7 +82,7 @@ static uint32_t icub_cycle(const struct board_config *board, bool foc, unsigned 
                : (uint32_t)ICUB_SLOT_NS;
 }
 
-static void tell_frames(struct walk *walk, int index, bool foc)
+static void walk_icub_frames(struct walk *walk, int index, bool foc)
 {
     const struct board_config *board = &walk->config->board[index];
     bool motor = board->kind == BOARD_MOTOR;
@@ -98,42 +98,43 @@ static void tell_frames(struct walk *walk, int index, bool foc)
             .receiver = MESSAGE_NO_BOARD,
             .length = rows[type].length,
             .code = MESSAGE_NO_CODE,
-            .cycle_ns = icub_cycle(board, foc, type),
+            .cycle_ns = icub_frame_cycle_ns(board, foc, type),
             .fields = rows[type].fields,
             .repeats = 1,
             .slot = -1,
         };
 
         if (message.name && !(foc && motor && type == FOC_DESIRED_TARGETS)) {
-            tell(walk, &message);
+            walk_visit(walk, &message);
         }
     }
 }
 
-static void tell_icub_board(struct walk *walk, int index, bool foc)
+static void walk_icub_board(struct walk *walk, int index, bool foc)
 {
     const struct board_config *board = &walk->config->board[index];
     bool motor = board->kind == BOARD_MOTOR;
 
-    tell_frames(walk, index, foc);
+    walk_icub_frames(walk, index, foc);
     if (motor) {
-        tell_commands(walk, index, ICUB_POLLING_MOTOR, board->address,
-                      foc ? foc_commands : icub_motor_commands, ICUB_MOTOR_COMMANDS);
+        walk_icub_commands(walk, index, ICUB_POLLING_MOTOR, board->address,
+                           foc ? foc_commands : icub_motor_commands, ICUB_MOTOR_COMMANDS);
     } else {
-        tell_commands(walk, index, ICUB_POLLING_ANALOG, board->address, icub_strain_commands,
-                      ICUB_STRAIN_COMMANDS);
+        walk_icub_commands(walk, index, ICUB_POLLING_ANALOG, board->address, icub_strain_commands,
+                           ICUB_STRAIN_COMMANDS);
     }
     for (unsigned code = 0; code < 256; code++) {
         const struct icub_command *row = icub_management_command((uint8_t)code);
 
         if (row && code != ICUB_DISCOVER) {
-            tell_command(walk, index, ICUB_MANAGEMENT, board->address, code, row);
+            walk_icub_command(walk, index, ICUB_MANAGEMENT, board->address, code, row);
         }
     }
 }
 
-/* DISCOVER goes to all, its answers come from each; DESIRED_TARGETS is for four. */
-static void tell_icub_broadcasts(struct walk *walk, bool foc)
+/* What a host sends to everyone: DISCOVER, which each board answers, and DESIRED_TARGETS, which
+ * has a target for each of four addresses. */
+static void walk_icub_broadcasts(struct walk *walk, bool foc)
 {
     const struct icub_command *row = icub_management_command(ICUB_DISCOVER);
     const struct message discover = {
@@ -162,13 +163,14 @@ static void tell_icub_broadcasts(struct walk *walk, bool foc)
         .slot = -1,
     };
 
-    tell(walk, &discover);
+    /* DESIRED_TARGETS only where 2FOC boards listen */
+    walk_visit(walk, &discover);
     if (foc) {
-        tell(walk, &targets);
+        walk_visit(walk, &targets);
     }
 }
 
-static void tell_discovery_reply(struct walk *walk, int index)
+static void walk_discovery_reply(struct walk *walk, int index)
 {
     const struct icub_command *row = icub_management_command(ICUB_DISCOVER);
     const struct message reply = {
@@ -184,22 +186,13 @@ static void tell_discovery_reply(struct walk *walk, int index)
         .slot = -1,
     };
 
-    tell(walk, &reply);
+    walk_visit(walk, &reply);
 }
 
 /* ---- compact buses ---- */
 
-static unsigned axes_of(const struct board_config *board)
-{
-    unsigned count = 0;
-
-    while (board->kind == BOARD_MOTOR && count < BOARD_AXES_MAX && board->axis[count].joint >= 0) {
-        count++;
-    }
-    return count;
-}
-
-static bool is_of(const struct compact_message *row, const struct board_config *board, bool fd)
+static bool compact_row_applies(const struct compact_message *row, const struct board_config *board,
+                                bool fd)
 {
     bool motor = board->kind == BOARD_MOTOR;
 
@@ -222,9 +215,9 @@ static bool is_of(const struct compact_message *row, const struct board_config *
     }
 }
 
-/* One message of the row; its number and how often the fields come are filled in. */
-static void tell_compact(struct walk *walk, const struct compact_message *row, int board,
-                         unsigned number, unsigned repeats)
+/* Visits the message of a row with its number; repeats: how often the row's fields follow. */
+static void walk_compact_row(struct walk *walk, const struct compact_message *row, int board,
+                             unsigned number, unsigned repeats)
 {
     int64_t period_ns = (int64_t)row->period_ms * MS;
     struct message message = {
@@ -240,45 +233,41 @@ static void tell_compact(struct walk *walk, const struct compact_message *row, i
         .slot = row->by == COMPACT_BY_SLOT ? (int)number : -1,
     };
 
+    /* The telemetry period is the rig's; the other periods are fixed */
     if (row->period_ms == 1 && board >= 0 && walk->config->board[board].period_ns > 0) {
         period_ns = walk->config->board[board].period_ns;
     }
     message.cycle_ns = (uint32_t)period_ns;
     message.length = (uint8_t)(row->length * repeats);
     if (message.fd) {
-        static const uint8_t lengths[] = {8, 12, 16, 20, 24, 32, 48, 64};
-        size_t i = 0;
-
-        for (; message.length > 8 && message.length > lengths[i]; i++) {
-        }
-        message.length = message.length > 8 ? lengths[i] : message.length;
+        message.length = frame_fd_length(message.length);
     }
-    tell(walk, &message);
+    walk_visit(walk, &message);
 }
 
-static void tell_compact_board(struct walk *walk, int index, unsigned first_slot)
+static void walk_compact_board(struct walk *walk, int index, unsigned first_slot)
 {
     const struct board_config *board = &walk->config->board[index];
-    unsigned axes = axes_of(board);
+    unsigned axes = board_config_axes(board);
 
     for (int i = 0; i < COMPACT_MESSAGES; i++) {
         const struct compact_message *row = &compact_messages[i];
 
-        if (!is_of(row, board, walk->config->bus[walk->bus].fd)) {
+        if (!compact_row_applies(row, board, walk->config->bus[walk->bus].fd)) {
             continue;
         }
         if (row->by == COMPACT_BY_NODE) {
-            tell_compact(walk, row, index, board->address,
-                         row->function == COMPACT_TELEMETRY_FD ? axes : 1);
+            walk_compact_row(walk, row, index, board->address,
+                             row->function == COMPACT_TELEMETRY_FD ? axes : 1);
         } else if (row->by == COMPACT_BY_SLOT) {
             for (unsigned k = 0; k < axes; k++) {
-                tell_compact(walk, row, index, first_slot + k, 1);
+                walk_compact_row(walk, row, index, first_slot + k, 1);
             }
         }
     }
 }
 
-static void tell_compact_broadcasts(struct walk *walk, unsigned slots)
+static void walk_compact_broadcasts(struct walk *walk, unsigned slots)
 {
     bool fd = walk->config->bus[walk->bus].fd;
 
@@ -286,13 +275,13 @@ static void tell_compact_broadcasts(struct walk *walk, unsigned slots)
         const struct compact_message *row = &compact_messages[i];
 
         if (row->by == COMPACT_BY_NONE) {
-            tell_compact(walk, row, MESSAGE_NO_BOARD, 0, 1);
+            walk_compact_row(walk, row, MESSAGE_NO_BOARD, 0, 1);
         } else if (row->by == COMPACT_BY_GROUP) {
             unsigned group = fd ? COMPACT_SLOTS : COMPACT_GROUP;
 
             for (unsigned slot = 0; slot < slots; slot += group) {
-                tell_compact(walk, row, MESSAGE_NO_BOARD, slot / COMPACT_GROUP,
-                             slots - slot < group ? slots - slot : group);
+                walk_compact_row(walk, row, MESSAGE_NO_BOARD, slot / COMPACT_GROUP,
+                                 slots - slot < group ? slots - slot : group);
             }
         }
     }
@@ -306,23 +295,23 @@ void boards_messages(const struct boards_config *config, int bus,
     unsigned slots = 0, slot = 0;
 
     for (size_t i = 0; i < config->nboard; i++) {
-        slots += config->board[i].bus == bus ? axes_of(&config->board[i]) : 0;
+        slots += config->board[i].bus == bus ? board_config_axes(&config->board[i]) : 0;
     }
     if (personality == BOARD_COMPACT) {
-        tell_compact_broadcasts(&walk, slots);
+        walk_compact_broadcasts(&walk, slots);
     } else {
-        tell_icub_broadcasts(&walk, personality == BOARD_FOC);
+        walk_icub_broadcasts(&walk, personality == BOARD_FOC);
     }
     for (size_t i = 0; i < config->nboard && walk.going; i++) {
         if (config->board[i].bus != bus) {
             continue;
         }
         if (personality == BOARD_COMPACT) {
-            tell_compact_board(&walk, (int)i, slot);
-            slot += axes_of(&config->board[i]);
+            walk_compact_board(&walk, (int)i, slot);
+            slot += board_config_axes(&config->board[i]);
         } else {
-            tell_discovery_reply(&walk, (int)i);
-            tell_icub_board(&walk, (int)i, personality == BOARD_FOC);
+            walk_discovery_reply(&walk, (int)i);
+            walk_icub_board(&walk, (int)i, personality == BOARD_FOC);
         }
     }
 }

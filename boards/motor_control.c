@@ -42,30 +42,32 @@ void estimator_push(struct speed_estimator *estimator, int32_t position)
     estimator->position[estimator->head] = position;
 }
 
-static int64_t position_ago(const struct speed_estimator *estimator, unsigned ms)
+static int64_t estimator_position_ago(const struct speed_estimator *estimator, unsigned ms)
 {
     return estimator->position[(estimator->head + ESTIMATOR_HISTORY - ms) % ESTIMATOR_HISTORY];
 }
 
 /* value * 2^shift / divisor; the shift ends where any result would leave 16 bits anyway */
-static int64_t scale(int64_t value, int64_t shift, int64_t divisor)
+static int64_t estimator_scale(int64_t value, int64_t shift, int64_t divisor)
 {
     return value * (INT64_C(1) << control_clamp(shift, 0, 26)) / divisor;
 }
 
 int64_t estimator_speed(const struct speed_estimator *estimator, int64_t shift)
 {
-    int64_t change = position_ago(estimator, 0) - position_ago(estimator, ESTIMATOR_WINDOW_MS);
+    int64_t change = estimator_position_ago(estimator, 0) -
+                     estimator_position_ago(estimator, ESTIMATOR_WINDOW_MS);
 
-    return scale(change, shift, ESTIMATOR_WINDOW_MS);
+    return estimator_scale(change, shift, ESTIMATOR_WINDOW_MS);
 }
 
 int64_t estimator_acceleration(const struct speed_estimator *estimator, int64_t shift)
 {
-    int64_t change = position_ago(estimator, 0) - 2 * position_ago(estimator, ESTIMATOR_WINDOW_MS) +
-                     position_ago(estimator, 2 * ESTIMATOR_WINDOW_MS);
+    int64_t change = estimator_position_ago(estimator, 0) -
+                     2 * estimator_position_ago(estimator, ESTIMATOR_WINDOW_MS) +
+                     estimator_position_ago(estimator, 2 * ESTIMATOR_WINDOW_MS);
 
-    return scale(change, shift, ESTIMATOR_WINDOW_MS * ESTIMATOR_WINDOW_MS);
+    return estimator_scale(change, shift, ESTIMATOR_WINDOW_MS * ESTIMATOR_WINDOW_MS);
 }
 
 void trajectory_stop(struct trajectory *trajectory, int32_t position)
@@ -74,8 +76,8 @@ void trajectory_stop(struct trajectory *trajectory, int32_t position)
     trajectory->position = trajectory->target = trajectory->start = position;
 }
 
-/* distance and derivative along the motion, ticks and ticks/ms, at s = t/T */
-static double motion(const struct trajectory *trajectory, double s, double *speed)
+/* Distance and derivative along the motion, ticks and ticks/ms, at s = t/T */
+static double trajectory_evaluate(const struct trajectory *trajectory, double s, double *speed)
 {
     double d = (double)trajectory->target - (double)trajectory->start;
     double v = trajectory->v0 * trajectory->duration_ms;
@@ -94,7 +96,7 @@ void trajectory_start(struct trajectory *trajectory, int32_t target, int64_t spe
     double v0 = 0.0;
 
     if (trajectory->running) {
-        motion(trajectory, trajectory->time_ms / trajectory->duration_ms, &v0);
+        trajectory_evaluate(trajectory, trajectory->time_ms / trajectory->duration_ms, &v0);
     }
     trajectory->start = trajectory->position;
     trajectory->target = target;
@@ -116,9 +118,9 @@ int32_t trajectory_step(struct trajectory *trajectory)
     if (trajectory->time_ms >= trajectory->duration_ms) {
         trajectory->running = false;
     } else {
-        control_quantize(trajectory->start + motion(trajectory,
-                                                    trajectory->time_ms / trajectory->duration_ms,
-                                                    NULL),
+        control_quantize(trajectory->start +
+                             trajectory_evaluate(
+                                 trajectory, trajectory->time_ms / trajectory->duration_ms, NULL),
                          &after);
     }
     trajectory->position = after;

@@ -10,10 +10,10 @@
  *   4. converter: cut to +-full_scale, then rounded to steps of lsb;
  *   5. faults (boards/faults.h), on what comes out.
  *
- * A force-torque sensor mixes its six channels before that (crosstalk). An encoder may start at an
- * unknown place: with `incremental` it counts from where it stood at the start, and again after
- * sensing_restart_counter, for the counter is in the board. The boards round
- * encoder angles to ticks themselves and estimate velocities from the ticks as the firmware does;
+ * A force-torque sensor mixes its six channels before that (crosstalk). An incremental encoder does
+ * not know its angle: it counts from where it stood at the start, and again after
+ * sensing_restart_counter, for the counter is in the board. The boards round encoder angles to
+ * ticks themselves (boards_sample) and estimate velocities from the ticks as the firmware does;
  * motor_sense's qd and qmd are, where an encoder is not ideal, the difference of its last two
  * readings, and the truth elsewhere.
  *
@@ -22,7 +22,10 @@
  *
  * Each channel draws from a random stream of its own, named after it: what one sensor shows depends
  * on the seed and nothing else. Everything zero, which is the default, hands the truth on bit for
- * bit. Order of a channel numbers: boards/faults.h.
+ * bit. Numbers of the channels: boards/faults.h.
+ *
+ * Units: SI. Memory is the arena's of sensing_create; the strings of the configuration stay the
+ * caller's. RT-safe but for sensing_create.
  */
 #ifndef BOARDS_SENSING_H
 #define BOARDS_SENSING_H
@@ -83,9 +86,9 @@ struct sensing;
 enum error_code sensing_create(const struct sensing_config *config, struct arena *arena,
                                struct sensing **sensing, struct error *error);
 
-/* Reads the sensors, once a tick. Returns what the boards see: truth itself when nothing is to be
- * done about it. RT-safe. */
-const struct plant_sensors *sensing_sample(struct sensing *sensing,
+/* Reads the sensors at the end of a tick, now_ns. Returns what the boards see, valid until the next
+ * call: truth itself when all sensors are ideal. RT-safe. */
+const struct plant_sensors *sensing_sample(struct sensing *sensing, int64_t now_ns,
                                            const struct plant_sensors *truth);
 
 /* All noise (noise_rms) times a factor, 1 at the start; whether there is any at all. RT-safe. */

@@ -4,14 +4,14 @@
 
 #include <math.h>
 
-static const struct board *board_of(const struct boards *boards, size_t board)
+static const struct board *boards_board_at(const struct boards *boards, size_t board)
 {
-    return &boards->board[board];
+    return boards->board[board];
 }
 
 size_t boards_settings(const struct boards *boards, size_t board, size_t axis)
 {
-    const struct board *of = board_of(boards, board);
+    const struct board *of = boards_board_at(boards, board);
 
     return of->ops->settings && board_joint(of, axis) >= 0 ? of->ops->settings->count : 0;
 }
@@ -19,21 +19,21 @@ size_t boards_settings(const struct boards *boards, size_t board, size_t axis)
 void boards_setting(const struct boards *boards, size_t board, size_t axis, size_t index,
                     struct board_setting *setting)
 {
-    const struct board *of = board_of(boards, board);
+    const struct board *of = boards_board_at(boards, board);
 
     of->ops->settings->describe(of, (unsigned)axis, index, setting);
 }
 
 double boards_get(const struct boards *boards, size_t board, size_t axis, size_t index)
 {
-    const struct board *of = board_of(boards, board);
+    const struct board *of = boards_board_at(boards, board);
 
     return of->ops->settings->get(of, (unsigned)axis, index);
 }
 
 bool boards_set(struct boards *boards, size_t board, size_t axis, size_t index, double value)
 {
-    struct board *of = &boards->board[board];
+    struct board *of = boards->board[board];
     struct board_setting setting;
 
     boards_setting(boards, board, axis, index, &setting);

@@ -39,7 +39,7 @@ static void machine_receive(void *context, size_t bus, const struct bus_frame *f
 {
     struct simulator *simulator = context;
 
-    boards_receive(simulator->boards, bus, frame);
+    boards_receive(simulator->boards, plant_time_ns(simulator->plant), bus, frame);
 }
 
 static bool all_motors_on(const struct simulator *simulator)
@@ -65,7 +65,8 @@ static void machine_control(void *context)
 {
     struct simulator *simulator = context;
 
-    boards_control(simulator->boards, simulator->measured, plant_command(simulator->plant));
+    boards_control(simulator->boards, plant_time_ns(simulator->plant),
+                   plant_command(simulator->plant));
     if (simulator->release.due && all_motors_on(simulator)) {
         simulator->release.due = false;
         simulator->release.at_ns =
@@ -102,7 +103,9 @@ static bool machine_sample(void *context)
     if (!sane(simulator, plant_sample(simulator->plant))) {
         return false;
     }
-    simulator->measured = sensing_sample(simulator->sensing, plant_sensors(simulator->plant));
+    simulator->measured = sensing_sample(simulator->sensing, plant_time_ns(simulator->plant),
+                                         plant_sensors(simulator->plant));
+    boards_sample(simulator->boards, plant_time_ns(simulator->plant), simulator->measured);
     return true;
 }
 
@@ -132,7 +135,7 @@ static size_t machine_transmit(void *context, size_t bus, struct bus_frame *fram
     struct simulator *simulator = context;
 
     tell_controllers(simulator, bus);
-    return boards_transmit(simulator->boards, bus, simulator->measured, frames, max);
+    return boards_transmit(simulator->boards, plant_time_ns(simulator->plant), bus, frames, max);
 }
 
 static bool machine_fault(void *context)
@@ -146,7 +149,8 @@ static void machine_shut_down(void *context)
 {
     struct simulator *simulator = context;
 
-    boards_shut_down(simulator->boards, plant_command(simulator->plant));
+    boards_shut_down(simulator->boards, plant_time_ns(simulator->plant),
+                     plant_command(simulator->plant));
 }
 
 static void fill_buses(struct simulator *simulator)

@@ -185,7 +185,8 @@ static enum error_code create_sensing(struct simulator *simulator, struct error 
     config.faults = simulator->faults;
     code = sensing_create(&config, simulator->arena, &simulator->sensing, error);
     if (!code) {
-        simulator->measured = sensing_sample(simulator->sensing, plant_sensors(simulator->plant));
+        simulator->measured = sensing_sample(simulator->sensing, plant_time_ns(simulator->plant),
+                                             plant_sensors(simulator->plant));
     }
     return code;
 }
@@ -207,10 +208,10 @@ static enum error_code create_boards(struct simulator *simulator, struct error *
     config.restarted = board_restarted;
     config.context = simulator;
     code = boards_create(&config, simulator->arena, &simulator->boards, error);
-
     if (code) {
         return code;
     }
+    boards_sample(simulator->boards, plant_time_ns(simulator->plant), simulator->measured);
     simulator->transmit_max =
         arena_alloc(simulator->arena, rig->nbus, sizeof *simulator->transmit_max);
     if (!simulator->transmit_max) {

@@ -49,7 +49,7 @@ static enum steer_verdict switch_fault(void *context, size_t index, bool on, int
 {
     struct steered *s = context;
 
-    if (!faults_set(s->config.faults, index, on)) {
+    if (!faults_set(s->config.faults, time_ns, index, on)) {
         return STEER_RANGE;
     }
     injection_step(s->config.injection, time_ns); /* counts for the coming tick */

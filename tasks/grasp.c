@@ -22,10 +22,9 @@ static const double mirrored[GRASP_JOINTS] = {1, -1, -1, 1}; /* the left arm's a
 static const char *const wrist_name[SIDES] = {"r_arm_ft", "l_arm_ft"};
 static const char *const foot_name[SIDES] = {"r_leg_ft", "l_leg_ft"};
 
-static const double WEIGH_S = 0.2;   /* end of settling, in which the weight is measured */
-static const double LIGHT = 0.3;     /* feet carry less than this part of the weight: fallen, ... */
-static const double LOST_S = 0.05;   /* ... or a wrist presses too little: when it lasts so long */
-static const double STRAY_RAD = 0.4; /* a motor so far from its reference: fallen or stuck */
+static const double WEIGH_S = 0.2; /* end of settling, in which the weight is measured */
+static const double LIGHT = 0.3;   /* feet carry less than this part of the weight: fallen, ... */
+static const double LOST_S = 0.05; /* ... or a wrist presses too little: when it lasts so long */
 
 struct grasp {
     size_t axis[SIDES][GRASP_JOINTS], wrist[SIDES], foot[SIDES];
@@ -40,34 +39,21 @@ struct grasp {
     double worst_error_rad;
 };
 
-static enum error_code find_force(struct task *task, const char *name, size_t *index,
-                                  struct error *error)
-{
-    for (size_t i = 0; i < task->config.host.nft; i++) {
-        if (strcmp(task->config.host.ft[i].name, name) == 0) {
-            *index = i;
-            return ERROR_NONE;
-        }
-    }
-    return error_set(error, ERROR_INPUT, "grasp: the rig has no force-torque board for %s", name);
-}
-
-/* the axes of an arm, whose limits all points of the path must keep */
-static enum error_code find_arm(struct task *task, int side, struct error *error)
+/* The axes of an arm; all points of the path must be within their limits. */
+static enum error_code grasp_find_arm(struct task *task, int side, struct error *error)
 {
     const struct grasp_config *config = &task->config.grasp;
     struct grasp *grasp = task->state;
 
     for (int k = 0; k < GRASP_JOINTS; k++) {
-        int index = host_find_axis(task->host, joint_name[side][k]);
+        enum error_code code =
+            task_find_axis(task, joint_name[side][k], &grasp->axis[side][k], error);
         const struct host_axis *axis;
 
-        if (index < 0) {
-            return error_set(error, ERROR_INPUT, "grasp: the rig has no joint %s",
-                             joint_name[side][k]);
+        if (code) {
+            return code;
         }
-        axis = &task->config.host.axis[index];
-        grasp->axis[side][k] = (size_t)index;
+        axis = &task->config.host.axis[grasp->axis[side][k]];
         for (size_t i = 0; i < config->nphase; i++) {
             double angle = config->phase[i].arm_rad[k] * (side == LEFT ? mirrored[k] : 1);
 
@@ -83,7 +69,7 @@ static enum error_code find_arm(struct task *task, int side, struct error *error
     return ERROR_NONE;
 }
 
-static enum error_code check_path(const struct grasp_config *config, struct error *error)
+static enum error_code grasp_check_path(const struct grasp_config *config, struct error *error)
 {
     if (config->nphase == 0) {
         return error_set(error, ERROR_INPUT, "grasp: the rig has no path for it (tasks: grasp)");
@@ -111,13 +97,27 @@ static enum error_code grasp_create(struct task *task, struct arena *arena, stru
     }
     grasp->from = from;
     task->state = grasp;
-    code = check_path(&task->config.grasp, error);
-    for (int side = 0; side < SIDES && !code; side++) {
-        code = find_arm(task, side, error);
-        code = code ? code : find_force(task, wrist_name[side], &grasp->wrist[side], error);
-        code = code ? code : find_force(task, foot_name[side], &grasp->foot[side], error);
+
+    /* The path must make sense, and the rig must have arms, wrists and feet for it */
+    code = grasp_check_path(&task->config.grasp, error);
+    if (code) {
+        return code;
     }
-    return code;
+    for (int side = 0; side < SIDES; side++) {
+        code = grasp_find_arm(task, side, error);
+        if (code) {
+            return code;
+        }
+        code = task_find_force(task, wrist_name[side], &grasp->wrist[side], error);
+        if (code) {
+            return code;
+        }
+        code = task_find_force(task, foot_name[side], &grasp->foot[side], error);
+        if (code) {
+            return code;
+        }
+    }
+    return ERROR_NONE;
 }
 
 static void grasp_start(struct task *task)
@@ -130,22 +130,8 @@ static void grasp_start(struct task *task)
     grasp->least_n = HUGE_VAL;
 }
 
-/* every joint goes smoothly from where it was to the initial pose, and stays */
-static void hold_pose(struct task *task, double t)
-{
-    const struct grasp *grasp = task->state;
-    double ramp = task->config.grasp.settle_s / 2, s = fmin(t / ramp, 1);
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        double span = task->config.initial_rad[i] - grasp->from[i];
-
-        servo_set(task->servo, i, grasp->from[i] + s * s * (3 - 2 * s) * span,
-                  s < 1 ? 6 * s * (1 - s) * span / ramp : 0);
-    }
-}
-
 /* Both arms on the piecewise linear path, t seconds after its beginning, in grasp->phase. */
-static void move_arms(struct task *task, double t)
+static void grasp_move_arms(struct task *task, double t)
 {
     const struct grasp *grasp = task->state;
     const struct grasp_phase *to = &task->config.grasp.phase[grasp->phase];
@@ -166,7 +152,7 @@ static void move_arms(struct task *task, double t)
 }
 
 /* Turns v about the x, y or z axis. */
-static void turn(double v[3], int axis, double angle)
+static void grasp_rotate_axis(double v[3], int axis, double angle)
 {
     double *a = &v[(axis + 1) % 3], *b = &v[(axis + 2) % 3], old = *a;
 
@@ -174,50 +160,50 @@ static void turn(double v[3], int axis, double angle)
     *b = sin(angle) * old + cos(angle) * *b;
 }
 
-/* What hangs on a wrist's sensor pulls on it, in the torso's axes: the forearm is turned by pitch, roll
- * and yaw of the shoulder and by the elbow. */
-static void wrist_force(const struct task *task, int side, double force[3])
+/* What hangs on a wrist's sensor pulls on it, in the torso's axes: the forearm is turned by pitch,
+ * roll and yaw of the shoulder and by the elbow. */
+static void grasp_wrist_force(const struct task *task, int side, double force[3])
 {
     static const int about[GRASP_JOINTS] = {1, 0, 2, 1};
     const struct grasp *grasp = task->state;
 
     memcpy(force, host_force(task->host, grasp->wrist[side])->force_n, 3 * sizeof *force);
     for (int k = GRASP_JOINTS - 1; k >= 0; k--) {
-        turn(force, about[k], host_joint(task->host, grasp->axis[side][k])->joint_rad);
+        grasp_rotate_axis(force, about[k], host_joint(task->host, grasp->axis[side][k])->joint_rad);
     }
 }
 
 /* The same less what hung there when nothing was held. */
-static void hand_force(const struct task *task, int side, double force[3])
+static void grasp_hand_force(const struct task *task, int side, double force[3])
 {
     const struct grasp *grasp = task->state;
 
-    wrist_force(task, side, force);
+    grasp_wrist_force(task, side, force);
     for (int k = 0; k < 3; k++) {
         force[k] -= grasp->wrist_sum[side][k] / (double)grasp->weighed;
     }
 }
 
 /* How hard a wrist presses toward the other. */
-static double press(const struct task *task, int side)
+static double grasp_press_force(const struct task *task, int side)
 {
     double force[3];
 
-    hand_force(task, side, force);
+    grasp_hand_force(task, side, force);
     return side == RIGHT ? -force[1] : force[1];
 }
 
 /* What both wrists carry together. */
-static double carried(const struct task *task)
+static double grasp_carried_force(const struct task *task)
 {
     double right[3], left[3];
 
-    hand_force(task, RIGHT, right);
-    hand_force(task, LEFT, left);
+    grasp_hand_force(task, RIGHT, right);
+    grasp_hand_force(task, LEFT, left);
     return -right[2] - left[2];
 }
 
-static double on_feet(const struct task *task)
+static double grasp_feet_force(const struct task *task)
 {
     const struct grasp *grasp = task->state;
 
@@ -226,57 +212,42 @@ static double on_feet(const struct task *task)
 }
 
 /* On feet, 0 where they hang: a robot whose base is held. */
-static double weight(const struct grasp *grasp)
+static double grasp_weight(const struct grasp *grasp)
 {
     return fmax(grasp->feet_sum / (double)grasp->weighed, 0);
 }
 
-static void weigh(struct task *task)
+static void grasp_weigh(struct task *task)
 {
     struct grasp *grasp = task->state;
 
     for (int side = 0; side < SIDES; side++) {
         double force[3];
 
-        wrist_force(task, side, force);
+        grasp_wrist_force(task, side, force);
         for (int k = 0; k < 3; k++) {
             grasp->wrist_sum[side][k] += force[k];
         }
     }
-    grasp->feet_sum += on_feet(task);
+    grasp->feet_sum += grasp_feet_force(task);
     grasp->weighed++;
 }
 
-static bool motors_follow(struct task *task)
-{
-    struct grasp *grasp = task->state;
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        double error = fabs(servo_reference(task->servo, i) - host_joint(task->host, i)->motor_rad);
-
-        grasp->worst_error_rad = fmax(grasp->worst_error_rad, error);
-        if (error > STRAY_RAD) {
-            snprintf(task->message, sizeof task->message, "joint %s is %.2f rad from its reference",
-                     task->config.host.axis[i].joint, error);
-            return false;
-        }
-    }
-    return true;
-}
-
-/* false with a message when the robot no longer stands or has lost what it holds */
-static bool all_well(struct task *task, double t)
+/* False with a message when the robot no longer stands or has lost the object. */
+static bool grasp_is_healthy(struct task *task, double t)
 {
     struct grasp *grasp = task->state;
     const struct grasp_config *config = &task->config.grasp;
     bool closed = config->phase[grasp->phase].closed;
-    double least = fmin(press(task, RIGHT), press(task, LEFT));
+    double least = fmin(grasp_press_force(task, RIGHT), grasp_press_force(task, LEFT));
     bool lost = closed && config->least_press_n > 0 && least < config->least_press_n;
-    bool fallen = weight(grasp) > 0 && on_feet(task) < LIGHT * weight(grasp);
+    bool fallen = grasp_weight(grasp) > 0 && grasp_feet_force(task) < LIGHT * grasp_weight(grasp);
 
-    if (!motors_follow(task)) {
+    if (!task_motors_follow(task, &grasp->worst_error_rad)) {
         return false;
     }
+
+    /* A loss counts when it lasts: fine_s is when all was in order last */
     if (closed) {
         grasp->least_n = fmin(grasp->least_n, least);
     }
@@ -284,20 +255,22 @@ static bool all_well(struct task *task, double t)
         grasp->fine_s = t;
     } else if (t - grasp->fine_s > LOST_S && fallen) {
         snprintf(task->message, sizeof task->message,
-                 "the robot fell: the feet carry %.0f N of %.0f N", on_feet(task), weight(grasp));
+                 "the robot fell: the feet carry %.0f N of %.0f N", grasp_feet_force(task),
+                 grasp_weight(grasp));
         return false;
     } else if (t - grasp->fine_s > LOST_S) {
         snprintf(task->message, sizeof task->message,
                  "the grip is lost: the wrists press with %.1f N (right) and %.1f N (left), "
                  "expected %.1f N at least",
-                 press(task, RIGHT), press(task, LEFT), config->least_press_n);
+                 grasp_press_force(task, RIGHT), grasp_press_force(task, LEFT),
+                 config->least_press_n);
         return false;
     }
     return true;
 }
 
-/* into the phase of the path that t is in */
-static void follow_path(struct task *task, double t)
+/* Moves the arms along the path, in the phase that t is in. */
+static void grasp_follow_path(struct task *task, double t)
 {
     const struct grasp_config *config = &task->config.grasp;
     struct grasp *grasp = task->state;
@@ -305,18 +278,19 @@ static void follow_path(struct task *task, double t)
     while (grasp->phase + 1 < config->nphase && t >= config->phase[grasp->phase].until_s) {
         grasp->phase++;
     }
-    move_arms(task, t);
+    grasp_move_arms(task, t);
 }
 
-static void describe(struct task *task, const char *doing)
+static void grasp_describe(struct task *task, const char *doing)
 {
     snprintf(task->message, sizeof task->message,
-             "%s: wrists press with %.1f N and %.1f N and carry %.1f N", doing, press(task, RIGHT),
-             press(task, LEFT), carried(task));
+             "%s: wrists press with %.1f N and %.1f N and carry %.1f N", doing,
+             grasp_press_force(task, RIGHT), grasp_press_force(task, LEFT),
+             grasp_carried_force(task));
 }
 
-/* at the end, with the grip never lost: was it lifted? */
-static enum task_status judge(struct task *task)
+/* The verdict at the end, when the grip was never lost: do the wrists carry the object? */
+static enum task_status grasp_judge_lift(struct task *task)
 {
     const struct grasp *grasp = task->state;
     double least = task->config.grasp.least_carry_n;
@@ -328,7 +302,7 @@ static enum task_status judge(struct task *task)
                  "not lifted: the wrists carry %.1f N, expected %.1f N at least", mean, least);
         return TASK_FAILED;
     }
-    describe(task, "held to the end");
+    grasp_describe(task, "held to the end");
     snprintf(task->message + strlen(task->message), sizeof task->message - strlen(task->message),
              "; pressed with %.1f N at least, worst motor error %.1f mrad", grasp->least_n,
              1e3 * grasp->worst_error_rad);
@@ -341,34 +315,37 @@ static enum task_status grasp_step(struct task *task, double t)
     const struct grasp_config *config = &task->config.grasp;
     double end = config->phase[config->nphase - 1].until_s;
 
-    hold_pose(task, t);
-    /* weighed once at least, also when a stall of the machine skips the time for it */
+    /* Stand; nothing is held yet, so that what the sensors show is the weight of the robot */
+    task_hold_pose(task, grasp->from, config->settle_s / 2, t);
+    /* Weighed once at least, even when a stall of the computer skips the time for it */
     if (t < config->settle_s || !grasp->weighed) {
         if (t > config->settle_s - WEIGH_S) {
-            weigh(task);
+            grasp_weigh(task);
         }
         if (task->tells) {
             snprintf(task->message, sizeof task->message, "settling, feet carry %.1f N",
-                     on_feet(task));
+                     grasp_feet_force(task));
         }
         return TASK_RUNNING;
     }
+
+    /* The path, then standing still with the object */
     t -= config->settle_s;
-    follow_path(task, t);
-    if (!all_well(task, t)) {
+    grasp_follow_path(task, t);
+    if (!grasp_is_healthy(task, t)) {
         return TASK_FAILED;
     }
     if (t < end + config->hold_s) {
         if (t > end) {
-            grasp->carried_sum += carried(task);
+            grasp->carried_sum += grasp_carried_force(task);
             grasp->carried_count++;
         }
         if (task->tells) {
-            describe(task, t > end ? "hold" : config->phase[grasp->phase].name);
+            grasp_describe(task, t > end ? "hold" : config->phase[grasp->phase].name);
         }
         return TASK_RUNNING;
     }
-    return judge(task);
+    return grasp_judge_lift(task);
 }
 
 const struct task_ops task_grasp = {

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The host's core: the map of boards, time and lockstep, queues, the phases of the start-up. */
+/* The host's core: the map of boards, time and lockstep, what arrives and what is sent. */
 #include "tasks/host_private.h"
 
-#include "boards/icub/protocol.h"
 #include "canbus/lockstep.h"
 
 #include <math.h>
@@ -12,20 +11,14 @@
 enum {
     RECEIVE_BATCH = 64,
     BATCHES_MAX = 64, /* of one bus in one period: a flood must not hold the period up */
-    REQUEST_TRIES = 3,
-    STEPS_APART = 50, /* farther back than answers to repeated STEPs: another simulator */
+    STEPS_APART = 50, /* farther back than answers to repeated STEPs: it was restarted */
 };
 
-static const int64_t MS = 1000000;
-static const int64_t DISCOVERY_TIMEOUT = 8000; /* ms: boards may boot for five seconds */
-static const int64_t DISCOVERY_REPEAT = 250;   /* ms */
-static const int64_t ENABLE_TIMEOUT = 1000;    /* ms; a status follows a mode within 10 */
-static const int64_t REPLY_TIMEOUT = 300;      /* ms a request, as real hosts wait */
-static const int64_t TELEMETRY_TIMEOUT = 200;  /* ms without rotor positions */
+static const int64_t STEP_REPEAT_NS = 100000000;
 
 /* ---- creation ---- */
 
-static const struct host_ops *ops_of(const struct host_config *config, size_t bus)
+static const struct host_ops *host_bus_ops(const struct host_config *config, size_t bus)
 {
     static const struct host_ops *const known[] = {
         [HOST_ICUB] = &host_icub, [HOST_FOC] = &host_foc, [HOST_COMPACT] = &host_compact};
@@ -33,8 +26,10 @@ static const struct host_ops *ops_of(const struct host_config *config, size_t bu
     return config->bus ? known[config->bus[bus].personality] : &host_icub;
 }
 
-static enum error_code claim_node(struct host *host, int bus, unsigned address, enum host_kind kind,
-                                  struct host_node **out, struct error *error)
+/* The node at an address, which must be of one kind. */
+static enum error_code host_claim_node(struct host *host, int bus, unsigned address,
+                                       enum host_kind kind, struct host_node **out,
+                                       struct error *error)
 {
     const struct host_ops *ops;
     struct host_node *node;
@@ -64,16 +59,20 @@ static enum error_code claim_node(struct host *host, int bus, unsigned address, 
     return ERROR_NONE;
 }
 
-static enum error_code map_axis(struct host *host, size_t index, struct error *error)
+/* Where a joint's motor and its torque stand. */
+static enum error_code host_map_axis(struct host *host, size_t index, struct error *error)
 {
     const struct host_axis *axis = &host->config.axis[index];
     struct host_node *node;
     enum error_code code =
-        claim_node(host, axis->bus, axis->address, HOST_MOTOR_BOARD, &node, error);
+        host_claim_node(host, axis->bus, axis->address, HOST_MOTOR_BOARD, &node, error);
 
     if (code) {
         return code;
     }
+
+    /* The motor: one joint an axis; a 2FOC host needs the gear and the spring for the link's
+     * angle */
     if (axis->axis >= host->line[axis->bus].ops->axes || node->axis[axis->axis] >= 0) {
         return error_set(error, ERROR_INPUT, "host: joint %s shares its axis", axis->joint);
     }
@@ -83,11 +82,13 @@ static enum error_code map_axis(struct host *host, size_t index, struct error *e
         return error_set(error, ERROR_INPUT, "host: joint %s has no gear or no spring",
                          axis->joint);
     }
+
+    /* The torque, if a board of its own measures it */
     if (axis->torque_address < 0) {
         return ERROR_NONE;
     }
-    code = claim_node(host, axis->bus, (unsigned)axis->torque_address, HOST_TORQUE_BOARD, &node,
-                      error);
+    code = host_claim_node(host, axis->bus, (unsigned)axis->torque_address, HOST_TORQUE_BOARD,
+                           &node, error);
     if (code) {
         return code;
     }
@@ -100,11 +101,24 @@ static enum error_code map_axis(struct host *host, size_t index, struct error *e
     return ERROR_NONE;
 }
 
+static enum error_code host_map_force(struct host *host, size_t index, struct error *error)
+{
+    const struct host_ft *ft = &host->config.ft[index];
+    struct host_node *node;
+    enum error_code code = host_claim_node(host, ft->bus, ft->address, HOST_FT_BOARD, &node, error);
+
+    if (code) {
+        return code;
+    }
+    node->ft = (int)index;
+    node->period_ns = ft->period_ns;
+    return ERROR_NONE;
+}
+
 enum error_code host_create(const struct host_config *config, struct arena *arena,
                             struct host **out, struct error *error)
 {
     struct host *host = arena_alloc(arena, 1, sizeof *host);
-    enum error_code code = ERROR_NONE;
 
     if (host) {
         host->line = arena_alloc(arena, config->nbus, sizeof *host->line);
@@ -117,27 +131,30 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
     }
     host->config = *config;
     for (size_t b = 0; b < config->nbus; b++) {
-        host->line[b].ops = ops_of(config, b);
+        host->line[b].ops = host_bus_ops(config, b);
         for (int k = 0; k < HOST_SLOTS; k++) {
             host->line[b].slot[k] = -1;
         }
     }
-    for (size_t i = 0; i < config->naxis && !code; i++) {
-        host->joint[i].motor_time_ns = -1;
-        code = map_axis(host, i, error);
-    }
-    for (size_t i = 0; i < config->nft && !code; i++) {
-        struct host_node *node;
 
-        code =
-            claim_node(host, config->ft[i].bus, config->ft[i].address, HOST_FT_BOARD, &node, error);
-        if (!code) {
-            node->ft = (int)i;
-            node->period_ns = config->ft[i].period_ns;
+    /* The map of the rig: which axis or sensor stands behind which address */
+    for (size_t i = 0; i < config->naxis; i++) {
+        enum error_code code = host_map_axis(host, i, error);
+
+        if (code) {
+            return code;
+        }
+        host->joint[i].motor_time_ns = -1;
+    }
+    for (size_t i = 0; i < config->nft; i++) {
+        enum error_code code = host_map_force(host, i, error);
+
+        if (code) {
+            return code;
         }
     }
     *out = host;
-    return code;
+    return ERROR_NONE;
 }
 
 /* ---- what arrives ---- */
@@ -148,7 +165,7 @@ struct host_joint *host_node_joint(struct host *host, const struct host_node *no
 }
 
 /* The simulator is not at the tick of a STEP of ours. */
-static void read_refusal(struct host *host, uint32_t tick)
+static void host_read_refusal(struct host *host, uint32_t tick)
 {
     if (tick == host->step_tick) {
         return; /* of an earlier copy of a repeated STEP; the one that is out will run */
@@ -156,14 +173,14 @@ static void read_refusal(struct host *host, uint32_t tick)
     if (tick + STEPS_APART < host->step_tick && host->phase != HOST_FAILED) {
         host->phase = HOST_FAILED;
         host->lost = true;
-        snprintf(host->message, sizeof host->message, "the simulator began anew: it is at tick %u",
-                 (unsigned)tick);
+        snprintf(host->message, sizeof host->message,
+                 "the simulator was restarted: it is at tick %u", (unsigned)tick);
     }
     host->step_refused = true;
     host->tick = tick;
 }
 
-static void read_done(struct host *host, struct host_line *line, const struct bus_frame *frame)
+static void host_read_done(struct host *host, struct host_line *line, const struct bus_frame *frame)
 {
     uint32_t tick;
     uint16_t flags;
@@ -174,9 +191,9 @@ static void read_done(struct host *host, struct host_line *line, const struct bu
     flags = get_u16_le(frame->data + 4);
     tick = get_u32_le(frame->data);
     if (flags & LOCKSTEP_MISMATCH && tick != host->step_tick + 1) {
-        read_refusal(host, tick);
+        host_read_refusal(host, tick);
     } else {
-        /* or a refusal of a copy of the STEP, which has run: its DONE may have been lost here */
+        /* Or a refusal of a copy of the STEP, which has run: its DONE may have been lost */
         line->done = true;
         host->tick = tick;
     }
@@ -187,7 +204,7 @@ static void read_done(struct host *host, struct host_line *line, const struct bu
     }
 }
 
-static void read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
+static void host_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     struct host_line *line = &host->line[bus];
 
@@ -195,13 +212,13 @@ static void read_frame(struct host *host, size_t bus, const struct bus_frame *fr
         return;
     }
     if (host->config.lockstep && frame->id == host->config.done_id) {
-        read_done(host, line, frame);
+        host_read_done(host, line, frame);
     } else {
         line->ops->read(host, bus, frame);
     }
 }
 
-static void read_bus(struct host *host, size_t bus)
+static void host_read_bus(struct host *host, size_t bus)
 {
     struct bus_frame frames[RECEIVE_BATCH];
     size_t count = RECEIVE_BATCH;
@@ -209,7 +226,7 @@ static void read_bus(struct host *host, size_t bus)
     for (int batch = 0; batch < BATCHES_MAX && count == RECEIVE_BATCH; batch++) {
         count = can_receive(host->config.port[bus], frames, RECEIVE_BATCH);
         for (size_t i = 0; i < count; i++) {
-            read_frame(host, bus, &frames[i]);
+            host_read_frame(host, bus, &frames[i]);
         }
     }
 }
@@ -222,7 +239,7 @@ bool host_receive(struct host *host, int64_t now_ns)
         host->now_ns = now_ns;
     }
     for (size_t b = 0; b < host->config.nbus; b++) {
-        read_bus(host, b);
+        host_read_bus(host, b);
         all_done = all_done && host->line[b].done;
     }
     if (!host->config.lockstep) {
@@ -257,14 +274,14 @@ void host_queue(struct host *host, size_t bus, const struct bus_frame *frame)
     }
 }
 
-static struct host_line *line_of(struct host *host, size_t axis)
+static struct host_line *host_axis_line(struct host *host, size_t axis)
 {
     return &host->line[host->config.axis[axis].bus];
 }
 
 void host_set_motor(struct host *host, size_t axis, bool on)
 {
-    struct host_line *line = line_of(host, axis);
+    struct host_line *line = host_axis_line(host, axis);
 
     host->volts[axis] = 0;
     line->driving = line->driving || on;
@@ -273,7 +290,7 @@ void host_set_motor(struct host *host, size_t axis, bool on)
 
 void host_set_voltage(struct host *host, size_t axis, double volts)
 {
-    struct host_line *line = line_of(host, axis);
+    struct host_line *line = host_axis_line(host, axis);
 
     host->volts[axis] = fmin(fmax(volts, -host->config.supply_v), host->config.supply_v);
     if (line->ops->set_voltage) {
@@ -286,7 +303,7 @@ double host_duty(const struct host *host, size_t axis)
     return host->volts[axis] / host->config.supply_v;
 }
 
-static struct bus_frame step_frame(const struct host *host)
+static struct bus_frame host_step_frame(const struct host *host)
 {
     uint8_t data[LOCKSTEP_LENGTH];
 
@@ -312,7 +329,7 @@ void host_send(struct host *host)
         struct bus_frame step;
 
         host->step_tick = host->tick;
-        step = step_frame(host);
+        step = host_step_frame(host);
         can_send(host->config.port[host->config.lockstep_bus], &step, 1);
         host->step_waits = true;
         host->step_sent_ns = -1;
@@ -327,207 +344,15 @@ void host_repeat_step(struct host *host, int64_t now_ns)
     if (host->step_sent_ns < 0) {
         host->step_sent_ns = now_ns;
     }
-    if (now_ns - host->step_sent_ns >= 100 * MS) {
-        struct bus_frame step = step_frame(host);
+    if (now_ns - host->step_sent_ns >= STEP_REPEAT_NS) {
+        struct bus_frame step = host_step_frame(host);
 
         can_send(host->config.port[host->config.lockstep_bus], &step, 1);
         host->step_sent_ns = now_ns;
     }
 }
 
-/* ---- start-up ---- */
-
-static void enter(struct host *host, enum host_phase phase)
-{
-    host->phase = phase;
-    host->phase_since_ns = host->now_ns;
-}
-
-void host_fail_node(struct host *host, size_t bus, unsigned address, const char *what)
-{
-    if (host->phase != HOST_FAILED) { /* the first failure is the cause of the others */
-        snprintf(host->message, sizeof host->message, "board %u on %s %s", address,
-                 host->config.port[bus]->bus, what);
-        host->phase = HOST_FAILED;
-    }
-}
-
-/* Calls step for every board of ours; true when it was true for all. */
-static bool every_node(struct host *host, bool (*step)(struct host *, size_t bus, unsigned address))
-{
-    bool all = true;
-
-    for (size_t b = 0; b < host->config.nbus; b++) {
-        for (unsigned a = 1; a < HOST_ADDRESSES; a++) {
-            if (host->line[b].node[a].kind != HOST_NO_BOARD && !step(host, b, a)) {
-                all = false;
-            }
-        }
-    }
-    return all;
-}
-
-static bool node_found(struct host *host, size_t bus, unsigned address)
-{
-    return host->line[bus].node[address].found;
-}
-
-static enum host_phase discover(struct host *host)
-{
-    if (every_node(host, node_found)) {
-        enter(host, HOST_CONFIGURING);
-        return host->phase;
-    }
-    if (!host->asked) {
-        host->phase_since_ns = host->now_ns;
-    }
-    if (!host->asked || host->now_ns - host->asked_ns >= DISCOVERY_REPEAT * MS) {
-        for (size_t b = 0; b < host->config.nbus; b++) {
-            host->line[b].ops->discover(host, b);
-        }
-        host->asked = true;
-        host->asked_ns = host->now_ns;
-    }
-    if (host->now_ns - host->phase_since_ns > DISCOVERY_TIMEOUT * MS) {
-        for (size_t b = 0; b < host->config.nbus; b++) {
-            for (unsigned a = 1; a < HOST_ADDRESSES; a++) {
-                if (host->line[b].node[a].kind != HOST_NO_BOARD && !host->line[b].node[a].found) {
-                    host_fail_node(host, b, a, "does not answer discovery");
-                    host->lost = true;
-                    return host->phase;
-                }
-            }
-        }
-    }
-    return host->phase;
-}
-
-static bool configure_node(struct host *host, size_t bus, unsigned address)
-{
-    struct host_node *node = &host->line[bus].node[address];
-    struct host_request request = {0};
-
-    bool waits = node->answered < node->requested;
-
-    if (waits && host->now_ns - node->request_time_ns <= REPLY_TIMEOUT * MS) {
-        return false;
-    }
-    if (waits && node->tries == REQUEST_TRIES) {
-        host_fail_node(host, bus, address, "does not answer a start-up request");
-        host->lost = true;
-        return false;
-    }
-    if (!host->line[bus].ops->request(host, bus, address, node->answered, &request)) {
-        return true;
-    }
-    host_queue(host, bus, &request.frame);
-    node->requested = node->answered + 1;
-    node->answered += !request.reply;
-    node->tries = waits ? node->tries + 1 : 1;
-    node->request_time_ns = host->now_ns;
-    return false;
-}
-
-/* ": over-current, under-voltage", or nothing */
-static const char *fault_names(const struct host *host, size_t axis, char text[96])
-{
-    const char *const *name = host->line[host->config.axis[axis].bus].ops->fault_name;
-    size_t used = 0;
-
-    text[0] = '\0';
-    for (int bit = 0; bit < 32 && used < 95; bit++) {
-        if (host->joint[axis].fault >> bit & 1 && name[bit]) {
-            used += (size_t)snprintf(text + used, 96 - used, "%s%s", used ? ", " : ": ", name[bit]);
-        }
-    }
-    return text;
-}
-
-static enum host_phase fail_joint(struct host *host, size_t axis, const char *what)
-{
-    const struct host_joint *joint = &host->joint[axis];
-    char names[96];
-
-    if (joint->motor == HOST_MOTOR_FAULT) {
-        snprintf(host->message, sizeof host->message, "joint %s is in fault 0x%02X%s",
-                 host->config.axis[axis].joint, (unsigned)joint->fault,
-                 fault_names(host, axis, names));
-    } else {
-        snprintf(host->message, sizeof host->message, "joint %s %s", host->config.axis[axis].joint,
-                 what);
-    }
-    return host->phase = HOST_FAILED;
-}
-
-static enum host_phase enable(struct host *host)
-{
-    bool all = true;
-
-    /* off first, which leaves a fault of an earlier run; then on, and again what has not obeyed */
-    if (host->enabling < 2 || host->now_ns - host->asked_ns >= REPLY_TIMEOUT * MS) {
-        for (size_t i = 0; i < host->config.naxis; i++) {
-            if (host->enabling < 2 || host->joint[i].motor != HOST_MOTOR_ON) {
-                host_set_motor(host, i, host->enabling > 0);
-            }
-        }
-        host->enabling++;
-        host->asked_ns = host->now_ns;
-    }
-    for (size_t i = 0; i < host->config.naxis; i++) {
-        const struct host_joint *joint = &host->joint[i];
-        bool ready =
-            joint->motor == HOST_MOTOR_ON && joint->motor_time_ns >= 0 && joint->joint_seen;
-
-        if (!ready && host->now_ns - host->phase_since_ns > ENABLE_TIMEOUT * MS) {
-            return fail_joint(host, i,
-                              joint->motor == HOST_MOTOR_ON ? "does not tell its position"
-                                                            : "does not switch its motor on");
-        }
-        all = all && ready;
-    }
-    if (all) {
-        enter(host, HOST_READY);
-    }
-    return host->phase;
-}
-
-enum host_phase host_start_up(struct host *host)
-{
-    switch (host->phase) {
-    case HOST_DISCOVERING:
-        return discover(host);
-    case HOST_CONFIGURING:
-        if (every_node(host, configure_node) && host->phase == HOST_CONFIGURING) {
-            enter(host, HOST_ENABLING);
-        }
-        return host->phase;
-    case HOST_ENABLING:
-        return enable(host);
-    default:
-        return host->phase;
-    }
-}
-
 /* ---- what others ask ---- */
-
-bool host_healthy(struct host *host)
-{
-    for (size_t i = 0; i < host->config.naxis && host->phase != HOST_FAILED; i++) {
-        const struct host_joint *joint = &host->joint[i];
-
-        if (joint->motor != HOST_MOTOR_ON) {
-            /* off without a fault: a board that has started anew */
-            host->lost = joint->motor == HOST_MOTOR_OFF;
-            fail_joint(host, i,
-                       joint->motor == HOST_MOTOR_OTHER ? "is in another mode than it was put into"
-                                                        : "has switched its motor off");
-        } else if (host->now_ns - joint->motor_time_ns > TELEMETRY_TIMEOUT * MS) {
-            fail_joint(host, i, "has gone silent");
-            host->lost = joint->motor != HOST_MOTOR_FAULT;
-        }
-    }
-    return host->phase != HOST_FAILED;
-}
 
 const struct host_joint *host_joint(const struct host *host, size_t axis)
 {
@@ -552,14 +377,4 @@ int host_find_axis(const struct host *host, const char *joint)
         }
     }
     return -1;
-}
-
-const char *host_message(const struct host *host)
-{
-    return host->message;
-}
-
-bool host_lost(const struct host *host)
-{
-    return host->phase == HOST_FAILED && host->lost;
 }

@@ -3,7 +3,7 @@
  * The host of the boards: discovers and configures them over CAN ports, keeps their latest
  * telemetry, switches motors and sends voltages. Each bus speaks one personality (icub, foc,
  * compact), and a host mixes them. It knows the map of the rig and the protocols, nothing else. One
- * thread; RT-safe after creation.
+ * thread; RT-safe after creation. Units: SI, angles at the link side of the gear.
  */
 #ifndef TASKS_HOST_H
 #define TASKS_HOST_H
@@ -23,7 +23,7 @@ enum host_phase {
 };
 
 enum host_motor {
-    HOST_MOTOR_UNKNOWN, /* the board has not said */
+    HOST_MOTOR_UNKNOWN, /* the board has not reported it */
     HOST_MOTOR_OFF,
     HOST_MOTOR_ON,    /* obeys voltages */
     HOST_MOTOR_OTHER, /* on in a mode that the host did not ask for */
@@ -33,7 +33,8 @@ enum host_motor {
 /* The latest that the boards said about one joint. */
 struct host_joint {
     /* Link and rotor encoder (rotor on the link side of the gear). HOST_FOC has no link encoder:
-     * there joint_rad is the rotor less what the spring yields under the measured torque. */
+     * there joint_rad is the rotor's angle less the spring's deflection under the measured
+     * torque. */
     double joint_rad, motor_rad;
     double current_a, torque_nm;
     enum host_motor motor;
@@ -58,7 +59,7 @@ bool host_receive(struct host *host, int64_t now_ns);
 /* Host time: virtual time of the last DONE in lockstep, else the now_ns of the last receive. */
 int64_t host_time_ns(const struct host *host);
 
-/* Carries the start-up on by one period; returns the phase reached. */
+/* Continues the start-up by one period; returns the phase reached. */
 enum host_phase host_start_up(struct host *host);
 
 /* Commands of this period. A motor that is switched, on or off, gets 0 V. Where a personality wants
@@ -69,8 +70,8 @@ void host_set_voltage(struct host *host, size_t axis, double volts);
 /* Ends the period: sends what is queued, bus by bus, and in lockstep the STEP frame last. */
 void host_send(struct host *host);
 
-/* In lockstep, when DONE has not come: sends the STEP again after 100 ms of now_ns; a simulator that
- * had it already answers with its tick. */
+/* In lockstep, when DONE has not come: sends the STEP again after 100 ms of now_ns; a simulator
+ * that had it already answers with its tick. */
 void host_repeat_step(struct host *host, int64_t now_ns);
 
 const struct host_joint *host_joint(const struct host *host, size_t axis);
@@ -86,8 +87,8 @@ bool host_healthy(struct host *host);
 
 const char *host_message(const struct host *host);
 
-/* Whether it failed because boards fell silent, did not answer or have begun anew, which another host
- * may find mended: what to look at before a start with a new one. */
+/* Whether it failed because boards do not answer, stopped transmitting or were restarted: then a
+ * new host may find them again. */
 bool host_lost(const struct host *host);
 
 #endif

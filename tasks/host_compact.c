@@ -18,12 +18,12 @@ static const char *const fault_name[32] = {
 
 /* ---- what arrives ---- */
 
-static int32_t sign_extend(uint64_t bits, int width)
+static int32_t compact_sign_extend(uint64_t bits, int width)
 {
     return (int32_t)((int64_t)(bits << (64 - width)) >> (64 - width));
 }
 
-static void set_mode(struct host_joint *joint, unsigned mode)
+static void compact_set_joint_mode(struct host_joint *joint, unsigned mode)
 {
     joint->motor = mode == COMPACT_VOLTAGE ? HOST_MOTOR_ON
                    : mode == COMPACT_OFF   ? HOST_MOTOR_OFF
@@ -31,33 +31,36 @@ static void set_mode(struct host_joint *joint, unsigned mode)
                                            : HOST_MOTOR_OTHER;
 }
 
-static void read_telemetry(struct host *host, struct host_joint *joint,
-                           const struct bus_frame *frame)
+static void host_compact_read_telemetry(struct host *host, struct host_joint *joint,
+                                        const struct bus_frame *frame)
 {
     uint64_t bits = (uint64_t)get_u32_le(frame->data + 4) << 32 | get_u32_le(frame->data);
-    int32_t motor = sign_extend(bits, 22), deflection = sign_extend(bits >> 22, 16);
+    int32_t motor = compact_sign_extend(bits, 22), deflection = compact_sign_extend(bits >> 22, 16);
 
     joint->motor_rad = motor * COMPACT_POSITION_RAD;
     joint->joint_rad = (motor - deflection) * COMPACT_POSITION_RAD;
-    joint->current_a = sign_extend(bits >> 38, 12) * COMPACT_CURRENT_A;
-    joint->torque_nm = sign_extend(bits >> 50, 12) * COMPACT_TORQUE_NM;
+    joint->current_a = compact_sign_extend(bits >> 38, 12) * COMPACT_CURRENT_A;
+    joint->torque_nm = compact_sign_extend(bits >> 50, 12) * COMPACT_TORQUE_NM;
     joint->motor_time_ns = host->now_ns;
     joint->joint_seen = true;
 }
 
-static void read_telemetry_fd(struct host *host, struct host_joint *joint, const uint8_t *data)
+static void host_compact_read_telemetry_fd(struct host *host, struct host_joint *joint,
+                                           const uint8_t *data)
 {
     joint->motor_rad = get_i32_le(data) * COMPACT_POSITION_RAD;
     joint->joint_rad = get_i32_le(data + 4) * COMPACT_POSITION_RAD;
     joint->current_a = get_i16_le(data + 10) * COMPACT_SET_CURRENT_A;
-    joint->torque_nm = sign_extend(get_u32_le(data + 12) & 0xffffff, 24) * COMPACT_TORQUE_FD_NM;
+    joint->torque_nm =
+        compact_sign_extend(get_u32_le(data + 12) & 0xffffff, 24) * COMPACT_TORQUE_FD_NM;
     joint->motor_time_ns = host->now_ns;
     joint->joint_seen = true;
-    set_mode(joint, data[15] & 7);
+    compact_set_joint_mode(joint, data[15] & 7);
 }
 
-/* frames that a board sends about one of its axes */
-static void read_axis(struct host *host, struct host_line *line, const struct bus_frame *frame)
+/* A frame that a board sends about one of its axes. */
+static void host_compact_read_axis(struct host *host, struct host_line *line,
+                                   const struct bus_frame *frame)
 {
     unsigned function = frame->id >> 5, slot = frame->id & 0x1f;
     struct host_joint *joint = line->slot[slot] < 0 ? NULL : &host->joint[line->slot[slot]];
@@ -66,14 +69,14 @@ static void read_axis(struct host *host, struct host_line *line, const struct bu
         return;
     }
     if (function == COMPACT_TELEMETRY && frame->len == COMPACT_TELEMETRY_LENGTH) {
-        read_telemetry(host, joint, frame);
+        host_compact_read_telemetry(host, joint, frame);
     } else if (function == COMPACT_STATE && frame->len == COMPACT_STATE_LENGTH) {
         joint->fault = get_u16_le(frame->data + 1);
-        set_mode(joint, frame->data[0] & 7);
+        compact_set_joint_mode(joint, frame->data[0] & 7);
     }
 }
 
-static void read_wrench(struct host_force *force, const struct bus_frame *frame)
+static void host_compact_read_wrench(struct host_force *force, const struct bus_frame *frame)
 {
     unsigned function = frame->id >> 5;
     bool both = function == COMPACT_WRENCH_FD;
@@ -94,10 +97,10 @@ static void read_wrench(struct host_force *force, const struct bus_frame *frame)
     }
 }
 
-/* The slots of a board's axes are the board's to say; what is not as the rig has it ends the
+/* A board's answer to discovery says which slots its axes have; what contradicts the rig ends the
  * start-up. */
-static void read_identity(struct host *host, size_t bus, struct host_node *node,
-                          const struct bus_frame *frame)
+static void host_compact_read_identity(struct host *host, size_t bus, struct host_node *node,
+                                       const struct bus_frame *frame)
 {
     struct host_line *line = &host->line[bus];
     const uint8_t *data = frame->data;
@@ -107,6 +110,8 @@ static void read_identity(struct host *host, size_t bus, struct host_node *node,
     if (frame->len != COMPACT_IDENTITY_LENGTH || node->found) {
         return;
     }
+
+    /* Is it the board that the rig has there? */
     if (data[3] != COMPACT_PROTOCOL_VERSION) {
         host_fail_node(host, bus, frame->id & 0x1f, "speaks another version of the protocol");
         return;
@@ -116,6 +121,8 @@ static void read_identity(struct host *host, size_t bus, struct host_node *node,
         host_fail_node(host, bus, frame->id & 0x1f, "is of another kind");
         return;
     }
+
+    /* Set-points go by slot from now on */
     for (unsigned k = 0; k < HOST_AXES; k++) {
         if (motor && node->axis[k] >= 0 && (k >= axes || line->slot[first + k] >= 0)) {
             host_fail_node(host, bus, frame->id & 0x1f, "has other axes");
@@ -128,8 +135,8 @@ static void read_identity(struct host *host, size_t bus, struct host_node *node,
     node->found = true;
 }
 
-static void read_reply(struct host *host, size_t bus, struct host_node *node,
-                       const struct bus_frame *frame)
+static void host_compact_read_reply(struct host *host, size_t bus, struct host_node *node,
+                                    const struct bus_frame *frame)
 {
     if (frame->len != COMPACT_REPLY_LENGTH || node->answered == node->requested) {
         return;
@@ -141,8 +148,8 @@ static void read_reply(struct host *host, size_t bus, struct host_node *node,
     node->answered = node->requested;
 }
 
-/* frames that are a board's */
-static void read_node(struct host *host, size_t bus, const struct bus_frame *frame)
+/* A frame of a board as a whole. */
+static void host_compact_read_node(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     struct host_node *node = &host->line[bus].node[frame->id & 0x1f];
 
@@ -150,12 +157,14 @@ static void read_node(struct host *host, size_t bus, const struct bus_frame *fra
         return;
     }
     switch (frame->id >> 5) {
+    /* Telemetry: on FD buses all axes of a motor board, the wrench of a sensor */
     case COMPACT_TELEMETRY_FD:
         for (int k = 0; k < HOST_AXES && node->kind == HOST_MOTOR_BOARD; k++) {
             struct host_joint *joint = host_node_joint(host, node, k);
 
             if (joint && frame->len >= (k + 1) * COMPACT_TELEMETRY_FD_LENGTH) {
-                read_telemetry_fd(host, joint, frame->data + k * COMPACT_TELEMETRY_FD_LENGTH);
+                host_compact_read_telemetry_fd(host, joint,
+                                               frame->data + k * COMPACT_TELEMETRY_FD_LENGTH);
             }
         }
         break;
@@ -163,7 +172,7 @@ static void read_node(struct host *host, size_t bus, const struct bus_frame *fra
     case COMPACT_MOMENT:
     case COMPACT_WRENCH_FD:
         if (node->kind == HOST_FT_BOARD) {
-            read_wrench(&host->force[node->ft], frame);
+            host_compact_read_wrench(&host->force[node->ft], frame);
         }
         break;
     case COMPACT_FT_STATE:
@@ -171,31 +180,34 @@ static void read_node(struct host *host, size_t bus, const struct bus_frame *fra
             host->force[node->ft].overflow = frame->data[0];
         }
         break;
+
+    /* The start-up */
     case COMPACT_REPLY:
-        read_reply(host, bus, node, frame);
+        host_compact_read_reply(host, bus, node, frame);
         break;
     case COMPACT_IDENTITY:
-        read_identity(host, bus, node, frame);
+        host_compact_read_identity(host, bus, node, frame);
         break;
     default:
         break;
     }
 }
 
-static void read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
+static void host_compact_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     unsigned function = frame->id >> 5;
 
     if (function == COMPACT_TELEMETRY || function == COMPACT_STATE) {
-        read_axis(host, &host->line[bus], frame);
+        host_compact_read_axis(host, &host->line[bus], frame);
     } else {
-        read_node(host, bus, frame);
+        host_compact_read_node(host, bus, frame);
     }
 }
 
 /* ---- what is sent ---- */
 
-static void queue(struct host *host, size_t bus, uint32_t id, uint8_t len, const uint8_t *data)
+static void host_compact_queue(struct host *host, size_t bus, uint32_t id, uint8_t len,
+                               const uint8_t *data)
 {
     struct bus_frame frame = {.id = id, .len = len};
 
@@ -204,16 +216,16 @@ static void queue(struct host *host, size_t bus, uint32_t id, uint8_t len, const
     host_queue(host, bus, &frame);
 }
 
-static void discover(struct host *host, size_t bus)
+static void host_compact_discover(struct host *host, size_t bus)
 {
     static const uint8_t nothing[1];
 
-    queue(host, bus, compact_id(COMPACT_DISCOVER, 0), 0, nothing);
+    host_compact_queue(host, bus, compact_id(COMPACT_DISCOVER, 0), 0, nothing);
 }
 
-/* telemetry once a control period, or as the rig says */
-static bool start_up_request(const struct host *host, size_t bus, unsigned address, int number,
-                             struct host_request *request)
+/* The one request of the start-up: telemetry once a control period, or as the rig says. */
+static bool host_compact_request(const struct host *host, size_t bus, unsigned address, int number,
+                                 struct host_request *request)
 {
     const struct host_node *node = &host->line[bus].node[address];
     int64_t period_ns = node->period_ns > 0 ? node->period_ns : host->config.period_ns;
@@ -227,8 +239,8 @@ static bool start_up_request(const struct host *host, size_t bus, unsigned addre
     return number == 0;
 }
 
-/* the motors of a bus that are switched in one period are switched with one frame */
-static void set_motor(struct host *host, size_t axis, bool on)
+/* All motors of a bus that are switched in one period are switched by one frame at its end. */
+static void host_compact_set_motor(struct host *host, size_t axis, bool on)
 {
     struct host_line *line = &host->line[host->config.axis[axis].bus];
 
@@ -240,19 +252,21 @@ static void set_motor(struct host *host, size_t axis, bool on)
     }
 }
 
-static void queue_mode(struct host *host, size_t bus, enum compact_mode mode, uint32_t *slots)
+static void host_compact_queue_mode(struct host *host, size_t bus, enum compact_mode mode,
+                                    uint32_t *slots)
 {
     uint8_t data[COMPACT_MODE_LENGTH] = {(uint8_t)mode};
 
     if (*slots) {
         put_u32_le(data + 1, *slots);
-        queue(host, bus, compact_id(COMPACT_MODE, 0), sizeof data, data);
+        host_compact_queue(host, bus, compact_id(COMPACT_MODE, 0), sizeof data, data);
         *slots = 0;
     }
 }
 
-/* COMMAND for the slots from first on, as far as there are axes of ours */
-static void queue_command(struct host *host, size_t bus, unsigned first, unsigned count)
+/* Queues COMMAND for the slots from first on, as far as there are axes of ours. */
+static void host_compact_queue_command(struct host *host, size_t bus, unsigned first,
+                                       unsigned count)
 {
     const struct host_line *line = &host->line[bus];
     uint8_t data[64] = {0};
@@ -269,20 +283,21 @@ static void queue_command(struct host *host, size_t bus, unsigned first, unsigne
         }
     }
     if (used > 0) {
-        queue(host, bus, compact_id(COMPACT_COMMAND, first / COMPACT_GROUP), frame_fd_length(used),
-              data);
+        host_compact_queue(host, bus, compact_id(COMPACT_COMMAND, first / COMPACT_GROUP),
+                           frame_fd_length(used), data);
     }
 }
 
-static void end_period(struct host *host, size_t bus)
+/* Modes first, then the set-points of all axes. */
+static void host_compact_end_period(struct host *host, size_t bus)
 {
     struct host_line *line = &host->line[bus];
     unsigned count = host->config.bus[bus].fd ? HOST_SLOTS : COMPACT_GROUP;
 
-    queue_mode(host, bus, COMPACT_OFF, &line->slots_off);
-    queue_mode(host, bus, COMPACT_VOLTAGE, &line->slots_on);
+    host_compact_queue_mode(host, bus, COMPACT_OFF, &line->slots_off);
+    host_compact_queue_mode(host, bus, COMPACT_VOLTAGE, &line->slots_on);
     for (unsigned first = 0; first < HOST_SLOTS && line->driving; first += count) {
-        queue_command(host, bus, first, count);
+        host_compact_queue_command(host, bus, first, count);
     }
 }
 
@@ -290,10 +305,10 @@ const struct host_ops host_compact = {
     .motor_address_max = COMPACT_NODE_MAX,
     .address_max = COMPACT_NODE_MAX,
     .axes = COMPACT_BOARD_AXES,
-    .discover = discover,
-    .request = start_up_request,
-    .read = read_frame,
-    .set_motor = set_motor,
-    .end_period = end_period,
+    .discover = host_compact_discover,
+    .request = host_compact_request,
+    .read = host_compact_read_frame,
+    .set_motor = host_compact_set_motor,
+    .end_period = host_compact_end_period,
     .fault_name = fault_name,
 };

@@ -48,8 +48,8 @@ static const char *const fault_name[32] = {
 
 /* ---- what arrives ---- */
 
-static void read_feedback(struct host *host, const struct host_node *node,
-                          const struct bus_frame *frame)
+static void host_foc_read_feedback(struct host *host, const struct host_node *node,
+                                   const struct bus_frame *frame)
 {
     const struct host_axis *axis = &host->config.axis[node->axis[0]];
     struct host_joint *joint = &host->joint[node->axis[0]];
@@ -62,13 +62,13 @@ static void read_feedback(struct host *host, const struct host_node *node,
     joint->joint_seen = true;
 }
 
-static void read_status(struct host_joint *joint, const struct bus_frame *frame)
+static void host_foc_read_status(struct host_joint *joint, const struct bus_frame *frame)
 {
     joint->fault = get_u32_le(frame->data + 4);
     joint->motor = host_motor_of_mode(frame->data[0]);
 }
 
-static void read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
+static void host_foc_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     struct host_node *node = &host->line[bus].node[frame->id >> 4 & 0xf];
     unsigned cls = frame->id >> 8, x = frame->id & 0xf;
@@ -80,9 +80,9 @@ static void read_frame(struct host *host, size_t bus, const struct bus_frame *fr
         host_strain_read(host, node, frame);
     } else if (cls == ICUB_PERIODIC_MOTOR && x == FOC_FEEDBACK &&
                frame->len == FOC_FEEDBACK_LENGTH) {
-        read_feedback(host, node, frame);
+        host_foc_read_feedback(host, node, frame);
     } else if (cls == ICUB_PERIODIC_MOTOR && x == FOC_STATUS && frame->len == FOC_STATUS_LENGTH) {
-        read_status(&host->joint[node->axis[0]], frame);
+        host_foc_read_status(&host->joint[node->axis[0]], frame);
     } else if (cls == ICUB_POLLING_MOTOR && x == ICUB_HOST && frame->len == 8 &&
                frame->data[0] == FOC_GET_FIRMWARE_VERSION && frame->data[7] == 1) {
         node->answered = node->requested;
@@ -91,7 +91,7 @@ static void read_frame(struct host *host, size_t bus, const struct bus_frame *fr
 
 /* ---- what is sent ---- */
 
-static void put_milliamperes(uint8_t *data, double ampere)
+static void host_foc_put_milliamperes(uint8_t *data, double ampere)
 {
     put_u16_le(data, (uint16_t)lrint(fmin(fmax(ampere * 1e3, 1), INT16_MAX)));
 }
@@ -99,7 +99,8 @@ static void put_milliamperes(uint8_t *data, double ampere)
 /* The PI law that holds the current at its peak; once a millisecond in the board, so that the
  * winding has the pole a = exp(-1 ms R/L) and the law puts one at 1/2. Gains are in thousandths of
  * the supply a mA, as 16 bits with a common shift. */
-static void put_current_law(const struct host *host, const struct host_drive *drive, uint8_t *data)
+static void host_foc_put_current_law(const struct host *host, const struct host_drive *drive,
+                                     uint8_t *data)
 {
     double a = drive->winding_h > 0 ? exp(-1e-3 * drive->winding_ohm / drive->winding_h) : 0;
     double sum = 0.5 * drive->winding_ohm / (1 - a) / host->config.supply_v;
@@ -114,9 +115,9 @@ static void put_current_law(const struct host *host, const struct host_drive *dr
     data[6] = (uint8_t)shift;
 }
 
-/* firmware version with the protocol check, without which nothing is obeyed; the motor; the limits
- * of its current; then the board is ready */
-static bool start_up_request(const struct host *host, size_t bus, unsigned address, int number,
+/* The start-up: firmware version with the protocol check, without which nothing is obeyed; the
+ * motor; the limits of its current; the gains that hold them. */
+static bool host_foc_request(const struct host *host, size_t bus, unsigned address, int number,
                              struct host_request *request)
 {
     const struct host_node *node = &host->line[bus].node[address];
@@ -126,15 +127,16 @@ static bool start_up_request(const struct host *host, size_t bus, unsigned addre
     if (node->kind != HOST_MOTOR_BOARD) {
         return host_strain_request(node, address, number, request);
     }
+
     axis = &host->config.axis[node->axis[0]];
     switch (number) {
-    case 0:
+    case 0: /* who we are */
         data[0] = FOC_GET_FIRMWARE_VERSION;
         data[1] = ICUB_PROTOCOL_MAJOR;
         data[2] = ICUB_PROTOCOL_MINOR;
         len = 3;
         break;
-    case 1:
+    case 1: /* the motor */
         data[0] = FOC_SET_MOTOR_CONFIG;
         data[1] = FOC_HAS_QE;
         put_u16_le(data + 2,
@@ -142,23 +144,25 @@ static bool start_up_request(const struct host *host, size_t bus, unsigned addre
         data[6] = (uint8_t)axis->drive.poles;
         len = 7;
         break;
-    case 2:
+    case 2: /* nominal, peak and overload current */
         data[0] = FOC_SET_CURRENT_LIMIT;
-        put_milliamperes(data + 2, axis->drive.current_limit_a);
-        put_milliamperes(data + 4, 1.5 * axis->drive.current_limit_a);
-        put_milliamperes(data + 6, 2 * axis->drive.current_limit_a);
+        host_foc_put_milliamperes(data + 2, axis->drive.current_limit_a);
+        host_foc_put_milliamperes(data + 4, 1.5 * axis->drive.current_limit_a);
+        host_foc_put_milliamperes(data + 6, 2 * axis->drive.current_limit_a);
         break;
-    default:
+    default: /* the current limiter's law */
         data[0] = FOC_SET_CURRENT_PID;
-        put_current_law(host, &axis->drive, data + 1);
+        host_foc_put_current_law(host, &axis->drive, data + 1);
         break;
     }
+
+    /* Only the first is answered */
     request->frame = frame_make(icub_id(ICUB_POLLING_MOTOR, ICUB_HOST, address), len, data);
     request->reply = number == 0;
     return number <= 3;
 }
 
-static void set_motor(struct host *host, size_t axis, bool on)
+static void host_foc_set_motor(struct host *host, size_t axis, bool on)
 {
     const struct host_axis *at = &host->config.axis[axis];
     uint8_t data[2] = {FOC_SET_CONTROL_MODE, on ? ICUB_MODE_OPEN_LOOP : ICUB_MODE_FORCE_IDLE};
@@ -168,8 +172,8 @@ static void set_motor(struct host *host, size_t axis, bool on)
     host_queue(host, (size_t)at->bus, &frame);
 }
 
-/* Without motors on the bus nothing was ever switched on, and nothing is sent. */
-static void send_targets(struct host *host, size_t bus)
+/* Queues DESIRED_TARGETS when it is due; on a bus without motors it never is. */
+static void host_foc_send_targets(struct host *host, size_t bus)
 {
     struct host_line *line = &host->line[bus];
     uint8_t data[FOC_TARGETS_LENGTH] = {0};
@@ -197,9 +201,9 @@ const struct host_ops host_foc = {
     .address_max = ICUB_ADDRESS_MAX,
     .axes = 1,
     .discover = host_discover_icub,
-    .request = start_up_request,
-    .read = read_frame,
-    .set_motor = set_motor,
-    .end_period = send_targets,
+    .request = host_foc_request,
+    .read = host_foc_read_frame,
+    .set_motor = host_foc_set_motor,
+    .end_period = host_foc_send_targets,
     .fault_name = fault_name,
 };

@@ -9,7 +9,7 @@
 
 enum { AXES = 2 };
 
-/* POSITION, STATUS, CURRENT, MOTOR_POSITION */
+/* The telemetry that the host needs: POSITION, STATUS, CURRENT, MOTOR_POSITION */
 static const uint32_t POLICY = 1u << (ICUB_POSITION - 1) | 1u << (ICUB_STATUS - 1) |
                                1u << (ICUB_CURRENT - 1) | 1u << (ICUB_MOTOR_POSITION - 1);
 
@@ -20,8 +20,8 @@ static const char *const fault_name[32] = {
 
 /* ---- what arrives ---- */
 
-static void read_position(struct host *host, const struct host_node *node, int k, int32_t ticks,
-                          bool rotor)
+static void host_icub_read_position(struct host *host, const struct host_node *node, int k,
+                                    int32_t ticks, bool rotor)
 {
     const struct host_axis *axis = &host->config.axis[node->axis[k]];
     struct host_joint *joint = &host->joint[node->axis[k]];
@@ -35,8 +35,8 @@ static void read_position(struct host *host, const struct host_node *node, int k
     }
 }
 
-static void read_periodic(struct host *host, const struct host_node *node,
-                          const struct bus_frame *frame)
+static void host_icub_read_periodic(struct host *host, const struct host_node *node,
+                                    const struct bus_frame *frame)
 {
     unsigned type = frame->id & 0xf;
 
@@ -50,8 +50,8 @@ static void read_periodic(struct host *host, const struct host_node *node,
             continue;
         }
         if (type == ICUB_POSITION || type == ICUB_MOTOR_POSITION) {
-            read_position(host, node, k, get_i32_le(frame->data + 4 * k),
-                          type == ICUB_MOTOR_POSITION);
+            host_icub_read_position(host, node, k, get_i32_le(frame->data + 4 * k),
+                                    type == ICUB_MOTOR_POSITION);
         } else if (type == ICUB_STATUS) {
             joint->fault = frame->data[2 * k];
             joint->motor = host_motor_of_mode(frame->data[2 * k + 1]);
@@ -61,7 +61,7 @@ static void read_periodic(struct host *host, const struct host_node *node,
     }
 }
 
-static void read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
+static void host_icub_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
 {
     struct host_node *node = &host->line[bus].node[frame->id >> 4 & 0xf];
     unsigned cls = frame->id >> 8;
@@ -72,7 +72,7 @@ static void read_frame(struct host *host, size_t bus, const struct bus_frame *fr
     if (node->kind != HOST_MOTOR_BOARD) {
         host_strain_read(host, node, frame);
     } else if (cls == ICUB_PERIODIC_MOTOR) {
-        read_periodic(host, node, frame);
+        host_icub_read_periodic(host, node, frame);
     } else if (cls == ICUB_POLLING_MOTOR && (frame->id & 0xf) == ICUB_HOST && frame->len == 8 &&
                frame->data[0] == ICUB_GET_FIRMWARE_VERSION && frame->data[7] == 1) {
         node->answered = node->requested;
@@ -81,9 +81,9 @@ static void read_frame(struct host *host, size_t bus, const struct bus_frame *fr
 
 /* ---- what is sent ---- */
 
-/* firmware version with the protocol check, and which telemetry to send */
-static bool start_up_request(const struct host *host, size_t bus, unsigned address, int number,
-                             struct host_request *request)
+/* The start-up: firmware version with the protocol check, and which telemetry to send. */
+static bool host_icub_request(const struct host *host, size_t bus, unsigned address, int number,
+                              struct host_request *request)
 {
     const struct host_node *node = &host->line[bus].node[address];
     uint8_t data[5] = {ICUB_GET_FIRMWARE_VERSION, ICUB_PROTOCOL_MAJOR, ICUB_PROTOCOL_MINOR};
@@ -102,8 +102,8 @@ static bool start_up_request(const struct host *host, size_t bus, unsigned addre
     return number <= 1;
 }
 
-static void queue_command(struct host *host, size_t axis, uint8_t command, uint8_t len,
-                          const uint8_t *payload)
+static void host_icub_queue_command(struct host *host, size_t axis, uint8_t command, uint8_t len,
+                                    const uint8_t *payload)
 {
     const struct host_axis *at = &host->config.axis[axis];
     uint8_t data[8] = {(uint8_t)(command | (at->axis ? ICUB_AXIS_BIT : 0))};
@@ -114,19 +114,19 @@ static void queue_command(struct host *host, size_t axis, uint8_t command, uint8
     host_queue(host, (size_t)at->bus, &frame);
 }
 
-static void set_motor(struct host *host, size_t axis, bool on)
+static void host_icub_set_motor(struct host *host, size_t axis, bool on)
 {
     uint8_t mode = on ? ICUB_MODE_OPEN_LOOP : ICUB_MODE_FORCE_IDLE;
 
-    queue_command(host, axis, ICUB_SET_CONTROL_MODE, 2, &mode);
+    host_icub_queue_command(host, axis, ICUB_SET_CONTROL_MODE, 2, &mode);
 }
 
-static void set_voltage(struct host *host, size_t axis)
+static void host_icub_set_voltage(struct host *host, size_t axis)
 {
     uint8_t payload[2];
 
     put_u16_le(payload, (uint16_t)lrint(host_duty(host, axis) * ICUB_PWM_FULL_SCALE));
-    queue_command(host, axis, ICUB_SET_OPEN_LOOP, 3, payload);
+    host_icub_queue_command(host, axis, ICUB_SET_OPEN_LOOP, 3, payload);
 }
 
 const struct host_ops host_icub = {
@@ -134,9 +134,9 @@ const struct host_ops host_icub = {
     .address_max = ICUB_ADDRESS_MAX,
     .axes = AXES,
     .discover = host_discover_icub,
-    .request = start_up_request,
-    .read = read_frame,
-    .set_motor = set_motor,
-    .set_voltage = set_voltage,
+    .request = host_icub_request,
+    .read = host_icub_read_frame,
+    .set_motor = host_icub_set_motor,
+    .set_voltage = host_icub_set_voltage,
     .fault_name = fault_name,
 };

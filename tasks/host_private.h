@@ -2,11 +2,14 @@
 /*
  * What the host is made of: the core (host.c) keeps phases, time and queues; what differs between
  * personalities is behind struct host_ops, one for each bus.
+ * RT-safe, as all that is called in the loop.
  */
 #ifndef TASKS_HOST_PRIVATE_H
 #define TASKS_HOST_PRIVATE_H
 
 #include "tasks/host.h"
+
+#define HOST_MS INT64_C(1000000) /* nanoseconds */
 
 enum {
     HOST_ADDRESSES = 32, /* 0 to 31; each personality has its own maximum */
@@ -104,8 +107,11 @@ double host_duty(const struct host *host, size_t axis);
 /* "board 3 on can0 <what>"; the host has failed. */
 void host_fail_node(struct host *host, size_t bus, unsigned address, const char *what);
 
-/* The same for both kinds of iCub motor boards (host_strain.c): class 7 discovery, what a mode means,
- * and the STRAIN boards' frames, answers and requests. */
+/* "joint LKneeSag <what>", or which faults it is in; returns HOST_FAILED. */
+enum host_phase host_fail_joint(struct host *host, size_t axis, const char *what);
+
+/* The same for both kinds of iCub motor boards (host_strain.c): class 7 discovery, what a mode
+ * means, and the STRAIN boards' frames, answers and requests. */
 void host_discover_icub(struct host *host, size_t bus);
 bool host_read_discovery(struct host_node *node, const struct bus_frame *frame);
 enum host_motor host_motor_of_mode(uint8_t mode);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What both kinds of iCub motor boards have in common: class 7 discovery, modes, and the STRAIN boards
- * beside them with forces or joint torques.
+ * What both kinds of iCub motor boards have in common: class 7 discovery, modes, and the STRAIN
+ * boards beside them with forces or joint torques.
  */
 #include "tasks/host_private.h"
 
@@ -20,7 +20,7 @@ bool host_read_discovery(struct host_node *node, const struct bus_frame *frame)
     if (frame->id >> 8 != ICUB_MANAGEMENT || (frame->id & 0xf) != ICUB_HOST) {
         return false;
     }
-    /* a bootloader answers with 4 bytes, without a build number: then the board is still to come */
+    /* A bootloader answers with 4 bytes, without a build number: the board still boots */
     node->found = node->found || (frame->len >= 5 && frame->data[0] == ICUB_DISCOVER);
     return true;
 }
@@ -41,12 +41,13 @@ enum host_motor host_motor_of_mode(uint8_t mode)
     }
 }
 
-static double analog_value(const uint8_t *data, double full_scale)
+static double host_strain_value(const uint8_t *data, double full_scale)
 {
     return (get_u16_le(data) - ICUB_STRAIN_ZERO) * full_scale / ICUB_STRAIN_ZERO;
 }
 
-static void read_analog(struct host *host, struct host_node *node, const struct bus_frame *frame)
+static void host_strain_read_forces(struct host *host, struct host_node *node,
+                                    const struct bus_frame *frame)
 {
     unsigned type = frame->id & 0xf;
     int first = type == ICUB_TORQUE ? 3 : 0;
@@ -55,11 +56,13 @@ static void read_analog(struct host *host, struct host_node *node, const struct 
         (frame->len != ICUB_STRAIN_LENGTH && frame->len != ICUB_STRAIN_SATURATED_LENGTH)) {
         return;
     }
+
+    /* Forces and torques of a sensor, in halves */
     if (node->kind == HOST_FT_BOARD) {
         struct host_force *force = &host->force[node->ft];
 
         for (int c = 0; c < 3; c++) {
-            double value = analog_value(frame->data + 2 * c, node->full_scale[first + c]);
+            double value = host_strain_value(frame->data + 2 * c, node->full_scale[first + c]);
 
             *(first ? &force->torque_nm[c] : &force->force_n[c]) = value;
         }
@@ -67,12 +70,14 @@ static void read_analog(struct host *host, struct host_node *node, const struct 
         force->overflow = frame->len == ICUB_STRAIN_SATURATED_LENGTH && frame->data[6];
         return;
     }
+
+    /* Joint torques, a channel a joint */
     for (int c = 0; c < 3; c++) {
         int axis = node->channel[first + c];
 
         if (axis >= 0) {
-            host->joint[axis].torque_nm =
-                analog_value(frame->data + 2 * c, host->config.axis[axis].torque_full_scale_nm);
+            host->joint[axis].torque_nm = host_strain_value(
+                frame->data + 2 * c, host->config.axis[axis].torque_full_scale_nm);
         }
     }
 }
@@ -82,7 +87,7 @@ void host_strain_read(struct host *host, struct host_node *node, const struct bu
     const uint8_t *data = frame->data;
 
     if (frame->id >> 8 == ICUB_PERIODIC_ANALOG) {
-        read_analog(host, node, frame);
+        host_strain_read_forces(host, node, frame);
     } else if (frame->id >> 8 != ICUB_POLLING_ANALOG || (frame->id & 0xf) != ICUB_HOST) {
         return;
     } else if (frame->len == 8 && data[0] == ICUB_STRAIN_GET_FIRMWARE) {
@@ -94,8 +99,8 @@ void host_strain_read(struct host *host, struct host_node *node, const struct bu
     }
 }
 
-/* firmware version, the full scale of each channel of forces, the period when the rig has one, and
- * go */
+/* The start-up: firmware version, the full scale of each channel of forces, the period when the rig
+ * has one, then the command to transmit. */
 bool host_strain_request(const struct host_node *node, unsigned address, int number,
                          struct host_request *request)
 {

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Position loops on motor angles. */
+/* Position loops on motor angles; the law is that of struct servo_gains (tasks/task.h). */
 #include "tasks/servo.h"
 
 #include <math.h>
 
-/* rates are differences over this span at least: in less the jitter of the messages' arrival counts */
+/* Rates are differences over this span at least: in less the jitter of the messages' arrival
+ * counts */
 enum { RATE_SPAN_NS = 2000000 };
 
 struct loop {
@@ -73,9 +74,10 @@ double servo_reference(const struct servo *servo, size_t axis)
     return servo->loop[axis].wanted + servo->loop[axis].trim;
 }
 
-/* what the link is off, less what its encoder cannot tell: integrated for ever, the rounding of two
- * legs that stand on the same ground would wind them against each other */
-static double link_error(const struct servo *servo, size_t axis)
+/* The error of the link's angle with a dead zone of one encoder tick. Without it the rounding
+ * errors of two legs on the same ground, integrated, would press them against each other more and
+ * more. */
+static double servo_link_error(const struct servo *servo, size_t axis)
 {
     double step = 1 / host_configuration(servo->host)->axis[axis].joint_ticks_per_rad;
     double error = servo->loop[axis].wanted - host_joint(servo->host, axis)->joint_rad;
@@ -83,7 +85,7 @@ static double link_error(const struct servo *servo, size_t axis)
     return error > step ? error - step : error < -step ? error + step : 0;
 }
 
-static void estimate_rate(struct loop *loop, const struct host_joint *joint)
+static void servo_estimate_rate(struct loop *loop, const struct host_joint *joint)
 {
     int64_t span = joint->motor_time_ns - loop->motor_time_ns;
 
@@ -94,8 +96,9 @@ static void estimate_rate(struct loop *loop, const struct host_joint *joint)
     }
 }
 
-/* one axis; the integral stands still while the voltage is saturated in its direction */
-static double voltage(struct servo *servo, size_t axis, double dt)
+/* The voltage of one axis; the integral is held while the voltage saturates in its direction
+ * (anti-windup). */
+static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
 {
     const struct servo_gains *gains = &servo->config.gains[axis];
     double supply = host_configuration(servo->host)->supply_v;
@@ -109,7 +112,7 @@ static double voltage(struct servo *servo, size_t axis, double dt)
 
     if (fabs(V) < limit || V * error < 0) {
         loop->integral += error * dt;
-        loop->trim += gains->trim_per_s * link_error(servo, axis) * dt;
+        loop->trim += gains->trim_per_s * servo_link_error(servo, axis) * dt;
     }
     return fmin(fmax(V, -limit), limit);
 }
@@ -124,7 +127,7 @@ void servo_update(struct servo *servo)
     }
     servo->last_ns = now;
     for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
-        estimate_rate(&servo->loop[i], host_joint(servo->host, i));
-        host_set_voltage(servo->host, i, voltage(servo, i, dt));
+        servo_estimate_rate(&servo->loop[i], host_joint(servo->host, i));
+        host_set_voltage(servo->host, i, servo_axis_voltage(servo, i, dt));
     }
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Position loops on the motor angles, closed in the controller by voltage commands, for all axes of
- * a host, with the spring's yielding trimmed away by the link angle: struct servo_config. RT-safe
- * after creation.
+ * a host; an outer loop on the link angle takes out the deflection of the spring (struct
+ * servo_config). RT-safe after creation.
  */
 #ifndef TASKS_SERVO_H
 #define TASKS_SERVO_H
@@ -11,13 +11,14 @@
 
 struct servo;
 
+/* Memory from arena; the host stays the caller's. Not RT-safe. */
 enum error_code servo_create(const struct servo_config *config, struct host *host,
                              struct arena *arena, struct servo **servo, struct error *error);
 
-/* Takes the present angles as wanted, so that no motor moves, and forgets the integrals. */
+/* The present angles become the references, so that no motor moves; integrals are reset. */
 void servo_start(struct servo *servo);
 
-/* What is wanted of one axis: angle (rad) and rate (rad/s). */
+/* The reference of one axis: angle (rad) and rate (rad/s). */
 void servo_set(struct servo *servo, size_t axis, double angle, double rate);
 double servo_wanted(const struct servo *servo, size_t axis);
 

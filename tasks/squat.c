@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Squat: the hips sink vertically over flat feet and rise again, cycle after cycle (paper section 7).
- * Both legs are two-link chains in the sagittal plane: hip pitch, knee, ankle pitch. All other
+ * Squat: the hips sink vertically over flat feet and rise again, cycle after cycle (paper section
+ * 7). Both legs are two-link chains in the sagittal plane: hip pitch, knee, ankle pitch. All other
  * joints hold the initial pose. The verdict comes from telemetry alone: the feet must go on
  * carrying the weight and the motors must follow.
  */
@@ -19,12 +19,11 @@ static const char *const joint_name[LEGS][PITCH_JOINTS] = {
 };
 static const char *const foot_name[LEGS] = {"r_leg_ft", "l_leg_ft"};
 
-static const double RAMP_S = 1.0;    /* from where the joints were to the initial pose */
-static const double SETTLE_S = 1.0;  /* standing still before and after */
-static const double WEIGH_S = 0.25;  /* end of settling, in which the weight is measured */
-static const double LIGHT = 0.3;     /* feet carry less than this part of the weight: fallen, ... */
-static const double LIGHT_S = 0.25;  /* ... when it lasts so long */
-static const double STRAY_RAD = 0.4; /* a motor so far from its reference: fallen or stuck */
+static const double RAMP_S = 1.0;   /* from where the joints were to the initial pose */
+static const double SETTLE_S = 1.0; /* standing still before and after */
+static const double WEIGH_S = 0.25; /* end of settling, in which the weight is measured */
+static const double LIGHT = 0.3;    /* feet carry less than this part of the weight: fallen, ... */
+static const double LIGHT_S = 0.25; /* ... when it lasts so long */
 
 struct leg {
     size_t axis[PITCH_JOINTS];
@@ -43,10 +42,10 @@ struct squat {
     double deepest_m, worst_error_rad;
 };
 
-/* Height of the hip over the ankle and how far the ankle is ahead of the hip, from the thigh's pitch
- * in the world and the knee's angle. */
-static void leg_forward(const struct squat_config *config, double thigh, double knee,
-                        double *height, double *ahead)
+/* Height of the hip over the ankle and how far the ankle is ahead of the hip, from the thigh's
+ * pitch in the world and the knee's angle. */
+static void squat_leg_forward(const struct squat_config *config, double thigh, double knee,
+                              double *height, double *ahead)
 {
     *height = config->thigh_m * cos(thigh) + config->shank_m * cos(thigh + knee);
     *ahead = -config->thigh_m * sin(thigh) - config->shank_m * sin(thigh + knee);
@@ -54,8 +53,8 @@ static void leg_forward(const struct squat_config *config, double thigh, double 
 
 /* The inverse for joint angles, knee bent forward; the trunk keeps its lean over a flat foot. False
  * when out of reach. */
-static bool leg_inverse(const struct squat_config *config, const struct leg *leg, double height,
-                        double angle[PITCH_JOINTS])
+static bool squat_leg_inverse(const struct squat_config *config, const struct leg *leg,
+                              double height, double angle[PITCH_JOINTS])
 {
     double l1 = config->thigh_m, l2 = config->shank_m;
     double r2 = height * height + leg->ankle_x * leg->ankle_x;
@@ -72,7 +71,7 @@ static bool leg_inverse(const struct squat_config *config, const struct leg *leg
     return true;
 }
 
-static double depth_at(const struct squat_config *config, double t)
+static double squat_depth_at(const struct squat_config *config, double t)
 {
     double length = config->period_s * config->cycles;
 
@@ -80,27 +79,31 @@ static double depth_at(const struct squat_config *config, double t)
                                  : config->depth_m / 2 * (1 - cos(2 * M_PI * t / config->period_s));
 }
 
-static enum error_code find_leg(struct task *task, int side, struct leg *leg, struct error *error)
+/* The axes of a leg; at the deepest point all of them must be within their limits. */
+static enum error_code squat_find_leg(struct task *task, int side, struct leg *leg,
+                                      struct error *error)
 {
+    const struct squat_config *config = &task->config.squat;
     double angle[PITCH_JOINTS];
 
     for (int j = 0; j < PITCH_JOINTS; j++) {
-        int axis = host_find_axis(task->host, joint_name[side][j]);
+        enum error_code code = task_find_axis(task, joint_name[side][j], &leg->axis[j], error);
 
-        if (axis < 0) {
-            return error_set(error, ERROR_INPUT, "squat: the rig has no joint %s",
-                             joint_name[side][j]);
+        if (code) {
+            return code;
         }
-        leg->axis[j] = (size_t)axis;
-        leg->initial[j] = task->config.initial_rad[axis];
+        leg->initial[j] = task->config.initial_rad[leg->axis[j]];
     }
+
+    /* The initial pose, over a flat foot */
     leg->lean = -(leg->initial[HIP] + leg->initial[KNEE] + leg->initial[ANKLE]);
-    leg_forward(&task->config.squat, leg->lean + leg->initial[HIP], leg->initial[KNEE],
-                &leg->hip_height, &leg->ankle_x);
-    if (!leg_inverse(&task->config.squat, leg, leg->hip_height - task->config.squat.depth_m,
-                     angle)) {
+    squat_leg_forward(config, leg->lean + leg->initial[HIP], leg->initial[KNEE], &leg->hip_height,
+                      &leg->ankle_x);
+
+    /* The deepest one */
+    if (!squat_leg_inverse(config, leg, leg->hip_height - config->depth_m, angle)) {
         return error_set(error, ERROR_INPUT, "squat: depth %g m is out of the legs' reach",
-                         task->config.squat.depth_m);
+                         config->depth_m);
     }
     for (int j = 0; j < PITCH_JOINTS; j++) {
         const struct host_axis *axis = &task->config.host.axis[leg->axis[j]];
@@ -109,23 +112,11 @@ static enum error_code find_leg(struct task *task, int side, struct leg *leg, st
             return error_set(error, ERROR_INPUT,
                              "squat: at depth %g m joint %s needs %.3f rad, its limits are %.3f to "
                              "%.3f rad",
-                             task->config.squat.depth_m, axis->joint, angle[j], axis->lower_rad,
+                             config->depth_m, axis->joint, angle[j], axis->lower_rad,
                              axis->upper_rad);
         }
     }
     return ERROR_NONE;
-}
-
-static enum error_code find_foot(struct task *task, int side, size_t *foot, struct error *error)
-{
-    for (size_t i = 0; i < task->config.host.nft; i++) {
-        if (strcmp(task->config.host.ft[i].name, foot_name[side]) == 0) {
-            *foot = i;
-            return ERROR_NONE;
-        }
-    }
-    return error_set(error, ERROR_INPUT, "squat: the rig has no force-torque board for %s",
-                     foot_name[side]);
 }
 
 static enum error_code squat_create(struct task *task, struct arena *arena, struct error *error)
@@ -133,7 +124,6 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
     const struct squat_config *config = &task->config.squat;
     struct squat *squat = arena_alloc(arena, 1, sizeof *squat);
     double *from = arena_alloc(arena, task->config.host.naxis, sizeof *from);
-    enum error_code code = ERROR_NONE;
 
     if (!squat || !from) {
         return error_set(error, ERROR_MEMORY, "no memory for the squat");
@@ -145,13 +135,18 @@ static enum error_code squat_create(struct task *task, struct arena *arena, stru
     }
     squat->from = from;
     task->state = squat;
-    for (int side = 0; side < LEGS && !code; side++) {
-        code = find_leg(task, side, &squat->leg[side], error);
-        if (!code) {
-            code = find_foot(task, side, &squat->foot[side], error);
+    for (int side = 0; side < LEGS; side++) {
+        enum error_code code = squat_find_leg(task, side, &squat->leg[side], error);
+
+        if (code) {
+            return code;
+        }
+        code = task_find_force(task, foot_name[side], &squat->foot[side], error);
+        if (code) {
+            return code;
         }
     }
-    return code;
+    return ERROR_NONE;
 }
 
 static void squat_start(struct task *task)
@@ -164,21 +159,7 @@ static void squat_start(struct task *task)
     squat->light_since_s = -1;
 }
 
-/* every joint goes smoothly from where it was to the initial pose, and stays */
-static void hold_pose(struct task *task, double t)
-{
-    const struct squat *squat = task->state;
-    double s = fmin(t / RAMP_S, 1), blend = s * s * (3 - 2 * s);
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        double span = task->config.initial_rad[i] - squat->from[i];
-
-        servo_set(task->servo, i, squat->from[i] + blend * span,
-                  s < 1 ? 6 * s * (1 - s) * span / RAMP_S : 0);
-    }
-}
-
-static void bend_legs(struct task *task, double t)
+static void squat_bend_legs(struct task *task, double t)
 {
     const struct squat *squat = task->state;
     const struct squat_config *config = &task->config.squat;
@@ -188,17 +169,17 @@ static void bend_legs(struct task *task, double t)
         const struct leg *leg = &squat->leg[side];
         double angle[PITCH_JOINTS], before[PITCH_JOINTS], after[PITCH_JOINTS];
 
-        /* in reach all the way: the deepest point was checked at creation */
-        leg_inverse(config, leg, leg->hip_height - depth_at(config, t), angle);
-        leg_inverse(config, leg, leg->hip_height - depth_at(config, t - dt), before);
-        leg_inverse(config, leg, leg->hip_height - depth_at(config, t + dt), after);
+        /* In reach all the way: the deepest point was checked at creation */
+        squat_leg_inverse(config, leg, leg->hip_height - squat_depth_at(config, t), angle);
+        squat_leg_inverse(config, leg, leg->hip_height - squat_depth_at(config, t - dt), before);
+        squat_leg_inverse(config, leg, leg->hip_height - squat_depth_at(config, t + dt), after);
         for (int j = 0; j < PITCH_JOINTS; j++) {
             servo_set(task->servo, leg->axis[j], angle[j], (after[j] - before[j]) / (2 * dt));
         }
     }
 }
 
-static double foot_force(const struct task *task)
+static double squat_feet_force(const struct task *task)
 {
     const struct squat *squat = task->state;
 
@@ -206,8 +187,8 @@ static double foot_force(const struct task *task)
            host_force(task->host, squat->foot[1])->force_n[2];
 }
 
-/* how far the hips are below the initial height, by the link encoders */
-static double measured_depth(const struct task *task)
+/* How far the hips are below the initial height, by the link encoders */
+static double squat_measured_depth(const struct task *task)
 {
     const struct squat *squat = task->state;
     double sum = 0;
@@ -216,36 +197,29 @@ static double measured_depth(const struct task *task)
         const struct leg *leg = &squat->leg[side];
         double height, ahead;
 
-        leg_forward(&task->config.squat,
-                    leg->lean + host_joint(task->host, leg->axis[HIP])->joint_rad,
-                    host_joint(task->host, leg->axis[KNEE])->joint_rad, &height, &ahead);
+        squat_leg_forward(&task->config.squat,
+                          leg->lean + host_joint(task->host, leg->axis[HIP])->joint_rad,
+                          host_joint(task->host, leg->axis[KNEE])->joint_rad, &height, &ahead);
         sum += leg->hip_height - height;
     }
     return sum / LEGS;
 }
 
-/* false with a message when the robot no longer stands or a motor does not follow */
-static bool still_up(struct task *task, double t, double weight)
+/* False with a message when the robot no longer stands or a motor does not follow its reference. */
+static bool squat_is_healthy(struct task *task, double t, double weight)
 {
     struct squat *squat = task->state;
 
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        double error = fabs(servo_reference(task->servo, i) - host_joint(task->host, i)->motor_rad);
-
-        squat->worst_error_rad = fmax(squat->worst_error_rad, error);
-        if (error > STRAY_RAD) {
-            snprintf(task->message, sizeof task->message, "joint %s is %.2f rad from its reference",
-                     task->config.host.axis[i].joint, error);
-            return false;
-        }
+    if (!task_motors_follow(task, &squat->worst_error_rad)) {
+        return false;
     }
-    if (foot_force(task) > LIGHT * weight) {
+    if (squat_feet_force(task) > LIGHT * weight) {
         squat->light_since_s = -1;
     } else if (squat->light_since_s < 0) {
         squat->light_since_s = t;
     } else if (t - squat->light_since_s > LIGHT_S) {
         snprintf(task->message, sizeof task->message,
-                 "the robot fell: the feet carry %.0f N of %.0f N", foot_force(task), weight);
+                 "the robot fell: the feet carry %.0f N of %.0f N", squat_feet_force(task), weight);
         return false;
     }
     return true;
@@ -258,23 +232,26 @@ static enum task_status squat_step(struct task *task, double t)
     double begin = RAMP_S + SETTLE_S, length = config->period_s * config->cycles;
     double weight = squat->weighed ? squat->weight_sum / (double)squat->weighed : 0, depth;
 
-    hold_pose(task, t);
+    /* Stand, then weigh the robot */
+    task_hold_pose(task, squat->from, RAMP_S, t);
     if (t < begin) {
         if (t > begin - WEIGH_S) {
-            squat->weight_sum += foot_force(task);
+            squat->weight_sum += squat_feet_force(task);
             squat->weighed++;
         }
         if (task->tells) {
             snprintf(task->message, sizeof task->message, "standing, feet carry %.1f N",
-                     foot_force(task));
+                     squat_feet_force(task));
         }
         return TASK_RUNNING;
     }
-    bend_legs(task, t - begin);
-    if (!still_up(task, t, weight)) {
+
+    /* Bend and stretch, then stand again */
+    squat_bend_legs(task, t - begin);
+    if (!squat_is_healthy(task, t, weight)) {
         return TASK_FAILED;
     }
-    depth = measured_depth(task);
+    depth = squat_measured_depth(task);
     squat->deepest_m = fmax(squat->deepest_m, depth);
     if (t < begin + length + SETTLE_S) {
         if (task->tells) {
@@ -282,15 +259,16 @@ static enum task_status squat_step(struct task *task, double t)
 
             snprintf(task->message, sizeof task->message,
                      "cycle %d of %d, %.0f mm down, feet carry %.1f N", cycle + 1, config->cycles,
-                     1e3 * depth, foot_force(task));
+                     1e3 * depth, squat_feet_force(task));
         }
         return TASK_RUNNING;
     }
+
     snprintf(task->message, sizeof task->message,
              "%d cycles done, %.1f mm deep, worst motor error %.1f mrad, feet carry %.1f N "
              "(%.1f N before)",
-             config->cycles, 1e3 * squat->deepest_m, 1e3 * squat->worst_error_rad, foot_force(task),
-             weight);
+             config->cycles, 1e3 * squat->deepest_m, 1e3 * squat->worst_error_rad,
+             squat_feet_force(task), weight);
     return TASK_DONE;
 }
 

@@ -1,22 +1,36 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What all tasks share: start-up of the boards, the servo loops, health, stopping. */
+/* What all tasks share: start-up of the boards, poses, health, stopping. */
 #include "tasks/task_private.h"
 
+#include "base/count.h"
 #include "base/text.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 enum { TELL_STEPS = 20 };
 
+static const double STRAY_RAD = 0.4; /* a motor so far from its reference: fallen or stuck */
+
 static const struct task_ops *const known[] = {&task_squat, &task_grasp};
 static const char *const names[] = {"squat", "grasp", NULL};
 
-enum { KNOWN = sizeof known / sizeof known[0] };
+enum { KNOWN = ARRAY_COUNT(known) };
 
 const char *const *task_names(void)
 {
     return names;
+}
+
+static const struct task_ops *task_find_ops(const char *name)
+{
+    for (size_t i = 0; i < KNOWN; i++) {
+        if (strcmp(known[i]->name, name) == 0) {
+            return known[i];
+        }
+    }
+    return NULL;
 }
 
 enum error_code task_create(const char *name, const struct task_config *config, struct arena *arena,
@@ -28,11 +42,7 @@ enum error_code task_create(const char *name, const struct task_config *config, 
     if (!task) {
         return error_set(error, ERROR_MEMORY, "no memory for the task");
     }
-    for (size_t i = 0; i < KNOWN; i++) {
-        if (strcmp(known[i]->name, name) == 0) {
-            task->ops = known[i];
-        }
-    }
+    task->ops = task_find_ops(name);
     if (!task->ops) {
         const char *nearest = text_nearest(name, names, KNOWN);
 
@@ -40,18 +50,81 @@ enum error_code task_create(const char *name, const struct task_config *config, 
                          name, nearest ? "; did you mean " : "", nearest ? nearest : "");
     }
     task->config = *config;
+
+    /* From the bus upward: host, servo loops, behavior */
     code = host_create(&config->host, arena, &task->host, error);
-    if (!code) {
-        code = servo_create(&config->servo, task->host, arena, &task->servo, error);
+    if (code) {
+        return code;
     }
-    if (!code) {
-        code = task->ops->create(task, arena, error);
+    code = servo_create(&config->servo, task->host, arena, &task->servo, error);
+    if (code) {
+        return code;
+    }
+    code = task->ops->create(task, arena, error);
+    if (code) {
+        return code;
     }
     *out = task;
-    return code;
+    return ERROR_NONE;
 }
 
-static enum task_status start_up(struct task *task)
+/* ---- what tasks share ---- */
+
+enum error_code task_find_axis(const struct task *task, const char *joint, size_t *axis,
+                               struct error *error)
+{
+    int index = host_find_axis(task->host, joint);
+
+    if (index < 0) {
+        return error_set(error, ERROR_INPUT, "%s: the rig has no joint %s", task->ops->name, joint);
+    }
+    *axis = (size_t)index;
+    return ERROR_NONE;
+}
+
+enum error_code task_find_force(const struct task *task, const char *name, size_t *ft,
+                                struct error *error)
+{
+    for (size_t i = 0; i < task->config.host.nft; i++) {
+        if (strcmp(task->config.host.ft[i].name, name) == 0) {
+            *ft = i;
+            return ERROR_NONE;
+        }
+    }
+    return error_set(error, ERROR_INPUT, "%s: the rig has no force-torque board for %s",
+                     task->ops->name, name);
+}
+
+void task_hold_pose(struct task *task, const double *from, double ramp_s, double t_s)
+{
+    double s = fmin(t_s / ramp_s, 1), blend = s * s * (3 - 2 * s);
+
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        double span = task->config.initial_rad[i] - from[i];
+
+        servo_set(task->servo, i, from[i] + blend * span,
+                  s < 1 ? 6 * s * (1 - s) * span / ramp_s : 0);
+    }
+}
+
+bool task_motors_follow(struct task *task, double *worst_error_rad)
+{
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        double error = fabs(servo_reference(task->servo, i) - host_joint(task->host, i)->motor_rad);
+
+        *worst_error_rad = fmax(*worst_error_rad, error);
+        if (error > STRAY_RAD) {
+            snprintf(task->message, sizeof task->message, "joint %s is %.2f rad from its reference",
+                     task->config.host.axis[i].joint, error);
+            return false;
+        }
+    }
+    return true;
+}
+
+/* ---- a step ---- */
+
+static enum task_status task_start_up(struct task *task)
 {
     static const char *const doing[] = {
         [HOST_DISCOVERING] = "discovering the boards",
@@ -84,7 +157,7 @@ enum task_status task_step(struct task *task, int64_t now_ns)
         return TASK_RUNNING;
     }
     if (!task->started) {
-        status = start_up(task);
+        status = task_start_up(task);
     } else if (!host_healthy(task->host)) {
         snprintf(task->message, sizeof task->message, "%s", host_message(task->host));
         status = TASK_FAILED;

@@ -2,7 +2,9 @@
 /*
  * The other side of the bus: a controller sees CAN frames and the map of the rig, nothing else. A
  * task is a step function; the runner decides when it is called (in the simulator's thread after
- * each tick in lockstep and free run, or by its own thread or process in real time).
+ * each tick in lockstep and free run, or by its own thread or process in real time). Units: SI;
+ * times are int64_t nanoseconds. What a configuration points to stays the caller's and must outlive
+ * the task.
  */
 #ifndef TASKS_TASK_H
 #define TASKS_TASK_H
@@ -14,8 +16,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* What FOC boards leave to their host: it tells them the motor and its limits, and makes the link's
- * angle of the rotor's. */
+/* What 2FOC boards need from their host: it tells them the motor and its limits, and computes the
+ * link's angle from the rotor's. */
 struct host_drive {
     double gear;          /* rotor turns a link turn */
     double spring_nm_rad; /* of the series spring */
@@ -99,9 +101,9 @@ struct grasp_config {
                            * may */
 };
 
-/* Voltage loop on a motor angle, closed here: V = kp (ref - qm) + ki integral + kd (ref' - qm') + kw
- * ref' + load torque(start). Outside it a slow loop on the link angle takes out what the series spring
- * yields: ref = wanted + trim, trim' = trim_per_s (wanted - q). */
+/* Voltage loop on a motor angle, closed here: V = kp (ref - qm) + ki integral + kd (ref' - qm') +
+ * kw ref' + load torque(start). Outside it a slow loop on the link angle takes out what the series
+ * spring yields: ref = wanted + trim, trim' = trim_per_s (wanted - q). */
 struct servo_gains {
     double kp_v_per_rad;
     double ki_v_per_rad_s;
@@ -144,13 +146,14 @@ enum task_status task_step(struct task *task, int64_t now_ns);
 /* Motors off; call it when stopping early. RT-safe. */
 void task_stop(struct task *task);
 
-/* One line about where it is ("cycle 2 of 4, 43 mm down") or why it failed. */
+/* One line about its progress ("cycle 2 of 4, 43 mm down") or why it failed. RT-safe. */
 const char *task_message(const struct task *task);
 
-/* Whether it failed because the boards are gone or have begun anew: a new task may find them again. */
+/* Whether it failed because the boards are gone or have begun anew: a new task may find them
+ * again. */
 bool task_lost(const struct task *task);
 
-/* Names of all tasks, NULL-terminated, for --help. */
+/* Names of all tasks, NULL-terminated, for --help. RT-safe. */
 const char *const *task_names(void);
 
 #endif

@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a task is made of: the host and the servo loops are shared, the behaviour is its own. */
+/*
+ * What a task is made of: the host and the servo loops are shared, the behavior is its own. Angles
+ * in rad, times in s since the start. RT-safe but for what creates and finds.
+ */
 #ifndef TASKS_TASK_PRIVATE_H
 #define TASKS_TASK_PRIVATE_H
 
@@ -14,8 +17,8 @@ struct task_ops {
     enum error_code (*create)(struct task *task, struct arena *arena, struct error *error);
     /* The boards are ready and hold still: t_s = 0 is now. */
     void (*start)(struct task *task);
-    /* Sets the servo's references for t_s; writes task->message when it ends or task->tells: words
-     * for a person in every step would take a tenth of the time. */
+    /* Sets the servo's references for t_s; writes task->message when it ends or task->tells: a text
+     * in every step would take a tenth of the time. */
     enum task_status (*step)(struct task *task, double t_s);
 };
 
@@ -33,5 +36,18 @@ struct task {
 };
 
 extern const struct task_ops task_squat, task_grasp;
+
+/* The index of a joint's axis or of a force-torque board; the error says which one is missing. */
+enum error_code task_find_axis(const struct task *task, const char *joint, size_t *axis,
+                               struct error *error);
+enum error_code task_find_force(const struct task *task, const char *name, size_t *ft,
+                                struct error *error);
+
+/* Every joint moves smoothly from where it was (from, by axis) to the initial pose within ramp_s,
+ * and stays there. */
+void task_hold_pose(struct task *task, const double *from, double ramp_s, double t_s);
+
+/* Whether every motor is near its reference; false with a message. Keeps the worst error. */
+bool task_motors_follow(struct task *task, double *worst_error_rad);
 
 #endif

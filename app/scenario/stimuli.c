@@ -83,7 +83,7 @@ enum error_code scenario_stimuli_create(const struct scenario *scenario, int mut
 /* ---- the actions ---- */
 
 static void switch_fault(struct scenario_stimuli *stimuli, size_t index,
-                         const struct scenario_view *view, bool active)
+                         const struct scenario_view *view, bool active, int64_t time_ns)
 {
     struct faults *faults = simulator_faults(view->simulator);
     struct state *state = &stimuli->state[index];
@@ -93,7 +93,7 @@ static void switch_fault(struct scenario_stimuli *stimuli, size_t index,
         fault_name(index, name);
         state->fault = faults_find(faults, name);
     }
-    faults_set(faults, (size_t)state->fault, active);
+    faults_set(faults, time_ns, (size_t)state->fault, active);
 }
 
 static void switch_motors(const struct scenario_motor *motor, const struct scenario_view *view)
@@ -137,7 +137,7 @@ static void act(struct scenario_stimuli *stimuli, size_t index, const struct sce
         push(&stimulus->push, view, true);
         break;
     case SCENARIO_FAULT:
-        switch_fault(stimuli, index, view, true);
+        switch_fault(stimuli, index, view, true, time_ns);
         break;
     case SCENARIO_SILENCE:
     case SCENARIO_MARK:
@@ -145,14 +145,15 @@ static void act(struct scenario_stimuli *stimuli, size_t index, const struct sce
     }
 }
 
-static void end(struct scenario_stimuli *stimuli, size_t index, const struct scenario_view *view)
+static void end(struct scenario_stimuli *stimuli, size_t index, const struct scenario_view *view,
+                int64_t time_ns)
 {
     const struct scenario_stimulus *stimulus = &stimuli->scenario->stimulus[index];
 
     if (stimulus->action == SCENARIO_PUSH) {
         push(&stimulus->push, view, false);
     } else if (stimulus->action == SCENARIO_FAULT) {
-        switch_fault(stimuli, index, view, false);
+        switch_fault(stimuli, index, view, false, time_ns);
     }
     stimuli->state[index].over = true;
 }
@@ -186,7 +187,7 @@ static bool step_one(struct scenario_stimuli *stimuli, size_t index,
         }
     }
     if (stimulus->for_s > 0.0 && time_ns >= state->begin_ns + ns(stimulus->for_s)) {
-        end(stimuli, index, view);
+        end(stimuli, index, view, time_ns);
     } else if (begins || (period_ns(stimulus) && time_ns >= state->next_ns)) {
         act(stimuli, index, view, ports, time_ns);
         state->next_ns += period_ns(stimulus);

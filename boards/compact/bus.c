@@ -1,209 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Buses that speak the compact protocol: dispatch of frames, and what all of their boards have. */
+/* Buses that speak the compact protocol: which nodes and axes a frame is for. */
 #include "boards/compact/private.h"
 
 #include "canbus/frame.h"
 
-#include <string.h>
+_Static_assert(COMPACT_NODE_MAX + 1 == BOARD_ADDRESSES, "a node is an address of its bus");
 
-enum { RESTART_MS = 100 }; /* at least */
-
-/* ---- what all boards have ---- */
-
-bool compact_node_power_up(struct board *board, struct compact_node *node)
-{
-    const struct board_config *config = &board->config;
-    bool first = !node->powered;
-
-    if (first) {
-        int64_t period_ms = config->period_ns > 0 ? config->period_ns / MS : 1;
-
-        node->saved.telemetry_ms = config->transmit_at_start ? period_ms : 0;
-        node->saved.timeout_ms = config->command_timeout_ns / MS;
-        node->powered = node->is_saved = true;
-    }
-    node->settings = node->saved;
-    node->is_saved = true;
-    node->started_ns = board->boards->time_ns;
-    node->next_ns = board->boards->time_ns + node->settings.telemetry_ms * MS;
-    return first;
-}
-
-bool compact_node_due(const struct board *board, struct compact_node *node)
-{
-    int64_t period_ns = node->settings.telemetry_ms * MS;
-    int64_t late = board->boards->time_ns - node->next_ns;
-
-    if (period_ns == 0 || late < 0) {
-        return false;
-    }
-    node->next_ns += (late / period_ns + 1) * period_ns;
-    return true;
-}
-
-bool compact_state_due(struct ms_span span, unsigned phase)
-{
-    const int64_t period = COMPACT_STATE_PERIOD_MS;
-
-    return (span.to + period - 1 - phase) / period > (span.from + period - 1 - phase) / period;
-}
-
-void compact_send(struct board *board, struct frame_sink *sink, enum compact_function function,
-                  unsigned number, const int64_t *values)
-{
-    const struct compact_message *row = compact_message(function);
-    uint8_t data[8] = {0};
-
-    fields_encode(row->fields, values, data);
-    board_send(board, sink, compact_id(function, number), row->length, data);
-}
-
-unsigned compact_first_slot(const struct board *board)
-{
-    unsigned slot = 0;
-
-    while (slot < COMPACT_SLOTS && board->bus->slot[slot].board != board) {
-        slot++;
-    }
-    return slot;
-}
-
-static unsigned axes_of(const struct board *board)
-{
-    unsigned count = 0;
-
-    while (board->config.kind == BOARD_MOTOR && count < BOARD_AXES_MAX &&
-           board->config.axis[count].joint >= 0) {
-        count++;
-    }
-    return count;
-}
-
-static unsigned first_slot_or_0(const struct board *board)
-{
-    return axes_of(board) ? compact_first_slot(board) : 0;
-}
-
-void compact_identify(struct board *board)
-{
-    const int64_t values[] = {board->ops->type,         axes_of(board),    first_slot_or_0(board),
-                              COMPACT_PROTOCOL_VERSION, board->ops->major, board->ops->minor,
-                              board->ops->build};
-    uint8_t data[8] = {0};
-
-    fields_encode(compact_message(COMPACT_IDENTITY)->fields, values, data);
-    board_queue(board, compact_id(COMPACT_IDENTITY, board->address), COMPACT_IDENTITY_LENGTH, data);
-}
-
-static bool set_within(int64_t *setting, int64_t value, int64_t most)
-{
-    if (value < 0 || value > most) {
-        return false;
-    }
-    *setting = value;
-    return true;
-}
-
-static enum compact_result write_node(struct board *board, struct compact_node *node,
-                                      unsigned parameter, int64_t *value)
-{
-    int64_t boot_ns = board->config.boot_ns;
-
-    switch (parameter) {
-    case COMPACT_P_TELEMETRY_PERIOD:
-        if (!set_within(&node->settings.telemetry_ms, *value, 255)) {
-            *value = node->settings.telemetry_ms;
-            return COMPACT_OUT_OF_RANGE;
-        }
-        node->next_ns = board->boards->time_ns + *value * MS;
-        node->is_saved = false;
-        return COMPACT_OK;
-    case COMPACT_P_COMMAND_TIMEOUT:
-        if (!set_within(&node->settings.timeout_ms, *value, 60000)) {
-            *value = node->settings.timeout_ms;
-            return COMPACT_OUT_OF_RANGE;
-        }
-        node->is_saved = false;
-        return COMPACT_OK;
-    case COMPACT_P_RESTART:
-        if (*value != 1) {
-            *value = 0;
-            return COMPACT_OUT_OF_RANGE;
-        }
-        board_enter_bootloader(board,
-                               boot_ns > RESTART_MS * MS ? boot_ns : (int64_t)RESTART_MS * MS);
-        return COMPACT_OK;
-    case COMPACT_P_SAVE:
-        if (*value != 1) {
-            *value = node->is_saved;
-            return COMPACT_OUT_OF_RANGE;
-        }
-        node->saved = node->settings;
-        node->is_saved = true;
-        return COMPACT_OK;
-    case COMPACT_P_KIND:
-    case COMPACT_P_FIRMWARE:
-    case COMPACT_P_SERIAL:
-    case COMPACT_P_FIRST_SLOT:
-    case COMPACT_P_UPTIME:
-        return COMPACT_READ_ONLY;
-    default:
-        return COMPACT_UNKNOWN_PARAMETER;
-    }
-}
-
-/* Of a board as long as the rig stays: bus, kind and the address that it left the factory with. */
-static int64_t serial_of(const struct board *board)
-{
-    return INT64_C(0x51000000) | (int64_t)(board->config.bus & 0xff) << 16 |
-           (int64_t)board->config.kind << 8 | board->config.address;
-}
-
-enum compact_result compact_node_parameter(struct board *board, struct compact_node *node,
-                                           unsigned parameter, bool write, int64_t *value)
-{
-    enum compact_result result = write ? write_node(board, node, parameter, value) : COMPACT_OK;
-
-    if (write && result != COMPACT_READ_ONLY) {
-        return result;
-    }
-    switch (parameter) {
-    case COMPACT_P_KIND:
-        *value = board->ops->type;
-        return result;
-    case COMPACT_P_FIRMWARE:
-        *value = (int64_t)board->ops->major << 24 | board->ops->minor << 16 | board->ops->build;
-        return result;
-    case COMPACT_P_SERIAL:
-        *value = serial_of(board);
-        return result;
-    case COMPACT_P_FIRST_SLOT:
-        *value = first_slot_or_0(board);
-        return result;
-    case COMPACT_P_UPTIME:
-        *value = (board->boards->time_ns - node->started_ns) / MS;
-        return result;
-    case COMPACT_P_TELEMETRY_PERIOD:
-        *value = node->settings.telemetry_ms;
-        return result;
-    case COMPACT_P_COMMAND_TIMEOUT:
-        *value = node->settings.timeout_ms;
-        return result;
-    case COMPACT_P_RESTART:
-        *value = 0;
-        return result;
-    case COMPACT_P_SAVE:
-        *value = node->is_saved;
-        return result;
-    default:
-        return COMPACT_UNKNOWN_PARAMETER;
-    }
-}
-
-/* ---- reception ---- */
-
-static void receive_mode(struct boards *boards, struct board_bus *bus,
-                         const struct bus_frame *frame)
+static void compact_bus_receive_mode(struct boards *boards, struct compact_bus *bus,
+                                     const struct bus_frame *frame)
 {
     struct board *listener = NULL;
     enum board_verdict verdict = BOARD_OBEYED;
@@ -216,45 +20,45 @@ static void receive_mode(struct boards *boards, struct board_bus *bus,
         verdict = BOARD_MALFORMED;
     }
     for (unsigned slot = 0; slot < bus->slots; slot++) {
-        struct board *board = bus->slot[slot].board;
+        struct board *board = &bus->slot[slot].motor->node.board;
 
         if (board_is_deaf(board) || !(values[1] >> slot & 1)) {
             continue;
         }
         listener = board;
         if (verdict == BOARD_OBEYED) {
-            compact_motor_mode(board, bus->slot[slot].axis, (enum compact_mode)values[0]);
+            compact_axis_command_mode(board, bus->slot[slot].axis, (enum compact_mode)values[0]);
         }
     }
     boards_count_frame(boards, listener, verdict, frame);
 }
 
-static void receive_command(struct boards *boards, struct board_bus *bus,
-                            const struct bus_frame *frame)
+static void compact_bus_receive_command(struct boards *boards, struct compact_bus *bus,
+                                        const struct bus_frame *frame)
 {
     unsigned first = (frame->id & 0x1f) * COMPACT_GROUP;
     struct board *listener = NULL;
     bool whole = frame->len > 0 && frame->len % 2 == 0;
 
     for (unsigned i = 0; i < (frame->len + 1u) / 2 && first + i < bus->slots; i++) {
-        const struct board_slot *slot = &bus->slot[first + i];
+        struct board *board = &bus->slot[first + i].motor->node.board;
 
-        if (board_is_deaf(slot->board)) {
+        if (board_is_deaf(board)) {
             continue;
         }
-        listener = slot->board;
+        listener = board;
         if (whole) {
-            compact_motor_command(slot->board, slot->axis, get_i16_le(frame->data + 2 * i));
+            compact_axis_command(board, bus->slot[first + i].axis, get_i16_le(frame->data + 2 * i));
         }
     }
     if (frame->len == 0 && first < bus->slots) {
-        listener = bus->slot[first].board;
+        listener = &bus->slot[first].motor->node.board;
     }
     boards_count_frame(boards, listener, whole ? BOARD_OBEYED : BOARD_MALFORMED, frame);
 }
 
-static void receive_discover(struct boards *boards, struct board_bus *bus,
-                             const struct bus_frame *frame)
+static void compact_bus_receive_discover(struct boards *boards, struct board_bus *bus,
+                                         const struct bus_frame *frame)
 {
     struct board *listener = NULL;
 
@@ -264,15 +68,15 @@ static void receive_discover(struct boards *boards, struct board_bus *bus,
         if (board && !board_is_deaf(board)) {
             listener = board;
             if (frame->len == 0) {
-                compact_identify(board);
+                compact_node_identify(compact_node_of(board));
             }
         }
     }
     boards_count_frame(boards, listener, frame->len ? BOARD_MALFORMED : BOARD_OBEYED, frame);
 }
 
-static void receive_request(struct boards *boards, struct board_bus *bus,
-                            const struct bus_frame *frame)
+static void compact_bus_receive_request(struct boards *boards, struct board_bus *bus,
+                                        const struct bus_frame *frame)
 {
     struct board *board = bus->by_address[frame->id & 0x1f];
     bool write = frame->len > 0 && frame->data[0] & COMPACT_WRITE;
@@ -287,8 +91,10 @@ static void receive_request(struct boards *boards, struct board_bus *bus,
     }
     fields_decode(compact_message(COMPACT_REQUEST)->fields, frame->data, frame->len, values);
     if (frame->len == (write ? COMPACT_WRITE_LENGTH : COMPACT_READ_LENGTH)) {
-        result = board->ops->parameter(board, (unsigned)values[0], (unsigned)values[2], write,
-                                       &values[3]);
+        struct compact_node *node = compact_node_of(board);
+
+        result =
+            node->ops->parameter(node, (unsigned)values[0], (unsigned)values[2], write, &values[3]);
     }
     values[4] = result;
     fields_encode(compact_message(COMPACT_REPLY)->fields, values, data);
@@ -299,32 +105,59 @@ static void receive_request(struct boards *boards, struct board_bus *bus,
     boards_count_frame(boards, board, verdict, frame);
 }
 
-void compact_bus_receive(struct boards *boards, struct board_bus *bus,
-                         const struct bus_frame *frame)
+static void compact_bus_receive(struct boards *boards, struct board_bus *bus,
+                                const struct bus_frame *frame)
 {
     bool first = (frame->id & 0x1f) == 0;
 
     switch (frame->id >> 5) {
     case COMPACT_MODE:
         if (first) {
-            receive_mode(boards, bus, frame);
+            compact_bus_receive_mode(boards, compact_bus_of(bus), frame);
             return;
         }
         break;
     case COMPACT_COMMAND:
-        receive_command(boards, bus, frame);
+        compact_bus_receive_command(boards, compact_bus_of(bus), frame);
         return;
     case COMPACT_DISCOVER:
         if (first) {
-            receive_discover(boards, bus, frame);
+            compact_bus_receive_discover(boards, bus, frame);
             return;
         }
         break;
     case COMPACT_REQUEST:
-        receive_request(boards, bus, frame);
+        compact_bus_receive_request(boards, bus, frame);
         return;
     default:
         break;
     }
     boards->counters.foreign++;
+}
+
+/* The axes of a new motor board take the next slots. */
+static void compact_bus_add_board(struct board_bus *bus, struct board *board)
+{
+    struct compact_bus *compact = compact_bus_of(bus);
+
+    for (unsigned i = 0; i < BOARD_AXES_MAX && board_joint(board, i) >= 0; i++) {
+        compact->slot[compact->slots++] =
+            (struct compact_slot){.motor = compact_motor_of(board), .axis = i};
+    }
+}
+
+static const struct board_bus_ops compact_bus_ops = {
+    .add_board = compact_bus_add_board,
+    .receive = compact_bus_receive,
+};
+
+struct board_bus *compact_bus_create(struct arena *arena)
+{
+    struct compact_bus *compact = arena_alloc(arena, 1, sizeof *compact);
+
+    if (!compact) {
+        return NULL;
+    }
+    compact->bus.ops = &compact_bus_ops;
+    return &compact->bus;
 }

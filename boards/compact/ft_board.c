@@ -19,26 +19,26 @@ struct compact_ft {
     double supply_v;
 };
 
-struct compact_ft *compact_ft_create(struct arena *arena)
+static struct compact_ft *compact_ft_of(const struct board *board)
 {
-    return arena_alloc(arena, 1, sizeof(struct compact_ft));
+    return container_of(board, struct compact_ft, node.board);
 }
 
-static double count_worth(int channel)
+static double compact_ft_resolution(int channel)
 {
     return channel < HALF ? COMPACT_FORCE_N : COMPACT_MOMENT_NM;
 }
 
-static void power_up(struct board *board)
+static void compact_ft_power_up(struct board *board)
 {
-    struct compact_ft *ft = board->wrench;
+    struct compact_ft *ft = compact_ft_of(board);
 
-    if (compact_node_power_up(board, &ft->node)) {
+    if (compact_node_power_up(&ft->node)) {
         for (int i = 0; i < BOARD_CHANNELS; i++) {
             ft->saved_scale[i] = llround(board->config.full_scale[i] * 1e3);
         }
     } else {
-        compact_identify(board);
+        compact_node_identify(&ft->node);
     }
     memcpy(ft->full_scale, ft->saved_scale, sizeof ft->full_scale);
     memcpy(ft->tare, ft->saved_tare, sizeof ft->tare);
@@ -46,7 +46,7 @@ static void power_up(struct board *board)
     ft->faults = ft->told = 0;
 }
 
-static void convert(struct compact_ft *ft, int channel, double value)
+static void compact_ft_convert(struct compact_ft *ft, int channel, double value)
 {
     double limit = (double)ft->full_scale[channel] * 1e-3;
     int32_t counts;
@@ -55,31 +55,32 @@ static void convert(struct compact_ft *ft, int channel, double value)
         ft->saturated |= (uint8_t)(1u << channel);
         value = value > 0.0 ? limit : -limit;
     }
-    if (control_quantize(value / count_worth(channel), &counts)) {
+    if (control_quantize(value / compact_ft_resolution(channel), &counts)) {
         ft->counts[channel] = control_clamp(counts, INT16_MIN, INT16_MAX);
     } else {
         ft->sensors_bad = true; /* the value before is repeated */
     }
 }
 
-static void sample(struct board *board, const struct plant_sensors *sensors)
+static void compact_ft_sample(struct board *board, const struct plant_sensors *sensors)
 {
-    struct compact_ft *ft = board->wrench;
+    struct compact_ft *ft = compact_ft_of(board);
     const struct ft_sense *sense = &sensors->ft[board->config.ft];
 
-    ft->supply_v = isfinite(sensors->supply_v) && sensors->supply_v > 0.0 ? sensors->supply_v : 0.0;
+    ft->supply_v = board_supply_v(sensors);
     ft->saturated = 0;
     ft->sensors_bad = false;
     for (int i = 0; i < HALF; i++) {
-        convert(ft, i, sense->force_n[i]);
-        convert(ft, HALF + i, sense->torque_nm[i]);
+        compact_ft_convert(ft, i, sense->force_n[i]);
+        compact_ft_convert(ft, HALF + i, sense->torque_nm[i]);
     }
     ft->faults = (uint16_t)((ft->saturated ? COMPACT_FAULT_SATURATED : 0) |
                             (ft->sensors_bad ? COMPACT_FAULT_TORQUE_SENSOR : 0) |
                             (board->lost_in_status ? COMPACT_FAULT_OVERFLOW : 0));
 }
 
-static enum compact_result tare(struct compact_ft *ft, unsigned channel, bool write, int64_t *value)
+static enum compact_result compact_ft_access_tare(struct compact_ft *ft, unsigned channel,
+                                                  bool write, int64_t *value)
 {
     if (!write) {
         *value = channel < BOARD_CHANNELS ? ft->tare[channel] : 0;
@@ -102,10 +103,10 @@ static enum compact_result tare(struct compact_ft *ft, unsigned channel, bool wr
     return COMPACT_OK;
 }
 
-static enum compact_result full_scale(const struct board *board, unsigned channel, bool write,
-                                      int64_t *value)
+static enum compact_result compact_ft_access_full_scale(const struct board *board, unsigned channel,
+                                                        bool write, int64_t *value)
 {
-    struct compact_ft *ft = board->wrench;
+    struct compact_ft *ft = compact_ft_of(board);
     enum compact_result result = COMPACT_OK;
 
     if (channel >= BOARD_CHANNELS) {
@@ -121,22 +122,24 @@ static enum compact_result full_scale(const struct board *board, unsigned channe
     return result;
 }
 
-static enum compact_result parameter(struct board *board, unsigned parameter, unsigned axis,
-                                     bool write, int64_t *value)
+static enum compact_result compact_ft_access_parameter(struct compact_node *node,
+                                                       unsigned parameter, unsigned axis,
+                                                       bool write, int64_t *value)
 {
-    struct compact_ft *ft = board->wrench;
+    struct board *board = &node->board;
+    struct compact_ft *ft = compact_ft_of(board);
     enum compact_result result;
 
     switch (parameter) {
     case COMPACT_P_FULL_SCALE:
-        return full_scale(board, axis, write, value);
+        return compact_ft_access_full_scale(board, axis, write, value);
     case COMPACT_P_TARE:
-        return tare(ft, axis, write, value);
+        return compact_ft_access_tare(ft, axis, write, value);
     case COMPACT_P_FAULTS:
         *value = ft->faults;
         return write ? COMPACT_READ_ONLY : COMPACT_OK;
     default:
-        result = compact_node_parameter(board, &ft->node, parameter, write, value);
+        result = compact_node_access_parameter(node, parameter, write, value);
         if (result == COMPACT_OK && write && parameter == COMPACT_P_SAVE) {
             memcpy(ft->saved_scale, ft->full_scale, sizeof ft->saved_scale);
             memcpy(ft->saved_tare, ft->tare, sizeof ft->saved_tare);
@@ -145,9 +148,9 @@ static enum compact_result parameter(struct board *board, unsigned parameter, un
     }
 }
 
-static void send_wrench(struct board *board, struct frame_sink *sink)
+static void compact_ft_send_wrench(struct board *board, struct frame_sink *sink)
 {
-    struct compact_ft *ft = board->wrench;
+    struct compact_ft *ft = compact_ft_of(board);
     int64_t values[BOARD_CHANNELS];
     uint8_t data[COMPACT_WRENCH_FD_LENGTH];
 
@@ -159,18 +162,18 @@ static void send_wrench(struct board *board, struct frame_sink *sink)
         fields_encode(compact_message(COMPACT_WRENCH_FD)->fields, values, data);
         board_send(board, sink, compact_id(COMPACT_WRENCH_FD, board->address), sizeof data, data);
     } else {
-        compact_send(board, sink, COMPACT_FORCE, board->address, values);
-        compact_send(board, sink, COMPACT_MOMENT, board->address, values + HALF);
+        compact_node_send(&ft->node, sink, COMPACT_FORCE, board->address, values);
+        compact_node_send(&ft->node, sink, COMPACT_MOMENT, board->address, values + HALF);
     }
 }
 
-static void transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
+static void compact_ft_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
-    struct compact_ft *ft = board->wrench;
+    struct compact_ft *ft = compact_ft_of(board);
     int32_t supply = 0;
 
-    if (compact_node_due(board, &ft->node)) {
-        send_wrench(board, sink);
+    if (compact_node_due(&ft->node)) {
+        compact_ft_send_wrench(board, sink);
     }
     if (!compact_state_due(span, board->address) && ft->faults == ft->told) {
         return;
@@ -178,18 +181,30 @@ static void transmit(struct board *board, struct ms_span span, struct frame_sink
     ft->told = ft->faults;
     control_quantize(ft->supply_v / COMPACT_SUPPLY_V, &supply);
     board->lost_in_status = board->lost_in_overflow = false;
-    compact_send(board, sink, COMPACT_FT_STATE, board->address,
-                 (const int64_t[]){ft->saturated, ft->faults, supply, 0, ft->frames});
+    compact_node_send(&ft->node, sink, COMPACT_FT_STATE, board->address,
+                      (const int64_t[]){ft->saturated, ft->faults, supply, 0, ft->frames});
 }
 
-const struct board_ops compact_ft_ops = {
-    .type = COMPACT_KIND_FT,
-    .major = 1,
-    .minor = 0,
-    .build = 4,
+static const struct board_ops compact_ft_ops = {
+    .identity = {.type = COMPACT_KIND_FT, .major = 1, .minor = 0, .build = 4},
     .periodic_max = 3,
-    .parameter = parameter,
-    .power_up = power_up,
-    .sample = sample,
-    .transmit = transmit,
+    .power_up = compact_ft_power_up,
+    .sample = compact_ft_sample,
+    .transmit = compact_ft_transmit,
 };
+
+static const struct compact_node_ops compact_ft_node_ops = {
+    .parameter = compact_ft_access_parameter,
+};
+
+struct board *compact_ft_create(struct arena *arena)
+{
+    struct compact_ft *ft = arena_alloc(arena, 1, sizeof *ft);
+
+    if (!ft) {
+        return NULL;
+    }
+    ft->node.board.ops = &compact_ft_ops;
+    ft->node.ops = &compact_ft_node_ops;
+    return &ft->node.board;
+}

@@ -19,7 +19,7 @@
 
 enum {
     OVERLOAD_MS = 10,
-    /* these open the bridge */
+    /* These faults open the bridge */
     FATAL = COMPACT_FAULT_UNDER_VOLTAGE | COMPACT_FAULT_OVER_VOLTAGE | COMPACT_FAULT_OVER_CURRENT |
             COMPACT_FAULT_MOTOR_ENCODER | COMPACT_FAULT_LINK_ENCODER | COMPACT_FAULT_TORQUE_SENSOR |
             COMPACT_FAULT_TEMPERATURE,
@@ -28,55 +28,51 @@ enum {
 #define LOOP_GAIN 0.5 /* the factory's g */
 #define OVER_VOLTAGE_V 60.0
 
-struct compact_motor *compact_motor_create(struct arena *arena)
-{
-    return arena_alloc(arena, 1, sizeof(struct compact_motor));
-}
-
 /* ---- modes ---- */
 
-static void forget_command(const struct board *board, struct compact_axis *axis)
+static void compact_axis_forget_command(const struct board *board, struct compact_axis *axis)
 {
     axis->set_point = 0;
-    axis->command_ns = board->boards->time_ns;
+    axis->command_ns = board->boards->now_ns;
     axis->integral_v = axis->voltage_v = 0.0;
     axis->overload_ms = 0.0;
 }
 
-static void set_mode(struct board *board, struct compact_axis *axis, enum compact_mode mode)
+static void compact_axis_set_mode(struct board *board, struct compact_axis *axis,
+                                  enum compact_mode mode)
 {
     if (mode != axis->mode) {
-        board_event(board, BOARD_EVENT_MODE, compact_index(board, axis), axis->mode, mode);
+        board_event(board, BOARD_EVENT_MODE, compact_axis_index(board, axis), axis->mode, mode);
         axis->mode = mode;
-        forget_command(board, axis);
+        compact_axis_forget_command(board, axis);
     }
 }
 
-void compact_motor_mode(struct board *board, unsigned index, enum compact_mode mode)
+void compact_axis_command_mode(struct board *board, unsigned index, enum compact_mode mode)
 {
-    struct compact_axis *axis = &board->compact->axis[index];
+    struct compact_axis *axis = &compact_motor_of(board)->axis[index];
 
     if (mode == COMPACT_OFF) {
         axis->latched = 0;
-        set_mode(board, axis, COMPACT_OFF);
+        compact_axis_set_mode(board, axis, COMPACT_OFF);
     } else if (axis->mode != COMPACT_FAULT) {
-        set_mode(board, axis, mode);
+        compact_axis_set_mode(board, axis, mode);
     }
 }
 
-void compact_motor_command(struct board *board, unsigned index, int16_t set_point)
+void compact_axis_command(struct board *board, unsigned index, int16_t set_point)
 {
-    struct compact_axis *axis = &board->compact->axis[index];
+    struct compact_axis *axis = &compact_motor_of(board)->axis[index];
 
     axis->commands = (axis->commands + 1) & 0xf;
-    axis->command_ns = board->boards->time_ns;
-    axis->set_point = compact_runs(axis) ? set_point : 0;
+    axis->command_ns = board->boards->now_ns;
+    axis->set_point = compact_axis_runs(axis) ? set_point : 0;
 }
 
 /* ---- power-up ---- */
 
-static void set_factory(struct compact_axis_settings *settings,
-                        const struct board_axis_config *config)
+static void compact_axis_set_factory(struct compact_axis_settings *settings,
+                                     const struct board_axis_config *config)
 {
     double R = config->winding_ohm;
     double a = config->winding_h > 0.0 ? exp(-1e-3 * R / config->winding_h) : 0.0;
@@ -92,13 +88,13 @@ static void set_factory(struct compact_axis_settings *settings,
     }
 }
 
-static void power_up(struct board *board)
+static void compact_motor_power_up(struct board *board)
 {
-    struct compact_motor *motor = board->compact;
-    bool first = compact_node_power_up(board, &motor->node);
+    struct compact_motor *motor = compact_motor_of(board);
+    bool first = compact_node_power_up(&motor->node);
 
     while (first && motor->axes < BOARD_AXES_MAX && board->config.axis[motor->axes].joint >= 0) {
-        set_factory(&motor->axis[motor->axes].saved, &board->config.axis[motor->axes]);
+        compact_axis_set_factory(&motor->axis[motor->axes].saved, &board->config.axis[motor->axes]);
         motor->axes++;
     }
     motor->first_slot = compact_first_slot(board);
@@ -110,18 +106,18 @@ static void power_up(struct board *board)
         axis->latched = axis->faults = axis->told_faults = 0;
         axis->commands = axis->sequence = 0;
         axis->velocity_rad_s = 0.0;
-        forget_command(board, axis);
+        compact_axis_forget_command(board, axis);
     }
     motor->started = false;
     if (!first) {
-        compact_identify(board);
+        compact_node_identify(&motor->node);
     }
 }
 
 /* ---- sensors ---- */
 
-static void sample_axis(struct compact_axis *axis, const struct board_axis_config *config,
-                        const struct motor_sense *sense, int64_t ms)
+static void compact_axis_sample(struct compact_axis *axis, const struct board_axis_config *config,
+                                const struct motor_sense *sense, int64_t ms)
 {
     int32_t motor, link;
 
@@ -150,18 +146,19 @@ static void sample_axis(struct compact_axis *axis, const struct board_axis_confi
     }
 }
 
-static void sample(struct board *board, const struct plant_sensors *sensors)
+/* Encoders are quantized to their ticks, then told in 1e-5 rad; the rotor's speed is a running
+ * mean. */
+static void compact_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
-    struct compact_motor *motor = board->compact;
-    int64_t now_ms = board->boards->time_ns / MS;
+    struct compact_motor *motor = compact_motor_of(board);
+    int64_t now_ms = board->boards->now_ns / MS;
 
-    motor->supply_v =
-        isfinite(sensors->supply_v) && sensors->supply_v > 0.0 ? sensors->supply_v : 0.0;
+    motor->supply_v = board_supply_v(sensors);
     for (unsigned i = 0; i < motor->axes; i++) {
         const struct board_axis_config *config = &board->config.axis[i];
 
-        sample_axis(&motor->axis[i], config, &sensors->motor[config->joint],
-                    motor->started ? now_ms - motor->sampled_ms : 0);
+        compact_axis_sample(&motor->axis[i], config, &sensors->motor[config->joint],
+                            motor->started ? now_ms - motor->sampled_ms : 0);
         if (!motor->started) {
             motor->axis[i].before_rad = motor->axis[i].motor_rad;
         }
@@ -172,12 +169,12 @@ static void sample(struct board *board, const struct plant_sensors *sensors)
 
 /* ---- faults ---- */
 
-static bool is_over_current(const struct board *board, struct compact_axis *axis)
+static bool compact_axis_is_over_current(const struct board *board, struct compact_axis *axis)
 {
     double limit = (double)axis->settings.current_limit_ma * 1e-3;
     double tick_ms = (double)board->boards->tick_ns / MS;
 
-    if (!compact_runs(axis)) {
+    if (!compact_axis_runs(axis)) {
         axis->overload_ms = 0.0;
         return false;
     }
@@ -186,72 +183,73 @@ static bool is_over_current(const struct board *board, struct compact_axis *axis
     return axis->overload_ms > OVERLOAD_MS;
 }
 
-static bool is_stale(const struct board *board, const struct compact_axis *axis)
+static bool compact_axis_is_stale(const struct board *board, const struct compact_axis *axis)
 {
-    int64_t timeout_ms = board->compact->node.settings.timeout_ms;
+    int64_t timeout_ms = compact_motor_of(board)->node.settings.timeout_ms;
 
-    return compact_runs(axis) && timeout_ms > 0 &&
-           board->boards->time_ns - axis->command_ns > timeout_ms * MS;
+    return compact_axis_runs(axis) && timeout_ms > 0 &&
+           board->boards->now_ns - axis->command_ns > timeout_ms * MS;
 }
 
-static bool is_beyond(const struct compact_axis *axis)
+static bool compact_axis_is_beyond_limit(const struct compact_axis *axis)
 {
     return axis->link < axis->settings.min_position || axis->link > axis->settings.max_position;
 }
 
-static unsigned present_faults(const struct board *board, struct compact_axis *axis)
+static unsigned compact_axis_present_faults(const struct board *board, struct compact_axis *axis)
 {
-    const struct compact_motor *motor = board->compact;
+    const struct compact_motor *motor = compact_motor_of(board);
     unsigned faults = 0;
 
     faults |= motor->supply_v < BOARD_UNDER_VOLTAGE_V ? COMPACT_FAULT_UNDER_VOLTAGE : 0;
     faults |= motor->supply_v > OVER_VOLTAGE_V ? COMPACT_FAULT_OVER_VOLTAGE : 0;
-    faults |= is_over_current(board, axis) ? COMPACT_FAULT_OVER_CURRENT : 0;
+    faults |= compact_axis_is_over_current(board, axis) ? COMPACT_FAULT_OVER_CURRENT : 0;
     faults |= axis->bad_motor ? COMPACT_FAULT_MOTOR_ENCODER : 0;
     faults |= axis->bad_link ? COMPACT_FAULT_LINK_ENCODER : 0;
     faults |= axis->bad_torque ? COMPACT_FAULT_TORQUE_SENSOR : 0;
     faults |=
         axis->temperature_c > axis->settings.temperature_limit_c ? COMPACT_FAULT_TEMPERATURE : 0;
-    faults |= is_stale(board, axis) ? COMPACT_FAULT_STALE : 0;
-    faults |= is_beyond(axis) ? COMPACT_FAULT_LIMIT : 0;
+    faults |= compact_axis_is_stale(board, axis) ? COMPACT_FAULT_STALE : 0;
+    faults |= compact_axis_is_beyond_limit(axis) ? COMPACT_FAULT_LIMIT : 0;
     faults |= board->lost_in_status ? COMPACT_FAULT_OVERFLOW : 0;
     return faults;
 }
 
-static void watch(struct board *board, struct compact_axis *axis)
+static void compact_axis_watch_faults(struct board *board, struct compact_axis *axis)
 {
-    unsigned faults = present_faults(board, axis);
+    unsigned faults = compact_axis_present_faults(board, axis);
     unsigned risen = faults & ~(unsigned)axis->faults;
     struct boards_counters *counters = &board->boards->counters;
 
     if (risen & COMPACT_FAULT_STALE) {
         axis->set_point = 0;
         counters->timeouts++;
-        board_event(board, BOARD_EVENT_TIMEOUT, compact_index(board, axis), axis->mode, 0);
+        board_event(board, BOARD_EVENT_TIMEOUT, compact_axis_index(board, axis), axis->mode, 0);
     }
-    if (risen & COMPACT_FAULT_LIMIT && compact_runs(axis)) {
-        board_event(board, BOARD_EVENT_LIMIT, compact_index(board, axis), (uint32_t)axis->link, 0);
+    if (risen & COMPACT_FAULT_LIMIT && compact_axis_runs(axis)) {
+        board_event(board, BOARD_EVENT_LIMIT, compact_axis_index(board, axis), (uint32_t)axis->link,
+                    0);
     }
     if (risen & FATAL) {
-        board_event(board, BOARD_EVENT_FAULT, compact_index(board, axis), risen & FATAL, 0);
+        board_event(board, BOARD_EVENT_FAULT, compact_axis_index(board, axis), risen & FATAL, 0);
     }
     counters->trips += (faults & COMPACT_FAULT_OVER_CURRENT) != 0;
     counters->trips += (risen & COMPACT_FAULT_TEMPERATURE) != 0;
-    if (faults & FATAL && compact_runs(axis)) {
+    if (faults & FATAL && compact_axis_runs(axis)) {
         axis->latched |= (uint16_t)(faults & FATAL);
-        set_mode(board, axis, COMPACT_FAULT);
+        compact_axis_set_mode(board, axis, COMPACT_FAULT);
     }
     axis->faults = (uint16_t)(faults | axis->latched);
 }
 
 /* ---- control ---- */
 
-static double voltage_law(const struct compact_axis *axis)
+static double compact_axis_voltage_law(const struct compact_axis *axis)
 {
     return (double)axis->set_point * COMPACT_VOLTAGE_V;
 }
 
-static double current_law(struct compact_axis *axis, double supply_v)
+static double compact_axis_current_law(struct compact_axis *axis, double supply_v)
 {
     const struct compact_axis_settings *p = &axis->settings;
     int64_t wanted = control_clamp(axis->set_point, -p->current_limit_ma, p->current_limit_ma);
@@ -263,8 +261,8 @@ static double current_law(struct compact_axis *axis, double supply_v)
            (double)p->back_emf * 1e-3 * axis->velocity_rad_s;
 }
 
-/* Beyond a limit only what leads back is obeyed. */
-static void heed_limits(struct compact_axis *axis)
+/* Beyond a limit only set-points that lead back are obeyed. */
+static void compact_axis_heed_limits(struct compact_axis *axis)
 {
     bool further = (axis->link > axis->settings.max_position && axis->set_point > 0) ||
                    (axis->link < axis->settings.min_position && axis->set_point < 0);
@@ -274,54 +272,55 @@ static void heed_limits(struct compact_axis *axis)
     }
 }
 
-static void step(struct compact_axis *axis, double supply_v)
+static void compact_axis_step(struct compact_axis *axis, double supply_v)
 {
-    double v = axis->mode == COMPACT_VOLTAGE   ? voltage_law(axis)
-               : axis->mode == COMPACT_CURRENT ? current_law(axis, supply_v)
+    double v = axis->mode == COMPACT_VOLTAGE   ? compact_axis_voltage_law(axis)
+               : axis->mode == COMPACT_CURRENT ? compact_axis_current_law(axis, supply_v)
                                                : 0.0;
 
     axis->voltage_v = fmax(fmin(v, supply_v), -supply_v);
 }
 
-static void drive(const struct board *board, struct plant_command *command)
+static void compact_motor_drive_bridges(const struct board *board, struct plant_command *command)
 {
-    for (unsigned i = 0; i < board->compact->axes; i++) {
-        const struct compact_axis *axis = &board->compact->axis[i];
+    for (unsigned i = 0; i < compact_motor_of(board)->axes; i++) {
+        const struct compact_axis *axis = &compact_motor_of(board)->axis[i];
         struct motor_command *motor = &command->motor[board->config.axis[i].joint];
 
-        motor->bridge_on = compact_runs(axis);
-        motor->voltage_v = compact_runs(axis) ? axis->voltage_v : 0.0;
+        motor->bridge_on = compact_axis_runs(axis);
+        motor->voltage_v = compact_axis_runs(axis) ? axis->voltage_v : 0.0;
     }
 }
 
-static void control(struct board *board, struct ms_span span, struct plant_command *command)
+static void compact_motor_control(struct board *board, struct ms_span span,
+                                  struct plant_command *command)
 {
-    struct compact_motor *motor = board->compact;
+    struct compact_motor *motor = compact_motor_of(board);
 
     for (unsigned i = 0; i < motor->axes; i++) {
-        watch(board, &motor->axis[i]);
-        heed_limits(&motor->axis[i]);
+        compact_axis_watch_faults(board, &motor->axis[i]);
+        compact_axis_heed_limits(&motor->axis[i]);
         for (int64_t ms = span.from; ms < span.to; ms++) {
-            step(&motor->axis[i], motor->supply_v);
+            compact_axis_step(&motor->axis[i], motor->supply_v);
         }
     }
-    drive(board, command);
+    compact_motor_drive_bridges(board, command);
 }
 
-static void shut_down(struct board *board, struct plant_command *command)
+static void compact_motor_shut_down(struct board *board, struct plant_command *command)
 {
-    for (unsigned i = 0; i < board->compact->axes; i++) {
-        if (compact_runs(&board->compact->axis[i])) {
-            set_mode(board, &board->compact->axis[i], COMPACT_OFF);
+    for (unsigned i = 0; i < compact_motor_of(board)->axes; i++) {
+        if (compact_axis_runs(&compact_motor_of(board)->axis[i])) {
+            compact_axis_set_mode(board, &compact_motor_of(board)->axis[i], COMPACT_OFF);
         }
     }
-    drive(board, command);
+    compact_motor_drive_bridges(board, command);
 }
 
-static bool fault(const struct board *board)
+static bool compact_motor_is_faulty(const struct board *board)
 {
-    for (unsigned i = 0; i < board->compact->axes; i++) {
-        if (board->compact->axis[i].mode == COMPACT_FAULT) {
+    for (unsigned i = 0; i < compact_motor_of(board)->axes; i++) {
+        if (compact_motor_of(board)->axis[i].mode == COMPACT_FAULT) {
             return true;
         }
     }
@@ -330,25 +329,25 @@ static bool fault(const struct board *board)
 
 /* ---- frames ---- */
 
-static void send_telemetry(struct board *board, struct frame_sink *sink)
+static void compact_motor_send_telemetry(struct board *board, struct frame_sink *sink)
 {
-    struct compact_motor *motor = board->compact;
+    struct compact_motor *motor = compact_motor_of(board);
 
     for (unsigned i = 0; i < motor->axes; i++) {
         struct compact_axis *axis = &motor->axis[i];
 
-        compact_send(board, sink, COMPACT_TELEMETRY, motor->first_slot + i,
-                     (const int64_t[]){axis->motor, (int64_t)axis->motor - axis->link,
-                                       compact_counts(axis->current_a, COMPACT_CURRENT_A),
-                                       compact_counts(axis->torque_nm, COMPACT_TORQUE_NM),
-                                       axis->sequence & 3});
+        compact_node_send(&motor->node, sink, COMPACT_TELEMETRY, motor->first_slot + i,
+                          (const int64_t[]){axis->motor, (int64_t)axis->motor - axis->link,
+                                            compact_counts(axis->current_a, COMPACT_CURRENT_A),
+                                            compact_counts(axis->torque_nm, COMPACT_TORQUE_NM),
+                                            axis->sequence & 3});
         axis->sequence++;
     }
 }
 
-static void send_telemetry_fd(struct board *board, struct frame_sink *sink)
+static void compact_motor_send_telemetry_fd(struct board *board, struct frame_sink *sink)
 {
-    struct compact_motor *motor = board->compact;
+    struct compact_motor *motor = compact_motor_of(board);
     const struct compact_message *row = compact_message(COMPACT_TELEMETRY_FD);
     uint8_t data[64];
 
@@ -370,29 +369,31 @@ static void send_telemetry_fd(struct board *board, struct frame_sink *sink)
                (uint8_t)(COMPACT_TELEMETRY_FD_LENGTH * motor->axes), data);
 }
 
-static void send_state(struct board *board, struct compact_axis *axis, struct frame_sink *sink)
+static void compact_axis_send_state(struct board *board, struct compact_axis *axis,
+                                    struct frame_sink *sink)
 {
-    struct compact_motor *motor = board->compact;
+    struct compact_motor *motor = compact_motor_of(board);
 
     axis->told_mode = axis->mode;
     axis->told_faults = axis->faults;
-    compact_send(board, sink, COMPACT_STATE, motor->first_slot + compact_index(board, axis),
-                 (const int64_t[]){axis->mode, axis->commands, axis->faults,
-                                   compact_counts(motor->supply_v, COMPACT_SUPPLY_V),
-                                   axis->temperature_c,
-                                   compact_counts(axis->voltage_v, COMPACT_VOLTAGE_V)});
+    compact_node_send(
+        &motor->node, sink, COMPACT_STATE, motor->first_slot + compact_axis_index(board, axis),
+        (const int64_t[]){axis->mode, axis->commands, axis->faults,
+                          compact_counts(motor->supply_v, COMPACT_SUPPLY_V), axis->temperature_c,
+                          compact_counts(axis->voltage_v, COMPACT_VOLTAGE_V)});
 }
 
-static void transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
+static void compact_motor_transmit(struct board *board, struct ms_span span,
+                                   struct frame_sink *sink)
 {
-    struct compact_motor *motor = board->compact;
+    struct compact_motor *motor = compact_motor_of(board);
     bool overflow_told = board->lost_in_status;
 
-    if (compact_node_due(board, &motor->node) && motor->axes > 0) {
+    if (compact_node_due(&motor->node) && motor->axes > 0) {
         if (board->bus->config.fd) {
-            send_telemetry_fd(board, sink);
+            compact_motor_send_telemetry_fd(board, sink);
         } else {
-            send_telemetry(board, sink);
+            compact_motor_send_telemetry(board, sink);
         }
     }
     for (unsigned i = 0; i < motor->axes; i++) {
@@ -400,7 +401,7 @@ static void transmit(struct board *board, struct ms_span span, struct frame_sink
 
         if (compact_state_due(span, motor->first_slot + i) || axis->mode != axis->told_mode ||
             axis->faults != axis->told_faults) {
-            send_state(board, axis, sink);
+            compact_axis_send_state(board, axis, sink);
         }
         overflow_told = overflow_told && axis->told_faults & COMPACT_FAULT_OVERFLOW;
     }
@@ -409,18 +410,30 @@ static void transmit(struct board *board, struct ms_span span, struct frame_sink
     }
 }
 
-const struct board_ops compact_motor_ops = {
-    .type = COMPACT_KIND_MOTOR,
-    .major = 1,
-    .minor = 0,
-    .build = 12,
+static const struct board_ops compact_motor_ops = {
+    .identity = {.type = COMPACT_KIND_MOTOR, .major = 1, .minor = 0, .build = 12},
     .periodic_max = 2 * BOARD_AXES_MAX,
-    .parameter = compact_motor_parameter,
-    .power_up = power_up,
-    .sample = sample,
-    .control = control,
-    .transmit = transmit,
-    .shut_down = shut_down,
-    .fault = fault,
+    .power_up = compact_motor_power_up,
+    .sample = compact_motor_sample,
+    .control = compact_motor_control,
+    .transmit = compact_motor_transmit,
+    .shut_down = compact_motor_shut_down,
+    .fault = compact_motor_is_faulty,
     .settings = &compact_settings,
 };
+
+static const struct compact_node_ops compact_motor_node_ops = {
+    .parameter = compact_motor_access_parameter,
+};
+
+struct board *compact_motor_create(struct arena *arena)
+{
+    struct compact_motor *motor = arena_alloc(arena, 1, sizeof *motor);
+
+    if (!motor) {
+        return NULL;
+    }
+    motor->node.board.ops = &compact_motor_ops;
+    motor->node.ops = &compact_motor_node_ops;
+    return &motor->node.board;
+}

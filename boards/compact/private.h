@@ -1,44 +1,82 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the boards of a compact bus share: telemetry period, identity, parameters of the board. */
+/*
+ * What the boards of a compact bus share, each a node of it: telemetry period, identity, parameters
+ * of the board; and the state of its motor boards. RT-safe but for what creates.
+ */
 #ifndef BOARDS_COMPACT_PRIVATE_H
 #define BOARDS_COMPACT_PRIVATE_H
 
 #include "boards/board_private.h"
+#include "boards/compact/board.h"
 #include "boards/compact/table.h"
 #include "boards/motor_control.h"
+
+struct compact_node;
+struct compact_motor;
+
+/* Which axis stands behind a slot. */
+struct compact_slot {
+    struct compact_motor *motor; /* NULL: none */
+    unsigned axis;
+};
+
+struct compact_bus {
+    struct board_bus bus;
+    struct compact_slot slot[COMPACT_SLOTS];
+    unsigned slots;
+};
 
 /* Settings that SAVE keeps over a restart. */
 struct compact_settings {
     int64_t telemetry_ms, timeout_ms;
 };
 
+/* A kind of node beyond what every board has. */
+struct compact_node_ops {
+    /* Reads or writes a parameter; *value is the one in force afterwards. */
+    enum compact_result (*parameter)(struct compact_node *node, unsigned parameter, unsigned axis,
+                                     bool write, int64_t *value);
+};
+
 struct compact_node {
+    struct board board;
+    const struct compact_node_ops *ops;
     struct compact_settings settings, saved;
     bool is_saved, powered;
     int64_t started_ns; /* when the application began */
     int64_t next_ns;    /* telemetry */
-    int64_t state_ms;   /* STATE frames up to here have been sent */
 };
 
+static inline struct compact_bus *compact_bus_of(const struct board_bus *bus)
+{
+    return container_of(bus, struct compact_bus, bus);
+}
+
+/* Any board of a compact bus is one. */
+static inline struct compact_node *compact_node_of(const struct board *board)
+{
+    return container_of(board, struct compact_node, board);
+}
+
 /* Settings of the first power-up, or what was saved. Returns true at the first. */
-bool compact_node_power_up(struct board *board, struct compact_node *node);
+bool compact_node_power_up(struct compact_node *node);
 
 /* Telemetry is due in this transmission. */
-bool compact_node_due(const struct board *board, struct compact_node *node);
+bool compact_node_due(struct compact_node *node);
 
 /* A STATE frame is due that comes every COMPACT_STATE_PERIOD_MS, by a phase of its own. */
 bool compact_state_due(struct ms_span span, unsigned phase);
 
 /* Queues IDENTITY. */
-void compact_identify(struct board *board);
+void compact_node_identify(struct compact_node *node);
 
 /* A parameter of the board as a whole; COMPACT_UNKNOWN_PARAMETER when it is not one of these. */
-enum compact_result compact_node_parameter(struct board *board, struct compact_node *node,
-                                           unsigned parameter, bool write, int64_t *value);
+enum compact_result compact_node_access_parameter(struct compact_node *node, unsigned parameter,
+                                                  bool write, int64_t *value);
 
 /* Builds a frame from the row of its function and sends it. */
-void compact_send(struct board *board, struct frame_sink *sink, enum compact_function function,
-                  unsigned number, const int64_t *values);
+void compact_node_send(struct compact_node *node, struct frame_sink *sink,
+                       enum compact_function function, unsigned number, const int64_t *values);
 
 /* ---- motor boards ---- */
 
@@ -84,14 +122,20 @@ struct compact_motor {
     bool started;
 };
 
-static inline bool compact_runs(const struct compact_axis *axis)
+static inline struct compact_motor *compact_motor_of(const struct board *board)
+{
+    return container_of(board, struct compact_motor, node.board);
+}
+
+static inline bool compact_axis_runs(const struct compact_axis *axis)
 {
     return axis->mode == COMPACT_VOLTAGE || axis->mode == COMPACT_CURRENT;
 }
 
-static inline unsigned compact_index(const struct board *board, const struct compact_axis *axis)
+static inline unsigned compact_axis_index(const struct board *board,
+                                          const struct compact_axis *axis)
 {
-    return (unsigned)(axis - board->compact->axis);
+    return (unsigned)(axis - compact_motor_of(board)->axis);
 }
 
 static inline int64_t compact_counts(double value, double worth)
@@ -110,15 +154,18 @@ static inline int64_t compact_temperature_limit(const struct board_axis_config *
                : COMPACT_TEMPERATURE_MAX_C;
 }
 
-/* Reads or writes a parameter of a motor board (compact_settings.c); see struct board_ops. */
-enum compact_result compact_motor_parameter(struct board *board, unsigned parameter, unsigned axis,
-                                            bool write, int64_t *value);
+/* Reads or writes a parameter of a motor board (settings.c); see struct compact_node_ops. */
+enum compact_result compact_motor_access_parameter(struct compact_node *node, unsigned parameter,
+                                                   unsigned axis, bool write, int64_t *value);
+
+/* What may be set beside the bus (settings.c). */
+extern const struct board_settings compact_settings;
 
 /* A motor board's axis gets its mode or set-point. */
-void compact_motor_mode(struct board *board, unsigned axis, enum compact_mode mode);
-void compact_motor_command(struct board *board, unsigned axis, int16_t set_point);
+void compact_axis_command_mode(struct board *board, unsigned axis, enum compact_mode mode);
+void compact_axis_command(struct board *board, unsigned axis, int16_t set_point);
 
-/* First slot of a motor board. */
+/* First slot of a board; COMPACT_SLOTS when it has none. */
 unsigned compact_first_slot(const struct board *board);
 
 #endif

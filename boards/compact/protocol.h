@@ -2,8 +2,8 @@
 /*
  * The compact protocol: ours, made for a voltage loop of 1 kHz on one wire, classic CAN or CAN FD.
  * It carries what COMAN's own boards say over Ethernet (RoboLLI), in their units as far as the bits
- * allow. Shared by the boards and by hosts; holds no behavior. Numbers are little-endian, bit
- * fields fill each byte from its least significant bit.
+ * allow. Shared by the boards and by hosts; holds no behavior, so that all of it is RT-safe.
+ * Numbers are little-endian, bit fields fill each byte from its least significant bit.
  *
  * A board is a NODE, 1 to 31. The axes of a bus are numbered through from 0 to 31, in the order of
  * the boards in the rig and of the axes of each: an axis's SLOT. IDENTITY tells a board's first

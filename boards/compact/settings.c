@@ -1,16 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The parameters of a compact motor board, as the host asks for them and as settings of its axes. */
+/* The parameters of a compact motor board: over the bus, and as settings beside it. */
 #include "boards/compact/private.h"
+
+#include "base/count.h"
 
 enum { GAIN_MAX = 1000000000 };
 
 /* Where a setting is, and the range that it may have; false: no such setting. */
-static bool find_setting(const struct board *board, struct compact_axis *axis, unsigned parameter,
-                         int64_t **setting, int64_t *least, int64_t *most)
+static bool compact_axis_find_setting(const struct board *board, struct compact_axis *axis,
+                                      unsigned parameter, int64_t **setting, int64_t *least,
+                                      int64_t *most)
 {
     struct compact_axis_settings *p = &axis->settings;
-    const struct board_axis_config *config = &board->config.axis[compact_index(board, axis)];
+    const struct board_axis_config *config = &board->config.axis[compact_axis_index(board, axis)];
 
+    /* Gains; limits have ranges of their own, within those of the board's configuration */
     *least = 0;
     *most = GAIN_MAX;
     switch (parameter) {
@@ -48,8 +52,10 @@ static bool find_setting(const struct board *board, struct compact_axis *axis, u
     }
 }
 
-static enum compact_result axis_parameter(struct board *board, struct compact_axis *axis,
-                                          unsigned parameter, bool write, int64_t *value)
+static enum compact_result compact_axis_access_parameter(struct board *board,
+                                                         struct compact_axis *axis,
+                                                         unsigned parameter, bool write,
+                                                         int64_t *value)
 {
     int64_t *setting, least, most, wanted = *value;
 
@@ -57,51 +63,52 @@ static enum compact_result axis_parameter(struct board *board, struct compact_ax
         *value = parameter == COMPACT_P_MODE ? (int64_t)axis->mode : axis->faults;
         return write ? COMPACT_READ_ONLY : COMPACT_OK;
     }
-    if (!find_setting(board, axis, parameter, &setting, &least, &most)) {
+    if (!compact_axis_find_setting(board, axis, parameter, &setting, &least, &most)) {
         return COMPACT_UNKNOWN_PARAMETER;
     }
     *value = *setting;
     if (!write) {
         return COMPACT_OK;
     }
-    if (compact_runs(axis)) {
+    if (compact_axis_runs(axis)) {
         return COMPACT_NOT_NOW;
     }
     if (wanted < least || wanted > most) {
         return COMPACT_OUT_OF_RANGE;
     }
     *value = *setting = wanted;
-    board->compact->node.is_saved = false;
+    compact_motor_of(board)->node.is_saved = false;
     board->boards->settings_changes++;
     return COMPACT_OK;
 }
 
-static bool any_runs(const struct compact_motor *motor)
+static bool compact_motor_any_runs(const struct compact_motor *motor)
 {
     for (unsigned i = 0; i < motor->axes; i++) {
-        if (compact_runs(&motor->axis[i])) {
+        if (compact_axis_runs(&motor->axis[i])) {
             return true;
         }
     }
     return false;
 }
 
-enum compact_result compact_motor_parameter(struct board *board, unsigned parameter, unsigned index,
-                                            bool write, int64_t *value)
+enum compact_result compact_motor_access_parameter(struct compact_node *node, unsigned parameter,
+                                                   unsigned index, bool write, int64_t *value)
 {
-    struct compact_motor *motor = board->compact;
+    struct board *board = &node->board;
+    struct compact_motor *motor = compact_motor_of(board);
     enum compact_result result;
 
     if (parameter >= COMPACT_P_MODE && parameter <= COMPACT_P_TEMPERATURE_LIMIT) {
-        return index < motor->axes
-                   ? axis_parameter(board, &motor->axis[index], parameter, write, value)
-                   : COMPACT_NO_SUCH_AXIS;
+        return index < motor->axes ? compact_axis_access_parameter(board, &motor->axis[index],
+                                                                   parameter, write, value)
+                                   : COMPACT_NO_SUCH_AXIS;
     }
-    if (write && parameter == COMPACT_P_RESTART && any_runs(motor)) {
+    if (write && parameter == COMPACT_P_RESTART && compact_motor_any_runs(motor)) {
         *value = 0;
         return COMPACT_NOT_NOW;
     }
-    result = compact_node_parameter(board, &motor->node, parameter, write, value);
+    result = compact_node_access_parameter(node, parameter, write, value);
     for (unsigned i = 0;
          result == COMPACT_OK && write && parameter == COMPACT_P_SAVE && i < motor->axes; i++) {
         motor->axis[i].saved = motor->axis[i].settings;
@@ -109,7 +116,7 @@ enum compact_result compact_motor_parameter(struct board *board, unsigned parame
     return result;
 }
 
-/* ---- the same as settings ---- */
+/* ---- settings beside the bus ---- */
 
 static const struct {
     const char *name;
@@ -123,21 +130,22 @@ static const struct {
     {"temperature_limit", COMPACT_P_TEMPERATURE_LIMIT, "degree C"},
 };
 
-static int64_t *setting_of(const struct board *board, unsigned axis, size_t index, int64_t *least,
-                           int64_t *most)
+static int64_t *compact_setting_at(const struct board *board, unsigned axis, size_t index,
+                                   int64_t *least, int64_t *most)
 {
     int64_t *setting = NULL;
 
-    find_setting(board, &board->compact->axis[axis], rows[index].parameter, &setting, least, most);
+    compact_axis_find_setting(board, &compact_motor_of(board)->axis[axis], rows[index].parameter,
+                              &setting, least, most);
     return setting;
 }
 
-static void describe(const struct board *board, unsigned axis, size_t index,
-                     struct board_setting *setting)
+static void compact_setting_describe(const struct board *board, unsigned axis, size_t index,
+                                     struct board_setting *setting)
 {
     int64_t least, most;
 
-    setting_of(board, axis, index, &least, &most);
+    compact_setting_at(board, axis, index, &least, &most);
     *setting = (struct board_setting){.name = rows[index].name,
                                       .unit = rows[index].unit,
                                       .min = (double)least,
@@ -145,25 +153,25 @@ static void describe(const struct board *board, unsigned axis, size_t index,
                                       .whole = true};
 }
 
-static double get(const struct board *board, unsigned axis, size_t index)
+static double compact_setting_get(const struct board *board, unsigned axis, size_t index)
 {
     int64_t least, most;
 
-    return (double)*setting_of(board, axis, index, &least, &most);
+    return (double)*compact_setting_at(board, axis, index, &least, &most);
 }
 
-static bool set(struct board *board, unsigned axis, size_t index, double value)
+static bool compact_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
     int64_t least, most;
 
-    *setting_of(board, axis, index, &least, &most) = (int64_t)value;
-    board->compact->node.is_saved = false;
+    *compact_setting_at(board, axis, index, &least, &most) = (int64_t)value;
+    compact_motor_of(board)->node.is_saved = false;
     return true;
 }
 
 const struct board_settings compact_settings = {
-    .count = sizeof rows / sizeof rows[0],
-    .describe = describe,
-    .get = get,
-    .set = set,
+    .count = ARRAY_COUNT(rows),
+    .describe = compact_setting_describe,
+    .get = compact_setting_get,
+    .set = compact_setting_set,
 };

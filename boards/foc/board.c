@@ -11,12 +11,7 @@
 #include <math.h>
 #include <string.h>
 
-struct foc_board *foc_board_create(struct arena *arena)
-{
-    return arena_alloc(arena, 1, sizeof(struct foc_board));
-}
-
-void foc_forget_references(struct foc_board *foc)
+void foc_board_forget_references(struct foc_board *foc)
 {
     foc->target = foc->speed_ma = 0;
     foc->vq = 0;
@@ -27,21 +22,21 @@ void foc_forget_references(struct foc_board *foc)
     foc->start = foc->position;
 }
 
-void foc_set_mode(struct board *board, uint8_t mode)
+void foc_board_set_mode(struct board *board, uint8_t mode)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
 
     if (mode != foc->mode) {
         board_event(board, BOARD_EVENT_MODE, 0, foc->mode, mode);
         foc->mode = mode;
     }
-    foc_forget_references(foc);
-    foc->target_ns = board->boards->time_ns;
+    foc_board_forget_references(foc);
+    foc->target_ns = board->boards->now_ns;
 }
 
-static void fail(struct board *board, uint32_t faults)
+static void foc_board_raise_faults(struct board *board, uint32_t faults)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
     uint32_t risen = faults & ~foc->faults;
 
     foc->faults |= faults;
@@ -49,21 +44,22 @@ static void fail(struct board *board, uint32_t faults)
         board_event(board, BOARD_EVENT_FAULT, 0, risen, 0);
     }
     if (foc->mode != ICUB_MODE_HARDWARE_FAULT && foc->mode != ICUB_MODE_NOT_CONFIGURED) {
-        foc_set_mode(board, ICUB_MODE_HARDWARE_FAULT);
+        foc_board_set_mode(board, ICUB_MODE_HARDWARE_FAULT);
     }
 }
 
-static void power_up(struct board *board)
+static void foc_board_power_up(struct board *board)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
     int32_t temperature_limit = 0;
     const struct foc_board fresh = {
+        .icub = foc->icub,
         .mode = ICUB_MODE_NOT_CONFIGURED,
         .speed = {.kp = 0x0c, .ki = 0x08, .shift = 0x0a}, /* the firmware's */
         .supply_v = foc->supply_v,
-        .target_ns = board->boards->time_ns,
+        .target_ns = board->boards->now_ns,
         .status_ms = INT64_MIN / 2,
-        .sampled_ms = board->boards->time_ns / MS,
+        .sampled_ms = board->boards->now_ns / MS,
     };
 
     control_quantize(board->config.axis[0].temperature_limit_c / ICUB_TEMPERATURE_C,
@@ -75,24 +71,26 @@ static void power_up(struct board *board)
 /* ---- sensors ---- */
 
 /* Encoder ticks a rotor revolution. */
-static double ticks_per_rev(const struct board_axis_config *axis)
+static double foc_ticks_per_rev(const struct board_axis_config *axis)
 {
     return axis->motor_ticks_per_rad * 2.0 * M_PI / axis->gear;
 }
 
-static void sample(struct board *board, const struct plant_sensors *sensors)
+/* The rotor encoder is quantized and becomes icubdeg; its speed is a running mean a millisecond. */
+static void foc_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
     const struct board_axis_config *axis = &board->config.axis[0];
-    int64_t now_ms = board->boards->time_ns / MS, ms = now_ms - foc->sampled_ms;
+    int64_t now_ms = board->boards->now_ns / MS, ms = now_ms - foc->sampled_ms;
     const struct motor_sense *sense;
     int32_t raw, position, turn;
 
-    foc->supply_v =
-        isfinite(sensors->supply_v) && sensors->supply_v > 0.0 ? sensors->supply_v : 0.0;
+    foc->supply_v = board_supply_v(sensors);
     if (axis->joint < 0) {
         return;
     }
+
+    /* Without a number the values before stay */
     sense = &sensors->motor[axis->joint];
     foc->sensors_bad = !control_quantize(sense->qm * axis->motor_ticks_per_rad, &raw) ||
                        !isfinite(sense->current_a);
@@ -101,14 +99,17 @@ static void sample(struct board *board, const struct plant_sensors *sensors)
     }
     foc->current_a = sense->current_a;
     control_quantize(sense->winding_c / ICUB_TEMPERATURE_C, &foc->temperature);
-    control_quantize(floor((double)raw * FOC_ICUBDEG_PER_REV / ticks_per_rev(axis)), &position);
-    control_quantize(floor((double)raw / ticks_per_rev(axis)), &turn);
+    control_quantize(floor((double)raw * FOC_ICUBDEG_PER_REV / foc_ticks_per_rev(axis)), &position);
+    control_quantize(floor((double)raw / foc_ticks_per_rev(axis)), &turn);
+
+    /* The encoder is calibrated when its index has gone by, once a revolution */
     if (!foc->started) {
         foc->position_before = foc->start = position;
         foc->started = true;
     } else if (turn != foc->turn) {
-        foc->encoder &= (uint8_t)~FOC_QE_NOT_CALIBRATED; /* the index went by */
+        foc->encoder &= (uint8_t)~FOC_QE_NOT_CALIBRATED;
     }
+
     if (ms > 0) {
         int64_t change = ((int64_t)position - foc->position_before) / ms;
 
@@ -120,7 +121,7 @@ static void sample(struct board *board, const struct plant_sensors *sensors)
     foc->turn = turn;
 }
 
-static int64_t milliamperes(const struct foc_board *foc)
+static int64_t foc_board_current_ma(const struct foc_board *foc)
 {
     int32_t value = 0;
 
@@ -130,10 +131,12 @@ static int64_t milliamperes(const struct foc_board *foc)
 
 /* ---- faults ---- */
 
-static void watch_i2t(struct board *board)
+/* The I2t law of the firmware, once a millisecond: at the peak current an axis trips after
+ * 10.24 s. */
+static void foc_board_watch_i2t(struct board *board)
 {
-    struct foc_board *foc = board->foc;
-    int64_t current = control_clamp(milliamperes(foc), INT16_MIN, INT16_MAX);
+    struct foc_board *foc = foc_board_of(board);
+    int64_t current = control_clamp(foc_board_current_ma(foc), INT16_MIN, INT16_MAX);
     int64_t nominal2 = foc->nominal_ma * foc->nominal_ma;
     int64_t limit = (foc->peak_ma * foc->peak_ma - nominal2) * 10;
 
@@ -142,23 +145,27 @@ static void watch_i2t(struct board *board)
     if (foc->mode != ICUB_MODE_NOT_CONFIGURED && !(foc->flags & FOC_HAS_TEMPERATURE) &&
         foc->i2t > limit && foc->mode != ICUB_MODE_HARDWARE_FAULT) {
         board->boards->counters.trips++;
-        fail(board, FOC_FAULT_I2T);
+        foc_board_raise_faults(board, FOC_FAULT_I2T);
     }
 }
 
-static void watch(struct board *board)
+static void foc_board_watch_faults(struct board *board)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
     uint32_t faults = 0;
 
     if (!foc_runs(foc->mode)) {
         return;
     }
-    if (board->boards->time_ns - foc->target_ns > (int64_t)FOC_TARGET_TIMEOUT_MS * MS) {
+
+    /* The host: DESIRED_TARGETS must come */
+    if (board->boards->now_ns - foc->target_ns > (int64_t)FOC_TARGET_TIMEOUT_MS * MS) {
         board->boards->counters.timeouts++;
         board_event(board, BOARD_EVENT_TIMEOUT, 0, foc->mode, 0);
         faults |= FOC_FAULT_SET_POINT_EXPIRED;
     }
+
+    /* The hardware: current, supply, encoder, winding */
     if (foc->overload_ma > 0 && fabs(foc->current_a) * 1e3 > (double)foc->overload_ma) {
         board->boards->counters.trips++;
         faults |= FOC_FAULT_OVER_CURRENT;
@@ -176,13 +183,13 @@ static void watch(struct board *board)
         faults |= FOC_FAULT_OVER_HEATING;
     }
     if (faults) {
-        fail(board, faults);
+        foc_board_raise_faults(board, faults);
     }
 }
 
 /* ---- control laws, once a millisecond ---- */
 
-static int64_t speed_current(struct foc_board *foc)
+static int64_t foc_board_speed_law(struct foc_board *foc)
 {
     int64_t error = foc->target - foc->velocity;
 
@@ -193,32 +200,33 @@ static int64_t speed_current(struct foc_board *foc)
 }
 
 /* What the current limiter leaves of a voltage. */
-static int64_t limited(struct foc_board *foc, int64_t vq)
+static int64_t foc_board_limit_current(struct foc_board *foc, int64_t vq)
 {
-    return foc_limit(&foc->limiter, &foc->current, vq, milliamperes(foc), foc->peak_ma);
+    return foc_limiter_step(&foc->limiter, &foc->current, vq, foc_board_current_ma(foc),
+                            foc->peak_ma);
 }
 
-static void step(struct foc_board *foc)
+static void foc_board_step_laws(struct foc_board *foc)
 {
     int64_t vq;
 
     switch (foc->mode) {
     case ICUB_MODE_OPEN_LOOP:
-        vq = limited(foc, foc->target / (1 << FOC_VQ_SHIFT));
+        vq = foc_board_limit_current(foc, foc->target / (1 << FOC_VQ_SHIFT));
         break;
     case ICUB_MODE_SPEED_VOLTAGE:
-        vq = limited(foc, foc_law_step(&foc->speed, foc->target - foc->velocity));
+        vq = foc_board_limit_current(foc, foc_law_step(&foc->speed, foc->target - foc->velocity));
         break;
     case ICUB_MODE_POSITION:
-        vq = limited(foc,
-                     foc_position_step(&foc->position_law,
-                                       (double)foc->target - ((double)foc->position - foc->start)));
+        vq = foc_board_limit_current(
+            foc, foc_position_step(&foc->position_law,
+                                   (double)foc->target - ((double)foc->position - foc->start)));
         break;
     case ICUB_MODE_SPEED_CURRENT:
-        vq = foc_law_step(&foc->current, speed_current(foc) - milliamperes(foc));
+        vq = foc_law_step(&foc->current, foc_board_speed_law(foc) - foc_board_current_ma(foc));
         break;
     case ICUB_MODE_CURRENT:
-        vq = foc_law_step(&foc->current, foc->target - milliamperes(foc));
+        vq = foc_law_step(&foc->current, foc->target - foc_board_current_ma(foc));
         break;
     default:
         vq = 0;
@@ -227,9 +235,9 @@ static void step(struct foc_board *foc)
     foc->vq = control_clamp(vq, -FOC_VQ_MAX, FOC_VQ_MAX);
 }
 
-static void drive(const struct board *board, struct plant_command *command)
+static void foc_board_drive_bridge(const struct board *board, struct plant_command *command)
 {
-    const struct foc_board *foc = board->foc;
+    const struct foc_board *foc = foc_board_of(board);
     int joint = board->config.axis[0].joint;
 
     if (joint >= 0) {
@@ -239,33 +247,34 @@ static void drive(const struct board *board, struct plant_command *command)
     }
 }
 
-static void control(struct board *board, struct ms_span span, struct plant_command *command)
+static void foc_board_control(struct board *board, struct ms_span span,
+                              struct plant_command *command)
 {
-    watch(board);
+    foc_board_watch_faults(board);
     for (int64_t ms = span.from; ms < span.to; ms++) {
-        watch_i2t(board);
-        step(board->foc);
+        foc_board_watch_i2t(board);
+        foc_board_step_laws(foc_board_of(board));
     }
-    drive(board, command);
+    foc_board_drive_bridge(board, command);
 }
 
-static void shut_down(struct board *board, struct plant_command *command)
+static void foc_board_shut_down(struct board *board, struct plant_command *command)
 {
-    if (foc_runs(board->foc->mode)) {
-        foc_set_mode(board, ICUB_MODE_IDLE);
+    if (foc_runs(foc_board_of(board)->mode)) {
+        foc_board_set_mode(board, ICUB_MODE_IDLE);
     }
-    drive(board, command);
+    foc_board_drive_bridge(board, command);
 }
 
-static bool fault(const struct board *board)
+static bool foc_board_is_faulty(const struct board *board)
 {
-    return board->foc->mode == ICUB_MODE_HARDWARE_FAULT;
+    return foc_board_of(board)->mode == ICUB_MODE_HARDWARE_FAULT;
 }
 
 /* ---- frames ---- */
 
-static void send(struct board *board, struct frame_sink *sink, enum foc_type type,
-                 const int64_t *values)
+static void foc_board_send_frame(struct board *board, struct frame_sink *sink, enum foc_type type,
+                                 const int64_t *values)
 {
     uint8_t data[8];
 
@@ -275,7 +284,7 @@ static void send(struct board *board, struct frame_sink *sink, enum foc_type typ
 }
 
 /* What the CAN controller is in; none of it stops the motor. */
-static uint32_t can_faults(const struct board *board)
+static uint32_t foc_board_can_faults(const struct board *board)
 {
     const struct board_can_state *can = &board->can;
 
@@ -286,7 +295,7 @@ static uint32_t can_faults(const struct board *board)
 }
 
 /* Those bits that stay until the faults are cleared. */
-static void remember_can(struct foc_board *foc, uint32_t now)
+static void foc_board_latch_can_faults(struct foc_board *foc, uint32_t now)
 {
     foc->faults |=
         (now & (FOC_FAULT_CAN_RX_WARNING | FOC_FAULT_CAN_TX_WARNING) ? FOC_FAULT_CAN_WAS_WARNING
@@ -295,10 +304,10 @@ static void remember_can(struct foc_board *foc, uint32_t now)
         (now & FOC_FAULT_CAN_TX_PASSIVE ? FOC_FAULT_CAN_TX_WAS_PASSIVE : 0);
 }
 
-static void transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
+static void foc_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
-    struct foc_board *foc = board->foc;
-    uint32_t can = can_faults(board);
+    struct foc_board *foc = foc_board_of(board);
+    uint32_t can = foc_board_can_faults(board);
     int64_t period_ms = board->config.status_period_ns / MS;
     int64_t additional_ms = foc_additional_status_ms(board->address);
 
@@ -306,40 +315,55 @@ static void transmit(struct board *board, struct ms_span span, struct frame_sink
         foc->faults |= FOC_FAULT_CAN_OVERRUN;
         board->lost_in_status = board->lost_in_overflow = false;
     }
-    remember_can(foc, can);
+    foc_board_latch_can_faults(foc, can);
     for (; foc->answers > 0; foc->answers--) {
-        send(board, sink, FOC_FEEDBACK,
-             (const int64_t[]){milliamperes(foc), foc->velocity, foc->position});
+        foc_board_send_frame(
+            board, sink, FOC_FEEDBACK,
+            (const int64_t[]){foc_board_current_ma(foc), foc->velocity, foc->position});
         if (span.to - foc->status_ms >= period_ms) {
             foc->status_ms = span.to;
-            send(board, sink, FOC_STATUS,
-                 (const int64_t[]){foc->mode, foc->encoder, foc->vq * (1 << FOC_VQ_SHIFT),
-                                   foc->faults | can});
+            foc_board_send_frame(board, sink, FOC_STATUS,
+                                 (const int64_t[]){foc->mode, foc->encoder,
+                                                   foc->vq * (1 << FOC_VQ_SHIFT),
+                                                   foc->faults | can});
         }
     }
     if (span.to / additional_ms > span.from / additional_ms) {
-        send(board, sink, FOC_ADDITIONAL_STATUS, (const int64_t[]){foc->temperature});
+        foc_board_send_frame(board, sink, FOC_ADDITIONAL_STATUS,
+                             (const int64_t[]){foc->temperature});
     }
 }
 
-const struct board_ops foc_board_ops = {
-    .type = FOC_BOARD_2FOC,
-    .major = 3,
-    .minor = 6,
-    .build = 31,
+static const struct board_ops foc_board_ops = {
+    .identity = {.type = FOC_BOARD_2FOC, .major = 3, .minor = 6, .build = 31},
     .periodic_max = 2 * FOC_ANSWERS_MAX + 1,
+    .turns_field = true,
+    .power_up = foc_board_power_up,
+    .sample = foc_board_sample,
+    .control = foc_board_control,
+    .transmit = foc_board_transmit,
+    .shut_down = foc_board_shut_down,
+    .fault = foc_board_is_faulty,
+    .settings = &foc_settings,
+};
+
+static const struct icub_board_ops foc_icub_ops = {
     .commands = foc_commands,
     .command_count = ICUB_MOTOR_COMMANDS,
     .command_class = ICUB_POLLING_MOTOR,
     .no_info = true,
-    .turns_field = true,
-    .command = foc_command,
-    .targets = foc_targets,
-    .power_up = power_up,
-    .sample = sample,
-    .control = control,
-    .transmit = transmit,
-    .shut_down = shut_down,
-    .fault = fault,
-    .settings = &foc_settings,
+    .command = foc_board_command,
+    .targets = foc_board_targets,
 };
+
+struct board *foc_board_create(struct arena *arena)
+{
+    struct foc_board *foc = arena_alloc(arena, 1, sizeof *foc);
+
+    if (!foc) {
+        return NULL;
+    }
+    foc->icub.board.ops = &foc_board_ops;
+    foc->icub.ops = &foc_icub_ops;
+    return &foc->icub.board;
+}

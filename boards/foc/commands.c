@@ -10,19 +10,19 @@
 
 enum { TOLERANCE = 36 }; /* of the encoder, 0.1 deg */
 
-static bool is_control_mode(int64_t mode)
+static bool foc_is_control_mode(int64_t mode)
 {
     return mode == ICUB_MODE_CURRENT || mode == ICUB_MODE_SPEED_VOLTAGE ||
            mode == ICUB_MODE_SPEED_CURRENT || mode == ICUB_MODE_OPEN_LOOP ||
            mode == ICUB_MODE_POSITION;
 }
 
-static bool command_mode(struct board *board, int64_t mode)
+static bool foc_board_command_mode(struct board *board, int64_t mode)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
     bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
 
-    if (!stop && !is_control_mode(mode)) {
+    if (!stop && !foc_is_control_mode(mode)) {
         return false;
     }
     if (foc->mode == ICUB_MODE_NOT_CONFIGURED) {
@@ -32,15 +32,15 @@ static bool command_mode(struct board *board, int64_t mode)
         if (mode == ICUB_MODE_FORCE_IDLE) {
             foc->faults = 0;
             foc->encoder = 0;
-            foc_set_mode(board, ICUB_MODE_IDLE);
+            foc_board_set_mode(board, ICUB_MODE_IDLE);
         }
         return true;
     }
-    foc_set_mode(board, stop ? ICUB_MODE_IDLE : (uint8_t)mode);
+    foc_board_set_mode(board, stop ? ICUB_MODE_IDLE : (uint8_t)mode);
     return true;
 }
 
-static float float_of(const uint8_t *data)
+static float foc_get_float(const uint8_t *data)
 {
     uint32_t bits = get_u32_le(data);
     float value;
@@ -49,14 +49,14 @@ static float float_of(const uint8_t *data)
     return value;
 }
 
-static bool command_law(struct foc_board *foc, const struct bus_frame *frame,
-                        const int64_t *request)
+static bool foc_board_command_law(struct foc_board *foc, const struct bus_frame *frame,
+                                  const int64_t *request)
 {
     bool current = frame->data[0] == FOC_SET_CURRENT_PID;
     struct foc_law *law = current ? &foc->current : &foc->speed;
 
     if (frame->len == 6) {
-        if (!foc_law_set_gain(law, frame->data[1] - 1u, (double)float_of(frame->data + 2))) {
+        if (!foc_law_set_gain(law, frame->data[1] - 1u, (double)foc_get_float(frame->data + 2))) {
             return false;
         }
     } else if (frame->len == 8) {
@@ -68,10 +68,10 @@ static bool command_law(struct foc_board *foc, const struct bus_frame *frame,
     return true;
 }
 
-static bool command_pid(struct foc_board *foc, const struct bus_frame *frame,
-                        const int64_t *request)
+static bool foc_board_command_pid(struct foc_board *foc, const struct bus_frame *frame,
+                                  const int64_t *request)
 {
-    float value = float_of(frame->data + 4);
+    float value = foc_get_float(frame->data + 4);
     unsigned which = (unsigned)request[1];
 
     if (which < FOC_PID_KP || which > FOC_PID_STICTION_DOWN || !isfinite(value)) {
@@ -82,7 +82,7 @@ static bool command_pid(struct foc_board *foc, const struct bus_frame *frame,
         foc->position_law.gain[which] = value;
         return true;
     case FOC_LOOP_CURRENT:
-        /* the other parameters have no use in a PI law with fixed limits */
+        /* The other parameters have no use in a PI law with fixed limits */
         foc->current_set = true;
         return which > FOC_PID_KI ||
                foc_law_set_gain(&foc->current, which - FOC_PID_KP, (double)value);
@@ -94,8 +94,8 @@ static bool command_pid(struct foc_board *foc, const struct bus_frame *frame,
     }
 }
 
-static bool command_limit(struct foc_board *foc, const struct bus_frame *frame,
-                          const int64_t *request)
+static bool foc_board_command_limit(struct foc_board *foc, const struct bus_frame *frame,
+                                    const int64_t *request)
 {
     if (frame->len == 5) {
         foc->peak_ma = get_i16_le(frame->data + 1);
@@ -111,8 +111,8 @@ static bool command_limit(struct foc_board *foc, const struct bus_frame *frame,
     return true;
 }
 
-static void configure_motor(struct foc_board *foc, const struct bus_frame *frame,
-                            const int64_t *request)
+static void foc_board_configure_motor(struct foc_board *foc, const struct bus_frame *frame,
+                                      const int64_t *request)
 {
     foc->flags = (uint8_t)request[0];
     foc->resolution = request[1];
@@ -129,18 +129,19 @@ static void configure_motor(struct foc_board *foc, const struct bus_frame *frame
     }
 }
 
-static bool configure(struct foc_board *foc, const struct bus_frame *frame, const int64_t *request)
+static bool foc_board_configure(struct foc_board *foc, const struct bus_frame *frame,
+                                const int64_t *request)
 {
     switch (frame->data[0]) {
     case FOC_SET_CURRENT_PID:
     case FOC_SET_VELOCITY_PID:
-        return command_law(foc, frame, request);
+        return foc_board_command_law(foc, frame, request);
     case FOC_SET_PID:
-        return command_pid(foc, frame, request);
+        return foc_board_command_pid(foc, frame, request);
     case FOC_SET_CURRENT_LIMIT:
-        return command_limit(foc, frame, request);
+        return foc_board_command_limit(foc, frame, request);
     case FOC_SET_MOTOR_CONFIG:
-        configure_motor(foc, frame, request);
+        foc_board_configure_motor(foc, frame, request);
         return true;
     case FOC_SET_TEMPERATURE_LIMIT:
         foc->temperature_limit = request[0];
@@ -149,7 +150,7 @@ static bool configure(struct foc_board *foc, const struct bus_frame *frame, cons
         if (request[0] < FOC_MOTOR_BEMF || request[0] > FOC_MOTOR_MAX_VELOCITY) {
             return false;
         }
-        foc->motor_parameter[request[0]] = float_of(frame->data + 2);
+        foc->motor_parameter[request[0]] = foc_get_float(frame->data + 2);
         return true;
     case ICUB_SET_I2T: /* the limits of the current set it here */
         return true;
@@ -158,7 +159,7 @@ static bool configure(struct foc_board *foc, const struct bus_frame *frame, cons
     }
 }
 
-static void take_target(struct foc_board *foc, int64_t target)
+static void foc_board_set_target(struct foc_board *foc, int64_t target)
 {
     switch (foc->mode) {
     case ICUB_MODE_OPEN_LOOP:
@@ -168,7 +169,7 @@ static void take_target(struct foc_board *foc, int64_t target)
         foc->target = control_clamp(target, -foc->peak_ma, foc->peak_ma);
         break;
     case ICUB_MODE_IDLE:
-        foc_forget_references(foc);
+        foc_board_forget_references(foc);
         break;
     default:
         foc->target = target;
@@ -176,26 +177,17 @@ static void take_target(struct foc_board *foc, int64_t target)
     }
 }
 
-static void tell_firmware(struct board *board, const int64_t *host, int64_t *reply)
+static bool foc_board_answer(struct board *board, unsigned code, const int64_t *request,
+                             int64_t *reply)
 {
-    board->foc->compatible = host[0] == ICUB_PROTOCOL_MAJOR && host[1] == ICUB_PROTOCOL_MINOR;
-    reply[0] = board->ops->type;
-    reply[1] = board->ops->major;
-    reply[2] = board->ops->minor;
-    reply[3] = board->ops->build;
-    reply[4] = ICUB_PROTOCOL_MAJOR;
-    reply[5] = ICUB_PROTOCOL_MINOR;
-    reply[6] = board->foc->compatible;
-}
-
-static bool get(struct board *board, unsigned code, const int64_t *request, int64_t *reply)
-{
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
     uint32_t bits;
 
     switch (code) {
     case FOC_GET_FIRMWARE_VERSION:
-        tell_firmware(board, request, reply);
+        foc->compatible = request[0] == ICUB_PROTOCOL_MAJOR && request[1] == ICUB_PROTOCOL_MINOR;
+        icub_board_tell_firmware(board, ICUB_PROTOCOL_MAJOR, ICUB_PROTOCOL_MINOR, foc->compatible,
+                                 reply);
         return true;
     case ICUB_GET_CONTROL_MODE:
         reply[0] = foc->mode;
@@ -216,66 +208,72 @@ static bool get(struct board *board, unsigned code, const int64_t *request, int6
     }
 }
 
-static void become_idle_when_configured(struct board *board)
+static void foc_board_idle_when_configured(struct board *board)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
 
     if (foc->mode == ICUB_MODE_NOT_CONFIGURED && foc->compatible && foc->motor_set &&
         foc->current_set && foc->peak_ma != 0) {
-        foc_set_mode(board, ICUB_MODE_IDLE);
+        foc_board_set_mode(board, ICUB_MODE_IDLE);
         foc->answers += foc->answers < FOC_ANSWERS_MAX; /* tells it unasked, once */
     }
 }
 
-bool foc_command(struct board *board, const struct bus_frame *frame, const int64_t *request,
-                 int64_t *reply, bool *answer)
+bool foc_board_command(struct icub_board *icub, const struct bus_frame *frame,
+                       const int64_t *request, int64_t *reply, bool *answer)
 {
-    struct foc_board *foc = board->foc;
+    struct board *board = &icub->board;
+    struct foc_board *foc = foc_board_of(board);
     unsigned code = frame->data[0];
     bool obeyed;
 
+    /* What is answered in any mode */
     (void)answer;
-    if (get(board, code, request, reply)) {
-        become_idle_when_configured(board);
+    if (foc_board_answer(board, code, request, reply)) {
+        foc_board_idle_when_configured(board);
         return true;
     }
+
+    /* What changes the board or its axis */
     if (code == ICUB_SET_BOARD_ID) {
         return !foc_runs(foc->mode) && board_set_address(board, (uint8_t)request[0]);
     }
     if (!foc->compatible) {
-        return false; /* a host that has not said its protocol is not trusted */
+        return false; /* a host must tell its protocol first */
     }
+
     switch (code) {
     case FOC_SET_CONTROL_MODE:
-        return command_mode(board, request[0]);
-    case ICUB_SET_OPEN_LOOP:
+        return foc_board_command_mode(board, request[0]);
+    case ICUB_SET_OPEN_LOOP: /* targets as DESIRED_TARGETS brings them, in their mode only */
         obeyed = foc->mode == ICUB_MODE_OPEN_LOOP;
         break;
     case ICUB_SET_DESIRED_VELOCITY:
         obeyed = foc->mode == ICUB_MODE_SPEED_VOLTAGE || foc->mode == ICUB_MODE_SPEED_CURRENT;
         break;
     default:
-        obeyed = configure(foc, frame, request);
+        obeyed = foc_board_configure(foc, frame, request);
         board->boards->settings_changes++;
-        become_idle_when_configured(board);
+        foc_board_idle_when_configured(board);
         return obeyed;
     }
     if (obeyed) {
-        take_target(foc, request[0]);
+        foc_board_set_target(foc, request[0]);
     }
     return obeyed;
 }
 
 /* Any such frame feeds the watchdog; one too short for this board's target gets no answer. */
-bool foc_targets(struct board *board, const struct bus_frame *frame)
+bool foc_board_targets(struct icub_board *icub, const struct bus_frame *frame)
 {
-    struct foc_board *foc = board->foc;
+    struct board *board = &icub->board;
+    struct foc_board *foc = foc_board_of(board);
 
-    foc->target_ns = board->boards->time_ns;
+    foc->target_ns = board->boards->now_ns;
     if (frame->len < 2 * board->address) {
         return false;
     }
-    take_target(foc, get_i16_le(frame->data + 2 * (board->address - 1)));
+    foc_board_set_target(foc, get_i16_le(frame->data + 2 * (board->address - 1)));
     if (foc->answers == FOC_ANSWERS_MAX) {
         board_lose(board);
     } else {

@@ -6,7 +6,7 @@
 
 #include <math.h>
 
-static void set_mantissas(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
+static void foc_law_set_mantissas(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
 {
     law->kp = kp;
     law->ki = ki / 2;
@@ -15,26 +15,26 @@ static void set_mantissas(struct foc_law *law, int64_t kp, int64_t ki, int64_t s
 
 void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift)
 {
-    set_mantissas(law, kp, ki, shift);
-    law->gain[0] = ldexp((double)kp, -(int)shift);
-    law->gain[1] = ldexp((double)ki, -(int)shift);
+    foc_law_set_mantissas(law, kp, ki, shift);
+    law->gain[FOC_LAW_KP] = ldexp((double)kp, -(int)shift);
+    law->gain[FOC_LAW_KI] = ldexp((double)ki, -(int)shift);
 }
 
 bool foc_law_set_gain(struct foc_law *law, unsigned which, double value)
 {
-    double gain[2] = {law->gain[0], law->gain[1]};
+    double gain[FOC_LAW_GAINS] = {law->gain[FOC_LAW_KP], law->gain[FOC_LAW_KI]};
     int exponent = 0;
 
-    if (which > 1 || !isfinite(value) || fabs(value) >= 32768.0) {
+    if (which >= FOC_LAW_GAINS || !isfinite(value) || fabs(value) >= 32768.0) {
         return false;
     }
     gain[which] = value;
-    while (fmax(gain[0], gain[1]) >= ldexp(1.0, exponent)) {
+    while (fmax(gain[FOC_LAW_KP], gain[FOC_LAW_KI]) >= ldexp(1.0, exponent)) {
         exponent++;
     }
     law->gain[which] = value;
-    set_mantissas(law, (int64_t)ldexp(gain[0], 15 - exponent),
-                  (int64_t)ldexp(gain[1], 15 - exponent), 15 - exponent);
+    foc_law_set_mantissas(law, (int64_t)ldexp(gain[FOC_LAW_KP], 15 - exponent),
+                          (int64_t)ldexp(gain[FOC_LAW_KI], 15 - exponent), 15 - exponent);
     return true;
 }
 
@@ -54,8 +54,8 @@ int64_t foc_law_step(struct foc_law *law, int64_t error)
     return law->v >> law->shift;
 }
 
-int64_t foc_limit(struct foc_limiter *limiter, const struct foc_law *law, int64_t vq,
-                  int64_t current_ma, int64_t peak_ma)
+int64_t foc_limiter_step(struct foc_limiter *limiter, const struct foc_law *law, int64_t vq,
+                         int64_t current_ma, int64_t peak_ma)
 {
     int64_t error, most = (int64_t)(2 * FOC_VQ_MAX) << law->shift;
 
@@ -82,7 +82,7 @@ void foc_position_reset(struct foc_position_law *law)
     law->integral = law->error = 0.0;
 }
 
-static double within(double value, double limit)
+static double foc_clamp(double value, double limit)
 {
     return fmax(fmin(value, limit), -limit);
 }
@@ -97,10 +97,10 @@ int64_t foc_position_step(struct foc_position_law *law, double error)
     double out;
     int32_t vq = 0;
 
-    law->integral = within(law->integral + (double)gain[FOC_PID_KI] * error, integral_limit);
+    law->integral = foc_clamp(law->integral + (double)gain[FOC_PID_KI] * error, integral_limit);
     out = (double)gain[FOC_PID_KP] * error + law->integral +
           (double)gain[FOC_PID_KD] * (error - law->error);
     law->error = error;
-    control_quantize(within(out, limit) / (1 << FOC_VQ_SHIFT), &vq);
+    control_quantize(foc_clamp(out, limit) / (1 << FOC_VQ_SHIFT), &vq);
     return vq;
 }

@@ -22,18 +22,20 @@
 
 enum { FOC_VQ_MAX = 950, FOC_VQ_SHIFT = 5 /* between Vq and the +-32000 of the bus */ };
 
+enum foc_law_gain { FOC_LAW_KP, FOC_LAW_KI, FOC_LAW_GAINS };
+
 /* An incremental PI law: v += kp (e - e') + ki (e + e'), kp and ki shifted left. */
 struct foc_law {
     int64_t kp, ki, shift;
-    double gain[2]; /* kp and ki as they were set, whichever way */
+    double gain[FOC_LAW_GAINS]; /* as they were set, whichever way */
     int64_t v, error;
 };
 
 /* Of ki, as it is on the bus, half is used. */
 void foc_law_set(struct foc_law *law, int64_t kp, int64_t ki, int64_t shift);
 
-/* One of the gains (0 kp, 1 ki) as a float; false when it is none or too large. Both become
- * mantissas of 15 bits with one common shift, as large as they allow. */
+/* Sets one gain (enum foc_law_gain) from a float; false when there is no such gain or it is too
+ * large. Both become mantissas of 15 bits with one common shift, as large as they allow. */
 bool foc_law_set_gain(struct foc_law *law, unsigned which, double value);
 
 void foc_law_reset(struct foc_law *law);
@@ -41,15 +43,16 @@ void foc_law_reset(struct foc_law *law);
 /* One millisecond; returns Vq. */
 int64_t foc_law_step(struct foc_law *law, int64_t error);
 
-/* In the modes that end in a voltage the current is held at its peak by what comes on top. */
+/* The current limiter of the modes that end in a voltage: it adds what holds the current at its
+ * peak. */
 struct foc_limiter {
     int64_t side; /* +1 or -1 while it acts */
     int64_t v, error;
 };
 
 /* Returns the Vq to apply instead of vq; gains are those of the current law. */
-int64_t foc_limit(struct foc_limiter *limiter, const struct foc_law *law, int64_t vq,
-                  int64_t current_ma, int64_t peak_ma);
+int64_t foc_limiter_step(struct foc_limiter *limiter, const struct foc_law *law, int64_t vq,
+                         int64_t current_ma, int64_t peak_ma);
 
 /* A PID on floats: output +-32000. An output or integral limit of 0 counts as full scale. */
 struct foc_position_law {

@@ -1,15 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The state of a 2FOC board (boards/foc/board.c), shared by the sources that are its parts. */
+/* The state of a 2FOC board (boards/foc/board.c), shared by the sources that are its parts. Units
+ * are the protocol's. RT-safe. */
 #ifndef BOARDS_FOC_PRIVATE_H
 #define BOARDS_FOC_PRIVATE_H
 
-#include "boards/board_private.h"
+#include "boards/foc/board.h"
 #include "boards/foc/control.h"
 #include "boards/foc/table.h"
+#include "boards/icub/board.h"
 
 enum { FOC_ANSWERS_MAX = 8 }; /* to DESIRED_TARGETS within a tick */
 
 struct foc_board {
+    struct icub_board icub;
     uint8_t mode;
     uint32_t faults;
     uint8_t encoder; /* enum foc_encoder_state */
@@ -43,6 +46,11 @@ struct foc_board {
     int64_t status_ms, sampled_ms;
 };
 
+static inline struct foc_board *foc_board_of(const struct board *board)
+{
+    return container_of(board, struct foc_board, icub.board);
+}
+
 static inline bool foc_runs(uint8_t mode)
 {
     return mode != ICUB_MODE_IDLE && mode != ICUB_MODE_HARDWARE_FAULT &&
@@ -50,12 +58,15 @@ static inline bool foc_runs(uint8_t mode)
 }
 
 /* Both begin the references anew; the second in another mode, or in the present one. */
-void foc_forget_references(struct foc_board *foc);
-void foc_set_mode(struct board *board, uint8_t mode);
+void foc_board_forget_references(struct foc_board *foc);
+void foc_board_set_mode(struct board *board, uint8_t mode);
 
-/* Obeys a command, takes DESIRED_TARGETS (foc_commands.c); see struct board_ops. */
-bool foc_command(struct board *board, const struct bus_frame *frame, const int64_t *request,
-                 int64_t *reply, bool *answer);
-bool foc_targets(struct board *board, const struct bus_frame *frame);
+/* Obeys a command, takes DESIRED_TARGETS (commands.c); see struct icub_board_ops. */
+bool foc_board_command(struct icub_board *icub, const struct bus_frame *frame,
+                       const int64_t *request, int64_t *reply, bool *answer);
+bool foc_board_targets(struct icub_board *icub, const struct bus_frame *frame);
+
+/* What may be set beside the bus (settings.c). */
+extern const struct board_settings foc_settings;
 
 #endif

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The iCub CAN protocol, persona B (2FOC boards): one motor an address, targets and telemetry every
- * millisecond. Shared by the boards and by hosts; holds no behavior. Identifiers, classes, modes,
- * class 7 and the STRAIN boards beside them are those of boards/icub/protocol.h; what differs is
- * here. Numbers are little-endian.
+ * The iCub CAN protocol, personality BOARD_FOC (2FOC boards): one motor an address, targets and
+ * telemetry every millisecond. Shared by the boards and by hosts; holds no behavior, so that all of
+ * it is RT-safe. Identifiers, classes, modes, class 7 and the STRAIN boards beside them are those
+ * of boards/icub/protocol.h; what differs is here. Numbers are little-endian.
  *
  * The host sends DESIRED_TARGETS, four i16, one for each of the addresses 1 to 4; what a target
  * means is decided by the mode of the board that it is for:
@@ -47,7 +47,7 @@ enum { FOC_AXES_MAX = 4 }; /* addresses 1-4 have a target */
 
 enum { FOC_DESIRED_TARGETS_ID = 0x10f };
 
-/* class 1 frame types */
+/* Class 1 frame types */
 enum foc_type {
     FOC_FEEDBACK = 0x0,
     FOC_STATUS = 0x3,
@@ -65,7 +65,7 @@ enum {
     FOC_TARGET_TIMEOUT_MS = 50,
 };
 
-/* class 0, data[0]: what these boards know of icub_motor_command, and their own */
+/* Class 0, data[0]: what these boards know of icub_motor_command, and their own */
 enum foc_command {
     FOC_GET_MOTOR_PARAMETER = 0x01,
     FOC_SET_MOTOR_PARAMETER = 0x02,

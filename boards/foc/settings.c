@@ -2,6 +2,8 @@
 /* The settings of a 2FOC board: gains of its laws as floats, limits of the current. */
 #include "boards/foc/private.h"
 
+#include "base/count.h"
+
 #include <float.h>
 
 enum kind { LAW_CURRENT, LAW_SPEED, LAW_POSITION, NOMINAL_CURRENT, PEAK_CURRENT };
@@ -15,10 +17,10 @@ static const struct {
     enum kind kind;
     unsigned which; /* gain of a law */
 } rows[] = {
-    {"current_kp", LAW_CURRENT, 0},
-    {"current_ki", LAW_CURRENT, 1},
-    {"speed_kp", LAW_SPEED, 0},
-    {"speed_ki", LAW_SPEED, 1},
+    {"current_kp", LAW_CURRENT, FOC_LAW_KP},
+    {"current_ki", LAW_CURRENT, FOC_LAW_KI},
+    {"speed_kp", LAW_SPEED, FOC_LAW_KP},
+    {"speed_ki", LAW_SPEED, FOC_LAW_KI},
     {"position_kp", LAW_POSITION, FOC_PID_KP},
     {"position_ki", LAW_POSITION, FOC_PID_KI},
     {"position_kd", LAW_POSITION, FOC_PID_KD},
@@ -28,8 +30,8 @@ static const struct {
     {"current_peak", PEAK_CURRENT, 0},
 };
 
-static void describe(const struct board *board, unsigned axis, size_t index,
-                     struct board_setting *setting)
+static void foc_setting_describe(const struct board *board, unsigned axis, size_t index,
+                                 struct board_setting *setting)
 {
     enum kind kind = rows[index].kind;
     bool is_limit = kind == NOMINAL_CURRENT || kind == PEAK_CURRENT;
@@ -46,9 +48,9 @@ static void describe(const struct board *board, unsigned axis, size_t index,
     };
 }
 
-static double get(const struct board *board, unsigned axis, size_t index)
+static double foc_setting_get(const struct board *board, unsigned axis, size_t index)
 {
-    const struct foc_board *foc = board->foc;
+    const struct foc_board *foc = foc_board_of(board);
 
     (void)axis;
     switch (rows[index].kind) {
@@ -66,9 +68,9 @@ static double get(const struct board *board, unsigned axis, size_t index)
     return 0.0;
 }
 
-static bool set(struct board *board, unsigned axis, size_t index, double value)
+static bool foc_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
-    struct foc_board *foc = board->foc;
+    struct foc_board *foc = foc_board_of(board);
 
     (void)axis;
     switch (rows[index].kind) {
@@ -90,8 +92,8 @@ static bool set(struct board *board, unsigned axis, size_t index, double value)
 }
 
 const struct board_settings foc_settings = {
-    .count = sizeof rows / sizeof rows[0],
-    .describe = describe,
-    .get = get,
-    .set = set,
+    .count = ARRAY_COUNT(rows),
+    .describe = foc_setting_describe,
+    .get = foc_setting_get,
+    .set = foc_setting_set,
 };

@@ -49,14 +49,9 @@
 
 enum { POLICY_AT_START = 0x7f }; /* what a host usually asks for */
 
-struct motor_board *motor_board_create(struct arena *arena)
+void motor_board_print(struct board *board, const char *text)
 {
-    return arena_alloc(arena, 1, sizeof(struct motor_board));
-}
-
-void motor_print(struct board *board, const char *text)
-{
-    struct motor_board *motor = board->motor;
+    struct motor_board *motor = motor_board_of(board);
     size_t left = strlen(text);
     uint32_t id = icub_id(ICUB_PERIODIC_MOTOR, board->address, ICUB_PRINT);
 
@@ -78,9 +73,9 @@ void motor_print(struct board *board, const char *text)
 
 /* ---- power-up ---- */
 
-static void set_defaults(const struct board *board, struct motor_axis *axis)
+static void motor_axis_set_defaults(const struct board *board, struct motor_axis *axis)
 {
-    const struct board_axis_config *config = motor_config(board, axis);
+    const struct board_axis_config *config = motor_axis_config(board, axis);
     int64_t *p = axis->parameter;
     int32_t limit = 0;
 
@@ -106,14 +101,14 @@ static void set_defaults(const struct board *board, struct motor_axis *axis)
     p[ICUB_P_TEMPERATURE_LIMIT] = control_clamp(limit, 0, INT16_MAX);
 }
 
-static void power_up(struct board *board)
+static void motor_board_power_up(struct board *board)
 {
-    struct motor_board *motor = board->motor;
+    struct motor_board *motor = motor_board_of(board);
 
     for (int i = 0; i < MOTOR_AXES; i++) {
         struct motor_axis *axis = &motor->axis[i];
 
-        set_defaults(board, axis);
+        motor_axis_set_defaults(board, axis);
         if (!motor->powered) {
             memcpy(axis->saved, axis->parameter, sizeof axis->saved);
         }
@@ -122,40 +117,42 @@ static void power_up(struct board *board)
         axis->pids = 0;
         axis->pads = false;
         axis->offset = 0;
-        axis->source_ns = board->boards->time_ns;
-        motor_reset_references(board, axis);
+        axis->source_ns = board->boards->now_ns;
+        motor_axis_reset_references(board, axis);
     }
     motor->powered = true;
     motor->protocol_ack = false;
     motor->policy = board->config.transmit_at_start ? POLICY_AT_START : 0;
     motor->status_due = motor->additional_due = false;
-    motor->status_ms = board->boards->time_ns / MS;
+    motor->status_ms = board->boards->now_ns / MS;
     motor->can = motor->can_told = 0;
     motor->told_tec = motor->told_rec = 0;
     motor->started = false; /* speeds are estimated anew */
 }
 
-static void switch_off(struct board *board)
+static void motor_board_switch_off(struct board *board)
 {
     for (int i = 0; i < MOTOR_AXES; i++) {
-        if (motor_runs(board->motor->axis[i].mode)) {
-            motor_set_mode(board, &board->motor->axis[i], ICUB_MODE_IDLE);
+        if (motor_runs(motor_board_of(board)->axis[i].mode)) {
+            motor_axis_set_mode(board, &motor_board_of(board)->axis[i], ICUB_MODE_IDLE);
         }
     }
 }
 
-static void discovered(struct board *board)
+static void motor_board_discovered(struct icub_board *icub)
 {
+    struct board *board = &icub->board;
+
     if (board->config.discovery_stops_motors) {
-        switch_off(board);
-        board->motor->policy = 0;
+        motor_board_switch_off(board);
+        motor_board_of(board)->policy = 0;
     }
 }
 
 /* ---- sensors ---- */
 
-static void sample_axis(struct motor_axis *axis, const struct board_axis_config *config,
-                        const struct plant_sensors *sensors)
+static void motor_axis_sample(struct motor_axis *axis, const struct board_axis_config *config,
+                              const struct plant_sensors *sensors)
 {
     const struct motor_sense *sense;
     int32_t joint, motor;
@@ -177,22 +174,26 @@ static void sample_axis(struct motor_axis *axis, const struct board_axis_config 
         !control_quantize(sense->winding_c / ICUB_TEMPERATURE_C, &axis->temperature);
 }
 
-static void sample(struct board *board, const struct plant_sensors *sensors)
+/* Encoders are quantized; their speeds are estimated from a sample a millisecond. */
+static void motor_board_sample(struct board *board, const struct plant_sensors *sensors)
 {
-    struct motor_board *motor = board->motor;
-    int64_t now_ms = board->boards->time_ns / MS;
+    struct motor_board *motor = motor_board_of(board);
+    int64_t now_ms = board->boards->now_ns / MS;
 
-    motor->supply_v =
-        isfinite(sensors->supply_v) && sensors->supply_v > 0.0 ? sensors->supply_v : 0.0;
+    motor->supply_v = board_supply_v(sensors);
     for (int i = 0; i < MOTOR_AXES; i++) {
         struct motor_axis *axis = &motor->axis[i];
 
-        sample_axis(axis, &board->config.axis[i], sensors);
+        motor_axis_sample(axis, &board->config.axis[i], sensors);
+
+        /* The first sample after power-up: as if the axis had always been here */
         if (!motor->started) {
             estimator_reset(&axis->joint.speed, axis->joint.raw);
             estimator_reset(&axis->motor.speed, axis->motor.raw);
-            motor_hold_position(axis);
+            motor_axis_hold_position(axis);
         }
+
+        /* In a tick of several milliseconds the sample stands for all of them */
         for (int64_t ms = motor->sampled_ms; ms < now_ms; ms++) {
             estimator_push(&axis->joint.speed, axis->joint.raw);
             estimator_push(&axis->motor.speed, axis->motor.raw);
@@ -204,67 +205,80 @@ static void sample(struct board *board, const struct plant_sensors *sensors)
 
 /* ---- the tick ---- */
 
-static void drive(const struct board *board, const struct motor_axis *axis,
-                  struct plant_command *command)
+static void motor_axis_drive_bridge(const struct board *board, const struct motor_axis *axis,
+                                    struct plant_command *command)
 {
-    int joint = motor_config(board, axis)->joint;
+    int joint = motor_axis_config(board, axis)->joint;
     bool on = motor_runs(axis->mode) && axis->mode != ICUB_MODE_CALIBRATION && axis->pads;
 
     if (joint >= 0) {
         command->motor[joint].bridge_on = on;
         command->motor[joint].voltage_v =
-            on ? (double)axis->pwm / ICUB_PWM_FULL_SCALE * board->motor->supply_v : 0.0;
+            on ? (double)axis->pwm / ICUB_PWM_FULL_SCALE * motor_board_of(board)->supply_v : 0.0;
     }
 }
 
-static void control(struct board *board, struct ms_span span, struct plant_command *command)
+static void motor_board_control(struct board *board, struct ms_span span,
+                                struct plant_command *command)
 {
-    motor_watch(board);
+    motor_board_watch(board);
     for (int i = 0; i < MOTOR_AXES; i++) {
-        struct motor_axis *axis = &board->motor->axis[i];
+        struct motor_axis *axis = &motor_board_of(board)->axis[i];
 
         for (int64_t ms = span.from; ms < span.to; ms++) {
-            motor_step(board, axis);
+            motor_axis_step(board, axis);
         }
-        drive(board, axis, command);
+        motor_axis_drive_bridge(board, axis, command);
     }
 }
 
-static bool fault(const struct board *board)
+static bool motor_board_is_faulty(const struct board *board)
 {
     for (int i = 0; i < MOTOR_AXES; i++) {
-        if (board->motor->axis[i].mode == ICUB_MODE_HARDWARE_FAULT) {
+        if (motor_board_of(board)->axis[i].mode == ICUB_MODE_HARDWARE_FAULT) {
             return true;
         }
     }
     return false;
 }
 
-static void shut_down(struct board *board, struct plant_command *command)
+static void motor_board_shut_down(struct board *board, struct plant_command *command)
 {
-    switch_off(board);
+    motor_board_switch_off(board);
     for (int i = 0; i < MOTOR_AXES; i++) {
-        drive(board, &board->motor->axis[i], command);
+        motor_axis_drive_bridge(board, &motor_board_of(board)->axis[i], command);
     }
 }
 
-const struct board_ops motor_board_ops = {
-    .type = ICUB_BOARD_BLL,
-    .major = 2,
-    .minor = 0x51,
-    .build = 60,
+static const struct board_ops motor_board_ops = {
+    .identity = {.type = ICUB_BOARD_BLL, .major = 2, .minor = 0x51, .build = 60},
     .periodic_max = 11,
+    .power_up = motor_board_power_up,
+    .sample = motor_board_sample,
+    .control = motor_board_control,
+    .transmit = motor_board_transmit,
+    .shut_down = motor_board_shut_down,
+    .fault = motor_board_is_faulty,
+    .settings = &motor_settings,
+};
+
+static const struct icub_board_ops motor_icub_ops = {
     .commands = icub_motor_commands,
     .command_count = ICUB_MOTOR_COMMANDS,
     .command_class = ICUB_POLLING_MOTOR,
     .axis_bit = true,
-    .command = motor_command,
-    .power_up = power_up,
-    .discovered = discovered,
-    .sample = sample,
-    .control = control,
-    .transmit = motor_transmit,
-    .shut_down = shut_down,
-    .fault = fault,
-    .settings = &motor_settings,
+    .command = motor_board_command,
+    .discovered = motor_board_discovered,
 };
+
+struct board *motor_board_create(struct arena *arena)
+{
+    struct motor_board *motor = arena_alloc(arena, 1, sizeof *motor);
+
+    if (!motor) {
+        return NULL;
+    }
+    motor->icub.board.ops = &motor_board_ops;
+    motor->icub.ops = &motor_icub_ops;
+    return &motor->icub.board;
+}

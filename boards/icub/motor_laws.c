@@ -1,16 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The control laws of a motor board, from references to PWM (boards/icub/motor_board.c says which). */
+/* The control laws of a motor board, from references to PWM (boards/icub/motor_board.c says
+ * which). */
 #include "boards/icub/motor_private.h"
 
-static int64_t cut(int64_t value, int64_t limit)
+static int64_t pwm_clamp(int64_t value, int64_t limit)
 {
     int64_t most = control_clamp(limit, 0, ICUB_PWM_FULL_SCALE);
 
     return control_clamp(value, -most, most);
 }
 
-/* Ticks that the velocity reference is worth in this millisecond. */
-static int64_t velocity_step(struct motor_axis *axis)
+/* By how many ticks the velocity reference moves in this millisecond. */
+static int64_t motor_axis_velocity_step(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
     int64_t most = p[ICUB_P_MAX_VELOCITY] > 0 ? p[ICUB_P_MAX_VELOCITY] : 0;
@@ -29,15 +30,15 @@ static int64_t velocity_step(struct motor_axis *axis)
     return step;
 }
 
-/* Moves the position reference on; it never moves (further) out of the limits. */
-static void advance(struct motor_axis *axis)
+/* Advances the position reference; it never moves (further) out of the limits. */
+static void motor_axis_advance_reference(struct motor_axis *axis)
 {
     int64_t *p = axis->parameter;
-    int64_t step = motor_moves(axis) ? trajectory_step(&axis->trajectory) : 0;
+    int64_t step = motor_axis_moves(axis) ? trajectory_step(&axis->trajectory) : 0;
     int64_t desired;
 
-    if (motor_has_velocity(axis)) {
-        step += velocity_step(axis);
+    if (motor_axis_has_velocity(axis)) {
+        step += motor_axis_velocity_step(axis);
     }
     desired = axis->desired + step;
     if (step > 0 && desired > p[ICUB_P_MAX_POSITION]) {
@@ -50,62 +51,64 @@ static void advance(struct motor_axis *axis)
     axis->desired = (int32_t)control_clamp(desired, INT32_MIN, INT32_MAX);
 }
 
-static int64_t position_law(struct motor_axis *axis)
+static int64_t motor_axis_position_law(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
     const struct pid_gains gains = {p[ICUB_P_POSITION_KP], p[ICUB_P_POSITION_KI],
                                     p[ICUB_P_POSITION_KD], p[ICUB_P_POSITION_SHIFT],
                                     p[ICUB_P_POSITION_INTEGRAL_LIMIT]};
     int64_t pwm =
-        pid_step(&axis->position_pid, &gains, (int64_t)axis->desired - motor_position(axis));
+        pid_step(&axis->position_pid, &gains, (int64_t)axis->desired - motor_axis_position(axis));
 
     pwm += p[ICUB_P_POSITION_OFFSET];
     if (axis->trajectory.running && axis->trajectory.target != axis->trajectory.start) {
         pwm += axis->trajectory.target > axis->trajectory.start ? p[ICUB_P_POSITION_STICTION_UP]
                                                                 : p[ICUB_P_POSITION_STICTION_DOWN];
     }
-    return cut(pwm, p[ICUB_P_POSITION_LIMIT]);
+    return pwm_clamp(pwm, p[ICUB_P_POSITION_LIMIT]);
 }
 
-static int64_t torque_law(struct motor_axis *axis)
+static int64_t motor_axis_torque_law(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
     const struct pid_gains gains = {p[ICUB_P_TORQUE_KP], p[ICUB_P_TORQUE_KI], p[ICUB_P_TORQUE_KD],
                                     p[ICUB_P_TORQUE_SHIFT], p[ICUB_P_TORQUE_INTEGRAL_LIMIT]};
     int64_t pwm = pid_step(&axis->torque_pid, &gains, axis->torque_reference - axis->torque);
 
-    return cut(pwm + p[ICUB_P_TORQUE_OFFSET], p[ICUB_P_TORQUE_LIMIT]);
+    return pwm_clamp(pwm + p[ICUB_P_TORQUE_OFFSET], p[ICUB_P_TORQUE_LIMIT]);
 }
 
-static int64_t current_law(struct motor_axis *axis)
+static int64_t motor_axis_current_law(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
     const struct pid_gains gains = {p[ICUB_P_CURRENT_KP], p[ICUB_P_CURRENT_KI],
                                     p[ICUB_P_CURRENT_KD], p[ICUB_P_CURRENT_SHIFT], INT16_MAX};
 
     return pid_step(&axis->current_pid, &gains,
-                    p[ICUB_P_DESIRED_TORQUE] - motor_milliamperes(axis));
+                    p[ICUB_P_DESIRED_TORQUE] - motor_axis_current_ma(axis));
 }
 
-static int64_t impedance_law(struct motor_axis *axis)
+static int64_t motor_axis_impedance_law(struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
     const struct pid_gains gains = {.kp = p[ICUB_P_STIFFNESS], .kd = p[ICUB_P_DAMPING]};
 
     axis->torque_reference =
-        pid_step(&axis->impedance, &gains, (int64_t)axis->desired - motor_position(axis)) +
+        pid_step(&axis->impedance, &gains, (int64_t)axis->desired - motor_axis_position(axis)) +
         p[ICUB_P_IMPEDANCE_OFFSET];
-    return torque_law(axis);
+    return motor_axis_torque_law(axis);
 }
 
-static int64_t measured_torque(const struct board *board, const struct motor_axis *axis)
+static int64_t motor_axis_measured_torque(const struct board *board, const struct motor_axis *axis)
 {
-    const struct board_axis_config *config = motor_config(board, axis);
+    const struct board_axis_config *config = motor_axis_config(board, axis);
     int64_t address = axis->parameter[ICUB_P_TORQUE_SOURCE];
     int32_t counts = 0;
 
     if (address != 0) {
-        return board->bus->source[address].value[axis->parameter[ICUB_P_TORQUE_CHANNEL]];
+        return icub_bus_of(board->bus)
+            ->source[address]
+            .value[axis->parameter[ICUB_P_TORQUE_CHANNEL]];
     }
     if (config->torque_full_scale_nm > 0.0) {
         control_quantize(axis->torque_nm / config->torque_full_scale_nm * ICUB_STRAIN_ZERO,
@@ -114,33 +117,36 @@ static int64_t measured_torque(const struct board *board, const struct motor_axi
     return control_clamp(counts, INT16_MIN, INT16_MAX);
 }
 
-/* One millisecond of the board's loop. */
-void motor_step(const struct board *board, struct motor_axis *axis)
+/* Torque feedback, then the law of the mode, then the limits of the PWM. */
+void motor_axis_step(const struct board *board, struct motor_axis *axis)
 {
     const int64_t *p = axis->parameter;
 
-    axis->torque = measured_torque(board, axis);
+    axis->torque = motor_axis_measured_torque(board, axis);
+
     switch (axis->mode) {
     case ICUB_MODE_OPEN_LOOP:
         axis->output = p[ICUB_P_OPEN_LOOP];
         break;
     case ICUB_MODE_CURRENT:
-        axis->output = current_law(axis);
+        axis->output = motor_axis_current_law(axis);
         break;
     case ICUB_MODE_TORQUE:
         axis->torque_reference = p[ICUB_P_DESIRED_TORQUE];
-        axis->output = torque_law(axis);
+        axis->output = motor_axis_torque_law(axis);
         break;
     case ICUB_MODE_IDLE:
     case ICUB_MODE_HARDWARE_FAULT:
     case ICUB_MODE_CALIBRATION:
         axis->output = 0;
         break;
-    default:
-        advance(axis);
-        axis->output = motor_is_impedance(axis) ? impedance_law(axis) : position_law(axis);
+    default: /* the position-like modes */
+        motor_axis_advance_reference(axis);
+        axis->output = motor_axis_is_impedance(axis) ? motor_axis_impedance_law(axis)
+                                                     : motor_axis_position_law(axis);
         break;
     }
-    axis->output = cut(axis->output, ICUB_PWM_FULL_SCALE);
-    axis->pwm = cut(axis->output, p[ICUB_P_PWM_LIMIT]);
+
+    axis->output = pwm_clamp(axis->output, ICUB_PWM_FULL_SCALE);
+    axis->pwm = pwm_clamp(axis->output, p[ICUB_P_PWM_LIMIT]);
 }

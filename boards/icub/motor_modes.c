@@ -4,21 +4,18 @@
 
 #include <stdio.h>
 
-enum { ALL_PIDS = 0x7f }; /* SET_P_GAIN ... SET_OUTPUT_LIMIT have all come */
-
-void motor_hold_position(struct motor_axis *axis)
+void motor_axis_hold_position(struct motor_axis *axis)
 {
-    axis->desired = motor_position(axis);
+    axis->desired = motor_axis_position(axis);
     axis->parameter[ICUB_P_DESIRED_POSITION] = axis->desired;
     trajectory_stop(&axis->trajectory, axis->desired);
 }
 
-/* The axis stays where it is, with nothing left of earlier commands. */
-void motor_reset_references(struct board *board, struct motor_axis *axis)
+void motor_axis_reset_references(struct board *board, struct motor_axis *axis)
 {
-    int64_t now = board->boards->time_ns;
+    int64_t now = board->boards->now_ns;
 
-    motor_hold_position(axis);
+    motor_axis_hold_position(axis);
     axis->desired_velocity = axis->velocity_rest = 0;
     pid_reset(&axis->position_pid);
     pid_reset(&axis->torque_pid);
@@ -32,17 +29,17 @@ void motor_reset_references(struct board *board, struct motor_axis *axis)
     axis->limit_told = false;
 }
 
-void motor_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode)
+void motor_axis_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode)
 {
     if (mode != axis->mode) {
-        board_event(board, BOARD_EVENT_MODE, motor_index(board, axis), axis->mode, mode);
+        board_event(board, BOARD_EVENT_MODE, motor_axis_index(board, axis), axis->mode, mode);
         axis->mode = mode;
-        board->motor->status_due = true;
+        motor_board_of(board)->status_due = true;
     }
-    motor_reset_references(board, axis);
+    motor_axis_reset_references(board, axis);
 }
 
-static bool is_control_mode(int64_t mode)
+static bool motor_is_control_mode(int64_t mode)
 {
     switch (mode) {
     case ICUB_MODE_POSITION:
@@ -60,107 +57,110 @@ static bool is_control_mode(int64_t mode)
     }
 }
 
-/* The drivers of the bridge, as a strict board enables them. */
-static bool enable_pads(struct board *board, struct motor_axis *axis)
+/* Enables the drivers of the bridge as a strict board does; false: it does not. */
+static bool motor_axis_enable_pads(struct board *board, struct motor_axis *axis)
 {
     char text[32];
 
-    if (!board->motor->protocol_ack) {
-        motor_print(board, "can protocol NOT ack");
+    if (!motor_board_of(board)->protocol_ack) {
+        motor_board_print(board, "can protocol NOT ack");
         return false;
     }
-    if (axis->pids != ALL_PIDS) {
-        snprintf(text, sizeof text, "PID IS NOT SET %u", motor_index(board, axis));
-        motor_print(board, text);
+    if (axis->pids != PID_HAS_ALL) {
+        snprintf(text, sizeof text, "PID IS NOT SET %u", motor_axis_index(board, axis));
+        motor_board_print(board, text);
         return false;
     }
-    snprintf(text, sizeof text, "PWM ENA:%u", motor_index(board, axis));
-    motor_print(board, text);
+    snprintf(text, sizeof text, "PWM ENA:%u", motor_axis_index(board, axis));
+    motor_board_print(board, text);
     return true;
 }
 
-static void disable_pads(struct board *board, struct motor_axis *axis)
+static void motor_axis_disable_pads(struct board *board, struct motor_axis *axis)
 {
     char text[32];
 
     axis->pads = false;
-    snprintf(text, sizeof text, "PWM DIS:%u", motor_index(board, axis));
-    motor_print(board, text);
-    motor_set_mode(board, axis, ICUB_MODE_IDLE);
+    snprintf(text, sizeof text, "PWM DIS:%u", motor_axis_index(board, axis));
+    motor_board_print(board, text);
+    motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
 }
 
-static bool command_mode_strictly(struct board *board, struct motor_axis *axis, int64_t mode)
+/* SET_CONTROL_MODE as the firmware obeys it, oddities included (motor_board.c). */
+static bool motor_axis_command_mode_strictly(struct board *board, struct motor_axis *axis,
+                                             int64_t mode)
 {
     bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
-    bool known = is_control_mode(mode) && mode != ICUB_MODE_CURRENT;
+    bool known = motor_is_control_mode(mode) && mode != ICUB_MODE_CURRENT;
     char text[32];
 
     if (axis->mode == ICUB_MODE_HARDWARE_FAULT) {
         if (mode != ICUB_MODE_FORCE_IDLE) {
             return true;
         }
-        disable_pads(board, axis);
+        motor_axis_disable_pads(board, axis);
     } else if (axis->mode == ICUB_MODE_IDLE) {
         if (stop) {
             return true;
         }
-        axis->pads = enable_pads(board, axis);
-        motor_set_mode(board, axis,
-                       known        ? (uint8_t)mode
-                       : axis->pads ? ICUB_MODE_POSITION
-                                    : ICUB_MODE_HARDWARE_FAULT);
+        axis->pads = motor_axis_enable_pads(board, axis);
+        motor_axis_set_mode(board, axis,
+                            known        ? (uint8_t)mode
+                            : axis->pads ? ICUB_MODE_POSITION
+                                         : ICUB_MODE_HARDWARE_FAULT);
     } else if (stop) {
-        disable_pads(board, axis);
+        motor_axis_disable_pads(board, axis);
     } else {
-        motor_set_mode(board, axis, known ? (uint8_t)mode : axis->mode);
+        motor_axis_set_mode(board, axis, known ? (uint8_t)mode : axis->mode);
     }
     snprintf(text, sizeof text, "CTRLMODE SET:%u", (unsigned)mode);
-    motor_print(board, text);
+    motor_board_print(board, text);
     return true;
 }
 
-bool motor_command_mode(struct board *board, struct motor_axis *axis, int64_t mode)
+bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64_t mode)
 {
     bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
 
     if (board->config.strict) {
-        return command_mode_strictly(board, axis, mode);
+        return motor_axis_command_mode_strictly(board, axis, mode);
     }
-    if (!stop && !is_control_mode(mode)) {
+    if (!stop && !motor_is_control_mode(mode)) {
         return false;
     }
     axis->pads = true;
     if (axis->mode == ICUB_MODE_IDLE) {
         if (!stop) {
-            motor_set_mode(board, axis, (uint8_t)mode);
+            motor_axis_set_mode(board, axis, (uint8_t)mode);
         }
     } else if (axis->mode == ICUB_MODE_HARDWARE_FAULT) {
         if (mode == ICUB_MODE_FORCE_IDLE) {
-            motor_set_mode(board, axis, ICUB_MODE_IDLE);
+            motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
         }
     } else {
-        motor_set_mode(board, axis, stop ? ICUB_MODE_IDLE : (uint8_t)mode);
+        motor_axis_set_mode(board, axis, stop ? ICUB_MODE_IDLE : (uint8_t)mode);
     }
     return true;
 }
 
-bool motor_moves(const struct motor_axis *axis)
+bool motor_axis_moves(const struct motor_axis *axis)
 {
     return axis->mode == ICUB_MODE_POSITION || axis->mode == ICUB_MODE_IMPEDANCE_POSITION ||
            axis->mode == ICUB_MODE_MIXED;
 }
 
-bool motor_has_velocity(const struct motor_axis *axis)
+bool motor_axis_has_velocity(const struct motor_axis *axis)
 {
     return axis->mode == ICUB_MODE_VELOCITY || axis->mode == ICUB_MODE_IMPEDANCE_VELOCITY ||
            axis->mode == ICUB_MODE_MIXED;
 }
 
-bool motor_is_impedance(const struct motor_axis *axis)
+bool motor_axis_is_impedance(const struct motor_axis *axis)
 {
     if (axis->mode == ICUB_MODE_IMPEDANCE_POSITION || axis->mode == ICUB_MODE_IMPEDANCE_VELOCITY) {
         return true;
     }
     return axis->parameter[ICUB_P_INTERACTION] == ICUB_COMPLIANT &&
-           (motor_moves(axis) || motor_has_velocity(axis) || axis->mode == ICUB_MODE_DIRECT);
+           (motor_axis_moves(axis) || motor_axis_has_velocity(axis) ||
+            axis->mode == ICUB_MODE_DIRECT);
 }

@@ -1,15 +1,28 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The state of a motor board (boards/icub/motor_board.c), shared by the sources that are its parts. */
+/* The state of a BLL motor board (motor_board.c), shared by its parts. Units are the protocol's.
+ * RT-safe. */
 #ifndef BOARDS_ICUB_MOTOR_PRIVATE_H
 #define BOARDS_ICUB_MOTOR_PRIVATE_H
 
-#include "boards/board_private.h"
+#include "boards/icub/board.h"
 #include "boards/motor_control.h"
 
 enum { MOTOR_AXES = 2 };
 
+/* Which parameters of the position PID a host has set since power-up. */
+enum motor_pid_bit {
+    PID_HAS_P = 1 << 0,
+    PID_HAS_D = 1 << 1,
+    PID_HAS_I = 1 << 2,
+    PID_HAS_INTEGRAL_LIMIT = 1 << 3,
+    PID_HAS_OFFSET = 1 << 4,
+    PID_HAS_SCALE = 1 << 5,
+    PID_HAS_LIMIT = 1 << 6,
+    PID_HAS_ALL = 0x7f,
+};
+
 struct encoder {
-    int32_t raw;
+    int32_t raw; /* ticks */
     struct speed_estimator speed;
 };
 
@@ -19,11 +32,11 @@ struct motor_axis {
     uint8_t mode;
     uint8_t faults;      /* as long as their cause lasts */
     uint8_t faults_once; /* until STATUS has told them */
-    uint8_t pids;        /* which parameters of the position PID have come; bits */
+    uint8_t pids;        /* enum motor_pid_bit */
     bool pads;           /* the bridge's drivers are enabled */
     bool sensors_bad;    /* no number came from the plant */
     uint8_t heat;        /* ICUB_BOARD_OVER_TEMPERATURE_0 and ..._ERROR_0, of this axis */
-    bool limit_told;     /* the refusal at a joint limit has been reported */
+    bool limit_told;     /* a voltage beyond a joint limit has been reported as refused */
     struct encoder joint, motor;
     int32_t offset; /* position = raw + offset */
     double current_a, torque_nm;
@@ -46,6 +59,7 @@ struct motor_axis {
 };
 
 struct motor_board {
+    struct icub_board icub;
     struct motor_axis axis[MOTOR_AXES];
     double supply_v;
     uint32_t policy;
@@ -58,23 +72,28 @@ struct motor_board {
     bool powered, started; /* has had its first power-up; its first sample */
 };
 
-static inline unsigned motor_index(const struct board *board, const struct motor_axis *axis)
+static inline struct motor_board *motor_board_of(const struct board *board)
 {
-    return (unsigned)(axis - board->motor->axis);
+    return container_of(board, struct motor_board, icub.board);
 }
 
-static inline const struct board_axis_config *motor_config(const struct board *board,
-                                                           const struct motor_axis *axis)
+static inline unsigned motor_axis_index(const struct board *board, const struct motor_axis *axis)
 {
-    return &board->config.axis[motor_index(board, axis)];
+    return (unsigned)(axis - motor_board_of(board)->axis);
 }
 
-static inline int32_t motor_position(const struct motor_axis *axis)
+static inline const struct board_axis_config *motor_axis_config(const struct board *board,
+                                                                const struct motor_axis *axis)
+{
+    return &board->config.axis[motor_axis_index(board, axis)];
+}
+
+static inline int32_t motor_axis_position(const struct motor_axis *axis)
 {
     return (int32_t)control_clamp((int64_t)axis->joint.raw + axis->offset, INT32_MIN, INT32_MAX);
 }
 
-static inline int64_t motor_milliamperes(const struct motor_axis *axis)
+static inline int64_t motor_axis_current_ma(const struct motor_axis *axis)
 {
     int32_t value = 0;
 
@@ -87,38 +106,41 @@ static inline bool motor_runs(uint8_t mode)
     return mode != ICUB_MODE_IDLE && mode != ICUB_MODE_HARDWARE_FAULT;
 }
 
-/* A text for whoever watches the bus, in PRINT frames of six characters. */
-void motor_print(struct board *board, const char *text);
+/* Queues a text for the log of the host, in PRINT frames of six characters. */
+void motor_board_print(struct board *board, const char *text);
 
-/* Modes (motor_modes.c). A new mode or the present one again; references begin anew. */
-void motor_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode);
+/* Modes (motor_modes.c). A new mode or the present one again; references are reset. */
+void motor_axis_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode);
 
 /* SET_CONTROL_MODE; false: there is no such mode. */
-bool motor_command_mode(struct board *board, struct motor_axis *axis, int64_t mode);
+bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64_t mode);
 
-/* The axis stays where it is; the second: with nothing left of earlier commands. */
-void motor_hold_position(struct motor_axis *axis);
-void motor_reset_references(struct board *board, struct motor_axis *axis);
+/* The position reference is where the axis is; the second resets all other references, too. */
+void motor_axis_hold_position(struct motor_axis *axis);
+void motor_axis_reset_references(struct board *board, struct motor_axis *axis);
 
 /* What the mode has: a trajectory generator, a velocity reference, an impedance law. */
-bool motor_moves(const struct motor_axis *axis);
-bool motor_has_velocity(const struct motor_axis *axis);
-bool motor_is_impedance(const struct motor_axis *axis);
+bool motor_axis_moves(const struct motor_axis *axis);
+bool motor_axis_has_velocity(const struct motor_axis *axis);
+bool motor_axis_is_impedance(const struct motor_axis *axis);
 
-/* Obeys a command (motor_commands.c); see struct board_ops. */
-bool motor_command(struct board *board, const struct bus_frame *frame, const int64_t *request,
-                   int64_t *reply, bool *answer);
+/* Obeys a command (motor_commands.c); see struct icub_board_ops. */
+bool motor_board_command(struct icub_board *icub, const struct bus_frame *frame,
+                         const int64_t *request, int64_t *reply, bool *answer);
+
+/* What may be set beside the bus (motor_settings.c). */
+extern const struct board_settings motor_settings;
 
 /* Faults, limits and time-outs of a tick (motor_watch.c). */
-void motor_watch(struct board *board);
+void motor_board_watch(struct board *board);
 
 /* What the CAN controller is in, as STATUS byte 4 has it. */
-uint8_t motor_can_status(const struct board *board);
+uint8_t motor_board_can_status(const struct board *board);
 
 /* One millisecond of an axis's control law (motor_laws.c). */
-void motor_step(const struct board *board, struct motor_axis *axis);
+void motor_axis_step(const struct board *board, struct motor_axis *axis);
 
 /* The periodic frames (motor_telemetry.c). */
-void motor_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
+void motor_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
 
 #endif

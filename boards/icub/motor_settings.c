@@ -2,6 +2,8 @@
 /* The settings of an iCub motor board's axes: what commands of class 0 set, with their ranges. */
 #include "boards/icub/motor_private.h"
 
+#include "base/count.h"
+
 /* One value of the command that sets it. */
 static const struct {
     const char *name;
@@ -33,20 +35,20 @@ static const struct {
     {"max_velocity", ICUB_SET_MAX_VELOCITY, 0},
 };
 
-static const struct field *field_of(size_t index)
+static const struct field *motor_setting_field(size_t index)
 {
     return &icub_motor_commands[rows[index].code].request[rows[index].field];
 }
 
-static unsigned parameter_of(size_t index)
+static unsigned motor_setting_parameter(size_t index)
 {
     return (unsigned)icub_motor_commands[rows[index].code].parameter + rows[index].field;
 }
 
-static void describe(const struct board *board, unsigned axis, size_t index,
-                     struct board_setting *setting)
+static void motor_setting_describe(const struct board *board, unsigned axis, size_t index,
+                                   struct board_setting *setting)
 {
-    const struct field *field = field_of(index);
+    const struct field *field = motor_setting_field(index);
     bool bounded = field->min != 0 || field->max != 0;
 
     (void)board;
@@ -60,23 +62,23 @@ static void describe(const struct board *board, unsigned axis, size_t index,
     };
 }
 
-static double get(const struct board *board, unsigned axis, size_t index)
+static double motor_setting_get(const struct board *board, unsigned axis, size_t index)
 {
-    return (double)board->motor->axis[axis].parameter[parameter_of(index)];
+    return (double)motor_board_of(board)->axis[axis].parameter[motor_setting_parameter(index)];
 }
 
-static bool set(struct board *board, unsigned axis, size_t index, double value)
+static bool motor_setting_set(struct board *board, unsigned axis, size_t index, double value)
 {
-    board->motor->axis[axis].parameter[parameter_of(index)] = (int64_t)value;
+    motor_board_of(board)->axis[axis].parameter[motor_setting_parameter(index)] = (int64_t)value;
     if (rows[index].code == ICUB_SET_I_GAIN) {
-        board->motor->axis[axis].position_pid.integral = 0; /* as the command */
+        motor_board_of(board)->axis[axis].position_pid.integral = 0; /* as the command */
     }
     return true;
 }
 
 const struct board_settings motor_settings = {
-    .count = sizeof rows / sizeof rows[0],
-    .describe = describe,
-    .get = get,
-    .set = set,
+    .count = ARRAY_COUNT(rows),
+    .describe = motor_setting_describe,
+    .get = motor_setting_get,
+    .set = motor_setting_set,
 };

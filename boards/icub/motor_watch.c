@@ -6,7 +6,7 @@
 
 enum { OVERLOAD_MS = 10 }; /* budget of over-current, see motor_board.c */
 
-static bool is_over_current(const struct board *board, struct motor_axis *axis)
+static bool motor_axis_is_over_current(const struct board *board, struct motor_axis *axis)
 {
     double limit = (double)axis->parameter[ICUB_P_CURRENT_LIMIT] * 1e-3;
     double tick_ms = (double)board->boards->tick_ns / MS;
@@ -23,31 +23,32 @@ static bool is_over_current(const struct board *board, struct motor_axis *axis)
     return axis->overload > OVERLOAD_MS;
 }
 
-static void watch_faults(struct board *board, struct motor_axis *axis)
+static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis)
 {
-    uint8_t faults =
-        (uint8_t)((board->motor->supply_v < BOARD_UNDER_VOLTAGE_V ? ICUB_FAULT_UNDER_VOLTAGE : 0) |
-                  (axis->sensors_bad ? ICUB_FAULT_ABSOLUTE_ENCODER : 0));
+    uint8_t faults = (uint8_t)((motor_board_of(board)->supply_v < BOARD_UNDER_VOLTAGE_V
+                                    ? ICUB_FAULT_UNDER_VOLTAGE
+                                    : 0) |
+                               (axis->sensors_bad ? ICUB_FAULT_ABSOLUTE_ENCODER : 0));
     uint8_t risen = faults & (uint8_t)~axis->faults;
-    bool over_current = is_over_current(board, axis);
+    bool over_current = motor_axis_is_over_current(board, axis);
 
     axis->faults = faults;
     if (over_current) {
         axis->faults_once |= ICUB_FAULT_OVER_CURRENT;
         risen |= ICUB_FAULT_OVER_CURRENT;
         board->boards->counters.trips++;
-        motor_print(board, "OVERCURRENT");
+        motor_board_print(board, "OVERCURRENT");
     }
     if (risen) {
-        board_event(board, BOARD_EVENT_FAULT, motor_index(board, axis), risen, 0);
-        board->motor->status_due = true;
+        board_event(board, BOARD_EVENT_FAULT, motor_axis_index(board, axis), risen, 0);
+        motor_board_of(board)->status_due = true;
     }
     if (motor_runs(axis->mode) && (faults || over_current)) {
-        motor_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
+        motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
     }
 }
 
-static void watch_temperature(struct board *board, struct motor_axis *axis)
+static void motor_axis_watch_temperature(struct board *board, struct motor_axis *axis)
 {
     int64_t limit = axis->parameter[ICUB_P_TEMPERATURE_LIMIT];
     bool hot = !axis->thermometer_bad && limit > 0 && axis->temperature > limit;
@@ -56,21 +57,21 @@ static void watch_temperature(struct board *board, struct motor_axis *axis)
     axis->heat = (uint8_t)((hot ? ICUB_BOARD_OVER_TEMPERATURE_0 : 0) |
                            (axis->thermometer_bad ? ICUB_BOARD_TEMPERATURE_ERROR_0 : 0));
     if (axis->heat != before) {
-        board->motor->status_due = true;
+        motor_board_of(board)->status_due = true;
     }
     if (hot && !(before & ICUB_BOARD_OVER_TEMPERATURE_0)) {
         board->boards->counters.trips++;
-        board_event(board, BOARD_EVENT_OVER_HEATED, motor_index(board, axis),
+        board_event(board, BOARD_EVENT_OVER_HEATED, motor_axis_index(board, axis),
                     (uint32_t)axis->temperature, 0);
-        motor_print(board, "OVERHEATING");
+        motor_board_print(board, "OVERHEATING");
     }
     if (hot && motor_runs(axis->mode)) {
-        motor_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
+        motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
     }
 }
 
 /* What the CAN controller is in, as STATUS byte 4 has it. */
-uint8_t motor_can_status(const struct board *board)
+uint8_t motor_board_can_status(const struct board *board)
 {
     const struct board_can_state *can = &board->can;
 
@@ -80,10 +81,10 @@ uint8_t motor_can_status(const struct board *board)
                      (can->rec >= BOARD_CAN_WARNING ? ICUB_CAN_RX_WARNING : 0));
 }
 
-static void watch_can(struct board *board)
+static void motor_board_watch_can(struct board *board)
 {
-    struct motor_board *motor = board->motor;
-    uint8_t now = motor_can_status(board);
+    struct motor_board *motor = motor_board_of(board);
+    uint8_t now = motor_board_can_status(board);
 
     if (now & (uint8_t)~motor->can_told) {
         motor->status_due = true;
@@ -92,70 +93,71 @@ static void watch_can(struct board *board)
     motor->can |= now & (uint8_t)~motor->can_told;
 }
 
-static void went_stale(struct board *board, struct motor_axis *axis, enum icub_parameter reference)
+static void motor_axis_reference_timed_out(struct board *board, struct motor_axis *axis,
+                                           enum icub_parameter reference)
 {
     axis->parameter[reference] = 0;
     board->boards->counters.timeouts++;
-    board_event(board, BOARD_EVENT_TIMEOUT, motor_index(board, axis), axis->mode, 0);
+    board_event(board, BOARD_EVENT_TIMEOUT, motor_axis_index(board, axis), axis->mode, 0);
 }
 
-/* Our safety time-out, which no strict board has. */
-static void watch_references(struct board *board, struct motor_axis *axis)
+/* The command time-out of this simulator, a safety that the firmware (a strict board) lacks. */
+static void motor_axis_watch_references(struct board *board, struct motor_axis *axis)
 {
     bool voltage = axis->mode == ICUB_MODE_OPEN_LOOP;
     bool torque = axis->mode == ICUB_MODE_TORQUE || axis->mode == ICUB_MODE_CURRENT;
     enum icub_parameter reference = voltage ? ICUB_P_OPEN_LOOP : ICUB_P_DESIRED_TORQUE;
-    int64_t age = board->boards->time_ns - (voltage ? axis->voltage_ns : axis->torque_ns);
+    int64_t age = board->boards->now_ns - (voltage ? axis->voltage_ns : axis->torque_ns);
 
     if ((voltage || torque) && !board->config.strict && board->config.command_timeout_ns > 0 &&
         age > board->config.command_timeout_ns && axis->parameter[reference] != 0) {
-        went_stale(board, axis, reference);
-        motor_print(board, "REFERENCE TIMEOUT");
+        motor_axis_reference_timed_out(board, axis, reference);
+        motor_board_print(board, "REFERENCE TIMEOUT");
     }
 }
 
-static void watch_velocity(struct board *board, struct motor_axis *axis)
+static void motor_axis_watch_velocity(struct board *board, struct motor_axis *axis)
 {
-    int64_t age = board->boards->time_ns - axis->velocity_ns;
+    int64_t age = board->boards->now_ns - axis->velocity_ns;
 
-    if (motor_has_velocity(axis) && axis->parameter[ICUB_P_DESIRED_VELOCITY] != 0 &&
+    if (motor_axis_has_velocity(axis) && axis->parameter[ICUB_P_DESIRED_VELOCITY] != 0 &&
         age > axis->parameter[ICUB_P_VELOCITY_TIMEOUT] * MS) {
-        went_stale(board, axis, ICUB_P_DESIRED_VELOCITY);
-        motor_print(board, "VELOCITY TIMEOUT");
+        motor_axis_reference_timed_out(board, axis, ICUB_P_DESIRED_VELOCITY);
+        motor_board_print(board, "VELOCITY TIMEOUT");
     }
 }
 
-static bool source_is_safe(const struct board *board, const struct motor_axis *axis)
+static bool motor_axis_source_is_alive(const struct board *board, const struct motor_axis *axis)
 {
     int64_t address = axis->parameter[ICUB_P_TORQUE_SOURCE];
-    const struct torque_source *source = &board->bus->source[address];
+    const struct torque_source *source = &icub_bus_of(board->bus)->source[address];
     int64_t since = axis->source_ns;
 
     if (address == 0) {
-        return motor_config(board, axis)->torque_full_scale_nm > 0.0;
+        return motor_axis_config(board, axis)->torque_full_scale_nm > 0.0;
     }
     if (source->heard && source->time_ns > since) {
         since = source->time_ns;
     }
-    return board->boards->time_ns - since <= (int64_t)ICUB_STRAIN_SAFE_MS * MS;
+    return board->boards->now_ns - since <= (int64_t)ICUB_STRAIN_SAFE_MS * MS;
 }
 
-static void watch_source(struct board *board, struct motor_axis *axis)
+static void motor_axis_watch_source(struct board *board, struct motor_axis *axis)
 {
-    if ((axis->mode == ICUB_MODE_TORQUE || motor_is_impedance(axis)) &&
-        !source_is_safe(board, axis)) {
+    if ((axis->mode == ICUB_MODE_TORQUE || motor_axis_is_impedance(axis)) &&
+        !motor_axis_source_is_alive(board, axis)) {
         board->boards->counters.timeouts++;
-        board_event(board, BOARD_EVENT_SOURCE_LOST, motor_index(board, axis),
+        board_event(board, BOARD_EVENT_SOURCE_LOST, motor_axis_index(board, axis),
                     (uint32_t)axis->parameter[ICUB_P_TORQUE_SOURCE], 0);
-        motor_print(board, "STRAIN WATCHDOG");
-        motor_set_mode(board, axis, ICUB_MODE_IDLE);
+        motor_board_print(board, "STRAIN WATCHDOG");
+        motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
     }
 }
 
-/* Beyond a limit the firmware refuses any voltage, also that which would lead back. */
-static void watch_limits(struct board *board, struct motor_axis *axis)
+/* Beyond a limit the firmware refuses any voltage, even one that would lead back. */
+static void motor_axis_watch_limits(struct board *board, struct motor_axis *axis)
 {
-    int32_t position = motor_position(axis);
+    int32_t position = motor_axis_position(axis);
     bool beyond = position < axis->parameter[ICUB_P_MIN_POSITION] ||
                   position > axis->parameter[ICUB_P_MAX_POSITION];
 
@@ -165,32 +167,33 @@ static void watch_limits(struct board *board, struct motor_axis *axis)
         axis->parameter[ICUB_P_OPEN_LOOP] = 0;
         if (!axis->limit_told) {
             axis->limit_told = true;
-            board_event(board, BOARD_EVENT_LIMIT, motor_index(board, axis), (uint32_t)position, 0);
-            motor_print(board, "OUT OF LIMITS");
+            board_event(board, BOARD_EVENT_LIMIT, motor_axis_index(board, axis), (uint32_t)position,
+                        0);
+            motor_board_print(board, "OUT OF LIMITS");
         }
     }
 }
 
-static void watch_calibration(struct board *board, struct motor_axis *axis)
+static void motor_axis_watch_calibration(struct board *board, struct motor_axis *axis)
 {
-    if (axis->mode == ICUB_MODE_CALIBRATION && board->boards->time_ns >= axis->calibrated_ns) {
+    if (axis->mode == ICUB_MODE_CALIBRATION && board->boards->now_ns >= axis->calibrated_ns) {
         axis->offset = -axis->calibration_zero;
-        motor_set_mode(board, axis, ICUB_MODE_IDLE);
+        motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
     }
 }
 
-void motor_watch(struct board *board)
+void motor_board_watch(struct board *board)
 {
-    watch_can(board);
+    motor_board_watch_can(board);
     for (int i = 0; i < MOTOR_AXES; i++) {
-        struct motor_axis *axis = &board->motor->axis[i];
+        struct motor_axis *axis = &motor_board_of(board)->axis[i];
 
-        watch_faults(board, axis);
-        watch_temperature(board, axis);
-        watch_calibration(board, axis);
-        watch_source(board, axis);
-        watch_references(board, axis);
-        watch_velocity(board, axis);
-        watch_limits(board, axis);
+        motor_axis_watch_faults(board, axis);
+        motor_axis_watch_temperature(board, axis);
+        motor_axis_watch_calibration(board, axis);
+        motor_axis_watch_source(board, axis);
+        motor_axis_watch_references(board, axis);
+        motor_axis_watch_velocity(board, axis);
+        motor_axis_watch_limits(board, axis);
     }
 }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The iCub CAN protocol, persona A (BLL/MC4 motor boards, STRAIN): identifiers, commands, modes,
- * frame types and scales. Shared by the boards and by hosts; holds no behavior.
+ * The iCub CAN protocol, personality BOARD_ICUB (BLL/MC4 motor boards, STRAIN): identifiers,
+ * commands, modes, frame types and scales. Shared by the boards and by hosts; holds no behavior, so
+ * that all of it is RT-safe.
  *
  * 11-bit identifiers: class << 8 | source << 4 | x, where x is the destination address (classes 0,
  * 2, 7) or the frame type (classes 1, 3).
@@ -26,7 +27,7 @@ static inline uint32_t icub_id(enum icub_class cls, unsigned source, unsigned x)
     return (uint32_t)cls << 8 | (source & 0xf) << 4 | (x & 0xf);
 }
 
-/* class 0, data[0] bits 0-6; bit 7 is the axis */
+/* Class 0, data[0] bits 0-6; bit 7 is the axis */
 enum icub_motor_command {
     ICUB_TOGGLE_VERBOSE = 0x03,
     ICUB_CALIBRATE_ENCODER = 0x04,
@@ -158,7 +159,7 @@ enum icub_mode {
     ICUB_MODE_UNKNOWN = 0xff,
 };
 
-/* class 1 frame types; the broadcast policy's bit is type - 1 */
+/* Class 1 frame types; the broadcast policy's bit is type - 1 */
 enum icub_motor_type {
     ICUB_POSITION = 1,
     ICUB_PID_VALUE = 2,
@@ -214,7 +215,7 @@ enum { ICUB_STATUS_PERIOD_MS = 5000 };
 enum { ICUB_STRAIN_SAFE_MS = 200 };  /* silence of a torque source that stops a torque loop */
 enum { ICUB_PWM_FULL_SCALE = 1333 }; /* open-loop reference of 100 % of the supply */
 
-/* class 2, data[0] */
+/* Class 2, data[0] */
 enum icub_strain_command {
     ICUB_STRAIN_SET_FILTER = 0x01,
     ICUB_STRAIN_SET_MATRIX = 0x03,
@@ -264,7 +265,7 @@ enum icub_strain_transmit {
     ICUB_STRAIN_BOTH = 4,
 };
 
-/* class 3 frame types */
+/* Class 3 frame types */
 enum icub_analog_type {
     ICUB_UNCALIBRATED_FORCE = 0x8,
     ICUB_UNCALIBRATED_TORQUE = 0x9,
@@ -272,7 +273,7 @@ enum icub_analog_type {
     ICUB_TORQUE = 0xb,
 };
 
-/* class 7, data[0] */
+/* Class 7, data[0] */
 enum icub_management_command {
     ICUB_START_UPDATE = 0x00,
     ICUB_UPDATE_ADDRESS = 0x01,

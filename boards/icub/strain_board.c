@@ -11,7 +11,7 @@
  * Settings survive a restart as EEPROM would keep them; transmit mode, period and current tare do
  * not.
  */
-#include "boards/board_private.h"
+#include "boards/icub/board.h"
 #include "boards/motor_control.h"
 
 #include "canbus/frame.h"
@@ -22,10 +22,13 @@
 
 enum { MATRIX_ONE = 32767, HALF = BOARD_CHANNELS / 2 };
 
+enum saturation { SATURATED_NOT, SATURATED_LOW, SATURATED_HIGH };
+
 struct strain_board {
+    struct icub_board icub;
     int32_t adc[BOARD_CHANNELS]; /* counts from zero */
     int32_t held[BOARD_CHANNELS];
-    uint8_t saturated[BOARD_CHANNELS]; /* 0 no, 1 low, 2 high */
+    uint8_t saturated[BOARD_CHANNELS]; /* enum saturation */
     uint8_t mode;                      /* enum icub_strain_transmit; others are silent */
     int64_t period_ns, next_ns;
     int16_t matrix[BOARD_CHANNELS][BOARD_CHANNELS];
@@ -36,14 +39,14 @@ struct strain_board {
     bool saved, powered;
 };
 
-struct strain_board *strain_board_create(struct arena *arena)
+static struct strain_board *strain_board_of(const struct board *board)
 {
-    return arena_alloc(arena, 1, sizeof(struct strain_board));
+    return container_of(board, struct strain_board, icub.board);
 }
 
-static void set_up_eeprom(const struct board *board)
+static void strain_board_set_up_eeprom(const struct board *board)
 {
-    struct strain_board *strain = board->strain;
+    struct strain_board *strain = strain_board_of(board);
     char serial[ICUB_SERIAL_LENGTH + 1];
 
     snprintf(serial, sizeof serial, "SIM%02X%02X", (unsigned)board->config.bus & 0xff,
@@ -59,38 +62,39 @@ static void set_up_eeprom(const struct board *board)
     strain->saved = true;
 }
 
-static void power_up(struct board *board)
+static void strain_board_power_up(struct board *board)
 {
-    struct strain_board *strain = board->strain;
+    struct strain_board *strain = strain_board_of(board);
 
     if (!strain->powered) {
-        set_up_eeprom(board);
+        strain_board_set_up_eeprom(board);
         strain->powered = true;
     }
     memset(strain->current_tare, 0, sizeof strain->current_tare);
     memset(strain->held, 0, sizeof strain->held);
     strain->mode = board->config.transmit_at_start ? ICUB_STRAIN_CALIBRATED : ICUB_STRAIN_SILENT;
     strain->period_ns = board->config.period_ns > 0 ? board->config.period_ns : MS;
-    strain->next_ns = board->boards->time_ns + strain->period_ns;
+    strain->next_ns = board->boards->now_ns + strain->period_ns;
 }
 
 /* ---- values ---- */
 
-static int32_t uncalibrated(const struct strain_board *strain, int channel)
+static int32_t strain_board_uncalibrated(const struct strain_board *strain, int channel)
 {
     return (int32_t)control_clamp(strain->adc[channel] + strain->calibration_tare[channel],
                                   INT16_MIN, INT16_MAX);
 }
 
-static void read_uncalibrated(const struct strain_board *strain, int32_t counts[BOARD_CHANNELS])
+static void strain_board_read_uncalibrated(const struct strain_board *strain,
+                                           int32_t counts[BOARD_CHANNELS])
 {
     for (int i = 0; i < BOARD_CHANNELS; i++) {
-        counts[i] = uncalibrated(strain, i);
+        counts[i] = strain_board_uncalibrated(strain, i);
     }
 }
 
-static int32_t apply_matrix(const struct strain_board *strain, const int32_t counts[BOARD_CHANNELS],
-                            int channel)
+static int32_t strain_board_apply_matrix(const struct strain_board *strain,
+                                         const int32_t counts[BOARD_CHANNELS], int channel)
 {
     int64_t sum = 0;
 
@@ -101,27 +105,27 @@ static int32_t apply_matrix(const struct strain_board *strain, const int32_t cou
 }
 
 /* Before the current tare. */
-static int32_t calibrate(const struct strain_board *strain, int channel)
+static int32_t strain_board_calibrate(const struct strain_board *strain, int channel)
 {
     int32_t counts[BOARD_CHANNELS];
 
-    read_uncalibrated(strain, counts);
-    return apply_matrix(strain, counts, channel);
+    strain_board_read_uncalibrated(strain, counts);
+    return strain_board_apply_matrix(strain, counts, channel);
 }
 
-static int32_t add_tare(const struct strain_board *strain, int32_t value, int channel)
+static int32_t strain_board_add_tare(const struct strain_board *strain, int32_t value, int channel)
 {
     return (int32_t)control_clamp(value + strain->current_tare[channel], INT16_MIN, INT16_MAX);
 }
 
-static int32_t calibrated(const struct strain_board *strain, int channel)
+static int32_t strain_board_calibrated(const struct strain_board *strain, int channel)
 {
-    return add_tare(strain, calibrate(strain, channel), channel);
+    return strain_board_add_tare(strain, strain_board_calibrate(strain, channel), channel);
 }
 
-static void convert(struct board *board, int channel, double value)
+static void strain_board_convert(struct board *board, int channel, double value)
 {
-    struct strain_board *strain = board->strain;
+    struct strain_board *strain = strain_board_of(board);
     int32_t counts;
     int64_t raw;
 
@@ -130,10 +134,12 @@ static void convert(struct board *board, int channel, double value)
     }
     raw = control_clamp((int64_t)counts + ICUB_STRAIN_ZERO, 0, UINT16_MAX);
     strain->adc[channel] = (int32_t)raw - ICUB_STRAIN_ZERO;
-    strain->saturated[channel] = raw < ICUB_STRAIN_LOW ? 1 : raw > ICUB_STRAIN_HIGH ? 2 : 0;
+    strain->saturated[channel] = raw < ICUB_STRAIN_LOW    ? SATURATED_LOW
+                                 : raw > ICUB_STRAIN_HIGH ? SATURATED_HIGH
+                                                          : SATURATED_NOT;
 }
 
-static bool is_saturated(const struct strain_board *strain)
+static bool strain_board_is_saturated(const struct strain_board *strain)
 {
     for (int i = 0; i < BOARD_CHANNELS; i++) {
         if (strain->saturated[i]) {
@@ -143,44 +149,46 @@ static bool is_saturated(const struct strain_board *strain)
     return false;
 }
 
-static void hold_good_values(struct strain_board *strain)
+static void strain_board_hold_good_values(struct strain_board *strain)
 {
     int32_t counts[BOARD_CHANNELS];
 
-    if (is_saturated(strain)) {
+    if (strain_board_is_saturated(strain)) {
         return;
     }
-    read_uncalibrated(strain, counts);
+    strain_board_read_uncalibrated(strain, counts);
     for (int i = 0; i < BOARD_CHANNELS; i++) {
-        strain->held[i] = add_tare(strain, apply_matrix(strain, counts, i), i);
+        strain->held[i] =
+            strain_board_add_tare(strain, strain_board_apply_matrix(strain, counts, i), i);
     }
 }
 
-static void sample_ft(struct board *board, const struct plant_sensors *sensors)
+static void strain_board_sample_ft(struct board *board, const struct plant_sensors *sensors)
 {
     const struct ft_sense *sense = &sensors->ft[board->config.ft];
 
     for (int i = 0; i < HALF; i++) {
-        convert(board, i, sense->force_n[i]);
-        convert(board, HALF + i, sense->torque_nm[i]);
+        strain_board_convert(board, i, sense->force_n[i]);
+        strain_board_convert(board, HALF + i, sense->torque_nm[i]);
     }
 }
 
-static void sample_torque(struct board *board, const struct plant_sensors *sensors)
+static void strain_board_sample_torque(struct board *board, const struct plant_sensors *sensors)
 {
     for (int i = 0; i < BOARD_CHANNELS; i++) {
         int joint = board->config.torque_joint[i];
 
         if (joint >= 0) {
-            convert(board, i, sensors->motor[joint].torque_nm);
+            strain_board_convert(board, i, sensors->motor[joint].torque_nm);
         }
     }
 }
 
 /* ---- commands ---- */
 
-static void set_tare(const struct strain_board *strain, int16_t *tare, const int64_t *request,
-                     int32_t (*value)(const struct strain_board *strain, int channel))
+static void strain_board_set_tare(const struct strain_board *strain, int16_t *tare,
+                                  const int64_t *request,
+                                  int32_t (*value)(const struct strain_board *strain, int channel))
 {
     if (request[0] == ICUB_TARE_VALUE) {
         tare[request[1]] = (int16_t)request[2];
@@ -193,40 +201,40 @@ static void set_tare(const struct strain_board *strain, int16_t *tare, const int
     }
 }
 
-static int32_t reading(const struct strain_board *strain, int channel)
+static int32_t strain_board_reading(const struct strain_board *strain, int channel)
 {
     return strain->adc[channel];
 }
 
-static bool command_tare(struct strain_board *strain, const struct bus_frame *frame,
-                         const int64_t *request)
+static bool strain_board_command_tare(struct strain_board *strain, const struct bus_frame *frame,
+                                      const int64_t *request)
 {
     if (frame->len != 5 && (frame->len != 2 || request[0] == ICUB_TARE_VALUE)) {
         return false;
     }
     if (frame->data[0] == ICUB_STRAIN_SET_CALIBRATION_TARE) {
-        set_tare(strain, strain->calibration_tare, request, reading);
+        strain_board_set_tare(strain, strain->calibration_tare, request, strain_board_reading);
         strain->saved = false;
     } else {
-        set_tare(strain, strain->current_tare, request, calibrate);
+        strain_board_set_tare(strain, strain->current_tare, request, strain_board_calibrate);
     }
     return true;
 }
 
 /* The low half of a channel or row byte selects it; the high half is the regulation set, of which
  * this board has one. */
-static bool split_channel(int64_t byte, unsigned *channel)
+static bool strain_board_split_channel(int64_t byte, unsigned *channel)
 {
     *channel = byte & 0xf;
     return *channel < BOARD_CHANNELS;
 }
 
-static bool command_matrix(struct strain_board *strain, unsigned code, const int64_t *request,
-                           int64_t *reply)
+static bool strain_board_command_matrix(struct strain_board *strain, unsigned code,
+                                        const int64_t *request, int64_t *reply)
 {
     unsigned row;
 
-    if (!split_channel(request[0], &row)) {
+    if (!strain_board_split_channel(request[0], &row)) {
         return false;
     }
     if (code == ICUB_STRAIN_SET_MATRIX) {
@@ -240,12 +248,12 @@ static bool command_matrix(struct strain_board *strain, unsigned code, const int
     return true;
 }
 
-static bool command_full_scale(struct strain_board *strain, unsigned code, const int64_t *request,
-                               int64_t *reply)
+static bool strain_board_command_full_scale(struct strain_board *strain, unsigned code,
+                                            const int64_t *request, int64_t *reply)
 {
     unsigned channel;
 
-    if (!split_channel(request[0], &channel)) {
+    if (!strain_board_split_channel(request[0], &channel)) {
         return false;
     }
     if (code == ICUB_STRAIN_SET_FULL_SCALE) {
@@ -258,18 +266,22 @@ static bool command_full_scale(struct strain_board *strain, unsigned code, const
     return true;
 }
 
-static bool set(struct board *board, unsigned code, const int64_t *request)
+/* Commands that set something; false: not one of them. */
+static bool strain_board_set(struct board *board, unsigned code, const int64_t *request)
 {
-    struct strain_board *strain = board->strain;
+    struct strain_board *strain = strain_board_of(board);
 
     switch (code) {
+    /* Lost with the power */
     case ICUB_STRAIN_SET_TRANSMIT_MODE:
         strain->mode = (uint8_t)request[0];
         return true;
     case ICUB_STRAIN_SET_PERIOD:
         strain->period_ns = request[0] * MS;
-        strain->next_ns = board->boards->time_ns + strain->period_ns;
+        strain->next_ns = board->boards->now_ns + strain->period_ns;
         return true;
+
+    /* Of the EEPROM, if SAVE follows */
     case ICUB_STRAIN_SET_DAC:
         strain->dac[request[0]] = (uint16_t)request[1];
         break;
@@ -281,6 +293,7 @@ static bool set(struct board *board, unsigned code, const int64_t *request)
             strain->serial[i] = (uint8_t)request[i];
         }
         break;
+
     case ICUB_STRAIN_SET_ADDRESS:
         return board_set_address(board, (uint8_t)request[0]);
     case ICUB_STRAIN_SET_FILTER: /* no filter, no multiplexer and no amplifier to adjust here */
@@ -294,22 +307,14 @@ static bool set(struct board *board, unsigned code, const int64_t *request)
     return true;
 }
 
-static void tell_firmware(const struct board *board, const int64_t *host, int64_t *reply)
+/* Commands that are answered; false: not one of them. */
+static bool strain_board_get(struct board *board, unsigned code, const int64_t *request,
+                             int64_t *reply)
 {
-    reply[0] = board->ops->type;
-    reply[1] = board->ops->major;
-    reply[2] = board->ops->minor;
-    reply[3] = board->ops->build;
-    reply[4] = ICUB_STRAIN_PROTOCOL_MAJOR;
-    reply[5] = ICUB_STRAIN_PROTOCOL_MINOR;
-    reply[6] = host[0] == ICUB_STRAIN_PROTOCOL_MAJOR && host[1] <= ICUB_STRAIN_PROTOCOL_MINOR;
-}
-
-static bool get(struct board *board, unsigned code, const int64_t *request, int64_t *reply)
-{
-    struct strain_board *strain = board->strain;
+    struct strain_board *strain = strain_board_of(board);
 
     switch (code) {
+    /* The EEPROM */
     case ICUB_STRAIN_SAVE:
         strain->saved = true;
         reply[0] = 1;
@@ -317,6 +322,8 @@ static bool get(struct board *board, unsigned code, const int64_t *request, int6
     case ICUB_STRAIN_EEPROM_SAVED:
         reply[0] = strain->saved;
         return true;
+
+    /* The channels */
     case ICUB_STRAIN_GET_DAC:
         reply[0] = request[0];
         reply[1] = strain->dac[request[0]];
@@ -324,8 +331,9 @@ static bool get(struct board *board, unsigned code, const int64_t *request, int6
     case ICUB_STRAIN_GET_ADC:
         reply[0] = request[0];
         reply[1] = request[1];
-        reply[2] = ICUB_STRAIN_ZERO + (request[1] ? calibrated(strain, (int)request[0])
-                                                  : uncalibrated(strain, (int)request[0]));
+        reply[2] =
+            ICUB_STRAIN_ZERO + (request[1] ? strain_board_calibrated(strain, (int)request[0])
+                                           : strain_board_uncalibrated(strain, (int)request[0]));
         return true;
     case ICUB_STRAIN_GET_MATRIX_GAIN:
         reply[0] = strain->matrix_gain;
@@ -338,47 +346,54 @@ static bool get(struct board *board, unsigned code, const int64_t *request, int6
         reply[0] = request[0];
         reply[1] = strain->current_tare[request[0]];
         return true;
+
+    /* The board */
     case ICUB_STRAIN_GET_SERIAL:
         for (int i = 0; i < ICUB_SERIAL_LENGTH; i++) {
             reply[i] = strain->serial[i];
         }
         return true;
     case ICUB_STRAIN_GET_FIRMWARE:
-        tell_firmware(board, request, reply);
+        icub_board_tell_firmware(board, ICUB_STRAIN_PROTOCOL_MAJOR, ICUB_STRAIN_PROTOCOL_MINOR,
+                                 request[0] == ICUB_STRAIN_PROTOCOL_MAJOR &&
+                                     request[1] <= ICUB_STRAIN_PROTOCOL_MINOR,
+                                 reply);
         return true;
     default:
         return false;
     }
 }
 
-static bool command(struct board *board, const struct bus_frame *frame, const int64_t *request,
-                    int64_t *reply, bool *answer)
+static bool strain_board_command(struct icub_board *icub, const struct bus_frame *frame,
+                                 const int64_t *request, int64_t *reply, bool *answer)
 {
+    struct board *board = &icub->board;
     unsigned code = frame->data[0];
 
     (void)answer;
     switch (code) {
     case ICUB_STRAIN_SET_CALIBRATION_TARE:
     case ICUB_STRAIN_SET_CURRENT_TARE:
-        return command_tare(board->strain, frame, request);
+        return strain_board_command_tare(strain_board_of(board), frame, request);
     case ICUB_STRAIN_SET_MATRIX:
     case ICUB_STRAIN_GET_MATRIX:
-        return command_matrix(board->strain, code, request, reply);
+        return strain_board_command_matrix(strain_board_of(board), code, request, reply);
     case ICUB_STRAIN_SET_FULL_SCALE:
     case ICUB_STRAIN_GET_FULL_SCALE:
-        return command_full_scale(board->strain, code, request, reply);
+        return strain_board_command_full_scale(strain_board_of(board), code, request, reply);
     default:
-        return get(board, code, request, reply) || set(board, code, request);
+        return strain_board_get(board, code, request, reply) ||
+               strain_board_set(board, code, request);
     }
 }
 
 /* ---- periodic frames ---- */
 
 /* Three channels from first on; saturation in a seventh byte: any, then two bits a channel. */
-static void send(struct board *board, struct frame_sink *sink, enum icub_analog_type type,
-                 const int32_t *counts, int first)
+static void strain_board_send_frame(struct board *board, struct frame_sink *sink,
+                                    enum icub_analog_type type, const int32_t *counts, int first)
 {
-    const struct strain_board *strain = board->strain;
+    const struct strain_board *strain = strain_board_of(board);
     int64_t values[HALF];
     uint8_t data[ICUB_STRAIN_SATURATED_LENGTH] = {0};
     uint8_t len = icub_analog_frames[type].length;
@@ -387,21 +402,28 @@ static void send(struct board *board, struct frame_sink *sink, enum icub_analog_
         values[i] = counts[first + i] + ICUB_STRAIN_ZERO;
     }
     fields_encode(icub_analog_frames[type].fields, values, data);
-    if (is_saturated(strain)) {
+    if (strain_board_is_saturated(strain)) {
         data[len++] =
             (uint8_t)(1 | strain->saturated[first] << 2 | strain->saturated[first + 1] << 4 |
                       strain->saturated[first + 2] << 6);
     }
     board_send(board, sink, icub_id(ICUB_PERIODIC_ANALOG, board->address, type), len, data);
-    if (type == ICUB_FORCE || type == ICUB_TORQUE) {
-        bus_hear_strain(board->bus, board->address, type, data, board->boards->time_ns);
+}
+
+/* Motor boards on the bus take the torques of their loops from these frames. */
+static void strain_board_sent(struct board *board, const struct bus_frame *frame)
+{
+    enum icub_analog_type type = (enum icub_analog_type)(frame->id & 0xf);
+
+    if (frame->id >> 8 == ICUB_PERIODIC_ANALOG && (type == ICUB_FORCE || type == ICUB_TORQUE)) {
+        icub_bus_hear_strain(board->bus, board->address, type, frame->data, board->boards->now_ns);
     }
 }
 
-static bool is_due(struct board *board)
+static bool strain_board_is_due(struct board *board)
 {
-    struct strain_board *strain = board->strain;
-    int64_t late = board->boards->time_ns - strain->next_ns;
+    struct strain_board *strain = strain_board_of(board);
+    int64_t late = board->boards->now_ns - strain->next_ns;
 
     if (late < 0) {
         return false;
@@ -410,31 +432,50 @@ static bool is_due(struct board *board)
     return true;
 }
 
-static void transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
+static void strain_board_transmit(struct board *board, struct ms_span span, struct frame_sink *sink)
 {
-    struct strain_board *strain = board->strain;
+    struct strain_board *strain = strain_board_of(board);
     bool raw = strain->mode == ICUB_STRAIN_UNCALIBRATED, both = strain->mode == ICUB_STRAIN_BOTH;
     int32_t counts[BOARD_CHANNELS];
 
     (void)span;
-    hold_good_values(strain);
-    if (!is_due(board) || (strain->mode != ICUB_STRAIN_CALIBRATED && !raw && !both)) {
+    strain_board_hold_good_values(strain);
+    if (!strain_board_is_due(board) || (strain->mode != ICUB_STRAIN_CALIBRATED && !raw && !both)) {
         return;
     }
-    read_uncalibrated(strain, counts);
-    send(board, sink, ICUB_FORCE, raw ? counts : strain->held, 0);
-    send(board, sink, ICUB_TORQUE, raw ? counts : strain->held, HALF);
+    strain_board_read_uncalibrated(strain, counts);
+    strain_board_send_frame(board, sink, ICUB_FORCE, raw ? counts : strain->held, 0);
+    strain_board_send_frame(board, sink, ICUB_TORQUE, raw ? counts : strain->held, HALF);
     if (both) {
-        send(board, sink, ICUB_UNCALIBRATED_FORCE, counts, 0);
-        send(board, sink, ICUB_UNCALIBRATED_TORQUE, counts, HALF);
+        strain_board_send_frame(board, sink, ICUB_UNCALIBRATED_FORCE, counts, 0);
+        strain_board_send_frame(board, sink, ICUB_UNCALIBRATED_TORQUE, counts, HALF);
     }
 }
 
 #define STRAIN_BOARD                                                                               \
-    .type = ICUB_BOARD_STRAIN, .major = 3, .minor = 0, .build = 5, .periodic_max = 4,              \
-    .commands = icub_strain_commands, .command_count = ICUB_STRAIN_COMMANDS,                       \
-    .command_class = ICUB_POLLING_ANALOG, .command = command, .power_up = power_up,                \
-    .transmit = transmit
+    .identity = {.type = ICUB_BOARD_STRAIN, .major = 3, .minor = 0, .build = 5},                   \
+    .periodic_max = 4, .power_up = strain_board_power_up, .transmit = strain_board_transmit,       \
+    .sent = strain_board_sent
 
-const struct board_ops ft_board_ops = {STRAIN_BOARD, .sample = sample_ft};
-const struct board_ops torque_board_ops = {STRAIN_BOARD, .sample = sample_torque};
+static const struct board_ops ft_board_ops = {STRAIN_BOARD, .sample = strain_board_sample_ft};
+static const struct board_ops torque_board_ops = {STRAIN_BOARD,
+                                                  .sample = strain_board_sample_torque};
+
+static const struct icub_board_ops strain_icub_ops = {
+    .commands = icub_strain_commands,
+    .command_count = ICUB_STRAIN_COMMANDS,
+    .command_class = ICUB_POLLING_ANALOG,
+    .command = strain_board_command,
+};
+
+struct board *strain_board_create(enum board_kind kind, struct arena *arena)
+{
+    struct strain_board *strain = arena_alloc(arena, 1, sizeof *strain);
+
+    if (!strain) {
+        return NULL;
+    }
+    strain->icub.board.ops = kind == BOARD_FT ? &ft_board_ops : &torque_board_ops;
+    strain->icub.ops = &strain_icub_ops;
+    return &strain->icub.board;
+}

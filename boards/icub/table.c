@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The rows of the iCub protocol, persona A. Lengths and byte orders as in the official message
- * tables of motor and sensor boards; where two lengths are allowed the shorter is what the fields
- * need and the longer what common hosts send.
+ * The rows of the iCub protocol, personality BOARD_ICUB. Lengths and byte orders as in the official
+ * message tables of motor and sensor boards; where two lengths are allowed the shorter is what the
+ * fields need and the longer what common hosts send.
  */
 #include "boards/icub/table.h"
+
+#include "base/count.h"
 
 /* clang-format off */
 #define FIELDS(...) (const struct field[]){__VA_ARGS__, {.type = FIELD_END}}
@@ -235,7 +237,7 @@ const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS] = {
 };
 
 static const struct field channel[] = {U8_IN("channel", 0, 5), {.type = FIELD_END}};
-/* the high half of a byte that selects a channel or row is the regulation set */
+/* The high half of a byte that selects a channel or row is the regulation set */
 static const struct field channel_of_set[] = {U8("channel", NULL), {.type = FIELD_END}};
 static const struct field channel_value[] = {
     U8_IN("channel", 0, 5), U16_BE("value", NULL), {.type = FIELD_END}};
@@ -348,7 +350,7 @@ static const struct {
 
 const struct icub_command *icub_management_command(uint8_t code)
 {
-    for (size_t i = 0; i < sizeof management / sizeof *management; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(management); i++) {
         if (management[i].code == code) {
             return &management[i].row;
         }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Every message of persona A as a table: its code, its exact lengths and its fields. The boards
- * decode requests and build replies and periodic frames from these rows, and an export of the
- * protocol (DBC) reads the same rows, so that the two cannot differ. Immutable; RT-safe.
+ * Every message of personality BOARD_ICUB as a table: its code, its exact lengths and its fields.
+ * The boards decode requests and build replies and periodic frames from these rows, and an export
+ * of the protocol (DBC) reads the same rows, so that the two cannot differ. Immutable; RT-safe.
  *
  * Fields follow each other without gaps: from byte 1 in commands (byte 0 is the command), from byte
  * 0 in periodic frames. Lengths count every byte.
@@ -51,7 +51,7 @@ enum icub_parameter {
     ICUB_P_MOTOR_ACCELERATION_SHIFT,
     ICUB_P_TORQUE_SOURCE, /* address of a STRAIN board; 0: the axis's own torque sensor */
     ICUB_P_TORQUE_CHANNEL,
-    /* kept for the host and given back; no control law of ours uses them */
+    /* Kept for the host and given back; no control law of ours uses them */
     ICUB_P_TORQUE_STICTION_UP,
     ICUB_P_TORQUE_STICTION_DOWN,
     ICUB_P_BEMF,
@@ -63,7 +63,7 @@ enum icub_parameter {
     ICUB_P_TEMPERATURE_LIMIT,
     ICUB_P_I2T,                    /* seven bytes */
     ICUB_P_SAVED = ICUB_P_I2T + 7, /* what WRITE_FLASH keeps are the parameters above */
-    /* references */
+    /* References */
     ICUB_P_DESIRED_POSITION = ICUB_P_SAVED, /* ticks */
     ICUB_P_DESIRED_VELOCITY,                /* ticks/ms * 2^velocity shift */
     ICUB_P_DESIRED_ACCELERATION,            /* per ms; 0 or less: at once */

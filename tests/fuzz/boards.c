@@ -10,7 +10,7 @@
 #include "boards/faults.h"
 #include "boards/messages.h"
 #include "tests/fuzz/fuzz.h"
-#include "tests/unit/boards/boards_rig.h"
+#include "tests/unit/boards/board_bench.h"
 
 #include <inttypes.h>
 
@@ -57,13 +57,13 @@ static const char *const fault_lines[] = {
 
 enum { FAULTS = sizeof fault_lines / sizeof *fault_lines };
 
-/* What a run needs beside the rig. */
-struct bench {
-    struct rig rig;
-    struct boards_bus_config bus[RIG_BUSES];
+/* What a run needs beside the base. */
+struct fuzz_bench {
+    struct board_bench base;
+    struct boards_bus_config bus[BENCH_BUSES];
     struct faults *faults;
-    struct message message[RIG_BUSES][MESSAGES_MAX];
-    size_t nmessage[RIG_BUSES];
+    struct message message[BENCH_BUSES][MESSAGES_MAX];
+    size_t nmessage[BENCH_BUSES];
     double supply_v, sampled_v; /* the boards read the supply at the end of the tick before */
     uint64_t received, hash;
     int ticks, bus_in_hand;
@@ -76,7 +76,7 @@ struct bench {
 
 static bool list_message(void *context, const struct message *message)
 {
-    struct bench *bench = context;
+    struct fuzz_bench *bench = context;
     size_t *count = &bench->nmessage[bench->bus_in_hand];
 
     fuzz_require(*count < MESSAGES_MAX, "too many messages");
@@ -86,26 +86,26 @@ static bool list_message(void *context, const struct message *message)
     return true;
 }
 
-static struct faults *make_faults(const struct rig *rig, struct arena *arena)
+static struct faults *make_faults(const struct board_bench *base, struct arena *arena)
 {
     static const char *const buses[] = {"one", "two"};
-    const char *board[RIG_BOARDS];
-    size_t board_bus[RIG_BOARDS];
-    int address[RIG_BOARDS];
+    const char *board[BENCH_BOARDS];
+    size_t board_bus[BENCH_BOARDS];
+    int address[BENCH_BOARDS];
     struct fault_names names = {.nbus = 2,
                                 .bus = buses,
                                 .board = board,
                                 .board_bus = board_bus,
                                 .board_address = address,
-                                .nboard = rig->config.nboard};
+                                .nboard = base->config.nboard};
     struct fault fault[FAULTS];
     struct faults *faults;
     struct error error;
 
-    for (size_t i = 0; i < rig->config.nboard; i++) {
-        board[i] = rig->board[i].name;
-        board_bus[i] = (size_t)rig->board[i].bus;
-        address[i] = rig->board[i].address;
+    for (size_t i = 0; i < base->config.nboard; i++) {
+        board[i] = base->board[i].name;
+        board_bus[i] = (size_t)base->board[i].bus;
+        address[i] = base->board[i].address;
     }
     for (size_t i = 0; i < FAULTS; i++) {
         fuzz_require(fault_parse(fault_lines[i], &names, &fault[i], &error) == ERROR_NONE, "%s",
@@ -116,24 +116,24 @@ static struct faults *make_faults(const struct rig *rig, struct arena *arena)
     return faults;
 }
 
-/* What the first bytes say of the rig. */
-static void configure(struct bench *bench, struct fuzz_bytes *bytes)
+/* What the first bytes say of the base. */
+static void configure(struct fuzz_bench *bench, struct fuzz_bytes *bytes)
 {
     static const int64_t ticks_ns[] = {1000000, 250000, 3000000, 10000000};
     const uint8_t how = fuzz_u8(bytes), what = fuzz_u8(bytes);
-    struct rig *rig = &bench->rig;
+    struct board_bench *base = &bench->base;
 
-    rig_configure(rig);
-    rig->config.tick_ns = ticks_ns[how & 3];
+    bench_configure(base);
+    base->config.tick_ns = ticks_ns[how & 3];
     bench->bus[0].personality = FUZZ_PERSONALITY;
     bench->bus[0].fd = FUZZ_PERSONALITY == BOARD_COMPACT && how & 4;
-    rig->config.bus = bench->bus;
+    base->config.bus = bench->bus;
     if (FUZZ_PERSONALITY == BOARD_COMPACT) {
-        rig->config.nboard = RIG_BOARDS - 1; /* torques need no board */
-        rig->board[2] = rig->board[4];
+        base->config.nboard = BENCH_BOARDS - 1; /* torques need no board */
+        base->board[2] = base->board[4];
     }
-    for (size_t i = 0; i < rig->config.nboard; i++) {
-        struct board_config *board = &rig->board[i];
+    for (size_t i = 0; i < base->config.nboard; i++) {
+        struct board_config *board = &base->board[i];
 
         board->strict = how & 8;
         board->discovery_stops_motors = how & 16;
@@ -150,32 +150,32 @@ static void configure(struct bench *bench, struct fuzz_bytes *bytes)
     }
 }
 
-static void start(struct bench *bench, struct fuzz_bytes *bytes)
+static void start(struct fuzz_bench *bench, struct fuzz_bytes *bytes)
 {
     struct arena *arena = fuzz_arena(MEMORY);
-    struct rig *rig = &bench->rig;
+    struct board_bench *base = &bench->base;
     struct error error;
 
     memset(bench, 0, sizeof *bench);
     configure(bench, bytes);
-    bench->faults = make_faults(rig, arena);
-    rig->config.faults = bench->faults;
-    fuzz_require(boards_create(&rig->config, arena, &rig->boards, &error) == ERROR_NONE, "%s",
+    bench->faults = make_faults(base, arena);
+    base->config.faults = bench->faults;
+    fuzz_require(boards_create(&base->config, arena, &base->boards, &error) == ERROR_NONE, "%s",
                  error.text);
-    for (int bus = 0; bus < RIG_BUSES; bus++) {
-        fuzz_require(boards_transmit_max(rig->boards, (size_t)bus) <= RIG_FRAMES, "%zu frames",
-                     boards_transmit_max(rig->boards, (size_t)bus));
+    for (int bus = 0; bus < BENCH_BUSES; bus++) {
+        fuzz_require(boards_transmit_max(base->boards, (size_t)bus) <= BENCH_FRAMES, "%zu frames",
+                     boards_transmit_max(base->boards, (size_t)bus));
         bench->bus_in_hand = bus;
-        boards_messages(&rig->config, bus, list_message, bench);
+        boards_messages(&base->config, bus, list_message, bench);
     }
     bench->supply_v = SUPPLY_V;
     bench->hash = HASH_START;
-    bench->room = RIG_FRAMES;
+    bench->room = BENCH_FRAMES;
 }
 
 /* ---- what must hold ---- */
 
-static void check_commands(const struct bench *bench)
+static void check_commands(const struct fuzz_bench *bench)
 {
     double supply_v = isfinite(bench->sampled_v) ? fmax(bench->sampled_v, 0.0) : 0.0;
 
@@ -184,8 +184,8 @@ static void check_commands(const struct bench *bench)
         supply_v = fmax(supply_v, bench->supply_v);
     }
 
-    for (int i = 0; i < RIG_JOINTS; i++) {
-        const struct motor_command *motor = &bench->rig.motor[i];
+    for (int i = 0; i < BENCH_JOINTS; i++) {
+        const struct motor_command *motor = &bench->base.motor[i];
 
         fuzz_require(fabs(motor->voltage_v) <= supply_v, "%g V of %g", motor->voltage_v, supply_v);
         fuzz_require(motor->bridge_on || motor->voltage_v == 0.0, "%g V with the bridge open",
@@ -204,7 +204,7 @@ static bool is_length(const struct message *message, uint8_t len)
            (message->code == ICUB_DISCOVER && len == message->length - 1);
 }
 
-static bool is_message(const struct bench *bench, const struct message *message,
+static bool is_message(const struct fuzz_bench *bench, const struct message *message,
                        const struct bus_frame *frame)
 {
     /* on iCub buses bits 4 to 7 are the sender's address */
@@ -229,13 +229,13 @@ static bool is_message(const struct bench *bench, const struct message *message,
     return true;
 }
 
-static void check_frame(const struct bench *bench, size_t bus, const struct bus_frame *frame)
+static void check_frame(const struct fuzz_bench *bench, size_t bus, const struct bus_frame *frame)
 {
     const unsigned flags = bench->bus[bus].fd ? FRAME_FD | FRAME_BRS : 0;
     size_t i = 0;
 
     fuzz_require(frame_valid(frame) && frame->id <= 0x7ff && frame->flags == flags &&
-                     frame->node < RIG_BOARDS,
+                     frame->node < BENCH_BOARDS,
                  "id 0x%x flags 0x%x length %u", frame->id, frame->flags, frame->len);
     while (!bench->garbage && i < bench->nmessage[bus] &&
            !is_message(bench, &bench->message[bus][i], frame)) {
@@ -247,24 +247,24 @@ static void check_frame(const struct bench *bench, size_t bus, const struct bus_
                  frame->data[3], frame->data[4], frame->data[5], frame->data[6], frame->data[7]);
 }
 
-static void drain_events(struct bench *bench)
+static void drain_events(struct fuzz_bench *bench)
 {
     struct board_event event;
     char text[256];
 
-    while (boards_next_event(bench->rig.boards, &event)) {
+    while (boards_next_event(bench->base.boards, &event)) {
         bench->hash = hash_bytes(bench->hash, &event.kind, sizeof event.kind);
         bench->moved = bench->moved || event.kind == BOARD_EVENT_ADDRESS;
         armed = false; /* not for the loop */
-        board_event_format(bench->rig.boards, &event, text, sizeof text);
+        board_event_format(bench->base.boards, &event, text, sizeof text);
         armed = true;
         fuzz_require(fuzz_is_sentence(text) && strlen(text) > 10, "%s", text);
     }
 }
 
-static void check_counters(const struct bench *bench)
+static void check_counters(const struct fuzz_bench *bench)
 {
-    const struct boards_counters counters = rig_counters(&bench->rig);
+    const struct boards_counters counters = bench_counters(&bench->base);
 
     /* boards whose receiver is off do not count */
     fuzz_require(counters.frames + counters.foreign <= bench->received,
@@ -275,46 +275,46 @@ static void check_counters(const struct bench *bench)
 
 /* ---- what happens ---- */
 
-static void tick(struct bench *bench)
+static void tick(struct fuzz_bench *bench)
 {
-    struct rig *rig = &bench->rig;
+    struct board_bench *base = &bench->base;
 
     bench->ticks++;
-    faults_step(bench->faults, rig->sensors.time_ns);
+    faults_step(bench->faults, base->now_ns);
     bench->sampled_v = bench->supply_v;
-    bench->supply_v = rig->sensors.supply_v;
-    boards_control(rig->boards, &rig->sensors, &rig->command);
-    rig->sensors.time_ns += rig->config.tick_ns;
+    bench->supply_v = base->sensors.supply_v;
+    bench_control(base);
     check_commands(bench);
-    bench->hash = hash_bytes(bench->hash, rig->motor, sizeof rig->motor);
-    bench->hash = hash_bytes(bench->hash, &(bool){boards_fault(rig->boards)}, sizeof(bool));
-    for (size_t bus = 0; bus < RIG_BUSES; bus++) {
-        const size_t most = boards_transmit_max(rig->boards, bus);
+    bench->hash = hash_bytes(bench->hash, base->motor, sizeof base->motor);
+    bench->hash = hash_bytes(bench->hash, &(bool){boards_fault(base->boards)}, sizeof(bool));
+    boards_sample(base->boards, base->now_ns, &base->sensors);
+    for (size_t bus = 0; bus < BENCH_BUSES; bus++) {
+        const size_t most = boards_transmit_max(base->boards, bus);
         const size_t room = bench->room < most ? bench->room : most;
         const size_t count =
-            boards_transmit(rig->boards, bus, &rig->sensors, rig->frame[bus], room);
+            boards_transmit(base->boards, base->now_ns, bus, base->frame[bus], room);
 
         fuzz_require(count <= room, "%zu frames, room for %zu", count, room);
         drain_events(bench);
         for (size_t i = 0; i < count; i++) {
-            const struct bus_frame *frame = &rig->frame[bus][i];
+            const struct bus_frame *frame = &base->frame[bus][i];
 
             check_frame(bench, bus, frame);
             bench->hash = hash_bytes(bench->hash, &frame->id, sizeof frame->id);
             bench->hash = hash_bytes(bench->hash, frame->data, frame->len);
         }
     }
-    bench->room = RIG_FRAMES;
+    bench->room = BENCH_FRAMES;
 }
 
-static void receive(struct bench *bench, size_t bus, const struct bus_frame *frame)
+static void receive(struct fuzz_bench *bench, size_t bus, const struct bus_frame *frame)
 {
-    boards_receive(bench->rig.boards, bus, frame);
+    boards_receive(bench->base.boards, bench->base.now_ns, bus, frame);
     bench->received++;
 }
 
 /* A frame that some board is likely to take: the right identifier and length. */
-static void receive_likely(struct bench *bench, struct fuzz_bytes *bytes, uint8_t what)
+static void receive_likely(struct fuzz_bench *bench, struct fuzz_bytes *bytes, uint8_t what)
 {
     static const uint16_t icub[] = {0x001, 0x002, 0x00f, 0x20c, 0x20d, 0x20f, 0x701, 0x702,
                                     0x70c, 0x70d, 0x70f, 0x35a, 0x35b, 0x30c, 0x3ca, 0x3cb};
@@ -341,9 +341,9 @@ static void receive_likely(struct bench *bench, struct fuzz_bytes *bytes, uint8_
     receive(bench, bus, &frame);
 }
 
-static void change_sensor(struct bench *bench, struct fuzz_bytes *bytes, uint8_t what)
+static void change_sensor(struct fuzz_bench *bench, struct fuzz_bytes *bytes, uint8_t what)
 {
-    struct motor_sense *sense = &bench->rig.sense[(what & 7) % RIG_JOINTS];
+    struct motor_sense *sense = &bench->base.sense[(what & 7) % BENCH_JOINTS];
 
     switch (what >> 3 & 7) {
     case 0:
@@ -366,17 +366,17 @@ static void change_sensor(struct bench *bench, struct fuzz_bytes *bytes, uint8_t
         sense->winding_c = fuzz_real(bytes, 200.0);
         break;
     case 6:
-        bench->rig.ft.force_n[what % 3] = fuzz_real(bytes, 4000.0);
-        bench->rig.ft.torque_nm[what % 3] = fuzz_real(bytes, 80.0);
+        bench->base.ft.force_n[what % 3] = fuzz_real(bytes, 4000.0);
+        bench->base.ft.torque_nm[what % 3] = fuzz_real(bytes, 80.0);
         break;
     default:
-        bench->rig.sensors.supply_v = fuzz_real(bytes, 60.0);
+        bench->base.sensors.supply_v = fuzz_real(bytes, 60.0);
         break;
     }
 }
 
 /* iCub: after the command to be idle nothing that a host says closes the bridge, but a mode. */
-static void go_idle(struct bench *bench)
+static void go_idle(struct fuzz_bench *bench)
 {
     static const struct bus_frame idle = {.id = 1, .len = 2, .data = {0x09, 0x00}};
     static const struct bus_frame pwm = {.id = 1, .len = 3, .data = {0x72, 0x35, 0x05}};
@@ -389,30 +389,30 @@ static void go_idle(struct bench *bench)
     receive(bench, bus, &pwm);
     tick(bench);
     tick(bench);
-    fuzz_require(!bench->rig.motor[3].bridge_on || bench->rig.config.tick_ns < 1000000,
+    fuzz_require(!bench->base.motor[3].bridge_on || bench->base.config.tick_ns < 1000000,
                  "the bridge is on in idle");
 }
 
-static void shut_down(struct bench *bench)
+static void shut_down(struct fuzz_bench *bench)
 {
-    boards_shut_down(bench->rig.boards, &bench->rig.command);
-    for (int i = 0; i < RIG_JOINTS; i++) {
-        fuzz_require(!bench->rig.motor[i].bridge_on && bench->rig.motor[i].voltage_v == 0.0,
+    boards_shut_down(bench->base.boards, bench->base.now_ns, &bench->base.command);
+    for (int i = 0; i < BENCH_JOINTS; i++) {
+        fuzz_require(!bench->base.motor[i].bridge_on && bench->base.motor[i].voltage_v == 0.0,
                      "joint %d is on after the end", i);
     }
 }
 
-static void break_board(struct bench *bench, uint8_t what)
+static void break_board(struct fuzz_bench *bench, uint8_t what)
 {
     const size_t fault = what % FAULTS;
 
-    faults_set(bench->faults, fault, what & 0x10);
+    faults_set(bench->faults, bench->base.now_ns, fault, what & 0x10);
     bench->garbage = bench->garbage || faults_at(bench->faults, fault)->kind == FAULT_GARBAGE;
     bench->hung = bench->hung || faults_at(bench->faults, fault)->kind == FAULT_HUNG;
     bench->loose = bench->loose || faults_at(bench->faults, fault)->kind == FAULT_INTERMITTENT;
 }
 
-static void act(struct bench *bench, struct fuzz_bytes *bytes)
+static void act(struct fuzz_bench *bench, struct fuzz_bytes *bytes)
 {
     const uint8_t what = fuzz_u8(bytes);
     struct board_can_state state;
@@ -444,7 +444,7 @@ static void act(struct bench *bench, struct fuzz_bytes *bytes)
             shut_down(bench);
         } else if (what < 0xec) {
             state = (struct board_can_state){fuzz_u8(bytes), fuzz_u8(bytes), what & 1};
-            boards_set_can_state(bench->rig.boards, fuzz_u8(bytes) % bench->rig.config.nboard,
+            boards_set_can_state(bench->base.boards, fuzz_u8(bytes) % bench->base.config.nboard,
                                  &state);
         } else if (what < 0xee) {
             bench->room = fuzz_u8(bytes) % 8;
@@ -457,7 +457,7 @@ static void act(struct bench *bench, struct fuzz_bytes *bytes)
 /* Returns the hash of everything that the boards said and commanded. */
 static uint64_t run(const uint8_t *data, size_t size)
 {
-    static struct bench bench;
+    static struct fuzz_bench bench;
     struct fuzz_bytes bytes = {data, size};
 
     start(&bench, &bytes);

@@ -193,15 +193,17 @@ static void live_with(const struct fault *fault, size_t count, bool real)
                      faults_at(faults, i)->name);
     }
     for (int tick = 0; tick < TICKS; tick++) {
-        faults_step(faults, tick * INT64_C(50000000));
+        const int64_t now_ns = tick * INT64_C(50000000);
+
+        faults_step(faults, now_ns);
         if (tick % 7 == 0 && count) {
-            faults_set(faults, (size_t)tick % count, tick % 2);
+            faults_set(faults, now_ns, (size_t)tick % count, tick % 2);
         }
         move(&truth, tick);
         if (tick == 30) {
             sensing_restart_counter(sensing, 1);
         }
-        check_sensors(sensing_sample(sensing, &truth));
+        check_sensors(sensing_sample(sensing, now_ns, &truth));
         show_events(faults, count);
     }
 }

@@ -313,10 +313,11 @@ static void run_boards(struct bench *bench)
     struct bus_frame frames[256], done;
     struct board_event event;
 
-    boards_control(bench->boards, &bench->sensors, &bench->command);
+    boards_control(bench->boards, bench->sensors.time_ns, &bench->command);
     bench->sensors.time_ns += 1000000;
+    boards_sample(bench->boards, bench->sensors.time_ns, &bench->sensors);
     for (size_t bus = 0; bus < BUSES; bus++) {
-        size_t count = boards_transmit(bench->boards, bus, &bench->sensors, frames, 256);
+        size_t count = boards_transmit(bench->boards, bench->sensors.time_ns, bus, frames, 256);
 
         for (size_t i = 0; i < count; i++) {
             for (int times = carry(bench, &frames[i]); times > 0; times--) {
@@ -348,7 +349,7 @@ static void deliver_sent(struct bench *bench)
                 if (end->sent[i].id == STEP_ID) {
                     lockstep_receive(&bench->lockstep, &end->sent[i]);
                 } else {
-                    boards_receive(bench->boards, bus, &end->sent[i]);
+                    boards_receive(bench->boards, bench->sensors.time_ns, bus, &end->sent[i]);
                 }
             }
         }

@@ -42,17 +42,18 @@ static void send(struct bench *bench, uint32_t id, uint8_t len, const uint8_t *d
 {
     struct bus_frame frame = frame_make(id, len, data);
 
-    boards_receive(bench->boards, 0, &frame);
+    boards_receive(bench->boards, plant_time_ns(bench->rig.plant), 0, &frame);
 }
 
 static void tick(struct bench *bench)
 {
     struct bus_frame frames[256];
 
-    boards_control(bench->boards, plant_sensors(bench->rig.plant), plant_command(bench->rig.plant));
+    boards_control(bench->boards, plant_time_ns(bench->rig.plant), plant_command(bench->rig.plant));
     assert_int_equal(plant_step(bench->rig.plant, TICK_NS / SUBSTEP_NS), ERROR_NONE);
     assert_int_equal(plant_sample(bench->rig.plant), ERROR_NONE);
-    boards_transmit(bench->boards, 0, plant_sensors(bench->rig.plant), frames, 256);
+    boards_sample(bench->boards, plant_time_ns(bench->rig.plant), plant_sensors(bench->rig.plant));
+    boards_transmit(bench->boards, plant_time_ns(bench->rig.plant), 0, frames, 256);
 }
 
 static const struct motor_sense *hip(const struct bench *bench)
@@ -94,6 +95,7 @@ static void start(struct bench *bench, enum board_personality personality)
     if (boards_create(&config, &bench->arena, &bench->boards, &error)) {
         fail_msg("%s", error.text);
     }
+    boards_sample(bench->boards, plant_time_ns(bench->rig.plant), plant_sensors(bench->rig.plant));
 }
 
 static void stop(struct bench *bench)

@@ -140,7 +140,7 @@ then ok "$name"; else not_ok "$name"; fi
 
 name="what needs a wire is refused on an ideal bus"
 go none "$rig" --duration 1 --fault "bus left_leg id_collision"
-if [ $? -eq 4 ] && grep -q "no wire in virtual time" "$work/err"
+if [ $? -eq 4 ] && grep -q "is not in wire mode" "$work/err"
 then ok "$name"; else not_ok "$name"; fi
 
 mkdir -p "$work/config/rigs"

@@ -103,7 +103,7 @@ def test_a_stopped_process_counts_one_pause_and_does_not_run_after_it():
     frames = log(run.path("candump.log"))
     check_grid(frames, 1000)
     check_telemetry(frames, "can1", 0x111, 4000)
-    # virtual time stood still for both sides of the bus: no command went stale
+    # virtual time stood still for both sides of the bus: no command timed out
     assert summary["boards"]["timeouts"] == 0
 
 

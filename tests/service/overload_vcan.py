@@ -216,7 +216,7 @@ def test_a_controller_that_falls_silent_leaves_motors_safe_and_may_come_back():
     run.says("right_arm/0x02.* from idle to voltage mode")
     run.passes(100)
     host.stop()
-    run.says("right_arm/0x02.* the voltage command went stale")
+    run.says("right_arm/0x02.* the voltage command timed out")
     run.passes(100)
     host = HostThread()
     run.passes(200)

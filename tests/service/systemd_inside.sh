@@ -139,7 +139,7 @@ test_journal() {
     grep -q 'more like it' "$log" && [ "$(wc -l <"$log")" -ge 5 ] && [ "$(wc -l <"$log")" -le 1000 ]
     check $? "a flood of events leaves few lines, which tell how many there were"
     journal -p warning >"$log"
-    grep -q 'no such command' "$log" && ! grep -q 'dynamics:' "$log"
+    grep -q 'unknown command' "$log" && ! grep -q 'dynamics:' "$log"
     check $? "journalctl -p warning shows what went wrong, and only that"
     [ "$(property ActiveState)/$(property NRestarts)" = active/0 ]
     check $? "the service has outlived it"

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(name board_faults can_state faults heat messages motor_control nodes sensing settings)
+foreach(name board_faults boards can_state fault_parse faults heat messages motor_control
+        sensing settings)
     hil_test(boards_${name} SOURCES unit/boards/${name}.c LIBS boards LABELS unit)
 endforeach()
 foreach(name motor_commands motor_modes strain_board table)

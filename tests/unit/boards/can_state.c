@@ -2,32 +2,32 @@
 /* What boards tell of their CAN controllers: by hand, and with a wire that counts. */
 #include "boards/foc/protocol.h"
 #include "canbus/wire/wire.h"
-#include "tests/unit/boards/boards_rig.h"
+#include "tests/unit/boards/board_bench.h"
 
 enum { STATUS = 0x113, CAN_STATUS = 4, TX_ERRORS = 6, RX_ERRORS = 7 };
 
-static void start(struct rig *rig)
+static void start(struct board_bench *bench)
 {
-    rig_configure(rig);
-    rig->board[0].transmit_at_start = true;
-    rig_start(rig);
-    rig_ticks(rig, 8);
+    bench_configure(bench);
+    bench->board[0].transmit_at_start = true;
+    bench_start(bench);
+    bench_ticks(bench, 8);
 }
 
-static void set(struct rig *rig, unsigned tec, unsigned rec, bool bus_off)
+static void set(struct board_bench *bench, unsigned tec, unsigned rec, bool bus_off)
 {
     const struct board_can_state can = {.tec = tec, .rec = rec, .bus_off = bus_off};
 
-    boards_set_can_state(rig->boards, 0, &can);
+    boards_set_can_state(bench->boards, 0, &can);
 }
 
 /* The STATUS of board 1 within the next slots; NULL: none. */
-static const struct bus_frame *status(struct rig *rig)
+static const struct bus_frame *status(struct board_bench *bench)
 {
     for (int t = 0; t < ICUB_SLOTS; t++) {
-        rig_tick(rig);
-        if (rig_sent(rig, 0, STATUS)) {
-            return rig_find(rig, 0, STATUS);
+        bench_tick(bench);
+        if (bench_sent(bench, 0, STATUS)) {
+            return bench_find(bench, 0, STATUS);
         }
     }
     return NULL;
@@ -35,23 +35,23 @@ static const struct bus_frame *status(struct rig *rig)
 
 static void status_tells_a_new_state_once_and_at_once(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    start(&rig);
-    set(&rig, 95, 95, false); /* nothing to tell before its time */
-    assert_null(status(&rig));
-    set(&rig, 95, 96, false);
-    rig_expect_frame(status(&rig), STATUS, "00 00 00 00 20 00 5F 60");
-    assert_null(status(&rig));
-    set(&rig, 128, 130, false);
-    rig_expect_frame(status(&rig), STATUS, "00 00 00 00 2C 00 21 22");
-    assert_null(status(&rig));
-    set(&rig, 0, 0, false); /* better: no hurry */
-    assert_null(status(&rig));
-    set(&rig, 0, 96, false); /* but worse again is news */
-    rig_expect_frame(status(&rig), STATUS, "00 00 00 00 20 00 80 DE");
-    rig_stop(&rig);
+    start(&bench);
+    set(&bench, 95, 95, false); /* nothing to tell before its time */
+    assert_null(status(&bench));
+    set(&bench, 95, 96, false);
+    bench_expect_frame(status(&bench), STATUS, "00 00 00 00 20 00 5F 60");
+    assert_null(status(&bench));
+    set(&bench, 128, 130, false);
+    bench_expect_frame(status(&bench), STATUS, "00 00 00 00 2C 00 21 22");
+    assert_null(status(&bench));
+    set(&bench, 0, 0, false); /* better: no hurry */
+    assert_null(status(&bench));
+    set(&bench, 0, 96, false); /* but worse again is news */
+    bench_expect_frame(status(&bench), STATUS, "00 00 00 00 20 00 80 DE");
+    bench_stop(&bench);
 }
 
 /* Hosts add up bytes 6 and 7 as signed numbers; what they get is the counter. */
@@ -60,17 +60,17 @@ static void error_bytes_add_up_to_the_counters(void **state)
     static const struct {
         unsigned tec, rec;
     } steps[] = {{8, 1}, {16, 9}, {250, 135}, {250, 135}, {0, 127}, {0, 0}, {0, 0}};
-    struct rig rig;
+    struct board_bench bench;
     int tec = 0, rec = 0;
 
     (void)state;
-    start(&rig);
+    start(&bench);
     for (size_t i = 0; i < sizeof steps / sizeof *steps; i++) {
         const struct bus_frame *frame;
 
-        set(&rig, steps[i].tec, steps[i].rec, false);
-        rig_send(&rig, 0, 0x001, i % 2 ? "09 09" : "09 50"); /* a change of mode makes it due */
-        frame = status(&rig);
+        set(&bench, steps[i].tec, steps[i].rec, false);
+        bench_send(&bench, 0, 0x001, i % 2 ? "09 09" : "09 50"); /* a change of mode makes it due */
+        frame = status(&bench);
         assert_non_null(frame);
         tec += (int8_t)frame->data[TX_ERRORS];
         rec += (int8_t)frame->data[RX_ERRORS];
@@ -79,66 +79,66 @@ static void error_bytes_add_up_to_the_counters(void **state)
     }
     assert_int_equal(tec, 0);
     assert_int_equal(rec, 0);
-    rig_stop(&rig);
+    bench_stop(&bench);
 }
 
 static void bus_off_is_told_when_the_board_is_back(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    start(&rig);
-    set(&rig, 256, 0, true);
-    rig_send(&rig, 0, 0x001, "89 50");
+    start(&bench);
+    set(&bench, 256, 0, true);
+    bench_send(&bench, 0, 0x001, "89 50");
     for (int i = 0; i < 10; i++) {
-        assert_null(status(&rig));
+        assert_null(status(&bench));
     }
-    set(&rig, 0, 0, false);
-    rig_expect_frame(status(&rig), STATUS, "00 00 00 50 06 00 00 00");
-    rig_send(&rig, 0, 0x001, "89 09");
-    rig_expect_frame(status(&rig), STATUS, "00 00 00 00 00 00 00 00");
-    rig_stop(&rig);
+    set(&bench, 0, 0, false);
+    bench_expect_frame(status(&bench), STATUS, "00 00 00 50 06 00 00 00");
+    bench_send(&bench, 0, 0x001, "89 09");
+    bench_expect_frame(status(&bench), STATUS, "00 00 00 00 00 00 00 00");
+    bench_stop(&bench);
 }
 
-static uint32_t foc_faults(struct rig *rig)
+static uint32_t foc_faults(struct board_bench *bench)
 {
-    rig_send(rig, 0, FOC_DESIRED_TARGETS_ID, "00 00");
-    rig_tick(rig);
-    return get_u32_le(rig_find(rig, 0, 0x113)->data + 4);
+    bench_send(bench, 0, FOC_DESIRED_TARGETS_ID, "00 00");
+    bench_tick(bench);
+    return get_u32_le(bench_find(bench, 0, 0x113)->data + 4);
 }
 
 static void a_2foc_tells_states_in_its_fault_bits_and_remembers_them(void **state)
 {
-    static const struct boards_bus_config buses[RIG_BUSES] = {{.personality = BOARD_FOC}};
-    struct rig rig;
+    static const struct boards_bus_config buses[BENCH_BUSES] = {{.personality = BOARD_FOC}};
+    struct board_bench bench;
     uint32_t was;
 
     (void)state;
-    rig_configure(&rig);
-    rig.config.bus = buses;
-    rig.config.nboard = 1;
-    rig.board[0].axis[0].gear = 100.0;
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x001, "5B 01 06");
-    assert_int_equal(foc_faults(&rig), 0);
-    set(&rig, 0, 96, false);
-    assert_int_equal(foc_faults(&rig), UINT32_C(1) << 10 | UINT32_C(1) << 28);
-    set(&rig, 128, 0, false);
-    assert_int_equal(foc_faults(&rig),
+    bench_configure(&bench);
+    bench.config.bus = buses;
+    bench.config.nboard = 1;
+    bench.board[0].axis[0].gear = 100.0;
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "5B 01 06");
+    assert_int_equal(foc_faults(&bench), 0);
+    set(&bench, 0, 96, false);
+    assert_int_equal(foc_faults(&bench), UINT32_C(1) << 10 | UINT32_C(1) << 28);
+    set(&bench, 128, 0, false);
+    assert_int_equal(foc_faults(&bench),
                      UINT32_C(1) << 11 | UINT32_C(1) << 13 | UINT32_C(1) << 28 | UINT32_C(1) << 31);
-    set(&rig, 0, 128, false);
+    set(&bench, 0, 128, false);
     was = UINT32_C(1) << 28 | UINT32_C(1) << 30 | UINT32_C(1) << 31;
-    assert_int_equal(foc_faults(&rig), UINT32_C(1) << 10 | UINT32_C(1) << 12 | was);
-    set(&rig, 0, 0, false);
-    assert_int_equal(foc_faults(&rig), was);
-    assert_false(boards_fault(rig.boards)); /* none of them stops the motor */
-    rig_stop(&rig);
+    assert_int_equal(foc_faults(&bench), UINT32_C(1) << 10 | UINT32_C(1) << 12 | was);
+    set(&bench, 0, 0, false);
+    assert_int_equal(foc_faults(&bench), was);
+    assert_false(boards_fault(bench.boards)); /* none of them stops the motor */
+    bench_stop(&bench);
 }
 
 /* ---- with a wire ---- */
 
 struct line {
-    struct rig rig;
+    struct board_bench bench;
     struct arena arena;
     struct wire *wire;
     int tec, rec; /* as a host has added them up */
@@ -171,7 +171,7 @@ static void begin(struct line *line)
     struct error error;
 
     memset(line, 0, sizeof *line);
-    start(&line->rig);
+    start(&line->bench);
     assert_int_equal(arena_init(&line->arena, 8u << 20, &error), ERROR_NONE);
     assert_int_equal(wire_create(&config, &line->arena, &line->wire, &error), ERROR_NONE);
 }
@@ -179,7 +179,7 @@ static void begin(struct line *line)
 static void end(struct line *line)
 {
     arena_fini(&line->arena);
-    rig_stop(&line->rig);
+    bench_stop(&line->bench);
 }
 
 /* A millisecond: board 1's frames go over the wire, its controller's state goes to the board. */
@@ -187,15 +187,15 @@ static void pass(struct line *line)
 {
     struct wire_node_stats stats;
 
-    rig_tick(&line->rig);
-    for (size_t i = 0; i < line->rig.count[0]; i++) {
-        if ((line->rig.frame[0][i].id >> 4 & 0xf) == 1) {
-            wire_transmit(line->wire, 0, &line->rig.frame[0][i]);
+    bench_tick(&line->bench);
+    for (size_t i = 0; i < line->bench.count[0]; i++) {
+        if ((line->bench.frame[0][i].id >> 4 & 0xf) == 1) {
+            wire_transmit(line->wire, 0, &line->bench.frame[0][i]);
         }
     }
-    wire_advance(line->wire, line->rig.sensors.time_ns + 1000000);
+    wire_advance(line->wire, line->bench.sensors.time_ns + 1000000);
     wire_node_stats(line->wire, 0, &stats);
-    set(&line->rig, stats.tec, stats.rec, stats.state == WIRE_BUS_OFF);
+    set(&line->bench, stats.tec, stats.rec, stats.state == WIRE_BUS_OFF);
 }
 
 static void a_burst_of_errors_shows_in_status_until_the_counter_is_down(void **state)
@@ -218,7 +218,7 @@ static void a_burst_of_errors_shows_in_status_until_the_counter_is_down(void **s
         pass(&line);
     }
     for (int i = 0; i < 3; i++) {
-        rig_send(&line.rig, 0, 0x001, i % 2 ? "09 09" : "09 50");
+        bench_send(&line.bench, 0, 0x001, i % 2 ? "09 09" : "09 50");
         for (int ms = 0; ms < 8; ms++) {
             pass(&line);
         }
@@ -248,7 +248,7 @@ static void a_board_that_was_bus_off_says_so_after_its_recovery(void **state)
     assert_true(line.can_status & ICUB_CAN_BUS_OFF);
     before = line.status_seen;
     line.can_status = 0;
-    rig_send(&line.rig, 0, 0x001, "09 50");
+    bench_send(&line.bench, 0, 0x001, "09 50");
     for (int ms = 0; ms < 20; ms++) {
         pass(&line);
     }

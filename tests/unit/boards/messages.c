@@ -6,7 +6,7 @@
  */
 #include "boards/compact/protocol.h"
 #include "boards/messages.h"
-#include "tests/unit/boards/boards_rig.h"
+#include "tests/unit/boards/board_bench.h"
 
 enum { MESSAGES_MAX = 2048 };
 
@@ -24,23 +24,23 @@ static bool append(void *context, const struct message *message)
     return true;
 }
 
-static const struct boards_bus_config icub[RIG_BUSES],
-    foc[RIG_BUSES] = {{BOARD_FOC, false}}, compact[RIG_BUSES] = {{BOARD_COMPACT, false}},
-    fd[RIG_BUSES] = {{BOARD_COMPACT, true}};
+static const struct boards_bus_config icub[BENCH_BUSES],
+    foc[BENCH_BUSES] = {{BOARD_FOC, false}}, compact[BENCH_BUSES] = {{BOARD_COMPACT, false}},
+    fd[BENCH_BUSES] = {{BOARD_COMPACT, true}};
 
-static void configure(struct rig *rig, const struct boards_bus_config *bus)
+static void configure(struct board_bench *bench, const struct boards_bus_config *bus)
 {
-    rig_configure(rig);
-    rig->config.bus = bus;
-    for (int i = 0; i < RIG_BOARDS; i++) {
-        rig->board[i].axis[0].gear = 100.0;
-        rig->board[i].axis[2].joint = rig->board[i].axis[3].joint = -1;
-        rig->board[i].transmit_at_start = true;
+    bench_configure(bench);
+    bench->config.bus = bus;
+    for (int i = 0; i < BENCH_BOARDS; i++) {
+        bench->board[i].axis[0].gear = 100.0;
+        bench->board[i].axis[2].joint = bench->board[i].axis[3].joint = -1;
+        bench->board[i].transmit_at_start = true;
     }
     if (bus->personality == BOARD_COMPACT) {
-        rig->board[2] = rig->board[3];
-        rig->board[2].period_ns = 1000000;
-        rig->config.nboard = 3;
+        bench->board[2] = bench->board[3];
+        bench->board[2].period_ns = 1000000;
+        bench->config.nboard = 3;
     }
 }
 
@@ -51,22 +51,22 @@ static void everything_sent_is_in_the_list(void **state)
 
     (void)state;
     for (int v = 0; v < 4; v++) {
-        struct rig rig;
+        struct board_bench bench;
         size_t seen = 0;
 
-        configure(&rig, variants[v]);
-        rig_start(&rig);
+        configure(&bench, variants[v]);
+        bench_start(&bench);
         list.count = 0;
-        boards_messages(&rig.config, 0, append, &list);
+        boards_messages(&bench.config, 0, append, &list);
         assert_true(list.count > 10);
         for (int t = 0; t < 400; t++) {
             if (t % 50 == 0) {
-                rig_send(&rig, 0, v < 2 ? 0x70f : 0x7e0, v < 2 ? "FF" : "");
+                bench_send(&bench, 0, v < 2 ? 0x70f : 0x7e0, v < 2 ? "FF" : "");
             }
-            rig_send(&rig, 0, 0x10f, "00 00 00 00 00 00 00 00");
-            rig_tick(&rig);
-            for (size_t i = 0; i < rig.count[0]; i++) {
-                const struct bus_frame *frame = &rig.frame[0][i];
+            bench_send(&bench, 0, 0x10f, "00 00 00 00 00 00 00 00");
+            bench_tick(&bench);
+            for (size_t i = 0; i < bench.count[0]; i++) {
+                const struct bus_frame *frame = &bench.frame[0][i];
                 size_t k = 0;
 
                 while (k < list.count &&
@@ -84,7 +84,7 @@ static void everything_sent_is_in_the_list(void **state)
             }
         }
         assert_true(seen > 100);
-        rig_stop(&rig);
+        bench_stop(&bench);
     }
 }
 
@@ -95,11 +95,11 @@ static void no_two_messages_look_the_same(void **state)
 
     (void)state;
     for (int v = 0; v < 4; v++) {
-        struct rig rig;
+        struct board_bench bench;
 
-        configure(&rig, variants[v]);
+        configure(&bench, variants[v]);
         list.count = 0;
-        boards_messages(&rig.config, 0, append, &list);
+        boards_messages(&bench.config, 0, append, &list);
         for (size_t i = 0; i < list.count; i++) {
             const struct message *a = &list.message[i];
 
@@ -133,25 +133,25 @@ static void cycle_times_give_the_loads_of_the_plans(void **state)
 
     (void)state;
     for (int p = 0; p < 3; p++) {
-        struct rig rig;
+        struct board_bench bench;
         double bits = 0.0;
 
-        configure(&rig, plans[p].bus);
-        rig.board[2] = rig.board[p ? 3 : 2];
-        rig.board[2].period_ns = 1000000;
-        rig.config.nboard = p ? 4 : 3;
+        configure(&bench, plans[p].bus);
+        bench.board[2] = bench.board[p ? 3 : 2];
+        bench.board[2].period_ns = 1000000;
+        bench.config.nboard = p ? 4 : 3;
         if (p) { /* one axis a board */
             for (int i = 0; i < 4; i++) {
-                rig.board[i == 3 ? 3 : i] = i == 2 ? rig.board[2] : rig.board[i];
+                bench.board[i == 3 ? 3 : i] = i == 2 ? bench.board[2] : bench.board[i];
             }
-            rig.board[3] = rig_motor("third", 0, 3, 4, -1);
+            bench.board[3] = bench_motor("third", 0, 3, 4, -1);
             for (int i = 0; i < 4; i++) {
-                rig.board[i].axis[0].gear = 100.0;
-                rig.board[i].status_period_ns = plans[p].status_period_ns;
+                bench.board[i].axis[0].gear = 100.0;
+                bench.board[i].status_period_ns = plans[p].status_period_ns;
             }
         }
         list.count = 0;
-        boards_messages(&rig.config, 0, append, &list);
+        boards_messages(&bench.config, 0, append, &list);
         for (size_t i = 0; i < list.count; i++) {
             const struct message *m = &list.message[i];
             int n = m->length;

@@ -4,7 +4,7 @@
  * boards on a simple motor (first-order current, inertia, viscous friction) integrated here.
  */
 #include "boards/motor_control.h"
-#include "tests/unit/boards/boards_rig.h"
+#include "tests/unit/boards/board_bench.h"
 
 /* ---- arithmetic ---- */
 
@@ -150,17 +150,17 @@ static void the_estimator_is_exact_for_constant_acceleration(void **state)
 /* ---- boards on a motor ---- */
 
 /* COMAN's drive, link side: R, L, N Kt, N Kw, J, Dm. A rigid joint, 20 sub-steps a millisecond. */
-static void plant(struct rig *rig, int joint)
+static void plant(struct board_bench *bench, int joint)
 {
     const double R = 0.664, L = 0.00032, K = 4.1, J = 0.1387, D = 0.19958, h = 0.001 / 20;
-    struct motor_sense *s = &rig->sense[joint];
+    struct motor_sense *s = &bench->sense[joint];
 
     for (int i = 0; i < 20; i++) {
-        double v = rig->motor[joint].voltage_v;
+        double v = bench->motor[joint].voltage_v;
 
         assert_true(fabs(v) <= SUPPLY_V);
-        assert_true(rig->motor[joint].bridge_on || v == 0.0);
-        if (rig->motor[joint].bridge_on) {
+        assert_true(bench->motor[joint].bridge_on || v == 0.0);
+        if (bench->motor[joint].bridge_on) {
             s->current_a += h * (v - R * s->current_a - K * s->qmd) / L;
         } else {
             s->current_a = 0.0;
@@ -172,167 +172,167 @@ static void plant(struct rig *rig, int joint)
     s->qd = s->qmd;
 }
 
-static void run(struct rig *rig, int ms)
+static void run(struct board_bench *bench, int ms)
 {
     for (int i = 0; i < ms; i++) {
-        rig_tick(rig);
-        plant(rig, 0);
+        bench_tick(bench);
+        plant(bench, 0);
     }
 }
 
-static void start(struct rig *rig)
+static void start(struct board_bench *bench)
 {
-    rig_configure(rig);
-    rig->board[0].axis[0].current_limit_a = 100.0;
-    rig_start(rig);
-    rig_tick(rig);
-    rig_send(rig, 0, 0x001, "52 E8 00 01 00 00 00 0A"); /* kp 232, ki 1 over 1024: 20 rad/s */
+    bench_configure(bench);
+    bench->board[0].axis[0].current_limit_a = 100.0;
+    bench_start(bench);
+    bench_tick(bench);
+    bench_send(bench, 0, 0x001, "52 E8 00 01 00 00 00 0A"); /* kp 232, ki 1 over 1024: 20 rad/s */
 }
 
 static void without_gains_a_position_mode_has_no_voltage(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_tick(&rig);
-    rig_send(&rig, 0, 0x001, "09 01");
-    rig_send(&rig, 0, 0x001, "1B 10 27 00 00 E8 03");
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_tick(&bench);
+    bench_send(&bench, 0, 0x001, "09 01");
+    bench_send(&bench, 0, 0x001, "1B 10 27 00 00 E8 03");
     for (int i = 0; i < 2000; i++) {
-        rig_tick(&rig);
-        assert_near(rig.motor[0].voltage_v, 0.0, 0.0);
+        bench_tick(&bench);
+        assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
     }
-    rig_stop(&rig);
+    bench_stop(&bench);
 }
 
 static void position_mode_moves_to_its_target_and_stays(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    start(&rig);
-    rig_send(&rig, 0, 0x001, "09 01");
-    rig_send(&rig, 0, 0x001, "1B 10 27 00 00 E8 03"); /* 10000 ticks at 1000/100 ms: 1 s */
-    run(&rig, 500);
-    rig_ask(&rig, "08", "08 00 00");
-    assert_near(rig.sense[0].q, 0.5, 0.05); /* half way at half time */
-    run(&rig, 3000);
-    rig_ask(&rig, "08", "08 01 00");
-    rig_ask(&rig, "16", "16 10 27 00 00");
-    assert_near(rig.sense[0].q, 1.0, 1e-3);           /* ten ticks */
-    rig_send(&rig, 0, 0x001, "1B 40 9C 00 00 D0 07"); /* 40000 is beyond the limit of 25000 */
-    run(&rig, 5000);
-    assert_near(rig.sense[0].q, 2.5, 1e-3);
-    rig_stop(&rig);
+    start(&bench);
+    bench_send(&bench, 0, 0x001, "09 01");
+    bench_send(&bench, 0, 0x001, "1B 10 27 00 00 E8 03"); /* 10000 ticks at 1000/100 ms: 1 s */
+    run(&bench, 500);
+    bench_ask(&bench, "08", "08 00 00");
+    assert_near(bench.sense[0].q, 0.5, 0.05); /* half way at half time */
+    run(&bench, 3000);
+    bench_ask(&bench, "08", "08 01 00");
+    bench_ask(&bench, "16", "16 10 27 00 00");
+    assert_near(bench.sense[0].q, 1.0, 1e-3);             /* ten ticks */
+    bench_send(&bench, 0, 0x001, "1B 40 9C 00 00 D0 07"); /* 40000 is beyond the limit of 25000 */
+    run(&bench, 5000);
+    assert_near(bench.sense[0].q, 2.5, 1e-3);
+    bench_stop(&bench);
 }
 
 static void direct_mode_jumps_and_only_there(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    start(&rig);
-    rig_send(&rig, 0, 0x001, "09 01");
-    rig_send(&rig, 0, 0x001, "3E E8 03 00 00");
-    rig_ask(&rig, "39", "39 00 00 00 00");
-    rig_send(&rig, 0, 0x001, "09 08");
-    rig_send(&rig, 0, 0x001, "3E E8 03 00 00");
-    rig_ask(&rig, "39", "39 E8 03 00 00");
-    run(&rig, 2000);
-    assert_near(rig.sense[0].q, 0.1, 1e-3);
-    rig_stop(&rig);
+    start(&bench);
+    bench_send(&bench, 0, 0x001, "09 01");
+    bench_send(&bench, 0, 0x001, "3E E8 03 00 00");
+    bench_ask(&bench, "39", "39 00 00 00 00");
+    bench_send(&bench, 0, 0x001, "09 08");
+    bench_send(&bench, 0, 0x001, "3E E8 03 00 00");
+    bench_ask(&bench, "39", "39 E8 03 00 00");
+    run(&bench, 2000);
+    assert_near(bench.sense[0].q, 0.1, 1e-3);
+    bench_stop(&bench);
 }
 
 static void velocity_mode_keeps_the_commanded_speed(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
     double before;
 
     (void)state;
-    start(&rig);
-    rig_send(&rig, 0, 0x001, "1C 50 00 01 00"); /* not in this mode */
-    rig_ask(&rig, "18", "18 00 00");
-    rig_send(&rig, 0, 0x001, "09 02");
+    start(&bench);
+    bench_send(&bench, 0, 0x001, "1C 50 00 01 00"); /* not in this mode */
+    bench_ask(&bench, "18", "18 00 00");
+    bench_send(&bench, 0, 0x001, "09 02");
     /* 80/16 = 5 ticks/ms = 0.5 rad/s; the ramp of 1/16 tick/ms^2 takes 80 ms */
-    rig_send(&rig, 0, 0x001, "1C 50 00 01 00");
-    run(&rig, 40);
-    rig_ask(&rig, "3A", "3A 28 00");
-    run(&rig, 960);
-    before = rig.sense[0].q;
-    run(&rig, 500);
-    assert_near(rig.sense[0].q - before, 0.25, 0.002);
-    run(&rig, 400);
-    rig_send(&rig, 0, 0x001, "2E"); /* stop; the integral part takes its time */
-    run(&rig, 2000);
-    before = rig.sense[0].q;
-    run(&rig, 300);
-    assert_near(rig.sense[0].q, before, 2e-3);
-    rig_stop(&rig);
+    bench_send(&bench, 0, 0x001, "1C 50 00 01 00");
+    run(&bench, 40);
+    bench_ask(&bench, "3A", "3A 28 00");
+    run(&bench, 960);
+    before = bench.sense[0].q;
+    run(&bench, 500);
+    assert_near(bench.sense[0].q - before, 0.25, 0.002);
+    run(&bench, 400);
+    bench_send(&bench, 0, 0x001, "2E"); /* stop; the integral part takes its time */
+    run(&bench, 2000);
+    before = bench.sense[0].q;
+    run(&bench, 300);
+    assert_near(bench.sense[0].q, before, 2e-3);
+    bench_stop(&bench);
 }
 
 static void velocity_stops_at_the_joint_limit(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    start(&rig);
-    rig_send(&rig, 0, 0x001, "42 E8 03 00 00"); /* 1000 ticks */
-    rig_send(&rig, 0, 0x001, "09 02");
-    rig_send(&rig, 0, 0x001, "1C 50 00 00 00");
-    run(&rig, 1500);
-    rig_ask(&rig, "39", "39 E8 03 00 00");
-    rig_ask(&rig, "18", "18 00 00");
-    assert_near(rig.sense[0].q, 0.1, 5e-3);
-    rig_stop(&rig);
+    start(&bench);
+    bench_send(&bench, 0, 0x001, "42 E8 03 00 00"); /* 1000 ticks */
+    bench_send(&bench, 0, 0x001, "09 02");
+    bench_send(&bench, 0, 0x001, "1C 50 00 00 00");
+    run(&bench, 1500);
+    bench_ask(&bench, "39", "39 E8 03 00 00");
+    bench_ask(&bench, "18", "18 00 00");
+    assert_near(bench.sense[0].q, 0.1, 5e-3);
+    bench_stop(&bench);
 }
 
 static void mixed_mode_adds_move_and_velocity(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    start(&rig);
-    rig_send(&rig, 0, 0x001, "09 07");
-    rig_send(&rig, 0, 0x001, "1B E8 03 00 00 E8 03"); /* 1000 ticks in 100 ms */
-    rig_send(&rig, 0, 0x001, "1C 10 00 00 00");       /* 1 tick/ms */
-    run(&rig, 500);
-    rig_ask(&rig, "39", "39 DC 05 00 00"); /* 1000 + 500 */
-    rig_stop(&rig);
+    start(&bench);
+    bench_send(&bench, 0, 0x001, "09 07");
+    bench_send(&bench, 0, 0x001, "1B E8 03 00 00 E8 03"); /* 1000 ticks in 100 ms */
+    bench_send(&bench, 0, 0x001, "1C 10 00 00 00");       /* 1 tick/ms */
+    run(&bench, 500);
+    bench_ask(&bench, "39", "39 DC 05 00 00"); /* 1000 + 500 */
+    bench_stop(&bench);
 }
 
 static void current_mode_reaches_its_milliamperes(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    start(&rig);
-    rig_send(&rig, 0, 0x001, "65 02 00 04 00 00 00 0A"); /* kp 2/1024, ki 4/1024 PWM/mA */
-    rig_send(&rig, 0, 0x001, "09 06");
-    rig_send(&rig, 0, 0x001, "2C C4 09 00 00"); /* 2500 mA */
-    for (int i = 0; i < 200; i++) {             /* the shaft is held: current is V / R */
-        rig_tick(&rig);
-        rig.sense[0].current_a = rig.motor[0].voltage_v / 0.664;
+    start(&bench);
+    bench_send(&bench, 0, 0x001, "65 02 00 04 00 00 00 0A"); /* kp 2/1024, ki 4/1024 PWM/mA */
+    bench_send(&bench, 0, 0x001, "09 06");
+    bench_send(&bench, 0, 0x001, "2C C4 09 00 00"); /* 2500 mA */
+    for (int i = 0; i < 200; i++) {                 /* the shaft is held: current is V / R */
+        bench_tick(&bench);
+        bench.sense[0].current_a = bench.motor[0].voltage_v / 0.664;
     }
-    assert_near(rig.sense[0].current_a, 2.5, 0.06); /* one PWM count is 54 mA */
-    rig_stop(&rig);
+    assert_near(bench.sense[0].current_a, 2.5, 0.06); /* one PWM count is 54 mA */
+    bench_stop(&bench);
 }
 
 static void torque_mode_reaches_its_counts(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    start(&rig);
-    rig_send(&rig, 0, 0x001, "4E 00 00 02 00 00 00 0A");
-    rig_send(&rig, 0, 0x001, "09 03");
-    rig_send(&rig, 0, 0x001, "2C A3 17 00 00"); /* 6051 counts of 0x8000 = 55 Nm: 10.16 Nm */
+    start(&bench);
+    bench_send(&bench, 0, 0x001, "4E 00 00 02 00 00 00 0A");
+    bench_send(&bench, 0, 0x001, "09 03");
+    bench_send(&bench, 0, 0x001, "2C A3 17 00 00"); /* 6051 counts of 0x8000 = 55 Nm: 10.16 Nm */
     for (int i = 0; i < 400; i++) {
-        rig_tick(&rig);
-        rig.sense[0].torque_nm = rig.motor[0].voltage_v / 0.664 * 4.1;
+        bench_tick(&bench);
+        bench.sense[0].torque_nm = bench.motor[0].voltage_v / 0.664 * 4.1;
     }
-    assert_near(rig.sense[0].torque_nm, 10.16, 0.23); /* one PWM count is 0.22 Nm */
-    rig_stop(&rig);
+    assert_near(bench.sense[0].torque_nm, 10.16, 0.23); /* one PWM count is 0.22 Nm */
+    bench_stop(&bench);
 }
 
 /* A held shaft off its reference feels stiffness * error, for the torque loop follows. */
@@ -342,63 +342,63 @@ static void impedance_is_a_spring_around_the_reference(void **state)
 
     (void)state;
     for (int m = 0; m < 3; m++) {
-        struct rig rig;
+        struct board_bench bench;
 
-        start(&rig);
-        rig_send(&rig, 0, 0x001, "4E 00 00 02 00 00 00 0A");
-        rig_send(&rig, 0, 0x001, "57 06 00 00 00 00 00 00");  /* 6 counts a tick */
-        rig_send(&rig, 0, 0x001, m == 2 ? "74 01" : "74 00"); /* a compliant position mode */
-        rig_send(&rig, 0, 0x001, modes[m]);
-        rig_tick(&rig);
-        rig.sense[0].q = 0.05; /* 500 ticks: -3000 counts = -5.04 Nm */
+        start(&bench);
+        bench_send(&bench, 0, 0x001, "4E 00 00 02 00 00 00 0A");
+        bench_send(&bench, 0, 0x001, "57 06 00 00 00 00 00 00");  /* 6 counts a tick */
+        bench_send(&bench, 0, 0x001, m == 2 ? "74 01" : "74 00"); /* a compliant position mode */
+        bench_send(&bench, 0, 0x001, modes[m]);
+        bench_tick(&bench);
+        bench.sense[0].q = 0.05; /* 500 ticks: -3000 counts = -5.04 Nm */
         for (int i = 0; i < 400; i++) {
-            rig_tick(&rig);
-            rig.sense[0].torque_nm = rig.motor[0].voltage_v / 0.664 * 4.1;
+            bench_tick(&bench);
+            bench.sense[0].torque_nm = bench.motor[0].voltage_v / 0.664 * 4.1;
         }
-        assert_near(rig.sense[0].torque_nm, -5.04, 0.23);
-        rig_stop(&rig);
+        assert_near(bench.sense[0].torque_nm, -5.04, 0.23);
+        bench_stop(&bench);
     }
 }
 
 static void limits_of_the_pid_cut_its_output(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    start(&rig);
-    rig_send(&rig, 0, 0x001, "2A C8 00"); /* 200 */
-    rig_send(&rig, 0, 0x001, "09 08");
-    rig_send(&rig, 0, 0x001, "3E 20 4E 00 00");
-    rig_tick(&rig);
-    assert_near(rig.motor[0].voltage_v, 200.0 / 1333.0 * SUPPLY_V, 1e-12);
-    rig_send(&rig, 0, 0x001, "2F 64 00");
-    rig_tick(&rig);
-    assert_near(rig.motor[0].voltage_v, 100.0 / 1333.0 * SUPPLY_V, 1e-12);
-    rig_stop(&rig);
+    start(&bench);
+    bench_send(&bench, 0, 0x001, "2A C8 00"); /* 200 */
+    bench_send(&bench, 0, 0x001, "09 08");
+    bench_send(&bench, 0, 0x001, "3E 20 4E 00 00");
+    bench_tick(&bench);
+    assert_near(bench.motor[0].voltage_v, 200.0 / 1333.0 * SUPPLY_V, 1e-12);
+    bench_send(&bench, 0, 0x001, "2F 64 00");
+    bench_tick(&bench);
+    assert_near(bench.motor[0].voltage_v, 100.0 / 1333.0 * SUPPLY_V, 1e-12);
+    bench_stop(&bench);
 }
 
 static void offset_and_stiction_add_to_the_position_loop(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_tick(&rig);
-    rig_send(&rig, 0, 0x001, "26 0A 00");       /* offset 10 */
-    rig_send(&rig, 0, 0x001, "5D 14 00 E2 FF"); /* 20 up, -30 down */
-    rig_send(&rig, 0, 0x001, "09 01");
-    rig_tick(&rig);
-    assert_near(rig.motor[0].voltage_v, 10.0 / 1333.0 * SUPPLY_V, 1e-12);
-    rig_send(&rig, 0, 0x001, "1B E8 03 00 00 E8 03");
-    rig_tick(&rig);
-    assert_near(rig.motor[0].voltage_v, 30.0 / 1333.0 * SUPPLY_V, 1e-12);
-    rig_ticks(&rig, 200);
-    assert_near(rig.motor[0].voltage_v, 10.0 / 1333.0 * SUPPLY_V, 1e-12);
-    rig_send(&rig, 0, 0x001, "1B 00 00 00 00 E8 03");
-    rig_tick(&rig);
-    assert_near(rig.motor[0].voltage_v, -20.0 / 1333.0 * SUPPLY_V, 1e-12);
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_tick(&bench);
+    bench_send(&bench, 0, 0x001, "26 0A 00");       /* offset 10 */
+    bench_send(&bench, 0, 0x001, "5D 14 00 E2 FF"); /* 20 up, -30 down */
+    bench_send(&bench, 0, 0x001, "09 01");
+    bench_tick(&bench);
+    assert_near(bench.motor[0].voltage_v, 10.0 / 1333.0 * SUPPLY_V, 1e-12);
+    bench_send(&bench, 0, 0x001, "1B E8 03 00 00 E8 03");
+    bench_tick(&bench);
+    assert_near(bench.motor[0].voltage_v, 30.0 / 1333.0 * SUPPLY_V, 1e-12);
+    bench_ticks(&bench, 200);
+    assert_near(bench.motor[0].voltage_v, 10.0 / 1333.0 * SUPPLY_V, 1e-12);
+    bench_send(&bench, 0, 0x001, "1B 00 00 00 00 E8 03");
+    bench_tick(&bench);
+    assert_near(bench.motor[0].voltage_v, -20.0 / 1333.0 * SUPPLY_V, 1e-12);
+    bench_stop(&bench);
 }
 
 int main(void)

@@ -100,7 +100,7 @@ static void tick(struct bench *bench)
     if (bench->faults) {
         faults_step(bench->faults, bench->truth.time_ns);
     }
-    bench->measured = sensing_sample(bench->sensing, &bench->truth);
+    bench->measured = sensing_sample(bench->sensing, bench->truth.time_ns, &bench->truth);
     bench->truth.time_ns += TICK_NS;
 }
 

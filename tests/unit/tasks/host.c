@@ -169,7 +169,7 @@ static void faults_and_silence_are_reported(void **state)
     assert_false(host_lost(bench->host));
     host_receive(bench->host, bench->now_ns + 300000000);
     assert_false(host_healthy(bench->host));
-    assert_string_equal(host_message(bench->host), "joint hip has gone silent");
+    assert_string_equal(host_message(bench->host), "joint hip sends no telemetry");
     assert_true(host_lost(bench->host));
 }
 

@@ -119,7 +119,7 @@ static void the_refusal_of_an_earlier_copy_changes_nothing(void **state)
     assert_int_equal(host_time_ns(bench->host), 1002 * MS);
 }
 
-static void a_simulator_that_began_anew_is_noticed(void **state)
+static void a_simulator_that_was_restarted_is_noticed(void **state)
 {
     struct bench *bench = *state;
 
@@ -131,7 +131,7 @@ static void a_simulator_that_began_anew_is_noticed(void **state)
     say_done(bench, 0, 0, REFUSED);
     assert_true(host_receive(bench->host, 0));
     assert_true(host_lost(bench->host));
-    assert_string_equal(host_message(bench->host), "the simulator began anew: it is at tick 0");
+    assert_string_equal(host_message(bench->host), "the simulator was restarted: it is at tick 0");
 }
 
 int main(void)
@@ -143,7 +143,8 @@ int main(void)
                                         tear_down),
         cmocka_unit_test_setup_teardown(the_refusal_of_an_earlier_copy_changes_nothing, set_up,
                                         tear_down),
-        cmocka_unit_test_setup_teardown(a_simulator_that_began_anew_is_noticed, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_simulator_that_was_restarted_is_noticed, set_up,
+                                        tear_down),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

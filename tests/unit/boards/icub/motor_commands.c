@@ -3,103 +3,103 @@
  * Commands of the motor boards and class 7, byte by byte. Every expected frame is written from the
  * protocol's message tables, none from the code.
  */
-#include "tests/unit/boards/boards_rig.h"
+#include "tests/unit/boards/board_bench.h"
 
 static void discovery_finds_every_board_with_its_type(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x70f, "FF");
-    rig_tick(&rig);
-    assert_int_equal(rig.count[0], 4);
-    assert_int_equal(rig.count[1], 0);
-    rig_expect_frame(&rig.frame[0][0], 0x710, "FF 04 02 51 3C");
-    rig_expect_frame(&rig.frame[0][1], 0x720, "FF 04 02 51 3C");
-    rig_expect_frame(&rig.frame[0][2], 0x7c0, "FF 06 03 00 05");
-    rig_expect_frame(&rig.frame[0][3], 0x7d0, "FF 06 03 00 05");
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x70f, "FF");
+    bench_tick(&bench);
+    assert_int_equal(bench.count[0], 4);
+    assert_int_equal(bench.count[1], 0);
+    bench_expect_frame(&bench.frame[0][0], 0x710, "FF 04 02 51 3C");
+    bench_expect_frame(&bench.frame[0][1], 0x720, "FF 04 02 51 3C");
+    bench_expect_frame(&bench.frame[0][2], 0x7c0, "FF 06 03 00 05");
+    bench_expect_frame(&bench.frame[0][3], 0x7d0, "FF 06 03 00 05");
     /* one board alone, asked by host address 3 */
-    rig_send(&rig, 1, 0x731, "FF");
-    rig_tick(&rig);
-    rig_expect(&rig, 1, 0x713, "FF 04 02 51 3C");
-    rig_stop(&rig);
+    bench_send(&bench, 1, 0x731, "FF");
+    bench_tick(&bench);
+    bench_expect(&bench, 1, 0x713, "FF 04 02 51 3C");
+    bench_stop(&bench);
 }
 
 static void firmware_version_has_protocol_and_acknowledge(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_ask(&rig, "5B 01 06", "5B 04 02 51 3C 01 06 01");
-    rig_ask(&rig, "DB 01 06", "DB 04 02 51 3C 01 06 01"); /* the other axis */
-    rig_ask(&rig, "5B 01 05", "5B 04 02 51 3C 01 06 01"); /* the host is older */
-    rig_ask(&rig, "5B 01 07", "5B 04 02 51 3C 01 06 00");
-    rig_ask(&rig, "5B 02 00", "5B 04 02 51 3C 01 06 00");
-    rig_ask(&rig, "5B 00 00", "5B 04 02 51 3C 01 06 00");
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_ask(&bench, "5B 01 06", "5B 04 02 51 3C 01 06 01");
+    bench_ask(&bench, "DB 01 06", "DB 04 02 51 3C 01 06 01"); /* the other axis */
+    bench_ask(&bench, "5B 01 05", "5B 04 02 51 3C 01 06 01"); /* the host is older */
+    bench_ask(&bench, "5B 01 07", "5B 04 02 51 3C 01 06 00");
+    bench_ask(&bench, "5B 02 00", "5B 04 02 51 3C 01 06 00");
+    bench_ask(&bench, "5B 00 00", "5B 04 02 51 3C 01 06 00");
+    bench_stop(&bench);
 }
 
 static void additional_information_is_read_and_written_in_eight_parts(void **state)
 {
     static const char *const parts[] = {"0C 00 6C 65 67 20", "0C 01 31 00 00 00"}; /* "leg 1" */
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x701, "0C");
-    rig_tick(&rig);
-    assert_int_equal(rig.count[0], 8);
-    rig_expect_frame(&rig.frame[0][0], 0x710, parts[0]);
-    rig_expect_frame(&rig.frame[0][1], 0x710, parts[1]);
-    rig_expect_frame(&rig.frame[0][7], 0x710, "0C 07 00 00 00 00");
-    rig_send(&rig, 0, 0x701, "0D 07 61 62 63 64");
-    rig_send(&rig, 0, 0x001, "0D 00 41 42 43 44"); /* class 0 has the same */
-    rig_send(&rig, 0, 0x701, "0D 08 41 42 43 44"); /* no such part */
-    rig_send(&rig, 0, 0x001, "0C");
-    rig_tick(&rig);
-    assert_int_equal(rig.count[0], 8);
-    rig_expect_frame(&rig.frame[0][0], 0x010, "0C 00 41 42 43 44");
-    rig_expect_frame(&rig.frame[0][7], 0x010, "0C 07 61 62 63 64");
-    assert_int_equal(rig_counters(&rig).malformed, 1);
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x701, "0C");
+    bench_tick(&bench);
+    assert_int_equal(bench.count[0], 8);
+    bench_expect_frame(&bench.frame[0][0], 0x710, parts[0]);
+    bench_expect_frame(&bench.frame[0][1], 0x710, parts[1]);
+    bench_expect_frame(&bench.frame[0][7], 0x710, "0C 07 00 00 00 00");
+    bench_send(&bench, 0, 0x701, "0D 07 61 62 63 64");
+    bench_send(&bench, 0, 0x001, "0D 00 41 42 43 44"); /* class 0 has the same */
+    bench_send(&bench, 0, 0x701, "0D 08 41 42 43 44"); /* no such part */
+    bench_send(&bench, 0, 0x001, "0C");
+    bench_tick(&bench);
+    assert_int_equal(bench.count[0], 8);
+    bench_expect_frame(&bench.frame[0][0], 0x010, "0C 00 41 42 43 44");
+    bench_expect_frame(&bench.frame[0][7], 0x010, "0C 07 61 62 63 64");
+    assert_int_equal(bench_counters(&bench).malformed, 1);
+    bench_stop(&bench);
 }
 
 static void replies_go_to_whoever_asked(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x052, "33");
-    rig_tick(&rig);
-    rig_expect(&rig, 0, 0x025, "33 02");
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x052, "33");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x025, "33 02");
+    bench_stop(&bench);
 }
 
 static void replies_keep_the_order_of_requests(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x002, "33");
-    rig_send(&rig, 0, 0x20d, "1B");
-    rig_send(&rig, 0, 0x001, "33");
-    rig_send(&rig, 0, 0x002, "B3");
-    rig_tick(&rig);
-    assert_int_equal(rig.count[0], 4);
-    rig_expect_frame(&rig.frame[0][0], 0x020, "33 02");
-    rig_expect_frame(&rig.frame[0][1], 0x2d0, "1B 01");
-    rig_expect_frame(&rig.frame[0][2], 0x010, "33 01");
-    rig_expect_frame(&rig.frame[0][3], 0x020, "B3 02");
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x002, "33");
+    bench_send(&bench, 0, 0x20d, "1B");
+    bench_send(&bench, 0, 0x001, "33");
+    bench_send(&bench, 0, 0x002, "B3");
+    bench_tick(&bench);
+    assert_int_equal(bench.count[0], 4);
+    bench_expect_frame(&bench.frame[0][0], 0x020, "33 02");
+    bench_expect_frame(&bench.frame[0][1], 0x2d0, "1B 01");
+    bench_expect_frame(&bench.frame[0][2], 0x010, "33 01");
+    bench_expect_frame(&bench.frame[0][3], 0x020, "B3 02");
+    bench_stop(&bench);
 }
 
 /* Every SET with the GET that gives it back; replies must not be those of power-up. */
@@ -150,207 +150,207 @@ static void with_axis_bit(const char *hex, char *text, size_t size)
 
 static void every_set_is_given_back_by_its_get_on_either_axis(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
     char set[64], get[64], reply[64];
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_tick(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_tick(&bench);
     for (size_t i = 0; i < sizeof pairs / sizeof *pairs; i++) {
-        rig_send(&rig, 0, 0x001, pairs[i].set);
-        rig_ask(&rig, pairs[i].get, pairs[i].reply);
+        bench_send(&bench, 0, 0x001, pairs[i].set);
+        bench_ask(&bench, pairs[i].get, pairs[i].reply);
         with_axis_bit(pairs[i].set, set, sizeof set);
         with_axis_bit(pairs[i].get, get, sizeof get);
         with_axis_bit(pairs[i].reply, reply, sizeof reply);
-        rig_send(&rig, 0, 0x001, set);
-        rig_ask(&rig, get, reply);
+        bench_send(&bench, 0, 0x001, set);
+        bench_ask(&bench, get, reply);
     }
-    assert_int_equal(rig_counters(&rig).malformed, 0);
-    assert_int_equal(rig_counters(&rig).unknown, 0);
-    rig_stop(&rig);
+    assert_int_equal(bench_counters(&bench).malformed, 0);
+    assert_int_equal(bench_counters(&bench).unknown, 0);
+    bench_stop(&bench);
 }
 
 static void axes_keep_their_own_values(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x001, "1E 10 00");
-    rig_send(&rig, 0, 0x001, "9E 20 00");
-    rig_ask(&rig, "1F", "1F 10 00");
-    rig_ask(&rig, "9F", "9F 20 00");
-    rig_send(&rig, 0, 0x002, "1F");
-    rig_tick(&rig);
-    rig_expect(&rig, 0, 0x020, "1F 00 00"); /* zero at power-up */
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "1E 10 00");
+    bench_send(&bench, 0, 0x001, "9E 20 00");
+    bench_ask(&bench, "1F", "1F 10 00");
+    bench_ask(&bench, "9F", "9F 20 00");
+    bench_send(&bench, 0, 0x002, "1F");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x020, "1F 00 00"); /* zero at power-up */
+    bench_stop(&bench);
 }
 
 static void a_pid_and_its_single_gains_are_the_same_values(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x001, "52 64 00 02 00 C8 00 06"); /* kp ki kd shift */
-    rig_ask(&rig, "1F", "1F 64 00");
-    rig_ask(&rig, "23", "23 02 00");
-    rig_ask(&rig, "21", "21 C8 00");
-    rig_ask(&rig, "29", "29 06 00");
-    rig_send(&rig, 0, 0x001, "54 01 00 02 00 03 00"); /* offset, output, integral */
-    rig_ask(&rig, "27", "27 01 00");
-    rig_ask(&rig, "2B", "2B 02 00");
-    rig_ask(&rig, "25", "25 03 00");
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "52 64 00 02 00 C8 00 06"); /* kp ki kd shift */
+    bench_ask(&bench, "1F", "1F 64 00");
+    bench_ask(&bench, "23", "23 02 00");
+    bench_ask(&bench, "21", "21 C8 00");
+    bench_ask(&bench, "29", "29 06 00");
+    bench_send(&bench, 0, 0x001, "54 01 00 02 00 03 00"); /* offset, output, integral */
+    bench_ask(&bench, "27", "27 01 00");
+    bench_ask(&bench, "2B", "2B 02 00");
+    bench_ask(&bench, "25", "25 03 00");
+    bench_stop(&bench);
 }
 
 static void state_is_told_when_asked(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig.sense[0].q = 1.0; /* 10000 = 0x2710 ticks */
-    rig_start(&rig);
-    rig_tick(&rig);
-    rig_ask(&rig, "14", "14 10 27 00 00 00 00");
-    rig_ask(&rig, "07", "07 00 00");
-    rig_ask(&rig, "08", "08 01 00");
-    rig_ask(&rig, "16", "16 10 27 00 00");
-    rig_ask(&rig, "37", "37 00 00");
-    rig_ask(&rig, "39", "39 10 27 00 00");
-    rig_ask(&rig, "3A", "3A 00 00");
-    rig_ask(&rig, "3C", "3C 00 00");
-    rig_ask(&rig, "3D", "3D 00 00");
-    rig_ask(&rig, "3F", "3F 00 00");
-    rig_ask(&rig, "41", "41 E0 B1 FF FF"); /* -2 rad */
-    rig_ask(&rig, "43", "43 A8 61 00 00"); /* 2.5 rad */
-    rig_send(&rig, 0, 0x001, "09 50");
-    rig_ask(&rig, "07", "07 50 00");
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench.sense[0].q = 1.0; /* 10000 = 0x2710 ticks */
+    bench_start(&bench);
+    bench_tick(&bench);
+    bench_ask(&bench, "14", "14 10 27 00 00 00 00");
+    bench_ask(&bench, "07", "07 00 00");
+    bench_ask(&bench, "08", "08 01 00");
+    bench_ask(&bench, "16", "16 10 27 00 00");
+    bench_ask(&bench, "37", "37 00 00");
+    bench_ask(&bench, "39", "39 10 27 00 00");
+    bench_ask(&bench, "3A", "3A 00 00");
+    bench_ask(&bench, "3C", "3C 00 00");
+    bench_ask(&bench, "3D", "3D 00 00");
+    bench_ask(&bench, "3F", "3F 00 00");
+    bench_ask(&bench, "41", "41 E0 B1 FF FF"); /* -2 rad */
+    bench_ask(&bench, "43", "43 A8 61 00 00"); /* 2.5 rad */
+    bench_send(&bench, 0, 0x001, "09 50");
+    bench_ask(&bench, "07", "07 50 00");
+    bench_stop(&bench);
 }
 
 static void the_encoder_reads_what_it_is_set_to(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig.sense[0].q = 1.0;
-    rig_start(&rig);
-    rig_tick(&rig);
-    rig_send(&rig, 0, 0x001, "1D E8 03 00 00");
-    rig_ask(&rig, "14", "14 E8 03 00 00 00 00");
-    rig.sense[0].q = 1.1;
-    rig_tick(&rig);
-    rig_ask(&rig, "39", "39 E8 03 00 00"); /* the reference kept its distance */
-    rig_ask(&rig, "14", "14 D0 07 00 00 E8 03");
+    bench_configure(&bench);
+    bench.sense[0].q = 1.0;
+    bench_start(&bench);
+    bench_tick(&bench);
+    bench_send(&bench, 0, 0x001, "1D E8 03 00 00");
+    bench_ask(&bench, "14", "14 E8 03 00 00 00 00");
+    bench.sense[0].q = 1.1;
+    bench_tick(&bench);
+    bench_ask(&bench, "39", "39 E8 03 00 00"); /* the reference kept its distance */
+    bench_ask(&bench, "14", "14 D0 07 00 00 E8 03");
     /* calibration: 0x60 for a while, then idle with p3 as the zero */
-    rig_send(&rig, 0, 0x001, "04 03 00 00 01 00 E8 03");
-    rig_ask(&rig, "07", "07 60 00");
-    rig_ask(&rig, "08", "08 00 00");
-    assert_false(rig.motor[0].bridge_on);
-    rig_ticks(&rig, 100);
-    rig_ask(&rig, "07", "07 00 00");
-    rig_ask(&rig, "08", "08 01 00");
-    rig_ask(&rig, "14", "14 10 27 00 00 00 00"); /* 11000 - 1000 */
-    rig_send(&rig, 0, 0x001, "9D FE FF FF FF");  /* axis 1 at -2 */
-    rig_send(&rig, 0, 0x001, "49 01 00 00 00");
-    while (rig_sent(&rig, 0, 0x111) == 0) {
-        rig_tick(&rig);
+    bench_send(&bench, 0, 0x001, "04 03 00 00 01 00 E8 03");
+    bench_ask(&bench, "07", "07 60 00");
+    bench_ask(&bench, "08", "08 00 00");
+    assert_false(bench.motor[0].bridge_on);
+    bench_ticks(&bench, 100);
+    bench_ask(&bench, "07", "07 00 00");
+    bench_ask(&bench, "08", "08 01 00");
+    bench_ask(&bench, "14", "14 10 27 00 00 00 00"); /* 11000 - 1000 */
+    bench_send(&bench, 0, 0x001, "9D FE FF FF FF");  /* axis 1 at -2 */
+    bench_send(&bench, 0, 0x001, "49 01 00 00 00");
+    while (bench_sent(&bench, 0, 0x111) == 0) {
+        bench_tick(&bench);
     }
-    rig_expect(&rig, 0, 0x111, "10 27 00 00 FE FF FF FF");
-    rig_stop(&rig);
+    bench_expect(&bench, 0, 0x111, "10 27 00 00 FE FF FF FF");
+    bench_stop(&bench);
 }
 
 static void flash_keeps_parameters_until_they_are_read(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x001, "1E 64 00");
-    rig_send(&rig, 0, 0x001, "0A");
-    rig_send(&rig, 0, 0x001, "1E 07 00");
-    rig_ask(&rig, "1F", "1F 07 00");
-    rig_send(&rig, 0, 0x001, "0B");
-    rig_ask(&rig, "1F", "1F 64 00");
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "1E 64 00");
+    bench_send(&bench, 0, 0x001, "0A");
+    bench_send(&bench, 0, 0x001, "1E 07 00");
+    bench_ask(&bench, "1F", "1F 07 00");
+    bench_send(&bench, 0, 0x001, "0B");
+    bench_ask(&bench, "1F", "1F 64 00");
+    bench_stop(&bench);
 }
 
 static void the_address_moves_and_never_onto_another_board(void **state)
 {
     struct board_event event;
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x001, "32 05");
-    assert_true(rig_event(&rig, BOARD_EVENT_ADDRESS, &event));
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "32 05");
+    assert_true(bench_event(&bench, BOARD_EVENT_ADDRESS, &event));
     assert_int_equal(event.a, 1);
     assert_int_equal(event.b, 5);
-    rig_send(&rig, 0, 0x001, "33"); /* nobody there any more */
-    rig_send(&rig, 0, 0x005, "33");
-    rig_tick(&rig);
-    assert_int_equal(rig.count[0], 1);
-    rig_expect(&rig, 0, 0x050, "33 05");
-    rig_send(&rig, 0, 0x005, "32 02");
-    rig_send(&rig, 0, 0x705, "32 0D");
-    rig_send(&rig, 0, 0x005, "32 00");
-    rig_send(&rig, 0, 0x005, "32 0F");
-    assert_int_equal(rig_counters(&rig).malformed, 4);
-    rig_send(&rig, 0, 0x705, "32 01");
-    rig_send(&rig, 0, 0x20d, "32 0E");
-    rig_send(&rig, 0, 0x70f, "FF");
-    rig_tick(&rig);
-    assert_int_equal(rig_sent(&rig, 0, 0x710), 1);
-    assert_int_equal(rig_sent(&rig, 0, 0x7e0), 1);
-    assert_int_equal(rig_sent(&rig, 0, 0x7d0), 0);
-    rig_stop(&rig);
+    bench_send(&bench, 0, 0x001, "33"); /* nobody there any more */
+    bench_send(&bench, 0, 0x005, "33");
+    bench_tick(&bench);
+    assert_int_equal(bench.count[0], 1);
+    bench_expect(&bench, 0, 0x050, "33 05");
+    bench_send(&bench, 0, 0x005, "32 02");
+    bench_send(&bench, 0, 0x705, "32 0D");
+    bench_send(&bench, 0, 0x005, "32 00");
+    bench_send(&bench, 0, 0x005, "32 0F");
+    assert_int_equal(bench_counters(&bench).malformed, 4);
+    bench_send(&bench, 0, 0x705, "32 01");
+    bench_send(&bench, 0, 0x20d, "32 0E");
+    bench_send(&bench, 0, 0x70f, "FF");
+    bench_tick(&bench);
+    assert_int_equal(bench_sent(&bench, 0, 0x710), 1);
+    assert_int_equal(bench_sent(&bench, 0, 0x7e0), 1);
+    assert_int_equal(bench_sent(&bench, 0, 0x7d0), 0);
+    bench_stop(&bench);
 }
 
 static void an_update_goes_through_the_bootloader(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x001, "1E 64 00");
-    rig_send(&rig, 0, 0x001, "49 7F 00 00 00");
-    rig_send(&rig, 0, 0x001, "09 50");
-    rig_send(&rig, 0, 0x701, "04"); /* ping */
-    rig_tick(&rig);
-    rig_expect(&rig, 0, 0x710, "04 01");
-    assert_true(rig.motor[0].bridge_on);
-    rig_send(&rig, 0, 0x701, "00");
-    rig_tick(&rig);
-    assert_false(rig.motor[0].bridge_on);
-    rig_send(&rig, 0, 0x701, "FF");
-    rig_send(&rig, 0, 0x001, "1F"); /* not heard */
-    rig_tick(&rig);
-    assert_int_equal(rig.count[0], 1);
-    rig_expect(&rig, 0, 0x710, "FF 04 02 51");
-    rig_ticks(&rig, 100);
-    rig_send(&rig, 0, 0x701, "01 00 00 00"); /* each frame of a download keeps it there */
-    rig_ticks(&rig, 4990);
-    rig_send(&rig, 0, 0x701, "FF");
-    rig_tick(&rig);
-    rig_expect(&rig, 0, 0x710, "FF 04 02 51");
-    rig_ticks(&rig, 10); /* 5 s are over: the application, as after power-up */
-    rig_send(&rig, 0, 0x701, "FF");
-    rig_tick(&rig);
-    rig_expect(&rig, 0, 0x710, "FF 04 02 51 3C");
-    rig_ask(&rig, "1F", "1F 00 00");
-    rig_send(&rig, 0, 0x701, "00");
-    rig_send(&rig, 0, 0x701, "02"); /* run at once */
-    rig_ask(&rig, "07", "07 00 00");
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "1E 64 00");
+    bench_send(&bench, 0, 0x001, "49 7F 00 00 00");
+    bench_send(&bench, 0, 0x001, "09 50");
+    bench_send(&bench, 0, 0x701, "04"); /* ping */
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x710, "04 01");
+    assert_true(bench.motor[0].bridge_on);
+    bench_send(&bench, 0, 0x701, "00");
+    bench_tick(&bench);
+    assert_false(bench.motor[0].bridge_on);
+    bench_send(&bench, 0, 0x701, "FF");
+    bench_send(&bench, 0, 0x001, "1F"); /* not heard */
+    bench_tick(&bench);
+    assert_int_equal(bench.count[0], 1);
+    bench_expect(&bench, 0, 0x710, "FF 04 02 51");
+    bench_ticks(&bench, 100);
+    bench_send(&bench, 0, 0x701, "01 00 00 00"); /* each frame of a download keeps it there */
+    bench_ticks(&bench, 4990);
+    bench_send(&bench, 0, 0x701, "FF");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x710, "FF 04 02 51");
+    bench_ticks(&bench, 10); /* 5 s are over: the application, as after power-up */
+    bench_send(&bench, 0, 0x701, "FF");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x710, "FF 04 02 51 3C");
+    bench_ask(&bench, "1F", "1F 00 00");
+    bench_send(&bench, 0, 0x701, "00");
+    bench_send(&bench, 0, 0x701, "02"); /* run at once */
+    bench_ask(&bench, "07", "07 00 00");
+    bench_stop(&bench);
 }
 
 /* Every command of the table with a wrong length; none may have an effect or an answer. */
@@ -373,27 +373,27 @@ static void wrong_lengths_are_ignored_and_counted(void **state)
         {0x701, 0x0c, 1}, {0x701, 0x0d, 6}, {0x701, 0x32, 2},
     };
     uint64_t sent = 0;
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
     for (size_t i = 0; i < sizeof commands / sizeof *commands; i++) {
         for (uint8_t len = 1; len <= 8; len++) {
             struct bus_frame frame = {.id = commands[i].id, .len = len, .data = {commands[i].code}};
 
             if (len != commands[i].length) {
-                boards_receive(rig.boards, 0, &frame);
+                boards_receive(bench.boards, bench.now_ns, 0, &frame);
                 sent++;
             }
         }
     }
-    rig_tick(&rig);
-    assert_int_equal(rig.count[0], 0);
-    assert_int_equal(rig_counters(&rig).malformed, sent);
-    assert_int_equal(rig_counters(&rig).frames, sent);
-    assert_int_equal(rig_counters(&rig).unknown, 0);
-    rig_stop(&rig);
+    bench_tick(&bench);
+    assert_int_equal(bench.count[0], 0);
+    assert_int_equal(bench_counters(&bench).malformed, sent);
+    assert_int_equal(bench_counters(&bench).frames, sent);
+    assert_int_equal(bench_counters(&bench).unknown, 0);
+    bench_stop(&bench);
 }
 
 static void unwelcome_frames_are_counted_by_what_they_are(void **state)
@@ -416,63 +416,63 @@ static void unwelcome_frames_are_counted_by_what_they_are(void **state)
     };
     struct board_event event;
     struct boards_counters counters;
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
     for (size_t i = 0; i < sizeof foreign / sizeof *foreign; i++) {
-        boards_receive(rig.boards, 0, &foreign[i]);
+        boards_receive(bench.boards, bench.now_ns, 0, &foreign[i]);
     }
-    boards_receive(rig.boards, 7, &foreign[0]); /* no such bus */
-    counters = rig_counters(&rig);
+    boards_receive(bench.boards, bench.now_ns, 7, &foreign[0]); /* no such bus */
+    counters = bench_counters(&bench);
     assert_int_equal(counters.foreign, sizeof foreign / sizeof *foreign + 1);
     assert_int_equal(counters.frames, 0);
-    assert_false(boards_next_event(rig.boards, &event));
+    assert_false(boards_next_event(bench.boards, &event));
 
-    rig_send(&rig, 0, 0x001, "7F");
-    assert_true(rig_event(&rig, BOARD_EVENT_UNKNOWN, &event));
+    bench_send(&bench, 0, 0x001, "7F");
+    assert_true(bench_event(&bench, BOARD_EVENT_UNKNOWN, &event));
     assert_int_equal(event.a, 0x001);
     assert_int_equal(event.b, 0x7f);
     assert_int_equal(event.address, 1);
-    rig_send(&rig, 0, 0x001, "");
-    assert_true(rig_event(&rig, BOARD_EVENT_MALFORMED, &event));
-    rig_send(&rig, 0, 0x20d, "FE");
-    rig_send(&rig, 0, 0x701, "55");
-    counters = rig_counters(&rig);
+    bench_send(&bench, 0, 0x001, "");
+    assert_true(bench_event(&bench, BOARD_EVENT_MALFORMED, &event));
+    bench_send(&bench, 0, 0x20d, "FE");
+    bench_send(&bench, 0, 0x701, "55");
+    counters = bench_counters(&bench);
     assert_int_equal(counters.frames, 4);
     assert_int_equal(counters.unknown, 3);
     assert_int_equal(counters.malformed, 1);
-    rig_stop(&rig);
+    bench_stop(&bench);
 }
 
 static void a_full_reply_queue_is_told_in_status_and_overflow(void **state)
 {
     struct board_event event;
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x001, "49 14 00 00 00"); /* STATUS and OVERFLOW */
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "49 14 00 00 00"); /* STATUS and OVERFLOW */
     for (int i = 0; i < BOARD_REPLIES_MAX + 3; i++) {
-        rig_send(&rig, 0, 0x001, "33");
-        rig_send(&rig, 0, 0x002, i < 2 ? "33" : "0B"); /* another board has its own quota */
+        bench_send(&bench, 0, 0x001, "33");
+        bench_send(&bench, 0, 0x002, i < 2 ? "33" : "0B"); /* another board has its own quota */
     }
-    rig_tick(&rig);
-    assert_int_equal(rig_sent(&rig, 0, 0x010), BOARD_REPLIES_MAX);
-    assert_int_equal(rig_sent(&rig, 0, 0x020), 2);
-    assert_int_equal(rig_counters(&rig).overflows, 3);
-    assert_true(rig_event(&rig, BOARD_EVENT_OVERFLOW, &event));
-    rig_ticks(&rig, 2); /* slot 2 */
-    rig_expect(&rig, 0, 0x113, "00 00 00 00 01 00 00 00");
-    rig_tick(&rig); /* slot 3 */
-    rig_expect(&rig, 0, 0x115, "");
+    bench_tick(&bench);
+    assert_int_equal(bench_sent(&bench, 0, 0x010), BOARD_REPLIES_MAX);
+    assert_int_equal(bench_sent(&bench, 0, 0x020), 2);
+    assert_int_equal(bench_counters(&bench).overflows, 3);
+    assert_true(bench_event(&bench, BOARD_EVENT_OVERFLOW, &event));
+    bench_ticks(&bench, 2); /* slot 2 */
+    bench_expect(&bench, 0, 0x113, "00 00 00 00 01 00 00 00");
+    bench_tick(&bench); /* slot 3 */
+    bench_expect(&bench, 0, 0x115, "");
     for (int i = 0; i < 8; i++) {
-        rig_tick(&rig);
-        assert_int_equal(rig.count[0], 0);
+        bench_tick(&bench);
+        assert_int_equal(bench.count[0], 0);
     }
-    rig_stop(&rig);
+    bench_stop(&bench);
 }
 
 /* The real host's start-up of one axis and an F/T board, as measured. */
@@ -503,45 +503,45 @@ static void the_hosts_start_up_sequence_is_accepted(void **state)
         "09 00",
     };
     char text[64];
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
     for (size_t i = 0; i < sizeof axis / sizeof *axis; i++) {
-        rig_send(&rig, 0, 0x001, axis[i]);
+        bench_send(&bench, 0, 0x001, axis[i]);
         with_axis_bit(axis[i], text, sizeof text);
-        rig_send(&rig, 0, 0x001, text);
-        rig_tick(&rig);
-        assert_int_equal(rig_sent(&rig, 0, 0x010), 0);
+        bench_send(&bench, 0, 0x001, text);
+        bench_tick(&bench);
+        assert_int_equal(bench_sent(&bench, 0, 0x010), 0);
     }
-    rig_ask(&rig, "5B 01 06", "5B 04 02 51 3C 01 06 01");
-    rig_send(&rig, 0, 0x20d, "08 05");
+    bench_ask(&bench, "5B 01 06", "5B 04 02 51 3C 01 06 01");
+    bench_send(&bench, 0, 0x20d, "08 05");
     for (unsigned i = 0; i < 6; i++) {
         static const char *const scale[] = {"18 00 05 DC", "18 01 05 DC", "18 02 07 D0",
                                             "18 03 00 28", "18 04 00 28", "18 05 00 28"};
 
         snprintf(text, sizeof text, "18 %02X", i);
-        rig_send(&rig, 0, 0x20d, text);
-        rig_tick(&rig);
-        rig_expect(&rig, 0, 0x2d0, scale[i]);
+        bench_send(&bench, 0, 0x20d, text);
+        bench_tick(&bench);
+        bench_expect(&bench, 0, 0x2d0, scale[i]);
     }
-    rig_send(&rig, 0, 0x20d, "07 00");
+    bench_send(&bench, 0, 0x20d, "07 00");
     /* later: open loop, a quarter of the supply, stop */
-    rig_send(&rig, 0, 0x001, "09 50");
-    rig_tick(&rig);
-    rig_send(&rig, 0, 0x001, "72 4D 01");
-    rig_tick(&rig);
-    assert_true(rig.motor[0].bridge_on);
-    assert_near(rig.motor[0].voltage_v, SUPPLY_V * 333.0 / 1333.0, 1e-12);
-    rig_send(&rig, 0, 0x001, "09 09");
-    rig_tick(&rig);
-    assert_false(rig.motor[0].bridge_on);
-    assert_near(rig.motor[0].voltage_v, 0.0, 0.0);
-    assert_int_equal(rig_counters(&rig).malformed, 0);
-    assert_int_equal(rig_counters(&rig).unknown, 0);
-    assert_int_equal(rig_counters(&rig).foreign, 0);
-    rig_stop(&rig);
+    bench_send(&bench, 0, 0x001, "09 50");
+    bench_tick(&bench);
+    bench_send(&bench, 0, 0x001, "72 4D 01");
+    bench_tick(&bench);
+    assert_true(bench.motor[0].bridge_on);
+    assert_near(bench.motor[0].voltage_v, SUPPLY_V * 333.0 / 1333.0, 1e-12);
+    bench_send(&bench, 0, 0x001, "09 09");
+    bench_tick(&bench);
+    assert_false(bench.motor[0].bridge_on);
+    assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
+    assert_int_equal(bench_counters(&bench).malformed, 0);
+    assert_int_equal(bench_counters(&bench).unknown, 0);
+    assert_int_equal(bench_counters(&bench).foreign, 0);
+    bench_stop(&bench);
 }
 
 int main(void)

@@ -1,21 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* STRAIN and pseudo-STRAIN boards: commands of class 2 and frames of class 3, byte by byte. */
-#include "tests/unit/boards/boards_rig.h"
+#include "tests/unit/boards/board_bench.h"
 
 /* The F/T board: address 0x0D on bus 0, full scale 1500 1500 2000 N, 40 40 40 Nm, 5 ms. */
-static void ft_ask(struct rig *rig, const char *request, const char *reply)
+static void ft_ask(struct board_bench *bench, const char *request, const char *reply)
 {
-    rig_send(rig, 0, 0x20d, request);
-    rig_tick(rig);
-    rig_expect(rig, 0, 0x2d0, reply);
+    bench_send(bench, 0, 0x20d, request);
+    bench_tick(bench);
+    bench_expect(bench, 0, 0x2d0, reply);
 }
 
 /* Until the F/T board has sent again, at most a second. */
-static void to_next_frames(struct rig *rig)
+static void to_next_frames(struct board_bench *bench)
 {
     for (int i = 0; i < 1000; i++) {
-        rig_tick(rig);
-        if (rig_sent(rig, 0, 0x3da)) {
+        bench_tick(bench);
+        if (bench_sent(bench, 0, 0x3da)) {
             return;
         }
     }
@@ -24,41 +24,41 @@ static void to_next_frames(struct rig *rig)
 
 static void strain_boards_are_silent_until_told_to_send(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
     for (int i = 0; i < 100; i++) {
-        rig_tick(&rig);
-        assert_int_equal(rig.count[0], 0);
+        bench_tick(&bench);
+        assert_int_equal(bench.count[0], 0);
     }
-    rig_stop(&rig);
-    rig_configure(&rig);
-    rig.board[3].transmit_at_start = true;
-    rig_start(&rig);
-    to_next_frames(&rig);
-    assert_int_equal(rig.count[0], 2);
-    rig_expect_frame(&rig.frame[0][0], 0x3da, "00 80 00 80 00 80");
-    rig_expect_frame(&rig.frame[0][1], 0x3db, "00 80 00 80 00 80");
-    rig_stop(&rig);
+    bench_stop(&bench);
+    bench_configure(&bench);
+    bench.board[3].transmit_at_start = true;
+    bench_start(&bench);
+    to_next_frames(&bench);
+    assert_int_equal(bench.count[0], 2);
+    bench_expect_frame(&bench.frame[0][0], 0x3da, "00 80 00 80 00 80");
+    bench_expect_frame(&bench.frame[0][1], 0x3db, "00 80 00 80 00 80");
+    bench_stop(&bench);
 }
 
 static void force_and_torque_are_offset_binary_of_the_full_scale(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x20d, "07 00");
-    rig.ft = (struct ft_sense){{750.0, -750.0, 277.7}, {10.0, -0.001, 0.0}};
-    to_next_frames(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x20d, "07 00");
+    bench.ft = (struct ft_sense){{750.0, -750.0, 277.7}, {10.0, -0.001, 0.0}};
+    to_next_frames(&bench);
     /* +-0.5 -> 0xC000, 0x4000; 277.7/2000*32768 = 4549.8 -> 0x91C6 */
-    rig_expect(&rig, 0, 0x3da, "00 C0 00 40 C6 91");
+    bench_expect(&bench, 0, 0x3da, "00 C0 00 40 C6 91");
     /* 0.25 -> 0xA000; -0.001/40*32768 = -0.82 -> 0x7FFF */
-    rig_expect(&rig, 0, 0x3db, "00 A0 FF 7F 00 80");
-    rig_stop(&rig);
+    bench_expect(&bench, 0, 0x3db, "00 A0 FF 7F 00 80");
+    bench_stop(&bench);
 }
 
 static void frames_come_at_the_period(void **state)
@@ -67,60 +67,60 @@ static void frames_come_at_the_period(void **state)
 
     (void)state;
     for (size_t p = 0; p < sizeof periods / sizeof *periods; p++) {
-        struct rig rig;
+        struct board_bench bench;
         char text[16];
         int64_t last = 0;
         int count = 0;
 
-        rig_configure(&rig);
-        rig_start(&rig);
+        bench_configure(&bench);
+        bench_start(&bench);
         snprintf(text, sizeof text, "08 %02X", periods[p]);
-        rig_send(&rig, 0, 0x20d, text);
-        rig_send(&rig, 0, 0x20d, "07 00");
+        bench_send(&bench, 0, 0x20d, text);
+        bench_send(&bench, 0, 0x20d, "07 00");
         for (int i = 0; i < 10 * periods[p]; i++) {
-            rig_tick(&rig);
-            assert_int_equal(rig_sent(&rig, 0, 0x3da), rig_sent(&rig, 0, 0x3db));
-            if (rig_sent(&rig, 0, 0x3da)) {
-                assert_int_equal(rig.sensors.time_ns - last, periods[p] * 1000000);
-                last = rig.sensors.time_ns;
+            bench_tick(&bench);
+            assert_int_equal(bench_sent(&bench, 0, 0x3da), bench_sent(&bench, 0, 0x3db));
+            if (bench_sent(&bench, 0, 0x3da)) {
+                assert_int_equal(bench.sensors.time_ns - last, periods[p] * 1000000);
+                last = bench.sensors.time_ns;
                 count++;
             }
         }
         assert_int_equal(count, 10);
-        rig_stop(&rig);
+        bench_stop(&bench);
     }
 }
 
 static void frames_that_could_not_be_sent_in_time_are_not_sent_in_a_bunch(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
     size_t sent = 0;
 
     (void)state;
-    rig_configure(&rig); /* 5 ms */
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x20d, "07 00");
+    bench_configure(&bench); /* 5 ms */
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x20d, "07 00");
     for (int i = 0; i < 22; i++) { /* nobody asks for frames */
-        boards_control(rig.boards, &rig.sensors, &rig.command);
+        bench_control(&bench);
     }
     for (int i = 0; i < 8; i++) { /* those of 20 ms come late, those of 25 and 30 in time */
-        rig_tick(&rig);
-        sent += rig_sent(&rig, 0, 0x3da);
+        bench_tick(&bench);
+        sent += bench_sent(&bench, 0, 0x3da);
         assert_int_equal(sent, i < 2 ? 1 : i < 7 ? 2 : 3);
     }
-    rig_stop(&rig);
+    bench_stop(&bench);
 }
 
 static void a_period_of_zero_is_refused(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x20d, "08 00");
-    assert_int_equal(rig_counters(&rig).malformed, 1);
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x20d, "08 00");
+    assert_int_equal(bench_counters(&bench).malformed, 1);
+    bench_stop(&bench);
 }
 
 static void transmit_modes_choose_what_is_sent(void **state)
@@ -130,58 +130,58 @@ static void transmit_modes_choose_what_is_sent(void **state)
         size_t calibrated, uncalibrated;
     } modes[] = {{"07 00", 1, 0}, {"07 01", 0, 0}, {"07 03", 1, 0},
                  {"07 04", 1, 1}, {"07 02", 0, 0}, {"07 FF", 0, 0}};
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x20d, "08 01");
-    rig_send(&rig, 0, 0x20d, "15 02 00 01 00"); /* calibrated fx is 256 counts higher */
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x20d, "08 01");
+    bench_send(&bench, 0, 0x20d, "15 02 00 01 00"); /* calibrated fx is 256 counts higher */
     for (size_t i = 0; i < sizeof modes / sizeof *modes; i++) {
-        rig_send(&rig, 0, 0x20d, modes[i].command);
-        rig_tick(&rig);
-        assert_int_equal(rig_sent(&rig, 0, 0x3da), modes[i].calibrated);
-        assert_int_equal(rig_sent(&rig, 0, 0x3db), modes[i].calibrated);
-        assert_int_equal(rig_sent(&rig, 0, 0x3d8), modes[i].uncalibrated);
-        assert_int_equal(rig_sent(&rig, 0, 0x3d9), modes[i].uncalibrated);
+        bench_send(&bench, 0, 0x20d, modes[i].command);
+        bench_tick(&bench);
+        assert_int_equal(bench_sent(&bench, 0, 0x3da), modes[i].calibrated);
+        assert_int_equal(bench_sent(&bench, 0, 0x3db), modes[i].calibrated);
+        assert_int_equal(bench_sent(&bench, 0, 0x3d8), modes[i].uncalibrated);
+        assert_int_equal(bench_sent(&bench, 0, 0x3d9), modes[i].uncalibrated);
     }
-    rig_send(&rig, 0, 0x20d, "15 02 03 01 00"); /* and tx */
-    rig_send(&rig, 0, 0x20d, "07 03");
-    rig_tick(&rig);
-    rig_expect(&rig, 0, 0x3da, "00 80 00 80 00 80"); /* raw, without the tare */
-    rig_expect(&rig, 0, 0x3db, "00 80 00 80 00 80");
-    rig_send(&rig, 0, 0x20d, "07 04");
-    rig_tick(&rig);
-    rig_expect_frame(&rig.frame[0][0], 0x3da, "00 81 00 80 00 80");
-    rig_expect_frame(&rig.frame[0][2], 0x3d8, "00 80 00 80 00 80");
-    rig_stop(&rig);
+    bench_send(&bench, 0, 0x20d, "15 02 03 01 00"); /* and tx */
+    bench_send(&bench, 0, 0x20d, "07 03");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x3da, "00 80 00 80 00 80"); /* raw, without the tare */
+    bench_expect(&bench, 0, 0x3db, "00 80 00 80 00 80");
+    bench_send(&bench, 0, 0x20d, "07 04");
+    bench_tick(&bench);
+    bench_expect_frame(&bench.frame[0][0], 0x3da, "00 81 00 80 00 80");
+    bench_expect_frame(&bench.frame[0][2], 0x3d8, "00 80 00 80 00 80");
+    bench_stop(&bench);
 }
 
 static void saturated_frames_are_longer_and_hold_the_last_good_values(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x20d, "07 04");
-    rig_send(&rig, 0, 0x20d, "08 01");
-    rig.ft = (struct ft_sense){{750.0, 0.0, 0.0}, {0.0, 10.0, 0.0}};
-    rig_tick(&rig);
-    rig_expect(&rig, 0, 0x3da, "00 C0 00 80 00 80");
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x20d, "07 04");
+    bench_send(&bench, 0, 0x20d, "08 01");
+    bench.ft = (struct ft_sense){{750.0, 0.0, 0.0}, {0.0, 10.0, 0.0}};
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x3da, "00 C0 00 80 00 80");
     /* fy low, tz high; bits: any, then two a channel: 0 none, 1 low, 2 high */
-    rig.ft = (struct ft_sense){{375.0, -1600.0, 0.0}, {0.0, 0.0, 39.5}};
-    rig_tick(&rig);
-    rig_expect(&rig, 0, 0x3da, "00 C0 00 80 00 80 11");
-    rig_expect(&rig, 0, 0x3db, "00 80 00 A0 00 80 81");
-    rig_expect(&rig, 0, 0x3d8, "00 A0 00 00 00 80 11"); /* uncalibrated ones are the present */
-    rig_tick(&rig);
-    rig_expect(&rig, 0, 0x3da, "00 C0 00 80 00 80 11");
-    rig.ft = (struct ft_sense){{375.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-    rig_tick(&rig);
-    rig_expect(&rig, 0, 0x3da, "00 A0 00 80 00 80");
-    rig_expect(&rig, 0, 0x3db, "00 80 00 80 00 80");
-    rig_stop(&rig);
+    bench.ft = (struct ft_sense){{375.0, -1600.0, 0.0}, {0.0, 0.0, 39.5}};
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x3da, "00 C0 00 80 00 80 11");
+    bench_expect(&bench, 0, 0x3db, "00 80 00 A0 00 80 81");
+    bench_expect(&bench, 0, 0x3d8, "00 A0 00 00 00 80 11"); /* uncalibrated ones are the present */
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x3da, "00 C0 00 80 00 80 11");
+    bench.ft = (struct ft_sense){{375.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x3da, "00 A0 00 80 00 80");
+    bench_expect(&bench, 0, 0x3db, "00 80 00 80 00 80");
+    bench_stop(&bench);
 }
 
 /* Raw readings of 1000 and 64000 are the last good ones. */
@@ -191,176 +191,176 @@ static void saturation_begins_below_1000_and_above_64000(void **state)
         int raw;
         uint8_t length;
     } cases[] = {{1000, 6}, {999, 7}, {64000, 6}, {64001, 7}, {0, 7}, {65535, 7}};
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x20d, "07 00");
-    rig_send(&rig, 0, 0x20d, "08 01");
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x20d, "07 00");
+    bench_send(&bench, 0, 0x20d, "08 01");
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        rig.ft.force_n[2] = (cases[i].raw - 32768) / 32768.0 * 2000.0;
-        rig_tick(&rig);
-        assert_int_equal(rig_find(&rig, 0, 0x3da)->len, cases[i].length);
-        assert_int_equal(rig_find(&rig, 0, 0x3db)->len, cases[i].length);
+        bench.ft.force_n[2] = (cases[i].raw - 32768) / 32768.0 * 2000.0;
+        bench_tick(&bench);
+        assert_int_equal(bench_find(&bench, 0, 0x3da)->len, cases[i].length);
+        assert_int_equal(bench_find(&bench, 0, 0x3db)->len, cases[i].length);
     }
-    rig_stop(&rig);
+    bench_stop(&bench);
 }
 
 static void commands_of_the_board_are_answered_big_endian(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    ft_ask(&rig, "18 00", "18 00 05 DC");
-    ft_ask(&rig, "18 02", "18 02 07 D0");
-    ft_ask(&rig, "18 15", "18 15 00 28");          /* of regulation set 1 */
-    ft_ask(&rig, "1A", "1A 53 49 4D 30 30 30 44"); /* "SIM000D" */
-    ft_ask(&rig, "1C 01 00", "1C 06 03 00 05 01 00 01");
-    ft_ask(&rig, "1C 01 06", "1C 06 03 00 05 01 00 00");
-    ft_ask(&rig, "1C 00 00", "1C 06 03 00 05 01 00 00"); /* as loaders ask */
-    ft_ask(&rig, "0A 02 02", "0A 02 02 7F FF");
-    ft_ask(&rig, "0A 02 03", "0A 02 03 00 00");
-    ft_ask(&rig, "1B", "1B 01");
-    rig_send(&rig, 0, 0x20d, "03 12 03 12 34");
-    ft_ask(&rig, "1B", "1B 00"); /* changed since it was saved */
-    ft_ask(&rig, "0A 12 03", "0A 12 03 12 34");
-    ft_ask(&rig, "09", "09 01");
-    ft_ask(&rig, "1B", "1B 01");
-    rig_send(&rig, 0, 0x20d, "04 01 02 03");
-    ft_ask(&rig, "0B 01", "0B 01 02 03");
-    rig_send(&rig, 0, 0x20d, "11 07");
-    ft_ask(&rig, "12", "12 07");
-    rig_send(&rig, 0, 0x20d, "17 04 01 02");
-    ft_ask(&rig, "18 04", "18 04 01 02");
-    rig_send(&rig, 0, 0x20d, "19 41 42 43 44 45 46 47");
-    ft_ask(&rig, "1A", "1A 41 42 43 44 45 46 47");
-    rig_send(&rig, 0, 0x20d, "01 00");
-    rig_send(&rig, 0, 0x20d, "05 3F");
-    rig_send(&rig, 0, 0x20d, "06 00");
-    assert_int_equal(rig_counters(&rig).malformed, 0);
-    rig_send(&rig, 0, 0x20d, "18 06");
-    rig_send(&rig, 0, 0x20d, "0A 06 00");
-    rig_send(&rig, 0, 0x20d, "0A 00 06");
-    rig_send(&rig, 0, 0x20d, "0B 06");
-    rig_send(&rig, 0, 0x20d, "0C 06 00");
-    rig_send(&rig, 0, 0x20d, "14 06");
-    rig_send(&rig, 0, 0x20d, "13 02");
-    rig_send(&rig, 0, 0x20d, "13 03");
-    rig_send(&rig, 0, 0x20d, "13 02 06 00 00");
-    assert_int_equal(rig_counters(&rig).malformed, 9);
-    rig_send(&rig, 0, 0x20d, "1D 00");
-    assert_int_equal(rig_counters(&rig).unknown, 1);
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    ft_ask(&bench, "18 00", "18 00 05 DC");
+    ft_ask(&bench, "18 02", "18 02 07 D0");
+    ft_ask(&bench, "18 15", "18 15 00 28");          /* of regulation set 1 */
+    ft_ask(&bench, "1A", "1A 53 49 4D 30 30 30 44"); /* "SIM000D" */
+    ft_ask(&bench, "1C 01 00", "1C 06 03 00 05 01 00 01");
+    ft_ask(&bench, "1C 01 06", "1C 06 03 00 05 01 00 00");
+    ft_ask(&bench, "1C 00 00", "1C 06 03 00 05 01 00 00"); /* as loaders ask */
+    ft_ask(&bench, "0A 02 02", "0A 02 02 7F FF");
+    ft_ask(&bench, "0A 02 03", "0A 02 03 00 00");
+    ft_ask(&bench, "1B", "1B 01");
+    bench_send(&bench, 0, 0x20d, "03 12 03 12 34");
+    ft_ask(&bench, "1B", "1B 00"); /* changed since it was saved */
+    ft_ask(&bench, "0A 12 03", "0A 12 03 12 34");
+    ft_ask(&bench, "09", "09 01");
+    ft_ask(&bench, "1B", "1B 01");
+    bench_send(&bench, 0, 0x20d, "04 01 02 03");
+    ft_ask(&bench, "0B 01", "0B 01 02 03");
+    bench_send(&bench, 0, 0x20d, "11 07");
+    ft_ask(&bench, "12", "12 07");
+    bench_send(&bench, 0, 0x20d, "17 04 01 02");
+    ft_ask(&bench, "18 04", "18 04 01 02");
+    bench_send(&bench, 0, 0x20d, "19 41 42 43 44 45 46 47");
+    ft_ask(&bench, "1A", "1A 41 42 43 44 45 46 47");
+    bench_send(&bench, 0, 0x20d, "01 00");
+    bench_send(&bench, 0, 0x20d, "05 3F");
+    bench_send(&bench, 0, 0x20d, "06 00");
+    assert_int_equal(bench_counters(&bench).malformed, 0);
+    bench_send(&bench, 0, 0x20d, "18 06");
+    bench_send(&bench, 0, 0x20d, "0A 06 00");
+    bench_send(&bench, 0, 0x20d, "0A 00 06");
+    bench_send(&bench, 0, 0x20d, "0B 06");
+    bench_send(&bench, 0, 0x20d, "0C 06 00");
+    bench_send(&bench, 0, 0x20d, "14 06");
+    bench_send(&bench, 0, 0x20d, "13 02");
+    bench_send(&bench, 0, 0x20d, "13 03");
+    bench_send(&bench, 0, 0x20d, "13 02 06 00 00");
+    assert_int_equal(bench_counters(&bench).malformed, 9);
+    bench_send(&bench, 0, 0x20d, "1D 00");
+    assert_int_equal(bench_counters(&bench).unknown, 1);
+    bench_stop(&bench);
 }
 
 static void tares_take_the_present_load_away(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig.ft.force_n[0] = 750.0; /* 0x4000 counts */
-    rig.ft.torque_nm[2] = -10.0;
-    rig_send(&rig, 0, 0x20d, "07 00");
-    rig_send(&rig, 0, 0x20d, "08 01");
-    rig_ticks(&rig, 2);
-    rig_expect(&rig, 0, 0x3da, "00 C0 00 80 00 80");
-    ft_ask(&rig, "0C 00 00", "0C 00 00 C0 00");
-    rig_send(&rig, 0, 0x20d, "15 01"); /* current tare, automatic */
-    ft_ask(&rig, "16 00", "16 00 C0 00");
-    rig_expect(&rig, 0, 0x3da, "00 80 00 80 00 80");
-    rig_expect(&rig, 0, 0x3db, "00 80 00 80 00 80");
-    ft_ask(&rig, "0C 00 01", "0C 00 01 80 00");
-    rig_send(&rig, 0, 0x20d, "15 00"); /* reset */
-    rig_tick(&rig);
-    rig_expect(&rig, 0, 0x3da, "00 C0 00 80 00 80");
-    rig_send(&rig, 0, 0x20d, "13 01"); /* calibration tare, automatic */
-    ft_ask(&rig, "14 05", "14 05 20 00");
-    rig_expect(&rig, 0, 0x3da, "00 80 00 80 00 80");
-    rig_send(&rig, 0, 0x20d, "13 00");
-    rig_send(&rig, 0, 0x20d, "13 02 01 FF FE"); /* channel 1: -2 */
-    ft_ask(&rig, "14 01", "14 01 FF FE");
-    rig_expect(&rig, 0, 0x3da, "00 C0 FE 7F 00 80");
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench.ft.force_n[0] = 750.0; /* 0x4000 counts */
+    bench.ft.torque_nm[2] = -10.0;
+    bench_send(&bench, 0, 0x20d, "07 00");
+    bench_send(&bench, 0, 0x20d, "08 01");
+    bench_ticks(&bench, 2);
+    bench_expect(&bench, 0, 0x3da, "00 C0 00 80 00 80");
+    ft_ask(&bench, "0C 00 00", "0C 00 00 C0 00");
+    bench_send(&bench, 0, 0x20d, "15 01"); /* current tare, automatic */
+    ft_ask(&bench, "16 00", "16 00 C0 00");
+    bench_expect(&bench, 0, 0x3da, "00 80 00 80 00 80");
+    bench_expect(&bench, 0, 0x3db, "00 80 00 80 00 80");
+    ft_ask(&bench, "0C 00 01", "0C 00 01 80 00");
+    bench_send(&bench, 0, 0x20d, "15 00"); /* reset */
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x3da, "00 C0 00 80 00 80");
+    bench_send(&bench, 0, 0x20d, "13 01"); /* calibration tare, automatic */
+    ft_ask(&bench, "14 05", "14 05 20 00");
+    bench_expect(&bench, 0, 0x3da, "00 80 00 80 00 80");
+    bench_send(&bench, 0, 0x20d, "13 00");
+    bench_send(&bench, 0, 0x20d, "13 02 01 FF FE"); /* channel 1: -2 */
+    ft_ask(&bench, "14 01", "14 01 FF FE");
+    bench_expect(&bench, 0, 0x3da, "00 C0 FE 7F 00 80");
+    bench_stop(&bench);
 }
 
 static void the_matrix_mixes_the_channels(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig.ft.force_n[0] = 750.0;
-    rig_send(&rig, 0, 0x20d, "07 00");
-    rig_send(&rig, 0, 0x20d, "08 01");
-    rig_send(&rig, 0, 0x20d, "03 00 00 00 00"); /* fx from nothing */
-    rig_send(&rig, 0, 0x20d, "03 01 00 80 01"); /* fy from -fx */
-    rig_tick(&rig);
-    rig_expect(&rig, 0, 0x3da, "00 80 00 40 00 80");
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench.ft.force_n[0] = 750.0;
+    bench_send(&bench, 0, 0x20d, "07 00");
+    bench_send(&bench, 0, 0x20d, "08 01");
+    bench_send(&bench, 0, 0x20d, "03 00 00 00 00"); /* fx from nothing */
+    bench_send(&bench, 0, 0x20d, "03 01 00 80 01"); /* fy from -fx */
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x3da, "00 80 00 40 00 80");
+    bench_stop(&bench);
 }
 
 static void joint_torques_come_in_pseudo_strain_frames(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig.sense[0].torque_nm = 27.5;     /* half of 55 */
-    rig.sense[1].torque_nm = -13.75;   /* a quarter */
-    rig.sense[2].torque_nm = 0.001678; /* one step of 1.7 mNm */
-    rig_send(&rig, 0, 0x20c, "07 00");
-    rig_ticks(&rig, 4);
-    rig_expect(&rig, 0, 0x3ca, "00 C0 00 60 01 80");
-    rig_expect(&rig, 0, 0x3cb, "00 80 00 80 00 80"); /* channels without a joint */
-    rig_send(&rig, 0, 0x20c, "18 00");
-    rig_tick(&rig);
-    rig_expect(&rig, 0, 0x2c0, "18 00 00 37");
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench.sense[0].torque_nm = 27.5;     /* half of 55 */
+    bench.sense[1].torque_nm = -13.75;   /* a quarter */
+    bench.sense[2].torque_nm = 0.001678; /* one step of 1.7 mNm */
+    bench_send(&bench, 0, 0x20c, "07 00");
+    bench_ticks(&bench, 4);
+    bench_expect(&bench, 0, 0x3ca, "00 C0 00 60 01 80");
+    bench_expect(&bench, 0, 0x3cb, "00 80 00 80 00 80"); /* channels without a joint */
+    bench_send(&bench, 0, 0x20c, "18 00");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x2c0, "18 00 00 37");
+    bench_stop(&bench);
 }
 
 static void a_sensor_without_a_number_keeps_its_last(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig.ft.force_n[0] = 750.0;
-    rig_send(&rig, 0, 0x20d, "07 00");
-    rig_send(&rig, 0, 0x20d, "08 01");
-    rig_tick(&rig);
-    rig.ft.force_n[0] = (double)NAN;
-    rig_tick(&rig);
-    rig_expect(&rig, 0, 0x3da, "00 C0 00 80 00 80");
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench.ft.force_n[0] = 750.0;
+    bench_send(&bench, 0, 0x20d, "07 00");
+    bench_send(&bench, 0, 0x20d, "08 01");
+    bench_tick(&bench);
+    bench.ft.force_n[0] = (double)NAN;
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x3da, "00 C0 00 80 00 80");
+    bench_stop(&bench);
 }
 
 static void settings_survive_a_restart_and_the_tare_does_not(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x20d, "19 41 42 43 44 45 46 47");
-    rig_send(&rig, 0, 0x20d, "15 02 00 01 00");
-    rig_send(&rig, 0, 0x20d, "07 00");
-    rig_send(&rig, 0, 0x70d, "00");
-    rig_ticks(&rig, 100);
-    assert_int_equal(rig.count[0], 0);
-    rig_ticks(&rig, 4901);
-    ft_ask(&rig, "1A", "1A 41 42 43 44 45 46 47");
-    ft_ask(&rig, "16 00", "16 00 00 00");
-    rig_ticks(&rig, 20);
-    assert_int_equal(rig.count[0], 0);
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x20d, "19 41 42 43 44 45 46 47");
+    bench_send(&bench, 0, 0x20d, "15 02 00 01 00");
+    bench_send(&bench, 0, 0x20d, "07 00");
+    bench_send(&bench, 0, 0x70d, "00");
+    bench_ticks(&bench, 100);
+    assert_int_equal(bench.count[0], 0);
+    bench_ticks(&bench, 4901);
+    ft_ask(&bench, "1A", "1A 41 42 43 44 45 46 47");
+    ft_ask(&bench, "16 00", "16 00 00 00");
+    bench_ticks(&bench, 20);
+    assert_int_equal(bench.count[0], 0);
+    bench_stop(&bench);
 }
 
 int main(void)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The message tables agree with themselves: lengths with fields, fields with the codec. */
 #include "boards/icub/table.h"
-#include "tests/unit/boards/boards_rig.h"
+#include "tests/unit/boards/board_bench.h"
 
 static void check_command(const struct icub_command *row, unsigned code)
 {
@@ -98,7 +98,7 @@ static void every_type_survives_the_codec_at_its_ends(void **state)
 
         for (int e = 0; e < 4; e++) {
             uint8_t expected[64], data[8] = {0xaa, 0xaa, 0xaa, 0xaa};
-            uint8_t len = rig_bytes(texts[e], expected);
+            uint8_t len = bench_bytes(texts[e], expected);
             int64_t value = 1;
 
             fields_encode(fields, &ends[e], data);
@@ -131,89 +131,89 @@ static void decoding_stops_at_the_end_and_checks_ranges(void **state)
 
 /* ---- configuration ---- */
 
-static void refuses(struct rig *rig, const char *what)
+static void refuses(struct board_bench *bench, const char *what)
 {
     struct boards *boards = NULL;
     struct error error;
 
-    assert_int_equal(arena_init(&rig->arena, 64u << 20, &error), ERROR_NONE);
-    assert_int_equal(boards_create(&rig->config, &rig->arena, &boards, &error), ERROR_INPUT);
+    assert_int_equal(arena_init(&bench->arena, 64u << 20, &error), ERROR_NONE);
+    assert_int_equal(boards_create(&bench->config, &bench->arena, &boards, &error), ERROR_INPUT);
     if (!strstr(error.text, what)) {
         fail_msg("\"%s\" does not say \"%s\"", error.text, what);
     }
-    arena_fini(&rig->arena);
-    rig_configure(rig);
+    arena_fini(&bench->arena);
+    bench_configure(bench);
 }
 
 static void a_wrong_configuration_is_refused_with_the_board_and_the_reason(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig.board[1].address = 1;
-    refuses(&rig, "board leg 2: its address 1 is that of board leg 1");
-    rig.board[1].address = 0;
-    refuses(&rig, "board leg 2: the address must be 1 to 14");
-    rig.board[1].address = 15;
-    refuses(&rig, "the address must be 1 to 14");
-    rig.board[4].bus = 2;
-    refuses(&rig, "board arm 1: there is no bus with its index");
-    rig.board[4].bus = -1;
-    refuses(&rig, "there is no bus with its index");
-    rig.board[0].axis[0].joint = RIG_JOINTS;
-    refuses(&rig, "there is no joint with the index of its axis");
-    rig.board[0].axis[0].joint = -2;
-    refuses(&rig, "there is no joint with the index of its axis");
-    rig.board[0].axis[0].joint = 1;
-    refuses(&rig, "both axes have the same joint");
-    rig.board[0].axis[0].joint = 3;
-    refuses(&rig, "already has an axis of another board");
-    rig.board[0].axis[0].joint_ticks_per_rad = 0.0;
-    refuses(&rig, "ticks per rad");
-    rig.board[0].axis[0].motor_ticks_per_rad = (double)NAN;
-    refuses(&rig, "ticks per rad");
-    rig.board[0].axis[0].lower_rad = 3.0;
-    refuses(&rig, "the lower limit of an axis must be below the upper one");
-    rig.board[0].axis[0].current_limit_a = 0.0;
-    refuses(&rig, "the current limit");
-    rig.board[0].axis[0].torque_full_scale_nm = -1.0;
-    refuses(&rig, "the full scale of torque");
-    rig.board[0].command_timeout_ns = -1;
-    refuses(&rig, "time-out");
-    rig.board[3].ft = 1;
-    refuses(&rig, "board ankle: there is no force-torque sensor with its index");
-    rig.board[3].full_scale[2] = 1500.5;
-    refuses(&rig, "whole number");
-    rig.board[3].full_scale[2] = 70000.0;
-    refuses(&rig, "at most 65535");
-    rig.board[2].torque_joint[0] = 77;
-    refuses(&rig, "there is no joint with the index of its channel");
-    rig.board[2].full_scale[1] = 0.0;
-    refuses(&rig, "a full scale must be above 0");
-    rig.board[2].period_ns = -5;
-    refuses(&rig, "the period");
-    rig.board[0].kind = (enum board_kind)9;
-    refuses(&rig, "no such kind of board");
-    rig.config.tick_ns = 0;
-    refuses(&rig, "the tick must be above 0");
+    bench_configure(&bench);
+    bench.board[1].address = 1;
+    refuses(&bench, "board leg 2: its address 1 is that of board leg 1");
+    bench.board[1].address = 0;
+    refuses(&bench, "board leg 2: the address must be 1 to 14");
+    bench.board[1].address = 15;
+    refuses(&bench, "the address must be 1 to 14");
+    bench.board[4].bus = 2;
+    refuses(&bench, "board arm 1: there is no bus with its index");
+    bench.board[4].bus = -1;
+    refuses(&bench, "there is no bus with its index");
+    bench.board[0].axis[0].joint = BENCH_JOINTS;
+    refuses(&bench, "there is no joint with the index of its axis");
+    bench.board[0].axis[0].joint = -2;
+    refuses(&bench, "there is no joint with the index of its axis");
+    bench.board[0].axis[0].joint = 1;
+    refuses(&bench, "both axes have the same joint");
+    bench.board[0].axis[0].joint = 3;
+    refuses(&bench, "already has an axis of another board");
+    bench.board[0].axis[0].joint_ticks_per_rad = 0.0;
+    refuses(&bench, "ticks per rad");
+    bench.board[0].axis[0].motor_ticks_per_rad = (double)NAN;
+    refuses(&bench, "ticks per rad");
+    bench.board[0].axis[0].lower_rad = 3.0;
+    refuses(&bench, "the lower limit of an axis must be below the upper one");
+    bench.board[0].axis[0].current_limit_a = 0.0;
+    refuses(&bench, "the current limit");
+    bench.board[0].axis[0].torque_full_scale_nm = -1.0;
+    refuses(&bench, "the full scale of torque");
+    bench.board[0].command_timeout_ns = -1;
+    refuses(&bench, "time-out");
+    bench.board[3].ft = 1;
+    refuses(&bench, "board ankle: there is no force-torque sensor with its index");
+    bench.board[3].full_scale[2] = 1500.5;
+    refuses(&bench, "whole number");
+    bench.board[3].full_scale[2] = 70000.0;
+    refuses(&bench, "at most 65535");
+    bench.board[2].torque_joint[0] = 77;
+    refuses(&bench, "there is no joint with the index of its channel");
+    bench.board[2].full_scale[1] = 0.0;
+    refuses(&bench, "a full scale must be above 0");
+    bench.board[2].period_ns = -5;
+    refuses(&bench, "the period");
+    bench.board[0].kind = (enum board_kind)9;
+    refuses(&bench, "no such kind of board");
+    bench.config.tick_ns = 0;
+    refuses(&bench, "the tick must be above 0");
 }
 
 static void too_small_an_arena_is_an_error_at_any_size(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
     struct boards *boards;
     struct error error;
     size_t size = 4096;
 
     (void)state;
-    rig_configure(&rig);
+    bench_configure(&bench);
     for (;; size += 4096) {
         enum error_code code;
 
-        assert_int_equal(arena_init(&rig.arena, size, &error), ERROR_NONE);
-        code = boards_create(&rig.config, &rig.arena, &boards, &error);
-        arena_fini(&rig.arena);
+        assert_int_equal(arena_init(&bench.arena, size, &error), ERROR_NONE);
+        code = boards_create(&bench.config, &bench.arena, &boards, &error);
+        arena_fini(&bench.arena);
         if (!code) {
             break;
         }
@@ -224,18 +224,18 @@ static void too_small_an_arena_is_an_error_at_any_size(void **state)
 
 static void a_rig_without_boards_does_nothing(void **state)
 {
-    struct rig rig;
+    struct board_bench bench;
 
     (void)state;
-    rig_configure(&rig);
-    rig.config.nboard = 0;
-    rig_start(&rig);
-    rig_send(&rig, 0, 0x70f, "FF");
-    rig_tick(&rig);
-    assert_int_equal(rig.count[0], 0);
-    assert_int_equal(rig_counters(&rig).foreign, 1);
-    boards_shut_down(rig.boards, &rig.command);
-    rig_stop(&rig);
+    bench_configure(&bench);
+    bench.config.nboard = 0;
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x70f, "FF");
+    bench_tick(&bench);
+    assert_int_equal(bench.count[0], 0);
+    assert_int_equal(bench_counters(&bench).foreign, 1);
+    boards_shut_down(bench.boards, bench.now_ns, &bench.command);
+    bench_stop(&bench);
 }
 
 int main(void)

@@ -1,0 +1,53 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A small rig's names for the tests of faults: three joints, two sensors, two buses, two boards. */
+#ifndef TESTS_UNIT_BOARDS_FAULT_NAMES_H
+#define TESTS_UNIT_BOARDS_FAULT_NAMES_H
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "boards/faults.h"
+
+#define SECOND INT64_C(1000000000)
+
+static const char *const joints[] = {"LHipSag", "LKneeSag", "hand"};
+static const bool driven[] = {true, true, false};
+static const char *const fts[] = {"l_leg_ft", "r.leg.ft"};
+static const char *const buses[] = {"left_leg", "torso"};
+static const bool wire[] = {true, false};
+static const char *const boards[] = {"left_leg/0x01", "ankle"};
+static const size_t board_bus[] = {0, 0};
+static const int board_address[] = {1, 13};
+
+static const struct fault_names names = {
+    .njoint = 3,
+    .joint = joints,
+    .driven = driven,
+    .nft = 2,
+    .ft = fts,
+    .imu = true,
+    .nbus = 2,
+    .bus = buses,
+    .wire = wire,
+    .nboard = 2,
+    .board = boards,
+    .board_bus = board_bus,
+    .board_address = board_address,
+};
+
+static inline struct fault parse(const char *text)
+{
+    struct fault fault;
+    struct error error;
+
+    if (fault_parse(text, &names, &fault, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return fault;
+}
+
+#endif
