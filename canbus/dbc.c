@@ -2,6 +2,7 @@
 /* Building a DBC database; see the header. */
 #include "canbus/dbc.h"
 
+#include "base/count.h"
 #include "canbus/dbc_private.h"
 #include "canbus/frame.h"
 
@@ -30,26 +31,6 @@ const char *const dbc_symbols[DBC_SYMBOLS] = {
     "BU_BO_REL_",
 };
 
-/* clang-format off */
-const char dbc_definitions[] =
-    "BA_DEF_ \"" DBC_NAME "\" STRING ;\n"
-    "BA_DEF_ \"" DBC_BUS_TYPE "\" STRING ;\n"
-    "BA_DEF_ \"" DBC_BITRATE "\" INT 0 1000000000;\n"
-    "BA_DEF_ \"" DBC_DATA_BITRATE "\" INT 0 1000000000;\n"
-    "BA_DEF_ BO_ \"" DBC_CYCLE "\" INT 0 3600000;\n"
-    "BA_DEF_ BO_ \"" DBC_FORMAT "\" ENUM \"StandardCAN\",\"ExtendedCAN\",\"reserved\",\"reserved\","
-    "\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\","
-    "\"reserved\",\"reserved\",\"reserved\",\"StandardCAN_FD\",\"ExtendedCAN_FD\";\n"
-    "BA_DEF_ SG_ \"" DBC_LENGTH "\" INT 0 64;\n"
-    "BA_DEF_DEF_ \"" DBC_NAME "\" \"\";\n"
-    "BA_DEF_DEF_ \"" DBC_BUS_TYPE "\" \"" DBC_BUS_CLASSIC "\";\n"
-    "BA_DEF_DEF_ \"" DBC_BITRATE "\" 0;\n"
-    "BA_DEF_DEF_ \"" DBC_DATA_BITRATE "\" 0;\n"
-    "BA_DEF_DEF_ \"" DBC_CYCLE "\" 0;\n"
-    "BA_DEF_DEF_ \"" DBC_FORMAT "\" \"StandardCAN\";\n"
-    "BA_DEF_DEF_ \"" DBC_LENGTH "\" 0;\n";
-/* clang-format on */
-
 /* ---- names and texts ---- */
 
 static bool is_letter(char c)
@@ -67,7 +48,7 @@ static bool is_reserved(const char *name)
             return true;
         }
     }
-    for (size_t i = 0; i < sizeof words / sizeof *words; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(words); i++) {
         if (!strcmp(name, words[i])) {
             return true;
         }

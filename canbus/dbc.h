@@ -2,9 +2,8 @@
 /*
  * A DBC database: what the frames of one bus mean, in the text format that CAN tools read (nodes,
  * messages, signals, multiplexing, value tables, comments, cycle times, CAN FD). A database is built
- * piece by piece, each piece checked as it is added, then written; the reader builds it in the same
- * way out of text, and takes what the writer writes and nothing beyond it: 11-bit identifiers, plain
- * ASCII, the attributes below, sections in their usual order. Not RT-safe.
+ * piece by piece, each piece checked as it is added, then written: 11-bit identifiers, plain ASCII,
+ * the attributes below, sections in the order that the format asks for. Not RT-safe.
  *
  *   GenMsgCycleTime  of a message, ms; 0 = on demand
  *   VFrameFormat     of a message: StandardCAN, StandardCAN_FD
@@ -134,9 +133,5 @@ unsigned dbc_bit(const struct dbc_signal *signal, unsigned k);
 
 /* The same database gives the same bytes. */
 enum error_code dbc_write(const struct dbc *dbc, FILE *file, struct error *error);
-
-/* Reads size bytes of text. Errors begin with file:line:column. */
-enum error_code dbc_read(const char *file, const char *text, size_t size, struct arena *arena,
-                         struct dbc **dbc, struct error *error);
 
 #endif

@@ -8,6 +8,41 @@
 #include <inttypes.h>
 #include <stdlib.h>
 
+/* Attributes that tools know, and FrameLength, which is ours (canbus/dbc.h) */
+#define DBC_NAME "DBName"
+#define DBC_BUS_TYPE "BusType"
+#define DBC_BITRATE "Baudrate"
+#define DBC_DATA_BITRATE "BaudrateCANFD"
+#define DBC_CYCLE "GenMsgCycleTime"
+#define DBC_FORMAT "VFrameFormat"
+#define DBC_LENGTH "FrameLength"
+
+/* Values of BusType and VFrameFormat */
+#define DBC_BUS_CLASSIC "CAN"
+#define DBC_BUS_FD "CAN FD"
+enum { DBC_FORMAT_FD = 14 };
+
+/* The lines that define the attributes and their defaults, the same in every file. */
+/* clang-format off */
+static const char dbc_definitions[] =
+    "BA_DEF_ \"" DBC_NAME "\" STRING ;\n"
+    "BA_DEF_ \"" DBC_BUS_TYPE "\" STRING ;\n"
+    "BA_DEF_ \"" DBC_BITRATE "\" INT 0 1000000000;\n"
+    "BA_DEF_ \"" DBC_DATA_BITRATE "\" INT 0 1000000000;\n"
+    "BA_DEF_ BO_ \"" DBC_CYCLE "\" INT 0 3600000;\n"
+    "BA_DEF_ BO_ \"" DBC_FORMAT "\" ENUM \"StandardCAN\",\"ExtendedCAN\",\"reserved\",\"reserved\","
+    "\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\","
+    "\"reserved\",\"reserved\",\"reserved\",\"StandardCAN_FD\",\"ExtendedCAN_FD\";\n"
+    "BA_DEF_ SG_ \"" DBC_LENGTH "\" INT 0 64;\n"
+    "BA_DEF_DEF_ \"" DBC_NAME "\" \"\";\n"
+    "BA_DEF_DEF_ \"" DBC_BUS_TYPE "\" \"" DBC_BUS_CLASSIC "\";\n"
+    "BA_DEF_DEF_ \"" DBC_BITRATE "\" 0;\n"
+    "BA_DEF_DEF_ \"" DBC_DATA_BITRATE "\" 0;\n"
+    "BA_DEF_DEF_ \"" DBC_CYCLE "\" 0;\n"
+    "BA_DEF_DEF_ \"" DBC_FORMAT "\" \"StandardCAN\";\n"
+    "BA_DEF_DEF_ \"" DBC_LENGTH "\" 0;\n";
+/* clang-format on */
+
 /* The shortest notation that reads back as the same number. */
 static void put_number(FILE *file, double value)
 {
