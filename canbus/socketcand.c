@@ -2,6 +2,8 @@
 /* Words between < and >, and frames as words. */
 #include "canbus/socketcand.h"
 
+#include "base/count.h"
+
 #include <ctype.h>
 #include <stdio.h>
 #include <string.h>
@@ -173,7 +175,7 @@ static enum socketcand_command parse_words(const struct words *words,
     if (strcmp(name, "echo") == 0) {
         return words->count == 1 ? SOCKETCAND_ECHO : SOCKETCAND_MALFORMED;
     }
-    for (size_t i = 0; i < sizeof other / sizeof other[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(other); i++) {
         if (strcmp(name, other[i]) == 0) {
             return SOCKETCAND_OTHER;
         }

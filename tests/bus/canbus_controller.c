@@ -18,6 +18,8 @@
 #include <cmocka.h>
 
 #include "canbus/interface.h"
+
+#include "base/count.h"
 #include "sim/interfaces.h"
 
 #include <libsocketcan.h>
@@ -252,7 +254,7 @@ static void refuses_settings_and_goes_on_with_those_it_had(void **state)
     need_controllers(state);
     configure("can0", (struct interface_settings){250000, 0.875, 50});
     before = query("can0");
-    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
         assert_int_not_equal(interface_kernel.configure(NULL, "can0", &wrong[i], &error),
                              ERROR_NONE);
         assert_says(error.text, "can0");

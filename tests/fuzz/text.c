@@ -5,6 +5,8 @@
  */
 #include "base/text.h"
 
+#include "base/count.h"
+
 #include "canbus/lockstep.h"
 #include "base/markup.h"
 #include "app/cli/notify.h"
@@ -114,7 +116,7 @@ static void check_command_line(char *text)
     const struct command_spec spec = {.name = "try",
                                       .summary = "Try.",
                                       .option = options,
-                                      .noption = sizeof options / sizeof *options,
+                                      .noption = ARRAY_COUNT(options),
                                       .operand = operands,
                                       .noperand = 2,
                                       .many = true};

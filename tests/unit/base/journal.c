@@ -2,6 +2,8 @@
 /* When lines get a priority for the journal. */
 #include "base/journal.h"
 
+#include "base/count.h"
+
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -54,7 +56,7 @@ static void refuses_what_is_no_stream(void **state)
     static const char *const wrong[] = {"", "1", "1:", ":1", "a:b", "1:2x"};
 
     (void)state;
-    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
         assert_false(journal_stream_is(wrong[i], STDERR_FILENO));
     }
     assert_false(journal_stream_is("1:2", -1));

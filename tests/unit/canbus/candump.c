@@ -9,6 +9,8 @@
 
 #include "canbus/candump.h"
 
+#include "base/count.h"
+
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -89,7 +91,7 @@ static void writes_lines_exactly_as_candump_does(void **state)
     char line[CANDUMP_LINE_MAX];
 
     (void)state;
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         size_t size = candump_format(&cases[i].frame, "can0", line);
 
         assert_string_equal(line, cases[i].line);
@@ -129,7 +131,7 @@ static void reads_what_candump_and_its_relatives_write(void **state)
     };
 
     (void)state;
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct bus_frame frame;
         struct error error;
         char bus[16];
@@ -190,7 +192,7 @@ static void refuses_malformed_lines_and_names_the_column(void **state)
     };
 
     (void)state;
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct bus_frame frame;
         struct error error;
         int column = -1;
@@ -285,7 +287,7 @@ static void names_file_line_and_column_of_a_fault(void **state)
     bool end;
 
     (void)state;
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         write_file(path, cases[i].text, cases[i].size);
         assert_int_equal(candump_open(&reader, path, &error), ERROR_NONE);
         assert_int_equal(candump_next(&reader, &frame, bus, &end, &error), ERROR_NONE);

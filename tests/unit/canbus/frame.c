@@ -9,6 +9,8 @@
 
 #include "canbus/frame.h"
 
+#include "base/count.h"
+
 static void accepts_legal_frames_only(void **state)
 {
     static const struct {
@@ -41,7 +43,7 @@ static void accepts_legal_frames_only(void **state)
     };
 
     (void)state;
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct bus_frame frame = {.id = cases[i].id, .flags = cases[i].flags, .len = cases[i].len};
 
         if (frame_valid(&frame) != cases[i].valid) {

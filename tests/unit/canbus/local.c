@@ -9,6 +9,8 @@
 
 #include "canbus/port.h"
 
+#include "base/count.h"
+
 #include <linux/can/error.h>
 #include <poll.h>
 #include <pthread.h>
@@ -203,7 +205,7 @@ static void passes_what_a_filter_matches_and_every_error_frame(void **state)
     struct error error;
 
     assert_int_equal(local_bus_join(bench->bus, filter, 3, &picky, &error), ERROR_NONE);
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct bus_frame frame = {.id = cases[i].id, .flags = cases[i].flags};
 
         assert_int_equal(can_send(sender, &frame, 1), 1);
@@ -274,7 +276,7 @@ static void follows_the_controller_states_that_error_frames_report(void **state)
     struct bus_frame frame, got[2];
 
     join_all(bench);
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         frame = cases[i].frame;
         frame.flags = FRAME_ERROR;
         frame.len = 8;
@@ -282,7 +284,7 @@ static void follows_the_controller_states_that_error_frames_report(void **state)
         assert_int_equal(can_receive(bench->node[1], got, 2), 1);
         assert_int_equal(bench->node[1]->state, cases[i].state);
     }
-    assert_int_equal(bench->node[1]->counters.error_frames, sizeof cases / sizeof *cases);
+    assert_int_equal(bench->node[1]->counters.error_frames, ARRAY_COUNT(cases));
     assert_int_equal(bench->node[1]->counters.rx_frames, 0);
     /* traffic proves that a controller has left bus-off */
     frame = (struct bus_frame){.id = CAN_ERR_BUSOFF, .flags = FRAME_ERROR, .len = 8};

@@ -8,6 +8,8 @@
 #include <cmocka.h>
 
 #include "base/random.h"
+
+#include "base/count.h"
 #include "canbus/wire/bits.h"
 #include "tests/unit/canbus/wire/wire_reference.h"
 
@@ -140,7 +142,7 @@ static void worst_fd_durations_are_the_published_ones(void **state)
     };
 
     (void)state;
-    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(table); i++) {
         struct wire_length length = wire_worst_length(FRAME_FD | FRAME_BRS, table[i].len);
 
         length.nominal += WIRE_INTERMISSION_BITS;
@@ -229,7 +231,7 @@ static void priorities_follow_the_arbitration_field(void **state)
     struct random_stream random = random_named(5, "frames");
 
     (void)state;
-    for (size_t i = 1; i < sizeof frames / sizeof frames[0]; i++) {
+    for (size_t i = 1; i < ARRAY_COUNT(frames); i++) {
         assert_true(wire_priority(&frames[i - 1]) < wire_priority(&frames[i]));
     }
     /* whose bits are dominant first */

@@ -2,6 +2,8 @@
 /* The wire with healthy nodes: times, arbitration, queues, load, latency. */
 #include "tests/unit/canbus/wire/wire_bench.h"
 
+#include "base/count.h"
+
 #include <stdlib.h>
 
 static struct wire_bench bench;
@@ -468,7 +470,7 @@ static void impossible_configurations_are_refused_with_a_reason(void **state)
 
     (void)state;
     assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         assert_int_equal(wire_create(&cases[i].config, &arena, &wire, &error), ERROR_INPUT);
         assert_non_null(strstr(error.text, cases[i].message));
     }
