@@ -15,7 +15,7 @@
 
 #include <cmocka.h>
 
-/* device and inode of standard error, the inode off by some */
+/* Device and inode of standard error, the inode off by some */
 static void name_stream(char text[64], unsigned long long off)
 {
     struct stat file;
@@ -45,7 +45,7 @@ static void lines_for_others_do_not(void **state)
     (void)state;
     unsetenv("JOURNAL_STREAM");
     assert_string_equal(journal_prefix(JOURNAL_ERROR), "");
-    /* inherited, and standard error has been sent elsewhere */
+    /* Inherited, and standard error has been sent elsewhere */
     name_stream(stream, 1);
     setenv("JOURNAL_STREAM", stream, 1);
     assert_string_equal(journal_prefix(JOURNAL_ERROR), "");

@@ -162,6 +162,32 @@ static void a_name_is_safe_in_messages_and_file_names(void **state)
     }
 }
 
+static void utf8_characters_have_one_to_four_bytes(void **state)
+{
+    static const struct {
+        const char *text;
+        size_t size, length;
+    } cases[] = {
+        {"a", 1, 1},
+        {"a", 0, 0},
+        {"\xc3\xa4", 2, 2},
+        {"\xc3\xa4", 1, 0}, /* cut off */
+        {"\xe2\x82\xac!", 4, 3},
+        {"\xf0\x9f\xa4\x96", 4, 4},
+        {"\xf0\x9f\xa4\x96", 3, 0},
+        {"\xa4", 1, 0},             /* a continuation */
+        {"\xc0\x80", 2, 0},         /* overlong */
+        {"\xed\xa0\x80", 3, 0},     /* a surrogate */
+        {"\xf4\x90\x80\x80", 4, 0}, /* beyond Unicode */
+        {"\xff", 1, 0},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
+        assert_int_equal(text_utf8_length(cases[i].text, cases[i].size), cases[i].length);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -173,6 +199,7 @@ int main(void)
         cmocka_unit_test(names_no_word_when_none_is_near),
         cmocka_unit_test(passes_over_words_that_are_too_long_to_compare),
         cmocka_unit_test(a_name_is_safe_in_messages_and_file_names),
+        cmocka_unit_test(utf8_characters_have_one_to_four_bytes),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -203,7 +203,7 @@ static struct car read_car(const char *text)
     return car;
 }
 
-/* text is refused as bad input with exactly this message */
+/* Text is refused as bad input with exactly this message */
 static void refused_with(const char *text, const char *message)
 {
     struct error error = {0};
@@ -555,7 +555,7 @@ static void a_long_value_is_cut_between_characters_in_messages(void **state)
                  "expected red, green or on");
 }
 
-/* count copies of unit between head and tail; the caller frees it */
+/* Count copies of unit between head and tail; the caller frees it */
 static char *repeat(const char *head, const char *unit, size_t count, const char *tail)
 {
     size_t n = strlen(unit);
