@@ -20,7 +20,7 @@ struct ring {
     _Alignas(64) _Atomic uint32_t tail; /* next slot to read, owned by the reader */
 };
 
-/* Slots holds count * slot_size bytes; count is a power of two. */
+/* Memory at slots is count * slot_size bytes; count is a power of two. */
 static inline void ring_init(struct ring *ring, void *slots, size_t slot_size, uint32_t count)
 {
     ring->slots = slots;

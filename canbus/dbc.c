@@ -269,7 +269,7 @@ unsigned dbc_bit(const struct dbc_signal *signal, unsigned k)
 
 static bool fits(const struct dbc_signal *signal, unsigned length)
 {
-    /* the bit furthest from the front: of a big-endian signal the least, else the most significant */
+    /* The bit furthest from the front: of a big-endian signal the least, else the most significant */
     return signal->bits >= 1 && signal->bits <= 64 && signal->start < FRAME_BITS &&
            dbc_bit(signal, signal->big_endian ? 0 : signal->bits - 1u) < 8 * length;
 }

@@ -49,7 +49,7 @@ struct dbc_signal {
     const char *name;
     enum dbc_role role;
     uint32_t selector; /* DBC_MULTIPLEXED: there when the multiplexor has this value */
-    /* bit 8 i + j is bit j (0 = least significant) of byte i; little-endian signals start at their
+    /* Bit 8 i + j is bit j (0 = least significant) of byte i; little-endian signals start at their
      * least, big-endian ones at their most significant bit */
     uint16_t start;
     uint8_t bits; /* 1 to 64, DBC_FLOAT 32 */

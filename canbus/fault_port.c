@@ -63,7 +63,7 @@ static bool is_off(const struct fault_port *f)
     return false;
 }
 
-/* no traffic of the bus: a bus that is down does not keep it */
+/* No traffic of the bus: a bus that is down does not keep it */
 static bool is_exempt(const struct fault_port *f, const struct bus_frame *frame)
 {
     for (size_t i = 0; i < f->config.nexempt; i++) {

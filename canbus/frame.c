@@ -38,7 +38,7 @@ bool frame_valid(const struct bus_frame *frame)
     if (flags & ~known) {
         return false;
     }
-    /* an error frame has no format of its own; FD knows no remote frames, classic no bit rates */
+    /* An error frame has no format of its own; FD knows no remote frames, classic no bit rates */
     if ((flags & FRAME_ERROR) && flags != FRAME_ERROR) {
         return false;
     }
@@ -66,7 +66,7 @@ uint32_t frame_bits(const struct bus_frame *frame)
 
 uint32_t frame_fast_bits(const struct bus_frame *frame)
 {
-    /* at the nominal rate: 17 bits from SOF to the switch (36 with a 29-bit identifier), ACK and its
+    /* At the nominal rate: 17 bits from SOF to the switch (36 with a 29-bit identifier), ACK and its
      * delimiter, EOF and intermission */
     const uint32_t slow = (frame->flags & FRAME_EXTENDED ? 36u : 17u) + 2u + 7u + 3u;
 

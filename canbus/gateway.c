@@ -64,7 +64,7 @@ static void drop(struct client *client)
     }
 }
 
-/* gives the system what it takes */
+/* Gives the system what it takes */
 static void flush(struct client *client)
 {
     while (client->socket >= 0 && client->waiting > 0) {
@@ -97,7 +97,7 @@ static void put(struct gateway *gateway, struct client *client, const char *text
     if (client->socket >= 0 && client->waiting + length > GATEWAY_OUTBOX) {
         const struct linger at_once = {.l_onoff = 1};
 
-        /* what it did not take in all that time it does not get from the kernel either */
+        /* What it did not take in all that time it does not get from the kernel either */
         setsockopt(client->socket, SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
         gateway->counters.cut_slow++;
         drop(client);
@@ -112,7 +112,7 @@ static void answer(struct gateway *gateway, struct client *client, const char *t
     put(gateway, client, text, strlen(text));
 }
 
-/* to the clients of a bus but for the one it came from */
+/* To the clients of a bus but for the one it came from */
 static void publish(struct gateway *gateway, size_t bus, const struct bus_frame *frame,
                     const struct client *from)
 {
@@ -180,7 +180,7 @@ static void send_frame(struct gateway *gateway, struct client *client,
 
     frame.time_ns = gateway->time_ns[client->bus];
     if (can_send(gateway->config.bus[client->bus].port, &frame, 1) != 1) {
-        /* a full queue: bad luck, not bad manners */
+        /* A full queue: bad luck, not bad manners */
         gateway->counters.not_taken++;
         answer(gateway, client, "< error the bus refuses the frame >");
         return;
@@ -228,7 +228,7 @@ static void obey(struct gateway *gateway, struct client *client, const char *tex
     }
 }
 
-/* obeys every command that has come to its end; what stands between them is skipped */
+/* Obeys every command that has come to its end; what stands between them is skipped */
 static void obey_all(struct gateway *gateway, struct client *client)
 {
     size_t at = 0;
@@ -279,7 +279,7 @@ static struct client *free_place(struct gateway *gateway)
     return NULL;
 }
 
-/* everybody who waits at the door */
+/* Everybody who waits at the door */
 static void welcome(struct gateway *gateway)
 {
     int one = 1, socket;
@@ -318,7 +318,7 @@ static void serve_bus(struct gateway *gateway, size_t bus)
 
 enum { POLL_FIXED = 2, POLL_MAX = POLL_FIXED + GATEWAY_CLIENTS + GATEWAY_BUSES };
 
-/* the descriptors to wait for, and for how long; clients first, then the ports that have one */
+/* The descriptors to wait for, and for how long; clients first, then the ports that have one */
 static size_t prepare(const struct gateway *gateway, struct pollfd fd[POLL_MAX], int *timeout_ms)
 {
     size_t count = POLL_FIXED;
@@ -434,7 +434,7 @@ static enum error_code listen_at(struct gateway *gateway, const char *host, stru
     }
     length = sizeof address;
     getsockname(gateway->listener, (struct sockaddr *)&address, &length);
-    /* the port stands at the same place in both families */
+    /* The port stands at the same place in both families */
     gateway->port = ntohs(((const struct sockaddr_in *)&address)->sin_port);
     return ERROR_NONE;
 }
@@ -541,7 +541,7 @@ void gateway_stop(struct gateway *gateway)
     if (!gateway) {
         return;
     }
-    /* cannot fail: the counter is zero */
+    /* Cannot fail: the counter is zero */
     (void)!write(gateway->stop_event, &one, sizeof one);
     pthread_join(gateway->thread, NULL);
     close_all(gateway);

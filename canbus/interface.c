@@ -148,7 +148,7 @@ static enum error_code check_settings(const char *name, const struct interface_s
     return ERROR_NONE;
 }
 
-/* libsocketcan's answer, whose reason is in errno. */
+/* Turns the result of libsocketcan, whose reason is in errno, into an error. */
 static enum error_code judge(int result, const char *name, const char *what, struct error *error)
 {
     return result ? error_set_errno(error, errno, "cannot %s interface %s", what, name)
@@ -221,7 +221,7 @@ static enum error_code configure(void *context, const char *name,
     if (!code) {
         return interface_start(name, error);
     }
-    /* as it was: somebody else may be on the bus with it */
+    /* As it was: somebody else may be on the bus with it */
     if (before.controller.timing.bitrate) {
         can_set_bittiming(name, &before.controller.timing);
         can_set_restart_ms(name, before.controller.restart_ms);

@@ -176,7 +176,7 @@ int link_query(int descriptor, const char *name, struct link_info *info)
     request.header.nlmsg_len =
         (uint32_t)(offsetof(struct request, name_header) + RTA_LENGTH(length + 1));
 
-    /* an answer that an earlier call did not fetch must not pass for this one */
+    /* An answer that an earlier call did not fetch must not pass for this one */
     while (recv(descriptor, answer, sizeof answer, MSG_DONTWAIT) > 0) {
     }
     if (send(descriptor, &request, request.header.nlmsg_len, MSG_DONTWAIT) < 0) {

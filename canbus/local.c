@@ -40,7 +40,7 @@ static void event_raise(int event)
     const uint64_t one = 1;
     ssize_t written;
 
-    /* fails only when the counter is full, and then the descriptor is readable anyway */
+    /* Fails only when the counter is full, and then the descriptor is readable anyway */
     do {
         written = write(event, &one, sizeof one);
     } while (written < 0 && errno == EINTR);
@@ -212,7 +212,7 @@ static size_t local_receive(struct can_port *port, struct bus_frame *frames, siz
     if (count < max) {
         uint32_t signal = atomic_load_explicit(&node->signal, memory_order_relaxed);
 
-        /* the inbox is empty: lower the signal, then look once more for what came meanwhile. A
+        /* The inbox is empty: lower the signal, then look once more for what came meanwhile. A
          * wake-up that was written late is cleared by the call that finds nothing. */
         if ((signal & SIGNAL_RAISED) || !count) {
             if (signal & SIGNAL_WANTED) {

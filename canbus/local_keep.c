@@ -11,13 +11,13 @@
 enum { PARCELS_MAX = 2048, CONTROLLERS_MAX = 64 };
 
 struct moment {
-    /* the wire's other half: what is known here of its controllers */
+    /* The wire's other half: what is known here of its controllers */
     uint64_t plugged_seen, dropped_seen;
     enum wire_state state[CONTROLLERS_MAX];
 
     size_t count;
     struct parcel parcel[PARCELS_MAX]; /* lane after lane */
-    /* then a struct kept_node of each node, then the number of parcels of each own lane */
+    /* Then a struct kept_node of each node, then the number of parcels of each own lane */
 };
 
 struct kept_node {

@@ -44,7 +44,7 @@ struct node {
     struct frame_filter filter[LOCAL_BUS_FILTERS_MAX];
     size_t nfilter;
 
-    /* wire mode: its controllers */
+    /* Wire mode: its controllers */
     size_t first_controller, controllers;
     uint64_t controller_mask;
     enum wire_state shown;         /* the state last reported to the port */
@@ -63,7 +63,7 @@ struct local_bus {
     struct node *nodes;
     struct lane *lanes; /* [receiver * places + sender] */
 
-    /* wire mode; but for plugged of the thread that advances */
+    /* Wire mode; but for plugged of the thread that advances */
     struct wire *wire;
     size_t controllers;       /* given out */
     _Atomic uint64_t plugged; /* controllers whose port is open */
@@ -85,7 +85,7 @@ static inline const struct node *const_node_of(const struct can_port *port)
     return (const struct node *)((const char *)port - offsetof(struct node, port));
 }
 
-/* local.c: puts a frame into the inbox of a node, from a place; false when the node does not want
+/* Of local.c: puts a frame into the inbox of a node, from a place; false when the node does not want
  * it. Then tells the nodes that are marked that frames are there. */
 bool local_put(const struct local_bus *bus, size_t receiver, size_t sender, uint64_t number,
                const struct bus_frame *frame);

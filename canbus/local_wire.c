@@ -285,7 +285,7 @@ enum error_code local_wire_create(struct local_bus *bus, struct arena *arena, st
     if (!bus->state) {
         return error_set(error, ERROR_MEMORY, "local bus %s: no memory for its wire", config->name);
     }
-    /* nobody is there yet who could acknowledge */
+    /* Nobody is there yet who could acknowledge */
     for (size_t i = 0; i < config->wire_nodes; i++) {
         wire_connect(bus->wire, i, false);
     }

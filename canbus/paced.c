@@ -94,7 +94,7 @@ static size_t paced_receive(struct can_port *port, struct bus_frame *frames, siz
 
     for (size_t i = 0; i < count; i++) {
         if (!bypasses(paced, &frames[i])) {
-            /* more than its queue holds is more than the wire could have carried */
+            /* More than its queue holds is more than the wire could have carried */
             wire_transmit(paced->wire, paced->config.nodes, &frames[i]);
         }
     }

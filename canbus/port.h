@@ -157,7 +157,7 @@ struct local_bus_config {
     bool fd;          /* nodes may send FD frames */
     enum local_bus_mode mode;
 
-    /* wire mode; zeros take what is said in [] */
+    /* Wire mode; zeros take what is said in [] */
     int64_t bitrate;          /* [1 Mbit/s] */
     int64_t data_bitrate;     /* [bitrate] */
     size_t wire_nodes;        /* controllers of all ports together, at most 63 [max_nodes] */

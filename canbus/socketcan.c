@@ -81,7 +81,7 @@ static void port_lose(struct socketcan *can, int code)
         atomic_store(&can->lost, true);
     }
     can->port.state = code == ENETDOWN ? CAN_PORT_DOWN : CAN_PORT_GONE;
-    /* what waited here will be old when it comes back */
+    /* What waited here will be old when it comes back */
     can->port.counters.tx_dropped += can->nheld;
     can->nheld = 0;
     queue_moves(can);
@@ -122,7 +122,7 @@ static void take_up(struct socketcan *can, enum can_port_state state, bool fd)
 
     can->port.state = state;
     if (state == CAN_PORT_UP) {
-        /* takes away the error that the loss has left on the socket */
+        /* Takes away the error that the loss has left on the socket */
         getsockopt(can->socket, SOL_SOCKET, SO_ERROR, &pending, &size);
         can->port.fd = fd;
     }
@@ -490,7 +490,7 @@ static size_t socketcan_send(struct can_port *port, const struct bus_frame *fram
     if (!port_is_lost(port) && release(can)) {
         at = transmit(can, frames, count, &accepted);
     }
-    /* behind a full queue */
+    /* Behind a full queue */
     for (; at < count && can->full_since_ns; at++) {
         accepted += hold(can, &frames[at]);
     }

@@ -39,13 +39,13 @@ struct socketcan {
     const struct can_state_box *controller;
     uint32_t post; /* the last one that was read from it */
 
-    /* between the port and who seeks its interface */
+    /* Between the port and who seeks its interface */
     bool sought;
     atomic_bool lost;         /* the interface, and nobody has found it again */
     _Atomic uint32_t finding; /* number << 9 | FD possible << 8 | enum can_port_state */
     uint32_t finding_seen;
 
-    /* the newest frame of each identifier that met a full queue, in the order of arrival */
+    /* The newest frame of each identifier that met a full queue, in the order of arrival */
     struct bus_frame held[SOCKETCAN_HELD_MAX];
     size_t nheld;
     int64_t full_since_ns; /* no frame has left since; 0 = the last attempt met no full queue */

@@ -15,7 +15,7 @@ struct words {
     char word[WORDS_MAX][WORD_MAX + 1];
 };
 
-/* false when there are too many of them or one is too long */
+/* False when there are too many of them or one is too long */
 static bool split(const char *text, size_t size, struct words *words)
 {
     size_t at = 0;
@@ -44,7 +44,7 @@ static bool split(const char *text, size_t size, struct words *words)
     return true;
 }
 
-/* a hexadecimal number of at most digits digits */
+/* A hexadecimal number of at most digits digits */
 static bool hexadecimal(const char *word, size_t digits, uint32_t *value)
 {
     size_t length = strlen(word);
@@ -75,7 +75,7 @@ static bool parse_id(const char *word, struct bus_frame *frame)
     return true;
 }
 
-/* a decimal number of one or two digits */
+/* A decimal number of one or two digits */
 static bool decimal(const char *word, uint32_t *value)
 {
     size_t length = strlen(word);
@@ -90,7 +90,7 @@ static bool decimal(const char *word, uint32_t *value)
     return length == 1 || length == 2;
 }
 
-/* the words from first on are the length and that many bytes */
+/* The words from first on are the length and that many bytes */
 static bool parse_data(const struct words *words, size_t first, struct bus_frame *frame)
 {
     uint32_t length, byte;
@@ -127,7 +127,7 @@ static bool parse_remote(const struct words *words, struct bus_frame *frame)
     uint32_t length;
 
     frame->flags |= FRAME_REMOTE;
-    /* the requested length is not carried by a bus_frame */
+    /* The requested length is not carried by a bus_frame */
     return words->count == 3 && decimal(words->word[2], &length) && length <= 8;
 }
 

@@ -34,7 +34,7 @@ static inline struct header header_of(const struct bus_frame *frame, bool extend
     struct header header;
 
     if (extended) {
-        /* base, SRR = 1, IDE = 1, the other 18 bits, RTR (RRS = 0) */
+        /* Base, SRR = 1, IDE = 1, the other 18 bits, RTR (RRS = 0) */
         header.bits = (uint64_t)(frame->id >> 18) << 21 | UINT64_C(3) << 19 |
                       (uint64_t)(frame->id & 0x3FFFF) << 1 | remote;
         header.arbitration = 32;
@@ -67,13 +67,13 @@ static unsigned data_bytes(const struct bus_frame *frame)
     return frame->flags & FRAME_REMOTE ? 0 : frame->len;
 }
 
-/* stuff count and CRC of an FD frame */
+/* Stuff count and CRC of an FD frame */
 static unsigned fd_check_bits(uint8_t len)
 {
     return 4 + (len <= CRC17_LAST ? 17 : 21);
 }
 
-/* with the fixed stuff bits: one before each four bits */
+/* With the fixed stuff bits: one before each four bits */
 static unsigned fd_check_field_bits(uint8_t len)
 {
     unsigned bits = fd_check_bits(len);
@@ -163,7 +163,7 @@ static inline struct counting count_header(const struct wire_tables *tables, uin
         unsigned fill = whole - count;
 
         bits |= (uint64_t)(0x55u & ((1u << fill) - 1)) << count;
-        /* the run before the first bit is of the other value */
+        /* The run before the first bit is of the other value */
         counting.entry = run_state(fill % 2 ? 0 : 1, 1) << 8;
     }
     for (unsigned shift = whole; shift > 0; shift -= 8) {
@@ -187,7 +187,7 @@ classic_length(const struct wire_tables *tables, const struct bus_frame *frame, 
     const struct counting counted = count_header(tables, header.bits, header.count);
     unsigned crc = 0, entry = counted.entry, stuffed = counted.stuffed;
 
-    /* leading zeros do not change this CRC */
+    /* Leading zeros do not change this CRC */
     for (unsigned shift = (header.count + 7) / 8 * 8; shift > 0; shift -= 8) {
         crc = crc15_byte(tables, crc, header.bits >> (shift - 8) & 0xFF);
     }
@@ -199,7 +199,7 @@ classic_length(const struct wire_tables *tables, const struct bus_frame *frame, 
         stuffed += entry >> ENTRY_STUFFED;
     }
     crc &= 0x7FFF;
-    /* the 16th bit is the opposite of the CRC's last: it completes no run */
+    /* The 16th bit is the opposite of the CRC's last: it completes no run */
     crc = crc << 1 | (~crc & 1);
     entry = tables->stuff[(entry & ENTRY_STATE) | crc >> 8];
     stuffed += entry >> ENTRY_STUFFED;
@@ -226,7 +226,7 @@ static struct wire_length fd_length(const struct wire_tables *tables, const stru
     for (unsigned i = 0; i < frame->len; i++) {
         count_byte(&counting, frame->data[i]);
     }
-    /* behind the last bit stands the first fixed stuff bit, and no other */
+    /* Behind the last bit stands the first fixed stuff bit, and no other */
     counting.stuffed -= counting.entry & ENTRY_LAST ? 1 : 0;
     if (!(frame->flags & FRAME_BRS)) {
         return (struct wire_length){.nominal = (uint16_t)(slow + fast + counting.stuffed)};
@@ -318,7 +318,7 @@ static uint32_t crc_bit(uint32_t crc, unsigned bit, unsigned width, uint32_t pol
     return top ^ bit ? crc ^ polynomial : crc;
 }
 
-/* of the bits before stuffing */
+/* Of the bits before stuffing */
 static uint32_t crc15_of(const struct header *header, const struct bus_frame *frame)
 {
     uint32_t crc = 0;

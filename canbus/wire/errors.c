@@ -76,10 +76,10 @@ static unsigned flag_of_sender(const struct wire *wire, const struct wire_bits *
     const unsigned run = run_at(bits, at, seen, active ? 0 : 1);
 
     if (run_at(bits, at, seen, seen) == STUFF_ERROR) {
-        /* a stuff bit was hit: everybody has found it at once */
+        /* A stuff bit was hit: everybody has found it at once */
         return FLAG;
     }
-    /* without an active receiver nobody answers; a passive flag ends after six equal bits only */
+    /* Without an active receiver nobody answers; a passive flag ends after six equal bits only */
     return active && !any_active(wire, wire_listeners(wire)) ? FLAG : 2 * FLAG - run;
 }
 
@@ -490,7 +490,7 @@ void wire_finish_error(struct wire *wire)
     size_t index;
 
     if (flight->repeat) {
-        /* the flag, which the receivers take for an overload and answer a bit later */
+        /* The flag, which the receivers take for an overload and answer a bit later */
         int64_t more_ns = wire_bits_ns(wire, FLAG + 1 + WIRE_DELIMITER_BITS);
 
         wire->idle_ns += more_ns;

@@ -41,7 +41,7 @@ void wire_count_errors(struct wire *wire, size_t index, int64_t time_ns, int tec
 
     stats->tec = tec < 0 && !stats->tec ? 0 : (unsigned)((int)stats->tec + tec);
     if (rec < 0) {
-        /* a received frame brings a passive receiver back to the limit at once */
+        /* A received frame brings a passive receiver back to the limit at once */
         stats->rec =
             stats->rec >= WIRE_PASSIVE_FROM ? WIRE_PASSIVE_FROM - 1 : stats->rec - (stats->rec > 0);
     } else {
@@ -95,7 +95,7 @@ void wire_connect(struct wire *wire, size_t node, bool connected)
 {
     if (connected && wire->unplugged & WIRE_BIT(node)) {
         wire->unplugged &= ~WIRE_BIT(node);
-        /* it joins in after eleven recessive bits, which at the very beginning everybody has
+        /* It joins in after eleven recessive bits, which at the very beginning everybody has
          * seen */
         wire->node[node].hold_ns =
             wire->now_ns > 0 ? wire->now_ns + wire_bits_ns(wire, WIRE_RUN_BITS) : 0;

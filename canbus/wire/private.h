@@ -90,7 +90,7 @@ struct wire {
     int64_t intermission_ns, delimiter_ns;
     struct wire_node *node; /* config.nodes, and one more: the foreign node of collisions */
 
-    /* a bit for each node */
+    /* A bit for each node */
     uint64_t all;     /* without the foreign node */
     uint64_t pending; /* has frames waiting */
     uint64_t off;     /* bus-off */

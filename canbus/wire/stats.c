@@ -75,7 +75,7 @@ void wire_load_add(struct wire_load *load, int64_t window_ns, int64_t from_ns, i
 static struct wire_latency *latency_of(struct wire *wire, const struct bus_frame *frame)
 {
     const bool extended = frame->flags & FRAME_EXTENDED;
-    /* every standard identifier finds its own slot at once */
+    /* Every standard identifier finds its own slot at once */
     size_t at = extended ? (frame->id * UINT32_C(2654435761)) >> 21 : frame->id;
 
     for (;; at = (at + 1) % WIRE_ID_SLOTS) {

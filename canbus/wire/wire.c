@@ -327,7 +327,7 @@ static void finish_disturbed(struct wire *wire)
     const uint64_t gone = senders & (wire->off | wire->unplugged);
     size_t index;
 
-    /* who was unplugged or put into bus-off meanwhile has sent nothing */
+    /* Who was unplugged or put into bus-off meanwhile has sent nothing */
     take_back(wire, gone);
     flight->senders &= ~gone;
     flight->beaten &= ~gone;
@@ -377,7 +377,7 @@ static int64_t attempt_end(const struct wire *wire, size_t index)
     if (!node->waiting || wire_is_passive(node)) {
         return WIRE_NEVER;
     }
-    /* up to the ACK slot, without ACK delimiter and EOF; then flag, delimiter and intermission */
+    /* Up to the ACK slot, without ACK delimiter and EOF; then flag, delimiter and intermission */
     return begin +
            wire_length_ns(wire_frame_length(&wire->tables, &slot->frame), wire->config.bitrate,
                           wire->config.data_bitrate) +
@@ -493,7 +493,7 @@ void wire_advance(struct wire *wire, int64_t to_ns)
     if (to_ns <= wire->now_ns) {
         return;
     }
-    /* nearly always there is nothing but frames */
+    /* Nearly always there is nothing but frames */
     while (wire->off | wire->unplugged | wire->nlate ? take_any_step(wire, to_ns)
                                                      : take_frame_step(wire, to_ns)) {
     }

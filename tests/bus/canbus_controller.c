@@ -323,7 +323,7 @@ static void carries_batches_both_ways_in_order(void **state)
         size_t count = 0;
 
         for (size_t i = 0; i < 200; i += 4) {
-            /* no more on their way than the other controller's buffer holds */
+            /* No more on their way than the other controller's buffer holds */
             assert_int_equal(can_send(from, &sent[i], 4), 4);
             for (int wait = 0; wait < 1000 && count < i + 4; wait++) {
                 usleep(MS / 4);
@@ -353,7 +353,7 @@ static void a_burst_into_a_short_queue_is_late_but_whole(void **state)
         sent[i] = numbered(0x100 + i, i);
     }
     assert_int_equal(can_send(bench->a, sent, 100), 100);
-    /* more than the queue and the controller hold was left to be sent later */
+    /* More than the queue and the controller hold was left to be sent later */
     assert_int_equal(bench->a->counters.tx_frames + bench->a->counters.tx_held, 100);
     assert_in_range(bench->a->counters.tx_held, 1, 95);
     print_message("ENOBUFS after %d frames of 100\n", (int)bench->a->counters.tx_frames);
@@ -411,7 +411,7 @@ static void backs_off_from_a_queue_that_does_not_empty_and_comes_back(void **sta
     uint32_t number = 0;
     size_t count;
 
-    /* as a bus without another node would: what was queued stays there */
+    /* As a bus without another node would: what was queued stays there */
     assert_true(run("tc qdisc replace dev can0 root netem limit 4 delay 100s"));
     while (bench->a->state != CAN_PORT_STUCK && number < 3000) {
         number++;
@@ -435,7 +435,7 @@ static void backs_off_from_a_queue_that_does_not_empty_and_comes_back(void **sta
     assert_in_range(attempts, 1, 10);
     assert_true(run("tc qdisc del dev can0 root"));
     assert_true(comes_to(bench->a, CAN_PORT_UP));
-    /* what the other queue held is lost with it */
+    /* What the other queue held is lost with it */
     count = pump(bench->a, bench->sent, got, 8);
     assert_int_equal(count, 8);
     for (size_t i = 0; i < count; i++) {
@@ -559,7 +559,7 @@ static void a_port_follows_what_is_asked_of_the_controller(void **state)
     struct watched w;
 
     watch(&w, bench);
-    /* an error frame that announced a state, and none that announced its end */
+    /* An error frame that announced a state, and none that announced its end */
     can_state_post(&bench->box, CAN_PORT_BUS_OFF);
     assert_true(comes_to(bench->a, CAN_PORT_BUS_OFF));
     look(&w, "");

@@ -166,7 +166,7 @@ static int judge_end(struct bus *bus, uint32_t tick)
 static int run(struct bus *buses, size_t nbus, uint32_t ticks, uint32_t stride)
 {
     for (size_t b = 0; b < nbus; b++) {
-        /* of board 1: POSITION, PID_VAL, CURRENT, VELOCITY */
+        /* Of board 1: POSITION, PID_VAL, CURRENT, VELOCITY */
         const uint8_t policy[5] = {SET_BROADCAST_POLICY, 0x7f};
 
         if (!send(&buses[b], HOST_TO_BOARD, sizeof policy, policy)) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* candump logs: exact text, strict reading, round trips, and log2asc of can-utils as second reader. */
+/* Candump logs: exact text, strict reading, round trips, and log2asc of can-utils as second reader. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -97,7 +97,7 @@ static void writes_lines_exactly_as_candump_does(void **state)
         assert_string_equal(line, cases[i].line);
         assert_int_equal(size, strlen(line));
     }
-    /* the longest line there can be fits with room to spare */
+    /* The longest line there can be fits with room to spare */
     assert_int_equal(candump_format(&(struct bus_frame){.id = 1,
                                                         .flags = FRAME_EXTENDED | FRAME_FD,
                                                         .len = 64,
@@ -121,7 +121,7 @@ static void reads_what_candump_and_its_relatives_write(void **state)
         {"(0000000000.000000) x 1abcdef0#ff",
          "x",
          {.id = 0x1ABCDEF0, .flags = FRAME_EXTENDED, .len = 1, .data = {0xFF}}},
-        /* kernels from 6.1 on set bit 2 of the flags in every FD frame */
+        /* Kernels from 6.1 on set bit 2 of the flags in every FD frame */
         {"(0000000000.000000) can0 123##5AA\n",
          "can0",
          {.id = 0x123, .flags = FRAME_FD | FRAME_BRS, .len = 1, .data = {0xAA}}},

@@ -172,7 +172,7 @@ static void messages_have_their_own_name_identifier_and_a_legal_length(void **st
     assert_int_equal(dbc_add_message(b->dbc, &m, &added, &b->error), ERROR_NONE);
 }
 
-/* the usual picture of a Motorola signal: start is the most significant bit, going down each byte */
+/* The usual picture of a Motorola signal: start is the most significant bit, going down each byte */
 static void big_endian_bits_walk_down_each_byte(void **state)
 {
     static const unsigned positions[12] = {20, 21, 22, 23, 8, 9, 10, 11, 12, 13, 14, 15};
@@ -200,7 +200,7 @@ static char *text_of(const struct dbc *dbc, size_t *size)
     return text;
 }
 
-/* every feature of the format that there is */
+/* Every feature of the format that there is */
 static void fill(struct bench *b)
 {
     const struct dbc_message fd = {

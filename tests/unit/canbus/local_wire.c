@@ -135,7 +135,7 @@ static void drops_of_a_controller_reach_the_counters_of_its_port(void **state)
     assert_int_equal(host->counters.tx_frames, 10);
     assert_int_equal(host->counters.tx_dropped, 6);
     assert_int_equal(can_receive(boards, got, 256), 4);
-    /* a node that the port does not stand for */
+    /* A node that the port does not stand for */
     assert_int_equal(can_send(host, &(struct bus_frame){.id = 1, .node = 1}, 1), 0);
     assert_int_equal(host->counters.tx_dropped, 7);
 }
@@ -168,7 +168,7 @@ static void a_port_hears_of_the_state_of_its_controller(void **state)
     assert_int_equal(can_receive(host, got, 8), 1);
     assert_true(got[0].id & CAN_ERR_RESTARTED);
     assert_int_equal(host->state, CAN_PORT_UP);
-    /* one board in bus-off leaves the others on the bus */
+    /* One board in bus-off leaves the others on the bus */
     wire_force_bus_off(wire, local_bus_node(boards) + 1);
     local_bus_advance(bus, 31 * MS);
     can_receive(boards, got, 8);
@@ -273,7 +273,7 @@ static void *stream(void *context)
     struct can_port *port = context;
 
     for (uint32_t i = 0; i < STREAM; i++) {
-        /* no identifier on two nodes: they would collide */
+        /* No identifier on two nodes: they would collide */
         struct bus_frame frame = bench_frame((port == host ? 0x200 : 0x300) + i % 7, 4);
 
         put_u32_le(frame.data, i);
@@ -393,7 +393,7 @@ static void paced_frames_leave_when_a_wire_would_have_delivered_them(void **stat
     assert_int_equal(can_send(port, frames, 20), 20);
     assert_int_equal(script.nsent, 0);
     paced_port_advance(port, MS);
-    /* the reference: frames of some 110 to 125 us and 3 us between them, the most urgent first */
+    /* The reference: frames of some 110 to 125 us and 3 us between them, the most urgent first */
     {
         int64_t end = 0;
         size_t expected = 0;
