@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Priorities of lines on standard error for systemd's journal, which reads the "<4>" that a line may
- * begin with (sd-daemon(3)), so that `journalctl -p warning` shows overruns and faults and leaves the
- * rest out. On a terminal and in files there is no such prefix. Not RT-safe.
+ * Priorities of lines on standard error for systemd's journal, which reads the "<4>" that a line
+ * may begin with (sd-daemon(3)), so that `journalctl -p warning` shows overruns and faults and
+ * leaves the rest out. On a terminal and in files there is no such prefix. Not RT-safe.
  */
 #ifndef BASE_JOURNAL_H
 #define BASE_JOURNAL_H

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A stream into memory that reports when memory runs out. open_memstream's does not: it counts bytes
- * that did not fit as written, so that a text with holes looks complete. Here every write fails from
- * the first byte that found no memory on, and memory_file_close returns the error. Not RT-safe.
+ * A stream into memory that reports when memory runs out. open_memstream's does not: it counts
+ * bytes that did not fit as written, so that a text with holes looks complete. Here every write
+ * fails from the first byte that found no memory on, and memory_file_close returns the error. Not
+ * RT-safe.
  */
 #ifndef BASE_MEMORY_FILE_H
 #define BASE_MEMORY_FILE_H

@@ -159,8 +159,8 @@ static enum error_code options_parse_option(const struct command_spec *spec, int
                       : ERROR_NONE;
     }
 
-    /* The value stands behind = or is the next word; an option there means that the value was forgotten,
-     * and --name=--value that it was not */
+    /* The value stands behind = or is the next word; an option there means that the value was
+     * forgotten, and --name=--value that it was not */
     text = equals ? equals + 1 : *at + 1 < argc ? argv[*at + 1] : NULL;
     if (!text || (!equals && !strncmp(text, "--", 2))) {
         option_describe_value(option, expected, sizeof expected);

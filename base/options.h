@@ -102,9 +102,9 @@ void options_help(const struct command_spec *spec, FILE *out);
 /* The same as the source of a manual page, for scdoc(1). */
 void options_page(const struct command_spec *spec, FILE *out);
 
-/* options_parse for the main of a command. False when the command must return *status at once, because
- * the manual was printed (by --help, or as a page by --help=scdoc alone) or the error was reported on
- * stderr. */
+/* options_parse for the main of a command. False when the command must return *status at once,
+ * because the manual was printed (by --help, or as a page by --help=scdoc alone) or the error was
+ * reported on stderr. */
 bool options_read(const struct command_spec *spec, int argc, char **argv, int *status);
 
 /* The exit status of a command that ended with an error. */

@@ -16,7 +16,8 @@ static void manpage_put_text(const char *text, size_t length, FILE *out)
     }
 }
 
-/* Writes paragraphs, divided by blank lines; a line that begins with two blanks is an item of a list. */
+/* Writes paragraphs, divided by blank lines; a line that begins with two blanks is an item of a
+ * list. */
 static void manpage_put_manual(const char *text, FILE *out)
 {
     while (*text) {

@@ -58,8 +58,8 @@ static inline bool ring_pop(struct ring *ring, void *item)
     return true;
 }
 
-/* The slot that the next item goes to, to be filled and then handed over with ring_commit; NULL when
- * the ring is full. Writer only. */
+/* The slot that the next item goes to, to be filled and then handed over with ring_commit; NULL
+ * when the ring is full. Writer only. */
 static inline void *ring_back(const struct ring *ring)
 {
     uint32_t head = atomic_load_explicit(&ring->head, memory_order_relaxed);

@@ -61,7 +61,8 @@ bool text_is_name(const char *text)
 
 size_t text_utf8_length(const char *text, size_t size)
 {
-    /* Of 1 to 4 bytes: the bits of the first one that tell, and the lowest code that needs so many */
+    /* Of 1 to 4 bytes: the bits of the first one that tell, and the lowest code that needs so
+     * many */
     static const struct {
         unsigned char mask, lead;
         uint32_t min;

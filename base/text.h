@@ -15,12 +15,12 @@ bool text_to_double(const char *text, double *value);
 /* The whole of text as a decimal or 0x-prefixed integer within [min, max]. */
 bool text_to_int(const char *text, int64_t min, int64_t max, int64_t *value);
 
-/* Whether text can be a name: 1 to 63 letters, digits and _ - . only, so that it may stand in messages,
- * on command lines and in file names; not "." or "..". */
+/* Whether text can be a name: 1 to 63 letters, digits and _ - . only, so that it may stand in
+ * messages, on command lines and in file names; not "." or "..". */
 bool text_is_name(const char *text);
 
-/* Bytes of the UTF-8 character that text begins with, at most size; 0 when it begins with none: overlong
- * forms, surrogates and codes beyond Unicode are no characters. */
+/* Bytes of the UTF-8 character that text begins with, at most size; 0 when it begins with none:
+ * overlong forms, surrogates and codes beyond Unicode are no characters. */
 size_t text_utf8_length(const char *text, size_t size);
 
 /* The word of the list nearest to word by edit distance, or NULL when none is near enough to be

@@ -192,7 +192,8 @@ enum error_code yaml_document_read(struct yaml_reader *r, const char *name, cons
 
 /* ---- references ---- */
 
-/* The lowest level that a relative path visits: 0 = its starting directory, -1 = that one's parent. */
+/* The lowest level that a relative path visits: 0 = its starting directory, -1 = that one's
+ * parent. */
 static int path_lowest_level(const char *reference)
 {
     int level = 0, lowest = 0;
@@ -211,7 +212,8 @@ static int path_lowest_level(const char *reference)
     return lowest;
 }
 
-/* Takes "." and "name/.." out of a path, without asking the file system, so that messages read well. */
+/* Takes "." and "name/.." out of a path, without asking the file system, so that messages read
+ * well. */
 static void path_normalize(char *path)
 {
     char *out = path;

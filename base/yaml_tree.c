@@ -144,7 +144,8 @@ static enum error_code yaml_next_event(struct yaml_reader *r, yaml_event_t *even
                       p->problem ? p->problem : "unreadable", "a well-formed document");
 }
 
-/* Refuses anchors and tags, which may stand at any value and of which a configuration has no use. */
+/* Refuses anchors and tags, which may stand at any value and of which a configuration has no
+ * use. */
 static enum error_code yaml_check_plain(struct yaml_reader *r, const struct yaml_mark *mark,
                                         const yaml_char_t *anchor, const yaml_char_t *tag)
 {

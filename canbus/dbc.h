@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A DBC database: what the frames of one bus mean, in the text format that CAN tools read (nodes,
- * messages, signals, multiplexing, value tables, comments, cycle times, CAN FD). A database is built
- * piece by piece, each piece checked as it is added, then written: 11-bit identifiers, plain ASCII,
- * the attributes below, sections in the order that the format asks for. Not RT-safe.
+ * messages, signals, multiplexing, value tables, comments, cycle times, CAN FD). A database is
+ * built piece by piece, each piece checked as it is added, then written: 11-bit identifiers, plain
+ * ASCII, the attributes below, sections in the order that the format asks for. Not RT-safe.
  *
  *   GenMsgCycleTime  of a message, ms; 0 = on demand
  *   VFrameFormat     of a message: StandardCAN, StandardCAN_FD
- *   FrameLength      of a multiplexed signal: how long the frame is that carries it, where frames of
+ *   FrameLength      of a multiplexed signal: length of the frame that carries it, where frames of
  *                    a message differ; 0 = as long as the message. Ours; tools show it.
  *   DBName, BusType, Baudrate, BaudrateCANFD  of the database
  */

@@ -6,8 +6,8 @@
 #include <stdatomic.h>
 
 /* The state that an error frame reports, or the present one when it reports none. */
-static enum can_port_state state_after_error(enum can_port_state state,
-                                             const struct bus_frame *frame)
+static enum can_port_state port_state_after_error(enum can_port_state state,
+                                                  const struct bus_frame *frame)
 {
     const uint8_t controller = frame->len > 1 ? frame->data[1] : 0;
 
@@ -36,9 +36,10 @@ void port_count_received(struct can_port *port, const struct bus_frame *frame)
 {
     if (frame->flags & FRAME_ERROR) {
         port->counters.error_frames++;
-        /* Old error frames may still be queued when the interface is lost: the loss outlives them */
+        /* Old error frames may still be queued when the interface is lost: the loss outlives
+         * them */
         if (port->state != CAN_PORT_DOWN && port->state != CAN_PORT_GONE) {
-            port->state = state_after_error(port->state, frame);
+            port->state = port_state_after_error(port->state, frame);
         }
         return;
     }

@@ -4,11 +4,11 @@
  * driver. Runs in QEMU (qemu/run.sh); elsewhere it is skipped, for it takes interfaces down.
  *
  * QEMU's controller acknowledges every frame itself and has no error counters, so nothing here gets
- * into bus-off by its own doing: tests/unit/sim/interfaces.c has those cases. After a remote frame it
- * reads its receive buffer from a wrong place for ever: there are none here. Queues fill because the
- * test runs above the interrupt threads, as the loop does, until it sleeps; then all of it is on the
- * other controller at once, whose buffer holds five frames. So bursts are counted where they leave:
- * a second port on the same interface hears what its controller has sent.
+ * into bus-off by its own doing: tests/unit/sim/interfaces.c has those cases. After a remote frame
+ * it reads its receive buffer from a wrong place for ever: there are none here. Queues fill because
+ * the test runs above the interrupt threads, as the loop does, until it sleeps; then all of it is
+ * on the other controller at once, whose buffer holds five frames. So bursts are counted where they
+ * leave: a second port on the same interface hears what its controller has sent.
  */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The socketcan port against a real kernel: on virtual interfaces that the tests create, break and
- * remove. Runs in user-mode Linux (uml/run.sh), or anywhere as root on a kernel with vcan; elsewhere
- * all but the error messages is skipped.
+ * remove. Runs in user-mode Linux (uml/run.sh), or anywhere as root on a kernel with vcan;
+ * elsewhere all but the error messages is skipped.
  */
 #include <setjmp.h>
 #include <stdarg.h>

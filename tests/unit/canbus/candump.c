@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Candump logs: exact text, strict reading, round trips, and log2asc of can-utils as second reader. */
+/* Candump logs: exact text, strict reading, round trips, and log2asc of can-utils as second
+ * reader. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

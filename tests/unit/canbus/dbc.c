@@ -172,7 +172,8 @@ static void messages_have_their_own_name_identifier_and_a_legal_length(void **st
     assert_int_equal(dbc_add_message(b->dbc, &m, &added, &b->error), ERROR_NONE);
 }
 
-/* The usual picture of a Motorola signal: start is the most significant bit, going down each byte */
+/* The usual picture of a Motorola signal: start is the most significant bit, going down each
+ * byte */
 static void big_endian_bits_walk_down_each_byte(void **state)
 {
     static const unsigned positions[12] = {20, 21, 22, 23, 8, 9, 10, 11, 12, 13, 14, 15};
@@ -245,7 +246,7 @@ static void a_database_is_written_line_by_line(void **state)
                                    "\n"
                                    "BO_ 291 TELEMETRY: 8 board\n"
                                    " SG_ command M : 0|8@1+ (1,0) [0|0] \"\" host,board\n"
-                                   " SG_ value m242 : 15|16@0- (0.075018754688672168,-0.1) "
+                                   " SG_ value m242 : 15|16@0- (0.07501875468867217,-0.1) "
                                    "[-1e-300|1.7976931348623157e+308] \"rad/s^2\" host\n"
                                    "\n"
                                    "BO_ 2047 FD_FRAME: 64 board\n"

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The gateway with clients on real sockets of the loopback interface, in front of a port that the test
- * holds in its hands. */
+/* The gateway with clients on real sockets of the loopback interface, in front of a port that the
+ * test holds in its hands. */
 #include "canbus/gateway.h"
 
 #include <arpa/inet.h>

@@ -376,7 +376,8 @@ struct stream {
     bool in_order;
 };
 
-/* How far a stream may be: INBOX / 2 ahead of the slower peer keeps every inbox from running over. */
+/* How far a stream may be: INBOX / 2 ahead of the slower peer keeps every inbox from running
+ * over. */
 static uint32_t allowance(const struct stream *stream)
 {
     uint32_t slower = UINT32_MAX;

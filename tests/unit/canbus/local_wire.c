@@ -213,7 +213,8 @@ static void a_fault_of_one_board_leaves_the_others_alone(void **state)
     }
 }
 
-/* A STEP of several ticks: nobody receives between them, and every frame has the time of its tick. */
+/* A STEP of several ticks: nobody receives between them, and every frame has the time of its
+ * tick. */
 static void frames_of_several_ticks_wait_in_their_order(void **state)
 {
     struct bus_frame frame = bench_frame(0x123, 1), done = bench_frame(DONE, 6);
