@@ -15,8 +15,8 @@ enum { QUEUE_DEFAULT = 256, BITRATE_DEFAULT = 1000000 };
 
 bool local_bypasses_wire(const struct local_bus *bus, const struct bus_frame *frame)
 {
-    return (frame->flags & FRAME_ERROR) ||
-           frame_has_standard_id(frame, bus->config.bypass_id, bus->config.nbypass);
+    return frame_has_standard_id(frame, bus->config.bypass_id, bus->config.nbypass) ||
+           (frame->flags & FRAME_ERROR);
 }
 
 bool local_send_by_wire(struct local_node *sender, const struct bus_frame *frame)

@@ -183,8 +183,12 @@ static unsigned wire_crc15_byte(const struct wire_tables *tables, unsigned crc, 
 
 /* The inner loop of wire mode: inlined for each format, so that the loops over the header's bytes
  * have a known end, and everything stays in registers. */
-static inline __attribute__((always_inline)) struct wire_length
-wire_classic_length(const struct wire_tables *tables, const struct bus_frame *frame, bool extended)
+static inline struct wire_length wire_classic_length(const struct wire_tables *tables,
+                                                     const struct bus_frame *frame, bool extended)
+    __attribute__((always_inline));
+
+static inline struct wire_length wire_classic_length(const struct wire_tables *tables,
+                                                     const struct bus_frame *frame, bool extended)
 {
     const struct wire_header header = wire_make_header(frame, extended, false);
     const unsigned bytes = wire_data_bytes(frame);
