@@ -360,11 +360,14 @@ static enum error_code dbc_check_signal(const struct dbc *dbc, const struct dbc_
 {
     const struct dbc_signal *clash;
 
+    /* The signal by itself */
     if (dbc_check_name("signal", signal->name, error) ||
         dbc_check_text("unit", signal->unit, error) || dbc_check_numbers(signal, error) ||
         dbc_check_role(message, signal, error)) {
         return ERROR_INPUT;
     }
+
+    /* Its place in the message, and the nodes that receive it */
     if (!dbc_signal_fits(signal, message->length)) {
         return error_set(error, ERROR_INPUT,
                          "found signal %s of %d bits from bit %d on, expected it within the %d "
@@ -378,6 +381,8 @@ static enum error_code dbc_check_signal(const struct dbc *dbc, const struct dbc_
     if (dbc->nnode < DBC_NODES_MAX && signal->receivers >> dbc->nnode) {
         return error_set(error, ERROR_INPUT, "found a receiver that is no node");
     }
+
+    /* Beside the other signals */
     clash = dbc_find_overlap(message, signal);
     if (clash) {
         return error_set(error, ERROR_INPUT,

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Private to canbus: words of the DBC format that no name may be and that the writer needs. */
+/* Private to canbus: words of the DBC format that no name may be and that the writer needs.
+ * Not RT-safe. */
 #ifndef CANBUS_DBC_PRIVATE_H
 #define CANBUS_DBC_PRIVATE_H
 

@@ -173,10 +173,13 @@ static size_t fault_port_receive(struct can_port *port, struct bus_frame *frames
     size_t count, got;
     bool off = fault_port_is_off(f);
 
+    /* A bus that is off loses what was on its way; else frames that are due come first */
     if (off) {
         f->rx.held.count = f->tx.held.count = 0;
     }
     count = fault_port_release_due(f, &f->rx, frames, max);
+
+    /* Then everything that the other port has received: what does not fit any more is held */
     do {
         struct bus_frame batch[BATCH], out[2];
         size_t room = max - count;

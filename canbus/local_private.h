@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the local bus (local.c) shares with its wire (local_wire.c): the nodes, and the square of
- * rings between them, in which the wire is one more place.
+ * Private to canbus: what the local bus (local.c) shares with its wire (local_wire.c) and its
+ * saving (local_save.c): the nodes, and the square matrix of rings between them, in which the wire
+ * is one more place. What sends and receives is RT-safe, creation and joining are not.
  */
 #ifndef CANBUS_LOCAL_PRIVATE_H
 #define CANBUS_LOCAL_PRIVATE_H
@@ -87,25 +88,26 @@ static inline struct local_node *local_node_of_port(const struct can_port *port)
     return container_of(port, struct local_node, port);
 }
 
-/* Of local.c: puts a frame into the inbox of a node, from a place; false when the node does not
- * want it. Then tells the nodes that are marked that frames are there. */
+/* Of local.c: puts a frame from a place into the inbox of a node; false when the node's filters do
+ * not let it pass. Signals the nodes that are marked in reached that frames are there. */
 bool local_put_frame(const struct local_bus *bus, size_t receiver, size_t sender, uint64_t number,
                      const struct bus_frame *frame);
 void local_signal_nodes(const struct local_bus *bus, const uint64_t reached[LOCAL_NODES_MAX / 64]);
 
-/* local_wire.c. Whether a frame is none of the robot's traffic. */
+/* Of local_wire.c: whether a frame is no traffic of the robot and takes no time. */
 bool local_bypasses_wire(const struct local_bus *bus, const struct bus_frame *frame);
 
-/* Into the ring that the wire reads; false when it is full, or the frame's node not the port's. */
+/* Puts a frame into the ring that the wire reads; false when that is full, or when frame->node is
+ * no node of the port. */
 bool local_send_by_wire(struct local_node *sender, const struct bus_frame *frame);
 
-/* What the wire has lost of the port's frames since the last call goes into its counters. */
+/* Adds the frames that the wire has dropped since the last call to the counters of the port. */
 void local_count_wire_dropped(struct local_node *node);
 
 enum error_code local_wire_create(struct local_bus *bus, struct arena *arena, struct error *error);
 
-/* With the bus's mutex held: the next controllers of the wire, where there is one, become the
- * node's. */
+/* With the bus's mutex held: gives the node the next controllers of the wire, where there is
+ * one. */
 enum error_code local_wire_join(struct local_bus *bus, struct local_node *node, size_t count,
                                 struct error *error);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the parts of the wire share: its state, and the seams between normal and disturbed
- * frames. */
+/* Private to canbus/wire: the state of the wire, and what its parts call of each other. All
+ * RT-safe. */
 #ifndef CANBUS_WIRE_PRIVATE_H
 #define CANBUS_WIRE_PRIVATE_H
 
