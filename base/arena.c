@@ -7,7 +7,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-/* Under the address sanitizer what was not handed out may not be touched, not even within a page. */
+/* Under the address sanitizer memory that was not handed out is poisoned, even within a page. */
 #if __has_include(<sanitizer/asan_interface.h>)
 #include <sanitizer/asan_interface.h>
 #else
@@ -15,21 +15,21 @@
 #define ASAN_UNPOISON_MEMORY_REGION(at, size) ((void)(at), (void)(size))
 #endif
 
-enum { ALIGNMENT = 64, FORBIDDEN = 4096 /* behind what was handed out last */ };
+enum { ALIGNMENT = 64, POISONED = 4096 /* bytes behind what was handed out last */ };
 
-static size_t forbidden_end(const struct arena *arena)
+static size_t arena_poison_end(const struct arena *arena)
 {
-    return arena->capacity - arena->used < FORBIDDEN ? arena->capacity : arena->used + FORBIDDEN;
+    return arena->capacity - arena->used < POISONED ? arena->capacity : arena->used + POISONED;
 }
 
-static void forbid_rest(const struct arena *arena)
+static void arena_poison_rest(const struct arena *arena)
 {
-    ASAN_POISON_MEMORY_REGION(arena->memory + arena->used, forbidden_end(arena) - arena->used);
+    ASAN_POISON_MEMORY_REGION(arena->memory + arena->used, arena_poison_end(arena) - arena->used);
 }
 
-static void allow_all(const struct arena *arena)
+static void arena_unpoison_all(const struct arena *arena)
 {
-    ASAN_UNPOISON_MEMORY_REGION(arena->memory, forbidden_end(arena));
+    ASAN_UNPOISON_MEMORY_REGION(arena->memory, arena_poison_end(arena));
 }
 
 enum error_code arena_init(struct arena *arena, size_t capacity, struct error *error)
@@ -49,7 +49,7 @@ enum error_code arena_init(struct arena *arena, size_t capacity, struct error *e
 void arena_fini(struct arena *arena)
 {
     if (arena->memory) {
-        allow_all(arena);
+        arena_unpoison_all(arena);
         munmap(arena->memory, arena->capacity);
     }
     memset(arena, 0, sizeof *arena);
@@ -65,7 +65,7 @@ void *arena_alloc(struct arena *arena, size_t count, size_t size)
     }
     arena->used = start + bytes;
     ASAN_UNPOISON_MEMORY_REGION(arena->memory + start, bytes);
-    forbid_rest(arena);
+    arena_poison_rest(arena);
     return arena->memory + start;
 }
 
@@ -86,8 +86,8 @@ void arena_join(void *memory, size_t size)
 }
 
 /* Writes every page. Its first byte may lie between two pieces, or belong to a thread that already
- * runs (the recorder's): it is exchanged for itself, in one. */
-__attribute__((no_sanitize("address"))) static void touch_pages(const struct arena *arena)
+ * runs (the recorder's): it is atomically exchanged for itself. */
+__attribute__((no_sanitize("address"))) static void arena_touch_pages(const struct arena *arena)
 {
     size_t page = (size_t)sysconf(_SC_PAGESIZE);
 
@@ -102,7 +102,7 @@ __attribute__((no_sanitize("address"))) static void touch_pages(const struct are
 enum error_code arena_seal(struct arena *arena, bool lock, struct error *error)
 {
     arena->sealed = true;
-    touch_pages(arena);
+    arena_touch_pages(arena);
     if (lock && mlock(arena->memory, arena->used)) {
         return error_set_errno(error, errno, "cannot lock %zu bytes in memory", arena->used);
     }

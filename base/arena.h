@@ -22,18 +22,18 @@ struct arena {
 /* Reserves capacity bytes of address space (pages cost nothing until touched). Not RT-safe. */
 enum error_code arena_init(struct arena *arena, size_t capacity, struct error *error);
 
-/* Gives everything back to the system. Safe on a zeroed or finished arena. Not RT-safe. */
+/* Gives all memory back to the system. Allowed on a zeroed or finished arena. Not RT-safe. */
 void arena_fini(struct arena *arena);
 
-/* count * size zeroed bytes, aligned to 64; owned by the arena. NULL when the product overflows,
+/* Count * size zeroed bytes, aligned to 64; owned by the arena. NULL when the product overflows,
  * the capacity is used up or the arena is sealed. Not RT-safe. */
 void *arena_alloc(struct arena *arena, size_t count, size_t size);
 
 /* A copy of text in the arena, or NULL. Not RT-safe. */
 char *arena_strdup(struct arena *arena, const char *text);
 
-/* Declares memory of an arena that holds several pieces to be one, gaps and all, for who copies it as
- * a whole: it matters to the address sanitizer only. */
+/* Declares that size bytes of an arena, which hold several pieces and the gaps between them, may be
+ * copied as a whole; it matters to the address sanitizer only. RT-safe. */
 void arena_join(void *memory, size_t size);
 
 /* Refuses further allocation and touches every page in use; with lock also mlocks them. An error

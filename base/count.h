@@ -3,7 +3,7 @@
 #ifndef BASE_COUNT_H
 #define BASE_COUNT_H
 
-/* array must be an array, not a pointer to its first element. */
+/* The argument must be an array, not a pointer to its first element. */
 #define ARRAY_COUNT(array) (sizeof(array) / sizeof(array)[0])
 
 #endif

@@ -8,8 +8,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Messages repeat what was found, which may be anything: a terminal or a log is not to obey it. */
-static void tame(struct error *error)
+/* Messages quote input that may hold anything: no terminal or log shall interpret it. */
+static void error_replace_control_characters(struct error *error)
 {
     for (char *at = error->text; *at; at++) {
         if ((unsigned char)*at < 0x20 || *at == 0x7f) {
@@ -27,7 +27,7 @@ enum error_code error_set(struct error *error, enum error_code code, const char 
         va_start(args, format);
         vsnprintf(error->text, sizeof error->text, format, args);
         va_end(args);
-        tame(error);
+        error_replace_control_characters(error);
     }
     return code;
 }
@@ -44,7 +44,7 @@ enum error_code error_set_errno(struct error *error, int errno_value, const char
         va_end(args);
         used = strlen(error->text);
         snprintf(error->text + used, sizeof error->text - used, ": %s", strerror(errno_value));
-        tame(error);
+        error_replace_control_characters(error);
     }
     return ERROR_SYSTEM;
 }
@@ -52,11 +52,12 @@ enum error_code error_set_errno(struct error *error, int errno_value, const char
 enum error_code error_set_file(struct error *error, int errno_value, const char *path,
                                const char *what)
 {
-    bool name = errno_value == ENOENT || errno_value == ENOTDIR || errno_value == EISDIR ||
-                errno_value == EACCES || errno_value == ENAMETOOLONG || errno_value == ELOOP;
+    const bool name_is_wrong = errno_value == ENOENT || errno_value == ENOTDIR ||
+                               errno_value == EISDIR || errno_value == EACCES ||
+                               errno_value == ENAMETOOLONG || errno_value == ELOOP;
 
-    return error_set(error, name ? ERROR_INPUT : ERROR_SYSTEM, "%.300s: %s: %s", path, what,
-                     strerror(errno_value));
+    return error_set(error, name_is_wrong ? ERROR_INPUT : ERROR_SYSTEM, "%.300s: %s: %s", path,
+                     what, strerror(errno_value));
 }
 
 enum error_code error_prefix(struct error *error, const char *format, ...)
@@ -72,6 +73,6 @@ enum error_code error_prefix(struct error *error, const char *format, ...)
     va_end(args);
     memcpy(text, error->text, sizeof text);
     snprintf(error->text, sizeof error->text, "%s: %.500s", prefix, text);
-    tame(error);
+    error_replace_control_characters(error);
     return error->code;
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The prefix of sd-daemon(3). */
+/* Priority prefixes of sd-daemon(3). */
 #include "base/journal.h"
 
 #include <stdio.h>

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * How grave a line on standard error is, for systemd's journal: it reads the "<4>" that a line may
- * begin with, so that `journalctl -p warning` shows overruns and faults and leaves the rest out. On a
- * terminal and in files there is no such prefix. Not RT-safe.
+ * Priorities of lines on standard error for systemd's journal, which reads the "<4>" that a line
+ * may begin with (sd-daemon(3)), so that `journalctl -p warning` shows overruns and faults and
+ * leaves the rest out. On a terminal and in files there is no such prefix. Not RT-safe.
  */
 #ifndef BASE_JOURNAL_H
 #define BASE_JOURNAL_H
@@ -17,10 +17,11 @@ enum journal_priority {
     JOURNAL_INFO = 6,
 };
 
-/* What a line begins with: "<3>" to "<6>" when standard error goes to the journal, else "". */
+/* The prefix of a line: "<3>" to "<6>" when standard error goes to the journal, else "". */
 const char *journal_prefix(enum journal_priority priority);
 
-/* Whether stream, the value of $JOURNAL_STREAM ("DEVICE:INODE", NULL = unset), is this open file. */
+/* Whether stream, the value of $JOURNAL_STREAM ("DEVICE:INODE", NULL = unset), names the open file
+ * descriptor. */
 bool journal_stream_is(const char *stream, int descriptor);
 
 #endif

@@ -2,41 +2,29 @@
 /* Escaping of text for markup. */
 #include "base/markup.h"
 
+#include "base/text.h"
+
 #include <stdbool.h>
 #include <stddef.h>
-#include <stdint.h>
+#include <string.h>
 
-/* Bytes of the UTF-8 character that at begins with, 0 when it begins with none that XML can hold.
- * at ends in a zero, which is no continuation byte. */
-static size_t markup_character_bytes(const unsigned char *at)
+enum { UTF8_MAX = 4 /* bytes of a character */ };
+
+/* Bytes of the character that text begins with; 0 when XML cannot hold what it begins with. */
+static size_t markup_character_bytes(const char *text)
 {
-    static const uint32_t smallest[] = {0, 0, 0x80, 0x800, 0x10000};
-    const size_t bytes = at[0] < 0x80 ? 1 : at[0] >> 5 == 6 ? 2 : at[0] >> 4 == 14 ? 3 : 4;
-    uint32_t code;
+    const unsigned char first = (unsigned char)*text;
 
-    if (bytes == 1) {
-        return at[0] >= 0x20 && at[0] != 0x7f;
-    }
-    if (bytes == 4 && at[0] >> 3 != 30) {
+    /* U+FFFE and U+FFFF are UTF-8, but no characters of XML */
+    if (first < 0x20 || first == 0x7f || strncmp(text, "\xef\xbf\xbe", 3) == 0 ||
+        strncmp(text, "\xef\xbf\xbf", 3) == 0) {
         return 0;
     }
-    code = at[0] & (0x7fu >> bytes);
-    for (size_t i = 1; i < bytes; i++) {
-        if (at[i] >> 6 != 2) {
-            return 0;
-        }
-        code = code << 6 | (at[i] & 0x3f);
-    }
-    /* Overlong forms, surrogates and what lies beyond Unicode are no characters */
-    if (code < smallest[bytes] || (code >= 0xd800 && code <= 0xdfff) || code > 0x10ffff ||
-        code == 0xfffe || code == 0xffff) {
-        return 0;
-    }
-    return bytes;
+    return text_utf8_length(text, strnlen(text, UTF8_MAX));
 }
 
 /* Writes the entity or the space that stands for a character; false when it stands for itself. */
-static bool markup_put_entity(FILE *out, unsigned char character, unsigned flags)
+static bool markup_put_entity(FILE *out, char character, unsigned flags)
 {
     switch (character) {
     case '&':
@@ -65,10 +53,11 @@ static bool markup_put_entity(FILE *out, unsigned char character, unsigned flags
 
 void markup_put_flags(FILE *out, const char *text, unsigned flags)
 {
-    const unsigned char *at = (const unsigned char *)(text ? text : "");
+    const char *at = text ? text : "";
 
     while (*at) {
-        size_t bytes = flags & MARKUP_ASCII && *at >= 0x80 ? 0 : markup_character_bytes(at);
+        const bool ascii = (unsigned char)*at < 0x80;
+        const size_t bytes = flags & MARKUP_ASCII && !ascii ? 0 : markup_character_bytes(at);
 
         if (markup_put_entity(out, *at, flags)) {
             at++;

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A stream into memory. */
+/* A stdio stream into a buffer that grows. */
 #include "base/memory_file.h"
 
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { FIRST = 4096 };
+enum { FIRST_CAPACITY = 4096 };
 
-/* for count bytes and a zero */
-static bool make_room(struct memory_file *memory, size_t count)
+/* Makes room for count bytes and a terminating zero. */
+static bool memory_file_reserve(struct memory_file *memory, size_t count)
 {
     size_t capacity = memory->capacity;
     char *text;
@@ -28,12 +28,12 @@ static bool make_room(struct memory_file *memory, size_t count)
     return text != NULL;
 }
 
-static ssize_t append(void *cookie, const char *bytes, size_t count)
+static ssize_t memory_file_append(void *cookie, const char *bytes, size_t count)
 {
     struct memory_file *memory = cookie;
 
-    /* nothing more after what was lost: no holes */
-    if (memory->failed || !make_room(memory, count)) {
+    /* Once something was lost nothing is appended, so that the text has no holes */
+    if (memory->failed || !memory_file_reserve(memory, count)) {
         memory->failed = true;
         errno = ENOMEM;
         return 0;
@@ -48,8 +48,10 @@ FILE *memory_file_open(struct memory_file *memory)
 {
     FILE *file;
 
-    *memory = (struct memory_file){.text = calloc(FIRST, 1), .capacity = FIRST};
-    file = memory->text ? fopencookie(memory, "w", (cookie_io_functions_t){.write = append}) : NULL;
+    *memory = (struct memory_file){.text = calloc(FIRST_CAPACITY, 1), .capacity = FIRST_CAPACITY};
+    file = memory->text
+               ? fopencookie(memory, "w", (cookie_io_functions_t){.write = memory_file_append})
+               : NULL;
     if (!file) {
         free(memory->text);
         memory->text = NULL;
@@ -60,10 +62,10 @@ FILE *memory_file_open(struct memory_file *memory)
 enum error_code memory_file_close(FILE *file, struct memory_file *memory, const char *what,
                                   struct error *error)
 {
-    bool bad = ferror(file) != 0;
+    const bool write_failed = ferror(file) != 0;
+    const bool flush_failed = fclose(file) != 0;
 
-    bad = fclose(file) != 0 || bad || memory->failed;
-    if (!bad) {
+    if (!write_failed && !flush_failed && !memory->failed) {
         return ERROR_NONE;
     }
     free(memory->text);

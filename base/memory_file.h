@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A stream into memory that says so when memory runs out: as open_memstream, whose stream takes
- * what does not fit for written and shows no error, so that a text with holes looks whole. What is
- * written here fails from the first byte that found no memory, and memory_file_close says so. Not
+ * A stream into memory that reports when memory runs out. open_memstream's does not: it counts
+ * bytes that did not fit as written, so that a text with holes looks complete. Here every write
+ * fails from the first byte that found no memory on, and memory_file_close returns the error. Not
  * RT-safe.
  */
 #ifndef BASE_MEMORY_FILE_H
@@ -15,7 +15,7 @@
 #include <stdio.h>
 
 struct memory_file {
-    char *text; /* of the heap, ends in a zero; the caller's to free, at any time after close */
+    char *text; /* on the heap, ends in a zero; the caller frees it after memory_file_close */
     size_t size, capacity;
     bool failed;
 };

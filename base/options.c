@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Command lines read through a table, and manuals printed from it. */
+/* Command lines parsed by a table, and the --help that is printed from it. */
 #include "base/options.h"
 
-#include "base/text.h"
 #include "base/journal.h"
+#include "base/text.h"
 
 #include <stdint.h>
 #include <string.h>
@@ -12,8 +12,8 @@ enum { MAX_NAMES = 64, WIDTH = 80, HELP_COLUMN = 24 };
 
 /* ---- parsing ---- */
 
-static const struct option_spec *find_option(const struct command_spec *spec, const char *name,
-                                             size_t length)
+static const struct option_spec *options_find(const struct command_spec *spec, const char *name,
+                                              size_t length)
 {
     for (size_t i = 0; i < spec->noption; i++) {
         if (strlen(spec->option[i].name) == length &&
@@ -24,8 +24,8 @@ static const struct option_spec *find_option(const struct command_spec *spec, co
     return NULL;
 }
 
-static enum error_code unknown_option(const struct command_spec *spec, const char *name,
-                                      size_t length, struct error *error)
+static enum error_code options_reject_unknown(const struct command_spec *spec, const char *name,
+                                              size_t length, struct error *error)
 {
     const char *names[MAX_NAMES], *nearest;
     size_t count = 0;
@@ -42,8 +42,8 @@ static enum error_code unknown_option(const struct command_spec *spec, const cha
                      nearest ? " or another that is listed by --help" : "");
 }
 
-/* "a number of seconds from 0 to 1000000" */
-static void describe(const struct option_spec *option, char *out, size_t size)
+/* Describes the values that an option takes: "a number of seconds from 0 to 1000000". */
+static void option_describe_value(const struct option_spec *option, char *out, size_t size)
 {
     size_t used = 0;
 
@@ -65,7 +65,7 @@ static void describe(const struct option_spec *option, char *out, size_t size)
     }
 }
 
-static bool parse_enum(const struct option_spec *option, const char *text)
+static bool option_parse_enum(const struct option_spec *option, const char *text)
 {
     for (const struct option_word *w = option->words; w->word; w++) {
         if (!strcmp(w->word, text)) {
@@ -76,7 +76,7 @@ static bool parse_enum(const struct option_spec *option, const char *text)
     return false;
 }
 
-static bool parse_real(const struct option_spec *option, const char *text)
+static bool option_parse_real(const struct option_spec *option, const char *text)
 {
     double value;
 
@@ -87,7 +87,7 @@ static bool parse_real(const struct option_spec *option, const char *text)
     return true;
 }
 
-static bool parse_list(const struct option_spec *option, const char *text)
+static bool option_parse_list(const struct option_spec *option, const char *text)
 {
     struct option_list *list = option->value;
 
@@ -98,25 +98,25 @@ static bool parse_list(const struct option_spec *option, const char *text)
     return true;
 }
 
-static bool parse_value(const struct option_spec *option, const char *text)
+static bool option_parse_value(const struct option_spec *option, const char *text)
 {
     switch (option->type) {
     case OPTION_REAL:
-        return parse_real(option, text);
+        return option_parse_real(option, text);
     case OPTION_INT:
         return text_to_int(text, (int64_t)option->min, (int64_t)option->max, option->value);
     case OPTION_ENUM:
-        return parse_enum(option, text);
+        return option_parse_enum(option, text);
     case OPTION_LIST:
-        return parse_list(option, text);
+        return option_parse_list(option, text);
     default:
         *(const char **)option->value = text;
         return *text != '\0';
     }
 }
 
-static enum error_code bad_value(const struct option_spec *option, const char *text,
-                                 struct error *error)
+static enum error_code option_reject_value(const struct option_spec *option, const char *text,
+                                           struct error *error)
 {
     char expected[256];
 
@@ -124,49 +124,55 @@ static enum error_code bad_value(const struct option_spec *option, const char *t
         return error_set(error, ERROR_INPUT, "%s: found it more than %d times, expected fewer",
                          option->name, OPTION_LIST_MAX);
     }
-    describe(option, expected, sizeof expected);
+    option_describe_value(option, expected, sizeof expected);
     return error_set(error, ERROR_INPUT, "%s: found \"%.100s\", expected %s", option->name, text,
                      expected);
 }
 
 /* The option at argv[*at], with its argument; *at moves to the last word that it took. */
-static enum error_code parse_option(const struct command_spec *spec, int argc, char **argv, int *at,
-                                    uint64_t *seen, struct error *error)
+static enum error_code options_parse_option(const struct command_spec *spec, int argc, char **argv,
+                                            int *at, uint64_t *seen, struct error *error)
 {
     const char *word = argv[*at], *equals = strchr(word, '=');
     size_t length = equals ? (size_t)(equals - word) : strlen(word);
-    const struct option_spec *option = find_option(spec, word, length);
+    const struct option_spec *option = options_find(spec, word, length);
     char expected[256];
     const char *text;
     uint64_t bit;
 
     if (!option) {
-        return unknown_option(spec, word, length, error);
+        return options_reject_unknown(spec, word, length, error);
     }
+
+    /* Lists alone may be repeated */
     bit = UINT64_C(1) << (option - spec->option);
     if (*seen & bit && option->type != OPTION_LIST) {
         return error_set(error, ERROR_INPUT, "%s: found it again, expected it once", option->name);
     }
     *seen |= bit;
+
+    /* A flag has no value */
     if (option->type == OPTION_FLAG) {
         *(bool *)option->value = true;
         return equals ? error_set(error, ERROR_INPUT, "%s: found \"%.100s\", expected no value",
                                   option->name, equals + 1)
                       : ERROR_NONE;
     }
+
+    /* The value stands behind = or is the next word; an option there means that the value was
+     * forgotten, and --name=--value that it was not */
     text = equals ? equals + 1 : *at + 1 < argc ? argv[*at + 1] : NULL;
-    /* an option in the place of a value is a forgotten value; --name=--value says otherwise */
     if (!text || (!equals && !strncmp(text, "--", 2))) {
-        describe(option, expected, sizeof expected);
+        option_describe_value(option, expected, sizeof expected);
         return error_set(error, ERROR_INPUT, "%s: found %.100s, expected %s", option->name,
                          text ? text : "nothing", expected);
     }
     *at += !equals;
-    return parse_value(option, text) ? ERROR_NONE : bad_value(option, text, error);
+    return option_parse_value(option, text) ? ERROR_NONE : option_reject_value(option, text, error);
 }
 
-static enum error_code parse_operand(const struct command_spec *spec, const char *word,
-                                     size_t *count, struct error *error)
+static enum error_code options_parse_operand(const struct command_spec *spec, const char *word,
+                                             size_t *count, struct error *error)
 {
     size_t last = spec->noperand ? spec->noperand - 1 : 0;
     bool many = spec->many && *count >= last;
@@ -200,6 +206,7 @@ enum error_code options_parse(const struct command_spec *spec, int argc, char **
         const char *word = argv[i];
         enum error_code code;
 
+        /* --help wins over whatever is wrong behind it */
         if (!only_operands && (!strcmp(word, "--help") || !strcmp(word, "-h"))) {
             *help = true;
             return ERROR_NONE;
@@ -208,14 +215,16 @@ enum error_code options_parse(const struct command_spec *spec, int argc, char **
             only_operands = true;
             continue;
         }
-        /* a lone dash is an operand */
+        /* A lone dash is an operand: standard input by convention */
         code = !only_operands && word[0] == '-' && word[1]
-                   ? parse_option(spec, argc, argv, &i, &seen, error)
-                   : parse_operand(spec, word, &noperand, error);
+                   ? options_parse_option(spec, argc, argv, &i, &seen, error)
+                   : options_parse_operand(spec, word, &noperand, error);
         if (code) {
             return code;
         }
     }
+
+    /* Required operands come first, so the next one tells whether any is missing */
     if (noperand < spec->noperand && spec->operand[noperand].required) {
         return error_set(error, ERROR_INPUT, "found no %s, expected %s",
                          spec->operand[noperand].name, spec->operand[noperand].help);
@@ -254,7 +263,8 @@ void options_wrap(const char *text, int used, int indent, FILE *out)
     putc('\n', out);
 }
 
-static void help_line(const char *name, const char *argument, const char *help, FILE *out)
+static void options_put_help_line(const char *name, const char *argument, const char *help,
+                                  FILE *out)
 {
     int used = fprintf(out, "  %s%s%s", name, argument ? " " : "", argument ? argument : "");
 
@@ -285,12 +295,13 @@ void options_help(const struct command_spec *spec, FILE *out)
     options_wrap(spec->summary, 0, 0, out);
     putc('\n', out);
     for (size_t i = 0; i < spec->noperand; i++) {
-        help_line(spec->operand[i].name, NULL, spec->operand[i].help, out);
+        options_put_help_line(spec->operand[i].name, NULL, spec->operand[i].help, out);
     }
     for (size_t i = 0; i < spec->noption; i++) {
-        help_line(spec->option[i].name, spec->option[i].argument, spec->option[i].help, out);
+        options_put_help_line(spec->option[i].name, spec->option[i].argument, spec->option[i].help,
+                              out);
     }
-    help_line("--help", NULL, "print this and exit", out);
+    options_put_help_line("--help", NULL, "print this and exit", out);
     if (spec->manual) {
         putc('\n', out);
         options_wrap(spec->manual, 0, 0, out);

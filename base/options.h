@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What every command of coman-hil shares: a table of options that parses the command line and
- * prints the command's --help, and the exit statuses. Not RT-safe.
+ * What every command shares: a table of options that parses the command line and prints the
+ * command's --help and manual page, and the exit statuses. Not RT-safe.
  *
  *     static bool quiet;
  *     static double duration = 10.0;
@@ -86,7 +86,7 @@ struct command_spec {
     const struct operand_spec *operand;
     size_t noperand;
     bool many; /* the last operand may stand more than once; its value has room for argc of them */
-    const char *manual; /* paragraphs printed at the end of --help, or NULL */
+    const char *manual;  /* paragraphs printed at the end of --help, or NULL */
     const char *program; /* whose command it is; NULL = "coman-hil" */
 };
 
@@ -102,12 +102,12 @@ void options_help(const struct command_spec *spec, FILE *out);
 /* The same as the source of a manual page, for scdoc(1). */
 void options_page(const struct command_spec *spec, FILE *out);
 
-/* options_parse with what a command does about the result: false when the command is to return
- * *status at once, because the manual was printed (by --help, or as a page by --help=scdoc alone) or
- * the error was reported on stderr. */
+/* options_parse for the main of a command. False when the command must return *status at once,
+ * because the manual was printed (by --help, or as a page by --help=scdoc alone) or the error was
+ * reported on stderr. */
 bool options_read(const struct command_spec *spec, int argc, char **argv, int *status);
 
-/* The exit status that an error means. */
+/* The exit status of a command that ended with an error. */
 enum exit_status exit_status_of(enum error_code code);
 
 /* Prints "coman-hil COMMAND: text" on stderr and returns the exit status of the error. */

@@ -5,8 +5,8 @@
 #include <ctype.h>
 #include <string.h>
 
-/* Every sign that could mean something to scdoc is escaped. */
-static void put_text(const char *text, size_t length, FILE *out)
+/* Writes text with all punctuation escaped, as some of it is markup to scdoc. */
+static void manpage_put_text(const char *text, size_t length, FILE *out)
 {
     for (size_t i = 0; i < length; i++) {
         if (ispunct((unsigned char)text[i])) {
@@ -16,8 +16,9 @@ static void put_text(const char *text, size_t length, FILE *out)
     }
 }
 
-/* Paragraphs are divided by blank lines; a line that begins with two blanks is an item of a list. */
-static void put_manual(const char *text, FILE *out)
+/* Writes paragraphs, divided by blank lines; a line that begins with two blanks is an item of a
+ * list. */
+static void manpage_put_manual(const char *text, FILE *out)
 {
     while (*text) {
         size_t length = strcspn(text, "\n");
@@ -25,7 +26,7 @@ static void put_manual(const char *text, FILE *out)
 
         if (length > 0) {
             fputs(item ? "- " : "\n", out);
-            put_text(item ? text + 2 : text, item ? length - 2 : length, out);
+            manpage_put_text(item ? text + 2 : text, item ? length - 2 : length, out);
             putc('\n', out);
         }
         text += length;
@@ -36,25 +37,25 @@ static void put_manual(const char *text, FILE *out)
     }
 }
 
-static void put_term(const char *name, const char *argument, const char *help, FILE *out)
+static void manpage_put_term(const char *name, const char *argument, const char *help, FILE *out)
 {
     fputs("\n*", out);
-    put_text(name, strlen(name), out);
+    manpage_put_text(name, strlen(name), out);
     fputs("*", out);
     if (argument) {
         fputs(" _", out);
-        put_text(argument, strlen(argument), out);
+        manpage_put_text(argument, strlen(argument), out);
         fputs("_", out);
     }
     fputs("\n\t", out);
-    put_text(help, strlen(help), out);
+    manpage_put_text(help, strlen(help), out);
     fputs("\n", out);
 }
 
-static void put_synopsis(const struct command_spec *spec, FILE *out)
+static void manpage_put_synopsis(const struct command_spec *spec, FILE *out)
 {
-    fprintf(out, "\n# SYNOPSIS\n\n*%s %s*%s", spec->program ? spec->program : "coman-hil", spec->name,
-            spec->noption ? " [OPTIONS]" : "");
+    fprintf(out, "\n# SYNOPSIS\n\n*%s %s*%s", spec->program ? spec->program : "coman-hil",
+            spec->name, spec->noption ? " [OPTIONS]" : "");
     for (size_t i = 0; i < spec->noperand; i++) {
         const struct operand_spec *operand = &spec->operand[i];
 
@@ -65,31 +66,31 @@ static void put_synopsis(const struct command_spec *spec, FILE *out)
 }
 
 /* "coman-hil-bench-paper" */
-static void put_name(const struct command_spec *spec, FILE *out)
+static void manpage_put_name(const struct command_spec *spec, FILE *out)
 {
     fprintf(out, "%s-%s", spec->program ? spec->program : "coman-hil", spec->name);
 }
 
 void options_page(const struct command_spec *spec, FILE *out)
 {
-    put_name(spec, out);
+    manpage_put_name(spec, out);
     fprintf(out, "(1) \"coman-hil %s\"\n\n# NAME\n\n", HIL_VERSION);
-    put_name(spec, out);
+    manpage_put_name(spec, out);
     fputs(" - ", out);
-    put_text(spec->summary, strlen(spec->summary), out);
+    manpage_put_text(spec->summary, strlen(spec->summary), out);
     putc('\n', out);
-    put_synopsis(spec, out);
+    manpage_put_synopsis(spec, out);
     fputs("\n# OPTIONS\n", out);
     for (size_t i = 0; i < spec->noperand; i++) {
-        put_term(spec->operand[i].name, NULL, spec->operand[i].help, out);
+        manpage_put_term(spec->operand[i].name, NULL, spec->operand[i].help, out);
     }
     for (size_t i = 0; i < spec->noption; i++) {
-        put_term(spec->option[i].name, spec->option[i].argument, spec->option[i].help, out);
+        manpage_put_term(spec->option[i].name, spec->option[i].argument, spec->option[i].help, out);
     }
-    put_term("--help", NULL, "print the manual and exit", out);
+    manpage_put_term("--help", NULL, "print the manual and exit", out);
     if (spec->manual) {
         fputs("\n# DESCRIPTION\n", out);
-        put_manual(spec->manual, out);
+        manpage_put_manual(spec->manual, out);
     }
     fputs("\n# SEE ALSO\n\n*coman-hil*(1), *coman-hil-rig*(5), *coman-hil-scenario*(5)\n", out);
 }

@@ -2,7 +2,8 @@
 /*
  * Seeded random numbers for noise and faults: splitmix64 (Steele, Lea, Flood 2014), one stream for
  * each thing that needs one, so that no stream depends on how often another was drawn from. The
- * same seed and name give the same numbers on every machine (Gaussian ones up to its libm). RT-safe.
+ * same seed and name give the same numbers on every machine (Gaussian ones up to its libm).
+ * RT-safe.
  */
 #ifndef BASE_RANDOM_H
 #define BASE_RANDOM_H
@@ -43,7 +44,8 @@ static inline double random_uniform(struct random_stream *stream)
     return (double)(random_bits(stream) >> 11) * 0x1p-53;
 }
 
-/* Mean 0, variance 1 (Box and Muller; the second number is not kept, so that every draw takes two). */
+/* Mean 0, variance 1 (Box and Muller; the second number is not kept, so that every draw takes
+ * two). */
 static inline double random_gaussian(struct random_stream *stream)
 {
     double radius = sqrt(-2.0 * log(1.0 - random_uniform(stream)));

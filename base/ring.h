@@ -20,7 +20,7 @@ struct ring {
     _Alignas(64) _Atomic uint32_t tail; /* next slot to read, owned by the reader */
 };
 
-/* slots holds count * slot_size bytes; count is a power of two. */
+/* Memory at slots is count * slot_size bytes; count is a power of two. */
 static inline void ring_init(struct ring *ring, void *slots, size_t slot_size, uint32_t count)
 {
     ring->slots = slots;
@@ -58,8 +58,8 @@ static inline bool ring_pop(struct ring *ring, void *item)
     return true;
 }
 
-/* The slot that the next item goes to, to be filled and then handed over with ring_commit; NULL when
- * the ring is full. Writer only. */
+/* The slot that the next item goes to, to be filled and then handed over with ring_commit; NULL
+ * when the ring is full. Writer only. */
 static inline void *ring_back(const struct ring *ring)
 {
     uint32_t head = atomic_load_explicit(&ring->head, memory_order_relaxed);

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Strict number reading and the nearest word. */
+/* Strict number reading, UTF-8 and the nearest word. */
 #include "base/text.h"
+
+#include "base/count.h"
 
 #include <ctype.h>
 #include <errno.h>
@@ -13,7 +15,7 @@ bool text_to_double(const char *text, double *value)
     char *end;
     double parsed;
 
-    /* strtod would also take spaces, inf, nan and hexadecimal */
+    /* Strtod would also take spaces, inf, nan and hexadecimal */
     if (*text == '\0' || strspn(text, "+-.0123456789eE") != strlen(text)) {
         return false;
     }
@@ -57,8 +59,38 @@ bool text_is_name(const char *text)
            strcmp(text, ".") != 0 && strcmp(text, "..") != 0;
 }
 
+size_t text_utf8_length(const char *text, size_t size)
+{
+    /* Of 1 to 4 bytes: the bits of the first one that tell, and the lowest code that needs so
+     * many */
+    static const struct {
+        unsigned char mask, lead;
+        uint32_t min;
+    } form[] = {{0x80, 0x00, 0}, {0xe0, 0xc0, 0x80}, {0xf0, 0xe0, 0x800}, {0xf8, 0xf0, 0x10000}};
+    const unsigned char *p = (const unsigned char *)text;
+
+    for (size_t k = 0; k < ARRAY_COUNT(form) && k < size; k++) {
+        uint32_t code = p[0] & (unsigned char)~form[k].mask;
+
+        if ((p[0] & form[k].mask) != form[k].lead) {
+            continue;
+        }
+        for (size_t i = 1; i <= k; i++) {
+            if ((p[i] & 0xc0) != 0x80) {
+                return 0;
+            }
+            code = code << 6 | (p[i] & 0x3f);
+        }
+        if (code < form[k].min || code > 0x10ffff || (code >= 0xd800 && code < 0xe000)) {
+            return 0;
+        }
+        return k + 1;
+    }
+    return 0;
+}
+
 /* Levenshtein distance of two words of at most LONGEST_WORD letters */
-static size_t edit_distance(const char *a, const char *b)
+static size_t text_edit_distance(const char *a, const char *b)
 {
     size_t row[LONGEST_WORD + 1], na = strlen(a), nb = strlen(b);
 
@@ -91,7 +123,7 @@ const char *text_nearest(const char *word, const char *const *words, size_t coun
     }
     for (size_t i = 0; i < count; i++) {
         if (strlen(words[i]) <= LONGEST_WORD) {
-            size_t distance = edit_distance(word, words[i]);
+            size_t distance = text_edit_distance(word, words[i]);
 
             if (distance < best) {
                 best = distance;

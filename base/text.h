@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Strict reading of what people write: whole-string numbers, and the nearest known word. */
+/* Strict reading of what people write: whole-string numbers, names, UTF-8, and the nearest known
+ * word. Not RT-safe. */
 #ifndef BASE_TEXT_H
 #define BASE_TEXT_H
 
@@ -14,9 +15,13 @@ bool text_to_double(const char *text, double *value);
 /* The whole of text as a decimal or 0x-prefixed integer within [min, max]. */
 bool text_to_int(const char *text, int64_t min, int64_t max, int64_t *value);
 
-/* Whether text can be a name: 1 to 63 letters, digits and _ - . only, so that it may stand in messages,
- * on command lines and in file names; not "." or "..". */
+/* Whether text can be a name: 1 to 63 letters, digits and _ - . only, so that it may stand in
+ * messages, on command lines and in file names; not "." or "..". */
 bool text_is_name(const char *text);
+
+/* Bytes of the UTF-8 character that text begins with, at most size; 0 when it begins with none:
+ * overlong forms, surrogates and codes beyond Unicode are no characters. */
+size_t text_utf8_length(const char *text, size_t size);
 
 /* The word of the list nearest to word by edit distance, or NULL when none is near enough to be
  * worth naming (distance over a third of the length, at least 2). words has count entries. */

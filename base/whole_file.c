@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Files under another name until they are whole. */
+/* Files under a temporary name until they are complete. */
 #include "base/whole_file.h"
 
 #include <errno.h>
@@ -22,11 +22,14 @@ enum error_code whole_file_open(struct whole_file *file, const char *path, struc
 
 enum error_code whole_file_close(struct whole_file *file, enum error_code code, struct error *error)
 {
-    bool bad = ferror(file->out) != 0;
+    bool failed = ferror(file->out) != 0;
 
-    bad = fclose(file->out) != 0 || bad ||
-          (!code && !file->in_place && rename(file->partial, file->path) != 0);
-    if (bad && !code) {
+    /* Data may only now reach the disk, and the name is given last */
+    failed = fclose(file->out) != 0 || failed;
+    if (!failed && !code && !file->in_place) {
+        failed = rename(file->partial, file->path) != 0;
+    }
+    if (failed && !code) {
         code = error_set_errno(error, errno, "cannot write %s", file->path);
     }
     if (code && !file->in_place) {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A file that is there whole or not at all: written as PATH.part and given its name at the end, so
- * that a full disk or an interrupt leaves what was there before. What is no regular file (a pipe, a
- * terminal) is written in place. Not RT-safe.
+ * A file that is complete or not there at all: written as PATH.part and renamed at the end, so that
+ * a full disk or an interrupt leaves the previous file as it was. What is no regular file (a pipe,
+ * a terminal) is written in place. Not RT-safe.
  */
 #ifndef BASE_WHOLE_FILE_H
 #define BASE_WHOLE_FILE_H
@@ -21,11 +21,11 @@ struct whole_file {
     bool in_place;
 };
 
-/* path must outlive the file. */
+/* Path must outlive the file. */
 enum error_code whole_file_open(struct whole_file *file, const char *path, struct error *error);
 
-/* Closes it. code: of what was written; when that or the writing has failed nothing is left but
- * what was there before, and the first error is returned. */
+/* Closes the file and gives it its name. With code, the error of whoever produced the content, or
+ * when writing failed, the previous file stays instead. Returns the first of these errors. */
 enum error_code whole_file_close(struct whole_file *file, enum error_code code,
                                  struct error *error);
 

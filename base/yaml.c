@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The YAML reader: lays the caller's schema over the nodes of a document and fills structs.
+ * The YAML reader: applies the caller's schema to the nodes of a document and fills structs.
  */
 #include "base/yaml.h"
 
@@ -37,8 +37,8 @@ enum error_code yaml_error(struct error *error, const struct yaml_mark *mark, co
                      text);
 }
 
-/* "a, b or c" */
-static void join_words(const char *const *words, size_t count, char *out, size_t size)
+/* Writes a list of words: "a, b or c". */
+static void yaml_join_words(const char *const *words, size_t count, char *out, size_t size)
 {
     size_t used = 0;
 
@@ -52,13 +52,14 @@ static void join_words(const char *const *words, size_t count, char *out, size_t
 
 /* ---- schema ---- */
 
-static void *at(void *out, size_t offset)
+static void *yaml_member(void *out, size_t offset)
 {
     return (unsigned char *)out + offset;
 }
 
-/* "a number from 0 to 100" */
-static void describe_range(const char *what, const struct yaml_field *field, char *out, size_t size)
+/* Describes the values that a field takes: "a number from 0 to 100". */
+static void yaml_describe_range(const char *what, const struct yaml_field *field, char *out,
+                                size_t size)
 {
     bool low = field->min > -DBL_MAX, high = field->max < DBL_MAX;
 
@@ -77,13 +78,13 @@ static void describe_range(const char *what, const struct yaml_field *field, cha
     }
 }
 
-static bool in_range(const struct yaml_field *field, double value)
+static bool yaml_in_range(const struct yaml_field *field, double value)
 {
     return (field->min == 0 && field->max == 0) || (value >= field->min && value <= field->max);
 }
 
-static enum error_code read_bool(struct yaml_reader *r, const struct yaml_field *field,
-                                 const struct yaml_node *node, void *out)
+static enum error_code yaml_read_bool(struct yaml_reader *r, const struct yaml_field *field,
+                                      const struct yaml_node *node, void *out)
 {
     (void)field;
     if (!yaml_is_bool(node)) {
@@ -93,14 +94,14 @@ static enum error_code read_bool(struct yaml_reader *r, const struct yaml_field 
     return ERROR_NONE;
 }
 
-static enum error_code read_int(struct yaml_reader *r, const struct yaml_field *field,
-                                const struct yaml_node *node, void *out)
+static enum error_code yaml_read_int(struct yaml_reader *r, const struct yaml_field *field,
+                                     const struct yaml_node *node, void *out)
 {
     const char *digits;
     char expected[96];
     int64_t value;
 
-    describe_range("an integer", field, expected, sizeof expected);
+    yaml_describe_range("an integer", field, expected, sizeof expected);
     if (node->kind != YAML_KIND_SCALAR || node->quoted ||
         !text_to_int(node->text, INT64_MIN, INT64_MAX, &value)) {
         return yaml_unexpected(r, node, expected);
@@ -110,30 +111,30 @@ static enum error_code read_int(struct yaml_reader *r, const struct yaml_field *
     if (digits[0] == '0' && digits[1] >= '0' && digits[1] <= '9') {
         return yaml_unexpected(r, node, "an integer without leading zeros");
     }
-    if (!in_range(field, (double)value)) {
+    if (!yaml_in_range(field, (double)value)) {
         return yaml_unexpected(r, node, expected);
     }
     *(int64_t *)out = value;
     return ERROR_NONE;
 }
 
-static enum error_code read_real(struct yaml_reader *r, const struct yaml_field *field,
-                                 const struct yaml_node *node, void *out)
+static enum error_code yaml_read_real(struct yaml_reader *r, const struct yaml_field *field,
+                                      const struct yaml_node *node, void *out)
 {
     char expected[96];
     double value;
 
     if (node->kind != YAML_KIND_SCALAR || node->quoted || !text_to_double(node->text, &value) ||
-        !in_range(field, value)) {
-        describe_range("a number", field, expected, sizeof expected);
+        !yaml_in_range(field, value)) {
+        yaml_describe_range("a number", field, expected, sizeof expected);
         return yaml_unexpected(r, node, expected);
     }
     *(double *)out = value;
     return ERROR_NONE;
 }
 
-static enum error_code read_string(struct yaml_reader *r, const struct yaml_field *field,
-                                   const struct yaml_node *node, void *out)
+static enum error_code yaml_read_string(struct yaml_reader *r, const struct yaml_field *field,
+                                        const struct yaml_node *node, void *out)
 {
     const char **string = out;
     char expected[96];
@@ -144,7 +145,7 @@ static enum error_code read_string(struct yaml_reader *r, const struct yaml_fiel
     if (node->kind != YAML_KIND_SCALAR || yaml_is_null(node)) {
         return yaml_unexpected(r, node, "a text");
     }
-    if (field->max > 0 && !in_range(field, (double)strlen(node->text))) {
+    if (field->max > 0 && !yaml_in_range(field, (double)strlen(node->text))) {
         snprintf(expected, sizeof expected, "a text of %.0f to %.0f bytes", field->min, field->max);
         return yaml_unexpected(r, node, expected);
     }
@@ -152,8 +153,8 @@ static enum error_code read_string(struct yaml_reader *r, const struct yaml_fiel
     return *string ? ERROR_NONE : yaml_no_memory(r);
 }
 
-static enum error_code read_enum(struct yaml_reader *r, const struct yaml_field *field,
-                                 const struct yaml_node *node, void *out)
+static enum error_code yaml_read_enum(struct yaml_reader *r, const struct yaml_field *field,
+                                      const struct yaml_node *node, void *out)
 {
     const char *words[MAX_WORDS], *nearest;
     char what[YAML_FOUND], list[256];
@@ -166,15 +167,15 @@ static enum error_code read_enum(struct yaml_reader *r, const struct yaml_field 
         }
         words[count++] = e->word;
     }
-    join_words(words, count, list, sizeof list);
+    yaml_join_words(words, count, list, sizeof list);
     nearest = node->kind == YAML_KIND_SCALAR ? text_nearest(node->text, words, count) : NULL;
     return yaml_error(r->error, &node->mark, "found %s, expected %s%s%s%s", yaml_found(node, what),
                       list, nearest ? " (did you mean \"" : "", nearest ? nearest : "",
                       nearest ? "\"?)" : "");
 }
 
-static enum error_code read_reals(struct yaml_reader *r, const struct yaml_field *field,
-                                  const struct yaml_node *node, void *out)
+static enum error_code yaml_read_reals(struct yaml_reader *r, const struct yaml_field *field,
+                                       const struct yaml_node *node, void *out)
 {
     char expected[96];
     double *value = out;
@@ -188,7 +189,7 @@ static enum error_code read_reals(struct yaml_reader *r, const struct yaml_field
                           expected);
     }
     for (const struct yaml_node *entry = node->first; entry; entry = entry->next) {
-        enum error_code code = read_real(r, field, entry, value++);
+        enum error_code code = yaml_read_real(r, field, entry, value++);
 
         if (code) {
             return code;
@@ -197,51 +198,51 @@ static enum error_code read_reals(struct yaml_reader *r, const struct yaml_field
     return ERROR_NONE;
 }
 
-static enum error_code read_struct(struct yaml_reader *r, const struct yaml_schema *schema,
-                                   const struct yaml_node *node, void *out);
+static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml_schema *schema,
+                                        const struct yaml_node *node, void *out);
 
-static enum error_code read_real_entry(struct yaml_reader *r, const struct yaml_field *field,
-                                       const struct yaml_node *key, void *out)
+static enum error_code yaml_read_real_entry(struct yaml_reader *r, const struct yaml_field *field,
+                                            const struct yaml_node *key, void *out)
 {
     struct yaml_real_entry *entry = out;
 
     entry->mark = key->mark;
     entry->name = arena_strdup(r->arena, key->text);
-    return entry->name ? read_real(r, field, key->next, &entry->value) : yaml_no_memory(r);
+    return entry->name ? yaml_read_real(r, field, key->next, &entry->value) : yaml_no_memory(r);
 }
 
-static enum error_code read_name_entry(struct yaml_reader *r, const struct yaml_field *field,
-                                       const struct yaml_node *node, void *out)
+static enum error_code yaml_read_name_entry(struct yaml_reader *r, const struct yaml_field *field,
+                                            const struct yaml_node *node, void *out)
 {
     struct yaml_name *entry = out;
 
     entry->mark = node->mark;
-    return read_string(r, field, node, &entry->name);
+    return yaml_read_string(r, field, node, &entry->name);
 }
 
-static enum error_code read_dict_entry(struct yaml_reader *r, const struct yaml_field *field,
-                                       const struct yaml_node *key, void *out)
+static enum error_code yaml_read_dict_entry(struct yaml_reader *r, const struct yaml_field *field,
+                                            const struct yaml_node *key, void *out)
 {
     const char *name = arena_strdup(r->arena, key->text);
-    enum error_code code = read_struct(r, field->schema, key->next, out);
+    enum error_code code = yaml_read_struct(r, field->schema, key->next, out);
 
-    *(const char **)at(out, field->schema->name_offset) = name;
+    *(const char **)yaml_member(out, field->schema->name_offset) = name;
     return code ? code : name ? ERROR_NONE : yaml_no_memory(r);
 }
 
-static enum error_code read_list_entry(struct yaml_reader *r, const struct yaml_field *field,
-                                       const struct yaml_node *node, void *out)
+static enum error_code yaml_read_list_entry(struct yaml_reader *r, const struct yaml_field *field,
+                                            const struct yaml_node *node, void *out)
 {
-    return read_struct(r, field->schema, node, out);
+    return yaml_read_struct(r, field->schema, node, out);
 }
 
 typedef enum error_code read_function(struct yaml_reader *r, const struct yaml_field *field,
                                       const struct yaml_node *node, void *out);
 
-/* The entries of a list, or the keys of a mapping, into an array of its own. */
-static enum error_code read_many(struct yaml_reader *r, const struct yaml_field *field,
-                                 const struct yaml_node *node, size_t size, read_function *read,
-                                 void *out, size_t *count)
+/* Reads the entries of a list, or the keys of a mapping with their values, into an array. */
+static enum error_code yaml_read_many(struct yaml_reader *r, const struct yaml_field *field,
+                                      const struct yaml_node *node, size_t size,
+                                      read_function *read, void *out, size_t *count)
 {
     unsigned char *array = arena_alloc(r->arena, node->count, size);
     size_t i = 0;
@@ -262,23 +263,24 @@ static enum error_code read_many(struct yaml_reader *r, const struct yaml_field 
     return ERROR_NONE;
 }
 
-/* Values that become an array: which node they need, how long an entry is and how it is read. */
-static enum error_code read_array(struct yaml_reader *r, const struct yaml_field *field,
-                                  const struct yaml_node *node, void *out, size_t *count)
+/* Reads a value that becomes an array. */
+static enum error_code yaml_read_array(struct yaml_reader *r, const struct yaml_field *field,
+                                       const struct yaml_node *node, void *out, size_t *count)
 {
+    /* Of each type: the node that it needs, how long an entry is and how it is read */
     static const struct {
         const char *expected;
         enum yaml_kind kind;
         size_t size; /* 0 = the schema's */
         read_function *read;
     } form[] = {
-        [YAML_REAL_LIST] = {"a list of numbers", YAML_KIND_LIST, sizeof(double), read_real},
+        [YAML_REAL_LIST] = {"a list of numbers", YAML_KIND_LIST, sizeof(double), yaml_read_real},
         [YAML_NAME_LIST] = {"a list of names", YAML_KIND_LIST, sizeof(struct yaml_name),
-                            read_name_entry},
-        [YAML_LIST] = {"a list of mappings", YAML_KIND_LIST, 0, read_list_entry},
-        [YAML_DICT] = {"a mapping of names to mappings", YAML_KIND_MAP, 0, read_dict_entry},
+                            yaml_read_name_entry},
+        [YAML_LIST] = {"a list of mappings", YAML_KIND_LIST, 0, yaml_read_list_entry},
+        [YAML_DICT] = {"a mapping of names to mappings", YAML_KIND_MAP, 0, yaml_read_dict_entry},
         [YAML_REAL_DICT] = {"a mapping of names to numbers", YAML_KIND_MAP,
-                            sizeof(struct yaml_real_entry), read_real_entry},
+                            sizeof(struct yaml_real_entry), yaml_read_real_entry},
     };
     enum yaml_type type = field->type;
     size_t size = form[type].size ? form[type].size : field->schema->size;
@@ -286,42 +288,43 @@ static enum error_code read_array(struct yaml_reader *r, const struct yaml_field
     if (node->kind != form[type].kind) {
         return yaml_unexpected(r, node, form[type].expected);
     }
-    return read_many(r, field, node, size, form[type].read, out, count);
+    return yaml_read_many(r, field, node, size, form[type].read, out, count);
 }
 
-static enum error_code read_value(struct yaml_reader *r, const struct yaml_field *field,
-                                  const struct yaml_node *node, void *out)
+static enum error_code yaml_read_value(struct yaml_reader *r, const struct yaml_field *field,
+                                       const struct yaml_node *node, void *out)
 {
-    void *value = at(out, field->offset);
+    void *value = yaml_member(out, field->offset);
 
     if (field->mark_offset) {
-        *(struct yaml_mark *)at(out, field->mark_offset) = node->mark;
+        *(struct yaml_mark *)yaml_member(out, field->mark_offset) = node->mark;
     }
     if (field->given_offset) {
-        *(bool *)at(out, field->given_offset) = true;
+        *(bool *)yaml_member(out, field->given_offset) = true;
     }
     switch (field->type) {
     case YAML_BOOL:
-        return read_bool(r, field, node, value);
+        return yaml_read_bool(r, field, node, value);
     case YAML_INT:
-        return read_int(r, field, node, value);
+        return yaml_read_int(r, field, node, value);
     case YAML_REAL:
-        return read_real(r, field, node, value);
+        return yaml_read_real(r, field, node, value);
     case YAML_STRING:
-        return read_string(r, field, node, value);
+        return yaml_read_string(r, field, node, value);
     case YAML_ENUM:
-        return read_enum(r, field, node, value);
+        return yaml_read_enum(r, field, node, value);
     case YAML_REALS:
-        return read_reals(r, field, node, value);
+        return yaml_read_reals(r, field, node, value);
     case YAML_MAP:
-        return read_struct(r, field->schema, node, value);
+        return yaml_read_struct(r, field->schema, node, value);
     default:
-        return read_array(r, field, node, value, at(out, field->count_offset));
+        return yaml_read_array(r, field, node, value, yaml_member(out, field->count_offset));
     }
 }
 
-static enum error_code unknown_key(struct yaml_reader *r, const struct yaml_schema *schema,
-                                   const struct yaml_node *key)
+static enum error_code yaml_reject_unknown_key(struct yaml_reader *r,
+                                               const struct yaml_schema *schema,
+                                               const struct yaml_node *key)
 {
     const char *words[MAX_WORDS], *nearest;
     char text[YAML_SHOWN + 4], list[320];
@@ -331,7 +334,7 @@ static enum error_code unknown_key(struct yaml_reader *r, const struct yaml_sche
         words[count++] = schema->fields[i].key;
     }
     nearest = text_nearest(key->text, words, count);
-    join_words(words, count, list, sizeof list);
+    yaml_join_words(words, count, list, sizeof list);
     return yaml_error(r->error, &key->mark, "found unknown key \"%s\" in %s, expected %s%s%s",
                       yaml_shown(key->text, text), schema->what, nearest ? "\"" : "",
                       nearest ? nearest : list, nearest ? "\"" : "");
@@ -339,7 +342,8 @@ static enum error_code unknown_key(struct yaml_reader *r, const struct yaml_sche
 
 /* The defaults of a struct and of the structs in it. What is left out stands where its parent
  * stands, so that messages about it have a place. */
-static void set_defaults(const struct yaml_schema *schema, const struct yaml_mark *mark, void *out)
+static void yaml_set_defaults(const struct yaml_schema *schema, const struct yaml_mark *mark,
+                              void *out)
 {
     if (schema->defaults) {
         memcpy(out, schema->defaults, schema->size);
@@ -349,16 +353,16 @@ static void set_defaults(const struct yaml_schema *schema, const struct yaml_mar
         const struct yaml_field *field = &schema->fields[i];
 
         if (field->type == YAML_MAP) {
-            set_defaults(field->schema, mark, at(out, field->offset));
+            yaml_set_defaults(field->schema, mark, yaml_member(out, field->offset));
         }
         if (field->mark_offset) {
-            *(struct yaml_mark *)at(out, field->mark_offset) = *mark;
+            *(struct yaml_mark *)yaml_member(out, field->mark_offset) = *mark;
         }
     }
 }
 
-static enum error_code read_struct(struct yaml_reader *r, const struct yaml_schema *schema,
-                                   const struct yaml_node *node, void *out)
+static enum error_code yaml_read_struct(struct yaml_reader *r, const struct yaml_schema *schema,
+                                        const struct yaml_node *node, void *out)
 {
     char expected[96];
 
@@ -366,7 +370,9 @@ static enum error_code read_struct(struct yaml_reader *r, const struct yaml_sche
         snprintf(expected, sizeof expected, "a mapping (%s)", schema->what);
         return yaml_unexpected(r, node, expected);
     }
-    set_defaults(schema, &node->mark, out);
+
+    /* The keys that are there replace the defaults */
+    yaml_set_defaults(schema, &node->mark, out);
     for (const struct yaml_node *key = node->first; key; key = key->next->next) {
         const struct yaml_field *field = schema->fields;
         const struct yaml_field *end = field + schema->field_count;
@@ -375,11 +381,14 @@ static enum error_code read_struct(struct yaml_reader *r, const struct yaml_sche
         while (field < end && strcmp(field->key, key->text) != 0) {
             field++;
         }
-        code = field < end ? read_value(r, field, key->next, out) : unknown_key(r, schema, key);
+        code = field < end ? yaml_read_value(r, field, key->next, out)
+                           : yaml_reject_unknown_key(r, schema, key);
         if (code) {
             return code;
         }
     }
+
+    /* Required keys must be among them */
     for (size_t i = 0; i < schema->field_count; i++) {
         const struct yaml_node *key = node->first;
 
@@ -410,7 +419,7 @@ enum error_code yaml_read_text(const char *name, const char *text, size_t size,
     code = yaml_document_read(&r, name, text, size, schema, &root);
     if (!code) {
         memset(out, 0, schema->size);
-        code = read_struct(&r, schema, root, out);
+        code = yaml_read_struct(&r, schema, root, out);
     }
     arena_fini(&r.scratch);
     return code;

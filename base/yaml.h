@@ -83,8 +83,8 @@ struct yaml_schema {
         *defaults;   /* size bytes that the struct starts as; NULL = zeroes, or for a nested map
                            * what the parent's defaults hold there */
     bool extendable; /* of a file: the key "extends" names one that this one extends */
-    /* Of an extendable file: the path of one that is extended by a bare name, without slash and dot,
-     * from the file from; NULL = there are no such names. */
+    /* Of an extendable file: the path of one that is extended by a bare name, without slash and
+     * dot, from the file from; NULL = there are no such names. */
     enum error_code (*locate)(const char *name, const char *from, struct arena *arena,
                               const char **path, struct error *error);
 };
@@ -92,9 +92,9 @@ struct yaml_schema {
 /* Reads the file into *out, which starts as schema->defaults. Strings and lists live in arena.
  *
  * With schema->extendable a file may begin from another: "extends: FILE", or a name that
- * schema->locate knows. What it gives itself
- * replaces what stands there, but mappings are merged key by key (lists are not: they are replaced
- * whole). Each value keeps the place, and the directory for references, of the file it stands in. */
+ * schema->locate knows. What it gives itself replaces what stands there, but mappings are merged
+ * key by key (lists are not: they are replaced whole). Each value keeps the place, and the
+ * directory for references, of the file it stands in. */
 enum error_code yaml_read_file(const char *path, const struct yaml_schema *schema,
                                struct arena *arena, void *out, struct error *error);
 

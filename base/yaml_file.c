@@ -14,8 +14,8 @@ enum { MAX_EXTENDS = 4 /* files below one that extends */ };
 
 /* ---- files ---- */
 
-static enum error_code read_bytes(int fd, const char *path, char *buffer, size_t capacity,
-                                  size_t *size, struct error *error)
+static enum error_code yaml_read_bytes(int fd, const char *path, char *buffer, size_t capacity,
+                                       size_t *size, struct error *error)
 {
     *size = 0;
     while (*size < capacity) {
@@ -45,26 +45,32 @@ enum error_code yaml_load_file(const char *path, char **text, size_t *size, stru
     }
     if (fstat(fd, &status)) {
         code = error_set_file(error, errno, path, "cannot be read");
-    } else if (!S_ISREG(status.st_mode)) {
+        goto done;
+    }
+    if (!S_ISREG(status.st_mode)) {
         code = error_set(error, ERROR_INPUT, "%.200s: found %s, expected a file", path,
                          S_ISDIR(status.st_mode) ? "a directory" : "no regular file");
-    } else if (!(*text = malloc(YAML_MAX_FILE + 1))) {
-        code = error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", path);
-    } else {
-        code = read_bytes(fd, path, *text, YAML_MAX_FILE + 1, size, error);
+        goto done;
     }
+    *text = malloc(YAML_MAX_FILE + 1);
+    if (!*text) {
+        code = error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", path);
+        goto done;
+    }
+    code = yaml_read_bytes(fd, path, *text, YAML_MAX_FILE + 1, size, error);
+done:
     close(fd);
     return code;
 }
 
 /* ---- files that extend others ---- */
 
-static enum error_code read_tree(struct yaml_reader *r, const char *name, const char *text,
-                                 size_t size, const struct yaml_schema *schema, int depth,
-                                 struct yaml_node **root);
+static enum error_code yaml_read_extended(struct yaml_reader *r, const char *name, const char *text,
+                                          size_t size, const struct yaml_schema *schema, int depth,
+                                          struct yaml_node **root);
 
-/* Where the link to a key stands, or the end of the list. */
-static struct yaml_node **find_key(struct yaml_node *map, const char *name)
+/* The link that points to a key, or the end of the list. */
+static struct yaml_node **yaml_find_key(struct yaml_node *map, const char *name)
 {
     struct yaml_node **at = &map->first;
 
@@ -74,13 +80,13 @@ static struct yaml_node **find_key(struct yaml_node *map, const char *name)
     return at;
 }
 
-/* Adds to a mapping what only the base has; a mapping that both have is merged in turn. */
-static void merge(struct yaml_node *map, struct yaml_node *base)
+/* Adds to a mapping the keys that only the base has; a mapping that both have is merged in turn. */
+static void yaml_merge_maps(struct yaml_node *map, struct yaml_node *base)
 {
     struct yaml_node *after;
 
     for (struct yaml_node *key = base->first; key; key = after) {
-        struct yaml_node *value = key->next, **own = find_key(map, key->text);
+        struct yaml_node *value = key->next, **own = yaml_find_key(map, key->text);
 
         after = value->next;
         if (!*own) {
@@ -88,14 +94,14 @@ static void merge(struct yaml_node *map, struct yaml_node *base)
             *own = key;
             map->count++;
         } else if ((*own)->next->kind == YAML_KIND_MAP && value->kind == YAML_KIND_MAP) {
-            merge((*own)->next, value);
+            yaml_merge_maps((*own)->next, value);
         }
     }
 }
 
-/* Of the file that a document extends. */
-static enum error_code find_extended(struct yaml_reader *r, const struct yaml_schema *schema,
-                                     const struct yaml_node *reference, const char **path)
+/* The path of the file that a document extends. */
+static enum error_code yaml_find_extended(struct yaml_reader *r, const struct yaml_schema *schema,
+                                          const struct yaml_node *reference, const char **path)
 {
     enum error_code code;
 
@@ -109,8 +115,8 @@ static enum error_code find_extended(struct yaml_reader *r, const struct yaml_sc
 }
 
 /* Follows the key extends, if the document has it. */
-static enum error_code extend(struct yaml_reader *r, const struct yaml_schema *schema, int depth,
-                              struct yaml_node *root)
+static enum error_code yaml_follow_extends(struct yaml_reader *r, const struct yaml_schema *schema,
+                                           int depth, struct yaml_node *root)
 {
     struct yaml_node **at, *reference, *base;
     enum error_code code;
@@ -118,7 +124,8 @@ static enum error_code extend(struct yaml_reader *r, const struct yaml_schema *s
     char *text;
     size_t size;
 
-    if (root->kind != YAML_KIND_MAP || !*(at = find_key(root, "extends"))) {
+    /* The key itself is no part of the document */
+    if (root->kind != YAML_KIND_MAP || !*(at = yaml_find_key(root, "extends"))) {
         return ERROR_NONE;
     }
     reference = (*at)->next;
@@ -132,28 +139,33 @@ static enum error_code extend(struct yaml_reader *r, const struct yaml_schema *s
                           "found more than %d files that extend one another, expected an end",
                           MAX_EXTENDS);
     }
-    code = find_extended(r, schema, reference, &path);
+    code = yaml_find_extended(r, schema, reference, &path);
     if (code) {
         return code;
     }
+
+    /* A file that cannot be loaded is the fault of the line that names it */
     code = yaml_load_file(path, &text, &size, r->error);
-    if (!code) {
-        code = read_tree(r, path, text, size, schema, depth + 1, &base);
-    } else {
+    if (code) {
         error_prefix(r->error, "%s:%d:%d", reference->mark.file, reference->mark.line,
                      reference->mark.column);
+        goto done;
     }
+
+    /* The base with all that it extends itself gives what this document leaves out */
+    code = yaml_read_extended(r, path, text, size, schema, depth + 1, &base);
     if (!code && base->kind == YAML_KIND_MAP) {
-        merge(root, base);
+        yaml_merge_maps(root, base);
     }
+done:
     free(text);
     return code;
 }
 
 /* The document with all that it extends. */
-static enum error_code read_tree(struct yaml_reader *r, const char *name, const char *text,
-                                 size_t size, const struct yaml_schema *schema, int depth,
-                                 struct yaml_node **root)
+static enum error_code yaml_read_extended(struct yaml_reader *r, const char *name, const char *text,
+                                          size_t size, const struct yaml_schema *schema, int depth,
+                                          struct yaml_node **root)
 {
     enum error_code code;
 
@@ -168,25 +180,24 @@ static enum error_code read_tree(struct yaml_reader *r, const char *name, const 
         return yaml_no_memory(r);
     }
     code = yaml_tree_read(r, text, size, root);
-    return code || !schema->extendable ? code : extend(r, schema, depth, *root);
+    return code || !schema->extendable ? code : yaml_follow_extends(r, schema, depth, *root);
 }
 
 enum error_code yaml_document_read(struct yaml_reader *r, const char *name, const char *text,
                                    size_t size, const struct yaml_schema *schema,
                                    struct yaml_node **root)
 {
-    return read_tree(r, name, text, size, schema, 0, root);
+    return yaml_read_extended(r, name, text, size, schema, 0, root);
 }
 
 /* ---- references ---- */
 
-/* Levels below (positive) or above the starting directory at which the reference ends up, lowest
- * on the way in *lowest. */
-static void walk(const char *reference, int *lowest)
+/* The lowest level that a relative path visits: 0 = its starting directory, -1 = that one's
+ * parent. */
+static int path_lowest_level(const char *reference)
 {
-    int level = 0;
+    int level = 0, lowest = 0;
 
-    *lowest = 0;
     for (const char *part = reference; *part;) {
         size_t n = strcspn(part, "/");
 
@@ -195,13 +206,15 @@ static void walk(const char *reference, int *lowest)
         } else if (n > 1 || (n == 1 && part[0] != '.')) {
             level++;
         }
-        *lowest = level < *lowest ? level : *lowest;
+        lowest = level < lowest ? level : lowest;
         part += n + (part[n] == '/');
     }
+    return lowest;
 }
 
-/* Takes "." and "name/.." out of a path, by its letters alone, so that messages read well. */
-static void normalize(char *path)
+/* Takes "." and "name/.." out of a path, without asking the file system, so that messages read
+ * well. */
+static void path_normalize(char *path)
 {
     char *out = path;
 
@@ -231,8 +244,8 @@ enum error_code yaml_resolve_path(const struct yaml_mark *mark, const char *refe
     size_t directory = slash ? (size_t)(slash - mark->file) + 1 : 0;
     size_t size = directory + strlen(reference) + 1;
     char text[YAML_SHOWN + 4], *joined;
-    int lowest;
 
+    /* Relative, and at most one directory up */
     if (*reference == '\0') {
         return yaml_error(error, mark,
                           "found an empty text, expected a path relative to this file");
@@ -241,19 +254,20 @@ enum error_code yaml_resolve_path(const struct yaml_mark *mark, const char *refe
         return yaml_error(error, mark, "found absolute path \"%s\", expected one relative to %s",
                           yaml_shown(reference, text), "this file");
     }
-    walk(reference, &lowest);
-    if (lowest < -1) {
+    if (path_lowest_level(reference) < -1) {
         return yaml_error(error, mark,
                           "found path \"%s\", which leaves the configuration tree, expected one "
                           "at or below \"..\"",
                           yaml_shown(reference, text));
     }
+
+    /* Joined to the directory of the file that refers */
     joined = arena_alloc(arena, size, 1);
     if (!joined) {
         return error_set(error, ERROR_MEMORY, "%.200s: no memory left", mark->file);
     }
     snprintf(joined, size, "%.*s%s", (int)directory, mark->file, reference);
-    normalize(joined);
+    path_normalize(joined);
     *path = joined;
     return ERROR_NONE;
 }

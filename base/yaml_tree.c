@@ -94,40 +94,14 @@ enum error_code yaml_unexpected(struct yaml_reader *r, const struct yaml_node *n
 
 /* ---- bytes ---- */
 
-/* Length of the valid UTF-8 sequence at p (of n bytes), 0 when there is none. */
-static size_t utf8_length(const unsigned char *p, size_t n)
-{
-    static const struct {
-        unsigned char mask, lead;
-        uint32_t min;
-    } form[] = {{0x80, 0x00, 0}, {0xe0, 0xc0, 0x80}, {0xf0, 0xe0, 0x800}, {0xf8, 0xf0, 0x10000}};
-
-    for (size_t k = 0; k < 4 && k < n; k++) {
-        uint32_t code = p[0] & (unsigned char)~form[k].mask;
-
-        if ((p[0] & form[k].mask) != form[k].lead) {
-            continue;
-        }
-        for (size_t i = 1; i <= k; i++) {
-            if ((p[i] & 0xc0) != 0x80) {
-                return 0;
-            }
-            code = code << 6 | (p[i] & 0x3f);
-        }
-        return code < form[k].min || code > 0x10ffff || (code >= 0xd800 && code < 0xe000) ? 0
-                                                                                          : k + 1;
-    }
-    return 0;
-}
-
 /* Plain text: UTF-8 without control characters. libyaml would say less about where it is not. */
-static enum error_code check_bytes(struct yaml_reader *r, const char *text, size_t size)
+static enum error_code yaml_check_bytes(struct yaml_reader *r, const char *text, size_t size)
 {
     const unsigned char *p = (const unsigned char *)text;
     struct yaml_mark mark = {r->file, 1, 1};
 
     for (size_t i = 0; i < size;) {
-        size_t n = utf8_length(p + i, size - i);
+        size_t n = text_utf8_length(text + i, size - i);
 
         if (p[i] == '\0') {
             return yaml_error(r->error, &mark, "found a zero byte, expected text");
@@ -148,12 +122,12 @@ static enum error_code check_bytes(struct yaml_reader *r, const char *text, size
 
 /* ---- document ---- */
 
-static struct yaml_mark mark_at(const struct yaml_reader *r, yaml_mark_t at)
+static struct yaml_mark yaml_mark_at(const struct yaml_reader *r, yaml_mark_t at)
 {
     return (struct yaml_mark){r->file, (int)at.line + 1, (int)at.column + 1};
 }
 
-static enum error_code next_event(struct yaml_reader *r, yaml_event_t *event)
+static enum error_code yaml_next_event(struct yaml_reader *r, yaml_event_t *event)
 {
     yaml_parser_t *p = r->parser;
     struct yaml_mark mark;
@@ -164,15 +138,16 @@ static enum error_code next_event(struct yaml_reader *r, yaml_event_t *event)
     if (p->error == YAML_MEMORY_ERROR) {
         return yaml_no_memory(r);
     }
-    mark = mark_at(r, p->error == YAML_READER_ERROR ? p->mark : p->problem_mark);
+    mark = yaml_mark_at(r, p->error == YAML_READER_ERROR ? p->mark : p->problem_mark);
     return yaml_error(r->error, &mark, "found malformed YAML (%s%s%s), expected %s",
                       p->context ? p->context : "", p->context ? ": " : "",
                       p->problem ? p->problem : "unreadable", "a well-formed document");
 }
 
-/* Anchors and tags may stand at any value; a configuration has no use for either. */
-static enum error_code check_plain(struct yaml_reader *r, const struct yaml_mark *mark,
-                                   const yaml_char_t *anchor, const yaml_char_t *tag)
+/* Refuses anchors and tags, which may stand at any value and of which a configuration has no
+ * use. */
+static enum error_code yaml_check_plain(struct yaml_reader *r, const struct yaml_mark *mark,
+                                        const yaml_char_t *anchor, const yaml_char_t *tag)
 {
     char text[YAML_SHOWN + 4];
 
@@ -187,8 +162,8 @@ static enum error_code check_plain(struct yaml_reader *r, const struct yaml_mark
     return ERROR_NONE;
 }
 
-static enum error_code check_event(struct yaml_reader *r, const yaml_event_t *event,
-                                   const struct yaml_mark *mark, int depth)
+static enum error_code yaml_check_event(struct yaml_reader *r, const yaml_event_t *event,
+                                        const struct yaml_mark *mark, int depth)
 {
     char text[YAML_SHOWN + 4];
 
@@ -201,13 +176,13 @@ static enum error_code check_event(struct yaml_reader *r, const yaml_event_t *ev
     }
     switch (event->type) {
     case YAML_SCALAR_EVENT:
-        return check_plain(r, mark, event->data.scalar.anchor, event->data.scalar.tag);
+        return yaml_check_plain(r, mark, event->data.scalar.anchor, event->data.scalar.tag);
     case YAML_SEQUENCE_START_EVENT:
-        return check_plain(r, mark, event->data.sequence_start.anchor,
-                           event->data.sequence_start.tag);
+        return yaml_check_plain(r, mark, event->data.sequence_start.anchor,
+                                event->data.sequence_start.tag);
     case YAML_MAPPING_START_EVENT:
-        return check_plain(r, mark, event->data.mapping_start.anchor,
-                           event->data.mapping_start.tag);
+        return yaml_check_plain(r, mark, event->data.mapping_start.anchor,
+                                event->data.mapping_start.tag);
     case YAML_ALIAS_EVENT:
         return yaml_error(r->error, mark, "found alias \"*%s\", expected the value itself",
                           yaml_shown((const char *)event->data.alias.anchor, text));
@@ -216,7 +191,7 @@ static enum error_code check_event(struct yaml_reader *r, const yaml_event_t *ev
     }
 }
 
-static enum error_code check_keys(struct yaml_reader *r, const struct yaml_node *map)
+static enum error_code yaml_check_keys(struct yaml_reader *r, const struct yaml_node *map)
 {
     char text[YAML_SHOWN + 4];
 
@@ -239,11 +214,12 @@ static enum error_code check_keys(struct yaml_reader *r, const struct yaml_node 
     return ERROR_NONE;
 }
 
-static enum error_code build(struct yaml_reader *r, const yaml_event_t *event, int depth,
-                             struct yaml_node **out);
+static enum error_code yaml_build_node(struct yaml_reader *r, const yaml_event_t *event, int depth,
+                                       struct yaml_node **out);
 
 /* The entries of a list or mapping until its end event; recursion is bounded by MAX_DEPTH. */
-static enum error_code build_children(struct yaml_reader *r, struct yaml_node *parent, int depth)
+static enum error_code yaml_build_children(struct yaml_reader *r, struct yaml_node *parent,
+                                           int depth)
 {
     yaml_event_type_t end =
         parent->kind == YAML_KIND_LIST ? YAML_SEQUENCE_END_EVENT : YAML_MAPPING_END_EVENT;
@@ -252,7 +228,7 @@ static enum error_code build_children(struct yaml_reader *r, struct yaml_node *p
 
     for (;;) {
         yaml_event_t event;
-        enum error_code code = next_event(r, &event);
+        enum error_code code = yaml_next_event(r, &event);
         bool done;
 
         if (code) {
@@ -260,7 +236,7 @@ static enum error_code build_children(struct yaml_reader *r, struct yaml_node *p
         }
         done = event.type == end;
         if (!done) {
-            code = build(r, &event, depth + 1, link);
+            code = yaml_build_node(r, &event, depth + 1, link);
         }
         yaml_event_delete(&event);
         if (code) {
@@ -268,7 +244,7 @@ static enum error_code build_children(struct yaml_reader *r, struct yaml_node *p
         }
         if (done) {
             parent->count = parent->kind == YAML_KIND_LIST ? count : count / 2;
-            return parent->kind == YAML_KIND_LIST ? ERROR_NONE : check_keys(r, parent);
+            return parent->kind == YAML_KIND_LIST ? ERROR_NONE : yaml_check_keys(r, parent);
         }
         link = &(*link)->next;
         count++;
@@ -276,11 +252,11 @@ static enum error_code build_children(struct yaml_reader *r, struct yaml_node *p
 }
 
 /* The node that event begins. */
-static enum error_code build(struct yaml_reader *r, const yaml_event_t *event, int depth,
-                             struct yaml_node **out)
+static enum error_code yaml_build_node(struct yaml_reader *r, const yaml_event_t *event, int depth,
+                                       struct yaml_node **out)
 {
-    struct yaml_mark mark = mark_at(r, event->start_mark);
-    enum error_code code = check_event(r, event, &mark, depth);
+    struct yaml_mark mark = yaml_mark_at(r, event->start_mark);
+    enum error_code code = yaml_check_event(r, event, &mark, depth);
     struct yaml_node *node;
 
     if (code) {
@@ -295,7 +271,7 @@ static enum error_code build(struct yaml_reader *r, const yaml_event_t *event, i
     if (event->type == YAML_SCALAR_EVENT) {
         const char *text = (const char *)event->data.scalar.value;
 
-        /* an escape can still bring a zero into the text */
+        /* An escape can still bring a zero into the text */
         if (strlen(text) != event->data.scalar.length) {
             return yaml_error(r->error, &mark, "found a zero byte in a text, expected none");
         }
@@ -305,21 +281,21 @@ static enum error_code build(struct yaml_reader *r, const yaml_event_t *event, i
         return node->text ? ERROR_NONE : yaml_no_memory(r);
     }
     node->kind = event->type == YAML_SEQUENCE_START_EVENT ? YAML_KIND_LIST : YAML_KIND_MAP;
-    return build_children(r, node, depth);
+    return yaml_build_children(r, node, depth);
 }
 
-/* One event of the frame around the root value. */
-static enum error_code expect_event(struct yaml_reader *r, yaml_event_type_t type,
-                                    const char *message)
+/* Reads an event around the root value, which must be of a type. */
+static enum error_code yaml_expect_event(struct yaml_reader *r, yaml_event_type_t type,
+                                         const char *message)
 {
     yaml_event_t event;
-    enum error_code code = next_event(r, &event);
+    enum error_code code = yaml_next_event(r, &event);
 
     if (code) {
         return code;
     }
     if (event.type != type) {
-        struct yaml_mark mark = mark_at(r, event.start_mark);
+        struct yaml_mark mark = yaml_mark_at(r, event.start_mark);
 
         code = yaml_error(r->error, &mark, "%s", message);
     }
@@ -327,32 +303,40 @@ static enum error_code expect_event(struct yaml_reader *r, yaml_event_type_t typ
     return code;
 }
 
-static enum error_code build_document(struct yaml_reader *r, struct yaml_node **root)
+static enum error_code yaml_build_document(struct yaml_reader *r, struct yaml_node **root)
 {
     yaml_event_t event;
     enum error_code code;
 
-    code = expect_event(r, YAML_STREAM_START_EVENT, "found no stream, expected a document");
-    if (!code) {
-        code =
-            expect_event(r, YAML_DOCUMENT_START_EVENT, "found an empty file, expected a mapping");
-    }
-    if (!code) {
-        code = next_event(r, &event);
-    }
+    /* Before the root */
+    code = yaml_expect_event(r, YAML_STREAM_START_EVENT, "found no stream, expected a document");
     if (code) {
         return code;
     }
-    code = build(r, &event, 0, root);
+    code =
+        yaml_expect_event(r, YAML_DOCUMENT_START_EVENT, "found an empty file, expected a mapping");
+    if (code) {
+        return code;
+    }
+
+    /* The root with all below it */
+    code = yaml_next_event(r, &event);
+    if (code) {
+        return code;
+    }
+    code = yaml_build_node(r, &event, 0, root);
     yaml_event_delete(&event);
-    if (!code) {
-        code = expect_event(r, YAML_DOCUMENT_END_EVENT, "found more, expected the document's end");
+    if (code) {
+        return code;
     }
-    if (!code) {
-        code = expect_event(r, YAML_STREAM_END_EVENT,
-                            "found a second document, expected one document in a file");
+
+    /* Behind the root */
+    code = yaml_expect_event(r, YAML_DOCUMENT_END_EVENT, "found more, expected the document's end");
+    if (code) {
+        return code;
     }
-    return code;
+    return yaml_expect_event(r, YAML_STREAM_END_EVENT,
+                             "found a second document, expected one document in a file");
 }
 
 enum error_code yaml_tree_read(struct yaml_reader *r, const char *text, size_t size,
@@ -366,7 +350,7 @@ enum error_code yaml_tree_read(struct yaml_reader *r, const char *text, size_t s
         text += 3;
         size -= 3;
     }
-    code = check_bytes(r, text, size);
+    code = yaml_check_bytes(r, text, size);
     if (code) {
         return code;
     }
@@ -376,7 +360,7 @@ enum error_code yaml_tree_read(struct yaml_reader *r, const char *text, size_t s
     yaml_parser_set_encoding(&parser, YAML_UTF8_ENCODING);
     yaml_parser_set_input_string(&parser, (const unsigned char *)text, size);
     r->parser = &parser;
-    code = build_document(r, root);
+    code = yaml_build_document(r, root);
     r->parser = NULL;
     yaml_parser_delete(&parser);
     return code;

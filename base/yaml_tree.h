@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Private to base: a YAML document as a tree of nodes with marks, before a schema is laid over it,
- * and how messages speak of a node.
+ * Private to base: a YAML document as a tree of nodes with marks, before a schema is applied to it,
+ * and how messages describe a node. Not RT-safe.
  */
 #ifndef BASE_YAML_TREE_H
 #define BASE_YAML_TREE_H
@@ -56,7 +56,7 @@ bool yaml_is_null(const struct yaml_node *node);
 bool yaml_is_bool(const struct yaml_node *node);
 bool yaml_is_number(const struct yaml_node *node);
 
-/* text on one line and of bounded length; returns out. */
+/* Text on one line and of bounded length; returns out. */
 const char *yaml_shown(const char *text, char out[YAML_SHOWN + 4]);
 
 /* What a node is, as the subject of "found ..."; returns out. */

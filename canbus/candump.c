@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The log format of `candump -L`, written without printf so that the loop may do it, read strictly. */
+/* The log format of `candump -L`: written without printf, so that the loop may do it, read
+ * strictly. */
 #include "canbus/candump.h"
 
 #include <errno.h>
@@ -15,7 +16,7 @@ enum {
     FD_FLAG_FDF = 4, /* "this is FD", set by kernels from 6.1 on; says nothing new */
 };
 
-static char *put_hex(char *at, uint32_t value, int digits)
+static char *candump_put_hex(char *at, uint32_t value, int digits)
 {
     while (digits-- > 0) {
         *at++ = "0123456789ABCDEF"[value >> 4 * digits & 0xF];
@@ -24,7 +25,7 @@ static char *put_hex(char *at, uint32_t value, int digits)
 }
 
 /* At least `digits` digits, zeroes in front. */
-static char *put_decimal(char *at, uint64_t value, int digits)
+static char *candump_put_decimal(char *at, uint64_t value, int digits)
 {
     char reversed[20];
     int count = 0;
@@ -39,29 +40,29 @@ static char *put_decimal(char *at, uint64_t value, int digits)
     return at;
 }
 
-static char *put_frame(char *at, const struct bus_frame *frame)
+static char *candump_put_frame(char *at, const struct bus_frame *frame)
 {
     size_t len = frame->len;
 
     if (frame->flags & FRAME_ERROR) {
-        at = put_hex(at, frame->id | ID_ERROR_FLAG, 8);
+        at = candump_put_hex(at, frame->id | ID_ERROR_FLAG, 8);
     } else {
-        at = put_hex(at, frame->id, (frame->flags & FRAME_EXTENDED) ? 8 : 3);
+        at = candump_put_hex(at, frame->id, (frame->flags & FRAME_EXTENDED) ? 8 : 3);
     }
     *at++ = '#';
     if (frame->flags & FRAME_REMOTE) {
         *at++ = 'R';
-        return len ? put_hex(at, frame->len, 1) : at;
+        return len ? candump_put_hex(at, frame->len, 1) : at;
     }
     if (frame->flags & FRAME_FD) {
         *at++ = '#';
-        at = put_hex(at,
-                     ((frame->flags & FRAME_BRS) ? FD_FLAG_BRS : 0) |
-                         ((frame->flags & FRAME_ESI) ? FD_FLAG_ESI : 0),
-                     1);
+        at = candump_put_hex(at,
+                             ((frame->flags & FRAME_BRS) ? FD_FLAG_BRS : 0) |
+                                 ((frame->flags & FRAME_ESI) ? FD_FLAG_ESI : 0),
+                             1);
     }
     for (size_t i = 0; i < len && i < sizeof frame->data; i++) {
-        at = put_hex(at, frame->data[i], 2);
+        at = candump_put_hex(at, frame->data[i], 2);
     }
     return at;
 }
@@ -72,30 +73,30 @@ size_t candump_format(const struct bus_frame *frame, const char *bus, char line[
     char *at = line;
 
     *at++ = '(';
-    at = put_decimal(at, us / 1000000, SECONDS_DIGITS);
+    at = candump_put_decimal(at, us / 1000000, SECONDS_DIGITS);
     *at++ = '.';
-    at = put_decimal(at, us % 1000000, 6);
+    at = candump_put_decimal(at, us % 1000000, 6);
     *at++ = ')';
     *at++ = ' ';
     for (int i = 0; i < NAME_MAX_LENGTH && bus[i]; i++) {
         *at++ = bus[i];
     }
     *at++ = ' ';
-    at = put_frame(at, frame);
+    at = candump_put_frame(at, frame);
     *at++ = '\n';
     *at = '\0';
     return (size_t)(at - line);
 }
 
-/* A line under the eye of the parser; the first fault ends it. */
-struct cursor {
+/* A line that is being parsed; the first fault ends it. */
+struct candump_cursor {
     const char *text;
     size_t size, at;
     size_t fault_column; /* from 1 */
     char fault[160];
 };
 
-static bool fault(struct cursor *cursor, size_t at, const char *expected)
+static bool candump_reject(struct candump_cursor *cursor, size_t at, const char *expected)
 {
     char found[24] = "the end of the line";
 
@@ -109,29 +110,29 @@ static bool fault(struct cursor *cursor, size_t at, const char *expected)
     return false;
 }
 
-static bool peek_is(const struct cursor *cursor, char wanted)
+static bool candump_next_is(const struct candump_cursor *cursor, char wanted)
 {
     return cursor->at < cursor->size && cursor->text[cursor->at] == wanted;
 }
 
-static bool take(struct cursor *cursor, char wanted, const char *expected)
+static bool candump_expect(struct candump_cursor *cursor, char wanted, const char *expected)
 {
-    if (!peek_is(cursor, wanted)) {
-        return fault(cursor, cursor->at, expected);
+    if (!candump_next_is(cursor, wanted)) {
+        return candump_reject(cursor, cursor->at, expected);
     }
     cursor->at++;
     return true;
 }
 
-static bool is_digit(char c)
+static bool candump_is_digit(char c)
 {
     return c >= '0' && c <= '9';
 }
 
 /* Value of a hexadecimal digit, or -1. */
-static int hex_value(char c)
+static int candump_hex_value(char c)
 {
-    if (is_digit(c)) {
+    if (candump_is_digit(c)) {
         return c - '0';
     }
     if (c >= 'A' && c <= 'F') {
@@ -140,86 +141,92 @@ static int hex_value(char c)
     return c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
 }
 
-static int peek_hex(const struct cursor *cursor)
+static int candump_next_hex(const struct candump_cursor *cursor)
 {
-    return cursor->at < cursor->size ? hex_value(cursor->text[cursor->at]) : -1;
+    return cursor->at < cursor->size ? candump_hex_value(cursor->text[cursor->at]) : -1;
 }
 
 /* "(seconds.microseconds) " */
-static bool parse_time(struct cursor *cursor, int64_t *time_ns)
+static bool candump_parse_time(struct candump_cursor *cursor, int64_t *time_ns)
 {
     const int64_t max_seconds = INT64_MAX / 1000000000 - 1;
     const size_t start = 1;
     int64_t seconds = 0, us = 0;
 
-    if (!take(cursor, '(', "'(' before the time")) {
+    /* Seconds, as many digits as there are */
+    if (!candump_expect(cursor, '(', "'(' before the time")) {
         return false;
     }
-    while (cursor->at < cursor->size && is_digit(cursor->text[cursor->at])) {
+    while (cursor->at < cursor->size && candump_is_digit(cursor->text[cursor->at])) {
         seconds = seconds * 10 + (cursor->text[cursor->at] - '0');
         if (seconds > max_seconds) {
-            return fault(cursor, start, "a time of less than 292 years");
+            return candump_reject(cursor, start, "a time of less than 292 years");
         }
         cursor->at++;
     }
     if (cursor->at == start) {
-        return fault(cursor, cursor->at, "the seconds of the time");
+        return candump_reject(cursor, cursor->at, "the seconds of the time");
     }
-    if (!take(cursor, '.', "'.' between seconds and microseconds")) {
+
+    /* Microseconds, six digits */
+    if (!candump_expect(cursor, '.', "'.' between seconds and microseconds")) {
         return false;
     }
     for (int i = 0; i < 6; i++, cursor->at++) {
-        if (cursor->at >= cursor->size || !is_digit(cursor->text[cursor->at])) {
-            return fault(cursor, cursor->at, "six digits of microseconds");
+        if (cursor->at >= cursor->size || !candump_is_digit(cursor->text[cursor->at])) {
+            return candump_reject(cursor, cursor->at, "six digits of microseconds");
         }
         us = us * 10 + (cursor->text[cursor->at] - '0');
     }
     *time_ns = seconds * 1000000000 + us * 1000;
-    return take(cursor, ')', "')' after six digits of microseconds") &&
-           take(cursor, ' ', "a space after the time");
+    return candump_expect(cursor, ')', "')' after six digits of microseconds") &&
+           candump_expect(cursor, ' ', "a space after the time");
 }
 
 /* "name "; candump right-aligns the names of several interfaces, so more spaces may come before. */
-static bool parse_name(struct cursor *cursor, char bus[16])
+static bool candump_parse_name(struct candump_cursor *cursor, char bus[16])
 {
     size_t length = 0;
 
-    while (peek_is(cursor, ' ')) {
+    while (candump_next_is(cursor, ' ')) {
         cursor->at++;
     }
     while (cursor->at < cursor->size && cursor->text[cursor->at] > ' ' &&
            cursor->text[cursor->at] < 0x7F) {
         if (length == NAME_MAX_LENGTH) {
-            return fault(cursor, cursor->at, "an interface name of at most 15 characters");
+            return candump_reject(cursor, cursor->at, "an interface name of at most 15 characters");
         }
         bus[length++] = cursor->text[cursor->at++];
     }
     bus[length] = '\0';
     if (!length) {
-        return fault(cursor, cursor->at, "the name of the interface");
+        return candump_reject(cursor, cursor->at, "the name of the interface");
     }
-    return take(cursor, ' ', "a space after the name of the interface");
+    return candump_expect(cursor, ' ', "a space after the name of the interface");
 }
 
 /* "123#", "12345678#" and, for error frames, "2000xxxx#" */
-static bool parse_id(struct cursor *cursor, struct bus_frame *frame)
+static bool candump_parse_id(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     const size_t start = cursor->at;
     uint32_t id = 0;
     size_t digits;
     int value;
 
-    while ((value = peek_hex(cursor)) >= 0 && cursor->at - start < 8) {
+    /* Their number tells standard from extended identifiers */
+    while ((value = candump_next_hex(cursor)) >= 0 && cursor->at - start < 8) {
         id = id << 4 | (uint32_t)value;
         cursor->at++;
     }
     digits = cursor->at - start;
     if (digits != 3 && digits != 8) {
-        return fault(cursor, cursor->at, "an identifier of 3 or 8 hexadecimal digits");
+        return candump_reject(cursor, cursor->at, "an identifier of 3 or 8 hexadecimal digits");
     }
+
+    /* Identifiers in range; a flag among the 8 digits marks an error frame */
     if (digits == 3) {
         if (id > 0x7FF) {
-            return fault(cursor, start, "a standard identifier of at most 7FF");
+            return candump_reject(cursor, start, "a standard identifier of at most 7FF");
         }
     } else if (id & ID_ERROR_FLAG) {
         frame->flags = FRAME_ERROR;
@@ -228,29 +235,29 @@ static bool parse_id(struct cursor *cursor, struct bus_frame *frame)
         frame->flags = FRAME_EXTENDED;
     }
     if (id > 0x1FFFFFFF) {
-        return fault(cursor, start,
-                     "an extended identifier of at most 1FFFFFFF, or 2xxxxxxx for errors");
+        return candump_reject(cursor, start,
+                              "an extended identifier of at most 1FFFFFFF, or 2xxxxxxx for errors");
     }
     frame->id = id;
-    return take(cursor, '#', "'#' after the identifier");
+    return candump_expect(cursor, '#', "'#' after the identifier");
 }
 
 /* What stands behind "R": nothing, or the length that is asked for. */
-static bool parse_remote(struct cursor *cursor, struct bus_frame *frame)
+static bool candump_parse_remote(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     int len;
 
     if (frame->flags & FRAME_ERROR) {
-        return fault(cursor, cursor->at, "data: an error frame is no remote frame");
+        return candump_reject(cursor, cursor->at, "data: an error frame is no remote frame");
     }
     cursor->at++;
     frame->flags |= FRAME_REMOTE;
     if (cursor->at == cursor->size) {
         return true;
     }
-    len = peek_hex(cursor);
+    len = candump_next_hex(cursor);
     if (len < 0 || len > 8) {
-        return fault(cursor, cursor->at, "the length of the remote frame, 0 to 8");
+        return candump_reject(cursor, cursor->at, "the length of the remote frame, 0 to 8");
     }
     frame->len = (uint8_t)len;
     cursor->at++;
@@ -258,17 +265,17 @@ static bool parse_remote(struct cursor *cursor, struct bus_frame *frame)
 }
 
 /* The digit behind "##". */
-static bool parse_fd_flags(struct cursor *cursor, struct bus_frame *frame)
+static bool candump_parse_fd_flags(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     int flags;
 
     if (frame->flags & FRAME_ERROR) {
-        return fault(cursor, cursor->at, "data: an error frame is no FD frame");
+        return candump_reject(cursor, cursor->at, "data: an error frame is no FD frame");
     }
     cursor->at++;
-    flags = peek_hex(cursor);
+    flags = candump_next_hex(cursor);
     if (flags < 0 || flags > (FD_FLAG_BRS | FD_FLAG_ESI | FD_FLAG_FDF)) {
-        return fault(cursor, cursor->at, "the flags of the FD frame, 0 to 7");
+        return candump_reject(cursor, cursor->at, "the flags of the FD frame, 0 to 7");
     }
     frame->flags |= FRAME_FD;
     frame->flags |= (flags & FD_FLAG_BRS) ? FRAME_BRS : 0;
@@ -277,20 +284,21 @@ static bool parse_fd_flags(struct cursor *cursor, struct bus_frame *frame)
     return true;
 }
 
-static bool parse_data(struct cursor *cursor, struct bus_frame *frame)
+static bool candump_parse_data(struct candump_cursor *cursor, struct bus_frame *frame)
 {
     const size_t max = (frame->flags & FRAME_FD) ? 64 : 8;
     int high, low;
 
-    while ((high = peek_hex(cursor)) >= 0) {
+    while ((high = candump_next_hex(cursor)) >= 0) {
         if (frame->len == max) {
-            return fault(cursor, cursor->at,
-                         max == 8 ? "at most 8 bytes of data" : "at most 64 bytes of data");
+            return candump_reject(cursor, cursor->at,
+                                  max == 8 ? "at most 8 bytes of data"
+                                           : "at most 64 bytes of data");
         }
         cursor->at++;
-        low = peek_hex(cursor);
+        low = candump_next_hex(cursor);
         if (low < 0) {
-            return fault(cursor, cursor->at, "the second hexadecimal digit of a byte");
+            return candump_reject(cursor, cursor->at, "the second hexadecimal digit of a byte");
         }
         cursor->at++;
         frame->data[frame->len++] = (uint8_t)(high << 4 | low);
@@ -298,50 +306,50 @@ static bool parse_data(struct cursor *cursor, struct bus_frame *frame)
     return true;
 }
 
-static bool parse_frame(struct cursor *cursor, struct bus_frame *frame)
+static bool candump_parse_frame(struct candump_cursor *cursor, struct bus_frame *frame)
 {
-    if (!parse_id(cursor, frame)) {
+    if (!candump_parse_id(cursor, frame)) {
         return false;
     }
-    if (peek_is(cursor, 'R') || peek_is(cursor, 'r')) {
-        if (!parse_remote(cursor, frame)) {
+    if (candump_next_is(cursor, 'R') || candump_next_is(cursor, 'r')) {
+        if (!candump_parse_remote(cursor, frame)) {
             return false;
         }
     } else {
-        if (peek_is(cursor, '#') && !parse_fd_flags(cursor, frame)) {
+        if (candump_next_is(cursor, '#') && !candump_parse_fd_flags(cursor, frame)) {
             return false;
         }
-        if (!parse_data(cursor, frame)) {
+        if (!candump_parse_data(cursor, frame)) {
             return false;
         }
     }
     if (cursor->at != cursor->size) {
-        return fault(cursor, cursor->at, "hexadecimal data or the end of the line");
+        return candump_reject(cursor, cursor->at, "hexadecimal data or the end of the line");
     }
     if (!frame_valid(frame)) {
-        return fault(cursor, cursor->at,
-                     "more data: FD has 0-8, 12, 16, 20, 24, 32, 48 or 64 bytes");
+        return candump_reject(cursor, cursor->at,
+                              "more data: FD has 0-8, 12, 16, 20, 24, 32, 48 or 64 bytes");
     }
     return true;
 }
 
-static bool parse_line(struct cursor *cursor, struct bus_frame *frame, char bus[16])
+static bool candump_parse_line(struct candump_cursor *cursor, struct bus_frame *frame, char bus[16])
 {
     if (cursor->size && cursor->text[cursor->size - 1] == '\n') {
         cursor->size--;
     }
     memset(frame, 0, sizeof *frame);
     bus[0] = '\0';
-    return parse_time(cursor, &frame->time_ns) && parse_name(cursor, bus) &&
-           parse_frame(cursor, frame);
+    return candump_parse_time(cursor, &frame->time_ns) && candump_parse_name(cursor, bus) &&
+           candump_parse_frame(cursor, frame);
 }
 
 enum error_code candump_parse(const char *line, size_t size, struct bus_frame *frame, char bus[16],
                               struct error *error)
 {
-    struct cursor cursor = {.text = line, .size = size};
+    struct candump_cursor cursor = {.text = line, .size = size};
 
-    if (!parse_line(&cursor, frame, bus)) {
+    if (!candump_parse_line(&cursor, frame, bus)) {
         return error_set(error, ERROR_INPUT, "column %zu: %s", cursor.fault_column, cursor.fault);
     }
     return ERROR_NONE;
@@ -358,7 +366,7 @@ enum error_code candump_open(struct candump_reader *reader, const char *path, st
 
 /* Size of the next line with its newline; 0 at the end of the file, CANDUMP_LINE_MAX + 1 when the
  * line is longer than that. */
-static size_t read_line(FILE *file, char line[CANDUMP_LINE_MAX])
+static size_t candump_read_line(FILE *file, char line[CANDUMP_LINE_MAX])
 {
     size_t size = 0;
     int c;
@@ -379,7 +387,7 @@ enum error_code candump_next(struct candump_reader *reader, struct bus_frame *fr
                              bool *end, struct error *error)
 {
     char line[CANDUMP_LINE_MAX];
-    struct cursor cursor = {.text = line, .size = read_line(reader->file, line)};
+    struct candump_cursor cursor = {.text = line, .size = candump_read_line(reader->file, line)};
 
     *end = false;
     if (ferror(reader->file)) {
@@ -394,7 +402,7 @@ enum error_code candump_next(struct candump_reader *reader, struct bus_frame *fr
         return error_set(error, ERROR_INPUT, "%s:%d:%d: the line is longer than any frame",
                          reader->path, reader->line, CANDUMP_LINE_MAX + 1);
     }
-    if (!parse_line(&cursor, frame, bus)) {
+    if (!candump_parse_line(&cursor, frame, bus)) {
         return error_set(error, ERROR_INPUT, "%s:%d:%zu: %s", reader->path, reader->line,
                          cursor.fault_column, cursor.fault);
     }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Logs in the format of `candump -L`: "(1436509052.249713) can0 123#DEADBEEF", FD as
- * "123##1<data>", remote "123#R", error frames with the 8-digit id of the error class. Read back by
- * canplayer and log2asc.
+ * "123##1<data>", remote "123#R", error frames with the 8-digit id of the error class. canplayer
+ * and log2asc read them. Writing a line is RT-safe, reading is not.
  */
 #ifndef CANBUS_CANDUMP_H
 #define CANBUS_CANDUMP_H

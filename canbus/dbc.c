@@ -2,6 +2,7 @@
 /* Building a DBC database; see the header. */
 #include "canbus/dbc.h"
 
+#include "base/count.h"
 #include "canbus/dbc_private.h"
 #include "canbus/frame.h"
 
@@ -30,34 +31,14 @@ const char *const dbc_symbols[DBC_SYMBOLS] = {
     "BU_BO_REL_",
 };
 
-/* clang-format off */
-const char dbc_definitions[] =
-    "BA_DEF_ \"" DBC_NAME "\" STRING ;\n"
-    "BA_DEF_ \"" DBC_BUS_TYPE "\" STRING ;\n"
-    "BA_DEF_ \"" DBC_BITRATE "\" INT 0 1000000000;\n"
-    "BA_DEF_ \"" DBC_DATA_BITRATE "\" INT 0 1000000000;\n"
-    "BA_DEF_ BO_ \"" DBC_CYCLE "\" INT 0 3600000;\n"
-    "BA_DEF_ BO_ \"" DBC_FORMAT "\" ENUM \"StandardCAN\",\"ExtendedCAN\",\"reserved\",\"reserved\","
-    "\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\","
-    "\"reserved\",\"reserved\",\"reserved\",\"StandardCAN_FD\",\"ExtendedCAN_FD\";\n"
-    "BA_DEF_ SG_ \"" DBC_LENGTH "\" INT 0 64;\n"
-    "BA_DEF_DEF_ \"" DBC_NAME "\" \"\";\n"
-    "BA_DEF_DEF_ \"" DBC_BUS_TYPE "\" \"" DBC_BUS_CLASSIC "\";\n"
-    "BA_DEF_DEF_ \"" DBC_BITRATE "\" 0;\n"
-    "BA_DEF_DEF_ \"" DBC_DATA_BITRATE "\" 0;\n"
-    "BA_DEF_DEF_ \"" DBC_CYCLE "\" 0;\n"
-    "BA_DEF_DEF_ \"" DBC_FORMAT "\" \"StandardCAN\";\n"
-    "BA_DEF_DEF_ \"" DBC_LENGTH "\" 0;\n";
-/* clang-format on */
-
 /* ---- names and texts ---- */
 
-static bool is_letter(char c)
+static bool dbc_is_letter(char c)
 {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
 }
 
-static bool is_reserved(const char *name)
+static bool dbc_is_reserved(const char *name)
 {
     static const char *const words[] = {"VERSION", "NS_", "BS_", "BU_",
                                         "BO_",     "SG_", "EV_", DBC_NOBODY};
@@ -67,7 +48,7 @@ static bool is_reserved(const char *name)
             return true;
         }
     }
-    for (size_t i = 0; i < sizeof words / sizeof *words; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(words); i++) {
         if (!strcmp(name, words[i])) {
             return true;
         }
@@ -80,14 +61,14 @@ bool dbc_is_name(const char *name)
     size_t size = 0;
 
     for (; size <= DBC_NAME_MAX && name[size]; size++) {
-        if (!is_letter(name[size]) && !(size && name[size] >= '0' && name[size] <= '9')) {
+        if (!dbc_is_letter(name[size]) && !(size && name[size] >= '0' && name[size] <= '9')) {
             return false;
         }
     }
-    return size > 0 && size <= DBC_NAME_MAX && !is_reserved(name);
+    return size > 0 && size <= DBC_NAME_MAX && !dbc_is_reserved(name);
 }
 
-static bool is_text(const char *text)
+static bool dbc_is_text(const char *text)
 {
     size_t size = 0;
 
@@ -99,7 +80,7 @@ static bool is_text(const char *text)
     return size <= DBC_TEXT_MAX;
 }
 
-static enum error_code check_name(const char *what, const char *name, struct error *error)
+static enum error_code dbc_check_name(const char *what, const char *name, struct error *error)
 {
     return dbc_is_name(name)
                ? ERROR_NONE
@@ -109,9 +90,9 @@ static enum error_code check_name(const char *what, const char *name, struct err
                            what, name, DBC_NAME_MAX);
 }
 
-static enum error_code check_text(const char *what, const char *text, struct error *error)
+static enum error_code dbc_check_text(const char *what, const char *text, struct error *error)
 {
-    return is_text(text)
+    return dbc_is_text(text)
                ? ERROR_NONE
                : error_set(error, ERROR_INPUT,
                            "found %s \"%.40s\", expected at most %d printable ASCII characters "
@@ -119,12 +100,12 @@ static enum error_code check_text(const char *what, const char *text, struct err
                            what, text, DBC_TEXT_MAX);
 }
 
-static enum error_code no_memory(struct error *error)
+static enum error_code dbc_no_memory(struct error *error)
 {
     return error_set(error, ERROR_MEMORY, "no memory left for the DBC database");
 }
 
-static enum error_code too_many(const char *what, int most, struct error *error)
+static enum error_code dbc_reject_number(const char *what, int most, struct error *error)
 {
     return error_set(error, ERROR_INPUT, "found more than %d %s", most, what);
 }
@@ -147,11 +128,11 @@ enum error_code dbc_set_comment(struct dbc *dbc, const char **comment, const cha
     if (*comment) {
         return error_set(error, ERROR_INPUT, "found a second comment, expected one");
     }
-    if (check_text("comment", text, error)) {
+    if (dbc_check_text("comment", text, error)) {
         return ERROR_INPUT;
     }
     *comment = arena_strdup(dbc->arena, text);
-    return *comment ? ERROR_NONE : no_memory(error);
+    return *comment ? ERROR_NONE : dbc_no_memory(error);
 }
 
 /* ---- nodes and messages ---- */
@@ -168,18 +149,18 @@ int dbc_find_node(const struct dbc *dbc, const char *name)
 
 enum error_code dbc_add_node(struct dbc *dbc, const char *name, struct error *error)
 {
-    if (check_name("node", name, error)) {
+    if (dbc_check_name("node", name, error)) {
         return ERROR_INPUT;
     }
     if (dbc_find_node(dbc, name) != DBC_NO_NODE) {
         return error_set(error, ERROR_INPUT, "found node %s again, expected another name", name);
     }
     if (dbc->nnode == DBC_NODES_MAX) {
-        return too_many("nodes", DBC_NODES_MAX, error);
+        return dbc_reject_number("nodes", DBC_NODES_MAX, error);
     }
     dbc->node[dbc->nnode].name = arena_strdup(dbc->arena, name);
     if (!dbc->node[dbc->nnode].name) {
-        return no_memory(error);
+        return dbc_no_memory(error);
     }
     dbc->nnode++;
     return ERROR_NONE;
@@ -195,7 +176,7 @@ struct dbc_message *dbc_find_message(const struct dbc *dbc, uint32_t id)
     return message;
 }
 
-static enum error_code check_length(const struct dbc_message *message, struct error *error)
+static enum error_code dbc_check_length(const struct dbc_message *message, struct error *error)
 {
     const unsigned most = message->fd ? FD_LENGTH : CLASSIC_LENGTH, length = message->length;
 
@@ -207,10 +188,10 @@ static enum error_code check_length(const struct dbc_message *message, struct er
     return ERROR_NONE;
 }
 
-static enum error_code check_message(const struct dbc *dbc, const struct dbc_message *message,
-                                     struct error *error)
+static enum error_code dbc_check_message(const struct dbc *dbc, const struct dbc_message *message,
+                                         struct error *error)
 {
-    if (check_name("message", message->name, error) || check_length(message, error)) {
+    if (dbc_check_name("message", message->name, error) || dbc_check_length(message, error)) {
         return ERROR_INPUT;
     }
     if (message->id > ID_MAX) {
@@ -232,14 +213,15 @@ static enum error_code check_message(const struct dbc *dbc, const struct dbc_mes
                              message->name, message->id, other->name, other->id);
         }
     }
-    return dbc->nmessage == DBC_MESSAGES_MAX ? too_many("messages", DBC_MESSAGES_MAX, error)
-                                             : ERROR_NONE;
+    return dbc->nmessage == DBC_MESSAGES_MAX
+               ? dbc_reject_number("messages", DBC_MESSAGES_MAX, error)
+               : ERROR_NONE;
 }
 
 enum error_code dbc_add_message(struct dbc *dbc, const struct dbc_message *message,
                                 struct dbc_message **added, struct error *error)
 {
-    enum error_code code = check_message(dbc, message, error);
+    enum error_code code = dbc_check_message(dbc, message, error);
     struct dbc_message *made;
 
     if (code) {
@@ -247,7 +229,7 @@ enum error_code dbc_add_message(struct dbc *dbc, const struct dbc_message *messa
     }
     made = arena_alloc(dbc->arena, 1, sizeof *made);
     if (!made) {
-        return no_memory(error);
+        return dbc_no_memory(error);
     }
     made->id = message->id;
     made->fd = message->fd;
@@ -256,7 +238,7 @@ enum error_code dbc_add_message(struct dbc *dbc, const struct dbc_message *messa
     made->cycle_ms = message->cycle_ms;
     made->name = arena_strdup(dbc->arena, message->name);
     if (!made->name) {
-        return no_memory(error);
+        return dbc_no_memory(error);
     }
     *(dbc->last_message ? &dbc->last_message->next : &dbc->message) = made;
     dbc->last_message = made;
@@ -277,8 +259,8 @@ struct dbc_signal *dbc_find_signal(const struct dbc_message *message, const char
     return signal;
 }
 
-/* big-endian: from the least significant bit of a byte on to the most significant of the byte before;
- * counted in bits from the most significant of byte 0 on that is a straight line */
+/* big-endian: from the least significant bit of a byte on to the most significant of the byte
+ * before; counted in bits from the most significant of byte 0 on that is a straight line */
 unsigned dbc_bit(const struct dbc_signal *signal, unsigned k)
 {
     unsigned line = (signal->start ^ 7u) + signal->bits - 1u - k;
@@ -286,30 +268,31 @@ unsigned dbc_bit(const struct dbc_signal *signal, unsigned k)
     return signal->big_endian ? line ^ 7u : signal->start + k;
 }
 
-static bool fits(const struct dbc_signal *signal, unsigned length)
+static bool dbc_signal_fits(const struct dbc_signal *signal, unsigned length)
 {
-    /* the bit furthest from the front: of a big-endian signal the least, else the most significant */
+    /* The bit furthest from the front: of a big-endian signal the least, else the most
+     * significant */
     return signal->bits >= 1 && signal->bits <= 64 && signal->start < FRAME_BITS &&
            dbc_bit(signal, signal->big_endian ? 0 : signal->bits - 1u) < 8 * length;
 }
 
 /* Smallest and largest raw value of a signal that is no DBC_FLOAT. */
-static double raw_lowest(const struct dbc_signal *signal)
+static double dbc_lowest_raw(const struct dbc_signal *signal)
 {
     return signal->type == DBC_SIGNED ? -ldexp(1.0, signal->bits - 1) : 0.0;
 }
 
-static double raw_highest(const struct dbc_signal *signal)
+static double dbc_highest_raw(const struct dbc_signal *signal)
 {
     return ldexp(1.0, signal->bits - (signal->type == DBC_SIGNED)) - 1.0;
 }
 
-static bool can_meet(const struct dbc_signal *a, const struct dbc_signal *b)
+static bool dbc_signals_can_meet(const struct dbc_signal *a, const struct dbc_signal *b)
 {
     return a->role != DBC_MULTIPLEXED || b->role != DBC_MULTIPLEXED || a->selector == b->selector;
 }
 
-static void mark_bits(const struct dbc_signal *signal, bool *used)
+static void dbc_mark_bits(const struct dbc_signal *signal, bool *used)
 {
     for (unsigned k = 0; k < signal->bits; k++) {
         used[dbc_bit(signal, k)] = true;
@@ -317,14 +300,14 @@ static void mark_bits(const struct dbc_signal *signal, bool *used)
 }
 
 /* The first signal that has a bit of this one, or its name; NULL = none. */
-static const struct dbc_signal *find_clash(const struct dbc_message *message,
-                                           const struct dbc_signal *signal)
+static const struct dbc_signal *dbc_find_overlap(const struct dbc_message *message,
+                                                 const struct dbc_signal *signal)
 {
     bool used[FRAME_BITS] = {false};
 
-    mark_bits(signal, used);
+    dbc_mark_bits(signal, used);
     for (const struct dbc_signal *other = message->signal; other; other = other->next) {
-        for (unsigned k = 0; k < other->bits && can_meet(signal, other); k++) {
+        for (unsigned k = 0; k < other->bits && dbc_signals_can_meet(signal, other); k++) {
             if (used[dbc_bit(other, k)]) {
                 return other;
             }
@@ -336,7 +319,7 @@ static const struct dbc_signal *find_clash(const struct dbc_message *message,
     return NULL;
 }
 
-static enum error_code check_numbers(const struct dbc_signal *signal, struct error *error)
+static enum error_code dbc_check_numbers(const struct dbc_signal *signal, struct error *error)
 {
     if (!isfinite(signal->scale) || signal->scale == 0.0 || !isfinite(signal->offset)) {
         return error_set(error, ERROR_INPUT,
@@ -353,8 +336,8 @@ static enum error_code check_numbers(const struct dbc_signal *signal, struct err
     return ERROR_NONE;
 }
 
-static enum error_code check_role(const struct dbc_message *message,
-                                  const struct dbc_signal *signal, struct error *error)
+static enum error_code dbc_check_role(const struct dbc_message *message,
+                                      const struct dbc_signal *signal, struct error *error)
 {
     const struct dbc_signal *by = message->multiplexor;
 
@@ -363,7 +346,7 @@ static enum error_code check_role(const struct dbc_message *message,
                          "found multiplexor %s, expected one unsigned signal to be it",
                          signal->name);
     }
-    if (signal->role == DBC_MULTIPLEXED && (!by || signal->selector > raw_highest(by))) {
+    if (signal->role == DBC_MULTIPLEXED && (!by || signal->selector > dbc_highest_raw(by))) {
         return error_set(error, ERROR_INPUT,
                          "found signal %s of multiplexor value %" PRIu32
                          ", expected a multiplexor before it that can be this",
@@ -372,16 +355,20 @@ static enum error_code check_role(const struct dbc_message *message,
     return ERROR_NONE;
 }
 
-static enum error_code check_signal(const struct dbc *dbc, const struct dbc_message *message,
-                                    const struct dbc_signal *signal, struct error *error)
+static enum error_code dbc_check_signal(const struct dbc *dbc, const struct dbc_message *message,
+                                        const struct dbc_signal *signal, struct error *error)
 {
     const struct dbc_signal *clash;
 
-    if (check_name("signal", signal->name, error) || check_text("unit", signal->unit, error) ||
-        check_numbers(signal, error) || check_role(message, signal, error)) {
+    /* The signal by itself */
+    if (dbc_check_name("signal", signal->name, error) ||
+        dbc_check_text("unit", signal->unit, error) || dbc_check_numbers(signal, error) ||
+        dbc_check_role(message, signal, error)) {
         return ERROR_INPUT;
     }
-    if (!fits(signal, message->length)) {
+
+    /* Its place in the message, and the nodes that receive it */
+    if (!dbc_signal_fits(signal, message->length)) {
         return error_set(error, ERROR_INPUT,
                          "found signal %s of %d bits from bit %d on, expected it within the %d "
                          "bytes of %s",
@@ -394,14 +381,16 @@ static enum error_code check_signal(const struct dbc *dbc, const struct dbc_mess
     if (dbc->nnode < DBC_NODES_MAX && signal->receivers >> dbc->nnode) {
         return error_set(error, ERROR_INPUT, "found a receiver that is no node");
     }
-    clash = find_clash(message, signal);
+
+    /* Beside the other signals */
+    clash = dbc_find_overlap(message, signal);
     if (clash) {
         return error_set(error, ERROR_INPUT,
                          "found signal %s, expected other bits and another name than %s in %s",
                          signal->name, clash->name, message->name);
     }
     return message->nsignal == DBC_SIGNALS_MAX
-               ? too_many("signals in a message", DBC_SIGNALS_MAX, error)
+               ? dbc_reject_number("signals in a message", DBC_SIGNALS_MAX, error)
                : ERROR_NONE;
 }
 
@@ -409,7 +398,7 @@ enum error_code dbc_add_signal(struct dbc *dbc, struct dbc_message *message,
                                const struct dbc_signal *signal, struct dbc_signal **added,
                                struct error *error)
 {
-    enum error_code code = check_signal(dbc, message, signal, error);
+    enum error_code code = dbc_check_signal(dbc, message, signal, error);
     struct dbc_signal *made;
 
     if (code) {
@@ -417,7 +406,7 @@ enum error_code dbc_add_signal(struct dbc *dbc, struct dbc_message *message,
     }
     made = arena_alloc(dbc->arena, 1, sizeof *made);
     if (!made) {
-        return no_memory(error);
+        return dbc_no_memory(error);
     }
     *made = *signal;
     made->next = NULL;
@@ -427,7 +416,7 @@ enum error_code dbc_add_signal(struct dbc *dbc, struct dbc_message *message,
     made->name = arena_strdup(dbc->arena, signal->name);
     made->unit = arena_strdup(dbc->arena, signal->unit);
     if (!made->name || !made->unit) {
-        return no_memory(error);
+        return dbc_no_memory(error);
     }
     *(message->last_signal ? &message->last_signal->next : &message->signal) = made;
     message->last_signal = made;
@@ -439,14 +428,14 @@ enum error_code dbc_add_signal(struct dbc *dbc, struct dbc_message *message,
     return ERROR_NONE;
 }
 
-static enum error_code check_value(const struct dbc_signal *signal, int64_t number,
-                                   const char *text, struct error *error)
+static enum error_code dbc_check_value(const struct dbc_signal *signal, int64_t number,
+                                       const char *text, struct error *error)
 {
-    if (check_text("value name", text, error)) {
+    if (dbc_check_text("value name", text, error)) {
         return ERROR_INPUT;
     }
     if (signal->type == DBC_FLOAT || fabs((double)number) > EXACT ||
-        (double)number < raw_lowest(signal) || (double)number > raw_highest(signal)) {
+        (double)number < dbc_lowest_raw(signal) || (double)number > dbc_highest_raw(signal)) {
         return error_set(error, ERROR_INPUT,
                          "found value %" PRId64 ", expected one that signal %s can have", number,
                          signal->name);
@@ -458,14 +447,15 @@ static enum error_code check_value(const struct dbc_signal *signal, int64_t numb
                              signal->name);
         }
     }
-    return signal->nvalue == DBC_VALUES_MAX ? too_many("values of a signal", DBC_VALUES_MAX, error)
-                                            : ERROR_NONE;
+    return signal->nvalue == DBC_VALUES_MAX
+               ? dbc_reject_number("values of a signal", DBC_VALUES_MAX, error)
+               : ERROR_NONE;
 }
 
 enum error_code dbc_add_value(struct dbc *dbc, struct dbc_signal *signal, int64_t number,
                               const char *text, struct error *error)
 {
-    enum error_code code = check_value(signal, number, text, error);
+    enum error_code code = dbc_check_value(signal, number, text, error);
     struct dbc_value *made;
 
     if (code) {
@@ -473,12 +463,12 @@ enum error_code dbc_add_value(struct dbc *dbc, struct dbc_signal *signal, int64_
     }
     made = arena_alloc(dbc->arena, 1, sizeof *made);
     if (!made) {
-        return no_memory(error);
+        return dbc_no_memory(error);
     }
     made->number = number;
     made->text = arena_strdup(dbc->arena, text);
     if (!made->text) {
-        return no_memory(error);
+        return dbc_no_memory(error);
     }
     *(signal->last_value ? &signal->last_value->next : &signal->value) = made;
     signal->last_value = made;

@@ -1,14 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A DBC database: what the frames of one bus mean, in the text format that CAN tools read (nodes,
- * messages, signals, multiplexing, value tables, comments, cycle times, CAN FD). A database is built
- * piece by piece, each piece checked as it is added, then written; the reader builds it in the same
- * way out of text, and takes what the writer writes and nothing beyond it: 11-bit identifiers, plain
- * ASCII, the attributes below, sections in their usual order. Not RT-safe.
+ * messages, signals, multiplexing, value tables, comments, cycle times, CAN FD). A database is
+ * built piece by piece, each piece checked as it is added, then written: 11-bit identifiers, plain
+ * ASCII, the attributes below, sections in the order that the format asks for. Not RT-safe.
  *
  *   GenMsgCycleTime  of a message, ms; 0 = on demand
  *   VFrameFormat     of a message: StandardCAN, StandardCAN_FD
- *   FrameLength      of a multiplexed signal: how long the frame is that carries it, where frames of
+ *   FrameLength      of a multiplexed signal: length of the frame that carries it, where frames of
  *                    a message differ; 0 = as long as the message. Ours; tools show it.
  *   DBName, BusType, Baudrate, BaudrateCANFD  of the database
  */
@@ -50,7 +49,7 @@ struct dbc_signal {
     const char *name;
     enum dbc_role role;
     uint32_t selector; /* DBC_MULTIPLEXED: there when the multiplexor has this value */
-    /* bit 8 i + j is bit j (0 = least significant) of byte i; little-endian signals start at their
+    /* Bit 8 i + j is bit j (0 = least significant) of byte i; little-endian signals start at their
      * least, big-endian ones at their most significant bit */
     uint16_t start;
     uint8_t bits; /* 1 to 64, DBC_FLOAT 32 */
@@ -134,9 +133,5 @@ unsigned dbc_bit(const struct dbc_signal *signal, unsigned k);
 
 /* The same database gives the same bytes. */
 enum error_code dbc_write(const struct dbc *dbc, FILE *file, struct error *error);
-
-/* Reads size bytes of text. Errors begin with file:line:column. */
-enum error_code dbc_read(const char *file, const char *text, size_t size, struct arena *arena,
-                         struct dbc **dbc, struct error *error);
 
 #endif

@@ -8,8 +8,43 @@
 #include <inttypes.h>
 #include <stdlib.h>
 
+/* Attributes that tools know, and FrameLength, which is ours (canbus/dbc.h) */
+#define DBC_NAME "DBName"
+#define DBC_BUS_TYPE "BusType"
+#define DBC_BITRATE "Baudrate"
+#define DBC_DATA_BITRATE "BaudrateCANFD"
+#define DBC_CYCLE "GenMsgCycleTime"
+#define DBC_FORMAT "VFrameFormat"
+#define DBC_LENGTH "FrameLength"
+
+/* Values of BusType and VFrameFormat */
+#define DBC_BUS_CLASSIC "CAN"
+#define DBC_BUS_FD "CAN FD"
+enum { DBC_FORMAT_FD = 14 };
+
+/* The lines that define the attributes and their defaults, the same in every file. */
+/* clang-format off */
+static const char dbc_definitions[] =
+    "BA_DEF_ \"" DBC_NAME "\" STRING ;\n"
+    "BA_DEF_ \"" DBC_BUS_TYPE "\" STRING ;\n"
+    "BA_DEF_ \"" DBC_BITRATE "\" INT 0 1000000000;\n"
+    "BA_DEF_ \"" DBC_DATA_BITRATE "\" INT 0 1000000000;\n"
+    "BA_DEF_ BO_ \"" DBC_CYCLE "\" INT 0 3600000;\n"
+    "BA_DEF_ BO_ \"" DBC_FORMAT "\" ENUM \"StandardCAN\",\"ExtendedCAN\",\"reserved\",\"reserved\","
+    "\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\",\"reserved\","
+    "\"reserved\",\"reserved\",\"reserved\",\"StandardCAN_FD\",\"ExtendedCAN_FD\";\n"
+    "BA_DEF_ SG_ \"" DBC_LENGTH "\" INT 0 64;\n"
+    "BA_DEF_DEF_ \"" DBC_NAME "\" \"\";\n"
+    "BA_DEF_DEF_ \"" DBC_BUS_TYPE "\" \"" DBC_BUS_CLASSIC "\";\n"
+    "BA_DEF_DEF_ \"" DBC_BITRATE "\" 0;\n"
+    "BA_DEF_DEF_ \"" DBC_DATA_BITRATE "\" 0;\n"
+    "BA_DEF_DEF_ \"" DBC_CYCLE "\" 0;\n"
+    "BA_DEF_DEF_ \"" DBC_FORMAT "\" \"StandardCAN\";\n"
+    "BA_DEF_DEF_ \"" DBC_LENGTH "\" 0;\n";
+/* clang-format on */
+
 /* The shortest notation that reads back as the same number. */
-static void put_number(FILE *file, double value)
+static void dbc_put_number(FILE *file, double value)
 {
     char text[32];
     int digits = 15;
@@ -20,12 +55,12 @@ static void put_number(FILE *file, double value)
     fputs(text, file);
 }
 
-static const char *node_name(const struct dbc *dbc, int node)
+static const char *dbc_node_name(const struct dbc *dbc, int node)
 {
     return node == DBC_NO_NODE ? DBC_NOBODY : dbc->node[node].name;
 }
 
-static void put_head(const struct dbc *dbc, FILE *file)
+static void dbc_put_head(const struct dbc *dbc, FILE *file)
 {
     fputs("VERSION \"\"\n\nNS_ :\n", file);
     for (size_t i = 0; i < DBC_SYMBOLS; i++) {
@@ -38,7 +73,7 @@ static void put_head(const struct dbc *dbc, FILE *file)
     fputc('\n', file);
 }
 
-static void put_receivers(const struct dbc *dbc, const struct dbc_signal *signal, FILE *file)
+static void dbc_put_receivers(const struct dbc *dbc, const struct dbc_signal *signal, FILE *file)
 {
     const char *separator = "";
 
@@ -51,7 +86,7 @@ static void put_receivers(const struct dbc *dbc, const struct dbc_signal *signal
     fputs(signal->receivers ? "\n" : DBC_NOBODY "\n", file);
 }
 
-static void put_signal(const struct dbc *dbc, const struct dbc_signal *signal, FILE *file)
+static void dbc_put_signal(const struct dbc *dbc, const struct dbc_signal *signal, FILE *file)
 {
     fprintf(file, " SG_ %s ", signal->name);
     if (signal->role == DBC_MULTIPLEXOR) {
@@ -61,30 +96,30 @@ static void put_signal(const struct dbc *dbc, const struct dbc_signal *signal, F
     }
     fprintf(file, ": %d|%d@%d%c (", signal->start, signal->bits, !signal->big_endian,
             signal->type == DBC_UNSIGNED ? '+' : '-');
-    put_number(file, signal->scale);
+    dbc_put_number(file, signal->scale);
     fputc(',', file);
-    put_number(file, signal->offset);
+    dbc_put_number(file, signal->offset);
     fputs(") [", file);
-    put_number(file, signal->min);
+    dbc_put_number(file, signal->min);
     fputc('|', file);
-    put_number(file, signal->max);
+    dbc_put_number(file, signal->max);
     fprintf(file, "] \"%s\" ", signal->unit);
-    put_receivers(dbc, signal, file);
+    dbc_put_receivers(dbc, signal, file);
 }
 
-static void put_messages(const struct dbc *dbc, FILE *file)
+static void dbc_put_messages(const struct dbc *dbc, FILE *file)
 {
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {
         fprintf(file, "\nBO_ %" PRIu32 " %s: %d %s\n", m->id, m->name, m->length,
-                node_name(dbc, m->sender));
+                dbc_node_name(dbc, m->sender));
         for (const struct dbc_signal *s = m->signal; s; s = s->next) {
-            put_signal(dbc, s, file);
+            dbc_put_signal(dbc, s, file);
         }
     }
     fputc('\n', file);
 }
 
-static void put_comments(const struct dbc *dbc, FILE *file)
+static void dbc_put_comments(const struct dbc *dbc, FILE *file)
 {
     if (dbc->comment) {
         fprintf(file, "CM_ \"%s\";\n", dbc->comment);
@@ -106,7 +141,7 @@ static void put_comments(const struct dbc *dbc, FILE *file)
     }
 }
 
-static void put_attributes(const struct dbc *dbc, FILE *file)
+static void dbc_put_attributes(const struct dbc *dbc, FILE *file)
 {
     fputs(dbc_definitions, file);
     fprintf(file, "BA_ \"" DBC_NAME "\" \"%s\";\n", dbc->name);
@@ -130,7 +165,7 @@ static void put_attributes(const struct dbc *dbc, FILE *file)
     }
 }
 
-static void put_values(const struct dbc *dbc, FILE *file)
+static void dbc_put_values(const struct dbc *dbc, FILE *file)
 {
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {
         for (const struct dbc_signal *s = m->signal; s; s = s->next) {
@@ -145,7 +180,7 @@ static void put_values(const struct dbc *dbc, FILE *file)
     }
 }
 
-static void put_floats(const struct dbc *dbc, FILE *file)
+static void dbc_put_floats(const struct dbc *dbc, FILE *file)
 {
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {
         for (const struct dbc_signal *s = m->signal; s; s = s->next) {
@@ -158,12 +193,12 @@ static void put_floats(const struct dbc *dbc, FILE *file)
 
 enum error_code dbc_write(const struct dbc *dbc, FILE *file, struct error *error)
 {
-    put_head(dbc, file);
-    put_messages(dbc, file);
-    put_comments(dbc, file);
-    put_attributes(dbc, file);
-    put_values(dbc, file);
-    put_floats(dbc, file);
+    dbc_put_head(dbc, file);
+    dbc_put_messages(dbc, file);
+    dbc_put_comments(dbc, file);
+    dbc_put_attributes(dbc, file);
+    dbc_put_values(dbc, file);
+    dbc_put_floats(dbc, file);
     if (fflush(file) || ferror(file)) {
         return error_set_errno(error, errno, "the DBC database could not be written");
     }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Rules on the frames of a port, and the frames that wait because of them. */
+/* Fault rules applied to the frames of a port, and the frames that they delay. */
 #include "canbus/fault_port.h"
 
+#include "base/container_of.h"
 #include "base/random.h"
 
 #include <stdio.h>
@@ -9,51 +10,46 @@
 
 enum { BATCH = 64 };
 
-struct rule {
+struct fault_port_armed {
     struct fault_port_rule rule;
     struct random_stream random;
 };
 
-struct held_frame {
+struct fault_port_held_frame {
     int64_t due_ns;
     struct bus_frame frame;
 };
 
-/* Frames of one direction that are to come later; circular, in the order of their sending. Delays
- * may differ, so what is due is taken out wherever it stands. */
-struct held {
-    struct held_frame *frame;
+/* Frames of one direction that are to come later, in the order in which they were sent. Delays may
+ * differ, so a frame that is due is taken out wherever it stands. */
+struct fault_port_held {
+    struct fault_port_held_frame *frame;
     size_t count;
     uint64_t dropped;
 };
 
-struct direction {
-    struct rule *rule;
-    struct held held;
+struct fault_port_direction {
+    struct fault_port_armed *rule;
+    struct fault_port_held held;
 };
 
 struct fault_port {
     struct can_port port;
     struct can_port *inner;
     struct fault_port_config config;
-    struct direction rx, tx;
+    struct fault_port_direction rx, tx;
     int64_t now_ns;
     uint64_t refused; /* frames sent while bus-off */
 };
 
-static struct fault_port *fault_port_of(struct can_port *port)
+static struct fault_port *fault_port_of(const struct can_port *port)
 {
-    return (struct fault_port *)((char *)port - offsetof(struct fault_port, port));
-}
-
-static const struct fault_port *const_fault_port_of(const struct can_port *port)
-{
-    return (const struct fault_port *)((const char *)port - offsetof(struct fault_port, port));
+    return container_of(port, struct fault_port, port);
 }
 
 /* ---- rules ---- */
 
-static bool is_off(const struct fault_port *f)
+static bool fault_port_is_off(const struct fault_port *f)
 {
     for (size_t i = 0; i < f->config.nrule; i++) {
         if (f->config.rule[i].kind == FAULT_PORT_BUS_OFF && *f->config.rule[i].active) {
@@ -63,19 +59,14 @@ static bool is_off(const struct fault_port *f)
     return false;
 }
 
-/* no traffic of the bus: a bus that is down does not keep it */
-static bool is_exempt(const struct fault_port *f, const struct bus_frame *frame)
+/* Whether a frame is no traffic of the bus, so that it passes even a bus that is off. */
+static bool fault_port_exempts(const struct fault_port *f, const struct bus_frame *frame)
 {
-    for (size_t i = 0; i < f->config.nexempt; i++) {
-        if (frame->id == f->config.exempt[i] && !(frame->flags & FRAME_EXTENDED)) {
-            return true;
-        }
-    }
-    return false;
+    return frame_has_standard_id(frame, f->config.exempt, f->config.nexempt);
 }
 
-static bool is_meant(const struct fault_port *f, const struct fault_port_rule *rule,
-                     const struct bus_frame *frame)
+static bool fault_port_rule_matches(const struct fault_port *f, const struct fault_port_rule *rule,
+                                    const struct bus_frame *frame)
 {
     if (!*rule->active || (frame->flags & FRAME_ERROR)) {
         return false;
@@ -83,10 +74,10 @@ static bool is_meant(const struct fault_port *f, const struct fault_port_rule *r
     if (rule->id >= 0) {
         return frame->id == (uint32_t)rule->id;
     }
-    return !is_exempt(f, frame);
+    return !fault_port_exempts(f, frame);
 }
 
-static void flip_bit(struct random_stream *random, struct bus_frame *frame)
+static void fault_port_flip_bit(struct random_stream *random, struct bus_frame *frame)
 {
     if (frame->len > 0) {
         uint64_t bit = random_bits(random) % (8u * frame->len);
@@ -95,28 +86,31 @@ static void flip_bit(struct random_stream *random, struct bus_frame *frame)
     }
 }
 
-static void hold(struct direction *d, const struct bus_frame *frame, int64_t due_ns)
+static void fault_port_hold_frame(struct fault_port_direction *d, const struct bus_frame *frame,
+                                  int64_t due_ns)
 {
     if (d->held.count == FAULT_PORT_HELD) {
         d->held.dropped++;
         return;
     }
-    d->held.frame[d->held.count++] = (struct held_frame){due_ns, *frame};
+    d->held.frame[d->held.count++] = (struct fault_port_held_frame){due_ns, *frame};
 }
 
-/* What becomes of one frame now: up to two are written to out, the rest is held or lost. */
-static size_t pass(struct fault_port *f, struct direction *d, const struct bus_frame *from,
-                   struct bus_frame out[2])
+/* Applies the rules to a frame: up to two are written to out, the rest is held or lost. Returns how
+ * many were written. */
+static size_t fault_port_apply_rules(struct fault_port *f, struct fault_port_direction *d,
+                                     const struct bus_frame *from, struct bus_frame out[2])
 {
     struct bus_frame frame = *from;
     int64_t delay_ns = 0;
     size_t copies = 1;
 
+    /* Rules add up in their order; each draws from its own random numbers */
     for (size_t i = 0; i < f->config.nrule; i++) {
-        struct rule *rule = &d->rule[i];
+        struct fault_port_armed *rule = &d->rule[i];
         const struct fault_port_rule *r = &rule->rule;
 
-        if (!is_meant(f, r, &frame)) {
+        if (!fault_port_rule_matches(f, r, &frame)) {
             continue;
         }
         if (r->kind == FAULT_PORT_LATE) {
@@ -127,15 +121,17 @@ static size_t pass(struct fault_port *f, struct direction *d, const struct bus_f
                 return 0;
             }
             if (r->kind == FAULT_PORT_CORRUPTION) {
-                flip_bit(&rule->random, &frame);
+                fault_port_flip_bit(&rule->random, &frame);
             } else {
                 copies = 2;
             }
         }
     }
+
+    /* What is left of the frame goes now or later */
     for (size_t i = 0; i < copies; i++) {
         if (delay_ns > 0) {
-            hold(d, &frame, f->now_ns + delay_ns);
+            fault_port_hold_frame(d, &frame, f->now_ns + delay_ns);
         } else {
             out[i] = frame;
         }
@@ -143,8 +139,9 @@ static size_t pass(struct fault_port *f, struct direction *d, const struct bus_f
     return delay_ns > 0 ? 0 : copies;
 }
 
-/* Held frames that are due, in their order, at most max; the others move up. */
-static size_t release(struct fault_port *f, struct direction *d, struct bus_frame *out, size_t max)
+/* Takes held frames that are due, in their order, at most max; the others move up. */
+static size_t fault_port_release_due(struct fault_port *f, struct fault_port_direction *d,
+                                     struct bus_frame *out, size_t max)
 {
     size_t released = 0, kept = 0;
 
@@ -161,88 +158,95 @@ static size_t release(struct fault_port *f, struct direction *d, struct bus_fram
 
 /* ---- the port ---- */
 
-static void mirror(struct fault_port *f)
+/* Takes over state and counters of the other port, and adds what the rules did. */
+static void fault_port_copy_state(struct fault_port *f)
 {
     f->port.counters = f->inner->counters;
     f->port.counters.tx_dropped += f->tx.held.dropped + f->refused;
     f->port.counters.rx_dropped += f->rx.held.dropped;
-    f->port.state = is_off(f) ? CAN_PORT_BUS_OFF : f->inner->state;
+    f->port.state = fault_port_is_off(f) ? CAN_PORT_BUS_OFF : f->inner->state;
 }
 
-static size_t fault_receive(struct can_port *port, struct bus_frame *frames, size_t max)
+static size_t fault_port_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     struct fault_port *f = fault_port_of(port);
     size_t count, got;
-    bool off = is_off(f);
+    bool off = fault_port_is_off(f);
 
+    /* A bus that is off loses what was on its way; else frames that are due come first */
     if (off) {
         f->rx.held.count = f->tx.held.count = 0;
     }
-    count = release(f, &f->rx, frames, max);
+    count = fault_port_release_due(f, &f->rx, frames, max);
+
+    /* Then everything that the other port has received: what does not fit any more is held */
     do {
         struct bus_frame batch[BATCH], out[2];
         size_t room = max - count;
 
         got = room ? can_receive(f->inner, batch, room < BATCH ? room : BATCH) : 0;
         for (size_t i = 0; i < got; i++) {
-            size_t n = off && !is_exempt(f, &batch[i]) ? 0 : pass(f, &f->rx, &batch[i], out);
+            size_t n = off && !fault_port_exempts(f, &batch[i])
+                           ? 0
+                           : fault_port_apply_rules(f, &f->rx, &batch[i], out);
 
             for (size_t k = 0; k < n; k++) {
                 if (count < max) {
                     frames[count++] = out[k];
                 } else {
-                    hold(&f->rx, &out[k], f->now_ns); /* the next call has room */
+                    fault_port_hold_frame(&f->rx, &out[k], f->now_ns); /* the next call has room */
                 }
             }
         }
     } while (got > 0);
-    mirror(f);
+    fault_port_copy_state(f);
     return count;
 }
 
 /* Sends a batch; frames that the other port refuses are its business. */
-static size_t flush(struct fault_port *f, const struct bus_frame *batch, size_t count)
+static size_t fault_port_send_batch(struct fault_port *f, const struct bus_frame *batch,
+                                    size_t count)
 {
     return count ? can_send(f->inner, batch, count) : 0;
 }
 
-static size_t fault_send(struct can_port *port, const struct bus_frame *frames, size_t count)
+static size_t fault_port_send(struct can_port *port, const struct bus_frame *frames, size_t count)
 {
     struct fault_port *f = fault_port_of(port);
     struct bus_frame batch[BATCH];
     size_t waiting, refused = 0, lost = 0;
-    bool off = is_off(f);
+    bool off = fault_port_is_off(f);
 
     do {
-        waiting = off ? 0 : release(f, &f->tx, batch, BATCH);
-        flush(f, batch, waiting);
+        waiting = off ? 0 : fault_port_release_due(f, &f->tx, batch, BATCH);
+        fault_port_send_batch(f, batch, waiting);
     } while (waiting == BATCH);
     waiting = 0;
     for (size_t i = 0; i < count; i++) {
-        if (off && !is_exempt(f, &frames[i])) {
+        if (off && !fault_port_exempts(f, &frames[i])) {
             lost++;
         } else {
-            waiting += pass(f, &f->tx, &frames[i], batch + waiting);
+            waiting += fault_port_apply_rules(f, &f->tx, &frames[i], batch + waiting);
         }
         if (waiting + 2 > BATCH || i + 1 == count) {
-            refused += waiting - flush(f, batch, waiting);
+            refused += waiting - fault_port_send_batch(f, batch, waiting);
             waiting = 0;
         }
     }
     f->refused += lost;
     refused += lost;
-    mirror(f);
+    fault_port_copy_state(f);
     return refused < count ? count - refused : 0;
 }
 
-static int fault_descriptor(const struct can_port *port)
+static int fault_port_descriptor(const struct can_port *port)
 {
-    const struct fault_port *f = const_fault_port_of(port);
+    const struct fault_port *f = fault_port_of(port);
 
     return f->inner->ops->descriptor(f->inner);
 }
 
-static void fault_close(struct can_port *port)
+static void fault_port_close(struct can_port *port)
 {
     struct fault_port *f = fault_port_of(port);
 
@@ -251,20 +255,21 @@ static void fault_close(struct can_port *port)
 
 static const struct can_port_ops ops = {
     .name = "fault",
-    .receive = fault_receive,
-    .send = fault_send,
-    .descriptor = fault_descriptor,
-    .close = fault_close,
+    .receive = fault_port_receive,
+    .send = fault_port_send,
+    .descriptor = fault_port_descriptor,
+    .close = fault_port_close,
 };
 
 void fault_port_time(struct can_port *port, int64_t time_ns)
 {
     fault_port_of(port)->now_ns = time_ns;
-    mirror(fault_port_of(port)); /* time may have gone back, and what was counted with it */
+    fault_port_copy_state(
+        fault_port_of(port)); /* time may have gone back, and what was counted with it */
 }
 
-static bool make_direction(struct fault_port *f, struct direction *d, const char *name,
-                           struct arena *arena)
+static bool fault_port_create_direction(struct fault_port *f, struct fault_port_direction *d,
+                                        const char *name, struct arena *arena)
 {
     d->rule = arena_alloc(arena, f->config.nrule + 1, sizeof *d->rule);
     d->held.frame = arena_alloc(arena, FAULT_PORT_HELD, sizeof *d->held.frame);
@@ -273,7 +278,7 @@ static bool make_direction(struct fault_port *f, struct direction *d, const char
         char stream[128];
 
         snprintf(stream, sizeof stream, "%s %s %s", name, f->inner->bus, rule->stream);
-        d->rule[i] = (struct rule){*rule, random_named(f->config.seed, stream)};
+        d->rule[i] = (struct fault_port_armed){*rule, random_named(f->config.seed, stream)};
     }
     return d->rule && d->held.frame;
 }
@@ -292,10 +297,11 @@ enum error_code fault_port_create(const struct fault_port_config *config, struct
     f->config.rule = rules;
     f->inner = config->port;
     f->port = (struct can_port){.ops = &ops, .bus = config->port->bus, .fd = config->port->fd};
-    if (!make_direction(f, &f->rx, "rx", arena) || !make_direction(f, &f->tx, "tx", arena)) {
+    if (!fault_port_create_direction(f, &f->rx, "rx", arena) ||
+        !fault_port_create_direction(f, &f->tx, "tx", arena)) {
         return error_set(error, ERROR_MEMORY, "no memory left for the faults of a bus");
     }
-    mirror(f);
+    fault_port_copy_state(f);
     *port = &f->port;
     return ERROR_NONE;
 }

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A port with a bad bus behind it: hands on what another port carries, of any back end, and while a
- * rule is active loses, spoils, delays or repeats frames of both directions. Who closes it closes the
- * other port. Counters and state are those of the other port (what a rule does to frames is no news
- * of the port), but for FAULT_PORT_BUS_OFF, which is.
+ * A port that injects faults: it passes on the frames of another port of any back end, and while a
+ * rule is active loses, corrupts, delays or duplicates frames of both directions. Closing it closes
+ * the other port. Counters and state are those of the other port, except that frames lost here for
+ * want of room or in FAULT_PORT_BUS_OFF count as dropped, and that the state then is bus-off.
  *
- * Frames that must not be lost because they are no traffic of a real bus (STEP and DONE of lockstep)
- * are named when the port is made; a rule that gives their identifier takes them all the same, but
- * for FAULT_PORT_BUS_OFF: they pass, for else virtual time would never reach its end.
+ * Frames that are no traffic of a real bus (STEP and DONE of lockstep) are exempt from rules for
+ * all frames; a rule with their identifier hits them all the same. FAULT_PORT_BUS_OFF never does,
+ * as virtual time would stop.
  *
- * Time is virtual: the owner says what it is, once a tick.
+ * Time is virtual: the owner sets it once a tick. The port's functions are RT-safe.
  */
 #ifndef CANBUS_FAULT_PORT_H
 #define CANBUS_FAULT_PORT_H
@@ -29,7 +29,7 @@ struct fault_port_rule {
     double probability;
     int64_t delay_ns;
     int64_t id;         /* of the frames meant; -1 = all */
-    const bool *active; /* looked at for every frame */
+    const bool *active; /* read for every frame */
     const char *stream; /* name of its random numbers */
 };
 
@@ -49,7 +49,7 @@ struct fault_port_config {
 enum error_code fault_port_create(const struct fault_port_config *config, struct arena *arena,
                                   struct can_port **port, struct error *error);
 
-/* Now, virtual; of a port that fault_port_create made. RT-safe. */
+/* Sets the virtual time of a port that fault_port_create made. RT-safe. */
 void fault_port_time(struct can_port *port, int64_t time_ns);
 
 #endif

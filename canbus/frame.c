@@ -5,7 +5,7 @@
 #include <assert.h>
 #include <string.h>
 
-static bool length_is_legal_fd(uint8_t len)
+static bool frame_fd_length_is_legal(uint8_t len)
 {
     switch (len) {
     case 12:
@@ -23,7 +23,7 @@ static bool length_is_legal_fd(uint8_t len)
 
 uint8_t frame_fd_length(unsigned bytes)
 {
-    while (bytes < 64 && !length_is_legal_fd((uint8_t)bytes)) {
+    while (bytes < 64 && !frame_fd_length_is_legal((uint8_t)bytes)) {
         bytes++;
     }
     return (uint8_t)bytes;
@@ -38,7 +38,7 @@ bool frame_valid(const struct bus_frame *frame)
     if (flags & ~known) {
         return false;
     }
-    /* an error frame has no format of its own; FD knows no remote frames, classic no bit rates */
+    /* An error frame has no format of its own; FD knows no remote frames, classic no bit rates */
     if ((flags & FRAME_ERROR) && flags != FRAME_ERROR) {
         return false;
     }
@@ -48,7 +48,7 @@ bool frame_valid(const struct bus_frame *frame)
     if (frame->id > ((flags & (FRAME_EXTENDED | FRAME_ERROR)) ? 0x1FFFFFFFu : 0x7FFu)) {
         return false;
     }
-    return (flags & FRAME_FD) ? length_is_legal_fd(frame->len) : frame->len <= 8;
+    return (flags & FRAME_FD) ? frame_fd_length_is_legal(frame->len) : frame->len <= 8;
 }
 
 uint32_t frame_bits(const struct bus_frame *frame)
@@ -66,8 +66,8 @@ uint32_t frame_bits(const struct bus_frame *frame)
 
 uint32_t frame_fast_bits(const struct bus_frame *frame)
 {
-    /* at the nominal rate: 17 bits from SOF to the switch (36 with a 29-bit identifier), ACK and its
-     * delimiter, EOF and intermission */
+    /* At the nominal rate: 17 bits from SOF to the switch (36 with a 29-bit identifier), ACK and
+     * its delimiter, EOF and intermission */
     const uint32_t slow = (frame->flags & FRAME_EXTENDED ? 36u : 17u) + 2u + 7u + 3u;
 
     return frame->flags & FRAME_BRS ? frame_bits(frame) - slow : 0;

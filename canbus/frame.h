@@ -4,6 +4,7 @@
 #define CANBUS_FRAME_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 enum {
@@ -20,8 +21,8 @@ struct bus_frame {
     uint8_t flags;
     uint8_t len; /* bytes of data: 0-8 classic; 0-8, 12, 16, 20, 24, 32, 48, 64 FD */
     uint8_t data[64];
-    /* Which of the nodes that the sending port stands for (local_bus_join_nodes); 0 on other ports. Means
-     * nothing to a receiver. */
+    /* The sender among the nodes that the sending port stands for (local_bus_join_nodes); 0 on
+     * other ports. Without meaning to a receiver. */
     uint16_t node;
     int64_t time_ns; /* when it was received or sent, on the clock of the port */
 };
@@ -40,12 +41,24 @@ bool frame_valid(const struct bus_frame *frame);
  * time. 0 for error frames, which are messages of the controller and no traffic. */
 uint32_t frame_bits(const struct bus_frame *frame);
 
-/* Those of them that go at the data rate: with a bit rate switch the bits behind it up to the end of
- * the CRC, else none. */
+/* Those of them that go at the data rate: with a bit rate switch the bits behind it up to the end
+ * of the CRC, else none. */
 uint32_t frame_fast_bits(const struct bus_frame *frame);
 
 /* A classic data frame with a standard identifier; len <= 8; data beyond len is zero. */
 struct bus_frame frame_make(uint32_t id, uint8_t len, const uint8_t *data);
+
+/* Whether a frame has one of these standard identifiers. */
+static inline bool frame_has_standard_id(const struct bus_frame *frame, const uint32_t *id,
+                                         size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        if (frame->id == id[i] && !(frame->flags & FRAME_EXTENDED)) {
+            return true;
+        }
+    }
+    return false;
+}
 
 /* Explicit byte order: no packed structs. */
 static inline uint16_t get_u16_le(const uint8_t *p)

@@ -1,19 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A socketcand server in front of ports: programs in other processes join buses that live inside this
- * one over TCP, with any client of the protocol (python-can's socketcand interface, Kayak, ...). Raw
- * mode only; clients of a bus hear the bus and each other.
+ * A socketcand server in front of ports: programs in other processes join the buses of this process
+ * over TCP, with any client of the protocol (python-can's socketcand interface, Kayak, ...). Raw
+ * mode only; the clients of a bus receive the frames of the bus and of each other.
  *
- * A thread of its own does all the work and owns the ports. What a client cannot take at once waits in
- * a buffer of GATEWAY_OUTBOX bytes; a client that lets it fill up is cut off, as is one that sends what
- * is not the protocol for GATEWAY_JUNK_MAX times, or a command without an end. The bus never waits for
- * a client. Not RT-safe, and no part of the loop.
+ * One thread does all the work and owns the ports. Output that a client does not read waits in a
+ * buffer of GATEWAY_OUTBOX bytes; a client that lets it fill up is disconnected, as is one that
+ * sends GATEWAY_JUNK_MAX wrong commands or a command without an end. The bus never waits for a
+ * client. Not RT-safe: it runs beside the loop.
  *
- * Whatever clients do, all memory is taken at the start; clients, buses and the order to stop have their
- * turns, none of them without end; a frame that a bus does not take, as its queue is full, is told
- * to its sender, counted and forgotten. On local buses what clients send has room of its own at every
- * other participant (canbus/port.h): a flood drops frames of the gateway's, never those of boards or
- * controllers; only on a wire in virtual time it takes the time of the others, as on a real bus.
+ * All memory is allocated at the start; clients, buses and the stop event are served in turn, each
+ * for a bounded time. A frame that a bus refuses, because its queue is full, is answered with an
+ * error, counted and dropped. On local buses every participant has room of its own for the
+ * gateway's frames (canbus/port.h): a flood by clients drops their own frames, never those of
+ * boards or controllers. Only on a wire in virtual time it takes bus time from the others, as on a
+ * real bus.
  */
 #ifndef CANBUS_GATEWAY_H
 #define CANBUS_GATEWAY_H
@@ -36,7 +37,7 @@ enum { GATEWAY_PORT = 29536 }; /* socketcand's */
 struct gateway_bus {
     const char *name;      /* as clients open it: at most SOCKETCAND_BUS_MAX characters */
     const char *alias;     /* another name for it, NULL = none */
-    struct can_port *port; /* used by no other thread until the gateway is stopped; not owned */
+    struct can_port *port; /* not owned; used by no other thread until the gateway is stopped */
 };
 
 struct gateway_config {
@@ -48,9 +49,9 @@ struct gateway_config {
 
 struct gateway_counters {
     uint64_t clients;   /* accepted */
-    uint64_t refused;   /* there were GATEWAY_CLIENTS already */
-    uint64_t cut_slow;  /* cut off with a full outbox */
-    uint64_t cut_junk;  /* cut off for what they sent */
+    uint64_t refused;   /* beyond GATEWAY_CLIENTS */
+    uint64_t cut_slow;  /* disconnected with a full outbox */
+    uint64_t cut_junk;  /* disconnected for wrong commands */
     uint64_t to_bus;    /* frames */
     uint64_t not_taken; /* frames of clients that their bus refused */
     uint64_t to_client; /* frames, once for each client */
@@ -58,8 +59,8 @@ struct gateway_counters {
 
 struct gateway;
 
-/* Listens and starts the thread. ERROR_INPUT for a host that is no numeric address, ERROR_SYSTEM when
- * the address cannot be had. Memory from arena. */
+/* Listens and starts the thread. ERROR_INPUT for a host that is no numeric address, ERROR_SYSTEM
+ * when it cannot listen there. Memory from arena. */
 enum error_code gateway_start(const struct gateway_config *config, struct arena *arena,
                               struct gateway **gateway, struct error *error);
 

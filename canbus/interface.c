@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Questions by rtnetlink, control by libsocketcan. */
+/* Queries by rtnetlink, control by libsocketcan. */
 #include "canbus/interface.h"
 
 #include <errno.h>
@@ -77,8 +77,8 @@ bool interface_port_state(const struct link_info *info, enum can_port_state *sta
     return true;
 }
 
-static enum error_code query(void *context, const char *name, struct link_info *info,
-                             struct error *error)
+static enum error_code interface_query(void *context, const char *name, struct link_info *info,
+                                       struct error *error)
 {
     const int link = link_open();
     int failure;
@@ -97,7 +97,7 @@ static enum error_code query(void *context, const char *name, struct link_info *
                : ERROR_NONE;
 }
 
-static bool may_administer(void)
+static bool interface_may_administer(void)
 {
     struct __user_cap_header_struct header = {.version = _LINUX_CAPABILITY_VERSION_3};
     struct __user_cap_data_struct data[_LINUX_CAPABILITY_U32S_3] = {{0}};
@@ -106,11 +106,11 @@ static bool may_administer(void)
            (data[CAP_TO_INDEX(CAP_NET_ADMIN)].effective & CAP_TO_MASK(CAP_NET_ADMIN));
 }
 
-/* What libsocketcan would only print: whether it can be called at all. */
-static enum error_code check_controller(const char *name, struct link_info *info,
-                                        struct error *error)
+/* Checks whether libsocketcan can be called at all, as it would only print why not. */
+static enum error_code interface_check_controller(const char *name, struct link_info *info,
+                                                  struct error *error)
 {
-    enum error_code code = query(NULL, name, info, error);
+    enum error_code code = interface_query(NULL, name, info, error);
 
     if (code) {
         return code;
@@ -120,15 +120,16 @@ static enum error_code check_controller(const char *name, struct link_info *info
                          name, info->kind[0] ? "of kind " : "no CAN controller",
                          info->kind[0] ? info->kind : "");
     }
-    if (!may_administer()) {
+    if (!interface_may_administer()) {
         return error_set(error, ERROR_SYSTEM,
                          "no permission to set interface %s: it needs CAP_NET_ADMIN", name);
     }
     return ERROR_NONE;
 }
 
-static enum error_code check_settings(const char *name, const struct interface_settings *settings,
-                                      struct error *error)
+static enum error_code interface_check_settings(const char *name,
+                                                const struct interface_settings *settings,
+                                                struct error *error)
 {
     if (settings->bitrate < 1 || settings->bitrate > BITRATE_MAX) {
         return error_set(error, ERROR_INPUT,
@@ -148,8 +149,9 @@ static enum error_code check_settings(const char *name, const struct interface_s
     return ERROR_NONE;
 }
 
-/* libsocketcan's answer, whose reason is in errno. */
-static enum error_code judge(int result, const char *name, const char *what, struct error *error)
+/* Turns the result of libsocketcan, whose reason is in errno, into an error. */
+static enum error_code interface_check_result(int result, const char *name, const char *what,
+                                              struct error *error)
 {
     return result ? error_set_errno(error, errno, "cannot %s interface %s", what, name)
                   : ERROR_NONE;
@@ -158,70 +160,87 @@ static enum error_code judge(int result, const char *name, const char *what, str
 enum error_code interface_start(const char *name, struct error *error)
 {
     struct link_info info;
-    enum error_code code = check_controller(name, &info, error);
+    enum error_code code = interface_check_controller(name, &info, error);
 
-    return code ? code : judge(can_do_start(name), name, "start", error);
+    return code ? code : interface_check_result(can_do_start(name), name, "start", error);
 }
 
 enum error_code interface_stop(const char *name, struct error *error)
 {
     struct link_info info;
-    enum error_code code = check_controller(name, &info, error);
+    enum error_code code = interface_check_controller(name, &info, error);
 
-    return code ? code : judge(can_do_stop(name), name, "stop", error);
+    return code ? code : interface_check_result(can_do_stop(name), name, "stop", error);
 }
 
 /* Sets a controller that is stopped. */
-static enum error_code set(const char *name, const struct interface_settings *settings,
-                           struct error *error)
+static enum error_code interface_apply_settings(const char *name,
+                                                const struct interface_settings *settings,
+                                                struct error *error)
 {
     const uint32_t bitrate = (uint32_t)settings->bitrate;
     const uint32_t sample_point = (uint32_t)lround(settings->sample_point * 1e3);
     struct link_info info;
     enum error_code code;
 
-    code = judge(sample_point ? can_set_bitrate_samplepoint(name, bitrate, sample_point)
-                              : can_set_bitrate(name, bitrate),
-                 name, "set the bit rate of", error);
-    if (!code) {
-        code = judge(can_set_restart_ms(name, (uint32_t)settings->restart_ms), name,
-                     "set the restart of", error);
+    /* A sample point of 0 is the driver's choice */
+    code = interface_check_result(sample_point
+                                      ? can_set_bitrate_samplepoint(name, bitrate, sample_point)
+                                      : can_set_bitrate(name, bitrate),
+                                  name, "set the bit rate of", error);
+    if (code) {
+        return code;
     }
-    if (!code) {
-        code = query(NULL, name, &info, error);
+    code = interface_check_result(can_set_restart_ms(name, (uint32_t)settings->restart_ms), name,
+                                  "set the restart of", error);
+    if (code) {
+        return code;
     }
-    if (!code && !interface_is_set(&info, settings)) {
-        code = error_set(error, ERROR_INPUT,
+
+    /* The driver takes the nearest that its clock allows, which may be far */
+    code = interface_query(NULL, name, &info, error);
+    if (code) {
+        return code;
+    }
+    if (!interface_is_set(&info, settings)) {
+        return error_set(error, ERROR_INPUT,
                          "interface %s cannot make %" PRId64 " bit/s with sample point %.3f from "
                          "its clock of %u Hz; it would be %u bit/s and %.3f",
                          name, settings->bitrate, settings->sample_point,
                          info.controller.clock.freq, info.controller.timing.bitrate,
                          (double)info.controller.timing.sample_point * 1e-3);
     }
-    return code;
+    return ERROR_NONE;
 }
 
-static enum error_code configure(void *context, const char *name,
-                                 const struct interface_settings *settings, struct error *error)
+static enum error_code interface_configure(void *context, const char *name,
+                                           const struct interface_settings *settings,
+                                           struct error *error)
 {
     struct link_info before;
-    enum error_code code = check_settings(name, settings, error);
+    enum error_code code;
 
     (void)context;
-    if (!code) {
-        code = check_controller(name, &before, error);
-    }
-    if (!code) {
-        code = interface_stop(name, error);
-    }
+    code = interface_check_settings(name, settings, error);
     if (code) {
         return code;
     }
-    code = set(name, settings, error);
+    code = interface_check_controller(name, &before, error);
+    if (code) {
+        return code;
+    }
+
+    /* A controller takes settings only while it is stopped */
+    code = interface_stop(name, error);
+    if (code) {
+        return code;
+    }
+    code = interface_apply_settings(name, settings, error);
     if (!code) {
         return interface_start(name, error);
     }
-    /* as it was: somebody else may be on the bus with it */
+
+    /* Refused: back to what it was, as somebody else may be on the bus with it */
     if (before.controller.timing.bitrate) {
         can_set_bittiming(name, &before.controller.timing);
         can_set_restart_ms(name, before.controller.restart_ms);
@@ -232,10 +251,10 @@ static enum error_code configure(void *context, const char *name,
     return code;
 }
 
-static enum error_code restart(void *context, const char *name, struct error *error)
+static enum error_code interface_restart(void *context, const char *name, struct error *error)
 {
     struct link_info info;
-    enum error_code code = check_controller(name, &info, error);
+    enum error_code code = interface_check_controller(name, &info, error);
 
     (void)context;
     if (code) {
@@ -245,11 +264,11 @@ static enum error_code restart(void *context, const char *name, struct error *er
         return error_set(error, ERROR_INPUT, "interface %s is %s, expected bus-off for a restart",
                          name, info.up ? interface_state_name(info.controller.state) : "down");
     }
-    return judge(can_do_restart(name), name, "restart", error);
+    return interface_check_result(can_do_restart(name), name, "restart", error);
 }
 
 const struct interface_ops interface_kernel = {
-    .query = query,
-    .configure = configure,
-    .restart = restart,
+    .query = interface_query,
+    .configure = interface_configure,
+    .restart = interface_restart,
 };

@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Real CAN interfaces: what their controllers are set to and how they are, and the control of them.
- * Asked for by one rtnetlink request of our own (canbus/link.h), which never prints and whose answer
- * is of one moment; set by libsocketcan, which is called for controllers only, since on virtual
- * interfaces it prints to stderr and fails. It also prints a line when the kernel refuses a
- * setting, besides the error that is returned. Setting needs CAP_NET_ADMIN.
+ * Real CAN interfaces: settings, state and control of their controllers. Queried by one rtnetlink
+ * request of our own (canbus/link.h), which never prints and whose answer is of one moment; set by
+ * libsocketcan, which is called for controllers only, since on virtual interfaces it prints to
+ * stderr and fails. It also prints a line when the kernel refuses a setting, besides the error that
+ * is returned. Setting needs CAP_NET_ADMIN.
  *
- * Every call opens sockets and waits for the kernel's interface lock: not RT-safe.
+ * Not RT-safe: calls open sockets and wait for the kernel's interface lock. Those that take a
+ * struct link_info or a state only look at it and are RT-safe.
  */
 #ifndef CANBUS_INTERFACE_H
 #define CANBUS_INTERFACE_H
@@ -28,7 +29,7 @@ struct interface_settings {
     int64_t restart_ms;  /* from bus-off to the kernel's restart; 0 = the kernel does not restart */
 };
 
-/* What a supervisor of interfaces calls: the kernel's, or those of a test. */
+/* The operations of a supervisor of interfaces: the kernel's, or those of a test. */
 struct interface_ops {
     /* ERROR_INPUT when there is no such interface. */
     enum error_code (*query)(void *context, const char *name, struct link_info *info,
@@ -48,7 +49,7 @@ extern const struct interface_ops interface_kernel;
 
 enum interface_kind interface_kind(const struct link_info *info);
 
-/* Whether a controller runs so near at a bit rate (0.5 %) that it understands others there. */
+/* Whether a controller's bit rate is near enough (0.5 %) to another to communicate at it. */
 bool interface_bitrate_fits(uint32_t actual, int64_t wanted);
 
 /* Whether a controller is set as the settings say. */
@@ -57,7 +58,7 @@ bool interface_is_set(const struct link_info *info, const struct interface_setti
 /* "error active", ... */
 const char *interface_state_name(enum can_state state);
 
-/* The state of a port on it; false when a controller that does not run says nothing of it. */
+/* The state of a port on an interface; false when its controller does not run, and has none. */
 bool interface_port_state(const struct link_info *info, enum can_port_state *state);
 
 /* Puts a controller on the bus and takes it off; no effect when it is there already. */

@@ -11,7 +11,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-struct request {
+struct link_request {
     struct nlmsghdr header;
     struct ifinfomsg link;
     struct rtattr name_header;
@@ -24,12 +24,12 @@ int link_open(void)
 }
 
 /* As RTA_DATA and RTA_NEXT, which cast constness away. */
-static const void *data_of(const struct rtattr *attribute)
+static const void *link_attribute_data(const struct rtattr *attribute)
 {
     return (const char *)attribute + RTA_LENGTH(0);
 }
 
-static const struct rtattr *next_of(const struct rtattr *attribute, int *rest)
+static const struct rtattr *link_next_attribute(const struct rtattr *attribute, int *rest)
 {
     const int length = RTA_ALIGN(attribute->rta_len);
 
@@ -38,50 +38,54 @@ static const struct rtattr *next_of(const struct rtattr *attribute, int *rest)
 }
 
 /* Copies an attribute of a fixed size; one of another size is not what we know and is left out. */
-static bool copy(const struct rtattr *attribute, void *to, size_t size)
+static bool link_copy_attribute(const struct rtattr *attribute, void *to, size_t size)
 {
     if (RTA_PAYLOAD(attribute) < size) {
         return false;
     }
-    memcpy(to, data_of(attribute), size);
+    memcpy(to, link_attribute_data(attribute), size);
     return true;
 }
 
 /* The type without the flag that newer kernels put on nested attributes. */
-static int type_of(const struct rtattr *attribute)
+static int link_attribute_type(const struct rtattr *attribute)
 {
     return attribute->rta_type & NLA_TYPE_MASK;
 }
 
-static void parse_controller(const struct rtattr *data, struct link_controller *controller)
+/* Parses the attributes of a CAN controller; unknown ones are skipped. */
+static void link_parse_controller(const struct rtattr *data, struct link_controller *controller)
 {
     int rest = (int)RTA_PAYLOAD(data);
     uint32_t state;
 
-    for (const struct rtattr *a = data_of(data); RTA_OK(a, rest); a = next_of(a, &rest)) {
-        switch (type_of(a)) {
+    for (const struct rtattr *a = link_attribute_data(data); RTA_OK(a, rest);
+         a = link_next_attribute(a, &rest)) {
+        /* A controller says only what its driver knows */
+        switch (link_attribute_type(a)) {
         case IFLA_CAN_STATE:
-            if (copy(a, &state, sizeof state) && state < CAN_STATE_MAX) {
+            if (link_copy_attribute(a, &state, sizeof state) && state < CAN_STATE_MAX) {
                 controller->state = (enum can_state)state;
             }
             break;
         case IFLA_CAN_BITTIMING:
-            copy(a, &controller->timing, sizeof controller->timing);
+            link_copy_attribute(a, &controller->timing, sizeof controller->timing);
             break;
         case IFLA_CAN_DATA_BITTIMING:
-            copy(a, &controller->data_timing, sizeof controller->data_timing);
+            link_copy_attribute(a, &controller->data_timing, sizeof controller->data_timing);
             break;
         case IFLA_CAN_CLOCK:
-            copy(a, &controller->clock, sizeof controller->clock);
+            link_copy_attribute(a, &controller->clock, sizeof controller->clock);
             break;
         case IFLA_CAN_CTRLMODE:
-            copy(a, &controller->mode, sizeof controller->mode);
+            link_copy_attribute(a, &controller->mode, sizeof controller->mode);
             break;
         case IFLA_CAN_RESTART_MS:
-            copy(a, &controller->restart_ms, sizeof controller->restart_ms);
+            link_copy_attribute(a, &controller->restart_ms, sizeof controller->restart_ms);
             break;
         case IFLA_CAN_BERR_COUNTER:
-            controller->counts = copy(a, &controller->errors, sizeof controller->errors);
+            controller->counts =
+                link_copy_attribute(a, &controller->errors, sizeof controller->errors);
             break;
         default:
             break;
@@ -89,22 +93,23 @@ static void parse_controller(const struct rtattr *data, struct link_controller *
     }
 }
 
-/* The kind comes first, and says what the rest means. */
-static void parse_link_info(const struct rtattr *info, struct link_info *link)
+/* Parses the kind of the interface, which comes first, and what its kind makes of the rest. */
+static void link_parse_kind(const struct rtattr *info, struct link_info *link)
 {
     int rest = (int)RTA_PAYLOAD(info);
 
-    for (const struct rtattr *a = data_of(info); RTA_OK(a, rest); a = next_of(a, &rest)) {
+    for (const struct rtattr *a = link_attribute_data(info); RTA_OK(a, rest);
+         a = link_next_attribute(a, &rest)) {
         bool controller = strcmp(link->kind, "can") == 0;
 
-        if (type_of(a) == IFLA_INFO_KIND && RTA_PAYLOAD(a) > 0) {
+        if (link_attribute_type(a) == IFLA_INFO_KIND && RTA_PAYLOAD(a) > 0) {
             const size_t size = RTA_PAYLOAD(a) < LINK_KIND_MAX ? RTA_PAYLOAD(a) : LINK_KIND_MAX;
 
-            memcpy(link->kind, data_of(a), size - 1);
-        } else if (type_of(a) == IFLA_INFO_DATA && controller) {
-            parse_controller(a, &link->controller);
-        } else if (type_of(a) == IFLA_INFO_XSTATS && controller) {
-            copy(a, &link->controller.stats, sizeof link->controller.stats);
+            memcpy(link->kind, link_attribute_data(a), size - 1);
+        } else if (link_attribute_type(a) == IFLA_INFO_DATA && controller) {
+            link_parse_controller(a, &link->controller);
+        } else if (link_attribute_type(a) == IFLA_INFO_XSTATS && controller) {
+            link_copy_attribute(a, &link->controller.stats, sizeof link->controller.stats);
         }
     }
 }
@@ -116,9 +121,12 @@ int link_parse(const void *answer, size_t size, struct link_info *info)
     struct ifinfomsg link;
     int rest;
 
+    /* A message whose length is that of the answer at most */
     if (size < sizeof *header || header->nlmsg_len < sizeof *header || header->nlmsg_len > size) {
         return EPROTO;
     }
+
+    /* An error of the kernel */
     if (header->nlmsg_type == NLMSG_ERROR) {
         struct nlmsgerr failure;
 
@@ -128,6 +136,8 @@ int link_parse(const void *answer, size_t size, struct link_info *info)
         memcpy(&failure, payload, sizeof failure);
         return failure.error < 0 && failure.error >= -INT16_MAX ? -failure.error : EPROTO;
     }
+
+    /* The interface, and its attributes in any order */
     if (header->nlmsg_type != RTM_NEWLINK || header->nlmsg_len < NLMSG_LENGTH(sizeof link)) {
         return EPROTO;
     }
@@ -139,16 +149,16 @@ int link_parse(const void *answer, size_t size, struct link_info *info)
     };
     rest = (int)IFLA_PAYLOAD(header);
     for (const struct rtattr *attribute = (const void *)(payload + NLMSG_ALIGN(sizeof link));
-         RTA_OK(attribute, rest); attribute = next_of(attribute, &rest)) {
-        switch (type_of(attribute)) {
+         RTA_OK(attribute, rest); attribute = link_next_attribute(attribute, &rest)) {
+        switch (link_attribute_type(attribute)) {
         case IFLA_MTU:
-            copy(attribute, &info->mtu, sizeof info->mtu);
+            link_copy_attribute(attribute, &info->mtu, sizeof info->mtu);
             break;
         case IFLA_TXQLEN:
-            copy(attribute, &info->tx_queue, sizeof info->tx_queue);
+            link_copy_attribute(attribute, &info->tx_queue, sizeof info->tx_queue);
             break;
         case IFLA_LINKINFO:
-            parse_link_info(attribute, info);
+            link_parse_kind(attribute, info);
             break;
         default:
             break;
@@ -160,7 +170,7 @@ int link_parse(const void *answer, size_t size, struct link_info *info)
 int link_query(int descriptor, const char *name, struct link_info *info)
 {
     _Alignas(struct nlmsghdr) char answer[8192];
-    struct request request = {
+    struct link_request request = {
         .header = {.nlmsg_type = RTM_GETLINK, .nlmsg_flags = NLM_F_REQUEST},
         .link = {.ifi_family = AF_UNSPEC},
         .name_header = {.rta_type = IFLA_IFNAME},
@@ -174,9 +184,9 @@ int link_query(int descriptor, const char *name, struct link_info *info)
     memcpy(request.name, name, length);
     request.name_header.rta_len = (uint16_t)RTA_LENGTH(length + 1);
     request.header.nlmsg_len =
-        (uint32_t)(offsetof(struct request, name_header) + RTA_LENGTH(length + 1));
+        (uint32_t)(offsetof(struct link_request, name_header) + RTA_LENGTH(length + 1));
 
-    /* an answer that an earlier call did not fetch must not pass for this one */
+    /* An answer that an earlier call did not fetch must not pass for this one */
     while (recv(descriptor, answer, sizeof answer, MSG_DONTWAIT) > 0) {
     }
     if (send(descriptor, &request, request.header.nlmsg_len, MSG_DONTWAIT) < 0) {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the kernel says about a network interface, by one rtnetlink request. The ioctls that tell
- * the same would start modprobe when a privileged process asks for a name that is not there, every
- * time, and that is what a port does while it waits for its interface to come back.
+ * Network interfaces as the kernel describes them, by one rtnetlink request. The ioctls for the
+ * same start modprobe whenever a privileged process asks for a name that does not exist, which is
+ * what a port does while it waits for its interface to come back.
  */
 #ifndef CANBUS_LINK_H
 #define CANBUS_LINK_H
@@ -14,7 +14,7 @@
 
 enum { LINK_KIND_MAX = 16 };
 
-/* What a CAN controller's driver tells of it; what it does not tell is 0. */
+/* A CAN controller as its driver describes it; what the driver does not say is 0. */
 struct link_controller {
     enum can_state state;
     struct can_bittiming timing, data_timing; /* bit rate 0: not set, no FD */
@@ -40,12 +40,12 @@ struct link_info {
 int link_open(void);
 
 /* Asks for the interface of a name (shorter than IFNAMSIZ). 0, or an errno: ENODEV when there is
- * none. One send and one receive that wait for nobody but the kernel's interface lock; no allocation.
- * Not RT-safe: that lock is held for as long as somebody sets up an interface. */
+ * none. One send and one receive that wait for the kernel's interface lock only; no allocation.
+ * Not RT-safe: the lock is held for as long as somebody sets up an interface. */
 int link_query(int descriptor, const char *name, struct link_info *info);
 
-/* The interface in an answer of size bytes, aligned to 4: the kernel's, but checked like anything that
- * comes from outside. 0, or an errno. RT-safe. */
+/* Parses an answer of size bytes, aligned to 4, and trusts none of its lengths. 0, or an errno.
+ * RT-safe. */
 int link_parse(const void *answer, size_t size, struct link_info *info);
 
 #endif

@@ -4,8 +4,8 @@
  * reader, so that no lock is needed. The sender stamps every frame with a number of the whole bus;
  * a receiver merges its rings by that number and so sees one order.
  *
- * In wire mode (local_wire.c) the wire is one more place in that square: senders write into the rings
- * that it reads, and what it has carried it writes into the receivers' rings.
+ * In wire mode (local_wire.c) the wire is one more place in that square: senders write into the
+ * rings that it reads, and what it has carried it writes into the receivers' rings.
  */
 #include "canbus/local_private.h"
 
@@ -13,12 +13,8 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-static struct node *node_of(struct can_port *port)
-{
-    return (struct node *)((char *)port - offsetof(struct node, port));
-}
-
-static bool node_accepts(const struct node *node, const struct bus_frame *frame)
+/* Whether a node's filters let a frame pass. */
+static bool local_node_accepts(const struct local_node *node, const struct bus_frame *frame)
 {
     const bool extended = frame->flags & FRAME_EXTENDED;
 
@@ -35,18 +31,18 @@ static bool node_accepts(const struct node *node, const struct bus_frame *frame)
     return false;
 }
 
-static void event_raise(int event)
+static void local_raise_event(int event)
 {
     const uint64_t one = 1;
     ssize_t written;
 
-    /* fails only when the counter is full, and then the descriptor is readable anyway */
+    /* Fails only when the counter is full, and then the descriptor is readable anyway */
     do {
         written = write(event, &one, sizeof one);
     } while (written < 0 && errno == EINTR);
 }
 
-static void event_clear(int event)
+static void local_clear_event(int event)
 {
     uint64_t count;
     ssize_t got;
@@ -56,58 +52,62 @@ static void event_clear(int event)
     } while (got < 0 && errno == EINTR);
 }
 
-bool local_put(const struct local_bus *bus, size_t receiver, size_t sender, uint64_t number,
-               const struct bus_frame *frame)
+bool local_put_frame(const struct local_bus *bus, size_t receiver, size_t sender, uint64_t number,
+                     const struct bus_frame *frame)
 {
-    const struct node *node = &bus->nodes[receiver];
-    struct lane *lane = lane_of(bus, receiver, sender);
-    struct parcel *parcel;
+    const struct local_node *node = &bus->nodes[receiver];
+    struct local_lane *lane = local_lane_between(bus, receiver, sender);
+    struct local_frame *entry;
 
-    if (!atomic_load_explicit(&node->open, memory_order_acquire) || !node_accepts(node, frame)) {
+    if (!atomic_load_explicit(&node->open, memory_order_acquire) ||
+        !local_node_accepts(node, frame)) {
         return false;
     }
-    parcel = ring_back(&lane->ring);
-    if (!parcel) {
+    entry = ring_back(&lane->ring);
+    if (!entry) {
         atomic_fetch_add_explicit(&lane->dropped, 1, memory_order_relaxed);
         return true;
     }
-    parcel->number = number;
-    parcel->frame = *frame;
+    entry->number = number;
+    entry->frame = *frame;
     ring_commit(&lane->ring);
     return true;
 }
 
-/* Tells a node that frames are there. Both sides change `signal` by read-modify-write, which are in
- * one order: either the node sees our frames, or we see that it had found nothing and wake it. */
-static void node_signal(struct node *node)
+/* Signals a node that frames are there. Both sides change `signal` by read-modify-write, which are
+ * in one order: either the node sees our frames, or we see that it had found nothing and wake
+ * it. */
+static void local_signal_node(struct local_node *node)
 {
     uint32_t before = atomic_fetch_or_explicit(&node->signal, SIGNAL_RAISED, memory_order_acq_rel);
 
     if ((before & SIGNAL_WANTED) && !(before & SIGNAL_RAISED)) {
-        event_raise(node->event);
+        local_raise_event(node->event);
     }
 }
 
-void local_signal(const struct local_bus *bus, const uint64_t reached[LOCAL_NODES_MAX / 64])
+void local_signal_nodes(const struct local_bus *bus, const uint64_t reached[LOCAL_NODES_MAX / 64])
 {
     const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
 
     for (size_t to = 0; to < nodes; to++) {
         if (reached[to / 64] >> to % 64 & 1) {
-            node_signal(&bus->nodes[to]);
+            local_signal_node(&bus->nodes[to]);
         }
     }
 }
 
-/* To all other nodes at once, each of which is marked in `reached`. */
-static void send_at_once(struct node *sender, const struct bus_frame *frame, uint64_t *reached)
+/* Ideal mode: puts a frame into the inboxes of all other nodes, each of which is marked in
+ * `reached`. */
+static void local_send_ideal(struct local_node *sender, const struct bus_frame *frame,
+                             uint64_t *reached)
 {
     struct local_bus *bus = sender->bus;
     const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
     const uint64_t number = atomic_fetch_add_explicit(&bus->sequence, 1, memory_order_relaxed);
 
     for (size_t to = 0; to < nodes; to++) {
-        if (to != sender->index && local_put(bus, to, sender->index, number, frame)) {
+        if (to != sender->index && local_put_frame(bus, to, sender->index, number, frame)) {
             reached[to / 64] |= UINT64_C(1) << to % 64;
         }
     }
@@ -115,7 +115,7 @@ static void send_at_once(struct node *sender, const struct bus_frame *frame, uin
 
 static size_t local_send(struct can_port *port, const struct bus_frame *frames, size_t count)
 {
-    struct node *sender = node_of(port);
+    struct local_node *sender = local_node_of_port(port);
     const struct local_bus *bus = sender->bus;
     uint64_t reached[LOCAL_NODES_MAX / 64] = {0};
     size_t accepted = 0;
@@ -126,7 +126,7 @@ static size_t local_send(struct can_port *port, const struct bus_frame *frames, 
         if (taken && bus->wire && !local_bypasses_wire(bus, &frames[i])) {
             taken = local_send_by_wire(sender, &frames[i]);
         } else if (taken) {
-            send_at_once(sender, &frames[i], reached);
+            local_send_ideal(sender, &frames[i], reached);
         }
         if (!taken) {
             port->counters.tx_dropped++;
@@ -135,30 +135,31 @@ static size_t local_send(struct can_port *port, const struct bus_frame *frames, 
         port_count_sent(port, &frames[i]);
         accepted++;
     }
-    local_signal(bus, reached);
+    local_signal_nodes(bus, reached);
     local_count_wire_dropped(sender);
     return accepted;
 }
 
-/* Of a node's lanes the one whose oldest parcel comes first in the order of the bus, NULL when all
- * are empty. Of its parcels `count` were there, and those with a number below `limit` come before
+/* Of a node's lanes the one whose oldest frame comes first in the order of the bus, NULL when all
+ * are empty. Of its frames `count` were there, and those with a number below `limit` come before
  * every other lane's. */
-static struct lane *first_lane(const struct node *node, uint32_t *count, uint64_t *limit)
+static struct local_lane *local_first_lane(const struct local_node *node, uint32_t *count,
+                                           uint64_t *limit)
 {
     const struct local_bus *bus = node->bus;
     uint64_t lowest = UINT64_MAX;
-    struct lane *first = NULL;
+    struct local_lane *first = NULL;
 
     *limit = UINT64_MAX;
     for (size_t from = 0; from < bus->places; from++) {
-        struct lane *lane = lane_of(bus, node->index, from);
+        struct local_lane *lane = local_lane_between(bus, node->index, from);
         const uint32_t waiting = ring_count(&lane->ring);
         uint64_t number;
 
         if (!waiting) {
             continue;
         }
-        number = ((const struct parcel *)ring_front(&lane->ring))->number;
+        number = ((const struct local_frame *)ring_front(&lane->ring))->number;
         if (number < lowest) {
             *limit = lowest;
             *count = waiting;
@@ -171,10 +172,10 @@ static struct lane *first_lane(const struct node *node, uint32_t *count, uint64_
     return first;
 }
 
-static void count_dropped(struct node *node)
+static void local_count_inbox_drops(struct local_node *node)
 {
     for (size_t from = 0; from < node->bus->places; from++) {
-        struct lane *lane = lane_of(node->bus, node->index, from);
+        struct local_lane *lane = local_lane_between(node->bus, node->index, from);
         uint64_t dropped = atomic_load_explicit(&lane->dropped, memory_order_relaxed);
 
         node->port.counters.rx_dropped += dropped - lane->dropped_seen;
@@ -182,60 +183,60 @@ static void count_dropped(struct node *node)
     }
 }
 
-static size_t take_frames(struct node *node, struct bus_frame *frames, size_t max)
+/* Merges the frames of a node's lanes in the order of the bus; returns how many, at most max. */
+static size_t local_take_frames(struct local_node *node, struct bus_frame *frames, size_t max)
 {
-    struct lane *lane;
+    struct local_lane *lane;
     size_t taken = 0;
     uint32_t count;
     uint64_t limit;
 
-    while (taken < max && (lane = first_lane(node, &count, &limit))) {
-        const struct parcel *parcel = ring_front(&lane->ring);
+    while (taken < max && (lane = local_first_lane(node, &count, &limit))) {
+        const struct local_frame *entry = ring_front(&lane->ring);
 
         do {
-            frames[taken] = parcel->frame;
+            frames[taken] = entry->frame;
             frames[taken].node = 0; /* the sender's; who passes the frame on is another */
             ring_drop(&lane->ring);
             port_count_received(&node->port, &frames[taken]);
             taken++;
-        } while (--count > 0 && taken < max && (parcel = ring_front(&lane->ring)) &&
-                 parcel->number < limit);
+        } while (--count > 0 && taken < max && (entry = ring_front(&lane->ring)) &&
+                 entry->number < limit);
     }
     return taken;
 }
 
 static size_t local_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
-    struct node *node = node_of(port);
-    size_t count = take_frames(node, frames, max);
+    struct local_node *node = local_node_of_port(port);
+    size_t count = local_take_frames(node, frames, max);
 
     if (count < max) {
         uint32_t signal = atomic_load_explicit(&node->signal, memory_order_relaxed);
 
-        /* the inbox is empty: lower the signal, then look once more for what came meanwhile. A
+        /* The inbox is empty: lower the signal, then look once more for what came meanwhile. A
          * wake-up that was written late is cleared by the call that finds nothing. */
         if ((signal & SIGNAL_RAISED) || !count) {
             if (signal & SIGNAL_WANTED) {
-                event_clear(node->event);
+                local_clear_event(node->event);
             }
             atomic_fetch_and_explicit(&node->signal, ~(uint32_t)SIGNAL_RAISED,
                                       memory_order_acq_rel);
-            count += take_frames(node, frames + count, max - count);
+            count += local_take_frames(node, frames + count, max - count);
         }
     }
-    count_dropped(node);
+    local_count_inbox_drops(node);
     local_count_wire_dropped(node);
     return count;
 }
 
 static int local_descriptor(const struct can_port *port)
 {
-    const struct node *known = const_node_of(port);
-    struct node *node = &known->bus->nodes[known->index];
+    struct local_node *node = local_node_of_port(port);
     uint32_t before = atomic_fetch_or_explicit(&node->signal, SIGNAL_WANTED, memory_order_acq_rel);
 
     if (!(before & SIGNAL_WANTED) && (before & SIGNAL_RAISED)) {
-        event_raise(node->event);
+        local_raise_event(node->event);
     }
     return node->event;
 }
@@ -243,7 +244,7 @@ static int local_descriptor(const struct can_port *port)
 /* The descriptor stays open until the bus goes, as a sender may be about to write to it. */
 static void local_close(struct can_port *port)
 {
-    struct node *node = node_of(port);
+    struct local_node *node = local_node_of_port(port);
 
     atomic_store_explicit(&node->open, false, memory_order_release);
     atomic_fetch_and_explicit(&node->bus->plugged, ~node->controller_mask, memory_order_release);
@@ -260,7 +261,7 @@ static const struct can_port_ops local_ops = {
 };
 
 /* Gives the lanes between different places their slots. */
-static bool create_lanes(struct local_bus *bus, size_t inbox, struct arena *arena)
+static bool local_create_lanes(struct local_bus *bus, size_t inbox, struct arena *arena)
 {
     const size_t lanes = bus->places * bus->places;
 
@@ -274,16 +275,17 @@ static bool create_lanes(struct local_bus *bus, size_t inbox, struct arena *aren
         if (i / bus->places == i % bus->places) {
             continue;
         }
-        slots = arena_alloc(arena, inbox, sizeof(struct parcel));
+        slots = arena_alloc(arena, inbox, sizeof(struct local_frame));
         if (!slots) {
             return false;
         }
-        ring_init(&bus->lanes[i].ring, slots, sizeof(struct parcel), (uint32_t)inbox);
+        ring_init(&bus->lanes[i].ring, slots, sizeof(struct local_frame), (uint32_t)inbox);
     }
     return true;
 }
 
-static enum error_code check_config(const struct local_bus_config *config, struct error *error)
+static enum error_code local_check_config(const struct local_bus_config *config,
+                                          struct error *error)
 {
     if (config->max_nodes < 1 || config->max_nodes > LOCAL_NODES_MAX) {
         return error_set(error, ERROR_INPUT, "local bus %s: %zu nodes, expected 1 to %d",
@@ -306,12 +308,14 @@ enum error_code local_bus_create(const struct local_bus_config *config, struct a
                                  struct local_bus **bus, struct error *error)
 {
     const bool wire = config->mode == LOCAL_BUS_WIRE;
-    enum error_code code = check_config(config, error);
+    enum error_code code = local_check_config(config, error);
     struct local_bus *created;
 
     if (code) {
         return code;
     }
+
+    /* The bus with its nodes and lanes; the wire takes one more place */
     created = arena_alloc(arena, 1, sizeof *created);
     if (created) {
         created->name = arena_strdup(arena, config->name);
@@ -321,11 +325,13 @@ enum error_code local_bus_create(const struct local_bus_config *config, struct a
         created->nodes = arena_alloc(arena, config->max_nodes, sizeof *created->nodes);
     }
     if (!created || !created->name || !created->nodes ||
-        !create_lanes(created, config->inbox, arena)) {
+        !local_create_lanes(created, config->inbox, arena)) {
         return error_set(error, ERROR_MEMORY,
                          "local bus %s: no memory for %zu nodes with an inbox of %zu frames",
                          config->name, config->max_nodes, config->inbox);
     }
+
+    /* The wire */
     if (wire) {
         code = local_wire_create(created, arena, error);
         if (code) {
@@ -338,15 +344,15 @@ enum error_code local_bus_create(const struct local_bus_config *config, struct a
 }
 
 /* With the mutex held: fills in the next node and publishes it. */
-static enum error_code add_node(struct local_bus *bus, size_t controllers,
-                                const struct frame_filter *filter, size_t nfilter,
-                                struct can_port **port, struct error *error)
+static enum error_code local_add_node(struct local_bus *bus, size_t controllers,
+                                      const struct frame_filter *filter, size_t nfilter,
+                                      struct can_port **port, struct error *error)
 {
     const size_t index = atomic_load_explicit(&bus->count, memory_order_relaxed);
-    struct node *node = &bus->nodes[index];
-
+    struct local_node *node = &bus->nodes[index];
     enum error_code code;
 
+    /* A place on the bus and controllers on its wire */
     if (index == bus->config.max_nodes) {
         return error_set(error, ERROR_MEMORY, "local bus %s: all %zu places are taken", bus->name,
                          bus->config.max_nodes);
@@ -355,6 +361,8 @@ static enum error_code add_node(struct local_bus *bus, size_t controllers,
     if (code) {
         return code;
     }
+
+    /* The node, invisible to senders until all of it is there */
     node->event = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
     if (node->event < 0) {
         return error_set_errno(error, errno, "local bus %s: cannot create an event descriptor",
@@ -372,6 +380,8 @@ static enum error_code add_node(struct local_bus *bus, size_t controllers,
     for (size_t i = 0; i < nfilter; i++) {
         node->filter[i] = filter[i];
     }
+
+    /* From now on it is sent to */
     atomic_store_explicit(&node->open, true, memory_order_relaxed);
     atomic_store_explicit(&bus->count, index + 1, memory_order_release);
     atomic_fetch_or_explicit(&bus->plugged, node->controller_mask, memory_order_release);
@@ -390,7 +400,7 @@ enum error_code local_bus_join_nodes(struct local_bus *bus, size_t nodes,
                          bus->name, nfilter, LOCAL_BUS_FILTERS_MAX);
     }
     pthread_mutex_lock(&bus->joining);
-    code = add_node(bus, nodes, filter, nfilter, port, error);
+    code = local_add_node(bus, nodes, filter, nfilter, port, error);
     pthread_mutex_unlock(&bus->joining);
     return code;
 }

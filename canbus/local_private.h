@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the local bus (local.c) shares with its wire (local_wire.c): the nodes, and the square of
- * rings between them, in which the wire is one more place.
+ * Private to canbus: what the local bus (local.c) shares with its wire (local_wire.c) and its
+ * saving (local_save.c): the nodes, and the square matrix of rings between them, in which the wire
+ * is one more place. What sends and receives is RT-safe, creation and joining are not.
  */
 #ifndef CANBUS_LOCAL_PRIVATE_H
 #define CANBUS_LOCAL_PRIVATE_H
 
+#include "base/container_of.h"
 #include "base/ring.h"
 #include "canbus/port_private.h"
 #include "canbus/wire/wire.h"
@@ -14,7 +16,7 @@
 #include <stdatomic.h>
 
 /* A frame on its way to a node. */
-struct parcel {
+struct local_frame {
     uint64_t number; /* place in the order of the bus; nothing on the way to the wire */
     struct bus_frame frame;
 };
@@ -28,13 +30,13 @@ enum {
 };
 
 /* From one sender to one receiver. */
-struct lane {
-    struct ring ring;         /* of parcels */
+struct local_lane {
+    struct ring ring;         /* of frames */
     _Atomic uint64_t dropped; /* the sender's count of what the full ring refused */
     uint64_t dropped_seen;    /* the receiver's: what it has counted of that */
 };
 
-struct node {
+struct local_node {
     struct can_port port;
     struct local_bus *bus;
     size_t index;
@@ -44,7 +46,7 @@ struct node {
     struct frame_filter filter[LOCAL_BUS_FILTERS_MAX];
     size_t nfilter;
 
-    /* wire mode: its controllers */
+    /* Wire mode: its controllers */
     size_t first_controller, controllers;
     uint64_t controller_mask;
     enum wire_state shown;         /* the state last reported to the port */
@@ -60,10 +62,10 @@ struct local_bus {
     pthread_mutex_t joining;
     _Atomic size_t count;      /* nodes that have joined; complete up to here */
     _Atomic uint64_t sequence; /* number of the next frame */
-    struct node *nodes;
-    struct lane *lanes; /* [receiver * places + sender] */
+    struct local_node *nodes;
+    struct local_lane *lanes; /* [receiver * places + sender] */
 
-    /* wire mode; but for plugged of the thread that advances */
+    /* Wire mode; but for plugged of the thread that advances */
     struct wire *wire;
     size_t controllers;       /* given out */
     _Atomic uint64_t plugged; /* controllers whose port is open */
@@ -75,36 +77,38 @@ struct local_bus {
     void *tap_context;
 };
 
-static inline struct lane *lane_of(const struct local_bus *bus, size_t receiver, size_t sender)
+static inline struct local_lane *local_lane_between(const struct local_bus *bus, size_t receiver,
+                                                    size_t sender)
 {
     return &bus->lanes[receiver * bus->places + sender];
 }
 
-static inline const struct node *const_node_of(const struct can_port *port)
+static inline struct local_node *local_node_of_port(const struct can_port *port)
 {
-    return (const struct node *)((const char *)port - offsetof(struct node, port));
+    return container_of(port, struct local_node, port);
 }
 
-/* local.c: puts a frame into the inbox of a node, from a place; false when the node does not want
- * it. Then tells the nodes that are marked that frames are there. */
-bool local_put(const struct local_bus *bus, size_t receiver, size_t sender, uint64_t number,
-               const struct bus_frame *frame);
-void local_signal(const struct local_bus *bus, const uint64_t reached[LOCAL_NODES_MAX / 64]);
+/* Of local.c: puts a frame from a place into the inbox of a node; false when the node's filters do
+ * not let it pass. Signals the nodes that are marked in reached that frames are there. */
+bool local_put_frame(const struct local_bus *bus, size_t receiver, size_t sender, uint64_t number,
+                     const struct bus_frame *frame);
+void local_signal_nodes(const struct local_bus *bus, const uint64_t reached[LOCAL_NODES_MAX / 64]);
 
-/* local_wire.c. Whether a frame is none of the robot's traffic. */
+/* Of local_wire.c: whether a frame is no traffic of the robot and takes no time. */
 bool local_bypasses_wire(const struct local_bus *bus, const struct bus_frame *frame);
 
-/* Into the ring that the wire reads; false when it is full, or the frame's node not the port's. */
-bool local_send_by_wire(struct node *sender, const struct bus_frame *frame);
+/* Puts a frame into the ring that the wire reads; false when that is full, or when frame->node is
+ * no node of the port. */
+bool local_send_by_wire(struct local_node *sender, const struct bus_frame *frame);
 
-/* What the wire has lost of the port's frames since the last call goes into its counters. */
-void local_count_wire_dropped(struct node *node);
+/* Adds the frames that the wire has dropped since the last call to the counters of the port. */
+void local_count_wire_dropped(struct local_node *node);
 
 enum error_code local_wire_create(struct local_bus *bus, struct arena *arena, struct error *error);
 
-/* With the bus's mutex held: the next controllers of the wire, where there is one, become the
- * node's. */
-enum error_code local_wire_join(struct local_bus *bus, struct node *node, size_t count,
+/* With the bus's mutex held: gives the node the next controllers of the wire, where there is
+ * one. */
+enum error_code local_wire_join(struct local_bus *bus, struct local_node *node, size_t count,
                                 struct error *error);
 
 #endif

@@ -15,29 +15,25 @@ enum { QUEUE_DEFAULT = 256, BITRATE_DEFAULT = 1000000 };
 
 bool local_bypasses_wire(const struct local_bus *bus, const struct bus_frame *frame)
 {
-    for (size_t i = 0; i < bus->config.nbypass; i++) {
-        if (frame->id == bus->config.bypass_id[i] && !(frame->flags & FRAME_EXTENDED)) {
-            return true;
-        }
-    }
-    return (frame->flags & FRAME_ERROR) != 0;
+    return frame_has_standard_id(frame, bus->config.bypass_id, bus->config.nbypass) ||
+           (frame->flags & FRAME_ERROR);
 }
 
-bool local_send_by_wire(struct node *sender, const struct bus_frame *frame)
+bool local_send_by_wire(struct local_node *sender, const struct bus_frame *frame)
 {
     const struct local_bus *bus = sender->bus;
-    struct ring *ring = &lane_of(bus, bus->config.max_nodes, sender->index)->ring;
-    struct parcel *parcel = frame->node < sender->controllers ? ring_back(ring) : NULL;
+    struct ring *ring = &local_lane_between(bus, bus->config.max_nodes, sender->index)->ring;
+    struct local_frame *entry = frame->node < sender->controllers ? ring_back(ring) : NULL;
 
-    if (!parcel) {
+    if (!entry) {
         return false;
     }
-    parcel->frame = *frame;
+    entry->frame = *frame;
     ring_commit(ring);
     return true;
 }
 
-void local_count_wire_dropped(struct node *node)
+void local_count_wire_dropped(struct local_node *node)
 {
     uint64_t dropped = atomic_load_explicit(&node->wire_dropped, memory_order_relaxed);
 
@@ -45,9 +41,9 @@ void local_count_wire_dropped(struct node *node)
     node->wire_dropped_seen = dropped;
 }
 
-/* ---- what the wire tells ---- */
+/* ---- events of the wire ---- */
 
-static struct node *owner_of(const struct local_bus *bus, size_t controller)
+static struct local_node *local_owner_of(const struct local_bus *bus, size_t controller)
 {
     const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
 
@@ -59,26 +55,27 @@ static struct node *owner_of(const struct local_bus *bus, size_t controller)
     return NULL;
 }
 
-/* From the wire to a node. */
-static void deliver(struct local_bus *bus, size_t to, const struct bus_frame *frame)
+/* Puts a frame of the wire into the inbox of a node. */
+static void local_deliver_from_wire(struct local_bus *bus, size_t to, const struct bus_frame *frame)
 {
     uint64_t number = atomic_fetch_add_explicit(&bus->sequence, 1, memory_order_relaxed);
 
-    if (local_put(bus, to, bus->config.max_nodes, number, frame)) {
+    if (local_put_frame(bus, to, bus->config.max_nodes, number, frame)) {
         bus->reached[to / 64] |= UINT64_C(1) << to % 64;
     }
 }
 
-static void carry(struct local_bus *bus, const struct wire_event *event)
+/* Delivers a frame that the wire has carried to the ports whose controllers have received it. */
+static void local_deliver_carried(struct local_bus *bus, const struct wire_event *event)
 {
     const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
 
     for (size_t to = 0; to < nodes; to++) {
-        const struct node *node = &bus->nodes[to];
+        const struct local_node *node = &bus->nodes[to];
 
         if ((node->controller_mask & event->receivers) &&
             !(node->controller_mask >> event->node & 1)) {
-            deliver(bus, to, event->frame);
+            local_deliver_from_wire(bus, to, event->frame);
         }
     }
     if (bus->tap) {
@@ -86,8 +83,9 @@ static void carry(struct local_bus *bus, const struct wire_event *event)
     }
 }
 
-/* What SocketCAN would send to a program about its controller. */
-static struct bus_frame state_frame(enum wire_state before, const struct wire_event *event)
+/* The error frame by which SocketCAN would report a change of state. */
+static struct bus_frame local_make_state_frame(enum wire_state before,
+                                               const struct wire_event *event)
 {
     struct bus_frame frame = {.flags = FRAME_ERROR, .len = 8, .time_ns = event->time_ns};
     const bool receiver = event->rec > event->tec;
@@ -115,8 +113,10 @@ static struct bus_frame state_frame(enum wire_state before, const struct wire_ev
     return frame;
 }
 
-/* The state of a port: the worst of its controllers that are on the bus, bus-off when none is. */
-static enum wire_state state_of_port(const struct local_bus *bus, const struct node *node)
+/* The state of a port: the worst of those of its controllers that are on the bus, bus-off when none
+ * is. */
+static enum wire_state local_port_wire_state(const struct local_bus *bus,
+                                             const struct local_node *node)
 {
     enum wire_state worst = WIRE_ERROR_ACTIVE;
     size_t off = 0;
@@ -130,10 +130,10 @@ static enum wire_state state_of_port(const struct local_bus *bus, const struct n
     return off == node->controllers ? WIRE_BUS_OFF : worst;
 }
 
-/* A controller has changed its state: its port hears of it when that changes the port's. */
-static void report_state(struct local_bus *bus, const struct wire_event *event)
+/* A controller has changed its state: its port gets an error frame when that changes the port's. */
+static void local_report_state(struct local_bus *bus, const struct wire_event *event)
 {
-    struct node *owner = owner_of(bus, event->node);
+    struct local_node *owner = local_owner_of(bus, event->node);
     struct wire_event shown = *event;
     enum wire_state before;
     struct bus_frame frame;
@@ -143,29 +143,30 @@ static void report_state(struct local_bus *bus, const struct wire_event *event)
         return;
     }
     before = owner->shown;
-    shown.state = state_of_port(bus, owner);
+    shown.state = local_port_wire_state(bus, owner);
     if (shown.state != before) {
         owner->shown = shown.state;
-        frame = state_frame(before, &shown);
-        deliver(bus, owner->index, &frame);
+        frame = local_make_state_frame(before, &shown);
+        local_deliver_from_wire(bus, owner->index, &frame);
     }
 }
 
-static void wire_event(void *context, const struct wire_event *event)
+static void local_receive_wire_event(void *context, const struct wire_event *event)
 {
     struct local_bus *bus = context;
 
     if (event->kind == WIRE_TRANSMIT) {
-        carry(bus, event);
+        local_deliver_carried(bus, event);
     } else if (event->kind == WIRE_STATUS && event->node < bus->controllers) {
-        report_state(bus, event);
+        local_report_state(bus, event);
     }
 }
 
 /* ---- the advance ---- */
 
-/* Ports that came or went plug their controllers in or out. */
-static void follow_plugs(struct local_bus *bus)
+/* Connects the controllers of ports that were opened, disconnects those of ports that were
+ * closed. */
+static void local_update_plugs(struct local_bus *bus)
 {
     const uint64_t plugged = atomic_load_explicit(&bus->plugged, memory_order_acquire);
     const uint64_t changed = plugged ^ bus->plugged_seen;
@@ -178,8 +179,8 @@ static void follow_plugs(struct local_bus *bus)
     bus->plugged_seen = plugged;
 }
 
-/* What the wire has dropped of accepted frames goes into the counters of the ports. */
-static void hand_on_drops(struct local_bus *bus)
+/* Adds what the wire has dropped of accepted frames to the counters of their ports. */
+static void local_report_wire_drops(struct local_bus *bus)
 {
     const size_t nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
     const uint64_t total = wire_dropped(bus->wire);
@@ -189,7 +190,7 @@ static void hand_on_drops(struct local_bus *bus)
     }
     bus->dropped_seen = total;
     for (size_t i = 0; i < nodes; i++) {
-        struct node *node = &bus->nodes[i];
+        struct local_node *node = &bus->nodes[i];
         uint64_t dropped = 0;
 
         for (size_t k = 0; k < node->controllers; k++) {
@@ -208,14 +209,14 @@ static void hand_on_drops(struct local_bus *bus)
 
 /* Hands what a port has sent since the last advance to its controllers: at the time up to which the
  * wire was advanced then. The order between ports does not matter, as no controller has two. */
-static void take_over(struct local_bus *bus, size_t sender)
+static void local_transmit_waiting(struct local_bus *bus, size_t sender)
 {
-    struct ring *ring = &lane_of(bus, bus->config.max_nodes, sender)->ring;
+    struct ring *ring = &local_lane_between(bus, bus->config.max_nodes, sender)->ring;
     const size_t first = bus->nodes[sender].first_controller;
-    const struct parcel *parcel;
+    const struct local_frame *entry;
 
-    while ((parcel = ring_front(ring))) {
-        wire_transmit(bus->wire, first + parcel->frame.node, &parcel->frame);
+    while ((entry = ring_front(ring))) {
+        wire_transmit(bus->wire, first + entry->frame.node, &entry->frame);
         ring_drop(ring);
     }
 }
@@ -227,14 +228,14 @@ void local_bus_advance(struct local_bus *bus, int64_t now_ns)
     if (!bus->wire) {
         return;
     }
-    follow_plugs(bus);
+    local_update_plugs(bus);
     nodes = atomic_load_explicit(&bus->count, memory_order_acquire);
     for (size_t from = 0; from < nodes; from++) {
-        take_over(bus, from);
+        local_transmit_waiting(bus, from);
     }
     wire_advance(bus->wire, now_ns);
-    hand_on_drops(bus);
-    local_signal(bus, bus->reached);
+    local_report_wire_drops(bus);
+    local_signal_nodes(bus, bus->reached);
     memset(bus->reached, 0, sizeof bus->reached);
 }
 
@@ -245,7 +246,7 @@ struct wire *local_bus_wire(const struct local_bus *bus)
 
 size_t local_bus_node(const struct can_port *port)
 {
-    return const_node_of(port)->first_controller;
+    return local_node_of_port(port)->first_controller;
 }
 
 void local_bus_tap(struct local_bus *bus, void (*tap)(void *context, const struct bus_frame *frame),
@@ -262,11 +263,12 @@ enum error_code local_wire_create(struct local_bus *bus, struct arena *arena, st
     struct local_bus_config *config = &bus->config;
     struct wire_config wire = {
         .context = bus,
-        .notify = wire_event,
+        .notify = local_receive_wire_event,
         .events = 1 << WIRE_TRANSMIT | 1 << WIRE_STATUS,
     };
     enum error_code code;
 
+    /* The configuration with its defaults */
     config->bitrate = config->bitrate ? config->bitrate : BITRATE_DEFAULT;
     config->wire_nodes = config->wire_nodes ? config->wire_nodes : config->max_nodes;
     wire.bitrate = config->bitrate;
@@ -277,6 +279,9 @@ enum error_code local_wire_create(struct local_bus *bus, struct arena *arena, st
     wire.order = config->fifo ? WIRE_FIFO : WIRE_PRIORITY;
     wire.restart_delay_ns = config->restart_delay_ns;
     wire.seed = config->seed;
+
+    /* The wire with a controller for each node, none of them connected: nobody is there yet who
+     * could acknowledge */
     code = wire_create(&wire, arena, &bus->wire, error);
     if (code) {
         return error_prefix(error, "local bus %s", config->name);
@@ -285,14 +290,13 @@ enum error_code local_wire_create(struct local_bus *bus, struct arena *arena, st
     if (!bus->state) {
         return error_set(error, ERROR_MEMORY, "local bus %s: no memory for its wire", config->name);
     }
-    /* nobody is there yet who could acknowledge */
     for (size_t i = 0; i < config->wire_nodes; i++) {
         wire_connect(bus->wire, i, false);
     }
     return ERROR_NONE;
 }
 
-enum error_code local_wire_join(struct local_bus *bus, struct node *node, size_t count,
+enum error_code local_wire_join(struct local_bus *bus, struct local_node *node, size_t count,
                                 struct error *error)
 {
     if (!bus->wire) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* STEP and DONE. */
+/* The state machine of the simulator's side of lockstep: STEP and DONE. */
 #include "canbus/lockstep.h"
 
 #define BACKOFF_MAX_NS INT64_C(60000000000)

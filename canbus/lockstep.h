@@ -9,7 +9,7 @@
  * Both sides count the ticks that have been run: a STEP expects the count before it runs, DONE
  * carries the count after, which is what the next STEP must expect. A STEP that expects another
  * count is answered with the true one and LOCKSTEP_MISMATCH, and nothing runs; so either side may
- * be started again: the host takes its count from that answer. RT-safe.
+ * be restarted: the host takes its count from that answer. RT-safe.
  */
 #ifndef CANBUS_LOCKSTEP_H
 #define CANBUS_LOCKSTEP_H
@@ -32,7 +32,7 @@ enum lockstep_flag {
 
 struct lockstep_config {
     uint32_t step_id, done_id;
-    int64_t silence_ns; /* without STEP for so long: report, then again after twice the time */
+    int64_t silence_ns; /* without STEP for so long: report, then again after growing intervals */
 };
 
 struct lockstep_counters {
@@ -42,7 +42,7 @@ struct lockstep_counters {
 enum lockstep_verdict {
     LOCKSTEP_OTHER,     /* no STEP frame */
     LOCKSTEP_RUN,       /* accepted: run lockstep->ticks ticks */
-    LOCKSTEP_REFUSED,   /* wrong expected tick: answer with lockstep_refusal */
+    LOCKSTEP_REFUSED,   /* wrong expected tick: answer with lockstep_done and LOCKSTEP_MISMATCH */
     LOCKSTEP_MALFORMED, /* wrong length or format: counted, not answered */
 };
 
@@ -58,6 +58,7 @@ struct lockstep {
     bool silent;
 };
 
+/* Starts at tick 0. */
 void lockstep_init(struct lockstep *lockstep, const struct lockstep_config *config);
 
 /* Judges a frame of the STEP's bus while no STEP runs. */
@@ -72,8 +73,8 @@ struct bus_frame lockstep_done(struct lockstep *lockstep, uint16_t more);
 /* The waiting for a STEP begins. */
 void lockstep_wait_begin(struct lockstep *lockstep, int64_t now_ns);
 
-/* Still waiting: true when the silence is to be reported now (*silent_ns: how long it has been), at
- * silence_ns and then at growing distances, at most a minute. */
+/* Still waiting: true when the silence is to be reported now (*silent_ns: how long it has been),
+ * first after silence_ns, then at intervals that double up to a minute. */
 bool lockstep_wait_check(struct lockstep *lockstep, int64_t now_ns, int64_t *silent_ns);
 
 /* The waiting ended: true when a silence had been reported before (*silent_ns: how long). */

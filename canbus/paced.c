@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A wire before a port that has none. */
+/* A wire in virtual time in front of a port that has none. */
 #include "canbus/paced.h"
 
+#include "base/container_of.h"
 #include "canbus/port_private.h"
 
 enum { BATCH = 64 };
@@ -18,26 +19,26 @@ struct paced {
     size_t count;
 };
 
-static struct paced *paced_of(struct can_port *port)
+static struct paced *paced_of_port(const struct can_port *port)
 {
-    return (struct paced *)((char *)port - offsetof(struct paced, port));
+    return container_of(port, struct paced, port);
 }
 
-/* The other port's news are ours, and what we dropped comes on top. */
-static void follow(struct paced *paced)
+/* Takes over state and counters of the other port, and adds what was dropped here. */
+static void paced_copy_state(struct paced *paced)
 {
     paced->port.state = paced->inner->state;
     paced->port.counters = paced->inner->counters;
     paced->port.counters.tx_dropped += paced->dropped;
 }
 
-static void flush(struct paced *paced)
+static void paced_send_batch(struct paced *paced)
 {
     can_send(paced->inner, paced->batch, paced->count);
     paced->count = 0;
 }
 
-static void carried(void *context, const struct wire_event *event)
+static void paced_receive_wire_event(void *context, const struct wire_event *event)
 {
     struct paced *paced = context;
 
@@ -48,24 +49,21 @@ static void carried(void *context, const struct wire_event *event)
         return; /* it came from there */
     }
     if (paced->count == BATCH) {
-        flush(paced);
+        paced_send_batch(paced);
     }
     paced->batch[paced->count++] = *event->frame;
 }
 
-static bool bypasses(const struct paced *paced, const struct bus_frame *frame)
+/* Whether a frame is no traffic of the bus and takes no time. */
+static bool paced_bypasses_wire(const struct paced *paced, const struct bus_frame *frame)
 {
-    for (size_t i = 0; i < paced->config.nbypass; i++) {
-        if (frame->id == paced->config.bypass_id[i] && !(frame->flags & FRAME_EXTENDED)) {
-            return true;
-        }
-    }
-    return (frame->flags & FRAME_ERROR) != 0;
+    return (frame->flags & FRAME_ERROR) ||
+           frame_has_standard_id(frame, paced->config.bypass_id, paced->config.nbypass);
 }
 
 static size_t paced_send(struct can_port *port, const struct bus_frame *frames, size_t count)
 {
-    struct paced *paced = paced_of(port);
+    struct paced *paced = paced_of_port(port);
     size_t accepted = 0;
 
     for (size_t i = 0; i < count; i++) {
@@ -73,7 +71,7 @@ static size_t paced_send(struct can_port *port, const struct bus_frame *frames, 
 
         if (!port_may_send(port, &frames[i]) || frames[i].node >= paced->config.nodes) {
             taken = false;
-        } else if (bypasses(paced, &frames[i])) {
+        } else if (paced_bypasses_wire(paced, &frames[i])) {
             taken = can_send(paced->inner, &frames[i], 1) == 1;
             accepted += taken;
             continue; /* counted by the other port, one way or the other */
@@ -83,57 +81,56 @@ static size_t paced_send(struct can_port *port, const struct bus_frame *frames, 
         accepted += taken;
         paced->dropped += !taken;
     }
-    follow(paced);
+    paced_copy_state(paced);
     return accepted;
 }
 
 static size_t paced_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
-    struct paced *paced = paced_of(port);
+    struct paced *paced = paced_of_port(port);
     size_t count = can_receive(paced->inner, frames, max);
 
     for (size_t i = 0; i < count; i++) {
-        if (!bypasses(paced, &frames[i])) {
-            /* more than its queue holds is more than the wire could have carried */
+        if (!paced_bypasses_wire(paced, &frames[i])) {
+            /* More than its queue holds is more than the wire could have carried */
             wire_transmit(paced->wire, paced->config.nodes, &frames[i]);
         }
     }
-    follow(paced);
+    paced_copy_state(paced);
     return count;
 }
 
 void paced_port_advance(struct can_port *port, int64_t now_ns)
 {
-    struct paced *paced = paced_of(port);
+    struct paced *paced = paced_of_port(port);
 
     wire_advance(paced->wire, now_ns);
-    flush(paced);
-    follow(paced);
+    paced_send_batch(paced);
+    paced_copy_state(paced);
 }
 
 void paced_port_tap(struct can_port *port,
                     void (*tap)(void *context, const struct bus_frame *frame), void *context)
 {
-    paced_of(port)->tap = tap;
-    paced_of(port)->tap_context = context;
+    paced_of_port(port)->tap = tap;
+    paced_of_port(port)->tap_context = context;
 }
 
 struct wire *paced_port_wire(const struct can_port *port)
 {
-    return ((const struct paced *)((const char *)port - offsetof(struct paced, port)))->wire;
+    return paced_of_port(port)->wire;
 }
 
 static int paced_descriptor(const struct can_port *port)
 {
-    const struct can_port *inner =
-        ((const struct paced *)((const char *)port - offsetof(struct paced, port)))->inner;
+    const struct can_port *inner = paced_of_port(port)->inner;
 
     return inner->ops->descriptor(inner);
 }
 
 static void paced_close(struct can_port *port)
 {
-    struct can_port *inner = paced_of(port)->inner;
+    struct can_port *inner = paced_of_port(port)->inner;
 
     inner->ops->close(inner);
 }
@@ -157,7 +154,7 @@ enum error_code paced_port_create(const struct paced_port_config *config, struct
         .nodes = config->nodes + 1,
         .queue = config->queue,
         .order = config->fifo ? WIRE_FIFO : WIRE_PRIORITY,
-        .notify = carried,
+        .notify = paced_receive_wire_event,
         .context = paced,
         .events = 1 << WIRE_TRANSMIT,
     };
@@ -174,7 +171,7 @@ enum error_code paced_port_create(const struct paced_port_config *config, struct
     paced->inner = config->port;
     paced->port =
         (struct can_port){.ops = &paced_ops, .bus = config->port->bus, .fd = config->port->fd};
-    follow(paced);
+    paced_copy_state(paced);
     *port = &paced->port;
     return ERROR_NONE;
 }

@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A port that takes as long as a real bus would, over one that takes none (vcan). What is sent goes
- * over a wire in virtual time (canbus/wire/wire.h) and leaves the other port when that wire has carried
- * it; what comes in has arrived already and is handed on at once, but takes its time on the wire
- * too, as the frames of one more controller. The state is that of the other port; frames that the
- * wire drops count as tx_dropped. Its granularity is that of paced_port_advance.
+ * A port that takes as long as a real bus would, over one that takes no time (vcan). Frames that
+ * are sent go over a wire in virtual time (canbus/wire/wire.h) and leave through the other port
+ * when that wire has carried them; frames that come in have arrived already and are passed on at
+ * once, but occupy the wire too, as those of one more controller. The state is that of the other
+ * port; frames that the wire drops count as tx_dropped. The resolution in time is that of the calls
+ * of paced_port_advance.
  *
- * Who closes it closes the other port.
+ * Closing it closes the other port. The port's functions are RT-safe where the other port's are.
  */
 #ifndef CANBUS_PACED_H
 #define CANBUS_PACED_H
@@ -34,11 +35,11 @@ enum error_code paced_port_create(const struct paced_port_config *config, struct
 void paced_port_advance(struct can_port *port, int64_t now_ns);
 
 /* Calls tap for every frame of either side that the wire has carried, from paced_port_advance; to
- * be set before the first frame. */
+ * be set before the first frame. RT-safe. */
 void paced_port_tap(struct can_port *port,
                     void (*tap)(void *context, const struct bus_frame *frame), void *context);
 
-/* The wire, to look at; the nodes of the port, then the one of what comes in. */
+/* The wire, to inspect it: the nodes of the port, then the one of frames that come in. RT-safe. */
 struct wire *paced_port_wire(const struct can_port *port);
 
 #endif

@@ -6,8 +6,8 @@
 #include <stdatomic.h>
 
 /* The state that an error frame reports, or the present one when it reports none. */
-static enum can_port_state state_after_error(enum can_port_state state,
-                                             const struct bus_frame *frame)
+static enum can_port_state port_state_after_error(enum can_port_state state,
+                                                  const struct bus_frame *frame)
 {
     const uint8_t controller = frame->len > 1 ? frame->data[1] : 0;
 
@@ -17,7 +17,7 @@ static enum can_port_state state_after_error(enum can_port_state state,
     if (frame->id & CAN_ERR_RESTARTED) {
         return CAN_PORT_UP;
     }
-    /* of a stuck queue the error states are the cause: they do not end it */
+    /* Of a stuck queue the error states are the cause: they do not end it */
     if ((frame->id & CAN_ERR_CRTL) && state != CAN_PORT_STUCK) {
         if (controller & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) {
             return CAN_PORT_PASSIVE;
@@ -36,16 +36,17 @@ void port_count_received(struct can_port *port, const struct bus_frame *frame)
 {
     if (frame->flags & FRAME_ERROR) {
         port->counters.error_frames++;
-        /* old error frames may still be queued when the interface is lost: the loss outlives them */
+        /* Old error frames may still be queued when the interface is lost: the loss outlives
+         * them */
         if (port->state != CAN_PORT_DOWN && port->state != CAN_PORT_GONE) {
-            port->state = state_after_error(port->state, frame);
+            port->state = port_state_after_error(port->state, frame);
         }
         return;
     }
     port->counters.rx_frames++;
     port->counters.rx_bits += frame_bits(frame);
     port->counters.fast_bits += frame_fast_bits(frame);
-    /* not every driver announces its recovery; traffic proves that it is back on the bus */
+    /* Not every driver announces its recovery; traffic proves that it is back on the bus */
     if (port->state == CAN_PORT_BUS_OFF) {
         port->state = CAN_PORT_UP;
     }
@@ -67,7 +68,7 @@ void can_state_post(struct can_state_box *box, enum can_port_state state)
 {
     const uint32_t number = (atomic_load_explicit(&box->post, memory_order_relaxed) >> 8) + 1;
 
-    /* never 0 again */
+    /* Never 0 again */
     atomic_store_explicit(&box->post, (number & 0x7fffff) << 8 | 1u << 31 | (uint32_t)state,
                           memory_order_relaxed);
 }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The seam between the simulator and a CAN bus. Back ends: socketcan (vcan or a real interface) and
- * local (in the process). A port belongs to one thread.
+ * The interface between the simulator and a CAN bus. Back ends: socketcan (vcan or a real
+ * interface) and local (in the process). A port belongs to one thread. Receiving and sending are
+ * RT-safe; opening, closing and what else is said below is not.
  */
 #ifndef CANBUS_PORT_H
 #define CANBUS_PORT_H
@@ -22,7 +23,7 @@ enum can_port_state {
     CAN_PORT_STUCK,   /* the interface's queue has been full for long: nothing leaves it */
 };
 
-/* "up", "gone", ... */
+/* "up", "gone", ... RT-safe. */
 const char *can_port_state_name(enum can_port_state state);
 
 /* What happened on a port since it was opened. */
@@ -61,8 +62,10 @@ struct can_port_ops {
      * next cycle carries newer values. A port on a real interface accepts some frames behind a full
      * queue, see socketcan_open. Never waits. RT-safe. */
     size_t (*send)(struct can_port *port, const struct bus_frame *frames, size_t count);
-    /* A descriptor that polls readable when frames wait; for threads that may sleep. */
+    /* A descriptor that polls readable when frames wait, for threads that may sleep; -1 = none.
+     * RT-safe. */
     int (*descriptor)(const struct can_port *port);
+    /* Not RT-safe. */
     void (*close)(struct can_port *port);
 };
 
@@ -81,7 +84,7 @@ struct can_state_box {
     _Atomic uint32_t post; /* number << 8 | enum can_port_state */
 };
 
-/* From one thread. */
+/* From one thread. RT-safe. */
 void can_state_post(struct can_state_box *box, enum can_port_state state);
 
 struct socketcan_config {
@@ -99,26 +102,27 @@ enum { SOCKETCAN_HELD_MAX = 128, SOCKETCAN_STUCK_NS = 100000000 };
 
 /* Opens a raw socket on an interface. Distinct messages for: kernel without CAN
  * (ERROR_UNSUPPORTED), no such interface, not a CAN interface, FD on an interface without it
- * (ERROR_INPUT), interface down, no permission (ERROR_SYSTEM). Error frames are subscribed and
- * move port->state. A later loss of the interface sets state DOWN or GONE; receive and send try to
- * come back at most once a second, also when the interface was created anew, and wait for the kernel's
- * interface lock for it; a port in a real-time loop is sought. frame->time_ns is
- * when the kernel received the frame, on CLOCK_MONOTONIC; it never goes back, and lies between the
- * frame before and now also when the time of day was set meanwhile. Memory from arena. Not RT-safe.
+ * (ERROR_INPUT), interface down, no permission (ERROR_SYSTEM). Error frames are subscribed and move
+ * port->state. A later loss of the interface sets state DOWN or GONE; receive and send look for it
+ * at most once a second, also when it was created anew, and wait for the kernel's interface lock
+ * then; in a real-time loop another thread looks (config.sought). frame->time_ns is when the kernel
+ * received the frame, on CLOCK_MONOTONIC; it never goes back, and lies between the frame before and
+ * now also when the time of day was set meanwhile. Memory from arena. Not RT-safe.
  *
- * A real interface has a short queue (txqueuelen), and sending to a full one fails (ENOBUFS). What
- * fails is kept, one frame an identifier and SOCKETCAN_HELD_MAX of them: the next receive or send
- * passes it on before anything else. While the queue stays full a newer frame takes the place of the
- * kept one of its identifier, for of periodic frames the newest value counts; the one that it
- * replaces, and what finds no place, is counted as tx_dropped, also when it was a reply. When no
- * frame has left for SOCKETCAN_STUCK_NS nobody takes them off (no other node, bus-off): state STUCK,
- * and further attempts after 10, 20, 40 ... ms, at last once a second, until one succeeds. */
+ * A real interface has a short queue (txqueuelen), and sending to a full one fails (ENOBUFS).
+ * Frames that fail are held, one of each identifier and SOCKETCAN_HELD_MAX of them: the next
+ * receive or send sends them before anything else. While the queue stays full a newer frame
+ * replaces the held one of its identifier, as of periodic frames the newest value counts; the frame
+ * that it replaces, and one that finds no room, is counted as tx_dropped, also when it was a reply.
+ * When no frame has left for SOCKETCAN_STUCK_NS no node acknowledges them (no other node, bus-off):
+ * state STUCK, and further attempts after 10, 20, 40 ... ms, at last once a second, until one
+ * succeeds. */
 enum error_code socketcan_open(const struct socketcan_config *config, struct arena *arena,
                                struct can_port **port, struct error *error);
 
-/* Looks for the interface of a port that was opened as sought, when it has lost it; the port goes on
- * with it at its next receive or send. From one thread other than the port's, once a second, say. Not
- * RT-safe. */
+/* Looks for the interface of a port that was opened as sought, when it has lost it; the port goes
+ * on with it at its next receive or send. From one thread other than the port's, once a second,
+ * say. Not RT-safe. */
 void socketcan_seek(struct can_port *port);
 
 /* Whether the kernel can open CAN sockets at all. Not RT-safe. */
@@ -137,10 +141,10 @@ bool socketcan_interface_exists(const char *interface);
  *
  * Wire mode: the frames go over a wire in virtual time (canbus/wire/wire.h), which moves with
  * local_bus_advance. A frame is handed to its node's controller at the time last advanced to,
- * however late the next call takes it over; it is received, with time_ns set, in the call that
- * reaches the end of its EOF. A port whose controller changes its state receives an error frame as
- * SocketCAN would give it. Frames of the bypass identifiers, which are no traffic of the robot's,
- * take no time.
+ * whenever the next call takes it over; it is received, with time_ns set, in the call that reaches
+ * the end of its EOF. A port whose controller changes its state receives the error frame that
+ * SocketCAN would send. Frames of the bypass identifiers, which are no traffic of the robot, take
+ * no time.
  */
 struct local_bus;
 struct wire;
@@ -157,7 +161,7 @@ struct local_bus_config {
     bool fd;          /* nodes may send FD frames */
     enum local_bus_mode mode;
 
-    /* wire mode; zeros take what is said in [] */
+    /* Wire mode; 0 = the default, in [] */
     int64_t bitrate;          /* [1 Mbit/s] */
     int64_t data_bitrate;     /* [bitrate] */
     size_t wire_nodes;        /* controllers of all ports together, at most 63 [max_nodes] */
@@ -192,36 +196,36 @@ enum error_code local_bus_join_nodes(struct local_bus *bus, size_t nodes,
                                      struct can_port **port, struct error *error);
 
 /* Runs the wire up to a virtual time and delivers what has arrived. No effect in ideal mode. From
- * one thread: that of the participant who keeps time. RT-safe. */
+ * one thread: that of the participant that keeps time. RT-safe. */
 void local_bus_advance(struct local_bus *bus, int64_t now_ns);
 
-/* The wire, to look at it and to inject faults from the thread that advances it; NULL in ideal
- * mode. */
+/* The wire, to inspect it and to inject faults from the thread that advances it; NULL in ideal
+ * mode. RT-safe. */
 struct wire *local_bus_wire(const struct local_bus *bus);
 
-/* The controller on the wire of the first of a port's nodes; the others follow. */
+/* The controller on the wire of the first of a port's nodes; the others follow. RT-safe. */
 size_t local_bus_node(const struct can_port *port);
 
 /* Calls tap, in the thread that advances, for every frame that the wire has carried to its end, in
- * the order of the wire. To be set before the first frame. No effect in ideal mode. */
+ * the order of the wire. To be set before the first frame. No effect in ideal mode. RT-safe. */
 void local_bus_tap(struct local_bus *bus, void (*tap)(void *context, const struct bus_frame *frame),
                    void *context);
 
-/* Going back in time. Keeps what is on its way between the first `own` nodes that joined, and between
- * them and the wire: the calling thread must be the only one that uses them and the one that
- * advances. The wire itself is kept by its memory (canbus/wire/wire.h), in the same breath. memory has
- * local_bus_moment_size bytes, aligned to 8; false when more frames are on their way than it holds.
- * Going back, frames of and for other nodes stay where they are, and all counters of ports go on.
- * RT-safe. */
-size_t local_bus_moment_size(const struct local_bus *bus);
-bool local_bus_keep(const struct local_bus *bus, size_t own, void *memory);
-void local_bus_back(struct local_bus *bus, size_t own, const void *memory);
+/* Saves the frames on their way between the first `own` nodes that joined, and between them and the
+ * wire; restoring makes them be on their way again, so that virtual time can go back. The calling
+ * thread must be the only one that uses these nodes, and the one that advances; the wire itself is
+ * saved by its memory (canbus/wire/wire.h) at the same time. memory has local_bus_save_size bytes,
+ * aligned to 8; false when more frames are on their way than it holds. Frames from and to other
+ * nodes stay where they are, and the counters of all ports go on. RT-safe. */
+size_t local_bus_save_size(const struct local_bus *bus);
+bool local_bus_save(const struct local_bus *bus, size_t own, void *memory);
+void local_bus_restore(struct local_bus *bus, size_t own, const void *memory);
 
 /* Closes what the bus holds, also of ports that are still open; no thread may use them then. NULL
  * is allowed. Not RT-safe. */
 void local_bus_destroy(struct local_bus *bus);
 
-/* Shorthands. */
+/* The operations of a port. RT-safe. */
 static inline size_t can_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
     return port->ops->receive(port, frames, max);

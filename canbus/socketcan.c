@@ -2,7 +2,7 @@
 /*
  * Raw SocketCAN sockets: one recvmmsg and one sendmmsg a tick and bus, everything preallocated. The
  * socket stays open when its interface goes; it is bound anew when the interface returns, and keeps
- * its options and drop counter.
+ * its options and drop counter. Sending is in socketcan_send.c.
  */
 #include "canbus/socketcan_private.h"
 
@@ -13,78 +13,23 @@
 #include <string.h>
 #include <unistd.h>
 
-enum {
-    RETRY_NS = 1000000000,
-    BACK_OFF_FIRST_NS = 10000000,
-    BACK_OFF_LAST_NS = 1000000000,
-};
+enum { RETRY_NS = 1000000000 };
 
-static struct socketcan *socketcan_of(struct can_port *port)
+/* ---- lost and found interfaces ---- */
+
+void socketcan_lose_interface(struct socketcan *can, int code)
 {
-    return (struct socketcan *)((char *)port - offsetof(struct socketcan, port));
-}
-
-static int64_t clock_ns(clockid_t clock)
-{
-    struct timespec now;
-
-    clock_gettime(clock, &now);
-    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
-}
-
-static bool port_is_lost(const struct can_port *port)
-{
-    return port->state == CAN_PORT_DOWN || port->state == CAN_PORT_GONE;
-}
-
-static bool error_means_lost(int code)
-{
-    return code == ENETDOWN || code == ENODEV || code == ENXIO;
-}
-
-/* The interface has taken a frame, or begins anew. */
-static void queue_moves(struct socketcan *can)
-{
-    can->full_since_ns = can->back_off_ns = can->attempt_ns = 0;
-    if (can->port.state == CAN_PORT_STUCK) {
-        can->port.state = CAN_PORT_UP;
-    }
-}
-
-/* A full queue is nothing unusual; one that stays full has nobody who takes the frames. */
-static void queue_is_full(struct socketcan *can)
-{
-    const int64_t now = clock_ns(CLOCK_MONOTONIC);
-
-    can->port.counters.tx_queue_full++;
-    if (!can->full_since_ns) {
-        can->full_since_ns = now;
-    }
-    if (now - can->full_since_ns < SOCKETCAN_STUCK_NS) {
-        return;
-    }
-    can->back_off_ns = can->back_off_ns ? 2 * can->back_off_ns : BACK_OFF_FIRST_NS;
-    if (can->back_off_ns > BACK_OFF_LAST_NS) {
-        can->back_off_ns = BACK_OFF_LAST_NS;
-    }
-    can->attempt_ns = now + can->back_off_ns;
-    if (can->port.state != CAN_PORT_BUS_OFF) {
-        can->port.state = CAN_PORT_STUCK;
-    }
-}
-
-static void port_lose(struct socketcan *can, int code)
-{
-    if (!port_is_lost(&can->port)) {
+    if (!socketcan_is_lost(&can->port)) {
         can->port.counters.down_events++;
         can->retry_ns = 0; /* it may be back already */
         atomic_store(&can->lost, true);
     }
     can->port.state = code == ENETDOWN ? CAN_PORT_DOWN : CAN_PORT_GONE;
-    /* what waited here will be old when it comes back */
+
+    /* Held frames will be old when the interface comes back */
     can->port.counters.tx_dropped += can->nheld;
     can->nheld = 0;
-    queue_moves(can);
+    socketcan_note_queue_moving(can);
 }
 
 int socketcan_bind(const struct socketcan *can, int index)
@@ -99,9 +44,9 @@ int socketcan_bind(const struct socketcan *can, int index)
     return 0;
 }
 
-/* Asks for the interface and binds to it when it is up; how it is then. Waits for the kernel's
- * interface lock. */
-static enum can_port_state seek(const struct socketcan *can, bool *fd)
+/* Asks the kernel for the interface and binds to it when it is up. Returns the port's new state.
+ * Waits for the kernel's interface lock. */
+static enum can_port_state socketcan_try_bind(const struct socketcan *can, bool *fd)
 {
     struct link_info info;
 
@@ -115,14 +60,15 @@ static enum can_port_state seek(const struct socketcan *can, bool *fd)
     return CAN_PORT_UP;
 }
 
-static void take_up(struct socketcan *can, enum can_port_state state, bool fd)
+/* Goes on with an interface that was found in a state. */
+static void socketcan_use_interface(struct socketcan *can, enum can_port_state state, bool fd)
 {
     socklen_t size = sizeof(int);
     int pending;
 
     can->port.state = state;
     if (state == CAN_PORT_UP) {
-        /* takes away the error that the loss has left on the socket */
+        /* Clears the error that the loss has left on the socket */
         getsockopt(can->socket, SOL_SOCKET, SO_ERROR, &pending, &size);
         can->port.fd = fd;
     }
@@ -130,7 +76,7 @@ static void take_up(struct socketcan *can, enum can_port_state state, bool fd)
 
 void socketcan_seek(struct can_port *port)
 {
-    struct socketcan *can = socketcan_of(port);
+    struct socketcan *can = socketcan_of_port(port);
     uint32_t number = (atomic_load(&can->finding) >> 9) + 1;
     enum can_port_state state;
     bool fd = false;
@@ -138,41 +84,46 @@ void socketcan_seek(struct can_port *port)
     if (!atomic_load(&can->lost)) {
         return;
     }
-    state = seek(can, &fd);
+    state = socketcan_try_bind(can, &fd);
     if (state == CAN_PORT_UP) {
         atomic_store(&can->lost, false);
     }
     atomic_store(&can->finding, number << 9 | (uint32_t)fd << 8 | state);
 }
 
-/* Looks for a lost interface, at most once a second, or at what was found by who looks for it, and goes
- * on with it when it is up. */
-static void port_find(struct socketcan *can)
+void socketcan_find_interface(struct socketcan *can)
 {
     const uint32_t finding = atomic_load(&can->finding);
     int64_t now;
     bool fd = false;
     enum can_port_state state;
 
+    /* Another thread looks for it: use what it has found */
     if (can->sought) {
         if (finding != can->finding_seen) {
             can->finding_seen = finding;
-            take_up(can, (enum can_port_state)(finding & 0xff), finding >> 8 & 1);
+            socketcan_use_interface(can, (enum can_port_state)(finding & 0xff), finding >> 8 & 1);
         }
         return;
     }
-    now = clock_ns(CLOCK_MONOTONIC);
+
+    /* Nobody does: at most once a second */
+    now = socketcan_clock_ns(CLOCK_MONOTONIC);
     if (now < can->retry_ns) {
         return;
     }
     can->retry_ns = now + RETRY_NS;
-    state = seek(can, &fd);
-    take_up(can, state, fd);
+    state = socketcan_try_bind(can, &fd);
+    socketcan_use_interface(can, state, fd);
 }
 
-/* From the kernel's frame of size bytes; false when it is not a frame. */
-static bool decode(const struct canfd_frame *raw, size_t size, struct bus_frame *frame)
+/* ---- reception ---- */
+
+/* Converts a frame of size bytes from the kernel's format; false when it is not a frame. */
+static bool socketcan_decode_frame(const struct canfd_frame *raw, size_t size,
+                                   struct bus_frame *frame)
 {
+    /* The size says whether the frame is classic or FD */
     memset(frame, 0, sizeof *frame);
     if (size != CAN_MTU && size != CANFD_MTU) {
         return false;
@@ -182,6 +133,8 @@ static bool decode(const struct canfd_frame *raw, size_t size, struct bus_frame 
         frame->flags |= (raw->flags & CANFD_BRS) ? FRAME_BRS : 0;
         frame->flags |= (raw->flags & CANFD_ESI) ? FRAME_ESI : 0;
     }
+
+    /* The upper bits of the identifier say what it identifies */
     if (raw->can_id & CAN_ERR_FLAG) {
         frame->flags |= FRAME_ERROR;
         frame->id = raw->can_id & CAN_ERR_MASK;
@@ -194,6 +147,8 @@ static bool decode(const struct canfd_frame *raw, size_t size, struct bus_frame 
     if (!(frame->flags & FRAME_ERROR) && (raw->can_id & CAN_RTR_FLAG)) {
         frame->flags |= FRAME_REMOTE;
     }
+
+    /* Devices may deliver anything: nothing is copied beyond a legal length */
     frame->len = raw->len;
     if (!frame_valid(frame)) {
         return false;
@@ -204,25 +159,9 @@ static bool decode(const struct canfd_frame *raw, size_t size, struct bus_frame 
     return true;
 }
 
-/* To the kernel's frame; returns its size. Bytes beyond the data are zero, as peers can see them. */
-static size_t encode(const struct bus_frame *frame, struct canfd_frame *raw)
-{
-    memset(raw, 0, sizeof *raw);
-    raw->can_id = frame->id;
-    raw->can_id |= (frame->flags & FRAME_EXTENDED) ? CAN_EFF_FLAG : 0;
-    raw->can_id |= (frame->flags & FRAME_REMOTE) ? CAN_RTR_FLAG : 0;
-    raw->can_id |= (frame->flags & FRAME_ERROR) ? CAN_ERR_FLAG : 0;
-    raw->len = frame->len;
-    raw->flags |= (frame->flags & FRAME_BRS) ? CANFD_BRS : 0;
-    raw->flags |= (frame->flags & FRAME_ESI) ? CANFD_ESI : 0;
-    if (!(frame->flags & FRAME_REMOTE)) {
-        memcpy(raw->data, frame->data, frame->len);
-    }
-    return (frame->flags & FRAME_FD) ? CANFD_MTU : CAN_MTU;
-}
-
-/* The counter as of some moment, which may be before the last one seen. */
-static void count_overflow(struct socketcan *can, uint32_t overflow)
+/* Counts frames lost up to a value of the kernel's drop counter, which may be older than the last
+ * one seen. */
+static void socketcan_count_overflow(struct socketcan *can, uint32_t overflow)
 {
     const int32_t more = (int32_t)(overflow - can->overflow);
 
@@ -233,8 +172,8 @@ static void count_overflow(struct socketcan *can, uint32_t overflow)
 }
 
 /* Reads the time stamp and the drop counter that came with a frame. */
-static void read_ancillary(struct socketcan *can, struct msghdr *header, int64_t to_monotonic_ns,
-                           struct bus_frame *frame)
+static void socketcan_read_ancillary(struct socketcan *can, struct msghdr *header,
+                                     int64_t to_monotonic_ns, struct bus_frame *frame)
 {
     for (struct cmsghdr *c = CMSG_FIRSTHDR(header); c; c = CMSG_NXTHDR(header, c)) {
         if (c->cmsg_level != SOL_SOCKET) {
@@ -249,14 +188,14 @@ static void read_ancillary(struct socketcan *can, struct msghdr *header, int64_t
             uint32_t overflow;
 
             memcpy(&overflow, CMSG_DATA(c), sizeof overflow);
-            count_overflow(can, overflow);
+            socketcan_count_overflow(can, overflow);
         }
     }
 }
 
-/* A frame tells what was lost before it. What was lost behind the last one that waited is asked for,
- * when so much waited that there may have been no more room. */
-static void ask_for_overflow(struct socketcan *can, bool full_batch)
+/* A frame carries the number of those lost before it. Losses behind the last frame that waited are
+ * queried, when so many waited that the buffer may have been full. */
+static void socketcan_query_overflow(struct socketcan *can, bool full_batch)
 {
     uint32_t memory[SK_MEMINFO_VARS] = {0};
     socklen_t size = sizeof memory;
@@ -264,22 +203,23 @@ static void ask_for_overflow(struct socketcan *can, bool full_batch)
     if (can->full_batch && !full_batch &&
         !getsockopt(can->socket, SOL_SOCKET, SO_MEMINFO, memory, &size) &&
         size > SK_MEMINFO_DROPS * sizeof *memory) {
-        count_overflow(can, memory[SK_MEMINFO_DROPS]);
+        socketcan_count_overflow(can, memory[SK_MEMINFO_DROPS]);
     }
     can->full_batch = full_batch;
 }
 
-/* The kernel stamps with the time of day. When that was set while the frame waited here, its stamp is
- * off by as much. */
-static void mend_time(struct socketcan *can, int64_t now, struct bus_frame *frame)
+/* Limits the time of a frame to between the frame before and now: the kernel stamps with the time
+ * of day, which may have been set while the frame waited. */
+static void socketcan_limit_time(struct socketcan *can, int64_t now, struct bus_frame *frame)
 {
     frame->time_ns = frame->time_ns < now ? frame->time_ns : now;
     frame->time_ns = frame->time_ns > can->last_ns ? frame->time_ns : can->last_ns;
     can->last_ns = frame->time_ns;
 }
 
-/* One recvmmsg of up to max frames (at most SOCKETCAN_BATCH). Returns the number of messages, or -1. */
-static int read_batch(struct socketcan *can, size_t max)
+/* One recvmmsg of up to max frames (at most SOCKETCAN_BATCH). Returns the number of messages, or
+ * -1. */
+static int socketcan_read_batch(struct socketcan *can, size_t max)
 {
     for (size_t i = 0; i < max; i++) {
         can->vector[i] = (struct iovec){.iov_base = &can->raw[i], .iov_len = sizeof can->raw[i]};
@@ -293,8 +233,8 @@ static int read_batch(struct socketcan *can, size_t max)
     return recvmmsg(can->socket, can->message, (unsigned)max, MSG_DONTWAIT, NULL);
 }
 
-/* What another thread has heard from the controller. */
-static void follow_controller(struct socketcan *can)
+/* Takes over the state that another thread has read from the controller. */
+static void socketcan_update_state(struct socketcan *can)
 {
     const uint32_t post =
         can->controller ? atomic_load_explicit(&can->controller->post, memory_order_relaxed) : 0;
@@ -309,161 +249,44 @@ static void follow_controller(struct socketcan *can)
     }
 }
 
-/* Puts frames that the port may send, up to the first other one, into the batch; returns how many. */
-static size_t fill_batch(struct socketcan *can, const struct bus_frame *frames, size_t count)
-{
-    size_t size = 0;
-
-    for (; size < count && size < SOCKETCAN_BATCH && port_may_send(&can->port, &frames[size]);
-         size++) {
-        can->vector[size] = (struct iovec){
-            .iov_base = &can->raw[size],
-            .iov_len = encode(&frames[size], &can->raw[size]),
-        };
-        can->message[size] = (struct mmsghdr){
-            .msg_hdr = {.msg_iov = &can->vector[size], .msg_iovlen = 1},
-        };
-    }
-    return size;
-}
-
-/* Sends the batch that was made of size frames; returns how many are done with: taken by the kernel,
- * or such as the device cannot carry. */
-static size_t send_batch(struct socketcan *can, const struct bus_frame *frames, size_t size,
-                         size_t *taken)
-{
-    size_t slot = 0;
-
-    while (slot < size) {
-        const int sent =
-            sendmmsg(can->socket, &can->message[slot], (unsigned)(size - slot), MSG_DONTWAIT);
-
-        if (sent > 0) {
-            for (int i = 0; i < sent; i++) {
-                port_count_sent(&can->port, &frames[slot++]);
-            }
-            *taken += (size_t)sent;
-            queue_moves(can);
-        } else if (errno == EINVAL || errno == EMSGSIZE) {
-            slot++;
-            can->port.counters.tx_dropped++;
-        } else if (errno == ENOBUFS || errno == EAGAIN) {
-            queue_is_full(can);
-            break;
-        } else {
-            if (error_means_lost(errno)) {
-                port_lose(can, errno);
-            }
-            break;
-        }
-    }
-    return slot;
-}
-
-/* Sends frames until one does not go; returns how many are done with: *taken of them by the kernel,
- * the others are dropped. */
-static size_t transmit(struct socketcan *can, const struct bus_frame *frames, size_t count,
-                       size_t *taken)
-{
-    size_t at = 0;
-
-    while (at < count) {
-        const size_t size = fill_batch(can, frames + at, count - at);
-        const size_t done = send_batch(can, frames + at, size, taken);
-
-        at += done;
-        if (done < size) {
-            break;
-        }
-        if (at < count && !port_may_send(&can->port, &frames[at])) {
-            can->port.counters.tx_dropped++;
-            at++;
-        }
-    }
-    return at;
-}
-
-static bool same_identifier(const struct bus_frame *a, const struct bus_frame *b)
-{
-    return a->id == b->id && !((a->flags ^ b->flags) & (FRAME_EXTENDED | FRAME_REMOTE));
-}
-
-/* Keeps a frame that met a full queue, in the place of an older one of its identifier. */
-static bool hold(struct socketcan *can, const struct bus_frame *frame)
-{
-    struct can_counters *counters = &can->port.counters;
-    size_t i = 0;
-
-    while (i < can->nheld && !same_identifier(&can->held[i], frame)) {
-        i++;
-    }
-    if (!port_may_send(&can->port, frame) || i == SOCKETCAN_HELD_MAX) {
-        counters->tx_dropped++;
-        return false;
-    }
-    if (i < can->nheld) {
-        counters->tx_dropped++;
-    } else {
-        can->nheld++;
-    }
-    can->held[i] = *frame;
-    counters->tx_held++;
-    return true;
-}
-
-/* Passes on what is held, when it is time for an attempt. False when the queue is still full. */
-static bool release(struct socketcan *can)
-{
-    size_t done, taken = 0;
-
-    if (!can->nheld) {
-        return true;
-    }
-    if (can->attempt_ns && clock_ns(CLOCK_MONOTONIC) < can->attempt_ns) {
-        return false;
-    }
-    done = transmit(can, can->held, can->nheld, &taken);
-    if (port_is_lost(&can->port)) {
-        return false;
-    }
-    can->nheld -= done;
-    memmove(can->held, can->held + done, can->nheld * sizeof *can->held);
-    return can->nheld == 0;
-}
-
 static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames, size_t max)
 {
-    struct socketcan *can = socketcan_of(port);
+    struct socketcan *can = socketcan_of_port(port);
     size_t count = 0;
 
-    if (port_is_lost(port)) {
-        port_find(can);
+    /* The interface first, then frames that wait for room in its queue */
+    if (socketcan_is_lost(port)) {
+        socketcan_find_interface(can);
     }
-    if (!port_is_lost(port)) {
-        follow_controller(can);
-        release(can);
+    if (!socketcan_is_lost(port)) {
+        socketcan_update_state(can);
+        socketcan_send_held(can);
     }
+
+    /* Batch after batch until one is not full */
     while (count < max) {
         const size_t wanted = max - count < SOCKETCAN_BATCH ? max - count : SOCKETCAN_BATCH;
-        const int got = read_batch(can, wanted);
+        const int got = socketcan_read_batch(can, wanted);
         int64_t now, to_monotonic;
 
         if (got < 0) {
-            if (error_means_lost(errno)) {
-                port_lose(can, errno);
+            if (socketcan_error_means_lost(errno)) {
+                socketcan_lose_interface(can, errno);
             }
-            ask_for_overflow(can, false);
+            socketcan_query_overflow(can, false);
             break;
         }
-        now = clock_ns(CLOCK_MONOTONIC);
-        to_monotonic = now - clock_ns(CLOCK_REALTIME);
+
+        /* Time stamps of the kernel are in time of day, ours in CLOCK_MONOTONIC */
+        now = socketcan_clock_ns(CLOCK_MONOTONIC);
+        to_monotonic = now - socketcan_clock_ns(CLOCK_REALTIME);
         for (int i = 0; i < got; i++) {
             struct bus_frame *frame = &frames[count];
-            const bool whole = decode(&can->raw[i], can->message[i].msg_len, frame);
+            const bool whole = socketcan_decode_frame(&can->raw[i], can->message[i].msg_len, frame);
 
             frame->time_ns = now;
-            read_ancillary(can, &can->message[i].msg_hdr, to_monotonic, frame);
-            mend_time(can, now, frame);
+            socketcan_read_ancillary(can, &can->message[i].msg_hdr, to_monotonic, frame);
+            socketcan_limit_time(can, now, frame);
             if (!whole) {
                 port->counters.rx_malformed++;
                 continue;
@@ -471,7 +294,7 @@ static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames,
             port_count_received(port, frame);
             count++;
         }
-        ask_for_overflow(can, (size_t)got == wanted);
+        socketcan_query_overflow(can, (size_t)got == wanted);
         if ((size_t)got < wanted) {
             break;
         }
@@ -479,34 +302,16 @@ static size_t socketcan_receive(struct can_port *port, struct bus_frame *frames,
     return count;
 }
 
-static size_t socketcan_send(struct can_port *port, const struct bus_frame *frames, size_t count)
-{
-    struct socketcan *can = socketcan_of(port);
-    size_t accepted = 0, at = 0;
-
-    if (port_is_lost(port)) {
-        port_find(can);
-    }
-    if (!port_is_lost(port) && release(can)) {
-        at = transmit(can, frames, count, &accepted);
-    }
-    /* behind a full queue */
-    for (; at < count && can->full_since_ns; at++) {
-        accepted += hold(can, &frames[at]);
-    }
-    port->counters.tx_dropped += count - at;
-    return accepted;
-}
+/* ---- the port ---- */
 
 static int socketcan_descriptor(const struct can_port *port)
 {
-    return ((const struct socketcan *)((const char *)port - offsetof(struct socketcan, port)))
-        ->socket;
+    return socketcan_of_port(port)->socket;
 }
 
 static void socketcan_close(struct can_port *port)
 {
-    struct socketcan *can = socketcan_of(port);
+    struct socketcan *can = socketcan_of_port(port);
 
     close(can->socket);
     close(can->link);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Opening a raw SocketCAN socket, with a message of its own for each way to fail. */
+#include "base/count.h"
 #include "canbus/socketcan_private.h"
 
 #include <errno.h>
@@ -12,8 +13,8 @@
 
 enum { RECEIVE_BUFFER_DEFAULT = 4 << 20 };
 
-/* Names of the CAN interfaces that exist, for a message: "can0, can1", or "none". */
-static void list_interfaces(int link, char *text, size_t size)
+/* Lists the CAN interfaces that exist, for a message: "can0, can1", or "none". */
+static void socketcan_list_interfaces(int link, char *text, size_t size)
 {
     struct if_nameindex *all = if_nameindex();
     size_t used = 0;
@@ -33,15 +34,16 @@ static void list_interfaces(int link, char *text, size_t size)
 }
 
 /* Checks that the interface can be used as the configuration asks. */
-static enum error_code check_interface(const struct socketcan *can, const char *name,
-                                       struct link_info *info, struct error *error)
+static enum error_code socketcan_check_interface(const struct socketcan *can, const char *name,
+                                                 struct link_info *info, struct error *error)
 {
     const int failure = link_query(can->link, name, info);
 
+    /* There must be such an interface */
     if (failure == ENODEV) {
         char known[200];
 
-        list_interfaces(can->link, known, sizeof known);
+        socketcan_list_interfaces(can->link, known, sizeof known);
         return error_set(error, ERROR_INPUT,
                          "no interface %s; CAN interfaces here: %s. Create a virtual one with "
                          "`ip link add dev %s type vcan && ip link set %s up`",
@@ -50,6 +52,8 @@ static enum error_code check_interface(const struct socketcan *can, const char *
     if (failure) {
         return error_set_errno(error, failure, "cannot ask the kernel about interface %s", name);
     }
+
+    /* It must be a CAN interface, up, and carry FD where that is wanted */
     if (info->type != ARPHRD_CAN) {
         return error_set(error, ERROR_INPUT, "interface %s is not a CAN interface", name);
     }
@@ -68,18 +72,10 @@ static enum error_code check_interface(const struct socketcan *can, const char *
     return ERROR_NONE;
 }
 
-static enum error_code set_option(int socket, int level, int option, const void *value,
-                                  socklen_t size, const char *what, struct error *error)
-{
-    if (setsockopt(socket, level, option, value, size)) {
-        return error_set_errno(error, errno, "cannot set %s of the CAN socket", what);
-    }
-    return ERROR_NONE;
-}
-
 /* Translates the filters; without any, one that everything passes. */
-static enum error_code make_filters(struct socketcan *can, const struct socketcan_config *config,
-                                    struct arena *arena, struct error *error)
+static enum error_code socketcan_make_filters(struct socketcan *can,
+                                              const struct socketcan_config *config,
+                                              struct arena *arena, struct error *error)
 {
     const size_t count = config->filter ? config->nfilter : 0;
 
@@ -103,51 +99,55 @@ static enum error_code make_filters(struct socketcan *can, const struct socketca
 }
 
 /* More room than the 278 frames of the default; beyond the system's limit only when allowed. */
-static enum error_code set_receive_buffer(int socket, int bytes, struct error *error)
+static int socketcan_set_receive_buffer(int socket, int bytes)
 {
     if (!bytes) {
         bytes = RECEIVE_BUFFER_DEFAULT;
     }
     if (!setsockopt(socket, SOL_SOCKET, SO_RCVBUFFORCE, &bytes, sizeof bytes)) {
-        return ERROR_NONE;
+        return 0;
     }
-    return set_option(socket, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes, "the receive buffer",
-                      error);
+    return setsockopt(socket, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes);
 }
 
-static enum error_code set_options(int socket, const struct socketcan_config *config,
-                                   struct error *error)
+static enum error_code socketcan_set_options(int socket, const struct socketcan_config *config,
+                                             struct error *error)
 {
-    const can_err_mask_t errors = CAN_ERR_MASK;
-    const int on = 1;
-    enum error_code code;
+    static const can_err_mask_t errors = CAN_ERR_MASK;
+    static const int on = 1;
+    const struct {
+        bool wanted;
+        int level, option;
+        const void *value;
+        socklen_t size;
+        const char *what;
+    } option[] = {
+        {true, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors, "the error filter"},
+        {config->fd, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on, "FD frames"},
+        {config->receive_own, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on,
+         "reception of own frames"},
+        {true, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on, "the drop counter"},
+        {true, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on, "time stamps"},
+    };
 
-    code = set_option(socket, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors,
-                      "the error filter", error);
-    if (!code && config->fd) {
-        code =
-            set_option(socket, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on, "FD frames", error);
+    for (size_t i = 0; i < ARRAY_COUNT(option); i++) {
+        if (option[i].wanted && setsockopt(socket, option[i].level, option[i].option,
+                                           option[i].value, option[i].size)) {
+            return error_set_errno(error, errno, "cannot set %s of the CAN socket", option[i].what);
+        }
     }
-    if (!code && config->receive_own) {
-        code = set_option(socket, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on,
-                          "reception of own frames", error);
+    if (socketcan_set_receive_buffer(socket, config->receive_buffer_bytes)) {
+        return error_set_errno(error, errno, "cannot set the receive buffer of the CAN socket");
     }
-    if (!code) {
-        code =
-            set_option(socket, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on, "the drop counter", error);
-    }
-    if (!code) {
-        code = set_option(socket, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on, "time stamps", error);
-    }
-    return code ? code : set_receive_buffer(socket, config->receive_buffer_bytes, error);
+    return ERROR_NONE;
 }
 
-static int open_socket(void)
+static int socketcan_open_socket(void)
 {
     return socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
 }
 
-static enum error_code explain_no_socket(int code, struct error *error)
+static enum error_code socketcan_explain_no_socket(int code, struct error *error)
 {
     switch (code) {
     case EAFNOSUPPORT:
@@ -166,25 +166,26 @@ static enum error_code explain_no_socket(int code, struct error *error)
 }
 
 /* Opens the descriptors and binds; what is open when it fails is closed by the caller. */
-static enum error_code start(struct socketcan *can, const struct socketcan_config *config,
-                             struct error *error)
+static enum error_code socketcan_start(struct socketcan *can, const struct socketcan_config *config,
+                                       struct error *error)
 {
     struct link_info info;
     enum error_code code;
     int failure;
 
-    can->socket = open_socket();
+    can->socket = socketcan_open_socket();
     if (can->socket < 0) {
-        return explain_no_socket(errno, error);
+        return socketcan_explain_no_socket(errno, error);
     }
     can->link = link_open();
     if (can->link < 0) {
         return error_set_errno(error, errno, "cannot open a netlink socket");
     }
-    code = check_interface(can, config->interface, &info, error);
-    if (!code) {
-        code = set_options(can->socket, config, error);
+    code = socketcan_check_interface(can, config->interface, &info, error);
+    if (code) {
+        return code;
     }
+    code = socketcan_set_options(can->socket, config, error);
     if (code) {
         return code;
     }
@@ -193,7 +194,7 @@ static enum error_code start(struct socketcan *can, const struct socketcan_confi
                    : ERROR_NONE;
 }
 
-static void close_if_open(int descriptor)
+static void socketcan_close_descriptor(int descriptor)
 {
     if (descriptor >= 0) {
         close(descriptor);
@@ -217,6 +218,8 @@ enum error_code socketcan_open(const struct socketcan_config *config, struct are
         return error_set(error, ERROR_INPUT, "receive buffer of %d bytes on %s",
                          config->receive_buffer_bytes, config->interface);
     }
+
+    /* The port, before anything is open */
     can = arena_alloc(arena, 1, sizeof *can);
     if (!can || !(can->port.bus = arena_strdup(arena, config->interface))) {
         return error_set(error, ERROR_MEMORY, "no memory for the port of %s", config->interface);
@@ -225,15 +228,18 @@ enum error_code socketcan_open(const struct socketcan_config *config, struct are
     can->want_fd = config->fd;
     can->controller = config->controller;
     can->sought = config->sought;
-    code = make_filters(can, config, arena, error);
-    if (!code) {
-        code = start(can, config, error);
-    }
+    code = socketcan_make_filters(can, config, arena, error);
     if (code) {
-        close_if_open(can->socket);
-        close_if_open(can->link);
         return code;
     }
+
+    /* The sockets */
+    code = socketcan_start(can, config, error);
+    if (code) {
+        goto fail;
+    }
+
+    /* No frame is older than the port */
     can->port.ops = &socketcan_ops;
     can->port.fd = config->fd;
     can->port.state = CAN_PORT_UP;
@@ -241,13 +247,18 @@ enum error_code socketcan_open(const struct socketcan_config *config, struct are
     can->last_ns = (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
     *port = &can->port;
     return ERROR_NONE;
+
+fail:
+    socketcan_close_descriptor(can->socket);
+    socketcan_close_descriptor(can->link);
+    return code;
 }
 
 bool socketcan_available(void)
 {
-    const int descriptor = open_socket();
+    const int descriptor = socketcan_open_socket();
 
-    close_if_open(descriptor);
+    socketcan_close_descriptor(descriptor);
     return descriptor >= 0;
 }
 
@@ -257,6 +268,6 @@ bool socketcan_interface_exists(const char *interface)
     struct link_info info;
     const bool exists = link >= 0 && !link_query(link, interface, &info);
 
-    close_if_open(link);
+    socketcan_close_descriptor(link);
     return exists;
 }

@@ -1,11 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What opening a raw socket (socketcan_open.c) and using it (socketcan.c) share. */
+/* Private to canbus: a port on a raw SocketCAN socket, shared by its opening (socketcan_open.c),
+ * its interface and reception (socketcan.c) and its sending (socketcan_send.c). */
 #ifndef CANBUS_SOCKETCAN_PRIVATE_H
 #define CANBUS_SOCKETCAN_PRIVATE_H
 
+#include "base/container_of.h"
 #include "canbus/link.h"
 #include "canbus/port_private.h"
 
+#include <errno.h>
 #include <linux/can.h>
 #include <linux/can/raw.h>
 #include <stdatomic.h>
@@ -39,13 +42,13 @@ struct socketcan {
     const struct can_state_box *controller;
     uint32_t post; /* the last one that was read from it */
 
-    /* between the port and who seeks its interface */
+    /* Between the port and who seeks its interface */
     bool sought;
     atomic_bool lost;         /* the interface, and nobody has found it again */
     _Atomic uint32_t finding; /* number << 9 | FD possible << 8 | enum can_port_state */
     uint32_t finding_seen;
 
-    /* the newest frame of each identifier that met a full queue, in the order of arrival */
+    /* The newest frame of each identifier that met a full queue, in the order of arrival */
     struct bus_frame held[SOCKETCAN_HELD_MAX];
     size_t nheld;
     int64_t full_since_ns; /* no frame has left since; 0 = the last attempt met no full queue */
@@ -55,7 +58,44 @@ struct socketcan {
 
 extern const struct can_port_ops socketcan_ops;
 
-/* Sets the filters, which the kernel drops when an interface is removed, and binds. 0 or an errno. */
+static inline struct socketcan *socketcan_of_port(const struct can_port *port)
+{
+    return container_of(port, struct socketcan, port);
+}
+
+static inline int64_t socketcan_clock_ns(clockid_t clock)
+{
+    struct timespec now;
+
+    clock_gettime(clock, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+static inline bool socketcan_is_lost(const struct can_port *port)
+{
+    return port->state == CAN_PORT_DOWN || port->state == CAN_PORT_GONE;
+}
+
+/* Whether an errno of a socket means that its interface is down or gone. */
+static inline bool socketcan_error_means_lost(int code)
+{
+    return code == ENETDOWN || code == ENODEV || code == ENXIO;
+}
+
+/* Sets the filters, which the kernel drops when an interface is removed, and binds. 0 or an
+ * errno. */
 int socketcan_bind(const struct socketcan *can, int index);
+
+/* Of socketcan.c: the interface is down or gone; looks for it again. RT-safe, unless the port looks
+ * for its interface itself (not sought). */
+void socketcan_lose_interface(struct socketcan *can, int code);
+void socketcan_find_interface(struct socketcan *can);
+
+/* Of socketcan_send.c: the interface's queue takes frames, or is a new one; sends what is held,
+ * when it is time for an attempt, false when the queue is still full; can_port_ops.send.
+ * RT-safe. */
+void socketcan_note_queue_moving(struct socketcan *can);
+bool socketcan_send_held(struct socketcan *can);
+size_t socketcan_send(struct can_port *port, const struct bus_frame *frames, size_t count);
 
 #endif

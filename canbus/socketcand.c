@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Words between < and >, and frames as words. */
+/* Parsing of commands into words, and formatting of frames. */
 #include "canbus/socketcand.h"
+
+#include "base/count.h"
 
 #include <ctype.h>
 #include <stdio.h>
@@ -8,13 +10,14 @@
 
 enum { WORDS_MAX = 72, WORD_MAX = 16, FLAG_BRS = 1, FLAG_ESI = 2 };
 
-struct words {
+struct socketcand_words {
     size_t count;
     char word[WORDS_MAX][WORD_MAX + 1];
 };
 
-/* false when there are too many of them or one is too long */
-static bool split(const char *text, size_t size, struct words *words)
+/* Splits size bytes of text into words; false when there are too many of them or one is too
+ * long. */
+static bool socketcand_split_words(const char *text, size_t size, struct socketcand_words *words)
 {
     size_t at = 0;
 
@@ -42,8 +45,8 @@ static bool split(const char *text, size_t size, struct words *words)
     return true;
 }
 
-/* a hexadecimal number of at most digits digits */
-static bool hexadecimal(const char *word, size_t digits, uint32_t *value)
+/* Parses a hexadecimal number of at most so many digits. */
+static bool socketcand_parse_hex(const char *word, size_t digits, uint32_t *value)
 {
     size_t length = strlen(word);
 
@@ -62,9 +65,9 @@ static bool hexadecimal(const char *word, size_t digits, uint32_t *value)
     return true;
 }
 
-static bool parse_id(const char *word, struct bus_frame *frame)
+static bool socketcand_parse_id(const char *word, struct bus_frame *frame)
 {
-    if (!hexadecimal(word, 8, &frame->id)) {
+    if (!socketcand_parse_hex(word, 8, &frame->id)) {
         return false;
     }
     if (strlen(word) == 8 || frame->id > 0x7ff) {
@@ -73,8 +76,8 @@ static bool parse_id(const char *word, struct bus_frame *frame)
     return true;
 }
 
-/* a decimal number of one or two digits */
-static bool decimal(const char *word, uint32_t *value)
+/* Parses a decimal number of one or two digits. */
+static bool socketcand_parse_decimal(const char *word, uint32_t *value)
 {
     size_t length = strlen(word);
 
@@ -88,18 +91,19 @@ static bool decimal(const char *word, uint32_t *value)
     return length == 1 || length == 2;
 }
 
-/* the words from first on are the length and that many bytes */
-static bool parse_data(const struct words *words, size_t first, struct bus_frame *frame)
+/* Parses the words from the first one on as a length and that many bytes. */
+static bool socketcand_parse_data(const struct socketcand_words *words, size_t first,
+                                  struct bus_frame *frame)
 {
     uint32_t length, byte;
 
-    if (words->count <= first || !decimal(words->word[first], &length) ||
+    if (words->count <= first || !socketcand_parse_decimal(words->word[first], &length) ||
         length > sizeof frame->data || words->count != first + 1 + length) {
         return false;
     }
     frame->len = (uint8_t)length;
     for (size_t i = 0; i < length; i++) {
-        if (!hexadecimal(words->word[first + 1 + i], 2, &byte)) {
+        if (!socketcand_parse_hex(words->word[first + 1 + i], 2, &byte)) {
             return false;
         }
         frame->data[i] = (uint8_t)byte;
@@ -107,12 +111,13 @@ static bool parse_data(const struct words *words, size_t first, struct bus_frame
     return true;
 }
 
-static bool parse_fd(const struct words *words, struct bus_frame *frame)
+static bool socketcand_parse_fd(const struct socketcand_words *words, struct bus_frame *frame)
 {
     uint32_t flags;
 
     frame->flags |= FRAME_FD;
-    if (!hexadecimal(words->word[2], 2, &flags) || !parse_data(words, 3, frame)) {
+    if (!socketcand_parse_hex(words->word[2], 2, &flags) ||
+        !socketcand_parse_data(words, 3, frame)) {
         return false;
     }
     frame->flags |=
@@ -120,31 +125,32 @@ static bool parse_fd(const struct words *words, struct bus_frame *frame)
     return true;
 }
 
-static bool parse_remote(const struct words *words, struct bus_frame *frame)
+static bool socketcand_parse_remote(const struct socketcand_words *words, struct bus_frame *frame)
 {
     uint32_t length;
 
     frame->flags |= FRAME_REMOTE;
-    /* the requested length is not carried by a bus_frame */
-    return words->count == 3 && decimal(words->word[2], &length) && length <= 8;
+    /* The requested length is not carried by a bus_frame */
+    return words->count == 3 && socketcand_parse_decimal(words->word[2], &length) && length <= 8;
 }
 
-static enum socketcand_command parse_send(const struct words *words, struct bus_frame *frame)
+static enum socketcand_command socketcand_parse_send(const struct socketcand_words *words,
+                                                     struct bus_frame *frame)
 {
     const char *name = words->word[0];
     bool good;
 
-    if (words->count < 3 || !parse_id(words->word[1], frame)) {
+    if (words->count < 3 || !socketcand_parse_id(words->word[1], frame)) {
         return SOCKETCAND_MALFORMED;
     }
-    good = strcmp(name, "send") == 0     ? parse_data(words, 2, frame)
-           : strcmp(name, "fdsend") == 0 ? parse_fd(words, frame)
-                                         : parse_remote(words, frame);
+    good = strcmp(name, "send") == 0     ? socketcand_parse_data(words, 2, frame)
+           : strcmp(name, "fdsend") == 0 ? socketcand_parse_fd(words, frame)
+                                         : socketcand_parse_remote(words, frame);
     return good && frame_valid(frame) ? SOCKETCAND_SEND : SOCKETCAND_MALFORMED;
 }
 
-static enum socketcand_command parse_words(const struct words *words,
-                                           struct socketcand_request *request)
+static enum socketcand_command socketcand_parse_words(const struct socketcand_words *words,
+                                                      struct socketcand_request *request)
 {
     static const char *const other[] = {"add",       "update",      "delete",      "subscribe",
                                         "filter",    "unsubscribe", "muxfilter",   "isotpmode",
@@ -154,9 +160,12 @@ static enum socketcand_command parse_words(const struct words *words,
     if (words->count == 0) {
         return SOCKETCAND_UNKNOWN;
     }
+    /* Frames */
     if (strcmp(name, "send") == 0 || strcmp(name, "sendrtr") == 0 || strcmp(name, "fdsend") == 0) {
-        return parse_send(words, &request->frame);
+        return socketcand_parse_send(words, &request->frame);
     }
+
+    /* Commands of a connection */
     if (strcmp(name, "open") == 0) {
         if (words->count != 2) {
             return SOCKETCAND_MALFORMED;
@@ -173,7 +182,9 @@ static enum socketcand_command parse_words(const struct words *words,
     if (strcmp(name, "echo") == 0) {
         return words->count == 1 ? SOCKETCAND_ECHO : SOCKETCAND_MALFORMED;
     }
-    for (size_t i = 0; i < sizeof other / sizeof other[0]; i++) {
+
+    /* Commands of the protocol that are not offered */
+    for (size_t i = 0; i < ARRAY_COUNT(other); i++) {
         if (strcmp(name, other[i]) == 0) {
             return SOCKETCAND_OTHER;
         }
@@ -183,7 +194,7 @@ static enum socketcand_command parse_words(const struct words *words,
 
 void socketcand_parse(const char *text, size_t size, struct socketcand_request *request)
 {
-    struct words words;
+    struct socketcand_words words;
 
     memset(request, 0, sizeof *request);
     request->command = SOCKETCAND_UNKNOWN;
@@ -191,12 +202,12 @@ void socketcand_parse(const char *text, size_t size, struct socketcand_request *
         return;
     }
     request->command = SOCKETCAND_MALFORMED;
-    if (split(text + 1, size - 2, &words)) {
-        request->command = parse_words(&words, request);
+    if (socketcand_split_words(text + 1, size - 2, &words)) {
+        request->command = socketcand_parse_words(&words, request);
     }
 }
 
-static size_t put_data(const struct bus_frame *frame, char *text)
+static size_t socketcand_put_data(const struct bus_frame *frame, char *text)
 {
     size_t length = 0;
 
@@ -229,5 +240,5 @@ size_t socketcand_format(const struct bus_frame *frame, char text[SOCKETCAND_TEX
     } else {
         at = sprintf(text, "< frame %0*X %lld.%06lld ", digits, frame->id, s, us);
     }
-    return (size_t)at + put_data(frame, text + at);
+    return (size_t)at + socketcand_put_data(frame, text + at);
 }

@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The text of the socketcand protocol, version of its raw mode: what stands between < and >. Pure
- * functions; the server is canbus/gateway.h. Data, remote and FD frames go both ways:
+ * The text of the socketcand protocol in its raw mode: what stands between < and >. Pure functions;
+ * the server is canbus/gateway.h. RT-safe. Data, remote and FD frames go both ways:
  *
  *     < send ID LENGTH B B ... >         < frame ID SECONDS.MICROSECONDS BBBB... >
  *     < sendrtr ID LENGTH >              < rtr ID SECONDS.MICROSECONDS LENGTH >
  *     < fdsend ID FLAGS LENGTH B ... >   < fdframe ID FLAGS SECONDS.MICROSECONDS BBBB... >
  *
- * Identifiers are hexadecimal, of 8 digits when they have 29 bits, or larger than 7FF; FLAGS are those
- * of canfd_frame (1 = bit rate switch, 2 = error passive); LENGTH is decimal. The other commands are open BUS, rawmode, bcmmode and echo.
+ * Identifiers are hexadecimal, of 8 digits when they have 29 bits, or larger than 7FF; FLAGS are
+ * those of canfd_frame (1 = bit rate switch, 2 = error passive); LENGTH is decimal. The other
+ * commands are open BUS, rawmode, bcmmode and echo.
  */
 #ifndef CANBUS_SOCKETCAND_H
 #define CANBUS_SOCKETCAND_H
@@ -28,7 +29,7 @@ enum socketcand_command {
     SOCKETCAND_MALFORMED, /* a known command with wrong arguments */
 };
 
-/* The longest that is understood, < and > included: FD with 64 bytes. Longest sent: the same. */
+/* The longest command and the longest answer, < and > included: FD with 64 bytes. */
 enum { SOCKETCAND_TEXT_MAX = 288, SOCKETCAND_BUS_MAX = 16 };
 
 struct socketcand_request {
@@ -37,12 +38,12 @@ struct socketcand_request {
     struct bus_frame frame;           /* SOCKETCAND_SEND; valid, time_ns is 0 */
 };
 
-/* Understands size bytes of text from < to >. */
+/* Parses size bytes of text, from < to >. */
 void socketcand_parse(const char *text, size_t size, struct socketcand_request *request);
 
-/* Writes a frame as the server sends it, with a newline behind it, which clients skip: one widespread
- * client loses the first character of what it has received in part otherwise. Returns the length
- * without the terminating zero; 0 for error frames. Time is frame->time_ns. */
+/* Writes a frame as the server sends it, with a newline behind it, which clients skip: without it
+ * one widespread client loses the first character of what it has received in part. Returns the
+ * length without the terminating zero; 0 for error frames. Time is frame->time_ns. */
 size_t socketcand_format(const struct bus_frame *frame, char text[SOCKETCAND_TEXT_MAX]);
 
 #endif

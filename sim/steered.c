@@ -201,7 +201,7 @@ static enum steer_verdict keep(void *context, size_t slot)
 
     for (size_t b = 0; b < s->config.rig->nbus; b++) {
         if (s->bus_moment[slot][b] &&
-            !local_bus_keep(s->config.buses->bus[b], s->config.own, s->bus_moment[slot][b])) {
+            !local_bus_save(s->config.buses->bus[b], s->config.own, s->bus_moment[slot][b])) {
             return STEER_UNAVAILABLE;
         }
     }
@@ -216,7 +216,7 @@ static void back(void *context, size_t slot)
     checkpoint_back(s->checkpoint, slot);
     for (size_t b = 0; b < s->config.rig->nbus; b++) {
         if (s->bus_moment[slot][b]) {
-            local_bus_back(s->config.buses->bus[b], s->config.own, s->bus_moment[slot][b]);
+            local_bus_restore(s->config.buses->bus[b], s->config.own, s->bus_moment[slot][b]);
         }
     }
     injection_went_back(s->config.injection);
@@ -386,7 +386,7 @@ static bool create_bus_moments(struct steered *s, struct arena *arena)
         struct local_bus *bus = s->config.buses->bus[b];
 
         for (size_t slot = 0; bus && slot < STEERING_SLOTS; slot++) {
-            s->bus_moment[slot][b] = arena_alloc(arena, 1, local_bus_moment_size(bus));
+            s->bus_moment[slot][b] = arena_alloc(arena, 1, local_bus_save_size(bus));
             if (!s->bus_moment[slot][b]) {
                 return false;
             }

@@ -55,25 +55,6 @@ static enum error_code write_text(const struct dbc *dbc, struct memory_file *tex
     return memory_file_close(file, text, "the DBC file", error);
 }
 
-/* The text has to mean the same database again. */
-static enum error_code verify(const struct memory_file *text, struct arena *arena,
-                              struct error *error)
-{
-    struct memory_file again = {.text = NULL};
-    struct dbc *dbc;
-    enum error_code code = dbc_read("DBC", text->text, text->size, arena, &dbc, error);
-
-    if (!code) {
-        code = write_text(dbc, &again, error);
-    }
-    if (!code && (text->size != again.size || memcmp(text->text, again.text, again.size) != 0)) {
-        code = error_set(error, ERROR_UNSUPPORTED,
-                         "the DBC file does not read back as what was written");
-    }
-    free(again.text);
-    return code;
-}
-
 /* To standard output when path is NULL. */
 static enum error_code put_text(const struct memory_file *text, const char *path,
                                 struct error *error)
@@ -105,9 +86,6 @@ static enum error_code export_bus(const struct rig *rig, size_t bus, const char 
         return code;
     }
     code = write_text(dbc, &text, error);
-    if (!code) {
-        code = verify(&text, arena, error);
-    }
     if (!code) {
         code = put_text(&text, path, error);
     }

@@ -13,7 +13,7 @@ enum {
 
 /* ---- fields ---- */
 
-static inline unsigned dlc_of(const struct bus_frame *frame)
+static inline unsigned wire_dlc(const struct bus_frame *frame)
 {
     if (frame->len <= 8) {
         return frame->len;
@@ -22,19 +22,21 @@ static inline unsigned dlc_of(const struct bus_frame *frame)
 }
 
 /* SOF to DLC without stuff bits, right-aligned. */
-struct header {
+struct wire_header {
     uint64_t bits;
     unsigned count;
     unsigned arbitration; /* bits behind SOF that decide the arbitration */
 };
 
-static inline struct header header_of(const struct bus_frame *frame, bool extended, bool fd)
+static inline struct wire_header wire_make_header(const struct bus_frame *frame, bool extended,
+                                                  bool fd)
 {
     const uint64_t remote = frame->flags & FRAME_REMOTE ? 1 : 0;
-    struct header header;
+    struct wire_header header;
 
+    /* The arbitration field, with IDE in it or behind it */
     if (extended) {
-        /* base, SRR = 1, IDE = 1, the other 18 bits, RTR (RRS = 0) */
+        /* Base, SRR = 1, IDE = 1, the other 18 bits, RTR (RRS = 0) */
         header.bits = (uint64_t)(frame->id >> 18) << 21 | UINT64_C(3) << 19 |
                       (uint64_t)(frame->id & 0x3FFFF) << 1 | remote;
         header.arbitration = 32;
@@ -47,6 +49,8 @@ static inline struct header header_of(const struct bus_frame *frame, bool extend
         header.bits <<= 1; /* IDE = 0 */
         header.count += 1;
     }
+
+    /* The control field */
     if (fd) {
         /* FDF = 1, res = 0, BRS, ESI */
         header.bits = header.bits << 4 | 8u | (frame->flags & FRAME_BRS ? 2u : 0u) |
@@ -57,26 +61,26 @@ static inline struct header header_of(const struct bus_frame *frame, bool extend
         header.bits <<= extended ? 2 : 1;
         header.count += extended ? 2 : 1;
     }
-    header.bits = header.bits << 4 | dlc_of(frame);
+    header.bits = header.bits << 4 | wire_dlc(frame);
     header.count += 4;
     return header;
 }
 
-static unsigned data_bytes(const struct bus_frame *frame)
+static unsigned wire_data_bytes(const struct bus_frame *frame)
 {
     return frame->flags & FRAME_REMOTE ? 0 : frame->len;
 }
 
-/* stuff count and CRC of an FD frame */
-static unsigned fd_check_bits(uint8_t len)
+/* Stuff count and CRC of an FD frame */
+static unsigned wire_fd_check_bits(uint8_t len)
 {
     return 4 + (len <= CRC17_LAST ? 17 : 21);
 }
 
-/* with the fixed stuff bits: one before each four bits */
-static unsigned fd_check_field_bits(uint8_t len)
+/* With the fixed stuff bits: one before each four bits */
+static unsigned wire_fd_check_field_bits(uint8_t len)
 {
-    unsigned bits = fd_check_bits(len);
+    unsigned bits = wire_fd_check_bits(len);
 
     return bits + (bits + 3) / 4;
 }
@@ -94,17 +98,17 @@ uint32_t wire_priority(const struct bus_frame *frame)
 /* ---- counting ---- */
 
 /* A run of equal bits: the bit and how often it has stood, 1 to 4, as one of 8 states. */
-static unsigned run_state(unsigned bit, unsigned length)
+static unsigned wire_run_state(unsigned bit, unsigned length)
 {
     return bit * 4 + length - 1;
 }
 
-/* An entry of the table, where the next byte finds its own at (entry & ENTRY_STATE) | byte: bits 8-10
- * the next state, 11 whether the last stuff bit stands behind the last of the eight bits, 12 and up
- * how many there are. */
+/* An entry of the table, where the next byte finds its own at (entry & ENTRY_STATE) | byte: bits
+ * 8-10 the next state, 11 whether the last stuff bit stands behind the last of the eight bits, 12
+ * and up how many there are. */
 enum { ENTRY_STATE = 7 << 8, ENTRY_LAST = 1 << 11, ENTRY_STUFFED = 12 };
 
-static uint16_t stuff_entry(unsigned state, unsigned byte)
+static uint16_t wire_make_stuff_entry(unsigned state, unsigned byte)
 {
     unsigned bit = state / 4, length = state % 4 + 1, stuffed = 0, last = 0;
 
@@ -120,7 +124,7 @@ static uint16_t stuff_entry(unsigned state, unsigned byte)
             length = 1;
         }
     }
-    return (uint16_t)(run_state(bit, length) << 8 | (last ? ENTRY_LAST : 0) |
+    return (uint16_t)(wire_run_state(bit, length) << 8 | (last ? ENTRY_LAST : 0) |
                       stuffed << ENTRY_STUFFED);
 }
 
@@ -134,18 +138,18 @@ void wire_tables_make(struct wire_tables *tables)
         }
         tables->crc15[byte] = (uint16_t)(crc & 0x7FFF);
         for (unsigned state = 0; state < 8; state++) {
-            tables->stuff[state << 8 | byte] = stuff_entry(state, byte);
+            tables->stuff[state << 8 | byte] = wire_make_stuff_entry(state, byte);
         }
     }
 }
 
-struct counting {
+struct wire_counting {
     const struct wire_tables *tables;
     unsigned entry; /* of the last byte: its state and end */
     unsigned stuffed;
 };
 
-static inline void count_byte(struct counting *counting, unsigned byte)
+static inline void wire_count_byte(struct wire_counting *counting, unsigned byte)
 {
     counting->entry = counting->tables->stuff[(counting->entry & ENTRY_STATE) | byte];
     counting->stuffed += counting->entry >> ENTRY_STUFFED;
@@ -153,43 +157,47 @@ static inline void count_byte(struct counting *counting, unsigned byte)
 
 /* Counts right-aligned bits. They are filled up to whole bytes on the left with bits that alternate
  * and end with 1, before which nothing stands and after which SOF begins a run. */
-static inline struct counting count_header(const struct wire_tables *tables, uint64_t bits,
-                                           unsigned count)
+static inline struct wire_counting wire_count_header(const struct wire_tables *tables,
+                                                     uint64_t bits, unsigned count)
 {
     const unsigned whole = (count + 7) / 8 * 8;
-    struct counting counting = {tables, run_state(0, 1) << 8, 0};
+    struct wire_counting counting = {tables, wire_run_state(0, 1) << 8, 0};
 
     if (whole > count) {
         unsigned fill = whole - count;
 
         bits |= (uint64_t)(0x55u & ((1u << fill) - 1)) << count;
-        /* the run before the first bit is of the other value */
-        counting.entry = run_state(fill % 2 ? 0 : 1, 1) << 8;
+        /* The run before the first bit is of the other value */
+        counting.entry = wire_run_state(fill % 2 ? 0 : 1, 1) << 8;
     }
     for (unsigned shift = whole; shift > 0; shift -= 8) {
-        count_byte(&counting, bits >> (shift - 8) & 0xFF);
+        wire_count_byte(&counting, bits >> (shift - 8) & 0xFF);
     }
     return counting;
 }
 
-static unsigned crc15_byte(const struct wire_tables *tables, unsigned crc, unsigned byte)
+static unsigned wire_crc15_byte(const struct wire_tables *tables, unsigned crc, unsigned byte)
 {
     return (crc << 8 ^ tables->crc15[(crc >> 7 ^ byte) & 0xFF]) & 0x7FFF;
 }
 
 /* The inner loop of wire mode: inlined for each format, so that the loops over the header's bytes
  * have a known end, and everything stays in registers. */
-static inline __attribute__((always_inline)) struct wire_length
-classic_length(const struct wire_tables *tables, const struct bus_frame *frame, bool extended)
+static inline struct wire_length wire_classic_length(const struct wire_tables *tables,
+                                                     const struct bus_frame *frame, bool extended)
+    __attribute__((always_inline));
+
+static inline struct wire_length wire_classic_length(const struct wire_tables *tables,
+                                                     const struct bus_frame *frame, bool extended)
 {
-    const struct header header = header_of(frame, extended, false);
-    const unsigned bytes = data_bytes(frame);
-    const struct counting counted = count_header(tables, header.bits, header.count);
+    const struct wire_header header = wire_make_header(frame, extended, false);
+    const unsigned bytes = wire_data_bytes(frame);
+    const struct wire_counting counted = wire_count_header(tables, header.bits, header.count);
     unsigned crc = 0, entry = counted.entry, stuffed = counted.stuffed;
 
-    /* leading zeros do not change this CRC */
+    /* Leading zeros do not change this CRC */
     for (unsigned shift = (header.count + 7) / 8 * 8; shift > 0; shift -= 8) {
-        crc = crc15_byte(tables, crc, header.bits >> (shift - 8) & 0xFF);
+        crc = wire_crc15_byte(tables, crc, header.bits >> (shift - 8) & 0xFF);
     }
     for (unsigned i = 0; i < bytes; i++) {
         const unsigned byte = frame->data[i];
@@ -199,7 +207,7 @@ classic_length(const struct wire_tables *tables, const struct bus_frame *frame, 
         stuffed += entry >> ENTRY_STUFFED;
     }
     crc &= 0x7FFF;
-    /* the 16th bit is the opposite of the CRC's last: it completes no run */
+    /* The 16th bit is the opposite of the CRC's last: it completes no run */
     crc = crc << 1 | (~crc & 1);
     entry = tables->stuff[(entry & ENTRY_STATE) | crc >> 8];
     stuffed += entry >> ENTRY_STUFFED;
@@ -210,29 +218,30 @@ classic_length(const struct wire_tables *tables, const struct bus_frame *frame, 
 }
 
 /* ESI, DLC, data, stuff count, CRC and its delimiter */
-static unsigned fd_fast_bits(uint8_t len)
+static unsigned wire_fd_fast_bits(uint8_t len)
 {
-    return 5 + 8u * len + fd_check_field_bits(len) + 1;
+    return 5 + 8u * len + wire_fd_check_field_bits(len) + 1;
 }
 
-static struct wire_length fd_length(const struct wire_tables *tables, const struct bus_frame *frame)
+static struct wire_length wire_fd_length(const struct wire_tables *tables,
+                                         const struct bus_frame *frame)
 {
-    const struct header header =
-        header_of(frame, frame->flags & FRAME_EXTENDED, frame->flags & FRAME_FD);
-    const unsigned slow = header.count - 5 + TRAILER_BITS - 1, fast = fd_fast_bits(frame->len);
-    struct counting counting = count_header(tables, header.bits, header.count);
+    const struct wire_header header =
+        wire_make_header(frame, frame->flags & FRAME_EXTENDED, frame->flags & FRAME_FD);
+    const unsigned slow = header.count - 5 + TRAILER_BITS - 1, fast = wire_fd_fast_bits(frame->len);
+    struct wire_counting counting = wire_count_header(tables, header.bits, header.count);
     unsigned early;
 
     for (unsigned i = 0; i < frame->len; i++) {
-        count_byte(&counting, frame->data[i]);
+        wire_count_byte(&counting, frame->data[i]);
     }
-    /* behind the last bit stands the first fixed stuff bit, and no other */
+    /* Behind the last bit stands the first fixed stuff bit, and no other */
     counting.stuffed -= counting.entry & ENTRY_LAST ? 1 : 0;
     if (!(frame->flags & FRAME_BRS)) {
         return (struct wire_length){.nominal = (uint16_t)(slow + fast + counting.stuffed)};
     }
     /* SOF to BRS; BRS is the first bit of its value, no stuff bit follows it */
-    early = count_header(tables, header.bits >> 5, header.count - 5).stuffed;
+    early = wire_count_header(tables, header.bits >> 5, header.count - 5).stuffed;
     return (struct wire_length){
         .nominal = (uint16_t)(slow + early),
         .data = (uint16_t)(fast + counting.stuffed - early),
@@ -243,17 +252,18 @@ struct wire_length wire_frame_length(const struct wire_tables *tables,
                                      const struct bus_frame *frame)
 {
     if (frame->flags & FRAME_FD) {
-        return fd_length(tables, frame);
+        return wire_fd_length(tables, frame);
     }
-    return frame->flags & FRAME_EXTENDED ? classic_length(tables, frame, true)
-                                         : classic_length(tables, frame, false);
+    return frame->flags & FRAME_EXTENDED ? wire_classic_length(tables, frame, true)
+                                         : wire_classic_length(tables, frame, false);
 }
 
 struct wire_length wire_worst_length(uint8_t flags, uint8_t len)
 {
     const struct bus_frame frame = {.flags = flags, .len = len};
-    const struct header header = header_of(&frame, flags & FRAME_EXTENDED, flags & FRAME_FD);
-    const unsigned bytes = data_bytes(&frame);
+    const struct wire_header header =
+        wire_make_header(&frame, flags & FRAME_EXTENDED, flags & FRAME_FD);
+    const unsigned bytes = wire_data_bytes(&frame);
     unsigned bits, stuffed, early, slow;
 
     if (!(flags & FRAME_FD)) {
@@ -264,53 +274,53 @@ struct wire_length wire_worst_length(uint8_t flags, uint8_t len)
     early = (header.count - 5 - 1) / 4;
     slow = header.count - 5 + TRAILER_BITS - 1 + 1; /* the receiver's delay */
     if (!(flags & FRAME_BRS)) {
-        return (struct wire_length){.nominal = (uint16_t)(slow + fd_fast_bits(len) + stuffed)};
+        return (struct wire_length){.nominal = (uint16_t)(slow + wire_fd_fast_bits(len) + stuffed)};
     }
     return (struct wire_length){
         .nominal = (uint16_t)(slow + early),
-        .data = (uint16_t)(fd_fast_bits(len) + stuffed - early),
+        .data = (uint16_t)(wire_fd_fast_bits(len) + stuffed - early),
     };
 }
 
-static int64_t bits_ns(int64_t bits, int64_t bitrate)
+static int64_t wire_rounded_ns(int64_t bits, int64_t bitrate)
 {
     return (bits * 1000000000 + bitrate / 2) / bitrate;
 }
 
 int64_t wire_length_ns(struct wire_length length, int64_t bitrate, int64_t data_bitrate)
 {
-    return bits_ns(length.nominal, bitrate) +
-           (length.data ? bits_ns(length.data, data_bitrate) : 0);
+    return wire_rounded_ns(length.nominal, bitrate) +
+           (length.data ? wire_rounded_ns(length.data, data_bitrate) : 0);
 }
 
 /* ---- writing ---- */
 
 /* Appends a bit and, in the stuffed part of the frame, the stuff bit that becomes due. */
-struct writing {
+struct wire_writing {
     struct wire_bits *bits;
     unsigned run;     /* equal bits at the end */
     unsigned stuffed; /* so far */
 };
 
-static void put_plain(struct writing *writing, unsigned bit)
+static void wire_put_bit(struct wire_writing *writing, unsigned bit)
 {
     writing->bits->bit[writing->bits->count++] = (uint8_t)bit;
 }
 
-static void put_stuffed(struct writing *writing, unsigned bit)
+static void wire_put_stuffed_bit(struct wire_writing *writing, unsigned bit)
 {
     struct wire_bits *bits = writing->bits;
 
     if (writing->run == STUFF_AFTER) {
-        put_plain(writing, !bits->bit[bits->count - 1]);
+        wire_put_bit(writing, !bits->bit[bits->count - 1]);
         writing->run = 1;
         writing->stuffed++;
     }
     writing->run = bits->count && bits->bit[bits->count - 1] == bit ? writing->run + 1 : 1;
-    put_plain(writing, bit);
+    wire_put_bit(writing, bit);
 }
 
-static uint32_t crc_bit(uint32_t crc, unsigned bit, unsigned width, uint32_t polynomial)
+static uint32_t wire_crc_bit(uint32_t crc, unsigned bit, unsigned width, uint32_t polynomial)
 {
     const uint32_t top = crc >> (width - 1) & 1;
 
@@ -318,33 +328,33 @@ static uint32_t crc_bit(uint32_t crc, unsigned bit, unsigned width, uint32_t pol
     return top ^ bit ? crc ^ polynomial : crc;
 }
 
-/* of the bits before stuffing */
-static uint32_t crc15_of(const struct header *header, const struct bus_frame *frame)
+/* Of the bits before stuffing */
+static uint32_t wire_frame_crc15(const struct wire_header *header, const struct bus_frame *frame)
 {
     uint32_t crc = 0;
 
     for (unsigned i = header->count; i-- > 0;) {
-        crc = crc_bit(crc, header->bits >> i & 1, 15, CRC15_POLYNOMIAL);
+        crc = wire_crc_bit(crc, header->bits >> i & 1, 15, CRC15_POLYNOMIAL);
     }
-    for (unsigned i = 0; i < 8 * data_bytes(frame); i++) {
-        crc = crc_bit(crc, frame->data[i / 8] >> (7 - i % 8) & 1, 15, CRC15_POLYNOMIAL);
+    for (unsigned i = 0; i < 8 * wire_data_bytes(frame); i++) {
+        crc = wire_crc_bit(crc, frame->data[i / 8] >> (7 - i % 8) & 1, 15, CRC15_POLYNOMIAL);
     }
     return crc;
 }
 
-static void put_crc15(struct writing *writing, uint32_t crc)
+static void wire_put_crc15(struct wire_writing *writing, uint32_t crc)
 {
     for (int i = 14; i >= 0; i--) {
-        put_stuffed(writing, crc >> i & 1);
+        wire_put_stuffed_bit(writing, crc >> i & 1);
     }
     if (writing->run == STUFF_AFTER) {
-        put_plain(writing, !writing->bits->bit[writing->bits->count - 1]);
+        wire_put_bit(writing, !writing->bits->bit[writing->bits->count - 1]);
     }
 }
 
 /* Stuff count modulo 8 as a Gray code with even parity, then the CRC over all bits so far, stuff
  * bits included, and over the stuff count; a fixed stuff bit before each four bits. */
-static void put_fd_check(struct writing *writing, uint8_t len)
+static void wire_put_fd_check(struct wire_writing *writing, uint8_t len)
 {
     const bool crc17 = len <= CRC17_LAST;
     const unsigned width = crc17 ? 17 : 21, modulo = writing->stuffed & 7;
@@ -356,31 +366,32 @@ static void put_fd_check(struct writing *writing, uint8_t len)
     uint64_t check;
 
     for (size_t i = 0; i < bits->count; i++) {
-        crc = crc_bit(crc, bits->bit[i], width, polynomial);
+        crc = wire_crc_bit(crc, bits->bit[i], width, polynomial);
     }
     for (int i = 3; i >= 0; i--) {
-        crc = crc_bit(crc, count >> i & 1, width, polynomial);
+        crc = wire_crc_bit(crc, count >> i & 1, width, polynomial);
     }
     check = (uint64_t)count << width | crc;
     for (unsigned i = 0; i < width + 4; i++) {
         if (i % 4 == 0) {
-            put_plain(writing, !bits->bit[bits->count - 1]);
+            wire_put_bit(writing, !bits->bit[bits->count - 1]);
         }
-        put_plain(writing, check >> (width + 3 - i) & 1);
+        wire_put_bit(writing, check >> (width + 3 - i) & 1);
     }
 }
 
 void wire_frame_encode(const struct bus_frame *frame, struct wire_bits *bits)
 {
-    const struct header header =
-        header_of(frame, frame->flags & FRAME_EXTENDED, frame->flags & FRAME_FD);
+    const struct wire_header header =
+        wire_make_header(frame, frame->flags & FRAME_EXTENDED, frame->flags & FRAME_FD);
     const bool fd = frame->flags & FRAME_FD;
-    struct writing writing = {bits, 0, 0};
+    struct wire_writing writing = {bits, 0, 0};
 
+    /* SOF to DLC; the arbitration field ends with RTR, and the data rate begins behind BRS */
     bits->count = 0;
     bits->fast = 0;
     for (unsigned i = header.count; i-- > 0;) {
-        put_stuffed(&writing, header.bits >> i & 1);
+        wire_put_stuffed_bit(&writing, header.bits >> i & 1);
         if (header.count - i == 1 + header.arbitration) {
             bits->control = bits->count;
         }
@@ -388,14 +399,18 @@ void wire_frame_encode(const struct bus_frame *frame, struct wire_bits *bits)
             bits->fast = bits->count;
         }
     }
-    for (unsigned i = 0; i < 8 * data_bytes(frame); i++) {
-        put_stuffed(&writing, frame->data[i / 8] >> (7 - i % 8) & 1);
+
+    /* Data and check field */
+    for (unsigned i = 0; i < 8 * wire_data_bytes(frame); i++) {
+        wire_put_stuffed_bit(&writing, frame->data[i / 8] >> (7 - i % 8) & 1);
     }
     if (fd) {
-        put_fd_check(&writing, frame->len);
+        wire_put_fd_check(&writing, frame->len);
     } else {
-        put_crc15(&writing, crc15_of(&header, frame));
+        wire_put_crc15(&writing, wire_frame_crc15(&header, frame));
     }
+
+    /* CRC delimiter, ACK field and EOF: recessive, without stuff bits */
     bits->crc_end = bits->count;
     bits->slow = bits->count + 1;
     if (!(frame->flags & FRAME_BRS)) {
@@ -403,6 +418,6 @@ void wire_frame_encode(const struct bus_frame *frame, struct wire_bits *bits)
     }
     bits->ack = bits->count + 1;
     for (int i = 0; i < TRAILER_BITS; i++) {
-        put_plain(&writing, 1);
+        wire_put_bit(&writing, 1);
     }
 }

@@ -3,7 +3,7 @@
  * plugs and bit rates. */
 #include "canbus/wire/private.h"
 
-static enum wire_state state_of(const struct wire_node *node)
+static enum wire_state wire_node_state(const struct wire_node *node)
 {
     if (node->stats.tec >= WIRE_BUS_OFF_FROM) {
         return WIRE_BUS_OFF;
@@ -16,7 +16,7 @@ static enum wire_state state_of(const struct wire_node *node)
                : WIRE_ERROR_ACTIVE;
 }
 
-static void enter_bus_off(struct wire *wire, size_t index, int64_t time_ns)
+static void wire_enter_bus_off(struct wire *wire, size_t index, int64_t time_ns)
 {
     struct wire_node *node = &wire->node[index];
 
@@ -39,9 +39,9 @@ void wire_count_errors(struct wire *wire, size_t index, int64_t time_ns, int tec
     struct wire_node_stats *stats = &node->stats;
     enum wire_state before = stats->state;
 
+    /* The counters: a received frame brings a passive receiver back to the limit at once */
     stats->tec = tec < 0 && !stats->tec ? 0 : (unsigned)((int)stats->tec + tec);
     if (rec < 0) {
-        /* a received frame brings a passive receiver back to the limit at once */
         stats->rec =
             stats->rec >= WIRE_PASSIVE_FROM ? WIRE_PASSIVE_FROM - 1 : stats->rec - (stats->rec > 0);
     } else {
@@ -50,14 +50,18 @@ void wire_count_errors(struct wire *wire, size_t index, int64_t time_ns, int tec
     }
     stats->tec_peak = stats->tec > stats->tec_peak ? stats->tec : stats->tec_peak;
     stats->rec_peak = stats->rec > stats->rec_peak ? stats->rec : stats->rec_peak;
+
+    /* The state that follows from them */
     wire->counting &= ~WIRE_BIT(index);
     wire->counting |= stats->tec || stats->rec ? WIRE_BIT(index) : 0;
-    stats->state = state_of(node);
+    stats->state = wire_node_state(node);
     if (stats->state == before) {
         return;
     }
+
+    /* What a change of it entails */
     if (stats->state == WIRE_BUS_OFF) {
-        enter_bus_off(wire, index, time_ns);
+        wire_enter_bus_off(wire, index, time_ns);
     }
     wire_notify(wire, &(struct wire_event){.kind = WIRE_STATUS,
                                            .time_ns = time_ns,
@@ -95,7 +99,7 @@ void wire_connect(struct wire *wire, size_t node, bool connected)
 {
     if (connected && wire->unplugged & WIRE_BIT(node)) {
         wire->unplugged &= ~WIRE_BIT(node);
-        /* it joins in after eleven recessive bits, which at the very beginning everybody has
+        /* It joins in after eleven recessive bits, which at the very beginning everybody has
          * seen */
         wire->node[node].hold_ns =
             wire->now_ns > 0 ? wire->now_ns + wire_bits_ns(wire, WIRE_RUN_BITS) : 0;
@@ -114,7 +118,6 @@ void wire_set_bitrate(struct wire *wire, size_t node, int64_t bitrate)
     wire->mismatched |= other ? WIRE_BIT(node) : 0;
 }
 
-/* When the recovery of a node in bus-off would be complete if the bus stayed idle. */
 int64_t wire_recovery_end(const struct wire *wire, const struct wire_node *node)
 {
     int64_t from = node->recovery_ns > wire->recessive_ns ? node->recovery_ns : wire->recessive_ns;
@@ -125,7 +128,6 @@ int64_t wire_recovery_end(const struct wire *wire, const struct wire_node *node)
     return from + wire_bits_ns(wire, (int64_t)(WIRE_RECOVERY_RUNS - node->runs) * WIRE_RUN_BITS);
 }
 
-/* A frame starts: what nodes in bus-off have seen of recessive bits before it. */
 void wire_count_runs(struct wire *wire, int64_t start_ns)
 {
     const int64_t run_ns = wire_bits_ns(wire, WIRE_RUN_BITS);

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the parts of the wire share: its state, and the seams between normal and disturbed
- * frames. */
+/* Private to canbus/wire: the state of the wire, and what its parts call of each other. All
+ * RT-safe. */
 #ifndef CANBUS_WIRE_PRIVATE_H
 #define CANBUS_WIRE_PRIVATE_H
 
 #include "base/random.h"
-#include "canbus/wire/wire.h"
 #include "canbus/wire/bits.h"
+#include "canbus/wire/wire.h"
 
 enum {
     WIRE_PASSIVE_FROM = 128, /* TEC or REC */
@@ -90,7 +90,7 @@ struct wire {
     int64_t intermission_ns, delimiter_ns;
     struct wire_node *node; /* config.nodes, and one more: the foreign node of collisions */
 
-    /* a bit for each node */
+    /* A bit for each node */
     uint64_t all;     /* without the foreign node */
     uint64_t pending; /* has frames waiting */
     uint64_t off;     /* bus-off */
@@ -144,7 +144,7 @@ static inline struct wire_slot *wire_flying(const struct wire *wire, size_t node
     return &wire->node[node].slot[wire->node[node].flying];
 }
 
-/* wire_queue.c */
+/* queue.c */
 void wire_queue_push(const struct wire *wire, struct wire_node *node, uint16_t slot);
 uint16_t wire_queue_pop(const struct wire *wire, struct wire_node *node);
 void wire_count_drop(struct wire *wire, size_t node, enum wire_drop drop);
@@ -156,22 +156,62 @@ static inline void wire_slot_free(struct wire *wire, struct wire_node *node, uin
     wire->stats.queued--;
 }
 
+/* wire.c */
 void wire_notify(const struct wire *wire, const struct wire_event *event);
 
-/* wire_nodes.c. Changes the error counters and what follows from them; bus-off empties the queue. */
+/* nodes.c. Changes the error counters and the state that follows from them; bus-off empties the
+ * queue. */
 void wire_count_errors(struct wire *wire, size_t node, int64_t time_ns, int tec, int rec);
 
-/* Out of bus-off; when that will be if the bus stays idle; and what nodes in bus-off have seen of
- * recessive bits when a frame starts. */
+/* Ends bus-off; when that will be if the bus stays idle; counts the recessive bits that nodes in
+ * bus-off have seen when a frame starts. */
 void wire_recover(struct wire *wire, size_t index, int64_t time_ns);
 int64_t wire_recovery_end(const struct wire *wire, const struct wire_node *node);
 void wire_count_runs(struct wire *wire, int64_t start_ns);
 
-/* wire_errors.c: what faults, collisions and missing receivers make of the frame that starts. */
+/* errors.c. Decides how a frame ends that may meet faults, collisions or no receiver, when it
+ * starts; counts the errors of one that has ended so. */
 void wire_disturb(struct wire *wire);
 void wire_finish_error(struct wire *wire);
 
-/* wire_stats.c */
+/* detection.c. An error that ends the frame, as the first node detects it. */
+struct wire_detection {
+    int64_t after_ns;   /* from SOF to the first bit of the error flag */
+    unsigned flag_bits; /* of all nodes together */
+    enum wire_error error;
+    uint64_t first; /* receivers that find it before the sender does */
+    bool unacknowledged;
+};
+
+/* Keeps the earlier of two. */
+void wire_keep_earliest(struct wire_detection *kept, const struct wire_detection *other);
+
+/* Duration of the first n bits. */
+int64_t wire_time_of_bits(const struct wire *wire, const struct wire_bits *bits, size_t n);
+bool wire_any_error_active(const struct wire *wire, uint64_t nodes);
+
+/* The sender reads `seen` at a bit where it sends the other value. */
+struct wire_detection wire_detect_by_sender(const struct wire *wire, size_t at, unsigned seen);
+struct wire_detection wire_detect_missing_ack(const struct wire *wire);
+
+/* A receiver detects at a bit that it has read one wrong: an error active one ends the frame, a
+ * passive one only misses it. */
+void wire_misread_by_receiver(struct wire *wire, size_t receiver, size_t at,
+                              struct wire_detection *kept);
+
+/* The bit at which a receiver detects that it has read bit `wrong` wrong, or that its bit rate is
+ * another; bits of the bus until receivers detect a sender of another bit rate. */
+size_t wire_misread_detected_at(struct wire_bits *bits, size_t wrong);
+size_t wire_mismatch_detected_at(const struct wire *wire, const struct wire_bits *bits,
+                                 int64_t bitrate);
+int64_t wire_foreign_rate_detected_after(const struct wire *wire, const struct wire_bits *bits,
+                                         int64_t bitrate);
+
+/* faults.c. Adds the foreign sender of a collision; does what the other faults do to the frame. */
+void wire_apply_collisions(struct wire *wire);
+void wire_apply_faults(struct wire *wire, struct wire_detection *kept);
+
+/* stats.c */
 void wire_load_add(struct wire_load *load, int64_t window_ns, int64_t from_ns, int64_t to_ns);
 void wire_latency_add(struct wire *wire, const struct bus_frame *frame, int64_t latency_ns);
 

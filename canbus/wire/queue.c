@@ -2,8 +2,8 @@
 /* The transmit queues of the nodes: binary heaps of slots. */
 #include "canbus/wire/private.h"
 
-static bool goes_before(const struct wire *wire, const struct wire_slot *a,
-                        const struct wire_slot *b)
+static bool wire_slot_goes_before(const struct wire *wire, const struct wire_slot *a,
+                                  const struct wire_slot *b)
 {
     if (wire->config.order == WIRE_PRIORITY && a->priority != b->priority) {
         return a->priority < b->priority;
@@ -18,7 +18,7 @@ void wire_queue_push(const struct wire *wire, struct wire_node *node, uint16_t s
     while (at > 0) {
         size_t parent = (at - 1) / 2;
 
-        if (!goes_before(wire, &node->slot[slot], &node->slot[node->heap[parent]])) {
+        if (!wire_slot_goes_before(wire, &node->slot[slot], &node->slot[node->heap[parent]])) {
             break;
         }
         node->heap[at] = node->heap[parent];
@@ -34,10 +34,11 @@ uint16_t wire_queue_pop(const struct wire *wire, struct wire_node *node)
 
     while ((child = 2 * at + 1) < node->waiting) {
         if (child + 1 < node->waiting &&
-            goes_before(wire, &node->slot[node->heap[child + 1]], &node->slot[node->heap[child]])) {
+            wire_slot_goes_before(wire, &node->slot[node->heap[child + 1]],
+                                  &node->slot[node->heap[child]])) {
             child++;
         }
-        if (!goes_before(wire, &node->slot[node->heap[child]], &node->slot[moved])) {
+        if (!wire_slot_goes_before(wire, &node->slot[node->heap[child]], &node->slot[moved])) {
             break;
         }
         node->heap[at] = node->heap[child];
@@ -53,7 +54,7 @@ void wire_count_drop(struct wire *wire, size_t node, enum wire_drop drop)
     wire->stats.dropped[drop]++;
 }
 
-static void count_queued(struct wire *wire, struct wire_node *node)
+static void wire_count_queued(struct wire *wire, struct wire_node *node)
 {
     node->stats.queued++;
     wire->stats.queued++;
@@ -91,7 +92,7 @@ bool wire_transmit(struct wire *wire, size_t index, const struct bus_frame *fram
     slot->priority = wire_priority(frame);
     slot->order = node->order++;
     wire_queue_push(wire, node, free_slot);
-    count_queued(wire, node);
+    wire_count_queued(wire, node);
     wire->pending |= WIRE_BIT(index);
     return true;
 }

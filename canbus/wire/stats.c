@@ -38,7 +38,7 @@ const char *wire_drop_name(enum wire_drop drop)
 
 /* ---- load ---- */
 
-static void close_windows(struct wire_load *load, int64_t window_ns, int64_t time_ns)
+static void wire_close_windows(struct wire_load *load, int64_t window_ns, int64_t time_ns)
 {
     int64_t skipped;
 
@@ -59,23 +59,23 @@ static void close_windows(struct wire_load *load, int64_t window_ns, int64_t tim
 /* Something is on the wire from from_ns, not before what was added last, to to_ns. */
 void wire_load_add(struct wire_load *load, int64_t window_ns, int64_t from_ns, int64_t to_ns)
 {
-    close_windows(load, window_ns, from_ns);
+    wire_close_windows(load, window_ns, from_ns);
     while (to_ns > load->window_begin_ns + window_ns) {
         int64_t border = load->window_begin_ns + window_ns;
 
         load->window_busy_ns += border - from_ns;
         from_ns = border;
-        close_windows(load, window_ns, border);
+        wire_close_windows(load, window_ns, border);
     }
     load->window_busy_ns += to_ns - from_ns;
 }
 
 /* ---- latency ---- */
 
-static struct wire_latency *latency_of(struct wire *wire, const struct bus_frame *frame)
+static struct wire_latency *wire_latency_of(struct wire *wire, const struct bus_frame *frame)
 {
     const bool extended = frame->flags & FRAME_EXTENDED;
-    /* every standard identifier finds its own slot at once */
+    /* Every standard identifier finds its own slot at once */
     size_t at = extended ? (frame->id * UINT32_C(2654435761)) >> 21 : frame->id;
 
     for (;; at = (at + 1) % WIRE_ID_SLOTS) {
@@ -99,7 +99,7 @@ static struct wire_latency *latency_of(struct wire *wire, const struct bus_frame
 
 void wire_latency_add(struct wire *wire, const struct bus_frame *frame, int64_t latency_ns)
 {
-    struct wire_latency *entry = latency_of(wire, frame);
+    struct wire_latency *entry = wire_latency_of(wire, frame);
 
     entry->min_ns = !entry->count || latency_ns < entry->min_ns ? latency_ns : entry->min_ns;
     entry->max_ns = latency_ns > entry->max_ns ? latency_ns : entry->max_ns;
@@ -152,7 +152,7 @@ void wire_stats(const struct wire *wire, struct wire_stats *stats)
     } else if (begin > wire->now_ns) {
         excess = begin - wire->now_ns; /* of the intermission */
     } else {
-        close_windows(&load, wire->config.window_ns, wire->now_ns);
+        wire_close_windows(&load, wire->config.window_ns, wire->now_ns);
     }
     stats->busy_ns -= excess;
     stats->load_mean = wire->now_ns > 0 ? (double)stats->busy_ns / (double)wire->now_ns : 0.0;

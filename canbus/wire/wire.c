@@ -1,95 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Time, arbitration, and frames that go well. */
+/* The course of time on the wire: arbitration, frames that go well, and what happens beside
+ * them. */
 #include "canbus/wire/private.h"
 
 #include <string.h>
-
-enum { QUEUE_MAX = 4096, FOREIGN_QUEUE = 1 };
-
-#define WINDOW_DEFAULT_NS 100000000
-
-/* ---- creation ---- */
-
-static enum error_code check_config(const struct wire_config *config, struct error *error)
-{
-    if (config->nodes < 1 || config->nodes > WIRE_NODES_MAX) {
-        return error_set(error, ERROR_INPUT, "found %zu nodes on a wire, expected 1 to %d",
-                         config->nodes, WIRE_NODES_MAX);
-    }
-    if (config->queue < 1 || config->queue > QUEUE_MAX) {
-        return error_set(error, ERROR_INPUT,
-                         "found a transmit queue of %zu frames, expected 1 to %d", config->queue,
-                         QUEUE_MAX);
-    }
-    if (config->bitrate < 1000 || config->bitrate > 1000000) {
-        return error_set(error, ERROR_INPUT, "found a bit rate of %lld bit/s, expected 1000 to 1e6",
-                         (long long)config->bitrate);
-    }
-    if (config->data_bitrate &&
-        (config->data_bitrate < config->bitrate || config->data_bitrate > 20000000)) {
-        return error_set(error, ERROR_INPUT,
-                         "found a data bit rate of %lld bit/s, expected the nominal %lld to 20e6",
-                         (long long)config->data_bitrate, (long long)config->bitrate);
-    }
-    if (config->window_ns < 0) {
-        return error_set(error, ERROR_INPUT, "found a negative window of the load");
-    }
-    return ERROR_NONE;
-}
-
-static bool create_node(struct wire_node *node, size_t queue, struct arena *arena)
-{
-    node->slot = arena_alloc(arena, queue, sizeof *node->slot);
-    node->heap = arena_alloc(arena, queue, sizeof *node->heap);
-    node->spare = arena_alloc(arena, queue, sizeof *node->spare);
-    if (!node->slot || !node->heap || !node->spare) {
-        return false;
-    }
-    while (node->nspare < queue) {
-        node->spare[node->nspare] = (uint16_t)(queue - 1 - node->nspare);
-        node->nspare++;
-    }
-    return true;
-}
-
-enum error_code wire_create(const struct wire_config *config, struct arena *arena,
-                            struct wire **out, struct error *error)
-{
-    struct wire *wire;
-    enum error_code code = check_config(config, error);
-    bool good;
-
-    if (code) {
-        return code;
-    }
-    wire = arena_alloc(arena, 1, sizeof *wire);
-    good = wire && (wire->node = arena_alloc(arena, config->nodes + 1, sizeof *wire->node));
-    for (size_t i = 0; good && i <= config->nodes; i++) {
-        good =
-            create_node(&wire->node[i], i < config->nodes ? config->queue : FOREIGN_QUEUE, arena);
-    }
-    if (!good) {
-        return error_set(error, ERROR_MEMORY, "no memory for a wire of %zu nodes", config->nodes);
-    }
-    wire->config = *config;
-    if (!config->data_bitrate) {
-        wire->config.data_bitrate = config->bitrate;
-    }
-    if (!config->window_ns) {
-        wire->config.window_ns = WINDOW_DEFAULT_NS;
-    }
-    if (!config->events) {
-        wire->config.events = UINT32_MAX;
-    }
-    wire_tables_make(&wire->tables);
-    wire->all = WIRE_BIT(config->nodes) - 1;
-    wire->intermission_ns = wire_bits_ns(wire, WIRE_INTERMISSION_BITS);
-    wire->delimiter_ns = wire_bits_ns(wire, WIRE_DELIMITER_BITS);
-    wire->random = random_named(config->seed, "wire");
-    wire->size = (size_t)(arena->memory + arena->used - (unsigned char *)wire);
-    *out = wire;
-    return ERROR_NONE;
-}
 
 void *wire_memory(struct wire *wire, size_t *size)
 {
@@ -111,7 +25,8 @@ void wire_notify(const struct wire *wire, const struct wire_event *event)
 
 /* ---- arbitration ---- */
 
-static inline int64_t may_start(const struct wire *wire, size_t index)
+/* The earliest time at which a node with waiting frames may start one. */
+static inline int64_t wire_node_may_start(const struct wire *wire, size_t index)
 {
     const struct wire_node *node = &wire->node[index];
     int64_t at = node->slot[node->heap[0]].ready_ns;
@@ -120,16 +35,16 @@ static inline int64_t may_start(const struct wire *wire, size_t index)
     return node->hold_ns > at ? node->hold_ns : at;
 }
 
-/* Who starts next. */
-struct contest {
+/* Which nodes start next. */
+struct wire_arbitration {
     int64_t at_ns;   /* WIRE_NEVER: nobody */
     uint64_t winner; /* those with the frame of the lowest priority number */
     uint64_t loser;  /* the others that start at that time */
 };
 
-static inline struct contest next_contest(const struct wire *wire)
+static inline struct wire_arbitration wire_next_arbitration(const struct wire *wire)
 {
-    struct contest next = {.at_ns = WIRE_NEVER};
+    struct wire_arbitration next = {.at_ns = WIRE_NEVER};
     uint32_t lowest = UINT32_MAX;
     size_t index;
 
@@ -137,11 +52,11 @@ static inline struct contest next_contest(const struct wire *wire)
     {
         const struct wire_node *node = &wire->node[index];
         const uint32_t priority = node->slot[node->heap[0]].priority;
-        const int64_t at = may_start(wire, index);
+        const int64_t at = wire_node_may_start(wire, index);
         const uint64_t bit = WIRE_BIT(index);
 
         if (at < next.at_ns) {
-            next = (struct contest){.at_ns = at, .winner = bit};
+            next = (struct wire_arbitration){.at_ns = at, .winner = bit};
             lowest = priority;
         } else if (at > next.at_ns) {
             continue;
@@ -158,7 +73,7 @@ static inline struct contest next_contest(const struct wire *wire)
     return next;
 }
 
-static void tell_losers(struct wire *wire, uint64_t losers, const struct bus_frame *frame)
+static void wire_notify_losers(struct wire *wire, uint64_t losers, const struct bus_frame *frame)
 {
     size_t index;
 
@@ -176,9 +91,9 @@ static void tell_losers(struct wire *wire, uint64_t losers, const struct bus_fra
     }
 }
 
-/* Takes the head of the queue to the wire; the controller says itself in FD frames that it is error
- * passive. */
-static void take_off(struct wire *wire, size_t index)
+/* Takes the first frame of a node's queue onto the wire; in FD frames the controller itself sets
+ * ESI when it is error passive. */
+static void wire_take_from_queue(struct wire *wire, size_t index)
 {
     struct wire_node *node = &wire->node[index];
     struct bus_frame *frame;
@@ -192,26 +107,33 @@ static void take_off(struct wire *wire, size_t index)
     }
 }
 
-static void start(struct wire *wire, const struct contest *contest)
+/* Starts the frame that has won an arbitration; all that will become of it is decided now. */
+static void wire_start_frame(struct wire *wire, const struct wire_arbitration *arbitration)
 {
     struct wire_flight *flight = &wire->flight;
-    const int64_t time_ns = contest->at_ns;
+    const int64_t time_ns = arbitration->at_ns;
     struct bus_frame *frame;
     size_t index;
 
-    *flight = (struct wire_flight){.busy = true, .start_ns = time_ns, .senders = contest->winner};
+    *flight =
+        (struct wire_flight){.busy = true, .start_ns = time_ns, .senders = arbitration->winner};
     WIRE_FOR_EACH(index, flight->senders)
     {
-        take_off(wire, index);
+        wire_take_from_queue(wire, index);
     }
+
+    /* The idle time before it counts for nodes in bus-off */
     if (wire->off) {
         wire_count_runs(wire, time_ns);
     }
+
     frame = &wire_flying(wire, (size_t)__builtin_ctzll(flight->senders))->frame;
     frame->time_ns = time_ns;
-    tell_losers(wire, contest->loser, frame);
+    wire_notify_losers(wire, arbitration->loser, frame);
     flight->end_ns = time_ns + wire_length_ns(wire_frame_length(&wire->tables, frame),
                                               wire->config.bitrate, wire->config.data_bitrate);
+
+    /* Nearly always nothing happens to it, and its length is all there is to know */
     if (wire->armed || wire->mismatched || (flight->senders & (flight->senders - 1)) ||
         !wire_listeners(wire)) {
         flight->disturbed = true;
@@ -221,8 +143,8 @@ static void start(struct wire *wire, const struct contest *contest)
 
 /* ---- the end of a frame ---- */
 
-static void deliver(struct wire *wire, size_t sender, const struct bus_frame *frame,
-                    uint64_t receivers)
+static void wire_deliver_frame(struct wire *wire, size_t sender, const struct bus_frame *frame,
+                               uint64_t receivers)
 {
     if (receivers) {
         wire_notify(wire, &(struct wire_event){.kind = WIRE_TRANSMIT,
@@ -233,8 +155,8 @@ static void deliver(struct wire *wire, size_t sender, const struct bus_frame *fr
     }
 }
 
-static void deliver_later(struct wire *wire, size_t sender, const struct bus_frame *frame,
-                          uint64_t receivers)
+static void wire_deliver_late(struct wire *wire, size_t sender, const struct bus_frame *frame,
+                              uint64_t receivers)
 {
     struct wire_late *late = &wire->late[wire->nlate];
 
@@ -249,7 +171,7 @@ static void deliver_later(struct wire *wire, size_t sender, const struct bus_fra
     late->receivers = receivers;
 }
 
-static void confirm(struct wire *wire, size_t index)
+static void wire_confirm_frame(struct wire *wire, size_t index)
 {
     struct wire_node *node = &wire->node[index];
     struct wire_slot *slot = &node->slot[node->flying];
@@ -268,7 +190,8 @@ static void confirm(struct wire *wire, size_t index)
     wire_slot_free(wire, node, node->flying);
 }
 
-static void finish_good(struct wire *wire)
+/* Ends a frame that was carried to its end: reception, confirmation, error counters. */
+static void wire_finish_good(struct wire *wire)
 {
     struct wire_flight *flight = &wire->flight;
     const uint64_t listeners = wire_listeners(wire);
@@ -279,16 +202,16 @@ static void finish_good(struct wire *wire)
 
     frame->time_ns = flight->end_ns;
     wire->stats.frames++;
-    deliver(wire, sender, frame, receivers & ~flight->late);
+    wire_deliver_frame(wire, sender, frame, receivers & ~flight->late);
     if (receivers & flight->late) {
-        deliver_later(wire, sender, frame, receivers & flight->late);
+        wire_deliver_late(wire, sender, frame, receivers & flight->late);
     }
     if (flight->repeat) {
         return;
     }
     WIRE_FOR_EACH(index, flight->senders)
     {
-        confirm(wire, index);
+        wire_confirm_frame(wire, index);
     }
     WIRE_FOR_EACH(index, wire->counting & (flight->senders | (listeners & ~flight->blind)))
     {
@@ -298,8 +221,8 @@ static void finish_good(struct wire *wire)
     }
 }
 
-/* Gives frames back to the queues of nodes that could not send them. */
-static void take_back(struct wire *wire, uint64_t nodes)
+/* Puts frames that their nodes could not send back into the queues. */
+static void wire_return_to_queue(struct wire *wire, uint64_t nodes)
 {
     size_t index;
 
@@ -319,25 +242,30 @@ static void take_back(struct wire *wire, uint64_t nodes)
     }
 }
 
-/* What else there is to do when not all is well with the frame or with those who sent it. */
-static void finish_disturbed(struct wire *wire)
+/* Ends a frame that something has happened to, or to the nodes that sent it. */
+static void wire_finish_disturbed(struct wire *wire)
 {
     struct wire_flight *flight = &wire->flight;
     const uint64_t senders = flight->senders | flight->beaten;
     const uint64_t gone = senders & (wire->off | wire->unplugged);
     size_t index;
 
-    /* who was unplugged or put into bus-off meanwhile has sent nothing */
-    take_back(wire, gone);
+    /* A node that was unplugged or put into bus-off meanwhile has sent nothing */
+    wire_return_to_queue(wire, gone);
     flight->senders &= ~gone;
     flight->beaten &= ~gone;
+
+    /* The frame may still have been received, and may be sent again all the same */
     if (flight->senders && !flight->failed) {
-        finish_good(wire);
+        wire_finish_good(wire);
     }
     if (flight->failed || flight->repeat) {
-        take_back(wire, flight->senders);
+        wire_return_to_queue(wire, flight->senders);
     }
-    take_back(wire, flight->beaten);
+    wire_return_to_queue(wire, flight->beaten);
+
+    /* Error counters, and the longer pause of senders that are now passive (suspend
+     * transmission) */
     if (flight->failed || flight->repeat || flight->beaten || flight->blind) {
         wire_finish_error(wire);
     }
@@ -349,16 +277,16 @@ static void finish_disturbed(struct wire *wire)
     }
 }
 
-static void finish(struct wire *wire)
+static void wire_finish_frame(struct wire *wire)
 {
     struct wire_flight *flight = &wire->flight;
 
     wire->idle_ns = flight->end_ns + wire->intermission_ns;
     wire->recessive_ns = flight->end_ns - wire->delimiter_ns;
     if (flight->disturbed || wire->off | wire->unplugged | wire->counting) {
-        finish_disturbed(wire);
+        wire_finish_disturbed(wire);
     } else {
-        finish_good(wire);
+        wire_finish_good(wire);
     }
     wire->stats.busy_ns += wire->idle_ns - flight->start_ns;
     wire_load_add(&wire->load, wire->config.window_ns, flight->start_ns, wire->idle_ns);
@@ -367,8 +295,8 @@ static void finish(struct wire *wire)
 
 /* ---- what happens beside the frames ---- */
 
-/* One attempt of an unplugged node: nobody acknowledges, its own error flag follows. */
-static int64_t attempt_end(const struct wire *wire, size_t index)
+/* When an unplugged node ends its next attempt: nobody acknowledges, its own error flag follows. */
+static int64_t wire_attempt_end(const struct wire *wire, size_t index)
 {
     const struct wire_node *node = &wire->node[index];
     const struct wire_slot *slot = &node->slot[node->heap[0]];
@@ -377,7 +305,7 @@ static int64_t attempt_end(const struct wire *wire, size_t index)
     if (!node->waiting || wire_is_passive(node)) {
         return WIRE_NEVER;
     }
-    /* up to the ACK slot, without ACK delimiter and EOF; then flag, delimiter and intermission */
+    /* Up to the ACK slot, without ACK delimiter and EOF; then flag, delimiter and intermission */
     return begin +
            wire_length_ns(wire_frame_length(&wire->tables, &slot->frame), wire->config.bitrate,
                           wire->config.data_bitrate) +
@@ -385,106 +313,111 @@ static int64_t attempt_end(const struct wire *wire, size_t index)
                                   WIRE_EOF_BITS - 1);
 }
 
-enum step_kind { STEP_NONE, STEP_FINISH, STEP_RECOVER, STEP_LATE, STEP_ATTEMPT, STEP_START };
+enum wire_step_kind { STEP_NONE, STEP_FINISH, STEP_RECOVER, STEP_LATE, STEP_ATTEMPT, STEP_START };
 
-struct step {
-    enum step_kind kind;
+struct wire_step {
+    enum wire_step_kind kind;
     int64_t time_ns;
     size_t index;
 };
 
-static void consider(struct step *step, enum step_kind kind, int64_t time_ns, size_t index)
+static void wire_keep_earlier_step(struct wire_step *step, enum wire_step_kind kind,
+                                   int64_t time_ns, size_t index)
 {
     if (time_ns < step->time_ns) {
-        *step = (struct step){kind, time_ns, index};
+        *step = (struct wire_step){kind, time_ns, index};
     }
 }
 
-/* What happens next, up to and with to_ns; of things at one time the first in the order below. */
-static struct step next_step(const struct wire *wire, int64_t to_ns)
+/* Finds the next step up to and with to_ns; of steps at one time the first in the order below. */
+static struct wire_step wire_next_step(const struct wire *wire, int64_t to_ns)
 {
-    struct step step = {STEP_NONE, to_ns < WIRE_NEVER ? to_ns + 1 : to_ns, 0};
+    struct wire_step step = {STEP_NONE, to_ns < WIRE_NEVER ? to_ns + 1 : to_ns, 0};
     size_t index;
 
     if (wire->flight.busy) {
-        consider(&step, STEP_FINISH, wire->flight.end_ns, 0);
+        wire_keep_earlier_step(&step, STEP_FINISH, wire->flight.end_ns, 0);
     } else if (wire->off) {
         WIRE_FOR_EACH(index, wire->off)
         {
-            consider(&step, STEP_RECOVER, wire_recovery_end(wire, &wire->node[index]), index);
+            wire_keep_earlier_step(&step, STEP_RECOVER, wire_recovery_end(wire, &wire->node[index]),
+                                   index);
         }
     }
     for (size_t i = 0; i < wire->nlate; i++) {
-        consider(&step, STEP_LATE, wire->late[i].time_ns, i);
+        wire_keep_earlier_step(&step, STEP_LATE, wire->late[i].time_ns, i);
     }
     WIRE_FOR_EACH(index, wire->unplugged & wire->pending)
     {
-        consider(&step, STEP_ATTEMPT, attempt_end(wire, index), index);
+        wire_keep_earlier_step(&step, STEP_ATTEMPT, wire_attempt_end(wire, index), index);
     }
     if (!wire->flight.busy && wire->pending & ~wire->unplugged) {
-        const int64_t at = next_contest(wire).at_ns;
+        const int64_t at = wire_next_arbitration(wire).at_ns;
 
         if (at < to_ns) {
-            consider(&step, STEP_START, at, 0);
+            wire_keep_earlier_step(&step, STEP_START, at, 0);
         }
     }
     return step;
 }
 
-/* Whether something happened. */
-static bool take_any_step(struct wire *wire, int64_t to_ns)
+/* Takes the next step of any kind up to to_ns; false when there is none. */
+static bool wire_take_step(struct wire *wire, int64_t to_ns)
 {
-    const struct step step = next_step(wire, to_ns);
+    const struct wire_step step = wire_next_step(wire, to_ns);
     struct wire_late *late = &wire->late[step.index];
-    struct contest contest;
+    struct wire_arbitration arbitration;
 
     switch (step.kind) {
     case STEP_NONE:
         return false;
     case STEP_FINISH:
-        finish(wire);
+        wire_finish_frame(wire);
         break;
     case STEP_RECOVER:
         wire_recover(wire, step.index, step.time_ns);
         break;
     case STEP_LATE:
-        deliver(wire, late->node, &late->frame, late->receivers);
+        /* A frame that was held back arrives */
+        wire_deliver_frame(wire, late->node, &late->frame, late->receivers);
         wire->nlate--;
         memmove(late, late + 1, (wire->nlate - step.index) * sizeof *late);
         break;
     case STEP_ATTEMPT:
+        /* A sender that is alone counts, until it is passive */
         wire->node[step.index].void_ns = step.time_ns;
         wire->node[step.index].stats.errors++;
         wire_count_errors(wire, step.index, step.time_ns, 8, 0);
         break;
     case STEP_START:
-        contest = next_contest(wire);
-        start(wire, &contest);
+        arbitration = wire_next_arbitration(wire);
+        wire_start_frame(wire, &arbitration);
         break;
     }
     return true;
 }
 
-/* The same when only frames can happen. */
-static bool take_frame_step(struct wire *wire, int64_t to_ns)
+/* The same when nothing can happen but frames: no node is off or unplugged, no frame is held
+ * back. */
+static bool wire_take_frame_step(struct wire *wire, int64_t to_ns)
 {
-    struct contest next;
+    struct wire_arbitration next;
 
     if (wire->flight.busy) {
         if (wire->flight.end_ns > to_ns) {
             return false;
         }
-        finish(wire);
+        wire_finish_frame(wire);
         return true;
     }
     if (!wire->pending) {
         return false;
     }
-    next = next_contest(wire);
+    next = wire_next_arbitration(wire);
     if (next.at_ns >= to_ns) {
         return false;
     }
-    start(wire, &next);
+    wire_start_frame(wire, &next);
     return true;
 }
 
@@ -493,9 +426,9 @@ void wire_advance(struct wire *wire, int64_t to_ns)
     if (to_ns <= wire->now_ns) {
         return;
     }
-    /* nearly always there is nothing but frames */
-    while (wire->off | wire->unplugged | wire->nlate ? take_any_step(wire, to_ns)
-                                                     : take_frame_step(wire, to_ns)) {
+    /* Nearly always there is nothing but frames */
+    while (wire->off | wire->unplugged | wire->nlate ? wire_take_step(wire, to_ns)
+                                                     : wire_take_frame_step(wire, to_ns)) {
     }
     wire->now_ns = to_ns;
 }

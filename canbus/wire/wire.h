@@ -70,7 +70,7 @@ enum wire_event_kind {
 struct wire_event {
     enum wire_event_kind kind;
     int64_t time_ns;
-    size_t node; /* wire_config.nodes: the foreign one of WIRE_FAULT_COLLISION */
+    size_t node;                   /* wire_config.nodes: the foreign one of WIRE_FAULT_COLLISION */
     const struct bus_frame *frame; /* time_ns of it is the time of the event; NULL with STATUS */
     uint64_t receivers;            /* bit of each node */
     enum wire_error error;         /* BUS_ERROR */
@@ -78,7 +78,7 @@ struct wire_event {
     unsigned tec, rec;             /* BUS_ERROR, STATUS: of the node, after */
 };
 
-/* Why a frame never reached the wire's end. */
+/* Why a frame was dropped. */
 enum wire_drop {
     WIRE_DROP_QUEUE_FULL,
     WIRE_DROP_BUS_OFF,   /* was in the queue, or came, while its node was bus-off */
@@ -116,8 +116,8 @@ void wire_advance(struct wire *wire, int64_t to_ns);
 
 int64_t wire_now(const struct wire *wire);
 
-/* All of the wire, with its faults, statistics and randomness: bytes that, copied and put back where
- * they were, make it what it was. */
+/* All memory of the wire, with its faults, statistics and random numbers: copied and put back to
+ * the same address it restores the wire. */
 void *wire_memory(struct wire *wire, size_t *size);
 
 /* ---- faults ---- */
@@ -165,8 +165,8 @@ uint64_t wire_heal(struct wire *wire, int fault);
 /* Hits so far of an armed fault. */
 uint64_t wire_fault_hits(const struct wire *wire, int fault);
 
-/* The plug of one node: out, it hears nothing and nobody acknowledges what it sends; in again, it
- * joins after 11 bits. */
+/* Connects or disconnects one node: disconnected it receives nothing and nobody acknowledges what
+ * it sends; connected again it joins after 11 recessive bits. */
 void wire_connect(struct wire *wire, size_t node, bool connected);
 
 /* Sets a node's bit rate: with another than the bus has, it destroys with its error flags the
@@ -174,13 +174,13 @@ void wire_connect(struct wire *wire, size_t node, bool connected);
  * they are error passive themselves. 0 = the bus's. */
 void wire_set_bitrate(struct wire *wire, size_t node, int64_t bitrate);
 
-/* Into bus-off at once, as after a short circuit. */
+/* Puts a node into bus-off at once, as after a short circuit. */
 void wire_force_bus_off(struct wire *wire, size_t node);
 
 /* Begins the recovery of a node in bus-off now. No effect in other states. */
 void wire_restart(struct wire *wire, size_t node);
 
-/* ---- looking ---- */
+/* ---- statistics ---- */
 
 struct wire_node_stats {
     enum wire_state state;

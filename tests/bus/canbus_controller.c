@@ -4,11 +4,11 @@
  * driver. Runs in QEMU (qemu/run.sh); elsewhere it is skipped, for it takes interfaces down.
  *
  * QEMU's controller acknowledges every frame itself and has no error counters, so nothing here gets
- * into bus-off by its own doing: tests/unit/sim/interfaces.c has those cases. After a remote frame it
- * reads its receive buffer from a wrong place for ever: there are none here. Queues fill because the
- * test runs above the interrupt threads, as the loop does, until it sleeps; then all of it is on the
- * other controller at once, whose buffer holds five frames. So bursts are counted where they leave:
- * a second port on the same interface hears what its controller has sent.
+ * into bus-off by its own doing: tests/unit/sim/interfaces.c has those cases. After a remote frame
+ * it reads its receive buffer from a wrong place for ever: there are none here. Queues fill because
+ * the test runs above the interrupt threads, as the loop does, until it sleeps; then all of it is
+ * on the other controller at once, whose buffer holds five frames. So bursts are counted where they
+ * leave: a second port on the same interface hears what its controller has sent.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -18,6 +18,8 @@
 #include <cmocka.h>
 
 #include "canbus/interface.h"
+
+#include "base/count.h"
 #include "sim/interfaces.h"
 
 #include <libsocketcan.h>
@@ -252,7 +254,7 @@ static void refuses_settings_and_goes_on_with_those_it_had(void **state)
     need_controllers(state);
     configure("can0", (struct interface_settings){250000, 0.875, 50});
     before = query("can0");
-    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
         assert_int_not_equal(interface_kernel.configure(NULL, "can0", &wrong[i], &error),
                              ERROR_NONE);
         assert_says(error.text, "can0");
@@ -321,7 +323,7 @@ static void carries_batches_both_ways_in_order(void **state)
         size_t count = 0;
 
         for (size_t i = 0; i < 200; i += 4) {
-            /* no more on their way than the other controller's buffer holds */
+            /* No more on their way than the other controller's buffer holds */
             assert_int_equal(can_send(from, &sent[i], 4), 4);
             for (int wait = 0; wait < 1000 && count < i + 4; wait++) {
                 usleep(MS / 4);
@@ -351,7 +353,7 @@ static void a_burst_into_a_short_queue_is_late_but_whole(void **state)
         sent[i] = numbered(0x100 + i, i);
     }
     assert_int_equal(can_send(bench->a, sent, 100), 100);
-    /* more than the queue and the controller hold was left to be sent later */
+    /* More than the queue and the controller hold was left to be sent later */
     assert_int_equal(bench->a->counters.tx_frames + bench->a->counters.tx_held, 100);
     assert_in_range(bench->a->counters.tx_held, 1, 95);
     print_message("ENOBUFS after %d frames of 100\n", (int)bench->a->counters.tx_frames);
@@ -409,7 +411,7 @@ static void backs_off_from_a_queue_that_does_not_empty_and_comes_back(void **sta
     uint32_t number = 0;
     size_t count;
 
-    /* as a bus without another node would: what was queued stays there */
+    /* As a bus without another node would: what was queued stays there */
     assert_true(run("tc qdisc replace dev can0 root netem limit 4 delay 100s"));
     while (bench->a->state != CAN_PORT_STUCK && number < 3000) {
         number++;
@@ -433,7 +435,7 @@ static void backs_off_from_a_queue_that_does_not_empty_and_comes_back(void **sta
     assert_in_range(attempts, 1, 10);
     assert_true(run("tc qdisc del dev can0 root"));
     assert_true(comes_to(bench->a, CAN_PORT_UP));
-    /* what the other queue held is lost with it */
+    /* What the other queue held is lost with it */
     count = pump(bench->a, bench->sent, got, 8);
     assert_int_equal(count, 8);
     for (size_t i = 0; i < count; i++) {
@@ -557,7 +559,7 @@ static void a_port_follows_what_is_asked_of_the_controller(void **state)
     struct watched w;
 
     watch(&w, bench);
-    /* an error frame that announced a state, and none that announced its end */
+    /* An error frame that announced a state, and none that announced its end */
     can_state_post(&bench->box, CAN_PORT_BUS_OFF);
     assert_true(comes_to(bench->a, CAN_PORT_BUS_OFF));
     look(&w, "");

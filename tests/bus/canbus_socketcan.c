@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The socketcan port against a real kernel: on virtual interfaces that the tests create, break and
- * remove. Runs in user-mode Linux (uml/run.sh), or anywhere as root on a kernel with vcan; elsewhere
- * all but the error messages is skipped.
+ * remove. Runs in user-mode Linux (uml/run.sh), or anywhere as root on a kernel with vcan;
+ * elsewhere all but the error messages is skipped.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -334,11 +334,11 @@ static void counts_what_the_kernel_drops_when_a_receive_buffer_runs_over(void **
         seen += count;
     }
     assert_in_range(seen, 1, 999);
-    /* the kernel tells the number with the next frame that it delivers */
+    /* The kernel tells the number with the next frame that it delivers */
     assert_int_equal(can_send(bench->a, &frame, 1), 1);
     assert_int_equal(collect(small, got, 1), 1);
     assert_int_equal(small->counters.rx_dropped, 1000 - seen);
-    /* the default buffer holds ten times the 278 frames of the system's without loss */
+    /* The default buffer holds ten times the 278 frames of the system's without loss */
     while (collect(bench->b, got, 0)) {
     }
     send_many(bench->a, 3000);
@@ -363,9 +363,9 @@ static void what_a_flood_has_lost_is_known_when_the_rest_was_received(void **sta
         seen += count;
     }
     assert_in_range(seen, MANY, 2999);
-    /* no frame comes after them that could tell */
+    /* No frame comes after them that could tell */
     assert_int_equal(port->counters.rx_dropped, 3000 - seen);
-    /* and it is counted once */
+    /* And it is counted once */
     assert_int_equal(can_send(bench->a, &frame, 1), 1);
     assert_int_equal(collect(port, got, 1), 1);
     assert_int_equal(port->counters.rx_dropped, 3000 - seen);
@@ -419,7 +419,7 @@ static void comes_back_with_its_filters_when_its_interface_was_created_anew(void
     assert_true(comes_to(picky, CAN_PORT_GONE));
     assert_int_equal(can_send(bench->a, &frame, 1), 0);
     assert_int_equal(bench->a->counters.down_events, 1);
-    /* under another index, and at first down */
+    /* Under another index, and at first down */
     assert_true(run("ip link add dev hil-between type vcan && ip link add dev " VCAN
                     " type vcan && ip link del hil-between"));
     assert_true(comes_to(bench->a, CAN_PORT_DOWN));

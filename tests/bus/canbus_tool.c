@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A port in a program of its own, so that can-utils can be put against it:
- *   canbus_tool log INTERFACE COUNT   prints COUNT frames as candump -L does ("ready" on stderr first)
+ *   canbus_tool log INTERFACE COUNT   prints COUNT frames as candump -L does; "ready" on stderr
  *   canbus_tool send INTERFACE FILE   sends the frames of a log
  * Ends with an error after 20 s without a frame.
  */

@@ -6,10 +6,10 @@
  *
  * Each STEP asks for STRIDE ticks. Before it the number of the tick is written into a parameter of
  * board 1 of every bus and read back: the one answer must carry it. Of the telemetry, which it
- * switches on, the identifiers between two DONE frames must be the same ones in the same order every
- * four STEPs, as the boards have four slots; STATUS has a slower period of its own and is counted
- * only. Prints the frames of each bus and the ticks a second; ends with a message and 1 when anything
- * is otherwise. Frames as in PROTOCOL.md.
+ * switches on, the identifiers between two DONE frames must be the same ones in the same order
+ * every four STEPs, as the boards have four slots; STATUS has a slower period of its own and is
+ * counted only. Prints the frames of each bus and the ticks a second; ends with a message and 1
+ * when anything is otherwise. Frames as in PROTOCOL.md.
  */
 #include "canbus/port.h"
 
@@ -166,7 +166,7 @@ static int judge_end(struct bus *bus, uint32_t tick)
 static int run(struct bus *buses, size_t nbus, uint32_t ticks, uint32_t stride)
 {
     for (size_t b = 0; b < nbus; b++) {
-        /* of board 1: POSITION, PID_VAL, CURRENT, VELOCITY */
+        /* Of board 1: POSITION, PID_VAL, CURRENT, VELOCITY */
         const uint8_t policy[5] = {SET_BROADCAST_POLICY, 0x7f};
 
         if (!send(&buses[b], HOST_TO_BOARD, sizeof policy, policy)) {

@@ -58,7 +58,7 @@ static int connect_client(void)
 
     fuzz_require(client >= 0 && connect(client, (struct sockaddr *)&address, sizeof address) == 0,
                  "no connection");
-    /* no connection is left behind in the system, however many are made */
+    /* No connection is left behind in the system, however many are made */
     setsockopt(client, SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
     return client;
 }
@@ -132,7 +132,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 
     client = connect_client();
     fuzz_require(send(client, data, size, MSG_NOSIGNAL) == (ssize_t)size || size == 0, "no way");
-    /* the answer to this comes last, unless it stands within a command of the input */
+    /* The answer to this comes last, unless it stands within a command of the input */
     if (send(client, "\n><echo>", 8, MSG_NOSIGNAL) == 8) {
         shutdown(client, SHUT_WR);
     }

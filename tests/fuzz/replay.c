@@ -10,6 +10,8 @@
  */
 #include "tests/fuzz/fuzz.h"
 
+#include "base/count.h"
+
 #include <dirent.h>
 #include <fcntl.h>
 #include <inttypes.h>
@@ -73,7 +75,7 @@ static void watch(void)
     if (__sanitizer_set_death_callback) {
         __sanitizer_set_death_callback(keep_input);
     }
-    for (size_t i = 0; i < sizeof signals / sizeof *signals; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(signals); i++) {
         signal(signals[i], on_signal);
     }
 }

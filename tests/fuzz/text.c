@@ -5,6 +5,8 @@
  */
 #include "base/text.h"
 
+#include "base/count.h"
+
 #include "canbus/lockstep.h"
 #include "base/markup.h"
 #include "app/cli/notify.h"
@@ -114,7 +116,7 @@ static void check_command_line(char *text)
     const struct command_spec spec = {.name = "try",
                                       .summary = "Try.",
                                       .option = options,
-                                      .noption = sizeof options / sizeof *options,
+                                      .noption = ARRAY_COUNT(options),
                                       .operand = operands,
                                       .noperand = 2,
                                       .many = true};
@@ -210,15 +212,18 @@ static void check_lockstep(struct fuzz_bytes *bytes)
 
 /* ---- markup ---- */
 
-static void check_markup(const char *text)
+static void check_markup(const char *text, unsigned flags)
 {
     struct fuzz_text out;
 
-    markup_put(fuzz_text_open(&out), text);
+    markup_put_flags(fuzz_text_open(&out), text, flags);
     fuzz_text_finish(&out);
     for (const char *at = out.text; *at; at++) {
         fuzz_require(!strchr("<>\"", *at) && (unsigned char)*at >= 0x20, "%s", out.text);
         fuzz_require(*at != '&' || strchr(at, ';'), "%s", out.text);
+        fuzz_require(!(flags & MARKUP_ASCII) || (unsigned char)*at < 0x80, "%s", out.text);
+        fuzz_require(text_utf8_length(at, strlen(at)) > 0 || ((unsigned char)*at & 0xc0) == 0x80,
+                     "%s", out.text);
     }
     fuzz_text_free(&out);
 }
@@ -252,7 +257,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         check_lockstep(&bytes);
         break;
     default:
-        check_markup(text);
+        check_markup(text, what >> 3 & (MARKUP_ASCII | MARKUP_LINE_BREAKS));
         break;
     }
     return 0;

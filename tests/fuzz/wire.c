@@ -101,7 +101,7 @@ static void check_totals(const struct wire *wire, const struct traffic *traffic,
     }
     fuzz_require(confirmed == traffic->confirmed, "%" PRIu64 " confirmed, told of %" PRIu64,
                  confirmed, traffic->confirmed);
-    /* the foreign node of collisions has at most one */
+    /* The foreign node of collisions has at most one */
     fuzz_require(stats.queued - queued <= 1, "%zu queued, not %" PRIu64, stats.queued, queued);
     fuzz_require(offered == confirmed + queued + dropped,
                  "%" PRIu64 " offered, %" PRIu64 " confirmed, %" PRIu64 " queued, %" PRIu64

@@ -6,6 +6,8 @@
  */
 #include "base/yaml.h"
 
+#include "base/count.h"
+
 #include "tests/fuzz/fuzz.h"
 
 #include <float.h>
@@ -92,7 +94,7 @@ static const struct yaml_schema thing_schema = {
     .what = "a thing",
     .size = sizeof(struct thing),
     .fields = thing_fields,
-    .field_count = sizeof thing_fields / sizeof *thing_fields,
+    .field_count = ARRAY_COUNT(thing_fields),
     .extendable = true,
 };
 

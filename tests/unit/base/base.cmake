@@ -2,6 +2,6 @@
 foreach(name arena options ring text yaml)
     hil_test(base_${name} SOURCES unit/base/${name}.c LIBS base Threads::Threads LABELS unit)
 endforeach()
-foreach(name journal markup whole_file)
-    hil_test(base_${name} SOURCES unit/base/${name}.c LIBS base LABELS unit)
+foreach(name error hash journal markup memory_file options_page random whole_file)
+    hil_test(base_${name} SOURCES unit/base/${name}.c LIBS base m LABELS unit)
 endforeach()

@@ -2,6 +2,8 @@
 /* When lines get a priority for the journal. */
 #include "base/journal.h"
 
+#include "base/count.h"
+
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -13,7 +15,7 @@
 
 #include <cmocka.h>
 
-/* device and inode of standard error, the inode off by some */
+/* Device and inode of standard error, the inode off by some */
 static void name_stream(char text[64], unsigned long long off)
 {
     struct stat file;
@@ -43,7 +45,7 @@ static void lines_for_others_do_not(void **state)
     (void)state;
     unsetenv("JOURNAL_STREAM");
     assert_string_equal(journal_prefix(JOURNAL_ERROR), "");
-    /* inherited, and standard error has been sent elsewhere */
+    /* Inherited, and standard error has been sent elsewhere */
     name_stream(stream, 1);
     setenv("JOURNAL_STREAM", stream, 1);
     assert_string_equal(journal_prefix(JOURNAL_ERROR), "");
@@ -54,7 +56,7 @@ static void refuses_what_is_no_stream(void **state)
     static const char *const wrong[] = {"", "1", "1:", ":1", "a:b", "1:2x"};
 
     (void)state;
-    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
         assert_false(journal_stream_is(wrong[i], STDERR_FILENO));
     }
     assert_false(journal_stream_is("1:2", -1));

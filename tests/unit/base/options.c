@@ -2,6 +2,8 @@
 /* Command lines through the table of options. */
 #include "base/options.h"
 
+#include "base/count.h"
+
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdint.h>
@@ -57,7 +59,7 @@ static const struct command_spec spec = {
     .name = "try",
     .summary = "Try the options.",
     .option = options,
-    .noption = sizeof options / sizeof options[0],
+    .noption = ARRAY_COUNT(options),
     .operand = operands,
     .noperand = 2,
     .manual =

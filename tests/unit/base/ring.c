@@ -10,7 +10,7 @@
 
 enum { SLOTS = 8, ITEMS = 200000 };
 
-/* an item that would show a torn copy */
+/* An item that would show a torn copy */
 struct item {
     uint64_t number, complement, pad[5];
 };

@@ -2,6 +2,8 @@
 /* Numbers and names as people write them, right and wrong. */
 #include "base/text.h"
 
+#include "base/count.h"
+
 #include <float.h>
 #include <stdbool.h>
 #include <setjmp.h>
@@ -10,8 +12,6 @@
 #include <stdint.h>
 #include <string.h>
 #include <cmocka.h>
-
-#define COUNT(array) (sizeof(array) / sizeof(array)[0])
 
 static void reads_finite_decimal_numbers(void **state)
 {
@@ -24,7 +24,7 @@ static void reads_finite_decimal_numbers(void **state)
                  {"1e-400", 0.0},    {"1e308", 1e308}, {"1.7976931348623157e308", DBL_MAX}};
 
     (void)state;
-    for (size_t i = 0; i < COUNT(cases); i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         double value = 99.0;
 
         if (!text_to_double(cases[i].text, &value) || value != cases[i].value) {
@@ -41,7 +41,7 @@ static void refuses_what_is_no_finite_decimal_number(void **state)
                                         "1e5.5", "1_000",  "1f",   "infinity"};
 
     (void)state;
-    for (size_t i = 0; i < COUNT(cases); i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         double value = 99.0;
 
         if (text_to_double(cases[i], &value) || value != 99.0) {
@@ -65,7 +65,7 @@ static void reads_integers_in_decimal_and_hexadecimal_within_limits(void **state
                  {"-9223372036854775808", INT64_MIN}};
 
     (void)state;
-    for (size_t i = 0; i < COUNT(cases); i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         int64_t value = 99;
 
         if (!text_to_int(cases[i].text, INT64_MIN, INT64_MAX, &value) || value != cases[i].value) {
@@ -94,7 +94,7 @@ static void refuses_what_is_no_integer_within_limits(void **state)
                                         "0x-1"};
 
     (void)state;
-    for (size_t i = 0; i < COUNT(cases); i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         int64_t value = 99;
 
         if (text_to_int(cases[i], 0, 10, &value) || value != 99) {
@@ -108,11 +108,11 @@ static void names_the_nearest_word(void **state)
     static const char *const words[] = {"mass_kg", "com_m", "inertia_kg_m2", "parent"};
 
     (void)state;
-    assert_string_equal(text_nearest("mas_kg", words, COUNT(words)), "mass_kg");
-    assert_string_equal(text_nearest("Mass_Kg", words, COUNT(words)), "mass_kg");
-    assert_string_equal(text_nearest("com", words, COUNT(words)), "com_m");
-    assert_string_equal(text_nearest("inertia_kg_m", words, COUNT(words)), "inertia_kg_m2");
-    assert_string_equal(text_nearest("parent", words, COUNT(words)), "parent");
+    assert_string_equal(text_nearest("mas_kg", words, ARRAY_COUNT(words)), "mass_kg");
+    assert_string_equal(text_nearest("Mass_Kg", words, ARRAY_COUNT(words)), "mass_kg");
+    assert_string_equal(text_nearest("com", words, ARRAY_COUNT(words)), "com_m");
+    assert_string_equal(text_nearest("inertia_kg_m", words, ARRAY_COUNT(words)), "inertia_kg_m2");
+    assert_string_equal(text_nearest("parent", words, ARRAY_COUNT(words)), "parent");
 }
 
 static void names_no_word_when_none_is_near(void **state)
@@ -123,8 +123,8 @@ static void names_no_word_when_none_is_near(void **state)
     (void)state;
     memset(longest, 'x', sizeof longest - 1);
     longest[sizeof longest - 1] = '\0';
-    assert_null(text_nearest("voltage", words, COUNT(words)));
-    assert_null(text_nearest(longest, words, COUNT(words)));
+    assert_null(text_nearest("voltage", words, ARRAY_COUNT(words)));
+    assert_null(text_nearest(longest, words, ARRAY_COUNT(words)));
     assert_null(text_nearest("mass_kg", words, 0));
 }
 
@@ -136,7 +136,7 @@ static void passes_over_words_that_are_too_long_to_compare(void **state)
     (void)state;
     memset(longest, 'm', sizeof longest - 1);
     longest[sizeof longest - 1] = '\0';
-    assert_string_equal(text_nearest("mass_k", words, COUNT(words)), "mass_kg");
+    assert_string_equal(text_nearest("mass_k", words, ARRAY_COUNT(words)), "mass_kg");
 }
 
 static void a_name_is_safe_in_messages_and_file_names(void **state)
@@ -150,15 +150,41 @@ static void a_name_is_safe_in_messages_and_file_names(void **state)
         "a:b",  "0123456789012345678901234567890123456789012345678901234567890123"};
 
     (void)state;
-    for (size_t i = 0; i < COUNT(good); i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(good); i++) {
         if (!text_is_name(good[i])) {
             fail_msg("refused \"%s\"", good[i]);
         }
     }
-    for (size_t i = 0; i < COUNT(bad); i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(bad); i++) {
         if (text_is_name(bad[i])) {
             fail_msg("took \"%s\"", bad[i]);
         }
+    }
+}
+
+static void utf8_characters_have_one_to_four_bytes(void **state)
+{
+    static const struct {
+        const char *text;
+        size_t size, length;
+    } cases[] = {
+        {"a", 1, 1},
+        {"a", 0, 0},
+        {"\xc3\xa4", 2, 2},
+        {"\xc3\xa4", 1, 0}, /* cut off */
+        {"\xe2\x82\xac!", 4, 3},
+        {"\xf0\x9f\xa4\x96", 4, 4},
+        {"\xf0\x9f\xa4\x96", 3, 0},
+        {"\xa4", 1, 0},             /* a continuation */
+        {"\xc0\x80", 2, 0},         /* overlong */
+        {"\xed\xa0\x80", 3, 0},     /* a surrogate */
+        {"\xf4\x90\x80\x80", 4, 0}, /* beyond Unicode */
+        {"\xff", 1, 0},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
+        assert_int_equal(text_utf8_length(cases[i].text, cases[i].size), cases[i].length);
     }
 }
 
@@ -173,6 +199,7 @@ int main(void)
         cmocka_unit_test(names_no_word_when_none_is_near),
         cmocka_unit_test(passes_over_words_that_are_too_long_to_compare),
         cmocka_unit_test(a_name_is_safe_in_messages_and_file_names),
+        cmocka_unit_test(utf8_characters_have_one_to_four_bytes),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -2,6 +2,8 @@
 /* The YAML reader: every type, and every refusal with its place. */
 #include "base/yaml.h"
 
+#include "base/count.h"
+
 #include <float.h>
 #include <math.h>
 #include <setjmp.h>
@@ -13,8 +15,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 #include <cmocka.h>
-
-#define COUNT(array) (sizeof(array) / sizeof(array)[0])
 
 /* ---- a schema with everything in it ---- */
 
@@ -72,7 +72,7 @@ static const struct yaml_schema wheel_schema = {
     .what = "a wheel",
     .size = sizeof(struct wheel),
     .fields = wheel_fields,
-    .field_count = COUNT(wheel_fields),
+    .field_count = ARRAY_COUNT(wheel_fields),
     .name_offset = WHEEL(name),
     .defaults = &wheel_defaults,
 };
@@ -92,7 +92,7 @@ static const struct yaml_schema engine_schema = {
     .what = "an engine",
     .size = sizeof(struct engine),
     .fields = engine_fields,
-    .field_count = COUNT(engine_fields),
+    .field_count = ARRAY_COUNT(engine_fields),
     .defaults = &engine_defaults,
 };
 
@@ -142,7 +142,7 @@ static const struct yaml_schema car_schema = {
     .what = "a car",
     .size = sizeof(struct car),
     .fields = car_fields,
-    .field_count = COUNT(car_fields),
+    .field_count = ARRAY_COUNT(car_fields),
     .defaults = &car_defaults,
 };
 
@@ -203,7 +203,7 @@ static struct car read_car(const char *text)
     return car;
 }
 
-/* text is refused as bad input with exactly this message */
+/* Text is refused as bad input with exactly this message */
 static void refused_with(const char *text, const char *message)
 {
     struct error error = {0};
@@ -429,7 +429,7 @@ static void rejects_wrong_types(void **state)
     char text[256];
 
     (void)state;
-    for (size_t i = 0; i < COUNT(cases); i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         snprintf(text, sizeof text, "{%s}", cases[i].key_and_value);
         refused_with(text, cases[i].message);
     }
@@ -524,7 +524,7 @@ static void rejects_bytes_that_are_no_text(void **state)
     };
 
     (void)state;
-    for (size_t i = 0; i < COUNT(cases); i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct error error = {0};
         struct car car;
 
@@ -555,7 +555,7 @@ static void a_long_value_is_cut_between_characters_in_messages(void **state)
                  "expected red, green or on");
 }
 
-/* count copies of unit between head and tail; the caller frees it */
+/* Count copies of unit between head and tail; the caller frees it */
 static char *repeat(const char *head, const char *unit, size_t count, const char *tail)
 {
     size_t n = strlen(unit);
@@ -644,7 +644,7 @@ static int remove_directory(void **state)
 {
     static const char *const names[] = {"car.yaml", "pipe", "secret.yaml", "loop.yaml"};
 
-    for (size_t i = 0; i < COUNT(names); i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(names); i++) {
         unlink(file_path(names[i]));
     }
     rmdir(directory);
@@ -725,7 +725,7 @@ static void paths_are_relative_to_the_file_and_stay_in_the_tree(void **state)
     };
 
     (void)state;
-    for (size_t i = 0; i < COUNT(cases); i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct yaml_mark mark = {cases[i].file, 7, 3};
         struct error error = {0};
         const char *path = NULL;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* candump logs: exact text, strict reading, round trips, and log2asc of can-utils as second reader. */
+/* Candump logs: exact text, strict reading, round trips, and log2asc of can-utils as second
+ * reader. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -8,6 +9,8 @@
 #include <cmocka.h>
 
 #include "canbus/candump.h"
+
+#include "base/count.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -89,13 +92,13 @@ static void writes_lines_exactly_as_candump_does(void **state)
     char line[CANDUMP_LINE_MAX];
 
     (void)state;
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         size_t size = candump_format(&cases[i].frame, "can0", line);
 
         assert_string_equal(line, cases[i].line);
         assert_int_equal(size, strlen(line));
     }
-    /* the longest line there can be fits with room to spare */
+    /* The longest line there can be fits with room to spare */
     assert_int_equal(candump_format(&(struct bus_frame){.id = 1,
                                                         .flags = FRAME_EXTENDED | FRAME_FD,
                                                         .len = 64,
@@ -119,7 +122,7 @@ static void reads_what_candump_and_its_relatives_write(void **state)
         {"(0000000000.000000) x 1abcdef0#ff",
          "x",
          {.id = 0x1ABCDEF0, .flags = FRAME_EXTENDED, .len = 1, .data = {0xFF}}},
-        /* kernels from 6.1 on set bit 2 of the flags in every FD frame */
+        /* Kernels from 6.1 on set bit 2 of the flags in every FD frame */
         {"(0000000000.000000) can0 123##5AA\n",
          "can0",
          {.id = 0x123, .flags = FRAME_FD | FRAME_BRS, .len = 1, .data = {0xAA}}},
@@ -129,7 +132,7 @@ static void reads_what_candump_and_its_relatives_write(void **state)
     };
 
     (void)state;
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct bus_frame frame;
         struct error error;
         char bus[16];
@@ -190,7 +193,7 @@ static void refuses_malformed_lines_and_names_the_column(void **state)
     };
 
     (void)state;
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct bus_frame frame;
         struct error error;
         int column = -1;
@@ -285,7 +288,7 @@ static void names_file_line_and_column_of_a_fault(void **state)
     bool end;
 
     (void)state;
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         write_file(path, cases[i].text, cases[i].size);
         assert_int_equal(candump_open(&reader, path, &error), ERROR_NONE);
         assert_int_equal(candump_next(&reader, &frame, bus, &end, &error), ERROR_NONE);

@@ -10,6 +10,8 @@
 
 #include "canbus/fault_port.h"
 
+#include "base/count.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -78,7 +80,7 @@ static void send(struct can_port *port, uint32_t id, unsigned first, unsigned co
 
 static size_t receive(struct bench *bench, struct can_port *port)
 {
-    return can_receive(port, bench->frame, sizeof bench->frame / sizeof bench->frame[0]);
+    return can_receive(port, bench->frame, ARRAY_COUNT(bench->frame));
 }
 
 static unsigned number(const struct bus_frame *frame)

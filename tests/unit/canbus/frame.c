@@ -9,6 +9,8 @@
 
 #include "canbus/frame.h"
 
+#include "base/count.h"
+
 static void accepts_legal_frames_only(void **state)
 {
     static const struct {
@@ -41,7 +43,7 @@ static void accepts_legal_frames_only(void **state)
     };
 
     (void)state;
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct bus_frame frame = {.id = cases[i].id, .flags = cases[i].flags, .len = cases[i].len};
 
         if (frame_valid(&frame) != cases[i].valid) {
@@ -84,11 +86,13 @@ static void makes_a_classic_frame_with_zeroes_behind_its_data(void **state)
 /* The fields of the format, bit by bit, from ISO 11898-1. */
 static void counts_the_bits_of_a_frame_field_by_field(void **state)
 {
-    /* SOF, identifier, RTR, IDE, r0, DLC, CRC, CRC delimiter, ACK, ACK delimiter, EOF, interframe */
+    /* SOF, identifier, RTR, IDE, r0, DLC, CRC, CRC delimiter, ACK, ACK delimiter, EOF,
+     * interframe */
     const unsigned standard = 1 + 11 + 1 + 1 + 1 + 4 + 15 + 1 + 1 + 1 + 7 + 3;
     const unsigned extended = standard + 1 + 18 + 1; /* SRR, 18 more bits, r1 */
-    /* SOF, identifier, RRS, IDE, FDF, res, BRS, ESI, DLC; the CRC field has a fixed stuff bit before
-     * its first bit and after every fourth: stuff count 4 + CRC 17 = 21 bits and 6 of those */
+    /* SOF, identifier, RRS, IDE, FDF, res, BRS, ESI, DLC; the CRC field has a fixed stuff bit
+     * before its first bit and after every fourth: stuff count 4 + CRC 17 = 21 bits and 6 of
+     * those */
     const unsigned fd17 = 1 + 11 + 1 + 1 + 1 + 1 + 1 + 1 + 4 + 4 + 17 + 6 + 1 + 1 + 1 + 7 + 3;
     const unsigned fd21 = fd17 - 17 - 6 + 21 + 7;
 
@@ -112,8 +116,8 @@ static void counts_the_bits_of_a_frame_field_by_field(void **state)
 
 static void counts_the_fast_bits_of_a_frame_field_by_field(void **state)
 {
-    /* ESI, DLC, data, stuff count, CRC with a fixed stuff bit before it and after every four bits of
-     * stuff count and CRC, CRC delimiter */
+    /* ESI, DLC, data, stuff count, CRC with a fixed stuff bit before it and after every four bits
+     * of stuff count and CRC, CRC delimiter */
     const uint32_t fd17 = 1 + 4 + 4 + 17 + 1 + (4 + 17) / 4 + 1;
     const uint32_t fd21 = 1 + 4 + 4 + 21 + 1 + (4 + 21) / 4 + 1;
     struct bus_frame frame = {.flags = FRAME_FD | FRAME_BRS};

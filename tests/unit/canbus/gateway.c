@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The gateway with clients on real sockets of the loopback interface, in front of a port that the test
- * holds in its hands. */
+/* The gateway with clients on real sockets of the loopback interface, in front of a port that the
+ * test holds in its hands. */
 #include "canbus/gateway.h"
 
 #include <arpa/inet.h>
@@ -22,7 +22,7 @@
 
 enum { QUEUE = 4096, PATIENCE_MS = 10000 };
 
-/* what the bus gives and what it is given */
+/* What the bus gives and what it is given */
 struct hand_port {
     struct can_port port;
     pthread_mutex_t lock;
@@ -147,7 +147,7 @@ static void say(int client, const char *text)
     assert_int_equal(send(client, text, strlen(text), MSG_NOSIGNAL), strlen(text));
 }
 
-/* exactly this comes next; "" = the connection ends */
+/* Exactly this comes next; "" = the connection ends */
 static void hears(int client, const char *expected)
 {
     char text[512];
@@ -295,7 +295,7 @@ static void a_slow_client_is_cut_off_and_the_others_do_not_notice(void **state)
     struct bus_frame frame = {.id = 0x7ff, .flags = FRAME_FD, .len = 64};
     struct gateway_counters counters;
 
-    /* far more than its buffers and ours hold, while it reads nothing */
+    /* Far more than its buffers and ours hold, while it reads nothing */
     for (int round = 0; round < 60000; round++) {
         while (true) {
             bool full;
@@ -334,7 +334,7 @@ static void more_clients_than_places_are_refused(void **state)
     extra = join(f);
     hears(extra, "");
     close(extra);
-    /* a place that is given up is given out again */
+    /* A place that is given up is given out again */
     close(client[3]);
     for (int attempt = 0; attempt < 100; attempt++) {
         char text[8] = "";

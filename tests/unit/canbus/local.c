@@ -9,6 +9,8 @@
 
 #include "canbus/port.h"
 
+#include "base/count.h"
+
 #include <linux/can/error.h>
 #include <poll.h>
 #include <pthread.h>
@@ -154,7 +156,7 @@ static void drops_the_newest_when_an_inbox_is_full_and_counts_them(void **state)
         struct bus_frame frame = numbered(0x1, i);
 
         assert_int_equal(can_send(bench->node[0], &frame, 1), 1);
-        /* node 1 reads as it comes, node 2 does not */
+        /* Node 1 reads as it comes, node 2 does not */
         assert_int_equal(can_receive(bench->node[1], got, 1), 1);
     }
     assert_int_equal(can_receive(bench->node[2], got, 2 * INBOX), INBOX);
@@ -165,7 +167,7 @@ static void drops_the_newest_when_an_inbox_is_full_and_counts_them(void **state)
     assert_int_equal(bench->node[2]->counters.rx_frames, INBOX);
     assert_int_equal(bench->node[1]->counters.rx_dropped, 0);
     assert_int_equal(bench->node[0]->counters.tx_dropped, 0);
-    /* the bus goes on afterwards */
+    /* The bus goes on afterwards */
     got[0] = numbered(0x1, 99);
     assert_int_equal(can_send(bench->node[0], got, 1), 1);
     assert_int_equal(can_receive(bench->node[2], got, 2), 1);
@@ -203,7 +205,7 @@ static void passes_what_a_filter_matches_and_every_error_frame(void **state)
     struct error error;
 
     assert_int_equal(local_bus_join(bench->bus, filter, 3, &picky, &error), ERROR_NONE);
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         struct bus_frame frame = {.id = cases[i].id, .flags = cases[i].flags};
 
         assert_int_equal(can_send(sender, &frame, 1), 1);
@@ -274,7 +276,7 @@ static void follows_the_controller_states_that_error_frames_report(void **state)
     struct bus_frame frame, got[2];
 
     join_all(bench);
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         frame = cases[i].frame;
         frame.flags = FRAME_ERROR;
         frame.len = 8;
@@ -282,9 +284,9 @@ static void follows_the_controller_states_that_error_frames_report(void **state)
         assert_int_equal(can_receive(bench->node[1], got, 2), 1);
         assert_int_equal(bench->node[1]->state, cases[i].state);
     }
-    assert_int_equal(bench->node[1]->counters.error_frames, sizeof cases / sizeof *cases);
+    assert_int_equal(bench->node[1]->counters.error_frames, ARRAY_COUNT(cases));
     assert_int_equal(bench->node[1]->counters.rx_frames, 0);
-    /* traffic proves that a controller has left bus-off */
+    /* Traffic proves that a controller has left bus-off */
     frame = (struct bus_frame){.id = CAN_ERR_BUSOFF, .flags = FRAME_ERROR, .len = 8};
     assert_int_equal(can_send(bench->node[0], &frame, 1), 1);
     frame = numbered(1, 1);
@@ -302,7 +304,7 @@ static void descriptor_is_readable_exactly_while_frames_wait(void **state)
     int descriptor;
 
     join_all(bench);
-    /* a frame that came before anybody asked for the descriptor counts */
+    /* A frame that came before anybody asked for the descriptor counts */
     assert_int_equal(can_send(bench->node[0], &frame, 1), 1);
     descriptor = bench->node[1]->ops->descriptor(bench->node[1]);
     assert_true(readable(descriptor));
@@ -356,7 +358,7 @@ static void refuses_impossible_sizes_with_a_message(void **state)
     join_all(bench);
     assert_int_equal(local_bus_join(bench->bus, NULL, 0, &port, &error), ERROR_MEMORY);
     assert_string_equal(error.text, "local bus limb: all 4 places are taken");
-    /* every size of arena that is too small is survived */
+    /* Every size of arena that is too small is survived */
     for (size_t size = 1 << 12; size < 1 << 20; size += 1 << 14) {
         assert_int_equal(arena_init(&small, size, &error), ERROR_NONE);
         assert_int_equal(create("x", 16, 1024, false, &small, &bus, &error), ERROR_MEMORY);
@@ -374,7 +376,8 @@ struct stream {
     bool in_order;
 };
 
-/* How far a stream may be: INBOX / 2 ahead of the slower peer keeps every inbox from running over. */
+/* How far a stream may be: INBOX / 2 ahead of the slower peer keeps every inbox from running
+ * over. */
 static uint32_t allowance(const struct stream *stream)
 {
     uint32_t slower = UINT32_MAX;

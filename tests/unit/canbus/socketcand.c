@@ -2,6 +2,8 @@
 /* The words of the socketcand protocol, both ways. */
 #include "canbus/socketcand.h"
 
+#include "base/count.h"
+
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -96,7 +98,7 @@ static void refuses_wrong_arguments(void **state)
     };
 
     (void)state;
-    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(wrong); i++) {
         if (parse(wrong[i]).command != SOCKETCAND_MALFORMED) {
             fail_msg("\"%s\" was not refused", wrong[i]);
         }
@@ -109,7 +111,7 @@ static void calls_unknown_what_is_no_command(void **state)
                                           "< >", "< hello >", "send 123 0", "< SEND 123 0 >"};
 
     (void)state;
-    for (size_t i = 0; i < sizeof unknown / sizeof unknown[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(unknown); i++) {
         if (parse(unknown[i]).command != SOCKETCAND_UNKNOWN) {
             fail_msg("\"%s\" was not called unknown", unknown[i]);
         }

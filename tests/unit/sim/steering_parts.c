@@ -121,21 +121,21 @@ static void frames_between_own_nodes_go_back_and_others_stay(void **state)
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[0], &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[1], &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &other, &error), ERROR_NONE);
-    memory = arena_alloc(&arena, 1, local_bus_moment_size(bus));
+    memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
     send(own[0], 1);
     send(own[1], 2);
     send(own[0], 3);
-    assert_true(local_bus_keep(bus, 2, memory));
+    assert_true(local_bus_save(bus, 2, memory));
     assert_int_equal(waiting(own[1]), 13);
     assert_int_equal(waiting(own[0]), 2);
     send(own[0], 4);
     send(other, 5);
-    local_bus_back(bus, 2, memory);
+    local_bus_restore(bus, 2, memory);
     assert_int_equal(waiting(own[1]), 135); /* 4 was never sent, 5 is another's and waits */
     assert_int_equal(waiting(own[0]), 25);
     assert_int_equal(waiting(other), 1234); /* what has left stays */
     /* a second time, from the same copy */
-    local_bus_back(bus, 2, memory);
+    local_bus_restore(bus, 2, memory);
     assert_int_equal(waiting(own[1]), 13);
     for (int i = 0; i < 2; i++) {
         own[i]->ops->close(own[i]);
@@ -156,13 +156,13 @@ static void more_frames_than_a_copy_holds_are_refused(void **state)
     assert_int_equal(local_bus_create(&config, &arena, &bus, &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[0], &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[1], &error), ERROR_NONE);
-    memory = arena_alloc(&arena, 1, local_bus_moment_size(bus));
+    memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
     for (int i = 0; i < 2048; i++) {
         send(own[0], 1);
     }
-    assert_true(local_bus_keep(bus, 2, memory));
+    assert_true(local_bus_save(bus, 2, memory));
     send(own[0], 1);
-    assert_false(local_bus_keep(bus, 2, memory));
+    assert_false(local_bus_save(bus, 2, memory));
     own[0]->ops->close(own[0]);
     own[1]->ops->close(own[1]);
     local_bus_destroy(bus);
@@ -184,7 +184,7 @@ static void a_wire_goes_back_with_its_bus(void **state)
     assert_int_equal(local_bus_create(&config, &arena, &bus, &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[0], &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[1], &error), ERROR_NONE);
-    memory = arena_alloc(&arena, 1, local_bus_moment_size(bus));
+    memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
     moving.memory = wire_memory(local_bus_wire(bus), &moving.size);
     assert_int_equal(checkpoint_create(&moving, 1, NULL, 0, 1, &arena, &wire, &error), ERROR_NONE);
     local_bus_advance(bus, 1000000);
@@ -192,7 +192,7 @@ static void a_wire_goes_back_with_its_bus(void **state)
     send(own[0], 2);
     local_bus_advance(bus, 1050000); /* the first is half across */
     send(own[0], 3);                 /* not yet taken over */
-    assert_true(local_bus_keep(bus, 2, memory));
+    assert_true(local_bus_save(bus, 2, memory));
     checkpoint_keep(wire, 0);
     for (int i = 0; i < 2; i++) {
         assert_int_equal(waiting(own[1]), 0);
@@ -202,7 +202,7 @@ static void a_wire_goes_back_with_its_bus(void **state)
         assert_int_equal(waiting(own[1]), 23);
         assert_int_equal(wire_now(local_bus_wire(bus)), 2000000);
         checkpoint_back(wire, 0);
-        local_bus_back(bus, 2, memory);
+        local_bus_restore(bus, 2, memory);
     }
     own[0]->ops->close(own[0]);
     own[1]->ops->close(own[1]);

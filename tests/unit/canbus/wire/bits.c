@@ -8,6 +8,8 @@
 #include <cmocka.h>
 
 #include "base/random.h"
+
+#include "base/count.h"
 #include "canbus/wire/bits.h"
 #include "tests/unit/canbus/wire/wire_reference.h"
 
@@ -74,7 +76,7 @@ static void lengths_are_those_of_the_reference_encoder(void **state)
         assert_true(nominal <= worst.nominal && data <= worst.data);
         formats[frame.flags]++;
     }
-    /* standard and extended: classic, remote, and FD with each of BRS and ESI */
+    /* Standard and extended: classic, remote, and FD with each of BRS and ESI */
     assert_true(formats[0] > FRAMES / 50 && formats[FRAME_EXTENDED] > FRAMES / 50);
     assert_true(formats[FRAME_REMOTE] > FRAMES / 50);
     assert_true(formats[FRAME_REMOTE | FRAME_EXTENDED] > FRAMES / 50);
@@ -140,7 +142,7 @@ static void worst_fd_durations_are_the_published_ones(void **state)
     };
 
     (void)state;
-    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(table); i++) {
         struct wire_length length = wire_worst_length(FRAME_FD | FRAME_BRS, table[i].len);
 
         length.nominal += WIRE_INTERMISSION_BITS;
@@ -158,7 +160,7 @@ static void the_worst_case_is_nearly_met_by_real_frames(void **state)
     unsigned longest = 0, nominal, data;
 
     (void)state;
-    /* five equal bits, then again and again four that equal the stuff bit before them, in the
+    /* Five equal bits, then again and again four that equal the stuff bit before them, in the
      * header as in the data: 00000 1111 0000, 000 00 1111 0000 1111 ... */
     for (int n = 0; n < 200000; n++) {
         for (int i = 0; i < 8; i++) {
@@ -229,10 +231,10 @@ static void priorities_follow_the_arbitration_field(void **state)
     struct random_stream random = random_named(5, "frames");
 
     (void)state;
-    for (size_t i = 1; i < sizeof frames / sizeof frames[0]; i++) {
+    for (size_t i = 1; i < ARRAY_COUNT(frames); i++) {
         assert_true(wire_priority(&frames[i - 1]) < wire_priority(&frames[i]));
     }
-    /* whose bits are dominant first */
+    /* Whose bits are dominant first */
     for (int n = 0; n < 100000; n++) {
         struct bus_frame a = any_frame(&random), b = any_frame(&random);
         uint32_t of_a = wire_priority(&a), of_b = wire_priority(&b);

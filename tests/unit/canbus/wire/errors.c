@@ -53,7 +53,7 @@ static void a_corrupted_frame_is_signaled_and_sent_again(void **state)
         assert_int_equal(bench_events(&bench, WIRE_TRANSMIT), 1);
         again = event->event.time_ns - length;
         assert_int_equal(again, error->event.time_ns + 3 * US);
-        /* not before the control field, nor behind the CRC */
+        /* Not before the control field, nor behind the CRC */
         flag_and_more = error->event.time_ns;
         assert_true(flag_and_more >= (14 + 6 + 8) * US);
         assert_true(flag_and_more <= length - 10 * US + (12 + 8) * US);
@@ -91,7 +91,7 @@ static void overlapping_flags_last_six_to_twelve_bits(void **state)
         wire_transmit(bench.wire, 0, &frame);
         wire_advance(bench.wire, MS);
         end = bench_event(&bench, WIRE_BUS_ERROR, 0)->event.time_ns / US;
-        /* some bit must explain the end: up to it the frame, inverted there; then the sender's six
+        /* Some bit must explain the end: up to it the frame, inverted there; then the sender's six
          * dominant bits; the receiver's six begin behind the sixth equal bit that it reads */
         for (int64_t at = 13; at < (int64_t)bits.delimiter && !found; at++) {
             int run = 1, last = !reference_value(bits.bit[at]);
@@ -265,14 +265,14 @@ static void a_passive_sender_lets_others_go_first(void **state)
     wire_advance(bench.wire, 10 * MS);
     assert_int_equal(bench_node(&bench, 0).state, WIRE_ERROR_PASSIVE);
     begin = bench.count;
-    /* alone: 8 bits more between two frames */
+    /* Alone: 8 bits more between two frames */
     send(0, 0x010);
     send(0, 0x010);
     wire_advance(bench.wire, 20 * MS);
     assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 2)->event.time_ns -
                          bench_event(&bench, WIRE_TRANSMIT, 1)->event.time_ns,
                      length + 11 * US);
-    /* with company: the lower priority slips in */
+    /* With company: the lower priority slips in */
     send(0, 0x010);
     send(0, 0x010);
     wire_transmit(bench.wire, 1, &low);
@@ -294,7 +294,7 @@ static void a_receiver_that_errs_alone_counts_nine(void **state)
     assert_int_equal(bench_node(&bench, 1).rec_peak, 1);
     assert_int_equal(bench_node(&bench, 2).rec_peak, 9);
     assert_int_equal(bench_node(&bench, 2).rec, 8);
-    /* after 15 of them it is passive, and only misses frames */
+    /* After 15 of them it is passive, and only misses frames */
     inject(WIRE_FAULT_CORRUPT_AT, 2, 0);
     for (int i = 0; i < 10; i++) {
         send(0, 0x123);
@@ -423,7 +423,7 @@ static void a_node_of_another_rate_disturbs_until_it_is_passive(void **state)
         assert_int_equal(bench_node(&bench, 2).state, WIRE_ERROR_PASSIVE);
         assert_int_equal(bench_node(&bench, 0).confirmed, 100);
         assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 0)->event.receivers, 2);
-        /* it cannot send either, and ends in bus-off, as traffic keeps the others error active */
+        /* It cannot send either, and ends in bus-off, as traffic keeps the others error active */
         send(2, 0x001);
         for (int64_t tick = 200; tick < 400; tick++) {
             wire_advance(bench.wire, tick * MS);

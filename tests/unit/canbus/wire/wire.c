@@ -2,6 +2,8 @@
 /* The wire with healthy nodes: times, arbitration, queues, load, latency. */
 #include "tests/unit/canbus/wire/wire_bench.h"
 
+#include "base/count.h"
+
 #include <stdlib.h>
 
 static struct wire_bench bench;
@@ -176,7 +178,7 @@ static int brute_next(const struct brute *frames, int64_t free_ns, int64_t *star
                 best = a.bit[k] < b.bit[k] ? i : best;
                 break;
             }
-            /* a standard frame has won with a dominant IDE */
+            /* A standard frame has won with a dominant IDE */
             if (k == 13 && a.bit[k] == '0') {
                 break;
             }
@@ -200,7 +202,7 @@ static void everything_happens_as_in_a_brute_force_simulation(void **state)
         time += random_uniform(&random) < 0.5 ? 0 : (int64_t)(random_uniform(&random) * 200 * US);
         b->node = random_bits(&random) % BRUTE_NODES;
         b->ready_ns = time;
-        /* no identifier on two nodes */
+        /* No identifier on two nodes */
         b->frame = bench_frame((uint32_t)(random_bits(&random) % 80 * 8 + b->node),
                                (uint8_t)(random_bits(&random) % 9));
         if (random_bits(&random) % 4 == 0) {
@@ -323,7 +325,7 @@ static void latencies_stay_within_the_response_time_analysis(void **state)
     bound = response_bound(streams, STREAMS - 1);
     print_message("lowest priority: worst latency %lld us, bound %lld us\n",
                   (long long)(worst_of_lowest / US), (long long)(bound / US));
-    /* the bound is worth something: simultaneous release comes near it */
+    /* The bound is worth something: simultaneous release comes near it */
     assert_true(worst_of_lowest > bound * 7 / 10);
     memset(&bench, 0, sizeof bench);
 }
@@ -468,12 +470,12 @@ static void impossible_configurations_are_refused_with_a_reason(void **state)
 
     (void)state;
     assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(cases); i++) {
         assert_int_equal(wire_create(&cases[i].config, &arena, &wire, &error), ERROR_INPUT);
         assert_non_null(strstr(error.text, cases[i].message));
     }
     arena_fini(&arena);
-    /* every size of arena that is too small is survived */
+    /* Every size of arena that is too small is survived */
     for (size_t size = 1 << 12; size < 1 << 17; size += 1 << 12) {
         const struct wire_config config = {.bitrate = 1000000, .nodes = 60, .queue = 64};
 

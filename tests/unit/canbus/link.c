@@ -1,0 +1,212 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Answers of the kernel about an interface, right and wrong. */
+#include "canbus/link.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <errno.h>
+#include <linux/netlink.h>
+#include <linux/rtnetlink.h>
+#include <net/if.h>
+#include <net/if_arp.h>
+#include <string.h>
+
+/* An answer under construction, as large as the kernel's. */
+struct answer {
+    _Alignas(struct nlmsghdr) char bytes[1024];
+    size_t size;
+};
+
+static struct nlmsghdr *header_of(struct answer *answer)
+{
+    return (struct nlmsghdr *)(void *)answer->bytes;
+}
+
+static void begin(struct answer *answer, unsigned flags)
+{
+    const struct ifinfomsg link = {.ifi_index = 7, .ifi_flags = flags, .ifi_type = ARPHRD_CAN};
+
+    memset(answer, 0, sizeof *answer);
+    memcpy(answer->bytes + NLMSG_HDRLEN, &link, sizeof link);
+    answer->size = NLMSG_LENGTH(sizeof link);
+    header_of(answer)->nlmsg_type = RTM_NEWLINK;
+    header_of(answer)->nlmsg_len = (uint32_t)answer->size;
+}
+
+/* Where the attribute begins, for end_nested. */
+static size_t put(struct answer *answer, uint16_t type, const void *data, size_t size)
+{
+    const size_t at = answer->size = NLMSG_ALIGN(answer->size);
+    const struct rtattr attribute = {.rta_len = (uint16_t)RTA_LENGTH(size), .rta_type = type};
+
+    memcpy(answer->bytes + at, &attribute, sizeof attribute);
+    if (size > 0) {
+        memcpy(answer->bytes + at + RTA_LENGTH(0), data, size);
+    }
+    answer->size += RTA_LENGTH(size);
+    header_of(answer)->nlmsg_len = (uint32_t)answer->size;
+    return at;
+}
+
+/* What was put since an attribute stands in it. */
+static void end_nested(struct answer *answer, size_t at)
+{
+    const uint16_t size = (uint16_t)(answer->size - at);
+
+    memcpy(answer->bytes + at, &size, sizeof size);
+}
+
+/* A controller at 1 Mbit/s in error passive, as a driver with error counters tells it. */
+static void put_controller(struct answer *answer, const char *kind)
+{
+    const struct can_bittiming timing = {.bitrate = 1000000, .sample_point = 750};
+    const struct can_berr_counter errors = {.txerr = 128, .rxerr = 3};
+    const struct can_device_stats stats = {.bus_off = 2};
+    const uint32_t state = CAN_STATE_ERROR_PASSIVE, restart_ms = 100;
+    size_t info, data;
+
+    info = put(answer, IFLA_LINKINFO | NLA_F_NESTED, NULL, 0);
+    put(answer, IFLA_INFO_KIND, kind, strlen(kind) + 1);
+    data = put(answer, IFLA_INFO_DATA, NULL, 0);
+    put(answer, IFLA_CAN_STATE, &state, sizeof state);
+    put(answer, IFLA_CAN_BITTIMING, &timing, sizeof timing);
+    put(answer, IFLA_CAN_RESTART_MS, &restart_ms, sizeof restart_ms);
+    put(answer, IFLA_CAN_BERR_COUNTER, &errors, sizeof errors);
+    end_nested(answer, data);
+    put(answer, IFLA_INFO_XSTATS, &stats, sizeof stats);
+    end_nested(answer, info);
+}
+
+static void an_interface_has_what_its_answer_says(void **state)
+{
+    const uint32_t mtu = 72, tx_queue = 10;
+    struct answer answer;
+    struct link_info info;
+
+    (void)state;
+    begin(&answer, IFF_UP);
+    put(&answer, IFLA_MTU, &mtu, sizeof mtu);
+    put(&answer, IFLA_TXQLEN, &tx_queue, sizeof tx_queue);
+    put_controller(&answer, "can");
+    assert_int_equal(link_parse(answer.bytes, answer.size, &info), 0);
+    assert_int_equal(info.index, 7);
+    assert_true(info.up);
+    assert_int_equal(info.type, ARPHRD_CAN);
+    assert_int_equal(info.mtu, 72);
+    assert_int_equal(info.tx_queue, 10);
+    assert_string_equal(info.kind, "can");
+    assert_int_equal(info.controller.state, CAN_STATE_ERROR_PASSIVE);
+    assert_int_equal(info.controller.timing.bitrate, 1000000);
+    assert_int_equal(info.controller.timing.sample_point, 750);
+    assert_int_equal(info.controller.restart_ms, 100);
+    assert_true(info.controller.counts);
+    assert_int_equal(info.controller.errors.txerr, 128);
+    assert_int_equal(info.controller.stats.bus_off, 2);
+}
+
+static void what_an_answer_leaves_out_is_zero(void **state)
+{
+    struct answer answer;
+    struct link_info info;
+
+    (void)state;
+    begin(&answer, 0);
+    assert_int_equal(link_parse(answer.bytes, answer.size, &info), 0);
+    assert_false(info.up);
+    assert_int_equal(info.mtu, 0);
+    assert_string_equal(info.kind, "");
+    assert_false(info.controller.counts);
+}
+
+static void only_controllers_have_the_attributes_of_one(void **state)
+{
+    struct answer answer;
+    struct link_info info;
+
+    (void)state;
+    begin(&answer, IFF_UP);
+    put_controller(&answer, "vcan");
+    assert_int_equal(link_parse(answer.bytes, answer.size, &info), 0);
+    assert_string_equal(info.kind, "vcan");
+    assert_int_equal(info.controller.timing.bitrate, 0);
+    assert_int_equal(info.controller.stats.bus_off, 0);
+}
+
+static void long_kinds_and_unknown_states_stay_in_bounds(void **state)
+{
+    const uint32_t unknown = 99;
+    struct answer answer;
+    struct link_info info;
+    size_t nested, data;
+
+    (void)state;
+    begin(&answer, IFF_UP);
+    put_controller(&answer, "a kind of more than sixteen letters");
+    assert_int_equal(link_parse(answer.bytes, answer.size, &info), 0);
+    assert_string_equal(info.kind, "a kind of more ");
+
+    begin(&answer, IFF_UP);
+    nested = put(&answer, IFLA_LINKINFO, NULL, 0);
+    put(&answer, IFLA_INFO_KIND, "can", 4);
+    data = put(&answer, IFLA_INFO_DATA, NULL, 0);
+    put(&answer, IFLA_CAN_STATE, &unknown, sizeof unknown);
+    put(&answer, IFLA_CAN_RESTART_MS, &unknown, 2); /* too short */
+    end_nested(&answer, data);
+    end_nested(&answer, nested);
+    assert_int_equal(link_parse(answer.bytes, answer.size, &info), 0);
+    assert_int_equal(info.controller.state, CAN_STATE_ERROR_ACTIVE);
+    assert_int_equal(info.controller.restart_ms, 0);
+}
+
+static void an_error_of_the_kernel_is_its_number(void **state)
+{
+    const struct nlmsgerr refused = {.error = -ENODEV}, nonsense = {.error = 1};
+    struct answer answer;
+    struct link_info info;
+
+    (void)state;
+    begin(&answer, 0);
+    header_of(&answer)->nlmsg_type = NLMSG_ERROR;
+    header_of(&answer)->nlmsg_len = NLMSG_LENGTH(sizeof refused);
+    memcpy(answer.bytes + NLMSG_HDRLEN, &refused, sizeof refused);
+    assert_int_equal(link_parse(answer.bytes, sizeof answer.bytes, &info), ENODEV);
+    memcpy(answer.bytes + NLMSG_HDRLEN, &nonsense, sizeof nonsense);
+    assert_int_equal(link_parse(answer.bytes, sizeof answer.bytes, &info), EPROTO);
+    header_of(&answer)->nlmsg_len = NLMSG_LENGTH(sizeof refused) - 1;
+    assert_int_equal(link_parse(answer.bytes, sizeof answer.bytes, &info), EPROTO);
+}
+
+static void answers_of_another_length_or_type_are_refused(void **state)
+{
+    struct answer answer;
+    struct link_info info;
+
+    (void)state;
+    begin(&answer, IFF_UP);
+    for (size_t size = 0; size < answer.size; size++) {
+        assert_int_equal(link_parse(answer.bytes, size, &info), EPROTO);
+    }
+    header_of(&answer)->nlmsg_len = NLMSG_LENGTH(sizeof(struct ifinfomsg)) - 1;
+    assert_int_equal(link_parse(answer.bytes, answer.size, &info), EPROTO);
+    begin(&answer, IFF_UP);
+    header_of(&answer)->nlmsg_type = RTM_DELLINK;
+    assert_int_equal(link_parse(answer.bytes, answer.size, &info), EPROTO);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(an_interface_has_what_its_answer_says),
+        cmocka_unit_test(what_an_answer_leaves_out_is_zero),
+        cmocka_unit_test(only_controllers_have_the_attributes_of_one),
+        cmocka_unit_test(long_kinds_and_unknown_states_stay_in_bounds),
+        cmocka_unit_test(an_error_of_the_kernel_is_its_number),
+        cmocka_unit_test(answers_of_another_length_or_type_are_refused),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
