@@ -10,36 +10,40 @@
  * for a controller's first voltages to raise the currents. */
 #define BRAKE_NS INT64_C(20000000)
 
-static void machine_advance(void *context, int64_t time_ns)
+/* Windows of faults open and close. Before the wait, for in lockstep frames are received while the
+ * loop waits, through ports that faults disturb. */
+static void machine_begin(void *context, int64_t now_ns)
 {
     const struct simulator *simulator = context;
 
-    buses_advance(&simulator->buses, time_ns);
+    injection_step(simulator->injection, now_ns);
 }
 
-static bool machine_controller(void *context, int64_t time_ns)
+/* The observer sees the tick before, then an inline task takes its step. */
+static bool machine_controller(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
     const struct simulator_observer *observer = simulator->config.observer;
     bool goes_on = observer && simulator->config.clock == LOOP_CLOCK_FREE;
 
     if (observer) {
-        observer->step(observer->context, time_ns);
+        observer->step(observer->context, now_ns);
     }
     if (simulator->task_inline && simulator->controller->now.status == TASK_RUNNING) {
-        /* in lockstep the clock's time: only a STEP that got lost hangs on it */
+        /* In lockstep the clock's time: the task needs it to notice that a STEP got lost */
         controller_step(simulator->controller, simulator->config.clock == LOOP_CLOCK_LOCKSTEP
                                                    ? clock_now(simulator->time)
-                                                   : time_ns);
+                                                   : now_ns);
     }
     return goes_on || !simulator->task_inline || simulator->controller->now.status == TASK_RUNNING;
 }
 
-static void machine_receive(void *context, size_t bus, const struct bus_frame *frame)
+static void machine_receive(void *context, int64_t now_ns, size_t bus,
+                            const struct bus_frame *frame)
 {
     struct simulator *simulator = context;
 
-    boards_receive(simulator->boards, plant_time_ns(simulator->plant), bus, frame);
+    boards_receive(simulator->boards, now_ns, bus, frame);
 }
 
 static bool all_motors_on(const struct simulator *simulator)
@@ -61,22 +65,19 @@ static bool all_motors_on(const struct simulator *simulator)
     return true;
 }
 
-static void machine_control(void *context)
+static void machine_control(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
 
-    boards_control(simulator->boards, plant_time_ns(simulator->plant),
-                   plant_command(simulator->plant));
+    boards_control(simulator->boards, now_ns, plant_command(simulator->plant));
     if (simulator->release.due && all_motors_on(simulator)) {
         simulator->release.due = false;
-        simulator->release.at_ns =
-            plant_time_ns(simulator->plant) + (simulator->config.settle ? BRAKE_NS : 0);
+        simulator->release.at_ns = now_ns + (simulator->config.settle ? BRAKE_NS : 0);
     }
-    if (simulator->release.at_ns >= 0 &&
-        plant_time_ns(simulator->plant) >= simulator->release.at_ns) {
+    if (simulator->release.at_ns >= 0 && now_ns >= simulator->release.at_ns) {
         plant_clamp(simulator->plant, false);
         simulator->release.at_ns = -1;
-        atomic_store(&simulator->released, plant_time_ns(simulator->plant));
+        atomic_store(&simulator->released, now_ns);
     }
 }
 
@@ -89,23 +90,23 @@ static bool sane(struct simulator *simulator, enum error_code code)
     return !code;
 }
 
-static bool machine_plant(void *context)
+static bool machine_plant(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
 
+    (void)now_ns; /* the plant integrates its own */
     return sane(simulator, plant_step(simulator->plant, simulator->config.rig->substeps));
 }
 
-static bool machine_sample(void *context)
+static bool machine_sample(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
 
     if (!sane(simulator, plant_sample(simulator->plant))) {
         return false;
     }
-    simulator->measured = sensing_sample(simulator->sensing, plant_time_ns(simulator->plant),
-                                         plant_sensors(simulator->plant));
-    boards_sample(simulator->boards, plant_time_ns(simulator->plant), simulator->measured);
+    simulator->measured = sensing_sample(simulator->sensing, now_ns, plant_sensors(simulator->plant));
+    boards_sample(simulator->boards, now_ns, simulator->measured);
     return true;
 }
 
@@ -130,12 +131,20 @@ static void tell_controllers(struct simulator *simulator, size_t bus)
     }
 }
 
-static size_t machine_transmit(void *context, size_t bus, struct bus_frame *frames, size_t max)
+static void machine_advance(void *context, int64_t now_ns)
+{
+    const struct simulator *simulator = context;
+
+    buses_advance(&simulator->buses, now_ns);
+}
+
+static size_t machine_transmit(void *context, int64_t now_ns, size_t bus, struct bus_frame *frames,
+                               size_t max)
 {
     struct simulator *simulator = context;
 
     tell_controllers(simulator, bus);
-    return boards_transmit(simulator->boards, plant_time_ns(simulator->plant), bus, frames, max);
+    return boards_transmit(simulator->boards, now_ns, bus, frames, max);
 }
 
 static bool machine_fault(void *context)
@@ -200,7 +209,6 @@ static void fill_counters(struct simulator *simulator, const struct loop_stats *
     struct simulator_status *status = &simulator->status;
 
     status->tick = stats->ticks;
-    status->time_ns = stats->time_ns;
     status->start_ns = stats->start_ns;
     status->elapsed_ns = clock_now(simulator->time) - stats->start_ns;
     status->overruns = stats->overrun_total;
@@ -223,10 +231,11 @@ static void fill_faults(struct simulator *simulator)
     }
 }
 
-void simulator_publish(void *context, const struct loop_stats *stats)
+void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *stats)
 {
     struct simulator *simulator = context;
 
+    simulator->status.time_ns = now_ns;
     fill_counters(simulator, stats);
     fill_faults(simulator);
     fill_buses(simulator);
@@ -234,27 +243,27 @@ void simulator_publish(void *context, const struct loop_stats *stats)
     snapshot_write(simulator->published, &simulator->status);
 }
 
-static void machine_publish(void *context, const struct loop_stats *stats)
+static void machine_publish(void *context, int64_t now_ns, const struct loop_stats *stats)
 {
     struct simulator *simulator = context;
 
-    simulator_publish(simulator, stats);
+    simulator_publish(simulator, now_ns, stats);
     simulator_record_row(simulator);
     simulator_stream_row(simulator);
-    injection_step(simulator->injection, stats->time_ns);
 }
 
 struct loop_machine simulator_machine(struct simulator *simulator)
 {
     return (struct loop_machine){
         .context = simulator,
-        .advance = simulator->buses.timed ? machine_advance : NULL,
+        .begin = machine_begin,
         .controller =
             simulator->task_inline || simulator->config.observer ? machine_controller : NULL,
         .receive = machine_receive,
         .control = machine_control,
         .plant = machine_plant,
         .sample = machine_sample,
+        .advance = simulator->buses.timed ? machine_advance : NULL,
         .transmit = machine_transmit,
         .fault = machine_fault,
         .publish = machine_publish,

@@ -66,7 +66,7 @@ struct simulator {
 
 /* simulator_machine.c */
 struct loop_machine simulator_machine(struct simulator *simulator);
-void simulator_publish(void *simulator, const struct loop_stats *stats);
+void simulator_publish(void *simulator, int64_t now_ns, const struct loop_stats *stats);
 
 /* simulator_signals.c. The streaming before the recorder, whose columns are the first of its. */
 enum error_code simulator_create_signals(struct simulator *simulator, struct error *error);

@@ -284,7 +284,7 @@ static enum error_code create_steering(struct simulator *simulator, struct error
         .own = 1 + simulator->task_inline,
         .one_way = simulator->controller && !simulator->task_inline,
         .context = simulator,
-        .show = simulator_publish,
+        .publish = simulator_publish,
         .pace = simulator->pace ? follow_pace : NULL,
     };
 
@@ -310,6 +310,7 @@ static enum error_code create_loop(struct simulator *simulator, struct error *er
         .time = simulator->time,
         .machine = simulator_machine(simulator),
         .recorder = simulator->recorder,
+        .recording = simulator->buses.timed ? LOOP_RECORD_UNCARRIED : LOOP_RECORD_ALL,
         .steering = simulator->steering,
     };
     enum error_code code = snapshot_create(sizeof(struct simulator_status), simulator->arena,

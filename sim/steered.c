@@ -195,7 +195,7 @@ static void begin_tick(void *context, int64_t time_ns)
 
 /* ---- the way back ---- */
 
-static enum steer_verdict keep(void *context, size_t slot)
+static enum steer_verdict save(void *context, size_t slot)
 {
     struct steered *s = context;
 
@@ -209,7 +209,7 @@ static enum steer_verdict keep(void *context, size_t slot)
     return STEER_OK;
 }
 
-static void back(void *context, size_t slot)
+static void restore(void *context, size_t slot)
 {
     struct steered *s = context;
 
@@ -229,11 +229,11 @@ static uint64_t hash(void *context)
     return plant_hash(s->config.plant);
 }
 
-static void show(void *context, const struct loop_stats *stats)
+static void publish(void *context, int64_t now_ns, const struct loop_stats *stats)
 {
     const struct steered *s = context;
 
-    s->config.show(s->config.context, stats);
+    s->config.publish(s->config.context, now_ns, stats);
 }
 
 static void pace(void *context, double speed, bool paused)
@@ -418,12 +418,12 @@ enum error_code steered_create(const struct steered_config *config, struct arena
         .set = set,
         .get = get,
         .changes = changes,
-        .keep = config->one_way ? NULL : keep,
-        .back = config->one_way ? NULL : back,
+        .save = config->one_way ? NULL : save,
+        .restore = config->one_way ? NULL : restore,
         .hash = hash,
-        .show = show,
+        .publish = publish,
         .pace = config->pace ? pace : NULL,
-        .begin = begin_tick,
+        .advance = begin_tick,
         .body = body_name,
         .nfault = faults_count(config->faults),
         .ntunable = s->ntunable,

@@ -18,7 +18,7 @@
 #include "sim/buses.h"
 #include "sim/checkpoint.h"
 #include "sim/injection.h"
-#include "rt/steering_private.h"
+#include "rt/steering_machine.h"
 
 #define STEERED_WINCH_M_S 0.1
 
@@ -36,7 +36,8 @@ struct steered_config {
     size_t own;    /* participants of the buses, the first to join, that the loop's thread is */
     bool one_way;  /* something runs along that cannot go back: a task in its own thread */
     void *context; /* of the two below */
-    void (*show)(void *context, const struct loop_stats *stats); /* struct steering_machine */
+    /* struct steering_machine */
+    void (*publish)(void *context, int64_t now_ns, const struct loop_stats *stats);
     /* Of what runs along at its own pace, which then must be one; likewise; NULL = nothing does. */
     void (*pace)(void *context, double speed, bool paused);
 };

@@ -142,30 +142,14 @@ static const struct way {
 static const struct way *way;
 static int tick;
 
-static bool plant(void *context)
+static bool victim_plant(void *context, int64_t now_ns)
 {
     (void)context;
+    (void)now_ns;
     if (tick++ == BAD_TICK) {
         way->act();
     }
     return true;
-}
-
-static void nothing(void *context)
-{
-    (void)context;
-}
-
-static bool fine(void *context)
-{
-    (void)context;
-    return true;
-}
-
-static void publish(void *context, const struct loop_stats *stats)
-{
-    (void)context;
-    (void)stats;
 }
 
 static void *stand_by(void *unused)
@@ -184,15 +168,8 @@ int main(int argc, char **argv)
 {
     struct loop_config config = {
         .clock = LOOP_CLOCK_FREE,
-        .tick_ns = CLOCK_MS,
         .ticks = TICKS,
-        .time = clock_monotonic(),
-        .machine = {.control = nothing,
-                    .plant = plant,
-                    .sample = fine,
-                    .fault = fine,
-                    .publish = publish,
-                    .shut_down = nothing},
+        .machine = {.plant = victim_plant},
     };
     struct arena arena;
     struct error error;

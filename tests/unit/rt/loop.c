@@ -143,7 +143,7 @@ static void an_overrun_is_charged_to_the_phase_that_caused_it(void **state)
 static void a_pause_takes_up_the_grid_and_is_no_overrun(void **state)
 {
     static const enum loop_overrun policies[] = {LOOP_OVERRUN_SKIP, LOOP_OVERRUN_SLIP,
-                                                LOOP_OVERRUN_STOP};
+                                                 LOOP_OVERRUN_STOP};
 
     (void)state;
     for (size_t i = 0; i < 3; i++) {

@@ -64,7 +64,7 @@ static void assert_books_close(const struct bench *bench, enum loop_overrun poli
 static void the_books_close_whatever_the_machine_does(void **state)
 {
     static const enum loop_overrun policies[] = {LOOP_OVERRUN_SKIP, LOOP_OVERRUN_SLIP,
-                                                LOOP_OVERRUN_STOP};
+                                                 LOOP_OVERRUN_STOP};
     uint64_t overruns = 0, pauses = 0, lost = 0, late = 0;
 
     (void)state;
