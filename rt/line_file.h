@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A text file of the recorder: written in whole lines, and ended rather than corrupted when the disk
- * does not accept them (recorder.h says what is guaranteed). One thread opens, writes and closes it;
- * another may read what is marked. Not RT-safe.
+ * A text file of the recorder: written in whole lines, and ended rather than corrupted when the
+ * disk does not accept them (recorder.h says what is guaranteed). One thread opens, writes and
+ * closes it; another may read what is marked. Not RT-safe.
  */
 #ifndef RT_LINE_FILE_H
 #define RT_LINE_FILE_H

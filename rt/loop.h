@@ -5,8 +5,8 @@
  * loop_machine, so that any program can bring a machine of its own (tests/rt/ten_lines.c) and tests
  * script machine and clock.
  *
- * Tick k (from 0) stands for virtual time [k T, (k+1) T). Virtual times are int64_t ns from 0; times
- * of the clock are ns of rt/clock.h.
+ * Tick k (from 0) stands for virtual time [k T, (k+1) T). Virtual times are int64_t ns from 0;
+ * times of the clock are ns of rt/clock.h.
  *
  * Real clock. The deadlines are the grid D + k T of the monotonic clock, T the tick; they never
  * drift. A tick that ends after the next deadline and took longer than T itself is an overrun,
@@ -34,9 +34,9 @@
  *
  * Lockstep. Ticks run when a STEP frame asks for them. Before the tick, each bus is received in the
  * order of the buses: everything that waits, on the STEP's own bus everything up to the STEP. What
- * arrives while a STEP of several ticks runs belongs to the next one, but for what a wire in virtual
- * time delivers, which belongs to the tick. DONE follows on every bus after the last frame of the
- * last tick. Its overrun flag says that a bus lost frames since the last DONE.
+ * arrives while a STEP of several ticks runs belongs to the next one, but for what a wire in
+ * virtual time delivers, which belongs to the tick. DONE follows on every bus after the last frame
+ * of the last tick. Its overrun flag says that a bus lost frames since the last DONE.
  *
  * Free run. No waiting at all.
  *
@@ -100,8 +100,8 @@ struct loop_stats {
  */
 struct loop_machine {
     void *context;
-    /* Before the wait: what is due at now_ns begins and ends. Called again with the same time when a
-     * request interrupts the wait, and must then change nothing. */
+    /* Before the wait: what is due at now_ns begins and ends. Called again with the same time when
+     * a request interrupts the wait, and must then change nothing. */
     void (*begin)(void *context, int64_t now_ns);
     /* An inline controller, before the tick's receive; in lockstep again, with the same time, as
      * long as no STEP has come. False: it has finished, the loop runs the tick that its last frames
@@ -204,8 +204,8 @@ uint64_t loop_beat(const struct loop *loop);
  * (histogram_copy). */
 const struct loop_stats *loop_stats(const struct loop *loop);
 
-/* From one other thread: takes one event, false when none waits; writes it as text for a line of the
- * log, with its zero. RT-safe to take, not to format. */
+/* From one other thread: takes one event, false when none waits; writes it as text for a line of
+ * the log, with its zero. RT-safe to take, not to format. */
 bool loop_next_event(struct loop *loop, struct loop_event *event);
 void loop_event_format(const struct loop *loop, const struct loop_event *event, char *text,
                        size_t size);

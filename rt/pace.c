@@ -58,7 +58,8 @@ static void pace_sleep_until(struct clock *clock, int64_t deadline_ns)
     }
 }
 
-/* Returns early at the latest when the rate has to be checked again; the caller looks at the time. */
+/* Returns early at the latest when the rate has to be checked again; the caller looks at the time.
+ * */
 static void pace_wait_readable(struct clock *clock, struct pollfd *fds, size_t count,
                                int64_t deadline_ns)
 {

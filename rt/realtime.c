@@ -92,8 +92,8 @@ static void realtime_lock_memory(struct realtime_report *report)
         strerror(errno), (unsigned long long)limit.rlim_cur / 1024);
 }
 
-/* The kernel honors it as long as the file is open, which is until the process ends; the loop's thread
- * and the task's may get here at once. */
+/* The kernel honors it as long as the file is open, which is until the process ends; the loop's
+ * thread and the task's may get here at once. */
 static void realtime_avoid_idle_states(struct realtime_report *report)
 {
     static _Atomic int shared = -1;

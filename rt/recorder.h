@@ -6,27 +6,27 @@
  * times in ns.
  *
  * Frames received in a tick carry the virtual time at which the tick begins, frames sent that at
- * which it ends; so the log depends on the run alone, and equal runs give equal bytes. With the real
- * clock this is the time of the grid, not wall time.
+ * which it ends; so the log depends on the run alone, and equal runs give equal bytes. With the
+ * real clock this is the time of the grid, not wall time.
  *
  * What is guaranteed when the disk fails or is slow:
  *
  * - Slow, real clock. The loop never waits: what finds a ring full is dropped and counted, and
  *   reported once a second. When the disk has caught up the recording goes on after the gap.
- * - Slow, lockstep and free run (lossless). The loop waits, since virtual time can. A disk that accepts
- *   nothing for stall_ns is given up: from then on everything is dropped and counted.
- * - Full, broken, at the limit of a file's size, or a pipe that nobody reads any more. The file ends
- *   there, the other one and the run go on. It ends with a whole line: what a partial write has
- *   left is cut off; where that is impossible, in a pipe, it is reported.
+ * - Slow, lockstep and free run (lossless). The loop waits, since virtual time can. A disk that
+ *   accepts nothing for stall_ns is given up: from then on everything is dropped and counted.
+ * - Full, broken, at the limit of a file's size, or a pipe that nobody reads any more. The file
+ *   ends there, the other one and the run go on. It ends with a whole line: what a partial write
+ *   has left is cut off; where that is impossible, in a pipe, it is reported.
  * - Removed. The file ends there too, and its space on the disk is freed.
  * - Renamed, as a log rotation does it. Recording goes on into the same file; reported.
  * - Everything is written within 250 ms; a program that is killed leaves the rest unwritten and
  *   perhaps half a line.
  *
  * All of it is reported within a second (recorder_next_event), counted, and makes recorder_close
- * fail. The accounts balance: frames offered = frames + frames_dropped, lines in candump.log = frames -
- * frames_unwritten, rows alike (except when a disk hangs beyond all signals until the program ends:
- * what its thread was writing is then not counted).
+ * fail. The accounts balance: frames offered = frames + frames_dropped, lines in candump.log =
+ * frames - frames_unwritten, rows alike (except when a disk hangs beyond all signals until the
+ * program ends: what its thread was writing is then not counted).
  */
 #ifndef RT_RECORDER_H
 #define RT_RECORDER_H
@@ -63,8 +63,8 @@ enum { RECORDER_EVENTS = 4 }; /* kinds of events */
 struct recorder;
 
 /* Creates the directory and the files and starts the thread. ERROR_INPUT when the directory is not
- * empty and overwrite is not set; on any error what it has created is removed again. Rings come from
- * arena. Not RT-safe. */
+ * empty and overwrite is not set; on any error what it has created is removed again. Rings come
+ * from arena. Not RT-safe. */
 enum error_code recorder_open(const struct recorder_config *config, struct arena *arena,
                               struct recorder **recorder, struct error *error);
 
@@ -73,19 +73,19 @@ void recorder_frame(struct recorder *recorder, size_t bus, const struct bus_fram
                     int64_t time_ns);
 void recorder_row(struct recorder *recorder, int64_t time_ns, const double *value);
 
-/* What went wrong since the last call, as a sentence; kind (below RECORDER_EVENTS) distinguishes the
- * two files, a disk given up, and drops, which are reported at most once a second. False when there is
- * nothing new. From one thread. Not RT-safe. */
+/* What went wrong since the last call, as a sentence; kind (below RECORDER_EVENTS) distinguishes
+ * the two files, a disk given up, and drops, which are reported at most once a second. False when
+ * there is nothing new. From one thread. Not RT-safe. */
 bool recorder_next_event(struct recorder *recorder, unsigned *kind, char *text, size_t size);
 
 /* Writes what is left and closes the files; a disk that accepts nothing for stall_ns is abandoned
- * with its thread. Fails when the recording is incomplete, with the first thing that went wrong. Not
- * RT-safe. */
+ * with its thread. Fails when the recording is incomplete, with the first thing that went wrong.
+ * Not RT-safe. */
 enum error_code recorder_close(struct recorder *recorder, struct recorder_counters *counters,
                                struct error *error);
 
-/* Instead of recorder_close when the run never began: removes what recorder_open has created, so that
- * the next start finds the directory as this one did. Not RT-safe. */
+/* Instead of recorder_close when the run never began: removes what recorder_open has created, so
+ * that the next start finds the directory as this one did. Not RT-safe. */
 void recorder_discard(struct recorder *recorder);
 
 #endif

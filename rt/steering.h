@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Requests of another thread to a running loop: pause, resume, run so many ticks, change the speed, go
- * back to an earlier state, switch a fault, push a body, set a parameter.
+ * Requests of another thread to a running loop: pause, resume, run so many ticks, change the speed,
+ * go back to an earlier state, switch a fault, push a body, set a parameter.
  *
  * Requests and answers cross in two rings of fixed size; the loop carries requests out between two
  * ticks, in their order, and neither side ever waits for the other. One thread sends them (that of
@@ -11,31 +11,32 @@
  *
  * Pause. It is intended: it costs no deadline, no overrun, no silence of a lockstep controller, and
  * the loop's beat goes on. No frame is received or sent; what arrives waits in sockets and inboxes,
- * and is lost and counted where these are full. All time-outs of boards are of virtual time and stand
- * still too. A task in a thread of its own (real clock) pauses and resumes with the loop, at its
- * speed (rt/pace.h); controllers in other processes see a silent bus.
+ * and is lost and counted where these are full. All time-outs of boards are of virtual time and
+ * stand still too. A task in a thread of its own (real clock) pauses and resumes with the loop, at
+ * its speed (rt/pace.h); controllers in other processes see a silent bus.
  *
  * Steps. STEER_STEP runs its ticks at the present speed, whether the loop was paused or not, then
- * pauses. Until then RESUME, STEP, RESET and RESTORE are STEER_BUSY, and a PAUSE ends it (STEER_CUT).
- * In lockstep it plays the part of a STEP frame: the frames that wait, its ticks, DONE on every bus. A
- * STEP frame that waits stays; its sender learns by a mismatch at which tick the simulator is. What is
- * left of a STEP frame comes first. An inline task sends STEPs of its own, of which so many ticks run.
+ * pauses. Until then RESUME, STEP, RESET and RESTORE are STEER_BUSY, and a PAUSE ends it
+ * (STEER_CUT). In lockstep it plays the part of a STEP frame: the frames that wait, its ticks, DONE
+ * on every bus. A STEP frame that waits stays; its sender learns by a mismatch at which tick the
+ * simulator is. What is left of a STEP frame comes first. An inline task sends STEPs of its own, of
+ * which so many ticks run.
  *
- * Speed. The real clock's grid and all accounts of it scale, and the grid begins anew; at 0 there is
- * none, and nothing is late. Free run is paced without any account. In lockstep the STEPs are the
- * pace, and a task in a thread of its own needs one: STEER_CLOCK.
+ * Speed. The real clock's grid and all accounts of it scale, and the grid begins anew; at 0 there
+ * is none, and nothing is late. Free run is paced without any account. In lockstep the STEPs are
+ * the pace, and a task in a thread of its own needs one: STEER_CLOCK.
  *
- * Going back. A checkpoint is a copy, in memory set aside at the start, of all state that changes in
- * virtual time: plant, boards, sensors, faults, wires, an inline task, the loop's tick. Slot 0 holds
- * the start and is what STEER_RESET restores. Time goes back with it, so that a run from a checkpoint
- * repeats bit for bit what followed it the first time, given the same frames. Faults that were
- * switched, pushes and tunables go back too; speed and pause do not. Frames in the queues of other
- * processes and threads (clients of the gateway) stay where they are; those that the loop itself had
- * taken for the next STEP are again those of then. Accounts (overruns, histograms, counters of ports,
- * the log) go on. While a recording runs time cannot go back: that of a recording never does. Nor can
- * it, STEER_UNAVAILABLE, with a task in a thread of its own, whose state is not in a checkpoint; and
- * there is no checkpoint while more than two thousand frames are on their way between boards and an
- * inline task on one local bus.
+ * Going back. A checkpoint is a copy, in memory set aside at the start, of all state that changes
+ * in virtual time: plant, boards, sensors, faults, wires, an inline task, the loop's tick. Slot 0
+ * holds the start and is what STEER_RESET restores. Time goes back with it, so that a run from a
+ * checkpoint repeats bit for bit what followed it the first time, given the same frames. Faults
+ * that were switched, pushes and tunables go back too; speed and pause do not. Frames in the queues
+ * of other processes and threads (clients of the gateway) stay where they are; those that the loop
+ * itself had taken for the next STEP are again those of then. Accounts (overruns, histograms,
+ * counters of ports, the log) go on. While a recording runs time cannot go back: that of a
+ * recording never does. Nor can it, STEER_UNAVAILABLE, with a task in a thread of its own, whose
+ * state is not in a checkpoint; and there is no checkpoint while more than two thousand frames are
+ * on their way between boards and an inline task on one local bus.
  *
  * All functions are RT-safe and never wait, but for steering_find and steer_verdict_text, which are
  * for other threads.

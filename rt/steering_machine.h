@@ -18,16 +18,17 @@ struct steering_machine {
     enum steer_verdict (*push)(void *context, const struct steer_request *request, int64_t now_ns);
     enum steer_verdict (*set)(void *context, size_t index, double value);
     double (*get)(void *context, size_t index);
-    /* Copies all state that changes in virtual time to a checkpoint slot, and back from one that was
-     * saved; NULL: time cannot go back. save says STEER_UNAVAILABLE when the slot is too small. */
+    /* Copies all state that changes in virtual time to a checkpoint slot, and back from one that
+     * was saved; NULL: time cannot go back. save says STEER_UNAVAILABLE when the slot is too small.
+     * */
     enum steer_verdict (*save)(void *context, size_t slot);
     void (*restore)(void *context, size_t slot);
     uint64_t (*hash)(void *context);
     /* The speed has changed or the loop is paused; NULL = not needed. A machine that has it cannot
      * run at speed 0 (as fast as possible): STEER_CLOCK. */
     void (*pace)(void *context, double speed, bool paused);
-    /* Once a tick, when its wait is over: what requests have set in motion moves on by a tick. NULL =
-     * nothing does. */
+    /* Once a tick, when its wait is over: what requests have set in motion moves on by a tick. NULL
+     * = nothing does. */
     void (*advance)(void *context, int64_t now_ns);
     /* A request was carried out: publishes the machine's state anew. NULL = not needed. */
     void (*publish)(void *context, int64_t now_ns, const struct loop_stats *stats);

@@ -2,12 +2,13 @@
 /*
  * Calls out of the program. What the program imports it calls through a table of addresses that the
  * dynamic linker has filled in (the global offset table); for each name that is not on the list
- * below the guard puts a doorstep of its own there, which looks whether the caller is in the loop and
- * goes on to the function when it is not. So nothing must be known about what a function takes and
- * returns, and a function that nobody has thought of is not allowed.
+ * below the guard puts a doorstep of its own there, which looks whether the caller is in the loop
+ * and goes on to the function when it is not. So nothing must be known about what a function takes
+ * and returns, and a function that nobody has thought of is not allowed.
  *
  * Patched are the program, modules that it has loaded, and the C library, whose own calls of malloc
- * and its kin go over such a table too. Other libraries are entered only through the program's table.
+ * and its kin go over such a table too. Other libraries are entered only through the program's
+ * table.
  */
 #include "guard.h"
 
@@ -19,8 +20,8 @@
 
 enum { CALLS_MAX = 2048 };
 
-/* Harmless: they look at their arguments and at nothing else. The system calls at the end are judged
- * by guard_syscalls.c. */
+/* Harmless: they look at their arguments and at nothing else. The system calls at the end are
+ * judged by guard_syscalls.c. */
 static const char *const allowed[] = {
     "memchr",
     "memcmp",
@@ -36,8 +37,8 @@ static const char *const allowed[] = {
     "strnlen",
     "strrchr",
     "__errno_location",
-    /* text in memory: no lock and no output; should it ever allocate, the C library's own call of malloc
-     * is seen */
+    /* text in memory: no lock and no output; should it ever allocate, the C library's own call of
+     * malloc is seen */
     "snprintf",
     "vsnprintf",
     /* mathematics */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Page faults of the loop's thread by phase, from getrusage. Where the kernel allows it a counter of
- * perf_event keeps the address and the instruction of the last ones.
+ * Page faults of the loop's thread by phase, from getrusage. Where the kernel allows it a counter
+ * of perf_event keeps the address and the instruction of the last ones.
  */
 #include "guard.h"
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Breakpoints on the program's tracepoints. The notes of <sys/sdt.h> say where each nop is and where
- * its arguments are ("-4@%esi", "8@-40(%rbp)", "-4@$3"); what the kernel does for perf with a uprobe
- * is done here in the process.
+ * Breakpoints on the program's tracepoints. The notes of <sys/sdt.h> say where each nop is and
+ * where its arguments are ("-4@%esi", "8@-40(%rbp)", "-4@$3"); what the kernel does for perf with a
+ * uprobe is done here in the process.
  */
 #include "guard.h"
 

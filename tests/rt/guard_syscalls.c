@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * System calls of the loop's thread. A seccomp filter on this thread turns each into a signal unless
- * the guard makes it; the handler holds it against the table, counts it, makes it and hands the result
- * back. The filter stays after the run, the handler then lets everything pass.
+ * System calls of the loop's thread. A seccomp filter on this thread turns each into a signal
+ * unless the guard makes it; the handler holds it against the table, counts it, makes it and hands
+ * the result back. The filter stays after the run, the handler then lets everything pass.
  *
  * The filter knows the guard's own calls by the place that they are made from, and by a word in the
  * sixth argument when they take fewer: user-mode Linux does not tell filters the place. There calls

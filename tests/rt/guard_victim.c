@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * usage: rt_guard_victim WAY
- * A loop whose plant does in tick 7 what a real-time loop may not, for the guard to catch; "nothing"
- * does nothing, "bystander" lets another thread do it all the while.
+ * A loop whose plant does in tick 7 what a real-time loop may not, for the guard to catch;
+ * "nothing" does nothing, "bystander" lets another thread do it all the while.
  */
 #include "rt/loop.h"
 #include "rt/realtime.h"

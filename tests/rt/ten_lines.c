@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A program of its own around the loop, linked with the library rt alone: a first-order plant behind
- * one bus in the process, a second in virtual time. The machine is the two functions that it needs,
- * main the ten lines that run it. Prints TAP: 50 time constants later the plant has arrived.
+ * A program of its own around the loop, linked with the library rt alone: a first-order plant
+ * behind one bus in the process, a second in virtual time. The machine is the two functions that it
+ * needs, main the ten lines that run it. Prints TAP: 50 time constants later the plant has arrived.
  */
 #include "rt/loop.h"
 

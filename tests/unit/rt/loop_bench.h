@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A loop on the bench: a clock that tests script, a machine that records what it is asked to do, and
- * local buses with a host on the other side. */
+/* A loop on the bench: a clock that tests script, a machine that records what it is asked to do,
+ * and local buses with a host on the other side. */
 #ifndef TESTS_UNIT_RT_LOOP_BENCH_H
 #define TESTS_UNIT_RT_LOOP_BENCH_H
 
@@ -215,8 +215,8 @@ static inline void bench_buses(struct bench *bench, size_t inbox)
     }
 }
 
-/* A bench with 10 % of work in each tick, all in the plant; change what the test is about, then call
- * bench_run. */
+/* A bench with 10 % of work in each tick, all in the plant; change what the test is about, then
+ * call bench_run. */
 static inline struct bench *bench_create(enum loop_clock clock, uint64_t ticks)
 {
     static const struct clock_ops ops = {bench_now, bench_sleep_until, bench_wait_readable};

@@ -19,7 +19,8 @@ static uint64_t roll(uint64_t below)
     return (dice.state >> 33) % below;
 }
 
-/* Of a hundred ticks some are too long, some wake too late, and now and then the machine is gone. */
+/* Of a hundred ticks some are too long, some wake too late, and now and then the machine is gone.
+ * */
 static void throw_the_dice(struct bench *bench)
 {
     bench->work[PHASE_PLANT] = (int64_t)roll(TICK * 9 / 10);

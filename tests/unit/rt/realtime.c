@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Asking for real-time service: what is not given is said once, with what would help, and nothing is
- * asked for that was not wanted. In children of their own, for the effects last. */
+/* Asking for real-time service: what is not given is said once, with what would help, and nothing
+ * is asked for that was not wanted. In children of their own, for the effects last. */
 #include "rt/realtime.h"
 
 #include <sched.h>
