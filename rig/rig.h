@@ -146,6 +146,9 @@ const char *rig_contact_name(const struct rig *rig, size_t motion);
 /* Index by name or -1. */
 int rig_find_bus(const struct rig *rig, const char *name);
 
+/* A host that knows the boards of the rig, on ports of its own, one a bus; all borrowed. */
+struct host_config rig_host_config(const struct rig *rig, struct can_port **port, bool lockstep);
+
 /* What a port has received and sent, in bit times of the bus's nominal rate, without stuff bits. */
 double rig_bus_bits(const struct rig_bus *bus, const struct can_counters *counters);
 

@@ -27,7 +27,7 @@ bool loop_steering_create(struct loop *loop, struct arena *arena)
     return true;
 }
 
-static const struct steering_machine *machine_of(const struct loop *loop)
+static const struct steering_machine *loop_steering_machine(const struct loop *loop)
 {
     return steering_machine(loop->config.steering);
 }
@@ -73,7 +73,7 @@ static void loop_restore_moment(struct loop *loop, const struct loop_moment *mom
 
 static enum steer_verdict loop_save_slot(struct loop *loop, size_t slot)
 {
-    const struct steering_machine *machine = machine_of(loop);
+    const struct steering_machine *machine = loop_steering_machine(loop);
     enum steer_verdict verdict = STEER_UNAVAILABLE;
 
     if (machine->save && machine->restore) {
@@ -87,7 +87,7 @@ static enum steer_verdict loop_save_slot(struct loop *loop, size_t slot)
     return verdict;
 }
 
-static enum steer_verdict steer_checkpoint(struct loop *loop, size_t slot)
+static enum steer_verdict request_checkpoint(struct loop *loop, size_t slot)
 {
     enum steer_verdict verdict;
 
@@ -101,9 +101,9 @@ static enum steer_verdict steer_checkpoint(struct loop *loop, size_t slot)
     return verdict;
 }
 
-static enum steer_verdict steer_restore(struct loop *loop, size_t slot)
+static enum steer_verdict request_restore(struct loop *loop, size_t slot)
 {
-    const struct steering_machine *machine = machine_of(loop);
+    const struct steering_machine *machine = loop_steering_machine(loop);
 
     if (slot >= STEERING_SLOTS) {
         return STEER_RANGE;
@@ -137,7 +137,7 @@ static void loop_restart_grid(struct loop *loop)
 /* Publishes pause and speed, to other threads and to the machine. */
 static void loop_publish_pace(struct loop *loop)
 {
-    const struct steering_machine *machine = machine_of(loop);
+    const struct steering_machine *machine = loop_steering_machine(loop);
     bool paused = loop->steering.paused;
 
     steering_publish(loop->config.steering, paused, loop->steering.speed);
@@ -146,7 +146,7 @@ static void loop_publish_pace(struct loop *loop)
     }
 }
 
-static void steer_reply(struct loop *loop, uint64_t ticket, enum steer_verdict verdict)
+static void request_reply(struct loop *loop, uint64_t ticket, enum steer_verdict verdict)
 {
     steering_reply(loop->config.steering, ticket, verdict, loop->stats.ticks, loop->stats.time_ns);
 }
@@ -158,7 +158,7 @@ static void loop_pause(struct loop *loop)
     loop_emit_event(loop, LOOP_EVENT_PAUSED, -1, (int64_t)loop->stats.ticks, 0);
 }
 
-static enum steer_verdict steer_pause(struct loop *loop)
+static enum steer_verdict request_pause(struct loop *loop)
 {
     /* A step under way ends here, with its DONE where one is due */
     if (loop->steering.step_left > 0) {
@@ -167,7 +167,7 @@ static enum steer_verdict steer_pause(struct loop *loop)
             loop->lockstep.ticks = 0;
             loop_send_done(loop, 0);
         }
-        steer_reply(loop, loop->steering.step_ticket, STEER_CUT);
+        request_reply(loop, loop->steering.step_ticket, STEER_CUT);
     }
     if (!loop->steering.paused) {
         loop_pause(loop);
@@ -175,7 +175,7 @@ static enum steer_verdict steer_pause(struct loop *loop)
     return STEER_OK;
 }
 
-static enum steer_verdict steer_resume(struct loop *loop)
+static enum steer_verdict request_resume(struct loop *loop)
 {
     if (loop->steering.paused) {
         loop->steering.paused = false;
@@ -186,7 +186,7 @@ static enum steer_verdict steer_resume(struct loop *loop)
 }
 
 /* Answered by loop_steering_tick_ended. */
-static enum steer_verdict steer_step(struct loop *loop, const struct steer_request *request)
+static enum steer_verdict request_step(struct loop *loop, const struct steer_request *request)
 {
     if (request->count == 0) {
         return STEER_RANGE;
@@ -198,9 +198,9 @@ static enum steer_verdict steer_step(struct loop *loop, const struct steer_reque
     return STEER_OK;
 }
 
-static enum steer_verdict steer_speed(struct loop *loop, double speed)
+static enum steer_verdict request_speed(struct loop *loop, double speed)
 {
-    const struct steering_machine *machine = machine_of(loop);
+    const struct steering_machine *machine = loop_steering_machine(loop);
 
     if (loop->config.clock == LOOP_CLOCK_LOCKSTEP || (speed == 0.0 && machine->pace)) {
         return STEER_CLOCK;
@@ -219,18 +219,18 @@ static enum steer_verdict steer_speed(struct loop *loop, double speed)
 
 /* ---- the machine: faults, pushes, tunables ---- */
 
-static enum steer_verdict steer_fault(struct loop *loop, const struct steer_request *request)
+static enum steer_verdict request_fault(struct loop *loop, const struct steer_request *request)
 {
-    const struct steering_machine *machine = machine_of(loop);
+    const struct steering_machine *machine = loop_steering_machine(loop);
 
     return request->index < machine->nfault
                ? machine->fault(machine->context, request->index, request->on, loop->stats.time_ns)
                : STEER_RANGE;
 }
 
-static enum steer_verdict steer_push(struct loop *loop, const struct steer_request *request)
+static enum steer_verdict request_push(struct loop *loop, const struct steer_request *request)
 {
-    const struct steering_machine *machine = machine_of(loop);
+    const struct steering_machine *machine = loop_steering_machine(loop);
     enum steer_verdict verdict = machine->push
                                      ? machine->push(machine->context, request, loop->stats.time_ns)
                                      : STEER_UNAVAILABLE;
@@ -244,9 +244,9 @@ static enum steer_verdict steer_push(struct loop *loop, const struct steer_reque
     return verdict;
 }
 
-static enum steer_verdict steer_set(struct loop *loop, const struct steer_request *request)
+static enum steer_verdict request_set(struct loop *loop, const struct steer_request *request)
 {
-    const struct steering_machine *machine = machine_of(loop);
+    const struct steering_machine *machine = loop_steering_machine(loop);
     const struct tunable *tunable = steering_tunable(loop->config.steering, request->index);
     enum steer_verdict verdict;
     int64_t bits;
@@ -265,49 +265,49 @@ static enum steer_verdict steer_set(struct loop *loop, const struct steer_reques
 
 /* ---- requests ---- */
 
-static bool steer_conflicts_with_step(enum steer_kind kind)
+static bool request_conflicts_with_step(enum steer_kind kind)
 {
     return kind == STEER_RESUME || kind == STEER_STEP || kind == STEER_RESET ||
            kind == STEER_RESTORE;
 }
 
-static enum steer_verdict steer_dispatch(struct loop *loop, const struct steer_request *request)
+static enum steer_verdict request_dispatch(struct loop *loop, const struct steer_request *request)
 {
-    if (loop->steering.step_left > 0 && steer_conflicts_with_step(request->kind)) {
+    if (loop->steering.step_left > 0 && request_conflicts_with_step(request->kind)) {
         return STEER_BUSY;
     }
     switch (request->kind) {
     case STEER_PAUSE:
-        return steer_pause(loop);
+        return request_pause(loop);
     case STEER_RESUME:
-        return steer_resume(loop);
+        return request_resume(loop);
     case STEER_STEP:
-        return steer_step(loop, request);
+        return request_step(loop, request);
     case STEER_SPEED:
-        return steer_speed(loop, request->value);
+        return request_speed(loop, request->value);
     case STEER_RESET:
-        return steer_restore(loop, 0);
+        return request_restore(loop, 0);
     case STEER_CHECKPOINT:
-        return steer_checkpoint(loop, request->index);
+        return request_checkpoint(loop, request->index);
     case STEER_RESTORE:
-        return steer_restore(loop, request->index);
+        return request_restore(loop, request->index);
     case STEER_FAULT:
-        return steer_fault(loop, request);
+        return request_fault(loop, request);
     case STEER_PUSH:
-        return steer_push(loop, request);
+        return request_push(loop, request);
     case STEER_SET:
-        return steer_set(loop, request);
+        return request_set(loop, request);
     }
     return STEER_UNAVAILABLE;
 }
 
-static void steer_dispatch_all(struct loop *loop)
+static void request_dispatch_all(struct loop *loop)
 {
-    const struct steering_machine *machine = machine_of(loop);
+    const struct steering_machine *machine = loop_steering_machine(loop);
     struct steer_request request;
 
     while (steering_next(loop->config.steering, &request)) {
-        enum steer_verdict verdict = steer_dispatch(loop, &request);
+        enum steer_verdict verdict = request_dispatch(loop, &request);
         bool back = request.kind == STEER_RESTORE || request.kind == STEER_RESET;
         bool went_back = back && verdict == STEER_OK;
 
@@ -323,7 +323,7 @@ static void steer_dispatch_all(struct loop *loop)
 
         /* A step that has begun is answered at its end */
         if (request.kind != STEER_STEP || verdict != STEER_OK) {
-            steer_reply(loop, request.ticket, verdict);
+            request_reply(loop, request.ticket, verdict);
         }
     }
 }
@@ -340,14 +340,14 @@ bool loop_steering_carry_out(struct loop *loop)
 {
     bool was_paused = false;
 
-    steer_dispatch_all(loop);
+    request_dispatch_all(loop);
     while (loop->steering.paused) {
         if (loop_stop_requested(loop)) {
             return false;
         }
         was_paused = true;
         loop_steering_sleep(loop, NULL, clock_now(loop->config.time) + WAIT_SLICE_NS);
-        steer_dispatch_all(loop);
+        request_dispatch_all(loop);
     }
     if (was_paused) {
         loop_restart_grid(loop);
@@ -372,7 +372,7 @@ void loop_steering_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns)
 
 void loop_steering_tick_begins(struct loop *loop)
 {
-    const struct steering_machine *machine = machine_of(loop);
+    const struct steering_machine *machine = loop_steering_machine(loop);
 
     if (machine->advance) {
         machine->advance(machine->context, loop->stats.time_ns);
@@ -384,7 +384,7 @@ void loop_steering_tick_ended(struct loop *loop)
     steering_publish_values(loop->config.steering, false);
     if (loop->steering.step_left > 0 && --loop->steering.step_left == 0) {
         loop_pause(loop);
-        steer_reply(loop, loop->steering.step_ticket, STEER_OK);
+        request_reply(loop, loop->steering.step_ticket, STEER_OK);
     }
 }
 
@@ -392,7 +392,7 @@ void loop_steering_end(struct loop *loop)
 {
     if (loop->steering.step_left > 0) {
         loop->steering.step_left = 0;
-        steer_reply(loop, loop->steering.step_ticket, STEER_CUT);
+        request_reply(loop, loop->steering.step_ticket, STEER_CUT);
     }
     steering_close(loop->config.steering, loop->stats.ticks, loop->stats.time_ns);
 }

@@ -18,8 +18,8 @@
 
 enum { STACK_TOUCHED = 256 * 1024 };
 
-static void __attribute__((format(printf, 2, 3)))
-realtime_warn(struct realtime_report *report, const char *format, ...)
+__attribute__((format(printf, 2, 3))) static void realtime_warn(struct realtime_report *report,
+                                                                const char *format, ...)
 {
     va_list args;
 
@@ -111,7 +111,7 @@ static void realtime_avoid_idle_states(struct realtime_report *report)
                     write(descriptor, &latency_us, sizeof latency_us) == (ssize_t)sizeof latency_us;
 }
 
-static void __attribute__((noinline)) realtime_touch_stack(void)
+__attribute__((noinline)) static void realtime_touch_stack(void)
 {
     volatile unsigned char stack[STACK_TOUCHED];
 

@@ -1,13 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the loop drives: boards, plant and sensors, tick by tick. */
+/* The phases of a tick: what the loop calls of a simulator. */
 #include "canbus/wire/wire.h"
-#include "sim/private.h"
+#include "sim/simulator_private.h"
 
 #include <stdio.h>
-#include <string.h>
 
-/* A settled robot's rotors are held by brakes, which let go so long after the last motor is on: time
- * for a controller's first voltages to raise the currents. */
+/* A settled robot's rotors are held by brakes, which release this long after the last motor is on:
+ * time for a controller's first voltages to raise the currents. */
 #define BRAKE_NS INT64_C(20000000)
 
 /* Windows of faults open and close. Before the wait, for in lockstep frames are received while the
@@ -29,13 +28,13 @@ static bool machine_controller(void *context, int64_t now_ns)
     if (observer) {
         observer->step(observer->context, now_ns);
     }
-    if (simulator->task_inline && simulator->controller->now.status == TASK_RUNNING) {
+    if (simulator->task_inline && simulator->task->now.status == TASK_RUNNING) {
         /* In lockstep the clock's time: the task needs it to notice that a STEP got lost */
-        controller_step(simulator->controller, simulator->config.clock == LOOP_CLOCK_LOCKSTEP
-                                                   ? clock_now(simulator->time)
-                                                   : now_ns);
+        task_runner_step(simulator->task, simulator->config.clock == LOOP_CLOCK_LOCKSTEP
+                                              ? clock_now(simulator->time)
+                                              : now_ns);
     }
-    return goes_on || !simulator->task_inline || simulator->controller->now.status == TASK_RUNNING;
+    return goes_on || !simulator->task_inline || simulator->task->now.status == TASK_RUNNING;
 }
 
 static void machine_receive(void *context, int64_t now_ns, size_t bus,
@@ -46,7 +45,7 @@ static void machine_receive(void *context, int64_t now_ns, size_t bus,
     boards_receive(simulator->boards, now_ns, bus, frame);
 }
 
-static bool all_motors_on(const struct simulator *simulator)
+static bool simulator_all_motors_on(const struct simulator *simulator)
 {
     const struct rig *rig = simulator->config.rig;
     const struct plant_command *command = plant_command(simulator->plant);
@@ -65,23 +64,32 @@ static bool all_motors_on(const struct simulator *simulator)
     return true;
 }
 
+/* Releases a clamped robot when all its motors are on, a settled one when its brakes are. */
+static void simulator_release_robot(struct simulator *simulator, int64_t now_ns)
+{
+    struct release *release = &simulator->release;
+
+    if (release->due && simulator_all_motors_on(simulator)) {
+        release->due = false;
+        release->at_ns = now_ns + (simulator->config.settle ? BRAKE_NS : 0);
+    }
+    if (release->at_ns >= 0 && now_ns >= release->at_ns) {
+        plant_clamp(simulator->plant, false);
+        release->at_ns = -1;
+        atomic_store(&simulator->released, now_ns);
+    }
+}
+
 static void machine_control(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
 
     boards_control(simulator->boards, now_ns, plant_command(simulator->plant));
-    if (simulator->release.due && all_motors_on(simulator)) {
-        simulator->release.due = false;
-        simulator->release.at_ns = now_ns + (simulator->config.settle ? BRAKE_NS : 0);
-    }
-    if (simulator->release.at_ns >= 0 && now_ns >= simulator->release.at_ns) {
-        plant_clamp(simulator->plant, false);
-        simulator->release.at_ns = -1;
-        atomic_store(&simulator->released, now_ns);
-    }
+    simulator_release_robot(simulator, now_ns);
 }
 
-static bool sane(struct simulator *simulator, enum error_code code)
+/* Keeps the reason when the model has failed; true when it has not. */
+static bool simulator_check_plant(struct simulator *simulator, enum error_code code)
 {
     if (code) {
         snprintf(simulator->failure, sizeof simulator->failure, "%s",
@@ -95,24 +103,26 @@ static bool machine_plant(void *context, int64_t now_ns)
     struct simulator *simulator = context;
 
     (void)now_ns; /* the plant integrates its own */
-    return sane(simulator, plant_step(simulator->plant, simulator->config.rig->substeps));
+    return simulator_check_plant(simulator,
+                                 plant_step(simulator->plant, simulator->config.rig->substeps));
 }
 
 static bool machine_sample(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
 
-    if (!sane(simulator, plant_sample(simulator->plant))) {
+    if (!simulator_check_plant(simulator, plant_sample(simulator->plant))) {
         return false;
     }
-    simulator->measured = sensing_sample(simulator->sensing, now_ns, plant_sensors(simulator->plant));
+    simulator->measured =
+        sensing_sample(simulator->sensing, now_ns, plant_sensors(simulator->plant));
     boards_sample(simulator->boards, now_ns, simulator->measured);
     return true;
 }
 
-/* On a wire every board has a controller of its own, in the order of the rig, with error counters
- * that the board tells. */
-static void tell_controllers(struct simulator *simulator, size_t bus)
+/* Tells boards the error counters of their CAN controllers, which they report: on a wire every
+ * board has one of its own, in the order of the rig. */
+static void simulator_update_can_states(struct simulator *simulator, size_t bus)
 {
     const struct boards_config *boards = &simulator->config.rig->boards;
     const struct wire *wire = simulator->buses.wire[bus];
@@ -143,7 +153,7 @@ static size_t machine_transmit(void *context, int64_t now_ns, size_t bus, struct
 {
     struct simulator *simulator = context;
 
-    tell_controllers(simulator, bus);
+    simulator_update_can_states(simulator, bus);
     return boards_transmit(simulator->boards, now_ns, bus, frames, max);
 }
 
@@ -160,87 +170,6 @@ static void machine_shut_down(void *context)
 
     boards_shut_down(simulator->boards, plant_time_ns(simulator->plant),
                      plant_command(simulator->plant));
-}
-
-static void fill_buses(struct simulator *simulator)
-{
-    const struct rig *rig = simulator->config.rig;
-
-    for (size_t b = 0; b < rig->nbus; b++) {
-        const struct can_port *port = simulator->ports.port[b];
-        const struct can_counters *counters = &port->counters;
-
-        simulator->status.bus[b] = (struct bus_status){
-            .rx_frames = counters->rx_frames,
-            .tx_frames = counters->tx_frames,
-            .rx_dropped = counters->rx_dropped,
-            .tx_dropped = counters->tx_dropped,
-            .bits = (uint64_t)rig_bus_bits(&rig->bus[b], counters),
-            .state = port->state,
-        };
-    }
-}
-
-static void fill_plant(struct simulator *simulator)
-{
-    const struct rig *rig = simulator->config.rig;
-    const struct plant_sensors *sensors = plant_sensors(simulator->plant);
-    const struct contact_wrench *wrench = plant_contact_wrenches(simulator->plant);
-    size_t count;
-
-    if (rig->robot->floating) {
-        memcpy(simulator->status.base, plant_state(simulator->plant, &count),
-               sizeof simulator->status.base);
-    }
-    for (size_t j = 0; j < rig->robot->njoint; j++) {
-        simulator->status.q[j] = sensors->motor[j].q;
-    }
-    simulator->status.clamped = plant_is_clamped(simulator->plant);
-    for (size_t c = 0; c < rig->contact.nbody; c++) {
-        simulator->status.force_z[c] = wrench[c].force[2];
-    }
-    for (size_t i = 0; i < rig->nfree && i < SIMULATOR_FREE_MAX; i++) {
-        plant_free_pose(simulator->plant, i, simulator->status.free[i]);
-    }
-}
-
-static void fill_counters(struct simulator *simulator, const struct loop_stats *stats)
-{
-    struct simulator_status *status = &simulator->status;
-
-    status->tick = stats->ticks;
-    status->start_ns = stats->start_ns;
-    status->elapsed_ns = clock_now(simulator->time) - stats->start_ns;
-    status->overruns = stats->overrun_total;
-    memcpy(status->overruns_by, stats->overruns, sizeof status->overruns_by);
-    status->late_ticks = stats->late_ticks;
-    status->lost_ticks = stats->lost_ticks;
-    status->pauses = stats->pauses;
-    status->pause_ticks = stats->pause_ticks;
-    status->events_lost = stats->events_lost;
-    status->lockstep = stats->lockstep;
-}
-
-static void fill_faults(struct simulator *simulator)
-{
-    uint64_t *word = simulator->status.fault;
-
-    memset(word, 0, sizeof simulator->status.fault);
-    for (size_t i = 0; i < faults_count(simulator->faults); i++) {
-        word[i / 64] |= (uint64_t)faults_at(simulator->faults, i)->active << i % 64;
-    }
-}
-
-void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *stats)
-{
-    struct simulator *simulator = context;
-
-    simulator->status.time_ns = now_ns;
-    fill_counters(simulator, stats);
-    fill_faults(simulator);
-    fill_buses(simulator);
-    fill_plant(simulator);
-    snapshot_write(simulator->published, &simulator->status);
 }
 
 static void machine_publish(void *context, int64_t now_ns, const struct loop_stats *stats)

@@ -17,19 +17,7 @@ enum { TRIES = 10 }; /* to switch an axis on before all is begun anew */
 static enum error_code start_host(struct player *player, struct error *error)
 {
     const struct rig *rig = player->rig;
-    struct host_config config = {
-        .nbus = rig->nbus,
-        .port = player->ports.port,
-        .bus = rig->host_bus,
-        .naxis = rig->naxis,
-        .axis = rig->axis,
-        .nft = rig->nft,
-        .ft = rig->ft,
-        .supply_v = rig->supply_v,
-        .period_ns = rig->tick_ns,
-        .step_id = rig->lockstep.step_id,
-        .done_id = rig->lockstep.done_id,
-    };
+    const struct host_config config = rig_host_config(rig, player->ports.port, false);
     enum error_code code;
 
     arena_fini(&player->arena);

@@ -228,7 +228,7 @@ static void reports_bus_off_once_and_restarts_nothing_that_it_may_not_set(void *
     struct bench *bench = *state;
 
     bench->link.controller.state = CAN_STATE_BUS_OFF;
-    look(bench, "is in bus-off until somebody restarts it");
+    look(bench, "is in bus-off until it is restarted");
     assert_int_equal(bench->box.post & 0xff, CAN_PORT_BUS_OFF);
     look(bench, "");
     bench->link.controller.state = CAN_STATE_ERROR_ACTIVE;
@@ -258,7 +258,7 @@ static void restarts_at_most_ten_times_in_a_minute(void **state)
         look(bench, "");
     }
     assert_int_equal(bench->restarted, INTERFACES_RESTARTS);
-    look(bench, "for the 11. time");
+    look(bench, "restart number 11");
     assert_int_equal(bench->restarted, INTERFACES_RESTARTS + 1);
 }
 

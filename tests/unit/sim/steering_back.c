@@ -67,7 +67,8 @@ static void no_frames_came_back_to_life(struct simulator *simulator)
         const char *lost = strstr(text, ": lost ");
         long long received, sent;
 
-        if (lost && sscanf(lost, ": lost %lld frames on receiving and %lld", &received, &sent) == 2) {
+        if (lost &&
+            sscanf(lost, ": lost %lld frames on receiving and %lld", &received, &sent) == 2) {
             assert_true(received >= 0 && sent >= 0);
         }
     }
