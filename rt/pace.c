@@ -85,11 +85,12 @@ enum error_code pace_create(struct clock *behind, struct arena *arena, struct pa
     made->clock.ops = &ops;
     made->behind = behind;
     code = snapshot_create(sizeof(struct line), arena, &made->line, error);
-    if (!code) {
-        snapshot_write(made->line, &(struct line){now, now, 1.0});
+    if (code) {
+        return code;
     }
+    snapshot_write(made->line, &(struct line){now, now, 1.0});
     *out = made;
-    return code;
+    return ERROR_NONE;
 }
 
 void pace_set(struct pace *pace, double rate)

@@ -295,20 +295,24 @@ enum error_code recorder_open(const struct recorder_config *config, struct arena
         return error_set(error, ERROR_MEMORY, "no memory left for the recorder");
     }
     code = recorder_prepare_directory(config, &made->made_directory, error);
-    if (!code) {
-        code = recorder_open_files(made, arena, error);
-    }
     if (code) {
-        recorder_remove_files(made);
-        return code;
+        goto fail;
+    }
+    code = recorder_open_files(made, arena, error);
+    if (code) {
+        goto fail;
     }
     reason = pthread_create(&made->thread, NULL, recorder_thread_main, made);
     if (reason) {
-        recorder_remove_files(made);
-        return error_set_errno(error, reason, "cannot start the recorder's thread");
+        code = error_set_errno(error, reason, "cannot start the recorder's thread");
+        goto fail;
     }
     *recorder = made;
     return ERROR_NONE;
+
+fail:
+    recorder_remove_files(made);
+    return code;
 }
 
 /* ---- the loop's side ---- */

@@ -198,11 +198,14 @@ static enum error_code simulator_create_sensing(struct simulator *simulator, str
     config.seed = faults_seed(simulator->faults);
     config.faults = simulator->faults;
     code = sensing_create(&config, simulator->arena, &simulator->sensing, error);
-    if (!code) {
-        simulator->measured = sensing_sample(simulator->sensing, plant_time_ns(simulator->plant),
-                                             plant_sensors(simulator->plant));
+    if (code) {
+        return code;
     }
-    return code;
+
+    /* The boards have measured values before the first tick */
+    simulator->measured = sensing_sample(simulator->sensing, plant_time_ns(simulator->plant),
+                                         plant_sensors(simulator->plant));
+    return ERROR_NONE;
 }
 
 static void simulator_restart_counter(void *context, int joint)
@@ -383,9 +386,7 @@ enum error_code simulator_assemble(struct simulator *simulator, char notice[256]
     };
     enum error_code code = simulator_check_config(&simulator->config, error);
 
-    if (!code) {
-        code = simulator_create_buses(simulator, notice, error);
-    }
+    code = code ? code : simulator_create_buses(simulator, notice, error);
     for (size_t i = 0; !code && i < ARRAY_COUNT(parts); i++) {
         code = parts[i](simulator, error);
     }

@@ -90,6 +90,7 @@ static enum error_code buses_create_local(struct buses *buses, size_t guests, st
 {
     const struct rig *rig = buses->rig;
 
+    /* STEP and DONE bypass the wire: they are no traffic of a real bus */
     for (size_t b = 0; b < rig->nbus; b++) {
         const struct rig_bus *bus = &rig->bus[b];
         const struct local_bus_config config = {
@@ -133,6 +134,8 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
         return error_set(error, ERROR_INPUT, "%s: found %zu buses, expected at most %d", rig->file,
                          rig->nbus, RIG_BUSES_MAX);
     }
+
+    /* Each bus on an interface of its own: the rig's, or that of --bus */
     buses->rig = rig;
     for (size_t b = 0; b < rig->nbus; b++) {
         buses->interface[b] = rig->bus[b].interface;
@@ -140,9 +143,7 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
     for (size_t i = 0; !code && i < noverride; i++) {
         code = bus_apply_override(buses, overrides[i], error);
     }
-    if (!code) {
-        code = buses_check_distinct(buses, error);
-    }
+    code = code ? code : buses_check_distinct(buses, error);
     if (code) {
         return code;
     }
@@ -194,12 +195,13 @@ static enum error_code bus_add_pacing(struct buses *buses, size_t b, struct aren
     };
     enum error_code code = paced_port_create(&config, arena, &buses->paced[b], error);
 
-    if (!code) {
-        *port = buses->paced[b];
-        buses->wire[b] = paced_port_wire(*port);
-        buses->timed = true;
+    if (code) {
+        return code;
     }
-    return code;
+    *port = buses->paced[b];
+    buses->wire[b] = paced_port_wire(*port);
+    buses->timed = true;
+    return ERROR_NONE;
 }
 
 static enum error_code buses_join_all(struct buses *buses, bool boards, struct arena *arena,

@@ -61,6 +61,7 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
     size_t bus;
     int used;
 
+    /* A source at a time, the loop first */
     if (released >= 0) {
         *key = event_key(EVENT_RELEASE, 0);
         snprintf(text, size, "%.6f s: all motors are on, the robot is released",

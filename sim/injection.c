@@ -94,14 +94,17 @@ static enum error_code injection_create_port(struct injection *injection, size_t
                          "bus %s: found %zu faults that its wire carries out, expected at most %d",
                          config->rig->bus[bus].name, on_wire, WIRE_FAULTS_MAX);
     }
+
+    /* A bus without rules keeps its port */
     if (made.nrule == 0) {
         return ERROR_NONE;
     }
     code = fault_port_create(&made, arena, &injection->port[bus], error);
-    if (!code) {
-        *port = injection->port[bus];
+    if (code) {
+        return code;
     }
-    return code;
+    *port = injection->port[bus];
+    return ERROR_NONE;
 }
 
 enum error_code injection_create(const struct injection_config *config, struct arena *arena,
@@ -119,11 +122,14 @@ enum error_code injection_create(const struct injection_config *config, struct a
     for (size_t i = 0; i < count; i++) {
         injection->wire[i].armed = -1;
     }
-    for (size_t b = 0; b < ports->count && !code; b++) {
+    for (size_t b = 0; b < ports->count; b++) {
         code = injection_create_port(injection, b, arena, &ports->port[b], error);
+        if (code) {
+            return code;
+        }
     }
     *out = injection;
-    return code;
+    return ERROR_NONE;
 }
 
 static void injection_step_wire(struct injection *injection, size_t index)

@@ -171,7 +171,7 @@ static void watch_restart(struct interface_watch *watch, const struct interface_
     }
     *oldest = now_ns;
     watch->restarts++;
-    watch_report(watch, "was in bus-off: restart number %" PRIu64, watch->restarts);
+    watch_report(watch, "was in bus-off: restarted, number %" PRIu64, watch->restarts);
 }
 
 static void watch_check_bus_off(struct interface_watch *watch, const struct interface_ops *ops,

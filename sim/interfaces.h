@@ -17,8 +17,8 @@
 #define SIM_INTERFACES_H
 
 #include "canbus/interface.h"
-#include "sim/buses.h"
 #include "rig/rig.h"
+#include "sim/buses.h"
 
 #include <stdbool.h>
 #include <stddef.h>

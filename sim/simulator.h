@@ -7,16 +7,16 @@
 #ifndef SIM_SIMULATOR_H
 #define SIM_SIMULATOR_H
 
+#include "base/journal.h"
 #include "canbus/gateway.h"
 #include "model/settle.h"
-#include "sim/buses.h"
-#include "sim/task_runner.h"
-#include "base/journal.h"
+#include "rig/rig.h"
 #include "rt/loop.h"
 #include "rt/realtime.h"
-#include "rig/rig.h"
 #include "rt/snapshot.h"
 #include "rt/stream.h"
+#include "sim/buses.h"
+#include "sim/task_runner.h"
 
 #include <stdbool.h>
 #include <stddef.h>

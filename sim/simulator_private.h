@@ -8,11 +8,11 @@
 #define SIM_PRIVATE_H
 
 #include "model/symbolic/builtin.h"
+#include "rt/pace.h"
 #include "sim/injection.h"
 #include "sim/interfaces.h"
-#include "rt/pace.h"
-#include "sim/simulator.h"
 #include "sim/robot_steering.h"
+#include "sim/simulator.h"
 #include "sim/timed_contact.h"
 
 #include <pthread.h>

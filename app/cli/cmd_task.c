@@ -174,7 +174,7 @@ static int run_rig(void *context, const struct rig *rig, struct arena *arena)
         return command_fail("task", &error);
     }
     if (task_runner_create(rig, options->task, ports.port, lockstep, clock_monotonic(), arena,
-                          &runner, &error) ||
+                           &runner, &error) ||
         arena_seal(arena, false, &error)) {
         status = command_fail("task", &error);
     } else {

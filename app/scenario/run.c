@@ -123,8 +123,8 @@ static enum error_code create_host(struct run *run, struct arena *arena, struct 
 {
     const struct rig *rig = run->view.rig;
     const struct scenario *scenario = run->scenario;
-    const struct host_config config = rig_host_config(
-        rig, run->host_ports.port, scenario->clock == LOOP_CLOCK_LOCKSTEP);
+    const struct host_config config =
+        rig_host_config(rig, run->host_ports.port, scenario->clock == LOOP_CLOCK_LOCKSTEP);
 
     run->starts = scenario->host == SCENARIO_HOST_ENABLED;
     run->leads = run->starts || (config.lockstep && !scenario->task);

@@ -149,8 +149,8 @@ static struct dynamics dynamics_of(const struct robot *robot)
     return dynamics;
 }
 
-/* The same bodies are in the same places, and the joints accelerate as on a base that is too heavy to
- * be moved. */
+/* The same bodies are in the same places, and the joints accelerate as on a base that is too heavy
+ * to be moved. */
 static void a_held_base_is_one_of_infinite_mass(void **state)
 {
     static const double p[3] = {0.3, -0.2, 0.9}, quaternion[4] = {0.8, 0.4, -0.4, 0.2};

@@ -258,7 +258,7 @@ static void restarts_at_most_ten_times_in_a_minute(void **state)
         look(bench, "");
     }
     assert_int_equal(bench->restarted, INTERFACES_RESTARTS);
-    look(bench, "restart number 11");
+    look(bench, "restarted, number 11");
     assert_int_equal(bench->restarted, INTERFACES_RESTARTS + 1);
 }
 
@@ -336,5 +336,5 @@ int main(void)
         TEST(describes_a_controller),
     };
 
-    return cmocka_run_group_tests_name("rt/interfaces", tests, NULL, NULL);
+    return cmocka_run_group_tests_name("sim/interfaces", tests, NULL, NULL);
 }

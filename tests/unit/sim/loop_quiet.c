@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Nothing in a tick allocates, nor does what is asked of it between two: the whole of COMAN with boards, buses, recorder and the squat task
- * runs with every malloc of the loop's thread counted. The contact engine is left out, for Simbody
- * allocates by nature.
+ * Nothing in a tick allocates, nor does what is asked of it between two: the whole of COMAN with
+ * boards, buses, recorder and the squat task runs with every malloc of the loop's thread counted.
+ * The contact engine is left out, for Simbody allocates by nature.
  */
 #include "sim/simulator.h"
 

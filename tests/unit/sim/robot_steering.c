@@ -4,7 +4,7 @@
  * host and steering see alike; and to be steered changes nothing by itself.
  */
 #include "boards/icub/protocol.h"
-#include "tests/unit/sim/steering_scene.h"
+#include "tests/unit/sim/robot_steering_scene.h"
 
 #include <math.h>
 #include <stdlib.h>

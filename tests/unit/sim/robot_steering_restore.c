@@ -4,7 +4,7 @@
  * and bit by bit of the plant's state. A guest on every bus notes what is sent; requests are made
  * by an observer, in the loop's own thread, so that all happens at known ticks.
  */
-#include "tests/unit/sim/steering_scene.h"
+#include "tests/unit/sim/robot_steering_scene.h"
 
 #include <time.h>
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A whole robot that is steered from within its own thread, and a guest on its buses who notes what
  * is sent: for tests of rt/steering.h. */
-#ifndef TESTS_UNIT_SIM_STEERING_SCENE_H
-#define TESTS_UNIT_SIM_STEERING_SCENE_H
+#ifndef TESTS_UNIT_SIM_ROBOT_STEERING_SCENE_H
+#define TESTS_UNIT_SIM_ROBOT_STEERING_SCENE_H
 
 #include "base/hash.h"
 #include "sim/simulator.h"
