@@ -389,7 +389,7 @@ enum loop_end loop_run(struct loop *loop)
     if (loop->config.steering) {
         loop_steering_end(loop);
     }
-    machine->shut_down(machine->context);
+    machine->shut_down(machine->context, loop->stats.time_ns);
     if (loop->config.clock == LOOP_CLOCK_LOCKSTEP) {
         loop_send_done(loop, LOCKSTEP_STOPPING);
     }

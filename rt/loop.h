@@ -118,7 +118,7 @@ struct loop_machine {
                        size_t max);
     bool (*fault)(void *context); /* some board is in fault */
     void (*publish)(void *context, int64_t now_ns, const struct loop_stats *stats);
-    void (*shut_down)(void *context); /* motors off; the last call of a run */
+    void (*shut_down)(void *context, int64_t now_ns); /* motors off; the last call of a run */
 };
 
 /* Which frames the loop records itself. */

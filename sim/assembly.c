@@ -255,7 +255,7 @@ static enum error_code simulator_create_task(struct simulator *simulator, struct
 
     /* With the real clock it has a thread, and a clock that follows the simulator's speed */
     simulator->task_inline = config->clock != LOOP_CLOCK_REAL;
-    if (config->steered && !simulator->task_inline) {
+    if (config->steering && !simulator->task_inline) {
         code = pace_create(simulator->time, simulator->arena, &simulator->pace, error);
         if (code) {
             return code;
@@ -311,7 +311,7 @@ static enum error_code simulator_create_steering(struct simulator *simulator, st
         .pace = simulator->pace ? simulator_set_task_pace : NULL,
     };
 
-    return simulator->config.steered
+    return simulator->config.steering
                ? robot_steering_create(&config, simulator->arena, &simulator->robot_steering,
                                        &simulator->steering, error)
                : ERROR_NONE;

@@ -164,12 +164,11 @@ static bool machine_fault(void *context)
     return boards_fault(simulator->boards);
 }
 
-static void machine_shut_down(void *context)
+static void machine_shut_down(void *context, int64_t now_ns)
 {
     struct simulator *simulator = context;
 
-    boards_shut_down(simulator->boards, plant_time_ns(simulator->plant),
-                     plant_command(simulator->plant));
+    boards_shut_down(simulator->boards, now_ns, plant_command(simulator->plant));
 }
 
 static void machine_publish(void *context, int64_t now_ns, const struct loop_stats *stats)

@@ -54,7 +54,7 @@ struct simulator_config {
     /* NULL = none. With it the run goes on when a task has ended, but in lockstep, where the task's
      * STEP frames drive it. */
     const struct simulator_observer *observer;
-    bool steered;  /* takes requests (rt/steering.h); reserves memory for checkpoints */
+    bool steering; /* takes requests (rt/steering.h); reserves memory for checkpoints */
     size_t guests; /* how often simulator_join will be called */
     const struct gateway_config *gateway; /* host and port; NULL = none */
     const char *record;                   /* directory, NULL = none */
@@ -162,7 +162,7 @@ const char *simulator_failure(const struct simulator *simulator); /* after LOOP_
 const struct settled *simulator_settled(const struct simulator *simulator);
 /* Which implementation computes the rigid-body dynamics, and why; a sentence. */
 const char *simulator_dynamics(const struct simulator *simulator);
-/* For requests, NULL without `steered`; bytes of one checkpoint without the frames on their way, 0
+/* For requests, NULL without config.steering; bytes of one checkpoint without the frames on their way, 0
  * = there are none. */
 struct steering *simulator_steering(const struct simulator *simulator);
 size_t simulator_checkpoint_size(const struct simulator *simulator);

@@ -242,7 +242,7 @@ static enum error_code configure(const struct run_options *options, const struct
         .seed = (uint64_t)options->seed,
         .ticks = (uint64_t)options->ticks,
         .task = options->task,
-        .steered = !options->control || strcmp(options->control, "none") != 0,
+        .steering = !options->control || strcmp(options->control, "none") != 0,
         .record = options->record ? options->record : rig->record.directory,
         .overwrite = options->force,
         .row_period_ns = options->record_period_ms * CLOCK_MS,

@@ -3,6 +3,10 @@
  * pauses, the order of a tick, and its ends. */
 #include "loop_bench.h"
 
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+
 static void the_grid_does_not_drift(void **state)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 3000);
@@ -215,6 +219,65 @@ static void a_tick_has_its_order(void **state)
     bench_destroy(bench);
 }
 
+static void what_is_due_begins_before_the_wait_of_each_tick(void **state)
+{
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
+
+    (void)state;
+    bench_run(bench);
+    assert_int_equal(bench->begins, 10);
+    assert_int_equal(bench->begun_ns, 9 * TICK);
+    assert_int_equal(bench->begun_at, bench->deadline[bench->sleeps - 1] - TICK + TICK / 10);
+    bench_destroy(bench);
+}
+
+static void a_machine_may_leave_everything_out(void **state)
+{
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
+
+    (void)state;
+    bench->config.machine = (struct loop_machine){0};
+    bench->config.tick_ns = 0;
+    assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
+    assert_int_equal(loop_stats(bench->loop)->time_ns, 10 * CLOCK_MS);
+    bench_destroy(bench);
+}
+
+/* Frames recorded of three ticks with two frames sent on each bus, and one received. */
+static uint64_t frames_recorded(enum loop_recording recording)
+{
+    static const char *const names[] = {"can0", "can1", "can2"};
+    struct bench *bench = bench_create(LOOP_CLOCK_FREE, 3);
+    char folder[] = "/tmp/loop_recording_XXXXXX";
+    const struct recorder_config config = {
+        .directory = mkdtemp(folder), .lossless = true, .nbus = BENCH_BUSES, .bus = names};
+    struct bus_frame frame = frame_make(0x123, 0, NULL);
+    struct recorder_counters counters;
+    char path[64];
+    struct error error;
+
+    assert_int_equal(recorder_open(&config, &bench->arena, &bench->config.recorder, &error),
+                     ERROR_NONE);
+    bench->config.recording = recording;
+    can_send(bench->host[0], &frame, 1);
+    bench_run(bench);
+    assert_int_equal(recorder_close(bench->config.recorder, &counters, &error), ERROR_NONE);
+    bench_destroy(bench);
+    snprintf(path, sizeof path, "%s/candump.log", folder);
+    unlink(path);
+    snprintf(path, sizeof path, "%s/signals.csv", folder);
+    unlink(path);
+    rmdir(folder);
+    return counters.frames;
+}
+
+static void who_records_frames_is_a_setting(void **state)
+{
+    (void)state;
+    assert_int_equal(frames_recorded(LOOP_RECORD_ALL), 3 * 2 * BENCH_BUSES + 1);
+    assert_int_equal(frames_recorded(LOOP_RECORD_UNCARRIED), 0);
+}
+
 static void buses_are_drained_in_their_order(void **state)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_FREE, 1);
@@ -382,6 +445,9 @@ int main(void)
         cmocka_unit_test(a_pause_inside_a_tick_is_no_overrun_either),
         cmocka_unit_test(a_second_behind_is_still_caught_up),
         cmocka_unit_test(a_tick_has_its_order),
+        cmocka_unit_test(what_is_due_begins_before_the_wait_of_each_tick),
+        cmocka_unit_test(a_machine_may_leave_everything_out),
+        cmocka_unit_test(who_records_frames_is_a_setting),
         cmocka_unit_test(buses_are_drained_in_their_order),
         cmocka_unit_test(what_is_sent_arrives_at_the_host),
         cmocka_unit_test(a_stop_ends_after_the_tick_with_motors_off),

@@ -45,9 +45,9 @@ struct bench {
     char order[BENCH_LOG]; /* one letter a call, see the functions below */
     size_t calls;
     uint64_t tick;
-    uint64_t begins; /* calls of begin, the last at begun_ns */
-    int64_t begun_ns;
-    bool restored; /* time has gone back */
+    uint64_t begins;            /* calls of begin */
+    int64_t begun_ns, begun_at; /* the last: virtual time, and that of the clock */
+    bool restored;              /* time has gone back */
     struct bus_frame received[BENCH_LOG];
     uint64_t received_tick[BENCH_LOG];
     size_t received_bus[BENCH_LOG], received_count;
@@ -108,6 +108,7 @@ static inline void bench_begin(void *context, int64_t now_ns)
     bench_check_time(bench, now_ns, false);
     assert_true(bench->begins == 0 || now_ns >= bench->begun_ns || bench->restored);
     bench->begun_ns = now_ns;
+    bench->begun_at = bench->now;
     bench->begins++;
 }
 
@@ -188,10 +189,11 @@ static inline void bench_publish(void *context, int64_t now_ns, const struct loo
     }
 }
 
-static inline void bench_shut_down(void *context)
+static inline void bench_shut_down(void *context, int64_t now_ns)
 {
     struct bench *bench = context;
 
+    bench_check_time(bench, now_ns, false);
     bench->order[bench->calls++ % BENCH_LOG] = 'x';
     bench->shut_downs++;
 }

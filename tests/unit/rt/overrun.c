@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the loop promises when the machine or the buses are too much for it (rt/loop.h): its books
- * close whatever the clock does, and no bus holds it. */
+/* What the loop promises when the machine or the buses are too much for it (rt/loop.h): its
+ * accounts balance whatever the clock does, and no bus stalls it. */
 #include "loop_bench.h"
 
 #include <stdlib.h>
 
-/* ---- the books of the real clock ---- */
+/* ---- the accounts of the real clock ---- */
 
 struct dice {
     uint64_t state;
@@ -37,7 +37,7 @@ static void throw_the_dice(struct bench *bench)
     }
 }
 
-static void assert_books_close(const struct bench *bench, enum loop_overrun policy)
+static void assert_accounts_balance(const struct bench *bench, enum loop_overrun policy)
 {
     const struct loop_stats *stats = loop_stats(bench->loop);
     int64_t next =
@@ -62,7 +62,7 @@ static void assert_books_close(const struct bench *bench, enum loop_overrun poli
     }
 }
 
-static void the_books_close_whatever_the_machine_does(void **state)
+static void the_accounts_balance_whatever_the_machine_does(void **state)
 {
     static const enum loop_overrun policies[] = {LOOP_OVERRUN_SKIP, LOOP_OVERRUN_SLIP,
                                                  LOOP_OVERRUN_STOP};
@@ -80,7 +80,7 @@ static void the_books_close_whatever_the_machine_does(void **state)
         bench->on_tick = throw_the_dice;
         end = bench_run(bench);
         assert_int_equal(end, policy == LOOP_OVERRUN_STOP ? LOOP_END_OVERRUNS : LOOP_END_LENGTH);
-        assert_books_close(bench, policy);
+        assert_accounts_balance(bench, policy);
         overruns += loop_stats(bench->loop)->overrun_total;
         pauses += loop_stats(bench->loop)->pauses;
         lost += loop_stats(bench->loop)->lost_ticks;
@@ -109,7 +109,7 @@ static void an_hour_ahead_is_one_pause_and_no_burst(void **state)
     assert_int_equal(stats->late_ticks + stats->overrun_total, 0);
     assert_int_equal(bench->deadline[3], START + 3600004 * TICK);
     assert_int_equal(bench->deadline[4], START + 3600005 * TICK);
-    assert_books_close(bench, LOOP_OVERRUN_SLIP);
+    assert_accounts_balance(bench, LOOP_OVERRUN_SLIP);
     assert_int_equal(bench_events(bench, LOOP_EVENT_PAUSE, &event), 1);
     assert_int_equal(event.a, 3600 * CLOCK_SECOND + TICK / 4);
     bench_destroy(bench);
@@ -128,7 +128,7 @@ static void a_sleep_that_ends_too_early_is_slept_to_its_end(void **state)
     assert_int_equal(bench->deadline[5], START + 5 * TICK);
     assert_int_equal(bench->deadline[6], START + 6 * TICK);
     assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
-    assert_books_close(bench, LOOP_OVERRUN_SKIP);
+    assert_accounts_balance(bench, LOOP_OVERRUN_SKIP);
     bench_destroy(bench);
 }
 
@@ -217,7 +217,7 @@ static void stop_at_the_fifth_look(struct bench *bench)
     }
 }
 
-static void a_flood_without_a_step_does_not_hold_the_loop(void **state)
+static void a_flood_without_a_step_does_not_stall_the_loop(void **state)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
     struct flood flood;
@@ -252,11 +252,11 @@ static void a_step_is_found_in_a_flood(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_books_close_whatever_the_machine_does),
+        cmocka_unit_test(the_accounts_balance_whatever_the_machine_does),
         cmocka_unit_test(an_hour_ahead_is_one_pause_and_no_burst),
         cmocka_unit_test(a_sleep_that_ends_too_early_is_slept_to_its_end),
         cmocka_unit_test(a_flooded_bus_costs_a_bounded_time),
-        cmocka_unit_test(a_flood_without_a_step_does_not_hold_the_loop),
+        cmocka_unit_test(a_flood_without_a_step_does_not_stall_the_loop),
         cmocka_unit_test(a_step_is_found_in_a_flood),
     };
 

@@ -146,7 +146,7 @@ static size_t allocations_of(enum loop_clock clock, const char *directory, bool 
     rig.contact = (struct contact_config){0}; /* as rig.h has it without an engine */
     rig.realtime.priority = 0;
     config.rig = &rig;
-    config.steered = steered;
+    config.steering = steered;
     config.observer = steered ? &observer : NULL;
     if (simulator_create(&config, &arena, &simulator, notice, &error)) {
         fail_msg("%s", error.text);

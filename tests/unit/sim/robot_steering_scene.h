@@ -118,7 +118,7 @@ static inline void open_scene(const struct scene *scene, struct witness *w, stru
         .task = scene->task,
         .observer = observer,
         .guests = 1,
-        .steered = steered,
+        .steering = steered,
         .fault = scene->fault,
         .record = scene->record,
         .overwrite = true,

@@ -157,7 +157,7 @@ static void hammer(bool timed)
         .task = "squat",
         .observer = &observer,
         .guests = 1,
-        .steered = true,
+        .steering = true,
         .fault = fault,
         .nfault = sizeof fault / sizeof fault[0],
     };
