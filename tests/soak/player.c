@@ -97,8 +97,8 @@ static void move(struct player *player, int64_t time_ns)
     }
 }
 
-/* Off first, which leaves a fault, then on. True: one has come back, and stands somewhere else than it
- * was to be: at full voltage towards it, it would trip again. */
+/* Off first, which leaves a fault, then on. True: one has come back, and stands somewhere else than
+ * it was to be: at full voltage towards it, it would trip again. */
 static bool switch_on_again(struct player *player, int64_t time_ns)
 {
     bool back = false;
@@ -123,7 +123,8 @@ static bool switch_on_again(struct player *player, int64_t time_ns)
     return back;
 }
 
-/* A board that boots anew is silent, or will not switch on before it is told again what it drives. */
+/* A board that boots anew is silent, or will not switch on before it is told again what it
+ * drives. */
 static bool some_board_forgot(const struct player *player, int64_t time_ns)
 {
     for (size_t i = 0; i < player->rig->naxis; i++) {

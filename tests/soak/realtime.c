@@ -9,8 +9,8 @@
  *                                                 writes histogram.csv and NAME.svg
  *
  * Both latencies are from the absolute deadline to the first look at the clock after the sleep.
- * cyclictest cuts them off to microseconds; ours are rounded up by at most 1/64 (rt/histogram.h), then
- * cut off to half a microsecond.
+ * cyclictest cuts them off to microseconds; ours are rounded up by at most 1/64 (rt/histogram.h),
+ * then cut off to half a microsecond.
  */
 #include "sim/simulator.h"
 #include "app/report/svg.h"
