@@ -166,7 +166,7 @@ enum loop_event_kind {
     LOOP_EVENT_BACK,           /* STEP again after a ns */
     LOOP_EVENT_STEP_MISMATCH,  /* a = expected by the host, b = tick that we are at */
     LOOP_EVENT_STEP_MALFORMED, /* a = length */
-    /* of requests carried out */
+    /* Of requests carried out */
     LOOP_EVENT_PAUSED,     /* a = tick */
     LOOP_EVENT_RESUMED,    /* a = tick */
     LOOP_EVENT_SPEED,      /* a = millionths of virtual seconds a second, 0 = as fast as possible */

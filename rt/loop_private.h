@@ -53,18 +53,18 @@ struct loop {
     _Atomic uint64_t beat; /* loop_beat */
     enum loop_end end;
 
-    /* the tick being run */
+    /* The tick being run */
     int64_t mark_ns;            /* end of the last phase */
     int64_t spent[PHASE_COUNT]; /* wait: how late the tick began */
     int64_t work_begin_ns;
 
-    /* real clock and paced free run */
+    /* Real clock and paced free run */
     int64_t period_ns; /* of the grid: T, scaled by the speed; 0 = none, as fast as possible */
     int64_t deadline_ns;
     int64_t reference_ns; /* when the tick could have begun: its deadline, or the end of the last */
     int64_t last_end_ns;
 
-    /* lockstep */
+    /* Lockstep */
     struct lockstep lockstep;
     bool step_begins; /* this tick is the first of its STEP */
     bool step_asked;  /* the present STEP is one of STEER_STEP */

@@ -63,7 +63,7 @@ struct recorder {
     atomic_bool stop, ended;
     atomic_bool given_up;
 
-    /* of the thread that asks for events */
+    /* Of the thread that asks for events */
     struct file_reports log_reports, csv_reports;
     bool given_up_reported;
     uint64_t drops_reported;

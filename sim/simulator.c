@@ -172,7 +172,7 @@ void simulator_destroy(struct simulator *simulator)
     }
     simulator_finish_recording(simulator, &counters, &error);
 
-    /* Who uses a port before the port, the ports before the buses */
+    /* Users of ports, then the ports, then the buses */
     simulator_close_gateway(simulator, &carried);
     bus_ports_close(&simulator->gateway_ports);
     bus_ports_close(&simulator->task_ports);

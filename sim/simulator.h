@@ -162,8 +162,8 @@ const char *simulator_failure(const struct simulator *simulator); /* after LOOP_
 const struct settled *simulator_settled(const struct simulator *simulator);
 /* Which implementation computes the rigid-body dynamics, and why; a sentence. */
 const char *simulator_dynamics(const struct simulator *simulator);
-/* For requests, NULL without config.steering; bytes of one checkpoint without the frames on their way, 0
- * = there are none. */
+/* For requests, NULL without config.steering; bytes of one checkpoint without the frames on their
+ * way, 0 = there are none. */
 struct steering *simulator_steering(const struct simulator *simulator);
 size_t simulator_checkpoint_size(const struct simulator *simulator);
 bool simulator_is_local(const struct simulator *simulator);

@@ -92,7 +92,7 @@ void guard_watch_calls(void); /* at the first run_begin */
 /* Made so that the filter lets it pass. */
 long guard_syscall(long number, long a, long b, long c, long d, long e, long f);
 void guard_handle(int number, void (*entry)(int, siginfo_t *, void *));
-/* the entries, and the functions that they call */
+/* The entries, and the functions that they call */
 void guard_entry_breakpoint(int number, siginfo_t *info, void *context);
 void guard_entry_system_call(int number, siginfo_t *info, void *context);
 __attribute__((visibility("hidden"))) void guard_on_breakpoint(int number, siginfo_t *info,

@@ -51,7 +51,7 @@ static void do_posix_memalign(void)
     kept = memory;
 }
 
-/* the C library allocates for so many digits */
+/* The C library allocates for so many digits */
 static void do_digits(void)
 {
     static volatile int digits = 20000;
@@ -91,7 +91,7 @@ static void do_open(void)
     close(open("/dev/null", O_RDONLY | O_CLOEXEC));
 }
 
-/* a function that may write, but not on this descriptor */
+/* A function that may write, but not on this descriptor */
 static void do_write(void)
 {
     (void)!write(STDOUT_FILENO, "a line\n", 7);
@@ -102,7 +102,7 @@ static void do_sleep(void)
     clock_nanosleep(CLOCK_MONOTONIC, 0, &(struct timespec){.tv_nsec = 1000}, NULL);
 }
 
-/* no function of any library */
+/* No function of any library */
 static void do_instruction(void)
 {
     long number = SYS_getppid;

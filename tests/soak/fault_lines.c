@@ -178,7 +178,7 @@ static bool write_line(struct fault_lines *lines, size_t kind, double from_s, do
          w = strtok_r(NULL, " ", &rest)) {
         word[count++] = w;
     }
-    /* target, "...", kind, parameters */
+    /* Target, "...", kind, parameters */
     if (count < 3) {
         error_set(error, ERROR_INPUT, "faults_help: line %zu is not as expected", kind);
         return false;

@@ -85,7 +85,7 @@ static void hash_frame(struct listener *listener, size_t bus, const struct bus_f
 
     put_u32_le(head + 4, frame->id);
     if (listener->wire) {
-        /* when it had arrived, which no sender decides */
+        /* When it had arrived, which no sender decides */
         put_u32_le(head + 8, (uint32_t)frame->time_ns);
         put_u32_le(head + 12, (uint32_t)((uint64_t)frame->time_ns >> 32));
     }

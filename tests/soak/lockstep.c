@@ -99,7 +99,7 @@ static bool check_kinds(const struct totals *totals)
 static uint64_t part_ticks(const struct totals *totals, uint64_t wanted)
 {
     const struct part *part = &programme[totals->parts % PARTS];
-    /* rounds of half a minute: an hour has a dozen of long parts, five minutes have short ones */
+    /* Rounds of half a minute: an hour has a dozen of long parts, five minutes have short ones */
     uint64_t rounds = wanted >= 1800000 ? 4 : 1;
     uint64_t ticks = part->task ? TASK_S * 1000 : rounds * ROUND_S * 1000;
 

@@ -26,7 +26,7 @@ static void hold_base(struct run *run, int64_t time_ns)
     const double *at = plant_state(simulator_plant(run->simulator), &count), *to = run->held;
     const double *q = at + 3, *p = to + 3;
     double dt = (double)(time_ns - run->last_ns) * 1e-9, push[6], error[6];
-    /* the vector part of q p^-1: half the rotation from p to q */
+    /* The vector part of q p^-1: half the rotation from p to q */
     double w = q[0] * p[0] + q[1] * p[1] + q[2] * p[2] + q[3] * p[3], sign = w < 0.0 ? -2.0 : 2.0;
 
     for (int i = 0; i < 3; i++) {
@@ -65,14 +65,14 @@ static void send_step(struct run *run, uint64_t left)
     can_send(run->player.ports.port[run->rig.lockstep.bus], &step, 1);
 }
 
-/* now and then it says nothing for up to 0.4 s but STEP */
+/* Now and then it says nothing for up to 0.4 s but STEP */
 static bool is_quiet(struct run *run, int64_t time_ns)
 {
     if (time_ns >= run->quiet_due_ns) {
         run->quiet_ns = time_ns + (int64_t)(0.4e9 * random_uniform(&run->random));
         run->quiet_due_ns = time_ns + (int64_t)(20e9 * random_uniform(&run->random));
     }
-    /* not while a round is to end well */
+    /* Not while a round is to end well */
     return time_ns < run->quiet_ns && time_ns / SECOND % ROUND_S < BROKEN_S;
 }
 
@@ -107,7 +107,7 @@ static void step(void *context, int64_t time_ns)
         intruder_step(&run->intruder, is_rude(run, time_ns), run->listener.tick);
         if (!run->part->task) {
             play(run, time_ns);
-            /* twice in a part the STEP itself is late, by the wall's clock */
+            /* Twice in a part the STEP itself is late, by the wall's clock */
             run->waits = time_ns == 5 * SECOND || time_ns == 6 * SECOND ? 2 : 0;
         }
     }
@@ -135,7 +135,7 @@ static enum error_code write_faults(struct run *run, const struct totals *totals
         double end = fmin(t + BROKEN_S, length_s);
 
         if (is_rude(run, (int64_t)(t * 1e9))) {
-            /* frames that are taken for the host's may change any setting */
+            /* Frames that are taken for the host's may change any setting */
             fault_lines_add_power_cycle(&run->fault_lines, t + BROKEN_S - 0.5, t + BROKEN_S);
         }
         if (end - t > 4.0 &&

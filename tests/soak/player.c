@@ -79,7 +79,7 @@ static void begin(struct player *player, int64_t time_ns)
     }
 }
 
-/* sines about the initial pose, reached smoothly */
+/* Sines about the initial pose, reached smoothly */
 static void move(struct player *player, int64_t time_ns)
 {
     double t = (double)time_ns * 1e-9;

@@ -227,7 +227,7 @@ void rules_check_end(struct run *run, enum loop_end end)
                   stats->lockstep.steps, stats->lockstep.mismatches, stats->lockstep.malformed,
                   run->listener.steps, run->listener.refused, run->listener.malformed);
     }
-    /* a person may read some; three times what these faults have been seen to cause is a storm */
+    /* A person may read some; three times what these faults have been seen to cause is a storm */
     if (run->events > 500 + stats->ticks / 2) {
         part_fail(run, "%" PRIu64 " events in %" PRIu64 " ms", run->events, stats->ticks);
     }

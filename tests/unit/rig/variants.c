@@ -213,7 +213,7 @@ static void surfaces_and_frames_of_a_held_base_stay_where_they_were(void **state
         robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error),
         ERROR_NONE);
     assert_int_equal(robot_copy(robot, &arena, &held, &error), ERROR_NONE);
-    /* a quarter turn about z, half a meter up */
+    /* A quarter turn about z, half a meter up */
     assert_int_equal(robot_fix_base(held, (double[3]){0, 0, 0.5},
                                     (double[4]){sqrt(0.5), 0, 0, sqrt(0.5)}, &error),
                      ERROR_NONE);

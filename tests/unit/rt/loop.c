@@ -45,7 +45,7 @@ static void skip_drops_the_missed_deadlines_and_stays_on_the_grid(void **state)
     struct loop_event event;
 
     (void)state;
-    /* tick 3 ends at 5.6 T: the deadlines 4 T and 5 T are lost, tick 4 runs at 6 T */
+    /* Tick 3 ends at 5.6 T: the deadlines 4 T and 5 T are lost, tick 4 runs at 6 T */
     bench->slow_tick = 3;
     bench->slow_phase = PHASE_PLANT;
     bench->slow_by = 5 * TICK / 2;
@@ -70,7 +70,7 @@ static void slip_runs_late_ticks_until_the_grid_is_caught_up(void **state)
     const struct loop_stats *stats;
 
     (void)state;
-    /* work 0.4 T; tick 3 ends at 6.9 T, tick 4 at 7.3, 5 at 7.7, 6 at 8.1, 7 at 8.5, 8 at 8.9 T */
+    /* Work 0.4 T; tick 3 ends at 6.9 T, tick 4 at 7.3, 5 at 7.7, 6 at 8.1, 7 at 8.5, 8 at 8.9 T */
     bench->config.overrun = LOOP_OVERRUN_SLIP;
     bench->work[PHASE_PLANT] = 4 * TICK / 10;
     bench->slow_tick = 3;
@@ -154,7 +154,7 @@ static void a_pause_takes_up_the_grid_and_is_no_overrun(void **state)
         struct bench *bench = bench_create(LOOP_CLOCK_REAL, 20);
         const struct loop_stats *stats;
 
-        /* stopped while it sleeps for 5 T */
+        /* Stopped while it sleeps for 5 T */
         bench->config.overrun = policies[i];
         bench->late_sleep = 4;
         bench->late_by = 5300 * TICK + TICK / 2;

@@ -282,7 +282,7 @@ static inline void bench_destroy(struct bench *bench)
     test_free(bench);
 }
 
-/* the number of events of one kind; *last is the last of them */
+/* The number of events of one kind; *last is the last of them */
 static inline size_t bench_events(struct bench *bench, enum loop_event_kind kind,
                                   struct loop_event *last)
 {

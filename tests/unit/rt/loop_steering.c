@@ -81,7 +81,7 @@ static uint64_t ask(enum steer_kind kind, size_t index, uint64_t count, double v
     return sb.tickets;
 }
 
-/* the next answer is to this ticket; returns it */
+/* The next answer is to this ticket; returns it */
 static struct steer_answer answer(uint64_t ticket, enum steer_verdict verdict)
 {
     struct steer_answer got;
@@ -195,7 +195,7 @@ static void the_grid_begins_anew_at_resume(void **state)
     sb.waits_left = 3;
     sb.on_paused = go_on;
     bench_run(bench);
-    /* tick 0 runs at once, as does the first after the pause: both begin a grid */
+    /* Tick 0 runs at once, as does the first after the pause: both begin a grid */
     assert_int_equal(bench->sleeps, 18);
     first = bench->deadline[9];
     for (size_t i = 0; i < 9; i++) {
@@ -399,7 +399,7 @@ static void a_step_plays_the_part_of_a_step_frame(void **state)
 
     (void)state;
     ask(STEER_PAUSE, 0, 0, 0.0);
-    /* on the STEP's bus: what comes before a STEP belongs to the step, the STEP waits */
+    /* On the STEP's bus: what comes before a STEP belongs to the step, the STEP waits */
     can_send(bench->host[1], &command, 1);
     send_step(bench, 0, 2);
     can_send(bench->host[1], &command, 1);
@@ -498,7 +498,7 @@ static void requests_do_not_begin_the_silence_anew(void **state)
     (void)state;
     bench->on_wait = ask_often_and_stop;
     bench_run(bench);
-    /* nine seconds: told after one, three and seven */
+    /* Nine seconds: told after one, three and seven */
     assert_int_equal(bench_events(bench, LOOP_EVENT_SILENT, &event), 3);
     destroy(bench);
 }

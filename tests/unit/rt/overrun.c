@@ -87,7 +87,7 @@ static void the_accounts_balance_whatever_the_machine_does(void **state)
         late += loop_stats(bench->loop)->late_ticks;
         bench_destroy(bench);
     }
-    /* it was about something */
+    /* It was about something */
     assert_true(overruns > 1000 && pauses > 100 && lost > 1000 && late > 1000);
 }
 
@@ -120,7 +120,7 @@ static void a_sleep_that_ends_too_early_is_slept_to_its_end(void **state)
     struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
 
     (void)state;
-    /* a signal, or a clock that stands still */
+    /* A signal, or a clock that stands still */
     bench->late_sleep = 4;
     bench->late_by = -TICK / 2;
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
@@ -202,7 +202,7 @@ static void a_flooded_bus_costs_a_bounded_time(void **state)
         assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
         assert_int_equal(loop_stats(bench->loop)->ticks, 3);
         assert_int_equal(flood.given, 3 * LOOP_RECEIVE_MAX);
-        /* the bus behind it has its turn in the same tick */
+        /* The bus behind it has its turn in the same tick */
         assert_int_equal(bench->received_count, 3 * LOOP_RECEIVE_MAX + 1);
         assert_int_equal(bench->received_tick[LOOP_RECEIVE_MAX], 0);
         assert_int_equal(bench->received[LOOP_RECEIVE_MAX].id, 0x123);
@@ -229,7 +229,7 @@ static void a_flood_without_a_step_does_not_stall_the_loop(void **state)
     assert_int_equal(bench_run(bench), LOOP_END_STOPPED);
     assert_int_equal(loop_stats(bench->loop)->ticks, 0);
     assert_in_range(flood.given, 5 * LOOP_RECEIVE_MAX, 5 * (LOOP_RECEIVE_MAX + 1024));
-    /* the watchdog of a service sees it alive */
+    /* The watchdog of a service sees it alive */
     beat = loop_beat(bench->loop);
     assert_true(beat >= 5);
     bench_destroy(bench);

@@ -92,7 +92,7 @@ static void send(struct can_port *port, uint32_t id)
     assert_int_equal(can_send(port, &frame, 1), 1);
 }
 
-/* the ids that wait, as decimal digits */
+/* The ids that wait, as decimal digits */
 static unsigned waiting(struct can_port *port)
 {
     struct bus_frame frame;

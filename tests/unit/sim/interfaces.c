@@ -272,7 +272,7 @@ static void restores_the_bit_rate_of_what_was_changed_or_created_anew(void **sta
     look(bench, "runs at 250000 bit/s: set again to 1000000");
     assert_int_equal(bench->configured, 1);
     look(bench, "");
-    /* somebody's will */
+    /* Somebody's will */
     bench->link.up = false;
     look(bench, "");
     assert_int_equal(bench->configured, 1);

@@ -36,7 +36,7 @@ static void a_request_does_not_allocate(void **state)
 
 #else
 
-/* glibc's own, behind the counting ones below */
+/* Glibc's own, behind the counting ones below */
 void *__libc_malloc(size_t size);
 void *__libc_calloc(size_t count, size_t size);
 void *__libc_realloc(void *block, size_t size);

@@ -68,7 +68,7 @@ static inline uint64_t hash_measured(const struct plant_sensors *sensors)
     return hash_bytes(hash, &sensors->imu, sizeof sensors->imu);
 }
 
-/* everything that the tick before has sent */
+/* Everything that the tick before has sent */
 static inline void note(struct witness *w, struct pass *pass)
 {
     const struct rig *rig = simulator_configuration(w->simulator)->rig;
