@@ -388,6 +388,7 @@ enum error_code rig_build_boards(struct rig_builder *b)
 
         code = rig_check_bus(b, from);
         bus[i] = rig_make_bus(b, from);
+        bus[i].first_board = n;
         bus_config[i] = (struct boards_bus_config){bus[i].personality, bus[i].fd};
         host_bus[i] = (struct host_bus){host_personality[bus[i].personality], bus[i].fd};
         for (size_t k = 0; k < from->nboard && !code; k++) {

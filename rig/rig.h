@@ -49,8 +49,8 @@ struct rig_bus {
     double sample_point;   /* of a bit, for configure; 0 = the driver's choice */
     int64_t restart_ms;    /* by the kernel after bus-off, for configure; 0 = by the simulator */
     enum board_personality personality;
-    size_t nboard;
-    size_t naxis; /* joints driven from this bus */
+    size_t first_board, nboard; /* of struct boards_config */
+    size_t naxis;               /* joints driven from this bus */
 };
 
 /* What check and run do about a bus whose periodic traffic cannot fit. */

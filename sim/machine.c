@@ -120,24 +120,21 @@ static bool machine_sample(void *context, int64_t now_ns)
     return true;
 }
 
-/* Tells boards the error counters of their CAN controllers, which they report: on a wire every
- * board has one of its own, in the order of the rig. */
+/* Passes the error counters of their CAN controllers on to the boards, which report them: on a wire
+ * every board has one of its own, in the order of the rig. */
 static void simulator_update_can_states(struct simulator *simulator, size_t bus)
 {
-    const struct boards_config *boards = &simulator->config.rig->boards;
+    const struct rig_bus *on = &simulator->config.rig->bus[bus];
     const struct wire *wire = simulator->buses.wire[bus];
-    size_t node = 0;
 
-    for (size_t i = 0; wire && i < boards->nboard; i++) {
+    for (size_t node = 0; wire && node < on->nboard; node++) {
         struct wire_node_stats stats;
 
-        if (boards->board[i].bus == (int)bus) {
-            wire_node_stats(wire, node++, &stats);
-            boards_set_can_state(simulator->boards, i,
-                                 &(struct board_can_state){.tec = stats.tec,
-                                                           .rec = stats.rec,
-                                                           .bus_off = stats.state == WIRE_BUS_OFF});
-        }
+        wire_node_stats(wire, node, &stats);
+        boards_set_can_state(simulator->boards, on->first_board + node,
+                             &(struct board_can_state){.tec = stats.tec,
+                                                       .rec = stats.rec,
+                                                       .bus_off = stats.state == WIRE_BUS_OFF});
     }
 }
 
