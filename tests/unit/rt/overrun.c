@@ -1,9 +1,191 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the loop promises when the machine or the buses are too much for it (rt/loop.h): its
- * accounts balance whatever the clock does, and no bus stalls it. */
+/* The loop when the machine or the buses are too much for it (rt/loop.h): overruns, what they are
+ * charged to and what becomes of their deadlines; pauses; accounts that balance whatever the clock
+ * does; and no bus that stalls it. */
 #include "loop_bench.h"
 
 #include <stdlib.h>
+
+/* ---- overruns and pauses ---- */
+
+static void an_end_at_the_deadline_is_in_time(void **state)
+{
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 100);
+
+    (void)state;
+    bench->work[PHASE_PLANT] = TICK;
+    bench_run(bench);
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
+    assert_int_equal(loop_stats(bench->loop)->lost_ticks, 0);
+    assert_int_equal(bench->now, START + 100 * TICK);
+    bench_destroy(bench);
+}
+
+static void skip_drops_the_missed_deadlines_and_stays_on_the_grid(void **state)
+{
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
+    const struct loop_stats *stats;
+    struct loop_event event;
+
+    (void)state;
+    /* Tick 3 ends at 5.6 T: the deadlines 4 T and 5 T are lost, tick 4 runs at 6 T */
+    bench->slow_tick = 3;
+    bench->slow_phase = PHASE_PLANT;
+    bench->slow_by = 5 * TICK / 2;
+    bench_run(bench);
+    stats = loop_stats(bench->loop);
+    assert_int_equal(stats->overruns[PHASE_PLANT], 1);
+    assert_int_equal(stats->overrun_total, 1);
+    assert_int_equal(stats->lost_ticks, 2);
+    assert_int_equal(stats->late_ticks, 0);
+    assert_int_equal(stats->ticks, 10);
+    assert_int_equal(bench->deadline[3], START + 6 * TICK);
+    assert_int_equal(bench->deadline[8], START + 11 * TICK);
+    assert_int_equal(bench_events(bench, LOOP_EVENT_OVERRUN, &event), 1);
+    assert_int_equal(event.a, PHASE_PLANT);
+    assert_int_equal(event.b, 16 * TICK / 10);
+    bench_destroy(bench);
+}
+
+static void slip_runs_late_ticks_until_the_grid_is_caught_up(void **state)
+{
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 20);
+    const struct loop_stats *stats;
+
+    (void)state;
+    /* Work 0.4 T; tick 3 ends at 6.9 T, tick 4 at 7.3, 5 at 7.7, 6 at 8.1, 7 at 8.5, 8 at 8.9 T */
+    bench->config.overrun = LOOP_OVERRUN_SLIP;
+    bench->work[PHASE_PLANT] = 4 * TICK / 10;
+    bench->slow_tick = 3;
+    bench->slow_phase = PHASE_SENSORS;
+    bench->slow_by = 35 * TICK / 10;
+    bench_run(bench);
+    stats = loop_stats(bench->loop);
+    assert_int_equal(stats->overrun_total, 1);
+    assert_int_equal(stats->overruns[PHASE_SENSORS], 1);
+    assert_int_equal(stats->late_ticks, 4); /* 4, 5, 6, 7 end after 5, 6, 7, 8 T */
+    assert_int_equal(stats->lost_ticks, 0);
+    assert_int_equal(bench->deadline[3], START + 9 * TICK); /* the first sleep after it */
+    assert_int_equal(bench->now, START + 19 * TICK + 4 * TICK / 10);
+    bench_destroy(bench);
+}
+
+static void slip_charges_every_tick_that_is_itself_too_long(void **state)
+{
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 50);
+
+    (void)state;
+    bench->config.overrun = LOOP_OVERRUN_SLIP;
+    bench->work[PHASE_BOARDS] = 11 * TICK / 10;
+    bench_run(bench);
+    assert_int_equal(loop_stats(bench->loop)->overruns[PHASE_BOARDS], 50);
+    assert_int_equal(loop_stats(bench->loop)->late_ticks, 0);
+    assert_int_equal(bench->sleeps, 0);
+    bench_destroy(bench);
+}
+
+static void stop_ends_the_run_at_the_nth_overrun(void **state)
+{
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 50);
+
+    (void)state;
+    bench->config.overrun = LOOP_OVERRUN_STOP;
+    bench->config.stop_after = 4;
+    bench->work[PHASE_PLANT] = 2 * TICK;
+    assert_int_equal(bench_run(bench), LOOP_END_OVERRUNS);
+    assert_int_equal(loop_stats(bench->loop)->ticks, 4);
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 4);
+    assert_int_equal(bench->shut_downs, 1);
+    bench_destroy(bench);
+}
+
+static void an_overrun_is_charged_to_the_phase_that_caused_it(void **state)
+{
+    (void)state;
+    for (int p = PHASE_WAIT; p < PHASE_COUNT; p++) {
+        struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
+
+        if (p == PHASE_WAIT) {
+            bench->late_sleep = 4;
+            bench->late_by = 15 * TICK / 10;
+        } else if (p == PHASE_RECEIVE) {
+            struct bus_frame frame = frame_make(0x123, 0, NULL);
+
+            can_send(bench->host[2], &frame, 1);
+            bench->work[PHASE_RECEIVE] = 15 * TICK / 10;
+        } else {
+            bench->slow_tick = 5;
+            bench->slow_phase = (enum loop_phase)p;
+            bench->slow_by = 15 * TICK / 10;
+        }
+        bench_run(bench);
+        for (int q = PHASE_WAIT; q < PHASE_COUNT; q++) {
+            assert_int_equal(loop_stats(bench->loop)->overruns[q], q == p);
+        }
+        assert_int_equal(loop_stats(bench->loop)->lost_ticks, 1);
+        bench_destroy(bench);
+    }
+}
+
+static void a_pause_skips_deadlines_and_is_no_overrun(void **state)
+{
+    static const enum loop_overrun policies[] = {LOOP_OVERRUN_SKIP, LOOP_OVERRUN_SLIP,
+                                                 LOOP_OVERRUN_STOP};
+
+    (void)state;
+    for (size_t i = 0; i < 3; i++) {
+        struct bench *bench = bench_create(LOOP_CLOCK_REAL, 20);
+        const struct loop_stats *stats;
+
+        /* Stopped while it sleeps for 5 T */
+        bench->config.overrun = policies[i];
+        bench->late_sleep = 4;
+        bench->late_by = 5300 * TICK + TICK / 2;
+        assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
+        stats = loop_stats(bench->loop);
+        assert_int_equal(stats->pauses, 1);
+        assert_int_equal(stats->pause_ticks, 5301);
+        assert_int_equal(stats->overrun_total, 0);
+        assert_int_equal(stats->late_ticks, 0);
+        assert_int_equal(bench->deadline[5], START + 5306 * TICK);
+        bench_destroy(bench);
+    }
+}
+
+static void a_pause_inside_a_tick_is_no_overrun_either(void **state)
+{
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 20);
+    struct loop_event event;
+
+    (void)state;
+    bench->config.overrun = LOOP_OVERRUN_SLIP;
+    bench->slow_tick = 7;
+    bench->slow_phase = PHASE_PLANT;
+    bench->slow_by = 3000 * TICK;
+    bench_run(bench);
+    assert_int_equal(loop_stats(bench->loop)->pauses, 1);
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
+    assert_int_equal(bench->deadline[7], START + 3008 * TICK);
+    assert_int_equal(bench_events(bench, LOOP_EVENT_PAUSE, &event), 1);
+    bench_destroy(bench);
+}
+
+static void a_second_behind_is_still_caught_up(void **state)
+{
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 1200);
+
+    (void)state;
+    bench->config.overrun = LOOP_OVERRUN_SLIP;
+    bench->slow_tick = 0;
+    bench->slow_phase = PHASE_PLANT;
+    bench->slow_by = 1000 * TICK;
+    bench_run(bench);
+    assert_int_equal(loop_stats(bench->loop)->pauses, 0);
+    assert_int_equal(loop_stats(bench->loop)->overrun_total, 1);
+    assert_int_equal(loop_stats(bench->loop)->lost_ticks, 0);
+    assert_int_equal(bench->now, START + 1199 * TICK + TICK / 10);
+    bench_destroy(bench);
+}
 
 /* ---- the accounts of the real clock ---- */
 
@@ -252,6 +434,15 @@ static void a_step_is_found_in_a_flood(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(an_end_at_the_deadline_is_in_time),
+        cmocka_unit_test(skip_drops_the_missed_deadlines_and_stays_on_the_grid),
+        cmocka_unit_test(slip_runs_late_ticks_until_the_grid_is_caught_up),
+        cmocka_unit_test(slip_charges_every_tick_that_is_itself_too_long),
+        cmocka_unit_test(stop_ends_the_run_at_the_nth_overrun),
+        cmocka_unit_test(an_overrun_is_charged_to_the_phase_that_caused_it),
+        cmocka_unit_test(a_pause_skips_deadlines_and_is_no_overrun),
+        cmocka_unit_test(a_pause_inside_a_tick_is_no_overrun_either),
+        cmocka_unit_test(a_second_behind_is_still_caught_up),
         cmocka_unit_test(the_accounts_balance_whatever_the_machine_does),
         cmocka_unit_test(an_hour_ahead_is_one_pause_and_no_burst),
         cmocka_unit_test(a_sleep_that_ends_too_early_is_slept_to_its_end),
