@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The buses of a rig and the boards on them. */
-#include "rig/build.h"
-
+/* Builds the buses of a rig and the boards on them. */
+#include "base/count.h"
 #include "base/text.h"
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
+#include "rig/builder_private.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -17,19 +17,19 @@ static enum board_personality bus_personality(const struct rig_builder *b,
                                                            : b->raw->personality);
 }
 
-static enum error_code check_whole(struct rig_builder *b, const struct yaml_mark *mark,
-                                   double value)
+static enum error_code board_check_full_scale(struct rig_builder *b, const struct yaml_mark *mark,
+                                              double value)
 {
     if (value != floor(value)) {
         return yaml_error(b->error, mark,
-                          "found full scale %.15g, expected an integer, which is all that the "
-                          "boards can tell a host",
+                          "found full scale %.15g, expected an integer: boards report it "
+                          "as one",
                           value);
     }
     return ERROR_NONE;
 }
 
-static enum error_code check_board(struct rig_builder *b, const struct raw_board *raw)
+static enum error_code board_check_keys(struct rig_builder *b, const struct raw_board *raw)
 {
     static const char *const what[] = {"a motor board", "an F/T board", "a torque board"};
     const unsigned motor = 1 << BOARD_MOTOR, ft = 1 << BOARD_FT, torque = 1 << BOARD_TORQUE;
@@ -43,13 +43,12 @@ static enum error_code check_board(struct rig_builder *b, const struct raw_board
         {"period_s", raw->period_given, ft | torque, 0},
     };
 
-    return rig_check_keys(b, &raw->mark, what[raw->kind], raw->kind, keys,
-                          sizeof keys / sizeof keys[0]);
+    return rig_check_keys(b, &raw->mark, what[raw->kind], raw->kind, keys, ARRAY_COUNT(keys));
 }
 
-/* A STRAIN period: whole milliseconds, because the command that changes it has no others. */
-static enum error_code board_period(struct rig_builder *b, const struct raw_board *raw,
-                                    struct board_config *board)
+/* The period of a STRAIN board: whole milliseconds, the unit of the command that sets it. */
+static enum error_code board_read_period(struct rig_builder *b, const struct raw_board *raw,
+                                         struct board_config *board)
 {
     if (!rig_whole_ns(raw->period_s, &board->period_ns) || board->period_ns % 1000000 != 0) {
         return yaml_error(b->error, &raw->period_mark,
@@ -58,7 +57,7 @@ static enum error_code board_period(struct rig_builder *b, const struct raw_boar
     return ERROR_NONE;
 }
 
-static enum error_code build_ft_board(struct rig_builder *b, const struct raw_board *raw,
+static enum error_code board_build_ft(struct rig_builder *b, const struct raw_board *raw,
                                       struct board_config *board)
 {
     enum error_code code = rig_find(b, &raw->sensor_mark, "F/T sensor", raw->sensor,
@@ -76,19 +75,22 @@ static enum error_code build_ft_board(struct rig_builder *b, const struct raw_bo
     for (int i = 0; i < 3 && !code; i++) {
         board->full_scale[i] = raw->full_scale_n[i];
         board->full_scale[3 + i] = raw->full_scale_nm[i];
-        code = check_whole(b, &raw->full_scale_n_mark, raw->full_scale_n[i]);
-        code = code ? code : check_whole(b, &raw->full_scale_nm_mark, raw->full_scale_nm[i]);
+        code = board_check_full_scale(b, &raw->full_scale_n_mark, raw->full_scale_n[i]);
+        code = code ? code
+                    : board_check_full_scale(b, &raw->full_scale_nm_mark, raw->full_scale_nm[i]);
     }
-    return code ? code : board_period(b, raw, board);
+    return code ? code : board_read_period(b, raw, board);
 }
 
-static enum error_code build_torque_board(struct rig_builder *b, const struct raw_board *raw,
+static enum error_code board_build_torque(struct rig_builder *b, const struct raw_board *raw,
                                           struct board_config *board)
 {
     if (raw->njoint < 1 || raw->njoint > BOARD_CHANNELS) {
         return yaml_error(b->error, &raw->joint_mark, "found %zu joints, expected 1 to %d",
                           raw->njoint, BOARD_CHANNELS);
     }
+
+    /* All channels are spare until a joint claims one */
     for (int i = 0; i < BOARD_CHANNELS; i++) {
         board->torque_joint[i] = -1;
         board->full_scale[i] = b->raw->motors.torque_full_scale_nm;
@@ -114,16 +116,18 @@ static enum error_code build_torque_board(struct rig_builder *b, const struct ra
         }
         *source = (struct rig_torque){raw, board->bus, (int)i};
     }
-    return board_period(b, raw, board);
+    return board_read_period(b, raw, board);
 }
 
-static enum error_code build_axis(struct rig_builder *b, const struct raw_board *raw,
-                                  const struct yaml_name *name, struct board_axis_config *axis)
+static enum error_code board_build_axis(struct rig_builder *b, const struct raw_board *raw,
+                                        const struct yaml_name *name,
+                                        struct board_axis_config *axis)
 {
     const struct raw_motors *motors = &b->raw->motors;
     const struct robot_joint *joint;
     enum error_code code;
 
+    /* What all axes have in common, spare ones too */
     axis->joint_ticks_per_rad = motors->joint_ticks_per_rev / (2.0 * M_PI);
     axis->motor_ticks_per_rad = motors->motor_ticks_per_link_rev / (2.0 * M_PI);
     axis->current_limit_a = raw->current_given ? raw->current_limit_a : motors->current_limit_a;
@@ -132,6 +136,8 @@ static enum error_code build_axis(struct rig_builder *b, const struct raw_board 
     if (!strcmp(name->name, "spare")) {
         return ERROR_NONE;
     }
+
+    /* The joint: it has a drive, and no other board drives it */
     code = rig_find(b, &name->mark, "joint", name->name,
                     RIG_NAMES(b->robot->joint, b->robot->njoint), &axis->joint);
     if (code) {
@@ -149,6 +155,8 @@ static enum error_code build_axis(struct rig_builder *b, const struct raw_board 
                           name->name, b->driver[axis->joint]->mark.line);
     }
     b->driver[axis->joint] = raw;
+
+    /* What the board knows of its drive */
     axis->lower_rad = joint->lower;
     axis->upper_rad = joint->upper;
     axis->gear = joint->sea.N;
@@ -158,7 +166,7 @@ static enum error_code build_axis(struct rig_builder *b, const struct raw_board 
     return ERROR_NONE;
 }
 
-static enum error_code build_motor_board(struct rig_builder *b, const struct raw_board *raw,
+static enum error_code board_build_motor(struct rig_builder *b, const struct raw_board *raw,
                                          size_t most, struct board_config *board)
 {
     static const struct yaml_name spare = {.name = "spare"};
@@ -173,7 +181,7 @@ static enum error_code build_motor_board(struct rig_builder *b, const struct raw
         enum error_code code;
 
         board->axis[i].joint = -1;
-        code = build_axis(b, raw, i < raw->naxis ? &raw->axis[i] : &spare, &board->axis[i]);
+        code = board_build_axis(b, raw, i < raw->naxis ? &raw->axis[i] : &spare, &board->axis[i]);
         if (code) {
             return code;
         }
@@ -187,8 +195,8 @@ static enum error_code build_motor_board(struct rig_builder *b, const struct raw
     return ERROR_NONE;
 }
 
-static const char *board_name(struct rig_builder *b, const struct raw_bus *bus,
-                              const struct raw_board *raw)
+static const char *board_make_name(struct rig_builder *b, const struct raw_bus *bus,
+                                   const struct raw_board *raw)
 {
     char text[80];
 
@@ -199,49 +207,51 @@ static const char *board_name(struct rig_builder *b, const struct raw_bus *bus,
     return arena_strdup(b->arena, text);
 }
 
-/* What a personality can address. */
-static const struct personality {
+/* What the protocol of a personality can address. */
+static const struct personality_limits {
     const char *name;
     int64_t motor_address_max, address_max;
     size_t axes; /* of a motor board */
     bool torque; /* has boards that send joint torques on their own */
-} personality[] = {
+} personality_limits[] = {
     [BOARD_ICUB] = {"icub", ICUB_ADDRESS_MAX, ICUB_ADDRESS_MAX, 2, true},
     [BOARD_FOC] = {"foc", FOC_AXES_MAX, ICUB_ADDRESS_MAX, 1, true},
     [BOARD_COMPACT] = {"compact", COMPACT_NODE_MAX, COMPACT_NODE_MAX, COMPACT_BOARD_AXES, false},
 };
 
-static enum error_code check_address(struct rig_builder *b, const struct raw_board *raw,
-                                     const struct personality *speaks)
+static enum error_code board_check_address(struct rig_builder *b, const struct raw_board *raw,
+                                           const struct personality_limits *limits)
 {
-    int64_t max = raw->kind == BOARD_MOTOR ? speaks->motor_address_max : speaks->address_max;
+    int64_t max = raw->kind == BOARD_MOTOR ? limits->motor_address_max : limits->address_max;
 
-    if (raw->kind == BOARD_TORQUE && !speaks->torque) {
+    if (raw->kind == BOARD_TORQUE && !limits->torque) {
         return yaml_error(b->error, &raw->mark,
                           "found a torque board on a bus with personality %s, expected none: its "
-                          "motor boards tell the torques",
-                          speaks->name);
+                          "motor boards report the torques",
+                          limits->name);
     }
     if (raw->address > max) {
         return yaml_error(b->error, &raw->address_mark,
                           "found address %d, expected 1 to %d with personality %s",
-                          (int)raw->address, (int)max, speaks->name);
+                          (int)raw->address, (int)max, limits->name);
     }
     return ERROR_NONE;
 }
 
-static enum error_code build_board(struct rig_builder *b, int bus, const struct raw_board *raw,
-                                   struct board_config *board)
+static enum error_code rig_build_board(struct rig_builder *b, int bus, const struct raw_board *raw,
+                                       struct board_config *board)
 {
     const struct raw_bus *raw_bus = &b->raw->bus[bus];
     const struct raw_motors *motors = &b->raw->motors;
-    const struct personality *speaks = &personality[bus_personality(b, raw_bus)];
-    enum error_code code = check_board(b, raw);
+    const struct personality_limits *limits = &personality_limits[bus_personality(b, raw_bus)];
+    enum error_code code = board_check_keys(b, raw);
 
-    code = code ? code : check_address(b, raw, speaks);
+    code = code ? code : board_check_address(b, raw, limits);
     if (code) {
         return code;
     }
+
+    /* One address, one board */
     for (const struct raw_board *other = raw_bus->board; other < raw; other++) {
         if (other->address == raw->address) {
             return yaml_error(b->error, &raw->address_mark,
@@ -250,8 +260,10 @@ static enum error_code build_board(struct rig_builder *b, int bus, const struct 
                               (unsigned)raw->address, raw_bus->name, other->mark.line);
         }
     }
+
+    /* What all kinds have in common, then what this kind has */
     *board = (struct board_config){
-        .name = board_name(b, raw_bus, raw),
+        .name = board_make_name(b, raw_bus, raw),
         .kind = (enum board_kind)raw->kind,
         .bus = bus,
         .address = (uint8_t)raw->address,
@@ -273,18 +285,19 @@ static enum error_code build_board(struct rig_builder *b, int bus, const struct 
     }
     switch (board->kind) {
     case BOARD_MOTOR:
-        return build_motor_board(b, raw, speaks->axes, board);
+        return board_build_motor(b, raw, limits->axes, board);
     case BOARD_FT:
-        return build_ft_board(b, raw, board);
+        return board_build_ft(b, raw, board);
     default:
-        return build_torque_board(b, raw, board);
+        return board_build_torque(b, raw, board);
     }
 }
 
-static enum error_code check_bus(struct rig_builder *b, const struct raw_bus *bus)
+static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus *bus)
 {
     enum error_code code;
 
+    /* Name and interface are its own */
     for (const struct raw_bus *other = b->raw->bus; other < bus; other++) {
         if (!strcmp(other->name, bus->name)) {
             return yaml_error(b->error, &bus->name_mark,
@@ -298,6 +311,8 @@ static enum error_code check_bus(struct rig_builder *b, const struct raw_bus *bu
                               bus->interface, other->name);
         }
     }
+
+    /* CAN FD: with boards that speak it, and with a second bit rate */
     if (bus->fd && bus_personality(b, bus) != BOARD_COMPACT) {
         return yaml_error(b->error, &bus->fd_mark,
                           "found fd on bus \"%s\", expected it with personality compact only",
@@ -313,6 +328,8 @@ static enum error_code check_bus(struct rig_builder *b, const struct raw_bus *bu
                                                      : "a data_bitrate below the bitrate",
                           bus->name);
     }
+
+    /* Settings of the interface only where the simulator sets it */
     if (!bus->configure && (bus->sample_point_given || bus->restart_given)) {
         return yaml_error(b->error,
                           bus->sample_point_given ? &bus->sample_point_mark : &bus->restart_mark,
@@ -323,19 +340,34 @@ static enum error_code check_bus(struct rig_builder *b, const struct raw_bus *bu
     return code ? code : rig_check_name(b, &bus->interface_mark, "interface", bus->interface);
 }
 
+static struct rig_bus rig_make_bus(const struct rig_builder *b, const struct raw_bus *raw)
+{
+    return (struct rig_bus){.name = raw->name,
+                            .interface = raw->interface,
+                            .bitrate = raw->bitrate,
+                            .fd = raw->fd,
+                            .data_bitrate = raw->data_bitrate,
+                            .configure = raw->configure,
+                            .sample_point = raw->sample_point,
+                            .restart_ms = raw->restart_ms,
+                            .personality = bus_personality(b, raw),
+                            .nboard = raw->nboard};
+}
+
 enum error_code rig_build_boards(struct rig_builder *b)
 {
     static const enum host_personality host_personality[] = {
         [BOARD_ICUB] = HOST_ICUB, [BOARD_FOC] = HOST_FOC, [BOARD_COMPACT] = HOST_COMPACT};
     const struct raw_rig *raw = b->raw;
-    struct board_config *board;
     struct rig_bus *bus = b->bus = arena_alloc(b->arena, raw->nbus, sizeof *bus);
-    struct boards_bus_config *speaks = arena_alloc(b->arena, raw->nbus, sizeof *speaks);
-    struct host_bus *heard = arena_alloc(b->arena, raw->nbus, sizeof *heard);
+    struct boards_bus_config *bus_config = arena_alloc(b->arena, raw->nbus, sizeof *bus_config);
+    struct host_bus *host_bus = arena_alloc(b->arena, raw->nbus, sizeof *host_bus);
+    struct board_config *board;
     size_t count = 0, n = 0;
     enum error_code code;
 
-    code = check_whole(b, &raw->motors.torque_full_scale_mark, raw->motors.torque_full_scale_nm);
+    code = board_check_full_scale(b, &raw->motors.torque_full_scale_mark,
+                                  raw->motors.torque_full_scale_nm);
     if (code) {
         return code;
     }
@@ -346,40 +378,35 @@ enum error_code rig_build_boards(struct rig_builder *b)
         count += raw->bus[i].nboard;
     }
     board = arena_alloc(b->arena, count, sizeof *board);
-    if (!bus || !board || !speaks || !heard) {
+    if (!bus || !board || !bus_config || !host_bus) {
         return rig_no_memory(b);
     }
+
+    /* Each bus as the ports, the boards and the host see it, and its boards */
     for (size_t i = 0; i < raw->nbus; i++) {
         const struct raw_bus *from = &raw->bus[i];
 
-        code = check_bus(b, from);
-        bus[i] = (struct rig_bus){.name = from->name,
-                                  .interface = from->interface,
-                                  .bitrate = from->bitrate,
-                                  .fd = from->fd,
-                                  .data_bitrate = from->data_bitrate,
-                                  .configure = from->configure,
-                                  .sample_point = from->sample_point,
-                                  .restart_ms = from->restart_ms,
-                                  .personality = bus_personality(b, from),
-                                  .nboard = from->nboard};
-        speaks[i] = (struct boards_bus_config){bus[i].personality, bus[i].fd};
-        heard[i] = (struct host_bus){host_personality[bus[i].personality], bus[i].fd};
+        code = rig_check_bus(b, from);
+        bus[i] = rig_make_bus(b, from);
+        bus[i].first_board = n;
+        bus_config[i] = (struct boards_bus_config){bus[i].personality, bus[i].fd};
+        host_bus[i] = (struct host_bus){host_personality[bus[i].personality], bus[i].fd};
         for (size_t k = 0; k < from->nboard && !code; k++) {
-            code = build_board(b, (int)i, &from->board[k], &board[n++]);
+            code = rig_build_board(b, (int)i, &from->board[k], &board[n++]);
         }
         if (code) {
             return code;
         }
     }
+
     b->rig->nbus = raw->nbus;
     b->rig->bus = bus;
-    b->rig->host_bus = heard;
+    b->rig->host_bus = host_bus;
     b->rig->boards = (struct boards_config){
         .nboard = count,
         .board = board,
         .nbus = raw->nbus,
-        .bus = speaks,
+        .bus = bus_config,
         .njoint = b->robot->njoint,
         .nft = b->robot->nft,
         .tick_ns = b->rig->tick_ns,
@@ -391,6 +418,7 @@ enum error_code rig_check_drives(struct rig_builder *b)
 {
     const struct raw_rig *raw = b->raw;
 
+    /* What is listed as undriven has no board */
     for (size_t i = 0; i < raw->nundriven; i++) {
         int joint;
         enum error_code code = rig_find(b, &raw->undriven[i].mark, "joint", raw->undriven[i].name,
@@ -406,6 +434,8 @@ enum error_code rig_check_drives(struct rig_builder *b)
                               raw->undriven[i].name, b->driver[joint]->mark.line);
         }
     }
+
+    /* What has no board is listed */
     for (size_t j = 0; j < b->robot->njoint; j++) {
         const struct robot_joint *joint = &b->robot->joint[j];
         bool listed = !joint->sea.present || b->driver[j];

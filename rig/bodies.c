@@ -1,14 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The bodies of a rig's scene, free and static ones, and what a surface may be fixed to. */
+/* Builds the bodies of a rig's scene, free and static, and the list of what a surface may be
+ * fixed to. */
+#include "base/count.h"
 #include "model/spatial.h"
-#include "rig/build.h"
+#include "rig/builder_private.h"
 
 #include <string.h>
 
 enum { FREE, STATIC };
 
-/* Its name must mean nothing else that carries surfaces. */
-static enum error_code check_body_name(struct rig_builder *b, const struct raw_body *raw)
+/* Its name must be unique among all that carries surfaces. */
+static enum error_code scene_check_body_name(struct rig_builder *b, const struct raw_body *raw)
 {
     enum error_code code = rig_check_name(b, &raw->name_mark, "body", raw->name);
 
@@ -16,7 +18,7 @@ static enum error_code check_body_name(struct rig_builder *b, const struct raw_b
         if (!strcmp(b->place[i].name, raw->name)) {
             code = yaml_error(b->error, &raw->name_mark,
                               "found body \"%s\"%s, expected a name of its own", raw->name,
-                              i == 0                 ? ", which is where static things are"
+                              i == 0                 ? ", the name of the static surroundings"
                               : i <= b->robot->nbody ? ", which the robot has too"
                                                      : " again");
         }
@@ -24,7 +26,7 @@ static enum error_code check_body_name(struct rig_builder *b, const struct raw_b
     return code;
 }
 
-static enum error_code check_body_keys(struct rig_builder *b, const struct raw_body *raw)
+static enum error_code scene_check_body_keys(struct rig_builder *b, const struct raw_body *raw)
 {
     const struct rig_key keys[] = {
         {"mass_kg", raw->mass_given, 1 << FREE, 1 << FREE},
@@ -38,7 +40,7 @@ static enum error_code check_body_keys(struct rig_builder *b, const struct raw_b
     const int inertias = raw->inertia_given + raw->box_given + raw->sphere_given;
     enum error_code code =
         rig_check_keys(b, &raw->mark, raw->is_static ? "a static body" : "a free body",
-                       raw->is_static ? STATIC : FREE, keys, sizeof keys / sizeof keys[0]);
+                       raw->is_static ? STATIC : FREE, keys, ARRAY_COUNT(keys));
 
     if (!code && !raw->is_static && inertias != 1) {
         code = yaml_error(b->error, &raw->mark,
@@ -49,8 +51,8 @@ static enum error_code check_body_keys(struct rig_builder *b, const struct raw_b
     return code;
 }
 
-/* The tensor as given, or that of a box or a ball of uniform density. */
-static void weigh(const struct raw_body *raw, struct robot_inertia *inertia)
+/* The inertia as given, or that of a box or a ball of uniform density. */
+static void scene_set_inertia(const struct raw_body *raw, struct robot_inertia *inertia)
 {
     const double m = raw->mass_kg, r = raw->sphere_radius_m;
     const double x = raw->box_m[0], y = raw->box_m[1], z = raw->box_m[2];
@@ -67,13 +69,13 @@ static void weigh(const struct raw_body *raw, struct robot_inertia *inertia)
            sizeof inertia->I);
 }
 
-static enum error_code build_free_body(struct rig_builder *b, const struct raw_body *raw,
-                                       struct plant_free_body *body)
+static enum error_code scene_build_free_body(struct rig_builder *b, const struct raw_body *raw,
+                                             struct plant_free_body *body)
 {
     struct error why;
 
     body->name = raw->name;
-    weigh(raw, &body->inertia);
+    scene_set_inertia(raw, &body->inertia);
     memcpy(body->position, raw->xyz_m, sizeof body->position);
     rig_quaternion_of_rpy(raw->rpy_rad, body->quaternion);
     memcpy(body->v, raw->velocity_m_s, sizeof body->v);
@@ -85,8 +87,8 @@ static enum error_code build_free_body(struct rig_builder *b, const struct raw_b
     return ERROR_NONE;
 }
 
-/* At the origin of a body or of the world. */
-static struct rig_place *add_place(struct rig_builder *b, const char *name, int body)
+/* Adds a place at the origin of a body or of the world. */
+static struct rig_place *scene_add_place(struct rig_builder *b, const char *name, int body)
 {
     struct rig_place *place = &b->place[b->nplace++];
 
@@ -96,24 +98,24 @@ static struct rig_place *add_place(struct rig_builder *b, const char *name, int 
     return place;
 }
 
-static enum error_code build_body(struct rig_builder *b, const struct raw_body *raw,
-                                  struct plant_free_body *free_body)
+static enum error_code scene_build_body(struct rig_builder *b, const struct raw_body *raw,
+                                        struct plant_free_body *free_body)
 {
-    enum error_code code = check_body_name(b, raw);
+    enum error_code code = scene_check_body_name(b, raw);
 
-    code = code ? code : check_body_keys(b, raw);
+    code = code ? code : scene_check_body_keys(b, raw);
     if (code) {
         return code;
     }
     if (raw->is_static) {
-        struct rig_place *place = add_place(b, raw->name, -1);
+        struct rig_place *place = scene_add_place(b, raw->name, -1);
 
         memcpy(place->position, raw->xyz_m, sizeof place->position);
         mat3_from_rpy(raw->rpy_rad, place->rotation);
         return ERROR_NONE;
     }
-    add_place(b, raw->name, (int)(b->robot->nbody + b->rig->nfree));
-    return build_free_body(b, raw, &free_body[b->rig->nfree++]);
+    scene_add_place(b, raw->name, (int)(b->robot->nbody + b->rig->nfree));
+    return scene_build_free_body(b, raw, &free_body[b->rig->nfree++]);
 }
 
 enum error_code rig_build_bodies(struct rig_builder *b)
@@ -127,14 +129,14 @@ enum error_code rig_build_bodies(struct rig_builder *b)
         return rig_no_memory(b);
     }
     b->rig->free = free_body;
-    add_place(b, "world", -1);
+    scene_add_place(b, "world", -1);
     for (size_t i = 0; i < robot->nbody; i++) {
-        add_place(b, robot->body[i].name, (int)i);
+        scene_add_place(b, robot->body[i].name, (int)i);
     }
     memcpy(b->place[1].position, b->base_position, sizeof b->base_position);
     memcpy(b->place[1].rotation, b->base_rotation, sizeof b->base_rotation);
     for (size_t i = 0; i < scene->nbody; i++) {
-        enum error_code code = build_body(b, &scene->body[i], free_body);
+        enum error_code code = scene_build_body(b, &scene->body[i], free_body);
 
         if (code) {
             return code;

@@ -1,13 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * How much of a bus's time the boards and the controller of a rig take, when every frame is as long as
- * it can be.
- */
-#include "rig/rig.h"
-
+/* Worst-case bus load of a rig's boards and controller: every frame as long as bit stuffing can
+ * make it. */
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
 #include "canbus/wire/bits.h"
+#include "rig/rig.h"
 
 #include <math.h>
 
@@ -15,7 +12,7 @@ static const double MS = 1e-3;
 
 /* Bit times of the nominal rate that a frame takes of its bus at the worst, the intermission
  * included. */
-static double frame(const struct rig_bus *bus, unsigned bytes)
+static double worst_frame_bits(const struct rig_bus *bus, unsigned bytes)
 {
     uint8_t flags = bus->fd ? FRAME_FD | FRAME_BRS : 0;
     struct wire_length length = wire_worst_length(flags, (uint8_t)bytes);
@@ -25,7 +22,7 @@ static double frame(const struct rig_bus *bus, unsigned bytes)
            (double)bus->bitrate;
 }
 
-static int axes(const struct board_config *board)
+static int board_count_axes(const struct board_config *board)
 {
     int count = 0;
 
@@ -35,83 +32,86 @@ static int axes(const struct board_config *board)
     return count;
 }
 
-/* What the host asks of the boards where the rig says nothing: telemetry with every tick, and the
- * boards have no shorter period than a millisecond. */
-static double telemetry_period(const struct rig *rig, int64_t period_ns)
+/* The period that the host asks of the boards where the rig says nothing: the tick, but not below
+ * the millisecond of the boards; in s. */
+static double telemetry_period_s(const struct rig *rig, int64_t period_ns)
 {
     return fmax((double)(period_ns > 0 ? period_ns : rig->tick_ns) * 1e-9, MS);
 }
 
-static double strain(const struct rig *rig, const struct rig_bus *bus,
-                     const struct board_config *board)
+static double strain_board_load(const struct rig *rig, const struct rig_bus *bus,
+                                const struct board_config *board)
 {
-    return 2.0 * frame(bus, ICUB_STRAIN_LENGTH) / telemetry_period(rig, board->period_ns);
+    return 2.0 * worst_frame_bits(bus, ICUB_STRAIN_LENGTH) /
+           telemetry_period_s(rig, board->period_ns);
 }
 
 /* ---- one board, bits a second ---- */
 
-static double icub_board(const struct rig *rig, const struct rig_bus *bus,
-                         const struct board_config *board)
+static double icub_board_load(const struct rig *rig, const struct rig_bus *bus,
+                              const struct board_config *board)
 {
     /* POSITION, PID_VAL, CURRENT and VELOCITY, one in each slot; STATUS */
-    return board->kind != BOARD_MOTOR ? strain(rig, bus, board)
-                                      : 4.0 * frame(bus, 8) / (ICUB_SLOTS * MS) +
-                                            frame(bus, 8) / (ICUB_STATUS_PERIOD_MS * MS);
+    return board->kind != BOARD_MOTOR ? strain_board_load(rig, bus, board)
+                                      : 4.0 * worst_frame_bits(bus, 8) / (ICUB_SLOTS * MS) +
+                                            worst_frame_bits(bus, 8) / (ICUB_STATUS_PERIOD_MS * MS);
 }
 
-static double foc_board(const struct rig *rig, const struct rig_bus *bus,
-                        const struct board_config *board)
+static double foc_board_load(const struct rig *rig, const struct rig_bus *bus,
+                             const struct board_config *board)
 {
-    double period = telemetry_period(rig, 0); /* of DESIRED_TARGETS */
+    double period = telemetry_period_s(rig, 0); /* of DESIRED_TARGETS */
 
     return board->kind != BOARD_MOTOR
-               ? strain(rig, bus, board)
-               : frame(bus, FOC_FEEDBACK_LENGTH) / period +
-                     frame(bus, FOC_STATUS_LENGTH) /
+               ? strain_board_load(rig, bus, board)
+               : worst_frame_bits(bus, FOC_FEEDBACK_LENGTH) / period +
+                     worst_frame_bits(bus, FOC_STATUS_LENGTH) /
                          fmax(period, (double)board->status_period_ns * 1e-9) +
-                     frame(bus, FOC_ADDITIONAL_STATUS_LENGTH) /
+                     worst_frame_bits(bus, FOC_ADDITIONAL_STATUS_LENGTH) /
                          (foc_additional_status_ms(board->address) * MS);
 }
 
-static double compact_board(const struct rig *rig, const struct rig_bus *bus,
-                            const struct board_config *board)
+static double compact_board_load(const struct rig *rig, const struct rig_bus *bus,
+                                 const struct board_config *board)
 {
-    double period = telemetry_period(rig, board->period_ns);
-    double state = frame(bus, COMPACT_STATE_LENGTH) / (COMPACT_STATE_PERIOD_MS * MS);
+    double period = telemetry_period_s(rig, board->period_ns);
+    double state = worst_frame_bits(bus, COMPACT_STATE_LENGTH) / (COMPACT_STATE_PERIOD_MS * MS);
 
     if (board->kind == BOARD_FT) {
-        return state + (bus->fd ? frame(bus, COMPACT_WRENCH_FD_LENGTH)
-                                : 2.0 * frame(bus, COMPACT_FORCE_LENGTH)) /
+        return state + (bus->fd ? worst_frame_bits(bus, COMPACT_WRENCH_FD_LENGTH)
+                                : 2.0 * worst_frame_bits(bus, COMPACT_FORCE_LENGTH)) /
                            period;
     }
-    return axes(board) * state +
-           (bus->fd ? frame(bus, (unsigned)axes(board) * COMPACT_TELEMETRY_FD_LENGTH)
-                    : axes(board) * frame(bus, COMPACT_TELEMETRY_LENGTH)) /
+    return board_count_axes(board) * state +
+           (bus->fd ? worst_frame_bits(bus, (unsigned)board_count_axes(board) *
+                                                COMPACT_TELEMETRY_FD_LENGTH)
+                    : board_count_axes(board) * worst_frame_bits(bus, COMPACT_TELEMETRY_LENGTH)) /
                period;
 }
 
 /* ---- the controller, bits a second ---- */
 
-static double icub_commands(const struct rig *rig, const struct rig_bus *bus, double period)
+static double icub_command_load(const struct rig *rig, const struct rig_bus *bus, double period)
 {
     (void)rig;
-    return (double)bus->naxis * frame(bus, 3) / period;
+    return (double)bus->naxis * worst_frame_bits(bus, 3) / period;
 }
 
-static double foc_commands(const struct rig *rig, const struct rig_bus *bus, double period)
+static double foc_command_load(const struct rig *rig, const struct rig_bus *bus, double period)
 {
     (void)period;
-    return bus->naxis ? frame(bus, FOC_TARGETS_LENGTH) / telemetry_period(rig, 0) : 0.0;
+    return bus->naxis ? worst_frame_bits(bus, FOC_TARGETS_LENGTH) / telemetry_period_s(rig, 0)
+                      : 0.0;
 }
 
-static double compact_commands(const struct rig *rig, const struct rig_bus *bus, double period)
+static double compact_command_load(const struct rig *rig, const struct rig_bus *bus, double period)
 {
     size_t most = bus->fd ? COMPACT_SLOTS : COMPACT_GROUP;
     double bits = 0.0;
 
     (void)period;
     for (size_t left = bus->naxis; left > 0; left -= left < most ? left : most) {
-        bits += frame(bus, frame_fd_length(2 * (unsigned)(left < most ? left : most)));
+        bits += worst_frame_bits(bus, frame_fd_length(2 * (unsigned)(left < most ? left : most)));
     }
     return bits / ((double)rig->tick_ns * 1e-9);
 }
@@ -132,9 +132,9 @@ void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
                         const struct board_config *board);
         double (*commands)(const struct rig *rig, const struct rig_bus *bus, double period);
     } load[] = {
-        [BOARD_ICUB] = {icub_board, icub_commands},
-        [BOARD_FOC] = {foc_board, foc_commands},
-        [BOARD_COMPACT] = {compact_board, compact_commands},
+        [BOARD_ICUB] = {icub_board_load, icub_command_load},
+        [BOARD_FOC] = {foc_board_load, foc_command_load},
+        [BOARD_COMPACT] = {compact_board_load, compact_command_load},
     };
     const struct rig_bus *of = &rig->bus[bus];
 

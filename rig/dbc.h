@@ -4,10 +4,10 @@
  * exchange (boards/messages.h) and the lockstep frames. Not RT-safe.
  *
  * What the boards' tables leave to the rig is worked out: encoder ticks and rotor angles become
- * radians of the joint, PWM counts percent of the supply, STRAIN channels N and Nm. Commands of a class
- * are one message, multiplexed by byte 0; on icub motor boards each command has two values, one an
- * axis. A name is DBC_NAME_MAX letters at most: the words of a command that make it longer are cut
- * short, all alike.
+ * radians of the joint, PWM counts percent of the supply, STRAIN channels N and Nm. Commands of a
+ * class are one message, multiplexed by byte 0; on icub motor boards each command has two values,
+ * one an axis. A name is DBC_NAME_MAX letters at most: the words of a command that make it longer
+ * are cut short, all alike.
  */
 #ifndef RIG_DBC_H
 #define RIG_DBC_H

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Lines of faults, of a rig file and of a command line, with the names that a rig gives things. */
+/* Reads the faults of a rig file and of the command line; names are those of the rig. */
 #include "rig/faults.h"
 
-#include "rig/build.h"
+#include "rig/builder_private.h"
 
 #include <stdio.h>
 #include <string.h>
 
-/* Name tables in the form that fault_parse takes; false without memory. */
-static bool collect(const struct rig *rig, const bool *wire, struct arena *arena,
-                    struct fault_names *names)
+/* Collects the names of a rig for fault_parse; false when memory is used up. */
+static bool rig_collect_fault_names(const struct rig *rig, const bool *wire, struct arena *arena,
+                                    struct fault_names *names)
 {
     const struct robot *robot = rig->robot;
     const char **joint = arena_alloc(arena, robot->njoint + 1, sizeof *joint);
@@ -23,6 +23,8 @@ static bool collect(const struct rig *rig, const bool *wire, struct arena *arena
     if (!joint || !driven || !ft || !bus || !board || !board_bus || !board_address) {
         return false;
     }
+
+    /* Of the robot, then of its buses and boards */
     for (size_t j = 0; j < robot->njoint; j++) {
         joint[j] = robot->joint[j].name;
         driven[j] = robot->joint[j].sea.present;
@@ -57,9 +59,9 @@ static bool collect(const struct rig *rig, const bool *wire, struct arena *arena
 }
 
 /* The lines of the rig, then those of the command line. */
-static enum error_code parse(const struct rig *rig, const struct fault_names *names,
-                             const char *const *extra, size_t nextra, struct fault *fault,
-                             struct error *error)
+static enum error_code rig_parse_faults(const struct rig *rig, const struct fault_names *names,
+                                        const char *const *extra, size_t nextra,
+                                        struct fault *fault, struct error *error)
 {
     for (size_t i = 0; i < rig->nfault + nextra; i++) {
         const struct yaml_name *line = i < rig->nfault ? &rig->fault[i] : NULL;
@@ -86,14 +88,15 @@ enum error_code rig_faults_create(const struct rig *rig, const char *const *extr
     struct fault_names names;
     enum error_code code;
 
-    if (!fault || !collect(rig, wire, arena, &names)) {
+    if (!fault || !rig_collect_fault_names(rig, wire, arena, &names)) {
         return error_set(error, ERROR_MEMORY, "no memory left for %zu faults", count);
     }
-    code = parse(rig, &names, extra, nextra, fault, error);
+    code = rig_parse_faults(rig, &names, extra, nextra, fault, error);
     return code ? code : faults_create(fault, count, seed, arena, faults, error);
 }
 
-/* Whether a bus is a wire is known only when it is opened: here every bus may be one. */
+/* Checks the lines of the rig file. Whether a bus is a wire is known only when it is opened: here
+ * every bus may be one. */
 enum error_code rig_build_faults(struct rig_builder *b)
 {
     bool *wire = arena_alloc(b->arena, b->raw->nbus + 1, sizeof *wire);

@@ -6,7 +6,7 @@
 #include "boards/faults.h"
 #include "rig/rig.h"
 
-/* Reads all lines, extra (nextra) being those of --fault. wire tells by bus whether it is a wire in
+/* Reads all lines, extra (nextra) being those of --fault. wire: by bus, whether it is a wire in
  * virtual time. Errors begin with file:line:column or --fault. Memory from arena. Not RT-safe. */
 enum error_code rig_faults_create(const struct rig *rig, const char *const *extra, size_t nextra,
                                   uint64_t seed, const bool *wire, struct arena *arena,

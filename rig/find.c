@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The places of rigs. */
+/* Finds rig files: next to the caller, in /etc, or installed with the program. */
 #include "rig/find.h"
 
 #include <stdbool.h>
@@ -10,8 +10,8 @@
 
 static const char local_folder[] = "/etc/coman-hil/rigs";
 
-/* PREFIX/share/coman-hil/rigs of a program in PREFIX/bin; "" when that cannot be told */
-static void installed_folder(char folder[PATH_MAX])
+/* PREFIX/share/coman-hil/rigs of a program in PREFIX/bin; "" when that is unknown. */
+static void rig_installed_folder(char folder[PATH_MAX])
 {
     static const char below[] = "/share/coman-hil/rigs";
     ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - sizeof below);
@@ -29,14 +29,14 @@ static void installed_folder(char folder[PATH_MAX])
     strcat(folder, below);
 }
 
-static bool try_path(char path[PATH_MAX], const char *folder, const char *name)
+static bool rig_try_path(char path[PATH_MAX], const char *folder, const char *name)
 {
     int length = snprintf(path, PATH_MAX, "%s/%s.yaml", folder, name);
 
     return folder[0] && length > 0 && length < PATH_MAX && access(path, F_OK) == 0;
 }
 
-static bool same_file(const char *a, const char *b)
+static bool path_same_file(const char *a, const char *b)
 {
     struct stat of_a, of_b;
 
@@ -55,7 +55,7 @@ enum error_code rig_locate_in(const char *name, const char *local, const char *i
         strcpy(path, name);
         return ERROR_NONE;
     }
-    if (try_path(path, local, name) || try_path(path, installed, name)) {
+    if (rig_try_path(path, local, name) || rig_try_path(path, installed, name)) {
         return ERROR_NONE;
     }
     return error_set(error, ERROR_INPUT, "found no file %.100s, nor %.100s.yaml in %.200s%s%.200s",
@@ -66,7 +66,7 @@ enum error_code rig_locate(const char *name, char path[PATH_MAX], struct error *
 {
     char installed[PATH_MAX];
 
-    installed_folder(installed);
+    rig_installed_folder(installed);
     return rig_locate_in(name, local_folder, installed, path, error);
 }
 
@@ -75,9 +75,9 @@ enum error_code rig_locate_from(const char *name, const char *from, struct arena
 {
     char installed[PATH_MAX], found[PATH_MAX];
 
-    installed_folder(installed);
-    if (!(try_path(found, local_folder, name) && !same_file(found, from)) &&
-        !(try_path(found, installed, name) && !same_file(found, from))) {
+    rig_installed_folder(installed);
+    if (!(rig_try_path(found, local_folder, name) && !path_same_file(found, from)) &&
+        !(rig_try_path(found, installed, name) && !path_same_file(found, from))) {
         return error_set(error, ERROR_INPUT, "found no rig %.100s.yaml in %.200s%s%.200s", name,
                          local_folder, installed[0] ? " or " : "", installed);
     }

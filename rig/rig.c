@@ -1,14 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * From the rig file as it is written to the pieces that run: names are looked up, what contradicts
- * itself is refused with the place where it stands.
+ * Builds a struct rig from the rig file as it is written: names are looked up, contradictions are
+ * refused with file, line and column. Here time, the host's side and how it runs; the other
+ * sections have files of their own.
  */
 #include "rig/rig.h"
 
+#include "base/count.h"
 #include "base/text.h"
 #include "boards/compact/protocol.h"
 #include "boards/icub/protocol.h"
-#include "rig/build.h"
+#include "rig/builder_private.h"
 #include "rig/find.h"
 
 #include <math.h>
@@ -25,7 +27,7 @@ enum error_code rig_no_memory(struct rig_builder *b)
                      b->raw->mark.file);
 }
 
-static const char *name_at(const struct rig_names *names, size_t i)
+static const char *rig_name_at(const struct rig_names *names, size_t i)
 {
     const unsigned char *entry = (const unsigned char *)names->array + i * names->stride;
 
@@ -39,12 +41,12 @@ enum error_code rig_find(struct rig_builder *b, const struct yaml_mark *mark, co
     size_t count = 0;
 
     for (size_t i = 0; i < names.count; i++) {
-        if (!strcmp(name_at(&names, i), name)) {
+        if (!strcmp(rig_name_at(&names, i), name)) {
             *index = (int)i;
             return ERROR_NONE;
         }
         if (count < MAX_NAMES) {
-            words[count++] = name_at(&names, i);
+            words[count++] = rig_name_at(&names, i);
         }
     }
     nearest = text_nearest(name, words, count);
@@ -91,7 +93,7 @@ enum error_code rig_check_keys(struct rig_builder *b, const struct yaml_mark *ma
 
 /* ---- time ---- */
 
-static enum error_code build_time(struct rig_builder *b)
+static enum error_code rig_build_time(struct rig_builder *b)
 {
     const struct raw_rig *raw = b->raw;
     struct rig *rig = b->rig;
@@ -119,10 +121,10 @@ static enum error_code build_time(struct rig_builder *b)
 
 /* ---- the controller's side ---- */
 
-/* One driven joint as the controller finds it. The host decodes torque from boards of the axis's own
- * bus, so a torque board elsewhere would never be heard. */
-static enum error_code build_host_axis(struct rig_builder *b, const struct board_config *board,
-                                       uint8_t index, struct host_axis *axis)
+/* One driven joint as the host sees it. The host decodes torque from boards of the axis's own bus
+ * only, so a torque board elsewhere is refused. */
+static enum error_code rig_build_host_axis(struct rig_builder *b, const struct board_config *board,
+                                           uint8_t index, struct host_axis *axis)
 {
     const struct board_axis_config *from = &board->axis[index];
     const struct rig_torque *source = &b->torque[from->joint];
@@ -151,6 +153,8 @@ static enum error_code build_host_axis(struct rig_builder *b, const struct board
         .lower_rad = from->lower_rad,
         .upper_rad = from->upper_rad,
     };
+
+    /* A torque board on another bus would never be received */
     if (source->board && source->bus != board->bus) {
         return yaml_error(b->error, &source->board->joint_mark,
                           "found joint \"%s\", which is driven from bus \"%s\", expected joints of "
@@ -160,7 +164,7 @@ static enum error_code build_host_axis(struct rig_builder *b, const struct board
     return ERROR_NONE;
 }
 
-static enum error_code build_host(struct rig_builder *b)
+static enum error_code rig_build_host(struct rig_builder *b)
 {
     const struct boards_config *boards = &b->rig->boards;
     struct host_axis *axis = arena_alloc(b->arena, boards->nboard * BOARD_AXES_MAX, sizeof *axis);
@@ -171,6 +175,8 @@ static enum error_code build_host(struct rig_builder *b)
     if (!axis || !ft || !initial) {
         return rig_no_memory(b);
     }
+
+    /* In the order of the boards: driven axes with their angles at the start, and F/T sensors */
     for (size_t i = 0; i < boards->nboard; i++) {
         const struct board_config *board = &boards->board[i];
 
@@ -180,7 +186,7 @@ static enum error_code build_host(struct rig_builder *b)
             if (board->axis[k].joint < 0) {
                 continue;
             }
-            code = build_host_axis(b, board, k, &axis[rig->naxis]);
+            code = rig_build_host_axis(b, board, k, &axis[rig->naxis]);
             if (code) {
                 return code;
             }
@@ -198,7 +204,7 @@ static enum error_code build_host(struct rig_builder *b)
     return ERROR_NONE;
 }
 
-static void change_gains(struct servo_gains *gains, const struct raw_gains *raw)
+static void gains_override(struct servo_gains *gains, const struct raw_gains *raw)
 {
     const struct {
         bool given;
@@ -213,16 +219,17 @@ static void change_gains(struct servo_gains *gains, const struct raw_gains *raw)
         {raw->load_given, &gains->load_v_per_nm, raw->load_v_per_nm},
     };
 
-    for (size_t i = 0; i < sizeof change / sizeof change[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(change); i++) {
         if (change[i].given) {
             *change[i].to = change[i].from;
         }
     }
 }
 
-/* changed: by axis, where it was changed before */
-static enum error_code change_joints(struct rig_builder *b, const struct raw_gains *raw,
-                                     struct servo_gains *gains, const struct yaml_name **changed)
+/* Overrides the gains of some joints; changed: by axis, where it was overridden before. */
+static enum error_code gains_override_joints(struct rig_builder *b, const struct raw_gains *raw,
+                                             struct servo_gains *gains,
+                                             const struct yaml_name **changed)
 {
     const struct rig *rig = b->rig;
     const struct rig_names axes = {rig->axis, rig->naxis, sizeof *rig->axis,
@@ -242,13 +249,13 @@ static enum error_code change_joints(struct rig_builder *b, const struct raw_gai
                               changed[axis]->mark.line);
         }
         changed[axis] = name;
-        change_gains(&gains[axis], raw);
+        gains_override(&gains[axis], raw);
     }
     return ERROR_NONE;
 }
 
-/* The gains of every axis: those of all, with what "others" changes for some joints. */
-static enum error_code build_gains(struct rig_builder *b)
+/* The gains of every axis: the common ones, overridden by "others" for some joints. */
+static enum error_code rig_build_gains(struct rig_builder *b)
 {
     const struct raw_servo *raw = &b->raw->tasks.servo;
     struct rig *rig = b->rig;
@@ -259,6 +266,8 @@ static enum error_code build_gains(struct rig_builder *b)
     if (!gains || !changed) {
         return rig_no_memory(b);
     }
+
+    /* The common gains, then the exceptions */
     for (size_t i = 0; i < rig->naxis; i++) {
         gains[i] = (struct servo_gains){
             .kp_v_per_rad = raw->gains.kp_v_per_rad,
@@ -272,12 +281,12 @@ static enum error_code build_gains(struct rig_builder *b)
     }
     rig->servo.gains = gains;
     for (size_t k = 0; k < raw->nother && !code; k++) {
-        code = change_joints(b, &raw->other[k], gains, changed);
+        code = gains_override_joints(b, &raw->other[k], gains, changed);
     }
     return code;
 }
 
-static enum error_code build_grasp(struct rig_builder *b)
+static enum error_code rig_build_grasp(struct rig_builder *b)
 {
     const struct raw_grasp *raw = &b->raw->tasks.grasp;
     struct grasp_phase *phase = arena_alloc(b->arena, raw->npath, sizeof *phase);
@@ -302,7 +311,7 @@ static enum error_code build_grasp(struct rig_builder *b)
     return ERROR_NONE;
 }
 
-static enum error_code build_tasks(struct rig_builder *b)
+static enum error_code rig_build_tasks(struct rig_builder *b)
 {
     const struct raw_servo *servo = &b->raw->tasks.servo;
     const struct raw_squat *squat = &b->raw->tasks.squat;
@@ -324,14 +333,14 @@ static enum error_code build_tasks(struct rig_builder *b)
                           "%.15g s",
                           servo->command_period_s, b->raw->tick_s);
     }
-    return build_gains(b);
+    return rig_build_gains(b);
 }
 
 /* ---- how it runs ---- */
 
-/* The lockstep frames must not look like a frame that a board sends or listens to. */
-static enum error_code check_lockstep_id(struct rig_builder *b, const struct yaml_mark *mark,
-                                         int64_t id)
+/* The lockstep frames must not have an identifier that a board sends or receives. */
+static enum error_code rig_check_lockstep_id(struct rig_builder *b, const struct yaml_mark *mark,
+                                             int64_t id)
 {
     int64_t cls = id >> 8, function = id >> 5;
 
@@ -351,28 +360,31 @@ static enum error_code check_lockstep_id(struct rig_builder *b, const struct yam
     return ERROR_NONE;
 }
 
-static enum error_code build_lockstep(struct rig_builder *b)
+static enum error_code rig_build_lockstep(struct rig_builder *b)
 {
     const struct raw_lockstep *raw = &b->raw->lockstep;
     struct loop_lockstep *lockstep = &b->rig->lockstep;
-    enum error_code code = check_lockstep_id(b, &raw->step_mark, raw->step_id);
+    enum error_code code = rig_check_lockstep_id(b, &raw->step_mark, raw->step_id);
 
-    code = code ? code : check_lockstep_id(b, &raw->done_mark, raw->done_id);
+    code = code ? code : rig_check_lockstep_id(b, &raw->done_mark, raw->done_id);
     if (!code && raw->bus) {
         code = rig_find(b, &raw->bus_mark, "bus", raw->bus, RIG_NAMES(b->raw->bus, b->raw->nbus),
                         &lockstep->bus);
     }
-    if (!code && raw->step_id == raw->done_id) {
-        code = yaml_error(b->error, &raw->done_mark,
+    if (code) {
+        return code;
+    }
+    if (raw->step_id == raw->done_id) {
+        return yaml_error(b->error, &raw->done_mark,
                           "found the id of the STEP frame, expected another for DONE");
     }
     lockstep->step_id = (uint32_t)raw->step_id;
     lockstep->done_id = (uint32_t)raw->done_id;
     lockstep->partner_timeout_ns = llround(raw->partner_timeout_s * 1e9);
-    return code;
+    return ERROR_NONE;
 }
 
-static void build_wire(struct rig_builder *b)
+static void rig_build_wire(struct rig_builder *b)
 {
     const struct raw_wire *raw = &b->raw->wire;
 
@@ -386,7 +398,7 @@ static void build_wire(struct rig_builder *b)
     };
 }
 
-static void build_realtime(struct rig_builder *b)
+static void rig_build_realtime(struct rig_builder *b)
 {
     const struct raw_realtime *raw = &b->raw->realtime;
 
@@ -400,20 +412,20 @@ static void build_realtime(struct rig_builder *b)
     b->rig->record.directory = b->raw->record.directory;
 }
 
-static enum error_code build(struct rig_builder *b)
+static enum error_code rig_build(struct rig_builder *b)
 {
     static enum error_code (*const step[])(struct rig_builder *) = {
-        rig_build_robot,  build_time,       rig_build_pose,    rig_build_bodies, rig_build_scene,
-        rig_build_boards, rig_build_faults, rig_build_sensors, rig_check_drives, build_host,
-        build_tasks,      build_grasp,      build_lockstep,
+        rig_build_robot,  rig_build_time,   rig_build_pose,     rig_build_bodies, rig_build_scene,
+        rig_build_boards, rig_build_faults, rig_build_sensors,  rig_check_drives, rig_build_host,
+        rig_build_tasks,  rig_build_grasp,  rig_build_lockstep,
     };
     enum error_code code = rig_check_name(b, &b->raw->mark, "rig", b->raw->name);
 
-    for (size_t i = 0; i < sizeof step / sizeof step[0] && !code; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(step) && !code; i++) {
         code = step[i](b);
     }
-    build_wire(b);
-    build_realtime(b);
+    rig_build_wire(b);
+    rig_build_realtime(b);
     return code;
 }
 
@@ -425,9 +437,10 @@ enum error_code rig_load(const char *path, struct arena *arena, const struct rig
     char found[PATH_MAX];
     enum error_code code = rig_locate(path, found, error);
 
-    if (!code) {
-        code = rig_yaml_read(found, arena, &raw, error);
+    if (code) {
+        return code;
     }
+    code = rig_yaml_read(found, arena, &raw, error);
     if (code) {
         return code;
     }
@@ -437,11 +450,12 @@ enum error_code rig_load(const char *path, struct arena *arena, const struct rig
     }
     b.rig->file = raw.mark.file;
     b.rig->name = raw.name;
-    code = build(&b);
-    if (!code) {
-        *rig = b.rig;
+    code = rig_build(&b);
+    if (code) {
+        return code;
     }
-    return code;
+    *rig = b.rig;
+    return ERROR_NONE;
 }
 
 const char *rig_contact_name(const struct rig *rig, size_t motion)

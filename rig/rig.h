@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A rig: a robot, the scene it stands in, the buses with their boards, and how time runs. Read from
- * YAML (config/rigs/) into pieces that the run command hands on as they are: the robot, the contact
- * configuration with its meshes, the boards, the controller's map of the buses. Immutable after
- * rig_load. Not RT-safe.
+ * A rig: a robot, the scene it stands in, the buses with their boards, and how time runs. Read
+ * from YAML (config/rigs/) into the configurations of the parts that run: the robot, contact with
+ * its meshes, the boards, the controller's map of the buses. Immutable after rig_load. SI units,
+ * times in ns, bit rates in bit/s. The functions are not RT-safe, but for rig_bus_bits.
  */
 #ifndef RIG_RIG_H
 #define RIG_RIG_H
@@ -27,7 +27,7 @@ enum { RIG_BUSES_MAX = 32 };
 
 enum rig_contact_engine { RIG_CONTACT_NONE, RIG_CONTACT_SIMBODY, RIG_CONTACT_NATIVE };
 
-/* Until when the robot's links are clamped, as in a jig (plant_clamp). */
+/* Until when the robot's links are clamped (plant_clamp). */
 enum rig_hold {
     RIG_HOLD_NONE,    /* free from the start: without a controller it falls */
     RIG_HOLD_ENABLED, /* until every driven axis has its motor on for the first time */
@@ -35,7 +35,7 @@ enum rig_hold {
 };
 
 enum rig_dynamics {
-    RIG_DYNAMICS_FASTEST, /* generated code where it can be had, else generic with a notice */
+    RIG_DYNAMICS_FASTEST, /* generated code where available, else generic with a notice */
     RIG_DYNAMICS_GENERIC,
 };
 
@@ -45,12 +45,12 @@ struct rig_bus {
     int64_t bitrate;       /* bit/s */
     bool fd;               /* carries CAN FD frames */
     int64_t data_bitrate;  /* bit/s, of FD frames with a bit rate switch */
-    bool configure;        /* a real interface is set by us (sim/interfaces.h), not taken as it is */
+    bool configure;        /* the simulator sets the interface (sim/interfaces.h) */
     double sample_point;   /* of a bit, for configure; 0 = the driver's choice */
-    int64_t restart_ms;    /* of the kernel after bus-off, for configure; 0 = ours */
+    int64_t restart_ms;    /* by the kernel after bus-off, for configure; 0 = by the simulator */
     enum board_personality personality;
-    size_t nboard;
-    size_t naxis; /* joints driven from this bus */
+    size_t first_board, nboard; /* of struct boards_config */
+    size_t naxis;               /* joints driven from this bus */
 };
 
 /* What check and run do about a bus whose periodic traffic cannot fit. */
@@ -91,15 +91,15 @@ struct rig {
     enum rig_dynamics dynamics;
     double supply_v;
 
-    /* for plant_reset; joint has robot->njoint entries */
+    /* For plant_reset; joint has robot->njoint entries */
     const char *pose;
     double base_position[3], base_quaternion[4];
     const double *joint;
     enum rig_hold hold;
     bool settle; /* into static equilibrium from there (plant_settle) */
 
-    /* the scene; contact_body has contact.nbody entries: the body of each motion as in struct
-     * plant_config, one of the robot or, from robot->nbody on, a free one. What is static is part
+    /* The scene; contact_body has contact.nbody entries: the body of each motion as in struct
+     * plant_config, one of the robot or, from robot->nbody on, a free one. Static bodies are part
      * of the world. With RIG_CONTACT_NONE contact is empty, whatever surfaces the file lists. */
     const struct plant_free_body *free;
     size_t nfree;
@@ -111,8 +111,8 @@ struct rig {
     const struct rig_bus *bus;
     struct boards_config boards; /* in the order of the buses and of the boards on each */
 
-    /* what a controller may know: driven joints in the order of the boards, initial_rad (naxis)
-     * where they stand at the start */
+    /* What a controller may know: driven joints in the order of the boards, initial_rad (naxis)
+     * their angles at the start */
     size_t naxis, nft;
     const struct host_bus *host_bus; /* nbus */
     const struct host_axis *axis;
@@ -134,9 +134,8 @@ struct rig {
     double supply_ohm; /* of the source */
 };
 
-/* Reads a rig file and what it refers to (robot, meshes); path may be the name of a rig that is
- * installed (rig/find.h). Everything lives in arena. Errors carry
- * file:line:column. */
+/* Reads a rig file and the files that it names (robot, meshes); path may be the name of an
+ * installed rig (rig/find.h). Everything lives in arena. Errors carry file:line:column. */
 enum error_code rig_load(const char *path, struct arena *arena, const struct rig **rig,
                          struct error *error);
 
@@ -146,19 +145,24 @@ const char *rig_contact_name(const struct rig *rig, size_t motion);
 /* Index by name or -1. */
 int rig_find_bus(const struct rig *rig, const char *name);
 
-/* What a port has received and sent, in bit times of the bus's nominal rate, without stuff bits. */
+/* A host that knows the boards of the rig, on ports of its own, one a bus; all borrowed. */
+struct host_config rig_host_config(const struct rig *rig, struct can_port **port, bool lockstep);
+
+/* Traffic of a port in both directions, in bit times of the bus's nominal rate, without stuff
+ * bits. */
 double rig_bus_bits(const struct rig_bus *bus, const struct can_counters *counters);
 
-/* Worst-case load of a bus in bit times of its nominal rate a second (so that load / bitrate is the
- * share of its time, also with CAN FD), stuff bits and interframe spaces included. Telemetry: icub
- * motors at the host's default broadcast policy (0x7f), foc and compact motors once a tick, STRAIN and
- * F/T boards at their periods. Commands: icub a voltage to every axis each command_period_ns, foc and
- * compact all set-points of the bus once a tick; foc and compact know no period below a millisecond. */
+/* Worst-case load of a bus in bit times of its nominal rate a second (so that load / bitrate is
+ * the share of its time, also with CAN FD), stuff bits and interframe spaces included. Telemetry:
+ * icub motors at the host's default broadcast policy (0x7f), foc and compact motors once a tick,
+ * STRAIN and F/T boards at their periods. Commands: icub a voltage to every axis each
+ * command_period_ns, foc and compact all set-points of the bus once a tick; foc and compact know
+ * no period below a millisecond. */
 void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
                   double *telemetry_bit_s, double *command_bit_s);
 
-/* Whether the periodic traffic of a bus cannot fit when every frame is as long as it can be; text then
- * says so, and what would help. */
+/* Whether the periodic traffic of a bus exceeds its bit rate at the worst; text then says so, with
+ * remedies. */
 bool rig_bus_over_budget(const struct rig *rig, size_t bus, char *text, size_t size);
 
 #endif

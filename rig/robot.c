@@ -1,14 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The rig's robot: its file, what the rig makes different, and how it stands at the start. */
-#include "rig/build.h"
-
 #include "model/spatial.h"
+#include "rig/builder_private.h"
 
 #include <math.h>
 #include <string.h>
 
 /* Series springs that the rig gives instead of the robot's. */
-static enum error_code replace_springs(struct rig_builder *b)
+static enum error_code rig_replace_springs(struct rig_builder *b)
 {
     const struct raw_robot *raw = &b->raw->robot;
     struct robot *robot;
@@ -19,26 +18,27 @@ static enum error_code replace_springs(struct rig_builder *b)
         return ERROR_NONE;
     }
     code = robot_copy(b->robot, b->arena, &robot, b->error);
-    for (size_t i = 0; i < raw->nspring && !code; i++) {
+    if (code) {
+        return code;
+    }
+    for (size_t i = 0; i < raw->nspring; i++) {
         const struct raw_spring *spring = &raw->spring[i];
 
         code = rig_find(b, &spring->mark, "joint", spring->joint,
                         RIG_NAMES(robot->joint, robot->njoint), &index);
-        if (!code && !robot->joint[index].sea.present) {
-            code = yaml_error(b->error, &spring->mark,
+        if (code) {
+            return code;
+        }
+        if (!robot->joint[index].sea.present) {
+            return yaml_error(b->error, &spring->mark,
                               "found a spring for joint \"%s\", expected a joint with a drive",
                               spring->joint);
         }
-        if (!code) {
-            robot->joint[index].sea.Ks = spring->Ks_nm_rad;
-            robot->joint[index].sea.Ds = spring->Ds_nm_s_rad;
-        }
+        robot->joint[index].sea.Ks = spring->Ks_nm_rad;
+        robot->joint[index].sea.Ds = spring->Ds_nm_s_rad;
     }
-    if (!code) {
-        b->robot = robot;
-        code = robot_finish(robot, b->error);
-    }
-    return code;
+    b->robot = robot;
+    return robot_finish(robot, b->error);
 }
 
 enum error_code rig_build_robot(struct rig_builder *b)
@@ -47,10 +47,8 @@ enum error_code rig_build_robot(struct rig_builder *b)
     const char *path;
     enum error_code code = yaml_resolve_path(&raw->file_mark, raw->file, b->arena, &path, b->error);
 
-    if (!code) {
-        code = robot_load(path, raw->variant, b->arena, &b->robot, b->error);
-    }
-    code = code ? code : replace_springs(b);
+    code = code ? code : robot_load(path, raw->variant, b->arena, &b->robot, b->error);
+    code = code ? code : rig_replace_springs(b);
     if (code) {
         return code;
     }
@@ -64,7 +62,7 @@ enum error_code rig_build_robot(struct rig_builder *b)
 }
 
 /* The joints of the pose with those that the rig puts elsewhere. */
-static enum error_code build_joints(struct rig_builder *b, const struct robot_pose *pose)
+static enum error_code rig_build_joints(struct rig_builder *b, const struct robot_pose *pose)
 {
     const struct raw_initial *raw = &b->raw->initial;
     double *joint = arena_alloc(b->arena, b->robot->njoint, sizeof *joint);
@@ -108,11 +106,11 @@ void rig_quaternion_of_rpy(const double rpy[3], double q[4])
     q[3] = sy * cp * cr - cy * sp * sr;
 }
 
-/* What is described from the base's own frame is found there once it is the world's. */
-static enum error_code fix_base(struct rig_builder *b)
+/* Fixes the base to the world where it stands, if the rig says so. */
+static enum error_code rig_fix_base(struct rig_builder *b)
 {
     struct rig *rig = b->rig;
-    enum error_code code = ERROR_NONE;
+    enum error_code code;
     struct robot *robot;
 
     if (!b->raw->robot.fixed_base || !b->robot->floating) {
@@ -122,10 +120,11 @@ static enum error_code fix_base(struct rig_builder *b)
     mat3_from_quaternion(rig->base_quaternion, b->base_rotation);
     code = robot_copy(b->robot, b->arena, &robot, b->error);
     code = code ? code : robot_fix_base(robot, rig->base_position, rig->base_quaternion, b->error);
-    if (!code) {
-        b->robot = rig->robot = robot;
+    if (code) {
+        return code;
     }
-    return code;
+    b->robot = rig->robot = robot;
+    return ERROR_NONE;
 }
 
 enum error_code rig_build_pose(struct rig_builder *b)
@@ -136,6 +135,7 @@ enum error_code rig_build_pose(struct rig_builder *b)
     enum error_code code;
     int index;
 
+    /* The pose exists, and its base is placed in one way or not at all */
     code = rig_find(b, &raw->pose_mark, "pose", raw->pose,
                     RIG_NAMES(b->robot->pose, b->robot->npose), &index);
     if (code) {
@@ -149,6 +149,8 @@ enum error_code rig_build_pose(struct rig_builder *b)
         return yaml_error(b->error, &raw->mark,
                           "found a place of the base, expected none for a robot with a fixed base");
     }
+
+    /* The pose of the robot file, with what the rig overrides */
     pose = &b->robot->pose[index];
     rig->pose = pose->name;
     rig->hold = (enum rig_hold)raw->hold;
@@ -162,6 +164,6 @@ enum error_code rig_build_pose(struct rig_builder *b)
     if (raw->rpy_given) {
         rig_quaternion_of_rpy(raw->base_rpy_rad, rig->base_quaternion);
     }
-    code = build_joints(b, pose);
-    return code ? code : fix_base(b);
+    code = rig_build_joints(b, pose);
+    return code ? code : rig_fix_base(b);
 }

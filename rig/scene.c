@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The scene of a rig: surfaces, their materials and meshes, and the pairs that may touch. */
+/* Builds the scene of a rig: surfaces, their materials and meshes, and the pairs that may touch. */
+#include "base/count.h"
 #include "model/spatial.h"
-#include "rig/build.h"
+#include "rig/builder_private.h"
 
 #include <string.h>
 
-/* Index of a body among the contact bodies; a new one when it is not there yet. */
-static int contact_body(struct rig_builder *b, int *bodies, int body)
+/* Index of a body among the contact bodies, to which it is added when it is new. */
+static int scene_add_contact_body(struct rig_builder *b, int *bodies, int body)
 {
     size_t i = 0;
 
@@ -19,8 +20,9 @@ static int contact_body(struct rig_builder *b, int *bodies, int body)
     return (int)i;
 }
 
-/* The plant knows where a body of the robot is only when something on it is looked at. */
-static enum error_code check_observed(struct rig_builder *b, const struct yaml_mark *mark, int body)
+/* The plant computes the pose of a body of the robot only when a frame is on it. */
+static enum error_code scene_check_observed(struct rig_builder *b, const struct yaml_mark *mark,
+                                            int body)
 {
     if (body >= 0 && (size_t)body < b->robot->nbody && !b->robot->body[body].observed) {
         return yaml_error(b->error, mark,
@@ -31,9 +33,9 @@ static enum error_code check_observed(struct rig_builder *b, const struct yaml_m
     return ERROR_NONE;
 }
 
-/* What the surface is fixed to: a body, a named frame of one, or the world. */
-static enum error_code find_place(struct rig_builder *b, const struct raw_surface *raw,
-                                  struct rig_place *place)
+/* Finds what the surface is fixed to: a body, a named frame of one, or the world. */
+static enum error_code surface_find_place(struct rig_builder *b, const struct raw_surface *raw,
+                                          struct rig_place *place)
 {
     const struct robot_frame *frame;
     enum error_code code;
@@ -50,7 +52,7 @@ static enum error_code find_place(struct rig_builder *b, const struct raw_surfac
             return code;
         }
         *place = b->place[index];
-        return check_observed(b, &raw->body_mark, place->body);
+        return scene_check_observed(b, &raw->body_mark, place->body);
     }
     code = rig_find(b, &raw->frame_mark, "frame", raw->frame,
                     RIG_NAMES(b->robot->frame, b->robot->nframe), &index);
@@ -64,17 +66,17 @@ static enum error_code find_place(struct rig_builder *b, const struct raw_surfac
     return ERROR_NONE;
 }
 
-static enum error_code place_surface(struct rig_builder *b, const struct raw_surface *raw,
-                                     int *bodies, struct contact_surface *surface)
+static enum error_code surface_set_place(struct rig_builder *b, const struct raw_surface *raw,
+                                         int *bodies, struct contact_surface *surface)
 {
     struct rig_place place;
     double R[9], offset[3];
-    enum error_code code = find_place(b, raw, &place);
+    enum error_code code = surface_find_place(b, raw, &place);
 
     if (code) {
         return code;
     }
-    surface->body = place.body < 0 ? -1 : contact_body(b, bodies, place.body);
+    surface->body = place.body < 0 ? -1 : scene_add_contact_body(b, bodies, place.body);
     mat3_apply(place.rotation, raw->xyz_m, offset);
     for (int i = 0; i < 3; i++) {
         surface->position[i] = place.position[i] + offset[i];
@@ -84,8 +86,8 @@ static enum error_code place_surface(struct rig_builder *b, const struct raw_sur
     return ERROR_NONE;
 }
 
-static enum error_code shape_surface(struct rig_builder *b, const struct raw_surface *raw,
-                                     struct contact_surface *surface)
+static enum error_code surface_set_shape(struct rig_builder *b, const struct raw_surface *raw,
+                                         struct contact_surface *surface)
 {
     static const char *const what[] = {"a half space", "a sphere", "a box", "a mesh"};
     const struct rig_key keys[] = {
@@ -95,8 +97,8 @@ static enum error_code shape_surface(struct rig_builder *b, const struct raw_sur
         {"mesh", raw->mesh_given, 1 << CONTACT_MESH, 1 << CONTACT_MESH},
     };
     const char *path;
-    enum error_code code = rig_check_keys(b, &raw->mark, what[raw->shape], raw->shape, keys,
-                                          sizeof keys / sizeof keys[0]);
+    enum error_code code =
+        rig_check_keys(b, &raw->mark, what[raw->shape], raw->shape, keys, ARRAY_COUNT(keys));
 
     surface->shape = (enum contact_shape)raw->shape;
     surface->radius_m = raw->radius_m;
@@ -109,8 +111,8 @@ static enum error_code shape_surface(struct rig_builder *b, const struct raw_sur
     return code ? code : mesh_read_obj(path, b->arena, &surface->mesh, b->error);
 }
 
-static enum error_code material_surface(struct rig_builder *b, const struct raw_surface *raw,
-                                        struct contact_surface *surface)
+static enum error_code surface_set_material(struct rig_builder *b, const struct raw_surface *raw,
+                                            struct contact_surface *surface)
 {
     const struct raw_scene *scene = &b->raw->scene;
     const struct raw_material *m;
@@ -140,7 +142,7 @@ static enum error_code material_surface(struct rig_builder *b, const struct raw_
     return ERROR_NONE;
 }
 
-static enum error_code build_surfaces(struct rig_builder *b)
+static enum error_code scene_build_surfaces(struct rig_builder *b)
 {
     const struct raw_scene *scene = &b->raw->scene;
     struct contact_config *contact = &b->rig->contact;
@@ -156,6 +158,7 @@ static enum error_code build_surfaces(struct rig_builder *b)
         const struct raw_surface *raw = &scene->surface[i];
         enum error_code code;
 
+        /* A name of its own, then place, shape and material */
         for (size_t k = 0; k < i; k++) {
             if (!strcmp(scene->surface[k].name, raw->name)) {
                 return yaml_error(b->error, &raw->name_mark,
@@ -165,9 +168,9 @@ static enum error_code build_surfaces(struct rig_builder *b)
         }
         surface[i].name = raw->name;
         code = rig_check_name(b, &raw->name_mark, "surface", raw->name);
-        code = code ? code : place_surface(b, raw, bodies, &surface[i]);
-        code = code ? code : shape_surface(b, raw, &surface[i]);
-        code = code ? code : material_surface(b, raw, &surface[i]);
+        code = code ? code : surface_set_place(b, raw, bodies, &surface[i]);
+        code = code ? code : surface_set_shape(b, raw, &surface[i]);
+        code = code ? code : surface_set_material(b, raw, &surface[i]);
         if (code) {
             return code;
         }
@@ -177,8 +180,8 @@ static enum error_code build_surfaces(struct rig_builder *b)
     return ERROR_NONE;
 }
 
-static enum error_code build_pair(struct rig_builder *b, const struct raw_pair *raw,
-                                  struct contact_pair *pair)
+static enum error_code scene_build_pair(struct rig_builder *b, const struct raw_pair *raw,
+                                        struct contact_pair *pair)
 {
     const struct contact_config *contact = &b->rig->contact;
     const struct contact_surface *surface = contact->surface;
@@ -209,14 +212,16 @@ enum error_code rig_build_scene(struct rig_builder *b)
     const struct raw_scene *scene = &b->raw->scene;
     struct contact_config *contact = &b->rig->contact;
     struct contact_pair *pair = arena_alloc(b->arena, scene->npair, sizeof *pair);
-    enum error_code code = build_surfaces(b);
+    enum error_code code = scene_build_surfaces(b);
     struct error why;
 
     if (code || !pair) {
         return code ? code : rig_no_memory(b);
     }
+
+    /* Each pair once, in whichever order */
     for (size_t i = 0; i < scene->npair; i++) {
-        code = build_pair(b, &scene->pair[i], &pair[i]);
+        code = scene_build_pair(b, &scene->pair[i], &pair[i]);
         if (code) {
             return code;
         }
@@ -233,6 +238,8 @@ enum error_code rig_build_scene(struct rig_builder *b)
     contact->npair = scene->npair;
     contact->transition_velocity_m_s = scene->transition_velocity_m_s;
     b->rig->contact_engine = (enum rig_contact_engine)scene->engine;
+
+    /* The engine's own checks, with the place in the file */
     code = contact_config_check(contact, &why);
     if (code == ERROR_INPUT) {
         return yaml_error(b->error, &scene->mark, "%s", why.text);
@@ -240,6 +247,8 @@ enum error_code rig_build_scene(struct rig_builder *b)
     if (code) {
         return error_set(b->error, code, "%s: %s", b->rig->file, why.text);
     }
+
+    /* Without an engine the scene is checked all the same, but empty */
     if (b->rig->contact_engine == RIG_CONTACT_NONE) {
         *contact = (struct contact_config){0};
     }

@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The schema of a rig file. */
+/* The keys of a rig file: names, types, ranges and defaults, in tables for base/yaml.h. Those of
+ * the section `sensors` are in sensors.c. */
 #include "rig/schema.h"
 
+#include "base/count.h"
 #include "boards/icub/protocol.h"
 #include "canbus/lockstep.h"
-#include "rig/rig.h"
 #include "rig/find.h"
+#include "rig/rig.h"
 
 #include <float.h>
 
-#define COUNT(array) (sizeof(array) / sizeof(array)[0])
 #define AT(member) offsetof(struct STRUCT, member)
 
 static const struct yaml_enum clock_names[] = {
@@ -80,7 +81,7 @@ static const struct yaml_schema spring_schema = {
     .what = "a series spring",
     .size = sizeof(struct raw_spring),
     .fields = spring_fields,
-    .field_count = COUNT(spring_fields),
+    .field_count = ARRAY_COUNT(spring_fields),
     .name_offset = offsetof(struct raw_spring, joint),
 };
 
@@ -97,7 +98,7 @@ static const struct yaml_schema robot_schema = {
     .what = "the robot",
     .size = sizeof(struct raw_robot),
     .fields = robot_fields,
-    .field_count = COUNT(robot_fields),
+    .field_count = ARRAY_COUNT(robot_fields),
     .defaults = &robot_defaults,
 };
 
@@ -119,7 +120,7 @@ static const struct yaml_schema initial_schema = {
     .what = "the initial state",
     .size = sizeof(struct raw_initial),
     .fields = initial_fields,
-    .field_count = COUNT(initial_fields),
+    .field_count = ARRAY_COUNT(initial_fields),
 };
 
 #define STRUCT raw_material
@@ -136,7 +137,7 @@ static const struct yaml_schema material_schema = {
     .what = "a material",
     .size = sizeof(struct raw_material),
     .fields = material_fields,
-    .field_count = COUNT(material_fields),
+    .field_count = ARRAY_COUNT(material_fields),
     .name_offset = offsetof(struct raw_material, name),
 };
 
@@ -165,7 +166,7 @@ static const struct yaml_schema surface_schema = {
     .what = "a surface",
     .size = sizeof(struct raw_surface),
     .fields = surface_fields,
-    .field_count = COUNT(surface_fields),
+    .field_count = ARRAY_COUNT(surface_fields),
     .defaults = &surface_defaults,
 };
 
@@ -195,7 +196,7 @@ static const struct yaml_schema body_schema = {
     .what = "a body of the scene",
     .size = sizeof(struct raw_body),
     .fields = body_fields,
-    .field_count = COUNT(body_fields),
+    .field_count = ARRAY_COUNT(body_fields),
 };
 
 #define STRUCT raw_pair
@@ -207,7 +208,7 @@ static const struct yaml_schema pair_schema = {
     .what = "a pair of surfaces",
     .size = sizeof(struct raw_pair),
     .fields = pair_fields,
-    .field_count = COUNT(pair_fields),
+    .field_count = ARRAY_COUNT(pair_fields),
 };
 
 #define STRUCT raw_scene
@@ -227,7 +228,7 @@ static const struct yaml_schema scene_schema = {
     .what = "the scene",
     .size = sizeof(struct raw_scene),
     .fields = scene_fields,
-    .field_count = COUNT(scene_fields),
+    .field_count = ARRAY_COUNT(scene_fields),
     .defaults = &scene_defaults,
 };
 
@@ -258,7 +259,7 @@ static const struct yaml_schema board_schema = {
     .what = "a board",
     .size = sizeof(struct raw_board),
     .fields = board_fields,
-    .field_count = COUNT(board_fields),
+    .field_count = ARRAY_COUNT(board_fields),
     .defaults = &board_defaults,
 };
 
@@ -286,7 +287,7 @@ static const struct yaml_schema bus_schema = {
     .what = "a bus",
     .size = sizeof(struct raw_bus),
     .fields = bus_fields,
-    .field_count = COUNT(bus_fields),
+    .field_count = ARRAY_COUNT(bus_fields),
     .defaults = &bus_defaults,
 };
 
@@ -313,7 +314,7 @@ static const struct yaml_schema motors_schema = {
     .what = "the motor boards",
     .size = sizeof(struct raw_motors),
     .fields = motors_fields,
-    .field_count = COUNT(motors_fields),
+    .field_count = ARRAY_COUNT(motors_fields),
     .defaults = &motors_defaults,
 };
 
@@ -332,7 +333,7 @@ static const struct yaml_schema wire_schema = {
     .what = "the wire",
     .size = sizeof(struct raw_wire),
     .fields = wire_fields,
-    .field_count = COUNT(wire_fields),
+    .field_count = ARRAY_COUNT(wire_fields),
     .defaults = &wire_defaults,
 };
 
@@ -350,7 +351,7 @@ static const struct yaml_schema lockstep_schema = {
     .what = "lockstep",
     .size = sizeof(struct raw_lockstep),
     .fields = lockstep_fields,
-    .field_count = COUNT(lockstep_fields),
+    .field_count = ARRAY_COUNT(lockstep_fields),
     .defaults = &lockstep_defaults,
 };
 
@@ -369,7 +370,7 @@ static const struct yaml_schema realtime_schema = {
     .what = "the real-time settings",
     .size = sizeof(struct raw_realtime),
     .fields = realtime_fields,
-    .field_count = COUNT(realtime_fields),
+    .field_count = ARRAY_COUNT(realtime_fields),
     .defaults = &realtime_defaults,
 };
 
@@ -382,7 +383,7 @@ static const struct yaml_schema record_schema = {
     .what = "the record",
     .size = sizeof(struct raw_record),
     .fields = record_fields,
-    .field_count = COUNT(record_fields),
+    .field_count = ARRAY_COUNT(record_fields),
 };
 
 #define STRUCT raw_gains
@@ -408,7 +409,7 @@ static const struct yaml_schema other_schema = {
     .what = "the gains of some joints",
     .size = sizeof(struct raw_gains),
     .fields = other_fields,
-    .field_count = COUNT(other_fields),
+    .field_count = ARRAY_COUNT(other_fields),
 };
 
 #define STRUCT raw_servo
@@ -429,7 +430,7 @@ static const struct yaml_schema servo_schema = {
     .what = "the servo",
     .size = sizeof(struct raw_servo),
     .fields = servo_fields,
-    .field_count = COUNT(servo_fields),
+    .field_count = ARRAY_COUNT(servo_fields),
 };
 
 #define STRUCT raw_squat
@@ -445,7 +446,7 @@ static const struct yaml_schema squat_schema = {
     .what = "the squat",
     .size = sizeof(struct raw_squat),
     .fields = squat_fields,
-    .field_count = COUNT(squat_fields),
+    .field_count = ARRAY_COUNT(squat_fields),
 };
 
 #define STRUCT raw_phase
@@ -460,7 +461,7 @@ static const struct yaml_schema phase_schema = {
     .what = "a phase",
     .size = sizeof(struct raw_phase),
     .fields = phase_fields,
-    .field_count = COUNT(phase_fields),
+    .field_count = ARRAY_COUNT(phase_fields),
 };
 
 #define STRUCT raw_grasp
@@ -476,7 +477,7 @@ static const struct yaml_schema grasp_schema = {
     .what = "the grasp",
     .size = sizeof(struct raw_grasp),
     .fields = grasp_fields,
-    .field_count = COUNT(grasp_fields),
+    .field_count = ARRAY_COUNT(grasp_fields),
 };
 
 #define STRUCT raw_tasks
@@ -490,7 +491,7 @@ static const struct yaml_schema tasks_schema = {
     .what = "the tasks",
     .size = sizeof(struct raw_tasks),
     .fields = tasks_fields,
-    .field_count = COUNT(tasks_fields),
+    .field_count = ARRAY_COUNT(tasks_fields),
 };
 
 #define STRUCT raw_rig
@@ -528,7 +529,7 @@ static const struct yaml_schema rig_schema = {
     .what = "the rig",
     .size = sizeof(struct raw_rig),
     .fields = rig_fields,
-    .field_count = COUNT(rig_fields),
+    .field_count = ARRAY_COUNT(rig_fields),
     .defaults = &rig_defaults,
     .extendable = true,
     .locate = rig_locate_from,

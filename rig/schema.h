@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A rig file as it is written: names not yet looked up, times in seconds, marks kept for messages.
- * rig/rig.c makes a struct rig of it.
+ * A rig file as it is written: every key has a member here and its declaration in schema.c. Names
+ * are not yet looked up, times are in seconds, marks (file, line, column) are kept for messages.
+ * rig/rig.c makes a struct rig of it. Not RT-safe.
  */
 #ifndef RIG_SCHEMA_H
 #define RIG_SCHEMA_H

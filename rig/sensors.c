@@ -2,12 +2,12 @@
 /* The section `sensors` of a rig: its schema, and what the boards' sensors become of it. */
 #include "rig/sensors.h"
 
-#include "rig/build.h"
+#include "base/count.h"
+#include "rig/builder_private.h"
 
 #include <float.h>
 #include <math.h>
 
-#define COUNT(array) (sizeof(array) / sizeof(array)[0])
 #define AT(member) offsetof(struct STRUCT, member)
 
 #define STRUCT raw_channel
@@ -27,7 +27,7 @@ static const struct yaml_schema channel_schema = {
     .what = "a channel of a sensor",
     .size = sizeof(struct raw_channel),
     .fields = channel_fields,
-    .field_count = COUNT(channel_fields),
+    .field_count = ARRAY_COUNT(channel_fields),
 };
 
 #define STRUCT raw_winding
@@ -42,7 +42,7 @@ static const struct yaml_schema winding_schema = {
     .what = "a winding that heats",
     .size = sizeof(struct raw_winding),
     .fields = winding_fields,
-    .field_count = COUNT(winding_fields),
+    .field_count = ARRAY_COUNT(winding_fields),
     .defaults = &winding_defaults,
 };
 
@@ -68,7 +68,7 @@ static const struct yaml_schema joint_schema = {
     .what = "the sensors of a joint",
     .size = sizeof(struct raw_joint_sensors),
     .fields = joint_fields,
-    .field_count = COUNT(joint_fields),
+    .field_count = ARRAY_COUNT(joint_fields),
     .name_offset = offsetof(struct raw_joint_sensors, name),
 };
 
@@ -84,7 +84,7 @@ static const struct yaml_schema ft_schema = {
     .what = "a force-torque sensor",
     .size = sizeof(struct raw_ft_sensors),
     .fields = ft_fields,
-    .field_count = COUNT(ft_fields),
+    .field_count = ARRAY_COUNT(ft_fields),
     .name_offset = offsetof(struct raw_ft_sensors, name),
 };
 
@@ -98,7 +98,7 @@ static const struct yaml_schema imu_schema = {
     .what = "the inertial sensor",
     .size = sizeof(struct raw_imu_sensors),
     .fields = imu_fields,
-    .field_count = COUNT(imu_fields),
+    .field_count = ARRAY_COUNT(imu_fields),
 };
 
 #define STRUCT raw_sensors
@@ -114,12 +114,12 @@ const struct yaml_schema rig_sensors_schema = {
     .what = "the sensors",
     .size = sizeof(struct raw_sensors),
     .fields = sensors_fields,
-    .field_count = COUNT(sensors_fields),
+    .field_count = ARRAY_COUNT(sensors_fields),
 };
 
 /* ---- building ---- */
 
-static struct sensor_error error_of(const struct raw_channel *raw)
+static struct sensor_error sensor_error_of(const struct raw_channel *raw)
 {
     return (struct sensor_error){
         .gain_error = raw->gain_error,
@@ -133,9 +133,9 @@ static struct sensor_error error_of(const struct raw_channel *raw)
     };
 }
 
-/* What raw gives, over what is there. */
-static void apply_joint(const struct raw_joint_sensors *raw, double resistance_ohm,
-                        struct sensor_joint *to)
+/* Replaces the channels that raw gives. */
+static void sensors_apply_joint(const struct raw_joint_sensors *raw, double resistance_ohm,
+                                struct sensor_joint *to)
 {
     const struct {
         bool given;
@@ -149,9 +149,9 @@ static void apply_joint(const struct raw_joint_sensors *raw, double resistance_o
         {raw->temperature_given, &raw->temperature, &to->temperature},
     };
 
-    for (size_t i = 0; i < COUNT(channel); i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(channel); i++) {
         if (channel[i].given) {
-            *channel[i].to = error_of(channel[i].from);
+            *channel[i].to = sensor_error_of(channel[i].from);
         }
     }
     if (raw->winding_given) {
@@ -165,15 +165,15 @@ static void apply_joint(const struct raw_joint_sensors *raw, double resistance_o
     to->incremental = raw->incremental_given ? raw->incremental : to->incremental;
 }
 
-static void apply_ft(const struct raw_ft_sensors *raw, struct sensor_ft *to)
+static void sensors_apply_ft(const struct raw_ft_sensors *raw, struct sensor_ft *to)
 {
-    to->force = raw->force_given ? error_of(&raw->force) : to->force;
-    to->torque = raw->torque_given ? error_of(&raw->torque) : to->torque;
+    to->force = raw->force_given ? sensor_error_of(&raw->force) : to->force;
+    to->torque = raw->torque_given ? sensor_error_of(&raw->torque) : to->torque;
     to->crosstalk = raw->crosstalk_given ? raw->crosstalk : to->crosstalk;
 }
 
-static enum error_code check_crosstalk(struct rig_builder *b, const struct yaml_mark *mark,
-                                       const struct sensor_ft *ft)
+static enum error_code sensors_check_crosstalk(struct rig_builder *b, const struct yaml_mark *mark,
+                                               const struct sensor_ft *ft)
 {
     if (ft->crosstalk > 0.0 && (ft->force.full_scale == 0.0 || ft->torque.full_scale == 0.0)) {
         return yaml_error(b->error, mark,
@@ -190,15 +190,17 @@ enum error_code rig_build_sensors(struct rig_builder *b)
     const struct robot *robot = b->robot;
     struct sensor_joint *joint = arena_alloc(b->arena, robot->njoint + 1, sizeof *joint);
     struct sensor_ft *ft = arena_alloc(b->arena, robot->nft + 1, sizeof *ft);
-    enum error_code code = ERROR_NONE;
+    enum error_code code;
     int index;
 
     if (!joint || !ft) {
         return rig_no_memory(b);
     }
+
+    /* Joints: the common errors, then the exceptions */
     for (size_t j = 0; j < robot->njoint; j++) {
         joint[j].name = robot->joint[j].name;
-        apply_joint(&raw->every_joint, robot->joint[j].sea.R, &joint[j]);
+        sensors_apply_joint(&raw->every_joint, robot->joint[j].sea.R, &joint[j]);
     }
     for (size_t i = 0; i < raw->njoint; i++) {
         code = rig_find(b, &raw->joint[i].mark, "joint", raw->joint[i].name,
@@ -206,11 +208,13 @@ enum error_code rig_build_sensors(struct rig_builder *b)
         if (code) {
             return code;
         }
-        apply_joint(&raw->joint[i], robot->joint[index].sea.R, &joint[index]);
+        sensors_apply_joint(&raw->joint[i], robot->joint[index].sea.R, &joint[index]);
     }
+
+    /* Force-torque sensors likewise */
     for (size_t f = 0; f < robot->nft; f++) {
         ft[f].name = robot->ft[f].name;
-        apply_ft(&raw->every_ft, &ft[f]);
+        sensors_apply_ft(&raw->every_ft, &ft[f]);
     }
     for (size_t i = 0; i < raw->nft; i++) {
         code = rig_find(b, &raw->ft[i].mark, "F/T sensor", raw->ft[i].name,
@@ -218,20 +222,24 @@ enum error_code rig_build_sensors(struct rig_builder *b)
         if (code) {
             return code;
         }
-        apply_ft(&raw->ft[i], &ft[index]);
+        sensors_apply_ft(&raw->ft[i], &ft[index]);
     }
-    for (size_t f = 0; f < robot->nft && !code; f++) {
-        code = check_crosstalk(b, &raw->mark, &ft[f]);
+    for (size_t f = 0; f < robot->nft; f++) {
+        code = sensors_check_crosstalk(b, &raw->mark, &ft[f]);
+        if (code) {
+            return code;
+        }
     }
+
     b->rig->sensing = (struct sensing_config){
         .njoint = robot->njoint,
         .nft = robot->nft,
         .joint = joint,
         .ft = ft,
-        .gyro = error_of(&raw->imu.gyro),
-        .accel = error_of(&raw->imu.accel),
+        .gyro = sensor_error_of(&raw->imu.gyro),
+        .accel = sensor_error_of(&raw->imu.accel),
         .tick_ns = b->rig->tick_ns,
         .seed = b->rig->seed,
     };
-    return code;
+    return ERROR_NONE;
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The section `sensors` of a rig file: what is wrong with its sensors, as written. Private to the
- * rig reader.
+ * The section `sensors` of a rig file as it is written: the errors of its sensors, in the units
+ * that the keys name. For the rig reader. Not RT-safe.
  */
 #ifndef RIG_SENSORS_H
 #define RIG_SENSORS_H
@@ -22,7 +22,7 @@ struct raw_winding {
     double ambient_c, k_per_w, time_constant_s;
 };
 
-/* Of all joints, or of one that differs; what it gives replaces a channel whole. */
+/* Of all joints, or of one that differs: a channel that it gives replaces the whole channel. */
 struct raw_joint_sensors {
     struct yaml_mark mark;
     const char *name;

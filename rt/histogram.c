@@ -7,8 +7,8 @@
 
 enum { SUB = 1 << HISTOGRAM_SUB_BITS };
 
-/* values below 2 SUB have a bucket each; above, the leading SUB_BITS + 1 bits choose it */
-static unsigned bucket_of(uint64_t value)
+/* Values below 2 SUB have a bucket each; above, the leading SUB_BITS + 1 bits choose it. */
+static unsigned histogram_bucket_of(uint64_t value)
 {
     unsigned shift, index;
 
@@ -34,7 +34,7 @@ int64_t histogram_edge(unsigned index)
 void histogram_add(struct histogram *histogram, int64_t ns)
 {
     int64_t value = ns > 0 ? ns : 0;
-    uint64_t *bucket = &histogram->bucket[bucket_of((uint64_t)value)];
+    uint64_t *bucket = &histogram->bucket[histogram_bucket_of((uint64_t)value)];
 
     if (histogram->count == 0 || value < histogram->min) {
         __atomic_store_n(&histogram->min, value, __ATOMIC_RELAXED);
@@ -44,7 +44,7 @@ void histogram_add(struct histogram *histogram, int64_t ns)
     }
     __atomic_store_n(&histogram->sum, histogram->sum + value, __ATOMIC_RELAXED);
     __atomic_store_n(&histogram->count, histogram->count + 1, __ATOMIC_RELAXED);
-    /* release: whoever sees the sample here sees the min and max that it belongs to */
+    /* Release: a reader that sees the sample here sees the min and max that include it */
     __atomic_store_n(bucket, *bucket + 1, __ATOMIC_RELEASE);
 }
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Whole lines into a file, or its end. */
+/* Writes whole lines into a file, or ends it. */
 #include "rt/line_file.h"
 
 #include <errno.h>
@@ -11,12 +11,12 @@
 
 enum {
     BUFFER = 64 * 1024,
-    PIECE = 4096, /* of a write to what is no file: a slow reader is to be seen moving */
+    PIECE = 4096, /* largest write to a pipe: the beat shows that a slow reader makes progress */
 };
 
 /* ---- the end of a file ---- */
 
-static uint64_t count_lines(const char *text, size_t size)
+static uint64_t text_count_lines(const char *text, size_t size)
 {
     uint64_t count = 0;
 
@@ -26,9 +26,9 @@ static uint64_t count_lines(const char *text, size_t size)
     return count;
 }
 
-/* Settles what the system has taken of the buffer: whole lines stay, the rest is cut off. False when
- * half a line stays. */
-static bool cut_to_lines(struct line_file *file)
+/* Counts what the system has accepted of the buffer: whole lines stay, the rest is cut off. False
+ * when half a line stays. */
+static bool line_file_cut(struct line_file *file)
 {
     size_t whole = file->taken;
     bool clean;
@@ -38,39 +38,39 @@ static bool cut_to_lines(struct line_file *file)
     }
     clean = whole == file->taken ||
             (file->regular && ftruncate(file->descriptor, file->size + (off_t)whole) == 0);
-    file->lines += count_lines(file->buffer, whole);
-    file->unwritten += count_lines(file->buffer + whole, file->used - whole);
+    file->lines += text_count_lines(file->buffer, whole);
+    file->unwritten += text_count_lines(file->buffer + whole, file->used - whole);
     file->used = file->taken = 0;
     return clean;
 }
 
-/* Ends the file; the error is set. */
-static void end(struct line_file *file)
+/* Closes the file for good; the error is set. */
+static void line_file_end(struct line_file *file)
 {
     close(file->descriptor);
     file->descriptor = -1;
     atomic_store(&file->ended, true);
 }
 
-static void end_failed(struct line_file *file, int reason)
+static void line_file_end_failed(struct line_file *file, int reason)
 {
-    bool clean = cut_to_lines(file);
+    bool clean = line_file_cut(file);
 
     error_set_errno(&file->error, reason,
                     "cannot write %s: recording of it ends here%s, the run goes on", file->path,
                     clean ? "" : " with half a line");
-    end(file);
+    line_file_end(file);
 }
 
-static void end_removed(struct line_file *file)
+static void line_file_end_removed(struct line_file *file)
 {
-    cut_to_lines(file);
+    line_file_cut(file);
     file->unwritten += file->lines;
     file->lines = 0;
     error_set(&file->error, ERROR_SYSTEM,
               "%s was removed while it was written: recording of it ends here, the run goes on",
               file->path);
-    end(file);
+    line_file_end(file);
 }
 
 /* ---- writing ---- */
@@ -83,14 +83,14 @@ void line_file_flush(struct line_file *file)
                               !file->regular && rest > PIECE ? PIECE : rest);
 
         if (count < 0 && errno != EINTR) {
-            end_failed(file, errno);
+            line_file_end_failed(file, errno);
         } else if (count > 0) {
             file->taken += (size_t)count;
             atomic_fetch_add_explicit(file->beat, 1, memory_order_relaxed);
         }
     }
     file->size += (int64_t)file->used;
-    file->lines += count_lines(file->buffer, file->used);
+    file->lines += text_count_lines(file->buffer, file->used);
     file->used = file->taken = 0;
 }
 
@@ -115,7 +115,7 @@ void line_file_look(struct line_file *file)
         return;
     }
     if (here.st_nlink == 0) {
-        end_removed(file);
+        line_file_end_removed(file);
     } else if (stat(file->path, &there)
                    ? errno == ENOENT
                    : there.st_ino != here.st_ino || there.st_dev != here.st_dev) {
@@ -133,7 +133,7 @@ void line_file_abandon(struct line_file *file)
 
         file->taken = at > file->size ? (size_t)(at - file->size) : 0;
     }
-    end_failed(file, ETIMEDOUT);
+    line_file_end_failed(file, ETIMEDOUT);
 }
 
 void line_file_close(struct line_file *file)
@@ -159,11 +159,11 @@ void line_file_remove(struct line_file *file)
 
 /* ---- opening ---- */
 
-static enum error_code open_descriptor(struct line_file *file, struct error *error)
+static enum error_code line_file_open_descriptor(struct line_file *file, struct error *error)
 {
     struct stat info;
 
-    /* without waiting for the reader of a pipe */
+    /* Does not wait for the reader of a pipe */
     file->descriptor =
         open(file->path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NONBLOCK, 0666);
     if (file->descriptor < 0) {
@@ -176,7 +176,8 @@ static enum error_code open_descriptor(struct line_file *file, struct error *err
     return ERROR_NONE;
 }
 
-static enum error_code write_title(struct line_file *file, const char *title, struct error *error)
+static enum error_code line_file_write_title(struct line_file *file, const char *title,
+                                             struct error *error)
 {
     for (size_t length = strlen(title); (size_t)file->size < length;) {
         ssize_t count = write(file->descriptor, title + file->size, length - (size_t)file->size);
@@ -208,8 +209,8 @@ enum error_code line_file_open(struct line_file *file, const char *directory, co
     if (!file->buffer) {
         return error_set(error, ERROR_MEMORY, "no memory left for %s", file->path);
     }
-    code = open_descriptor(file, error);
-    code = code ? code : write_title(file, title, error);
+    code = line_file_open_descriptor(file, error);
+    code = code ? code : line_file_write_title(file, title, error);
     if (code && file->descriptor >= 0) {
         close(file->descriptor);
         file->descriptor = -1;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A text file of the recorder's: written in whole lines, and ended rather than damaged when the disk
- * does not take them (see recorder.h for what is promised). One thread opens, writes and closes it;
- * what is marked may be read by another one. Not RT-safe.
+ * A text file of the recorder: written in whole lines, and ended rather than corrupted when the
+ * disk does not accept them (recorder.h says what is guaranteed). One thread opens, writes and
+ * closes it; another may read what is marked. Not RT-safe.
  */
 #ifndef RT_LINE_FILE_H
 #define RT_LINE_FILE_H
@@ -23,39 +23,38 @@ struct line_file {
     bool regular;
     char *buffer; /* whole lines */
     size_t capacity, used;
-    size_t taken;           /* of the buffer, by the system */
-    int64_t size;           /* taken before the buffer */
+    size_t taken;           /* bytes of the buffer that the system has accepted */
+    int64_t size;           /* bytes accepted before the buffer */
     uint64_t lines;         /* in the file */
     uint64_t unwritten;     /* lines that were put and are not in the file */
-    _Atomic uint64_t *beat; /* moves with everything that the system takes */
+    _Atomic uint64_t *beat; /* counts what the system accepts */
     atomic_bool moved;      /* any thread: it has another name now */
     atomic_bool ended;      /* any thread: nothing is written to it any more; error says why */
     struct error error;
 };
 
-/* Makes or empties directory/name and writes the title. longest: bytes of the longest line. A pipe
- * needs somebody who reads it. */
+/* Creates or truncates directory/name and writes the title. longest: bytes of the longest line. A
+ * pipe needs a reader: ERROR_SYSTEM. Memory from arena. */
 enum error_code line_file_open(struct line_file *file, const char *directory, const char *name,
                                const char *title, size_t longest, _Atomic uint64_t *beat,
                                struct arena *arena, struct error *error);
 
-/* Takes one line, with its newline. */
+/* Appends one line, with its newline. */
 void line_file_put(struct line_file *file, const char *line, size_t size);
 
-/* Gives the system what was put. */
+/* Writes what was put. */
 void line_file_flush(struct line_file *file);
 
-/* Looks whether the file still has its name. */
+/* Checks whether the file still exists under its name. */
 void line_file_look(struct line_file *file);
 
-/* In the place of a thread that was ended while it wrote: ends the file with what the system has
- * taken. */
+/* For a writing thread that was cancelled: ends the file with what the system has accepted. */
 void line_file_abandon(struct line_file *file);
 
 /* Flushes and closes. */
 void line_file_close(struct line_file *file);
 
-/* Closes it, if it is open, and removes it, if it was opened; what is no regular file stays. */
+/* Closes and removes the file; a pipe or device is not removed. */
 void line_file_remove(struct line_file *file);
 
 #endif

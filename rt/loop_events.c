@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the loop tells the log. */
+/* The events of the loop, and their text for the log. */
 #include "rt/loop_private.h"
 
 #include <stdio.h>
 #include <string.h>
 
-void loop_emit(struct loop *loop, enum loop_event_kind kind, int bus, int64_t a, int64_t b)
+void loop_emit_event(struct loop *loop, enum loop_event_kind kind, int bus, int64_t a, int64_t b)
 {
     struct loop_event event = {loop->stats.time_ns, kind, bus, a, b};
 
@@ -26,9 +26,9 @@ const char *loop_phase_name(enum loop_phase phase)
     return names[phase];
 }
 
-/* What was asked of the loop and done. */
-static void format_steering(const struct loop *loop, const struct loop_event *event, char *text,
-                            size_t size)
+/* Of requests that were carried out. */
+static void loop_format_request(const struct loop *loop, const struct loop_event *event, char *text,
+                                size_t size)
 {
     const struct steering *steering = loop->config.steering;
     const struct steering_machine *machine = steering_machine(steering);
@@ -41,22 +41,22 @@ static void format_steering(const struct loop *loop, const struct loop_event *ev
         snprintf(text, size, "control: paused at tick %lld", a);
         break;
     case LOOP_EVENT_RESUMED:
-        snprintf(text, size, "control: goes on from tick %lld", a);
+        snprintf(text, size, "control: resumed at tick %lld", a);
         break;
     case LOOP_EVENT_SPEED:
-        snprintf(text, size, a ? "control: speed %g" : "control: as fast as it goes",
+        snprintf(text, size, a ? "control: speed %g" : "control: as fast as possible",
                  (double)a * 1e-6);
         break;
     case LOOP_EVENT_CHECKPOINT:
         snprintf(text, size, "control: checkpoint %lld at tick %lld", a, b);
         break;
-    case LOOP_EVENT_WENT_BACK:
+    case LOOP_EVENT_RESTORED:
         snprintf(text, size,
-                 a ? "control: back to checkpoint %lld, tick %lld" : "control: back to the start",
+                 a ? "control: restored checkpoint %lld, tick %lld" : "control: reset to the start",
                  a, b);
         break;
     case LOOP_EVENT_PUSH:
-        snprintf(text, size, "control: body %s is pushed with %.1f N",
+        snprintf(text, size, "control: body %s pushed with %.1f N",
                  machine->body(machine->context, (size_t)a), (double)b * 1e-3);
         break;
     case LOOP_EVENT_SET:
@@ -83,7 +83,7 @@ void loop_event_format(const struct loop *loop, const struct loop_event *event, 
                  loop_phase_name((enum loop_phase)a));
         break;
     case LOOP_EVENT_PAUSE:
-        snprintf(text, size, "%.1f s behind: taken for a pause, grid taken up again",
+        snprintf(text, size, "%.1f s behind: counted as a pause, goes on at the next deadline",
                  (double)a * 1e-9);
         break;
     case LOOP_EVENT_BUS_STATE:
@@ -110,7 +110,7 @@ void loop_event_format(const struct loop *loop, const struct loop_event *event, 
                  LOCKSTEP_LENGTH);
         break;
     default:
-        format_steering(loop, event, text, size);
+        loop_format_request(loop, event, text, size);
         break;
     }
 }

@@ -1,5 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the parts of the loop share: loop.c (waiting, the tick), loop_events.c, loop_steering.c. */
+/*
+ * What the parts of the loop share. loop.c runs the tick, loop_wait.c waits for its time,
+ * loop_lockstep.c for its STEP frame, overrun.c keeps the accounts of the real clock,
+ * loop_steering.c carries out requests between two ticks, loop_events.c words the log and
+ * loop_defaults.c completes a configuration. All of it runs in the loop's thread and is RT-safe
+ * unless it says otherwise.
+ */
 #ifndef RT_LOOP_PRIVATE_H
 #define RT_LOOP_PRIVATE_H
 
@@ -9,58 +15,63 @@
 
 #include <stdatomic.h>
 
+/* Never inlined: one place for a probe, a line of its own in a profile, and what the test of the
+ * budget (rt/phase_budget.h) counts. */
+#define LOOP_NOINLINE __attribute__((noinline))
+
 enum {
     BATCH = 64,      /* frames per receive call */
-    HELD_MAX = 1024, /* frames of the STEP's bus kept until the STEP comes */
+    HELD_MAX = 1024, /* frames of the STEP's bus held back until the STEP comes */
     EVENT_RING = 1024,
-    WAIT_SLICE_NS = 100000000, /* the stop flag is looked at as often while waiting */
-    POLL_SLICE_NS = 10000000,  /* the same when the port is gone and has nothing to sleep on */
+    WAIT_SLICE_NS = 100000000, /* longest sleep: the stop flag is read at least this often */
+    POLL_SLICE_NS = 10000000,  /* the same when the port is gone and has no descriptor to poll */
 };
 
-/* What a slot keeps of the loop, beside the frames of the STEP's bus that it held. */
+/* What a checkpoint slot keeps of the loop, beside the frames of the STEP's bus that it held. */
 struct loop_moment {
     bool kept;
     uint64_t ticks;
     struct lockstep lockstep;
     size_t held_count, held_seen;
-    uint64_t lost_since_done; /* frames, which the next DONE tells */
+    uint64_t lost_since_done; /* frames, which the next DONE reports */
     struct bus_frame *held;   /* HELD_MAX; NULL but in lockstep */
 };
 
-struct loop_steer {
-    bool standing;
-    double speed;
+/* What requests have made of the loop. */
+struct loop_steering {
+    bool paused;
+    double speed;         /* virtual seconds a second; 0 = as fast as possible */
     uint64_t step_left;   /* ticks of the STEER_STEP under way; 0 = none is */
     uint64_t step_ticket; /* of it */
     struct loop_moment moment[STEERING_SLOTS];
 };
 
 struct loop {
-    struct loop_config config;
+    struct loop_config config; /* complete: loop_defaults.c */
     struct loop_stats stats;
     atomic_bool stop;
     _Atomic uint64_t beat; /* loop_beat */
     enum loop_end end;
 
-    /* the tick being run */
+    /* The tick being run */
     int64_t mark_ns;            /* end of the last phase */
     int64_t spent[PHASE_COUNT]; /* wait: how late the tick began */
     int64_t work_begin_ns;
 
-    /* real clock */
-    int64_t period_ns; /* of the grid: T, scaled by the speed; 0 = none, as fast as it goes */
+    /* Real clock and paced free run */
+    int64_t period_ns; /* of the grid: T, scaled by the speed; 0 = none, as fast as possible */
     int64_t deadline_ns;
     int64_t reference_ns; /* when the tick could have begun: its deadline, or the end of the last */
     int64_t last_end_ns;
 
-    /* lockstep */
+    /* Lockstep */
     struct lockstep lockstep;
     bool step_begins; /* this tick is the first of its STEP */
     bool step_asked;  /* the present STEP is one of STEER_STEP */
     bool awaiting;    /* the wait for a STEP has begun */
     struct bus_frame *held;
     size_t held_count; /* frames in held */
-    size_t held_seen;  /* of which judged; up to and with the STEP once it was found */
+    size_t held_seen;  /* of which examined; up to and with the STEP once it was found */
 
     struct bus_frame *batch;    /* BATCH, received */
     struct bus_frame *outgoing; /* largest transmit_max + DONE */
@@ -69,41 +80,102 @@ struct loop {
     uint64_t lost_at_done;
     struct ring events;
 
-    struct loop_steer steer; /* with config.steering */
+    struct loop_steering steering; /* with config.steering */
 };
 
-/* Tells the log, or counts that it could not. */
-void loop_emit(struct loop *loop, enum loop_event_kind kind, int bus, int64_t a, int64_t b);
+/* ---- loop_defaults.c ---- */
+
+/* Puts defaults where the configuration is zero or NULL. Memory from arena; false when it is used
+ * up. Not RT-safe. */
+bool loop_complete_config(struct loop_config *config, struct arena *arena);
+
+/* ---- loop_events.c ---- */
+
+/* Queues an event for the log, or counts that there was no room. */
+void loop_emit_event(struct loop *loop, enum loop_event_kind kind, int bus, int64_t a, int64_t b);
+
+/* ---- loop.c ---- */
 
 /* At each wake-up: moves the beat; true when the run is to end. */
-bool loop_stop_wanted(struct loop *loop);
+bool loop_stop_requested(struct loop *loop);
+
+/* Steps the inline controller, if there is one; false when it has finished. */
+bool loop_step_controller(struct loop *loop);
+
+/* Receives up to max frames of a bus. */
+size_t loop_take_frames(struct loop *loop, size_t bus, struct bus_frame *frames, size_t max);
+
+/* Records a received frame and hands it to the machine. */
+void loop_deliver_frame(struct loop *loop, size_t bus, const struct bus_frame *frame);
 
 /* Frames received and to be sent that all ports have lost until now. */
 void loop_count_lost(const struct loop *loop, uint64_t *rx, uint64_t *tx);
 
-/* DONE on every bus. */
+/* Sends DONE on every bus. */
 void loop_send_done(struct loop *loop, uint16_t flags);
 
-/* ---- steering; only with config.steering ---- */
+/* ---- loop_wait.c ---- */
 
-/* Memory from arena; false when it is used up. */
-bool loop_steer_create(struct loop *loop, struct arena *arena);
+/* Waits until the tick may begin by the loop's clock. False when it may not: the run ends, or a
+ * request has to be carried out first (loop->end tells). */
+bool loop_wait_by_clock(struct loop *loop);
 
-/* Before the first tick: keeps the start. */
-void loop_steer_begin(struct loop *loop);
+/* Free run that has been given a speed. */
+static inline bool loop_is_paced(const struct loop *loop)
+{
+    return loop->config.clock == LOOP_CLOCK_FREE && loop->steering.speed > 0.0;
+}
 
-/* Between two ticks: carries out what is asked, and waits while the loop stands still. False when
- * the run is to end. */
-bool loop_steer(struct loop *loop);
+/* A request waits to be carried out between two ticks. */
+static inline bool loop_request_waits(const struct loop *loop)
+{
+    return loop->config.steering && steering_waits(loop->config.steering);
+}
+
+/* ---- loop_lockstep.c ---- */
+
+/* Waits for a STEP that fits; see loop_wait_by_clock. */
+bool loop_wait_for_step(struct loop *loop);
+
+/* Delivers the frames held back that came before the STEP. */
+void loop_deliver_held(struct loop *loop);
+
+/* Delivers what a wire has brought on the STEP's bus while a STEP runs; the next STEP, if it is
+ * there already, and what follows it stay. */
+void loop_drain_step_bus(struct loop *loop);
+
+/* ---- overrun.c ---- */
+
+/* Accounts for a tick that has ended at now_ns (of the clock): met its deadline, late or overrun;
+ * chooses the next deadline. */
+void overrun_account_tick(struct loop *loop, int64_t now_ns);
+
+/* After a pause of the process: goes on at the next deadline of the grid, and counts the pause. */
+void overrun_skip_pause(struct loop *loop, int64_t now_ns);
+
+/* The next deadline of a paced free run, which has no account: what is late stays late. */
+void overrun_pace_tick(struct loop *loop, int64_t now_ns);
+
+/* ---- loop_steering.c; only with config.steering ---- */
+
+/* Memory from arena; false when it is used up. Not RT-safe. */
+bool loop_steering_create(struct loop *loop, struct arena *arena);
+
+/* Before the first tick: keeps the start as checkpoint 0. */
+void loop_steering_begin(struct loop *loop);
+
+/* Between two ticks: carries out the requests, and waits while the loop is paused. False when the
+ * run is to end. */
+bool loop_steering_carry_out(struct loop *loop);
 
 /* Sleeps until a request comes, fd (NULL = none) can be read or until_ns has come. */
-void loop_steer_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns);
+void loop_steering_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns);
 
 /* Before and after a tick. */
-void loop_steer_ticks(struct loop *loop);
-void loop_steer_ticked(struct loop *loop);
+void loop_steering_tick_begins(struct loop *loop);
+void loop_steering_tick_ended(struct loop *loop);
 
-/* After the last tick: nothing is carried out any more. */
-void loop_steer_end(struct loop *loop);
+/* After the last tick: no request is carried out any more. */
+void loop_steering_end(struct loop *loop);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Carrying out, between two ticks, what is asked of a running loop (rt/steering.h). */
+/* Carrying out, between two ticks, the requests to a running loop (rt/steering.h). */
 #include "rt/loop_private.h"
 
 #include <math.h>
@@ -8,23 +8,33 @@
 #define SPEED_MIN 0.001
 #define SPEED_MAX 1000.0
 
-bool loop_steer_create(struct loop *loop, struct arena *arena)
+bool loop_steering_create(struct loop *loop, struct arena *arena)
 {
-    struct loop_steer *steer = &loop->steer;
+    struct loop_steering *steering = &loop->steering;
 
-    steer->speed = loop->config.clock == LOOP_CLOCK_REAL ? 1.0 : 0.0;
-    for (size_t i = 0; i < STEERING_SLOTS && loop->config.clock == LOOP_CLOCK_LOCKSTEP; i++) {
-        steer->moment[i].held = arena_alloc(arena, HELD_MAX, sizeof *steer->moment[i].held);
-        if (!steer->moment[i].held) {
+    steering->speed = loop->config.clock == LOOP_CLOCK_REAL ? 1.0 : 0.0;
+    if (loop->config.clock != LOOP_CLOCK_LOCKSTEP) {
+        return true;
+    }
+    for (size_t i = 0; i < STEERING_SLOTS; i++) {
+        struct loop_moment *moment = &steering->moment[i];
+
+        moment->held = arena_alloc(arena, HELD_MAX, sizeof *moment->held);
+        if (!moment->held) {
             return false;
         }
     }
     return true;
 }
 
+static const struct steering_machine *loop_steering_machine(const struct loop *loop)
+{
+    return steering_machine(loop->config.steering);
+}
+
 /* ---- checkpoints ---- */
 
-static void keep_moment(struct loop *loop, struct loop_moment *moment)
+static void loop_save_moment(struct loop *loop, struct loop_moment *moment)
 {
     uint64_t rx, tx;
 
@@ -33,7 +43,7 @@ static void keep_moment(struct loop *loop, struct loop_moment *moment)
     moment->ticks = loop->stats.ticks;
     moment->lockstep = loop->lockstep;
     if (loop->step_asked) {
-        moment->lockstep.ticks = 0; /* a step is asked for once */
+        moment->lockstep.ticks = 0; /* a STEER_STEP runs once */
     }
     moment->lost_since_done = rx + tx - loop->lost_at_done;
     moment->held_count = loop->held_count;
@@ -43,8 +53,8 @@ static void keep_moment(struct loop *loop, struct loop_moment *moment)
     }
 }
 
-/* The accounts of what has been done stay: only time goes back. */
-static void restore_moment(struct loop *loop, const struct loop_moment *moment)
+/* Accounts go on: only time goes back. */
+static void loop_restore_moment(struct loop *loop, const struct loop_moment *moment)
 {
     struct lockstep_counters counters = loop->lockstep.counters;
 
@@ -61,62 +71,62 @@ static void restore_moment(struct loop *loop, const struct loop_moment *moment)
     }
 }
 
-static enum steer_verdict keep(struct loop *loop, size_t slot)
+static enum steer_verdict loop_save_slot(struct loop *loop, size_t slot)
 {
-    const struct steering_machine *machine = steering_machine(loop->config.steering);
+    const struct steering_machine *machine = loop_steering_machine(loop);
     enum steer_verdict verdict = STEER_UNAVAILABLE;
 
-    if (machine->keep && machine->back) {
-        verdict = machine->keep(machine->context, slot);
+    if (machine->save && machine->restore) {
+        verdict = machine->save(machine->context, slot);
     }
     if (verdict == STEER_OK) {
-        keep_moment(loop, &loop->steer.moment[slot]);
+        loop_save_moment(loop, &loop->steering.moment[slot]);
     } else {
-        loop->steer.moment[slot].kept = false;
+        loop->steering.moment[slot].kept = false;
     }
     return verdict;
 }
 
-static enum steer_verdict go_back(struct loop *loop, size_t slot)
-{
-    const struct steering_machine *machine = steering_machine(loop->config.steering);
-
-    if (slot >= STEERING_SLOTS) {
-        return STEER_RANGE;
-    }
-    if (!machine->keep || !machine->back) {
-        return STEER_UNAVAILABLE;
-    }
-    if (loop->config.recorder) {
-        return STEER_RECORDING;
-    }
-    if (!loop->steer.moment[slot].kept) {
-        return slot == 0 ? STEER_UNAVAILABLE : STEER_EMPTY;
-    }
-    machine->back(machine->context, slot);
-    restore_moment(loop, &loop->steer.moment[slot]);
-    loop_emit(loop, LOOP_EVENT_WENT_BACK, -1, (int64_t)slot, (int64_t)loop->stats.ticks);
-    return STEER_OK;
-}
-
-static enum steer_verdict checkpoint(struct loop *loop, size_t slot)
+static enum steer_verdict request_checkpoint(struct loop *loop, size_t slot)
 {
     enum steer_verdict verdict;
 
     if (slot < 1 || slot >= STEERING_SLOTS) {
         return STEER_RANGE;
     }
-    verdict = keep(loop, slot);
+    verdict = loop_save_slot(loop, slot);
     if (verdict == STEER_OK) {
-        loop_emit(loop, LOOP_EVENT_CHECKPOINT, -1, (int64_t)slot, (int64_t)loop->stats.ticks);
+        loop_emit_event(loop, LOOP_EVENT_CHECKPOINT, -1, (int64_t)slot, (int64_t)loop->stats.ticks);
     }
     return verdict;
 }
 
-/* ---- standing still and pace ---- */
+static enum steer_verdict request_restore(struct loop *loop, size_t slot)
+{
+    const struct steering_machine *machine = loop_steering_machine(loop);
 
-/* The grid begins at once: what came before, an intended stop or another pace, counts for nothing. */
-static void begin_anew(struct loop *loop)
+    if (slot >= STEERING_SLOTS) {
+        return STEER_RANGE;
+    }
+    if (!machine->save || !machine->restore) {
+        return STEER_UNAVAILABLE;
+    }
+    if (loop->config.recorder) {
+        return STEER_RECORDING;
+    }
+    if (!loop->steering.moment[slot].kept) {
+        return slot == 0 ? STEER_UNAVAILABLE : STEER_EMPTY;
+    }
+    machine->restore(machine->context, slot);
+    loop_restore_moment(loop, &loop->steering.moment[slot]);
+    loop_emit_event(loop, LOOP_EVENT_RESTORED, -1, (int64_t)slot, (int64_t)loop->stats.ticks);
+    return STEER_OK;
+}
+
+/* ---- pause and speed ---- */
+
+/* The grid begins now: time before it, an intended pause or another speed, is not accounted. */
+static void loop_restart_grid(struct loop *loop)
 {
     loop->mark_ns = clock_now(loop->config.time);
     loop->deadline_ns = loop->mark_ns;
@@ -124,71 +134,73 @@ static void begin_anew(struct loop *loop)
     loop->awaiting = false;
 }
 
-static void show(struct loop *loop)
+/* Publishes pause and speed, to other threads and to the machine. */
+static void loop_publish_pace(struct loop *loop)
 {
-    const struct steering_machine *machine = steering_machine(loop->config.steering);
-    bool paused = loop->steer.standing;
+    const struct steering_machine *machine = loop_steering_machine(loop);
+    bool paused = loop->steering.paused;
 
-    steering_show(loop->config.steering, paused, loop->steer.speed);
+    steering_publish(loop->config.steering, paused, loop->steering.speed);
     if (machine->pace) {
-        machine->pace(machine->context, loop->steer.speed, paused);
+        machine->pace(machine->context, loop->steering.speed, paused);
     }
 }
 
-static void reply(struct loop *loop, uint64_t ticket, enum steer_verdict verdict)
+static void request_reply(struct loop *loop, uint64_t ticket, enum steer_verdict verdict)
 {
     steering_reply(loop->config.steering, ticket, verdict, loop->stats.ticks, loop->stats.time_ns);
 }
 
-static void stand(struct loop *loop)
+static void loop_pause(struct loop *loop)
 {
-    loop->steer.standing = true;
-    show(loop);
-    loop_emit(loop, LOOP_EVENT_PAUSED, -1, (int64_t)loop->stats.ticks, 0);
+    loop->steering.paused = true;
+    loop_publish_pace(loop);
+    loop_emit_event(loop, LOOP_EVENT_PAUSED, -1, (int64_t)loop->stats.ticks, 0);
 }
 
-static enum steer_verdict pause_run(struct loop *loop)
+static enum steer_verdict request_pause(struct loop *loop)
 {
-    if (loop->steer.step_left > 0) {
-        loop->steer.step_left = 0;
+    /* A step under way ends here, with its DONE where one is due */
+    if (loop->steering.step_left > 0) {
+        loop->steering.step_left = 0;
         if (loop->step_asked && loop->lockstep.ticks > 0) {
             loop->lockstep.ticks = 0;
             loop_send_done(loop, 0);
         }
-        reply(loop, loop->steer.step_ticket, STEER_CUT);
+        request_reply(loop, loop->steering.step_ticket, STEER_CUT);
     }
-    if (!loop->steer.standing) {
-        stand(loop);
+    if (!loop->steering.paused) {
+        loop_pause(loop);
     }
     return STEER_OK;
 }
 
-static enum steer_verdict resume(struct loop *loop)
+static enum steer_verdict request_resume(struct loop *loop)
 {
-    if (loop->steer.standing) {
-        loop->steer.standing = false;
-        show(loop);
-        loop_emit(loop, LOOP_EVENT_RESUMED, -1, (int64_t)loop->stats.ticks, 0);
+    if (loop->steering.paused) {
+        loop->steering.paused = false;
+        loop_publish_pace(loop);
+        loop_emit_event(loop, LOOP_EVENT_RESUMED, -1, (int64_t)loop->stats.ticks, 0);
     }
     return STEER_OK;
 }
 
-/* Answered by loop_steer_ticked. */
-static enum steer_verdict step(struct loop *loop, const struct steer_request *request)
+/* Answered by loop_steering_tick_ended. */
+static enum steer_verdict request_step(struct loop *loop, const struct steer_request *request)
 {
     if (request->count == 0) {
         return STEER_RANGE;
     }
-    loop->steer.step_left = request->count;
-    loop->steer.step_ticket = request->ticket;
-    loop->steer.standing = false;
-    show(loop);
+    loop->steering.step_left = request->count;
+    loop->steering.step_ticket = request->ticket;
+    loop->steering.paused = false;
+    loop_publish_pace(loop);
     return STEER_OK;
 }
 
-static enum steer_verdict set_speed(struct loop *loop, double speed)
+static enum steer_verdict request_speed(struct loop *loop, double speed)
 {
-    const struct steering_machine *machine = steering_machine(loop->config.steering);
+    const struct steering_machine *machine = loop_steering_machine(loop);
 
     if (loop->config.clock == LOOP_CLOCK_LOCKSTEP || (speed == 0.0 && machine->pace)) {
         return STEER_CLOCK;
@@ -196,20 +208,29 @@ static enum steer_verdict set_speed(struct loop *loop, double speed)
     if (!(speed == 0.0 || (speed >= SPEED_MIN && speed <= SPEED_MAX))) {
         return STEER_RANGE;
     }
-    loop->steer.speed = speed;
+    loop->steering.speed = speed;
     loop->period_ns =
         speed > 0.0 ? (int64_t)fmax(1.0, round((double)loop->config.tick_ns / speed)) : 0;
-    begin_anew(loop);
-    show(loop);
-    loop_emit(loop, LOOP_EVENT_SPEED, -1, (int64_t)(speed * 1e6), 0);
+    loop_restart_grid(loop);
+    loop_publish_pace(loop);
+    loop_emit_event(loop, LOOP_EVENT_SPEED, -1, (int64_t)(speed * 1e6), 0);
     return STEER_OK;
 }
 
-/* ---- requests ---- */
+/* ---- the machine: faults, pushes, tunables ---- */
 
-static enum steer_verdict push(struct loop *loop, const struct steer_request *request)
+static enum steer_verdict request_fault(struct loop *loop, const struct steer_request *request)
 {
-    const struct steering_machine *machine = steering_machine(loop->config.steering);
+    const struct steering_machine *machine = loop_steering_machine(loop);
+
+    return request->index < machine->nfault
+               ? machine->fault(machine->context, request->index, request->on, loop->stats.time_ns)
+               : STEER_RANGE;
+}
+
+static enum steer_verdict request_push(struct loop *loop, const struct steer_request *request)
+{
+    const struct steering_machine *machine = loop_steering_machine(loop);
     enum steer_verdict verdict = machine->push
                                      ? machine->push(machine->context, request, loop->stats.time_ns)
                                      : STEER_UNAVAILABLE;
@@ -217,15 +238,15 @@ static enum steer_verdict push(struct loop *loop, const struct steer_request *re
     if (verdict == STEER_OK) {
         const double *f = request->force_n;
 
-        loop_emit(loop, LOOP_EVENT_PUSH, -1, (int64_t)request->index,
-                  (int64_t)(1e3 * sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])));
+        loop_emit_event(loop, LOOP_EVENT_PUSH, -1, (int64_t)request->index,
+                        (int64_t)(1e3 * sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])));
     }
     return verdict;
 }
 
-static enum steer_verdict set(struct loop *loop, const struct steer_request *request)
+static enum steer_verdict request_set(struct loop *loop, const struct steer_request *request)
 {
-    const struct steering_machine *machine = steering_machine(loop->config.steering);
+    const struct steering_machine *machine = loop_steering_machine(loop);
     const struct tunable *tunable = steering_tunable(loop->config.steering, request->index);
     enum steer_verdict verdict;
     int64_t bits;
@@ -237,102 +258,104 @@ static enum steer_verdict set(struct loop *loop, const struct steer_request *req
     verdict = machine->set(machine->context, request->index, request->value);
     if (verdict == STEER_OK) {
         memcpy(&bits, &request->value, sizeof bits);
-        loop_emit(loop, LOOP_EVENT_SET, -1, (int64_t)request->index, bits);
+        loop_emit_event(loop, LOOP_EVENT_SET, -1, (int64_t)request->index, bits);
     }
     return verdict;
 }
 
-static bool has_to_wait_for_the_step(enum steer_kind kind)
+/* ---- requests ---- */
+
+static bool request_conflicts_with_step(enum steer_kind kind)
 {
     return kind == STEER_RESUME || kind == STEER_STEP || kind == STEER_RESET ||
            kind == STEER_RESTORE;
 }
 
-static enum steer_verdict carry_out(struct loop *loop, const struct steer_request *request)
+static enum steer_verdict request_dispatch(struct loop *loop, const struct steer_request *request)
 {
-    const struct steering_machine *machine = steering_machine(loop->config.steering);
-
-    if (loop->steer.step_left > 0 && has_to_wait_for_the_step(request->kind)) {
+    if (loop->steering.step_left > 0 && request_conflicts_with_step(request->kind)) {
         return STEER_BUSY;
     }
     switch (request->kind) {
     case STEER_PAUSE:
-        return pause_run(loop);
+        return request_pause(loop);
     case STEER_RESUME:
-        return resume(loop);
+        return request_resume(loop);
     case STEER_STEP:
-        return step(loop, request);
+        return request_step(loop, request);
     case STEER_SPEED:
-        return set_speed(loop, request->value);
+        return request_speed(loop, request->value);
     case STEER_RESET:
-        return go_back(loop, 0);
+        return request_restore(loop, 0);
     case STEER_CHECKPOINT:
-        return checkpoint(loop, request->index);
+        return request_checkpoint(loop, request->index);
     case STEER_RESTORE:
-        return go_back(loop, request->index);
+        return request_restore(loop, request->index);
     case STEER_FAULT:
-        return request->index < machine->nfault ? machine->fault(machine->context, request->index,
-                                                                 request->on, loop->stats.time_ns)
-                                                : STEER_RANGE;
+        return request_fault(loop, request);
     case STEER_PUSH:
-        return push(loop, request);
+        return request_push(loop, request);
     case STEER_SET:
-        return set(loop, request);
+        return request_set(loop, request);
     }
     return STEER_UNAVAILABLE;
 }
 
-static void carry_out_all(struct loop *loop)
+static void request_dispatch_all(struct loop *loop)
 {
-    const struct steering_machine *machine = steering_machine(loop->config.steering);
+    const struct steering_machine *machine = loop_steering_machine(loop);
     struct steer_request request;
 
     while (steering_next(loop->config.steering, &request)) {
-        enum steer_verdict verdict = carry_out(loop, &request);
+        enum steer_verdict verdict = request_dispatch(loop, &request);
         bool back = request.kind == STEER_RESTORE || request.kind == STEER_RESET;
         bool went_back = back && verdict == STEER_OK;
 
         if (went_back) {
-            begin_anew(loop);
+            loop_restart_grid(loop);
         }
-        steering_show_values(loop->config.steering, went_back);
-        if (machine->show) {
-            machine->show(machine->context, &loop->stats);
+
+        /* What others may see is up to date before they have the answer */
+        steering_publish_values(loop->config.steering, went_back);
+        if (machine->publish) {
+            machine->publish(machine->context, loop->stats.time_ns, &loop->stats);
         }
+
+        /* A step that has begun is answered at its end */
         if (request.kind != STEER_STEP || verdict != STEER_OK) {
-            reply(loop, request.ticket, verdict);
+            request_reply(loop, request.ticket, verdict);
         }
     }
 }
 
 /* ---- the loop's calls ---- */
 
-void loop_steer_begin(struct loop *loop)
+void loop_steering_begin(struct loop *loop)
 {
-    keep(loop, 0);
-    show(loop);
+    loop_save_slot(loop, 0);
+    loop_publish_pace(loop);
 }
 
-bool loop_steer(struct loop *loop)
+bool loop_steering_carry_out(struct loop *loop)
 {
-    bool stood = false;
+    bool was_paused = false;
 
-    carry_out_all(loop);
-    while (loop->steer.standing) {
-        if (loop_stop_wanted(loop)) {
+    request_dispatch_all(loop);
+    while (loop->steering.paused) {
+        if (loop_stop_requested(loop)) {
             return false;
         }
-        stood = true;
-        loop_steer_sleep(loop, NULL, clock_now(loop->config.time) + WAIT_SLICE_NS);
-        carry_out_all(loop);
+        was_paused = true;
+        loop_steering_sleep(loop, NULL, clock_now(loop->config.time) + WAIT_SLICE_NS);
+        request_dispatch_all(loop);
     }
-    if (stood) {
-        begin_anew(loop);
+    if (was_paused) {
+        loop_restart_grid(loop);
     }
     return true;
 }
 
-void loop_steer_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns)
+void loop_steering_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns)
 {
     struct steering *steering = loop->config.steering;
     struct pollfd fds[2] = {{.fd = -1, .events = POLLIN}, {.fd = -1}};
@@ -347,29 +370,29 @@ void loop_steer_sleep(struct loop *loop, struct pollfd *fd, int64_t until_ns)
     steering_sleep_end(steering, (fds[0].revents & POLLIN) != 0);
 }
 
-void loop_steer_ticks(struct loop *loop)
+void loop_steering_tick_begins(struct loop *loop)
 {
-    const struct steering_machine *machine = steering_machine(loop->config.steering);
+    const struct steering_machine *machine = loop_steering_machine(loop);
 
-    if (machine->begin) {
-        machine->begin(machine->context, loop->stats.time_ns);
+    if (machine->advance) {
+        machine->advance(machine->context, loop->stats.time_ns);
     }
 }
 
-void loop_steer_ticked(struct loop *loop)
+void loop_steering_tick_ended(struct loop *loop)
 {
-    steering_show_values(loop->config.steering, false);
-    if (loop->steer.step_left > 0 && --loop->steer.step_left == 0) {
-        stand(loop);
-        reply(loop, loop->steer.step_ticket, STEER_OK);
+    steering_publish_values(loop->config.steering, false);
+    if (loop->steering.step_left > 0 && --loop->steering.step_left == 0) {
+        loop_pause(loop);
+        request_reply(loop, loop->steering.step_ticket, STEER_OK);
     }
 }
 
-void loop_steer_end(struct loop *loop)
+void loop_steering_end(struct loop *loop)
 {
-    if (loop->steer.step_left > 0) {
-        loop->steer.step_left = 0;
-        reply(loop, loop->steer.step_ticket, STEER_CUT);
+    if (loop->steering.step_left > 0) {
+        loop->steering.step_left = 0;
+        request_reply(loop, loop->steering.step_ticket, STEER_CUT);
     }
     steering_close(loop->config.steering, loop->stats.ticks, loop->stats.time_ns);
 }

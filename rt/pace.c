@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The clock of another pace. */
+/* A clock scaled to another. */
 #include "rt/pace.h"
 
 #include "rt/snapshot.h"
 
-/* A sleeper looks so often whether the pace has changed. */
+/* A sleeping thread checks this often whether the rate has changed. */
 #define LOOK_NS (5 * CLOCK_MS)
 
 /* now = own_ns + rate (behind - behind_ns) */
@@ -19,30 +19,30 @@ struct pace {
     struct snapshot *line; /* struct line */
 };
 
-static int64_t at(const struct line *line, int64_t behind_ns)
+static int64_t line_at(const struct line *line, int64_t behind_ns)
 {
     return line->own_ns + (int64_t)(line->rate * (double)(behind_ns - line->behind_ns));
 }
 
-static int64_t paced_now(struct clock *clock)
+static int64_t pace_now(struct clock *clock)
 {
     const struct pace *pace = (struct pace *)clock;
     struct line line;
 
     snapshot_read(pace->line, &line);
-    return at(&line, clock_now(pace->behind));
+    return line_at(&line, clock_now(pace->behind));
 }
 
-/* When to look again, of the clock behind: at the deadline if that is soon. */
-static int64_t next_look(const struct line *line, int64_t now_ns, int64_t deadline_ns)
+/* When to look again, on the clock behind: at the deadline if that is soon. */
+static int64_t line_next_look(const struct line *line, int64_t now_ns, int64_t deadline_ns)
 {
-    double left = (double)(deadline_ns - at(line, now_ns));
+    double left = (double)(deadline_ns - line_at(line, now_ns));
 
     return left < line->rate * (double)LOOK_NS ? now_ns + (int64_t)(left / line->rate) + 1
                                                : now_ns + LOOK_NS;
 }
 
-static void paced_sleep_until(struct clock *clock, int64_t deadline_ns)
+static void pace_sleep_until(struct clock *clock, int64_t deadline_ns)
 {
     const struct pace *pace = (struct pace *)clock;
 
@@ -51,29 +51,30 @@ static void paced_sleep_until(struct clock *clock, int64_t deadline_ns)
         struct line line;
 
         snapshot_read(pace->line, &line);
-        if (at(&line, now) >= deadline_ns) {
+        if (line_at(&line, now) >= deadline_ns) {
             return;
         }
-        clock_sleep_until(pace->behind, next_look(&line, now, deadline_ns));
+        clock_sleep_until(pace->behind, line_next_look(&line, now, deadline_ns));
     }
 }
 
-/* Frames may come at any pace: it is asked again at the latest when it looks. */
-static void paced_wait_readable(struct clock *clock, struct pollfd *fds, size_t count,
-                                int64_t deadline_ns)
+/* Returns early at the latest when the rate has to be checked again; the caller looks at the time.
+ * */
+static void pace_wait_readable(struct clock *clock, struct pollfd *fds, size_t count,
+                               int64_t deadline_ns)
 {
     const struct pace *pace = (struct pace *)clock;
     int64_t now = clock_now(pace->behind);
     struct line line;
 
     snapshot_read(pace->line, &line);
-    clock_wait_readable(pace->behind, fds, count, next_look(&line, now, deadline_ns));
+    clock_wait_readable(pace->behind, fds, count, line_next_look(&line, now, deadline_ns));
 }
 
 enum error_code pace_create(struct clock *behind, struct arena *arena, struct pace **out,
                             struct error *error)
 {
-    static const struct clock_ops ops = {paced_now, paced_sleep_until, paced_wait_readable};
+    static const struct clock_ops ops = {pace_now, pace_sleep_until, pace_wait_readable};
     int64_t now = clock_now(behind);
     struct pace *made = arena_alloc(arena, 1, sizeof *made);
     enum error_code code;
@@ -84,11 +85,12 @@ enum error_code pace_create(struct clock *behind, struct arena *arena, struct pa
     made->clock.ops = &ops;
     made->behind = behind;
     code = snapshot_create(sizeof(struct line), arena, &made->line, error);
-    if (!code) {
-        snapshot_write(made->line, &(struct line){now, now, 1.0});
+    if (code) {
+        return code;
     }
+    snapshot_write(made->line, &(struct line){now, now, 1.0});
     *out = made;
-    return code;
+    return ERROR_NONE;
 }
 
 void pace_set(struct pace *pace, double rate)
@@ -97,7 +99,7 @@ void pace_set(struct pace *pace, double rate)
     struct line line;
 
     snapshot_read(pace->line, &line);
-    line = (struct line){now, at(&line, now), rate};
+    line = (struct line){now, line_at(&line, now), rate};
     snapshot_write(pace->line, &line);
 }
 

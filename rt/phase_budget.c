@@ -4,8 +4,8 @@
 
 const struct phase_budget phase_budgets[PHASE_COUNT] = {
     [PHASE_WAIT] = {"sleeps until the deadline (real), until a STEP comes (lockstep) or not at all "
-                    "(free); what another thread has asked for is carried out; an inline task "
-                    "takes its step",
+                    "(free); before that, faults that are due begin and end and requests of "
+                    "another thread are carried out; an inline task takes its step",
                     0, 0.0, 0.0},
     [PHASE_RECEIVE] = {"takes all frames from all buses and hands each to its board", 9000, 2.2,
                        10.1},

@@ -2,8 +2,8 @@
 /*
  * What each phase of a tick does and may cost: COMAN's squat on its five buses in wire mode, in
  * instructions of an x86-64 processor as callgrind counts them, the mean of a tick. At one
- * instruction in a nanosecond, which every lab PC exceeds, 10,000 are one per cent of the tick of 1 ms.
- * tests/rt/phase_instructions.sh holds the loop to it.
+ * instruction in a nanosecond, which every lab PC exceeds, 10,000 are one per cent of the tick of 1
+ * ms. tests/rt/phase_instructions.sh holds the loop to it. A constant table: RT-safe.
  */
 #ifndef RT_PHASE_BUDGET_H
 #define RT_PHASE_BUDGET_H

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Static tracepoints (USDT) at the seams of the loop, for perf, bpftrace, SystemTap and gdb on the
- * very program that runs a lab's rig. A probe that nobody watches is one nop; its arguments are values
- * that the loop has at hand. Without <sys/sdt.h> at build time (Debian: systemtap-sdt-dev), or with
- * -DHIL_PROBES=OFF, a probe is nothing at all.
+ * very program that runs a lab's rig. A probe that nobody watches is one nop; its arguments are
+ * values that the loop has at hand. Without <sys/sdt.h> at build time (Debian: systemtap-sdt-dev),
+ * or with -DHIL_PROBES=OFF, a probe is nothing at all.
  *
  * Provider coman_hil. All probes are hit in the loop's thread, and these are all there are:
  *
@@ -11,9 +11,11 @@
  *   tick_begin(tick, time_ns)       the wait is over; tick from 0, virtual time at which it begins
  *   received(bus, frames)           one batch taken from a bus, in wait and receive
  *   sent(bus, frames, accepted)     one batch for a bus; accepted by its port
- *   phase_end(phase, ns)            a phase has ended; enum loop_phase, 0 wait to 6 publish, and what
+ *   phase_end(phase, ns)            a phase has ended; enum loop_phase, 0 wait to 6 publish, and
+ *   what
  *                                   it took
- *   overrun(phase, ns)              an overrun, the phase it is charged to, how far past the deadline
+ *   overrun(phase, ns)              an overrun, the phase it is charged to, how far past the
+ *   deadline
  *   tick_end(tick, work_ns)         accounts are done; the tick without the wait
  *   run_end(end, ticks)             enum loop_end; before the motors are switched off
  *

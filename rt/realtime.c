@@ -18,8 +18,8 @@
 
 enum { STACK_TOUCHED = 256 * 1024 };
 
-static void __attribute__((format(printf, 2, 3)))
-warn(struct realtime_report *report, const char *format, ...)
+__attribute__((format(printf, 2, 3))) static void realtime_warn(struct realtime_report *report,
+                                                                const char *format, ...)
 {
     va_list args;
 
@@ -30,7 +30,7 @@ warn(struct realtime_report *report, const char *format, ...)
     }
 }
 
-static void take_processor(int cpu, struct realtime_report *report)
+static void realtime_pin_processor(int cpu, struct realtime_report *report)
 {
     cpu_set_t set;
 
@@ -41,13 +41,14 @@ static void take_processor(int cpu, struct realtime_report *report)
     if (cpu < CPU_SETSIZE && sched_setaffinity(0, sizeof set, &set) == 0) {
         report->pinned = true;
     } else {
-        warn(report,
-             "cannot stay on processor %d (%s): runs on any; there are %ld, numbered from 0", cpu,
-             cpu < CPU_SETSIZE ? strerror(errno) : "no such number", sysconf(_SC_NPROCESSORS_ONLN));
+        realtime_warn(
+            report, "cannot stay on processor %d (%s): runs on any; there are %ld, numbered from 0",
+            cpu, cpu < CPU_SETSIZE ? strerror(errno) : "no such number",
+            sysconf(_SC_NPROCESSORS_ONLN));
     }
 }
 
-static void take_priority(int priority, struct realtime_report *report)
+static void realtime_set_priority(int priority, struct realtime_report *report)
 {
     struct sched_param param = {.sched_priority = priority};
     struct rlimit limit = {0};
@@ -55,42 +56,45 @@ static void take_priority(int priority, struct realtime_report *report)
     if (sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &param) == 0) {
         report->fifo = true;
         if (access("/sys/kernel/realtime", F_OK)) {
-            warn(report, "this kernel is not a real-time (PREEMPT_RT) one: wake-ups may be late by "
-                         "milliseconds; see the wake-up line of the summary");
+            realtime_warn(
+                report, "this kernel is not a real-time (PREEMPT_RT) one: wake-ups may be late by "
+                        "milliseconds; see the wake-up line of the summary");
         }
         return;
     }
     if (errno == EPERM) {
         getrlimit(RLIMIT_RTPRIO, &limit);
-        warn(report,
-             "no permission for SCHED_FIFO priority %d (RLIMIT_RTPRIO is %llu): runs as a normal "
-             "thread; allow it with 'rtprio %d' in /etc/security/limits.d or CAP_SYS_NICE",
-             priority, (unsigned long long)limit.rlim_cur, priority);
+        realtime_warn(
+            report,
+            "no permission for SCHED_FIFO priority %d (RLIMIT_RTPRIO is %llu): runs as a normal "
+            "thread; allow it with 'rtprio %d' in /etc/security/limits.d or CAP_SYS_NICE",
+            priority, (unsigned long long)limit.rlim_cur, priority);
     } else {
-        warn(report, "cannot have SCHED_FIFO priority %d: %s: runs as a normal thread", priority,
-             strerror(errno));
+        realtime_warn(report, "cannot set SCHED_FIFO priority %d: %s: runs as a normal thread",
+                      priority, strerror(errno));
     }
 }
 
-static void lock_memory(struct realtime_report *report)
+static void realtime_lock_memory(struct realtime_report *report)
 {
     struct rlimit limit = {0};
 
-    /* on fault: the arena reserves far more address space than it touches */
+    /* On fault: the arena reserves far more address space than it touches */
     if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0) {
         report->locked = true;
         return;
     }
     getrlimit(RLIMIT_MEMLOCK, &limit);
-    warn(report,
-         "cannot lock memory (%s; RLIMIT_MEMLOCK is %llu kB): pages may be swapped out; allow it "
-         "with 'memlock unlimited' in /etc/security/limits.d or CAP_IPC_LOCK",
-         strerror(errno), (unsigned long long)limit.rlim_cur / 1024);
+    realtime_warn(
+        report,
+        "cannot lock memory (%s; RLIMIT_MEMLOCK is %llu kB): pages may be swapped out; allow it "
+        "with 'memlock unlimited' in /etc/security/limits.d or CAP_IPC_LOCK",
+        strerror(errno), (unsigned long long)limit.rlim_cur / 1024);
 }
 
-/* the kernel keeps to it as long as the file is open, which is meant to be until the end; the loop's
- * thread and the task's may ask at once */
-static void stay_awake(struct realtime_report *report)
+/* The kernel honors it as long as the file is open, which is until the process ends; the loop's
+ * thread and the task's may get here at once. */
+static void realtime_avoid_idle_states(struct realtime_report *report)
 {
     static _Atomic int shared = -1;
     int32_t latency_us = 0;
@@ -107,7 +111,7 @@ static void stay_awake(struct realtime_report *report)
                     write(descriptor, &latency_us, sizeof latency_us) == (ssize_t)sizeof latency_us;
 }
 
-static void __attribute__((noinline)) touch_stack(void)
+__attribute__((noinline)) static void realtime_touch_stack(void)
 {
     volatile unsigned char stack[STACK_TOUCHED];
 
@@ -116,20 +120,20 @@ static void __attribute__((noinline)) touch_stack(void)
     }
 }
 
-/* without a sanitizer's opinion: between two variables there is nothing that may be read */
+/* Reads padding between variables, which a sanitizer would object to. */
 __attribute__((no_sanitize("address", "thread"))) static void
-touch_pages(uintptr_t begin, uintptr_t end, size_t page)
+realtime_touch_pages(uintptr_t begin, uintptr_t end, size_t page)
 {
     for (uintptr_t at = begin; at < end; at += page) {
         (void)*(const volatile unsigned char *)at;
     }
 }
 
-/* the segments of one program or library */
-static int touch_object(struct dl_phdr_info *info, size_t size, void *context)
+/* The segments of the program or of one library. */
+static int realtime_touch_object(struct dl_phdr_info *info, size_t size, void *context)
 {
     const size_t *page = context;
-    uintptr_t constant = 0; /* end of what is read only once it was relocated */
+    uintptr_t constant = 0; /* end of what is read-only after relocation */
 
     (void)size;
     for (int i = 0; i < info->dlpi_phnum; i++) {
@@ -147,11 +151,11 @@ static int touch_object(struct dl_phdr_info *info, size_t size, void *context)
         if (part->p_type != PT_LOAD || !(part->p_flags & PF_R)) {
             continue;
         }
-        touch_pages(begin, end, *page);
+        realtime_touch_pages(begin, end, *page);
         if (part->p_flags & PF_W) {
             begin = constant > begin ? constant / *page * *page : begin;
-            /* the private copies, which are made at the first write; kernels before 5.14 refuse, and
-             * make them then */
+            /* Makes the private copies now rather than at the first write; kernels before 5.14
+             * refuse */
             madvise((void *)begin, end > begin ? end - begin : 0, MADV_POPULATE_WRITE);
         }
     }
@@ -162,24 +166,24 @@ void realtime_touch(void)
 {
     size_t page = (size_t)sysconf(_SC_PAGESIZE);
 
-    dl_iterate_phdr(touch_object, &page);
-    touch_stack();
+    dl_iterate_phdr(realtime_touch_object, &page);
+    realtime_touch_stack();
 }
 
 void realtime_apply(const struct realtime_config *config, struct realtime_report *report)
 {
     memset(report, 0, sizeof *report);
-    /* a normal thread's sleeps end up to 50 us late unless it asks for less */
+    /* A normal thread's sleeps end up to 50 us late unless it asks for less */
     prctl(PR_SET_TIMERSLACK, 1ul);
     if (config->cpu >= 0) {
-        take_processor(config->cpu, report);
+        realtime_pin_processor(config->cpu, report);
     }
     if (config->lock_memory) {
-        lock_memory(report);
+        realtime_lock_memory(report);
     }
     if (config->priority > 0) {
-        take_priority(config->priority, report);
-        stay_awake(report);
+        realtime_set_priority(config->priority, report);
+        realtime_avoid_idle_states(report);
     }
-    touch_stack();
+    realtime_touch_stack();
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the system gives to a real-time thread: a FIFO priority, locked memory, a processor of its
- * own, idle states that are left at once. Each is taken when it is allowed; when it is not, one warning says why and what would help.
- * Not RT-safe: call it before the loop.
+ * Real-time service of the system for the calling thread: a FIFO priority, locked memory, a
+ * processor of its own, no deep idle states. Each is used when the system allows it; when it does
+ * not, one warning says why and how to allow it. Not RT-safe: call it before the loop.
  */
 #ifndef RT_REALTIME_H
 #define RT_REALTIME_H
@@ -25,12 +25,12 @@ struct realtime_report {
     char warning[REALTIME_WARNINGS_MAX][256];
 };
 
-/* Applies what it can to the calling thread, touches its stack, and reports the rest. That the idle
- * states could not be had is no warning: many machines have none that matter. */
+/* Applies what it can to the calling thread, touches its stack, and reports the rest. Idle states
+ * that cannot be held off are no warning: on many machines none matter. */
 void realtime_apply(const struct realtime_config *config, struct realtime_report *report);
 
-/* Brings into memory what a loop uses beside its arena, for any clock: the calling thread's stack, and
- * the code and data of the program and its libraries, whose pages the system else maps at their first
+/* Prefaults what a loop uses beside its arena, for any clock: the calling thread's stack, and the
+ * code and data of the program and its libraries, whose pages the system otherwise maps at first
  * use. */
 void realtime_touch(void);
 

@@ -22,16 +22,16 @@ enum {
     FRAME_RING = 65536, /* about a second of a fully loaded rig */
     ROW_RING = 1024,
     NUMBER_SIZE = 32, /* of a value in a row, with its comma */
-    ROUND = 4096,     /* items written before the thread looks about again */
+    ROUND = 4096,     /* items written before the thread tends its files again */
     IDLE_NS = 2000000,
     WAIT_NS = 100000, /* the loop's, for room in a ring */
 };
 
-#define ATTEND_NS (250 * CLOCK_MS)
-#define CANCEL_NS                                                                                  \
-    (5 * CLOCK_SECOND) /* a call of the system that a signal does not end by then hangs */
+#define TEND_NS (250 * CLOCK_MS)
+/* A system call that a signal has not ended by then hangs */
+#define CANCEL_NS (5 * CLOCK_SECOND)
 
-/* What has gone wrong, as of recorder_next_event. */
+/* What went wrong, as reported by recorder_next_event. */
 enum recorder_event { EVENT_LOG, EVENT_CSV, EVENT_DROPS, EVENT_GIVEN_UP };
 
 struct frame_item {
@@ -39,13 +39,13 @@ struct frame_item {
     uint32_t bus;
 };
 
-/* Counted by the loop, read by anybody. */
-struct tally {
+/* Counted by the loop, read by any thread. */
+struct recorder_tally {
     _Atomic uint64_t frames, rows, frames_dropped, rows_dropped;
 };
 
-/* What was told of a file. */
-struct told {
+/* What has been reported of a file. */
+struct file_reports {
     bool moved, ended;
 };
 
@@ -53,43 +53,43 @@ struct recorder {
     struct recorder_config config;
     struct ring frames, rows;
     double *row; /* the loop's scratch: time in whole ns, then the signals */
-    char *line;  /* the thread's, for one line of either file */
-    struct tally tally;
+    char *line;  /* the thread's scratch, for one line of either file */
+    struct recorder_tally tally;
     struct line_file log, csv;
     bool made_directory;
     pthread_t thread;
     _Atomic uint64_t beat; /* moves while the thread does */
-    int64_t attend_ns;     /* when the thread looks after its files again */
+    int64_t tend_ns;       /* when the thread flushes and checks its files again */
     atomic_bool stop, ended;
     atomic_bool given_up;
 
-    /* of the thread that asks for events */
-    struct told log_told, csv_told;
-    bool given_up_told;
-    uint64_t drops_told;
-    int64_t drops_told_ns;
+    /* Of the thread that asks for events */
+    struct file_reports log_reports, csv_reports;
+    bool given_up_reported;
+    uint64_t drops_reported;
+    int64_t drops_reported_ns;
 };
 
-static int64_t now_ns(void)
+static int64_t recorder_clock_now(void)
 {
     return clock_now(clock_monotonic());
 }
 
-static void nap(int64_t ns)
+static void recorder_nap(int64_t ns)
 {
     nanosleep(&(struct timespec){.tv_nsec = ns}, NULL);
 }
 
 /* ---- the writing thread ---- */
 
-static void write_frame(struct recorder *recorder, const struct frame_item *item)
+static void recorder_write_frame(struct recorder *recorder, const struct frame_item *item)
 {
     size_t size = candump_format(&item->frame, recorder->config.bus[item->bus], recorder->line);
 
     line_file_put(&recorder->log, recorder->line, size);
 }
 
-static void write_row(struct recorder *recorder, const double *row)
+static void recorder_write_row(struct recorder *recorder, const double *row)
 {
     char *line = recorder->line;
     size_t size = (size_t)sprintf(line, "%.6f", row[0] * 1e-9);
@@ -101,31 +101,32 @@ static void write_row(struct recorder *recorder, const double *row)
     line_file_put(&recorder->csv, line, size);
 }
 
-/* An item leaves its ring when it is written: what a thread that hangs leaves behind is counted. */
-static bool drain(struct recorder *recorder)
+/* Writes what waits, a round of it. An item leaves its ring when it is written, so that what a hung
+ * thread leaves behind is counted. False when nothing waited. */
+static bool recorder_drain_rings(struct recorder *recorder)
 {
     const void *item;
     int count = 0;
 
     for (; count < ROUND && (item = ring_front(&recorder->frames)); count++) {
-        write_frame(recorder, item);
+        recorder_write_frame(recorder, item);
         ring_drop(&recorder->frames);
     }
     for (; count < 2 * ROUND && (item = ring_front(&recorder->rows)); count++) {
-        write_row(recorder, item);
+        recorder_write_row(recorder, item);
         ring_drop(&recorder->rows);
     }
     return count > 0;
 }
 
-/* Now and then: what waits goes to the disk, and the files are looked after. */
-static void attend(struct recorder *recorder)
+/* Moves the beat; a few times a second flushes the files and checks that they still exist. */
+static void recorder_tend_files(struct recorder *recorder)
 {
-    int64_t now = now_ns();
+    int64_t now = recorder_clock_now();
 
     atomic_fetch_add_explicit(&recorder->beat, 1, memory_order_relaxed);
-    if (now >= recorder->attend_ns) {
-        recorder->attend_ns = now + ATTEND_NS;
+    if (now >= recorder->tend_ns) {
+        recorder->tend_ns = now + TEND_NS;
         line_file_flush(&recorder->log);
         line_file_flush(&recorder->csv);
         line_file_look(&recorder->log);
@@ -133,30 +134,30 @@ static void attend(struct recorder *recorder)
     }
 }
 
-static void thread_ended(void *context)
+static void recorder_thread_ended(void *context)
 {
     atomic_store(&((struct recorder *)context)->ended, true);
 }
 
-static void *thread_main(void *context)
+static void *recorder_thread_main(void *context)
 {
     struct recorder *recorder = context;
     sigset_t of_writing;
 
-    /* a pipe without a reader and a file at its limit are errors of write */
+    /* A pipe without a reader and a file at its size limit are errors of write, not signals */
     sigemptyset(&of_writing);
     sigaddset(&of_writing, SIGPIPE);
     sigaddset(&of_writing, SIGXFSZ);
     pthread_sigmask(SIG_BLOCK, &of_writing, NULL);
-    pthread_cleanup_push(thread_ended, recorder);
+    pthread_cleanup_push(recorder_thread_ended, recorder);
     while (!atomic_load(&recorder->stop)) {
-        if (!drain(recorder)) {
-            nap(IDLE_NS);
+        if (!recorder_drain_rings(recorder)) {
+            recorder_nap(IDLE_NS);
         }
-        attend(recorder);
+        recorder_tend_files(recorder);
     }
-    while (drain(recorder)) {
-        attend(recorder);
+    while (recorder_drain_rings(recorder)) {
+        recorder_tend_files(recorder);
     }
     line_file_look(&recorder->log);
     line_file_look(&recorder->csv);
@@ -168,7 +169,7 @@ static void *thread_main(void *context)
 
 /* ---- opening ---- */
 
-static bool is_empty(const char *directory, bool *empty)
+static bool directory_is_empty(const char *directory, bool *empty)
 {
     DIR *stream = opendir(directory);
     const struct dirent *entry;
@@ -186,8 +187,8 @@ static bool is_empty(const char *directory, bool *empty)
     return true;
 }
 
-static enum error_code prepare_directory(const struct recorder_config *config, bool *made,
-                                         struct error *error)
+static enum error_code recorder_prepare_directory(const struct recorder_config *config, bool *made,
+                                                  struct error *error)
 {
     bool empty = false;
 
@@ -198,7 +199,7 @@ static enum error_code prepare_directory(const struct recorder_config *config, b
     if (errno != EEXIST) {
         return error_set_errno(error, errno, "cannot make the directory %s", config->directory);
     }
-    if (!is_empty(config->directory, &empty)) {
+    if (!directory_is_empty(config->directory, &empty)) {
         return error_set_errno(error, errno, "cannot record into %s", config->directory);
     }
     if (!empty && !config->overwrite) {
@@ -210,8 +211,8 @@ static enum error_code prepare_directory(const struct recorder_config *config, b
     return ERROR_NONE;
 }
 
-/* The titles of the columns as the first line of signals.csv; NULL when memory is short. */
-static const char *make_title(const struct recorder_config *config, struct arena *arena)
+/* The titles of the columns as the first line of signals.csv; NULL when memory is used up. */
+static const char *recorder_make_title(const struct recorder_config *config, struct arena *arena)
 {
     size_t size = sizeof "time_s\n", used;
     char *title;
@@ -231,7 +232,7 @@ static const char *make_title(const struct recorder_config *config, struct arena
     return title;
 }
 
-static struct recorder *allocate(const struct recorder_config *config, struct arena *arena)
+static struct recorder *recorder_allocate(const struct recorder_config *config, struct arena *arena)
 {
     struct recorder *made = arena_alloc(arena, 1, sizeof *made);
     uint32_t count = config->frame_ring ? (uint32_t)config->frame_ring : FRAME_RING;
@@ -254,12 +255,12 @@ static struct recorder *allocate(const struct recorder_config *config, struct ar
     return made;
 }
 
-static enum error_code open_files(struct recorder *recorder, struct arena *arena,
-                                  struct error *error)
+static enum error_code recorder_open_files(struct recorder *recorder, struct arena *arena,
+                                           struct error *error)
 {
     const struct recorder_config *config = &recorder->config;
     size_t longest = (1 + config->nsignal) * NUMBER_SIZE;
-    const char *title = make_title(config, arena);
+    const char *title = recorder_make_title(config, arena);
     enum error_code code;
 
     if (!title) {
@@ -273,8 +274,8 @@ static enum error_code open_files(struct recorder *recorder, struct arena *arena
                                  &recorder->beat, arena, error);
 }
 
-/* What was made, when no thread writes it. */
-static void remove_all(struct recorder *recorder)
+/* Removes the files and the directory if it was made; when no thread writes them. */
+static void recorder_remove_files(struct recorder *recorder)
 {
     line_file_remove(&recorder->csv);
     line_file_remove(&recorder->log);
@@ -286,71 +287,76 @@ static void remove_all(struct recorder *recorder)
 enum error_code recorder_open(const struct recorder_config *config, struct arena *arena,
                               struct recorder **recorder, struct error *error)
 {
-    struct recorder *made = allocate(config, arena);
+    struct recorder *made = recorder_allocate(config, arena);
     enum error_code code;
     int reason;
 
     if (!made) {
         return error_set(error, ERROR_MEMORY, "no memory left for the recorder");
     }
-    code = prepare_directory(config, &made->made_directory, error);
-    if (!code) {
-        code = open_files(made, arena, error);
-    }
+    code = recorder_prepare_directory(config, &made->made_directory, error);
     if (code) {
-        remove_all(made);
-        return code;
+        goto fail;
     }
-    reason = pthread_create(&made->thread, NULL, thread_main, made);
+    code = recorder_open_files(made, arena, error);
+    if (code) {
+        goto fail;
+    }
+    reason = pthread_create(&made->thread, NULL, recorder_thread_main, made);
     if (reason) {
-        remove_all(made);
-        return error_set_errno(error, reason, "cannot start the recorder's thread");
+        code = error_set_errno(error, reason, "cannot start the recorder's thread");
+        goto fail;
     }
     *recorder = made;
     return ERROR_NONE;
+
+fail:
+    recorder_remove_files(made);
+    return code;
 }
 
 /* ---- the loop's side ---- */
 
-/* Whether the thread has stood still for so long; *beat and *since_ns are of the last call. */
-static bool stands_still(const struct recorder *recorder, int64_t patience_ns, uint64_t *beat,
-                         int64_t *since_ns)
+/* Whether the writing thread has made no progress for so long; *beat and *since_ns carry over from
+ * call to call. */
+static bool recorder_thread_stalled(const struct recorder *recorder, int64_t timeout_ns,
+                                    uint64_t *beat, int64_t *since_ns)
 {
     uint64_t now_at = atomic_load_explicit(&recorder->beat, memory_order_relaxed);
-    int64_t now = now_ns();
+    int64_t now = recorder_clock_now();
 
     if (now_at != *beat) {
         *beat = now_at;
         *since_ns = now;
     }
-    return now - *since_ns > patience_ns;
+    return now - *since_ns > timeout_ns;
 }
 
-/* false: the disk is given up */
-static bool wait_for_room(struct recorder *recorder, struct ring *ring, const void *item)
+/* Waits for room in a ring; false when the disk is given up. */
+static bool recorder_wait_for_room(struct recorder *recorder, struct ring *ring, const void *item)
 {
     uint64_t beat = atomic_load_explicit(&recorder->beat, memory_order_relaxed);
-    int64_t since = now_ns();
+    int64_t since = recorder_clock_now();
 
     while (!ring_push(ring, item)) {
-        if (stands_still(recorder, recorder->config.stall_ns, &beat, &since)) {
+        if (recorder_thread_stalled(recorder, recorder->config.stall_ns, &beat, &since)) {
             atomic_store(&recorder->given_up, true);
             return false;
         }
-        nap(WAIT_NS);
+        recorder_nap(WAIT_NS);
     }
     return true;
 }
 
-static void push(struct recorder *recorder, struct ring *ring, const void *item,
-                 _Atomic uint64_t *taken, _Atomic uint64_t *dropped)
+static void recorder_push(struct recorder *recorder, struct ring *ring, const void *item,
+                          _Atomic uint64_t *taken, _Atomic uint64_t *dropped)
 {
     bool pushed = !atomic_load_explicit(&recorder->given_up, memory_order_relaxed) &&
                   (ring_push(ring, item) ||
-                   (recorder->config.lossless && wait_for_room(recorder, ring, item)));
+                   (recorder->config.lossless && recorder_wait_for_room(recorder, ring, item)));
     _Atomic uint64_t *count = pushed ? taken : dropped;
 
-    /* nobody else writes it */
+    /* No other thread writes it: no need for an atomic increment */
     atomic_store_explicit(count, atomic_load_explicit(count, memory_order_relaxed) + 1,
                           memory_order_relaxed);
 }
@@ -361,29 +367,30 @@ void recorder_frame(struct recorder *recorder, size_t bus, const struct bus_fram
     struct frame_item item = {.frame = *frame, .bus = (uint32_t)bus};
 
     item.frame.time_ns = time_ns;
-    push(recorder, &recorder->frames, &item, &recorder->tally.frames,
-         &recorder->tally.frames_dropped);
+    recorder_push(recorder, &recorder->frames, &item, &recorder->tally.frames,
+                  &recorder->tally.frames_dropped);
 }
 
 void recorder_row(struct recorder *recorder, int64_t time_ns, const double *value)
 {
     recorder->row[0] = (double)time_ns;
     memcpy(recorder->row + 1, value, recorder->config.nsignal * sizeof *value);
-    push(recorder, &recorder->rows, recorder->row, &recorder->tally.rows,
-         &recorder->tally.rows_dropped);
+    recorder_push(recorder, &recorder->rows, recorder->row, &recorder->tally.rows,
+                  &recorder->tally.rows_dropped);
 }
 
-/* ---- what has gone wrong ---- */
+/* ---- reports of what went wrong ---- */
 
-static bool file_event(const struct line_file *file, struct told *told, char *text, size_t size)
+static bool recorder_file_event(const struct line_file *file, struct file_reports *reports,
+                                char *text, size_t size)
 {
-    if (atomic_load(&file->ended) && !told->ended) {
-        told->ended = true;
+    if (atomic_load(&file->ended) && !reports->ended) {
+        reports->ended = true;
         snprintf(text, size, "%s", file->error.text);
         return true;
     }
-    if (atomic_load(&file->moved) && !told->moved) {
-        told->moved = true;
+    if (atomic_load(&file->moved) && !reports->moved) {
+        reports->moved = true;
         snprintf(text, size, "%s has another name now: recording goes on in the same file",
                  file->path);
         return true;
@@ -391,18 +398,18 @@ static bool file_event(const struct line_file *file, struct told *told, char *te
     return false;
 }
 
-static bool drop_event(struct recorder *recorder, char *text, size_t size)
+static bool recorder_drop_event(struct recorder *recorder, char *text, size_t size)
 {
     uint64_t frames = atomic_load_explicit(&recorder->tally.frames_dropped, memory_order_relaxed);
     uint64_t rows = atomic_load_explicit(&recorder->tally.rows_dropped, memory_order_relaxed);
-    int64_t now = now_ns();
+    int64_t now = recorder_clock_now();
 
-    if (frames + rows == recorder->drops_told ||
-        (recorder->drops_told && now - recorder->drops_told_ns < CLOCK_SECOND)) {
+    if (frames + rows == recorder->drops_reported ||
+        (recorder->drops_reported && now - recorder->drops_reported_ns < CLOCK_SECOND)) {
         return false;
     }
-    recorder->drops_told = frames + rows;
-    recorder->drops_told_ns = now;
+    recorder->drops_reported = frames + rows;
+    recorder->drops_reported_ns = now;
     snprintf(text, size,
              "the disk does not keep up with the recording: %" PRIu64 " frames and %" PRIu64
              " rows dropped until now",
@@ -412,16 +419,16 @@ static bool drop_event(struct recorder *recorder, char *text, size_t size)
 
 bool recorder_next_event(struct recorder *recorder, unsigned *kind, char *text, size_t size)
 {
-    if (file_event(&recorder->log, &recorder->log_told, text, size)) {
+    if (recorder_file_event(&recorder->log, &recorder->log_reports, text, size)) {
         *kind = EVENT_LOG;
         return true;
     }
-    if (file_event(&recorder->csv, &recorder->csv_told, text, size)) {
+    if (recorder_file_event(&recorder->csv, &recorder->csv_reports, text, size)) {
         *kind = EVENT_CSV;
         return true;
     }
-    if (atomic_load(&recorder->given_up) && !recorder->given_up_told) {
-        recorder->given_up_told = true;
+    if (atomic_load(&recorder->given_up) && !recorder->given_up_reported) {
+        recorder->given_up_reported = true;
         *kind = EVENT_GIVEN_UP;
         snprintf(text, size,
                  "the disk of %s took nothing for %.1f s: recording ends here, the run goes on",
@@ -429,39 +436,39 @@ bool recorder_next_event(struct recorder *recorder, unsigned *kind, char *text, 
         return true;
     }
     *kind = EVENT_DROPS;
-    return drop_event(recorder, text, size);
+    return recorder_drop_event(recorder, text, size);
 }
 
 /* ---- the end ---- */
 
-/* false: it hangs */
-static bool wait_for_thread(const struct recorder *recorder, int64_t patience_ns)
+/* Waits until the writing thread has ended; false when it hangs. */
+static bool recorder_wait_for_thread(const struct recorder *recorder, int64_t timeout_ns)
 {
     uint64_t beat = atomic_load_explicit(&recorder->beat, memory_order_relaxed);
-    int64_t since = now_ns();
+    int64_t since = recorder_clock_now();
 
     while (!atomic_load(&recorder->ended)) {
-        if (stands_still(recorder, patience_ns, &beat, &since)) {
+        if (recorder_thread_stalled(recorder, timeout_ns, &beat, &since)) {
             return false;
         }
-        nap(WAIT_NS);
+        recorder_nap(WAIT_NS);
     }
     return true;
 }
 
-/* Ends the thread; one that hangs in a call of the system is cancelled, and dies when that returns,
- * before it touches anything of ours. */
-static void end_thread(struct recorder *recorder, struct recorder_counters *counters)
+/* Ends the thread; one that hangs in a system call is cancelled, and dies when that returns, before
+ * it touches the recorder again. */
+static void recorder_end_thread(struct recorder *recorder, struct recorder_counters *counters)
 {
     int64_t stall = recorder->config.stall_ns;
 
     atomic_store(&recorder->stop, true);
-    if (wait_for_thread(recorder, atomic_load(&recorder->given_up) ? stall / 10 : stall)) {
+    if (recorder_wait_for_thread(recorder, atomic_load(&recorder->given_up) ? stall / 10 : stall)) {
         pthread_join(recorder->thread, NULL);
         return;
     }
     pthread_cancel(recorder->thread);
-    if (wait_for_thread(recorder, CANCEL_NS)) {
+    if (recorder_wait_for_thread(recorder, CANCEL_NS)) {
         pthread_join(recorder->thread, NULL);
         line_file_abandon(&recorder->log);
         line_file_abandon(&recorder->csv);
@@ -476,7 +483,7 @@ enum error_code recorder_close(struct recorder *recorder, struct recorder_counte
                                struct error *error)
 {
     *counters = (struct recorder_counters){0};
-    end_thread(recorder, counters);
+    recorder_end_thread(recorder, counters);
     counters->frames = atomic_load(&recorder->tally.frames);
     counters->rows = atomic_load(&recorder->tally.rows);
     counters->frames_dropped = atomic_load(&recorder->tally.frames_dropped);
@@ -491,8 +498,8 @@ enum error_code recorder_close(struct recorder *recorder, struct recorder_counte
         counters->rows_unwritten) {
         return error_set(error, ERROR_SYSTEM,
                          "the recording in %s is not whole: of %" PRIu64 " frames and %" PRIu64
-                         " rows %" PRIu64 " and %" PRIu64 " were dropped, for the disk did not "
-                         "keep up",
+                         " rows %" PRIu64 " and %" PRIu64 " were dropped, because the disk did "
+                         "not keep up",
                          recorder->config.directory, counters->frames + counters->frames_dropped,
                          counters->rows + counters->rows_dropped,
                          counters->frames_dropped + counters->frames_unwritten,
@@ -505,6 +512,6 @@ void recorder_discard(struct recorder *recorder)
 {
     struct recorder_counters counters = {0};
 
-    end_thread(recorder, &counters);
-    remove_all(recorder);
+    recorder_end_thread(recorder, &counters);
+    recorder_remove_files(recorder);
 }

@@ -2,30 +2,31 @@
 /*
  * Records a run into a directory: candump.log (every frame of every bus in both directions, the
  * format of candump -L, stamped with virtual time) and signals.csv (one row every so many ticks,
- * for plots). A thread of its own formats and writes; the loop only copies into rings.
+ * for plots). A thread of its own formats and writes; the loop only copies into rings. SI units,
+ * times in ns.
  *
  * Frames received in a tick carry the virtual time at which the tick begins, frames sent that at
- * which it ends; so the log depends on nothing but the run, and equal runs give equal bytes. With
- * the real clock this is the time of the grid, not of the wall.
+ * which it ends; so the log depends on the run alone, and equal runs give equal bytes. With the
+ * real clock this is the time of the grid, not wall time.
  *
- * What is promised when the disk does not do its part:
+ * What is guaranteed when the disk fails or is slow:
  *
- * - Slow, real clock. The loop never waits: what finds a ring full is dropped and counted, and so
- *   said once a second. When the disk has caught up the recording goes on behind the gap.
- * - Slow, lockstep and free run (lossless). The loop waits, for virtual time can. A disk that takes
- *   nothing for stall_ns is given up: from there on everything is dropped and counted.
- * - Full, broken, at the limit of a file's size, or a pipe that nobody reads any more. The file ends
- *   there, the other one and the run go on. It ends with a whole line: what a torn write has left
- *   is cut off; where that cannot be done, in a pipe, it is said.
- * - Removed. The file ends there too, and its room on the disk is given back.
- * - Renamed, as a log rotation does it. Recording goes on into the same file; said.
- * - What has not been written 250 ms ago is written; a program that is killed leaves the rest
- *   unwritten and perhaps half a line.
+ * - Slow, real clock. The loop never waits: what finds a ring full is dropped and counted, and
+ *   reported once a second. When the disk has caught up the recording goes on after the gap.
+ * - Slow, lockstep and free run (lossless). The loop waits, since virtual time can. A disk that
+ *   accepts nothing for stall_ns is given up: from then on everything is dropped and counted.
+ * - Full, broken, at the limit of a file's size, or a pipe that nobody reads any more. The file
+ *   ends there, the other one and the run go on. It ends with a whole line: what a partial write
+ *   has left is cut off; where that is impossible, in a pipe, it is reported.
+ * - Removed. The file ends there too, and its space on the disk is freed.
+ * - Renamed, as a log rotation does it. Recording goes on into the same file; reported.
+ * - Everything is written within 250 ms; a program that is killed leaves the rest unwritten and
+ *   perhaps half a line.
  *
- * All of it is said within a second (recorder_next_event), counted, and makes recorder_close fail.
- * The books close: frames offered = frames + frames_dropped, lines in candump.log = frames -
- * frames_unwritten, rows alike (but for a disk that hangs beyond all signals until the program ends:
- * what its thread had in hand is then not counted).
+ * All of it is reported within a second (recorder_next_event), counted, and makes recorder_close
+ * fail. The accounts balance: frames offered = frames + frames_dropped, lines in candump.log =
+ * frames - frames_unwritten, rows alike (except when a disk hangs beyond all signals until the
+ * program ends: what its thread was writing is then not counted).
  */
 #ifndef RT_RECORDER_H
 #define RT_RECORDER_H
@@ -39,7 +40,7 @@
 #define RECORDER_STALL_NS INT64_C(10000000000)
 
 struct recorder_config {
-    const char *directory; /* made when missing; must be empty or ours to overwrite */
+    const char *directory; /* created when missing; must be empty unless overwrite */
     bool overwrite;        /* replace the files of an earlier recording */
     bool lossless;         /* wait instead of dropping */
     size_t nbus;
@@ -47,23 +48,23 @@ struct recorder_config {
     size_t nsignal;
     const char *const *signal; /* column titles after time_s */
     size_t frame_ring;         /* frames held between loop and thread, a power of two; 0 = 65536 */
-    int64_t stall_ns;          /* a disk that takes nothing for so long is given up; 0 =
-                                * RECORDER_STALL_NS */
+    int64_t stall_ns;          /* a disk that accepts nothing for so long is given up; 0 =
+                       * RECORDER_STALL_NS */
 };
 
 struct recorder_counters {
-    uint64_t frames, rows;                     /* taken from the loop */
+    uint64_t frames, rows;                     /* accepted from the loop */
     uint64_t frames_dropped, rows_dropped;     /* found the ring full, or the disk given up */
-    uint64_t frames_unwritten, rows_unwritten; /* taken, and then not written */
+    uint64_t frames_unwritten, rows_unwritten; /* accepted, and then not written */
 };
 
 enum { RECORDER_EVENTS = 4 }; /* kinds of events */
 
 struct recorder;
 
-/* Makes the directory and the files and starts the thread. ERROR_INPUT when the directory holds
- * something and overwrite is not set. What it has made is gone again when it fails. Rings come from
- * arena. Not RT-safe. */
+/* Creates the directory and the files and starts the thread. ERROR_INPUT when the directory is not
+ * empty and overwrite is not set; on any error what it has created is removed again. Rings come
+ * from arena. Not RT-safe. */
 enum error_code recorder_open(const struct recorder_config *config, struct arena *arena,
                               struct recorder **recorder, struct error *error);
 
@@ -72,18 +73,19 @@ void recorder_frame(struct recorder *recorder, size_t bus, const struct bus_fram
                     int64_t time_ns);
 void recorder_row(struct recorder *recorder, int64_t time_ns, const double *value);
 
-/* What has gone wrong since the last call, as a sentence; kind (below RECORDER_EVENTS) tells a file
- * of the other, and from drops, which come again at most once a second. False when there is nothing
- * new. From one thread. */
+/* What went wrong since the last call, as a sentence; kind (below RECORDER_EVENTS) distinguishes
+ * the two files, a disk given up, and drops, which are reported at most once a second. False when
+ * there is nothing new. From one thread. Not RT-safe. */
 bool recorder_next_event(struct recorder *recorder, unsigned *kind, char *text, size_t size);
 
-/* Writes what is left and closes the files; a disk that takes nothing for stall_ns is left behind
- * with its thread. Fails when the recording is not whole: with the first thing that went wrong. */
+/* Writes what is left and closes the files; a disk that accepts nothing for stall_ns is abandoned
+ * with its thread. Fails when the recording is incomplete, with the first thing that went wrong.
+ * Not RT-safe. */
 enum error_code recorder_close(struct recorder *recorder, struct recorder_counters *counters,
                                struct error *error);
 
-/* In the place of recorder_close when the run never began: removes what recorder_open has made, so
- * that the next start finds the directory as this one did. */
+/* Instead of recorder_close when the run never began: removes what recorder_open has created, so
+ * that the next start finds the directory as this one did. Not RT-safe. */
 void recorder_discard(struct recorder *recorder);
 
 #endif

@@ -29,7 +29,7 @@ void snapshot_write(struct snapshot *snapshot, const void *value)
         uint64_t word;
 
         memcpy(&word, from + 8 * i, 8);
-        /* release: whoever sees this word also sees the odd sequence number before it */
+        /* Release: whoever sees this word also sees the odd sequence number before it */
         atomic_store_explicit(&snapshot->word[i], word, memory_order_release);
     }
     atomic_store_explicit(&snapshot->sequence, sequence + 2, memory_order_release);

@@ -19,15 +19,15 @@ struct snapshot {
     _Atomic uint64_t *word;
 };
 
-/* Holds values of size bytes (a multiple of 8). Not RT-safe. */
+/* Holds values of size bytes (a multiple of 8). Memory from arena. ERROR_MEMORY. Not RT-safe. */
 enum error_code snapshot_create(size_t size, struct arena *arena, struct snapshot **snapshot,
                                 struct error *error);
 
 /* RT-safe. One thread only. */
 void snapshot_write(struct snapshot *snapshot, const void *value);
 
-/* Copies the last whole value; repeats while a write is under way. Returns how many values have
- * been written, 0 when none has. */
+/* Copies the last whole value; repeats while a write is under way, so not RT-safe for a reader with
+ * a higher priority than the writer. Returns how many values have been written, 0 when none has. */
 uint64_t snapshot_read(const struct snapshot *snapshot, void *value);
 
 #endif

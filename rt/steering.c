@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The rings of requests and answers, what may be looked at from outside, and the sleep between. */
+/* The rings of requests and answers, the state that other threads may read, and the sleep that a
+ * request interrupts. */
 #include "rt/steering_private.h"
 
 #include "base/ring.h"
@@ -12,8 +13,8 @@
 enum { REQUESTS = 64 };
 
 /* Bits of `sleep`. Both sides change it by read-modify-write, which are in one order: either the
- * loop sees the request before it sleeps, or the asker sees the loop asleep and wakes it. */
-enum { SLEEPING = 1, ASKED = 2 };
+ * loop sees the request before it sleeps, or the client sees the loop asleep and wakes it. */
+enum { SLEEPING = 1, REQUESTED = 2 };
 
 struct steering {
     struct steering_machine machine;
@@ -24,10 +25,10 @@ struct steering {
     atomic_bool closed, paused;
     _Atomic uint64_t speed;  /* bits of a double, as below */
     _Atomic uint64_t *value; /* of each tunable */
-    uint64_t changes;
+    uint64_t changes;        /* of the machine, when the values were published last */
 };
 
-static uint64_t to_bits(double value)
+static uint64_t double_to_bits(double value)
 {
     uint64_t bits;
 
@@ -35,7 +36,7 @@ static uint64_t to_bits(double value)
     return bits;
 }
 
-static double from_bits(uint64_t bits)
+static double double_from_bits(uint64_t bits)
 {
     double value;
 
@@ -61,7 +62,7 @@ enum error_code steering_create(const struct steering_machine *machine, struct a
     made->machine = *machine;
     ring_init(&made->requests, requests, sizeof(struct steer_request), REQUESTS);
     ring_init(&made->answers, answers, sizeof(struct steer_answer), REQUESTS);
-    steering_show_values(made, true);
+    steering_publish_values(made, true);
     *out = made;
     return ERROR_NONE;
 }
@@ -78,7 +79,7 @@ const struct steering_machine *steering_machine(const struct steering *steering)
     return &steering->machine;
 }
 
-/* ---- the asker's side ---- */
+/* ---- the client's side ---- */
 
 bool steering_ask(struct steering *steering, const struct steer_request *request)
 {
@@ -89,8 +90,8 @@ bool steering_ask(struct steering *steering, const struct steer_request *request
         !ring_push(&steering->requests, request)) {
         return false;
     }
-    before = atomic_fetch_or_explicit(&steering->sleep, ASKED, memory_order_acq_rel);
-    if ((before & SLEEPING) && !(before & ASKED)) {
+    before = atomic_fetch_or_explicit(&steering->sleep, REQUESTED, memory_order_acq_rel);
+    if ((before & SLEEPING) && !(before & REQUESTED)) {
         ssize_t written;
 
         do {
@@ -115,7 +116,7 @@ const char *steer_verdict_text(enum steer_verdict verdict)
     case STEER_EMPTY:
         return "there is no checkpoint in this slot";
     case STEER_RECORDING:
-        return "there is no way back while a recording runs";
+        return "time cannot go back while a recording runs";
     case STEER_CLOCK:
         return "this clock cannot do it";
     case STEER_BUSY:
@@ -150,9 +151,9 @@ int steering_find(const struct steering *steering, const char *name)
 
 double steering_value(const struct steering *steering, size_t index)
 {
-    return index < steering->machine.ntunable
-               ? from_bits(atomic_load_explicit(&steering->value[index], memory_order_relaxed))
-               : 0.0;
+    return index < steering->machine.ntunable ? double_from_bits(atomic_load_explicit(
+                                                    &steering->value[index], memory_order_relaxed))
+                                              : 0.0;
 }
 
 bool steering_paused(const struct steering *steering)
@@ -162,7 +163,7 @@ bool steering_paused(const struct steering *steering)
 
 double steering_speed(const struct steering *steering)
 {
-    return from_bits(atomic_load_explicit(&steering->speed, memory_order_relaxed));
+    return double_from_bits(atomic_load_explicit(&steering->speed, memory_order_relaxed));
 }
 
 /* ---- the loop's side ---- */
@@ -183,28 +184,28 @@ bool steering_next(struct steering *steering, struct steer_request *request)
 }
 
 void steering_reply(struct steering *steering, uint64_t ticket, enum steer_verdict verdict,
-                    uint64_t tick, int64_t time_ns)
+                    uint64_t tick, int64_t now_ns)
 {
     const struct steering_machine *machine = &steering->machine;
     struct steer_answer answer = {
         .ticket = ticket,
         .verdict = verdict,
         .tick = tick,
-        .time_ns = time_ns,
+        .time_ns = now_ns,
         .state_hash = machine->hash ? machine->hash(machine->context) : 0,
     };
 
     steering->open--;
-    ring_push(&steering->answers, &answer); /* steering_next has seen to the room */
+    ring_push(&steering->answers, &answer); /* steering_next has made sure of the room */
 }
 
-void steering_show(struct steering *steering, bool paused, double speed)
+void steering_publish(struct steering *steering, bool paused, double speed)
 {
     atomic_store_explicit(&steering->paused, paused, memory_order_relaxed);
-    atomic_store_explicit(&steering->speed, to_bits(speed), memory_order_relaxed);
+    atomic_store_explicit(&steering->speed, double_to_bits(speed), memory_order_relaxed);
 }
 
-void steering_show_values(struct steering *steering, bool all)
+void steering_publish_values(struct steering *steering, bool all)
 {
     const struct steering_machine *machine = &steering->machine;
     uint64_t changes = machine->changes ? machine->changes(machine->context) : 0;
@@ -214,18 +215,19 @@ void steering_show_values(struct steering *steering, bool all)
     }
     steering->changes = changes;
     for (size_t i = 0; i < machine->ntunable; i++) {
-        atomic_store_explicit(&steering->value[i], to_bits(machine->get(machine->context, i)),
+        atomic_store_explicit(&steering->value[i],
+                              double_to_bits(machine->get(machine->context, i)),
                               memory_order_relaxed);
     }
 }
 
-void steering_close(struct steering *steering, uint64_t tick, int64_t time_ns)
+void steering_close(struct steering *steering, uint64_t tick, int64_t now_ns)
 {
     struct steer_request request;
 
     atomic_store_explicit(&steering->closed, true, memory_order_release);
     while (steering_next(steering, &request)) {
-        steering_reply(steering, request.ticket, STEER_UNAVAILABLE, tick, time_ns);
+        steering_reply(steering, request.ticket, STEER_UNAVAILABLE, tick, now_ns);
     }
 }
 
@@ -241,7 +243,7 @@ void steering_sleep_end(struct steering *steering, bool readable)
     uint64_t count;
     ssize_t got;
 
-    if (!(before & ASKED) && !readable) {
+    if (!(before & REQUESTED) && !readable) {
         return;
     }
     do {

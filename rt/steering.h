@@ -1,41 +1,45 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What another thread asks of a running simulator: stand still, go on, run so many ticks, keep
- * another pace, go back to an earlier state, switch a fault, push a body, change a parameter.
+ * Requests of another thread to a running loop: pause, resume, run so many ticks, change the speed,
+ * go back to an earlier state, switch a fault, push a body, set a parameter.
  *
  * Requests and answers cross in two rings of fixed size; the loop carries requests out between two
- * ticks, in their order, and neither side ever waits for the other. One thread asks (the control
- * socket's, app/control/control.h); what is asked counts for the tick that comes next. Who does not take his
- * answers is not heard any more once their ring is full. The end of the run answers what is left.
+ * ticks, in their order, and neither side ever waits for the other. One thread sends them (that of
+ * the control socket, app/control/control.h); each takes effect from the tick that comes next. A
+ * client that does not drain its answers is ignored once their ring is full. At the end of the run
+ * the requests that are left are answered.
  *
- * Standing still. Time stands by intent: it costs no deadline, no overrun, no silence of a lockstep
- * controller, and the loop's beat goes on. No frame is received or sent; what arrives waits in
- * sockets and inboxes, and is lost and counted where these are full. All time-outs of boards are of
- * virtual time and stand too. A task in a thread of its own (real clock) stands and goes with the
- * loop, at its pace (rt/pace.h); controllers in other processes see that the bus is silent.
+ * Pause. It is intended: it costs no deadline, no overrun, no silence of a lockstep controller, and
+ * the loop's beat goes on. No frame is received or sent; what arrives waits in sockets and inboxes,
+ * and is lost and counted where these are full. All time-outs of boards are of virtual time and
+ * stand still too. A task in a thread of its own (real clock) pauses and resumes with the loop, at
+ * its speed (rt/pace.h); controllers in other processes see a silent bus.
  *
- * Steps. STEER_STEP runs its ticks at the present speed, whether the loop stood or not, then stands.
- * Until then RESUME, STEP, RESET and RESTORE are STEER_BUSY, and a PAUSE ends it (STEER_CUT). In
- * lockstep it plays the part of a STEP frame: the frames that wait, its ticks, DONE on every bus. A
- * STEP frame that waits stays; its sender will hear by a mismatch where the simulator is. What is
- * left of a STEP frame comes first. An inline task sends STEPs of its own, of which so many ticks
- * run.
+ * Steps. STEER_STEP runs its ticks at the present speed, whether the loop was paused or not, then
+ * pauses. Until then RESUME, STEP, RESET and RESTORE are STEER_BUSY, and a PAUSE ends it
+ * (STEER_CUT). In lockstep it plays the part of a STEP frame: the frames that wait, its ticks, DONE
+ * on every bus. A STEP frame that waits stays; its sender learns by a mismatch at which tick the
+ * simulator is. What is left of a STEP frame comes first. An inline task sends STEPs of its own, of
+ * which so many ticks run.
  *
- * Speed. The real clock's grid and all that is judged by it scale, and it begins anew; at 0 there is
- * none, and nothing is late. Free run is paced without any account. In lockstep the STEPs are the
- * pace, and a task in a thread of its own needs one: STEER_CLOCK.
+ * Speed. The real clock's grid and all accounts of it scale, and the grid begins anew; at 0 there
+ * is none, and nothing is late. Free run is paced without any account. In lockstep the STEPs are
+ * the pace, and a task in a thread of its own needs one: STEER_CLOCK.
  *
- * Going back. A checkpoint is a copy, in memory set aside at the start, of everything that moves in
- * virtual time: plant, boards, sensors, faults, wires, an inline task, the loop's tick. Slot 0 holds the
- * start and is what STEER_RESET goes back to. Time goes back with it, so that a run from a
- * checkpoint repeats bit for bit what followed it the first time, given the same frames. Faults that
- * were switched, pushes and tunables go back too; speed and standing still do not. Frames in the
- * queues of other processes and threads (clients of the gateway) stay where they are; those that the
- * loop itself had taken for the next STEP are again those of then. Accounts (overruns, histograms,
- * counters of ports, the log) go on. While a recording runs there is no way back: its time never
- * does. There is none, STEER_UNAVAILABLE, with a task in a thread of its own, which has a past of
- * its own; and no checkpoint while more than two thousand frames are on their way between boards and
- * an inline task on one local bus.
+ * Going back. A checkpoint is a copy, in memory set aside at the start, of all state that changes
+ * in virtual time: plant, boards, sensors, faults, wires, an inline task, the loop's tick. Slot 0
+ * holds the start and is what STEER_RESET restores. Time goes back with it, so that a run from a
+ * checkpoint repeats bit for bit what followed it the first time, given the same frames. Faults
+ * that were switched, pushes and tunables go back too; speed and pause do not. Frames in the queues
+ * of other processes and threads (clients of the gateway) stay where they are; those that the loop
+ * itself had taken for the next STEP are again those of then. Accounts (overruns, histograms,
+ * counters of ports, the log) go on. While a recording runs time cannot go back: that of a
+ * recording never does. Nor can it, STEER_UNAVAILABLE, with a task in a thread of its own, whose
+ * state is not in a checkpoint; and there is no checkpoint while more than two thousand frames are
+ * on their way between boards and an inline task on one local bus.
+ *
+ * All functions are RT-safe and never wait, but for steering_find and steer_verdict_text, which are
+ * for other threads.
  */
 #ifndef RT_STEERING_H
 #define RT_STEERING_H
@@ -47,13 +51,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { STEERING_SLOTS = 4 }; /* of checkpoints; 0 is the start, written by nobody */
+enum { STEERING_SLOTS = 4 }; /* of checkpoints; 0 is the start */
 
 enum steer_kind {
     STEER_PAUSE,      /* after the tick that runs */
     STEER_RESUME,     /* real time: the grid begins anew */
-    STEER_STEP,       /* count ticks, then stand still; answered when they have run */
-    STEER_SPEED,      /* value: virtual seconds a second, 0.001 to 1000; 0 = as fast as it goes */
+    STEER_STEP,       /* count ticks, then pause; answered when they have run */
+    STEER_SPEED,      /* value: virtual seconds a second, 0.001 to 1000; 0 = as fast as possible */
     STEER_RESET,      /* to the start; paused stays paused */
     STEER_CHECKPOINT, /* index: the slot, 1 to STEERING_SLOTS - 1 */
     STEER_RESTORE,    /* index: the slot */
@@ -64,7 +68,7 @@ enum steer_kind {
 };
 
 struct steer_request {
-    uint64_t ticket; /* of the asker's choice; the answer carries it */
+    uint64_t ticket; /* of the client's choice; the answer carries it */
     enum steer_kind kind;
     size_t index;
     uint64_t count;
@@ -78,10 +82,10 @@ enum steer_verdict {
     STEER_OK,
     STEER_RANGE,       /* index, count or value out of range */
     STEER_EMPTY,       /* no checkpoint in this slot */
-    STEER_RECORDING,   /* no way back while a recording runs */
+    STEER_RECORDING,   /* time cannot go back while a recording runs */
     STEER_CLOCK,       /* this clock cannot do it (speed in lockstep) */
     STEER_BUSY,        /* a STEER_STEP is under way */
-    STEER_UNAVAILABLE, /* this run has not what it takes (no memory was set aside, ...) */
+    STEER_UNAVAILABLE, /* this run does not support it (no memory was set aside, ...) */
     STEER_CUT,         /* a STEER_PAUSE ended the STEER_STEP; tick says where */
 };
 
@@ -103,13 +107,14 @@ struct tunable {
 
 struct steering;
 
-/* Asks; false when the ring is full or the run has ended. From one thread other than the loop's. */
+/* Sends a request; false when the ring is full or the run has ended. From one thread other than the
+ * loop's. */
 bool steering_ask(struct steering *steering, const struct steer_request *request);
 
-/* One answer, false when none waits. By the thread that asks. */
+/* Takes one answer, false when none waits. From the thread that sends requests. */
 bool steering_answer(struct steering *steering, struct steer_answer *answer);
 
-/* A sentence for the user. */
+/* A sentence for the user; static. */
 const char *steer_verdict_text(enum steer_verdict verdict);
 
 /* The tunables; any thread. */
@@ -120,7 +125,7 @@ int steering_find(const struct steering *steering, const char *name); /* -1 = no
 /* The value of a tunable as of the last tick; any thread, consistent. */
 double steering_value(const struct steering *steering, size_t index);
 
-/* Whether the loop stands still, and its pace (0 = as fast as it goes); any thread. */
+/* Whether the loop is paused, and its speed (0 = as fast as possible); any thread. */
 bool steering_paused(const struct steering *steering);
 double steering_speed(const struct steering *steering);
 

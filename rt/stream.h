@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Rows of signals from the loop to one other thread while it runs, for whoever has subscribed to
- * some of them (app/control/control.h). The reader says at which period it wants rows; the loop fills a row
- * in place, of all signals, and never waits: rows that find the ring full are counted, and the next
- * row says how many there were. Without a reader it costs the loop one load.
+ * Rows of signals from the loop to one other thread while it runs, for clients that have subscribed
+ * to some of them (app/control/control.h). The reader sets the period of rows; the loop fills a row
+ * of all signals in place, and never waits: rows that find the ring full are counted, and the next
+ * row carries the count. Without a reader it costs the loop one load.
  */
 #ifndef RT_STREAM_H
 #define RT_STREAM_H
@@ -23,17 +23,17 @@ struct stream_row {
 
 struct stream;
 
-/* Holds capacity rows, a power of two. Memory from arena. Not RT-safe. */
+/* Holds capacity rows, a power of two. Memory from arena. ERROR_MEMORY. Not RT-safe. */
 enum error_code stream_create(size_t nsignal, uint32_t capacity, struct arena *arena,
                               struct stream **stream, struct error *error);
 
-/* The loop's side, RT-safe. After each tick: where its values go when a row is wanted and there is
- * room for it, to be handed over with stream_commit before the next call; else NULL. */
+/* The loop's side, RT-safe. After each tick: where its values go when a row is due and there is
+ * room for it, to be published with stream_commit before the next call; else NULL. */
 double *stream_begin(struct stream *stream, uint64_t tick, int64_t time_ns);
 void stream_commit(struct stream *stream);
 
-/* The reader's side. A row at each tick that is a multiple of period, 0 = no rows. What waits in
- * the ring is of the earlier period. */
+/* The reader's side, RT-safe. A row at each tick that is a multiple of period, 0 = no rows. Rows
+ * that wait in the ring are of the earlier period. */
 void stream_want(struct stream *stream, uint64_t period_ticks);
 
 /* The oldest row, until stream_drop; NULL when none waits. */

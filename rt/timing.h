@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * How a loop keeps time: what a configuration says and what rt/loop.h runs by. Types only.
+ * How a loop keeps time: what a configuration says and what rt/loop.h runs by. Types only, no
+ * calls: RT-safe. Times in ns.
  */
 #ifndef RT_TIMING_H
 #define RT_TIMING_H

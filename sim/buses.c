@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Opening a rig's buses. */
+/* Opens a rig's buses and joins them. */
 #include "sim/buses.h"
 
 #include "base/text.h"
@@ -15,8 +15,8 @@ enum {
     SEEK_NS = 1000000000,
 };
 
-static enum error_code unknown_bus(const struct rig *rig, const char *item, const char *name,
-                                   struct error *error)
+static enum error_code bus_refuse_name(const struct rig *rig, const char *item, const char *name,
+                                       struct error *error)
 {
     const char *names[RIG_BUSES_MAX], *nearest;
     char list[256] = "";
@@ -36,7 +36,8 @@ static enum error_code unknown_bus(const struct rig *rig, const char *item, cons
 }
 
 /* "NAME=INTERFACE" */
-static enum error_code apply_override(struct buses *buses, const char *item, struct error *error)
+static enum error_code bus_apply_override(struct buses *buses, const char *item,
+                                          struct error *error)
 {
     const char *equals = strchr(item, '=');
     char name[64];
@@ -56,14 +57,14 @@ static enum error_code apply_override(struct buses *buses, const char *item, str
     snprintf(name, sizeof name, "%.*s", (int)(equals - item), item);
     bus = rig_find_bus(buses->rig, name);
     if (bus < 0) {
-        return unknown_bus(buses->rig, item, name, error);
+        return bus_refuse_name(buses->rig, item, name, error);
     }
     buses->interface[bus] = equals + 1;
     return ERROR_NONE;
 }
 
 /* Two buses on one interface would mix their boards' addresses. */
-static enum error_code check_distinct(const struct buses *buses, struct error *error)
+static enum error_code buses_check_distinct(const struct buses *buses, struct error *error)
 {
     for (size_t b = 0; b < buses->rig->nbus; b++) {
         for (size_t a = 0; a < b; a++) {
@@ -78,17 +79,18 @@ static enum error_code check_distinct(const struct buses *buses, struct error *e
     return ERROR_NONE;
 }
 
-/* The boards of a bus, each with a controller of its own. */
-static size_t controllers(const struct rig_bus *bus)
+/* CAN controllers of the simulator on a bus: one a board. */
+static size_t bus_count_controllers(const struct rig_bus *bus)
 {
     return bus->nboard ? bus->nboard : 1;
 }
 
-static enum error_code create_local(struct buses *buses, size_t guests, struct arena *arena,
-                                    struct error *error)
+static enum error_code buses_create_local(struct buses *buses, size_t guests, struct arena *arena,
+                                          struct error *error)
 {
     const struct rig *rig = buses->rig;
 
+    /* STEP and DONE bypass the wire: they are no traffic of a real bus */
     for (size_t b = 0; b < rig->nbus; b++) {
         const struct rig_bus *bus = &rig->bus[b];
         const struct local_bus_config config = {
@@ -99,7 +101,7 @@ static enum error_code create_local(struct buses *buses, size_t guests, struct a
             .mode = rig->wire.timed ? LOCAL_BUS_WIRE : LOCAL_BUS_IDEAL,
             .bitrate = bus->bitrate,
             .data_bitrate = bus->data_bitrate,
-            .wire_nodes = controllers(bus) + guests,
+            .wire_nodes = bus_count_controllers(bus) + guests,
             .queue = rig->wire.queue,
             .fifo = rig->wire.fifo,
             .restart_delay_ns = rig->wire.restart_ns,
@@ -132,20 +134,20 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
         return error_set(error, ERROR_INPUT, "%s: found %zu buses, expected at most %d", rig->file,
                          rig->nbus, RIG_BUSES_MAX);
     }
+
+    /* Each bus on an interface of its own: the rig's, or that of --bus */
     buses->rig = rig;
     for (size_t b = 0; b < rig->nbus; b++) {
         buses->interface[b] = rig->bus[b].interface;
     }
     for (size_t i = 0; !code && i < noverride; i++) {
-        code = apply_override(buses, overrides[i], error);
+        code = bus_apply_override(buses, overrides[i], error);
     }
-    if (!code) {
-        code = check_distinct(buses, error);
-    }
+    code = code ? code : buses_check_distinct(buses, error);
     if (code) {
         return code;
     }
-    /* who names an interface means SocketCAN, and hears why there is none */
+    /* A named interface asks for SocketCAN: the error says why there is none */
     if (transport == TRANSPORT_AUTO && noverride == 0 && !socketcan_available()) {
         snprintf(notice, 256,
                  "this kernel has no CAN: the buses are local to this process; only "
@@ -153,18 +155,18 @@ enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
         transport = TRANSPORT_LOCAL;
     }
     buses->local = transport == TRANSPORT_LOCAL;
-    return buses->local ? create_local(buses, guests, arena, error)
+    return buses->local ? buses_create_local(buses, guests, arena, error)
                         : interfaces_prepare(rig, buses->interface, &interface_kernel, error);
 }
 
-static enum error_code join_one(struct buses *buses, size_t bus, bool boards, struct arena *arena,
+static enum error_code bus_join(struct buses *buses, size_t bus, bool boards, struct arena *arena,
                                 struct can_port **port, struct error *error)
 {
     struct socketcan_config config = {.interface = buses->interface[bus],
                                       .fd = buses->rig->bus[bus].fd,
                                       .controller = &buses->state[bus],
                                       .sought = boards};
-    size_t nodes = boards ? controllers(&buses->rig->bus[bus]) : 1;
+    size_t nodes = boards ? bus_count_controllers(&buses->rig->bus[bus]) : 1;
 
     if (buses->local) {
         return local_bus_join_nodes(buses->bus[bus], nodes, NULL, 0, port, error);
@@ -176,16 +178,16 @@ static enum error_code join_one(struct buses *buses, size_t bus, bool boards, st
     return ERROR_NONE;
 }
 
-/* Puts a wire before the simulator's port. */
-static enum error_code pace(struct buses *buses, size_t b, struct arena *arena,
-                            struct can_port **port, struct error *error)
+/* Puts a wire in virtual time in front of the simulator's SocketCAN port. */
+static enum error_code bus_add_pacing(struct buses *buses, size_t b, struct arena *arena,
+                                      struct can_port **port, struct error *error)
 {
     const struct rig *rig = buses->rig;
     const struct paced_port_config config = {
         .port = *port,
         .bitrate = rig->bus[b].bitrate,
         .data_bitrate = rig->bus[b].data_bitrate,
-        .nodes = controllers(&rig->bus[b]),
+        .nodes = bus_count_controllers(&rig->bus[b]),
         .queue = rig->wire.queue,
         .fifo = rig->wire.fifo,
         .bypass_id = {rig->lockstep.step_id, rig->lockstep.done_id},
@@ -193,24 +195,25 @@ static enum error_code pace(struct buses *buses, size_t b, struct arena *arena,
     };
     enum error_code code = paced_port_create(&config, arena, &buses->paced[b], error);
 
-    if (!code) {
-        *port = buses->paced[b];
-        buses->wire[b] = paced_port_wire(*port);
-        buses->timed = true;
+    if (code) {
+        return code;
     }
-    return code;
+    *port = buses->paced[b];
+    buses->wire[b] = paced_port_wire(*port);
+    buses->timed = true;
+    return ERROR_NONE;
 }
 
-static enum error_code join_all(struct buses *buses, bool boards, struct arena *arena,
-                                struct bus_ports *ports, struct error *error)
+static enum error_code buses_join_all(struct buses *buses, bool boards, struct arena *arena,
+                                      struct bus_ports *ports, struct error *error)
 {
     memset(ports, 0, sizeof *ports);
     for (size_t b = 0; b < buses->rig->nbus; b++) {
-        enum error_code code = join_one(buses, b, boards, arena, &ports->port[b], error);
+        enum error_code code = bus_join(buses, b, boards, arena, &ports->port[b], error);
 
         ports->count += !code;
         if (!code && boards && !buses->local && buses->rig->wire.paced) {
-            code = pace(buses, b, arena, &ports->port[b], error);
+            code = bus_add_pacing(buses, b, arena, &ports->port[b], error);
         }
         if (code) {
             bus_ports_close(ports);
@@ -223,13 +226,13 @@ static enum error_code join_all(struct buses *buses, bool boards, struct arena *
 enum error_code buses_join_boards(struct buses *buses, struct arena *arena, struct bus_ports *ports,
                                   struct error *error)
 {
-    return join_all(buses, true, arena, ports, error);
+    return buses_join_all(buses, true, arena, ports, error);
 }
 
 enum error_code buses_join(struct buses *buses, struct arena *arena, struct bus_ports *ports,
                            struct error *error)
 {
-    return join_all(buses, false, arena, ports, error);
+    return buses_join_all(buses, false, arena, ports, error);
 }
 
 void buses_advance(const struct buses *buses, int64_t now_ns)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Opens a rig's buses: SocketCAN interfaces, or local buses in the process when the kernel has no
- * CAN. All or none. Not RT-safe.
+ * A rig's buses: SocketCAN interfaces, or local buses in the process when the kernel has no CAN.
+ * Opened all or none. Bit rates in bit/s, virtual times in ns. Not RT-safe but where it says so.
  */
 #ifndef SIM_BUSES_H
 #define SIM_BUSES_H
@@ -28,24 +28,26 @@ struct buses {
     const struct rig *rig;
     const char *interface[RIG_BUSES_MAX]; /* of each bus, the rig's or the command line's */
     bool local;
-    bool timed;                            /* the wires have a time: buses_advance */
+    bool timed;                                /* frames take virtual time: buses_advance */
     struct local_bus *bus[RIG_BUSES_MAX];      /* when local */
     struct can_port *paced[RIG_BUSES_MAX];     /* the simulator's, when SocketCAN is paced */
     struct wire *wire[RIG_BUSES_MAX];          /* when timed */
-    struct can_state_box state[RIG_BUSES_MAX]; /* of SocketCAN's controllers (sim/interfaces.h) */
+    struct can_state_box state[RIG_BUSES_MAX]; /* of CAN controllers (sim/interfaces.h) */
     struct can_port *sought[RIG_BUSES_MAX];    /* the simulator's on SocketCAN, for buses_seek */
-    int64_t seek_ns;                       /* not before this time */
+    int64_t seek_ns;                           /* not before this time */
 };
 
 /* Chooses the transport and creates the local buses. overrides has "NAME=INTERFACE" entries, as of
- * --bus. guests: how often buses_join will be called. notice receives one line when auto falls back on local buses, else "". */
+ * --bus; borrowed. guests: how often buses_join will be called. notice receives one line when auto
+ * falls back on local buses, else "". Memory from arena. ERROR_INPUT, ERROR_MEMORY, ERROR_SYSTEM.
+ * */
 enum error_code buses_open(const struct rig *rig, enum bus_transport transport,
                            const char *const *overrides, size_t noverride, size_t guests,
                            struct arena *arena, struct buses *buses, char notice[256],
                            struct error *error);
 
-/* Joins every bus as the simulator: in the place of all boards of the bus, each with a controller
- * of its own where the buses are timed. Once, and before other participants. */
+/* Joins every bus as the simulator: for all boards of the bus, each with a CAN controller of its
+ * own where the buses are timed. Once, and before other participants. */
 enum error_code buses_join_boards(struct buses *buses, struct arena *arena, struct bus_ports *ports,
                                   struct error *error);
 
@@ -56,13 +58,13 @@ enum error_code buses_join(struct buses *buses, struct arena *arena, struct bus_
 /* Moves timed buses to a virtual time; from the simulator's thread, RT-safe. */
 void buses_advance(const struct buses *buses, int64_t now_ns);
 
-/* Has every frame that the wire of a timed bus has carried told, from the simulator's thread. To be
- * set before the first frame. */
+/* Has tap called with every frame that the wire of a timed bus has carried, in the simulator's
+ * thread. To be set before the first frame. */
 void buses_tap(const struct buses *buses, size_t bus,
                void (*tap)(void *context, const struct bus_frame *frame), void *context);
 
-/* Looks for interfaces that the simulator has lost, at most once a second: in its loop that would wait
- * for locks of the kernel. From one thread other than the loop's. Not RT-safe. */
+/* Reopens interfaces that have disappeared and come back, at most once a second. From one thread
+ * other than the loop's, which would wait for locks of the kernel. */
 void buses_seek(struct buses *buses, int64_t now_ns);
 
 void bus_ports_close(struct bus_ports *ports);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Copies of spans of memory. */
+/* Copies spans of memory, and puts them back. */
 #include "sim/checkpoint.h"
 
 #include <stdint.h>
@@ -13,21 +13,21 @@ struct checkpoint {
     unsigned char *copy;
 };
 
-static unsigned char *end_of(const struct span *span)
+static unsigned char *span_end(const struct span *span)
 {
     return (unsigned char *)span->memory + span->size;
 }
 
 /* The first hole, by address, that begins in [from, to) or reaches into it; NULL = none. */
-static const struct span *first_hole(const struct span *hole, size_t nhole,
-                                     const unsigned char *from, const unsigned char *to)
+static const struct span *span_first_hole(const struct span *hole, size_t nhole,
+                                          const unsigned char *from, const unsigned char *to)
 {
     const struct span *first = NULL;
 
     for (size_t i = 0; i < nhole; i++) {
         const unsigned char *begin = hole[i].memory;
 
-        if (hole[i].size > 0 && begin < to && end_of(&hole[i]) > from &&
+        if (hole[i].size > 0 && begin < to && span_end(&hole[i]) > from &&
             (!first || begin < (const unsigned char *)first->memory)) {
             first = &hole[i];
         }
@@ -35,21 +35,21 @@ static const struct span *first_hole(const struct span *hole, size_t nhole,
     return first;
 }
 
-/* Cuts what moves at the holes. There is a span more for every hole at most. */
-static void cut(struct checkpoint *c, const struct span *moving, const struct span *hole,
-                size_t nhole)
+/* Cuts a span at the holes: at most one span more for every hole. */
+static void checkpoint_cut_span(struct checkpoint *c, const struct span *moving,
+                                const struct span *hole, size_t nhole)
 {
-    unsigned char *from = moving->memory, *to = end_of(moving);
+    unsigned char *from = moving->memory, *to = span_end(moving);
 
     while (from < to) {
-        const struct span *gap = first_hole(hole, nhole, from, to);
+        const struct span *gap = span_first_hole(hole, nhole, from, to);
         unsigned char *until = gap ? gap->memory : to;
 
         if (until > from) {
             c->span[c->nspan++] = (struct span){from, (size_t)(until - from)};
             c->size += (size_t)(until - from);
         }
-        from = gap ? end_of(gap) : to;
+        from = gap ? span_end(gap) : to;
     }
 }
 
@@ -64,7 +64,7 @@ enum error_code checkpoint_create(const struct span *moving, size_t nmoving,
     }
     for (size_t i = 0; i < nmoving; i++) {
         arena_join(moving[i].memory, moving[i].size);
-        cut(made, &moving[i], hole, nhole);
+        checkpoint_cut_span(made, &moving[i], hole, nhole);
     }
     made->copy = arena_alloc(arena, copies, made->size);
     if (!made->copy) {
@@ -80,7 +80,7 @@ size_t checkpoint_size(const struct checkpoint *checkpoint)
     return checkpoint->size;
 }
 
-void checkpoint_keep(struct checkpoint *c, size_t copy)
+void checkpoint_save(struct checkpoint *c, size_t copy)
 {
     unsigned char *to = c->copy + copy * c->size;
 
@@ -90,8 +90,8 @@ void checkpoint_keep(struct checkpoint *c, size_t copy)
     }
 }
 
-/* the words that differ */
-static void put_words_back(unsigned char *to, const unsigned char *from, size_t size)
+/* Writes the words that differ. */
+static void checkpoint_restore_words(unsigned char *to, const unsigned char *from, size_t size)
 {
     size_t at = 0;
 
@@ -111,24 +111,24 @@ static void put_words_back(unsigned char *to, const unsigned char *from, size_t 
     }
 }
 
-/* most of it does not differ */
-static void put_back(unsigned char *to, const unsigned char *from, size_t size)
+/* Compares in blocks first, since most of it does not differ. */
+static void checkpoint_restore_span(unsigned char *to, const unsigned char *from, size_t size)
 {
     for (size_t at = 0; at < size; at += BLOCK) {
         size_t part = size - at < BLOCK ? size - at : BLOCK;
 
         if (memcmp(to + at, from + at, part) != 0) {
-            put_words_back(to + at, from + at, part);
+            checkpoint_restore_words(to + at, from + at, part);
         }
     }
 }
 
-void checkpoint_back(const struct checkpoint *c, size_t copy)
+void checkpoint_restore(const struct checkpoint *c, size_t copy)
 {
     const unsigned char *from = c->copy + copy * c->size;
 
     for (size_t i = 0; i < c->nspan; i++) {
-        put_back(c->span[i].memory, from, c->span[i].size);
+        checkpoint_restore_span(c->span[i].memory, from, c->span[i].size);
         from += c->span[i].size;
     }
 }

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What happens in a run, as lines of a log, whoever tells it. */
-#include "sim/private.h"
+/* The events of a run, of all its parts, as lines of the log. */
+#include "sim/simulator_private.h"
 
 #include <stdio.h>
 
-/* what an event's key has above its 32 bits */
+/* The upper 32 bits of an event's key; the lower ones are the topic within the source. */
 enum event_source {
     EVENT_LOOP,
     EVENT_BOARD,
@@ -61,9 +61,10 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
     size_t bus;
     int used;
 
+    /* A source at a time, the loop first */
     if (released >= 0) {
         *key = event_key(EVENT_RELEASE, 0);
-        snprintf(text, size, "%.6f s: all motors are on, the links are let go",
+        snprintf(text, size, "%.6f s: all motors are on, the robot is released",
                  (double)released * 1e-9);
         return true;
     }
@@ -83,7 +84,7 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
         return true;
     }
     if (boards_next_event(simulator->boards, &board_event)) {
-        /* all axes change their mode at once when a controller comes and goes: one topic */
+        /* All axes change their mode at once when a controller comes and goes: one topic */
         bool grouped = board_event.kind == BOARD_EVENT_MODE;
 
         *key = event_key(EVENT_BOARD,

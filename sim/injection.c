@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What carries out the faults of motors, supply and buses. */
+/* Carries out the faults of motors, supply and buses. */
 #include "sim/injection.h"
 
 #include "canbus/fault_port.h"
@@ -7,28 +7,28 @@
 
 #include <string.h>
 
-/* A fault that a wire carries out: its number there while it lasts. */
-struct on_wire {
+/* A fault that a wire carries out. */
+struct wire_injection {
     struct wire *wire; /* NULL: this fault is none */
-    int armed;         /* -1 = not */
+    int armed;         /* its number there while it lasts; -1 = not */
     bool was_active;
 };
 
 struct injection {
     struct injection_config config;
-    struct on_wire *wire;             /* by fault */
+    struct wire_injection *wire;          /* by fault */
     struct can_port *port[RIG_BUSES_MAX]; /* with rules; NULL = none */
-    int64_t time_ns;
+    int64_t now_ns;
 };
 
 /* ---- buses ---- */
 
-static bool needs_wire(const struct fault *fault)
+static bool fault_needs_wire(const struct fault *fault)
 {
     return fault->kind == FAULT_ERROR_BURST || fault->kind == FAULT_ID_COLLISION;
 }
 
-static enum fault_port_kind port_kind(enum fault_kind kind)
+static enum fault_port_kind fault_port_kind_of(enum fault_kind kind)
 {
     switch (kind) {
     case FAULT_CORRUPTION:
@@ -44,10 +44,10 @@ static enum fault_port_kind port_kind(enum fault_kind kind)
     }
 }
 
-static struct fault_port_rule rule_of(const struct fault *fault)
+static struct fault_port_rule fault_port_rule_of(const struct fault *fault)
 {
     return (struct fault_port_rule){
-        .kind = port_kind(fault->kind),
+        .kind = fault_port_kind_of(fault->kind),
         .probability = fault->value[0],
         .delay_ns = fault->kind == FAULT_LATE ? (int64_t)(fault->value[0] * 1e9) : 0,
         .id = fault->id,
@@ -56,9 +56,10 @@ static struct fault_port_rule rule_of(const struct fault *fault)
     };
 }
 
-/* The port of one bus with the rules of its faults, if it has any. */
-static enum error_code make_port(struct injection *injection, size_t bus, struct arena *arena,
-                                 struct can_port **port, struct error *error)
+/* Puts a port with the rules of a bus's faults in front of its port, if it has any. */
+static enum error_code injection_create_port(struct injection *injection, size_t bus,
+                                             struct arena *arena, struct can_port **port,
+                                             struct error *error)
 {
     const struct injection_config *config = &injection->config;
     const struct loop_lockstep *lockstep = &config->rig->lockstep;
@@ -74,17 +75,18 @@ static enum error_code make_port(struct injection *injection, size_t bus, struct
     if (!rule) {
         return error_set(error, ERROR_MEMORY, "no memory left for the faults of a bus");
     }
+    /* Each fault of this bus goes to its wire or becomes a rule of the port */
     for (size_t i = 0; i < count; i++) {
         const struct fault *fault = faults_at(config->faults, i);
 
         if (fault->target != FAULT_BUS || fault->index != bus) {
             continue;
         }
-        if (needs_wire(fault)) {
+        if (fault_needs_wire(fault)) {
             injection->wire[i].wire = config->wire[bus];
             on_wire++;
         } else {
-            rule[made.nrule++] = rule_of(fault);
+            rule[made.nrule++] = fault_port_rule_of(fault);
         }
     }
     if (on_wire > WIRE_FAULTS_MAX) {
@@ -92,14 +94,17 @@ static enum error_code make_port(struct injection *injection, size_t bus, struct
                          "bus %s: found %zu faults that its wire carries out, expected at most %d",
                          config->rig->bus[bus].name, on_wire, WIRE_FAULTS_MAX);
     }
+
+    /* A bus without rules keeps its port */
     if (made.nrule == 0) {
         return ERROR_NONE;
     }
     code = fault_port_create(&made, arena, &injection->port[bus], error);
-    if (!code) {
-        *port = injection->port[bus];
+    if (code) {
+        return code;
     }
-    return code;
+    *port = injection->port[bus];
+    return ERROR_NONE;
 }
 
 enum error_code injection_create(const struct injection_config *config, struct arena *arena,
@@ -117,17 +122,20 @@ enum error_code injection_create(const struct injection_config *config, struct a
     for (size_t i = 0; i < count; i++) {
         injection->wire[i].armed = -1;
     }
-    for (size_t b = 0; b < ports->count && !code; b++) {
-        code = make_port(injection, b, arena, &ports->port[b], error);
+    for (size_t b = 0; b < ports->count; b++) {
+        code = injection_create_port(injection, b, arena, &ports->port[b], error);
+        if (code) {
+            return code;
+        }
     }
     *out = injection;
-    return code;
+    return ERROR_NONE;
 }
 
-static void step_wire(struct injection *injection, size_t index)
+static void injection_step_wire(struct injection *injection, size_t index)
 {
     const struct fault *fault = faults_at(injection->config.faults, index);
-    struct on_wire *state = &injection->wire[index];
+    struct wire_injection *state = &injection->wire[index];
     bool begins = fault->active && !state->was_active, ends = !fault->active && state->was_active;
 
     state->was_active = fault->active;
@@ -139,7 +147,7 @@ static void step_wire(struct injection *injection, size_t index)
             .id = fault->id >= 0 ? (uint32_t)fault->id : 0,
             .id_mask = fault->id >= 0 ? UINT32_MAX : 0,
             .probability = fault->value[0],
-            .from_ns = injection->time_ns,
+            .from_ns = injection->now_ns,
         };
 
         state->armed = wire_inject(state->wire, &noise);
@@ -152,7 +160,7 @@ static void step_wire(struct injection *injection, size_t index)
 
 /* ---- motors and supply ---- */
 
-static unsigned condition_of(enum fault_kind kind)
+static unsigned fault_drive_condition(enum fault_kind kind)
 {
     switch (kind) {
     case FAULT_OPEN_PHASE:
@@ -168,7 +176,7 @@ static unsigned condition_of(enum fault_kind kind)
     }
 }
 
-static void step_command(struct injection *injection)
+static void injection_step_command(struct injection *injection)
 {
     struct plant_command *command = injection->config.command;
 
@@ -180,41 +188,41 @@ static void step_command(struct injection *injection)
         const struct fault *fault = faults_at(injection->config.faults, i);
 
         if (fault->active && fault->target == FAULT_MOTOR) {
-            command->motor[fault->index].condition |= condition_of(fault->kind);
+            command->motor[fault->index].condition |= fault_drive_condition(fault->kind);
         } else if (fault->active && fault->target == FAULT_SUPPLY) {
             command->supply_sag_v += fault->value[0];
         }
     }
 }
 
-static void tell_ports(struct injection *injection)
+static void injection_set_port_time(struct injection *injection)
 {
     for (size_t b = 0; b < RIG_BUSES_MAX; b++) {
         if (injection->port[b]) {
-            fault_port_time(injection->port[b], injection->time_ns);
+            fault_port_time(injection->port[b], injection->now_ns);
         }
     }
 }
 
-void injection_went_back(struct injection *injection)
+void injection_restored(struct injection *injection)
 {
-    tell_ports(injection);
+    injection_set_port_time(injection);
 }
 
-void injection_step(struct injection *injection, int64_t time_ns)
+void injection_step(struct injection *injection, int64_t now_ns)
 {
     size_t count = faults_count(injection->config.faults);
 
     if (count == 0) {
         return;
     }
-    injection->time_ns = time_ns;
-    faults_step(injection->config.faults, time_ns);
-    step_command(injection);
+    injection->now_ns = now_ns;
+    faults_step(injection->config.faults, now_ns);
+    injection_step_command(injection);
     for (size_t i = 0; i < count; i++) {
         if (injection->wire[i].wire) {
-            step_wire(injection, i);
+            injection_step_wire(injection, i);
         }
     }
-    tell_ports(injection);
+    injection_set_port_time(injection);
 }

@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Faults in a running simulator: the table of boards/faults.h joined with what carries it out. The
- * boards and their sensors look at the table themselves; motors and the supply are told through the
- * plant's command, buses through a port with rules, wires through their own faults.
+ * Faults in a running simulator: joins the table of boards/faults.h with the parts that carry
+ * faults out. Boards and sensors read the table themselves; motors and the supply get them through
+ * the plant's command, buses through a port with rules (canbus/fault_port.h), wires through faults
+ * of their own. Virtual times in ns.
  */
 #ifndef SIM_INJECTION_H
 #define SIM_INJECTION_H
 
 #include "boards/faults.h"
-#include "sim/buses.h"
 #include "rig/rig.h"
+#include "sim/buses.h"
 
 struct injection_config {
     const struct rig *rig;
@@ -21,16 +22,16 @@ struct injection_config {
 struct injection;
 
 /* Ports of buses that have faults are replaced in *ports by others in front of them. Memory from
- * arena. Not RT-safe. */
+ * arena; the rest is borrowed. ERROR_MEMORY, ERROR_UNSUPPORTED. Not RT-safe. */
 enum error_code injection_create(const struct injection_config *config, struct arena *arena,
                                  struct bus_ports *ports, struct injection **injection,
                                  struct error *error);
 
-/* Before the tick that begins at time_ns, virtual: windows open and close, faults begin and end.
- * RT-safe. */
-void injection_step(struct injection *injection, int64_t time_ns);
+/* At the beginning of the tick at now_ns: faults begin and end as their windows open and close.
+ * With the same time again it changes nothing but what was switched meanwhile. RT-safe. */
+void injection_step(struct injection *injection, int64_t now_ns);
 
-/* All that moves has gone back to an earlier time: what the ports count and say follows. RT-safe. */
-void injection_went_back(struct injection *injection);
+/* A checkpoint was restored: counters and states of the ports follow. RT-safe. */
+void injection_restored(struct injection *injection);
 
 #endif

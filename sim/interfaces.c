@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Preparing and watching the real CAN interfaces of a rig. */
+/* Prepares and watches the SocketCAN interfaces of a rig. */
 #include "sim/interfaces.h"
 
 #include <inttypes.h>
@@ -7,10 +7,10 @@
 #include <stdio.h>
 #include <string.h>
 
-static const int64_t LOOK_NS = 1000000000;
+static const int64_t POLL_NS = 1000000000;
 static const int64_t MINUTE_NS = 60000000000;
 
-static struct interface_settings settings_of(const struct rig_bus *bus)
+static struct interface_settings interface_settings_of(const struct rig_bus *bus)
 {
     return (struct interface_settings){
         .bitrate = bus->bitrate,
@@ -21,8 +21,8 @@ static struct interface_settings settings_of(const struct rig_bus *bus)
 
 /* ---- before the run ---- */
 
-static enum error_code refuse_bitrate(const struct rig_bus *bus, const char *name, uint32_t actual,
-                                      struct error *error)
+static enum error_code interface_refuse_bitrate(const struct rig_bus *bus, const char *name,
+                                                uint32_t actual, struct error *error)
 {
     return error_set(
         error, ERROR_INPUT,
@@ -33,9 +33,10 @@ static enum error_code refuse_bitrate(const struct rig_bus *bus, const char *nam
         bus->name, name, actual, bus->bitrate, name, name, bus->bitrate, name);
 }
 
-/* The rates of FD frames are not ours to set: libsocketcan does not know them. */
-static enum error_code check_data_bitrate(const struct rig_bus *bus, const char *name,
-                                          const struct link_info *info, struct error *error)
+/* The data bit rate of FD frames is only checked: libsocketcan cannot set it. */
+static enum error_code interface_check_data_bitrate(const struct rig_bus *bus, const char *name,
+                                                    const struct link_info *info,
+                                                    struct error *error)
 {
     const uint32_t actual = info->controller.data_timing.bitrate;
 
@@ -51,10 +52,10 @@ static enum error_code check_data_bitrate(const struct rig_bus *bus, const char 
         name);
 }
 
-static enum error_code prepare(const struct rig_bus *bus, const char *name,
-                               const struct interface_ops *ops, struct error *error)
+static enum error_code interface_prepare(const struct rig_bus *bus, const char *name,
+                                         const struct interface_ops *ops, struct error *error)
 {
-    const struct interface_settings settings = settings_of(bus);
+    const struct interface_settings settings = interface_settings_of(bus);
     struct link_info info;
     enum error_code code = ops->query(ops->context, name, &info, error);
 
@@ -64,7 +65,7 @@ static enum error_code prepare(const struct rig_bus *bus, const char *name,
     if (interface_kind(&info) != INTERFACE_CONTROLLER) {
         return ERROR_NONE;
     }
-    code = check_data_bitrate(bus, name, &info, error);
+    code = interface_check_data_bitrate(bus, name, &info, error);
     if (code) {
         return code;
     }
@@ -74,7 +75,7 @@ static enum error_code prepare(const struct rig_bus *bus, const char *name,
                    : ops->configure(ops->context, name, &settings, error);
     }
     return info.up && !interface_bitrate_fits(info.controller.timing.bitrate, bus->bitrate)
-               ? refuse_bitrate(bus, name, info.controller.timing.bitrate, error)
+               ? interface_refuse_bitrate(bus, name, info.controller.timing.bitrate, error)
                : ERROR_NONE;
 }
 
@@ -84,7 +85,7 @@ enum error_code interfaces_prepare(const struct rig *rig, const char *const *int
     enum error_code code = ERROR_NONE;
 
     for (size_t b = 0; b < rig->nbus && !code; b++) {
-        code = prepare(&rig->bus[b], interface[b], ops, error);
+        code = interface_prepare(&rig->bus[b], interface[b], ops, error);
     }
     return code;
 }
@@ -105,8 +106,8 @@ void interfaces_init(struct interfaces *interfaces, const struct rig *rig,
     }
 }
 
-static void __attribute__((format(printf, 2, 3)))
-tell(struct interface_watch *watch, const char *format, ...)
+__attribute__((format(printf, 2, 3))) static void watch_report(struct interface_watch *watch,
+                                                               const char *format, ...)
 {
     int used = snprintf(watch->event, sizeof watch->event, "bus %s: interface %s ",
                         watch->bus->name, watch->name);
@@ -117,22 +118,22 @@ tell(struct interface_watch *watch, const char *format, ...)
     va_end(args);
 }
 
-/* Sets the controller again, because of what was found. */
-static bool configure(struct interface_watch *watch, const struct interface_ops *ops,
-                      const char *found)
+/* Configures the CAN controller again, because of what was found. */
+static bool watch_configure(struct interface_watch *watch, const struct interface_ops *ops,
+                            const char *found)
 {
-    const struct interface_settings settings = settings_of(watch->bus);
+    const struct interface_settings settings = interface_settings_of(watch->bus);
     struct error error;
 
     if (ops->configure(ops->context, watch->name, &settings, &error)) {
-        tell(watch, "%s and cannot be set again: %.140s", found, error.text);
+        watch_report(watch, "%s and cannot be set again: %.140s", found, error.text);
         return false;
     }
-    tell(watch, "%s: set again to %" PRId64 " bit/s", found, watch->bus->bitrate);
+    watch_report(watch, "%s: set again to %" PRId64 " bit/s", found, watch->bus->bitrate);
     return true;
 }
 
-static void check_bitrate(struct interface_watch *watch, const struct interface_ops *ops)
+static void watch_check_bitrate(struct interface_watch *watch, const struct interface_ops *ops)
 {
     const uint32_t actual = watch->info.controller.timing.bitrate;
     const bool wrong = watch->info.up && !interface_bitrate_fits(actual, watch->bus->bitrate);
@@ -140,80 +141,82 @@ static void check_bitrate(struct interface_watch *watch, const struct interface_
 
     snprintf(found, sizeof found, "runs at %u bit/s", actual);
     if (wrong && watch->bus->configure) {
-        configure(watch, ops, found);
+        watch_configure(watch, ops, found);
     } else if (wrong && !watch->mismatch) {
-        tell(watch, "%s, the rig says %" PRId64 ": it disturbs the bus", found,
-             watch->bus->bitrate);
+        watch_report(watch, "%s, the rig says %" PRId64 ": it disturbs the bus", found,
+                     watch->bus->bitrate);
     }
     watch->mismatch = wrong;
 }
 
-/* Out of bus-off, unless that was done too often in the last minute. */
-static void restart(struct interface_watch *watch, const struct interface_ops *ops, int64_t now_ns)
+/* Restarts a controller in bus-off, unless that was done too often in the last minute. */
+static void watch_restart(struct interface_watch *watch, const struct interface_ops *ops,
+                          int64_t now_ns)
 {
     int64_t *oldest = &watch->restart_ns[watch->restarts % INTERFACES_RESTARTS];
     struct error error;
 
     if (watch->restarts >= INTERFACES_RESTARTS && now_ns - *oldest < MINUTE_NS) {
         if (!watch->limited) {
-            tell(watch, "is in bus-off again after %d restarts in a minute, and waits",
-                 INTERFACES_RESTARTS);
+            watch_report(watch, "is in bus-off again after %d restarts in a minute, and waits",
+                         INTERFACES_RESTARTS);
         }
         watch->limited = true;
         return;
     }
     watch->limited = false;
     if (ops->restart(ops->context, watch->name, &error)) {
-        tell(watch, "is in bus-off and cannot be restarted: %.140s", error.text);
+        watch_report(watch, "is in bus-off and cannot be restarted: %.140s", error.text);
         return;
     }
     *oldest = now_ns;
     watch->restarts++;
-    tell(watch, "was in bus-off: restarted, for the %" PRIu64 ". time", watch->restarts);
+    watch_report(watch, "was in bus-off: restarted, number %" PRIu64, watch->restarts);
 }
 
-static void check_bus_off(struct interface_watch *watch, const struct interface_ops *ops,
-                          int64_t now_ns)
+static void watch_check_bus_off(struct interface_watch *watch, const struct interface_ops *ops,
+                                int64_t now_ns)
 {
     const struct link_controller *controller = &watch->info.controller;
     const bool off = watch->info.up && controller->state == CAN_STATE_BUS_OFF;
 
     if (off && watch->bus->configure && !controller->restart_ms) {
-        restart(watch, ops, now_ns);
+        watch_restart(watch, ops, now_ns);
     } else if (off && !watch->off) {
         if (controller->restart_ms) {
-            tell(watch, "is in bus-off; the kernel restarts it after %u ms",
-                 controller->restart_ms);
+            watch_report(watch, "is in bus-off; the kernel restarts it after %u ms",
+                         controller->restart_ms);
         } else {
-            tell(watch,
-                 "is in bus-off until somebody restarts it (`ip link set %s type can "
-                 "restart`)",
-                 watch->name);
+            watch_report(watch,
+                         "is in bus-off until it is restarted (`ip link set %s type can "
+                         "restart`)",
+                         watch->name);
         }
     }
     watch->off = off;
 }
 
-static void look(struct interface_watch *watch, const struct interface_ops *ops, int64_t now_ns)
+static void watch_poll(struct interface_watch *watch, const struct interface_ops *ops,
+                       int64_t now_ns)
 {
     const int before = watch->info.index;
     enum can_port_state state;
     struct link_info info;
     struct error error;
 
-    /* its absence is the port's to report */
+    /* Its absence is reported by the port */
     if (ops->query(ops->context, watch->name, &info, &error) ||
         interface_kind(&info) != INTERFACE_CONTROLLER) {
         return;
     }
     watch->info = info;
     if (watch->seen && info.index != before && watch->bus->configure) {
-        if (!configure(watch, ops, "was created anew")) {
-            watch->info.index = before; /* once more the next time */
+        if (!watch_configure(watch, ops, "was created anew")) {
+            watch->info.index = before; /* tries again the next time */
         }
     } else {
-        check_bitrate(watch, ops);
-        check_bus_off(watch, ops, now_ns);
+        watch_check_bitrate(watch, ops);
+        watch_check_bus_off(watch, ops, now_ns);
     }
     watch->seen = true;
     if (interface_port_state(&info, &state)) {
@@ -226,9 +229,9 @@ void interfaces_watch(struct interfaces *interfaces, int64_t now_ns)
     if (now_ns < interfaces->next_ns) {
         return;
     }
-    interfaces->next_ns = now_ns + LOOK_NS;
+    interfaces->next_ns = now_ns + POLL_NS;
     for (size_t b = 0; b < interfaces->count; b++) {
-        look(&interfaces->watch[b], interfaces->ops, now_ns);
+        watch_poll(&interfaces->watch[b], interfaces->ops, now_ns);
     }
 }
 

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The real CAN interfaces of a rig. Before the buses are joined: sets the controllers that the rig
- * says to configure, and refuses those that run at another bit rate than it says. During the run:
- * asks each once a second, tells the ports its state, and repairs what it may repair:
+ * The SocketCAN interfaces of a rig. Before the buses are joined: configures the CAN controllers
+ * where the rig says so, and refuses those that run at another bit rate than it says. During the
+ * run: polls each once a second, passes its state on to the port, and repairs what it may repair:
  *
- * - configure: true. A controller that runs at another bit rate is set again; one that was removed
- *   and created anew is set and started; one in bus-off is restarted, at most
+ * - configure: true. A controller that runs at another bit rate is configured again; one that was
+ *   removed and created anew is configured and started; one in bus-off is restarted, at most
  *   INTERFACES_RESTARTS times in a minute, unless the kernel does it (restart_ms above 0). One that
- *   somebody has taken down stays down until somebody takes it up.
+ *   was taken down stays down until somebody takes it up.
  * - configure: false. Another bit rate and bus-off are reported, nothing is changed.
  *
  * Virtual interfaces are left alone. From one thread, not the loop's; time is passed in. Not
@@ -17,8 +17,8 @@
 #define SIM_INTERFACES_H
 
 #include "canbus/interface.h"
-#include "sim/buses.h"
 #include "rig/rig.h"
+#include "sim/buses.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -26,18 +26,18 @@
 
 enum { INTERFACES_RESTARTS = 10, INTERFACES_EVENT_TEXT = 256 };
 
-/* One interface as the supervisor has last seen it. */
+/* One interface as it was when last polled. */
 struct interface_watch {
     const char *name;
     const struct rig_bus *bus;
     struct can_state_box *box;
-    bool seen; /* it was there at some time: index is that of the last one */
+    bool seen; /* it has existed: info.index is that of the last one */
     struct link_info info;
-    bool off;                                /* was in bus-off when last asked */
-    bool mismatch;                           /* another bit rate, and told so */
+    bool off;                                /* was in bus-off when last polled */
+    bool mismatch;                           /* another bit rate, and reported */
     int64_t restart_ns[INTERFACES_RESTARTS]; /* of the last restarts, a ring */
     uint64_t restarts;                       /* ours; the kernel's are in info */
-    bool limited;                            /* no more restarts for now, and told so */
+    bool limited;                            /* no more restarts for now, and reported */
     char event[INTERFACES_EVENT_TEXT];       /* "" = none waits */
 };
 
@@ -48,26 +48,26 @@ struct interfaces {
     int64_t next_ns;
 };
 
-/* Sets or checks the interfaces of the buses, one name a bus. What does not exist or is down is
- * left to socketcan_open to refuse. ERROR_INPUT names bus, interface, both bit rates, and how to
- * mend it. */
+/* Configures or checks the interfaces of the buses, one name a bus. Those that do not exist or are
+ * down are left to socketcan_open to refuse. ERROR_INPUT names bus, interface, both bit rates, and
+ * the remedy. */
 enum error_code interfaces_prepare(const struct rig *rig, const char *const *interface,
                                    const struct interface_ops *ops, struct error *error);
 
-/* Begins to watch; box has one for each bus. All of it is kept, not copied. */
+/* Begins to watch; box has one for each bus. All of it is borrowed. */
 void interfaces_init(struct interfaces *interfaces, const struct rig *rig,
                      const char *const *interface, struct can_state_box *box,
                      const struct interface_ops *ops);
 
-/* Looks at the interfaces when a second has gone since the last time. */
+/* Polls the interfaces when a second has passed since the last time. */
 void interfaces_watch(struct interfaces *interfaces, int64_t now_ns);
 
-/* The next thing that was found or done, as a line; false when there is none. At most one for each
- * interface and look. */
+/* The next event, as a line for the log; false when there is none. At most one for each interface
+ * and poll. */
 bool interfaces_next_event(struct interfaces *interfaces, size_t *bus, char *text, size_t size);
 
-/* Asks again and describes a bus's controller: state, settings, counters. False when its interface
- * has none. */
+/* Polls and describes the CAN controller of a bus: state, settings, counters. False when its
+ * interface has none. */
 bool interfaces_describe(const struct interfaces *interfaces, size_t bus, char *text, size_t size);
 
 #endif

@@ -8,6 +8,6 @@
 
 /* Path of the folder, made when missing, readable by this user alone: $CACHE_DIRECTORY (set by
  * systemd), else coman-hil below $XDG_CACHE_HOME or $HOME/.cache. False when there is none. */
-bool cache_folder(char *path, size_t size);
+bool module_cache_folder(char *path, size_t size);
 
 #endif

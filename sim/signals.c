@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The signals of a run, their titles and rows: for signals.csv and for subscribers. */
-#include "sim/private.h"
+#include "sim/simulator_private.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -16,7 +16,7 @@ enum {
 enum { TITLE_SIZE = 192 };
 enum { STREAM_ROWS = 1024 }; /* a second at 1 kHz */
 
-/* Where the recording of a wire goes. */
+/* The recording of one wire. */
 struct bus_tap {
     struct recorder *recorder;
     size_t bus;
@@ -24,8 +24,9 @@ struct bus_tap {
 
 /* ---- rows ---- */
 
-/* what each pair of surfaces does to its second one; the moment is about the middle of the patch */
-static void record_pairs(const struct simulator *simulator, double *to)
+/* Force and moment of each pair of surfaces on its second one; the moment is about the middle of
+ * the patch. */
+static void signals_fill_pairs(const struct simulator *simulator, double *to)
 {
     size_t npair = simulator->config.rig->contact.npair, count;
 
@@ -42,13 +43,14 @@ static void record_pairs(const struct simulator *simulator, double *to)
     }
 }
 
-/* the columns in the order of make_titles; returns where the next would go */
-static double *fill_row(const struct simulator *simulator, double *to)
+/* The columns in the order of signals_make_titles; returns where the next would go. */
+static double *signals_fill_row(const struct simulator *simulator, double *to)
 {
     const struct rig *rig = simulator->config.rig;
     const struct plant_sensors *sensors = plant_sensors(simulator->plant);
     const struct contact_wrench *wrench = plant_contact_wrenches(simulator->plant);
 
+    /* Joints */
     for (size_t j = 0; j < rig->robot->njoint; j++) {
         const struct motor_sense *motor = &sensors->motor[j];
 
@@ -58,13 +60,17 @@ static double *fill_row(const struct simulator *simulator, double *to)
         *to++ = motor->current_a;
         *to++ = motor->voltage_v;
     }
+
+    /* Contact, by body and by pair */
     for (size_t c = 0; c < rig->contact.nbody; c++) {
         memcpy(to, wrench[c].force, sizeof wrench[c].force);
         memcpy(to + 3, wrench[c].moment, sizeof wrench[c].moment);
         to += SIGNALS_PER_CONTACT;
     }
-    record_pairs(simulator, to);
+    signals_fill_pairs(simulator, to);
     to += rig->contact.npair * SIGNALS_PER_PAIR;
+
+    /* Poses of the base and of free bodies */
     if (rig->robot->floating) {
         memcpy(to, simulator->status.base, sizeof simulator->status.base);
         to += SIGNALS_BASE;
@@ -79,12 +85,11 @@ static double *fill_row(const struct simulator *simulator, double *to)
 void simulator_record_row(struct simulator *simulator)
 {
     if (simulator->recorder && simulator->status.tick % simulator->row_ticks == 0) {
-        fill_row(simulator, simulator->row);
+        signals_fill_row(simulator, simulator->row);
         recorder_row(simulator->recorder, simulator->status.time_ns, simulator->row);
     }
 }
 
-/* for subscribers, when a row is due */
 void simulator_stream_row(struct simulator *simulator)
 {
     const struct simulator_status *status = &simulator->status;
@@ -93,7 +98,7 @@ void simulator_stream_row(struct simulator *simulator)
     if (!to) {
         return;
     }
-    to = fill_row(simulator, to);
+    to = signals_fill_row(simulator, to);
     for (size_t b = 0; b < simulator->config.rig->nbus; b++) {
         *to++ = (double)status->bus[b].rx_frames;
         *to++ = (double)status->bus[b].tx_frames;
@@ -103,86 +108,102 @@ void simulator_stream_row(struct simulator *simulator)
 
 /* ---- titles ---- */
 
-/* appends a formatted title */
-static bool add_title(struct arena *arena, const char **titles, size_t *count, const char *format,
-                      const char *name)
+/* Titles under construction. */
+struct title_list {
+    struct arena *arena;
+    const char **title;
+    size_t count;
+    bool good; /* false: memory is used up or a name is too long */
+};
+
+/* Appends a title: the format with name in the place of its '*'. */
+static void title_add(struct title_list *list, const char *format, const char *name)
 {
     char text[TITLE_SIZE];
-    int size = snprintf(text, sizeof text, "%s", format);
     const char *hole = strchr(format, '*');
+    int size =
+        hole ? snprintf(text, sizeof text, "%.*s%s%s", (int)(hole - format), format, name, hole + 1)
+             : snprintf(text, sizeof text, "%s", format);
 
-    if (hole) {
-        size =
-            snprintf(text, sizeof text, "%.*s%s%s", (int)(hole - format), format, name, hole + 1);
+    if (list->good) {
+        list->title[list->count] = size < TITLE_SIZE ? arena_strdup(list->arena, text) : NULL;
+        list->good = list->title[list->count++] != NULL;
     }
-    titles[*count] = size < TITLE_SIZE ? arena_strdup(arena, text) : NULL;
-    return titles[(*count)++] != NULL;
 }
 
-/* titles of the columns of signals.csv and of what only the stream has; false when memory is short or
- * a name too long */
-static bool make_titles(struct simulator *simulator)
+/* Appends the titles of one joint, body, pair or bus. */
+static void title_add_group(struct title_list *list, const char *const *format, size_t count,
+                            const char *name)
+{
+    for (size_t i = 0; i < count; i++) {
+        title_add(list, format[i], name);
+    }
+}
+
+/* Those of the robot's joints, of contact and of poses: the columns of signals.csv. */
+static void title_add_recorded(struct title_list *list, const struct rig *rig)
 {
     static const char *const joint[SIGNALS_PER_JOINT] = {"q_*_rad", "qm_*_rad", "torque_*_nm",
                                                          "current_*_a", "voltage_*_v"};
-    static const char *const contact[SIGNALS_PER_CONTACT] = {"fx_*_n",  "fy_*_n",  "fz_*_n",
-                                                             "mx_*_nm", "my_*_nm", "mz_*_nm"};
-    static const char *const pair[SIGNALS_PER_PAIR] = {"fx_*_n",  "fy_*_n",  "fz_*_n",
-                                                       "mx_*_nm", "my_*_nm", "mz_*_nm"};
+    static const char *const wrench[SIGNALS_PER_CONTACT] = {"fx_*_n",  "fy_*_n",  "fz_*_n",
+                                                            "mx_*_nm", "my_*_nm", "mz_*_nm"};
     static const char *const base[SIGNALS_BASE] = {"base_x_m", "base_y_m", "base_z_m", "base_qw",
                                                    "base_qx",  "base_qy",  "base_qz"};
     static const char *const free_body[SIGNALS_PER_FREE] = {"*_x_m", "*_y_m", "*_z_m", "*_qw",
                                                             "*_qx",  "*_qy",  "*_qz"};
+
+    for (size_t j = 0; j < rig->robot->njoint; j++) {
+        title_add_group(list, joint, SIGNALS_PER_JOINT, rig->robot->joint[j].name);
+    }
+    for (size_t c = 0; c < rig->contact.nbody; c++) {
+        title_add_group(list, wrench, SIGNALS_PER_CONTACT, rig_contact_name(rig, c));
+    }
+    for (size_t p = 0; p < rig->contact.npair; p++) {
+        const struct contact_pair *of = &rig->contact.pair[p];
+        char name[TITLE_SIZE];
+
+        snprintf(name, sizeof name, "%.63s_on_%.63s", rig->contact.surface[of->a].name,
+                 rig->contact.surface[of->b].name);
+        title_add_group(list, wrench, SIGNALS_PER_PAIR, name);
+    }
+    if (rig->robot->floating) {
+        title_add_group(list, base, SIGNALS_BASE, "");
+    }
+    for (size_t i = 0; i < rig->nfree; i++) {
+        title_add_group(list, free_body, SIGNALS_PER_FREE, rig->free[i].name);
+    }
+}
+
+/* The titles of the columns of signals.csv, then of those that only the stream has. */
+static bool signals_make_titles(struct simulator *simulator)
+{
     static const char *const bus[SIGNALS_PER_BUS] = {"rx_*_frames", "tx_*_frames"};
     const struct rig *rig = simulator->config.rig;
     size_t count =
         rig->robot->njoint * SIGNALS_PER_JOINT + rig->contact.nbody * SIGNALS_PER_CONTACT +
         rig->contact.npair * SIGNALS_PER_PAIR + (rig->robot->floating ? SIGNALS_BASE : 0) +
         rig->nfree * SIGNALS_PER_FREE + rig->nbus * SIGNALS_PER_BUS;
-    const char **titles = arena_alloc(simulator->arena, count + 1, sizeof *titles);
-    bool good = titles != NULL;
-    size_t n = 0;
+    struct title_list list = {.arena = simulator->arena};
 
-    for (size_t i = 0; good && i < rig->robot->njoint * SIGNALS_PER_JOINT; i++) {
-        good = add_title(simulator->arena, titles, &n, joint[i % SIGNALS_PER_JOINT],
-                         rig->robot->joint[i / SIGNALS_PER_JOINT].name);
+    list.title = arena_alloc(simulator->arena, count + 1, sizeof *list.title);
+    list.good = list.title != NULL;
+    title_add_recorded(&list, rig);
+    simulator->nrecorded = list.count;
+    for (size_t b = 0; b < rig->nbus; b++) {
+        title_add_group(&list, bus, SIGNALS_PER_BUS, rig->bus[b].name);
     }
-    for (size_t i = 0; good && i < rig->contact.nbody * SIGNALS_PER_CONTACT; i++) {
-        good = add_title(simulator->arena, titles, &n, contact[i % SIGNALS_PER_CONTACT],
-                         rig_contact_name(rig, i / SIGNALS_PER_CONTACT));
-    }
-    for (size_t i = 0; good && i < rig->contact.npair * SIGNALS_PER_PAIR; i++) {
-        const struct contact_pair *of = &rig->contact.pair[i / SIGNALS_PER_PAIR];
-        char name[TITLE_SIZE];
-
-        snprintf(name, sizeof name, "%.63s_on_%.63s", rig->contact.surface[of->a].name,
-                 rig->contact.surface[of->b].name);
-        good = add_title(simulator->arena, titles, &n, pair[i % SIGNALS_PER_PAIR], name);
-    }
-    for (size_t i = 0; good && rig->robot->floating && i < SIGNALS_BASE; i++) {
-        good = add_title(simulator->arena, titles, &n, base[i], "");
-    }
-    for (size_t i = 0; good && i < rig->nfree * SIGNALS_PER_FREE; i++) {
-        good = add_title(simulator->arena, titles, &n, free_body[i % SIGNALS_PER_FREE],
-                         rig->free[i / SIGNALS_PER_FREE].name);
-    }
-    simulator->nrecorded = n;
-    for (size_t i = 0; good && i < rig->nbus * SIGNALS_PER_BUS; i++) {
-        good = add_title(simulator->arena, titles, &n, bus[i % SIGNALS_PER_BUS],
-                         rig->bus[i / SIGNALS_PER_BUS].name);
-    }
-    simulator->nsignal = n;
-    simulator->title = titles;
-    return good;
+    simulator->nsignal = list.count;
+    simulator->title = list.title;
+    return list.good;
 }
 
 enum error_code simulator_create_signals(struct simulator *simulator, struct error *error)
 {
-    /* an engine may cut a pair's patch in parts */
+    /* An engine may split a pair's patch in two */
     simulator->npatch = 2 * simulator->config.rig->contact.npair;
     simulator->patch =
         arena_alloc(simulator->arena, simulator->npatch + 1, sizeof *simulator->patch);
-    if (!simulator->patch || !make_titles(simulator)) {
+    if (!simulator->patch || !signals_make_titles(simulator)) {
         return error_set(error, ERROR_MEMORY, "no memory left for the signals");
     }
     return stream_create(simulator->nsignal, STREAM_ROWS, simulator->arena, &simulator->stream,
@@ -191,16 +212,16 @@ enum error_code simulator_create_signals(struct simulator *simulator, struct err
 
 /* ---- the recorder ---- */
 
-/* What a wire in virtual time has carried, with its time. */
-static void record_carried(void *context, const struct bus_frame *frame)
+/* Records a frame that a wire has carried, with the wire's time. */
+static void recorder_tap_frame(void *context, const struct bus_frame *frame)
 {
     const struct bus_tap *tap = context;
 
     recorder_frame(tap->recorder, tap->bus, frame, frame->time_ns);
 }
 
-/* Timed buses record what they have carried themselves. */
-static enum error_code tap_wires(struct simulator *simulator, struct error *error)
+/* Has the wires of timed buses record what they carry. */
+static enum error_code simulator_tap_wires(struct simulator *simulator, struct error *error)
 {
     const size_t nbus = simulator->config.rig->nbus;
     struct bus_tap *tap = arena_alloc(simulator->arena, nbus, sizeof *tap);
@@ -210,7 +231,7 @@ static enum error_code tap_wires(struct simulator *simulator, struct error *erro
     }
     for (size_t b = 0; b < nbus && simulator->buses.timed; b++) {
         tap[b] = (struct bus_tap){simulator->recorder, b};
-        buses_tap(&simulator->buses, b, record_carried, &tap[b]);
+        buses_tap(&simulator->buses, b, recorder_tap_frame, &tap[b]);
     }
     return ERROR_NONE;
 }
@@ -238,5 +259,5 @@ enum error_code simulator_create_recorder(struct simulator *simulator, struct er
         return error_set(error, ERROR_MEMORY, "no memory left for the recorder's signals");
     }
     code = recorder_open(&recorder, simulator->arena, &simulator->recorder, error);
-    return code ? code : tap_wires(simulator, error);
+    return code ? code : simulator_tap_wires(simulator, error);
 }

@@ -1,22 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A rig brought to life: robot, dynamics, contact, plant, boards and buses joined behind the loop,
- * with the recorder and, when asked for, a task on the other side of the buses. Not RT-safe but for
- * what the loop calls.
+ * A running rig: robot, dynamics, contact, plant, boards and buses joined behind the loop, with the
+ * recorder and, optionally, a task on the other side of the buses. SI units, world frame, times in
+ * ns. Not RT-safe but where it says so; one thread creates, runs and destroys it.
  */
 #ifndef SIM_SIMULATOR_H
 #define SIM_SIMULATOR_H
 
+#include "base/journal.h"
 #include "canbus/gateway.h"
 #include "model/settle.h"
-#include "sim/buses.h"
-#include "sim/task_runner.h"
-#include "base/journal.h"
+#include "rig/rig.h"
 #include "rt/loop.h"
 #include "rt/realtime.h"
-#include "rig/rig.h"
 #include "rt/snapshot.h"
 #include "rt/stream.h"
+#include "sim/buses.h"
+#include "sim/task_runner.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -24,13 +24,14 @@
 
 enum { SIMULATOR_JOINTS_MAX = 64, SIMULATOR_CONTACTS_MAX = 16, SIMULATOR_FREE_MAX = 16 };
 
-/* Somebody in the loop's thread who sees every tick, free run and lockstep only: called before each
- * tick with the virtual time at which it begins, when everything that the tick before has sent is on
- * the buses; in lockstep again, with the same time, as long as no STEP has come. What it sends and
- * switches counts for the tick. */
+/* A callback in the loop's thread, free run and lockstep only: called before each tick with the
+ * virtual time at which it begins, when everything that the tick before has sent is on the buses;
+ * in lockstep again, with the same time, as long as no STEP has come. Frames that it sends are
+ * received in the tick; faults that it switches act on motors and wires from the next tick. Must be
+ * RT-safe. */
 struct simulator_observer {
     void *context;
-    void (*step)(void *context, int64_t time_ns);
+    void (*step)(void *context, int64_t now_ns);
 };
 
 struct simulator_config {
@@ -38,7 +39,7 @@ struct simulator_config {
     enum loop_clock clock;
     enum rig_hold hold;
     bool settle; /* start in static equilibrium (plant_settle) */
-    bool energy; /* account for it (plant_energy) */
+    bool energy; /* keep its account (plant_energy) */
     enum loop_overrun overrun;
     int64_t stop_after; /* overruns, for LOOP_OVERRUN_STOP */
     enum bus_transport transport;
@@ -53,7 +54,7 @@ struct simulator_config {
     /* NULL = none. With it the run goes on when a task has ended, but in lockstep, where the task's
      * STEP frames drive it. */
     const struct simulator_observer *observer;
-    bool steered;  /* others may steer it (rt/steering.h); sets memory aside for checkpoints */
+    bool steering; /* takes requests (rt/steering.h); reserves memory for checkpoints */
     size_t guests; /* how often simulator_join will be called */
     const struct gateway_config *gateway; /* host and port; NULL = none */
     const char *record;                   /* directory, NULL = none */
@@ -72,13 +73,13 @@ struct simulator_status {
     uint64_t tick, overruns, lost_ticks, pauses;
     uint64_t overruns_by[PHASE_COUNT], late_ticks, pause_ticks, events_lost;
     struct lockstep_counters lockstep;
-    uint64_t clamped;                 /* the links are held (plant_is_clamped) */
-    uint64_t fault[FAULTS_MAX / 64];  /* a bit for each that is active, of simulator_faults */
-    int64_t time_ns;                /* virtual */
-    int64_t start_ns;               /* of the clock: when the loop began */
-    int64_t elapsed_ns;             /* of the clock, since then */
-    double base[7];                 /* position (m), quaternion wxyz; zeros with a fixed base */
-    double q[SIMULATOR_JOINTS_MAX]; /* rad */
+    uint64_t clamped;                /* plant_is_clamped */
+    uint64_t fault[FAULTS_MAX / 64]; /* a bit for each that is active, of simulator_faults */
+    int64_t time_ns;                 /* virtual */
+    int64_t start_ns;                /* of the clock: when the loop began */
+    int64_t elapsed_ns;              /* of the clock, since then */
+    double base[7];                  /* position (m), quaternion wxyz; zeros with a fixed base */
+    double q[SIMULATOR_JOINTS_MAX];  /* rad */
     double force_z[SIMULATOR_CONTACTS_MAX]; /* contact bodies, world frame, N */
     double free[SIMULATOR_FREE_MAX][7]; /* of the first free bodies: origin (m), quaternion wxyz */
     struct bus_status bus[RIG_BUSES_MAX];
@@ -86,14 +87,15 @@ struct simulator_status {
 
 struct simulator;
 
-/* Opens everything or nothing. notice receives one line about the choice of transport, or "". The
- * arena is sealed by simulator_run. */
+/* Opens everything or nothing. notice receives one line about the choice of transport, or "".
+ * Memory from arena, which simulator_start seals; the configuration is borrowed. ERROR_INPUT,
+ * ERROR_MEMORY, ERROR_SYSTEM, ERROR_UNSUPPORTED. */
 enum error_code simulator_create(const struct simulator_config *config, struct arena *arena,
                                  struct simulator **simulator, char notice[256],
                                  struct error *error);
 
-/* Asks the system for real-time service (real clock only), starts the task's thread (real clock)
- * and runs the loop in the calling thread. */
+/* simulator_start asks the system for real-time service and starts the task's thread (both with the
+ * real clock only); simulator_run runs the loop in the calling thread. */
 enum error_code simulator_start(struct simulator *simulator, struct realtime_report *report,
                                 struct error *error);
 enum loop_end simulator_run(struct simulator *simulator);
@@ -103,17 +105,18 @@ enum loop_end simulator_run(struct simulator *simulator);
 enum error_code simulator_join(struct simulator *simulator, struct bus_ports *ports,
                                struct error *error);
 
-/* Ends the run; from any thread or signal handler. */
+/* Ends the run; from any thread or signal handler. RT-safe. */
 void simulator_stop(struct simulator *simulator);
 
-/* A count that moves while the loop lives, also when it waits for a STEP; from any thread. */
+/* A count that moves while the loop is alive, also while it waits for a STEP; from any thread.
+ * RT-safe. */
 uint64_t simulator_beat(const struct simulator *simulator);
 
 /* After the run: flushes and closes the recording. */
 enum error_code simulator_finish_recording(struct simulator *simulator,
                                            struct recorder_counters *counters, struct error *error);
 
-/* Ends the connections of the gateway and says what it has carried; false when there is none. */
+/* Ends the connections of the gateway and reads its counters; false when there is none. */
 bool simulator_close_gateway(struct simulator *simulator, struct gateway_counters *counters);
 
 /* Closes ports, recording and contact engine; the arena is the caller's. NULL is allowed. */
@@ -122,24 +125,25 @@ void simulator_destroy(struct simulator *simulator);
 /* The last published status; from any thread. False before the first tick. */
 bool simulator_read(const struct simulator *simulator, struct simulator_status *status);
 
-/* Looks after the real CAN interfaces, at most once a second (sim/interfaces.h); from the thread that
- * asks for events. */
+/* Polls the SocketCAN interfaces, at most once a second (sim/interfaces.h); from the thread that
+ * takes events. */
 void simulator_watch_interfaces(struct simulator *simulator, int64_t now_ns);
 
-/* One event of the loop, the boards, the interfaces or the recorder as a line of text, with a key for the event log;
- * false when none waits. From one thread other than the loop's. */
+/* Takes one event of the loop, the faults, the interfaces, the boards or the recorder, as a line of
+ * text with a key for the event log; false when none waits. From one thread other than the loop's.
+ * */
 bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size);
 
-/* How grave the events with such a key are. */
+/* The priority of events with such a key. */
 enum journal_priority simulator_event_priority(uint64_t key);
 
-/* Signals by the names that they have in signals.csv, then frames received and sent on each bus; rows
- * of them for one reader (rt/stream.h). */
+/* Signals by the names that they have in signals.csv, then frames received and sent on each bus;
+ * rows of them for one reader (rt/stream.h). */
 size_t simulator_signals(const struct simulator *simulator);
 const char *const *simulator_signal_names(const struct simulator *simulator);
 struct stream *simulator_stream(const struct simulator *simulator);
 
-/* Looking in; const access while the loop runs only where said. */
+/* Access to the parts; while the loop runs only where it says so. */
 const struct simulator_config *simulator_configuration(const struct simulator *simulator);
 /* After the run; its histograms also while it runs, with histogram_copy. */
 const struct loop_stats *simulator_stats(const struct simulator *simulator);
@@ -150,22 +154,23 @@ struct faults *simulator_faults(const struct simulator *simulator);
 struct plant *simulator_plant(const struct simulator *simulator); /* after the run */
 /* What the boards see of the plant; in the loop's thread, or after the run. */
 const struct plant_sensors *simulator_measured(const struct simulator *simulator);
-const struct gateway *simulator_gateway(const struct simulator *simulator);       /* NULL = none */
-const struct controller *simulator_controller(const struct simulator *simulator); /* NULL = none */
+const struct gateway *simulator_gateway(const struct simulator *simulator); /* NULL = none */
+const struct task_runner *
+simulator_task_runner(const struct simulator *simulator);         /* NULL = none */
 const char *simulator_failure(const struct simulator *simulator); /* after LOOP_END_MODEL */
 /* What plant_settle found at the start; NULL without settle. */
 const struct settled *simulator_settled(const struct simulator *simulator);
 /* Which implementation computes the rigid-body dynamics, and why; a sentence. */
 const char *simulator_dynamics(const struct simulator *simulator);
-/* What others steer it with, NULL without `steered`; bytes of one checkpoint without the frames on
- * their way, 0 = there are none. */
+/* For requests, NULL without config.steering; bytes of one checkpoint without the frames on their
+ * way, 0 = there are none. */
 struct steering *simulator_steering(const struct simulator *simulator);
 size_t simulator_checkpoint_size(const struct simulator *simulator);
 bool simulator_is_local(const struct simulator *simulator);
-/* State, settings and counters of the controller of a bus, now, as text; false when its interface has
- * none. */
-bool simulator_controller_state(const struct simulator *simulator, size_t bus, char *text,
-                                size_t size);
+/* State, settings and counters of the CAN controller of a bus, now, as text; false when its
+ * interface has none. */
+bool simulator_can_controller_state(const struct simulator *simulator, size_t bus, char *text,
+                                    size_t size);
 /* The wire of a timed bus, NULL where frames take no time; after the run. */
 const struct wire *simulator_wire(const struct simulator *simulator, size_t bus);
 

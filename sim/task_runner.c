@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Steps a task on time. */
+/* Steps a task in time, inline or in a thread or process of its own. */
 #include "sim/task_runner.h"
 
 #include "base/text.h"
@@ -8,14 +8,15 @@
 #include <string.h>
 
 enum {
-    PUBLISH_STEPS = 50,      /* a running task's message is passed on so often */
+    PUBLISH_STEPS = 50,      /* between two messages of a running task */
     DONE_WAIT_NS = 10000000, /* lockstep: longest sleep for DONE before the task looks again */
     POLLED_MAX = 64,
 };
 
-#define GAP_NS (50 * CLOCK_MS) /* between two steps: longer ones are pauses */
+/* A longer time between two steps is a pause of the process. */
+#define GAP_NS (50 * CLOCK_MS)
 
-enum error_code controller_check_name(const char *task, struct error *error)
+enum error_code task_runner_check_name(const char *task, struct error *error)
 {
     const char *const *names = task_names();
     const char *nearest;
@@ -36,28 +37,13 @@ enum error_code controller_check_name(const char *task, struct error *error)
                      nearest ? "\"?" : "");
 }
 
-enum error_code controller_create(const struct rig *rig, const char *task, struct can_port **port,
-                                  bool lockstep, struct clock *time, struct arena *arena,
-                                  struct controller **out, struct error *error)
+enum error_code task_runner_create(const struct rig *rig, const char *task, struct can_port **port,
+                                   bool lockstep, struct clock *time, struct arena *arena,
+                                   struct task_runner **out, struct error *error)
 {
-    struct controller *made = arena_alloc(arena, 1, sizeof *made);
-    struct task_config config = {
-        .host =
-            {
-                .nbus = rig->nbus,
-                .port = port,
-                .bus = rig->host_bus,
-                .naxis = rig->naxis,
-                .axis = rig->axis,
-                .nft = rig->nft,
-                .ft = rig->ft,
-                .supply_v = rig->supply_v,
-                .period_ns = rig->tick_ns,
-                .lockstep = lockstep,
-                .lockstep_bus = rig->lockstep.bus,
-                .step_id = rig->lockstep.step_id,
-                .done_id = rig->lockstep.done_id,
-            },
+    struct task_runner *runner = arena_alloc(arena, 1, sizeof *runner);
+    const struct task_config config = {
+        .host = rig_host_config(rig, port, lockstep),
         .initial_rad = rig->initial_rad,
         .servo = rig->servo,
         .squat = rig->squat,
@@ -65,93 +51,104 @@ enum error_code controller_create(const struct rig *rig, const char *task, struc
     };
     enum error_code code;
 
-    if (!made) {
-        return error_set(error, ERROR_MEMORY, "no memory left for the controller");
+    if (!runner) {
+        return error_set(error, ERROR_MEMORY, "no memory left for a task");
     }
-    *made = (struct controller){
+    *runner = (struct task_runner){
         .lockstep = lockstep,
         .period_ns = rig->tick_ns,
         .nbus = rig->nbus,
         .port = port,
         .time = time,
     };
-    code = snapshot_create(sizeof(struct controller_status), arena, &made->published, error);
-    if (!code) {
-        code = task_create(task, &config, arena, &made->task, error);
+    code = snapshot_create(sizeof(struct task_runner_status), arena, &runner->published, error);
+    if (code) {
+        return code;
     }
-    *out = made;
-    return code;
+    code = task_create(task, &config, arena, &runner->task, error);
+    if (code) {
+        return code;
+    }
+    *out = runner;
+    return ERROR_NONE;
 }
 
-enum task_status controller_step(struct controller *controller, int64_t now_ns)
+enum task_status task_runner_step(struct task_runner *runner, int64_t now_ns)
 {
-    enum task_status status = task_step(controller->task, now_ns);
+    enum task_status status = task_step(runner->task, now_ns);
 
-    if (controller->steps++ % PUBLISH_STEPS == 0 || status != TASK_RUNNING) {
-        controller->now.status = status;
-        strncpy(controller->now.message, task_message(controller->task),
-                sizeof controller->now.message - 1);
-        snapshot_write(controller->published, &controller->now);
+    if (runner->steps++ % PUBLISH_STEPS == 0 || status != TASK_RUNNING) {
+        runner->now.status = status;
+        strncpy(runner->now.message, task_message(runner->task), sizeof runner->now.message - 1);
+        snapshot_write(runner->published, &runner->now);
     }
     return status;
 }
 
-/* lockstep: sleeps until some bus has frames */
-static void wait_for_frames(struct controller *controller)
+/* Lockstep: sleeps until a bus has frames. */
+static void task_runner_wait_for_frames(struct task_runner *runner)
 {
     struct pollfd fds[POLLED_MAX];
     size_t count = 0;
 
-    for (size_t b = 0; b < controller->nbus && b < POLLED_MAX; b++) {
-        fds[count].fd = controller->port[b]->ops->descriptor(controller->port[b]);
+    for (size_t b = 0; b < runner->nbus && b < POLLED_MAX; b++) {
+        fds[count].fd = runner->port[b]->ops->descriptor(runner->port[b]);
         fds[count++].events = POLLIN;
     }
-    clock_wait_readable(controller->time, fds, count, clock_now(controller->time) + DONE_WAIT_NS);
+    clock_wait_readable(runner->time, fds, count, clock_now(runner->time) + DONE_WAIT_NS);
 }
 
-/* The task's time: the clock's without the pauses in which it did not run. */
-static int64_t task_time(const struct controller *controller, int64_t *last_ns, int64_t *paused_ns)
+/* Real time: sleeps until the next deadline that has not passed; missed ones are dropped, the grid
+ * stays. */
+static void task_runner_wait_for_deadline(struct task_runner *runner, int64_t *deadline_ns)
 {
-    int64_t now = clock_now(controller->time);
+    int64_t now = clock_now(runner->time);
+
+    *deadline_ns += runner->period_ns;
+    if (now > *deadline_ns) {
+        *deadline_ns += (now - *deadline_ns) / runner->period_ns * runner->period_ns;
+    }
+    clock_sleep_until(runner->time, *deadline_ns);
+}
+
+/* The task's time: the clock's less the pauses in which the task did not run. */
+static int64_t task_runner_time(const struct task_runner *runner, int64_t *last_ns,
+                                int64_t *paused_ns)
+{
+    int64_t now = clock_now(runner->time);
 
     if (now - *last_ns > GAP_NS) {
-        *paused_ns += now - *last_ns - controller->period_ns;
+        *paused_ns += now - *last_ns - runner->period_ns;
     }
     *last_ns = now;
     return now - *paused_ns;
 }
 
-enum task_status controller_run(struct controller *controller)
+enum task_status task_runner_run(struct task_runner *runner)
 {
-    int64_t now = clock_now(controller->time), last = now, paused = 0;
-    int64_t deadline = controller->grid_ns > 0 ? controller->grid_ns : now;
+    int64_t now = clock_now(runner->time), last = now, paused = 0;
+    int64_t deadline = runner->grid_ns > 0 ? runner->grid_ns : now;
     enum task_status status = TASK_RUNNING;
 
-    while (!atomic_load(&controller->stop)) {
-        status = controller_step(controller, now);
+    while (!atomic_load(&runner->stop)) {
+        status = task_runner_step(runner, now);
         if (status != TASK_RUNNING) {
             return status;
         }
-        if (controller->lockstep) {
-            wait_for_frames(controller);
+        if (runner->lockstep) {
+            task_runner_wait_for_frames(runner);
         } else {
-            deadline += controller->period_ns;
-            if (clock_now(controller->time) > deadline) {
-                /* late: the missed periods are dropped, the grid stays */
-                deadline += (clock_now(controller->time) - deadline) / controller->period_ns *
-                            controller->period_ns;
-            }
-            clock_sleep_until(controller->time, deadline);
+            task_runner_wait_for_deadline(runner, &deadline);
         }
-        now = task_time(controller, &last, &paused);
+        now = task_runner_time(runner, &last, &paused);
     }
-    task_stop(controller->task);
+    task_stop(runner->task);
     return status;
 }
 
-void controller_read(const struct controller *controller, struct controller_status *status)
+void task_runner_read(const struct task_runner *runner, struct task_runner_status *status)
 {
-    if (!snapshot_read(controller->published, status)) {
+    if (!snapshot_read(runner->published, status)) {
         memset(status, 0, sizeof *status);
     }
 }

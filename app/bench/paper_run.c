@@ -47,7 +47,7 @@ static enum error_code drive(struct simulator *simulator, const struct paper_ord
 {
     struct realtime_report report;
     struct recorder_counters counters;
-    struct controller_status status;
+    struct task_runner_status status;
     const struct loop_stats *stats = simulator_stats(simulator);
     enum error_code code = simulator_start(simulator, &report, error);
     enum loop_end end;
@@ -65,7 +65,7 @@ static enum error_code drive(struct simulator *simulator, const struct paper_ord
         return error_set(error, ERROR_UNSUPPORTED, "%s: %s", order->rig,
                          simulator_failure(simulator));
     }
-    controller_read(simulator_controller(simulator), &status);
+    task_runner_read(simulator_task_runner(simulator), &status);
     memcpy(run->message, status.message, sizeof run->message);
     if (status.status != TASK_DONE) {
         return error_set(error, ERROR_UNSUPPORTED, "%s: task %s: %s", order->rig, order->task,

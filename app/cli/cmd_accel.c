@@ -298,7 +298,7 @@ static enum error_code make_dynamics(const struct robot *robot, int implementati
     if (!module) {
         enum error_code code;
 
-        if (!cache_folder(folder, sizeof folder)) {
+        if (!module_cache_folder(folder, sizeof folder)) {
             return error_set(error, ERROR_SYSTEM,
                              "found no folder to compile in, expected "
                              "XDG_CACHE_HOME or HOME to name one");

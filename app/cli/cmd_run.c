@@ -242,7 +242,7 @@ static enum error_code configure(const struct run_options *options, const struct
         .seed = (uint64_t)options->seed,
         .ticks = (uint64_t)options->ticks,
         .task = options->task,
-        .steered = !options->control || strcmp(options->control, "none") != 0,
+        .steering = !options->control || strcmp(options->control, "none") != 0,
         .record = options->record ? options->record : rig->record.directory,
         .overwrite = options->force,
         .row_period_ns = options->record_period_ms * CLOCK_MS,
@@ -259,11 +259,11 @@ static enum error_code configure(const struct run_options *options, const struct
 /* what the run amounts to as an exit status, with a line about it when it is not 0 */
 static int judge(const struct simulator *simulator, enum loop_end end)
 {
-    const struct controller *controller = simulator_controller(simulator);
-    struct controller_status task = {.status = TASK_RUNNING};
+    const struct task_runner *runner = simulator_task_runner(simulator);
+    struct task_runner_status task = {.status = TASK_RUNNING};
 
-    if (controller) {
-        controller_read(controller, &task);
+    if (runner) {
+        task_runner_read(runner, &task);
     }
     if (end == LOOP_END_MODEL) {
         fprintf(stderr, "%scoman-hil run: %s\n", journal_prefix(JOURNAL_ERROR),

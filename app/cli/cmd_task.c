@@ -73,7 +73,7 @@ static bool parse(int argc, char **argv, struct task_options *out, int *status)
 /* ---- status line ---- */
 
 struct reporter {
-    struct controller *controller;
+    struct task_runner *runner;
     bool terminal;
     atomic_bool stop;
     pthread_t thread;
@@ -83,14 +83,14 @@ static void *report(void *context)
 {
     struct reporter *reporter = context;
     struct clock *clock = clock_monotonic();
-    char last[sizeof((struct controller_status *)0)->message] = "";
-    struct controller_status status;
+    char last[sizeof((struct task_runner_status *)0)->message] = "";
+    struct task_runner_status status;
     int64_t next = 0;
 
     while (!atomic_load(&reporter->stop)) {
         int64_t now = clock_now(clock);
 
-        controller_read(reporter->controller, &status);
+        task_runner_read(reporter->runner, &status);
         if (now >= next && strcmp(last, status.message)) {
             fprintf(stderr, reporter->terminal ? "\r\033[K%s" : "%s\n", status.message);
             strcpy(last, status.message);
@@ -108,15 +108,15 @@ static void *report(void *context)
 
 static bool lost; /* the boards: another run may find them */
 
-static int judge(struct controller *controller, enum task_status status)
+static int judge(struct task_runner *runner, enum task_status status)
 {
     switch (status) {
     case TASK_DONE:
-        printf("%s\n", task_message(controller->task));
+        printf("%s\n", task_message(runner->task));
         return STATUS_OK;
     case TASK_FAILED:
-        lost = task_lost(controller->task);
-        fprintf(stderr, "coman-hil task: failed: %s\n", task_message(controller->task));
+        lost = task_lost(runner->task);
+        fprintf(stderr, "coman-hil task: failed: %s\n", task_message(runner->task));
         return STATUS_FAILED;
     default:
         printf("stopped, motors off\n");
@@ -126,39 +126,39 @@ static int judge(struct controller *controller, enum task_status status)
 
 static void stop(void *context)
 {
-    struct controller *controller = context;
+    struct task_runner *runner = context;
 
-    atomic_store(&controller->stop, true);
+    atomic_store(&runner->stop, true);
 }
 
-static int run(struct controller *controller, const struct rig *rig, bool quiet)
+static int run(struct task_runner *runner, const struct rig *rig, bool quiet)
 {
-    struct reporter reporter = {.controller = controller, .terminal = isatty(STDERR_FILENO)};
+    struct reporter reporter = {.runner = runner, .terminal = isatty(STDERR_FILENO)};
     struct realtime_config realtime = {rig->realtime.priority, rig->realtime.lock_memory, -1};
     struct realtime_report warnings;
     enum task_status status;
 
-    rig_command_on_stop(stop, controller);
+    rig_command_on_stop(stop, runner);
     if (!quiet && pthread_create(&reporter.thread, NULL, report, &reporter)) {
         quiet = true;
     }
-    if (!controller->lockstep) {
+    if (!runner->lockstep) {
         realtime_apply(&realtime, &warnings);
         rig_command_warn(&warnings, "");
     }
-    status = controller_run(controller);
+    status = task_runner_run(runner);
     rig_command_ignore_stop();
     if (!quiet) {
         atomic_store(&reporter.stop, true);
         pthread_join(reporter.thread, NULL);
     }
-    return judge(controller, status);
+    return judge(runner, status);
 }
 
 static int run_rig(void *context, const struct rig *rig, struct arena *arena)
 {
     const struct task_options *options = context;
-    struct controller *controller;
+    struct task_runner *runner;
     struct bus_ports ports;
     struct buses buses;
     struct error error;
@@ -173,12 +173,12 @@ static int run_rig(void *context, const struct rig *rig, struct arena *arena)
         buses_join(&buses, arena, &ports, &error)) {
         return command_fail("task", &error);
     }
-    if (controller_create(rig, options->task, ports.port, lockstep, clock_monotonic(), arena,
-                          &controller, &error) ||
+    if (task_runner_create(rig, options->task, ports.port, lockstep, clock_monotonic(), arena,
+                           &runner, &error) ||
         arena_seal(arena, false, &error)) {
         status = command_fail("task", &error);
     } else {
-        status = run(controller, rig, options->quiet);
+        status = run(runner, rig, options->quiet);
     }
     bus_ports_close(&ports);
     buses_close(&buses);
@@ -194,7 +194,7 @@ int cmd_task(int argc, char **argv)
     if (!parse(argc, argv, &options, &status)) {
         return status;
     }
-    if (controller_check_name(options.task, &error)) {
+    if (task_runner_check_name(options.task, &error)) {
         return command_fail("task", &error);
     }
     do {

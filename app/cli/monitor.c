@@ -39,7 +39,7 @@ void monitor_format(const struct simulator *simulator, const struct simulator_st
     int64_t wall = status->elapsed_ns - before->elapsed_ns;
     double rtf = wall > 0 ? (double)(status->time_ns - before->time_ns) / (double)wall : 0.0;
     double force = 0.0, load;
-    struct controller_status task = {0};
+    struct task_runner_status task = {0};
     uint64_t lost = 0;
     size_t bus;
 
@@ -49,8 +49,8 @@ void monitor_format(const struct simulator *simulator, const struct simulator_st
     for (size_t b = 0; b < rig->nbus; b++) {
         lost += status->bus[b].rx_dropped + status->bus[b].tx_dropped;
     }
-    if (simulator_controller(simulator)) {
-        controller_read(simulator_controller(simulator), &task);
+    if (simulator_task_runner(simulator)) {
+        task_runner_read(simulator_task_runner(simulator), &task);
     }
     load = busiest(simulator, before, status, &bus);
     snprintf(text, size,

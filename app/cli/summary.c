@@ -176,7 +176,7 @@ static void print_controllers(const struct summary *summary, FILE *out)
     for (size_t b = 0; b < rig->nbus; b++) {
         const struct can_port *port = simulator_port(summary->simulator, b);
 
-        if (simulator_controller_state(summary->simulator, b, text, sizeof text)) {
+        if (simulator_can_controller_state(summary->simulator, b, text, sizeof text)) {
             fprintf(out,
                     "  %s: %s; queue full %" PRIu64 " times, frames kept for later %" PRIu64 "\n",
                     port->bus, text, port->counters.tx_queue_full, port->counters.tx_held);

@@ -173,15 +173,15 @@ static json_t *status_task(const struct control *control)
 {
     static const char *const names[] = {
         [TASK_RUNNING] = "running", [TASK_DONE] = "done", [TASK_FAILED] = "failed"};
-    const struct controller *controller = simulator_controller(control->config.simulator);
-    struct controller_status status = {.status = TASK_RUNNING};
+    const struct task_runner *runner = simulator_task_runner(control->config.simulator);
+    struct task_runner_status status = {.status = TASK_RUNNING};
     json_t *body;
     bool good;
 
-    if (!controller) {
+    if (!runner) {
         return json_null();
     }
-    controller_read(controller, &status);
+    task_runner_read(runner, &status);
     body = json_object();
     good = control_put(body, "name",
                        control_text(simulator_configuration(control->config.simulator)->task));

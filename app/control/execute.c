@@ -309,7 +309,7 @@ static const char *verdict_text(const struct control *control, enum control_comm
     bool back =
         command == CONTROL_RESET || command == CONTROL_CHECKPOINT || command == CONTROL_RESTORE;
 
-    if (verdict == STEER_UNAVAILABLE && back && simulator_controller(control->config.simulator)) {
+    if (verdict == STEER_UNAVAILABLE && back && simulator_task_runner(control->config.simulator)) {
         return "this run has no way back: with the real clock its task has a thread of its own; "
                "start the task as a process (coman-hil task), or run with --clock free or lockstep";
     }

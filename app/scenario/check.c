@@ -403,7 +403,7 @@ enum error_code scenario_check(struct scenario *scenario, struct arena *arena, s
         return yaml_error(error, &scenario->task_mark,
                           "found both a task and a host, expected one of them to lead the boards");
     }
-    if (scenario->task && controller_check_name(scenario->task, error)) {
+    if (scenario->task && task_runner_check_name(scenario->task, error)) {
         return error_prefix(error, "%s:%d:%d", scenario->file, scenario->task_mark.line,
                             scenario->task_mark.column);
     }

@@ -123,21 +123,8 @@ static enum error_code create_host(struct run *run, struct arena *arena, struct 
 {
     const struct rig *rig = run->view.rig;
     const struct scenario *scenario = run->scenario;
-    struct host_config config = {
-        .nbus = rig->nbus,
-        .port = run->host_ports.port,
-        .bus = rig->host_bus,
-        .naxis = rig->naxis,
-        .axis = rig->axis,
-        .nft = rig->nft,
-        .ft = rig->ft,
-        .supply_v = rig->supply_v,
-        .period_ns = rig->tick_ns,
-        .lockstep = scenario->clock == LOOP_CLOCK_LOCKSTEP,
-        .lockstep_bus = rig->lockstep.bus,
-        .step_id = rig->lockstep.step_id,
-        .done_id = rig->lockstep.done_id,
-    };
+    const struct host_config config =
+        rig_host_config(rig, run->host_ports.port, scenario->clock == LOOP_CLOCK_LOCKSTEP);
 
     run->starts = scenario->host == SCENARIO_HOST_ENABLED;
     run->leads = run->starts || (config.lockstep && !scenario->task);

@@ -138,11 +138,11 @@ static double read_clamped(const struct scenario_view *view, size_t a, size_t b)
 
 static double read_task(const struct scenario_view *view, size_t a, size_t b)
 {
-    const struct controller *controller = simulator_controller(view->simulator);
+    const struct task_runner *runner = simulator_task_runner(view->simulator);
 
     (void)a;
     (void)b;
-    return controller ? (double)controller->now.status : 0.0;
+    return runner ? (double)runner->now.status : 0.0;
 }
 
 /* the largest of the counters of the boards' controllers */

@@ -142,7 +142,7 @@ void guard_event(enum guard_event event, int64_t a, int64_t b)
         break;
     case PHASE_END:
         guard_count_faults((int)a);
-        /* what follows the last phase is the account of the tick */
+        /* What follows the last phase is the account of the tick */
         guard_state.phase = a < GUARD_PHASES - 1 ? (int)a + 1 : (int)a;
         break;
     case TICK_END:
@@ -197,7 +197,7 @@ void guard_place(uintptr_t address, char *text, size_t size)
     }
 }
 
-/* the first object is the program */
+/* The first object is the program */
 static int note_bias(struct dl_phdr_info *info, size_t size, void *unused)
 {
     (void)size;

@@ -4,13 +4,15 @@
  * with a message, the phase, the tick and a backtrace when the loop's thread does what a real-time
  * loop may not. Linux on x86-64 only.
  *
- *   guard_probes.c    knows where the loop is from the program's own tracepoints (rt/probes.h): each
+ *   guard_probes.c    knows where the loop is from the program's own tracepoints (rt/probes.h):
+ *   each
  *                     is a nop that the guard replaces by a breakpoint. The program needs no hook.
  *   guard_calls.c     every function that the program imports and that is not on a list of harmless
  *                     ones goes over a guarded doorstep: allocation, locks, printing, files, ...
- *   guard_syscalls.c  every system call of the loop's thread goes over a seccomp trap, is held against
- *                     a table of what is allowed in which phase and on which kind of descriptor, and
- *                     is counted.
+ *   guard_syscalls.c  every system call of the loop's thread goes over a seccomp trap, is held
+ *   against
+ *                     a table of what is allowed in which phase and on which kind of descriptor,
+ *                     and is counted.
  *   guard_faults.c    counts page faults, and knows where they were.
  *   guard.c           keeps the state, reports.
  *
@@ -90,7 +92,7 @@ void guard_watch_calls(void); /* at the first run_begin */
 /* Made so that the filter lets it pass. */
 long guard_syscall(long number, long a, long b, long c, long d, long e, long f);
 void guard_handle(int number, void (*entry)(int, siginfo_t *, void *));
-/* the entries, and the functions that they call */
+/* The entries, and the functions that they call */
 void guard_entry_breakpoint(int number, siginfo_t *info, void *context);
 void guard_entry_system_call(int number, siginfo_t *info, void *context);
 __attribute__((visibility("hidden"))) void guard_on_breakpoint(int number, siginfo_t *info,

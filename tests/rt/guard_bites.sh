@@ -51,21 +51,21 @@ good=0
 [ $status = 0 ] && grep -q 'clock free, ticks 20, probes 182' log && good=1
 verdict $good a_loop_that_does_nothing_wrong_runs_to_its_end
 
-caught malloc 'calls malloc' plant
-caught free 'calls free' plant
-caught realloc 'calls realloc' plant
-caught posix_memalign 'calls posix_memalign' plant
-caught digits 'calls malloc' plant
-caught mutex 'calls pthread_mutex_lock' plant
-caught rwlock 'calls pthread_rwlock_rdlock' plant
-caught signal 'calls pthread_cond_signal' plant
-caught printf 'calls printf' plant
-caught fputs 'calls fwrite' plant
-caught open 'calls open' plant
-caught mmap 'calls mmap' plant
-caught write 'system call write (1), first argument 1' plant
-caught sleep 'system call clock_nanosleep' plant
-caught instruction 'system call getppid' plant
+caught malloc 'calls malloc' victim_plant
+caught free 'calls free' victim_plant
+caught realloc 'calls realloc' victim_plant
+caught posix_memalign 'calls posix_memalign' victim_plant
+caught digits 'calls malloc' victim_plant
+caught mutex 'calls pthread_mutex_lock' victim_plant
+caught rwlock 'calls pthread_rwlock_rdlock' victim_plant
+caught signal 'calls pthread_cond_signal' victim_plant
+caught printf 'calls printf' victim_plant
+caught fputs 'calls fwrite' victim_plant
+caught open 'calls open' victim_plant
+caught mmap 'calls mmap' victim_plant
+caught write 'system call write (1), first argument 1' victim_plant
+caught sleep 'system call clock_nanosleep' victim_plant
+caught instruction 'system call getppid' victim_plant
 caught fault '1 page faults' loop_run
 
 run "$victim" fault

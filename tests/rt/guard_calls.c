@@ -2,12 +2,13 @@
 /*
  * Calls out of the program. What the program imports it calls through a table of addresses that the
  * dynamic linker has filled in (the global offset table); for each name that is not on the list
- * below the guard puts a doorstep of its own there, which looks whether the caller is in the loop and
- * goes on to the function when it is not. So nothing must be known about what a function takes and
- * returns, and a function that nobody has thought of is not allowed.
+ * below the guard puts a doorstep of its own there, which looks whether the caller is in the loop
+ * and goes on to the function when it is not. So nothing must be known about what a function takes
+ * and returns, and a function that nobody has thought of is not allowed.
  *
  * Patched are the program, modules that it has loaded, and the C library, whose own calls of malloc
- * and its kin go over such a table too. Other libraries are entered only through the program's table.
+ * and its kin go over such a table too. Other libraries are entered only through the program's
+ * table.
  */
 #include "guard.h"
 
@@ -19,8 +20,8 @@
 
 enum { CALLS_MAX = 2048 };
 
-/* Harmless: they look at their arguments and at nothing else. The system calls at the end are judged
- * by guard_syscalls.c. */
+/* Harmless: they look at their arguments and at nothing else. The system calls at the end are
+ * judged by guard_syscalls.c. */
 static const char *const allowed[] = {
     "memchr",
     "memcmp",
@@ -36,11 +37,11 @@ static const char *const allowed[] = {
     "strnlen",
     "strrchr",
     "__errno_location",
-    /* text in memory: no lock and no output; should it ever allocate, the C library's own call of malloc
-     * is seen */
+    /* Text in memory: no lock and no output; should it ever allocate, the C library's own call of
+     * malloc is seen */
     "snprintf",
     "vsnprintf",
-    /* mathematics */
+    /* Mathematics */
     "acos",
     "asin",
     "atan",
@@ -66,9 +67,9 @@ static const char *const allowed[] = {
     "sqrt",
     "tan",
     "trunc",
-    /* the clock: no system call on a kernel with a vDSO, and counted when it is one */
+    /* The clock: no system call on a kernel with a vDSO, and counted when it is one */
     "clock_gettime",
-    /* system calls */
+    /* System calls */
     "clock_nanosleep",
     "getsockopt",
     "nanosleep",
@@ -80,7 +81,7 @@ static const char *const allowed[] = {
     "write",
 };
 
-/* what the doorsteps know; the names are used in the assembly below */
+/* What the doorsteps know; the names are used in the assembly below */
 void *guard_target[CALLS_MAX];
 static const char *call_name[CALLS_MAX];
 static size_t ncall;
@@ -189,7 +190,7 @@ static struct object read_object(uintptr_t bias, const Elf64_Dyn *entry)
     struct object object = {.bias = bias};
 
     for (; entry->d_tag != DT_NULL; entry++) {
-        /* the dynamic linker has turned these into addresses */
+        /* The dynamic linker has turned these into addresses */
         const void *pointer = (const void *)entry->d_un.d_ptr;
 
         switch (entry->d_tag) {
@@ -251,7 +252,7 @@ static void patch(const struct object *object)
 
             if ((type == R_X86_64_JUMP_SLOT || type == R_X86_64_GLOB_DAT) &&
                 ELF64_ST_TYPE(symbol->st_info) == STT_FUNC && !is_allowed(name)) {
-                /* a slot that is not bound yet holds the way to the linker */
+                /* A slot that is not bound yet holds the way to the linker */
                 void *target = object->bind_now ? *slot : dlsym(RTLD_DEFAULT, name);
 
                 if (target) {

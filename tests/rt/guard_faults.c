@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Page faults of the loop's thread by phase, from getrusage. Where the kernel allows it a counter of
- * perf_event keeps the address and the instruction of the last ones.
+ * Page faults of the loop's thread by phase, from getrusage. Where the kernel allows it a counter
+ * of perf_event keeps the address and the instruction of the last ones.
  */
 #include "guard.h"
 
@@ -55,7 +55,7 @@ void guard_watch_faults(void)
     if (!ring) {
         open_ring();
     }
-    /* what the guard itself touches in the loop for the first time */
+    /* What the guard itself touches in the loop for the first time */
     memset(count, 0, sizeof count);
     if (ring) {
         ring->data_tail = ring->data_head;
@@ -63,7 +63,7 @@ void guard_watch_faults(void)
     before = faults();
 }
 
-/* the faults that the ring has kept */
+/* The faults that the ring has kept */
 static void print_ring(void)
 {
     const unsigned char *data = (const unsigned char *)ring + ring->data_offset;

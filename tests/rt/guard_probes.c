@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Breakpoints on the program's tracepoints. The notes of <sys/sdt.h> say where each nop is and where
- * its arguments are ("-4@%esi", "8@-40(%rbp)", "-4@$3"); what the kernel does for perf with a uprobe
- * is done here in the process.
+ * Breakpoints on the program's tracepoints. The notes of <sys/sdt.h> say where each nop is and
+ * where its arguments are ("-4@%esi", "8@-40(%rbp)", "-4@$3"); what the kernel does for perf with a
+ * uprobe is done here in the process.
  */
 #include "guard.h"
 
@@ -39,7 +39,7 @@ static const struct {
     {{"r14", "r14d", "r14w", "r14b"}, REG_R14}, {{"r15", "r15d", "r15w", "r15b"}, REG_R15},
 };
 
-/* reads "%NAME" and moves past it */
+/* Reads "%NAME" and moves past it */
 static int64_t read_register(const char **text, const greg_t *greg)
 {
     size_t length = strcspn(++*text, " ,)");
@@ -74,7 +74,7 @@ static int64_t narrow(int64_t value, int size)
     }
 }
 
-/* reads "OFFSET(%BASE,%INDEX,SCALE)" */
+/* Reads "OFFSET(%BASE,%INDEX,SCALE)" */
 static int64_t read_memory(const char **text, const greg_t *greg)
 {
     char *rest;
@@ -97,7 +97,7 @@ static int64_t read_memory(const char **text, const greg_t *greg)
     return value;
 }
 
-/* reads "SIZE@WHERE" and moves behind the blank after it */
+/* Reads "SIZE@WHERE" and moves behind the blank after it */
 static int64_t read_argument(const char **text, const greg_t *greg)
 {
     char *rest;
@@ -154,7 +154,7 @@ static void plant(const struct site *at)
     mprotect((void *)start, page, PROT_READ | PROT_EXEC);
 }
 
-/* one note: three addresses, then provider, name and arguments as strings */
+/* One note: three addresses, then provider, name and arguments as strings */
 static void read_note(const unsigned char *text)
 {
     static const char *const names[GUARD_EVENTS] = {"run_begin", "tick_begin", "phase_end",

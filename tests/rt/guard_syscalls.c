@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * System calls of the loop's thread. A seccomp filter on this thread turns each into a signal unless
- * the guard makes it; the handler holds it against the table, counts it, makes it and hands the result
- * back. The filter stays after the run, the handler then lets everything pass.
+ * System calls of the loop's thread. A seccomp filter on this thread turns each into a signal
+ * unless the guard makes it; the handler holds it against the table, counts it, makes it and hands
+ * the result back. The filter stays after the run, the handler then lets everything pass.
  *
  * The filter knows the guard's own calls by the place that they are made from, and by a word in the
  * sixth argument when they take fewer: user-mode Linux does not tell filters the place. There calls
@@ -26,7 +26,7 @@
 #include <unistd.h>
 
 enum { DESCRIPTORS = 1024 };
-/* bits of enum loop_phase and of enum loop_clock */
+/* Bits of enum loop_phase and of enum loop_clock */
 enum { WAIT = 1, RECEIVE = 2, TRANSMIT = 32, PUBLISH = 64, ALL = 127 };
 enum { REAL = 1, LOCKSTEP = 2, FREE = 4, ANY = 7 };
 
@@ -107,7 +107,7 @@ long gate(long number, long a, long b, long c, long d, long e, long f) __asm__("
 void restorer(void) __asm__("restorer");
 extern const unsigned char gate_end[] __asm__("gate_end"), restorer_end[] __asm__("restorer_end");
 
-/* those that a program without a loop makes and that take six arguments */
+/* Those that a program without a loop makes and that take six arguments */
 static const long six[] = {SYS_mmap, SYS_futex, SYS_sendto, SYS_recvfrom, SYS_pselect6};
 
 enum { NSIX = sizeof six / sizeof six[0] };
@@ -236,7 +236,7 @@ void guard_on_system_call(int signal, siginfo_t *info, void *context)
 
     (void)signal;
     if (number == SYS_rt_sigreturn) {
-        /* another handler ends: its frame is on the stack, as the kernel wants it */
+        /* Another handler ends: its frame is on the stack, as the kernel wants it */
         greg[REG_RIP] = (greg_t)(uintptr_t)restorer;
         greg[REG_R9] = (greg_t)WORD;
         return;
@@ -259,7 +259,7 @@ void guard_on_system_call(int signal, siginfo_t *info, void *context)
 enum { PLACE = offsetof(struct seccomp_data, instruction_pointer) };
 enum { SIXTH = offsetof(struct seccomp_data, args) + 5 * sizeof(uint64_t) };
 
-/* user-mode Linux gives filters an instruction pointer of its own */
+/* User-mode Linux gives filters an instruction pointer of its own */
 static bool place_is_told(void)
 {
     char text[4096];
@@ -287,7 +287,7 @@ void guard_watch_syscalls(void)
         WHEN_EQUAL(HIGH(WORD), 1),
         ALLOW,
         LOAD(offsetof(struct seccomp_data, nr)),
-        /* without the place */
+        /* Without the place */
         WHEN_EQUAL(SYS_mmap, 1),
         ALLOW,
         WHEN_EQUAL(SYS_futex, 1),

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * usage: rt_guard_victim WAY
- * A loop whose plant does in tick 7 what a real-time loop may not, for the guard to catch; "nothing"
- * does nothing, "bystander" lets another thread do it all the while.
+ * A loop whose plant does in tick 7 what a real-time loop may not, for the guard to catch;
+ * "nothing" does nothing, "bystander" lets another thread do it all the while.
  */
 #include "rt/loop.h"
 #include "rt/realtime.h"
@@ -51,7 +51,7 @@ static void do_posix_memalign(void)
     kept = memory;
 }
 
-/* the C library allocates for so many digits */
+/* The C library allocates for so many digits */
 static void do_digits(void)
 {
     static volatile int digits = 20000;
@@ -91,7 +91,7 @@ static void do_open(void)
     close(open("/dev/null", O_RDONLY | O_CLOEXEC));
 }
 
-/* a function that may write, but not on this descriptor */
+/* A function that may write, but not on this descriptor */
 static void do_write(void)
 {
     (void)!write(STDOUT_FILENO, "a line\n", 7);
@@ -102,7 +102,7 @@ static void do_sleep(void)
     clock_nanosleep(CLOCK_MONOTONIC, 0, &(struct timespec){.tv_nsec = 1000}, NULL);
 }
 
-/* no function of any library */
+/* No function of any library */
 static void do_instruction(void)
 {
     long number = SYS_getppid;
@@ -142,30 +142,14 @@ static const struct way {
 static const struct way *way;
 static int tick;
 
-static bool plant(void *context)
+static bool victim_plant(void *context, int64_t now_ns)
 {
     (void)context;
+    (void)now_ns;
     if (tick++ == BAD_TICK) {
         way->act();
     }
     return true;
-}
-
-static void nothing(void *context)
-{
-    (void)context;
-}
-
-static bool fine(void *context)
-{
-    (void)context;
-    return true;
-}
-
-static void publish(void *context, const struct loop_stats *stats)
-{
-    (void)context;
-    (void)stats;
 }
 
 static void *stand_by(void *unused)
@@ -184,15 +168,8 @@ int main(int argc, char **argv)
 {
     struct loop_config config = {
         .clock = LOOP_CLOCK_FREE,
-        .tick_ns = CLOCK_MS,
         .ticks = TICKS,
-        .time = clock_monotonic(),
-        .machine = {.control = nothing,
-                    .plant = plant,
-                    .sample = fine,
-                    .fault = fine,
-                    .publish = publish,
-                    .shut_down = nothing},
+        .machine = {.plant = victim_plant},
     };
     struct arena arena;
     struct error error;

@@ -33,7 +33,7 @@ for phase in $phases; do
     boards) name=[a-z_]*.c:machine_control ;;
     plant) name=[a-z_]*.c:machine_plant ;;
     sensors) name=[a-z_]*.c:machine_sample ;;
-    *) name=loop.c:$phase ;;
+    *) name=loop.c:loop_$phase ;;
     esac
     total=$(function_total "$name")
     budget=$(sed -n "s/^  $phase  *\([0-9][0-9]*\)  *[0-9.]* %.*/\1/p" "$dir/topic")

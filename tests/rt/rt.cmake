@@ -3,6 +3,11 @@
 # and its budget.
 set(rt_tests ${CMAKE_CURRENT_SOURCE_DIR}/rt)
 
+# the loop in a program of its own: the library rt and nothing else
+add_executable(rt_ten_lines rt/ten_lines.c)
+target_link_libraries(rt_ten_lines PRIVATE rt)
+hil_script_test(rt_ten_lines LABELS unit TIMEOUT 10 COMMAND rt_ten_lines)
+
 if(HIL_PROBES)
     hil_script_test(rt_probes LABELS service TIMEOUT 30
         COMMAND bash ${rt_tests}/probes.sh $<TARGET_FILE:coman-hil>)

@@ -152,7 +152,7 @@ test_silence() {
     systemctl restart $unit
     coman-hil task squat coman --clock real --reconnect >"$HIL_WORK/task" 2>&1 </dev/null &
     controller=$!
-    within 20 said 1 "links are let go" && systemctl restart $unit && within 20 said 2 "links are let go"
+    within 20 said 1 "robot is released" && systemctl restart $unit && within 20 said 2 "robot is released"
     check $? "a controller in real time finds the boards of a restarted service"
     cp "$HIL_WORK/task" "$log"
     journal -n 30 >>"$log"
@@ -195,7 +195,7 @@ END
     check $? "a rig that extends one that extends the package's is started"
     coman-hil task squat lab --clock lockstep --reconnect >"$HIL_WORK/task" 2>&1 </dev/null &
     controller=$!
-    within 20 said 1 "links are let go" && systemctl restart $unit && within 20 said 2 "links are let go"
+    within 20 said 1 "robot is released" && systemctl restart $unit && within 20 said 2 "robot is released"
     check $? "a controller finds the boards of a restarted service"
 
     pid=$(property MainPID)
@@ -204,7 +204,7 @@ END
     check $? "a stopped process is found by the watchdog and started anew"
     journalctl --no-pager -u $unit | grep -qi watchdog
     check $? "the journal says so"
-    within 20 said 3 "links are let go"
+    within 20 said 3 "robot is released"
     check $? "the controller finds its boards once more"
 
     wait $controller

@@ -28,7 +28,7 @@ says() {
 }
 
 run=(run "$work/rigs/rig.yaml" --clock free --ticks 3 --transport local --quiet)
-over='bus left_leg would carry 1[0-9][0-9]\.[0-9] % of what it can at the worst'
+over='bus left_leg would be loaded to 1[0-9][0-9]\.[0-9] % at the worst'
 
 echo 1..8
 rig "" 500000
@@ -55,9 +55,9 @@ says 2 "${run[@]}" && grep -q "rig.yaml: $over" "$work/err"
 result $? "and so does run"
 
 rig ignore 500000
-says 0 check "$work/rigs/rig.yaml" && ! grep -q "would carry" "$work/err"
+says 0 check "$work/rigs/rig.yaml" && ! grep -q "would be loaded" "$work/err"
 result $? "neither speaks of them where the rig does not want to hear it"
 
 rig refuse 1000000
-says 0 "${run[@]}" && ! grep -q "would carry" "$work/err"
+says 0 "${run[@]}" && ! grep -q "would be loaded" "$work/err"
 result $? "a rig whose traffic fits is not refused"

@@ -3,15 +3,16 @@
  * COMAN for an hour of its own time in lockstep, at full traffic, while everything that can break
  * breaks at random: soak_lockstep [SECONDS [SEED [RECORD-DIRECTORY]]].
  *
- * The time is cut into parts of some minutes, each a simulator of its own: COMAN hung up in a harness
- * with every kind of board, on buses with and without wire time, moved by a controller that never
- * gives up (player.h); and, standing on its feet or in front of a box, the tasks of the product, which
- * end when something breaks badly enough. A listener judges what passes on the buses (watch.h), a
- * stranger talks on them (stranger.h). In the harness every half minute ends with eight seconds in
- * which nothing is broken: in them every motor must come on again and tell where it is.
+ * The time is cut into parts of some minutes, each a simulator of its own: COMAN hung up in a
+ * harness with every kind of board, on buses with and without wire time, moved by a controller that
+ * never gives up (player.h); and, standing on its feet or in front of a box, the tasks of the
+ * product, which end when something breaks badly enough. A listener judges what passes on the buses
+ * (listener.h), a intruder talks on them (intruder.h). In the harness every half minute ends with
+ * eight seconds in which nothing is broken: in them every motor must come on again and tell where
+ * it is.
  *
- * Prints a line for each part and one for all; two runs with the same arguments agree in their hash,
- * whatever else the machine does. Exit status 1: a rule was broken, and stderr says which.
+ * Prints a line for each part and one for all; two runs with the same arguments agree in their
+ * hash, whatever else the machine does. Exit status 1: a rule was broken, and stderr says which.
  */
 #include "base/hash.h"
 #include "tests/soak/part.h"
@@ -98,7 +99,7 @@ static bool check_kinds(const struct totals *totals)
 static uint64_t part_ticks(const struct totals *totals, uint64_t wanted)
 {
     const struct part *part = &programme[totals->parts % PARTS];
-    /* rounds of half a minute: an hour has a dozen of long parts, five minutes have short ones */
+    /* Rounds of half a minute: an hour has a dozen of long parts, five minutes have short ones */
     uint64_t rounds = wanted >= 1800000 ? 4 : 1;
     uint64_t ticks = part->task ? TASK_S * 1000 : rounds * ROUND_S * 1000;
 
@@ -110,11 +111,11 @@ static void print_totals(const struct totals *totals)
     const long kb = sysconf(_SC_PAGESIZE) / 1024;
 
     printf("soak: %" PRIu64 " ticks, %" PRIu64 " frames, %" PRIu64 " faults, %" PRIu64
-           " strange frames, %" PRIu64 " STEP refused, %" PRIu64 " events, %" PRIu64
+           " frames of the intruder, %" PRIu64 " STEP refused, %" PRIu64 " events, %" PRIu64
            " motors switched on again, %" PRIu64
            " controllers started; RSS %ld kB after 2 min, %ld "
            "kB at the end; hash %016" PRIx64 "\n",
-           totals->ticks, totals->frames, totals->faults, totals->strange, totals->refused,
+           totals->ticks, totals->frames, totals->faults, totals->intruder, totals->refused,
            totals->events, totals->switched_on, totals->starts, totals->pages_minute_2 * kb,
            totals->pages_last * kb, totals->hash);
 }

@@ -26,7 +26,7 @@ static void hold_base(struct run *run, int64_t time_ns)
     const double *at = plant_state(simulator_plant(run->simulator), &count), *to = run->held;
     const double *q = at + 3, *p = to + 3;
     double dt = (double)(time_ns - run->last_ns) * 1e-9, push[6], error[6];
-    /* the vector part of q p^-1: half the rotation from p to q */
+    /* The vector part of q p^-1: half the rotation from p to q */
     double w = q[0] * p[0] + q[1] * p[1] + q[2] * p[2] + q[3] * p[3], sign = w < 0.0 ? -2.0 : 2.0;
 
     for (int i = 0; i < 3; i++) {
@@ -59,20 +59,20 @@ static void send_step(struct run *run, uint64_t left)
         ticks = (uint16_t)(1 + random_bits(&run->random) % 5);
     }
     ticks = ticks > left ? (uint16_t)left : ticks;
-    put_u32_le(data, run->watch.tick);
+    put_u32_le(data, run->listener.tick);
     put_u16_le(data + 4, ticks);
     step = frame_make(run->rig.lockstep.step_id, LOCKSTEP_LENGTH, data);
     can_send(run->player.ports.port[run->rig.lockstep.bus], &step, 1);
 }
 
-/* now and then it says nothing for up to 0.4 s but STEP */
+/* Now and then it says nothing for up to 0.4 s but STEP */
 static bool is_quiet(struct run *run, int64_t time_ns)
 {
     if (time_ns >= run->quiet_due_ns) {
         run->quiet_ns = time_ns + (int64_t)(0.4e9 * random_uniform(&run->random));
         run->quiet_due_ns = time_ns + (int64_t)(20e9 * random_uniform(&run->random));
     }
-    /* not while a round is to end well */
+    /* Not while a round is to end well */
     return time_ns < run->quiet_ns && time_ns / SECOND % ROUND_S < BROKEN_S;
 }
 
@@ -99,21 +99,21 @@ static void step(void *context, int64_t time_ns)
     struct run *run = context;
     bool fresh = time_ns != run->last_ns;
 
-    if (!watch_look(&run->watch, true)) {
-        part_fail(run, "%s", run->watch.failure);
+    if (!listener_check(&run->listener, true)) {
+        part_fail(run, "%s", run->listener.failure);
     }
     if (fresh) {
         rules_check_tick(run, time_ns);
-        stranger_step(&run->stranger, is_rude(run, time_ns), run->watch.tick);
+        intruder_step(&run->intruder, is_rude(run, time_ns), run->listener.tick);
         if (!run->part->task) {
             play(run, time_ns);
-            /* twice in a part the STEP itself is late, by the wall's clock */
+            /* Twice in a part the STEP itself is late, by the wall's clock */
             run->waits = time_ns == 5 * SECOND || time_ns == 6 * SECOND ? 2 : 0;
         }
     }
     run->last_ns = time_ns;
     if (!run->part->task && run->waits-- == 0) {
-        send_step(run, run->ticks - run->watch.tick);
+        send_step(run, run->ticks - run->listener.tick);
     }
 }
 
@@ -125,19 +125,21 @@ static enum error_code write_faults(struct run *run, const struct totals *totals
     double length_s = (double)run->ticks * 1e-3;
     uint64_t seed = random_bits(&run->random);
 
-    lines_init(&run->lines, &run->rig, run->part->wire, seed, totals->kind);
+    fault_lines_init(&run->fault_lines, &run->rig, run->part->wire, seed, totals->kind);
     if (run->part->task) {
-        return lines_add(&run->lines, TASK_FAULTS, 0.5, TASK_S, 1.0, error) ? ERROR_NONE
-                                                                            : error->code;
+        return fault_lines_add(&run->fault_lines, TASK_FAULTS, 0.5, TASK_S, 1.0, error)
+                   ? ERROR_NONE
+                   : error->code;
     }
     for (double t = 0.0; t < length_s; t += ROUND_S) {
         double end = fmin(t + BROKEN_S, length_s);
 
         if (is_rude(run, (int64_t)(t * 1e9))) {
-            /* frames that are taken for the host's may change any setting */
-            lines_add_power_cycle(&run->lines, t + BROKEN_S - 0.5, t + BROKEN_S);
+            /* Frames that are taken for the host's may change any setting */
+            fault_lines_add_power_cycle(&run->fault_lines, t + BROKEN_S - 0.5, t + BROKEN_S);
         }
-        if (end - t > 4.0 && !lines_add(&run->lines, ROUND_FAULTS, t + 1.0, end, 2.0, error)) {
+        if (end - t > 4.0 &&
+            !fault_lines_add(&run->fault_lines, ROUND_FAULTS, t + 1.0, end, 2.0, error)) {
             return error->code;
         }
     }
@@ -184,11 +186,11 @@ static enum error_code create(struct run *run, const struct totals *totals, uint
 
     config.hold = run->rig.hold;
     config.ticks = run->ticks;
-    config.fault = run->lines.line;
-    config.nfault = run->lines.count;
+    config.fault = run->fault_lines.line;
+    config.nfault = run->fault_lines.count;
     code = code ? code : simulator_create(&config, &run->arena, &run->simulator, notice, error);
-    code = code ? code : simulator_join(run->simulator, &run->watch.ports, error);
-    code = code ? code : simulator_join(run->simulator, &run->stranger.ports, error);
+    code = code ? code : simulator_join(run->simulator, &run->listener.ports, error);
+    code = code ? code : simulator_join(run->simulator, &run->intruder.ports, error);
     if (!code && !run->part->task) {
         code = simulator_join(run->simulator, &run->player.ports, error);
         code = code ? code : player_init(&run->player, &run->rig, seed, error);
@@ -199,11 +201,11 @@ static enum error_code create(struct run *run, const struct totals *totals, uint
 static void prepare(struct run *run, uint64_t seed)
 {
     run->last_ns = -1;
-    run->watch.rig = run->stranger.rig = &run->rig;
-    run->watch.wire = run->part->wire;
-    run->watch.hash = HASH_START;
+    run->listener.rig = run->intruder.rig = &run->rig;
+    run->listener.wire = run->part->wire;
+    run->listener.hash = HASH_START;
     run->random = random_named(seed, "run");
-    run->stranger.random = random_named(seed, "stranger");
+    run->intruder.random = random_named(seed, "intruder");
     run->odd = seed & 1;
     run->quiet_due_ns = 3 * SECOND;
     memcpy(run->held, run->rig.base_position, 3 * sizeof(double));
@@ -213,8 +215,8 @@ static void prepare(struct run *run, uint64_t seed)
 
 static void close_all(struct run *run)
 {
-    bus_ports_close(&run->watch.ports);
-    bus_ports_close(&run->stranger.ports);
+    bus_ports_close(&run->listener.ports);
+    bus_ports_close(&run->intruder.ports);
     bus_ports_close(&run->player.ports);
     player_fini(&run->player);
     simulator_destroy(run->simulator);
@@ -223,20 +225,20 @@ static void close_all(struct run *run)
 
 static void add_up(struct totals *totals, const struct run *run, uint64_t ticks)
 {
-    totals->hash = hash_bytes(totals->hash, &run->watch.hash, sizeof run->watch.hash);
+    totals->hash = hash_bytes(totals->hash, &run->listener.hash, sizeof run->listener.hash);
     totals->ticks += ticks;
     for (size_t b = 0; b < run->rig.nbus; b++) {
-        totals->frames += run->watch.frames[b];
+        totals->frames += run->listener.frames[b];
     }
     totals->faults += run->faults;
     totals->events += run->events;
     totals->switched_on += run->player.switched_on;
     totals->starts += run->player.starts;
-    totals->strange += run->stranger.frames;
-    totals->refused += run->watch.refused;
-    totals->kind = run->lines.kind;
+    totals->intruder += run->intruder.frames;
+    totals->refused += run->listener.refused;
+    totals->kind = run->fault_lines.kind;
     for (size_t k = 0; k < LINE_KINDS_MAX; k++) {
-        totals->of_kind[k] += run->lines.of_kind[k];
+        totals->of_kind[k] += run->fault_lines.of_kind[k];
     }
 }
 
@@ -245,12 +247,12 @@ static void print_part(const struct run *run, uint64_t ticks)
     uint64_t frames = 0;
 
     for (size_t b = 0; b < run->rig.nbus; b++) {
-        frames += run->watch.frames[b];
+        frames += run->listener.frames[b];
     }
     printf("%-16s %7.2f s %10" PRIu64 " frames %4" PRIu64 " faults %6" PRIu64
            " events, switched on %5" PRIu64 ", started %3" PRIu64 ", hash %016" PRIx64 "\n",
            run->part->name, (double)ticks * 1e-3, frames, run->faults, run->events,
-           run->player.switched_on, run->player.starts, run->watch.hash);
+           run->player.switched_on, run->player.starts, run->listener.hash);
     fflush(stdout);
 }
 

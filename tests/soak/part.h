@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * One part of a soak in lockstep: a simulator of its own, run under faults and judged all the while.
+ * One part of a soak in lockstep: a simulator of its own, run under faults and checked at every
+ * tick.
  */
 #ifndef SOAK_PART_H
 #define SOAK_PART_H
 
 #include "sim/simulator.h"
-#include "tests/soak/lines.h"
+#include "tests/soak/fault_lines.h"
 #include "tests/soak/player.h"
-#include "tests/soak/stranger.h"
-#include "tests/soak/watch.h"
+#include "tests/soak/intruder.h"
+#include "tests/soak/listener.h"
 
 #define SECOND INT64_C(1000000000)
 #define MS INT64_C(1000000)
@@ -21,7 +22,7 @@ enum { PAGES_ARE_COUNTED = 0 };
 enum { PAGES_ARE_COUNTED = 1 };
 #endif
 
-/* In the harness nothing is broken in the last seconds of a round; a task may take so long. */
+/* In the harness there are no faults in the last seconds of a round; a task may take TASK_S. */
 enum { ROUND_S = 30, BROKEN_S = 22, TASK_S = 26 };
 
 struct part {
@@ -32,7 +33,7 @@ struct part {
 
 /* What is kept through all parts. */
 struct totals {
-    uint64_t hash, ticks, frames, faults, events, switched_on, starts, strange, refused;
+    uint64_t hash, ticks, frames, faults, events, switched_on, starts, intruder, refused;
     uint64_t of_kind[LINE_KINDS_MAX];
     size_t parts, kind;
     long pages_first, pages_minute_2, pages_last; /* between two parts; 0 = not yet */
@@ -45,13 +46,13 @@ struct run {
     struct rig rig;
     struct arena arena;
     struct simulator *simulator;
-    struct watch watch;
+    struct listener listener;
     struct player player;
-    struct stranger stranger;
-    struct lines lines;
+    struct intruder intruder;
+    struct fault_lines fault_lines;
     struct random_stream random;
     uint64_t ticks;   /* it is to run */
-    bool odd;         /* the stranger is rude in the second, not the first round */
+    bool odd;         /* the intruder is rude in the second, not the first round */
     int64_t last_ns;  /* virtual, of the last look; -1 = none yet */
     int waits;        /* calls for which the STEP is still withheld */
     int64_t quiet_ns; /* until when the controller sends STEP frames only */
@@ -66,8 +67,8 @@ struct run {
     char failure[512];
 };
 
-/* Runs a part and adds it to the totals. False with a message on stderr when a rule was broken. record:
- * a directory, NULL = none. */
+/* Runs a part and adds it to the totals. False with a message on stderr when a rule was broken.
+ * record: a directory, NULL = none. */
 bool part_run(const struct part *part, struct totals *totals, uint64_t seed, uint64_t ticks,
               const char *record);
 

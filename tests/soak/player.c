@@ -17,19 +17,7 @@ enum { TRIES = 10 }; /* to switch an axis on before all is begun anew */
 static enum error_code start_host(struct player *player, struct error *error)
 {
     const struct rig *rig = player->rig;
-    struct host_config config = {
-        .nbus = rig->nbus,
-        .port = player->ports.port,
-        .bus = rig->host_bus,
-        .naxis = rig->naxis,
-        .axis = rig->axis,
-        .nft = rig->nft,
-        .ft = rig->ft,
-        .supply_v = rig->supply_v,
-        .period_ns = rig->tick_ns,
-        .step_id = rig->lockstep.step_id,
-        .done_id = rig->lockstep.done_id,
-    };
+    const struct host_config config = rig_host_config(rig, player->ports.port, false);
     enum error_code code;
 
     arena_fini(&player->arena);
@@ -91,7 +79,7 @@ static void begin(struct player *player, int64_t time_ns)
     }
 }
 
-/* sines about the initial pose, reached smoothly */
+/* Sines about the initial pose, reached smoothly */
 static void move(struct player *player, int64_t time_ns)
 {
     double t = (double)time_ns * 1e-9;
@@ -109,8 +97,8 @@ static void move(struct player *player, int64_t time_ns)
     }
 }
 
-/* Off first, which leaves a fault, then on. True: one has come back, and stands somewhere else than it
- * was to be: at full voltage towards it, it would trip again. */
+/* Off first, which leaves a fault, then on. True: one has come back, and stands somewhere else than
+ * it was to be: at full voltage towards it, it would trip again. */
 static bool switch_on_again(struct player *player, int64_t time_ns)
 {
     bool back = false;
@@ -135,7 +123,8 @@ static bool switch_on_again(struct player *player, int64_t time_ns)
     return back;
 }
 
-/* A board that boots anew is silent, or will not switch on before it is told again what it drives. */
+/* A board that boots anew is silent, or will not switch on before it is told again what it
+ * drives. */
 static bool some_board_forgot(const struct player *player, int64_t time_ns)
 {
     for (size_t i = 0; i < player->rig->naxis; i++) {

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The controller of a soak: moves every joint for ever, switches on again what has switched off, and
- * starts anew like a program that was restarted when boards have forgotten what they were told. It
- * sees frames only.
+ * The controller of a soak: moves every joint for ever, switches axes on again that have switched
+ * off, and restarts like a program would when boards have lost their settings. It sees frames only.
  */
 #ifndef SOAK_PLAYER_H
 #define SOAK_PLAYER_H
@@ -45,7 +44,8 @@ void player_fini(struct player *player);
 enum error_code player_step(struct player *player, int64_t time_ns, bool silent,
                             struct error *error);
 
-/* Whether every motor has been on since, and told where it is; else which has not, and how it is. */
+/* Whether every motor has been on since, and told where it is; else which has not, and how it
+ * is. */
 bool player_all_back(const struct player *player, int64_t since_ns, char *text, size_t size);
 
 #endif

@@ -9,8 +9,8 @@
  *                                                 writes histogram.csv and NAME.svg
  *
  * Both latencies are from the absolute deadline to the first look at the clock after the sleep.
- * cyclictest cuts them off to microseconds; ours are rounded up by at most 1/64 (rt/histogram.h), then
- * cut off to half a microsecond.
+ * cyclictest cuts them off to microseconds; ours are rounded up by at most 1/64 (rt/histogram.h),
+ * then cut off to half a microsecond.
  */
 #include "sim/simulator.h"
 #include "app/report/svg.h"
@@ -47,7 +47,7 @@ static bool consistent(const struct loop_stats *stats)
             return false;
         }
     }
-    /* a tick that begins late has not slept */
+    /* A tick that begins late has not slept */
     return count == h->count && h->count <= stats->ticks && stats->work.count == stats->ticks &&
            overruns == stats->overrun_total && stats->time_ns == (int64_t)stats->ticks * CLOCK_MS &&
            h->sum >= (int64_t)h->count * h->min && h->sum <= (int64_t)h->count * h->max &&
@@ -188,7 +188,7 @@ static void read_ours(FILE *in, struct tally *tally)
     }
 }
 
-/* cyclictest -h: "us count" lines and comments; false when its counts disagree */
+/* Cyclictest -h: "us count" lines and comments; false when its counts disagree */
 static bool read_theirs(FILE *in, struct tally *tally)
 {
     unsigned long long us, count, total = 0, sum = 0, overflows = 0, max = 0;
@@ -212,7 +212,7 @@ static bool read_theirs(FILE *in, struct tally *tally)
     return sum == total && sum > 0;
 }
 
-/* all runs of a name, until there is no next one */
+/* All runs of a name, until there is no next one */
 static bool read_runs(const char *directory, const char *name, struct tally *tally)
 {
     for (;; tally->runs++) {
@@ -241,7 +241,7 @@ static bool read_runs(const char *directory, const char *name, struct tally *tal
     }
 }
 
-/* share of the wake-ups that are later than x */
+/* Share of the wake-ups that are later than x */
 static size_t later(const struct latencies *from, double *x, double *y)
 {
     uint64_t left = from->count;

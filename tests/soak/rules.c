@@ -39,9 +39,9 @@ long rules_resident_pages(void)
 
 /* ---- before each tick ---- */
 
-/* No current beyond what the supply and the rotor's back-EMF, at the fastest that it has been, drive
- * through the winding; speeds somehow bounded, for a light link whose broken spring is whole again when it
- * is a turn away flies; and nobody out of the room. */
+/* No current beyond what the supply and the rotor's back-EMF, at the fastest that it has been,
+ * drive through the winding; speeds somehow bounded, for a light link whose broken spring is whole
+ * again when it is a turn away flies; and nobody out of the room. */
 static void check_plant(struct run *run)
 {
     const struct plant_sensors *sensors = plant_sensors(simulator_plant(run->simulator));
@@ -88,14 +88,15 @@ static void check_status(struct run *run, int64_t time_ns)
 {
     struct simulator_status now;
 
-    if (time_ns != (int64_t)run->watch.tick * run->rig.tick_ns) {
-        part_fail(run, "virtual time is %" PRId64 " ns after %u ticks", time_ns, run->watch.tick);
+    if (time_ns != (int64_t)run->listener.tick * run->rig.tick_ns) {
+        part_fail(run, "virtual time is %" PRId64 " ns after %u ticks", time_ns,
+                  run->listener.tick);
     }
     if (!simulator_read(run->simulator, &now)) {
         return; /* before the first tick */
     }
-    if (now.tick != run->watch.tick || now.time_ns != time_ns) {
-        part_fail(run, "status of tick %" PRIu64 " at tick %u", now.tick, run->watch.tick);
+    if (now.tick != run->listener.tick || now.time_ns != time_ns) {
+        part_fail(run, "status of tick %" PRIu64 " at tick %u", now.tick, run->listener.tick);
     }
     for (size_t b = 0; b < run->rig.nbus; b++) {
         struct bus_status *before = &run->before[b];
@@ -131,8 +132,8 @@ static void take_events(struct run *run)
     }
 }
 
-/* At the end of each round nothing has been broken for a while. What has been flung about may still trip,
- * but can be switched on. */
+/* At the end of each round nothing has been broken for a while. What has been flung about may still
+ * trip, but can be switched on. */
 static void check_recovery(struct run *run, int64_t time_ns)
 {
     int64_t healed_ns = time_ns - (ROUND_S - BROKEN_S) * SECOND + SECOND;
@@ -143,8 +144,8 @@ static void check_recovery(struct run *run, int64_t time_ns)
     }
 }
 
-/* Whether a time with this period, counted from phase before it, lies between the last look and now: a
- * STEP may ask for several ticks. */
+/* Whether a time with this period, counted from phase before it, lies between the last look and
+ * now: a STEP may ask for several ticks. */
 static bool is_time(const struct run *run, int64_t time_ns, int64_t period_ns, int64_t phase_ns)
 {
     return run->last_ns >= 0 &&
@@ -162,7 +163,7 @@ void rules_check_tick(struct run *run, int64_t time_ns)
     if (is_time(run, time_ns, SECOND, 0)) {
         uint64_t state = plant_hash(simulator_plant(run->simulator));
 
-        run->watch.hash = hash_bytes(run->watch.hash, &state, sizeof state);
+        run->listener.hash = hash_bytes(run->listener.hash, &state, sizeof state);
         check_energy(run);
     }
     if (!run->pages_early && time_ns >= 2 * SECOND) {
@@ -181,10 +182,10 @@ static void account(struct run *run)
     for (size_t b = 0; b < run->rig.nbus && !run->part->task; b++) {
         const struct can_counters *boards = &simulator_port(run->simulator, b)->counters;
         const struct can_counters *player = &run->player.ports.port[b]->counters;
-        const struct can_counters *stranger = &run->stranger.ports.port[b]->counters;
-        const struct can_counters *listener = &run->watch.ports.port[b]->counters;
+        const struct can_counters *intruder = &run->intruder.ports.port[b]->counters;
+        const struct can_counters *listener = &run->listener.ports.port[b]->counters;
         const struct wire *wire = simulator_wire(run->simulator, b);
-        uint64_t sent = boards->tx_frames + player->tx_frames + stranger->tx_frames;
+        uint64_t sent = boards->tx_frames + player->tx_frames + intruder->tx_frames;
         uint64_t seen = listener->rx_frames;
 
         if (wire) {
@@ -192,7 +193,7 @@ static void account(struct run *run)
 
             wire_stats(wire, &stats);
             sent = stats.frames;
-            seen = run->watch.frames[b];
+            seen = run->listener.frames[b];
         }
         if (sent != seen) {
             part_fail(run, "bus %s: %" PRIu64 " frames sent, %" PRIu64 " seen",
@@ -208,8 +209,8 @@ void rules_check_end(struct run *run, enum loop_end end)
     long pages = rules_resident_pages();
 
     boards_counters(simulator_boards(run->simulator), &boards);
-    if (!watch_look(&run->watch, run->part->task == NULL)) {
-        part_fail(run, "%s", run->watch.failure);
+    if (!listener_check(&run->listener, run->part->task == NULL)) {
+        part_fail(run, "%s", run->listener.failure);
     }
     if (end == LOOP_END_MODEL) {
         part_fail(run, "the model failed: %s", simulator_failure(run->simulator));
@@ -217,16 +218,16 @@ void rules_check_end(struct run *run, enum loop_end end)
     if (!run->part->task && (end != LOOP_END_LENGTH || stats->ticks != run->ticks)) {
         part_fail(run, "ended after %" PRIu64 " of %" PRIu64 " ticks", stats->ticks, run->ticks);
     }
-    if (stats->lockstep.steps != run->watch.steps ||
-        stats->lockstep.mismatches != run->watch.refused ||
-        stats->lockstep.malformed != run->watch.malformed || !run->watch.stopping) {
+    if (stats->lockstep.steps != run->listener.steps ||
+        stats->lockstep.mismatches != run->listener.refused ||
+        stats->lockstep.malformed != run->listener.malformed || !run->listener.stopping) {
         part_fail(run,
                   "the simulator counts %" PRIu64 " STEP frames, %" PRIu64 " refused, %" PRIu64
                   " malformed, the listener %" PRIu64 ", %" PRIu64 ", %" PRIu64,
                   stats->lockstep.steps, stats->lockstep.mismatches, stats->lockstep.malformed,
-                  run->watch.steps, run->watch.refused, run->watch.malformed);
+                  run->listener.steps, run->listener.refused, run->listener.malformed);
     }
-    /* a person may read some; three times what these faults have been seen to cause is a storm */
+    /* A person may read some; three times what these faults have been seen to cause is a storm */
     if (run->events > 500 + stats->ticks / 2) {
         part_fail(run, "%" PRIu64 " events in %" PRIu64 " ms", run->events, stats->ticks);
     }

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Long runs, bounded here: five simulated minutes in lockstep and twelve seconds in real time; with
 # SOAK=full in the environment an hour and ten minutes.
-set(soak_sources lines lockstep part player rules stranger watch)
+set(soak_sources fault_lines intruder listener lockstep part player rules)
 list(TRANSFORM soak_sources PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/soak/)
 list(TRANSFORM soak_sources APPEND .c)
 add_executable(soak_lockstep ${soak_sources})
@@ -16,5 +16,6 @@ hil_script_test(soak_lockstep COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/soak/lock
                 $<TARGET_FILE:soak_lockstep> LABELS soak TIMEOUT 1800)
 hil_script_test(soak_realtime COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/soak/realtime.sh
                 $<TARGET_FILE:soak_realtime> LABELS soak TIMEOUT 1500 SERIAL)
-hil_test(soak_judge SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/soak/judge.c ${CMAKE_CURRENT_SOURCE_DIR}/soak/watch.c
+hil_test(soak_listener SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/soak/listener_test.c
+                               ${CMAKE_CURRENT_SOURCE_DIR}/soak/listener.c
          LIBS sim LABELS soak)

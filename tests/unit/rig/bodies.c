@@ -218,7 +218,7 @@ static void rejects_names_that_mean_something_else(void **state)
     refused("name: tail, static: true",
             "12:14: found body \"tail\", which the robot has too, expected a name of its own");
     refused("name: world, static: true",
-            "12:14: found body \"world\", which is where static things are, expected a name of "
+            "12:14: found body \"world\", the name of the static surroundings, expected a name of "
             "its own");
     refused("name: a/b, static: true",
             "12:14: found body \"a/b\", expected letters, digits and _ - . only");

@@ -453,11 +453,11 @@ static void rejects_what_the_boards_cannot_tell_a_host(void **state)
 {
     (void)state;
     refused_with("[1000, 1000, 2000]", "[1000, 1000.5, 2000]",
-                 "37:66: found full scale 1000.5, expected an integer, which is all that the "
-                 "boards can tell a host");
+                 "37:66: found full scale 1000.5, expected an integer: boards report it as "
+                 "one");
     refused_with("torque_full_scale_nm: 55", "torque_full_scale_nm: 55.5",
-                 "25:25: found full scale 55.5, expected an integer, which is all that the "
-                 "boards can tell a host");
+                 "25:25: found full scale 55.5, expected an integer: boards report it as "
+                 "one");
     refused_with("period_s: 0.004", "period_s: 0.0045",
                  "32:78: found a period of 0.0045 s, expected whole milliseconds");
 }

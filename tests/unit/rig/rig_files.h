@@ -13,7 +13,7 @@
 static char tree[32];
 static char rig_path[64]; /* TREE/config/rigs/toy.yaml */
 
-/* two driven joints, one without a drive, on a fixed base */
+/* Two driven joints, one without a drive, on a fixed base */
 static const char toy_robot[] =
     "name: toy\n"
     "gravity_m_s2: [0, 0, -9.81]\n"

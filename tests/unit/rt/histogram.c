@@ -33,7 +33,7 @@ static int compare(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* nearest rank: the smallest sample that at least this fraction does not exceed */
+/* Nearest rank: the smallest sample that at least this fraction does not exceed */
 static int64_t true_percentile(const int64_t *sorted, size_t count, double fraction)
 {
     size_t rank = (size_t)ceil(fraction * (double)count);

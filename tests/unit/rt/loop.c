@@ -1,7 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The loop in real time and free run, on a scripted clock: the grid, overruns and their cause,
- * pauses, the order of a tick, and its ends. */
+/* The loop in real time and free run, on a scripted clock: the grid, the order of a tick, its
+ * frames, and the ends of a run. What happens when it is late is in overrun.c. */
 #include "loop_bench.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
 
 static void the_grid_does_not_drift(void **state)
 {
@@ -21,185 +25,6 @@ static void the_grid_does_not_drift(void **state)
     bench_destroy(bench);
 }
 
-static void an_end_at_the_deadline_is_in_time(void **state)
-{
-    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 100);
-
-    (void)state;
-    bench->work[PHASE_PLANT] = TICK;
-    bench_run(bench);
-    assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
-    assert_int_equal(loop_stats(bench->loop)->lost_ticks, 0);
-    assert_int_equal(bench->now, START + 100 * TICK);
-    bench_destroy(bench);
-}
-
-static void skip_drops_the_missed_deadlines_and_stays_on_the_grid(void **state)
-{
-    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
-    const struct loop_stats *stats;
-    struct loop_event event;
-
-    (void)state;
-    /* tick 3 ends at 5.6 T: the deadlines 4 T and 5 T are lost, tick 4 runs at 6 T */
-    bench->slow_tick = 3;
-    bench->slow_phase = PHASE_PLANT;
-    bench->slow_by = 5 * TICK / 2;
-    bench_run(bench);
-    stats = loop_stats(bench->loop);
-    assert_int_equal(stats->overruns[PHASE_PLANT], 1);
-    assert_int_equal(stats->overrun_total, 1);
-    assert_int_equal(stats->lost_ticks, 2);
-    assert_int_equal(stats->late_ticks, 0);
-    assert_int_equal(stats->ticks, 10);
-    assert_int_equal(bench->deadline[3], START + 6 * TICK);
-    assert_int_equal(bench->deadline[8], START + 11 * TICK);
-    assert_int_equal(bench_events(bench, LOOP_EVENT_OVERRUN, &event), 1);
-    assert_int_equal(event.a, PHASE_PLANT);
-    assert_int_equal(event.b, 16 * TICK / 10);
-    bench_destroy(bench);
-}
-
-static void slip_runs_late_ticks_until_the_grid_is_caught_up(void **state)
-{
-    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 20);
-    const struct loop_stats *stats;
-
-    (void)state;
-    /* work 0.4 T; tick 3 ends at 6.9 T, tick 4 at 7.3, 5 at 7.7, 6 at 8.1, 7 at 8.5, 8 at 8.9 T */
-    bench->config.overrun = LOOP_OVERRUN_SLIP;
-    bench->work[PHASE_PLANT] = 4 * TICK / 10;
-    bench->slow_tick = 3;
-    bench->slow_phase = PHASE_SENSORS;
-    bench->slow_by = 35 * TICK / 10;
-    bench_run(bench);
-    stats = loop_stats(bench->loop);
-    assert_int_equal(stats->overrun_total, 1);
-    assert_int_equal(stats->overruns[PHASE_SENSORS], 1);
-    assert_int_equal(stats->late_ticks, 4); /* 4, 5, 6, 7 end after 5, 6, 7, 8 T */
-    assert_int_equal(stats->lost_ticks, 0);
-    assert_int_equal(bench->deadline[3], START + 9 * TICK); /* the first sleep after it */
-    assert_int_equal(bench->now, START + 19 * TICK + 4 * TICK / 10);
-    bench_destroy(bench);
-}
-
-static void slip_charges_every_tick_that_is_itself_too_long(void **state)
-{
-    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 50);
-
-    (void)state;
-    bench->config.overrun = LOOP_OVERRUN_SLIP;
-    bench->work[PHASE_BOARDS] = 11 * TICK / 10;
-    bench_run(bench);
-    assert_int_equal(loop_stats(bench->loop)->overruns[PHASE_BOARDS], 50);
-    assert_int_equal(loop_stats(bench->loop)->late_ticks, 0);
-    assert_int_equal(bench->sleeps, 0);
-    bench_destroy(bench);
-}
-
-static void stop_ends_the_run_at_the_nth_overrun(void **state)
-{
-    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 50);
-
-    (void)state;
-    bench->config.overrun = LOOP_OVERRUN_STOP;
-    bench->config.stop_after = 4;
-    bench->work[PHASE_PLANT] = 2 * TICK;
-    assert_int_equal(bench_run(bench), LOOP_END_OVERRUNS);
-    assert_int_equal(loop_stats(bench->loop)->ticks, 4);
-    assert_int_equal(loop_stats(bench->loop)->overrun_total, 4);
-    assert_int_equal(bench->shut_downs, 1);
-    bench_destroy(bench);
-}
-
-static void an_overrun_is_charged_to_the_phase_that_caused_it(void **state)
-{
-    (void)state;
-    for (int p = PHASE_WAIT; p < PHASE_COUNT; p++) {
-        struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
-
-        if (p == PHASE_WAIT) {
-            bench->late_sleep = 4;
-            bench->late_by = 15 * TICK / 10;
-        } else if (p == PHASE_RECEIVE) {
-            struct bus_frame frame = frame_make(0x123, 0, NULL);
-
-            can_send(bench->host[2], &frame, 1);
-            bench->work[PHASE_RECEIVE] = 15 * TICK / 10;
-        } else {
-            bench->slow_tick = 5;
-            bench->slow_phase = (enum loop_phase)p;
-            bench->slow_by = 15 * TICK / 10;
-        }
-        bench_run(bench);
-        for (int q = PHASE_WAIT; q < PHASE_COUNT; q++) {
-            assert_int_equal(loop_stats(bench->loop)->overruns[q], q == p);
-        }
-        assert_int_equal(loop_stats(bench->loop)->lost_ticks, 1);
-        bench_destroy(bench);
-    }
-}
-
-static void a_pause_takes_up_the_grid_and_is_no_overrun(void **state)
-{
-    static const enum loop_overrun policies[] = {LOOP_OVERRUN_SKIP, LOOP_OVERRUN_SLIP,
-                                                LOOP_OVERRUN_STOP};
-
-    (void)state;
-    for (size_t i = 0; i < 3; i++) {
-        struct bench *bench = bench_create(LOOP_CLOCK_REAL, 20);
-        const struct loop_stats *stats;
-
-        /* stopped while it sleeps for 5 T */
-        bench->config.overrun = policies[i];
-        bench->late_sleep = 4;
-        bench->late_by = 5300 * TICK + TICK / 2;
-        assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
-        stats = loop_stats(bench->loop);
-        assert_int_equal(stats->pauses, 1);
-        assert_int_equal(stats->pause_ticks, 5301);
-        assert_int_equal(stats->overrun_total, 0);
-        assert_int_equal(stats->late_ticks, 0);
-        assert_int_equal(bench->deadline[5], START + 5306 * TICK);
-        bench_destroy(bench);
-    }
-}
-
-static void a_pause_inside_a_tick_is_no_overrun_either(void **state)
-{
-    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 20);
-    struct loop_event event;
-
-    (void)state;
-    bench->config.overrun = LOOP_OVERRUN_SLIP;
-    bench->slow_tick = 7;
-    bench->slow_phase = PHASE_PLANT;
-    bench->slow_by = 3000 * TICK;
-    bench_run(bench);
-    assert_int_equal(loop_stats(bench->loop)->pauses, 1);
-    assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
-    assert_int_equal(bench->deadline[7], START + 3008 * TICK);
-    assert_int_equal(bench_events(bench, LOOP_EVENT_PAUSE, &event), 1);
-    bench_destroy(bench);
-}
-
-static void a_second_behind_is_still_caught_up(void **state)
-{
-    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 1200);
-
-    (void)state;
-    bench->config.overrun = LOOP_OVERRUN_SLIP;
-    bench->slow_tick = 0;
-    bench->slow_phase = PHASE_PLANT;
-    bench->slow_by = 1000 * TICK;
-    bench_run(bench);
-    assert_int_equal(loop_stats(bench->loop)->pauses, 0);
-    assert_int_equal(loop_stats(bench->loop)->overrun_total, 1);
-    assert_int_equal(loop_stats(bench->loop)->lost_ticks, 0);
-    assert_int_equal(bench->now, START + 1199 * TICK + TICK / 10);
-    bench_destroy(bench);
-}
-
 static void a_tick_has_its_order(void **state)
 {
     struct bench *bench = bench_create(LOOP_CLOCK_FREE, 2);
@@ -213,6 +38,65 @@ static void a_tick_has_its_order(void **state)
     assert_memory_equal(bench->order, "ircpstttuicpstttux", 18);
     assert_int_equal(bench->sleeps, 0);
     bench_destroy(bench);
+}
+
+static void what_is_due_begins_before_the_wait_of_each_tick(void **state)
+{
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
+
+    (void)state;
+    bench_run(bench);
+    assert_int_equal(bench->begins, 10);
+    assert_int_equal(bench->begun_ns, 9 * TICK);
+    assert_int_equal(bench->begun_at, bench->deadline[bench->sleeps - 1] - TICK + TICK / 10);
+    bench_destroy(bench);
+}
+
+static void a_machine_may_leave_everything_out(void **state)
+{
+    struct bench *bench = bench_create(LOOP_CLOCK_REAL, 10);
+
+    (void)state;
+    bench->config.machine = (struct loop_machine){0};
+    bench->config.tick_ns = 0;
+    assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
+    assert_int_equal(loop_stats(bench->loop)->time_ns, 10 * CLOCK_MS);
+    bench_destroy(bench);
+}
+
+/* Frames recorded of three ticks with two frames sent on each bus, and one received. */
+static uint64_t frames_recorded(enum loop_recording recording)
+{
+    static const char *const names[] = {"can0", "can1", "can2"};
+    struct bench *bench = bench_create(LOOP_CLOCK_FREE, 3);
+    char folder[] = "/tmp/loop_recording_XXXXXX";
+    const struct recorder_config config = {
+        .directory = mkdtemp(folder), .lossless = true, .nbus = BENCH_BUSES, .bus = names};
+    struct bus_frame frame = frame_make(0x123, 0, NULL);
+    struct recorder_counters counters;
+    char path[64];
+    struct error error;
+
+    assert_int_equal(recorder_open(&config, &bench->arena, &bench->config.recorder, &error),
+                     ERROR_NONE);
+    bench->config.recording = recording;
+    can_send(bench->host[0], &frame, 1);
+    bench_run(bench);
+    assert_int_equal(recorder_close(bench->config.recorder, &counters, &error), ERROR_NONE);
+    bench_destroy(bench);
+    snprintf(path, sizeof path, "%s/candump.log", folder);
+    unlink(path);
+    snprintf(path, sizeof path, "%s/signals.csv", folder);
+    unlink(path);
+    rmdir(folder);
+    return counters.frames;
+}
+
+static void who_records_frames_is_a_setting(void **state)
+{
+    (void)state;
+    assert_int_equal(frames_recorded(LOOP_RECORD_ALL), 3 * 2 * BENCH_BUSES + 1);
+    assert_int_equal(frames_recorded(LOOP_RECORD_UNCARRIED), 0);
 }
 
 static void buses_are_drained_in_their_order(void **state)
@@ -372,16 +256,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_grid_does_not_drift),
-        cmocka_unit_test(an_end_at_the_deadline_is_in_time),
-        cmocka_unit_test(skip_drops_the_missed_deadlines_and_stays_on_the_grid),
-        cmocka_unit_test(slip_runs_late_ticks_until_the_grid_is_caught_up),
-        cmocka_unit_test(slip_charges_every_tick_that_is_itself_too_long),
-        cmocka_unit_test(stop_ends_the_run_at_the_nth_overrun),
-        cmocka_unit_test(an_overrun_is_charged_to_the_phase_that_caused_it),
-        cmocka_unit_test(a_pause_takes_up_the_grid_and_is_no_overrun),
-        cmocka_unit_test(a_pause_inside_a_tick_is_no_overrun_either),
-        cmocka_unit_test(a_second_behind_is_still_caught_up),
         cmocka_unit_test(a_tick_has_its_order),
+        cmocka_unit_test(what_is_due_begins_before_the_wait_of_each_tick),
+        cmocka_unit_test(a_machine_may_leave_everything_out),
+        cmocka_unit_test(who_records_frames_is_a_setting),
         cmocka_unit_test(buses_are_drained_in_their_order),
         cmocka_unit_test(what_is_sent_arrives_at_the_host),
         cmocka_unit_test(a_stop_ends_after_the_tick_with_motors_off),

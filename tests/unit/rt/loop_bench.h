@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A loop on the bench: a clock that tests script, a machine that records what it is asked to do, and
- * local buses with a host on the other side. */
+/* A loop on the bench: a clock that tests script, a machine that records what it is asked to do,
+ * and local buses with a host on the other side. */
 #ifndef TESTS_UNIT_RT_LOOP_BENCH_H
 #define TESTS_UNIT_RT_LOOP_BENCH_H
 
@@ -45,6 +45,9 @@ struct bench {
     char order[BENCH_LOG]; /* one letter a call, see the functions below */
     size_t calls;
     uint64_t tick;
+    uint64_t begins;            /* calls of begin */
+    int64_t begun_ns, begun_at; /* the last: virtual time, and that of the clock */
+    bool restored;              /* time has gone back */
     struct bus_frame received[BENCH_LOG];
     uint64_t received_tick[BENCH_LOG];
     size_t received_bus[BENCH_LOG], received_count;
@@ -92,48 +95,72 @@ static inline void bench_call(struct bench *bench, char letter, enum loop_phase 
     }
 }
 
-static inline bool bench_controller(void *context, int64_t time_ns)
+/* Phases are told the tick's beginning until the plant has moved, then its end. */
+static inline void bench_check_time(const struct bench *bench, int64_t now_ns, bool end)
+{
+    assert_int_equal(now_ns, (int64_t)(bench->tick + end) * TICK);
+}
+
+static inline void bench_begin(void *context, int64_t now_ns)
 {
     struct bench *bench = context;
 
-    assert_int_equal(time_ns, (int64_t)bench->tick * TICK);
+    bench_check_time(bench, now_ns, false);
+    assert_true(bench->begins == 0 || now_ns >= bench->begun_ns || bench->restored);
+    bench->begun_ns = now_ns;
+    bench->begun_at = bench->now;
+    bench->begins++;
+}
+
+static inline bool bench_controller(void *context, int64_t now_ns)
+{
+    struct bench *bench = context;
+
+    bench_check_time(bench, now_ns, false);
     bench_call(bench, 'i', PHASE_WAIT);
     bench->controlled++;
     return bench->controlled < bench->controller_ticks;
 }
 
-static inline void bench_receive(void *context, size_t bus, const struct bus_frame *frame)
+static inline void bench_receive(void *context, int64_t now_ns, size_t bus,
+                                 const struct bus_frame *frame)
 {
     struct bench *bench = context;
 
+    bench_check_time(bench, now_ns, false);
     bench->received[bench->received_count % BENCH_LOG] = *frame;
     bench->received_bus[bench->received_count % BENCH_LOG] = bus;
     bench->received_tick[bench->received_count++ % BENCH_LOG] = bench->tick;
     bench_call(bench, 'r', PHASE_RECEIVE);
 }
 
-static inline void bench_control(void *context)
+static inline void bench_control(void *context, int64_t now_ns)
 {
+    bench_check_time(context, now_ns, false);
     bench_call(context, 'c', PHASE_BOARDS);
 }
 
-static inline bool bench_plant(void *context)
+static inline bool bench_plant(void *context, int64_t now_ns)
 {
+    bench_check_time(context, now_ns, false);
     bench_call(context, 'p', PHASE_PLANT);
     return !((struct bench *)context)->broken;
 }
 
-static inline bool bench_sample(void *context)
+static inline bool bench_sample(void *context, int64_t now_ns)
 {
+    bench_check_time(context, now_ns, true);
     bench_call(context, 's', PHASE_SENSORS);
     return true;
 }
 
-static inline size_t bench_transmit(void *context, size_t bus, struct bus_frame *frames, size_t max)
+static inline size_t bench_transmit(void *context, int64_t now_ns, size_t bus,
+                                    struct bus_frame *frames, size_t max)
 {
     struct bench *bench = context;
     uint8_t data[8] = {(uint8_t)bench->tick, (uint8_t)(bench->tick >> 8)};
 
+    bench_check_time(bench, now_ns, true);
     assert_true(bench->send_count <= max);
     for (size_t i = 0; i < bench->send_count; i++) {
         frames[i] = frame_make(0x100 + (uint32_t)i, 8, data);
@@ -147,23 +174,26 @@ static inline bool bench_fault(void *context)
     return ((struct bench *)context)->fault;
 }
 
-static inline void bench_publish(void *context, const struct loop_stats *stats)
+static inline void bench_publish(void *context, int64_t now_ns, const struct loop_stats *stats)
 {
     struct bench *bench = context;
 
+    bench_check_time(bench, now_ns, true);
     bench_call(bench, 'u', PHASE_PUBLISH);
     bench->tick++;
     assert_int_equal(stats->ticks, bench->tick);
-    assert_int_equal(stats->time_ns, (int64_t)bench->tick * TICK);
+    assert_int_equal(stats->time_ns, now_ns);
+    assert_true(bench->begins >= bench->tick || bench->restored);
     if (bench->on_tick) {
         bench->on_tick(bench);
     }
 }
 
-static inline void bench_shut_down(void *context)
+static inline void bench_shut_down(void *context, int64_t now_ns)
 {
     struct bench *bench = context;
 
+    bench_check_time(bench, now_ns, false);
     bench->order[bench->calls++ % BENCH_LOG] = 'x';
     bench->shut_downs++;
 }
@@ -187,8 +217,8 @@ static inline void bench_buses(struct bench *bench, size_t inbox)
     }
 }
 
-/* A bench with 10 % of work in each tick, all in the plant; change what the test is about, then call
- * bench_run. */
+/* A bench with 10 % of work in each tick, all in the plant; change what the test is about, then
+ * call bench_run. */
 static inline struct bench *bench_create(enum loop_clock clock, uint64_t ticks)
 {
     static const struct clock_ops ops = {bench_now, bench_sleep_until, bench_wait_readable};
@@ -215,8 +245,19 @@ static inline struct bench *bench_create(enum loop_clock clock, uint64_t ticks)
         .port = bench->port,
         .transmit_max = bench->transmit_max,
         .time = &bench->clock,
-        .machine = {bench, NULL, NULL, bench_receive, bench_control, bench_plant, bench_sample,
-                    bench_transmit, bench_fault, bench_publish, bench_shut_down},
+        .machine =
+            {
+                .context = bench,
+                .begin = bench_begin,
+                .receive = bench_receive,
+                .control = bench_control,
+                .plant = bench_plant,
+                .sample = bench_sample,
+                .transmit = bench_transmit,
+                .fault = bench_fault,
+                .publish = bench_publish,
+                .shut_down = bench_shut_down,
+            },
     };
     return bench;
 }
@@ -241,7 +282,7 @@ static inline void bench_destroy(struct bench *bench)
     test_free(bench);
 }
 
-/* the number of events of one kind; *last is the last of them */
+/* The number of events of one kind; *last is the last of them */
 static inline size_t bench_events(struct bench *bench, enum loop_event_kind kind,
                                   struct loop_event *last)
 {

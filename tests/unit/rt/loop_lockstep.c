@@ -27,7 +27,7 @@ static void send_frame(struct bench *bench, size_t bus, uint32_t id)
     assert_int_equal(can_send(bench->host[bus], &frame, 1), 1);
 }
 
-/* the DONE frames that wait on a bus (at most 16 are kept); others are left out */
+/* The DONE frames that wait on a bus (at most 16 are kept); others are left out */
 struct done_list {
     size_t count, before; /* frames that came before the first */
     uint32_t tick[16];
@@ -151,7 +151,7 @@ static void malformed_steps_are_counted_and_not_answered(void **state)
     frame.flags = FRAME_REMOTE;
     memset(frame.data, 0, sizeof frame.data);
     can_send(bench->host[STEP_BUS], &frame, 1);
-    /* an extended identifier of the same number is another frame, as is one on another bus */
+    /* An extended identifier of the same number is another frame, as is one on another bus */
     frame = step_frame(0, 1);
     frame.flags = FRAME_EXTENDED;
     can_send(bench->host[STEP_BUS], &frame, 1);
@@ -244,7 +244,7 @@ static void a_silent_partner_is_reported_at_growing_distances_and_waited_for(voi
     bench_destroy(bench);
 }
 
-/* starts at tick 0, forgets everything at tick 5 and takes the tick from the refusal */
+/* Starts at tick 0, forgets everything at tick 5 and takes the tick from the refusal */
 static void forgetful_host(struct bench *bench)
 {
     struct done_list list = read_done(bench, STEP_BUS);
@@ -271,7 +271,7 @@ static void the_host_may_start_again(void **state)
     bench_destroy(bench);
 }
 
-/* comes from an older simulator that had got to tick 100 */
+/* Comes from an older simulator that had got to tick 100 */
 static void older_host(struct bench *bench)
 {
     struct done_list list = read_done(bench, STEP_BUS);

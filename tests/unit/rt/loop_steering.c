@@ -4,13 +4,13 @@
  * the order of things and what is refused. Requests come from the host's turn while the loop waits,
  * or from the end of a tick.
  */
-#include "rt/steering_private.h"
+#include "rt/steering_machine.h"
 #include "tests/unit/rt/loop_bench.h"
 
 #include <math.h>
 
 /* The machine behind the steering, and a script of what is asked when. */
-struct steered_bench {
+struct steering_bench {
     struct bench *bench;
     struct steering *steering;
     uint64_t kept[STEERING_SLOTS];
@@ -19,13 +19,13 @@ struct steered_bench {
     int sets, faults;
     uint64_t tickets;
     uint64_t paused_at; /* tick at whose end PAUSE is asked */
-    int waits_left;     /* while standing, before on_standing */
-    int waits;          /* seen while standing */
-    void (*on_standing)(struct steered_bench *sb);
-    void (*each_tick)(struct steered_bench *sb);
+    int waits_left;     /* while paused, before on_paused */
+    int waits;          /* seen while paused */
+    void (*on_paused)(struct steering_bench *sb);
+    void (*each_tick)(struct steering_bench *sb);
 };
 
-static struct steered_bench sb;
+static struct steering_bench sb;
 
 static enum steer_verdict fault(void *context, size_t index, bool on, int64_t time_ns)
 {
@@ -37,17 +37,18 @@ static enum steer_verdict fault(void *context, size_t index, bool on, int64_t ti
     return STEER_OK;
 }
 
-static enum steer_verdict keep(void *context, size_t slot)
+static enum steer_verdict save(void *context, size_t slot)
 {
     (void)context;
     sb.kept[slot] = sb.bench->tick;
     return STEER_OK;
 }
 
-static void back(void *context, size_t slot)
+static void restore(void *context, size_t slot)
 {
     (void)context;
     sb.bench->tick = sb.kept[slot];
+    sb.bench->restored = true;
     sb.backs++;
 }
 
@@ -80,7 +81,7 @@ static uint64_t ask(enum steer_kind kind, size_t index, uint64_t count, double v
     return sb.tickets;
 }
 
-/* the next answer is to this ticket; returns it */
+/* The next answer is to this ticket; returns it */
 static struct steer_answer answer(uint64_t ticket, enum steer_verdict verdict)
 {
     struct steer_answer got;
@@ -115,7 +116,7 @@ static void on_wait(struct bench *bench)
     if (steering_paused(sb.steering)) {
         sb.waits++;
         if (sb.waits_left-- == 0) {
-            sb.on_standing(&sb);
+            sb.on_paused(&sb);
         }
     }
 }
@@ -128,8 +129,8 @@ static struct bench *create(enum loop_clock clock, uint64_t ticks)
         .fault = fault,
         .set = set,
         .get = get,
-        .keep = keep,
-        .back = back,
+        .save = save,
+        .restore = restore,
         .nfault = 2,
         .ntunable = 2,
         .tunable = tunable,
@@ -153,7 +154,7 @@ static void destroy(struct bench *bench)
     bench_destroy(bench);
 }
 
-static void go_on(struct steered_bench *unused)
+static void go_on(struct steering_bench *unused)
 {
     (void)unused;
     ask(STEER_RESUME, 0, 0, 0.0);
@@ -170,7 +171,7 @@ static void a_pause_in_real_time_costs_no_deadline(void **state)
     (void)state;
     sb.paused_at = 40;
     sb.waits_left = 50; /* of 100 ms each: far beyond LOOP_PAUSE_NS */
-    sb.on_standing = go_on;
+    sb.on_paused = go_on;
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
     stats = loop_stats(bench->loop);
     assert_int_equal(stats->ticks, 100);
@@ -192,9 +193,9 @@ static void the_grid_begins_anew_at_resume(void **state)
     (void)state;
     sb.paused_at = 10;
     sb.waits_left = 3;
-    sb.on_standing = go_on;
+    sb.on_paused = go_on;
     bench_run(bench);
-    /* tick 0 runs at once, as does the first after the pause: both begin a grid */
+    /* Tick 0 runs at once, as does the first after the pause: both begin a grid */
     assert_int_equal(bench->sleeps, 18);
     first = bench->deadline[9];
     for (size_t i = 0; i < 9; i++) {
@@ -204,7 +205,7 @@ static void the_grid_begins_anew_at_resume(void **state)
     destroy(bench);
 }
 
-static void stop_it(struct steered_bench *unused)
+static void stop_it(struct steering_bench *unused)
 {
     (void)unused;
     loop_stop(sb.bench->loop);
@@ -220,7 +221,7 @@ static void a_loop_that_stands_still_can_be_ended(void **state)
 
         ask(STEER_PAUSE, 0, 0, 0.0);
         sb.waits_left = 2;
-        sb.on_standing = stop_it;
+        sb.on_paused = stop_it;
         assert_int_equal(bench_run(bench), LOOP_END_STOPPED);
         assert_int_equal(loop_stats(bench->loop)->ticks, 0);
         assert_int_equal(bench->shut_downs, 1);
@@ -228,7 +229,7 @@ static void a_loop_that_stands_still_can_be_ended(void **state)
     }
 }
 
-static void ask_two_and_stop(struct steered_bench *unused)
+static void ask_two_and_stop(struct steering_bench *unused)
 {
     (void)unused;
     loop_stop(sb.bench->loop);
@@ -244,7 +245,7 @@ static void what_waits_at_the_end_is_answered(void **state)
     sb.each_tick = NULL;
     ask(STEER_PAUSE, 0, 0, 0.0);
     sb.waits_left = 0;
-    sb.on_standing = ask_two_and_stop;
+    sb.on_paused = ask_two_and_stop;
     bench_run(bench);
     answer(1, STEER_OK);
     answer(2, STEER_OK); /* came before the loop looked at its end */
@@ -255,7 +256,7 @@ static void what_waits_at_the_end_is_answered(void **state)
 
 /* ---- steps ---- */
 
-static void step_5_then_go_on(struct steered_bench *unused)
+static void step_5_then_go_on(struct steering_bench *unused)
 {
     (void)unused;
     if (sb.tickets == 1) {
@@ -275,7 +276,7 @@ static void steps_end_where_they_should(void **state)
         struct bench *bench = create(clocks[i], 30);
 
         sb.paused_at = 10;
-        sb.on_standing = step_5_then_go_on;
+        sb.on_paused = step_5_then_go_on;
         assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
         assert_int_equal(answer(1, STEER_OK).tick, 10);
         assert_int_equal(answer(2, STEER_OK).tick, 15);
@@ -285,7 +286,7 @@ static void steps_end_where_they_should(void **state)
     }
 }
 
-static void ask_while_it_steps(struct steered_bench *unused)
+static void ask_while_it_steps(struct steering_bench *unused)
 {
     (void)unused;
     if (sb.bench->tick == 12) {
@@ -298,7 +299,7 @@ static void ask_while_it_steps(struct steered_bench *unused)
     }
 }
 
-static void step_100_then_stop(struct steered_bench *unused)
+static void step_100_then_stop(struct steering_bench *unused)
 {
     (void)unused;
     if (sb.tickets == 1) {
@@ -316,7 +317,7 @@ static void a_step_under_way_refuses_others_and_is_cut_by_a_pause(void **state)
     (void)state;
     sb.paused_at = 10;
     sb.each_tick = ask_while_it_steps;
-    sb.on_standing = step_100_then_stop;
+    sb.on_paused = step_100_then_stop;
     bench_run(bench);
     answer(1, STEER_OK);
     answer(3, STEER_BUSY);
@@ -378,7 +379,7 @@ static void send_step(struct bench *bench, uint32_t expected, uint16_t ticks)
     assert_int_equal(can_send(bench->host[1], &frame, 1), 1);
 }
 
-static void step_4_then_stop(struct steered_bench *unused)
+static void step_4_then_stop(struct steering_bench *unused)
 {
     (void)unused;
     if (sb.tickets == 1) {
@@ -398,11 +399,11 @@ static void a_step_plays_the_part_of_a_step_frame(void **state)
 
     (void)state;
     ask(STEER_PAUSE, 0, 0, 0.0);
-    /* on the STEP's bus: what comes before a STEP belongs to the step, the STEP waits */
+    /* On the STEP's bus: what comes before a STEP belongs to the step, the STEP waits */
     can_send(bench->host[1], &command, 1);
     send_step(bench, 0, 2);
     can_send(bench->host[1], &command, 1);
-    sb.on_standing = step_4_then_stop;
+    sb.on_paused = step_4_then_stop;
     bench_run(bench);
     assert_int_equal(loop_stats(bench->loop)->ticks, 4);
     assert_int_equal(answer(1, STEER_OK).tick, 0);
@@ -417,7 +418,7 @@ static void a_step_plays_the_part_of_a_step_frame(void **state)
     destroy(bench);
 }
 
-static void send_step_and_go_on(struct steered_bench *unused)
+static void send_step_and_go_on(struct steering_bench *unused)
 {
     (void)unused;
     if (sb.tickets == 1) {
@@ -438,7 +439,7 @@ static void a_pause_interrupts_a_step_frame_and_its_rest_follows(void **state)
     (void)state;
     send_step(bench, 0, 10);
     sb.paused_at = 3;
-    sb.on_standing = send_step_and_go_on;
+    sb.on_paused = send_step_and_go_on;
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
     assert_int_equal(answer(1, STEER_OK).tick, 3);
     assert_int_equal(answer(2, STEER_OK).tick, 5);
@@ -449,7 +450,7 @@ static void a_pause_interrupts_a_step_frame_and_its_rest_follows(void **state)
     destroy(bench);
 }
 
-static void steps_wait_while_it_stands_still(struct steered_bench *unused)
+static void steps_wait_while_it_stands_still(struct steering_bench *unused)
 {
     (void)unused;
     assert_int_equal(sb.bench->tick, 0);
@@ -465,7 +466,7 @@ static void step_frames_wait_during_a_pause(void **state)
     ask(STEER_PAUSE, 0, 0, 0.0);
     send_step(bench, 0, 2);
     sb.waits_left = 40; /* four seconds: no silence is counted for them */
-    sb.on_standing = steps_wait_while_it_stands_still;
+    sb.on_paused = steps_wait_while_it_stands_still;
     assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
     assert_int_equal(loop_stats(bench->loop)->lockstep.silences, 0);
     assert_int_equal(bench_events(bench, LOOP_EVENT_SILENT, &event), 0);
@@ -497,14 +498,14 @@ static void requests_do_not_begin_the_silence_anew(void **state)
     (void)state;
     bench->on_wait = ask_often_and_stop;
     bench_run(bench);
-    /* nine seconds: told after one, three and seven */
+    /* Nine seconds: told after one, three and seven */
     assert_int_equal(bench_events(bench, LOOP_EVENT_SILENT, &event), 3);
     destroy(bench);
 }
 
 /* ---- speed ---- */
 
-static void speed_at_10(struct steered_bench *unused)
+static void speed_at_10(struct steering_bench *unused)
 {
     (void)unused;
     if (sb.bench->tick == 10) {
@@ -612,7 +613,7 @@ static void speeds_out_of_range_are_refused(void **state)
 
 /* ---- the way back, and what is set ---- */
 
-static void back_at_20(struct steered_bench *unused)
+static void back_at_20(struct steering_bench *unused)
 {
     (void)unused;
     if (sb.bench->tick == 10) {
@@ -642,12 +643,12 @@ static void time_goes_back_and_the_run_ends_at_its_length(void **state)
         assert_int_equal(answer(4, STEER_OK).tick, 10); /* the checkpoint again, on the way */
         assert_int_equal(loop_stats(bench->loop)->ticks, 40);
         assert_int_equal(loop_stats(bench->loop)->overrun_total, 0);
-        assert_int_equal(bench_events(bench, LOOP_EVENT_WENT_BACK, &event), 2);
+        assert_int_equal(bench_events(bench, LOOP_EVENT_RESTORED, &event), 2);
         destroy(bench);
     }
 }
 
-static void ask_in_vain(struct steered_bench *unused)
+static void ask_in_vain(struct steering_bench *unused)
 {
     (void)unused;
     ask(STEER_RESTORE, 1, 0, 0.0);

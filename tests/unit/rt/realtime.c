@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Asking for real-time service: what is not given is said once, with what would help, and nothing is
- * asked for that was not wanted. In children of their own, for the effects last. */
+/* Asking for real-time service: what is not given is said once, with what would help, and nothing
+ * is asked for that was not wanted. In children of their own, for the effects last. */
 #include "rt/realtime.h"
 
 #include <sched.h>
@@ -23,7 +23,7 @@ enum { SANITIZED = true };
 enum { SANITIZED = false };
 #endif
 
-/* runs the check in a child; true when it returned true there */
+/* Runs the check in a child; true when it returned true there */
 static bool in_child(bool (*check)(void))
 {
     pid_t child = fork();
@@ -53,7 +53,7 @@ static void nothing_wanted_is_nothing_done(void **state)
     assert_true(in_child(nothing));
 }
 
-/* without the right to it */
+/* Without the right to it */
 static bool forbidden(void)
 {
     struct realtime_config config = {80, true, 100000};

@@ -97,7 +97,7 @@ static void record_frames(struct recorder *recorder, uint32_t count)
     }
 }
 
-/* and every one of them is whole */
+/* And every one of them is whole */
 static uint64_t lines_in(const struct fixture *f, const char *name)
 {
     FILE *file = fopen(path_in(f, name), "r");
@@ -125,7 +125,7 @@ static void every_frame_is_in_the_log_in_order(void **state)
     char bus[16];
     bool end = false;
 
-    /* a ring far smaller than what goes through it */
+    /* A ring far smaller than what goes through it */
     f->config.frame_ring = 64;
     recorder = open_recorder(f);
     record_frames(recorder, 20000);
@@ -208,7 +208,7 @@ static void a_full_disk_is_reported_once_and_the_loop_goes_on(void **state)
     assert_int_equal(counters.frames, 50000);
     assert_int_equal(counters.frames_unwritten, 50000);
     assert_int_equal(counters.rows_unwritten, 0);
-    /* the other file is whole */
+    /* The other file is whole */
     {
         struct stat info;
 
@@ -353,7 +353,7 @@ static void a_renamed_file_is_noticed_and_goes_on(void **state)
 
 /* ---- a pipe in the place of the log: a disk that does what we want ---- */
 
-/* the reading end, with room for a page */
+/* The reading end, with room for a page */
 static int make_pipe(const struct fixture *f)
 {
     int descriptor;
@@ -365,7 +365,7 @@ static int make_pipe(const struct fixture *f)
     return descriptor;
 }
 
-/* whole lines that wait in a pipe */
+/* Whole lines that wait in a pipe */
 static uint64_t lines_waiting(int descriptor)
 {
     char text[4096];
@@ -444,7 +444,7 @@ struct slow_reader {
     uint64_t lines;
 };
 
-/* a page every 2 ms */
+/* A page every 2 ms */
 static void *read_slowly(void *context)
 {
     struct slow_reader *reader = context;

@@ -12,7 +12,7 @@
 
 enum { WORDS = 200, VALUES = 200000, READERS = 2 };
 
-/* every word is a function of the first, so that a torn value shows */
+/* Every word is a function of the first, so that a torn value shows */
 struct value {
     uint64_t word[WORDS];
 };

@@ -120,7 +120,7 @@ static void a_reader_beside_the_writer_gets_whole_rows(void **state)
         for (int i = 0; i < SIGNALS; i++) {
             wrong += row->value[i] != (double)row->tick * (i + 1);
         }
-        /* what is missing between two rows is what the second one counts */
+        /* What is missing between two rows is what the second one counts */
         wrong += row->tick - last - 1 != row->lost - lost;
         last = row->tick;
         lost = row->lost;

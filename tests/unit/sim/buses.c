@@ -88,8 +88,8 @@ static void local_buses_bear_the_interface_names_and_carry_frames(void **state)
     buses_close(&buses);
 }
 
-/* What one side sends needs its time on the wire; the boards' side stands for as many controllers as
- * there are boards. */
+/* What one side sends needs its time on the wire; the boards' side stands for as many controllers
+ * as there are boards. */
 static void timed_local_buses_deliver_when_they_are_advanced(void **state)
 {
     static const struct rig_bus timed_buses[] = {

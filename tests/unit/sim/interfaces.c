@@ -228,7 +228,7 @@ static void reports_bus_off_once_and_restarts_nothing_that_it_may_not_set(void *
     struct bench *bench = *state;
 
     bench->link.controller.state = CAN_STATE_BUS_OFF;
-    look(bench, "is in bus-off until somebody restarts it");
+    look(bench, "is in bus-off until it is restarted");
     assert_int_equal(bench->box.post & 0xff, CAN_PORT_BUS_OFF);
     look(bench, "");
     bench->link.controller.state = CAN_STATE_ERROR_ACTIVE;
@@ -258,7 +258,7 @@ static void restarts_at_most_ten_times_in_a_minute(void **state)
         look(bench, "");
     }
     assert_int_equal(bench->restarted, INTERFACES_RESTARTS);
-    look(bench, "for the 11. time");
+    look(bench, "restarted, number 11");
     assert_int_equal(bench->restarted, INTERFACES_RESTARTS + 1);
 }
 
@@ -272,7 +272,7 @@ static void restores_the_bit_rate_of_what_was_changed_or_created_anew(void **sta
     look(bench, "runs at 250000 bit/s: set again to 1000000");
     assert_int_equal(bench->configured, 1);
     look(bench, "");
-    /* somebody's will */
+    /* Somebody's will */
     bench->link.up = false;
     look(bench, "");
     assert_int_equal(bench->configured, 1);
@@ -336,5 +336,5 @@ int main(void)
         TEST(describes_a_controller),
     };
 
-    return cmocka_run_group_tests_name("rt/interfaces", tests, NULL, NULL);
+    return cmocka_run_group_tests_name("sim/interfaces", tests, NULL, NULL);
 }

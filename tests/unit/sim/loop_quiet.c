@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Nothing in a tick allocates, nor does what is asked of it between two: the whole of COMAN with boards, buses, recorder and the squat task
- * runs with every malloc of the loop's thread counted. The contact engine is left out, for Simbody
- * allocates by nature.
+ * Nothing in a tick allocates, nor does what is asked of it between two: the whole of COMAN with
+ * boards, buses, recorder and the squat task runs with every malloc of the loop's thread counted.
+ * The contact engine is left out, for Simbody allocates by nature.
  */
 #include "sim/simulator.h"
 
@@ -36,7 +36,7 @@ static void a_request_does_not_allocate(void **state)
 
 #else
 
-/* glibc's own, behind the counting ones below */
+/* Glibc's own, behind the counting ones below */
 void *__libc_malloc(size_t size);
 void *__libc_calloc(size_t count, size_t size);
 void *__libc_realloc(void *block, size_t size);
@@ -146,7 +146,7 @@ static size_t allocations_of(enum loop_clock clock, const char *directory, bool 
     rig.contact = (struct contact_config){0}; /* as rig.h has it without an engine */
     rig.realtime.priority = 0;
     config.rig = &rig;
-    config.steered = steered;
+    config.steering = steered;
     config.observer = steered ? &observer : NULL;
     if (simulator_create(&config, &arena, &simulator, notice, &error)) {
         fail_msg("%s", error.text);

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(name buses interfaces loop_quiet steering_back steering_parts steering_robot steering_threads)
+foreach(name buses checkpoint interfaces loop_quiet robot_steering robot_steering_restore
+             robot_steering_threads)
     hil_test(sim_${name} SOURCES unit/sim/${name}.c LIBS sim LABELS unit)
 endforeach()

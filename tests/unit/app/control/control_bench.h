@@ -198,7 +198,7 @@ static inline void bench_open(struct bench *bench, const struct bench_options *o
         .fault = options->fault,
         .nfault = options->nfault,
         .ticks = options->ticks,
-        .steered = !options->without_socket,
+        .steering = !options->without_socket,
     };
     struct control_config control = {.path = bench->path, .patience_ns = options->patience_ns};
     struct realtime_report report;

@@ -4,7 +4,7 @@
  * host and steering see alike; and to be steered changes nothing by itself.
  */
 #include "boards/icub/protocol.h"
-#include "tests/unit/sim/steering_scene.h"
+#include "tests/unit/sim/robot_steering_scene.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -194,7 +194,7 @@ static double value_of(const char *name)
     return steering_value(steering, (size_t)steering_find(steering, name));
 }
 
-/* the board and axis that drive a joint */
+/* The board and axis that drive a joint */
 static const struct board_config *board_of(const char *joint, unsigned *axis)
 {
     const struct rig *rig = simulator_configuration(play.w.simulator)->rig;
@@ -225,7 +225,7 @@ static void tell_board(const char *joint, uint8_t code, int16_t value, uint8_t l
     assert_int_equal(can_send(play.w.ports.port[board->bus], &frame, 1), 1);
 }
 
-/* the value in the board's answer, NAN when there is none */
+/* The value in the board's answer, NAN when there is none */
 static double told(const char *joint, uint8_t code)
 {
     unsigned axis;
@@ -338,7 +338,7 @@ static void a_winch_takes_its_time(void **state)
     assert_true(play.number[1] == 0.02);
 }
 
-/* every tunable takes its own value and both its ends */
+/* Every tunable takes its own value and both its ends */
 static void try_all(struct play *p, int64_t tick)
 {
     const struct steering *steering = simulator_steering(p->w.simulator);

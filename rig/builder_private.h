@@ -1,20 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Private to the rig reader: what its parts share while a struct rig is made of a struct raw_rig.
+ * What the parts of the rig reader share while they make a struct rig of a struct raw_rig. SI
+ * units. Not RT-safe.
  */
-#ifndef RIG_BUILD_H
-#define RIG_BUILD_H
+#ifndef RIG_BUILDER_PRIVATE_H
+#define RIG_BUILDER_PRIVATE_H
 
 #include "rig/rig.h"
 #include "rig/schema.h"
 
-/* The pseudo-STRAIN that carries a joint's torque. */
+/* The torque board that sends a joint's torque. */
 struct rig_torque {
     const struct raw_board *board; /* NULL = none */
     int bus, channel;
 };
 
-/* What carries surfaces, and where it is in the contact configuration. */
+/* A body that may carry surfaces, or the world. */
 struct rig_place {
     const char *name;
     int body;           /* as in struct plant_config; -1 = the world */
@@ -35,7 +36,7 @@ struct rig_builder {
     const struct raw_board **driver; /* by joint: the board that drives it; NULL = none */
     const struct raw_board **ft;     /* by F/T sensor: the board that carries it */
     struct rig_bus *bus;             /* of the rig, still to be written */
-    struct rig_place *place;         /* what a surface's key body may name */
+    struct rig_place *place;         /* what the key "body" of a surface may name */
     size_t nplace;
 };
 
@@ -48,7 +49,7 @@ enum error_code rig_build_boards(struct rig_builder *b);
 enum error_code rig_build_faults(struct rig_builder *b);
 enum error_code rig_build_sensors(struct rig_builder *b);
 
-/* Every drive is reached by an axis, or the file says that it is not. */
+/* Checks that every drive belongs to an axis or is listed in "undriven". */
 enum error_code rig_check_drives(struct rig_builder *b);
 
 enum error_code rig_no_memory(struct rig_builder *b);
@@ -62,15 +63,16 @@ struct rig_names {
 #define RIG_NAMES(array, count)                                                                    \
     ((struct rig_names){(array), (count), sizeof *(array), offsetof(__typeof__(*(array)), name)})
 
-/* Looks a name up; what ("joint") is for the message when there is none. */
+/* Looks a name up; the error says `what` ("joint") is unknown and which name is nearest. */
 enum error_code rig_find(struct rig_builder *b, const struct yaml_mark *mark, const char *what,
                          const char *name, struct rig_names names, int *index);
 
-/* Names stand in messages, on command lines and in the names of log files. */
+/* Checks the characters of a name, which is used in messages, on command lines and in file names.
+ * */
 enum error_code rig_check_name(struct rig_builder *b, const struct yaml_mark *mark,
                                const char *what, const char *name);
 
-/* A key that belongs to some kinds of a thing only; masks have bit 1 << kind. */
+/* A key that only some kinds allow or require; masks have bit 1 << kind. */
 struct rig_key {
     const char *key;
     bool given;

@@ -4,7 +4,7 @@
  * and bit by bit of the plant's state. A guest on every bus notes what is sent; requests are made
  * by an observer, in the loop's own thread, so that all happens at known ticks.
  */
-#include "tests/unit/sim/steering_scene.h"
+#include "tests/unit/sim/robot_steering_scene.h"
 
 #include <time.h>
 
@@ -67,7 +67,8 @@ static void no_frames_came_back_to_life(struct simulator *simulator)
         const char *lost = strstr(text, ": lost ");
         long long received, sent;
 
-        if (lost && sscanf(lost, ": lost %lld frames on receiving and %lld", &received, &sent) == 2) {
+        if (lost &&
+            sscanf(lost, ": lost %lld frames on receiving and %lld", &received, &sent) == 2) {
             assert_true(received >= 0 && sent >= 0);
         }
     }

@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Buses whose periodic traffic cannot fit, and what would help them. */
+/* Finds buses whose periodic traffic exceeds their bit rate, and what would make it fit. */
+#include "base/count.h"
 #include "rig/rig.h"
 
 #include <stdio.h>
 #include <string.h>
 
-/* Percent of the bus's time with commands at a period. */
-static double demand(const struct rig *rig, size_t bus, int64_t command_ns)
+/* Worst-case load of a bus in percent, with commands at a period. */
+static double bus_demand(const struct rig *rig, size_t bus, int64_t command_ns)
 {
     double telemetry, commands;
 
@@ -14,8 +15,8 @@ static double demand(const struct rig *rig, size_t bus, int64_t command_ns)
     return 100.0 * (telemetry + commands) / (double)rig->bus[bus].bitrate;
 }
 
-/* The same at another bit rate; CAN FD keeps the ratio of its two rates. */
-static double demand_at(const struct rig *rig, size_t bus, int64_t bitrate)
+/* The same at another bit rate; with CAN FD the ratio of the two rates stays. */
+static double bus_demand_at(const struct rig *rig, size_t bus, int64_t bitrate)
 {
     const struct rig_bus *of = &rig->bus[bus];
     struct rig changed = *rig;
@@ -25,11 +26,11 @@ static double demand_at(const struct rig *rig, size_t bus, int64_t bitrate)
     buses[bus].bitrate = bitrate;
     buses[bus].data_bitrate = of->data_bitrate * bitrate / of->bitrate;
     changed.bus = buses;
-    return demand(&changed, bus, rig->servo.command_period_ns);
+    return bus_demand(&changed, bus, rig->servo.command_period_ns);
 }
 
-/* What would make a bus fit: a longer command period, a higher bit rate, more buses. */
-static void advise(const struct rig *rig, size_t bus, double percent, char *text, size_t size)
+/* Lists remedies: more buses, a longer command period, a higher bit rate. */
+static void bus_advise(const struct rig *rig, size_t bus, double percent, char *text, size_t size)
 {
     static const int64_t rates[] = {125000, 250000, 500000, 800000, 1000000};
     const int64_t period = rig->servo.command_period_ns;
@@ -37,16 +38,16 @@ static void advise(const struct rig *rig, size_t bus, double percent, char *text
     int times = 2;
 
     snprintf(text, size, "split it over %d buses", (int)(percent / 100.0) + 1);
-    while (times <= 10 && demand(rig, bus, period * times) > 100.0) {
+    while (times <= 10 && bus_demand(rig, bus, period * times) > 100.0) {
         times++;
     }
     used = strlen(text);
     if (times <= 10) {
         snprintf(text + used, size - used, ", or command every %g ms (%.1f %%)",
-                 (double)(period * times) * 1e-6, demand(rig, bus, period * times));
+                 (double)(period * times) * 1e-6, bus_demand(rig, bus, period * times));
     }
-    for (size_t i = 0; i < sizeof rates / sizeof rates[0]; i++) {
-        double at = rates[i] > rig->bus[bus].bitrate ? demand_at(rig, bus, rates[i]) : 1e9;
+    for (size_t i = 0; i < ARRAY_COUNT(rates); i++) {
+        double at = rates[i] > rig->bus[bus].bitrate ? bus_demand_at(rig, bus, rates[i]) : 1e9;
 
         used = strlen(text);
         if (at <= 100.0) {
@@ -59,14 +60,14 @@ static void advise(const struct rig *rig, size_t bus, double percent, char *text
 
 bool rig_bus_over_budget(const struct rig *rig, size_t bus, char *text, size_t size)
 {
-    const double percent = demand(rig, bus, rig->servo.command_period_ns);
+    const double percent = bus_demand(rig, bus, rig->servo.command_period_ns);
     char advice[256];
 
     if (percent <= 100.0) {
         return false;
     }
-    advise(rig, bus, percent, advice, sizeof advice);
-    snprintf(text, size, "bus %s would carry %.1f %% of what it can at the worst: %s",
-             rig->bus[bus].name, percent, advice);
+    bus_advise(rig, bus, percent, advice, sizeof advice);
+    snprintf(text, size, "bus %s would be loaded to %.1f %% at the worst: %s", rig->bus[bus].name,
+             percent, advice);
     return true;
 }

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Random faults of every kind that there is, as the lines that a user would write
+ * Random faults of every kind, as the lines that a user would write
  * (boards/faults.h). The same stream of random numbers gives the same lines. Not RT-safe.
  */
-#ifndef SOAK_LINES_H
-#define SOAK_LINES_H
+#ifndef SOAK_FAULT_LINES_H
+#define SOAK_FAULT_LINES_H
 
 #include "base/random.h"
 #include "boards/faults.h"
@@ -12,7 +12,7 @@
 
 enum { LINE_KINDS_MAX = 64 };
 
-struct lines {
+struct fault_lines {
     const struct rig *rig;
     bool wire; /* the buses have a time of their own */
     struct random_stream random;
@@ -24,15 +24,16 @@ struct lines {
     uint64_t of_kind[LINE_KINDS_MAX]; /* how many were written, by line of faults_help */
 };
 
-/* An empty table whose turn begins with a kind. */
-void lines_init(struct lines *lines, const struct rig *rig, bool wire, uint64_t seed, size_t kind);
+/* An empty table that begins with a kind. */
+void fault_lines_init(struct fault_lines *lines, const struct rig *rig, bool wire, uint64_t seed,
+                      size_t kind);
 
 /* Adds count faults, each of them active for 0.1 to longest_s within [from_s, to_s). False with a
- * message when a kind has a parameter that this file knows nothing of. */
-bool lines_add(struct lines *lines, size_t count, double from_s, double to_s, double longest_s,
-               struct error *error);
+ * message when a kind has a parameter that is unknown here. */
+bool fault_lines_add(struct fault_lines *lines, size_t count, double from_s, double to_s,
+                     double longest_s, struct error *error);
 
 /* Switches every board off and on. */
-void lines_add_power_cycle(struct lines *lines, double from_s, double to_s);
+void fault_lines_add_power_cycle(struct fault_lines *lines, double from_s, double to_s);
 
 #endif

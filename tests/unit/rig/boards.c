@@ -150,7 +150,7 @@ static void a_personality_has_its_own_addresses_axes_and_boards(void **state)
     refused("  - {name: left, interface: can0, personality: compact,\n"
             "     boards: [{kind: torque, address: 15, joints: [hip]}]}\n",
             "29:15: found a torque board on a bus with personality compact, expected none: its "
-            "motor boards tell the torques");
+            "motor boards report the torques");
     refused("  - {name: left, interface: can0, personality: pdo, boards: []}\n",
             "28:48: found \"pdo\", expected icub, foc or compact");
 }
@@ -222,8 +222,8 @@ static void icub_loads_are_those_of_the_protocol_study(void **state)
     CHECK_LOADS("coman.yaml", loads);
 }
 
-/* The study's 94.5 % for three axes, 67.5 % for two and 23 % for F/T at 1 kHz; torques every 10 ms add
- * 2.3 %, and ADDITIONAL_STATUS (95 bits every 100 + 100 a ms) 0.08 or 0.10 %. */
+/* The study's 94.5 % for three axes, 67.5 % for two and 23 % for F/T at 1 kHz; torques every 10 ms
+ * add 2.3 %, and ADDITIONAL_STATUS (95 bits every 100 + 100 a ms) 0.08 or 0.10 %. */
 static void foc_loads_are_those_of_the_protocol_study(void **state)
 {
     static const struct expected_load loads[] = {
@@ -238,8 +238,8 @@ static void foc_loads_are_those_of_the_protocol_study(void **state)
 }
 
 /* The study's 54.0, 77.0, 40.5 and 63.5 % have a set-point frame of 8 bytes; three axes need 6 and
- * two need 4 of them (115 and 95 bits for 135). STATE adds 135 bits every 50 ms for each axis and F/T
- * board. */
+ * two need 4 of them (115 and 95 bits for 135). STATE adds 135 bits every 50 ms for each axis and
+ * F/T board. */
 static void compact_loads_are_those_of_the_protocol_study(void **state)
 {
     static const struct expected_load loads[] = {
@@ -254,9 +254,9 @@ static void compact_loads_are_those_of_the_protocol_study(void **state)
     CHECK_LOADS("coman-compact.yaml", loads);
 }
 
-/* The study's worst-case times at 1/8 Mbit/s: 48 bytes 98.9 us, 64 bytes 118.9, 12 bytes 53.2, 8 bytes
- * 48.2; from 24 bytes (68.9 us) on a byte is 1.25 us, so that the set-points of 13 axes in 32 bytes
- * take 78.9 and those of 10 axes in 20 bytes 63.9. */
+/* The study's worst-case times at 1/8 Mbit/s: 48 bytes 98.9 us, 64 bytes 118.9, 12 bytes 53.2, 8
+ * bytes 48.2; from 24 bytes (68.9 us) on a byte is 1.25 us, so that the set-points of 13 axes in 32
+ * bytes take 78.9 and those of 10 axes in 20 bytes 63.9. */
 static void fd_loads_are_those_of_the_protocol_study(void **state)
 {
     const double left = 3 * 98.9 + 118.9 + 2 * 53.2 + 78.9 + 15 * 48.2 / 50;

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The listener of the soak would notice: what breaks the rules of lockstep does not pass. */
+/* The listener of the soak notices what breaks the rules of lockstep. */
 #include "base/hash.h"
 #include "boards/icub/protocol.h"
 #include "canbus/lockstep.h"
-#include "tests/soak/watch.h"
+#include "tests/soak/listener.h"
 
 #include <string.h>
 
@@ -20,7 +20,7 @@ struct bench {
     struct local_bus *bus[BUSES];
     struct can_port *port[BUSES]; /* of whoever sends */
     struct rig rig;
-    struct watch watch;
+    struct listener listener;
 };
 
 static int set_up(void **state)
@@ -35,8 +35,8 @@ static int set_up(void **state)
     bench.rig.bus = names;
     bench.rig.lockstep =
         (struct loop_lockstep){.step_id = LOCKSTEP_STEP_ID, .done_id = LOCKSTEP_DONE_ID};
-    bench.watch.rig = &bench.rig;
-    bench.watch.ports.count = BUSES;
+    bench.listener.rig = &bench.rig;
+    bench.listener.ports.count = BUSES;
     for (int b = 0; b < BUSES; b++) {
         const struct local_bus_config config = {
             .name = names[b].name, .max_nodes = 2, .inbox = 1024};
@@ -44,8 +44,9 @@ static int set_up(void **state)
         assert_int_equal(local_bus_create(&config, &bench.arena, &bench.bus[b], &error),
                          ERROR_NONE);
         assert_int_equal(local_bus_join(bench.bus[b], NULL, 0, &bench.port[b], &error), ERROR_NONE);
-        assert_int_equal(local_bus_join(bench.bus[b], NULL, 0, &bench.watch.ports.port[b], &error),
-                         ERROR_NONE);
+        assert_int_equal(
+            local_bus_join(bench.bus[b], NULL, 0, &bench.listener.ports.port[b], &error),
+            ERROR_NONE);
     }
     *state = &bench;
     return 0;
@@ -58,7 +59,7 @@ static int tear_down(void **state)
     for (int b = 0; b < BUSES; b++) {
         bench->port[b]->ops->close(bench->port[b]);
     }
-    bus_ports_close(&bench->watch.ports);
+    bus_ports_close(&bench->listener.ports);
     for (int b = 0; b < BUSES; b++) {
         local_bus_destroy(bench->bus[b]);
     }
@@ -99,10 +100,10 @@ static void right_answers_pass(void **state)
     ask(bench, 7, 1); /* waits until those five have run, and is refused then */
     answer(bench, 6, 0);
     answer(bench, 6, LOCKSTEP_MISMATCH);
-    assert_true(watch_look(&bench->watch, true));
-    assert_int_equal(bench->watch.tick, 6);
-    assert_int_equal(bench->watch.steps, 2);
-    assert_int_equal(bench->watch.refused, 1);
+    assert_true(listener_check(&bench->listener, true));
+    assert_int_equal(bench->listener.tick, 6);
+    assert_int_equal(bench->listener.steps, 2);
+    assert_int_equal(bench->listener.refused, 1);
 }
 
 static void done_that_nobody_asked_for_is_noticed(void **state)
@@ -112,8 +113,8 @@ static void done_that_nobody_asked_for_is_noticed(void **state)
     ask(bench, 0, 1);
     answer(bench, 1, 0);
     answer(bench, 1, 0);
-    assert_false(watch_look(&bench->watch, true));
-    assert_non_null(strstr(bench->watch.failure, "no STEP"));
+    assert_false(listener_check(&bench->listener, true));
+    assert_non_null(strstr(bench->listener.failure, "no STEP"));
 }
 
 static void done_of_another_tick_is_noticed(void **state)
@@ -122,8 +123,8 @@ static void done_of_another_tick_is_noticed(void **state)
 
     ask(bench, 0, 2);
     answer(bench, 1, 0);
-    assert_false(watch_look(&bench->watch, true));
-    assert_non_null(strstr(bench->watch.failure, "expected tick 2"));
+    assert_false(listener_check(&bench->listener, true));
+    assert_non_null(strstr(bench->listener.failure, "expected tick 2"));
 }
 
 static void refusal_of_a_right_step_is_noticed(void **state)
@@ -132,7 +133,7 @@ static void refusal_of_a_right_step_is_noticed(void **state)
 
     ask(bench, 0, 1);
     answer(bench, 1, LOCKSTEP_MISMATCH);
-    assert_false(watch_look(&bench->watch, true));
+    assert_false(listener_check(&bench->listener, true));
 }
 
 static void step_without_an_answer_is_noticed(void **state)
@@ -140,9 +141,9 @@ static void step_without_an_answer_is_noticed(void **state)
     struct bench *bench = *state;
 
     ask(bench, 0, 1);
-    assert_true(watch_look(&bench->watch, false)); /* it may still come */
-    assert_false(watch_look(&bench->watch, true));
-    assert_non_null(strstr(bench->watch.failure, "without an answer"));
+    assert_true(listener_check(&bench->listener, false)); /* it may still come */
+    assert_false(listener_check(&bench->listener, true));
+    assert_non_null(strstr(bench->listener.failure, "without an answer"));
 }
 
 static void bus_without_its_done_is_noticed(void **state)
@@ -151,8 +152,8 @@ static void bus_without_its_done_is_noticed(void **state)
 
     ask(bench, 0, 1);
     send(bench, 0, LOCKSTEP_DONE_ID, 1, 0);
-    assert_false(watch_look(&bench->watch, true));
-    assert_non_null(strstr(bench->watch.failure, "bus arm had 0 DONE"));
+    assert_false(listener_check(&bench->listener, true));
+    assert_non_null(strstr(bench->listener.failure, "bus arm had 0 DONE"));
 }
 
 static void hash_tells_one_bit_of_one_frame(void **state)
@@ -161,13 +162,13 @@ static void hash_tells_one_bit_of_one_frame(void **state)
     uint64_t hash[2];
 
     for (unsigned i = 0; i < 2; i++) {
-        bench->watch.hash = HASH_START;
+        bench->listener.hash = HASH_START;
         send(bench, 1, 0x123, i, 0);
-        assert_true(watch_look(&bench->watch, true));
-        hash[i] = bench->watch.hash;
+        assert_true(listener_check(&bench->listener, true));
+        hash[i] = bench->listener.hash;
     }
     assert_int_not_equal(hash[0], hash[1]);
-    assert_int_equal(bench->watch.frames[1], 2);
+    assert_int_equal(bench->listener.frames[1], 2);
 }
 
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)

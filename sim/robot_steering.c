@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Faults, pushes, tunables and the way back, on the parts of a simulator. */
-#include "sim/steered.h"
+/* Faults, pushes, tunables and checkpoints on the parts of a robot. */
+#include "sim/robot_steering.h"
 
 #include "base/ring.h"
 #include "canbus/wire/wire.h"
@@ -17,15 +17,15 @@ enum { NAME_SIZE = 160 };
 
 enum tunable_kind { TUNE_SETTING, TUNE_PRETENSION, TUNE_SUPPLY, TUNE_NOISE };
 
-/* What a tunable stands for. */
+/* Which parameter a tunable is. */
 struct meaning {
     enum tunable_kind kind;
     size_t joint;              /* TUNE_PRETENSION */
     size_t board, axis, index; /* TUNE_SETTING */
 };
 
-struct steered {
-    struct steered_config config;
+struct robot_steering {
+    struct robot_steering_config config;
     struct steering_machine machine;
     struct checkpoint *checkpoint;
     struct tunable *tunable;
@@ -33,35 +33,35 @@ struct steered {
     size_t ntunable;
     unsigned char *bus_moment[STEERING_SLOTS][RIG_BUSES_MAX]; /* NULL = not a local bus */
 
-    /* moves with the virtual time */
+    /* State that changes in virtual time */
     struct {
-        uint64_t changes; /* of tunables that are no settings */
-        bool winding;     /* some winch is on its way */
+        uint64_t changes; /* of tunables that are no board settings */
+        bool winding;     /* some winch is moving */
         bool pushing;     /* some push has an end */
     } moving;
     int64_t *push_until; /* by body; 0 = until changed */
-    double *pretension;  /* by joint: where its winch is to go */
+    double *pretension;  /* by joint: where its winch moves to */
 };
 
 /* ---- faults and pushes ---- */
 
-static enum steer_verdict switch_fault(void *context, size_t index, bool on, int64_t time_ns)
+static enum steer_verdict robot_switch_fault(void *context, size_t index, bool on, int64_t now_ns)
 {
-    struct steered *s = context;
+    struct robot_steering *s = context;
 
     if (!faults_set(s->config.faults, time_ns, index, on)) {
         return STEER_RANGE;
     }
-    injection_step(s->config.injection, time_ns); /* counts for the coming tick */
+    injection_step(s->config.injection, now_ns); /* takes effect in the coming tick */
     return STEER_OK;
 }
 
-static size_t bodies(const struct steered *s)
+static size_t robot_count_bodies(const struct robot_steering *s)
 {
     return s->config.rig->robot->nbody + s->config.rig->nfree;
 }
 
-static bool is_bearable(const double vector[3])
+static bool push_is_bounded(const double vector[3])
 {
     for (int i = 0; i < 3; i++) {
         if (!(fabs(vector[i]) <= PUSH_MAX_N)) {
@@ -71,29 +71,31 @@ static bool is_bearable(const double vector[3])
     return true;
 }
 
-static enum steer_verdict push(void *context, const struct steer_request *request, int64_t time_ns)
+static enum steer_verdict robot_push_body(void *context, const struct steer_request *request,
+                                          int64_t now_ns)
 {
-    struct steered *s = context;
+    struct robot_steering *s = context;
     int64_t tick_ns = s->config.rig->tick_ns, duration_ns = request->duration_ns;
 
-    if (request->index >= bodies(s) || duration_ns < 0 || duration_ns > INT64_MAX - time_ns ||
-        !is_bearable(request->force_n) || !is_bearable(request->moment_nm)) {
+    if (request->index >= robot_count_bodies(s) || duration_ns < 0 ||
+        duration_ns > INT64_MAX - now_ns || !push_is_bounded(request->force_n) ||
+        !push_is_bounded(request->moment_nm)) {
         return STEER_RANGE;
     }
     plant_set_push(s->config.plant, (int)request->index, request->force_n, request->moment_nm);
     s->moving.pushing = s->moving.pushing || duration_ns > 0;
     s->push_until[request->index] =
-        duration_ns == 0 ? 0 : time_ns + (duration_ns > tick_ns ? duration_ns : tick_ns);
+        duration_ns == 0 ? 0 : now_ns + (duration_ns > tick_ns ? duration_ns : tick_ns);
     return STEER_OK;
 }
 
-static void end_pushes(struct steered *s, int64_t time_ns)
+static void robot_end_pushes(struct robot_steering *s, int64_t now_ns)
 {
     const double none[3] = {0.0, 0.0, 0.0};
 
     s->moving.pushing = false;
-    for (size_t b = 0; b < bodies(s); b++) {
-        if (s->push_until[b] > 0 && time_ns >= s->push_until[b]) {
+    for (size_t b = 0; b < robot_count_bodies(s); b++) {
+        if (s->push_until[b] > 0 && now_ns >= s->push_until[b]) {
             s->push_until[b] = 0;
             plant_set_push(s->config.plant, (int)b, none, none);
         }
@@ -101,9 +103,9 @@ static void end_pushes(struct steered *s, int64_t time_ns)
     }
 }
 
-static const char *body_name(void *context, size_t index)
+static const char *robot_body_name(void *context, size_t index)
 {
-    const struct steered *s = context;
+    const struct robot_steering *s = context;
     const struct robot *robot = s->config.rig->robot;
 
     return index < robot->nbody ? robot->body[index].name
@@ -112,9 +114,9 @@ static const char *body_name(void *context, size_t index)
 
 /* ---- tunables ---- */
 
-static double get(void *context, size_t index)
+static double tunable_get(void *context, size_t index)
 {
-    const struct steered *s = context;
+    const struct robot_steering *s = context;
     const struct meaning *meaning = &s->meaning[index];
 
     switch (meaning->kind) {
@@ -130,9 +132,9 @@ static double get(void *context, size_t index)
     return 0.0;
 }
 
-static enum steer_verdict set(void *context, size_t index, double value)
+static enum steer_verdict tunable_set(void *context, size_t index, double value)
 {
-    struct steered *s = context;
+    struct robot_steering *s = context;
     const struct meaning *meaning = &s->meaning[index];
 
     s->moving.changes++;
@@ -155,18 +157,18 @@ static enum steer_verdict set(void *context, size_t index, double value)
     return STEER_OK;
 }
 
-static uint64_t changes(void *context)
+static uint64_t tunable_changes(void *context)
 {
-    const struct steered *s = context;
+    const struct robot_steering *s = context;
 
     return s->moving.changes + boards_settings_changes(s->config.boards);
 }
 
-/* Winches move at their speed, so that a rope does not jerk. */
-static void wind(struct steered *s)
+/* Moves each winch by at most its speed times a tick, so that a rope does not jerk. */
+static void robot_wind_winches(struct robot_steering *s)
 {
     struct plant_command *command = plant_command(s->config.plant);
-    double most = STEERED_WINCH_M_S * 1e-9 * (double)s->config.rig->tick_ns;
+    double most = ROBOT_STEERING_WINCH_M_S * 1e-9 * (double)s->config.rig->tick_ns;
 
     s->moving.winding = false;
     for (size_t j = 0; j < command->njoint; j++) {
@@ -181,23 +183,23 @@ static void wind(struct steered *s)
     }
 }
 
-static void begin_tick(void *context, int64_t time_ns)
+static void robot_advance_requests(void *context, int64_t now_ns)
 {
-    struct steered *s = context;
+    struct robot_steering *s = context;
 
     if (s->moving.pushing) {
-        end_pushes(s, time_ns);
+        robot_end_pushes(s, now_ns);
     }
     if (s->moving.winding) {
-        wind(s);
+        robot_wind_winches(s);
     }
 }
 
-/* ---- the way back ---- */
+/* ---- checkpoints ---- */
 
-static enum steer_verdict keep(void *context, size_t slot)
+static enum steer_verdict robot_save(void *context, size_t slot)
 {
-    struct steered *s = context;
+    struct robot_steering *s = context;
 
     for (size_t b = 0; b < s->config.rig->nbus; b++) {
         if (s->bus_moment[slot][b] &&
@@ -205,48 +207,48 @@ static enum steer_verdict keep(void *context, size_t slot)
             return STEER_UNAVAILABLE;
         }
     }
-    checkpoint_keep(s->checkpoint, slot);
+    checkpoint_save(s->checkpoint, slot);
     return STEER_OK;
 }
 
-static void back(void *context, size_t slot)
+static void robot_restore(void *context, size_t slot)
 {
-    struct steered *s = context;
+    struct robot_steering *s = context;
 
-    checkpoint_back(s->checkpoint, slot);
+    checkpoint_restore(s->checkpoint, slot);
     for (size_t b = 0; b < s->config.rig->nbus; b++) {
         if (s->bus_moment[slot][b]) {
             local_bus_restore(s->config.buses->bus[b], s->config.own, s->bus_moment[slot][b]);
         }
     }
-    injection_went_back(s->config.injection);
+    injection_restored(s->config.injection);
 }
 
-static uint64_t hash(void *context)
+static uint64_t robot_hash_state(void *context)
 {
-    const struct steered *s = context;
+    const struct robot_steering *s = context;
 
     return plant_hash(s->config.plant);
 }
 
-static void show(void *context, const struct loop_stats *stats)
+static void robot_publish(void *context, int64_t now_ns, const struct loop_stats *stats)
 {
-    const struct steered *s = context;
+    const struct robot_steering *s = context;
 
-    s->config.show(s->config.context, stats);
+    s->config.publish(s->config.context, now_ns, stats);
 }
 
-static void pace(void *context, double speed, bool paused)
+static void robot_pace(void *context, double speed, bool paused)
 {
-    const struct steered *s = context;
+    const struct robot_steering *s = context;
 
     s->config.pace(s->config.context, speed, paused);
 }
 
 /* ---- creation ---- */
 
-/* The next tunable; counts only while there is no room yet. */
-static struct tunable *next(struct steered *s, struct meaning meaning)
+/* Adds a tunable; only counts it while there is no memory yet. */
+static struct tunable *tunable_add(struct robot_steering *s, struct meaning meaning)
 {
     size_t index = s->ntunable++;
 
@@ -257,8 +259,8 @@ static struct tunable *next(struct steered *s, struct meaning meaning)
     return &s->tunable[index];
 }
 
-static bool name_it(struct tunable *tunable, struct arena *arena, const char *joint,
-                    const char *what)
+static bool tunable_name(struct tunable *tunable, struct arena *arena, const char *joint,
+                         const char *what)
 {
     char name[NAME_SIZE];
 
@@ -267,7 +269,8 @@ static bool name_it(struct tunable *tunable, struct arena *arena, const char *jo
     return tunable->name != NULL;
 }
 
-static bool list_axis(struct steered *s, size_t board, size_t axis, struct arena *arena)
+static bool tunable_list_axis(struct robot_steering *s, size_t board, size_t axis,
+                              struct arena *arena)
 {
     const struct board_config *config = &s->config.rig->boards.board[board];
     size_t count = boards_settings(s->config.boards, board, axis);
@@ -275,13 +278,13 @@ static bool list_axis(struct steered *s, size_t board, size_t axis, struct arena
     for (size_t i = 0; i < count; i++) {
         struct meaning meaning = {.kind = TUNE_SETTING, .board = board, .axis = axis, .index = i};
         const char *joint = s->config.rig->robot->joint[config->axis[axis].joint].name;
-        struct tunable *to = next(s, meaning);
+        struct tunable *to = tunable_add(s, meaning);
         struct board_setting setting;
 
         if (to) {
             boards_setting(s->config.boards, board, axis, i, &setting);
             *to = (struct tunable){NULL, setting.unit, setting.min, setting.max, setting.whole};
-            if (!name_it(to, arena, joint, setting.name)) {
+            if (!tunable_name(to, arena, joint, setting.name)) {
                 return false;
             }
         }
@@ -289,26 +292,27 @@ static bool list_axis(struct steered *s, size_t board, size_t axis, struct arena
     return true;
 }
 
-static bool list_springs(struct steered *s, struct arena *arena)
+static bool tunable_list_springs(struct robot_steering *s, struct arena *arena)
 {
     const struct robot *robot = s->config.rig->robot;
     bool good = true;
 
     for (size_t j = 0; good && j < robot->njoint; j++) {
         if (robot->joint[j].spring.present && robot->joint[j].spring.enabled) {
-            struct tunable *to = next(s, (struct meaning){.kind = TUNE_PRETENSION, .joint = j});
+            struct tunable *to =
+                tunable_add(s, (struct meaning){.kind = TUNE_PRETENSION, .joint = j});
 
             if (to) {
                 *to = (struct tunable){NULL, "m", -PRETENSION_MAX_M, PRETENSION_MAX_M, false};
-                good = name_it(to, arena, robot->joint[j].name, "pretension_m");
+                good = tunable_name(to, arena, robot->joint[j].name, "pretension_m");
             }
         }
     }
     return good;
 }
 
-/* All of them; called once to count and once to write. */
-static bool list(struct steered *s, struct arena *arena)
+/* All of them; called once to count and once to fill in. */
+static bool tunable_list_all(struct robot_steering *s, struct arena *arena)
 {
     struct tunable *to;
     bool good = true;
@@ -316,16 +320,16 @@ static bool list(struct steered *s, struct arena *arena)
     s->ntunable = 0;
     for (size_t b = 0; good && b < s->config.rig->boards.nboard; b++) {
         for (size_t axis = 0; good && axis < BOARD_AXES_MAX; axis++) {
-            good = list_axis(s, b, axis, arena);
+            good = tunable_list_axis(s, b, axis, arena);
         }
     }
-    good = good && list_springs(s, arena);
-    to = next(s, (struct meaning){.kind = TUNE_SUPPLY});
+    good = good && tunable_list_springs(s, arena);
+    to = tunable_add(s, (struct meaning){.kind = TUNE_SUPPLY});
     if (to) {
         *to = (struct tunable){"supply_v", "V", 0.0, 2.0 * s->config.rig->supply_v, false};
     }
     if (sensing_has_noise(s->config.sensing)) {
-        to = next(s, (struct meaning){.kind = TUNE_NOISE});
+        to = tunable_add(s, (struct meaning){.kind = TUNE_NOISE});
         if (to) {
             *to = (struct tunable){"sensing.noise_scale", "", 0.0, NOISE_SCALE_MAX, false};
         }
@@ -333,25 +337,25 @@ static bool list(struct steered *s, struct arena *arena)
     return good;
 }
 
-static bool create_tunables(struct steered *s, struct arena *arena)
+static bool robot_steering_create_tunables(struct robot_steering *s, struct arena *arena)
 {
-    list(s, arena);
+    tunable_list_all(s, arena);
     s->meaning = arena_alloc(arena, s->ntunable, sizeof *s->meaning);
     s->tunable = arena_alloc(arena, s->ntunable, sizeof *s->tunable);
-    return s->meaning && s->tunable && list(s, arena);
+    return s->meaning && s->tunable && tunable_list_all(s, arena);
 }
 
-/* A ring is written by whoever reads it, too. */
-static void add_ring(struct span *hole, size_t *count, const struct ring *ring)
+/* A ring is written by its reader, too, which is another thread. */
+static void hole_add_ring(struct span *hole, size_t *count, const struct ring *ring)
 {
     hole[(*count)++] = (struct span){(void *)(uintptr_t)ring, sizeof *ring};
     hole[(*count)++] = (struct span){ring->slots, ring->slot_size * ((size_t)ring->mask + 1)};
 }
 
-static enum error_code create_checkpoint(struct steered *s, struct arena *arena,
-                                         struct error *error)
+static enum error_code robot_steering_create_checkpoint(struct robot_steering *s,
+                                                        struct arena *arena, struct error *error)
 {
-    const struct steered_config *config = &s->config;
+    const struct robot_steering_config *config = &s->config;
     enum { OWN_SPANS = 3, OWN_HOLES = 4 };
     struct span *moving =
         arena_alloc(arena, config->nmoving + RIG_BUSES_MAX + OWN_SPANS, sizeof *moving);
@@ -361,10 +365,12 @@ static enum error_code create_checkpoint(struct steered *s, struct arena *arena,
     if (!moving || !hole) {
         return error_set(error, ERROR_MEMORY, "no memory left for the steering");
     }
+
+    /* What changes: the caller's, the requests' own, the wires */
     memcpy(moving, config->moving, nmoving * sizeof *moving);
     memcpy(hole, config->hole, nhole * sizeof *hole);
     moving[nmoving++] = (struct span){&s->moving, sizeof s->moving};
-    moving[nmoving++] = (struct span){s->push_until, bodies(s) * sizeof *s->push_until};
+    moving[nmoving++] = (struct span){s->push_until, robot_count_bodies(s) * sizeof *s->push_until};
     moving[nmoving++] =
         (struct span){s->pretension, config->rig->robot->njoint * sizeof *s->pretension};
     for (size_t b = 0; b < config->rig->nbus; b++) {
@@ -374,13 +380,15 @@ static enum error_code create_checkpoint(struct steered *s, struct arena *arena,
             wire->memory = wire_memory(config->buses->wire[b], &wire->size);
         }
     }
-    add_ring(hole, &nhole, boards_event_ring(config->boards));
-    add_ring(hole, &nhole, faults_event_ring(config->faults));
+
+    /* What other threads write in it */
+    hole_add_ring(hole, &nhole, boards_event_ring(config->boards));
+    hole_add_ring(hole, &nhole, faults_event_ring(config->faults));
     return checkpoint_create(moving, nmoving, hole, nhole, STEERING_SLOTS, arena, &s->checkpoint,
                              error);
 }
 
-static bool create_bus_moments(struct steered *s, struct arena *arena)
+static bool robot_steering_create_bus_moments(struct robot_steering *s, struct arena *arena)
 {
     for (size_t b = 0; b < s->config.rig->nbus; b++) {
         struct local_bus *bus = s->config.buses->bus[b];
@@ -395,51 +403,58 @@ static bool create_bus_moments(struct steered *s, struct arena *arena)
     return true;
 }
 
-enum error_code steered_create(const struct steered_config *config, struct arena *arena,
-                               struct steered **out, struct steering **steering,
-                               struct error *error)
+enum error_code robot_steering_create(const struct robot_steering_config *config,
+                                      struct arena *arena, struct robot_steering **out,
+                                      struct steering **steering, struct error *error)
 {
-    struct steered *s = arena_alloc(arena, 1, sizeof *s);
-    enum error_code code = ERROR_NONE;
+    struct robot_steering *s = arena_alloc(arena, 1, sizeof *s);
+    enum error_code code;
 
+    /* What requests keep of their own */
     if (s) {
         s->config = *config;
-        s->push_until = arena_alloc(arena, bodies(s), sizeof *s->push_until);
+        s->push_until = arena_alloc(arena, robot_count_bodies(s), sizeof *s->push_until);
         s->pretension = arena_alloc(arena, config->rig->robot->njoint, sizeof *s->pretension);
     }
-    if (!s || !s->push_until || !s->pretension || !create_tunables(s, arena) ||
-        !create_bus_moments(s, arena)) {
+    if (!s || !s->push_until || !s->pretension || !robot_steering_create_tunables(s, arena) ||
+        !robot_steering_create_bus_moments(s, arena)) {
         return error_set(error, ERROR_MEMORY, "no memory left for the steering");
     }
+
+    /* What the loop may ask, then the rings through which other threads do */
     s->machine = (struct steering_machine){
         .context = s,
-        .fault = switch_fault,
-        .push = push,
-        .set = set,
-        .get = get,
-        .changes = changes,
-        .keep = config->one_way ? NULL : keep,
-        .back = config->one_way ? NULL : back,
-        .hash = hash,
-        .show = show,
-        .pace = config->pace ? pace : NULL,
-        .begin = begin_tick,
-        .body = body_name,
+        .fault = robot_switch_fault,
+        .push = robot_push_body,
+        .set = tunable_set,
+        .get = tunable_get,
+        .changes = tunable_changes,
+        .save = config->one_way ? NULL : robot_save,
+        .restore = config->one_way ? NULL : robot_restore,
+        .hash = robot_hash_state,
+        .publish = robot_publish,
+        .pace = config->pace ? robot_pace : NULL,
+        .advance = robot_advance_requests,
+        .body = robot_body_name,
         .nfault = faults_count(config->faults),
         .ntunable = s->ntunable,
         .tunable = s->tunable,
     };
     if (!config->one_way) {
-        code = create_checkpoint(s, arena, error);
+        code = robot_steering_create_checkpoint(s, arena, error);
+        if (code) {
+            return code;
+        }
     }
-    if (!code) {
-        code = steering_create(&s->machine, arena, steering, error);
+    code = steering_create(&s->machine, arena, steering, error);
+    if (code) {
+        return code;
     }
     *out = s;
-    return code;
+    return ERROR_NONE;
 }
 
-size_t steered_checkpoint_size(const struct steered *steered)
+size_t robot_steering_checkpoint_size(const struct robot_steering *s)
 {
-    return steered->checkpoint ? checkpoint_size(steered->checkpoint) : 0;
+    return s->checkpoint ? checkpoint_size(s->checkpoint) : 0;
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The kinds come from faults_help, so that a new one takes part without a change here. */
-#include "tests/soak/lines.h"
+#include "tests/soak/fault_lines.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -9,7 +9,8 @@ static const double BROKEN_SPRING_S = 0.15;
 
 enum { WORDS_MAX = 8, WIRE_MOST = 12, BUSES = 64 };
 
-void lines_init(struct lines *lines, const struct rig *rig, bool wire, uint64_t seed, size_t kind)
+void fault_lines_init(struct fault_lines *lines, const struct rig *rig, bool wire, uint64_t seed,
+                      size_t kind)
 {
     memset(lines, 0, sizeof *lines);
     lines->rig = rig;
@@ -21,19 +22,19 @@ void lines_init(struct lines *lines, const struct rig *rig, bool wire, uint64_t 
     }
 }
 
-static size_t below(struct lines *lines, size_t count)
+static size_t below(struct fault_lines *lines, size_t count)
 {
     return (size_t)(random_uniform(&lines->random) * (double)count);
 }
 
-static double between(struct lines *lines, double from, double to)
+static double between(struct fault_lines *lines, double from, double to)
 {
     return from + (to - from) * random_uniform(&lines->random);
 }
 
 /* ---- what a line consists of ---- */
 
-static int write_motor(struct lines *lines, char *text, size_t size)
+static int write_motor(struct fault_lines *lines, char *text, size_t size)
 {
     const struct robot *robot = lines->rig->robot;
     size_t joint;
@@ -44,7 +45,7 @@ static int write_motor(struct lines *lines, char *text, size_t size)
     return snprintf(text, size, "motor %s", robot->joint[joint].name);
 }
 
-static int write_sensor(struct lines *lines, char *text, size_t size)
+static int write_sensor(struct fault_lines *lines, char *text, size_t size)
 {
     static const char *const of_joint[] = {"link_encoder", "motor_encoder", "current", "torque",
                                            "temperature"};
@@ -67,7 +68,7 @@ static int write_sensor(struct lines *lines, char *text, size_t size)
                     of_joint[below(lines, 5)]);
 }
 
-static int write_board(const struct lines *lines, size_t index, char *text, size_t size)
+static int write_board(const struct fault_lines *lines, size_t index, char *text, size_t size)
 {
     const struct board_config *board = &lines->rig->boards.board[index];
 
@@ -75,7 +76,7 @@ static int write_board(const struct lines *lines, size_t index, char *text, size
 }
 
 /* A bus that can take one more; -1 = none. */
-static int choose_bus(struct lines *lines, bool on_wire)
+static int choose_bus(struct fault_lines *lines, bool on_wire)
 {
     size_t bus = below(lines, lines->rig->nbus);
 
@@ -86,7 +87,7 @@ static int choose_bus(struct lines *lines, bool on_wire)
 }
 
 /* A value that means something for each parameter that a kind of fault may have; false: unknown. */
-static bool choose_value(struct lines *lines, const char *key, double *value)
+static bool choose_value(struct fault_lines *lines, const char *key, double *value)
 {
     const struct {
         const char *key;
@@ -109,8 +110,9 @@ static bool choose_value(struct lines *lines, const char *key, double *value)
 
 /* ---- lines ---- */
 
-/* " key=value" for each parameter, some of those that may be left out; words as "key=X", "[key=X]" */
-static bool write_parameters(struct lines *lines, char *const *word, size_t nword, char *text,
+/* " key=value" for each parameter, some of those that may be left out; words as "key=X",
+ * "[key=X]" */
+static bool write_parameters(struct fault_lines *lines, char *const *word, size_t nword, char *text,
                              size_t size, struct error *error)
 {
     int used = 0;
@@ -136,7 +138,7 @@ static bool write_parameters(struct lines *lines, char *const *word, size_t nwor
 }
 
 /* "TARGET ..." for a line of faults_help; false when this rig has no such target left */
-static bool write_target(struct lines *lines, const char *target, bool on_wire, char *text,
+static bool write_target(struct fault_lines *lines, const char *target, bool on_wire, char *text,
                          size_t size)
 {
     if (!strcmp(target, "motor")) {
@@ -156,10 +158,10 @@ static bool write_target(struct lines *lines, const char *target, bool on_wire, 
     return snprintf(text, size, "%s", target) > 0;
 }
 
-/* One line of the kind; false with error->code when something is unknown, or without when the kind does
- * not exist here. A broken spring is whole again before its ends are turns apart, which is no state of
- * any robot: it would fling the link about at a turn a step. */
-static bool write_line(struct lines *lines, size_t kind, double from_s, double to_s,
+/* One line of the kind; false with error->code when something is unknown, or without when the kind
+ * does not exist here. A broken spring is whole again before its ends are turns apart, which is no
+ * state of any robot: it would fling the link about at a turn a step. */
+static bool write_line(struct fault_lines *lines, size_t kind, double from_s, double to_s,
                        struct error *error)
 {
     char help[256], target[96], parameters[96], *rest, *word[WORDS_MAX];
@@ -176,7 +178,7 @@ static bool write_line(struct lines *lines, size_t kind, double from_s, double t
          w = strtok_r(NULL, " ", &rest)) {
         word[count++] = w;
     }
-    /* target, "...", kind, parameters */
+    /* Target, "...", kind, parameters */
     if (count < 3) {
         error_set(error, ERROR_INPUT, "faults_help: line %zu is not as expected", kind);
         return false;
@@ -194,8 +196,8 @@ static bool write_line(struct lines *lines, size_t kind, double from_s, double t
     return true;
 }
 
-bool lines_add(struct lines *lines, size_t count, double from_s, double to_s, double longest_s,
-               struct error *error)
+bool fault_lines_add(struct fault_lines *lines, size_t count, double from_s, double to_s,
+                     double longest_s, struct error *error)
 {
     const size_t kinds = faults_help(0, NULL, 0);
 
@@ -213,7 +215,7 @@ bool lines_add(struct lines *lines, size_t count, double from_s, double to_s, do
     return true;
 }
 
-void lines_add_power_cycle(struct lines *lines, double from_s, double to_s)
+void fault_lines_add_power_cycle(struct fault_lines *lines, double from_s, double to_s)
 {
     for (size_t i = 0; i < lines->rig->boards.nboard && lines->count < FAULTS_MAX; i++) {
         char target[96];

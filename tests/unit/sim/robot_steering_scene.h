@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A whole robot that is steered from within its own thread, and a guest on its buses who notes what
  * is sent: for tests of rt/steering.h. */
-#ifndef TESTS_UNIT_SIM_STEERING_SCENE_H
-#define TESTS_UNIT_SIM_STEERING_SCENE_H
+#ifndef TESTS_UNIT_SIM_ROBOT_STEERING_SCENE_H
+#define TESTS_UNIT_SIM_ROBOT_STEERING_SCENE_H
 
 #include "base/hash.h"
 #include "sim/simulator.h"
@@ -68,7 +68,7 @@ static inline uint64_t hash_measured(const struct plant_sensors *sensors)
     return hash_bytes(hash, &sensors->imu, sizeof sensors->imu);
 }
 
-/* everything that the tick before has sent */
+/* Everything that the tick before has sent */
 static inline void note(struct witness *w, struct pass *pass)
 {
     const struct rig *rig = simulator_configuration(w->simulator)->rig;
@@ -118,7 +118,7 @@ static inline void open_scene(const struct scene *scene, struct witness *w, stru
         .task = scene->task,
         .observer = observer,
         .guests = 1,
-        .steered = steered,
+        .steering = steered,
         .fault = scene->fault,
         .record = scene->record,
         .overwrite = true,

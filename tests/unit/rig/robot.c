@@ -149,8 +149,8 @@ static struct dynamics dynamics_of(const struct robot *robot)
     return dynamics;
 }
 
-/* The same bodies are in the same places, and the joints accelerate as on a base that is too heavy to
- * be moved. */
+/* The same bodies are in the same places, and the joints accelerate as on a base that is too heavy
+ * to be moved. */
 static void a_held_base_is_one_of_infinite_mass(void **state)
 {
     static const double p[3] = {0.3, -0.2, 0.9}, quaternion[4] = {0.8, 0.4, -0.4, 0.2};
@@ -213,7 +213,7 @@ static void surfaces_and_frames_of_a_held_base_stay_where_they_were(void **state
         robot_load(HIL_SOURCE_DIR "/config/robots/coman.yaml", NULL, &arena, &robot, &error),
         ERROR_NONE);
     assert_int_equal(robot_copy(robot, &arena, &held, &error), ERROR_NONE);
-    /* a quarter turn about z, half a meter up */
+    /* A quarter turn about z, half a meter up */
     assert_int_equal(robot_fix_base(held, (double[3]){0, 0, 0.5},
                                     (double[4]){sqrt(0.5), 0, 0, sqrt(0.5)}, &error),
                      ERROR_NONE);

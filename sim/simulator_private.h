@@ -1,21 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the parts of the simulator share: simulator.c (assembly, running, looking in),
- * simulator_machine.c (what the loop calls), simulator_signals.c (recording), simulator_events.c. */
+/*
+ * What the parts of the simulator share: assembly.c makes it, simulator.c runs and closes it,
+ * machine.c is what the loop calls, status.c and signals.c what it publishes and records, events.c
+ * its log, access.c what others may see. Not RT-safe but where it says so.
+ */
 #ifndef SIM_PRIVATE_H
 #define SIM_PRIVATE_H
 
 #include "model/symbolic/builtin.h"
+#include "rt/pace.h"
 #include "sim/injection.h"
 #include "sim/interfaces.h"
-#include "rt/pace.h"
+#include "sim/robot_steering.h"
 #include "sim/simulator.h"
-#include "sim/steered.h"
 #include "sim/timed_contact.h"
 
 #include <pthread.h>
 #include <stdatomic.h>
 
-/* When the links of a held robot are let go. */
+/* When a clamped robot is released. */
 struct release {
     bool due;      /* when every motor is on */
     int64_t at_ns; /* virtual time; -1 = not yet or done */
@@ -34,10 +37,10 @@ struct simulator {
     struct faults *faults;
     struct injection *injection;
     struct sensing *sensing;
-    const struct plant_sensors *measured; /* what the boards see; the plant's are true */
+    const struct plant_sensors *measured; /* what the boards see; the plant's are the truth */
     struct boards *boards;
     struct buses buses;
-    struct interfaces interfaces; /* the real ones; none with local buses */
+    struct interfaces interfaces; /* of SocketCAN; none with local buses */
     struct bus_ports ports, task_ports, gateway_ports;
     struct gateway *gateway;
     size_t *transmit_max;
@@ -49,29 +52,42 @@ struct simulator {
     size_t nrecorded, nsignal, npatch;
     struct stream *stream;
     uint64_t row_ticks;
-    struct controller *controller;
+    struct task_runner *task; /* NULL = none */
     bool task_inline, task_running;
     pthread_t task_thread;
     struct realtime_config task_realtime;
     struct simulator_status status;
     struct snapshot *published; /* struct simulator_status */
     struct release release;
-    _Atomic int64_t released; /* virtual time at which they were let go; -1 = told or not yet */
+    _Atomic int64_t released; /* virtual time of the release; -1 = reported or not yet */
     char failure[256];
     struct steering *steering; /* NULL = none */
-    struct steered *steered;
-    struct pace *pace;           /* of a task in its own thread that is steered; NULL = none */
-    size_t moves_from, moves_to; /* of the arena: what moves in virtual time */
+    struct robot_steering *robot_steering;
+    struct pace *pace;           /* clock of a task in its own thread; NULL = the real one */
+    size_t moves_from, moves_to; /* of the arena: state that changes in virtual time */
 };
 
-/* simulator_machine.c */
-struct loop_machine simulator_machine(struct simulator *simulator);
-void simulator_publish(void *simulator, const struct loop_stats *stats);
+/* ---- assembly.c ---- */
 
-/* simulator_signals.c. The streaming before the recorder, whose columns are the first of its. */
+/* Makes all parts, or fails with some made: simulator_destroy closes them. */
+enum error_code simulator_assemble(struct simulator *simulator, char notice[256],
+                                   struct error *error);
+
+/* ---- machine.c, status.c: RT-safe ---- */
+
+struct loop_machine simulator_machine(struct simulator *simulator);
+
+/* Publishes the status; the context is the simulator. */
+void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *stats);
+
+/* ---- signals.c ---- */
+
+/* The stream before the recorder, whose columns are the first of the stream's. */
 enum error_code simulator_create_signals(struct simulator *simulator, struct error *error);
 enum error_code simulator_create_recorder(struct simulator *simulator, struct error *error);
-void simulator_record_row(struct simulator *simulator); /* when one is due */
-void simulator_stream_row(struct simulator *simulator); /* likewise, for subscribers */
+
+/* A row for the recording and one for subscribers, when one is due. RT-safe. */
+void simulator_record_row(struct simulator *simulator);
+void simulator_stream_row(struct simulator *simulator);
 
 #endif

@@ -99,7 +99,7 @@ static void *looks(void *context)
 {
     struct crowd *crowd = context;
     const struct steering *steering = simulator_steering(crowd->simulator);
-    struct controller_status task;
+    struct task_runner_status task;
     struct simulator_status status;
     char text[256];
     uint64_t key;
@@ -113,7 +113,7 @@ static void *looks(void *context)
             sum += steering_value(steering, i);
         }
         simulator_read(crowd->simulator, &status);
-        controller_read(simulator_controller(crowd->simulator), &task);
+        task_runner_read(simulator_task_runner(crowd->simulator), &task);
         sum += steering_speed(steering) + steering_paused(steering);
         sched_yield();
     }
@@ -157,7 +157,7 @@ static void hammer(bool timed)
         .task = "squat",
         .observer = &observer,
         .guests = 1,
-        .steered = true,
+        .steering = true,
         .fault = fault,
         .nfault = sizeof fault / sizeof fault[0],
     };

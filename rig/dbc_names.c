@@ -1,0 +1,166 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Names of nodes, messages and signals in a rig's DBC database: unique, legal and short enough. */
+#include "boards/compact/protocol.h"
+#include "boards/icub/protocol.h"
+#include "rig/dbc_private.h"
+
+#include <string.h>
+
+enum { NODE_LETTERS = 14 };
+
+static const char everyone[] = "ALL"; /* in the place of the board, when all are meant */
+
+/* Joins before, so many letters of each of the words, and after; false when that is too long. */
+static bool dbc_try_name(char name[NAME_SIZE], const char *before, const char *words,
+                         const char *after, int letters)
+{
+    char cut[256];
+    size_t size = 0;
+    int of_word = 0;
+
+    for (; *words && size < sizeof cut - 1; words++) {
+        of_word = *words == '_' ? 0 : of_word + 1;
+        if (of_word <= letters) {
+            cut[size++] = *words;
+        }
+    }
+    cut[size] = '\0';
+    return snprintf(name, NAME_SIZE, "%s%s%s", before, cut, after) < NAME_SIZE;
+}
+
+static void dbc_fit_name(char name[NAME_SIZE], const char *before, const char *words,
+                         const char *after)
+{
+    int letters = DBC_NAME_MAX;
+
+    while (letters > 0 && !dbc_try_name(name, before, words, after, letters)) {
+        letters--;
+    }
+}
+
+void dbc_make_node_name(const struct dbc *dbc, const char *board, char name[NAME_SIZE])
+{
+    char clean[NODE_LETTERS + 2];
+    size_t size = 0;
+
+    if (*board >= '0' && *board <= '9') {
+        clean[size++] = '_';
+    }
+    for (; *board && size <= NODE_LETTERS; board++) {
+        bool legal = (*board >= 'a' && *board <= 'z') || (*board >= 'A' && *board <= 'Z') ||
+                     (*board >= '0' && *board <= '9');
+
+        clean[size++] = legal ? *board : '_';
+    }
+    clean[size] = '\0';
+    snprintf(name, NAME_SIZE, "%s", clean);
+    for (unsigned n = 2;
+         !dbc_is_name(name) || !strcmp(name, everyone) || dbc_find_node(dbc, name) != DBC_NO_NODE;
+         n++) {
+        snprintf(name, NAME_SIZE, "%.11s_%u", clean, n);
+    }
+}
+
+const struct board_config *dbc_message_board(const struct dbc_exporter *e,
+                                             const struct message *message)
+{
+    int board = message->from_host ? message->receiver : message->sender;
+
+    return board == MESSAGE_NO_BOARD ? NULL : &e->rig->boards.board[board];
+}
+
+int dbc_board_node(const struct dbc_exporter *e, int board)
+{
+    int node = FIRST_BOARD;
+
+    for (int i = 0; i < board; i++) {
+        node += e->rig->boards.board[i].bus == (int)e->bus;
+    }
+    return node;
+}
+
+static const char *dbc_node_name(const struct dbc_exporter *e, const struct board_config *board)
+{
+    return board ? e->dbc->node[dbc_board_node(e, (int)(board - e->rig->boards.board))].name
+                 : everyone;
+}
+
+static unsigned compact_message_function(const struct message *message)
+{
+    return message->id >> 5;
+}
+
+bool dbc_is_list(const struct dbc_exporter *e, const struct message *message)
+{
+    return e->personality == BOARD_COMPACT &&
+           (compact_message_function(message) == COMPACT_COMMAND ||
+            compact_message_function(message) == COMPACT_TELEMETRY_FD);
+}
+
+int dbc_first_slot(const struct dbc_exporter *e, const struct board_config *board)
+{
+    int slot = 0;
+
+    for (const struct board_config *b = e->rig->boards.board; b < board; b++) {
+        for (int k = 0; k < BOARD_AXES_MAX && b->kind == BOARD_MOTOR && b->bus == board->bus; k++) {
+            slot += b->axis[k].joint >= 0;
+        }
+    }
+    return slot;
+}
+
+void dbc_make_message_name(const struct dbc_exporter *e, const struct message *message,
+                           char name[NAME_SIZE])
+{
+    const struct board_config *board = dbc_message_board(e, message);
+    char before[NAME_SIZE + 1], after[16] = "";
+
+    snprintf(before, sizeof before, "%.*s_", DBC_NAME_MAX, dbc_node_name(e, board));
+    if (message->code != MESSAGE_NO_CODE) {
+        bool management = message->id >> 8 == ICUB_MANAGEMENT;
+
+        dbc_fit_name(name, before,
+                     management           ? message->from_host ? "MANAGEMENT" : "MANAGEMENT_REPLY"
+                     : message->from_host ? "COMMAND"
+                                          : "REPLY",
+                     after);
+        return;
+    }
+    if (message->slot >= 0 && board) {
+        snprintf(after, sizeof after, "_%d", message->slot - dbc_first_slot(e, board));
+    } else if (dbc_is_list(e, message) && !board) {
+        snprintf(after, sizeof after, "_%u", (unsigned)(message->id & 0x1f));
+    }
+    dbc_fit_name(name, before, message->name, after);
+}
+
+bool dbc_is_icub_motor(const struct dbc_exporter *e, const struct message *message)
+{
+    const struct board_config *board = dbc_message_board(e, message);
+
+    return e->personality == BOARD_ICUB && board && board->kind == BOARD_MOTOR &&
+           message->id >> 8 != ICUB_MANAGEMENT;
+}
+
+void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_field *p,
+                          char name[NAME_SIZE])
+{
+    char after[64] = "";
+
+    if (p->command != MESSAGE_NO_CODE) {
+        snprintf(after, sizeof after, "_%s", p->field->name);
+        if (dbc_is_icub_motor(e, p->message)) {
+            snprintf(after + strlen(after), sizeof after - strlen(after), "_%d",
+                     p->command >= AXIS_BIT);
+        }
+        dbc_fit_name(name, "", p->message->name, after);
+        return;
+    }
+    if (dbc_is_list(e, p->message)) {
+        bool all = !dbc_message_board(e, p->message);
+
+        snprintf(after, sizeof after, "_%d",
+                 p->repeat + (all ? (int)(p->message->id & 0x1f) * COMPACT_GROUP : 0));
+    }
+    dbc_fit_name(name, "", p->field->name, after);
+}

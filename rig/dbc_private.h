@@ -1,0 +1,70 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the parts of the exporter of a rig's DBC database share: dbc.c writes nodes and messages,
+ * dbc_names.c names things, dbc_signals.c writes signals with their units. Not RT-safe.
+ */
+#ifndef RIG_DBC_PRIVATE_H
+#define RIG_DBC_PRIVATE_H
+
+#include "boards/messages.h"
+#include "rig/dbc.h"
+
+enum { HOST = 0, SIMULATOR = 1, FIRST_BOARD = 2 }; /* nodes */
+enum { IDS = 0x800, NAME_SIZE = DBC_NAME_MAX + 1, AXIS_BIT = 0x80 };
+
+struct dbc_exporter {
+    const struct rig *rig;
+    size_t bus;
+    enum board_personality personality;
+    struct dbc *dbc;
+    struct error *error;
+    enum error_code code;
+    uint8_t longest[IDS]; /* frame of an identifier */
+};
+
+/* A field that becomes a signal. */
+struct dbc_field {
+    const struct message *message;
+    const struct field *field;
+    unsigned bit; /* where it starts in the frame */
+    int repeat;   /* of message->repeats */
+    int command;  /* value of byte 0, MESSAGE_NO_CODE: none */
+    int index;    /* of the field in its list, padding aside */
+};
+
+/* ---- dbc_names.c ---- */
+
+/* The board that a message is from or for; NULL = all. */
+const struct board_config *dbc_message_board(const struct dbc_exporter *e,
+                                             const struct message *message);
+
+/* Node of a board, by its index in the rig. */
+int dbc_board_node(const struct dbc_exporter *e, int board);
+
+/* Slot of a board's first axis. */
+int dbc_first_slot(const struct dbc_exporter *e, const struct board_config *board);
+
+/* Whether the fields of a message repeat for each axis or slot. */
+bool dbc_is_list(const struct dbc_exporter *e, const struct message *message);
+
+/* Whether a message is of or for an icub motor board, which has two axes. */
+bool dbc_is_icub_motor(const struct dbc_exporter *e, const struct message *message);
+
+/* A board's name as an identifier that no other node has. */
+void dbc_make_node_name(const struct dbc *dbc, const char *board, char name[NAME_SIZE]);
+void dbc_make_message_name(const struct dbc_exporter *e, const struct message *message,
+                           char name[NAME_SIZE]);
+void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_field *p,
+                          char name[NAME_SIZE]);
+
+/* ---- dbc_signals.c ---- */
+
+/* The nodes that a message is for, as a bit set. */
+uint64_t dbc_message_receivers(const struct dbc_exporter *e, const struct message *message);
+
+/* Writes the fields of a message as signals; command: the value of byte 0 that selects them, or
+ * MESSAGE_NO_CODE. */
+void dbc_export_fields(struct dbc_exporter *e, struct dbc_message *to,
+                       const struct message *message, int command);
+
+#endif

@@ -1,0 +1,167 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Waiting for the STEP frame of lockstep, and the frames of its bus that are held back meanwhile:
+ * what stands before the STEP belongs to its first tick, what follows it does not. Whether a STEP
+ * fits is judged by the protocol, canbus/lockstep.c. */
+#include "rt/loop_private.h"
+
+#include <string.h>
+
+/* ---- frames held back ---- */
+
+void loop_deliver_held(struct loop *loop)
+{
+    size_t bus = (size_t)loop->config.lockstep.bus;
+
+    for (size_t i = 0; i < loop->held_seen; i++) {
+        loop_deliver_frame(loop, bus, &loop->held[i]);
+    }
+    loop->held_count -= loop->held_seen;
+    memmove(loop->held, loop->held + loop->held_seen, loop->held_count * sizeof *loop->held);
+    loop->held_seen = 0;
+}
+
+void loop_drain_step_bus(struct loop *loop)
+{
+    size_t bus = (size_t)loop->config.lockstep.bus;
+    size_t count;
+
+    do {
+        count =
+            loop_take_frames(loop, bus, loop->held + loop->held_count, HELD_MAX - loop->held_count);
+        loop->held_count += count;
+        while (loop->held_seen < loop->held_count &&
+               loop->held[loop->held_seen].id != loop->config.lockstep.step_id) {
+            loop->held_seen++;
+        }
+        loop_deliver_held(loop);
+    } while (count && loop->held_count < HELD_MAX);
+}
+
+/* ---- the STEP ---- */
+
+/* Examines one held frame; true when it is a STEP that is to run. One that does not fit is
+ * answered or reported. */
+static bool step_accept_frame(struct loop *loop, const struct bus_frame *frame)
+{
+    int bus = loop->config.lockstep.bus;
+
+    switch (lockstep_receive(&loop->lockstep, frame)) {
+    case LOCKSTEP_RUN:
+        return true;
+    case LOCKSTEP_REFUSED:
+        loop_emit_event(loop, LOOP_EVENT_STEP_MISMATCH, bus, loop->lockstep.expected,
+                        loop->lockstep.tick);
+        loop_send_done(loop, LOCKSTEP_MISMATCH);
+        break;
+    case LOCKSTEP_MALFORMED:
+        loop_emit_event(loop, LOOP_EVENT_STEP_MALFORMED, bus, frame->len, 0);
+        break;
+    case LOCKSTEP_OTHER:
+        break;
+    }
+    return false;
+}
+
+/* Reads the STEP's bus up to a STEP; false when none has come. */
+static bool step_find_frame(struct loop *loop)
+{
+    size_t bus = (size_t)loop->config.lockstep.bus;
+    size_t count, total = 0;
+
+    for (;;) {
+        while (loop->held_seen < loop->held_count) {
+            if (step_accept_frame(loop, &loop->held[loop->held_seen++])) {
+                return true;
+            }
+        }
+
+        /* That much traffic without a STEP: the boards get it now */
+        if (loop->held_count == HELD_MAX) {
+            loop_deliver_held(loop);
+        }
+        if (total >= LOOP_RECEIVE_MAX) {
+            return false;
+        }
+        count =
+            loop_take_frames(loop, bus, loop->held + loop->held_count, HELD_MAX - loop->held_count);
+        loop->held_count += count;
+        total += count;
+        if (count == 0) {
+            return false;
+        }
+    }
+}
+
+/* Sleeps until the STEP's bus can be read, a request comes, or it is time to look again. */
+static void step_sleep(struct loop *loop, int64_t now_ns)
+{
+    struct can_port *port = loop->config.port[loop->config.lockstep.bus];
+    struct pollfd fd = {.fd = port->ops->descriptor(port), .events = POLLIN};
+    int64_t slice = fd.fd >= 0 ? WAIT_SLICE_NS : POLL_SLICE_NS;
+    int64_t until = now_ns + slice;
+
+    if (loop->lockstep.report_at_ns < until) {
+        until = loop->lockstep.report_at_ns;
+    }
+    if (loop->config.steering) {
+        loop_steering_sleep(loop, fd.fd >= 0 ? &fd : NULL, until);
+        return;
+    }
+    clock_wait_readable(loop->config.time, &fd, fd.fd >= 0, until);
+}
+
+/* STEER_STEP plays the part of a STEP frame, unless an inline controller sends its own. */
+static bool step_was_requested(struct loop *loop)
+{
+    uint64_t left = loop->config.steering ? loop->steering.step_left : 0;
+
+    loop->step_asked = left > 0 && !loop->config.machine.controller;
+    if (loop->step_asked) {
+        loop->lockstep.ticks = left < UINT32_MAX ? (uint32_t)left : UINT32_MAX;
+    }
+    return loop->step_asked;
+}
+
+bool loop_wait_for_step(struct loop *loop)
+{
+    int bus = loop->config.lockstep.bus;
+    int64_t now = loop->mark_ns, silent;
+
+    /* Ticks of the last STEP are left, or a request stands for a STEP: nothing to wait for */
+    loop->step_begins = loop->lockstep.ticks == 0;
+    if (!loop->step_begins || step_was_requested(loop)) {
+        return !loop_stop_requested(loop);
+    }
+
+    if (!loop->awaiting) {
+        lockstep_wait_begin(&loop->lockstep, now);
+        loop->awaiting = true;
+    }
+    for (;;) {
+        if (loop_stop_requested(loop)) {
+            return false;
+        }
+        if (!loop_step_controller(loop)) {
+            return step_find_frame(loop);
+        }
+        if (step_find_frame(loop)) {
+            break;
+        }
+
+        /* None yet: reports a long silence once, then sleeps */
+        now = clock_now(loop->config.time);
+        if (lockstep_wait_check(&loop->lockstep, now, &silent)) {
+            loop_emit_event(loop, LOOP_EVENT_SILENT, bus, silent, 0);
+        }
+        step_sleep(loop, now);
+        if (loop_request_waits(loop)) {
+            return false;
+        }
+    }
+
+    loop->awaiting = false;
+    if (lockstep_wait_end(&loop->lockstep, now, &silent)) {
+        loop_emit_event(loop, LOOP_EVENT_BACK, bus, silent, 0);
+    }
+    return true;
+}

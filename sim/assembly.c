@@ -1,0 +1,394 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Makes the parts of a simulator from its configuration, each from those before it. */
+#include "base/count.h"
+#include "rig/faults.h"
+#include "sim/module_cache.h"
+#include "sim/simulator_private.h"
+
+static enum error_code simulator_check_config(const struct simulator_config *config,
+                                              struct error *error)
+{
+    const struct rig *rig = config->rig;
+
+    if (rig->robot->njoint > SIMULATOR_JOINTS_MAX || rig->contact.nbody > SIMULATOR_CONTACTS_MAX) {
+        return error_set(error, ERROR_INPUT,
+                         "%s: found %zu joints and %zu bodies with contact, expected at most %d "
+                         "and %d",
+                         rig->file, rig->robot->njoint, rig->contact.nbody, SIMULATOR_JOINTS_MAX,
+                         SIMULATOR_CONTACTS_MAX);
+    }
+    if (config->record && config->row_period_ns % rig->tick_ns) {
+        return error_set(error, ERROR_INPUT,
+                         "%s: the period of recorded signals must be a multiple of the tick, %g ms",
+                         rig->file, (double)rig->tick_ns * 1e-6);
+    }
+    return config->task ? task_runner_check_name(config->task, error) : ERROR_NONE;
+}
+
+/* ---- buses ---- */
+
+static enum error_code simulator_create_buses(struct simulator *simulator, char notice[256],
+                                              struct error *error)
+{
+    const struct simulator_config *config = &simulator->config;
+    size_t guests = config->guests + (config->task != NULL) + (config->gateway != NULL);
+    enum error_code code =
+        buses_open(config->rig, config->transport, config->interface, config->ninterface, guests,
+                   simulator->arena, &simulator->buses, notice, error);
+
+    if (code) {
+        return code;
+    }
+    if (simulator->buses.local && config->clock == LOOP_CLOCK_LOCKSTEP && !guests) {
+        return error_set(error, ERROR_UNSUPPORTED,
+                         "lockstep on local buses waits for STEP frames that nobody can send: give "
+                         "--task or --gateway, or use --transport socketcan on a kernel with CAN");
+    }
+    if (!simulator->buses.local) {
+        interfaces_init(&simulator->interfaces, config->rig, simulator->buses.interface,
+                        simulator->buses.state, &interface_kernel);
+    }
+
+    /* The boards first: participants are numbered in the order in which they join */
+    code = buses_join_boards(&simulator->buses, simulator->arena, &simulator->ports, error);
+    if (!code && config->task) {
+        code = buses_join(&simulator->buses, simulator->arena, &simulator->task_ports, error);
+    }
+    if (!code && config->gateway) {
+        code = buses_join(&simulator->buses, simulator->arena, &simulator->gateway_ports, error);
+    }
+    return code;
+}
+
+/* ---- the robot ---- */
+
+static enum error_code simulator_create_contact(struct simulator *simulator, struct error *error)
+{
+    const struct contact_config *config = &simulator->config.rig->contact;
+    struct timed_contact *timed = &simulator->contact;
+    enum error_code code;
+
+    timed->ops = timed_contact_ops;
+    timed->world.ops = &timed->ops;
+    timed->time = simulator->time;
+    timed->nbody = config->nbody;
+    timed->motion = arena_alloc(simulator->arena, config->nbody, sizeof *timed->motion);
+    timed->wrench = arena_alloc(simulator->arena, config->nbody, sizeof *timed->wrench);
+    if (!timed->motion || !timed->wrench) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the contact engine");
+    }
+    code = simulator->config.rig->contact_engine == RIG_CONTACT_NATIVE
+               ? contact_native_create(config, simulator->arena, &timed->engine, error)
+               : contact_simbody_create(config, &timed->engine, error);
+    if (!code && !timed->engine->ops->tangents) {
+        timed->ops.tangents = NULL;
+    }
+    return code;
+}
+
+static enum error_code simulator_create_dynamics(struct simulator *simulator, struct error *error)
+{
+    const struct rig *rig = simulator->config.rig;
+    char folder[4096];
+
+    if (rig->dynamics == RIG_DYNAMICS_GENERIC) {
+        error_set(&simulator->dynamics_notice, ERROR_NONE, "numeric dynamics, as the rig says");
+        return dynamics_generic(rig->robot, simulator->arena, &simulator->dynamics, error);
+    }
+    return dynamics_fastest(rig->robot, module_cache_folder(folder, sizeof folder) ? folder : NULL,
+                            simulator->arena, &simulator->dynamics, &simulator->library,
+                            &simulator->dynamics_notice, error);
+}
+
+/* Clamps the robot where the rig holds it, puts it into its pose and lets it settle. */
+static enum error_code simulator_place_robot(struct simulator *simulator, struct error *error)
+{
+    const struct rig *rig = simulator->config.rig;
+    const enum rig_hold hold = simulator->config.hold;
+
+    simulator->release = (struct release){.due = hold == RIG_HOLD_ENABLED, .at_ns = -1};
+    atomic_store(&simulator->released, -1);
+    plant_clamp(simulator->plant, hold != RIG_HOLD_NONE);
+    if (plant_reset(simulator->plant, rig->base_position, rig->base_quaternion, rig->joint)) {
+        return error_set(error, ERROR_INPUT, "%s: the robot cannot be put into pose %s: %s",
+                         rig->file, rig->pose, plant_failure(simulator->plant));
+    }
+    if (simulator->config.settle &&
+        plant_settle(simulator->plant, simulator->arena, &simulator->settled, error)) {
+        return error_prefix(error, "%s: pose %s cannot settle", rig->file, rig->pose);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code simulator_create_plant(struct simulator *simulator, struct error *error)
+{
+    const struct rig *rig = simulator->config.rig;
+    struct plant_config config = {
+        .robot = rig->robot,
+        .dynamics = &simulator->dynamics,
+        .free = rig->free,
+        .nfree = rig->nfree,
+        .contact_body = rig->contact_body,
+        .ncontact = rig->contact.nbody,
+        .integrator = rig->integrator,
+        .rtol = rig->tolerance,
+        .atol = rig->tolerance,
+        .substep_ns = rig->substep_ns,
+        .supply_v = rig->supply_v,
+        .account_energy = simulator->config.energy,
+        .supply_ohm = rig->supply_ohm,
+    };
+    enum error_code code = simulator_create_dynamics(simulator, error);
+
+    if (!code && rig->contact_engine != RIG_CONTACT_NONE) {
+        code = simulator_create_contact(simulator, error);
+        config.contact = &simulator->contact.world;
+    }
+    if (code) {
+        return code;
+    }
+
+    /* From here on the arena holds state that changes in virtual time */
+    simulator->moves_from = simulator->arena->used;
+    code = plant_create(&config, simulator->arena, &simulator->plant, error);
+    return code ? code : simulator_place_robot(simulator, error);
+}
+
+/* ---- faults, sensors, boards ---- */
+
+/* The table of faults and what carries them out: the ports of the boards may be replaced. */
+static enum error_code simulator_create_faults(struct simulator *simulator, struct error *error)
+{
+    const struct simulator_config *config = &simulator->config;
+    struct injection_config injection = {.rig = config->rig,
+                                         .command = plant_command(simulator->plant),
+                                         .wire = simulator->buses.wire};
+    uint64_t seed = config->seed_given ? config->seed : config->rig->seed;
+    bool *wire = arena_alloc(simulator->arena, config->rig->nbus + 1, sizeof *wire);
+    enum error_code code;
+
+    if (!wire) {
+        return error_set(error, ERROR_MEMORY, "no memory left for faults");
+    }
+    for (size_t b = 0; b < config->rig->nbus; b++) {
+        wire[b] = simulator->buses.wire[b] != NULL;
+    }
+    code = rig_faults_create(config->rig, config->fault, config->nfault, seed, wire,
+                             simulator->arena, &simulator->faults, error);
+    if (code) {
+        return code;
+    }
+    injection.faults = simulator->faults;
+    code = injection_create(&injection, simulator->arena, &simulator->ports, &simulator->injection,
+                            error);
+    if (code) {
+        return code;
+    }
+
+    /* Those that begin at time 0 already disturb the first sample */
+    injection_step(simulator->injection, 0);
+    return ERROR_NONE;
+}
+
+static enum error_code simulator_create_sensing(struct simulator *simulator, struct error *error)
+{
+    struct sensing_config config = simulator->config.rig->sensing;
+    enum error_code code;
+
+    config.seed = faults_seed(simulator->faults);
+    config.faults = simulator->faults;
+    code = sensing_create(&config, simulator->arena, &simulator->sensing, error);
+    if (code) {
+        return code;
+    }
+
+    /* The boards have measured values before the first tick */
+    simulator->measured = sensing_sample(simulator->sensing, plant_time_ns(simulator->plant),
+                                         plant_sensors(simulator->plant));
+    return ERROR_NONE;
+}
+
+static void simulator_restart_counter(void *context, int joint)
+{
+    const struct simulator *simulator = context;
+
+    sensing_restart_counter(simulator->sensing, (size_t)joint);
+}
+
+static enum error_code simulator_create_boards(struct simulator *simulator, struct error *error)
+{
+    const struct rig *rig = simulator->config.rig;
+    struct boards_config config = rig->boards;
+    enum error_code code;
+
+    config.faults = simulator->faults;
+    config.restarted = simulator_restart_counter;
+    config.context = simulator;
+    code = boards_create(&config, simulator->arena, &simulator->boards, error);
+    if (code) {
+        return code;
+    }
+    boards_sample(simulator->boards, plant_time_ns(simulator->plant), simulator->measured);
+    simulator->transmit_max =
+        arena_alloc(simulator->arena, rig->nbus, sizeof *simulator->transmit_max);
+    if (!simulator->transmit_max) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the buses");
+    }
+    for (size_t b = 0; b < rig->nbus; b++) {
+        simulator->transmit_max[b] = boards_transmit_max(simulator->boards, b);
+    }
+    return ERROR_NONE;
+}
+
+/* ---- the other side: task, requests, gateway ---- */
+
+static enum error_code simulator_create_task(struct simulator *simulator, struct error *error)
+{
+    const struct simulator_config *config = &simulator->config;
+    struct clock *time = simulator->time;
+    enum error_code code;
+
+    simulator->moves_to = simulator->arena->used;
+    if (!config->task) {
+        return ERROR_NONE;
+    }
+
+    /* With the real clock it has a thread, and a clock that follows the simulator's speed */
+    simulator->task_inline = config->clock != LOOP_CLOCK_REAL;
+    if (config->steering && !simulator->task_inline) {
+        code = pace_create(simulator->time, simulator->arena, &simulator->pace, error);
+        if (code) {
+            return code;
+        }
+        time = pace_clock(simulator->pace);
+    }
+    code = task_runner_create(config->rig, config->task, simulator->task_ports.port,
+                              config->clock == LOOP_CLOCK_LOCKSTEP, time, simulator->arena,
+                              &simulator->task, error);
+
+    /* An inline task goes back in time with everything else */
+    if (simulator->task_inline) {
+        simulator->moves_to = simulator->arena->used;
+    }
+    return code;
+}
+
+static void simulator_set_task_pace(void *context, double speed, bool paused)
+{
+    const struct simulator *simulator = context;
+
+    pace_set(simulator->pace, paused ? 0.0 : speed);
+}
+
+static enum error_code simulator_create_steering(struct simulator *simulator, struct error *error)
+{
+    struct task_runner *task = simulator->task_inline ? simulator->task : NULL;
+    const struct span moving[] = {
+        {simulator->arena->memory + simulator->moves_from,
+         simulator->moves_to - simulator->moves_from},
+        {&simulator->release, sizeof simulator->release},
+    };
+    const struct span hole[] = {
+        {task ? task->published : NULL, task ? sizeof *task->published : 0},
+        {task ? task->published->word : NULL, task ? 8 * task->published->words : 0},
+    };
+    const struct robot_steering_config config = {
+        .rig = simulator->config.rig,
+        .plant = simulator->plant,
+        .boards = simulator->boards,
+        .sensing = simulator->sensing,
+        .faults = simulator->faults,
+        .injection = simulator->injection,
+        .buses = &simulator->buses,
+        .moving = moving,
+        .nmoving = ARRAY_COUNT(moving),
+        .hole = hole,
+        .nhole = ARRAY_COUNT(hole),
+        .own = 1 + simulator->task_inline,
+        .one_way = simulator->task && !simulator->task_inline,
+        .context = simulator,
+        .publish = simulator_publish,
+        .pace = simulator->pace ? simulator_set_task_pace : NULL,
+    };
+
+    return simulator->config.steering
+               ? robot_steering_create(&config, simulator->arena, &simulator->robot_steering,
+                                       &simulator->steering, error)
+               : ERROR_NONE;
+}
+
+/* The buses of the rig, each by its name and by that of its interface, for clients of the gateway.
+ * */
+static enum error_code simulator_create_gateway(struct simulator *simulator, struct error *error)
+{
+    const struct simulator_config *config = &simulator->config;
+    struct gateway_bus bus[RIG_BUSES_MAX];
+    struct gateway_config gateway;
+
+    if (!config->gateway) {
+        return ERROR_NONE;
+    }
+    for (size_t b = 0; b < config->rig->nbus; b++) {
+        bus[b] = (struct gateway_bus){.name = config->rig->bus[b].name,
+                                      .alias = simulator->buses.interface[b],
+                                      .port = simulator->gateway_ports.port[b]};
+    }
+    gateway = *config->gateway;
+    gateway.nbus = config->rig->nbus;
+    gateway.bus = bus;
+    return gateway_start(&gateway, simulator->arena, &simulator->gateway, error);
+}
+
+/* ---- the loop ---- */
+
+static enum error_code simulator_create_loop(struct simulator *simulator, struct error *error)
+{
+    const struct simulator_config *config = &simulator->config;
+    const struct loop_config loop = {
+        .clock = config->clock,
+        .tick_ns = config->rig->tick_ns,
+        .overrun = config->overrun,
+        .stop_after = config->stop_after,
+        .lockstep = config->rig->lockstep,
+        .ticks = config->ticks,
+        .nbus = config->rig->nbus,
+        .port = simulator->ports.port,
+        .transmit_max = simulator->transmit_max,
+        .time = simulator->time,
+        .machine = simulator_machine(simulator),
+        .recorder = simulator->recorder,
+        .recording = simulator->buses.timed ? LOOP_RECORD_UNCARRIED : LOOP_RECORD_ALL,
+        .steering = simulator->steering,
+    };
+    enum error_code code = snapshot_create(sizeof(struct simulator_status), simulator->arena,
+                                           &simulator->published, error);
+
+    return code ? code : loop_create(&loop, simulator->arena, &simulator->loop, error);
+}
+
+/* ---- all of it ---- */
+
+enum error_code simulator_assemble(struct simulator *simulator, char notice[256],
+                                   struct error *error)
+{
+    static enum error_code (*const parts[])(struct simulator * simulator, struct error * error) = {
+        simulator_create_plant,
+        simulator_create_faults,
+        simulator_create_sensing,
+        simulator_create_boards,
+        simulator_create_task,
+        simulator_create_steering,
+        simulator_create_signals,
+        /* The recorder late: it leaves files behind when another part fails */
+        simulator_create_recorder,
+        simulator_create_loop,
+        simulator_create_gateway,
+    };
+    enum error_code code = simulator_check_config(&simulator->config, error);
+
+    code = code ? code : simulator_create_buses(simulator, notice, error);
+    for (size_t i = 0; !code && i < ARRAY_COUNT(parts); i++) {
+        code = parts[i](simulator, error);
+    }
+    return code;
+}

@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Requests of other threads carried out on a robot: faults, pushes, tunables and checkpoints, on
+ * its plant, boards, sensors and buses. It is the machine (rt/steering_machine.h) that the loop's
+ * part, rt/loop_steering.c, drives. SI units, world frame, virtual times in ns.
+ *
+ * Tunables, each where there is such a thing:
+ *   joint.NAME.SETTING       the gains and limits of the joint's board (boards/board.h)
+ *   joint.NAME.pretension_m  of the parallel spring; its winch moves at ROBOT_STEERING_WINCH_M_S
+ *   supply_v                 of the source, without load and sag
+ *   sensing.noise_scale      factor on all sensor noise
+ * They are part of a checkpoint.
+ */
+#ifndef SIM_ROBOT_STEERING_H
+#define SIM_ROBOT_STEERING_H
+
+#include "boards/sensing.h"
+#include "model/plant.h"
+#include "rt/steering_machine.h"
+#include "sim/buses.h"
+#include "sim/checkpoint.h"
+#include "sim/injection.h"
+
+#define ROBOT_STEERING_WINCH_M_S 0.1
+
+struct robot_steering_config {
+    const struct rig *rig;
+    struct plant *plant;
+    struct boards *boards;
+    struct sensing *sensing;
+    struct faults *faults;
+    struct injection *injection;
+    struct buses *buses;
+    /* Everything else that changes in virtual time, and what lies in it that other threads write;
+     * borrowed for the call. */
+    const struct span *moving, *hole;
+    size_t nmoving, nhole;
+    size_t own;   /* participants of the buses, the first to join, that run in the loop's thread */
+    bool one_way; /* time cannot go back: a task runs in a thread of its own */
+    /* As in struct steering_machine; pace may be NULL. */
+    void *context;
+    void (*publish)(void *context, int64_t now_ns, const struct loop_stats *stats);
+    void (*pace)(void *context, double speed, bool paused);
+};
+
+struct robot_steering;
+
+/* Memory from arena, the copies for checkpoints included; keeps pointers to the parts. *steering is
+ * to be destroyed with steering_destroy. ERROR_MEMORY, ERROR_SYSTEM. Not RT-safe. */
+enum error_code robot_steering_create(const struct robot_steering_config *config,
+                                      struct arena *arena, struct robot_steering **robot_steering,
+                                      struct steering **steering, struct error *error);
+
+/* Bytes of one checkpoint; 0 = there are none. RT-safe. */
+size_t robot_steering_checkpoint_size(const struct robot_steering *robot_steering);
+
+#endif

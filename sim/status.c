@@ -1,0 +1,86 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The status that a simulator publishes once a tick, for other threads. */
+#include "sim/simulator_private.h"
+
+#include <string.h>
+
+static void status_fill_buses(struct simulator *simulator)
+{
+    const struct rig *rig = simulator->config.rig;
+
+    for (size_t b = 0; b < rig->nbus; b++) {
+        const struct can_port *port = simulator->ports.port[b];
+        const struct can_counters *counters = &port->counters;
+
+        simulator->status.bus[b] = (struct bus_status){
+            .rx_frames = counters->rx_frames,
+            .tx_frames = counters->tx_frames,
+            .rx_dropped = counters->rx_dropped,
+            .tx_dropped = counters->tx_dropped,
+            .bits = (uint64_t)rig_bus_bits(&rig->bus[b], counters),
+            .state = port->state,
+        };
+    }
+}
+
+static void status_fill_plant(struct simulator *simulator)
+{
+    const struct rig *rig = simulator->config.rig;
+    const struct plant_sensors *sensors = plant_sensors(simulator->plant);
+    const struct contact_wrench *wrench = plant_contact_wrenches(simulator->plant);
+    size_t count;
+
+    if (rig->robot->floating) {
+        memcpy(simulator->status.base, plant_state(simulator->plant, &count),
+               sizeof simulator->status.base);
+    }
+    for (size_t j = 0; j < rig->robot->njoint; j++) {
+        simulator->status.q[j] = sensors->motor[j].q;
+    }
+    simulator->status.clamped = plant_is_clamped(simulator->plant);
+    for (size_t c = 0; c < rig->contact.nbody; c++) {
+        simulator->status.force_z[c] = wrench[c].force[2];
+    }
+    for (size_t i = 0; i < rig->nfree && i < SIMULATOR_FREE_MAX; i++) {
+        plant_free_pose(simulator->plant, i, simulator->status.free[i]);
+    }
+}
+
+static void status_fill_counters(struct simulator *simulator, const struct loop_stats *stats)
+{
+    struct simulator_status *status = &simulator->status;
+
+    status->tick = stats->ticks;
+    status->start_ns = stats->start_ns;
+    status->elapsed_ns = clock_now(simulator->time) - stats->start_ns;
+    status->overruns = stats->overrun_total;
+    memcpy(status->overruns_by, stats->overruns, sizeof status->overruns_by);
+    status->late_ticks = stats->late_ticks;
+    status->lost_ticks = stats->lost_ticks;
+    status->pauses = stats->pauses;
+    status->pause_ticks = stats->pause_ticks;
+    status->events_lost = stats->events_lost;
+    status->lockstep = stats->lockstep;
+}
+
+static void status_fill_faults(struct simulator *simulator)
+{
+    uint64_t *word = simulator->status.fault;
+
+    memset(word, 0, sizeof simulator->status.fault);
+    for (size_t i = 0; i < faults_count(simulator->faults); i++) {
+        word[i / 64] |= (uint64_t)faults_at(simulator->faults, i)->active << i % 64;
+    }
+}
+
+void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *stats)
+{
+    struct simulator *simulator = context;
+
+    simulator->status.time_ns = now_ns;
+    status_fill_counters(simulator, stats);
+    status_fill_faults(simulator);
+    status_fill_buses(simulator);
+    status_fill_plant(simulator);
+    snapshot_write(simulator->published, &simulator->status);
+}

@@ -1,0 +1,129 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A clock at a multiple of another, by a scripted one behind it. */
+#include "rt/pace.h"
+
+#include <string.h>
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+static struct arena arena;
+
+static int set_up(void **state)
+{
+    struct error error;
+
+    (void)state;
+    return arena_init(&arena, (size_t)64 << 20, &error);
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    arena_fini(&arena);
+    return 0;
+}
+
+struct scripted {
+    struct clock clock;
+    int64_t now;
+    int sleeps;
+    struct pace *pace;
+    double rate; /* to be set in sleep number change_at */
+    int change_at;
+};
+
+static int64_t scripted_now(struct clock *clock)
+{
+    return ((struct scripted *)clock)->now;
+}
+
+static void scripted_sleep(struct clock *clock, int64_t deadline)
+{
+    struct scripted *scripted = (struct scripted *)clock;
+
+    scripted->now = deadline > scripted->now ? deadline : scripted->now;
+    if (++scripted->sleeps == scripted->change_at) {
+        pace_set(scripted->pace, scripted->rate);
+    }
+    assert_true(scripted->sleeps < 1000);
+}
+
+static const struct clock_ops scripted_ops = {scripted_now, scripted_sleep, NULL};
+
+static struct clock *paced(struct scripted *scripted)
+{
+    struct error error;
+
+    *scripted = (struct scripted){.clock = {&scripted_ops}, .now = 7000000000, .change_at = -1};
+    assert_int_equal(pace_create(&scripted->clock, &arena, &scripted->pace, &error), ERROR_NONE);
+    return pace_clock(scripted->pace);
+}
+
+static void a_clock_follows_its_pace(void **state)
+{
+    struct scripted scripted;
+    struct clock *clock = paced(&scripted);
+
+    (void)state;
+    assert_int_equal(clock_now(clock), 7000000000);
+    scripted.now += 1000;
+    assert_int_equal(clock_now(clock), 7000001000);
+    pace_set(scripted.pace, 0.25);
+    scripted.now += 4000;
+    assert_int_equal(clock_now(clock), 7000002000);
+    pace_set(scripted.pace, 0.0);
+    scripted.now += 1000000;
+    assert_int_equal(clock_now(clock), 7000002000);
+    pace_set(scripted.pace, 8.0);
+    scripted.now += 1000;
+    assert_int_equal(clock_now(clock), 7000010000);
+}
+
+static void a_sleeper_wakes_at_its_own_deadline(void **state)
+{
+    static const double rates[] = {0.01, 0.5, 1.0, 3.0, 1000.0};
+    struct scripted scripted;
+    struct clock *clock = paced(&scripted);
+
+    (void)state;
+    for (int i = 0; i < 5; i++) {
+        int64_t begin = scripted.now, deadline;
+
+        pace_set(scripted.pace, rates[i]);
+        scripted.sleeps = 0;
+        deadline = clock_now(clock) + CLOCK_MS;
+        clock_sleep_until(clock, deadline);
+        assert_true(clock_now(clock) >= deadline);
+        assert_true((double)(scripted.now - begin) <= 1e6 / rates[i] + 5.0);
+    }
+}
+
+static void a_sleeper_sleeps_on_while_the_clock_stands(void **state)
+{
+    struct scripted scripted;
+    struct clock *clock = paced(&scripted);
+
+    (void)state;
+    pace_set(scripted.pace, 0.0);
+    scripted.rate = 2.0;
+    scripted.change_at = 100; /* of 5 ms each */
+    clock_sleep_until(clock, clock_now(clock) + CLOCK_MS);
+    assert_true(scripted.now - 7000000000 > 500 * CLOCK_MS);
+    assert_true(scripted.now - 7000000000 < 502 * CLOCK_MS);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(a_clock_follows_its_pace, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_sleeper_wakes_at_its_own_deadline, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_sleeper_sleeps_on_while_the_clock_stands, set_up,
+                                        tear_down),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

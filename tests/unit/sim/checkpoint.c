@@ -1,0 +1,156 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Copies of memory with holes come back where they were, and so does the wire of a bus. */
+#include "sim/checkpoint.h"
+
+#include "base/ring.h"
+#include "canbus/port.h"
+#include "canbus/wire/wire.h"
+
+#include <string.h>
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+static struct arena arena;
+
+static int set_up(void **state)
+{
+    struct error error;
+
+    (void)state;
+    return arena_init(&arena, (size_t)64 << 20, &error);
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    arena_fini(&arena);
+    return 0;
+}
+
+static void copies_come_back_around_their_holes(void **state)
+{
+    unsigned char memory[256], other[13];
+    const struct span moving[] = {{memory, sizeof memory}, {other, sizeof other}};
+    const struct span hole[] = {
+        {memory + 100, 7}, {memory, 3}, {NULL, 0}, {memory + 250, 6}, {memory + 50, 1}};
+    struct checkpoint *checkpoint;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(checkpoint_create(moving, 2, hole, 5, 2, &arena, &checkpoint, &error),
+                     ERROR_NONE);
+    assert_int_equal(checkpoint_size(checkpoint), 256 + 13 - 7 - 3 - 6 - 1);
+    memset(memory, 1, sizeof memory);
+    memset(other, 1, sizeof other);
+    checkpoint_save(checkpoint, 0);
+    memset(memory, 2, sizeof memory);
+    memset(other, 2, sizeof other);
+    checkpoint_save(checkpoint, 1);
+    memset(memory, 3, sizeof memory);
+    checkpoint_restore(checkpoint, 0);
+    for (size_t i = 0; i < sizeof memory; i++) {
+        bool in_hole = i < 3 || i == 50 || (i >= 100 && i < 107) || i >= 250;
+
+        assert_int_equal(memory[i], in_hole ? 3 : 1);
+    }
+    for (size_t i = 0; i < sizeof other; i++) {
+        assert_int_equal(other[i], 1);
+    }
+    checkpoint_restore(checkpoint, 1);
+    assert_int_equal(memory[10], 2);
+    assert_int_equal(other[12], 2);
+}
+
+static void no_memory_for_copies_is_an_error(void **state)
+{
+    unsigned char memory[64];
+    const struct span moving = {memory, sizeof memory};
+    struct checkpoint *checkpoint;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(
+        checkpoint_create(&moving, 1, NULL, 0, (size_t)1 << 40, &arena, &checkpoint, &error),
+        ERROR_MEMORY);
+}
+
+static struct bus_frame numbered(uint32_t id)
+{
+    uint8_t data[8] = {0};
+
+    return frame_make(id, 8, data);
+}
+
+static void send(struct can_port *port, uint32_t id)
+{
+    struct bus_frame frame = numbered(id);
+
+    assert_int_equal(can_send(port, &frame, 1), 1);
+}
+
+/* The ids that wait, as decimal digits */
+static unsigned waiting(struct can_port *port)
+{
+    struct bus_frame frame;
+    unsigned ids = 0;
+
+    while (can_receive(port, &frame, 1)) {
+        ids = 10 * ids + frame.id;
+    }
+    return ids;
+}
+
+static void a_wire_goes_back_with_its_bus(void **state)
+{
+    const struct local_bus_config config = {
+        .name = "bus", .max_nodes = 2, .inbox = 16, .mode = LOCAL_BUS_WIRE};
+    struct can_port *own[2];
+    struct local_bus *bus;
+    struct checkpoint *wire;
+    struct error error;
+    struct span moving;
+    void *memory;
+
+    (void)state;
+    assert_int_equal(local_bus_create(&config, &arena, &bus, &error), ERROR_NONE);
+    assert_int_equal(local_bus_join(bus, NULL, 0, &own[0], &error), ERROR_NONE);
+    assert_int_equal(local_bus_join(bus, NULL, 0, &own[1], &error), ERROR_NONE);
+    memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
+    moving.memory = wire_memory(local_bus_wire(bus), &moving.size);
+    assert_int_equal(checkpoint_create(&moving, 1, NULL, 0, 1, &arena, &wire, &error), ERROR_NONE);
+    local_bus_advance(bus, 1000000);
+    send(own[0], 1);
+    send(own[0], 2);
+    local_bus_advance(bus, 1050000); /* the first is half across */
+    send(own[0], 3);                 /* not yet taken over */
+    assert_true(local_bus_save(bus, 2, memory));
+    checkpoint_save(wire, 0);
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(waiting(own[1]), 0);
+        local_bus_advance(bus, 1200000);
+        assert_int_equal(waiting(own[1]), 1);
+        local_bus_advance(bus, 2000000);
+        assert_int_equal(waiting(own[1]), 23);
+        assert_int_equal(wire_now(local_bus_wire(bus)), 2000000);
+        checkpoint_restore(wire, 0);
+        local_bus_restore(bus, 2, memory);
+    }
+    own[0]->ops->close(own[0]);
+    own[1]->ops->close(own[1]);
+    local_bus_destroy(bus);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(copies_come_back_around_their_holes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(no_memory_for_copies_is_an_error, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_wire_goes_back_with_its_bus, set_up, tear_down),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
