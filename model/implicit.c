@@ -373,15 +373,14 @@ static void begin_free(struct plant *plant)
 static enum error_code begin_contact(struct plant *plant, double h)
 {
     struct implicit *im = plant->implicit;
-    struct contact_world *world = plant->config.contact;
 
     im->coupled = false;
     im->ntouch = 0;
     memset(im->solid, 0, plant->config.ncontact * sizeof *im->solid);
-    if (!world || (plant->clamped && plant->config.nfree == 0)) {
+    if (!plant->config.contact || (plant->clamped && plant->config.nfree == 0)) {
         return ERROR_NONE;
     }
-    im->ntouch = world->ops->tangents(world, im->tangent, IMPLICIT_TANGENTS);
+    im->ntouch = plant_contact_tangents(plant, im->tangent, IMPLICIT_TANGENTS);
     if (im->ntouch > IMPLICIT_TANGENTS) {
         plant->failure = crowded;
         return ERROR_INPUT;

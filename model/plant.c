@@ -45,23 +45,6 @@ void plant_place(struct plant *plant, const double *state)
     plant_free_place(plant, state);
 }
 
-enum error_code plant_touch(struct plant *plant, const double *v)
-{
-    const struct plant_config *config = &plant->config;
-    struct contact_world *contact = config->contact;
-    enum error_code code;
-
-    config->dynamics->ops->kinematics(config->dynamics, plant->q, v, plant->motion);
-    for (size_t c = 0; c < config->ncontact; c++) {
-        plant->contact_motion[c] = plant->motion[config->contact_body[c]];
-    }
-    code = contact->ops->evaluate(contact, plant->contact_motion, plant->contact_wrench);
-    if (code != ERROR_NONE) {
-        plant->failure = contact->ops->failure(contact);
-    }
-    return code;
-}
-
 /* Adds a world-frame wrench to what acts on a body; returns its power. */
 static double apply_wrench(const struct body_motion *motion, const double force[3],
                            const double moment[3], struct wrench *ext)
@@ -149,7 +132,7 @@ enum error_code plant_load_bodies(struct plant *plant, const double *state, stru
         return ERROR_NONE;
     }
     if (plant->config.contact) {
-        code = plant_touch(plant, state + plant->at.v);
+        code = plant_contact_evaluate(plant, state + plant->at.v);
     }
     if (code == ERROR_NONE) {
         plant_apply_loads(plant, state + plant->at.v, load);
@@ -675,6 +658,7 @@ static bool allocate(struct plant *plant, struct arena *arena)
     TAKE(plant->motion, nbody);
     TAKE(plant->contact_motion, ncontact);
     TAKE(plant->contact_wrench, ncontact);
+    ok = ok && plant_contact_create(plant, arena);
     TAKE(plant->whole_motion, robot->nbody);
     TAKE(plant->last_good, count);
     TAKE(plant->lost, count);

@@ -51,15 +51,23 @@ struct plant_config {
     const struct dynamics *dynamics;    /* of the same robot; used by no other thread */
     const struct plant_free_body *free; /* nfree; copied, but for the names */
     size_t nfree;
-    struct contact_world *contact; /* NULL = none; not owned */
+    struct contact_world *contact; /* NULL = none; not owned, and nobody else's to evaluate */
     const int *contact_body;       /* body of each of the world's ncontact motions; copied */
     size_t ncontact;
     enum plant_integrator integrator;
-    int64_t substep_ns;  /* h */
-    double rtol, atol;   /* of dopri5, for each number of the state */
-    double supply_v;     /* terminal voltages are clipped to +-supply_v */
-    double supply_ohm;   /* of the source: the supply sags under load; 0 = none */
-    bool account_energy; /* integrate the power balance too (plant_energy) */
+    int64_t substep_ns;             /* h */
+    double rtol, atol;              /* of dopri5, for each number of the state */
+    double supply_v;                /* terminal voltages are clipped to +-supply_v */
+    double supply_ohm;              /* of the source: the supply sags under load; 0 = none */
+    bool account_energy;            /* integrate the power balance too (plant_energy) */
+    int64_t (*now_ns)(void *clock); /* to time the contact engine by; RT-safe; NULL = untimed */
+    void *clock;                    /* handed to now_ns */
+};
+
+/* What the plant's contact engine has cost since the plant was made. */
+struct plant_contact_cost {
+    uint64_t evaluations; /* that the engine was asked for; others came from memory */
+    int64_t spent_ns;     /* in them and in its tangents, by the configuration's clock */
 };
 
 /* Most contact patches whose stored energy plant_energy counts. */
@@ -142,6 +150,14 @@ const struct body_motion *plant_free_motion(const struct plant *plant);
 /* Where free body i is in the present state: position of its origin (m), quaternion wxyz.
  * RT-safe. */
 void plant_free_pose(const struct plant *plant, size_t i, double pose[7]);
+
+/* Contact evaluations so far. Owned by the plant. RT-safe. */
+const struct plant_contact_cost *plant_contact_cost(const struct plant *plant);
+
+/* The plant's memory of its contact engine, size bytes within the arena. It belongs to the engine as
+ * it is now, not to a moment of virtual time: whoever copies the arena and puts it back later has to
+ * leave it out. */
+void *plant_contact_memory(const struct plant *plant, size_t *size);
 
 /* Virtual time of the state. */
 int64_t plant_time_ns(const struct plant *plant);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the parts of the plant share: plant.c (making, stepping), plant_free.c, plant_sample.c,
- * plant_energy.c. */
+/* What the parts of the plant share: plant.c (making, stepping), plant_contact.c, plant_free.c,
+ * plant_sample.c, plant_energy.c. */
 #ifndef MODEL_PLANT_PRIVATE_H
 #define MODEL_PLANT_PRIVATE_H
 
@@ -32,6 +32,15 @@ struct plant_layout {
 /* Inverse of a free body's tensor of inertia, as struct robot_inertia has the tensor. */
 struct plant_free_inverse {
     double I[6];
+};
+
+/* What the plant knows of its contact engine: the last evaluation and what all of them have cost. It
+ * follows the engine and the wall clock, not virtual time: one block, which a copy of the plant's
+ * memory that is put back leaves out (plant_contact_memory). */
+struct plant_contact_memory {
+    struct plant_contact_cost cost;
+    bool valid;                  /* there was one, and it did not fail */
+    struct body_motion motion[]; /* ncontact of the last evaluation, then as many wrenches */
 };
 
 /* Arrays by body have nbody entries of the robot, then nfree of the free bodies. */
@@ -68,6 +77,7 @@ struct plant {
     struct body_motion *motion;         /* by body */
     struct body_motion *contact_motion; /* by contact body, as the engine wants them */
     struct contact_wrench *contact_wrench;
+    struct plant_contact_memory *contact_memory;
     struct body_motion *whole_motion; /* of the robot's bodies */
     double *last_good; /* the state before a substep; once plant_step is done, the one it led to */
     double *scratch;
@@ -131,8 +141,16 @@ enum error_code plant_load_bodies(struct plant *plant, const double *state,
 void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *load);
 
 /* The contact part of it: fills the robot's motion and contact_wrench, given v and what plant_place
- * fills. */
-enum error_code plant_touch(struct plant *plant, const double *v);
+ * fills. Returns the engine's failure, if any, with plant->failure set. RT-safe when the engine
+ * is. */
+enum error_code plant_contact_evaluate(struct plant *plant, const double *v);
+
+/* The engine's tangents at the last evaluation, of which it writes at most max; returns their
+ * number. The engine has to give some. RT-safe when the engine does so. */
+size_t plant_contact_tangents(struct plant *plant, struct contact_tangent *tangent, size_t max);
+
+/* Memory for both, from arena; false when that is used up. Not RT-safe. */
+bool plant_contact_create(struct plant *plant, struct arena *arena);
 
 /* Copies the generalized coordinates of state to plant->q with a quaternion of unit length, and
  * fills the free bodies' motion. */

@@ -10,7 +10,6 @@
 #include "rt/pace.h"
 #include "sim/simulator.h"
 #include "sim/steered.h"
-#include "sim/timed_contact.h"
 
 #include <pthread.h>
 #include <stdatomic.h>
@@ -28,7 +27,7 @@ struct simulator {
     struct dynamics dynamics;
     struct symbolic_library library; /* of a module that is not built in */
     struct error dynamics_notice;    /* which implementation, and why */
-    struct timed_contact contact;
+    struct contact_world *contact;   /* NULL = none */
     struct plant *plant;
     struct settled settled;
     struct faults *faults;

@@ -34,25 +34,15 @@ static enum error_code check_configuration(const struct simulator_config *config
 static enum error_code create_contact(struct simulator *simulator, struct error *error)
 {
     const struct contact_config *config = &simulator->config.rig->contact;
-    struct timed_contact *timed = &simulator->contact;
-    enum error_code code;
 
-    timed->ops = timed_contact_ops;
-    timed->world.ops = &timed->ops;
-    timed->time = simulator->time;
-    timed->nbody = config->nbody;
-    timed->motion = arena_alloc(simulator->arena, config->nbody, sizeof *timed->motion);
-    timed->wrench = arena_alloc(simulator->arena, config->nbody, sizeof *timed->wrench);
-    if (!timed->motion || !timed->wrench) {
-        return error_set(error, ERROR_MEMORY, "no memory left for the contact engine");
-    }
-    code = simulator->config.rig->contact_engine == RIG_CONTACT_NATIVE
-               ? contact_native_create(config, simulator->arena, &timed->engine, error)
-               : contact_simbody_create(config, &timed->engine, error);
-    if (!code && !timed->engine->ops->tangents) {
-        timed->ops.tangents = NULL;
-    }
-    return code;
+    return simulator->config.rig->contact_engine == RIG_CONTACT_NATIVE
+               ? contact_native_create(config, simulator->arena, &simulator->contact, error)
+               : contact_simbody_create(config, &simulator->contact, error);
+}
+
+static int64_t wall_time_ns(void *clock)
+{
+    return clock_now(clock);
 }
 
 static enum error_code create_dynamics(struct simulator *simulator, struct error *error)
@@ -86,12 +76,14 @@ static enum error_code create_plant(struct simulator *simulator, struct error *e
         .supply_v = rig->supply_v,
         .account_energy = simulator->config.energy,
         .supply_ohm = rig->supply_ohm,
+        .now_ns = wall_time_ns,
+        .clock = simulator->time,
     };
     enum error_code code = create_dynamics(simulator, error);
 
     if (!code && rig->contact_engine != RIG_CONTACT_NONE) {
         code = create_contact(simulator, error);
-        config.contact = &simulator->contact.world;
+        config.contact = simulator->contact;
     }
     simulator->moves_from = simulator->arena->used;
     if (!code) {
@@ -538,8 +530,8 @@ void simulator_destroy(struct simulator *simulator)
     bus_ports_close(&simulator->ports);
     buses_close(&simulator->buses);
     symbolic_close(&simulator->library);
-    if (simulator->contact.world.ops) {
-        simulator->contact.world.ops->destroy(&simulator->contact.world);
+    if (simulator->contact) {
+        simulator->contact->ops->destroy(simulator->contact);
     }
     steering_destroy(simulator->steering);
 }
@@ -658,9 +650,7 @@ bool simulator_is_local(const struct simulator *simulator)
     return simulator->buses.local;
 }
 
-void simulator_contact_profile(const struct simulator *simulator, uint64_t *evaluations,
-                               int64_t *spent_ns)
+const struct plant_contact_cost *simulator_contact_cost(const struct simulator *simulator)
 {
-    *evaluations = simulator->contact.evaluations;
-    *spent_ns = simulator->contact.spent_ns;
+    return plant_contact_cost(simulator->plant);
 }

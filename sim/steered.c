@@ -352,7 +352,7 @@ static enum error_code create_checkpoint(struct steered *s, struct arena *arena,
                                          struct error *error)
 {
     const struct steered_config *config = &s->config;
-    enum { OWN_SPANS = 3, OWN_HOLES = 4 };
+    enum { OWN_SPANS = 3, OWN_HOLES = 5 };
     struct span *moving =
         arena_alloc(arena, config->nmoving + RIG_BUSES_MAX + OWN_SPANS, sizeof *moving);
     struct span *hole = arena_alloc(arena, config->nhole + OWN_HOLES, sizeof *hole);
@@ -376,6 +376,8 @@ static enum error_code create_checkpoint(struct steered *s, struct arena *arena,
     }
     add_ring(hole, &nhole, boards_event_ring(config->boards));
     add_ring(hole, &nhole, faults_event_ring(config->faults));
+    hole[nhole].memory = plant_contact_memory(config->plant, &hole[nhole].size);
+    nhole++;
     return checkpoint_create(moving, nmoving, hole, nhole, STEERING_SLOTS, arena, &s->checkpoint,
                              error);
 }
