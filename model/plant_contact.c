@@ -40,30 +40,34 @@ enum error_code plant_contact_evaluate(struct plant *plant, const double *v)
     const struct plant_config *config = &plant->config;
     struct plant_contact_memory *memory = plant->contact_memory;
     struct contact_world *engine = config->contact;
-    size_t count = config->ncontact;
-    enum error_code code = ERROR_NONE;
+    bool answered = memory->valid;
 
+    /* The motions, in the engine's order; is it the question that it has answered last? */
     config->dynamics->ops->kinematics(config->dynamics, plant->q, v, plant->motion);
-    for (size_t c = 0; c < count; c++) {
-        plant->contact_motion[c] = plant->motion[config->contact_body[c]];
+    for (size_t c = 0; c < config->ncontact; c++) {
+        const struct body_motion *motion = &plant->motion[config->contact_body[c]];
+
+        if (memcmp(&memory->motion[c], motion, sizeof *motion) != 0) {
+            memory->motion[c] = *motion;
+            answered = false;
+        }
     }
 
-    /* Ask the engine, unless it answered the same question last */
-    if (!memory->valid ||
-        memcmp(memory->motion, plant->contact_motion, count * sizeof *memory->motion) != 0) {
+    if (!answered) {
         int64_t begin = stopwatch_ns(plant);
+        enum error_code code =
+            engine->ops->evaluate(engine, memory->motion, remembered_wrench(plant));
 
-        memcpy(memory->motion, plant->contact_motion, count * sizeof *memory->motion);
-        code = engine->ops->evaluate(engine, memory->motion, remembered_wrench(plant));
-        memory->valid = code == ERROR_NONE;
         memory->cost.spent_ns += stopwatch_ns(plant) - begin;
         memory->cost.evaluations++;
+        memory->valid = code == ERROR_NONE;
+        if (code != ERROR_NONE) {
+            plant->failure = engine->ops->failure(engine);
+            return code;
+        }
     }
-    if (code != ERROR_NONE) {
-        plant->failure = engine->ops->failure(engine);
-        return code;
-    }
-    memcpy(plant->contact_wrench, remembered_wrench(plant), count * sizeof *plant->contact_wrench);
+    memcpy(plant->contact_wrench, remembered_wrench(plant),
+           config->ncontact * sizeof *plant->contact_wrench);
     return ERROR_NONE;
 }
 

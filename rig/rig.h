@@ -27,7 +27,7 @@ enum { RIG_BUSES_MAX = 32 };
 
 enum rig_contact_engine { RIG_CONTACT_NONE, RIG_CONTACT_SIMBODY, RIG_CONTACT_NATIVE };
 
-/* Until when the robot's links are clamped, as in a jig (plant_clamp). */
+/* Until when the robot's links are clamped (plant_clamp). */
 enum rig_hold {
     RIG_HOLD_NONE,    /* free from the start: without a controller it falls */
     RIG_HOLD_ENABLED, /* until every driven axis has its motor on for the first time */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The plant as the loop uses it: creation, commands, failures, repeatability, momentum. */
+/* The plant as the loop uses it: creation, commands, repeatability, momentum. */
 #include "model/plant.h"
 
 #include <math.h>
@@ -293,15 +293,15 @@ static void reset_ends_every_push(void **state)
     plant_rig_reset(&rig, 1.0);
     plant_set_push(rig.plant, TOY_HAND, none, none);
     assert_int_equal(plant_step(rig.plant, 100), ERROR_NONE);
-    plant_centre_of_mass(rig.plant, position, momentum);
+    plant_center_of_mass(rig.plant, position, momentum);
     assert_near(momentum[0], 0.0, 1e-9);
     assert_near(momentum[1], 0.0, 1e-9);
     assert_near(momentum[2], -9.81 * 0.01 * rig.toy.robot.total_mass, 1e-9);
     plant_rig_fini(&rig);
 }
 
-/* In the jig a drive works against its locked link, so the motor ends where the spring's torque is
- * the stall torque: Ks (qm - q) = Kt V / R. */
+/* Of a clamped robot a drive works against its locked link, so the motor ends where the spring's
+ * torque is the stall torque: Ks (qm - q) = Kt V / R. */
 static void clamped_links_stay_while_drives_live(void **state)
 {
     const double V = 0.5;
@@ -350,7 +350,7 @@ static void sampling_and_asking_for_energy_change_nothing(void **state)
     hash = plant_hash(rig.plant);
     assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
     assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
-    plant_centre_of_mass(rig.plant, position, momentum);
+    plant_center_of_mass(rig.plant, position, momentum);
     assert_true(plant_hash(rig.plant) == hash);
     plant_rig_fini(&rig);
 }
@@ -374,128 +374,6 @@ static void pretension_moves_evenly_to_the_command(void **state)
     plant_command(rig.plant)->motor[1].pretension_m = -0.03;
     assert_int_equal(plant_step(rig.plant, 10), ERROR_NONE);
     assert_near(rig.state[knee], -0.03, 0.0);
-    plant_rig_fini(&rig);
-}
-
-/* The engine fails at its n-th evaluation, for every n of two substeps. The first stage of the first
- * substep is not one of them: the sensors have asked for it already. */
-static void contact_failure_leaves_the_last_good_substep(void **state)
-{
-    (void)state;
-    for (size_t n = 1; n <= 7; n++) {
-        struct plant_rig rig;
-        static double good[128];
-        int64_t expected = n <= 3 ? 0 : 100000;
-
-        plant_rig_walker(&rig, true, 100000);
-        plant_rig_reset(&rig, 0.52);
-        memcpy(good, rig.state, rig.count * sizeof *good);
-        if (n > 3) {
-            assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
-            memcpy(good, rig.state, rig.count * sizeof *good);
-            plant_rig_reset(&rig, 0.52);
-        }
-        assert_string_equal(plant_failure(rig.plant), "");
-        rig.ground.fail_at = rig.ground.evaluations + n;
-        assert_int_equal(plant_step(rig.plant, 5), ERROR_SYSTEM);
-        assert_string_equal(plant_failure(rig.plant), "the toy ground gave way");
-        assert_int_equal(plant_time_ns(rig.plant), expected);
-        assert_memory_equal(rig.state, good, rig.count * sizeof *good);
-        assert_int_equal(plant_step(rig.plant, 5), ERROR_NONE); /* and it can go on */
-        plant_rig_fini(&rig);
-    }
-}
-
-static int64_t scripted_now_ns(void *clock)
-{
-    return *(int64_t *)clock += 10;
-}
-
-/* What is asked twice for one motion is evaluated once; and what was written is seen. */
-static void contact_is_evaluated_once_for_a_motion(void **state)
-{
-    struct plant_rig rig;
-    struct contact_wrench first[2];
-    size_t before;
-
-    (void)state;
-    plant_rig_walker(&rig, true, 100000);
-    plant_rig_reset(&rig, 0.52);
-    before = rig.ground.evaluations;
-    assert_int_equal(plant_contact_cost(rig.plant)->evaluations, before);
-    memcpy(first, plant_contact_wrenches(rig.plant), sizeof first);
-    assert_true(first[0].force[2] > 0.0);
-
-    /* The sensors again, the energies, and the first of the four stages of a step */
-    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
-    assert_int_equal(plant_restart_energy(rig.plant), ERROR_NONE);
-    assert_int_equal(rig.ground.evaluations, before);
-    assert_memory_equal(plant_contact_wrenches(rig.plant), first, sizeof first);
-    assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
-    assert_int_equal(rig.ground.evaluations, before + 3);
-    assert_int_equal(plant_contact_cost(rig.plant)->evaluations, before + 3);
-
-    /* A motion that differs in nothing but a velocity's last bit */
-    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
-    before = rig.ground.evaluations;
-    rig.state[rig.toy.robot.nq + 0] =
-        nextafter(rig.state[rig.toy.robot.nq + 0], 1.0);
-    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
-    assert_int_equal(rig.ground.evaluations, before + 1);
-    plant_rig_fini(&rig);
-}
-
-static void contact_is_timed_by_the_clock_that_is_given(void **state)
-{
-    static const int feet[2] = {TOY_RIGHT_FOOT, TOY_LEFT_FOOT};
-    int64_t clock = 0;
-    size_t size;
-    struct plant_rig rig;
-    struct plant *plant;
-    struct error error;
-    const struct plant_config config = {.robot = &rig.toy.robot,
-                                        .dynamics = &rig.dynamics,
-                                        .contact = &rig.ground.world,
-                                        .contact_body = feet,
-                                        .ncontact = 2,
-                                        .integrator = PLANT_RK4,
-                                        .substep_ns = 100000,
-                                        .supply_v = 48.0,
-                                        .now_ns = scripted_now_ns,
-                                        .clock = &clock};
-
-    (void)state;
-    plant_rig_walker(&rig, true, 100000);
-    assert_int_equal(plant_contact_cost(rig.plant)->spent_ns, 0);
-    assert_int_equal(plant_create(&config, &rig.arena, &plant, &error), ERROR_NONE);
-    assert_int_equal(plant_step(plant, 2), ERROR_NONE);
-    assert_int_equal(plant_contact_cost(plant)->evaluations, 8);
-    assert_int_equal(plant_contact_cost(plant)->spent_ns, 80);
-
-    /* The memory of it is one block within the arena */
-    assert_true((unsigned char *)plant_contact_memory(plant, &size) > rig.arena.memory);
-    assert_true(size >= sizeof(struct plant_contact_cost) + 2 * sizeof(struct body_motion));
-    plant_rig_fini(&rig);
-}
-
-static void contact_failure_reaches_sample_energy_and_reset(void **state)
-{
-    const double position[3] = {0.0, 0.0, 1.0}, quaternion[4] = {1.0, 0.0, 0.0, 0.0};
-    const double joint[8] = {0.0};
-    struct plant_rig rig;
-    struct plant_energy energy;
-
-    (void)state;
-    plant_rig_walker(&rig, true, 100000);
-    plant_rig_reset(&rig, 0.52);
-    assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
-    rig.ground.fail_at = rig.ground.evaluations + 1;
-    assert_int_equal(plant_sample(rig.plant), ERROR_SYSTEM);
-    assert_int_equal(plant_sensors(rig.plant)->time_ns, 0); /* the last good sample */
-    rig.ground.fail_at = rig.ground.evaluations + 1;
-    assert_int_equal(plant_energy(rig.plant, &energy), ERROR_SYSTEM);
-    rig.ground.fail_at = rig.ground.evaluations + 1;
-    assert_int_equal(plant_reset(rig.plant, position, quaternion, joint), ERROR_SYSTEM);
     plant_rig_fini(&rig);
 }
 
@@ -611,10 +489,10 @@ static void centre_of_mass_moves_with_the_total_momentum(void **state)
     for (size_t i = 0; i < rig.toy.robot.nv; i++) {
         rig.state[rig.toy.robot.nq + i] = 0.3 + 0.1 * (double)i;
     }
-    plant_centre_of_mass(rig.plant, before, momentum);
+    plant_center_of_mass(rig.plant, before, momentum);
     total_momentum(&rig, linear, angular);
     assert_int_equal(plant_step(rig.plant, 10), ERROR_NONE);
-    plant_centre_of_mass(rig.plant, after, momentum);
+    plant_center_of_mass(rig.plant, after, momentum);
     for (int i = 0; i < 3; i++) {
         double gravity = rig.toy.robot.gravity[i], t = 1e-5;
         double expected = linear[i] * t / rig.toy.robot.total_mass + 0.5 * gravity * t * t;
@@ -638,9 +516,9 @@ static void push_accelerates_the_centre_of_mass(void **state)
         plant_rig_walker(&rig, false, 100000);
         plant_rig_reset(&rig, 1.0);
         plant_set_push(rig.plant, body, force, moment);
-        plant_centre_of_mass(rig.plant, position, before);
+        plant_center_of_mass(rig.plant, position, before);
         assert_int_equal(plant_step(rig.plant, 100), ERROR_NONE);
-        plant_centre_of_mass(rig.plant, position, after);
+        plant_center_of_mass(rig.plant, position, after);
         for (int i = 0; i < 3; i++) {
             double weight = rig.toy.robot.total_mass * rig.toy.robot.gravity[i];
 
@@ -686,10 +564,6 @@ int main(void)
         cmocka_unit_test(clamped_links_stay_while_drives_live),
         cmocka_unit_test(sampling_and_asking_for_energy_change_nothing),
         cmocka_unit_test(pretension_moves_evenly_to_the_command),
-        cmocka_unit_test(contact_failure_leaves_the_last_good_substep),
-        cmocka_unit_test(contact_is_evaluated_once_for_a_motion),
-        cmocka_unit_test(contact_is_timed_by_the_clock_that_is_given),
-        cmocka_unit_test(contact_failure_reaches_sample_energy_and_reset),
         cmocka_unit_test(too_long_a_substep_is_an_error_and_not_a_nan),
         cmocka_unit_test(drives_change_no_total_momentum),
         cmocka_unit_test(centre_of_mass_moves_with_the_total_momentum),
