@@ -12,6 +12,7 @@
 #define BASE_VEC3_H
 
 #include <math.h>
+#include <stdbool.h>
 #include <string.h>
 
 /* ---- vectors ---- */
@@ -101,6 +102,17 @@ static inline void mat3_identity(double A[9])
     for (int i = 0; i < 9; i++) {
         A[i] = i % 4 == 0 ? 1.0 : 0.0;
     }
+}
+
+/* Whether A is the identity to the last bit. */
+static inline bool mat3_is_identity(const double A[9])
+{
+    for (int i = 0; i < 9; i++) {
+        if (A[i] != (i % 4 == 0 ? 1.0 : 0.0)) {
+            return false;
+        }
+    }
+    return true;
 }
 
 /* ---- symmetric matrices ---- */

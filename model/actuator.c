@@ -2,6 +2,7 @@
 /* The paper's actuator equations, one drive at a time. */
 #include "model/actuator.h"
 
+/* Eq. (3) with the sign that eq. (2) needs. */
 double sea_torque(const struct robot_sea *sea, const struct sea_state *state, double q, double qd)
 {
     return sea->Ks * (state->qm - q) + sea->Ds * (state->qmd - qd);
@@ -12,6 +13,7 @@ void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, 
 {
     double tau = sea_torque(sea, state, q, qd);
 
+    /* Eqs (2) and (4) */
     derivative->qm = state->qmd;
     derivative->qmd = (sea->Kt * state->I - sea->Dm * state->qmd - tau) / sea->J;
     derivative->I = bridge_on ? (V - sea->R * state->I - sea->Kw * state->qmd) / sea->L : 0.0;
@@ -71,6 +73,7 @@ double parallel_spring_extension(const struct robot_parallel_spring *spring, dou
     return p - spring->r * spring->s * q;
 }
 
+/* Eq. (5): unilateral. */
 double parallel_spring_force(const struct robot_parallel_spring *spring, double p, double pd,
                              double q, double qd)
 {

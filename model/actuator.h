@@ -32,19 +32,20 @@ void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, 
 struct sea_step {
     double torque; /* N m */
     double extra;  /* inertia, kg m2, never negative */
-    /* at the end the motor's rate is rate + follow q'(t + h), its current charge - brake times it */
+    /* Of the end: the motor's rate is rate + follow q'(t + h), its current charge - brake times
+     * that rate */
     double rate, follow, charge, brake;
 };
 void sea_step_begin(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
                     double V, bool bridge_on, double h, struct sea_step *step);
 
-/* state from the begin of the step to its end, given the joint's rate there. */
+/* State from the begin of the step to its end, given the joint's rate there. */
 void sea_step_end(const struct sea_step *step, double qd_end, double h, struct sea_state *state);
 
-/* Power balance, W: electrical V I = heat R I^2 + motor friction Dm qm'^2 + spring damping
- * Ds (qm' - q')^2 + rate of sea_energy + tau q' to the link. A physical machine has Kw = Kt; where a
- * robot file says otherwise, the power (Kw - Kt) I qm' that the conversion loses counts as
- * friction, so that the balance closes all the same. */
+/* Power balance, W: the electrical power V I is what heats the winding, R I^2, motor friction,
+ * Dm qm'^2, spring damping, Ds (qm' - q')^2, the rate of sea_energy, and tau q' to the link. A
+ * physical machine has Kw = Kt; where a robot file says otherwise, the power (Kw - Kt) I qm' that
+ * the conversion loses counts as friction, so that the balance closes all the same. */
 struct sea_power {
     double electrical, joule, friction, spring_damping;
 };
@@ -63,7 +64,7 @@ double parallel_spring_extension(const struct robot_parallel_spring *spring, dou
 double parallel_spring_force(const struct robot_parallel_spring *spring, double p, double pd,
                              double q, double qd);
 
-/* Joint torque of the parallel spring, eq. (5): s r times its force; p and its rate in m and m/s. */
+/* Joint torque of the parallel spring, eq. (5): s r times its force; p in m and its rate in m/s. */
 double parallel_spring_torque(const struct robot_parallel_spring *spring, double p, double pd,
                               double q, double qd);
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Rigid-body dynamics of one robot: the seam behind which stand the numeric articulated-body
- * algorithm (generic, any tree) and the symbolic generator's code (generated, one robot). Both give
- * the same numbers within rounding.
+ * Rigid-body dynamics of one robot, paper eq. (1): the seam behind which stand the numeric
+ * articulated-body algorithm (generic, any tree) and the symbolic generator's code (generated, one
+ * robot). Both give the same numbers within rounding.
  *
  * q, v, accelerations and their order: model/robot.h. tau: njoint joint torques (N m) or forces
  * (N). A base quaternion that has drifted from unit length stands for the rotation of its

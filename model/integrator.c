@@ -13,16 +13,16 @@ size_t integrator_rk4_scratch(size_t n)
 }
 
 /* out = y + h k */
-static void advance(size_t n, const double *y, double h, const double *restrict k,
-                    double *restrict out)
+static void advance_stage(size_t n, const double *y, double h, const double *restrict k,
+                          double *restrict out)
 {
     for (size_t i = 0; i < n; i++) {
         out[i] = y[i] + h * k[i];
     }
 }
 
-/* y += change and what earlier sums have lost by rounding; keeps what this one loses (Knuth, The Art
- * of Computer Programming, 4.2.2, theorem B) */
+/* y += change and what earlier sums have lost by rounding; keeps what this one loses (Knuth, The
+ * Art of Computer Programming, 4.2.2, theorem B) */
 static void add_exactly(double change, double *y, double *lost)
 {
     double part = change + *lost, sum = *y + part, taken = sum - *y;
@@ -37,11 +37,11 @@ void integrator_rk4(integrator_function *f, void *context, double t, double h, s
     double *k1 = scratch, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n, *stage = k4 + n;
 
     f(context, t, y, k1);
-    advance(n, y, 0.5 * h, k1, stage);
+    advance_stage(n, y, 0.5 * h, k1, stage);
     f(context, t + 0.5 * h, stage, k2);
-    advance(n, y, 0.5 * h, k2, stage);
+    advance_stage(n, y, 0.5 * h, k2, stage);
     f(context, t + 0.5 * h, stage, k3);
-    advance(n, y, h, k3, stage);
+    advance_stage(n, y, h, k3, stage);
     f(context, t + h, stage, k4);
 
     for (size_t i = 0; i < n; i++) {
@@ -83,7 +83,7 @@ size_t integrator_dopri5_scratch(size_t n)
     return (DOPRI5_STAGES + 1) * n; /* the slopes, and the state that the next one is taken at */
 }
 
-/* slopes 2 to 7; the state of the last is the result of the step */
+/* Slopes 2 to 7; the state of the last is the result of the step. */
 static void dopri5_stages(integrator_function *f, void *context, double t, double h, size_t n,
                           const double *y, double *k, double *stage)
 {
@@ -98,6 +98,7 @@ static void dopri5_stages(integrator_function *f, void *context, double t, doubl
     }
 }
 
+/* Root mean square of the step's error over the state, relative to the tolerances. */
 static double dopri5_error(const struct integrator_dopri5 *control, double h, size_t n,
                            const double *y, const double *end, const double *k)
 {
@@ -115,7 +116,7 @@ static double dopri5_error(const struct integrator_dopri5 *control, double h, si
     return sqrt(sum / (double)n);
 }
 
-/* the factor from one step's length to the next, with both errors at least tiny */
+/* The factor from one step's length to the next, with both errors at least tiny. */
 static double dopri5_factor(double error, double last_error)
 {
     double factor =
@@ -137,17 +138,22 @@ bool integrator_dopri5(integrator_function *f, void *context, double t, double h
         bool final = step >= h - done;
         double error, factor;
 
+        /* Try a step, not beyond the end */
         control->next = step;
         step = final ? h - done : step;
         dopri5_stages(f, context, t + done, step, n, y, k, stage);
         control->evaluations += DOPRI5_STAGES - 1;
         error = dopri5_error(control, step, n, y, stage, k);
+
+        /* Too large an error: again, and shorter */
         if (!(error <= 1.0)) {
             step *= isfinite(error) ? fmax(CONTROL_SHRINK, CONTROL_SAFETY * pow(error, -0.2))
                                     : CONTROL_SHRINK;
             rejected = true;
             continue;
         }
+
+        /* Taken: the last slope is the next step's first, and the errors give its length */
         memcpy(y, stage, n * sizeof *y);
         memcpy(k, last, n * sizeof *k);
         factor = dopri5_factor(error, fmax(control->last_error, 1e-4));
@@ -155,7 +161,7 @@ bool integrator_dopri5(integrator_function *f, void *context, double t, double h
         control->last_error = error;
         rejected = false;
         if (final) {
-            /* a step cut short says what length would do, but not that more would not */
+            /* A step cut short says what length would do, but not that more would not */
             control->next = fmax(control->next, step * factor);
             return true;
         }

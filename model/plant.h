@@ -3,10 +3,11 @@
  * The plant: rigid-body dynamics, drives, parallel springs and contact joined into one system of
  * ordinary differential equations, integrated together (the paper's strong coupling).
  *
- * State, one flat array: q (nq), v (nv), then qm, qmd, I for each joint with a drive, in joint
- * order, then p for each joint with an enabled parallel spring, then each free body's
- * PLANT_FREE_STATE values, then, with account_energy, the integrals of the powers. Joints without a
- * drive have no actuator state and no torque but that of their parallel spring. Time is int64_t ns.
+ * State, one flat array: q (nq), v (nv), then an enum plant_drive_part for each joint with a drive,
+ * in joint order, then p for each joint with an enabled parallel spring, then an enum
+ * plant_free_part for each free body, then, with account_energy, the integrals of the powers.
+ * Joints without a drive have no actuator state and no torque but that of their parallel spring.
+ * Time is int64_t ns.
  *
  * Free bodies are the scene's: rigid, joined to nothing, moved by gravity, contact and pushes.
  * Wherever a body is meant by its index they follow the robot's: free[i] is body nbody + i. (Bodies
@@ -28,8 +29,9 @@
 struct plant;
 
 /* rk4: the paper's, for steps short enough. implicit: order 1, stable with long steps, the one for
- * real time (model/implicit.c); its energy balance closes to the first order only. dopri5: adaptive,
- * any substep, as accurate as asked and as slow as that takes: the oracle; not RT-safe. */
+ * real time (model/implicit.c); its energy balance closes to the first order only. dopri5:
+ * adaptive, any substep, as accurate as asked and as slow as that takes: the oracle; not
+ * RT-safe. */
 enum plant_integrator { PLANT_RK4, PLANT_IMPLICIT, PLANT_DOPRI5 };
 
 /* A free body as it starts. Its center of mass need not be the origin of its frame. */
@@ -42,24 +44,45 @@ struct plant_free_body {
     double w[3];                  /* world, rad/s */
 };
 
-/* State of a free body: position of its center of mass (m, world), quaternion wxyz, velocity of the
- * center of mass (m/s, world), angular velocity (rad/s, body frame). */
-enum { PLANT_FREE_STATE = 13 };
+/* Parts of a drive's state, link side of the gear. */
+enum plant_drive_part {
+    DRIVE_MOTOR_POSITION, /* qm, rad */
+    DRIVE_MOTOR_SPEED,    /* qm', rad/s */
+    DRIVE_CURRENT,        /* I, A */
+    PLANT_DRIVE_STATE,    /* their number */
+};
+
+/* Where the parts of a free body's state begin. */
+enum plant_free_part {
+    PLANT_FREE_POSITION = 0,   /* of its center of mass, world, m */
+    PLANT_FREE_QUATERNION = 3, /* wxyz, body to world */
+    PLANT_FREE_VELOCITY = 7,   /* of its center of mass, world, m/s */
+    PLANT_FREE_SPIN = 10,      /* angular velocity, body frame, rad/s */
+    PLANT_FREE_STATE = 13,     /* their number */
+};
 
 struct plant_config {
     const struct robot *robot;
     const struct dynamics *dynamics;    /* of the same robot; used by no other thread */
     const struct plant_free_body *free; /* nfree; copied, but for the names */
     size_t nfree;
-    struct contact_world *contact; /* NULL = none; not owned */
+    struct contact_world *contact; /* NULL = none; not owned, and nobody else's to evaluate */
     const int *contact_body;       /* body of each of the world's ncontact motions; copied */
     size_t ncontact;
     enum plant_integrator integrator;
-    int64_t substep_ns;  /* h */
-    double rtol, atol;   /* of dopri5, for each number of the state */
-    double supply_v;     /* terminal voltages are clipped to +-supply_v */
-    double supply_ohm;   /* of the source: the supply sags under load; 0 = none */
-    bool account_energy; /* integrate the power balance too (plant_energy) */
+    int64_t substep_ns;             /* h */
+    double rtol, atol;              /* of dopri5, for each number of the state */
+    double supply_v;                /* terminal voltages are clipped to +-supply_v */
+    double supply_ohm;              /* of the source: the supply sags under load; 0 = none */
+    bool account_energy;            /* integrate the power balance too (plant_energy) */
+    int64_t (*now_ns)(void *clock); /* to time the contact engine by; RT-safe; NULL = untimed */
+    void *clock;                    /* handed to now_ns */
+};
+
+/* What the plant's contact engine has cost since the plant was made. */
+struct plant_contact_cost {
+    uint64_t evaluations; /* that the engine was asked for; others came from memory */
+    int64_t spent_ns;     /* in them and in its tangents, by the configuration's clock */
 };
 
 /* Most contact patches whose stored energy plant_energy counts. */
@@ -90,9 +113,9 @@ enum error_code plant_check_free_body(const struct plant_free_body *body, struct
 enum error_code plant_create(const struct plant_config *config, struct arena *arena,
                              struct plant **plant, struct error *error);
 
-/* Sets a pose at rest at time zero: joints at the pose with springs relaxed (qm = q), no current, no
- * push, pretensions where the command has them, free bodies as they start; energies count from here
- * and the sensors are sampled. Base arguments are ignored (may be NULL) with a fixed base. The
+/* Sets a pose at rest at time zero: joints at the pose with springs relaxed (qm = q), no current,
+ * no push, pretensions where the command has them, free bodies as they start; energies count from
+ * here and the sensors are sampled. Base arguments are ignored (may be NULL) with a fixed base. The
  * command is kept. Returns the contact engine's failure, if any. */
 enum error_code plant_reset(struct plant *plant, const double base_position[3],
                             const double base_quaternion[4], const double *joint);
@@ -103,24 +126,24 @@ struct plant_command *plant_command(struct plant *plant);
 const struct plant_sensors *plant_sensors(const struct plant *plant);
 
 /* Advances by steps substeps with the command held. A bridge that is off carries no current; the
- * magnetic energy it had when it opened counts as heat. Fails when the contact engine fails, or with
- * ERROR_INPUT when the state stops being finite (a substep too long for the stiffness); the state
- * and the time are then those of the last good substep, and plant_failure tells why. RT-safe when
- * the contact engine is. */
+ * magnetic energy it had when it opened counts as heat. Fails when the contact engine fails, or
+ * with ERROR_INPUT when the state stops being finite (a substep too long for the stiffness); the
+ * state and the time are then those of the last good substep, and plant_failure tells why. RT-safe
+ * when the contact engine is. */
 enum error_code plant_step(struct plant *plant, size_t steps);
 
-/* One sentence on the last failure of plant_step, plant_sample, plant_reset or plant_energy; "" when
- * there was none. Owned by the plant or the contact engine. RT-safe. */
+/* One sentence on the last failure of plant_step, plant_sample, plant_reset or plant_energy; ""
+ * when there was none. Owned by the plant or the contact engine. RT-safe. */
 const char *plant_failure(const struct plant *plant);
 
-/* Fills the sensors from the present state; on failure they keep their last values. Forces of contact
- * and accelerations are those that the laws give for it; after a plant_step of the implicit
+/* Fills the sensors from the present state; on failure they keep their last values. Forces of
+ * contact and accelerations are those that the laws give for it; after a plant_step of the implicit
  * integrator, until something is set or written, those that its last substep moved the bodies with,
- * so that accelerations, forces and motion agree. A force-torque sensor feels the contact and pushes
- * on its body (all of which count as below it) and the weight and inertia of its distal part; bodies
- * that are joined to its body count as above it. What the part below exerts through it: a robot at
- * rest on its foot reads + the carried weight along up.
- * RT-safe when the contact engine is. */
+ * so that accelerations, forces and motion agree. A force-torque sensor feels the contact and
+ * pushes on its body (all of which count as below it) and the weight and inertia of its distal
+ * part; bodies that are joined to its body count as above it. What the part below exerts through
+ * it: a robot at rest on its foot reads + the carried weight along up. RT-safe when the contact
+ * engine is. */
 enum error_code plant_sample(struct plant *plant);
 
 /* The flat state (read and, for tests, written) and its length; wrenches on contact bodies at the
@@ -142,6 +165,14 @@ const struct body_motion *plant_free_motion(const struct plant *plant);
 /* Where free body i is in the present state: position of its origin (m), quaternion wxyz.
  * RT-safe. */
 void plant_free_pose(const struct plant *plant, size_t i, double pose[7]);
+
+/* Contact evaluations so far. Owned by the plant. RT-safe. */
+const struct plant_contact_cost *plant_contact_cost(const struct plant *plant);
+
+/* The plant's memory of its contact engine, size bytes within the arena. It belongs to the engine
+ * as it is now, not to a moment of virtual time: whoever copies the arena and puts it back later
+ * has to leave it out. */
+void *plant_contact_memory(const struct plant *plant, size_t *size);
 
 /* Virtual time of the state. */
 int64_t plant_time_ns(const struct plant *plant);
@@ -166,18 +197,18 @@ void plant_set_push(struct plant *plant, int body, const double force[3], const 
 void plant_set_source(struct plant *plant, double supply_v);
 double plant_source(const struct plant *plant);
 
-/* Clamps every link where it is, as in a jig, or lets go: while clamped nothing of the robot moves
- * but the drives behind their springs, and it feels neither contacts nor pushes (the jig takes
- * them: its bodies' wrenches read zero). Free bodies live on, and lean on a clamped robot as on a
- * rock. A robot starts clamped so that it does not fall before its motors are on. Clamping stops the
- * links; plant_reset leaves the clamp as it is. After plant_settle the jig holds the rotors too, like
- * brakes that are let go with the links, and carries nothing: the contacts do, and are felt.
+/* Clamps every link where it is, or lets go: while clamped nothing of the robot moves but the
+ * drives behind their springs, and it feels neither contacts nor pushes (the clamp takes them: its
+ * bodies' wrenches read zero). Free bodies live on, and lean on a clamped robot as on a rock. A
+ * robot starts clamped so that it does not fall before its motors are on. Clamping stops the links;
+ * plant_reset leaves the clamp as it is. After plant_settle the clamp holds the rotors too, like
+ * brakes that are let go with the links, and carries no load: the contacts do, and are felt.
  * RT-safe. */
 void plant_clamp(struct plant *plant, bool clamped);
 bool plant_is_clamped(const struct plant *plant);
 
 /* Center of mass (m) and total linear momentum (kg m/s) of the robot, without the free bodies, in
  * the present state, world frame. RT-safe. */
-void plant_centre_of_mass(struct plant *plant, double position[3], double momentum[3]);
+void plant_center_of_mass(struct plant *plant, double position[3], double momentum[3]);
 
 #endif

@@ -6,7 +6,7 @@
 
 #include <string.h>
 
-/* kinetic, gravity, springs and windings, J */
+/* Energy of motion, gravity, springs and windings, J. */
 static double stored_mechanical(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -33,7 +33,7 @@ static double stored_mechanical(struct plant *plant)
     return energy;
 }
 
-/* what the contact engine reports as stored in its layers, J */
+/* What the contact engine reports as stored in its layers, J. */
 static enum error_code stored_contact(struct plant *plant, double *energy)
 {
     struct contact_world *contact = plant->config.contact;
@@ -45,7 +45,7 @@ static enum error_code stored_contact(struct plant *plant, double *energy)
         return ERROR_NONE;
     }
     plant_place(plant, plant->state);
-    code = plant_touch(plant, plant->state + plant->at.v);
+    code = plant_contact_evaluate(plant, plant->state + plant->at.v);
     if (code != ERROR_NONE) {
         return code;
     }

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Free bodies: each a rigid body by Newton's and Euler's laws about its center of mass. State of
- * one: position of the center of mass (m, world), quaternion wxyz (body to world), velocity of the
- * center of mass (m/s, world), angular velocity (rad/s, body frame). So a fall is a parabola, which
- * Runge-Kutta integrates without error, and the tensor of inertia is constant.
+ * Free bodies: each a rigid body by Newton's and Euler's laws about its center of mass, with the
+ * state of enum plant_free_part. So a fall is a parabola, which Runge-Kutta integrates without
+ * error, and the tensor of inertia is constant.
  */
 #include "model/plant.h"
 
@@ -15,18 +14,18 @@
 /* The smallest pivot of a tensor that can be inverted, relative to its trace. */
 #define SINGULAR_RATIO 1e-12
 
-static double *state_of(const struct plant *plant, double *state, size_t body)
+static double *free_body_state(const struct plant *plant, double *state, size_t body)
 {
     return state + plant->at.free + PLANT_FREE_STATE * body;
 }
 
-static const double *view_of(const struct plant *plant, const double *state, size_t body)
+static const double *free_body_view(const struct plant *plant, const double *state, size_t body)
 {
     return state + plant->at.free + PLANT_FREE_STATE * body;
 }
 
 /* Inverse of a symmetric matrix by its cofactors; false when it is not safely positive definite. */
-static bool invert(const double S[6], double inverse[6])
+static bool invert_inertia(const double S[6], double inverse[6])
 {
     const double least = SINGULAR_RATIO * (S[0] + S[3] + S[5]);
     const double C[6] = {S[3] * S[5] - S[4] * S[4], S[2] * S[4] - S[1] * S[5],
@@ -34,7 +33,7 @@ static bool invert(const double S[6], double inverse[6])
                          S[1] * S[2] - S[0] * S[4], S[0] * S[3] - S[1] * S[1]};
     const double determinant = S[0] * C[0] + S[1] * C[1] + S[2] * C[2];
 
-    /* pivots of an elimination from the last row up: S[5], C[0] / S[5], determinant / C[0] */
+    /* Pivots of an elimination from the last row up: S[5], C[0] / S[5], determinant / C[0] */
     if (!(S[5] > least && C[0] > least * S[5] && determinant > least * C[0])) {
         return false;
     }
@@ -44,7 +43,7 @@ static bool invert(const double S[6], double inverse[6])
     return true;
 }
 
-static enum error_code check_start(const struct plant_free_body *body, struct error *error)
+static enum error_code check_free_start(const struct plant_free_body *body, struct error *error)
 {
     double square = 0.0;
     bool finite = true;
@@ -58,8 +57,8 @@ static enum error_code check_start(const struct plant_free_body *body, struct er
     }
     if (!finite || !isfinite(square) || !(square > 0.0)) {
         return error_set(error, ERROR_INPUT,
-                         "free body %s has no place to start from: a number is not finite, or the "
-                         "quaternion is zero",
+                         "free body %s: invalid start: expected finite numbers and a quaternion "
+                         "that is not zero",
                          body->name);
     }
     return ERROR_NONE;
@@ -72,19 +71,19 @@ enum error_code plant_check_free_body(const struct plant_free_body *body, struct
     if (robot_check_inertia(&body->inertia, error)) {
         return error_prefix(error, "free body %s", body->name);
     }
-    if (!(body->inertia.mass > 0.0) || !invert(body->inertia.I, inverse)) {
+    if (!(body->inertia.mass > 0.0) || !invert_inertia(body->inertia.I, inverse)) {
         return error_set(error, ERROR_INPUT,
-                         "free body %s would move without inertia: expected a mass and three "
-                         "moments of inertia above zero",
+                         "free body %s: expected a mass and three principal moments of inertia "
+                         "above zero",
                          body->name);
     }
-    return check_start(body, error);
+    return check_free_start(body, error);
 }
 
 void plant_free_prepare(struct plant *plant)
 {
     for (size_t b = 0; b < plant->config.nfree; b++) {
-        invert(plant->config.free[b].inertia.I, plant->free_inverse[b].I);
+        invert_inertia(plant->config.free[b].inertia.I, plant->free_inverse[b].I);
     }
 }
 
@@ -92,7 +91,7 @@ void plant_free_reset(struct plant *plant)
 {
     for (size_t b = 0; b < plant->config.nfree; b++) {
         const struct plant_free_body *body = &plant->config.free[b];
-        double *y = state_of(plant, plant->state, b);
+        double *y = free_body_state(plant, plant->state, b);
         double R[9], arm[3];
 
         mat3_from_quaternion(body->quaternion, R);
@@ -100,7 +99,7 @@ void plant_free_reset(struct plant *plant)
         memcpy(y + PLANT_FREE_VELOCITY, body->v, sizeof body->v);
         vec3_add_cross(body->w, arm, y + PLANT_FREE_VELOCITY);
         for (int i = 0; i < 3; i++) {
-            y[i] = body->position[i] + arm[i];
+            y[PLANT_FREE_POSITION + i] = body->position[i] + arm[i];
         }
         memcpy(y + PLANT_FREE_QUATERNION, body->quaternion, sizeof body->quaternion);
         mat3_apply_transposed(R, body->w, y + PLANT_FREE_SPIN);
@@ -111,7 +110,7 @@ void plant_free_reset(struct plant *plant)
 void plant_free_normalize(struct plant *plant)
 {
     for (size_t b = 0; b < plant->config.nfree; b++) {
-        plant_normalize_quaternion(state_of(plant, plant->state, b) + PLANT_FREE_QUATERNION);
+        plant_normalize_quaternion(free_body_state(plant, plant->state, b) + PLANT_FREE_QUATERNION);
     }
 }
 
@@ -120,17 +119,17 @@ void plant_free_place(struct plant *plant, const double *state)
     struct body_motion *motion = plant->motion + plant->config.robot->nbody;
 
     for (size_t b = 0; b < plant->config.nfree; b++, motion++) {
-        const double *y = view_of(plant, state, b);
+        const double *y = free_body_view(plant, state, b);
         double arm[3];
 
-        /* the origin of its frame is where the center of mass is not */
+        /* The origin of its frame is where the center of mass is not */
         mat3_from_quaternion(y + PLANT_FREE_QUATERNION, motion->R);
         mat3_apply(motion->R, plant->config.free[b].inertia.com, arm);
         mat3_apply(motion->R, y + PLANT_FREE_SPIN, motion->w);
         memcpy(motion->v, y + PLANT_FREE_VELOCITY, sizeof motion->v);
         vec3_add_cross(arm, motion->w, motion->v);
         for (int i = 0; i < 3; i++) {
-            motion->p[i] = y[i] - arm[i];
+            motion->p[i] = y[PLANT_FREE_POSITION + i] - arm[i];
         }
     }
 }
@@ -147,7 +146,7 @@ static void quaternion_rate(const double quaternion[4], const double w[3], doubl
     }
 }
 
-/* I w' = moment about the center of mass - w x I w, in the body frame */
+/* Euler's equation about the center of mass, in the body frame: I w' = moment - w x I w. */
 static void spin_rate(const struct plant *plant, size_t b, const double w[3],
                       const struct wrench *ext, double rate[3])
 {
@@ -166,12 +165,12 @@ void plant_free_derive(const struct plant *plant, const double *state, double *d
     const struct robot *robot = plant->config.robot;
 
     for (size_t b = 0; b < plant->config.nfree; b++) {
-        const double *y = view_of(plant, state, b);
+        const double *y = free_body_view(plant, state, b);
         const struct wrench *ext = &plant->ext[robot->nbody + b];
-        double *out = state_of(plant, derivative, b);
+        double *out = free_body_state(plant, derivative, b);
         double force[3];
 
-        memcpy(out, y + PLANT_FREE_VELOCITY, 3 * sizeof *out);
+        memcpy(out + PLANT_FREE_POSITION, y + PLANT_FREE_VELOCITY, 3 * sizeof *out);
         quaternion_rate(y + PLANT_FREE_QUATERNION, y + PLANT_FREE_SPIN,
                         out + PLANT_FREE_QUATERNION);
         mat3_apply(plant->motion[robot->nbody + b].R, ext->force, force);
@@ -190,26 +189,26 @@ double plant_free_energy(const struct plant *plant, const double *state)
 
     for (size_t b = 0; b < plant->config.nfree; b++) {
         const struct robot_inertia *inertia = &plant->config.free[b].inertia;
-        const double *y = view_of(plant, state, b);
+        const double *y = free_body_view(plant, state, b);
         double momentum[3];
 
         sym3_apply(inertia->I, y + PLANT_FREE_SPIN, momentum);
         energy += 0.5 * vec3_dot(momentum, y + PLANT_FREE_SPIN);
         energy += 0.5 * inertia->mass * vec3_dot(y + PLANT_FREE_VELOCITY, y + PLANT_FREE_VELOCITY);
-        energy -= inertia->mass * vec3_dot(gravity, y);
+        energy -= inertia->mass * vec3_dot(gravity, y + PLANT_FREE_POSITION);
     }
     return energy;
 }
 
 void plant_free_pose(const struct plant *plant, size_t i, double pose[7])
 {
-    const double *y = view_of(plant, plant->state, i);
+    const double *y = free_body_view(plant, plant->state, i);
     double R[9], arm[3];
 
     mat3_from_quaternion(y + PLANT_FREE_QUATERNION, R);
     mat3_apply(R, plant->config.free[i].inertia.com, arm);
     for (int k = 0; k < 3; k++) {
-        pose[k] = y[k] - arm[k];
+        pose[k] = y[PLANT_FREE_POSITION + k] - arm[k];
     }
     memcpy(pose + 3, y + PLANT_FREE_QUATERNION, 4 * sizeof *pose);
 }

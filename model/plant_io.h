@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What crosses between the boards and the plant: terminal voltages in, true physical quantities
- * out. The boards see nothing else of the model. Quantisation, noise and delay are the boards'.
- * Arrays are owned by the plant and live as long as it does.
+ * out. The boards see nothing else of the model. Quantisation, noise and delay are the boards'. SI
+ * units; angles and torques on the link side of the gear. Arrays are owned by the plant and live as
+ * long as it does. Plain data, RT-safe.
  */
 #ifndef MODEL_PLANT_IO_H
 #define MODEL_PLANT_IO_H

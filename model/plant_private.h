@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the parts of the plant share: plant.c (making, stepping), plant_free.c, plant_sample.c,
- * plant_energy.c. */
+/*
+ * What the parts of the plant share: plant_create.c (configuration, memory), plant.c (stepping),
+ * plant_derive.c (right-hand side), plant_contact.c, plant_free.c (free bodies), plant_sample.c
+ * (sensors), plant_energy.c, implicit.c, settle.c. Units and frames as in model/plant.h. RT-safe
+ * unless said otherwise.
+ */
 #ifndef MODEL_PLANT_PRIVATE_H
 #define MODEL_PLANT_PRIVATE_H
 
 #include "model/actuator.h"
 #include "model/integrator.h"
 #include "model/plant.h"
-
-/* Where the parts of a free body's PLANT_FREE_STATE values begin; its position comes first. */
-enum { PLANT_FREE_QUATERNION = 3, PLANT_FREE_VELOCITY = 7, PLANT_FREE_SPIN = 10 };
 
 /* Integrals of powers at the end of the state. WORK_CONTACT is what contact does on the bodies. */
 enum plant_work {
@@ -34,6 +35,15 @@ struct plant_free_inverse {
     double I[6];
 };
 
+/* What the plant knows of its contact engine: the last evaluation and what all of them have cost.
+ * It follows the engine and the wall clock, not virtual time: one block, which a copy of the
+ * plant's memory that is put back leaves out (plant_contact_memory). */
+struct plant_contact_memory {
+    struct plant_contact_cost cost;
+    bool valid;                  /* there was one, and it did not fail */
+    struct body_motion motion[]; /* ncontact of the last evaluation, then as many wrenches */
+};
+
 /* Arrays by body have nbody entries of the robot, then nfree of the free bodies. */
 struct plant {
     struct plant_config config; /* contact_body and free are the plant's own copies */
@@ -50,24 +60,24 @@ struct plant {
     struct plant_sensors sensors;
     struct wrench *push; /* by body, world frame */
     bool pushing;        /* some push is not zero */
-    bool clamped;        /* links held in a jig */
+    bool clamped;        /* links held where they are */
     bool stepped;        /* last_good is what an implicit step of the free robot led to */
-    bool balanced;       /* ... that holds the rotors too and carries nothing: plant_settle */
+    bool balanced; /* ... by a clamp that holds the rotors too and carries no load: plant_settle */
 
-    /* held over a step */
+    /* Held over a step */
     struct robot_sea *sea; /* of each drive, as its condition leaves it */
     unsigned *condition;   /* of each drive: bits of enum drive_condition */
     double *voltage;       /* of each drive, after saturation */
     bool *bridge_on;
     double *pretension_rate; /* of each parallel spring */
 
-    /* scratch of one evaluation */
+    /* Scratch of one evaluation */
     double *q; /* with a quaternion of unit length */
     double *tau, *vdot;
-    struct wrench *ext;                 /* by body, body frame */
-    struct body_motion *motion;         /* by body */
-    struct body_motion *contact_motion; /* by contact body, as the engine wants them */
+    struct wrench *ext;         /* by body, body frame */
+    struct body_motion *motion; /* by body */
     struct contact_wrench *contact_wrench;
+    struct plant_contact_memory *contact_memory;
     struct body_motion *whole_motion; /* of the robot's bodies */
     double *last_good; /* the state before a substep; once plant_step is done, the one it led to */
     double *scratch;
@@ -75,7 +85,7 @@ struct plant {
     struct integrator_dopri5 dopri5;
     struct implicit *implicit; /* NULL with another integrator */
 
-    /* of the last sample */
+    /* Of the last sample */
     bool sampled_step;                  /* taken from an implicit step */
     struct body_motion *sampled_motion; /* by body */
     struct contact_wrench *sampled_wrench;
@@ -92,19 +102,26 @@ struct plant_load {
     double contact, push;
 };
 
+/* Where the state of a drive begins; its parts are enum plant_drive_part. */
+static inline size_t plant_drive_offset(const struct plant *plant, size_t drive)
+{
+    return plant->at.drive + PLANT_DRIVE_STATE * drive;
+}
+
 static inline struct sea_state plant_drive_state(const struct plant *plant, const double *state,
                                                  size_t drive)
 {
-    const double *y = state + plant->at.drive + 3 * drive;
+    const double *y = state + plant_drive_offset(plant, drive);
 
-    return (struct sea_state){.qm = y[0], .qmd = y[1], .I = y[2]};
+    return (struct sea_state){
+        .qm = y[DRIVE_MOTOR_POSITION], .qmd = y[DRIVE_MOTOR_SPEED], .I = y[DRIVE_CURRENT]};
 }
 
 /* Voltage of the supply in the present state, under the load of the bridges. */
 double plant_supply(const struct plant *plant);
 
-/* Makes a clamped robot's jig one that holds the rotors too and carries nothing, or one as before;
- * rotors stop. */
+/* Makes a clamped robot's clamp one that holds the rotors too and carries no load, or one as
+ * before; rotors stop. */
 void plant_balance(struct plant *plant, bool balanced);
 
 /* Joint position and rate of joint j. */
@@ -117,6 +134,10 @@ static inline double plant_joint_rate(const struct plant *plant, const double *s
 {
     return state[plant->at.drive - plant->config.robot->njoint + j];
 }
+
+/* integrator_function with the plant as its context. A failure is left in step_code and failure;
+ * the rates are then zero. */
+void plant_derivative(void *plant, double t, const double *state, double *derivative);
 
 /* Fills q, ext, tau, vdot and the free bodies' motion from state; the robot's motion and
  * contact_wrench too when there is contact. */
@@ -131,8 +152,16 @@ enum error_code plant_load_bodies(struct plant *plant, const double *state,
 void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *load);
 
 /* The contact part of it: fills the robot's motion and contact_wrench, given v and what plant_place
- * fills. */
-enum error_code plant_touch(struct plant *plant, const double *v);
+ * fills. Returns the engine's failure, if any, with plant->failure set. RT-safe when the engine
+ * is. */
+enum error_code plant_contact_evaluate(struct plant *plant, const double *v);
+
+/* The engine's tangents at the last evaluation, of which it writes at most max; returns their
+ * number. The engine has to give some. RT-safe when the engine does so. */
+size_t plant_contact_tangents(struct plant *plant, struct contact_tangent *tangent, size_t max);
+
+/* Memory for both, from arena; false when that is used up. Not RT-safe. */
+bool plant_contact_create(struct plant *plant, struct arena *arena);
 
 /* Copies the generalized coordinates of state to plant->q with a quaternion of unit length, and
  * fills the free bodies' motion. */

@@ -19,7 +19,7 @@ struct frame_motion {
     double specific[3];    /* acceleration of the origin less gravity, m/s2 */
 };
 
-/* acceleration of a point at offset r, given that of the origin and the rotation */
+/* Acceleration of a point at offset r, given that of the origin and the rotation */
 static void accelerate_point(const double a[3], const double w[3], const double alpha[3],
                              const double r[3], double out[3])
 {
@@ -60,8 +60,8 @@ static void sample_imu(const struct plant *plant, struct imu_sense *imu)
 
 /* Newton and Euler for the distal part: what it exerts through the sensor is what acts on it from
  * outside, less what its weight and inertia take. */
-static void sample_ft(const struct plant *plant, const struct robot_ft_sensor *sensor,
-                      struct ft_sense *ft)
+static void sample_ft_sensor(const struct plant *plant, const struct robot_ft_sensor *sensor,
+                             struct ft_sense *ft)
 {
     const struct robot_frame *frame = &plant->config.robot->frame[sensor->frame];
     const struct wrench *ext = &plant->ext[frame->body];
@@ -69,13 +69,13 @@ static void sample_ft(const struct plant *plant, const struct robot_ft_sensor *s
     struct frame_motion motion;
     double moment[3], a[3], force[3], spin[3], rate[3];
 
-    /* outside wrench, moved from the body's origin to the sensor's */
+    /* Outside wrench, moved from the body's origin to the sensor's */
     memcpy(moment, ext->moment, sizeof moment);
     vec3_add_cross(ext->force, frame->position, moment);
     mat3_apply_transposed(frame->rotation, ext->force, ft->force_n);
     mat3_apply_transposed(frame->rotation, moment, ft->torque_nm);
 
-    /* what moves the distal part */
+    /* What moves the distal part */
     observe_frame(plant, frame, &motion);
     accelerate_point(motion.specific, motion.w, motion.alpha, distal->com, a);
     for (int i = 0; i < 3; i++) {
@@ -91,7 +91,7 @@ static void sample_ft(const struct plant *plant, const struct robot_ft_sensor *s
     }
 }
 
-/* a joint without a drive reads as one whose motor follows the link */
+/* A joint without a drive reads as one whose motor follows the link */
 static void sample_motors(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -115,22 +115,22 @@ static void sample_motors(struct plant *plant)
     }
 }
 
-/* The present state is the one that an implicit step led to, under the same pushes, not one that
- * was set or written since. */
-static bool after_a_step(const struct plant *plant)
+/* Whether the present state is the one that an implicit step led to, under the same pushes, not one
+ * that was set or written since. */
+static bool state_is_stepped(const struct plant *plant)
 {
     return plant->stepped &&
            memcmp(plant->state, plant->last_good, plant->at.count * sizeof *plant->state) == 0;
 }
 
-/* vdot, ext and contact_wrench */
-static enum error_code find_forces(struct plant *plant)
+/* Fills vdot, ext and contact_wrench. */
+static enum error_code find_sampled_forces(struct plant *plant)
 {
     const struct dynamics *dynamics = plant->config.dynamics;
     const double *v = plant->state + plant->at.v;
     struct plant_load load = {0.0, 0.0};
 
-    plant->sampled_step = after_a_step(plant);
+    plant->sampled_step = state_is_stepped(plant);
     if (!plant->sampled_step) {
         return plant_evaluate(plant, plant->state, &load);
     }
@@ -146,7 +146,7 @@ enum error_code plant_sample(struct plant *plant)
     const struct robot *robot = plant->config.robot;
     const struct dynamics *dynamics = plant->config.dynamics;
     const double *v = plant->state + plant->at.v;
-    enum error_code code = find_forces(plant);
+    enum error_code code = find_sampled_forces(plant);
 
     if (code != ERROR_NONE) {
         return code;
@@ -161,7 +161,7 @@ enum error_code plant_sample(struct plant *plant)
     plant->sensors.supply_v = plant_supply(plant);
     sample_motors(plant);
     for (size_t f = 0; f < robot->nft; f++) {
-        sample_ft(plant, &robot->ft[f], &plant->sensors.ft[f]);
+        sample_ft_sensor(plant, &robot->ft[f], &plant->sensors.ft[f]);
     }
     if (robot->imu_frame >= 0) {
         sample_imu(plant, &plant->sensors.imu);
@@ -195,7 +195,7 @@ const struct body_motion *plant_motion(const struct plant *plant)
     return plant->sampled_motion;
 }
 
-void plant_centre_of_mass(struct plant *plant, double position[3], double momentum[3])
+void plant_center_of_mass(struct plant *plant, double position[3], double momentum[3])
 {
     const struct robot *robot = plant->config.robot;
 

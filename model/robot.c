@@ -5,6 +5,7 @@
  */
 #include "model/robot.h"
 
+#include "base/count.h"
 #include "base/hash.h"
 #include "model/spatial.h"
 
@@ -37,7 +38,7 @@ static bool is_unit(const double *value, size_t count)
     return fabs(square - 1.0) <= 2.0 * UNIT_TOLERANCE;
 }
 
-static bool is_rotation(const double R[9])
+static bool is_rotation_matrix(const double R[9])
 {
     double third[3];
 
@@ -50,7 +51,7 @@ static bool is_rotation(const double R[9])
     return is_unit(R, 3) && is_unit(R + 3, 3) && fabs(vec3_dot(R, R + 3)) <= UNIT_TOLERANCE;
 }
 
-/* in rising order */
+/* Principal moments of a tensor, in rising order. */
 static void principal_moments(const double I[6], double moment[3])
 {
     double mean = (I[0] + I[3] + I[5]) / 3.0;
@@ -58,7 +59,7 @@ static void principal_moments(const double I[6], double moment[3])
     double spread = a * a + b * b + c * c + 2.0 * (I[1] * I[1] + I[2] * I[2] + I[4] * I[4]);
     double p = sqrt(spread / 6.0), determinant, angle;
 
-    /* closed form for a symmetric matrix: eigenvalues are mean + 2 p cos(angle + 2 pi n / 3) */
+    /* Closed form for a symmetric matrix: eigenvalues are mean + 2 p cos(angle + 2 pi n / 3) */
     moment[0] = moment[1] = moment[2] = mean;
     if (p > 0.0) {
         a /= p;
@@ -103,6 +104,7 @@ enum error_code robot_check_inertia(const struct robot_inertia *inertia, struct 
     return ERROR_NONE;
 }
 
+/* One joint for each body but the base, parents first. */
 static enum error_code check_tree(const struct robot *robot, struct error *error)
 {
     if (robot->nbody == 0 || robot->njoint != robot->nbody - 1) {
@@ -128,7 +130,7 @@ static enum error_code check_tree(const struct robot *robot, struct error *error
     return ERROR_NONE;
 }
 
-static enum error_code check_bodies(const struct robot *robot, struct error *error)
+static enum error_code check_body_inertias(const struct robot *robot, struct error *error)
 {
     for (size_t b = 0; b < robot->nbody; b++) {
         if (robot_check_inertia(&robot->body[b].inertia, error)) {
@@ -149,16 +151,16 @@ static bool drive_is_possible(const struct robot_sea *sea)
     const double value[] = {sea->J,  sea->Dm, sea->Ks, sea->Ds, sea->N,
                             sea->Kt, sea->Kw, sea->R,  sea->L};
 
-    return all_finite(value, sizeof value / sizeof *value) && sea->J > 0.0 && sea->L > 0.0 &&
-           sea->N > 0.0 && sea->R >= 0.0 && sea->Dm >= 0.0 && sea->Ks >= 0.0 && sea->Ds >= 0.0;
+    return all_finite(value, ARRAY_COUNT(value)) && sea->J > 0.0 && sea->L > 0.0 && sea->N > 0.0 &&
+           sea->R >= 0.0 && sea->Dm >= 0.0 && sea->Ks >= 0.0 && sea->Ds >= 0.0;
 }
 
 static bool spring_is_possible(const struct robot_parallel_spring *spring)
 {
     const double value[] = {spring->k_p, spring->d_p, spring->r};
 
-    return all_finite(value, sizeof value / sizeof *value) && spring->k_p >= 0.0 &&
-           spring->d_p >= 0.0 && spring->r > 0.0 && (spring->s == 1.0 || spring->s == -1.0);
+    return all_finite(value, ARRAY_COUNT(value)) && spring->k_p >= 0.0 && spring->d_p >= 0.0 &&
+           spring->r > 0.0 && (spring->s == 1.0 || spring->s == -1.0);
 }
 
 static enum error_code check_joint(const struct robot_joint *joint, struct error *error)
@@ -170,8 +172,8 @@ static enum error_code check_joint(const struct robot_joint *joint, struct error
         return error_set(error, ERROR_INPUT, "axis [%g, %g, %g] is not of unit length",
                          joint->axis[0], joint->axis[1], joint->axis[2]);
     }
-    if (!is_rotation(joint->rotation) || !all_finite(joint->origin, 3)) {
-        return error_set(error, ERROR_INPUT, "origin is not a rotation and a finite place");
+    if (!is_rotation_matrix(joint->rotation) || !all_finite(joint->origin, 3)) {
+        return error_set(error, ERROR_INPUT, "origin: expected a finite position and a rotation");
     }
     if (!(joint->lower <= joint->upper) || !(joint->torque_limit >= 0.0)) {
         return error_set(error, ERROR_INPUT, "limits %g to %g, torque limit %g", joint->lower,
@@ -189,15 +191,18 @@ static enum error_code check_joint(const struct robot_joint *joint, struct error
     return ERROR_NONE;
 }
 
+/* Frames lie on bodies, sensors have frames, poses are rotations. */
 static enum error_code check_frames(const struct robot *robot, struct error *error)
 {
     for (size_t f = 0; f < robot->nframe; f++) {
         const struct robot_frame *frame = &robot->frame[f];
 
         if (frame->body < 0 || (size_t)frame->body >= robot->nbody ||
-            !all_finite(frame->position, 3) || !is_rotation(frame->rotation)) {
-            return error_set(error, ERROR_INPUT, "%s: frame %s is not a place on a body",
-                             robot->name, frame->name);
+            !all_finite(frame->position, 3) || !is_rotation_matrix(frame->rotation)) {
+            return error_set(
+                error, ERROR_INPUT,
+                "%s: frame %s: expected an existing body, a finite position and a rotation",
+                robot->name, frame->name);
         }
     }
     for (size_t s = 0; s < robot->nft; s++) {
@@ -235,7 +240,7 @@ static double joint_inertia(const struct robot_joint *joint, const struct spatia
 }
 
 /* A -= y y^T / d */
-static void remove_motion(const struct spatial *y, double d, struct spatial_inertia *A)
+static void release_joint(const struct spatial *y, double d, struct spatial_inertia *A)
 {
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
@@ -248,7 +253,7 @@ static void remove_motion(const struct spatial *y, double d, struct spatial_iner
     }
 }
 
-/* adds a body's inertia to its parent's with the joint at position q */
+/* Adds a body's inertia to its parent's with the joint at position q. */
 static void hand_to_parent(const struct robot_joint *joint, double q, struct spatial_inertia A,
                            struct spatial_inertia *parent)
 {
@@ -271,7 +276,7 @@ static void hand_to_parent(const struct robot_joint *joint, double q, struct spa
     spatial_inertia_add(&A, parent);
 }
 
-/* whether a free base can be pushed in every direction, with whole the inertia of all bodies */
+/* Whether a free base can be pushed in every direction, with whole the inertia of all bodies. */
 static bool base_is_regular(const struct spatial_inertia *A, const struct spatial_inertia *whole)
 {
     double m[6][6];
@@ -312,6 +317,8 @@ static enum error_code check_regular(const struct robot *robot, struct spatial_i
         spatial_inertia_rigid(inertia->mass, inertia->com, inertia->I, &A[b]);
         whole[b] = A[b];
     }
+
+    /* Inward, joint by joint; A without what gives way, whole as if all joints were locked */
     for (size_t b = robot->nbody - 1; b > 0; b--) {
         const struct robot_joint *joint = &robot->joint[b - 1];
         int parent = robot->body[b].parent;
@@ -325,7 +332,7 @@ static enum error_code check_regular(const struct robot *robot, struct spatial_i
                              "%s: joint %s moves nothing that has inertia about its axis",
                              robot->name, joint->name);
         }
-        remove_motion(&y, d, &A[b]);
+        release_joint(&y, d, &A[b]);
         hand_to_parent(joint, q, A[b], &A[parent]);
         hand_to_parent(joint, q, whole[b], &whole[parent]);
     }
@@ -383,7 +390,8 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
     struct spatial_inertia *scratch;
     enum error_code code;
 
-    if ((code = check_tree(robot, error)) || (code = check_bodies(robot, error)) ||
+    /* What every part has to be */
+    if ((code = check_tree(robot, error)) || (code = check_body_inertias(robot, error)) ||
         (code = check_frames(robot, error))) {
         return code;
     }
@@ -392,6 +400,8 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
             return error_prefix(error, "%s: joint %s", robot->name, robot->joint[j].name);
         }
     }
+
+    /* What all parts together have to be */
     scratch = calloc(2 * robot->nbody, sizeof *scratch);
     if (!scratch) {
         return error_set(error, ERROR_MEMORY, "no memory to check %s", robot->name);
@@ -402,8 +412,9 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
         return code;
     }
 
-    robot->nq = robot->njoint + (robot->floating ? 7 : 0);
-    robot->nv = robot->njoint + (robot->floating ? 6 : 0);
+    /* What follows from them */
+    robot->nq = robot->njoint + (robot->floating ? BASE_Q_COUNT : 0);
+    robot->nv = robot->njoint + (robot->floating ? BASE_V_COUNT : 0);
     robot->total_mass = 0.0;
     for (size_t b = 0; b < robot->nbody; b++) {
         robot->total_mass += robot->body[b].inertia.mass;

@@ -13,8 +13,9 @@
  *            positions (rad or m);
  *   v  (nv): [base linear velocity of its origin (m/s), base angular velocity (rad/s), both in the
  *            base frame], joint rates. The bracketed parts only with a floating base.
- * Accelerations are the time derivatives of the components of v (so the base's linear part is the
- * derivative in the moving frame, without the omega x v term).
+ * The parts begin where enum base_q_part and enum base_v_part say. Accelerations are the time
+ * derivatives of the components of v (so the base's linear part is the derivative in the moving
+ * frame, without the omega x v term).
  */
 #ifndef MODEL_ROBOT_H
 #define MODEL_ROBOT_H
@@ -27,13 +28,19 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Where the parts of a floating base begin in q, and where its joints do. */
+enum base_q_part { BASE_Q_POSITION = 0, BASE_Q_QUATERNION = 3, BASE_Q_COUNT = 7 };
+
+/* Where they begin in v. */
+enum base_v_part { BASE_V_LINEAR = 0, BASE_V_ANGULAR = 3, BASE_V_COUNT = 6 };
+
 enum joint_type { JOINT_REVOLUTE, JOINT_PRISMATIC };
 
 /* Mass properties in a body's frame. */
 struct robot_inertia {
     double mass;   /* kg */
     double com[3]; /* m */
-    double I[6];   /* kg m2 about the centre of mass: xx xy xz yy yz zz, tensor elements */
+    double I[6];   /* kg m2 about the center of mass: xx xy xz yy yz zz, tensor elements */
 };
 
 struct robot_body {
@@ -132,14 +139,14 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
  * of what passes are not singular. Not RT-safe. */
 enum error_code robot_finish(struct robot *robot, struct error *error);
 
-/* A copy that may be changed: bodies, joints and frames are its own, the rest is shared. Memory from
- * arena. Not RT-safe. */
+/* A copy that may be changed: bodies, joints and frames are its own, the rest is shared. Memory
+ * from arena. Not RT-safe. */
 enum error_code robot_copy(const struct robot *robot, struct arena *arena, struct robot **copy,
                            struct error *error);
 
 /* Fixes a floating base at that position (m) and quaternion (wxyz, of unit length) in the world, as
- * a jig holds it. The base's frame becomes that of the world: what hangs on it is described from there
- * on. Checks as robot_finish. Not RT-safe. */
+ * a clamp holds it. The base's frame becomes that of the world: what hangs on it is described from
+ * there on. Checks as robot_finish. Not RT-safe. */
 enum error_code robot_fix_base(struct robot *robot, const double position[3],
                                const double quaternion[4], struct error *error);
 

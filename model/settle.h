@@ -12,8 +12,8 @@
  * yaw) stay as they are given, and legs do not push against each other through the ground, as those
  * of a robot that came down on its feet may. What remains of sideways force must be small (it is
  * zero on level ground), else the equilibrium is refused: it would slide. So is one that would not
- * last, whatever the motors do: with its joints locked the robot has to come back from a small tilt.
- * Balance that rests on the springs and on the controller is not looked at.
+ * last, whatever the motors do: with its joints locked the robot has to come back from a small
+ * tilt. Balance that rests on the springs and on the controller is not looked at.
  */
 #ifndef MODEL_SETTLE_H
 #define MODEL_SETTLE_H
@@ -30,14 +30,14 @@ struct settled {
 
 /* Puts the plant, as plant_reset left it, into equilibrium; energies count from there, the sensors
  * are sampled, and the command becomes the one that holds it: bridges on, voltages R I. Bodies that
- * start with a velocity are left alone. A clamped robot's jig then holds the rotors too, so that the
- * springs stay loaded while the bridges are off, and carries nothing: the contacts and the sensors
- * feel the weight from the start (plant_clamp).
+ * start with a velocity are left alone. The clamp of a clamped robot then holds the rotors too, so
+ * that the springs stay loaded while the bridges are off, and carries no load: the contacts and the
+ * sensors feel the weight from the start (plant_clamp).
  *
  * Scratch from arena. ERROR_INPUT with the body or joint and the figure that tells why, and the
- * state as it was: nothing supports it, it tips over, it slides, a joint without a drive would move,
- * a motor would need more than the supply, no convergence; or the contact engine's failure. Bodies
- * are looked for support down to 0.2 m below their start. Not RT-safe. */
+ * state as it was: nothing supports it, it tips over, it slides, a joint without a drive would
+ * move, a motor would need more than the supply, no convergence; or the contact engine's failure.
+ * Bodies are looked for support down to 0.2 m below their start. Not RT-safe. */
 enum error_code plant_settle(struct plant *plant, struct arena *arena, struct settled *settled,
                              struct error *error);
 

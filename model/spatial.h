@@ -22,7 +22,70 @@ struct spatial_inertia {
     double M[6];
 };
 
-/* The 6x6 inertia about a body's origin of a mass whose tensor I is about its centre com. */
+/* The motion at a point that is arm away from where x is the motion. */
+static inline struct spatial spatial_motion_at(const struct spatial *x, const double arm[3])
+{
+    struct spatial y = *x;
+
+    vec3_add_cross(x->a, arm, y.l);
+    return y;
+}
+
+/* sum += scale times the wrench f, moved by -arm: from a point at arm to the origin. */
+static inline void spatial_add_wrench(double scale, const struct spatial *f, const double arm[3],
+                                      struct spatial *sum)
+{
+    double moment[3] = {f->a[0], f->a[1], f->a[2]};
+
+    vec3_add_cross(arm, f->l, moment);
+    for (int i = 0; i < 3; i++) {
+        sum->l[i] += scale * f->l[i];
+        sum->a[i] += scale * moment[i];
+    }
+}
+
+/* R x and R^T x: both parts in other axes. */
+static inline struct spatial spatial_turn(const double R[9], const struct spatial *x)
+{
+    struct spatial y;
+
+    mat3_apply(R, x->l, y.l);
+    mat3_apply(R, x->a, y.a);
+    return y;
+}
+
+static inline struct spatial spatial_turn_back(const double R[9], const struct spatial *x)
+{
+    struct spatial y;
+
+    mat3_apply_transposed(R, x->l, y.l);
+    mat3_apply_transposed(R, x->a, y.a);
+    return y;
+}
+
+/* To and from the upper triangle by rows, linear part first, as of struct added_inertia and struct
+ * contact_tangent. */
+static inline void spatial_inertia_unpack(const double S[21], struct spatial_inertia *A)
+{
+    const double M[6] = {S[0], S[1], S[2], S[6], S[7], S[11]};
+    const double H[9] = {S[3], S[8], S[12], S[4], S[9], S[13], S[5], S[10], S[14]};
+
+    memcpy(A->M, M, sizeof M);
+    memcpy(A->H, H, sizeof H);
+    memcpy(A->J, S + 15, sizeof A->J);
+}
+
+static inline void spatial_inertia_pack(const struct spatial_inertia *A, double S[21])
+{
+    const double *M = A->M, *H = A->H;
+    const double upper[15] = {M[0], M[1], M[2], H[0], H[3], H[6], M[3], M[4],
+                              H[1], H[4], H[7], M[5], H[2], H[5], H[8]};
+
+    memcpy(S, upper, sizeof upper);
+    memcpy(S + 15, A->J, sizeof A->J);
+}
+
+/* The 6x6 inertia about a body's origin of a mass whose tensor I is about its center com. */
 static inline void spatial_inertia_rigid(double mass, const double com[3], const double I[6],
                                          struct spatial_inertia *A)
 {
@@ -102,6 +165,7 @@ static inline void spatial_inertia_solve(const struct spatial_inertia *A, const 
 {
     double L[6][6], inverse[6], x[6];
 
+    /* The matrix and the right-hand side in one piece */
     for (int row = 0; row < 3; row++) {
         for (int column = 0; column < 3; column++) {
             L[row][column] = A->J[sym3_index[row][column]];
@@ -111,6 +175,8 @@ static inline void spatial_inertia_solve(const struct spatial_inertia *A, const 
         x[row] = f->a[row];
         x[row + 3] = f->l[row];
     }
+
+    /* L, column by column */
     for (int column = 0; column < 6; column++) {
         for (int m = 0; m < column; m++) {
             for (int row = column; row < 6; row++) {
@@ -122,6 +188,8 @@ static inline void spatial_inertia_solve(const struct spatial_inertia *A, const 
             L[row][column] *= inverse[column];
         }
     }
+
+    /* L y = f, then L^T v = y */
     for (int row = 0; row < 6; row++) {
         for (int m = 0; m < row; m++) {
             x[row] -= L[row][m] * x[m];

@@ -126,9 +126,7 @@ bool simulator_is_local(const struct simulator *simulator)
     return simulator->buses.local;
 }
 
-void simulator_contact_profile(const struct simulator *simulator, uint64_t *evaluations,
-                               int64_t *spent_ns)
+const struct plant_contact_cost *simulator_contact_cost(const struct simulator *simulator)
 {
-    *evaluations = simulator->contact.evaluations;
-    *spent_ns = simulator->contact.spent_ns;
+    return plant_contact_cost(simulator->plant);
 }

@@ -65,25 +65,16 @@ static enum error_code simulator_create_buses(struct simulator *simulator, char 
 static enum error_code simulator_create_contact(struct simulator *simulator, struct error *error)
 {
     const struct contact_config *config = &simulator->config.rig->contact;
-    struct timed_contact *timed = &simulator->contact;
-    enum error_code code;
 
-    timed->ops = timed_contact_ops;
-    timed->world.ops = &timed->ops;
-    timed->time = simulator->time;
-    timed->nbody = config->nbody;
-    timed->motion = arena_alloc(simulator->arena, config->nbody, sizeof *timed->motion);
-    timed->wrench = arena_alloc(simulator->arena, config->nbody, sizeof *timed->wrench);
-    if (!timed->motion || !timed->wrench) {
-        return error_set(error, ERROR_MEMORY, "no memory left for the contact engine");
-    }
-    code = simulator->config.rig->contact_engine == RIG_CONTACT_NATIVE
-               ? contact_native_create(config, simulator->arena, &timed->engine, error)
-               : contact_simbody_create(config, &timed->engine, error);
-    if (!code && !timed->engine->ops->tangents) {
-        timed->ops.tangents = NULL;
-    }
-    return code;
+    return simulator->config.rig->contact_engine == RIG_CONTACT_NATIVE
+               ? contact_native_create(config, simulator->arena, &simulator->contact, error)
+               : contact_simbody_create(config, &simulator->contact, error);
+}
+
+/* The clock by which the plant measures its contact engine. */
+static int64_t simulator_wall_time_ns(void *clock)
+{
+    return clock_now(clock);
 }
 
 static enum error_code simulator_create_dynamics(struct simulator *simulator, struct error *error)
@@ -137,12 +128,14 @@ static enum error_code simulator_create_plant(struct simulator *simulator, struc
         .supply_v = rig->supply_v,
         .account_energy = simulator->config.energy,
         .supply_ohm = rig->supply_ohm,
+        .now_ns = simulator_wall_time_ns,
+        .clock = simulator->time,
     };
     enum error_code code = simulator_create_dynamics(simulator, error);
 
     if (!code && rig->contact_engine != RIG_CONTACT_NONE) {
         code = simulator_create_contact(simulator, error);
-        config.contact = &simulator->contact.world;
+        config.contact = simulator->contact;
     }
     if (code) {
         return code;

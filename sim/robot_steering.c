@@ -356,7 +356,7 @@ static enum error_code robot_steering_create_checkpoint(struct robot_steering *s
                                                         struct arena *arena, struct error *error)
 {
     const struct robot_steering_config *config = &s->config;
-    enum { OWN_SPANS = 3, OWN_HOLES = 4 };
+    enum { OWN_SPANS = 3, OWN_HOLES = 5 };
     struct span *moving =
         arena_alloc(arena, config->nmoving + RIG_BUSES_MAX + OWN_SPANS, sizeof *moving);
     struct span *hole = arena_alloc(arena, config->nhole + OWN_HOLES, sizeof *hole);
@@ -384,6 +384,10 @@ static enum error_code robot_steering_create_checkpoint(struct robot_steering *s
     /* What other threads write in it */
     hole_add_ring(hole, &nhole, boards_event_ring(config->boards));
     hole_add_ring(hole, &nhole, faults_event_ring(config->faults));
+
+    /* What the plant remembers of the last contact evaluation holds for any state */
+    hole[nhole].memory = plant_contact_memory(config->plant, &hole[nhole].size);
+    nhole++;
     return checkpoint_create(moving, nmoving, hole, nhole, STEERING_SLOTS, arena, &s->checkpoint,
                              error);
 }

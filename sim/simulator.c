@@ -180,8 +180,8 @@ void simulator_destroy(struct simulator *simulator)
     buses_close(&simulator->buses);
 
     symbolic_close(&simulator->library);
-    if (simulator->contact.world.ops) {
-        simulator->contact.world.ops->destroy(&simulator->contact.world);
+    if (simulator->contact) {
+        simulator->contact->ops->destroy(simulator->contact);
     }
     steering_destroy(simulator->steering);
 }

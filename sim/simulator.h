@@ -175,7 +175,6 @@ bool simulator_can_controller_state(const struct simulator *simulator, size_t bu
 const struct wire *simulator_wire(const struct simulator *simulator, size_t bus);
 
 /* Contact evaluations and the time spent in them, after the run. */
-void simulator_contact_profile(const struct simulator *simulator, uint64_t *evaluations,
-                               int64_t *spent_ns);
+const struct plant_contact_cost *simulator_contact_cost(const struct simulator *simulator);
 
 #endif

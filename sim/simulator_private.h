@@ -13,7 +13,6 @@
 #include "sim/interfaces.h"
 #include "sim/robot_steering.h"
 #include "sim/simulator.h"
-#include "sim/timed_contact.h"
 
 #include <pthread.h>
 #include <stdatomic.h>
@@ -31,7 +30,7 @@ struct simulator {
     struct dynamics dynamics;
     struct symbolic_library library; /* of a module that is not built in */
     struct error dynamics_notice;    /* which implementation, and why */
-    struct timed_contact contact;
+    struct contact_world *contact;   /* NULL = none */
     struct plant *plant;
     struct settled settled;
     struct faults *faults;

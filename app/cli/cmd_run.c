@@ -150,7 +150,7 @@ static bool parse(int argc, char **argv, struct run_options *out, int *status)
          "buses and at the speed of SocketCAN's; the rig's by default",
          .value = &o.wire, .words = wire_words},
         {"--hold", OPTION_ENUM, "WHEN",
-         "links clamped as in a jig: none, until_enabled (all motors on) or always; the rig's by "
+         "links clamped: none, until_enabled (all motors on) or always; the rig's by "
          "default",
          .value = &o.hold, .words = hold_words},
         {"--settle", OPTION_FLAG, NULL,

@@ -106,9 +106,9 @@ static void print_phases(const struct summary *summary, FILE *out)
 {
     const struct simulator_config *config = simulator_configuration(summary->simulator);
     const struct loop_stats *stats = simulator_stats(summary->simulator);
-    int64_t spent, total = stats->end_ns - stats->start_ns;
+    const struct plant_contact_cost *contact = simulator_contact_cost(summary->simulator);
+    int64_t total = stats->end_ns - stats->start_ns;
     bool task_waits = config->task && config->clock != LOOP_CLOCK_REAL;
-    uint64_t evaluations;
 
     fprintf(out, "  %-10s %10s %10s %10s %10s %10s\n", "us", "p50", "p99", "max", "mean", "share");
     for (int p = 0; p < PHASE_COUNT; p++) {
@@ -121,12 +121,11 @@ static void print_phases(const struct summary *summary, FILE *out)
     if (stats->wakeup.count) {
         print_histogram("wake-up", &stats->wakeup, 0, out);
     }
-    simulator_contact_profile(summary->simulator, &evaluations, &spent);
-    if (evaluations) {
+    if (contact->evaluations) {
         fprintf(out,
                 "  contact: %" PRIu64 " evaluations, %.1f us each, %.1f %% of plant and sensors\n",
-                evaluations, us(spent) / (double)evaluations,
-                100.0 * (double)spent /
+                contact->evaluations, us(contact->spent_ns) / (double)contact->evaluations,
+                100.0 * (double)contact->spent_ns /
                     (double)(stats->phase[PHASE_PLANT].sum + stats->phase[PHASE_SENSORS].sum));
     }
 }

@@ -110,7 +110,7 @@ static double read_com(const struct scenario_view *view, size_t a, size_t word)
     double position[3], momentum[3];
 
     (void)a;
-    plant_centre_of_mass(simulator_plant(view->simulator), position, momentum);
+    plant_center_of_mass(simulator_plant(view->simulator), position, momentum);
     return position[word];
 }
 

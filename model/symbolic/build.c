@@ -2,6 +2,8 @@
 /* A generated module as a shared library: written, compiled and kept in a cache folder. */
 #include "model/symbolic/symbolic.h"
 
+#include "base/count.h"
+
 #include <dlfcn.h>
 #include <errno.h>
 #include <inttypes.h>
@@ -78,14 +80,14 @@ static enum error_code write_source(const struct robot *robot,
     return code;
 }
 
-static enum error_code compile(const struct symbolic_options *options, const struct build *build,
-                               struct error *error)
+static enum error_code compile_module(const struct symbolic_options *options,
+                                      const struct build *build, struct error *error)
 {
     const char *level = options->fast_compile ? "-O1" : "-O2";
     const char *const arguments[] = {"cc",          "-std=gnu11", level, "-fno-math-errno",
                                      "-fPIC",       "-shared",    "-o",  build->fresh,
                                      build->source, "-lm",        NULL};
-    char *argv[sizeof arguments / sizeof *arguments];
+    char *argv[ARRAY_COUNT(arguments)];
     pid_t pid;
     int status, problem;
 
@@ -95,6 +97,8 @@ static enum error_code compile(const struct symbolic_options *options, const str
     if (problem) {
         return error_set(error, ERROR_UNSUPPORTED, "no C compiler (cc): %s", strerror(problem));
     }
+
+    /* Its status: not started, or not content */
     while (waitpid(pid, &status, 0) < 0) {
         if (errno != EINTR) {
             return error_set_errno(error, errno, "the compiler cannot be waited for");
@@ -111,8 +115,8 @@ static enum error_code compile(const struct symbolic_options *options, const str
     return ERROR_NONE;
 }
 
-static enum error_code load(const struct robot *robot, const char *path,
-                            struct symbolic_library *library, struct error *error)
+static enum error_code load_module(const struct robot *robot, const char *path,
+                                   struct symbolic_library *library, struct error *error)
 {
     const struct dynamics_module *(*entry)(void);
     char symbol[SYMBOLIC_SYMBOL];
@@ -141,27 +145,28 @@ enum error_code symbolic_build(const struct robot *robot, const struct symbolic_
     enum error_code code;
 
     memset(library, 0, sizeof *library);
-    code = name_files(robot, folder, options, &build, error);
-    if (!code) {
-        code = check_folder(folder, error);
-    }
-    if (code) {
+    if ((code = name_files(robot, folder, options, &build, error)) ||
+        (code = check_folder(folder, error))) {
         return code;
     }
-    if (access(build.library, R_OK) == 0 && !load(robot, build.library, library, NULL)) {
+    if (access(build.library, R_OK) == 0 && !load_module(robot, build.library, library, NULL)) {
         library->cached = true;
         return ERROR_NONE;
     }
-    code = write_source(robot, options, build.source, error);
-    if (!code) {
-        code = compile(options, &build, error);
+
+    /* The library appears under its name when it is complete */
+    if ((code = write_source(robot, options, build.source, error)) ||
+        (code = compile_module(options, &build, error))) {
+        goto done;
     }
-    if (!code && rename(build.fresh, build.library)) {
+    if (rename(build.fresh, build.library)) {
         code = error_set_errno(error, errno, "%s", build.library);
     }
+
+done:
     unlink(build.source);
     unlink(build.fresh);
-    return code ? code : load(robot, build.library, library, error);
+    return code ? code : load_module(robot, build.library, library, error);
 }
 
 void symbolic_close(struct symbolic_library *library)

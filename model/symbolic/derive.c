@@ -5,6 +5,26 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Runs the derivation of d->function. */
+static void derive_equations(struct derive *d)
+{
+    switch (d->function) {
+    case DERIVE_INVERSE:
+        derive_inverse(d);
+        break;
+    case DERIVE_KINEMATICS:
+    case DERIVE_ACCELERATION:
+        derive_motion(d);
+        break;
+    case DERIVE_ENERGY:
+        derive_energy(d);
+        break;
+    default:
+        derive_forward(d);
+        break;
+    }
+}
+
 enum error_code derive(enum derive_function function, const struct tree *tree, struct graph *graph,
                        struct derivation *out, struct error *error)
 {
@@ -19,29 +39,18 @@ enum error_code derive(enum derive_function function, const struct tree *tree, s
     if (!out->output || !d.state || !d.observed) {
         code = error_set(error, ERROR_MEMORY, "no memory for the equations of %zu bodies",
                          tree->nbody);
-    } else {
-        for (size_t b = 0; b < tree->nbody; b++) {
-            d.observed[b] = tree->body[b].observed ? observed++ : -1;
-        }
-        switch (function) {
-        case DERIVE_INVERSE:
-            derive_inverse(&d);
-            break;
-        case DERIVE_KINEMATICS:
-        case DERIVE_ACCELERATION:
-            derive_motion(&d);
-            break;
-        case DERIVE_ENERGY:
-            derive_energy(&d);
-            break;
-        default:
-            derive_forward(&d);
-            break;
-        }
-        if (graph->failed) {
-            code = error_set(error, ERROR_MEMORY, "no memory for the expression graph");
-        }
+        goto done;
     }
+
+    for (size_t b = 0; b < tree->nbody; b++) {
+        d.observed[b] = tree->body[b].observed ? observed++ : -1;
+    }
+    derive_equations(&d);
+    if (graph->failed) {
+        code = error_set(error, ERROR_MEMORY, "no memory for the expression graph");
+    }
+
+done:
     free(d.state);
     free(d.observed);
     if (code) {

@@ -29,8 +29,8 @@ static void base_drift(struct derive *d, expr drift[3])
         expr R[3][3], v[3], w[3], column[3];
 
         derive_base_rotation(d, R);
-        derive_base_input(d, DERIVE_V, 0, v);
-        derive_base_input(d, DERIVE_V, 3, w);
+        derive_base_input(d, DERIVE_V, BASE_V_LINEAR, v);
+        derive_base_input(d, DERIVE_V, BASE_V_ANGULAR, w);
         for (int m = 0; m < 3; m++) {
             for (int n = 0; n < 3; n++) {
                 column[n] = R[n][m];
@@ -113,7 +113,7 @@ static void motion_outward(struct derive *d, size_t group, bool given)
         add_to(d, &state->w[k], state->rate);
     }
     if (given) {
-        int first = d->tree->robot->floating ? 6 : 0;
+        int first = d->tree->robot->floating ? BASE_V_COUNT : 0;
 
         add_to(d, prismatic ? &state->a[k] : &state->alpha[k],
                derive_signed_input(d, group, DERIVE_VDOT, first));
@@ -122,7 +122,7 @@ static void motion_outward(struct derive *d, size_t group, bool given)
 }
 
 /* Subtracts the external wrench on the group's bodies, in their working frames. */
-static void subtract_wrench(struct derive *d, size_t group, expr n[3], expr f[3])
+static void subtract_given_wrench(struct derive *d, size_t group, expr n[3], expr f[3])
 {
     const struct tree_group *lanes = &d->tree->group[group];
     expr lane[6][TREE_LANES];
@@ -175,7 +175,7 @@ static void body_force(struct derive *d, size_t group, bool ext)
     }
     derive_add_cross(d, state->n, h, state->a);
     if (ext) {
-        subtract_wrench(d, group, state->n, state->f);
+        subtract_given_wrench(d, group, state->n, state->f);
     }
 }
 
@@ -211,6 +211,7 @@ static void eliminate_joint(struct derive *d, size_t group, struct state *A)
     int own = body->axis + (body->prismatic ? 3 : 0);
     expr U[6], *bias[6], D, invert, tau = derive_signed_input(d, group, DERIVE_TAU, 0);
 
+    /* U, D and the joint's share of the bias force */
     for (int m = 0; m < 6; m++) {
         U[m] = *derive_inertia_element(A, own, m);
     }
@@ -224,8 +225,10 @@ static void eliminate_joint(struct derive *d, size_t group, struct state *A)
     for (int m = 0; m < 6; m++) {
         state->ratio[m] = mul(d, U[m], invert);
     }
+
+    /* A - U U^T / D, p + U u / D */
     for (int a = 0; a < 6; a++) {
-        /* without added inertia the joint's own row becomes zero, its own force tau */
+        /* Without added inertia the joint's own row becomes zero, its own force tau */
         bool gone = a == own && !added;
 
         *bias[a] = gone ? tau : add(d, *bias[a], mul(d, U[a], state->x));
@@ -287,12 +290,15 @@ static void solve_base(struct derive *d)
     struct state *base = &d->state[0], A = *base;
     expr ratio[6][6], x[6], bias[6], *out[6];
 
+    /* Angular parts are rows 0 to 2, linear ones rows 3 to 5 */
     for (int m = 0; m < 3; m++) {
         bias[m] = A.n[m];
         bias[3 + m] = A.f[m];
         out[m] = &base->da[m];
         out[3 + m] = &base->dl[m];
     }
+
+    /* Elimination, row by row in that order */
     for (int step = 0; step < 6; step++) {
         int own = order[step];
         expr invert = graph_invert(d->g, *derive_inertia_element(&A, own, own));
@@ -312,6 +318,8 @@ static void solve_base(struct derive *d)
             }
         }
     }
+
+    /* Back substitution */
     for (int step = 5; step >= 0; step--) {
         expr value = expr_neg(x[step]);
 
@@ -332,6 +340,7 @@ static expr acceleration_outward(struct derive *d, size_t group)
     expr r[3], sum = state->x, before, *element[6];
     expr part[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
 
+    /* The parent's, at the body's origin and in its axes */
     derive_origin(d, group, r);
     for (int m = 0; m < 3; m++) {
         state->da[m] = derive_from_parent(d, group, STATE(da[0]) + (size_t)m * sizeof(expr));
@@ -348,7 +357,9 @@ static expr acceleration_outward(struct derive *d, size_t group)
         way[body->axis] = state->d;
         derive_add_cross(d, state->dl, state->da, way);
     }
-    /* three short sums in place of a long one: the next joint waits for this */
+
+    /* The joint's: what is left of its force less what the body's acceleration takes already. Three
+     * short sums in place of a long one: the next joint waits for this */
     for (int m = 0; m < 6; m++) {
         if (m != own || added) {
             add_to(d, &part[m % 3], mul(d, state->ratio[m], *element[m]));
@@ -372,15 +383,18 @@ void derive_forward(struct derive *d)
     bool ext = d->function != DERIVE_FORWARD;
     expr drift[3];
 
+    /* The base's motion */
     base_drift(d, drift);
     if (floating) {
-        derive_base_input(d, DERIVE_V, 3, base->w);
+        derive_base_input(d, DERIVE_V, BASE_V_ANGULAR, base->w);
     }
     /* A free base's drift is added at the end, except where added inertias must see it: they
      * resist the rates of v and nothing else. */
     for (int m = 0; (!floating || added) && m < 3; m++) {
         base->a[m] = expr_neg(drift[m]);
     }
+
+    /* Outward: the motion at zero joint accelerations, and what each body needs for it */
     rate_matrix(d, base);
     for (size_t g = 0; g < ngroup; g++) {
         if (g > 0) {
@@ -393,6 +407,8 @@ void derive_forward(struct derive *d)
             derive_add_given_inertia(d, g);
         }
     }
+
+    /* Inward: articulated inertias; outward: accelerations */
     for (size_t g = ngroup - 1; g > 0; g--) {
         articulated_inward(d, g);
     }
@@ -403,8 +419,8 @@ void derive_forward(struct derive *d)
         for (int m = 0; m < 3; m++) {
             linear[m] = added ? base->dl[m] : add(d, base->dl[m], drift[m]);
         }
-        derive_put_base(d, 0, linear);
-        derive_put_base(d, 3, base->da);
+        derive_put_base(d, BASE_V_LINEAR, linear);
+        derive_put_base(d, BASE_V_ANGULAR, base->da);
     }
     for (size_t g = 1; g < ngroup; g++) {
         derive_put_joint(d, g, acceleration_outward(d, g));
@@ -416,6 +432,7 @@ void derive_inverse(struct derive *d)
     struct state *base = &d->state[0];
     expr drift[3];
 
+    /* The base's motion, with its given acceleration */
     base_drift(d, drift);
     for (int m = 0; m < 3; m++) {
         base->a[m] = expr_neg(drift[m]);
@@ -423,13 +440,15 @@ void derive_inverse(struct derive *d)
     if (d->tree->robot->floating) {
         expr linear[3];
 
-        derive_base_input(d, DERIVE_V, 3, base->w);
-        derive_base_input(d, DERIVE_VDOT, 0, linear);
-        derive_base_input(d, DERIVE_VDOT, 3, base->alpha);
+        derive_base_input(d, DERIVE_V, BASE_V_ANGULAR, base->w);
+        derive_base_input(d, DERIVE_VDOT, BASE_V_LINEAR, linear);
+        derive_base_input(d, DERIVE_VDOT, BASE_V_ANGULAR, base->alpha);
         for (int m = 0; m < 3; m++) {
             add_to(d, &base->a[m], linear[m]);
         }
     }
+
+    /* Outward: what each body's motion needs; inward: the joints' shares of it */
     rate_matrix(d, base);
     for (size_t g = 0; g < d->tree->ngroup; g++) {
         if (g > 0) {
@@ -446,7 +465,7 @@ void derive_inverse(struct derive *d)
         force_inward(d, g, state->n, state->f);
     }
     if (d->tree->robot->floating) {
-        derive_put_base(d, 0, base->f);
-        derive_put_base(d, 3, base->n);
+        derive_put_base(d, BASE_V_LINEAR, base->f);
+        derive_put_base(d, BASE_V_ANGULAR, base->n);
     }
 }

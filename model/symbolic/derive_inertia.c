@@ -120,13 +120,15 @@ static void given_inertia(struct derive *d, int body, struct state *A)
     int index = 21 * d->observed[body];
     expr in[6][6], half[6][6];
 
+    /* The upper triangle by rows, as struct added_inertia has it */
     for (int row = 0; row < 6; row++) {
         for (int column = row; column < 6; column++) {
             in[row][column] = in[column][row] = graph_input(d->g, DERIVE_ADDED, 1, &index);
             index++;
         }
     }
-    /* each 3x3 block B becomes align^T B align; the linear rows come first in what is given */
+
+    /* Each 3x3 block B becomes align^T B align; the linear rows come first in what is given */
     for (int row = 0; row < 6; row++) {
         derive_apply_transposed(d, align, in[row], half[row]);
         derive_apply_transposed(d, align, in[row] + 3, half[row] + 3);
@@ -148,6 +150,8 @@ static void given_inertia(struct derive *d, int body, struct state *A)
             A->M[m][column] = y[2][m];
         }
     }
+
+    /* From the body's origin to that of its working frame */
     for (int m = 0; m < 3; m++) {
         derive_shift_inertia(d, m, graph_const(d->g, d->tree->body[body].at[m]), A);
     }
@@ -166,6 +170,8 @@ void derive_add_given_inertia(struct derive *d, size_t group)
             any = true;
         }
     }
+
+    /* All lanes at once; bodies that are not observed add zero */
     for (int a = 0; any && a < 6; a++) {
         for (int b = a; b < 6; b++) {
             expr lane[TREE_LANES];

@@ -98,7 +98,7 @@ void derive_to_parent(struct derive *d, size_t group, size_t offset, expr value)
         if (given[start]) {
             continue;
         }
-        /* one child for each lane of the parent; its further children have another turn */
+        /* One child for each lane of the parent; its further children have another turn */
         for (int l = start; l < lanes->count; l++) {
             int at = lanes->parent_lane[l];
 

@@ -2,6 +2,10 @@
 /* Kinematics, accelerations and energy in the world frame. */
 #include "model/symbolic/derive_private.h"
 
+/* Where the parts of a struct body_motion and a struct body_acceleration begin, as doubles. */
+enum motion_part { MOTION_R = 0, MOTION_P = 9, MOTION_W = 12, MOTION_V = 15, MOTION_COUNT = 18 };
+enum acceleration_part { ACCELERATION_ALPHA = 0, ACCELERATION_A = 3, ACCELERATION_COUNT = 6 };
+
 static void base_pose(struct derive *d)
 {
     struct state *base = &d->state[0];
@@ -49,7 +53,7 @@ static void add_acceleration(struct derive *d, size_t group, const expr axis[3],
 {
     struct state *state = &d->state[group];
     bool prismatic = derive_first_body(d, group)->prismatic;
-    int first = d->tree->robot->floating ? 6 : 0;
+    int first = d->tree->robot->floating ? BASE_V_COUNT : 0;
     expr rate = derive_signed_input(d, group, DERIVE_VDOT, first), turn[3];
     expr twice = graph_const(d->g, 2.0), across[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO};
 
@@ -109,15 +113,15 @@ static void base_motion(struct derive *d, bool accelerations)
     if (!d->tree->robot->floating) {
         return;
     }
-    derive_base_input(d, DERIVE_V, 0, v);
-    derive_base_input(d, DERIVE_V, 3, w);
+    derive_base_input(d, DERIVE_V, BASE_V_LINEAR, v);
+    derive_base_input(d, DERIVE_V, BASE_V_ANGULAR, w);
     derive_rotate(d, base->R, v, base->v);
     derive_rotate(d, base->R, w, base->w);
     if (accelerations) {
         expr linear[3], angular[3];
 
-        derive_base_input(d, DERIVE_VDOT, 0, linear);
-        derive_base_input(d, DERIVE_VDOT, 3, angular);
+        derive_base_input(d, DERIVE_VDOT, BASE_V_LINEAR, linear);
+        derive_base_input(d, DERIVE_VDOT, BASE_V_ANGULAR, angular);
         derive_add_cross(d, linear, w, v);
         derive_rotate(d, base->R, linear, base->a);
         derive_rotate(d, base->R, angular, base->alpha);
@@ -152,7 +156,7 @@ static void put_motion(struct derive *d, int body, struct state *lane)
 
     for (int m = 0; m < 3; m++) {
         derive_apply(d, d->tree->body[body].align, lane->R[m], row);
-        put_vector(d, 18 * body + 3 * m, row);
+        put_vector(d, MOTION_COUNT * body + MOTION_R + 3 * m, row);
     }
     derive_body_origin(d, body, at);
     derive_rotate(d, lane->R, at, arm);
@@ -160,9 +164,9 @@ static void put_motion(struct derive *d, int body, struct state *lane)
         add_to(d, &lane->p[m], arm[m]);
     }
     derive_add_cross(d, lane->v, lane->w, arm);
-    put_vector(d, 18 * body + 9, lane->p);
-    put_vector(d, 18 * body + 12, lane->w);
-    put_vector(d, 18 * body + 15, lane->v);
+    put_vector(d, MOTION_COUNT * body + MOTION_P, lane->p);
+    put_vector(d, MOTION_COUNT * body + MOTION_W, lane->w);
+    put_vector(d, MOTION_COUNT * body + MOTION_V, lane->v);
 }
 
 static void put_acceleration(struct derive *d, int body, struct state *lane)
@@ -174,8 +178,8 @@ static void put_acceleration(struct derive *d, int body, struct state *lane)
     derive_add_cross(d, across, lane->w, arm);
     derive_add_cross(d, lane->a, lane->alpha, arm);
     derive_add_cross(d, lane->a, lane->w, across);
-    put_vector(d, 6 * body, lane->alpha);
-    put_vector(d, 6 * body + 3, lane->a);
+    put_vector(d, ACCELERATION_COUNT * body + ACCELERATION_ALPHA, lane->alpha);
+    put_vector(d, ACCELERATION_COUNT * body + ACCELERATION_A, lane->a);
 }
 
 void derive_motion(struct derive *d)
@@ -224,6 +228,7 @@ static void add_energy(struct derive *d, size_t group, expr *kinetic, expr *pote
     expr mass = derive_body_const(d, group, BODY(mass)), two = graph_const(d->g, 2.0);
     expr h[3], first[3], w[3], Jw[3], across[3] = {EXPR_ZERO, EXPR_ZERO, EXPR_ZERO}, twice;
 
+    /* h and w in the bodies' axes, R h in those of the world */
     derive_body_inertia(d, group);
     for (int m = 0; m < 3; m++) {
         expr column[3];
@@ -233,6 +238,8 @@ static void add_energy(struct derive *d, size_t group, expr *kinetic, expr *pote
         w[m] = derive_dot(d, column, state->w);
     }
     derive_rotate(d, state->R, h, first);
+
+    /* Twice the kinetic energy */
     for (int m = 0; m < 3; m++) {
         expr row[3];
 
@@ -245,6 +252,8 @@ static void add_energy(struct derive *d, size_t group, expr *kinetic, expr *pote
     twice = add(d, mul(d, mass, derive_dot(d, state->v, state->v)), derive_dot(d, w, Jw));
     add_to(d, &twice, mul(d, two, derive_dot(d, state->v, across)));
     add_lanes(d, group, kinetic, twice);
+
+    /* Potential energy */
     for (int m = 0; m < 3; m++) {
         expr moment = add(d, first[m], mul(d, mass, state->p[m]));
         double gravity = d->tree->robot->gravity[m];

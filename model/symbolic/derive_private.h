@@ -121,7 +121,7 @@ void derive_origin(struct derive *d, size_t group, expr r[3]);
 /* Where the robot's body has its origin, in the working frame. */
 void derive_body_origin(struct derive *d, int body, expr at[3]);
 
-/* sine, cosine or way, and rate of a group's joints */
+/* Sine, cosine or way, and rate of a group's joints */
 void derive_joint_state(struct derive *d, size_t group);
 
 /* Rotation of the base to the world from the quaternion of any length; the working frame's when

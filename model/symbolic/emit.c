@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Compilers take more than linear time for a block: long functions are split into pieces of about so
- * many operations, which hand values on through a scratch array. */
+/* Compilers take more than linear time for a block: long functions are split into pieces of about
+ * so many operations, which hand values on through a scratch array. */
 enum { TRIG_CHUNK = 8, PIECE = 3000 };
 
 /* Arrays are by node. */
@@ -78,7 +78,7 @@ bool emission_reads(const struct emission *e, enum derive_array array)
     return e->reads[array];
 }
 
-static const char *type_name(int width)
+static const char *vector_type_name(int width)
 {
     return width == 1 ? "double" : width == 2 ? "v2" : "v4";
 }
@@ -97,7 +97,7 @@ static void write_constant(FILE *file, const struct graph_node *node)
         write_number(file, node->value[0]);
         return;
     }
-    fprintf(file, "(%s){", type_name(node->width));
+    fprintf(file, "(%s){", vector_type_name(node->width));
     for (int l = 0; l < node->width; l++) {
         fprintf(file, "%s", l ? ", " : "");
         write_number(file, node->value[l]);
@@ -127,7 +127,7 @@ static void write_input(const struct emission *e, const struct graph_node *node)
         fprintf(e->file, "%s[%d]", name, node->index[0]);
         return;
     }
-    fprintf(e->file, "(%s){", type_name(node->width));
+    fprintf(e->file, "(%s){", vector_type_name(node->width));
     for (int l = 0; l < node->width; l++) {
         fprintf(e->file, "%s%s[%d]", l ? ", " : "", name, node->index[l]);
     }
@@ -136,7 +136,7 @@ static void write_input(const struct emission *e, const struct graph_node *node)
 
 static void write_pack(const struct emission *e, const struct graph_node *node)
 {
-    fprintf(e->file, "(%s){", type_name(node->width));
+    fprintf(e->file, "(%s){", vector_type_name(node->width));
     for (int l = 0; l < node->width; l++) {
         fprintf(e->file, "%s", l ? ", " : "");
         write_operand(e, node->operand[l]);
@@ -150,7 +150,8 @@ static void write_place(FILE *file, bool reading, int width, const char *array, 
     if (width == 1) {
         fprintf(file, "%s[%d]", array, at);
     } else {
-        fprintf(file, "*(%s%s *)(%s + %d)", reading ? "const " : "", type_name(width), array, at);
+        fprintf(file, "*(%s%s *)(%s + %d)", reading ? "const " : "", vector_type_name(width), array,
+                at);
     }
 }
 
@@ -161,6 +162,7 @@ static void write_trig(const struct emission *e, const struct graph_node *node)
     write_place(e->file, true, node->width, array, e->slot[expr_node(node->operand[0])]);
 }
 
+/* The expression of one node. */
 static void write_value(const struct emission *e, const struct graph_node *node)
 {
     switch (node->op) {
@@ -205,7 +207,7 @@ static bool is_cheap(const struct emission *e, uint32_t n)
 }
 
 /* Makes a node's value stand in a local of this piece. */
-static void write_node(struct emission *e, uint32_t n)
+static void write_node_value(struct emission *e, uint32_t n)
 {
     const struct graph_node *node = &e->graph->node[n];
     bool here = is_cheap(e, n) || e->piece[n] == e->current;
@@ -216,10 +218,10 @@ static void write_node(struct emission *e, uint32_t n)
     e->known[n] = e->current;
     for (int m = 0; here && m < operand_count(node->op, node->width); m++) {
         if (node->op != GRAPH_SIN && node->op != GRAPH_COS) {
-            write_node(e, expr_node(node->operand[m]));
+            write_node_value(e, expr_node(node->operand[m]));
         }
     }
-    fprintf(e->file, "    const %s t%u = ", type_name(node->width), n);
+    fprintf(e->file, "    const %s t%u = ", vector_type_name(node->width), n);
     if (here) {
         write_value(e, node);
     } else {
@@ -346,7 +348,7 @@ static void write_angles(struct emission *e)
         if (e->slot[n] >= 0) {
             int width = e->graph->node[n].width;
 
-            write_node(e, n);
+            write_node_value(e, n);
             fprintf(e->file, "    ");
             write_place(e->file, false, width, "angle", e->slot[n]);
             fprintf(e->file, " = t%u;\n", n);
@@ -367,14 +369,14 @@ static void write_piece(struct emission *e, int piece)
     e->current = piece;
     for (uint32_t n = 0; n < e->graph->count; n++) {
         if (is_placed(e, n) && e->piece[n] == piece) {
-            write_node(e, n);
+            write_node_value(e, n);
         }
     }
     for (size_t o = 0; o < e->derivation->count; o++) {
         const struct derive_output *output = &e->derivation->output[o];
 
         if (e->piece[expr_node(output->value)] == piece) {
-            write_node(e, expr_node(output->value));
+            write_node_value(e, expr_node(output->value));
             fprintf(e->file, "    out[%d] = ", output->index);
             write_operand(e, output->value);
             fprintf(e->file, ";\n");
@@ -416,6 +418,8 @@ static void write_unused(const struct emission *e)
 void emission_write(struct emission *e, FILE *file)
 {
     e->file = file;
+
+    /* The pieces, each a function, where there is more than one */
     for (int piece = 0; e->npiece > 1 && piece < e->npiece; piece++) {
         fprintf(e->file, "\nTARGET static __attribute__((noinline)) void NAME(%s_%d)(", e->name,
                 piece);
@@ -425,6 +429,8 @@ void emission_write(struct emission *e, FILE *file)
         write_piece(e, piece);
         fprintf(e->file, "}\n");
     }
+
+    /* The function itself: its locals */
     fprintf(e->file, "\nTARGET static void NAME(%s)(", e->name);
     write_arguments(e, true, false);
     fprintf(e->file, "\n{\n");
@@ -438,6 +444,8 @@ void emission_write(struct emission *e, FILE *file)
     if (e->derivation->count == 0) {
         fprintf(e->file, "    (void)out;\n");
     }
+
+    /* All angles, then the pieces in their order, or the only one */
     write_angles(e);
     for (int piece = 0; e->npiece > 1 && piece < e->npiece; piece++) {
         fprintf(e->file, "    NAME(%s_%d)(", e->name, piece);
@@ -471,7 +479,7 @@ enum error_code emission_create(const char *name, const struct graph *graph,
                                 struct symbolic_count *count, struct error *error)
 {
     size_t nodes = graph->count;
-    /* six arrays of int and two of bool behind the struct */
+    /* Six arrays of int and two of bool behind the struct */
     struct emission *e = calloc(1, sizeof *e + nodes * (6 * sizeof(int) + 2 * sizeof(bool)));
 
     *out = e;
@@ -491,6 +499,8 @@ enum error_code emission_create(const char *name, const struct graph *graph,
     for (size_t n = 0; n < nodes; n++) {
         e->slot[n] = e->last[n] = e->scratch[n] = e->known[n] = -1;
     }
+
+    /* What is needed, where it is computed, and where it waits */
     mark_reached(e);
     place_angles(e);
     cut_pieces(e);

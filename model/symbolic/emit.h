@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Expressions as C text. */
+/*
+ * Expressions as C text: one function of a generated module at a time, and what all of them stand
+ * on. Memory is the emission's own; the file is the caller's. Not RT-safe: it allocates and prints.
+ */
 #ifndef MODEL_SYMBOLIC_EMIT_H
 #define MODEL_SYMBOLIC_EMIT_H
 
@@ -10,16 +13,18 @@
 struct emission;
 
 /* Plans the function: what it reads, in which pieces it is written, what it costs (added to count).
- * name, graph and derivation must outlive it. *out is NULL or to be destroyed, also after an error. */
+ * name, graph and derivation must outlive it. *out is NULL or to be destroyed, also after an
+ * error. */
 enum error_code emission_create(const char *name, const struct graph *graph,
                                 const struct derivation *derivation, struct emission **out,
                                 struct symbolic_count *count, struct error *error);
 void emission_destroy(struct emission *emission);
 
-/* Writes it, once: static, void, with the argument arrays that it reads and the array out. Errors of
- * the file are left to ferror. */
+/* Writes it, once: static, void, with the argument arrays that it reads and the array out. Errors
+ * of the file are left to ferror. */
 void emission_write(struct emission *emission, FILE *file);
 
+/* Whether the function reads an argument array; after emission_create. */
 bool emission_reads(const struct emission *emission, enum derive_array array);
 
 /* What stands once before all variants: vector types and macros. */

@@ -2,6 +2,8 @@
 /* The fixed text of every generated file: vector types, sine and cosine. */
 #include "model/symbolic/emit.h"
 
+#include "base/count.h"
+
 /*
  * Sine and cosine of 8 lanes. Reduction by n pi/2 after Cody and Waite with pi/2 in 33 + 33 + 53
  * bits: the first two products are exact (n < 2^16), the rounding of the second difference and the
@@ -74,14 +76,14 @@ static const char *const sincos_text[] = {
 
 void emit_preamble(FILE *file)
 {
-    for (size_t n = 0; n < sizeof preamble / sizeof *preamble; n++) {
+    for (size_t n = 0; n < ARRAY_COUNT(preamble); n++) {
         fprintf(file, "%s\n", preamble[n]);
     }
 }
 
 void emit_sincos(FILE *file)
 {
-    for (size_t n = 0; n < sizeof sincos_text / sizeof *sincos_text; n++) {
+    for (size_t n = 0; n < ARRAY_COUNT(sincos_text); n++) {
         fprintf(file, "%s\n", sincos_text[n]);
     }
 }

@@ -68,7 +68,8 @@ static bool node_equal(const struct graph_node *a, const struct graph_node *b)
            memcmp(a->value, b->value, sizeof a->value) == 0;
 }
 
-static bool grow(struct graph *graph)
+/* Doubles the room for nodes and the hash table. */
+static bool grow_graph(struct graph *graph)
 {
     size_t capacity = 2 * graph->capacity, nbucket = 2 * graph->nbucket;
     struct graph_node *node = realloc(graph->node, capacity * sizeof *node);
@@ -96,7 +97,7 @@ static bool grow(struct graph *graph)
 }
 
 /* The node equal to *wanted, new or old. */
-static expr intern(struct graph *graph, const struct graph_node *wanted)
+static expr intern_node(struct graph *graph, const struct graph_node *wanted)
 {
     size_t slot;
 
@@ -110,7 +111,7 @@ static expr intern(struct graph *graph, const struct graph_node *wanted)
         }
     }
     if (graph->count == graph->capacity) {
-        if (!grow(graph)) {
+        if (!grow_graph(graph)) {
             graph->failed = true;
             return EXPR_ZERO;
         }
@@ -127,7 +128,7 @@ static expr intern_binary(struct graph *graph, enum graph_op op, expr a, expr b)
     int wa = graph_width(graph, a), wb = graph_width(graph, b);
     struct graph_node node = {.op = op, .width = wa > wb ? wa : wb, .operand = {a, b}};
 
-    return intern(graph, &node);
+    return intern_node(graph, &node);
 }
 
 expr graph_const_lanes(struct graph *graph, int width, const double *value)
@@ -147,10 +148,10 @@ expr graph_const_lanes(struct graph *graph, int width, const double *value)
     }
     node.width = uniform ? 1 : width;
     for (int l = 0; l < node.width; l++) {
-        /* adding zero turns -0 into 0: equal constants are equal bits */
+        /* Adding zero turns -0 into 0: equal constants are equal bits */
         node.value[l] = (negative ? -value[l] : value[l]) + 0.0;
     }
-    return intern(graph, &node) ^ (negative ? 1U : 0U);
+    return intern_node(graph, &node) ^ (negative ? 1U : 0U);
 }
 
 expr graph_const(struct graph *graph, double value)
@@ -168,7 +169,7 @@ static double const_value(const struct graph *graph, expr e, int l)
 }
 
 /* Lane by lane a op b of two constants. */
-static expr fold(struct graph *graph, enum graph_op op, expr a, expr b)
+static expr fold_constants(struct graph *graph, enum graph_op op, expr a, expr b)
 {
     int wa = graph_width(graph, a), wb = graph_width(graph, b), width = wa > wb ? wa : wb;
     double value[GRAPH_LANES];
@@ -193,7 +194,7 @@ expr graph_input(struct graph *graph, int array, int width, const int *index)
     struct graph_node node = {.op = GRAPH_INPUT, .width = width, .array = array};
 
     memcpy(node.index, index, (size_t)width * sizeof *index);
-    return intern(graph, &node);
+    return intern_node(graph, &node);
 }
 
 /* Splits e into constant * rest; the constant is 1 when there is none. */
@@ -223,7 +224,7 @@ static bool is_square_of(const struct graph *graph, expr e, enum graph_op op, ex
     return true;
 }
 
-/* sin^2 + cos^2 of one angle */
+/* Whether the sum is sin^2 + cos^2 of one angle. */
 static bool is_pythagoras(const struct graph *graph, expr a, expr b)
 {
     expr x, y;
@@ -240,6 +241,8 @@ expr graph_add(struct graph *graph, expr a, expr b)
     if (graph->failed) {
         return EXPR_ZERO;
     }
+
+    /* Sums that are known: x + 0, x - x, constants, sin^2 + cos^2, c x + d x */
     if (a == EXPR_ZERO || b == EXPR_ZERO) {
         return a == EXPR_ZERO ? b : a;
     }
@@ -247,7 +250,7 @@ expr graph_add(struct graph *graph, expr a, expr b)
         return EXPR_ZERO;
     }
     if (graph_is_const(graph, a) && graph_is_const(graph, b)) {
-        return fold(graph, GRAPH_ADD, a, b);
+        return fold_constants(graph, GRAPH_ADD, a, b);
     }
     if (is_pythagoras(graph, a, b)) {
         return graph_const(graph, 1.0);
@@ -255,9 +258,10 @@ expr graph_add(struct graph *graph, expr a, expr b)
     split_const(graph, a, &ca, &ra);
     split_const(graph, b, &cb, &rb);
     if (ra == rb) {
-        return graph_mul(graph, fold(graph, GRAPH_ADD, ca, cb), ra);
+        return graph_mul(graph, fold_constants(graph, GRAPH_ADD, ca, cb), ra);
     }
-    /* one order, one sign */
+
+    /* One order, one sign: equal sums are one node */
     if (expr_node(a) > expr_node(b)) {
         expr swap = a;
 
@@ -283,10 +287,12 @@ expr graph_mul(struct graph *graph, expr a, expr b)
     if (graph->failed || a == EXPR_ZERO || b == EXPR_ZERO) {
         return EXPR_ZERO;
     }
+
+    /* Signs stay outside, constants come first, then the lower number */
     a &= ~1U;
     b &= ~1U;
     if (graph_is_const(graph, a) && graph_is_const(graph, b)) {
-        c = fold(graph, GRAPH_MUL, a, b);
+        c = fold_constants(graph, GRAPH_MUL, a, b);
         return c ^ sign;
     }
     if (graph_is_const(graph, b) || (!graph_is_const(graph, a) && expr_node(a) > expr_node(b))) {
@@ -295,23 +301,25 @@ expr graph_mul(struct graph *graph, expr a, expr b)
         a = b;
         b = swap;
     }
+
+    /* Products that are known: 1 x, c (d x) */
     if (is_uniform_const(graph, a, 1.0)) {
         return b ^ sign;
     }
     if (graph_is_const(graph, a)) {
         split_const(graph, b, &c, &rest);
         if (rest != b) {
-            return graph_mul(graph, fold(graph, GRAPH_MUL, a, c), rest) ^ sign;
+            return graph_mul(graph, fold_constants(graph, GRAPH_MUL, a, c), rest) ^ sign;
         }
     }
     return intern_binary(graph, GRAPH_MUL, a, b) ^ sign;
 }
 
-static expr unary(struct graph *graph, enum graph_op op, expr a)
+static expr intern_unary(struct graph *graph, enum graph_op op, expr a)
 {
     struct graph_node node = {.op = op, .width = graph_width(graph, a), .operand = {a}};
 
-    return intern(graph, &node);
+    return intern_node(graph, &node);
 }
 
 expr graph_invert(struct graph *graph, expr a)
@@ -331,7 +339,7 @@ expr graph_invert(struct graph *graph, expr a)
     if (graph_get(graph, a)->op == GRAPH_INVERT) {
         return graph_get(graph, a)->operand[0] ^ (a & 1U);
     }
-    return unary(graph, GRAPH_INVERT, a & ~1U) ^ (a & 1U);
+    return intern_unary(graph, GRAPH_INVERT, a & ~1U) ^ (a & 1U);
 }
 
 /* A constant's sine or cosine lane by lane. */
@@ -353,7 +361,7 @@ expr graph_sin(struct graph *graph, expr a)
     if (graph->failed || graph_is_const(graph, a)) {
         return graph->failed ? EXPR_ZERO : fold_trig(graph, GRAPH_SIN, a);
     }
-    return unary(graph, GRAPH_SIN, a & ~1U) ^ (a & 1U);
+    return intern_unary(graph, GRAPH_SIN, a & ~1U) ^ (a & 1U);
 }
 
 expr graph_cos(struct graph *graph, expr a)
@@ -361,7 +369,7 @@ expr graph_cos(struct graph *graph, expr a)
     if (graph->failed || graph_is_const(graph, a)) {
         return graph->failed ? EXPR_ZERO : fold_trig(graph, GRAPH_COS, a);
     }
-    return unary(graph, GRAPH_COS, a & ~1U);
+    return intern_unary(graph, GRAPH_COS, a & ~1U);
 }
 
 expr graph_lane(struct graph *graph, expr a, int lane)
@@ -389,7 +397,7 @@ expr graph_lane(struct graph *graph, expr a, int lane)
     }
     wanted.operand[0] = a & ~1U;
     wanted.index[0] = lane;
-    return intern(graph, &wanted) ^ (a & 1U);
+    return intern_node(graph, &wanted) ^ (a & 1U);
 }
 
 /* Whether the lanes are those of one expression in their order, with one sign. */
@@ -418,6 +426,8 @@ expr graph_pack(struct graph *graph, int width, const expr *lane)
     if (graph->failed) {
         return EXPR_ZERO;
     }
+
+    /* What the lanes have in common */
     for (int l = 0; l < width; l++) {
         const struct graph_node *source = graph_get(graph, lane[l]);
 
@@ -429,6 +439,8 @@ expr graph_pack(struct graph *graph, int width, const expr *lane)
         index[l] = input ? source->index[0] : 0;
         node.operand[l] = lane[l];
     }
+
+    /* A pack of such lanes is simpler than a pack */
     if (same) {
         return lane[0];
     }
@@ -441,5 +453,5 @@ expr graph_pack(struct graph *graph, int width, const expr *lane)
     if (is_unpacked(graph, width, lane, &whole)) {
         return whole;
     }
-    return intern(graph, &node);
+    return intern_node(graph, &node);
 }

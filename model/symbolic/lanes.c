@@ -36,11 +36,13 @@ static bool same_joint(const struct tree_body *a, const struct tree_body *b)
     return true;
 }
 
+/* Fills next and limb: a body with one child goes on, the base and any other ends its limb. */
 static void find_limbs(struct limbs *limbs)
 {
     const struct tree *tree = limbs->tree;
     int n = (int)tree->nbody;
 
+    /* The only child of each body */
     for (int b = 0; b < n; b++) {
         int children = 0;
 
@@ -55,6 +57,8 @@ static void find_limbs(struct limbs *limbs)
             limbs->next[b] = -1;
         }
     }
+
+    /* A limb begins where a body is not such a child */
     for (int b = 1; b < n; b++) {
         int parent = tree->body[b].parent;
 
@@ -115,6 +119,7 @@ static void make_groups(const struct limbs *limbs, struct tree *tree)
         int member[TREE_LANES], at[TREE_LANES];
         int count = bundle_members(limbs, bundle, member);
 
+        /* Along the limbs side by side, as long as one has a body left */
         for (int l = 0; l < count; l++) {
             at[l] = limbs->limb[member[l]].first;
         }
@@ -131,6 +136,8 @@ static void make_groups(const struct limbs *limbs, struct tree *tree)
                 at[l] = limbs->next[at[l]];
                 active += at[l] >= 0;
             }
+
+            /* Lanes without a body repeat the first */
             for (int l = count; l < group->width; l++) {
                 group->body[l] = group->body[0];
             }
@@ -138,6 +145,8 @@ static void make_groups(const struct limbs *limbs, struct tree *tree)
             count = active;
         }
     }
+
+    /* Where each lane's parent is */
     for (size_t g = 1; g < tree->ngroup; g++) {
         for (int l = 0; l < tree->group[g].width; l++) {
             int parent = tree->body[tree->group[g].body[l]].parent;
@@ -148,7 +157,7 @@ static void make_groups(const struct limbs *limbs, struct tree *tree)
     }
 }
 
-/* Puts parents before children; false when there is no such order. order and placed: scratch. */
+/* Puts parents before children; false when there is no such order. sorted and place: scratch. */
 static bool sort_groups(struct tree *tree, struct tree_group *sorted, int *place)
 {
     size_t done = 0;
@@ -156,6 +165,8 @@ static bool sort_groups(struct tree *tree, struct tree_group *sorted, int *place
     for (size_t g = 0; g < tree->ngroup; g++) {
         place[g] = -1;
     }
+
+    /* Round after round takes the groups whose parents are placed */
     while (done < tree->ngroup) {
         size_t before = done;
 
@@ -176,6 +187,8 @@ static bool sort_groups(struct tree *tree, struct tree_group *sorted, int *place
             return false;
         }
     }
+
+    /* Parents by their new numbers */
     for (size_t g = 0; g < tree->ngroup; g++) {
         for (int l = 0; l < sorted[g].width; l++) {
             int parent = sorted[g].parent_group[l];
@@ -199,6 +212,8 @@ static void try_bundle(struct limbs *limbs, struct tree *tree, int lanes, int a,
     if (from == to) {
         return;
     }
+
+    /* Every limb of one has to match every limb of the other, and all must fit */
     for (int n = 0; n < limbs->count; n++) {
         bool in_a = limbs->limb[n].bundle == to, in_b = limbs->limb[n].bundle == from;
 
@@ -213,6 +228,8 @@ static void try_bundle(struct limbs *limbs, struct tree *tree, int lanes, int a,
     if (count > lanes) {
         return;
     }
+
+    /* Join them, and part them again where the groups then have no order */
     for (int n = 0; n < limbs->count; n++) {
         limbs->moved[n] = limbs->limb[n].bundle == from;
         if (limbs->moved[n]) {
@@ -232,7 +249,7 @@ static void try_bundle(struct limbs *limbs, struct tree *tree, int lanes, int a,
 static void bundle_limbs(struct limbs *limbs, struct tree *tree, int lanes,
                          struct tree_group *sorted, int *place)
 {
-    /* twins of one parent first, then twins anywhere, then those that match in part */
+    /* Twins of one parent first, then twins anywhere, then those that match in part */
     for (int round = 0; round < 3; round++) {
         for (int a = 0; a < limbs->count; a++) {
             for (int b = a + 1; b < limbs->count; b++) {

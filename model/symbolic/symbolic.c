@@ -2,6 +2,7 @@
 /* The generator: robot -> tree -> expressions -> one C file. */
 #include "model/symbolic/symbolic.h"
 
+#include "base/count.h"
 #include "model/symbolic/emit.h"
 
 #include <ctype.h>
@@ -60,7 +61,7 @@ static const struct {
      "        __builtin_cpu_supports(\"avx512dq\") && __builtin_cpu_supports(\"fma\")"},
 };
 
-enum { VARIANTS = sizeof variants / sizeof *variants };
+enum { VARIANTS = ARRAY_COUNT(variants) };
 
 /* What a generation works on. */
 struct generation {
@@ -92,6 +93,7 @@ void symbolic_symbol(const struct robot *robot, char symbol[SYMBOLIC_SYMBOL])
     memcpy(symbol + n, "_dynamics", sizeof "_dynamics");
 }
 
+/* What the file is, what it costs, and which bodies share lanes. */
 static void write_header(const struct generation *g)
 {
     const struct robot *robot = g->robot;
@@ -198,7 +200,8 @@ static void write_entry(const struct generation *g, enum derive_function functio
     fprintf(g->file, "}\n");
 }
 
-static void write_module(const struct generation *g)
+/* The module: an entry for each of its functions, and the table of them. */
+static void write_dynamics_module(const struct generation *g)
 {
     static const enum derive_array forward[] = {DERIVE_Q, DERIVE_V, DERIVE_TAU, DERIVE_EXT};
     static const enum derive_array implicit[] = {DERIVE_Q,   DERIVE_V,     DERIVE_TAU,
@@ -208,12 +211,15 @@ static void write_module(const struct generation *g)
     const struct robot *robot = g->robot;
     size_t nobserved = 0;
 
+    /* The functions */
     write_entry(g, DERIVE_FORWARD_EXT, "forward", forward, 4);
     write_entry(g, DERIVE_IMPLICIT, "implicit", implicit, 6);
     write_entry(g, DERIVE_INVERSE, "inverse", inverse, 4);
     write_entry(g, DERIVE_KINEMATICS, "kinematics", motion, 2);
     write_entry(g, DERIVE_ACCELERATION, "acceleration", motion, 3);
     write_entry(g, DERIVE_ENERGY, "energy", motion, 2);
+
+    /* The table */
     for (size_t b = 0; b < robot->nbody; b++) {
         nobserved += robot->body[b].observed;
     }
@@ -230,6 +236,7 @@ static void write_module(const struct generation *g)
             g->report.count[DERIVE_FORWARD].operations);
 }
 
+/* Constants that the functions and the table refer to. */
 static void write_tables(const struct generation *g)
 {
     const struct robot *robot = g->robot;
@@ -243,7 +250,7 @@ static void write_tables(const struct generation *g)
     }
     fprintf(g->file, "-1};\nstatic const char robot_name[] = \"");
     for (const char *letter = robot->name; *letter; letter++) {
-        /* octal where C would read something else than the letter */
+        /* Octal where C would read something else than the letter */
         if (isalnum((unsigned char)*letter) || strchr(" -_.", *letter)) {
             fputc(*letter, g->file);
         } else {
@@ -261,8 +268,7 @@ static enum error_code write_file(const struct generation *g, struct error *erro
                      "#if defined __clang__\n#pragma STDC FP_CONTRACT ON\n"
                      "#elif defined __GNUC__\n#pragma GCC optimize(\"fp-contract=fast\")\n"
                      "#endif\n\n");
-    write_lines(g->file, module_declaration,
-                sizeof module_declaration / sizeof *module_declaration);
+    write_lines(g->file, module_declaration, ARRAY_COUNT(module_declaration));
     fprintf(g->file, "\n");
     emit_preamble(g->file);
     write_tables(g);
@@ -273,7 +279,7 @@ static enum error_code write_file(const struct generation *g, struct error *erro
     for (int f = 0; f < DERIVE_COUNT; f++) {
         emission_write(g->emission[f], g->file);
     }
-    write_module(g);
+    write_dynamics_module(g);
     fprintf(g->file, "\n#endif\n");
     if (fflush(g->file) || ferror(g->file)) {
         return error_set(error, ERROR_SYSTEM, "the generated file cannot be written");
@@ -293,23 +299,32 @@ enum error_code symbolic_generate(const struct robot *robot, const struct symbol
     g->robot = robot;
     g->file = file;
     symbolic_symbol(robot, g->symbol);
-    code = tree_create(robot, options->lanes, &g->tree, error);
-    for (int f = 0; !code && f < DERIVE_COUNT; f++) {
+
+    /* The tree with its lanes, each function's expressions, and how they are written */
+    if ((code = tree_create(robot, options->lanes, &g->tree, error))) {
+        goto done;
+    }
+    for (int f = 0; f < DERIVE_COUNT; f++) {
         graph_init(&g->graph[f]);
-        code = derive((enum derive_function)f, &g->tree, &g->graph[f], &g->derivation[f], error);
-        if (!code) {
-            g->report.count[f].function = function_name[f];
-            code = emission_create(function_name[f], &g->graph[f], &g->derivation[f],
-                                   &g->emission[f], &g->report.count[f], error);
+        g->report.count[f].function = function_name[f];
+        if ((code = derive((enum derive_function)f, &g->tree, &g->graph[f], &g->derivation[f],
+                           error)) ||
+            (code = emission_create(function_name[f], &g->graph[f], &g->derivation[f],
+                                    &g->emission[f], &g->report.count[f], error))) {
+            goto done;
         }
     }
-    if (!code) {
-        g->report.groups = g->tree.ngroup;
-        code = write_file(g, error);
+
+    /* The file */
+    g->report.groups = g->tree.ngroup;
+    if ((code = write_file(g, error))) {
+        goto done;
     }
-    if (!code && report) {
+    if (report) {
         *report = g->report;
     }
+
+done:
     for (int f = 0; f < DERIVE_COUNT; f++) {
         emission_destroy(g->emission[f]);
         derivation_fini(&g->derivation[f]);

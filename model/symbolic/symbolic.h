@@ -50,8 +50,9 @@ struct symbolic_library {
 };
 
 /* Generates, compiles with cc and loads robot's module, or loads what an earlier call left in
- * folder, which must exist and belong to this user alone. The file's name holds the robot's hash and
- * the generator's version. Without a compiler ERROR_UNSUPPORTED. Takes seconds when it compiles. */
+ * folder, which must exist and belong to this user alone. The file's name holds the robot's hash
+ * and the generator's version. Without a compiler ERROR_UNSUPPORTED. Takes seconds when it
+ * compiles. */
 enum error_code symbolic_build(const struct robot *robot, const struct symbolic_options *options,
                                const char *folder, struct symbolic_library *library,
                                struct error *error);

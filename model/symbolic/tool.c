@@ -28,7 +28,11 @@ int main(int argc, char **argv)
         fprintf(stderr, "%s\n", error.text);
         return 2;
     }
+
+    /* The module is called as the build says, not as the robot is */
     named->name = argv[3];
+
+    /* A file that is not complete does not stay */
     file = fopen(argv[2], "w");
     if (!file) {
         perror(argv[2]);

@@ -24,9 +24,10 @@ struct placement {
     struct tree_turn turn[TREE_TURNS];
 };
 
-static void clean(double x[3])
+/* Components of a vector that are nothing but rounding become zero. */
+static void clean_vector(double x[3])
 {
-    double norm = sqrt(vec3_dot(x, x));
+    double norm = vec3_norm(x);
 
     for (int m = 0; m < 3; m++) {
         if (fabs(x[m]) <= ROUNDING * norm) {
@@ -35,7 +36,7 @@ static void clean(double x[3])
     }
 }
 
-static void turn_matrix(const struct tree_turn *turn, double R[9])
+static void turn_to_matrix(const struct tree_turn *turn, double R[9])
 {
     int i = (turn->axis + 1) % 3, j = (turn->axis + 2) % 3;
 
@@ -50,7 +51,7 @@ static void turn_append(double R[9], const struct tree_turn *turn)
 {
     double T[9], product[9];
 
-    turn_matrix(turn, T);
+    turn_to_matrix(turn, T);
     mat3_mul(R, T, product);
     memcpy(R, product, sizeof product);
 }
@@ -60,6 +61,7 @@ static void find_turns(const double a[3], struct placement *place)
 {
     int k = 0, zero = -1;
 
+    /* The axis that a is nearest to */
     for (int m = 0; m < 3; m++) {
         k = fabs(a[m]) > fabs(a[k]) ? m : k;
         zero = a[m] == 0.0 ? m : zero;
@@ -68,6 +70,7 @@ static void find_turns(const double a[3], struct placement *place)
     place->sign = a[k] < 0.0 ? -1.0 : 1.0;
     place->nturn = 0;
 
+    /* None, one or two turns, by how many components are left across it */
     int i = (k + 1) % 3, j = (k + 2) % 3;
     double ai = place->sign * a[i], aj = place->sign * a[j], ak = fabs(a[k]);
     if (ai == 0.0 && aj == 0.0) {
@@ -93,18 +96,18 @@ static void place_joint(const struct robot_joint *joint, const double align[9], 
     double in_parent[3], a[3], norm;
 
     mat3_apply_transposed(align, joint->origin, place->r);
-    clean(place->r);
+    clean_vector(place->r);
     for (int m = 0; m < 3; m++) {
         place->r[m] += at[m];
     }
-    clean(place->r);
+    clean_vector(place->r);
     mat3_apply(joint->rotation, joint->axis, in_parent);
     mat3_apply_transposed(align, in_parent, a);
-    norm = sqrt(vec3_dot(a, a));
+    norm = vec3_norm(a);
     for (int m = 0; m < 3; m++) {
         a[m] /= norm;
     }
-    clean(a);
+    clean_vector(a);
     find_turns(a, place);
 }
 
@@ -148,16 +151,6 @@ static double children_cost(const struct robot *robot, size_t b, const double al
     return cost;
 }
 
-static bool is_identity(const double R[9])
-{
-    for (int m = 0; m < 9; m++) {
-        if (R[m] != (m % 4 == 0 ? 1.0 : 0.0)) {
-            return false;
-        }
-    }
-    return true;
-}
-
 /* Cleans the rows of a rotation of rounding residues. */
 static void clean_rotation(double R[9])
 {
@@ -184,6 +177,7 @@ static void choose_base_frame(const struct robot *robot, struct tree_body *base)
         if (robot->body[c].parent != 0) {
             continue;
         }
+        /* The frame in which this child's axis is a coordinate axis */
         mat3_identity(identity);
         place_joint(&robot->joint[c - 1], identity, base->at, &place);
         mat3_identity(align);
@@ -191,13 +185,14 @@ static void choose_base_frame(const struct robot *robot, struct tree_body *base)
             turn_append(align, &place.turn[n]);
         }
         clean_rotation(align);
-        cost = children_cost(robot, 0, align, base->at) + (is_identity(align) ? 0.0 : COST_ALIGN);
+        cost =
+            children_cost(robot, 0, align, base->at) + (mat3_is_identity(align) ? 0.0 : COST_ALIGN);
         if (cost < best) {
             best = cost;
             memcpy(base->align, align, sizeof align);
         }
     }
-    base->aligned = is_identity(base->align);
+    base->aligned = mat3_is_identity(base->align);
 }
 
 /* The angle about axis k that brings the part of x across the axis onto a coordinate axis. */
@@ -223,6 +218,7 @@ static void choose_offset(const struct robot *robot, size_t b, struct tree_body 
         if (robot->body[c].parent != (int)b) {
             continue;
         }
+        /* Two candidates a child: its axis or its origin comes onto a coordinate axis */
         mat3_apply(robot->joint[c - 1].rotation, robot->joint[c - 1].axis, in_parent);
         mat3_apply_transposed(start, in_parent, across[0]);
         mat3_apply_transposed(start, robot->joint[c - 1].origin, across[1]);
@@ -262,7 +258,7 @@ static double origin_cost(const struct robot *robot, size_t b, const struct plac
         double T[9], x[3] = {at[0], at[1], at[2]};
 
         back.s = -back.s;
-        turn_matrix(&back, T);
+        turn_to_matrix(&back, T);
         mat3_apply(T, x, at);
     }
     for (int m = 0; m < 3; m++) {
@@ -283,6 +279,7 @@ static void choose_origin(const struct robot *robot, size_t b, const struct plac
     memcpy(body->r, place->r, sizeof body->r);
     best = origin_cost(robot, b, place, body, zero, at);
     for (size_t c = b; c < robot->nbody; c++) {
+        /* By how much the candidate moves the origin */
         if (c == b) {
             free_origin(place, body->prismatic, moved);
         } else if (robot->body[c].parent == (int)b && !body->prismatic && place->nturn == 0) {
@@ -294,6 +291,8 @@ static void choose_origin(const struct robot *robot, size_t b, const struct plac
         } else {
             continue;
         }
+
+        /* The best so far, if it saves more than rounding */
         cost = origin_cost(robot, b, place, body, moved, at);
         if (cost < best - 1.0) {
             best = cost;
@@ -345,6 +344,7 @@ static void set_body(const struct robot *robot, size_t b, struct tree *tree)
     body->sign = place.sign;
     body->nturn = place.nturn;
     memcpy(body->turn, place.turn, sizeof body->turn);
+
     /* align = R^T align(parent) turns: the joint turns nothing at q = 0 */
     mat3_transpose(joint->rotation, transposed);
     mat3_mul(transposed, parent->align, align);
@@ -353,11 +353,13 @@ static void set_body(const struct robot *robot, size_t b, struct tree *tree)
     }
     clean_rotation(align);
     memcpy(body->align, align, sizeof align);
+
+    /* Origin and zero are free: where they make the children cheap */
     choose_origin(robot, b, &place, body);
     if (!body->prismatic) {
         choose_offset(robot, b, body);
     }
-    body->aligned = is_identity(body->align);
+    body->aligned = mat3_is_identity(body->align);
 }
 
 /* K <- K + x y^T + y x^T */
@@ -371,7 +373,7 @@ static void add_outer(double K[6], double factor, const double x[3], const doubl
 }
 
 /* Moves to the parent what moves as well with it. */
-static void lump(struct tree_body *child, struct tree_body *parent)
+static void lump_into_parent(struct tree_body *child, struct tree_body *parent)
 {
     int k = child->axis, kk = sym3_index[k][k];
     double C[9], a[3];
@@ -413,6 +415,8 @@ enum error_code tree_create(const struct robot *robot, int lanes, struct tree *t
         tree_destroy(tree);
         return error_set(error, ERROR_MEMORY, "no memory for a tree of %zu bodies", robot->nbody);
     }
+
+    /* Working frames from the base outward, then inertias lumped inward */
     for (size_t b = 0; b < robot->nbody; b++) {
         struct tree_body *body = &tree->body[b];
 
@@ -428,7 +432,7 @@ enum error_code tree_create(const struct robot *robot, int lanes, struct tree *t
     for (size_t b = robot->nbody - 1; b > 0; b--) {
         struct tree_body *child = &tree->body[b];
 
-        lump(child, &tree->body[child->parent]);
+        lump_into_parent(child, &tree->body[child->parent]);
     }
     if (tree_assign_lanes(tree, lanes, error)) {
         tree_destroy(tree);

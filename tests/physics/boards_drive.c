@@ -140,7 +140,7 @@ static void enable(struct bench *bench, bool current)
     send(bench, 0x001, 2, (const uint8_t[]){ICUB_SET_CONTROL_MODE, mode});
 }
 
-/* volts or amperes */
+/* Volts or amperes */
 static void command(struct bench *bench, bool current, double value)
 {
     uint8_t data[8] = {ICUB_SET_OPEN_LOOP};
@@ -182,7 +182,7 @@ static void a_voltage_gives_the_motor_s_speed(void **state)
             command(&bench, false, 6.0);
             tick(&bench);
         }
-        /* the quantum of the voltage: 48 V / 1333, 48 V / 1000, 2 mV */
+        /* The quantum of the voltage: 48 V / 1333, 48 V / 1000, 2 mV */
         fail_unless_close(hip(&bench)->qmd, speed, speed * 0.5 * 0.048 / 6.0 + 1e-6);
         assert_true(plant_command(bench.rig.plant)->motor[HIP].bridge_on);
         stop(&bench);
@@ -252,7 +252,7 @@ static void the_foc_current_loop_is_as_stable_as_its_gains_say(void **state)
     for (int t = 1; t <= 12; t++) {
         command(&bench, true, 4.0);
         tick(&bench);
-        /* a thousandth of the supply is 72 mA through this winding */
+        /* A thousandth of the supply is 72 mA through this winding */
         fail_unless_close(hip(&bench)->current_a, 4.0 * (1.0 - pow(0.5, t)), 0.1);
     }
     stop(&bench);

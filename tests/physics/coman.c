@@ -111,9 +111,9 @@ static void free_fall_moves_no_joint(void **state)
     }
 
     /* 0.3 s through the plant: the center of mass is where Galilei has it, no joint has moved */
-    plant_centre_of_mass(coman.plant, before, momentum);
+    plant_center_of_mass(coman.plant, before, momentum);
     assert_int_equal(plant_step(coman.plant, 3000), ERROR_NONE);
-    plant_centre_of_mass(coman.plant, after, momentum);
+    plant_center_of_mass(coman.plant, after, momentum);
     assert_int_equal(plant_sample(coman.plant), ERROR_NONE);
     for (int i = 0; i < 3; i++) {
         assert_near(after[i] - before[i], 0.5 * g[i] * 0.3 * 0.3, 1e-12);
@@ -198,7 +198,7 @@ static void random_voltages_change_no_momentum(void **state)
         assert_int_equal(plant_step(coman.plant, 10), ERROR_NONE);
     }
     momenta(&coman, c, linear, angular);
-    plant_centre_of_mass(coman.plant, centre, momentum);
+    plant_center_of_mass(coman.plant, centre, momentum);
     for (int i = 0; i < 3; i++) {
         print_message("# axis %d: linear %.1e of %.1f kg m/s, angular %.1e of %.2f kg m2/s\n", i,
                       linear[i] - linear0[i], size, angular[i] - angular0[i], spin);

@@ -30,7 +30,7 @@ static void ground_carries_the_weight_of_the_standing_robot(void **state)
 
     (void)state;
     standing_init(&standing, &choice);
-    plant_centre_of_mass(standing.plant, start, momentum);
+    plant_center_of_mass(standing.plant, start, momentum);
     standing_hold(&standing, 800);
     weight = -standing.robot->total_mass * standing.robot->gravity[2];
     expected = weight;
@@ -45,7 +45,7 @@ static void ground_carries_the_weight_of_the_standing_robot(void **state)
             }
         }
     }
-    plant_centre_of_mass(standing.plant, centre, momentum);
+    plant_center_of_mass(standing.plant, centre, momentum);
     assert_int_equal(plant_energy(standing.plant, &energy), ERROR_NONE);
     print_message(
         "# ground %.3f N of %.3f, sensors %.3f N of %.3f; center of mass moved %.4f m and "

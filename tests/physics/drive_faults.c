@@ -32,7 +32,7 @@ static const struct motor_sense *hip(const struct plant_rig *rig)
     return &plant_sensors(rig->plant)->motor[HIP];
 }
 
-/* of SUBSTEP_NS each */
+/* Of SUBSTEP_NS each */
 static void run(struct plant_rig *rig, int milliseconds)
 {
     assert_int_equal(plant_step(rig->plant, (size_t)(milliseconds * STEPS_A_MS)), ERROR_NONE);
@@ -132,7 +132,7 @@ static void shorted_winding_brakes_a_loose_rotor(void **unused)
     }
 }
 
-/* shorted, the bridge may be off or on: the same */
+/* Shorted, the bridge may be off or on: the same */
 static void short_does_not_ask_the_bridge(void **unused)
 {
     struct plant_rig rig;

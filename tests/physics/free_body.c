@@ -155,7 +155,7 @@ static void spin_up(struct free_rig *rig, int64_t substep_ns, double axes[9])
     free_rig_start(rig);
 }
 
-/* world, about the center of mass */
+/* World, about the center of mass */
 static void angular_momentum(const struct free_rig *rig, double L[3])
 {
     double R[9], momentum[3];
@@ -165,7 +165,7 @@ static void angular_momentum(const struct free_rig *rig, double L[3])
     mat3_apply(R, momentum, L);
 }
 
-/* largest deviation after 5 s from Jacobi's spin, and relative ones of momentum and energy */
+/* Largest deviation after 5 s from Jacobi's spin, and relative ones of momentum and energy */
 static void tumble(int64_t substep_ns, double error[3])
 {
     struct free_rig rig;
@@ -235,7 +235,7 @@ static void push_moves_and_turns_it(void **state)
     plant_set_push(rig.plant, (int)rig.toy.robot.nbody + 1, force, moment);
     step(&rig, 10);
 
-    /* moment about the center of mass, in the body: I w' = that at rest */
+    /* Moment about the center of mass, in the body: I w' = that at rest */
     mat3_from_quaternion(rig.body[1].quaternion, R);
     mat3_apply(R, rig.body[1].inertia.com, about);
     vec3_cross(force, about, local);
@@ -329,7 +329,7 @@ static void robot_and_box_exchange_momentum(void **state)
     memcpy(rig.body[0].v, (const double[3]){0.5, 1.0, -0.7}, sizeof rig.body[0].v);
     memcpy(rig.body[0].w, (const double[3]){2.0, -3.0, 1.0}, sizeof rig.body[0].w);
     free_rig_start(&rig);
-    plant_centre_of_mass(rig.plant, position, robot);
+    plant_center_of_mass(rig.plant, position, robot);
     for (int i = 0; i < 3; i++) {
         start[i] = robot[i] + 1.5 * rig.free[7 + i];
         box[i] = 1.5 * rig.free[7 + i];
@@ -338,7 +338,7 @@ static void robot_and_box_exchange_momentum(void **state)
         const struct contact_wrench *wrench;
 
         step(&rig, 500);
-        plant_centre_of_mass(rig.plant, position, robot);
+        plant_center_of_mass(rig.plant, position, robot);
         wrench = plant_contact_wrenches(rig.plant);
         for (int i = 0; i < 3; i++) {
             assert_near(robot[i] + 1.5 * rig.free[7 + i], start[i], 1e-9);
@@ -397,7 +397,7 @@ static void free_bodies_live_on_beside_a_clamped_robot(void **state)
         assert_near(rig.state[i], before[i], i >= 3 && i < 7 ? 1e-15 : 0.0);
     }
     for (int i = 0; i < 3; i++) {
-        assert_near(wrench[0].force[i], 0.0, 0.0); /* the jig takes it */
+        assert_near(wrench[0].force[i], 0.0, 0.0); /* the clamp takes it */
         assert_near(wrench[0].moment[i], 0.0, 0.0);
         assert_near(wrench[1].force[i], i == 2 ? 1.5 * gravity : 0.0, 1e-3);
     }
@@ -422,8 +422,8 @@ static void robot_moves_alike_with_a_body_that_it_never_meets(void **state)
     step(&without, 500);
     assert_memory_equal(with.state, without.state,
                         (size_t)(without.free - without.state) * sizeof *with.state);
-    plant_centre_of_mass(with.plant, with_place, with_momentum);
-    plant_centre_of_mass(without.plant, place, momentum);
+    plant_center_of_mass(with.plant, with_place, with_momentum);
+    plant_center_of_mass(without.plant, place, momentum);
     assert_memory_equal(with_place, place, sizeof place);
     assert_memory_equal(with_momentum, momentum, sizeof momentum);
     free_rig_fini(&with);
@@ -509,26 +509,26 @@ static void refuses_bodies_that_cannot_be(void **state)
     body->inertia.mass = 0.0;
     assert_refused(&rig, "free body box: inertia without mass");
     memset(body->inertia.I, 0, sizeof body->inertia.I);
-    assert_refused(&rig, "free body box would move without inertia");
+    assert_refused(&rig, "free body box: expected a mass and three principal moments");
     *body = free_rig_box();
     body->inertia.mass = -1.0;
     assert_refused(&rig, "mass -1 kg is negative");
     *body = free_rig_box();
     memcpy(body->inertia.I, flat, sizeof flat);
-    assert_refused(&rig, "free body box would move without inertia");
+    assert_refused(&rig, "free body box: expected a mass and three principal moments");
     memcpy(body->inertia.I, impossible, sizeof impossible);
     assert_refused(&rig, "the largest exceeds the sum");
     memcpy(body->inertia.I, indefinite, sizeof indefinite);
     assert_refused(&rig, "not positive");
     *body = free_rig_box();
     body->position[1] = (double)NAN;
-    assert_refused(&rig, "no place to start from");
+    assert_refused(&rig, "invalid start");
     *body = free_rig_box();
     body->w[2] = (double)INFINITY;
-    assert_refused(&rig, "no place to start from");
+    assert_refused(&rig, "invalid start");
     *body = free_rig_box();
     body->quaternion[0] = 0.0;
-    assert_refused(&rig, "no place to start from");
+    assert_refused(&rig, "invalid start");
     *body = free_rig_box();
     rig.contact_body[2]++;
     assert_refused(&rig, "bodies 0 to 8 and free ones follow up to 9");

@@ -48,7 +48,7 @@ struct sample {
 
 static struct sample track[SAMPLES], other[SAMPLES];
 
-/* integrator and substep instead of the rig's when substep_ns > 0; Ks > 0: of all springs. */
+/* Integrator and substep instead of the rig's when substep_ns > 0; Ks > 0: of all springs. */
 static void scene_init(struct scene *scene, const char *name, enum plant_integrator integrator,
                        int64_t substep_ns, double Ks)
 {
@@ -236,7 +236,7 @@ static void the_box_is_lifted_and_held(void **state)
         assert_near(track[k].pull_z, weight, 0.005 * weight);
     }
     assert_near(start, 1.06, 0.05);
-    /* friction carries the box, the feet carry all */
+    /* Friction carries the box, the feet carry all */
     assert_near(mean(&track[END - HOLD].pull_z, HOLD), weight, 0.02 * weight);
     feet = 9.81 * (scene.robot->total_mass + 1.5);
     assert_near(mean(&track[END - HOLD].feet, HOLD), feet, 0.01 * feet);
@@ -246,7 +246,7 @@ static void the_box_is_lifted_and_held(void **state)
         assert_near(track[k].rub[LEFT], track[k].rub[RIGHT], 0.3);
         assert_true(track[k].box[2] - 0.55 > 0.03);
     }
-    /* what the wrists hold creeps at a part of the friction law's transition velocity */
+    /* What the wrists hold creeps at a part of the friction law's transition velocity */
     creep = ((track[END - HOLD].box[2] - track[END - HOLD].wrist_z) -
              (track[END - 1].box[2] - track[END - 1].wrist_z)) /
             (1e-3 * HOLD);
@@ -295,7 +295,7 @@ static void any_springs_are_stable_at_a_millisecond(void **state)
         struct scene scene;
         double fastest = 0.0, jump = 0.0, total;
 
-        /* what stands must be stiffer than gravity topples: the soft one is held at its base */
+        /* What stands must be stiffer than gravity topples: the soft one is held at its base */
         scene_init(&scene, n == 0 ? "grasp-locked" : "grasp-light", PLANT_IMPLICIT, 1000000,
                    stiffness[n]);
         perform(&scene, END, track);
@@ -379,7 +379,7 @@ static void implicit_is_of_order_one_and_where_dopri5_is(void **state)
                       1.0 / (1 << n), angle[n], worst[n], 100.0 * press[n], 100.0 * feet[n]);
     }
     assert_true(worst[0] < 2e-3 && feet[0] < 0.02 && press[0] < 0.05);
-    /* the first steps do not resolve how the wrists come to touch */
+    /* The first steps do not resolve how the wrists come to touch */
     for (int n = 1; n < STEPS - 1; n++) {
         assert_true(angle[n] / angle[n + 1] > 1.6 && angle[n] / angle[n + 1] < 2.5);
     }

@@ -192,7 +192,7 @@ static void reference_poses_touch_and_squeeze_the_box(void **state)
     pose_arms(&scene, squeeze);
     right = pair_force(&scene, PAIR_RIGHT, 1);
     left = pair_force(&scene, PAIR_LEFT, 1);
-    /* a sphere's exact foundation: k pi (R - d) d^2; the engine counts triangles of 2 cm */
+    /* A sphere's exact foundation: k pi (R - d) d^2; the engine counts triangles of 2 cm */
     expected = 5e6 * M_PI * (0.02 - 0.01) * 0.01 * 0.01;
     print_message("# 1 cm deep the wrists press with %.3f and %.3f N, exact would be %.3f N\n",
                   right, left, expected);

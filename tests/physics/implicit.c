@@ -292,7 +292,7 @@ static void a_tie_of_any_stiffness_conserves_momentum(void **state)
             }
             assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
         }
-        plant_centre_of_mass(rig.plant, center, robot);
+        plant_center_of_mass(rig.plant, center, robot);
         box = rig.body[0].inertia.mass * rig.free[9];
         total = robot[2] + box;
         given = -9.81 * seconds * (rig.toy.robot.total_mass + rig.body[0].inertia.mass);

@@ -25,7 +25,7 @@ static const double thigh_m = 0.2258, shank_m = 0.201;
 static const char *const pitch[2][3] = {{"RHipSag", "RKneeSag", "RAnkSag"},
                                         {"LHipSag", "LKneeSag", "LAnkSag"}};
 
-/* what the test hangs below the sensors of the feet */
+/* What the test hangs below the sensors of the feet */
 static const struct robot_inertia below = {
     .mass = 0.6, .com = {0.02, -0.01, -0.05}, .I = {1e-3, 1e-4, 2e-4, 2e-3, -1e-4, 2e-3}};
 
@@ -65,7 +65,7 @@ static void leg_angles(const double start[3], double depth, double angle[3])
     angle[2] = -turned - angle[1];
 }
 
-/* references of the legs at ms k, from those that keep the start */
+/* References of the legs at ms k, from those that keep the start */
 static void squat(struct rig_scene *scene, const double settled[RIG_SCENE_JOINTS], int k)
 {
     double t = fmax(0.0, fmin(period_s, 1e-3 * (k - BEGIN)));
@@ -132,7 +132,7 @@ static void observe(struct rig_scene *scene, struct sample *sample)
             sample->patches[i] += patch[p].force[i]; /* the ground is first in each pair */
         }
     }
-    plant_centre_of_mass(scene->plant, center, sample->momentum);
+    plant_center_of_mass(scene->plant, center, sample->momentum);
 }
 
 static struct rig_scene_choice coman_with(enum plant_integrator integrator, int64_t substep_ns)
@@ -298,7 +298,7 @@ static void a_state_that_was_set_is_sensed_by_the_laws(void **state)
     print_message("# shear force of the step and of the laws: %.2e N apart\n", shear);
     assert_true(shear > 1e-6);
 
-    /* sampled twice it is the same; set to the same values, or pushed by nothing, see above */
+    /* Sampled twice it is the same; set to the same values, or pushed by nothing, see above */
     assert_int_equal(plant_sample(stepped.plant), ERROR_NONE);
     assert_true(fabs(of_step->ft[0].force_n[0] - of_laws->ft[0].force_n[0]) == shear);
     to[7] = from[7] = from[7] + 1e-9;
@@ -307,7 +307,7 @@ static void a_state_that_was_set_is_sensed_by_the_laws(void **state)
     assert_memory_equal(of_step->ft, of_laws->ft, of_step->nft * sizeof *of_step->ft);
     assert_memory_equal(&of_step->imu, &of_laws->imu, sizeof of_step->imu);
 
-    /* in the jig, where nothing was stepped to either */
+    /* Clamped, where nothing was stepped to either */
     plant_clamp(stepped.plant, true);
     plant_clamp(set.plant, true);
     rig_scene_hold(&stepped);

@@ -33,9 +33,9 @@ static void it_stands_on_the_ground_for_two_seconds(void **state)
 
     (void)state;
     standing_init(&standing, &choice);
-    plant_centre_of_mass(standing.plant, start, momentum);
+    plant_center_of_mass(standing.plant, start, momentum);
     standing_hold(&standing, 2000);
-    plant_centre_of_mass(standing.plant, end, momentum);
+    plant_center_of_mass(standing.plant, end, momentum);
     weight = -standing.robot->total_mass * standing.robot->gravity[2];
     print_message("# ground carries %.3f N of %.3f N, center of mass moved %.4f m\n",
                   carried_z(&standing), weight, end[0] - start[0]);

@@ -53,7 +53,7 @@ void __wrap_free(void *memory)
     __real_free(memory);
 }
 
-/* so that a count of zero below means what it says */
+/* So that a count of zero below means what it says */
 static void counters_see_the_allocator(void **state)
 {
     size_t before = calls;
@@ -87,7 +87,7 @@ static void step_and_sample(enum plant_integrator integrator)
         code = plant_step(rig.plant, 10);
         code = code == ERROR_NONE ? plant_sample(rig.plant) : code;
         code = code == ERROR_NONE ? plant_energy(rig.plant, &energy) : code;
-        plant_centre_of_mass(rig.plant, position, momentum);
+        plant_center_of_mass(rig.plant, position, momentum);
         plant_hash(rig.plant);
     }
     assert_int_equal(calls - before, 0);

@@ -178,7 +178,7 @@ static void push_on_the_foot_is_felt_in_full(void **state)
     assert_int_equal(plant_sample(block.plant), ERROR_NONE);
     sensors = plant_sensors(block.plant);
     assert_vector(sensors->ft[0].force_n, 7.0, -3.0, 5.0 - 0.4 * 9.81, 1e-12);
-    /* about the sensor, 0.05 above the origin: moment - (0, 0, 0.05) x force */
+    /* About the sensor, 0.05 above the origin: moment - (0, 0, 0.05) x force */
     assert_vector(sensors->ft[0].torque_nm, 0.3 + 0.05 * -3.0, 0.2 - 0.05 * 7.0 + 0.01 * 0.4 * 9.81,
                   -0.1, 1e-12);
     arena_fini(&block.arena);
@@ -208,7 +208,7 @@ static double force_across_the_cut(const struct plant_rig *rig, const double *vd
     cut.robot.frame = cut.frame;
     cut.robot.ft = cut.ft;
 
-    /* what is left of the foot: inertias about its origin subtract */
+    /* What is left of the foot: inertias about its origin subtract */
     mat3_apply(frame->rotation, distal->com, com);
     for (int i = 0; i < 3; i++) {
         com[i] += frame->position[i];
@@ -231,7 +231,7 @@ static double force_across_the_cut(const struct plant_rig *rig, const double *vd
     memcpy(cut.joint[j].rotation, frame->rotation, sizeof frame->rotation);
     toy_finish(&cut);
 
-    /* the same motion, the new joint still; the push acts below the cut, about the new origin */
+    /* The same motion, the new joint still; the push acts below the cut, about the new origin */
     memcpy(q, rig->state, 15 * sizeof *q);
     memcpy(v, rig->state + 15, 14 * sizeof *v);
     memcpy(a, vdot, 14 * sizeof *a);
@@ -269,7 +269,7 @@ static void foot_sensor_reads_the_force_across_the_cut(void **state)
     assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
     ft = &plant_sensors(rig.plant)->ft[0];
 
-    /* the accelerations by the drives' torques and the push */
+    /* The accelerations by the drives' torques and the push */
     for (size_t j = 0; j < 8; j++) {
         tau[j] = plant_sensors(rig.plant)->motor[j].torque_nm;
     }

@@ -20,7 +20,7 @@ struct rig_scene {
     struct contact_world *contact;
     struct plant *plant;
     size_t steps; /* substeps in a millisecond */
-    /* of rig_scene_hold: motor angles (rad) and the voltages that hold them (V) */
+    /* Of rig_scene_hold: motor angles (rad) and the voltages that hold them (V) */
     double reference[RIG_SCENE_JOINTS], holding[RIG_SCENE_JOINTS];
 };
 
@@ -31,7 +31,7 @@ struct rig_scene_choice {
     int64_t substep_ns;             /* a part of a millisecond */
     double tolerance;               /* of dopri5 */
     double transition_velocity_m_s; /* 0 = the rig's */
-    /* what is below a force-torque sensor that the robot's file lets nothing hang from */
+    /* What is below a force-torque sensor that the robot's file lets nothing hang from */
     const struct robot_inertia *below;
 };
 

@@ -133,7 +133,7 @@ static void yard_fini(struct yard *yard)
     arena_fini(&yard->arena);
 }
 
-/* what stays after some time on its own */
+/* What stays after some time on its own */
 static void assert_stays(struct yard *yard, double tolerance)
 {
     double before[7], after[7];
@@ -333,7 +333,7 @@ static void thrown_body_is_left_alone(void **state)
 
 /* ---- refusals ---- */
 
-/* the message has these words, and the plant is as it was reset */
+/* The message has these words, and the plant is as it was reset */
 static void assert_refused(struct yard *yard, const char *name, const char *reason)
 {
     uint64_t before, after;

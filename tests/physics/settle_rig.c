@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The rigs' static equilibrium: what carries what at time zero, that nothing moves afterwards, that
- * it is where a run from the rig's own start comes to rest, and that a jig keeps it until the motors
- * are on.
+ * it is where a run from the rig's own start comes to rest, and that the clamp keeps it until the
+ * motors are on.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -26,7 +26,7 @@ static double weight_of(const struct rig_scene *scene)
     return -scene->robot->total_mass * scene->robot->gravity[2];
 }
 
-/* largest deviation of the feet's force from the weight over some milliseconds of holding */
+/* Largest deviation of the feet's force from the weight over some milliseconds of holding */
 static double hold(struct rig_scene *scene, int milliseconds)
 {
     double peak = 0.0;
@@ -64,8 +64,9 @@ static void coman_stands_still_from_the_first_step(void **state)
     rig_scene_fini(&scene);
 }
 
-/* From the rig's start, links as they will be but springs relaxed and soles on the surface, the same
- * references lead into the same rest. What friction keeps of the landing creeps away slowly. */
+/* From the rig's start, links as they will be but springs relaxed and soles on the surface, the
+ * same references lead into the same rest. What friction keeps of the landing creeps away
+ * slowly. */
 static void a_damped_run_from_the_rigs_start_ends_in_the_same_place(void **state)
 {
     static struct rig_scene scene;
@@ -140,8 +141,8 @@ static void the_box_of_the_grasp_rests_on_the_table_at_time_zero(void **state)
     rig_scene_fini(&scene);
 }
 
-/* Motors off behind a jig: rotors, springs and contacts stay as they are, to the last bit; once let
- * go with the holding voltages the weight stays on the feet. */
+/* Motors off of a clamped robot: rotors, springs and contacts stay as they are, to the last bit;
+ * once let go with the holding voltages the weight stays on the feet. */
 static void a_jig_keeps_the_springs_loaded_until_it_lets_go(void **state)
 {
     static const enum plant_integrator integrators[] = {PLANT_IMPLICIT, PLANT_RK4};
@@ -175,16 +176,16 @@ static void a_jig_keeps_the_springs_loaded_until_it_lets_go(void **state)
         }
         assert_int_equal(plant_energy(scene.plant, &energy), ERROR_NONE);
         assert_near(energy.balance, 0.0, 1e-12);
-        hold(&scene, 20); /* the currents come back while the jig still holds */
+        hold(&scene, 20); /* the currents come back while the clamp still holds */
         plant_clamp(scene.plant, false);
         peak = hold(&scene, 300);
-        print_message("# largest deviation after the jig: %.1e N\n", peak);
+        print_message("# largest deviation after the clamp: %.1e N\n", peak);
         assert_true(peak < 1e-3);
         rig_scene_fini(&scene);
     }
 }
 
-/* A reset robot in a jig is as ever: motors move behind their springs, feet feel nothing. */
+/* A reset robot that is clamped is as ever: motors move behind their springs, feet feel nothing. */
 static void resetting_takes_the_jig_off_the_rotors(void **state)
 {
     static struct rig_scene scene;

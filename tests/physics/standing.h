@@ -84,7 +84,7 @@ static inline void standing_preload(struct standing *standing)
     size_t count, drive;
 
     state = plant_state(standing->plant, &count);
-    plant_centre_of_mass(standing->plant, centre, momentum);
+    plant_center_of_mass(standing->plant, centre, momentum);
     for (int k = 0; k < STANDING_FEET; k++) {
         const struct body_motion *foot = &motion[standing->foot[k]];
         const double force[3] = {0.0, 0.0, 0.5 * weight};

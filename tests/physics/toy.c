@@ -88,7 +88,7 @@ struct robot_sea toy_drive(double Ks)
                               .L = 0.32e-3};
 }
 
-/* a leg from hip to foot; returns nothing, the feet's bodies are known by number */
+/* A leg from hip to foot; returns nothing, the feet's bodies are known by number */
 static void add_leg(struct toy *toy, double y, double spring_sense)
 {
     static const double pitch[3] = {0.0, 1.0, 0.0};
@@ -140,7 +140,7 @@ void toy_walker(struct toy *toy)
     toy_finish(toy);
 }
 
-/* the point's tangent, in the place of the patch that is about to be counted */
+/* The point's tangent, in the place of the patch that is about to be counted */
 static void note_tangent(struct toy_ground *ground, const struct toy_point *point,
                          const struct body_motion *motion, const double arm[3], double normal,
                          double depth)
@@ -158,7 +158,7 @@ static void note_tangent(struct toy_ground *ground, const struct toy_point *poin
     contact_tangent_add(tangent, &element);
 }
 
-/* force and moment of one point; adds to the body's wrench */
+/* Force and moment of one point; adds to the body's wrench */
 static void press(struct toy_ground *ground, const struct toy_point *point,
                   const struct body_motion *motion, struct contact_wrench *wrench)
 {

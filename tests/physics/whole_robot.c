@@ -101,7 +101,7 @@ struct run {
     long step;
 };
 
-/* contact wrench moved to the world's origin */
+/* Contact wrench moved to the world's origin */
 static void add_contact(const struct contact_wrench *wrench, const double p[3], double force[3],
                         double moment[3])
 {
@@ -375,7 +375,7 @@ static void power_balances_while_a_box_is_lifted(void **state)
     run_end(&run);
 }
 
-/* largest violations of Newton's and Euler's laws, N and N m */
+/* Largest violations of Newton's and Euler's laws, N and N m */
 struct violation {
     double force, moment, box_force, box_moment, sensor_force, sensor_moment;
 };

@@ -116,7 +116,7 @@ static void a_drive_settles_at_any_stiffness_and_step(void **state)
         for (double h = 1e-4; h < 0.2; h *= 10.0) {
             const struct robot_sea sea = toy_drive(stiffness[s]);
             const double V = 5.0, torque = sea.Kt * V / sea.R;
-            /* the slowest pole of a soft spring is that of the motor's drag on the spring */
+            /* The slowest pole of a soft spring is that of the motor's drag on the spring */
             double slowest = (sea.Dm + sea.Kt * sea.Kw / sea.R) / sea.Ks;
             int steps = (int)fmin(1e6, 20.0 * (slowest + 0.1) / h);
             struct sea_state found = stepped_drive(&sea, V, h, steps);

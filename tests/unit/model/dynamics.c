@@ -259,7 +259,7 @@ static void inverse_gives_back_the_forces_of_forward(void **state)
         d.ops->forward(&d, s.q, s.v, s.tau, s.ext, vdot);
         d.ops->inverse(&d, s.q, s.v, vdot, s.ext, f);
 
-        /* nothing holds a floating base: its six come back as zero */
+        /* Nothing holds a floating base: its six come back as zero */
         memcpy(expected + tree.robot.nv - tree.robot.njoint, s.tau,
                tree.robot.njoint * sizeof *s.tau);
         worst = fmax(worst, relative(f, expected, tree.robot.nv, 1.0));
@@ -547,7 +547,7 @@ static void the_limbs_of_coman_are_mirror_images_and_its_trunk_is_not(void **sta
                           coman->body[b].name, x->com[1], x->I[1], x->I[4]);
             continue;
         }
-        /* the source rounds two numbers of the legs differently, by 4e-11 and 4e-9 m */
+        /* The source rounds two numbers of the legs differently, by 4e-11 and 4e-9 m */
         assert_true(x->mass == y->mass);
         for (int m = 0; m < 3; m++) {
             assert_true(fabs(x->com[m] - mirrored[m] * y->com[m]) <= 5e-9);

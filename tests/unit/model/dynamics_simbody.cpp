@@ -46,7 +46,7 @@ class Oracle
         system.realize(state, Stage::Dynamics);
     }
 
-    /* our order and frames: linear, then angular, components in the base frame */
+    /* Our order and frames: linear, then angular, components in the base frame */
     std::vector<double> forward(const double *tau, const struct wrench *ext, Vector &udot,
                                 Vector_<SpatialVec> &A) const
     {
@@ -106,7 +106,7 @@ class Oracle
     State state;
 
   private:
-    /* wrenches and weights in Simbody's frames */
+    /* Wrenches and weights in Simbody's frames */
     Vector_<SpatialVec> forces(const struct wrench *ext) const
     {
         Vector_<SpatialVec> F(matter.getNumBodies());

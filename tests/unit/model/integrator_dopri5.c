@@ -78,7 +78,7 @@ static void short_calls_remember_the_length_of_the_step(void **state)
 
     (void)state;
     assert_true(mixed_error(&control, 1000) < 1e-5);
-    /* one step each, but for the first calls, which find out */
+    /* One step each, but for the first calls, which find out */
     assert_true(control.evaluations < 1000 * 7 + 100);
 }
 

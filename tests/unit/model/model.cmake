@@ -11,7 +11,8 @@ foreach(name actuator integrator integrator_dopri5 robot robot_yaml walkman)
 endforeach()
 hil_test(model_actuator_step SOURCES ${unit}/actuator_step.c physics/toy.c LIBS model LABELS unit)
 hil_test(model_dynamics SOURCES ${unit}/dynamics.c LIBS random_robot LABELS unit)
-hil_test(model_dynamics_implicit SOURCES ${unit}/dynamics_implicit.c LIBS random_robot symbolic_builtin LABELS unit)
+hil_test(model_dynamics_implicit SOURCES ${unit}/dynamics_implicit.c
+         LIBS random_robot symbolic_builtin LABELS unit)
 hil_test(model_dynamics_simbody SOURCES ${unit}/dynamics_simbody.cpp
          LIBS random_robot SimTKsimbody SimTKmath SimTKcommon LABELS unit)
 target_include_directories(test_model_dynamics_simbody SYSTEM PRIVATE ${Simbody_INCLUDE_DIR})
@@ -21,6 +22,7 @@ add_library(symbolic_evaluate STATIC ${unit}/symbolic/evaluate.c)
 target_link_libraries(symbolic_evaluate PUBLIC symbolic random_robot)
 hil_test(symbolic SOURCES ${unit}/symbolic/symbolic.c LIBS symbolic_evaluate LABELS unit)
 hil_test(symbolic_memory SOURCES ${unit}/symbolic/memory.c LIBS symbolic_evaluate LABELS unit)
-target_link_options(test_symbolic_memory PRIVATE -Wl,--wrap=calloc -Wl,--wrap=realloc -Wl,--wrap=free)
+target_link_options(test_symbolic_memory PRIVATE
+                    -Wl,--wrap=calloc -Wl,--wrap=realloc -Wl,--wrap=free)
 hil_test(symbolic_module SOURCES ${unit}/symbolic/module.c
-         LIBS symbolic_evaluate symbolic_builtin LABELS unit TIMEOUT 120)
+         LIBS symbolic_evaluate symbolic_builtin LABELS unit TIMEOUT 300)

@@ -118,7 +118,7 @@ enum error_code random_tree_make(uint64_t *seed, struct random_tree *tree, struc
         body->observed = true;
         body->parent = -1;
         if (b > 0) {
-            /* mostly chains, with branches */
+            /* Mostly chains, with branches */
             body->parent = random_below(seed, 3) ? (int)b - 1 : (int)random_below(seed, b);
             random_joint(seed, &tree->joint[b - 1]);
         }

@@ -144,7 +144,7 @@ static void left_mirrors_right(void **state)
 
             assert_near(left->inertia.com[m], mirror * right->inertia.com[m], 0.0);
             assert_near(lj->origin[m], mirror * rj->origin[m], 0.0);
-            /* axes are pseudovectors; those along x and z are not turned around but run backward */
+            /* Axes are pseudovectors; those along x and z are not turned around but run backward */
             assert_near(fabs(lj->axis[m]), fabs(rj->axis[m]), 0.0);
         }
         assert_memory_equal(&lj->sea, &rj->sea, sizeof rj->sea);
@@ -195,7 +195,7 @@ static void the_squat_moves_the_waist_straight_down(void **state)
     for (int m = 0; m < 2; m++) {
         assert_near(top[m], bottom[m], 1e-14);
     }
-    /* below the hip axes, 0.017 m before the waist's origin */
+    /* Below the hip axes, 0.017 m before the waist's origin */
     assert_near(top[0], 0.1059 - 0.0889, 1e-14);
     assert_near(top[2], bottom[2], 1e-14);
 }

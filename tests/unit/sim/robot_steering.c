@@ -106,7 +106,7 @@ static void push_two(struct play *p, int64_t tick)
     const struct rig *rig = simulator_configuration(p->w.simulator)->rig;
     double position[3], momentum[3];
 
-    plant_centre_of_mass(simulator_plant(p->w.simulator), position, momentum);
+    plant_center_of_mass(simulator_plant(p->w.simulator), position, momentum);
     if (tick == 5) {
         p->number[0] = momentum[0];
         p->number[1] = momentum[1];

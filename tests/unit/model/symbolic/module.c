@@ -211,7 +211,7 @@ static void implicit_variants_agree(void **state)
         for (int j = 0; j < RANDOM_JOINTS; j++) {
             extra[j] = random_in(&seed, 0.0, 0.2);
         }
-        /* diagonally dominant: positive */
+        /* Diagonally dominant: positive */
         for (int m = 0; m < 21 * BODIES; m++) {
             int at = m % 21;
             bool diagonal = at == 0 || at == 6 || at == 11 || at == 15 || at == 18 || at == 20;
@@ -251,7 +251,7 @@ static void sine_and_cosine_are_right_to_the_last_place(void **state)
 
             for (int l = 0; l < 8; l++) {
                 x[l] = random_in(&seed, -size, size);
-                /* multiples of pi/2, where a reduction shows what it is worth */
+                /* Multiples of pi/2, where a reduction shows what it is worth */
                 if (n % 4 == 0) {
                     x[l] = round(x[l]) * M_PI_2;
                 }
@@ -434,7 +434,7 @@ static void generated_code_compiles_without_warnings(void **state)
         assert_int_equal(limbed_tree_make(&seed, &tree, &error), ERROR_NONE);
         assert_clean(&tree.robot);
     }
-    /* a free body without a joint */
+    /* A free body without a joint */
     tree.robot.floating = true;
     tree.robot.njoint = 0;
     tree.robot.nbody = 1;

@@ -489,7 +489,7 @@ static void coman_stays_within_its_budget_of_operations(void **state)
         assert_true((double)report.count[DERIVE_IMPLICIT].operations <=
                     1.35 * (double)report.count[DERIVE_FORWARD].operations);
     }
-    /* legs and arms side by side */
+    /* Legs and arms side by side */
     assert_int_equal(report.groups, 10);
 }
 

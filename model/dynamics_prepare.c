@@ -1,0 +1,103 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the numeric dynamics take from a robot's description: every joint as "a fixed rotation, then
+ * a turn about or a slide along one coordinate axis". A body whose joint axis is +x, +y or +z keeps
+ * its frame, any other gets an inner frame with the joint axis as z.
+ */
+#include "model/dynamics_kernels.h"
+
+/* The coordinate axis that a unit vector is, or -1. */
+static int axis_number(const double axis[3])
+{
+    for (int k = 0; k < 3; k++) {
+        if (axis[k] == 1.0 && axis[(k + 1) % 3] == 0.0 && axis[(k + 2) % 3] == 0.0) {
+            return k;
+        }
+    }
+    return -1;
+}
+
+/* A rotation whose third column is the unit vector axis. */
+static void rotation_to_axis(const double axis[3], double R[9])
+{
+    double x[3] = {0.0, 0.0, 0.0}, y[3], norm;
+    int least = 0;
+
+    for (int m = 1; m < 3; m++) {
+        if (fabs(axis[m]) < fabs(axis[least])) {
+            least = m;
+        }
+    }
+    x[least] = 1.0;
+    vec3_cross(axis, x, y);
+    norm = vec3_norm(y);
+    for (int m = 0; m < 3; m++) {
+        y[m] /= norm;
+    }
+    vec3_cross(y, axis, x);
+    for (int m = 0; m < 3; m++) {
+        R[3 * m] = x[m];
+        R[3 * m + 1] = y[m];
+        R[3 * m + 2] = axis[m];
+    }
+}
+
+/* Inertia of a body in its inner frame. */
+static void prepare_link_inertia(const struct robot_inertia *inertia, struct link *link)
+{
+    double I[6], com[3], body_to_inner[9];
+
+    memcpy(I, inertia->I, sizeof I);
+    mat3_transpose(link->align, body_to_inner);
+    mat3_apply(body_to_inner, inertia->com, com);
+    if (link->inner) {
+        sym3_rotate(body_to_inner, I);
+    }
+    link->mass = inertia->mass;
+    for (int m = 0; m < 3; m++) {
+        link->moment[m] = inertia->mass * com[m];
+    }
+    spatial_inertia_rigid(inertia->mass, com, I, &link->rigid);
+    memcpy(link->I, link->rigid.J, sizeof link->I);
+}
+
+/* Joint of a body as a fixed rotation and a coordinate axis. */
+static void prepare_link_joint(const struct robot_joint *joint, const struct link *parent,
+                               struct link *link)
+{
+    double parent_to_inner[9], turned[9];
+    int k = axis_number(joint->axis);
+
+    /* The inner frame: that of the body, or one with the joint axis as z */
+    link->type = joint->type;
+    link->inner = k < 0;
+    link->axis = link->inner ? 2 : k;
+    if (link->inner) {
+        rotation_to_axis(joint->axis, link->align);
+    } else {
+        mat3_identity(link->align);
+    }
+
+    /* Where it sits in the parent's inner frame */
+    mat3_transpose(parent->align, parent_to_inner);
+    mat3_mul(parent_to_inner, joint->rotation, turned);
+    mat3_mul(turned, link->align, link->fixed);
+    link->turned = !mat3_is_identity(link->fixed);
+    mat3_apply(parent_to_inner, joint->origin, link->origin);
+    for (int m = 0; m < 3; m++) {
+        link->slide[m] = link->fixed[3 * m + link->axis];
+    }
+    link->offset = joint->type == JOINT_PRISMATIC || vec3_dot(link->origin, link->origin) > 0.0;
+}
+
+void generic_prepare_link(const struct robot_body *body, const struct robot_joint *joint,
+                          const struct link *parent, struct link *link)
+{
+    link->parent = body->parent;
+    if (joint) {
+        prepare_link_joint(joint, parent, link);
+    } else {
+        mat3_identity(link->align);
+    }
+    prepare_link_inertia(&body->inertia, link);
+}

@@ -1,0 +1,307 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Making a plant: checks of its configuration, the layout of its state, its memory. */
+#include "model/plant.h"
+
+#include "model/implicit.h"
+#include "model/integrator.h"
+#include "model/plant_private.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Steps that dopri5 may try for one substep. */
+enum { DOPRI5_TRIES = 100000 };
+
+/* What the plant reads of a body must be among what the dynamics computes. */
+static enum error_code check_observed_body(const struct robot *robot, int body, const char *what,
+                                           struct error *error)
+{
+    if (body < 0 || (size_t)body >= robot->nbody) {
+        return error_set(error, ERROR_INPUT, "%s is on body %d, but %s has bodies 0 to %zu", what,
+                         body, robot->name, robot->nbody - 1);
+    }
+    if (!robot->body[body].observed) {
+        return error_set(error, ERROR_INPUT, "%s is on body %s, which %s does not mark as observed",
+                         what, robot->body[body].name, robot->name);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code check_contact_body(const struct plant_config *config, int body,
+                                          struct error *error)
+{
+    size_t nbody = config->robot->nbody;
+
+    if (body >= 0 && (size_t)body >= nbody + config->nfree && config->nfree > 0) {
+        return error_set(error, ERROR_INPUT,
+                         "a contact surface is on body %d, but %s has bodies 0 to %zu and free "
+                         "ones follow up to %zu",
+                         body, config->robot->name, nbody - 1, nbody + config->nfree - 1);
+    }
+    if (body >= 0 && (size_t)body >= nbody && config->nfree > 0) {
+        return ERROR_NONE;
+    }
+    return check_observed_body(config->robot, body, "a contact surface", error);
+}
+
+static enum error_code check_plant_bodies(const struct plant_config *config, struct error *error)
+{
+    const struct robot *robot = config->robot;
+    enum error_code code;
+
+    for (size_t i = 0; i < config->nfree; i++) {
+        if ((code = plant_check_free_body(&config->free[i], error))) {
+            return code;
+        }
+    }
+    for (size_t c = 0; c < config->ncontact; c++) {
+        if ((code = check_contact_body(config, config->contact_body[c], error))) {
+            return code;
+        }
+    }
+    for (size_t f = 0; f < robot->nft; f++) {
+        int body = robot->frame[robot->ft[f].frame].body;
+
+        if ((code = check_observed_body(robot, body, "a force-torque sensor", error))) {
+            return code;
+        }
+    }
+    if (robot->imu_frame < 0) {
+        return ERROR_NONE;
+    }
+    return check_observed_body(robot, robot->frame[robot->imu_frame].body, "the inertial sensor",
+                               error);
+}
+
+/* An integrator that there is, and what it needs. */
+static enum error_code check_integrator(const struct plant_config *config, struct error *error)
+{
+    if (config->integrator != PLANT_RK4 && config->integrator != PLANT_IMPLICIT &&
+        config->integrator != PLANT_DOPRI5) {
+        return error_set(error, ERROR_INPUT, "unknown integrator %d", (int)config->integrator);
+    }
+    if (config->integrator == PLANT_IMPLICIT && config->contact &&
+        !config->contact->ops->tangents) {
+        return error_set(error, ERROR_UNSUPPORTED,
+                         "contact engine %s gives no tangents, which the implicit integrator needs",
+                         config->contact->ops->name);
+    }
+    if (config->integrator == PLANT_DOPRI5 && !(config->rtol > 0.0 && config->atol > 0.0)) {
+        return error_set(error, ERROR_INPUT, "tolerances are %g and %g, expected more than 0",
+                         config->rtol, config->atol);
+    }
+    return ERROR_NONE;
+}
+
+/* Robot, dynamics, time, supply and contact of a configuration, then its bodies. */
+static enum error_code check_plant_config(const struct plant_config *config, struct error *error)
+{
+    enum error_code code;
+
+    if (config->dynamics->robot != config->robot) {
+        return error_set(error, ERROR_INPUT, "the dynamics are not those of robot %s",
+                         config->robot->name);
+    }
+    if ((code = check_integrator(config, error))) {
+        return code;
+    }
+    if (config->substep_ns <= 0) {
+        return error_set(error, ERROR_INPUT, "the substep is %lld ns, expected more than 0",
+                         (long long)config->substep_ns);
+    }
+    if (!(config->supply_v > 0.0) || !isfinite(config->supply_v)) {
+        return error_set(error, ERROR_INPUT, "the supply is %g V, expected more than 0",
+                         config->supply_v);
+    }
+    if (!(config->supply_ohm >= 0.0) || !isfinite(config->supply_ohm)) {
+        return error_set(error, ERROR_INPUT,
+                         "the supply's resistance is %g ohm, expected 0 or more",
+                         config->supply_ohm);
+    }
+    if ((config->contact != NULL) != (config->ncontact > 0)) {
+        return error_set(error, ERROR_INPUT, "contact bodies: found %zu with %s contact engine",
+                         config->ncontact, config->contact ? "a" : "no");
+    }
+    return check_plant_bodies(config, error);
+}
+
+/* Counts the actuators and lays out the flat state. */
+static void lay_out_state(struct plant *plant)
+{
+    const struct robot *robot = plant->config.robot;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        plant->ndrive += robot->joint[j].sea.present;
+        plant->nspring += robot->joint[j].spring.present && robot->joint[j].spring.enabled;
+    }
+    plant->at.v = robot->nq;
+    plant->at.drive = plant->at.v + robot->nv;
+    plant->at.pretension = plant->at.drive + PLANT_DRIVE_STATE * plant->ndrive;
+    plant->at.free = plant->at.pretension + plant->nspring;
+    plant->at.work = plant->at.free + PLANT_FREE_STATE * plant->config.nfree;
+    plant->at.count = plant->at.work + (plant->config.account_energy ? WORK_COUNT : 0);
+}
+
+/* An array of count elements for pointer; clears ok when the arena is used up. */
+#define TAKE(pointer, count)                                                                       \
+    do {                                                                                           \
+        (pointer) = arena_alloc(arena, (count), sizeof *(pointer));                                \
+        ok = ok && (pointer);                                                                      \
+    } while (0)
+
+/* False when the arena is used up. */
+static bool allocate_plant(struct plant *plant, struct arena *arena)
+{
+    const struct robot *robot = plant->config.robot;
+    size_t count = plant->at.count, ncontact = plant->config.ncontact;
+    size_t nbody = robot->nbody + plant->config.nfree;
+    bool ok = true;
+
+    /* Actuators and free bodies */
+    TAKE(plant->drive_joint, plant->ndrive);
+    TAKE(plant->spring_joint, plant->nspring);
+    TAKE(plant->free_inverse, plant->config.nfree);
+
+    /* State, and what goes in and out */
+    TAKE(plant->state, count);
+    TAKE(plant->command.motor, robot->njoint);
+    TAKE(plant->sensors.motor, robot->njoint);
+    TAKE(plant->sensors.ft, robot->nft);
+    TAKE(plant->push, nbody);
+
+    /* Held over a step */
+    TAKE(plant->sea, plant->ndrive);
+    TAKE(plant->condition, plant->ndrive);
+    TAKE(plant->voltage, plant->ndrive);
+    TAKE(plant->bridge_on, plant->ndrive);
+    TAKE(plant->pretension_rate, plant->nspring);
+
+    /* One evaluation */
+    TAKE(plant->q, robot->nq);
+    TAKE(plant->tau, robot->njoint);
+    TAKE(plant->vdot, robot->nv);
+    TAKE(plant->ext, nbody);
+    TAKE(plant->motion, nbody);
+    TAKE(plant->contact_wrench, ncontact);
+    ok = ok && plant_contact_create(plant, arena);
+    TAKE(plant->whole_motion, robot->nbody);
+
+    /* Integration */
+    TAKE(plant->last_good, count);
+    TAKE(plant->lost, count);
+    if (plant->config.integrator == PLANT_IMPLICIT) {
+        plant->implicit = implicit_create(plant, arena);
+        ok = ok && plant->implicit;
+    } else {
+        size_t rk4 = integrator_rk4_scratch(count), dopri5 = integrator_dopri5_scratch(count);
+
+        TAKE(plant->scratch, plant->config.integrator == PLANT_RK4 ? rk4 : dopri5);
+    }
+
+    /* The last sample */
+    TAKE(plant->sampled_motion, nbody);
+    TAKE(plant->sampled_wrench, ncontact);
+    TAKE(plant->acceleration, robot->nbody);
+    TAKE(plant->patch, plant->config.contact ? PLANT_PATCHES : 0);
+    return ok;
+}
+
+/* Dynamics of the same robot that give the motion of every body. */
+static enum error_code create_whole_dynamics(struct plant *plant, struct arena *arena,
+                                             struct error *error)
+{
+    const struct robot *robot = plant->config.robot;
+    struct robot *all = arena_alloc(arena, 1, sizeof *all);
+    struct robot_body *body = arena_alloc(arena, robot->nbody, sizeof *body);
+
+    if (!all || !body) {
+        return error_set(error, ERROR_MEMORY, "no memory for the plant of %s", robot->name);
+    }
+    memcpy(body, robot->body, robot->nbody * sizeof *body);
+    for (size_t b = 0; b < robot->nbody; b++) {
+        body[b].observed = true;
+    }
+    *all = *robot;
+    all->body = body;
+    return dynamics_generic(all, arena, &plant->whole, error);
+}
+
+/* Which joint each drive and each parallel spring is on. */
+static void number_actuators(struct plant *plant)
+{
+    const struct robot *robot = plant->config.robot;
+    size_t drive = 0, spring = 0;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        if (robot->joint[j].sea.present) {
+            plant->sea[drive] = robot->joint[j].sea;
+            plant->drive_joint[drive++] = j;
+        }
+        if (robot->joint[j].spring.present && robot->joint[j].spring.enabled) {
+            plant->spring_joint[spring++] = j;
+        }
+    }
+}
+
+/* False when the arena is used up. */
+static bool copy_plant_config(struct plant *plant, const struct plant_config *config,
+                              struct arena *arena)
+{
+    int *contact_body = arena_alloc(arena, config->ncontact, sizeof *contact_body);
+    struct plant_free_body *body = arena_alloc(arena, config->nfree, sizeof *body);
+
+    if (!contact_body || !body) {
+        return false;
+    }
+    if (config->ncontact > 0) {
+        memcpy(contact_body, config->contact_body, config->ncontact * sizeof *contact_body);
+    }
+    if (config->nfree > 0) {
+        memcpy(body, config->free, config->nfree * sizeof *body);
+    }
+    plant->config = *config;
+    plant->config.contact_body = contact_body;
+    plant->config.free = body;
+    return true;
+}
+
+enum error_code plant_create(const struct plant_config *config, struct arena *arena,
+                             struct plant **plant, struct error *error)
+{
+    const struct robot *robot = config->robot;
+    enum error_code code = check_plant_config(config, error);
+    struct plant *made;
+
+    if (code != ERROR_NONE) {
+        return code;
+    }
+
+    /* Memory: the plant, its state and scratch, and the dynamics of all bodies */
+    made = arena_alloc(arena, 1, sizeof *made);
+    if (!made || !copy_plant_config(made, config, arena)) {
+        return error_set(error, ERROR_MEMORY, "no memory for the plant of %s", robot->name);
+    }
+    lay_out_state(made);
+    if (!allocate_plant(made, arena)) {
+        return error_set(error, ERROR_MEMORY, "no memory for the plant of %s", robot->name);
+    }
+    if ((code = create_whole_dynamics(made, arena, error))) {
+        return code;
+    }
+
+    /* What follows from the configuration, and the reset state */
+    number_actuators(made);
+    plant_free_prepare(made);
+    plant_free_reset(made);
+    made->command.njoint = robot->njoint;
+    made->sensors.njoint = robot->njoint;
+    made->sensors.nft = robot->nft;
+    made->failure = "";
+    made->dopri5 = (struct integrator_dopri5){
+        .rtol = config->rtol, .atol = config->atol, .tries = DOPRI5_TRIES};
+    if (robot->floating) {
+        made->state[BASE_Q_QUATERNION] = 1.0;
+    }
+    *plant = made;
+    return ERROR_NONE;
+}

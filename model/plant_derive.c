@@ -1,0 +1,228 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The plant's right-hand side: from a state to the forces on bodies and joints, the accelerations
+ * and the rates of everything that is integrated. The coupled system of the paper: rigid-body
+ * dynamics (eq. 1), drives (eqs 2 to 4), parallel springs (eq. 5) and contact at one and the same
+ * state.
+ */
+#include "model/plant_private.h"
+#include "model/spatial.h"
+
+#include <math.h>
+#include <string.h>
+
+void plant_normalize_quaternion(double quaternion[4])
+{
+    double norm = sqrt(quaternion[0] * quaternion[0] + quaternion[1] * quaternion[1] +
+                       quaternion[2] * quaternion[2] + quaternion[3] * quaternion[3]);
+
+    for (int i = 0; i < 4; i++) {
+        quaternion[i] /= norm;
+    }
+}
+
+void plant_place(struct plant *plant, const double *state)
+{
+    const struct robot *robot = plant->config.robot;
+
+    memcpy(plant->q, state, robot->nq * sizeof *state);
+    if (robot->floating) {
+        plant_normalize_quaternion(plant->q + BASE_Q_QUATERNION);
+    }
+    plant_free_place(plant, state);
+}
+
+/* Adds a wrench in the world frame to what acts on a body; returns its power, W. */
+static double apply_body_wrench(const struct body_motion *motion, const double force[3],
+                                const double moment[3], struct wrench *ext)
+{
+    double f[3], n[3];
+
+    mat3_apply_transposed(motion->R, force, f);
+    mat3_apply_transposed(motion->R, moment, n);
+    for (int i = 0; i < 3; i++) {
+        ext->force[i] += f[i];
+        ext->moment[i] += n[i];
+    }
+    return vec3_dot(force, motion->v) + vec3_dot(moment, motion->w);
+}
+
+void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *load)
+{
+    const struct plant_config *config = &plant->config;
+    size_t nbody = config->robot->nbody, count = nbody + config->nfree;
+
+    /* Contact, on the bodies that the engine knows */
+    memset(plant->ext, 0, count * sizeof *plant->ext);
+    for (size_t c = 0; c < config->ncontact; c++) {
+        const struct contact_wrench *wrench = &plant->contact_wrench[c];
+        int body = config->contact_body[c];
+
+        load->contact += apply_body_wrench(&plant->motion[body], wrench->force, wrench->moment,
+                                           &plant->ext[body]);
+    }
+
+    /* Pushes, on any body */
+    if (plant->pushing) {
+        plant->whole.ops->kinematics(&plant->whole, plant->q, v, plant->whole_motion);
+        for (size_t b = 0; b < count; b++) {
+            load->push +=
+                apply_body_wrench(b < nbody ? &plant->whole_motion[b] : &plant->motion[b],
+                                  plant->push[b].force, plant->push[b].moment, &plant->ext[b]);
+        }
+    }
+}
+
+/* Torques of drives, eq. (3), and of parallel springs, eq. (5), on the joints. */
+static void apply_joint_torques(struct plant *plant, const double *state)
+{
+    const struct robot *robot = plant->config.robot;
+
+    memset(plant->tau, 0, robot->njoint * sizeof *plant->tau);
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        size_t j = plant->drive_joint[d];
+        struct sea_state drive = plant_drive_state(plant, state, d);
+
+        plant->tau[j] += sea_torque(&plant->sea[d], &drive, plant_joint_position(plant, state, j),
+                                    plant_joint_rate(plant, state, j));
+    }
+    for (size_t s = 0; s < plant->nspring; s++) {
+        size_t j = plant->spring_joint[s];
+
+        plant->tau[j] += parallel_spring_torque(
+            &robot->joint[j].spring, state[plant->at.pretension + s], plant->pretension_rate[s],
+            plant_joint_position(plant, state, j), plant_joint_rate(plant, state, j));
+    }
+}
+
+/* A clamped robot has no acceleration, and no wrench acts on it unless it is balanced: the clamp
+ * takes them. What acts on free bodies stays. */
+static void remove_clamped_loads(struct plant *plant)
+{
+    const struct robot *robot = plant->config.robot;
+
+    memset(plant->vdot, 0, robot->nv * sizeof *plant->vdot);
+    if (plant->balanced) {
+        return;
+    }
+    memset(plant->ext, 0, robot->nbody * sizeof *plant->ext);
+    for (size_t c = 0; c < plant->config.ncontact; c++) {
+        if ((size_t)plant->config.contact_body[c] < robot->nbody) {
+            plant->contact_wrench[c] = (struct contact_wrench){0};
+        }
+    }
+}
+
+enum error_code plant_load_bodies(struct plant *plant, const double *state, struct plant_load *load)
+{
+    enum error_code code = ERROR_NONE;
+
+    plant_place(plant, state);
+    *load = (struct plant_load){0.0, 0.0};
+    if (plant->clamped && !plant->balanced && plant->config.nfree == 0) {
+        return ERROR_NONE;
+    }
+    if (plant->config.contact) {
+        code = plant_contact_evaluate(plant, state + plant->at.v);
+    }
+    if (code == ERROR_NONE) {
+        plant_apply_loads(plant, state + plant->at.v, load);
+    }
+    return code;
+}
+
+enum error_code plant_evaluate(struct plant *plant, const double *state, struct plant_load *load)
+{
+    const struct dynamics *dynamics = plant->config.dynamics;
+    const double *v = state + plant->at.v;
+    bool loaded = plant->config.contact || plant->pushing;
+    enum error_code code = plant_load_bodies(plant, state, load);
+
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    if (plant->clamped) {
+        remove_clamped_loads(plant);
+        return ERROR_NONE;
+    }
+    apply_joint_torques(plant, state);
+    dynamics->ops->forward(dynamics, plant->q, v, plant->tau, loaded ? plant->ext : NULL,
+                           plant->vdot);
+    return ERROR_NONE;
+}
+
+/* Rates of the drives' states, eqs (2) and (4), and where their power goes; work may be NULL. */
+static void derive_drives(const struct plant *plant, const double *state, double *derivative,
+                          double *work)
+{
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        size_t j = plant->drive_joint[d];
+        const struct robot_sea *sea = &plant->sea[d];
+        double q = plant_joint_position(plant, state, j), qd = plant_joint_rate(plant, state, j);
+        double *out = derivative + plant_drive_offset(plant, d);
+        struct sea_state drive = plant_drive_state(plant, state, d), rate;
+
+        sea_derivative(sea, &drive, q, qd, plant->voltage[d], plant->bridge_on[d], &rate);
+        out[DRIVE_MOTOR_POSITION] = rate.qm;
+        out[DRIVE_MOTOR_SPEED] = rate.qmd;
+        out[DRIVE_CURRENT] = rate.I;
+        if (work) {
+            struct sea_power power;
+
+            sea_power(sea, &drive, qd, plant->voltage[d], &power);
+            work[WORK_ELECTRICAL] += power.electrical;
+            work[WORK_JOULE] += power.joule;
+            work[WORK_FRICTION] += power.friction;
+            work[WORK_SPRING_DAMPING] += power.spring_damping;
+        }
+    }
+}
+
+/* The same for the parallel springs, eq. (5), whose pretension moves at a given rate. */
+static void derive_springs(const struct plant *plant, const double *state, double *derivative,
+                           double *work)
+{
+    for (size_t s = 0; s < plant->nspring; s++) {
+        size_t j = plant->spring_joint[s];
+        const struct robot_parallel_spring *spring = &plant->config.robot->joint[j].spring;
+        double q = plant_joint_position(plant, state, j), qd = plant_joint_rate(plant, state, j);
+        double p = state[plant->at.pretension + s], pd = plant->pretension_rate[s];
+
+        derivative[plant->at.pretension + s] = pd;
+        if (work) {
+            work[WORK_PRETENSION] += pd * parallel_spring_force(spring, p, pd, q, qd);
+            work[WORK_PARALLEL_DAMPING] += parallel_spring_damping(spring, p, pd, q, qd);
+        }
+    }
+}
+
+void plant_derivative(void *context, double t, const double *state, double *derivative)
+{
+    struct plant *plant = context;
+    const struct robot *robot = plant->config.robot;
+    double *work = plant->config.account_energy ? derivative + plant->at.work : NULL;
+    struct plant_load load;
+
+    (void)t; /* the command is held, so time does not enter */
+    memset(derivative, 0, plant->at.count * sizeof *derivative);
+
+    /* Accelerations; after a failure there are none, also in the step's other stages */
+    if (plant->step_code != ERROR_NONE) {
+        return;
+    }
+    plant->step_code = plant_evaluate(plant, state, &load);
+    if (plant->step_code != ERROR_NONE) {
+        return;
+    }
+
+    /* Rates of all parts of the state, in their order */
+    dynamics_qdot(robot, plant->q, state + plant->at.v, derivative);
+    memcpy(derivative + plant->at.v, plant->vdot, robot->nv * sizeof *derivative);
+    derive_drives(plant, state, derivative, work);
+    derive_springs(plant, state, derivative, work);
+    plant_free_derive(plant, state, derivative);
+    if (work) {
+        work[WORK_CONTACT] = load.contact;
+        work[WORK_PUSH] = load.push;
+    }
+}

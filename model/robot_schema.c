@@ -1,0 +1,301 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The keys of a robot file: their types, ranges and places in struct robot_yaml. What they mean is
+ * described at the head of config/robots/coman.yaml.
+ */
+#include "model/robot_yaml.h"
+
+#include "base/count.h"
+
+#include <stddef.h>
+
+#define SCHEMA(text, type, table)                                                                  \
+    {                                                                                              \
+        .what = text, .size = sizeof(type), .fields = table, .field_count = ARRAY_COUNT(table)     \
+    }
+
+#define NAME(owner)                                                                                \
+    {                                                                                              \
+        .key = "name", .type = YAML_STRING, .required = true, .offset = offsetof(owner, name),     \
+        .min = 1, .max = 63                                                                        \
+    }
+#define REFERENCE(word, owner, member)                                                             \
+    {                                                                                              \
+        .key = word, .type = YAML_STRING, .required = true, .offset = offsetof(owner, member),     \
+        .min = 1, .max = 63, .mark_offset = offsetof(owner, member##_mark)                         \
+    }
+#define VECTOR(word, owner, member, must)                                                          \
+    {                                                                                              \
+        .key = word, .type = YAML_REALS, .required = must, .offset = offsetof(owner, member),      \
+        .count = 3, .min = -1e3, .max = 1e3                                                        \
+    }
+#define TENSOR(owner)                                                                              \
+    .key = "inertia_kg_m2", .type = YAML_REALS, .required = true, .offset = offsetof(owner, I),    \
+    .count = 6, .min = -1e6, .max = 1e6
+#define LIST(word, kind, owner, member, counter, entry)                                            \
+    {                                                                                              \
+        .key = word, .type = kind, .offset = offsetof(owner, member),                              \
+        .count_offset = offsetof(owner, counter), .schema = &entry                                 \
+    }
+
+static const struct yaml_field body_fields[] = {
+    NAME(struct body_yaml),
+    {.key = "mass_kg",
+     .type = YAML_REAL,
+     .required = true,
+     .offset = offsetof(struct body_yaml, mass),
+     .min = 1e-9,
+     .max = 1e6},
+    VECTOR("com_m", struct body_yaml, com, true),
+    {TENSOR(struct body_yaml), .mark_offset = offsetof(struct body_yaml, inertia_mark)},
+};
+static const struct yaml_schema body_schema = SCHEMA("a body", struct body_yaml, body_fields);
+
+static const struct yaml_field inertia_fields[] = {
+    {.key = "mass_kg",
+     .type = YAML_REAL,
+     .required = true,
+     .offset = offsetof(struct inertia_yaml, mass),
+     .min = 0.0,
+     .max = 1e6},
+    VECTOR("com_m", struct inertia_yaml, com, true),
+    {TENSOR(struct inertia_yaml)},
+};
+static const struct yaml_schema inertia_schema =
+    SCHEMA("the inertia below a sensor", struct inertia_yaml, inertia_fields);
+
+static const struct yaml_field place_fields[] = {
+    VECTOR("xyz_m", struct place_yaml, xyz, true),
+    VECTOR("rpy_rad", struct place_yaml, rpy, false),
+};
+static const struct yaml_schema place_schema = SCHEMA("an origin", struct place_yaml, place_fields);
+
+#define LIMIT(word, member, flag, lowest)                                                          \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL, .offset = offsetof(struct limits_yaml, member),            \
+        .min = lowest, .max = 1e6, .given_offset = offsetof(struct limits_yaml, flag)              \
+    }
+static const struct yaml_field limits_fields[] = {
+    LIMIT("lower_rad", lower_rad, angular[0], -1e6),
+    LIMIT("upper_rad", upper_rad, angular[1], -1e6),
+    LIMIT("torque_nm", torque_nm, angular[2], 0.0),
+    LIMIT("lower_m", lower_m, linear[0], -1e6),
+    LIMIT("upper_m", upper_m, linear[1], -1e6),
+    LIMIT("force_n", force_n, linear[2], 0.0),
+};
+static const struct yaml_schema limits_schema =
+    SCHEMA("the limits of a joint", struct limits_yaml, limits_fields);
+
+#define DRIVE(index, word, lowest)                                                                 \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL, .offset = offsetof(struct drive_yaml, value[index]),       \
+        .min = lowest, .max = 1e9, .given_offset = offsetof(struct drive_yaml, given[index])       \
+    }
+static const struct yaml_field drive_fields[PARAMETER_COUNT] = {
+    DRIVE(PARAMETER_J, "J_kg_m2", 1e-12),    DRIVE(PARAMETER_DM, "Dm_nm_s_rad", 0.0),
+    DRIVE(PARAMETER_KS, "Ks_nm_rad", 0.0),   DRIVE(PARAMETER_DS, "Ds_nm_s_rad", 0.0),
+    DRIVE(PARAMETER_N, "N", 1e-6),           DRIVE(PARAMETER_KT, "NKt_nm_a", 1e-12),
+    DRIVE(PARAMETER_KW, "NKw_v_s_rad", 0.0), DRIVE(PARAMETER_R, "R_ohm", 0.0),
+    DRIVE(PARAMETER_L, "L_h", 1e-12),
+};
+static const struct yaml_schema drive_schema = SCHEMA("a drive", struct drive_yaml, drive_fields);
+
+static const struct yaml_field spring_fields[] = {
+    {.key = "enabled",
+     .type = YAML_BOOL,
+     .required = true,
+     .offset = offsetof(struct spring_yaml, enabled)},
+    {.key = "k_p_n_m",
+     .type = YAML_REAL,
+     .required = true,
+     .offset = offsetof(struct spring_yaml, k_p),
+     .max = 1e9},
+    {.key = "d_p_n_s_m",
+     .type = YAML_REAL,
+     .required = true,
+     .offset = offsetof(struct spring_yaml, d_p),
+     .max = 1e9},
+    {.key = "r_m",
+     .type = YAML_REAL,
+     .required = true,
+     .offset = offsetof(struct spring_yaml, r),
+     .min = 1e-6,
+     .max = 1e3},
+    {.key = "sense",
+     .type = YAML_INT,
+     .required = true,
+     .offset = offsetof(struct spring_yaml, s),
+     .min = -1,
+     .max = 1,
+     .mark_offset = offsetof(struct spring_yaml, s_mark)},
+};
+static const struct yaml_schema spring_schema =
+    SCHEMA("a parallel spring", struct spring_yaml, spring_fields);
+
+static const struct yaml_enum joint_types[] = {
+    {"revolute", JOINT_REVOLUTE}, {"prismatic", JOINT_PRISMATIC}, {NULL, 0}};
+
+static const struct yaml_field joint_fields[] = {
+    NAME(struct joint_yaml),
+    {.key = "paper_index",
+     .type = YAML_INT,
+     .offset = offsetof(struct joint_yaml, paper_index),
+     .max = 1000},
+    {.key = "type",
+     .type = YAML_ENUM,
+     .required = true,
+     .offset = offsetof(struct joint_yaml, type),
+     .names = joint_types},
+    REFERENCE("parent", struct joint_yaml, parent),
+    REFERENCE("child", struct joint_yaml, child),
+    {.key = "axis",
+     .type = YAML_REALS,
+     .required = true,
+     .offset = offsetof(struct joint_yaml, axis),
+     .count = 3,
+     .min = -1.0,
+     .max = 1.0,
+     .mark_offset = offsetof(struct joint_yaml, axis_mark)},
+    {.key = "origin",
+     .type = YAML_MAP,
+     .required = true,
+     .offset = offsetof(struct joint_yaml, origin),
+     .schema = &place_schema},
+    {.key = "limits",
+     .type = YAML_MAP,
+     .required = true,
+     .offset = offsetof(struct joint_yaml, limits),
+     .schema = &limits_schema},
+    {.key = "drive",
+     .type = YAML_MAP,
+     .offset = offsetof(struct joint_yaml, drive),
+     .schema = &drive_schema,
+     .given_offset = offsetof(struct joint_yaml, has_drive)},
+    {.key = "parallel_spring",
+     .type = YAML_MAP,
+     .offset = offsetof(struct joint_yaml, spring),
+     .schema = &spring_schema,
+     .given_offset = offsetof(struct joint_yaml, has_spring)},
+};
+static const struct yaml_schema joint_schema = SCHEMA("a joint", struct joint_yaml, joint_fields);
+
+static const struct yaml_field frame_fields[] = {
+    NAME(struct frame_yaml),
+    REFERENCE("body", struct frame_yaml, body),
+    VECTOR("xyz_m", struct frame_yaml, xyz, true),
+    VECTOR("rpy_rad", struct frame_yaml, rpy, false),
+};
+static const struct yaml_schema frame_schema = SCHEMA("a frame", struct frame_yaml, frame_fields);
+
+static const struct yaml_field ft_fields[] = {
+    NAME(struct ft_yaml),
+    REFERENCE("frame", struct ft_yaml, frame),
+    {.key = "distal",
+     .type = YAML_MAP,
+     .offset = offsetof(struct ft_yaml, distal),
+     .schema = &inertia_schema},
+};
+static const struct yaml_schema ft_schema =
+    SCHEMA("a force-torque sensor", struct ft_yaml, ft_fields);
+
+static const struct yaml_field imu_fields[] = {
+    REFERENCE("frame", struct imu_yaml, frame),
+};
+static const struct yaml_schema imu_schema =
+    SCHEMA("the inertial sensor", struct imu_yaml, imu_fields);
+
+#define POSITIONS(word, member, counter)                                                           \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL_DICT, .offset = offsetof(struct pose_yaml, member),         \
+        .count_offset = offsetof(struct pose_yaml, counter), .min = -1e6, .max = 1e6               \
+    }
+static const struct yaml_field pose_fields[] = {
+    {.key = "base_xyz_m",
+     .type = YAML_REALS,
+     .offset = offsetof(struct pose_yaml, base_xyz),
+     .count = 3,
+     .min = -1e6,
+     .max = 1e6,
+     .given_offset = offsetof(struct pose_yaml, has_xyz)},
+    {.key = "base_rpy_rad",
+     .type = YAML_REALS,
+     .offset = offsetof(struct pose_yaml, base_rpy),
+     .count = 3,
+     .min = -1e3,
+     .max = 1e3,
+     .given_offset = offsetof(struct pose_yaml, has_rpy)},
+    POSITIONS("joints_rad", joint_rad, njoint_rad),
+    POSITIONS("joints_m", joint_m, njoint_m),
+};
+static const struct yaml_schema pose_schema = {.what = "a pose",
+                                               .size = sizeof(struct pose_yaml),
+                                               .fields = pose_fields,
+                                               .field_count = ARRAY_COUNT(pose_fields),
+                                               .name_offset = offsetof(struct pose_yaml, name)};
+
+static const struct yaml_enum base_types[] = {{"floating", 1}, {"fixed", 0}, {NULL, 0}};
+
+static const struct yaml_field base_fields[] = {
+    {.key = "type",
+     .type = YAML_ENUM,
+     .required = true,
+     .offset = offsetof(struct base_yaml, floating),
+     .names = base_types},
+    REFERENCE("body", struct base_yaml, body),
+};
+static const struct yaml_schema base_schema = SCHEMA("the base", struct base_yaml, base_fields);
+
+static const struct yaml_field variant_fields[] = {
+    LIST("bodies", YAML_LIST, struct variant_yaml, body, nbody, body_schema),
+    LIST("frames", YAML_LIST, struct variant_yaml, frame, nframe, frame_schema),
+    LIST("ft_sensors", YAML_LIST, struct variant_yaml, ft, nft, ft_schema),
+};
+static const struct yaml_schema variant_schema = {.what = "a variant",
+                                                  .size = sizeof(struct variant_yaml),
+                                                  .fields = variant_fields,
+                                                  .field_count = ARRAY_COUNT(variant_fields),
+                                                  .name_offset =
+                                                      offsetof(struct variant_yaml, name)};
+
+static const struct yaml_field robot_fields[] = {
+    NAME(struct robot_yaml),
+    {.key = "source", .type = YAML_STRING, .offset = offsetof(struct robot_yaml, source)},
+    {.key = "gravity_m_s2",
+     .type = YAML_REALS,
+     .required = true,
+     .offset = offsetof(struct robot_yaml, gravity),
+     .count = 3,
+     .min = -1e3,
+     .max = 1e3},
+    {.key = "base",
+     .type = YAML_MAP,
+     .required = true,
+     .offset = offsetof(struct robot_yaml, base),
+     .schema = &base_schema},
+    {.key = "drive",
+     .type = YAML_MAP,
+     .offset = offsetof(struct robot_yaml, drive),
+     .schema = &drive_schema},
+    {.key = "bodies",
+     .type = YAML_LIST,
+     .required = true,
+     .offset = offsetof(struct robot_yaml, body),
+     .count_offset = offsetof(struct robot_yaml, nbody),
+     .schema = &body_schema},
+    LIST("joints", YAML_LIST, struct robot_yaml, joint, njoint, joint_schema),
+    LIST("frames", YAML_LIST, struct robot_yaml, frame, nframe, frame_schema),
+    LIST("ft_sensors", YAML_LIST, struct robot_yaml, ft, nft, ft_schema),
+    {.key = "imu",
+     .type = YAML_MAP,
+     .offset = offsetof(struct robot_yaml, imu),
+     .schema = &imu_schema,
+     .given_offset = offsetof(struct robot_yaml, has_imu)},
+    LIST("poses", YAML_DICT, struct robot_yaml, pose, npose, pose_schema),
+    LIST("variants", YAML_DICT, struct robot_yaml, variant, nvariant, variant_schema),
+};
+const struct yaml_schema robot_file_schema = SCHEMA("a robot", struct robot_yaml, robot_fields);
+
+const char *robot_drive_key(enum drive_parameter parameter)
+{
+    return drive_fields[parameter].key;
+}

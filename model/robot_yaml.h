@@ -1,0 +1,187 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A robot file as it is read, before it is a robot, and what the parts of the reader share:
+ * robot_schema.c (keys and ranges), robot_yaml.c (names, variants, the order of the work),
+ * robot_yaml_tree.c (bodies and joints), robot_yaml_frames.c (frames, sensors, poses).
+ *
+ * Units are in the keys of the file and the same here. Memory is the arena's. Functions return
+ * ERROR_INPUT with file:line:column, or ERROR_MEMORY. Not RT-safe.
+ */
+#ifndef MODEL_ROBOT_YAML_H
+#define MODEL_ROBOT_YAML_H
+
+#include "model/robot.h"
+
+/* Every struct below with a name begins like this. */
+struct named {
+    struct yaml_mark mark;
+    const char *name;
+};
+
+struct inertia_yaml {
+    struct yaml_mark mark;
+    double mass, com[3], I[6];
+};
+
+struct body_yaml {
+    struct yaml_mark mark;
+    const char *name;
+    double mass, com[3], I[6];
+    struct yaml_mark inertia_mark;
+};
+
+struct place_yaml {
+    struct yaml_mark mark;
+    double xyz[3], rpy[3];
+};
+
+struct limits_yaml {
+    struct yaml_mark mark;
+    double lower_rad, upper_rad, torque_nm;
+    double lower_m, upper_m, force_n;
+    bool angular[3], linear[3]; /* which of the above are given */
+};
+
+/* The parameters of a drive in the order of their keys in the schema; those of struct robot_sea. */
+enum drive_parameter {
+    PARAMETER_J,
+    PARAMETER_DM,
+    PARAMETER_KS,
+    PARAMETER_DS,
+    PARAMETER_N,
+    PARAMETER_KT,
+    PARAMETER_KW,
+    PARAMETER_R,
+    PARAMETER_L,
+    PARAMETER_COUNT,
+};
+
+struct drive_yaml {
+    struct yaml_mark mark;
+    double value[PARAMETER_COUNT];
+    bool given[PARAMETER_COUNT];
+};
+
+struct spring_yaml {
+    struct yaml_mark mark;
+    bool enabled;
+    double k_p, d_p, r;
+    int64_t s;
+    struct yaml_mark s_mark;
+};
+
+struct joint_yaml {
+    struct yaml_mark mark;
+    const char *name;
+    int64_t paper_index;
+    int type;
+    const char *parent, *child;
+    struct yaml_mark parent_mark, child_mark, axis_mark;
+    double axis[3];
+    struct place_yaml origin;
+    struct limits_yaml limits;
+    struct drive_yaml drive;
+    struct spring_yaml spring;
+    bool has_drive, has_spring;
+};
+
+struct frame_yaml {
+    struct yaml_mark mark;
+    const char *name;
+    const char *body;
+    struct yaml_mark body_mark;
+    double xyz[3], rpy[3];
+};
+
+struct ft_yaml {
+    struct yaml_mark mark;
+    const char *name;
+    const char *frame;
+    struct yaml_mark frame_mark;
+    struct inertia_yaml distal;
+};
+
+struct imu_yaml {
+    struct yaml_mark mark;
+    const char *frame;
+    struct yaml_mark frame_mark;
+};
+
+struct pose_yaml {
+    struct yaml_mark mark;
+    const char *name;
+    double base_xyz[3], base_rpy[3];
+    bool has_xyz, has_rpy;
+    struct yaml_real_entry *joint_rad, *joint_m;
+    size_t njoint_rad, njoint_m;
+};
+
+struct base_yaml {
+    struct yaml_mark mark;
+    int floating;
+    const char *body;
+    struct yaml_mark body_mark;
+};
+
+struct variant_yaml {
+    struct yaml_mark mark;
+    const char *name;
+    struct body_yaml *body;
+    struct frame_yaml *frame;
+    struct ft_yaml *ft;
+    size_t nbody, nframe, nft;
+};
+
+struct robot_yaml {
+    struct yaml_mark mark;
+    const char *name, *source;
+    double gravity[3];
+    struct base_yaml base;
+    struct drive_yaml drive;
+    struct body_yaml *body;
+    struct joint_yaml *joint;
+    struct frame_yaml *frame;
+    struct ft_yaml *ft;
+    struct imu_yaml imu;
+    struct pose_yaml *pose;
+    struct variant_yaml *variant;
+    size_t nbody, njoint, nframe, nft, npose, nvariant;
+    bool has_imu;
+};
+
+/* The schema of a whole file: fills a struct robot_yaml. */
+extern const struct yaml_schema robot_file_schema;
+
+/* Key of a drive's parameter in the file. */
+const char *robot_drive_key(enum drive_parameter parameter);
+
+/* What is being built and what every step of that needs. */
+struct robot_builder {
+    struct robot_yaml file;
+    struct robot *robot;
+    struct arena *arena;
+    struct error *error;
+};
+
+/* Index of name in an array of named structs, each of stride bytes, or -1. */
+int find_named_entry(const void *array, size_t count, size_t stride, const char *name);
+
+/* Sets the error "found unknown WHAT", with the nearest of the names that there are, or that of an
+ * arena that is used up; returns its code. */
+enum error_code robot_unknown_name(struct robot_builder *b, const struct yaml_mark *mark,
+                                   const char *what, const char *name, const void *array,
+                                   size_t count, size_t stride);
+enum error_code robot_no_memory(struct robot_builder *b);
+
+/* Mass properties of a body; refused at mark where no body has such. */
+enum error_code robot_build_inertia(struct robot_builder *b, const struct yaml_mark *mark,
+                                    double mass, const double com[3], const double I[6],
+                                    struct robot_inertia *inertia);
+
+/* Bodies and joints, in the order of the joints; then frames, sensors and poses on them. */
+enum error_code robot_build_tree(struct robot_builder *b);
+enum error_code robot_build_frames(struct robot_builder *b);
+enum error_code robot_build_sensors(struct robot_builder *b);
+enum error_code robot_build_poses(struct robot_builder *b);
+
+#endif

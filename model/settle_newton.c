@@ -1,0 +1,284 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Newton's method on the forces left over on the base and on the free bodies, three unknowns each:
+ * the way up and two tilts. The tangent is by differences, which is right for any contact engine;
+ * its symmetric part is damped until it is positive definite, so that a step always goes downhill
+ * in potential energy and an unstable equilibrium is left, not found. The damping (pseudo-transient
+ * continuation) is one weight per DAMPING_LENGTH far from the equilibrium, where a body without
+ * contact simply sinks by that, and vanishes with the residual, so that the end is Newton's.
+ */
+#include "model/settle_private.h"
+#include "model/spatial.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { HALVINGS = 40 }; /* of a step, at most */
+
+#define DAMPING_LENGTH 2e-3
+#define LONGEST_STEP 5e-3 /* m, tilts times the radius of gyration */
+#define DIFFERENCE 1e-7   /* m, for the tangent */
+
+/* ---- geometry ---- */
+
+void settle_choose_axes(const double gravity[3], struct settle *s)
+{
+    double length = sqrt(vec3_dot(gravity, gravity));
+    int least = 0;
+    double pick[3] = {0.0, 0.0, 0.0};
+
+    for (int i = 0; i < 3; i++) {
+        s->up[i] = -gravity[i] / length;
+        least = fabs(s->up[i]) < fabs(s->up[least]) ? i : least;
+    }
+    pick[least] = 1.0;
+    vec3_cross(s->up, pick, s->across[1]);
+    length = sqrt(vec3_dot(s->across[1], s->across[1]));
+    for (int i = 0; i < 3; i++) {
+        s->across[1][i] /= length;
+    }
+    vec3_cross(s->across[1], s->up, s->across[0]);
+}
+
+/* quaternion <- rotation by the vector angle (world frame) after quaternion. */
+static void turn_quaternion_in_world(const double angle[3], double quaternion[4])
+{
+    double size = sqrt(vec3_dot(angle, angle));
+    double half = size > 0.0 ? sin(0.5 * size) / size : 0.5, w = cos(0.5 * size);
+    double x[3] = {half * angle[0], half * angle[1], half * angle[2]};
+    double scalar = quaternion[0], vector[3] = {quaternion[1], quaternion[2], quaternion[3]};
+
+    quaternion[0] = w * scalar - vec3_dot(x, vector);
+    vec3_cross(x, vector, quaternion + 1);
+    for (int i = 0; i < 3; i++) {
+        quaternion[1 + i] += w * vector[i] + scalar * x[i];
+    }
+    plant_normalize_quaternion(quaternion);
+}
+
+/* Moves every body by scale times x. */
+static void move_bodies(struct settle *s, double scale, const double *x)
+{
+    for (size_t b = 0; b < s->nrest; b++, x += UNKNOWNS) {
+        struct rest *rest = &s->rest[b];
+        double *y = s->plant->state;
+        double angle[3];
+
+        y += rest->robot ? 0 : s->plant->at.free + PLANT_FREE_STATE * rest->free;
+        rest->risen += scale * x[UNKNOWN_UP];
+        for (int i = 0; i < 3; i++) {
+            y[i] += scale * x[UNKNOWN_UP] * s->up[i];
+            angle[i] = scale / rest->radius *
+                       (x[UNKNOWN_FIRST_TILT] * s->across[0][i] +
+                        x[UNKNOWN_SECOND_TILT] * s->across[1][i]);
+            rest->tilt[i] += angle[i];
+        }
+        turn_quaternion_in_world(
+            angle, y + (rest->robot ? (int)BASE_Q_QUATERNION : (int)PLANT_FREE_QUATERNION));
+    }
+}
+
+/* ---- forces ---- */
+
+void settle_weigh_robot(struct settle *s, struct rest *rest)
+{
+    struct plant *plant = s->plant;
+    double R[9];
+
+    plant->whole.ops->inverse(&plant->whole, plant->q, s->zero, s->zero, plant->ext, s->f);
+    if (rest) {
+        mat3_from_quaternion(plant->q + BASE_Q_QUATERNION, R);
+        mat3_apply(R, s->f + BASE_V_LINEAR, rest->force);
+        mat3_apply(R, s->f + BASE_V_ANGULAR, rest->moment);
+        for (int i = 0; i < 3; i++) {
+            rest->force[i] = -rest->force[i];
+            rest->moment[i] = -rest->moment[i];
+        }
+    }
+}
+
+static void weigh_free_body(const struct settle *s, struct rest *rest)
+{
+    const struct plant *plant = s->plant;
+    const struct robot_inertia *inertia = &plant->config.free[rest->free].inertia;
+    size_t body = plant->config.robot->nbody + rest->free;
+    const struct wrench *ext = &plant->ext[body];
+    double moment[3];
+
+    memcpy(moment, ext->moment, sizeof moment);
+    vec3_add_cross(ext->force, inertia->com, moment);
+    mat3_apply(plant->motion[body].R, ext->force, rest->force);
+    mat3_apply(plant->motion[body].R, moment, rest->moment);
+    for (int i = 0; i < 3; i++) {
+        rest->force[i] += inertia->mass * plant->config.robot->gravity[i];
+    }
+}
+
+enum error_code settle_weigh(struct settle *s, double *g)
+{
+    struct plant_load load;
+    enum error_code code = plant_load_bodies(s->plant, s->plant->state, &load);
+
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    for (size_t b = 0; b < s->nrest; b++, g += UNKNOWNS) {
+        struct rest *rest = &s->rest[b];
+
+        if (rest->robot) {
+            settle_weigh_robot(s, rest);
+        } else {
+            weigh_free_body(s, rest);
+        }
+        g[UNKNOWN_UP] = vec3_dot(rest->force, s->up);
+        g[UNKNOWN_FIRST_TILT] = vec3_dot(rest->moment, s->across[0]) / rest->radius;
+        g[UNKNOWN_SECOND_TILT] = vec3_dot(rest->moment, s->across[1]) / rest->radius;
+    }
+    return ERROR_NONE;
+}
+
+double settle_residual(const struct settle *s, const double *g, size_t *worst)
+{
+    double most = 0.0;
+
+    for (size_t i = 0; i < s->n; i++) {
+        double part = fabs(g[i]) / s->rest[i / UNKNOWNS].weight;
+
+        if (!(part <= most)) {
+            most = part;
+            *worst = i / UNKNOWNS;
+        }
+    }
+    return most;
+}
+
+enum error_code settle_differentiate(struct settle *s)
+{
+    size_t n = s->n, bytes = s->plant->at.count * sizeof *s->before;
+
+    memcpy(s->before, s->plant->state, bytes);
+    memset(s->K, 0, n * n * sizeof *s->K);
+    for (size_t column = 0; column < n; column++) {
+        memset(s->step, 0, n * sizeof *s->step);
+        s->step[column] = DIFFERENCE;
+        for (int side = -1; side <= 1; side += 2) {
+            enum error_code code;
+
+            /* Forces on this side of the unknown, then back to the bit */
+            move_bodies(s, side, s->step);
+            code = settle_weigh(s, s->ahead);
+            move_bodies(s, -side, s->step);
+            memcpy(s->plant->state, s->before, bytes);
+            if (code) {
+                return code;
+            }
+
+            /* Half of the difference to the column and half to the row: the symmetric part */
+            for (size_t row = 0; row < n; row++) {
+                double half = -0.25 * side * s->ahead[row] / DIFFERENCE;
+
+                s->K[row * n + column] += half;
+                s->K[column * n + row] += half;
+            }
+        }
+    }
+    return ERROR_NONE;
+}
+
+bool settle_factorize(struct settle *s, double damping)
+{
+    size_t n = s->n;
+    double *L = s->factor;
+
+    memcpy(L, s->K, n * n * sizeof *L);
+    for (size_t i = 0; i < n; i++) {
+        L[i * n + i] += damping * s->rest[i / UNKNOWNS].weight / DAMPING_LENGTH;
+    }
+    for (size_t column = 0; column < n; column++) {
+        for (size_t row = column; row < n; row++) {
+            double sum = L[row * n + column];
+
+            for (size_t k = 0; k < column; k++) {
+                sum -= L[row * n + k] * L[column * n + k];
+            }
+            if (row == column && !(sum > 0.0)) {
+                s->weak = column / UNKNOWNS;
+                return false;
+            }
+            L[row * n + column] = row == column ? sqrt(sum) : sum / L[column * n + column];
+        }
+    }
+    return true;
+}
+
+void settle_solve(struct settle *s)
+{
+    size_t n = s->n;
+    const double *L = s->factor;
+    double *x = s->step, longest = 0.0;
+
+    /* Forward, then backward substitution */
+    memcpy(x, s->g, n * sizeof *x);
+    for (size_t row = 0; row < n; row++) {
+        for (size_t k = 0; k < row; k++) {
+            x[row] -= L[row * n + k] * x[k];
+        }
+        x[row] /= L[row * n + row];
+    }
+    for (size_t row = n; row-- > 0;) {
+        for (size_t k = row + 1; k < n; k++) {
+            x[row] -= L[k * n + row] * x[k];
+        }
+        x[row] /= L[row * n + row];
+        longest = fmax(longest, fabs(x[row]));
+    }
+
+    /* Not beyond where the tangent can be trusted */
+    for (size_t i = 0; longest > LONGEST_STEP && i < n; i++) {
+        x[i] *= LONGEST_STEP / longest;
+    }
+}
+
+/* ---- the step ---- */
+
+static enum error_code stored_potential(struct settle *s, double *stored)
+{
+    struct plant_energy energy;
+    enum error_code code = plant_energy(s->plant, &energy);
+
+    *stored = energy.stored;
+    return code;
+}
+
+enum error_code settle_advance(struct settle *s, bool *moved)
+{
+    size_t worst = 0, bytes = s->plant->at.count * sizeof *s->before;
+    double norm = settle_residual(s, s->g, &worst), start, stored = 0.0;
+    double scale = 1.0;
+    enum error_code code = stored_potential(s, &start);
+
+    *moved = false;
+    if (code) {
+        return code;
+    }
+    for (int k = 0; k < HALVINGS; k++, scale *= 0.5) {
+        move_bodies(s, scale, s->step);
+        code = settle_weigh(s, s->ahead);
+        if (!code) {
+            code = stored_potential(s, &stored);
+        }
+        if (!code && (settle_residual(s, s->ahead, &worst) < norm || stored < start)) {
+            memcpy(s->g, s->ahead, s->n * sizeof *s->g);
+            *moved = true;
+            return ERROR_NONE;
+        }
+
+        /* No better: back to the bit, and half as far */
+        move_bodies(s, -scale, s->step);
+        memcpy(s->plant->state, s->before, bytes);
+        if (code) {
+            return code;
+        }
+    }
+    return ERROR_NONE;
+}

@@ -1,0 +1,72 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the parts of the static equilibrium share: settle.c (what is looked for, and what is
+ * refused) and settle_newton.c (a step of the iteration, described there). World frame, SI units.
+ * Memory is the caller's arena's. Functions with an error code return the contact engine's failure,
+ * with plant->failure set. Not RT-safe.
+ */
+#ifndef MODEL_SETTLE_PRIVATE_H
+#define MODEL_SETTLE_PRIVATE_H
+
+#include "model/plant_private.h"
+#include "model/settle.h"
+
+/* The unknowns of a body. */
+enum settle_unknown { UNKNOWN_UP, UNKNOWN_FIRST_TILT, UNKNOWN_SECOND_TILT, UNKNOWNS };
+
+/* The damping at the equilibrium, and least damping at which it has to be stable: part of one
+ * weight per length of damping. */
+#define LEAST_DAMPING 1e-6
+
+/* A body that has to find its rest: the robot as one, or a free body. */
+struct rest {
+    const char *name;
+    bool robot;
+    size_t free;                /* which free body */
+    double weight, radius;      /* N; m, of gyration */
+    double force[3], moment[3]; /* left over, world frame; about the base's origin or the center of
+                                 * mass */
+    double risen, tilt[3];      /* so far: m along up, rad */
+};
+
+struct settle {
+    struct plant *plant;
+    double up[3], across[2][3];
+    size_t nrest, n; /* n = UNKNOWNS * nrest */
+    struct rest *rest;
+    double *zero, *f;   /* nv */
+    double *g, *ahead;  /* n: forces left over; tilts' moments over the radius */
+    double *K, *factor; /* n x n: symmetric part of -dg/dx; Cholesky factor */
+    double *step;       /* n: m; tilts times the radius */
+    size_t weak;        /* body that factorize stopped at */
+    double *before;     /* copy of the state */
+};
+
+/* Up, against gravity, and two directions across. */
+void settle_choose_axes(const double gravity[3], struct settle *s);
+
+/* Fills g and the forces left over of the present state. */
+enum error_code settle_weigh(struct settle *s, double *g);
+
+/* Inverse dynamics of the robot at rest under plant->ext: fills f, and the forces left over on its
+ * base when rest is not NULL. */
+void settle_weigh_robot(struct settle *s, struct rest *rest);
+
+/* Largest part of its weight that is left over on a body; *worst says on which. */
+double settle_residual(const struct settle *s, const double *g, size_t *worst);
+
+/* Fills K by central differences. */
+enum error_code settle_differentiate(struct settle *s);
+
+/* Cholesky factor of K + damping; false when that is not positive definite, for a body that s->weak
+ * then names. */
+bool settle_factorize(struct settle *s, double damping);
+
+/* Fills step: (K + damping)^-1 g by the factor, cut to the longest that is allowed. */
+void settle_solve(struct settle *s);
+
+/* Takes the step, or the half of it and so on, until it lowers the potential or the residual;
+ * *moved is false when no part does. */
+enum error_code settle_advance(struct settle *s, bool *moved);
+
+#endif

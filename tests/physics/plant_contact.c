@@ -1,0 +1,148 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The plant and its contact engine: failures, the memory of the last evaluation, its cost. */
+#include "model/plant.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "tests/physics/plant_rig.h"
+
+/* The engine fails at its n-th evaluation, for every n of two substeps. The first stage of the
+ * first substep is not one of them: the sensors have asked for it already. */
+static void contact_failure_leaves_the_last_good_substep(void **state)
+{
+    (void)state;
+    for (size_t n = 1; n <= 7; n++) {
+        struct plant_rig rig;
+        static double good[128];
+        int64_t expected = n <= 3 ? 0 : 100000;
+
+        plant_rig_walker(&rig, true, 100000);
+        plant_rig_reset(&rig, 0.52);
+        memcpy(good, rig.state, rig.count * sizeof *good);
+        if (n > 3) {
+            assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
+            memcpy(good, rig.state, rig.count * sizeof *good);
+            plant_rig_reset(&rig, 0.52);
+        }
+        assert_string_equal(plant_failure(rig.plant), "");
+        rig.ground.fail_at = rig.ground.evaluations + n;
+        assert_int_equal(plant_step(rig.plant, 5), ERROR_SYSTEM);
+        assert_string_equal(plant_failure(rig.plant), "the toy ground gave way");
+        assert_int_equal(plant_time_ns(rig.plant), expected);
+        assert_memory_equal(rig.state, good, rig.count * sizeof *good);
+        assert_int_equal(plant_step(rig.plant, 5), ERROR_NONE); /* and it can go on */
+        plant_rig_fini(&rig);
+    }
+}
+
+static int64_t scripted_now_ns(void *clock)
+{
+    return *(int64_t *)clock += 10;
+}
+
+/* What is asked twice for one motion is evaluated once; and what was written is seen. */
+static void contact_is_evaluated_once_for_a_motion(void **state)
+{
+    struct plant_rig rig;
+    struct contact_wrench first[2];
+    size_t before;
+
+    (void)state;
+    plant_rig_walker(&rig, true, 100000);
+    plant_rig_reset(&rig, 0.45);
+    before = rig.ground.evaluations;
+    assert_int_equal(plant_contact_cost(rig.plant)->evaluations, before);
+    memcpy(first, plant_contact_wrenches(rig.plant), sizeof first);
+    assert_true(first[0].force[2] > 0.0);
+
+    /* The sensors again, the energies, and the first of the four stages of a step */
+    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+    assert_int_equal(plant_restart_energy(rig.plant), ERROR_NONE);
+    assert_int_equal(rig.ground.evaluations, before);
+    assert_memory_equal(plant_contact_wrenches(rig.plant), first, sizeof first);
+    assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
+    assert_int_equal(rig.ground.evaluations, before + 3);
+    assert_int_equal(plant_contact_cost(rig.plant)->evaluations, before + 3);
+
+    /* A motion that differs in one velocity */
+    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+    before = rig.ground.evaluations;
+    rig.state[rig.toy.robot.nq + BASE_V_LINEAR] += 1e-9;
+    assert_int_equal(plant_sample(rig.plant), ERROR_NONE);
+    assert_int_equal(rig.ground.evaluations, before + 1);
+    plant_rig_fini(&rig);
+}
+
+static void contact_is_timed_by_the_clock_that_is_given(void **state)
+{
+    static const int feet[2] = {TOY_RIGHT_FOOT, TOY_LEFT_FOOT};
+    int64_t clock = 0;
+    size_t size;
+    struct plant_rig rig;
+    struct error error;
+    const struct plant_config config = {.robot = &rig.toy.robot,
+                                        .dynamics = &rig.dynamics,
+                                        .contact = &rig.ground.world,
+                                        .contact_body = feet,
+                                        .ncontact = 2,
+                                        .integrator = PLANT_RK4,
+                                        .substep_ns = 100000,
+                                        .supply_v = 48.0,
+                                        .now_ns = scripted_now_ns,
+                                        .clock = &clock};
+
+    (void)state;
+    plant_rig_walker(&rig, true, 100000);
+    assert_int_equal(plant_contact_cost(rig.plant)->spent_ns, 0);
+    assert_int_equal(plant_create(&config, &rig.arena, &rig.plant, &error), ERROR_NONE);
+    plant_rig_reset(&rig, 0.52);
+    assert_int_equal(clock, 20);
+    assert_int_equal(plant_step(rig.plant, 2), ERROR_NONE);
+    assert_int_equal(plant_contact_cost(rig.plant)->evaluations, 8);
+    assert_int_equal(plant_contact_cost(rig.plant)->spent_ns, 80);
+
+    /* The memory of it is one block within the arena */
+    assert_true((unsigned char *)plant_contact_memory(rig.plant, &size) > rig.arena.memory);
+    assert_true(size >= sizeof(struct plant_contact_cost) + 2 * sizeof(struct body_motion));
+    plant_rig_fini(&rig);
+}
+
+static void contact_failure_reaches_sample_energy_and_reset(void **state)
+{
+    const double position[3] = {0.0, 0.0, 1.0}, quaternion[4] = {1.0, 0.0, 0.0, 0.0};
+    const double joint[8] = {0.0};
+    struct plant_rig rig;
+    struct plant_energy energy;
+
+    (void)state;
+    plant_rig_walker(&rig, true, 100000);
+    plant_rig_reset(&rig, 0.52);
+    assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
+    rig.ground.fail_at = rig.ground.evaluations + 1;
+    assert_int_equal(plant_sample(rig.plant), ERROR_SYSTEM);
+    assert_int_equal(plant_sensors(rig.plant)->time_ns, 0); /* the last good sample */
+    rig.ground.fail_at = rig.ground.evaluations + 1;
+    assert_int_equal(plant_energy(rig.plant, &energy), ERROR_SYSTEM);
+    rig.ground.fail_at = rig.ground.evaluations + 1;
+    assert_int_equal(plant_reset(rig.plant, position, quaternion, joint), ERROR_SYSTEM);
+    plant_rig_fini(&rig);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(contact_failure_leaves_the_last_good_substep),
+        cmocka_unit_test(contact_is_evaluated_once_for_a_motion),
+        cmocka_unit_test(contact_is_timed_by_the_clock_that_is_given),
+        cmocka_unit_test(contact_failure_reaches_sample_energy_and_reset),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
