@@ -55,7 +55,7 @@ static void dbc_put_number(FILE *file, double value)
     fputs(text, file);
 }
 
-static const char *dbc_node_name(const struct dbc *dbc, int node)
+static const char *dbc_sender_name(const struct dbc *dbc, int node)
 {
     return node == DBC_NO_NODE ? DBC_NOBODY : dbc->node[node].name;
 }
@@ -111,7 +111,7 @@ static void dbc_put_messages(const struct dbc *dbc, FILE *file)
 {
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {
         fprintf(file, "\nBO_ %" PRIu32 " %s: %d %s\n", m->id, m->name, m->length,
-                dbc_node_name(dbc, m->sender));
+                dbc_sender_name(dbc, m->sender));
         for (const struct dbc_signal *s = m->signal; s; s = s->next) {
             dbc_put_signal(dbc, s, file);
         }

@@ -8,9 +8,9 @@
 #   run.sh [-t SECONDS] PROGRAM...
 #
 # The programs' output goes to standard output; the exit status is 0 when all ended with 0, 1 when
-# one did not, 70 when the guest did not come to its end (its console is shown as TAP comments). Where
-# something is not installed the TAP plan is one skipped test with the reason. HIL_WORK_KEEP keeps
-# the temporary directory.
+# one did not, 70 when the guest did not come to its end (its console is shown as TAP comments).
+# Where something is not installed the TAP plan is one skipped test with the reason. HIL_WORK_KEEP
+# keeps the temporary directory.
 set -u
 
 limit=60
@@ -34,12 +34,14 @@ fail() {
     exit 70
 }
 
-qemu=$(command -v qemu-system-x86_64) || skip "QEMU is not installed (Debian package qemu-system-x86)"
+qemu=$(command -v qemu-system-x86_64) ||
+    skip "QEMU is not installed (Debian package qemu-system-x86)"
 busybox=$(command -v busybox) || skip "busybox is not installed (Debian package busybox-static)"
 ip=$(command -v ip) || skip "ip is not installed (Debian package iproute2)"
 tc=$(command -v tc) || skip "tc is not installed (Debian package iproute2)"
 for program in cpio gzip ldd timeout; do
-    command -v "$program" >/dev/null || skip "$program is not installed (cpio, gzip, libc-bin, coreutils)"
+    command -v "$program" >/dev/null ||
+        skip "$program is not installed (cpio, gzip, libc-bin, coreutils)"
 done
 if ldd "$busybox" >/dev/null 2>&1; then
     skip "busybox is not static (Debian package busybox-static)"
@@ -68,9 +70,10 @@ trap 'exit 70' INT TERM HUP
 
 # a program and what it is linked with, at the paths that the linker will look at
 add_libraries() {
-    ldd "$1" 2>/dev/null | sed -n 's/.*=> \(\/[^ ]*\) .*/\1/p; s/^\s*\(\/[^ ]*\) .*/\1/p' | while read -r library; do
-        mkdir -p "$root$(dirname "$library")" && cp -nL "$library" "$root$library"
-    done
+    ldd "$1" 2>/dev/null | sed -n 's/.*=> \(\/[^ ]*\) .*/\1/p; s/^\s*\(\/[^ ]*\) .*/\1/p' |
+        while read -r library; do
+            mkdir -p "$root$(dirname "$library")" && cp -nL "$library" "$root$library"
+        done
 }
 
 root=$work/root
@@ -104,7 +107,8 @@ done
 # threadirqs, as a preemptible kernel has them: a program above them can fill a controller's queue
 # before the interrupt that a frame has left is served
 touch "$work/console" "$work/output" "$work/status"
-timeout -k 5 "$limit" "$qemu" -accel tcg -cpu max -m 256 -nodefaults -no-user-config -display none -no-reboot \
+timeout -k 5 "$limit" "$qemu" -accel tcg -cpu max -m 256 -nodefaults -no-user-config \
+    -display none -no-reboot \
     -kernel "$kernel" -initrd "$work/initramfs" \
     -append "console=ttyS0 quiet loglevel=4 panic=-1 tsc=reliable no_timer_check threadirqs" \
     -object can-bus,id=cb -device kvaser_pci,canbus=cb -device kvaser_pci,canbus=cb \
