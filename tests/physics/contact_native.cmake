@@ -1,6 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
+# springs at centroids, for each variant of the native engine's kernels
+add_library(contact_centroids STATIC physics/contact_centroids.c)
+target_link_libraries(contact_centroids PUBLIC contact)
+foreach(variant avx2 avx512)
+    if(TARGET contact_${variant})
+        add_library(contact_centroids_${variant} OBJECT physics/contact_centroids.c)
+        target_link_libraries(contact_centroids_${variant} PRIVATE hil_flags)
+        target_compile_definitions(contact_centroids_${variant} PRIVATE NATIVE_VARIANT=${variant})
+        target_compile_options(contact_centroids_${variant}
+                               PRIVATE $<TARGET_PROPERTY:contact_${variant},COMPILE_OPTIONS>)
+        target_sources(contact_centroids PRIVATE $<TARGET_OBJECTS:contact_centroids_${variant}>)
+        target_compile_definitions(contact_centroids PUBLIC NATIVE_VARIANTS)
+    endif()
+endforeach()
+
 hil_test(contact_native_agreement SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_native_agreement.c
-         LIBS contact LABELS physics)
+         LIBS contact_centroids LABELS physics)
 
 hil_test(contact_native SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_native.c
          LIBS contact TIMEOUT 180 LABELS physics)
@@ -28,7 +43,7 @@ foreach(test contact_native contact_native_bodies)
 endforeach()
 
 hil_test(contact_native_rt SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_native_rt.c
-         LIBS contact -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc LABELS physics)
+         LIBS contact_centroids -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc LABELS physics)
 
 hil_script_test(contact_native_rig
     COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_native_rig.sh $<TARGET_FILE:coman-hil>

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The native engine with springs at centroids against the engine "simbody": the same algorithms,
- * written twice, have to give the same wrenches, whatever the pose and the velocity.
+ * written twice, have to give the same wrenches, whatever the pose and the velocity. Each variant of
+ * the native kernels that this machine can run is compared.
  */
 #include "contact/contact.h"
 
@@ -15,6 +16,7 @@
 #include <string.h>
 #include <cmocka.h>
 
+#include "tests/physics/contact_centroids.h"
 #include "tests/physics/contact_scene.h"
 
 static struct arena arena;
@@ -93,7 +95,8 @@ static double largest(double a, const double v[3], const double w[3])
     return a;
 }
 
-static void compare(const struct scene *scene, const struct sweep *sweep)
+static void compare(const struct scene *scene, const struct sweep *sweep,
+                    const struct native_kernels *kernels)
 {
     struct contact_world *simbody = NULL, *native = NULL;
     struct error error = {0};
@@ -102,7 +105,8 @@ static void compare(const struct scene *scene, const struct sweep *sweep)
     double worst = 0;
 
     if (contact_simbody_create(&scene->config, &simbody, &error) != ERROR_NONE ||
-        contact_native_create_centroids(&scene->config, &arena, &native, &error) != ERROR_NONE) {
+        native_create_with_kernels(&scene->config, kernels, &arena, &native, &error) !=
+            ERROR_NONE) {
         fail_msg("%s", error.text);
     }
     for (int i = 0; i < sweep->count; ++i) {
@@ -147,7 +151,9 @@ static void compare_speeds(const struct scene *scene, struct sweep sweep)
     for (int i = 0; i < 3; ++i) {
         sweep.speed = speed[i];
         sweep.spin = 10 * speed[i];
-        compare(scene, &sweep);
+        for (int k = 0; contact_centroids_variant(k); ++k) {
+            compare(scene, &sweep, contact_centroids_variant(k));
+        }
     }
 }
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(name solid tangent mesh mesh_obj mesh_foot mesh_memory)
+foreach(name solid tangent tree mesh mesh_obj mesh_foot mesh_memory)
     hil_test(contact_${name} SOURCES unit/contact/${name}.c LIBS contact LABELS unit)
 endforeach()
 target_compile_definitions(test_contact_mesh_foot PRIVATE FOOT_MESH="$<TARGET_FILE:foot-mesh>")
