@@ -5,7 +5,7 @@ hil_test(contact_simbody SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_sim
          LIBS contact LABELS physics)
 
 hil_test(contact_reference SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_reference.cpp
-         LIBS contact SimTKsimbody SimTKmath SimTKcommon LABELS physics)
+         LIBS mesh_tools SimTKsimbody SimTKmath SimTKcommon LABELS physics)
 target_include_directories(test_contact_reference SYSTEM PRIVATE ${Simbody_INCLUDE_DIR})
 target_compile_options(test_contact_reference PRIVATE -UNDEBUG)
 

@@ -297,5 +297,5 @@ int main(void)
         cmocka_unit_test(the_sole_of_walkman_is_its_rectangle),
     };
 
-    return cmocka_run_group_tests_name("mesh_foot", tests, set_up, tear_down);
+    return cmocka_run_group_tests_name("tools_foot_mesh", tests, set_up, tear_down);
 }
