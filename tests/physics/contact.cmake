@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 find_package(Simbody REQUIRED CONFIG)
 
-hil_test(contact_simbody SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_simbody.c
-         LIBS contact LABELS physics)
+foreach(name "" _invariants)
+    hil_test(contact_simbody${name} SOURCES physics/contact_simbody${name}.c LIBS contact LABELS physics)
+endforeach()
 
 hil_test(contact_reference SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_reference.cpp
          LIBS mesh_tools SimTKsimbody SimTKmath SimTKcommon LABELS physics)

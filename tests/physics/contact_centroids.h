@@ -9,38 +9,25 @@
 #ifndef TESTS_PHYSICS_CONTACT_CENTROIDS_H
 #define TESTS_PHYSICS_CONTACT_CENTROIDS_H
 
-#include "contact/native_kernels.h"
+#include "tests/physics/contact_variants.h"
 
 extern const struct native_kernels contact_centroids;
 
 #if defined(NATIVE_VARIANTS)
-
 extern const struct native_kernels contact_centroids_avx2, contact_centroids_avx512;
-
-/* Those of each variant that this machine can run, NULL after the last. */
-static inline const struct native_kernels *contact_centroids_variant(int i)
-{
-    const struct native_kernels *all[3] = {&contact_centroids};
-    int n = 1;
-
-    __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx2")) {
-        all[n++] = &contact_centroids_avx2;
-    }
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-        __builtin_cpu_supports("avx512dq")) {
-        all[n++] = &contact_centroids_avx512;
-    }
-    return i < n ? all[i] : NULL;
-}
-
-#else
-
-static inline const struct native_kernels *contact_centroids_variant(int i)
-{
-    return i == 0 ? &contact_centroids : NULL;
-}
-
 #endif
+
+/* Those of a variant by its number (contact_variant_at), NULL when this machine does not run it. */
+static inline const struct native_kernels *contact_centroids_at(size_t n)
+{
+#if defined(NATIVE_VARIANTS)
+    const struct native_kernels *const all[CONTACT_VARIANTS] = {
+        &contact_centroids, &contact_centroids_avx2, &contact_centroids_avx512};
+#else
+    const struct native_kernels *const all[CONTACT_VARIANTS] = {&contact_centroids};
+#endif
+
+    return contact_variant_at(n).runs ? all[n] : NULL;
+}
 
 #endif

@@ -118,7 +118,7 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
     arena_fini(&arena);
 }
 
-static void a_motion_that_is_none_is_an_error(void **state)
+static void an_invalid_motion_is_an_error(void **state)
 {
     struct arena arena;
     struct scene scene;
@@ -171,7 +171,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(evaluations_and_tangents_allocate_nothing),
-        cmocka_unit_test(a_motion_that_is_none_is_an_error),
+        cmocka_unit_test(an_invalid_motion_is_an_error),
         cmocka_unit_test(an_arena_that_is_too_small_is_an_error),
     };
 
