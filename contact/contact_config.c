@@ -233,7 +233,7 @@ static enum error_code pair_check(const struct contact_config *config, size_t in
         }
     }
 
-    /* that can touch */
+    /* That can touch */
     const struct contact_surface *a = &config->surface[p->a], *b = &config->surface[p->b];
 
     if (a->body == b->body) {
@@ -250,7 +250,7 @@ static enum error_code pair_check(const struct contact_config *config, size_t in
                          index, a->name, b->name);
     }
 
-    /* and have not been given before */
+    /* And have not been given before */
     for (size_t i = 0; i < index; ++i) {
         const struct contact_pair *q = &config->pair[i];
 

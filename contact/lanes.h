@@ -48,7 +48,7 @@ LANES_INLINE lanes lanes_load_any(const double *p)
     return x;
 }
 
-/* yes where the mask is set, no elsewhere. */
+/* Takes yes where the mask is set, no elsewhere. */
 LANES_INLINE lanes lanes_pick(lanes_mask m, lanes yes, lanes no)
 {
     return (lanes)((m & (lanes_mask)yes) | (~m & (lanes_mask)no));

@@ -28,14 +28,14 @@ struct obj_token {
 };
 
 struct obj_reader {
-    /* the text and the position in it */
+    /* The text and the position in it */
     const char *name;
     const char *text;
     size_t size, at;
     size_t line, line_start;
     struct error *error;
 
-    /* the vertices and triangles read so far, and where they are written */
+    /* The vertices and triangles read so far, and where they are written */
     double (*vertex)[3];
     struct obj_place *vertex_place;
     size_t nvertex, vertex_capacity;
@@ -43,7 +43,7 @@ struct obj_reader {
     struct obj_place (*corner_place)[3];
     size_t nface, face_capacity;
 
-    /* the polygon being read */
+    /* The polygon being read */
     int polygon[MESH_MAX_CORNERS];
     struct obj_place polygon_place[MESH_MAX_CORNERS];
     size_t ncorner;

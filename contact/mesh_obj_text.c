@@ -36,7 +36,7 @@ const char *obj_quote_token(const struct obj_token *token, char out[OBJ_QUOTE_SI
         return "the end of the line";
     }
 
-    /* room for two quotes, three dots and the end */
+    /* Room for two quotes, three dots and the end */
     bool cut = length > OBJ_QUOTE_SIZE - 6;
     size_t shown = cut ? OBJ_QUOTE_SIZE - 6 : length;
     size_t o = 0;

@@ -214,7 +214,7 @@ static void tangent_add_friction(const struct resistance *by, double D[CONTACT_T
 {
     lanes f = {0}, fr[3] = {{0}}, frr[6] = {{0}};
 
-    /* f, f r and f r r summed over the springs */
+    /* The sums of f, f r and f r r over the springs */
     for (size_t i = 0; i < by->n; i += LANES) {
         lanes friction = lanes_load(by->friction + i);
         lanes x = lanes_load(by->arm[0] + i), y = lanes_load(by->arm[1] + i),

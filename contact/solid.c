@@ -169,7 +169,7 @@ static enum error_code solid_fill_trees(struct solid_builder *b, struct solid *s
         return code;
     }
 
-    /* Over the facets, */
+    /* Over the facets */
     for (size_t i = 0; i < s->nfacet; ++i) {
         const struct facet *f = &s->facet[i];
 
@@ -183,7 +183,7 @@ static enum error_code solid_fill_trees(struct solid_builder *b, struct solid *s
         return code;
     }
 
-    /* which also bounds their normals */
+    /* The bounds of their normals */
     normal_bounds = solid_alloc(b, s->facets.nnode, sizeof *normal_bounds);
     if (!normal_bounds) {
         return ERROR_MEMORY;

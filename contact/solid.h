@@ -49,7 +49,7 @@ struct solid {
     struct box box;
     double radius; /* half of the box's diagonal */
 
-    /* triangles */
+    /* Triangles */
     const double (*vertex)[3];
     const int (*face)[3];
     const double (*normal)[3];        /* of faces, unit */
@@ -57,7 +57,7 @@ struct solid {
     const int (*neighbor)[3];         /* face across the edge from corner i to i + 1 */
     struct tree faces;
 
-    /* facets */
+    /* Facets */
     const struct facet *facet;
     const double (*ring)[3];
     const double *point[3], *weight; /* points of quadrature and their share of the area */
@@ -67,7 +67,7 @@ struct solid {
     struct tree facets;
     const struct box *normal_bounds; /* of the normals under each node of the tree of facets */
 
-    /* planes of the facets, of a convex solid: what is behind all of them is inside */
+    /* Planes of the facets, of a convex solid: what is behind all of them is inside */
     bool convex;
     const double *plane[PLANE_ROWS]; /* padded, the last repeated */
     size_t nplane;

@@ -125,7 +125,7 @@ static int plane_find_loop(struct solid_builder *b, int n, int seed)
     int start, rim = plane_link_rim(b, n, seed, &start);
     int count = rim > 0 ? plane_walk_rim(b, rim, seed, start) : 0;
 
-    /* next is as empty as it was before */
+    /* Leave next as empty as it was */
     for (int i = 0; i < n; ++i) {
         for (int e = 0; e < 3; ++e) {
             b->next[b->mesh->face[b->member[i]][e]] = -1;
@@ -247,7 +247,7 @@ enum error_code solid_make_facets(struct solid_builder *b, struct solid *s)
             continue;
         }
 
-        /* All faces of the plane are one facet where they make up a convex polygon, */
+        /* All faces of the plane are one facet where they make up a convex polygon */
         int n = plane_gather_faces(b, f), count = plane_find_loop(b, n, f);
 
         if (count >= 3 && loop_is_convex(b, count, f)) {
@@ -255,7 +255,7 @@ enum error_code solid_make_facets(struct solid_builder *b, struct solid *s)
             continue;
         }
 
-        /* else each is one */
+        /* Else each is one */
         for (int i = 0; i < n; ++i) {
             solid_add_facet(b, m->face[b->member[i]], 3, b->member[i], 1);
         }

@@ -17,14 +17,14 @@ struct solid_builder {
     struct error *error;
     double size; /* diagonal of the mesh's box, m */
 
-    /* in the arena, becoming the solid's */
+    /* In the arena, becoming the solid's */
     double (*normal)[3];
     int (*neighbor)[3];
     struct facet *facet;
     double (*ring)[3];
     size_t nfacet, nring;
 
-    /* on the heap */
+    /* On the heap */
     int *group;       /* of each face: the seed of its plane, or -1 */
     int *member;      /* faces of the plane that is being made into a facet */
     int *next;        /* of each vertex on the plane's rim: the vertex after it, or -1 */

@@ -30,7 +30,7 @@
 #define NFACE 504
 #define TOP_SCALE 0.8
 
-/* xy of the right sole, counterclockwise seen from above, and its z and that of the top */
+/* The right sole (xy, counterclockwise seen from above), its z and that of the top */
 struct outline {
     const char *name, *title;
     int count; /* at most NRIM */
@@ -46,7 +46,7 @@ static const double coman_outline[][2] = {
     {-0.06, 0.0192},
 };
 
-/* the rectangle of 2015 */
+/* The rectangle of 2015 */
 static const double walkman_outline[][2] = {
     {-0.111, -0.09}, {0.195, -0.09}, {0.195, 0.07}, {-0.111, 0.07}};
 

@@ -259,10 +259,10 @@ static void centroids_of_meshes(const struct solid *first, const struct solid *s
                 d[k] = (nearest.point[k] - there[k]) / depth;
             }
             if (m == 0) {
-                /* the spring's direction is in the second's frame, its place in the first's */
+                /* The spring's direction is in the second's frame, its place in the first's */
                 mat3_apply(R[1], d, turned);
             } else {
-                /* the other way round, and what pushes the second pulls at the first */
+                /* The other way round, and what pushes the second pulls at the first */
                 for (int k = 0; k < 3; ++k) {
                     turned[k] = -d[k];
                     q[k] = there[k];

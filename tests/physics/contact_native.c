@@ -23,7 +23,7 @@ static const struct contact_material hard = {1e6, 1, 0, 0, 0, 0};
 
 static void onto_sphere(double p[3], const double *radius)
 {
-    /* tangents make the cells alike */
+    /* Tangents make the cells alike */
     for (int i = 0; i < 3; ++i) {
         p[i] = tan(p[i] * fixture_pi / 4);
     }
@@ -110,7 +110,7 @@ static void box_over_the_edge_pushes_with_what_is_on_the_table(void **state)
             assert_near(wrench.force[2], force, 1e-9 * force);
             assert_near(wrench.force[0], 0, 1e-9 * force);
             assert_near(wrench.force[1], 0, 1e-9 * force);
-            /* the middle of what is on the table, seen from the box */
+            /* The middle of what is on the table, seen from the box */
             assert_near(wrench.moment[1], (0.075 - on_table[i] / 2) * force, 1e-9 * force);
         }
     }
@@ -172,12 +172,12 @@ static void a_tilted_box_meets_half_space_and_table_alike(void **state)
         fixture_evaluate(world, &motion, &wrench);
         force[table] = wrench.force[2];
         lean[table] = wrench.force[0] / wrench.force[2];
-        /* of what points up */
+        /* Of what points up */
         moment[table] = wrench.moment[1] + 0.077 * wrench.force[0];
     }
     assert_near(force[0], k * volume, 1e-9 * force[0]);
     assert_near(lean[0], 0, 1e-9);
-    /* between two meshes springs lean by half the tilt, and the side faces nobody */
+    /* Between two meshes springs lean by half the tilt, and the side faces nobody */
     assert_near(force[1], force[0], 4e-3 * force[0]);
     assert_near(fabs(lean[1]), t / 2, 1e-2 * t);
     assert_near(moment[1], moment[0], 4e-3 * fabs(moment[0]));
@@ -207,7 +207,7 @@ static void sphere_on_a_box_pushes_with_k_times_the_cap_wherever_it_lands(void *
         assert_near(hypot(wrench.force[0], wrench.force[1]), 0, 1e-12 * force);
         assert_near(wrench.moment[0], 0, 1e-12 * force);
     }
-    /* half over the edge: half of the cap, and no push from the side */
+    /* Half over the edge: half of the cap, and no push from the side */
     scene_place(&motion, 0.075, 0.01, 0.075 + 0.02 - depth);
     fixture_evaluate(world, &motion, &wrench);
     assert_near(wrench.force[2], force / 2, 1e-6 * force);
@@ -223,7 +223,7 @@ static void dent(double p[3], const double *top)
 
 static void a_sphere_does_not_feel_the_cells_of_a_surface_that_is_almost_flat(void **state)
 {
-    /* dents of 2 um in each corner of the cells: no two triangles are in one plane */
+    /* Dents of 2 um in each corner of the cells: no two triangles are in one plane */
     const double top = 0.05, depth = 0.5e-3, expected = 5e5 * cap_volume(0.02, depth);
     struct scene scene;
     struct body_motion motion;
@@ -282,7 +282,7 @@ static void a_refined_ball_on_a_plane_converges_to_k_times_the_cap(void **state)
             print_message("%s, %d triangles: %+.2e off\n", table ? "table" : "half-space",
                           12 * cells * cells, off[i]);
         }
-        /* of second order in the size of the cells, toward the cap; on the table springs lean by
+        /* Of second order in the size of the cells, toward the cap; on the table springs lean by
          * half the slope of the facet, which takes a share of the order of depth over radius */
         assert_near((off[1] - off[2]) / (off[2] - off[3]), 4, 0.5);
         assert_near((4 * off[3] - off[2]) / 3, 0, table ? depth / radius / 4 : 1e-3);
@@ -338,7 +338,7 @@ static const struct mesh *make_l(double thickness)
     static double vertex[12][3];
     static int face[20][3];
     static struct mesh mesh = {"l", 12, 0, (const double(*)[3])vertex, (const int(*)[3])face};
-    /* counterclockwise in x and z, seen from -y */
+    /* Counterclockwise in x and z, seen from -y */
     const double t = thickness;
     const double outline[6][2] = {{0, 0}, {0.2, 0}, {0.2, t}, {t, t}, {t, 0.2}, {0, 0.2}};
     static const int cap[4][3] = {{0, 1, 2}, {0, 2, 3}, {0, 3, 4}, {0, 4, 5}};
@@ -366,7 +366,7 @@ static const struct mesh *make_l(double thickness)
 
 static void a_corner_that_is_open_holds_a_box_and_a_sphere_only_where_they_touch(void **state)
 {
-    /* an angle bracket, its inner faces at x = t and z = t */
+    /* An angle bracket, its inner faces at x = t and z = t */
     const double t = 0.01;
     const struct mesh *l = make_l(t);
 
@@ -388,21 +388,21 @@ static void a_corner_that_is_open_holds_a_box_and_a_sphere_only_where_they_touch
         struct contact_world *world = fixture_native(&scene);
         double one = 5e5 * (sphere ? cap_volume(0.02, 5e-4) : 0.04 * 0.04 * 5e-4);
 
-        /* in the open, inside the hull */
+        /* In the open, inside the hull */
         scene_place(&motion, 0.05, 0, 0.05);
         fixture_evaluate(world, &motion, &wrench);
         assert_true(vec3_norm(wrench.force) == 0);
-        /* on the floor */
+        /* On the floor */
         scene_place(&motion, 0.08, 0, t + 0.02 - 5e-4);
         fixture_evaluate(world, &motion, &wrench);
         assert_near(wrench.force[2], one, 1e-9 * one);
         assert_near(wrench.force[0], 0, 1e-9 * one);
-        /* in the corner, on both; the box is a little short of full, by what is in both faces */
+        /* In the corner, on both; the box is a little short of full, by what is in both faces */
         scene_place(&motion, t + 0.02 - 5e-4, 0, t + 0.02 - 5e-4);
         fixture_evaluate(world, &motion, &wrench);
         assert_near(wrench.force[2], one, (sphere ? 1e-9 : 0.03) * one);
         assert_near(wrench.force[0], wrench.force[2], 1e-9 * one);
-        /* under it, and behind it */
+        /* Under it, and behind it */
         scene_place(&motion, 0.08, 0, -0.02 + 5e-4);
         fixture_evaluate(world, &motion, &wrench);
         assert_near(wrench.force[2], -one, 1e-9 * one);

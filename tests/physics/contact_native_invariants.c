@@ -196,7 +196,7 @@ static void the_wrench_is_continuous_in_the_pose(void **state)
 
             fixture_two_motions(&seed, height, motion);
             if (i % 3 == 0) {
-                /* over the edge */
+                /* Over the edge */
                 motion[1].p[0] += kind == 1 ? 0.06 : 0.18;
             }
             coarse = largest_jump(world, motion, way, 100);
@@ -249,7 +249,7 @@ static void the_elastic_force_is_the_slope_of_the_stored_energy(void **state)
                 world->ops->patches(world, &patch[side], 1);
             }
             slope = (patch[0].potential_j - patch[1].potential_j) / (2 * step);
-            /* where a mesh's own boundary moves through the overlap the bed is not conservative */
+            /* Where a mesh's own boundary moves through the overlap the bed is not conservative */
             assert_near(wrench[1].force[2], slope, (kind == 0 ? 1e-5 : 3e-2) * slope);
         }
     }

@@ -119,7 +119,7 @@ static void tangents_are_the_slopes_of_the_wrench_without_friction(void **state)
                         memcpy(moved, motion, sizeof moved);
                         disturb(&moved[b], t.center, column, way ? step : -step, velocity);
                         fixture_evaluate(world, moved, wrench);
-                        /* the center goes along with the body */
+                        /* The center goes along with the body */
                         memcpy(center, t.center, sizeof center);
                         if (column < 3 && !velocity) {
                             center[column] += way ? step : -step;
@@ -134,7 +134,7 @@ static void tangents_are_the_slopes_of_the_wrench_without_friction(void **state)
 
                         size += kind > 0 ? 10 * load : 0;
 
-                        /* on a half-space exact but for force times depth; elsewhere normals turn
+                        /* On a half-space exact but for force times depth; elsewhere normals turn
                          * with the bodies and the overlap's rim moves, which tangents leave out */
                         assert_near(entry(S, row, column), slope, (kind == 0 ? 5e-3 : 0.15) * size);
                     }
@@ -164,7 +164,7 @@ static void tangents_resist_sliding_at_least_as_much_as_friction_does(void **sta
         fixture_evaluate(world, motion, wrench);
         motion[1].v[0] += 1e-6;
         fixture_evaluate(world, motion, faster);
-        /* the steepest slope up to the present speed bounds the mean slope of the last bit */
+        /* The steepest slope up to the present speed bounds the mean slope of the last bit */
         assert_int_equal(world->ops->tangents(world, &t, 1), 1);
         slope = (wrench[1].force[0] - faster[1].force[0]) / 1e-6;
         assert_true(t.D[0] > slope * (1 - 1e-6) && t.D[0] > 0);

@@ -113,7 +113,7 @@ static void foot_pushes_with_its_sole_area_at_the_soles_centroid(void **state)
     fixture_evaluate(world, &motion, &wrench);
     assert_near(wrench.force[2], force, 1e-12 * force);
 
-    /* about the ankle: the sole's centroid times the force */
+    /* About the ankle: the sole's centroid times the force */
     assert_near(wrench.moment[0], sole_centroid[1] * force, 1e-13 * force);
     assert_near(wrench.moment[1], -sole_centroid[0] * force, 1e-13 * force);
     assert_near(wrench.moment[2], 0, 1e-12 * force);
@@ -128,7 +128,7 @@ static void tilted_foot_pushes_with_its_mean_depth(void **state)
     struct contact_wrench wrench;
     double k = scene_stiffness(&scene_foot, &scene_ground), c = cos(tilt), s = sin(tilt);
     const double pitch[9] = {c, 0, s, 0, 1, 0, -s, 0, c};
-    /* all of the sole stays below the ground, so the depth is linear over the triangles */
+    /* All of the sole stays below the ground, so the depth is linear over the triangles */
     double force = k * sole_area * (d + s * sole_centroid[0]);
 
     (void)state;
@@ -185,7 +185,7 @@ static void sphere_on_half_space_obeys_hertz(void **state)
     (void)state;
     on_ground(&scene, CONTACT_SPHERE)->radius_m = radius;
     for (int pass = 0; pass < 2; ++pass) {
-        /* first the law as Simbody combines two materials, then a ground so stiff that it does not
+        /* First the law as Simbody combines two materials, then a ground so stiff that it does not
          * give, where the textbook's formula has only the sphere's modulus */
         double e1 = scene_foot.young_pa, e2 = pass ? stiff * e1 : scene_ground.young_pa;
         double a = pow(e1, 2. / 3), b = pow(e2, 2. / 3), share = b / (a + b);
@@ -328,7 +328,7 @@ static void a_spinning_box_is_braked_by_torsional_friction(void **state)
     struct body_motion motion;
     struct contact_wrench wrench;
     double ud = scene_mean(scene_foot.dynamic_friction, scene_ground.dynamic_friction);
-    /* mean distance of a square's points from its center, side 0.15:
+    /* Mean distance of a square's points from its center, side 0.15:
      * side/6 (sqrt 2 + ln(1 + sqrt 2)) */
     double lever = 0.15 / 6 * (sqrt(2) + log(1 + sqrt(2)));
 
@@ -391,7 +391,7 @@ static void upright_faces_below_a_half_space_push_too(void **state)
 
     struct contact_world *world = fixture_simbody(&scene);
 
-    /* the lower triangle of each of the 28 bottom wall cells has its centroid cell/3 up */
+    /* The lower triangle of each of the 28 bottom wall cells has its centroid cell/3 up */
     scene_place(&motion, 0, 0, 0.075 - d);
     fixture_evaluate(world, &motion, &wrench);
     assert_near(wrench.force[2], k * (0.0225 * d + column * (d - cell / 3)), 1e-9 * k * 0.0225);

@@ -188,14 +188,14 @@ static void lines_of_any_length_are_read_and_quoted_short(void **state)
     (void)state;
     assert_non_null(text);
 
-    /* one long comment before a good mesh */
+    /* One long comment before a good mesh */
     memset(text, 'x', size);
     text[0] = '#';
     memcpy(text + size - sizeof VERTICES FACES, "\n" VERTICES FACES, sizeof VERTICES FACES);
     text[size] = '\0';
     assert_int_equal(read_text(text)->nface, 4);
 
-    /* one long word */
+    /* One long word */
     memset(text, '1', size);
     memcpy(text, "v ", 2);
     refused(text, size,
