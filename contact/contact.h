@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Compliant contact between surfaces on moving bodies and the ground: elastic foundation, paper
- * eqs (6), (7). Poses and velocities go in, the wrench on every body comes out. C only: no
- * exception and no C++ type crosses this header.
+ * eqs (6), (7). Poses and velocities go in, the wrench on every body comes out. SI units, world
+ * frame unless a comment says otherwise. Creating a world and checking its configuration are not
+ * RT-safe; what an engine does with a world is where the engine says so. C only: no exception and
+ * no C++ type crosses this header.
  *
  * Law at a surface element of area A that is x deep in the other surface, x' its rate (Sherman,
  * Seth, Delp 2011; Simbody's CompliantContactSubsystem), subscripts for the two surfaces:
@@ -100,27 +102,47 @@ struct contact_patch {
     double dissipation_w; /* being dissipated */
 };
 
-/* How one pair in touch resists: a small motion of b relative to a at center, displacement X and
- * velocity V (linear, angular; world frame), changes the wrench on b there by about -(K X + D V).
- * Symmetric, positive semidefinite 6x6 matrices, upper triangle by rows. For implicit integration,
- * which stays stable when they err upward: friction counts by a bound of its slope, and what turns
- * the normals or scales friction with the normal force is left out. */
+/* Rows and columns of a tangent: displacements (or velocities, forces), then rotations (angular
+ * velocities, moments). */
+enum contact_axis {
+    CONTACT_MOVE_X,
+    CONTACT_MOVE_Y,
+    CONTACT_MOVE_Z,
+    CONTACT_TURN_X,
+    CONTACT_TURN_Y,
+    CONTACT_TURN_Z,
+    CONTACT_AXES
+};
+
+/* A symmetric 6x6 matrix is kept as its upper triangle by rows: so many elements, and the index of
+ * the one at (row, column), row <= column. */
+#define CONTACT_TANGENT_SIZE 21
+#define CONTACT_TANGENT_AT(row, column) ((row) * (11 - (row)) / 2 + (column))
+
+/* Tangent stiffness and damping of one pair in touch: a small motion of b relative to a at center,
+ * displacement X and velocity V (linear, angular; world frame), changes the wrench on b there by
+ * about -(K X + D V). Both are positive semidefinite. For implicit integration, which stays stable
+ * when they err upward: friction counts by a bound of its slope, and what turns the normals or
+ * scales friction with the normal force is left out. */
 struct contact_tangent {
     int pair;
     int body_a, body_b; /* indices into the motions, -1 = the fixed world */
     double center[3];
-    double K[21]; /* N/m, N, N m */
-    double D[21]; /* N s/m, N s, N m s */
+    double K[CONTACT_TANGENT_SIZE]; /* N/m, N, N m */
+    double D[CONTACT_TANGENT_SIZE]; /* N s/m, N s, N m s */
 };
 
-/* Refuses what no engine can work with: indices out of range, numbers that are not finite or not in
- * their range (dynamic friction over static too), rotations that are none, unsound meshes, pairs of
- * one body with itself, of two half-spaces, or given twice. Not RT-safe. */
+/* Refuses what no engine can work with, with ERROR_INPUT: indices out of range, numbers that are
+ * not finite or not in their range (dynamic friction over static too), rotations that are not
+ * orthonormal and right-handed, unsound meshes, pairs of one body with itself, of two
+ * half-spaces, or given twice. Not RT-safe. */
 enum error_code contact_config_check(const struct contact_config *config, struct error *error);
 
-/* Whether an engine can take this motion: numbers within 1e9, and R a rotation but for what an
- * integrator's stage may have left in it (1 %). RT-safe. */
-bool contact_motion_valid(const struct body_motion *motion);
+/* Checks that an engine can take n motions: numbers within 1e9, and R a rotation within the error
+ * that an integrator's stage may leave in it (1 %). Otherwise ERROR_INPUT, and the first that is
+ * invalid is named in failure (size bytes). RT-safe. */
+enum error_code contact_check_motions(const struct body_motion *motion, size_t n, char *failure,
+                                      size_t size);
 
 struct contact_world;
 
@@ -132,8 +154,8 @@ struct contact_ops {
                                 struct contact_wrench *wrench);
     /* Patches of the last evaluation; returns their number, writes at most max. */
     size_t (*patches)(struct contact_world *world, struct contact_patch *patch, size_t max);
-    /* Tangents at the last evaluation; returns their number, writes at most max. May be NULL; who
-     * integrates implicitly needs it. */
+    /* Tangents at the last evaluation; returns their number, writes at most max. May be NULL: then
+     * the world cannot be integrated implicitly. */
     size_t (*tangents)(struct contact_world *world, struct contact_tangent *tangent, size_t max);
     /* The engine's message after a failed evaluate. */
     const char *(*failure)(const struct contact_world *world);
@@ -148,9 +170,9 @@ struct contact_world {
 /* Engine "simbody": Simbody's CompliantContactSubsystem with one free shadow body per contact body
  * (paper Fig. 7), all set, then realized to Dynamics once an evaluation. The result depends on
  * nothing but the motion. Only the given pairs interact. Allocates while it evaluates, so it is
- * not RT-safe. Destroy with world->ops->destroy.
+ * not RT-safe. The world is the caller's: destroy it with world->ops->destroy.
  *
- * What is Simbody's own in the numbers:
+ * Where Simbody's numbers differ from the law above:
  * - Triangles count whole, by their centroid: in or out, however little of them overlaps. Mesh on
  *   mesh, each mesh's sum is scaled so that the triangles that overlap at all cover the mean of
  *   both meshes' areas, not by one half: coarse meshes push too hard (a box on a flat table of 12
@@ -162,44 +184,39 @@ struct contact_world {
 enum error_code contact_simbody_create(const struct contact_config *config,
                                        struct contact_world **world, struct error *error);
 
-/* Engine "native": keeps real time. evaluate is RT-safe; memory from arena, which the world must
- * not outlive; destroy does nothing. What is common to two surfaces is integrated over their true
- * overlap, so that the wrench is continuous in the pose, does not depend on how finely a flat side
- * is cut into triangles, and converges as curved ones are refined:
- * - Springs are a bed: side by side on a plane, along one direction, as long as the overlap is deep
- *   there. The elastic force of a bed is k times the volume that it stands in. Coplanar triangles
- *   that make up a convex polygon are one facet.
+/* Engine "native": keeps real time. All that is done with its world is RT-safe; memory from
+ * arena, which the world must not outlive; destroy does nothing. What is common to two surfaces
+ * is integrated over their true overlap, so that the wrench is continuous in the pose, does not
+ * depend on how finely a flat side is cut into triangles, and converges as curved ones are
+ * refined:
+ * - Springs are a bed: side by side on a plane, along one direction, as long as the overlap is
+ *   deep there. The elastic force of a bed is k times the volume that it stands in. Coplanar
+ *   triangles that make up a convex polygon are one facet.
  * - Mesh on half-space: along the plane's normal. A facet that stands upright or is turned away
  *   adds nothing (Simbody lets both push).
  * - Mesh on mesh: between each two facets that face each other, along the mean of their normals.
- *   The sums over either mesh in eq (6) are over the same overlap, so half of both is one of them.
- *   A tilted block is thus pushed sideways by half of its tilt, as in Simbody's mean of both sums.
- *   The force fades out as the normals get near a right angle (full up to 60 degrees off, none from
- *   84), and where a spring would run along the overlap instead of across it.
+ *   The sums over either mesh in eq (6) are over the same overlap, so half of both is one of
+ *   them. A tilted block is thus pushed sideways by half of its tilt, as in Simbody's mean of
+ *   both sums. The force fades out as the normals get near a right angle (full up to 60 degrees
+ *   off, none from 84), and where a spring would run along the overlap instead of across it.
  * - Sphere on mesh: over each facet along its normal to the sphere's far side: k times the cap's
  *   volume on a flat side, wherever on it. A sphere that has sunk under a facet as deep as it is
  *   wide is no longer held by it. Sphere on half-space or sphere: Hertz's law, as above.
  * - Velocity, dissipation and friction are taken at three points between a facet's centroid and
- *   each edge of the overlap, at three in all on facets that are small against the smaller mesh (four
- *   points of a sphere's patch).
- * Nothing is kept from one evaluation for the next, so the same motion always gives the same bits on
- * the same machine. The kernels are compiled for several instruction sets, of which the machine's
- * best is taken; with another number of lanes sums have another order, and may differ in their last
- * bits.
+ *   each edge of the overlap, at three in all on facets that are small against the smaller mesh
+ *   (four points of a sphere's patch).
+ * Nothing is kept from one evaluation for the next, so the same motion always gives the same bits
+ * on the same machine. The kernels are compiled for several instruction sets, of which the best
+ * that the machine can run is taken; with another number of lanes sums have another order, and may
+ * differ in their last bits.
  *
- * Work at worst, all of both meshes within each other: for each pair of meshes the product of their
- * numbers of facets, for a half-space or a sphere the number of facets. It follows the patch where
- * surfaces just touch, as those of a robot do: a walk down the trees to the box that both have in
- * common, then the facets in it. tests/bench/contact_instructions.sh counts it: the worst of random
- * poses of a foot, a box or a sphere in touch stays within three times the median. */
+ * Work at worst, all of both meshes within each other: for each pair of meshes the product of
+ * their numbers of facets, for a half-space or a sphere the number of facets. It follows the
+ * patch where surfaces just touch, as those of a robot do: a walk down the trees to the box that
+ * both have in common, then the facets in it. tests/bench/contact_instructions.sh counts it: the
+ * worst of random poses of a foot, a box or a sphere in touch stays within three times the
+ * median. */
 enum error_code contact_native_create(const struct contact_config *config, struct arena *arena,
                                       struct contact_world **world, struct error *error);
-
-/* The same engine with Simbody's springs at the triangles' centroids, all that is listed above of
- * them included: gives Simbody's numbers, for comparison. RT-safe too; its work is the number of
- * triangles, for two meshes the product. */
-enum error_code contact_native_create_centroids(const struct contact_config *config,
-                                                struct arena *arena, struct contact_world **world,
-                                                struct error *error);
 
 #endif

@@ -1,16 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What every contact engine asks of its configuration. */
+/* What every contact engine requires of its configuration and of motions. */
+#include "base/count.h"
 #include "contact/contact.h"
 
 #include <math.h>
 #include <stdbool.h>
+#include <stdio.h>
 
 #define ROTATION_TOLERANCE 1e-6
 #define MOTION_TOLERANCE 1e-2
 #define MOTION_LIMIT 1e9
 
-static enum error_code expect(bool good, const struct contact_surface *s, const char *key,
-                              double found, const char *expected, struct error *error)
+/* Refuses a surface's number that is not good. */
+static enum error_code surface_expect(bool good, const struct contact_surface *s, const char *key,
+                                      double found, const char *expected, struct error *error)
 {
     if (good) {
         return ERROR_NONE;
@@ -19,19 +22,20 @@ static enum error_code expect(bool good, const struct contact_surface *s, const 
                      key, found, expected);
 }
 
-/* A finite number over zero, or from zero on. */
-static bool positive(double x)
+/* Finite and over zero. */
+static bool number_is_positive(double x)
 {
     return x > 0 && isfinite(x);
 }
 
-static bool not_negative(double x)
+/* Finite and from zero on. */
+static bool number_is_not_negative(double x)
 {
     return x >= 0 && isfinite(x);
 }
 
 /* Orthonormal rows, right-handed; false when anything is not finite. */
-static bool is_rotation(const double r[9], double tolerance)
+static bool matrix_is_rotation(const double r[9], double tolerance)
 {
     double determinant = r[0] * (r[4] * r[8] - r[5] * r[7]) - r[1] * (r[3] * r[8] - r[5] * r[6]) +
                          r[2] * (r[3] * r[7] - r[4] * r[6]);
@@ -49,7 +53,7 @@ static bool is_rotation(const double r[9], double tolerance)
     return determinant > 0;
 }
 
-bool contact_motion_valid(const struct body_motion *motion)
+static bool motion_is_valid(const struct body_motion *motion)
 {
     for (int i = 0; i < 3; ++i) {
         if (!(fabs(motion->p[i]) <= MOTION_LIMIT && fabs(motion->w[i]) <= MOTION_LIMIT &&
@@ -57,70 +61,107 @@ bool contact_motion_valid(const struct body_motion *motion)
             return false;
         }
     }
-    return is_rotation(motion->R, MOTION_TOLERANCE);
+    return matrix_is_rotation(motion->R, MOTION_TOLERANCE);
 }
 
-static enum error_code check_material(const struct contact_surface *s, struct error *error)
+enum error_code contact_check_motions(const struct body_motion *motion, size_t n, char *failure,
+                                      size_t size)
+{
+    for (size_t b = 0; b < n; ++b) {
+        if (!motion_is_valid(&motion[b])) {
+            snprintf(failure, size,
+                     "contact: invalid motion of body %zu: expected a rotation and finite numbers",
+                     b);
+            return ERROR_INPUT;
+        }
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code surface_check_material(const struct contact_surface *s, struct error *error)
 {
     const struct contact_material *m = &s->material;
+
+    /* What holds for each number */
     const struct {
         bool good;
         const char *key;
         double value;
         const char *expected;
     } rule[] = {
-        {positive(m->young_pa), "young_pa", m->young_pa, "over 0"},
-        {positive(m->thickness_m), "thickness_m", m->thickness_m, "over 0"},
-        {not_negative(m->dissipation_s_per_m), "dissipation_s_per_m", m->dissipation_s_per_m,
+        {number_is_positive(m->young_pa), "young_pa", m->young_pa, "over 0"},
+        {number_is_positive(m->thickness_m), "thickness_m", m->thickness_m, "over 0"},
+        {number_is_not_negative(m->dissipation_s_per_m), "dissipation_s_per_m",
+         m->dissipation_s_per_m, "0 or more"},
+        {number_is_not_negative(m->static_friction), "static_friction", m->static_friction,
          "0 or more"},
-        {not_negative(m->static_friction), "static_friction", m->static_friction, "0 or more"},
-        {not_negative(m->dynamic_friction) && m->dynamic_friction <= m->static_friction,
+        {number_is_not_negative(m->dynamic_friction) && m->dynamic_friction <= m->static_friction,
          "dynamic_friction", m->dynamic_friction, "0 up to static_friction"},
-        {not_negative(m->viscous_friction), "viscous_friction", m->viscous_friction, "0 or more"},
+        {number_is_not_negative(m->viscous_friction), "viscous_friction", m->viscous_friction,
+         "0 or more"},
     };
-    enum error_code code = ERROR_NONE;
 
-    for (size_t i = 0; code == ERROR_NONE && i < sizeof rule / sizeof *rule; ++i) {
-        code = expect(rule[i].good, s, rule[i].key, rule[i].value, rule[i].expected, error);
+    for (size_t i = 0; i < ARRAY_COUNT(rule); ++i) {
+        enum error_code code =
+            surface_expect(rule[i].good, s, rule[i].key, rule[i].value, rule[i].expected, error);
+
+        if (code != ERROR_NONE) {
+            return code;
+        }
     }
-    return code;
+    return ERROR_NONE;
 }
 
-static enum error_code check_shape(const struct contact_surface *s, struct error *error)
+static enum error_code surface_check_box(const struct contact_surface *s, struct error *error)
+{
+    for (int i = 0; i < 3; ++i) {
+        double half = s->half_extent_m[i];
+        enum error_code code =
+            surface_expect(half > 0 && half <= MESH_MAX_COORDINATE_M, s, "half_extent_m", half,
+                           "over 0 and no larger than a mesh may be", error);
+
+        if (code != ERROR_NONE) {
+            return code;
+        }
+    }
+    return surface_expect(s->cells_per_edge >= 1 && s->cells_per_edge <= MESH_MAX_BOX_CELLS, s,
+                          "cells_per_edge", s->cells_per_edge, "1 to 256", error);
+}
+
+static enum error_code surface_check_mesh(const struct contact_surface *s, struct error *error)
 {
     struct mesh_finding finding;
-    enum error_code code = ERROR_NONE;
+    enum error_code code;
 
+    if (!s->mesh) {
+        return error_set(error, ERROR_INPUT, "contact surface '%s': found no mesh, expected one",
+                         s->name);
+    }
+    code = mesh_check(s->mesh, &finding, error);
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    if (finding.fault != MESH_SOUND) {
+        return error_set(error, ERROR_INPUT,
+                         "contact surface '%s': found a mesh with %s (face %zu), expected a closed "
+                         "surface with its outside out",
+                         s->name, mesh_fault_text(finding.fault), finding.face);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code surface_check_shape(const struct contact_surface *s, struct error *error)
+{
     switch (s->shape) {
     case CONTACT_HALF_SPACE:
         return ERROR_NONE;
     case CONTACT_SPHERE:
-        return expect(positive(s->radius_m), s, "radius_m", s->radius_m, "over 0", error);
+        return surface_expect(number_is_positive(s->radius_m), s, "radius_m", s->radius_m, "over 0",
+                              error);
     case CONTACT_BOX:
-        for (int i = 0; code == ERROR_NONE && i < 3; ++i) {
-            double half = s->half_extent_m[i];
-
-            code = expect(half > 0 && half <= MESH_MAX_COORDINATE_M, s, "half_extent_m", half,
-                          "over 0 and no larger than a mesh may be", error);
-        }
-        if (code == ERROR_NONE) {
-            code = expect(s->cells_per_edge >= 1 && s->cells_per_edge <= MESH_MAX_BOX_CELLS, s,
-                          "cells_per_edge", s->cells_per_edge, "1 to 256", error);
-        }
-        return code;
+        return surface_check_box(s, error);
     case CONTACT_MESH:
-        if (!s->mesh) {
-            return error_set(error, ERROR_INPUT,
-                             "contact surface '%s': found no mesh, expected one", s->name);
-        }
-        code = mesh_check(s->mesh, &finding, error);
-        if (code == ERROR_NONE && finding.fault != MESH_SOUND) {
-            code = error_set(error, ERROR_INPUT,
-                             "contact surface '%s': found a mesh with %s (face %zu), expected a "
-                             "closed surface with its outside out",
-                             s->name, mesh_fault_text(finding.fault), finding.face);
-        }
-        return code;
+        return surface_check_mesh(s, error);
     }
     return error_set(error, ERROR_INPUT,
                      "contact surface '%s': found shape %d, expected a known one", s->name,
@@ -128,26 +169,28 @@ static enum error_code check_shape(const struct contact_surface *s, struct error
 }
 
 /* Finite position, right-handed orthonormal rotation. */
-static enum error_code check_pose(const struct contact_surface *s, struct error *error)
+static enum error_code surface_check_pose(const struct contact_surface *s, struct error *error)
 {
-    enum error_code code = ERROR_NONE;
+    const double *r = s->rotation;
 
-    for (int i = 0; code == ERROR_NONE && i < 3; ++i) {
-        code = expect(isfinite(s->position[i]), s, "position", s->position[i], "a finite number",
-                      error);
+    for (int i = 0; i < 3; ++i) {
+        enum error_code code = surface_expect(isfinite(s->position[i]), s, "position",
+                                              s->position[i], "a finite number", error);
+
+        if (code != ERROR_NONE) {
+            return code;
+        }
     }
-    if (code == ERROR_NONE && !is_rotation(s->rotation, ROTATION_TOLERANCE)) {
-        code = error_set(error, ERROR_INPUT,
+    if (!matrix_is_rotation(r, ROTATION_TOLERANCE)) {
+        return error_set(error, ERROR_INPUT,
                          "contact surface '%s': found a rotation with columns (%g %g %g), (%g %g "
                          "%g), (%g %g %g), expected a right-handed orthonormal matrix",
-                         s->name, s->rotation[0], s->rotation[3], s->rotation[6], s->rotation[1],
-                         s->rotation[4], s->rotation[7], s->rotation[2], s->rotation[5],
-                         s->rotation[8]);
+                         s->name, r[0], r[3], r[6], r[1], r[4], r[7], r[2], r[5], r[8]);
     }
-    return code;
+    return ERROR_NONE;
 }
 
-static enum error_code check_surface(const struct contact_config *config, size_t index,
+static enum error_code surface_check(const struct contact_config *config, size_t index,
                                      struct error *error)
 {
     const struct contact_surface *s = &config->surface[index];
@@ -163,18 +206,23 @@ static enum error_code check_surface(const struct contact_config *config, size_t
                          "less than %zu",
                          s->name, s->body, config->nbody);
     }
-    code = check_shape(s, error);
-    if (code == ERROR_NONE) {
-        code = check_pose(s, error);
+    code = surface_check_shape(s, error);
+    if (code != ERROR_NONE) {
+        return code;
     }
-    return code != ERROR_NONE ? code : check_material(s, error);
+    code = surface_check_pose(s, error);
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    return surface_check_material(s, error);
 }
 
-static enum error_code check_pair(const struct contact_config *config, size_t index,
+static enum error_code pair_check(const struct contact_config *config, size_t index,
                                   struct error *error)
 {
     const struct contact_pair *p = &config->pair[index];
 
+    /* Two surfaces */
     for (int side = 0; side < 2; ++side) {
         int surface = side == 0 ? p->a : p->b;
 
@@ -185,6 +233,7 @@ static enum error_code check_pair(const struct contact_config *config, size_t in
         }
     }
 
+    /* That can touch */
     const struct contact_surface *a = &config->surface[p->a], *b = &config->surface[p->b];
 
     if (a->body == b->body) {
@@ -200,6 +249,8 @@ static enum error_code check_pair(const struct contact_config *config, size_t in
                          "most",
                          index, a->name, b->name);
     }
+
+    /* And have not been given before */
     for (size_t i = 0; i < index; ++i) {
         const struct contact_pair *q = &config->pair[i];
 
@@ -215,8 +266,7 @@ static enum error_code check_pair(const struct contact_config *config, size_t in
 
 enum error_code contact_config_check(const struct contact_config *config, struct error *error)
 {
-    enum error_code code = ERROR_NONE;
-
+    /* Sizes, and the one number for all */
     if (config->nbody > CONTACT_MAX_BODIES || config->nsurface > CONTACT_MAX_SURFACES ||
         config->npair > CONTACT_MAX_PAIRS) {
         return error_set(error, ERROR_INPUT,
@@ -225,16 +275,26 @@ enum error_code contact_config_check(const struct contact_config *config, struct
                          config->nbody, config->nsurface, config->npair, CONTACT_MAX_BODIES,
                          CONTACT_MAX_SURFACES, CONTACT_MAX_PAIRS);
     }
-    if (!positive(config->transition_velocity_m_s)) {
+    if (!number_is_positive(config->transition_velocity_m_s)) {
         return error_set(error, ERROR_INPUT,
                          "contact: found transition_velocity_m_s %g, expected over 0",
                          config->transition_velocity_m_s);
     }
-    for (size_t i = 0; code == ERROR_NONE && i < config->nsurface; ++i) {
-        code = check_surface(config, i, error);
+
+    /* Surfaces first: pairs name them */
+    for (size_t i = 0; i < config->nsurface; ++i) {
+        enum error_code code = surface_check(config, i, error);
+
+        if (code != ERROR_NONE) {
+            return code;
+        }
     }
-    for (size_t i = 0; code == ERROR_NONE && i < config->npair; ++i) {
-        code = check_pair(config, i, error);
+    for (size_t i = 0; i < config->npair; ++i) {
+        enum error_code code = pair_check(config, i, error);
+
+        if (code != ERROR_NONE) {
+            return code;
+        }
     }
-    return code;
+    return ERROR_NONE;
 }

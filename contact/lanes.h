@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Several numbers at a time. They are vectors of the compiler's, as wide as the registers of the
- * instruction set that the file is compiled for (contact/native_variant.h); wider ones GCC would
- * take apart by way of memory, at twice the time.
+ * SIMD: several numbers at a time, for the native engine's kernels. They are vectors of the
+ * compiler's, as wide as the registers of the instruction set that the file is compiled for
+ * (contact/native_variant.h); wider ones GCC would take apart by way of memory, at twice the time.
+ * All is RT-safe.
  */
 #ifndef CONTACT_LANES_H
 #define CONTACT_LANES_H
@@ -27,6 +28,12 @@ typedef double lanes __attribute__((vector_size(LANES * sizeof(double))));
 typedef long long lanes_mask __attribute__((vector_size(LANES * sizeof(long long))));
 
 /* p is aligned to the size of lanes. */
+LANES_INLINE void lanes_store(lanes x, double *p)
+{
+    *(lanes *)p = x;
+}
+
+/* p is aligned to the size of lanes. */
 LANES_INLINE lanes lanes_load(const double *p)
 {
     return *(const lanes *)p;
@@ -41,6 +48,7 @@ LANES_INLINE lanes lanes_load_any(const double *p)
     return x;
 }
 
+/* Takes yes where the mask is set, no elsewhere. */
 LANES_INLINE lanes lanes_pick(lanes_mask m, lanes yes, lanes no)
 {
     return (lanes)((m & (lanes_mask)yes) | (~m & (lanes_mask)no));
@@ -62,7 +70,7 @@ LANES_INLINE lanes lanes_root(lanes x)
 #endif
 }
 
-/* In halves, so that the order is that of the widest registers. */
+/* The sum of all lanes, in halves, so that the order is that of the widest registers. */
 LANES_INLINE double lanes_sum(lanes x)
 {
 #if LANES == 8

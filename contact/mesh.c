@@ -1,35 +1,34 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Measures of triangle meshes, and the box as a mesh. */
 #include "contact/mesh.h"
-
 #include "base/vec3.h"
 
 #include <math.h>
 #include <stdbool.h>
 #include <string.h>
 
-/* The two edges of a face that leave its first corner. */
-static void face_edges(const struct mesh *mesh, size_t face, double e1[3], double e2[3])
+/* The cross product of the two edges of a face that leave its first corner: along the outward
+ * normal, twice the face's area long. */
+static void mesh_face_cross(const struct mesh *mesh, size_t face, double out[3])
 {
     const int *corner = mesh->face[face];
+    double e1[3], e2[3];
 
     vec3_sub(mesh->vertex[corner[1]], mesh->vertex[corner[0]], e1);
     vec3_sub(mesh->vertex[corner[2]], mesh->vertex[corner[0]], e2);
+    vec3_cross(e1, e2, out);
 }
 
 double mesh_volume(const struct mesh *mesh)
 {
     double six = 0;
 
-    /* a vertex of the mesh as the origin: nothing cancels when the mesh lies far off */
+    /* A vertex of the mesh as the origin: nothing cancels when the mesh lies far off */
     for (size_t f = 0; f < mesh->nface; ++f) {
-        double e1[3], e2[3], normal[3], from[3];
+        double normal[3], from[3];
 
-        face_edges(mesh, f, e1, e2);
-        vec3_cross(e1, e2, normal);
-        for (int i = 0; i < 3; ++i) {
-            from[i] = mesh->vertex[mesh->face[f][0]][i] - mesh->vertex[0][i];
-        }
+        mesh_face_cross(mesh, f, normal);
+        vec3_sub(mesh->vertex[mesh->face[f][0]], mesh->vertex[0], from);
         six += vec3_dot(from, normal);
     }
     return six / 6;
@@ -40,18 +39,19 @@ double mesh_area(const struct mesh *mesh)
     double twice = 0;
 
     for (size_t f = 0; f < mesh->nface; ++f) {
-        double e1[3], e2[3], normal[3];
+        double normal[3];
 
-        face_edges(mesh, f, e1, e2);
-        vec3_cross(e1, e2, normal);
+        mesh_face_cross(mesh, f, normal);
         twice += vec3_norm(normal);
     }
     return twice / 2;
 }
 
+/* ---- the box ---- */
+
 /* The number of a box's lattice point, 0 <= at[] <= n and at least one of them at an end: bottom,
  * top, then the layers between them, each walked around its rim. */
-static int box_index(int n, const int at[3])
+static int mesh_box_vertex_number(int n, const int at[3])
 {
     int i = at[0], j = at[1], k = at[2];
     int rim, side = n + 1;
@@ -74,7 +74,7 @@ static int box_index(int n, const int at[3])
     return 2 * side * side + (k - 1) * 4 * n + rim;
 }
 
-static void box_vertices(const double half[3], int n, double (*vertex)[3])
+static void mesh_box_place_vertices(const double half[3], int n, double (*vertex)[3])
 {
     for (int i = 0; i <= n; ++i) {
         for (int j = 0; j <= n; ++j) {
@@ -82,9 +82,9 @@ static void box_vertices(const double half[3], int n, double (*vertex)[3])
 
             for (int k = 0; k <= n; k += rim ? 1 : n) {
                 int at[3] = {i, j, k};
-                double *v = vertex[box_index(n, at)];
+                double *v = vertex[mesh_box_vertex_number(n, at)];
 
-                /* symmetric about 0 to the last bit */
+                /* Symmetric about 0 to the last bit */
                 for (int axis = 0; axis < 3; ++axis) {
                     v[axis] = half[axis] * (2 * at[axis] - n) / n;
                 }
@@ -94,20 +94,20 @@ static void box_vertices(const double half[3], int n, double (*vertex)[3])
 }
 
 /* The two triangles of one cell of the side whose outward normal is sign * axis. */
-static void box_cell(int n, int axis, int sign, int u, int v, int (*face)[3])
+static void mesh_box_add_cell(int n, int axis, int sign, int u, int v, int (*face)[3])
 {
     static const int step[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
     int corner[4];
 
     for (int c = 0; c < 4; ++c) {
-        /* seen from outside, a negative side is walked the other way round */
+        /* Seen from outside, a negative side is walked the other way round */
         int s = sign > 0 ? c : 3 - c;
         int at[3];
 
         at[axis] = sign > 0 ? n : 0;
         at[(axis + 1) % 3] = u + step[s][0];
         at[(axis + 2) % 3] = v + step[s][1];
-        corner[c] = box_index(n, at);
+        corner[c] = mesh_box_vertex_number(n, at);
     }
     memcpy(face[0], (int[3]){corner[0], corner[1], corner[2]}, sizeof face[0]);
     memcpy(face[1], (int[3]){corner[0], corner[2], corner[3]}, sizeof face[1]);
@@ -116,6 +116,7 @@ static void box_cell(int n, int axis, int sign, int u, int v, int (*face)[3])
 enum error_code mesh_box(const double half_extent[3], int cells, struct arena *arena,
                          const struct mesh **mesh, struct error *error)
 {
+    /* Sizes that make a box */
     if (cells < 1 || cells > MESH_MAX_BOX_CELLS) {
         return error_set(error, ERROR_INPUT, "box: found %d cells per edge, expected 1 to %d",
                          cells, MESH_MAX_BOX_CELLS);
@@ -129,6 +130,7 @@ enum error_code mesh_box(const double half_extent[3], int cells, struct arena *a
         }
     }
 
+    /* Memory */
     size_t n = (size_t)cells;
     size_t nvertex = 6 * n * n + 2, nface = 12 * n * n;
     struct mesh *box = arena_alloc(arena, 1, sizeof *box);
@@ -139,13 +141,14 @@ enum error_code mesh_box(const double half_extent[3], int cells, struct arena *a
         return error_set(error, ERROR_MEMORY, "box: no memory for %zu faces", nface);
     }
 
+    /* The vertices, then side by side the cells */
     size_t next = 0;
 
-    box_vertices(half_extent, cells, vertex);
+    mesh_box_place_vertices(half_extent, cells, vertex);
     for (int axis = 0; axis < 3; ++axis) {
         for (int sign = -1; sign <= 1; sign += 2) {
             for (int cell = 0; cell < cells * cells; ++cell) {
-                box_cell(cells, axis, sign, cell / cells, cell % cells, face + next);
+                mesh_box_add_cell(cells, axis, sign, cell / cells, cell % cells, face + next);
                 next += 2;
             }
         }

@@ -1,18 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Closed triangle meshes: read from Wavefront OBJ, or made. Outward faces run counterclockwise.
+ * Closed triangle meshes: read from Wavefront OBJ, a box, measures, and a check of soundness.
+ * Coordinates are meters in a frame of the mesh's own; faces run counterclockwise seen from
+ * outside. A mesh never changes once it is made; its memory is the arena's that it was made in, and
+ * errors leave the caller's pointer alone. No call here is RT-safe.
  *
- * What the OBJ reader takes: `v x y z` (an optional fourth number has to be 1), `f` with corners
- * `v`, `v/vt`, `v//vn`, `v/vt/vn`, indices from 1 or, negative, back from the newest vertex; a face
- * may only name vertices above it. Texture coordinates, normals, groups, objects, smoothing,
- * materials and comments are passed over; every other keyword is an error, so that a curve or a
- * line does not silently vanish from a surface. A backslash at the end of a line continues it
- * (not in comments). Coordinates are meters.
+ * Accepted OBJ: `v x y z` (an optional fourth number has to be 1), `f` with corners `v`, `v/vt`,
+ * `v//vn`, `v/vt/vn`, indices from 1 or, negative, back from the newest vertex; a face may only
+ * name vertices above it. Texture coordinates, normals, groups, objects, smoothing, materials and
+ * comments are ignored; every other keyword is an error, so that a curve or a line does not
+ * silently vanish from a surface. A backslash at the end of a line continues it (not in comments).
  *
  * A polygon is split as a fan from its first corner, which is right only when it is flat and
- * convex: others are refused (flat to 1e-3 of its largest edge). The surface has to be sound as
- * mesh_check says; vertices are not merged, because a guess at what belongs together can close a
- * hole that was meant. Self-intersection is not looked for.
+ * convex: others are refused (flat to 1e-3 of its longest edge). The surface has to be sound as
+ * mesh_check says. Vertices are not merged, because a guess at what belongs together can close a
+ * hole that was meant. Self-intersection is not detected.
  */
 #ifndef CONTACT_MESH_H
 #define CONTACT_MESH_H
@@ -21,7 +23,6 @@
 #include "base/error.h"
 
 #include <stddef.h>
-#include <stdio.h>
 
 #define MESH_MAX_FILE_BYTES ((size_t)256 << 20)
 #define MESH_MAX_VERTICES ((size_t)2 << 20)
@@ -37,7 +38,7 @@ struct mesh {
     const int (*face)[3];
 };
 
-/* What can be wrong with a surface, in the order in which mesh_check looks. */
+/* What can be wrong with a surface, in the order in which mesh_check looks for it. */
 enum mesh_fault {
     MESH_SOUND,
     MESH_EMPTY,
@@ -60,18 +61,18 @@ struct mesh_finding {
     int vertex[2];           /* the edge, or the vertex in vertex[0] */
 };
 
-/* Looks for the first fault of a surface: sound means closed, orientable, two faces to an edge,
- * one fan of faces to a vertex, every face with area, outside out. Several separate closed pieces
- * are sound. Returns ERROR_MEMORY only for want of scratch memory. Not RT-safe. */
+/* Finds the first fault of a surface: sound means closed, orientable, two faces to an edge, one fan
+ * of faces to a vertex, every face with area, outside out. Several separate closed pieces are
+ * sound. The only error is ERROR_MEMORY, for scratch memory on the heap. */
 enum error_code mesh_check(const struct mesh *mesh, struct mesh_finding *finding,
                            struct error *error);
 
-/* Says a fault in words. */
+/* The fault in words. */
 const char *mesh_fault_text(enum mesh_fault fault);
 
-/* Reads an OBJ file; every fault (NaN, index out of range, missing faces, open or non-manifold
- * surface, degenerate triangle, inward orientation, size limits) is an error with
- * file:line:column; polygons are split into triangles as a fan. Memory from arena. Not RT-safe. */
+/* Reads an OBJ file. Every fault (NaN, index out of range, missing faces, open or non-manifold
+ * surface, degenerate triangle, inward orientation, size limits) is an ERROR_INPUT with
+ * file:line:column; polygons are split into triangles as a fan. Memory from arena. */
 enum error_code mesh_read_obj(const char *path, struct arena *arena, const struct mesh **mesh,
                               struct error *error);
 
@@ -80,15 +81,12 @@ enum error_code mesh_read_obj_text(const char *name, const char *text, size_t si
                                    struct arena *arena, const struct mesh **mesh,
                                    struct error *error);
 
-/* An axis-aligned box about the origin, cells x cells squares of two triangles on each side: 12
- * cells^2 faces, 588 for 7. Not RT-safe. */
+/* An axis-aligned box about the origin, cells x cells rectangles of two triangles on each side: 12
+ * cells^2 faces, 588 for 7. Memory from arena. */
 enum error_code mesh_box(const double half_extent[3], int cells, struct arena *arena,
                          const struct mesh **mesh, struct error *error);
 
-/* Writes the mesh as OBJ text, each coordinate with as few digits as give it back exactly. */
-enum error_code mesh_write_obj(const struct mesh *mesh, FILE *file, struct error *error);
-
-/* Enclosed volume (m3, by the divergence theorem; negative inside out), surface area (m2). */
+/* Enclosed volume (m3, by the divergence theorem; negative inside out) and surface area (m2). */
 double mesh_volume(const struct mesh *mesh);
 double mesh_area(const struct mesh *mesh);
 

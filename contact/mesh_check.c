@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Soundness of a triangle surface. Edges and faces are sorted, not hashed: the order of what is
- * found does not depend on chance, and no input makes it slow.
+ * Soundness of a triangle surface, by its half-edges: each face has three, each shared edge pairs
+ * two of them. Edges and faces are sorted, not hashed: the order of what is found does not depend
+ * on chance, and no input makes it slow.
  */
 #include "contact/mesh.h"
-
 #include "base/vec3.h"
 
 #include <math.h>
@@ -16,27 +16,27 @@
 /* Twice the area over the square of the longest edge, below which a face counts as degenerate. */
 #define DEGENERATE_RATIO 1e-10
 
-/* One directed side of a face: the half-edge from corner `half % 3` of face `half / 3`. */
-struct side {
+/* The half-edge from corner `number % 3` of face `number / 3` to the next corner. */
+struct half_edge {
     int low, high; /* its vertices, sorted */
-    size_t half;
+    size_t number;
     bool forward; /* runs from low to high */
 };
 
 /* The three vertices of a face, sorted. */
-struct triple {
+struct face_key {
     int vertex[3];
     size_t face;
 };
 
-struct check {
+struct mesh_checker {
     const struct mesh *mesh;
     struct mesh_finding *finding;
-    struct side *side;     /* 3 * nface */
-    struct triple *triple; /* nface */
-    size_t *twin;          /* 3 * nface: the half-edge on the other side */
-    unsigned char *seen;   /* 3 * nface */
-    unsigned char *used;   /* nvertex */
+    struct half_edge *half_edge; /* 3 * nface */
+    struct face_key *face_key;   /* nface */
+    size_t *twin;                /* 3 * nface: the number of the half-edge across the edge */
+    unsigned char *seen;         /* 3 * nface */
+    unsigned char *used;         /* nvertex */
 };
 
 const char *mesh_fault_text(enum mesh_fault fault)
@@ -59,8 +59,10 @@ const char *mesh_fault_text(enum mesh_fault fault)
     return text[fault];
 }
 
-/* Keeps the finding whose face comes first, so that a person meets faults in file order. */
-static void report(struct check *c, enum mesh_fault fault, size_t half, size_t other_half)
+/* Keeps the finding whose face comes first, so that a person meets faults in file order. half,
+ * other: the half-edge at fault and its counterpart. */
+static void mesh_report_fault(struct mesh_checker *c, enum mesh_fault fault, size_t half,
+                              size_t other)
 {
     struct mesh_finding *f = c->finding;
     size_t face = half / 3;
@@ -72,12 +74,12 @@ static void report(struct check *c, enum mesh_fault fault, size_t half, size_t o
     *f = (struct mesh_finding){
         .fault = fault,
         .face = face,
-        .other_face = other_half / 3,
+        .other_face = other / 3,
         .corner = corner,
         .vertex = {c->mesh->face[face][corner], c->mesh->face[face][(corner + 1) % 3]}};
 }
 
-static bool indices_and_coordinates(struct check *c)
+static bool mesh_is_in_range(struct mesh_checker *c)
 {
     const struct mesh *m = c->mesh;
 
@@ -97,7 +99,7 @@ static bool indices_and_coordinates(struct check *c)
         }
         for (int i = 0; i < 3; ++i) {
             if (!(fabs(m->vertex[v][i]) <= MESH_MAX_COORDINATE_M)) {
-                report(c, MESH_BAD_COORDINATE, half, half);
+                mesh_report_fault(c, MESH_BAD_COORDINATE, half, half);
                 return false;
             }
         }
@@ -105,33 +107,29 @@ static bool indices_and_coordinates(struct check *c)
     return true;
 }
 
-static bool faces_have_area(struct check *c)
+static bool mesh_faces_have_area(struct mesh_checker *c)
 {
     const struct mesh *m = c->mesh;
 
     for (size_t f = 0; f < m->nface; ++f) {
-        const double *p[3];
-        double e[3][3], longest = 0, area[3];
+        double edge[3][3], longest = 0, area[3];
 
         for (int i = 0; i < 3; ++i) {
-            p[i] = m->vertex[m->face[f][i]];
+            vec3_sub(m->vertex[m->face[f][(i + 1) % 3]], m->vertex[m->face[f][i]], edge[i]);
+            longest = fmax(longest, vec3_dot(edge[i], edge[i]));
         }
-        for (int i = 0; i < 3; ++i) {
-            vec3_sub(p[(i + 1) % 3], p[i], e[i]);
-            longest = fmax(longest, vec3_dot(e[i], e[i]));
-        }
-        vec3_cross(e[0], e[1], area);
+        vec3_cross(edge[0], edge[1], area);
         if (!(vec3_norm(area) > DEGENERATE_RATIO * longest)) {
-            report(c, MESH_DEGENERATE_FACE, 3 * f, 3 * f);
+            mesh_report_fault(c, MESH_DEGENERATE_FACE, 3 * f, 3 * f);
             return false;
         }
     }
     return true;
 }
 
-static int compare_triples(const void *a, const void *b)
+static int compare_face_keys(const void *a, const void *b)
 {
-    const struct triple *x = a, *y = b;
+    const struct face_key *x = a, *y = b;
 
     for (int i = 0; i < 3; ++i) {
         if (x->vertex[i] != y->vertex[i]) {
@@ -141,7 +139,7 @@ static int compare_triples(const void *a, const void *b)
     return (x->face > y->face) - (x->face < y->face);
 }
 
-static bool faces_are_distinct(struct check *c)
+static bool mesh_faces_are_distinct(struct mesh_checker *c)
 {
     size_t n = c->mesh->nface;
 
@@ -150,20 +148,22 @@ static bool faces_are_distinct(struct check *c)
         int low = v[0] < v[1] ? v[0] : v[1], high = v[0] < v[1] ? v[1] : v[0];
         int first = low < v[2] ? low : v[2], last = high > v[2] ? high : v[2];
 
-        c->triple[f] = (struct triple){{first, v[0] ^ v[1] ^ v[2] ^ first ^ last, last}, f};
+        c->face_key[f] = (struct face_key){{first, v[0] ^ v[1] ^ v[2] ^ first ^ last, last}, f};
     }
-    qsort(c->triple, n, sizeof *c->triple, compare_triples);
+    qsort(c->face_key, n, sizeof *c->face_key, compare_face_keys);
     for (size_t i = 1; i < n; ++i) {
-        if (memcmp(c->triple[i].vertex, c->triple[i - 1].vertex, sizeof c->triple[i].vertex) == 0) {
-            report(c, MESH_DUPLICATE_FACE, 3 * c->triple[i].face, 3 * c->triple[i - 1].face);
+        const struct face_key *last = &c->face_key[i - 1], *key = &c->face_key[i];
+
+        if (memcmp(key->vertex, last->vertex, sizeof key->vertex) == 0) {
+            mesh_report_fault(c, MESH_DUPLICATE_FACE, 3 * key->face, 3 * last->face);
         }
     }
     return c->finding->fault == MESH_SOUND;
 }
 
-static int compare_sides(const void *a, const void *b)
+static int compare_half_edges(const void *a, const void *b)
 {
-    const struct side *x = a, *y = b;
+    const struct half_edge *x = a, *y = b;
 
     if (x->low != y->low) {
         return x->low < y->low ? -1 : 1;
@@ -171,56 +171,61 @@ static int compare_sides(const void *a, const void *b)
     if (x->high != y->high) {
         return x->high < y->high ? -1 : 1;
     }
-    return (x->half > y->half) - (x->half < y->half);
+    return (x->number > y->number) - (x->number < y->number);
 }
 
-/* Pairs the sides of each edge. */
-static bool edges_join_two_faces(struct check *c)
+/* Pairs the half-edges of each edge. */
+static bool mesh_edges_join_two_faces(struct mesh_checker *c)
 {
     size_t n = 3 * c->mesh->nface;
+    struct half_edge *all = c->half_edge;
 
-    for (size_t half = 0; half < n; ++half) {
-        const int *v = c->mesh->face[half / 3];
-        int from = v[half % 3], to = v[(half + 1) % 3];
+    /* Sorted by their vertices, the half-edges of one edge are neighbors */
+    for (size_t h = 0; h < n; ++h) {
+        const int *v = c->mesh->face[h / 3];
+        int from = v[h % 3], to = v[(h + 1) % 3];
 
-        c->side[half] =
-            (struct side){from < to ? from : to, from < to ? to : from, half, from < to};
+        all[h] = (struct half_edge){from < to ? from : to, from < to ? to : from, h, from < to};
     }
-    qsort(c->side, n, sizeof *c->side, compare_sides);
+    qsort(all, n, sizeof *all, compare_half_edges);
 
+    /* Each edge has two, in opposite directions */
     for (size_t i = 0, end; i < n; i = end) {
-        const struct side *s = c->side + i;
+        const struct half_edge *e = all + i;
 
-        for (end = i + 1; end < n && c->side[end].low == s->low && c->side[end].high == s->high;) {
+        for (end = i + 1; end < n && all[end].low == e->low && all[end].high == e->high;) {
             ++end;
         }
         if (end - i == 1) {
-            report(c, MESH_OPEN_EDGE, s->half, s->half);
+            mesh_report_fault(c, MESH_OPEN_EDGE, e->number, e->number);
         } else if (end - i > 2) {
-            report(c, MESH_NON_MANIFOLD_EDGE, s[2].half, s->half);
-        } else if (s[0].forward == s[1].forward) {
-            report(c, MESH_FLIPPED_FACE, s[1].half, s[0].half);
+            mesh_report_fault(c, MESH_NON_MANIFOLD_EDGE, e[2].number, e->number);
+        } else if (e[0].forward == e[1].forward) {
+            mesh_report_fault(c, MESH_FLIPPED_FACE, e[1].number, e[0].number);
         } else {
-            c->twin[s[0].half] = s[1].half;
-            c->twin[s[1].half] = s[0].half;
+            c->twin[e[0].number] = e[1].number;
+            c->twin[e[1].number] = e[0].number;
         }
     }
     return c->finding->fault == MESH_SOUND;
 }
 
 /* Walks the fan of faces around each vertex; a second fan at the same vertex is a pinch. */
-static bool vertices_have_one_fan(struct check *c)
+static bool mesh_vertices_have_one_fan(struct mesh_checker *c)
 {
     for (size_t half = 0; half < 3 * c->mesh->nface; ++half) {
         int v = c->mesh->face[half / 3][half % 3];
 
+        /* A half-edge of a fan that no walk has come by is of another fan */
         if (c->seen[half]) {
             continue;
         }
         if (c->used[v]) {
-            report(c, MESH_PINCHED_VERTEX, half, half);
+            mesh_report_fault(c, MESH_PINCHED_VERTEX, half, half);
             return false;
         }
+
+        /* Once around the vertex, from face to face */
         c->used[v] = 1;
         for (size_t h = half; !c->seen[h];) {
             size_t previous = h - h % 3 + (h % 3 + 2) % 3;
@@ -243,27 +248,35 @@ enum error_code mesh_check(const struct mesh *mesh, struct mesh_finding *finding
                            struct error *error)
 {
     size_t nhalf = 3 * mesh->nface;
-    struct check c = {.mesh = mesh, .finding = finding};
+    struct mesh_checker c = {.mesh = mesh, .finding = finding};
     enum error_code code = ERROR_NONE;
 
+    /* Numbers first: all else indexes with them and divides by them */
     *finding = (struct mesh_finding){.fault = MESH_SOUND};
-    if (!indices_and_coordinates(&c) || !faces_have_area(&c)) {
+    if (!mesh_is_in_range(&c) || !mesh_faces_have_area(&c)) {
         return ERROR_NONE;
     }
-    c.side = calloc(nhalf, sizeof *c.side);
-    c.triple = calloc(mesh->nface, sizeof *c.triple);
+
+    c.half_edge = calloc(nhalf, sizeof *c.half_edge);
+    c.face_key = calloc(mesh->nface, sizeof *c.face_key);
     c.twin = calloc(nhalf, sizeof *c.twin);
     c.seen = calloc(nhalf, 1);
     c.used = calloc(mesh->nvertex, 1);
-    if (!c.side || !c.triple || !c.twin || !c.seen || !c.used) {
+    if (!c.half_edge || !c.face_key || !c.twin || !c.seen || !c.used) {
         code = error_set(error, ERROR_MEMORY, "%s: no memory to check %zu faces", mesh->name,
                          mesh->nface);
-    } else if (faces_are_distinct(&c) && edges_join_two_faces(&c) && vertices_have_one_fan(&c) &&
-               !(mesh_volume(mesh) > 0)) {
+        goto done;
+    }
+
+    /* Each step needs what the one before it has found sound */
+    if (mesh_faces_are_distinct(&c) && mesh_edges_join_two_faces(&c) &&
+        mesh_vertices_have_one_fan(&c) && !(mesh_volume(mesh) > 0)) {
         finding->fault = MESH_INWARD;
     }
-    free(c.side);
-    free(c.triple);
+
+done:
+    free(c.half_edge);
+    free(c.face_key);
     free(c.twin);
     free(c.seen);
     free(c.used);

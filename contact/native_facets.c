@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The springs between two facets. All is done in the plane of the facet with more corners, the
- * base, whose outline there is known beforehand: the other one's corners are moved along the
- * springs into that plane, what is not deep is cut away first as it mostly leaves nothing, and the
- * rest is cut to the outline.
+ * base, whose outline there is known beforehand: the other one's corners are projected along the
+ * springs into that plane, what is not deep is clipped away first as it mostly leaves nothing, and
+ * the rest is clipped to the outline.
  *
  * With e the unit vector along the difference of the normals, which have the same angle to it, the
  * way from a height h over one facet's plane back to it along e is h over that angle's cosine; so
  * the other one's corners, and the depth anywhere in the base's plane, follow without a division.
  */
-#include "base/vec3.h"
 #include "contact/lanes.h"
 #include "contact/native_facets.h"
 #include "contact/native_polygon.h"
+#include "base/vec3.h"
 
 #include <float.h>
 #include <stdbool.h>
@@ -25,37 +25,41 @@ struct flat {
     double x[POLYGON_MAX], y[POLYGON_MAX];
 };
 
+/* The springs between two facets: all along one direction, ending on both. */
 struct bed {
     const struct facet *base, *other;
     const double *base_normal, *other_normal, *origin; /* first's frame; the base's center */
     bool on_second;                                    /* the base is the second mesh's facet */
-    double across[2][3];                               /* directions of the base's outline */
+    double axis[2][3];                                 /* directions of the base's outline */
     double along[3];                                   /* of the springs: what pushes the first */
     double cosine;          /* of the angle between springs and normals */
     double depth, slope[2]; /* at the origin, and how it grows in the base's plane */
 };
 
-static double depth_at(const struct bed *bed, double x, double y)
+static double bed_depth(const struct bed *bed, double x, double y)
 {
     return bed->depth + bed->slope[0] * x + bed->slope[1] * y;
 }
 
 /* ---- where both lie on top of one another ---- */
 
-/* Lays the bed and moves the other facet's corners into the base's plane, backward to have them
- * counterclockwise there. False when no corner is behind that plane. */
-static bool lay_bed(const struct facets_between *m, const struct facets_couple *c, struct bed *bed,
+/* Lays the bed and projects the other facet's corners along it into the base's plane, backward to
+ * have them counterclockwise there. False when no corner is behind that plane. */
+static bool bed_lay(const struct facets_between *m, const struct facets_couple *c, struct bed *bed,
                     struct flat *flat)
 {
     double length, inverse, height[FACET_MAX_VERTICES], lean[2], offset, to[3];
     bool behind = false;
 
+    /* The base is the facet with more corners */
     bed->on_second = c->a->count < c->b->count;
     bed->base = bed->on_second ? c->b : c->a;
     bed->other = bed->on_second ? c->a : c->b;
     bed->base_normal = bed->on_second ? c->normal_b : c->a->normal;
     bed->other_normal = bed->on_second ? c->a->normal : c->normal_b;
     bed->origin = bed->on_second ? c->center_b : c->a->center;
+
+    /* How high the other one's corners are over its plane */
     offset = vec3_dot(bed->base_normal, bed->origin);
     flat->n = bed->other->count;
     for (int i = 0; i < flat->n; ++i) {
@@ -65,6 +69,8 @@ static bool lay_bed(const struct facets_between *m, const struct facets_couple *
     if (!behind) {
         return false;
     }
+
+    /* The springs' direction, along the difference of the normals, and their length in the plane */
     length = sqrt(2 + 2 * c->facing);
     inverse = 1 / length;
     bed->cosine = length / 2;
@@ -75,27 +81,29 @@ static bool lay_bed(const struct facets_between *m, const struct facets_couple *
     bed->depth = -2 * inverse * vec3_dot(bed->other_normal, to);
     for (int side = 0; side < 2; ++side) {
         if (bed->on_second) {
-            mat3_apply(m->relative->R, bed->base->across[side], bed->across[side]);
+            mat3_apply(m->relative->R, bed->base->axis[side], bed->axis[side]);
         } else {
-            memcpy(bed->across[side], bed->base->across[side], sizeof bed->across[side]);
+            memcpy(bed->axis[side], bed->base->axis[side], sizeof bed->axis[side]);
         }
-        /* against the springs from the first mesh's facet to the second's, or with them */
-        lean[side] = vec3_dot(bed->across[side], bed->along) * (bed->on_second ? 2 : -2) * inverse;
-        bed->slope[side] = -2 * inverse * vec3_dot(bed->other_normal, bed->across[side]);
+        /* Against the springs from the first mesh's facet to the second's, or with them */
+        lean[side] = vec3_dot(bed->axis[side], bed->along) * (bed->on_second ? 2 : -2) * inverse;
+        bed->slope[side] = -2 * inverse * vec3_dot(bed->other_normal, bed->axis[side]);
     }
+
+    /* The other one's corners along the springs in the plane */
     for (int i = 0; i < flat->n; ++i) {
         int at = flat->n - 1 - i;
 
         vec3_sub(c->ring[i], bed->origin, to);
-        flat->x[at] = vec3_dot(bed->across[0], to) - lean[0] * height[i];
-        flat->y[at] = vec3_dot(bed->across[1], to) - lean[1] * height[i];
+        flat->x[at] = vec3_dot(bed->axis[0], to) - lean[0] * height[i];
+        flat->y[at] = vec3_dot(bed->axis[1], to) - lean[1] * height[i];
     }
     return true;
 }
 
-/* Keeps the part of a polygon where a function of the place that is linear is not negative; side:
- * its values at the corners. */
-static void keep(const struct flat *in, const double *side, struct flat *out)
+/* Clips a polygon to where a linear function of the place is not negative (Sutherland, Hodgman
+ * 1974); side: its values at the corners. */
+static void flat_clip(const struct flat *in, const double *side, struct flat *out)
 {
     int n = 0;
 
@@ -117,14 +125,14 @@ static void keep(const struct flat *in, const double *side, struct flat *out)
 }
 
 /* The outline of a triangle, which is not kept. */
-static void outline_triangle(const struct facet *f, const double (*ring)[3], double *x, double *y)
+static void triangle_outline(const struct facet *f, const double (*ring)[3], double *x, double *y)
 {
     for (int i = 0; i < 3; ++i) {
         double to[3];
 
         vec3_sub(ring[i], f->center, to);
-        x[i] = vec3_dot(f->across[0], to);
-        y[i] = vec3_dot(f->across[1], to);
+        x[i] = vec3_dot(f->axis[0], to);
+        y[i] = vec3_dot(f->axis[1], to);
     }
     for (int i = 3; i < FACET_OUTLINE(3); ++i) {
         x[i] = x[0];
@@ -133,7 +141,8 @@ static void outline_triangle(const struct facet *f, const double (*ring)[3], dou
 }
 
 /* The edges of an outline that some corner of the polygon is outside of, a bit each. */
-static uint64_t cutting_edges(const double *x, const double *y, int n, const struct flat *g)
+static uint64_t outline_find_cutting_edges(const double *x, const double *y, int n,
+                                           const struct flat *g)
 {
     uint64_t edges = 0;
 
@@ -150,7 +159,7 @@ static uint64_t cutting_edges(const double *x, const double *y, int n, const str
     return edges; /* nothing is outside of an edge of no length */
 }
 
-static bool in_circle(const struct flat *g, double radius)
+static bool flat_is_in_circle(const struct flat *g, double radius)
 {
     for (int i = 0; i < g->n; ++i) {
         if (g->x[i] * g->x[i] + g->y[i] * g->y[i] > radius * radius) {
@@ -160,8 +169,9 @@ static bool in_circle(const struct flat *g, double radius)
     return true;
 }
 
-/* Cuts the polygon to where it is deep and on the base; g[0] goes in, what is returned comes out. */
-static const struct flat *cut(const struct solid *solid, const struct bed *bed, struct flat g[2])
+/* Clips the polygon g[0] to where it is deep and on the base; returns the clipped one. */
+static const struct flat *bed_clip(const struct solid *solid, const struct bed *bed,
+                                   struct flat g[2])
 {
     _Alignas(64) double triangle[2][FACET_OUTLINE(3)];
     const struct facet *base = bed->base;
@@ -170,25 +180,28 @@ static const struct flat *cut(const struct solid *solid, const struct bed *bed, 
     double side[POLYGON_MAX];
     bool all = true;
 
+    /* To where it is deep */
     for (int i = 0; i < now->n; ++i) {
-        side[i] = depth_at(bed, now->x[i], now->y[i]);
+        side[i] = bed_depth(bed, now->x[i], now->y[i]);
         all = all && side[i] >= 0;
     }
     if (!all) {
-        keep(now, side, &g[1]);
+        flat_clip(now, side, &g[1]);
         now = &g[1];
     }
-    if (now->n < 3 || in_circle(now, base->within)) {
+    if (now->n < 3 || flat_is_in_circle(now, base->inradius)) {
         return now;
     }
+
+    /* To the base: by each edge of its outline that something is outside of */
     if (base->count == 3) {
-        outline_triangle(base, solid->ring + base->first, triangle[0], triangle[1]);
+        triangle_outline(base, solid->ring + base->first, triangle[0], triangle[1]);
     } else {
         x = solid->outline[0] + base->outline;
         y = solid->outline[1] + base->outline;
     }
-    for (uint64_t edges = cutting_edges(x, y, base->count, now); edges != 0 && now->n >= 3;
-         edges &= edges - 1) {
+    for (uint64_t edges = outline_find_cutting_edges(x, y, base->count, now);
+         edges != 0 && now->n >= 3; edges &= edges - 1) {
         struct flat *next = now == &g[0] ? &g[1] : &g[0];
         int e = __builtin_ctzll(edges);
         double dx = x[e + 1] - x[e], dy = y[e + 1] - y[e];
@@ -196,7 +209,7 @@ static const struct flat *cut(const struct solid *solid, const struct bed *bed, 
         for (int i = 0; i < now->n; ++i) {
             side[i] = dx * (now->y[i] - y[e]) - dy * (now->x[i] - x[e]);
         }
-        keep(now, side, next);
+        flat_clip(now, side, next);
         now = next;
     }
     return now;
@@ -209,12 +222,13 @@ struct moments {
     double twice, x, y, xx, xy, yy;
 };
 
-/* Summed over the triangles between the first corner and an edge; the second moments only for who
- * wants them. */
-static void find_moments(const struct flat *g, bool second, struct moments *m)
+/* Summed over the triangles between the first corner and an edge; the second moments only when they
+ * are wanted. */
+static void flat_find_moments(const struct flat *g, bool second, struct moments *m)
 {
     double x0 = g->x[0], y0 = g->y[0], ux = g->x[1] - x0, uy = g->y[1] - y0;
 
+    /* About the first corner, each without its factor (1/3, 1/6 or 1/12) */
     *m = (struct moments){0};
     for (int i = 2; i < g->n; ++i) {
         double vx = g->x[i] - x0, vy = g->y[i] - y0, twice = ux * vy - uy * vx;
@@ -231,6 +245,8 @@ static void find_moments(const struct flat *g, bool second, struct moments *m)
         ux = vx;
         uy = vy;
     }
+
+    /* The means over the area, the second ones about the centroid */
     if (m->twice > DBL_MIN) {
         double inverse = 1 / m->twice, x = m->x * inverse / 3, y = m->y * inverse / 3;
 
@@ -247,49 +263,48 @@ static double positive_root(double x)
     return sqrt(x > 0 ? x : 0);
 }
 
-/* Where on the spring through a place in the base's plane: part 0 is at the first mesh's facet, part
- * 1 at the second's, a depth apart. */
-static void place_on_spring(const struct bed *bed, double x, double y, double depth, double part,
-                            double out[3])
+/* Where on the spring through a place in the base's plane: part 0 is at the first mesh's facet,
+ * part 1 at the second's, a depth apart. */
+static void bed_place_on_spring(const struct bed *bed, double x, double y, double depth,
+                                double part, double out[3])
 {
     double step = (bed->on_second ? part - 1 : part) * depth;
 
     for (int k = 0; k < 3; ++k) {
-        out[k] =
-            bed->origin[k] + x * bed->across[0][k] + y * bed->across[1][k] + step * bed->along[k];
+        out[k] = bed->origin[k] + x * bed->axis[0][k] + y * bed->axis[1][k] + step * bed->along[k];
     }
 }
 
-static void put_spring(const struct facets_between *m, const struct bed *bed, double x, double y,
-                       double rate)
+static void bed_add_spring(const struct facets_between *m, const struct bed *bed, double x,
+                           double y, double rate)
 {
-    double depth = depth_at(bed, x, y), p[3];
+    double depth = bed_depth(bed, x, y), p[3];
 
-    place_on_spring(bed, x, y, depth, m->law->share[0], p);
-    polygon_put(&m->scratch->batch, p, bed->along, rate, depth);
+    bed_place_on_spring(bed, x, y, depth, m->law->share[0], p);
+    batch_add_spring(&m->scratch->batch, p, bed->along, rate, depth);
 }
 
-/* Three springs for all of a polygon. They stand at L times the corners of an equilateral triangle
- * about the centroid, L L' being twice the matrix of the mean squares off the centroid. So they have
- * the polygon's moments up to the second, which integrates force and moment of a linear depth
- * exactly. None is off the polygon: the ellipse through them is inside every convex figure (Kannan,
- * Lovasz, Simonovits 1995); in a triangle it touches the middles of the sides. */
-static void put_three(const struct facets_between *m, const struct bed *bed,
-                      const struct moments *at, double rate)
+/* Three springs for all of a polygon. They stand at L times the corners of an equilateral
+ * triangle about the centroid, L L' being twice the matrix of the mean squares off the centroid.
+ * So they have the polygon's moments up to the second, which integrates force and moment of a
+ * linear depth exactly. None is off the polygon: the ellipse through them is inside every convex
+ * figure (Kannan, Lovasz, Simonovits 1995); in a triangle it touches the middles of the sides. */
+static void bed_add_three(const struct facets_between *m, const struct bed *bed,
+                          const struct moments *at, double rate)
 {
     double lx = positive_root(2 * at->xx), ly = lx > 0 ? 2 * at->xy / lx : 0;
     double lyy = positive_root(2 * at->yy - ly * ly);
     const double h = 0.86602540378443865; /* sqrt(3)/2 */
 
     native_law_make_room(&m->scratch->batch, 3, m->law, m->relative, m->sum);
-    put_spring(m, bed, at->x, at->y + lyy, rate / 3);
-    put_spring(m, bed, at->x - h * lx, at->y - h * ly - lyy / 2, rate / 3);
-    put_spring(m, bed, at->x + h * lx, at->y + h * ly - lyy / 2, rate / 3);
+    bed_add_spring(m, bed, at->x, at->y + lyy, rate / 3);
+    bed_add_spring(m, bed, at->x - h * lx, at->y - h * ly - lyy / 2, rate / 3);
+    bed_add_spring(m, bed, at->x + h * lx, at->y + h * ly - lyy / 2, rate / 3);
 }
 
 /* Three springs for each triangle between the centroid and an edge. */
-static void put_around(const struct facets_between *m, const struct bed *bed, const struct flat *g,
-                       const struct moments *at, double rate)
+static void bed_add_around(const struct facets_between *m, const struct bed *bed,
+                           const struct flat *g, const struct moments *at, double rate)
 {
     for (int i = 0; i < g->n; ++i) {
         int j = i + 1 < g->n ? i + 1 : 0;
@@ -298,9 +313,9 @@ static void put_around(const struct facets_between *m, const struct bed *bed, co
         double part = rate * (ux * vy - uy * vx) / (3 * at->twice);
 
         native_law_make_room(&m->scratch->batch, FACET_POINTS, m->law, m->relative, m->sum);
-        put_spring(m, bed, at->x + (ux + vx) / 6, at->y + (uy + vy) / 6, part);
-        put_spring(m, bed, at->x + (4 * ux + vx) / 6, at->y + (4 * uy + vy) / 6, part);
-        put_spring(m, bed, at->x + (ux + 4 * vx) / 6, at->y + (uy + 4 * vy) / 6, part);
+        bed_add_spring(m, bed, at->x + (ux + vx) / 6, at->y + (uy + vy) / 6, part);
+        bed_add_spring(m, bed, at->x + (4 * ux + vx) / 6, at->y + (4 * uy + vy) / 6, part);
+        bed_add_spring(m, bed, at->x + (ux + 4 * vx) / 6, at->y + (uy + 4 * vy) / 6, part);
     }
 }
 
@@ -309,35 +324,35 @@ static void put_around(const struct facets_between *m, const struct bed *bed, co
 /* How much of a spring from this facet counts by the depth of its middle under the surface, in its
  * half lengths (up to DEPTH_FULL; the rest does not matter). middle: in the solid's frame; cosine:
  * of the angle between spring and normal. */
-static double middle_depth(const struct solid *solid, const struct facet *facet, double cosine,
-                           const double middle[3], double half)
+static double spring_middle_depth(const struct solid *solid, const struct facet *facet,
+                                  double cosine, const double middle[3], double half)
 {
-    /* of what is nearby nothing can be nearer */
-    if (half <= facet->room &&
-        facet->lean[0] * cosine - facet->lean[1] * positive_root(1 - cosine * cosine) >=
+    /* Of what is nearby nothing can be nearer */
+    if (half <= facet->clearance &&
+        facet->bend_cosine * cosine - facet->bend_sine * positive_root(1 - cosine * cosine) >=
             DEPTH_FULL) {
         return DEPTH_FULL;
     }
-    /* the surface at the spring's end is half a spring away, so the search always ends at one */
+    /* The surface at the spring's end is half a spring away, so the search always ends at one */
     return solid_depth(solid, middle, (solid->convex ? DEPTH_FULL : 1) * 1.01 * half) / half;
 }
 
-/* How much of a spring counts that is this long and has its middle here (first's frame). */
-static double spring_counts(const struct facets_between *m, const struct facets_couple *c,
+/* How much a spring counts that is this long and has its middle here (first's frame): 0 to 1. */
+static double spring_weight(const struct facets_between *m, const struct facets_couple *c,
                             double cosine, const double middle[3], double length)
 {
-    double a = middle_depth(m->first, c->a, cosine, middle, length / 2), b, to[3], there[3];
+    double a = spring_middle_depth(m->first, c->a, cosine, middle, length / 2), b, to[3], there[3];
 
     if (a <= DEPTH_NONE) {
         return 0;
     }
     vec3_sub(middle, m->relative->p, to);
     mat3_apply_transposed(m->relative->R, to, there);
-    b = middle_depth(m->second, c->b, cosine, there, length / 2);
+    b = spring_middle_depth(m->second, c->b, cosine, there, length / 2);
     return native_ramp(a < b ? a : b, DEPTH_NONE, DEPTH_FULL);
 }
 
-void native_between_facets(const struct facets_between *m, const struct facets_couple *c)
+void facets_add_springs(const struct facets_between *m, const struct facets_couple *c)
 {
     const bool fine = (c->a->radius < c->b->radius ? c->a : c->b)->radius <= m->fine;
     struct flat g[2];
@@ -346,33 +361,39 @@ void native_between_facets(const struct facets_between *m, const struct facets_c
     struct moments at;
     double depth, area, weight, middle[3];
 
-    if (!lay_bed(m, c, &bed, &g[0])) {
+    /* Where both facets lie on top of one another along the springs */
+    if (!bed_lay(m, c, &bed, &g[0])) {
         return;
     }
-    common = cut(bed.on_second ? m->second : m->first, &bed, g);
+    common = bed_clip(bed.on_second ? m->second : m->first, &bed, g);
     if (common->n < 3) {
         return;
     }
-    find_moments(common, fine, &at);
-    depth = depth_at(&bed, at.x, at.y);
+
+    /* Longer springs than fit in the overlap are none, nor are such as run along it */
+    flat_find_moments(common, fine, &at);
+    depth = bed_depth(&bed, at.x, at.y);
     if (!(at.twice > DBL_MIN) || depth > m->reach) {
         return;
     }
-    place_on_spring(&bed, at.x, at.y, depth, 0.5, middle);
-    weight = spring_counts(m, c, bed.cosine, middle, depth);
+    bed_place_on_spring(&bed, at.x, at.y, depth, 0.5, middle);
+    weight = spring_weight(m, c, bed.cosine, middle, depth);
     if (weight <= 0) {
         return;
     }
+
+    /* The springs, fewer of them the more the normals are off, on the area seen along them */
     weight *= c->facing * native_ramp(c->facing, FACING_NONE, FACING_FULL);
-    area = weight * bed.cosine * at.twice / 2; /* as seen along the springs */
+    area = weight * bed.cosine * at.twice / 2;
     if (fine) {
-        put_three(m, &bed, &at, m->law->stiffness * area);
+        bed_add_three(m, &bed, &at, m->law->stiffness * area);
     } else {
-        put_around(m, &bed, common, &at, m->law->stiffness * area);
+        bed_add_around(m, &bed, common, &at, m->law->stiffness * area);
     }
+
     m->sum->area += area;
     for (int i = 0; i < common->n && weight >= 0.5; ++i) {
-        depth = depth_at(&bed, common->x[i], common->y[i]);
+        depth = bed_depth(&bed, common->x[i], common->y[i]);
         m->sum->depth = depth > m->sum->depth ? depth : m->sum->depth;
     }
 }

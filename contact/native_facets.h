@@ -4,15 +4,15 @@
  * each other stands a bed of springs along the mean of their normals, where both lie on top of one
  * another: so the undamped force is the stiffness times the volume between them, however they are
  * cut into triangles, and it changes continuously with the pose. Facets that stand across each
- * other add nothing, and those a little off it their share. RT-safe.
+ * other add nothing, and those a little off it their share. SI units. Nothing fails; RT-safe.
  */
 #ifndef CONTACT_NATIVE_FACETS_H
 #define CONTACT_NATIVE_FACETS_H
 
 #include "contact/native_pairs.h"
 
-/* Facets whose normals are this close to being square to one another do not face each other; from
- * FACING_FULL on their springs count in full (cosines of the angle between one normal and the
+/* Facets whose normals are this close to being perpendicular to one another do not face each other;
+ * from FACING_FULL on their springs count in full (cosines of the angle between one normal and the
  * other's opposite). */
 #define FACING_NONE 0.1
 #define FACING_FULL 0.5
@@ -37,6 +37,6 @@ struct facets_couple {
 };
 
 /* Adds the springs between two facets. */
-void native_between_facets(const struct facets_between *m, const struct facets_couple *c);
+void facets_add_springs(const struct facets_between *m, const struct facets_couple *c);
 
 #endif

@@ -11,9 +11,9 @@ const struct native_kernels native_kernels = {
 #else
     .name = "plain",
 #endif
-    .half_space = {native_overlap_half_space, native_centroid_half_space},
-    .sphere = {native_overlap_sphere, native_centroid_sphere},
-    .meshes = {native_overlap_meshes, native_centroid_meshes},
-    .sum = native_law_sum,
+    .half_space = native_overlap_half_space,
+    .sphere = native_overlap_sphere,
+    .meshes = native_overlap_meshes,
     .hertz = native_hertz,
+    .sum = native_law_sum,
 };

@@ -1,28 +1,31 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The table of what the native engine calls in its kernels, one for each instruction set. */
+/*
+ * The table of what the native engine calls in its kernels, one for each instruction set that they
+ * are compiled for (contact/native_variant.h), and an engine on a table of one's choice. What is in
+ * a table is RT-safe.
+ */
 #ifndef CONTACT_NATIVE_KERNELS_H
 #define CONTACT_NATIVE_KERNELS_H
 
 #include "contact/native_pairs.h"
 
-/* See contact/native_pairs.h. Where there are two, [0] is over the true overlap, [1] by springs at
- * centroids. */
+/* See contact/native_pairs.h, and native_law_sum for sum. */
 struct native_kernels {
     const char *name;
-    void (*half_space[2])(const struct solid *solid, const struct native_law *law,
-                          const struct native_relative *relative, struct native_scratch *scratch,
-                          struct native_sum *sum);
-    void (*sphere[2])(const struct solid *solid, double radius, const struct native_law *law,
-                      const struct native_relative *relative, struct native_scratch *scratch,
-                      struct native_sum *sum);
-    void (*meshes[2])(const struct solid *first, const struct solid *second,
-                      const struct native_law *law, const struct native_relative *relative,
-                      struct native_scratch *scratch, struct native_sum *sum);
-    void (*sum)(struct native_batch *batch, const struct native_law *law,
-                const struct native_relative *relative, struct native_sum *sum);
+    void (*half_space)(const struct solid *solid, const struct native_law *law,
+                       const struct native_relative *relative, struct native_scratch *scratch,
+                       struct native_sum *sum);
+    void (*sphere)(const struct solid *solid, double radius, const struct native_law *law,
+                   const struct native_relative *relative, struct native_scratch *scratch,
+                   struct native_sum *sum);
+    void (*meshes)(const struct solid *first, const struct solid *second,
+                   const struct native_law *law, const struct native_relative *relative,
+                   struct native_scratch *scratch, struct native_sum *sum);
     void (*hertz)(const double radius[2], const struct native_law *law,
                   const struct native_relative *relative, struct native_scratch *scratch,
                   struct native_sum *sum);
+    void (*sum)(struct native_batch *batch, const struct native_law *law,
+                const struct native_relative *relative, struct native_sum *sum);
 };
 
 extern const struct native_kernels native_kernels;

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The contact law, as many points at a time as there are lanes. */
+/* The contact law, as many springs at a time as there are lanes. */
 #include "contact/native_law.h"
 
-#include "base/vec3.h"
 #include "contact/lanes.h"
 #include "contact/tangent.h"
+#include "base/vec3.h"
 
 #include <float.h>
 
@@ -15,7 +15,7 @@ LANES_INLINE lanes step_over_square(lanes x)
 }
 
 /* The coefficient of friction over the sliding velocity v, finite at rest. */
-LANES_INLINE lanes friction_over_speed(lanes v, const struct native_law *law)
+LANES_INLINE lanes law_friction_over_speed(lanes v, const struct native_law *law)
 {
     lanes u = v * law->transition_inverse;
     lanes t = (u - 1) * 0.5;
@@ -28,7 +28,8 @@ LANES_INLINE lanes friction_over_speed(lanes v, const struct native_law *law)
     return lanes_pick(lanes_less(u, one), sticking, sliding) + law->uv;
 }
 
-static void pad(struct native_batch *b)
+/* Springs that do nothing, up to a full set of lanes. */
+static void batch_pad(struct native_batch *b)
 {
     for (; b->n % LANES; ++b->n) {
         for (int k = 0; k < 3; ++k) {
@@ -38,8 +39,8 @@ static void pad(struct native_batch *b)
     }
 }
 
-static void add_forces(const struct native_batch *batch, const struct native_law *law,
-                       const struct native_relative *relative, struct native_sum *sum)
+static void law_add_forces(const struct native_batch *batch, const struct native_law *law,
+                           const struct native_relative *relative, struct native_sum *sum)
 {
     const double *w = relative->w, *v = relative->v;
     lanes zero = {0}, force[3] = {zero, zero, zero}, moment[3] = {zero, zero, zero};
@@ -52,29 +53,31 @@ static void add_forces(const struct native_batch *batch, const struct native_law
               dz = lanes_load(batch->d[2] + i);
         lanes f = lanes_load(batch->force + i), depth = lanes_load(batch->depth + i);
 
-        /* the first body's velocity against the second's */
+        /* The first body's velocity against the second's, and its part along the normal */
         lanes ux = v[0] + (w[1] * pz - w[2] * py);
         lanes uy = v[1] + (w[2] * px - w[0] * pz);
         lanes uz = v[2] + (w[0] * py - w[1] * px);
         lanes leaving = ux * dx + uy * dy + uz * dz;
 
+        /* Normal force: elastic, damped, never pulling */
         lanes fn = f * (1 - law->dissipation * leaving);
         lanes_mask pushes = lanes_less(zero, fn);
 
         fn = lanes_pick(pushes, fn, zero);
         f = lanes_pick(pushes, f, zero);
 
-        /* friction against what is left of it across the normal */
+        /* Friction against what is left of the velocity across the normal */
         ux -= leaving * dx;
         uy -= leaving * dy;
         uz -= leaving * dz;
 
         lanes v2 = ux * ux + uy * uy + uz * uz;
-        lanes drag = fn * friction_over_speed(lanes_root(v2), law);
+        lanes drag = fn * law_friction_over_speed(lanes_root(v2), law);
         lanes fx = fn * dx - drag * ux;
         lanes fy = fn * dy - drag * uy;
         lanes fz = fn * dz - drag * uz;
 
+        /* What it does to the body, and the energies */
         force[0] += fx;
         force[1] += fy;
         force[2] += fz;
@@ -88,6 +91,7 @@ static void add_forces(const struct native_batch *batch, const struct native_law
         potential += f * depth;
         power += f * law->dissipation * (leaving * leaving) + drag * v2;
     }
+
     for (int k = 0; k < 3; ++k) {
         sum->force[k] += lanes_sum(force[k]);
         sum->moment[k] += lanes_sum(moment[k]);
@@ -98,23 +102,21 @@ static void add_forces(const struct native_batch *batch, const struct native_law
     sum->power += lanes_sum(power);
 }
 
-#define RESISTANCE_MAX 136 /* springs at a time; as BATCH_MAX */
+/* ---- tangents ---- */
+
+#define RESISTANCE_MAX 136 /* springs at a time; no large power of two, as BATCH_MAX */
 
 /* What springs add to a tangent, and where, in the world's directions. */
 struct resistance {
     size_t n;
-    _Alignas(64) double arm[3][RESISTANCE_MAX];   /* from the tangent's center */
-    _Alignas(64) double along[6][RESISTANCE_MAX]; /* the normal, and a force's moment along it */
+    _Alignas(64) double arm[3][RESISTANCE_MAX];              /* from the tangent's center */
+    _Alignas(64) double along[CONTACT_AXES][RESISTANCE_MAX]; /* the normal, and its moment */
     _Alignas(64) double stiffness[RESISTANCE_MAX];
     _Alignas(64) double damping[RESISTANCE_MAX];  /* along the normal, less friction */
     _Alignas(64) double friction[RESISTANCE_MAX]; /* in all directions */
 };
 
-LANES_INLINE void lanes_store(lanes x, double *p)
-{
-    *(lanes *)p = x;
-}
-
+/* The product of a matrix's row and a vector. */
 LANES_INLINE lanes lanes_turn(const double row[3], const lanes v[3])
 {
     return row[0] * v[0] + row[1] * v[1] + row[2] * v[2];
@@ -122,9 +124,10 @@ LANES_INLINE lanes lanes_turn(const double row[3], const lanes v[3])
 
 /* Of the springs from start on, as many as there is room for. The friction's damping is that of
  * contact_friction_damping. */
-static void find_resistance(const struct native_batch *b, size_t start,
-                            const struct native_law *law, const struct native_relative *relative,
-                            const struct native_sum *sum, struct resistance *out)
+static void law_find_resistance(const struct native_batch *b, size_t start,
+                                const struct native_law *law,
+                                const struct native_relative *relative,
+                                const struct native_sum *sum, struct resistance *out)
 {
     const double *w = relative->w, *v = relative->v, *center = sum->tangent->center;
     const double scale = law->us * law->transition_inverse;
@@ -140,6 +143,8 @@ static void find_resistance(const struct native_batch *b, size_t start,
             p[k] = lanes_load(b->p[k] + from);
             d[k] = lanes_load(b->d[k] + from);
         }
+
+        /* The first body's velocity against the second's, along and across the normal */
         u[0] = v[0] + (w[1] * p[2] - w[2] * p[1]);
         u[1] = v[1] + (w[2] * p[0] - w[0] * p[2]);
         u[2] = v[2] + (w[0] * p[1] - w[1] * p[0]);
@@ -148,6 +153,8 @@ static void find_resistance(const struct native_batch *b, size_t start,
         for (int k = 0; k < 3; ++k) {
             u[k] -= leaving * d[k];
         }
+
+        /* The damped spring's share of its elastic force, and the damping of friction */
         pushes = 1 - law->dissipation * leaving;
         pushes = lanes_pick(lanes_less(zero, pushes), pushes, zero);
         x = lanes_root(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) * law->transition_inverse;
@@ -155,11 +162,13 @@ static void find_resistance(const struct native_batch *b, size_t start,
         slope = lanes_pick(lanes_less(x, one), 30 * (y * y) * ((1 - y) * (1 - y)),
                            CONTACT_FRICTION_STEEPEST / (x + DBL_MIN));
         friction = (slope * scale + law->uv) * (force * pushes);
+
         lanes_store(lanes_load(b->rate + from) * pushes, out->stiffness + i);
         lanes_store(friction, out->friction + i);
         lanes_store(lanes_pick(lanes_less(zero, pushes), law->dissipation * force, zero) - friction,
                     out->damping + i);
 
+        /* Where it acts, in the world's directions about the tangent's center */
         for (int k = 0; k < 3; ++k) {
             p[k] -= center[k];
         }
@@ -169,41 +178,43 @@ static void find_resistance(const struct native_batch *b, size_t start,
             lanes_store(arm[k], out->arm[k] + i);
             lanes_store(along[k], out->along[k] + i);
         }
-        lanes_store(arm[1] * along[2] - arm[2] * along[1], out->along[3] + i);
-        lanes_store(arm[2] * along[0] - arm[0] * along[2], out->along[4] + i);
-        lanes_store(arm[0] * along[1] - arm[1] * along[0], out->along[5] + i);
+        lanes_store(arm[1] * along[2] - arm[2] * along[1], out->along[CONTACT_TURN_X] + i);
+        lanes_store(arm[2] * along[0] - arm[0] * along[2], out->along[CONTACT_TURN_Y] + i);
+        lanes_store(arm[0] * along[1] - arm[1] * along[0], out->along[CONTACT_TURN_Z] + i);
     }
 }
 
 /* One row of the upper triangle of K and D: few enough sums at a time to stay in registers. */
-LANES_INLINE void add_row(const struct resistance *by, const int row, double *K, double *D)
+LANES_INLINE void tangent_add_row(const struct resistance *by, const int row,
+                                  struct contact_tangent *tangent)
 {
-    lanes k[6] = {{0}}, d[6] = {{0}};
+    lanes k[CONTACT_AXES] = {{0}}, d[CONTACT_AXES] = {{0}};
 
     for (size_t i = 0; i < by->n; i += LANES) {
         lanes w = lanes_load(by->along[row] + i);
         lanes stiffness = lanes_load(by->stiffness + i) * w;
         lanes damping = lanes_load(by->damping + i) * w;
 
-        for (int column = row; column < 6; ++column) {
+        for (int column = row; column < CONTACT_AXES; ++column) {
             lanes other = lanes_load(by->along[column] + i);
 
             k[column] += stiffness * other;
             d[column] += damping * other;
         }
     }
-    for (int column = row; column < 6; ++column) {
-        K[column - row] += lanes_sum(k[column]);
-        D[column - row] += lanes_sum(d[column]);
+    for (int column = row; column < CONTACT_AXES; ++column) {
+        tangent->K[CONTACT_TANGENT_AT(row, column)] += lanes_sum(k[column]);
+        tangent->D[CONTACT_TANGENT_AT(row, column)] += lanes_sum(d[column]);
     }
 }
 
-/* Friction f against the velocity v + w x r at r: the identity, the cross product with r, and r^2
- * less the outer product of r. */
-static void add_friction(const struct resistance *by, double D[21])
+/* Friction f against the velocity v + w x r at r: f times the identity, the cross product with r,
+ * and r^2 less the outer product of r. */
+static void tangent_add_friction(const struct resistance *by, double D[CONTACT_TANGENT_SIZE])
 {
     lanes f = {0}, fr[3] = {{0}}, frr[6] = {{0}};
 
+    /* The sums of f, f r and f r r over the springs */
     for (size_t i = 0; i < by->n; i += LANES) {
         lanes friction = lanes_load(by->friction + i);
         lanes x = lanes_load(by->arm[0] + i), y = lanes_load(by->arm[1] + i),
@@ -222,43 +233,43 @@ static void add_friction(const struct resistance *by, double D[21])
         frr[5] += fz * z;
     }
 
+    /* The upper triangle that they make, row by row */
     double s = lanes_sum(f), x = lanes_sum(fr[0]), y = lanes_sum(fr[1]), z = lanes_sum(fr[2]);
     double xx = lanes_sum(frr[0]), xy = lanes_sum(frr[1]), xz = lanes_sum(frr[2]);
     double yy = lanes_sum(frr[3]), yz = lanes_sum(frr[4]), zz = lanes_sum(frr[5]);
-    const double across[21] = {s, 0, 0,  0, z,       -y,  s,   0,       -z,  0,      x,
-                               s, y, -x, 0, yy + zz, -xy, -xz, xx + zz, -yz, xx + yy};
+    const double across[CONTACT_TANGENT_SIZE] = {
+        s, 0, 0, 0, z, -y, s, 0, -z, 0, x, s, y, -x, 0, yy + zz, -xy, -xz, xx + zz, -yz, xx + yy};
 
-    for (int at = 0; at < 21; ++at) {
+    for (int at = 0; at < CONTACT_TANGENT_SIZE; ++at) {
         D[at] += across[at];
     }
 }
 
-static void add_tangents(const struct native_batch *b, const struct native_law *law,
-                         const struct native_relative *relative, const struct native_sum *sum)
+static void law_add_tangents(const struct native_batch *b, const struct native_law *law,
+                             const struct native_relative *relative, const struct native_sum *sum)
 {
-    double *K = sum->tangent->K, *D = sum->tangent->D;
     struct resistance by;
 
     for (size_t start = b->start; start < b->n; start += RESISTANCE_MAX) {
-        find_resistance(b, start, law, relative, sum, &by);
-        add_row(&by, 0, K, D);
-        add_row(&by, 1, K + 6, D + 6);
-        add_row(&by, 2, K + 11, D + 11);
-        add_row(&by, 3, K + 15, D + 15);
-        add_row(&by, 4, K + 18, D + 18);
-        add_row(&by, 5, K + 20, D + 20);
-        add_friction(&by, D);
+        law_find_resistance(b, start, law, relative, sum, &by);
+        tangent_add_row(&by, CONTACT_MOVE_X, sum->tangent);
+        tangent_add_row(&by, CONTACT_MOVE_Y, sum->tangent);
+        tangent_add_row(&by, CONTACT_MOVE_Z, sum->tangent);
+        tangent_add_row(&by, CONTACT_TURN_X, sum->tangent);
+        tangent_add_row(&by, CONTACT_TURN_Y, sum->tangent);
+        tangent_add_row(&by, CONTACT_TURN_Z, sum->tangent);
+        tangent_add_friction(&by, sum->tangent->D);
     }
 }
 
 void native_law_sum(struct native_batch *batch, const struct native_law *law,
                     const struct native_relative *relative, struct native_sum *sum)
 {
-    pad(batch);
+    batch_pad(batch);
     if (sum->tangent) {
-        add_tangents(batch, law, relative, sum);
+        law_add_tangents(batch, law, relative, sum);
     } else {
-        add_forces(batch, law, relative, sum);
+        law_add_forces(batch, law, relative, sum);
     }
     batch->start = batch->n;
 }

@@ -1,30 +1,28 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Two meshes over their true overlap: which of their facets face each other there. What is between
- * two such facets is contact/native_facets.h's.
+ * Two meshes over their true overlap: which of their facets face each other there (broad phase).
+ * What is between two such facets is contact/native_facets.h's (narrow phase).
  *
  * Pairs of facets are found in three steps, each cheaper for every facet than the next: the tree
  * of the first mesh over the box that both have in common; planes and bounding circles, as many
  * facets of the second at a time as there are lanes; and the corners of the facet that has fewer of
  * them.
  */
-#include "base/vec3.h"
 #include "contact/lanes.h"
 #include "contact/native_facets.h"
+#include "base/vec3.h"
 
 #include <float.h>
 #include <stdbool.h>
 #include <stdint.h>
 #include <string.h>
 
-/* ---- which facets ---- */
-
-/* Facets this small against the smaller mesh need no more springs than three: a side of four corners
- * has them no closer to each other. */
+/* Facets this small against the smaller mesh need no more springs than three: a side of four
+ * corners has them no closer to each other. */
 #define FINE 0.25
 
-/* The box of a box that is turned and moved. */
-static struct box moved_box(const struct box *box, const double R[9], const double p[3])
+/* The axis-aligned box about a box that is turned and moved. */
+static struct box box_transform(const struct box *box, const double R[9], const double p[3])
 {
     struct box out;
     double center[3], half[3], to[3];
@@ -44,8 +42,8 @@ static struct box moved_box(const struct box *box, const double R[9], const doub
     return out;
 }
 
-/* What two boxes have in common; false when nothing. thin: its least extent. */
-static bool common_box(const struct box *a, const struct box *b, struct box *out, double *thin)
+/* The intersection of two boxes; false when it is empty. thin: its least extent, if less. */
+static bool box_intersect(const struct box *a, const struct box *b, struct box *out, double *thin)
 {
     for (int k = 0; k < 3; ++k) {
         out->low[k] = a->low[k] > b->low[k] ? a->low[k] : b->low[k];
@@ -58,10 +56,11 @@ static bool common_box(const struct box *a, const struct box *b, struct box *out
     return true;
 }
 
-/* Facets of the second mesh in the part where both are (here, there: seen from the first and from
- * the second) and that something of it is behind, seen from the first. Returns their number. */
-static size_t view_second(const struct facets_between *m, const struct box *here,
-                          const struct box *there)
+/* Views the facets of the second mesh that are in the box where both meshes are (here and there: in
+ * the frame of the first and of the second) and have some of that box behind them. Returns their
+ * number. */
+static size_t meshes_view_second(const struct facets_between *m, const struct box *here,
+                                 const struct box *there)
 {
     struct native_view *view = &m->scratch->view;
     int *list = m->scratch->list[1];
@@ -71,12 +70,15 @@ static size_t view_second(const struct facets_between *m, const struct box *here
         const struct facet *f = &m->second->facet[list[i]];
         double normal[3], center[3];
 
+        /* Is some of the box behind it? */
         mat3_apply(m->relative->R, f->normal, normal);
         mat3_apply(m->relative->R, f->center, center);
         vec3_add_scaled(center, 1, m->relative->p, center);
         if (box_least(here, normal) >= vec3_dot(normal, center)) {
             continue;
         }
+
+        /* Then it is kept, in the first's frame */
         for (int k = 0; k < 3; ++k) {
             view->normal[k][count] = normal[k];
             view->center[k][count] = center[k];
@@ -85,9 +87,11 @@ static size_t view_second(const struct facets_between *m, const struct box *here
         view->ring[count] = -1;
         list[count++] = list[i];
     }
+
+    /* Without a normal, the padding faces nothing */
     for (size_t i = count; i % LANES; ++i) {
         for (int k = 0; k < 3; ++k) {
-            view->normal[k][i] = view->center[k][i] = 0; /* faces nothing */
+            view->normal[k][i] = view->center[k][i] = 0;
         }
         view->radius[i] = 0;
     }
@@ -97,7 +101,7 @@ static size_t view_second(const struct facets_between *m, const struct box *here
 
 /* The corners of a facet of the second mesh, brought into the first's frame when they are needed
  * for the first time. */
-static const double (*view_ring(const struct facets_between *m, int i))[3]
+static const double (*view_facet_ring(const struct facets_between *m, int i))[3]
 {
     struct native_view *view = &m->scratch->view;
     const struct facet *f = &m->second->facet[m->scratch->list[1][i]];
@@ -114,10 +118,10 @@ static const double (*view_ring(const struct facets_between *m, int i))[3]
     return (const double(*)[3])view->corner + view->ring[i];
 }
 
-/* Writes which facets of the second face this one and reach behind its plane as it may reach
+/* Finds the facets of the second that face this one and reach behind its plane, as it may reach
  * behind theirs; returns how many. */
-static size_t find_facing(const struct native_view *view, size_t n, const struct facet *a,
-                          double reach, int *found)
+static size_t view_find_facing(const struct native_view *view, size_t n, const struct facet *a,
+                               double reach, int *found)
 {
     const double *normal = a->normal, *center = a->center;
     const lanes zero = {0};
@@ -126,12 +130,16 @@ static size_t find_facing(const struct native_view *view, size_t n, const struct
     for (size_t at = 0; at < n; at += LANES) {
         lanes bx = lanes_load(view->normal[0] + at), by = lanes_load(view->normal[1] + at),
               bz = lanes_load(view->normal[2] + at);
+
+        /* Normals against each other */
         lanes_mask yes =
             lanes_less(normal[0] * bx + normal[1] * by + normal[2] * bz, zero - FACING_NONE);
 
         if (lanes_bits(yes) == 0) {
             continue;
         }
+
+        /* Bounding circles near each other and each behind the other's plane */
         lanes radius = lanes_load(view->radius + at), near = a->radius + radius + reach;
         lanes x = lanes_load(view->center[0] + at) - center[0],
               y = lanes_load(view->center[1] + at) - center[1],
@@ -147,12 +155,12 @@ static size_t find_facing(const struct native_view *view, size_t n, const struct
     return count;
 }
 
-/* The springs between one facet of the first mesh and all that the second has there. */
-static void facet_on_mesh(const struct facets_between *m, const struct facet *a, size_t nsecond)
+/* The springs between one facet of the first mesh and the nsecond that are viewed of the second. */
+static void meshes_add_facet(const struct facets_between *m, const struct facet *a, size_t nsecond)
 {
     struct native_scratch *scratch = m->scratch;
     const struct native_view *view = &scratch->view;
-    size_t n = find_facing(view, nsecond, a, m->reach, scratch->list[0]);
+    size_t n = view_find_facing(view, nsecond, a, m->reach, scratch->list[0]);
 
     for (size_t k = 0; k < n; ++k) {
         int i = scratch->list[0][k];
@@ -160,13 +168,13 @@ static void facet_on_mesh(const struct facets_between *m, const struct facet *a,
         struct facets_couple c = {
             .a = a,
             .b = b,
-            .ring = a->count < b->count ? m->first->ring + a->first : view_ring(m, i),
+            .ring = a->count < b->count ? m->first->ring + a->first : view_facet_ring(m, i),
             .normal_b = {view->normal[0][i], view->normal[1][i], view->normal[2][i]},
             .center_b = {view->center[0][i], view->center[1][i], view->center[2][i]},
         };
 
         c.facing = -vec3_dot(a->normal, c.normal_b);
-        native_between_facets(m, &c);
+        facets_add_springs(m, &c);
     }
 }
 
@@ -176,10 +184,12 @@ void native_overlap_meshes(const struct solid *first, const struct solid *second
 {
     struct facets_between m = {first, second, law, relative, scratch, sum, 0, 0};
     double thin = DBL_MAX, back[9], origin[3];
-    struct box moved = moved_box(&second->box, relative->R, relative->p), here, there;
-    int stack[TREE_DEPTH_MAX], top = 0;
+    struct box moved = box_transform(&second->box, relative->R, relative->p), here, there;
+    const struct tree *tree = &first->facets;
+    const struct tree_node *node = tree->node, *end = tree_end(tree);
     size_t nsecond;
 
+    /* The box where both meshes are, in the frame of the first (here) and of the second (there) */
     for (int i = 0; i < 9; ++i) {
         back[i] = relative->R[i % 3 * 3 + i / 3];
     }
@@ -187,39 +197,34 @@ void native_overlap_meshes(const struct solid *first, const struct solid *second
     for (int k = 0; k < 3; ++k) {
         origin[k] = -origin[k];
     }
-    if (!common_box(&first->box, &moved, &here, &thin)) {
+    if (!box_intersect(&first->box, &moved, &here, &thin)) {
         return;
     }
-    moved = moved_box(&first->box, back, origin);
-    if (!common_box(&second->box, &moved, &there, &thin)) {
+    moved = box_transform(&first->box, back, origin);
+    if (!box_intersect(&second->box, &moved, &there, &thin)) {
         return;
     }
-    /* a ball in the overlap has no room for a larger diameter than thin */
+
+    /* A ball in the overlap has no room for a larger diameter than thin */
     m.reach = thin / DEPTH_NONE;
     m.fine = FINE * (first->radius < second->radius ? first->radius : second->radius);
 
-    nsecond = view_second(&m, &here, &there);
-    stack[top++] = 0;
-    while (top > 0 && nsecond > 0) {
-        int index = stack[--top];
-        const struct tree_node *node = &first->facets.node[index];
-
+    /* Each facet of the first there against those of the second */
+    nsecond = meshes_view_second(&m, &here, &there);
+    while (nsecond > 0 && node != end) {
         if (!boxes_meet(&node->box, &here)) {
-            continue;
-        }
-        if (node->count == 0) {
-            stack[top++] = node->right;
-            stack[top++] = index + 1;
+            node += node->size;
             continue;
         }
         for (int i = 0; i < node->count; ++i) {
-            const struct facet *f = &first->facet[first->facets.item[node->first + i]];
+            const struct facet *f = &first->facet[tree->item[node->first + i]];
 
-            /* has something of the overlap behind it */
+            /* Is some of the box behind it? */
             if (box_least(&here, f->normal) < f->offset) {
-                facet_on_mesh(&m, f, nsecond);
+                meshes_add_facet(&m, f, nsecond);
             }
         }
+        ++node;
     }
     native_law_sum(&scratch->batch, law, relative, sum);
 }

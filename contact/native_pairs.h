@@ -2,7 +2,7 @@
 /*
  * What two surfaces of the native engine do to each other, each pair of shapes in its own way. Each
  * function adds to sum in the frame of the first surface (contact/native_law.h) and leaves it alone
- * when nothing overlaps. RT-safe; no memory of earlier calls.
+ * when nothing overlaps. SI units. RT-safe; nothing is kept from earlier calls; nothing fails.
  */
 #ifndef CONTACT_NATIVE_PAIRS_H
 #define CONTACT_NATIVE_PAIRS_H
@@ -10,13 +10,13 @@
 #include "contact/native_law.h"
 #include "contact/solid.h"
 
-/* How deep the middle of a spring lies in both bodies over half its length: where that is less than
- * DEPTH_NONE the spring runs along the overlap, not across it, and is none; from DEPTH_FULL on it
- * counts in full. */
+/* How deep the middle of a spring lies in both bodies, over half its length: below DEPTH_NONE
+ * the spring runs along the overlap instead of across it, and does not count; from DEPTH_FULL on
+ * it counts in full. */
 #define DEPTH_NONE 0.25
 #define DEPTH_FULL 0.5
 
-/* Facets of the second surface, seen from the first; padded for the lanes. */
+/* Facets of the second surface in the first's frame; padded for the lanes. */
 struct native_view {
     double *normal[3], *center[3], *radius;
     int *ring;           /* first corner of each in corner, -1 before it is needed */
@@ -27,8 +27,7 @@ struct native_view {
 /* Memory that an evaluation works in. Of what is in it only the springs outlive the call. */
 struct native_scratch {
     struct native_batch batch;
-    int *list[2];            /* as many as the largest mesh has faces, each */
-    unsigned char *mark[2];  /* the same */
+    int *list[2];            /* of facets; as many as the largest mesh has faces, each */
     struct native_view view; /* the same, and three corners each */
 };
 
@@ -41,41 +40,27 @@ static inline double native_ramp(double x, double a, double b)
     return t * t * (3 - 2 * t);
 }
 
-/* ---- over the true overlap (native_half_space.c, native_sphere.c, native_meshes.c) ---- */
-
 /* A mesh on a half-space: its facets below the plane, exactly clipped, on springs along the plane's
- * normal that stand side by side on the plane. Turned away, a facet does nothing. */
+ * normal that stand side by side on the plane. A facet that is turned away does nothing.
+ * native_half_space.c. */
 void native_overlap_half_space(const struct solid *solid, const struct native_law *law,
                                const struct native_relative *relative,
                                struct native_scratch *scratch, struct native_sum *sum);
 
 /* A mesh and a sphere: over each facet the springs stand along its normal, from the facet to the
- * sphere's far side. */
+ * sphere's far side. native_sphere.c. */
 void native_overlap_sphere(const struct solid *solid, double radius, const struct native_law *law,
                            const struct native_relative *relative, struct native_scratch *scratch,
                            struct native_sum *sum);
 
 /* Two meshes: between each two facets that face each other the springs stand along the mean of
- * their normals, where both facets lie on top of one another. */
+ * their normals, where both facets lie on top of one another. native_meshes.c. */
 void native_overlap_meshes(const struct solid *first, const struct solid *second,
                            const struct native_law *law, const struct native_relative *relative,
                            struct native_scratch *scratch, struct native_sum *sum);
 
-/* ---- springs at centroids, as Simbody has them (native_centroid.c) ---- */
-
-void native_centroid_half_space(const struct solid *solid, const struct native_law *law,
-                                const struct native_relative *relative,
-                                struct native_scratch *scratch, struct native_sum *sum);
-void native_centroid_sphere(const struct solid *solid, double radius, const struct native_law *law,
-                            const struct native_relative *relative, struct native_scratch *scratch,
-                            struct native_sum *sum);
-void native_centroid_meshes(const struct solid *first, const struct solid *second,
-                            const struct native_law *law, const struct native_relative *relative,
-                            struct native_scratch *scratch, struct native_sum *sum);
-
-/* ---- Hertz ---- */
-
-/* Two spheres, or a sphere (first) on a half-space (second; its radius infinite). */
+/* Hertz's law for two spheres, or a sphere (first) on a half-space (second; its radius infinite).
+ * native_hertz.c. */
 void native_hertz(const double radius[2], const struct native_law *law,
                   const struct native_relative *relative, struct native_scratch *scratch,
                   struct native_sum *sum);

@@ -28,8 +28,8 @@ void polygon_clip_depth(const struct polygon *in, struct polygon *out)
 }
 
 /* Twice the area as seen along a normal, of the triangle between a corner and an edge. */
-static double twice_area(const double a[3], const double b[3], const double c[3],
-                         const double normal[3])
+static double triangle_twice_area(const double a[3], const double b[3], const double c[3],
+                                  const double normal[3])
 {
     double ab[3], ac[3], x[3];
 
@@ -44,7 +44,7 @@ double polygon_center(const struct polygon *g, const double normal[3], double ce
     double twice = 0, sum[4] = {0, 0, 0, 0};
 
     for (int i = 1; i + 1 < g->n; ++i) {
-        double part = twice_area(g->p[0], g->p[i], g->p[i + 1], normal);
+        double part = triangle_twice_area(g->p[0], g->p[i], g->p[i + 1], normal);
 
         twice += part;
         for (int k = 0; k < 4; ++k) {
@@ -57,14 +57,15 @@ double polygon_center(const struct polygon *g, const double normal[3], double ce
     return twice;
 }
 
-void polygon_springs(struct native_scratch *s, const struct polygon *g, const double center[4],
-                     const double normal[3], const double d[3], double pressure, double share,
-                     const struct native_law *law, const struct native_relative *relative,
-                     struct native_sum *sum)
+void polygon_add_springs(struct native_scratch *s, const struct polygon *g, const double center[4],
+                         const double normal[3], const double d[3], double pressure, double share,
+                         const struct native_law *law, const struct native_relative *relative,
+                         struct native_sum *sum)
 {
+    /* In each triangle between the center and an edge */
     for (int i = 0; i < g->n; ++i) {
         const double *v[3] = {center, g->p[i], g->p[i + 1 < g->n ? i + 1 : 0]};
-        double rate = pressure * twice_area(v[0], v[1], v[2], normal) / 6;
+        double rate = pressure * triangle_twice_area(v[0], v[1], v[2], normal) / 6;
 
         native_law_make_room(&s->batch, FACET_POINTS, law, relative, sum);
         for (int q = 0; q < FACET_POINTS; ++q) {
@@ -76,7 +77,7 @@ void polygon_springs(struct native_scratch *s, const struct polygon *g, const do
             for (int k = 0; k < 3; ++k) {
                 p[k] += share * p[DEPTH] * d[k];
             }
-            polygon_put(&s->batch, p, d, rate, p[DEPTH]);
+            batch_add_spring(&s->batch, p, d, rate, p[DEPTH]);
         }
         sum->depth = v[1][DEPTH] > sum->depth ? v[1][DEPTH] : sum->depth;
     }

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The kernels of the native engine are compiled once for each instruction set, of which the engine
- * takes the best that the machine has when it is made. NATIVE_VARIANT, when defined, is appended to
- * the names of all that they share among their files; without it the same files are the plain
- * variant. Include before anything declares one of these names.
+ * Names of the kernels' variants. The kernels of the native engine are compiled once for each
+ * instruction set, of which the engine takes the best that the machine can run when it is made.
+ * NATIVE_VARIANT, when defined, is appended to the names of all that they share among their files;
+ * without it the same files are the plain variant. Include before anything declares one of these
+ * names. Names only: whether something is RT-safe is said where it is declared.
  */
 #ifndef CONTACT_NATIVE_VARIANT_H
 #define CONTACT_NATIVE_VARIANT_H
@@ -14,10 +15,7 @@
 #define NATIVE_EXPAND(name, variant) NATIVE_PASTE(name, variant)
 #define NATIVE_NAME(name) NATIVE_EXPAND(name, NATIVE_VARIANT)
 
-#define native_between_facets NATIVE_NAME(native_between_facets)
-#define native_centroid_half_space NATIVE_NAME(native_centroid_half_space)
-#define native_centroid_meshes NATIVE_NAME(native_centroid_meshes)
-#define native_centroid_sphere NATIVE_NAME(native_centroid_sphere)
+#define facets_add_springs NATIVE_NAME(facets_add_springs)
 #define native_hertz NATIVE_NAME(native_hertz)
 #define native_kernels NATIVE_NAME(native_kernels)
 #define native_law_make_room NATIVE_NAME(native_law_make_room)
@@ -25,9 +23,9 @@
 #define native_overlap_half_space NATIVE_NAME(native_overlap_half_space)
 #define native_overlap_meshes NATIVE_NAME(native_overlap_meshes)
 #define native_overlap_sphere NATIVE_NAME(native_overlap_sphere)
+#define polygon_add_springs NATIVE_NAME(polygon_add_springs)
 #define polygon_center NATIVE_NAME(polygon_center)
 #define polygon_clip_depth NATIVE_NAME(polygon_clip_depth)
-#define polygon_springs NATIVE_NAME(polygon_springs)
 #define solid_depth NATIVE_NAME(solid_depth)
 #define solid_find_nearest NATIVE_NAME(solid_find_nearest)
 #define solid_nearest_of_face NATIVE_NAME(solid_nearest_of_face)

@@ -61,9 +61,9 @@ struct Engine : contact_world {
     explicit Engine(const struct contact_config &config);
 
     void evaluate(const struct body_motion *motion, struct contact_wrench *wrench);
-    void impose(const struct body_motion *motion);
-    void collect(const ContactForce &force, const Contact &contact,
-                 const struct body_motion *motion, struct contact_wrench *wrench);
+    void impose_motion(const struct body_motion *motion);
+    void add_patch(const ContactForce &force, const Contact &contact,
+                   const struct body_motion *motion, struct contact_wrench *wrench);
     size_t tangents(struct contact_tangent *tangent, size_t max);
 
     size_t nbody, nsurface;
@@ -83,17 +83,17 @@ struct Engine : contact_world {
     char failure[512] = "";
 };
 
-Vec3 vec3(const double v[3])
+Vec3 to_vec3(const double v[3])
 {
     return Vec3(v[0], v[1], v[2]);
 }
 
-Mat33 mat33(const double m[9])
+Mat33 to_mat33(const double m[9])
 {
     return Mat33(m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]);
 }
 
-void add_to(double sum[3], const Vec3 &v)
+void add_vec3(double sum[3], const Vec3 &v)
 {
     for (int i = 0; i < 3; ++i) {
         sum[i] += v[i];
@@ -102,7 +102,7 @@ void add_to(double sum[3], const Vec3 &v)
 
 /* ---- building the world ---- */
 
-ContactGeometry triangle_mesh(const struct mesh &mesh)
+ContactGeometry mesh_geometry(const struct mesh &mesh)
 {
     Array_<Vec3> vertices;
     Array_<int> corners;
@@ -110,7 +110,7 @@ ContactGeometry triangle_mesh(const struct mesh &mesh)
     vertices.reserve(static_cast<unsigned>(mesh.nvertex));
     corners.reserve(static_cast<unsigned>(3 * mesh.nface));
     for (size_t v = 0; v < mesh.nvertex; ++v) {
-        vertices.push_back(vec3(mesh.vertex[v]));
+        vertices.push_back(to_vec3(mesh.vertex[v]));
     }
     for (size_t f = 0; f < mesh.nface; ++f) {
         for (int i = 0; i < 3; ++i) {
@@ -121,7 +121,7 @@ ContactGeometry triangle_mesh(const struct mesh &mesh)
 }
 
 /* The same triangles as every other engine has for this box. */
-ContactGeometry box(const struct contact_surface &s)
+ContactGeometry box_geometry(const struct contact_surface &s)
 {
     ScratchArena scratch;
     const struct mesh *mesh = nullptr;
@@ -133,10 +133,10 @@ ContactGeometry box(const struct contact_surface &s)
         mesh_box(s.half_extent_m, s.cells_per_edge, &scratch.arena, &mesh, &error) != ERROR_NONE) {
         throw std::runtime_error(error.text);
     }
-    return triangle_mesh(*mesh);
+    return mesh_geometry(*mesh);
 }
 
-ContactGeometry geometry(const struct contact_surface &s)
+ContactGeometry surface_geometry(const struct contact_surface &s)
 {
     switch (s.shape) {
     case CONTACT_HALF_SPACE:
@@ -144,30 +144,30 @@ ContactGeometry geometry(const struct contact_surface &s)
     case CONTACT_SPHERE:
         return ContactGeometry::Sphere(s.radius_m);
     case CONTACT_BOX:
-        return box(s);
+        return box_geometry(s);
     case CONTACT_MESH:
-        return triangle_mesh(*s.mesh);
+        return mesh_geometry(*s.mesh);
     }
     throw std::logic_error("shape without a geometry");
 }
 
 /* The frame of Simbody's geometry in the body. Its half-space is solid at x > 0, ours at z < 0. */
-Transform placement(const struct contact_surface &s)
+Transform surface_placement(const struct contact_surface &s)
 {
-    Rotation frame(mat33(s.rotation));
+    Rotation frame(to_mat33(s.rotation));
     const Rotation down(Mat33(0, 0, 1, 0, 1, 0, -1, 0, 0), true);
 
     if (s.shape == CONTACT_HALF_SPACE) {
         frame = frame * down;
     }
-    return Transform(frame, vec3(s.position));
+    return Transform(frame, to_vec3(s.position));
 }
 
-ContactSurface simbody_surface(const struct contact_surface &s)
+ContactSurface make_surface(const struct contact_surface &s)
 {
     const struct contact_material &m = s.material;
 
-    return ContactSurface(geometry(s),
+    return ContactSurface(surface_geometry(s),
                           ContactMaterial(m.young_pa, m.dissipation_s_per_m, m.static_friction,
                                           m.dynamic_friction, m.viscous_friction),
                           m.thickness_m);
@@ -175,8 +175,8 @@ ContactSurface simbody_surface(const struct contact_surface &s)
 
 /* Simbody tests every surface against every other; a clique for each two that are not a pair keeps
  * them apart. Surfaces on one body never meet anyway. */
-void part_unpaired(std::vector<ContactSurface> &surfaces, const std::vector<int> &body_of,
-                   const std::vector<int> &pair_of)
+void separate_unpaired(std::vector<ContactSurface> &surfaces, const std::vector<int> &body_of,
+                       const std::vector<int> &pair_of)
 {
     size_t n = surfaces.size();
 
@@ -203,7 +203,7 @@ bool has_mesh(const struct contact_surface &s)
 }
 
 /* The stiffness that a surface's share of the depth goes by. */
-double rigidity(const struct contact_material &m, bool foundation)
+double material_rigidity(const struct contact_material &m, bool foundation)
 {
     return foundation ? m.young_pa / m.thickness_m : std::cbrt(m.young_pa * m.young_pa);
 }
@@ -211,7 +211,8 @@ double rigidity(const struct contact_material &m, bool foundation)
 Law pair_law(const struct contact_surface &a, const struct contact_surface &b)
 {
     const bool foundation = has_mesh(a) || has_mesh(b);
-    const double ka = rigidity(a.material, foundation), kb = rigidity(b.material, foundation);
+    const double ka = material_rigidity(a.material, foundation),
+                 kb = material_rigidity(b.material, foundation);
     const double c =
         (kb * a.material.dissipation_s_per_m + ka * b.material.dissipation_s_per_m) / (ka + kb);
 
@@ -225,6 +226,7 @@ Engine::Engine(const struct contact_config &config)
       tracker(system), forces(system, tracker), pair_of(nsurface * nsurface, no_pair),
       pair(config.pair, config.pair + config.npair)
 {
+    /* The pairs: their number by their surfaces, their law */
     for (size_t p = 0; p < pair.size(); ++p) {
         size_t a = static_cast<size_t>(pair[p].a), b = static_cast<size_t>(pair[p].b);
 
@@ -233,18 +235,21 @@ Engine::Engine(const struct contact_config &config)
     for (const struct contact_pair &p : pair) {
         law.push_back(pair_law(config.surface[p.a], config.surface[p.b]));
     }
+    /* No allocation of ours while evaluating */
     patches.reserve(pair.size());
     touching.reserve(pair.size());
 
+    /* The surfaces, of which only those of a pair meet */
     std::vector<ContactSurface> surfaces;
 
     for (size_t i = 0; i < nsurface; ++i) {
-        surfaces.push_back(simbody_surface(config.surface[i]));
+        surfaces.push_back(make_surface(config.surface[i]));
         body_of.push_back(config.surface[i].body);
     }
-    part_unpaired(surfaces, body_of, pair_of);
+    separate_unpaired(surfaces, body_of, pair_of);
 
-    /* Ground first, then each body: the order in which Simbody numbers surfaces */
+    /* The bodies with their surfaces: Ground first, then each body, the order in which Simbody
+     * numbers surfaces */
     const MassProperties unit(1, Vec3(0), UnitInertia(1));
 
     forces.setTransitionVelocity(config.transition_velocity_m_s);
@@ -255,7 +260,7 @@ Engine::Engine(const struct contact_config &config)
             if (body_of[i] != body) {
                 continue;
             }
-            Transform where = placement(config.surface[i]);
+            Transform where = surface_placement(config.surface[i]);
 
             if (body < 0) {
                 matter.Ground().updBody().addContactSurface(where, surfaces[i]);
@@ -271,6 +276,7 @@ Engine::Engine(const struct contact_config &config)
         }
     }
 
+    /* A state to write poses and velocities into */
     state = system.realizeTopology();
     system.realizeModel(state);
     for (Shadow &s : shadow) {
@@ -283,14 +289,14 @@ Engine::Engine(const struct contact_config &config)
 
 /* A free mobilizer on Ground: q is the quaternion and the origin, u the angular velocity and the
  * origin's velocity, all in Ground. */
-void Engine::impose(const struct body_motion *motion)
+void Engine::impose_motion(const struct body_motion *motion)
 {
     Vector &q = state.updQ();
     Vector &u = state.updU();
 
     for (size_t b = 0; b < nbody; ++b) {
         const struct body_motion &m = motion[b];
-        const Quaternion turn = Rotation(mat33(m.R), true).convertRotationToQuaternion();
+        const Quaternion turn = Rotation(to_mat33(m.R), true).convertRotationToQuaternion();
 
         for (int i = 0; i < 4; ++i) {
             q[shadow[b].q + i] = turn[i];
@@ -304,9 +310,10 @@ void Engine::impose(const struct body_motion *motion)
 }
 
 /* Adds one contact to the wrenches of its two bodies, and to the patches. */
-void Engine::collect(const ContactForce &force, const Contact &contact,
-                     const struct body_motion *motion, struct contact_wrench *wrench)
+void Engine::add_patch(const ContactForce &force, const Contact &contact,
+                       const struct body_motion *motion, struct contact_wrench *wrench)
 {
+    /* Whose it is */
     const size_t first = static_cast<size_t>(surface_of[contact.getSurface1()]);
     const size_t second = static_cast<size_t>(surface_of[contact.getSurface2()]);
     const int number = pair_of[first * nsurface + second];
@@ -316,25 +323,28 @@ void Engine::collect(const ContactForce &force, const Contact &contact,
     if (number == no_pair) {
         throw std::logic_error("contact of two surfaces that are not a pair");
     }
+
+    /* Its force on both bodies */
     for (int side = 0; side < 2; ++side) {
         const int body = body_of[side == 0 ? first : second];
         const SpatialVec f = (side == 0 ? -1.0 : 1.0) * on_second;
 
         if (body >= 0) {
-            const Vec3 arm = center - vec3(motion[body].p);
+            const Vec3 arm = center - to_vec3(motion[body].p);
 
-            add_to(wrench[body].force, f[1]);
-            add_to(wrench[body].moment, f[0] + arm % f[1]);
+            add_vec3(wrench[body].force, f[1]);
+            add_vec3(wrench[body].moment, f[0] + arm % f[1]);
         }
     }
 
+    /* And as a patch, on the configured pair's b */
     struct contact_patch patch = {};
     const double sign = pair[static_cast<size_t>(number)].b == static_cast<int>(second) ? 1 : -1;
 
     patch.pair = number;
-    add_to(patch.center, center);
-    add_to(patch.force, sign * on_second[1]);
-    add_to(patch.moment, sign * on_second[0]);
+    add_vec3(patch.center, center);
+    add_vec3(patch.force, sign * on_second[1]);
+    add_vec3(patch.moment, sign * on_second[0]);
     patch.potential_j = force.getPotentialEnergy();
     patch.dissipation_w = force.getPowerDissipation();
     patches.push_back(patch);
@@ -348,7 +358,7 @@ void Engine::evaluate(const struct body_motion *motion, struct contact_wrench *w
     for (size_t b = 0; b < nbody; ++b) {
         wrench[b] = contact_wrench{};
     }
-    impose(motion);
+    impose_motion(motion);
     system.realize(state, Stage::Dynamics);
 
     const ContactSnapshot &contacts = tracker.getActiveContacts(state);
@@ -357,7 +367,7 @@ void Engine::evaluate(const struct body_motion *motion, struct contact_wrench *w
     for (int i = 0; i < n; ++i) {
         const ContactForce &force = forces.getContactForce(state, i);
 
-        collect(force, contacts.getContactById(force.getContactId()), motion, wrench);
+        add_patch(force, contacts.getContactById(force.getContactId()), motion, wrench);
     }
 
     /* What touches keeps its contact's number next time: Simbody counts new contacts in an int that
@@ -367,8 +377,8 @@ void Engine::evaluate(const struct body_motion *motion, struct contact_wrench *w
 
 /* Adds Simbody's account of one element. Its elastic force goes with a power of the depth, and its
  * energy says how large it is. */
-void add_detail(const ContactDetail &detail, const Law &law, double transition_velocity,
-                struct contact_tangent *tangent)
+void tangent_add_detail(const ContactDetail &detail, const Law &law, double transition_velocity,
+                        struct contact_tangent *tangent)
 {
     const double depth = detail.getDeformation();
     const double elastic = (law.exponent + 1) * detail.getPotentialEnergy() / depth;
@@ -376,8 +386,8 @@ void add_detail(const ContactDetail &detail, const Law &law, double transition_v
     const double normal = std::abs(dot(detail.getForceOnSurface2(), detail.getContactNormal()));
     struct contact_element element = {};
 
-    add_to(element.point, detail.getContactPoint());
-    add_to(element.normal, Vec3(detail.getContactNormal()));
+    add_vec3(element.point, detail.getContactPoint());
+    add_vec3(element.normal, Vec3(detail.getContactNormal()));
     element.stiffness = law.exponent * normal / depth;
     element.damping = damping;
     element.friction =
@@ -397,11 +407,11 @@ size_t Engine::tangents(struct contact_tangent *tangent, size_t max)
         t.pair = patches[i].pair;
         t.body_a = body_of[static_cast<size_t>(p.a)];
         t.body_b = body_of[static_cast<size_t>(p.b)];
-        add_to(t.center, vec3(patches[i].center));
+        add_vec3(t.center, to_vec3(patches[i].center));
         forces.calcContactPatchDetailsById(state, touching[i], details);
         for (int e = 0; e < details.getNumDetails(); ++e) {
-            add_detail(details.getContactDetail(e), law[static_cast<size_t>(t.pair)],
-                       forces.getTransitionVelocity(), &t);
+            tangent_add_detail(details.getContactDetail(e), law[static_cast<size_t>(t.pair)],
+                               forces.getTransitionVelocity(), &t);
         }
     }
     return patches.size();
@@ -410,7 +420,7 @@ size_t Engine::tangents(struct contact_tangent *tangent, size_t max)
 /* ---- the C side ---- */
 
 /* Simbody's messages run over several lines; ours are one sentence. */
-void one_line(char *out, size_t size, const char *message)
+void copy_as_one_line(char *out, size_t size, const char *message)
 {
     size_t n = 0;
 
@@ -424,35 +434,34 @@ void one_line(char *out, size_t size, const char *message)
     out[n] = '\0';
 }
 
-enum error_code engine_evaluate(struct contact_world *world, const struct body_motion *motion,
-                                struct contact_wrench *wrench)
+enum error_code simbody_evaluate(struct contact_world *world, const struct body_motion *motion,
+                                 struct contact_wrench *wrench)
 {
     Engine *engine = static_cast<Engine *>(world);
 
-    for (size_t b = 0; b < engine->nbody; ++b) {
-        if (!contact_motion_valid(&motion[b])) {
-            snprintf(engine->failure, sizeof engine->failure,
-                     "contact: found a motion of body %zu that is none, expected a rotation and "
-                     "finite numbers",
-                     b);
-            return ERROR_INPUT;
-        }
+    const enum error_code code =
+        contact_check_motions(motion, engine->nbody, engine->failure, sizeof engine->failure);
+
+    if (code != ERROR_NONE) {
+        return code;
     }
     try {
         engine->evaluate(motion, wrench);
         return ERROR_NONE;
     } catch (const std::bad_alloc &) {
-        one_line(engine->failure, sizeof engine->failure, "contact: no memory for an evaluation");
+        copy_as_one_line(engine->failure, sizeof engine->failure,
+                         "contact: no memory for an evaluation");
         return ERROR_MEMORY;
     } catch (const std::exception &e) {
-        one_line(engine->failure, sizeof engine->failure, e.what());
+        copy_as_one_line(engine->failure, sizeof engine->failure, e.what());
     } catch (...) {
-        one_line(engine->failure, sizeof engine->failure, "Simbody failed without a message");
+        copy_as_one_line(engine->failure, sizeof engine->failure,
+                         "Simbody failed without a message");
     }
     return ERROR_SYSTEM;
 }
 
-size_t engine_patches(struct contact_world *world, struct contact_patch *patch, size_t max)
+size_t simbody_patches(struct contact_world *world, struct contact_patch *patch, size_t max)
 {
     const std::vector<struct contact_patch> &all = static_cast<Engine *>(world)->patches;
 
@@ -463,7 +472,7 @@ size_t engine_patches(struct contact_world *world, struct contact_patch *patch, 
 }
 
 /* A pair whose details Simbody cannot give has no tangent. */
-size_t engine_tangents(struct contact_world *world, struct contact_tangent *tangent, size_t max)
+size_t simbody_tangents(struct contact_world *world, struct contact_tangent *tangent, size_t max)
 {
     try {
         return static_cast<Engine *>(world)->tangents(tangent, max);
@@ -472,18 +481,19 @@ size_t engine_tangents(struct contact_world *world, struct contact_tangent *tang
     }
 }
 
-const char *engine_failure(const struct contact_world *world)
+const char *simbody_failure(const struct contact_world *world)
 {
     return static_cast<const Engine *>(world)->failure;
 }
 
-void engine_destroy(struct contact_world *world)
+void simbody_destroy(struct contact_world *world)
 {
     delete static_cast<Engine *>(world);
 }
 
-const struct contact_ops engine_ops = {
-    "simbody", engine_evaluate, engine_patches, engine_tangents, engine_failure, engine_destroy,
+const struct contact_ops simbody_ops = {
+    "simbody",        simbody_evaluate, simbody_patches,
+    simbody_tangents, simbody_failure,  simbody_destroy,
 };
 
 } // namespace
@@ -499,7 +509,7 @@ enum error_code contact_simbody_create(const struct contact_config *config,
     try {
         Engine *engine = new Engine(*config);
 
-        engine->ops = &engine_ops;
+        engine->ops = &simbody_ops;
         *world = engine;
         return ERROR_NONE;
     } catch (const std::bad_alloc &) {
@@ -507,7 +517,7 @@ enum error_code contact_simbody_create(const struct contact_config *config,
     } catch (const std::exception &e) {
         char text[512];
 
-        one_line(text, sizeof text, e.what());
+        copy_as_one_line(text, sizeof text, e.what());
         return error_set(error, ERROR_SYSTEM, "contact: Simbody: %s", text);
     } catch (...) {
         return error_set(error, ERROR_SYSTEM, "contact: Simbody failed");

@@ -1,9 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A closed triangle mesh made ready for contact, in its own frame: trees, the directions that say
+ * A closed triangle mesh made ready for contact: bounding-volume trees, the directions that tell
  * inside from outside, and facets. A facet is a convex flat polygon: a set of coplanar triangles
  * that tile it, or one triangle. Integrals over a mesh are taken over its facets, so that they do
  * not depend on how finely a flat side happens to be cut.
+ *
+ * Lengths are meters in the mesh's frame; normals point outward and have unit length. A solid never
+ * changes once it is made; its memory is the arena's, and it points into its mesh. Making one is
+ * not RT-safe; asking one for distances is.
  */
 #ifndef CONTACT_SOLID_H
 #define CONTACT_SOLID_H
@@ -16,34 +20,36 @@
 #define SOLID_LANES 8  /* what is read side by side is padded to a multiple of this */
 #define FACET_POINTS 3 /* of quadrature in each triangle between the centroid and an edge */
 
-/* Entries of an outline: of the edge from each entry to the next, SOLID_LANES can be read at once. */
+/* Entries of an outline: SOLID_LANES can be read at once from each entry on, and from the next. */
 #define FACET_OUTLINE(count) (((count) + SOLID_LANES - 1) / SOLID_LANES * SOLID_LANES + SOLID_LANES)
 
 struct facet {
-    int first, count; /* vertices: solid->ring[first] to [first + count - 1], counterclockwise */
-    int tiles;        /* faces that make it up */
-    double normal[3]; /* outward, unit */
-    double offset;    /* normal . any of its points */
-    double center[3]; /* centroid */
-    double radius;    /* of the circle about the center that holds the facet */
-    double within;    /* and of the one that it holds */
-    double area;
+    int first, count;  /* corners: solid->ring[first] to [first + count - 1], counterclockwise */
+    int nface;         /* triangles that tile it */
+    double normal[3];  /* outward, unit */
+    double offset;     /* normal . any of its points */
+    double center[3];  /* centroid */
+    double radius;     /* of the circle about the center that holds the facet, */
+    double inradius;   /* and of the one that the facet holds */
+    double area;       /* m2 */
     int point, npoint; /* its points of quadrature; none for a triangle */
-    /* The faces that touch it lean off it by less than a right angle, at most with this cosine and
-     * sine, and all others are three times room away. 0 where nothing is known. */
-    double lean[2], room;
-    double across[2][3]; /* directions in its plane, right-handed with the normal */
-    int outline;         /* its corners along them, from the center; not of a triangle */
+    /* Its surroundings. Triangles that touch it are at dihedral angles whose normals differ from
+     * its own by less than 90 degrees, at most with this cosine and sine; all others are three
+     * times the clearance away. 0 where nothing is known. */
+    double bend_cosine, bend_sine, clearance;
+    double axis[2][3]; /* of its plane, right-handed with the normal */
+    int outline;       /* its corners along the axes, from the center; not of a triangle */
 };
 
+/* Rows of solid->plane: a normal and its offset. */
+enum { PLANE_X, PLANE_Y, PLANE_Z, PLANE_OFFSET, PLANE_ROWS };
+
 struct solid {
-    const char *name;
     size_t nface, nfacet, npoint;
     struct box box;
     double radius; /* half of the box's diagonal */
 
-    /* triangles */
-    const double *centroid[3], *area;
+    /* Triangles */
     const double (*vertex)[3];
     const int (*face)[3];
     const double (*normal)[3];        /* of faces, unit */
@@ -51,28 +57,44 @@ struct solid {
     const int (*neighbor)[3];         /* face across the edge from corner i to i + 1 */
     struct tree faces;
 
+    /* Facets */
     const struct facet *facet;
     const double (*ring)[3];
     const double *point[3], *weight; /* points of quadrature and their share of the area */
-    /* Corners of facets in their planes, counterclockwise: from facet.outline on x and y of as many
-     * as it has, then the first once more, up to FACET_OUTLINE. */
+    /* Corners of facets along the axes of their planes, counterclockwise: from facet.outline on as
+     * many as it has, then the first once more, up to FACET_OUTLINE. */
     const double *outline[2];
     struct tree facets;
-    const struct box *facing; /* of the normals under each node of the tree of facets */
-    bool convex;              /* then every point behind all facets is inside, */
-    const double *plane[4];   /* their normals and offsets; padded, the last repeated */
+    const struct box *normal_bounds; /* of the normals under each node of the tree of facets */
+
+    /* Planes of the facets, of a convex solid: what is behind all of them is inside */
+    bool convex;
+    const double *plane[PLANE_ROWS]; /* padded, the last repeated */
     size_t nplane;
+};
+
+/* The part of a triangle that is nearest to a point. */
+enum triangle_feature {
+    FEATURE_FACE = -1,
+    FEATURE_EDGE_0, /* from corner 0 to 1, and so on */
+    FEATURE_EDGE_1,
+    FEATURE_EDGE_2,
+    FEATURE_CORNER_0,
+    FEATURE_CORNER_1,
+    FEATURE_CORNER_2
 };
 
 /* The nearest point of the surface. */
 struct solid_nearest {
     int face;
+    enum triangle_feature feature; /* of that face */
     double point[3];
-    double distance2;
-    bool inside; /* of the point that was asked for, by the nearest face alone */
+    double distance2; /* squared */
+    bool inside;      /* of the point that was asked for, by the nearest face alone */
 };
 
-/* mesh is sound (mesh_check) and outlives the solid. Memory from arena. Not RT-safe. */
+/* Makes a solid of a mesh that is sound (mesh_check) and outlives it. Memory from arena; the only
+ * error is ERROR_MEMORY. Not RT-safe. */
 enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct solid *solid,
                            struct error *error);
 
@@ -84,10 +106,6 @@ void solid_nearest_of_face(const struct solid *solid, int face, const double p[3
  * RT-safe; visits every face at worst. */
 bool solid_find_nearest(const struct solid *solid, const double p[3], double limit2,
                         struct solid_nearest *nearest);
-
-/* Finds out what is around the facets (lean and room of struct facet) when all else of the solid is
- * made; ring_vertex: the mesh's vertex at each corner in ring. Not RT-safe. */
-void solid_look_around(const struct solid *solid, const int *ring_vertex, struct facet *facet);
 
 /* How deep p is inside, negative outside, right for any closed surface: the sign is that of the
  * pseudonormal of the nearest face, edge or corner (Baerentzen, Aanaes 2005). What is farther than

@@ -1,57 +1,65 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Tangents of contact pairs from their elements. */
+/* Tangents of contact pairs from their surface elements. */
 #include "contact/tangent.h"
 
+#include "base/vec3.h"
+
 #include <math.h>
+#include <string.h>
+
+/* The element of a packed tangent at a row and a column, by the names of their axes. */
+#define AT(row, column) CONTACT_TANGENT_AT(CONTACT_##row, CONTACT_##column)
 
 /* Adds what resists a point at an arm equally in every direction. */
-static void add_isotropic(double weight, const double arm[3], double S[21])
+static void tangent_add_isotropic(double weight, const double arm[3],
+                                  double S[CONTACT_TANGENT_SIZE])
 {
     double x = weight * arm[0], y = weight * arm[1], z = weight * arm[2];
 
-    /* force by velocity */
-    S[0] += weight;
-    S[6] += weight;
-    S[11] += weight;
-    /* force by angular velocity */
-    S[4] += z;
-    S[5] -= y;
-    S[8] -= z;
-    S[10] += x;
-    S[12] += y;
-    S[13] -= x;
-    /* moment by angular velocity */
-    S[15] += y * arm[1] + z * arm[2];
-    S[16] -= x * arm[1];
-    S[17] -= x * arm[2];
-    S[18] += x * arm[0] + z * arm[2];
-    S[19] -= y * arm[2];
-    S[20] += x * arm[0] + y * arm[1];
+    /* Force by velocity */
+    S[AT(MOVE_X, MOVE_X)] += weight;
+    S[AT(MOVE_Y, MOVE_Y)] += weight;
+    S[AT(MOVE_Z, MOVE_Z)] += weight;
+
+    /* Force by angular velocity: the cross product with the arm */
+    S[AT(MOVE_X, TURN_Y)] += z;
+    S[AT(MOVE_X, TURN_Z)] -= y;
+    S[AT(MOVE_Y, TURN_X)] -= z;
+    S[AT(MOVE_Y, TURN_Z)] += x;
+    S[AT(MOVE_Z, TURN_X)] += y;
+    S[AT(MOVE_Z, TURN_Y)] -= x;
+
+    /* Moment by angular velocity: the arm's square less its outer product */
+    S[AT(TURN_X, TURN_X)] += y * arm[1] + z * arm[2];
+    S[AT(TURN_X, TURN_Y)] -= x * arm[1];
+    S[AT(TURN_X, TURN_Z)] -= x * arm[2];
+    S[AT(TURN_Y, TURN_Y)] += x * arm[0] + z * arm[2];
+    S[AT(TURN_Y, TURN_Z)] -= y * arm[2];
+    S[AT(TURN_Z, TURN_Z)] += x * arm[0] + y * arm[1];
 }
 
 void contact_tangent_add(struct contact_tangent *tangent, const struct contact_element *element)
 {
     const double *n = element->normal;
-    /* friction resists in every direction, less what it does not along the normal */
+    /* Friction is added in every direction, so it is taken off along the normal */
     double damping = element->damping - element->friction;
-    double arm[3], w[6];
+    double arm[3], along[CONTACT_AXES];
 
-    for (int i = 0; i < 3; i++) {
-        arm[i] = element->point[i] - tangent->center[i];
-        w[i] = n[i];
-    }
-    w[3] = arm[1] * n[2] - arm[2] * n[1];
-    w[4] = arm[2] * n[0] - arm[0] * n[2];
-    w[5] = arm[0] * n[1] - arm[1] * n[0];
-    for (int row = 0, at = 0; row < 6; row++) {
-        for (int column = row; column < 6; column++, at++) {
-            double both = w[row] * w[column];
+    /* The normal, and the moment of a force along it */
+    vec3_sub(element->point, tangent->center, arm);
+    memcpy(along + CONTACT_MOVE_X, n, sizeof arm);
+    vec3_cross(arm, n, along + CONTACT_TURN_X);
+
+    for (int row = 0; row < CONTACT_AXES; ++row) {
+        for (int column = row; column < CONTACT_AXES; ++column) {
+            int at = CONTACT_TANGENT_AT(row, column);
+            double both = along[row] * along[column];
 
             tangent->K[at] += element->stiffness * both;
             tangent->D[at] += damping * both;
         }
     }
-    add_isotropic(element->friction, arm, tangent->D);
+    tangent_add_isotropic(element->friction, arm, tangent->D);
 }
 
 double contact_friction_damping(double static_friction, double viscous_friction,
@@ -61,6 +69,6 @@ double contact_friction_damping(double static_friction, double viscous_friction,
     /* S'(y), which rises up to y = 1/2 */
     double slope = x < 1 ? 30 * y * y * (1 - y) * (1 - y) : CONTACT_FRICTION_STEEPEST / x;
 
-    /* the viscous part of the force is proportional to the speed, and so its own slope */
+    /* The viscous part of the force is proportional to the speed, and so its own slope */
     return (slope * static_friction / transition_velocity_m_s + viscous_friction) * normal_n;
 }

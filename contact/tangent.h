@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* For engines: the tangent of a pair, put together element by element. RT-safe. */
+/*
+ * For engines: the tangent of a pair (contact.h), put together element by element. SI units, world
+ * frame. Nothing fails; RT-safe.
+ */
 #ifndef CONTACT_TANGENT_H
 #define CONTACT_TANGENT_H
 
@@ -20,12 +23,13 @@ struct contact_element {
 /* Adds an element to K and D about the tangent's center. */
 void contact_tangent_add(struct contact_tangent *tangent, const struct contact_element *element);
 
-/* Damping that bounds contact.h's friction law from above, N s/m: the law's steepest slope between
- * rest and the present speed while it sticks (15/8 us/v_t from half of v_t on), no less than the
- * ratio of force and speed when it slides, so that a linearly implicit step ends a slide and does not
- * turn it around. More than that would do no harm to stability, but what is too much acts on the body
- * like a mass of h times the surplus: with the steepest slope of all at any speed, 2.9 kg on each of
- * COMAN's feet at steps of 1 ms. normal_n: the normal force; speed: of sliding. */
+/* Damping that bounds contact.h's friction law from above, N s/m: the law's steepest slope
+ * between rest and the present speed while it sticks (15/8 us/v_t from half of v_t on), no less
+ * than the ratio of force and speed when it slides, so that a linearly implicit step ends a
+ * slide and does not turn it around. More than that would do no harm to stability, but what is
+ * too much acts on the body like a mass of h times the surplus: with the steepest slope of all
+ * at any speed, 2.9 kg on each of COMAN's feet at steps of 1 ms. normal_n: the normal force;
+ * speed: of sliding. */
 double contact_friction_damping(double static_friction, double viscous_friction,
                                 double transition_velocity_m_s, double normal_n, double speed);
 

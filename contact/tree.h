@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A binary tree of axis-aligned boxes over things that never move in their frame. Built once by
- * splitting at the median along the longest side, so that its depth is the logarithm of the number
- * of things: what a walk over it costs is bounded, and its order depends on nothing but the boxes.
+ * Bounding-volume tree: a binary tree of axis-aligned boxes over items that never move in their
+ * frame, coordinates in meters there. Built once by splitting at the median along the longest side,
+ * so that its depth is the logarithm of the number of items: what a walk over it costs is bounded,
+ * and its order depends on nothing but the boxes. Its memory is the arena's that it was built in.
+ * Building is not RT-safe; boxes and walks are.
  */
 #ifndef CONTACT_TREE_H
 #define CONTACT_TREE_H
@@ -13,42 +15,78 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#define TREE_DEPTH_MAX 48 /* of a stack for a walk; 2^32 things fill 33 */
+#define TREE_DEPTH_MAX 48 /* of a stack for a search; 2^32 items fill 33 */
 
 struct box {
     double low[3], high[3];
 };
 
+/* Nodes are in preorder: a node, then all below its left child, then all below its right one. So a
+ * walk needs no stack; it steps over what is below a node that it does not want:
+ *
+ *     for (node = tree->node; node != tree_end(tree);) {
+ *         if (nothing below the node is wanted) {
+ *             node += node->size;
+ *             continue;
+ *         }
+ *         ... item[node->first] to item[node->first + node->count - 1] (of an inner node none)
+ *         ++node;
+ *     }
+ */
 struct tree_node {
     struct box box;
-    int first, count; /* leaf: its things are item[first] to item[first + count - 1] */
-    int right;        /* inner node (count 0): right child; the left one is the next node */
+    int first,
+        count; /* a leaf's items are item[first] to item[first + count - 1]; inner: count 0 */
+    int size;  /* nodes below it and itself; its children: node + 1, node + 1 + node[1].size */
 };
 
 struct tree {
     const struct tree_node *node; /* node[0] is the root */
     const int *item;
-    size_t nnode, nitem;
+    size_t nnode;
 };
 
-/* Boxes of n > 0 things; leaves hold at most leaf of them. Memory from arena. Not RT-safe. */
+/* Behind the last node. RT-safe. */
+static inline const struct tree_node *tree_end(const struct tree *tree)
+{
+    return tree->node + tree->nnode;
+}
+
+/* Builds a tree over n > 0 items with these boxes; leaves hold at most leaf of them. Memory from
+ * arena; ERROR_MEMORY when there is none. Not RT-safe. */
 enum error_code tree_build(const struct box *boxes, size_t n, int leaf, struct arena *arena,
                            struct tree *tree, struct error *error);
 
-/* Boxes of something else that things have (their normals, say): out[i] covers the boxes of all
- * things under node i. Not RT-safe. */
+/* Bounds of something else that items have (their normals, say): out[i] covers the boxes of all
+ * items under node i. Not RT-safe. */
 void tree_cover(const struct tree *tree, const struct box *boxes, struct box *out);
 
-/* Writes the things whose leaf's box meets the box, in the tree's order, and stops at max. Returns
+/* Writes the items whose leaf's box meets the box, in the tree's order, and stops at max. Returns
  * how many. RT-safe. */
 size_t tree_collect(const struct tree *tree, const struct box *box, int *list, size_t max);
 
+/* ---- boxes; RT-safe ---- */
+
+/* The box of one point. */
+static inline struct box box_of_point(const double p[3])
+{
+    return (struct box){.low = {p[0], p[1], p[2]}, .high = {p[0], p[1], p[2]}};
+}
+
+/* Grows the box to hold a point. */
 static inline void box_add(struct box *box, const double p[3])
 {
     for (int i = 0; i < 3; ++i) {
         box->low[i] = p[i] < box->low[i] ? p[i] : box->low[i];
         box->high[i] = p[i] > box->high[i] ? p[i] : box->high[i];
     }
+}
+
+/* Grows the box to hold another. */
+static inline void box_add_box(struct box *box, const struct box *other)
+{
+    box_add(box, other->low);
+    box_add(box, other->high);
 }
 
 static inline bool boxes_meet(const struct box *a, const struct box *b)

@@ -5,6 +5,7 @@
  */
 #include "contact/mesh.h"
 #include "tests/fuzz/fuzz.h"
+#include "tools/mesh_write.h"
 
 #include <math.h>
 #include <string.h>

@@ -72,7 +72,7 @@ static inline void derive(const struct bodies *b, const struct body_motion *at,
     }
 }
 
-/* out = a + s b, of all the numbers of the motions. */
+/* Out = a + s b, of all the numbers of the motions. */
 static inline void combine(size_t count, const struct body_motion *a, double s,
                            const struct body_motion *b, struct body_motion *out)
 {

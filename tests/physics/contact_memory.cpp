@@ -54,7 +54,7 @@ void uncounted(void *memory)
 
 } // namespace
 
-/* every allocation of C++ in this process, Simbody's too */
+/* Every allocation of C++ in this process, Simbody's too */
 void *operator new(std::size_t size)
 {
     return counted(size);
@@ -108,7 +108,7 @@ void profile(const char *what, const scene &scene, body_motion *motion)
     if (contact_simbody_create(&scene.config, &world, &error) != ERROR_NONE) {
         fail_msg("%s", error.text);
     }
-    /* the first ones fill caches */
+    /* The first ones fill caches */
     for (int i = 0; i < 10; ++i) {
         assert_int_equal(world->ops->evaluate(world, motion, wrench.data()), ERROR_NONE);
     }
@@ -127,7 +127,7 @@ void profile(const char *what, const scene &scene, body_motion *motion)
                   what, time[rounds / 2], time[0],
                   static_cast<double>(allocations - before) / rounds, wrench[0].force[2]);
 
-    /* contacts may come and go by a few faces, but nothing piles up */
+    /* Contacts may come and go by a few faces, but nothing piles up */
     assert_true(labs(live - held) < rounds);
     world->ops->destroy(world);
 }

@@ -1,22 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-hil_test(contact_native_agreement SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_native_agreement.c
-         LIBS contact LABELS physics)
+# springs at centroids, for each variant of the native engine's kernels
+add_library(contact_centroids STATIC physics/contact_centroids.c)
+target_link_libraries(contact_centroids PUBLIC contact)
+foreach(variant avx2 avx512)
+    if(TARGET contact_${variant})
+        add_library(contact_centroids_${variant} OBJECT physics/contact_centroids.c)
+        target_link_libraries(contact_centroids_${variant} PRIVATE hil_flags)
+        target_compile_definitions(contact_centroids_${variant} PRIVATE NATIVE_VARIANT=${variant})
+        target_compile_options(contact_centroids_${variant}
+                               PRIVATE $<TARGET_PROPERTY:contact_${variant},COMPILE_OPTIONS>)
+        target_sources(contact_centroids PRIVATE $<TARGET_OBJECTS:contact_centroids_${variant}>)
+    endif()
+endforeach()
 
-hil_test(contact_native SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_native.c
-         LIBS contact TIMEOUT 180 LABELS physics)
-
-hil_test(contact_native_bodies SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_native_bodies.c
-         LIBS contact TIMEOUT 180 LABELS physics)
-
-hil_test(contact_native_impacts SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_native_impacts.c
-         LIBS contact TIMEOUT 180 LABELS physics)
-
+foreach(name "" _invariants _tangents _bodies _impacts)
+    hil_test(contact_native${name} SOURCES physics/contact_native${name}.c
+             LIBS contact TIMEOUT 180 LABELS physics)
+endforeach()
+hil_test(contact_native_agreement SOURCES physics/contact_native_agreement.c
+         LIBS contact_centroids LABELS physics)
 hil_test(contact_native_variants SOURCES physics/contact_native_variants.c
          LIBS contact LABELS physics)
 
 # The physics once more with the kernels of each instruction set, those that this machine would not
 # choose too; what it cannot run is skipped.
-foreach(test contact_native contact_native_bodies)
+foreach(test contact_native contact_native_invariants contact_native_tangents contact_native_bodies)
     target_sources(test_${test} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_forced.c)
     target_link_options(test_${test} PRIVATE -Wl,--wrap=contact_native_create)
     foreach(kernels plain avx2 avx512)
@@ -27,8 +35,8 @@ foreach(test contact_native contact_native_bodies)
     endforeach()
 endforeach()
 
-hil_test(contact_native_rt SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_native_rt.c
-         LIBS contact -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc LABELS physics)
+hil_test(contact_native_rt SOURCES physics/contact_native_rt.c
+         LIBS contact_centroids -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc LABELS physics)
 
 hil_script_test(contact_native_rig
     COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_native_rig.sh $<TARGET_FILE:coman-hil>

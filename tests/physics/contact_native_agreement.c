@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The native engine with springs at centroids against the engine "simbody": the same algorithms,
- * written twice, have to give the same wrenches, whatever the pose and the velocity.
+ * written twice, have to give the same wrenches, whatever the pose and the velocity. Each variant of
+ * the native kernels that this machine can run is compared.
  */
 #include "contact/contact.h"
 
@@ -15,53 +16,8 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "tests/physics/contact_scene.h"
-
-static struct arena arena;
-static const struct mesh *foot, *terrain;
-
-/* A block of ground of cells x cells bumps, 0.4 m wide. */
-static const struct mesh *make_terrain(int cells)
-{
-    const double half[3] = {0.2, 0.2, 0.05};
-    const struct mesh *box;
-    struct mesh *bumpy = arena_alloc(&arena, 1, sizeof *bumpy);
-    double(*vertex)[3];
-
-    assert_int_equal(mesh_box(half, cells, &arena, &box, NULL), ERROR_NONE);
-    vertex = arena_alloc(&arena, box->nvertex, sizeof *vertex);
-    assert_non_null(vertex);
-    for (size_t v = 0; v < box->nvertex; ++v) {
-        const double *p = box->vertex[v];
-
-        memcpy(vertex[v], p, sizeof vertex[v]);
-        if (p[2] >= 0.05) {
-            vertex[v][2] += 0.004 * sin(47 * p[0] + 0.3) * cos(39 * p[1]);
-        }
-    }
-    *bumpy = *box;
-    bumpy->vertex = (const double(*)[3])vertex;
-    return bumpy;
-}
-
-static int set_up(void **state)
-{
-    (void)state;
-    if (arena_init(&arena, (size_t)64 << 20, NULL) != ERROR_NONE ||
-        mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &arena, &foot, NULL) !=
-            ERROR_NONE) {
-        return -1;
-    }
-    terrain = make_terrain(12);
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
+#include "tests/physics/contact_centroids.h"
+#include "tests/physics/contact_fixture.h"
 
 /* How the two engines are compared: a pose about which the second body wobbles. */
 struct sweep {
@@ -93,16 +49,17 @@ static double largest(double a, const double v[3], const double w[3])
     return a;
 }
 
-static void compare(const struct scene *scene, const struct sweep *sweep)
+static void compare(const struct scene *scene, const struct sweep *sweep,
+                    const struct native_kernels *kernels)
 {
-    struct contact_world *simbody = NULL, *native = NULL;
+    struct contact_world *simbody = fixture_simbody(scene), *native = NULL;
     struct error error = {0};
     uint64_t seed = 2021;
     int touching = 0;
     double worst = 0;
 
-    if (contact_simbody_create(&scene->config, &simbody, &error) != ERROR_NONE ||
-        contact_native_create_centroids(&scene->config, &arena, &native, &error) != ERROR_NONE) {
+    if (native_create_with_kernels(&scene->config, kernels, &fixture_arena, &native, &error) !=
+        ERROR_NONE) {
         fail_msg("%s", error.text);
     }
     for (int i = 0; i < sweep->count; ++i) {
@@ -147,7 +104,11 @@ static void compare_speeds(const struct scene *scene, struct sweep sweep)
     for (int i = 0; i < 3; ++i) {
         sweep.speed = speed[i];
         sweep.spin = 10 * speed[i];
-        compare(scene, &sweep);
+        for (size_t n = 0; n < CONTACT_VARIANTS; ++n) {
+            if (contact_centroids_at(n)) {
+                compare(scene, &sweep, contact_centroids_at(n));
+            }
+        }
     }
 }
 
@@ -158,7 +119,7 @@ static void foot_on_half_space(void **state)
     (void)state;
     scene_init(&scene, 2);
     scene_add(&scene, 0, CONTACT_HALF_SPACE, &scene_ground);
-    scene_add(&scene, 1, CONTACT_MESH, &scene_foot)->mesh = foot;
+    scene_add(&scene, 1, CONTACT_MESH, &scene_foot)->mesh = fixture_foot;
     scene_add_pair(&scene, 0, 1);
     compare_speeds(&scene, (struct sweep){.height = 0.0932 - 0.002,
                                           .turn = 0.05,
@@ -225,8 +186,8 @@ static void foot_on_bumpy_terrain(void **state)
 
     (void)state;
     scene_init(&scene, 2);
-    scene_add(&scene, 0, CONTACT_MESH, &scene_ground)->mesh = terrain;
-    scene_add(&scene, 1, CONTACT_MESH, &scene_foot)->mesh = foot;
+    scene_add(&scene, 0, CONTACT_MESH, &scene_ground)->mesh = fixture_terrain(12);
+    scene_add(&scene, 1, CONTACT_MESH, &scene_foot)->mesh = fixture_foot;
     scene_add_pair(&scene, 0, 1);
     compare_speeds(&scene, (struct sweep){.height = 0.05 + 0.0932,
                                           .turn = 0.03,
@@ -294,5 +255,6 @@ int main(void)
         cmocka_unit_test(surfaces_sit_anywhere_on_their_bodies),
     };
 
-    return cmocka_run_group_tests_name("contact_native_agreement", tests, set_up, tear_down);
+    return cmocka_run_group_tests_name("contact_native_agreement", tests, fixture_set_up,
+                                       fixture_tear_down);
 }

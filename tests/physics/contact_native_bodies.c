@@ -49,7 +49,7 @@ static struct bodies on_a_slope(struct scene *scene, bool table, double slope)
     struct contact_material stiff = plain;
     struct bodies b;
 
-    /* friction tilts a block on soft ground, and between two meshes springs lean by half of that */
+    /* Friction tilts a block on soft ground, and between two meshes springs lean by half of that */
     stiff.young_pa = 1e7;
     stiff.dissipation_s_per_m = 300;
     cube_on_ground(scene, table, &stiff);
@@ -70,7 +70,7 @@ static void a_block_below_the_static_cone_creeps_slower_than_the_transition_velo
         run(&b, 0.5, 2e-4);
         assert_true(b.motion[0].v[0] < SCENE_TRANSITION_M_S);
         assert_true(b.motion[0].p[0] < 0.5 * SCENE_TRANSITION_M_S);
-        /* and steadily */
+        /* And steadily */
         double before = b.motion[0].v[0];
 
         run(&b, 0.2, 2e-4);
@@ -192,7 +192,7 @@ static void colliding_bodies_exchange_momentum_and_lose_none(void **state)
         }
         assert_true(change > 0.05);
         for (int i = 0; i < 6; ++i) {
-            /* of the method's order in the step */
+            /* Of the method's order in the step */
             assert_near(after[i], before[i], i < 3 ? 1e-12 : 1e-7);
         }
     }
@@ -200,7 +200,7 @@ static void colliding_bodies_exchange_momentum_and_lose_none(void **state)
 
 static void a_spinning_box_is_braked_by_torsional_friction(void **state)
 {
-    /* mean distance of a square's points from its center, side 0.15:
+    /* Mean distance of a square's points from its center, side 0.15:
      * side/6 (sqrt 2 + ln(1 + sqrt 2)) */
     const double lever = 0.15 / 6 * (sqrt(2) + log(1 + sqrt(2)));
 
@@ -232,7 +232,7 @@ static void stacked_boxes_stay(void **state)
     scene.surface[0].material.young_pa = 1e7;
     for (int n = 0; n < 3; ++n) {
         scene_add_box(&scene, n, 0.075, 0.075, 0.075, 7, &plain);
-        /* softer than this a tower of three topples by itself */
+        /* Softer than this a tower of three topples by itself */
         scene.surface[1 + n].material.young_pa = 1e7;
         scene.surface[1 + n].material.dissipation_s_per_m = 60;
         scene_add_pair(&scene, n, n + 1);
@@ -246,7 +246,7 @@ static void stacked_boxes_stay(void **state)
     run(&b, 2, 2.5e-4);
     b.world->ops->evaluate(b.world, b.motion, wrench);
     for (int n = 0; n < 3; ++n) {
-        /* the tower leans by 1 mrad, and so do the springs by half of it; against that little force
+        /* The tower leans by 1 mrad, and so do the springs by half of it; against that little force
          * friction lets the boxes creep, at a fraction of the transition velocity */
         assert_near(b.motion[n].p[0], 0.004 * n, 0.25 * SCENE_TRANSITION_M_S * 2);
         assert_near(b.motion[n].p[1], 0, 1e-6);

@@ -172,7 +172,7 @@ static void no_impact_gains_energy(void **state)
         }
         print_message("%s: energy after over before, mean %.3f, largest 1%+.1e\n", games[g].name,
                       mean, most - 1);
-        /* those that lift off before they touch keep all of it */
+        /* Those that lift off before they touch keep all of it */
         assert_true(most < 1 + 1e-9 && mean < 0.95);
     }
     assert_int_equal(throws, 100000);

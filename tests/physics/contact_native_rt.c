@@ -15,6 +15,7 @@
 #include <string.h>
 #include <cmocka.h>
 
+#include "tests/physics/contact_centroids.h"
 #include "tests/physics/contact_scene.h"
 
 static volatile size_t calls;
@@ -73,9 +74,7 @@ static const struct mesh *read_foot(struct arena *arena)
 
 static void evaluations_and_tangents_allocate_nothing(void **state)
 {
-    enum error_code (*const create[2])(const struct contact_config *, struct arena *,
-                                       struct contact_world **, struct error *) = {
-        contact_native_create, contact_native_create_centroids};
+    const struct native_kernels *const kernels[2] = {NULL, &contact_centroids};
     struct arena arena;
     struct scene scene;
     uint64_t seed = 3;
@@ -87,7 +86,9 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
     struct contact_world *world[2];
 
     for (int e = 0; e < 2; ++e) {
-        assert_int_equal(create[e](&scene.config, &arena, &world[e], NULL), ERROR_NONE);
+        assert_int_equal(
+            native_create_with_kernels(&scene.config, kernels[e], &arena, &world[e], NULL),
+            ERROR_NONE);
     }
     assert_int_equal(arena_seal(&arena, false, NULL), ERROR_NONE);
     for (int i = 0; i < 1000; ++i) {
@@ -117,7 +118,7 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
     arena_fini(&arena);
 }
 
-static void a_motion_that_is_none_is_an_error(void **state)
+static void an_invalid_motion_is_an_error(void **state)
 {
     struct arena arena;
     struct scene scene;
@@ -170,7 +171,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(evaluations_and_tangents_allocate_nothing),
-        cmocka_unit_test(a_motion_that_is_none_is_an_error),
+        cmocka_unit_test(an_invalid_motion_is_an_error),
         cmocka_unit_test(an_arena_that_is_too_small_is_an_error),
     };
 

@@ -8,6 +8,7 @@
 extern "C" {
 #include "contact/contact.h"
 #include "tests/physics/contact_scene.h"
+#include "tools/mesh_write.h"
 }
 
 #include <Simbody.h>

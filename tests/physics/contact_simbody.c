@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * The contact engine "simbody" against contact.h's law worked out by hand, and against what any
- * contact has to obey: action and reaction, invariance, no memory, only the pairs that were asked.
- */
+/* The contact engine "simbody" against contact.h's law worked out by hand. */
 #include "contact/contact.h"
 
 #include <math.h>
@@ -15,55 +12,12 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "tests/physics/contact_scene.h"
+#include "tests/physics/contact_fixture.h"
 #include "tests/physics/near.h"
 
 /* Of the right foot's outline, by the shoelace formulas, in the ankle frame. */
 static const double sole_area = 0.015662135;
 static const double sole_centroid[2] = {0.03163532671844123, 0.001426234343742623};
-
-static struct arena arena;
-static const struct mesh *foot;
-
-static int set_up(void **state)
-{
-    struct error error;
-
-    (void)state;
-    if (arena_init(&arena, (size_t)1 << 20, &error) != ERROR_NONE ||
-        mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &arena, &foot,
-                      &error) != ERROR_NONE) {
-        print_error("%s\n", error.text);
-        return -1;
-    }
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
-
-static struct contact_world *make(const struct scene *scene)
-{
-    struct contact_world *world = NULL;
-    struct error error = {0};
-
-    if (contact_simbody_create(&scene->config, &world, &error) != ERROR_NONE) {
-        fail_msg("%s", error.text);
-    }
-    return world;
-}
-
-static void evaluate(struct contact_world *world, const struct body_motion *motion,
-                     struct contact_wrench *wrench)
-{
-    if (world->ops->evaluate(world, motion, wrench) != ERROR_NONE) {
-        fail_msg("%s", world->ops->failure(world));
-    }
-}
 
 /* Ground, and one surface on body 0 that is paired with it. */
 static struct contact_surface *on_ground(struct scene *scene, enum contact_shape shape)
@@ -99,13 +53,13 @@ static void box_on_half_space_pushes_with_k_a_d(void **state)
     (void)state;
     box_on_ground(&scene);
 
-    struct contact_world *world = make(&scene);
+    struct contact_world *world = fixture_simbody(&scene);
 
     for (size_t i = 0; i < sizeof depth / sizeof *depth; ++i) {
         double d = depth[i], force = k * area * d;
 
         scene_place(&motion, 0.3, -0.2, 0.075 - d);
-        evaluate(world, &motion, &wrench);
+        fixture_evaluate(world, &motion, &wrench);
         /* 0.075 - d itself rounds at 1e-17 m */
         double rounding = 1e-12 * force + k * area * 2e-17;
 
@@ -131,10 +85,10 @@ static void nothing_pushes_without_overlap(void **state)
     (void)state;
     box_on_ground(&scene);
 
-    struct contact_world *world = make(&scene);
+    struct contact_world *world = fixture_simbody(&scene);
 
     scene_place(&motion, 0, 0, 0.0751);
-    evaluate(world, &motion, &wrench);
+    fixture_evaluate(world, &motion, &wrench);
     for (int i = 0; i < 3; ++i) {
         assert_true(wrench.force[i] == 0 && wrench.moment[i] == 0);
     }
@@ -151,15 +105,15 @@ static void foot_pushes_with_its_sole_area_at_the_soles_centroid(void **state)
     double k = scene_stiffness(&scene_foot, &scene_ground), force = k * sole_area * d;
 
     (void)state;
-    on_ground(&scene, CONTACT_MESH)->mesh = foot;
+    on_ground(&scene, CONTACT_MESH)->mesh = fixture_foot;
 
-    struct contact_world *world = make(&scene);
+    struct contact_world *world = fixture_simbody(&scene);
 
     scene_place(&motion, 1, 2, 0.0932 - d);
-    evaluate(world, &motion, &wrench);
+    fixture_evaluate(world, &motion, &wrench);
     assert_near(wrench.force[2], force, 1e-12 * force);
 
-    /* about the ankle: the sole's centroid times the force */
+    /* About the ankle: the sole's centroid times the force */
     assert_near(wrench.moment[0], sole_centroid[1] * force, 1e-13 * force);
     assert_near(wrench.moment[1], -sole_centroid[0] * force, 1e-13 * force);
     assert_near(wrench.moment[2], 0, 1e-12 * force);
@@ -174,17 +128,17 @@ static void tilted_foot_pushes_with_its_mean_depth(void **state)
     struct contact_wrench wrench;
     double k = scene_stiffness(&scene_foot, &scene_ground), c = cos(tilt), s = sin(tilt);
     const double pitch[9] = {c, 0, s, 0, 1, 0, -s, 0, c};
-    /* all of the sole stays below the ground, so the depth is linear over the triangles */
+    /* All of the sole stays below the ground, so the depth is linear over the triangles */
     double force = k * sole_area * (d + s * sole_centroid[0]);
 
     (void)state;
-    on_ground(&scene, CONTACT_MESH)->mesh = foot;
+    on_ground(&scene, CONTACT_MESH)->mesh = fixture_foot;
 
-    struct contact_world *world = make(&scene);
+    struct contact_world *world = fixture_simbody(&scene);
 
     scene_place(&motion, 0, 0, 0.0932 * c - d);
     memcpy(motion.R, pitch, sizeof pitch);
-    evaluate(world, &motion, &wrench);
+    fixture_evaluate(world, &motion, &wrench);
     assert_near(wrench.force[2], force, 1e-12 * force);
     assert_near(wrench.force[0], 0, 1e-12 * force);
     world->ops->destroy(world);
@@ -203,7 +157,7 @@ static void sinking_adds_the_dissipation_and_rising_takes_it_away(void **state)
     (void)state;
     box_on_ground(&scene);
 
-    struct contact_world *world = make(&scene);
+    struct contact_world *world = fixture_simbody(&scene);
 
     for (size_t i = 0; i < sizeof rate / sizeof *rate; ++i) {
         double force = fmax(0, elastic * (1 + c * rate[i]));
@@ -211,7 +165,7 @@ static void sinking_adds_the_dissipation_and_rising_takes_it_away(void **state)
 
         scene_place(&motion, 0, 0, 0.075 - d);
         motion.v[2] = -rate[i];
-        evaluate(world, &motion, &wrench);
+        fixture_evaluate(world, &motion, &wrench);
         assert_near(wrench.force[2], force, 1e-11 * elastic);
         assert_int_equal(world->ops->patches(world, &patch, 1), 1);
         assert_near(patch.dissipation_w, power, 1e-11 * elastic);
@@ -231,7 +185,7 @@ static void sphere_on_half_space_obeys_hertz(void **state)
     (void)state;
     on_ground(&scene, CONTACT_SPHERE)->radius_m = radius;
     for (int pass = 0; pass < 2; ++pass) {
-        /* first the law as Simbody combines two materials, then a ground so stiff that it does not
+        /* First the law as Simbody combines two materials, then a ground so stiff that it does not
          * give, where the textbook's formula has only the sphere's modulus */
         double e1 = scene_foot.young_pa, e2 = pass ? stiff * e1 : scene_ground.young_pa;
         double a = pow(e1, 2. / 3), b = pow(e2, 2. / 3), share = b / (a + b);
@@ -243,17 +197,17 @@ static void sphere_on_half_space_obeys_hertz(void **state)
 
         scene.surface[0].material.young_pa = e2;
 
-        struct contact_world *world = make(&scene);
+        struct contact_world *world = fixture_simbody(&scene);
 
         scene_place(&motion, -1, 1, radius - d);
-        evaluate(world, &motion, &wrench);
+        fixture_evaluate(world, &motion, &wrench);
         assert_near(wrench.force[2], elastic, tolerance * elastic);
         assert_near(vec3_norm(wrench.moment), 0, 1e-12 * elastic);
         assert_int_equal(world->ops->patches(world, &patch, 1), 1);
         assert_near(patch.potential_j, 0.4 * elastic * d, tolerance * elastic * d);
 
         motion.v[2] = -rate;
-        evaluate(world, &motion, &wrench);
+        fixture_evaluate(world, &motion, &wrench);
         assert_near(wrench.force[2], elastic * (1 + 1.5 * c * rate), tolerance * elastic);
         world->ops->destroy(world);
     }
@@ -273,15 +227,15 @@ static void half_space_is_solid_below_its_own_z_axis(void **state)
     memcpy(scene.surface[0].rotation, wall, sizeof wall);
     scene.surface[0].position[0] = 0.5;
 
-    struct contact_world *world = make(&scene);
+    struct contact_world *world = fixture_simbody(&scene);
 
     scene_place(&motion, 0.5 + 0.074, 7, -3);
-    evaluate(world, &motion, &wrench);
+    fixture_evaluate(world, &motion, &wrench);
     assert_near(wrench.force[0], k * 0.0225 * 1e-3, 1e-9 * k * 0.0225);
     assert_near(wrench.force[1], 0, 1e-9);
     assert_near(wrench.force[2], 0, 1e-9);
     scene_place(&motion, 0.5 + 0.076, 7, -3);
-    evaluate(world, &motion, &wrench);
+    fixture_evaluate(world, &motion, &wrench);
     assert_true(vec3_norm(wrench.force) == 0);
     world->ops->destroy(world);
 }
@@ -307,7 +261,7 @@ static void friction_follows_the_stribeck_curve_against_the_motion(void **state)
     (void)state;
     box_on_ground(&scene);
 
-    struct contact_world *world = make(&scene);
+    struct contact_world *world = fixture_simbody(&scene);
 
     for (size_t i = 0; i < sizeof ratio / sizeof *ratio; ++i) {
         double u = ratio[i], speed = u * SCENE_TRANSITION_M_S, mu;
@@ -324,7 +278,7 @@ static void friction_follows_the_stribeck_curve_against_the_motion(void **state)
         scene_place(&motion, 0, 0, 0.074);
         motion.v[0] = direction[0] * speed;
         motion.v[1] = direction[1] * speed;
-        evaluate(world, &motion, &wrench);
+        fixture_evaluate(world, &motion, &wrench);
         for (int axis = 0; axis < 2; ++axis) {
             double expected = -direction[axis] * mu * wrench.force[2];
 
@@ -350,14 +304,14 @@ static void friction_peaks_at_the_transition_velocity(void **state)
     scene.surface[0].material.viscous_friction = 0;
     scene.config.transition_velocity_m_s = 0.05;
 
-    struct contact_world *world = make(&scene);
+    struct contact_world *world = fixture_simbody(&scene);
 
     for (int i = 1; i <= 400; ++i) {
         double speed = i * 5e-4;
 
         scene_place(&motion, 0, 0, 0.074);
         motion.v[0] = speed;
-        evaluate(world, &motion, &wrench);
+        fixture_evaluate(world, &motion, &wrench);
         if (-wrench.force[0] / wrench.force[2] > peak) {
             peak = -wrench.force[0] / wrench.force[2];
             at = speed;
@@ -374,7 +328,7 @@ static void a_spinning_box_is_braked_by_torsional_friction(void **state)
     struct body_motion motion;
     struct contact_wrench wrench;
     double ud = scene_mean(scene_foot.dynamic_friction, scene_ground.dynamic_friction);
-    /* mean distance of a square's points from its center, side 0.15:
+    /* Mean distance of a square's points from its center, side 0.15:
      * side/6 (sqrt 2 + ln(1 + sqrt 2)) */
     double lever = 0.15 / 6 * (sqrt(2) + log(1 + sqrt(2)));
 
@@ -382,341 +336,13 @@ static void a_spinning_box_is_braked_by_torsional_friction(void **state)
     box_on_ground(&scene)->cells_per_edge = 60;
     scene.surface[1].material.viscous_friction = 0;
 
-    struct contact_world *world = make(&scene);
+    struct contact_world *world = fixture_simbody(&scene);
 
     scene_place(&motion, 0, 0, 0.0749);
     motion.w[2] = -400; /* fast enough that only the innermost cells are below 3 v_t */
-    evaluate(world, &motion, &wrench);
+    fixture_evaluate(world, &motion, &wrench);
     assert_near(wrench.moment[2], ud * wrench.force[2] * lever, 1e-3 * wrench.moment[2]);
     assert_near(hypot(wrench.force[0], wrench.force[1]), 0, 1e-3 * wrench.force[2]);
-    world->ops->destroy(world);
-}
-
-/* ---- what any contact obeys ---- */
-
-/* A sphere on a box, or a box on a box (both meshes), on two bodies. */
-static void two_bodies(struct scene *scene, bool sphere)
-{
-    scene_init(scene, 2);
-    scene_add_box(scene, 0, 0.075, 0.075, 0.075, 7, &scene_ground);
-    if (sphere) {
-        scene_add(scene, 1, CONTACT_SPHERE, &scene_foot)->radius_m = 0.05;
-    } else {
-        scene_add_box(scene, 1, 0.05, 0.04, 0.05, 5, &scene_foot);
-    }
-    scene_add_pair(scene, 1, 0);
-}
-
-static void two_motions(uint64_t *seed, struct body_motion motion[2])
-{
-    for (int b = 0; b < 2; ++b) {
-        scene_place(&motion[b], 0.02 * scene_random(seed), 0.02 * scene_random(seed), 0.12 * b);
-        scene_random_rotation(seed, 0.1, motion[b].R);
-        for (int i = 0; i < 3; ++i) {
-            motion[b].w[i] = scene_random(seed);
-            motion[b].v[i] = 0.1 * scene_random(seed);
-        }
-    }
-}
-
-static void action_equals_reaction_about_any_point(void **state)
-{
-    uint64_t seed = 7;
-    int touching = 0;
-
-    (void)state;
-    for (int sphere = 0; sphere < 2; ++sphere) {
-        struct scene scene;
-        struct body_motion motion[2];
-        struct contact_wrench wrench[2];
-
-        two_bodies(&scene, sphere);
-
-        struct contact_world *world = make(&scene);
-
-        for (int i = 0; i < 50; ++i) {
-            double size, moment[3] = {0};
-
-            two_motions(&seed, motion);
-            evaluate(world, motion, wrench);
-            size = vec3_norm(wrench[0].force);
-            touching += size > 0;
-            for (int b = 0; b < 2; ++b) {
-                double shifted[3];
-
-                vec3_cross(motion[b].p, wrench[b].force, shifted);
-                for (int axis = 0; axis < 3; ++axis) {
-                    moment[axis] += wrench[b].moment[axis] + shifted[axis];
-                }
-            }
-            for (int axis = 0; axis < 3; ++axis) {
-                assert_near(wrench[0].force[axis] + wrench[1].force[axis], 0, 1e-14 * size);
-                assert_near(moment[axis], 0, 1e-14 * size);
-            }
-        }
-        world->ops->destroy(world);
-    }
-    assert_true(touching > 80);
-}
-
-static void patches_add_up_to_the_wrenches(void **state)
-{
-    uint64_t seed = 11;
-    struct scene scene;
-    struct body_motion motion[2];
-    struct contact_wrench wrench[2];
-    struct contact_patch patch;
-
-    (void)state;
-    two_bodies(&scene, false);
-
-    struct contact_world *world = make(&scene);
-
-    for (int i = 0; i < 20; ++i) {
-        double arm[3], moment[3], size;
-
-        two_motions(&seed, motion);
-        evaluate(world, motion, wrench);
-        size = vec3_norm(wrench[0].force);
-        if (size == 0) {
-            assert_int_equal(world->ops->patches(world, &patch, 1), 0);
-            continue;
-        }
-        assert_int_equal(world->ops->patches(world, &patch, 1), 1);
-
-        /* the pair is (1, 0): the patch says the force on body 0 */
-        for (int axis = 0; axis < 3; ++axis) {
-            arm[axis] = patch.center[axis] - motion[0].p[axis];
-        }
-        vec3_cross(arm, patch.force, moment);
-        for (int axis = 0; axis < 3; ++axis) {
-            assert_near(patch.force[axis], wrench[0].force[axis], 1e-14 * size);
-            assert_near(patch.moment[axis] + moment[axis], wrench[0].moment[axis], 1e-14 * size);
-        }
-        assert_true(patch.potential_j > 0 && patch.dissipation_w > 0);
-    }
-    world->ops->destroy(world);
-}
-
-static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
-{
-    uint64_t seed = 3;
-    int touching = 0;
-
-    (void)state;
-    for (int sphere = 0; sphere < 2; ++sphere) {
-        struct scene scene;
-        struct body_motion motion[2], moved[2];
-        struct contact_wrench wrench[2], turned[2];
-
-        two_bodies(&scene, sphere);
-
-        struct contact_world *world = make(&scene);
-
-        for (int i = 0; i < 50; ++i) {
-            double Q[9], shift[3], size;
-
-            two_motions(&seed, motion);
-            scene_random_rotation(&seed, 3, Q);
-            for (int axis = 0; axis < 3; ++axis) {
-                shift[axis] = 2 * scene_random(&seed);
-            }
-            for (int b = 0; b < 2; ++b) {
-                mat3_apply(Q, motion[b].p, moved[b].p);
-                mat3_apply(Q, motion[b].w, moved[b].w);
-                mat3_apply(Q, motion[b].v, moved[b].v);
-                for (int axis = 0; axis < 3; ++axis) {
-                    double column[3] = {motion[b].R[axis], motion[b].R[3 + axis],
-                                        motion[b].R[6 + axis]};
-                    double out[3];
-
-                    mat3_apply(Q, column, out);
-                    for (int row = 0; row < 3; ++row) {
-                        moved[b].R[3 * row + axis] = out[row];
-                    }
-                    moved[b].p[axis] += shift[axis];
-                }
-            }
-            evaluate(world, motion, wrench);
-            evaluate(world, moved, turned);
-            size = vec3_norm(wrench[0].force);
-            touching += size > 0;
-            for (int b = 0; b < 2; ++b) {
-                double force[3], moment[3];
-
-                mat3_apply(Q, wrench[b].force, force);
-                mat3_apply(Q, wrench[b].moment, moment);
-                for (int axis = 0; axis < 3; ++axis) {
-                    assert_near(turned[b].force[axis], force[axis], 1e-10 * size);
-                    assert_near(turned[b].moment[axis], moment[axis], 1e-11 * size);
-                }
-            }
-        }
-        world->ops->destroy(world);
-    }
-    assert_true(touching > 80);
-}
-
-static void the_same_motion_gives_the_same_bits_whatever_came_before(void **state)
-{
-    uint64_t seed = 5;
-    struct scene scene;
-    struct body_motion motion[20][2];
-    struct contact_wrench first[20][2], again[2];
-
-    (void)state;
-    two_bodies(&scene, false);
-
-    struct contact_world *world = make(&scene), *fresh;
-
-    for (int i = 0; i < 20; ++i) {
-        two_motions(&seed, motion[i]);
-        evaluate(world, motion[i], first[i]);
-    }
-    for (int i = 0; i < 400; ++i) {
-        int pick = (int)(10 + 9.99 * scene_random(&seed));
-        struct body_motion apart[2];
-
-        /* now and then apart, so that contacts end and begin anew */
-        if (i % 3 == 0) {
-            memcpy(apart, motion[pick], sizeof apart);
-            apart[1].p[2] += 1;
-            evaluate(world, apart, again);
-            assert_true(vec3_norm(again[0].force) == 0);
-        }
-        evaluate(world, motion[pick], again);
-        assert_memory_equal(again, first[pick], sizeof again);
-    }
-    fresh = make(&scene);
-    for (int i = 19; i >= 0; --i) {
-        evaluate(fresh, motion[i], again);
-        assert_memory_equal(again, first[i], sizeof again);
-    }
-    fresh->ops->destroy(fresh);
-    world->ops->destroy(world);
-}
-
-/* ---- pairs ---- */
-
-static void only_the_given_pairs_interact_in_every_subset(void **state)
-{
-    /* ground, sphere, box, mesh; all of them overlap at the origin */
-    static const int all[6][2] = {{0, 1}, {2, 0}, {0, 3}, {1, 2}, {3, 1}, {2, 3}};
-
-    (void)state;
-    for (unsigned subset = 0; subset < 64; ++subset) {
-        struct scene scene;
-        struct body_motion motion[3];
-        struct contact_wrench wrench[3];
-        struct contact_patch patch[8];
-        unsigned seen = 0, listed[6], n = 0;
-
-        scene_init(&scene, 3);
-        scene_add(&scene, -1, CONTACT_HALF_SPACE, &scene_ground);
-        scene_add(&scene, 0, CONTACT_SPHERE, &scene_foot)->radius_m = 0.1;
-        scene_add_box(&scene, 1, 0.08, 0.09, 0.07, 3, &scene_foot);
-        scene_add(&scene, 2, CONTACT_MESH, &scene_foot)->mesh = foot;
-        for (unsigned p = 0; p < 6; ++p) {
-            if (subset >> p & 1) {
-                scene_add_pair(&scene, all[p][0], all[p][1]);
-                listed[n++] = p;
-            }
-        }
-
-        struct contact_world *world = make(&scene);
-
-        for (int b = 0; b < 3; ++b) {
-            scene_place(&motion[b], 0.01 * b, 0.003 * b, -0.02);
-        }
-        evaluate(world, motion, wrench);
-
-        size_t count = world->ops->patches(world, patch, 8);
-
-        assert_int_equal(count, n);
-        for (size_t i = 0; i < count; ++i) {
-            seen |= 1u << listed[patch[i].pair];
-        }
-        assert_int_equal(seen, subset);
-        world->ops->destroy(world);
-    }
-}
-
-static void patches_writes_no_more_than_asked_and_returns_all(void **state)
-{
-    struct scene scene;
-    struct body_motion motion[2];
-    struct contact_wrench wrench[2];
-    struct contact_patch patch[2];
-
-    (void)state;
-    scene_init(&scene, 2);
-    scene_add(&scene, -1, CONTACT_HALF_SPACE, &scene_ground);
-    for (int b = 0; b < 2; ++b) {
-        scene_add(&scene, b, CONTACT_SPHERE, &scene_foot)->radius_m = 0.1;
-        scene_add_pair(&scene, 0, b + 1);
-        scene_place(&motion[b], b, 0, 0.09);
-    }
-
-    struct contact_world *world = make(&scene);
-
-    evaluate(world, motion, wrench);
-    memset(patch, 0x5a, sizeof patch);
-
-    struct contact_patch untouched = patch[1];
-
-    assert_int_equal(world->ops->patches(world, patch, 1), 2);
-    assert_int_equal(patch[0].pair, 0);
-    assert_memory_equal(&patch[1], &untouched, sizeof untouched);
-    world->ops->destroy(world);
-}
-
-static void a_body_without_surfaces_feels_nothing(void **state)
-{
-    struct scene scene;
-    struct body_motion motion[2];
-    struct contact_wrench wrench[2];
-
-    (void)state;
-    box_on_ground(&scene);
-    scene.config.nbody = 2;
-
-    struct contact_world *world = make(&scene);
-
-    scene_place(&motion[0], 0, 0, 0.07);
-    scene_place(&motion[1], 0, 0, 0.07);
-    evaluate(world, motion, wrench);
-    assert_true(wrench[0].force[2] > 0);
-    assert_true(vec3_norm(wrench[1].force) == 0 && vec3_norm(wrench[1].moment) == 0);
-    world->ops->destroy(world);
-}
-
-static void a_surface_may_sit_anywhere_on_its_body(void **state)
-{
-    struct scene scene;
-    struct body_motion motion;
-    struct contact_wrench wrench;
-    const double yaw[9] = {0, -1, 0, 1, 0, 0, 0, 0, 1};
-    double force = scene_stiffness(&scene_foot, &scene_ground) * 4 * 0.02 * 0.03 * 1e-3;
-
-    (void)state;
-    scene_init(&scene, 1);
-    scene_add(&scene, -1, CONTACT_HALF_SPACE, &scene_ground);
-
-    struct contact_surface *s = scene_add_box(&scene, 0, 0.02, 0.03, 0.04, 2, &scene_foot);
-
-    memcpy(s->rotation, yaw, sizeof yaw);
-    s->position[0] = 0.5;
-    s->position[1] = -0.25;
-    s->position[2] = -1;
-    scene_add_pair(&scene, 1, 0);
-
-    struct contact_world *world = make(&scene);
-
-    scene_place(&motion, 3, 4, 1.039);
-    evaluate(world, &motion, &wrench);
-    assert_near(wrench.force[2], force, 1e-9 * force);
-    assert_near(wrench.moment[0], -0.25 * force, 1e-9 * force);
-    assert_near(wrench.moment[1], -0.5 * force, 1e-9 * force);
     world->ops->destroy(world);
 }
 
@@ -743,10 +369,10 @@ static void whole_triangles_of_a_coarse_table_push_too_hard_as_others_have_measu
         scene_add_box(&scene, 0, 0.075, 0.075, 0.075, 7, &hard);
         scene_add_pair(&scene, 0, 1);
 
-        struct contact_world *world = make(&scene);
+        struct contact_world *world = fixture_simbody(&scene);
 
         scene_place(&motion, 0, 0, 0.1 - 0.001);
-        evaluate(world, &motion, &wrench);
+        fixture_evaluate(world, &motion, &wrench);
         assert_near(wrench.force[2], table[i].published, table[i].half_digit);
         world->ops->destroy(world);
     }
@@ -763,11 +389,11 @@ static void upright_faces_below_a_half_space_push_too(void **state)
     (void)state;
     box_on_ground(&scene);
 
-    struct contact_world *world = make(&scene);
+    struct contact_world *world = fixture_simbody(&scene);
 
-    /* the lower triangle of each of the 28 bottom wall cells has its centroid cell/3 up */
+    /* The lower triangle of each of the 28 bottom wall cells has its centroid cell/3 up */
     scene_place(&motion, 0, 0, 0.075 - d);
-    evaluate(world, &motion, &wrench);
+    fixture_evaluate(world, &motion, &wrench);
     assert_near(wrench.force[2], k * (0.0225 * d + column * (d - cell / 3)), 1e-9 * k * 0.0225);
     world->ops->destroy(world);
 }
@@ -788,13 +414,13 @@ static void a_dropped_block_comes_to_rest_with_its_weight(void **state)
     scene.surface[0].material = scene.surface[1].material = soft;
     k = scene_stiffness(&soft, &soft);
 
-    struct contact_world *world = make(&scene);
+    struct contact_world *world = fixture_simbody(&scene);
 
     /* semi-implicit Euler; the block slides at 0.3 m/s when it lands from 2 cm */
     scene_place(&motion, 0, 0, 0.095);
     motion.v[0] = 0.3;
     for (int step = 0; step < 20000; ++step) {
-        evaluate(world, &motion, &wrench);
+        fixture_evaluate(world, &motion, &wrench);
         for (int i = 0; i < 3; ++i) {
             motion.v[i] += h * (wrench.force[i] - (i == 2 ? weight : 0)) / mass;
             motion.p[i] += h * motion.v[i];
@@ -811,127 +437,6 @@ static void a_dropped_block_comes_to_rest_with_its_weight(void **state)
     world->ops->destroy(world);
 }
 
-/* ---- wrong input ---- */
-
-static void wrong_configurations_are_refused_with_the_reason(void **state)
-{
-    static const struct mesh nothing = {.name = "nothing"};
-    struct scene good, bad;
-    int row = 0;
-
-    (void)state;
-    scene_init(&good, 2);
-    scene_add(&good, -1, CONTACT_HALF_SPACE, &scene_ground);
-    scene_add(&good, 0, CONTACT_SPHERE, &scene_foot)->radius_m = 0.1;
-    scene_add_box(&good, 1, 0.1, 0.1, 0.1, 2, &scene_foot);
-    scene_add(&good, 1, CONTACT_MESH, &scene_foot)->mesh = foot;
-    scene_add(&good, 0, CONTACT_HALF_SPACE, &scene_foot);
-    scene_add_pair(&good, 0, 1);
-    scene_add_pair(&good, 1, 2);
-
-#define REFUSED(change, message)                                                                   \
-    do {                                                                                           \
-        struct contact_world *world = NULL;                                                        \
-        struct error error = {0};                                                                  \
-                                                                                                   \
-        bad = good;                                                                                \
-        bad.config.surface = bad.surface;                                                          \
-        bad.config.pair = bad.pair;                                                                \
-        change;                                                                                    \
-        row++;                                                                                     \
-        if (contact_simbody_create(&bad.config, &world, &error) != ERROR_INPUT ||                  \
-            !strstr(error.text, message) || !strstr(error.text, "expected") || world) {            \
-            fail_msg("row %d: '%s', expected '%s'", row, error.text, message);                     \
-        }                                                                                          \
-    } while (0)
-
-    REFUSED(bad.config.transition_velocity_m_s = 0, "transition_velocity_m_s 0");
-    REFUSED(bad.config.transition_velocity_m_s = NAN, "transition_velocity_m_s");
-    REFUSED(bad.config.nbody = CONTACT_MAX_BODIES + 1, "1025 bodies");
-    REFUSED(bad.config.npair = CONTACT_MAX_PAIRS + 1, "16385 pairs");
-    REFUSED(bad.surface[1].name = NULL, "no name");
-    REFUSED(bad.surface[1].body = 2, "found body 2");
-    REFUSED(bad.surface[1].body = -2, "found body -2");
-    REFUSED(bad.surface[1].shape = (enum contact_shape)9, "shape 9");
-    REFUSED(bad.surface[1].radius_m = 0, "radius_m 0");
-    REFUSED(bad.surface[1].radius_m = -1, "radius_m -1");
-    REFUSED(bad.surface[1].radius_m = INFINITY, "radius_m inf");
-    REFUSED(bad.surface[2].half_extent_m[1] = 0, "half_extent_m 0");
-    REFUSED(bad.surface[2].half_extent_m[2] = NAN, "half_extent_m");
-    REFUSED(bad.surface[2].cells_per_edge = 0, "cells_per_edge 0");
-    REFUSED(bad.surface[2].cells_per_edge = 257, "cells_per_edge 257");
-    REFUSED(bad.surface[3].mesh = NULL, "no mesh");
-    REFUSED(bad.surface[3].mesh = &nothing, "no faces");
-    REFUSED(bad.surface[1].position[2] = NAN, "position");
-    REFUSED(bad.surface[1].rotation[0] = 0.999, "rotation");
-    REFUSED(bad.surface[1].rotation[8] = -1, "rotation");
-    REFUSED(bad.surface[1].rotation[1] = NAN, "rotation");
-    REFUSED(bad.surface[1].material.young_pa = 0, "young_pa 0");
-    REFUSED(bad.surface[1].material.young_pa = INFINITY, "young_pa inf");
-    REFUSED(bad.surface[1].material.thickness_m = 0, "thickness_m 0");
-    REFUSED(bad.surface[1].material.dissipation_s_per_m = -1, "dissipation_s_per_m -1");
-    REFUSED(bad.surface[1].material.static_friction = -1, "static_friction -1");
-    REFUSED(bad.surface[1].material.dynamic_friction = 2, "dynamic_friction 2");
-    REFUSED(bad.surface[1].material.viscous_friction = NAN, "viscous_friction");
-    REFUSED(bad.pair[1].b = 5, "found surface 5");
-    REFUSED(bad.pair[1].a = -1, "found surface -1");
-    REFUSED(bad.pair[1].a = 3, "on the same body");
-    REFUSED(bad.pair[1].a = bad.pair[1].b, "on the same body");
-    REFUSED((bad.pair[1].a = 4, bad.pair[1].b = 0), "two half-spaces");
-    REFUSED((bad.pair[1].a = 1, bad.pair[1].b = 0), "again (as pair 0)");
-#undef REFUSED
-}
-
-static void a_motion_that_is_none_is_an_error_and_harms_nothing(void **state)
-{
-    struct scene scene;
-    struct body_motion motion, broken;
-    struct contact_wrench wrench, again;
-
-    (void)state;
-    box_on_ground(&scene);
-
-    struct contact_world *world = make(&scene);
-
-    scene_place(&motion, 0, 0, 0.07);
-    evaluate(world, &motion, &wrench);
-    for (size_t i = 0; i < sizeof motion / sizeof(double); ++i) {
-        const double wrong[3] = {NAN, -INFINITY, 1e10};
-        double number = wrong[i % 3];
-
-        broken = motion;
-        memcpy((char *)&broken + i * sizeof number, &number, sizeof number);
-        assert_int_equal(world->ops->evaluate(world, &broken, &again), ERROR_INPUT);
-        assert_non_null(strstr(world->ops->failure(world), "body 0"));
-        evaluate(world, &motion, &again);
-        assert_memory_equal(&again, &wrench, sizeof wrench);
-    }
-
-    /* no rotation at all, and a mirror */
-    broken = motion;
-    memset(broken.R, 0, sizeof broken.R);
-    assert_int_equal(world->ops->evaluate(world, &broken, &again), ERROR_INPUT);
-    broken = motion;
-    broken.R[4] = -1;
-    assert_int_equal(world->ops->evaluate(world, &broken, &again), ERROR_INPUT);
-    world->ops->destroy(world);
-}
-
-static void an_empty_world_evaluates_to_nothing(void **state)
-{
-    struct scene scene;
-
-    (void)state;
-    scene_init(&scene, 0);
-
-    struct contact_world *world = make(&scene);
-
-    evaluate(world, NULL, NULL);
-    assert_int_equal(world->ops->patches(world, NULL, 0), 0);
-    assert_string_equal(world->ops->name, "simbody");
-    world->ops->destroy(world);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -945,21 +450,10 @@ int main(void)
         cmocka_unit_test(friction_follows_the_stribeck_curve_against_the_motion),
         cmocka_unit_test(friction_peaks_at_the_transition_velocity),
         cmocka_unit_test(a_spinning_box_is_braked_by_torsional_friction),
-        cmocka_unit_test(action_equals_reaction_about_any_point),
-        cmocka_unit_test(patches_add_up_to_the_wrenches),
-        cmocka_unit_test(moving_the_whole_scene_moves_the_wrenches_with_it),
-        cmocka_unit_test(the_same_motion_gives_the_same_bits_whatever_came_before),
-        cmocka_unit_test(only_the_given_pairs_interact_in_every_subset),
-        cmocka_unit_test(patches_writes_no_more_than_asked_and_returns_all),
-        cmocka_unit_test(a_body_without_surfaces_feels_nothing),
-        cmocka_unit_test(a_surface_may_sit_anywhere_on_its_body),
         cmocka_unit_test(whole_triangles_of_a_coarse_table_push_too_hard_as_others_have_measured),
         cmocka_unit_test(upright_faces_below_a_half_space_push_too),
         cmocka_unit_test(a_dropped_block_comes_to_rest_with_its_weight),
-        cmocka_unit_test(wrong_configurations_are_refused_with_the_reason),
-        cmocka_unit_test(a_motion_that_is_none_is_an_error_and_harms_nothing),
-        cmocka_unit_test(an_empty_world_evaluates_to_nothing),
     };
 
-    return cmocka_run_group_tests_name("contact_simbody", tests, set_up, tear_down);
+    return cmocka_run_group_tests_name("contact_simbody", tests, fixture_set_up, fixture_tear_down);
 }

@@ -25,6 +25,7 @@ RULES = {
     "boards": r"(base|boards|boards/\w+)/[^/]*|canbus/frame\.h|model/plant_io\.h",
     "tasks": r"(base|canbus|tasks)/[^/]*|boards/\w+/protocol\.h",
     "rt": r"(base|canbus|rt)/[^/]*",
+    "tools": r"(base|contact|tools)/[^/]*",
     "rig": BELOW_SIM,
     "sim": BELOW_SIM + r"|sim/[^/]*",
     "app/report": r"(base|app/report)/[^/]*",
@@ -34,7 +35,7 @@ RULES = {
     "app": BELOW_SIM + r"|(sim|app|app/\w+)/[^/]*|manual/[^/]*",
 }
 TOP = {rule.split("/")[0] for rule in RULES}
-FOLDERS = TOP | {"viewer", "tests", "config", "systemd", "tools", "docs", "examples"}
+FOLDERS = TOP | {"viewer", "tests", "config", "systemd", "docs", "examples"}
 CXX = {".cpp", ".hpp", ".cc", ".cxx", ".hh"}
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*(["<])([^">]*)[">]', re.M)
 

@@ -80,7 +80,7 @@ static void box_has_twelve_faces_a_square_cell_and_shares_its_vertices(void **st
         assert_int_equal(box->nface, 12 * n * n);
         assert_int_equal(box->nvertex, 6 * n * n + 2);
         assert_int_equal(check(box).fault, MESH_SOUND);
-        /* sums of nface terms: their rounding is at most nface half ulps */
+        /* Sums of nface terms: their rounding is at most nface half ulps */
         double rounding = (double)box->nface * DBL_EPSILON;
         double volume = 8 * half[0] * half[1] * half[2];
         double area = 8 * (half[0] * half[1] + half[1] * half[2] + half[2] * half[0]);
@@ -166,7 +166,7 @@ static void names_each_fault_of_a_surface_and_its_first_face(void **state)
     static const double too_far[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1e7}};
     static const double flat[4][3] = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {0, 0, 1}};
     static const double five[5][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {9, 9, 9}};
-    /* two tetrahedra that share a vertex, or an edge */
+    /* Two tetrahedra that share a vertex, or an edge */
     static const double seven[7][3] = {{0, 0, 0},  {1, 0, 0},  {0, 1, 0}, {0, 0, 1},
                                        {-1, 0, 0}, {0, -1, 0}, {0, 0, -1}};
     static const int low_index[1][3] = {{0, 1, -1}}, high_index[1][3] = {{0, 1, 4}};

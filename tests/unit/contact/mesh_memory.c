@@ -66,7 +66,7 @@ static void every_allocation_that_fails_is_reported_and_nothing_leaks(void **sta
             failures++;
         }
     }
-    /* the file; 256 vertices, 256 and 512 faces, each with places; five arrays of the check */
+    /* The file; 256 vertices, 256 and 512 faces, each with places; five arrays of the check */
     assert_true(failures >= 1 + 2 + 4 + 5);
     arena_fini(&arena);
 }

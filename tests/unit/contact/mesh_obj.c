@@ -14,6 +14,7 @@
 #include <cmocka.h>
 
 #include "tests/physics/near.h"
+#include "tools/mesh_write.h"
 
 #define VERTICES "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
 #define FACES "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -187,14 +188,14 @@ static void lines_of_any_length_are_read_and_quoted_short(void **state)
     (void)state;
     assert_non_null(text);
 
-    /* one long comment before a good mesh */
+    /* One long comment before a good mesh */
     memset(text, 'x', size);
     text[0] = '#';
     memcpy(text + size - sizeof VERTICES FACES, "\n" VERTICES FACES, sizeof VERTICES FACES);
     text[size] = '\0';
     assert_int_equal(read_text(text)->nface, 4);
 
-    /* one long word */
+    /* One long word */
     memset(text, '1', size);
     memcpy(text, "v ", 2);
     refused(text, size,
@@ -281,43 +282,6 @@ static void an_arena_that_is_used_up_is_reported(void **state)
     free(text);
 }
 
-static void what_is_written_reads_back_bit_by_bit(void **state)
-{
-    const double half[3] = {0.1 / 3, 1e-6, 123.45678901234567};
-    const struct mesh *box, *back;
-    char *text = NULL;
-    size_t size = 0;
-    FILE *file = open_memstream(&text, &size);
-
-    (void)state;
-    assert_non_null(file);
-    assert_int_equal(mesh_box(half, 1, &arena, &box, NULL), ERROR_NONE);
-    assert_int_equal(mesh_write_obj(box, file, NULL), ERROR_NONE);
-    fclose(file);
-    back = read_text(text);
-    assert_int_equal(back->nvertex, box->nvertex);
-    assert_int_equal(back->nface, box->nface);
-    assert_memory_equal(back->vertex, box->vertex, box->nvertex * sizeof *box->vertex);
-    assert_memory_equal(back->face, box->face, box->nface * sizeof *box->face);
-    free(text);
-}
-
-static void writing_to_a_full_device_is_an_error(void **state)
-{
-    const struct mesh *box;
-    FILE *full = fopen("/dev/full", "w");
-    struct error error;
-
-    (void)state;
-    if (!full) {
-        print_message("SKIP: there is no /dev/full\n");
-        skip();
-    }
-    assert_int_equal(mesh_box((double[3]){1, 1, 1}, 1, &arena, &box, NULL), ERROR_NONE);
-    assert_int_equal(mesh_write_obj(box, full, &error), ERROR_SYSTEM);
-    fclose(full);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -330,8 +294,6 @@ int main(void)
         cmocka_unit_test(a_file_that_is_none_is_an_error_and_never_a_hang),
         cmocka_unit_test(a_file_over_the_size_limit_is_refused_before_it_is_read),
         cmocka_unit_test(an_arena_that_is_used_up_is_reported),
-        cmocka_unit_test(what_is_written_reads_back_bit_by_bit),
-        cmocka_unit_test(writing_to_a_full_device_is_an_error),
     };
 
     return cmocka_run_group_tests_name("mesh_obj", tests, set_up, tear_down);

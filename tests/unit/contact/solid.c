@@ -278,18 +278,6 @@ static void nearest_keeps_to_its_limit(void **state)
     assert_false(solid_find_nearest(&solid, p, d2 * 0.999, &nearest));
 }
 
-static void a_tree_collects_no_more_than_there_is_room_for(void **state)
-{
-    struct solid solid = make(box(1, 1, 1, 7));
-    int list[20];
-
-    (void)state;
-    list[13] = -1;
-    assert_int_equal(tree_collect(&solid.faces, &solid.box, list, 13), 13);
-    assert_int_equal(list[13], -1);
-    assert_int_equal(tree_collect(&solid.faces, &solid.box, list, 0), 0);
-}
-
 /* Ground with bumps, or with crags that lean more than is known about. */
 static struct solid rough(double height)
 {
@@ -325,10 +313,11 @@ static void nothing_under_a_facet_is_nearer_than_its_surroundings_say(void **sta
             const struct facet *f = &solid.facet[i];
             const double(*v)[3] = solid.ring + f->first;
 
-            known += f->room > 0;
-            for (int n = 0; n < 20 && f->room > 0; ++n) {
+            known += f->clearance > 0;
+            for (int n = 0; n < 20 && f->clearance > 0; ++n) {
                 double a = 0.5 + 0.5 * random_number(&seed), b = 0.5 + 0.5 * random_number(&seed);
-                double half = f->room * (0.5 + 0.5 * random_number(&seed)), way[3], x[3], cosine;
+                double half = f->clearance * (0.5 + 0.5 * random_number(&seed)), way[3], x[3],
+                       cosine;
                 double lean;
 
                 for (int k = 0; k < 3; ++k) {
@@ -337,7 +326,7 @@ static void nothing_under_a_facet_is_nearer_than_its_surroundings_say(void **sta
                     way[k] = -f->normal[k] + 0.8 * random_number(&seed);
                 }
                 cosine = -vec3_dot(way, f->normal) / vec3_norm(way);
-                lean = f->lean[0] * cosine - f->lean[1] * sqrt(fmax(1 - cosine * cosine, 0));
+                lean = f->bend_cosine * cosine - f->bend_sine * sqrt(fmax(1 - cosine * cosine, 0));
                 vec3_add_scaled(x, half / vec3_norm(way), way, x);
                 if (lean >= 0.5) {
                     assert_true(solid_depth(&solid, x, 1) >= half * lean - 1e-12);
@@ -346,41 +335,6 @@ static void nothing_under_a_facet_is_nearer_than_its_surroundings_say(void **sta
         }
         print_message("%d of %zu facets know their surroundings\n", known, solid.nfacet);
         assert_true(known > (h == 0 ? 200 : -1) && known < (int)solid.nfacet);
-    }
-}
-
-static void a_tree_collects_what_brute_force_finds(void **state)
-{
-    enum { COUNT = 500 };
-    static struct box boxes[COUNT];
-    struct tree tree;
-    uint64_t seed = 9;
-
-    (void)state;
-    for (int i = 0; i < COUNT; ++i) {
-        for (int k = 0; k < 3; ++k) {
-            boxes[i].low[k] = random_number(&seed);
-            boxes[i].high[k] = boxes[i].low[k] + 0.1 * fabs(random_number(&seed));
-        }
-    }
-    assert_int_equal(tree_build(boxes, COUNT, 1, &arena, &tree, NULL), ERROR_NONE);
-    for (int i = 0; i < 300; ++i) {
-        unsigned char found[COUNT] = {0};
-        int list[COUNT];
-        struct box query;
-        size_t n;
-
-        for (int k = 0; k < 3; ++k) {
-            query.low[k] = random_number(&seed);
-            query.high[k] = query.low[k] + 0.5 * fabs(random_number(&seed));
-        }
-        n = tree_collect(&tree, &query, list, sizeof list / sizeof *list);
-        for (size_t j = 0; j < n; ++j) {
-            assert_int_equal(found[list[j]]++, 0);
-        }
-        for (int j = 0; j < COUNT; ++j) {
-            assert_int_equal(found[j], boxes_meet(&boxes[j], &query));
-        }
     }
 }
 
@@ -393,8 +347,6 @@ int main(void)
         cmocka_unit_test(depth_has_the_distance_of_brute_force_and_the_sign_of_the_solid_angle),
         cmocka_unit_test(depth_in_a_convex_solid_is_the_distance),
         cmocka_unit_test(nearest_keeps_to_its_limit),
-        cmocka_unit_test(a_tree_collects_what_brute_force_finds),
-        cmocka_unit_test(a_tree_collects_no_more_than_there_is_room_for),
         cmocka_unit_test(nothing_under_a_facet_is_nearer_than_its_surroundings_say),
     };
 

@@ -116,7 +116,7 @@ static void friction_is_bounded_by_its_steepest_slope_and_its_secant(void **stat
     }
     assert_true(contact_friction_damping(us, 0.0, v_t, fn, 0.0) == 0.0);
     assert_near(contact_friction_damping(us, 0.0, v_t, fn, 0.5 * v_t) / slope, 1.0, 1e-5);
-    /* and while it slides */
+    /* And while it slides */
     assert_true(contact_friction_damping(us, 0.5, v_t, fn, 0.2) >= fn * (us / 0.2 + 0.5));
 }
 
@@ -170,7 +170,7 @@ static void simbody_says_how_a_flat_box_resists(void **state)
     assert_near(D[2][2] / -change[2], 1.0, 1e-4);
     differ(world, &motion, &motion.v[0], 1e-5, change);
     assert_near(D[0][0] / -change[0], 1.0, 1e-2); /* with the viscous part */
-    /* pitch about the middle of the sole: the bed's second moment, as cells of 3 cm have it */
+    /* Pitch about the middle of the sole: the bed's second moment, as cells of 3 cm have it */
     assert_near(K[4][4] / (K[2][2] * 0.2 * 0.2 / 12.0), 1.0, 0.05);
     assert_near(K[3][3] / (K[2][2] * 0.12 * 0.12 / 12.0), 1.0, 0.05);
     world->ops->destroy(world);

@@ -16,11 +16,13 @@
  * the centroids of the lower one lie a centimeter above the sole: the wall stays out of a contact
  * that is not deeper than that.
  */
+#include "base/count.h"
 #include "contact/mesh.h"
+#include "tools/mesh_write.h"
 
 #include <math.h>
 #include <stdbool.h>
-#include <stdlib.h>
+#include <stdio.h>
 #include <string.h>
 
 #define NRIM 42 /* points of the outline after cutting */
@@ -28,7 +30,7 @@
 #define NFACE 504
 #define TOP_SCALE 0.8
 
-/* xy of the right sole, counterclockwise seen from above, and its z and that of the top */
+/* The right sole (xy, counterclockwise seen from above), its z and that of the top */
 struct outline {
     const char *name, *title;
     int count; /* at most NRIM */
@@ -44,11 +46,11 @@ static const double coman_outline[][2] = {
     {-0.06, 0.0192},
 };
 
-/* the rectangle of 2015 */
+/* The rectangle of 2015 */
 static const double walkman_outline[][2] = {
     {-0.111, -0.09}, {0.195, -0.09}, {0.195, 0.07}, {-0.111, 0.07}};
 
-#define OUTLINE(points) (int)(sizeof(points) / sizeof(points)[0]), points
+#define OUTLINE(points) (int)ARRAY_COUNT(points), points
 static const struct outline robots[] = {
     {"coman", "COMAN", OUTLINE(coman_outline), -0.0932, -0.03},
     {"walkman", "WALK-MAN", OUTLINE(walkman_outline), -0.1435, -0.08},
@@ -70,22 +72,22 @@ struct foot {
 };
 
 /* To the micrometer: the same file on every machine, and a readable one. */
-static double rounded(double x)
+static double round_to_micrometer(double x)
 {
     return round(x * 1e6) / 1e6;
 }
 
-static int add_vertex(struct foot *foot, double x, double y, double z)
+static int foot_add_vertex(struct foot *foot, double x, double y, double z)
 {
     double *v = foot->vertex[foot->nvertex];
 
-    v[0] = rounded(x);
-    v[1] = rounded(y);
+    v[0] = round_to_micrometer(x);
+    v[1] = round_to_micrometer(y);
     v[2] = z;
     return foot->nvertex++;
 }
 
-static void add_face(struct foot *foot, int a, int b, int c, bool upward)
+static void foot_add_face(struct foot *foot, int a, int b, int c, bool upward)
 {
     int *f = foot->face[foot->nface++];
 
@@ -94,7 +96,7 @@ static void add_face(struct foot *foot, int a, int b, int c, bool upward)
     f[2] = upward ? c : b;
 }
 
-static double edge_length(const struct outline *outline, int edge)
+static double outline_edge_length(const struct outline *outline, int edge)
 {
     const double *a = outline->point[edge], *b = outline->point[(edge + 1) % outline->count];
 
@@ -102,27 +104,30 @@ static double edge_length(const struct outline *outline, int edge)
 }
 
 /* Shares the NRIM points out: each new one goes to the edge with the longest pieces. */
-static void cut_outline(struct foot *foot)
+static void foot_cut_outline(struct foot *foot)
 {
     const struct outline *outline = foot->outline;
     int pieces[NRIM], n = 0;
     double perimeter = 0, run = 0;
 
+    /* How many pieces each edge gets */
     for (int e = 0; e < outline->count; ++e) {
         pieces[e] = 1;
-        perimeter += edge_length(outline, e);
+        perimeter += outline_edge_length(outline, e);
     }
     for (int extra = outline->count; extra < NRIM; ++extra) {
         int longest = 0;
 
         for (int e = 1; e < outline->count; ++e) {
-            if (edge_length(outline, e) / pieces[e] >
-                edge_length(outline, longest) / pieces[longest]) {
+            if (outline_edge_length(outline, e) / pieces[e] >
+                outline_edge_length(outline, longest) / pieces[longest]) {
                 longest = e;
             }
         }
         pieces[longest]++;
     }
+
+    /* Their points, each at its fraction of the perimeter */
     for (int e = 0; e < outline->count; ++e) {
         const double *a = outline->point[e], *b = outline->point[(e + 1) % outline->count];
 
@@ -131,13 +136,13 @@ static void cut_outline(struct foot *foot)
 
             foot->rim[n][0] = a[0] + s * (b[0] - a[0]);
             foot->rim[n][1] = a[1] + s * (b[1] - a[1]);
-            foot->along[n++] = (run + s * edge_length(outline, e)) / perimeter;
+            foot->along[n++] = (run + s * outline_edge_length(outline, e)) / perimeter;
         }
-        run += edge_length(outline, e);
+        run += outline_edge_length(outline, e);
     }
 }
 
-static void find_centroid(struct foot *foot)
+static void foot_find_centroid(struct foot *foot)
 {
     const struct outline *outline = foot->outline;
     double twice = 0, sum[2] = {0, 0};
@@ -155,7 +160,7 @@ static void find_centroid(struct foot *foot)
 }
 
 /* The point of the cut outline at a fraction of its length. */
-static void outline_point(const struct foot *foot, double along, double out[2])
+static void foot_outline_point(const struct foot *foot, double along, double out[2])
 {
     int i = NRIM - 1;
 
@@ -172,7 +177,7 @@ static void outline_point(const struct foot *foot, double along, double out[2])
 }
 
 /* The outline scaled about its centroid: its NRIM points, or count evenly spaced ones. */
-static struct ring add_ring(struct foot *foot, int count, double scale, double z)
+static struct ring foot_add_ring(struct foot *foot, int count, double scale, double z)
 {
     struct ring ring = {.first = foot->nvertex, .count = count};
 
@@ -180,15 +185,15 @@ static struct ring add_ring(struct foot *foot, int count, double scale, double z
         double p[2] = {0};
 
         ring.along[i] = count == NRIM ? foot->along[i] : (double)i / count;
-        outline_point(foot, ring.along[i], p);
-        add_vertex(foot, foot->centroid[0] + scale * (p[0] - foot->centroid[0]),
-                   foot->centroid[1] + scale * (p[1] - foot->centroid[1]), z);
+        foot_outline_point(foot, ring.along[i], p);
+        foot_add_vertex(foot, foot->centroid[0] + scale * (p[0] - foot->centroid[0]),
+                        foot->centroid[1] + scale * (p[1] - foot->centroid[1]), z);
     }
     return ring;
 }
 
 /* The fraction at which a ring's piece after point i has its middle. */
-static double middle(const struct ring *ring, int i)
+static double ring_middle(const struct ring *ring, int i)
 {
     double end = i + 1 < ring->count ? ring->along[i + 1] : 1;
 
@@ -197,73 +202,73 @@ static double middle(const struct ring *ring, int i)
 
 /* Fills the band between two rings: walks both, always stepping on the one that is behind. Seen
  * from the side of the triangles' normals outer runs counterclockwise if upward. */
-static void stitch(struct foot *foot, const struct ring *outer, const struct ring *inner,
-                   bool upward)
+static void foot_stitch_rings(struct foot *foot, const struct ring *outer, const struct ring *inner,
+                              bool upward)
 {
     int o = 0, i = 0;
 
     while (o < outer->count || i < inner->count) {
         int here = outer->first + o % outer->count, there = inner->first + i % inner->count;
-        bool step_outer =
-            i == inner->count || (o < outer->count && middle(outer, o) <= middle(inner, i));
+        bool step_outer = i == inner->count ||
+                          (o < outer->count && ring_middle(outer, o) <= ring_middle(inner, i));
 
         if (step_outer) {
             ++o;
-            add_face(foot, here, outer->first + o % outer->count, there, upward);
+            foot_add_face(foot, here, outer->first + o % outer->count, there, upward);
         } else {
             ++i;
-            add_face(foot, here, inner->first + i % inner->count, there, upward);
+            foot_add_face(foot, here, inner->first + i % inner->count, there, upward);
         }
     }
 }
 
 /* Closes a ring with a fan about the centroid. */
-static void close_ring(struct foot *foot, const struct ring *ring, double z, bool upward)
+static void foot_close_ring(struct foot *foot, const struct ring *ring, double z, bool upward)
 {
-    int hub = add_vertex(foot, foot->centroid[0], foot->centroid[1], z);
+    int hub = foot_add_vertex(foot, foot->centroid[0], foot->centroid[1], z);
 
     for (int i = 0; i < ring->count; ++i) {
-        add_face(foot, ring->first + i, ring->first + (i + 1) % ring->count, hub, upward);
+        foot_add_face(foot, ring->first + i, ring->first + (i + 1) % ring->count, hub, upward);
     }
 }
 
-static void add_rings(struct foot *foot, const struct ring *rim, double rim_scale, int nring,
-                      const int *count, double z, bool upward)
+static void foot_add_rings(struct foot *foot, const struct ring *rim, double rim_scale, int nring,
+                           const int *count, double z, bool upward)
 {
     struct ring outer = *rim;
 
     for (int r = 0; r < nring; ++r) {
         double scale = rim_scale * (nring - r) / (nring + 1);
-        struct ring inner = add_ring(foot, count[r], scale, z);
+        struct ring inner = foot_add_ring(foot, count[r], scale, z);
 
-        stitch(foot, &outer, &inner, upward);
+        foot_stitch_rings(foot, &outer, &inner, upward);
         outer = inner;
     }
-    close_ring(foot, &outer, z, upward);
+    foot_close_ring(foot, &outer, z, upward);
 }
 
-static void build_right(struct foot *foot)
+static void foot_build_right(struct foot *foot)
 {
     /* 42 + 2 (36 + 28 + 20 + 12 + 6) + 4 * 42 + 42 + 2 * 24 = 504 */
     static const int sole_count[] = {36, 28, 20, 12, 6}, top_count[] = {24};
 
     double sole_z = foot->outline->sole_z, top_z = foot->outline->top_z;
 
-    cut_outline(foot);
-    find_centroid(foot);
+    foot_cut_outline(foot);
+    foot_find_centroid(foot);
 
-    struct ring sole = add_ring(foot, NRIM, 1, sole_z);
-    struct ring waist = add_ring(foot, NRIM, (1 + TOP_SCALE) / 2, (sole_z + top_z) / 2);
-    struct ring top = add_ring(foot, NRIM, TOP_SCALE, top_z);
+    struct ring sole = foot_add_ring(foot, NRIM, 1, sole_z);
+    struct ring waist = foot_add_ring(foot, NRIM, (1 + TOP_SCALE) / 2, (sole_z + top_z) / 2);
+    struct ring top = foot_add_ring(foot, NRIM, TOP_SCALE, top_z);
 
-    add_rings(foot, &sole, 1, 5, sole_count, sole_z, false);
-    stitch(foot, &sole, &waist, true);
-    stitch(foot, &waist, &top, true);
-    add_rings(foot, &top, TOP_SCALE, 1, top_count, top_z, true);
+    foot_add_rings(foot, &sole, 1, 5, sole_count, sole_z, false);
+    foot_stitch_rings(foot, &sole, &waist, true);
+    foot_stitch_rings(foot, &waist, &top, true);
+    foot_add_rings(foot, &top, TOP_SCALE, 1, top_count, top_z, true);
 }
 
 /* The left foot: y turned round, and with it the sense of every triangle. */
-static void mirror(struct foot *foot)
+static void foot_mirror(struct foot *foot)
 {
     for (int v = 0; v < foot->nvertex; ++v) {
         foot->vertex[v][1] = -foot->vertex[v][1];
@@ -276,9 +281,9 @@ static void mirror(struct foot *foot)
     }
 }
 
-static const struct outline *find_outline(const char *name)
+static const struct outline *foot_find_outline(const char *name)
 {
-    for (size_t i = 0; i < sizeof robots / sizeof robots[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(robots); ++i) {
         if (strcmp(name, robots[i].name) == 0) {
             return &robots[i];
         }
@@ -295,18 +300,22 @@ int main(int argc, char **argv)
     struct mesh_finding finding;
     struct error error;
 
-    if (argc != 3 || !find_outline(argv[1]) ||
+    if (argc != 3 || !foot_find_outline(argv[1]) ||
         (strcmp(argv[2], "right") != 0 && strcmp(argv[2], "left") != 0)) {
         fputs("usage: foot-mesh coman|walkman right|left >FILE\n", stderr);
         return 2;
     }
-    foot.outline = find_outline(argv[1]);
-    build_right(&foot);
+
+    /* The foot */
+    foot.outline = foot_find_outline(argv[1]);
+    foot_build_right(&foot);
     if (strcmp(argv[2], "left") == 0) {
-        mirror(&foot);
+        foot_mirror(&foot);
     }
     mesh.nvertex = (size_t)foot.nvertex;
     mesh.nface = (size_t)foot.nface;
+
+    /* Is a closed surface of as many faces as it should have */
     if (mesh_check(&mesh, &finding, &error) != ERROR_NONE) {
         fprintf(stderr, "foot-mesh: %s\n", error.text);
         return 3;
@@ -315,6 +324,8 @@ int main(int argc, char **argv)
         fprintf(stderr, "foot-mesh: %d faces, %s\n", foot.nface, mesh_fault_text(finding.fault));
         return 3;
     }
+
+    /* As text */
     printf("# SPDX-License-Identifier: Apache-2.0\n"
            "# %s, %s foot, in the ankle frame (m); made by foot-mesh, not to be edited.\n"
            "o foot_%s\n",

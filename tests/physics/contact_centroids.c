@@ -1,45 +1,57 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * Contact by springs at the centroids of triangles, as Simbody's elastic foundation has them with
- * all that is its own (contact/contact.h): whole triangles in or out, and for two meshes areas
- * scaled so that both patches have the same. For comparison; not continuous in the pose.
- */
-#include "base/vec3.h"
-#include "contact/native_pairs.h"
+/* Springs at the centroids of triangles. Compiled once for each variant of the native engine's kernels,
+ * as those are (contact/native_variant.h). */
+#include "tests/physics/contact_centroids.h"
 
+#include "base/vec3.h"
+
+#include <assert.h>
 #include <float.h>
 #include <stdbool.h>
 #include <string.h>
 
-static void centroid_of(const struct solid *s, int face, double out[3])
+#ifdef NATIVE_VARIANT
+#define contact_centroids NATIVE_NAME(contact_centroids)
+#endif
+
+enum { FACES = 4096 }; /* most that a mesh of the tests has */
+
+static void face_centroid(const struct solid *s, int face, double out[3])
 {
+    const int *v = s->face[face];
+
     for (int k = 0; k < 3; ++k) {
-        out[k] = s->centroid[k][face];
+        out[k] = (s->vertex[v[0]][k] + s->vertex[v[1]][k] + s->vertex[v[2]][k]) / 3;
     }
 }
 
-/* One spring from point q of a surface that pushes the first body along d. */
-static void put(struct native_scratch *s, const double q[3], const double d[3], double share,
-                double pressure, double depth, const struct native_law *law,
-                const struct native_relative *relative, struct native_sum *sum)
+static double face_area(const struct solid *s, int face)
 {
-    struct native_batch *b = &s->batch;
+    const int *v = s->face[face];
+    double a[3], b[3], x[3];
 
-    native_law_make_room(b, 1, law, relative, sum);
-    for (int k = 0; k < 3; ++k) {
-        b->p[k][b->n] = q[k] + share * depth * d[k];
-        b->d[k][b->n] = d[k];
-    }
-    b->force[b->n] = pressure * depth;
-    b->depth[b->n] = depth;
-    b->rate[b->n] = pressure;
-    b->n++;
+    vec3_sub(s->vertex[v[1]], s->vertex[v[0]], a);
+    vec3_sub(s->vertex[v[2]], s->vertex[v[0]], b);
+    vec3_cross(a, b, x);
+    return vec3_norm(x) / 2;
+}
+
+/* Adds a spring at point q of a surface that pushes the first body along d. */
+static void add_spring(struct native_scratch *s, const double q[3], const double d[3], double share,
+                       double pressure, double depth, const struct native_law *law,
+                       const struct native_relative *relative, struct native_sum *sum)
+{
+    double p[3];
+
+    native_law_make_room(&s->batch, 1, law, relative, sum);
+    vec3_add_scaled(q, share * depth, d, p);
+    batch_add_spring(&s->batch, p, d, pressure, depth);
     sum->depth = depth > sum->depth ? depth : sum->depth;
 }
 
-void native_centroid_half_space(const struct solid *solid, const struct native_law *law,
-                                const struct native_relative *relative,
-                                struct native_scratch *scratch, struct native_sum *sum)
+static void centroids_on_half_space(const struct solid *solid, const struct native_law *law,
+                                    const struct native_relative *relative,
+                                    struct native_scratch *scratch, struct native_sum *sum)
 {
     const double n[3] = {relative->R[2], relative->R[5], relative->R[8]};
     const double height = vec3_dot(n, relative->p);
@@ -47,20 +59,21 @@ void native_centroid_half_space(const struct solid *solid, const struct native_l
     for (int f = 0; f < (int)solid->nface; ++f) {
         double q[3], depth;
 
-        centroid_of(solid, f, q);
+        face_centroid(solid, f, q);
         depth = height - vec3_dot(n, q);
         if (depth > 0) {
-            put(scratch, q, n, law->share[0], law->stiffness * solid->area[f], depth, law, relative,
-                sum);
-            sum->area += solid->area[f];
+            add_spring(scratch, q, n, law->share[0], law->stiffness * face_area(solid, f), depth,
+                       law, relative, sum);
+            sum->area += face_area(solid, f);
         }
     }
     native_law_sum(&scratch->batch, law, relative, sum);
 }
 
-void native_centroid_sphere(const struct solid *solid, double radius, const struct native_law *law,
-                            const struct native_relative *relative, struct native_scratch *scratch,
-                            struct native_sum *sum)
+static void centroids_and_sphere(const struct solid *solid, double radius,
+                                 const struct native_law *law,
+                                 const struct native_relative *relative,
+                                 struct native_scratch *scratch, struct native_sum *sum)
 {
     struct box box;
     size_t n;
@@ -74,16 +87,16 @@ void native_centroid_sphere(const struct solid *solid, double radius, const stru
         int f = scratch->list[0][i];
         double q[3], d[3], apart;
 
-        centroid_of(solid, f, q);
+        face_centroid(solid, f, q);
         vec3_sub(q, relative->p, d);
         apart = vec3_norm(d);
         if (apart < radius && apart > 0) {
             for (int k = 0; k < 3; ++k) {
                 d[k] /= apart;
             }
-            put(scratch, q, d, law->share[0], law->stiffness * solid->area[f], radius - apart, law,
-                relative, sum);
-            sum->area += solid->area[f];
+            add_spring(scratch, q, d, law->share[0], law->stiffness * face_area(solid, f),
+                       radius - apart, law, relative, sum);
+            sum->area += face_area(solid, f);
         }
     }
     native_law_sum(&scratch->batch, law, relative, sum);
@@ -96,7 +109,8 @@ struct triangle {
 };
 
 /* Six times the volume of a tetrahedron. */
-static double volume(const double a[3], const double b[3], const double c[3], const double d[3])
+static double tetrahedron_volume(const double a[3], const double b[3], const double c[3],
+                                 const double d[3])
 {
     double ab[3], ac[3], ad[3], x[3];
 
@@ -110,15 +124,15 @@ static double volume(const double a[3], const double b[3], const double c[3], co
 /* Whether a triangle's edge passes through another triangle. */
 static bool edge_pierces(const double a[3], const double b[3], const struct triangle *t)
 {
-    double above = volume(t->v[0], t->v[1], t->v[2], a),
-           below = volume(t->v[0], t->v[1], t->v[2], b);
+    double above = tetrahedron_volume(t->v[0], t->v[1], t->v[2], a),
+           below = tetrahedron_volume(t->v[0], t->v[1], t->v[2], b);
     double side[3];
 
     if ((above > 0) == (below > 0)) {
         return false;
     }
     for (int i = 0; i < 3; ++i) {
-        side[i] = volume(a, b, t->v[i], t->v[(i + 1) % 3]);
+        side[i] = tetrahedron_volume(a, b, t->v[i], t->v[(i + 1) % 3]);
     }
     return (side[0] >= 0 && side[1] >= 0 && side[2] >= 0) ||
            (side[0] <= 0 && side[1] <= 0 && side[2] <= 0);
@@ -137,12 +151,13 @@ static bool triangles_cross(const struct triangle *s, const struct triangle *t)
 
 /* Marks the triangles of both meshes that cut one of the other; false when there are none. */
 static bool mark_crossing(const struct solid *first, const struct solid *second,
-                          const struct native_relative *relative, struct native_scratch *s)
+                          const struct native_relative *relative, struct native_scratch *s,
+                          unsigned char mark[2][FACES])
 {
     bool any = false;
 
-    memset(s->mark[0], 0, first->nface);
-    memset(s->mark[1], 0, second->nface);
+    memset(mark[0], 0, first->nface);
+    memset(mark[1], 0, second->nface);
     for (size_t g = 0; g < second->nface; ++g) {
         struct triangle t, u;
         struct box box;
@@ -165,7 +180,7 @@ static bool mark_crossing(const struct solid *first, const struct solid *second,
                 memcpy(u.v[k], first->vertex[first->face[f][k]], sizeof u.v[k]);
             }
             if (triangles_cross(&u, &t)) {
-                s->mark[0][f] = s->mark[1][g] = 1;
+                mark[0][f] = mark[1][g] = 1;
                 any = true;
             }
         }
@@ -184,27 +199,30 @@ static double mark_buried(const struct solid *mesh, const struct solid *other, c
         double q[3], there[3];
 
         if (!mark[f]) {
-            centroid_of(mesh, f, q);
+            face_centroid(mesh, f, q);
             mat3_apply(R, q, there);
             vec3_add_scaled(there, 1, p, there);
             mark[f] = box_distance2(&other->box, there) == 0 &&
                       solid_depth(other, there, sqrt(DBL_MAX) / 2) > 0;
         }
         if (mark[f]) {
-            area += mesh->area[f];
+            area += face_area(mesh, f);
         }
     }
     return area;
 }
 
-void native_centroid_meshes(const struct solid *first, const struct solid *second,
-                            const struct native_law *law, const struct native_relative *relative,
-                            struct native_scratch *scratch, struct native_sum *sum)
+static void centroids_of_meshes(const struct solid *first, const struct solid *second,
+                                const struct native_law *law,
+                                const struct native_relative *relative,
+                                struct native_scratch *scratch, struct native_sum *sum)
 {
+    static unsigned char mark[2][FACES]; /* the triangles that overlap */
     const struct solid *solid[2] = {first, second};
     double R[2][9], p[2][3], area[2]; /* of each mesh's frame in the other's */
 
-    if (!mark_crossing(first, second, relative, scratch)) {
+    assert(first->nface <= FACES && second->nface <= FACES);
+    if (!mark_crossing(first, second, relative, scratch, mark)) {
         return;
     }
     memcpy(R[1], relative->R, sizeof R[1]);
@@ -217,7 +235,7 @@ void native_centroid_meshes(const struct solid *first, const struct solid *secon
         p[0][k] = -p[0][k];
     }
     for (int m = 0; m < 2; ++m) {
-        area[m] = mark_buried(solid[m], solid[!m], R[m], p[m], scratch->mark[m]);
+        area[m] = mark_buried(solid[m], solid[!m], R[m], p[m], mark[m]);
     }
     for (int m = 0; m < 2; ++m) {
         double scale = (area[0] + area[1]) / 4 / area[m];
@@ -226,10 +244,10 @@ void native_centroid_meshes(const struct solid *first, const struct solid *secon
             struct solid_nearest nearest;
             double q[3], there[3], d[3], depth, turned[3];
 
-            if (!scratch->mark[m][f]) {
+            if (!mark[m][f]) {
                 continue;
             }
-            centroid_of(solid[m], f, q);
+            face_centroid(solid[m], f, q);
             mat3_apply(R[m], q, there);
             vec3_add_scaled(there, 1, p[m], there);
             if (!solid_find_nearest(solid[!m], there, DBL_MAX / 4, &nearest) || !nearest.inside ||
@@ -241,19 +259,28 @@ void native_centroid_meshes(const struct solid *first, const struct solid *secon
                 d[k] = (nearest.point[k] - there[k]) / depth;
             }
             if (m == 0) {
-                /* the spring's direction is in the second's frame, its place in the first's */
+                /* The spring's direction is in the second's frame, its place in the first's */
                 mat3_apply(R[1], d, turned);
             } else {
-                /* the other way round, and what pushes the second pulls at the first */
+                /* The other way round, and what pushes the second pulls at the first */
                 for (int k = 0; k < 3; ++k) {
                     turned[k] = -d[k];
                     q[k] = there[k];
                 }
             }
-            put(scratch, q, turned, m == 0 ? law->share[0] : -law->share[1],
-                law->stiffness * scale * solid[m]->area[f], depth, law, relative, sum);
-            sum->area += scale * solid[m]->area[f];
+            add_spring(scratch, q, turned, m == 0 ? law->share[0] : -law->share[1],
+                       law->stiffness * scale * face_area(solid[m], f), depth, law, relative, sum);
+            sum->area += scale * face_area(solid[m], f);
         }
     }
     native_law_sum(&scratch->batch, law, relative, sum);
 }
+
+const struct native_kernels contact_centroids = {
+    .name = "centroids",
+    .half_space = centroids_on_half_space,
+    .sphere = centroids_and_sphere,
+    .meshes = centroids_of_meshes,
+    .hertz = native_hertz,
+    .sum = native_law_sum,
+};

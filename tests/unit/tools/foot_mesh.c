@@ -147,7 +147,7 @@ static void generator_refuses_other_words_with_exit_code_2(void **state)
 static void a_foot_has_504_faces_and_is_closed(void **state)
 {
     (void)state;
-    /* the reader has refused whatever is not closed, manifold and outward */
+    /* The reader has refused whatever is not closed, manifold and outward */
     assert_int_equal(read_foot("right")->nface, 504);
     assert_int_equal(read_foot("left")->nface, 504);
 }
@@ -241,7 +241,7 @@ static void the_left_foot_mirrors_the_right_one(void **state)
 
 static void volume_is_that_of_the_two_frustums(void **state)
 {
-    /* the outline's area A at the sole, 0.81 A halfway, 0.64 A at the top, 0.0316 m apart:
+    /* The outline's area A at the sole, 0.81 A halfway, 0.64 A at the top, 0.0316 m apart:
      * h/3 (A1 + A2 + sqrt(A1 A2)) for each, to the micrometer that vertices are rounded to */
     double a = outline_area(), h = 0.0316;
     double expected = h / 3 * a * ((1 + 0.81 + 0.9) + (0.81 + 0.64 + 0.72));
@@ -297,5 +297,5 @@ int main(void)
         cmocka_unit_test(the_sole_of_walkman_is_its_rectangle),
     };
 
-    return cmocka_run_group_tests_name("mesh_foot", tests, set_up, tear_down);
+    return cmocka_run_group_tests_name("tools_foot_mesh", tests, set_up, tear_down);
 }

@@ -1,0 +1,291 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Contact engine "native" being created: surfaces made ready, the law and the kernels of each pair,
+ * the memory that evaluations work in.
+ */
+#include "contact/native_private.h"
+#include "base/vec3.h"
+
+#include <math.h>
+#include <string.h>
+
+static enum error_code native_no_memory(struct error *error)
+{
+    return error_set(error, ERROR_MEMORY, "contact: no memory for the engine");
+}
+
+/* ---- pairs ---- */
+
+static double law_harmonic_mean(double a, double b)
+{
+    return a * b > 0 ? 2 * a * b / (a + b) : 0;
+}
+
+/* The constants of contact.h's law for two materials. */
+static struct native_law law_make(const struct contact_material *a,
+                                  const struct contact_material *b, double transition)
+{
+    double ka = a->young_pa / a->thickness_m, kb = b->young_pa / b->thickness_m;
+    double ha = pow(a->young_pa, 2.0 / 3), hb = pow(b->young_pa, 2.0 / 3);
+    double s = kb / (ka + kb), hs = hb / (ha + hb);
+
+    return (struct native_law){
+        .stiffness = ka * s,
+        .dissipation = s * a->dissipation_s_per_m + (1 - s) * b->dissipation_s_per_m,
+        .share = {s, 1 - s},
+        .us = law_harmonic_mean(a->static_friction, b->static_friction),
+        .ud = law_harmonic_mean(a->dynamic_friction, b->dynamic_friction),
+        .uv = law_harmonic_mean(a->viscous_friction, b->viscous_friction),
+        .transition_inverse = 1 / transition,
+        .hertz = pow(ha * hs, 1.5),
+        .hertz_share = hs,
+    };
+}
+
+static bool shape_is_mesh(enum contact_shape shape)
+{
+    return shape == CONTACT_BOX || shape == CONTACT_MESH;
+}
+
+/* Which of two surfaces comes first: a mesh before a sphere before a half-space. */
+static int shape_rank(enum contact_shape shape)
+{
+    return shape_is_mesh(shape) ? 0 : shape == CONTACT_SPHERE ? 1 : 2;
+}
+
+/* The best that this machine can run. A sphere has four springs, which do not fill more than four
+ * lanes: wider ones would only take longer to add up. */
+static const struct native_kernels *native_choose_kernels(enum native_pair_kind kind)
+{
+#if defined(NATIVE_VARIANTS)
+    bool many = kind == PAIR_MESH_HALF_SPACE || kind == PAIR_MESHES;
+
+    __builtin_cpu_init();
+    if (many && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+        __builtin_cpu_supports("avx512dq")) {
+        return &native_kernels_avx512;
+    }
+    if (__builtin_cpu_supports("avx2")) {
+        return &native_kernels_avx2;
+    }
+#else
+    (void)kind;
+#endif
+    return &native_kernels;
+}
+
+/* kernels: NULL for the best. */
+static void pair_make(const struct contact_config *config, size_t index,
+                      const struct native_kernels *kernels, struct native_pair *pair)
+{
+    const struct contact_pair *given = &config->pair[index];
+    bool turned =
+        shape_rank(config->surface[given->b].shape) < shape_rank(config->surface[given->a].shape);
+    const struct contact_surface *a = &config->surface[turned ? given->b : given->a];
+    const struct contact_surface *b = &config->surface[turned ? given->a : given->b];
+
+    /* Its surfaces in the order that the kernels want */
+    pair->surface[0] = turned ? given->b : given->a;
+    pair->surface[1] = turned ? given->a : given->b;
+    pair->sign = turned ? 1 : -1;
+
+    /* Its law, with Hertz's shares between surfaces without a mesh */
+    pair->law = law_make(&a->material, &b->material, config->transition_velocity_m_s);
+    if (shape_is_mesh(a->shape)) {
+        pair->kind = shape_is_mesh(b->shape)      ? PAIR_MESHES
+                     : b->shape == CONTACT_SPHERE ? PAIR_MESH_SPHERE
+                                                  : PAIR_MESH_HALF_SPACE;
+    } else {
+        double share = pair->law.hertz_share;
+
+        pair->kind = b->shape == CONTACT_SPHERE ? PAIR_HERTZ_SPHERES : PAIR_HERTZ_HALF_SPACE;
+        pair->law.dissipation = 1.5 * (share * a->material.dissipation_s_per_m +
+                                       (1 - share) * b->material.dissipation_s_per_m);
+    }
+    pair->kernels = kernels ? kernels : native_choose_kernels(pair->kind);
+}
+
+/* ---- surfaces ---- */
+
+/* The same mesh on several surfaces is made ready once: the solid of an earlier one, or NULL. */
+static const struct solid *surface_find_solid(const struct contact_config *config, size_t index,
+                                              const struct native_surface *surface)
+{
+    for (size_t i = 0; i < index; ++i) {
+        if (config->surface[i].shape == CONTACT_MESH &&
+            config->surface[i].mesh == config->surface[index].mesh) {
+            return surface[i].solid;
+        }
+    }
+    return NULL;
+}
+
+/* The solid of a box or a mesh, and the ball about it. */
+static enum error_code surface_make_solid(const struct contact_config *config, size_t index,
+                                          struct arena *arena, struct native_surface *surface,
+                                          struct error *error)
+{
+    const struct contact_surface *given = &config->surface[index];
+    struct native_surface *s = &surface[index];
+    const struct mesh *mesh = given->mesh;
+    enum error_code code;
+
+    /* Its mesh */
+    if (given->shape == CONTACT_BOX) {
+        code = mesh_box(given->half_extent_m, given->cells_per_edge, arena, &mesh, error);
+        if (code != ERROR_NONE) {
+            return code;
+        }
+    } else {
+        s->solid = surface_find_solid(config, index, surface);
+    }
+
+    /* Made ready */
+    if (!s->solid) {
+        struct solid *solid = arena_alloc(arena, 1, sizeof *solid);
+
+        if (!solid) {
+            return native_no_memory(error);
+        }
+        code = solid_make(mesh, arena, solid, error);
+        if (code != ERROR_NONE) {
+            return code;
+        }
+        s->solid = solid;
+    }
+
+    /* A ball about its box's middle */
+    for (int k = 0; k < 3; ++k) {
+        s->center[k] = (s->solid->box.low[k] + s->solid->box.high[k]) / 2;
+    }
+    for (size_t v = 0; v < mesh->nvertex; ++v) {
+        double to[3];
+
+        vec3_sub(mesh->vertex[v], s->center, to);
+        s->reach = fmax(s->reach, vec3_norm(to));
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code surface_make(const struct contact_config *config, size_t index,
+                                    struct arena *arena, struct native_surface *surface,
+                                    struct error *error)
+{
+    const struct contact_surface *given = &config->surface[index];
+    struct native_surface *s = &surface[index];
+
+    s->body = given->body;
+    s->shape = given->shape;
+    s->radius = s->reach = given->shape == CONTACT_SPHERE ? given->radius_m : 0;
+    memcpy(s->position, given->position, sizeof s->position);
+    memcpy(s->rotation, given->rotation, sizeof s->rotation);
+    if (shape_is_mesh(given->shape)) {
+        return surface_make_solid(config, index, arena, surface, error);
+    }
+    return ERROR_NONE;
+}
+
+/* ---- memory ---- */
+
+static enum error_code scratch_make(struct native_engine *e, struct arena *arena,
+                                    struct error *error)
+{
+    struct native_scratch *s = e->scratch = arena_alloc(arena, 1, sizeof *e->scratch);
+    struct native_view *view;
+    size_t most = 1, padded;
+    bool made;
+
+    if (!s) {
+        return native_no_memory(error);
+    }
+
+    /* No mesh has more facets than faces */
+    for (size_t i = 0; i < e->nsurface; ++i) {
+        if (e->surface[i].solid && e->surface[i].solid->nface > most) {
+            most = e->surface[i].solid->nface;
+        }
+    }
+
+    /* The lists and the view of as many, padded where as many as there are lanes are read */
+    view = &s->view;
+    padded = (most + SOLID_LANES - 1) / SOLID_LANES * SOLID_LANES;
+    view->radius = arena_alloc(arena, padded, sizeof *view->radius);
+    view->ring = arena_alloc(arena, most, sizeof *view->ring);
+    view->corner = arena_alloc(arena, 3 * most, sizeof *view->corner);
+    made = view->radius && view->ring && view->corner;
+    for (int k = 0; k < 3; ++k) {
+        view->normal[k] = arena_alloc(arena, padded, sizeof **view->normal);
+        view->center[k] = arena_alloc(arena, padded, sizeof **view->center);
+        made = made && view->normal[k] && view->center[k];
+    }
+    for (int i = 0; i < 2; ++i) {
+        s->list[i] = arena_alloc(arena, most, sizeof **s->list);
+        made = made && s->list[i];
+    }
+    return made ? ERROR_NONE : native_no_memory(error);
+}
+
+/* The engine with nothing in its arrays yet; NULL without memory. */
+static struct native_engine *engine_alloc(const struct contact_config *config, struct arena *arena)
+{
+    struct native_engine *e = arena_alloc(arena, 1, sizeof *e);
+
+    if (!e) {
+        return NULL;
+    }
+    e->world.ops = &native_ops;
+    e->nbody = config->nbody;
+    e->nsurface = config->nsurface;
+    e->npair = config->npair;
+
+    /* One more of each: an empty scene is a scene too */
+    e->surface = arena_alloc(arena, e->nsurface + 1, sizeof *e->surface);
+    e->pose = arena_alloc(arena, e->nsurface + 1, sizeof *e->pose);
+    e->pair = arena_alloc(arena, e->npair + 1, sizeof *e->pair);
+    e->patch = arena_alloc(arena, e->npair + 1, sizeof *e->patch);
+    e->springs = arena_alloc(arena, e->npair + 1, sizeof *e->springs);
+    return e->surface && e->pose && e->pair && e->patch && e->springs ? e : NULL;
+}
+
+enum error_code native_create_with_kernels(const struct contact_config *config,
+                                           const struct native_kernels *kernels,
+                                           struct arena *arena, struct contact_world **world,
+                                           struct error *error)
+{
+    enum error_code code = contact_config_check(config, error);
+    struct native_engine *e;
+
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    e = engine_alloc(config, arena);
+    if (!e) {
+        return native_no_memory(error);
+    }
+
+    /* Surfaces, then the pairs of them */
+    for (size_t i = 0; i < e->nsurface; ++i) {
+        code = surface_make(config, i, arena, e->surface, error);
+        if (code != ERROR_NONE) {
+            return code;
+        }
+    }
+    native_place_fixed_surfaces(e);
+    for (size_t i = 0; i < e->npair; ++i) {
+        pair_make(config, i, kernels, &e->pair[i]);
+    }
+
+    /* Room for the largest surface */
+    code = scratch_make(e, arena, error);
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    *world = &e->world;
+    return ERROR_NONE;
+}
+
+enum error_code contact_native_create(const struct contact_config *config, struct arena *arena,
+                                      struct contact_world **world, struct error *error)
+{
+    return native_create_with_kernels(config, NULL, arena, world, error);
+}

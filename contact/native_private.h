@@ -1,0 +1,66 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Private to the engine "native" (native.c, native_create.c): the world that it makes of a
+ * configuration, and works in. All memory is the arena's that it was created in. SI units; frames
+ * as said. The calls below are RT-safe.
+ */
+#ifndef CONTACT_NATIVE_PRIVATE_H
+#define CONTACT_NATIVE_PRIVATE_H
+
+#include "contact/contact.h"
+#include "contact/native_kernels.h"
+
+struct native_surface {
+    int body;
+    enum contact_shape shape;
+    double position[3], rotation[9]; /* in the body */
+    double radius;                   /* of a sphere */
+    double center[3], reach;         /* a ball about all of it, in its frame */
+    const struct solid *solid;       /* box and mesh */
+};
+
+/* A surface's pose and velocity in the world. */
+struct native_pose {
+    double R[9], p[3], w[3], v[3];
+    double center[3]; /* of the ball */
+};
+
+enum native_pair_kind {
+    PAIR_HERTZ_SPHERES,
+    PAIR_HERTZ_HALF_SPACE,
+    PAIR_MESH_HALF_SPACE,
+    PAIR_MESH_SPHERE,
+    PAIR_MESHES,
+};
+
+struct native_pair {
+    enum native_pair_kind kind;
+    int surface[2]; /* in the order in which contact/native_pairs.h takes them */
+    const struct native_kernels *kernels;
+    double sign; /* of the force on the configured pair's b, from that on the first */
+    struct native_law law;
+};
+
+/* Which springs of the batch are those of a patch. */
+struct native_springs {
+    size_t from, to;
+};
+
+struct native_engine {
+    struct contact_world world; /* first */
+    size_t nbody, nsurface, npair, npatch;
+    struct native_surface *surface;
+    struct native_pose *pose; /* of each surface */
+    struct native_pair *pair;
+    struct contact_patch *patch;    /* of the last evaluation */
+    struct native_springs *springs; /* of each patch */
+    struct native_scratch *scratch;
+    char failure[128];
+};
+
+extern const struct contact_ops native_ops;
+
+/* The poses of the surfaces that are fixed in the world. */
+void native_place_fixed_surfaces(struct native_engine *e);
+
+#endif

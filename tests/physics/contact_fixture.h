@@ -1,0 +1,177 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What tests of the contact engines share: an arena, COMAN's right foot, worlds of either engine,
+ * turned motions, meshes made from a box. Include after cmocka.
+ */
+#ifndef TESTS_PHYSICS_CONTACT_FIXTURE_H
+#define TESTS_PHYSICS_CONTACT_FIXTURE_H
+
+#include "tests/physics/contact_scene.h"
+
+static const double fixture_pi = 3.14159265358979323846;
+
+static struct arena fixture_arena;
+static const struct mesh *fixture_foot;
+
+static inline int fixture_set_up(void **state)
+{
+    struct error error;
+
+    (void)state;
+    if (arena_init(&fixture_arena, (size_t)512 << 20, &error) != ERROR_NONE ||
+        mesh_read_obj(HIL_SOURCE_DIR "/config/meshes/coman-foot-right.obj", &fixture_arena,
+                      &fixture_foot, &error) != ERROR_NONE) {
+        print_error("%s\n", error.text);
+        return -1;
+    }
+    return 0;
+}
+
+static inline int fixture_tear_down(void **state)
+{
+    (void)state;
+    arena_fini(&fixture_arena);
+    return 0;
+}
+
+static inline struct contact_world *fixture_native(const struct scene *scene)
+{
+    struct contact_world *world = NULL;
+    struct error error = {0};
+
+    if (contact_native_create(&scene->config, &fixture_arena, &world, &error) != ERROR_NONE) {
+        fail_msg("%s", error.text);
+    }
+    return world;
+}
+
+/* To be destroyed. */
+static inline struct contact_world *fixture_simbody(const struct scene *scene)
+{
+    struct contact_world *world = NULL;
+    struct error error = {0};
+
+    if (contact_simbody_create(&scene->config, &world, &error) != ERROR_NONE) {
+        fail_msg("%s", error.text);
+    }
+    return world;
+}
+
+static inline void fixture_evaluate(struct contact_world *world, const struct body_motion *motion,
+                                    struct contact_wrench *wrench)
+{
+    if (world->ops->evaluate(world, motion, wrench) != ERROR_NONE) {
+        fail_msg("%s", world->ops->failure(world));
+    }
+}
+
+/* ---- motions of bodies that were placed upright ---- */
+
+static inline void fixture_turn_z(struct body_motion *motion, double angle)
+{
+    motion->R[0] = motion->R[4] = cos(angle);
+    motion->R[1] = -sin(angle);
+    motion->R[3] = sin(angle);
+}
+
+static inline void fixture_turn_y(struct body_motion *motion, double angle)
+{
+    motion->R[0] = motion->R[8] = cos(angle);
+    motion->R[2] = sin(angle);
+    motion->R[6] = -sin(angle);
+}
+
+/* ---- meshes ---- */
+
+/* A mesh of the box's topology whose vertices have been moved. */
+static inline const struct mesh *fixture_reshape(const double half[3], int cells,
+                                                 void (*move)(double p[3], const double *with),
+                                                 const double *with)
+{
+    const struct mesh *box;
+    struct mesh *mesh = arena_alloc(&fixture_arena, 1, sizeof *mesh);
+    double(*vertex)[3];
+
+    assert_int_equal(mesh_box(half, cells, &fixture_arena, &box, NULL), ERROR_NONE);
+    vertex = arena_alloc(&fixture_arena, box->nvertex, sizeof *vertex);
+    assert_true(mesh && vertex);
+    for (size_t v = 0; v < box->nvertex; ++v) {
+        memcpy(vertex[v], box->vertex[v], sizeof vertex[v]);
+        move(vertex[v], with);
+    }
+    *mesh = *box;
+    mesh->vertex = (const double(*)[3])vertex;
+    return mesh;
+}
+
+static inline void fixture_bump(double p[3], const double *top)
+{
+    if (p[2] >= 0.999 * *top) {
+        p[2] += 0.004 * sin(47 * p[0] + 0.3) * cos(39 * p[1]);
+    }
+}
+
+/* A block of ground of cells x cells bumps, 0.4 m wide. */
+static inline const struct mesh *fixture_terrain(int cells)
+{
+    const double top = 0.05;
+
+    return fixture_reshape((const double[3]){0.2, 0.2, top}, cells, fixture_bump, &top);
+}
+
+/* ---- two bodies in touch ---- */
+
+enum { FIXTURE_KINDS = 5 };
+
+/* Two bodies that touch, in every kind of pair; about a pose of the second over the first. */
+static inline double fixture_two_bodies(struct scene *scene, int kind)
+{
+    static const struct mesh *terrain;
+
+    if (!terrain) {
+        terrain = fixture_terrain(24);
+    }
+    scene_init(scene, 2);
+    switch (kind) {
+    case 0:
+        scene_add(scene, 0, CONTACT_HALF_SPACE, &scene_ground);
+        scene_add(scene, 1, CONTACT_MESH, &scene_foot)->mesh = fixture_foot;
+        scene_add_pair(scene, 0, 1);
+        return 0.0915;
+    case 1:
+        scene_add_box(scene, 0, 0.075, 0.075, 0.075, 7, &scene_ground);
+        scene_add(scene, 1, CONTACT_SPHERE, &scene_foot)->radius_m = 0.02;
+        scene_add_pair(scene, 1, 0);
+        return 0.0935;
+    case 2:
+        scene_add_box(scene, 0, 0.2, 0.3, 0.02, 1, &scene_ground);
+        scene_add_box(scene, 1, 0.075, 0.075, 0.075, 7, &scene_foot);
+        scene_add_pair(scene, 1, 0);
+        return 0.0935;
+    case 3:
+        scene_add(scene, 0, CONTACT_MESH, &scene_ground)->mesh = terrain;
+        scene_add(scene, 1, CONTACT_MESH, &scene_foot)->mesh = fixture_foot;
+        scene_add_pair(scene, 0, 1);
+        return 0.05 + 0.0932;
+    default:
+        scene_add(scene, 0, CONTACT_MESH, &scene_ground)->mesh = terrain;
+        scene_add(scene, 1, CONTACT_SPHERE, &scene_foot)->radius_m = 0.02;
+        scene_add_pair(scene, 0, 1);
+        return 0.05 + 0.018;
+    }
+}
+
+static inline void fixture_two_motions(uint64_t *seed, double height, struct body_motion motion[2])
+{
+    for (int b = 0; b < 2; ++b) {
+        scene_place(&motion[b], 0.01 * scene_random(seed), 0.01 * scene_random(seed),
+                    b * (height + 0.0005 * scene_random(seed)));
+        scene_random_rotation(seed, 0.02, motion[b].R);
+        for (int i = 0; i < 3; ++i) {
+            motion[b].w[i] = scene_random(seed);
+            motion[b].v[i] = 0.1 * scene_random(seed);
+        }
+    }
+}
+
+#endif

@@ -1,0 +1,438 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What any contact has to obey, of the engine "simbody": action and reaction, invariance, the same
+ * bits, only the pairs that were asked for; and motions that it refuses.
+ */
+#include "contact/contact.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "tests/physics/contact_fixture.h"
+#include "tests/physics/near.h"
+
+/* Ground, and one surface on body 0 that is paired with it. */
+static struct contact_surface *on_ground(struct scene *scene, enum contact_shape shape)
+{
+    scene_init(scene, 1);
+    scene_add(scene, -1, CONTACT_HALF_SPACE, &scene_ground);
+    scene_add_pair(scene, 0, 1);
+    return scene_add(scene, 0, shape, &scene_foot);
+}
+
+static struct contact_surface *box_on_ground(struct scene *scene)
+{
+    struct contact_surface *s = on_ground(scene, CONTACT_BOX);
+
+    for (int i = 0; i < 3; ++i) {
+        s->half_extent_m[i] = 0.075;
+    }
+    s->cells_per_edge = 7;
+    return s;
+}
+
+/* ---- what any contact obeys ---- */
+
+/* A sphere on a box, or a box on a box (both meshes), on two bodies. */
+static void two_bodies(struct scene *scene, bool sphere)
+{
+    scene_init(scene, 2);
+    scene_add_box(scene, 0, 0.075, 0.075, 0.075, 7, &scene_ground);
+    if (sphere) {
+        scene_add(scene, 1, CONTACT_SPHERE, &scene_foot)->radius_m = 0.05;
+    } else {
+        scene_add_box(scene, 1, 0.05, 0.04, 0.05, 5, &scene_foot);
+    }
+    scene_add_pair(scene, 1, 0);
+}
+
+static void two_motions(uint64_t *seed, struct body_motion motion[2])
+{
+    for (int b = 0; b < 2; ++b) {
+        scene_place(&motion[b], 0.02 * scene_random(seed), 0.02 * scene_random(seed), 0.12 * b);
+        scene_random_rotation(seed, 0.1, motion[b].R);
+        for (int i = 0; i < 3; ++i) {
+            motion[b].w[i] = scene_random(seed);
+            motion[b].v[i] = 0.1 * scene_random(seed);
+        }
+    }
+}
+
+static void action_equals_reaction_about_any_point(void **state)
+{
+    uint64_t seed = 7;
+    int touching = 0;
+
+    (void)state;
+    for (int sphere = 0; sphere < 2; ++sphere) {
+        struct scene scene;
+        struct body_motion motion[2];
+        struct contact_wrench wrench[2];
+
+        two_bodies(&scene, sphere);
+
+        struct contact_world *world = fixture_simbody(&scene);
+
+        for (int i = 0; i < 50; ++i) {
+            double size, moment[3] = {0};
+
+            two_motions(&seed, motion);
+            fixture_evaluate(world, motion, wrench);
+            size = vec3_norm(wrench[0].force);
+            touching += size > 0;
+            for (int b = 0; b < 2; ++b) {
+                double shifted[3];
+
+                vec3_cross(motion[b].p, wrench[b].force, shifted);
+                for (int axis = 0; axis < 3; ++axis) {
+                    moment[axis] += wrench[b].moment[axis] + shifted[axis];
+                }
+            }
+            for (int axis = 0; axis < 3; ++axis) {
+                assert_near(wrench[0].force[axis] + wrench[1].force[axis], 0, 1e-14 * size);
+                assert_near(moment[axis], 0, 1e-14 * size);
+            }
+        }
+        world->ops->destroy(world);
+    }
+    assert_true(touching > 80);
+}
+
+static void patches_add_up_to_the_wrenches(void **state)
+{
+    uint64_t seed = 11;
+    struct scene scene;
+    struct body_motion motion[2];
+    struct contact_wrench wrench[2];
+    struct contact_patch patch;
+
+    (void)state;
+    two_bodies(&scene, false);
+
+    struct contact_world *world = fixture_simbody(&scene);
+
+    for (int i = 0; i < 20; ++i) {
+        double arm[3], moment[3], size;
+
+        two_motions(&seed, motion);
+        fixture_evaluate(world, motion, wrench);
+        size = vec3_norm(wrench[0].force);
+        if (size == 0) {
+            assert_int_equal(world->ops->patches(world, &patch, 1), 0);
+            continue;
+        }
+        assert_int_equal(world->ops->patches(world, &patch, 1), 1);
+
+        /* The pair is (1, 0): the patch says the force on body 0 */
+        for (int axis = 0; axis < 3; ++axis) {
+            arm[axis] = patch.center[axis] - motion[0].p[axis];
+        }
+        vec3_cross(arm, patch.force, moment);
+        for (int axis = 0; axis < 3; ++axis) {
+            assert_near(patch.force[axis], wrench[0].force[axis], 1e-14 * size);
+            assert_near(patch.moment[axis] + moment[axis], wrench[0].moment[axis], 1e-14 * size);
+        }
+        assert_true(patch.potential_j > 0 && patch.dissipation_w > 0);
+    }
+    world->ops->destroy(world);
+}
+
+static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
+{
+    uint64_t seed = 3;
+    int touching = 0;
+
+    (void)state;
+    for (int sphere = 0; sphere < 2; ++sphere) {
+        struct scene scene;
+        struct body_motion motion[2], moved[2];
+        struct contact_wrench wrench[2], turned[2];
+
+        two_bodies(&scene, sphere);
+
+        struct contact_world *world = fixture_simbody(&scene);
+
+        for (int i = 0; i < 50; ++i) {
+            double Q[9], shift[3], size;
+
+            two_motions(&seed, motion);
+            scene_random_rotation(&seed, 3, Q);
+            for (int axis = 0; axis < 3; ++axis) {
+                shift[axis] = 2 * scene_random(&seed);
+            }
+            for (int b = 0; b < 2; ++b) {
+                mat3_apply(Q, motion[b].p, moved[b].p);
+                mat3_apply(Q, motion[b].w, moved[b].w);
+                mat3_apply(Q, motion[b].v, moved[b].v);
+                for (int axis = 0; axis < 3; ++axis) {
+                    double column[3] = {motion[b].R[axis], motion[b].R[3 + axis],
+                                        motion[b].R[6 + axis]};
+                    double out[3];
+
+                    mat3_apply(Q, column, out);
+                    for (int row = 0; row < 3; ++row) {
+                        moved[b].R[3 * row + axis] = out[row];
+                    }
+                    moved[b].p[axis] += shift[axis];
+                }
+            }
+            fixture_evaluate(world, motion, wrench);
+            fixture_evaluate(world, moved, turned);
+            size = vec3_norm(wrench[0].force);
+            touching += size > 0;
+            for (int b = 0; b < 2; ++b) {
+                double force[3], moment[3];
+
+                mat3_apply(Q, wrench[b].force, force);
+                mat3_apply(Q, wrench[b].moment, moment);
+                for (int axis = 0; axis < 3; ++axis) {
+                    assert_near(turned[b].force[axis], force[axis], 1e-10 * size);
+                    assert_near(turned[b].moment[axis], moment[axis], 1e-11 * size);
+                }
+            }
+        }
+        world->ops->destroy(world);
+    }
+    assert_true(touching > 80);
+}
+
+static void the_same_motion_gives_the_same_bits_whatever_came_before(void **state)
+{
+    uint64_t seed = 5;
+    struct scene scene;
+    struct body_motion motion[20][2];
+    struct contact_wrench first[20][2], again[2];
+
+    (void)state;
+    two_bodies(&scene, false);
+
+    struct contact_world *world = fixture_simbody(&scene), *fresh;
+
+    for (int i = 0; i < 20; ++i) {
+        two_motions(&seed, motion[i]);
+        fixture_evaluate(world, motion[i], first[i]);
+    }
+    for (int i = 0; i < 400; ++i) {
+        int pick = (int)(10 + 9.99 * scene_random(&seed));
+        struct body_motion apart[2];
+
+        /* Now and then apart, so that contacts end and begin anew */
+        if (i % 3 == 0) {
+            memcpy(apart, motion[pick], sizeof apart);
+            apart[1].p[2] += 1;
+            fixture_evaluate(world, apart, again);
+            assert_true(vec3_norm(again[0].force) == 0);
+        }
+        fixture_evaluate(world, motion[pick], again);
+        assert_memory_equal(again, first[pick], sizeof again);
+    }
+    fresh = fixture_simbody(&scene);
+    for (int i = 19; i >= 0; --i) {
+        fixture_evaluate(fresh, motion[i], again);
+        assert_memory_equal(again, first[i], sizeof again);
+    }
+    fresh->ops->destroy(fresh);
+    world->ops->destroy(world);
+}
+
+/* ---- pairs ---- */
+
+static void only_the_given_pairs_interact_in_every_subset(void **state)
+{
+    /* Ground, sphere, box, mesh; all of them overlap at the origin */
+    static const int all[6][2] = {{0, 1}, {2, 0}, {0, 3}, {1, 2}, {3, 1}, {2, 3}};
+
+    (void)state;
+    for (unsigned subset = 0; subset < 64; ++subset) {
+        struct scene scene;
+        struct body_motion motion[3];
+        struct contact_wrench wrench[3];
+        struct contact_patch patch[8];
+        unsigned seen = 0, listed[6], n = 0;
+
+        scene_init(&scene, 3);
+        scene_add(&scene, -1, CONTACT_HALF_SPACE, &scene_ground);
+        scene_add(&scene, 0, CONTACT_SPHERE, &scene_foot)->radius_m = 0.1;
+        scene_add_box(&scene, 1, 0.08, 0.09, 0.07, 3, &scene_foot);
+        scene_add(&scene, 2, CONTACT_MESH, &scene_foot)->mesh = fixture_foot;
+        for (unsigned p = 0; p < 6; ++p) {
+            if (subset >> p & 1) {
+                scene_add_pair(&scene, all[p][0], all[p][1]);
+                listed[n++] = p;
+            }
+        }
+
+        struct contact_world *world = fixture_simbody(&scene);
+
+        for (int b = 0; b < 3; ++b) {
+            scene_place(&motion[b], 0.01 * b, 0.003 * b, -0.02);
+        }
+        fixture_evaluate(world, motion, wrench);
+
+        size_t count = world->ops->patches(world, patch, 8);
+
+        assert_int_equal(count, n);
+        for (size_t i = 0; i < count; ++i) {
+            seen |= 1u << listed[patch[i].pair];
+        }
+        assert_int_equal(seen, subset);
+        world->ops->destroy(world);
+    }
+}
+
+static void patches_writes_no_more_than_asked_and_returns_all(void **state)
+{
+    struct scene scene;
+    struct body_motion motion[2];
+    struct contact_wrench wrench[2];
+    struct contact_patch patch[2];
+
+    (void)state;
+    scene_init(&scene, 2);
+    scene_add(&scene, -1, CONTACT_HALF_SPACE, &scene_ground);
+    for (int b = 0; b < 2; ++b) {
+        scene_add(&scene, b, CONTACT_SPHERE, &scene_foot)->radius_m = 0.1;
+        scene_add_pair(&scene, 0, b + 1);
+        scene_place(&motion[b], b, 0, 0.09);
+    }
+
+    struct contact_world *world = fixture_simbody(&scene);
+
+    fixture_evaluate(world, motion, wrench);
+    memset(patch, 0x5a, sizeof patch);
+
+    struct contact_patch untouched = patch[1];
+
+    assert_int_equal(world->ops->patches(world, patch, 1), 2);
+    assert_int_equal(patch[0].pair, 0);
+    assert_memory_equal(&patch[1], &untouched, sizeof untouched);
+    world->ops->destroy(world);
+}
+
+static void a_body_without_surfaces_feels_nothing(void **state)
+{
+    struct scene scene;
+    struct body_motion motion[2];
+    struct contact_wrench wrench[2];
+
+    (void)state;
+    box_on_ground(&scene);
+    scene.config.nbody = 2;
+
+    struct contact_world *world = fixture_simbody(&scene);
+
+    scene_place(&motion[0], 0, 0, 0.07);
+    scene_place(&motion[1], 0, 0, 0.07);
+    fixture_evaluate(world, motion, wrench);
+    assert_true(wrench[0].force[2] > 0);
+    assert_true(vec3_norm(wrench[1].force) == 0 && vec3_norm(wrench[1].moment) == 0);
+    world->ops->destroy(world);
+}
+
+static void a_surface_may_sit_anywhere_on_its_body(void **state)
+{
+    struct scene scene;
+    struct body_motion motion;
+    struct contact_wrench wrench;
+    const double yaw[9] = {0, -1, 0, 1, 0, 0, 0, 0, 1};
+    double force = scene_stiffness(&scene_foot, &scene_ground) * 4 * 0.02 * 0.03 * 1e-3;
+
+    (void)state;
+    scene_init(&scene, 1);
+    scene_add(&scene, -1, CONTACT_HALF_SPACE, &scene_ground);
+
+    struct contact_surface *s = scene_add_box(&scene, 0, 0.02, 0.03, 0.04, 2, &scene_foot);
+
+    memcpy(s->rotation, yaw, sizeof yaw);
+    s->position[0] = 0.5;
+    s->position[1] = -0.25;
+    s->position[2] = -1;
+    scene_add_pair(&scene, 1, 0);
+
+    struct contact_world *world = fixture_simbody(&scene);
+
+    scene_place(&motion, 3, 4, 1.039);
+    fixture_evaluate(world, &motion, &wrench);
+    assert_near(wrench.force[2], force, 1e-9 * force);
+    assert_near(wrench.moment[0], -0.25 * force, 1e-9 * force);
+    assert_near(wrench.moment[1], -0.5 * force, 1e-9 * force);
+    world->ops->destroy(world);
+}
+
+/* ---- input that is wrong or empty ---- */
+
+static void an_invalid_motion_is_an_error_and_harms_nothing(void **state)
+{
+    struct scene scene;
+    struct body_motion motion, broken;
+    struct contact_wrench wrench, again;
+
+    (void)state;
+    box_on_ground(&scene);
+
+    struct contact_world *world = fixture_simbody(&scene);
+
+    scene_place(&motion, 0, 0, 0.07);
+    fixture_evaluate(world, &motion, &wrench);
+    for (size_t i = 0; i < sizeof motion / sizeof(double); ++i) {
+        const double wrong[3] = {NAN, -INFINITY, 1e10};
+        double number = wrong[i % 3];
+
+        broken = motion;
+        memcpy((char *)&broken + i * sizeof number, &number, sizeof number);
+        assert_int_equal(world->ops->evaluate(world, &broken, &again), ERROR_INPUT);
+        assert_non_null(strstr(world->ops->failure(world), "body 0"));
+        fixture_evaluate(world, &motion, &again);
+        assert_memory_equal(&again, &wrench, sizeof wrench);
+    }
+
+    /* No rotation at all, and a mirror */
+    broken = motion;
+    memset(broken.R, 0, sizeof broken.R);
+    assert_int_equal(world->ops->evaluate(world, &broken, &again), ERROR_INPUT);
+    broken = motion;
+    broken.R[4] = -1;
+    assert_int_equal(world->ops->evaluate(world, &broken, &again), ERROR_INPUT);
+    world->ops->destroy(world);
+}
+
+static void an_empty_world_evaluates_to_nothing(void **state)
+{
+    struct scene scene;
+
+    (void)state;
+    scene_init(&scene, 0);
+
+    struct contact_world *world = fixture_simbody(&scene);
+
+    fixture_evaluate(world, NULL, NULL);
+    assert_int_equal(world->ops->patches(world, NULL, 0), 0);
+    assert_string_equal(world->ops->name, "simbody");
+    world->ops->destroy(world);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(action_equals_reaction_about_any_point),
+        cmocka_unit_test(patches_add_up_to_the_wrenches),
+        cmocka_unit_test(moving_the_whole_scene_moves_the_wrenches_with_it),
+        cmocka_unit_test(the_same_motion_gives_the_same_bits_whatever_came_before),
+        cmocka_unit_test(only_the_given_pairs_interact_in_every_subset),
+        cmocka_unit_test(patches_writes_no_more_than_asked_and_returns_all),
+        cmocka_unit_test(a_body_without_surfaces_feels_nothing),
+        cmocka_unit_test(a_surface_may_sit_anywhere_on_its_body),
+        cmocka_unit_test(an_invalid_motion_is_an_error_and_harms_nothing),
+        cmocka_unit_test(an_empty_world_evaluates_to_nothing),
+    };
+
+    return cmocka_run_group_tests_name("contact_simbody_invariants", tests, fixture_set_up,
+                                       fixture_tear_down);
+}
