@@ -358,6 +358,11 @@ int options_fail(const struct command_spec *spec, const struct error *error)
     return exit_status_of(error->code);
 }
 
+int options_end(const struct command_spec *spec, enum error_code code, const struct error *error)
+{
+    return code ? options_fail(spec, error) : STATUS_OK;
+}
+
 int options_flush_output(int status)
 {
     if (fflush(stdout) || ferror(stdout)) {

@@ -116,6 +116,9 @@ int command_fail(const char *command, const struct error *error);
 /* The same with the names of program and command from the table. */
 int options_fail(const struct command_spec *spec, const struct error *error);
 
+/* The end of a command that came to code: STATUS_OK, or that of options_fail. */
+int options_end(const struct command_spec *spec, enum error_code code, const struct error *error);
+
 /* Flushes standard output at a program's end and returns its exit status: a full disk or a closed
  * pipe must not look like success. */
 int options_flush_output(int status);

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * How often memory was asked for: the program's own malloc counts and hands on to the C library's,
- * so that what shared libraries allocate counts too. Not with sanitizers, which have a malloc of
- * their own.
+ * Counts allocations: the program's own malloc counts and calls the C library's, so that
+ * allocations of shared libraries count too. Not with sanitizers, which have their own malloc.
  */
 #ifndef APP_BENCH_ALLOCATIONS_H
 #define APP_BENCH_ALLOCATIONS_H

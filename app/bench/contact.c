@@ -4,12 +4,16 @@
  * a robot meets and for the paper's five-body scene, the native engine beside Simbody in one
  * interleaved run; how it grows with the size of a mesh; and the slowest of many random poses.
  */
-#include "contact/contact.h"
+#include "app/bench/benchmarks.h"
+
 #include "app/bench/allocations.h"
 #include "app/bench/contact_scenes.h"
 #include "app/bench/output.h"
-#include "app/bench/benchmarks.h"
+#include "app/bench/timing.h"
+#include "base/count.h"
 #include "base/options.h"
+#include "contact/contact.h"
+#include "manual/contact.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -24,7 +28,7 @@ enum { POSES = 16, ENGINES = 2, QUICK_ROUNDS = 5, NATIVE = 0 };
 
 static const char *const engine_name[ENGINES] = {"native", "simbody"};
 
-/* Of a scene: motions in which its bodies touch, and what was measured. */
+/* The results of a scene: motions in which its bodies touch, and what was measured. */
 struct result {
     struct body_motion motion[POSES][BENCH_BODIES];
     struct contact_world *world[ENGINES];
@@ -40,11 +44,11 @@ struct bench {
     struct result result[BENCH_SCENES];
 };
 
-static enum error_code prepare(struct bench *bench, struct error *error)
+static enum error_code contact_bench_create_worlds(struct bench *bench, struct error *error)
 {
     uint64_t seed = 7;
 
-    for (size_t i = 0; i < bench->nscene; ++i) {
+    for (size_t i = 0; i < bench->nscene; i++) {
         const struct bench_scene *s = &bench->scene[i];
         struct result *r = &bench->result[i];
         enum error_code code =
@@ -56,13 +60,13 @@ static enum error_code prepare(struct bench *bench, struct error *error)
         if (code) {
             return code;
         }
-        for (int e = 0; e < ENGINES; ++e) {
+        for (int e = 0; e < ENGINES; e++) {
             r->us[e] = arena_alloc(&bench->arena, bench->rounds, sizeof *r->us[e]);
             if (!r->us[e]) {
                 return error_set(error, ERROR_MEMORY, "no memory for %zu rounds", bench->rounds);
             }
         }
-        for (int pose = 0; pose < POSES; ++pose) {
+        for (int pose = 0; pose < POSES; pose++) {
             bench_scene_draw(s, &seed, r->motion[pose]);
         }
     }
@@ -71,76 +75,57 @@ static enum error_code prepare(struct bench *bench, struct error *error)
 
 /* ---- measuring ---- */
 
-static double now_us(void)
-{
-    struct timespec now;
-
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return 1e6 * (double)now.tv_sec + 1e-3 * (double)now.tv_nsec;
-}
-
-/* Every pose, a few times; the time of one evaluation, and its allocations. */
-static double measure(struct result *r, int engine)
+/* Evaluates every pose a few times: time of one evaluation, us, and its allocations. */
+static double contact_bench_time_engine(struct result *r, int engine)
 {
     struct contact_world *world = r->world[engine];
     struct contact_wrench wrench[BENCH_BODIES];
     const int repeat = engine == NATIVE ? 20 : 1;
     size_t allocations = bench_allocations();
-    double start = now_us(), us;
+    double start = bench_cpu_s(), us;
 
-    for (int i = 0; i < repeat * POSES; ++i) {
+    for (int i = 0; i < repeat * POSES; i++) {
         if (world->ops->evaluate(world, r->motion[i % POSES], wrench)) {
             return (double)NAN;
         }
     }
-    us = (now_us() - start) / (repeat * POSES);
+    us = 1e6 * (bench_cpu_s() - start) / (repeat * POSES);
     r->allocations[engine] = (double)(bench_allocations() - allocations) / (repeat * POSES);
     return us;
 }
 
-static void run_rounds(struct bench *bench)
+static void contact_bench_run_rounds(struct bench *bench)
 {
-    for (size_t round = 0; round < bench->rounds; ++round) {
-        for (size_t i = 0; i < bench->nscene; ++i) {
-            for (int e = 0; e < ENGINES; ++e) {
-                bench->result[i].us[e][round] = measure(&bench->result[i], e);
+    for (size_t round = 0; round < bench->rounds; round++) {
+        for (size_t i = 0; i < bench->nscene; i++) {
+            for (int e = 0; e < ENGINES; e++) {
+                bench->result[i].us[e][round] = contact_bench_time_engine(&bench->result[i], e);
             }
         }
         bench_progress("contact", round + 1, bench->rounds);
     }
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
-static double median(double *value, size_t n)
-{
-    qsort(value, n, sizeof *value, compare);
-    return value[n / 2];
-}
-
-static void print_rounds(struct bench *bench)
+static void contact_bench_print_rounds(struct bench *bench)
 {
     printf("microseconds of CPU and allocations an evaluation, median of %zu interleaved rounds of "
            "%d poses;\ntarget: of native, where one is set\n\n%-26s %9s",
            bench->rounds, POSES, "scene", "triangles");
-    for (int e = 0; e < ENGINES; ++e) {
+    for (int e = 0; e < ENGINES; e++) {
         printf(" %9s %6s", engine_name[e], "alloc.");
     }
     printf(" %8s %8s %8s\n", "ratio", "target", "force N");
-    for (size_t i = 0; i < bench->nscene; ++i) {
+
+    /* A row for each scene: the engines, their ratio, and the force as a check that they touch */
+    for (size_t i = 0; i < bench->nscene; i++) {
         const struct bench_scene *s = &bench->scene[i];
         struct result *r = &bench->result[i];
         struct contact_wrench wrench[BENCH_BODIES];
         double us[ENGINES], force = 0;
 
         printf("%-26s %9zu", s->name, s->faces);
-        for (int e = 0; e < ENGINES; ++e) {
-            us[e] = median(r->us[e], bench->rounds);
+        for (int e = 0; e < ENGINES; e++) {
+            us[e] = bench_median(r->us[e], bench->rounds);
             printf(" %9.3f", us[e]);
             if (bench_allocations_counted) {
                 printf(" %6.0f", r->allocations[e]);
@@ -149,7 +134,7 @@ static void print_rounds(struct bench *bench)
             }
         }
         r->world[NATIVE]->ops->evaluate(r->world[NATIVE], r->motion[0], wrench);
-        for (size_t b = 0; b < s->config.nbody; ++b) {
+        for (size_t b = 0; b < s->config.nbody; b++) {
             force += wrench[b].force[2];
         }
         printf(" %8.1f", us[1] / us[NATIVE]);
@@ -164,18 +149,18 @@ static void print_rounds(struct bench *bench)
 
 /* Times the native engine once a pose, the fastest of three so that an interrupt is not taken for
  * work; us gets them all. */
-static void time_random(const struct bench_scene *s, struct contact_world *world, size_t n,
-                        double *us)
+static void contact_bench_time_random(const struct bench_scene *s, struct contact_world *world,
+                                      size_t n, double *us)
 {
     uint64_t seed = 1000003;
 
-    for (size_t i = 0; i < n; ++i) {
+    for (size_t i = 0; i < n; i++) {
         struct body_motion motion[BENCH_BODIES];
         struct contact_wrench wrench[BENCH_BODIES];
 
         bench_scene_draw(s, &seed, motion);
         us[i] = HUGE_VAL;
-        for (int again = 0; again < 3; ++again) {
+        for (int again = 0; again < 3; again++) {
             struct timespec start, end;
             double took;
 
@@ -189,7 +174,7 @@ static void time_random(const struct bench_scene *s, struct contact_world *world
     }
 }
 
-static enum error_code run_random(struct bench *bench, struct error *error)
+static enum error_code contact_bench_run_random(struct bench *bench, struct error *error)
 {
     size_t n = (size_t)bench->random;
     double *us = malloc(n * sizeof *us);
@@ -200,11 +185,11 @@ static enum error_code run_random(struct bench *bench, struct error *error)
     printf("\nnative, microseconds of %zu random poses, each the fastest of three, clock included\n"
            "\n%-26s %9s %8s %8s %8s %8s %8s\n",
            n, "scene", "triangles", "median", "99 %", "99.9 %", "worst", "ratio");
-    for (size_t i = 0; i < bench->nscene; ++i) {
+    for (size_t i = 0; i < bench->nscene; i++) {
         const struct bench_scene *s = &bench->scene[i];
 
-        time_random(s, bench->result[i].world[NATIVE], n, us);
-        qsort(us, n, sizeof *us, compare);
+        contact_bench_time_random(s, bench->result[i].world[NATIVE], n, us);
+        bench_sort(us, n);
         printf("%-26s %9zu %8.3f %8.3f %8.3f %8.3f %8.1f\n", s->name, s->faces, us[n / 2],
                us[n - 1 - n / 100], us[n - 1 - n / 1000], us[n - 1], us[n - 1] / us[n / 2]);
         bench_progress("contact, random poses", i + 1, bench->nscene);
@@ -213,7 +198,7 @@ static enum error_code run_random(struct bench *bench, struct error *error)
     return ERROR_NONE;
 }
 
-static enum error_code run(struct bench *bench, const char *foot, struct error *error)
+static enum error_code contact_bench_run(struct bench *bench, const char *foot, struct error *error)
 {
     const struct mesh *mesh;
     enum error_code code = mesh_read_obj(foot, &bench->arena, &mesh, error);
@@ -222,14 +207,14 @@ static enum error_code run(struct bench *bench, const char *foot, struct error *
         code = bench_scenes_make(bench->scene, &bench->nscene, mesh, &bench->arena, error);
     }
     if (!code) {
-        code = prepare(bench, error);
+        code = contact_bench_create_worlds(bench, error);
     }
     if (!code) {
-        run_rounds(bench);
-        print_rounds(bench);
-        code = bench->random > 0 ? run_random(bench, error) : ERROR_NONE;
+        contact_bench_run_rounds(bench);
+        contact_bench_print_rounds(bench);
+        code = bench->random > 0 ? contact_bench_run_random(bench, error) : ERROR_NONE;
     }
-    for (size_t i = 0; i < bench->nscene; ++i) {
+    for (size_t i = 0; i < bench->nscene; i++) {
         struct contact_world *simbody = bench->result[i].world[1];
 
         if (simbody) {
@@ -246,29 +231,24 @@ int bench_contact(int argc, char **argv)
     static const char *foot;
     static struct bench bench;
     static const struct option_spec options[] = {
-        {"--rounds", OPTION_INT, "N", "interleaved rounds (200)", &rounds, .min = 1, .max = 100000},
-        {"--random", OPTION_INT, "N", "also time N random poses, native only (0)", &bench.random,
+        {"--rounds", OPTION_INT, "N", "interleaved rounds, 200 by default", &rounds, .min = 1,
+         .max = 100000},
+        {"--random", OPTION_INT, "N", "also time N random poses, native only", &bench.random,
          .min = 0, .max = 10000000},
         {"--quick", OPTION_FLAG, NULL, "a few rounds, to see that it works", &quick, .min = 0},
     };
     static const struct operand_spec operands[] = {
-        {"FOOT", "the foot's mesh (config/meshes/coman-foot-right.obj)", false, &foot},
+        {"FOOT", "the foot's mesh, config/meshes/coman-foot-right.obj by default", false, &foot},
     };
     static const struct command_spec spec = {
         .program = "coman-hil-bench",
         .name = "contact",
         .summary = "Time the contact engines on the pairs of surfaces that a robot meets.",
         .option = options,
-        .noption = sizeof options / sizeof *options,
+        .noption = ARRAY_COUNT(options),
         .operand = operands,
-        .noperand = 1,
-        .manual =
-            "Feet and box are meshes of 504 and 588 triangles, the table is one of 12, wrists "
-            "are spheres of 2 cm. The last rows are one foot on bumpy ground of more and more "
-            "triangles. Both engines get the same poses, a round of one after a round of the "
-            "other; the native one integrates over the true overlap, Simbody over triangles. Times "
-            "depend on the machine and on what else runs; instructions do not: "
-            "tests/bench/contact_instructions.sh counts those of the same scenes.",
+        .noperand = ARRAY_COUNT(operands),
+        .manual = MANUAL_CONTACT,
     };
     struct error error;
     enum error_code code;
@@ -277,11 +257,13 @@ int bench_contact(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+    /* The scenes take meshes of their own beside the foot's */
     bench.rounds = quick ? QUICK_ROUNDS : (size_t)rounds;
     code = arena_init(&bench.arena, ARENA_BYTES, &error);
     if (!code) {
-        code = run(&bench, foot ? foot : "config/meshes/coman-foot-right.obj", &error);
+        code =
+            contact_bench_run(&bench, foot ? foot : "config/meshes/coman-foot-right.obj", &error);
         arena_fini(&bench.arena);
     }
-    return code ? options_fail(&spec, &error) : STATUS_OK;
+    return options_end(&spec, code, &error);
 }

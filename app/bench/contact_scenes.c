@@ -2,6 +2,8 @@
 /* The contact scenes that are measured. */
 #include "app/bench/contact_scenes.h"
 
+#include "base/count.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -77,7 +79,7 @@ static void add_pair(struct bench_scene *scene, int a, int b)
     scene->pair[scene->config.npair++] = (struct contact_pair){a, b};
 }
 
-static void place(struct bench_scene *scene, int body, double x, double y, double z)
+static void scene_place_body(struct bench_scene *scene, int body, double x, double y, double z)
 {
     memcpy(scene->place[body], (double[3]){x, y, z}, sizeof scene->place[body]);
 }
@@ -98,7 +100,7 @@ static const struct mesh *make_terrain(struct arena *arena, int cells, struct er
     if (!vertex) {
         return NULL;
     }
-    for (size_t v = 0; v < box->nvertex; ++v) {
+    for (size_t v = 0; v < box->nvertex; v++) {
         memcpy(vertex[v], box->vertex[v], sizeof vertex[v]);
         if (vertex[v][2] > 0.0499) {
             vertex[v][2] += 0.004 * sin(42 * vertex[v][0]) * cos(42 * vertex[v][1]);
@@ -110,7 +112,7 @@ static const struct mesh *make_terrain(struct arena *arena, int cells, struct er
     return mesh;
 }
 
-static void five_bodies(struct scenes *scenes)
+static void scene_add_five_bodies(struct scenes *scenes)
 {
     struct bench_scene *s = add_scene(scenes, "five bodies of the paper", BENCH_BODIES, 6);
     const double top = 0.475;
@@ -127,11 +129,11 @@ static void five_bodies(struct scenes *scenes)
     add_pair(s, 3, 4);
     add_pair(s, 4, 5);
     add_pair(s, 4, 6);
-    place(s, 0, 0, -0.0726, 0.0932 - 5e-4);
-    place(s, 1, 0, 0.0726, 0.0932 - 5e-4);
-    place(s, 2, 0.013, -0.021, top + 0.075 - 5e-4);
-    place(s, 3, 0.02, -0.021 - 0.075 - 0.02 + 1.3e-2, top + 0.09);
-    place(s, 4, 0.02, -0.021 + 0.075 + 0.02 - 1.3e-2, top + 0.09);
+    scene_place_body(s, 0, 0, -0.0726, 0.0932 - 5e-4);
+    scene_place_body(s, 1, 0, 0.0726, 0.0932 - 5e-4);
+    scene_place_body(s, 2, 0.013, -0.021, top + 0.075 - 5e-4);
+    scene_place_body(s, 3, 0.02, -0.021 - 0.075 - 0.02 + 1.3e-2, top + 0.09);
+    scene_place_body(s, 4, 0.02, -0.021 + 0.075 + 0.02 - 1.3e-2, top + 0.09);
 }
 
 enum error_code bench_scenes_make(struct bench_scene scene[BENCH_SCENES], size_t *nscene,
@@ -141,42 +143,44 @@ enum error_code bench_scenes_make(struct bench_scene scene[BENCH_SCENES], size_t
     struct scenes all = {scene, 0, foot}, *scenes = &all;
     struct bench_scene *s = add_scene(scenes, "foot on half-space", 1, 0.6);
 
+    /* One pair of surfaces each */
     add_surface(s, -1, CONTACT_HALF_SPACE, &ground_material);
     add_mesh(s, 0, scenes->foot, &foot_material);
     add_pair(s, 0, 1);
-    place(s, 0, 0, 0, 0.0932 - 5e-4);
+    scene_place_body(s, 0, 0, 0, 0.0932 - 5e-4);
 
     s = add_scene(scenes, "box on half-space", 1, 0);
     add_surface(s, -1, CONTACT_HALF_SPACE, &box_material);
     add_box(s, 0, 0.075, 0.075, 0.075, 7, &box_material);
     add_pair(s, 0, 1);
-    place(s, 0, 0, 0, 0.075 - 5e-4);
+    scene_place_body(s, 0, 0, 0, 0.075 - 5e-4);
 
     s = add_scene(scenes, "box on table", 1, 4);
     add_box(s, -1, 0.2, 0.3, 0.02, 1, &box_material);
     add_box(s, 0, 0.075, 0.075, 0.075, 7, &box_material);
     add_pair(s, 0, 1);
-    place(s, 0, 0.013, -0.021, 0.095 - 5e-4);
+    scene_place_body(s, 0, 0.013, -0.021, 0.095 - 5e-4);
 
     s = add_scene(scenes, "sphere on box", 1, 0.4);
     add_box(s, -1, 0.075, 0.075, 0.075, 7, &box_material);
     add_surface(s, 0, CONTACT_SPHERE, &box_material)->radius_m = 0.02;
     add_pair(s, 0, 1);
-    place(s, 0, 0.01, -0.02, 0.095 - 1e-3);
+    scene_place_body(s, 0, 0.01, -0.02, 0.095 - 1e-3);
 
-    five_bodies(scenes);
+    scene_add_five_bodies(scenes);
 
-    for (size_t i = 0; i < sizeof cells / sizeof *cells; ++i) {
+    /* The same foot on more and more triangles */
+    for (size_t i = 0; i < ARRAY_COUNT(cells); i++) {
         const struct mesh *terrain = make_terrain(arena, cells[i], error);
 
         if (!terrain) {
             return error_set(error, ERROR_MEMORY, "no memory for a terrain");
         }
-        s = add_scene(scenes, "foot on terrain", 1, i + 1 == sizeof cells / sizeof *cells ? 3 : 0);
+        s = add_scene(scenes, "foot on terrain", 1, i + 1 == ARRAY_COUNT(cells) ? 3 : 0);
         add_mesh(s, -1, terrain, &ground_material);
         add_mesh(s, 0, scenes->foot, &foot_material);
         add_pair(s, 0, 1);
-        place(s, 0, 0, 0, 0.0535 + 0.0932 - 5e-4);
+        scene_place_body(s, 0, 0, 0, 0.0535 + 0.0932 - 5e-4);
     }
     *nscene = all.count;
     return ERROR_NONE;
@@ -185,18 +189,18 @@ enum error_code bench_scenes_make(struct bench_scene scene[BENCH_SCENES], size_t
 void bench_scene_draw(const struct bench_scene *scene, uint64_t *seed,
                       struct body_motion motion[BENCH_BODIES])
 {
-    for (size_t b = 0; b < scene->config.nbody; ++b) {
+    for (size_t b = 0; b < scene->config.nbody; b++) {
         struct body_motion *m = &motion[b];
         double q[4] = {1, 0, 0, 0}, norm;
 
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             q[i + 1] = 1.5e-3 * random_number(seed);
             m->p[i] = scene->place[b][i] + (i < 2 ? 1e-2 : 3e-4) * random_number(seed);
             m->w[i] = 0.1 * random_number(seed);
             m->v[i] = 0.02 * random_number(seed);
         }
         norm = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-        for (int i = 0; i < 4; ++i) {
+        for (int i = 0; i < 4; i++) {
             q[i] /= norm;
         }
         memcpy(m->R,

@@ -3,19 +3,23 @@
  * coman-hil-bench dynamics: CPU time of a robot's generalized accelerations by number of degrees of
  * freedom, ours and other simulators' in one interleaved run (the paper's section 3.2 and Fig. 4).
  */
-#include "model/symbolic/builtin.h"
 #include "app/bench/dynamics.h"
+
+#include "app/bench/benchmarks.h"
 #include "app/bench/engines.h"
 #include "app/bench/output.h"
-#include "app/bench/benchmarks.h"
+#include "app/bench/timing.h"
 #include "app/report/report_file.h"
-#include "base/options.h"
 #include "app/report/svg.h"
+#include "base/count.h"
+#include "base/options.h"
+#include "manual/dynamics.h"
+#include "manual/peers.h"
+#include "model/symbolic/builtin.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 #define BATCH_NS 200000.0 /* of one measurement: many times what reading the clock takes */
@@ -25,24 +29,18 @@ enum { ROUNDS_MAX = 100000, QUICK_ROUNDS = 20 };
 /* Joints of COMAN's waist and one leg, both legs, torso; the last is the whole robot. */
 static const size_t part_joints[DYNAMICS_SIZES - 1] = {6, 12, 15};
 
-static double cpu_ns(void)
+/* Time of one evaluation, ns. */
+static double dynamics_bench_time_cell(const struct peer_dynamics *peer,
+                                       const struct dynamics_cell *cell)
 {
-    struct timespec now;
-
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return 1e9 * (double)now.tv_sec + (double)now.tv_nsec;
-}
-
-static double measure(const struct peer_dynamics *peer, const struct dynamics_cell *cell)
-{
-    double start = cpu_ns();
+    double start = bench_cpu_s();
 
     for (size_t n = 0; n < cell->repeat; n++) {
         for (size_t slot = 0; slot < PEER_SLOTS; slot++) {
             peer->run(cell->engine, slot);
         }
     }
-    return (cpu_ns() - start) / (double)(cell->repeat * PEER_SLOTS);
+    return 1e9 * (bench_cpu_s() - start) / (double)(cell->repeat * PEER_SLOTS);
 }
 
 static enum error_code take_sizes(struct dynamics_bench *bench, const struct robot *whole,
@@ -91,30 +89,25 @@ static enum error_code create_cell(struct dynamics_bench *bench, size_t e, size_
     cell->difference = bench_difference(peer, cell->engine, bench->peer[0],
                                         bench->cell[0][s].engine, bench->robot[s]->nv, NULL);
     cell->repeat = 1;
-    cell->repeat = 1 + (size_t)(BATCH_NS / (measure(peer, cell) * PEER_SLOTS));
+    cell->repeat = 1 + (size_t)(BATCH_NS / (dynamics_bench_time_cell(peer, cell) * PEER_SLOTS));
     return ERROR_NONE;
 }
 
-static void run_rounds(struct dynamics_bench *bench)
+static void dynamics_bench_run_rounds(struct dynamics_bench *bench)
 {
     for (size_t round = 0; round < bench->rounds; round++) {
         for (size_t s = 0; s < bench->nsize; s++) {
             for (size_t e = 0; e < bench->nengine; e++) {
-                bench->cell[e][s].ns[round] = measure(bench->peer[e], &bench->cell[e][s]);
+                bench->cell[e][s].ns[round] =
+                    dynamics_bench_time_cell(bench->peer[e], &bench->cell[e][s]);
             }
         }
         bench_progress("dynamics", round + 1, bench->rounds);
     }
 }
 
-static int by_size(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
-static void evaluate(struct dynamics_bench *bench)
+/* Medians and spreads of the cells, and the least-squares slope over the sizes. */
+static void dynamics_bench_evaluate(struct dynamics_bench *bench)
 {
     for (size_t e = 0; e < bench->nengine; e++) {
         double n = (double)bench->nsize, sx = 0.0, sy = 0.0, sxx = 0.0, sxy = 0.0;
@@ -123,7 +116,7 @@ static void evaluate(struct dynamics_bench *bench)
             struct dynamics_cell *cell = &bench->cell[e][s];
             double x = (double)bench->robot[s]->nv;
 
-            qsort(cell->ns, bench->rounds, sizeof *cell->ns, by_size);
+            bench_sort(cell->ns, bench->rounds);
             cell->median = 1e-3 * cell->ns[bench->rounds / 2];
             cell->low = 1e-3 * cell->ns[bench->rounds / 10];
             cell->high = 1e-3 * cell->ns[bench->rounds - 1 - bench->rounds / 10];
@@ -168,9 +161,11 @@ static double difference_of(const struct dynamics_bench *bench, size_t e, size_t
     return bench->cell[e][s].difference;
 }
 
-/* One row of the table with a figure of every engine. */
-static void print_row(const struct dynamics_bench *bench, const char *head,
-                      double (*value)(const struct dynamics_bench *, size_t e, size_t s), size_t s)
+/* One row of the table, with a number for every engine. */
+static void dynamics_bench_print_row(const struct dynamics_bench *bench, const char *head,
+                                     double (*value)(const struct dynamics_bench *, size_t e,
+                                                     size_t s),
+                                     size_t s)
 {
     printf("%-24s", head);
     for (size_t e = 0; e < bench->nengine; e++) {
@@ -185,7 +180,7 @@ static void print_row(const struct dynamics_bench *bench, const char *head,
     printf("\n");
 }
 
-static void print_table(const struct dynamics_bench *bench)
+static void dynamics_bench_print_table(const struct dynamics_bench *bench)
 {
     size_t last = bench->nsize - 1;
     const struct dynamics_module *module = symbolic_builtin(bench->robot[last]->hash);
@@ -202,17 +197,19 @@ static void print_table(const struct dynamics_bench *bench)
         printf(" %14s", bench->peer[e]->version);
     }
     printf("\n");
+
+    /* A row for each size, then what is derived from them */
     for (size_t s = 0; s < bench->nsize; s++) {
         snprintf(head, sizeof head, "%zu", bench->robot[s]->nv);
-        print_row(bench, head, median_of, s);
+        dynamics_bench_print_row(bench, head, median_of, s);
     }
     if (bench->nsize > 1) {
-        print_row(bench, "us a freedom, slope", slope_of, 0);
+        dynamics_bench_print_row(bench, "us per freedom, slope", slope_of, 0);
     }
     snprintf(head, sizeof head, "%zu: times %s's speed", bench->robot[last]->nv,
              bench->peer[dynamics_bench_reference(bench)]->name);
-    print_row(bench, head, speed_of, last);
-    print_row(bench, "difference, average", difference_of, last);
+    dynamics_bench_print_row(bench, head, speed_of, last);
+    dynamics_bench_print_row(bench, "difference, average", difference_of, last);
     if (module) {
         printf("\nThe generated code of %zu freedoms takes %u floating-point operations, %s lanes "
                "counted each, sines and\ncosines apart.\n",
@@ -225,9 +222,8 @@ static void print_table(const struct dynamics_bench *bench)
         "is about 1.8 times as fast.\n");
 }
 
-static enum error_code write_csv(const struct dynamics_bench *bench, FILE *out, struct error *error)
+static void write_csv(const struct dynamics_bench *bench, FILE *out)
 {
-    (void)error;
     fprintf(out, "engine,version,degrees_of_freedom,median_us,low_us,high_us,difference\n");
     for (size_t e = 0; e < bench->nengine; e++) {
         for (size_t s = 0; s < bench->nsize; s++) {
@@ -238,7 +234,6 @@ static enum error_code write_csv(const struct dynamics_bench *bench, FILE *out, 
                     cell->high, cell->difference);
         }
     }
-    return ERROR_NONE;
 }
 
 static enum error_code write_plot(const struct dynamics_bench *bench, FILE *out,
@@ -277,16 +272,15 @@ static enum error_code write_files(const struct dynamics_bench *bench, const cha
     FILE *out;
     enum error_code code = report_file_open(folder, "dynamics.csv", &out, error);
 
-    if (!code) {
-        code = report_file_close(out, "dynamics.csv", write_csv(bench, out, error), error);
+    if (code) {
+        return code;
     }
-    if (!code) {
-        code = report_file_open(folder, "dynamics.svg", &out, error);
+    write_csv(bench, out);
+    if ((code = report_file_close(out, "dynamics.csv", ERROR_NONE, error)) ||
+        (code = report_file_open(folder, "dynamics.svg", &out, error))) {
+        return code;
     }
-    if (!code) {
-        code = report_file_close(out, "dynamics.svg", write_plot(bench, out, error), error);
-    }
-    return code;
+    return report_file_close(out, "dynamics.svg", write_plot(bench, out, error), error);
 }
 
 enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *file,
@@ -310,8 +304,8 @@ enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *fil
         }
     }
     if (!code) {
-        run_rounds(bench);
-        evaluate(bench);
+        dynamics_bench_run_rounds(bench);
+        dynamics_bench_evaluate(bench);
     }
     return code;
 }
@@ -336,7 +330,7 @@ int bench_dynamics(int argc, char **argv)
         {.name = "--rounds",
          .type = OPTION_INT,
          .argument = "N",
-         .help = "measurements of every engine and size (default 200)",
+         .help = "measurements of every engine and size, 200 by default",
          .value = &rounds,
          .min = 1.0,
          .max = ROUNDS_MAX},
@@ -345,25 +339,17 @@ int bench_dynamics(int argc, char **argv)
         BENCH_PEERS_OPTION(&module),
     };
     static const struct operand_spec operands[] = {
-        {"ROBOT", "the robot file (default config/robots/coman.yaml)", false, &file}};
+        {"ROBOT", "the robot file, config/robots/coman.yaml by default", false, &file}};
     static const struct command_spec spec = {
         .program = "coman-hil-bench",
         .name = "dynamics",
         .summary = "CPU time of a robot's generalized accelerations by number of degrees of "
                    "freedom, the paper's Fig. 4.",
         .option = options,
-        .noption = sizeof options / sizeof options[0],
+        .noption = ARRAY_COUNT(options),
         .operand = operands,
-        .noperand = 1,
-        .manual =
-            "The robot is cut after 6, 12 and 15 joints (COMAN: waist and one leg, both legs, "
-            "torso) "
-            "and taken whole. Every engine computes the accelerations of the same 64 random "
-            "states; "
-            "engines and sizes take turns in every round, so that what disturbs the machine "
-            "disturbs all of them. Given are medians over the rounds and the average relative "
-            "difference from the numeric implementation's accelerations.\n"
-            "\n" BENCH_PEERS_MANUAL,
+        .noperand = ARRAY_COUNT(operands),
+        .manual = MANUAL_DYNAMICS "\n\n" MANUAL_PEERS,
     };
     static struct dynamics_bench bench;
     struct peers_library library;
@@ -377,20 +363,26 @@ int bench_dynamics(int argc, char **argv)
     }
     bench.rounds = quick ? QUICK_ROUNDS : (size_t)rounds;
     code = bench_peers(module, "ours only", &library, &error);
-    if (!code) {
-        code = arena_init(&arena, DYNAMICS_ARENA_BYTES, &error);
+    if (code) {
+        goto end_peers;
     }
-    if (!code) {
-        code = dynamics_bench_run(&bench, file, library.peers, &arena, &error);
-        if (!code) {
-            print_table(&bench);
-        }
-        if (!code && folder) {
-            code = write_files(&bench, folder, &error);
-        }
-        dynamics_bench_end(&bench);
-        arena_fini(&arena);
+    code = arena_init(&arena, DYNAMICS_ARENA_BYTES, &error);
+    if (code) {
+        goto end_peers;
     }
+
+    /* Measured, then printed, then written */
+    code = dynamics_bench_run(&bench, file, library.peers, &arena, &error);
+    if (code) {
+        goto end_run;
+    }
+    dynamics_bench_print_table(&bench);
+    code = folder ? write_files(&bench, folder, &error) : ERROR_NONE;
+
+end_run:
+    dynamics_bench_end(&bench);
+    arena_fini(&arena);
+end_peers:
     peers_close(&library);
-    return code ? command_fail(spec.name, &error) : STATUS_OK;
+    return options_end(&spec, code, &error);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * CPU time of a robot's generalized accelerations by number of degrees of freedom: what coman-hil-bench
- * dynamics and bench paper measure. Not RT-safe.
+ * CPU time of a robot's generalized accelerations by number of degrees of freedom: what the
+ * benchmarks dynamics and paper measure. Not RT-safe.
  */
 #ifndef APP_BENCH_DYNAMICS_H
 #define APP_BENCH_DYNAMICS_H
@@ -31,8 +31,8 @@ struct dynamics_bench {
     double slope[DYNAMICS_ENGINES]; /* us a degree of freedom, least squares; 0 with one size */
 };
 
-/* Measures the robot of a file with our implementations and, unless peers is NULL, theirs. Memory from
- * arena, DYNAMICS_ARENA_BYTES at most. After an error too dynamics_bench_end must follow. */
+/* Measures the robot of a file with our implementations and, unless peers is NULL, theirs. Memory
+ * from arena, at most DYNAMICS_ARENA_BYTES. dynamics_bench_end must follow, also after an error. */
 enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *file,
                                    const struct peers *peers, struct arena *arena,
                                    struct error *error);

@@ -29,7 +29,7 @@ struct engine {
     double *vdot;
 };
 
-static void destroy(void *memory)
+static void bench_engine_destroy(void *memory)
 {
     struct engine *engine = memory;
 
@@ -39,7 +39,7 @@ static void destroy(void *memory)
 }
 
 /* An engine with room for states and no dynamics yet. */
-static struct engine *begin(const struct robot *robot, struct error *error)
+static struct engine *bench_engine_begin(const struct robot *robot, struct error *error)
 {
     struct engine *engine = calloc(1, sizeof *engine);
 
@@ -59,7 +59,7 @@ static struct engine *begin(const struct robot *robot, struct error *error)
         state->v = arena_alloc(&engine->arena, robot->nv, sizeof(double));
         state->tau = arena_alloc(&engine->arena, robot->njoint + 1, sizeof(double));
         if (!engine->vdot || !state->q || !state->v || !state->tau) {
-            destroy(engine);
+            bench_engine_destroy(engine);
             error_set(error, ERROR_MEMORY, "no memory for the states");
             return NULL;
         }
@@ -67,34 +67,35 @@ static struct engine *begin(const struct robot *robot, struct error *error)
     return engine;
 }
 
-static void *finish(struct engine *engine, enum error_code code, const struct error *error,
-                    char *message, size_t size)
+static void *bench_engine_finish(struct engine *engine, enum error_code code,
+                                 const struct error *error, char *message, size_t size)
 {
     if (engine && !code) {
         return engine;
     }
     snprintf(message, size, "%s", error->text);
     if (engine) {
-        destroy(engine);
+        bench_engine_destroy(engine);
     }
     return NULL;
 }
 
-static void *generic_create(const struct robot *robot, char *message, size_t size)
+static void *bench_engine_create_generic(const struct robot *robot, char *message, size_t size)
 {
     struct error error = {0};
-    struct engine *engine = begin(robot, &error);
+    struct engine *engine = bench_engine_begin(robot, &error);
     enum error_code code = ERROR_NONE;
 
     if (engine) {
         code = dynamics_generic(robot, &engine->arena, &engine->dynamics, &error);
     }
-    return finish(engine, code, &error, message, size);
+    return bench_engine_finish(engine, code, &error, message, size);
 }
 
 /* Compiles the robot's module in a folder of its own, which is gone afterwards. */
-static enum error_code compile(const struct robot *robot, struct symbolic_library *library,
-                               struct error *error)
+static enum error_code bench_engine_compile_module(const struct robot *robot,
+                                                   struct symbolic_library *library,
+                                                   struct error *error)
 {
     static const struct symbolic_options options = {.lanes = 4};
     const char *place = getenv("TMPDIR");
@@ -122,24 +123,25 @@ static enum error_code compile(const struct robot *robot, struct symbolic_librar
     return code;
 }
 
-static void *generated_create(const struct robot *robot, char *message, size_t size)
+static void *bench_engine_create_generated(const struct robot *robot, char *message, size_t size)
 {
     const struct dynamics_module *module = symbolic_builtin(robot->hash);
     struct error error = {0};
-    struct engine *engine = begin(robot, &error);
+    struct engine *engine = bench_engine_begin(robot, &error);
     enum error_code code = ERROR_NONE;
 
     if (engine && !module) {
-        code = compile(robot, &engine->library, &error);
+        code = bench_engine_compile_module(robot, &engine->library, &error);
         module = engine->library.module;
     }
     if (engine && !code) {
         code = dynamics_generated(robot, module, &engine->arena, &engine->dynamics, &error);
     }
-    return finish(engine, code, &error, message, size);
+    return bench_engine_finish(engine, code, &error, message, size);
 }
 
-static void put(void *memory, size_t slot, const double *q, const double *v, const double *tau)
+static void bench_engine_put_state(void *memory, size_t slot, const double *q, const double *v,
+                                   const double *tau)
 {
     struct engine *engine = memory;
     const struct robot *robot = engine->dynamics.robot;
@@ -149,7 +151,7 @@ static void put(void *memory, size_t slot, const double *q, const double *v, con
     memcpy(engine->kept[slot].tau, tau, robot->njoint * sizeof *tau);
 }
 
-static void run(void *memory, size_t slot)
+static void bench_engine_run_state(void *memory, size_t slot)
 {
     struct engine *engine = memory;
     const struct state *state = &engine->kept[slot];
@@ -158,7 +160,7 @@ static void run(void *memory, size_t slot)
                                   engine->vdot);
 }
 
-static void get(void *memory, double *vdot)
+static void bench_engine_get_accelerations(void *memory, double *vdot)
 {
     const struct engine *engine = memory;
 
@@ -166,8 +168,10 @@ static void get(void *memory, double *vdot)
 }
 
 const struct peer_dynamics bench_ours[BENCH_OURS] = {
-    {"generic", HIL_VERSION, generic_create, destroy, put, run, get},
-    {"generated", HIL_VERSION, generated_create, destroy, put, run, get},
+    {"generic", HIL_VERSION, bench_engine_create_generic, bench_engine_destroy,
+     bench_engine_put_state, bench_engine_run_state, bench_engine_get_accelerations},
+    {"generated", HIL_VERSION, bench_engine_create_generated, bench_engine_destroy,
+     bench_engine_put_state, bench_engine_run_state, bench_engine_get_accelerations},
 };
 
 enum error_code bench_part(const struct robot *whole, size_t njoint, struct arena *arena,

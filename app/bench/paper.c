@@ -1,11 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil-bench paper: every table and figure of the paper that can be reproduced, in one report. */
+/* coman-hil-bench paper: every table and figure of the paper that can be reproduced, in one
+ * report. */
 #include "app/bench/paper.h"
 
+#include "app/bench/benchmarks.h"
 #include "app/bench/output.h"
 #include "app/bench/pendulum.h"
-#include "app/bench/benchmarks.h"
+#include "base/count.h"
 #include "base/options.h"
+#include "manual/paper.h"
+#include "manual/peers.h"
 
 #include <unistd.h>
 
@@ -47,29 +51,20 @@ static void put_rest(struct report *report)
                "supplementary animations|A recording (run --record) has all motion, as numbers.");
 }
 
-static enum error_code measure(struct paper *paper, struct error *error)
+static enum error_code paper_measure_all(struct paper *paper, struct error *error)
 {
     struct pendulum_table table;
     char path[PATH_MAX];
-    /* rigs that are not there are told before the minutes that the pendulums take */
-    enum error_code code = paper_rig_path("grasp", path, error);
+    enum error_code code;
 
-    if (!code) {
-        code = paper_pendulums(paper, &table, error);
+    /* Missing rigs are reported before the minutes that the pendulums take */
+    if ((code = paper_rig_path("grasp", path, error)) ||
+        (code = paper_pendulums(paper, &table, error)) || (code = paper_grasp(paper, error)) ||
+        (code = paper_squat(paper, error)) || (code = paper_speed(paper, &table, error))) {
+        return code;
     }
-    if (!code) {
-        code = paper_grasp(paper, error);
-    }
-    if (!code) {
-        code = paper_squat(paper, error);
-    }
-    if (!code) {
-        code = paper_speed(paper, &table, error);
-    }
-    if (!code) {
-        put_rest(&paper->report);
-    }
-    return code;
+    put_rest(&paper->report);
+    return ERROR_NONE;
 }
 
 static enum error_code make_report(struct paper *paper, struct error *error)
@@ -80,7 +75,7 @@ static enum error_code make_report(struct paper *paper, struct error *error)
     if (code) {
         return code;
     }
-    code = measure(paper, error);
+    code = paper_measure_all(paper, error);
     clear_progress();
     if (code) {
         report_abandon(&paper->report);
@@ -100,9 +95,9 @@ int bench_paper(int argc, char **argv)
     static const struct option_spec options[] = {
         {.name = "--quick",
          .type = OPTION_FLAG,
-         .help = "a look in seconds: without the pendulums' step of 1e-6, one cycle of the squat, "
-                 "one run for "
-                 "each real-time factor, the whole robot only in Fig. 4",
+         .help =
+             "a preview in seconds: without the pendulums' step of 1e-6, one cycle of the squat, "
+             "one run for each real-time factor, the whole robot only in Fig. 4",
          .value = &quick},
         BENCH_OUT_OPTION(&folder,
                          "index.html, the tables and figures as CSV, and the plots as SVG"),
@@ -113,14 +108,8 @@ int bench_paper(int argc, char **argv)
         .name = "paper",
         .summary = "A report with every table and figure of the paper that can be reproduced.",
         .option = options,
-        .noption = sizeof options / sizeof options[0],
-        .manual =
-            "Ours stand beside the paper's numbers, and where they differ the report says why. The "
-            "rigs "
-            "are those of config/rigs where the program runs, else the installed ones; the buses "
-            "are "
-            "inside the process. Without --out the report goes to paper-report. All of it but the "
-            "section on speed is the same on every run.\n\n" BENCH_PEERS_MANUAL,
+        .noption = ARRAY_COUNT(options),
+        .manual = MANUAL_PAPER "\n\n" MANUAL_PEERS,
     };
     static struct paper paper;
     struct peers_library library;
@@ -131,6 +120,7 @@ int bench_paper(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+    /* Other simulators are optional: without them the report has our numbers only */
     code = bench_peers(module, "ours only", &library, &error);
     if (!code) {
         paper = (struct paper){.folder = folder,
@@ -140,9 +130,8 @@ int bench_paper(int argc, char **argv)
         code = make_report(&paper, &error);
     }
     peers_close(&library);
-    if (code) {
-        return command_fail(spec.name, &error);
+    if (!code) {
+        printf("%s/index.html\n", folder);
     }
-    printf("%s/index.html\n", folder);
-    return STATUS_OK;
+    return options_end(&spec, code, &error);
 }

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The parts of coman-hil-bench paper: each measures some of the paper's experiments and writes its
+ * The parts of the benchmark paper: each measures some of the paper's experiments and writes its
  * sections of the report. Not RT-safe.
  */
 #ifndef APP_BENCH_PAPER_H
 #define APP_BENCH_PAPER_H
 
-#include "rt/loop.h"
 #include "app/bench/peers.h"
 #include "app/report/report.h"
-#include "rig/rig.h"
 #include "app/report/signals.h"
+#include "rig/rig.h"
+#include "rt/loop.h"
 
 #include <limits.h>
 
@@ -51,9 +51,9 @@ struct paper_order {
     bool one_cycle; /* of the squat */
 };
 
-/* Loads, runs and, when it is recorded, reads the signals back; beside them the frames stay in the
- * folder's .recording until paper_run_end. A task that fails is an error. paper_run_end must follow,
- * also after an error. */
+/* Loads and runs a rig and, when it is recorded, reads the signals back; the recorded frames stay
+ * in the folder's .recording until paper_run_end. A task that fails is an error. paper_run_end must
+ * follow, also after an error. */
 enum error_code paper_run(const struct paper *paper, const struct paper_order *order,
                           struct paper_run *run, struct error *error);
 void paper_run_end(const struct paper *paper, struct paper_run *run);

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Recorded runs of the manipulation task, and drawings of the robot from them. */
 #include "app/bench/paper_grasp.h"
-
 #include "model/spatial.h"
 
 #include <math.h>
@@ -51,6 +50,8 @@ enum error_code paper_grasp_run(const struct paper *paper, const char *rig, stru
     if (code) {
         return code;
     }
+
+    /* The arms began to move when the path and the hold after it were still to come */
     begin = run->seconds - grasp->hold_s - grasp->phase[grasp->nphase - 1].until_s;
     *result = (struct grasp_result){.rig = &run->rig,
                                     .count = run->signals.count,
@@ -60,6 +61,8 @@ enum error_code paper_grasp_run(const struct paper *paper, const char *rig, stru
                                     .box_kg = run->rig.free[0].inertia.mass,
                                     .rest_height = run->rig.free[0].position[2],
                                     .gravity = -run->rig.robot->gravity[2]};
+
+    /* Times from there, pressing positive on both sides, and the first touch */
     for (size_t i = 0; i < result->count; i++) {
         result->time[i] -= begin;
         result->value[PRESS_LEFT][i] = -result->value[PRESS_LEFT][i];
@@ -72,7 +75,7 @@ enum error_code paper_grasp_run(const struct paper *paper, const char *rig, stru
 
 /* ---- drawings ---- */
 
-/* A line from point to point with breaks, as both views see it: from the right side x and z, from the
+/* A line from point to point with breaks, in both views: from the right side x and z, from the
  * front y and z. */
 struct drawing {
     double across[VIEWS][POINTS_MAX], up[POINTS_MAX];
@@ -110,9 +113,9 @@ static void put_box(struct drawing *drawing, const double middle[3], const doubl
     put_point(drawing, NULL);
 }
 
-/* Adds what stands at a surface's place on its body: wrists as lines to them, soles as outlines. */
-static void put_surfaces(struct drawing *drawing, const struct rig *rig, double (*place)[3],
-                         double (*turn)[9])
+/* Adds the spheres of wrists, as lines from the body's origin to them. */
+static void draw_wrists(struct drawing *drawing, const struct rig *rig, double (*place)[3],
+                        double (*turn)[9])
 {
     for (size_t i = 0; i < rig->contact.nsurface; i++) {
         const struct contact_surface *surface = &rig->contact.surface[i];
@@ -130,6 +133,7 @@ static void put_surfaces(struct drawing *drawing, const struct rig *rig, double 
     }
 }
 
+/* Adds the outlines of soles. */
 static void draw_feet(struct drawing *drawing, const struct rig *rig, double (*place)[3],
                       double (*turn)[9])
 {
@@ -142,6 +146,8 @@ static void draw_feet(struct drawing *drawing, const struct rig *rig, double (*p
         if (body < 0 || (size_t)body >= rig->robot->nbody || surface->shape != CONTACT_MESH) {
             continue;
         }
+
+        /* The box around the vertices in the world */
         for (size_t v = 0; v < surface->mesh->nvertex; v++) {
             double local[3], world[3];
 
@@ -179,7 +185,7 @@ static void draw_robot(struct drawing *drawing, const struct grasp_result *resul
     for (size_t b = 1; b < robot->nbody; b++) {
         put_segment(drawing, place[robot->body[b].parent], place[b]);
     }
-    put_surfaces(drawing, result->rig, place, turn);
+    draw_wrists(drawing, result->rig, place, turn);
     draw_feet(drawing, result->rig, place, turn);
     for (int k = 0; k < 3; k++) {
         box[k] = result->value[BOX_X + k][row];
@@ -222,10 +228,14 @@ void paper_draw_grasp(struct report *report, const struct grasp_result *result)
     if (!drawing) {
         return;
     }
+
+    /* Three moments, and the table that is in all of them */
     draw_robot(&drawing[0], result, 0);
     draw_robot(&drawing[1], result, row_at(result, result->touch));
     draw_robot(&drawing[2], result, result->count - 1);
     draw_table(&drawing[3], result->rig);
+
+    /* A panel for each view */
     for (size_t v = 0; v < VIEWS; v++) {
         for (size_t i = 0; i <= MOMENTS; i++) {
             series[v][i] = (struct svg_series){.name = names[i],
@@ -234,7 +244,7 @@ void paper_draw_grasp(struct report *report, const struct grasp_result *result)
                                                .count = drawing[i].count,
                                                .style = i == 0 ? SVG_DASHED : SVG_LINE};
         }
-        /* as many pixels a meter both ways: 404 x 520 of drawing area for 0.8 m x 1.03 m */
+        /* The same scale on both axes: 404 x 520 px of drawing area for 0.8 m x 1.03 m */
         panel[v] =
             (struct svg_plot){.title = views[v],
                               .x = {.label = across[v],

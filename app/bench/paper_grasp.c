@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The paper's section 6: Table 2 and Figs. 9 to 11, COMAN takes a box from a table. */
-#include "app/bench/paper.h"
 #include "app/bench/paper_grasp.h"
+
+#include "app/bench/paper.h"
 
 #include <math.h>
 #include <string.h>
@@ -128,12 +129,15 @@ static void put_figure_9(struct report *report, const struct grasp_result *resul
     struct svg_plot panel[GRASP_JOINTS];
     size_t corners = 2;
 
+    /* The corners of the path: standing, then the end of each phase, then holding */
     x[0] = result->time[0];
     x[1] = 0.0;
     for (size_t i = 0; i < grasp->nphase && corners < 16; i++) {
         x[corners++] = grasp->phase[i].until_s;
     }
     x[corners++] = end;
+
+    /* A panel for each joint */
     for (size_t k = 0; k < GRASP_JOINTS; k++) {
         for (size_t i = 0; i < corners; i++) {
             y[k][i] = arm_reference(grasp, k, x[i]);
@@ -155,6 +159,7 @@ static void put_figure_9(struct report *report, const struct grasp_result *resul
                                      .width = 560,
                                      .height = 330};
     }
+
     report_section(report, "arms", "Fig. 9: the right arm's joints and their references");
     report_figure(
         report, "figure-9",
@@ -172,6 +177,19 @@ static void put_figure_9(struct report *report, const struct grasp_result *resul
 
 /* ---- Fig. 10 ---- */
 
+static struct svg_plot grasp_panel(const char *title, const char *label,
+                                   const struct svg_series *series, size_t nseries)
+{
+    return (struct svg_plot){.title = title,
+                             .x = {.label = GRASP_TIME},
+                             .y = {.label = label},
+                             .series = series,
+                             .nseries = nseries,
+                             .width = 560,
+                             .height = 360};
+}
+
+/* Our integrator and the paper's on the same four quantities. */
 static void put_figure_10(struct report *report, const struct grasp_result *ours,
                           const struct grasp_result *theirs)
 {
@@ -218,31 +236,13 @@ static void put_figure_10(struct report *report, const struct grasp_result *ours
          .count = ours->count,
          .style = SVG_DASHED},
     };
-    const struct svg_axis time = {.label = GRASP_TIME};
-    struct svg_plot panels[] = {
-        {.title = "Box: all contact forces, vertical",
-         .y = {.label = "force, N"},
-         .series = box,
-         .nseries = 2},
-        {.title = "Wrists pressing the box",
-         .y = {.label = "force, N"},
-         .series = press,
-         .nseries = 3},
-        {.title = "Ground on the feet, vertical",
-         .y = {.label = "force, N"},
-         .series = feet,
-         .nseries = 2},
-        {.title = "Friction torque of the wrists, y",
-         .y = {.label = "torque, N m"},
-         .series = torque,
-         .nseries = 2},
+    const struct svg_plot panels[] = {
+        grasp_panel("Box: all contact forces, vertical", "force, N", box, 2),
+        grasp_panel("Wrists pressing the box", "force, N", press, 3),
+        grasp_panel("Ground on the feet, vertical", "force, N", feet, 2),
+        grasp_panel("Friction torque of the wrists, y", "torque, N m", torque, 2),
     };
 
-    for (size_t i = 0; i < 4; i++) {
-        panels[i].x = time;
-        panels[i].width = 560;
-        panels[i].height = 360;
-    }
     report_figure(
         report, "figure-10",
         "Paper: the vertical force on the box relaxes in the first 0.2 s, is its weight until the "
@@ -282,7 +282,7 @@ static void compare_box(struct report *report, const struct grasp_result *ours)
 }
 
 /* By how much the held box rises in the last second, m. */
-static double drift(const struct grasp_result *result)
+static double box_drift_m(const struct grasp_result *result)
 {
     const double *height = result->value[BOX_HEIGHT];
     size_t last = result->count - 1, first = last;
@@ -303,6 +303,7 @@ static void compare_forces(struct report *report, const struct grasp_result *our
     double torque = fmax(paper_largest(t, ours->value[TORQUE_RIGHT], n, ours->touch, to),
                          -paper_smallest(t, ours->value[TORQUE_RIGHT], n, ours->touch, to));
 
+    /* The box between the wrists, held */
     report_finding(report, true, "each wrist presses, box held, N|plotted only|%.2f and %.2f|",
                    paper_mean(t, ours->value[PRESS_RIGHT], n, from, to),
                    paper_mean(t, ours->value[PRESS_LEFT], n, from, to));
@@ -313,8 +314,10 @@ static void compare_forces(struct report *report, const struct grasp_result *our
         "the grip creeps below the transition velocity of friction, %g mm/s.",
         paper_mean(t, ours->value[CARRY_RIGHT], n, from, to) +
             paper_mean(t, ours->value[CARRY_LEFT], n, from, to),
-        ours->box_kg * ours->gravity, 1e3 * drift(ours),
+        ours->box_kg * ours->gravity, 1e3 * box_drift_m(ours),
         1e3 * ours->rig->contact.transition_velocity_m_s);
+
+    /* The weight on the feet, without the box and with it */
     report_finding(report, false,
                    "both feet, before the arms move, N|plotted only|%.1f|The robot weighs %.1f N.",
                    paper_mean(t, ours->value[FOOT_RIGHT], n, -0.2, 0.0) +
@@ -325,6 +328,8 @@ static void compare_forces(struct report *report, const struct grasp_result *our
                    paper_mean(t, ours->value[FOOT_RIGHT], n, from, to) +
                        paper_mean(t, ours->value[FOOT_LEFT], n, from, to),
                    robot + ours->box_kg * ours->gravity);
+
+    /* What the paper only plots */
     report_finding(report, false,
                    "torque of dry friction at a wrist, N m|plotted only|%.4f at most|About the "
                    "middle of the patch of contact.",
@@ -361,22 +366,11 @@ static void put_figure_11(struct report *report, const struct grasp_result *stif
          .count = soft->count},
     };
     const struct svg_plot panels[] = {
-        {.title = "Right wrist presses the box",
-         .x = {.label = GRASP_TIME},
-         .y = {.label = "force, N"},
-         .series = press,
-         .nseries = 2,
-         .width = 560,
-         .height = 360},
-        {.title = "Soft elbow: link and motor",
-         .x = {.label = GRASP_TIME},
-         .y = {.label = "angle, rad"},
-         .series = elbow,
-         .nseries = 2,
-         .width = 560,
-         .height = 360},
+        grasp_panel("Right wrist presses the box", "force, N", press, 2),
+        grasp_panel("Soft elbow: link and motor", "angle, rad", elbow, 2),
     };
 
+    /* The force falls with the stiffness; the spring yields from the touch on */
     report_section(report, "elbows", "Fig. 11: stiff and soft elbows");
     report_figure(
         report, "figure-11",
@@ -387,7 +381,7 @@ static void put_figure_11(struct report *report, const struct grasp_result *stif
         panels, 2);
 }
 
-static double yielded(const struct grasp_result *result)
+static double elbow_deflection_mrad(const struct grasp_result *result)
 {
     size_t last = result->count - 1;
 
@@ -412,12 +406,12 @@ static void compare_elbows(struct report *report, const struct grasp_result *sti
                    paper_mean(soft_t, soft->value[PRESS_RIGHT], soft_n, soft_end - 0.3, INFINITY),
                    paper_largest(soft_t, soft->value[PRESS_RIGHT], soft_n, 0.0, INFINITY));
     report_finding(report, false, "q25 - q25m at the end, stiff, mrad|not shown|%.0f|",
-                   yielded(stiff));
+                   elbow_deflection_mrad(stiff));
     report_finding(report, true,
                    "q25 - q25m at the end, soft, mrad|grows after the touch|%.0f|The springs keep "
                    "their damping: it "
                    "alone makes the forearm follow the motor until something pushes it.",
-                   yielded(soft));
+                   elbow_deflection_mrad(soft));
     report_compared(report);
 }
 

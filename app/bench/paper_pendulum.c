@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The paper's Table 1 and Fig. 3: relative and absolute coordinates. */
 #include "app/bench/paper.h"
+
 #include "app/bench/pendulum.h"
 
 #include <math.h>
 
-static void put_row(struct report *report, const char *who, const struct peer_pendulum *peer,
-                    size_t n, size_t k, const struct pendulum_row *row, double energy,
-                    double constraint)
+static void pendulum_put_row(struct report *report, const char *who,
+                             const struct peer_pendulum *peer, size_t n, size_t k,
+                             const struct pendulum_row *row, double energy, double constraint)
 {
     char distance[64] = "-|-";
 
@@ -19,7 +20,7 @@ static void put_row(struct report *report, const char *who, const struct peer_pe
                distance);
 }
 
-static void put_table(struct report *report, const struct pendulum_table *table)
+static void pendulum_put_table(struct report *report, const struct pendulum_table *table)
 {
     const struct peer_pendulum *absolute = table->absolute;
     char who[96];
@@ -31,20 +32,20 @@ static void put_table(struct report *report, const struct pendulum_table *table)
                  "constraint error|paper's constraint error");
     for (size_t n = 0; n < 2; n++) {
         for (size_t k = 0; k < table->nstep; k++) {
-            put_row(report, "coman-hil (paper: Robotran)", &pendulum_ours, n, k, &table->ours[n][k],
-                    pendulum_paper[n][k].robotran_energy, 0.0);
+            pendulum_put_row(report, "coman-hil (paper: Robotran)", &pendulum_ours, n, k,
+                             &table->ours[n][k], pendulum_paper[n][k].robotran_energy, 0.0);
         }
     }
     for (size_t n = 0; absolute && n < 2; n++) {
         snprintf(who, sizeof who, "%s %s (paper: ODE)", absolute->name, absolute->version);
         for (size_t k = 0; k < table->nstep; k++) {
-            put_row(report, who, absolute, n, k, &table->theirs[n][k],
-                    pendulum_paper[n][k].ode_energy, pendulum_paper[n][k].ode_constraint);
+            pendulum_put_row(report, who, absolute, n, k, &table->theirs[n][k],
+                             pendulum_paper[n][k].ode_energy, pendulum_paper[n][k].ode_constraint);
         }
     }
 }
 
-static void put_findings(struct report *report, const struct pendulum_table *table)
+static void pendulum_put_findings(struct report *report, const struct pendulum_table *table)
 {
     static const char *const names[2] = {"single", "double"};
 
@@ -79,14 +80,14 @@ static void put_table_1(struct paper *paper, const struct pendulum_table *table)
         "whole plant with Runge-Kutta 4, and in seven coordinates and six constraints a body "
         "with ODE's own integrator (constraint force mixing 1e-10, error reduction 0.2). The "
         "paper leaves out the second body's mass: 2, for no other lets both bodies turn as one.");
-    put_table(report, table);
-    put_findings(report, table);
+    pendulum_put_table(report, table);
+    pendulum_put_findings(report, table);
     if (table->nstep < PENDULUM_STEPS) {
         report_text(report, "The step %g was left out of this quick run.",
                     pendulum_step_sizes[PENDULUM_STEPS - 1]);
     }
     if (!table->absolute) {
-        report_text(report, "ODE was not at hand (libhil-peers.so), so its half of the table is "
+        report_text(report, "ODE was not available (libhil-peers.so), so its half of the table is "
                             "missing here.");
     }
     report_text(report, "The real-time factors of Table 1 are timings: see Speed.");
@@ -124,6 +125,7 @@ static void put_courses(struct report *report, const struct pendulum_course *cou
          .height = 380},
     };
 
+    /* The engines, and the analytic period across them */
     for (size_t i = 0; i < count; i++) {
         turns[i] = (struct svg_series){.name = course[i].peer->name,
                                        .x = course[i].end,

@@ -2,6 +2,7 @@
 /* Runs of rigs for the report, and what is computed from their recordings. */
 #include "app/bench/paper.h"
 
+#include "app/bench/timing.h"
 #include "model/spatial.h"
 #include "rig/find.h"
 #include "sim/simulator.h"
@@ -10,20 +11,11 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <time.h>
 #include <unistd.h>
 
 #define ARENA_BYTES ((size_t)512 << 20) /* of address space; pages cost nothing until touched */
 
 static const char recording[] = ".recording";
-
-static double cpu_s(void)
-{
-    struct timespec now;
-
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
-}
 
 enum error_code paper_rig_path(const char *name, char path[PATH_MAX], struct error *error)
 {
@@ -41,9 +33,10 @@ void paper_log_path(const struct paper *paper, char path[PATH_MAX])
     recorded_path(paper, "candump.log", path);
 }
 
-/* Runs to the task's end. */
-static enum error_code drive(struct simulator *simulator, const struct paper_order *order,
-                             struct paper_run *run, struct error *error)
+/* Runs to the end of the task, which must succeed. */
+static enum error_code paper_run_to_task_end(struct simulator *simulator,
+                                             const struct paper_order *order, struct paper_run *run,
+                                             struct error *error)
 {
     struct realtime_report report;
     struct recorder_counters counters;
@@ -56,9 +49,11 @@ static enum error_code drive(struct simulator *simulator, const struct paper_ord
     if (code) {
         return code;
     }
-    begin = cpu_s();
+
+    /* Timed without start and end */
+    begin = bench_cpu_s();
     end = simulator_run(simulator);
-    run->cpu_s = cpu_s() - begin;
+    run->cpu_s = bench_cpu_s() - begin;
     run->wall_s = 1e-9 * (double)(stats->end_ns - stats->start_ns);
     run->seconds = 1e-9 * (double)stats->time_ns;
     if (end == LOOP_END_MODEL) {
@@ -74,8 +69,9 @@ static enum error_code drive(struct simulator *simulator, const struct paper_ord
     return simulator_finish_recording(simulator, &counters, error);
 }
 
-static enum error_code simulate(const struct paper *paper, const struct paper_order *order,
-                                struct paper_run *run, struct error *error)
+static enum error_code paper_run_simulate(const struct paper *paper,
+                                          const struct paper_order *order, struct paper_run *run,
+                                          struct error *error)
 {
     char directory[PATH_MAX], notice[256];
     struct simulator_config config = {
@@ -99,7 +95,7 @@ static enum error_code simulate(const struct paper *paper, const struct paper_or
     if (code) {
         return code;
     }
-    code = drive(simulator, order, run, error);
+    code = paper_run_to_task_end(simulator, order, run, error);
     simulator_destroy(simulator);
     return code;
 }
@@ -142,7 +138,7 @@ enum error_code paper_run(const struct paper *paper, const struct paper_order *o
     if (order->one_cycle) {
         run->rig.squat.cycles = 1;
     }
-    code = simulate(paper, order, run, error);
+    code = paper_run_simulate(paper, order, run, error);
     if (!code && order->title) {
         code = read_signals(paper, order, run, error);
     }

@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Every timing of the paper: Fig. 4, the real-time factors of Table 1 and of section 6. */
+#include "app/bench/paper.h"
+
 #include "app/bench/dynamics.h"
 #include "app/bench/output.h"
-#include "app/bench/paper.h"
 #include "app/bench/pendulum.h"
+#include "app/bench/timing.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -16,7 +18,7 @@ enum { ROUNDS = 5, DYNAMICS_ROUNDS = 100, QUICK_DYNAMICS_ROUNDS = 5 };
 
 /* ---- the machine ---- */
 
-static void processor(char *name, size_t size)
+static void read_processor_name(char *name, size_t size)
 {
     FILE *file = fopen("/proc/cpuinfo", "r");
     char line[512];
@@ -42,7 +44,7 @@ static void put_machine(struct report *report)
     char name[128];
     double load[3] = {NAN, NAN, NAN};
 
-    processor(name, sizeof name);
+    read_processor_name(name, sizeof name);
     uname(&system);
     if (getloadavg(load, 3) < 1) {
         load[0] = NAN;
@@ -76,19 +78,6 @@ struct speed {
     double cpu[ROUNDS], wall[ROUNDS];
 };
 
-static int by_size(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
-static double median(double *value, size_t count)
-{
-    qsort(value, count, sizeof *value, by_size);
-    return value[count / 2];
-}
-
 static void put_settings(struct report *report, struct speed speed[PAPER_SPEEDS], size_t rounds)
 {
     report_table(
@@ -97,7 +86,7 @@ static void put_settings(struct report *report, struct speed speed[PAPER_SPEEDS]
         "inside the process.",
         "settings|rig|paper|here, CPU time|here, clock|times the paper's");
     for (size_t i = 0; i < PAPER_SPEEDS; i++) {
-        double cpu = median(speed[i].cpu, rounds), wall = median(speed[i].wall, rounds);
+        double cpu = bench_median(speed[i].cpu, rounds), wall = bench_median(speed[i].wall, rounds);
         char said[32] = "-", times[32] = "-";
 
         if (isfinite(settings[i].said)) {
@@ -152,6 +141,7 @@ static void put_dynamics_plot(struct report *report, const struct dynamics_bench
         .width = 640,
         .height = 420};
 
+    /* A series for each engine */
     for (size_t e = 0; e < bench->nengine; e++) {
         for (size_t s = 0; s < bench->nsize; s++) {
             x[s] = (double)bench->robot[s]->nv;
@@ -177,6 +167,7 @@ static void put_dynamics(struct report *report, const struct dynamics_bench *ben
 {
     size_t last = bench->nsize - 1, reference = dynamics_bench_reference(bench);
 
+    /* The figure, and a row for each engine with the whole robot */
     put_dynamics_plot(report, bench);
     report_table(
         report, "accelerations", "One evaluation of the whole robot's accelerations.",
@@ -191,8 +182,10 @@ static void put_dynamics(struct report *report, const struct dynamics_bench *ben
         report_row(report, "%s|%s|%.3f|%s|%.1e", bench->peer[e]->name, bench->peer[e]->version,
                    bench->cell[e][last].median, slope, bench->cell[e][last].difference);
     }
+
+    /* What the paper says of Simbody can only be compared beside it */
     if (reference == 0) {
-        report_text(report, "Simbody was not at hand (libhil-peers.so): ours only.");
+        report_text(report, "Simbody was not available (libhil-peers.so): ours only.");
         return;
     }
     report_finding(

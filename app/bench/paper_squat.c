@@ -14,7 +14,7 @@
 
 enum { TIME, KNEE_TORQUE, FOOT_RIGHT, FOOT_LEFT, BASE, JOINTS = BASE + 7 };
 
-/* What is made from the recording; all arrays as long as it. */
+/* Series from the recording; all arrays are as long as it. */
 struct squat {
     const struct rig *rig;
     size_t count;
@@ -38,7 +38,7 @@ static double hip_reference(const struct squat_config *squat, double top, double
     return -asin(b * sin(knee) / height);
 }
 
-static bool allocate(struct squat *squat, struct arena *arena)
+static bool squat_allocate_series(struct squat *squat, struct arena *arena)
 {
     double **array[] = {&squat->reference, &squat->hip,  &squat->knee,
                         &squat->height,    &squat->feet, &squat->newton};
@@ -53,7 +53,7 @@ static bool allocate(struct squat *squat, struct arena *arena)
 }
 
 /* Heights of base and center of mass, angles and forces of every row. */
-static bool derive(struct squat *squat, struct arena *arena)
+static bool squat_derive_series(struct squat *squat, struct arena *arena)
 {
     const struct robot *robot = squat->rig->robot;
     double(*place)[3] = arena_alloc(arena, robot->nbody, sizeof *place);
@@ -65,9 +65,11 @@ static bool derive(struct squat *squat, struct arena *arena)
     double bent = squat->rig->joint[knee], step = 1e-3 * ROW_MS, top;
     enum { HALF = 2 }; /* rows to either side of an acceleration */
 
-    if (!place || !turn || !q || !mass_height || !allocate(squat, arena)) {
+    if (!place || !turn || !q || !mass_height || !squat_allocate_series(squat, arena)) {
         return false;
     }
+
+    /* Kinematics of every row; the reference starts from the height of the bent legs */
     top = sqrt(task->thigh_m * task->thigh_m + task->shank_m * task->shank_m +
                2.0 * task->thigh_m * task->shank_m * cos(bent));
     for (size_t i = 0; i < squat->count; i++) {
@@ -87,6 +89,8 @@ static bool derive(struct squat *squat, struct arena *arena)
         squat->knee[i] = -squat->value[KNEE_TORQUE][i]; /* what straightens is positive */
         squat->feet[i] = squat->value[FOOT_RIGHT][i] + squat->value[FOOT_LEFT][i];
     }
+
+    /* m (g + a) from second differences of the center of mass */
     for (size_t i = 0; i < squat->count; i++) {
         squat->newton[i] = NAN;
         if (i >= HALF && i + HALF < squat->count) {
@@ -112,9 +116,9 @@ static const struct board_config *foot_board(const struct rig *rig)
     return NULL;
 }
 
-/* Takes the vertical forces out of the recorded frames. */
-static enum error_code read_board(struct squat *squat, const char *path, double begin,
-                                  struct arena *arena, struct error *error)
+/* Reads the vertical forces of the right foot's board from the recorded frames. */
+static enum error_code squat_read_force_board(struct squat *squat, const char *path, double begin,
+                                              struct arena *arena, struct error *error)
 {
     const struct board_config *board = foot_board(squat->rig);
     const char *bus = board ? squat->rig->bus[board->bus].interface : "";
@@ -136,6 +140,8 @@ static enum error_code read_board(struct squat *squat, const char *path, double 
     if (code) {
         return code;
     }
+
+    /* The forces are one message of this board, z in bytes 4 and 5 */
     while (!code && !end && squat->nboard < most) {
         code = candump_next(&reader, &frame, name, &end, error);
         if (!code && !end && frame.id == id && frame.len >= ICUB_STRAIN_LENGTH &&
@@ -166,8 +172,21 @@ static double rms_error(const struct squat *squat, const double *a, const double
     return sqrt(sum / (double)n);
 }
 
-static void put_figure(struct report *report, const struct squat *squat)
+static struct svg_plot squat_panel(const char *title, const char *label,
+                                   const struct svg_series *series, size_t nseries)
 {
+    return (struct svg_plot){.title = title,
+                             .x = {.label = "time since the first cycle began, s"},
+                             .y = {.label = label},
+                             .series = series,
+                             .nseries = nseries,
+                             .width = 560,
+                             .height = 360};
+}
+
+static void squat_put_figure(struct report *report, const struct squat *squat)
+{
+    /* The reference, and what the board sends, stand beside the simulation */
     const struct svg_series hip[] = {
         {.name = "simulated", .x = squat->time, .y = squat->hip, .count = squat->count},
         {.name = "reference",
@@ -191,37 +210,11 @@ static void put_figure(struct report *report, const struct squat *squat)
     };
     const struct svg_series height[] = {
         {.name = "waist", .x = squat->time, .y = squat->height, .count = squat->count}};
-    const struct svg_axis time = {.label = "time since the first cycle began, s"};
-    struct svg_axis force = {.label = "vertical force, N"};
     const struct svg_plot panels[] = {
-        {.title = "Height of the waist",
-         .x = time,
-         .y = {.label = "height, m"},
-         .series = height,
-         .nseries = 1,
-         .width = 560,
-         .height = 360},
-        {.title = "Hip pitch, right",
-         .x = time,
-         .y = {.label = "angle, rad"},
-         .series = hip,
-         .nseries = 2,
-         .width = 560,
-         .height = 360},
-        {.title = "Right foot, vertical force",
-         .x = time,
-         .y = force,
-         .series = foot,
-         .nseries = 2,
-         .width = 560,
-         .height = 360},
-        {.title = "Knee torque",
-         .x = time,
-         .y = {.label = "torque that straightens the knee, N m"},
-         .series = knee,
-         .nseries = 1,
-         .width = 560,
-         .height = 360},
+        squat_panel("Height of the waist", "height, m", height, 1),
+        squat_panel("Hip pitch, right", "angle, rad", hip, 2),
+        squat_panel("Right foot, vertical force", "vertical force, N", foot, 2),
+        squat_panel("Knee torque", "torque that straightens the knee, N m", knee, 1),
     };
 
     report_figure(
@@ -233,7 +226,7 @@ static void put_figure(struct report *report, const struct squat *squat)
         panels, 4);
 }
 
-static void put_findings(struct report *report, const struct squat *squat)
+static void squat_put_findings(struct report *report, const struct squat *squat)
 {
     const struct squat_config *task = &squat->rig->squat;
     const struct robot *robot = squat->rig->robot;
@@ -244,6 +237,7 @@ static void put_findings(struct report *report, const struct squat *squat)
     double board =
         paper_mean(squat->board_time, squat->board_force, squat->nboard, end + 0.3, last);
 
+    /* The motion */
     report_finding(report, true, "depth of the squat, mm|300|%.1f|",
                    1e3 * (paper_mean(t, squat->height, n, -0.3, 0.0) -
                           paper_smallest(t, squat->height, n, 0.0, end)));
@@ -252,6 +246,8 @@ static void put_findings(struct report *report, const struct squat *squat)
     report_finding(report, true,
                    "hip, error against its reference, mrad RMS|\"properly tracks\"|%.1f|",
                    1e3 * rms_error(squat, squat->hip, squat->reference, 0.0, end));
+
+    /* Torque and forces, against statics and Newton's law */
     report_finding(
         report, true,
         "knee torque, N m|plotted only|%.1f to %.1f|Standing upright, and at the bottom. It "
@@ -267,6 +263,8 @@ static void put_findings(struct report *report, const struct squat *squat)
         "feet's force moves between %.1f and %.1f N.",
         rms_error(squat, squat->feet, squat->newton, 0.5, end),
         paper_smallest(t, squat->feet, n, 0.0, end), paper_largest(t, squat->feet, n, 0.0, end));
+
+    /* The sensor, and the start */
     report_finding(
         report, false,
         "right foot's F/T board, standing, N|plotted only|%.1f|The ground pushes with %.1f N; "
@@ -282,7 +280,8 @@ static void put_findings(struct report *report, const struct squat *squat)
     report_compared(report);
 }
 
-static enum error_code put_squat(struct paper *paper, struct paper_run *run, struct error *error)
+static enum error_code squat_put_section(struct paper *paper, struct paper_run *run,
+                                         struct error *error)
 {
     const struct squat_config *task = &run->rig.squat;
     struct squat squat = {.rig = &run->rig,
@@ -301,13 +300,13 @@ static enum error_code put_squat(struct paper *paper, struct paper_run *run, str
         squat.time[i] -= begin;
     }
     paper_log_path(paper, path);
-    code = read_board(&squat, path, begin, &arena, error);
-    if (!code && !derive(&squat, &arena)) {
+    code = squat_read_force_board(&squat, path, begin, &arena, error);
+    if (!code && !squat_derive_series(&squat, &arena)) {
         code = error_set(error, ERROR_MEMORY, "no memory for the squat's figures");
     }
     if (!code) {
-        put_figure(&paper->report, &squat);
-        put_findings(&paper->report, &squat);
+        squat_put_figure(&paper->report, &squat);
+        squat_put_findings(&paper->report, &squat);
     }
     arena_fini(&arena);
     return code;
@@ -338,7 +337,7 @@ enum error_code paper_squat(struct paper *paper, struct error *error)
     paper_progress(paper, "WALK-MAN squats");
     code = paper_run(paper, &order, &run, error);
     if (!code) {
-        code = put_squat(paper, &run, error);
+        code = squat_put_section(paper, &run, error);
     }
     paper_run_end(paper, &run);
     return code;

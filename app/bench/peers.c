@@ -9,7 +9,8 @@
 #include <unistd.h>
 
 /* Opens path into library->handle. */
-static enum error_code load(const char *path, struct peers_library *library, struct error *error)
+static enum error_code peers_load_module(const char *path, struct peers_library *library,
+                                         struct error *error)
 {
     const struct peers *(*entry)(void);
     void *symbol;
@@ -55,7 +56,7 @@ enum error_code peers_open(const char *path, struct peers_library *library, stru
 
     *library = (struct peers_library){0};
     if (path) {
-        return load(path, library, error);
+        return peers_load_module(path, library, error);
     }
     code = program_folder(folder, error);
     if (code) {
@@ -64,12 +65,11 @@ enum error_code peers_open(const char *path, struct peers_library *library, stru
     for (size_t i = 0; i < sizeof places / sizeof places[0]; i++) {
         snprintf(file, sizeof file, "%s%s/" PEERS_FILE, folder, places[i]);
         if (access(file, F_OK) == 0) {
-            return load(file, library, error);
+            return peers_load_module(file, library, error);
         }
     }
     return error_set(error, ERROR_UNSUPPORTED,
-                     "found no " PEERS_FILE
-                     " in %s or %s/tests: it is built with the tests where "
+                     "found no " PEERS_FILE " in %s or %s/tests: it is built with the tests where "
                      "libsimbody-dev, libmujoco-dev or libode-dev is installed",
                      folder, folder);
 }

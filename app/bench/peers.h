@@ -43,7 +43,8 @@ struct peer_chain {
     double speed;               /* of both bodies at the start, when they hang straight down */
 };
 
-/* The angle is 0 when the body hangs and grows with the turn about y; it may be off by whole turns. */
+/* The angle is 0 when the body hangs and grows with rotation about y; it may be off by whole
+ * turns. */
 struct peer_chain_body {
     double x, z, vx, vz; /* of the center of mass; the first axis is at the origin */
     double angle, rate;
@@ -74,8 +75,8 @@ struct peers_library {
     const struct peers *peers;
 };
 
-/* Loads the module at path, or with path NULL the one that lies beside the program or where the build
- * puts it, in tests/ from there. Without one ERROR_UNSUPPORTED. */
+/* Loads the module at path, or with path NULL the one beside the program or in tests/ there, where
+ * the build puts it. ERROR_UNSUPPORTED without one. */
 enum error_code peers_open(const char *path, struct peers_library *library, struct error *error);
 
 /* Nothing of the module may be in use. Safe on a zeroed library. */

@@ -1,34 +1,28 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * coman-hil-bench pendulum: a single and a double pendulum in relative coordinates (ours, Runge-Kutta
- * 4 through the whole plant) and in absolute ones with constraints (another simulator), as in the
- * paper's section 3.1: its Table 1 and Fig. 3.
+ * A single and a double pendulum in relative coordinates (ours, Runge-Kutta 4 through the whole
+ * plant) and in absolute ones with constraints (another simulator), as in the paper's section 3.1.
  *
- * Dimensionless: gravity, first mass and its distance from the axis are 1, both bodies' inertias 5.5
- * and 2, the second axis 2 from the first, the second center of mass 2.5 from that. The paper leaves
- * out the second mass; bodies that are to stay in line must be asked for the same acceleration by
- * both equations of motion,
+ * Dimensionless: gravity, first mass and its distance from the axis are 1, both bodies' inertias
+ * 5.5 and 2, the second axis 2 from the first, the second center of mass 2.5 from that. The paper
+ * leaves out the second mass; bodies that are to stay in line must be asked for the same
+ * acceleration by both equations of motion,
  *     first:   (5.5 + 1 + 4 m2 + 5 m2) a'' = -(1 + 2 m2) sin a
  *     second:       (2 + 6.25 m2 + 5 m2) a'' = -2.5 m2 sin a
  * which only m2 = 2 does, with a'' = -(5/24.5) sin a. Started at speed w0 = 2.1 they turn over with
  * the period 4 K(m)/w0, m = 4 (5/24.5)/w0^2, K the complete elliptic integral of the first kind.
  */
-#include "app/bench/output.h"
 #include "app/bench/pendulum.h"
-#include "app/bench/benchmarks.h"
-#include "app/report/report_file.h"
-#include "base/options.h"
-#include "app/report/svg.h"
 
+#include "app/bench/output.h"
+#include "app/bench/timing.h"
 #include "model/plant.h"
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
-#include <time.h>
 
 #define START_SPEED 2.1
-#define TIMED_S 0.2 /* short runs are timed again and again for as long */
+#define TIMED_S 0.2 /* short runs are timed repeatedly for so long */
 
 enum { TIMED_MAX = 51, CHECKS_MAX = 1000000, SAMPLE = 10 };
 
@@ -72,7 +66,7 @@ struct ours {
     double *state; /* angles of the joints, then their rates */
 };
 
-static void describe(struct ours *ours)
+static void pendulum_describe_robot(struct ours *ours)
 {
     static const struct robot_joint hinge = {
         .type = JOINT_REVOLUTE,
@@ -93,6 +87,7 @@ static void describe(struct ours *ours)
                                  .joint = ours->joint,
                                  .imu_frame = -1};
     ours->body[0] = (struct robot_body){.name = "base", .parent = -1};
+    /* A hinge and a body for each of the chain, after a base that does not move */
     for (size_t b = 0; b < chain->count; b++) {
         double I = chain->inertia[b];
 
@@ -117,7 +112,7 @@ static void ours_destroy(void *engine)
     free(ours);
 }
 
-static enum error_code build(struct ours *ours, double dt, struct error *error)
+static enum error_code pendulum_build_plant(struct ours *ours, double dt, struct error *error)
 {
     static const double hanging[2];
     struct plant_config config = {.robot = &ours->robot,
@@ -128,7 +123,7 @@ static enum error_code build(struct ours *ours, double dt, struct error *error)
     enum error_code code = arena_init(&ours->arena, (size_t)1 << 22, error);
     size_t count;
 
-    describe(ours);
+    pendulum_describe_robot(ours);
     if (code || (code = robot_finish(&ours->robot, error)) ||
         (code = dynamics_generic(&ours->robot, &ours->arena, &ours->dynamics, error)) ||
         (code = plant_create(&config, &ours->arena, &ours->plant, error))) {
@@ -148,7 +143,7 @@ static void *ours_create(const struct peer_chain *chain, double dt, char *messag
     if (ours) {
         ours->chain = chain;
     }
-    if (!ours || build(ours, dt, &error)) {
+    if (!ours || pendulum_build_plant(ours, dt, &error)) {
         snprintf(message, size, "%s", error.text);
         if (ours) {
             ours_destroy(ours);
@@ -158,7 +153,7 @@ static void *ours_create(const struct peer_chain *chain, double dt, char *messag
     return ours;
 }
 
-/* Without contact nothing in it can fail. */
+/* Without contact no step can fail. */
 static void ours_step(void *engine, size_t steps)
 {
     plant_step(((struct ours *)engine)->plant, steps);
@@ -221,16 +216,9 @@ static double constraint_error(const struct peer_chain *chain, const struct peer
     return worst;
 }
 
-static double cpu_s(void)
-{
-    struct timespec now;
-
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
-}
-
-static enum error_code create(const struct peer_pendulum *peer, const struct peer_chain *chain,
-                              double dt, void **engine, struct error *error)
+static enum error_code pendulum_create_engine(const struct peer_pendulum *peer,
+                                              const struct peer_chain *chain, double dt,
+                                              void **engine, struct error *error)
 {
     char message[512];
 
@@ -240,16 +228,10 @@ static enum error_code create(const struct peer_pendulum *peer, const struct pee
                                "%s: %s", peer->name, message);
 }
 
-static int by_size(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* Median CPU time of a run with nothing but steps. */
-static enum error_code time_run(const struct peer_pendulum *peer, const struct peer_chain *chain,
-                                double dt, double *seconds, struct error *error)
+static enum error_code pendulum_time_run(const struct peer_pendulum *peer,
+                                         const struct peer_chain *chain, double dt, double *seconds,
+                                         struct error *error)
 {
     double spent[TIMED_MAX], sum = 0.0;
     size_t n = 0;
@@ -257,31 +239,31 @@ static enum error_code time_run(const struct peer_pendulum *peer, const struct p
     while (n == 0 || (n < TIMED_MAX && sum < TIMED_S)) {
         void *engine;
         double start;
-        enum error_code code = create(peer, chain, dt, &engine, error);
+        enum error_code code = pendulum_create_engine(peer, chain, dt, &engine, error);
 
         if (code) {
             return code;
         }
-        start = cpu_s();
+        start = bench_cpu_s();
         peer->step(engine, (size_t)llround(PENDULUM_TABLE_UNITS / dt));
-        spent[n] = cpu_s() - start;
+        spent[n] = bench_cpu_s() - start;
         sum += spent[n++];
         peer->destroy(engine);
     }
-    qsort(spent, n, sizeof *spent, by_size);
-    *seconds = spent[n / 2];
+    *seconds = bench_median(spent, n);
     return ERROR_NONE;
 }
 
-static enum error_code measure_row(const struct peer_pendulum *peer, const struct peer_chain *chain,
-                                   double dt, struct pendulum_row *row, struct error *error)
+static enum error_code pendulum_measure_row(const struct peer_pendulum *peer,
+                                            const struct peer_chain *chain, double dt,
+                                            struct pendulum_row *row, struct error *error)
 {
     size_t steps = (size_t)llround(PENDULUM_TABLE_UNITS / dt);
     size_t stride = steps > CHECKS_MAX ? steps / CHECKS_MAX : 1;
     struct peer_chain_body body[2];
     double start, seconds;
     void *engine;
-    enum error_code code = create(peer, chain, dt, &engine, error);
+    enum error_code code = pendulum_create_engine(peer, chain, dt, &engine, error);
 
     if (code) {
         return code;
@@ -289,6 +271,8 @@ static enum error_code measure_row(const struct peer_pendulum *peer, const struc
     *row = (struct pendulum_row){0};
     peer->get(engine, body);
     start = energy_of(chain, body);
+
+    /* The largest errors at up to CHECKS_MAX moments; the speed in a run without these checks */
     for (size_t k = 0; k < steps; k += stride) {
         double energy;
 
@@ -299,7 +283,7 @@ static enum error_code measure_row(const struct peer_pendulum *peer, const struc
         row->constraint = fmax(row->constraint, constraint_error(chain, body));
     }
     peer->destroy(engine);
-    code = time_run(peer, chain, dt, &seconds, error);
+    code = pendulum_time_run(peer, chain, dt, &seconds, error);
     if (!code) {
         row->rtf = PENDULUM_TABLE_UNITS / seconds;
     }
@@ -315,113 +299,16 @@ enum error_code pendulum_measure_table(struct pendulum_table *table, struct erro
 
     for (size_t n = 0; n < 2; n++) {
         for (size_t k = 0; !code && k < table->nstep; k++) {
-            code = measure_row(&pendulum_ours, &chain_of[n], pendulum_step_sizes[k],
-                               &table->ours[n][k], error);
+            code = pendulum_measure_row(&pendulum_ours, &chain_of[n], pendulum_step_sizes[k],
+                                        &table->ours[n][k], error);
             if (!code && table->absolute) {
-                code = measure_row(table->absolute, &chain_of[n], pendulum_step_sizes[k],
-                                   &table->theirs[n][k], error);
+                code = pendulum_measure_row(table->absolute, &chain_of[n], pendulum_step_sizes[k],
+                                            &table->theirs[n][k], error);
             }
             bench_progress("pendulum, table", ++done, all);
         }
     }
     return code;
-}
-
-/* A measured figure and the paper's. */
-static void put_error(double value, double said)
-{
-    char text[64];
-
-    snprintf(text, sizeof text, "%.1e [%.0e]", value, said);
-    printf(" %-18s", text);
-}
-
-static void put_factor(double value, double said)
-{
-    char text[64];
-
-    snprintf(text, sizeof text, "%.*f [%g]", value < 10.0 ? 2 : 0, value, said);
-    printf(" %-18s", text);
-}
-
-static void print_row(const struct pendulum_table *table, size_t n, size_t k)
-{
-    const struct pendulum_row *us = &table->ours[n][k], *them = &table->theirs[n][k];
-    const struct peer_pendulum *absolute = table->absolute;
-    const struct pendulum_paper_row *said = &pendulum_paper[n][k];
-
-    printf("%-7zu%-6.0e| %2zu %3zu", n + 1, pendulum_step_sizes[k],
-           (n + 1) * pendulum_ours.coordinates, (n + 1) * pendulum_ours.constraints);
-    put_error(us->energy, said->robotran_energy);
-    put_factor(us->rtf, said->robotran_rtf);
-    if (absolute) {
-        printf("| %2zu %3zu", (n + 1) * absolute->coordinates, (n + 1) * absolute->constraints);
-        put_error(them->energy, said->ode_energy);
-        put_error(them->constraint, said->ode_constraint);
-        put_factor(them->rtf, said->ode_rtf);
-    }
-    printf("\n");
-}
-
-static void print_table(const struct pendulum_table *table)
-{
-    const struct peer_pendulum *absolute = table->absolute;
-    char title[64];
-
-    printf(
-        "Over %g time units: energy error, the largest |E(t) - E(0)| / E(t); constraint error, the "
-        "largest relative\nerror of the distance from center of mass to axis; RTF, simulated time "
-        "over CPU time. In brackets: the paper's.\n\n",
-        PENDULUM_TABLE_UNITS);
-    printf("%-13s| %-44s", "", "coman-hil, Runge-Kutta 4 [Robotran]");
-    if (absolute) {
-        snprintf(title, sizeof title, "%s %s [ODE]", absolute->name, absolute->version);
-        printf("| %s", title);
-    }
-    printf("\n%-7s%-6s| #Q #AC %-18s %-18s", "bodies", "dt", "energy error", "RTF");
-    if (absolute) {
-        printf("| #Q #AC %-18s %-18s %-18s", "energy error", "constraint error", "RTF");
-    }
-    printf("\n");
-    for (size_t n = 0; n < 2; n++) {
-        for (size_t k = 0; k < table->nstep; k++) {
-            print_row(table, n, k);
-        }
-    }
-}
-
-static enum error_code write_rows(FILE *out, const struct peer_pendulum *peer, size_t nstep,
-                                  const struct pendulum_row rows[2][PENDULUM_STEPS])
-{
-    for (size_t n = 0; n < 2; n++) {
-        for (size_t k = 0; k < nstep; k++) {
-            const struct pendulum_row *row = &rows[n][k];
-
-            fprintf(out, "%s,%s,%zu,%g,%zu,%zu,%.3e,%.3e,%.4g\n", peer->name, peer->version, n + 1,
-                    pendulum_step_sizes[k], (n + 1) * peer->coordinates,
-                    (n + 1) * peer->constraints, row->energy, row->constraint, row->rtf);
-        }
-    }
-    return ERROR_NONE;
-}
-
-static enum error_code write_table(const struct pendulum_table *table, const char *folder,
-                                   struct error *error)
-{
-    static const char name[] = "pendulum-table.csv";
-    FILE *out;
-    enum error_code code = report_file_open(folder, name, &out, error);
-
-    if (code) {
-        return code;
-    }
-    fprintf(out, "engine,version,bodies,dt,coordinates,constraints,energy_error,constraint_error,"
-                 "real_time_factor\n");
-    write_rows(out, &pendulum_ours, table->nstep, table->ours);
-    if (table->absolute) {
-        write_rows(out, table->absolute, table->nstep, table->theirs);
-    }
-    return report_file_close(out, name, ERROR_NONE, error);
 }
 
 /* ---- Fig. 3 ---- */
@@ -442,7 +329,7 @@ double pendulum_analytic_period(void)
 
 /* Part of the step at which the angle passes goal: Newton on the cubic that fits angles and rates
  * (angle, rate) at both ends. */
-static double passing(const double before[2], const double after[2], double goal)
+static double turn_end_fraction(const double before[2], const double after[2], double goal)
 {
     double s = (goal - before[0]) / (after[0] - before[0]);
 
@@ -482,10 +369,12 @@ enum error_code pendulum_run_course(const struct peer_pendulum *peer,
     if (!course->time || !course->height) {
         return error_set(error, ERROR_MEMORY, "no memory for %zu samples", steps / SAMPLE);
     }
-    code = create(peer, &chain_of[1], PENDULUM_PERIOD_STEP, &engine, error);
+    code = pendulum_create_engine(peer, &chain_of[1], PENDULUM_PERIOD_STEP, &engine, error);
     if (code) {
         return code;
     }
+
+    /* Every step: the angle without jumps, and the end of a turn between two steps */
     peer->get(engine, body);
     after[0] = body[0].angle;
     for (size_t k = 0; k < steps; k++) {
@@ -499,11 +388,12 @@ enum error_code pendulum_run_course(const struct peer_pendulum *peer,
         before[1] = body[0].rate;
         peer->step(engine, 1);
         peer->get(engine, body);
-        /* the angle goes on where the engine's own may jump by a turn */
+        /* The angle is continuous, although that of the engine may jump by a turn */
         after[0] = before[0] + remainder(body[0].angle - before[0], 2.0 * M_PI);
         after[1] = body[0].rate;
         if (after[0] >= goal) {
-            end_turn(course, PENDULUM_PERIOD_STEP * ((double)k + passing(before, after, goal)));
+            end_turn(course,
+                     PENDULUM_PERIOD_STEP * ((double)k + turn_end_fraction(before, after, goal)));
         }
     }
     peer->destroy(engine);
@@ -530,193 +420,4 @@ double pendulum_antiphase_at(const struct pendulum_course *a, const struct pendu
         }
     }
     return NAN;
-}
-
-static void print_course(const struct pendulum_course *course, double period)
-{
-    double worst = 0.0;
-
-    for (size_t i = 0; i < course->nturn; i++) {
-        worst = fmax(worst, fabs(course->period[i] - period));
-    }
-    printf("  %-10s%4zu turns, period %.10f at first, %.10f at last, largest error %.1e\n",
-           course->peer->name, course->nturn, course->period[0], course->period[course->nturn - 1],
-           worst);
-}
-
-static void print_courses(const struct pendulum_course *course, size_t count)
-{
-    double period = pendulum_analytic_period();
-
-    printf("\nSynchronous double pendulum over %g time units, dt = %g; analytic period %.14f [the "
-           "paper's 3.15]\n",
-           PENDULUM_PERIOD_UNITS, PENDULUM_PERIOD_STEP, period);
-    for (size_t i = 0; i < count; i++) {
-        print_course(&course[i], period);
-    }
-    printf("  [Robotran: within 5e-9 of the analytic period; ODE: growing about linearly]\n");
-    if (count > 1) {
-        printf("  heights of the first center of mass differ by half of their range at %.1f "
-               "[80], turning in antiphase from %.1f [124]\n",
-               pendulum_apart_at(&course[0], &course[1], 1.0),
-               pendulum_antiphase_at(&course[0], &course[1], period));
-    }
-}
-
-static enum error_code write_periods(const struct pendulum_course *course, size_t count,
-                                     const char *folder, struct error *error)
-{
-    static const char name[] = "pendulum-period.csv", plot_name[] = "pendulum-period.svg";
-    const double period = pendulum_analytic_period(), ends[2] = {0.0, PENDULUM_PERIOD_UNITS},
-                 flat[2] = {period, period};
-    struct svg_series series[3] = {
-        {.name = "analytic", .x = ends, .y = flat, .count = 2, .style = SVG_DASHED}};
-    const struct svg_plot plot = {.title = "Synchronous double pendulum, dt = 0.01",
-                                  .x = {.label = "time"},
-                                  .y = {.label = "period of one turn"},
-                                  .series = series,
-                                  .nseries = count + 1};
-    FILE *out;
-    enum error_code code = report_file_open(folder, name, &out, error);
-
-    if (code) {
-        return code;
-    }
-    fprintf(out, "engine,turn,time,period,error\n");
-    for (size_t i = 0; i < count; i++) {
-        const struct pendulum_course *c = &course[i];
-
-        for (size_t k = 0; k < c->nturn; k++) {
-            fprintf(out, "%s,%zu,%.9f,%.12f,%.3e\n", c->peer->name, k + 1, c->end[k], c->period[k],
-                    c->period[k] - period);
-        }
-        series[i + 1] = (struct svg_series){
-            .name = c->peer->name, .x = c->end, .y = c->period, .count = c->nturn};
-    }
-    code = report_file_close(out, name, ERROR_NONE, error);
-    if (!code) {
-        code = report_file_open(folder, plot_name, &out, error);
-    }
-    return code ? code : report_file_close(out, plot_name, svg_write(&plot, out, error), error);
-}
-
-static enum error_code write_heights(const struct pendulum_course *course, size_t count,
-                                     const char *folder, struct error *error)
-{
-    static const char name[] = "pendulum-height.csv", plot_name[] = "pendulum-height.svg";
-    struct svg_series series[2];
-    /* as far as the paper's figure tells of: antiphase at 124 */
-    const struct svg_plot plot = {.title = "Synchronous double pendulum, dt = 0.01",
-                                  .x = {.label = "time", .fixed = true, .min = 0.0, .max = 130.0},
-                                  .y = {.label = "height of the first center of mass"},
-                                  .series = series,
-                                  .nseries = count,
-                                  .width = 1200};
-    FILE *out;
-    enum error_code code = report_file_open(folder, name, &out, error);
-
-    if (code) {
-        return code;
-    }
-    fprintf(out, "engine,time,height\n");
-    for (size_t i = 0; i < count; i++) {
-        const struct pendulum_course *c = &course[i];
-
-        for (size_t k = 0; k < c->nsample; k++) {
-            fprintf(out, "%s,%.2f,%.9f\n", c->peer->name, c->time[k], c->height[k]);
-        }
-        series[i] = (struct svg_series){.name = c->peer->name,
-                                        .x = c->time,
-                                        .y = c->height,
-                                        .count = c->nsample,
-                                        .style = i ? SVG_DASHED : SVG_LINE};
-    }
-    code = report_file_close(out, name, ERROR_NONE, error);
-    if (!code) {
-        code = report_file_open(folder, plot_name, &out, error);
-    }
-    return code ? code : report_file_close(out, plot_name, svg_write(&plot, out, error), error);
-}
-
-static enum error_code run_bench(struct pendulum_table *table, const char *folder,
-                                 struct arena *arena, struct error *error)
-{
-    struct pendulum_course course[2];
-    size_t count = table->absolute ? 2 : 1;
-    enum error_code code = pendulum_measure_table(table, error);
-
-    if (!code) {
-        print_table(table);
-        code = pendulum_run_course(&pendulum_ours, &course[0], arena, error);
-    }
-    if (!code && table->absolute) {
-        code = pendulum_run_course(table->absolute, &course[1], arena, error);
-    }
-    if (code) {
-        return code;
-    }
-    print_courses(course, count);
-    if (!folder) {
-        return ERROR_NONE;
-    }
-    if ((code = write_table(table, folder, error)) ||
-        (code = write_periods(course, count, folder, error))) {
-        return code;
-    }
-    return write_heights(course, count, folder, error);
-}
-
-int bench_pendulum(int argc, char **argv)
-{
-    static const char *folder, *module;
-    static bool quick;
-    static const struct option_spec options[] = {
-        {.name = "--quick",
-         .type = OPTION_FLAG,
-         .help = "leave out the step size 1e-6, which takes nearly all of the time",
-         .value = &quick},
-        BENCH_OUT_OPTION(&folder, "pendulum-table.csv, pendulum-period.csv and .svg, and "
-                                  "pendulum-height.csv and .svg"),
-        BENCH_PEERS_OPTION(&module),
-    };
-    static const struct command_spec spec = {
-        .program = "coman-hil-bench",
-        .name = "pendulum",
-        .summary = "A single and a double pendulum in relative and in absolute coordinates, the "
-                   "paper's Table 1 and Fig. 3.",
-        .option = options,
-        .noption = sizeof options / sizeof options[0],
-        .manual =
-            "Ours are integrated by Runge-Kutta 4 through the whole plant, in one coordinate a "
-            "body. "
-            "The other engine is ODE: seven coordinates and six constraints a body, its own "
-            "integrator (dWorldStep), constraint force mixing 1e-10, error reduction 0.2. All is "
-            "dimensionless. The paper leaves out the second pendulum's mass: with 2, and no other, "
-            "both bodies of its example stay in line for ever.\n"
-            "\n" BENCH_PEERS_MANUAL,
-    };
-    static struct pendulum_table table;
-    struct peers_library library;
-    struct arena arena;
-    struct error error;
-    enum error_code code;
-    int status;
-
-    if (!options_read(&spec, argc, argv, &status)) {
-        return status;
-    }
-    code = bench_peers(module, "ours only", &library, &error);
-    if (!code) {
-        code = arena_init(&arena, (size_t)1 << 24, &error);
-    }
-    if (!code) {
-        bool other = library.peers && library.peers->npendulum;
-
-        table = (struct pendulum_table){.absolute = other ? &library.peers->pendulum[0] : NULL,
-                                        .nstep = quick ? PENDULUM_STEPS - 1 : PENDULUM_STEPS};
-        code = run_bench(&table, folder, &arena, &error);
-        arena_fini(&arena);
-    }
-    peers_close(&library);
-    return code ? command_fail(spec.name, &error) : STATUS_OK;
 }

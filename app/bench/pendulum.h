@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A single and a double pendulum in relative and in absolute coordinates: what coman-hil-bench pendulum
- * and bench paper measure. Not RT-safe.
+ * A single and a double pendulum in relative and in absolute coordinates: what the benchmarks
+ * pendulum and paper measure. Not RT-safe.
  */
 #ifndef APP_BENCH_PENDULUM_H
 #define APP_BENCH_PENDULUM_H
 
-#include "base/arena.h"
 #include "app/bench/peers.h"
+#include "base/arena.h"
 
 enum { PENDULUM_STEPS = 3, PENDULUM_TURNS_MAX = 256 };
 

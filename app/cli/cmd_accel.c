@@ -5,44 +5,26 @@
  */
 #include "app/cli/commands.h"
 
+#include "app/cli/rig_command.h"
 #include "base/arena.h"
+#include "base/count.h"
+#include "base/options.h"
 #include "base/text.h"
+#include "manual/accel.h"
 #include "model/symbolic/builtin.h"
 #include "sim/module_cache.h"
-#include "base/options.h"
 
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-enum { ARENA_SIZE = 64 << 20, NUMBER_SIZE = 512, SHOWN = 40 };
+enum { NUMBER_SIZE = 512, SHOWN = 40 };
 
-/* A quaternion of an honest state is a unit one up to the digits that were printed. */
+/* A quaternion that somebody printed has length 1 up to the digits that were printed. */
 #define QUATERNION_TOLERANCE 1e-3
 
-static const char manual[] =
-    "Every line of standard input is one state, numbers separated by blanks: q, v, tau. Every such "
-    "line gives one line of output: the accelerations, in the order of v, with 17 digits, as soon "
-    "as the line is read. Blank lines and lines that begin with # are skipped. --list prints "
-    "the names of q, v and tau of the robot in this order, one a line with its unit.\n"
-    "\n"
-    "q: with a floating base its position x y z in the world (m) and its quaternion w x y z (body "
-    "to world), then the joint positions (rad or m) in the order of the robot file. The "
-    "quaternion's length must be 1 within 0.001; it is then made 1.\n"
-    "v: with a floating base the linear velocity of its origin (m/s) and its angular velocity "
-    "(rad/s), both in the base's frame, then the joint rates.\n"
-    "tau: torque of each joint (N m; N for a sliding joint).\n"
-    "\n"
-    "Accelerations are the time derivatives of the numbers in v: the base's linear part is the "
-    "derivative of the components in the moving frame (add angular x linear velocity for the "
-    "acceleration that a point of the base feels). Gravity acts; nothing touches the robot. Drives "
-    "and springs take no part.\n"
-    "\n"
-    "A line that is not as described ends the command with status 2 and a message that names line "
-    "and column.";
-
-/* One number after the other from a stream, with the place of each. Lines of any length. */
+/* Reads one number after the other from a stream, with the place of each. Lines of any length. */
 struct reader {
     FILE *in;
     long line, column;           /* of the next character, from 1 */
@@ -60,7 +42,7 @@ static int next_char(struct reader *r)
     return c;
 }
 
-static void put_back(struct reader *r, int c)
+static void accel_put_back(struct reader *r, int c)
 {
     ungetc(c, r->in);
     r->column--;
@@ -87,16 +69,16 @@ static enum word next_word(struct reader *r)
     }
     for (; c != EOF && c != ' ' && c != '\t' && c != '\r' && c != '\n'; c = next_char(r)) {
         if (n + 1 < sizeof r->word) {
-            /* a zero byte would hide what follows it */
+            /* A zero byte would hide what follows it */
             r->word[n++] = c == '\0' ? '?' : (char)c;
         }
     }
-    put_back(r, c);
+    accel_put_back(r, c);
     r->word[n] = '\0';
     return WORD_NUMBER;
 }
 
-static void skip_line(struct reader *r)
+static void accel_skip_line(struct reader *r)
 {
     int c;
 
@@ -108,7 +90,7 @@ static void skip_line(struct reader *r)
 }
 
 /* What was found, printable and short. */
-static const char *shown(const char *word, char out[SHOWN + 4])
+static const char *accel_printable_word(const char *word, char out[SHOWN + 4])
 {
     size_t n = strlen(word);
 
@@ -120,7 +102,7 @@ static const char *shown(const char *word, char out[SHOWN + 4])
 }
 
 /* Name and unit of number i of a state. */
-static void describe(const struct robot *robot, size_t i, char *out, size_t size)
+static void accel_describe_number(const struct robot *robot, size_t i, char *out, size_t size)
 {
     static const char *const place[] = {"base position x (m)",   "base position y (m)",
                                         "base position z (m)",   "base quaternion w (1)",
@@ -163,7 +145,7 @@ static enum error_code bad_count(const struct reader *r, const struct robot *rob
     char found[64], expected[256], name[128];
 
     if (count < wanted) {
-        describe(robot, count, name, sizeof name);
+        accel_describe_number(robot, count, name, sizeof name);
         snprintf(found, sizeof found, "the end of the line after %zu number%s", count,
                  count == 1 ? "" : "s");
         snprintf(expected, sizeof expected, "%zu, next %s", wanted, name);
@@ -179,14 +161,15 @@ static enum error_code bad_number(const struct reader *r, const struct robot *ro
 {
     char word[SHOWN + 4], found[64], expected[256], name[128];
 
-    describe(robot, count, name, sizeof name);
-    snprintf(found, sizeof found, "\"%s\"", shown(r->word, word));
+    accel_describe_number(robot, count, name, sizeof name);
+    snprintf(found, sizeof found, "\"%s\"", accel_printable_word(r->word, word));
     snprintf(expected, sizeof expected, "a finite number: %s", name);
     return bad_input(r, found, expected, error);
 }
 
 /* Makes the quaternion that stands at this place a unit one. */
-static enum error_code normalize(double *quaternion, long line, long column, struct error *error)
+static enum error_code accel_normalize_quaternion(double *quaternion, long line, long column,
+                                                  struct error *error)
 {
     double length = hypot(hypot(quaternion[0], quaternion[1]), hypot(quaternion[2], quaternion[3]));
 
@@ -209,13 +192,15 @@ static enum error_code read_state(struct reader *r, const struct robot *robot, d
     size_t count = 0;
     enum word word;
 
+    /* Words up to the end of the first line that has a number; comments and blank lines are
+     * skipped */
     *found = false;
     while ((word = next_word(r)) == WORD_NUMBER || (word == WORD_LINE_END && count == 0)) {
         if (word == WORD_LINE_END) {
             continue;
         }
         if (count == 0 && r->word[0] == '#') {
-            skip_line(r);
+            accel_skip_line(r);
             continue;
         }
         if (count == wanted) {
@@ -230,6 +215,8 @@ static enum error_code read_state(struct reader *r, const struct robot *robot, d
     if (ferror(r->in)) {
         return error_set_errno(error, errno, "cannot read standard input");
     }
+
+    /* The end of the input, or a line that must be whole */
     if (count == 0) {
         return ERROR_NONE;
     }
@@ -237,8 +224,9 @@ static enum error_code read_state(struct reader *r, const struct robot *robot, d
         return bad_count(r, robot, count, wanted, error);
     }
     *found = true;
-    return robot->floating ? normalize(value + 3, r->word_line, quaternion_column, error)
-                           : ERROR_NONE;
+    return robot->floating
+               ? accel_normalize_quaternion(value + 3, r->word_line, quaternion_column, error)
+               : ERROR_NONE;
 }
 
 static enum error_code write_numbers(const double *value, size_t count, struct error *error)
@@ -252,8 +240,8 @@ static enum error_code write_numbers(const double *value, size_t count, struct e
     return ERROR_NONE;
 }
 
-static enum error_code answer(const struct dynamics *d, double *value, double *vdot,
-                              const struct reader *r, struct error *error)
+static enum error_code accel_answer_state(const struct dynamics *d, double *value, double *vdot,
+                                          const struct reader *r, struct error *error)
 {
     const struct robot *robot = d->robot;
 
@@ -274,7 +262,7 @@ static enum error_code list_numbers(const struct robot *robot, struct error *err
     char name[128];
 
     for (size_t i = 0; i < robot->nq + robot->nv + robot->njoint; i++) {
-        describe(robot, i, name, sizeof name);
+        accel_describe_number(robot, i, name, sizeof name);
         puts(name);
     }
     return fflush(stdout) == EOF ? error_set_errno(error, errno, "cannot write to standard output")
@@ -283,7 +271,7 @@ static enum error_code list_numbers(const struct robot *robot, struct error *err
 
 enum { GENERIC, GENERATED };
 
-/* library is to be closed after the last use */
+/* The library must be closed after the last use of the dynamics. */
 static enum error_code make_dynamics(const struct robot *robot, int implementation,
                                      struct arena *arena, struct dynamics *d,
                                      struct symbolic_library *library, struct error *error)
@@ -312,8 +300,8 @@ static enum error_code make_dynamics(const struct robot *robot, int implementati
     return dynamics_generated(robot, module, arena, d, error);
 }
 
-static enum error_code answer_all(const struct robot *robot, const struct dynamics *d,
-                                  struct arena *arena, struct error *error)
+static enum error_code accel_answer_all(const struct robot *robot, const struct dynamics *d,
+                                        struct arena *arena, struct error *error)
 {
     size_t wanted = robot->nq + robot->nv + robot->njoint;
     double *value = arena_alloc(arena, wanted, sizeof *value);
@@ -331,74 +319,69 @@ static enum error_code answer_all(const struct robot *robot, const struct dynami
         if (code || !found) {
             return code;
         }
-        code = answer(d, value, vdot, r, error);
+        code = accel_answer_state(d, value, vdot, r, error);
         if (code) {
             return code;
         }
     }
 }
 
+struct accel_options {
+    const char *robot, *variant;
+    bool list;
+    int implementation;
+};
+
+static enum error_code accel_run(const void *context, const struct robot *robot,
+                                 struct arena *arena, struct error *error)
+{
+    const struct accel_options *o = context;
+    struct symbolic_library library = {0};
+    struct dynamics d;
+    enum error_code code;
+
+    if (o->list) {
+        return list_numbers(robot, error);
+    }
+    code = make_dynamics(robot, o->implementation, arena, &d, &library, error);
+    if (!code) {
+        code = accel_answer_all(robot, &d, arena, error);
+    }
+    symbolic_close(&library);
+    return code;
+}
+
 int cmd_accel(int argc, char **argv)
 {
-    static const char *path, *variant;
-    static bool list;
-    static int implementation;
+    static struct accel_options o;
     static const struct option_word implementations[] = {
         {"generic", GENERIC}, {"generated", GENERATED}, {NULL, 0}};
     static const struct option_spec options[] = {
-        {.name = "--variant",
-         .type = OPTION_STRING,
-         .argument = "NAME",
-         .help = "a variant of the robot file instead of the robot itself",
-         .value = &variant},
-        {.name = "--implementation",
-         .type = OPTION_ENUM,
-         .argument = "NAME",
-         .help = "what computes: generic, the numeric articulated-body algorithm (default), or "
-                 "generated, "
-                 "the symbolic generator's code, which is compiled first where it is not built in",
-         .value = &implementation,
-         .words = implementations},
-        {.name = "--list",
-         .type = OPTION_FLAG,
-         .help = "print the names of the numbers of a line, one a line, and stop",
-         .value = &list},
+        {"--variant", OPTION_STRING, "NAME",
+         "a variant of the robot file instead of the robot itself", .value = &o.variant},
+        {"--implementation", OPTION_ENUM, "NAME",
+         "generic, the numeric articulated-body algorithm (default), or generated, the symbolic "
+         "generator's code, which is compiled first where it is not built in",
+         .value = &o.implementation, .words = implementations},
+        {"--list", OPTION_FLAG, NULL, "print the names of the numbers, one per line, and stop",
+         .value = &o.list},
     };
     static const struct operand_spec operands[] = {
-        {"ROBOT", "the robot file, for example config/robots/coman.yaml", true, &path}};
+        {"ROBOT", "the robot file, for example config/robots/coman.yaml", true, &o.robot}};
     static const struct command_spec spec = {
         .name = "accel",
-        .summary = "Accelerations of a robot from states on standard input.",
+        .summary = "Compute accelerations of a robot from states on standard input.",
         .option = options,
-        .noption = sizeof options / sizeof options[0],
+        .noption = ARRAY_COUNT(options),
         .operand = operands,
-        .noperand = 1,
-        .manual = manual,
+        .noperand = ARRAY_COUNT(operands),
+        .manual = MANUAL_ACCEL,
     };
-    struct symbolic_library library = {0};
-    const struct robot *robot;
-    struct dynamics d;
-    struct arena arena;
-    struct error error;
-    enum error_code code;
     int status;
 
+    /* States are read only when the robot is valid */
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
-    code = arena_init(&arena, ARENA_SIZE, &error);
-    if (!code) {
-        code = robot_load(path, variant, &arena, &robot, &error);
-    }
-    if (!code && list) {
-        code = list_numbers(robot, &error);
-    } else if (!code) {
-        code = make_dynamics(robot, implementation, &arena, &d, &library, &error);
-        if (!code) {
-            code = answer_all(robot, &d, &arena, &error);
-        }
-    }
-    symbolic_close(&library);
-    arena_fini(&arena);
-    return code ? command_fail("accel", &error) : STATUS_OK;
+    return robot_command("accel", o.robot, o.variant, &o, accel_run);
 }

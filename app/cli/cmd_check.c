@@ -1,18 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil check: what a rig or a robot file holds, or what is wrong with it. */
-#include "boards/board.h"
 #include "app/cli/commands.h"
-#include "base/options.h"
-#include "rig/rig.h"
+
 #include "app/cli/rig_command.h"
+#include "base/count.h"
+#include "base/options.h"
+#include "boards/board.h"
+#include "manual/check.h"
+#include "rig/rig.h"
 
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
 
-#define ARENA_BYTES ((size_t)1 << 30) /* of address space; pages cost nothing until touched */
-
-static void print_robot(const struct robot *robot, const char *variant)
+static void check_print_robot(const struct robot *robot, const char *variant)
 {
     size_t drives = 0;
 
@@ -29,7 +30,7 @@ static void print_robot(const struct robot *robot, const char *variant)
         robot->nframe, robot->nft, robot->imu_frame < 0 ? "no" : "one", robot->npose, robot->hash);
 }
 
-static void print_time(const struct rig *rig)
+static void check_print_time(const struct rig *rig)
 {
     static const char *const clocks[] = {"real", "lockstep", "free"};
     static const char *const integrators[] = {
@@ -51,7 +52,7 @@ static void print_time(const struct rig *rig)
            rig->supply_v, holds[rig->hold], rig->settle ? ", settled" : "");
 }
 
-static void print_running(const struct rig *rig)
+static void check_print_running(const struct rig *rig)
 {
     static const char *const overruns[] = {"skip", "slip", "stop"};
     const struct rig_realtime *rt = &rig->realtime;
@@ -77,7 +78,7 @@ static void print_free_bodies(const struct rig *rig)
     }
 }
 
-static void print_scene(const struct rig *rig)
+static void check_print_scene(const struct rig *rig)
 {
     static const char *const shapes[] = {"half space", "sphere", "box", "mesh"};
     const struct contact_config *contact = &rig->contact;
@@ -142,7 +143,7 @@ static void print_board(const struct rig *rig, const struct board_config *board)
     }
 }
 
-static void print_buses(const struct rig *rig)
+static void check_print_buses(const struct rig *rig)
 {
     const int64_t command = rig->servo.command_period_ns;
 
@@ -168,7 +169,7 @@ static void print_buses(const struct rig *rig)
     }
 }
 
-static bool is_ideal(const struct sensor_error *e)
+static bool sensor_is_ideal(const struct sensor_error *e)
 {
     static const struct sensor_error none;
 
@@ -177,7 +178,7 @@ static bool is_ideal(const struct sensor_error *e)
 
 static void print_error(const char *what, const char *unit, const struct sensor_error *e)
 {
-    if (!is_ideal(e)) {
+    if (!sensor_is_ideal(e)) {
         printf("  %-16s noise %g, offset %g, gain error %g, step %g %s, %g ms late\n", what,
                e->noise_rms, e->offset, e->gain_error, e->lsb, unit, (double)e->latency_ns * 1e-6);
     }
@@ -185,7 +186,7 @@ static void print_error(const char *what, const char *unit, const struct sensor_
 
 /* The sensors that are not ideal (joints by the first, with a note when others differ), and the
  * faults that are armed. */
-static void print_sensors(const struct rig *rig)
+static void check_print_sensors(const struct rig *rig)
 {
     const struct sensing_config *s = &rig->sensing;
     const struct sensor_joint *joint = s->joint;
@@ -217,38 +218,33 @@ static void print_sensors(const struct rig *rig)
 }
 
 /* The boards make checks of their own when they are created. */
-static enum error_code check_rig(const char *path, struct arena *arena, struct error *error)
+static int check_print_rig(void *context, const struct rig *rig, struct arena *arena)
 {
-    const struct rig *rig;
     struct boards *boards;
-    enum error_code code = rig_load(path, arena, &rig, error);
+    struct error error;
 
-    if (code) {
-        return code;
-    }
-    if (boards_create(&rig->boards, arena, &boards, error)) {
-        return error_prefix(error, "%.200s", path);
+    (void)context;
+    if (boards_create(&rig->boards, arena, &boards, &error)) {
+        error_prefix(&error, "%.200s", rig->file);
+        return command_fail("check", &error);
     }
     printf("rig         %s, %s\n", rig->name, rig->file);
-    print_robot(rig->robot, rig->variant);
-    print_time(rig);
-    print_running(rig);
-    print_scene(rig);
-    print_sensors(rig);
-    print_buses(rig);
-    return rig_command_budget("check", rig, error);
+    check_print_robot(rig->robot, rig->variant);
+    check_print_time(rig);
+    check_print_running(rig);
+    check_print_scene(rig);
+    check_print_sensors(rig);
+    check_print_buses(rig);
+    return rig_command_budget("check", rig, &error) ? command_fail("check", &error) : STATUS_OK;
 }
 
-static enum error_code check_robot(const char *path, const char *variant, struct arena *arena,
-                                   struct error *error)
+static enum error_code check_print_robot_file(const void *variant, const struct robot *robot,
+                                              struct arena *arena, struct error *error)
 {
-    const struct robot *robot;
-    enum error_code code = robot_load(path, variant, arena, &robot, error);
-
-    if (!code) {
-        print_robot(robot, variant ? variant : "");
-    }
-    return code;
+    (void)arena;
+    (void)error;
+    check_print_robot(robot, variant ? variant : "");
+    return ERROR_NONE;
 }
 
 int cmd_check(int argc, char **argv)
@@ -256,53 +252,34 @@ int cmd_check(int argc, char **argv)
     static const char *file, *variant;
     static bool robot;
     static const struct option_spec options[] = {
-        {.name = "--robot",
-         .type = OPTION_FLAG,
-         .help = "FILE is a robot file, not a rig file",
-         .value = &robot},
-        {.name = "--variant",
-         .type = OPTION_STRING,
-         .argument = "NAME",
-         .help = "with --robot: the variant of the robot to check",
+        {"--robot", OPTION_FLAG, NULL, "FILE is a robot file, not a rig file", .value = &robot},
+        {"--variant", OPTION_STRING, "NAME", "with --robot: the variant of the robot to check",
          .value = &variant},
     };
     static const struct operand_spec operands[] = {{"FILE", "a rig file", true, &file}};
     static const struct command_spec spec = {
         .name = "check",
-        .summary =
-            "Check a rig or a robot file with all that it refers to, and print what is in it.",
+        .summary = "Check a rig or a robot file with everything it refers to, and print its "
+                   "contents.",
         .option = options,
-        .noption = sizeof options / sizeof options[0],
+        .noption = ARRAY_COUNT(options),
         .operand = operands,
-        .noperand = 1,
-        .manual =
-            "Loads the file, the robot and the meshes as \"run\" would, without opening a bus. "
-            "The first thing that is wrong is reported as file:line:column: found ..., expected "
-            "...; the exit status is then 2. A bus whose periodic traffic cannot fit, when every "
-            "frame is "
-            "as long as it can be, is warned of, refused or ignored as the rig's wire.budget says; "
-            "run "
-            "does the same.",
+        .noperand = ARRAY_COUNT(operands),
+        .manual = MANUAL_CHECK,
     };
     struct error error;
-    struct arena arena;
     int status;
 
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+    /* A rig file names its robot's variant itself */
     if (variant && !robot) {
         error_set(&error, ERROR_INPUT,
                   "--variant: found without --robot, expected with it; a rig "
                   "file names its robot's variant itself");
-        return command_fail(spec.name, &error);
+        return options_fail(&spec, &error);
     }
-    if (arena_init(&arena, ARENA_BYTES, &error)) {
-        return command_fail(spec.name, &error);
-    }
-    status = robot ? (int)check_robot(file, variant, &arena, &error)
-                   : (int)check_rig(file, &arena, &error);
-    status = status ? command_fail(spec.name, &error) : STATUS_OK;
-    arena_fini(&arena);
-    return status;
+    return robot ? robot_command("check", file, variant, variant, check_print_robot_file)
+                 : rig_command("check", file, NULL, check_print_rig);
 }

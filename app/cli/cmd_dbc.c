@@ -2,68 +2,43 @@
 /* coman-hil dbc: what the frames of a rig's buses mean, as DBC files. */
 #include "app/cli/commands.h"
 
+#include "app/cli/rig_command.h"
+#include "base/count.h"
 #include "base/memory_file.h"
 #include "base/options.h"
-#include "rig/dbc.h"
 #include "base/whole_file.h"
+#include "manual/dbc.h"
+#include "rig/dbc.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#define ARENA_BYTES ((size_t)1 << 30) /* of address space; pages cost nothing until touched */
-
 enum { PATH_SIZE = 1024 };
-
-static const char manual[] =
-    "Writes what CAN tools need to show the frames of the rig's buses as values: a DBC file a bus, "
-    "for "
-    "identifiers mean something else on each. It holds every board as a node, every message with "
-    "its "
-    "sender, length, cycle time (of telemetry while it is asked for) and frame format, every "
-    "signal "
-    "with "
-    "its unit, range and value names, out of the tables that the boards themselves work from. "
-    "Positions are in radians of the joint, voltages of icub boards in percent of the supply, "
-    "STRAIN "
-    "channels in N and Nm, by what the rig says of encoders, gears and sensors.\n"
-    "\n"
-    "With --bus the file goes to standard output or to -o FILE. Else a file RIG-BUS.dbc for each "
-    "bus "
-    "is written into the folder of -o.\n"
-    "\n"
-    "Commands of icub and foc boards are one message a board, multiplexed by byte 0; on icub motor "
-    "boards bit 7 of it is the axis, so each command is there twice: SET_OPEN_LOOP_0 with the "
-    "signal "
-    "SET_OPEN_LOOP_pwm_0, and SET_OPEN_LOOP_1. A command has a length of its own, which DBC cannot "
-    "say: "
-    "cut frames that a tool encodes to the attribute FrameLength of their signals, to 1 byte "
-    "without "
-    "signals.";
 
 /* ---- one bus ---- */
 
-static enum error_code write_text(const struct dbc *dbc, struct memory_file *text,
-                                  struct error *error)
+static enum error_code dbc_write_text(const struct dbc *dbc, struct memory_file *text,
+                                      struct error *error)
 {
     FILE *file = memory_file_open(text);
 
     if (!file) {
         return error_set(error, ERROR_MEMORY, "no memory left for the DBC file");
     }
-    /* all that can fail is the stream, which memory_file_close speaks of */
+    /* All that can fail is the stream, which memory_file_close reports */
     dbc_write(dbc, file, NULL);
     return memory_file_close(file, text, "the DBC file", error);
 }
 
 /* To standard output when path is NULL. */
-static enum error_code put_text(const struct memory_file *text, const char *path,
-                                struct error *error)
+static enum error_code dbc_put_text(const struct memory_file *text, const char *path,
+                                    struct error *error)
 {
     struct whole_file file;
     enum error_code code;
 
     if (!path) {
-        fwrite(text->text, 1, text->size, stdout); /* main sees whether it could be written */
+        fwrite(text->text, 1, text->size, stdout); /* program_main checks whether it was written */
         return ERROR_NONE;
     }
     code = whole_file_open(&file, path, error);
@@ -85,9 +60,9 @@ static enum error_code export_bus(const struct rig *rig, size_t bus, const char 
     if (code) {
         return code;
     }
-    code = write_text(dbc, &text, error);
+    code = dbc_write_text(dbc, &text, error);
     if (!code) {
-        code = put_text(&text, path, error);
+        code = dbc_put_text(&text, path, error);
     }
     free(text.text);
     for (const struct dbc_message *m = dbc->message; m; m = m->next) {
@@ -105,84 +80,77 @@ static enum error_code export_bus(const struct rig *rig, size_t bus, const char 
 static enum error_code export_all(const struct rig *rig, const char *folder, struct arena *arena,
                                   struct error *error)
 {
-    enum error_code code = ERROR_NONE;
-
-    for (size_t i = 0; i < rig->nbus && !code; i++) {
+    for (size_t i = 0; i < rig->nbus; i++) {
         char path[PATH_SIZE];
+        enum error_code code;
 
         if (snprintf(path, sizeof path, "%s/%s-%s.dbc", folder, rig->name, rig->bus[i].name) >=
             PATH_SIZE) {
             return error_set(error, ERROR_INPUT, "-o: the folder's name is too long");
         }
         code = export_bus(rig, i, path, arena, error);
+        if (code) {
+            return code;
+        }
     }
-    return code;
+    return ERROR_NONE;
 }
 
-static enum error_code export_rig(const char *file, const char *bus, const char *output,
+struct dbc_options {
+    const char *rig, *bus, *output;
+};
+
+static enum error_code export_rig(const struct dbc_options *o, const struct rig *rig,
                                   struct arena *arena, struct error *error)
 {
-    const struct rig *rig;
-    enum error_code code = rig_load(file, arena, &rig, error);
     int found;
 
-    if (code) {
-        return code;
+    if (!o->bus) {
+        return export_all(rig, o->output ? o->output : ".", arena, error);
     }
-    if (!bus) {
-        return export_all(rig, output ? output : ".", arena, error);
-    }
-    found = rig_find_bus(rig, bus);
+    found = rig_find_bus(rig, o->bus);
     if (found < 0) {
-        return error_set(error, ERROR_INPUT, "--bus: found \"%.100s\", expected a bus of %s", bus,
-                         rig->file);
+        return error_set(error, ERROR_INPUT, "--bus: found \"%.100s\", expected a bus of %s",
+                         o->bus, rig->file);
     }
-    if (output && strlen(output) >= PATH_SIZE) {
+    if (o->output && strlen(o->output) >= PATH_SIZE) {
         return error_set(error, ERROR_INPUT, "-o: the file's name is too long");
     }
-    return export_bus(rig, (size_t)found, output, arena, error);
+    return export_bus(rig, (size_t)found, o->output, arena, error);
+}
+
+static int dbc_run(void *context, const struct rig *rig, struct arena *arena)
+{
+    struct error error;
+
+    return export_rig(context, rig, arena, &error) ? command_fail("dbc", &error) : STATUS_OK;
 }
 
 int cmd_dbc(int argc, char **argv)
 {
-    const char *file = NULL, *bus = NULL, *output = NULL;
-    const struct option_spec options[] = {
-        {.name = "--bus",
-         .type = OPTION_STRING,
-         .argument = "NAME",
-         .help = "this bus only; all of the rig by default",
-         .value = &bus},
-        {.name = "-o",
-         .type = OPTION_STRING,
-         .argument = "PATH",
-         .help = "with --bus the file to write, standard output by default; else the folder to "
-                 "write into, which must exist, the present one by default",
-         .value = &output},
+    static struct dbc_options o;
+    static const struct option_spec options[] = {
+        {"--bus", OPTION_STRING, "NAME", "this bus only; all of the rig by default",
+         .value = &o.bus},
+        {"-o", OPTION_STRING, "PATH",
+         "with --bus the file to write, standard output by default; else the folder to write into, "
+         "which must exist, the current one by default",
+         .value = &o.output},
     };
-    const struct operand_spec operands[] = {
-        {.name = "RIG", .help = "the rig file", .required = true, .value = &file},
-    };
-    const struct command_spec spec = {
+    static const struct operand_spec operands[] = {{"RIG", "the rig file", true, &o.rig}};
+    static const struct command_spec spec = {
         .name = "dbc",
-        .summary = "write DBC files of the messages on a rig's buses",
+        .summary = "Write DBC files of the messages on a rig's buses.",
         .option = options,
-        .noption = sizeof options / sizeof options[0],
+        .noption = ARRAY_COUNT(options),
         .operand = operands,
-        .noperand = 1,
-        .manual = manual,
+        .noperand = ARRAY_COUNT(operands),
+        .manual = MANUAL_DBC,
     };
-    struct arena arena;
-    struct error error;
-    enum error_code code;
     int status;
 
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
-    if (arena_init(&arena, ARENA_BYTES, &error)) {
-        return command_fail(spec.name, &error);
-    }
-    code = export_rig(file, bus, output, &arena, &error);
-    arena_fini(&arena);
-    return code ? command_fail(spec.name, &error) : STATUS_OK;
+    return rig_command("dbc", o.rig, &o, dbc_run);
 }

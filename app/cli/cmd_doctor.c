@@ -1,25 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil doctor: can this machine keep a rig's deadlines, and what would help. */
+#include "app/cli/commands.h"
+
+#include "app/cli/doctor.h"
+#include "app/cli/rig_command.h"
+#include "base/count.h"
+#include "base/options.h"
+#include "manual/doctor.h"
 #include "model/symbolic/builtin.h"
 #include "rt/clock.h"
-#include "app/cli/commands.h"
-#include "app/cli/doctor.h"
 #include "rt/histogram.h"
-#include "base/options.h"
 #include "rt/realtime.h"
 
 #include <inttypes.h>
 #include <string.h>
-
-#define ARENA_SIZE ((size_t)512 << 20)
-
-static const char manual[] =
-    "Each line is ok, warn (it runs, but deadlines may be missed) or fail (the rig cannot run as "
-    "it "
-    "says), with what was found and, below, the command that puts it right. Nothing is changed.\n\n"
-    "Then it sleeps to the rig's deadlines for --measure seconds, with the rights that a run would "
-    "have, and prints how late it woke: the figure that the rest is about.\n\n"
-    "Exit status: 0 when nothing fails, 1 when something does, warnings or not.";
 
 static void print_finding(const struct doctor_finding *finding)
 {
@@ -31,7 +25,7 @@ static void print_finding(const struct doctor_finding *finding)
     }
 }
 
-static void print_robot(const struct rig *rig)
+static void doctor_print_robot(const struct rig *rig)
 {
     const struct robot *robot = rig->robot;
 
@@ -42,8 +36,8 @@ static void print_robot(const struct rig *rig)
                                                  : "generated when a run first needs it");
 }
 
-/* wakes at the grid of the tick as the loop does */
-static void measure(const struct rig *rig, double seconds)
+/* Wakes up on the grid of the tick as the loop does, and prints how late. */
+static void doctor_measure_wakeups(const struct rig *rig, double seconds)
 {
     struct realtime_config config = {.priority = rig->realtime.priority,
                                      .lock_memory = rig->realtime.lock_memory,
@@ -53,6 +47,7 @@ static void measure(const struct rig *rig, double seconds)
     struct clock *clock = clock_monotonic();
     int64_t count = (int64_t)(seconds * 1e9 / (double)rig->tick_ns), deadline;
 
+    /* With the rights of a run; a deadline that has passed is dropped, as on overrun skip */
     realtime_apply(&config, &report);
     deadline = clock_now(clock) + rig->tick_ns;
     for (int64_t i = 0; i < count; i++, deadline += rig->tick_ns) {
@@ -75,60 +70,56 @@ static void measure(const struct rig *rig, double seconds)
            (double)histogram_percentile(&late, 0.999) * 1e-3, (double)late.max * 1e-3);
 }
 
-static int examine(const char *path, bool local, double seconds, struct arena *arena)
+struct doctor_options {
+    const char *rig;
+    bool local;
+    double measure_s;
+};
+
+static int doctor_examine_rig(void *context, const struct rig *rig, struct arena *arena)
 {
     static struct doctor_finding findings[DOCTOR_FINDINGS_MAX];
-    struct doctor_config config = {.root = "", .local = local, .interfaces = &interface_kernel};
-    struct error error;
+    const struct doctor_options *options = context;
+    struct doctor_config config = {
+        .root = "", .rig = rig, .local = options->local, .interfaces = &interface_kernel};
     size_t count;
 
-    if (rig_load(path, arena, &config.rig, &error)) {
-        return command_fail("doctor", &error);
-    }
+    (void)arena;
     count = doctor_examine(&config, findings, DOCTOR_FINDINGS_MAX);
     for (size_t i = 0; i < count; i++) {
         print_finding(&findings[i]);
     }
-    print_robot(config.rig);
-    if (seconds > 0.0) {
+    doctor_print_robot(rig);
+    if (options->measure_s > 0.0) {
         fflush(stdout);
-        measure(config.rig, seconds);
+        doctor_measure_wakeups(rig, options->measure_s);
     }
     return doctor_verdict(findings, count) == DOCTOR_FAIL ? STATUS_FAILED : STATUS_OK;
 }
 
 int cmd_doctor(int argc, char **argv)
 {
-    static const char *rig;
-    static bool local;
-    static double seconds = 1.0;
+    static struct doctor_options o = {.measure_s = 1.0};
     static const struct option_spec options[] = {
         {"--measure", OPTION_REAL, "S", "measure wake-ups for S seconds, 1 by default; 0 does not",
-         .value = &seconds, .min = 0.0, .max = 3600.0, .unit = "seconds"},
-        {"--local", OPTION_FLAG, NULL, "buses inside the process: leave CAN interfaces alone",
-         .value = &local},
+         .value = &o.measure_s, .min = 0.0, .max = 3600.0, .unit = "seconds"},
+        {"--local", OPTION_FLAG, NULL, "buses inside the process: skip CAN interfaces",
+         .value = &o.local},
     };
-    static const struct operand_spec operands[] = {{"RIG", "the rig file", true, &rig}};
+    static const struct operand_spec operands[] = {{"RIG", "the rig file", true, &o.rig}};
     static const struct command_spec spec = {
         .name = "doctor",
-        .summary = "Say what on this machine stands in the way of a rig's deadlines.",
+        .summary = "Say what keeps this machine from meeting a rig's deadlines.",
         .option = options,
-        .noption = sizeof options / sizeof options[0],
+        .noption = ARRAY_COUNT(options),
         .operand = operands,
-        .noperand = 1,
-        .manual = manual,
+        .noperand = ARRAY_COUNT(operands),
+        .manual = MANUAL_DOCTOR,
     };
-    struct arena arena;
-    struct error error;
     int status;
 
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
-    if (arena_init(&arena, ARENA_SIZE, &error)) {
-        return command_fail(spec.name, &error);
-    }
-    status = examine(rig, local, seconds, &arena);
-    arena_fini(&arena);
-    return status;
+    return rig_command("doctor", o.rig, &o, doctor_examine_rig);
 }

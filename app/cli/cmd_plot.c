@@ -1,15 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil plot: signals of a recording (signals.csv) as an SVG line plot. */
 #include "app/cli/commands.h"
-#include "base/options.h"
+
 #include "app/report/signals.h"
 #include "app/report/svg.h"
+#include "base/count.h"
+#include "base/options.h"
 #include "base/whole_file.h"
+#include "manual/plot.h"
 
 #include <stdio.h>
 #include <string.h>
 
-/* What the titles of signals end in, and the axis that is. */
+/* The unit at the end of a signal's title, and the label of its axis. */
 static const struct unit {
     const char *ending, *label;
 } units[] = {
@@ -17,9 +20,9 @@ static const struct unit {
     {"_m", "position, m"},  {"_a", "current, A"},   {"_v", "voltage, V"},
 };
 
-static const char *axis_of(const char *title)
+static const char *plot_axis_of(const char *title)
 {
-    for (size_t i = 0; i < sizeof units / sizeof units[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(units); i++) {
         size_t length = strlen(title), end = strlen(units[i].ending);
 
         if (length > end && !strcmp(title + length - end, units[i].ending)) {
@@ -29,19 +32,20 @@ static const char *axis_of(const char *title)
     return "";
 }
 
-/* The axis of all of them, or none when they differ. */
+/* The label that all of them share, or none. */
 static const char *common_axis(const struct option_list *names)
 {
     for (size_t i = 1; i < names->count; i++) {
-        if (axis_of(names->item[i]) != axis_of(names->item[0])) {
+        if (plot_axis_of(names->item[i]) != plot_axis_of(names->item[0])) {
             return "";
         }
     }
-    return axis_of(names->item[0]);
+    return plot_axis_of(names->item[0]);
 }
 
-static enum error_code draw(const struct option_list *names, const struct signals *signals,
-                            const char *title, const char *path, struct error *error)
+static enum error_code plot_draw_signals(const struct option_list *names,
+                                         const struct signals *signals, const char *title,
+                                         const char *path, struct error *error)
 {
     struct svg_series series[SVG_SERIES_MAX];
     bool time = !strcmp(signals->first_title, "time_s");
@@ -78,7 +82,7 @@ static enum error_code plot_file(const char *path, const struct option_list *nam
         signals_read(path, names->item, names->count, span[0], span[1], &signals, error);
 
     if (!code) {
-        code = draw(names, &signals, title, output, error);
+        code = plot_draw_signals(names, &signals, title, output, error);
     }
     signals_free(&signals);
     return code;
@@ -95,9 +99,9 @@ int cmd_plot(int argc, char **argv)
         {"--output", OPTION_STRING, "FILE", "SVG file to write; standard output by default",
          .value = &output},
         {"--title", OPTION_STRING, "TEXT", "title of the plot", .value = &title},
-        {"--from", OPTION_REAL, "S", "first second that is plotted", .value = &span[0], .min = -1e9,
+        {"--from", OPTION_REAL, "S", "first second to plot", .value = &span[0], .min = -1e9,
          .max = 1e9, .unit = "seconds"},
-        {"--to", OPTION_REAL, "S", "last second that is plotted", .value = &span[1], .min = -1e9,
+        {"--to", OPTION_REAL, "S", "last second to plot", .value = &span[1], .min = -1e9,
          .max = 1e9, .unit = "seconds"},
     };
     static const struct operand_spec operands[] = {
@@ -106,27 +110,24 @@ int cmd_plot(int argc, char **argv)
         .name = "plot",
         .summary = "Plot signals of a recording.",
         .option = options,
-        .noption = sizeof options / sizeof options[0],
+        .noption = ARRAY_COUNT(options),
         .operand = operands,
-        .noperand = 1,
-        .manual = "The recording is what \"run --record DIR\" leaves in DIR/signals.csv: a line of "
-                  "titles, then numbers, time first. Titles end in the unit, for example "
-                  "q_RKneeSag_rad (link), qm_RKneeSag_rad (motor behind the gear), "
-                  "torque_RKneeSag_nm, current_RKneeSag_a, voltage_RKneeSag_v, fz_RFoot_n.",
+        .noperand = ARRAY_COUNT(operands),
+        .manual = MANUAL_PLOT,
     };
     struct error error;
+    enum error_code code;
     int status;
 
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
+    /* A plot has as many colors */
     if (names.count == 0 || names.count > SVG_SERIES_MAX) {
         error_set(&error, ERROR_INPUT, "--signal: found %zu, expected 1 to %d of them", names.count,
                   SVG_SERIES_MAX);
-        return command_fail(spec.name, &error);
+        return options_fail(&spec, &error);
     }
-    if (plot_file(file, &names, span, title, output, &error)) {
-        return command_fail(spec.name, &error);
-    }
-    return STATUS_OK;
+    code = plot_file(file, &names, span, title, output, &error);
+    return options_end(&spec, code, &error);
 }

@@ -1,10 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil task: a controller as its own process, against virtual or real boards. */
-#include "sim/buses.h"
+/* coman-hil task: a task as its own process, against virtual or real boards. */
 #include "app/cli/commands.h"
-#include "sim/task_runner.h"
-#include "base/options.h"
+
 #include "app/cli/rig_command.h"
+#include "base/count.h"
+#include "base/options.h"
+#include "manual/task.h"
+#include "sim/buses.h"
+#include "sim/task_runner.h"
 
 #include <pthread.h>
 #include <stdio.h>
@@ -21,31 +24,16 @@ struct task_options {
 static const struct option_word clock_words[] = {
     {"real", LOOP_CLOCK_REAL}, {"lockstep", LOOP_CLOCK_LOCKSTEP}, {0}};
 
-static const char manual[] =
-    "The controller sees the buses and the rig's map of them, nothing "
-    "else; it drives real boards as "
-    "it does virtual ones. It needs SocketCAN; on a kernel without CAN, "
-    "`coman-hil run --task` starts "
-    "it inside the simulator. An interrupt switches the motors off.\n\n"
-    "Clocks. real: one control period each tick of the rig by the wall "
-    "clock. lockstep: it sends the "
-    "STEP frames and waits for DONE.\n\n"
-    "With --reconnect boards that fall silent for 200 ms, do not answer or "
-    "have begun anew are no end: motors are switched off, the rig is read "
-    "again, the boards are looked for until they are back, and the task "
-    "begins at its beginning. A fault of a motor and a task that fails are "
-    "an end.";
-
-static bool parse(int argc, char **argv, struct task_options *out, int *status)
+static bool task_parse_options(int argc, char **argv, struct task_options *out, int *status)
 {
     static struct task_options o;
     static const struct option_spec options[] = {
         {"--clock", OPTION_ENUM, "CLOCK", "real or lockstep; the rig's by default",
          .value = &o.clock, .words = clock_words},
         {"--bus", OPTION_LIST, "NAME=INTERFACE",
-         "put a bus of the rig on this interface; may stand more than once", .value = &o.bus},
+         "put a bus of the rig on this interface; may be given more than once", .value = &o.bus},
         {"--reconnect", OPTION_FLAG, NULL,
-         "begin anew when the boards are gone, until the task is done", .value = &o.reconnect},
+         "start again when the boards are lost, until the task is done", .value = &o.reconnect},
         {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &o.quiet},
     };
     static const struct operand_spec operands[] = {
@@ -54,14 +42,15 @@ static bool parse(int argc, char **argv, struct task_options *out, int *status)
     };
     static const struct command_spec spec = {
         .name = "task",
-        .summary = "Run a controller alone, on the other side of the buses.",
+        .summary = "Run a task alone, on the other side of the buses.",
         .option = options,
-        .noption = sizeof options / sizeof options[0],
+        .noption = ARRAY_COUNT(options),
         .operand = operands,
-        .noperand = 2,
-        .manual = manual,
+        .noperand = ARRAY_COUNT(operands),
+        .manual = MANUAL_TASK,
     };
 
+    /* -1: the rig's clock */
     o = (struct task_options){.clock = -1};
     if (!options_read(&spec, argc, argv, status)) {
         return false;
@@ -79,7 +68,7 @@ struct reporter {
     pthread_t thread;
 };
 
-static void *report(void *context)
+static void *task_report_main(void *context)
 {
     struct reporter *reporter = context;
     struct clock *clock = clock_monotonic();
@@ -106,16 +95,16 @@ static void *report(void *context)
 
 /* ---- the run ---- */
 
-static bool lost; /* the boards: another run may find them */
+static bool boards_lost; /* another run may find them */
 
-static int judge(struct task_runner *runner, enum task_status status)
+static int task_exit_status(struct task_runner *runner, enum task_status status)
 {
     switch (status) {
     case TASK_DONE:
         printf("%s\n", task_message(runner->task));
         return STATUS_OK;
     case TASK_FAILED:
-        lost = task_lost(runner->task);
+        boards_lost = task_lost(runner->task);
         fprintf(stderr, "coman-hil task: failed: %s\n", task_message(runner->task));
         return STATUS_FAILED;
     default:
@@ -124,24 +113,27 @@ static int judge(struct task_runner *runner, enum task_status status)
     }
 }
 
-static void stop(void *context)
+static void task_request_stop(void *context)
 {
     struct task_runner *runner = context;
 
     atomic_store(&runner->stop, true);
 }
 
-static int run(struct task_runner *runner, const struct rig *rig, bool quiet)
+static int task_run_to_end(struct task_runner *runner, const struct rig *rig, bool quiet)
 {
     struct reporter reporter = {.runner = runner, .terminal = isatty(STDERR_FILENO)};
     struct realtime_config realtime = {rig->realtime.priority, rig->realtime.lock_memory, -1};
     struct realtime_report warnings;
     enum task_status status;
 
-    rig_command_on_stop(stop, runner);
-    if (!quiet && pthread_create(&reporter.thread, NULL, report, &reporter)) {
+    /* The status line has a thread of its own, which must not inherit real-time priority */
+    rig_command_on_stop(task_request_stop, runner);
+    if (!quiet && pthread_create(&reporter.thread, NULL, task_report_main, &reporter)) {
         quiet = true;
     }
+
+    /* In lockstep nothing depends on when the task wakes up */
     if (!runner->lockstep) {
         realtime_apply(&realtime, &warnings);
         rig_command_warn(&warnings, "");
@@ -152,10 +144,10 @@ static int run(struct task_runner *runner, const struct rig *rig, bool quiet)
         atomic_store(&reporter.stop, true);
         pthread_join(reporter.thread, NULL);
     }
-    return judge(runner, status);
+    return task_exit_status(runner, status);
 }
 
-static int run_rig(void *context, const struct rig *rig, struct arena *arena)
+static int task_run_rig(void *context, const struct rig *rig, struct arena *arena)
 {
     const struct task_options *options = context;
     struct task_runner *runner;
@@ -178,7 +170,7 @@ static int run_rig(void *context, const struct rig *rig, struct arena *arena)
         arena_seal(arena, false, &error)) {
         status = command_fail("task", &error);
     } else {
-        status = run(runner, rig, options->quiet);
+        status = task_run_to_end(runner, rig, options->quiet);
     }
     bus_ports_close(&ports);
     buses_close(&buses);
@@ -191,18 +183,18 @@ int cmd_task(int argc, char **argv)
     struct error error;
     int status;
 
-    if (!parse(argc, argv, &options, &status)) {
+    if (!task_parse_options(argc, argv, &options, &status)) {
         return status;
     }
     if (task_runner_check_name(options.task, &error)) {
         return command_fail("task", &error);
     }
     do {
-        lost = false;
-        status = rig_command("task", options.rig, &options, run_rig);
-        if (lost && options.reconnect) {
+        boards_lost = false;
+        status = rig_command("task", options.rig, &options, task_run_rig);
+        if (boards_lost && options.reconnect) {
             fprintf(stderr, "looking for the boards again\n");
         }
-    } while (lost && options.reconnect);
+    } while (boards_lost && options.reconnect);
     return status;
 }

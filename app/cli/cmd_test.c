@@ -1,11 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* coman-hil test: scenarios, their verdicts, and the files that tell of them. */
-#include "base/text.h"
-#include "rt/clock.h"
 #include "app/cli/commands.h"
-#include "base/options.h"
+
+#include "app/cli/manual.h"
 #include "app/scenario/jobs.h"
-#include "app/scenario/private.h"
+#include "app/scenario/scenario.h"
+#include "base/count.h"
+#include "base/options.h"
+#include "base/text.h"
+#include "manual/test.h"
+#include "rt/clock.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -21,7 +25,7 @@ struct test_options {
     bool mutate, merge, list;
 };
 
-/* Everything that is to be run, and what came out of it. */
+/* All runs to be made, and their results. */
 struct plan {
     struct arena arena;
     size_t njob, ncase;
@@ -31,98 +35,65 @@ struct plan {
     size_t passed, failed, broken;
 };
 
-/* %s: the kinds of signals */
-static const char manual_format[] =
-    "A scenario is a YAML file; config/scenarios holds those that come with the program. name, "
-    "description, rig (a file relative to it); clock: free (the default) or lockstep; hold, wire, "
-    "settle and seed as of run; duration_s, clean_up_s, wall_limit_s (60); host: enabled brings "
-    "the "
-    "boards up, or task: NAME leads them, or neither; faults: lines as of run --fault.\n\n"
-    "stimuli, a list, each at_s seconds after a label (after: start, the default; ready, when all "
-    "motors are on; or another stimulus's label), for for_s seconds: frame {bus, id, data, copies, "
-    "extended, fd, remote}, again every_s; voltage {joint, volts}, refreshed every_s (0.01); motor "
-    "{joint or "
-    "all, on}; push {body, force_n, moment_nm}; fault: a line without times; silence: true, the "
-    "host "
-    "sends nothing; or a label alone. clean_up is a list of them after duration_s.\n\n"
-    "expectations, a list, each with a name and a window of from_s to to_s (or within_s after "
-    "from_s) "
-    "after a label: signal with between [LOW, HIGH] all the time or reaches [LOW, HIGH] once, "
-    "relative: true to its value when the window opens; frame {bus, id, id_mask, data with x for "
-    "any "
-    "digit} or event (a part of a line of the log), seen at least once, never: true, or count "
-    "[LEAST, "
-    "MOST]; of a frame also period_s [LEAST, MOST] between two.\n\n"
-    "parameters: {NAME: {values: [...]}} stand as ${NAME} anywhere else; the scenario is run with "
-    "every "
-    "combination of them.\n\n"
-    "mutations, a list of {name, fault: LINE or without: LABEL, fails: [NAME...]}: what would make "
-    "the "
-    "scenario fail, and which expectations then must. --mutate runs them too, and complains when a "
-    "scenario does not notice, or has an expectation that no mutation makes fail.\n\n"
-    "A run that fails is made again with the recorder on: DIR/NAME then holds candump.log, "
-    "signals.csv "
-    "and a plot of each expectation that was not met.\n\n"
-    "--shard I/N takes every N-th case from the I-th, for the jobs of a matrix or an array (I = "
-    "SLURM_ARRAY_TASK_ID); each writes --junit, and --merge puts those files together.\n\n"
-    "Signals:\n%s";
+enum { SIGNALS_SIZE = 2048 };
 
-static char manual[8192];
-
-static void write_manual(void)
+/* A line for each kind of signal. */
+static void list_signals(char list[SIGNALS_SIZE])
 {
     const char *const *line = scenario_signal_help();
-    char signals[2048] = "";
     size_t used = 0;
 
-    for (; *line && used < sizeof signals; line++) {
-        used += (size_t)snprintf(signals + used, sizeof signals - used, "%s\n", *line);
+    list[0] = '\0';
+    for (; *line && used < SIGNALS_SIZE; line++) {
+        used += (size_t)snprintf(list + used, SIGNALS_SIZE - used, "  %s\n", *line);
     }
-    snprintf(manual, sizeof manual, manual_format, signals);
 }
 
-static bool parse(int argc, char **argv, struct test_options *out, int *status)
+static bool test_parse_options(int argc, char **argv, struct test_options *out, int *status)
 {
     static struct test_options o;
     static const struct option_spec options[] = {
-        {"--jobs", OPTION_INT, "N", "runs at a time; as many as there are processors by default",
+        {"--jobs", OPTION_INT, "N", "parallel runs; as many as there are processors by default",
          .value = &o.jobs, .min = 1.0, .max = 256.0},
         {"--mutate", OPTION_FLAG, NULL,
-         "also run every mutation, which has to make its scenario fail", .value = &o.mutate},
+         "also run every mutation, which must make its scenario fail", .value = &o.mutate},
         {"--shard", OPTION_STRING, "I/N", "only the I-th of N parts of the cases, from 1",
          .value = &o.shard},
-        {"--seed", OPTION_INT, "N", "of noise and faults, instead of the scenarios' own",
+        {"--seed", OPTION_INT, "N", "seed of noise and faults, instead of the scenarios' own",
          .value = &o.seed, .min = 0.0, .max = 9e15},
         {"--output", OPTION_STRING, "DIR",
-         "where recordings and plots of what fails go; test-results by default",
+         "folder for recordings and plots of failures; test-results by default",
          .value = &o.output},
         {"--junit", OPTION_STRING, "FILE", "write the results as JUnit XML", .value = &o.junit},
         {"--merge", OPTION_FLAG, NULL,
-         "run nothing: put the JUnit files that are given into the one of --junit",
-         .value = &o.merge},
+         "run nothing: combine the given JUnit files into the one of --junit", .value = &o.merge},
         {"--list", OPTION_FLAG, NULL, "run nothing: list the cases", .value = &o.list},
     };
     static struct operand_spec operands[] = {
         {.name = "FILE", .help = "scenarios; with --merge, JUnit files", .required = true}};
+    static char manual[sizeof MANUAL_TEST + SIGNALS_SIZE];
     static const struct command_spec spec = {
         .name = "test",
         .summary = "Run scenarios: tests of a rig with a verdict.",
         .option = options,
-        .noption = sizeof options / sizeof options[0],
+        .noption = ARRAY_COUNT(options),
         .operand = operands,
-        .noperand = 1,
+        .noperand = ARRAY_COUNT(operands),
         .many = true,
         .manual = manual,
     };
+    char signals[SIGNALS_SIZE];
+    struct error error;
 
-    write_manual();
+    list_signals(signals);
+    manual_insert(manual, sizeof manual, MANUAL_TEST, "@SIGNALS@", signals);
+
+    /* Room for as many files as there are words */
     o = (struct test_options){.seed = -1, .output = "test-results"};
     o.file = calloc((size_t)argc + 1, sizeof *o.file);
     if (!o.file) {
-        struct error error;
-
         error_set(&error, ERROR_MEMORY, "no memory left for the command line");
-        *status = command_fail("test", &error);
+        *status = options_fail(&spec, &error);
         return false;
     }
     operands[0].value = o.file;
@@ -155,9 +126,9 @@ static enum error_code parse_shard(const char *text, int64_t shard[2], struct er
     return ERROR_NONE;
 }
 
-/* Directories of one name would be written over each other. */
-static enum error_code check_names(struct scenario *const *scenario, size_t count,
-                                   struct error *error)
+/* Two scenarios of one name would write into one directory. */
+static enum error_code test_check_names(struct scenario *const *scenario, size_t count,
+                                        struct error *error)
 {
     for (size_t i = 0; i < count; i++) {
         for (size_t k = 0; k < i; k++) {
@@ -173,8 +144,9 @@ static enum error_code check_names(struct scenario *const *scenario, size_t coun
     return ERROR_NONE;
 }
 
-/* What the scenario names has to be in its rig. Parameters are numbers: one case speaks for all. */
-static enum error_code check_rig(struct scenario *scenario, struct error *error)
+/* The rig must have what the scenario names. Parameters are numbers: one case is checked for
+ * all. */
+static enum error_code test_check_rig(struct scenario *scenario, struct error *error)
 {
     const struct rig *rig;
     struct arena arena;
@@ -210,39 +182,12 @@ static void add_jobs(struct plan *plan, struct scenario *scenario, size_t number
     }
 }
 
-static enum error_code make_plan(struct plan *plan, const struct test_options *options,
-                                 struct error *error)
+/* The scenarios' cases that belong to the shard, with their mutations. */
+static void plan_jobs(struct plan *plan, struct scenario *const *cases, const size_t *ncases,
+                      size_t nfile, const int64_t shard[2], const struct test_options *options)
 {
-    size_t nfile = 0, number = 0, most = 0;
-    struct scenario **first, **cases;
-    size_t *ncases;
-    int64_t shard[2];
-    enum error_code code = parse_shard(options->shard, shard, error);
+    size_t number = 0;
 
-    while (options->file[nfile]) {
-        nfile++;
-    }
-    first = cases = arena_alloc(&plan->arena, nfile, sizeof *cases);
-    ncases = arena_alloc(&plan->arena, nfile, sizeof *ncases);
-    if (!cases || !ncases) {
-        return error_set(error, ERROR_MEMORY, "no memory left for %zu scenarios", nfile);
-    }
-    for (size_t f = 0; f < nfile && !code; f++) {
-        code = scenario_read(options->file[f], &plan->arena, &cases[f], &ncases[f], error);
-        code = code ? code : check_rig(cases[f], error);
-        most += code ? 0 : ncases[f] * (1 + cases[f]->nmutation);
-        number += code ? 0 : ncases[f];
-    }
-    code = code ? code : check_names(first, nfile, error);
-    if (code) {
-        return code;
-    }
-    plan->job = arena_alloc(&plan->arena, most, sizeof *plan->job);
-    plan->result = arena_alloc(&plan->arena, most + number, sizeof *plan->result);
-    if (!plan->job || !plan->result) {
-        return error_set(error, ERROR_MEMORY, "no memory left for %zu runs", most);
-    }
-    number = 0;
     for (size_t f = 0; f < nfile; f++) {
         for (size_t i = 0; i < ncases[f]; i++) {
             if ((int64_t)(number++ % (size_t)shard[1]) == shard[0] - 1) {
@@ -251,6 +196,50 @@ static enum error_code make_plan(struct plan *plan, const struct test_options *o
             }
         }
     }
+}
+
+static enum error_code make_plan(struct plan *plan, const struct test_options *options,
+                                 struct error *error)
+{
+    size_t nfile = 0, ncase = 0, njob = 0;
+    struct scenario **cases;
+    size_t *ncases;
+    int64_t shard[2];
+    enum error_code code = parse_shard(options->shard, shard, error);
+
+    if (code) {
+        return code;
+    }
+    while (options->file[nfile]) {
+        nfile++;
+    }
+    cases = arena_alloc(&plan->arena, nfile, sizeof *cases);
+    ncases = arena_alloc(&plan->arena, nfile, sizeof *ncases);
+    if (!cases || !ncases) {
+        return error_set(error, ERROR_MEMORY, "no memory left for %zu scenarios", nfile);
+    }
+
+    /* Everything is read and checked before anything runs */
+    for (size_t f = 0; f < nfile; f++) {
+        if ((code = scenario_read(options->file[f], &plan->arena, &cases[f], &ncases[f], error)) ||
+            (code = test_check_rig(cases[f], error))) {
+            return code;
+        }
+        ncase += ncases[f];
+        njob += ncases[f] * (1 + cases[f]->nmutation);
+    }
+    code = test_check_names(cases, nfile, error);
+    if (code) {
+        return code;
+    }
+
+    /* A job for each run; a result for each, and for the mutations of each case */
+    plan->job = arena_alloc(&plan->arena, njob, sizeof *plan->job);
+    plan->result = arena_alloc(&plan->arena, njob + ncase, sizeof *plan->result);
+    if (!plan->job || !plan->result) {
+        return error_set(error, ERROR_MEMORY, "no memory left for %zu runs", njob);
+    }
+    plan_jobs(plan, cases, ncases, nfile, shard, options);
     return ERROR_NONE;
 }
 
@@ -302,7 +291,7 @@ static void judge_mutations(struct plan *plan)
     }
 }
 
-static void list(const struct plan *plan)
+static void test_list_cases(const struct plan *plan)
 {
     for (size_t i = 0; i < plan->njob; i++) {
         const struct scenario *scenario = plan->job[i].scenario;
@@ -333,12 +322,15 @@ static int run_plan(struct plan *plan, const struct test_options *options)
     int64_t begin = clock_now(time);
     struct error error;
 
+    /* Results are printed as jobs end, in the order of the plan */
     if (scenario_jobs_run(plan->job, plan->njob, &jobs, &error)) {
         return command_fail("test", &error);
     }
     if (options->mutate) {
         judge_mutations(plan);
     }
+
+    /* The sum of all, on the terminal and in the file */
     printf("%zu cases in %zu runs: %zu passed, %zu failed, %zu did not run; %.1f s\n", plan->ncase,
            plan->njob, plan->passed, plan->failed, plan->broken,
            (double)(clock_now(time) - begin) * 1e-9);
@@ -349,7 +341,7 @@ static int run_plan(struct plan *plan, const struct test_options *options)
     return plan->failed + plan->broken ? STATUS_FAILED : STATUS_OK;
 }
 
-static int merge(const struct test_options *options)
+static int test_merge_files(const struct test_options *options)
 {
     size_t count = 0, tests, failed;
     struct error error;
@@ -368,7 +360,7 @@ static int merge(const struct test_options *options)
     return failed ? STATUS_FAILED : STATUS_OK;
 }
 
-static int test(const struct test_options *options)
+static int test_run_scenarios(const struct test_options *options)
 {
     struct plan plan = {.njob = 0};
     struct error error;
@@ -380,7 +372,7 @@ static int test(const struct test_options *options)
     if (make_plan(&plan, options, &error)) {
         status = command_fail("test", &error);
     } else if (options->list) {
-        list(&plan);
+        test_list_cases(&plan);
         status = STATUS_OK;
     } else {
         status = run_plan(&plan, options);
@@ -394,10 +386,10 @@ int cmd_test(int argc, char **argv)
     struct test_options options;
     int status;
 
-    if (!parse(argc, argv, &options, &status)) {
+    if (!test_parse_options(argc, argv, &options, &status)) {
         return status;
     }
-    status = options.merge ? merge(&options) : test(&options);
+    status = options.merge ? test_merge_files(&options) : test_run_scenarios(&options);
     free(options.file);
     return status;
 }

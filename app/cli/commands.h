@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The commands of coman-hil. argv[0] is the command's name; the return value is an enum exit_status
- * (base/options.h). Each prints its own manual for --help.
+ * (base/options.h). Each prints its own manual for --help. Not RT-safe.
  */
 #ifndef APP_CLI_COMMANDS_H
 #define APP_CLI_COMMANDS_H

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Looks at a machine with the eyes of somebody who wants to keep 1 kHz on it: the kernel, the rights
- * of this process, processors, interrupts, power saving, CAN interfaces, the load of the rig's buses.
- * Reads files below /proc and /sys and asks CAN controllers, changes nothing. Not RT-safe.
+ * Examines a machine for what keeps it from 1 kHz: the kernel, the rights of this process,
+ * processors, interrupts, power saving, CAN interfaces, the load of the rig's buses. Reads files
+ * below /proc and /sys and queries CAN controllers, changes nothing. Not RT-safe.
  */
 #ifndef APP_CLI_DOCTOR_H
 #define APP_CLI_DOCTOR_H

@@ -8,29 +8,29 @@
 
 #define WINDOW_MAX_NS (60 * CLOCK_SECOND)
 
-static const char *prefix(const struct eventlog *log, uint64_t key)
+static const char *eventlog_prefix(const struct eventlog *log, uint64_t key)
 {
     return log->prefix ? log->prefix(key) : "";
 }
 
-/* prints what was held back */
-static void sum_up(struct eventlog *log, const struct eventlog_entry *entry)
+/* Prints what was held back. */
+static void eventlog_sum_up(struct eventlog *log, const struct eventlog_entry *entry)
 {
     if (entry->held == 1) {
-        fprintf(log->out, "%s%s%s\n", log->clear, prefix(log, entry->key), entry->last);
+        fprintf(log->out, "%s%s%s\n", log->clear, eventlog_prefix(log, entry->key), entry->last);
     } else if (entry->held > 1) {
         fprintf(log->out, "%s%s... and %llu more like it, the last: %s\n", log->clear,
-                prefix(log, entry->key), (unsigned long long)entry->held, entry->last);
+                eventlog_prefix(log, entry->key), (unsigned long long)entry->held, entry->last);
     }
 }
 
-/* ends the entry's window; a flood gets another, longer one, in which all is held back */
-static void end_window(struct eventlog *log, struct eventlog_entry *entry, int64_t now_ns)
+/* Ends the entry's window; a flood gets another, longer one, in which everything is held back. */
+static void eventlog_end_window(struct eventlog *log, struct eventlog_entry *entry, int64_t now_ns)
 {
     bool flood = entry->held > 0;
     int64_t next = 2 * entry->window_ns;
 
-    sum_up(log, entry);
+    eventlog_sum_up(log, entry);
     entry->held = 0;
     entry->used = flood;
     entry->lines = EVENTLOG_BURST;
@@ -38,8 +38,8 @@ static void end_window(struct eventlog *log, struct eventlog_entry *entry, int64
     entry->window_ns = next < WINDOW_MAX_NS ? next : WINDOW_MAX_NS;
 }
 
-/* the place of a key: its own, a free one, or the shared one */
-static struct eventlog_entry *place_of(struct eventlog *log, uint64_t key)
+/* The entry of a key: its own, a free one, or the shared one. */
+static struct eventlog_entry *eventlog_entry_of(struct eventlog *log, uint64_t key)
 {
     struct eventlog_entry *shared = &log->entry[EVENTLOG_KEYS], *place = NULL;
 
@@ -58,10 +58,10 @@ static struct eventlog_entry *place_of(struct eventlog *log, uint64_t key)
 
 void eventlog_put(struct eventlog *log, int64_t now_ns, uint64_t key, const char *text)
 {
-    struct eventlog_entry *entry = place_of(log, key);
+    struct eventlog_entry *entry = eventlog_entry_of(log, key);
 
     if (entry->used && now_ns - entry->since_ns >= entry->window_ns) {
-        end_window(log, entry, now_ns);
+        eventlog_end_window(log, entry, now_ns);
     }
     if (!entry->used) {
         *entry = (struct eventlog_entry){
@@ -70,7 +70,7 @@ void eventlog_put(struct eventlog *log, int64_t now_ns, uint64_t key, const char
     if (entry->lines < EVENTLOG_BURST) {
         entry->lines++;
         log->printed++;
-        fprintf(log->out, "%s%s%s\n", log->clear, prefix(log, key), text);
+        fprintf(log->out, "%s%s%s\n", log->clear, eventlog_prefix(log, key), text);
     } else {
         entry->held++;
         log->held++;
@@ -84,7 +84,7 @@ void eventlog_flush(struct eventlog *log, int64_t now_ns, bool all)
         struct eventlog_entry *entry = &log->entry[i];
 
         if (entry->used && (all || now_ns - entry->since_ns >= entry->window_ns)) {
-            end_window(log, entry, now_ns);
+            eventlog_end_window(log, entry, now_ns);
         }
     }
     fflush(log->out);

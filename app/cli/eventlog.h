@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Lines about things that happen, to a terminal or a log, without flooding it: of lines with the
- * same key the first few in a second are printed, the rest is counted and summed up in one line. As
- * long as the flood goes on there is nothing but that line, after 2 s, 4 s, ... and at last every
- * minute. However many keys there are, a second sees a few hundred lines at most. Time is passed in.
- * Not RT-safe.
+ * Rate-limited log lines for a terminal or a log: of lines with the same key the first few in a
+ * second are printed, the rest is counted and summed up in one line. As long as the flood lasts
+ * there is only that line, after 2 s, 4 s, ... and finally every minute. However many keys there
+ * are, at most a few hundred lines are printed in a second. Time is passed in. Not RT-safe.
  */
 #ifndef APP_CLI_EVENTLOG_H
 #define APP_CLI_EVENTLOG_H
@@ -14,7 +13,7 @@
 #include <stdio.h>
 
 enum {
-    EVENTLOG_KEYS = 64, /* at a time; what comes under others shares one place */
+    EVENTLOG_KEYS = 64, /* at a time; further keys share one entry */
     EVENTLOG_BURST = 5, /* lines of one key printed in the first window, of one second */
     EVENTLOG_TEXT = 256,
 };

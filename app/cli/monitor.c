@@ -13,8 +13,10 @@ enum { LINE_SIZE = 320 };
 #define TERMINAL_NS (250 * CLOCK_MS)
 #define LOG_NS (5 * CLOCK_SECOND)
 
-static double busiest(const struct simulator *simulator, const struct simulator_status *before,
-                      const struct simulator_status *status, size_t *bus)
+/* Load of the busiest bus since before, in percent. */
+static double find_busiest_bus(const struct simulator *simulator,
+                               const struct simulator_status *before,
+                               const struct simulator_status *status, size_t *bus)
 {
     const struct rig *rig = simulator_configuration(simulator)->rig;
     double span = (double)(status->time_ns - before->time_ns) * 1e-9, most = 0.0;
@@ -52,7 +54,7 @@ void monitor_format(const struct simulator *simulator, const struct simulator_st
     if (simulator_task_runner(simulator)) {
         task_runner_read(simulator_task_runner(simulator), &task);
     }
-    load = busiest(simulator, before, status, &bus);
+    load = find_busiest_bus(simulator, before, status, &bus);
     snprintf(text, size,
              "%9.3f s  x%.2f  overruns %llu  pauses %llu  ground %.1f N  %s %.0f %%  lost %llu%s%s",
              (double)status->time_ns * 1e-9, rtf, (unsigned long long)status->overruns,
@@ -95,6 +97,7 @@ static void print_events(struct monitor *monitor, int64_t now)
     eventlog_flush(&monitor->log, now, false);
 }
 
+/* In lockstep the loop is ready when it waits for the first STEP: no tick has run then. */
 static void tell_manager(struct monitor *monitor, int64_t now)
 {
     const struct simulator *simulator = monitor->config.simulator;
@@ -158,7 +161,7 @@ void monitor_stop(struct monitor *monitor)
     print_events(monitor, now);
     eventlog_flush(&monitor->log, now, true);
     if (monitor->config.terminal && !monitor->config.quiet) {
-        /* the last status line stays on the screen */
+        /* The last status line stays on the screen */
         print_status(monitor);
         fputc('\n', monitor->log.out);
     }

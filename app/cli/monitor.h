@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The background thread of a run: prints what happens (rate-limited) and the status line, four times
- * a second in place on a terminal, every five seconds as a line otherwise; a service manager gets it
- * instead of the lines, and is told that the run lives. Not RT-safe.
+ * The background thread of a run: prints events (rate-limited) and the status line, four times a
+ * second in place on a terminal, every five seconds as a line otherwise; a service manager gets the
+ * status instead of the lines, and is told that the run is alive. Not RT-safe.
  */
 #ifndef APP_CLI_MONITOR_H
 #define APP_CLI_MONITOR_H
@@ -35,7 +35,7 @@ struct monitor {
 enum error_code monitor_start(struct monitor *monitor, const struct monitor_config *config,
                               struct error *error);
 
-/* Prints what is left and joins the thread. */
+/* Prints the remaining events and joins the thread. */
 void monitor_stop(struct monitor *monitor);
 
 /* The status line's text. before is the status at the last line (zeros at first). */

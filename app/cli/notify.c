@@ -13,17 +13,17 @@
 
 enum { TEXT_SIZE = 512 };
 
-static void send_text(const struct notify *notify, const char *text)
+static void notify_send(const struct notify *notify, const char *text)
 {
     if (notify->descriptor >= 0) {
-        /* a manager that does not listen is not our concern */
+        /* Nothing depends on a manager that does not listen */
         (void)sendto(notify->descriptor, text, strlen(text), MSG_NOSIGNAL | MSG_DONTWAIT,
                      (const struct sockaddr *)&notify->address, notify->length);
     }
 }
 
-/* a path, or with @ a name in the abstract namespace */
-static bool set_address(struct notify *notify, const char *path)
+/* A path, or with @ a name in the abstract namespace. */
+static bool notify_set_address(struct notify *notify, const char *path)
 {
     size_t length = strlen(path);
 
@@ -42,8 +42,8 @@ static bool set_address(struct notify *notify, const char *path)
     return true;
 }
 
-/* microseconds of WATCHDOG_USEC when they are meant for this process, else 0 */
-static int64_t watchdog_us(void)
+/* Microseconds of WATCHDOG_USEC when they are meant for this process, else 0. */
+static int64_t notify_watchdog_us(void)
 {
     const char *time = getenv("WATCHDOG_USEC"), *pid = getenv("WATCHDOG_PID");
     long long us;
@@ -62,9 +62,9 @@ void notify_open(struct notify *notify)
     const char *path = getenv("NOTIFY_SOCKET");
 
     *notify = (struct notify){.descriptor = -1};
-    if (path && set_address(notify, path)) {
+    if (path && notify_set_address(notify, path)) {
         notify->descriptor = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-        notify->watchdog_ns = watchdog_us() * 1000;
+        notify->watchdog_ns = notify_watchdog_us() * 1000;
     }
     unsetenv("NOTIFY_SOCKET");
     unsetenv("WATCHDOG_USEC");
@@ -75,12 +75,12 @@ void notify_watch(struct notify *notify, const struct notify_health *health, int
 {
     if (!notify->ready && health->ready) {
         notify->ready = true;
-        send_text(notify, "READY=1");
+        notify_send(notify, "READY=1");
     }
     if (notify->watchdog_ns > 0 && now_ns >= notify->feed_ns && health->beat != notify->beat) {
         notify->beat = health->beat;
         notify->feed_ns = now_ns + notify->watchdog_ns / 2;
-        send_text(notify, "WATCHDOG=1");
+        notify_send(notify, "WATCHDOG=1");
     }
 }
 
@@ -89,12 +89,12 @@ void notify_status(const struct notify *notify, const char *text)
     char line[TEXT_SIZE];
 
     snprintf(line, sizeof line, "STATUS=%s", text);
-    send_text(notify, line);
+    notify_send(notify, line);
 }
 
 void notify_stopping(const struct notify *notify)
 {
-    send_text(notify, "STOPPING=1");
+    notify_send(notify, "STOPPING=1");
 }
 
 void notify_reloading(struct notify *notify)
@@ -103,7 +103,7 @@ void notify_reloading(struct notify *notify)
 
     snprintf(line, sizeof line, "RELOADING=1\nMONOTONIC_USEC=%lld",
              (long long)(clock_now(clock_monotonic()) / 1000));
-    send_text(notify, line);
+    notify_send(notify, line);
     notify->ready = false;
 }
 

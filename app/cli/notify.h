@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a service manager hears of the program: the datagrams of sd_notify(3), and when the watchdog
- * may be fed. Without a manager (no NOTIFY_SOCKET) everything here does nothing. Not RT-safe: for
- * the monitor's thread.
+ * Notifications to a service manager: the datagrams of sd_notify(3), and when the watchdog is fed.
+ * Without a manager (no NOTIFY_SOCKET) nothing here has any effect. Not RT-safe: for the monitor's
+ * thread.
  */
 #ifndef APP_CLI_NOTIFY_H
 #define APP_CLI_NOTIFY_H
@@ -16,33 +16,33 @@ struct notify {
     int descriptor; /* -1 = no manager listens */
     struct sockaddr_un address;
     socklen_t length;
-    int64_t watchdog_ns; /* the manager kills what is silent for so long; 0 = it does not */
+    int64_t
+        watchdog_ns; /* the manager kills a service that is silent for so long; 0 = it does not */
     /* the watchdog's state */
     bool ready;
     uint64_t beat;
     int64_t feed_ns;
 };
 
-/* How the loop is, as the monitor sees it. */
+/* The state of the loop, as the monitor sees it. */
 struct notify_health {
     bool ready;    /* its first tick has run, or in lockstep it waits for the STEP of it */
     uint64_t beat; /* moves while the loop lives: with each tick, and while it waits for a STEP */
 };
 
-/* Reads NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID, and takes them out of the environment so that
- * no child speaks in our name. A socket that cannot be reached counts as none. */
+/* Reads NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID, and removes them from the environment so
+ * that no child process notifies in our name. A socket that cannot be reached counts as none. */
 void notify_open(struct notify *notify);
 
-/* Once a period of the monitor: says READY=1 when it is ready, then feeds the watchdog at half
- * its time, as long as the beat has moved since it was last fed. (A run that fails ends, and the manager sees
- * its status.) */
+/* Once a period of the monitor: sends READY=1 when the loop is ready, then feeds the watchdog at
+ * half its time, as long as the beat has moved since it was last fed. (A run that fails ends, and
+ * the manager sees its status.) */
 void notify_watch(struct notify *notify, const struct notify_health *health, int64_t now_ns);
 
 /* The line that `systemctl status` shows. */
 void notify_status(const struct notify *notify, const char *text);
 
-/* The end has begun (STOPPING=1), or a new start (RELOADING=1) of which the next READY=1 is the
- * end. */
+/* The run is ending (STOPPING=1), or restarting (RELOADING=1) until the next READY=1. */
 void notify_stopping(const struct notify *notify);
 void notify_reloading(struct notify *notify);
 

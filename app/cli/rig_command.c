@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the commands that run a rig have in common. */
+/* What the commands that take a rig or a robot have in common. */
 #include "app/cli/rig_command.h"
 
 #include "base/journal.h"
@@ -25,6 +25,26 @@ int rig_command(const char *name, const char *path, void *options,
     return status;
 }
 
+int robot_command(const char *name, const char *path, const char *variant, const void *options,
+                  enum error_code (*body)(const void *options, const struct robot *robot,
+                                          struct arena *arena, struct error *error))
+{
+    const struct robot *robot;
+    struct arena arena;
+    struct error error;
+    enum error_code code;
+
+    if (arena_init(&arena, RIG_COMMAND_ARENA, &error)) {
+        return command_fail(name, &error);
+    }
+    code = robot_load(path, variant, &arena, &robot, &error);
+    if (!code) {
+        code = body(options, robot, &arena, &error);
+    }
+    arena_fini(&arena);
+    return code ? command_fail(name, &error) : STATUS_OK;
+}
+
 enum error_code rig_command_budget(const char *name, const struct rig *rig, struct error *error)
 {
     char text[384];
@@ -45,7 +65,8 @@ enum error_code rig_command_budget(const char *name, const struct rig *rig, stru
 static void (*on_stop)(void *context);
 static void *on_stop_context;
 
-/* the handler is reset on entry, so that a second signal kills; a write that it meets goes on */
+/* The handler is reset on entry, so that a second signal kills; an interrupted write is
+ * restarted. */
 static void on_signal(int number)
 {
     (void)number;

@@ -1,24 +1,31 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the commands that take a rig (check, run, task) have in common: its memory, how it is stopped from
- * outside, the warnings about real time. Not RT-safe.
+ * What the commands that take a rig or a robot have in common: its memory and its errors, how a run
+ * is stopped from outside, the warnings about real time. Not RT-safe.
  */
 #ifndef APP_CLI_RIG_COMMAND_H
 #define APP_CLI_RIG_COMMAND_H
 
-#include "rt/realtime.h"
 #include "rig/rig.h"
+#include "rt/realtime.h"
 
-/* Of address space; pages cost nothing until they are touched. */
-#define RIG_COMMAND_ARENA ((size_t)512 << 20)
+/* Address space of a rig or a robot with what runs it; pages cost nothing until they are
+ * touched. */
+#define RIG_COMMAND_ARENA ((size_t)1 << 30)
 
-/* Loads the rig into an arena of its own and calls body; returns body's exit status, or that of what
- * went wrong, of which a line has been printed. name: the command's. */
+/* Loads the rig into an arena of its own and calls body; returns body's exit status, or that of
+ * what went wrong, of which a line has been printed. name: the command's. */
 int rig_command(const char *name, const char *path, void *options,
                 int (*body)(void *options, const struct rig *rig, struct arena *arena));
 
-/* Periodic traffic that cannot fit on its bus is refused or warned of, a line on stderr, as the rig
- * says. */
+/* The same for a robot; variant may be NULL. What body returns is an error code, and its error is
+ * printed here. */
+int robot_command(const char *name, const char *path, const char *variant, const void *options,
+                  enum error_code (*body)(const void *options, const struct robot *robot,
+                                          struct arena *arena, struct error *error));
+
+/* Periodic traffic that does not fit on its bus is an error or a warning (a line on stderr), as the
+ * rig says. */
 enum error_code rig_command_budget(const char *name, const struct rig *rig, struct error *error);
 
 /* The first SIGINT or SIGTERM calls stop(context), which must be async-signal-safe; a second one

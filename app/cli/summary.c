@@ -9,14 +9,6 @@
 #include <math.h>
 #include <unistd.h>
 
-static const char *clock_name(enum loop_clock clock)
-{
-    static const char *const names[] = {
-        [LOOP_CLOCK_REAL] = "real", [LOOP_CLOCK_LOCKSTEP] = "lockstep", [LOOP_CLOCK_FREE] = "free"};
-
-    return names[clock];
-}
-
 const char *summary_end_text(enum loop_end end)
 {
     static const char *const texts[] = {
@@ -31,17 +23,17 @@ const char *summary_end_text(enum loop_end end)
     return texts[end];
 }
 
-static double us(int64_t ns)
+static double summary_us(int64_t ns)
 {
     return (double)ns * 1e-3;
 }
 
-static double seconds(int64_t ns)
+static double summary_seconds(int64_t ns)
 {
     return (double)ns * 1e-9;
 }
 
-static double factor(const struct loop_stats *stats)
+static double summary_real_time_factor(const struct loop_stats *stats)
 {
     int64_t wall = stats->end_ns - stats->start_ns;
 
@@ -55,17 +47,17 @@ static uint64_t state_hash(const struct summary *summary)
 
 /* ---- text ---- */
 
-static void print_time(const struct summary *summary, FILE *out)
+static void summary_print_time(const struct summary *summary, FILE *out)
 {
     const struct simulator_config *config = simulator_configuration(summary->simulator);
     const struct loop_stats *stats = simulator_stats(summary->simulator);
 
-    fprintf(out, "%s (%s clock, %s buses): %s\n", config->rig->name, clock_name(config->clock),
+    fprintf(out, "%s (%s clock, %s buses): %s\n", config->rig->name, loop_clock_name(config->clock),
             simulator_is_local(summary->simulator) ? "local" : "SocketCAN",
             summary_end_text(summary->end));
     fprintf(out, "  %" PRIu64 " ticks, %.3f s virtual in %.3f s, real-time factor %.3f\n",
-            stats->ticks, seconds(stats->time_ns), seconds(stats->end_ns - stats->start_ns),
-            factor(stats));
+            stats->ticks, summary_seconds(stats->time_ns),
+            summary_seconds(stats->end_ns - stats->start_ns), summary_real_time_factor(stats));
     fprintf(out, "  state hash %016" PRIx64 "\n", state_hash(summary));
 }
 
@@ -85,24 +77,25 @@ static void print_overruns(const struct loop_stats *stats, FILE *out)
     fprintf(out, "  page faults in the loop %" PRIu64 "\n", stats->page_faults);
     if (stats->overrun_total > stats->ticks / 4) {
         fprintf(out,
-                "  this machine does not hold the tick: mean %.0f us of work; longer substeps or a "
-                "simpler scene would\n",
-                us(stats->work.sum) / (double)stats->work.count);
+                "  this machine cannot keep the tick: mean %.0f us of work; longer substeps or a "
+                "simpler scene would help\n",
+                summary_us(stats->work.sum) / (double)stats->work.count);
     }
 }
 
-static void print_histogram(const char *name, const struct histogram *h, int64_t total, FILE *out)
+static void summary_print_histogram(const char *name, const struct histogram *h, int64_t total,
+                                    FILE *out)
 {
-    fprintf(out, "  %-10s %10.1f %10.1f %10.1f %10.1f", name, us(histogram_percentile(h, 0.5)),
-            us(histogram_percentile(h, 0.99)), us(h->max),
-            h->count ? us(h->sum) / (double)h->count : 0.0);
+    fprintf(out, "  %-10s %10.1f %10.1f %10.1f %10.1f", name,
+            summary_us(histogram_percentile(h, 0.5)), summary_us(histogram_percentile(h, 0.99)),
+            summary_us(h->max), h->count ? summary_us(h->sum) / (double)h->count : 0.0);
     if (total > 0) {
         fprintf(out, " %8.1f %%", 100.0 * (double)h->sum / (double)total);
     }
     fputc('\n', out);
 }
 
-static void print_phases(const struct summary *summary, FILE *out)
+static void summary_print_phases(const struct summary *summary, FILE *out)
 {
     const struct simulator_config *config = simulator_configuration(summary->simulator);
     const struct loop_stats *stats = simulator_stats(summary->simulator);
@@ -113,30 +106,30 @@ static void print_phases(const struct summary *summary, FILE *out)
     fprintf(out, "  %-10s %10s %10s %10s %10s %10s\n", "us", "p50", "p99", "max", "mean", "share");
     for (int p = 0; p < PHASE_COUNT; p++) {
         /* an inline task is stepped while the loop would wait */
-        print_histogram(p == PHASE_WAIT && task_waits ? "task"
-                                                      : loop_phase_name((enum loop_phase)p),
-                        &stats->phase[p], total, out);
+        summary_print_histogram(p == PHASE_WAIT && task_waits ? "task"
+                                                              : loop_phase_name((enum loop_phase)p),
+                                &stats->phase[p], total, out);
     }
-    print_histogram("tick", &stats->work, total, out);
+    summary_print_histogram("tick", &stats->work, total, out);
     if (stats->wakeup.count) {
-        print_histogram("wake-up", &stats->wakeup, 0, out);
+        summary_print_histogram("wake-up", &stats->wakeup, 0, out);
     }
     if (contact->evaluations) {
         fprintf(out,
                 "  contact: %" PRIu64 " evaluations, %.1f us each, %.1f %% of plant and sensors\n",
-                contact->evaluations, us(contact->spent_ns) / (double)contact->evaluations,
+                contact->evaluations, summary_us(contact->spent_ns) / (double)contact->evaluations,
                 100.0 * (double)contact->spent_ns /
                     (double)(stats->phase[PHASE_PLANT].sum + stats->phase[PHASE_SENSORS].sum));
     }
 }
 
-/* By the wire where there is one, else by the bits without stuff bits. */
-static double load(const struct summary *summary, size_t bus)
+/* In percent: by the wire where there is one, else by the bits without stuff bits. */
+static double summary_bus_load(const struct summary *summary, size_t bus)
 {
     const struct rig_bus *rig_bus = &simulator_configuration(summary->simulator)->rig->bus[bus];
     const struct can_counters *c = &simulator_port(summary->simulator, bus)->counters;
     const struct wire *wire = simulator_wire(summary->simulator, bus);
-    double virtual_s = seconds(simulator_stats(summary->simulator)->time_ns);
+    double virtual_s = summary_seconds(simulator_stats(summary->simulator)->time_ns);
 
     if (wire) {
         struct wire_stats of_wire;
@@ -148,7 +141,7 @@ static double load(const struct summary *summary, size_t bus)
                            : 0.0;
 }
 
-static void print_buses(const struct summary *summary, FILE *out)
+static void summary_print_buses(const struct summary *summary, FILE *out)
 {
     const struct rig *rig = simulator_configuration(summary->simulator)->rig;
 
@@ -162,12 +155,13 @@ static void print_buses(const struct summary *summary, FILE *out)
                 "  %-10s %-10s %10" PRIu64 " %10" PRIu64 " %9" PRIu64 " %9" PRIu64 " %8" PRIu64
                 " %6.1f %%  %s\n",
                 rig->bus[b].name, port->bus, c->rx_frames, c->tx_frames, c->rx_dropped,
-                c->tx_dropped, c->error_frames, load(summary, b), can_port_state_name(port->state));
+                c->tx_dropped, c->error_frames, summary_bus_load(summary, b),
+                can_port_state_name(port->state));
     }
 }
 
-/* What the controllers of real interfaces say at the end, and how their queues did. */
-static void print_controllers(const struct summary *summary, FILE *out)
+/* The final state of the CAN controllers of real interfaces, and of their queues. */
+static void print_can_controllers(const struct summary *summary, FILE *out)
 {
     const struct rig *rig = simulator_configuration(summary->simulator)->rig;
     char text[320];
@@ -183,7 +177,7 @@ static void print_controllers(const struct summary *summary, FILE *out)
     }
 }
 
-static unsigned long long total(const uint64_t *count, size_t n)
+static unsigned long long summary_sum(const uint64_t *count, size_t n)
 {
     unsigned long long sum = 0;
 
@@ -193,7 +187,7 @@ static unsigned long long total(const uint64_t *count, size_t n)
     return sum;
 }
 
-/* What the wires in virtual time have seen. */
+/* The counters of the wires in virtual time. */
 static void print_wires(const struct summary *summary, FILE *out)
 {
     const struct rig *rig = simulator_configuration(summary->simulator)->rig;
@@ -216,8 +210,8 @@ static void print_wires(const struct summary *summary, FILE *out)
                 "  %-10s %9" PRIu64 " %7.1f %% %7.1f %% %9.3f    0x%03x %6zu %8llu %8llu %8" PRIu64
                 "\n",
                 rig->bus[b].name, w.frames, 100.0 * w.load_mean, 100.0 * w.load_peak,
-                us(worst.max_ns) * 1e-3, worst.id, w.queued_peak, total(w.dropped, WIRE_DROPS),
-                total(w.errors, WIRE_ERRORS), w.bus_offs);
+                summary_us(worst.max_ns) * 1e-3, worst.id, w.queued_peak,
+                summary_sum(w.dropped, WIRE_DROPS), summary_sum(w.errors, WIRE_ERRORS), w.bus_offs);
     }
 }
 
@@ -252,7 +246,7 @@ static void print_rest(const struct summary *summary, FILE *out)
     }
 }
 
-/* False when it was not asked for, or the contact engine does not answer any more. */
+/* False when it was not requested, or the contact engine has failed. */
 static bool read_energy(const struct summary *summary, struct plant_energy *e, double *turnover)
 {
     if (!simulator_configuration(summary->simulator)->energy ||
@@ -283,13 +277,13 @@ static void print_energy(const struct summary *summary, FILE *out)
 
 void summary_print(const struct summary *summary, FILE *out)
 {
-    print_time(summary, out);
+    summary_print_time(summary, out);
     if (simulator_configuration(summary->simulator)->clock == LOOP_CLOCK_REAL) {
         print_overruns(simulator_stats(summary->simulator), out);
     }
-    print_phases(summary, out);
-    print_buses(summary, out);
-    print_controllers(summary, out);
+    summary_print_phases(summary, out);
+    summary_print_buses(summary, out);
+    print_can_controllers(summary, out);
     print_wires(summary, out);
     print_energy(summary, out);
     print_rest(summary, out);
@@ -297,7 +291,7 @@ void summary_print(const struct summary *summary, FILE *out)
 
 /* ---- JSON ---- */
 
-/* names come from files that people write */
+/* Names come from files that people write: they may hold anything. */
 static void json_string(const char *text, FILE *out)
 {
     fputc('"', out);
@@ -389,7 +383,7 @@ static void json_buses(const struct summary *summary, FILE *out)
                 c->rx_frames, c->tx_frames, c->rx_dropped, c->tx_dropped, c->tx_queue_full,
                 c->tx_held, c->error_frames, c->down_events,
                 can_port_state_name(simulator_port(summary->simulator, b)->state),
-                load(summary, b));
+                summary_bus_load(summary, b));
         json_wire(simulator_wire(summary->simulator, b), out);
         fprintf(out, "}%s\n", b + 1 < rig->nbus ? "," : "");
     }
@@ -443,9 +437,9 @@ static void json_write(const struct summary *summary, FILE *out)
             ",\n  \"clock\": \"%s\", \"end\": \"%s\",\n  \"ticks\": %" PRIu64
             ", \"virtual_s\": %.9f, \"wall_s\": %.9f, \"real_time_factor\": %.6f,\n"
             "  \"state_hash\": \"%016" PRIx64 "\",\n",
-            clock_name(config->clock), summary_end_text(summary->end), stats->ticks,
-            seconds(stats->time_ns), seconds(stats->end_ns - stats->start_ns), factor(stats),
-            state_hash(summary));
+            loop_clock_name(config->clock), summary_end_text(summary->end), stats->ticks,
+            summary_seconds(stats->time_ns), summary_seconds(stats->end_ns - stats->start_ns),
+            summary_real_time_factor(stats), state_hash(summary));
     json_phases(stats, out);
     json_buses(summary, out);
     json_energy(summary, out);
@@ -470,7 +464,7 @@ enum error_code summary_write(const struct summary *summary, const char *directo
     if (fclose(out) || bad) {
         int reason = errno;
 
-        /* half of it would be taken for the whole by whoever looks for the file */
+        /* A reader that waits for the file must not find a part of it */
         unlink(path);
         return error_set_errno(error, reason, "cannot write %s", path);
     }

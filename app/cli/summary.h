@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a run amounted to: text for a person, JSON for a program. Not RT-safe. */
+/* The summary of a run: text for a person, JSON for a program. Not RT-safe. */
 #ifndef APP_CLI_SUMMARY_H
 #define APP_CLI_SUMMARY_H
 

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* How the simulator is, as JSON. */
+/* The state of the simulator as JSON. A key that could not be made (no memory) spoils the whole
+ * object, which then is NULL. */
 #include "app/control/private.h"
 
 #include <inttypes.h>
@@ -33,18 +34,18 @@ json_t *control_hash(uint64_t hash)
     return json_string(text);
 }
 
-static json_t *seconds(int64_t ns)
+static json_t *control_seconds(int64_t ns)
 {
     return control_number((double)ns * 1e-9);
 }
 
-static bool append(json_t *array, json_t *value)
+static bool control_append(json_t *array, json_t *value)
 {
     return json_array_append_new(array, value) == 0;
 }
 
-/* the object when all of it could be made */
-static json_t *whole(json_t *object, bool good)
+/* The object, or NULL when a part of it could not be made. */
+static json_t *control_whole_or_null(json_t *object, bool good)
 {
     if (!good) {
         json_decref(object);
@@ -65,20 +66,13 @@ json_t *control_hello(const struct control *control)
     good = control_put(body, "rig", control_text(control->rig->name)) && good;
     good = control_put(body, "file", control_text(control->rig->file)) && good;
     good = control_put(body, "pid", json_integer(getpid())) && good;
-    return whole(body, good);
+    return control_whole_or_null(body, good);
 }
 
 /* ---- status ---- */
 
-static const char *clock_name(enum loop_clock clock)
-{
-    static const char *const names[] = {
-        [LOOP_CLOCK_REAL] = "real", [LOOP_CLOCK_LOCKSTEP] = "lockstep", [LOOP_CLOCK_FREE] = "free"};
-
-    return names[clock];
-}
-
-static const char *state_name(int64_t state)
+/* The protocol's words, which are shorter than those of can_port_state_name. */
+static const char *protocol_state_name(int64_t state)
 {
     static const char *const names[] = {
         [CAN_PORT_UP] = "up",           [CAN_PORT_WARNING] = "warning",
@@ -90,9 +84,9 @@ static const char *state_name(int64_t state)
     return state >= 0 && state <= CAN_PORT_STUCK ? names[state] : "unknown";
 }
 
-/* share of a bus's time, since before when time has gone on from there */
-static double load(const struct rig_bus *bus, const struct bus_status *now, int64_t time_ns,
-                   const struct bus_status *before, int64_t before_ns)
+/* Share of a bus's time since before, or since the start when time was set back. */
+static double status_bus_load(const struct rig_bus *bus, const struct bus_status *now,
+                              int64_t time_ns, const struct bus_status *before, int64_t before_ns)
 {
     bool onward = time_ns > before_ns && now->bits >= before->bits;
     double bits = (double)(now->bits - (onward ? before->bits : 0));
@@ -113,21 +107,21 @@ static json_t *status_buses(const struct control *control, const struct simulato
         json_t *entry = json_object();
 
         good = control_put(entry, "name", control_text(rig_bus->name)) && good;
-        good = control_put(entry, "state", json_string(state_name(bus->state))) && good;
+        good = control_put(entry, "state", json_string(protocol_state_name(bus->state))) && good;
         good = control_put(entry, "rx_frames", control_count(bus->rx_frames)) && good;
         good = control_put(entry, "tx_frames", control_count(bus->tx_frames)) && good;
         good = control_put(entry, "rx_dropped", control_count(bus->rx_dropped)) && good;
         good = control_put(entry, "tx_dropped", control_count(bus->tx_dropped)) && good;
         good = control_put(entry, "load",
-                           control_number(load(rig_bus, bus, now->time_ns, &before->bus[b],
-                                               before->time_ns))) &&
+                           control_number(status_bus_load(rig_bus, bus, now->time_ns,
+                                                          &before->bus[b], before->time_ns))) &&
                good;
-        good = append(array, entry) && good;
+        good = control_append(array, entry) && good;
     }
-    return whole(array, good);
+    return control_whole_or_null(array, good);
 }
 
-/* before the first tick nothing is known of joints and contacts */
+/* Joints and contacts are unknown before the first tick. */
 static json_t *status_joints(const struct control *control, const struct simulator_status *now)
 {
     const struct robot *robot = control->rig->robot;
@@ -137,7 +131,7 @@ static json_t *status_joints(const struct control *control, const struct simulat
     for (size_t j = 0; j < robot->njoint && good && now->tick > 0; j++) {
         good = control_put(object, robot->joint[j].name, control_number(now->q[j]));
     }
-    return whole(object, good);
+    return control_whole_or_null(object, good);
 }
 
 static json_t *status_contacts(const struct control *control, const struct simulator_status *now)
@@ -149,10 +143,10 @@ static json_t *status_contacts(const struct control *control, const struct simul
         good =
             control_put(object, rig_contact_name(control->rig, c), control_number(now->force_z[c]));
     }
-    return whole(object, good);
+    return control_whole_or_null(object, good);
 }
 
-static bool is_active(const struct simulator_status *now, size_t fault)
+static bool fault_is_active(const struct simulator_status *now, size_t fault)
 {
     return now->fault[fault / 64] >> fault % 64 & 1;
 }
@@ -164,9 +158,10 @@ static json_t *status_faults(const struct control *control, const struct simulat
     bool good = array != NULL;
 
     for (size_t i = 0; i < faults_count(faults) && good; i++) {
-        good = !is_active(now, i) || append(array, control_text(faults_at(faults, i)->name));
+        good = !fault_is_active(now, i) ||
+               control_append(array, control_text(faults_at(faults, i)->name));
     }
-    return whole(array, good);
+    return control_whole_or_null(array, good);
 }
 
 static json_t *status_task(const struct control *control)
@@ -187,7 +182,7 @@ static json_t *status_task(const struct control *control)
                        control_text(simulator_configuration(control->config.simulator)->task));
     good = control_put(body, "status", json_string(names[status.status])) && good;
     good = control_put(body, "message", control_text(status.message)) && good;
-    return whole(body, good);
+    return control_whole_or_null(body, good);
 }
 
 static json_t *status_control(const struct control *control)
@@ -204,7 +199,7 @@ static json_t *status_control(const struct control *control)
     good = control_put(body, "cut_silent", control_count(c->cut_silent)) && good;
     good = control_put(body, "rows", control_count(c->rows)) && good;
     good = control_put(body, "missed_rows", control_count(c->missed_rows)) && good;
-    return whole(body, good);
+    return control_whole_or_null(body, good);
 }
 
 json_t *control_status(const struct control *control, struct control_client *client)
@@ -217,6 +212,8 @@ json_t *control_status(const struct control *control, struct control_client *cli
     bool good = body != NULL;
 
     simulator_read(simulator, &now);
+
+    /* What is simulated */
     good = control_put(body, "rig", control_text(control->rig->name)) && good;
     good = control_put(body, "file", control_text(control->rig->file)) && good;
     good = control_put(body, "robot_hash", control_hash(control->rig->robot->hash)) && good;
@@ -224,18 +221,22 @@ json_t *control_status(const struct control *control, struct control_client *cli
     good = control_put(body, "recording",
                        config->record ? control_text(config->record) : json_null()) &&
            good;
-    good = control_put(body, "clock", json_string(clock_name(config->clock))) && good;
+
+    /* Its time */
+    good = control_put(body, "clock", json_string(loop_clock_name(config->clock))) && good;
     good = control_put(body, "speed", control_number(steering_speed(control->config.steering))) &&
            good;
     good = control_put(body, "paused", json_boolean(steering_paused(control->config.steering))) &&
            good;
     good = control_put(body, "clamped", json_boolean(now.clamped)) && good;
     good = control_put(body, "tick", control_count(now.tick)) && good;
-    good = control_put(body, "tick_s", seconds(control->rig->tick_ns)) && good;
-    good = control_put(body, "time_s", seconds(now.time_ns)) && good;
-    good = control_put(body, "elapsed_s", seconds(now.elapsed_ns)) && good;
+    good = control_put(body, "tick_s", control_seconds(control->rig->tick_ns)) && good;
+    good = control_put(body, "time_s", control_seconds(now.time_ns)) && good;
+    good = control_put(body, "elapsed_s", control_seconds(now.elapsed_ns)) && good;
     good = control_put(body, "overruns", control_count(now.overruns)) && good;
     good = control_put(body, "lost_ticks", control_count(now.lost_ticks)) && good;
+
+    /* Its parts; loads are means since this client asked last */
     good = control_put(body, "buses",
                        status_buses(control, &now, client->seen ? &client->before : &start)) &&
            good;
@@ -245,17 +246,17 @@ json_t *control_status(const struct control *control, struct control_client *cli
     good = control_put(body, "control", status_control(control)) && good;
     client->before = now;
     client->seen = true;
-    return whole(body, good);
+    return control_whole_or_null(body, good);
 }
 
 /* ---- statistics ---- */
 
-static json_t *us(int64_t ns)
+static json_t *control_microseconds(int64_t ns)
 {
     return control_number((double)ns * 1e-3);
 }
 
-static json_t *histogram(struct control *control, const struct histogram *of)
+static json_t *statistics_histogram(struct control *control, const struct histogram *of)
 {
     struct histogram *copy = &control->histogram;
     json_t *body = json_object();
@@ -263,15 +264,17 @@ static json_t *histogram(struct control *control, const struct histogram *of)
 
     histogram_copy(of, copy);
     good = control_put(body, "count", control_count(copy->count));
-    good = control_put(body, "min_us", us(copy->min)) && good;
-    good = control_put(body, "median_us", us(histogram_percentile(copy, 0.5))) && good;
-    good = control_put(body, "p99_us", us(histogram_percentile(copy, 0.99))) && good;
-    good = control_put(body, "max_us", us(copy->max)) && good;
+    good = control_put(body, "min_us", control_microseconds(copy->min)) && good;
+    good = control_put(body, "median_us", control_microseconds(histogram_percentile(copy, 0.5))) &&
+           good;
+    good =
+        control_put(body, "p99_us", control_microseconds(histogram_percentile(copy, 0.99))) && good;
+    good = control_put(body, "max_us", control_microseconds(copy->max)) && good;
     good = control_put(body, "mean_us",
                        control_number(copy->count ? (double)copy->sum * 1e-3 / (double)copy->count
                                                   : 0.0)) &&
            good;
-    return whole(body, good);
+    return control_whole_or_null(body, good);
 }
 
 static json_t *statistics_phases(struct control *control, const struct loop_stats *stats)
@@ -281,9 +284,9 @@ static json_t *statistics_phases(struct control *control, const struct loop_stat
 
     for (int p = 0; p < PHASE_COUNT && good; p++) {
         good = control_put(object, loop_phase_name((enum loop_phase)p),
-                           histogram(control, &stats->phase[p]));
+                           statistics_histogram(control, &stats->phase[p]));
     }
-    return whole(object, good);
+    return control_whole_or_null(object, good);
 }
 
 static json_t *statistics_overruns(const struct simulator_status *now)
@@ -295,7 +298,7 @@ static json_t *statistics_overruns(const struct simulator_status *now)
         good = control_put(object, loop_phase_name((enum loop_phase)p),
                            control_count(now->overruns_by[p]));
     }
-    return whole(object, good);
+    return control_whole_or_null(object, good);
 }
 
 static json_t *statistics_lockstep(const struct simulator_status *now)
@@ -306,7 +309,7 @@ static json_t *statistics_lockstep(const struct simulator_status *now)
     good = control_put(object, "mismatches", control_count(now->lockstep.mismatches)) && good;
     good = control_put(object, "malformed", control_count(now->lockstep.malformed)) && good;
     good = control_put(object, "silences", control_count(now->lockstep.silences)) && good;
-    return whole(object, good);
+    return control_whole_or_null(object, good);
 }
 
 json_t *control_statistics(struct control *control)
@@ -318,10 +321,10 @@ json_t *control_statistics(struct control *control)
 
     simulator_read(control->config.simulator, &now);
     good = control_put(body, "tick", control_count(now.tick)) && good;
-    good = control_put(body, "time_s", seconds(now.time_ns)) && good;
+    good = control_put(body, "time_s", control_seconds(now.time_ns)) && good;
     good = control_put(body, "phases", statistics_phases(control, stats)) && good;
-    good = control_put(body, "work", histogram(control, &stats->work)) && good;
-    good = control_put(body, "wakeup", histogram(control, &stats->wakeup)) && good;
+    good = control_put(body, "work", statistics_histogram(control, &stats->work)) && good;
+    good = control_put(body, "wakeup", statistics_histogram(control, &stats->wakeup)) && good;
     good = control_put(body, "overruns", control_count(now.overruns)) && good;
     good = control_put(body, "overruns_by", statistics_overruns(&now)) && good;
     good = control_put(body, "late_ticks", control_count(now.late_ticks)) && good;
@@ -330,7 +333,7 @@ json_t *control_statistics(struct control *control)
     good = control_put(body, "pause_ticks", control_count(now.pause_ticks)) && good;
     good = control_put(body, "events_lost", control_count(now.events_lost)) && good;
     good = control_put(body, "lockstep", statistics_lockstep(&now)) && good;
-    return whole(body, good);
+    return control_whole_or_null(body, good);
 }
 
 /* ---- lists ---- */
@@ -348,27 +351,29 @@ json_t *control_tunable(const struct control *control, size_t index)
     good = control_put(body, "min", control_number(tunable->min)) && good;
     good = control_put(body, "max", control_number(tunable->max)) && good;
     good = control_put(body, "whole", json_boolean(tunable->whole)) && good;
-    return whole(body, good);
+    return control_whole_or_null(body, good);
 }
 
-static bool wanted(const struct control_request *request, const char *name)
+static bool list_wants_name(const struct control_request *request, const char *name)
 {
     return !request->match || control_matches(request->match, name);
 }
 
-static json_t *list_tunables(const struct control *control, const struct control_request *request)
+static json_t *answer_list_tunables(const struct control *control,
+                                    const struct control_request *request)
 {
     json_t *array = json_array();
     bool good = array != NULL;
 
     for (size_t i = 0; i < steering_tunables(control->config.steering) && good; i++) {
-        good = !wanted(request, steering_tunable(control->config.steering, i)->name) ||
-               append(array, control_tunable(control, i));
+        good = !list_wants_name(request, steering_tunable(control->config.steering, i)->name) ||
+               control_append(array, control_tunable(control, i));
     }
-    return whole(array, good);
+    return control_whole_or_null(array, good);
 }
 
-static json_t *list_faults(const struct control *control, const struct control_request *request)
+static json_t *answer_list_faults(const struct control *control,
+                                  const struct control_request *request)
 {
     const struct faults *faults = simulator_faults(control->config.simulator);
     struct simulator_status now = {0};
@@ -380,51 +385,54 @@ static json_t *list_faults(const struct control *control, const struct control_r
         const struct fault *fault = faults_at(faults, i);
         json_t *entry;
 
-        if (!wanted(request, fault->name)) {
+        if (!list_wants_name(request, fault->name)) {
             continue;
         }
         entry = json_object();
         good = control_put(entry, "name", control_text(fault->name)) && good;
         good = control_put(entry, "line", control_text(fault->text)) && good;
-        good = control_put(entry, "active", json_boolean(is_active(&now, i))) && good;
-        good = append(array, entry) && good;
+        good = control_put(entry, "active", json_boolean(fault_is_active(&now, i))) && good;
+        good = control_append(array, entry) && good;
     }
-    return whole(array, good);
+    return control_whole_or_null(array, good);
 }
 
-static bool append_name(json_t *array, const struct control_request *request, const char *name)
+static bool answer_append_name(json_t *array, const struct control_request *request,
+                               const char *name)
 {
-    return !wanted(request, name) || append(array, control_text(name));
+    return !list_wants_name(request, name) || control_append(array, control_text(name));
 }
 
-static json_t *list_bodies(const struct control *control, const struct control_request *request)
+static json_t *answer_list_bodies(const struct control *control,
+                                  const struct control_request *request)
 {
     const struct rig *rig = control->rig;
     json_t *array = json_array();
     bool good = array != NULL;
 
     for (size_t i = 0; i < rig->robot->nbody && good; i++) {
-        good = append_name(array, request, rig->robot->body[i].name);
+        good = answer_append_name(array, request, rig->robot->body[i].name);
     }
     for (size_t i = 0; i < rig->nfree && good; i++) {
-        good = append_name(array, request, rig->free[i].name);
+        good = answer_append_name(array, request, rig->free[i].name);
     }
-    return whole(array, good);
+    return control_whole_or_null(array, good);
 }
 
-static json_t *list_signals(const struct control *control, const struct control_request *request)
+static json_t *answer_list_signals(const struct control *control,
+                                   const struct control_request *request)
 {
     const char *const *name = simulator_signal_names(control->config.simulator);
     json_t *array = json_array();
     bool good = array != NULL;
 
     for (size_t i = 0; i < simulator_signals(control->config.simulator) && good; i++) {
-        good = append_name(array, request, name[i]);
+        good = answer_append_name(array, request, name[i]);
     }
-    return whole(array, good);
+    return control_whole_or_null(array, good);
 }
 
-static json_t *list_checkpoints(const struct control *control)
+static json_t *answer_list_checkpoints(const struct control *control)
 {
     json_t *array = json_array();
     bool good = array != NULL;
@@ -439,21 +447,21 @@ static json_t *list_checkpoints(const struct control *control)
         entry = json_object();
         good = control_put(entry, "slot", json_integer(i)) && good;
         good = control_put(entry, "tick", control_count(of->tick)) && good;
-        good = control_put(entry, "time_s", seconds(of->time_ns)) && good;
-        good = append(array, entry) && good;
+        good = control_put(entry, "time_s", control_seconds(of->time_ns)) && good;
+        good = control_append(array, entry) && good;
     }
-    return whole(array, good);
+    return control_whole_or_null(array, good);
 }
 
-static json_t *list_commands(const struct control_request *request)
+static json_t *answer_list_commands(const struct control_request *request)
 {
     json_t *array = json_array();
     bool good = array != NULL;
 
     for (int i = 0; i < CONTROL_COMMANDS && good; i++) {
-        good = append_name(array, request, control_command_name((enum control_command)i));
+        good = answer_append_name(array, request, control_command_name((enum control_command)i));
     }
-    return whole(array, good);
+    return control_whole_or_null(array, good);
 }
 
 json_t *control_list(const struct control *control, const struct control_request *request)
@@ -462,24 +470,24 @@ json_t *control_list(const struct control *control, const struct control_request
 
     switch (request->list) {
     case CONTROL_LIST_TUNABLES:
-        list = list_tunables(control, request);
+        list = answer_list_tunables(control, request);
         break;
     case CONTROL_LIST_FAULTS:
-        list = list_faults(control, request);
+        list = answer_list_faults(control, request);
         break;
     case CONTROL_LIST_BODIES:
-        list = list_bodies(control, request);
+        list = answer_list_bodies(control, request);
         break;
     case CONTROL_LIST_SIGNALS:
-        list = list_signals(control, request);
+        list = answer_list_signals(control, request);
         break;
     case CONTROL_LIST_CHECKPOINTS:
-        list = list_checkpoints(control);
+        list = answer_list_checkpoints(control);
         break;
     case CONTROL_LIST_COMMANDS:
     case CONTROL_LISTS:
-        list = list_commands(request);
+        list = answer_list_commands(request);
         break;
     }
-    return whole(body, control_put(body, control_list_name(request->list), list));
+    return control_whole_or_null(body, control_put(body, control_list_name(request->list), list));
 }

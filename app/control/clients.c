@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Clients of the control socket: bytes in, lines out, and when it is enough. */
+/* Clients of the control socket: lines in, answers out, and when a client is disconnected. */
 #include "app/control/private.h"
 
 #include <errno.h>
@@ -9,11 +9,11 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-/* Before the others have their turn. */
-enum { LINES_A_TURN = 32, GUESTS_A_TURN = 32 };
+/* Limits after which the other clients have their turn. */
+enum { LINES_A_TURN = 32, ACCEPTS_A_TURN = 32 };
 
-/* Topics of the log. */
-enum { KEY_CUT = 1, KEY_TURNED_AWAY };
+/* Keys of the log. */
+enum { KEY_CUT = 1, KEY_REFUSED };
 
 void control_log(struct control *control, uint64_t key, const char *format, ...)
 {
@@ -23,14 +23,13 @@ void control_log(struct control *control, uint64_t key, const char *format, ...)
     va_start(arguments, format);
     vsnprintf(event.text, sizeof event.text, format, arguments);
     va_end(arguments);
-    control_clean(event.text);
-    /* when nobody reads them they are not worth keeping */
+    /* Dropped when the ring is full: nobody reads it then */
     (void)ring_push(&control->events, &event);
 }
 
 /* ---- out ---- */
 
-static size_t waiting(const struct control_client *client)
+static size_t client_unsent(const struct control_client *client)
 {
     return client->filled - client->sent;
 }
@@ -47,20 +46,21 @@ void control_drop(struct control *control, struct control_client *client)
     control_forget(control, client);
 }
 
-static void cut_off(struct control *control, struct control_client *client, uint64_t *counter,
-                    const char *reason)
+static void client_disconnect(struct control *control, struct control_client *client,
+                              uint64_t *counter, const char *reason)
 {
     (*counter)++;
-    control_log(control, KEY_CUT, "control: process %ld is cut off: %s", (long)client->pid, reason);
+    control_log(control, KEY_CUT, "control: process %ld is disconnected: %s", (long)client->pid,
+                reason);
     control_flush(control, client);
     control_drop(control, client);
 }
 
-/* Gives the system what it takes. */
+/* Sends as much as the system takes at once. */
 void control_flush(struct control *control, struct control_client *client)
 {
-    while (client->socket >= 0 && waiting(client) > 0) {
-        ssize_t sent = send(client->socket, client->outbox + client->sent, waiting(client),
+    while (client->socket >= 0 && client_unsent(client) > 0) {
+        ssize_t sent = send(client->socket, client->outbox + client->sent, client_unsent(client),
                             MSG_NOSIGNAL | MSG_DONTWAIT);
 
         if (sent < 0 && errno == EINTR) {
@@ -82,7 +82,7 @@ void control_flush(struct control *control, struct control_client *client)
 /* Room for so many bytes at the outbox's end; NULL when there is none. */
 char *control_room(struct control *control, struct control_client *client, size_t size)
 {
-    if (waiting(client) == 0) {
+    if (client_unsent(client) == 0) {
         client->taken_ns = control->now_ns;
     }
     if (client->filled + size > CONTROL_OUTBOX) {
@@ -93,7 +93,8 @@ char *control_room(struct control *control, struct control_client *client, size_
     return client->filled + size > CONTROL_OUTBOX ? NULL : client->outbox + client->filled;
 }
 
-static void put_text(struct control *control, struct control_client *client, const char *text)
+static void client_put_text(struct control *control, struct control_client *client,
+                            const char *text)
 {
     size_t size = strlen(text);
     char *to = control_room(control, client, size);
@@ -112,9 +113,9 @@ static void put_object(struct control *control, struct control_client *client, c
     char *to = size > 0 ? control_room(control, client, size + 1) : NULL;
 
     if (!to || json_dumpb(object, to, size, flags) != size) {
-        put_text(control, client,
-                 "{\"id\":null,\"ok\":false,\"code\":\"memory\",\"error\":\"no room for the "
-                 "answer\"}\n");
+        client_put_text(control, client,
+                        "{\"id\":null,\"ok\":false,\"code\":\"memory\",\"error\":\"no room for the "
+                        "answer\"}\n");
         return;
     }
     to[size] = '\n';
@@ -129,9 +130,10 @@ static void put_answer(struct control *control, struct control_client *client, c
 
     if (!body || !control_put(answer, "id", repeated) ||
         !control_put(answer, "ok", json_boolean(ok)) || json_object_update(answer, body)) {
-        put_text(control, client,
-                 "{\"id\":null,\"ok\":false,\"code\":\"memory\",\"error\":\"no memory for the "
-                 "answer\"}\n");
+        client_put_text(
+            control, client,
+            "{\"id\":null,\"ok\":false,\"code\":\"memory\",\"error\":\"no memory for the "
+            "answer\"}\n");
     } else {
         put_object(control, client, answer);
     }
@@ -164,13 +166,13 @@ void control_refuse(struct control *control, struct control_client *client, cons
 /* ---- in ---- */
 
 /* What was no request: told, and cut off when it goes on. */
-static void complain(struct control *control, struct control_client *client, const json_t *id,
-                     const struct error *error)
+static void client_refuse_line(struct control *control, struct control_client *client,
+                               const json_t *id, const struct error *error)
 {
     control_refuse(control, client, id, error->code == ERROR_MEMORY ? "memory" : "input",
                    error->text, NULL);
     if (client->socket >= 0 && ++client->junk >= CONTROL_JUNK_MAX) {
-        cut_off(control, client, &control->counters.cut_junk, error->text);
+        client_disconnect(control, client, &control->counters.cut_junk, error->text);
     }
 }
 
@@ -183,8 +185,8 @@ static bool is_blank(const char *line, size_t size)
     return size == 0;
 }
 
-static void obey_line(struct control *control, struct control_client *client, const char *line,
-                      size_t size)
+static void client_obey_line(struct control *control, struct control_client *client,
+                             const char *line, size_t size)
 {
     struct error error;
 
@@ -198,7 +200,7 @@ static void obey_line(struct control *control, struct control_client *client, co
     }
     control->counters.requests++;
     if (control_parse(line, size, client->line, &client->request, &error)) {
-        complain(control, client, client->request.id, &error);
+        client_refuse_line(control, client, client->request.id, &error);
         control_request_clear(&client->request);
         return;
     }
@@ -208,11 +210,11 @@ static void obey_line(struct control *control, struct control_client *client, co
 bool control_listens(const struct control_client *client)
 {
     return client->socket >= 0 && client->waiting == WAITING_NOT &&
-           waiting(client) <= CONTROL_OUTBOX / 2;
+           client_unsent(client) <= CONTROL_OUTBOX / 2;
 }
 
-/* The inbox is full and holds no whole line: what follows up to the line's end is passed over. */
-static void skip_line(struct control *control, struct control_client *client)
+/* The inbox is full and holds no complete line: the rest of the line is skipped. */
+static void client_skip_line(struct control *control, struct control_client *client)
 {
     struct error error;
 
@@ -220,35 +222,39 @@ static void skip_line(struct control *control, struct control_client *client)
     client->skipping = true;
     error_set(&error, ERROR_INPUT, "line %llu: found more than %d bytes, expected fewer",
               (unsigned long long)client->line + 1, CONTROL_LINE - 1);
-    complain(control, client, NULL, &error);
+    client_refuse_line(control, client, NULL, &error);
 }
 
-/* One line out of the inbox. False: there is none. */
-static bool next_line(struct control *control, struct control_client *client)
+/* Carries out one line of the inbox. False: there is none. */
+static bool client_next_line(struct control *control, struct control_client *client)
 {
     char *end = memchr(client->inbox, '\n', client->received);
     size_t size = end ? (size_t)(end - client->inbox) : client->received;
 
+    /* The last line may lack its end when the client has closed its side */
     if (!end && client->ended && client->received > 0) {
-        /* what was sent last and closed counts as a line */
         client->received = 0;
         if (!client->skipping) {
-            obey_line(control, client, client->inbox, size);
+            client_obey_line(control, client, client->inbox, size);
         }
         return false;
     }
     if (!end) {
         if (client->received == CONTROL_LINE) {
-            skip_line(control, client);
+            client_skip_line(control, client);
         }
         return false;
     }
+
+    /* A complete line, or the end of one that was too long */
     if (client->skipping) {
         client->skipping = false;
         client->line++;
     } else {
-        obey_line(control, client, client->inbox, size);
+        client_obey_line(control, client, client->inbox, size);
     }
+
+    /* What follows it moves to the front; the line may have disconnected the client */
     if (client->socket >= 0) {
         client->received -= size + 1;
         memmove(client->inbox, end + 1, client->received);
@@ -259,7 +265,7 @@ static bool next_line(struct control *control, struct control_client *client)
 bool control_obey(struct control *control, struct control_client *client)
 {
     for (int i = 0; i < LINES_A_TURN; i++) {
-        if (!control_listens(client) || !next_line(control, client)) {
+        if (!control_listens(client) || !client_next_line(control, client)) {
             return false;
         }
     }
@@ -285,31 +291,31 @@ bool control_hear(struct control *control, struct control_client *client)
     return control_obey(control, client);
 }
 
-/* Once a turn: has it ended, or been too slow? */
+/* Once a turn: drops a client that has ended or was too slow. */
 void control_check(struct control *control, struct control_client *client)
 {
     if (client->socket < 0) {
         return;
     }
-    if (waiting(client) > 0 && control->now_ns - client->taken_ns > control->patience_ns) {
-        cut_off(control, client, &control->counters.cut_slow,
-                "it does not take what it has asked for");
+    if (client_unsent(client) > 0 && control->now_ns - client->taken_ns > control->patience_ns) {
+        client_disconnect(control, client, &control->counters.cut_slow,
+                          "it does not drain its answers");
     } else if (control_listens(client) && !client->ended && client->received > 0 &&
                !memchr(client->inbox, '\n', client->received) &&
                control->now_ns - client->heard_ns > control->patience_ns) {
         control_refuse(control, client, NULL, "input",
                        "found half a line and then nothing, expected its end", NULL);
-        cut_off(control, client, &control->counters.cut_silent,
-                "it stopped in the middle of a line");
-    } else if (waiting(client) == 0 && client->ended && client->received == 0 &&
+        client_disconnect(control, client, &control->counters.cut_silent,
+                          "it stopped in the middle of a line");
+    } else if (client_unsent(client) == 0 && client->ended && client->received == 0 &&
                client->waiting == WAITING_NOT && client->subscription.count == 0) {
         control_drop(control, client);
     }
 }
 
-/* ---- the door ---- */
+/* ---- new connections ---- */
 
-static struct control_client *free_place(struct control *control)
+static struct control_client *client_free_place(struct control *control)
 {
     for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
         if (control->client[i].socket < 0) {
@@ -319,8 +325,8 @@ static struct control_client *free_place(struct control *control)
     return NULL;
 }
 
-static void turn_away(struct control *control, int socket, pid_t pid, const char *code,
-                      const char *reason)
+static void client_refuse_connection(struct control *control, int socket, pid_t pid,
+                                     const char *code, const char *reason)
 {
     char text[256];
     int size =
@@ -330,20 +336,20 @@ static void turn_away(struct control *control, int socket, pid_t pid, const char
     (void)!send(socket, text, (size_t)size, MSG_NOSIGNAL | MSG_DONTWAIT);
     close(socket);
     control->counters.refused++;
-    control_log(control, KEY_TURNED_AWAY, "control: process %ld is turned away: %s", (long)pid,
-                reason);
+    control_log(control, KEY_REFUSED, "control: process %ld is refused: %s", (long)pid, reason);
 }
 
-static void take_in(struct control *control, int socket)
+static void client_accept(struct control *control, int socket)
 {
-    struct control_client *client = free_place(control);
+    struct control_client *client = client_free_place(control);
     pid_t pid;
     uid_t uid;
 
     if (!control_socket_peer(socket, &pid, &uid)) {
-        turn_away(control, socket, pid, "owner", "this socket is for its owner and root");
+        client_refuse_connection(control, socket, pid, "owner",
+                                 "this socket is for its owner and root");
     } else if (!client) {
-        turn_away(control, socket, pid, "busy", "too many clients are there already");
+        client_refuse_connection(control, socket, pid, "busy", "too many clients");
     } else {
         const struct control_client fresh = {
             .socket = socket,
@@ -357,16 +363,16 @@ static void take_in(struct control *control, int socket)
     }
 }
 
-bool control_welcome(struct control *control)
+bool control_accept(struct control *control)
 {
-    for (int i = 0; i < GUESTS_A_TURN; i++) {
+    for (int i = 0; i < ACCEPTS_A_TURN; i++) {
         int socket = accept4(control->socket.descriptor, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
 
         if (socket < 0) {
             return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR ||
                    errno == ECONNABORTED;
         }
-        take_in(control, socket);
+        client_accept(control, socket);
     }
     return true;
 }

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* One thread, one poll set: a descriptor for orders, the listening socket, the clients. */
+/* The server's thread: one poll set with a descriptor for orders, the listening socket, the
+ * clients. */
 #include "app/control/private.h"
 
 #include <errno.h>
@@ -9,11 +10,11 @@
 #include <unistd.h>
 
 enum {
-    EVENTS = 64,    /* lines for the log, a power of two */
-    IDLE_MS = 1000, /* between looks at who has been too slow */
-    BUSY_MS = 1,    /* between looks at what the loop has answered */
-    ROWS_MS = 5,    /* between looks at the rows that it has made */
-    DOOR_MS = 100,  /* nobody is let in for so long after the system refused to */
+    EVENTS = 64,           /* lines for the log, a power of two */
+    IDLE_MS = 1000,        /* between checks for clients that are too slow */
+    BUSY_MS = 1,           /* between checks for answers of the loop */
+    ROWS_MS = 5,           /* between checks for new rows */
+    ACCEPT_PAUSE_MS = 100, /* no connection is accepted for so long after the system refused one */
 };
 
 #define PATIENCE_NS (30 * CLOCK_SECOND)
@@ -24,12 +25,12 @@ enum {
 enum { POLL_FIXED = 2, POLL_COUNT = POLL_FIXED + CONTROL_CLIENTS };
 
 /* The descriptors to wait for, and for how long. */
-static void prepare(const struct control *control, bool door, struct pollfd fd[POLL_COUNT],
-                    int *timeout_ms)
+static void control_prepare_poll(const struct control *control, bool accepts,
+                                 struct pollfd fd[POLL_COUNT], int *timeout_ms)
 {
-    *timeout_ms = door ? IDLE_MS : DOOR_MS;
+    *timeout_ms = accepts ? IDLE_MS : ACCEPT_PAUSE_MS;
     fd[0] = (struct pollfd){.fd = control->event, .events = POLLIN};
-    fd[1] = (struct pollfd){.fd = door ? control->socket.descriptor : -1, .events = POLLIN};
+    fd[1] = (struct pollfd){.fd = accepts ? control->socket.descriptor : -1, .events = POLLIN};
     for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
         const struct control_client *client = &control->client[i];
         bool reads = control_listens(client) && !client->ended && client->received < CONTROL_LINE;
@@ -46,14 +47,15 @@ static void prepare(const struct control *control, bool door, struct pollfd fd[P
     }
 }
 
-/* What poll says of a client. True: it has sent more than fits in a turn. */
-static bool serve_client(struct control *control, struct control_client *client, short events)
+/* Handles the events of a client. True: it has sent more than fits in a turn. */
+static bool control_serve_client(struct control *control, struct control_client *client,
+                                 short events)
 {
     if (client->socket < 0) {
         return false;
     }
     if ((events & (POLLHUP | POLLERR)) && (client->ended || !control_listens(client))) {
-        /* gone in both directions: nobody takes an answer */
+        /* Closed in both directions: nobody receives an answer */
         control_drop(control, client);
         return false;
     }
@@ -63,7 +65,7 @@ static bool serve_client(struct control *control, struct control_client *client,
     return (events & ~POLLOUT) && control_listens(client) && control_hear(control, client);
 }
 
-/* Until there is an order to serve, or to stop. */
+/* Waits for the order to serve or to stop. */
 static void wait_for_order(struct control *control)
 {
     struct pollfd fd = {.fd = control->event, .events = POLLIN};
@@ -75,11 +77,11 @@ static void wait_for_order(struct control *control)
     (void)!read(control->event, &orders, sizeof orders);
 }
 
-static void *serve(void *context)
+static void *control_thread_main(void *context)
 {
     struct control *control = context;
     struct clock *clock = clock_monotonic();
-    int64_t door_ns = 0;
+    int64_t accept_ns = 0;
     bool more = false;
 
     wait_for_order(control);
@@ -87,21 +89,27 @@ static void *serve(void *context)
         struct pollfd fd[POLL_COUNT];
         int timeout_ms;
 
-        prepare(control, control->now_ns >= door_ns, fd, &timeout_ms);
+        control_prepare_poll(control, control->now_ns >= accept_ns, fd, &timeout_ms);
         if (poll(fd, POLL_COUNT, more ? 0 : timeout_ms) < 0) {
-            memset(fd, 0, sizeof fd); /* a signal, or no memory: look again */
+            memset(fd, 0, sizeof fd); /* a signal, or no memory: poll again */
         }
+
+        /* What waits for the loop first, so that answers keep their order; then new lines and
+         * rows */
         control->now_ns = clock_now(clock);
         more = control_pump(control);
         for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
-            more = serve_client(control, &control->client[i], fd[POLL_FIXED + i].revents) || more;
+            more = control_serve_client(control, &control->client[i], fd[POLL_FIXED + i].revents) ||
+                   more;
         }
         more = control_rows(control) || more;
+
+        /* Clients that are done or too slow make room for new ones */
         for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
             control_check(control, &control->client[i]);
         }
-        if (fd[1].revents && !control_welcome(control)) {
-            door_ns = control->now_ns + DOOR_MS * CLOCK_MS;
+        if (fd[1].revents && !control_accept(control)) {
+            accept_ns = control->now_ns + ACCEPT_PAUSE_MS * CLOCK_MS;
         }
     }
     control_end(control);
@@ -110,8 +118,8 @@ static void *serve(void *context)
 
 /* ---- start and stop ---- */
 
-static enum error_code allocate(const struct control_config *config, struct arena *arena,
-                                struct control **out, struct error *error)
+static enum error_code control_allocate(const struct control_config *config, struct arena *arena,
+                                        struct control **out, struct error *error)
 {
     struct control *control = arena_alloc(arena, 1, sizeof *control);
     size_t nsignal = simulator_signals(config->simulator);
@@ -141,7 +149,7 @@ static enum error_code allocate(const struct control_config *config, struct aren
     return ERROR_NONE;
 }
 
-static enum error_code start_thread(struct control *control, struct error *error)
+static enum error_code control_start_thread(struct control *control, struct error *error)
 {
     int reason;
 
@@ -149,7 +157,7 @@ static enum error_code start_thread(struct control *control, struct error *error
     if (control->event < 0) {
         return error_set_errno(error, errno, "control socket: cannot create an event descriptor");
     }
-    reason = pthread_create(&control->thread, NULL, serve, control);
+    reason = pthread_create(&control->thread, NULL, control_thread_main, control);
     if (reason) {
         close(control->event);
         return error_set_errno(error, reason, "control socket: cannot start its thread");
@@ -167,23 +175,28 @@ enum error_code control_start(const struct control_config *config, struct contro
     if (code) {
         return code;
     }
-    code = allocate(config, &arena, &control, error);
-    if (!code) {
-        code = config->path ? control_socket_open(config->path, &control->socket, error)
-                            : control_socket_open_default(config->name, &control->socket, error);
-    }
-    if (!code) {
-        code = start_thread(control, error);
-    }
+    /* Memory, then the socket, then the thread that serves it */
+    code = control_allocate(config, &arena, &control, error);
     if (code) {
-        if (control) {
-            control_socket_close(&control->socket);
-        }
-        arena_fini(&arena);
-        return code;
+        goto fail_allocate;
+    }
+    code = config->path ? control_socket_open(config->path, &control->socket, error)
+                        : control_socket_open_default(config->name, &control->socket, error);
+    if (code) {
+        goto fail_allocate;
+    }
+    code = control_start_thread(control, error);
+    if (code) {
+        goto fail_thread;
     }
     *out = control;
     return ERROR_NONE;
+
+fail_thread:
+    control_socket_close(&control->socket);
+fail_allocate:
+    arena_fini(&arena);
+    return code;
 }
 
 static void give_order(struct control *control, enum control_order order)
@@ -191,7 +204,7 @@ static void give_order(struct control *control, enum control_order order)
     const uint64_t one = 1;
 
     atomic_store(&control->order, (int)order);
-    /* cannot fail: the counter is small */
+    /* Cannot fail: the counter is small */
     (void)!write(control->event, &one, sizeof one);
 }
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The control socket: other programs look at a running simulator and steer it, over a unix stream
+ * The control socket: other programs observe and control a running simulator over a unix stream
  * socket that only its owner and root may use (app/control/socket.h). `coman-hil ctl` is such a
  * program.
  *
@@ -15,13 +15,13 @@
  *     {"id": 7, "ok": true, "tick": 1250, "time_s": 1.25, "state_hash": "90c2f0e2d9a74b11"}
  *     {"id": 7, "ok": false, "code": "input", "error": "found ..., expected ..."}
  *
- * A client's requests are carried out in their order and answered in that order, one at a time: the
- * next is begun when the one before is answered. To pause a long step use a second connection.
+ * A client's requests are carried out and answered in their order, one at a time: the next begins
+ * when the one before has been answered. To pause a long step use a second connection.
  * Unknown commands and keys and values out of range are refused with code "input" and, where one is
- * near, the name that may have been meant. The other codes are those of what the loop refuses:
+ * near, the name that may have been meant. The other codes are reasons for which the loop refuses:
  * "empty", "recording", "clock", "busy", "unavailable", "cut" (a pause has ended the step), and
  * "ended" (the run is over), "memory". Times are virtual, _s in seconds; numbers have 15 digits,
- * what is not a number is null, hashes are strings of 16 hexadecimal digits.
+ * NaN and infinities are null, hashes are strings of 16 hexadecimal digits.
  *
  *   hello         program, version, protocol (1), rig, pid
  *   status        rig, file, robot_hash, task, recording, clock, speed, paused, clamped, tick,
@@ -36,12 +36,12 @@
  *                 match: a pattern of names with * and ? (optional)
  *   get           name: of a tunable; answers value, unit, min, max
  *   set           name, value
- *   fault         name, on: true or false; from then on its window means nothing
+ *   fault         name, on: true or false; from then on its window is ignored
  *   push          body; force_n, moment_nm: [x, y, z] in the world frame at its origin (optional,
  *                 0); duration_s (optional; 0: until the next push)
  *   pause, resume after the tick that runs
  *   step          count (optional, 1): ticks; answered when they have run
- *   speed         factor: virtual seconds a second, 0.001 to 1000; 0: as fast as it goes
+ *   speed         factor: virtual seconds a second, 0.001 to 1000; 0: as fast as possible
  *   reset         to the start
  *   checkpoint    slot (optional, 1): 1 to 3
  *   restore       slot (optional, 1): 0 to 3; 0 is the start
@@ -52,31 +52,31 @@
  *   unsubscribe   answers rows and missed, the totals
  *   stop          ends the run cleanly
  *
- * Those that the loop carries out (fault to restore, and set) answer tick, time_s and state_hash as
- * of then. After a subscribe lines without id come between answers,
+ * Commands that the loop carries out (fault to restore, and set) answer with the tick, time_s and
+ * state_hash at which they took effect. After a subscribe, lines without id come between answers,
  *
  *     {"time_s": 1.25, "tick": 1250, "values": [...]}
  *
- * one at every tick that is a multiple of the period, those of a step before its answer. Rows that
- * the client, or this server, was too slow for are left out, and the next one says how many with
+ * one at every tick that is a multiple of the period, those of a step before its answer. Rows for
+ * which the client, or this server, was too slow are dropped, and the next one says how many with
  * "missed": 3.
  *
- * What a client may not do. It is told what was wrong, with line and column, and cut off when it
- * goes on: CONTROL_JUNK_MAX wrong lines without a good one between them (each CONTROL_LINE bytes of
- * an endless line count as one); half a line, and then nothing for 30 s; answers that it does not
- * take for 30 s. Requests are not read while more than half of its CONTROL_OUTBOX bytes wait.
- * CONTROL_CLIENTS may be there at a time. A half-closed connection is served until its last answer,
- * or row, is out.
+ * Limits. A client is told what was wrong, with line and column, and disconnected after
+ * CONTROL_JUNK_MAX invalid lines without a valid one between them (each CONTROL_LINE bytes of an
+ * endless line count as one); after half a line followed by 30 s of silence; and when it does not
+ * drain its answers for 30 s. Its requests are not received while more than half of its
+ * CONTROL_OUTBOX bytes are unsent. At most CONTROL_CLIENTS are connected at a time. A half-closed
+ * connection is served until its last answer, or row, has been sent.
  *
- * The server has one thread of its own. It touches the loop through rt/steering.h and what the loop
+ * The server has one thread of its own. It reaches the loop through rt/steering.h and what the loop
  * publishes (simulator_read, stream, histograms) only, so that no client can delay a tick. Not
  * RT-safe.
  */
 #ifndef APP_CONTROL_CONTROL_H
 #define APP_CONTROL_CONTROL_H
 
-#include "sim/simulator.h"
 #include "rt/steering.h"
+#include "sim/simulator.h"
 
 enum {
     CONTROL_CLIENTS = 16,
@@ -91,13 +91,13 @@ struct control_config {
     struct steering *steering; /* of its loop */
     const char *path;          /* of the socket; NULL = a default one for name */
     const char *name;          /* of the instance: the rig's */
-    int64_t patience_ns;       /* with half lines and full outboxes; 0 = 30 s */
+    int64_t patience_ns;       /* for half a line and for undrained answers; 0 = 30 s */
 };
 
 struct control_counters {
     uint64_t clients; /* that have asked for something */
     uint64_t requests, refused_requests;
-    uint64_t refused; /* connections: too many, or not ours */
+    uint64_t refused; /* connections: too many, or of another user */
     uint64_t cut_junk, cut_slow, cut_silent;
     uint64_t rows, missed_rows;
 };
@@ -110,18 +110,19 @@ struct control;
 enum error_code control_start(const struct control_config *config, struct control **control,
                               struct error *error);
 
-/* Clients are heard from now on; after simulator_start, which touches all of the simulator's
- * memory and must be alone. Who came before waits until then. NULL is allowed. */
+/* Clients are served from now on; after simulator_start, which touches all of the simulator's
+ * memory while no other thread may. A client that connected before waits until then. NULL is
+ * allowed. */
 void control_serve(struct control *control);
 
 const char *control_path(const struct control *control);
 
-/* One line for the log: who was cut off and why, who has ended the run; false when none waits. From
- * one thread. */
+/* One line for the log: which client was disconnected and why, which has ended the run; false when
+ * none waits. From one thread. */
 bool control_next_event(struct control *control, uint64_t *key, char *text, size_t size);
 
-/* When the loop has ended: answers what still waits with "ended", closes every connection and
- * removes the socket. NULL is allowed. */
+/* When the loop has ended: answers every request that still waits with "ended", closes every
+ * connection and removes the socket. NULL is allowed. */
 void control_stop(struct control *control);
 
 /* After control_stop. */

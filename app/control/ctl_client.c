@@ -2,8 +2,8 @@
 /* A connection to the control socket of a running simulator. */
 #include "app/control/ctl_client.h"
 
-#include "rt/clock.h"
 #include "app/control/socket.h"
+#include "rt/clock.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -13,7 +13,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-static enum error_code choose(struct ctl_client *client, const char *path, struct error *error)
+static enum error_code ctl_choose_socket(struct ctl_client *client, const char *path,
+                                         struct error *error)
 {
     static char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE];
     const char *wanted = path ? path : getenv("COMAN_HIL_CONTROL");
@@ -46,7 +47,7 @@ static enum error_code choose(struct ctl_client *client, const char *path, struc
 
 enum error_code ctl_connect(struct ctl_client *client, const char *path, struct error *error)
 {
-    enum error_code code = choose(client, path, error);
+    enum error_code code = ctl_choose_socket(client, path, error);
 
     client->socket = -1;
     client->received = client->read = 0;
@@ -62,7 +63,7 @@ enum error_code ctl_send(struct ctl_client *client, const json_t *object, struct
     if (!line) {
         return error_set(error, ERROR_MEMORY, "no memory for a request");
     }
-    line[size] = '\n'; /* in place of the zero */
+    line[size] = '\n'; /* replaces the terminating zero */
     for (size_t sent = 0; sent <= size && !code;) {
         ssize_t count = send(client->socket, line + sent, size + 1 - sent, MSG_NOSIGNAL);
 
@@ -76,8 +77,8 @@ enum error_code ctl_send(struct ctl_client *client, const json_t *object, struct
     return code;
 }
 
-/* A line that is whole already. */
-static char *take_line(struct ctl_client *client)
+/* A complete line of the inbox, or NULL. */
+static char *ctl_take_line(struct ctl_client *client)
 {
     char *begin = client->inbox + client->read;
     char *end = memchr(begin, '\n', client->received - client->read);
@@ -90,7 +91,7 @@ static char *take_line(struct ctl_client *client)
     return begin;
 }
 
-/* False with *heard when there is nothing to be read. */
+/* Waits up to 100 ms; false when there is nothing to read: *heard is CTL_LINE to go on waiting. */
 static bool wait_readable(struct ctl_client *client, int64_t deadline_ns, enum ctl_heard *heard,
                           struct error *error)
 {
@@ -108,7 +109,7 @@ static bool wait_readable(struct ctl_client *client, int64_t deadline_ns, enum c
                   (double)client->timeout_ns * 1e-9);
         return false;
     }
-    /* in slices: a signal may come just before poll */
+    /* In slices: a signal may come just before poll */
     ready = poll(&fd, 1, (int)left_ms);
     if (*client->interrupted) {
         *heard = CTL_INTERRUPTED;
@@ -123,9 +124,10 @@ enum ctl_heard ctl_hear(struct ctl_client *client, char **line, struct error *er
     int64_t deadline_ns = clock_now(clock_monotonic()) + client->timeout_ns;
     enum ctl_heard heard = CTL_LINE;
 
-    while (!(*line = take_line(client))) {
+    while (!(*line = ctl_take_line(client))) {
         ssize_t count;
 
+        /* The begin of the next line moves to the front of the inbox */
         client->received -= client->read;
         memmove(client->inbox, client->inbox + client->read, client->received);
         client->read = 0;
@@ -133,6 +135,8 @@ enum ctl_heard ctl_hear(struct ctl_client *client, char **line, struct error *er
             error_set(error, ERROR_INPUT, "%s sends lines that are too long", client->path);
             return CTL_FAILED;
         }
+
+        /* More bytes, until the deadline or an interrupt */
         if (!wait_readable(client, deadline_ns, &heard, error)) {
             if (heard != CTL_LINE) {
                 return heard;

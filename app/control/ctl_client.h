@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The other end of the control socket, for `coman-hil ctl`: one connection, lines out and in. Not
+ * A client of the control socket, for `coman-hil ctl`: one connection, lines out and in. Not
  * RT-safe.
  */
 #ifndef APP_CONTROL_CTL_CLIENT_H
 #define APP_CONTROL_CTL_CLIENT_H
 
-#include "base/error.h"
 #include "app/control/control.h"
+#include "base/error.h"
 
 #include <jansson.h>
 #include <signal.h>
@@ -24,8 +24,8 @@ struct ctl_client {
 
 enum ctl_heard { CTL_LINE, CTL_END, CTL_INTERRUPTED, CTL_FAILED };
 
-/* Connects: to path; else to what COMAN_HIL_CONTROL in the environment says; else to the newest
- * running simulator, with a line on stderr when there are more. */
+/* Connects to path; else to COMAN_HIL_CONTROL of the environment; else to the newest running
+ * simulator, with a line on stderr when there are more. */
 enum error_code ctl_connect(struct ctl_client *client, const char *path, struct error *error);
 
 /* Sends an object as a line. */

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Answers of the control socket (app/control/control.h) for a person, of `coman-hil ctl`. Not RT-safe. */
+/* Prints answers of the control socket (app/control/control.h) for a person, for `coman-hil ctl`.
+ * Not RT-safe. */
 #ifndef APP_CONTROL_CTL_PRINT_H
 #define APP_CONTROL_CTL_PRINT_H
 
@@ -17,7 +18,7 @@ void ctl_print_list(const json_t *answer, FILE *out);
 /* A tunable of get. */
 void ctl_print_tunable(const json_t *answer, FILE *out);
 
-/* When the loop has done it: tick, time, hash. */
+/* The moment at which the loop has carried a command out: tick, time, hash. */
 void ctl_print_moment(const char *what, const json_t *answer, FILE *out);
 
 /* The titles of the answer to a subscribe, and its rows, aligned or as CSV in the manner of

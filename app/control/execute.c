@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Requests carried out: at once, by the loop, or when a tick has come. */
+/* Carries requests out: at once, through the loop, or when a tick has been reached. */
 #include "app/control/private.h"
 
 #include "base/text.h"
@@ -8,11 +8,11 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { KEY_STOP = 16 }; /* a topic of the log */
+enum { KEY_STOP = 16 }; /* a key of the log */
 
 /* ---- names ---- */
 
-/* A list of names with what is nearest to a wrong one. */
+/* Names that a request may refer to. */
 struct names {
     const char *what;
     size_t count;
@@ -37,11 +37,12 @@ static const char *body_at(const struct control *control, size_t index)
                                      : rig->free[index - rig->robot->nbody].name;
 }
 
-static enum error_code find(const struct control *control, const struct names *names,
-                            const char *name, size_t *index, struct error *error)
+static enum error_code find_name_index(const struct control *control, const struct names *names,
+                                       const char *name, size_t *index, struct error *error)
 {
     const char *nearest = NULL;
 
+    /* The name, or the one that may have been meant */
     for (size_t i = 0; i < names->count; i++) {
         const char *known = names->at(control, i);
 
@@ -49,7 +50,7 @@ static enum error_code find(const struct control *control, const struct names *n
             *index = i;
             return ERROR_NONE;
         }
-        /* the nearest of two, over and over, is the nearest of all */
+        /* The nearest of two, over and over, is the nearest of all */
         nearest = text_nearest(name, (const char *[]){nearest ? nearest : known, known}, 2);
     }
     if (names->count == 0) {
@@ -66,7 +67,7 @@ static enum error_code find_tunable(const struct control *control, const char *n
 {
     const struct names names = {"tunable", steering_tunables(control->config.steering), tunable_at};
 
-    return find(control, &names, name, index, error);
+    return find_name_index(control, &names, name, index, error);
 }
 
 static enum error_code find_fault(const struct control *control, const char *name, size_t *index,
@@ -75,7 +76,7 @@ static enum error_code find_fault(const struct control *control, const char *nam
     const struct names names = {"fault", faults_count(simulator_faults(control->config.simulator)),
                                 fault_at};
 
-    return find(control, &names, name, index, error);
+    return find_name_index(control, &names, name, index, error);
 }
 
 static enum error_code find_body(const struct control *control, const char *name, size_t *index,
@@ -83,10 +84,10 @@ static enum error_code find_body(const struct control *control, const char *name
 {
     const struct names names = {"body", control->rig->robot->nbody + control->rig->nfree, body_at};
 
-    return find(control, &names, name, index, error);
+    return find_name_index(control, &names, name, index, error);
 }
 
-/* ---- what the loop is asked ---- */
+/* ---- requests to the loop ---- */
 
 static enum error_code steer_set(const struct control *control,
                                  const struct control_request *request, struct steer_request *steer,
@@ -119,12 +120,13 @@ static enum error_code steer_push(const struct control *control,
     return find_body(control, request->name, &steer->index, error);
 }
 
-/* What the loop is to do for a request. */
+/* The loop's request for a client's. */
 static enum error_code make_steer(const struct control *control,
                                   const struct control_request *request,
                                   struct steer_request *steer, struct error *error)
 {
     switch (request->command) {
+    /* Commands of the clock */
     case CONTROL_PAUSE:
         steer->kind = STEER_PAUSE;
         return ERROR_NONE;
@@ -142,11 +144,15 @@ static enum error_code make_steer(const struct control *control,
         steer->kind = STEER_SPEED;
         steer->value = request->value;
         return ERROR_NONE;
+
+    /* The state */
     case CONTROL_CHECKPOINT:
     case CONTROL_RESTORE:
         steer->kind = request->command == CONTROL_RESTORE ? STEER_RESTORE : STEER_CHECKPOINT;
         steer->index = (size_t)request->count;
         return ERROR_NONE;
+
+    /* What acts on the robot: names become indices here, outside the loop */
     case CONTROL_FAULT:
         steer->kind = STEER_FAULT;
         steer->on = request->on;
@@ -160,13 +166,14 @@ static enum error_code make_steer(const struct control *control,
     }
 }
 
-static void ask(struct control *control, struct control_client *client)
+static void client_ask_loop(struct control *control, struct control_client *client)
 {
     client->waiting =
         steering_ask(control->config.steering, &client->steer) ? WAITING_LOOP : WAITING_ROOM;
 }
 
-/* Tells later which checkpoint was written, also when the client is gone by then. */
+/* A number for the loop's answer that also says which checkpoint was written, in case the client
+ * has left by then. */
 static uint64_t new_ticket(struct control *control, const struct steer_request *steer)
 {
     return ++control->tickets * STEERING_SLOTS +
@@ -184,13 +191,13 @@ static void begin_steer(struct control *control, struct control_client *client)
         return;
     }
     client->steer.ticket = new_ticket(control, &client->steer);
-    ask(control, client);
+    client_ask_loop(control, client);
 }
 
-/* ---- at once ---- */
+/* ---- requests answered at once ---- */
 
-static json_t *get(const struct control *control, const struct control_request *request,
-                   struct error *error)
+static json_t *answer_get(const struct control *control, const struct control_request *request,
+                          struct error *error)
 {
     size_t index;
 
@@ -198,20 +205,21 @@ static json_t *get(const struct control *control, const struct control_request *
                                                                : control_tunable(control, index);
 }
 
-static json_t *stop(struct control *control, const struct control_client *client)
+static json_t *answer_stop(struct control *control, const struct control_client *client)
 {
     control_log(control, KEY_STOP, "control: process %ld ends the run", (long)client->pid);
     simulator_stop(control->config.simulator);
     return json_object();
 }
 
-/* Answers what needs no waiting. */
+/* Answers a request that the loop has no part in. */
 static void answer_now(struct control *control, struct control_client *client)
 {
     struct control_request request = client->request;
     struct error error;
     json_t *body = NULL;
 
+    /* A NULL body without another error means that memory ran out */
     error_set(&error, ERROR_MEMORY, "no memory for the answer");
     switch (request.command) {
     case CONTROL_HELLO:
@@ -227,7 +235,7 @@ static void answer_now(struct control *control, struct control_client *client)
         body = control_list(control, &request);
         break;
     case CONTROL_GET:
-        body = get(control, &request, &error);
+        body = answer_get(control, &request, &error);
         break;
     case CONTROL_SUBSCRIBE:
         body = control_subscribe(control, client, &request, &error);
@@ -236,9 +244,11 @@ static void answer_now(struct control *control, struct control_client *client)
         body = control_unsubscribe(control, client);
         break;
     default:
-        body = stop(control, client);
+        body = answer_stop(control, client);
         break;
     }
+
+    /* The request stays valid until its id has been repeated */
     if (body) {
         control_answer(control, client, request.id, body);
     } else {
@@ -274,7 +284,7 @@ void control_execute(struct control *control, struct control_client *client)
 
 /* ---- waiting ---- */
 
-static json_t *moment(uint64_t tick, int64_t time_ns)
+static json_t *answer_moment(uint64_t tick, int64_t time_ns)
 {
     json_t *body = json_object();
 
@@ -302,7 +312,7 @@ static const char *verdict_code(enum steer_verdict verdict)
     return codes[verdict];
 }
 
-/* Why the loop would not. */
+/* Why the loop refused, in terms of the run. */
 static const char *verdict_text(const struct control *control, enum control_command command,
                                 enum steer_verdict verdict)
 {
@@ -310,21 +320,21 @@ static const char *verdict_text(const struct control *control, enum control_comm
         command == CONTROL_RESET || command == CONTROL_CHECKPOINT || command == CONTROL_RESTORE;
 
     if (verdict == STEER_UNAVAILABLE && back && simulator_task_runner(control->config.simulator)) {
-        return "this run has no way back: with the real clock its task has a thread of its own; "
+        return "this run cannot go back: with the real clock its task has a thread of its own; "
                "start the task as a process (coman-hil task), or run with --clock free or lockstep";
     }
     if (verdict == STEER_CLOCK && command == CONTROL_SPEED) {
-        return "this clock has no speed of its own: only the real one has";
+        return "only the real clock has a speed";
     }
     return steer_verdict_text(verdict);
 }
 
-/* The loop has done it, or would not. */
+/* Passes the loop's answer on to the client. */
 static void finish_steer(struct control *control, struct control_client *client,
                          const struct steer_answer *answer)
 {
     struct control_request request = client->request;
-    json_t *body = moment(answer->tick, answer->time_ns);
+    json_t *body = answer_moment(answer->tick, answer->time_ns);
 
     if (!control_put(body, "state_hash", control_hash(answer->state_hash))) {
         json_decref(body);
@@ -341,14 +351,14 @@ static void finish_steer(struct control *control, struct control_client *client,
     control_request_clear(&request);
 }
 
-static void take_answers(struct control *control)
+static void take_loop_answers(struct control *control)
 {
     struct steer_answer answer;
 
     while (steering_answer(control->config.steering, &answer)) {
         size_t slot = answer.ticket % STEERING_SLOTS;
 
-        control_rows(control); /* those of the ticks before the answer come before it */
+        control_rows(control); /* rows of the ticks before the answer come before it */
         if (slot > 0 && answer.verdict == STEER_OK) {
             control->slot[slot] = answer;
         }
@@ -363,22 +373,23 @@ static void take_answers(struct control *control)
     }
 }
 
-static bool is_reached(const struct control_request *request, const struct simulator_status *status)
+static bool wait_is_over(const struct control_request *request,
+                         const struct simulator_status *status)
 {
     return request->wait_time ? (double)status->time_ns * 1e-9 >= request->time_s
                               : status->tick >= (uint64_t)request->count;
 }
 
-static void look_at_tick(struct control *control, struct control_client *client)
+static void answer_when_reached(struct control *control, struct control_client *client)
 {
     struct simulator_status status = {0};
     struct control_request request = client->request;
 
     simulator_read(control->config.simulator, &status);
-    if (is_reached(&request, &status)) {
+    if (wait_is_over(&request, &status)) {
         client->request.root = NULL;
         client->waiting = WAITING_NOT;
-        control_answer(control, client, request.id, moment(status.tick, status.time_ns));
+        control_answer(control, client, request.id, answer_moment(status.tick, status.time_ns));
         control_request_clear(&request);
     }
 }
@@ -387,7 +398,7 @@ bool control_pump(struct control *control)
 {
     bool more = false;
 
-    take_answers(control);
+    take_loop_answers(control);
     for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
         struct control_client *client = &control->client[i];
 
@@ -395,9 +406,9 @@ bool control_pump(struct control *control)
             continue;
         }
         if (client->waiting == WAITING_ROOM) {
-            ask(control, client);
+            client_ask_loop(control, client);
         } else if (client->waiting == WAITING_TICK) {
-            look_at_tick(control, client);
+            answer_when_reached(control, client);
         }
         if (client->received > 0 && control_obey(control, client)) {
             more = true;
@@ -408,7 +419,7 @@ bool control_pump(struct control *control)
 
 void control_end(struct control *control)
 {
-    take_answers(control);
+    take_loop_answers(control);
     for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
         struct control_client *client = &control->client[i];
 

@@ -2,6 +2,7 @@
 /* Requests of the control socket: what each command takes is a table. */
 #include "app/control/parse.h"
 
+#include "base/count.h"
 #include "base/text.h"
 #include "rt/steering.h"
 
@@ -10,7 +11,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#define COUNT(array) (sizeof(array) / sizeof(array)[0])
 #define OF(member) offsetof(struct control_request, member)
 
 static const char *const command_names[CONTROL_COMMANDS] = {
@@ -99,13 +99,13 @@ static const struct key keys[] = {
 enum { KEYS_PER_COMMAND = 8 };
 
 /* The keys of a command, id and cmd before them; returns how many. */
-static size_t names_of(enum control_command command, const char *names[KEYS_PER_COMMAND])
+static size_t request_key_names(enum control_command command, const char *names[KEYS_PER_COMMAND])
 {
     size_t count = 0;
 
     names[count++] = "id";
     names[count++] = "cmd";
-    for (size_t i = 0; i < COUNT(keys); i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(keys); i++) {
         if (keys[i].command == command) {
             names[count++] = keys[i].name;
         }
@@ -113,9 +113,9 @@ static size_t names_of(enum control_command command, const char *names[KEYS_PER_
     return count;
 }
 
-static const struct key *find_key(enum control_command command, const char *name)
+static const struct key *request_find_key(enum control_command command, const char *name)
 {
-    for (size_t i = 0; i < COUNT(keys); i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(keys); i++) {
         if (keys[i].command == command && strcmp(keys[i].name, name) == 0) {
             return &keys[i];
         }
@@ -125,7 +125,7 @@ static const struct key *find_key(enum control_command command, const char *name
 
 /* ---- values ---- */
 
-static const char *type_name(const json_t *value)
+static const char *json_type_name(const json_t *value)
 {
     static const char *const names[] = {
         [JSON_OBJECT] = "an object", [JSON_ARRAY] = "an array", [JSON_STRING] = "a string",
@@ -136,20 +136,20 @@ static const char *type_name(const json_t *value)
     return names[json_typeof(value)];
 }
 
-static enum error_code wrong_type(const struct key *key, const json_t *value, const char *expected,
-                                  struct error *error)
+static enum error_code request_wrong_type(const struct key *key, const json_t *value,
+                                          const char *expected, struct error *error)
 {
     return error_set(error, ERROR_INPUT, "%s: key \"%s\": found %s, expected %s",
-                     command_names[key->command], key->name, type_name(value), expected);
+                     command_names[key->command], key->name, json_type_name(value), expected);
 }
 
-static enum error_code read_real(const struct key *key, const json_t *value, double *to,
-                                 struct error *error)
+static enum error_code request_read_real(const struct key *key, const json_t *value, double *to,
+                                         struct error *error)
 {
     double number = json_number_value(value);
 
     if (!json_is_number(value)) {
-        return wrong_type(key, value, "a number", error);
+        return request_wrong_type(key, value, "a number", error);
     }
     if (!(number >= key->min && number <= key->max)) {
         return error_set(error, ERROR_INPUT, "%s: key \"%s\": found %g, expected %g to %g",
@@ -159,13 +159,13 @@ static enum error_code read_real(const struct key *key, const json_t *value, dou
     return ERROR_NONE;
 }
 
-static enum error_code read_whole(const struct key *key, const json_t *value, int64_t *to,
-                                  struct error *error)
+static enum error_code request_read_whole(const struct key *key, const json_t *value, int64_t *to,
+                                          struct error *error)
 {
     double number = json_number_value(value);
 
     if (!json_is_number(value)) {
-        return wrong_type(key, value, "a whole number", error);
+        return request_wrong_type(key, value, "a whole number", error);
     }
     if (!(number >= key->min && number <= key->max && number == floor(number))) {
         return error_set(error, ERROR_INPUT,
@@ -176,27 +176,29 @@ static enum error_code read_whole(const struct key *key, const json_t *value, in
     return ERROR_NONE;
 }
 
-static enum error_code read_vector(const struct key *key, const json_t *value, double to[3],
-                                   struct error *error)
+static enum error_code request_read_vector(const struct key *key, const json_t *value, double to[3],
+                                           struct error *error)
 {
-    enum error_code code = ERROR_NONE;
-
     if (!json_is_array(value)) {
-        return wrong_type(key, value, "an array of three numbers", error);
+        return request_wrong_type(key, value, "an array of three numbers", error);
     }
     if (json_array_size(value) != 3) {
         return error_set(error, ERROR_INPUT,
                          "%s: key \"%s\": found an array of %zu, expected three numbers",
                          command_names[key->command], key->name, json_array_size(value));
     }
-    for (size_t i = 0; i < 3 && !code; i++) {
-        code = read_real(key, json_array_get(value, i), &to[i], error);
+    for (size_t i = 0; i < 3; i++) {
+        enum error_code code = request_read_real(key, json_array_get(value, i), &to[i], error);
+
+        if (code) {
+            return code;
+        }
     }
-    return code;
+    return ERROR_NONE;
 }
 
-static enum error_code read_list(const struct key *key, const json_t *value, enum control_list *to,
-                                 struct error *error)
+static enum error_code request_read_list(const struct key *key, const json_t *value,
+                                         enum control_list *to, struct error *error)
 {
     const char *text = json_string_value(value), *nearest;
 
@@ -207,7 +209,7 @@ static enum error_code read_list(const struct key *key, const json_t *value, enu
         }
     }
     if (!text) {
-        return wrong_type(key, value, "a string", error);
+        return request_wrong_type(key, value, "a string", error);
     }
     nearest = text_nearest(text, list_names, CONTROL_LISTS);
     return error_set(error, ERROR_INPUT,
@@ -216,13 +218,13 @@ static enum error_code read_list(const struct key *key, const json_t *value, enu
                      text, nearest ? "; the nearest is " : "", nearest ? nearest : "");
 }
 
-static enum error_code read_patterns(const struct key *key, const json_t *value, const json_t **to,
-                                     struct error *error)
+static enum error_code request_read_patterns(const struct key *key, const json_t *value,
+                                             const json_t **to, struct error *error)
 {
     size_t count = json_array_size(value);
 
     if (!json_is_array(value)) {
-        return wrong_type(key, value, "an array of names", error);
+        return request_wrong_type(key, value, "an array of names", error);
     }
     if (count == 0 || count > CONTROL_PATTERNS_MAX) {
         return error_set(error, ERROR_INPUT,
@@ -231,38 +233,38 @@ static enum error_code read_patterns(const struct key *key, const json_t *value,
     }
     for (size_t i = 0; i < count; i++) {
         if (!json_is_string(json_array_get(value, i))) {
-            return wrong_type(key, json_array_get(value, i), "a name in each place", error);
+            return request_wrong_type(key, json_array_get(value, i), "a name in each place", error);
         }
     }
     *to = value;
     return ERROR_NONE;
 }
 
-static enum error_code read_key(const struct key *key, const json_t *value,
-                                struct control_request *request, struct error *error)
+static enum error_code request_read_key(const struct key *key, const json_t *value,
+                                        struct control_request *request, struct error *error)
 {
     void *to = (char *)request + key->offset;
 
     switch (key->type) {
     case KEY_REAL:
-        return read_real(key, value, to, error);
+        return request_read_real(key, value, to, error);
     case KEY_WHOLE:
-        return read_whole(key, value, to, error);
+        return request_read_whole(key, value, to, error);
     case KEY_VECTOR:
-        return read_vector(key, value, to, error);
+        return request_read_vector(key, value, to, error);
     case KEY_LIST:
-        return read_list(key, value, to, error);
+        return request_read_list(key, value, to, error);
     case KEY_PATTERNS:
-        return read_patterns(key, value, to, error);
+        return request_read_patterns(key, value, to, error);
     case KEY_SWITCH:
         if (!json_is_boolean(value)) {
-            return wrong_type(key, value, "true or false", error);
+            return request_wrong_type(key, value, "true or false", error);
         }
         *(bool *)to = json_is_true(value);
         return ERROR_NONE;
     case KEY_TEXT:
         if (!json_is_string(value)) {
-            return wrong_type(key, value, "a string", error);
+            return request_wrong_type(key, value, "a string", error);
         }
         *(const char **)to = json_string_value(value);
         return ERROR_NONE;
@@ -272,11 +274,11 @@ static enum error_code read_key(const struct key *key, const json_t *value,
 
 /* ---- a request ---- */
 
-static enum error_code unknown_key(enum control_command command, const char *name,
-                                   struct error *error)
+static enum error_code request_unknown_key(enum control_command command, const char *name,
+                                           struct error *error)
 {
     const char *names[KEYS_PER_COMMAND], *nearest;
-    size_t count = names_of(command, names), used = 0;
+    size_t count = request_key_names(command, names), used = 0;
     char all[256] = "";
 
     for (size_t i = 0; i < count; i++) {
@@ -288,7 +290,7 @@ static enum error_code unknown_key(enum control_command command, const char *nam
                      nearest ? nearest : "");
 }
 
-static enum error_code read_keys(struct control_request *request, struct error *error)
+static enum error_code request_read_keys(struct control_request *request, struct error *error)
 {
     enum control_command command = request->command;
     const char *name;
@@ -296,19 +298,19 @@ static enum error_code read_keys(struct control_request *request, struct error *
 
     json_object_foreach(request->root, name, value)
     {
-        const struct key *key = find_key(command, name);
+        const struct key *key = request_find_key(command, name);
         enum error_code code = ERROR_NONE;
 
         if (key) {
-            code = read_key(key, value, request, error);
+            code = request_read_key(key, value, request, error);
         } else if (strcmp(name, "id") != 0 && strcmp(name, "cmd") != 0) {
-            code = unknown_key(command, name, error);
+            code = request_unknown_key(command, name, error);
         }
         if (code) {
             return code;
         }
     }
-    for (size_t i = 0; i < COUNT(keys); i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(keys); i++) {
         if (keys[i].command == command && keys[i].required &&
             !json_object_get(request->root, keys[i].name)) {
             return error_set(error, ERROR_INPUT, "%s: found no key \"%s\", expected one",
@@ -318,14 +320,15 @@ static enum error_code read_keys(struct control_request *request, struct error *
     return ERROR_NONE;
 }
 
-static enum error_code read_id(struct control_request *request, struct error *error)
+static enum error_code request_read_id(struct control_request *request, struct error *error)
 {
     json_t *id = json_object_get(request->root, "id");
 
     if (id && !json_is_null(id)) {
         if (!json_is_number(id) && !json_is_string(id)) {
             return error_set(error, ERROR_INPUT,
-                             "key \"id\": found %s, expected a number or a string", type_name(id));
+                             "key \"id\": found %s, expected a number or a string",
+                             json_type_name(id));
         }
         if (json_string_length(id) > CONTROL_ID_MAX) {
             return error_set(error, ERROR_INPUT,
@@ -337,7 +340,7 @@ static enum error_code read_id(struct control_request *request, struct error *er
     return ERROR_NONE;
 }
 
-static enum error_code read_command(struct control_request *request, struct error *error)
+static enum error_code request_read_command(struct control_request *request, struct error *error)
 {
     const json_t *value = json_object_get(request->root, "cmd");
     const char *text = json_string_value(value), *nearest;
@@ -348,7 +351,7 @@ static enum error_code read_command(struct control_request *request, struct erro
     }
     if (!text) {
         return error_set(error, ERROR_INPUT, "key \"cmd\": found %s, expected a string",
-                         type_name(value));
+                         json_type_name(value));
     }
     for (int i = 0; i < CONTROL_COMMANDS; i++) {
         if (strcmp(command_names[i], text) == 0) {
@@ -362,8 +365,8 @@ static enum error_code read_command(struct control_request *request, struct erro
                      nearest ? "\"" : "");
 }
 
-/* what the table cannot say */
-static enum error_code check(struct control_request *request, struct error *error)
+/* Rules that the table cannot express. */
+static enum error_code request_check_rules(struct control_request *request, struct error *error)
 {
     const json_t *root = request->root;
 
@@ -393,7 +396,7 @@ static enum error_code read_request(const char *line, size_t size, uint64_t numb
 
     request->root = json_loadb(line, size, JSON_REJECT_DUPLICATES, &wrong);
     if (!request->root) {
-        /* the library has no text for memory that ran out, and in some places a wrong one */
+        /* The library has no text when memory ran out, and in some places a wrong one */
         return wrong.text[0] == '\0'
                    ? error_set(error, ERROR_MEMORY, "no memory for the request")
                    : error_set(error, ERROR_INPUT,
@@ -403,29 +406,20 @@ static enum error_code read_request(const char *line, size_t size, uint64_t numb
     }
     if (!json_is_object(request->root)) {
         return error_set(error, ERROR_INPUT, "line %" PRIu64 ": found %s, expected a JSON object",
-                         number, type_name(request->root));
+                         number, json_type_name(request->root));
     }
-    code = read_id(request, error);
-    if (!code) {
-        code = read_command(request, error);
+    if ((code = request_read_id(request, error)) || (code = request_read_command(request, error)) ||
+        (code = request_read_keys(request, error))) {
+        return code;
     }
-    if (!code) {
-        code = read_keys(request, error);
-    }
-    return code ? code : check(request, error);
+    return request_check_rules(request, error);
 }
 
 enum error_code control_parse(const char *line, size_t size, uint64_t number,
                               struct control_request *request, struct error *error)
 {
-    enum error_code code;
-
     *request = (struct control_request){.count = 1, .period_ms = 10.0};
-    code = read_request(line, size, number, request, error);
-    if (code) {
-        control_clean(error->text);
-    }
-    return code;
+    return read_request(line, size, number, request, error);
 }
 
 void control_request_clear(struct control_request *request)
@@ -440,7 +434,7 @@ bool control_matches(const char *pattern, const char *name)
 {
     const char *star = NULL, *from = NULL;
 
-    /* a star takes as little as it can, and one more when the rest does not fit */
+    /* A star matches as little as possible, and one character more when the rest does not fit */
     while (*name) {
         if (*pattern == '*') {
             star = ++pattern;
@@ -459,13 +453,6 @@ bool control_matches(const char *pattern, const char *name)
         pattern++;
     }
     return *pattern == '\0';
-}
-
-void control_clean(char *text)
-{
-    for (; *text; text++) {
-        *text = (unsigned char)*text < 0x20 || *text == 0x7f ? '?' : *text;
-    }
 }
 
 json_t *control_text(const char *text)

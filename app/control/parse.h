@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A request of the control socket (app/control/control.h) from a line of text: JSON first, then a table of
- * what each command takes. Names of tunables, signals and so on are not looked up here. Not
- * RT-safe.
+ * Parses a request of the control socket (app/control/control.h) from a line of text: JSON first,
+ * then a table of the keys of each command. Names of tunables, signals and so on are not looked up
+ * here. Not RT-safe.
  */
 #ifndef APP_CONTROL_PARSE_H
 #define APP_CONTROL_PARSE_H
@@ -66,9 +66,9 @@ struct control_request {
     double period_ms;
 };
 
-/* Reads one line (size bytes, without its end). number: the line's, from 1, for messages. On an
- * error, which is one printable line, root and id are set as far as it got; the caller ends with
- * control_request_clear either way. */
+/* Parses one line (size bytes, without its end). number: the line's, from 1, for messages. On an
+ * error, which is one printable line, root and id are set as far as parsing got; the caller must
+ * call control_request_clear either way. */
 enum error_code control_parse(const char *line, size_t size, uint64_t number,
                               struct control_request *request, struct error *error);
 
@@ -78,14 +78,11 @@ void control_request_clear(struct control_request *request);
 const char *control_command_name(enum control_command command);
 const char *control_list_name(enum control_list list);
 
-/* Control characters, of which a stranger could make lines of his own in a log, become "?". */
-void control_clean(char *text);
-
 /* Whether a name matches a pattern with * (any characters) and ? (one). */
 bool control_matches(const char *pattern, const char *name);
 
-/* A string for an answer; what is not UTF-8 in text (cut in the middle of a character, or a
- * stranger's bytes) becomes "?". NULL without memory. */
+/* A string for an answer; when text is not UTF-8 (cut in the middle of a character, or arbitrary
+ * bytes of a client), every byte that is not ASCII becomes "?". NULL without memory. */
 json_t *control_text(const char *text);
 
 #endif

@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The parts of the control socket (app/control/control.h) among themselves: control.c has the thread,
- * control_clients.c what comes from and goes to a client, control_execute.c carries requests out,
- * control_answer.c tells how the simulator is, control_rows.c serves subscriptions. All in the
- * server's thread but for what control.h says.
+ * What the parts of the control socket (app/control/control.h) share: control.c has the thread,
+ * clients.c the bytes from and to a client, execute.c carries requests out, answer.c makes the
+ * answers that describe the simulator, rows.c serves subscriptions. All in the server's thread but
+ * for what control.h says. Not RT-safe.
  */
 #ifndef APP_CONTROL_PRIVATE_H
 #define APP_CONTROL_PRIVATE_H
 
-#include "base/ring.h"
 #include "app/control/control.h"
 #include "app/control/parse.h"
 #include "app/control/socket.h"
+#include "base/ring.h"
 
 #include <pthread.h>
 
@@ -29,9 +29,9 @@ struct control_subscription {
     size_t count;         /* of signals; 0 = none */
     uint16_t *signal;     /* their numbers; room for all */
     uint64_t period;      /* ticks */
-    uint64_t rows;        /* given to the client */
+    uint64_t rows;        /* sent to the client */
     uint64_t missed;      /* in all */
-    uint64_t missed_told; /* of which rows have told */
+    uint64_t missed_told; /* of those, reported in rows */
     bool begun;           /* a row was seen, at tick */
     uint64_t tick;
     uint64_t lost; /* struct stream_row's, as last seen */
@@ -61,7 +61,7 @@ struct control_client {
     struct simulator_status before;
 };
 
-/* What the server's thread is to do. */
+/* Orders to the server's thread. */
 enum control_order { CONTROL_ORDER_WAIT, CONTROL_ORDER_SERVE, CONTROL_ORDER_STOP };
 
 struct control_event {
@@ -87,20 +87,19 @@ struct control {
     struct control_client client[CONTROL_CLIENTS];
 };
 
-/* ---- control_clients.c ---- */
+/* ---- clients.c ---- */
 
 void control_log(struct control *control, uint64_t key, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* Takes in who waits at the door; false: the system refuses to (no descriptor left). */
-bool control_welcome(struct control *control);
+/* Accepts the connections that wait; false: the system refuses one (no descriptor left). */
+bool control_accept(struct control *control);
 
-/* Reads what has come and carries out the lines that are whole, some at a time; true: there are
- * more. */
+/* Receives bytes, and carries out the complete lines, some at a time; true: there are more. */
 bool control_hear(struct control *control, struct control_client *client);
 bool control_obey(struct control *control, struct control_client *client);
 
-/* Whether the client's next bytes may be read, and its next request be carried out. */
+/* Whether the client's next bytes may be received, and its next request be carried out. */
 bool control_listens(const struct control_client *client);
 
 void control_flush(struct control *control, struct control_client *client);
@@ -117,19 +116,19 @@ void control_answer(struct control *control, struct control_client *client, cons
 void control_refuse(struct control *control, struct control_client *client, const json_t *id,
                     const char *code, const char *text, json_t *body);
 
-/* ---- control_execute.c ---- */
+/* ---- execute.c ---- */
 
 /* Carries out client->request, or begins to; the request is then its own to clear. */
 void control_execute(struct control *control, struct control_client *client);
 
-/* What waits goes on: for room in the ring, for answers of the loop, for a tick. True: some client
- * may go on. */
+/* Continues what waits: for room in the ring, for answers of the loop, for a tick. True: some
+ * client has more to carry out. */
 bool control_pump(struct control *control);
 
-/* The run is over: answers what waits. */
+/* The run is over: answers every request that waits. */
 void control_end(struct control *control);
 
-/* ---- control_answer.c; NULL: no memory ---- */
+/* ---- answer.c; NULL: no memory ---- */
 
 json_t *control_hello(const struct control *control);
 json_t *control_status(const struct control *control, struct control_client *client);
@@ -143,7 +142,7 @@ json_t *control_number(double value);
 json_t *control_count(uint64_t value);
 json_t *control_hash(uint64_t hash);
 
-/* ---- control_rows.c ---- */
+/* ---- rows.c ---- */
 
 /* NULL with an error text: no such signal, no such period. */
 json_t *control_subscribe(struct control *control, struct control_client *client,

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Subscriptions: which rows the loop is asked for, and who gets what of them. */
+/* Subscriptions: which rows the loop makes, and which client gets which part of them. */
 #include "app/control/private.h"
 
 #include "base/text.h"
@@ -10,10 +10,10 @@
 #include <string.h>
 
 enum {
-    ROWS_A_TURN = 1024, /* what a stream holds, and so all that is there when a turn begins */
+    ROWS_A_TURN = 1024, /* the capacity of a stream, so all that are there when a turn begins */
     ROW_BYTES = 128,    /* of a row without its values */
     VALUE_BYTES = 26,   /* %.15g of any number, and a comma */
-    /* rows may fill so much of an outbox: the rest is for answers */
+    /* Rows may fill so much of an outbox; the rest is for answers */
     ROWS_OUTBOX = CONTROL_OUTBOX / 2,
 };
 
@@ -55,7 +55,7 @@ static bool has_signal(const struct control_subscription *of, size_t signal)
     return false;
 }
 
-/* Appends what matches the pattern and is not there yet. */
+/* Appends the signals that match the pattern and are not there yet. */
 static enum error_code add_signals(const struct control *control, const char *pattern,
                                    struct control_subscription *to, struct error *error)
 {
@@ -99,7 +99,8 @@ static enum error_code check_period(const struct control *control,
     return ERROR_NONE;
 }
 
-static json_t *subscribed(const struct control *control, const struct control_subscription *to)
+static json_t *subscription_answer(const struct control *control,
+                                   const struct control_subscription *to)
 {
     const char *const *name = simulator_signal_names(control->config.simulator);
     json_t *body = json_object(), *array = json_array();
@@ -126,6 +127,7 @@ json_t *control_subscribe(struct control *control, struct control_client *client
     enum error_code code;
     json_t *body = NULL;
 
+    /* A new subscription replaces the one before, also when it fails */
     control_forget(control, client);
     code = check_period(control, request, &to->period, error);
     for (size_t i = 0; i < json_array_size(request->signals) && !code; i++) {
@@ -136,7 +138,7 @@ json_t *control_subscribe(struct control *control, struct control_client *client
         code = error_set(error, ERROR_INPUT, "subscribe: found %zu signals, expected at most %d",
                          to->count, (ROWS_OUTBOX - ROW_BYTES) / VALUE_BYTES);
     }
-    if (!code && !(body = subscribed(control, to))) {
+    if (!code && !(body = subscription_answer(control, to))) {
         code = error_set(error, ERROR_MEMORY, "no memory for the answer");
     }
     if (code) {
@@ -146,7 +148,7 @@ json_t *control_subscribe(struct control *control, struct control_client *client
     return body;
 }
 
-/* Without a subscription, whatever there was. */
+/* Ends the client's subscription, if there is one. */
 void control_forget(struct control *control, struct control_client *client)
 {
     client->subscription = (struct control_subscription){.signal = client->subscription.signal};
@@ -169,7 +171,7 @@ json_t *control_unsubscribe(struct control *control, struct control_client *clie
 
 /* ---- rows ---- */
 
-/* How many rows between the last one and this did not reach us. */
+/* How many rows between the last one and this were lost in the stream. */
 static uint64_t lost_before(struct control_subscription *to, const struct stream_row *row)
 {
     uint64_t lost = 0;
@@ -177,7 +179,7 @@ static uint64_t lost_before(struct control_subscription *to, const struct stream
     if (to->begun && row->tick > to->tick) {
         lost = row->tick / to->period - to->tick / to->period - 1;
     } else if (to->begun) {
-        lost = row->lost - to->lost; /* time was set back: of all that are lost, at most */
+        lost = row->lost - to->lost; /* time was set back: an upper bound */
     }
     to->begun = true;
     to->tick = row->tick;

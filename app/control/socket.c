@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The place of the control socket. */
+/* The path of the control socket: how a server takes and leaves it, how a client finds it. */
 #include "app/control/socket.h"
 
 #include <errno.h>
@@ -38,9 +38,9 @@ static enum error_code make_address(const char *path, struct sockaddr_un *addres
     return ERROR_NONE;
 }
 
-/* ---- taking the place ---- */
+/* ---- taking a path ---- */
 
-/* The directory of path, locked against others who take a place in it; -1 with an error. */
+/* The directory of path, locked against other servers that start in it; -1 with an error. */
 static int lock_directory(const char *path, struct error *error)
 {
     const struct timespec pause = {.tv_nsec = 10000000};
@@ -69,15 +69,15 @@ static int lock_directory(const char *path, struct error *error)
     return -1;
 }
 
-/* 0 when somebody who may be talked to listens at the address, else what connect said. */
-static int probe(const struct sockaddr_un *address)
+/* 0 when a process listens at the address, else the errno of connect. */
+static int socket_probe_listener(const struct sockaddr_un *address)
 {
     int descriptor = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0), reason = 0;
 
     if (descriptor < 0) {
         return errno;
     }
-    /* EAGAIN: so many wait at its door that there is no place left there */
+    /* EAGAIN: it listens, but its backlog is full */
     if (connect(descriptor, (const struct sockaddr *)address, sizeof *address) && errno != EAGAIN) {
         reason = errno;
     }
@@ -85,8 +85,7 @@ static int probe(const struct sockaddr_un *address)
     return reason;
 }
 
-/* Makes room at the address when a dead process has left its socket there; taken: by a living
- * one. */
+/* Removes the socket that a dead process has left at the address; *taken: a living one has it. */
 static enum error_code clear_place(const struct sockaddr_un *address, bool *taken,
                                    struct error *error)
 {
@@ -103,7 +102,7 @@ static enum error_code clear_place(const struct sockaddr_un *address, bool *take
                          "control socket: found a file at %s that is no socket, expected nothing",
                          path);
     }
-    reason = probe(address);
+    reason = socket_probe_listener(address);
     if (reason != ECONNREFUSED && reason != ENOENT) {
         *taken = true;
         return error_set(error, ERROR_SYSTEM,
@@ -117,8 +116,8 @@ static enum error_code clear_place(const struct sockaddr_un *address, bool *take
     return ERROR_NONE;
 }
 
-/* The mode that a socket has when it is bound becomes that of its file, less the mask: no moment at
- * which others could connect. */
+/* The file gets the mode that the socket has when it is bound, less the mask, so there is no moment
+ * at which others could connect. */
 static enum error_code listen_there(const struct sockaddr_un *address,
                                     struct control_socket *socket_out, struct error *error)
 {
@@ -134,7 +133,7 @@ static enum error_code listen_there(const struct sockaddr_un *address,
         close(descriptor);
         return ERROR_SYSTEM;
     }
-    errno = EPERM; /* of a mode that others may use; a call that fails says why itself */
+    errno = EPERM; /* for a mode that lets others in; a call that fails sets its own */
     if (lstat(address->sun_path, &made) || (made.st_mode & (S_IRWXG | S_IRWXO)) != 0 ||
         listen(descriptor, BACKLOG)) {
         error_set_errno(error, errno, "control socket: cannot keep %s to its owner",
@@ -150,7 +149,7 @@ static enum error_code listen_there(const struct sockaddr_un *address,
     return ERROR_NONE;
 }
 
-/* taken: a living process has the place */
+/* *taken: a living process has the path. */
 static enum error_code open_at(const char *path, struct control_socket *socket, bool *taken,
                                struct error *error)
 {
@@ -204,9 +203,9 @@ void control_socket_close(struct control_socket *socket)
     socket->descriptor = -1;
 }
 
-/* ---- the places by default ---- */
+/* ---- default paths ---- */
 
-/* A directory that exists or can be made, ours alone when it was. */
+/* Whether the directory exists or could be made. */
 static bool make_directory(const char *path, mode_t mode)
 {
     struct stat found;
@@ -214,7 +213,7 @@ static bool make_directory(const char *path, mode_t mode)
     return mkdir(path, mode) == 0 || (stat(path, &found) == 0 && S_ISDIR(found.st_mode));
 }
 
-/* Where sockets of runs by hand are; false: nowhere. */
+/* The directory of sockets of runs by hand; false: there is none. */
 static bool user_directory(char directory[CONTROL_PATH_SIZE])
 {
     const char *runtime = getenv("XDG_RUNTIME_DIR");
@@ -226,7 +225,7 @@ static bool user_directory(char directory[CONTROL_PATH_SIZE])
     return snprintf(directory, CONTROL_PATH_SIZE, "%s/coman-hil", runtime) < CONTROL_PATH_SIZE;
 }
 
-/* the first of a list with colons */
+/* The first entry of RUNTIME_DIRECTORY, a list with colons. */
 static bool manager_directory(char directory[CONTROL_PATH_SIZE])
 {
     const char *given = getenv("RUNTIME_DIRECTORY");
@@ -327,7 +326,8 @@ static void add_candidates(const char *pattern, struct candidate *list, size_t *
         struct stat file;
 
         if (make_address(found.gl_pathv[i], &address, NULL) == ERROR_NONE &&
-            stat(found.gl_pathv[i], &file) == 0 && S_ISSOCK(file.st_mode) && probe(&address) == 0) {
+            stat(found.gl_pathv[i], &file) == 0 && S_ISSOCK(file.st_mode) &&
+            socket_probe_listener(&address) == 0) {
             memcpy(list[*count].path, address.sun_path, CONTROL_PATH_SIZE);
             list[(*count)++].since = file.st_mtim;
         }

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Where the control socket of a run is, and how it gets and leaves that place: for the server
- * (app/control/control.h) and for those who look for it (`coman-hil ctl`). Not RT-safe.
+ * The path of the control socket: how the server (app/control/control.h) takes and leaves it, and
+ * how a client (`coman-hil ctl`) finds it. Not RT-safe.
  *
- * Only its owner and root may connect: the file is born with mode 0600, and the peer of every
- * connection is asked for (SO_PEERCRED). What a dead process has left at the place is replaced, the
- * socket of a living one never, nor any other file. Servers that start at the same time take turns
- * by a lock on the directory.
+ * Only its owner and root may connect: the file is created with mode 0600, and the peer of every
+ * connection is checked (SO_PEERCRED). The socket of a dead process is replaced, that of a living
+ * one never, nor any other file. Servers that start at the same time take turns by a lock on the
+ * directory.
  *
- * The places by default: $RUNTIME_DIRECTORY/control under a service manager that gives one
+ * The default paths: $RUNTIME_DIRECTORY/control under a service manager that sets it
  * (/run/coman-hil/RIG/control with our unit), else $XDG_RUNTIME_DIR/coman-hil/RIG.sock, for root
  * without that variable /run/coman-hil/RIG.sock; a second run of the same rig gets RIG-2.sock, and
  * so on.
@@ -24,7 +24,7 @@
 
 enum { CONTROL_PATH_SIZE = 108, CONTROL_FOUND_MAX = 64 }; /* 108: of sockaddr_un */
 
-/* A listening socket in its place. */
+/* A listening socket. */
 struct control_socket {
     int descriptor; /* -1 = none; non-blocking */
     char path[CONTROL_PATH_SIZE];
@@ -37,22 +37,22 @@ struct control_socket {
 enum error_code control_socket_open(const char *path, struct control_socket *socket,
                                     struct error *error);
 
-/* Listens at the first free one of the default places for this name. The error says what was in the
- * way of the last. ERROR_UNSUPPORTED: there is no such place in this environment. */
+/* Listens at the first free default path for this name. The error is that of the last path tried.
+ * ERROR_UNSUPPORTED: this environment has no default path. */
 enum error_code control_socket_open_default(const char *name, struct control_socket *socket,
                                             struct error *error);
 
 /* Closes it and removes the file, when it is still this socket's. */
 void control_socket_close(struct control_socket *socket);
 
-/* Who is at the other end of a connection. False: the system does not say, or not one of ours,
- * which is this user or root. */
+/* The process at the other end of a connection. False: unknown, or neither of this user nor of
+ * root. */
 bool control_socket_peer(int connection, pid_t *pid, uid_t *uid);
 
 /* Connects to the server at path; a blocking descriptor. */
 enum error_code control_socket_connect(const char *path, int *descriptor, struct error *error);
 
-/* The sockets in the user's default place that a living process answers at, the newest first; when
+/* The sockets in the user's default directory on which a process listens, the newest first; when
  * there is none, those in /run/coman-hil. Returns how many. */
 size_t control_socket_find(char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE]);
 

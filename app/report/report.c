@@ -13,7 +13,7 @@
 
 enum { LINE_BYTES = 4096, CELLS_MAX = 16 };
 
-/* Legible on a telephone and on paper, light or dark as the reader's system is. */
+/* Legible on a telephone and on paper, light or dark as the reader's system is set. */
 static const char style[] =
     ":root{color-scheme:light dark;--ink:#1b1f24;--soft:#57606a;--paper:#fff;--line:#d0d7de;"
     "--grid:#e3e6ea;--band:#f6f8fa;--link:#0a58ca}\n"
@@ -66,31 +66,31 @@ static void put_csv(FILE *out, const char *text)
     putc('"', out);
 }
 
-static void fail(struct report *report, enum error_code code, const char *what)
+static void report_fail(struct report *report, enum error_code code, const char *what)
 {
     if (!report->error.code) {
         error_set(&report->error, code, "%s", what);
     }
 }
 
-static bool good(const struct report *report)
+static bool report_is_good(const struct report *report)
 {
     return !report->error.code;
 }
 
-/* A copy on the heap, NULL when there is no memory, with which the report has failed. */
-static char *keep(struct report *report, const char *text)
+/* A copy on the heap; NULL when there is no memory, and the report has failed then. */
+static char *report_copy_text(struct report *report, const char *text)
 {
     char *copy = strdup(text);
 
     if (!copy) {
-        fail(report, ERROR_MEMORY, "no memory for the report");
+        report_fail(report, ERROR_MEMORY, "no memory for the report");
     }
     return copy;
 }
 
 /* Splits a line at '|' in place. */
-static size_t split(char *line, char *cell[CELLS_MAX])
+static size_t report_split_cells(char *line, char *cell[CELLS_MAX])
 {
     size_t count = 0;
 
@@ -115,10 +115,10 @@ static FILE *open_file(struct report *report, const char *name)
 {
     FILE *out = NULL;
 
-    if (good(report)) {
+    if (report_is_good(report)) {
         report_file_open(report->folder, name, &out, &report->error);
     }
-    return good(report) ? out : NULL;
+    return report_is_good(report) ? out : NULL;
 }
 
 static void close_file(struct report *report, FILE *out, const char *name)
@@ -126,7 +126,7 @@ static void close_file(struct report *report, FILE *out, const char *name)
     struct error error;
 
     if (report_file_close(out, name, ERROR_NONE, &error)) {
-        fail(report, error.code, error.text);
+        report_fail(report, error.code, error.text);
     }
 }
 
@@ -145,13 +145,13 @@ void report_section(struct report *report, const char *id, const char *title)
 
     close_table(report);
     if (n == REPORT_SECTIONS_MAX) {
-        fail(report, ERROR_MEMORY, "too many sections in the report");
+        report_fail(report, ERROR_MEMORY, "too many sections in the report");
     }
-    if (!good(report)) {
+    if (!report_is_good(report)) {
         return;
     }
     snprintf(report->section[n].id, sizeof report->section[n].id, "%s", id);
-    report->section[n].title = keep(report, title);
+    report->section[n].title = report_copy_text(report, title);
     report->nsection++;
     fprintf(report->body, "%s<section id=\"%s\">\n<h2>", n ? "</section>\n" : "", id);
     markup_put(report->body, title);
@@ -175,7 +175,7 @@ void report_text(struct report *report, const char *format, ...)
 static void put_cells(struct report *report, const char *element, char *line)
 {
     char *cell[CELLS_MAX];
-    size_t count = split(line, cell);
+    size_t count = report_split_cells(line, cell);
 
     fputs("<tr>", report->body);
     for (size_t i = 0; i < count; i++) {
@@ -229,20 +229,20 @@ void report_finding(struct report *report, bool main, const char *format, ...)
     vsnprintf(line, sizeof line, format, arguments);
     va_end(arguments);
     if (report->nfinding == REPORT_FINDINGS_MAX || report->nsection == 0) {
-        fail(report, ERROR_MEMORY, "too many findings in the report");
+        report_fail(report, ERROR_MEMORY, "too many findings in the report");
     }
-    for (size_t count = split(line, cell); count < 4; count++) {
+    for (size_t count = report_split_cells(line, cell); count < 4; count++) {
         cell[count] = line + strlen(line);
     }
-    if (!good(report)) {
+    if (!report_is_good(report)) {
         return;
     }
     *finding = (struct report_finding){.main = main,
                                        .where = report->section[report->nsection - 1].title,
-                                       .what = keep(report, cell[0]),
-                                       .theirs = keep(report, cell[1]),
-                                       .ours = keep(report, cell[2]),
-                                       .remark = keep(report, cell[3])};
+                                       .what = report_copy_text(report, cell[0]),
+                                       .theirs = report_copy_text(report, cell[1]),
+                                       .ours = report_copy_text(report, cell[2]),
+                                       .remark = report_copy_text(report, cell[3])};
     memcpy(finding->section, report->section[report->nsection - 1].id, sizeof finding->section);
     report->nfinding++;
 }
@@ -285,7 +285,7 @@ void report_compared(struct report *report)
     fputs("<div class=\"scroll\"><table><thead><tr><th>quantity</th><th>paper</th><th>here</th>"
           "<th>remark</th></tr></thead><tbody>\n",
           report->body);
-    for (; good(report) && report->compared < report->nfinding; report->compared++) {
+    for (; report_is_good(report) && report->compared < report->nfinding; report->compared++) {
         put_finding(report->body, &report->finding[report->compared], false);
     }
     fputs("</tbody></table></div>\n", report->body);
@@ -298,7 +298,7 @@ static void write_panel(struct report *report, const struct svg_plot *panel, con
     char name[64];
     FILE *out;
 
-    if (!good(report)) {
+    if (!report_is_good(report)) {
         return;
     }
     snprintf(name, sizeof name, "%s-%zu", id, number);
@@ -409,7 +409,7 @@ static void write_findings(struct report *report)
     close_file(report, out, "compared.csv");
 }
 
-static void release(struct report *report)
+static void report_free(struct report *report)
 {
     for (size_t i = 0; i < report->nfinding; i++) {
         free(report->finding[i].what);
@@ -430,7 +430,7 @@ enum error_code report_close(struct report *report, struct error *error)
 
     close_table(report);
     if (memory_file_close(report->body, &report->text, "the report", &lost)) {
-        fail(report, lost.code, lost.text);
+        report_fail(report, lost.code, lost.text);
     }
     write_findings(report);
     out = open_file(report, "index.html");
@@ -438,7 +438,7 @@ enum error_code report_close(struct report *report, struct error *error)
         put_page(report, out);
         close_file(report, out, "index.html");
     }
-    release(report);
+    report_free(report);
     *error = report->error;
     return report->error.code;
 }
@@ -447,5 +447,5 @@ void report_abandon(struct report *report)
 {
     close_table(report);
     fclose(report->body);
-    release(report);
+    report_free(report);
 }

@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A report as one HTML page that needs nothing else, and its numbers as CSV files beside it: sections
- * with text, tables, plots (app/report/svg.h), and comparisons of what somebody else found with what was
- * found here. The same bytes for the same content. Not RT-safe.
+ * A report as one HTML page that needs nothing else, and its numbers as CSV files beside it:
+ * sections with text, tables, plots (app/report/svg.h), and comparisons of published values with
+ * ours. The same bytes for the same content. Not RT-safe.
  *
- * The first error is kept; what follows it does nothing, and report_close returns it.
+ * The first error is kept; calls after it do nothing, and report_close returns it.
  */
 #ifndef APP_REPORT_REPORT_H
 #define APP_REPORT_REPORT_H
 
+#include "app/report/svg.h"
 #include "base/error.h"
 #include "base/memory_file.h"
-#include "app/report/svg.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -49,14 +49,14 @@ void report_section(struct report *report, const char *id, const char *title);
 void report_text(struct report *report, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
-/* A table and its file ID.csv. columns and each row are cells, separated by '|'; a row may have fewer
- * cells than there are columns. A table is closed by whatever follows it. */
+/* A table and its file ID.csv. columns and each row are cells, separated by '|'; a row may have
+ * fewer cells than there are columns. The next call of any other kind closes the table. */
 void report_table(struct report *report, const char *id, const char *caption, const char *columns);
 void report_row(struct report *report, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
-/* One of the section's findings: where it stands in the paper, what it is, their value, ours, and why
- * they differ (or ""). Cells as of report_row: "what|theirs|ours|remark". */
+/* A comparison in the section: the quantity, their value, ours, and why they differ (or ""). Cells
+ * as in report_row: "what|theirs|ours|remark". */
 void report_finding(struct report *report, bool main, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 

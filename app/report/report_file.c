@@ -7,7 +7,8 @@
 #include <stdbool.h>
 #include <sys/stat.h>
 
-enum error_code report_file_open(const char *folder, const char *name, FILE **out, struct error *error)
+enum error_code report_file_open(const char *folder, const char *name, FILE **out,
+                                 struct error *error)
 {
     char path[PATH_MAX];
 
@@ -21,7 +22,8 @@ enum error_code report_file_open(const char *folder, const char *name, FILE **ou
     return *out ? ERROR_NONE : error_set_errno(error, errno, "%s", path);
 }
 
-enum error_code report_file_close(FILE *out, const char *name, enum error_code code, struct error *error)
+enum error_code report_file_close(FILE *out, const char *name, enum error_code code,
+                                  struct error *error)
 {
     bool failed = ferror(out) != 0;
 

@@ -7,10 +7,12 @@
 
 #include <stdio.h>
 
-/* Opens folder/name for writing and makes the folder. */
-enum error_code report_file_open(const char *folder, const char *name, FILE **out, struct error *error);
+/* Opens folder/name for writing; makes the folder if necessary. */
+enum error_code report_file_open(const char *folder, const char *name, FILE **out,
+                                 struct error *error);
 
-/* Closes; code is what writing came to. Returns code, or what went wrong on closing. */
-enum error_code report_file_close(FILE *out, const char *name, enum error_code code, struct error *error);
+/* Closes the file. code: the result of writing it, which is returned unless closing fails. */
+enum error_code report_file_close(FILE *out, const char *name, enum error_code code,
+                                  struct error *error);
 
 #endif

@@ -27,7 +27,7 @@ struct table {
     long row;                       /* line of the file */
 };
 
-static enum error_code read_line(struct table *table, bool *end, struct error *error)
+static enum error_code signals_read_line(struct table *table, bool *end, struct error *error)
 {
     size_t length;
 
@@ -45,10 +45,10 @@ static enum error_code read_line(struct table *table, bool *end, struct error *e
     return ERROR_NONE;
 }
 
-static enum error_code read_titles(struct table *table, struct error *error)
+static enum error_code signals_read_titles(struct table *table, struct error *error)
 {
     bool end;
-    enum error_code code = read_line(table, &end, error);
+    enum error_code code = signals_read_line(table, &end, error);
 
     if (code) {
         return code;
@@ -93,7 +93,7 @@ static enum error_code select_signals(struct table *table, const char *const *na
     return ERROR_NONE;
 }
 
-static enum error_code grow(struct signals *signals, struct error *error)
+static enum error_code signals_grow(struct signals *signals, struct error *error)
 {
     size_t capacity = signals->capacity ? 2 * signals->capacity : 4096;
 
@@ -115,13 +115,14 @@ static enum error_code grow(struct signals *signals, struct error *error)
     return ERROR_NONE;
 }
 
-/* takes the selected cells of the present line over; lines outside [from, to] are passed over */
-static enum error_code take_row(const struct table *table, struct signals *signals, double from,
-                                double to, struct error *error)
+/* Adds the selected cells of the current line; lines outside [from, to] are skipped. */
+static enum error_code signals_take_row(const struct table *table, struct signals *signals,
+                                        double from, double to, struct error *error)
 {
     double cell[SIGNALS_MAX + 1];
     char *at = table->line;
 
+    /* Every cell must be a number, chosen or not */
     for (size_t column = 0; column < table->ncolumn; column++) {
         const char *text = strsep(&at, ",");
         double value;
@@ -143,11 +144,13 @@ static enum error_code take_row(const struct table *table, struct signals *signa
         return error_set(error, ERROR_INPUT, "%s:%ld: found more than %zu columns", table->path,
                          table->row, table->ncolumn);
     }
+
+    /* A row of the span joins the others */
     if (cell[0] < from || cell[0] > to) {
         return ERROR_NONE;
     }
     if (signals->count == signals->capacity) {
-        enum error_code code = grow(signals, error);
+        enum error_code code = signals_grow(signals, error);
 
         if (code) {
             return code;
@@ -160,22 +163,25 @@ static enum error_code take_row(const struct table *table, struct signals *signa
     return ERROR_NONE;
 }
 
-static enum error_code read_table(struct table *table, const char *const *title, size_t ntitle,
-                                  double from, double to, struct signals *signals,
-                                  struct error *error)
+static enum error_code signals_read_table(struct table *table, const char *const *title,
+                                          size_t ntitle, double from, double to,
+                                          struct signals *signals, struct error *error)
 {
-    enum error_code code = read_titles(table, error);
-    bool end = false;
+    enum error_code code = signals_read_titles(table, error);
 
-    if (!code) {
-        snprintf(signals->first_title, sizeof signals->first_title, "%s", table->title[0]);
-        code = select_signals(table, title, ntitle, signals, error);
+    if (code) {
+        return code;
     }
-    while (!code && !end) {
-        code = read_line(table, &end, error);
-        if (!code && !end) {
-            code = take_row(table, signals, from, to, error);
+    snprintf(signals->first_title, sizeof signals->first_title, "%s", table->title[0]);
+    code = select_signals(table, title, ntitle, signals, error);
+    while (!code) {
+        bool end;
+
+        code = signals_read_line(table, &end, error);
+        if (code || end) {
+            return code;
         }
+        code = signals_take_row(table, signals, from, to, error);
     }
     return code;
 }
@@ -183,32 +189,37 @@ static enum error_code read_table(struct table *table, const char *const *title,
 enum error_code signals_read(const char *path, const char *const *title, size_t ntitle, double from,
                              double to, struct signals *signals, struct error *error)
 {
-    struct table *table = calloc(1, sizeof *table);
+    struct table *table;
     enum error_code code;
 
     *signals = (struct signals){.nsignal = 0};
     if (ntitle > SIGNALS_MAX) {
-        free(table);
         return error_set(error, ERROR_INPUT, "found %zu signals to read, expected at most %d",
                          ntitle, SIGNALS_MAX);
     }
+    /* Lines are too long for the stack */
+    table = calloc(1, sizeof *table);
     if (!table) {
         return error_set(error, ERROR_MEMORY, "no memory");
     }
     table->path = path;
+    table->line = malloc(LINE_MAX_BYTES);
+    table->titles = malloc(LINE_MAX_BYTES);
+    if (!table->line || !table->titles) {
+        code = error_set(error, ERROR_MEMORY, "no memory");
+        goto end_memory;
+    }
     table->file = fopen(path, "r");
     if (!table->file) {
         code = error_set_file(error, errno, path, "cannot be read");
-        free(table);
-        return code;
+        goto end_memory;
     }
-    table->line = malloc(LINE_MAX_BYTES);
-    table->titles = malloc(LINE_MAX_BYTES);
-    code = table->line && table->titles ? read_table(table, title, ntitle, from, to, signals, error)
-                                        : error_set(error, ERROR_MEMORY, "no memory");
+    code = signals_read_table(table, title, ntitle, from, to, signals, error);
+    fclose(table->file);
+
+end_memory:
     free(table->line);
     free(table->titles);
-    fclose(table->file);
     free(table);
     return code;
 }

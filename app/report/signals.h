@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Signals of a recording, read back from its signals.csv: a line of titles, then numbers, time first
- * (rt/recorder.h). Not RT-safe.
+ * Signals of a recording, read back from its signals.csv: a line of titles, then numbers, time
+ * first (rt/recorder.h). Not RT-safe.
  */
 #ifndef APP_REPORT_SIGNALS_H
 #define APP_REPORT_SIGNALS_H
@@ -20,9 +20,9 @@ struct signals {
     size_t capacity;
 };
 
-/* Reads the columns with these titles (at most SIGNALS_MAX) and the first one, of the rows whose first
- * number is within [from, to]. Everything wrong with the file is ERROR_INPUT with file:line. Memory is
- * the caller's until signals_free, also after an error. */
+/* Reads the first column and those with these titles (at most SIGNALS_MAX), of the rows whose first
+ * number is within [from, to]. Everything wrong with the file is ERROR_INPUT with file:line. Memory
+ * is the caller's until signals_free, also after an error. */
 enum error_code signals_read(const char *path, const char *const *title, size_t ntitle, double from,
                              double to, struct signals *signals, struct error *error);
 

@@ -47,14 +47,15 @@ static double on_scale(const struct scale *scale, double value)
            (number - scale->min) / (scale->max - scale->min) * (scale->to - scale->from);
 }
 
-static bool can_stand(const struct svg_axis *axis, double value)
+static bool value_is_drawable(const struct svg_axis *axis, double value)
 {
     return isfinite(value) && (!axis->logarithmic || value > 0.0);
 }
 
-static bool point_can_stand(const struct svg_plot *plot, const struct svg_series *series, size_t i)
+static bool point_is_drawable(const struct svg_plot *plot, const struct svg_series *series,
+                              size_t i)
 {
-    return can_stand(&plot->x, series->x[i]) && can_stand(&plot->y, series->y[i]);
+    return value_is_drawable(&plot->x, series->x[i]) && value_is_drawable(&plot->y, series->y[i]);
 }
 
 /* The step of 1, 2 or 5 times a power of ten that gives about TICKS ticks. */
@@ -75,17 +76,19 @@ static double tick_step(const struct scale *scale)
     return round_step(range);
 }
 
-/* Range of the numbers that can stand, with a little air around them. */
+/* The range of an axis: of the numbers that can be drawn, with a margin, or the fixed one. False
+ * when there is none. */
 static bool find_range(const struct svg_plot *plot, bool vertical, struct scale *scale)
 {
     const struct svg_axis *axis = vertical ? &plot->y : &plot->x;
-    double low = (double)INFINITY, high = -(double)INFINITY, air;
+    double low = (double)INFINITY, high = -(double)INFINITY, margin;
 
+    /* Lowest and highest number, or their decimal logarithms */
     for (size_t s = 0; s < plot->nseries; s++) {
         const struct svg_series *series = &plot->series[s];
 
         for (size_t i = 0; i < series->count; i++) {
-            if (point_can_stand(plot, series, i)) {
+            if (point_is_drawable(plot, series, i)) {
                 double value = vertical ? series->y[i] : series->x[i];
 
                 value = axis->logarithmic ? log10(value) : value;
@@ -97,6 +100,8 @@ static bool find_range(const struct svg_plot *plot, bool vertical, struct scale 
     if (!(low <= high)) {
         return false;
     }
+
+    /* Whole decades, or a margin of 4 %; some width even for one number */
     if (axis->fixed) {
         low = axis->logarithmic ? log10(axis->min) : axis->min;
         high = axis->logarithmic ? log10(axis->max) : axis->max;
@@ -104,9 +109,9 @@ static bool find_range(const struct svg_plot *plot, bool vertical, struct scale 
         low = floor(low);
         high = fmax(ceil(high), low + 1.0);
     } else {
-        air = high > low ? 0.04 * (high - low) : fmax(0.1 * fabs(high), 1e-300);
-        low -= air;
-        high += air;
+        margin = high > low ? 0.04 * (high - low) : fmax(0.1 * fabs(high), 1e-300);
+        low -= margin;
+        high += margin;
     }
     scale->axis = axis;
     scale->min = low;
@@ -168,7 +173,7 @@ static void put_ticks(const struct page *page, const struct scale *scale, bool v
         if (number > scale->max + 1e-9 * step) {
             break;
         }
-        /* no -0 */
+        /* Never -0 */
         put_tick(page, scale, vertical, number == 0.0 ? 0.0 : number, step);
     }
 }
@@ -223,7 +228,7 @@ static void put_line(const struct page *page, size_t s)
 
     open_line(page, s);
     for (size_t i = 0; i < series->count; i++) {
-        if (!point_can_stand(page->plot, series, i)) {
+        if (!point_is_drawable(page->plot, series, i)) {
             drawing = false;
             continue;
         }
@@ -239,7 +244,7 @@ static void put_markers(const struct page *page, size_t s)
     const struct svg_series *series = &page->plot->series[s];
 
     for (size_t i = 0; i < series->count; i++) {
-        if (point_can_stand(page->plot, series, i)) {
+        if (point_is_drawable(page->plot, series, i)) {
             put_dot(page, s, on_scale(&page->x, series->x[i]), on_scale(&page->y, series->y[i]));
             putc('\n', page->out);
         }

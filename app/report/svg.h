@@ -42,11 +42,11 @@ struct svg_plot {
     const struct svg_series *series; /* the first lies below the others */
     size_t nseries;                  /* 1 to SVG_SERIES_MAX */
     int width, height;               /* px, 0 = 720 and 450 */
-    const char
-        *part; /* NULL: a document. Else a part of an HTML page in which no other plot has this
-                       * name: without a style of its own, as wide as there is room for; the page
-                       * gives .grid, .axis, .line, .title their looks and may give .paper, text and
-                       * the series' .s0 to .s7 other colors */
+    /* NULL: a document. Else a name that no other plot of the same HTML page has: the plot is a
+     * part of the page, without a style of its own, as wide as there is room for; the page styles
+     * .grid, .axis, .line and .title, and may give .paper, text and the series' .s0 to .s7 other
+     * colors */
+    const char *part;
 };
 
 /* Writes a whole SVG document. Fails with ERROR_INPUT on a plot that holds no point or more series

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What follows from a scenario's file, and what its names mean in the rig. */
+/* Checks of a scenario that need no rig, and what follows from its file alone. */
 #include "app/scenario/private.h"
 
 #include "base/text.h"
@@ -9,11 +9,11 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { NAMES_MAX = 256, BYTES_MAX = 64 };
+enum { BYTES_MAX = 64 };
 
 /* ---- bytes ---- */
 
-static int digit(char c)
+static int pattern_digit(char c)
 {
     return c >= '0' && c <= '9'   ? c - '0'
            : c >= 'a' && c <= 'f' ? c - 'a' + 10
@@ -21,8 +21,8 @@ static int digit(char c)
                                   : -1;
 }
 
-/* Two hexadecimal digits a byte, spaces or dots between bytes; where mask is given, x for a digit
- * that may be any. */
+/* Parses two hexadecimal digits per byte, with spaces or dots between bytes; where any is given, x
+ * stands for any digit, and any gets a mask of the others. */
 static enum error_code parse_bytes(const char *text, const struct yaml_mark *mark,
                                    uint8_t byte[BYTES_MAX], uint8_t *any, uint8_t *len,
                                    struct error *error)
@@ -31,8 +31,9 @@ static enum error_code parse_bytes(const char *text, const struct yaml_mark *mar
 
     for (const char *c = text ? text : ""; *c; c++) {
         bool wild = any && (*c == 'x' || *c == 'X');
-        int value = wild ? 0 : digit(*c);
+        int value = wild ? 0 : pattern_digit(*c);
 
+        /* Separators between bytes, then digits, each half a byte and half a mask */
         if ((*c == ' ' || *c == '.') && digits % 2 == 0) {
             continue;
         }
@@ -149,6 +150,8 @@ static enum error_code check_stimulus(const struct scenario *scenario,
             "silence, or a label alone",
             kinds);
     }
+
+    /* Keys that its action does not have */
     stimulus->action = stimulus->frame_given     ? SCENARIO_FRAME
                        : stimulus->voltage_given ? SCENARIO_VOLTAGE
                        : stimulus->motor_given   ? SCENARIO_MOTOR
@@ -170,6 +173,8 @@ static enum error_code check_stimulus(const struct scenario *scenario,
                           "found %s of a frame alone, expected every_s and for_s or neither",
                           stimulus->for_s > 0.0 ? "for_s" : "every_s");
     }
+
+    /* Actions that the rest of the scenario does not allow */
     if ((stimulus->action == SCENARIO_VOLTAGE || stimulus->action == SCENARIO_MOTOR ||
          stimulus->action == SCENARIO_SILENCE) &&
         scenario->host != SCENARIO_HOST_ENABLED) {
@@ -180,12 +185,12 @@ static enum error_code check_stimulus(const struct scenario *scenario,
     if (stimulus->action == SCENARIO_SILENCE && scenario->clock == LOOP_CLOCK_LOCKSTEP) {
         return yaml_error(
             error, &stimulus->mark,
-            "found silence in lockstep, expected clock: free: without STEP time stands");
+            "found silence in lockstep, expected clock: free: without STEP no tick runs");
     }
     return stimulus->frame_given ? check_frame(&stimulus->frame, error) : ERROR_NONE;
 }
 
-/* clean_up is stimuli after the label of that name */
+/* The stimuli of clean_up follow the others, after the label of that name. */
 static enum error_code join_clean_up(struct scenario *scenario, struct arena *arena,
                                      struct error *error)
 {
@@ -213,40 +218,56 @@ static enum error_code join_clean_up(struct scenario *scenario, struct arena *ar
     return ERROR_NONE;
 }
 
+/* Gives a stimulus's label its place, which it shares with other stimuli of the same label. */
+static enum error_code add_label(struct scenario *scenario, struct scenario_stimulus *stimulus,
+                                 struct error *error)
+{
+    int known;
+
+    stimulus->label_index = -1;
+    if (!stimulus->label) {
+        return ERROR_NONE;
+    }
+    known = find_label(scenario, stimulus->label);
+    if (known >= 0 && known < SCENARIO_LABELS) {
+        return yaml_error(error, &stimulus->mark,
+                          "found label \"%s\", expected another: that is the runner's own",
+                          stimulus->label);
+    }
+    if (known < 0) {
+        known = (int)scenario->nlabel;
+        scenario->label[scenario->nlabel++] = stimulus->label;
+    }
+    stimulus->label_index = known;
+    return ERROR_NONE;
+}
+
 static enum error_code check_stimuli(struct scenario *scenario, struct error *error)
 {
-    enum error_code code = ERROR_NONE;
+    enum error_code code;
 
     scenario->label[SCENARIO_LABEL_START] = "start";
     scenario->label[SCENARIO_LABEL_READY] = "ready";
     scenario->label[SCENARIO_LABEL_CLEAN_UP] = "clean_up";
     scenario->nlabel = SCENARIO_LABELS;
-    for (size_t i = 0; i < scenario->nstimulus && !code; i++) {
-        struct scenario_stimulus *stimulus = &scenario->stimulus[i];
-
-        code = check_stimulus(scenario, stimulus, error);
-        stimulus->label_index = -1;
-        if (!code && stimulus->label) {
-            int known = find_label(scenario, stimulus->label);
-
-            if (known >= 0 && known < SCENARIO_LABELS) {
-                code = yaml_error(error, &stimulus->mark,
-                                  "found label \"%s\", expected another: that is the runner's own",
-                                  stimulus->label);
-            }
-            stimulus->label_index = known >= 0 ? known : (int)scenario->nlabel;
-            if (known < 0) {
-                scenario->label[scenario->nlabel++] = stimulus->label;
-            }
+    for (size_t i = 0; i < scenario->nstimulus; i++) {
+        if ((code = check_stimulus(scenario, &scenario->stimulus[i], error)) ||
+            (code = add_label(scenario, &scenario->stimulus[i], error))) {
+            return code;
         }
     }
-    for (size_t i = 0; i < scenario->nstimulus && !code; i++) {
+
+    /* A stimulus may refer to the label of a later one */
+    for (size_t i = 0; i < scenario->nstimulus; i++) {
         struct scenario_stimulus *stimulus = &scenario->stimulus[i];
 
         code = resolve_after(scenario, stimulus->after, &stimulus->mark, &stimulus->after_index,
                              error);
+        if (code) {
+            return code;
+        }
     }
-    return code;
+    return ERROR_NONE;
 }
 
 /* ---- expectations ---- */
@@ -272,6 +293,8 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
         (e->period_given && !e->frame_given)) {
         return wrong_form(e, error);
     }
+
+    /* What is looked at, and the band that it must keep; a frame or event is seen at least once */
     e->look = e->between_given   ? SCENARIO_BETWEEN
               : e->reaches_given ? SCENARIO_REACHES
               : e->period_given  ? SCENARIO_PERIOD
@@ -288,6 +311,8 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
         return yaml_error(error, &e->mark, "found the band [%g, %g], expected the lower end first",
                           e->band[0], e->band[1]);
     }
+
+    /* The window's end, from either key */
     if (e->to_given && e->within_given) {
         return yaml_error(error, &e->mark, "found both to_s and within_s, expected one");
     }
@@ -301,6 +326,26 @@ static enum error_code check_form(struct scenario_expectation *e, struct error *
     return e->frame_given ? check_pattern(&e->frame, error) : ERROR_NONE;
 }
 
+static enum error_code check_expectation(const struct scenario *scenario, size_t index,
+                                         struct error *error)
+{
+    struct scenario_expectation *expectation = &scenario->expectation[index];
+    enum error_code code = check_form(expectation, error);
+
+    if (code) {
+        return code;
+    }
+    for (size_t k = 0; k < index; k++) {
+        if (strcmp(scenario->expectation[k].name, expectation->name) == 0) {
+            return yaml_error(error, &expectation->mark,
+                              "found expectation \"%.60s\" twice, expected names of their own",
+                              expectation->name);
+        }
+    }
+    return resolve_after(scenario, expectation->after, &expectation->mark,
+                         &expectation->after_index, error);
+}
+
 static enum error_code check_expectations(struct scenario *scenario, struct error *error)
 {
     if (scenario->nexpectation == 0 || scenario->nexpectation > SCENARIO_EXPECTATIONS_MAX) {
@@ -308,20 +353,8 @@ static enum error_code check_expectations(struct scenario *scenario, struct erro
                           scenario->nexpectation, SCENARIO_EXPECTATIONS_MAX);
     }
     for (size_t i = 0; i < scenario->nexpectation; i++) {
-        struct scenario_expectation *expectation = &scenario->expectation[i];
-        enum error_code code = check_form(expectation, error);
+        enum error_code code = check_expectation(scenario, i, error);
 
-        for (size_t k = 0; k < i && !code; k++) {
-            if (strcmp(scenario->expectation[k].name, expectation->name) == 0) {
-                code = yaml_error(error, &expectation->mark,
-                                  "found expectation \"%.60s\" twice, expected names of their own",
-                                  expectation->name);
-            }
-        }
-        if (!code) {
-            code = resolve_after(scenario, expectation->after, &expectation->mark,
-                                 &expectation->after_index, error);
-        }
         if (code) {
             return code;
         }
@@ -401,145 +434,16 @@ enum error_code scenario_check(struct scenario *scenario, struct arena *arena, s
     }
     if (scenario->task && scenario->host != SCENARIO_HOST_NONE) {
         return yaml_error(error, &scenario->task_mark,
-                          "found both a task and a host, expected one of them to lead the boards");
+                          "found both a task and a host, expected one of them to drive the boards");
     }
     if (scenario->task && task_runner_check_name(scenario->task, error)) {
         return error_prefix(error, "%s:%d:%d", scenario->file, scenario->task_mark.line,
                             scenario->task_mark.column);
     }
-    code = find_rig(scenario, arena, error);
-    if (!code) {
-        code = join_clean_up(scenario, arena, error);
+    if ((code = find_rig(scenario, arena, error)) ||
+        (code = join_clean_up(scenario, arena, error)) || (code = check_stimuli(scenario, error)) ||
+        (code = check_expectations(scenario, error))) {
+        return code;
     }
-    if (!code) {
-        code = check_stimuli(scenario, error);
-    }
-    if (!code) {
-        code = check_expectations(scenario, error);
-    }
-    return code ? code : check_mutations(scenario, error);
-}
-
-/* ---- names of the rig ---- */
-
-static enum error_code find_bus(const struct rig *rig, const char *name,
-                                const struct yaml_mark *mark, int *index, struct error *error)
-{
-    const char *names[NAMES_MAX], *nearest;
-    size_t count = 0;
-
-    *index = rig_find_bus(rig, name);
-    if (*index >= 0) {
-        return ERROR_NONE;
-    }
-    for (; count < rig->nbus && count < NAMES_MAX; count++) {
-        names[count] = rig->bus[count].name;
-    }
-    nearest = text_nearest(name, names, count);
-    return yaml_error(error, mark, "found bus \"%.60s\", expected one of the rig's%s%s%s", name,
-                      nearest ? "; did you mean \"" : "", nearest ? nearest : "",
-                      nearest ? "\"?" : "");
-}
-
-static enum error_code find_axis(const struct rig *rig, const char *name,
-                                 const struct yaml_mark *mark, int *index, struct error *error)
-{
-    const char *names[NAMES_MAX], *nearest;
-    size_t count = 0;
-
-    for (; count < rig->naxis && count < NAMES_MAX; count++) {
-        names[count] = rig->axis[count].joint;
-        if (strcmp(names[count], name) == 0) {
-            *index = (int)count;
-            return ERROR_NONE;
-        }
-    }
-    nearest = text_nearest(name, names, count);
-    return yaml_error(error, mark, "found joint \"%.60s\", expected a driven one%s%s%s", name,
-                      nearest ? "; did you mean \"" : "", nearest ? nearest : "",
-                      nearest ? "\"?" : "");
-}
-
-static enum error_code find_body(const struct rig *rig, const char *name,
-                                 const struct yaml_mark *mark, int *index, struct error *error)
-{
-    const char *names[NAMES_MAX], *nearest;
-    size_t count = 0;
-
-    for (size_t i = 0; i < rig->robot->nbody && count < NAMES_MAX; i++) {
-        names[count++] = rig->robot->body[i].name;
-    }
-    for (size_t i = 0; i < rig->nfree && count < NAMES_MAX; i++) {
-        names[count++] = rig->free[i].name;
-    }
-    for (size_t i = 0; i < count; i++) {
-        if (strcmp(names[i], name) == 0) {
-            *index = (int)i;
-            return ERROR_NONE;
-        }
-    }
-    nearest = text_nearest(name, names, count);
-    return yaml_error(error, mark, "found body \"%.60s\", expected one of the rig's%s%s%s", name,
-                      nearest ? "; did you mean \"" : "", nearest ? nearest : "",
-                      nearest ? "\"?" : "");
-}
-
-static enum error_code bind_stimulus(struct scenario_stimulus *stimulus, const struct rig *rig,
-                                     struct error *error)
-{
-    switch (stimulus->action) {
-    case SCENARIO_FRAME:
-        if (find_bus(rig, stimulus->frame.bus, &stimulus->frame.mark, &stimulus->frame.bus_index,
-                     error)) {
-            return ERROR_INPUT;
-        }
-        if (stimulus->frame.fd && !rig->bus[stimulus->frame.bus_index].fd) {
-            return yaml_error(error, &stimulus->frame.mark,
-                              "found an FD frame, but bus %s is classic", stimulus->frame.bus);
-        }
-        return ERROR_NONE;
-    case SCENARIO_VOLTAGE:
-        return find_axis(rig, stimulus->voltage.joint, &stimulus->voltage.mark,
-                         &stimulus->voltage.axis, error);
-    case SCENARIO_MOTOR:
-        stimulus->motor.axis = -1;
-        return strcmp(stimulus->motor.joint, "all") == 0
-                   ? ERROR_NONE
-                   : find_axis(rig, stimulus->motor.joint, &stimulus->motor.mark,
-                               &stimulus->motor.axis, error);
-    case SCENARIO_PUSH:
-        return find_body(rig, stimulus->push.body, &stimulus->push.mark, &stimulus->push.index,
-                         error);
-    default:
-        return ERROR_NONE;
-    }
-}
-
-enum error_code scenario_bind(struct scenario *scenario, const struct rig *rig, struct error *error)
-{
-    for (size_t i = 0; i < scenario->nstimulus; i++) {
-        if (bind_stimulus(&scenario->stimulus[i], rig, error)) {
-            return ERROR_INPUT;
-        }
-    }
-    for (size_t i = 0; i < scenario->nexpectation; i++) {
-        struct scenario_expectation *expectation = &scenario->expectation[i];
-        struct scenario_signal signal;
-
-        if (expectation->frame_given &&
-            find_bus(rig, expectation->frame.bus, &expectation->frame.mark,
-                     &expectation->frame.bus_index, error)) {
-            return ERROR_INPUT;
-        }
-        if (expectation->signal_given &&
-            scenario_signal_find(expectation->signal, rig, &expectation->mark, &signal, error)) {
-            return ERROR_INPUT;
-        }
-        if (expectation->signal_given && signal.host && scenario->host == SCENARIO_HOST_NONE) {
-            return yaml_error(error, &expectation->mark,
-                              "found signal \"%.80s\", expected host: enabled in the scenario",
-                              expectation->signal);
-        }
-    }
-    return ERROR_NONE;
+    return check_mutations(scenario, error);
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A process for each run, several at a time, with a limit of wall-clock time. */
+/* Runs scenarios in a process each, several at a time, with a limit of wall-clock time. */
 #include "app/scenario/jobs.h"
 
 #include "rt/clock.h"
@@ -21,7 +21,7 @@ enum { PARALLEL_MAX = 256 };
 struct process {
     struct scenario_job *job; /* NULL = this place is free */
     pid_t pid;
-    int pipe; /* its outcome comes through here */
+    int pipe; /* its outcome comes through this */
     size_t got;
     struct scenario_outcome outcome;
     int64_t begin_ns, limit_ns;
@@ -43,14 +43,14 @@ static void make_directories(const char *path)
     for (size_t i = 1; path[i - 1] && i < sizeof part; i++) {
         if (path[i] == '/' || path[i] == '\0') {
             snprintf(part, sizeof part, "%.*s", (int)i, path);
-            mkdir(part, 0777); /* what is wrong with it shows when the recorder opens it */
+            mkdir(part, 0777); /* a failure shows when the recorder opens the directory */
         }
     }
 }
 
-/* A run that fails is made again with the recorder on: in virtual time it is the same run. */
-static void run_here(const struct scenario_job *job, const struct scenario_jobs_options *jobs,
-                     struct scenario_outcome *outcome)
+/* A run that fails is repeated with the recorder on: in virtual time it is the same run. */
+static void job_run_here(const struct scenario_job *job, const struct scenario_jobs_options *jobs,
+                         struct scenario_outcome *outcome)
 {
     struct scenario_options options = {
         .mutation = job->mutation, .seed_given = jobs->seed_given, .seed = jobs->seed};
@@ -70,14 +70,13 @@ static void run_here(const struct scenario_job *job, const struct scenario_jobs_
     if (!again->ran || again->state_hash != outcome->state_hash) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "the recorded repeat %.200s",
-                 again->ran ? "went another way: the run does not depend on its input alone"
-                            : again->text);
+                 again->ran ? "differs: the run does not depend on its input alone" : again->text);
     }
     free(again);
 }
 
-static void child(const struct scenario_job *job, const struct scenario_jobs_options *options,
-                  int out, pid_t parent)
+static void job_run_in_child(const struct scenario_job *job,
+                             const struct scenario_jobs_options *options, int out, pid_t parent)
 {
     static struct scenario_outcome outcome;
     const char *from = (const char *)&outcome;
@@ -87,7 +86,7 @@ static void child(const struct scenario_job *job, const struct scenario_jobs_opt
     if (getppid() != parent) {
         _exit(EXIT_FAILURE);
     }
-    run_here(job, options, &outcome);
+    job_run_here(job, options, &outcome);
     while (left > 0) {
         ssize_t n = write(out, from, left);
 
@@ -102,18 +101,21 @@ static void child(const struct scenario_job *job, const struct scenario_jobs_opt
 
 /* ---- the pool ---- */
 
-static enum error_code start(struct pool *pool, struct scenario_job *job, struct error *error)
+static enum error_code job_start(struct pool *pool, struct scenario_job *job, struct error *error)
 {
     struct process *process = pool->process;
     pid_t parent = getpid();
     int ends[2];
 
+    /* There is a free place: the caller counts */
     while (process->job) {
         process++;
     }
     if (pipe(ends)) {
         return error_set_errno(error, errno, "cannot make a pipe for a scenario");
     }
+
+    /* Unwritten output would be written by both */
     fflush(NULL);
     process->pid = fork();
     if (process->pid < 0) {
@@ -125,7 +127,7 @@ static enum error_code start(struct pool *pool, struct scenario_job *job, struct
     }
     if (process->pid == 0) {
         close(ends[0]);
-        child(job, pool->options, ends[1], parent);
+        job_run_in_child(job, pool->options, ends[1], parent);
     }
     close(ends[1]);
     process->job = job;
@@ -137,8 +139,8 @@ static enum error_code start(struct pool *pool, struct scenario_job *job, struct
     return ERROR_NONE;
 }
 
-/* the process has ended or is ended now; why: NULL or what is wrong */
-static void end(struct pool *pool, struct process *process, const char *why)
+/* The process has ended, or is killed when why (what is wrong) is not NULL. */
+static void job_end(struct pool *pool, struct process *process, const char *why)
 {
     struct scenario_job *job = process->job;
     int status = 0;
@@ -163,7 +165,7 @@ static void end(struct pool *pool, struct process *process, const char *why)
     pool->running--;
 }
 
-static void take(struct pool *pool, struct process *process)
+static void job_take_outcome(struct pool *pool, struct process *process)
 {
     unsigned char *to = (unsigned char *)&process->outcome;
     ssize_t n = read(process->pipe, to + process->got, sizeof process->outcome - process->got);
@@ -172,12 +174,12 @@ static void take(struct pool *pool, struct process *process)
         process->got += (size_t)n;
     }
     if (n == 0 || (n < 0 && errno != EINTR) || process->got == sizeof process->outcome) {
-        end(pool, process, NULL);
+        job_end(pool, process, NULL);
     }
 }
 
-/* waits until a process says something or its time is over */
-static void attend(struct pool *pool)
+/* Waits until a process sends something or exceeds its time. */
+static void jobs_attend(struct pool *pool)
 {
     struct pollfd fd[PARALLEL_MAX];
     int64_t now = clock_now(pool->time), next = INT64_MAX;
@@ -192,6 +194,8 @@ static void attend(struct pool *pool)
             next = process->limit_ns;
         }
     }
+
+    /* Until the first deadline at most */
     poll(fd, count, next > now ? (int)((next - now) / CLOCK_MS) + 1 : 0);
     now = clock_now(pool->time);
     for (size_t i = 0; i < count; i++) {
@@ -201,11 +205,11 @@ static void attend(struct pool *pool)
             continue;
         }
         if (fd[i].revents) {
-            take(pool, process);
+            job_take_outcome(pool, process);
         } else if (now >= process->limit_ns) {
             snprintf(why, sizeof why, "no end after %g s of wall-clock time",
                      process->job->scenario->wall_limit_s);
-            end(pool, process, why);
+            job_end(pool, process, why);
         }
     }
 }
@@ -235,21 +239,25 @@ enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
     options.parallel = options.parallel > PARALLEL_MAX ? PARALLEL_MAX : options.parallel;
     pool->options = &options;
     pool->time = clock_monotonic();
+
+    /* Keep all places busy; report in order, although jobs end in any */
     while (!code && told < count) {
         while (!code && started < count && pool->running < options.parallel) {
-            code = start(pool, &job[started], error);
+            code = job_start(pool, &job[started], error);
             started += !code;
         }
         if (!code) {
-            attend(pool);
+            jobs_attend(pool);
         }
         for (; told < started && !is_running(pool, &job[told]); told++) {
             options.ended(options.context, &job[told]);
         }
     }
+
+    /* After an error some may still run */
     for (size_t i = 0; i < options.parallel; i++) {
         if (pool->process[i].job) {
-            end(pool, &pool->process[i], "not finished");
+            job_end(pool, &pool->process[i], "not finished");
         }
     }
     free(pool);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Runs of scenarios in processes of their own, several at a time, and what they amount to: one
- * result a run, as lines on the terminal and as JUnit XML. Not RT-safe.
+ * Runs of scenarios in processes of their own, several at a time, and their results: one result per
+ * run, as lines on the terminal and as JUnit XML. Not RT-safe.
  */
 #ifndef APP_SCENARIO_JOBS_H
 #define APP_SCENARIO_JOBS_H
@@ -16,7 +16,7 @@ enum { RESULT_NAME = 512, RESULT_MESSAGE = 2048 };
 struct scenario_job {
     struct scenario *scenario;
     int mutation;          /* index, -1 = none */
-    char record[PATH_MAX]; /* of a run that fails, made a second time; "" = none */
+    char record[PATH_MAX]; /* directory for the recorded repeat of a run that fails; "" = none */
     struct scenario_outcome outcome;
     double seconds; /* of the process */
 };
@@ -30,8 +30,8 @@ struct scenario_jobs_options {
     void *context;
 };
 
-/* Runs all. A process that crashes or outlives its scenario's wall_limit_s is an outcome that has
- * not run. ERROR_SYSTEM when no process can be made. */
+/* Runs all. When a process crashes or exceeds its scenario's wall_limit_s, the outcome has not run.
+ * ERROR_SYSTEM when no process can be made. */
 enum error_code scenario_jobs_run(struct scenario_job *job, size_t count,
                                   const struct scenario_jobs_options *options, struct error *error);
 
@@ -52,17 +52,17 @@ struct scenario_result {
  * fail that its mutation names. */
 void scenario_judge(const struct scenario_job *job, struct scenario_result *result);
 
-/* The verdict on the mutations of one case, count jobs of the same scenario: each expectation has
- * to fail under one of them. */
+/* The verdict on the mutations of one case, count jobs of the same scenario: each expectation must
+ * fail under one of them. */
 void scenario_judge_mutations(const struct scenario_job *job, size_t count,
                               struct scenario_result *result);
 
-/* One testsuite a scenario, one testcase a result. */
+/* Writes one testsuite per scenario, one testcase per result. */
 enum error_code scenario_junit_write(const char *path, const struct scenario_result *result,
                                      size_t count, struct error *error);
 
-/* Puts files that scenario_junit_write has written into one; testcases of suites of one name are
- * put together. *failed: how many testcases have a failure or an error. */
+/* Combines files that scenario_junit_write has written into one; testcases of suites of one name
+ * are joined. *failed: how many testcases have a failure or an error. */
 enum error_code scenario_junit_merge(const char *const *from, size_t count, const char *path,
                                      size_t *tests, size_t *failed, struct error *error);
 

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Results as JUnit XML, one element a line; and files of that form put together. */
+/* Results as JUnit XML, one element per line; and files of that form combined into one. */
 #include "app/scenario/jobs.h"
 
+#include "base/markup.h"
 #include "base/memory_file.h"
 #include "base/text.h"
 #include "base/whole_file.h"
@@ -31,33 +32,13 @@ struct suites {
 
 /* ---- writing ---- */
 
-/* one line whatever stands in text; what XML cannot hold becomes ? */
-static void escape(const char *text, FILE *out)
+/* Text as an attribute's value or as content, on one line whatever it holds. */
+static void junit_put_text(const char *text, FILE *out)
 {
-    for (const unsigned char *c = (const unsigned char *)text; *c; c++) {
-        switch (*c) {
-        case '<':
-            fputs("&lt;", out);
-            break;
-        case '>':
-            fputs("&gt;", out);
-            break;
-        case '&':
-            fputs("&amp;", out);
-            break;
-        case '"':
-            fputs("&quot;", out);
-            break;
-        case '\n':
-            fputs("&#10;", out);
-            break;
-        default:
-            fputc(*c < 0x20 || *c >= 0x7f ? '?' : *c, out);
-        }
-    }
+    markup_put_flags(out, text, MARKUP_ASCII | MARKUP_LINE_BREAKS);
 }
 
-static struct suite *find_suite(struct suites *suites, const char *name)
+static struct suite *junit_find_suite(struct suites *suites, const char *name)
 {
     struct suite *suite;
 
@@ -76,49 +57,52 @@ static struct suite *find_suite(struct suites *suites, const char *name)
     return suite->to ? suite : NULL;
 }
 
-static void property(const char *name, const char *value, FILE *out)
+static void junit_put_property(const char *name, const char *value, FILE *out)
 {
     fprintf(out, "        <property name=\"%s\" value=\"", name);
-    escape(value, out);
+    junit_put_text(value, out);
     fputs("\"/>\n", out);
 }
 
-static void write_case(const struct scenario_result *result, FILE *out)
+static void junit_write_case(const struct scenario_result *result, FILE *out)
 {
     static const char *const element[] = {"", "failure", "error"};
     char number[32];
 
+    /* Which case, and with what it can be repeated */
     fputs("    <testcase classname=\"scenarios.", out);
-    escape(result->scenario->name, out);
+    junit_put_text(result->scenario->name, out);
     fputs("\" name=\"", out);
-    escape(result->name, out);
+    junit_put_text(result->name, out);
     fprintf(out, "\" time=\"%.3f\">\n      <properties>\n", result->seconds);
-    property("file", result->scenario->file, out);
+    junit_put_property("file", result->scenario->file, out);
     if (result->scenario->values[0]) {
-        property("parameters", result->scenario->values, out);
+        junit_put_property("parameters", result->scenario->values, out);
     }
     if (result->ran) {
         snprintf(number, sizeof number, "%" PRIu64, result->seed);
-        property("seed", number, out);
+        junit_put_property("seed", number, out);
         snprintf(number, sizeof number, "%016" PRIx64, result->state_hash);
-        property("state_hash", number, out);
+        junit_put_property("state_hash", number, out);
     }
     fputs("      </properties>\n", out);
+
+    /* What went wrong, and where the recording is */
     if (result->status != SCENARIO_PASSED) {
         fprintf(out, "      <%s message=\"", element[result->status]);
-        escape(result->message, out);
+        junit_put_text(result->message, out);
         fprintf(out, "\" type=\"%s\"/>\n",
                 result->status == SCENARIO_FAILED ? "expectation" : "run");
     }
     if (result->record[0]) {
         fputs("      <system-out>", out);
-        escape(result->record, out);
+        junit_put_text(result->record, out);
         fputs("/candump.log</system-out>\n", out);
     }
     fputs("    </testcase>\n", out);
 }
 
-static void free_suites(struct suites *suites)
+static void junit_free_suites(struct suites *suites)
 {
     for (size_t i = 0; suites && i < suites->count; i++) {
         if (suites->suite[i].to) {
@@ -129,8 +113,8 @@ static void free_suites(struct suites *suites)
     free(suites);
 }
 
-static enum error_code write_suites(struct suites *suites, const char *path, struct suite *all,
-                                    struct error *error)
+static enum error_code junit_write_suites(struct suites *suites, const char *path,
+                                          struct suite *all, struct error *error)
 {
     struct whole_file file;
     enum error_code code = whole_file_open(&file, path, error);
@@ -139,6 +123,8 @@ static enum error_code write_suites(struct suites *suites, const char *path, str
     if (code) {
         return code;
     }
+
+    /* The totals stand before the suites */
     for (size_t i = 0; i < suites->count; i++) {
         const struct suite *suite = &suites->suite[i];
 
@@ -173,13 +159,13 @@ enum error_code scenario_junit_write(const char *path, const struct scenario_res
     struct suite all = {.tests = 0};
 
     for (size_t i = 0; i < count && !code; i++) {
-        struct suite *suite = suites ? find_suite(suites, result[i].scenario->name) : NULL;
+        struct suite *suite = suites ? junit_find_suite(suites, result[i].scenario->name) : NULL;
 
         if (!suite) {
             code = error_set(error, ERROR_MEMORY, "no memory left for %zu results", count);
             break;
         }
-        write_case(&result[i], suite->to);
+        junit_write_case(&result[i], suite->to);
         suite->tests++;
         suite->failures += result[i].status == SCENARIO_FAILED;
         suite->errors += result[i].status == SCENARIO_BROKEN;
@@ -188,12 +174,12 @@ enum error_code scenario_junit_write(const char *path, const struct scenario_res
     if (!suites) {
         code = error_set(error, ERROR_MEMORY, "no memory left for results");
     }
-    code = code ? code : write_suites(suites, path, &all, error);
-    free_suites(suites);
+    code = code ? code : junit_write_suites(suites, path, &all, error);
+    junit_free_suites(suites);
     return code;
 }
 
-/* ---- reading what was written ---- */
+/* ---- combining files ---- */
 
 struct reader {
     const char *path;
@@ -202,19 +188,19 @@ struct reader {
     struct error *error;
 };
 
-static enum error_code unexpected(const struct reader *reader, const char *expected)
+static enum error_code junit_unexpected(const struct reader *reader, const char *expected)
 {
     return error_set(reader->error, ERROR_INPUT, "%.200s:%ld: found \"%.40s\", expected %s",
                      reader->path, reader->line, reader->text, expected);
 }
 
-static bool begins(const char *text, const char *with)
+static bool junit_line_begins(const char *text, const char *with)
 {
     return strncmp(text, with, strlen(with)) == 0;
 }
 
-/* the value of an attribute of the element in the line; false: there is none, or it is too long */
-static bool attribute(const char *line, const char *name, char *value, size_t size)
+/* The value of an attribute of the element in the line; false: there is none, or it is too long. */
+static bool junit_attribute(const char *line, const char *name, char *value, size_t size)
 {
     const char *at = strstr(line, name), *end;
 
@@ -227,74 +213,99 @@ static bool attribute(const char *line, const char *name, char *value, size_t si
     return true;
 }
 
-/* a line of a suite */
-static enum error_code take_line(const struct reader *reader, struct suite *suite)
+/* Adds a line of a suite, and counts it. */
+static enum error_code junit_take_line(const struct reader *reader, struct suite *suite)
 {
     const char *line = reader->text;
     double seconds;
     char time[32];
 
-    if (begins(line, "    <testcase ")) {
-        if (!attribute(line, " time=\"", time, sizeof time) || !text_to_double(time, &seconds)) {
-            return unexpected(reader, "a testcase with a time");
+    if (junit_line_begins(line, "    <testcase ")) {
+        if (!junit_attribute(line, " time=\"", time, sizeof time) ||
+            !text_to_double(time, &seconds)) {
+            return junit_unexpected(reader, "a testcase with a time");
         }
         suite->tests++;
         suite->seconds += seconds;
-    } else if (begins(line, "      <failure ")) {
+    } else if (junit_line_begins(line, "      <failure ")) {
         suite->failures++;
-    } else if (begins(line, "      <error ")) {
+    } else if (junit_line_begins(line, "      <error ")) {
         suite->errors++;
-    } else if (!begins(line, "      <properties>") && !begins(line, "        <property ") &&
-               !begins(line, "      </properties>") && !begins(line, "      <system-out>") &&
-               !begins(line, "    </testcase>")) {
-        return unexpected(reader, "a line of a testcase as test --junit writes it");
+    } else if (!junit_line_begins(line, "      <properties>") &&
+               !junit_line_begins(line, "        <property ") &&
+               !junit_line_begins(line, "      </properties>") &&
+               !junit_line_begins(line, "      <system-out>") &&
+               !junit_line_begins(line, "    </testcase>")) {
+        return junit_unexpected(reader, "a line of a testcase as test --junit writes it");
     }
     fputs(line, suite->to);
     return ERROR_NONE;
 }
 
-static enum error_code take_file(struct reader *reader, FILE *in, struct suites *suites)
+/* Where in a file of suites a reader is. */
+struct place {
+    struct suite *suite; /* NULL = between suites */
+    bool inside_case, done;
+};
+
+/* Takes a line after the first two of a file. */
+static enum error_code junit_take_body(struct reader *reader, struct suites *suites,
+                                       struct place *place)
 {
-    struct suite *suite = NULL;
-    bool inside = false, done = false;
+    const char *line = reader->text;
     char name[SUITE_NAME];
+
+    if (place->done) {
+        return junit_unexpected(reader, "nothing after </testsuites>");
+    }
+
+    /* Between suites: one begins, or all have ended */
+    if (!place->suite && junit_line_begins(line, "</testsuites>")) {
+        place->done = true;
+        return ERROR_NONE;
+    }
+    if (!place->suite) {
+        if (!junit_line_begins(line, "  <testsuite ")) {
+            return junit_unexpected(reader, "a testsuite");
+        }
+        if (!junit_attribute(line, " name=\"", name, sizeof name)) {
+            return junit_unexpected(reader, "a testsuite with a name");
+        }
+        place->suite = junit_find_suite(suites, name);
+        return place->suite
+                   ? ERROR_NONE
+                   : error_set(reader->error, ERROR_MEMORY, "%.200s: no memory left", reader->path);
+    }
+
+    /* In a suite: its end, or a line of a testcase */
+    if (!place->inside_case && junit_line_begins(line, "  </testsuite>")) {
+        place->suite = NULL;
+        return ERROR_NONE;
+    }
+    place->inside_case = !junit_line_begins(line, "    </testcase>") &&
+                         (place->inside_case || junit_line_begins(line, "    <testcase "));
+    return junit_take_line(reader, place->suite);
+}
+
+static enum error_code junit_take_file(struct reader *reader, FILE *in, struct suites *suites)
+{
+    struct place place = {.suite = NULL};
 
     for (reader->line = 1; fgets(reader->text, LINE_BYTES, in); reader->line++) {
         const char *line = reader->text;
-        enum error_code code = ERROR_NONE;
+        enum error_code code;
 
         if (!strchr(line, '\n')) {
-            return unexpected(reader, "a shorter line");
+            return junit_unexpected(reader, "a shorter line");
         }
         if (reader->line == 1 ? strcmp(line, declaration) != 0
-                              : reader->line == 2 && !begins(line, "<testsuites ")) {
-            return unexpected(reader, "JUnit XML as test --junit writes it");
+                              : reader->line == 2 && !junit_line_begins(line, "<testsuites ")) {
+            return junit_unexpected(reader, "JUnit XML as test --junit writes it");
         }
         if (reader->line <= 2) {
             continue;
         }
-        if (done) {
-            return unexpected(reader, "nothing behind </testsuites>");
-        }
-        if (!suite && begins(line, "  <testsuite ")) {
-            if (!attribute(line, " name=\"", name, sizeof name)) {
-                return unexpected(reader, "a testsuite with a name");
-            }
-            suite = find_suite(suites, name);
-            if (!suite) {
-                return error_set(reader->error, ERROR_MEMORY, "%.200s: no memory left",
-                                 reader->path);
-            }
-        } else if (suite && !inside && begins(line, "  </testsuite>")) {
-            suite = NULL;
-        } else if (!suite && begins(line, "</testsuites>")) {
-            done = true;
-        } else if (suite) {
-            inside = !begins(line, "    </testcase>") && (inside || begins(line, "    <testcase "));
-            code = take_line(reader, suite);
-        } else {
-            code = unexpected(reader, "a testsuite");
-        }
+        code = junit_take_body(reader, suites, &place);
         if (code) {
             return code;
         }
@@ -303,7 +314,7 @@ static enum error_code take_file(struct reader *reader, FILE *in, struct suites 
         return error_set_file(reader->error, errno, reader->path, "cannot be read");
     }
     snprintf(reader->text, LINE_BYTES, "the end");
-    return done ? ERROR_NONE : unexpected(reader, "</testsuites>");
+    return place.done ? ERROR_NONE : junit_unexpected(reader, "</testsuites>");
 }
 
 enum error_code scenario_junit_merge(const char *const *from, size_t count, const char *path,
@@ -321,16 +332,16 @@ enum error_code scenario_junit_merge(const char *const *from, size_t count, cons
         FILE *in = fopen(from[i], "r");
 
         reader.path = from[i];
-        code = in ? take_file(&reader, in, suites)
+        code = in ? junit_take_file(&reader, in, suites)
                   : error_set_file(error, errno, from[i], "cannot be read");
         if (in) {
             fclose(in);
         }
     }
-    code = code ? code : write_suites(suites, path, &all, error);
+    code = code ? code : junit_write_suites(suites, path, &all, error);
     *tests = all.tests;
     *failed = all.failures + all.errors;
-    free_suites(suites);
+    junit_free_suites(suites);
     free(reader.text);
     return code;
 }

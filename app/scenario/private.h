@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Private to the runner of scenarios: what its files share. */
+/* What the files of the scenario runner share. Not RT-safe. */
 #ifndef APP_SCENARIO_PRIVATE_H
 #define APP_SCENARIO_PRIVATE_H
 
@@ -7,7 +7,15 @@
 #include "sim/simulator.h"
 #include "tasks/host.h"
 
-/* What can be looked at while a scenario runs; all in the loop's thread. */
+#include <math.h>
+
+/* Times of a scenario's file in ns. */
+static inline int64_t scenario_ns(double seconds)
+{
+    return llround(seconds * 1e9);
+}
+
+/* What a scenario observes while it runs; all in the loop's thread. */
 struct scenario_view {
     const struct rig *rig;
     struct simulator *simulator;
@@ -27,13 +35,10 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
                                      const struct yaml_mark *mark, struct scenario_signal *signal,
                                      struct error *error);
 
-/* Signals and their meanings, a line each; NULL ends. */
-const char *const *scenario_signal_help(void);
-
-/* Derives what follows from the file alone: actions, labels, patterns. */
+/* Checks what can be checked without the rig, and derives actions, labels and patterns. */
 enum error_code scenario_check(struct scenario *scenario, struct arena *arena, struct error *error);
 
-/* When the labels happened; -1 = not yet. */
+/* When the labels happened, ns of virtual time; -1 = not yet. */
 struct scenario_clock {
     int64_t label_ns[SCENARIO_STIMULI_MAX + SCENARIO_LABELS];
 };
@@ -48,12 +53,12 @@ enum error_code scenario_stimuli_create(const struct scenario *scenario, int mut
                                         struct arena *arena, struct scenario_stimuli **stimuli,
                                         const char **fault, size_t *nfault, struct error *error);
 
-/* Does what is due at time_ns; ports are those of the scenario. */
+/* Carries out what is due at time_ns; ports are the scenario's own on the buses. */
 void scenario_stimuli_step(struct scenario_stimuli *stimuli, const struct scenario_view *view,
                            const struct bus_ports *ports, struct scenario_clock *clock,
                            int64_t time_ns);
 
-/* Whether the host is to keep silent in this tick. */
+/* Whether the host must send nothing in this tick. */
 bool scenario_stimuli_silence(const struct scenario_stimuli *stimuli);
 
 /* ---- expectations ---- */

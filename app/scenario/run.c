@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* One run of a scenario: the rig, a host, and an observer that acts and looks once a tick. */
+/* One run of a scenario: the rig, a host, and an observer that acts and observes once a tick. */
 #include "app/scenario/private.h"
+
+#include "base/count.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -21,14 +23,14 @@ struct run {
     struct bus_ports ports, host_ports;
     struct clock *wall;
     int64_t last_ns, duration_ns;
-    bool leads;  /* the host takes part */
-    bool starts; /* and brings the boards up */
+    bool has_host; /* the host takes part */
+    bool starts;   /* and starts the boards up */
     struct bus_frame batch[BATCH];
 };
 
 /* ---- once a tick ---- */
 
-static void look_at_frames(struct run *run)
+static void observe_frames(struct run *run)
 {
     for (size_t b = 0; b < run->ports.count; b++) {
         size_t count;
@@ -42,7 +44,7 @@ static void look_at_frames(struct run *run)
     }
 }
 
-static void look_at_events(struct run *run)
+static void observe_events(struct run *run)
 {
     char text[512];
     uint64_t key;
@@ -52,7 +54,7 @@ static void look_at_events(struct run *run)
     }
 }
 
-static bool all_motors_on(const struct run *run)
+static bool motors_are_all_on(const struct run *run)
 {
     const struct plant_command *command = plant_command(simulator_plant(run->view.simulator));
     size_t on = 0;
@@ -66,7 +68,7 @@ static bool all_motors_on(const struct run *run)
 static void set_labels(struct run *run, int64_t time_ns)
 {
     int64_t *label = run->clock.label_ns;
-    bool ready = run->starts ? run->view.host_phase == HOST_READY : all_motors_on(run);
+    bool ready = run->starts ? run->view.host_phase == HOST_READY : motors_are_all_on(run);
 
     if (label[SCENARIO_LABEL_READY] < 0 && ready) {
         label[SCENARIO_LABEL_READY] = time_ns;
@@ -76,15 +78,15 @@ static void set_labels(struct run *run, int64_t time_ns)
     }
 }
 
-/* The tick that ended at time_ns: what it has sent was received before. */
-static void look(struct run *run, int64_t time_ns)
+/* Judges the tick that ended at time_ns, after its frames and events. */
+static void scenario_run_judge_tick(struct run *run, int64_t time_ns)
 {
     set_labels(run, time_ns);
     scenario_stimuli_step(run->stimuli, &run->view, &run->ports, &run->clock, time_ns);
     scenario_expectations_step(run->expectations, &run->view, &run->clock, time_ns);
 }
 
-static void lead(struct run *run)
+static void scenario_run_host(struct run *run)
 {
     if (run->starts && run->view.host_phase < HOST_READY) {
         run->view.host_phase = host_start_up(run->view.host);
@@ -94,26 +96,26 @@ static void lead(struct run *run)
     }
 }
 
-static void step(void *context, int64_t time_ns)
+static void scenario_run_step(void *context, int64_t time_ns)
 {
     struct run *run = context;
     bool fresh = time_ns != run->last_ns;
 
     run->last_ns = time_ns;
     if (fresh) {
-        look_at_frames(run);
-        look_at_events(run);
+        observe_frames(run);
+        observe_events(run);
     }
-    /* only in lockstep does a host wait: for DONE */
-    if (run->leads && !host_receive(run->view.host, time_ns)) {
+    /* Only in lockstep does a host wait: for DONE */
+    if (run->has_host && !host_receive(run->view.host, time_ns)) {
         host_repeat_step(run->view.host, clock_now(run->wall));
         return;
     }
     if (fresh) {
-        look(run, time_ns);
+        scenario_run_judge_tick(run, time_ns);
     }
-    if (run->leads) {
-        lead(run);
+    if (run->has_host) {
+        scenario_run_host(run);
     }
 }
 
@@ -127,11 +129,11 @@ static enum error_code create_host(struct run *run, struct arena *arena, struct 
         rig_host_config(rig, run->host_ports.port, scenario->clock == LOOP_CLOCK_LOCKSTEP);
 
     run->starts = scenario->host == SCENARIO_HOST_ENABLED;
-    run->leads = run->starts || (config.lockstep && !scenario->task);
-    return run->leads ? host_create(&config, arena, &run->view.host, error) : ERROR_NONE;
+    run->has_host = run->starts || (config.lockstep && !scenario->task);
+    return run->has_host ? host_create(&config, arena, &run->view.host, error) : ERROR_NONE;
 }
 
-/* The rig with what the scenario changes of it. */
+/* Loads the rig, with the scenario's changes. */
 static enum error_code load_rig(struct run *run, struct arena *arena, struct error *error)
 {
     const struct scenario *scenario = run->scenario;
@@ -155,7 +157,7 @@ static enum error_code load_rig(struct run *run, struct arena *arena, struct err
     return scenario_bind(run->scenario, changed, error);
 }
 
-static uint64_t ticks(const struct run *run)
+static uint64_t scenario_run_ticks(const struct run *run)
 {
     double length_s = run->scenario->duration_s + run->scenario->clean_up_s;
 
@@ -178,7 +180,7 @@ static enum error_code create_simulator(struct run *run, const struct scenario_o
         .nfault = nfault,
         .seed_given = options->seed_given || scenario->seed_given,
         .seed = options->seed_given ? options->seed : (uint64_t)scenario->seed,
-        .ticks = ticks(run),
+        .ticks = scenario_run_ticks(run),
         .task = scenario->task,
         .observer = observer,
         .guests = 2,
@@ -189,66 +191,67 @@ static enum error_code create_simulator(struct run *run, const struct scenario_o
     char notice[256];
     enum error_code code = simulator_create(&config, arena, &run->view.simulator, notice, error);
 
-    if (!code) {
-        code = simulator_join(run->view.simulator, &run->ports, error);
+    if (code) {
+        return code;
     }
-    if (!code) {
-        code = simulator_join(run->view.simulator, &run->host_ports, error);
-    }
-    return code;
+    /* Ports of our own, to observe and to send frames; and those of the host */
+    code = simulator_join(run->view.simulator, &run->ports, error);
+    return code ? code : simulator_join(run->view.simulator, &run->host_ports, error);
 }
 
-static enum error_code create(struct run *run, const struct scenario_options *options,
-                              const struct simulator_observer *observer, struct arena *arena,
-                              struct error *error)
+static enum error_code scenario_run_create(struct run *run, const struct scenario_options *options,
+                                           const struct simulator_observer *observer,
+                                           struct arena *arena, struct error *error)
 {
     struct scenario *scenario = run->scenario;
     const char **fault =
         arena_alloc(arena, scenario->nfault + scenario->nstimulus + 1, sizeof *fault);
     size_t nfault;
-    enum error_code code = load_rig(run, arena, error);
+    enum error_code code;
 
     if (!fault) {
         return error_set(error, ERROR_MEMORY, "no memory left for a scenario");
     }
-    if (!code) {
-        code = scenario_stimuli_create(scenario, options->mutation, arena, &run->stimuli, fault,
-                                       &nfault, error);
+    if ((code = load_rig(run, arena, error)) ||
+        (code = scenario_stimuli_create(scenario, options->mutation, arena, &run->stimuli, fault,
+                                        &nfault, error)) ||
+        (code = scenario_expectations_create(scenario, run->view.rig,
+                                             (size_t)scenario_run_ticks(run) + 1, arena,
+                                             &run->expectations, error)) ||
+        (code = create_simulator(run, options, observer, fault, nfault, arena, error))) {
+        return code;
     }
-    if (!code) {
-        code = scenario_expectations_create(scenario, run->view.rig, (size_t)ticks(run) + 1, arena,
-                                            &run->expectations, error);
-    }
-    if (!code) {
-        code = create_simulator(run, options, observer, fault, nfault, arena, error);
-    }
-    return code ? code : create_host(run, arena, error);
+    return create_host(run, arena, error);
 }
 
 /* ---- the run ---- */
 
-static void finish(struct run *run, const struct scenario_options *options, enum loop_end end,
-                   struct scenario_outcome *outcome)
+static void scenario_run_finish(struct run *run, const struct scenario_options *options,
+                                enum loop_end end, struct scenario_outcome *outcome)
 {
     struct simulator *simulator = run->view.simulator;
     int64_t time_ns = simulator_stats(simulator)->time_ns;
     struct recorder_counters counters;
     struct error error;
 
-    /* what the last tick has sent */
-    look_at_frames(run);
-    look_at_events(run);
-    if (run->leads) {
+    /* What the last tick has sent has not been judged yet */
+    observe_frames(run);
+    observe_events(run);
+    if (run->has_host) {
         host_receive(run->view.host, time_ns);
     }
     if (time_ns != run->last_ns) {
-        look(run, time_ns);
+        scenario_run_judge_tick(run, time_ns);
     }
+
+    /* The verdicts, and what identifies the run */
     scenario_expectations_finish(run->expectations, &run->clock, time_ns, outcome);
     outcome->ran = true;
     outcome->virtual_ns = time_ns;
     outcome->seed = faults_seed(simulator_faults(simulator));
     outcome->state_hash = plant_hash(simulator_plant(simulator));
+
+    /* A model that fails or a recording that cannot be written makes the verdicts void */
     if (end == LOOP_END_MODEL) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "%.200s", simulator_failure(simulator));
@@ -261,13 +264,14 @@ static void finish(struct run *run, const struct scenario_options *options, enum
     }
 }
 
-static enum error_code run_in(struct run *run, const struct scenario_options *options,
-                              struct arena *arena, struct scenario_outcome *outcome,
-                              struct error *error)
+static enum error_code scenario_run_in_arena(struct run *run,
+                                             const struct scenario_options *options,
+                                             struct arena *arena, struct scenario_outcome *outcome,
+                                             struct error *error)
 {
-    const struct simulator_observer observer = {run, step};
+    const struct simulator_observer observer = {run, scenario_run_step};
     struct realtime_report unused;
-    enum error_code code = create(run, options, &observer, arena, error);
+    enum error_code code = scenario_run_create(run, options, &observer, arena, error);
 
     if (!code) {
         code = simulator_start(run->view.simulator, &unused, error);
@@ -275,7 +279,7 @@ static enum error_code run_in(struct run *run, const struct scenario_options *op
     if (!code) {
         enum loop_end end = simulator_run(run->view.simulator);
 
-        finish(run, options, end, outcome);
+        scenario_run_finish(run, options, end, outcome);
     }
     bus_ports_close(&run->host_ports);
     bus_ports_close(&run->ports);
@@ -298,16 +302,20 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
         snprintf(outcome->text, sizeof outcome->text, "no memory for a run");
         return;
     }
+
+    /* No label has happened but the start */
     run->scenario = scenario;
     run->wall = wall;
     run->last_ns = -1;
-    for (size_t i = 0; i < sizeof run->clock.label_ns / sizeof run->clock.label_ns[0]; i++) {
+    for (size_t i = 0; i < ARRAY_COUNT(run->clock.label_ns); i++) {
         run->clock.label_ns[i] = -1;
     }
     run->clock.label_ns[SCENARIO_LABEL_START] = 0;
+
+    /* Everything is in an arena of the run's own */
     code = arena_init(&arena, MEMORY, &error);
     if (!code) {
-        code = run_in(run, options, &arena, outcome, &error);
+        code = scenario_run_in_arena(run, options, &arena, outcome, &error);
         arena_fini(&arena);
     }
     if (code) {

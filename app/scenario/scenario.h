@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Scenarios: tests of a rig with a verdict, as files (config/scenarios/). A scenario names a rig
- * and how it starts, what is done to it (frames, voltages, faults, pushes) and what must be seen
- * (signals in a band, frames and log lines in time or never). It is read once, multiplied by its
- * parameters, and run in virtual time; nothing depends on the wall clock but the limit that ends a
- * run that hangs.
+ * and its start, stimuli (frames, voltages, faults, pushes) and expectations (signals in a band,
+ * frames and log lines in time or never). It is read once for each combination of its parameters,
+ * and run in virtual time; nothing depends on the wall clock but the limit that ends a run that
+ * hangs.
  *
  * Time. Everything is placed relative to a label, by default "start", virtual time 0. The runner
  * sets "start", "ready" (the host's start-up is complete, or all motors are on), "clean_up"
  * (duration_s) and the labels of stimuli, each at the moment it first happens.
  *
- * Mutations. A scenario says for itself what would make it fail: a mutation adds a fault or leaves
- * stimuli out, and names the expectations that must then not be met. A scenario all of whose
- * expectations are named by some mutation that makes them fail is known to look at something.
+ * Mutations. A scenario declares what must make it fail: a mutation adds a fault or omits stimuli,
+ * and names the expectations that must then not be met. When every expectation of a scenario fails
+ * under some mutation, the scenario is known to test something. Not RT-safe.
  */
 #ifndef APP_SCENARIO_SCENARIO_H
 #define APP_SCENARIO_SCENARIO_H
@@ -185,7 +185,7 @@ struct scenario {
 enum { SCENARIO_LABEL_START, SCENARIO_LABEL_READY, SCENARIO_LABEL_CLEAN_UP, SCENARIO_LABELS };
 
 /* Reads a file and makes a scenario of every combination of its parameters, the last one varying
- * fastest. Errors begin with file:line:column. Names of the rig are looked at by scenario_bind. Not
+ * fastest. Errors begin with file:line:column. Names of the rig are checked by scenario_bind. Not
  * RT-safe. */
 enum error_code scenario_read(const char *path, struct arena *arena, struct scenario **cases,
                               size_t *count, struct error *error);
@@ -198,6 +198,9 @@ enum error_code scenario_read_text(const char *name, const char *text, size_t si
 /* Finds the buses, joints and bodies of stimuli and expectations in the rig. Not RT-safe. */
 enum error_code scenario_bind(struct scenario *scenario, const struct rig *rig,
                               struct error *error);
+
+/* The kinds of signals and their meanings, a line each; NULL ends. */
+const char *const *scenario_signal_help(void);
 
 /* A frame's pattern against a frame. */
 bool scenario_pattern_matches(const struct scenario_pattern *pattern,
@@ -235,8 +238,8 @@ void scenario_run(struct scenario *scenario, const struct scenario_options *opti
 /* Whether every expectation was met. */
 bool scenario_passed(const struct scenario_outcome *outcome);
 
-/* Whether a mutated run failed where the mutation says; missed is the expectation that was met all
- * the same, or "" when any would have done. */
+/* Whether a mutated run failed where the mutation says; missed is the expectation that was met in
+ * spite of it, or "" when any would have done. */
 bool scenario_flipped(const struct scenario *scenario, size_t mutation,
                       const struct scenario_outcome *outcome, const char **missed);
 

@@ -2,6 +2,7 @@
 /* Reads scenarios: the parameters first, then the document once for each of their combinations. */
 #include "app/scenario/private.h"
 
+#include "base/count.h"
 #include "base/text.h"
 
 #include <errno.h>
@@ -11,7 +12,6 @@
 #include <string.h>
 
 #define AT(member) offsetof(struct STRUCT, member)
-#define COUNT(array) (sizeof(array) / sizeof(array)[0])
 
 enum { EXPANDED_MAX = 1 << 20, PARAMETERS_MAX = 16 };
 
@@ -42,7 +42,7 @@ static const struct scenario_frame frame_defaults = {.copies = 1};
 static const struct yaml_schema frame_schema = {.what = "a frame",
                                                 .size = sizeof(struct scenario_frame),
                                                 .fields = frame_fields,
-                                                .field_count = COUNT(frame_fields),
+                                                .field_count = ARRAY_COUNT(frame_fields),
                                                 .defaults = &frame_defaults};
 
 #define STRUCT scenario_voltage
@@ -54,7 +54,7 @@ static const struct yaml_field voltage_fields[] = {
 static const struct yaml_schema voltage_schema = {.what = "a voltage",
                                                   .size = sizeof(struct scenario_voltage),
                                                   .fields = voltage_fields,
-                                                  .field_count = COUNT(voltage_fields)};
+                                                  .field_count = ARRAY_COUNT(voltage_fields)};
 
 #define STRUCT scenario_motor
 static const struct yaml_field motor_fields[] = {
@@ -65,7 +65,7 @@ static const struct yaml_field motor_fields[] = {
 static const struct yaml_schema motor_schema = {.what = "a motor",
                                                 .size = sizeof(struct scenario_motor),
                                                 .fields = motor_fields,
-                                                .field_count = COUNT(motor_fields)};
+                                                .field_count = ARRAY_COUNT(motor_fields)};
 
 #define STRUCT scenario_push
 static const struct yaml_field push_fields[] = {
@@ -77,7 +77,7 @@ static const struct yaml_field push_fields[] = {
 static const struct yaml_schema push_schema = {.what = "a push",
                                                .size = sizeof(struct scenario_push),
                                                .fields = push_fields,
-                                               .field_count = COUNT(push_fields)};
+                                               .field_count = ARRAY_COUNT(push_fields)};
 
 #define STRUCT scenario_stimulus
 static const struct yaml_field stimulus_fields[] = {
@@ -102,7 +102,7 @@ static const struct yaml_field stimulus_fields[] = {
 static const struct yaml_schema stimulus_schema = {.what = "a stimulus",
                                                    .size = sizeof(struct scenario_stimulus),
                                                    .fields = stimulus_fields,
-                                                   .field_count = COUNT(stimulus_fields)};
+                                                   .field_count = ARRAY_COUNT(stimulus_fields)};
 
 #define STRUCT scenario_pattern
 static const struct yaml_field pattern_fields[] = {
@@ -117,7 +117,7 @@ static const struct scenario_pattern pattern_defaults = {.id_mask = 0x1fffffff};
 static const struct yaml_schema pattern_schema = {.what = "a pattern of frames",
                                                   .size = sizeof(struct scenario_pattern),
                                                   .fields = pattern_fields,
-                                                  .field_count = COUNT(pattern_fields),
+                                                  .field_count = ARRAY_COUNT(pattern_fields),
                                                   .defaults = &pattern_defaults};
 
 #define STRUCT scenario_expectation
@@ -150,7 +150,8 @@ static const struct yaml_field expectation_fields[] = {
 static const struct yaml_schema expectation_schema = {.what = "an expectation",
                                                       .size = sizeof(struct scenario_expectation),
                                                       .fields = expectation_fields,
-                                                      .field_count = COUNT(expectation_fields)};
+                                                      .field_count =
+                                                          ARRAY_COUNT(expectation_fields)};
 
 #define STRUCT scenario_mutation
 static const struct yaml_field mutation_fields[] = {
@@ -165,7 +166,7 @@ static const struct yaml_field mutation_fields[] = {
 static const struct yaml_schema mutation_schema = {.what = "a mutation",
                                                    .size = sizeof(struct scenario_mutation),
                                                    .fields = mutation_fields,
-                                                   .field_count = COUNT(mutation_fields)};
+                                                   .field_count = ARRAY_COUNT(mutation_fields)};
 
 #define STRUCT scenario_parameter
 static const struct yaml_field parameter_fields[] = {
@@ -175,7 +176,7 @@ static const struct yaml_field parameter_fields[] = {
 static const struct yaml_schema parameter_schema = {.what = "a parameter",
                                                     .size = sizeof(struct scenario_parameter),
                                                     .fields = parameter_fields,
-                                                    .field_count = COUNT(parameter_fields),
+                                                    .field_count = ARRAY_COUNT(parameter_fields),
                                                     .name_offset =
                                                         offsetof(struct scenario_parameter, name)};
 
@@ -219,12 +220,12 @@ static const struct scenario scenario_defaults = {
 static const struct yaml_schema scenario_schema = {.what = "the scenario",
                                                    .size = sizeof(struct scenario),
                                                    .fields = scenario_fields,
-                                                   .field_count = COUNT(scenario_fields),
+                                                   .field_count = ARRAY_COUNT(scenario_fields),
                                                    .defaults = &scenario_defaults};
 
 /* ---- parameters ---- */
 
-/* What stands at the top level of a file under "parameters:". */
+/* The mapping "parameters:" at the top level of a file. */
 struct parameters {
     struct yaml_mark mark;
     size_t count;
@@ -240,7 +241,7 @@ static const struct yaml_field only_parameters[] = {
 static const struct yaml_schema parameters_schema = {.what = "the parameters",
                                                      .size = sizeof(struct parameters),
                                                      .fields = only_parameters,
-                                                     .field_count = COUNT(only_parameters)};
+                                                     .field_count = ARRAY_COUNT(only_parameters)};
 
 /* The lines from "parameters:" to the next that begins at the margin; false when there are none. */
 static bool find_block(const char *text, size_t size, size_t *from, size_t *to)
@@ -292,7 +293,8 @@ static enum error_code check_parameters(const struct parameters *given, size_t *
     return ERROR_NONE;
 }
 
-/* Reads the block alone, behind as many empty lines as stand before it: for places in messages. */
+/* Reads the block alone, after as many empty lines as precede it, so that messages name its
+ * lines. */
 static enum error_code read_parameters(const char *name, const char *text, size_t size,
                                        struct arena *arena, struct parameters *given, size_t *cases,
                                        struct error *error)
@@ -350,9 +352,9 @@ static enum error_code unknown_parameter(const char *file, const char *text, siz
 }
 
 /* The text with every ${NAME} replaced; *out has room for EXPANDED_MAX bytes. */
-static enum error_code expand(const char *file, const char *text, size_t size,
-                              const struct parameters *given, size_t number, char *out,
-                              size_t *used, struct error *error)
+static enum error_code expand_parameters(const char *file, const char *text, size_t size,
+                                         const struct parameters *given, size_t number, char *out,
+                                         size_t *used, struct error *error)
 {
     *used = 0;
     for (size_t at = 0; at < size;) {
@@ -363,6 +365,8 @@ static enum error_code expand(const char *file, const char *text, size_t size,
             return error_set(error, ERROR_INPUT, "%s: found more than %d bytes, expected fewer",
                              file, EXPANDED_MAX);
         }
+
+        /* Everything but ${NAME} is copied */
         if (text[at] != '$' || at + 1 == size || text[at + 1] != '{') {
             out[(*used)++] = text[at++];
             continue;
@@ -373,6 +377,8 @@ static enum error_code expand(const char *file, const char *text, size_t size,
             name[length] = text[at + 2 + length];
         }
         name[length] = '\0';
+
+        /* Its value in this combination */
         while (index < given->count && strcmp(given->parameter[index].name, name) != 0) {
             index++;
         }
@@ -415,10 +421,12 @@ enum error_code scenario_read_text(const char *name, const char *text, size_t si
         free(expanded);
         return error_set(error, ERROR_MEMORY, "no memory left for scenario %s", name);
     }
+
+    /* The document is read once for each combination: a parameter may stand anywhere in it */
     for (size_t i = 0; i < *count && !code; i++) {
         struct scenario *one = &(*cases)[i];
 
-        code = expand(name, text, size, &given, i, expanded, &used, error);
+        code = expand_parameters(name, text, size, &given, i, expanded, &used, error);
         if (!code) {
             code = yaml_read_text(name, expanded, used, &scenario_schema, arena, one, error);
         }

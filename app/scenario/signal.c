@@ -2,14 +2,13 @@
 /* Signals of a scenario by their names. */
 #include "app/scenario/private.h"
 
+#include "base/count.h"
 #include "base/text.h"
 #include "canbus/wire/wire.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-
-#define COUNT(array) (sizeof(array) / sizeof(array)[0])
 
 enum { PARTS_MAX = 4, PART_SIZE = 64, NAMES_MAX = 128 };
 
@@ -31,9 +30,9 @@ static const char *const lockstep_words[] = {"steps", "mismatches", "malformed",
 
 static double joint_value(const struct motor_sense *motor, size_t word)
 {
-    const double value[COUNT(joint_words)] = {motor->q,         motor->qd,        motor->qm,
-                                              motor->qmd,       motor->current_a, motor->torque_nm,
-                                              motor->voltage_v, motor->winding_c};
+    const double value[ARRAY_COUNT(joint_words)] = {
+        motor->q,         motor->qd,        motor->qm,        motor->qmd,
+        motor->current_a, motor->torque_nm, motor->voltage_v, motor->winding_c};
 
     return value[word];
 }
@@ -45,37 +44,38 @@ static double wrench_value(const struct ft_sense *ft, size_t word)
 
 /* ---- readers ---- */
 
-static double read_joint(const struct scenario_view *view, size_t joint, size_t word)
+static double signal_read_joint(const struct scenario_view *view, size_t joint, size_t word)
 {
     return joint_value(&plant_sensors(simulator_plant(view->simulator))->motor[joint], word);
 }
 
-static double read_measured_joint(const struct scenario_view *view, size_t joint, size_t word)
+static double signal_read_measured_joint(const struct scenario_view *view, size_t joint,
+                                         size_t word)
 {
     return joint_value(&simulator_measured(view->simulator)->motor[joint], word);
 }
 
-static double read_ft(const struct scenario_view *view, size_t ft, size_t word)
+static double signal_read_ft(const struct scenario_view *view, size_t ft, size_t word)
 {
     return wrench_value(&plant_sensors(simulator_plant(view->simulator))->ft[ft], word);
 }
 
-static double read_measured_ft(const struct scenario_view *view, size_t ft, size_t word)
+static double signal_read_measured_ft(const struct scenario_view *view, size_t ft, size_t word)
 {
     return wrench_value(&simulator_measured(view->simulator)->ft[ft], word);
 }
 
-static double read_host_joint(const struct scenario_view *view, size_t axis, size_t word)
+static double signal_read_host_joint(const struct scenario_view *view, size_t axis, size_t word)
 {
     const struct host_joint *joint = host_joint(view->host, axis);
-    const double value[COUNT(host_joint_words)] = {joint->joint_rad,     joint->motor_rad,
-                                                   joint->current_a,     joint->torque_nm,
-                                                   (double)joint->motor, (double)joint->fault};
+    const double value[ARRAY_COUNT(host_joint_words)] = {
+        joint->joint_rad, joint->motor_rad,     joint->current_a,
+        joint->torque_nm, (double)joint->motor, (double)joint->fault};
 
     return value[word];
 }
 
-static double read_host_ft(const struct scenario_view *view, size_t ft, size_t word)
+static double signal_read_host_ft(const struct scenario_view *view, size_t ft, size_t word)
 {
     const struct host_force *force = host_force(view->host, ft);
 
@@ -84,14 +84,14 @@ static double read_host_ft(const struct scenario_view *view, size_t ft, size_t w
                       : (double)force->overflow;
 }
 
-static double read_host(const struct scenario_view *view, size_t a, size_t b)
+static double signal_read_host(const struct scenario_view *view, size_t a, size_t b)
 {
     (void)a;
     (void)b;
     return (double)view->host_phase;
 }
 
-static double read_base(const struct scenario_view *view, size_t a, size_t word)
+static double signal_read_base(const struct scenario_view *view, size_t a, size_t word)
 {
     size_t count;
     const double *state = plant_state(simulator_plant(view->simulator), &count);
@@ -101,11 +101,12 @@ static double read_base(const struct scenario_view *view, size_t a, size_t word)
     if (word < 7) {
         return state[word];
     }
-    up = 1.0 - 2.0 * (state[4] * state[4] + state[5] * state[5]); /* cosine, from the quaternion */
+    up = 1.0 - 2.0 * (state[4] * state[4] +
+                      state[5] * state[5]); /* cosine of the tilt, from the quaternion */
     return acos(fmin(fmax(up, -1.0), 1.0));
 }
 
-static double read_com(const struct scenario_view *view, size_t a, size_t word)
+static double signal_read_com(const struct scenario_view *view, size_t a, size_t word)
 {
     double position[3], momentum[3];
 
@@ -114,7 +115,7 @@ static double read_com(const struct scenario_view *view, size_t a, size_t word)
     return position[word];
 }
 
-static double read_contact(const struct scenario_view *view, size_t body, size_t word)
+static double signal_read_contact(const struct scenario_view *view, size_t body, size_t word)
 {
     const struct contact_wrench *wrench =
         &plant_contact_wrenches(simulator_plant(view->simulator))[body];
@@ -122,21 +123,21 @@ static double read_contact(const struct scenario_view *view, size_t body, size_t
     return word < 3 ? wrench->force[word] : wrench->moment[word - 3];
 }
 
-static double read_supply(const struct scenario_view *view, size_t a, size_t b)
+static double signal_read_supply(const struct scenario_view *view, size_t a, size_t b)
 {
     (void)a;
     (void)b;
     return plant_sensors(simulator_plant(view->simulator))->supply_v;
 }
 
-static double read_clamped(const struct scenario_view *view, size_t a, size_t b)
+static double signal_read_clamped(const struct scenario_view *view, size_t a, size_t b)
 {
     (void)a;
     (void)b;
     return (double)plant_is_clamped(simulator_plant(view->simulator));
 }
 
-static double read_task(const struct scenario_view *view, size_t a, size_t b)
+static double signal_read_task(const struct scenario_view *view, size_t a, size_t b)
 {
     const struct task_runner *runner = simulator_task_runner(view->simulator);
 
@@ -145,7 +146,7 @@ static double read_task(const struct scenario_view *view, size_t a, size_t b)
     return runner ? (double)runner->now.status : 0.0;
 }
 
-/* the largest of the counters of the boards' controllers */
+/* The largest transmit error counter of the boards' CAN controllers. */
 static double largest_tec(const struct scenario_view *view, const struct wire *wire, size_t bus)
 {
     unsigned largest = 0;
@@ -159,7 +160,7 @@ static double largest_tec(const struct scenario_view *view, const struct wire *w
     return (double)largest;
 }
 
-static double read_wire(const struct scenario_view *view, size_t bus, size_t word)
+static double signal_read_wire(const struct scenario_view *view, size_t bus, size_t word)
 {
     const struct wire *wire = simulator_wire(view->simulator, bus);
     struct wire_stats stats;
@@ -185,17 +186,17 @@ static double read_wire(const struct scenario_view *view, size_t bus, size_t wor
                        : (double)stats.queued_peak;
 }
 
-static double read_bus(const struct scenario_view *view, size_t bus, size_t word)
+static double signal_read_bus(const struct scenario_view *view, size_t bus, size_t word)
 {
     const struct can_port *port = simulator_port(view->simulator, bus);
     const double value[] = {(double)port->counters.rx_frames, (double)port->counters.tx_frames,
                             (double)port->counters.rx_dropped, (double)port->counters.tx_dropped,
                             (double)port->state};
 
-    return word < COUNT(value) ? value[word] : read_wire(view, bus, word);
+    return word < ARRAY_COUNT(value) ? value[word] : signal_read_wire(view, bus, word);
 }
 
-static double read_boards(const struct scenario_view *view, size_t a, size_t word)
+static double signal_read_boards(const struct scenario_view *view, size_t a, size_t word)
 {
     struct boards_counters counters;
 
@@ -212,10 +213,10 @@ static double read_boards(const struct scenario_view *view, size_t a, size_t wor
     }
 }
 
-static double read_lockstep(const struct scenario_view *view, size_t a, size_t word)
+static double signal_read_lockstep(const struct scenario_view *view, size_t a, size_t word)
 {
     const struct lockstep_counters *counters = &simulator_stats(view->simulator)->lockstep;
-    const double value[COUNT(lockstep_words)] = {
+    const double value[ARRAY_COUNT(lockstep_words)] = {
         (double)counters->steps, (double)counters->mismatches, (double)counters->malformed,
         (double)counters->silences};
 
@@ -273,7 +274,7 @@ static size_t bus_names(const struct rig *rig, const char **name)
     return rig->nbus;
 }
 
-/* PREFIX.NAME.WORD; with a prefix of "" it is left out, without names too */
+/* PREFIX.NAME.WORD; a prefix of "" is omitted, and so is NAME where a form has no names. */
 static const struct form {
     const char *prefix;
     size_t (*names)(const struct rig *rig, const char **name);
@@ -282,26 +283,31 @@ static const struct form {
     double (*read)(const struct scenario_view *view, size_t a, size_t b);
     bool host, floating;
 } forms[] = {
-    {"measured.ft", ft_names, wrench_words, COUNT(wrench_words), read_measured_ft, false, false},
-    {"host.ft", host_ft_names, host_force_words, COUNT(host_force_words), read_host_ft, true,
+    {"measured.ft", ft_names, wrench_words, ARRAY_COUNT(wrench_words), signal_read_measured_ft,
+     false, false},
+    {"host.ft", host_ft_names, host_force_words, ARRAY_COUNT(host_force_words), signal_read_host_ft,
+     true, false},
+    {"measured", joint_names, joint_words, ARRAY_COUNT(joint_words), signal_read_measured_joint,
+     false, false},
+    {"host", axis_names, host_joint_words, ARRAY_COUNT(host_joint_words), signal_read_host_joint,
+     true, false},
+    {"ft", ft_names, wrench_words, ARRAY_COUNT(wrench_words), signal_read_ft, false, false},
+    {"contact", contact_names, wrench_words, ARRAY_COUNT(wrench_words), signal_read_contact, false,
      false},
-    {"measured", joint_names, joint_words, COUNT(joint_words), read_measured_joint, false, false},
-    {"host", axis_names, host_joint_words, COUNT(host_joint_words), read_host_joint, true, false},
-    {"ft", ft_names, wrench_words, COUNT(wrench_words), read_ft, false, false},
-    {"contact", contact_names, wrench_words, COUNT(wrench_words), read_contact, false, false},
-    {"bus", bus_names, bus_words, COUNT(bus_words), read_bus, false, false},
-    {"", joint_names, joint_words, COUNT(joint_words), read_joint, false, false},
-    {"base", NULL, base_words, COUNT(base_words), read_base, false, true},
-    {"com", NULL, com_words, COUNT(com_words), read_com, false, false},
-    {"boards", NULL, boards_words, COUNT(boards_words), read_boards, false, false},
-    {"lockstep", NULL, lockstep_words, COUNT(lockstep_words), read_lockstep, false, false},
-    {"supply", NULL, (const char *const[]){"v"}, 1, read_supply, false, false},
-    {"links", NULL, (const char *const[]){"clamped"}, 1, read_clamped, false, false},
-    {"host", NULL, (const char *const[]){"phase"}, 1, read_host, true, false},
-    {"task", NULL, (const char *const[]){"status"}, 1, read_task, false, false},
+    {"bus", bus_names, bus_words, ARRAY_COUNT(bus_words), signal_read_bus, false, false},
+    {"", joint_names, joint_words, ARRAY_COUNT(joint_words), signal_read_joint, false, false},
+    {"base", NULL, base_words, ARRAY_COUNT(base_words), signal_read_base, false, true},
+    {"com", NULL, com_words, ARRAY_COUNT(com_words), signal_read_com, false, false},
+    {"boards", NULL, boards_words, ARRAY_COUNT(boards_words), signal_read_boards, false, false},
+    {"lockstep", NULL, lockstep_words, ARRAY_COUNT(lockstep_words), signal_read_lockstep, false,
+     false},
+    {"supply", NULL, (const char *const[]){"v"}, 1, signal_read_supply, false, false},
+    {"links", NULL, (const char *const[]){"clamped"}, 1, signal_read_clamped, false, false},
+    {"host", NULL, (const char *const[]){"phase"}, 1, signal_read_host, true, false},
+    {"task", NULL, (const char *const[]){"status"}, 1, signal_read_task, false, false},
 };
 
-static bool find(const char *const *word, size_t count, const char *text, size_t *index)
+static bool signal_find_word(const char *const *word, size_t count, const char *text, size_t *index)
 {
     for (*index = 0; *index < count; ++*index) {
         if (strcmp(word[*index], text) == 0) {
@@ -311,9 +317,9 @@ static bool find(const char *const *word, size_t count, const char *text, size_t
     return false;
 }
 
-/* the middle of PREFIX.middle.WORD, in *middle; false when the form is another */
-static bool fits(const struct form *form, const char *name, char middle[PART_SIZE],
-                 const char **word)
+/* Splits PREFIX.middle.WORD; false when the name has another form. */
+static bool signal_fits_form(const struct form *form, const char *name, char middle[PART_SIZE],
+                             const char **word)
 {
     size_t prefix = strlen(form->prefix);
     const char *last = strrchr(name, '.');
@@ -337,8 +343,9 @@ static bool fits(const struct form *form, const char *name, char middle[PART_SIZ
     return true;
 }
 
-static enum error_code unknown(const char *name, const char *part, const char *const *words,
-                               size_t count, const struct yaml_mark *mark, struct error *error)
+static enum error_code signal_unknown(const char *name, const char *part, const char *const *words,
+                                      size_t count, const struct yaml_mark *mark,
+                                      struct error *error)
 {
     const char *nearest = text_nearest(part, words, count);
 
@@ -355,12 +362,13 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
     const char *const *words = NULL;
     size_t count = 0;
 
-    for (size_t i = 0; i < COUNT(forms); i++) {
+    /* Longer prefixes stand first in the table, so that measured.ft is not read as a joint "ft" */
+    for (size_t i = 0; i < ARRAY_COUNT(forms); i++) {
         const struct form *form = &forms[i];
         size_t n = 0, a = 0, b;
         char middle[PART_SIZE];
 
-        if (!fits(form, name, middle, &word)) {
+        if (!signal_fits_form(form, name, middle, &word)) {
             continue;
         }
         if (form->names) {
@@ -371,8 +379,8 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
             return yaml_error(error, mark, "found signal \"%.80s\", but the robot's base is fixed",
                               name);
         }
-        if (!form->names || find(names, n, middle, &a)) {
-            if (find(form->word, form->nword, word, &b)) {
+        if (!form->names || signal_find_word(names, n, middle, &a)) {
+            if (signal_find_word(form->word, form->nword, word, &b)) {
                 *signal = (struct scenario_signal){form->read, a, b, form->host};
                 return ERROR_NONE;
             }
@@ -381,31 +389,30 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
             part = word;
         }
     }
+
+    /* The last form that fitted says what was expected; else a joint was meant */
     if (words) {
-        return unknown(name, part, words, count, mark, error);
+        return signal_unknown(name, part, words, count, mark, error);
     }
     count = joint_names(rig, names);
-    return unknown(name, name, names, count < NAMES_MAX ? count : NAMES_MAX, mark, error);
+    return signal_unknown(name, name, names, count < NAMES_MAX ? count : NAMES_MAX, mark, error);
 }
 
 const char *const *scenario_signal_help(void)
 {
     static const char *const lines[] = {
-        "JOINT.q qd qm qmd current torque voltage winding: as it truly is (rad, A, N m, V, deg C)",
-        "measured.JOINT.*: as the boards' sensors see it",
-        "host.JOINT.q qm current torque motor fault: as the host was told in frames; motor 2 is "
-        "on, 4 in "
-        "fault",
+        "JOINT.q qd qm qmd current torque voltage winding: the true value (rad, A, N m, V, deg C)",
+        "measured.JOINT.*: as the boards' sensors measure it",
+        "host.JOINT.q qm current torque motor fault: as received by the host in frames; motor 2 "
+        "is on, 4 in fault",
         "ft.SENSOR.fx fy fz tx ty tz, measured.ft.SENSOR.*, host.ft.SENSOR.* and .overflow (N, N "
         "m)",
         "base.x y z qw qx qy qz tilt (m, rad); com.x y z; contact.BODY.fx fy fz tx ty tz",
         "bus.NAME.rx tx rx_dropped tx_dropped state; of a wire also tec bus_off errors load "
-        "load_peak "
-        "queued latency_max (s)",
+        "load_peak queued latency_max (s)",
         "boards.frames foreign unknown malformed timeouts trips overflows fault",
         "supply.v; links.clamped; host.phase (3 = ready, 4 = failed); task.status (0 running, 1 "
-        "done, 2 "
-        "failed); lockstep.steps mismatches malformed silences",
+        "done, 2 failed); lockstep.steps mismatches malformed silences",
         NULL};
 
     return lines;

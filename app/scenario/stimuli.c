@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a scenario does to its rig, tick by tick. */
+/* The stimuli of a scenario, tick by tick. */
 #include "app/scenario/private.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -20,11 +19,6 @@ struct scenario_stimuli {
     struct state state[SCENARIO_STIMULI_MAX];
     bool silence;
 };
-
-static int64_t ns(double seconds)
-{
-    return llround(seconds * 1e9);
-}
 
 static void fault_name(size_t stimulus, char name[32])
 {
@@ -48,6 +42,7 @@ enum error_code scenario_stimuli_create(const struct scenario *scenario, int mut
     struct scenario_stimuli *stimuli = arena_alloc(arena, 1, sizeof *stimuli);
     bool good = stimuli != NULL;
 
+    /* The scenario's own faults, those of stimuli, switched by hand, and the mutation's */
     *nfault = 0;
     for (size_t i = 0; i < scenario->nfault; i++) {
         fault[(*nfault)++] = scenario->fault[i].name;
@@ -82,8 +77,8 @@ enum error_code scenario_stimuli_create(const struct scenario *scenario, int mut
 
 /* ---- the actions ---- */
 
-static void switch_fault(struct scenario_stimuli *stimuli, size_t index,
-                         const struct scenario_view *view, bool active, int64_t time_ns)
+static void stimulus_switch_fault(struct scenario_stimuli *stimuli, size_t index,
+                                  const struct scenario_view *view, bool active, int64_t time_ns)
 {
     struct faults *faults = simulator_faults(view->simulator);
     struct state *state = &stimuli->state[index];
@@ -105,7 +100,8 @@ static void switch_motors(const struct scenario_motor *motor, const struct scena
     }
 }
 
-static void push(const struct scenario_push *what, const struct scenario_view *view, bool on)
+static void stimulus_push(const struct scenario_push *what, const struct scenario_view *view,
+                          bool on)
 {
     static const double none[3];
 
@@ -113,9 +109,10 @@ static void push(const struct scenario_push *what, const struct scenario_view *v
                    on ? what->moment_nm : none);
 }
 
-/* once more, or for the first time */
-static void act(struct scenario_stimuli *stimuli, size_t index, const struct scenario_view *view,
-                const struct bus_ports *ports, int64_t time_ns)
+/* Acts, for the first time or once more. */
+static void stimulus_act(struct scenario_stimuli *stimuli, size_t index,
+                         const struct scenario_view *view, const struct bus_ports *ports,
+                         int64_t time_ns)
 {
     const struct scenario_stimulus *stimulus = &stimuli->scenario->stimulus[index];
     struct bus_frame frame = stimulus->frame.frame;
@@ -134,10 +131,10 @@ static void act(struct scenario_stimuli *stimuli, size_t index, const struct sce
         switch_motors(&stimulus->motor, view);
         break;
     case SCENARIO_PUSH:
-        push(&stimulus->push, view, true);
+        stimulus_push(&stimulus->push, view, true);
         break;
     case SCENARIO_FAULT:
-        switch_fault(stimuli, index, view, true, time_ns);
+        stimulus_switch_fault(stimuli, index, view, true, time_ns);
         break;
     case SCENARIO_SILENCE:
     case SCENARIO_MARK:
@@ -145,36 +142,36 @@ static void act(struct scenario_stimuli *stimuli, size_t index, const struct sce
     }
 }
 
-static void end(struct scenario_stimuli *stimuli, size_t index, const struct scenario_view *view,
-                int64_t time_ns)
+static void stimulus_end(struct scenario_stimuli *stimuli, size_t index,
+                         const struct scenario_view *view, int64_t time_ns)
 {
     const struct scenario_stimulus *stimulus = &stimuli->scenario->stimulus[index];
 
     if (stimulus->action == SCENARIO_PUSH) {
-        push(&stimulus->push, view, false);
+        stimulus_push(&stimulus->push, view, false);
     } else if (stimulus->action == SCENARIO_FAULT) {
-        switch_fault(stimuli, index, view, false, time_ns);
+        stimulus_switch_fault(stimuli, index, view, false, time_ns);
     }
     stimuli->state[index].over = true;
 }
 
-/* how long it is until the next time; 0 = it acts once */
+/* Time until it acts again; 0 = it acts once. */
 static int64_t period_ns(const struct scenario_stimulus *stimulus)
 {
-    return stimulus->every_s > 0.0                ? ns(stimulus->every_s)
-           : stimulus->action == SCENARIO_VOLTAGE ? ns(REFRESH_S)
+    return stimulus->every_s > 0.0                ? scenario_ns(stimulus->every_s)
+           : stimulus->action == SCENARIO_VOLTAGE ? scenario_ns(REFRESH_S)
                                                   : 0;
 }
 
-/* begins or carries on what is due; true when it began, which may be the label of another */
-static bool step_one(struct scenario_stimuli *stimuli, size_t index,
-                     const struct scenario_view *view, const struct bus_ports *ports,
-                     struct scenario_clock *clock, int64_t time_ns)
+/* Begins or continues the stimulus; true when it began, for its label may start another. */
+static bool stimulus_step(struct scenario_stimuli *stimuli, size_t index,
+                          const struct scenario_view *view, const struct bus_ports *ports,
+                          struct scenario_clock *clock, int64_t time_ns)
 {
     const struct scenario_stimulus *stimulus = &stimuli->scenario->stimulus[index];
     struct state *state = &stimuli->state[index];
     int64_t label = clock->label_ns[stimulus->after_index];
-    bool begins = !state->begun && label >= 0 && time_ns >= label + ns(stimulus->at_s);
+    bool begins = !state->begun && label >= 0 && time_ns >= label + scenario_ns(stimulus->at_s);
 
     if (state->left_out || state->over || (!state->begun && !begins)) {
         return false;
@@ -186,10 +183,10 @@ static bool step_one(struct scenario_stimuli *stimuli, size_t index,
             clock->label_ns[stimulus->label_index] = time_ns;
         }
     }
-    if (stimulus->for_s > 0.0 && time_ns >= state->begin_ns + ns(stimulus->for_s)) {
-        end(stimuli, index, view, time_ns);
+    if (stimulus->for_s > 0.0 && time_ns >= state->begin_ns + scenario_ns(stimulus->for_s)) {
+        stimulus_end(stimuli, index, view, time_ns);
     } else if (begins || (period_ns(stimulus) && time_ns >= state->next_ns)) {
-        act(stimuli, index, view, ports, time_ns);
+        stimulus_act(stimuli, index, view, ports, time_ns);
         state->next_ns += period_ns(stimulus);
     }
     stimuli->silence |= stimulus->action == SCENARIO_SILENCE && !state->over;
@@ -206,7 +203,7 @@ void scenario_stimuli_step(struct scenario_stimuli *stimuli, const struct scenar
     for (size_t round = 0; again && round <= stimuli->scenario->nstimulus; round++) {
         again = false;
         for (size_t i = 0; i < stimuli->scenario->nstimulus; i++) {
-            again |= step_one(stimuli, i, view, ports, clock, time_ns);
+            again |= stimulus_step(stimuli, i, view, ports, clock, time_ns);
         }
     }
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the outcomes of runs amount to. */
+/* Verdicts on the outcomes of runs. */
 #include "app/scenario/jobs.h"
 
 #include <stdio.h>
@@ -18,8 +18,8 @@ static void add_name(struct scenario_result *result, const char *text, const cha
     snprintf(result->name + used, sizeof result->name - used, "%s%s", text, name);
 }
 
-static void add(struct scenario_result *result, enum scenario_status status, const char *what,
-                const char *text)
+static void result_add_message(struct scenario_result *result, enum scenario_status status,
+                               const char *what, const char *text)
 {
     size_t used = strlen(result->message);
 
@@ -44,20 +44,24 @@ void scenario_judge(const struct scenario_job *job, struct scenario_result *resu
     if (job->mutation >= 0) {
         add_name(result, ", mutation ", scenario->mutation[job->mutation].name);
     }
+
+    /* A run without verdicts, a mutation that must fail, or a plain run that must not */
     if (!outcome->ran) {
-        add(result, SCENARIO_BROKEN, "", outcome->text);
+        result_add_message(result, SCENARIO_BROKEN, "", outcome->text);
         return;
     }
     if (job->mutation >= 0) {
         if (!scenario_flipped(scenario, (size_t)job->mutation, outcome, &missed)) {
-            add(result, SCENARIO_FAILED, missed,
-                missed[0] ? "met all the same" : "every expectation was met all the same");
+            result_add_message(result, SCENARIO_FAILED, missed,
+                               missed[0] ? "was met in spite of it"
+                                         : "every expectation was met in spite of it");
         }
         return;
     }
     for (size_t i = 0; i < outcome->nverdict; i++) {
         if (!outcome->verdict[i].met) {
-            add(result, SCENARIO_FAILED, scenario->expectation[i].name, outcome->verdict[i].text);
+            result_add_message(result, SCENARIO_FAILED, scenario->expectation[i].name,
+                               outcome->verdict[i].text);
             result->record = job->record;
         }
     }
@@ -79,8 +83,8 @@ void scenario_judge_mutations(const struct scenario_job *job, size_t count,
                     (job[k].mutation >= 0 && job[k].outcome.ran && !job[k].outcome.verdict[i].met);
         }
         if (!fails) {
-            add(result, SCENARIO_FAILED, scenario->expectation[i].name,
-                "no mutation of the scenario makes it fail");
+            result_add_message(result, SCENARIO_FAILED, scenario->expectation[i].name,
+                               "no mutation of the scenario makes it fail");
         }
     }
 }

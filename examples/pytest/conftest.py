@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fixtures for tests of a controller against the simulator.
 
-simulator starts coman-hil in lockstep with a gateway, for each test anew; robot is a python-can bus on
-the torso and the means to move virtual time. Nothing depends on how fast the machine is. The program is
-the one of the environment variable COMAN_HIL, else coman-hil on the PATH; the rig is that of COMAN_HIL_RIG,
-else the installed coman.
+simulator starts coman-hil in lockstep with a gateway, for each test anew; robot is a python-can bus
+on the torso and the means to move virtual time. Nothing depends on how fast the machine is. The
+program is the one of the environment variable COMAN_HIL, else coman-hil on the PATH; the rig is
+that of COMAN_HIL_RIG, else the installed coman.
 
-Commands go over the connection that STEP goes over: what a program sends on another bus may arrive a tick
-later.
+Commands go over the connection that STEP goes over: what a program sends on another bus may arrive
+a tick later.
 """
 import logging
 import os
@@ -58,7 +58,8 @@ class Robot:
         self.bus, self.tick = bus, 0
 
     def send(self, identifier, data):
-        self.bus.send(can.Message(arbitration_id=identifier, data=bytes.fromhex(data), is_extended_id=False))
+        self.bus.send(can.Message(arbitration_id=identifier, data=bytes.fromhex(data),
+                                  is_extended_id=False))
 
     def step(self, milliseconds=1):
         """Runs the simulator on; the frames that it sent meanwhile."""

@@ -10,8 +10,8 @@ module=${HIL_BINARY_DIR:?}/tests/libhil-peers.so
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work" || exit 1
-number=0
-failures=0
+. "$source/tests/service/tap.sh"
+tap_show="out err"
 
 # run STATUS ARGUMENTS...: runs bench; remembers whether the status is the expected one
 run() {
@@ -27,16 +27,10 @@ says() { grep -Fq -- "$2" "$1" || problem="$problem; no \"$2\" in $1"; }
 # lines FILE N: FILE has N lines
 lines() { [ "$(wc -l <"$1")" -eq "$2" ] || problem="$problem; not $2 lines in $1"; }
 
-result() {
-    number=$((number + 1))
-    if [ -z "$problem" ]; then
-        echo "ok $number - $1"
-    else
-        echo "not ok $number - $1"
-        echo "# $problem"
-        sed 's/^/# /' out err
-        failures=$((failures + 1))
-    fi
+# conclude NAME: the test's result, with the problem
+conclude() {
+    test -z "$problem"
+    result $? "$1" "$problem"
 }
 
 echo 1..8
@@ -44,19 +38,19 @@ echo 1..8
 run 0 --help
 says out '  dynamics'
 says out '  pendulum'
-result help_lists_the_benchmarks
+conclude help_lists_the_benchmarks
 
 run 2
 says err 'usage: coman-hil-bench'
-result no_name_prints_the_usage_as_an_error
+conclude no_name_prints_the_usage_as_an_error
 
 run 2 pendulun
 says err 'expected "pendulum"'
-result unknown_name_is_refused_with_the_nearest
+conclude unknown_name_is_refused_with_the_nearest
 
 run 4 dynamics "$source/config/robots/coman.yaml" --peers "$work/none.so"
 says err none.so
-result missing_module_that_was_named_is_an_error
+conclude missing_module_that_was_named_is_an_error
 
 # alone: a copy of the program has no module beside it
 mkdir -p far/away
@@ -68,7 +62,7 @@ problem=
 says err 'found no libhil-peers.so'
 says err 'ours only'
 says out generic
-result without_other_simulators_ours_are_measured
+conclude without_other_simulators_ours_are_measured
 
 run 0 dynamics "$source/config/robots/coman.yaml" --rounds 2 --out results --peers "$module"
 says out "29: times "
@@ -79,7 +73,7 @@ says results/dynamics.svg '</svg>'
 # ours and theirs compute the same: the last column
 awk -F, 'NR > 1 && !($7 <= 1e-10) { bad = 1 } END { exit bad }' results/dynamics.csv ||
     problem="$problem; differences beyond 1e-10"
-result dynamics_writes_its_table_and_plot
+conclude dynamics_writes_its_table_and_plot
 
 run 0 pendulum --quick --out results --peers "$module"
 for file in table.csv period.csv period.svg height.csv height.svg; do
@@ -91,7 +85,7 @@ awk -F, '$1 == "coman-hil" { n++; if (!($7 <= ($4 == 0.01 ? 3e-8 : 1e-13))) bad 
 # 95 turns in 300 time units, each within 1e-8 of the analytic period
 awk -F, '$1 == "coman-hil" { n++; e = $5 < 0 ? -$5 : $5; if (!(e <= 1e-8)) bad = 1 }
     END { exit bad || n != 95 }' results/pendulum-period.csv || problem="$problem; periods"
-result pendulums_keep_energy_and_period_as_in_the_paper
+conclude pendulums_keep_energy_and_period_as_in_the_paper
 
 # the second engine: its errors as the paper saw them, within a factor of three
 if grep -q '^ODE,' results/pendulum-table.csv; then
@@ -100,9 +94,8 @@ if grep -q '^ODE,' results/pendulum-table.csv; then
         BEGIN { said["1,0.01"] = 2e-3; said["1,0.0001"] = 8e-6; said["2,0.01"] = 6e-3; said["2,0.0001"] = 1e-5 }
         $1 == "ODE" { n++; r = $7 / said[$3 "," $4]; if (!(r > 1 / 3 && r < 3)) bad = 1 }
         END { exit bad || n != 4 }' results/pendulum-table.csv || problem="errors unlike the paper's"
-    result absolute_coordinates_err_as_in_the_paper
+    conclude absolute_coordinates_err_as_in_the_paper
 else
-    number=$((number + 1))
-    echo "ok $number # SKIP ODE was not found when this was built"
+    skip absolute_coordinates_err_as_in_the_paper "ODE was not found when this was built"
 fi
-exit $((failures > 0))
+exit "$failed"

@@ -2,17 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 # contact_instructions.sh CONTACT_COUNT CONTACT_WORK [POSES]
 # Instructions of one evaluation of the native contact engine, by callgrind: figures that do not
-# depend on how busy the machine is. The slowest of all random poses may take three times the median.
-# As callgrind is too slow for a million poses, a build that counts basic blocks finds those with the
-# most work; callgrind then counts the instructions of these and of some spread over all. What no pose
-# can have exceeded is the most blocks times the most instructions that a block took on average.
-# The budgets hold for the AVX2 variant, which is the best that valgrind can run on x86-64.
+# depend on how busy the machine is. The slowest of all random poses may take three times the
+# median. As callgrind is too slow for a million poses, a build that counts basic blocks finds those
+# with the most work; callgrind then counts the instructions of these and of some spread over all.
+# What no pose can have exceeded is the most blocks times the most instructions that a block took on
+# average. The budgets hold for the AVX2 variant, which is the best that valgrind can run on x86-64.
 count=$1
 work=$2
 poses=${3:-5000}
 each=16
 echo 1..14
-if ! command -v valgrind >/dev/null || [ "$(uname -m)" != x86_64 ] || ! grep -qw avx2 /proc/cpuinfo ||
+if ! command -v valgrind >/dev/null || [ "$(uname -m)" != x86_64 ] ||
+    ! grep -qw avx2 /proc/cpuinfo ||
     [ ! -x "$work" ]; then
     n=0
     while [ $n -lt 14 ]; do n=$((n + 1)); echo "ok $n # SKIP no valgrind, no AVX2, or not GCC"; done

@@ -1,9 +1,10 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
 # usage: dynamics_instructions.sh DYNAMICS-COUNT MODULE
-# Instructions of one evaluation of COMAN's accelerations by callgrind: a figure that does not depend
-# on how busy the machine is. The numeric implementation has a budget, a tenth over the 27,843 that it
-# took when that was set (x86-64, gcc 12, -O3); what else there is, is measured beside it. Prints TAP.
+# Instructions of one evaluation of COMAN's accelerations by callgrind: a figure that does not
+# depend on how busy the machine is. The numeric implementation has a budget, a tenth over the
+# 27,843 that it took when that was set (x86-64, gcc 12, -O3); what else there is, is measured
+# beside it. Prints TAP.
 program=$1
 module=$2
 robot=${HIL_SOURCE_DIR:?}/config/robots/coman.yaml

@@ -1,9 +1,9 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # usage: paper.sh COMAN-HIL-BENCH
-# The report of bench paper, made in its short form: every table and figure is there, HTML and SVG are
-# well formed, numbers are those of an independent calculation, none is missing. Times are looked at for
-# their order of magnitude at most. Prints TAP.
+# The report of bench paper, made in its short form: every table and figure is there, HTML and SVG
+# are well formed, numbers are those of an independent calculation, none is missing. Times are
+# looked at for their order of magnitude at most. Prints TAP.
 set -u
 program=$1
 source=${HIL_SOURCE_DIR:?}
@@ -12,24 +12,21 @@ trap 'rm -rf "$work"' EXIT
 cd "$source" || exit 1
 
 module=()
-[ -e "${HIL_BINARY_DIR:?}/tests/libhil-peers.so" ] && module=(--peers "$HIL_BINARY_DIR/tests/libhil-peers.so")
+[ -e "${HIL_BINARY_DIR:?}/tests/libhil-peers.so" ] &&
+    module=(--peers "$HIL_BINARY_DIR/tests/libhil-peers.so")
 "$program" paper --quick --out "$work/report" "${module[@]}" >"$work/out" 2>"$work/err" </dev/null
 echo $? >"$work/status"
 "$program" paper --quick --out /dev/null/report >"$work/refused" 2>&1 </dev/null
 echo $? >>"$work/refused"
 
-python3 - "$work" "$source" <<'END'
+PYTHONPATH=$HIL_SOURCE_DIR/tests/service PYTHONDONTWRITEBYTECODE=1 \
+    python3 - "$work" "$source" <<'END'
 import csv, html.parser, math, os, re, sys, xml.etree.ElementTree as xml
+
+from tap import check
 
 work, source = sys.argv[1:]
 report = work + "/report/"
-number = 0
-
-
-def check(good, name, found=""):
-    global number
-    number += 1
-    print(f"{'ok' if good else 'not ok'} {number} - {name}\n# {found}", flush=True)
 
 
 def read(name):
@@ -57,7 +54,8 @@ class Page(html.parser.HTMLParser):
             self.ids.append(given["id"])
         if given.get("href", "").startswith("#"):
             self.links.append(given["href"][1:])
-        self.outside += [v for k, v in given.items() if k in ("src", "href") and not v.startswith("#")]
+        self.outside += [v for k, v in given.items() if k in ("src", "href")
+                         and not v.startswith("#")]
         if tag not in self.VOID:
             self.open.append(tag)
 
@@ -73,7 +71,8 @@ class Page(html.parser.HTMLParser):
 print("1..13")
 status = open(work + "/status").read().strip()
 said = open(work + "/err").read().strip()[-300:].replace("\n", " ")
-check(status == "0" and open(work + "/out").read().endswith("/index.html\n"), "the report is made", f"{status} {said}")
+check(status == "0" and open(work + "/out").read().endswith("/index.html\n"), "the report is made",
+      f"{status} {said}")
 if status != "0":
     sys.exit(1)
 
@@ -81,14 +80,17 @@ text = read("index.html")
 page = Page()
 page.feed(text)
 page.close()
-check(not page.faults and not page.open, "the page closes what it opens", f"{page.faults[:3]} {page.open[:3]}")
+check(not page.faults and not page.open, "the page closes what it opens",
+      f"{page.faults[:3]} {page.open[:3]}")
 check(len(set(page.ids)) == len(page.ids) and set(page.links) <= set(page.ids) and not page.outside,
       "its names are unique, its links lead somewhere, and it needs no other file",
       f"{len(page.ids)} names, {len(page.links)} links, {page.outside[:3]}")
 
 figures = {3: 2, 4: 1, 8: 2, 9: 4, 10: 4, 11: 2, 12: 4}
-tables = ("table-1", "table-2", "real-time-factors", "accelerations", "table-1-speed", "not-reproduced")
-missing = [f"figure-{n}" for n in figures if f"figure-{n}" not in page.ids or not table(f"figure-{n}.csv")]
+tables = ("table-1", "table-2", "real-time-factors", "accelerations", "table-1-speed",
+          "not-reproduced")
+missing = [f"figure-{n}" for n in figures if f"figure-{n}" not in page.ids
+           or not table(f"figure-{n}.csv")]
 missing += [name for name in tables if name not in page.ids or not table(name + ".csv")]
 check(not missing, "every table and figure is on the page and in a file", missing)
 
@@ -102,12 +104,14 @@ for n, count in figures.items():
             bad.append(f"{n}-{panel}: {fault}")
             continue
         labels = [e.text for e in root.iter("{http://www.w3.org/2000/svg}text")]
-        lines = [e for e in root.iter("{http://www.w3.org/2000/svg}path") if e.get("class") == "line"]
+        lines = [e for e in root.iter("{http://www.w3.org/2000/svg}path")
+                 if e.get("class") == "line"]
         if len(labels) < 6 or not lines:
             bad.append(f"{n}-{panel}: {len(labels)} labels, {len(lines)} lines")
 for plot in plots:
     xml.fromstring(plot)
-check(not bad and len(plots) == sum(figures.values()), "plots are XML with labels and lines", f"{len(plots)} plots; {bad}")
+check(not bad and len(plots) == sum(figures.values()), "plots are XML with labels and lines",
+      f"{len(plots)} plots; {bad}")
 
 words = re.sub(r"<style>.*?</style>", "", text, flags=re.S)
 nan = re.findall(r"[^>]{0,40}\b(?:nan|inf)\b[^<]{0,40}", words, re.I)
@@ -117,7 +121,8 @@ check(not nan, "no number is missing", nan[:3])
 def curves(n):
     found = {}
     for row in table(f"figure-{n}.csv"):
-        found.setdefault((row["panel"], row["series"]), []).append((float(row["x"]), float(row["y"])))
+        found.setdefault((row["panel"], row["series"]),
+                         []).append((float(row["x"]), float(row["y"])))
     return found
 
 
@@ -129,7 +134,8 @@ def here(beginning):
     return [float(x) for x in re.findall(r"-?\d+\.?\d*(?:e[+-]?\d+)?", row["here"])]
 
 
-# Table 1: the paper's own errors bound ours; ODE's are those of its method, within a factor of three
+# Table 1: the paper's own errors bound ours; ODE's are those of its method, within a factor of
+# three
 rows = table("table-1.csv")
 ours = [r for r in rows if r["program"].startswith("coman-hil")]
 limit = {"0.01": 3e-8, "0.0001": 1e-13}
@@ -149,24 +155,29 @@ check(abs(touch - 1.06) < 0.06 and all(abs(y - 1.5 * 9.81) < 0.01 for y in befor
       f"{touch} s, {min(before):.4f} to {max(before):.4f} N")
 held = [y for x, y in box if x > box[-1][0] - 0.3]
 check(abs(sum(held) / len(held) - 14.715) < 0.2 and here("the box rises")[0] > 30,
-      "the box hangs between the wrists, lifted", f"{sum(held) / len(held):.3f} N, {here('the box rises')} mm")
+      "the box hangs between the wrists, lifted",
+      f"{sum(held) / len(held):.3f} N, {here('the box rises')} mm")
 
 # forces of the feet: the robots' masses, added up from their files
 def mass(file, names=None):
-    body = re.search(r"^bodies:\n(.*?)(?=^\w)", open(f"{source}/config/robots/{file}.yaml").read(), re.M | re.S).group(1)
+    body = re.search(r"^bodies:\n(.*?)(?=^\w)", open(f"{source}/config/robots/{file}.yaml").read(),
+                     re.M | re.S).group(1)
     return sum(float(m) for m in re.findall(r"mass_kg: ([0-9.eE+-]+)", body))
 
 
 weight = mass("walkman") * 9.81
 feet, off = here("both feet, standing")[0], here("both feet less m")[0]
 check(abs(feet / weight - 1) < 0.005 and off < 0.002 * weight,
-      "WALK-MAN's feet carry its weight, and m (g + a) when it moves", f"{feet} N of {weight:.1f}, {off} N RMS")
+      "WALK-MAN's feet carry its weight, and m (g + a) when it moves",
+      f"{feet} N of {weight:.1f}, {off} N RMS")
 depth, knee, hip = here("depth"), here("knee torque"), here("hip, error")[0]
 check(abs(depth[0] - 300) < 10 and 40 < knee[0] < 60 and 110 < knee[1] < 140 and hip < 10,
-      "it squats 30 cm deep, hips tracked, knees loaded as statics ask for", f"{depth} mm, {knee} N m, {hip} mrad")
+      "it squats 30 cm deep, hips tracked, knees loaded as statics ask for",
+      f"{depth} mm, {knee} N m, {hip} mrad")
 
 refused = open(work + "/refused").read()
 stiff, soft = here("grasping force at the end")[0], here("the same, elbows")[0]
 check(stiff > 5 * soft > 0 and "/dev/null/report" in refused and refused.split()[-1] == "3",
-      "soft elbows press less; a folder that cannot be made is an error", f"{stiff} N, {soft} N; {refused.strip()}")
+      "soft elbows press less; a folder that cannot be made is an error",
+      f"{stiff} N, {soft} N; {refused.strip()}")
 END

@@ -1,9 +1,10 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
 # Instructions of the loop in lockstep with buses in wire mode against the same in ideal mode, by
-# callgrind: a figure that does not depend on how busy the machine is. The budget is what a tick of the
-# squat may take more, with its 24 frames on five buses; as a part of the tick it grows with everything
-# that makes the rest of the tick shorter. Nobody steers: the copy of the start would count.
+# callgrind: a figure that does not depend on how busy the machine is. The budget is what a tick of
+# the squat may take more, with its 24 frames on five buses; as a part of the tick it grows with
+# everything that makes the rest of the tick shorter. Nobody steers: the copy of the start would
+# count.
 program=$1
 ticks=500
 budget=26000 # instructions a tick
@@ -19,7 +20,8 @@ trap 'rm -rf "$dir"' EXIT
 instructions() {
     valgrind --tool=callgrind --callgrind-out-file="$dir/out" --toggle-collect=loop_run "$program" run \
         "$HIL_SOURCE_DIR/config/rigs/coman.yaml" --wire "$1" --clock lockstep --transport local \
-        --task squat --duration 0.5 --control none --quiet >/dev/null 2>"$dir/log" || cat "$dir/log" >&2
+        --task squat --duration 0.5 --control none --quiet >/dev/null 2>"$dir/log" ||
+        cat "$dir/log" >&2
     sed -n 's/^totals: \([0-9][0-9]*\).*/\1/p' "$dir/out"
 }
 

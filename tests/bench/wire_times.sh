@@ -1,7 +1,7 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# COMAN squats in lockstep on buses in wire mode, SECONDS of virtual time (5 by default); the time of
-# every frame in the recording must be that of the reference encoder.
+# COMAN squats in lockstep on buses in wire mode, SECONDS of virtual time (5 by default); the time
+# of every frame in the recording must be that of the reference encoder.
 # Usage: wire_times.sh COMAN-HIL WIRE_LOG [SECONDS]
 dir=$(mktemp -d) || exit 1
 trap 'rm -rf "$dir"' EXIT

@@ -1,8 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# COMAN squats over each of its bus plans, controller and boards speaking another protocol on each; what
-# goes over the buses is the same, byte for byte, when it is done again; with frames that take their
-# time on the wire no bus is busier than `check` says. Prints TAP.
+# COMAN squats over each of its bus plans, controller and boards speaking another protocol on each;
+# what goes over the buses is the same, byte for byte, when it is done again; with frames that take
+# their time on the wire no bus is busier than `check` says. Prints TAP.
 set -u
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -28,13 +28,15 @@ check_budget() { # RIG BUSES
 
 squat() { # RIG
     run "free-$1" "$1" --clock free
-    result $? "$1: the squat is done in free run" "$(grep -hE 'task squat|failed' "$work/out" "$work/err" | tail -n 1)"
+    result $? "$1: the squat is done in free run" \
+        "$(grep -hE 'task squat|failed' "$work/out" "$work/err" | tail -n 1)"
     python3 "$HIL_SOURCE_DIR/tests/service/squat_judge.py" "$work/free-$1" $((number + 1)) "$1"
     number=$((number + 5))
 }
 
 repeat() { # RIG
-    run "first-$1" "$1" --clock lockstep --duration 3 && run "second-$1" "$1" --clock lockstep --duration 3 &&
+    run "first-$1" "$1" --clock lockstep --duration 3 &&
+        run "second-$1" "$1" --clock lockstep --duration 3 &&
         cmp "$work/first-$1/candump.log" "$work/second-$1/candump.log" &&
         cmp "$work/first-$1/signals.csv" "$work/second-$1/signals.csv"
     result $? "$1: two runs in lockstep give the same frames and signals" \
@@ -52,11 +54,13 @@ good = len(buses) == len(worst) > 0
 for bus, limit in zip(buses, worst):
     wire = bus["wire"]
     lost = sum(wire[k] for k in wire if k.startswith("dropped") or k.endswith("_errors"))
-    good = good and lost == 0 and 0.5 * limit < bus["load_percent"] <= wire["load_peak_percent"] < limit
+    good = good and lost == 0
+    good = good and 0.5 * limit < bus["load_percent"] <= wire["load_peak_percent"] < limit
     print(f"{bus['load_percent']:.1f} of {limit}", end=", ")
 sys.exit(not good)
 END
-    result $? "$1: on the wire nothing is lost, and no bus is busier than in the worst case" "$(cat "$work/judged")%"
+    result $? "$1: on the wire nothing is lost, and no bus is busier than in the worst case" \
+        "$(cat "$work/judged")%"
 }
 
 # a frame of the plan's own kind, so often
@@ -67,8 +71,8 @@ talks() { # RIG WHAT PATTERN LEAST
     result $? "$1: $2" "$count frames"
 }
 
-# Three personalities on five buses, and boards that boot longer than the controller waits before it asks
-# again.
+# Three personalities on five buses, and boards that boot longer than the controller waits before it
+# asks again.
 make_mixed() {
     local full='full_scale_n: [2000, 2000, 2000], full_scale_nm: [40, 40, 40]'
     cat >"$work/config/rigs/mixed.yaml" <<END

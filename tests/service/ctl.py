@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """usage: ctl.py COMAN-HIL
-A user's session with a running simulator: in Python over the control socket, with the ctl command, and two
-runs of one rig at once. Prints TAP."""
+A user's session with a running simulator: in Python over the control socket, with the ctl command,
+and two runs of one rig at once. Prints TAP."""
 import json
 import os
 import signal
@@ -93,7 +93,8 @@ class Frames:
 
     def __init__(self, port, bus):
         self.socket = socket.create_connection(("127.0.0.1", port), PATIENCE_S)
-        for text, answer in (("", b"< hi >"), ("< open %s >" % bus, b"< ok >"), ("< rawmode >", b"< ok >")):
+        for text, answer in (("", b"< hi >"), ("< open %s >" % bus, b"< ok >"),
+                             ("< rawmode >", b"< ok >")):
             self.socket.sendall(text.encode())
             heard = b""
             while answer not in heard:
@@ -147,7 +148,8 @@ def session(work):
     try:
         path = run.path()
         mode = stat.S_IMODE(os.stat(path).st_mode)
-        result("run opens a socket for its owner alone", path == work + "/coman-hil/coman.sock" and mode == 0o600,
+        result("run opens a socket for its owner alone", path == work + "/coman-hil/coman.sock"
+               and mode == 0o600,
                (path, oct(mode)))
         client = Client(path)
         port = int(run.says("gateway: ").split()[-1])
@@ -162,7 +164,8 @@ def session(work):
         back = client.ask("restore", slot=2)
         again = client.ask("step", count=40)
         result("from a checkpoint it goes the same way again",
-               kept["ok"] and back["state_hash"] == kept["state_hash"] and back["tick"] == kept["tick"]
+               kept["ok"] and back["state_hash"] == kept["state_hash"]
+               and back["tick"] == kept["tick"]
                and again == dict(calm, id=again["id"]), (kept, calm, back, again))
 
         frames = Frames(port, "left_leg")
@@ -176,8 +179,10 @@ def session(work):
             heard.append(frames.boards(last=2))
         active = client.ask("list", what="faults")["faults"][0]
         result("a fault is on and off in the frames",
-               all(h.get(2, 0) > 40 for h in heard) and heard[0].get(1, 0) > 40 and heard[1].get(1, 0) == 0
-               and heard[2].get(1, 0) > 40 and active["name"] == "silent" and not active["active"], heard)
+               all(h.get(2, 0) > 40 for h in heard) and heard[0].get(1, 0) > 40
+               and heard[1].get(1, 0) == 0
+               and heard[2].get(1, 0) > 40 and active["name"] == "silent" and not active["active"],
+               heard)
 
         was = client.ask("get", name="joint.LKneeSag.position_kp")
         client.ask("set", name="joint.LKneeSag.position_kp", value=77)
@@ -201,7 +206,8 @@ def session(work):
         result("it goes on in real time", reached["ok"] and reached["tick"] >= resumed["tick"] + 50,
                (resumed, reached))
         stopped = client.ask("stop")
-        result("it stops, well", stopped["ok"] and run.ends() == 0 and not os.path.exists(path), stopped)
+        result("it stops, well", stopped["ok"] and run.ends() == 0 and not os.path.exists(path),
+               stopped)
     finally:
         run.kill()
 
@@ -224,7 +230,8 @@ def push(work):
                calm["tick"] == 200 and calm["state_hash"] != pushed["state_hash"]
                and calm["state_hash"] == again["state_hash"], (calm, pushed, again))
         client.ask("stop")
-        result("the path may be chosen", run.path() == work + "/here" and run.ends() == 0, run.path())
+        result("the path may be chosen", run.path() == work + "/here" and run.ends() == 0,
+               run.path())
     finally:
         run.kill()
 
@@ -244,7 +251,8 @@ def command(work):
         at = ("--socket", path)
         run.ctl("wait", "tick=1")
         answer = run.ctl("status")
-        result("status is a table", answer.returncode == 0 and "coman: running, clock real x1" in answer.stdout
+        result("status is a table", answer.returncode == 0
+               and "coman: running, clock real x1" in answer.stdout
                and "LKneeSag" in answer.stdout and "left_leg" in answer.stdout, answer)
         answer = run.ctl("statistics", *at)
         result("statistics have the phases", answer.returncode == 0 and "plant" in answer.stdout
@@ -252,14 +260,18 @@ def command(work):
         answer = run.ctl("subscribe", "q_LKneeSag_rad", "fz_LFoot_n", "--rows", "5", "--csv", *at)
         lines = answer.stdout.splitlines()
         result("rows come as CSV", answer.returncode == 0 and len(lines) == 6
-               and lines[0] == "time_s,q_LKneeSag_rad,fz_LFoot_n" and lines[1].count(",") == 2, answer)
-        answers = [run.ctl(*words, *at) for words in (("pause",), ("step", "7"), ("checkpoint", "3"),
-                                                      ("push", "Waist", "force_n=10,0,0"),
-                                                      ("set", "supply_v=40"), ("restore", "3"), ("resume",))]
-        result("what changes something says when", all(a.returncode == 0 and ": tick " in a.stdout for a in answers),
+               and lines[0] == "time_s,q_LKneeSag_rad,fz_LFoot_n" and lines[1].count(",") == 2,
+               answer)
+        answers = [run.ctl(*words, *at)
+                   for words in (("pause",), ("step", "7"), ("checkpoint", "3"),
+                                 ("push", "Waist", "force_n=10,0,0"), ("set", "supply_v=40"),
+                                 ("restore", "3"), ("resume",))]
+        result("what changes something says when",
+               all(a.returncode == 0 and ": tick " in a.stdout for a in answers),
                answers)
         answer = run.ctl("get", "supply_v", *at)
-        result("a tunable has value, unit and range", answer.returncode == 0 and " V " in answer.stdout, answer)
+        result("a tunable has value, unit and range", answer.returncode == 0
+               and " V " in answer.stdout, answer)
         wrong = [(run.ctl(*words), status, text) for words, status, text in (
             (("statsu",), 2, '"status"'),
             (("set", "suply_v=40"), 2, '"supply_v"'),
@@ -297,7 +309,8 @@ def places(work):
         answer = runs[0].ctl("hello", "--json")
         result("a second run of a rig gets a socket of its own, and is found first",
                second == work + "/coman-hil/coman-2.sock"
-               and json.loads(answer.stdout)["pid"] == runs[1].process.pid and first in answer.stderr, answer)
+               and json.loads(answer.stdout)["pid"] == runs[1].process.pid
+               and first in answer.stderr, answer)
         third = Run(work, "--control", first, name="three")
         runs.append(third)
         result("a place that is taken is refused when it was asked for",
@@ -306,15 +319,18 @@ def places(work):
         left = os.path.exists(first)
         fourth = Run(work, "--hold", "always", name="four")
         runs.append(fourth)
-        result("what a killed run has left is replaced", left and fourth.path() == first, fourth.path())
+        result("what a killed run has left is replaced", left and fourth.path() == first,
+               fourth.path())
         fifth = Run(work, "--control", "none", "--hold", "always", name="five")
         runs.append(fifth)
         fifth.process.send_signal(signal.SIGTERM)
-        result("--control none opens none", fifth.ends() is not None and not fifth.path(), fifth.path())
+        result("--control none opens none", fifth.ends() is not None and not fifth.path(),
+               fifth.path())
         sixth = Run(work, "--ticks", "100", "--clock", "free", name="six", places="/proc/self/no")
         runs.append(sixth)
         result("a default place that cannot be had is a notice, no more",
-               sixth.ends() == 0 and sixth.says("notice: control socket: cannot make"), sixth.says(""))
+               sixth.ends() == 0 and sixth.says("notice: control socket: cannot make"),
+               sixth.says(""))
     finally:
         for run in runs:
             run.kill()

@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# The DBC files of each protocol: written for every bus, the same each time, and a recorded squat decoded
-# through them by another program is what the plant did. Prints TAP.
+# The DBC files of each protocol: written for every bus, the same each time, and a recorded squat
+# decoded through them by another program is what the plant did. Prints TAP.
 set -u
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -10,16 +10,20 @@ hil=$HIL_BINARY_DIR/coman-hil
 
 export_rig() { # RIG BUSES
     local files
-    mkdir "$work/$1" && "$hil" dbc "$HIL_SOURCE_DIR/config/rigs/$1.yaml" -o "$work/$1" >"$work/out" 2>&1
+    mkdir "$work/$1" && "$hil" dbc "$HIL_SOURCE_DIR/config/rigs/$1.yaml" -o "$work/$1" \
+        >"$work/out" 2>&1
     files=$(ls "$work/$1" | grep -c '\.dbc$')
     [ "$files" -eq "$2" ]
     result $? "$1: a file for each of $2 buses" "$(head -n 1 "$work/out")"
 }
 
 judge() { # RIG LEAST TESTS
-    timeout -k 5 100 "$hil" run "$HIL_SOURCE_DIR/config/rigs/$1.yaml" --transport local --clock free --task squat \
-        --duration 0.5 --record-period 1 --quiet --record "$work/record-$1" >"$work/out" 2>&1 </dev/null
-    /usr/bin/python3 "$HIL_SOURCE_DIR/tests/service/dbc_judge.py" "$1" "$work/$1" "$work/record-$1" $((number + 1)) "$2" \
+    timeout -k 5 100 "$hil" run "$HIL_SOURCE_DIR/config/rigs/$1.yaml" --transport local \
+        --clock free --task squat \
+        --duration 0.5 --record-period 1 --quiet --record "$work/record-$1" >"$work/out" 2>&1 \
+        </dev/null
+    /usr/bin/python3 "$HIL_SOURCE_DIR/tests/service/dbc_judge.py" "$1" "$work/$1" \
+        "$work/record-$1" $((number + 1)) "$2" \
         2>"$work/err" || { failed=1 && tail -n 1 "$work/err" | sed 's/^/# /'; }
     number=$((number + $3))
 }
@@ -33,7 +37,8 @@ export_rig coman 5
 export_rig coman-foc 10
 export_rig coman-compact 9
 export_rig coman-fd 2
-"$hil" dbc "$HIL_SOURCE_DIR/config/rigs/coman.yaml" --bus left_leg | cmp - "$work/coman/coman-left_leg.dbc"
+"$hil" dbc "$HIL_SOURCE_DIR/config/rigs/coman.yaml" --bus left_leg |
+    cmp - "$work/coman/coman-left_leg.dbc"
 result $? "one bus to standard output is the same file"
 "$hil" dbc "$HIL_SOURCE_DIR/config/rigs/coman.yaml" --bus leg >"$work/out" 2>"$work/err"
 [ $? -eq 2 ] && grep -q 'found "leg", expected a bus' "$work/err"

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Holds a recorded run against its DBC files, read and decoded by canmatrix, which knows nothing of us:
-dbc_judge.py RIG FOLDER RECORD FIRST_NUMBER LEAST.
+"""Holds a recorded run against its DBC files, read and decoded by canmatrix, which knows nothing of
+us: dbc_judge.py RIG FOLDER RECORD FIRST_NUMBER LEAST.
 
-Every frame must be of a message and have its sender's length; what boards say of a joint (the signal's
-comment) must be what the plant had, to within half of the last bit of signal and encoder. Prints two
-TAP lines, and two more for icub boards: what an encoder makes of a voltage, and that byte 0 has names."""
+Every frame must be of a message and have its sender's length; what boards say of a joint (the
+signal's comment) must be what the plant had, to within half of the last bit of signal and encoder.
+Prints two TAP lines, and two more for icub boards: what an encoder makes of a voltage, and that
+byte 0 has names."""
 import csv
 import glob
 import math
@@ -13,9 +14,10 @@ import re
 import sys
 
 import canmatrix.formats
+import tap
 
-rig, folder, record, number, least = sys.argv[1:4] + [int(x) for x in sys.argv[4:6]]
-failed = False
+rig, folder, record, first, least = sys.argv[1:4] + [int(x) for x in sys.argv[4:6]]
+tap.begin(first)
 # signals by name without a number at the end: the columns that are added up, with their factors
 STATE = {
     "position": [("q_*_rad", 1)],
@@ -36,10 +38,7 @@ ENCODER = {
 
 
 def check(good, name, found):
-    global number, failed
-    failed |= not good
-    print(f"{'ok' if good else 'not ok'} {number} - {rig}: {name}\n# {found}", flush=True)
-    number += 1
+    tap.check(good, f"{rig}: {name}", found)
 
 
 def quantity(frame, signal):
@@ -62,7 +61,8 @@ for path in glob.glob(f"{folder}/{rig}-*.dbc"):
 frames, strange, compared, worst, wrong = 0, set(), {}, 0.0, []
 with open(record + "/candump.log") as log:
     for line in log:
-        time, bus, id_hex, fd, data = re.fullmatch(r"\((\S+)\) (\S+) ([0-9A-F]{3})#(#[0-9A-F])?(\S*)\n", line).groups()
+        time, bus, id_hex, fd, data = re.fullmatch(
+            r"\((\S+)\) (\S+) ([0-9A-F]{3})#(#[0-9A-F])?(\S*)\n", line).groups()
         frame = buses[bus].get(int(id_hex, 16))
         frames += 1
         data = bytes.fromhex(data)
@@ -88,27 +88,31 @@ with open(record + "/candump.log") as log:
             error = abs(float(values[signal.name].phys_value) * scale - truth)
             coarse = ENCODER.get(what, 0)
             # a deflection is the difference of two rounded numbers
-            allowed = (1.01 if what == "deflection" else 0.505) * step + (coarse / 2 if step < 0.99 * coarse else 0)
+            allowed = (1.01 if what == "deflection"
+                       else 0.505) * step + (coarse / 2 if step < 0.99 * coarse else 0)
             compared[what] = compared.get(what, 0) + 1
             worst = max(worst, error / allowed)
             if error > allowed:
-                wrong.append(f"{bus} {frame.name} {signal.name} {time}: {error:.3g} of {allowed:.3g} off")
+                wrong.append(
+                    f"{bus} {frame.name} {signal.name} {time}: {error:.3g} of {allowed:.3g} off")
 check(not strange, "every frame is of a message, in its length and format",
       f"{frames} frames, {len(strange)} strange {next(iter(strange), '').strip()}")
 check(not wrong and sum(compared.values()) >= least and len(compared) >= 2,
       "decoded values are those of the plant to within half a bit",
       f"{compared}, the worst at {worst:.3f} of its half bit; {len(wrong)} wrong: {wrong[:1]}")
 
-command = next((f for b in buses.values() for f in b.values() if f.signal_by_name("SET_OPEN_LOOP_pwm_1")), None)
+command = next((f for b in buses.values() for f in b.values()
+                if f.signal_by_name("SET_OPEN_LOOP_pwm_1")), None)
 if command:
     made = []
     for axis, byte in ((0, 0x72), (1, 0xF2)):
         signal = command.signal_by_name(f"SET_OPEN_LOOP_pwm_{axis}")
         raw = command.encode({"command": byte, signal.name: int(signal.phys2raw(25))})
         made.append(raw[: int(signal.attributes["FrameLength"])].hex())
-    check(made == ["724d01", "f24d01"], "25 % of the voltage, encoded for either axis, is the firmware's frame", made)
+    check(made == ["724d01", "f24d01"],
+          "25 % of the voltage, encoded for either axis, is the firmware's frame", made)
     names = command.signal_by_name("command").values
     check(names[0x72] == "SET_OPEN_LOOP_0" and names[0xF2] == "SET_OPEN_LOOP_1"
           and all(str(n).endswith("_0" if v < 128 else "_1") for v, n in names.items()),
           "byte 0 has a name for each command and axis", f"{len(names)} values")
-sys.exit(failed)
+sys.exit(tap.failed > 0)

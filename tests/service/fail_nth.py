@@ -5,8 +5,8 @@
 usage: fail_nth.py PROGRAM PRELOAD [--full] [--only PART-OF-NAME] [--kind allocation|syscall]
        [--sanitized]
 
---sanitized: the program has a sanitizer, which allocates and maps memory for itself and gives up without:
-no allocation fails then (tests/unit/app/fail_memory.c does that), and no mmap.
+--sanitized: the program has a sanitizer, which allocates and maps memory for itself and gives up
+without: no allocation fails then (tests/unit/app/fail_memory.c does that), and no mmap.
 
 For every case (a command line of coman-hil) one process is loaded with PRELOAD (fail_nth.c), which
 runs main in a fork for each call that is to fail. Promised for each of them:
@@ -438,7 +438,8 @@ def main():
     for case in CASES:
         if only not in case.name:
             continue
-        server = Server(os.path.join(folder.name, case.program), os.path.abspath(arguments[1]), case)
+        server = Server(os.path.join(folder.name, case.program), os.path.abspath(arguments[1]),
+                        case)
         if kind != "syscall" and "--sanitized" not in sys.argv:
             fail_allocations(server, report, full)
         if kind != "allocation":

@@ -1,8 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # Faults and real sensors as a user meets them: a squat with each kind of fault behaves differently
-# from the sound one, which stands; armed faults that do not begin change nothing; the log, check and
-# the refusals. Virtual time and counts only. Prints TAP.
+# from the sound one, which stands; armed faults that do not begin change nothing; the log, check
+# and the refusals. Virtual time and counts only. Prints TAP.
 set -u
 program=$HIL_BINARY_DIR/coman-hil
 rig=$HIL_SOURCE_DIR/config/rigs/coman.yaml
@@ -12,8 +12,8 @@ trap 'rm -rf "$work"' EXIT
 . "$(dirname "$0")/tap.sh"
 tap_show="$work/out $work/err"
 
-# go DIR RIG ARGUMENT...: a free run with the squat, recorded into DIR. That the task gives up (status
-# 1) is an answer to a fault, not a failure of the run.
+# go DIR RIG ARGUMENT...: a free run with the squat, recorded into DIR. That the task gives up
+# (status 1) is an answer to a fault, not a failure of the run.
 go()
 {
     local to=$1 file=$2 status
@@ -33,7 +33,8 @@ for key in sys.argv[2].split("."):
 print(value)' "$work/$1/summary.json" "$2"
 }
 
-# rows DIR EXPRESSION: whether a Python expression of the recorded rows (list of dict of floats) holds
+# rows DIR EXPRESSION: whether a Python expression of the recorded rows (list of dict of floats)
+# holds
 rows()
 {
     python3 -c 'import csv, sys
@@ -52,14 +53,16 @@ go sound "$rig" --duration 3
 sound=$(json sound state_hash)
 
 name="faults that are armed and never begin change no frame and no state"
-if go armed "$rig" --duration 3 --fault "motor LKneeSag jam manual" --fault "board left_leg/1 off 10.." \
+if go armed "$rig" --duration 3 --fault "motor LKneeSag jam manual" \
+    --fault "board left_leg/1 off 10.." \
     --fault "bus left_leg loss 0.5 manual" --fault "sensor LKneeSag.motor_encoder stuck 20..30" \
     --fault "supply sag 30 manual" --seed 5 && [ "$(json armed state_hash)" = "$sound" ] &&
     cmp -s "$work/sound/candump.log" "$work/armed/candump.log" && ! grep -q fault "$work/err"
 then ok "$name"; else not_ok "$name"; fi
 
 # ---- each kind shows ----
-# shows NAME LINE: a run of 3 s with the fault differs from the sound one, repeats, and is in the log
+# shows NAME LINE: a run of 3 s with the fault differs from the sound one, repeats, and is in the
+# log
 shows()
 {
     local first
@@ -69,7 +72,8 @@ shows()
         go two "$rig" --duration 2.5 --seed 3 --fault "$2" &&
         [ "$first" = "$(json two state_hash)" ] &&
         cmp -s "$work/one/candump.log" "$work/two/candump.log" &&
-        ! cmp -s "$work/one/candump.log" <(head -n "$(wc -l <"$work/one/candump.log")" "$work/sound/candump.log") &&
+        ! cmp -s "$work/one/candump.log" <(head -n "$(wc -l <"$work/one/candump.log")" \
+        "$work/sound/candump.log") &&
         grep -q "fault 1 begins: $2" "$work/log"
 }
 
@@ -85,11 +89,13 @@ done
 name="a jammed motor stands still while its window lasts and moves again after it"
 if go jam "$rig" --duration 2.5 --fault "motor LKneeSag jam 2..2.15" && rows jam \
     'len({r["qm_LKneeSag_rad"] for r in rows if 2.005 < r["time_s"] < 2.15}) == 1 and len({r["qm_LKneeSag_rad"] for r in rows if 2.15 < r["time_s"]}) > 20' &&
-    grep -q "2.000000 s: fault 1 begins" "$work/err" && grep -q "2.150000 s: fault 1 ends" "$work/err"
+    grep -q "2.000000 s: fault 1 begins" "$work/err" &&
+    grep -q "2.150000 s: fault 1 ends" "$work/err"
 then ok "$name"; else not_ok "$name"; fi
 
 name="an open phase carries no current, a short generates it, a broken spring no torque"
-if go drives "$rig" --duration 2.5 --fault "motor LElbj open_phase 2.." --fault "motor RElbj spring_break 2.." \
+if go drives "$rig" --duration 2.5 --fault "motor LElbj open_phase 2.." \
+    --fault "motor RElbj spring_break 2.." \
     --fault "motor LShSag short 2.." && rows drives \
     'all(r["current_LElbj_a"] == 0 and r["torque_RElbj_nm"] == 0 and r["voltage_LShSag_v"] == 0 for r in rows if r["time_s"] > 2.005) and any(r["current_LElbj_a"] != 0 and r["torque_RElbj_nm"] != 0 for r in rows if r["time_s"] < 2)'
 then ok "$name"; else not_ok "$name"; fi
@@ -105,16 +111,19 @@ sys.exit(not 1.99 < max(times) <= 2.0)' "$work/off/candump.log" &&
 then ok "$name"; else not_ok "$name"; fi
 
 name="a sagging supply trips the boards into under-voltage"
-if go sag "$rig" --duration 2.5 --fault "supply sag 30 2..2.05" && grep -q "under-voltage" "$work/err"
+if go sag "$rig" --duration 2.5 --fault "supply sag 30 2..2.05" &&
+    grep -q "under-voltage" "$work/err"
 then ok "$name"; else not_ok "$name"; fi
 
 name="a bus that is off carries nothing meanwhile"
-if go busoff "$rig" --duration 2.5 --fault "bus left_arm bus_off 2..2.1" && grep -qi "bus.off" "$work/err" &&
+if go busoff "$rig" --duration 2.5 --fault "bus left_arm bus_off 2..2.1" &&
+    grep -qi "bus.off" "$work/err" &&
     [ "$(frames busoff 111)" -gt 0 ]
 then ok "$name"; else not_ok "$name"; fi
 
 name="a lost bus shows as frames that the controller did not get: the run goes on"
-if go loss "$rig" --duration 2.5 --fault "bus left_leg loss 0.1 2.." && [ "$(json loss ticks)" = 2500 ] &&
+if go loss "$rig" --duration 2.5 --fault "bus left_leg loss 0.1 2.." &&
+    [ "$(json loss ticks)" = 2500 ] &&
     [ "$(json loss state_hash)" != "$sound" ]
 then ok "$name"; else not_ok "$name"; fi
 
@@ -150,13 +159,15 @@ cp -r "$HIL_SOURCE_DIR/config/robots" "$HIL_SOURCE_DIR/config/meshes" "$work/con
     >"$work/config/rigs/faulty.yaml"
 printf 'extends: coman.yaml\nname: coman-wire\nwire: {mode: wire}\n' >"$work/config/rigs/wire.yaml"
 name="on a wire a burst of errors is seen by the CRC: frames are repeated, none is lost"
-if go burst "$work/config/rigs/wire.yaml" --duration 2.5 --fault "bus left_leg error_burst 0.1 2.." &&
+if go burst "$work/config/rigs/wire.yaml" --duration 2.5 \
+    --fault "bus left_leg error_burst 0.1 2.." &&
     grep -A 9 "^  wire " "$work/out" | awk '$1 == "left_leg" {burst = $11 > 50 && $10 == 0} $1 == "right_leg" {sound = $11 == 0}
         END {exit !(burst && sound)}'
 then ok "$name"; else not_ok "$name"; fi
 
 name="on a wire two nodes with one id drive each other off the bus"
-if go collide "$work/config/rigs/wire.yaml" --duration 2.5 --fault "bus left_leg id_collision id=0x111 2.." &&
+if go collide "$work/config/rigs/wire.yaml" --duration 2.5 \
+    --fault "bus left_leg id_collision id=0x111 2.." &&
     grep -A 9 "^  wire " "$work/out" | awk '$1 == "left_leg" {off = $12} END {exit !(off > 0)}'
 then ok "$name"; else not_ok "$name"; fi
 
@@ -172,7 +183,8 @@ if [ $? -eq 2 ] && grep -Eq 'faulty.yaml:[0-9]+:[0-9]+.*jam' "$work/err"
 then ok "$name"; else not_ok "$name"; fi
 
 name="the manual of run lists the kinds"
-if "$program" run --help >"$work/out" && grep -q "spring_break" "$work/out" && grep -q "error_burst" "$work/out"
+if "$program" run --help >"$work/out" && grep -q "spring_break" "$work/out" &&
+    grep -q "error_burst" "$work/out"
 then ok "$name"; else not_ok "$name"; fi
 
 [ "$number" -eq 26 ]

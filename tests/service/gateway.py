@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """run --gateway with an unmodified client: python-can's socketcand interface joins local buses.
 
-In lockstep the client drives virtual time by STEP frames, switches a motor on and reads the current that
-its voltage makes; two such runs leave the same recording. With the real clock telemetry comes by itself.
-Everything on the torso's bus, so that a command cannot be overtaken by a STEP on another connection.
-Prints TAP.
+In lockstep the client drives virtual time by STEP frames, switches a motor on and reads the current
+that its voltage makes; two such runs leave the same recording. With the real clock telemetry comes
+by itself. Everything on the torso's bus, so that a command cannot be overtaken by a STEP on another
+connection. Prints TAP.
 """
 import filecmp
 import logging
@@ -102,14 +102,16 @@ def lockstep_session(record):
         stepper = Stepper(bus)
         send(bus, 0x70F, "FF")
         answers, flags = stepper.step()
-        assert sorted(f.arbitration_id for f in answers if f.data[:1] == b"\xff") == [0x710, 0x720, 0x7C0], answers
+        assert sorted(f.arbitration_id for f in answers
+                      if f.data[:1] == b"\xff") == [0x710, 0x720, 0x7C0], answers
         assert stepper.tick == 1 and flags == 0
         send(bus, 0x001, "49 0D 00 00 00")   # POSITION, STATUS, CURRENT
         send(bus, 0x001, "09 50")            # axis 0: voltage mode
         stepper.step(10)
         send(bus, 0x001, "72 A6 00")         # 166 of 1333: 6 V
         frames, _ = stepper.step(20)
-        currents = [struct.unpack_from("<h", f.data)[0] for f in frames if f.arbitration_id == 0x114]
+        currents = [struct.unpack_from("<h", f.data)[0] for f in frames
+                    if f.arbitration_id == 0x114]
         assert len(currents) == 5, frames
         assert currents[0] != 0 and len(set(currents)) > 1, currents
         assert stepper.tick == 31
@@ -127,7 +129,8 @@ def test_two_lockstep_sessions_leave_the_same_bytes():
     assert lockstep_session(os.path.join(WORK.name, "second")) == \
         lockstep_session(os.path.join(WORK.name, "third"))
     for name in ("candump.log", "signals.csv"):
-        assert filecmp.cmp(*(os.path.join(WORK.name, d, name) for d in ("second", "third")), shallow=False)
+        assert filecmp.cmp(*(os.path.join(WORK.name, d, name) for d in ("second", "third")),
+                           shallow=False)
 
 
 def test_telemetry_comes_in_real_time_under_the_name_of_the_bus():
@@ -142,7 +145,8 @@ def test_telemetry_comes_in_real_time_under_the_name_of_the_bus():
             [f for f in seen if f.arbitration_id == 0x111]) == 50)
         assert all(len(f.data) == 8 for f in frames if f.arbitration_id == 0x111)
     assert simulator.status == 0, simulator.text()
-    assert re.search(r"^gateway: 2 clients, 0 turned away, 0 cut off; \d+ frames to the buses", simulator.text(),
+    assert re.search(r"^gateway: 2 clients, 0 refused, 0 disconnected; \d+ frames to the buses",
+                     simulator.text(),
                      re.M), simulator.text()
 
 
@@ -157,7 +161,8 @@ def test_an_unknown_bus_is_refused():
 
 def test_what_is_no_address_is_refused():
     for text in ("x", "70000", ":1", "localhost:1", "1.2.3.4:x"):
-        ended = subprocess.run([PROGRAM, "run", RIG, "--transport", "local", "--ticks", "1", "--gateway", text],
+        ended = subprocess.run([PROGRAM, "run", RIG, "--transport", "local", "--ticks", "1",
+                                "--gateway", text],
                                capture_output=True, text=True, timeout=PATIENCE_S)
         assert ended.returncode == 2 and text.split(":")[0] in ended.stderr, (text, ended)
 

@@ -5,8 +5,8 @@
 manual.py SOURCE BUILD      on the machine of the build
 manual.py SOURCE guest      on one where the package is installed and everything is allowed
 
-On the first the project is installed into a scratch folder, and every fenced block of the guides in docs/
-and of the manual pages is tried there, in order, one folder a document:
+On the first the project is installed into a scratch folder, and every fenced block of the guides in
+docs/ and of the manual pages is tried there, in order, one folder a document:
 
     ```yaml, ```python    written to the file that their first line, a comment, names
     ```sh                 run by bash -eu, expected to end with 0
@@ -24,6 +24,9 @@ import subprocess
 import sys
 import tempfile
 
+import tap
+from tap import result
+
 SOURCE, BUILD = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 GUEST = sys.argv[2] == "guest"
 PATIENCE_S = 60
@@ -31,16 +34,6 @@ SCRATCH = pathlib.Path(tempfile.mkdtemp())
 PREFIX = SCRATCH / "prefix"
 PAGES = SOURCE / "docs" / "man"
 GUIDES = [SOURCE / "docs" / "lab-pc.md", SOURCE / "docs" / "controller.md"]
-count = failed = 0
-
-
-def tell(good, name, why=""):
-    global count, failed
-    count += 1
-    failed += not good
-    print(f"{'ok' if good else 'not ok'} {count} - {name}", flush=True)
-    for line in [] if good else why.splitlines():
-        print("# " + line)
 
 
 def coman_hil(*arguments, program="coman-hil"):
@@ -58,13 +51,15 @@ def keys_of(*sources):
 
 def bold_of(page):
     text = (PAGES / page).read_text()
-    return {word for bold in re.findall(r"\*([^*\n]+)\*", text) for word in re.findall(r"\w+", bold)} | \
+    return {word for bold in re.findall(r"\*([^*\n]+)\*", text)
+            for word in re.findall(r"\w+", bold)} | \
         {word for heading in re.findall(r"^# (\w+)$", text, re.M) for word in [heading]}
 
 
 def check_keys(page, *sources):
     missing = keys_of(*sources) - bold_of(page)
-    tell(not missing, f"{page} has every key of the file", "missing: " + ", ".join(sorted(missing)))
+    result(not missing, f"{page} has every key of the file",
+           "missing: " + ", ".join(sorted(missing)))
 
 
 def check_pages():
@@ -72,15 +67,18 @@ def check_pages():
     table = coman_hil("--help").split("coman-hil COMMAND --help")[0]  # topics of help follow
     commands = set(re.findall(r"^  (\w+)  ", table, re.M)) - {"help", "version"}
     benches = set(re.findall(r"^  (\w+)  ", coman_hil("--help", program="coman-hil-bench"), re.M))
-    expected = {f"coman-hil-{c}.1" for c in commands} | {f"coman-hil-bench-{b}.1" for b in benches} | \
+    expected = {f"coman-hil-{c}.1" for c in commands} | \
+        {f"coman-hil-bench-{b}.1" for b in benches} | \
         {"coman-hil.1", "coman-hil-rig.5", "coman-hil-scenario.5"}
-    tell(pages == expected, "there is a page for every command", str(sorted(pages ^ expected)))
+    result(pages == expected, "there is a page for every command", str(sorted(pages ^ expected)))
     for path in sorted((PREFIX / "share" / "man").glob("man*/*.gz")):
-        lint = subprocess.run(["mandoc", "-Tlint", "-Wunsupp", path], capture_output=True, text=True)
+        lint = subprocess.run(["mandoc", "-Tlint", "-Wunsupp", path], capture_output=True,
+                              text=True)
         text = subprocess.run(["mandoc", "-Tutf8", path], capture_output=True, text=True).stdout
         text = re.sub(r".\b", "", text)
-        lost = {f"{name}.{section}" for name, section in re.findall(r"\b(coman-hil[\w-]*)\((\d)\)", text)} - pages
-        tell(lint.returncode == 0 and len(text) > 500 and not lost,
+        named = re.findall(r"\b(coman-hil[\w-]*)\((\d)\)", text)
+        lost = {f"{name}.{section}" for name, section in named} - pages
+        result(lint.returncode == 0 and len(text) > 500 and not lost,
              f"{path.name} renders, and what it refers to is there", lint.stdout + str(lost))
 
 
@@ -112,10 +110,13 @@ def write_file(folder, text):
 
 def run(folder, text, name):
     """What to tell of a block: whether it ended with 0, its name, and why not."""
-    environment = dict(os.environ, PATH=f"{PREFIX}/bin:{os.environ['PATH']}", PYTHONDONTWRITEBYTECODE="1",
+    environment = dict(os.environ, PATH=f"{PREFIX}/bin:{os.environ['PATH']}",
+                       PYTHONDONTWRITEBYTECODE="1",
                        XDG_RUNTIME_DIR=str(folder))
-    process = subprocess.Popen(["bash", "-eu", "-o", "pipefail", "-c", text], cwd=folder, env=environment,
-                               stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    process = subprocess.Popen(["bash", "-eu", "-o", "pipefail", "-c", text], cwd=folder,
+                               env=environment,
+                               stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                               stderr=subprocess.STDOUT,
                                text=True, start_new_session=True)
     try:
         output, _ = process.communicate(timeout=PATIENCE_S)
@@ -134,14 +135,14 @@ def try_guide(path):
         if info in ("yaml", "python"):
             write_file(folder, text)
         elif info == ("sh guest" if GUEST else "sh"):
-            tell(*run(folder, text, name))
+            result(*run(folder, text, name))
         elif GUEST or info == "sh guest":
             continue
         elif info == "sh root":
             good = subprocess.run(["bash", "-n"], input=text, capture_output=True, text=True)
-            tell(good.returncode == 0, name + " (syntax)", good.stderr)
+            result(good.returncode == 0, name + " (syntax)", good.stderr)
         else:
-            tell(False, name, f'found a block of "{info}"')
+            result(False, name, f'found a block of "{info}"')
 
 
 def try_pages():
@@ -155,7 +156,8 @@ def try_pages():
             file = folder / "rigs" / f"{page}.yaml"
             if command:
                 file.write_text(text)
-            tell(*run(folder, command.format(file) if command else text, f"{page}:{line}: {text.splitlines()[0]}"))
+            result(*run(folder, command.format(file) if command else text,
+                        f"{page}:{line}: {text.splitlines()[0]}"))
 
 
 def check_words():
@@ -164,13 +166,16 @@ def check_words():
     usage = subprocess.run([SOURCE / "dev", "--help"], capture_output=True, text=True).stdout
     for path in [SOURCE / "README.md", SOURCE / "docs" / "release.md", *GUIDES]:
         text = path.read_text()
-        lost = {word for word in re.findall(r"`\./dev (\w+)", text) if f"\n  {word} " not in usage} | \
-            {word for word in re.findall(r"(?:`|    )coman-hil ([a-z]+)", text) if f"\n  {word} " not in table}
-        tell(not lost, f"{path.name} names commands that are there", str(lost))
+        lost = {word for word in re.findall(r"`\./dev (\w+)", text)
+                if f"\n  {word} " not in usage} | \
+            {word for word in re.findall(r"(?:`|    )coman-hil ([a-z]+)", text)
+             if f"\n  {word} " not in table}
+        result(not lost, f"{path.name} names commands that are there", str(lost))
 
 
 def check_build():
-    subprocess.run(["cmake", "--install", BUILD, "--prefix", PREFIX], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(["cmake", "--install", BUILD, "--prefix", PREFIX], check=True,
+                   stdout=subprocess.DEVNULL)
     (PREFIX / "bin" / "python3").symlink_to("/usr/bin/python3")  # the one of the Debian packages
     check_keys("coman-hil-rig.5.scd", "rig/schema.c", "rig/sensors.c")
     check_keys("coman-hil-scenario.5.scd", "app/scenario/schema.c")
@@ -184,8 +189,8 @@ def main():
         check_build()
     for guide in GUIDES:
         try_guide(guide)
-    print(f"1..{count}")
-    return failed > 0
+    print(f"1..{tap.number}")
+    return tap.failed > 0
 
 
 try:

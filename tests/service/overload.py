@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Overload and loss on local buses: a stolen processor, a stopped process, disks that are full, slow, dead or
-taken away, clients that flood the gateway. The promises stand in rt/loop.h, rt/recorder.h and canbus/gateway.h;
-what needs a kernel with CAN is in overload_vcan.py. Prints TAP."""
+"""Overload and loss on local buses: a stolen processor, a stopped process, disks that are full,
+slow, dead or taken away, clients that flood the gateway. The promises stand in rt/loop.h,
+rt/recorder.h and canbus/gateway.h; what needs a kernel with CAN is in overload_vcan.py. Prints
+TAP."""
 import os
 import random
 import re
@@ -16,7 +17,8 @@ import sys
 import threading
 import time
 
-from overload_run import (CONFIG, NORMAL, WORK, Run, changed_rig, check_clock, check_grid, check_recording,
+from overload_run import (CONFIG, NORMAL, WORK, Run, changed_rig, check_clock, check_grid,
+                          check_recording,
                           check_telemetry, lines, log, main)
 
 STEP, DONE = 0x6F0, 0x6FF
@@ -57,7 +59,8 @@ def stops(run, count, hold_s):
 
 def stolen(policy, status):
     with Thieves() as thieves:
-        run = Run("--transport", "local", "--clock", "real", "--task", "squat", "--duration", "2", "--overrun", policy,
+        run = Run("--transport", "local", "--clock", "real", "--task", "squat", "--duration", "2",
+                  "--overrun", policy,
                   rig=changed_rig("normal", [NORMAL]), prefix=["taskset", "-c", thieves.cpu])
         if policy != "stop":  # a busy machine may have ended it already
             run.wrote("signals.csv", 20000)  # rows: the loop runs
@@ -137,7 +140,8 @@ class Client:
         return heard
 
     def send(self, identifier, data):
-        self.say(b"< send %X %d %s >" % (identifier, len(data), " ".join("%02x" % b for b in data).encode()))
+        self.say(b"< send %X %d %s >" %
+                 (identifier, len(data), " ".join("%02x" % b for b in data).encode()))
 
     def step(self, tick, ticks):
         self.send(STEP, struct.pack("<IH", tick, ticks))
@@ -149,8 +153,8 @@ class Client:
 
 
 class Flood:
-    """A client that sends a frame for nobody as fast as it can, until it is told to stop; then everything that it
-    has sent is on the bus."""
+    """A client that sends a frame for nobody as fast as it can, until it is told to stop; then
+    everything that it has sent is on the bus."""
 
     def __init__(self, port, bus):
         self.client = Client(port, bus)
@@ -192,12 +196,14 @@ def patient_client(port, bus):
 
 
 def hostile_crowd(port, seed):
-    """Connections that come and go, garbage, and readers that do not read. Returns those that stay."""
+    """Connections that come and go, garbage, and readers that do not read. Returns those that
+    stay."""
     dice = random.Random(seed)
     for _ in range(60):
         try:
             guest = socket.create_connection(("127.0.0.1", port), 20)
-            guest.sendall(bytes(dice.choice(b"<> open can1 rawmode send 7AA 1 ff\n") for _ in range(300)))
+            guest.sendall(bytes(dice.choice(b"<> open can1 rawmode send 7AA 1 ff\n")
+                                for _ in range(300)))
             guest.close()
         except OSError:
             pass
@@ -205,9 +211,10 @@ def hostile_crowd(port, seed):
 
 
 def lockstep_session(disturb=None):
-    """300 ticks driven over the gateway with one motor on; disturb(step, run, port) is called between the steps.
-    The run and its summary."""
-    run = Run("--transport", "local", "--clock", "lockstep", "--hold", "always", "--gateway", "0", "--quiet")
+    """300 ticks driven over the gateway with one motor on; disturb(step, run, port) is called
+    between the steps. The run and its summary."""
+    run = Run("--transport", "local", "--clock", "lockstep", "--hold", "always", "--gateway", "0",
+              "--quiet")
     port = int(run.says(r"^gateway: 127\.0\.0\.1 port (\d+)$")[1])
     client = Client(port, "can0", raw=True)
     tick = 0
@@ -234,7 +241,8 @@ def test_in_lockstep_a_stopped_process_simply_goes_on():
 
     quiet, expected = lockstep_session()
     stopped, summary = lockstep_session(stop)
-    assert summary["state_hash"] == expected["state_hash"] and summary["ticks"] == 300 and summary["pauses"] == 0
+    assert summary["state_hash"] == expected["state_hash"]
+    assert summary["ticks"] == 300 and summary["pauses"] == 0
     with open(quiet.path("candump.log"), "rb") as a, open(stopped.path("candump.log"), "rb") as b:
         assert a.read() == b.read()
 
@@ -261,15 +269,16 @@ def test_clients_that_flood_the_gateway_change_nothing_and_take_no_memory():
     for one in crowd:
         one.close()
     sent = sum(one.sent for one in floods)
-    told = re.search(r"^gateway: (\d+) clients, (\d+) turned away, (\d+) cut off; (\d+) frames to the buses, "
-                     r"(\d+) not taken", run.text(), re.M)
+    told = re.search(r"^gateway: (\d+) clients, (\d+) refused, (\d+) disconnected; "
+                     r"(\d+) frames to the buses, (\d+) rejected", run.text(), re.M)
     assert told, run.text()
-    print("# %d frames of floods; the gateway had %s clients, turned away %s, cut off %s; resident %s kB" %
-          (sent, told[1], told[2], told[3], resident))
+    print("# %d frames of floods; the gateway had %s clients, refused %s, disconnected %s; "
+          "resident %s kB" % (sent, told[1], told[2], told[3], resident))
     # the state is that of a quiet run to the last bit: no frame of the controller's was displaced
     assert summary["state_hash"] == expected["state_hash"]
     assert summary["ticks"] == expected["ticks"] == 300
-    assert summary["boards"]["unknown"] == 0 and summary["boards"]["timeouts"] == expected["boards"]["timeouts"]
+    assert summary["boards"]["unknown"] == 0
+    assert summary["boards"]["timeouts"] == expected["boards"]["timeouts"]
     # every frame that a client got onto a bus was received or counted as lost
     received = sum(bus["rx_frames"] for bus in summary["buses"])
     lost = sum(bus["rx_dropped"] for bus in summary["buses"])
@@ -282,7 +291,8 @@ def test_clients_that_flood_the_gateway_change_nothing_and_take_no_memory():
 
 
 def test_clients_that_flood_a_real_time_run_do_not_end_it():
-    run = Run("--transport", "local", "--clock", "real", "--task", "squat", "--duration", "2", "--gateway", "0")
+    run = Run("--transport", "local", "--clock", "real", "--task", "squat", "--duration", "2",
+              "--gateway", "0")
     port = int(run.says(r"^gateway: 127\.0\.0\.1 port (\d+)$")[1])
     floods = [Flood(port, "can%d" % n) for n in range(5)]
     run.wrote("signals.csv", 60000)
@@ -303,32 +313,39 @@ def test_clients_that_flood_a_real_time_run_do_not_end_it():
 # ---- disks ----
 
 def limit_files():
-    resource.setrlimit(resource.RLIMIT_FSIZE, (300000, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE,
+                       (300000, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
 
 
 def test_a_file_that_may_not_grow_ends_with_a_whole_line_and_the_run_goes_on():
     for clock in ("free", "real"):
-        run = Run("--transport", "local", "--clock", clock, "--task", "squat", "--duration", "1.5", prepare=limit_files)
+        run = Run("--transport", "local", "--clock", clock, "--task", "squat", "--duration", "1.5",
+                  prepare=limit_files)
         summary = run.end(3)
         assert summary["ticks"] == 1500
         check_recording(run, summary)
-        assert summary["recorder"]["frames_unwritten"] > 0 and summary["recorder"]["frames_dropped"] == 0
+        assert summary["recorder"]["frames_unwritten"] > 0
+        assert summary["recorder"]["frames_dropped"] == 0
         assert os.stat(run.path("candump.log")).st_size > 300000 - 256
-        assert re.search(r"cannot write \S+/candump\.log: .* the run goes on: File too large", run.text()), run.text()
+        assert re.search(r"cannot write \S+/candump\.log: .* the run goes on: File too large",
+                         run.text()), run.text()
 
 
 def test_a_disk_that_is_too_small_is_told_with_what_is_missing():
     script = ('mount -t tmpfs -o size=256k none "$0" || exit 77\n'
               '"$@"; status=$?\n'
               'mkdir "$0.kept" && cp -a "$0/." "$0.kept/"; exit $status\n')
-    run = Run("--transport", "local", "--clock", "free", "--task", "squat", "--duration", "1.5", before=os.mkdir,
-              prefix=["unshare", "-rm", "sh", "-c", script, os.path.join(WORK.name, "run%d" % (Run.count + 1))])
+    run = Run("--transport", "local", "--clock", "free", "--task", "squat", "--duration", "1.5",
+              before=os.mkdir,
+              prefix=["unshare", "-rm", "sh", "-c", script,
+                      os.path.join(WORK.name, "run%d" % (Run.count + 1))])
     if run.process.wait() in (1, 77) and "coman-hil" not in run.text():
         return "no mounts in a user namespace here"
     run.directory += ".kept"
     run.end(3)
     assert re.search(r"cannot write \S+: .* the run goes on: No space left", run.text()), run.text()
-    told = re.search(r"^recorder: (\d+) frames, (\d+) rows; dropped 0 frames, 0 rows; not written (\d+) frames, "
+    told = re.search(
+        r"^recorder: (\d+) frames, (\d+) rows; dropped 0 frames, 0 rows; not written (\d+) frames, "
                      r"(\d+) rows$", run.text(), re.M)
     assert told and int(told[3]) > 0, run.text()
     assert lines(run.path("candump.log")) == int(told[1]) - int(told[3])
@@ -342,7 +359,8 @@ class Pipe:
     def make(self, directory):
         os.mkdir(directory)
         os.mkfifo(os.path.join(directory, "candump.log"))
-        self.descriptor = os.open(os.path.join(directory, "candump.log"), os.O_RDONLY | os.O_NONBLOCK)
+        self.descriptor = os.open(os.path.join(directory, "candump.log"),
+                                  os.O_RDONLY | os.O_NONBLOCK)
 
     def read_all(self):
         """Until the writer closes it; the number of whole lines."""
@@ -377,13 +395,15 @@ def test_a_slow_disk_costs_frames_in_real_time_and_the_loop_does_not_wait():
 
 def test_a_slow_disk_is_waited_for_in_virtual_time():
     pipe = Pipe()
-    run = Run("--transport", "local", "--clock", "free", "--task", "squat", "--duration", "9", before=pipe.make)
+    run = Run("--transport", "local", "--clock", "free", "--task", "squat", "--duration", "9",
+              before=pipe.make)
     time.sleep(1.0)
     count = pipe.read_all()
     summary = run.end()
     pipe.close()
     assert summary["ticks"] == 9000
-    assert count == summary["recorder"]["frames"] > 65536 and summary["recorder"]["frames_dropped"] == 0
+    assert count == summary["recorder"]["frames"] > 65536
+    assert summary["recorder"]["frames_dropped"] == 0
 
 
 class Dead:
@@ -391,7 +411,8 @@ class Dead:
 
     def begin(self):
         self.pipe = Pipe()
-        self.run = Run("--transport", "local", "--clock", "free", "--task", "squat", "--duration", "9",
+        self.run = Run("--transport", "local", "--clock", "free", "--task", "squat", "--duration",
+                       "9",
                        before=self.pipe.make)
 
 
@@ -406,13 +427,15 @@ def test_a_dead_disk_does_not_hold_virtual_time_for_ever():
     recorder = summary["recorder"]
     assert summary["ticks"] == 9000
     assert "took nothing for 10.0 s: recording ends here, the run goes on" in dead.run.text()
-    assert recorder["frames_dropped"] > 0 and count == recorder["frames"] - recorder["frames_unwritten"]
+    assert recorder["frames_dropped"] > 0
+    assert count == recorder["frames"] - recorder["frames_unwritten"]
     sent = sum(bus["tx_frames"] + bus["rx_frames"] for bus in summary["buses"])
     assert recorder["frames"] + recorder["frames_dropped"] == sent
 
 
 def test_files_that_are_removed_or_renamed_while_they_are_written():
-    runs = [Run("--transport", "local", "--clock", "real", "--task", "squat", "--duration", "2") for _ in range(4)]
+    runs = [Run("--transport", "local", "--clock", "real", "--task", "squat", "--duration", "2")
+            for _ in range(4)]
     removed, renamed, gone, moved = runs
     for run in runs:
         run.wrote("candump.log")
@@ -423,9 +446,12 @@ def test_files_that_are_removed_or_renamed_while_they_are_written():
 
     summary = removed.end(3)
     recorder = summary["recorder"]
-    assert "candump.log was removed while it was written: recording of it ends here" in removed.text()
-    assert summary["ticks"] == 2000 and recorder["frames_unwritten"] == recorder["frames"] > 0, recorder
-    assert lines(removed.path("signals.csv")) == 201 and not os.path.exists(removed.path("candump.log"))
+    assert ("candump.log was removed while it was written: recording of it ends here"
+            in removed.text())
+    assert summary["ticks"] == 2000, summary
+    assert recorder["frames_unwritten"] == recorder["frames"] > 0, recorder
+    assert lines(removed.path("signals.csv")) == 201
+    assert not os.path.exists(removed.path("candump.log"))
 
     summary = renamed.end(0)
     assert "candump.log has another name now: recording goes on in the same file" in renamed.text()

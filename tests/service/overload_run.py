@@ -126,7 +126,8 @@ def log(path):
         for line in file:
             found = re.fullmatch(r"\((\d+)\.(\d{6})\) (\S+) ([0-9A-F]+)#(\S*)\n", line)
             assert found, line
-            frames.append((int(found[1]) * 1000000 + int(found[2]), found[3], int(found[4], 16), found[5]))
+            frames.append((int(found[1]) * 1000000 + int(found[2]), found[3], int(found[4], 16),
+                           found[5]))
     return frames
 
 
@@ -148,8 +149,10 @@ def check_clock(summary, policy="skip", tick_s=0.001):
 def check_recording(run, summary):
     """The books of the recorder (rt/recorder.h)."""
     recorder = summary["recorder"]
-    assert lines(run.path("candump.log")) == recorder["frames"] - recorder["frames_unwritten"], recorder
-    assert lines(run.path("signals.csv")) == 1 + recorder["rows"] - recorder["rows_unwritten"], recorder
+    written = recorder["frames"] - recorder["frames_unwritten"]
+    assert lines(run.path("candump.log")) == written, recorder
+    rows = recorder["rows"] - recorder["rows_unwritten"]
+    assert lines(run.path("signals.csv")) == 1 + rows, recorder
 
 
 def check_grid(frames, ticks):

@@ -33,7 +33,8 @@ result $? "the package is built"
 
 field() { dpkg-deb -f "$deb" "$1"; }
 dpkg-deb -I "$deb" >"$work/out"
-case $(field Depends) in *libc6*libyaml*) true ;; *) false ;; esac && [ "$(field Package)" = coman-hil ] &&
+case $(field Depends) in *libc6*libyaml*) true ;; *) false ;; esac &&
+    [ "$(field Package)" = coman-hil ] &&
     [ "$(field Architecture)" = "$(dpkg --print-architecture)" ] && [ -n "$(field Description)" ] &&
     [ -n "$(field Maintainer)" ] && [ "$(field Installed-Size)" -gt 0 ]
 result $? "it names the libraries that it needs, and itself"
@@ -75,7 +76,8 @@ DESTDIR=$work/root "$cmake" --build "$HIL_BINARY_DIR" --target uninstall >"$work
     [ -s "$work/before" ] && [ "$(everything -type f)" = ./opt/hil/share/coman-hil/rigs/mine.yaml ]
 result $? "uninstall removes every file that was installed, and no other"
 rm "$work/root/opt/hil/share/coman-hil/rigs/mine.yaml"
-DESTDIR=$work/root sh "$HIL_SOURCE_DIR/systemd/uninstall.sh" "$HIL_BINARY_DIR/install_manifest.txt" >"$work/out" 2>&1 &&
+DESTDIR=$work/root sh "$HIL_SOURCE_DIR/systemd/uninstall.sh" \
+    "$HIL_BINARY_DIR/install_manifest.txt" >"$work/out" 2>&1 &&
     nothing "$(everything -type d -name 'coman-hil*')"
 result $? "and the folders, when they are empty"
 exit $failed

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """usage: reload.py COMAN-HIL
-The program as a service manager sees it, with a manager made of one socket: ready after the first tick,
-fed watchdog, a rig that is read again on SIGHUP when it is good and left alone when not. Prints TAP."""
+The program as a service manager sees it, with a manager made of one socket: ready after the first
+tick, fed watchdog, a rig that is read again on SIGHUP when it is good and left alone when not.
+Prints TAP."""
 import os
 import shutil
 import signal
@@ -91,7 +92,7 @@ def main():
                 file.write(good)
             service.process.send_signal(signal.SIGHUP)
             result("a good one is taken, in the same process",
-                   service.hears("RELOADING=1") and service.says("starting anew")
+                   service.hears("RELOADING=1") and service.says("reload: restarting")
                    and service.hears("READY=1") and service.process.poll() is None, service)
 
             service.process.send_signal(signal.SIGTERM)

@@ -1,8 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # coman-hil run and task as a user meets them, on local buses: runs and their ends, what is wrong on
-# the command line, recordings, determinism, signals. Virtual time and counts are asserted, wall time
-# never. Prints TAP.
+# the command line, recordings, determinism, signals. Virtual time and counts are asserted, wall
+# time never. Prints TAP.
 set -u
 program=$HIL_BINARY_DIR/coman-hil
 rig=$HIL_SOURCE_DIR/config/rigs/coman.yaml
@@ -87,7 +87,8 @@ name="the policy stop ends with status 1 when deadlines cannot be held"
 mkdir -p "$work/config/rigs"
 sed 's/^substep_s:.*/substep_s: 0.00000625/' "$rig" >"$work/config/rigs/slow.yaml"
 cp -r "$HIL_SOURCE_DIR/config/robots" "$HIL_SOURCE_DIR/config/meshes" "$work/config/"
-if run 1 "$name" run "$work/config/rigs/slow.yaml" --transport local --clock real --hold none --overrun stop \
+if run 1 "$name" run "$work/config/rigs/slow.yaml" --transport local --clock real --hold none \
+    --overrun stop \
     --duration 60 && grep -q "stopped by overruns" "$work/err" && grep -q "by plant" "$work/out"
 then ok "$name"; else not_ok "$name"; fi
 
@@ -121,8 +122,10 @@ if [ "$(grep -c ' 6F0#' "$work/lockstep1/candump.log")" = 500 ] &&
 then ok "$name"; else not_ok "$name"; fi
 
 name="nothing was lost, unknown or malformed on the way"
-if [ "$(json "$work/free" boards.unknown)" = 0 ] && [ "$(json "$work/free" boards.malformed)" = 0 ] &&
-    [ "$(json "$work/free" boards.foreign)" = 0 ] && [ "$(json "$work/free" buses.1.rx_dropped)" = 0 ] &&
+if [ "$(json "$work/free" boards.unknown)" = 0 ] &&
+    [ "$(json "$work/free" boards.malformed)" = 0 ] &&
+    [ "$(json "$work/free" boards.foreign)" = 0 ] &&
+    [ "$(json "$work/free" buses.1.rx_dropped)" = 0 ] &&
     [ "$(json "$work/free" recorder.frames_dropped)" = 0 ]
 then ok "$name"; else not_ok "$name"; fi
 
@@ -131,13 +134,15 @@ none=(--record "$work/none")
 wrong 2 "an unknown option is refused" "expected" run "$rig" --durations 1
 wrong 2 "a length that is not a number is refused" "expected a number" run "$rig" --duration nan
 wrong 2 "a negative length is refused" "expected a number" run "$rig" --duration -1
-wrong 2 "two lengths are refused" "both --duration and --ticks" run "$rig" --duration 1 --ticks 5 "${none[@]}"
+wrong 2 "two lengths are refused" "both --duration and --ticks" run "$rig" --duration 1 --ticks 5 \
+    "${none[@]}"
 wrong 2 "an unknown clock is refused" "expected" run "$rig" --clock fast
 wrong 2 "an unknown task is refused with the nearest" "squat" run "$rig" --task sqat "${none[@]}"
 wrong 2 "the task command refuses it as well" "squat" task sqat "$rig"
 wrong 2 "an unknown bus is refused with the nearest" 'did you mean "left_leg"' \
     run "$rig" --bus lef_leg=can1 "${none[@]}"
-wrong 2 "two buses on one interface are refused" "both on interface" run "$rig" --bus torso=can1 "${none[@]}"
+wrong 2 "two buses on one interface are refused" "both on interface" run "$rig" --bus torso=can1 \
+    "${none[@]}"
 sed 's/^tick_s:.*/tick_s: 0.002/' "$rig" >"$work/config/rigs/two.yaml"
 wrong 2 "a row period that is no multiple of the tick is refused" "multiple of the tick" \
     run "$work/config/rigs/two.yaml" --transport local --record-period 5 "${none[@]}"
@@ -145,7 +150,8 @@ wrong 2 "a rig that is not there is refused" "No such file" run "$work/no-such.y
 wrong 4 "lockstep on local buses without a task is refused" "nobody can send" \
     run "$rig" --transport local --clock lockstep "${none[@]}"
 if without_can; then
-    wrong 4 "a kernel without CAN is told apart" "no CAN" run "$rig" --transport socketcan "${none[@]}"
+    wrong 4 "a kernel without CAN is told apart" "no CAN" run "$rig" --transport socketcan \
+        "${none[@]}"
 else
     wrong 2 "an interface that is not there is told apart" "no-such-if" \
         run "$rig" --bus torso=no-such-if "${none[@]}"
@@ -155,7 +161,8 @@ fi
 name="a directory that holds a recording is not overwritten"
 if run 2 "$name" run "$rig" --transport local --clock free --ticks 3 --record "$work/seven" &&
     grep -q "not empty" "$work/err" && [ "$(json "$work/seven" ticks)" = 7 ] &&
-    run 0 "$name" run "$rig" --transport local --clock free --ticks 3 --record "$work/seven" --force &&
+    run 0 "$name" run "$rig" --transport local --clock free --ticks 3 --record "$work/seven" \
+    --force &&
     [ "$(json "$work/seven" ticks)" = 3 ]
 then ok "$name"; else not_ok "$name"; fi
 
@@ -163,7 +170,8 @@ name="a full disk is reported, the run goes on to its end, the status tells"
 mkdir "$work/full" && ln -s /dev/full "$work/full/candump.log"
 if run 3 "$name" run "$rig" --transport local --clock free --task squat --duration 0.5 \
     --record "$work/full" --force && grep -q "No space left" "$work/err" &&
-    [ "$(json "$work/full" ticks)" = 500 ] && [ "$(json "$work/full" recorder.frames_unwritten)" -gt 0 ]
+    [ "$(json "$work/full" ticks)" = 500 ] &&
+    [ "$(json "$work/full" recorder.frames_unwritten)" -gt 0 ]
 then ok "$name"; else not_ok "$name"; fi
 
 # ---- signals ----

@@ -109,7 +109,8 @@ said "no STEP frame on can0" "$work/silent.err"
 kill -TERM "$simulator"
 wait "$simulator"
 simulated=$?
-if grep -q "no STEP frame on can0" "$work/silent.err" && [ "$(json "$work/silent" end)" = stopped ] &&
+if grep -q "no STEP frame on can0" "$work/silent.err" &&
+    [ "$(json "$work/silent" end)" = stopped ] &&
     [ "$(json "$work/silent" ticks)" = 0 ]
 then ok "$name"; else not_ok "$name"; fi
 
@@ -126,7 +127,8 @@ wait "$simulator"
 simulated=$?
 ip link add dev can3 type vcan && ip link set can3 up
 if [ $simulated = 0 ] && [ "$(json "$work/fragile" end)" = stopped ] &&
-    grep -q "bus can2 is down" "$work/fragile.err" && grep -q "bus can2 is up" "$work/fragile.err" &&
+    grep -q "bus can2 is down" "$work/fragile.err" &&
+    grep -q "bus can2 is up" "$work/fragile.err" &&
     grep -q "bus can3 is gone" "$work/fragile.err"
 then ok "$name"; else not_ok "$name"; fi
 
@@ -135,7 +137,8 @@ refused()
 {
     local status=$1 title=$2 message=$3 found
     shift 3
-    "$program" run "$rig" --clock free --ticks 1 --record "$work/refused" "$@" >"$work/refused.out" \
+    "$program" run "$rig" --clock free --ticks 1 --record "$work/refused" "$@" \
+        >"$work/refused.out" \
         2>"$work/refused.err" </dev/null
     found=$?
     if [ $found = "$status" ] && grep -q "$message" "$work/refused.err" && [ ! -e "$work/refused" ]

@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# The scenarios that come with the program: all pass, each fails under its mutations, shards and JUnit
-# files fit together, what fails leaves a recording and plots. Prints TAP.
+# The scenarios that come with the program: all pass, each fails under its mutations, shards and
+# JUnit files fit together, what fails leaves a recording and plots. Prints TAP.
 set -u
 program=$HIL_BINARY_DIR/coman-hil
 scenarios=$HIL_SOURCE_DIR/config/scenarios
@@ -61,7 +61,8 @@ then ok "$name"; else not_ok "$name"; fi
 
 # ---- a scenario that fails ----
 mkdir -p "$work/config/scenarios"
-cp -r "$HIL_SOURCE_DIR/config/rigs" "$HIL_SOURCE_DIR/config/robots" "$HIL_SOURCE_DIR/config/meshes" "$work/config"
+cp -r "$HIL_SOURCE_DIR/config/rigs" "$HIL_SOURCE_DIR/config/robots" \
+    "$HIL_SOURCE_DIR/config/meshes" "$work/config"
 cat >"$work/config/scenarios/wrong.yaml" <<'END'
 name: wrong
 description: Expects <what> is "not" & never will be.
@@ -85,8 +86,10 @@ if run 1 --output "$work/results" --junit "$work/wrong.xml" "$work/config/scenar
     grep -q '^FAIL  wrong \[volts=2\]' "$work/out" &&
     grep -q 'one <volt>: LElbj.voltage stayed between 0 and 2.* until 0.0[0-9]* s, expected it to reach 0.99 to 1.01' "$work/out" &&
     grep -q 'quiet bus: frames seen 1 times until 0.0[0-9]* s, expected 0 to 0' "$work/out" &&
-    grep -q '#' "$work/results/wrong-2/candump.log" && grep -q '<svg' "$work/results/wrong-2/expectation-1.svg" &&
-    grep -q '<svg' "$work/results/wrong-1/expectation-3.svg" && [ ! -e "$work/results/wrong-1/expectation-1.svg" ]
+    grep -q '#' "$work/results/wrong-2/candump.log" &&
+    grep -q '<svg' "$work/results/wrong-2/expectation-1.svg" &&
+    grep -q '<svg' "$work/results/wrong-1/expectation-3.svg" &&
+    [ ! -e "$work/results/wrong-1/expectation-1.svg" ]
 then ok "$name"; else not_ok "$name"; fi
 
 name="merging keeps failures and says so in its status"
@@ -96,15 +99,18 @@ then ok "$name"; else not_ok "$name"; fi
 
 name="a file that test did not write is not merged, and the place is named"
 sed 's/<testcase /<testcas /' "$work/wrong.xml" >"$work/broken.xml"
-if run 2 --merge --junit "$work/merged.xml" "$work/broken.xml" && grep -q 'broken.xml:4: found' "$work/err" &&
-    head -5 "$work/wrong.xml" >"$work/broken.xml" && run 2 --merge --junit "$work/merged.xml" "$work/broken.xml" &&
+if run 2 --merge --junit "$work/merged.xml" "$work/broken.xml" &&
+    grep -q 'broken.xml:4: found' "$work/err" &&
+    head -5 "$work/wrong.xml" >"$work/broken.xml" &&
+    run 2 --merge --junit "$work/merged.xml" "$work/broken.xml" &&
     run 2 --merge --junit "$work/merged.xml" "$scenarios/brown_out.yaml"
 then ok "$name"; else not_ok "$name"; fi
 
 name="a run that hangs is ended by its limit of wall-clock time, the others go on"
 sed 's/^name: wrong/name: hangs/; s/^hold:/clock: lockstep\nwall_limit_s: 0.5\nfaults: ["bus torso loss 1 id=0x6f0"]\nhold:/' \
     "$work/config/scenarios/wrong.yaml" >"$work/config/scenarios/hangs.yaml"
-if run 1 --output "$work/results" --junit "$work/hangs.xml" "$work/config/scenarios/hangs.yaml" "$scenarios/brown_out.yaml" &&
+if run 1 --output "$work/results" --junit "$work/hangs.xml" "$work/config/scenarios/hangs.yaml" \
+    "$scenarios/brown_out.yaml" &&
     [ "$(totals "$work/hangs.xml")" = "3 0 2" ] && grep -q 'no end after 0.5 s' "$work/out"
 then ok "$name"; else not_ok "$name"; fi
 
@@ -117,13 +123,16 @@ print(*[p.get("value") for p in tree.parse(sys.argv[1]).iter("property") if p.ge
 if run 0 --seed 7 --junit "$work/a.xml" "$scenarios/noisy_sensors_squat.yaml" &&
     run 0 --seed 7 --jobs 1 --junit "$work/b.xml" "$scenarios/noisy_sensors_squat.yaml" &&
     run 0 --junit "$work/c.xml" "$scenarios/noisy_sensors_squat.yaml" &&
-    [[ "$(hash_of "$work/a.xml")" = 7\ * ]] && [ "$(hash_of "$work/a.xml")" = "$(hash_of "$work/b.xml")" ] &&
+    [[ "$(hash_of "$work/a.xml")" = 7\ * ]] &&
+    [ "$(hash_of "$work/a.xml")" = "$(hash_of "$work/b.xml")" ] &&
     [ "$(hash_of "$work/a.xml")" != "$(hash_of "$work/c.xml")" ]
 then ok "$name"; else not_ok "$name"; fi
 
 name="names that the rig does not have are refused with the nearest one"
-sed 's/LElbj.voltage/LElbj.voltag/' "$work/config/scenarios/wrong.yaml" >"$work/config/scenarios/named.yaml"
-if run 2 "$work/config/scenarios/named.yaml" && grep -q 'named.yaml:12:5: found signal "LElbj.voltag".*expected "voltage"' "$work/err"
+sed 's/LElbj.voltage/LElbj.voltag/' "$work/config/scenarios/wrong.yaml" \
+    >"$work/config/scenarios/named.yaml"
+if run 2 "$work/config/scenarios/named.yaml" &&
+    grep -q 'named.yaml:12:5: found signal "LElbj.voltag".*expected "voltage"' "$work/err"
 then ok "$name"; else not_ok "$name"; fi
 
 # who only looks changes nothing
@@ -139,7 +148,8 @@ expectations:
 END
 name="a scenario that only looks ends in the state in which run ends"
 if run 0 --junit "$work/looks.xml" "$work/config/scenarios/looks.yaml" &&
-    "$program" run "$scenarios/../rigs/coman.yaml" --transport local --clock free --task squat --duration 2 \
+    "$program" run "$scenarios/../rigs/coman.yaml" --transport local --clock free --task squat \
+    --duration 2 \
         --quiet --record "$work/run" >"$work/out" 2>"$work/err" &&
     [ "$(hash_of "$work/looks.xml" | cut -d' ' -f2)" = \
       "$(python3 -c 'import json, sys; print(json.load(open(sys.argv[1]))["state_hash"])' "$work/run/summary.json")" ]

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Judges two recordings, one from the rig's start and one settled: settle_judge.py RIG SETTLED NUMBER.
+"""Judges two recordings, one from the rig's start and one settled: settle_judge.py RIG SETTLED
+NUMBER.
 
 The weight is the sum of the robot file's masses times gravity; F/T frames are decoded here."""
 import csv
@@ -9,19 +10,14 @@ import math
 import re
 import sys
 
+import tap
+
 WEIGHT = 28.3574 * 9.81  # N
 FULL_SCALE = (2000.0, 40.0)  # N, N m, of the legs' boards
 SENSOR_Z = -0.065  # m, in the foot's frame
 FEET = {("can1", "3D"): "LFoot", ("can2", "3E"): "RFoot"}
 
-number = int(sys.argv[3])
-
-
-def verdict(good, name, figures):
-    global number
-    print("# " + figures)
-    print("%sok %d - %s" % ("" if good else "not ", number, name))
-    number += 1
+tap.begin(int(sys.argv[3]))
 
 
 def rows(folder):
@@ -36,7 +32,8 @@ def carried(row):
 def peak(table):
     """Largest deviation from the weight within 0.3 s after the links are let go."""
     time = next(iter(table[0]))
-    free = next(i for i, row in enumerate(table) if row["q_RKneeSag_rad"] != table[0]["q_RKneeSag_rad"])
+    free = next(i for i, row in enumerate(table)
+                if row["q_RKneeSag_rad"] != table[0]["q_RKneeSag_rad"])
     end = table[free][time] + 0.3
     return max(abs(carried(row) - WEIGHT) for row in table[free:] if row[time] < end)
 
@@ -59,9 +56,9 @@ def frames(folder):
 before, after = rows(sys.argv[1]), rows(sys.argv[2])
 clock = next(iter(after[0]))
 transient, settled = peak(before), peak(after)
-verdict(abs(carried(after[0]) - WEIGHT) < 1e-3, "the feet carry the weight at the first tick",
+tap.check(abs(carried(after[0]) - WEIGHT) < 1e-3, "the feet carry the weight at the first tick",
         "%.6f N of %.6f N" % (carried(after[0]), WEIGHT))
-verdict(transient > 0.2 * WEIGHT and settled < 0.01 * WEIGHT,
+tap.check(transient > 0.2 * WEIGHT and settled < 0.01 * WEIGHT,
         "the controller takes over without a jolt",
         "largest deviation within 0.3 s of letting go: %.2f N, from the rig's start %.1f N"
         % (settled, transient))
@@ -78,7 +75,7 @@ for time, foot, value, torque in frames(sys.argv[2]):
     wanted = moment if torque else force
     worst[torque] = max([worst[torque]] + [abs(a - b) for a, b in zip(value, wanted)])
     count += 1
-verdict(count > 2000 and worst[0] < 0.5 and worst[1] < 0.05,
+tap.check(count > 2000 and worst[0] < 0.5 and worst[1] < 0.05,
         "F/T frames say what the contacts exert",
         "%d frames, worst %.3f N and %.4f N m" % (count, worst[0], worst[1]))
 
@@ -86,6 +83,6 @@ for folder, start in ((sys.argv[1], "rig's"), (sys.argv[2], "settled")):
     with open(folder + "/summary.json", encoding="utf-8") as file:
         energy = json.load(file)["energy"]
     part = abs(energy["balance_j"]) / energy["turnover_j"]
-    verdict(math.isfinite(part) and part < 0.01,
+    tap.check(math.isfinite(part) and part < 0.01,
             "the energy balances within the integrator's order from the %s start" % start,
             "%.1e of %.1f J" % (part, energy["turnover_j"]))

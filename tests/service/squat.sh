@@ -1,18 +1,16 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # The main job: COMAN squats four times, driven over its five CAN buses in lockstep, and stays up.
-# Judged from the recording, not from what the controller says. Prints TAP.
+# Judged from the recording, not from what the controller reports. Prints TAP.
 set -u
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
+. "$(dirname "$0")/tap.sh"
+tap_show=$work/err
 
 echo 1..6
-if timeout -k 5 280 "$HIL_BINARY_DIR/coman-hil" run "$HIL_SOURCE_DIR/config/rigs/coman.yaml" \
+timeout -k 5 280 "$HIL_BINARY_DIR/coman-hil" run "$HIL_SOURCE_DIR/config/rigs/coman.yaml" \
     --transport local --clock lockstep --task squat --quiet --record "$work/squat" \
-    >"$work/out" 2>"$work/err" </dev/null; then
-    echo "ok 1 - the run ends with status 0, the task done"
-else
-    echo "not ok 1 - the run ends with status 0, the task done"
-    tail -n 1 "$work/err" | sed 's/^/# /'
-fi
+    >"$work/out" 2>"$work/err" </dev/null
+result $? "the run ends with status 0, the task done"
 python3 "$HIL_SOURCE_DIR/tests/service/squat_judge.py" "$work/squat" 2

@@ -7,16 +7,17 @@ import csv
 import math
 import sys
 
+import tap
+
 WEIGHT_N = 28.3574 * 9.81
 
-record, number = sys.argv[1], int(sys.argv[2]) - 1
+record = sys.argv[1]
+tap.begin(int(sys.argv[2]))
 prefix = sys.argv[3] + ": " if len(sys.argv) > 3 else ""
 
 
 def check(good, name, found):
-    global number
-    number += 1
-    print(f"{'ok' if good else 'not ok'} {number} - {prefix}{name}\n# {found}", flush=True)
+    tap.check(good, prefix + name, found)
 
 
 def times_down(depth):
@@ -38,17 +39,20 @@ with open(record + "/signals.csv") as file:
     rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
 depth = [rows[len(rows) // 50]["base_z_m"] - r["base_z_m"] for r in rows]
 bottoms = times_down(depth)
-check(bottoms == 4, "the base sinks by more than 9 cm four times and comes back each time", f"{bottoms} times")
+check(bottoms == 4, "the base sinks by more than 9 cm four times and comes back each time",
+      f"{bottoms} times")
 check(0.09 < max(depth) < 0.12, "about 10 cm deep", f"{100 * max(depth):.2f} cm")
 sway = max(abs(lean(r) - lean(rows[0])) for r in rows)
-check(sway < 0.05, "the trunk keeps its lean within 0.05 rad", f"{sway:.3f} rad about {lean(rows[0]):.3f}")
+check(sway < 0.05, "the trunk keeps its lean within 0.05 rad",
+      f"{sway:.3f} rad about {lean(rows[0]):.3f}")
 
-# from when it was let go until the end the momentum changes by nothing: the feet carry the weight, by
-# Newton's second law
+# from when it was let go until the end the momentum changes by nothing: the feet carry the weight,
+# by Newton's second law
 force = [r["fz_LFoot_n"] + r["fz_RFoot_n"] for r in rows]
 free = next((i for i, f in enumerate(force) if f > WEIGHT_N / 2), 0)
 mean = sum(force[free:]) / len(force[free:])
 check(abs(mean / WEIGHT_N - 1) < 0.01, "on average the feet carry the weight within 1 %",
       f"{mean:.2f} N of {WEIGHT_N:.2f} N")
-slip = max(math.hypot(r["base_x_m"] - rows[0]["base_x_m"], r["base_y_m"] - rows[0]["base_y_m"]) for r in rows)
+slip = max(math.hypot(r["base_x_m"] - rows[0]["base_x_m"], r["base_y_m"] - rows[0]["base_y_m"])
+           for r in rows)
 check(slip < 0.05, "the base stays within 5 cm of its place", f"{100 * slip:.2f} cm")

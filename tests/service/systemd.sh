@@ -1,9 +1,9 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# The service as a laboratory has it: the Debian package, with systemd as the first process of a kernel
-# that has CAN. Without arguments, on the host: builds the package and boots the guest. With "guest" it
-# is the guest's first process: it puts a root that can be written to over the host's files and becomes
-# systemd, of which systemd_inside.sh is the one service that tests the others.
+# The service as a laboratory has it: the Debian package, with systemd as the first process of a
+# kernel that has CAN. Without arguments, on the host: builds the package and boots the guest. With
+# "guest" it is the guest's first process: it puts a root that can be written to over the host's
+# files and becomes systemd, of which systemd_inside.sh is the one service that tests the others.
 # usage: systemd.sh CPACK
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
@@ -24,12 +24,13 @@ host() {
     # the same with a newer version
     dpkg-deb -R "$packages"/coman-hil_*.deb "$packages/next" &&
         sed -i 's/^Version: .*/&+next/' "$packages/next/DEBIAN/control" &&
-        dpkg-deb --root-owner-group -Znone -b "$packages/next" "$packages/next.deb" >/dev/null || exit 70
+        dpkg-deb --root-owner-group -Znone -b "$packages/next" "$packages/next.deb" >/dev/null ||
+        exit 70
     exec bash "$here/../bus/uml/run.sh" -t 340 -x bash "$here/systemd.sh" guest
 }
 
-# small_database FOLDER: of the packages that ours depends on, in the place of the machine's, which takes
-# many seconds to read here
+# small_database FOLDER: of the packages that ours depends on, in the place of the machine's, which
+# takes many seconds to read here
 small_database() {
     local needed
     needed=$(dpkg-deb -f "$(echo "$HIL_BINARY_DIR"/systemd-packages/coman-hil_*.deb)" Depends |
@@ -77,7 +78,8 @@ END
     mkdir /run/units/coman-hil-vcan@.service.d
     printf '[Service]\nPrivateDevices=no\n' >/run/units/coman-hil-vcan@.service.d/guest.conf
     # basic.target of the distribution starts what this guest has no use for
-    printf '[Unit]\nRequires=systemd-journald.service\nAfter=systemd-journald.service\n' >/run/units/basic.target
+    printf '[Unit]\nRequires=systemd-journald.service\nAfter=systemd-journald.service\n' \
+        >/run/units/basic.target
     cat >/run/units/hil-test.service <<END
 [Unit]
 DefaultDependencies=no

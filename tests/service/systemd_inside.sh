@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# In the guest of systemd.sh, as a service of systemd: installs the package, starts its units, and sees
-# to it that they do what a laboratory expects of them. Prints TAP and powers the guest off.
+# In the guest of systemd.sh, as a service of systemd: installs the package, starts its units, and
+# sees to it that they do what a laboratory expects of them. Prints TAP and powers the guest off.
 set -u
 packages=$HIL_BINARY_DIR/systemd-packages
 package=$(echo "$packages"/coman-hil_*.deb)
@@ -34,7 +34,8 @@ within() {
 }
 
 main_pid_is_not() { [ "$(property MainPID)" != "$1" ] && [ "$(property MainPID)" != 0 ]; }
-answers_on_can() { timeout 2 candump -n 1 -T 1500 can0,700:70F 2>/dev/null | grep -q . & sleep 0.2; cansend can0 70F#FF; wait $!; }
+answers_on_can() { timeout 2 candump -n 1 -T 1500 can0,700:70F 2>/dev/null |
+    grep -q . & sleep 0.2; cansend can0 70F#FF; wait $!; }
 # said COUNT TEXT: the journal has it so often at least
 said() { [ "$(journal | grep -c "$2")" -ge "$1" ]; }
 
@@ -79,7 +80,8 @@ test_start() {
 as_service() {
     local user
     user=$(stat -c %u "/proc/$(property MainPID)")
-    prlimit --rtprio=95 --memlock=unlimited setpriv --reuid="$user" --regid="$user" --clear-groups "$@"
+    prlimit --rtprio=95 --memlock=unlimited setpriv \
+        --reuid="$user" --regid="$user" --clear-groups "$@"
 }
 
 test_rights() {
@@ -105,9 +107,11 @@ test_rights() {
 
 test_control() {
     local socket=/run/coman-hil/coman/control
-    coman-hil ctl status --socket $socket >"$log" 2>&1 && as_service coman-hil ctl status --socket $socket >>"$log" 2>&1
+    coman-hil ctl status --socket $socket >"$log" 2>&1 &&
+        as_service coman-hil ctl status --socket $socket >>"$log" 2>&1
     check $? "root and its user may ask it how it is"
-    ! setpriv --reuid=65534 --regid=65534 --clear-groups coman-hil ctl status --socket $socket >"$log" 2>&1
+    ! setpriv --reuid=65534 --regid=65534 --clear-groups coman-hil ctl status --socket $socket \
+        >"$log" 2>&1
     check $? "nobody else may"
 }
 
@@ -115,7 +119,8 @@ test_reload() {
     local pid
     pid=$(property MainPID)
     timeout 20 systemctl reload $unit
-    within 10 said 1 "reload: starting anew" && within 10 answers_on_can && [ "$(property MainPID)" = "$pid" ]
+    within 10 said 1 "reload: restarting" && within 10 answers_on_can &&
+        [ "$(property MainPID)" = "$pid" ]
     check $? "reload starts the rig anew in the same process"
 }
 
@@ -152,11 +157,13 @@ test_silence() {
     systemctl restart $unit
     coman-hil task squat coman --clock real --reconnect >"$HIL_WORK/task" 2>&1 </dev/null &
     controller=$!
-    within 20 said 1 "robot is released" && systemctl restart $unit && within 20 said 2 "robot is released"
+    within 20 said 1 "robot is released" && systemctl restart $unit &&
+        within 20 said 2 "robot is released"
     check $? "a controller in real time finds the boards of a restarted service"
     cp "$HIL_WORK/task" "$log"
     journal -n 30 >>"$log"
-    grep -q "gone silent" "$HIL_WORK/task" && grep -q "looking for the boards again" "$HIL_WORK/task"
+    grep -q "gone silent" "$HIL_WORK/task" && grep -q "looking for the boards again" \
+        "$HIL_WORK/task"
     check $? "it has noticed their silence"
     kill -TERM $controller
     wait $controller
@@ -172,9 +179,11 @@ judge_voltages() {
 import csv, sys
 rows = list(csv.DictReader(open(sys.argv[1])))
 on = float(sys.argv[2])
-driven = [float(r["time_s"]) for r in rows if any(abs(float(v)) > 0 for k, v in r.items() if k.startswith("voltage_"))]
+driven = [float(r["time_s"]) for r in rows
+          if any(abs(float(v)) > 0 for k, v in r.items() if k.startswith("voltage_"))]
 before = [r for r in rows if float(r["time_s"]) < on]
-print(f"{len(before)} rows before the motors were on at {on} s, voltages from {driven[0] if driven else None} s")
+print(
+    f"{len(before)} rows before the motors were on at {on} s, voltages from {driven[0] if driven else None} s")
 sys.exit(not (len(before) > 1 and driven and driven[0] >= on))
 END
 }

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # shellcheck shell=sh
-# Sourced by the scripts beside it: numbered lines of TAP. tap_show has the names of files, or patterns
-# of names, whose ends are shown below a test that fails; failed is 1 after the first.
+# Sourced by shell tests: numbered lines of TAP (tap.py is for those in Python). tap_show has the
+# names of files, or patterns of names, whose ends are shown below a test that fails; failed is 1
+# after the first.
 number=0
 failed=0
 tap_show=
@@ -22,3 +23,9 @@ result() {
 
 ok() { result 0 "$1"; }
 not_ok() { result 1 "$1"; }
+
+# skip NAME REASON
+skip() {
+    number=$((number + 1))
+    echo "ok $number - $1 # SKIP $2"
+}

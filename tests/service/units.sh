@@ -1,8 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
 # usage: units.sh COMAN-HIL
-# The systemd units as systemd reads them: nothing it complains about, and shut off from the rest of the
-# system as far as real time and CAN allow (exposure of at most 2.0). Prints TAP.
+# The systemd units as systemd reads them: nothing it complains about, and shut off from the rest of
+# the system as far as real time and CAN allow (exposure of at most 2.0). Prints TAP.
 set -u
 program=$1
 work=$(mktemp -d)
@@ -17,10 +17,13 @@ if ! command -v systemd-analyze >/dev/null; then
 fi
 for unit in coman-hil@ coman-hil-vcan@; do
     # the program is not installed where systemd looks for it
-    sed "s|^ExecStart=coman-hil |ExecStart=$program |" "$HIL_SOURCE_DIR/systemd/$unit.service" >"$work/$unit.service"
-    timeout 60 systemd-analyze verify --man=no "$work/$unit.service" >"$work/out" 2>&1 && [ ! -s "$work/out" ]
+    sed "s|^ExecStart=coman-hil |ExecStart=$program |" "$HIL_SOURCE_DIR/systemd/$unit.service" \
+        >"$work/$unit.service"
+    timeout 60 systemd-analyze verify --man=no "$work/$unit.service" >"$work/out" 2>&1 &&
+        [ ! -s "$work/out" ]
     result $? "$unit.service is understood without a word"
-    timeout 60 systemd-analyze security --offline=true --no-pager "$work/$unit.service" >"$work/out" 2>&1
+    timeout 60 systemd-analyze security --offline=true --no-pager "$work/$unit.service" \
+        >"$work/out" 2>&1
     exposure=$(sed -n 's/.*Overall exposure level for [^:]*: \([0-9.]*\).*/\1/p' "$work/out")
     echo "# $unit.service: exposure ${exposure:-unknown}"
     awk -v e="${exposure:-99}" 'BEGIN { exit !(e <= 2.0) }'
@@ -32,11 +35,13 @@ for example in can-configure processors; do
     dropin=$work/coman-hil@.service.d
     mkdir "$dropin"
     cp "$HIL_SOURCE_DIR/systemd/examples/$example.conf" "$dropin"
-    timeout 60 systemd-analyze verify --man=no "$work/coman-hil@.service" >"$work/out" 2>&1 && [ ! -s "$work/out" ]
+    timeout 60 systemd-analyze verify --man=no "$work/coman-hil@.service" >"$work/out" 2>&1 &&
+        [ ! -s "$work/out" ]
     result $? "$example.conf is understood without a word"
     # as systemd would read them together
     cat "$work/coman-hil@.service" "$dropin/$example.conf" >"$work/with-$example@.service"
-    timeout 60 systemd-analyze security --offline=true --no-pager "$work/with-$example@.service" >"$work/out" 2>&1
+    timeout 60 systemd-analyze security --offline=true --no-pager "$work/with-$example@.service" \
+        >"$work/out" 2>&1
     exposure=$(sed -n 's/.*Overall exposure level for [^:]*: \([0-9.]*\).*/\1/p' "$work/out")
     echo "# with $example.conf: exposure ${exposure:-unknown}"
     awk -v e="${exposure:-99}" 'BEGIN { exit !(e <= 2.0) }'

@@ -13,7 +13,8 @@ tap_show="$work/out $work/err"
 
 # rig BUDGET BITRATE: COMAN's buses at another bit rate
 rig() {
-    sed "/^buses:/,/^[a-z]*:/s/^  - name: .*/&\n    bitrate: $2/" "$HIL_SOURCE_DIR/config/rigs/coman.yaml" >"$work/rigs/rig.yaml"
+    sed "/^buses:/,/^[a-z]*:/s/^  - name: .*/&\n    bitrate: $2/" \
+        "$HIL_SOURCE_DIR/config/rigs/coman.yaml" >"$work/rigs/rig.yaml"
     [ -z "$1" ] || echo "wire: {budget: $1}" >>"$work/rigs/rig.yaml"
 }
 

@@ -4,11 +4,11 @@
 # The frame of the program: manuals, unknown words, exit statuses, where messages go. Prints TAP.
 set -u
 program=$1
-source=${HIL_SOURCE_DIR:-$(cd "$(dirname "$0")/../.." && pwd)}
+source=${HIL_SOURCE_DIR:?}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-number=0
-failures=0
+. "$source/tests/service/tap.sh"
+tap_show="$work/out $work/err"
 
 # run STATUS ARGUMENTS...: runs the program; remembers whether the status is the expected one
 run() {
@@ -24,16 +24,10 @@ says() { grep -Fq -- "$2" "$work/$1" || problem="$problem; no \"$2\" in $1"; }
 # silent FILE: FILE is empty
 silent() { [ ! -s "$work/$1" ] || problem="$problem; $1 is not empty"; }
 
-result() {
-    number=$((number + 1))
-    if [ -z "$problem" ]; then
-        echo "ok $number - $1"
-    else
-        echo "not ok $number - $1"
-        echo "# $problem"
-        sed 's/^/# /' "$work/out" "$work/err"
-        failures=$((failures + 1))
-    fi
+# conclude NAME: the test's result, with the problem
+conclude() {
+    test -z "$problem"
+    result $? "$1" "$problem"
 }
 
 echo 1..21
@@ -43,30 +37,30 @@ says out 'usage: coman-hil COMMAND'
 for command in run task check accel help version; do says out "  $command"; done
 says out 'Exit status: 0 ok; 1'
 silent err
-result help_lists_every_command_and_the_exit_statuses
+conclude help_lists_every_command_and_the_exit_statuses
 
 run 2
 says err 'usage: coman-hil COMMAND'
 silent out
-result no_command_prints_the_usage_as_an_error
+conclude no_command_prints_the_usage_as_an_error
 
 run 0 --version
 says out 'coman-hil 0.'
 cp "$work/out" "$work/version"
-result version_is_printed
+conclude version_is_printed
 
 run 0 version
 cmp -s "$work/out" "$work/version" || problem="differs from --version"
-result version_is_a_command_too
+conclude version_is_a_command_too
 
 run 2 chekc x
 says err 'coman-hil: found unknown command "chekc", expected "check"'
 silent out
-result rejects_unknown_command_and_names_the_nearest
+conclude rejects_unknown_command_and_names_the_nearest
 
 run 2 --nonsense
 says err 'coman-hil: found unknown command "--nonsense", expected one that is listed by --help'
-result rejects_unknown_option_before_the_command
+conclude rejects_unknown_option_before_the_command
 
 problem=
 for command in run task check accel; do
@@ -78,11 +72,11 @@ for command in run task check accel; do
     "$program" help "$command" >"$work/help" || problem="$problem; help $command fails"
     cmp -s "$work/out" "$work/help" || problem="$problem; help $command differs from $command --help"
 done
-result every_command_has_a_manual_of_eighty_columns
+conclude every_command_has_a_manual_of_eighty_columns
 
 run 2 help chekc
 says err 'expected "check"'
-result help_of_an_unknown_command_names_the_nearest
+conclude help_of_an_unknown_command_names_the_nearest
 
 run 0 help rt
 says out 'The budget of a tick'
@@ -90,7 +84,7 @@ cp "$work/out" "$work/topic"
 "$program" --help rt | cmp -s - "$work/topic" || problem="$problem; --help rt differs from help rt"
 awk 'length($0) > 80 { exit 1 }' "$work/topic" || problem="$problem; it is too wide"
 silent err
-result help_has_topics_beside_the_commands
+conclude help_has_topics_beside_the_commands
 
 problem=
 for command in run task check accel; do
@@ -100,11 +94,11 @@ for command in run task check accel; do
     says err "coman-hil $command: found unknown option --nosuchoption"
     silent out
 done
-result every_command_refuses_unknown_options
+conclude every_command_refuses_unknown_options
 
 run 2 check
 says err 'coman-hil check: found no FILE, expected a rig file'
-result check_asks_for_its_file
+conclude check_asks_for_its_file
 
 run 0 check "$source/config/rigs/coman.yaml"
 says out '24 bodies, 23 joints, 23 drives, 29 degrees of freedom, 28.3574 kg'
@@ -112,22 +106,22 @@ says out '5, 21 boards, 23 driven joints, 4 F/T sensors'
 says out 'mesh of 504 faces on RFoot'
 says out 'F/T     l_leg_ft, 2000 N, 40 N m, every 5 ms'
 silent err
-result check_prints_what_is_in_a_rig
+conclude check_prints_what_is_in_a_rig
 
 run 0 check --robot "$source/config/robots/coman.yaml"
 says out '28.3574 kg'
 run_default=$(sed -n 's/.*hash //p' "$work/out")
 silent err
-result check_prints_what_is_in_a_robot
+conclude check_prints_what_is_in_a_robot
 
 run 0 check --robot "$source/config/robots/coman.yaml" --variant forearms
 says out '31.45386 kg'
 [ "$(sed -n 's/.*hash //p' "$work/out")" != "$run_default" ] || problem="$problem; same hash as the default"
-result check_knows_the_variants_of_a_robot
+conclude check_knows_the_variants_of_a_robot
 
 run 2 check "$source/config/rigs/coman.yaml" --variant forearms
 says err '--variant: found without --robot'
-result check_refuses_a_variant_without_a_robot
+conclude check_refuses_a_variant_without_a_robot
 
 sed 's/WaistYaw, spare/WaistYow, spare/' "$source/config/rigs/coman.yaml" >"$work/bad"
 mkdir -p "$work/config/rigs" && ln -s "$source/config/robots" "$source/config/meshes" "$work/config/"
@@ -137,26 +131,26 @@ run 2 check "$work/config/rigs/bad.yaml"
 says err "coman-hil check: $work/config/rigs/bad.yaml:$line:"
 says err 'found unknown joint "WaistYow", expected "WaistYaw"'
 silent out
-result check_says_what_is_wrong_and_where_and_prints_nothing_else
+conclude check_says_what_is_wrong_and_where_and_prints_nothing_else
 
 run 2 check "$work/none.yaml"
 says err "none.yaml: cannot be read: No such file or directory"
 silent out
-result check_says_that_a_file_is_missing
+conclude check_says_that_a_file_is_missing
 
 run 2 check "$work"
 says err 'found a directory, expected a file'
-result check_refuses_a_directory
+conclude check_refuses_a_directory
 
 run 2 check --robot "$source/config/rigs/coman.yaml"
 says err 'found unknown key "robot" in a robot'
-result check_refuses_a_rig_as_a_robot
+conclude check_refuses_a_rig_as_a_robot
 
 run 2 run "$source/config/rigs/coman.yaml" --duration abc --record "$work/record"
 says err 'coman-hil run: --duration: found "abc", expected a number of seconds from 0 to '
 silent out
 [ ! -e "$work/record" ] || problem="$problem; the record was started"
-result run_starts_nothing_when_the_command_line_is_wrong
+conclude run_starts_nothing_when_the_command_line_is_wrong
 
 problem=
 if [ -e /dev/full ]; then
@@ -164,9 +158,8 @@ if [ -e /dev/full ]; then
     status=$?
     [ $status -eq 3 ] || problem="exit status $status, expected 3"
     says err 'standard output could not be written'
-    result output_that_cannot_be_written_is_an_error
+    conclude output_that_cannot_be_written_is_an_error
 else
-    number=$((number + 1))
-    echo "ok $number - output_that_cannot_be_written_is_an_error # SKIP no /dev/full"
+    skip output_that_cannot_be_written_is_an_error "no /dev/full"
 fi
-exit $((failures > 0))
+exit "$failed"

@@ -167,7 +167,7 @@ static void refuses_with_place_and_reason(void **state)
         {"stimuli: [{frame: {bus: b, id: 1, data: \"001\"}}]\n", "odd number of digits"},
         {"stimuli: [{frame: {bus: b, id: 1, data: x0}}]\n", "two hexadecimal digits"},
         {"stimuli: [{frame: {bus: b, id: 1, data: 00 00 00 00 00 00 00 00 00}}]\n", "9 bytes"},
-        {"clock: lockstep\nstimuli: [{silence: true}]\n", "without STEP time stands"},
+        {"clock: lockstep\nstimuli: [{silence: true}]\n", "without STEP no tick runs"},
         {"clean_up: [{after: start, label: a}]\n", "found after: in clean_up"},
         {"task: squat\n", "found both a task and a host"},
         {"mutations: [{name: m}]\n", "neither of fault and without"},

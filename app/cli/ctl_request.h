@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The commands of coman-hil ctl: how the words of a command line become a request of the control
+ * socket (app/control/control.h), and how its answer is printed. Not RT-safe.
+ */
+#ifndef APP_CLI_CTL_REQUEST_H
+#define APP_CLI_CTL_REQUEST_H
+
+#include "base/error.h"
+
+#include <jansson.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+/* The command line. */
+struct ctl_options {
+    const char *command, *socket;
+    const char **word; /* the command's arguments; NULL ends */
+    size_t nword;
+    double timeout_s, period_ms;
+    int64_t rows;
+    bool json, csv;
+};
+
+struct ctl_command {
+    const char *name;
+    /* Adds the arguments to a request, which is the caller's; "cmd" is there already. */
+    enum error_code (*make)(json_t *request, const struct ctl_options *o, struct error *error);
+    void (*print)(const json_t *answer, FILE *out); /* NULL: tick, time and hash */
+};
+
+/* NULL with an error that names the nearest command. */
+const struct ctl_command *ctl_find_command(const char *name, struct error *error);
+
+#endif

@@ -1,0 +1,178 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The command line of coman-hil run. */
+#include "app/cli/run_options.h"
+
+#include "app/cli/manual.h"
+#include "base/count.h"
+#include "base/text.h"
+#include "manual/run.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { KINDS_SIZE = 4096 };
+
+static const struct option_word clock_words[] = {
+    {"real", LOOP_CLOCK_REAL}, {"lockstep", LOOP_CLOCK_LOCKSTEP}, {"free", LOOP_CLOCK_FREE}, {0}};
+static const struct option_word hold_words[] = {
+    {"none", RIG_HOLD_NONE}, {"until_enabled", RIG_HOLD_ENABLED}, {"always", RIG_HOLD_ALWAYS}, {0}};
+static const struct option_word overrun_words[] = {
+    {"skip", LOOP_OVERRUN_SKIP}, {"slip", LOOP_OVERRUN_SLIP}, {"stop", LOOP_OVERRUN_STOP}, {0}};
+static const struct option_word wire_words[] = {{"ideal", 0}, {"wire", 1}, {0}};
+static const struct option_word transport_words[] = {
+    {"auto", TRANSPORT_AUTO}, {"socketcan", TRANSPORT_SOCKETCAN}, {"local", TRANSPORT_LOCAL}, {0}};
+
+/* The options' values while they are read: the table below points into it. */
+static struct run_options read;
+
+static const struct option_spec options[] = {
+    {"--clock", OPTION_ENUM, "CLOCK", "real, lockstep or free; the rig's by default",
+     .value = &read.clock, .words = clock_words},
+    {"--duration", OPTION_REAL, "S", "end after S seconds of virtual time",
+     .value = &read.duration_s, .min = 0.0, .max = 1e7, .unit = "seconds"},
+    {"--ticks", OPTION_INT, "N", "end after N ticks", .value = &read.ticks, .min = 1.0,
+     .max = 1e12},
+    {"--task", OPTION_STRING, "NAME", "start this task on the other side of the buses",
+     .value = &read.task},
+    {"--bus", OPTION_LIST, "NAME=INTERFACE",
+     "put a bus of the rig on this interface; may be given more than once", .value = &read.bus},
+    {"--transport", OPTION_ENUM, "HOW",
+     "socketcan, local (inside this process) or auto, the default: socketcan when the kernel has "
+     "CAN, else local",
+     .value = &read.transport, .words = transport_words},
+    {"--gateway", OPTION_STRING, "[HOST:]PORT",
+     "let other programs join the buses over TCP, with any socketcand client; HOST is a numeric "
+     "address, 127.0.0.1 by default; PORT 0 is any that is free",
+     .value = &read.gateway},
+    {"--control", OPTION_STRING, "PATH",
+     "path of the socket for \"coman-hil ctl\"; none: no socket; a default path otherwise, see "
+     "below",
+     .value = &read.control},
+    {"--wire", OPTION_ENUM, "MODE",
+     "ideal: frames take no time; wire: frames take the time of their bits and of arbitration, on "
+     "local buses and at the speed of SocketCAN's; the rig's by default",
+     .value = &read.wire, .words = wire_words},
+    {"--hold", OPTION_ENUM, "WHEN",
+     "links clamped: none, until_enabled (all motors on) or always; the rig's by default",
+     .value = &read.hold, .words = hold_words},
+    {"--settle", OPTION_FLAG, NULL,
+     "start in static equilibrium: springs and contacts carry the weight from the first tick",
+     .value = &read.settle},
+    {"--energy", OPTION_FLAG, NULL,
+     "account for electrical energy, heat and stored energy; the summary says how well the account "
+     "balances",
+     .value = &read.energy},
+    {"--overrun", OPTION_ENUM, "POLICY", "skip, slip or stop; the rig's by default",
+     .value = &read.overrun, .words = overrun_words},
+    {"--fault", OPTION_LIST, "LINE",
+     "arm a fault, as 'motor LKneeSag jam 2..2.5'; may be given more than once; see below",
+     .value = &read.fault},
+    {"--seed", OPTION_INT, "N", "seed of sensor noise and faults; the rig's by default",
+     .value = &read.seed, .min = 0.0, .max = 9e15},
+    {"--record", OPTION_STRING, "DIR", "record into this directory, new or empty",
+     .value = &read.record},
+    {"--record-period", OPTION_INT, "MS", "rows of signals.csv every MS ms, 10 by default",
+     .value = &read.record_period_ms, .min = 1.0, .max = 60000.0, .unit = "ms"},
+    {"--force", OPTION_FLAG, NULL, "record into DIR even when it is not empty",
+     .value = &read.force},
+    {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &read.quiet},
+};
+
+/* A line for each kind of fault. */
+static void list_fault_kinds(char list[KINDS_SIZE])
+{
+    size_t used = 0, count = faults_help(0, NULL, 0);
+    char line[256];
+
+    list[0] = '\0';
+    for (size_t i = 0; i < count && used < KINDS_SIZE; i++) {
+        faults_help(i, line, sizeof line);
+        used += (size_t)snprintf(list + used, KINDS_SIZE - used, "  %s\n", line);
+    }
+}
+
+bool run_options_read(int argc, char **argv, struct run_options *out, int *status)
+{
+    static const struct operand_spec operands[] = {{"RIG", "the rig file", true, &read.rig}};
+    static char manual[sizeof MANUAL_RUN + KINDS_SIZE];
+    static const struct command_spec spec = {
+        .name = "run",
+        .summary = "Run a rig: robot, boards and buses, in real time, lockstep or free run.",
+        .option = options,
+        .noption = ARRAY_COUNT(options),
+        .operand = operands,
+        .noperand = ARRAY_COUNT(operands),
+        .manual = manual,
+    };
+    char kinds[KINDS_SIZE];
+
+    list_fault_kinds(kinds);
+    manual_insert(manual, sizeof manual, MANUAL_RUN, "@FAULT_KINDS@", kinds);
+    read = (struct run_options){
+        .seed = -1, .clock = -1, .overrun = -1, .hold = -1, .wire = -1, .record_period_ms = 10};
+    if (!options_read(&spec, argc, argv, status)) {
+        return false;
+    }
+    *out = read;
+    return true;
+}
+
+enum error_code run_options_parse_gateway(const char *text, char host[RUN_HOST_SIZE],
+                                          struct gateway_config *gateway, struct error *error)
+{
+    const char *colon = strrchr(text, ':');
+    size_t length = colon ? (size_t)(colon - text) : 0;
+    int64_t port;
+
+    /* The address, without the brackets of IPv6 */
+    if (length > 2 && text[0] == '[' && text[length - 1] == ']') {
+        snprintf(host, RUN_HOST_SIZE, "%.*s", (int)length - 2, text + 1);
+    } else {
+        snprintf(host, RUN_HOST_SIZE, "%.*s", (int)length, text);
+    }
+    if (!text_to_int(colon ? colon + 1 : text, 0, UINT16_MAX, &port) ||
+        length > RUN_HOST_SIZE - 4 || (colon && length == 0)) {
+        return error_set(error, ERROR_INPUT,
+                         "--gateway: found \"%.100s\", expected PORT or HOST:PORT, as in 29536",
+                         text);
+    }
+    *gateway = (struct gateway_config){.host = colon ? host : NULL, .port = (uint16_t)port};
+    return ERROR_NONE;
+}
+
+enum error_code run_options_configure(const struct run_options *given, const struct rig *rig,
+                                      struct simulator_config *config, struct error *error)
+{
+    *config = (struct simulator_config){
+        .rig = rig,
+        .clock = given->clock < 0 ? rig->clock : (enum loop_clock)given->clock,
+        .hold = given->hold < 0 ? rig->hold : (enum rig_hold)given->hold,
+        .settle = given->settle || rig->settle,
+        .energy = given->energy,
+        .overrun = given->overrun < 0 ? rig->realtime.overrun : (enum loop_overrun)given->overrun,
+        .stop_after = rig->realtime.stop_after,
+        .transport = (enum bus_transport)given->transport,
+        .interface = given->bus.item,
+        .ninterface = given->bus.count,
+        .fault = given->fault.item,
+        .nfault = given->fault.count,
+        .seed_given = given->seed >= 0,
+        .seed = (uint64_t)given->seed,
+        .ticks = (uint64_t)given->ticks,
+        .task = given->task,
+        .steering = !given->control || strcmp(given->control, "none") != 0,
+        .record = given->record ? given->record : rig->record.directory,
+        .overwrite = given->force,
+        .row_period_ns = given->record_period_ms * CLOCK_MS,
+    };
+
+    /* A duration ends at the first tick that reaches it, whatever rounding makes of the quotient */
+    if (given->duration_s > 0.0 && given->ticks > 0) {
+        return error_set(error, ERROR_INPUT, "found both --duration and --ticks, expected one");
+    }
+    if (given->duration_s > 0.0) {
+        config->ticks = (uint64_t)ceil(given->duration_s * 1e9 / (double)rig->tick_ns - 1e-6);
+    }
+    return ERROR_NONE;
+}

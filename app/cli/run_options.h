@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The command line of coman-hil run, and the simulator that it asks for. Not RT-safe. */
+#ifndef APP_CLI_RUN_OPTIONS_H
+#define APP_CLI_RUN_OPTIONS_H
+
+#include "base/options.h"
+#include "canbus/gateway.h"
+#include "sim/simulator.h"
+
+enum { RUN_HOST_SIZE = 64 }; /* room for any numeric address */
+
+/* As given; strings are the command line's. */
+struct run_options {
+    const char *rig, *task, *record, *gateway, *control;
+    struct option_list bus, fault;
+    double duration_s;               /* 0 = not given */
+    int64_t ticks, record_period_ms; /* ticks: 0 = not given */
+    int64_t seed;                    /* -1 = the rig's */
+    int clock, overrun, hold, wire;  /* -1 = the rig's */
+    int transport;
+    bool settle, energy, force, quiet;
+};
+
+/* False when the command is to return *status at once (options_read). */
+bool run_options_read(int argc, char **argv, struct run_options *options, int *status);
+
+/* The simulator's configuration: the rig's settings where the command line has none. It points into
+ * both, and has no gateway. */
+enum error_code run_options_configure(const struct run_options *options, const struct rig *rig,
+                                      struct simulator_config *config, struct error *error);
+
+/* Reads "[HOST:]PORT", with an IPv6 address in brackets; gateway points to host. */
+enum error_code run_options_parse_gateway(const char *text, char host[RUN_HOST_SIZE],
+                                          struct gateway_config *gateway, struct error *error);
+
+#endif

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+# Manuals are text files. The build turns each FOLDER/NAME.txt into generated/manual/NAME.h, which
+# defines MANUAL_NAME as a string literal. In a file, lines of a paragraph are joined by the build;
+# paragraphs are divided by an empty line, and a line that begins with two blanks stays as it is.
+
+if(NOT CMAKE_SCRIPT_MODE_FILE)
+    set(manual_script ${CMAKE_CURRENT_LIST_FILE})
+
+    # embed_manuals(TARGET FOLDER): the headers of all texts in a folder of the present directory
+    function(embed_manuals target folder)
+        file(GLOB texts CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${folder}/*.txt)
+        foreach(text ${texts})
+            get_filename_component(name ${text} NAME_WE)
+            set(header ${CMAKE_BINARY_DIR}/generated/manual/${name}.h)
+            add_custom_command(OUTPUT ${header} DEPENDS ${text} ${manual_script} VERBATIM
+                COMMAND ${CMAKE_COMMAND} -D TEXT=${text} -D HEADER=${header} -P ${manual_script})
+            target_sources(${target} PRIVATE ${header})
+        endforeach()
+    endfunction()
+    return()
+endif()
+
+# As a script: TEXT to HEADER
+file(READ ${TEXT} text)
+get_filename_component(name ${TEXT} NAME_WE)
+string(TOUPPER ${name} symbol)
+
+# Lines of a paragraph become one; the end of the file is no line
+string(REGEX REPLACE "\n+$" "" text "${text}")
+string(REGEX REPLACE "([^\n])\n([^\n ])" "\\1 \\2" text "${text}")
+
+# A literal a line
+string(REPLACE "\\" "\\\\" text "${text}")
+string(REPLACE "\"" "\\\"" text "${text}")
+string(REPLACE "\n" "\\n\" \\\n    \"" text "${text}")
+file(WRITE ${HEADER} "/* Made from ${name}.txt. */\n#define MANUAL_${symbol} \\\n    \"${text}\"\n")

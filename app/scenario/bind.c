@@ -1,0 +1,128 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The names that a scenario uses, found in its rig. */
+#include "app/scenario/private.h"
+
+#include "base/text.h"
+
+#include <string.h>
+
+enum { NAMES_MAX = 256 };
+
+/* Finds name among names: *index is its place. what and expected are for the message: "bus", "one
+ * of the rig's". */
+static enum error_code bind_name(const char *const *names, size_t count, const char *name,
+                                 const char *what, const char *expected,
+                                 const struct yaml_mark *mark, int *index, struct error *error)
+{
+    const char *nearest;
+
+    for (size_t i = 0; i < count; i++) {
+        if (strcmp(names[i], name) == 0) {
+            *index = (int)i;
+            return ERROR_NONE;
+        }
+    }
+    nearest = text_nearest(name, names, count);
+    return yaml_error(error, mark, "found %s \"%.60s\", expected %s%s%s%s", what, name, expected,
+                      nearest ? "; did you mean \"" : "", nearest ? nearest : "",
+                      nearest ? "\"?" : "");
+}
+
+static enum error_code bind_bus(const struct rig *rig, const char *name,
+                                const struct yaml_mark *mark, int *index, struct error *error)
+{
+    const char *names[NAMES_MAX];
+    size_t count = 0;
+
+    for (; count < rig->nbus && count < NAMES_MAX; count++) {
+        names[count] = rig->bus[count].name;
+    }
+    return bind_name(names, count, name, "bus", "one of the rig's", mark, index, error);
+}
+
+static enum error_code bind_axis(const struct rig *rig, const char *name,
+                                 const struct yaml_mark *mark, int *index, struct error *error)
+{
+    const char *names[NAMES_MAX];
+    size_t count = 0;
+
+    for (; count < rig->naxis && count < NAMES_MAX; count++) {
+        names[count] = rig->axis[count].joint;
+    }
+    return bind_name(names, count, name, "joint", "a driven one", mark, index, error);
+}
+
+static enum error_code bind_body(const struct rig *rig, const char *name,
+                                 const struct yaml_mark *mark, int *index, struct error *error)
+{
+    const char *names[NAMES_MAX];
+    size_t count = 0;
+
+    for (size_t i = 0; i < rig->robot->nbody && count < NAMES_MAX; i++) {
+        names[count++] = rig->robot->body[i].name;
+    }
+    for (size_t i = 0; i < rig->nfree && count < NAMES_MAX; i++) {
+        names[count++] = rig->free[i].name;
+    }
+    return bind_name(names, count, name, "body", "one of the rig's", mark, index, error);
+}
+
+static enum error_code bind_stimulus(struct scenario_stimulus *stimulus, const struct rig *rig,
+                                     struct error *error)
+{
+    switch (stimulus->action) {
+    case SCENARIO_FRAME:
+        if (bind_bus(rig, stimulus->frame.bus, &stimulus->frame.mark, &stimulus->frame.bus_index,
+                     error)) {
+            return ERROR_INPUT;
+        }
+        if (stimulus->frame.fd && !rig->bus[stimulus->frame.bus_index].fd) {
+            return yaml_error(error, &stimulus->frame.mark,
+                              "found an FD frame, but bus %s is classic", stimulus->frame.bus);
+        }
+        return ERROR_NONE;
+    case SCENARIO_VOLTAGE:
+        return bind_axis(rig, stimulus->voltage.joint, &stimulus->voltage.mark,
+                         &stimulus->voltage.axis, error);
+    case SCENARIO_MOTOR:
+        stimulus->motor.axis = -1;
+        return strcmp(stimulus->motor.joint, "all") == 0
+                   ? ERROR_NONE
+                   : bind_axis(rig, stimulus->motor.joint, &stimulus->motor.mark,
+                               &stimulus->motor.axis, error);
+    case SCENARIO_PUSH:
+        return bind_body(rig, stimulus->push.body, &stimulus->push.mark, &stimulus->push.index,
+                         error);
+    default:
+        return ERROR_NONE;
+    }
+}
+
+enum error_code scenario_bind(struct scenario *scenario, const struct rig *rig, struct error *error)
+{
+    for (size_t i = 0; i < scenario->nstimulus; i++) {
+        if (bind_stimulus(&scenario->stimulus[i], rig, error)) {
+            return ERROR_INPUT;
+        }
+    }
+    for (size_t i = 0; i < scenario->nexpectation; i++) {
+        struct scenario_expectation *expectation = &scenario->expectation[i];
+        struct scenario_signal signal;
+
+        if (expectation->frame_given &&
+            bind_bus(rig, expectation->frame.bus, &expectation->frame.mark,
+                     &expectation->frame.bus_index, error)) {
+            return ERROR_INPUT;
+        }
+        if (expectation->signal_given &&
+            scenario_signal_find(expectation->signal, rig, &expectation->mark, &signal, error)) {
+            return ERROR_INPUT;
+        }
+        if (expectation->signal_given && signal.host && scenario->host == SCENARIO_HOST_NONE) {
+            return yaml_error(error, &expectation->mark,
+                              "found signal \"%.80s\", expected host: enabled in the scenario",
+                              expectation->signal);
+        }
+    }
+    return ERROR_NONE;
+}
