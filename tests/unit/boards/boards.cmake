@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(name board_faults boards can_state fault_parse faults heat messages motor_control
+foreach(name board_faults boards can_state event_text fault_parse faults heat messages motor_control
         sensing settings)
     hil_test(boards_${name} SOURCES unit/boards/${name}.c LIBS boards LABELS unit)
 endforeach()
-foreach(name motor_commands motor_modes strain_board table)
+foreach(name motor_commands motor_laws motor_modes motor_telemetry motor_watch strain_board table)
     hil_test(boards_icub_${name} SOURCES unit/boards/icub/${name}.c LIBS boards LABELS unit)
 endforeach()
 hil_test(boards_foc SOURCES unit/boards/foc/board.c LIBS boards LABELS unit)
