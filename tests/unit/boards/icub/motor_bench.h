@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the tests of the iCub motor boards share: asking for the mode, setting it, waiting for a slot. */
+/* What the tests of the iCub motor boards share: asking for the mode, setting it, waiting for a
+ * slot. */
 #ifndef TESTS_UNIT_BOARDS_ICUB_MOTOR_BENCH_H
 #define TESTS_UNIT_BOARDS_ICUB_MOTOR_BENCH_H
 

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The periodic frames of iCub motor boards: slots, policy, STATUS, scales, ticks of other lengths. */
+/* The periodic frames of iCub motor boards: slots, policy, STATUS, scales, ticks of other
+ * lengths. */
 #include "tests/unit/boards/icub/motor_bench.h"
 
 static void boards_are_silent_until_the_host_sets_a_policy(void **state)
