@@ -49,7 +49,7 @@ static enum steer_verdict robot_switch_fault(void *context, size_t index, bool o
 {
     struct robot_steering *s = context;
 
-    if (!faults_set(s->config.faults, time_ns, index, on)) {
+    if (!faults_set(s->config.faults, now_ns, index, on)) {
         return STEER_RANGE;
     }
     injection_step(s->config.injection, now_ns); /* takes effect in the coming tick */
