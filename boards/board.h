@@ -185,7 +185,7 @@ size_t boards_transmit(struct boards *boards, int64_t now_ns, size_t bus, struct
                        size_t max);
 
 /* What the CAN controller of a board (index in the configuration) counts, where the bus is a wire
- * that has such: iCub boards tell it in STATUS. RT-safe; once a tick before boards_transmit. */
+ * that has such: iCub boards report it in STATUS. RT-safe; once a tick before boards_transmit. */
 struct board_can_state {
     unsigned tec, rec; /* error counters */
     bool bus_off;

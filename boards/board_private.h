@@ -193,7 +193,7 @@ void board_leave_bootloader(struct board *board);
 void board_event(const struct board *board, enum board_event_kind kind, unsigned axis, uint32_t a,
                  uint32_t b);
 
-/* Counts a frame that the board could not send; it will tell the host. */
+/* Counts a frame that the board could not send; its next STATUS will report it. */
 void board_lose(struct board *board);
 
 /* Queues an answer (or a PRINT frame). */

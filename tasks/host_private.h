@@ -64,7 +64,7 @@ struct host {
     int64_t step_sent_ns; /* caller's time of the last STEP */
     bool step_waits;      /* a STEP is out and its DONE has not come on every bus */
     bool step_refused;    /* it was not the tick that the simulator is at */
-    bool lost;            /* HOST_FAILED: the boards are gone, or have begun anew */
+    bool lost;            /* HOST_FAILED: the boards are gone, or were restarted */
     char message[160];
 };
 

@@ -149,7 +149,7 @@ void task_stop(struct task *task);
 /* One line about its progress ("cycle 2 of 4, 43 mm down") or why it failed. RT-safe. */
 const char *task_message(const struct task *task);
 
-/* Whether it failed because the boards are gone or have begun anew: a new task may find them
+/* Whether it failed because the boards are gone or were restarted: a new task may find them
  * again. */
 bool task_lost(const struct task *task);
 

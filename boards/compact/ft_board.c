@@ -14,7 +14,7 @@ struct compact_ft {
     int64_t tare[BOARD_CHANNELS], saved_tare[BOARD_CHANNELS];
     int64_t counts[BOARD_CHANNELS]; /* without the tare */
     uint8_t saturated;              /* bit = channel */
-    uint16_t frames, faults, told;
+    uint16_t frames, faults, reported_faults;
     bool sensors_bad;
     double supply_v;
 };
@@ -43,7 +43,7 @@ static void compact_ft_power_up(struct board *board)
     memcpy(ft->full_scale, ft->saved_scale, sizeof ft->full_scale);
     memcpy(ft->tare, ft->saved_tare, sizeof ft->tare);
     ft->frames = 0;
-    ft->faults = ft->told = 0;
+    ft->faults = ft->reported_faults = 0;
 }
 
 static void compact_ft_convert(struct compact_ft *ft, int channel, double value)
@@ -175,10 +175,10 @@ static void compact_ft_transmit(struct board *board, struct ms_span span, struct
     if (compact_node_due(&ft->node)) {
         compact_ft_send_wrench(board, sink);
     }
-    if (!compact_state_due(span, board->address) && ft->faults == ft->told) {
+    if (!compact_state_due(span, board->address) && ft->faults == ft->reported_faults) {
         return;
     }
-    ft->told = ft->faults;
+    ft->reported_faults = ft->faults;
     control_quantize(ft->supply_v / COMPACT_SUPPLY_V, &supply);
     board->lost_in_status = board->lost_in_overflow = false;
     compact_node_send(&ft->node, sink, COMPACT_FT_STATE, board->address,

@@ -102,8 +102,8 @@ static void compact_motor_power_up(struct board *board)
         struct compact_axis *axis = &motor->axis[i];
 
         axis->settings = axis->saved;
-        axis->mode = axis->told_mode = COMPACT_OFF;
-        axis->latched = axis->faults = axis->told_faults = 0;
+        axis->mode = axis->reported_mode = COMPACT_OFF;
+        axis->latched = axis->faults = axis->reported_faults = 0;
         axis->commands = axis->sequence = 0;
         axis->velocity_rad_s = 0.0;
         compact_axis_forget_command(board, axis);
@@ -146,7 +146,7 @@ static void compact_axis_sample(struct compact_axis *axis, const struct board_ax
     }
 }
 
-/* Encoders are quantized to their ticks, then told in 1e-5 rad; the rotor's speed is a running
+/* Encoders are quantized to their ticks, then reported in 1e-5 rad; the rotor's speed is a running
  * mean. */
 static void compact_motor_sample(struct board *board, const struct plant_sensors *sensors)
 {
@@ -374,8 +374,8 @@ static void compact_axis_send_state(struct board *board, struct compact_axis *ax
 {
     struct compact_motor *motor = compact_motor_of(board);
 
-    axis->told_mode = axis->mode;
-    axis->told_faults = axis->faults;
+    axis->reported_mode = axis->mode;
+    axis->reported_faults = axis->faults;
     compact_node_send(
         &motor->node, sink, COMPACT_STATE, motor->first_slot + compact_axis_index(board, axis),
         (const int64_t[]){axis->mode, axis->commands, axis->faults,
@@ -387,7 +387,7 @@ static void compact_motor_transmit(struct board *board, struct ms_span span,
                                    struct frame_sink *sink)
 {
     struct compact_motor *motor = compact_motor_of(board);
-    bool overflow_told = board->lost_in_status;
+    bool overflow_reported = board->lost_in_status;
 
     if (compact_node_due(&motor->node) && motor->axes > 0) {
         if (board->bus->config.fd) {
@@ -399,13 +399,13 @@ static void compact_motor_transmit(struct board *board, struct ms_span span,
     for (unsigned i = 0; i < motor->axes; i++) {
         struct compact_axis *axis = &motor->axis[i];
 
-        if (compact_state_due(span, motor->first_slot + i) || axis->mode != axis->told_mode ||
-            axis->faults != axis->told_faults) {
+        if (compact_state_due(span, motor->first_slot + i) || axis->mode != axis->reported_mode ||
+            axis->faults != axis->reported_faults) {
             compact_axis_send_state(board, axis, sink);
         }
-        overflow_told = overflow_told && axis->told_faults & COMPACT_FAULT_OVERFLOW;
+        overflow_reported = overflow_reported && axis->reported_faults & COMPACT_FAULT_OVERFLOW;
     }
-    if (overflow_told) {
+    if (overflow_reported) {
         board->lost_in_status = board->lost_in_overflow = false;
     }
 }

@@ -109,8 +109,8 @@ struct compact_axis {
     bool bad_motor, bad_link, bad_torque;
 
     uint8_t sequence;
-    uint16_t told_faults;
-    enum compact_mode told_mode;
+    uint16_t reported_faults;
+    enum compact_mode reported_mode;
 };
 
 struct compact_motor {

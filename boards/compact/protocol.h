@@ -58,7 +58,7 @@
  * Modes: OFF opens the bridge. VOLTAGE and CURRENT close it with set-point 0, the other's set-point
  * forgotten. A fault puts the axis into FAULT, bridge open, until MODE OFF, which clears it when
  * its cause is gone; other modes are ignored in FAULT. A set-point older than the command time-out
- * becomes 0 (the winding is short-circuited and brakes) and COMPACT_FAULT_STALE is told, without
+ * becomes 0 (the winding is short-circuited and brakes) and COMPACT_FAULT_STALE is set, without
  * leaving the mode, until the next COMMAND.
  */
 #ifndef BOARDS_COMPACT_PROTOCOL_H
@@ -123,7 +123,7 @@ enum compact_mode {
     COMPACT_OFF = 0,
     COMPACT_VOLTAGE = 1,
     COMPACT_CURRENT = 2,
-    COMPACT_FAULT = 7, /* told, never commanded */
+    COMPACT_FAULT = 7, /* reported, never commanded */
 };
 
 enum compact_fault {
@@ -137,7 +137,7 @@ enum compact_fault {
     COMPACT_FAULT_STALE = 1 << 7,      /* no COMMAND for the time-out; a warning: the mode stays */
     COMPACT_FAULT_LIMIT = 1 << 8,      /* beyond a position limit; a warning: only set-points that
                                       * lead back are obeyed */
-    COMPACT_FAULT_OVERFLOW = 1 << 9,   /* frames were lost; a warning, told once */
+    COMPACT_FAULT_OVERFLOW = 1 << 9,   /* frames were lost; a warning, reported once */
     COMPACT_FAULT_SATURATED = 1 << 10, /* F/T: a channel is beyond its full scale; a warning */
 };
 

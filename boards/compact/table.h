@@ -20,7 +20,7 @@ struct compact_message {
     bool from_host;
     uint8_t length;     /* without repetition */
     uint8_t repeats;    /* how often fields may follow each other, 1 or more */
-    uint16_t period_ms; /* as the boards send it unless told otherwise; 0: on demand */
+    uint16_t period_ms; /* as the boards send it unless set otherwise; 0: on demand */
     const struct field *fields;
 };
 

@@ -186,8 +186,8 @@ static bool foc_board_answer(struct board *board, unsigned code, const int64_t *
     switch (code) {
     case FOC_GET_FIRMWARE_VERSION:
         foc->compatible = request[0] == ICUB_PROTOCOL_MAJOR && request[1] == ICUB_PROTOCOL_MINOR;
-        icub_board_tell_firmware(board, ICUB_PROTOCOL_MAJOR, ICUB_PROTOCOL_MINOR, foc->compatible,
-                                 reply);
+        icub_board_report_firmware(board, ICUB_PROTOCOL_MAJOR, ICUB_PROTOCOL_MINOR, foc->compatible,
+                                   reply);
         return true;
     case ICUB_GET_CONTROL_MODE:
         reply[0] = foc->mode;
@@ -215,7 +215,7 @@ static void foc_board_idle_when_configured(struct board *board)
     if (foc->mode == ICUB_MODE_NOT_CONFIGURED && foc->compatible && foc->motor_set &&
         foc->current_set && foc->peak_ma != 0) {
         foc_board_set_mode(board, ICUB_MODE_IDLE);
-        foc->answers += foc->answers < FOC_ANSWERS_MAX; /* tells it unasked, once */
+        foc->answers += foc->answers < FOC_ANSWERS_MAX; /* reports it unasked, once */
     }
 }
 
@@ -239,7 +239,7 @@ bool foc_board_command(struct icub_board *icub, const struct bus_frame *frame,
         return !foc_runs(foc->mode) && board_set_address(board, (uint8_t)request[0]);
     }
     if (!foc->compatible) {
-        return false; /* a host must tell its protocol first */
+        return false; /* a host must state its protocol first */
     }
 
     switch (code) {

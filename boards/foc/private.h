@@ -57,7 +57,7 @@ static inline bool foc_runs(uint8_t mode)
            mode != ICUB_MODE_NOT_CONFIGURED;
 }
 
-/* Both begin the references anew; the second in another mode, or in the present one. */
+/* Both reset the references; the second enters a mode, or the present one again. */
 void foc_board_forget_references(struct foc_board *foc);
 void foc_board_set_mode(struct board *board, uint8_t mode);
 

@@ -27,8 +27,8 @@ void icub_board_set_info(struct icub_board *board, const int64_t *part)
     }
 }
 
-void icub_board_tell_firmware(const struct board *board, unsigned major, unsigned minor,
-                              bool acknowledged, int64_t *reply)
+void icub_board_report_firmware(const struct board *board, unsigned major, unsigned minor,
+                                bool acknowledged, int64_t *reply)
 {
     const struct board_identity *identity = &board->ops->identity;
 

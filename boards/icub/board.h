@@ -79,7 +79,7 @@ void icub_board_queue_info(struct icub_board *board, uint32_t id);
 void icub_board_set_info(struct icub_board *board, const int64_t *part);
 
 /* The answer to GET_FIRMWARE_VERSION of a board that speaks protocol major.minor. */
-void icub_board_tell_firmware(const struct board *board, unsigned major, unsigned minor,
-                              bool acknowledged, int64_t *reply);
+void icub_board_report_firmware(const struct board *board, unsigned major, unsigned minor,
+                                bool acknowledged, int64_t *reply);
 
 #endif

@@ -8,11 +8,10 @@
  * in counts of the torque source (0x8000 = its full scale). Bridges are on in every running mode
  * but calibration, and off in idle and after a fault.
  *
- * How references become PWM, once a millisecond:
- * - voltage (open loop): the reference itself;
- * - current: PID (SET_CURRENT_PID) on mA; the reference is SET_DESIRED_TORQUE, read as mA;
- * - torque: PID (SET_TORQUE_PID) + offset on torque counts;
- * - position: PID (SET_POSITION_PID) + offset + stiction while a move is under way, on ticks; the
+ * How references become PWM, once a millisecond: - voltage (open loop): the reference itself; -
+ * current: PID (SET_CURRENT_PID) on mA; the reference is SET_DESIRED_TORQUE, read as mA; - torque:
+ * PID (SET_TORQUE_PID) + offset on torque counts; - position: PID (SET_POSITION_PID) + offset +
+ * stiction while a move is under way, on ticks; the
  *   reference moves by the trajectory generator (POSITION_MOVE), in velocity mode by the velocity
  *   reference, in mixed mode by both, in direct mode it jumps;
  * - impedance (its two modes, or any position-like mode when the interaction mode is compliant):
@@ -20,22 +19,22 @@
  * Each PID is cut to its own limit, everything to the PWM limit and the full scale. Gains are zero
  * at power-up, so that a board holds nothing before the host has configured it.
  *
- * Calibration is that of the firmware whose version the board tells: type 3 (absolute encoder)
+ * Calibration is that of the firmware whose version the board reports: type 3 (absolute encoder)
  * takes p3 as the encoder's zero. A p2 of 0 is invalid and makes a fault.
  *
- * A strict board does what the firmware does also where that is odd. It drives its bridge only
- * after a host has told a fitting protocol (GET_FIRMWARE_VERSION) and all seven parameters of the
- * position PID before it left idle; without them STATUS tells the mode, but nothing moves. It has
- * no current mode. A mode that it does not have resets the references of a running axis and nothing
- * else; from idle it leads to position mode. PRINT tells of every change.
+ * A strict board does what the firmware does even where that is odd. It drives its bridge only if a
+ * host has stated a compatible protocol (GET_FIRMWARE_VERSION) and set all seven parameters of the
+ * position PID before the axis left idle; otherwise STATUS reports the mode, but nothing moves. It
+ * has no current mode. A mode that it does not have resets the references of a running axis and
+ * nothing else; from idle it leads to position mode. PRINT reports every change.
  *
  * A winding above the limit of SET_TEMPERATURE_LIMIT (0 = none) puts its axis into hardware fault;
  * the fault byte has no bit for it, byte 5 of STATUS has, for as long as it is too hot. A
- * thermometer without a number is told there and stops nothing.
+ * thermometer without a number is reported there and stops nothing.
  *
  * STATUS bytes 4, 6 and 7 are the CAN controller's: states as they are, bus-off and overflow until
- * told once, and of the error counters by how much they have changed since the STATUS before, for
- * hosts add these up.
+ * reported once, and of each error counter the change since the STATUS before, for hosts add these
+ * up.
  *
  * Over-current is an I2t law, as the firmware's: the motor may be above its limit by as much as
  * integral (I^2 - limit^2) dt = limit^2 * 10 ms, then the axis trips. At twice the limit that takes
@@ -125,9 +124,9 @@ static void motor_board_power_up(struct board *board)
     motor->policy = board->config.transmit_at_start ? POLICY_AT_START : 0;
     motor->status_due = motor->additional_due = false;
     motor->status_ms = board->boards->now_ns / MS;
-    motor->can = motor->can_told = 0;
-    motor->told_tec = motor->told_rec = 0;
-    motor->started = false; /* speeds are estimated anew */
+    motor->can = motor->can_reported = 0;
+    motor->reported_tec = motor->reported_rec = 0;
+    motor->started = false; /* speed estimation restarts */
 }
 
 static void motor_board_switch_off(struct board *board)

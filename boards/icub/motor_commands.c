@@ -247,8 +247,8 @@ static bool motor_board_obey(struct motor_board *motor, const struct bus_frame *
     case ICUB_GET_FIRMWARE_VERSION:
         motor->protocol_ack =
             request[0] == ICUB_PROTOCOL_MAJOR && request[1] <= ICUB_PROTOCOL_MINOR;
-        icub_board_tell_firmware(board, ICUB_PROTOCOL_MAJOR, ICUB_PROTOCOL_MINOR,
-                                 motor->protocol_ack, reply);
+        icub_board_report_firmware(board, ICUB_PROTOCOL_MAJOR, ICUB_PROTOCOL_MINOR,
+                                   motor->protocol_ack, reply);
         return true;
     default:
         return false;

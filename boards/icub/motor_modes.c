@@ -26,7 +26,7 @@ void motor_axis_reset_references(struct board *board, struct motor_axis *axis)
     axis->parameter[ICUB_P_OPEN_LOOP] = 0;
     axis->torque_reference = axis->output = axis->pwm = 0;
     axis->voltage_ns = axis->torque_ns = axis->velocity_ns = now;
-    axis->limit_told = false;
+    axis->limit_reported = false;
 }
 
 void motor_axis_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode)

@@ -31,12 +31,12 @@ struct motor_axis {
     int64_t saved[ICUB_P_SAVED]; /* flash */
     uint8_t mode;
     uint8_t faults;      /* as long as their cause lasts */
-    uint8_t faults_once; /* until STATUS has told them */
+    uint8_t faults_once; /* until STATUS has reported them */
     uint8_t pids;        /* enum motor_pid_bit */
     bool pads;           /* the bridge's drivers are enabled */
     bool sensors_bad;    /* no number came from the plant */
     uint8_t heat;        /* ICUB_BOARD_OVER_TEMPERATURE_0 and ..._ERROR_0, of this axis */
-    bool limit_told;     /* a voltage beyond a joint limit has been reported as refused */
+    bool limit_reported; /* a voltage beyond a joint limit has been reported as refused */
     struct encoder joint, motor;
     int32_t offset; /* position = raw + offset */
     double current_a, torque_nm;
@@ -64,9 +64,9 @@ struct motor_board {
     double supply_v;
     uint32_t policy;
     int64_t sampled_ms, status_ms;
-    uint8_t text;          /* number of the last PRINT */
-    uint8_t can, can_told; /* bits of STATUS byte 4: news until told; as told the last time */
-    int told_tec, told_rec;
+    uint8_t text;              /* number of the last PRINT */
+    uint8_t can, can_reported; /* bits of STATUS byte 4: not yet reported; as reported last */
+    int reported_tec, reported_rec;
     bool status_due, additional_due;
     bool protocol_ack;     /* the host speaks our protocol */
     bool powered, started; /* has had its first power-up; its first sample */

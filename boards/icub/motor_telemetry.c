@@ -27,11 +27,11 @@ static void motor_board_send_if_wanted(struct board *board, struct frame_sink *s
 }
 
 /* An error counter as STATUS has it: its change since the last one, as far as a byte goes. */
-static int64_t can_counter_change(unsigned counter, int *told)
+static int64_t can_counter_change(unsigned counter, int *reported)
 {
-    int64_t change = control_clamp((int64_t)counter - *told, INT8_MIN, INT8_MAX);
+    int64_t change = control_clamp((int64_t)counter - *reported, INT8_MIN, INT8_MAX);
 
-    *told += (int)change;
+    *reported += (int)change;
     return change & 0xff;
 }
 
@@ -40,17 +40,17 @@ static void motor_board_send_status(struct board *board, struct frame_sink *sink
     struct motor_board *motor = motor_board_of(board);
     struct motor_axis *a = &motor->axis[0], *b = &motor->axis[1];
 
-    motor_board_send_frame(board, sink, ICUB_STATUS,
-                           (const int64_t[]){a->faults | a->faults_once, a->mode,
-                                             b->faults | b->faults_once, b->mode,
-                                             motor->can | motor_board_can_status(board) |
-                                                 (board->lost_in_status ? ICUB_CAN_TX_OVERFLOW : 0),
-                                             a->heat | b->heat << 1,
-                                             can_counter_change(board->can.tec, &motor->told_tec),
-                                             can_counter_change(board->can.rec, &motor->told_rec)});
+    motor_board_send_frame(
+        board, sink, ICUB_STATUS,
+        (const int64_t[]){a->faults | a->faults_once, a->mode, b->faults | b->faults_once, b->mode,
+                          motor->can | motor_board_can_status(board) |
+                              (board->lost_in_status ? ICUB_CAN_TX_OVERFLOW : 0),
+                          a->heat | b->heat << 1,
+                          can_counter_change(board->can.tec, &motor->reported_tec),
+                          can_counter_change(board->can.rec, &motor->reported_rec)});
     a->faults_once = b->faults_once = 0;
     motor->can = 0;
-    motor->can_told = motor_board_can_status(board);
+    motor->can_reported = motor_board_can_status(board);
     motor->status_due = board->lost_in_status = false;
 }
 

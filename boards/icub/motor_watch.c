@@ -86,11 +86,11 @@ static void motor_board_watch_can(struct board *board)
     struct motor_board *motor = motor_board_of(board);
     uint8_t now = motor_board_can_status(board);
 
-    if (now & (uint8_t)~motor->can_told) {
+    if (now & (uint8_t)~motor->can_reported) {
         motor->status_due = true;
     }
-    motor->can_told &= now;
-    motor->can |= now & (uint8_t)~motor->can_told;
+    motor->can_reported &= now;
+    motor->can |= now & (uint8_t)~motor->can_reported;
 }
 
 static void motor_axis_reference_timed_out(struct board *board, struct motor_axis *axis,
@@ -162,11 +162,11 @@ static void motor_axis_watch_limits(struct board *board, struct motor_axis *axis
                   position > axis->parameter[ICUB_P_MAX_POSITION];
 
     if (!beyond) {
-        axis->limit_told = false;
+        axis->limit_reported = false;
     } else if (axis->mode == ICUB_MODE_OPEN_LOOP && axis->parameter[ICUB_P_OPEN_LOOP] != 0) {
         axis->parameter[ICUB_P_OPEN_LOOP] = 0;
-        if (!axis->limit_told) {
-            axis->limit_told = true;
+        if (!axis->limit_reported) {
+            axis->limit_reported = true;
             board_event(board, BOARD_EVENT_LIMIT, motor_axis_index(board, axis), (uint32_t)position,
                         0);
             motor_board_print(board, "OUT OF LIMITS");

@@ -354,10 +354,10 @@ static bool strain_board_get(struct board *board, unsigned code, const int64_t *
         }
         return true;
     case ICUB_STRAIN_GET_FIRMWARE:
-        icub_board_tell_firmware(board, ICUB_STRAIN_PROTOCOL_MAJOR, ICUB_STRAIN_PROTOCOL_MINOR,
-                                 request[0] == ICUB_STRAIN_PROTOCOL_MAJOR &&
-                                     request[1] <= ICUB_STRAIN_PROTOCOL_MINOR,
-                                 reply);
+        icub_board_report_firmware(board, ICUB_STRAIN_PROTOCOL_MAJOR, ICUB_STRAIN_PROTOCOL_MINOR,
+                                   request[0] == ICUB_STRAIN_PROTOCOL_MAJOR &&
+                                       request[1] <= ICUB_STRAIN_PROTOCOL_MINOR,
+                                   reply);
         return true;
     default:
         return false;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A small bench for the tests of the boards: two buses, three motor boards, a force-torque board and
- * a pseudo-STRAIN board, and sensors that a test sets by hand. No plant.
+ * A small bench for the tests of the boards: two buses, three motor boards, a force-torque board
+ * and a pseudo-STRAIN board, and sensors that a test sets by hand. No plant.
  *
  * bus 0: motor board 1 (joints 0, 1), motor board 2 (joint 2, spare axis), pseudo-STRAIN 0x0C
  * (joints 0, 1, 2), F/T board 0x0D (sensor 0); bus 1: motor board 1 (joints 3, 4).

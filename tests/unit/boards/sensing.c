@@ -383,7 +383,8 @@ static void refuses_impossible_errors(void **state)
 
 /* ---- faults ---- */
 
-/* Torque of the knee while truth is 1 + the number of the sample; the fault from sample 10 to 20. */
+/* Torque of the knee while truth is 1 + the number of the sample; the fault from sample 10 to
+ * 20. */
 static void record(struct bench *bench, const char *line, double *torque, int count)
 {
     arm(bench, (const char *const[]){line, NULL});

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Settings of axes beside the bus: the same values and ranges as over it, for all that boards speak. */
+/* Settings of axes beside the bus: the same values and ranges as over it, for all that boards
+ * speak. */
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
 #include "tests/unit/boards/board_bench.h"

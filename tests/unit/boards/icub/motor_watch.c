@@ -1,0 +1,339 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What iCub motor boards watch: time-outs, torque sources, faults, joint limits. */
+#include "tests/unit/boards/icub/motor_bench.h"
+
+static void count_to_timeout(bool strict, int64_t timeout_ns, int *ticks)
+{
+    struct board_bench bench;
+
+    bench_configure(&bench);
+    bench.board[0].strict = strict;
+    bench.board[0].command_timeout_ns = timeout_ns;
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "5B 01 06");
+    bench_send(&bench, 0, 0x001, "52 00 00 00 00 00 00 00");
+    bench_send(&bench, 0, 0x001, "54 00 00 35 05 35 05");
+    set_mode(&bench, 0x50);
+    bench_tick(&bench);
+    bench_send(&bench, 0, 0x001, "72 4D 01");
+    for (*ticks = 0; *ticks < 10000; ++*ticks) {
+        bench_tick(&bench);
+        if (bench.motor[0].voltage_v == 0.0) {
+            break;
+        }
+    }
+    assert_int_equal(bench_counters(&bench).timeouts, *ticks < 10000);
+    assert_true(bench.motor[0].bridge_on);
+    bench_stop(&bench);
+}
+
+static void a_stale_voltage_becomes_zero_after_our_time_out(void **state)
+{
+    int ticks;
+
+    (void)state;
+    count_to_timeout(false, 100000000, &ticks);
+    assert_int_equal(ticks, 100);
+    count_to_timeout(false, 0, &ticks); /* off */
+    assert_int_equal(ticks, 10000);
+    count_to_timeout(true, 100000000, &ticks); /* a strict board drives on */
+    assert_int_equal(ticks, 10000);
+}
+
+static void a_fresh_voltage_resumes_after_the_time_out(void **state)
+{
+    struct board_event event;
+    struct board_bench bench;
+
+    (void)state;
+    bench_configure(&bench);
+    bench.board[0].command_timeout_ns = 50000000;
+    bench_start(&bench);
+    set_mode(&bench, 0x50);
+    for (int i = 0; i < 500; i++) { /* fresh often enough: no time-out */
+        if (i % 40 == 0) {
+            bench_send(&bench, 0, 0x001, "72 4D 01");
+        }
+        bench_tick(&bench);
+        assert_true(bench.motor[0].voltage_v > 11.0);
+    }
+    assert_int_equal(bench_counters(&bench).timeouts, 0);
+    bench_ticks(&bench, 60);
+    assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
+    assert_int_equal(bench_counters(&bench).timeouts, 1);
+    assert_true(bench_event(&bench, BOARD_EVENT_TIMEOUT, &event));
+    assert_int_equal(event.a, 0x50);
+    assert_int_equal(event.axis, 0);
+    bench_ticks(&bench, 500); /* once, not again and again */
+    assert_int_equal(bench_counters(&bench).timeouts, 1);
+    bench_send(&bench, 0, 0x001, "72 4D 01");
+    bench_tick(&bench);
+    assert_true(bench.motor[0].voltage_v > 11.0);
+    bench_stop(&bench);
+}
+
+static void a_velocity_without_fresh_commands_becomes_zero(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "56 64 00"); /* 100 ms */
+    set_mode(&bench, 0x02);
+    bench_send(&bench, 0, 0x001, "1C 20 00 00 01"); /* 32/16 = 2 ticks/ms, reached at once */
+    bench_ticks(&bench, 50);
+    bench_ask(&bench, "3A", "3A 20 00");
+    bench_send(&bench, 0, 0x001, "1C 20 00 00 01");
+    bench_ticks(&bench, 101);
+    bench_ask(&bench, "18", "18 00 00");
+    assert_int_equal(bench_counters(&bench).timeouts, 1);
+    bench_ask(&bench, "3A", "3A 00 00");
+    assert_int_equal(mode_of(&bench), 0x02);
+    bench_stop(&bench);
+}
+
+static void a_silent_torque_source_disables_torque_modes(void **state)
+{
+    static const unsigned modes[] = {0x03, 0x04, 0x05};
+    struct board_event event;
+
+    (void)state;
+    for (size_t i = 0; i < 3; i++) {
+        struct board_bench bench;
+
+        bench_configure(&bench);
+        bench_start(&bench);
+        bench_send(&bench, 0, 0x20c, "07 00");                   /* the pseudo-STRAIN speaks */
+        bench_send(&bench, 0, 0x001, "34 0C 01 00 00 00 00 00"); /* and the axis listens */
+        bench_ticks(&bench, 10);
+        set_mode(&bench, modes[i]);
+        bench_ticks(&bench, 1000);
+        assert_int_equal(mode_of(&bench), modes[i]);
+        bench_send(&bench, 0, 0x20c, "07 01");
+        bench_ticks(&bench, 190);
+        assert_int_equal(mode_of(&bench), modes[i]);
+        bench_ticks(&bench, 15);
+        assert_int_equal(mode_of(&bench), 0x00);
+        assert_false(bench.motor[0].bridge_on);
+        assert_true(bench_event(&bench, BOARD_EVENT_SOURCE_LOST, &event));
+        assert_int_equal(event.a, 0x0c);
+        assert_int_equal(bench_counters(&bench).timeouts, 1);
+        bench_stop(&bench);
+    }
+}
+
+static void torque_of_real_strain_boards_on_the_bus_is_heard(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "34 05 04 00 00 00 00 00");
+    bench_send(&bench, 0, 0x001, "49 00 01 00 00"); /* DEBUG */
+    to_slot_0(&bench);
+    bench_send(&bench, 0, 0x35b, "00 80 10 80 F0 7F"); /* channels 3 4 5 */
+    bench_ticks(&bench, 4);
+    bench_expect(&bench, 0, 0x119, "10 00 00 00 00 00 00 00");
+    bench_stop(&bench);
+}
+
+/* ---- faults ---- */
+
+static void over_current_trips_once_and_is_told_once(void **state)
+{
+    static const char *const limit[] = {"48 E8 03 00 00", "C8 E8 03 00 00"}; /* 1000 mA */
+    static const char *const run[] = {"09 50", "89 50"};
+    static const char *const status[] = {"08 A0 00 00 00 00 00 00", "00 00 08 A0 00 00 00 00"};
+
+    (void)state;
+    for (int axis = 0; axis < 2; axis++) {
+        struct board_event event;
+        struct board_bench bench;
+
+        bench_configure(&bench);
+        bench_start(&bench);
+        bench_send(&bench, 0, 0x001, "49 04 00 00 00");
+        bench_send(&bench, 0, 0x001, limit[axis]);
+        bench_send(&bench, 0, 0x001, run[axis]);
+        bench_ticks(&bench, 4);
+        bench.sense[axis].current_a = 1.0; /* at the limit is not above it */
+        bench_ticks(&bench, 1000);
+        assert_int_equal(bench_counters(&bench).trips, 0);
+        bench.sense[axis].current_a = -4.0;
+        bench_tick(&bench);
+        bench_tick(&bench);
+        assert_false(bench.motor[axis].bridge_on);
+        assert_near(bench.motor[axis].voltage_v, 0.0, 0.0);
+        assert_int_equal(bench_counters(&bench).trips, 1);
+        assert_true(bench_event(&bench, BOARD_EVENT_FAULT, &event));
+        assert_int_equal(event.a, 0x08);
+        assert_int_equal(event.axis, axis);
+        bench_tick(&bench); /* slot 2 */
+        bench_expect(&bench, 0, 0x113, status[axis]);
+        for (int i = 0; i < 40; i++) {
+            bench_tick(&bench);
+            assert_int_equal(bench_sent(&bench, 0, 0x113), 0);
+        }
+        /* whatever is told later, the trip is not told again */
+        bench_send(&bench, 0, 0x001, axis ? "89 09" : "09 09");
+        bench_ticks(&bench, 4);
+        bench_expect(&bench, 0, 0x113, "00 00 00 00 00 00 00 00");
+        assert_int_equal(bench_counters(&bench).trips, 1);
+        bench_stop(&bench);
+    }
+}
+
+/* The integral of I^2 - limit^2 may reach limit^2 * 10 ms. */
+static void over_current_is_measured_by_its_heat(void **state)
+{
+    static const double ratios[] = {1.05, 1.1, 1.5, 2.0, 3.0, 3.4};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof ratios / sizeof *ratios; i++) {
+        int expected = (int)floor(10.0 / (ratios[i] * ratios[i] - 1.0)) + 1, ticks = 0;
+        struct board_bench bench;
+
+        bench_configure(&bench);
+        bench.sense[0].current_a = 12.0 * ratios[i];
+        bench_start(&bench);
+        set_mode(&bench, 0x50);
+        for (; bench_counters(&bench).trips == 0 && ticks < 1000; ticks++) {
+            bench_tick(&bench);
+        }
+        assert_int_equal(ticks, expected);
+        bench_stop(&bench);
+    }
+}
+
+/* COMAN's drive with a quarter of 48 V from standstill: 15 A, above 12 A for 3 ms. */
+static void the_inrush_of_a_voltage_step_does_not_trip(void **state)
+{
+    static const double inrush_a[] = {14.88, 14.44, 12.17, 10.03, 8.27, 6.85};
+    struct board_bench bench;
+
+    (void)state;
+    bench_configure(&bench);
+    bench_start(&bench);
+    set_mode(&bench, 0x50);
+    bench_send(&bench, 0, 0x001, "72 4D 01");
+    for (size_t i = 0; i < sizeof inrush_a / sizeof *inrush_a; i++) {
+        bench_tick(&bench);
+        bench.sense[0].current_a = inrush_a[i];
+    }
+    bench_ticks(&bench, 100);
+    assert_int_equal(bench_counters(&bench).trips, 0);
+    bench_stop(&bench);
+}
+
+static void under_voltage_is_a_fault_as_long_as_it_lasts(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "49 04 00 00 00");
+    set_mode(&bench, 0x50);
+    bench_ticks(&bench, 4);
+    bench.sensors.supply_v = 20.0;
+    bench_ticks(&bench, 3);
+    bench_expect(&bench, 0, 0x113, "01 A0 01 00 00 00 00 00");
+    bench_ticks(&bench, 4);
+    bench_expect(&bench, 0, 0x113, "01 A0 01 00 00 00 00 00");
+    set_mode(&bench, 0x09);
+    set_mode(&bench, 0x50); /* trips again at once */
+    bench_ticks(&bench, 4);
+    bench_expect(&bench, 0, 0x113, "01 A0 01 00 00 00 00 00");
+    bench.sensors.supply_v = 48.0;
+    bench_ticks(&bench, 4);
+    assert_int_equal(bench_sent(&bench, 0, 0x113), 0);
+    bench_send(&bench, 0, 0x001, "09 09");
+    bench_ticks(&bench, 4);
+    bench_expect(&bench, 0, 0x113, "00 00 00 00 00 00 00 00");
+    bench_stop(&bench);
+}
+
+static void a_sensor_without_a_number_is_an_encoder_fault(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    bench_configure(&bench);
+    bench.sense[0].q = 0.25;
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "49 04 00 00 00");
+    set_mode(&bench, 0x50);
+    bench_ticks(&bench, 4);
+    bench.sense[0].q = (double)NAN;
+    bench_ticks(&bench, 3);
+    bench_expect(&bench, 0, 0x113, "20 A0 00 00 00 00 00 00");
+    bench_ask(&bench, "14", "14 C4 09 00 00 00 00"); /* the last that it knew */
+    bench.sense[0].q = 0.25;
+    bench.sense[0].current_a = (double)INFINITY;
+    bench_ticks(&bench, 8);
+    assert_int_equal(mode_of(&bench), 0xa0);
+    bench_stop(&bench);
+}
+
+static void voltage_beyond_a_joint_limit_is_refused_both_ways(void **state)
+{
+    struct board_event event;
+    struct board_bench bench;
+
+    (void)state;
+    bench_configure(&bench);
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "49 20 00 00 00"); /* PRINT */
+    set_mode(&bench, 0x50);
+    bench.sense[0].q = 2.5; /* at the limit */
+    bench_send(&bench, 0, 0x001, "72 4D 01");
+    bench_ticks(&bench, 3);
+    assert_true(bench.motor[0].voltage_v > 11.0);
+    bench.sense[0].q = 2.5002;
+    bench_tick(&bench);
+    bench_tick(&bench);
+    assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
+    assert_int_equal(bench_sent(&bench, 0, 0x116), 3);
+    bench_expect_frame(&bench.frame[0][0], 0x116, "06 10 4F 55 54 20 4F 46"); /* "OUT OF" */
+    bench_expect_frame(&bench.frame[0][1], 0x116, "06 11 20 4C 49 4D 49 54"); /* " LIMIT" */
+    bench_expect_frame(&bench.frame[0][2], 0x116, "86 12 53");                /* "S", the last */
+    bench_ask(&bench, "73", "73 00 00");
+    bench_send(&bench, 0, 0x001, "72 B3 FE"); /* back is refused, too */
+    bench_tick(&bench);
+    assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
+    assert_int_equal(bench_sent(&bench, 0, 0x116), 0); /* told once */
+    assert_true(bench_event(&bench, BOARD_EVENT_LIMIT, &event));
+    assert_false(bench_event(&bench, BOARD_EVENT_LIMIT, &event));
+    bench.sense[0].q = -2.1;
+    bench_tick(&bench);
+    bench_send(&bench, 0, 0x001, "72 4D 01");
+    bench_tick(&bench);
+    assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
+    bench.sense[0].q = 0.0;
+    bench_tick(&bench);
+    bench_send(&bench, 0, 0x001, "72 4D 01");
+    bench_tick(&bench);
+    assert_true(bench.motor[0].voltage_v > 11.0);
+    bench_stop(&bench);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_stale_voltage_becomes_zero_after_our_time_out),
+        cmocka_unit_test(a_fresh_voltage_resumes_after_the_time_out),
+        cmocka_unit_test(a_velocity_without_fresh_commands_becomes_zero),
+        cmocka_unit_test(a_silent_torque_source_disables_torque_modes),
+        cmocka_unit_test(torque_of_real_strain_boards_on_the_bus_is_heard),
+        cmocka_unit_test(over_current_trips_once_and_is_told_once),
+        cmocka_unit_test(over_current_is_measured_by_its_heat),
+        cmocka_unit_test(the_inrush_of_a_voltage_step_does_not_trip),
+        cmocka_unit_test(under_voltage_is_a_fault_as_long_as_it_lasts),
+        cmocka_unit_test(a_sensor_without_a_number_is_an_encoder_fault),
+        cmocka_unit_test(voltage_beyond_a_joint_limit_is_refused_both_ways),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
