@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * foot-mesh: writes the collision mesh of one foot of a robot as OBJ text, in the frame of the ankle
+ * foot-mesh: writes the collision mesh of one foot of a robot as OBJ text, in the ankle frame
  * (origin on its axes, x forward, y left, z up, meters).
  *
  *     foot-mesh coman|walkman right|left >FILE
