@@ -105,6 +105,8 @@ static enum error_code check_plant_config(const struct plant_config *config, str
     if ((code = check_integrator(config, error))) {
         return code;
     }
+
+    /* Time and supply */
     if (config->substep_ns <= 0) {
         return error_set(error, ERROR_INPUT, "the substep is %lld ns, expected more than 0",
                          (long long)config->substep_ns);
@@ -118,6 +120,8 @@ static enum error_code check_plant_config(const struct plant_config *config, str
                          "the supply's resistance is %g ohm, expected 0 or more",
                          config->supply_ohm);
     }
+
+    /* Contact, and everything that lies on a body */
     if ((config->contact != NULL) != (config->ncontact > 0)) {
         return error_set(error, ERROR_INPUT, "contact bodies: found %zu with %s contact engine",
                          config->ncontact, config->contact ? "a" : "no");

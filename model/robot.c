@@ -194,6 +194,7 @@ static enum error_code check_joint(const struct robot_joint *joint, struct error
 /* Frames lie on bodies, sensors have frames, poses are rotations. */
 static enum error_code check_frames(const struct robot *robot, struct error *error)
 {
+    /* Frames */
     for (size_t f = 0; f < robot->nframe; f++) {
         const struct robot_frame *frame = &robot->frame[f];
 
@@ -205,6 +206,8 @@ static enum error_code check_frames(const struct robot *robot, struct error *err
                 robot->name, frame->name);
         }
     }
+
+    /* Sensors */
     for (size_t s = 0; s < robot->nft; s++) {
         if (robot->ft[s].frame < 0 || (size_t)robot->ft[s].frame >= robot->nframe) {
             return error_set(error, ERROR_INPUT, "%s: sensor %s has no frame", robot->name,
@@ -214,6 +217,8 @@ static enum error_code check_frames(const struct robot *robot, struct error *err
     if (robot->imu_frame < -1 || robot->imu_frame >= (int)robot->nframe) {
         return error_set(error, ERROR_INPUT, "%s: the inertial sensor has no frame", robot->name);
     }
+
+    /* Poses */
     for (size_t p = 0; p < robot->npose; p++) {
         if (!is_unit(robot->pose[p].base_quaternion, 4) ||
             !all_finite(robot->pose[p].base_position, 3) ||

@@ -32,6 +32,7 @@ enum error_code derive(enum derive_function function, const struct tree *tree, s
     enum error_code code = ERROR_NONE;
     int observed = 0;
 
+    /* At most 18 outputs a body: its motion */
     memset(out, 0, sizeof *out);
     out->output = calloc(18 * tree->nbody + 12, sizeof *out->output);
     d.state = calloc(tree->ngroup, sizeof *d.state);
@@ -42,6 +43,7 @@ enum error_code derive(enum derive_function function, const struct tree *tree, s
         goto done;
     }
 
+    /* Observed bodies have numbers of their own */
     for (size_t b = 0; b < tree->nbody; b++) {
         d.observed[b] = tree->body[b].observed ? observed++ : -1;
     }

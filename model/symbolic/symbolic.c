@@ -109,12 +109,16 @@ static void write_header(const struct generation *g)
             " *   function          add   multiply  divide  total  angles\n",
             SYMBOLIC_VERSION, robot->nbody, robot->njoint, robot->floating ? "floating" : "fixed",
             robot->nv, robot->hash);
+
+    /* A row of the table for each function */
     for (int f = 0; f < DERIVE_COUNT; f++) {
         const struct symbolic_count *count = &g->report.count[f];
 
         fprintf(g->file, " *   %-16s %5zu  %7zu  %6zu  %5zu  %5zu\n", count->function, count->add,
                 count->multiply, count->divide, count->operations, count->sincos);
     }
+
+    /* A row for each group of lanes */
     fprintf(g->file, " *\n * Bodies side by side:\n");
     for (size_t n = 0; n < g->tree.ngroup; n++) {
         fprintf(g->file, " *  ");
