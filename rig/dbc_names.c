@@ -79,7 +79,7 @@ int dbc_board_node(const struct dbc_exporter *e, int board)
     return node;
 }
 
-static const char *dbc_node_name(const struct dbc_exporter *e, const struct board_config *board)
+static const char *dbc_board_name(const struct dbc_exporter *e, const struct board_config *board)
 {
     return board ? e->dbc->node[dbc_board_node(e, (int)(board - e->rig->boards.board))].name
                  : everyone;
@@ -115,7 +115,7 @@ void dbc_make_message_name(const struct dbc_exporter *e, const struct message *m
     const struct board_config *board = dbc_message_board(e, message);
     char before[NAME_SIZE + 1], after[16] = "";
 
-    snprintf(before, sizeof before, "%.*s_", DBC_NAME_MAX, dbc_node_name(e, board));
+    snprintf(before, sizeof before, "%.*s_", DBC_NAME_MAX, dbc_board_name(e, board));
     if (message->code != MESSAGE_NO_CODE) {
         bool management = message->id >> 8 == ICUB_MANAGEMENT;
 

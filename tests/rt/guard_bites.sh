@@ -1,8 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # usage: guard_bites.sh GUARD VICTIM LAZY-VICTIM
-# The guard catches each thing that a real-time loop may not do, names it, the phase and the tick, and
-# leaves alone what may be done. Prints TAP.
+# The guard catches each thing that a real-time loop may not do, names it, the phase and the tick,
+# and leaves alone what may be done. Prints TAP.
 set -u
 guard=$1
 victim=$2
@@ -40,8 +40,8 @@ run() {
 caught() {
     run "$victim" "$1"
     good=0
-    [ $status = 134 ] && grep -q "VIOLATION in phase plant of tick 7: $2" log && grep -q "^  $3+" log &&
-        good=1
+    [ $status = 134 ] && grep -q "VIOLATION in phase plant of tick 7: $2" log &&
+        grep -q "^  $3+" log && good=1
     verdict $good "catches_$1"
 }
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# Sourced by the tests that run the program under the guard: guarded NAME RIG ARGUMENT..., then a TAP
-# line by verdict. Expects $guard and $program.
+# Sourced by the tests that run the program under the guard: guarded NAME RIG ARGUMENT..., then a
+# TAP line by verdict. Expects $guard and $program.
 # shellcheck shell=bash
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # usage: guard_runs.sh GUARD COMAN-HIL
 # The unchanged program under the guard: in every clock, with all that can be switched on beside the
-# loop, nothing is done in it that a real-time loop may not do, no page is faulted in, and the system
-# calls are those expected. Prints TAP, with the guard's table of each run.
+# loop, nothing is done in it that a real-time loop may not do, no page is faulted in, and the
+# system calls are those expected. Prints TAP, with the guard's table of each run.
 set -u
 guard=$1
 program=$2
@@ -31,7 +31,8 @@ verdict "noisy sensors, the account of energy and a settled start" only
 
 guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --ticks 3000 \
     --fault 'sensor LKneeSag.torque garbage amplitude=5 0.2..1' \
-    --fault 'board left_leg/0x01 intermittent 0.5..1' --fault 'board right_leg/0x02 hung 2.95..3.2' \
+    --fault 'board left_leg/0x01 intermittent 0.5..1' \
+    --fault 'board right_leg/0x02 hung 2.95..3.2' \
     --fault 'motor RKneeSag open_phase 1.5..1.6' --fault 'bus left_arm loss p=0.1 0.5..2' \
     --fault 'bus right_arm late delay=0.002 0.5..2' --fault 'supply sag volts=3 2..2.5'
 verdict "faults on a sensor, boards, a motor, buses and the supply" only
@@ -47,7 +48,8 @@ verdict "likewise on buses in wire mode" only clock_nanosleep
 guarded "$rigs/coman-fd.yaml" --transport local --clock real --task squat --duration 1 --wire wire
 verdict "CAN FD in real time" only clock_nanosleep
 
-# client COMMAND...: joins the torso's bus by the gateway, then runs the command with the connection as 3
+# client COMMAND...: joins the torso's bus by the gateway, then runs the command with the connection
+# as descriptor 3
 client()
 {
     local port=
@@ -130,11 +132,12 @@ END
 }
 for clock in real free; do
     steer &
-    guarded "$rigs/coman.yaml" --transport local --clock $clock --task squat --control "$work/control"
+    guarded "$rigs/coman.yaml" --transport local --clock $clock --task squat \
+        --control "$work/control"
     wait $!
     grep -i 'expected' "$work/steered" | sed 's/^/# /'
-    verdict "steered: pause, step, checkpoint, push, set, restore, speed, reset, $clock clock" only \
-        clock_nanosleep ppoll read write
+    verdict "pause, step, checkpoint, push, set, restore, speed, reset, $clock clock" \
+        only clock_nanosleep ppoll read write
 done
 
 guarded "$rigs/coman.yaml" --transport local --clock real --duration 1

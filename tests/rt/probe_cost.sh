@@ -12,7 +12,8 @@ if ! command -v valgrind >/dev/null; then
 fi
 
 count() {
-    valgrind --tool=callgrind --callgrind-out-file=/dev/null --toggle-collect=loop_run "$1" nothing 2>&1 |
+    valgrind --tool=callgrind --callgrind-out-file=/dev/null --toggle-collect=loop_run \
+        "$1" nothing 2>&1 |
         sed -n 's/.*Collected : \([0-9]*\).*/\1/p'
 }
 

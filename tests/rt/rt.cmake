@@ -26,8 +26,8 @@ if(NOT HIL_SANITIZE)
         COMMAND bash ${rt_tests}/phase_instructions.sh $<TARGET_FILE:coman-hil>)
 endif()
 
-# The guard: a library for x86-64 that needs the probes. What it is said to catch it catches in a loop
-# that misbehaves, then it goes along with the program.
+# The guard: a library for x86-64 that needs the probes. First it is shown to catch what it claims
+# in a loop that misbehaves, then the program runs under it.
 if(HIL_PROBES AND NOT HIL_SANITIZE AND CMAKE_SYSTEM_PROCESSOR STREQUAL x86_64)
     add_library(rt_guard MODULE rt/guard.c rt/guard_calls.c rt/guard_faults.c rt/guard_probes.c
                                 rt/guard_syscalls.c)
@@ -47,8 +47,8 @@ if(HIL_PROBES AND NOT HIL_SANITIZE AND CMAKE_SYSTEM_PROCESSOR STREQUAL x86_64)
     hil_script_test(rt_guard_runs LABELS service TIMEOUT 120
         COMMAND bash ${rt_tests}/guard_runs.sh $<TARGET_FILE:rt_guard> $<TARGET_FILE:coman-hil>)
     hil_script_test(rt_guard_vcan LABELS service TIMEOUT 240
-        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 220 bash ${rt_tests}/guard_vcan.sh
-                $<TARGET_FILE:rt_guard> $<TARGET_FILE:coman-hil>)
+        COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/bus/uml/run.sh -t 220 bash
+                ${rt_tests}/guard_vcan.sh $<TARGET_FILE:rt_guard> $<TARGET_FILE:coman-hil>)
 
     # the same loop with and without probes
     foreach(probes 0 1)
