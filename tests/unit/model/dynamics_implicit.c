@@ -16,12 +16,9 @@
 #include <cmocka.h>
 
 #include "model/spatial.h"
-#include "tests/unit/model/random_robot.h"
-
-#ifdef HIL_SYMBOLIC
 #include "model/symbolic/builtin.h"
 #include "model/symbolic/symbolic.h"
-#endif
+#include "tests/unit/model/random_robot.h"
 
 enum { BODIES = RANDOM_JOINTS + 1, COORDINATES = RANDOM_JOINTS + 6, CASES = 100 };
 
@@ -160,7 +157,6 @@ static void without_added_inertia_it_is_forward_dynamics(void **state)
 
 static void the_generated_code_of_coman_agrees(void **state)
 {
-#ifdef HIL_SYMBOLIC
     const struct robot *robot;
     const struct dynamics_module *module;
     struct dynamics generic, generated;
@@ -202,11 +198,6 @@ static void the_generated_code_of_coman_agrees(void **state)
     print_message("largest relative difference to the generic code: %.1e\n", worst);
     assert_true(worst < 1e-10);
     arena_fini(&arena);
-#else
-    (void)state;
-    print_message("SKIP: built without the generator\n");
-    skip();
-#endif
 }
 
 int main(void)
