@@ -1,6 +1,6 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# COMAN in lockstep with everything broken at random, two runs side by side in processes of their own,
+# COMAN in lockstep with everything broken at random, two runs side by side in their own processes,
 # one of them with less of the machine and recording: no rule is broken, and both agree to the last
 # bit. Five simulated minutes; SOAK=full: an hour. Usage: lockstep.sh SOAK_LOCKSTEP. Prints TAP.
 set -u
@@ -30,7 +30,8 @@ hash() {
 }
 
 echo 1..3
-nice -n 5 timeout $limit "$program" $seconds 1 "$work/recording" >"$work/recorded.out" 2>"$work/recorded.err" &
+nice -n 5 timeout $limit "$program" $seconds 1 "$work/recording" \
+    >"$work/recorded.out" 2>"$work/recorded.err" &
 timeout $limit "$program" $seconds 1 >"$work/plain.out" 2>"$work/plain.err"
 plain=$?
 wait $!
@@ -39,7 +40,8 @@ recorded=$?
 result $? "$seconds simulated seconds of faults break no rule"
 [ $recorded = 0 ] && [ -s "$work/recording/candump.log" ]
 result $? "nor do they while a recorder runs and the machine is busy"
-[ -n "$(hash "$work/plain.out")" ] && [ "$(hash "$work/plain.out")" = "$(hash "$work/recorded.out")" ]
+[ -n "$(hash "$work/plain.out")" ] &&
+    [ "$(hash "$work/plain.out")" = "$(hash "$work/recorded.out")" ]
 result $? "both runs agree in every frame and every state"
 sed 's/^/# /' "$work/plain.out"
 exit $bad

@@ -2,11 +2,12 @@
 /*
  * How late the loop wakes up in real time, beside cyclictest: two tools for realtime.sh.
  *
- *   soak_realtime run SECONDS PRIORITY CPU FILE   COMAN squats in real time on local buses; the histogram
- *                                                 of its wake-ups goes to FILE. PRIORITY 0: no SCHED_FIFO
- *   soak_realtime compare DIRECTORY               reads NAME-N.ours and NAME-N.cyclictest of the runs made
- *                                                 alternating and together, prints both side by side,
- *                                                 writes histogram.csv and NAME.svg
+ *   soak_realtime run SECONDS PRIORITY CPU FILE
+ *       COMAN squats in real time on local buses; the histogram of its wake-ups goes to FILE.
+ *       PRIORITY 0: no SCHED_FIFO
+ *   soak_realtime compare DIRECTORY
+ *       reads NAME-N.ours and NAME-N.cyclictest of the runs made alternating and together, prints
+ *       both side by side, writes histogram.csv and NAME.svg
  *
  * Both latencies are from the absolute deadline to the first look at the clock after the sleep.
  * cyclictest cuts them off to microseconds; ours are rounded up by at most 1/64 (rt/histogram.h),

@@ -1,10 +1,10 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# How late the loop wakes up beside cyclictest (rt-tests), in real time: half of the time both at once,
-# each on a processor of its own, which they change with every run; half of the time in turns on the
-# same processor. Same priority, interval, locked memory and idle states. COMAN squats all the while, its
-# controller on the other side of local buses. What is asserted is arithmetic: every wake-up is in the
-# histograms. The latencies are measured, and the last line sums them up.
+# How late the loop wakes up beside cyclictest (rt-tests), in real time: half of the time both at
+# once, each on a processor of its own, which they change with every run; half of the time in turns
+# on the same processor. Same priority, interval, locked memory and idle states. COMAN squats all
+# the while, its controller on the other side of local buses. What is asserted is arithmetic: every
+# wake-up is in the histograms. The latencies are measured, and the last line sums them up.
 #
 # Usage: realtime.sh SOAK_REALTIME [SECONDS [DIRECTORY]]; 12 s, with SOAK=full 600. Prints TAP.
 set -u
@@ -33,7 +33,10 @@ if ! chrt -f $priority true 2>/dev/null; then
     policy=other
 fi
 read -r -a processors <<<"$(taskset -cp $$ | sed 's/.*: //; s/,/ /g' | awk '{
-    for (i = 1; i <= NF; i++) { n = split($i, r, "-"); for (c = r[1]; c <= r[n]; c++) printf "%d ", c } }')"
+    for (i = 1; i <= NF; i++) {
+        n = split($i, r, "-")
+        for (c = r[1]; c <= r[n]; c++) printf "%d ", c
+    } }')"
 first=${processors[0]}
 second=${processors[1]:-$first}
 
@@ -42,7 +45,8 @@ ours() { # NAME CPU SECONDS
 }
 
 theirs() { # NAME CPU SECONDS
-    timeout $(($3 + 30)) cyclictest --quiet --mlockall --policy=$policy --priority=$priority --interval=1000 \
+    timeout $(($3 + 30)) cyclictest --quiet --mlockall --policy=$policy --priority=$priority \
+        --interval=1000 \
         --affinity="$2" --histogram=200000 --duration="$3" >"$directory/$1.cyclictest" 2>/dev/null
 }
 
@@ -67,11 +71,13 @@ for ((i = 0; i < alternating; i++)); do
     swap=$first first=$second second=$swap
 done
 if [ $status = 0 ]; then
-    echo "ok 1 - every tick and every wake-up of $((together + alternating)) runs is in the histograms"
+    runs=$((together + alternating))
+    echo "ok 1 - every tick and every wake-up of $runs runs is in the histograms"
 else
     echo "not ok 1 - a run failed, or its histograms disagree with its counts"
 fi
-if "$program" compare "$directory" >"$directory/comparison.txt" && [ -s "$directory/together.svg" ] &&
+if "$program" compare "$directory" >"$directory/comparison.txt" &&
+    [ -s "$directory/together.svg" ] &&
     [ -s "$directory/histogram.csv" ]; then
     echo "ok 2 - the comparison holds all of them"
 else
@@ -80,5 +86,6 @@ else
 fi
 echo "# $policy, priority $priority, load $(cut -d' ' -f1-3 /proc/loadavg)"
 sed 's/^/# /' "$directory/comparison.txt"
-[ -n "${3:-}" ] && echo "# in $directory: comparison.txt, histogram.csv, together.svg, alternating.svg"
+[ -n "${3:-}" ] &&
+    echo "# in $directory: comparison.txt, histogram.csv, together.svg, alternating.svg"
 exit $status
