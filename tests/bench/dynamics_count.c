@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* dynamics-count ROBOT ENGINE N [MODULE]: N evaluations of the robot's accelerations by one engine, for
- * an instruction counter. The engines are ours, and those of the module with other simulators. */
+/* dynamics-count ROBOT ENGINE N [MODULE]: N evaluations of the robot's accelerations by one
+ * engine, for an instruction counter. The engines are ours, and those of the module with other
+ * simulators. */
 #include "app/bench/engines.h"
 
 #include "base/text.h"

@@ -31,7 +31,8 @@ if(ODE_FOUND)
     target_link_libraries(hil-peers PRIVATE PkgConfig::ODE m)
 endif()
 
-hil_test(peers_exact SOURCES ${CMAKE_CURRENT_LIST_DIR}/peers_exact.c LIBS bench random_robot LABELS bench)
+hil_test(peers_exact SOURCES ${CMAKE_CURRENT_LIST_DIR}/peers_exact.c LIBS bench random_robot
+                LABELS bench)
 add_dependencies(test_peers_exact hil-peers)
 
 hil_script_test(bench COMMAND ${CMAKE_CURRENT_LIST_DIR}/bench.sh $<TARGET_FILE:coman-hil-bench>

@@ -104,8 +104,8 @@ static void walkman_moves_as_in_every_peer(void **state)
     compare_all(HIL_SOURCE_DIR "/config/robots/walkman.yaml", 0);
 }
 
-/* Any tree: fixed and floating bases, sliding joints, branches. The numeric implementation only: the
- * generator's code is compared with it elsewhere, and each tree would have to be compiled. */
+/* Any tree: fixed and floating bases, sliding joints, branches. The numeric implementation only:
+ * the generator's code is compared with it elsewhere, and each tree would have to be compiled. */
 static void random_trees_move_as_in_every_peer(void **state)
 {
     enum { TREES = 60 };

@@ -11,5 +11,6 @@ if(HIL_SANITIZE)
     set(sanitized --sanitized)
 endif()
 hil_script_test(service_fail_nth LABELS service TIMEOUT 400
-    COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/service/fail_nth.py $<TARGET_FILE:coman-hil>
+    COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/service/fail_nth.py
+        $<TARGET_FILE:coman-hil>
             $<TARGET_FILE:fail_nth> ${sanitized})

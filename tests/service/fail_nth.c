@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Preloaded into the program under test by fail_nth.py: makes the n-th allocation or the n-th system
- * call of one kind fail. The program is loaded once; from there each line on standard input asks
- * for one run, done by a fork just before main, so that only what the program itself does after the
- * dynamic linker is counted, and so that a run costs no more than main.
+ * Preloaded into the program under test by fail_nth.py: makes the n-th allocation or the n-th
+ * system call of one kind fail. The program is loaded once; from there each line on standard input
+ * asks for one run, done by a fork just before main, so that only what the program itself does
+ * after the dynamic linker is counted, and so that a run costs no more than main.
  *
  *   a N SPAN               SPAN allocations from the N-th on fail; SPAN 0: all that follow; N 0: none
  *   s NUMBER N SPAN WHAT   as above for system call NUMBER: WHAT is the errno that it gives, -1 has

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Overload and loss: what rt/loop.h, rt/recorder.h and canbus promise then.
-hil_script_test(service_overload COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/service/overload.py
+hil_script_test(service_overload COMMAND /usr/bin/python3
+                ${CMAKE_CURRENT_SOURCE_DIR}/service/overload.py
                 LABELS service TIMEOUT 200 SERIAL)
 # The address space of a guest process has no room for the shadow memory of the sanitizers.
 if(NOT HIL_SANITIZE)

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # control: the socket and ctl
 foreach(name control hostile memory parse socket)
-    hil_test(control_${name} SOURCES unit/app/control/${name}.c LIBS control LABELS unit TIMEOUT 240)
+    hil_test(control_${name} SOURCES unit/app/control/${name}.c LIBS control LABELS unit
+        TIMEOUT 240)
 endforeach()
 
 foreach(name doctor eventlog notify)
@@ -9,7 +10,8 @@ foreach(name doctor eventlog notify)
 endforeach()
 hil_test(cli_cmd_accel SOURCES unit/app/cli/cmd_accel.c LIBS cli random_robot LABELS unit)
 hil_test(cli_cmd_generate SOURCES unit/app/cli/cmd_generate.c LIBS cli LABELS unit)
-hil_script_test(cli COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/cli.sh $<TARGET_FILE:coman-hil> LABELS unit)
+hil_script_test(cli COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/cli.sh
+                $<TARGET_FILE:coman-hil> LABELS unit)
 
 foreach(name report svg)
     hil_test(report_${name} SOURCES unit/app/report/${name}.c LIBS report LABELS unit)

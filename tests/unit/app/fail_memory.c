@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Every allocation of ours between a rig file and a simulator that is ready to run fails once, from
- * the heap or from the arena: the call that needed it says ERROR_MEMORY in a sentence that speaks of
- * memory, and what was made until then is given back: memory, descriptors, threads, files. (What
+ * the heap or from the arena: the call that needed it says ERROR_MEMORY in a sentence that speaks
+ * of memory, and what was made until then is given back: memory, descriptors, threads, files. (What
  * libraries allocate for us fails in service/fail_nth.py.)
  *
  * The linker puts the functions __wrap_... in front of those of the same name.
