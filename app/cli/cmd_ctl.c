@@ -46,7 +46,7 @@ static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *sta
     char *line;
 
     /* A line, or why there is none */
-    switch (ctl_hear(client, &line, &error)) {
+    switch (ctl_read_line(client, &line, &error)) {
     case CTL_INTERRUPTED:
         *status = STATUS_FAILED;
         return NULL;
@@ -119,7 +119,7 @@ static int ctl_follow_rows(struct ctl_client *client, const struct ctl_options *
         char *line;
 
         fflush(stdout);
-        switch (ctl_hear(client, &line, &error)) {
+        switch (ctl_read_line(client, &line, &error)) {
         case CTL_LINE:
             print_line(o, answer, line, &rows);
             break;
@@ -146,7 +146,7 @@ static int ctl_wait_for_end(struct ctl_client *client)
     char *line;
 
     for (;;) {
-        switch (ctl_hear(client, &line, &error)) {
+        switch (ctl_read_line(client, &line, &error)) {
         case CTL_LINE:
             break;
         case CTL_INTERRUPTED:

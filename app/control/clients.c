@@ -207,7 +207,7 @@ static void client_obey_line(struct control *control, struct control_client *cli
     control_execute(control, client);
 }
 
-bool control_listens(const struct control_client *client)
+bool control_may_read(const struct control_client *client)
 {
     return client->socket >= 0 && client->waiting == WAITING_NOT &&
            client_unsent(client) <= CONTROL_OUTBOX / 2;
@@ -262,17 +262,17 @@ static bool client_next_line(struct control *control, struct control_client *cli
     return client->socket >= 0;
 }
 
-bool control_obey(struct control *control, struct control_client *client)
+bool control_carry_out_requests(struct control *control, struct control_client *client)
 {
     for (int i = 0; i < LINES_A_TURN; i++) {
-        if (!control_listens(client) || !client_next_line(control, client)) {
+        if (!control_may_read(client) || !client_next_line(control, client)) {
             return false;
         }
     }
     return true;
 }
 
-bool control_hear(struct control *control, struct control_client *client)
+bool control_read_requests(struct control *control, struct control_client *client)
 {
     if (client->received < CONTROL_LINE && !client->ended) {
         ssize_t count = recv(client->socket, client->inbox + client->received,
@@ -280,7 +280,7 @@ bool control_hear(struct control *control, struct control_client *client)
 
         if (count > 0) {
             client->received += (size_t)count;
-            client->heard_ns = control->now_ns;
+            client->last_byte_ns = control->now_ns;
         } else if (count == 0) {
             client->ended = true;
         } else if (errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR) {
@@ -288,7 +288,7 @@ bool control_hear(struct control *control, struct control_client *client)
             return false;
         }
     }
-    return control_obey(control, client);
+    return control_carry_out_requests(control, client);
 }
 
 /* Once a turn: drops a client that has ended or was too slow. */
@@ -300,9 +300,9 @@ void control_check(struct control *control, struct control_client *client)
     if (client_unsent(client) > 0 && control->now_ns - client->taken_ns > control->patience_ns) {
         client_disconnect(control, client, &control->counters.cut_slow,
                           "it does not drain its answers");
-    } else if (control_listens(client) && !client->ended && client->received > 0 &&
+    } else if (control_may_read(client) && !client->ended && client->received > 0 &&
                !memchr(client->inbox, '\n', client->received) &&
-               control->now_ns - client->heard_ns > control->patience_ns) {
+               control->now_ns - client->last_byte_ns > control->patience_ns) {
         control_refuse(control, client, NULL, "input",
                        "found half a line and then nothing, expected its end", NULL);
         client_disconnect(control, client, &control->counters.cut_silent,

@@ -33,7 +33,7 @@ static void control_prepare_poll(const struct control *control, bool accepts,
     fd[1] = (struct pollfd){.fd = accepts ? control->socket.descriptor : -1, .events = POLLIN};
     for (size_t i = 0; i < CONTROL_CLIENTS; i++) {
         const struct control_client *client = &control->client[i];
-        bool reads = control_listens(client) && !client->ended && client->received < CONTROL_LINE;
+        bool reads = control_may_read(client) && !client->ended && client->received < CONTROL_LINE;
         bool writes = client->socket >= 0 && client->filled > client->sent;
 
         fd[POLL_FIXED + i] = (struct pollfd){
@@ -54,7 +54,7 @@ static bool control_serve_client(struct control *control, struct control_client 
     if (client->socket < 0) {
         return false;
     }
-    if ((events & (POLLHUP | POLLERR)) && (client->ended || !control_listens(client))) {
+    if ((events & (POLLHUP | POLLERR)) && (client->ended || !control_may_read(client))) {
         /* Closed in both directions: nobody receives an answer */
         control_drop(control, client);
         return false;
@@ -62,7 +62,8 @@ static bool control_serve_client(struct control *control, struct control_client 
     if (events & POLLOUT) {
         control_flush(control, client);
     }
-    return (events & ~POLLOUT) && control_listens(client) && control_hear(control, client);
+    return (events & ~POLLOUT) && control_may_read(client) &&
+           control_read_requests(control, client);
 }
 
 /* Waits for the order to serve or to stop. */

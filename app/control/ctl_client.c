@@ -92,8 +92,8 @@ static char *ctl_take_line(struct ctl_client *client)
 }
 
 /* Waits up to 100 ms; false when there is nothing to read: *heard is CTL_LINE to go on waiting. */
-static bool wait_readable(struct ctl_client *client, int64_t deadline_ns, enum ctl_heard *heard,
-                          struct error *error)
+static bool wait_readable(struct ctl_client *client, int64_t deadline_ns,
+                          enum ctl_line_status *heard, struct error *error)
 {
     struct pollfd fd = {.fd = client->socket, .events = POLLIN};
     int64_t left_ms = 100;
@@ -119,10 +119,10 @@ static bool wait_readable(struct ctl_client *client, int64_t deadline_ns, enum c
     return ready > 0;
 }
 
-enum ctl_heard ctl_hear(struct ctl_client *client, char **line, struct error *error)
+enum ctl_line_status ctl_read_line(struct ctl_client *client, char **line, struct error *error)
 {
     int64_t deadline_ns = clock_now(clock_monotonic()) + client->timeout_ns;
-    enum ctl_heard heard = CTL_LINE;
+    enum ctl_line_status heard = CTL_LINE;
 
     while (!(*line = ctl_take_line(client))) {
         ssize_t count;

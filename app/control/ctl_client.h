@@ -22,7 +22,7 @@ struct ctl_client {
     char inbox[2 * CONTROL_OUTBOX]; /* no line is longer than an outbox */
 };
 
-enum ctl_heard { CTL_LINE, CTL_END, CTL_INTERRUPTED, CTL_FAILED };
+enum ctl_line_status { CTL_LINE, CTL_END, CTL_INTERRUPTED, CTL_FAILED };
 
 /* Connects to path; else to COMAN_HIL_CONTROL of the environment; else to the newest running
  * simulator, with a line on stderr when there are more. */
@@ -33,7 +33,7 @@ enum error_code ctl_send(struct ctl_client *client, const json_t *object, struct
 
 /* The next line, without its end, zero-terminated, until the next call. CTL_END: the other side has
  * closed; error is set with CTL_FAILED only. */
-enum ctl_heard ctl_hear(struct ctl_client *client, char **line, struct error *error);
+enum ctl_line_status ctl_read_line(struct ctl_client *client, char **line, struct error *error);
 
 void ctl_close(struct ctl_client *client);
 

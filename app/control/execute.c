@@ -410,7 +410,7 @@ bool control_pump(struct control *control)
         } else if (client->waiting == WAITING_TICK) {
             answer_when_reached(control, client);
         }
-        if (client->received > 0 && control_obey(control, client)) {
+        if (client->received > 0 && control_carry_out_requests(control, client)) {
             more = true;
         }
     }

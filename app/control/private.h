@@ -48,9 +48,9 @@ struct control_client {
     size_t received;
     char *inbox; /* CONTROL_LINE */
     size_t sent, filled;
-    char *outbox;     /* CONTROL_OUTBOX; sent to filled wait */
-    int64_t heard_ns; /* the last byte came */
-    int64_t taken_ns; /* the last byte was taken, or the outbox began to fill */
+    char *outbox;         /* CONTROL_OUTBOX; sent to filled wait */
+    int64_t last_byte_ns; /* the last byte came */
+    int64_t taken_ns;     /* the last byte was taken, or the outbox began to fill */
 
     enum control_waiting waiting;
     struct steer_request steer;
@@ -96,11 +96,11 @@ void control_log(struct control *control, uint64_t key, const char *format, ...)
 bool control_accept(struct control *control);
 
 /* Receives bytes, and carries out the complete lines, some at a time; true: there are more. */
-bool control_hear(struct control *control, struct control_client *client);
-bool control_obey(struct control *control, struct control_client *client);
+bool control_read_requests(struct control *control, struct control_client *client);
+bool control_carry_out_requests(struct control *control, struct control_client *client);
 
 /* Whether the client's next bytes may be received, and its next request be carried out. */
-bool control_listens(const struct control_client *client);
+bool control_may_read(const struct control_client *client);
 
 void control_flush(struct control *control, struct control_client *client);
 void control_check(struct control *control, struct control_client *client);

@@ -2,18 +2,6 @@
 /* What the wire counts: load by windows of time, latency by identifier. */
 #include "canbus/wire/private.h"
 
-const char *wire_state_name(enum wire_state state)
-{
-    static const char *const names[] = {
-        [WIRE_ERROR_ACTIVE] = "error active",
-        [WIRE_ERROR_WARNING] = "error warning",
-        [WIRE_ERROR_PASSIVE] = "error passive",
-        [WIRE_BUS_OFF] = "bus-off",
-    };
-
-    return names[state];
-}
-
 const char *wire_error_name(enum wire_error error)
 {
     static const char *const names[WIRE_ERRORS] = {

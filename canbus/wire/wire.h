@@ -219,8 +219,6 @@ size_t wire_latencies(const struct wire *wire, struct wire_latency *latency, siz
 /* The entry with the largest max_ns; count is 0 before the first frame. */
 struct wire_latency wire_worst_latency(const struct wire *wire);
 
-/* "error active", ... */
-const char *wire_state_name(enum wire_state state);
 const char *wire_error_name(enum wire_error error);
 const char *wire_drop_name(enum wire_drop drop);
 
