@@ -3,30 +3,8 @@
 #include "contact/native_law.h"
 
 #include "contact/lanes.h"
-#include "contact/tangent.h"
+#include "contact/native_friction.h"
 #include "base/vec3.h"
-
-#include <float.h>
-
-/* 10 x^3 - 15 x^4 + 6 x^5 over x^2 */
-LANES_INLINE lanes step_over_square(lanes x)
-{
-    return x * (10 - x * (15 - 6 * x));
-}
-
-/* The coefficient of friction over the sliding velocity v, finite at rest. */
-LANES_INLINE lanes law_friction_over_speed(lanes v, const struct native_law *law)
-{
-    lanes u = v * law->transition_inverse;
-    lanes t = (u - 1) * 0.5;
-    lanes sticking, sliding, zero = {0}, one = zero + 1;
-
-    t = lanes_pick(lanes_less(t, one), t, one);
-    t = lanes_pick(lanes_less(zero, t), t, zero);
-    sticking = law->us * law->transition_inverse * (u * (10 - u * (15 - 6 * u)) * u);
-    sliding = (law->us - (law->us - law->ud) * (t * t * step_over_square(t))) / (v + DBL_MIN);
-    return lanes_pick(lanes_less(u, one), sticking, sliding) + law->uv;
-}
 
 /* Springs that do nothing, up to a full set of lanes. */
 static void batch_pad(struct native_batch *b)
@@ -72,7 +50,7 @@ static void law_add_forces(const struct native_batch *batch, const struct native
         uz -= leaving * dz;
 
         lanes v2 = ux * ux + uy * uy + uz * uz;
-        lanes drag = fn * law_friction_over_speed(lanes_root(v2), law);
+        lanes drag = fn * friction_over_speed(lanes_root(v2), law);
         lanes fx = fn * dx - drag * ux;
         lanes fy = fn * dy - drag * uy;
         lanes fz = fn * dz - drag * uz;
@@ -131,12 +109,12 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
 {
     const double *w = relative->w, *v = relative->v, *center = sum->tangent->center;
     const double scale = law->us * law->transition_inverse;
-    const lanes zero = {0}, half = zero + 0.5, one = zero + 1;
+    const lanes zero = {0};
 
     out->n = b->n - start < RESISTANCE_MAX ? b->n - start : RESISTANCE_MAX;
     for (size_t i = 0; i < out->n; i += LANES) {
         const size_t from = start + i;
-        lanes p[3], d[3], u[3], arm[3], along[3], pushes, x, y, slope, friction;
+        lanes p[3], d[3], u[3], arm[3], along[3], pushes, slope, friction;
         lanes force = lanes_load(b->force + from);
 
         for (int k = 0; k < 3; ++k) {
@@ -157,10 +135,7 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
         /* The damped spring's share of its elastic force, and the damping of friction */
         pushes = 1 - law->dissipation * leaving;
         pushes = lanes_pick(lanes_less(zero, pushes), pushes, zero);
-        x = lanes_root(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) * law->transition_inverse;
-        y = lanes_pick(lanes_less(x, half), x, half);
-        slope = lanes_pick(lanes_less(x, one), 30 * (y * y) * ((1 - y) * (1 - y)),
-                           CONTACT_FRICTION_STEEPEST / (x + DBL_MIN));
+        slope = friction_slope_bound(lanes_root(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]), law);
         friction = (slope * scale + law->uv) * (force * pushes);
 
         lanes_store(lanes_load(b->rate + from) * pushes, out->stiffness + i);

@@ -11,6 +11,7 @@
 extern "C" {
 #include "base/arena.h"
 #include "contact/contact.h"
+#include "contact/friction.h"
 #include "contact/tangent.h"
 }
 

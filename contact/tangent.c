@@ -4,7 +4,6 @@
 
 #include "base/vec3.h"
 
-#include <math.h>
 #include <string.h>
 
 /* The element of a packed tangent at a row and a column, by the names of their axes. */
@@ -60,15 +59,4 @@ void contact_tangent_add(struct contact_tangent *tangent, const struct contact_e
         }
     }
     tangent_add_isotropic(element->friction, arm, tangent->D);
-}
-
-double contact_friction_damping(double static_friction, double viscous_friction,
-                                double transition_velocity_m_s, double normal_n, double speed)
-{
-    double x = speed / transition_velocity_m_s, y = fmin(x, 0.5);
-    /* S'(y), which rises up to y = 1/2 */
-    double slope = x < 1 ? 30 * y * y * (1 - y) * (1 - y) : CONTACT_FRICTION_STEEPEST / x;
-
-    /* The viscous part of the force is proportional to the speed, and so its own slope */
-    return (slope * static_friction / transition_velocity_m_s + viscous_friction) * normal_n;
 }

@@ -98,28 +98,6 @@ static void elements_add_up_to_what_they_resist_with(void **state)
     }
 }
 
-static void friction_is_bounded_by_its_steepest_slope_and_its_secant(void **state)
-{
-    const double us = 1.1, v_t = 0.01, fn = 30.0;
-    double last = 0.0, slope = 0.0;
-
-    (void)state;
-    /* contact.h's law while it sticks */
-    for (int k = 1; k <= 1000; k++) {
-        double u = 1e-3 * k, force = fn * us * u * u * u * (10.0 - u * (15.0 - 6.0 * u));
-        double bound = contact_friction_damping(us, 0.0, v_t, fn, u * v_t);
-
-        slope = fmax(slope, (force - last) / (1e-3 * v_t));
-        last = force;
-        assert_true(bound >= force / (u * v_t));
-        assert_true(bound >= (1.0 - 1e-12) * slope);
-    }
-    assert_true(contact_friction_damping(us, 0.0, v_t, fn, 0.0) == 0.0);
-    assert_near(contact_friction_damping(us, 0.0, v_t, fn, 0.5 * v_t) / slope, 1.0, 1e-5);
-    /* And while it slides */
-    assert_true(contact_friction_damping(us, 0.5, v_t, fn, 0.2) >= fn * (us / 0.2 + 0.5));
-}
-
 static void differ(struct contact_world *world, struct body_motion *motion, double *number,
                    double step, double change[6])
 {
@@ -210,7 +188,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(elements_add_up_to_what_they_resist_with),
-        cmocka_unit_test(friction_is_bounded_by_its_steepest_slope_and_its_secant),
         cmocka_unit_test(simbody_says_how_a_flat_box_resists),
         cmocka_unit_test(simbody_says_how_a_sphere_resists),
     };
