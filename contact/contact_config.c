@@ -40,8 +40,8 @@ static bool matrix_is_rotation(const double r[9], double tolerance)
     double determinant = r[0] * (r[4] * r[8] - r[5] * r[7]) - r[1] * (r[3] * r[8] - r[5] * r[6]) +
                          r[2] * (r[3] * r[7] - r[4] * r[6]);
 
-    for (int a = 0; a < 3; ++a) {
-        for (int b = a; b < 3; ++b) {
+    for (int a = 0; a < 3; a++) {
+        for (int b = a; b < 3; b++) {
             double dot =
                 r[3 * a] * r[3 * b] + r[3 * a + 1] * r[3 * b + 1] + r[3 * a + 2] * r[3 * b + 2];
 
@@ -55,7 +55,7 @@ static bool matrix_is_rotation(const double r[9], double tolerance)
 
 static bool motion_is_valid(const struct body_motion *motion)
 {
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         if (!(fabs(motion->p[i]) <= MOTION_LIMIT && fabs(motion->w[i]) <= MOTION_LIMIT &&
               fabs(motion->v[i]) <= MOTION_LIMIT)) {
             return false;
@@ -67,7 +67,7 @@ static bool motion_is_valid(const struct body_motion *motion)
 enum error_code contact_check_motions(const struct body_motion *motion, size_t n, char *failure,
                                       size_t size)
 {
-    for (size_t b = 0; b < n; ++b) {
+    for (size_t b = 0; b < n; b++) {
         if (!motion_is_valid(&motion[b])) {
             snprintf(failure, size,
                      "contact: invalid motion of body %zu: expected a rotation and finite numbers",
@@ -101,7 +101,7 @@ static enum error_code surface_check_material(const struct contact_surface *s, s
          "0 or more"},
     };
 
-    for (size_t i = 0; i < ARRAY_COUNT(rule); ++i) {
+    for (size_t i = 0; i < ARRAY_COUNT(rule); i++) {
         enum error_code code =
             surface_expect(rule[i].good, s, rule[i].key, rule[i].value, rule[i].expected, error);
 
@@ -114,7 +114,7 @@ static enum error_code surface_check_material(const struct contact_surface *s, s
 
 static enum error_code surface_check_box(const struct contact_surface *s, struct error *error)
 {
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         double half = s->half_extent_m[i];
         enum error_code code =
             surface_expect(half > 0 && half <= MESH_MAX_COORDINATE_M, s, "half_extent_m", half,
@@ -173,7 +173,7 @@ static enum error_code surface_check_pose(const struct contact_surface *s, struc
 {
     const double *r = s->rotation;
 
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         enum error_code code = surface_expect(isfinite(s->position[i]), s, "position",
                                               s->position[i], "a finite number", error);
 
@@ -223,7 +223,7 @@ static enum error_code pair_check(const struct contact_config *config, size_t in
     const struct contact_pair *p = &config->pair[index];
 
     /* Two surfaces */
-    for (int side = 0; side < 2; ++side) {
+    for (int side = 0; side < 2; side++) {
         int surface = side == 0 ? p->a : p->b;
 
         if (surface < 0 || (size_t)surface >= config->nsurface) {
@@ -251,7 +251,7 @@ static enum error_code pair_check(const struct contact_config *config, size_t in
     }
 
     /* And have not been given before */
-    for (size_t i = 0; i < index; ++i) {
+    for (size_t i = 0; i < index; i++) {
         const struct contact_pair *q = &config->pair[i];
 
         if ((q->a == p->a && q->b == p->b) || (q->a == p->b && q->b == p->a)) {
@@ -282,14 +282,14 @@ enum error_code contact_config_check(const struct contact_config *config, struct
     }
 
     /* Surfaces first: pairs name them */
-    for (size_t i = 0; i < config->nsurface; ++i) {
+    for (size_t i = 0; i < config->nsurface; i++) {
         enum error_code code = surface_check(config, i, error);
 
         if (code != ERROR_NONE) {
             return code;
         }
     }
-    for (size_t i = 0; i < config->npair; ++i) {
+    for (size_t i = 0; i < config->npair; i++) {
         enum error_code code = pair_check(config, i, error);
 
         if (code != ERROR_NONE) {

@@ -63,7 +63,7 @@ LANES_INLINE lanes lanes_root(lanes x)
 #else
     lanes r;
 
-    for (int i = 0; i < LANES; ++i) {
+    for (int i = 0; i < LANES; i++) {
         r[i] = sqrt(x[i]);
     }
     return r;
@@ -109,7 +109,7 @@ LANES_INLINE double lanes_least(lanes x)
 {
     double least = x[0];
 
-    for (int i = 1; i < LANES; ++i) {
+    for (int i = 1; i < LANES; i++) {
         least = x[i] < least ? x[i] : least;
     }
     return least;

@@ -24,7 +24,7 @@ double mesh_volume(const struct mesh *mesh)
     double six = 0;
 
     /* A vertex of the mesh as the origin: nothing cancels when the mesh lies far off */
-    for (size_t f = 0; f < mesh->nface; ++f) {
+    for (size_t f = 0; f < mesh->nface; f++) {
         double normal[3], from[3];
 
         mesh_face_cross(mesh, f, normal);
@@ -38,7 +38,7 @@ double mesh_area(const struct mesh *mesh)
 {
     double twice = 0;
 
-    for (size_t f = 0; f < mesh->nface; ++f) {
+    for (size_t f = 0; f < mesh->nface; f++) {
         double normal[3];
 
         mesh_face_cross(mesh, f, normal);
@@ -76,8 +76,8 @@ static int mesh_box_vertex_number(int n, const int at[3])
 
 static void mesh_box_place_vertices(const double half[3], int n, double (*vertex)[3])
 {
-    for (int i = 0; i <= n; ++i) {
-        for (int j = 0; j <= n; ++j) {
+    for (int i = 0; i <= n; i++) {
+        for (int j = 0; j <= n; j++) {
             bool rim = i == 0 || i == n || j == 0 || j == n;
 
             for (int k = 0; k <= n; k += rim ? 1 : n) {
@@ -85,7 +85,7 @@ static void mesh_box_place_vertices(const double half[3], int n, double (*vertex
                 double *v = vertex[mesh_box_vertex_number(n, at)];
 
                 /* Symmetric about 0 to the last bit */
-                for (int axis = 0; axis < 3; ++axis) {
+                for (int axis = 0; axis < 3; axis++) {
                     v[axis] = half[axis] * (2 * at[axis] - n) / n;
                 }
             }
@@ -99,7 +99,7 @@ static void mesh_box_add_cell(int n, int axis, int sign, int u, int v, int (*fac
     static const int step[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
     int corner[4];
 
-    for (int c = 0; c < 4; ++c) {
+    for (int c = 0; c < 4; c++) {
         /* Seen from outside, a negative side is walked the other way round */
         int s = sign > 0 ? c : 3 - c;
         int at[3];
@@ -121,7 +121,7 @@ enum error_code mesh_box(const double half_extent[3], int cells, struct arena *a
         return error_set(error, ERROR_INPUT, "box: found %d cells per edge, expected 1 to %d",
                          cells, MESH_MAX_BOX_CELLS);
     }
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         if (!(half_extent[i] > 0 && half_extent[i] <= MESH_MAX_COORDINATE_M)) {
             return error_set(error, ERROR_INPUT,
                              "box: found half extent %g m on axis %c, expected over 0 and at most "
@@ -145,9 +145,9 @@ enum error_code mesh_box(const double half_extent[3], int cells, struct arena *a
     size_t next = 0;
 
     mesh_box_place_vertices(half_extent, cells, vertex);
-    for (int axis = 0; axis < 3; ++axis) {
+    for (int axis = 0; axis < 3; axis++) {
         for (int sign = -1; sign <= 1; sign += 2) {
-            for (int cell = 0; cell < cells * cells; ++cell) {
+            for (int cell = 0; cell < cells * cells; cell++) {
                 mesh_box_add_cell(cells, axis, sign, cell / cells, cell % cells, face + next);
                 next += 2;
             }

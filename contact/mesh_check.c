@@ -87,7 +87,7 @@ static bool mesh_is_in_range(struct mesh_checker *c)
         c->finding->fault = MESH_EMPTY;
         return false;
     }
-    for (size_t half = 0; half < 3 * m->nface; ++half) {
+    for (size_t half = 0; half < 3 * m->nface; half++) {
         int v = m->face[half / 3][half % 3];
 
         if (v < 0 || (size_t)v >= m->nvertex) {
@@ -97,7 +97,7 @@ static bool mesh_is_in_range(struct mesh_checker *c)
                                                 .vertex = {v, v}};
             return false;
         }
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             if (!(fabs(m->vertex[v][i]) <= MESH_MAX_COORDINATE_M)) {
                 mesh_report_fault(c, MESH_BAD_COORDINATE, half, half);
                 return false;
@@ -111,10 +111,10 @@ static bool mesh_faces_have_area(struct mesh_checker *c)
 {
     const struct mesh *m = c->mesh;
 
-    for (size_t f = 0; f < m->nface; ++f) {
+    for (size_t f = 0; f < m->nface; f++) {
         double edge[3][3], longest = 0, area[3];
 
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             vec3_sub(m->vertex[m->face[f][(i + 1) % 3]], m->vertex[m->face[f][i]], edge[i]);
             longest = fmax(longest, vec3_dot(edge[i], edge[i]));
         }
@@ -131,7 +131,7 @@ static int compare_face_keys(const void *a, const void *b)
 {
     const struct face_key *x = a, *y = b;
 
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         if (x->vertex[i] != y->vertex[i]) {
             return x->vertex[i] < y->vertex[i] ? -1 : 1;
         }
@@ -143,7 +143,7 @@ static bool mesh_faces_are_distinct(struct mesh_checker *c)
 {
     size_t n = c->mesh->nface;
 
-    for (size_t f = 0; f < n; ++f) {
+    for (size_t f = 0; f < n; f++) {
         const int *v = c->mesh->face[f];
         int low = v[0] < v[1] ? v[0] : v[1], high = v[0] < v[1] ? v[1] : v[0];
         int first = low < v[2] ? low : v[2], last = high > v[2] ? high : v[2];
@@ -151,7 +151,7 @@ static bool mesh_faces_are_distinct(struct mesh_checker *c)
         c->face_key[f] = (struct face_key){{first, v[0] ^ v[1] ^ v[2] ^ first ^ last, last}, f};
     }
     qsort(c->face_key, n, sizeof *c->face_key, compare_face_keys);
-    for (size_t i = 1; i < n; ++i) {
+    for (size_t i = 1; i < n; i++) {
         const struct face_key *last = &c->face_key[i - 1], *key = &c->face_key[i];
 
         if (memcmp(key->vertex, last->vertex, sizeof key->vertex) == 0) {
@@ -181,7 +181,7 @@ static bool mesh_edges_join_two_faces(struct mesh_checker *c)
     struct half_edge *all = c->half_edge;
 
     /* Sorted by their vertices, the half-edges of one edge are neighbors */
-    for (size_t h = 0; h < n; ++h) {
+    for (size_t h = 0; h < n; h++) {
         const int *v = c->mesh->face[h / 3];
         int from = v[h % 3], to = v[(h + 1) % 3];
 
@@ -213,7 +213,7 @@ static bool mesh_edges_join_two_faces(struct mesh_checker *c)
 /* Walks the fan of faces around each vertex; a second fan at the same vertex is a pinch. */
 static bool mesh_vertices_have_one_fan(struct mesh_checker *c)
 {
-    for (size_t half = 0; half < 3 * c->mesh->nface; ++half) {
+    for (size_t half = 0; half < 3 * c->mesh->nface; half++) {
         int v = c->mesh->face[half / 3][half % 3];
 
         /* A half-edge of a fan that no walk has come by is of another fan */
@@ -234,7 +234,7 @@ static bool mesh_vertices_have_one_fan(struct mesh_checker *c)
             h = c->twin[previous];
         }
     }
-    for (size_t v = 0; v < c->mesh->nvertex; ++v) {
+    for (size_t v = 0; v < c->mesh->nvertex; v++) {
         if (!c->used[v]) {
             *c->finding =
                 (struct mesh_finding){.fault = MESH_UNUSED_VERTEX, .vertex = {(int)v, (int)v}};

@@ -37,7 +37,7 @@ static enum error_code obj_read_statement(struct obj_reader *r)
     }
 
     /* What adds no shape */
-    for (size_t i = 0; i < ARRAY_COUNT(ignored); ++i) {
+    for (size_t i = 0; i < ARRAY_COUNT(ignored); i++) {
         if (obj_token_is(&token, ignored[i])) {
             obj_skip_line(r, true);
             return ERROR_NONE;

@@ -129,7 +129,7 @@ static bool obj_find_polygon_frame(const struct obj_reader *r, double normal[3],
 
     memset(normal, 0, 3 * sizeof *normal);
     *longest = 0;
-    for (size_t i = 0; i < r->ncorner; ++i) {
+    for (size_t i = 0; i < r->ncorner; i++) {
         const double *here = obj_polygon_corner(r, i), *next = obj_polygon_corner(r, i + 1);
         double a[3], b[3], part[3];
 
@@ -144,7 +144,7 @@ static bool obj_find_polygon_frame(const struct obj_reader *r, double normal[3],
     if (!(length > 0)) {
         return false;
     }
-    for (int axis = 0; axis < 3; ++axis) {
+    for (int axis = 0; axis < 3; axis++) {
         normal[axis] /= length;
     }
     return true;
@@ -159,7 +159,7 @@ static enum error_code obj_check_polygon(struct obj_reader *r, struct obj_place 
     if (!obj_find_polygon_frame(r, normal, &longest)) {
         return obj_refuse(r, place, "found a polygon without area, expected a flat convex one");
     }
-    for (size_t i = 0; i < r->ncorner; ++i) {
+    for (size_t i = 0; i < r->ncorner; i++) {
         const double *here = obj_polygon_corner(r, i), *next = obj_polygon_corner(r, i + 1);
         const double *after = obj_polygon_corner(r, i + 2);
         struct obj_place next_place = r->polygon_place[(i + 1) % r->ncorner];
@@ -208,7 +208,7 @@ static enum error_code obj_add_triangle(struct obj_reader *r, size_t second)
     if (!obj_reserve_face(r)) {
         return obj_no_memory(r);
     }
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         r->face[r->nface][i] = r->polygon[corner[i]];
         r->corner_place[r->nface][i] = r->polygon_place[corner[i]];
     }
@@ -241,7 +241,7 @@ enum error_code obj_read_face(struct obj_reader *r, struct obj_place place)
             return code;
         }
     }
-    for (size_t i = 1; i + 1 < r->ncorner; ++i) {
+    for (size_t i = 1; i + 1 < r->ncorner; i++) {
         code = obj_add_triangle(r, i);
         if (code != ERROR_NONE) {
             return code;

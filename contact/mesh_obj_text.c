@@ -42,7 +42,7 @@ const char *obj_quote_token(const struct obj_token *token, char out[OBJ_QUOTE_SI
     size_t o = 0;
 
     out[o++] = '\'';
-    for (size_t i = 0; i < shown; ++i) {
+    for (size_t i = 0; i < shown; i++) {
         char c = token->text[i];
 
         out[o++] = c >= 0x20 && c < 0x7f ? c : '?';

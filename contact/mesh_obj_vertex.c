@@ -100,7 +100,7 @@ enum error_code obj_read_vertex(struct obj_reader *r, struct obj_place place)
     }
 
     /* The three coordinates */
-    for (int axis = 0; axis < 3; ++axis) {
+    for (int axis = 0; axis < 3; axis++) {
         code = obj_read_coordinate(r, axis, &r->vertex[r->nvertex][axis]);
         if (code != ERROR_NONE) {
             return code;

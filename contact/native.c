@@ -18,8 +18,8 @@ static void surface_place(const struct native_surface *s, const struct body_moti
     double arm[3], turn[3];
 
     /* Its frame */
-    for (int r = 0; r < 3; ++r) {
-        for (int c = 0; c < 3; ++c) {
+    for (int r = 0; r < 3; r++) {
+        for (int c = 0; c < 3; c++) {
             pose->R[3 * r + c] = m->R[3 * r] * s->rotation[c] +
                                  m->R[3 * r + 1] * s->rotation[3 + c] +
                                  m->R[3 * r + 2] * s->rotation[6 + c];
@@ -42,7 +42,7 @@ void native_place_fixed_surfaces(struct native_engine *e)
 {
     const struct body_motion world_at_rest = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
 
-    for (size_t i = 0; i < e->nsurface; ++i) {
+    for (size_t i = 0; i < e->nsurface; i++) {
         if (e->surface[i].body < 0) {
             surface_place(&e->surface[i], &world_at_rest, &e->pose[i]);
         }
@@ -70,8 +70,8 @@ static void pose_relate(const struct native_pose *a, const struct native_pose *b
 {
     double arm[3], w[3], v[3], turn[3];
 
-    for (int r = 0; r < 3; ++r) {
-        for (int c = 0; c < 3; ++c) {
+    for (int r = 0; r < 3; r++) {
+        for (int c = 0; c < 3; c++) {
             relative->R[3 * r + c] =
                 a->R[r] * b->R[c] + a->R[3 + r] * b->R[3 + c] + a->R[6 + r] * b->R[6 + c];
         }
@@ -161,7 +161,7 @@ static void pair_add_patch(struct native_engine *e, size_t index, const struct n
     surface_add_wrench(e, pair->surface[1], force, moment, patch->center, -1, motion, wrench);
 
     patch->pair = (int)index;
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         patch->force[k] = pair->sign * force[k];
         patch->moment[k] = pair->sign * moment[k];
     }
@@ -208,10 +208,10 @@ static enum error_code native_evaluate(struct contact_world *world,
     }
 
     /* Nothing touches yet; all surfaces are where their bodies are */
-    for (size_t b = 0; b < e->nbody; ++b) {
+    for (size_t b = 0; b < e->nbody; b++) {
         wrench[b] = (struct contact_wrench){{0}, {0}};
     }
-    for (size_t i = 0; i < e->nsurface; ++i) {
+    for (size_t i = 0; i < e->nsurface; i++) {
         const struct native_surface *s = &e->surface[i];
 
         if (s->body >= 0) {
@@ -222,7 +222,7 @@ static enum error_code native_evaluate(struct contact_world *world,
     e->scratch->batch.n = e->scratch->batch.start = 0;
     e->scratch->batch.full = false;
 
-    for (size_t i = 0; i < e->npair; ++i) {
+    for (size_t i = 0; i < e->npair; i++) {
         pair_evaluate(e, i, motion, wrench);
     }
     return ERROR_NONE;
@@ -232,7 +232,7 @@ static size_t native_patches(struct contact_world *world, struct contact_patch *
 {
     const struct native_engine *e = (const struct native_engine *)world;
 
-    for (size_t i = 0; i < e->npatch && i < max; ++i) {
+    for (size_t i = 0; i < e->npatch && i < max; i++) {
         patch[i] = e->patch[i];
     }
     return e->npatch;
@@ -261,7 +261,7 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
 {
     const struct native_engine *e = (const struct native_engine *)world;
 
-    for (size_t i = 0; i < e->npatch && i < max; ++i) {
+    for (size_t i = 0; i < e->npatch && i < max; i++) {
         const struct native_pair *pair = &e->pair[e->patch[i].pair];
         const struct native_pose *a = &e->pose[pair->surface[0]];
         bool turned = pair->sign > 0; /* the configured pair's a is our second */

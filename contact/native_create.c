@@ -111,7 +111,7 @@ static void pair_make(const struct contact_config *config, size_t index,
 static const struct solid *surface_find_solid(const struct contact_config *config, size_t index,
                                               const struct native_surface *surface)
 {
-    for (size_t i = 0; i < index; ++i) {
+    for (size_t i = 0; i < index; i++) {
         if (config->surface[i].shape == CONTACT_MESH &&
             config->surface[i].mesh == config->surface[index].mesh) {
             return surface[i].solid;
@@ -155,10 +155,10 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
     }
 
     /* A ball about its box's middle */
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         s->center[k] = (s->solid->box.low[k] + s->solid->box.high[k]) / 2;
     }
-    for (size_t v = 0; v < mesh->nvertex; ++v) {
+    for (size_t v = 0; v < mesh->nvertex; v++) {
         double to[3];
 
         vec3_sub(mesh->vertex[v], s->center, to);
@@ -200,7 +200,7 @@ static enum error_code scratch_make(struct native_engine *e, struct arena *arena
     }
 
     /* No mesh has more facets than faces */
-    for (size_t i = 0; i < e->nsurface; ++i) {
+    for (size_t i = 0; i < e->nsurface; i++) {
         if (e->surface[i].solid && e->surface[i].solid->nface > most) {
             most = e->surface[i].solid->nface;
         }
@@ -213,12 +213,12 @@ static enum error_code scratch_make(struct native_engine *e, struct arena *arena
     view->ring = arena_alloc(arena, most, sizeof *view->ring);
     view->corner = arena_alloc(arena, 3 * most, sizeof *view->corner);
     made = view->radius && view->ring && view->corner;
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         view->normal[k] = arena_alloc(arena, padded, sizeof **view->normal);
         view->center[k] = arena_alloc(arena, padded, sizeof **view->center);
         made = made && view->normal[k] && view->center[k];
     }
-    for (int i = 0; i < 2; ++i) {
+    for (int i = 0; i < 2; i++) {
         s->list[i] = arena_alloc(arena, most, sizeof **s->list);
         made = made && s->list[i];
     }
@@ -264,14 +264,14 @@ enum error_code native_create_with_kernels(const struct contact_config *config,
     }
 
     /* Surfaces, then the pairs of them */
-    for (size_t i = 0; i < e->nsurface; ++i) {
+    for (size_t i = 0; i < e->nsurface; i++) {
         code = surface_make(config, i, arena, e->surface, error);
         if (code != ERROR_NONE) {
             return code;
         }
     }
     native_place_fixed_surfaces(e);
-    for (size_t i = 0; i < e->npair; ++i) {
+    for (size_t i = 0; i < e->npair; i++) {
         pair_make(config, i, kernels, &e->pair[i]);
     }
 

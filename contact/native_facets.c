@@ -62,7 +62,7 @@ static bool bed_lay(const struct facets_between *m, const struct facets_couple *
     /* How high the other one's corners are over its plane */
     offset = vec3_dot(bed->base_normal, bed->origin);
     flat->n = bed->other->count;
-    for (int i = 0; i < flat->n; ++i) {
+    for (int i = 0; i < flat->n; i++) {
         height[i] = vec3_dot(bed->base_normal, c->ring[i]) - offset;
         behind = behind || height[i] < 0;
     }
@@ -74,12 +74,12 @@ static bool bed_lay(const struct facets_between *m, const struct facets_couple *
     length = sqrt(2 + 2 * c->facing);
     inverse = 1 / length;
     bed->cosine = length / 2;
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         bed->along[k] = (c->normal_b[k] - c->a->normal[k]) * inverse;
     }
     vec3_sub(bed->origin, bed->on_second ? c->a->center : c->center_b, to);
     bed->depth = -2 * inverse * vec3_dot(bed->other_normal, to);
-    for (int side = 0; side < 2; ++side) {
+    for (int side = 0; side < 2; side++) {
         if (bed->on_second) {
             mat3_apply(m->relative->R, bed->base->axis[side], bed->axis[side]);
         } else {
@@ -91,7 +91,7 @@ static bool bed_lay(const struct facets_between *m, const struct facets_couple *
     }
 
     /* The other one's corners along the springs in the plane */
-    for (int i = 0; i < flat->n; ++i) {
+    for (int i = 0; i < flat->n; i++) {
         int at = flat->n - 1 - i;
 
         vec3_sub(c->ring[i], bed->origin, to);
@@ -107,7 +107,7 @@ static void flat_clip(const struct flat *in, const double *side, struct flat *ou
 {
     int n = 0;
 
-    for (int i = 0; i < in->n && n + 2 <= POLYGON_MAX; ++i) {
+    for (int i = 0; i < in->n && n + 2 <= POLYGON_MAX; i++) {
         int j = i + 1 < in->n ? i + 1 : 0;
 
         if (side[i] >= 0) {
@@ -127,14 +127,14 @@ static void flat_clip(const struct flat *in, const double *side, struct flat *ou
 /* The outline of a triangle, which is not kept. */
 static void triangle_outline(const struct facet *f, const double (*ring)[3], double *x, double *y)
 {
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         double to[3];
 
         vec3_sub(ring[i], f->center, to);
         x[i] = vec3_dot(f->axis[0], to);
         y[i] = vec3_dot(f->axis[1], to);
     }
-    for (int i = 3; i < FACET_OUTLINE(3); ++i) {
+    for (int i = 3; i < FACET_OUTLINE(3); i++) {
         x[i] = x[0];
         y[i] = y[0];
     }
@@ -151,7 +151,7 @@ static uint64_t outline_find_cutting_edges(const double *x, const double *y, int
         lanes y0 = lanes_load(y + i), dy = lanes_load_any(y + i + 1) - y0;
         lanes_mask outside = {0};
 
-        for (int k = 0; k < g->n; ++k) {
+        for (int k = 0; k < g->n; k++) {
             outside |= lanes_less(dx * (g->y[k] - y0), dy * (g->x[k] - x0));
         }
         edges |= lanes_bits(outside) << i;
@@ -161,7 +161,7 @@ static uint64_t outline_find_cutting_edges(const double *x, const double *y, int
 
 static bool flat_is_in_circle(const struct flat *g, double radius)
 {
-    for (int i = 0; i < g->n; ++i) {
+    for (int i = 0; i < g->n; i++) {
         if (g->x[i] * g->x[i] + g->y[i] * g->y[i] > radius * radius) {
             return false;
         }
@@ -181,7 +181,7 @@ static const struct flat *bed_clip(const struct solid *solid, const struct bed *
     bool all = true;
 
     /* To where it is deep */
-    for (int i = 0; i < now->n; ++i) {
+    for (int i = 0; i < now->n; i++) {
         side[i] = bed_depth(bed, now->x[i], now->y[i]);
         all = all && side[i] >= 0;
     }
@@ -206,7 +206,7 @@ static const struct flat *bed_clip(const struct solid *solid, const struct bed *
         int e = __builtin_ctzll(edges);
         double dx = x[e + 1] - x[e], dy = y[e + 1] - y[e];
 
-        for (int i = 0; i < now->n; ++i) {
+        for (int i = 0; i < now->n; i++) {
             side[i] = dx * (now->y[i] - y[e]) - dy * (now->x[i] - x[e]);
         }
         flat_clip(now, side, next);
@@ -230,7 +230,7 @@ static void flat_find_moments(const struct flat *g, bool second, struct moments 
 
     /* About the first corner, each without its factor (1/3, 1/6 or 1/12) */
     *m = (struct moments){0};
-    for (int i = 2; i < g->n; ++i) {
+    for (int i = 2; i < g->n; i++) {
         double vx = g->x[i] - x0, vy = g->y[i] - y0, twice = ux * vy - uy * vx;
         double sx = ux + vx, sy = uy + vy;
 
@@ -270,7 +270,7 @@ static void bed_place_on_spring(const struct bed *bed, double x, double y, doubl
 {
     double step = (bed->on_second ? part - 1 : part) * depth;
 
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         out[k] = bed->origin[k] + x * bed->axis[0][k] + y * bed->axis[1][k] + step * bed->along[k];
     }
 }
@@ -306,7 +306,7 @@ static void bed_add_three(const struct facets_between *m, const struct bed *bed,
 static void bed_add_around(const struct facets_between *m, const struct bed *bed,
                            const struct flat *g, const struct moments *at, double rate)
 {
-    for (int i = 0; i < g->n; ++i) {
+    for (int i = 0; i < g->n; i++) {
         int j = i + 1 < g->n ? i + 1 : 0;
         double ux = g->x[i] - at->x, uy = g->y[i] - at->y;
         double vx = g->x[j] - at->x, vy = g->y[j] - at->y;
@@ -392,7 +392,7 @@ void facets_add_springs(const struct facets_between *m, const struct facets_coup
     }
 
     m->sum->area += area;
-    for (int i = 0; i < common->n && weight >= 0.5; ++i) {
+    for (int i = 0; i < common->n && weight >= 0.5; i++) {
         depth = bed_depth(&bed, common->x[i], common->y[i]);
         m->sum->depth = depth > m->sum->depth ? depth : m->sum->depth;
     }

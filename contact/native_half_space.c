@@ -28,7 +28,7 @@ static void half_space_add_sunk_facet(struct native_scratch *s, const struct sol
         native_law_make_room(&s->batch, 8, law, relative, sum);
         room = (int)(BATCH_MAX - b->n);
         take = take < room ? take : room;
-        for (int i = 0; i < take; ++i) {
+        for (int i = 0; i < take; i++) {
             size_t from = (size_t)(f->point + done + i), to = b->n + (size_t)i;
             double x = solid->point[0][from], y = solid->point[1][from], z = solid->point[2][from];
             double depth = height - (n[0] * x + n[1] * y + n[2] * z);
@@ -66,7 +66,7 @@ static void half_space_add_facet(struct native_scratch *s, const struct solid *s
 
     /* How deep its corners are */
     whole.n = f->count;
-    for (int i = 0; i < f->count; ++i) {
+    for (int i = 0; i < f->count; i++) {
         const double *v = solid->ring[f->first + i];
         double depth = height - vec3_dot(n, v);
 
@@ -117,7 +117,7 @@ void native_overlap_half_space(const struct solid *solid, const struct native_la
             node += node->size;
             continue;
         }
-        for (int i = 0; i < node->count; ++i) {
+        for (int i = 0; i < node->count; i++) {
             half_space_add_facet(scratch, solid, &solid->facet[tree->item[node->first + i]], n,
                                  height, law, relative, sum);
         }

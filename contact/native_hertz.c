@@ -16,7 +16,7 @@ void native_hertz(const double radius[2], const struct native_law *law,
 
     /* Normal, depth and relative radius, of a half-space and of a sphere */
     if (isinf(radius[1])) {
-        for (int k = 0; k < 3; ++k) {
+        for (int k = 0; k < 3; k++) {
             d[k] = relative->R[3 * k + 2];
         }
         depth = radius[0] + vec3_dot(d, relative->p);
@@ -25,7 +25,7 @@ void native_hertz(const double radius[2], const struct native_law *law,
         apart = vec3_norm(relative->p);
         depth = radius[0] + radius[1] - apart;
         relative_radius = radius[0] * radius[1] / (radius[0] + radius[1]);
-        for (int k = 0; k < 3; ++k) {
+        for (int k = 0; k < 3; k++) {
             /* One in the middle of the other has no direction; any will do */
             d[k] = apart > DBL_MIN ? -relative->p[k] / apart : k == 2;
         }
@@ -37,7 +37,7 @@ void native_hertz(const double radius[2], const struct native_law *law,
     /* One spring, from the first's surface inward by its share of the depth */
     native_law_make_room(b, 1, law, relative, sum);
     force = 4.0 / 3 * law->hertz * sqrt(relative_radius * depth) * depth;
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         b->p[k][b->n] = (law->hertz_share * depth - radius[0]) * d[k];
         b->d[k][b->n] = d[k];
     }

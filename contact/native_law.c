@@ -10,7 +10,7 @@
 static void batch_pad(struct native_batch *b)
 {
     for (; b->n % LANES; ++b->n) {
-        for (int k = 0; k < 3; ++k) {
+        for (int k = 0; k < 3; k++) {
             b->p[k][b->n] = b->d[k][b->n] = 0;
         }
         b->force[b->n] = b->depth[b->n] = b->rate[b->n] = 0;
@@ -70,7 +70,7 @@ static void law_add_forces(const struct native_batch *batch, const struct native
         power += f * law->dissipation * (leaving * leaving) + drag * v2;
     }
 
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         sum->force[k] += lanes_sum(force[k]);
         sum->moment[k] += lanes_sum(moment[k]);
         sum->lever[k] += lanes_sum(lever[k]);
@@ -117,7 +117,7 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
         lanes p[3], d[3], u[3], arm[3], along[3], pushes, slope, friction;
         lanes force = lanes_load(b->force + from);
 
-        for (int k = 0; k < 3; ++k) {
+        for (int k = 0; k < 3; k++) {
             p[k] = lanes_load(b->p[k] + from);
             d[k] = lanes_load(b->d[k] + from);
         }
@@ -128,7 +128,7 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
         u[2] = v[2] + (w[0] * p[1] - w[1] * p[0]);
         lanes leaving = u[0] * d[0] + u[1] * d[1] + u[2] * d[2];
 
-        for (int k = 0; k < 3; ++k) {
+        for (int k = 0; k < 3; k++) {
             u[k] -= leaving * d[k];
         }
 
@@ -144,10 +144,10 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
                     out->damping + i);
 
         /* Where it acts, in the world's directions about the tangent's center */
-        for (int k = 0; k < 3; ++k) {
+        for (int k = 0; k < 3; k++) {
             p[k] -= center[k];
         }
-        for (int k = 0; k < 3; ++k) {
+        for (int k = 0; k < 3; k++) {
             arm[k] = lanes_turn(sum->turn + 3 * k, p);
             along[k] = lanes_turn(sum->turn + 3 * k, d);
             lanes_store(arm[k], out->arm[k] + i);
@@ -170,14 +170,14 @@ LANES_INLINE void tangent_add_row(const struct resistance *by, const int row,
         lanes stiffness = lanes_load(by->stiffness + i) * w;
         lanes damping = lanes_load(by->damping + i) * w;
 
-        for (int column = row; column < CONTACT_AXES; ++column) {
+        for (int column = row; column < CONTACT_AXES; column++) {
             lanes other = lanes_load(by->along[column] + i);
 
             k[column] += stiffness * other;
             d[column] += damping * other;
         }
     }
-    for (int column = row; column < CONTACT_AXES; ++column) {
+    for (int column = row; column < CONTACT_AXES; column++) {
         tangent->K[CONTACT_TANGENT_AT(row, column)] += lanes_sum(k[column]);
         tangent->D[CONTACT_TANGENT_AT(row, column)] += lanes_sum(d[column]);
     }
@@ -215,7 +215,7 @@ static void tangent_add_friction(const struct resistance *by, double D[CONTACT_T
     const double across[CONTACT_TANGENT_SIZE] = {
         s, 0, 0, 0, z, -y, s, 0, -z, 0, x, s, y, -x, 0, yy + zz, -xy, -xz, xx + zz, -yz, xx + yy};
 
-    for (int at = 0; at < CONTACT_TANGENT_SIZE; ++at) {
+    for (int at = 0; at < CONTACT_TANGENT_SIZE; at++) {
         D[at] += across[at];
     }
 }

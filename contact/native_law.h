@@ -64,7 +64,7 @@ struct native_sum {
 static inline void batch_add_spring(struct native_batch *b, const double p[3], const double d[3],
                                     double rate, double depth)
 {
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         b->p[k][b->n] = p[k];
         b->d[k][b->n] = d[k];
     }

@@ -27,12 +27,12 @@ static struct box box_transform(const struct box *box, const double R[9], const 
     struct box out;
     double center[3], half[3], to[3];
 
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         center[k] = (box->low[k] + box->high[k]) / 2;
         half[k] = (box->high[k] - box->low[k]) / 2;
     }
     mat3_apply(R, center, to);
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         double reach =
             fabs(R[3 * k]) * half[0] + fabs(R[3 * k + 1]) * half[1] + fabs(R[3 * k + 2]) * half[2];
 
@@ -45,7 +45,7 @@ static struct box box_transform(const struct box *box, const double R[9], const 
 /* The intersection of two boxes; false when it is empty. thin: its least extent, if less. */
 static bool box_intersect(const struct box *a, const struct box *b, struct box *out, double *thin)
 {
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         out->low[k] = a->low[k] > b->low[k] ? a->low[k] : b->low[k];
         out->high[k] = a->high[k] < b->high[k] ? a->high[k] : b->high[k];
         if (out->high[k] <= out->low[k]) {
@@ -66,7 +66,7 @@ static size_t meshes_view_second(const struct facets_between *m, const struct bo
     int *list = m->scratch->list[1];
     size_t n = tree_collect(&m->second->facets, there, list, m->second->nfacet), count = 0;
 
-    for (size_t i = 0; i < n; ++i) {
+    for (size_t i = 0; i < n; i++) {
         const struct facet *f = &m->second->facet[list[i]];
         double normal[3], center[3];
 
@@ -79,7 +79,7 @@ static size_t meshes_view_second(const struct facets_between *m, const struct bo
         }
 
         /* Then it is kept, in the first's frame */
-        for (int k = 0; k < 3; ++k) {
+        for (int k = 0; k < 3; k++) {
             view->normal[k][count] = normal[k];
             view->center[k][count] = center[k];
         }
@@ -89,8 +89,8 @@ static size_t meshes_view_second(const struct facets_between *m, const struct bo
     }
 
     /* Without a normal, the padding faces nothing */
-    for (size_t i = count; i % LANES; ++i) {
-        for (int k = 0; k < 3; ++k) {
+    for (size_t i = count; i % LANES; i++) {
+        for (int k = 0; k < 3; k++) {
             view->normal[k][i] = view->center[k][i] = 0;
         }
         view->radius[i] = 0;
@@ -108,7 +108,7 @@ static const double (*view_facet_ring(const struct facets_between *m, int i))[3]
 
     if (view->ring[i] < 0) {
         view->ring[i] = view->ncorner;
-        for (int v = 0; v < f->count; ++v) {
+        for (int v = 0; v < f->count; v++) {
             double *corner = view->corner[view->ncorner++];
 
             mat3_apply(m->relative->R, m->second->ring[f->first + v], corner);
@@ -162,7 +162,7 @@ static void meshes_add_facet(const struct facets_between *m, const struct facet 
     const struct native_view *view = &scratch->view;
     size_t n = view_find_facing(view, nsecond, a, m->reach, scratch->list[0]);
 
-    for (size_t k = 0; k < n; ++k) {
+    for (size_t k = 0; k < n; k++) {
         int i = scratch->list[0][k];
         const struct facet *b = &m->second->facet[scratch->list[1][i]];
         struct facets_couple c = {
@@ -190,11 +190,11 @@ void native_overlap_meshes(const struct solid *first, const struct solid *second
     size_t nsecond;
 
     /* The box where both meshes are, in the frame of the first (here) and of the second (there) */
-    for (int i = 0; i < 9; ++i) {
+    for (int i = 0; i < 9; i++) {
         back[i] = relative->R[i % 3 * 3 + i / 3];
     }
     mat3_apply(back, relative->p, origin);
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         origin[k] = -origin[k];
     }
     if (!box_intersect(&first->box, &moved, &here, &thin)) {
@@ -216,7 +216,7 @@ void native_overlap_meshes(const struct solid *first, const struct solid *second
             node += node->size;
             continue;
         }
-        for (int i = 0; i < node->count; ++i) {
+        for (int i = 0; i < node->count; i++) {
             const struct facet *f = &first->facet[tree->item[node->first + i]];
 
             /* Is some of the box behind it? */

@@ -10,7 +10,7 @@
 void polygon_clip_depth(const struct polygon *in, struct polygon *out)
 {
     out->n = 0;
-    for (int i = 0; i < in->n && out->n + 2 <= POLYGON_MAX; ++i) {
+    for (int i = 0; i < in->n && out->n + 2 <= POLYGON_MAX; i++) {
         const double *a = in->p[i], *b = in->p[i + 1 < in->n ? i + 1 : 0];
 
         if (a[DEPTH] >= 0) {
@@ -19,7 +19,7 @@ void polygon_clip_depth(const struct polygon *in, struct polygon *out)
         if ((a[DEPTH] >= 0) != (b[DEPTH] >= 0)) {
             double t = a[DEPTH] / (a[DEPTH] - b[DEPTH]);
 
-            for (int k = 0; k < 3; ++k) {
+            for (int k = 0; k < 3; k++) {
                 out->p[out->n][k] = a[k] + t * (b[k] - a[k]);
             }
             out->p[out->n++][DEPTH] = 0;
@@ -43,15 +43,15 @@ double polygon_center(const struct polygon *g, const double normal[3], double ce
 {
     double twice = 0, sum[4] = {0, 0, 0, 0};
 
-    for (int i = 1; i + 1 < g->n; ++i) {
+    for (int i = 1; i + 1 < g->n; i++) {
         double part = triangle_twice_area(g->p[0], g->p[i], g->p[i + 1], normal);
 
         twice += part;
-        for (int k = 0; k < 4; ++k) {
+        for (int k = 0; k < 4; k++) {
             sum[k] += part * ((g->p[i][k] - g->p[0][k]) + (g->p[i + 1][k] - g->p[0][k]));
         }
     }
-    for (int k = 0; k < 4 && twice > DBL_MIN; ++k) {
+    for (int k = 0; k < 4 && twice > DBL_MIN; k++) {
         center[k] = g->p[0][k] + sum[k] / (3 * twice);
     }
     return twice;
@@ -63,18 +63,18 @@ void polygon_add_springs(struct native_scratch *s, const struct polygon *g, cons
                          struct native_sum *sum)
 {
     /* In each triangle between the center and an edge */
-    for (int i = 0; i < g->n; ++i) {
+    for (int i = 0; i < g->n; i++) {
         const double *v[3] = {center, g->p[i], g->p[i + 1 < g->n ? i + 1 : 0]};
         double rate = pressure * triangle_twice_area(v[0], v[1], v[2], normal) / 6;
 
         native_law_make_room(&s->batch, FACET_POINTS, law, relative, sum);
-        for (int q = 0; q < FACET_POINTS; ++q) {
+        for (int q = 0; q < FACET_POINTS; q++) {
             double p[4];
 
-            for (int k = 0; k < 4; ++k) {
+            for (int k = 0; k < 4; k++) {
                 p[k] = (v[0][k] + v[1][k] + v[2][k] + 3 * v[q][k]) * (1.0 / 6);
             }
-            for (int k = 0; k < 3; ++k) {
+            for (int k = 0; k < 3; k++) {
                 p[k] += share * p[DEPTH] * d[k];
             }
             batch_add_spring(&s->batch, p, d, rate, p[DEPTH]);

@@ -85,7 +85,7 @@ static void cap_add_chord(const struct circle *c, const double a[2], const doubl
                                      0.2393143352496833, 0.1184634425280945};
     double cross = a[0] * b[1] - a[1] * b[0];
 
-    for (int i = 0; i < 5; ++i) {
+    for (int i = 0; i < 5; i++) {
         double p[2] = {a[0] + node[i] * (b[0] - a[0]), a[1] + node[i] * (b[1] - a[1])};
         double s = sqrt(p[0] * p[0] + p[1] * p[1]), w = weight[i] * cross;
         double length, square, moment = circle_radial_moment(c, s);
@@ -141,7 +141,7 @@ static void cap_add_edge(const struct circle *c, const double a[2], const double
     /* The piece from p to q is inside, what is before and after it outside */
     t[0] = t[0] > 0 ? t[0] : 0;
     t[1] = t[1] < 1 ? t[1] : 1;
-    for (int k = 0; k < 2; ++k) {
+    for (int k = 0; k < 2; k++) {
         p[k] = a[k] + t[0] * e[k];
         q[k] = a[k] + t[1] * e[k];
     }
@@ -172,12 +172,12 @@ static bool facet_find_cap(const struct solid *solid, const struct facet *f, con
     }
 
     /* All of the circle outside an edge, or inside all of them */
-    for (int i = 0; i < f->count; ++i) {
+    for (int i = 0; i < f->count; i++) {
         vec3_sub(solid->ring[f->first + i], origin, to);
         corner[i][0] = vec3_dot(E[0], to);
         corner[i][1] = vec3_dot(E[1], to);
     }
-    for (int i = 0; i < f->count; ++i) {
+    for (int i = 0; i < f->count; i++) {
         const double *a = corner[i], *b = corner[i + 1 < f->count ? i + 1 : 0];
         double ex = b[0] - a[0], ey = b[1] - a[1];
         double side = a[0] * ey - a[1] * ex, reach = c->r * sqrt(ex * ex + ey * ey);
@@ -194,7 +194,7 @@ static bool facet_find_cap(const struct solid *solid, const struct facet *f, con
 
     /* Around the rim */
     *cap = (struct cap){0};
-    for (int i = 0; i < f->count; ++i) {
+    for (int i = 0; i < f->count; i++) {
         cap_add_edge(c, corner[i], corner[i + 1 < f->count ? i + 1 : 0], cap);
     }
     /* What is left of a facet that the circle just misses is rounding */
@@ -213,7 +213,7 @@ static void sphere_add_springs(const struct facet *f, const struct cap *cap, con
     const size_t n = batch->n;
 
     /* Side by side, as they are read again at once */
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         double at_center = center[k] - law->share[0] * depth * f->normal[k];
         double first = lever * E[0][k], second = lever * E[1][k], down = -f->normal[k];
         double p[4] = {at_center + first, at_center + second, at_center - first,
@@ -225,7 +225,7 @@ static void sphere_add_springs(const struct facet *f, const struct cap *cap, con
     }
 
     /* A deeper sphere makes each spring of the bed longer */
-    for (size_t i = 0; i < 4; ++i) {
+    for (size_t i = 0; i < 4; i++) {
         batch->force[n + i] = weight * law->stiffness * cap->length / 4;
         batch->depth[n + i] = depth;
         batch->rate[n + i] = weight * law->stiffness * cap->area / 4;
@@ -263,7 +263,7 @@ static void sphere_add_facet(const struct solid *solid, const struct facet *f, c
     /* The mean spring: how long, where, and how much it counts by the depth of its middle */
     inverse = 1 / cap.length;
     depth = cap.square * inverse;
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         origin[k] += (cap.moment[0] * E[0][k] + cap.moment[1] * E[1][k]) * inverse;
     }
     vec3_add_scaled(origin, -depth / 2, f->normal, middle);
@@ -293,7 +293,7 @@ void native_overlap_sphere(const struct solid *solid, double radius, const struc
             node += node->size;
             continue;
         }
-        for (int i = 0; i < node->count; ++i) {
+        for (int i = 0; i < node->count; i++) {
             sphere_add_facet(solid, &solid->facet[tree->item[node->first + i]], at, radius, law,
                              relative, &scratch->batch, sum);
         }

@@ -96,7 +96,7 @@ Mat33 to_mat33(const double m[9])
 
 void add_vec3(double sum[3], const Vec3 &v)
 {
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         sum[i] += v[i];
     }
 }
@@ -110,11 +110,11 @@ ContactGeometry mesh_geometry(const struct mesh &mesh)
 
     vertices.reserve(static_cast<unsigned>(mesh.nvertex));
     corners.reserve(static_cast<unsigned>(3 * mesh.nface));
-    for (size_t v = 0; v < mesh.nvertex; ++v) {
+    for (size_t v = 0; v < mesh.nvertex; v++) {
         vertices.push_back(to_vec3(mesh.vertex[v]));
     }
-    for (size_t f = 0; f < mesh.nface; ++f) {
-        for (int i = 0; i < 3; ++i) {
+    for (size_t f = 0; f < mesh.nface; f++) {
+        for (int i = 0; i < 3; i++) {
             corners.push_back(mesh.face[f][i]);
         }
     }
@@ -181,8 +181,8 @@ void separate_unpaired(std::vector<ContactSurface> &surfaces, const std::vector<
 {
     size_t n = surfaces.size();
 
-    for (size_t a = 0; a < n; ++a) {
-        for (size_t b = a + 1; b < n; ++b) {
+    for (size_t a = 0; a < n; a++) {
+        for (size_t b = a + 1; b < n; b++) {
             if (pair_of[a * n + b] == no_pair && body_of[a] != body_of[b]) {
                 ContactCliqueId clique = ContactSurface::createNewContactClique();
 
@@ -228,7 +228,7 @@ Engine::Engine(const struct contact_config &config)
       pair(config.pair, config.pair + config.npair)
 {
     /* The pairs: their number by their surfaces, their law */
-    for (size_t p = 0; p < pair.size(); ++p) {
+    for (size_t p = 0; p < pair.size(); p++) {
         size_t a = static_cast<size_t>(pair[p].a), b = static_cast<size_t>(pair[p].b);
 
         pair_of[a * nsurface + b] = pair_of[b * nsurface + a] = static_cast<int>(p);
@@ -243,7 +243,7 @@ Engine::Engine(const struct contact_config &config)
     /* The surfaces, of which only those of a pair meet */
     std::vector<ContactSurface> surfaces;
 
-    for (size_t i = 0; i < nsurface; ++i) {
+    for (size_t i = 0; i < nsurface; i++) {
         surfaces.push_back(make_surface(config.surface[i]));
         body_of.push_back(config.surface[i].body);
     }
@@ -254,10 +254,10 @@ Engine::Engine(const struct contact_config &config)
     const MassProperties unit(1, Vec3(0), UnitInertia(1));
 
     forces.setTransitionVelocity(config.transition_velocity_m_s);
-    for (int body = -1; body < static_cast<int>(nbody); ++body) {
+    for (int body = -1; body < static_cast<int>(nbody); body++) {
         Body::Rigid shape(unit);
 
-        for (size_t i = 0; i < nsurface; ++i) {
+        for (size_t i = 0; i < nsurface; i++) {
             if (body_of[i] != body) {
                 continue;
             }
@@ -295,14 +295,14 @@ void Engine::impose_motion(const struct body_motion *motion)
     Vector &q = state.updQ();
     Vector &u = state.updU();
 
-    for (size_t b = 0; b < nbody; ++b) {
+    for (size_t b = 0; b < nbody; b++) {
         const struct body_motion &m = motion[b];
         const Quaternion turn = Rotation(to_mat33(m.R), true).convertRotationToQuaternion();
 
-        for (int i = 0; i < 4; ++i) {
+        for (int i = 0; i < 4; i++) {
             q[shadow[b].q + i] = turn[i];
         }
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             q[shadow[b].q + 4 + i] = m.p[i];
             u[shadow[b].u + i] = m.w[i];
             u[shadow[b].u + 3 + i] = m.v[i];
@@ -326,7 +326,7 @@ void Engine::add_patch(const ContactForce &force, const Contact &contact,
     }
 
     /* Its force on both bodies */
-    for (int side = 0; side < 2; ++side) {
+    for (int side = 0; side < 2; side++) {
         const int body = body_of[side == 0 ? first : second];
         const SpatialVec f = (side == 0 ? -1.0 : 1.0) * on_second;
 
@@ -356,7 +356,7 @@ void Engine::evaluate(const struct body_motion *motion, struct contact_wrench *w
 {
     patches.clear();
     touching.clear();
-    for (size_t b = 0; b < nbody; ++b) {
+    for (size_t b = 0; b < nbody; b++) {
         wrench[b] = contact_wrench{};
     }
     impose_motion(motion);
@@ -365,7 +365,7 @@ void Engine::evaluate(const struct body_motion *motion, struct contact_wrench *w
     const ContactSnapshot &contacts = tracker.getActiveContacts(state);
     const int n = forces.getNumContactForces(state);
 
-    for (int i = 0; i < n; ++i) {
+    for (int i = 0; i < n; i++) {
         const ContactForce &force = forces.getContactForce(state, i);
 
         add_patch(force, contacts.getContactById(force.getContactId()), motion, wrench);
@@ -399,7 +399,7 @@ void tangent_add_detail(const ContactDetail &detail, const Law &law, double tran
 
 size_t Engine::tangents(struct contact_tangent *tangent, size_t max)
 {
-    for (size_t i = 0; i < patches.size() && i < max; ++i) {
+    for (size_t i = 0; i < patches.size() && i < max; i++) {
         const struct contact_pair &p = pair[static_cast<size_t>(patches[i].pair)];
         struct contact_tangent &t = tangent[i];
         ContactPatch details;
@@ -410,7 +410,7 @@ size_t Engine::tangents(struct contact_tangent *tangent, size_t max)
         t.body_b = body_of[static_cast<size_t>(p.b)];
         add_vec3(t.center, to_vec3(patches[i].center));
         forces.calcContactPatchDetailsById(state, touching[i], details);
-        for (int e = 0; e < details.getNumDetails(); ++e) {
+        for (int e = 0; e < details.getNumDetails(); e++) {
             tangent_add_detail(details.getContactDetail(e), law[static_cast<size_t>(t.pair)],
                                forces.getTransitionVelocity(), &t);
         }
@@ -425,7 +425,7 @@ void copy_as_one_line(char *out, size_t size, const char *message)
 {
     size_t n = 0;
 
-    for (; *message && n + 1 < size; ++message) {
+    for (; *message && n + 1 < size; message++) {
         const char c = *message == '\n' ? ' ' : *message;
 
         if (c != ' ' || n == 0 || out[n - 1] != ' ') {
@@ -466,7 +466,7 @@ size_t simbody_patches(struct contact_world *world, struct contact_patch *patch,
 {
     const std::vector<struct contact_patch> &all = static_cast<Engine *>(world)->patches;
 
-    for (size_t i = 0; i < all.size() && i < max; ++i) {
+    for (size_t i = 0; i < all.size() && i < max; i++) {
         patch[i] = all[i];
     }
     return all.size();

@@ -39,21 +39,21 @@ static enum error_code solid_make_faces(struct solid_builder *b, struct solid *s
     if (!vertex_normal || !b->normal) {
         return ERROR_MEMORY;
     }
-    for (int f = 0; f < (int)m->nface; ++f) {
+    for (int f = 0; f < (int)m->nface; f++) {
         double e[3][3], n[3], length;
 
         /* The face's normal */
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             vec3_sub(mesh_corner(m, f, (i + 1) % 3), mesh_corner(m, f, i), e[i]);
         }
         vec3_cross(e[0], e[1], n);
         length = vec3_norm(n);
-        for (int k = 0; k < 3; ++k) {
+        for (int k = 0; k < 3; k++) {
             b->normal[f][k] = n[k] / length;
         }
 
         /* Weighted by the angle at each corner it adds to that vertex's pseudonormal */
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             double *sum = vertex_normal[m->face[f][i]], side[3];
             const double *from = e[i], *to = e[(i + 2) % 3];
 
@@ -90,7 +90,7 @@ static enum error_code solid_make_neighbors(struct solid_builder *b, struct soli
     }
 
     /* A sound mesh has each edge twice, and sorted by vertices both are side by side */
-    for (size_t half = 0; half < n; ++half) {
+    for (size_t half = 0; half < n; half++) {
         int from = m->face[half / 3][half % 3], to = m->face[half / 3][(half + 1) % 3];
 
         edge[half] = (struct face_edge){from < to ? from : to, from < to ? to : from, (int)half};
@@ -114,10 +114,10 @@ static bool solid_is_convex(const struct solid_builder *b, const struct solid *s
     if (s->nfacet > CONVEX_FACETS) {
         return false;
     }
-    for (size_t i = 0; i < s->nfacet; ++i) {
+    for (size_t i = 0; i < s->nfacet; i++) {
         const struct facet *f = &s->facet[i];
 
-        for (size_t v = 0; v < b->mesh->nvertex; ++v) {
+        for (size_t v = 0; v < b->mesh->nvertex; v++) {
             if (vec3_dot(f->normal, b->mesh->vertex[v]) - f->offset > CONVEX * b->size) {
                 return false;
             }
@@ -135,12 +135,12 @@ static enum error_code solid_make_planes(struct solid_builder *b, struct solid *
         return ERROR_NONE;
     }
     s->nplane = (s->nfacet + SOLID_LANES - 1) / SOLID_LANES * SOLID_LANES;
-    for (int row = 0; row < PLANE_ROWS; ++row) {
+    for (int row = 0; row < PLANE_ROWS; row++) {
         s->plane[row] = plane[row] = solid_alloc(b, s->nplane, sizeof **plane);
         if (!plane[row]) {
             return ERROR_MEMORY;
         }
-        for (size_t i = 0; i < s->nplane; ++i) {
+        for (size_t i = 0; i < s->nplane; i++) {
             const struct facet *f = &s->facet[i < s->nfacet ? i : s->nfacet - 1];
 
             plane[row][i] = row == PLANE_OFFSET ? f->offset : f->normal[row];
@@ -159,7 +159,7 @@ static enum error_code solid_fill_trees(struct solid_builder *b, struct solid *s
     enum error_code code;
 
     /* Over the faces */
-    for (int f = 0; f < (int)m->nface; ++f) {
+    for (int f = 0; f < (int)m->nface; f++) {
         box[f] = box_of_point(mesh_corner(m, f, 0));
         box_add(&box[f], mesh_corner(m, f, 1));
         box_add(&box[f], mesh_corner(m, f, 2));
@@ -170,11 +170,11 @@ static enum error_code solid_fill_trees(struct solid_builder *b, struct solid *s
     }
 
     /* Over the facets */
-    for (size_t i = 0; i < s->nfacet; ++i) {
+    for (size_t i = 0; i < s->nfacet; i++) {
         const struct facet *f = &s->facet[i];
 
         box[i] = box_of_point(s->ring[f->first]);
-        for (int k = 1; k < f->count; ++k) {
+        for (int k = 1; k < f->count; k++) {
             box_add(&box[i], s->ring[f->first + k]);
         }
     }
@@ -188,7 +188,7 @@ static enum error_code solid_fill_trees(struct solid_builder *b, struct solid *s
     if (!normal_bounds) {
         return ERROR_MEMORY;
     }
-    for (size_t i = 0; i < s->nfacet; ++i) {
+    for (size_t i = 0; i < s->nfacet; i++) {
         box[i] = box_of_point(s->facet[i].normal);
     }
     tree_cover(&s->facets, box, normal_bounds);
@@ -218,7 +218,7 @@ static void solid_measure(struct solid_builder *b, struct solid *s)
     double diagonal[3];
 
     s->box = box_of_point(m->vertex[0]);
-    for (size_t v = 1; v < m->nvertex; ++v) {
+    for (size_t v = 1; v < m->nvertex; v++) {
         box_add(&s->box, m->vertex[v]);
     }
     vec3_sub(s->box.high, s->box.low, diagonal);
@@ -249,7 +249,7 @@ enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct 
 
     /* The steps; what they find is in the arena */
     solid_measure(&b, solid);
-    for (size_t i = 0; i < ARRAY_COUNT(step); ++i) {
+    for (size_t i = 0; i < ARRAY_COUNT(step); i++) {
         code = step[i](&b, solid);
         if (code != ERROR_NONE) {
             goto done;

@@ -66,7 +66,7 @@ static enum triangle_feature triangle_find_nearest(const double a[3], const doub
     /* Above the face */
     double whole = 1 / (va + vb + vc);
 
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         out[k] = a[k] + ab[k] * (vb * whole) + ac[k] * (vc * whole);
     }
     return FEATURE_FACE;
@@ -89,7 +89,7 @@ void solid_nearest_of_face(const struct solid *solid, int face, const double p[3
 static void leaf_find_nearest(const struct solid *s, const struct tree_node *leaf,
                               const double p[3], struct solid_nearest *nearest, double *height)
 {
-    for (int i = 0; i < leaf->count; ++i) {
+    for (int i = 0; i < leaf->count; i++) {
         int face = s->faces.item[leaf->first + i];
         double point[3], to[3], d2, h;
         enum triangle_feature feature = face_find_nearest(s, face, p, point);

@@ -26,7 +26,7 @@ static bool face_is_in_plane(const struct solid_builder *b, int seed, int face)
     if (vec3_dot(n, b->normal[face]) <= 0 || vec3_norm(across) > COPLANAR) {
         return false;
     }
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         vec3_sub(mesh_corner(b->mesh, face, i), base, to);
         if (fabs(vec3_dot(to, n)) > COPLANAR * b->size) {
             return false;
@@ -42,8 +42,8 @@ static int plane_gather_faces(struct solid_builder *b, int seed)
 
     b->member[n++] = seed;
     b->group[seed] = seed;
-    for (int i = 0; i < n; ++i) {
-        for (int e = 0; e < 3; ++e) {
+    for (int i = 0; i < n; i++) {
+        for (int e = 0; e < 3; e++) {
             int next = b->neighbor[b->member[i]][e];
 
             if (b->group[next] < 0 && face_is_in_plane(b, seed, next)) {
@@ -77,8 +77,8 @@ static int plane_link_rim(struct solid_builder *b, int n, int seed, int *start)
     int rim = 0;
 
     *start = -1;
-    for (int i = 0; i < n; ++i) {
-        for (int e = 0; e < 3; ++e) {
+    for (int i = 0; i < n; i++) {
+        for (int e = 0; e < 3; e++) {
             int face = b->member[i], from = m->face[face][e];
 
             if (b->group[b->neighbor[face][e]] == seed) {
@@ -126,8 +126,8 @@ static int plane_find_loop(struct solid_builder *b, int n, int seed)
     int count = rim > 0 ? plane_walk_rim(b, rim, seed, start) : 0;
 
     /* Leave next as empty as it was */
-    for (int i = 0; i < n; ++i) {
-        for (int e = 0; e < 3; ++e) {
+    for (int i = 0; i < n; i++) {
+        for (int e = 0; e < 3; e++) {
             b->next[b->mesh->face[b->member[i]][e]] = -1;
         }
     }
@@ -140,7 +140,7 @@ static bool loop_is_convex(const struct solid_builder *b, int count, int seed)
     const double(*v)[3] = b->mesh->vertex;
     double turned = 0;
 
-    for (int i = 0; i < count; ++i) {
+    for (int i = 0; i < count; i++) {
         const double *here = v[b->loop[i]], *next = v[b->loop[(i + 1) % count]];
         const double *after = v[b->loop[(i + 2) % count]];
         double come[3], go[3], x[3];
@@ -163,7 +163,7 @@ static double ring_area(const double (*v)[3], int n, const double normal[3], dou
 {
     double twice = 0, sum[3] = {0, 0, 0};
 
-    for (int i = 1; i + 1 < n; ++i) {
+    for (int i = 1; i + 1 < n; i++) {
         double a[3], b[3], x[3], part;
 
         vec3_sub(v[i], v[0], a);
@@ -203,7 +203,7 @@ static void solid_add_facet(struct solid_builder *b, const int *loop, int count,
     f->count = count;
     f->nface = nface;
     memcpy(f->normal, b->normal[seed], sizeof f->normal);
-    for (int i = 0; i < count; ++i) {
+    for (int i = 0; i < count; i++) {
         memcpy(ring[i], b->mesh->vertex[loop[i]], sizeof ring[i]);
         b->ring_vertex[b->nring + (size_t)i] = loop[i];
     }
@@ -213,7 +213,7 @@ static void solid_add_facet(struct solid_builder *b, const int *loop, int count,
     f->area = ring_area((const double(*)[3])ring, count, f->normal, f->center);
     f->offset = vec3_dot(f->normal, f->center);
     f->inradius = b->size;
-    for (int i = 0; i < count; ++i) {
+    for (int i = 0; i < count; i++) {
         double to[3], edge[3], x[3];
 
         vec3_sub(ring[i], f->center, to);
@@ -235,14 +235,14 @@ enum error_code solid_make_facets(struct solid_builder *b, struct solid *s)
     if (!b->facet || !b->ring) {
         return ERROR_MEMORY;
     }
-    for (size_t f = 0; f < m->nface; ++f) {
+    for (size_t f = 0; f < m->nface; f++) {
         b->group[f] = -1;
     }
-    for (size_t v = 0; v < m->nvertex; ++v) {
+    for (size_t v = 0; v < m->nvertex; v++) {
         b->next[v] = -1;
     }
 
-    for (int f = 0; f < (int)m->nface; ++f) {
+    for (int f = 0; f < (int)m->nface; f++) {
         if (b->group[f] >= 0) {
             continue;
         }
@@ -256,7 +256,7 @@ enum error_code solid_make_facets(struct solid_builder *b, struct solid *s)
         }
 
         /* Else each is one */
-        for (int i = 0; i < n; ++i) {
+        for (int i = 0; i < n; i++) {
             solid_add_facet(b, m->face[b->member[i]], 3, b->member[i], 1);
         }
     }
@@ -274,13 +274,13 @@ enum error_code solid_make_points(struct solid_builder *b, struct solid *s)
     size_t n = 0;
 
     /* How many there are, and where those of each facet begin */
-    for (size_t i = 0; i < s->nfacet; ++i) {
+    for (size_t i = 0; i < s->nfacet; i++) {
         b->facet[i].point = (int)n;
         n += (size_t)b->facet[i].npoint;
     }
     s->npoint = n;
     s->weight = weight = solid_alloc(b, n + 1, sizeof *weight);
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         s->point[k] = point[k] = solid_alloc(b, n + 1, sizeof **point);
         if (!point[k] || !weight) {
             return ERROR_MEMORY;
@@ -289,11 +289,11 @@ enum error_code solid_make_points(struct solid_builder *b, struct solid *s)
 
     /* A facet is cut into triangles between its centroid and its edges, with three points each that
      * integrate squares exactly */
-    for (size_t i = 0; i < s->nfacet; ++i) {
+    for (size_t i = 0; i < s->nfacet; i++) {
         const struct facet *f = &s->facet[i];
         size_t at = (size_t)f->point;
 
-        for (int e = 0; f->npoint && e < f->count; ++e) {
+        for (int e = 0; f->npoint && e < f->count; e++) {
             const double *v[3] = {f->center, s->ring[f->first + e],
                                   s->ring[f->first + (e + 1) % f->count]};
             double to[3], next[3], x[3];
@@ -303,7 +303,7 @@ enum error_code solid_make_points(struct solid_builder *b, struct solid *s)
             vec3_cross(to, next, x);
             for (int q = 0; q < FACET_POINTS; ++q, ++at) {
                 weight[at] = vec3_dot(x, f->normal) / 6;
-                for (int k = 0; k < 3; ++k) {
+                for (int k = 0; k < 3; k++) {
                     point[k][at] = (v[0][k] + v[1][k] + v[2][k] + 3 * v[q][k]) / 6;
                 }
             }
@@ -318,7 +318,7 @@ enum error_code solid_make_outlines(struct solid_builder *b, struct solid *s)
     size_t n = 0;
 
     /* Where those of each facet begin */
-    for (size_t i = 0; i < s->nfacet; ++i) {
+    for (size_t i = 0; i < s->nfacet; i++) {
         struct facet *f = &b->facet[i];
 
         f->outline = (int)n;
@@ -326,15 +326,15 @@ enum error_code solid_make_outlines(struct solid_builder *b, struct solid *s)
     }
 
     /* The corners along each axis of their plane, padded with the first */
-    for (int axis = 0; axis < 2; ++axis) {
+    for (int axis = 0; axis < 2; axis++) {
         s->outline[axis] = outline[axis] = solid_alloc(b, n + 1, sizeof **outline);
         if (!outline[axis]) {
             return ERROR_MEMORY;
         }
-        for (size_t i = 0; i < s->nfacet; ++i) {
+        for (size_t i = 0; i < s->nfacet; i++) {
             const struct facet *f = &s->facet[i];
 
-            for (int e = 0; f->count > 3 && e < FACET_OUTLINE(f->count); ++e) {
+            for (int e = 0; f->count > 3 && e < FACET_OUTLINE(f->count); e++) {
                 double to[3];
 
                 vec3_sub(s->ring[f->first + (e < f->count ? e : 0)], f->center, to);

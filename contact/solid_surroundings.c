@@ -8,7 +8,7 @@
 /* Whether a face has one of a facet's corners (vertices of the mesh). */
 static bool face_touches_facet(const struct solid *s, int face, const int *corner, int ncorner)
 {
-    for (int k = 0; k < 3 * ncorner; ++k) {
+    for (int k = 0; k < 3 * ncorner; k++) {
         if (s->face[face][k % 3] == corner[k / 3]) {
             return true;
         }
@@ -26,7 +26,7 @@ static void facet_find_surroundings(const struct solid *s, const int *corner, st
     size_t n;
 
     /* The faces within a radius of it */
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         box.low[k] = f->center[k] - f->radius - margin;
         box.high[k] = f->center[k] + f->radius + margin;
     }
@@ -36,7 +36,7 @@ static void facet_find_surroundings(const struct solid *s, const int *corner, st
     }
 
     /* The sharpest bend to one that touches it, the distance to the nearest that does not */
-    for (size_t i = 0; i < n; ++i) {
+    for (size_t i = 0; i < n; i++) {
         double point[3], to[3];
 
         if (face_touches_facet(s, near[i], corner, f->count)) {
@@ -58,7 +58,7 @@ static void facet_find_surroundings(const struct solid *s, const int *corner, st
  * what touches it is what has one of them. */
 void solid_find_surroundings(const struct solid_builder *b, const struct solid *s)
 {
-    for (size_t i = 0; i < s->nfacet; ++i) {
+    for (size_t i = 0; i < s->nfacet; i++) {
         struct facet *f = &b->facet[i];
 
         if (f->nface == f->count - 2) {

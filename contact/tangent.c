@@ -49,8 +49,8 @@ void contact_tangent_add(struct contact_tangent *tangent, const struct contact_e
     memcpy(along + CONTACT_MOVE_X, n, sizeof arm);
     vec3_cross(arm, n, along + CONTACT_TURN_X);
 
-    for (int row = 0; row < CONTACT_AXES; ++row) {
-        for (int column = row; column < CONTACT_AXES; ++column) {
+    for (int row = 0; row < CONTACT_AXES; row++) {
+        for (int column = row; column < CONTACT_AXES; column++) {
             int at = CONTACT_TANGENT_AT(row, column);
             double both = along[row] * along[column];
 

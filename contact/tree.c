@@ -66,12 +66,12 @@ static void tree_split(struct tree_builder *b, int first, int count)
 
     /* The box of all items, and that of their middles (twice as far out) */
     node->box = b->box[b->item[first]];
-    for (int i = 0; i < count; ++i) {
+    for (int i = 0; i < count; i++) {
         const struct box *box = &b->box[b->item[first + i]];
         double middle[3];
 
         box_add_box(&node->box, box);
-        for (int k = 0; k < 3; ++k) {
+        for (int k = 0; k < 3; k++) {
             middle[k] = box->low[k] + box->high[k];
         }
         if (i == 0) {
@@ -89,7 +89,7 @@ static void tree_split(struct tree_builder *b, int first, int count)
     }
 
     /* More are split at the median along the axis on which their middles lie farthest apart */
-    for (int k = 1; k < 3; ++k) {
+    for (int k = 1; k < 3; k++) {
         if (middles.high[k] - middles.low[k] > middles.high[axis] - middles.low[axis]) {
             axis = k;
         }
@@ -111,7 +111,7 @@ enum error_code tree_build(const struct box *boxes, size_t n, int leaf, struct a
     if (!b.node || !b.item) {
         return error_set(error, ERROR_MEMORY, "contact: no memory for a tree over %zu items", n);
     }
-    for (size_t i = 0; i < n; ++i) {
+    for (size_t i = 0; i < n; i++) {
         b.item[i] = (int)i;
     }
     tree_split(&b, 0, (int)n);
@@ -126,7 +126,7 @@ void tree_cover(const struct tree *tree, const struct box *boxes, struct box *ou
         const struct tree_node *node = &tree->node[i];
 
         out[i] = node->count ? boxes[tree->item[node->first]] : out[i + 1];
-        for (int k = 1; k < node->count; ++k) {
+        for (int k = 1; k < node->count; k++) {
             box_add_box(&out[i], &boxes[tree->item[node->first + k]]);
         }
         if (node->count == 0) {
@@ -145,7 +145,7 @@ size_t tree_collect(const struct tree *tree, const struct box *box, int *list, s
             node += node->size;
             continue;
         }
-        for (int i = 0; i < node->count && n < max; ++i) {
+        for (int i = 0; i < node->count && n < max; i++) {
             list[n++] = tree->item[node->first + i];
         }
         ++node;

@@ -76,7 +76,7 @@ static inline struct box box_of_point(const double p[3])
 /* Grows the box to hold a point. */
 static inline void box_add(struct box *box, const double p[3])
 {
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         box->low[i] = p[i] < box->low[i] ? p[i] : box->low[i];
         box->high[i] = p[i] > box->high[i] ? p[i] : box->high[i];
     }
@@ -108,7 +108,7 @@ static inline double box_distance2(const struct box *box, const double p[3])
 {
     double sum = 0;
 
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         double below = box->low[i] - p[i], above = p[i] - box->high[i];
         double d = below > above ? below : above;
 

@@ -111,14 +111,14 @@ static void foot_cut_outline(struct foot *foot)
     double perimeter = 0, run = 0;
 
     /* How many pieces each edge gets */
-    for (int e = 0; e < outline->count; ++e) {
+    for (int e = 0; e < outline->count; e++) {
         pieces[e] = 1;
         perimeter += outline_edge_length(outline, e);
     }
-    for (int extra = outline->count; extra < NRIM; ++extra) {
+    for (int extra = outline->count; extra < NRIM; extra++) {
         int longest = 0;
 
-        for (int e = 1; e < outline->count; ++e) {
+        for (int e = 1; e < outline->count; e++) {
             if (outline_edge_length(outline, e) / pieces[e] >
                 outline_edge_length(outline, longest) / pieces[longest]) {
                 longest = e;
@@ -128,10 +128,10 @@ static void foot_cut_outline(struct foot *foot)
     }
 
     /* Their points, each at its fraction of the perimeter */
-    for (int e = 0; e < outline->count; ++e) {
+    for (int e = 0; e < outline->count; e++) {
         const double *a = outline->point[e], *b = outline->point[(e + 1) % outline->count];
 
-        for (int p = 0; p < pieces[e]; ++p) {
+        for (int p = 0; p < pieces[e]; p++) {
             double s = (double)p / pieces[e];
 
             foot->rim[n][0] = a[0] + s * (b[0] - a[0]);
@@ -147,7 +147,7 @@ static void foot_find_centroid(struct foot *foot)
     const struct outline *outline = foot->outline;
     double twice = 0, sum[2] = {0, 0};
 
-    for (int i = 0; i < outline->count; ++i) {
+    for (int i = 0; i < outline->count; i++) {
         const double *a = outline->point[i], *b = outline->point[(i + 1) % outline->count];
         double part = a[0] * b[1] - b[0] * a[1];
 
@@ -181,7 +181,7 @@ static struct ring foot_add_ring(struct foot *foot, int count, double scale, dou
 {
     struct ring ring = {.first = foot->nvertex, .count = count};
 
-    for (int i = 0; i < count; ++i) {
+    for (int i = 0; i < count; i++) {
         double p[2] = {0};
 
         ring.along[i] = count == NRIM ? foot->along[i] : (double)i / count;
@@ -227,7 +227,7 @@ static void foot_close_ring(struct foot *foot, const struct ring *ring, double z
 {
     int hub = foot_add_vertex(foot, foot->centroid[0], foot->centroid[1], z);
 
-    for (int i = 0; i < ring->count; ++i) {
+    for (int i = 0; i < ring->count; i++) {
         foot_add_face(foot, ring->first + i, ring->first + (i + 1) % ring->count, hub, upward);
     }
 }
@@ -237,7 +237,7 @@ static void foot_add_rings(struct foot *foot, const struct ring *rim, double rim
 {
     struct ring outer = *rim;
 
-    for (int r = 0; r < nring; ++r) {
+    for (int r = 0; r < nring; r++) {
         double scale = rim_scale * (nring - r) / (nring + 1);
         struct ring inner = foot_add_ring(foot, count[r], scale, z);
 
@@ -270,10 +270,10 @@ static void foot_build_right(struct foot *foot)
 /* The left foot: y turned round, and with it the sense of every triangle. */
 static void foot_mirror(struct foot *foot)
 {
-    for (int v = 0; v < foot->nvertex; ++v) {
+    for (int v = 0; v < foot->nvertex; v++) {
         foot->vertex[v][1] = -foot->vertex[v][1];
     }
-    for (int f = 0; f < foot->nface; ++f) {
+    for (int f = 0; f < foot->nface; f++) {
         int second = foot->face[f][1];
 
         foot->face[f][1] = foot->face[f][2];
@@ -283,7 +283,7 @@ static void foot_mirror(struct foot *foot)
 
 static const struct outline *foot_find_outline(const char *name)
 {
-    for (size_t i = 0; i < ARRAY_COUNT(robots); ++i) {
+    for (size_t i = 0; i < ARRAY_COUNT(robots); i++) {
         if (strcmp(name, robots[i].name) == 0) {
             return &robots[i];
         }

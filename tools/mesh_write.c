@@ -10,7 +10,7 @@ static void write_exact_number(FILE *file, double value)
 {
     char text[32];
 
-    for (int digits = 1; digits <= 17; ++digits) {
+    for (int digits = 1; digits <= 17; digits++) {
         snprintf(text, sizeof text, "%.*g", digits, value);
         if (strtod(text, NULL) == value) {
             break;
@@ -21,14 +21,14 @@ static void write_exact_number(FILE *file, double value)
 
 enum error_code mesh_write_obj(const struct mesh *mesh, FILE *file, struct error *error)
 {
-    for (size_t v = 0; v < mesh->nvertex; ++v) {
+    for (size_t v = 0; v < mesh->nvertex; v++) {
         fputc('v', file);
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             write_exact_number(file, mesh->vertex[v][i]);
         }
         fputc('\n', file);
     }
-    for (size_t f = 0; f < mesh->nface; ++f) {
+    for (size_t f = 0; f < mesh->nface; f++) {
         fprintf(file, "f %d %d %d\n", mesh->face[f][0] + 1, mesh->face[f][1] + 1,
                 mesh->face[f][2] + 1);
     }
