@@ -45,7 +45,7 @@ dpkg-deb -c "$deb" >"$work/list"
 nothing "$(awk '$2 != "root/root" || ($1 !~ /^drwxr-xr-x$/ && $1 !~ /^-rwxr-xr-x$/ && $1 !~ /^-rw-r--r--$/) ||
     ($1 ~ /^-rwx/ && $6 !~ /\/bin\//)' "$work/list")"
 result $? "all is root's, writable by root alone, and only programs are executable"
-nothing "$(awk '$1 !~ /^d/ && $6 !~ /^\.\/usr\/(bin\/coman-hil$|lib\/systemd\/system\/coman-hil|share\/coman-hil\/|share\/doc\/coman-hil\/|share\/man\/)/' "$work/list")"
+nothing "$(awk '$1 !~ /^d/ && $6 !~ /^\.\/usr\/(bin\/coman-hil(-bench)?$|lib\/systemd\/system\/coman-hil|share\/coman-hil\/|share\/doc\/coman-hil\/|share\/man\/)/' "$work/list")"
 result $? "no file is outside of its places"
 file "$work/data/usr/bin/coman-hil" >"$work/out"
 grep -q ', stripped' "$work/out"

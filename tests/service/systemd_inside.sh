@@ -162,7 +162,7 @@ test_silence() {
     check $? "a controller in real time finds the boards of a restarted service"
     cp "$HIL_WORK/task" "$log"
     journal -n 30 >>"$log"
-    grep -q "gone silent" "$HIL_WORK/task" && grep -q "looking for the boards again" \
+    grep -q "sends no telemetry" "$HIL_WORK/task" && grep -q "looking for the boards again" \
         "$HIL_WORK/task"
     check $? "it has noticed their silence"
     kill -TERM $controller
