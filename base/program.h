@@ -24,9 +24,9 @@ struct program {
     void (*print_more)(FILE *out); /* the end of the usage; NULL = nothing */
 };
 
-/* The whole of main: runs the command that argv[1] names, and flushes what it printed. --help is the
- * command help where there is one, else the usage; --version prints the version. Returns the exit
- * status. */
+/* The whole of main: runs the command that argv[1] names, and flushes what it printed. --help is
+ * the command help where there is one, else the usage; --version prints the version. Returns the
+ * exit status. */
 int program_main(const struct program *program, int argc, char **argv);
 
 void program_print_usage(const struct program *program, FILE *out);

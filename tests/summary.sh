@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 # ctest --verbose | summary.sh
 # Counts the TAP lines of every test program, shows what failed or was skipped, and closes with "N
-# passed, N failed, N skipped". A program that dies, runs out of time or prints fewer results than its
-# plan counts its missing results as failed. Exits 1 on a failure or when nothing ran.
+# passed, N failed, N skipped". A program that dies, runs out of time or prints fewer results than
+# its plan counts its missing results as failed. Exits 1 on a failure or when nothing ran.
 exec awk '
 function finish(number,    missing) {
     if (plan[number] > seen[number]) {
         missing = plan[number] - seen[number]
         failed += missing
         bad[number] = 1
-        failures[++nfailures] = name[number] ": " missing " of its " plan[number] " tests gave no result"
+        failures[++nfailures] = sprintf("%s: %d of its %d tests gave no result",
+                                        name[number], missing, plan[number])
     }
 }
 # "      Start  3: name"

@@ -91,9 +91,13 @@ conclude pendulums_keep_energy_and_period_as_in_the_paper
 if grep -q '^ODE,' results/pendulum-table.csv; then
     problem=
     awk -F, '
-        BEGIN { said["1,0.01"] = 2e-3; said["1,0.0001"] = 8e-6; said["2,0.01"] = 6e-3; said["2,0.0001"] = 1e-5 }
+        BEGIN {
+            said["1,0.01"] = 2e-3; said["1,0.0001"] = 8e-6
+            said["2,0.01"] = 6e-3; said["2,0.0001"] = 1e-5
+        }
         $1 == "ODE" { n++; r = $7 / said[$3 "," $4]; if (!(r > 1 / 3 && r < 3)) bad = 1 }
-        END { exit bad || n != 4 }' results/pendulum-table.csv || problem="errors unlike the paper's"
+        END { exit bad || n != 4 }' results/pendulum-table.csv ||
+        problem="errors unlike the paper's"
     conclude absolute_coordinates_err_as_in_the_paper
 else
     skip absolute_coordinates_err_as_in_the_paper "ODE was not found when this was built"

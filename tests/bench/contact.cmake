@@ -13,7 +13,8 @@ if(CMAKE_C_COMPILER_ID STREQUAL GNU AND NOT HIL_SANITIZE)
     target_compile_options(contact_counted PRIVATE -O3 -Wno-psabi -fsanitize-coverage=trace-pc)
     add_executable(contact_work ${contact_count_sources} $<TARGET_OBJECTS:contact_counted>)
     target_link_libraries(contact_work PRIVATE hil_flags base m)
-    target_compile_definitions(contact_work PRIVATE COUNT_BLOCKS HIL_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
+    target_compile_definitions(contact_work PRIVATE COUNT_BLOCKS
+        HIL_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
     hil_script_test(contact_instructions
         COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/bench/contact_instructions.sh
                 $<TARGET_FILE:contact_count> $<TARGET_FILE:contact_work>

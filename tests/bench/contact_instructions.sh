@@ -57,9 +57,13 @@ scene() {
         NR <= each { spread[NR] = $2 }
         { if ($2 > worst) worst = $2; if ($1 > most) most = $1
           if ($2 / $1 > dense) dense = $2 / $1; if (NR == 1 || $2 / $1 < thin) thin = $2 / $1 }
-        END { if (NR == 2 * each) printf "median=%d worst=%d bound=%.0f most=%d thin=%.1f dense=%.1f",
-                  spread[each / 2], worst, dense * most + 0.5, most, thin, dense
-              else print "median=0 worst=0 bound=0 most=0 thin=0 dense=0" }' "$dir/both")"
+        END {
+            if (NR == 2 * each)
+                printf "median=%d worst=%d bound=%.0f most=%d thin=%.1f dense=%.1f",
+                    spread[each / 2], worst, dense * most + 0.5, most, thin, dense
+            else
+                print "median=0 worst=0 bound=0 most=0 thin=0 dense=0"
+        }' "$dir/both")"
     # shellcheck disable=SC2154
     echo "# $2: $poses poses, instructions: median $median, worst counted $worst," \
         "none above $bound ($most blocks of $thin to $dense)"

@@ -11,7 +11,8 @@ robot=${HIL_SOURCE_DIR:?}/config/robots/coman.yaml
 
 # total ENGINE N [MODULE]: instructions of a whole program with N evaluations, nothing when it fails
 total() {
-    valgrind --tool=callgrind --callgrind-out-file=/dev/null "$program" "$robot" "$@" 2>&1 >/dev/null |
+    valgrind --tool=callgrind --callgrind-out-file=/dev/null \
+        "$program" "$robot" "$@" 2>&1 >/dev/null |
         sed -n 's/.*Collected : \([0-9]*\).*/\1/p'
 }
 

@@ -18,9 +18,10 @@ trap 'rm -rf "$dir"' EXIT
 
 # instructions MODE
 instructions() {
-    valgrind --tool=callgrind --callgrind-out-file="$dir/out" --toggle-collect=loop_run "$program" run \
-        "$HIL_SOURCE_DIR/config/rigs/coman.yaml" --wire "$1" --clock lockstep --transport local \
-        --task squat --duration 0.5 --control none --quiet >/dev/null 2>"$dir/log" ||
+    valgrind --tool=callgrind --callgrind-out-file="$dir/out" --toggle-collect=loop_run \
+        "$program" run "$HIL_SOURCE_DIR/config/rigs/coman.yaml" --wire "$1" --clock lockstep \
+        --transport local --task squat --duration 0.5 --control none --quiet \
+        >/dev/null 2>"$dir/log" ||
         cat "$dir/log" >&2
     sed -n 's/^totals: \([0-9][0-9]*\).*/\1/p' "$dir/out"
 }
@@ -31,7 +32,8 @@ ideal=${ideal:-0}
 wire=${wire:-0}
 name="wire mode takes at most $budget instructions a tick more than ideal mode"
 if [ "$ideal" -gt 0 ] && [ $(((wire - ideal) / ticks)) -le $budget ]; then
-    echo "# a tick: ideal $((ideal / ticks)), wire $((wire / ticks)) instructions, $((100 * (wire - ideal) / ideal)) % more"
+    echo "# a tick: ideal $((ideal / ticks)), wire $((wire / ticks)) instructions," \
+        "$((100 * (wire - ideal) / ideal)) % more"
     echo "ok 1 - $name"
 else
     echo "# ideal $ideal, wire $wire instructions"

@@ -2,8 +2,8 @@
 /*
  * Rig files and what they refer to: an input is the rig, then, each behind a line of its own, "%%%
  * b" (a rig that the first may extend), "%%% r" (the robot) and "%%% m" (a mesh); what is not given
- * is that of tests/unit/rig/rig_files.h. Refused with a place in one of the files, or a rig that all
- * who get a part of it take: contact, boards, sensors, faults, the export of the protocol.
+ * is that of tests/unit/rig/rig_files.h. Refused with a place in one of the files, or a rig that
+ * all who get a part of it take: contact, boards, sensors, faults, the export of the protocol.
  */
 #include "rig/rig.h"
 

@@ -2,7 +2,8 @@
 find_package(Simbody REQUIRED CONFIG)
 
 foreach(name "" _invariants)
-    hil_test(contact_simbody${name} SOURCES physics/contact_simbody${name}.c LIBS contact LABELS physics)
+    hil_test(contact_simbody${name} SOURCES physics/contact_simbody${name}.c
+             LIBS contact LABELS physics)
 endforeach()
 
 hil_test(contact_reference SOURCES ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_reference.cpp

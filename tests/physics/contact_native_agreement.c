@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The native engine with springs at centroids against the engine "simbody": the same algorithms,
- * written twice, have to give the same wrenches, whatever the pose and the velocity. Each variant of
- * the native kernels that this machine can run is compared.
+ * written twice, have to give the same wrenches, whatever the pose and the velocity. Each variant
+ * of the native kernels that this machine can run is compared.
  */
 #include "contact/contact.h"
 

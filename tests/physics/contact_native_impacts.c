@@ -79,7 +79,8 @@ static void aim_sphere(struct body_motion *m, uint64_t *seed)
     give_velocity(m, seed);
 }
 
-/* From any side at faces, edges and corners: flies on in a straight line until it almost touches. */
+/* From any side at faces, edges and corners: flies on in a straight line until it almost
+ * touches. */
 static void aim_sphere_at_box(struct body_motion *m, uint64_t *seed)
 {
     double from[3], to[3], way[3], apart = 1;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What any contact has to obey, of the native engine: action and reaction, invariance, the same bits,
- * a wrench that is continuous in the pose and conserves the stored energy.
+ * What any contact has to obey, of the native engine: action and reaction, invariance, the same
+ * bits, a wrench that is continuous in the pose and conserves the stored energy.
  */
 #include "contact/contact.h"
 

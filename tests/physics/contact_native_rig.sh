@@ -1,7 +1,7 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# COMAN's rig on the native engine: the program takes it, the robot squats, and the same run gives the
-# same state to the last bit.
+# COMAN's rig on the native engine: the program takes it, the robot squats, and the same run gives
+# the same state to the last bit.
 program=$1
 dir=$(mktemp -d) || exit 1
 trap 'rm -rf "$dir"' EXIT
@@ -23,7 +23,8 @@ mkdir "$dir/rigs"
 for folder in robots meshes; do
     ln -s "$HIL_SOURCE_DIR/config/$folder" "$dir/$folder"
 done
-sed 's/^\( *engine:\) *simbody/\1 native/' "$HIL_SOURCE_DIR/config/rigs/coman.yaml" >"$dir/rigs/coman.yaml"
+sed 's/^\( *engine:\) *simbody/\1 native/' "$HIL_SOURCE_DIR/config/rigs/coman.yaml" \
+    >"$dir/rigs/coman.yaml"
 
 "$program" check "$dir/rigs/coman.yaml" >"$dir/log" 2>&1
 check 1 "the rig says which engine it has" "$(grep -c '^scene  *engine native' "$dir/log")"

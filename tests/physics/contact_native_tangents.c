@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The native engine's tangents: without friction the slopes of the wrench, with friction no less than
- * what it resists.
+ * The native engine's tangents: without friction the slopes of the wrench, with friction no less
+ * than what it resists.
  */
 #include "contact/contact.h"
 

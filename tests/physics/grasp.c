@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The paper's manipulation task (section 6, Figs 9 to 11) as the rigs of config/rigs describe it, with
- * the motors' voltages from the same law as over CAN but from unrounded angles: the box is lifted and
- * held, a soft elbow gives way, and the implicit integrator at 1 ms is where dopri5 is.
+ * The paper's manipulation task (section 6, Figs 9 to 11) as the rigs of config/rigs describe it,
+ * with the motors' voltages from the same law as over CAN but from unrounded angles: the box is
+ * lifted and held, a soft elbow gives way, and the implicit integrator at 1 ms is where dopri5 is.
  */
 #include "rig/rig.h"
 
@@ -285,7 +285,8 @@ static void soft_elbows_give_way_and_press_less(void **state)
     assert_true(track[END - 1].box[2] > 0.55 + 0.01 && other[END - 1].box[2] < 0.55 + 0.01);
 }
 
-/* The hardest for a step of a millisecond: forearms of next to no inertia between springs and friction. */
+/* The hardest for a step of a millisecond: forearms of next to no inertia between springs and
+ * friction. */
 static void any_springs_are_stable_at_a_millisecond(void **state)
 {
     static const double stiffness[] = {12.0, 8400.0};

@@ -34,8 +34,8 @@ struct scene {
     struct plant *plant;
 };
 
-/* The scene of config/rigs/grasp-paper.yaml with the robot clamped; with_table false: the pair of table
- * and box left out. */
+/* The scene of config/rigs/grasp-paper.yaml with the robot clamped; with_table false: the pair of
+ * table and box left out. */
 static void scene_init(struct scene *scene, bool with_table)
 {
     struct contact_pair pair[PAIRS];

@@ -29,7 +29,8 @@ static const char *const pitch[2][3] = {{"RHipSag", "RKneeSag", "RAnkSag"},
 static const struct robot_inertia below = {
     .mass = 0.6, .com = {0.02, -0.01, -0.05}, .I = {1e-3, 1e-4, 2e-4, 2e-3, -1e-4, 2e-3}};
 
-/* The part below a sensor, world frame: the contacts' force on the sensor's body, and as it is read. */
+/* The part below a sensor, world frame: the contacts' force on the sensor's body, and as it is
+ * read. */
 struct sensed {
     double mass, v[3]; /* of its center of mass */
     double contact[3], read[3];
@@ -49,8 +50,8 @@ struct track {
     double mass, gravity[3];
 };
 
-/* Angles of hip, knee and ankle with the hips sunk by depth vertically over flat feet, trunk and feet
- * turned as at the start. */
+/* Angles of hip, knee and ankle with the hips sunk by depth vertically over flat feet, trunk and
+ * feet turned as at the start. */
 static void leg_angles(const double start[3], double depth, double angle[3])
 {
     double lean = start[0] + start[1] + start[2], thigh = -(start[1] + start[2]);

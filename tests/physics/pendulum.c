@@ -11,8 +11,8 @@
  *   second:        (2 + m2 c^2 + m2 d c) a'' = -m2 c sin a
  * so 2.5 m2 (6.5 + 9 m2) = (1 + 2 m2)(2 + 11.25 m2); the m2^2 terms cancel and m2 = 2 is the only
  * mass. Then a'' = -k sin a with k = 5/24.5. Started upward from below at speed w0 with
- * w0^2 > 4 k it turns over with the period 4 K(m)/w0, m = 4 k/w0^2, K the complete elliptic integral
- * K(m) = pi/(2 agm(1, sqrt(1 - m))). At w0 = 2.1 that is the paper's "approximately 3.15".
+ * w0^2 > 4 k it turns over with the period 4 K(m)/w0, m = 4 k/w0^2, K the complete elliptic
+ * integral K(m) = pi/(2 agm(1, sqrt(1 - m))). At w0 = 2.1 that is the paper's "approximately 3.15".
  */
 #include "model/plant.h"
 
@@ -111,7 +111,8 @@ static double energy_error(size_t bodies, double angle, const double speed[2], i
     return worst;
 }
 
-/* The paper does not print its initial conditions; the turning-over motion of its Fig. 3 is used. */
+/* The paper does not print its initial conditions; the turning-over motion of its Fig. 3 is
+ * used. */
 static void check_energy_error(size_t bodies)
 {
     static const double synchronous[2] = {2.1, 0.0};

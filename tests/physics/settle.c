@@ -170,8 +170,8 @@ static void block_sinks_into_the_ground_by_its_weight_over_the_stiffness(void **
     yard_fini(&yard);
 }
 
-/* The bed's pressure is linear: its moment about the middle, k theta a^4/12, is the weight's, at the
- * lever c cos theta + h sin theta with the center of mass h above the sole. */
+/* The bed's pressure is linear: its moment about the middle, k theta a^4/12, is the weight's, at
+ * the lever c cos theta + h sin theta with the center of mass h above the sole. */
 static void block_with_its_mass_off_the_middle_tilts_as_the_bed_gives_way(void **state)
 {
     const double a = 2.0 * half, c = 0.1 * a, weight = mass * gravity;

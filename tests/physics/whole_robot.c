@@ -426,8 +426,8 @@ static void check_sensor(const struct run *run, size_t f, struct violation *wors
     }
 }
 
-/* Voltages jump at each millisecond, and the currents' slopes with them: differences are taken where
- * no jump is within the window. */
+/* Voltages jump at each millisecond, and the currents' slopes with them: differences are taken
+ * where no jump is within the window. */
 static void follow_laws(struct run *run, void (*act)(struct run *run, double t), int steps,
                         struct violation *worst)
 {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The implicit integrator on COMAN's rig, native contact, against dopri5 with a tolerance of 1e-9:
- * from the rig's own start, springs and layers relaxed, through the transient of 0.2 s and one squat
- * of 10 cm in 2 s, twice as fast as the rig's.
+ * from the rig's own start, springs and layers relaxed, through the transient of 0.2 s and one
+ * squat of 10 cm in 2 s, twice as fast as the rig's.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -30,8 +30,8 @@ struct track {
 static const char *const pitch[2][3] = {{"RHipSag", "RKneeSag", "RAnkSag"},
                                         {"LHipSag", "LKneeSag", "LAnkSag"}};
 
-/* Angles of hip, knee and ankle with the hips sunk by depth vertically over flat feet, trunk and feet
- * turned as at the start. */
+/* Angles of hip, knee and ankle with the hips sunk by depth vertically over flat feet, trunk and
+ * feet turned as at the start. */
 static void leg_angles(const double start[3], double depth, double angle[3])
 {
     double lean = start[0] + start[1] + start[2], thigh = -(start[1] + start[2]);

@@ -21,8 +21,9 @@ check_budget() { # RIG BUSES
     local loads
     "$HIL_BINARY_DIR/coman-hil" check "$work/config/rigs/$1.yaml" >"$work/check-$1" 2>&1
     loads=$(sed -n 's/.* load .* = \([0-9.]*\) %.*/\1/p' "$work/check-$1" | tr '\n' ' ')
-    python3 -c 'import sys; l = [float(x) for x in sys.argv[2:]]; sys.exit(len(l) != int(sys.argv[1]) or max(l) > 100)' \
-        "$2" $loads
+    python3 -c 'import sys
+loads = [float(x) for x in sys.argv[2:]]
+sys.exit(len(loads) != int(sys.argv[1]) or max(loads) > 100)' "$2" $loads
     result $? "$1: $2 buses, none over its capacity in the worst case" "$loads%"
 }
 
@@ -85,17 +86,21 @@ buses:
       {kind: motor, address: 3, axes: [WaistYaw]},
       {kind: torque, address: 0x0c, joints: [WaistLat, WaistSag, WaistYaw], period_s: 0.01}]}
   - {name: left_leg, interface: can1, boards: [
-      {kind: motor, address: 1, axes: [LHipSag, LHipLat]}, {kind: motor, address: 2, axes: [LHipYaw, LKneeSag]},
+      {kind: motor, address: 1, axes: [LHipSag, LHipLat]},
+      {kind: motor, address: 2, axes: [LHipYaw, LKneeSag]},
       {kind: motor, address: 3, axes: [LAnkLat, LAnkSag]},
       {kind: ft, address: 0x0d, sensor: l_leg_ft, $full, period_s: 0.005}]}
   - {name: right_hip, interface: can2, personality: compact, boards: [
-      {kind: motor, address: 1, axes: [RHipSag, RHipLat]}, {kind: motor, address: 2, axes: [RHipYaw, RKneeSag]}]}
+      {kind: motor, address: 1, axes: [RHipSag, RHipLat]},
+      {kind: motor, address: 2, axes: [RHipYaw, RKneeSag]}]}
   - {name: right_foot, interface: can3, personality: compact, boards: [
-      {kind: motor, address: 9, axes: [RAnkLat, RAnkSag]}, {kind: ft, address: 31, sensor: r_leg_ft, $full}]}
+      {kind: motor, address: 9, axes: [RAnkLat, RAnkSag]},
+      {kind: ft, address: 31, sensor: r_leg_ft, $full}]}
   - {name: arms, interface: can4, personality: compact, fd: true, data_bitrate: 5000000, boards: [
       {kind: motor, address: 1, axes: [LShSag, LShLat, LShYaw, LElbj]},
       {kind: motor, address: 2, axes: [RShSag, RShLat, RShYaw, RElbj]},
-      {kind: ft, address: 3, sensor: l_arm_ft, $full}, {kind: ft, address: 4, sensor: r_arm_ft, $full}]}
+      {kind: ft, address: 3, sensor: l_arm_ft, $full},
+      {kind: ft, address: 4, sensor: r_arm_ft, $full}]}
 END
 }
 
@@ -112,9 +117,12 @@ for rig in coman coman-foc coman-compact coman-fd mixed; do
     wire "$rig"
 done
 # 19 s at 1 kHz
-talks coman-foc "set-points reach all nine buses with motors every millisecond" ' 10F#[0-9A-F]{16}$' $((9 * 18990))
-talks coman-compact "all axes of a bus get their set-points in one frame" ' 040#([0-9A-F]{12}|[0-9A-F]{8})$' $((9 * 18990))
-talks coman-fd "the set-points of a half are one CAN FD frame" ' 040##1([0-9A-F]{64}|[0-9A-F]{40})$' $((2 * 18990))
+talks coman-foc "set-points reach all nine buses with motors every millisecond" \
+    ' 10F#[0-9A-F]{16}$' $((9 * 18990))
+talks coman-compact "all axes of a bus get their set-points in one frame" \
+    ' 040#([0-9A-F]{12}|[0-9A-F]{8})$' $((9 * 18990))
+talks coman-fd "the set-points of a half are one CAN FD frame" \
+    ' 040##1([0-9A-F]{64}|[0-9A-F]{40})$' $((2 * 18990))
 for rig in coman-foc coman-compact coman-fd mixed; do
     repeat "$rig"
 done

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# The n-th allocation or system call fails. A full run of both (HIL_FAIL_NTH=full in the environment)
-# belongs to a release.
+# The n-th allocation or system call fails. A full run of both (HIL_FAIL_NTH=full in the
+# environment) belongs to a release.
 
 # preloaded: a sanitizer's library comes with the program, not with it
 add_library(fail_nth MODULE service/fail_nth.c)

@@ -5,7 +5,8 @@
  * asks for one run, done by a fork just before main, so that only what the program itself does
  * after the dynamic linker is counted, and so that a run costs no more than main.
  *
- *   a N SPAN               SPAN allocations from the N-th on fail; SPAN 0: all that follow; N 0: none
+ *   a N SPAN               SPAN allocations from the N-th on fail; SPAN 0: all that follow; N 0:
+ *                          none
  *   s NUMBER N SPAN WHAT   as above for system call NUMBER: WHAT is the errno that it gives, -1 has
  *                          it transfer half as many bytes as asked; NUMBER -1: none, calls of all
  *                          kinds are counted
@@ -16,7 +17,8 @@
  *   for a 0: each N at which an allocation came from a place (a stack of calls) not seen before;
  *   for other allocations: where the first that failed was made, as MODULE+OFFSET, innermost first;
  *   for s -1: each kind of call as NUMBER:COUNT;
- *   for other calls: the arguments of the last one that was changed, and the text that it points to.
+ *   for other calls: the arguments of the last one that was changed, and the text that it points
+ *   to.
  */
 #include <dlfcn.h>
 #include <errno.h>

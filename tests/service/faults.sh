@@ -88,7 +88,8 @@ done
 
 name="a jammed motor stands still while its window lasts and moves again after it"
 if go jam "$rig" --duration 2.5 --fault "motor LKneeSag jam 2..2.15" && rows jam \
-    'len({r["qm_LKneeSag_rad"] for r in rows if 2.005 < r["time_s"] < 2.15}) == 1 and len({r["qm_LKneeSag_rad"] for r in rows if 2.15 < r["time_s"]}) > 20' &&
+    '(len({r["qm_LKneeSag_rad"] for r in rows if 2.005 < r["time_s"] < 2.15}) == 1 and
+      len({r["qm_LKneeSag_rad"] for r in rows if 2.15 < r["time_s"]}) > 20)' &&
     grep -q "2.000000 s: fault 1 begins" "$work/err" &&
     grep -q "2.150000 s: fault 1 ends" "$work/err"
 then ok "$name"; else not_ok "$name"; fi
@@ -97,7 +98,10 @@ name="an open phase carries no current, a short generates it, a broken spring no
 if go drives "$rig" --duration 2.5 --fault "motor LElbj open_phase 2.." \
     --fault "motor RElbj spring_break 2.." \
     --fault "motor LShSag short 2.." && rows drives \
-    'all(r["current_LElbj_a"] == 0 and r["torque_RElbj_nm"] == 0 and r["voltage_LShSag_v"] == 0 for r in rows if r["time_s"] > 2.005) and any(r["current_LElbj_a"] != 0 and r["torque_RElbj_nm"] != 0 for r in rows if r["time_s"] < 2)'
+    '(all(r["current_LElbj_a"] == 0 and r["torque_RElbj_nm"] == 0 and r["voltage_LShSag_v"] == 0
+          for r in rows if r["time_s"] > 2.005) and
+      any(r["current_LElbj_a"] != 0 and r["torque_RElbj_nm"] != 0
+          for r in rows if r["time_s"] < 2))'
 then ok "$name"; else not_ok "$name"; fi
 
 # an iCub board has lost its policy with its power: it speaks again when a host asks it to
@@ -155,13 +159,18 @@ then ok "$name"; else not_ok "$name"; fi
 mkdir -p "$work/config/rigs"
 cp "$HIL_SOURCE_DIR"/config/rigs/*.yaml "$work/config/rigs/"
 cp -r "$HIL_SOURCE_DIR/config/robots" "$HIL_SOURCE_DIR/config/meshes" "$work/config/"
-{ cat "$rig"; echo 'faults:'; echo '  - "knee: motor LKneeSag jam 1..2"'; echo '  - "bus torso loss 0.1 manual"'; } \
-    >"$work/config/rigs/faulty.yaml"
+cat "$rig" - >"$work/config/rigs/faulty.yaml" <<'END'
+faults:
+  - "knee: motor LKneeSag jam 1..2"
+  - "bus torso loss 0.1 manual"
+END
 printf 'extends: coman.yaml\nname: coman-wire\nwire: {mode: wire}\n' >"$work/config/rigs/wire.yaml"
 name="on a wire a burst of errors is seen by the CRC: frames are repeated, none is lost"
 if go burst "$work/config/rigs/wire.yaml" --duration 2.5 \
     --fault "bus left_leg error_burst 0.1 2.." &&
-    grep -A 9 "^  wire " "$work/out" | awk '$1 == "left_leg" {burst = $11 > 50 && $10 == 0} $1 == "right_leg" {sound = $11 == 0}
+    grep -A 9 "^  wire " "$work/out" | awk '
+        $1 == "left_leg" {burst = $11 > 50 && $10 == 0}
+        $1 == "right_leg" {sound = $11 == 0}
         END {exit !(burst && sound)}'
 then ok "$name"; else not_ok "$name"; fi
 

@@ -147,7 +147,8 @@ check(press(soft[-1], "right") < 0.5 * press(stiff[-1], "right"),
       f"{press(soft[-1], 'right'):.2f} N, {press(stiff[-1], 'right'):.2f} N")
 check(yielded(soft[untouched]) < 0.02 and yielded(soft[-1]) > 0.1 and yielded(stiff[-1]) < 0.05,
       "soft elbows follow the motors until the touch and give way then",
-      f"{1e3 * yielded(soft[untouched]):.1f} mrad, then {1e3 * yielded(soft[-1]):.1f} mrad; stiff {1e3 * yielded(stiff[-1]):.1f} mrad")
+      f"{1e3 * yielded(soft[untouched]):.1f} mrad, then {1e3 * yielded(soft[-1]):.1f} mrad; "
+      f"stiff {1e3 * yielded(stiff[-1]):.1f} mrad")
 
 locked = load("locked")
 check(locked and max(map(rise, locked)) > 0.03 and "base_z_m" not in locked[0] and

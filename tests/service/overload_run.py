@@ -58,7 +58,8 @@ class Run:
         self.control = self.directory + ".control"
         self.process = subprocess.Popen(
             [*prefix, PROGRAM, "run", rig, *recording, "--control", self.control, *arguments],
-            stdin=subprocess.DEVNULL, stdout=open(self.out, "w"), stderr=open(self.err, "w"), preexec_fn=prepare)
+            stdin=subprocess.DEVNULL, stdout=open(self.out, "w"), stderr=open(self.err, "w"),
+            preexec_fn=prepare)
 
     def path(self, name):
         return os.path.join(self.directory, name)

@@ -205,8 +205,8 @@ def test_a_stopped_simulator_takes_what_has_piled_up_and_its_motors_are_safe():
     check_clock(summary, tick_s=TICK_S)
     assert summary["ticks"] == 750 and summary["pauses"] >= 1, summary
     assert summary["pause_ticks"] >= 750, summary
-    behind = max(float(t) for t in re.findall(r"^(\d+\.\d+) s: \d+\.\d s behind: counted as a pause",
-                                              run.text(), re.M))
+    behind = max(float(t) for t in re.findall(
+        r"^(\d+\.\d+) s: \d+\.\d s behind: counted as a pause", run.text(), re.M))
     frames = log(run.path("candump.log"))
     check_grid(frames, 1500)
     # everything that waited was received in the first tick after it, in its order

@@ -18,7 +18,8 @@ nothing() {
 
 for program in dpkg-deb dpkg-shlibdeps file; do
     if ! command -v "$program" >/dev/null; then
-        printf '1..1\nok 1 - package # SKIP %s is not installed (Debian packages dpkg-dev, file)\n' "$program"
+        printf '1..1\nok 1 - package # SKIP %s is not installed (%s)\n' "$program" \
+            "Debian packages dpkg-dev, file"
         exit 0
     fi
 done
@@ -42,10 +43,16 @@ result $? "it names the libraries that it needs, and itself"
 dpkg-deb -e "$deb" "$work/control"
 dpkg-deb -x "$deb" "$work/data"
 dpkg-deb -c "$deb" >"$work/list"
-nothing "$(awk '$2 != "root/root" || ($1 !~ /^drwxr-xr-x$/ && $1 !~ /^-rwxr-xr-x$/ && $1 !~ /^-rw-r--r--$/) ||
+nothing "$(awk '
+    $2 != "root/root" ||
+    ($1 !~ /^drwxr-xr-x$/ && $1 !~ /^-rwxr-xr-x$/ && $1 !~ /^-rw-r--r--$/) ||
     ($1 ~ /^-rwx/ && $6 !~ /\/bin\//)' "$work/list")"
 result $? "all is root's, writable by root alone, and only programs are executable"
-nothing "$(awk '$1 !~ /^d/ && $6 !~ /^\.\/usr\/(bin\/coman-hil(-bench)?$|lib\/systemd\/system\/coman-hil|share\/coman-hil\/|share\/doc\/coman-hil\/|share\/man\/)/' "$work/list")"
+nothing "$(awk '
+    $1 !~ /^d/ &&
+    $6 !~ /^\.\/usr\/bin\/coman-hil(-bench)?$/ &&
+    $6 !~ /^\.\/usr\/lib\/systemd\/system\/coman-hil/ &&
+    $6 !~ /^\.\/usr\/share\/(coman-hil|doc\/coman-hil|man)\//' "$work/list")"
 result $? "no file is outside of its places"
 file "$work/data/usr/bin/coman-hil" >"$work/out"
 grep -q ', stripped' "$work/out"

@@ -63,7 +63,8 @@ if run 0 "$name" run "$rig" --transport local --clock free --hold none --duratio
     [ "$(wc -l <"$work/limp/signals.csv")" = 201 ] && [ ! -s "$work/limp/candump.log" ] &&
     python3 -c 'import csv, sys
 rows = list(csv.DictReader(open(sys.argv[1])))
-sys.exit(not float(rows[-1]["base_z_m"]) < 0.5 * float(rows[0]["base_z_m"]))' "$work/limp/signals.csv"
+sys.exit(not float(rows[-1]["base_z_m"]) < 0.5 * float(rows[0]["base_z_m"]))' \
+        "$work/limp/signals.csv"
 then ok "$name"; else not_ok "$name"; fi
 
 name="the length in ticks is exact"
@@ -200,8 +201,12 @@ for signal in INT TERM; do
     # a shell's background process ignores SIGINT unless told otherwise
     if [ $signal = INT ]; then
         program_saved=$program
-        printf '#!/usr/bin/python3\nimport os, signal, sys\nsignal.signal(signal.SIGINT, signal.SIG_DFL)\nos.execv("%s", ["coman-hil"] + sys.argv[1:])\n' \
-            "$program" >"$work/with-sigint"
+        cat >"$work/with-sigint" <<END
+#!/usr/bin/python3
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+os.execv("$program", ["coman-hil"] + sys.argv[1:])
+END
         chmod +x "$work/with-sigint"
         program=$work/with-sigint
     fi

@@ -41,7 +41,8 @@ print(*sorted(c.get("name") for c in tree.parse(sys.argv[1]).iter("testcase")), 
 echo 1..10
 
 name="there are at least twenty scenarios"
-if [ "$(find "$scenarios" -name '*.yaml' | wc -l)" -ge 20 ]; then ok "$name"; else not_ok "$name"; fi
+if [ "$(find "$scenarios" -name '*.yaml' | wc -l)" -ge 20 ]
+then ok "$name"; else not_ok "$name"; fi
 
 name="all pass, every mutation makes its scenario fail, and every expectation fails under some"
 if run 0 --mutate --junit "$work/all.xml" --output "$work/results" "$scenarios"/*.yaml &&
@@ -81,10 +82,11 @@ expectations:
 END
 
 name="what fails is told with time and value, in the status, in JUnit, and as log and plots"
+stayed="one <volt>: LElbj.voltage stayed between 0 and 2.* until 0.0[0-9]* s"
 if run 1 --output "$work/results" --junit "$work/wrong.xml" "$work/config/scenarios/wrong.yaml" &&
     [ "$(totals "$work/wrong.xml")" = "2 2 0" ] &&
     grep -q '^FAIL  wrong \[volts=2\]' "$work/out" &&
-    grep -q 'one <volt>: LElbj.voltage stayed between 0 and 2.* until 0.0[0-9]* s, expected it to reach 0.99 to 1.01' "$work/out" &&
+    grep -q "$stayed, expected it to reach 0.99 to 1.01" "$work/out" &&
     grep -q 'quiet bus: frames seen 1 times until 0.0[0-9]* s, expected 0 to 0' "$work/out" &&
     grep -q '#' "$work/results/wrong-2/candump.log" &&
     grep -q '<svg' "$work/results/wrong-2/expectation-1.svg" &&
@@ -107,7 +109,10 @@ if run 2 --merge --junit "$work/merged.xml" "$work/broken.xml" &&
 then ok "$name"; else not_ok "$name"; fi
 
 name="a run that hangs is ended by its limit of wall-clock time, the others go on"
-sed 's/^name: wrong/name: hangs/; s/^hold:/clock: lockstep\nwall_limit_s: 0.5\nfaults: ["bus torso loss 1 id=0x6f0"]\nhold:/' \
+sed -e 's/^name: wrong/name: hangs/' -e '/^hold:/i\
+clock: lockstep\
+wall_limit_s: 0.5\
+faults: ["bus torso loss 1 id=0x6f0"]' \
     "$work/config/scenarios/wrong.yaml" >"$work/config/scenarios/hangs.yaml"
 if run 1 --output "$work/results" --junit "$work/hangs.xml" "$work/config/scenarios/hangs.yaml" \
     "$scenarios/brown_out.yaml" &&
@@ -118,7 +123,8 @@ name="the seed of the command line is that of the run, and equal seeds make equa
 hash_of()
 {
     python3 -c 'import sys, xml.etree.ElementTree as tree
-print(*[p.get("value") for p in tree.parse(sys.argv[1]).iter("property") if p.get("name") in ("seed", "state_hash")])' "$1"
+print(*[p.get("value") for p in tree.parse(sys.argv[1]).iter("property")
+        if p.get("name") in ("seed", "state_hash")])' "$1"
 }
 if run 0 --seed 7 --junit "$work/a.xml" "$scenarios/noisy_sensors_squat.yaml" &&
     run 0 --seed 7 --jobs 1 --junit "$work/b.xml" "$scenarios/noisy_sensors_squat.yaml" &&
@@ -152,5 +158,6 @@ if run 0 --junit "$work/looks.xml" "$work/config/scenarios/looks.yaml" &&
     --duration 2 \
         --quiet --record "$work/run" >"$work/out" 2>"$work/err" &&
     [ "$(hash_of "$work/looks.xml" | cut -d' ' -f2)" = \
-      "$(python3 -c 'import json, sys; print(json.load(open(sys.argv[1]))["state_hash"])' "$work/run/summary.json")" ]
+      "$(python3 -c 'import json, sys
+print(json.load(open(sys.argv[1]))["state_hash"])' "$work/run/summary.json")" ]
 then ok "$name"; else not_ok "$name"; fi

@@ -41,7 +41,8 @@ small_database() {
         BEGIN { for (n = split(needed, list); n; n--) want[list[n]] = 1 }
         $1 == "Package:" && $2 in want' /var/lib/dpkg/status >"$1/status"
     for package in $needed; do
-        cp /var/lib/dpkg/info/"$package".list /var/lib/dpkg/info/"$package":*.list "$1/info" 2>/dev/null
+        cp /var/lib/dpkg/info/"$package".list /var/lib/dpkg/info/"$package":*.list \
+            "$1/info" 2>/dev/null
     done
 }
 
@@ -51,7 +52,8 @@ guest() {
     mkdir /run/root /run/layer
     mount -t tmpfs none /run/layer
     mkdir /run/layer/upper /run/layer/work
-    mount -t overlay overlay -o lowerdir=/,upperdir=/run/layer/upper,workdir=/run/layer/work $root || exit 71
+    mount -t overlay overlay -o lowerdir=/,upperdir=/run/layer/upper,workdir=/run/layer/work \
+        $root || exit 71
     for folder in proc sys dev tmp; do
         mount --rbind /$folder $root/$folder
     done
@@ -95,8 +97,8 @@ END
     # nor for the units that generators make of the machine's files each time that units are read
     export SYSTEMD_GENERATOR_PATH=/run/none SYSTEMD_ENVIRONMENT_GENERATOR_PATH=/run/none
     export SYSTEMD_UNIT_PATH=/run/units:/etc/systemd/system:/usr/lib/systemd/system
-    exec /lib/systemd/systemd --system --unit=hil-test.target --log-target=journal --show-status=no \
-        systemd.unified_cgroup_hierarchy=1
+    exec /lib/systemd/systemd --system --unit=hil-test.target --log-target=journal \
+        --show-status=no systemd.unified_cgroup_hierarchy=1
 }
 
 case ${1:-} in

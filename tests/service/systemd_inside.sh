@@ -182,8 +182,8 @@ on = float(sys.argv[2])
 driven = [float(r["time_s"]) for r in rows
           if any(abs(float(v)) > 0 for k, v in r.items() if k.startswith("voltage_"))]
 before = [r for r in rows if float(r["time_s"]) < on]
-print(
-    f"{len(before)} rows before the motors were on at {on} s, voltages from {driven[0] if driven else None} s")
+print(f"{len(before)} rows before the motors were on at {on} s, "
+      f"voltages from {driven[0] if driven else None} s")
 sys.exit(not (len(before) > 1 and driven and driven[0] >= on))
 END
 }
@@ -199,12 +199,14 @@ tasks:
   servo: {command_period_s: 0.004}
   squat: {depth_m: 0.05, period_s: 1.5, cycles: 1}
 END
-    echo 'OPTIONS=--clock lockstep --record recording --record-period 4 --force' >/etc/default/coman-hil-lab
+    echo 'OPTIONS=--clock lockstep --record recording --record-period 4 --force' \
+        >/etc/default/coman-hil-lab
     timeout 30 systemctl start $unit
     check $? "a rig that extends one that extends the package's is started"
     coman-hil task squat lab --clock lockstep --reconnect >"$HIL_WORK/task" 2>&1 </dev/null &
     controller=$!
-    within 20 said 1 "robot is released" && systemctl restart $unit && within 20 said 2 "robot is released"
+    within 20 said 1 "robot is released" && systemctl restart $unit &&
+        within 20 said 2 "robot is released"
     check $? "a controller finds the boards of a restarted service"
 
     pid=$(property MainPID)
@@ -221,17 +223,22 @@ END
     cp "$HIL_WORK/task" "$log"
     [ $found = 0 ] && [ "$(grep -c "looking for the boards again" "$log")" = 2 ]
     check $? "and ends the squat that it has begun three times"
-    sed -n 's/.*cycles done, \([0-9.]*\) mm deep.*/\1/p' "$HIL_WORK/task" | awk '{ exit !($1 > 45 && $1 < 55) }'
+    sed -n 's/.*cycles done, \([0-9.]*\) mm deep.*/\1/p' "$HIL_WORK/task" |
+        awk '{ exit !($1 > 45 && $1 < 55) }'
     check $? "50 mm deep, within a tenth"
     systemctl stop $unit
-    on=$(journal | awk '/^dynamics:/ { on = "" } on == "" && /idle to voltage mode/ { on = $1 } END { print on }')
+    on=$(journal | awk '
+        /^dynamics:/ { on = "" }
+        on == "" && /idle to voltage mode/ { on = $1 }
+        END { print on }')
     judge_voltages /var/lib/coman-hil/lab/recording/signals.csv "${on:-0}" >"$log" 2>&1
     check $? "until it has switched the motors on again they are at 0 V"
 }
 
 test_examples() {
     mkdir -p /etc/systemd/system/coman-hil@.service.d
-    cp /usr/share/doc/coman-hil/examples/can-configure.conf /etc/systemd/system/coman-hil@.service.d/
+    cp /usr/share/doc/coman-hil/examples/can-configure.conf \
+        /etc/systemd/system/coman-hil@.service.d/
     systemctl daemon-reload
     timeout 30 systemctl start $unit
     pid=$(property MainPID)
@@ -244,9 +251,11 @@ test_examples() {
 
     groupadd --system realtime >/dev/null 2>&1
     mkdir -p /etc/systemd/network /etc/udev/rules.d
-    cp /usr/share/doc/coman-hil/examples/*.network /usr/share/doc/coman-hil/examples/*.link /etc/systemd/network/
+    cp /usr/share/doc/coman-hil/examples/*.network /usr/share/doc/coman-hil/examples/*.link \
+        /etc/systemd/network/
     cp /usr/share/doc/coman-hil/examples/*.rules /etc/udev/rules.d/
-    SYSTEMD_LOG_LEVEL=debug SYSTEMD_LOG_TARGET=console timeout 1 /lib/systemd/systemd-networkd >"$log.networkd" 2>&1
+    SYSTEMD_LOG_LEVEL=debug SYSTEMD_LOG_TARGET=console \
+        timeout 1 /lib/systemd/systemd-networkd >"$log.networkd" 2>&1
     SYSTEMD_LOG_LEVEL=debug udevadm test -a add /sys/class/net/can0 >"$log.udev" 2>&1
     grep -h '80-coman-hil' "$log.networkd" "$log.udev" >"$log"
     grep -q '80-coman-hil-can.rules' "$log" &&
@@ -276,14 +285,16 @@ test_upgrade_and_removal() {
     ! grep -q deleted "$log" && [ -e /etc/coman-hil/rigs/lab.yaml ]
     check $? "and keeps the rigs of the laboratory"
 
-    dpkg -r coman-hil >"$log" 2>&1 && [ "$(property ActiveState)" = inactive ] && ! pidof coman-hil >>"$log" &&
-        ! ip link show can0 >>"$log" 2>&1
+    dpkg -r coman-hil >"$log" 2>&1 && [ "$(property ActiveState)" = inactive ] &&
+        ! pidof coman-hil >>"$log" && ! ip link show can0 >>"$log" 2>&1
     check $? "removing it stops what runs and takes the virtual interfaces away"
     [ -d /var/lib/private/coman-hil ] && [ -e /var/lib/coman-hil/lab/recording/candump.log ]
     check $? "recordings stay"
     dpkg -P coman-hil >"$log" 2>&1
-    (cd /run/upper && find etc usr var -name '*coman-hil*' ! -type c ! -path 'var/log/*') | sort >>"$log"
-    [ "$(grep -e '^etc/' -e '^usr/' -e '^var/' "$log" | tr '\n' ' ')" = "etc/coman-hil etc/default/coman-hil-lab " ]
+    (cd /run/upper && find etc usr var -name '*coman-hil*' ! -type c ! -path 'var/log/*') |
+        sort >>"$log"
+    [ "$(grep -e '^etc/' -e '^usr/' -e '^var/' "$log" | tr '\n' ' ')" = \
+        "etc/coman-hil etc/default/coman-hil-lab " ]
     check $? "a purge leaves the laboratory's own files and nothing else"
 }
 

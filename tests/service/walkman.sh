@@ -218,7 +218,8 @@ found = [r["torque_RKneeSag_nm"] for r in squat[::10]]
 away = math.sqrt(sum((a - b) ** 2 for a, b in zip(static, found)) / len(found))
 check(away < 0.02 * max(map(abs, static)),
       "the knee's torque is that of statics within 2 % of its peak (RMS)",
-      f"{away:.2f} N m RMS; from {max(found):.1f} to {min(found):.1f} N m, statics {max(static):.1f} to {min(static):.1f}")
+      f"{away:.2f} N m RMS; from {max(found):.1f} to {min(found):.1f} N m, "
+      f"statics {max(static):.1f} to {min(static):.1f}")
 
 feet = lambda r: r["fz_RFoot_n"] + r["fz_LFoot_n"]
 mean = sum(map(feet, stand)) / len(stand)
@@ -299,15 +300,18 @@ for ms in sorted(frames["3EA"])[::3]:
         worst_nm = max(worst_nm, abs(frames["3EB"][ms][k] * FULL_NM / 32768 - moment[k]))
     compared += 1
 check(compared > 100 and worst_n < FULL_N / 32768 and worst_nm < FULL_NM / 32768,
-      "F/T frames are the ground's wrench moved to the sensor, less what hangs below it, within one count",
-      f"{compared} frames, {worst_n:.4f} N of {FULL_N / 32768:.4f}, {worst_nm:.5f} N m of {FULL_NM / 32768:.5f}")
+      "F/T frames are the ground's wrench moved to the sensor, less what hangs below it, "
+      "within one count",
+      f"{compared} frames, {worst_n:.4f} N of {FULL_N / 32768:.4f}, "
+      f"{worst_nm:.5f} N m of {FULL_NM / 32768:.5f}")
 
 vertical = [said_on("free", bus, id)[id] for bus, id in (("can1", "3DA"), ("can2", "3EA"))]
 off = [(vertical[0][ms][2] + vertical[1][ms][2]) * FULL_N / 32768 -
        (feet(parse(raw[ms - 1])) - 2 * sensor_mass * G)
        for ms in sorted(vertical[0])[::5] if 1000 < ms <= len(raw) and ms in vertical[1]]
 check(len(off) > 300 and max(map(abs, off)) < 0.001 * WEIGHT,
-      "through the squat the F/T boards' vertical forces are the feet's less 4.46 kg, within a thousandth of the weight",
+      "through the squat the F/T boards' vertical forces are the feet's less 4.46 kg, "
+      "within a thousandth of the weight",
       f"{len(off)} frames, {max(map(abs, off)):.3f} N at most")
 
 knee = said_on("free", "can2",

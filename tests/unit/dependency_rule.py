@@ -13,10 +13,11 @@ import tempfile
 
 ROOT = pathlib.Path(os.environ.get("HIL_SOURCE_DIR") or pathlib.Path(__file__).parents[2])
 
-# Low to high. FOLDER: what its files may include of the tree, as regular expressions of whole paths.
-# A folder has the rule of the longest name here that it begins with. dynamics/ is written by the
-# build, and so are embedded texts (manual/).
-BELOW_SIM = r"(base|canbus|contact|model|model/symbolic|boards|boards/\w+|tasks|rt|rig)/[^/]*|canbus/wire/[^/]*"
+# Low to high. FOLDER: what its files may include of the tree, as regular expressions of whole
+# paths. A folder has the rule of the longest name here that it begins with. dynamics/ is written by
+# the build, and so are embedded texts (manual/).
+BELOW_SIM = (r"(base|canbus|contact|model|model/symbolic|boards|boards/\w+|tasks|rt|rig)/[^/]*"
+             r"|canbus/wire/[^/]*")
 RULES = {
     "base": r"base/[^/]*",
     "canbus": r"(base|canbus|canbus/wire)/[^/]*",
@@ -49,8 +50,8 @@ def sources(root):
 
 
 def includes(root, path):
-    """What a file includes of the tree: "repository/relative.h" and <the/same.h>. A bare or ../ name in
-    quotes is not relative to the root and comes out as it is."""
+    """What a file includes of the tree: "repository/relative.h" and <the/same.h>. A bare or ../
+    name in quotes is not relative to the root and comes out as it is."""
     for bracket, name in INCLUDE.findall((root / path).read_text()):
         if bracket == '"' or name.split("/")[0] in FOLDERS and "/" in name:
             yield name
@@ -70,13 +71,15 @@ def foreign_includes(root):
 
 def borrowed_privates(root):
     """A line for each private header that is included outside its folder and its sub-folders."""
-    return [f"{path}: includes the private {name}" for path in sources(root) for name in includes(root, path)
+    return [f"{path}: includes the private {name}"
+            for path in sources(root) for name in includes(root, path)
             if re.search(r"(^|/|_)private\.h$", name)
             and not f"{path.parent}/".startswith(os.path.dirname(name) + "/")]
 
 
 def node_of(path, divided):
-    """A room, a sub-room, or in a room with sub-rooms one subject: board.c and board.h are board.*"""
+    """A room, a sub-room, or in a room with sub-rooms one subject: board.c and board.h
+    are board.*"""
     folder = os.path.dirname(path)
     return os.path.splitext(path)[0] + ".*" if folder in divided else folder
 
@@ -86,8 +89,8 @@ def folder_of(node):
 
 
 def circles(root):
-    """The rooms, sub-rooms and subjects that a circle of includes joins, a line each. Subjects of one
-    folder may know each other."""
+    """The rooms, sub-rooms and subjects that a circle of includes joins, a line each. Subjects of
+    one folder may know each other."""
     paths = [str(path) for path in sources(root)]
     divided = {os.path.dirname(os.path.dirname(path)) for path in paths}
     reach = collections.defaultdict(set)
@@ -103,15 +106,18 @@ def circles(root):
             size = len(to)
             to |= set().union(*(reach.get(other, set()) for other in to))
             grown = grown or len(to) > size
-    rings = {node: {other for other in to if node in reach.get(other, ())} for node, to in reach.items()}
+    rings = {node: {other for other in to if node in reach.get(other, ())}
+             for node, to in reach.items()}
     return [f"{node} stands in a circle with {', '.join(sorted(ring - {node}))}"
-            for node, ring in sorted(rings.items()) if len({folder_of(other) for other in ring}) > 1]
+            for node, ring in sorted(rings.items())
+            if len({folder_of(other) for other in ring}) > 1]
 
 
 def foreign_cxx(root):
     """C++ outside its places."""
     return [str(path.relative_to(root)) for path in sorted(root.rglob("*"))
-            if path.suffix in CXX and not path.relative_to(root).parts[0] in {"tests", "build", ".git"}
+            if path.suffix in CXX
+            and not path.relative_to(root).parts[0] in {"tests", "build", ".git"}
             and path.relative_to(root) != pathlib.Path("contact/simbody.cpp")]
 
 
@@ -165,7 +171,8 @@ def main():
     result("cpp_stands_only_in_contact_simbody_and_tests", foreign_cxx(ROOT))
     for name, file, include in PLANTED:
         planted(name, foreign_includes, {file: f'#include "{include}"'})
-    planted("angle_brackets_are_seen", foreign_includes, {"tasks/x.c": "#include <model/plant_io.h>"})
+    planted("angle_brackets_are_seen", foreign_includes,
+            {"tasks/x.c": "#include <model/plant_io.h>"})
     planted("blanks_are_seen", foreign_includes, {"boards/x.c": '  #  include  "model/plant.h"'})
     planted("a_borrowed_private_header_is_seen", borrowed_privates,
             {"app/cli/x.c": '#include "app/scenario/private.h"'})
@@ -174,8 +181,8 @@ def main():
              "boards/icub/table.h": '#include "boards/field.h"', "boards/field.h": "",
              "boards/icub/bus.c": '#include "boards/board.h"'})
     planted("a_circle_of_two_sub_rooms_is_seen", circles,
-            {"app/report/a.h": '#include "app/scenario/b.h"', "app/scenario/c.c": '#include "app/report/a.h"',
-             "app/scenario/b.h": ""})
+            {"app/report/a.h": '#include "app/scenario/b.h"',
+             "app/scenario/c.c": '#include "app/report/a.h"', "app/scenario/b.h": ""})
     planted("cpp_elsewhere_is_seen", foreign_cxx, {"model/x.cpp": "int x;"})
     return failures > 0
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The style of the sources, so far as a program can judge it: layout as clang-format makes it, lines of
-100 columns, a license line in every file, names of functions that can be searched, RT-safety in every
-public header. Prints TAP."""
+"""The style of the sources, so far as a program can judge it: layout as clang-format makes it,
+lines of 100 columns, a license line in every file, names of functions that can be searched,
+RT-safety in every public header. Prints TAP."""
 import collections
 import os
 import pathlib
@@ -12,18 +12,21 @@ import subprocess
 import sys
 
 ROOT = pathlib.Path(os.environ.get("HIL_SOURCE_DIR") or pathlib.Path(__file__).parents[2])
-ROOMS = ("base", "canbus", "contact", "model", "boards", "tasks", "rt", "rig", "sim", "viewer", "app", "tools")
+ROOMS = ("base", "canbus", "contact", "model", "boards", "tasks", "rt", "rig", "sim", "viewer",
+         "app", "tools")
 CODE = {".c", ".h", ".cpp"}
 SCRIPTS = {".py", ".sh", ".cmake"}
 COLUMNS = 100
 # Static functions of one file with the same name in another make a profile ambiguous.
-STATIC = re.compile(r"^(?:static|LOOP_PHASE) (?:[^;={}()]|\([^;={}()]*\) )*?\b(\w+)\([^;{}]*\)\s*\{", re.M)
+STATIC = re.compile(r"^(?:static|LOOP_PHASE) (?:[^;={}()]|\([^;={}()]*\) )*?"
+                    r"\b(\w+)\([^;{}]*\)\s*\{", re.M)
 
 
 def files(folders, suffixes):
     for folder in folders:
         for path in sorted((ROOT / folder).rglob("*")):
-            named = path.suffix in suffixes or (".cmake" in suffixes and path.name == "CMakeLists.txt")
+            named = (path.suffix in suffixes
+                     or ".cmake" in suffixes and path.name == "CMakeLists.txt")
             if named and "corpus" not in path.parts:
                 yield path
 
@@ -44,15 +47,20 @@ def long_lines():
 
 
 def unlicensed():
+    license_line = "SPDX-License-Identifier: Apache-2.0"
     return [named(path) for path in everything()
-            if "SPDX-License-Identifier: Apache-2.0" not in "\n".join(path.read_text().splitlines()[:3])]
+            if license_line not in "\n".join(path.read_text().splitlines()[:3])]
 
 
 def unformatted():
     paths = [str(path) for path in files((*ROOMS, "tests"), CODE)]
-    check = subprocess.run(["clang-format", "--dry-run", "-Werror", *paths], capture_output=True, text=True)
-    places = re.findall(r"^(\S+:\d+):\d+: error: code should be clang-formatted", check.stderr, re.M)
-    return [place.replace(f"{ROOT}/", "") for place in places] or ([check.stderr] if check.returncode else [])
+    check = subprocess.run(["clang-format", "--dry-run", "-Werror", *paths],
+                           capture_output=True, text=True)
+    places = re.findall(r"^(\S+:\d+):\d+: error: code should be clang-formatted",
+                        check.stderr, re.M)
+    if check.returncode and not places:
+        return [check.stderr]
+    return [place.replace(f"{ROOT}/", "") for place in places]
 
 
 def statics():
@@ -65,11 +73,13 @@ def statics():
 
 
 def one_word_names():
-    return [f"{name} in {', '.join(sorted(where))}" for name, where in sorted(statics().items()) if "_" not in name]
+    return [f"{name} in {', '.join(sorted(where))}" for name, where in sorted(statics().items())
+            if "_" not in name]
 
 
 def ambiguous_names():
-    return [f"{name} in {', '.join(sorted(where))}" for name, where in sorted(statics().items()) if len(where) > 1]
+    return [f"{name} in {', '.join(sorted(where))}" for name, where in sorted(statics().items())
+            if len(where) > 1]
 
 
 def silent_headers():

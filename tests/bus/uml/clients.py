@@ -4,10 +4,10 @@
 
 clients.py CANBUS_TOOL [COMAN_HIL]
 
-First candump, cansend and cangen of can-utils against our port, byte by byte. Then, when the program is
-given, COMAN in lockstep on five buses: python-can discovers the boards, commands a voltage, reads
-current and position, and drives virtual time by STEP frames; what it expects is written from
-PROTOCOL.md. Prints TAP.
+First candump, cansend and cangen of can-utils against our port, byte by byte. Then, when the
+program is given, COMAN in lockstep on five buses: python-can discovers the boards, commands a
+voltage, reads current and position, and drives virtual time by STEP frames; what it expects is
+written from PROTOCOL.md. Prints TAP.
 """
 import json
 import os
@@ -48,8 +48,8 @@ def wait_until(condition, what):
 
 
 def frames_of(log):
-    """The frames of a candump log without their times, which differ between two listeners. The bit that
-    kernels from 6.1 on set in the flags of every FD frame says nothing and is taken off."""
+    """The frames of a candump log without their times, which differ between two listeners. The bit
+    that kernels from 6.1 on set in the flags of every FD frame says nothing and is taken off."""
     return [re.sub(r"##([0-7])", lambda m: "##%X" % (int(m[1]) & 3), line.split(") ", 1)[1])
             for line in open(log).read().splitlines()]
 
@@ -61,8 +61,9 @@ class Candump:
         self.log = path(name)
         before = self.listeners(interface)
         # the default receive buffer holds 278 frames, fewer than are sent in one go here
-        self.process = subprocess.Popen(["candump", "-r", "4000000", "-L", interface + ",0:0,#FFFFFFFF"],
-                                        stdout=open(self.log, "w"))
+        self.process = subprocess.Popen(
+            ["candump", "-r", "4000000", "-L", interface + ",0:0,#FFFFFFFF"],
+            stdout=open(self.log, "w"))
         # it says nothing when it listens: its socket in the kernel's list does
         wait_until(lambda: self.listeners(interface) > before, "candump listens")
 
@@ -80,11 +81,13 @@ class Candump:
 
 
 def port_logs_what_candump_logs():
-    special = ["123#DEADBEEF", "1ABCDEF0#R", "7FF#R5", "000#", "123##1AABB", "20000004#0004000000000000"]
+    special = ["123#DEADBEEF", "1ABCDEF0#R", "7FF#R5", "000#", "123##1AABB",
+               "20000004#0004000000000000"]
     count = 2 * 400 + len(special)
     candump = Candump("can0", "theirs.log")
     with open(path("ours.log"), "w") as log:
-        ours = subprocess.Popen([TOOL, "log", "can0", str(count)], stdout=log, stderr=subprocess.PIPE)
+        ours = subprocess.Popen([TOOL, "log", "can0", str(count)],
+                                stdout=log, stderr=subprocess.PIPE)
         assert ours.stderr.readline() == b"ready\n"
         subprocess.run(["cangen", "can0", "-g", "1", "-m", "-n", "400"], check=True)
         for frame in special:
@@ -95,7 +98,8 @@ def port_logs_what_candump_logs():
     assert len(theirs) == count, len(theirs)
     assert frames_of(path("ours.log")) == theirs
     # times: the same to a microsecond up to the offset of the two clocks, frame by frame
-    times = [[float(line[1:line.index(")")]) for line in open(path(log))] for log in ("theirs.log", "ours.log")]
+    times = [[float(line[1:line.index(")")]) for line in open(path(log))]
+             for log in ("theirs.log", "ours.log")]
     offsets = [a - b for a, b in zip(*times)]
     assert max(offsets) - min(offsets) < 0.5, (min(offsets), max(offsets))
 
@@ -159,8 +163,8 @@ class Simulator:
         self.record = path("record")
         self.output = open(path("simulator.txt"), "w+")
         self.process = subprocess.Popen(
-            [PROGRAM, "run", SOURCE + "/config/rigs/coman.yaml", "--clock", "lockstep", "--transport",
-             "socketcan", "--hold", "always", "--quiet", "--record", self.record],
+            [PROGRAM, "run", SOURCE + "/config/rigs/coman.yaml", "--clock", "lockstep",
+             "--transport", "socketcan", "--hold", "always", "--quiet", "--record", self.record],
             stdin=subprocess.DEVNULL, stdout=self.output, stderr=subprocess.STDOUT)
 
     def text(self):
@@ -199,7 +203,8 @@ def discovery_finds_every_board():
         found = {(i & 0xF0) >> 4: data[1] for i, data in replies}
         assert found == expected[bus], (bus, replies)
         for identifier, data in replies:
-            assert identifier & 0xF == 0 and len(data) == 5 and data[0] == 0xFF, (bus, identifier, data)
+            assert identifier & 0xF == 0 and len(data) == 5 and data[0] == 0xFF, \
+                (bus, identifier, data)
 
 
 def firmware_version_is_told_with_a_positive_protocol_check():
@@ -225,8 +230,8 @@ def telemetry_comes_every_four_ticks_by_policy():
 
 
 def voltage_in_current_out():
-    """25 % of 48 V on LHipSag, whose link is clamped: the mode is echoed, the winding takes current, the
-    rotor winds its spring, the joint encoder stands still."""
+    """25 % of 48 V on LHipSag, whose link is clamped: the mode is echoed, the winding takes
+    current, the rotor winds its spring, the joint encoder stands still."""
     start = [struct.unpack("<ii", d) for i, d in HOST.step(8)["can1"] if i == 0x111][-1]
     frames = HOST.ask("can1", 0x001, [0x09, 0x50], ticks=4)
     status = [d for i, d in frames if i == 0x113]
@@ -279,7 +284,8 @@ def log_of_the_simulator_is_that_of_candump():
 
 
 def random_frames_do_no_harm():
-    floods = [subprocess.Popen(["cangen", bus, "-g", "0", "-m", "-i", "-n", "5000"]) for bus in BUSES[1:]]
+    floods = [subprocess.Popen(["cangen", bus, "-g", "0", "-m", "-i", "-n", "5000"])
+              for bus in BUSES[1:]]
     # random 11-bit identifiers on the STEP's bus too, but none of its commands
     for number in range(500):
         HOST.send("can0", number * 37 % 0x6F0, os.urandom(number % 9))
@@ -302,8 +308,9 @@ def simulator_stops_clean_and_has_counted():
     for bus in summary["buses"][1:]:
         # of 5000 about half were FD, which a classic port is not given
         assert bus["rx_frames"] + bus["rx_dropped"] > 2000, bus
-    assert summary["boards"]["timeouts"] >= 1, summary["boards"]
-    assert summary["boards"]["unknown"] + summary["boards"]["malformed"] + summary["boards"]["foreign"] > 1000
+    boards = summary["boards"]
+    assert boards["timeouts"] >= 1, boards
+    assert boards["unknown"] + boards["malformed"] + boards["foreign"] > 1000
 
 
 def recording_has_the_bytes_that_candump_has_seen():
@@ -337,9 +344,9 @@ def run(test):
 PORT_TESTS = [port_logs_what_candump_logs, candump_logs_what_port_sends]
 SIMULATOR_TESTS = [
     simulator_answers_a_step_of_the_wrong_tick_and_does_not_move, discovery_finds_every_board,
-    firmware_version_is_told_with_a_positive_protocol_check, boards_are_silent_until_a_policy_is_set,
-    telemetry_comes_every_four_ticks_by_policy, voltage_in_current_out, stale_voltage_falls_to_zero,
-    strain_boards_send_what_the_host_starts]
+    firmware_version_is_told_with_a_positive_protocol_check,
+    boards_are_silent_until_a_policy_is_set, telemetry_comes_every_four_ticks_by_policy,
+    voltage_in_current_out, stale_voltage_falls_to_zero, strain_boards_send_what_the_host_starts]
 LAST_TESTS = [random_frames_do_no_harm, simulator_stops_clean_and_has_counted,
               recording_has_the_bytes_that_candump_has_seen]
 

@@ -4,11 +4,11 @@
 
 lockstep.py COMAN_HIL LOCKSTEP_CONTROLLER [TICKS STRIDE]
 
-First the C controller of tests/bus, which checks every frame of every tick, with STEPs of one tick and
-of several, and on buses that a wire paces; then a controller of python-can, which checks DONE and the
-answers. The simulator's own counts must be those of the controllers. Ticks a second are told, not
-judged. With TICKS and STRIDE only the C controller runs, so many ticks with so many a STEP. Prints
-TAP.
+First the C controller of tests/bus, which checks every frame of every tick, with STEPs of one tick
+and of several, and on buses that a wire paces; then a controller of python-can, which checks DONE
+and the answers. The simulator's own counts must be those of the controllers. Ticks a second are
+told, not judged. With TICKS and STRIDE only the C controller runs, so many ticks with so many a
+STEP. Prints TAP.
 """
 import glob
 import os
@@ -50,8 +50,8 @@ class Simulator:
         self.text_path = os.path.join(WORK, "simulator.txt")
         self.output = open(self.text_path, "w")
         self.process = subprocess.Popen(
-            [PROGRAM, "run", RIG, "--clock", "lockstep", "--transport", "socketcan", "--hold", "always",
-             "--ticks", str(ticks), "--quiet", *arguments],
+            [PROGRAM, "run", RIG, "--clock", "lockstep", "--transport", "socketcan",
+             "--hold", "always", "--ticks", str(ticks), "--quiet", *arguments],
             stdin=subprocess.DEVNULL, stdout=self.output, stderr=subprocess.STDOUT)
         self.wait_for_buses()
 
@@ -149,7 +149,8 @@ def main():
     if LONG:
         print("1..1")
         good, *facts = c_controller(*LONG)
-        return check(good, "a C controller finds every frame of %d ticks at its place" % LONG[0], *facts)
+        return check(good, "a C controller finds every frame of %d ticks at its place" % LONG[0],
+                     *facts)
     print("1..4")
     good, *facts = c_controller(500, 1)
     result = check(good, "a C controller finds every frame of 500 ticks at its place", *facts)

@@ -8,11 +8,11 @@
 #
 # With -x the command takes the place of the guest's first process: it writes what it has to say to
 # $HIL_WORK/output, its exit status to $HIL_WORK/status, and powers off.
-# The command's output goes to standard output; the exit status is the command's, 70 when the guest did
-# not come to its end (its console is shown as TAP comments). Without user-mode Linux the TAP plan
-# is one skipped test with the reason. HIL_SOURCE_DIR and HIL_BINARY_DIR are passed on; the guest
-# can write to HIL_BINARY_DIR, HIL_WORK (a temporary directory, kept when HIL_WORK_KEEP is set)
-# and /tmp, which is its own.
+# The command's output goes to standard output; the exit status is the command's, 70 when the guest
+# did not come to its end (its console is shown as TAP comments). Without user-mode Linux the TAP
+# plan is one skipped test with the reason. HIL_SOURCE_DIR and HIL_BINARY_DIR are passed on; the
+# guest can write to HIL_BINARY_DIR, HIL_WORK (a temporary directory, kept when HIL_WORK_KEEP is
+# set) and /tmp, which is its own.
 #
 # On a CPU whose XSAVE area is larger than the buffer of linux.uml (2,696 bytes; with AMX it is
 # 11,008) the guest's ptrace is that of ptrace_xsave.h; HIL_UML_XSAVE=always or never, for tests,

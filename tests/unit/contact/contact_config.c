@@ -12,7 +12,8 @@
 
 #include "tests/physics/contact_fixture.h"
 
-/* By the check, with a message that says what was found and what was expected, and by the engines. */
+/* By the check, with a message that says what was found and what was expected, and by the
+ * engines. */
 static void check_refused(const struct scene *scene, int row, const char *message)
 {
     struct contact_world *world = NULL;

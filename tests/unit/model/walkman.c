@@ -98,8 +98,8 @@ static void nothing_of_its_mass_is_lost(void **state)
     assert_near(robot->total_mass, 121.1977021, 1e-7);
 }
 
-/* The sum over the elbow's five parts and the hand by hand, for one component: the first moment about
- * the elbow along z. */
+/* The sum over the elbow's five parts and the hand by hand, for one component: the first moment
+ * about the elbow along z. */
 static void what_hangs_on_the_elbow_is_added_exactly(void **state)
 {
     const double forearm = -0.1955, hand = -0.1955 - 0.092, support = -0.1955 - 0.0505;
@@ -153,7 +153,8 @@ static void left_mirrors_right(void **state)
     assert_int_equal(pairs, 10);
 }
 
-/* Published: the waist at 1.011324 m over the simulator's contact plane, 0.130 m below the ankles. */
+/* Published: the waist at 1.011324 m over the simulator's contact plane, 0.130 m below the
+ * ankles. */
 static void homing_has_the_published_height(void **state)
 {
     double p[3], R[9];

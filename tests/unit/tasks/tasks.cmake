@@ -3,4 +3,5 @@ foreach(name host host_compact host_foc host_lockstep host_mixed)
     hil_test(tasks_${name} SOURCES unit/tasks/${name}.c LIBS tasks LABELS unit)
 endforeach()
 # the servo alone, without the host that it is linked with elsewhere
-hil_test(tasks_servo SOURCES unit/tasks/servo.c ${CMAKE_SOURCE_DIR}/tasks/servo.c LIBS base m LABELS unit)
+hil_test(tasks_servo SOURCES unit/tasks/servo.c ${CMAKE_SOURCE_DIR}/tasks/servo.c
+         LIBS base m LABELS unit)

@@ -64,13 +64,15 @@ conclude rejects_unknown_option_before_the_command
 
 problem=
 for command in run task check accel; do
-    "$program" "$command" --help >"$work/out" 2>"$work/err" || problem="$problem; $command --help fails"
+    "$program" "$command" --help >"$work/out" 2>"$work/err" ||
+        problem="$problem; $command --help fails"
     says out "usage: coman-hil $command"
     says out '--help'
     silent err
     awk 'length($0) > 80 { exit 1 }' "$work/out" || problem="$problem; $command --help is too wide"
     "$program" help "$command" >"$work/help" || problem="$problem; help $command fails"
-    cmp -s "$work/out" "$work/help" || problem="$problem; help $command differs from $command --help"
+    cmp -s "$work/out" "$work/help" ||
+        problem="$problem; help $command differs from $command --help"
 done
 conclude every_command_has_a_manual_of_eighty_columns
 
@@ -116,7 +118,8 @@ conclude check_prints_what_is_in_a_robot
 
 run 0 check --robot "$source/config/robots/coman.yaml" --variant forearms
 says out '31.45386 kg'
-[ "$(sed -n 's/.*hash //p' "$work/out")" != "$run_default" ] || problem="$problem; same hash as the default"
+[ "$(sed -n 's/.*hash //p' "$work/out")" != "$run_default" ] ||
+    problem="$problem; same hash as the default"
 conclude check_knows_the_variants_of_a_robot
 
 run 2 check "$source/config/rigs/coman.yaml" --variant forearms
@@ -124,7 +127,8 @@ says err '--variant: found without --robot'
 conclude check_refuses_a_variant_without_a_robot
 
 sed 's/WaistYaw, spare/WaistYow, spare/' "$source/config/rigs/coman.yaml" >"$work/bad"
-mkdir -p "$work/config/rigs" && ln -s "$source/config/robots" "$source/config/meshes" "$work/config/"
+mkdir -p "$work/config/rigs" &&
+    ln -s "$source/config/robots" "$source/config/meshes" "$work/config/"
 cp "$work/bad" "$work/config/rigs/bad.yaml"
 line=$(grep -n WaistYow "$work/bad" | cut -d: -f1)
 run 2 check "$work/config/rigs/bad.yaml"
