@@ -16,6 +16,8 @@
 #include <unistd.h>
 #include <cmocka.h>
 
+#include "tests/unit/arena_fixture.h"
+
 /* ---- a schema with everything in it ---- */
 
 struct wheel {
@@ -170,21 +172,6 @@ static const char full[] = "# a comment\n"
                            "prices: {new: 20000, used: 9000.5}\n";
 
 /* ---- helpers ---- */
-
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    (void)state;
-    return arena_init(&arena, (size_t)64 << 20, NULL) == ERROR_NONE ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
 
 static enum error_code read_bytes(const char *text, size_t size, struct car *car,
                                   struct error *error)
@@ -637,7 +624,7 @@ static void file_refused_with(const char *path, const char *message)
 
 static int make_directory(void **state)
 {
-    return set_up(state) || !mkdtemp(directory) ? -1 : 0;
+    return open_arena(state) || !mkdtemp(directory) ? -1 : 0;
 }
 
 static int remove_directory(void **state)
@@ -649,7 +636,7 @@ static int remove_directory(void **state)
     }
     rmdir(directory);
     strcpy(directory + strlen(directory) - 6, "XXXXXX");
-    return tear_down(state);
+    return close_arena(state);
 }
 
 static void reads_a_file_and_names_it_in_marks(void **state)
@@ -743,7 +730,7 @@ static void paths_are_relative_to_the_file_and_stay_in_the_tree(void **state)
 
 int main(void)
 {
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
 #define FILE_TEST(name) cmocka_unit_test_setup_teardown(name, make_directory, remove_directory)
     const struct CMUnitTest tests[] = {
         TEST(reads_every_type_into_the_struct),

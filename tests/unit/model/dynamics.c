@@ -12,6 +12,7 @@
 
 #include "model/dynamics.h"
 #include "model/spatial.h"
+#include "tests/unit/arena_fixture.h"
 #include "tests/unit/model/random_robot.h"
 
 #include <stdio.h>
@@ -20,21 +21,6 @@
 #define COMAN HIL_SOURCE_DIR "/config/robots/coman.yaml"
 
 enum { TREES = 100, MAX_BODIES = RANDOM_JOINTS + 1, MAX_V = RANDOM_JOINTS + 6 };
-
-static struct arena arena;
-
-static int open_arena(void **state)
-{
-    (void)state;
-    return arena_init(&arena, 1 << 24, NULL);
-}
-
-static int close_arena(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
 
 static void make(const struct robot *robot, struct dynamics *d)
 {

@@ -7,6 +7,8 @@
 
 #include <cmocka.h>
 
+#include "tests/unit/arena_fixture.h"
+
 #include "model/dynamics.h"
 #include "model/robot.h"
 #include "model/spatial.h"
@@ -16,21 +18,6 @@
 #include <unistd.h>
 
 #define COMAN HIL_SOURCE_DIR "/config/robots/coman.yaml"
-
-static struct arena arena;
-
-static int open_arena(void **state)
-{
-    (void)state;
-    return arena_init(&arena, 1 << 24, NULL);
-}
-
-static int close_arena(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
 
 static void assert_near(double value, double expected, double tolerance)
 {
