@@ -164,12 +164,12 @@ static inline double fixture_two_bodies(struct scene *scene, int kind)
 static inline void fixture_two_motions(uint64_t *seed, double height, struct body_motion motion[2])
 {
     for (int b = 0; b < 2; ++b) {
-        scene_place(&motion[b], 0.01 * scene_random(seed), 0.01 * scene_random(seed),
-                    b * (height + 0.0005 * scene_random(seed)));
+        scene_place(&motion[b], 0.01 * random_number(seed), 0.01 * random_number(seed),
+                    b * (height + 0.0005 * random_number(seed)));
         scene_random_rotation(seed, 0.02, motion[b].R);
         for (int i = 0; i < 3; ++i) {
-            motion[b].w[i] = scene_random(seed);
-            motion[b].v[i] = 0.1 * scene_random(seed);
+            motion[b].w[i] = random_number(seed);
+            motion[b].v[i] = 0.1 * random_number(seed);
         }
     }
 }

@@ -86,7 +86,7 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
             fixture_two_motions(&seed, height, motion);
             scene_random_rotation(&seed, 3, Q);
             for (int axis = 0; axis < 3; ++axis) {
-                shift[axis] = 2 * scene_random(&seed);
+                shift[axis] = 2 * random_number(&seed);
             }
             for (int b = 0; b < 2; ++b) {
                 mat3_apply(Q, motion[b].p, moved[b].p);
@@ -138,7 +138,7 @@ static void the_same_motion_gives_the_same_bits_whatever_came_before(void **stat
             fixture_evaluate(world, motion[i], first[i]);
         }
         for (int i = 0; i < 200; ++i) {
-            int pick = (int)(10 + 9.99 * scene_random(&seed));
+            int pick = (int)(10 + 9.99 * random_number(&seed));
 
             fixture_evaluate(world, motion[pick], again);
             assert_memory_equal(again, first[pick], sizeof again);
@@ -190,8 +190,8 @@ static void the_wrench_is_continuous_in_the_pose(void **state)
 
         for (int i = 0; i < 6; ++i) {
             struct body_motion motion[2];
-            double way[3] = {0.03 * scene_random(&seed), 0.03 * scene_random(&seed),
-                             0.002 * scene_random(&seed)};
+            double way[3] = {0.03 * random_number(&seed), 0.03 * random_number(&seed),
+                             0.002 * random_number(&seed)};
             double coarse, fine;
 
             fixture_two_motions(&seed, height, motion);

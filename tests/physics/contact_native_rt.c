@@ -101,10 +101,10 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
         for (int b = 0; b < 4; ++b) {
             static const double height[] = {0.0925, 0.094, 0.188, 0.028};
 
-            scene_place(&motion[b], 0.01 * b, 0.01 * scene_random(&seed),
-                        height[b] + 0.001 * scene_random(&seed));
+            scene_place(&motion[b], 0.01 * b, 0.01 * random_number(&seed),
+                        height[b] + 0.001 * random_number(&seed));
             scene_random_rotation(&seed, 0.05, motion[b].R);
-            motion[b].v[0] = 0.1 * scene_random(&seed);
+            motion[b].v[0] = 0.1 * random_number(&seed);
         }
         motion[3].p[0] = 0.03;
         for (int e = 0; e < 2; ++e) {

@@ -56,11 +56,11 @@ static void two_bodies(struct scene *scene, bool sphere)
 static void two_motions(uint64_t *seed, struct body_motion motion[2])
 {
     for (int b = 0; b < 2; ++b) {
-        scene_place(&motion[b], 0.02 * scene_random(seed), 0.02 * scene_random(seed), 0.12 * b);
+        scene_place(&motion[b], 0.02 * random_number(seed), 0.02 * random_number(seed), 0.12 * b);
         scene_random_rotation(seed, 0.1, motion[b].R);
         for (int i = 0; i < 3; ++i) {
-            motion[b].w[i] = scene_random(seed);
-            motion[b].v[i] = 0.1 * scene_random(seed);
+            motion[b].w[i] = random_number(seed);
+            motion[b].v[i] = 0.1 * random_number(seed);
         }
     }
 }
@@ -165,7 +165,7 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
             two_motions(&seed, motion);
             scene_random_rotation(&seed, 3, Q);
             for (int axis = 0; axis < 3; ++axis) {
-                shift[axis] = 2 * scene_random(&seed);
+                shift[axis] = 2 * random_number(&seed);
             }
             for (int b = 0; b < 2; ++b) {
                 mat3_apply(Q, motion[b].p, moved[b].p);
@@ -220,7 +220,7 @@ static void the_same_motion_gives_the_same_bits_whatever_came_before(void **stat
         fixture_evaluate(world, motion[i], first[i]);
     }
     for (int i = 0; i < 400; ++i) {
-        int pick = (int)(10 + 9.99 * scene_random(&seed));
+        int pick = (int)(10 + 9.99 * random_number(&seed));
         struct body_motion apart[2];
 
         /* Now and then apart, so that contacts end and begin anew */
