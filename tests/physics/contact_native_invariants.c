@@ -88,35 +88,11 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
             for (int axis = 0; axis < 3; ++axis) {
                 shift[axis] = 2 * random_number(&seed);
             }
-            for (int b = 0; b < 2; ++b) {
-                mat3_apply(Q, motion[b].p, moved[b].p);
-                mat3_apply(Q, motion[b].w, moved[b].w);
-                mat3_apply(Q, motion[b].v, moved[b].v);
-                for (int axis = 0; axis < 3; ++axis) {
-                    double column[3] = {motion[b].R[axis], motion[b].R[3 + axis],
-                                        motion[b].R[6 + axis]};
-                    double out[3];
-
-                    mat3_apply(Q, column, out);
-                    for (int row = 0; row < 3; ++row) {
-                        moved[b].R[3 * row + axis] = out[row];
-                    }
-                    moved[b].p[axis] += shift[axis];
-                }
-            }
+            fixture_move_all(Q, shift, motion, moved);
             fixture_evaluate(world, motion, wrench);
             fixture_evaluate(world, moved, turned);
             size = vec3_norm(wrench[0].force) + 1e-3;
-            for (int b = 0; b < 2; ++b) {
-                double force[3], moment[3];
-
-                mat3_apply(Q, wrench[b].force, force);
-                mat3_apply(Q, wrench[b].moment, moment);
-                for (int axis = 0; axis < 3; ++axis) {
-                    assert_near(turned[b].force[axis], force[axis], 1e-9 * size);
-                    assert_near(turned[b].moment[axis], moment[axis], 1e-10 * size);
-                }
-            }
+            fixture_expect_turned(turned, Q, wrench, 1e-9 * size, 1e-10 * size);
         }
     }
 }
