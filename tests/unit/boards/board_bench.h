@@ -264,4 +264,18 @@ static inline bool bench_event(struct board_bench *bench, enum board_event_kind 
     return false;
 }
 
+enum { BENCH_STATUS = 0x113 }; /* of motor board 1 on bus 0 */
+
+/* The STATUS of board 1 within the next slots; NULL: none. */
+static inline const struct bus_frame *bench_next_status(struct board_bench *bench)
+{
+    for (int t = 0; t < ICUB_SLOTS; t++) {
+        bench_tick(bench);
+        if (bench_sent(bench, 0, BENCH_STATUS)) {
+            return bench_find(bench, 0, BENCH_STATUS);
+        }
+    }
+    return NULL;
+}
+
 #endif
