@@ -12,12 +12,10 @@
 
 #include "model/spatial.h"
 #include "model/symbolic/symbolic.h"
-#include "tests/unit/arena_fixture.h"
+#include "tests/unit/model/coman.h"
 #include "tests/unit/model/symbolic/evaluate.h"
 
 #include <stdlib.h>
-
-#define COMAN HIL_SOURCE_DIR "/config/robots/coman.yaml"
 
 enum { TREES = 120, STATES = 3, BODIES = RANDOM_JOINTS + 1, VELOCITIES = RANDOM_JOINTS + 6 };
 
