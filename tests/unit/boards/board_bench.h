@@ -125,6 +125,13 @@ static inline void bench_start(struct board_bench *bench)
     assert_int_equal(arena_seal(&bench->arena, false, &error), ERROR_NONE);
 }
 
+/* A bench whose configuration is as bench_configure makes it. */
+static inline void bench_open(struct board_bench *bench)
+{
+    bench_configure(bench);
+    bench_start(bench);
+}
+
 static inline void bench_stop(struct board_bench *bench)
 {
     arena_fini(&bench->arena);
