@@ -8,36 +8,12 @@
 
 #include "boards/sensing.h"
 #include "tests/fuzz/fuzz.h"
+#include "tests/unit/boards/fault_names.h"
 
 #include <math.h>
 #include <string.h>
 
 enum { JOINTS = 3, FTS = 2, LINES = 16, TICKS = 60, LINE = 400 };
-
-static const char *const joints[] = {"LHipSag", "LKneeSag", "hand"};
-static const bool driven[] = {true, true, false};
-static const char *const fts[] = {"l_leg_ft", "r.leg.ft"};
-static const char *const buses[] = {"left_leg", "torso"};
-static const bool wire[] = {true, false};
-static const char *const boards[] = {"left_leg/0x01", "ankle"};
-static const size_t board_bus[] = {0, 0};
-static const int board_address[] = {1, 13};
-
-static const struct fault_names names = {
-    .njoint = JOINTS,
-    .joint = joints,
-    .driven = driven,
-    .nft = FTS,
-    .ft = fts,
-    .imu = true,
-    .nbus = 2,
-    .bus = buses,
-    .wire = wire,
-    .nboard = 2,
-    .board = boards,
-    .board_bus = board_bus,
-    .board_address = board_address,
-};
 
 static void check_fault(const struct fault *fault)
 {

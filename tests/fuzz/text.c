@@ -12,6 +12,7 @@
 #include "app/cli/notify.h"
 #include "base/options.h"
 #include "tests/fuzz/fuzz.h"
+#include "tests/unit/base/try_command.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -74,49 +75,14 @@ static void check_word(const char *text)
 
 static void check_command_line(char *text)
 {
-    static const struct option_word clocks[] = {{"real", 1}, {"free", 2}, {NULL, 0}};
-    bool quiet = false, help = false;
-    const char *directory = "", *file = NULL, *other[ARGUMENTS + 1] = {NULL};
-    double duration = 10.0;
-    int64_t count = 7;
-    int clock = 0;
-    struct option_list buses = {0};
-    const struct option_spec options[] = {
-        {.name = "--quiet", .type = OPTION_FLAG, .help = "x", .value = &quiet},
-        {.name = "--record",
-         .type = OPTION_STRING,
-         .argument = "DIR",
-         .help = "x",
-         .value = &directory},
-        {.name = "--duration",
-         .type = OPTION_REAL,
-         .argument = "S",
-         .help = "x",
-         .value = &duration,
-         .min = 0.0,
-         .max = 1e6,
-         .unit = "seconds"},
-        {.name = "--count",
-         .type = OPTION_INT,
-         .argument = "N",
-         .help = "x",
-         .value = &count,
-         .min = -5,
-         .max = 9007199254740992.0},
-        {.name = "--clock",
-         .type = OPTION_ENUM,
-         .argument = "CLOCK",
-         .help = "x",
-         .value = &clock,
-         .words = clocks},
-        {.name = "--bus", .type = OPTION_LIST, .argument = "NAME", .help = "x", .value = &buses},
-    };
+    bool help = false;
+    const char *file = NULL, *other[ARGUMENTS + 1] = {NULL};
     const struct operand_spec operands[] = {{"FILE", "x", true, &file},
                                             {"OTHER", "x", false, other}};
     const struct command_spec spec = {.name = "try",
                                       .summary = "Try.",
-                                      .option = options,
-                                      .noption = ARRAY_COUNT(options),
+                                      .option = try_options,
+                                      .noption = ARRAY_COUNT(try_options),
                                       .operand = operands,
                                       .noperand = 2,
                                       .many = true};
@@ -124,6 +90,7 @@ static void check_command_line(char *text)
     struct error error = {0};
     int narguments = 1;
 
+    given = try_defaults;
     while (text && narguments < ARGUMENTS) {
         arguments[narguments++] = strsep(&text, "\n");
     }
@@ -132,11 +99,12 @@ static void check_command_line(char *text)
         return;
     }
     fuzz_require(help || file, "nothing missing");
-    fuzz_require(duration >= 0.0 && duration <= 1e6, "%g", duration);
-    fuzz_require(count >= -5 && count <= 9007199254740992, "%" PRId64, count);
-    fuzz_require(clock >= 0 && clock <= 2 && buses.count <= OPTION_LIST_MAX, "%d", clock);
-    for (size_t i = 0; i < buses.count; i++) {
-        fuzz_require(buses.item[i] && *buses.item[i], "an empty item");
+    fuzz_require(given.duration >= 0.0 && given.duration <= 1e6, "%g", given.duration);
+    fuzz_require(given.count >= -5 && given.count <= 9007199254740992, "%" PRId64, given.count);
+    fuzz_require(given.clock >= 0 && given.clock <= 2 && given.buses.count <= OPTION_LIST_MAX, "%d",
+                 given.clock);
+    for (size_t i = 0; i < given.buses.count; i++) {
+        fuzz_require(given.buses.item[i] && *given.buses.item[i], "an empty item");
     }
 }
 

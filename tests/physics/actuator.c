@@ -14,20 +14,8 @@
 
 #include <cmocka.h>
 
+#include "tests/physics/coman_drive.h"
 #include "tests/physics/near.h"
-
-static const struct robot_sea coman = {
-    .present = true,
-    .J = 0.1387,
-    .Dm = 0.19958,
-    .Ks = 395.46,
-    .Ds = 0.198,
-    .N = 100.0,
-    .Kt = 4.1,
-    .Kw = 4.1,
-    .R = 0.664,
-    .L = 0.32e-3,
-};
 
 /* A drive with a link of pure inertia behind it, or with the rotor or the link held fast. */
 struct bench {
@@ -88,7 +76,8 @@ static void bench_run(struct bench *bench, double seconds, double h, double *y)
 
 static void locked_rotor_current_rises_as_the_exponential(void **state)
 {
-    struct bench bench = {.sea = coman, .rotor_locked = true, .bridge_on = true, .volts = 12.0};
+    struct bench bench = {
+        .sea = coman_drive, .rotor_locked = true, .bridge_on = true, .volts = 12.0};
     const double h = 1e-5, final = 12.0 / 0.664, rate = 0.664 / 0.32e-3;
     double y[STATES] = {0}, worst = 0.0;
 
@@ -99,26 +88,26 @@ static void locked_rotor_current_rises_as_the_exponential(void **state)
     }
     print_message("# worst error of the current: %.3e A of %.1f A\n", worst, final);
     assert_true(worst < 1e-8 * final);
-    assert_near(coman.Kt * y[CURRENT], coman.Kt * final, 1e-3 * coman.Kt * final);
+    assert_near(coman_drive.Kt * y[CURRENT], coman_drive.Kt * final, 1e-3 * coman_drive.Kt * final);
 }
 
 static void locked_link_feels_the_stall_torque(void **state)
 {
-    struct bench bench = {.sea = coman, .bridge_on = true, .volts = 8.0};
+    struct bench bench = {.sea = coman_drive, .bridge_on = true, .volts = 8.0};
     double y[STATES] = {0};
     struct sea_state s;
 
     (void)state;
     bench_run(&bench, 3.0, 1e-4, y);
     s = drive_state(y);
-    assert_near(sea_torque(&coman, &s, 0.0, 0.0), 4.1 * 8.0 / 0.664, 1e-9);
+    assert_near(sea_torque(&coman_drive, &s, 0.0, 0.0), 4.1 * 8.0 / 0.664, 1e-9);
     assert_near(s.I, 8.0 / 0.664, 1e-9);
 }
 
 /* Dm w = Kt I and V = R I + Kw w give w = Kt V / (R Dm + Kt Kw). */
 static void unloaded_rotor_reaches_the_no_load_speed(void **state)
 {
-    struct bench bench = {.sea = coman, .bridge_on = true, .volts = 24.0};
+    struct bench bench = {.sea = coman_drive, .bridge_on = true, .volts = 24.0};
     double y[STATES] = {0};
     const double expected = 4.1 * 24.0 / (0.664 * 0.19958 + 4.1 * 4.1);
 
@@ -165,10 +154,10 @@ static void measure_oscillation(struct bench *bench, double h, double *y, double
 static void check_two_mass_resonance(double Ds)
 {
     const double link = 0.35, pi = 3.14159265358979323846;
-    struct bench bench = {.sea = coman, .link_inertia = link, .bridge_on = false};
+    struct bench bench = {.sea = coman_drive, .link_inertia = link, .bridge_on = false};
     double y[STATES] = {[QM] = 0.1, [QMD] = 0.0, [Q] = -0.05};
-    const double mobility = 1.0 / coman.J + 1.0 / link;
-    const double w = sqrt(coman.Ks * mobility), zeta = Ds * mobility / (2.0 * w);
+    const double mobility = 1.0 / coman_drive.J + 1.0 / link;
+    const double w = sqrt(coman_drive.Ks * mobility), zeta = Ds * mobility / (2.0 * w);
     double period, factor, ratio;
 
     bench.sea.Dm = 0.0;
@@ -192,12 +181,13 @@ static void rotor_and_link_ring_at_the_two_mass_resonance(void **state)
  * s^2 + (R/L + Dm/J) s + (R Dm + Kt Kw)/(L J) = 0. */
 static void shorted_winding_brakes_the_rotor(void **state)
 {
-    struct bench bench = {.sea = coman, .bridge_on = true, .volts = 0.0};
+    struct bench bench = {.sea = coman_drive, .bridge_on = true, .volts = 0.0};
     const double w0 = 5.0, h = 1e-5;
-    const double b = coman.R / coman.L + coman.Dm / coman.J;
-    const double c = (coman.R * coman.Dm + coman.Kt * coman.Kw) / (coman.L * coman.J);
+    const double b = coman_drive.R / coman_drive.L + coman_drive.Dm / coman_drive.J;
+    const double c = (coman_drive.R * coman_drive.Dm + coman_drive.Kt * coman_drive.Kw) /
+                     (coman_drive.L * coman_drive.J);
     const double fast = -0.5 * (b + sqrt(b * b - 4.0 * c)), slow = c / fast;
-    const double slope0 = -coman.Dm / coman.J * w0; /* no current yet */
+    const double slope0 = -coman_drive.Dm / coman_drive.J * w0; /* no current yet */
     const double A = (slope0 - fast * w0) / (slow - fast), B = w0 - A;
     double y[STATES] = {[QMD] = w0}, worst = 0.0, before = 0.0;
 
@@ -215,7 +205,8 @@ static void shorted_winding_brakes_the_rotor(void **state)
     }
     print_message("# worst error %.3e rad/s; time constant %.4f ms (R J / (R Dm + Kt Kw) = %.4f)\n",
                   worst, 1e3 * 1e-2 / log(before / y[QMD]),
-                  1e3 * coman.R * coman.J / (coman.R * coman.Dm + coman.Kt * coman.Kw));
+                  1e3 * coman_drive.R * coman_drive.J /
+                      (coman_drive.R * coman_drive.Dm + coman_drive.Kt * coman_drive.Kw));
     assert_true(worst < 1e-8 * w0);
     assert_near(1e-2 / log(before / y[QMD]), -1.0 / slow, 1e-6 / -slow);
 }
@@ -224,7 +215,7 @@ static void shorted_winding_brakes_the_rotor(void **state)
 static double energy_gap(double h, double Kw)
 {
     struct bench bench = {
-        .sea = coman, .link_inertia = 0.35, .bridge_on = true, .volts = 20.0, .chirp = 40.0};
+        .sea = coman_drive, .link_inertia = 0.35, .bridge_on = true, .volts = 20.0, .chirp = 40.0};
     double y[STATES] = {0}, stored;
     struct sea_state s;
 

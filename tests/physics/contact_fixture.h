@@ -7,6 +7,7 @@
 #define TESTS_PHYSICS_CONTACT_FIXTURE_H
 
 #include "tests/physics/contact_scene.h"
+#include "tests/physics/near.h"
 
 static const double fixture_pi = 3.14159265358979323846;
 
@@ -119,6 +120,29 @@ static inline const struct mesh *fixture_terrain(int cells)
     return fixture_reshape((const double[3]){0.2, 0.2, top}, cells, fixture_bump, &top);
 }
 
+/* ---- a body on the ground ---- */
+
+/* Ground, and one surface on body 0 that is paired with it. */
+static inline struct contact_surface *fixture_on_ground(struct scene *scene,
+                                                        enum contact_shape shape)
+{
+    scene_init(scene, 1);
+    scene_add(scene, -1, CONTACT_HALF_SPACE, &scene_ground);
+    scene_add_pair(scene, 0, 1);
+    return scene_add(scene, 0, shape, &scene_foot);
+}
+
+static inline struct contact_surface *fixture_box_on_ground(struct scene *scene)
+{
+    struct contact_surface *s = fixture_on_ground(scene, CONTACT_BOX);
+
+    for (int i = 0; i < 3; ++i) {
+        s->half_extent_m[i] = 0.075;
+    }
+    s->cells_per_edge = 7;
+    return s;
+}
+
 /* ---- two bodies in touch ---- */
 
 enum { FIXTURE_KINDS = 5 };
@@ -164,12 +188,50 @@ static inline double fixture_two_bodies(struct scene *scene, int kind)
 static inline void fixture_two_motions(uint64_t *seed, double height, struct body_motion motion[2])
 {
     for (int b = 0; b < 2; ++b) {
-        scene_place(&motion[b], 0.01 * scene_random(seed), 0.01 * scene_random(seed),
-                    b * (height + 0.0005 * scene_random(seed)));
+        scene_place(&motion[b], 0.01 * random_number(seed), 0.01 * random_number(seed),
+                    b * (height + 0.0005 * random_number(seed)));
         scene_random_rotation(seed, 0.02, motion[b].R);
         for (int i = 0; i < 3; ++i) {
-            motion[b].w[i] = scene_random(seed);
-            motion[b].v[i] = 0.1 * scene_random(seed);
+            motion[b].w[i] = random_number(seed);
+            motion[b].v[i] = 0.1 * random_number(seed);
+        }
+    }
+}
+
+/* Both motions as seen from elsewhere: everything turned by Q, then shifted. */
+static inline void fixture_move_all(const double Q[9], const double shift[3],
+                                    const struct body_motion motion[2], struct body_motion moved[2])
+{
+    for (int b = 0; b < 2; ++b) {
+        mat3_apply(Q, motion[b].p, moved[b].p);
+        mat3_apply(Q, motion[b].w, moved[b].w);
+        mat3_apply(Q, motion[b].v, moved[b].v);
+        for (int axis = 0; axis < 3; ++axis) {
+            double column[3] = {motion[b].R[axis], motion[b].R[3 + axis], motion[b].R[6 + axis]};
+            double out[3];
+
+            mat3_apply(Q, column, out);
+            for (int row = 0; row < 3; ++row) {
+                moved[b].R[3 * row + axis] = out[row];
+            }
+            moved[b].p[axis] += shift[axis];
+        }
+    }
+}
+
+/* The wrenches on both bodies are the other ones turned by Q. */
+static inline void fixture_expect_turned(const struct contact_wrench turned[2], const double Q[9],
+                                         const struct contact_wrench wrench[2],
+                                         double force_tolerance, double moment_tolerance)
+{
+    for (int b = 0; b < 2; ++b) {
+        double force[3], moment[3];
+
+        mat3_apply(Q, wrench[b].force, force);
+        mat3_apply(Q, wrench[b].moment, moment);
+        for (int axis = 0; axis < 3; ++axis) {
+            assert_near(turned[b].force[axis], force[axis], force_tolerance);
+            assert_near(turned[b].moment[axis], moment[axis], moment_tolerance);
         }
     }
 }

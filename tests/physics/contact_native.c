@@ -313,8 +313,8 @@ static void a_facet_may_be_cut_into_any_triangles(void **state)
             scene_place(&motion[b], 0.03 * b, 0.02, b == 0 ? 0 : b == 1 ? 0.069 : 0.0495);
             scene_random_rotation(&seed, 0.02, motion[b].R);
             for (int i = 0; i < 3; ++i) {
-                motion[b].w[i] = scene_random(&seed);
-                motion[b].v[i] = 0.1 * scene_random(&seed);
+                motion[b].w[i] = random_number(&seed);
+                motion[b].v[i] = 0.1 * random_number(&seed);
             }
         }
         fixture_evaluate(world, motion, wrench[fine]);

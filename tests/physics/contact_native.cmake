@@ -35,8 +35,9 @@ foreach(test contact_native contact_native_invariants contact_native_tangents co
     endforeach()
 endforeach()
 
-hil_test(contact_native_rt SOURCES physics/contact_native_rt.c
-         LIBS contact_centroids -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc LABELS physics)
+hil_test(contact_native_rt SOURCES physics/contact_native_rt.c physics/counting_malloc.c
+         LIBS contact_centroids -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=free
+         LABELS physics)
 
 hil_script_test(contact_native_rig
     COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_native_rig.sh $<TARGET_FILE:coman-hil>

@@ -30,13 +30,13 @@ struct sweep {
 static void draw(uint64_t *seed, const struct sweep *sweep, struct body_motion motion[2])
 {
     for (int b = 0; b < 2; ++b) {
-        scene_place(&motion[b], sweep->across * scene_random(seed),
-                    sweep->across * scene_random(seed),
-                    b * (sweep->height + sweep->up * scene_random(seed)));
+        scene_place(&motion[b], sweep->across * random_number(seed),
+                    sweep->across * random_number(seed),
+                    b * (sweep->height + sweep->up * random_number(seed)));
         scene_random_rotation(seed, sweep->turn, motion[b].R);
         for (int i = 0; i < 3; ++i) {
-            motion[b].w[i] = sweep->spin * scene_random(seed);
-            motion[b].v[i] = sweep->speed * scene_random(seed);
+            motion[b].w[i] = sweep->spin * random_number(seed);
+            motion[b].v[i] = sweep->speed * random_number(seed);
         }
     }
 }

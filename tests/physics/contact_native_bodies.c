@@ -164,12 +164,12 @@ static void colliding_bodies_exchange_momentum_and_lose_none(void **state)
         b = make(&scene, 1.5);
         b.mass[1] = 0.7;
         b.inertia[1] = 1e-3;
-        scene_place(&b.motion[1], 0.02 * scene_random(&seed), 0.02 * scene_random(&seed), 0.16);
+        scene_place(&b.motion[1], 0.02 * random_number(&seed), 0.02 * random_number(&seed), 0.16);
         scene_random_rotation(&seed, 0.2, b.motion[1].R);
         for (int i = 0; i < 3; ++i) {
-            b.motion[0].w[i] = scene_random(&seed);
-            b.motion[1].w[i] = scene_random(&seed);
-            b.motion[1].v[i] = 0.1 * scene_random(&seed) - (i == 2 ? 0.5 : 0);
+            b.motion[0].w[i] = random_number(&seed);
+            b.motion[1].w[i] = random_number(&seed);
+            b.motion[1].v[i] = 0.1 * random_number(&seed) - (i == 2 ? 0.5 : 0);
             first[i] = b.motion[0].v[i];
         }
         for (int s = 0; s < 1201; ++s) {

@@ -60,14 +60,14 @@ static void sphere_at_box(struct scene *scene, const struct contact_material *ma
 static void give_velocity(struct body_motion *m, uint64_t *seed)
 {
     for (int i = 0; i < 3; ++i) {
-        m->w[i] = 3 * scene_random(seed);
-        m->v[i] = 0.3 * scene_random(seed) - (i == 2 ? 0.4 : 0);
+        m->w[i] = 3 * random_number(seed);
+        m->v[i] = 0.3 * random_number(seed) - (i == 2 ? 0.4 : 0);
     }
 }
 
 static void aim_cube(struct body_motion *m, uint64_t *seed)
 {
-    scene_place(m, 0.1 * scene_random(seed), 0.1 * scene_random(seed), 0);
+    scene_place(m, 0.1 * random_number(seed), 0.1 * random_number(seed), 0);
     scene_random_rotation(seed, 3.2, m->R);
     m->p[2] = HALF * (fabs(m->R[6]) + fabs(m->R[7]) + fabs(m->R[8])) + 1e-6;
     give_velocity(m, seed);
@@ -75,7 +75,7 @@ static void aim_cube(struct body_motion *m, uint64_t *seed)
 
 static void aim_sphere(struct body_motion *m, uint64_t *seed)
 {
-    scene_place(m, 0.1 * scene_random(seed), 0.1 * scene_random(seed), RADIUS + 1e-6);
+    scene_place(m, 0.1 * random_number(seed), 0.1 * random_number(seed), RADIUS + 1e-6);
     give_velocity(m, seed);
 }
 
@@ -86,8 +86,8 @@ static void aim_sphere_at_box(struct body_motion *m, uint64_t *seed)
     double from[3], to[3], way[3], apart = 1;
 
     for (int i = 0; i < 3; ++i) {
-        from[i] = scene_random(seed);
-        to[i] = 0.9 * HALF * scene_random(seed);
+        from[i] = random_number(seed);
+        to[i] = 0.9 * HALF * random_number(seed);
     }
     for (int i = 0; i < 3; ++i) {
         from[i] *= 0.3 / vec3_norm(from);
@@ -108,8 +108,8 @@ static void aim_sphere_at_box(struct body_motion *m, uint64_t *seed)
         }
     }
     for (int i = 0; i < 3; ++i) {
-        m->w[i] = 3 * scene_random(seed);
-        m->v[i] = 0.5 * way[i] / vec3_norm(way) + 0.1 * scene_random(seed);
+        m->w[i] = 3 * random_number(seed);
+        m->v[i] = 0.5 * way[i] / vec3_norm(way) + 0.1 * random_number(seed);
     }
 }
 

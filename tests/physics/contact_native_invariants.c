@@ -86,37 +86,13 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
             fixture_two_motions(&seed, height, motion);
             scene_random_rotation(&seed, 3, Q);
             for (int axis = 0; axis < 3; ++axis) {
-                shift[axis] = 2 * scene_random(&seed);
+                shift[axis] = 2 * random_number(&seed);
             }
-            for (int b = 0; b < 2; ++b) {
-                mat3_apply(Q, motion[b].p, moved[b].p);
-                mat3_apply(Q, motion[b].w, moved[b].w);
-                mat3_apply(Q, motion[b].v, moved[b].v);
-                for (int axis = 0; axis < 3; ++axis) {
-                    double column[3] = {motion[b].R[axis], motion[b].R[3 + axis],
-                                        motion[b].R[6 + axis]};
-                    double out[3];
-
-                    mat3_apply(Q, column, out);
-                    for (int row = 0; row < 3; ++row) {
-                        moved[b].R[3 * row + axis] = out[row];
-                    }
-                    moved[b].p[axis] += shift[axis];
-                }
-            }
+            fixture_move_all(Q, shift, motion, moved);
             fixture_evaluate(world, motion, wrench);
             fixture_evaluate(world, moved, turned);
             size = vec3_norm(wrench[0].force) + 1e-3;
-            for (int b = 0; b < 2; ++b) {
-                double force[3], moment[3];
-
-                mat3_apply(Q, wrench[b].force, force);
-                mat3_apply(Q, wrench[b].moment, moment);
-                for (int axis = 0; axis < 3; ++axis) {
-                    assert_near(turned[b].force[axis], force[axis], 1e-9 * size);
-                    assert_near(turned[b].moment[axis], moment[axis], 1e-10 * size);
-                }
-            }
+            fixture_expect_turned(turned, Q, wrench, 1e-9 * size, 1e-10 * size);
         }
     }
 }
@@ -138,7 +114,7 @@ static void the_same_motion_gives_the_same_bits_whatever_came_before(void **stat
             fixture_evaluate(world, motion[i], first[i]);
         }
         for (int i = 0; i < 200; ++i) {
-            int pick = (int)(10 + 9.99 * scene_random(&seed));
+            int pick = (int)(10 + 9.99 * random_number(&seed));
 
             fixture_evaluate(world, motion[pick], again);
             assert_memory_equal(again, first[pick], sizeof again);
@@ -190,8 +166,8 @@ static void the_wrench_is_continuous_in_the_pose(void **state)
 
         for (int i = 0; i < 6; ++i) {
             struct body_motion motion[2];
-            double way[3] = {0.03 * scene_random(&seed), 0.03 * scene_random(&seed),
-                             0.002 * scene_random(&seed)};
+            double way[3] = {0.03 * random_number(&seed), 0.03 * random_number(&seed),
+                             0.002 * random_number(&seed)};
             double coarse, fine;
 
             fixture_two_motions(&seed, height, motion);

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The native engine in the loop: no allocation while it evaluates, none of its memory outside the
- * arena, errors as values. The linker sends every call of the allocator in this program through the
- * counters below.
+ * arena, errors as values.
  */
 #include "contact/contact.h"
 
@@ -17,33 +16,7 @@
 
 #include "tests/physics/contact_centroids.h"
 #include "tests/physics/contact_scene.h"
-
-static volatile size_t calls;
-
-void *__real_malloc(size_t size);
-void *__real_calloc(size_t count, size_t size);
-void *__real_realloc(void *memory, size_t size);
-void *__wrap_malloc(size_t size);
-void *__wrap_calloc(size_t count, size_t size);
-void *__wrap_realloc(void *memory, size_t size);
-
-void *__wrap_malloc(size_t size)
-{
-    calls++;
-    return __real_malloc(size);
-}
-
-void *__wrap_calloc(size_t count, size_t size)
-{
-    calls++;
-    return __real_calloc(count, size);
-}
-
-void *__wrap_realloc(void *memory, size_t size)
-{
-    calls++;
-    return __real_realloc(memory, size);
-}
+#include "tests/physics/counting_malloc.h"
 
 /* Every kind of pair at once: ground, foot, box, table, sphere, another sphere. */
 static void everything(struct scene *scene, const struct mesh *foot)
@@ -96,15 +69,15 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
         struct contact_wrench wrench[4];
         struct contact_patch patch[5];
         struct contact_tangent tangent[5];
-        size_t used = arena.used, before = calls;
+        size_t used = arena.used, before = counted_calls();
 
         for (int b = 0; b < 4; ++b) {
             static const double height[] = {0.0925, 0.094, 0.188, 0.028};
 
-            scene_place(&motion[b], 0.01 * b, 0.01 * scene_random(&seed),
-                        height[b] + 0.001 * scene_random(&seed));
+            scene_place(&motion[b], 0.01 * b, 0.01 * random_number(&seed),
+                        height[b] + 0.001 * random_number(&seed));
             scene_random_rotation(&seed, 0.05, motion[b].R);
-            motion[b].v[0] = 0.1 * scene_random(&seed);
+            motion[b].v[0] = 0.1 * random_number(&seed);
         }
         motion[3].p[0] = 0.03;
         for (int e = 0; e < 2; ++e) {
@@ -112,7 +85,7 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
             assert_true(world[e]->ops->patches(world[e], patch, 5) >= 1);
             assert_true(world[e]->ops->tangents(world[e], tangent, 5) >= 1);
         }
-        assert_int_equal(calls, before);
+        assert_int_equal(counted_calls(), before);
         assert_int_equal(arena.used, used);
     }
     arena_fini(&arena);
@@ -170,6 +143,7 @@ static void an_arena_that_is_too_small_is_an_error(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(counters_see_the_allocator),
         cmocka_unit_test(evaluations_and_tangents_allocate_nothing),
         cmocka_unit_test(an_invalid_motion_is_an_error),
         cmocka_unit_test(an_arena_that_is_too_small_is_an_error),

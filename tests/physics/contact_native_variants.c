@@ -56,12 +56,12 @@ static void everything(struct scene *scene)
 static void draw(uint64_t *seed, struct body_motion motion[BODIES])
 {
     for (int b = 0; b < BODIES; b++) {
-        scene_place(&motion[b], 0.04 * scene_random(seed), 0.04 * scene_random(seed),
-                    0.04 * scene_random(seed));
+        scene_place(&motion[b], 0.04 * random_number(seed), 0.04 * random_number(seed),
+                    0.04 * random_number(seed));
         scene_random_rotation(seed, 0.5, motion[b].R);
         for (int k = 0; k < 3; k++) {
-            motion[b].v[k] = 0.3 * scene_random(seed);
-            motion[b].w[k] = scene_random(seed);
+            motion[b].v[k] = 0.3 * random_number(seed);
+            motion[b].w[k] = random_number(seed);
         }
     }
 }
@@ -175,7 +175,7 @@ static void the_widest_kernels_that_the_machine_runs_are_taken(void **state)
     forced = make(&scene, widest.kernels);
     chosen = make(&scene, NULL);
     for (int n = 0; n < POSES; n++) {
-        scene_place(&motion, 0, 0, 0.01 * scene_random(&seed));
+        scene_place(&motion, 0, 0, 0.01 * random_number(&seed));
         scene_random_rotation(&seed, 0.2, motion.R);
         assert_int_equal(forced->ops->evaluate(forced, &motion, &expected), ERROR_NONE);
         assert_int_equal(chosen->ops->evaluate(chosen, &motion, &found), ERROR_NONE);

@@ -137,12 +137,12 @@ void sweep(const scene &scene, Reference &reference, double apart)
         contact_wrench wrench[2];
 
         for (int b = 0; b < 2; ++b) {
-            scene_place(&motion[b], 0.02 * scene_random(&seed), 0.02 * scene_random(&seed),
-                        b * (apart + 0.002 * scene_random(&seed)));
+            scene_place(&motion[b], 0.02 * random_number(&seed), 0.02 * random_number(&seed),
+                        b * (apart + 0.002 * random_number(&seed)));
             scene_random_rotation(&seed, 0.05, motion[b].R);
             for (int axis = 0; axis < 3; ++axis) {
-                motion[b].w[axis] = scene_random(&seed);
-                motion[b].v[axis] = 0.02 * scene_random(&seed);
+                motion[b].w[axis] = random_number(&seed);
+                motion[b].v[axis] = 0.02 * random_number(&seed);
             }
         }
         assert_int_equal(world->ops->evaluate(world, motion, wrench), ERROR_NONE);

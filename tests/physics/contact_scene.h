@@ -5,6 +5,7 @@
 
 #include "base/vec3.h"
 #include "contact/contact.h"
+#include "tests/unit/contact/random_number.h"
 
 #include <math.h>
 #include <stdint.h>
@@ -100,22 +101,13 @@ static inline void scene_place(struct body_motion *motion, double x, double y, d
     motion->p[2] = z;
 }
 
-/* The same numbers on every machine, -1 to 1. */
-static inline double scene_random(uint64_t *seed)
-{
-    *seed ^= *seed >> 12;
-    *seed ^= *seed << 25;
-    *seed ^= *seed >> 27;
-    return (double)((*seed * 2685821657736338717u) >> 11) / 4503599627370496.0 - 1;
-}
-
 /* Rotation about a random axis by up to angle; Rodrigues' formula. */
 static inline void scene_random_rotation(uint64_t *seed, double angle, double R[9])
 {
-    double a[3], length = 0, t = angle * scene_random(seed), c = cos(t), s = sin(t);
+    double a[3], length = 0, t = angle * random_number(seed), c = cos(t), s = sin(t);
 
     for (int i = 0; i < 3; ++i) {
-        a[i] = scene_random(seed);
+        a[i] = random_number(seed);
         length += a[i] * a[i];
     }
     for (int i = 0; i < 3; ++i) {

@@ -19,26 +19,6 @@
 static const double sole_area = 0.015662135;
 static const double sole_centroid[2] = {0.03163532671844123, 0.001426234343742623};
 
-/* Ground, and one surface on body 0 that is paired with it. */
-static struct contact_surface *on_ground(struct scene *scene, enum contact_shape shape)
-{
-    scene_init(scene, 1);
-    scene_add(scene, -1, CONTACT_HALF_SPACE, &scene_ground);
-    scene_add_pair(scene, 0, 1);
-    return scene_add(scene, 0, shape, &scene_foot);
-}
-
-static struct contact_surface *box_on_ground(struct scene *scene)
-{
-    struct contact_surface *s = on_ground(scene, CONTACT_BOX);
-
-    for (int i = 0; i < 3; ++i) {
-        s->half_extent_m[i] = 0.075;
-    }
-    s->cells_per_edge = 7;
-    return s;
-}
-
 /* ---- the normal law ---- */
 
 static void box_on_half_space_pushes_with_k_a_d(void **state)
@@ -51,7 +31,7 @@ static void box_on_half_space_pushes_with_k_a_d(void **state)
     double depth[] = {1e-7, 1e-4, 1e-3, 6e-3};
 
     (void)state;
-    box_on_ground(&scene);
+    fixture_box_on_ground(&scene);
 
     struct contact_world *world = fixture_simbody(&scene);
 
@@ -83,7 +63,7 @@ static void nothing_pushes_without_overlap(void **state)
     struct contact_wrench wrench = {{1, 1, 1}, {1, 1, 1}};
 
     (void)state;
-    box_on_ground(&scene);
+    fixture_box_on_ground(&scene);
 
     struct contact_world *world = fixture_simbody(&scene);
 
@@ -105,7 +85,7 @@ static void foot_pushes_with_its_sole_area_at_the_soles_centroid(void **state)
     double k = scene_stiffness(&scene_foot, &scene_ground), force = k * sole_area * d;
 
     (void)state;
-    on_ground(&scene, CONTACT_MESH)->mesh = fixture_foot;
+    fixture_on_ground(&scene, CONTACT_MESH)->mesh = fixture_foot;
 
     struct contact_world *world = fixture_simbody(&scene);
 
@@ -132,7 +112,7 @@ static void tilted_foot_pushes_with_its_mean_depth(void **state)
     double force = k * sole_area * (d + s * sole_centroid[0]);
 
     (void)state;
-    on_ground(&scene, CONTACT_MESH)->mesh = fixture_foot;
+    fixture_on_ground(&scene, CONTACT_MESH)->mesh = fixture_foot;
 
     struct contact_world *world = fixture_simbody(&scene);
 
@@ -155,7 +135,7 @@ static void sinking_adds_the_dissipation_and_rising_takes_it_away(void **state)
     double rate[] = {0.2, -0.2, 3, -3, -1000};
 
     (void)state;
-    box_on_ground(&scene);
+    fixture_box_on_ground(&scene);
 
     struct contact_world *world = fixture_simbody(&scene);
 
@@ -183,7 +163,7 @@ static void sphere_on_half_space_obeys_hertz(void **state)
     double stiff = 1e9;
 
     (void)state;
-    on_ground(&scene, CONTACT_SPHERE)->radius_m = radius;
+    fixture_on_ground(&scene, CONTACT_SPHERE)->radius_m = radius;
     for (int pass = 0; pass < 2; ++pass) {
         /* First the law as Simbody combines two materials, then a ground so stiff that it does not
          * give, where the textbook's formula has only the sphere's modulus */
@@ -223,7 +203,7 @@ static void half_space_is_solid_below_its_own_z_axis(void **state)
     double k = scene_stiffness(&scene_foot, &scene_ground);
 
     (void)state;
-    box_on_ground(&scene);
+    fixture_box_on_ground(&scene);
     memcpy(scene.surface[0].rotation, wall, sizeof wall);
     scene.surface[0].position[0] = 0.5;
 
@@ -259,7 +239,7 @@ static void friction_follows_the_stribeck_curve_against_the_motion(void **state)
     struct contact_patch patch;
 
     (void)state;
-    box_on_ground(&scene);
+    fixture_box_on_ground(&scene);
 
     struct contact_world *world = fixture_simbody(&scene);
 
@@ -300,7 +280,7 @@ static void friction_peaks_at_the_transition_velocity(void **state)
     struct contact_wrench wrench;
 
     (void)state;
-    box_on_ground(&scene);
+    fixture_box_on_ground(&scene);
     scene.surface[0].material.viscous_friction = 0;
     scene.config.transition_velocity_m_s = 0.05;
 
@@ -333,7 +313,7 @@ static void a_spinning_box_is_braked_by_torsional_friction(void **state)
     double lever = 0.15 / 6 * (sqrt(2) + log(1 + sqrt(2)));
 
     (void)state;
-    box_on_ground(&scene)->cells_per_edge = 60;
+    fixture_box_on_ground(&scene)->cells_per_edge = 60;
     scene.surface[1].material.viscous_friction = 0;
 
     struct contact_world *world = fixture_simbody(&scene);
@@ -387,7 +367,7 @@ static void upright_faces_below_a_half_space_push_too(void **state)
     double column = cell * cell / 2 * 28, d = 0.01;
 
     (void)state;
-    box_on_ground(&scene);
+    fixture_box_on_ground(&scene);
 
     struct contact_world *world = fixture_simbody(&scene);
 
@@ -410,7 +390,7 @@ static void a_dropped_block_comes_to_rest_with_its_weight(void **state)
     double k, highest = 0;
 
     (void)state;
-    box_on_ground(&scene);
+    fixture_box_on_ground(&scene);
     scene.surface[0].material = scene.surface[1].material = soft;
     k = scene_stiffness(&soft, &soft);
 

@@ -18,26 +18,6 @@
 #include "tests/physics/contact_fixture.h"
 #include "tests/physics/near.h"
 
-/* Ground, and one surface on body 0 that is paired with it. */
-static struct contact_surface *on_ground(struct scene *scene, enum contact_shape shape)
-{
-    scene_init(scene, 1);
-    scene_add(scene, -1, CONTACT_HALF_SPACE, &scene_ground);
-    scene_add_pair(scene, 0, 1);
-    return scene_add(scene, 0, shape, &scene_foot);
-}
-
-static struct contact_surface *box_on_ground(struct scene *scene)
-{
-    struct contact_surface *s = on_ground(scene, CONTACT_BOX);
-
-    for (int i = 0; i < 3; ++i) {
-        s->half_extent_m[i] = 0.075;
-    }
-    s->cells_per_edge = 7;
-    return s;
-}
-
 /* ---- what any contact obeys ---- */
 
 /* A sphere on a box, or a box on a box (both meshes), on two bodies. */
@@ -56,11 +36,11 @@ static void two_bodies(struct scene *scene, bool sphere)
 static void two_motions(uint64_t *seed, struct body_motion motion[2])
 {
     for (int b = 0; b < 2; ++b) {
-        scene_place(&motion[b], 0.02 * scene_random(seed), 0.02 * scene_random(seed), 0.12 * b);
+        scene_place(&motion[b], 0.02 * random_number(seed), 0.02 * random_number(seed), 0.12 * b);
         scene_random_rotation(seed, 0.1, motion[b].R);
         for (int i = 0; i < 3; ++i) {
-            motion[b].w[i] = scene_random(seed);
-            motion[b].v[i] = 0.1 * scene_random(seed);
+            motion[b].w[i] = random_number(seed);
+            motion[b].v[i] = 0.1 * random_number(seed);
         }
     }
 }
@@ -165,38 +145,14 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
             two_motions(&seed, motion);
             scene_random_rotation(&seed, 3, Q);
             for (int axis = 0; axis < 3; ++axis) {
-                shift[axis] = 2 * scene_random(&seed);
+                shift[axis] = 2 * random_number(&seed);
             }
-            for (int b = 0; b < 2; ++b) {
-                mat3_apply(Q, motion[b].p, moved[b].p);
-                mat3_apply(Q, motion[b].w, moved[b].w);
-                mat3_apply(Q, motion[b].v, moved[b].v);
-                for (int axis = 0; axis < 3; ++axis) {
-                    double column[3] = {motion[b].R[axis], motion[b].R[3 + axis],
-                                        motion[b].R[6 + axis]};
-                    double out[3];
-
-                    mat3_apply(Q, column, out);
-                    for (int row = 0; row < 3; ++row) {
-                        moved[b].R[3 * row + axis] = out[row];
-                    }
-                    moved[b].p[axis] += shift[axis];
-                }
-            }
+            fixture_move_all(Q, shift, motion, moved);
             fixture_evaluate(world, motion, wrench);
             fixture_evaluate(world, moved, turned);
             size = vec3_norm(wrench[0].force);
             touching += size > 0;
-            for (int b = 0; b < 2; ++b) {
-                double force[3], moment[3];
-
-                mat3_apply(Q, wrench[b].force, force);
-                mat3_apply(Q, wrench[b].moment, moment);
-                for (int axis = 0; axis < 3; ++axis) {
-                    assert_near(turned[b].force[axis], force[axis], 1e-10 * size);
-                    assert_near(turned[b].moment[axis], moment[axis], 1e-11 * size);
-                }
-            }
+            fixture_expect_turned(turned, Q, wrench, 1e-10 * size, 1e-11 * size);
         }
         world->ops->destroy(world);
     }
@@ -220,7 +176,7 @@ static void the_same_motion_gives_the_same_bits_whatever_came_before(void **stat
         fixture_evaluate(world, motion[i], first[i]);
     }
     for (int i = 0; i < 400; ++i) {
-        int pick = (int)(10 + 9.99 * scene_random(&seed));
+        int pick = (int)(10 + 9.99 * random_number(&seed));
         struct body_motion apart[2];
 
         /* Now and then apart, so that contacts end and begin anew */
@@ -323,7 +279,7 @@ static void a_body_without_surfaces_feels_nothing(void **state)
     struct contact_wrench wrench[2];
 
     (void)state;
-    box_on_ground(&scene);
+    fixture_box_on_ground(&scene);
     scene.config.nbody = 2;
 
     struct contact_world *world = fixture_simbody(&scene);
@@ -375,7 +331,7 @@ static void an_invalid_motion_is_an_error_and_harms_nothing(void **state)
     struct contact_wrench wrench, again;
 
     (void)state;
-    box_on_ground(&scene);
+    fixture_box_on_ground(&scene);
 
     struct contact_world *world = fixture_simbody(&scene);
 

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * The plant allocates nothing once it is made. The linker sends every call of the allocator in this
- * program to the counters here (-Wl,--wrap).
- */
+/* The plant allocates nothing once it is made. */
 #include "model/plant.h"
 
 #include <math.h>
@@ -10,62 +7,12 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <stdlib.h>
 
 #include <cmocka.h>
 
+#include "tests/physics/counting_malloc.h"
 #include "tests/physics/free_rig.h"
 #include "tests/physics/plant_rig.h"
-
-static volatile size_t
-    calls; /* volatile: compilers assume that an allocator touches nothing else */
-
-void *__real_malloc(size_t size);
-void *__real_calloc(size_t count, size_t size);
-void *__real_realloc(void *memory, size_t size);
-void __real_free(void *memory);
-void *__wrap_malloc(size_t size);
-void *__wrap_calloc(size_t count, size_t size);
-void *__wrap_realloc(void *memory, size_t size);
-void __wrap_free(void *memory);
-
-void *__wrap_malloc(size_t size)
-{
-    calls++;
-    return __real_malloc(size);
-}
-
-void *__wrap_calloc(size_t count, size_t size)
-{
-    calls++;
-    return __real_calloc(count, size);
-}
-
-void *__wrap_realloc(void *memory, size_t size)
-{
-    calls++;
-    return __real_realloc(memory, size);
-}
-
-void __wrap_free(void *memory)
-{
-    calls++;
-    __real_free(memory);
-}
-
-/* So that a count of zero below means what it says */
-static void counters_see_the_allocator(void **state)
-{
-    size_t before = calls;
-    void *volatile memory = malloc(16);
-
-    (void)state;
-    memory = realloc(memory, 32);
-    free(memory);
-    memory = calloc(2, 8);
-    free(memory);
-    assert_int_equal(calls - before, 5);
-}
 
 static void step_and_sample(enum plant_integrator integrator)
 {
@@ -80,7 +27,7 @@ static void step_and_sample(enum plant_integrator integrator)
     plant_rig_walker_with(&rig, true, integrator, 100000, 0.0);
     plant_rig_reset(&rig, 0.52);
     assert_int_equal(arena_seal(&rig.arena, false, &error), ERROR_NONE);
-    before = calls;
+    before = counted_calls();
     for (int k = 0; k < 100 && code == ERROR_NONE; k++) {
         plant_rig_random_voltages(&rig, 20.0);
         plant_set_push(rig.plant, k % 9, force, moment);
@@ -90,7 +37,7 @@ static void step_and_sample(enum plant_integrator integrator)
         plant_center_of_mass(rig.plant, position, momentum);
         plant_hash(rig.plant);
     }
-    assert_int_equal(calls - before, 0);
+    assert_int_equal(counted_calls() - before, 0);
     assert_int_equal(code, ERROR_NONE);
     plant_rig_fini(&rig);
 }
@@ -118,7 +65,7 @@ static void free_bodies_allocate_nothing(void **state)
     rig.body[0].position[2] = 0.08;
     free_rig_start(&rig);
     assert_int_equal(arena_seal(&rig.arena, false, &error), ERROR_NONE);
-    before = calls;
+    before = counted_calls();
     for (int k = 0; k < 100 && code == ERROR_NONE; k++) {
         plant_clamp(rig.plant, k % 3 == 0);
         plant_set_push(rig.plant, k % 10, force, moment);
@@ -128,7 +75,7 @@ static void free_bodies_allocate_nothing(void **state)
         plant_free_pose(rig.plant, 0, pose);
         plant_hash(rig.plant);
     }
-    assert_int_equal(calls - before, 0);
+    assert_int_equal(counted_calls() - before, 0);
     assert_int_equal(code, ERROR_NONE);
     free_rig_fini(&rig);
 }

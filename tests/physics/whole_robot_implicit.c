@@ -15,36 +15,14 @@
 #include <cmocka.h>
 
 #include "tests/physics/near.h"
-#include "tests/physics/rig_scene.h"
+#include "tests/physics/rig_squat.h"
 
 enum { BEGIN = 200, SAMPLES = 2300, STEPS = 3 }; /* ms; BEGIN: after the transient */
-
-static const double depth_m = 0.1, period_s = 2.0;
-static const double thigh_m = 0.2258, shank_m = 0.201;
 
 struct track {
     double q[SAMPLES][RIG_SCENE_JOINTS], feet[SAMPLES];
     double seconds; /* of the machine */
 };
-
-static const char *const pitch[2][3] = {{"RHipSag", "RKneeSag", "RAnkSag"},
-                                        {"LHipSag", "LKneeSag", "LAnkSag"}};
-
-/* Angles of hip, knee and ankle with the hips sunk by depth vertically over flat feet, trunk and
- * feet turned as at the start. */
-static void leg_angles(const double start[3], double depth, double angle[3])
-{
-    double lean = start[0] + start[1] + start[2], thigh = -(start[1] + start[2]);
-    double height = thigh_m * cos(thigh) + shank_m * cos(thigh + start[1]) - depth;
-    double ahead = thigh_m * sin(thigh) + shank_m * sin(thigh + start[1]);
-    double square = height * height + ahead * ahead, turned;
-
-    angle[1] = acos((square - thigh_m * thigh_m - shank_m * shank_m) / (2.0 * thigh_m * shank_m));
-    turned =
-        atan2(ahead, height) - atan2(shank_m * sin(angle[1]), thigh_m + shank_m * cos(angle[1]));
-    angle[0] = turned + lean;
-    angle[2] = -turned - angle[1];
-}
 
 static void follow(enum plant_integrator integrator, int64_t substep_ns, struct track *track)
 {
@@ -62,22 +40,7 @@ static void follow(enum plant_integrator integrator, int64_t substep_ns, struct 
     rig_scene_reset(&scene);
     clock_gettime(CLOCK_MONOTONIC, &begin);
     for (int k = 0; k < SAMPLES; k++) {
-        double t = fmax(0.0, fmin(period_s, 1e-3 * (k - BEGIN)));
-
-        for (int side = 0; side < 2; side++) {
-            double start[3], angle[3];
-            int joint[3];
-
-            for (int n = 0; n < 3; n++) {
-                joint[n] = robot_find_joint(scene.robot, pitch[side][n]);
-                assert_true(joint[n] >= 0);
-                start[n] = scene.rig->joint[joint[n]];
-            }
-            leg_angles(start, 0.5 * depth_m * (1.0 - cos(2.0 * M_PI * t / period_s)), angle);
-            for (int n = 0; n < 3; n++) {
-                scene.reference[joint[n]] = settled[joint[n]] + angle[n] - start[n];
-            }
-        }
+        rig_squat_refer(&scene, settled, 1e-3 * (k - BEGIN));
         rig_scene_hold(&scene);
         for (size_t j = 0; j < scene.robot->njoint; j++) {
             track->q[k][j] = plant_sensors(scene.plant)->motor[j].q;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(name arena options ring text yaml)
+foreach(name arena options ring text yaml yaml_refused)
     hil_test(base_${name} SOURCES unit/base/${name}.c LIBS base Threads::Threads LABELS unit)
 endforeach()
 foreach(name error hash journal markup memory_file options_page random whole_file)

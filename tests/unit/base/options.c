@@ -11,55 +11,17 @@
 #include <string.h>
 #include <cmocka.h>
 
-static bool quiet;
-static const char *directory, *file, *other;
-static double duration;
-static int64_t count;
-static int clock_kind;
-static struct option_list buses;
+#include "tests/unit/base/try_command.h"
 
-static const struct option_word clocks[] = {{"real", 1}, {"free", 2}, {NULL, 0}};
-static const struct option_spec options[] = {
-    {.name = "--quiet", .type = OPTION_FLAG, .help = "no status line", .value = &quiet},
-    {.name = "--record",
-     .type = OPTION_STRING,
-     .argument = "DIR",
-     .help = "record there",
-     .value = &directory},
-    {.name = "--duration",
-     .type = OPTION_REAL,
-     .argument = "S",
-     .help = "stop after S seconds",
-     .value = &duration,
-     .min = 0.0,
-     .max = 1e6,
-     .unit = "seconds"},
-    {.name = "--count",
-     .type = OPTION_INT,
-     .argument = "N",
-     .help = "so many",
-     .value = &count,
-     .min = -5,
-     .max = 9007199254740992.0},
-    {.name = "--clock",
-     .type = OPTION_ENUM,
-     .argument = "CLOCK",
-     .help = "which clock",
-     .value = &clock_kind,
-     .words = clocks},
-    {.name = "--bus",
-     .type = OPTION_LIST,
-     .argument = "NAME=INTERFACE",
-     .help = "which interface",
-     .value = &buses},
-};
+static const char *file, *other;
+
 static const struct operand_spec operands[] = {{"FILE", "a file", true, &file},
                                                {"OTHER", "another", false, &other}};
 static const struct command_spec spec = {
     .name = "try",
     .summary = "Try the options.",
-    .option = options,
-    .noption = ARRAY_COUNT(options),
+    .option = try_options,
+    .noption = ARRAY_COUNT(try_options),
     .operand = operands,
     .noperand = 2,
     .manual =
@@ -70,12 +32,8 @@ static const struct command_spec spec = {
 static int reset(void **state)
 {
     (void)state;
-    quiet = false;
-    directory = file = other = NULL;
-    duration = 10.0;
-    count = 7;
-    clock_kind = 0;
-    buses = (struct option_list){0};
+    given = try_defaults;
+    file = other = NULL;
     return 0;
 }
 
@@ -108,13 +66,13 @@ static void reads_every_type(void **state)
                               "--count", "0x10", "--clock", "free", "--bus", "a=can0", "--bus",
                               "b=can1", "more"),
                         "");
-    assert_true(quiet);
-    assert_string_equal(directory, "out");
-    assert_true(duration == 2.5);
-    assert_int_equal(count, 16);
-    assert_int_equal(clock_kind, 2);
-    assert_int_equal(buses.count, 2);
-    assert_string_equal(buses.item[1], "b=can1");
+    assert_true(given.quiet);
+    assert_string_equal(given.directory, "out");
+    assert_true(given.duration == 2.5);
+    assert_int_equal(given.count, 16);
+    assert_int_equal(given.clock, 2);
+    assert_int_equal(given.buses.count, 2);
+    assert_string_equal(given.buses.item[1], "b=can1");
     assert_string_equal(file, "f.yaml");
     assert_string_equal(other, "more");
 }
@@ -123,17 +81,17 @@ static void takes_a_value_behind_an_equals_sign(void **state)
 {
     (void)state;
     assert_string_equal(PARSE("--duration=3", "--record=--odd", "--bus=a=can0", "f"), "");
-    assert_true(duration == 3.0);
-    assert_string_equal(directory, "--odd");
-    assert_string_equal(buses.item[0], "a=can0");
+    assert_true(given.duration == 3.0);
+    assert_string_equal(given.directory, "--odd");
+    assert_string_equal(given.buses.item[0], "a=can0");
 }
 
 static void what_is_not_given_keeps_its_default(void **state)
 {
     (void)state;
     assert_string_equal(PARSE("f"), "");
-    assert_true(duration == 10.0);
-    assert_int_equal(count, 7);
+    assert_true(given.duration == 10.0);
+    assert_int_equal(given.count, 7);
     assert_null(other);
 }
 
@@ -141,14 +99,14 @@ static void negative_numbers_are_values(void **state)
 {
     (void)state;
     assert_string_equal(PARSE("--count", "-5", "f"), "");
-    assert_int_equal(count, -5);
+    assert_int_equal(given.count, -5);
 }
 
 static void two_dashes_end_the_options(void **state)
 {
     (void)state;
     assert_string_equal(PARSE("--", "--quiet", "--help"), "");
-    assert_false(quiet);
+    assert_false(given.quiet);
     assert_string_equal(file, "--quiet");
     assert_string_equal(other, "--help");
 }

@@ -125,6 +125,13 @@ static inline void bench_start(struct board_bench *bench)
     assert_int_equal(arena_seal(&bench->arena, false, &error), ERROR_NONE);
 }
 
+/* A bench whose configuration is as bench_configure makes it. */
+static inline void bench_open(struct board_bench *bench)
+{
+    bench_configure(bench);
+    bench_start(bench);
+}
+
 static inline void bench_stop(struct board_bench *bench)
 {
     arena_fini(&bench->arena);
@@ -262,6 +269,20 @@ static inline bool bench_event(struct board_bench *bench, enum board_event_kind 
         }
     }
     return false;
+}
+
+enum { BENCH_STATUS = 0x113 }; /* of motor board 1 on bus 0 */
+
+/* The STATUS of board 1 within the next slots; NULL: none. */
+static inline const struct bus_frame *bench_next_status(struct board_bench *bench)
+{
+    for (int t = 0; t < ICUB_SLOTS; t++) {
+        bench_tick(bench);
+        if (bench_sent(bench, 0, BENCH_STATUS)) {
+            return bench_find(bench, 0, BENCH_STATUS);
+        }
+    }
+    return NULL;
 }
 
 #endif

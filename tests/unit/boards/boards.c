@@ -23,8 +23,7 @@ static void every_frame_bears_the_number_of_its_board_on_its_bus(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     /* telemetry of the motor boards, then of the others, which send what the host starts */
     bench_send(&bench, 0, 0x001, "49 7F 00 00 00");
     bench_send(&bench, 0, 0x002, "49 7F 00 00 00");
@@ -51,8 +50,7 @@ static void nodes_are_counted_anew_on_each_bus_and_stay_when_the_address_changes
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 1, 0x70f, "FF");
     bench_tick(&bench);
     assert_int_equal(bench.count[1], 1);
@@ -94,8 +92,7 @@ static void events_bear_the_time_of_their_phase(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_ticks(&bench, 5);
     bench_send(&bench, 0, 0x001, "6B");
     assert_true(bench_event(&bench, BOARD_EVENT_UNKNOWN, &event));

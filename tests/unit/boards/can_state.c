@@ -4,7 +4,7 @@
 #include "canbus/wire/wire.h"
 #include "tests/unit/boards/board_bench.h"
 
-enum { STATUS = 0x113, CAN_STATUS = 4, TX_ERRORS = 6, RX_ERRORS = 7 };
+enum { CAN_STATUS = 4, TX_ERRORS = 6, RX_ERRORS = 7 };
 
 static void start(struct board_bench *bench)
 {
@@ -21,18 +21,6 @@ static void set(struct board_bench *bench, unsigned tec, unsigned rec, bool bus_
     boards_set_can_state(bench->boards, 0, &can);
 }
 
-/* The STATUS of board 1 within the next slots; NULL: none. */
-static const struct bus_frame *status(struct board_bench *bench)
-{
-    for (int t = 0; t < ICUB_SLOTS; t++) {
-        bench_tick(bench);
-        if (bench_sent(bench, 0, STATUS)) {
-            return bench_find(bench, 0, STATUS);
-        }
-    }
-    return NULL;
-}
-
 static void status_tells_a_new_state_once_and_at_once(void **state)
 {
     struct board_bench bench;
@@ -40,17 +28,17 @@ static void status_tells_a_new_state_once_and_at_once(void **state)
     (void)state;
     start(&bench);
     set(&bench, 95, 95, false); /* nothing to tell before its time */
-    assert_null(status(&bench));
+    assert_null(bench_next_status(&bench));
     set(&bench, 95, 96, false);
-    bench_expect_frame(status(&bench), STATUS, "00 00 00 00 20 00 5F 60");
-    assert_null(status(&bench));
+    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 00 00 00 20 00 5F 60");
+    assert_null(bench_next_status(&bench));
     set(&bench, 128, 130, false);
-    bench_expect_frame(status(&bench), STATUS, "00 00 00 00 2C 00 21 22");
-    assert_null(status(&bench));
+    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 00 00 00 2C 00 21 22");
+    assert_null(bench_next_status(&bench));
     set(&bench, 0, 0, false); /* better: no hurry */
-    assert_null(status(&bench));
+    assert_null(bench_next_status(&bench));
     set(&bench, 0, 96, false); /* but worse again is news */
-    bench_expect_frame(status(&bench), STATUS, "00 00 00 00 20 00 80 DE");
+    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 00 00 00 20 00 80 DE");
     bench_stop(&bench);
 }
 
@@ -70,7 +58,7 @@ static void error_bytes_add_up_to_the_counters(void **state)
 
         set(&bench, steps[i].tec, steps[i].rec, false);
         bench_send(&bench, 0, 0x001, i % 2 ? "09 09" : "09 50"); /* a change of mode makes it due */
-        frame = status(&bench);
+        frame = bench_next_status(&bench);
         assert_non_null(frame);
         tec += (int8_t)frame->data[TX_ERRORS];
         rec += (int8_t)frame->data[RX_ERRORS];
@@ -91,12 +79,12 @@ static void bus_off_is_told_when_the_board_is_back(void **state)
     set(&bench, 256, 0, true);
     bench_send(&bench, 0, 0x001, "89 50");
     for (int i = 0; i < 10; i++) {
-        assert_null(status(&bench));
+        assert_null(bench_next_status(&bench));
     }
     set(&bench, 0, 0, false);
-    bench_expect_frame(status(&bench), STATUS, "00 00 00 50 06 00 00 00");
+    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 00 00 50 06 00 00 00");
     bench_send(&bench, 0, 0x001, "89 09");
-    bench_expect_frame(status(&bench), STATUS, "00 00 00 00 00 00 00 00");
+    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 00 00 00 00 00 00 00");
     bench_stop(&bench);
 }
 
@@ -150,7 +138,7 @@ static void hear(void *context, const struct wire_event *event)
 {
     struct line *line = context;
 
-    if (event->node == 0 && event->frame->id == STATUS) {
+    if (event->node == 0 && event->frame->id == BENCH_STATUS) {
         line->tec += (int8_t)event->frame->data[TX_ERRORS];
         line->rec += (int8_t)event->frame->data[RX_ERRORS];
         line->can_status |= event->frame->data[CAN_STATUS];

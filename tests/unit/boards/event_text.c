@@ -12,8 +12,7 @@ static void events_read_as_sentences(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_ticks(&bench, 1500);
     bench_send(&bench, 0, 0x001, "89 50");
     assert_true(bench_event(&bench, BOARD_EVENT_MODE, &event));
@@ -74,8 +73,7 @@ static void every_kind_of_event_has_its_sentence(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const char *what;
 
@@ -96,8 +94,7 @@ static void events_that_nobody_reads_are_counted_as_lost(void **state)
     int read = 0;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     for (int i = 0; i < 3000; i++) {
         bench_send(&bench, 0, 0x001, "6B");
     }
@@ -145,8 +142,7 @@ static void another_thread_reads_events_while_the_loop_runs(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     reader.boards = bench.boards;
     assert_int_equal(pthread_create(&thread, NULL, read_events, &reader), 0);
     for (int i = 0; i < 10000; i++) {

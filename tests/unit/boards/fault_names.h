@@ -1,18 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A small rig's names for the tests of faults: three joints, two sensors, two buses, two boards. */
+/* A small rig's names for the tests of faults and their fuzzer: three joints, two sensors, two buses,
+ * two boards. */
 #ifndef TESTS_UNIT_BOARDS_FAULT_NAMES_H
 #define TESTS_UNIT_BOARDS_FAULT_NAMES_H
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "boards/faults.h"
-
-#define SECOND INT64_C(1000000000)
 
 static const char *const joints[] = {"LHipSag", "LKneeSag", "hand"};
 static const bool driven[] = {true, true, false};
@@ -38,16 +30,5 @@ static const struct fault_names names = {
     .board_bus = board_bus,
     .board_address = board_address,
 };
-
-static inline struct fault parse(const char *text)
-{
-    struct fault fault;
-    struct error error;
-
-    if (fault_parse(text, &names, &fault, &error)) {
-        fail_msg("%s", error.text);
-    }
-    return fault;
-}
 
 #endif

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Lines of faults as people write them, right and wrong. */
-#include "tests/unit/boards/fault_names.h"
+#include "tests/unit/boards/fault_lines.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The table of faults: windows, switching by hand, events, names. */
-#include "tests/unit/boards/fault_names.h"
+#include "tests/unit/boards/fault_lines.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -7,7 +7,7 @@
 
 #define LIMIT_C 70.0
 
-enum { STATUS = 0x113, BOARD_STATUS = 5 };
+enum { BOARD_STATUS = 5 };
 
 static void configure(struct board_bench *bench)
 {
@@ -33,18 +33,6 @@ static void start(struct board_bench *bench)
     assert_true(bench->motor[0].bridge_on && bench->motor[1].bridge_on);
 }
 
-/* The STATUS of board 1 within the next slots; NULL: none. */
-static const struct bus_frame *status(struct board_bench *bench)
-{
-    for (int t = 0; t < ICUB_SLOTS; t++) {
-        bench_tick(bench);
-        if (bench_sent(bench, 0, STATUS)) {
-            return bench_find(bench, 0, STATUS);
-        }
-    }
-    return NULL;
-}
-
 static void an_axis_above_its_limit_stops_and_says_so_in_status(void **state)
 {
     struct board_event event;
@@ -53,17 +41,17 @@ static void an_axis_above_its_limit_stops_and_says_so_in_status(void **state)
     (void)state;
     start(&bench);
     bench.sense[0].winding_c = LIMIT_C; /* not yet above */
-    assert_null(status(&bench));
+    assert_null(bench_next_status(&bench));
     assert_true(bench.motor[0].bridge_on);
     bench.sense[0].winding_c = LIMIT_C + 0.1;
-    bench_expect_frame(status(&bench), STATUS, "00 A0 00 50 00 02 00 00");
+    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 A0 00 50 00 02 00 00");
     assert_false(bench.motor[0].bridge_on);
     assert_true(bench.motor[1].bridge_on);
     assert_true(bench_event(&bench, BOARD_EVENT_OVER_HEATED, &event));
     assert_int_equal(event.axis, 0);
     assert_int_equal(event.a, 701);
     bench.sense[1].winding_c = 90.0;
-    bench_expect_frame(status(&bench), STATUS, "00 A0 00 A0 00 06 00 00");
+    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 A0 00 A0 00 06 00 00");
     assert_int_equal(bench_counters(&bench).trips, 2);
     bench_stop(&bench);
 }
@@ -84,7 +72,7 @@ static void a_hot_axis_trips_again_until_it_has_cooled(void **state)
     bench_ticks(&bench, 8);
     bench_send(&bench, 0, 0x001, "09 09");
     bench_send(&bench, 0, 0x001, "09 50");
-    bench_expect_frame(status(&bench), STATUS, "00 50 00 50 00 00 00 00");
+    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 50 00 50 00 00 00 00");
     bench_stop(&bench);
 }
 
@@ -116,7 +104,7 @@ static void a_thermometer_without_a_number_is_told_and_stops_nothing(void **stat
     (void)state;
     start(&bench);
     bench.sense[1].winding_c = NAN;
-    bench_expect_frame(status(&bench), STATUS, "00 50 00 50 00 10 00 00");
+    bench_expect_frame(bench_next_status(&bench), BENCH_STATUS, "00 50 00 50 00 10 00 00");
     assert_true(bench.motor[1].bridge_on);
     bench_stop(&bench);
 }

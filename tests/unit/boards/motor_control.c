@@ -194,8 +194,7 @@ static void without_gains_a_position_mode_has_no_voltage(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_tick(&bench);
     bench_send(&bench, 0, 0x001, "09 01");
     bench_send(&bench, 0, 0x001, "1B 10 27 00 00 E8 03");
@@ -382,8 +381,7 @@ static void offset_and_stiction_add_to_the_position_loop(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_tick(&bench);
     bench_send(&bench, 0, 0x001, "26 0A 00");       /* offset 10 */
     bench_send(&bench, 0, 0x001, "5D 14 00 E2 FF"); /* 20 up, -30 down */

@@ -39,8 +39,7 @@ static void icub_boards_have_what_the_host_sets(void **state)
     uint64_t changes;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     changes = boards_settings_changes(bench.boards);
     bench_send(&bench, 0, 0x001, "D2 10 00 20 00 30 00 04"); /* SET_POSITION_PID, axis 1 */
     bench_tick(&bench);
@@ -65,8 +64,7 @@ static void voltages_are_no_settings(void **state)
     uint64_t changes;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     changes = boards_settings_changes(bench.boards);
     for (int i = 0; i < 10; i++) {
         bench_send(&bench, 0, 0x001, i & 1 ? "72 10 00" : "F2 10 00"); /* SET_OPEN_LOOP */
@@ -81,8 +79,7 @@ static void spare_axes_and_sensors_have_none(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     assert_true(boards_settings(bench.boards, 0, 0) > 10);
     assert_int_equal(boards_settings(bench.boards, 1, 1), 0);
     assert_int_equal(boards_settings(bench.boards, 2, 0), 0);

@@ -11,48 +11,8 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    struct error error;
-
-    (void)state;
-    return arena_init(&arena, (size_t)64 << 20, &error);
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
-
-static struct bus_frame numbered(uint32_t id)
-{
-    uint8_t data[8] = {0};
-
-    return frame_make(id, 8, data);
-}
-
-static void send(struct can_port *port, uint32_t id)
-{
-    struct bus_frame frame = numbered(id);
-
-    assert_int_equal(can_send(port, &frame, 1), 1);
-}
-
-/* the ids that wait, as decimal digits */
-static unsigned waiting(struct can_port *port)
-{
-    struct bus_frame frame;
-    unsigned ids = 0;
-
-    while (can_receive(port, &frame, 1)) {
-        ids = 10 * ids + frame.id;
-    }
-    return ids;
-}
+#include "tests/unit/arena_fixture.h"
+#include "tests/unit/canbus/numbered_frames.h"
 
 static void frames_between_own_nodes_go_back_and_others_stay(void **state)
 {
@@ -68,21 +28,21 @@ static void frames_between_own_nodes_go_back_and_others_stay(void **state)
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[1], &error), ERROR_NONE);
     assert_int_equal(local_bus_join(bus, NULL, 0, &other, &error), ERROR_NONE);
     memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
-    send(own[0], 1);
-    send(own[1], 2);
-    send(own[0], 3);
+    send_numbered(own[0], 1);
+    send_numbered(own[1], 2);
+    send_numbered(own[0], 3);
     assert_true(local_bus_save(bus, 2, memory));
-    assert_int_equal(waiting(own[1]), 13);
-    assert_int_equal(waiting(own[0]), 2);
-    send(own[0], 4);
-    send(other, 5);
+    assert_int_equal(take_numbers(own[1]), 13);
+    assert_int_equal(take_numbers(own[0]), 2);
+    send_numbered(own[0], 4);
+    send_numbered(other, 5);
     local_bus_restore(bus, 2, memory);
-    assert_int_equal(waiting(own[1]), 135); /* 4 was never sent, 5 is another's and waits */
-    assert_int_equal(waiting(own[0]), 25);
-    assert_int_equal(waiting(other), 1234); /* what has left stays */
+    assert_int_equal(take_numbers(own[1]), 135); /* 4 was never sent, 5 is another's and waits */
+    assert_int_equal(take_numbers(own[0]), 25);
+    assert_int_equal(take_numbers(other), 1234); /* what has left stays */
     /* a second time, from the same copy */
     local_bus_restore(bus, 2, memory);
-    assert_int_equal(waiting(own[1]), 13);
+    assert_int_equal(take_numbers(own[1]), 13);
     for (int i = 0; i < 2; i++) {
         own[i]->ops->close(own[i]);
     }
@@ -104,24 +64,23 @@ static void more_frames_than_a_copy_holds_are_refused(void **state)
     assert_int_equal(local_bus_join(bus, NULL, 0, &own[1], &error), ERROR_NONE);
     memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
     for (int i = 0; i < 2048; i++) {
-        send(own[0], 1);
+        send_numbered(own[0], 1);
     }
     assert_true(local_bus_save(bus, 2, memory));
-    send(own[0], 1);
+    send_numbered(own[0], 1);
     assert_false(local_bus_save(bus, 2, memory));
     own[0]->ops->close(own[0]);
     own[1]->ops->close(own[1]);
     local_bus_destroy(bus);
 }
 
-/* A frame is on the wire, another waits in its queue, when time goes back. */
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(frames_between_own_nodes_go_back_and_others_stay, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(more_frames_than_a_copy_holds_are_refused, set_up,
-                                        tear_down),
+        cmocka_unit_test_setup_teardown(frames_between_own_nodes_go_back_and_others_stay,
+                                        open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(more_frames_than_a_copy_holds_are_refused, open_arena,
+                                        close_arena),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

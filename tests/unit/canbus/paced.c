@@ -2,27 +2,12 @@
 /* A port that is paced by a wire in virtual time. */
 #include "canbus/paced.h"
 
+#include "tests/unit/arena_fixture.h"
 #include "tests/unit/canbus/wire/wire_bench.h"
 
 enum { STEP = 0x6f0, DONE = 0x6ff };
 
-static struct arena arena;
 static struct bus_frame got[64];
-
-static int set_up(void **state)
-{
-    struct error error;
-
-    (void)state;
-    return (int)arena_init(&arena, (size_t)64 << 20, &error);
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
 
 /* A port without time: takes everything, gives what the test puts in. */
 struct script {
@@ -162,7 +147,7 @@ static void paced_ports_drop_what_the_wire_cannot_hold_and_pass_lockstep(void **
 
 int main(void)
 {
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
     const struct CMUnitTest tests[] = {
         TEST(paced_frames_leave_when_a_wire_would_have_delivered_them),
         TEST(what_comes_in_takes_its_share_of_the_paced_bus),

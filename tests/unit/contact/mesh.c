@@ -12,22 +12,8 @@
 #include <string.h>
 #include <cmocka.h>
 
+#include "tests/unit/arena_fixture.h"
 #include "tests/physics/near.h"
-
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    (void)state;
-    return arena_init(&arena, (size_t)64 << 20, NULL) == ERROR_NONE ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
 
 static struct mesh_finding check(const struct mesh *mesh)
 {
@@ -238,5 +224,5 @@ int main(void)
         cmocka_unit_test(separate_closed_pieces_are_sound),
     };
 
-    return cmocka_run_group_tests_name("mesh", tests, set_up, tear_down);
+    return cmocka_run_group_tests_name("mesh", tests, open_arena, close_arena);
 }

@@ -13,26 +13,12 @@
 #include <unistd.h>
 #include <cmocka.h>
 
+#include "tests/unit/arena_fixture.h"
 #include "tests/physics/near.h"
 #include "tools/mesh_write.h"
 
 #define VERTICES "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
 #define FACES "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    (void)state;
-    return arena_init(&arena, (size_t)16 << 20, NULL) == ERROR_NONE ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
 
 static const struct mesh *read_text(const char *text)
 {
@@ -296,5 +282,5 @@ int main(void)
         cmocka_unit_test(an_arena_that_is_used_up_is_reported),
     };
 
-    return cmocka_run_group_tests_name("mesh_obj", tests, set_up, tear_down);
+    return cmocka_run_group_tests_name("mesh_obj", tests, open_arena, close_arena);
 }

@@ -14,30 +14,9 @@
 #include <string.h>
 #include <cmocka.h>
 
+#include "tests/unit/arena_fixture.h"
+#include "tests/unit/contact/random_number.h"
 #include "tests/physics/near.h"
-
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    (void)state;
-    return arena_init(&arena, (size_t)64 << 20, NULL) ? -1 : 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
-
-static double random_number(uint64_t *seed)
-{
-    *seed ^= *seed >> 12;
-    *seed ^= *seed << 25;
-    *seed ^= *seed >> 27;
-    return (double)((*seed * 2685821657736338717u) >> 11) / 4503599627370496.0 - 1;
-}
 
 static struct solid make(const struct mesh *mesh)
 {
@@ -350,5 +329,5 @@ int main(void)
         cmocka_unit_test(nothing_under_a_facet_is_nearer_than_its_surroundings_say),
     };
 
-    return cmocka_run_group_tests_name("contact_solid", tests, set_up, tear_down);
+    return cmocka_run_group_tests_name("contact_solid", tests, open_arena, close_arena);
 }

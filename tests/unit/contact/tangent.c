@@ -71,16 +71,16 @@ static void elements_add_up_to_what_they_resist_with(void **state)
         double length;
 
         for (int i = 0; i < 3; i++) {
-            element[e].point[i] = scene_random(&seed);
-            element[e].normal[i] = scene_random(&seed);
+            element[e].point[i] = random_number(&seed);
+            element[e].normal[i] = random_number(&seed);
         }
         length = vec3_norm(element[e].normal);
         for (int i = 0; i < 3; i++) {
             element[e].normal[i] /= length;
         }
-        element[e].stiffness = 2.0 + scene_random(&seed);
-        element[e].damping = 2.0 + scene_random(&seed);
-        element[e].friction = 2.0 + scene_random(&seed);
+        element[e].stiffness = 2.0 + random_number(&seed);
+        element[e].damping = 2.0 + random_number(&seed);
+        element[e].friction = 2.0 + random_number(&seed);
         contact_tangent_add(&tangent, &element[e]);
     }
     full(tangent.K, K);

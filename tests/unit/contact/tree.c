@@ -8,32 +8,13 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include "tests/unit/arena_fixture.h"
+#include "tests/unit/contact/random_number.h"
+
 enum { COUNT = 500 };
 
-static struct arena arena;
 static struct box boxes[COUNT];
 static struct tree tree;
-
-static int set_up(void **state)
-{
-    (void)state;
-    return arena_init(&arena, (size_t)1 << 20, NULL) ? -1 : 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
-
-static double random_number(uint64_t *seed)
-{
-    *seed ^= *seed >> 12;
-    *seed ^= *seed << 25;
-    *seed ^= *seed >> 27;
-    return (double)((*seed * 2685821657736338717u) >> 11) / 4503599627370496.0 - 1;
-}
 
 static void make_tree(uint64_t *seed, int leaf)
 {
@@ -143,5 +124,5 @@ int main(void)
         cmocka_unit_test(a_cover_holds_what_is_below_each_node),
     };
 
-    return cmocka_run_group_tests_name("contact_tree", tests, set_up, tear_down);
+    return cmocka_run_group_tests_name("contact_tree", tests, open_arena, close_arena);
 }

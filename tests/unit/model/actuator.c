@@ -10,20 +10,8 @@
 
 #include <cmocka.h>
 
+#include "tests/physics/coman_drive.h"
 #include "tests/physics/near.h"
-
-static const struct robot_sea drive = {
-    .present = true,
-    .J = 0.1387,
-    .Dm = 0.19958,
-    .Ks = 395.46,
-    .Ds = 0.198,
-    .N = 100.0,
-    .Kt = 4.1,
-    .Kw = 4.1,
-    .R = 0.664,
-    .L = 0.32e-3,
-};
 
 static const struct robot_parallel_spring rope = {
     .present = true,
@@ -40,8 +28,8 @@ static void motor_ahead_of_the_link_pulls_it_forward(void **state)
     struct sea_state faster = {.qm = 0.1, .qmd = 2.0, .I = 0.0};
 
     (void)state;
-    assert_near(sea_torque(&drive, &ahead, 0.1, 0.0), 395.46 * 0.2, 1e-12);
-    assert_near(sea_torque(&drive, &faster, 0.1, 0.5), 0.198 * 1.5, 1e-12);
+    assert_near(sea_torque(&coman_drive, &ahead, 0.1, 0.0), 395.46 * 0.2, 1e-12);
+    assert_near(sea_torque(&coman_drive, &faster, 0.1, 0.5), 0.198 * 1.5, 1e-12);
 }
 
 static void derivative_follows_equations_2_and_4(void **state)
@@ -50,7 +38,7 @@ static void derivative_follows_equations_2_and_4(void **state)
     double tau = 395.46 * (0.2 - 0.15) + 0.198 * (-1.5 - 0.4);
 
     (void)state;
-    sea_derivative(&drive, &s, 0.15, 0.4, 12.0, true, &d);
+    sea_derivative(&coman_drive, &s, 0.15, 0.4, 12.0, true, &d);
     assert_near(d.qm, -1.5, 0.0);
     assert_near(0.1387 * d.qmd + 0.19958 * s.qmd + tau, 4.1 * s.I, 1e-12);
     assert_near(0.32e-3 * d.I + 0.664 * s.I + 4.1 * s.qmd, 12.0, 1e-12);
@@ -61,7 +49,7 @@ static void open_bridge_changes_no_current(void **state)
     struct sea_state s = {.qm = 0.2, .qmd = -1.5, .I = 0.0}, d;
 
     (void)state;
-    sea_derivative(&drive, &s, 0.15, 0.4, 12.0, false, &d);
+    sea_derivative(&coman_drive, &s, 0.15, 0.4, 12.0, false, &d);
     assert_near(d.I, 0.0, 0.0);
     assert_near(d.qm, -1.5, 0.0);
 }
@@ -88,10 +76,10 @@ static void check_power_balance(const struct robot_sea *sea)
 
 static void powers_balance_at_any_state(void **state)
 {
-    struct robot_sea mismatched = drive;
+    struct robot_sea mismatched = coman_drive;
 
     (void)state;
-    check_power_balance(&drive);
+    check_power_balance(&coman_drive);
     mismatched.Kw = 3.7;
     check_power_balance(&mismatched);
 }

@@ -12,29 +12,13 @@
 
 #include "model/dynamics.h"
 #include "model/spatial.h"
+#include "tests/unit/model/coman.h"
 #include "tests/unit/model/random_robot.h"
 
 #include <stdio.h>
 #include <time.h>
 
-#define COMAN HIL_SOURCE_DIR "/config/robots/coman.yaml"
-
 enum { TREES = 100, MAX_BODIES = RANDOM_JOINTS + 1, MAX_V = RANDOM_JOINTS + 6 };
-
-static struct arena arena;
-
-static int open_arena(void **state)
-{
-    (void)state;
-    return arena_init(&arena, 1 << 24, NULL);
-}
-
-static int close_arena(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
 
 static void make(const struct robot *robot, struct dynamics *d)
 {
@@ -52,17 +36,6 @@ static void finish(struct robot *robot)
     if (robot_finish(robot, &error)) {
         fail_msg("%s", error.text);
     }
-}
-
-static const struct robot *load(const char *variant)
-{
-    const struct robot *robot;
-    struct error error;
-
-    if (robot_load(COMAN, variant, &arena, &robot, &error)) {
-        fail_msg("%s", error.text);
-    }
-    return robot;
 }
 
 /* |a - b| / max(|b|, floor), Euclidean norms */
@@ -519,7 +492,7 @@ static double mirror_difference(const struct robot *robot, uint64_t *seed)
 
 static void coman_in_a_mirror_accelerates_as_its_mirror_image(void **state)
 {
-    const struct robot *coman = load(NULL), *symmetric = symmetric_coman(coman);
+    const struct robot *coman = load_coman(NULL), *symmetric = symmetric_coman(coman);
     double worst = 0.0, real = 0.0;
     uint64_t seed = 14;
 
@@ -535,7 +508,7 @@ static void coman_in_a_mirror_accelerates_as_its_mirror_image(void **state)
 
 static void the_limbs_of_coman_are_mirror_images_and_its_trunk_is_not(void **state)
 {
-    const struct robot *coman = load(NULL);
+    const struct robot *coman = load_coman(NULL);
 
     (void)state;
     for (size_t b = 0; b < coman->nbody; b++) {
@@ -560,7 +533,7 @@ static void the_limbs_of_coman_are_mirror_images_and_its_trunk_is_not(void **sta
 
 static void the_same_state_gives_the_same_bits(void **state)
 {
-    const struct robot *coman = load(NULL);
+    const struct robot *coman = load_coman(NULL);
     struct dynamics one, two;
     uint64_t seed = 15;
 
@@ -596,7 +569,7 @@ static void reports_the_time_of_an_evaluation(void **state)
 {
     enum { STATES = 64, ROUNDS = 40, BATCHES = 9 };
     static struct random_state s[STATES];
-    const struct robot *coman = load(NULL);
+    const struct robot *coman = load_coman(NULL);
     struct body_motion motion[MAX_BODIES];
     double vdot[MAX_V], best[3] = {1e9, 1e9, 1e9};
     struct dynamics d;

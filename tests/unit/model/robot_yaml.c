@@ -7,6 +7,9 @@
 
 #include <cmocka.h>
 
+#include "tests/physics/near.h"
+#include "tests/unit/model/coman.h"
+
 #include "model/dynamics.h"
 #include "model/robot.h"
 #include "model/spatial.h"
@@ -15,46 +18,11 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#define COMAN HIL_SOURCE_DIR "/config/robots/coman.yaml"
-
-static struct arena arena;
-
-static int open_arena(void **state)
-{
-    (void)state;
-    return arena_init(&arena, 1 << 24, NULL);
-}
-
-static int close_arena(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
-
-static void assert_near(double value, double expected, double tolerance)
-{
-    if (!(fabs(value - expected) <= tolerance)) {
-        fail_msg("found %.17g, expected %.17g within %g", value, expected, tolerance);
-    }
-}
-
-static const struct robot *load(const char *variant)
-{
-    const struct robot *robot;
-    struct error error;
-
-    if (robot_load(COMAN, variant, &arena, &robot, &error)) {
-        fail_msg("%s", error.text);
-    }
-    return robot;
-}
-
 /* ---- COMAN ---- */
 
 static void coman_has_24_bodies_29_freedoms_and_its_mass(void **state)
 {
-    const struct robot *robot = load(NULL);
+    const struct robot *robot = load_coman(NULL);
 
     (void)state;
     assert_string_equal(robot->name, "COMAN");
@@ -74,7 +42,7 @@ static void coman_has_24_bodies_29_freedoms_and_its_mass(void **state)
 
 static void coman_has_its_drives_and_disabled_parallel_springs(void **state)
 {
-    const struct robot *robot = load(NULL);
+    const struct robot *robot = load_coman(NULL);
     size_t springs = 0;
 
     (void)state;
@@ -121,7 +89,7 @@ static void frame_place(const struct robot_frame *frame, const struct body_motio
 static void every_pose_of_coman_stands_flat_on_the_ground(void **state)
 {
     static const char *const frames[] = {"r_sole", "l_sole", "r_toe", "l_toe"};
-    const struct robot *robot = load(NULL);
+    const struct robot *robot = load_coman(NULL);
     struct body_motion motion[24];
     double q[30], v[29] = {0};
     struct dynamics d;
@@ -153,7 +121,7 @@ static void every_pose_of_coman_stands_flat_on_the_ground(void **state)
 static void coman_has_four_sensors_that_nothing_hangs_on(void **state)
 {
     static const char *const names[] = {"r_leg_ft", "l_leg_ft", "r_arm_ft", "l_arm_ft"};
-    const struct robot *robot = load("");
+    const struct robot *robot = load_coman("");
 
     (void)state;
     assert_int_equal(robot->nft, 4);
@@ -169,7 +137,7 @@ static void coman_has_four_sensors_that_nothing_hangs_on(void **state)
 
 static void the_forearms_make_it_heavier_and_move_the_wrists(void **state)
 {
-    const struct robot *plain = load(NULL), *robot = load("forearms");
+    const struct robot *plain = load_coman(NULL), *robot = load_coman("forearms");
     int wrist = robot_find_frame(robot, "r_wrist");
 
     (void)state;

@@ -10,6 +10,7 @@
 #include "model/dynamics.h"
 #include "model/robot.h"
 #include "model/spatial.h"
+#include "tests/physics/near.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -39,13 +40,6 @@ static int unload(void **state)
     (void)state;
     arena_fini(&arena);
     return 0;
-}
-
-static void assert_near(double value, double expected, double tolerance)
-{
-    if (!(fabs(value - expected) <= tolerance)) {
-        fail_msg("found %.17g, expected %.17g within %g", value, expected, tolerance);
-    }
 }
 
 /* The place of a frame in the world, in a pose. */

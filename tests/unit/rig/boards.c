@@ -2,7 +2,7 @@
 /* The buses of rigs: what each speaks, what that allows on it, how far it is loaded. */
 #include "rig/rig.h"
 
-#include "tests/unit/rig/rig_files.h"
+#include "tests/unit/rig/rig_bench.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -10,35 +10,6 @@
 #include <stddef.h>
 
 #include <cmocka.h>
-
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    struct error error;
-
-    (void)state;
-    return arena_init(&arena, 64 << 20, &error) || make_tree() ? -1 : 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    remove_tree();
-    arena_fini(&arena);
-    return 0;
-}
-
-static const struct rig *load(const char *path)
-{
-    const struct rig *rig = NULL;
-    struct error error = {0};
-
-    if (rig_load(path, &arena, &rig, &error)) {
-        fail_msg("%s", error.text);
-    }
-    return rig;
-}
 
 /* The toy rig with its buses replaced, of which each joint needs to be driven. */
 static void write_buses(const char *buses)
@@ -48,27 +19,19 @@ static void write_buses(const char *buses)
 
     snprintf(text, sizeof text, "%.*sbuses:\n%slockstep: {}\n%s", (int)(from - toy_rig), toy_rig,
              buses, strchr(to, '\n') + 1);
-    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
+    write_rig_file(text);
 }
 
 static const struct rig *load_buses(const char *buses)
 {
     write_buses(buses);
-    return load(rig_path);
+    return load_rig(rig_path);
 }
 
 static void refused(const char *buses, const char *message)
 {
-    const struct rig *rig = NULL;
-    struct error error = {0};
-    char expected[512];
-
     write_buses(buses);
-    snprintf(expected, sizeof expected, "%s:%s", rig_path, message);
-    if (rig_load(rig_path, &arena, &rig, &error) != ERROR_INPUT ||
-        strcmp(error.text, expected) != 0) {
-        fail_msg("for\n%s\nexpected: %s\ngot:      %s", buses, expected, error.text);
-    }
+    assert_rig_refused(buses, message);
 }
 
 /* ---- what a bus speaks ---- */
@@ -187,7 +150,7 @@ static void check_loads(const char *file, int64_t command_period_ns,
     const struct rig *rig;
 
     snprintf(path, sizeof path, "%s/config/rigs/%s", HIL_SOURCE_DIR, file);
-    rig = load(path);
+    rig = load_rig(path);
     assert_int_equal(rig->naxis, 23);
     assert_int_equal(rig->nft, 4);
     assert_int_equal(rig->nbus, count);
@@ -271,8 +234,8 @@ static void fd_loads_are_those_of_the_protocol_study(void **state)
 
 static void a_plan_shares_all_but_the_buses_with_the_rig_that_it_extends(void **state)
 {
-    const struct rig *base = load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
-    const struct rig *plan = load(HIL_SOURCE_DIR "/config/rigs/coman-fd.yaml");
+    const struct rig *base = load_rig(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
+    const struct rig *plan = load_rig(HIL_SOURCE_DIR "/config/rigs/coman-fd.yaml");
 
     (void)state;
     assert_string_equal(plan->name, "coman-fd");
@@ -289,7 +252,7 @@ static void a_plan_shares_all_but_the_buses_with_the_rig_that_it_extends(void **
     assert_int_equal(plan->lockstep.step_id, base->lockstep.step_id);
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, open_rig_tree, close_rig_tree)
 
 int main(void)
 {

@@ -8,23 +8,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "tests/unit/rig/rig_files.h"
-
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    (void)state;
-    return arena_init(&arena, (size_t)64 << 20, NULL) || make_tree() ? -1 : 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    remove_tree();
-    arena_fini(&arena);
-    return 0;
-}
+#include "tests/unit/rig/rig_bench.h"
 
 /* The toy rig with these bodies, which begin in line 12, and one surface and pair the more. */
 static void write_rig(const char *bodies, const char *surface, const char *pair)
@@ -38,34 +22,17 @@ static void write_rig(const char *bodies, const char *surface, const char *pair)
     assert_true(replace(text, sizeof text, "  surfaces:\n", with));
     snprintf(with, sizeof with, "  pairs:\n%s", pair);
     assert_true(replace(text, sizeof text, "  pairs:\n", with));
-    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
-}
-
-static const struct rig *load(void)
-{
-    const struct rig *rig = NULL;
-    struct error error = {0};
-
-    if (rig_load(rig_path, &arena, &rig, &error)) {
-        fail_msg("%s", error.text);
-    }
-    return rig;
+    write_rig_file(text);
 }
 
 /* One body with these keys is refused: message is what follows the name of the file. */
 static void refused(const char *keys, const char *message)
 {
-    const struct rig *rig = NULL;
-    struct error error = {0};
-    char body[512], expected[512];
+    char body[512];
 
     snprintf(body, sizeof body, "    - {%s}\n", keys);
     write_rig(body, "", "");
-    snprintf(expected, sizeof expected, "%s:%s", rig_path, message);
-    if (rig_load(rig_path, &arena, &rig, &error) != ERROR_INPUT ||
-        strcmp(error.text, expected) != 0) {
-        fail_msg("for \"%s\"\nexpected: %s\ngot:      %s", keys, expected, error.text);
-    }
+    assert_rig_refused(keys, message);
 }
 
 /* ---- good bodies ---- */
@@ -80,7 +47,7 @@ static void weighs_boxes_balls_and_tensors(void **state)
               "    - {name: ball2, mass_kg: 2, sphere_radius_m: 0.1}\n"
               "    - {name: stone, mass_kg: 3, inertia_kg_m2: [1, 0.1, 0.2, 1.5, 0.3, 2]}\n",
               "", "");
-    rig = load();
+    rig = load_rig(rig_path);
     assert_int_equal(rig->nfree, 3);
     assert_string_equal(rig->free[0].name, "box");
     inertia = &rig->free[0].inertia;
@@ -107,7 +74,7 @@ static void puts_bodies_where_they_start(void **state)
         "       rpy_rad: [0, 0, 1.5707963267948966], velocity_m_s: [4, 5, 6], rate_rad_s: [7, "
         "8, 9]}\n",
         "", "");
-    body = load()->free;
+    body = load_rig(rig_path)->free;
     assert_true(body->position[0] == 1 && body->position[1] == 2 && body->position[2] == 3);
     assert_true(fabs(body->quaternion[0] - sqrt(0.5)) < 1e-15);
     assert_true(fabs(body->quaternion[3] - sqrt(0.5)) < 1e-15);
@@ -126,7 +93,7 @@ static void surfaces_ride_on_free_bodies(void **state)
               "    - {name: lid, body: box, shape: sphere, radius_m: 0.1, material: rubber}\n"
               "    - {name: side, body: box, shape: sphere, radius_m: 0.1, material: rubber}\n",
               "    - between: [ground, lid]\n    - between: [lid, wedge]\n");
-    rig = load();
+    rig = load_rig(rig_path);
     assert_int_equal(rig->contact.nbody, 3);
     assert_int_equal(rig->contact_body[0], rig->robot->nbody + 1);
     assert_string_equal(rig_contact_name(rig, 0), "box");
@@ -151,7 +118,7 @@ static void surfaces_of_static_bodies_belong_to_the_world(void **state)
         "    - {name: top, body: table, shape: sphere, radius_m: 0.1, xyz_m: [0.1, 0, -0.5],\n"
         "       material: rubber}\n",
         "    - between: [top, ball]\n");
-    rig = load();
+    rig = load_rig(rig_path);
     assert_int_equal(rig->nfree, 0);
     assert_int_equal(rig->contact.nbody, 2);
     top = &rig->contact.surface[0];
@@ -171,7 +138,7 @@ static void a_robot_can_touch_itself(void **state)
     write_rig("    []\n",
               "    - {name: knob, body: tail, shape: sphere, radius_m: 0.1, material: rubber}\n",
               "    - between: [knob, wedge]\n");
-    rig = load();
+    rig = load_rig(rig_path);
     assert_int_equal(rig->contact.pair[0].a, 0);
     assert_int_equal(rig->contact.pair[0].b, 4);
     assert_int_equal(rig->contact.surface[0].body, rig->contact.surface[3].body);
@@ -186,8 +153,8 @@ static void without_an_engine_bodies_stay_and_nothing_touches(void **state)
     strcpy(text, toy_rig);
     assert_true(replace(text, sizeof text, "  engine: simbody\n",
                         "  engine: none\n  bodies: [{name: a, mass_kg: 1, box_m: [1, 1, 1]}]\n"));
-    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
-    rig = load();
+    write_rig_file(text);
+    rig = load_rig(rig_path);
     assert_int_equal(rig->nfree, 1);
     assert_int_equal(rig->contact.nbody + rig->contact.nsurface + rig->contact.npair, 0);
 }
@@ -267,25 +234,16 @@ static void rejects_masses_and_inertias_of_no_body(void **state)
 
 static void names_the_nearest_body(void **state)
 {
-    const struct rig *rig = NULL;
-    struct error error = {0};
-    char expected[256];
-
     (void)state;
     write_rig("    - {name: table, static: true}\n",
               "    - {name: top, body: tablee, shape: sphere, radius_m: 0.1, material: rubber}\n",
               "");
-    snprintf(expected, sizeof expected,
-             "%s:17:25: found unknown body \"tablee\", expected \"table\"", rig_path);
-    assert_int_equal(rig_load(rig_path, &arena, &rig, &error), ERROR_INPUT);
-    assert_string_equal(error.text, expected);
+    assert_rig_refused("tablee", "17:25: found unknown body \"tablee\", expected \"table\"");
     write_rig("    - {name: table, static: true}\n",
               "    - {name: top, body: table, shape: sphere, radius_m: 0.1, material: rubber}\n",
               "    - between: [top, ground]\n");
-    snprintf(expected, sizeof expected,
-             "%s:23:16: found two surfaces of one body, expected surfaces of two bodies", rig_path);
-    assert_int_equal(rig_load(rig_path, &arena, &rig, &error), ERROR_INPUT);
-    assert_string_equal(error.text, expected);
+    assert_rig_refused("[top, ground]",
+                       "23:16: found two surfaces of one body, expected surfaces of two bodies");
 }
 
 int main(void)
@@ -304,5 +262,5 @@ int main(void)
         cmocka_unit_test(names_the_nearest_body),
     };
 
-    return cmocka_run_group_tests(tests, set_up, tear_down);
+    return cmocka_run_group_tests(tests, open_rig_tree, close_rig_tree);
 }

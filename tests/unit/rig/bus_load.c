@@ -3,7 +3,7 @@
  * their traffic. */
 #include "rig/rig.h"
 
-#include "tests/unit/rig/rig_files.h"
+#include "tests/unit/rig/rig_bench.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -11,43 +11,9 @@
 
 #include <cmocka.h>
 
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    struct error error;
-
-    (void)state;
-    return arena_init(&arena, 64 << 20, &error) || make_tree() ? -1 : 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    remove_tree();
-    arena_fini(&arena);
-    return 0;
-}
-
-/* The toy rig with a line more, the last one. */
-static enum error_code load_with(const char *line, const struct rig **rig, struct error *error)
-{
-    char text[sizeof toy_rig + 256];
-
-    snprintf(text, sizeof text, "%s%s\n", toy_rig, line);
-    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
-    return rig_load(rig_path, &arena, rig, error);
-}
-
 static const struct rig_wire *wire_of(const char *line)
 {
-    const struct rig *rig = NULL;
-    struct error error = {0};
-
-    if (load_with(line, &rig, &error)) {
-        fail_msg("%s", error.text);
-    }
-    return &rig->wire;
+    return &load_toy_rig_with(line)->wire;
 }
 
 static void without_it_frames_take_no_time_and_overload_is_warned_of(void **state)
@@ -105,7 +71,7 @@ static void what_is_wrong_is_said_with_its_place(void **state)
         char place[96];
 
         snprintf(place, sizeof place, "%s:%d:%d: ", rig_path, line, cases[i].column);
-        if (load_with(cases[i].line, &rig, &error) != ERROR_INPUT ||
+        if (read_toy_rig_with(cases[i].line, &rig, &error) != ERROR_INPUT ||
             strncmp(error.text, place, strlen(place)) != 0 ||
             !strstr(error.text + strlen(place), cases[i].found) ||
             !strstr(error.text + strlen(place), cases[i].expected)) {
@@ -117,16 +83,12 @@ static void what_is_wrong_is_said_with_its_place(void **state)
 /* A bus that is too slow: what is said, and what would help. */
 static void an_overloaded_bus_is_told_with_advice(void **state)
 {
-    const struct rig *rig = NULL;
-    struct error error = {0};
+    const struct rig *rig = load_toy_rig_with("");
     struct rig changed;
     struct rig_bus bus;
     char text[384], slow[384];
 
     (void)state;
-    if (load_with("", &rig, &error)) {
-        fail_msg("%s", error.text);
-    }
     assert_false(rig_bus_over_budget(rig, 0, text, sizeof text));
     changed = *rig;
     bus = rig->bus[0];
@@ -139,7 +101,7 @@ static void an_overloaded_bus_is_told_with_advice(void **state)
     assert_non_null(strstr(slow, "or run it at"));
 }
 
-#define WIRE_TEST(f) cmocka_unit_test_setup_teardown(f, set_up, tear_down)
+#define WIRE_TEST(f) cmocka_unit_test_setup_teardown(f, open_rig_tree, close_rig_tree)
 
 int main(void)
 {

@@ -8,39 +8,12 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "tests/unit/rig/rig_files.h"
-
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    (void)state;
-    return arena_init(&arena, (size_t)64 << 20, NULL) || make_tree() ? -1 : 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    remove_tree();
-    arena_fini(&arena);
-    return 0;
-}
-
-static const struct rig *load(const char *path)
-{
-    const struct rig *rig = NULL;
-    struct error error = {0};
-
-    if (rig_load(path, &arena, &rig, &error)) {
-        fail_msg("%s", error.text);
-    }
-    return rig;
-}
+#include "tests/unit/rig/rig_bench.h"
 
 static const struct rig *load_toy(void)
 {
-    assert_int_equal(write_file("config/rigs/toy.yaml", toy_rig, sizeof toy_rig - 1), 0);
-    return load(rig_path);
+    write_rig_file(toy_rig);
+    return load_rig(rig_path);
 }
 
 /* The toy rig with the first `from` replaced by `to`. */
@@ -50,22 +23,14 @@ static void write_toy_with(const char *from, const char *to)
 
     strcpy(text, toy_rig);
     assert_true(replace(text, sizeof text, from, to));
-    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
+    write_rig_file(text);
 }
 
 /* That rig is refused: message is what follows the name of the file. */
 static void refused_with(const char *from, const char *to, const char *message)
 {
-    const struct rig *rig = NULL;
-    struct error error = {0};
-    char expected[512];
-
     write_toy_with(from, to);
-    snprintf(expected, sizeof expected, "%s:%s", rig_path, message);
-    if (rig_load(rig_path, &arena, &rig, &error) != ERROR_INPUT ||
-        strcmp(error.text, expected) != 0) {
-        fail_msg("for \"%s\"\nexpected: %s\ngot:      %s", to, expected, error.text);
-    }
+    assert_rig_refused(to, message);
 }
 
 /* ---- good rigs ---- */
@@ -172,7 +137,7 @@ static void the_rig_can_put_joints_and_base_elsewhere_than_the_pose(void **state
     assert_int_equal(write_file("config/robots/toy.yaml", robot, strlen(robot)), 0);
     write_toy_with("{pose: bent}", "{pose: bent, joints_rad: {knee: 0.25}, base_xyz_m: [1, 2, 3],\n"
                                    "  base_rpy_rad: [1.5707963267948966, 0, 0]}");
-    rig = load(rig_path);
+    rig = load_rig(rig_path);
     assert_true(rig->joint[0] == -0.5 && rig->joint[1] == 0.25);
     assert_true(rig->initial_rad[1] == 0.25);
     assert_true(rig->base_position[0] == 1 && rig->base_position[2] == 3);
@@ -224,7 +189,7 @@ static void gains_of_some_joints_differ(void **state)
     (void)state;
     write_toy_with(SERVO_END, SERVO_OTHERS("{joints: [knee], kp_v_per_rad: 30, kd_v_s_per_rad: 2, "
                                            "limit_v: 24}"));
-    gains = load(rig_path)->servo.gains;
+    gains = load_rig(rig_path)->servo.gains;
     assert_true(gains[0].kp_v_per_rad == 10 && gains[0].kd_v_s_per_rad == 0);
     assert_true(gains[0].limit_v == 0);
     assert_true(gains[1].kp_v_per_rad == 30 && gains[1].kd_v_s_per_rad == 2);
@@ -244,7 +209,7 @@ static void gains_of_other_joints_are_refused(void **state)
 
 static void the_coman_rig_reaches_every_joint_and_both_ankles(void **state)
 {
-    const struct rig *rig = load(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
+    const struct rig *rig = load_rig(HIL_SOURCE_DIR "/config/rigs/coman.yaml");
     double weight = 0.0;
 
     (void)state;
@@ -420,8 +385,8 @@ static void takes_a_joint_that_is_said_to_be_undriven(void **state)
     strcpy(text, toy_rig);
     assert_true(replace(text, sizeof text, "axes: [knee]", "axes: [spare]"));
     assert_true(replace(text, sizeof text, "buses:\n", "undriven: [knee]\nbuses:\n"));
-    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
-    assert_int_equal(load(rig_path)->naxis, 1);
+    write_rig_file(text);
+    assert_int_equal(load_rig(rig_path)->naxis, 1);
 }
 
 static void rejects_torques_that_no_host_would_hear(void **state)
@@ -524,7 +489,7 @@ static void reports_an_arena_that_is_full(void **state)
 
 int main(void)
 {
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, open_rig_tree, close_rig_tree)
     const struct CMUnitTest tests[] = {
         TEST(reads_time_pose_and_settings),
         TEST(places_surfaces_on_bodies_frames_and_the_world),

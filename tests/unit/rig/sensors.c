@@ -10,51 +10,14 @@
 
 #include <cmocka.h>
 
-#include "tests/unit/rig/rig_files.h"
-
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    (void)state;
-    return arena_init(&arena, (size_t)64 << 20, NULL) || make_tree() ? -1 : 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    remove_tree();
-    arena_fini(&arena);
-    return 0;
-}
-
-/* The toy rig with these lines at its end. */
-static enum error_code load(const char *lines, const struct rig **rig, struct error *error)
-{
-    static char text[sizeof toy_rig + 2048];
-
-    snprintf(text, sizeof text, "%s%s", toy_rig, lines);
-    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
-    return rig_load(rig_path, &arena, rig, error);
-}
-
-static const struct rig *loaded(const char *lines)
-{
-    const struct rig *rig = NULL;
-    struct error error = {0};
-
-    if (load(lines, &rig, &error)) {
-        fail_msg("%s", error.text);
-    }
-    return rig;
-}
+#include "tests/unit/rig/rig_bench.h"
 
 static void refused(const char *lines, const char *message)
 {
     const struct rig *rig;
     struct error error = {0};
 
-    if (load(lines, &rig, &error) == ERROR_NONE || !strstr(error.text, message) ||
+    if (read_toy_rig_with(lines, &rig, &error) == ERROR_NONE || !strstr(error.text, message) ||
         strncmp(error.text, rig_path, strlen(rig_path)) != 0) {
         fail_msg("\"%s\" gave \"%s\", expected \"%s\"", lines, error.text, message);
     }
@@ -63,7 +26,7 @@ static void refused(const char *lines, const char *message)
 static void without_the_sections_all_is_ideal(void **state)
 {
     static const struct sensor_error none;
-    const struct rig *rig = loaded("");
+    const struct rig *rig = load_toy_rig_with("");
 
     (void)state;
     assert_int_equal(rig->nfault, 0);
@@ -80,18 +43,18 @@ static void without_the_sections_all_is_ideal(void **state)
 static void what_a_joint_gives_replaces_the_channel_of_all(void **state)
 {
     const struct rig *rig =
-        loaded("seed: 9\n"
-               "supply_ohm: 0.1\n"
-               "sensors:\n"
-               "  every_joint:\n"
-               "    torque_nm: {noise_rms: 0.05, latency_s: 0.001}\n"
-               "    current_a: {lsb: 0.01}\n"
-               "    winding: {k_per_w: 2, time_constant_s: 100}\n"
-               "  joints:\n"
-               "    knee: {torque_nm: {offset: 1}, motor_encoder_from_start: true}\n"
-               "  every_ft: {force_n: {full_scale: 2000}, torque_nm: {full_scale: 40}}\n"
-               "  fts: {wrist_ft: {crosstalk: 0.01}}\n"
-               "  imu: {gyro_rad_s: {ramp_per_s: 0.1}}\n");
+        load_toy_rig_with("seed: 9\n"
+                          "supply_ohm: 0.1\n"
+                          "sensors:\n"
+                          "  every_joint:\n"
+                          "    torque_nm: {noise_rms: 0.05, latency_s: 0.001}\n"
+                          "    current_a: {lsb: 0.01}\n"
+                          "    winding: {k_per_w: 2, time_constant_s: 100}\n"
+                          "  joints:\n"
+                          "    knee: {torque_nm: {offset: 1}, motor_encoder_from_start: true}\n"
+                          "  every_ft: {force_n: {full_scale: 2000}, torque_nm: {full_scale: 40}}\n"
+                          "  fts: {wrist_ft: {crosstalk: 0.01}}\n"
+                          "  imu: {gyro_rad_s: {ramp_per_s: 0.1}}\n");
     const struct sensor_joint *hip = &rig->sensing.joint[0], *knee = &rig->sensing.joint[1];
 
     (void)state;
@@ -123,7 +86,7 @@ static void refuses_wrong_sensors(void **state)
 static void faults_are_lines_in_their_order(void **state)
 {
     const struct rig *rig =
-        loaded("faults: [\"motor knee jam 1..2\", \"late: bus right late 0.01\"]\n");
+        load_toy_rig_with("faults: [\"motor knee jam 1..2\", \"late: bus right late 0.01\"]\n");
     const char *extra[] = {"board shin off", "board left/12 stuck"};
     const bool wire[] = {false, false};
     struct faults *faults;
@@ -141,7 +104,7 @@ static void faults_are_lines_in_their_order(void **state)
 
 static void refuses_wrong_faults_with_their_place(void **state)
 {
-    const struct rig *rig = loaded("");
+    const struct rig *rig = load_toy_rig_with("");
     const char *extra[] = {"motor wag jam"};
     const bool wire[] = {false, false};
     struct faults *faults;
@@ -165,5 +128,5 @@ int main(void)
         cmocka_unit_test(refuses_wrong_faults_with_their_place),
     };
 
-    return cmocka_run_group_tests(tests, set_up, tear_down);
+    return cmocka_run_group_tests(tests, open_rig_tree, close_rig_tree);
 }

@@ -10,22 +10,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    struct error error;
-
-    (void)state;
-    return arena_init(&arena, (size_t)64 << 20, &error);
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
+#include "tests/unit/arena_fixture.h"
 
 struct scripted {
     struct clock clock;
@@ -119,10 +104,11 @@ static void a_sleeper_sleeps_on_while_the_clock_stands(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(a_clock_follows_its_pace, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_sleeper_wakes_at_its_own_deadline, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_sleeper_sleeps_on_while_the_clock_stands, set_up,
-                                        tear_down),
+        cmocka_unit_test_setup_teardown(a_clock_follows_its_pace, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(a_sleeper_wakes_at_its_own_deadline, open_arena,
+                                        close_arena),
+        cmocka_unit_test_setup_teardown(a_sleeper_sleeps_on_while_the_clock_stands, open_arena,
+                                        close_arena),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

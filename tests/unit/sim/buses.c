@@ -9,29 +9,14 @@
 #include <string.h>
 #include <cmocka.h>
 
+#include "tests/unit/arena_fixture.h"
+
 static const struct rig_bus rig_buses[] = {
     {.name = "torso", .interface = "can0", .bitrate = 1000000},
     {.name = "left_leg", .interface = "can1", .bitrate = 1000000},
 };
 
 static const struct rig rig = {.file = "rig.yaml", .nbus = 2, .bus = rig_buses};
-
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    struct error error;
-
-    (void)state;
-    return (int)arena_init(&arena, (size_t)64 << 20, &error);
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
 
 static void wrong_overrides_are_refused_with_what_was_expected(void **state)
 {
@@ -155,7 +140,7 @@ static void a_named_interface_is_never_replaced_by_a_local_bus(void **state)
     buses_close(&buses);
 }
 
-#define BUSES_TEST(f) cmocka_unit_test_setup_teardown(f, set_up, tear_down)
+#define BUSES_TEST(f) cmocka_unit_test_setup_teardown(f, open_arena, close_arena)
 
 int main(void)
 {

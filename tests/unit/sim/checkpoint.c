@@ -14,22 +14,8 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    struct error error;
-
-    (void)state;
-    return arena_init(&arena, (size_t)64 << 20, &error);
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
+#include "tests/unit/arena_fixture.h"
+#include "tests/unit/canbus/numbered_frames.h"
 
 static void copies_come_back_around_their_holes(void **state)
 {
@@ -78,32 +64,7 @@ static void no_memory_for_copies_is_an_error(void **state)
         ERROR_MEMORY);
 }
 
-static struct bus_frame numbered(uint32_t id)
-{
-    uint8_t data[8] = {0};
-
-    return frame_make(id, 8, data);
-}
-
-static void send(struct can_port *port, uint32_t id)
-{
-    struct bus_frame frame = numbered(id);
-
-    assert_int_equal(can_send(port, &frame, 1), 1);
-}
-
-/* The ids that wait, as decimal digits */
-static unsigned waiting(struct can_port *port)
-{
-    struct bus_frame frame;
-    unsigned ids = 0;
-
-    while (can_receive(port, &frame, 1)) {
-        ids = 10 * ids + frame.id;
-    }
-    return ids;
-}
-
+/* A frame is on the wire, another waits in its queue, when time goes back. */
 static void a_wire_goes_back_with_its_bus(void **state)
 {
     const struct local_bus_config config = {
@@ -123,18 +84,18 @@ static void a_wire_goes_back_with_its_bus(void **state)
     moving.memory = wire_memory(local_bus_wire(bus), &moving.size);
     assert_int_equal(checkpoint_create(&moving, 1, NULL, 0, 1, &arena, &wire, &error), ERROR_NONE);
     local_bus_advance(bus, 1000000);
-    send(own[0], 1);
-    send(own[0], 2);
+    send_numbered(own[0], 1);
+    send_numbered(own[0], 2);
     local_bus_advance(bus, 1050000); /* the first is half across */
-    send(own[0], 3);                 /* not yet taken over */
+    send_numbered(own[0], 3);        /* not yet taken over */
     assert_true(local_bus_save(bus, 2, memory));
     checkpoint_save(wire, 0);
     for (int i = 0; i < 2; i++) {
-        assert_int_equal(waiting(own[1]), 0);
+        assert_int_equal(take_numbers(own[1]), 0);
         local_bus_advance(bus, 1200000);
-        assert_int_equal(waiting(own[1]), 1);
+        assert_int_equal(take_numbers(own[1]), 1);
         local_bus_advance(bus, 2000000);
-        assert_int_equal(waiting(own[1]), 23);
+        assert_int_equal(take_numbers(own[1]), 23);
         assert_int_equal(wire_now(local_bus_wire(bus)), 2000000);
         checkpoint_restore(wire, 0);
         local_bus_restore(bus, 2, memory);
@@ -147,9 +108,10 @@ static void a_wire_goes_back_with_its_bus(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(copies_come_back_around_their_holes, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(no_memory_for_copies_is_an_error, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_wire_goes_back_with_its_bus, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(copies_come_back_around_their_holes, open_arena,
+                                        close_arena),
+        cmocka_unit_test_setup_teardown(no_memory_for_copies_is_an_error, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(a_wire_goes_back_with_its_bus, open_arena, close_arena),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -68,12 +68,6 @@ static int set_up(void **state)
     return 0;
 }
 
-static int tear_down(void **state)
-{
-    bench_close(*state);
-    return 0;
-}
-
 static void start_up_discovers_configures_and_enables(void **state)
 {
     struct bench *bench = *state;
@@ -103,26 +97,9 @@ static void a_silent_board_is_named(void **state)
     assert_true(host_lost(bench->host));
 }
 
-/* Every frame of the start-up in turn is lost on its way. */
 static void a_lost_frame_does_not_stop_the_start_up(void **state)
 {
-    struct bench *bench = *state;
-    size_t sent, said;
-
-    assert_int_equal(start_up(bench, 100), HOST_READY);
-    sent = bench->nseen;
-    said = bench->nsaid;
-    for (size_t i = 1; i <= sent + said; i++) {
-        tear_down(state);
-        set_up(state);
-        bench = *state;
-        bench->lose_sent = i <= sent ? i : 0;
-        bench->lose_said = i <= sent ? 0 : i - sent;
-        if (start_up(bench, 1500) != HOST_READY) {
-            fail_msg("without frame %zu of the %s: %s", i <= sent ? i : i - sent,
-                     i <= sent ? "host" : "boards", host_message(bench->host));
-        }
-    }
+    check_start_up_without_each_frame(state, set_up);
 }
 
 static void telemetry_is_scaled_to_si_units(void **state)
@@ -248,17 +225,22 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(start_up_discovers_configures_and_enables, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(a_lost_frame_does_not_stop_the_start_up, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_silent_board_is_named, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(telemetry_is_scaled_to_si_units, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_quarter_of_the_supply_is_333_counts, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(faults_and_silence_are_reported, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(an_over_current_fault_fails_the_host, set_up, tear_down),
+                                        bench_tear_down),
+        cmocka_unit_test_setup_teardown(a_lost_frame_does_not_stop_the_start_up, set_up,
+                                        bench_tear_down),
+        cmocka_unit_test_setup_teardown(a_silent_board_is_named, set_up, bench_tear_down),
+        cmocka_unit_test_setup_teardown(telemetry_is_scaled_to_si_units, set_up, bench_tear_down),
+        cmocka_unit_test_setup_teardown(a_quarter_of_the_supply_is_333_counts, set_up,
+                                        bench_tear_down),
+        cmocka_unit_test_setup_teardown(faults_and_silence_are_reported, set_up, bench_tear_down),
+        cmocka_unit_test_setup_teardown(an_over_current_fault_fails_the_host, set_up,
+                                        bench_tear_down),
         cmocka_unit_test_setup_teardown(a_motor_that_goes_off_by_itself_fails_the_host, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(foreign_and_short_frames_change_nothing, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(servo_drives_towards_the_reference, set_up, tear_down),
+                                        bench_tear_down),
+        cmocka_unit_test_setup_teardown(foreign_and_short_frames_change_nothing, set_up,
+                                        bench_tear_down),
+        cmocka_unit_test_setup_teardown(servo_drives_towards_the_reference, set_up,
+                                        bench_tear_down),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -18,6 +18,8 @@
 
 #include <cmocka.h>
 
+#include "tests/physics/near.h"
+
 enum { BENCH_BUSES = 3, BENCH_SEEN = 2048 };
 
 struct bench;
@@ -70,6 +72,13 @@ static inline void bench_close(struct bench *bench)
         local_bus_destroy(bench->bus[b]);
     }
     arena_fini(&bench->arena);
+}
+
+/* For cmocka's tear-down; the state is the bench. */
+static inline int bench_tear_down(void **state)
+{
+    bench_close(*state);
+    return 0;
 }
 
 /* a board sends */
@@ -133,6 +142,29 @@ static inline enum host_phase start_up(struct bench *bench, int periods)
     return phase;
 }
 
+/* Starts the host up as often as there are frames in a start-up, each time with another of them lost
+ * on its way; set_up opens a bench anew. */
+static inline void check_start_up_without_each_frame(void **state, int (*set_up)(void **state))
+{
+    struct bench *bench = *state;
+    size_t sent, said;
+
+    assert_int_equal(start_up(bench, 100), HOST_READY);
+    sent = bench->nseen;
+    said = bench->nsaid;
+    for (size_t i = 1; i <= sent + said; i++) {
+        bench_close(bench);
+        assert_int_equal(set_up(state), 0);
+        bench = *state;
+        bench->lose_sent = i <= sent ? i : 0;
+        bench->lose_said = i <= sent ? 0 : i - sent;
+        if (start_up(bench, 1500) != HOST_READY) {
+            fail_msg("without frame %zu of the %s: %s", i <= sent ? i : i - sent,
+                     i <= sent ? "host" : "boards", host_message(bench->host));
+        }
+    }
+}
+
 /* index of the first such frame from the given one on, or -1 */
 static inline int find_sent(const struct bench *bench, int from, int bus, uint32_t id, uint8_t len,
                             const uint8_t *data)
@@ -162,13 +194,6 @@ static inline size_t count_sent(const struct bench *bench, uint32_t id)
         count += bench->seen[i].id == id;
     }
     return count;
-}
-
-static inline void assert_near(double found, double wanted, double tolerance)
-{
-    if (!(fabs(found - wanted) <= tolerance)) {
-        fail_msg("found %.12g, expected %.12g +- %g", found, wanted, tolerance);
-    }
 }
 
 #endif

@@ -132,12 +132,6 @@ static int set_up(void **state)
     return 0;
 }
 
-static int tear_down(void **state)
-{
-    bench_close(*state);
-    return 0;
-}
-
 static void start_up_discovers_configures_and_enables(void **state)
 {
     struct bench *bench = *state;
@@ -156,26 +150,9 @@ static void start_up_discovers_configures_and_enables(void **state)
     assert_int_equal(count_sent(bench, MODE), 4);
 }
 
-/* Every frame of the start-up in turn is lost on its way. */
 static void a_lost_frame_does_not_stop_the_start_up(void **state)
 {
-    struct bench *bench = *state;
-    size_t sent, said;
-
-    assert_int_equal(start_up(bench, 100), HOST_READY);
-    sent = bench->nseen;
-    said = bench->nsaid;
-    for (size_t i = 1; i <= sent + said; i++) {
-        tear_down(state);
-        set_up(state);
-        bench = *state;
-        bench->lose_sent = i <= sent ? i : 0;
-        bench->lose_said = i <= sent ? 0 : i - sent;
-        if (start_up(bench, 1500) != HOST_READY) {
-            fail_msg("without frame %zu of the %s: %s", i <= sent ? i : i - sent,
-                     i <= sent ? "host" : "boards", host_message(bench->host));
-        }
-    }
+    check_start_up_without_each_frame(state, set_up);
 }
 
 static void set_points_go_out_by_slot_in_groups_of_four(void **state)
@@ -357,7 +334,7 @@ static void boards_that_are_not_as_the_rig_has_them_are_named(void **state)
         assert_int_equal(start_up(bench, 100), HOST_FAILED);
         assert_string_equal(host_message(bench->host), wrong[i].message);
         identity_of_7[wrong[i].byte] = before;
-        tear_down(state);
+        bench_tear_down(state);
         set_up(state);
     }
 }
@@ -387,7 +364,7 @@ static void stopping_switches_all_off_with_one_frame(void **state)
     assert_true(was_sent(bench, CLASSIC, COMMAND, 8, (const uint8_t[8]){0}));
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, bench_tear_down)
 
 int main(void)
 {

@@ -78,12 +78,6 @@ static int set_up(void **state)
     return 0;
 }
 
-static int tear_down(void **state)
-{
-    bench_close(*state);
-    return 0;
-}
-
 static void start_up_discovers_configures_and_enables(void **state)
 {
     struct bench *bench = *state;
@@ -112,26 +106,9 @@ static void start_up_discovers_configures_and_enables(void **state)
     assert_true(was_sent(bench, 0, 0x20c, 2, (const uint8_t[]){0x07, 0}));
 }
 
-/* Every frame of the start-up in turn is lost on its way. */
 static void a_lost_frame_does_not_stop_the_start_up(void **state)
 {
-    struct bench *bench = *state;
-    size_t sent, said;
-
-    assert_int_equal(start_up(bench, 100), HOST_READY);
-    sent = bench->nseen;
-    said = bench->nsaid;
-    for (size_t i = 1; i <= sent + said; i++) {
-        tear_down(state);
-        set_up(state);
-        bench = *state;
-        bench->lose_sent = i <= sent ? i : 0;
-        bench->lose_said = i <= sent ? 0 : i - sent;
-        if (start_up(bench, 1500) != HOST_READY) {
-            fail_msg("without frame %zu of the %s: %s", i <= sent ? i : i - sent,
-                     i <= sent ? "host" : "boards", host_message(bench->host));
-        }
-    }
+    check_start_up_without_each_frame(state, set_up);
 }
 
 static void no_target_goes_out_before_the_motors_are_switched_on(void **state)
@@ -289,7 +266,7 @@ static void five_motors_on_a_bus_are_refused(void **state)
     assert_string_equal(error.text, "host: no address 5 on bus 0");
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, bench_tear_down)
 
 int main(void)
 {
@@ -299,7 +276,8 @@ int main(void)
         TEST(no_target_goes_out_before_the_motors_are_switched_on),
         TEST(half_of_the_supply_is_16000_counts),
         TEST(the_last_targets_are_repeated_every_millisecond),
-        cmocka_unit_test_teardown(half_a_millisecond_of_period_sends_every_other_time, tear_down),
+        cmocka_unit_test_teardown(half_a_millisecond_of_period_sends_every_other_time,
+                                  bench_tear_down),
         TEST(rotor_angles_pass_the_gear_and_the_spring_tells_the_link),
         TEST(an_expired_set_point_is_named),
         TEST(a_motor_that_stays_off_is_named),

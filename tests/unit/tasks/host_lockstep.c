@@ -22,12 +22,6 @@ static int set_up(void **state)
     return 0;
 }
 
-static int tear_down(void **state)
-{
-    bench_close(*state);
-    return 0;
-}
-
 static void say_done(struct bench *bench, int bus, uint32_t tick, uint16_t flags)
 {
     say(bench, bus, DONE, 6,
@@ -137,14 +131,16 @@ static void a_simulator_that_was_restarted_is_noticed(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(a_tick_is_over_when_every_bus_says_so, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_step_that_is_sent_again_is_the_same, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_tick_is_over_when_every_bus_says_so, set_up,
+                                        bench_tear_down),
+        cmocka_unit_test_setup_teardown(a_step_that_is_sent_again_is_the_same, set_up,
+                                        bench_tear_down),
         cmocka_unit_test_setup_teardown(the_refusal_of_a_copy_stands_for_a_lost_done, set_up,
-                                        tear_down),
+                                        bench_tear_down),
         cmocka_unit_test_setup_teardown(the_refusal_of_an_earlier_copy_changes_nothing, set_up,
-                                        tear_down),
+                                        bench_tear_down),
         cmocka_unit_test_setup_teardown(a_simulator_that_was_restarted_is_noticed, set_up,
-                                        tear_down),
+                                        bench_tear_down),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

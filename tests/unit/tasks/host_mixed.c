@@ -77,12 +77,6 @@ static int set_up(void **state)
     return 0;
 }
 
-static int tear_down(void **state)
-{
-    bench_close(*state);
-    return 0;
-}
-
 static void each_bus_is_spoken_to_in_its_own_way(void **state)
 {
     struct bench *bench = *state;
@@ -132,8 +126,9 @@ static void no_frame_can_harm_the_host(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(each_bus_is_spoken_to_in_its_own_way, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(no_frame_can_harm_the_host, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(each_bus_is_spoken_to_in_its_own_way, set_up,
+                                        bench_tear_down),
+        cmocka_unit_test_setup_teardown(no_frame_can_harm_the_host, set_up, bench_tear_down),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -12,6 +12,7 @@
 #include <string.h>
 #include <cmocka.h>
 
+#include "tests/unit/arena_fixture.h"
 #include "tests/physics/near.h"
 
 #define SOLE_Z (-0.0932)
@@ -24,21 +25,6 @@ static const double outline[21][2] = {
     {0.1183, 0.0408},  {0.1055, 0.045},   {-0.035, 0.045},   {-0.0462, 0.0408},  {-0.0559, 0.0308},
     {-0.06, 0.0192},
 };
-
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    (void)state;
-    return arena_init(&arena, (size_t)1 << 20, NULL) == ERROR_NONE ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
 
 static const struct mesh *read_mesh(const char *name)
 {
@@ -297,5 +283,5 @@ int main(void)
         cmocka_unit_test(the_sole_of_walkman_is_its_rectangle),
     };
 
-    return cmocka_run_group_tests_name("tools_foot_mesh", tests, set_up, tear_down);
+    return cmocka_run_group_tests_name("tools_foot_mesh", tests, open_arena, close_arena);
 }

@@ -9,20 +9,7 @@
 #include <stdlib.h>
 #include <cmocka.h>
 
-static struct arena arena;
-
-static int set_up(void **state)
-{
-    (void)state;
-    return arena_init(&arena, (size_t)1 << 20, NULL) == ERROR_NONE ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
+#include "tests/unit/arena_fixture.h"
 
 static void what_is_written_reads_back_bit_by_bit(void **state)
 {
@@ -68,5 +55,5 @@ int main(void)
         cmocka_unit_test(writing_to_a_full_device_is_an_error),
     };
 
-    return cmocka_run_group_tests_name("tools_mesh_write", tests, set_up, tear_down);
+    return cmocka_run_group_tests_name("tools_mesh_write", tests, open_arena, close_arena);
 }

@@ -15,6 +15,8 @@
 
 #include <cmocka.h>
 
+#include "tests/unit/arena_fixture.h"
+
 #define FILE_NAME "config/scenarios/x.yaml"
 
 static const char head[] = "name: x\n"
@@ -25,7 +27,6 @@ static const char head[] = "name: x\n"
 static const char expectations[] = "expectations:\n"
                                    "  - {name: stands, signal: LElbj.q, between: [-1, 1]}\n";
 
-static struct arena arena;
 static struct scenario *cases;
 static size_t count;
 static struct error error;
@@ -43,19 +44,6 @@ static enum error_code read_with(const char *more)
 
     snprintf(text, sizeof text, "%s%s%s", head, more, expectations);
     return read_text(text);
-}
-
-static int set_up(void **state)
-{
-    (void)state;
-    return arena_init(&arena, (size_t)1 << 30, &error);
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
 }
 
 /* ---- what is read ---- */
@@ -326,15 +314,15 @@ static void a_mutation_has_to_make_its_expectations_fail(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(reads_a_whole_scenario, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_pattern_matches_by_bits, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(parameters_make_every_combination, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(refuses_with_place_and_reason, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(refuses_expectations_of_no_form, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(bounds_the_number_of_combinations, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(survives_damaged_files, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_mutation_has_to_make_its_expectations_fail, set_up,
-                                        tear_down),
+        cmocka_unit_test_setup_teardown(reads_a_whole_scenario, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(a_pattern_matches_by_bits, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(parameters_make_every_combination, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(refuses_with_place_and_reason, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(refuses_expectations_of_no_form, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(bounds_the_number_of_combinations, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(survives_damaged_files, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(a_mutation_has_to_make_its_expectations_fail, open_arena,
+                                        close_arena),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

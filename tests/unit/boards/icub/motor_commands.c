@@ -10,8 +10,7 @@ static void discovery_finds_every_board_with_its_type(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x70f, "FF");
     bench_tick(&bench);
     assert_int_equal(bench.count[0], 4);
@@ -32,8 +31,7 @@ static void firmware_version_has_protocol_and_acknowledge(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_ask(&bench, "5B 01 06", "5B 04 02 51 3C 01 06 01");
     bench_ask(&bench, "DB 01 06", "DB 04 02 51 3C 01 06 01"); /* the other axis */
     bench_ask(&bench, "5B 01 05", "5B 04 02 51 3C 01 06 01"); /* the host is older */
@@ -49,8 +47,7 @@ static void additional_information_is_read_and_written_in_eight_parts(void **sta
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x701, "0C");
     bench_tick(&bench);
     assert_int_equal(bench.count[0], 8);
@@ -74,8 +71,7 @@ static void replies_go_to_whoever_asked(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x052, "33");
     bench_tick(&bench);
     bench_expect(&bench, 0, 0x025, "33 02");
@@ -87,8 +83,7 @@ static void replies_keep_the_order_of_requests(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x002, "33");
     bench_send(&bench, 0, 0x20d, "1B");
     bench_send(&bench, 0, 0x001, "33");
@@ -154,8 +149,7 @@ static void every_set_is_given_back_by_its_get_on_either_axis(void **state)
     char set[64], get[64], reply[64];
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_tick(&bench);
     for (size_t i = 0; i < sizeof pairs / sizeof *pairs; i++) {
         bench_send(&bench, 0, 0x001, pairs[i].set);
@@ -176,8 +170,7 @@ static void axes_keep_their_own_values(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "1E 10 00");
     bench_send(&bench, 0, 0x001, "9E 20 00");
     bench_ask(&bench, "1F", "1F 10 00");
@@ -193,8 +186,7 @@ static void a_pid_and_its_single_gains_are_the_same_values(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "52 64 00 02 00 C8 00 06"); /* kp ki kd shift */
     bench_ask(&bench, "1F", "1F 64 00");
     bench_ask(&bench, "23", "23 02 00");
@@ -271,8 +263,7 @@ static void flash_keeps_parameters_until_they_are_read(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "1E 64 00");
     bench_send(&bench, 0, 0x001, "0A");
     bench_send(&bench, 0, 0x001, "1E 07 00");
@@ -288,8 +279,7 @@ static void the_address_moves_and_never_onto_another_board(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "32 05");
     assert_true(bench_event(&bench, BOARD_EVENT_ADDRESS, &event));
     assert_int_equal(event.a, 1);
@@ -319,8 +309,7 @@ static void an_update_goes_through_the_bootloader(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "1E 64 00");
     bench_send(&bench, 0, 0x001, "49 7F 00 00 00");
     bench_send(&bench, 0, 0x001, "09 50");
@@ -376,8 +365,7 @@ static void wrong_lengths_are_ignored_and_counted(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     for (size_t i = 0; i < sizeof commands / sizeof *commands; i++) {
         for (uint8_t len = 1; len <= 8; len++) {
             struct bus_frame frame = {.id = commands[i].id, .len = len, .data = {commands[i].code}};
@@ -419,8 +407,7 @@ static void unwelcome_frames_are_counted_by_what_they_are(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     for (size_t i = 0; i < sizeof foreign / sizeof *foreign; i++) {
         boards_receive(bench.boards, bench.now_ns, 0, &foreign[i]);
     }
@@ -452,8 +439,7 @@ static void a_full_reply_queue_is_told_in_status_and_overflow(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 14 00 00 00"); /* STATUS and OVERFLOW */
     for (int i = 0; i < BOARD_REPLIES_MAX + 3; i++) {
         bench_send(&bench, 0, 0x001, "33");
@@ -506,8 +492,7 @@ static void the_hosts_start_up_sequence_is_accepted(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     for (size_t i = 0; i < sizeof axis / sizeof *axis; i++) {
         bench_send(&bench, 0, 0x001, axis[i]);
         with_axis_bit(axis[i], text, sizeof text);

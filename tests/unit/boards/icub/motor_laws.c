@@ -8,8 +8,7 @@ static void voltage_is_the_reference_over_1333_of_the_supply(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     set_mode(&bench, 0x50);
     for (size_t i = 0; i < sizeof references / sizeof *references; i++) {
         int counts = references[i] > 1333 ? 1333 : references[i] < -1333 ? -1333 : references[i];
@@ -34,8 +33,7 @@ static void the_pwm_limit_cuts_the_voltage(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "2F 64 00");
     bench_send(&bench, 0, 0x001, POLICY_7F);
     set_mode(&bench, 0x50);

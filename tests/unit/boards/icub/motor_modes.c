@@ -8,8 +8,7 @@ static void any_running_mode_is_entered_from_idle_with_the_bridge_on(void **stat
     for (size_t i = 0; i < RUNNING; i++) {
         struct board_bench bench;
 
-        bench_configure(&bench);
-        bench_start(&bench);
+        bench_open(&bench);
         bench_tick(&bench);
         assert_false(bench.motor[0].bridge_on);
         set_mode(&bench, running[i]);
@@ -29,8 +28,7 @@ static void one_running_mode_follows_another_directly(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     for (size_t i = 0; i < RUNNING; i++) {
         for (size_t j = 0; j < RUNNING; j++) {
             set_mode(&bench, running[i]);
@@ -48,8 +46,7 @@ static void values_that_are_no_mode_are_refused(void **state)
     unsigned refused = 0;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     for (unsigned mode = 0; mode < 256; mode++) {
         bool known = mode <= 0x09 || mode == 0x50;
 
@@ -68,8 +65,7 @@ static void only_force_idle_leaves_a_fault(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     set_mode(&bench, 0x50);
     bench_tick(&bench);
     bench.sense[0].current_a = -60.0;
@@ -98,8 +94,7 @@ static void a_mode_change_clears_the_voltage_and_holds_the_position(void **state
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_tick(&bench);
     bench_send(&bench, 0, 0x001, "72 4D 01"); /* kept in any mode ... */
     bench_ask(&bench, "73", "73 4D 01");
@@ -203,8 +198,7 @@ static void modes_of_the_table_that_no_firmware_has_are_refused(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     ask_mode(&bench, "09 0A", "07 00 00", false);
     ask_mode(&bench, "09 0B", "07 00 00", false);
     ask_mode(&bench, "09 60", "07 00 00", false);
@@ -217,8 +211,7 @@ static void calibration_is_that_of_the_absolute_encoder(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "04 00 00 00 01 00 00 00"); /* hard stops: not on this board */
     assert_int_equal(bench_counters(&bench).malformed, 1);
     bench_ask(&bench, "07", "07 00 00");

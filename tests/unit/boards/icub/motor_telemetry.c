@@ -8,8 +8,7 @@ static void boards_are_silent_until_the_host_sets_a_policy(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     set_mode(&bench, 0x50);
     for (int i = 0; i < 6000; i++) {
         bench_tick(&bench);
@@ -31,8 +30,7 @@ static void frames_keep_their_slots_and_the_mask_decides(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     for (unsigned type = 1; type <= 11; type++) {
         unsigned mask = 1u << (type - 1);
         char text[32];
@@ -62,8 +60,7 @@ static void the_default_mask_gives_every_frame_each_4_ms(void **state)
     unsigned sent[16] = {0};
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, POLICY_7F);
     for (int i = 0; i < 4000; i++) {
         bench_tick(&bench);
@@ -87,8 +84,7 @@ static void status_follows_a_mode_change_in_the_next_slot_2(void **state)
 
     (void)state;
     for (int phase = 0; phase < 4; phase++) {
-        bench_configure(&bench);
-        bench_start(&bench);
+        bench_open(&bench);
         bench_send(&bench, 0, 0x001, "49 04 00 00 00");
         bench_ticks(&bench, 4 + phase);
         set_mode(&bench, 0x50);
@@ -112,8 +108,7 @@ static void status_comes_every_5_s_and_interaction_with_it(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 04 00 00 00");
     bench_send(&bench, 0, 0x001, "F4 01"); /* axis 1 compliant */
     bench_ticks(&bench, 3);
@@ -138,8 +133,7 @@ static void positions_are_ticks_of_link_and_rotor(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 01 02 00 00");
     to_slot_0(&bench);
     bench.sense[0].q = 1.23456789;  /* 12346 = 0x303A */
@@ -158,8 +152,7 @@ static void position_error_is_at_most_half_a_tick(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 01 00 00 00");
     to_slot_0(&bench);
     for (int i = 0; i < 500; i++) {
@@ -183,8 +176,7 @@ static void current_is_milliamperes_and_saturates(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 08 00 00 00");
     bench.sense[0].current_a = 1.2345; /* 1235 after rounding (1234.5 up) */
     bench.sense[1].current_a = -2.0;
@@ -203,8 +195,7 @@ static void velocities_are_scaled_by_the_estimator_shifts(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 40 04 00 00"); /* VELOCITY and MOTOR_SPEED */
     bench_send(&bench, 0, 0x001, "0E 03 00 00 00");
     for (int i = 1; i <= 400; i++) {
@@ -260,8 +251,7 @@ static void too_little_room_delays_replies_and_loses_telemetry(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 01 00 00 00");
     for (int i = 0; i < 6; i++) {
         bench_send(&bench, 0, 0x001, "33");

@@ -77,8 +77,7 @@ static void a_velocity_without_fresh_commands_becomes_zero(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "56 64 00"); /* 100 ms */
     set_mode(&bench, 0x02);
     bench_send(&bench, 0, 0x001, "1C 20 00 00 01"); /* 32/16 = 2 ticks/ms, reached at once */
@@ -102,8 +101,7 @@ static void a_silent_torque_source_disables_torque_modes(void **state)
     for (size_t i = 0; i < 3; i++) {
         struct board_bench bench;
 
-        bench_configure(&bench);
-        bench_start(&bench);
+        bench_open(&bench);
         bench_send(&bench, 0, 0x20c, "07 00");                   /* the pseudo-STRAIN speaks */
         bench_send(&bench, 0, 0x001, "34 0C 01 00 00 00 00 00"); /* and the axis listens */
         bench_ticks(&bench, 10);
@@ -128,8 +126,7 @@ static void torque_of_real_strain_boards_on_the_bus_is_heard(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "34 05 04 00 00 00 00 00");
     bench_send(&bench, 0, 0x001, "49 00 01 00 00"); /* DEBUG */
     to_slot_0(&bench);
@@ -152,8 +149,7 @@ static void over_current_trips_once_and_is_told_once(void **state)
         struct board_event event;
         struct board_bench bench;
 
-        bench_configure(&bench);
-        bench_start(&bench);
+        bench_open(&bench);
         bench_send(&bench, 0, 0x001, "49 04 00 00 00");
         bench_send(&bench, 0, 0x001, limit[axis]);
         bench_send(&bench, 0, 0x001, run[axis]);
@@ -214,8 +210,7 @@ static void the_inrush_of_a_voltage_step_does_not_trip(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     set_mode(&bench, 0x50);
     bench_send(&bench, 0, 0x001, "72 4D 01");
     for (size_t i = 0; i < sizeof inrush_a / sizeof *inrush_a; i++) {
@@ -232,8 +227,7 @@ static void under_voltage_is_a_fault_as_long_as_it_lasts(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 04 00 00 00");
     set_mode(&bench, 0x50);
     bench_ticks(&bench, 4);
@@ -283,8 +277,7 @@ static void voltage_beyond_a_joint_limit_is_refused_both_ways(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x001, "49 20 00 00 00"); /* PRINT */
     set_mode(&bench, 0x50);
     bench.sense[0].q = 2.5; /* at the limit */

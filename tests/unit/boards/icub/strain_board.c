@@ -27,8 +27,7 @@ static void strain_boards_are_silent_until_told_to_send(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     for (int i = 0; i < 100; i++) {
         bench_tick(&bench);
         assert_int_equal(bench.count[0], 0);
@@ -49,8 +48,7 @@ static void force_and_torque_are_offset_binary_of_the_full_scale(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "07 00");
     bench.ft = (struct ft_sense){{750.0, -750.0, 277.7}, {10.0, -0.001, 0.0}};
     to_next_frames(&bench);
@@ -72,8 +70,7 @@ static void frames_come_at_the_period(void **state)
         int64_t last = 0;
         int count = 0;
 
-        bench_configure(&bench);
-        bench_start(&bench);
+        bench_open(&bench);
         snprintf(text, sizeof text, "08 %02X", periods[p]);
         bench_send(&bench, 0, 0x20d, text);
         bench_send(&bench, 0, 0x20d, "07 00");
@@ -116,8 +113,7 @@ static void a_period_of_zero_is_refused(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "08 00");
     assert_int_equal(bench_counters(&bench).malformed, 1);
     bench_stop(&bench);
@@ -133,8 +129,7 @@ static void transmit_modes_choose_what_is_sent(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "08 01");
     bench_send(&bench, 0, 0x20d, "15 02 00 01 00"); /* calibrated fx is 256 counts higher */
     for (size_t i = 0; i < sizeof modes / sizeof *modes; i++) {
@@ -162,8 +157,7 @@ static void saturated_frames_are_longer_and_hold_the_last_good_values(void **sta
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "07 04");
     bench_send(&bench, 0, 0x20d, "08 01");
     bench.ft = (struct ft_sense){{750.0, 0.0, 0.0}, {0.0, 10.0, 0.0}};
@@ -194,8 +188,7 @@ static void saturation_begins_below_1000_and_above_64000(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "07 00");
     bench_send(&bench, 0, 0x20d, "08 01");
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
@@ -212,8 +205,7 @@ static void commands_of_the_board_are_answered_big_endian(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     ft_ask(&bench, "18 00", "18 00 05 DC");
     ft_ask(&bench, "18 02", "18 02 07 D0");
     ft_ask(&bench, "18 15", "18 15 00 28");          /* of regulation set 1 */
@@ -261,8 +253,7 @@ static void tares_take_the_present_load_away(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench.ft.force_n[0] = 750.0; /* 0x4000 counts */
     bench.ft.torque_nm[2] = -10.0;
     bench_send(&bench, 0, 0x20d, "07 00");
@@ -293,8 +284,7 @@ static void the_matrix_mixes_the_channels(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench.ft.force_n[0] = 750.0;
     bench_send(&bench, 0, 0x20d, "07 00");
     bench_send(&bench, 0, 0x20d, "08 01");
@@ -310,8 +300,7 @@ static void joint_torques_come_in_pseudo_strain_frames(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench.sense[0].torque_nm = 27.5;     /* half of 55 */
     bench.sense[1].torque_nm = -13.75;   /* a quarter */
     bench.sense[2].torque_nm = 0.001678; /* one step of 1.7 mNm */
@@ -330,8 +319,7 @@ static void a_sensor_without_a_number_keeps_its_last(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench.ft.force_n[0] = 750.0;
     bench_send(&bench, 0, 0x20d, "07 00");
     bench_send(&bench, 0, 0x20d, "08 01");
@@ -347,8 +335,7 @@ static void settings_survive_a_restart_and_the_tare_does_not(void **state)
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench_start(&bench);
+    bench_open(&bench);
     bench_send(&bench, 0, 0x20d, "19 41 42 43 44 45 46 47");
     bench_send(&bench, 0, 0x20d, "15 02 00 01 00");
     bench_send(&bench, 0, 0x20d, "07 00");

@@ -12,6 +12,7 @@
 
 #include "model/symbolic/builtin.h"
 #include "model/symbolic/symbolic.h"
+#include "tests/unit/model/coman.h"
 #include "tests/unit/model/symbolic/evaluate.h"
 
 #include <math.h>
@@ -20,39 +21,23 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define COMAN HIL_SOURCE_DIR "/config/robots/coman.yaml"
-
 enum { BODIES = RANDOM_JOINTS + 1, VELOCITIES = RANDOM_JOINTS + 6 };
 
-static struct arena arena;
 static char folder[64];
 
 static int open_folder(void **state)
 {
-    (void)state;
     strcpy(folder, "/tmp/hil-symbolic-XXXXXX");
-    return arena_init(&arena, 1 << 26, NULL) || !mkdtemp(folder);
+    return open_arena(state) || !mkdtemp(folder);
 }
 
 static int close_folder(void **state)
 {
     char command[128];
 
-    (void)state;
-    arena_fini(&arena);
+    close_arena(state);
     snprintf(command, sizeof command, "rm -r '%s'", folder);
     return system(command);
-}
-
-static const struct robot *load_coman(void)
-{
-    const struct robot *robot;
-    struct error error;
-
-    if (robot_load(COMAN, NULL, &arena, &robot, &error)) {
-        fail_msg("%s", error.text);
-    }
-    return robot;
 }
 
 /* Sums of relative differences over states, and the largest. */
@@ -161,7 +146,7 @@ static void assert_repeats(const struct robot *robot, const struct dynamics_modu
  * run it, for then the chain from its best to the plain one has it not. */
 static void compare_variant(const char *name)
 {
-    const struct robot *robot = load_coman();
+    const struct robot *robot = load_coman(NULL);
     const struct dynamics_module *module = symbolic_builtin(robot->hash);
 
     assert_non_null(module);
@@ -197,7 +182,7 @@ static void coman_is_the_same_in_the_avx512_variant(void **state)
 
 static void implicit_variants_agree(void **state)
 {
-    const struct robot *robot = load_coman();
+    const struct robot *robot = load_coman(NULL);
     static double extra[RANDOM_JOINTS], added[21 * BODIES];
     uint64_t seed = 43;
 
@@ -237,7 +222,7 @@ static double ulps(double value, long double exact)
 
 static void sine_and_cosine_are_right_to_the_last_place(void **state)
 {
-    const struct robot *robot = load_coman();
+    const struct robot *robot = load_coman(NULL);
     _Alignas(64) double x[8], sine[8], cosine[8];
 
     (void)state;
@@ -270,7 +255,7 @@ static void sine_and_cosine_are_right_to_the_last_place(void **state)
 
 static void far_angles_infinities_and_nan_are_those_of_libm(void **state)
 {
-    const struct robot *robot = load_coman();
+    const struct robot *robot = load_coman(NULL);
     _Alignas(64) const double x[8] = {0.0, 1e22, -1e9, INFINITY, -INFINITY, NAN, 1.0, 2e5};
     _Alignas(64) double sine[8], cosine[8];
 
@@ -522,7 +507,7 @@ static void without_a_compiler_the_build_says_so(void **state)
 
 static void a_module_of_another_robot_is_refused(void **state)
 {
-    const struct robot *coman = load_coman();
+    const struct robot *coman = load_coman(NULL);
     struct random_tree tree;
     struct dynamics d;
     struct error error;
@@ -544,8 +529,9 @@ static void the_fastest_dynamics_there_is_are_taken_and_named(void **state)
     struct dynamics d;
 
     (void)state;
-    assert_int_equal(dynamics_fastest(load_coman(), folder, &arena, &d, &library, &notice, &error),
-                     ERROR_NONE);
+    assert_int_equal(
+        dynamics_fastest(load_coman(NULL), folder, &arena, &d, &library, &notice, &error),
+        ERROR_NONE);
     assert_string_equal(d.ops->name, "generated");
     assert_non_null(strstr(notice.text, "built-in"));
     assert_null(library.handle);

@@ -12,28 +12,12 @@
 
 #include "model/spatial.h"
 #include "model/symbolic/symbolic.h"
+#include "tests/unit/model/coman.h"
 #include "tests/unit/model/symbolic/evaluate.h"
 
 #include <stdlib.h>
 
-#define COMAN HIL_SOURCE_DIR "/config/robots/coman.yaml"
-
 enum { TREES = 120, STATES = 3, BODIES = RANDOM_JOINTS + 1, VELOCITIES = RANDOM_JOINTS + 6 };
-
-static struct arena arena;
-
-static int open_arena(void **state)
-{
-    (void)state;
-    return arena_init(&arena, 1 << 26, NULL);
-}
-
-static int close_arena(void **state)
-{
-    (void)state;
-    arena_fini(&arena);
-    return 0;
-}
 
 /* ---- the graph ---- */
 

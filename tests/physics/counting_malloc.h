@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Counts what a program asks of the allocator. Such a program is linked with counting_malloc.c and
+ * with -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=free.
+ */
+#ifndef TESTS_PHYSICS_COUNTING_MALLOC_H
+#define TESTS_PHYSICS_COUNTING_MALLOC_H
+
+#include <stddef.h>
+
+/* Calls of malloc, calloc, realloc and free so far. */
+size_t counted_calls(void);
+
+/* A test that belongs into each such program, so that a count of zero means what it says. */
+void counters_see_the_allocator(void **state);
+
+#endif

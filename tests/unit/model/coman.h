@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* COMAN from its robot file, in the arena of the test. */
+#ifndef TESTS_UNIT_MODEL_COMAN_H
+#define TESTS_UNIT_MODEL_COMAN_H
+
+#include "model/robot.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "tests/unit/arena_fixture.h"
+
+#define COMAN HIL_SOURCE_DIR "/config/robots/coman.yaml"
+
+/* NULL: without a variant. */
+static inline const struct robot *load_coman(const char *variant)
+{
+    const struct robot *robot;
+    struct error error;
+
+    if (robot_load(COMAN, variant, &arena, &robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return robot;
+}
+
+#endif

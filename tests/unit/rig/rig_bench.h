@@ -1,0 +1,83 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the tests of rigs share: an arena and the toy rig's tree for each test, rigs that load and
+ * rigs that are refused. */
+#ifndef TESTS_UNIT_RIG_RIG_BENCH_H
+#define TESTS_UNIT_RIG_RIG_BENCH_H
+
+#include "rig/rig.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "tests/unit/arena_fixture.h"
+#include "tests/unit/rig/rig_files.h"
+
+static inline int open_rig_tree(void **state)
+{
+    return open_arena(state) || make_tree() ? -1 : 0;
+}
+
+static inline int close_rig_tree(void **state)
+{
+    remove_tree();
+    return close_arena(state);
+}
+
+static inline void write_rig_file(const char *text)
+{
+    assert_int_equal(write_file("config/rigs/toy.yaml", text, strlen(text)), 0);
+}
+
+static inline const struct rig *load_rig(const char *path)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+
+    if (rig_load(path, &arena, &rig, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return rig;
+}
+
+/* Reads the toy rig with lines of the test's at its end. */
+static inline enum error_code read_toy_rig_with(const char *lines, const struct rig **rig,
+                                                struct error *error)
+{
+    static char text[sizeof toy_rig + 2048];
+
+    snprintf(text, sizeof text, "%s%s\n", toy_rig, lines);
+    write_rig_file(text);
+    return rig_load(rig_path, &arena, rig, error);
+}
+
+static inline const struct rig *load_toy_rig_with(const char *lines)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+
+    if (read_toy_rig_with(lines, &rig, &error)) {
+        fail_msg("%s", error.text);
+    }
+    return rig;
+}
+
+/* The rig file as it was written is refused: message is what follows the name of the file, about
+ * what the test has put into it. */
+static inline void assert_rig_refused(const char *about, const char *message)
+{
+    const struct rig *rig = NULL;
+    struct error error = {0};
+    char expected[512];
+
+    snprintf(expected, sizeof expected, "%s:%s", rig_path, message);
+    if (rig_load(rig_path, &arena, &rig, &error) != ERROR_INPUT ||
+        strcmp(error.text, expected) != 0) {
+        fail_msg("for \"%s\"\nexpected: %s\ngot:      %s", about, expected, error.text);
+    }
+}
+
+#endif
