@@ -71,14 +71,14 @@ static int run(size_t index, struct contact_world *world, int argc, char **argv)
         free(work);
         return EXIT_FAILURE;
     }
-    for (size_t i = 0; i < n; ++i) {
+    for (size_t i = 0; i < n; i++) {
         work[i].seed = seed;
         blocks = 0;
         draw_and_evaluate(index, world, &seed);
         work[i].blocks = blocks;
     }
     qsort(work, n, sizeof *work, by_blocks);
-    for (size_t i = 0; i < 2 * each; ++i) {
+    for (size_t i = 0; i < 2 * each; i++) {
         const struct work *w = &work[i < each ? (2 * i + 1) * n / (2 * each) : n - 1 - (i - each)];
 
         printf("%llu %llu\n", (unsigned long long)w->blocks, (unsigned long long)w->seed);
@@ -100,7 +100,7 @@ enum { SKIP = 2 };
 
 static int run(size_t index, struct contact_world *world, int argc, char **argv)
 {
-    for (int i = 0; i < argc; ++i) {
+    for (int i = 0; i < argc; i++) {
         uint64_t seed = strtoull(argv[i], NULL, 10);
 
         draw_and_evaluate(index, world, &seed);

@@ -57,12 +57,12 @@ static inline void derive(const struct bodies *b, const struct body_motion *at,
     if (b->world->ops->evaluate(b->world, at, wrench) != ERROR_NONE) {
         fail_msg("%s", b->world->ops->failure(b->world));
     }
-    for (size_t n = 0; n < b->count; ++n) {
-        for (int i = 0; i < 3; ++i) {
+    for (size_t n = 0; n < b->count; n++) {
+        for (int i = 0; i < 3; i++) {
             double column[3] = {at[n].R[i], at[n].R[3 + i], at[n].R[6 + i]}, turn[3];
 
             vec3_cross(at[n].w, column, turn);
-            for (int row = 0; row < 3; ++row) {
+            for (int row = 0; row < 3; row++) {
                 rate[n].R[3 * row + i] = turn[row];
             }
             rate[n].p[i] = at[n].v[i];
@@ -76,11 +76,11 @@ static inline void derive(const struct bodies *b, const struct body_motion *at,
 static inline void combine(size_t count, const struct body_motion *a, double s,
                            const struct body_motion *b, struct body_motion *out)
 {
-    for (size_t n = 0; n < count; ++n) {
-        for (int i = 0; i < 9; ++i) {
+    for (size_t n = 0; n < count; n++) {
+        for (int i = 0; i < 9; i++) {
             out[n].R[i] = a[n].R[i] + s * b[n].R[i];
         }
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             out[n].p[i] = a[n].p[i] + s * b[n].p[i];
             out[n].v[i] = a[n].v[i] + s * b[n].v[i];
             out[n].w[i] = a[n].w[i] + s * b[n].w[i];
@@ -93,15 +93,15 @@ static inline void straighten(double R[9])
 {
     double length = vec3_norm(R), dot;
 
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         R[i] /= length;
     }
     dot = R[0] * R[3] + R[1] * R[4] + R[2] * R[5];
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         R[3 + i] -= dot * R[i];
     }
     length = vec3_norm(R + 3);
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         R[3 + i] /= length;
     }
     vec3_cross(R, R + 3, R + 6);
@@ -112,21 +112,21 @@ static inline void step(struct bodies *b, double h)
     struct body_motion k[4][BODIES], at[BODIES];
     const double part[4] = {0, h / 2, h / 2, h}, weight[4] = {h / 6, h / 3, h / 3, h / 6};
 
-    for (int s = 0; s < 4; ++s) {
+    for (int s = 0; s < 4; s++) {
         combine(b->count, b->motion, s ? part[s] : 0, s ? k[s - 1] : b->motion, at);
         derive(b, at, k[s]);
     }
-    for (int s = 0; s < 4; ++s) {
+    for (int s = 0; s < 4; s++) {
         combine(b->count, b->motion, weight[s], k[s], b->motion);
     }
-    for (size_t n = 0; n < b->count; ++n) {
+    for (size_t n = 0; n < b->count; n++) {
         straighten(b->motion[n].R);
     }
 }
 
 static inline void run(struct bodies *b, double seconds, double h)
 {
-    for (int i = 0; i < (int)(seconds / h + 0.5); ++i) {
+    for (int i = 0; i < (int)(seconds / h + 0.5); i++) {
         step(b, h);
     }
 }
@@ -135,8 +135,8 @@ static inline double kinetic(const struct bodies *b)
 {
     double sum = 0;
 
-    for (size_t n = 0; n < b->count; ++n) {
-        for (int i = 0; i < 3; ++i) {
+    for (size_t n = 0; n < b->count; n++) {
+        for (int i = 0; i < 3; i++) {
             sum += b->mass[n] * b->motion[n].v[i] * b->motion[n].v[i] / 2;
             sum += b->inertia[n] * b->motion[n].w[i] * b->motion[n].w[i] / 2;
         }
@@ -153,7 +153,7 @@ static inline double stored(const struct bodies *b)
 
     b->world->ops->evaluate(b->world, b->motion, wrench);
     n = b->world->ops->patches(b->world, patch, 8);
-    for (size_t i = 0; i < n; ++i) {
+    for (size_t i = 0; i < n; i++) {
         sum += patch[i].potential_j;
     }
     return sum;
@@ -167,7 +167,7 @@ static inline struct bodies make(const struct scene *scene, double mass)
     if (contact_native_create(&scene->config, &arena, &b.world, &error) != ERROR_NONE) {
         fail_msg("%s", error.text);
     }
-    for (size_t n = 0; n < b.count; ++n) {
+    for (size_t n = 0; n < b.count; n++) {
         b.mass[n] = mass;
         b.inertia[n] = mass * 0.0225 / 6; /* of a cube of 15 cm */
         scene_place(&b.motion[n], 0, 0, 0);

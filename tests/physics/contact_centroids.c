@@ -20,7 +20,7 @@ static void face_centroid(const struct solid *s, int face, double out[3])
 {
     const int *v = s->face[face];
 
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         out[k] = (s->vertex[v[0]][k] + s->vertex[v[1]][k] + s->vertex[v[2]][k]) / 3;
     }
 }
@@ -56,7 +56,7 @@ static void centroids_on_half_space(const struct solid *solid, const struct nati
     const double n[3] = {relative->R[2], relative->R[5], relative->R[8]};
     const double height = vec3_dot(n, relative->p);
 
-    for (int f = 0; f < (int)solid->nface; ++f) {
+    for (int f = 0; f < (int)solid->nface; f++) {
         double q[3], depth;
 
         face_centroid(solid, f, q);
@@ -78,12 +78,12 @@ static void centroids_and_sphere(const struct solid *solid, double radius,
     struct box box;
     size_t n;
 
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         box.low[k] = relative->p[k] - radius;
         box.high[k] = relative->p[k] + radius;
     }
     n = tree_collect(&solid->faces, &box, scratch->list[0], solid->nface);
-    for (size_t i = 0; i < n; ++i) {
+    for (size_t i = 0; i < n; i++) {
         int f = scratch->list[0][i];
         double q[3], d[3], apart;
 
@@ -91,7 +91,7 @@ static void centroids_and_sphere(const struct solid *solid, double radius,
         vec3_sub(q, relative->p, d);
         apart = vec3_norm(d);
         if (apart < radius && apart > 0) {
-            for (int k = 0; k < 3; ++k) {
+            for (int k = 0; k < 3; k++) {
                 d[k] /= apart;
             }
             add_spring(scratch, q, d, law->share[0], law->stiffness * face_area(solid, f),
@@ -131,7 +131,7 @@ static bool edge_pierces(const double a[3], const double b[3], const struct tria
     if ((above > 0) == (below > 0)) {
         return false;
     }
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         side[i] = tetrahedron_volume(a, b, t->v[i], t->v[(i + 1) % 3]);
     }
     return (side[0] >= 0 && side[1] >= 0 && side[2] >= 0) ||
@@ -140,7 +140,7 @@ static bool edge_pierces(const double a[3], const double b[3], const struct tria
 
 static bool triangles_cross(const struct triangle *s, const struct triangle *t)
 {
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         if (edge_pierces(s->v[i], s->v[(i + 1) % 3], t) ||
             edge_pierces(t->v[i], t->v[(i + 1) % 3], s)) {
             return true;
@@ -158,12 +158,12 @@ static bool mark_crossing(const struct solid *first, const struct solid *second,
 
     memset(mark[0], 0, first->nface);
     memset(mark[1], 0, second->nface);
-    for (size_t g = 0; g < second->nface; ++g) {
+    for (size_t g = 0; g < second->nface; g++) {
         struct triangle t, u;
         struct box box;
         size_t n;
 
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             mat3_apply(relative->R, second->vertex[second->face[g][i]], t.v[i]);
             vec3_add_scaled(t.v[i], 1, relative->p, t.v[i]);
             if (i == 0) {
@@ -173,10 +173,10 @@ static bool mark_crossing(const struct solid *first, const struct solid *second,
             box_add(&box, t.v[i]);
         }
         n = tree_collect(&first->faces, &box, s->list[0], first->nface);
-        for (size_t i = 0; i < n; ++i) {
+        for (size_t i = 0; i < n; i++) {
             int f = s->list[0][i];
 
-            for (int k = 0; k < 3; ++k) {
+            for (int k = 0; k < 3; k++) {
                 memcpy(u.v[k], first->vertex[first->face[f][k]], sizeof u.v[k]);
             }
             if (triangles_cross(&u, &t)) {
@@ -195,7 +195,7 @@ static double mark_buried(const struct solid *mesh, const struct solid *other, c
 {
     double area = 0;
 
-    for (int f = 0; f < (int)mesh->nface; ++f) {
+    for (int f = 0; f < (int)mesh->nface; f++) {
         double q[3], there[3];
 
         if (!mark[f]) {
@@ -227,20 +227,20 @@ static void centroids_of_meshes(const struct solid *first, const struct solid *s
     }
     memcpy(R[1], relative->R, sizeof R[1]);
     memcpy(p[1], relative->p, sizeof p[1]);
-    for (int i = 0; i < 9; ++i) {
+    for (int i = 0; i < 9; i++) {
         R[0][i] = relative->R[i % 3 * 3 + i / 3];
     }
     mat3_apply(R[0], p[1], p[0]);
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3; k++) {
         p[0][k] = -p[0][k];
     }
-    for (int m = 0; m < 2; ++m) {
+    for (int m = 0; m < 2; m++) {
         area[m] = mark_buried(solid[m], solid[!m], R[m], p[m], mark[m]);
     }
-    for (int m = 0; m < 2; ++m) {
+    for (int m = 0; m < 2; m++) {
         double scale = (area[0] + area[1]) / 4 / area[m];
 
-        for (int f = 0; f < (int)solid[m]->nface; ++f) {
+        for (int f = 0; f < (int)solid[m]->nface; f++) {
             struct solid_nearest nearest;
             double q[3], there[3], d[3], depth, turned[3];
 
@@ -255,7 +255,7 @@ static void centroids_of_meshes(const struct solid *first, const struct solid *s
                 continue;
             }
             depth = sqrt(nearest.distance2);
-            for (int k = 0; k < 3; ++k) {
+            for (int k = 0; k < 3; k++) {
                 d[k] = (nearest.point[k] - there[k]) / depth;
             }
             if (m == 0) {
@@ -263,7 +263,7 @@ static void centroids_of_meshes(const struct solid *first, const struct solid *s
                 mat3_apply(R[1], d, turned);
             } else {
                 /* The other way round, and what pushes the second pulls at the first */
-                for (int k = 0; k < 3; ++k) {
+                for (int k = 0; k < 3; k++) {
                     turned[k] = -d[k];
                     q[k] = there[k];
                 }

@@ -96,7 +96,7 @@ static inline const struct mesh *fixture_reshape(const double half[3], int cells
     assert_int_equal(mesh_box(half, cells, &fixture_arena, &box, NULL), ERROR_NONE);
     vertex = arena_alloc(&fixture_arena, box->nvertex, sizeof *vertex);
     assert_true(mesh && vertex);
-    for (size_t v = 0; v < box->nvertex; ++v) {
+    for (size_t v = 0; v < box->nvertex; v++) {
         memcpy(vertex[v], box->vertex[v], sizeof vertex[v]);
         move(vertex[v], with);
     }
@@ -136,7 +136,7 @@ static inline struct contact_surface *fixture_box_on_ground(struct scene *scene)
 {
     struct contact_surface *s = fixture_on_ground(scene, CONTACT_BOX);
 
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         s->half_extent_m[i] = 0.075;
     }
     s->cells_per_edge = 7;
@@ -187,11 +187,11 @@ static inline double fixture_two_bodies(struct scene *scene, int kind)
 
 static inline void fixture_two_motions(uint64_t *seed, double height, struct body_motion motion[2])
 {
-    for (int b = 0; b < 2; ++b) {
+    for (int b = 0; b < 2; b++) {
         scene_place(&motion[b], 0.01 * random_number(seed), 0.01 * random_number(seed),
                     b * (height + 0.0005 * random_number(seed)));
         scene_random_rotation(seed, 0.02, motion[b].R);
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             motion[b].w[i] = random_number(seed);
             motion[b].v[i] = 0.1 * random_number(seed);
         }
@@ -202,16 +202,16 @@ static inline void fixture_two_motions(uint64_t *seed, double height, struct bod
 static inline void fixture_move_all(const double Q[9], const double shift[3],
                                     const struct body_motion motion[2], struct body_motion moved[2])
 {
-    for (int b = 0; b < 2; ++b) {
+    for (int b = 0; b < 2; b++) {
         mat3_apply(Q, motion[b].p, moved[b].p);
         mat3_apply(Q, motion[b].w, moved[b].w);
         mat3_apply(Q, motion[b].v, moved[b].v);
-        for (int axis = 0; axis < 3; ++axis) {
+        for (int axis = 0; axis < 3; axis++) {
             double column[3] = {motion[b].R[axis], motion[b].R[3 + axis], motion[b].R[6 + axis]};
             double out[3];
 
             mat3_apply(Q, column, out);
-            for (int row = 0; row < 3; ++row) {
+            for (int row = 0; row < 3; row++) {
                 moved[b].R[3 * row + axis] = out[row];
             }
             moved[b].p[axis] += shift[axis];
@@ -224,12 +224,12 @@ static inline void fixture_expect_turned(const struct contact_wrench turned[2], 
                                          const struct contact_wrench wrench[2],
                                          double force_tolerance, double moment_tolerance)
 {
-    for (int b = 0; b < 2; ++b) {
+    for (int b = 0; b < 2; b++) {
         double force[3], moment[3];
 
         mat3_apply(Q, wrench[b].force, force);
         mat3_apply(Q, wrench[b].moment, moment);
-        for (int axis = 0; axis < 3; ++axis) {
+        for (int axis = 0; axis < 3; axis++) {
             assert_near(turned[b].force[axis], force[axis], force_tolerance);
             assert_near(turned[b].moment[axis], moment[axis], moment_tolerance);
         }

@@ -24,13 +24,13 @@ static const struct contact_material hard = {1e6, 1, 0, 0, 0, 0};
 static void onto_sphere(double p[3], const double *radius)
 {
     /* Tangents make the cells alike */
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         p[i] = tan(p[i] * fixture_pi / 4);
     }
 
     double length = vec3_norm(p);
 
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         p[i] *= *radius / length;
     }
 }
@@ -53,8 +53,8 @@ static void box_on_table_pushes_with_k_a_d_whatever_the_tables_size(void **state
     const int cells[] = {1, 7, 20};
 
     (void)state;
-    for (int s = 0; s < 3; ++s) {
-        for (int c = 0; c < 3; ++c) {
+    for (int s = 0; s < 3; s++) {
+        for (int c = 0; c < 3; c++) {
             struct scene scene;
             struct body_motion motion;
             struct contact_wrench wrench;
@@ -67,12 +67,12 @@ static void box_on_table_pushes_with_k_a_d_whatever_the_tables_size(void **state
 
             struct contact_world *world = fixture_native(&scene);
 
-            for (int a = 0; a < 3; ++a) {
+            for (int a = 0; a < 3; a++) {
                 scene_place(&motion, side[s] > 0.3 ? 0.013 : 0, 0, 0.02 + 0.075 - 1e-3);
                 fixture_turn_z(&motion, side[s] > 0.3 ? angle[a] : 0);
                 fixture_evaluate(world, &motion, &wrench);
                 assert_near(wrench.force[2], 11.25, 1e-9);
-                for (int i = 0; i < 3; ++i) {
+                for (int i = 0; i < 3; i++) {
                     assert_near(i < 2 ? wrench.force[i] : 0, 0, 1e-9);
                     assert_near(wrench.moment[i], 0, 1e-9);
                 }
@@ -102,7 +102,7 @@ static void box_over_the_edge_pushes_with_what_is_on_the_table(void **state)
 
         struct contact_world *world = fixture_native(&scene);
 
-        for (int i = 0; i < 4; ++i) {
+        for (int i = 0; i < 4; i++) {
             double force = 5e5 * 0.15 * on_table[i] * 1e-3;
 
             scene_place(&motion, 0.2 + 0.075 - on_table[i], 0.01, 0.02 + 0.075 - 1e-3);
@@ -131,7 +131,7 @@ static void box_on_half_space_pushes_with_k_a_d_and_not_with_its_sides(void **st
 
     struct contact_world *world = fixture_native(&scene);
 
-    for (int i = 0; i < 5; ++i) {
+    for (int i = 0; i < 5; i++) {
         double force = 5e5 * 0.0225 * depth[i];
 
         scene_place(&motion, 0.3, -0.2, 0.075 - depth[i]);
@@ -151,7 +151,7 @@ static void a_tilted_box_meets_half_space_and_table_alike(void **state)
     double force[2], moment[2], lean[2];
 
     (void)state;
-    for (int table = 0; table < 2; ++table) {
+    for (int table = 0; table < 2; table++) {
         struct scene scene;
         struct body_motion motion;
         struct contact_wrench wrench;
@@ -199,7 +199,7 @@ static void sphere_on_a_box_pushes_with_k_times_the_cap_wherever_it_lands(void *
 
     struct contact_world *world = fixture_native(&scene);
 
-    for (int i = 0; i < 441; ++i) {
+    for (int i = 0; i < 441; i++) {
         scene_place(&motion, 0.15 / 7 * (i % 21) / 20, 0.15 / 7 * (i / 21) / 20,
                     0.075 + 0.02 - depth);
         fixture_evaluate(world, &motion, &wrench);
@@ -239,7 +239,7 @@ static void a_sphere_does_not_feel_the_cells_of_a_surface_that_is_almost_flat(vo
 
     struct contact_world *world = fixture_native(&scene);
 
-    for (int i = 0; i < 441; ++i) {
+    for (int i = 0; i < 441; i++) {
         scene_place(&motion, 0.15 / 7 * (i % 21) / 20, 0.15 / 7 * (i / 21) / 20,
                     top + 0.02 - depth);
         fixture_evaluate(world, &motion, &wrench);
@@ -255,10 +255,10 @@ static void a_refined_ball_on_a_plane_converges_to_k_times_the_cap(void **state)
     const double radius = 0.05, depth = 4e-3, expected = 5e5 * cap_volume(radius, depth);
 
     (void)state;
-    for (int table = 0; table < 2; ++table) {
+    for (int table = 0; table < 2; table++) {
         double off[4];
 
-        for (int i = 0; i < 4; ++i) {
+        for (int i = 0; i < 4; i++) {
             int cells = 8 << i;
             struct scene scene;
             struct body_motion motion;
@@ -295,7 +295,7 @@ static void a_facet_may_be_cut_into_any_triangles(void **state)
     uint64_t seed = 3;
 
     (void)state;
-    for (int fine = 0; fine < 2; ++fine) {
+    for (int fine = 0; fine < 2; fine++) {
         struct scene scene;
 
         scene_init(&scene, 3);
@@ -309,21 +309,21 @@ static void a_facet_may_be_cut_into_any_triangles(void **state)
         struct body_motion motion[3];
 
         seed = 3;
-        for (int b = 0; b < 3; ++b) {
+        for (int b = 0; b < 3; b++) {
             scene_place(&motion[b], 0.03 * b, 0.02, b == 0 ? 0 : b == 1 ? 0.069 : 0.0495);
             scene_random_rotation(&seed, 0.02, motion[b].R);
-            for (int i = 0; i < 3; ++i) {
+            for (int i = 0; i < 3; i++) {
                 motion[b].w[i] = random_number(&seed);
                 motion[b].v[i] = 0.1 * random_number(&seed);
             }
         }
         fixture_evaluate(world, motion, wrench[fine]);
     }
-    for (int b = 0; b < 3; ++b) {
+    for (int b = 0; b < 3; b++) {
         double size = vec3_norm(wrench[0][b].force);
 
         assert_true(size > 0);
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             assert_near(wrench[1][b].force[i], wrench[0][b].force[i], 1e-9 * size);
             assert_near(wrench[1][b].moment[i], wrench[0][b].moment[i], 1e-9 * size);
         }
@@ -344,16 +344,16 @@ static const struct mesh *make_l(double thickness)
     static const int cap[4][3] = {{0, 1, 2}, {0, 2, 3}, {0, 3, 4}, {0, 4, 5}};
     size_t n = 0;
 
-    for (int i = 0; i < 12; ++i) {
+    for (int i = 0; i < 12; i++) {
         vertex[i][0] = outline[i % 6][0];
         vertex[i][1] = i < 6 ? -0.1 : 0.1;
         vertex[i][2] = outline[i % 6][1];
     }
-    for (int i = 0; i < 4; ++i) {
+    for (int i = 0; i < 4; i++) {
         memcpy(face[n++], cap[i], sizeof face[0]);
         memcpy(face[n++], (int[3]){cap[i][0] + 6, cap[i][2] + 6, cap[i][1] + 6}, sizeof face[0]);
     }
-    for (int i = 0; i < 6; ++i) {
+    for (int i = 0; i < 6; i++) {
         int j = (i + 1) % 6;
 
         memcpy(face[n++], (int[3]){i, i + 6, j}, sizeof face[0]);
@@ -371,7 +371,7 @@ static void a_corner_that_is_open_holds_a_box_and_a_sphere_only_where_they_touch
     const struct mesh *l = make_l(t);
 
     (void)state;
-    for (int sphere = 0; sphere < 2; ++sphere) {
+    for (int sphere = 0; sphere < 2; sphere++) {
         struct scene scene;
         struct body_motion motion;
         struct contact_wrench wrench;

@@ -29,12 +29,12 @@ struct sweep {
 
 static void draw(uint64_t *seed, const struct sweep *sweep, struct body_motion motion[2])
 {
-    for (int b = 0; b < 2; ++b) {
+    for (int b = 0; b < 2; b++) {
         scene_place(&motion[b], sweep->across * random_number(seed),
                     sweep->across * random_number(seed),
                     b * (sweep->height + sweep->up * random_number(seed)));
         scene_random_rotation(seed, sweep->turn, motion[b].R);
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             motion[b].w[i] = sweep->spin * random_number(seed);
             motion[b].v[i] = sweep->speed * random_number(seed);
         }
@@ -43,7 +43,7 @@ static void draw(uint64_t *seed, const struct sweep *sweep, struct body_motion m
 
 static double largest(double a, const double v[3], const double w[3])
 {
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         a = fmax(a, fabs(v[i] - w[i]));
     }
     return a;
@@ -62,7 +62,7 @@ static void compare(const struct scene *scene, const struct sweep *sweep,
         ERROR_NONE) {
         fail_msg("%s", error.text);
     }
-    for (int i = 0; i < sweep->count; ++i) {
+    for (int i = 0; i < sweep->count; i++) {
         struct body_motion motion[2];
         struct contact_wrench expected[2], wrench[2];
         struct contact_patch theirs = {0}, ours = {0};
@@ -77,7 +77,7 @@ static void compare(const struct scene *scene, const struct sweep *sweep,
         double moment = vec3_norm(expected[1].moment) + 0.05 * force;
 
         touching += force > 0;
-        for (int b = 0; b < 2 && force > 0; ++b) {
+        for (int b = 0; b < 2 && force > 0; b++) {
             worst = fmax(worst, largest(0, wrench[b].force, expected[b].force) / force);
             worst = fmax(worst, largest(0, wrench[b].moment, expected[b].moment) / moment);
             worst = fmax(worst, fabs(ours.potential_j - theirs.potential_j) / theirs.potential_j);
@@ -101,10 +101,10 @@ static void compare_speeds(const struct scene *scene, struct sweep sweep)
 {
     const double speed[] = {1e-4, 5e-3, 0.1};
 
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         sweep.speed = speed[i];
         sweep.spin = 10 * speed[i];
-        for (size_t n = 0; n < CONTACT_VARIANTS; ++n) {
+        for (size_t n = 0; n < CONTACT_VARIANTS; n++) {
             if (contact_centroids_at(n)) {
                 compare(scene, &sweep, contact_centroids_at(n));
             }
@@ -202,7 +202,7 @@ static void spheres_on_each_other_and_on_a_half_space(void **state)
     struct scene scene;
 
     (void)state;
-    for (int half_space = 0; half_space < 2; ++half_space) {
+    for (int half_space = 0; half_space < 2; half_space++) {
         scene_init(&scene, 2);
         if (half_space) {
             scene_add(&scene, 0, CONTACT_HALF_SPACE, &scene_ground);

@@ -25,7 +25,7 @@
 static void a_box_at_rest_is_carried_with_its_weight(void **state)
 {
     (void)state;
-    for (int table = 0; table < 2; ++table) {
+    for (int table = 0; table < 2; table++) {
         struct scene scene;
         struct contact_wrench wrench;
         struct bodies b;
@@ -63,7 +63,7 @@ static struct bodies on_a_slope(struct scene *scene, bool table, double slope)
 static void a_block_below_the_static_cone_creeps_slower_than_the_transition_velocity(void **state)
 {
     (void)state;
-    for (int table = 0; table < 2; ++table) {
+    for (int table = 0; table < 2; table++) {
         struct scene scene;
         struct bodies b = on_a_slope(&scene, table, 0.9 * 0.5);
 
@@ -81,7 +81,7 @@ static void a_block_below_the_static_cone_creeps_slower_than_the_transition_velo
 static void a_block_above_the_static_cone_slides_as_the_dynamic_one_lets_it(void **state)
 {
     (void)state;
-    for (int table = 0; table < 2; ++table) {
+    for (int table = 0; table < 2; table++) {
         struct scene scene;
         struct bodies b = on_a_slope(&scene, table, 1.1 * 0.5);
         double before;
@@ -100,7 +100,7 @@ static double rebound(double d, double v0)
 {
     double goal = -v0 / d + log1p(d * v0) / (d * d), low = 0, high = fmin(v0, (1 - 1e-12) / d);
 
-    for (int i = 0; i < 200; ++i) {
+    for (int i = 0; i < 200; i++) {
         double v = (low + high) / 2;
 
         if (v / d + log1p(-d * v) / (d * d) > goal) {
@@ -117,7 +117,7 @@ static void a_bouncing_sphere_loses_what_the_dissipation_says(void **state)
     const double speed[] = {0.05, 0.3, 1};
 
     (void)state;
-    for (int box = 0; box < 2; ++box) {
+    for (int box = 0; box < 2; box++) {
         struct scene scene;
         struct bodies b;
         /* Hertz's law damps half as much again */
@@ -132,10 +132,10 @@ static void a_bouncing_sphere_loses_what_the_dissipation_says(void **state)
         scene_add(&scene, 0, CONTACT_SPHERE, &plain)->radius_m = 0.05;
         scene_add_pair(&scene, 0, 1);
         b = make(&scene, 0.1);
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             scene_place(&b.motion[0], 0.01, 0.02, 0.05 + 1e-9);
             b.motion[0].v[2] = -speed[i];
-            for (int n = 0; n < 200000 && b.motion[0].p[2] <= 0.05 + 2e-9; ++n) {
+            for (int n = 0; n < 200000 && b.motion[0].p[2] <= 0.05 + 2e-9; n++) {
                 step(&b, 2e-5);
             }
             assert_near(b.motion[0].v[2], rebound(d, speed[i]), 1e-4 * speed[i]);
@@ -148,7 +148,7 @@ static void colliding_bodies_exchange_momentum_and_lose_none(void **state)
     uint64_t seed = 31;
 
     (void)state;
-    for (int n = 0; n < 40; ++n) {
+    for (int n = 0; n < 40; n++) {
         struct scene scene;
         struct bodies b;
         double before[6] = {0}, after[6] = {0}, change = 0, first[3];
@@ -166,32 +166,32 @@ static void colliding_bodies_exchange_momentum_and_lose_none(void **state)
         b.inertia[1] = 1e-3;
         scene_place(&b.motion[1], 0.02 * random_number(&seed), 0.02 * random_number(&seed), 0.16);
         scene_random_rotation(&seed, 0.2, b.motion[1].R);
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             b.motion[0].w[i] = random_number(&seed);
             b.motion[1].w[i] = random_number(&seed);
             b.motion[1].v[i] = 0.1 * random_number(&seed) - (i == 2 ? 0.5 : 0);
             first[i] = b.motion[0].v[i];
         }
-        for (int s = 0; s < 1201; ++s) {
+        for (int s = 0; s < 1201; s++) {
             double *sum = s == 0 ? before : after;
 
             memset(sum, 0, sizeof before);
-            for (int k = 0; k < 2; ++k) {
+            for (int k = 0; k < 2; k++) {
                 double arm[3];
 
                 vec3_cross(b.motion[k].p, b.motion[k].v, arm);
-                for (int i = 0; i < 3; ++i) {
+                for (int i = 0; i < 3; i++) {
                     sum[i] += b.mass[k] * b.motion[k].v[i];
                     sum[3 + i] += b.mass[k] * arm[i] + b.inertia[k] * b.motion[k].w[i];
                 }
             }
             step(&b, 2.5e-4);
         }
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             change = fmax(change, fabs(b.motion[0].v[i] - first[i]));
         }
         assert_true(change > 0.05);
-        for (int i = 0; i < 6; ++i) {
+        for (int i = 0; i < 6; i++) {
             /* Of the method's order in the step */
             assert_near(after[i], before[i], i < 3 ? 1e-12 : 1e-7);
         }
@@ -205,7 +205,7 @@ static void a_spinning_box_is_braked_by_torsional_friction(void **state)
     const double lever = 0.15 / 6 * (sqrt(2) + log(1 + sqrt(2)));
 
     (void)state;
-    for (int table = 0; table < 2; ++table) {
+    for (int table = 0; table < 2; table++) {
         struct scene scene;
         struct contact_wrench wrench;
         struct bodies b;
@@ -230,7 +230,7 @@ static void stacked_boxes_stay(void **state)
     scene_init(&scene, 3);
     scene_add_box(&scene, -1, 0.5, 0.5, 0.1, 1, &plain)->position[2] = -0.1;
     scene.surface[0].material.young_pa = 1e7;
-    for (int n = 0; n < 3; ++n) {
+    for (int n = 0; n < 3; n++) {
         scene_add_box(&scene, n, 0.075, 0.075, 0.075, 7, &plain);
         /* Softer than this a tower of three topples by itself */
         scene.surface[1 + n].material.young_pa = 1e7;
@@ -239,13 +239,13 @@ static void stacked_boxes_stay(void **state)
     }
     b = make(&scene, 1.5);
     b.gravity[2] = -G;
-    for (int n = 0; n < 3; ++n) {
+    for (int n = 0; n < 3; n++) {
         b.motion[n].p[0] = 0.004 * n;
         b.motion[n].p[2] = 0.075 + 0.15 * n;
     }
     run(&b, 2, 2.5e-4);
     b.world->ops->evaluate(b.world, b.motion, wrench);
-    for (int n = 0; n < 3; ++n) {
+    for (int n = 0; n < 3; n++) {
         /* The tower leans by 1 mrad, and so do the springs by half of it; against that little force
          * friction lets the boxes creep, at a fraction of the transition velocity */
         assert_near(b.motion[n].p[0], 0.004 * n, 0.25 * SCENE_TRANSITION_M_S * 2);

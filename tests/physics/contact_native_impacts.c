@@ -59,7 +59,7 @@ static void sphere_at_box(struct scene *scene, const struct contact_material *ma
 
 static void give_velocity(struct body_motion *m, uint64_t *seed)
 {
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         m->w[i] = 3 * random_number(seed);
         m->v[i] = 0.3 * random_number(seed) - (i == 2 ? 0.4 : 0);
     }
@@ -85,29 +85,29 @@ static void aim_sphere_at_box(struct body_motion *m, uint64_t *seed)
 {
     double from[3], to[3], way[3], apart = 1;
 
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         from[i] = random_number(seed);
         to[i] = 0.9 * HALF * random_number(seed);
     }
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         from[i] *= 0.3 / vec3_norm(from);
     }
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         way[i] = to[i] - from[i];
     }
     scene_place(m, from[0], from[1], from[2]);
-    for (int n = 0; n < 100 && apart > 1e-6; ++n) {
+    for (int n = 0; n < 100 && apart > 1e-6; n++) {
         double out[3];
 
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             out[i] = fmax(fabs(m->p[i]) - HALF, 0);
         }
         apart = vec3_norm(out) - RADIUS;
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             m->p[i] += fmax(apart, 0) * way[i] / vec3_norm(way);
         }
     }
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         m->w[i] = 3 * random_number(seed);
         m->v[i] = 0.5 * way[i] / vec3_norm(way) + 0.1 * random_number(seed);
     }
@@ -122,7 +122,7 @@ static double throw(struct bodies * b, const struct game *game, uint64_t *seed)
 
     game->aim(&b->motion[0], seed);
     before = kinetic(b);
-    for (int n = 0; n < 4000; ++n) {
+    for (int n = 0; n < 4000; n++) {
         size_t patches;
 
         step(b, game->step);
@@ -161,7 +161,7 @@ static void no_impact_gains_energy(void **state)
     int throws = 0;
 
     (void)state;
-    for (size_t g = 0; g < sizeof games / sizeof *games; ++g) {
+    for (size_t g = 0; g < sizeof games / sizeof *games; g++) {
         struct bodies b = begin(&games[g], &plain);
         double most = 0, mean = 0;
 
@@ -189,10 +189,10 @@ static void without_loss_an_impact_keeps_its_energy(void **state)
     uint64_t seed = 23;
 
     (void)state;
-    for (size_t g = 0; g < sizeof games / sizeof *games; ++g) {
+    for (size_t g = 0; g < sizeof games / sizeof *games; g++) {
         struct bodies b = begin(&games[g], &lossless);
 
-        for (int i = 0; i < games[g].throws; ++i) {
+        for (int i = 0; i < games[g].throws; i++) {
             assert_near(throw(&b, &games[g], &seed), 1, 1e-3);
         }
     }

@@ -23,14 +23,14 @@ static void action_equals_reaction_and_patches_add_up_to_the_wrenches(void **sta
     uint64_t seed = 7;
 
     (void)state;
-    for (int kind = 0; kind < FIXTURE_KINDS; ++kind) {
+    for (int kind = 0; kind < FIXTURE_KINDS; kind++) {
         struct scene scene;
         double height = fixture_two_bodies(&scene, kind);
         struct contact_world *world = fixture_native(&scene);
         bool turned = scene.pair[0].a == 1;
         int touching = 0;
 
-        for (int i = 0; i < 50; ++i) {
+        for (int i = 0; i < 50; i++) {
             struct body_motion motion[2];
             struct contact_wrench wrench[2];
             struct contact_patch patch;
@@ -44,18 +44,18 @@ static void action_equals_reaction_and_patches_add_up_to_the_wrenches(void **sta
                 continue;
             }
             touching++;
-            for (int n = 0; n < 2; ++n) {
+            for (int n = 0; n < 2; n++) {
                 vec3_cross(motion[n].p, wrench[n].force, turn);
-                for (int axis = 0; axis < 3; ++axis) {
+                for (int axis = 0; axis < 3; axis++) {
                     moment[axis] += wrench[n].moment[axis] + turn[axis];
                 }
             }
             assert_int_equal(world->ops->patches(world, &patch, 1), 1);
-            for (int axis = 0; axis < 3; ++axis) {
+            for (int axis = 0; axis < 3; axis++) {
                 arm[axis] = patch.center[axis] - motion[b].p[axis];
             }
             vec3_cross(arm, patch.force, turn);
-            for (int axis = 0; axis < 3; ++axis) {
+            for (int axis = 0; axis < 3; axis++) {
                 assert_near(wrench[0].force[axis] + wrench[1].force[axis], 0, 1e-14 * size);
                 assert_near(moment[axis], 0, 1e-14 * size);
                 assert_near(patch.force[axis], wrench[b].force[axis], 1e-14 * size);
@@ -73,19 +73,19 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
     uint64_t seed = 3;
 
     (void)state;
-    for (int kind = 0; kind < FIXTURE_KINDS; ++kind) {
+    for (int kind = 0; kind < FIXTURE_KINDS; kind++) {
         struct scene scene;
         double height = fixture_two_bodies(&scene, kind);
         struct contact_world *world = fixture_native(&scene);
 
-        for (int i = 0; i < 30; ++i) {
+        for (int i = 0; i < 30; i++) {
             struct body_motion motion[2], moved[2];
             struct contact_wrench wrench[2], turned[2];
             double Q[9], shift[3], size;
 
             fixture_two_motions(&seed, height, motion);
             scene_random_rotation(&seed, 3, Q);
-            for (int axis = 0; axis < 3; ++axis) {
+            for (int axis = 0; axis < 3; axis++) {
                 shift[axis] = 2 * random_number(&seed);
             }
             fixture_move_all(Q, shift, motion, moved);
@@ -102,24 +102,24 @@ static void the_same_motion_gives_the_same_bits_whatever_came_before(void **stat
     uint64_t seed = 5;
 
     (void)state;
-    for (int kind = 0; kind < FIXTURE_KINDS; ++kind) {
+    for (int kind = 0; kind < FIXTURE_KINDS; kind++) {
         struct scene scene;
         double height = fixture_two_bodies(&scene, kind);
         struct contact_world *world = fixture_native(&scene), *fresh = fixture_native(&scene);
         struct body_motion motion[20][2];
         struct contact_wrench first[20][2], again[2];
 
-        for (int i = 0; i < 20; ++i) {
+        for (int i = 0; i < 20; i++) {
             fixture_two_motions(&seed, height, motion[i]);
             fixture_evaluate(world, motion[i], first[i]);
         }
-        for (int i = 0; i < 200; ++i) {
+        for (int i = 0; i < 200; i++) {
             int pick = (int)(10 + 9.99 * random_number(&seed));
 
             fixture_evaluate(world, motion[pick], again);
             assert_memory_equal(again, first[pick], sizeof again);
         }
-        for (int i = 19; i >= 0; --i) {
+        for (int i = 19; i >= 0; i--) {
             fixture_evaluate(fresh, motion[i], again);
             assert_memory_equal(again, first[i], sizeof again);
         }
@@ -137,14 +137,14 @@ static double largest_jump(struct contact_world *world, const struct body_motion
 
     memcpy(motion, from, sizeof motion);
     fixture_evaluate(world, motion, last);
-    for (int i = 1; i <= steps; ++i) {
+    for (int i = 1; i <= steps; i++) {
         double change = 0;
 
-        for (int axis = 0; axis < 3; ++axis) {
+        for (int axis = 0; axis < 3; axis++) {
             motion[1].p[axis] = from[1].p[axis] + way[axis] * i / steps;
         }
         fixture_evaluate(world, motion, now);
-        for (int axis = 0; axis < 3; ++axis) {
+        for (int axis = 0; axis < 3; axis++) {
             change += fabs(now[1].force[axis] - last[1].force[axis]);
             change += 20 * fabs(now[0].moment[axis] - last[0].moment[axis]);
         }
@@ -159,12 +159,12 @@ static void the_wrench_is_continuous_in_the_pose(void **state)
     uint64_t seed = 29;
 
     (void)state;
-    for (int kind = 0; kind < FIXTURE_KINDS; ++kind) {
+    for (int kind = 0; kind < FIXTURE_KINDS; kind++) {
         struct scene scene;
         double height = fixture_two_bodies(&scene, kind);
         struct contact_world *world = fixture_native(&scene);
 
-        for (int i = 0; i < 6; ++i) {
+        for (int i = 0; i < 6; i++) {
             struct body_motion motion[2];
             double way[3] = {0.03 * random_number(&seed), 0.03 * random_number(&seed),
                              0.002 * random_number(&seed)};
@@ -194,19 +194,19 @@ static void the_elastic_force_is_the_slope_of_the_stored_energy(void **state)
     uint64_t seed = 41;
 
     (void)state;
-    for (int kind = 0; kind < 3; ++kind) {
+    for (int kind = 0; kind < 3; kind++) {
         struct scene scene;
         double height = fixture_two_bodies(&scene, kind);
         struct contact_world *world = fixture_native(&scene);
 
-        for (int i = 0; i < 20; ++i) {
+        for (int i = 0; i < 20; i++) {
             struct body_motion motion[2];
             struct contact_wrench wrench[2];
             struct contact_patch patch[2];
             double step = 1e-6, slope;
 
             fixture_two_motions(&seed, height, motion);
-            for (int b = 0; b < 2; ++b) {
+            for (int b = 0; b < 2; b++) {
                 memset(motion[b].w, 0, sizeof motion[b].w);
                 memset(motion[b].v, 0, sizeof motion[b].v);
             }
@@ -214,7 +214,7 @@ static void the_elastic_force_is_the_slope_of_the_stored_energy(void **state)
             if (wrench[1].force[2] == 0) {
                 continue;
             }
-            for (int side = 0; side < 2; ++side) {
+            for (int side = 0; side < 2; side++) {
                 struct body_motion moved[2];
                 struct contact_wrench unused[2];
 

@@ -58,20 +58,20 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
 
     struct contact_world *world[2];
 
-    for (int e = 0; e < 2; ++e) {
+    for (int e = 0; e < 2; e++) {
         assert_int_equal(
             native_create_with_kernels(&scene.config, kernels[e], &arena, &world[e], NULL),
             ERROR_NONE);
     }
     assert_int_equal(arena_seal(&arena, false, NULL), ERROR_NONE);
-    for (int i = 0; i < 1000; ++i) {
+    for (int i = 0; i < 1000; i++) {
         struct body_motion motion[4];
         struct contact_wrench wrench[4];
         struct contact_patch patch[5];
         struct contact_tangent tangent[5];
         size_t used = arena.used, before = counted_calls();
 
-        for (int b = 0; b < 4; ++b) {
+        for (int b = 0; b < 4; b++) {
             static const double height[] = {0.0925, 0.094, 0.188, 0.028};
 
             scene_place(&motion[b], 0.01 * b, 0.01 * random_number(&seed),
@@ -80,7 +80,7 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
             motion[b].v[0] = 0.1 * random_number(&seed);
         }
         motion[3].p[0] = 0.03;
-        for (int e = 0; e < 2; ++e) {
+        for (int e = 0; e < 2; e++) {
             assert_int_equal(world[e]->ops->evaluate(world[e], motion, wrench), ERROR_NONE);
             assert_true(world[e]->ops->patches(world[e], patch, 5) >= 1);
             assert_true(world[e]->ops->tangents(world[e], tangent, 5) >= 1);
@@ -103,7 +103,7 @@ static void an_invalid_motion_is_an_error(void **state)
     assert_int_equal(arena_init(&arena, (size_t)16 << 20, NULL), ERROR_NONE);
     everything(&scene, read_foot(&arena));
     assert_int_equal(contact_native_create(&scene.config, &arena, &world, NULL), ERROR_NONE);
-    for (int b = 0; b < 4; ++b) {
+    for (int b = 0; b < 4; b++) {
         scene_place(&motion[b], b, 0, 1);
     }
     motion[2].v[1] = NAN;

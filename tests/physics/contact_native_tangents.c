@@ -24,11 +24,11 @@ static void disturb(struct body_motion *motion, const double center[3], int axis
 {
     double arm[3], turn[3], e[3] = {axis % 3 == 0, axis % 3 == 1, axis % 3 == 2};
 
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         arm[i] = motion->p[i] - center[i];
     }
     vec3_cross(e, arm, turn);
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         double *place = velocity ? motion->v : motion->p;
 
         place[i] += step * (axis < 3 ? e[i] : turn[i]);
@@ -37,11 +37,11 @@ static void disturb(struct body_motion *motion, const double center[3], int axis
         }
     }
     if (axis >= 3 && !velocity) {
-        for (int column = 0; column < 3; ++column) {
+        for (int column = 0; column < 3; column++) {
             double v[3] = {motion->R[column], motion->R[3 + column], motion->R[6 + column]};
 
             vec3_cross(e, v, turn);
-            for (int row = 0; row < 3; ++row) {
+            for (int row = 0; row < 3; row++) {
                 motion->R[3 * row + column] += step * turn[row];
             }
         }
@@ -54,11 +54,11 @@ static void about(const struct body_motion *motion, const struct contact_wrench 
 {
     double arm[3], turn[3];
 
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         arm[i] = motion->p[i] - center[i];
     }
     vec3_cross(arm, wrench->force, turn);
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         out[i] = wrench->force[i];
         out[3 + i] = wrench->moment[i] + turn[i];
     }
@@ -76,11 +76,11 @@ static void tangents_are_the_slopes_of_the_wrench_without_friction(void **state)
     uint64_t seed = 8;
 
     (void)state;
-    for (int kind = 0; kind < 3; ++kind) {
+    for (int kind = 0; kind < 3; kind++) {
         struct scene scene;
         double height = fixture_two_bodies(&scene, kind);
 
-        for (int s = 0; s < 2; ++s) {
+        for (int s = 0; s < 2; s++) {
             struct contact_material *m = &scene.surface[s].material;
 
             m->static_friction = m->dynamic_friction = m->viscous_friction = 0;
@@ -88,7 +88,7 @@ static void tangents_are_the_slopes_of_the_wrench_without_friction(void **state)
 
         struct contact_world *world = fixture_native(&scene);
 
-        for (int i = 0; i < 10; ++i) {
+        for (int i = 0; i < 10; i++) {
             struct body_motion motion[2];
             struct contact_wrench wrench[2];
             struct contact_tangent t;
@@ -96,7 +96,7 @@ static void tangents_are_the_slopes_of_the_wrench_without_friction(void **state)
             int b = scene.pair[0].b;
 
             fixture_two_motions(&seed, height, motion);
-            for (int body = 0; body < 2; ++body) {
+            for (int body = 0; body < 2; body++) {
                 memset(motion[body].v, 0, sizeof motion[body].v);
                 memset(motion[body].w, 0, sizeof motion[body].w);
             }
@@ -108,12 +108,12 @@ static void tangents_are_the_slopes_of_the_wrench_without_friction(void **state)
             assert_int_equal(t.pair, 0);
             assert_int_equal(t.body_a, scene.pair[0].a);
             assert_int_equal(t.body_b, b);
-            for (int column = 0; column < 6; ++column) {
-                for (int velocity = 0; velocity < 2; ++velocity) {
+            for (int column = 0; column < 6; column++) {
+                for (int velocity = 0; velocity < 2; velocity++) {
                     const double *S = velocity ? t.D : t.K, step = 1e-7;
                     double side[2][6], center[3];
 
-                    for (int way = 0; way < 2; ++way) {
+                    for (int way = 0; way < 2; way++) {
                         struct body_motion moved[2];
 
                         memcpy(moved, motion, sizeof moved);
@@ -126,7 +126,7 @@ static void tangents_are_the_slopes_of_the_wrench_without_friction(void **state)
                         }
                         about(&moved[b], &wrench[b], center, side[way]);
                     }
-                    for (int row = 0; row < 6; ++row) {
+                    for (int row = 0; row < 6; row++) {
                         double slope = -(side[1][row] - side[0][row]) / (2 * step);
                         double size =
                             sqrt(entry(S, row, row) * entry(S, column, column)) +
@@ -152,7 +152,7 @@ static void tangents_resist_sliding_at_least_as_much_as_friction_does(void **sta
     const double speed[] = {0, 2e-3, 0.01, 0.05, 1};
 
     (void)state;
-    for (int i = 0; i < 5; ++i) {
+    for (int i = 0; i < 5; i++) {
         struct body_motion motion[2];
         struct contact_wrench wrench[2], faster[2];
         struct contact_tangent t;

@@ -106,15 +106,15 @@ static inline void scene_random_rotation(uint64_t *seed, double angle, double R[
 {
     double a[3], length = 0, t = angle * random_number(seed), c = cos(t), s = sin(t);
 
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         a[i] = random_number(seed);
         length += a[i] * a[i];
     }
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         a[i] /= sqrt(length);
     }
-    for (int i = 0; i < 3; ++i) {
-        for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
             R[3 * i + j] = (1 - c) * a[i] * a[j] + (i == j ? c : 0);
         }
     }

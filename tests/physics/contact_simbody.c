@@ -35,7 +35,7 @@ static void box_on_half_space_pushes_with_k_a_d(void **state)
 
     struct contact_world *world = fixture_simbody(&scene);
 
-    for (size_t i = 0; i < sizeof depth / sizeof *depth; ++i) {
+    for (size_t i = 0; i < sizeof depth / sizeof *depth; i++) {
         double d = depth[i], force = k * area * d;
 
         scene_place(&motion, 0.3, -0.2, 0.075 - d);
@@ -44,7 +44,7 @@ static void box_on_half_space_pushes_with_k_a_d(void **state)
         double rounding = 1e-12 * force + k * area * 2e-17;
 
         assert_near(wrench.force[2], force, rounding);
-        for (int axis = 0; axis < 3; ++axis) {
+        for (int axis = 0; axis < 3; axis++) {
             assert_near(axis < 2 ? wrench.force[axis] : 0, 0, rounding);
             assert_near(wrench.moment[axis], 0, rounding);
         }
@@ -69,7 +69,7 @@ static void nothing_pushes_without_overlap(void **state)
 
     scene_place(&motion, 0, 0, 0.0751);
     fixture_evaluate(world, &motion, &wrench);
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         assert_true(wrench.force[i] == 0 && wrench.moment[i] == 0);
     }
     assert_int_equal(world->ops->patches(world, NULL, 0), 0);
@@ -139,7 +139,7 @@ static void sinking_adds_the_dissipation_and_rising_takes_it_away(void **state)
 
     struct contact_world *world = fixture_simbody(&scene);
 
-    for (size_t i = 0; i < sizeof rate / sizeof *rate; ++i) {
+    for (size_t i = 0; i < sizeof rate / sizeof *rate; i++) {
         double force = fmax(0, elastic * (1 + c * rate[i]));
         double power = force > 0 ? elastic * c * rate[i] * rate[i] : 0;
 
@@ -164,7 +164,7 @@ static void sphere_on_half_space_obeys_hertz(void **state)
 
     (void)state;
     fixture_on_ground(&scene, CONTACT_SPHERE)->radius_m = radius;
-    for (int pass = 0; pass < 2; ++pass) {
+    for (int pass = 0; pass < 2; pass++) {
         /* First the law as Simbody combines two materials, then a ground so stiff that it does not
          * give, where the textbook's formula has only the sphere's modulus */
         double e1 = scene_foot.young_pa, e2 = pass ? stiff * e1 : scene_ground.young_pa;
@@ -243,7 +243,7 @@ static void friction_follows_the_stribeck_curve_against_the_motion(void **state)
 
     struct contact_world *world = fixture_simbody(&scene);
 
-    for (size_t i = 0; i < sizeof ratio / sizeof *ratio; ++i) {
+    for (size_t i = 0; i < sizeof ratio / sizeof *ratio; i++) {
         double u = ratio[i], speed = u * SCENE_TRANSITION_M_S, mu;
         double direction[2] = {0.6, -0.8};
 
@@ -259,7 +259,7 @@ static void friction_follows_the_stribeck_curve_against_the_motion(void **state)
         motion.v[0] = direction[0] * speed;
         motion.v[1] = direction[1] * speed;
         fixture_evaluate(world, &motion, &wrench);
-        for (int axis = 0; axis < 2; ++axis) {
+        for (int axis = 0; axis < 2; axis++) {
             double expected = -direction[axis] * mu * wrench.force[2];
 
             assert_near(wrench.force[axis], expected, 1e-11 * wrench.force[2]);
@@ -286,7 +286,7 @@ static void friction_peaks_at_the_transition_velocity(void **state)
 
     struct contact_world *world = fixture_simbody(&scene);
 
-    for (int i = 1; i <= 400; ++i) {
+    for (int i = 1; i <= 400; i++) {
         double speed = i * 5e-4;
 
         scene_place(&motion, 0, 0, 0.074);
@@ -339,7 +339,7 @@ static void whole_triangles_of_a_coarse_table_push_too_hard_as_others_have_measu
 
     (void)state;
     assert_near(scene_stiffness(&hard, &hard) * 0.0225 * 1e-3, 11.25, 1e-12);
-    for (size_t i = 0; i < sizeof table / sizeof *table; ++i) {
+    for (size_t i = 0; i < sizeof table / sizeof *table; i++) {
         struct scene scene;
         struct body_motion motion;
         struct contact_wrench wrench;
@@ -399,9 +399,9 @@ static void a_dropped_block_comes_to_rest_with_its_weight(void **state)
     /* semi-implicit Euler; the block slides at 0.3 m/s when it lands from 2 cm */
     scene_place(&motion, 0, 0, 0.095);
     motion.v[0] = 0.3;
-    for (int step = 0; step < 20000; ++step) {
+    for (int step = 0; step < 20000; step++) {
         fixture_evaluate(world, &motion, &wrench);
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             motion.v[i] += h * (wrench.force[i] - (i == 2 ? weight : 0)) / mass;
             motion.p[i] += h * motion.v[i];
         }

@@ -35,10 +35,10 @@ static void two_bodies(struct scene *scene, bool sphere)
 
 static void two_motions(uint64_t *seed, struct body_motion motion[2])
 {
-    for (int b = 0; b < 2; ++b) {
+    for (int b = 0; b < 2; b++) {
         scene_place(&motion[b], 0.02 * random_number(seed), 0.02 * random_number(seed), 0.12 * b);
         scene_random_rotation(seed, 0.1, motion[b].R);
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             motion[b].w[i] = random_number(seed);
             motion[b].v[i] = 0.1 * random_number(seed);
         }
@@ -51,7 +51,7 @@ static void action_equals_reaction_about_any_point(void **state)
     int touching = 0;
 
     (void)state;
-    for (int sphere = 0; sphere < 2; ++sphere) {
+    for (int sphere = 0; sphere < 2; sphere++) {
         struct scene scene;
         struct body_motion motion[2];
         struct contact_wrench wrench[2];
@@ -60,22 +60,22 @@ static void action_equals_reaction_about_any_point(void **state)
 
         struct contact_world *world = fixture_simbody(&scene);
 
-        for (int i = 0; i < 50; ++i) {
+        for (int i = 0; i < 50; i++) {
             double size, moment[3] = {0};
 
             two_motions(&seed, motion);
             fixture_evaluate(world, motion, wrench);
             size = vec3_norm(wrench[0].force);
             touching += size > 0;
-            for (int b = 0; b < 2; ++b) {
+            for (int b = 0; b < 2; b++) {
                 double shifted[3];
 
                 vec3_cross(motion[b].p, wrench[b].force, shifted);
-                for (int axis = 0; axis < 3; ++axis) {
+                for (int axis = 0; axis < 3; axis++) {
                     moment[axis] += wrench[b].moment[axis] + shifted[axis];
                 }
             }
-            for (int axis = 0; axis < 3; ++axis) {
+            for (int axis = 0; axis < 3; axis++) {
                 assert_near(wrench[0].force[axis] + wrench[1].force[axis], 0, 1e-14 * size);
                 assert_near(moment[axis], 0, 1e-14 * size);
             }
@@ -98,7 +98,7 @@ static void patches_add_up_to_the_wrenches(void **state)
 
     struct contact_world *world = fixture_simbody(&scene);
 
-    for (int i = 0; i < 20; ++i) {
+    for (int i = 0; i < 20; i++) {
         double arm[3], moment[3], size;
 
         two_motions(&seed, motion);
@@ -111,11 +111,11 @@ static void patches_add_up_to_the_wrenches(void **state)
         assert_int_equal(world->ops->patches(world, &patch, 1), 1);
 
         /* The pair is (1, 0): the patch says the force on body 0 */
-        for (int axis = 0; axis < 3; ++axis) {
+        for (int axis = 0; axis < 3; axis++) {
             arm[axis] = patch.center[axis] - motion[0].p[axis];
         }
         vec3_cross(arm, patch.force, moment);
-        for (int axis = 0; axis < 3; ++axis) {
+        for (int axis = 0; axis < 3; axis++) {
             assert_near(patch.force[axis], wrench[0].force[axis], 1e-14 * size);
             assert_near(patch.moment[axis] + moment[axis], wrench[0].moment[axis], 1e-14 * size);
         }
@@ -130,7 +130,7 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
     int touching = 0;
 
     (void)state;
-    for (int sphere = 0; sphere < 2; ++sphere) {
+    for (int sphere = 0; sphere < 2; sphere++) {
         struct scene scene;
         struct body_motion motion[2], moved[2];
         struct contact_wrench wrench[2], turned[2];
@@ -139,12 +139,12 @@ static void moving_the_whole_scene_moves_the_wrenches_with_it(void **state)
 
         struct contact_world *world = fixture_simbody(&scene);
 
-        for (int i = 0; i < 50; ++i) {
+        for (int i = 0; i < 50; i++) {
             double Q[9], shift[3], size;
 
             two_motions(&seed, motion);
             scene_random_rotation(&seed, 3, Q);
-            for (int axis = 0; axis < 3; ++axis) {
+            for (int axis = 0; axis < 3; axis++) {
                 shift[axis] = 2 * random_number(&seed);
             }
             fixture_move_all(Q, shift, motion, moved);
@@ -171,11 +171,11 @@ static void the_same_motion_gives_the_same_bits_whatever_came_before(void **stat
 
     struct contact_world *world = fixture_simbody(&scene), *fresh;
 
-    for (int i = 0; i < 20; ++i) {
+    for (int i = 0; i < 20; i++) {
         two_motions(&seed, motion[i]);
         fixture_evaluate(world, motion[i], first[i]);
     }
-    for (int i = 0; i < 400; ++i) {
+    for (int i = 0; i < 400; i++) {
         int pick = (int)(10 + 9.99 * random_number(&seed));
         struct body_motion apart[2];
 
@@ -190,7 +190,7 @@ static void the_same_motion_gives_the_same_bits_whatever_came_before(void **stat
         assert_memory_equal(again, first[pick], sizeof again);
     }
     fresh = fixture_simbody(&scene);
-    for (int i = 19; i >= 0; --i) {
+    for (int i = 19; i >= 0; i--) {
         fixture_evaluate(fresh, motion[i], again);
         assert_memory_equal(again, first[i], sizeof again);
     }
@@ -206,7 +206,7 @@ static void only_the_given_pairs_interact_in_every_subset(void **state)
     static const int all[6][2] = {{0, 1}, {2, 0}, {0, 3}, {1, 2}, {3, 1}, {2, 3}};
 
     (void)state;
-    for (unsigned subset = 0; subset < 64; ++subset) {
+    for (unsigned subset = 0; subset < 64; subset++) {
         struct scene scene;
         struct body_motion motion[3];
         struct contact_wrench wrench[3];
@@ -218,7 +218,7 @@ static void only_the_given_pairs_interact_in_every_subset(void **state)
         scene_add(&scene, 0, CONTACT_SPHERE, &scene_foot)->radius_m = 0.1;
         scene_add_box(&scene, 1, 0.08, 0.09, 0.07, 3, &scene_foot);
         scene_add(&scene, 2, CONTACT_MESH, &scene_foot)->mesh = fixture_foot;
-        for (unsigned p = 0; p < 6; ++p) {
+        for (unsigned p = 0; p < 6; p++) {
             if (subset >> p & 1) {
                 scene_add_pair(&scene, all[p][0], all[p][1]);
                 listed[n++] = p;
@@ -227,7 +227,7 @@ static void only_the_given_pairs_interact_in_every_subset(void **state)
 
         struct contact_world *world = fixture_simbody(&scene);
 
-        for (int b = 0; b < 3; ++b) {
+        for (int b = 0; b < 3; b++) {
             scene_place(&motion[b], 0.01 * b, 0.003 * b, -0.02);
         }
         fixture_evaluate(world, motion, wrench);
@@ -235,7 +235,7 @@ static void only_the_given_pairs_interact_in_every_subset(void **state)
         size_t count = world->ops->patches(world, patch, 8);
 
         assert_int_equal(count, n);
-        for (size_t i = 0; i < count; ++i) {
+        for (size_t i = 0; i < count; i++) {
             seen |= 1u << listed[patch[i].pair];
         }
         assert_int_equal(seen, subset);
@@ -253,7 +253,7 @@ static void patches_writes_no_more_than_asked_and_returns_all(void **state)
     (void)state;
     scene_init(&scene, 2);
     scene_add(&scene, -1, CONTACT_HALF_SPACE, &scene_ground);
-    for (int b = 0; b < 2; ++b) {
+    for (int b = 0; b < 2; b++) {
         scene_add(&scene, b, CONTACT_SPHERE, &scene_foot)->radius_m = 0.1;
         scene_add_pair(&scene, 0, b + 1);
         scene_place(&motion[b], b, 0, 0.09);
@@ -337,7 +337,7 @@ static void an_invalid_motion_is_an_error_and_harms_nothing(void **state)
 
     scene_place(&motion, 0, 0, 0.07);
     fixture_evaluate(world, &motion, &wrench);
-    for (size_t i = 0; i < sizeof motion / sizeof(double); ++i) {
+    for (size_t i = 0; i < sizeof motion / sizeof(double); i++) {
         const double wrong[3] = {NAN, -INFINITY, 1e10};
         double number = wrong[i % 3];
 

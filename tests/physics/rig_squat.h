@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * One squat of COMAN, 10 cm deep in 2 s, for the tests of the implicit integrator: references of the
- * legs' pitch joints in a rig_scene. Include after cmocka.
+ * One squat of COMAN, 10 cm deep in 2 s, for the tests of the implicit integrator: references of
+ * the legs' pitch joints in a rig_scene. Include after cmocka.
  */
 #ifndef TESTS_PHYSICS_RIG_SQUAT_H
 #define TESTS_PHYSICS_RIG_SQUAT_H
@@ -13,8 +13,8 @@
 static const double squat_depth_m = 0.1, squat_period_s = 2.0;
 static const double thigh_m = 0.2258, shank_m = 0.201;
 
-/* Angles of hip, knee and ankle with the hips sunk by depth vertically over flat feet, trunk and feet
- * turned as at the start. */
+/* Angles of hip, knee and ankle with the hips sunk by depth vertically over flat feet, trunk and
+ * feet turned as at the start. */
 static inline void rig_squat_angles(const double start[3], double depth, double angle[3])
 {
     double lean = start[0] + start[1] + start[2], thigh = -(start[1] + start[2]);
@@ -29,8 +29,8 @@ static inline void rig_squat_angles(const double start[3], double depth, double 
     angle[2] = -turned - angle[1];
 }
 
-/* Sets the references of the legs t s after the squat's begin, from those that keep the start; before
- * the begin and after the end the robot stands. */
+/* Sets the references of the legs t s after the squat's begin, from those that keep the start;
+ * before the begin and after the end the robot stands. */
 static inline void rig_squat_refer(struct rig_scene *scene, const double settled[RIG_SCENE_JOINTS],
                                    double t)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A small rig's names for the tests of faults and their fuzzer: three joints, two sensors, two buses,
- * two boards. */
+/* A small rig's names for the tests of faults and their fuzzer: three joints, two sensors, two
+ * buses, two boards. */
 #ifndef TESTS_UNIT_BOARDS_FAULT_NAMES_H
 #define TESTS_UNIT_BOARDS_FAULT_NAMES_H
 

@@ -43,8 +43,8 @@ static void volume_of_a_mesh_far_from_the_origin_keeps_its_digits(void **state)
     struct mesh mesh = tetrahedron;
 
     (void)state;
-    for (int v = 0; v < 4; ++v) {
-        for (int i = 0; i < 3; ++i) {
+    for (int v = 0; v < 4; v++) {
+        for (int i = 0; i < 3; i++) {
             far[v][i] = corner[v][i] + 524288;
         }
     }
@@ -58,7 +58,7 @@ static void box_has_twelve_faces_a_square_cell_and_shares_its_vertices(void **st
     const int cells[] = {1, 2, 3, 7, 32};
 
     (void)state;
-    for (size_t i = 0; i < sizeof cells / sizeof *cells; ++i) {
+    for (size_t i = 0; i < sizeof cells / sizeof *cells; i++) {
         const struct mesh *box;
         size_t n = (size_t)cells[i];
 
@@ -92,14 +92,14 @@ static void every_box_face_lies_in_a_side_and_looks_outward(void **state)
 
     (void)state;
     assert_int_equal(mesh_box(half, 3, &arena, &box, NULL), ERROR_NONE);
-    for (size_t f = 0; f < box->nface; ++f) {
+    for (size_t f = 0; f < box->nface; f++) {
         const double *p[3];
         int sides = 0;
 
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             p[i] = box->vertex[box->face[f][i]];
         }
-        for (int axis = 0; axis < 3; ++axis) {
+        for (int axis = 0; axis < 3; axis++) {
             int u = (axis + 1) % 3, v = (axis + 2) % 3;
             double normal = (p[1][u] - p[0][u]) * (p[2][v] - p[0][v]) -
                             (p[1][v] - p[0][v]) * (p[2][u] - p[0][u]);
@@ -123,7 +123,7 @@ static void box_refuses_sizes_and_cells_that_make_none(void **state)
                {{1e7, 1, 1}, 1}, {{1, 1, 1}, 0},  {{1, 1, 1}, INT32_MIN}, {{1, 1, 1}, 257}};
 
     (void)state;
-    for (size_t i = 0; i < sizeof bad / sizeof *bad; ++i) {
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         const struct mesh *box = NULL;
         struct error error;
 
@@ -186,7 +186,7 @@ static void names_each_fault_of_a_surface_and_its_first_face(void **state)
     };
 
     (void)state;
-    for (size_t i = 0; i < sizeof row / sizeof *row; ++i) {
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
         struct mesh_finding finding = check(&row[i].mesh);
 
         if (finding.fault != row[i].fault || finding.face != row[i].face) {

@@ -63,7 +63,7 @@ static void reads_all_corner_forms_and_passes_over_what_is_not_shape(void **stat
     };
 
     (void)state;
-    for (size_t i = 0; i < sizeof text / sizeof *text; ++i) {
+    for (size_t i = 0; i < sizeof text / sizeof *text; i++) {
         const struct mesh *mesh = read_text(text[i]);
 
         assert_int_equal(mesh->nvertex, 4);
@@ -152,7 +152,7 @@ static void refuses_what_is_not_a_mesh_and_says_where(void **state)
     };
 
     (void)state;
-    for (size_t i = 0; i < sizeof row / sizeof *row; ++i) {
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
         refused(row[i].text, strlen(row[i].text), row[i].start);
     }
 }
@@ -203,7 +203,7 @@ static void too_many_vertices_are_an_error_with_the_limit(void **state)
 
     (void)state;
     assert_non_null(text);
-    for (size_t i = 0; i < lines; ++i) {
+    for (size_t i = 0; i < lines; i++) {
         memcpy(text + 8 * i, "v 0 0 0\n", 8);
     }
     refused(text, 8 * lines, "a.obj:2097153:1: found one more vertex, expected at most 2097152");
@@ -219,7 +219,7 @@ static void a_file_that_is_none_is_an_error_and_never_a_hang(void **state)
     assert_non_null(mkdtemp(directory));
     snprintf(fifo, sizeof fifo, "%s/fifo", directory);
     assert_int_equal(mkfifo(fifo, 0600), 0);
-    for (size_t i = 0; i < sizeof path / sizeof *path; ++i) {
+    for (size_t i = 0; i < sizeof path / sizeof *path; i++) {
         const struct mesh *mesh = NULL;
         struct error error;
 

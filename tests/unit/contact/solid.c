@@ -57,7 +57,7 @@ static const struct mesh *bowl(void)
     struct mesh_finding finding;
 
     assert_true(mesh && vertex);
-    for (size_t v = 0; v < flat->nvertex; ++v) {
+    for (size_t v = 0; v < flat->nvertex; v++) {
         double r;
 
         memcpy(vertex[v], flat->vertex[v], sizeof vertex[v]);
@@ -79,10 +79,10 @@ static double winding(const struct mesh *mesh, const double p[3])
 {
     double sum = 0;
 
-    for (size_t f = 0; f < mesh->nface; ++f) {
+    for (size_t f = 0; f < mesh->nface; f++) {
         double r[3][3], l[3], x[3];
 
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             vec3_sub(mesh->vertex[mesh->face[f][i]], p, r[i]);
             l[i] = vec3_norm(r[i]);
         }
@@ -99,11 +99,11 @@ static double triangle_distance(const double v[3][3], const double p[3])
 {
     double best = DBL_MAX, e[3][3], n[3], to[3], inside = 1, height;
 
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         vec3_sub(v[(i + 1) % 3], v[i], e[i]);
     }
     vec3_cross(e[0], e[1], n);
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         double t, near[3], out[3];
 
         vec3_sub(p, v[i], to);
@@ -123,10 +123,10 @@ static double brute_distance(const struct mesh *mesh, const double p[3])
 {
     double best = DBL_MAX;
 
-    for (size_t f = 0; f < mesh->nface; ++f) {
+    for (size_t f = 0; f < mesh->nface; f++) {
         double v[3][3];
 
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             memcpy(v[i], mesh->vertex[mesh->face[f][i]], sizeof v[i]);
         }
         best = fmin(best, triangle_distance((const double(*)[3])v, p));
@@ -143,20 +143,20 @@ static void a_box_has_six_facets_however_it_is_cut(void **state)
 
         assert_int_equal(solid.nfacet, 6);
         assert_true(solid.convex);
-        for (size_t i = 0; i < 6; ++i) {
+        for (size_t i = 0; i < 6; i++) {
             const struct facet *f = &solid.facet[i];
             double weight = 0, moment[3] = {0};
 
             assert_int_equal(f->count, 4);
             area += f->area;
-            for (int p = f->point; p < f->point + f->npoint; ++p) {
+            for (int p = f->point; p < f->point + f->npoint; p++) {
                 weight += solid.weight[p];
-                for (int k = 0; k < 3; ++k) {
+                for (int k = 0; k < 3; k++) {
                     moment[k] += solid.weight[p] * solid.point[k][p];
                 }
             }
             assert_near(weight, f->area, 1e-15);
-            for (int k = 0; k < 3; ++k) {
+            for (int k = 0; k < 3; k++) {
                 assert_near(moment[k], f->area * f->center[k], 1e-15);
             }
         }
@@ -170,7 +170,7 @@ static void the_sole_of_the_foot_is_one_facet(void **state)
     size_t soles = 0;
 
     (void)state;
-    for (size_t i = 0; i < solid.nfacet; ++i) {
+    for (size_t i = 0; i < solid.nfacet; i++) {
         const struct facet *f = &solid.facet[i];
 
         if (f->normal[2] < -0.99) {
@@ -186,11 +186,11 @@ static void facets_have_the_area_and_volume_of_the_mesh(void **state)
     const struct mesh *mesh[] = {box(0.1, 0.2, 0.3, 5), foot(), bowl()};
 
     (void)state;
-    for (int m = 0; m < 3; ++m) {
+    for (int m = 0; m < 3; m++) {
         struct solid solid = make(mesh[m]);
         double area = 0, volume = 0;
 
-        for (size_t i = 0; i < solid.nfacet; ++i) {
+        for (size_t i = 0; i < solid.nfacet; i++) {
             area += solid.facet[i].area;
             volume += solid.facet[i].area * solid.facet[i].offset / 3;
         }
@@ -208,7 +208,7 @@ static void depth_has_the_distance_of_brute_force_and_the_sign_of_the_solid_angl
     int inside = 0, in_the_bowl = 0;
 
     (void)state;
-    for (int i = 0; i < 4000; ++i) {
+    for (int i = 0; i < 4000; i++) {
         double p[3] = {0.11 * random_number(&seed), 0.11 * random_number(&seed),
                        0.06 * random_number(&seed)};
         double depth = solid_depth(&solid, p, 10);
@@ -229,7 +229,7 @@ static void depth_in_a_convex_solid_is_the_distance(void **state)
     uint64_t seed = 5;
 
     (void)state;
-    for (int i = 0; i < 2000; ++i) {
+    for (int i = 0; i < 2000; i++) {
         double p[3] = {0.12 * random_number(&seed), 0.07 * random_number(&seed),
                        0.09 * random_number(&seed)};
         double depth = solid_depth(&solid, p, 10);
@@ -266,7 +266,7 @@ static struct solid rough(double height)
     uint64_t seed = 77;
 
     assert_non_null(vertex);
-    for (size_t v = 0; v < flat->nvertex; ++v) {
+    for (size_t v = 0; v < flat->nvertex; v++) {
         memcpy(vertex[v], flat->vertex[v], sizeof vertex[v]);
         if (vertex[v][2] > 0.09) {
             vertex[v][2] += height * random_number(&seed);
@@ -284,22 +284,22 @@ static void nothing_under_a_facet_is_nearer_than_its_surroundings_say(void **sta
     uint64_t seed = 5;
 
     (void)state;
-    for (int h = 0; h < 3; ++h) {
+    for (int h = 0; h < 3; h++) {
         struct solid solid = rough(height[h]);
         int known = 0;
 
-        for (size_t i = 0; i < solid.nfacet; ++i) {
+        for (size_t i = 0; i < solid.nfacet; i++) {
             const struct facet *f = &solid.facet[i];
             const double(*v)[3] = solid.ring + f->first;
 
             known += f->clearance > 0;
-            for (int n = 0; n < 20 && f->clearance > 0; ++n) {
+            for (int n = 0; n < 20 && f->clearance > 0; n++) {
                 double a = 0.5 + 0.5 * random_number(&seed), b = 0.5 + 0.5 * random_number(&seed);
                 double half = f->clearance * (0.5 + 0.5 * random_number(&seed)), way[3], x[3],
                        cosine;
                 double lean;
 
-                for (int k = 0; k < 3; ++k) {
+                for (int k = 0; k < 3; k++) {
                     /* a spring's end on the facet, and its way inward, up to 60 degrees off */
                     x[k] = v[0][k] + a * (v[1][k] - v[0][k]) + (1 - a) * b * (v[2][k] - v[0][k]);
                     way[k] = -f->normal[k] + 0.8 * random_number(&seed);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the loop makes of requests, by the scripted clock: standing still, going on, steps, lockstep.
- * Speed, the way back and tunables: loop_steering_speed.c. */
+/* What the loop makes of requests, by the scripted clock: standing still, going on, steps,
+ * lockstep. Speed, the way back and tunables: loop_steering_speed.c. */
 #include "tests/unit/rt/steering_bench.h"
 
 /* ---- standing still ---- */

@@ -142,8 +142,8 @@ static inline enum host_phase start_up(struct bench *bench, int periods)
     return phase;
 }
 
-/* Starts the host up as often as there are frames in a start-up, each time with another of them lost
- * on its way; set_up opens a bench anew. */
+/* Starts the host up as often as there are frames in a start-up, each time with another of them
+ * lost on its way; set_up opens a bench anew. */
 static inline void check_start_up_without_each_frame(void **state, int (*set_up)(void **state))
 {
     struct bench *bench = *state;

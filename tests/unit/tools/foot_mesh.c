@@ -48,7 +48,7 @@ static double outline_area(void)
 {
     double twice = 0;
 
-    for (int i = 0; i < 21; ++i) {
+    for (int i = 0; i < 21; i++) {
         const double *a = outline[i], *b = outline[(i + 1) % 21];
 
         twice += a[0] * b[1] - b[0] * a[1];
@@ -63,10 +63,10 @@ static double flat_area(const struct mesh *mesh, size_t f, double *quality)
     const double *p[3];
     double edges = 0, area;
 
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         p[i] = mesh->vertex[mesh->face[f][i]];
     }
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         const double *a = p[i], *b = p[(i + 1) % 3];
 
         edges += (b[0] - a[0]) * (b[0] - a[0]) + (b[1] - a[1]) * (b[1] - a[1]);
@@ -79,7 +79,7 @@ static double flat_area(const struct mesh *mesh, size_t f, double *quality)
 
 static bool in_sole(const struct mesh *mesh, size_t f)
 {
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         if (mesh->vertex[mesh->face[f][i]][2] != SOLE_Z) {
             return false;
         }
@@ -93,7 +93,7 @@ static void generator_writes_the_committed_files_byte_for_byte(void **state)
         {"coman", "right"}, {"coman", "left"}, {"walkman", "right"}, {"walkman", "left"}};
 
     (void)state;
-    for (size_t s = 0; s < sizeof foot / sizeof foot[0]; ++s) {
+    for (size_t s = 0; s < sizeof foot / sizeof foot[0]; s++) {
         char command[1024], path[512], made[4096], kept[4096];
         FILE *generator, *file;
         size_t n;
@@ -145,7 +145,7 @@ static void sole_tiles_the_published_outline(void **state)
     int faces = 0;
 
     (void)state;
-    for (size_t f = 0; f < foot->nface; ++f) {
+    for (size_t f = 0; f < foot->nface; f++) {
         if (in_sole(foot, f)) {
             double down = -flat_area(foot, f, &quality);
 
@@ -170,18 +170,18 @@ static void sole_centroids_integrate_pressure_as_the_outline_does(void **state)
     double moment[2] = {0, 0}, exact[2] = {0, 0}, quality;
 
     (void)state;
-    for (int i = 0; i < 21; ++i) {
+    for (int i = 0; i < 21; i++) {
         const double *a = outline[i], *b = outline[(i + 1) % 21];
         double part = (a[0] * b[1] - b[0] * a[1]) / 6;
 
         exact[0] += part * (a[0] + b[0]);
         exact[1] += part * (a[1] + b[1]);
     }
-    for (size_t f = 0; f < foot->nface; ++f) {
+    for (size_t f = 0; f < foot->nface; f++) {
         if (in_sole(foot, f)) {
             double area = -flat_area(foot, f, &quality);
 
-            for (int c = 0; c < 3; ++c) {
+            for (int c = 0; c < 3; c++) {
                 moment[0] += area * foot->vertex[foot->face[f][c]][0] / 3;
                 moment[1] += area * foot->vertex[foot->face[f][c]][1] / 3;
             }
@@ -196,10 +196,10 @@ static void only_the_sole_is_within_a_centimeter_of_the_floor(void **state)
     const struct mesh *foot = read_foot("right");
 
     (void)state;
-    for (size_t f = 0; f < foot->nface; ++f) {
+    for (size_t f = 0; f < foot->nface; f++) {
         double z = 0;
 
-        for (int c = 0; c < 3; ++c) {
+        for (int c = 0; c < 3; c++) {
             z += foot->vertex[foot->face[f][c]][2] / 3;
         }
         assert_true(in_sole(foot, f) || z > SOLE_Z + 0.01);
@@ -212,12 +212,12 @@ static void the_left_foot_mirrors_the_right_one(void **state)
 
     (void)state;
     assert_int_equal(left->nvertex, right->nvertex);
-    for (size_t v = 0; v < right->nvertex; ++v) {
+    for (size_t v = 0; v < right->nvertex; v++) {
         assert_true(left->vertex[v][0] == right->vertex[v][0]);
         assert_true(left->vertex[v][1] == -right->vertex[v][1]);
         assert_true(left->vertex[v][2] == right->vertex[v][2]);
     }
-    for (size_t f = 0; f < right->nface; ++f) {
+    for (size_t f = 0; f < right->nface; f++) {
         assert_int_equal(left->face[f][0], right->face[f][0]);
         assert_int_equal(left->face[f][1], right->face[f][2]);
         assert_int_equal(left->face[f][2], right->face[f][1]);
@@ -244,12 +244,12 @@ static void the_sole_of_walkman_is_its_rectangle(void **state)
 
     (void)state;
     assert_int_equal(foot->nface, 504);
-    for (size_t f = 0; f < foot->nface; ++f) {
+    for (size_t f = 0; f < foot->nface; f++) {
         const int *face = foot->face[f];
         bool sole = true;
         double down;
 
-        for (int c = 0; c < 3; ++c) {
+        for (int c = 0; c < 3; c++) {
             sole = sole && foot->vertex[face[c]][2] == -0.1435;
         }
         if (!sole) {
@@ -258,7 +258,7 @@ static void the_sole_of_walkman_is_its_rectangle(void **state)
         down = -flat_area(foot, f, &quality);
         assert_true(down > 0);
         area += down;
-        for (int m = 0; m < 2; ++m) {
+        for (int m = 0; m < 2; m++) {
             moment[m] +=
                 down / 3 *
                 (foot->vertex[face[0]][m] + foot->vertex[face[1]][m] + foot->vertex[face[2]][m]);
