@@ -234,6 +234,8 @@ static enum error_code yaml_build_children(struct yaml_reader *r, struct yaml_no
         if (code) {
             return code;
         }
+
+        /* The end of the list or mapping, or its next child */
         done = event.type == end;
         if (!done) {
             code = yaml_build_node(r, &event, depth + 1, link);
@@ -242,6 +244,8 @@ static enum error_code yaml_build_children(struct yaml_reader *r, struct yaml_no
         if (code) {
             return code;
         }
+
+        /* A mapping's children are keys and values in turn */
         if (done) {
             parent->count = parent->kind == YAML_KIND_LIST ? count : count / 2;
             return parent->kind == YAML_KIND_LIST ? ERROR_NONE : yaml_check_keys(r, parent);

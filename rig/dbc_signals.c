@@ -114,11 +114,14 @@ static struct measure dbc_field_measure(const struct dbc_exporter *e, const stru
                        : axis->joint_ticks_per_rad;
     int channel = dbc_strain_channel(e, p);
 
+    /* Channels of calibrated STRAIN frames: offset binary over the full scale */
     if (channel >= 0 && board->full_scale[channel] > 0.0) {
         return (struct measure){board->full_scale[channel] / ICUB_STRAIN_ZERO,
                                 -board->full_scale[channel],
                                 board->kind == BOARD_FT && channel < 3 ? "N" : "Nm"};
     }
+
+    /* Quantities of the iCub boards, scaled by the axis that the field belongs to */
     if (e->personality == BOARD_ICUB && !strcmp(unit, "pwm")) {
         return (struct measure){100.0 / ICUB_PWM_FULL_SCALE, 0.0, "%"};
     }
@@ -131,6 +134,8 @@ static struct measure dbc_field_measure(const struct dbc_exporter *e, const stru
     if (rotor > 0.0 && !strcmp(unit, "icubdeg/ms")) {
         return (struct measure){1e3 * rotor, 0.0, "rad/s"};
     }
+
+    /* All others as their table says */
     return (struct measure){p->field->scale != 0.0 ? p->field->scale : 1.0, 0.0, unit};
 }
 

@@ -17,10 +17,14 @@ static enum error_code rig_replace_springs(struct rig_builder *b)
     if (!raw->nspring) {
         return ERROR_NONE;
     }
+
+    /* The robot file's own stays as it is */
     code = robot_copy(b->robot, b->arena, &robot, b->error);
     if (code) {
         return code;
     }
+
+    /* Only where there is a spring to be replaced */
     for (size_t i = 0; i < raw->nspring; i++) {
         const struct raw_spring *spring = &raw->spring[i];
 
@@ -37,6 +41,8 @@ static enum error_code rig_replace_springs(struct rig_builder *b)
         robot->joint[index].sea.Ks = spring->Ks_nm_rad;
         robot->joint[index].sea.Ds = spring->Ds_nm_s_rad;
     }
+
+    /* Another robot: derived quantities and the hash anew */
     b->robot = robot;
     return robot_finish(robot, b->error);
 }
@@ -70,6 +76,8 @@ static enum error_code rig_build_joints(struct rig_builder *b, const struct robo
     if (!joint) {
         return rig_no_memory(b);
     }
+
+    /* The pose, then what the rig says of single joints, within their limits */
     memcpy(joint, pose->joint, b->robot->njoint * sizeof *joint);
     for (size_t i = 0; i < raw->njoint; i++) {
         const struct yaml_real_entry *entry = &raw->joint[i];

@@ -276,11 +276,13 @@ static void simulator_set_task_pace(void *context, double speed, bool paused)
 static enum error_code simulator_create_steering(struct simulator *simulator, struct error *error)
 {
     struct task_runner *task = simulator->task_inline ? simulator->task : NULL;
+    /* What a checkpoint saves: the part of the arena that moves in virtual time */
     const struct span moving[] = {
         {simulator->arena->memory + simulator->moves_from,
          simulator->moves_to - simulator->moves_from},
         {&simulator->release, sizeof simulator->release},
     };
+    /* But not what other threads read in it meanwhile */
     const struct span hole[] = {
         {task ? task->published : NULL, task ? sizeof *task->published : 0},
         {task ? task->published->word : NULL, task ? 8 * task->published->words : 0},

@@ -152,6 +152,7 @@ static void title_add_recorded(struct title_list *list, const struct rig *rig)
     static const char *const free_body[SIGNALS_PER_FREE] = {"*_x_m", "*_y_m", "*_z_m", "*_qw",
                                                             "*_qx",  "*_qy",  "*_qz"};
 
+    /* Joints, then wrenches of bodies and of pairs, then poses: the order of the row's values */
     for (size_t j = 0; j < rig->robot->njoint; j++) {
         title_add_group(list, joint, SIGNALS_PER_JOINT, rig->robot->joint[j].name);
     }

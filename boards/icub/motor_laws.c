@@ -124,6 +124,7 @@ void motor_axis_step(const struct board *board, struct motor_axis *axis)
 
     axis->torque = motor_axis_measured_torque(board, axis);
 
+    /* The law of the mode */
     switch (axis->mode) {
     case ICUB_MODE_OPEN_LOOP:
         axis->output = p[ICUB_P_OPEN_LOOP];
@@ -147,6 +148,7 @@ void motor_axis_step(const struct board *board, struct motor_axis *axis)
         break;
     }
 
+    /* What the bridge can do, then what the host allows */
     axis->output = pwm_clamp(axis->output, ICUB_PWM_FULL_SCALE);
     axis->pwm = pwm_clamp(axis->output, p[ICUB_P_PWM_LIMIT]);
 }
