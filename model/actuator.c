@@ -19,35 +19,6 @@ void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, 
     derivative->I = bridge_on ? (V - sea->R * state->I - sea->Kw * state->qmd) / sea->L : 0.0;
 }
 
-/* With k = Ds + h Ks and m = J + h (Dm + Kt brake + k) the three equations at the step's end are
- *   I+   = charge - brake qm'+
- *   m qm'+ = J qm' + h (Kt charge - Ks (qm - q)) + h k q'+
- *   tau+ = Ks (qm - q) + k (qm'+ - q'+) */
-void sea_step_begin(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
-                    double V, bool bridge_on, double h, struct sea_step *step)
-{
-    double spring = sea->Ks * (state->qm - q), k = sea->Ds + h * sea->Ks;
-    double winding = bridge_on ? 1.0 / (sea->L + h * sea->R) : 0.0;
-    double free, m, yield;
-
-    step->charge = (sea->L * state->I + h * V) * winding;
-    step->brake = h * sea->Kw * winding;
-    free = sea->J + h * (sea->Dm + sea->Kt * step->brake);
-    m = free + h * k;
-    step->rate = (sea->J * state->qmd + h * (sea->Kt * step->charge - spring)) / m;
-    step->follow = h * k / m;
-    yield = k * free / m; /* k (1 - follow), free of cancellation */
-    step->torque = spring + k * step->rate - yield * qd;
-    step->extra = h * yield;
-}
-
-void sea_step_end(const struct sea_step *step, double qd_end, double h, struct sea_state *state)
-{
-    state->qmd = step->rate + step->follow * qd_end;
-    state->qm += h * state->qmd;
-    state->I = step->charge - step->brake * state->qmd;
-}
-
 void sea_power(const struct robot_sea *sea, const struct sea_state *state, double qd, double V,
                struct sea_power *power)
 {

@@ -26,22 +26,6 @@ double sea_torque(const struct robot_sea *sea, const struct sea_state *state, do
 void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
                     double V, bool bridge_on, struct sea_state *derivative);
 
-/* One step of h seconds by the implicit Euler scheme, with current and motor velocity eliminated:
- * for a joint that reaches the rate q'(t + h) = qd + h qdd and the position q + h q'(t + h) the
- * torque at the end of the step is torque - extra qdd. */
-struct sea_step {
-    double torque; /* N m */
-    double extra;  /* inertia, kg m2, never negative */
-    /* Of the end: the motor's rate is rate + follow q'(t + h), its current charge - brake times
-     * that rate */
-    double rate, follow, charge, brake;
-};
-void sea_step_begin(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
-                    double V, bool bridge_on, double h, struct sea_step *step);
-
-/* State from the begin of the step to its end, given the joint's rate there. */
-void sea_step_end(const struct sea_step *step, double qd_end, double h, struct sea_state *state);
-
 /* Power balance, W: the electrical power V I is what heats the winding, R I^2, motor friction,
  * Dm qm'^2, spring damping, Ds (qm' - q')^2, the rate of sea_energy, and tau q' to the link. A
  * physical machine has Kw = Kt; where a robot file says otherwise, the power (Kw - Kt) I qm' that
@@ -69,7 +53,7 @@ double parallel_spring_torque(const struct robot_parallel_spring *spring, double
                               double q, double qd);
 
 /* Its torque at the end of an implicit Euler step of h seconds that begins at p, q with the rates
- * pd, qd is torque - extra qdd, as in struct sea_step. Slack stays slack for the step. */
+ * pd, qd is torque - extra qdd. Slack stays slack for the step. */
 void parallel_spring_step(const struct robot_parallel_spring *spring, double p, double pd, double q,
                           double qd, double h, double *torque, double *extra);
 

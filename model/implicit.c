@@ -1,32 +1,45 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Linearly implicit Euler for the plant. With the accelerations a = (v+ - v)/h as the unknowns,
- * every stiff force is taken at the end of the step and linearized there:
+ * The implicit integrator: a singly diagonally implicit Runge-Kutta scheme of two stages (Alexander
+ * 1977; Hairer, Wanner, Solving ODEs II, IV.6), stiffly accurate, L-stable and of order 2, with one
+ * linear system a stage. With gamma = 1 - 1/sqrt(2), rates u (velocities of robot and free bodies)
+ * and their slopes k = u':
  *
- *   drives      the three linear equations of a drive are eliminated; an inertia on its joint and a
- *               torque remain (model/actuator.h, struct sea_step); parallel springs likewise;
+ *     u1 = u0 + gamma h k1                        q1 = q0 + gamma h u1
+ *     u2 = u0 + (1 - gamma) h k1 + gamma h k2     q2 = q0 + (1 - gamma) h u1 + gamma h u2
+ *
+ * and the step's end is the second stage. Each is an implicit Euler step of gamma h from a base
+ * (u0, q0 and what stands before gamma h k2, gamma h u2). docs/integrator.md has the derivation,
+ * the stability map and the errors measured.
+ *
+ * Forces at a stage are those at a point near it, linearized there: the point has the rates that
+ * the slope of the last step foretells. With an error of order h^2 in the point's rates all that is
+ * not stiff, the velocity products and the pose that the mass matrix belongs to, is of order 2
+ * without a further pass. The foretelling slope is the smaller of two, or zero where they differ in
+ * sign (minmod), so that what a strike leaves behind is not prolonged.
+ *
+ *   drives      solved exactly for joints that move at a stage's rates (model/drive_flow.h): on its
+ *               joint remain a torque and an inertia; parallel springs likewise by implicit Euler;
  *   contact     a pair with the tangents K and D has, at its center, the wrench
- *               F - h K V - h (D + h K) A with the relative velocity V and acceleration A;
- *               this adds A_b = h (D + h K) to the inertias of its bodies.
+ *               F - H (D + H K) (A - Ap), H = gamma h, A the relative acceleration of the stage and
+ *               Ap that which leads to the point: H (D + H K) adds to its bodies' inertias;
+ *   gyroscopic  moments of free bodies are those at the stage, by iteration.
  *
- * So the system is (Mass + E + sum Jb^T A_b Jb) a = right-hand side, which dynamics_ops.implicit
- * solves in one pass over the tree. Free bodies are 6x6 systems of their own. A pair between two
- * moving bodies couples them beyond the tree's structure: C holds those blocks, and conjugate
- * gradients with the uncoupled system P as preconditioner solve (P + C) a = rhs. Both are positive
- * definite, and so is P - C, hence P^-1 C has its eigenvalues within (-1, 1), no more than 12 of
- * them other than zero for each such pair.
+ * So a stage is the system (Mass + E + sum Jb^T A_b Jb) a = right-hand side, which
+ * dynamics_ops.implicit solves in one pass over the tree. Free bodies are 6x6 systems of their own.
+ * A pair between two moving bodies couples them beyond the tree's structure: C holds those blocks,
+ * and conjugate gradients with the uncoupled system P as preconditioner solve (P + C) a = rhs. Both
+ * are positive definite, and so is P - C, hence P^-1 C has its eigenvalues within (-1, 1), no more
+ * than 12 of them other than zero for each such pair.
  *
- * The wrench at a step's end is thus F - h K V - h (D + h K) A. It is kept for the sensors, with
- * the accelerations: the law of contact itself, evaluated at the state that the step led to, would
- * turn each error e of a velocity into a force D e, with D up to 1e5 N s/m, that has moved nothing.
+ * The wrench at the step's end is the one that moved the bodies in the second stage. It is kept for
+ * the sensors, with the accelerations: the law of contact itself, evaluated at the state that the
+ * step led to, would turn each error e of a velocity into a force D e, with D up to 1e5 N s/m, that
+ * has moved nothing. The energy account takes the wrenches of both stages, with the scheme's
+ * weights.
  *
- * Positions follow with the new velocities: q+ = q + h v+, rotations by the exponential.
- *
- * What is explicit: gravity, velocity products, pushes, and the difference between contact and its
- * tangent. Velocity products make what tumbles freely gain energy in proportion to h: a box at
- * 10 rad/s and 1 ms a quarter of a percent a second. The scheme is consistent, of first order, for
- * any tangent; for stability a tangent may be too large at will, but not less than half of the true
- * one.
+ * Where something strikes, the rates of a pair at a stage are far from those at the point: the step
+ * is then taken again in 4 or 16 parts, a bounded and deterministic amount of work.
  */
 #include "model/implicit.h"
 
@@ -35,163 +48,143 @@
 #include <math.h>
 #include <string.h>
 
-/* Torques and extra inertias on the joints of drives, eqs (2) to (4), and springs, eq. (5). */
-static void linearize_actuators(struct plant *plant, double h)
+/* Changes of a pair's velocity in a stage beyond what was foreseen that divide the step, m/s. */
+#define JUMP_QUARTER 0.02
+#define JUMP_SIXTEENTH 0.1
+
+/* The one nearer to zero, or zero. */
+static double smaller_slope(double x, double y)
+{
+    return x * y <= 0.0 ? 0.0 : fabs(x) < fabs(y) ? x : y;
+}
+
+/* The power of contact and pushes at the stage that was solved, over weight seconds. */
+static void account_stage(struct plant *plant, double weight)
 {
     struct implicit *im = plant->implicit;
-    const struct robot *robot = plant->config.robot;
 
-    memset(im->extra, 0, robot->njoint * sizeof *im->extra);
-    memset(im->torque, 0, robot->njoint * sizeof *im->torque);
-    for (size_t d = 0; d < plant->ndrive; d++) {
-        size_t j = plant->drive_joint[d];
-        struct sea_state drive = plant_drive_state(plant, plant->state, d);
-
-        sea_step_begin(&plant->sea[d], &drive, plant_joint_position(plant, plant->state, j),
-                       plant_joint_rate(plant, plant->state, j), plant->voltage[d],
-                       plant->bridge_on[d], h, &im->drive[d]);
-        im->torque[j] += im->drive[d].torque;
-        im->extra[j] += im->drive[d].extra;
-    }
-    for (size_t s = 0; s < plant->nspring; s++) {
-        size_t j = plant->spring_joint[s];
-        double torque, extra;
-
-        parallel_spring_step(&robot->joint[j].spring, plant->state[plant->at.pretension + s],
-                             plant->pretension_rate[s],
-                             plant_joint_position(plant, plant->state, j),
-                             plant_joint_rate(plant, plant->state, j), h, &torque, &extra);
-        im->torque[j] += torque;
-        im->extra[j] += extra;
-    }
+    im->work[WORK_CONTACT] += weight * im->contact_power;
+    im->work[WORK_PUSH] += weight * im->load.push;
 }
 
-/* quaternion <- quaternion exp(h w / 2), w in the body frame. */
-static void turn_quaternion_in_body(const double w[3], double h, double quaternion[4])
+/* The first stage: u_1 and slope from the begin; base becomes that of the second. */
+static enum error_code take_first_stage(struct plant *plant)
 {
-    double angle = h * sqrt(vec3_dot(w, w));
-    double sinc = angle > 1e-4 ? sin(0.5 * angle) / angle : 0.5 - angle * angle / 48.0;
-    double c = cos(0.5 * angle);
-    double x[3] = {h * sinc * w[0], h * sinc * w[1], h * sinc * w[2]};
-    double scalar = quaternion[0], vector[3] = {quaternion[1], quaternion[2], quaternion[3]};
+    struct implicit *im = plant->implicit;
+    const size_t bytes = plant->at.count * sizeof *im->base;
+    const double rest = (1.0 - IMPLICIT_GAMMA) * im->h;
+    enum error_code code;
 
-    quaternion[0] = scalar * c - vec3_dot(vector, x);
-    vec3_cross(vector, x, quaternion + 1);
-    for (int i = 0; i < 3; i++) {
-        quaternion[1 + i] += scalar * x[i] + c * vector[i];
+    memcpy(im->base, im->begin, bytes);
+    memcpy(im->u_base, im->u_begin, im->na * sizeof *im->u_base);
+    for (size_t i = 0; i < im->na; i++) {
+        im->u_point[i] = im->u_begin[i] + im->stage_h * im->trend[i];
     }
+    if ((code = implicit_solve_stage(plant))) {
+        return code;
+    }
+    memcpy(im->u_1, im->u, im->na * sizeof *im->u_1);
+    account_stage(plant, rest);
+
+    /* The springs' powers at the stage itself */
+    memcpy(im->point, im->base, bytes);
+    implicit_move(plant, im->u, im->stage_h, im->point);
+    implicit_account_springs(plant, im->u, rest, im->point, im->stage_h);
+
+    /* Where the second stage starts from */
+    implicit_advance_actuators(plant, SPAN_TO_BASE, im->u, im->base);
+    implicit_move(plant, im->u, rest, im->base);
+    for (size_t i = 0; i < im->na; i++) {
+        im->u_base[i] = im->u_begin[i] + rest * im->slope[i];
+    }
+    implicit_set_rates(plant, im->u_base, im->base);
+    return ERROR_NONE;
 }
 
-/* Velocities by the accelerations, then positions by the new velocities. */
-static void advance_robot(struct plant *plant, double h)
+/* The second stage: state becomes that at the end of the step, trend what it foretells. */
+static enum error_code take_second_stage(struct plant *plant)
 {
-    const struct robot *robot = plant->config.robot;
-    double *q = plant->state, *v = q + plant->at.v;
-    size_t first = robot->nq - robot->njoint;
+    const double further = (1.0 - IMPLICIT_GAMMA) / IMPLICIT_GAMMA;
+    struct implicit *im = plant->implicit;
+    enum error_code code;
 
-    add_scaled(h, plant->implicit->a, v, robot->nv);
-    if (robot->floating) {
-        double R[9], velocity[3];
+    for (size_t i = 0; i < im->na; i++) {
+        double moved = im->u_1[i] - im->u_begin[i];
 
-        turn_quaternion_in_body(v + BASE_V_ANGULAR, h, q + BASE_Q_QUATERNION);
-        mat3_from_quaternion(q + BASE_Q_QUATERNION, R);
-        mat3_apply(R, v + BASE_V_LINEAR, velocity);
-        add_scaled(h, velocity, q + BASE_Q_POSITION, 3);
+        im->u_point[i] = im->u_1[i] + further * smaller_slope(moved, im->stage_h * im->trend[i]);
     }
-    add_scaled(h, v + robot->nv - robot->njoint, q + first, robot->njoint);
+    if ((code = implicit_solve_stage(plant))) {
+        return code;
+    }
+    account_stage(plant, im->stage_h);
+    for (size_t i = 0; i < im->na; i++) {
+        im->trend[i] = smaller_slope(im->slope[i], (im->u[i] - im->u_begin[i]) / im->h);
+    }
+
+    /* The end of the step */
+    implicit_advance_actuators(plant, SPAN_STAGE, im->u, im->base);
+    implicit_move(plant, im->u, im->stage_h, im->base);
+    implicit_set_rates(plant, im->u, im->base);
+    implicit_account_springs(plant, im->u, im->stage_h, im->base, 0.0);
+    memcpy(plant->state, im->base, plant->at.count * sizeof *im->base);
+    return ERROR_NONE;
 }
 
-static void advance_free_bodies(struct plant *plant, double h)
+/* One part of a step, of h seconds. */
+static enum error_code take_part(struct plant *plant, enum implicit_level level, double h)
 {
-    const struct robot *robot = plant->config.robot;
+    struct implicit *im = plant->implicit;
+    enum error_code code;
 
-    for (size_t b = 0; b < plant->config.nfree; b++) {
-        const double *a = plant->implicit->a + robot->nv + FREE_ACCELERATIONS * b;
-        double *y = plant->state + plant->at.free + PLANT_FREE_STATE * b;
-        double linear[3];
-
-        mat3_apply(plant->motion[robot->nbody + b].R, a + FREE_LINEAR, linear);
-        add_scaled(h, linear, y + PLANT_FREE_VELOCITY, 3);
-        add_scaled(h, a + FREE_ANGULAR, y + PLANT_FREE_SPIN, 3);
-        add_scaled(h, y + PLANT_FREE_VELOCITY, y + PLANT_FREE_POSITION, 3);
-        turn_quaternion_in_body(y + PLANT_FREE_SPIN, h, y + PLANT_FREE_QUATERNION);
+    im->level = level;
+    im->h = h;
+    im->stage_h = IMPLICIT_GAMMA * h;
+    im->jump = 0.0;
+    memset(im->work, 0, sizeof im->work);
+    memcpy(im->begin, plant->state, plant->at.count * sizeof *im->begin);
+    implicit_get_rates(plant, im->begin, im->u_begin);
+    if ((code = take_first_stage(plant)) || (code = take_second_stage(plant))) {
+        return code;
     }
-}
-
-/* Takes drives and springs to the end of the step, and accounts for their power there. */
-static void advance_actuators(struct plant *plant, double h)
-{
-    const struct robot *robot = plant->config.robot;
-    double *work = plant->config.account_energy ? plant->state + plant->at.work : NULL;
-
-    /* Drives: eqs (2) to (4) with the joint's rate at the end of the step */
-    for (size_t d = 0; d < plant->ndrive; d++) {
-        size_t j = plant->drive_joint[d];
-        double *y = plant->state + plant_drive_offset(plant, d);
-        double qd = plant_joint_rate(plant, plant->state, j);
-        struct sea_state drive = plant_drive_state(plant, plant->state, d);
-
-        sea_step_end(&plant->implicit->drive[d], qd, h, &drive);
-        y[DRIVE_MOTOR_POSITION] = drive.qm;
-        y[DRIVE_MOTOR_SPEED] = drive.qmd;
-        y[DRIVE_CURRENT] = drive.I;
-        if (work) {
-            struct sea_power power;
-
-            sea_power(&plant->sea[d], &drive, qd, plant->voltage[d], &power);
-            work[WORK_ELECTRICAL] += h * power.electrical;
-            work[WORK_JOULE] += h * power.joule;
-            work[WORK_FRICTION] += h * power.friction;
-            work[WORK_SPRING_DAMPING] += h * power.spring_damping;
-        }
+    if (plant->config.robot->floating) {
+        plant_normalize_quaternion(plant->state + BASE_Q_QUATERNION);
     }
-
-    /* Pretensions of the parallel springs, eq. (5) */
-    for (size_t s = 0; s < plant->nspring; s++) {
-        size_t j = plant->spring_joint[s];
-        const struct robot_parallel_spring *spring = &robot->joint[j].spring;
-        double q = plant_joint_position(plant, plant->state, j);
-        double qd = plant_joint_rate(plant, plant->state, j), pd = plant->pretension_rate[s];
-        double *p = &plant->state[plant->at.pretension + s];
-
-        *p += h * pd;
-        if (work) {
-            work[WORK_PRETENSION] += h * pd * parallel_spring_force(spring, *p, pd, q, qd);
-            work[WORK_PARALLEL_DAMPING] += h * parallel_spring_damping(spring, *p, pd, q, qd);
-        }
+    plant_free_normalize(plant);
+    if (plant->config.account_energy) {
+        add_scaled(1.0, im->work, plant->state + plant->at.work, WORK_COUNT);
     }
+    return ERROR_NONE;
 }
 
 enum error_code implicit_step(struct plant *plant, double h)
 {
-    struct plant_load load;
+    struct implicit *im = plant->implicit;
+    size_t bytes = im->na * sizeof *im->trend;
+    enum implicit_level level;
     enum error_code code;
+    int parts;
 
-    /* Forces and tangents at the begin of the step */
-    if ((code = plant_load_bodies(plant, plant->state, &load))) {
+    /* In one, if nothing strikes */
+    memcpy(im->trend_begin, im->trend, bytes);
+    code = take_part(plant, LEVEL_WHOLE, h);
+    if (code || im->jump <= JUMP_QUARTER) {
         return code;
     }
-    if ((code = implicit_linearize_contact(plant, h))) {
-        return code;
-    }
-    linearize_actuators(plant, h);
-    implicit_add_contact_inertia(plant);
 
-    /* Accelerations, and with them the contact's wrenches at the end */
-    implicit_solve(plant);
-    if (!plant->clamped) {
-        implicit_end_contact(plant);
+    /* Else again in parts */
+    level = im->jump <= JUMP_SIXTEENTH ? LEVEL_QUARTER : LEVEL_SIXTEENTH;
+    parts = level == LEVEL_QUARTER ? 4 : 16;
+    memcpy(plant->state, plant->last_good, plant->at.count * sizeof *plant->state);
+    memcpy(im->trend, im->trend_begin, bytes);
+    for (int part = 0; part < parts && !code; part++) {
+        code = take_part(plant, level, h / parts);
     }
+    return code;
+}
 
-    /* The state at the end */
-    advance_robot(plant, h);
-    advance_free_bodies(plant, h);
-    advance_actuators(plant, h);
-    if (plant->config.account_energy) {
-        plant->state[plant->at.work + WORK_CONTACT] += h * load.contact;
-        plant->state[plant->at.work + WORK_PUSH] += h * load.push;
-    }
-    return ERROR_NONE;
+void implicit_restart(struct plant *plant)
+{
+    memset(plant->implicit->trend, 0, plant->implicit->na * sizeof *plant->implicit->trend);
 }
 
 /* ---- memory ---- */
@@ -221,7 +214,19 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
         im->nobserved += robot->body[b].observed;
     }
 
-    TAKE(im->drive, plant->ndrive);
+    TAKE(im->begin, plant->at.count);
+    TAKE(im->base, plant->at.count);
+    TAKE(im->point, plant->at.count);
+    TAKE(im->u_begin, im->na);
+    TAKE(im->u_1, im->na);
+    TAKE(im->trend, im->na);
+    TAKE(im->trend_begin, im->na);
+    TAKE(im->u_base, im->na);
+    TAKE(im->u_point, im->na);
+    TAKE(im->u, im->na);
+    TAKE(im->slope, im->na);
+    TAKE(im->a_point, im->na);
+    TAKE(im->flows, plant->ndrive);
     TAKE(im->extra, robot->njoint);
     TAKE(im->torque, robot->njoint);
     TAKE(im->added, im->nobserved);
@@ -236,6 +241,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->uncoupled, im->na);
     TAKE(im->z, im->na);
     TAKE(im->p, im->na);
+    TAKE(im->twist_point, ncontact);
     TAKE(im->twist_p, ncontact);
     TAKE(im->twist_z, ncontact);
     TAKE(im->r, ncontact);

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The plant's linearly implicit integrator: a step of the implicit Euler scheme in everything that
- * is stiff (series and parallel springs, windings, contact), with one evaluation of the right-hand
- * side and one linear system of the size and structure of the mechanism. Order 1; see implicit.c.
+ * The plant's linearly implicit integrator: a Runge-Kutta scheme of two stages and order 2, L-stable
+ * in everything that is stiff (contact, springs), with one evaluation of the right-hand side and
+ * one linear system of the size and structure of the mechanism a stage, and with the drives solved
+ * exactly for the voltage held; see implicit.c.
  */
 #ifndef MODEL_IMPLICIT_H
 #define MODEL_IMPLICIT_H
@@ -15,19 +16,26 @@ enum { IMPLICIT_TANGENTS = PLANT_PATCHES };
 /* Scratch for plant, in arena; NULL when there is no room. Not RT-safe. */
 struct implicit *implicit_create(const struct plant *plant, struct arena *arena);
 
-/* Advances plant->state by h seconds with what plant_step holds; quaternions keep their length but
+/* Brings what follows from the parameters of drive d up to date: after they change. RT-safe. */
+void implicit_refresh_drive(struct plant *plant, size_t d);
+
+/* Forgets what earlier steps foretell: for a state that has been set. RT-safe. */
+void implicit_restart(struct plant *plant);
+
+/* Advances plant->state, which plant->last_good is a copy of, by h seconds (those of the
+ * configuration) with what plant_step holds; quaternions keep their length but
  * for rounding. Returns the contact engine's failure or ERROR_INPUT for more than IMPLICIT_TANGENTS
  * pairs in touch, with plant->failure set; the state is then not to be used. RT-safe when the
  * contact engine is. */
 enum error_code implicit_step(struct plant *plant, double h);
 
-/* What the last step moved the bodies with, which is not what the laws of contact say of the state
+/* What the last step moved the bodies with at its end, which is not what the laws of contact say of the state
  * that it led to: fills plant->vdot and contact_wrench (of the last unclamped step; the wrenches in
  * the world frame, about the bodies' origins). RT-safe. */
 void implicit_recall(struct plant *plant);
 
-/* Takes the forces and moments of count patches, which the contact engine had at the begin of that
- * step, to its end. RT-safe. */
+/* Takes the forces and moments of count patches, which the contact engine had where it was asked
+ * last in that step, to its end. RT-safe. */
 void implicit_patches(const struct plant *plant, struct contact_patch *patch, size_t count);
 
 #endif

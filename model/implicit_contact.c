@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Contact in a step of the implicit integrator: the active pairs with their tangents, what they
- * add to the inertias of their bodies, and the wrenches at the end of the step.
+ * Contact in a stage of the implicit integrator: the active pairs with their tangents, what they
+ * add to the inertias of their bodies, and the wrenches at the stage.
  */
 #include "model/implicit_private.h"
 
+#include <math.h>
 #include <string.h>
 
 static const char too_many_pairs[] =
@@ -26,51 +27,43 @@ static void add_relative(const struct plant *plant, const struct active_pair *pa
     }
 }
 
-/* The velocity of b at the center less that of a. */
-static struct spatial relative_velocity(const struct plant *plant, const struct active_pair *pair)
+/* What twists of the contact bodies mean for b at the center against a. */
+static struct spatial relative_twist(const struct plant *plant, const struct active_pair *pair,
+                                     const struct spatial *twist)
 {
-    struct spatial V = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+    struct spatial x = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
 
     for (int side = PAIR_A; side <= PAIR_B; side++) {
         if (pair->body[side] >= 0) {
-            const struct body_motion *motion = implicit_motion(plant, pair->body[side]);
-            struct spatial x;
-
-            memcpy(x.a, motion->w, sizeof x.a);
-            memcpy(x.l, motion->v, sizeof x.l);
-            add_relative(plant, pair, side, &x, &V);
+            add_relative(plant, pair, side, &twist[pair->body[side]], &x);
         }
     }
-    return V;
+    return x;
 }
 
-/* One pair: its matrix to both bodies, and -h K V to what acts on them. */
-static void linearize_pair(struct plant *plant, const struct contact_tangent *tangent, double h,
+/* One pair: its matrix to both bodies, and to what acts on them what the matrix takes off again
+ * for the acceleration that leads to the point. */
+static void linearize_pair(struct plant *plant, const struct contact_tangent *tangent,
                            struct active_pair *pair)
 {
     struct implicit *im = plant->implicit;
-    struct spatial_inertia K;
-    struct spatial V;
+    const double h = im->stage_h;
+    struct spatial back;
     double A[21];
 
-    /* The pair as it is at the begin of the step */
+    /* The pair as it is at the point */
     pair->index = tangent->pair;
     pair->body[PAIR_A] = tangent->body_a;
     pair->body[PAIR_B] = tangent->body_b;
     memcpy(pair->center, tangent->center, sizeof pair->center);
 
-    /* A = h (D + h K), and h K V of the relative velocity V */
+    /* A = h (D + h K) */
     for (int i = 0; i < 21; i++) {
         A[i] = h * (tangent->D[i] + h * tangent->K[i]);
     }
     spatial_inertia_unpack(A, &pair->A);
-    spatial_inertia_unpack(tangent->K, &K);
-    V = relative_velocity(plant, pair);
-    for (int i = 0; i < 3; i++) {
-        V.a[i] *= h;
-        V.l[i] *= h;
-    }
-    spatial_inertia_apply(&K, &V, &pair->decrease);
+    pair->point = relative_twist(plant, pair, im->twist_point);
+    spatial_inertia_apply(&pair->A, &pair->point, &back);
 
     /* Both on the bodies that can move, about their origins; a feels the opposite of b */
     for (int side = PAIR_A; side <= PAIR_B; side++) {
@@ -82,7 +75,7 @@ static void linearize_pair(struct plant *plant, const struct contact_tangent *ta
             double arm[3];
 
             implicit_arm(plant, contact, pair->center, arm);
-            spatial_add_wrench(side == PAIR_B ? -1.0 : 1.0, &pair->decrease, arm, &f);
+            spatial_add_wrench(side == PAIR_B ? 1.0 : -1.0, &back, arm, &f);
             add_contact_wrench(plant, contact, &f,
                                &plant->ext[plant->config.contact_body[contact]]);
             spatial_inertia_shift(arm, &own);
@@ -93,7 +86,7 @@ static void linearize_pair(struct plant *plant, const struct contact_tangent *ta
         implicit_moves(plant, pair->body[PAIR_A]) && implicit_moves(plant, pair->body[PAIR_B]);
 }
 
-enum error_code implicit_linearize_contact(struct plant *plant, double h)
+enum error_code implicit_linearize_contact(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
 
@@ -108,8 +101,11 @@ enum error_code implicit_linearize_contact(struct plant *plant, double h)
         plant->failure = too_many_pairs;
         return ERROR_INPUT;
     }
+    if (im->nactive > 0) {
+        implicit_contact_accelerations(plant, im->a_point, im->twist_point);
+    }
     for (size_t t = 0; t < im->nactive; t++) {
-        linearize_pair(plant, &im->tangent[t], h, &im->active[t]);
+        linearize_pair(plant, &im->tangent[t], &im->active[t]);
     }
     return ERROR_NONE;
 }
@@ -132,40 +128,57 @@ void implicit_add_contact_inertia(struct plant *plant)
     }
 }
 
+/* Takes the wrench of a pair to the stage, on both of its bodies. */
+static void end_pair(struct plant *plant, struct active_pair *pair)
+{
+    struct implicit *im = plant->implicit;
+    struct spatial rest = relative_twist(plant, pair, im->twist_z);
+
+    /* By the relative acceleration beyond that which leads to the point it falls by A times that */
+    for (int i = 0; i < 3; i++) {
+        rest.l[i] -= pair->point.l[i];
+        rest.a[i] -= pair->point.a[i];
+    }
+    spatial_inertia_apply(&pair->A, &rest, &pair->decrease);
+    im->jump = fmax(im->jump, im->stage_h * sqrt(vec3_dot(rest.l, rest.l)));
+    for (int side = PAIR_A; side <= PAIR_B; side++) {
+        if (pair->body[side] >= 0) {
+            struct contact_wrench *wrench = &im->wrench[pair->body[side]];
+            struct spatial sum = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+            double arm[3];
+
+            implicit_arm(plant, pair->body[side], pair->center, arm);
+            spatial_add_wrench(side == PAIR_B ? -1.0 : 1.0, &pair->decrease, arm, &sum);
+            add_scaled(1.0, sum.l, wrench->force, 3);
+            add_scaled(1.0, sum.a, wrench->moment, 3);
+        }
+    }
+}
+
 void implicit_end_contact(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
 
+    im->contact_power = 0.0;
     memcpy(im->wrench, plant->contact_wrench, plant->config.ncontact * sizeof *im->wrench);
-    if (im->nactive > 0) {
-        implicit_contact_accelerations(plant, im->a, im->twist_z);
+    if (im->nactive == 0) {
+        return;
     }
+    implicit_contact_accelerations(plant, im->a, im->twist_z);
     for (size_t t = 0; t < im->nactive; t++) {
-        struct active_pair *pair = &im->active[t];
-        struct spatial A = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}}, f;
+        end_pair(plant, &im->active[t]);
+    }
 
-        /* By the relative acceleration A the wrench falls by another h (D + h K) A */
-        for (int side = PAIR_A; side <= PAIR_B; side++) {
-            if (pair->body[side] >= 0) {
-                add_relative(plant, pair, side, &im->twist_z[pair->body[side]], &A);
-            }
-        }
-        spatial_inertia_apply(&pair->A, &A, &f);
-        add_scaled(1.0, f.l, pair->decrease.l, 3);
-        add_scaled(1.0, f.a, pair->decrease.a, 3);
+    /* Their power, with the bodies' velocities at the stage */
+    for (size_t c = 0; c < plant->config.ncontact; c++) {
+        const struct body_motion *motion = implicit_motion(plant, (int)c);
+        const struct spatial *to = &im->twist_z[c], *point = &im->twist_point[c];
 
-        /* ... on both bodies */
-        for (int side = PAIR_A; side <= PAIR_B; side++) {
-            if (pair->body[side] >= 0) {
-                struct contact_wrench *wrench = &im->wrench[pair->body[side]];
-                struct spatial sum = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-                double arm[3];
+        for (int i = 0; i < 3; i++) {
+            double v = motion->v[i] + im->stage_h * (to->l[i] - point->l[i]);
+            double w = motion->w[i] + im->stage_h * (to->a[i] - point->a[i]);
 
-                implicit_arm(plant, pair->body[side], pair->center, arm);
-                spatial_add_wrench(side == PAIR_B ? -1.0 : 1.0, &pair->decrease, arm, &sum);
-                add_scaled(1.0, sum.l, wrench->force, 3);
-                add_scaled(1.0, sum.a, wrench->moment, 3);
-            }
+            im->contact_power += im->wrench[c].force[i] * v + im->wrench[c].moment[i] * w;
         }
     }
 }

@@ -1,15 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the parts of the implicit integrator share: implicit.c (the step), implicit_contact.c (pairs
- * in pair), implicit_solve.c (the linear system). The scheme and its symbols: implicit.c. Contact
- * bodies go by the index of their motion among those given to the engine. SI units. Memory is the
- * plant's. No errors but those that are returned. RT-safe.
+ * What the parts of the implicit integrator share: implicit.c (steps and their length),
+ * implicit_stage.c (one stage), implicit_actuators.c (drives and springs), implicit_contact.c
+ * (pairs in touch), implicit_solve.c (the linear system). The scheme and its symbols: implicit.c.
+ * Contact bodies go by the index of their motion among those given to the engine. SI units. Memory
+ * is the plant's. No errors but those that are returned. RT-safe.
  */
 #ifndef MODEL_IMPLICIT_PRIVATE_H
 #define MODEL_IMPLICIT_PRIVATE_H
 
+#include "model/drive_flow.h"
 #include "model/implicit.h"
 #include "model/spatial.h"
+
+/* The scheme's coefficient, 1 - 1/sqrt(2). */
+#define IMPLICIT_GAMMA 0.29289321881345247560
 
 /* The two sides of a pair. */
 enum pair_side { PAIR_A, PAIR_B };
@@ -19,31 +24,68 @@ struct active_pair {
     int index;   /* of the pair in the contact configuration */
     int body[2]; /* by side: its contact body, -1 = the world */
     double center[3];
-    struct spatial_inertia A; /* h (D + h K) */
-    struct spatial decrease;  /* of the wrench on b in the step; at first its part h K V */
+    struct spatial_inertia A; /* h (D + h K), h that of the stage */
+    struct spatial point;     /* relative acceleration that leads to where it is linearized */
+    struct spatial decrease;  /* of the wrench on b from there to the stage: A times the rest */
 };
 
 /* Parts of a free body's accelerations, in its frame. */
 enum free_acceleration_part { FREE_LINEAR = 0, FREE_ANGULAR = 3, FREE_ACCELERATIONS = 6 };
 
-/* Arrays by joint, by contact body, by free body or by body of the robot. */
+/* Steps are one long, or a quarter or a sixteenth where something strikes; the drives' accounts are
+ * by quarters of the shortest too. */
+enum implicit_level { LEVEL_WHOLE, LEVEL_QUARTER, LEVEL_SIXTEENTH, STEP_LEVELS, FLOW_LEVELS };
+
+/* The two parts of a step that a drive is taken through: to where the second stage begins, (1 -
+ * gamma) h, and through a stage, gamma h. */
+enum implicit_span { SPAN_TO_BASE, SPAN_STAGE, SPANS };
+
+/* A drive's flows: bridge off and on, by level and span. */
+struct drive_flows {
+    struct drive_flow of[2][FLOW_LEVELS][SPANS];
+};
+
+/* Arrays by joint, by contact body, by free body or by body of the robot. "Rates" are velocities or
+ * their derivatives: nv of the robot, then enum free_acceleration_part of each free body; all
+ * linear ones in the world frame, where a fall is a parabola however the body turns. States are
+ * laid out as the plant's. */
 struct implicit {
+    /* The step */
+    double h; /* of the step, s */
+    enum implicit_level level;
+    double *begin;           /* state at its begin */
+    double *u_begin, *u_1;   /* rates at its begin and at the first stage */
+    double *trend;           /* slope of the rates by the last step, limited: see implicit.c */
+    double *trend_begin;     /* before a step that is taken again */
+    double jump;             /* largest change of a pair's velocity that was not foreseen, m/s */
+    double work[WORK_COUNT]; /* of the step */
+
+    /* The stage */
+    double stage_h;               /* gamma h */
+    double *base;                 /* state that it starts from */
+    double *point;                /* state where all is linearized */
+    double *u_base, *u_point, *u; /* rates there, and at the stage */
+    double *slope;                /* derivative of u */
+    double *a_point;              /* (u_point - u_base) / stage_h, as a */
+    struct plant_load load;       /* of pushes, at the point */
+
     /* Actuators */
-    struct sea_step *drive;
-    double *extra, *torque; /* by joint */
+    struct drive_flows *flows; /* by drive */
+    double *extra, *torque;    /* by joint */
 
     /* Contact */
     size_t nactive;
     struct contact_tangent *tangent;
     struct active_pair *active;
     struct spatial_inertia *contact_inertia; /* by contact body: A_b, world, about its origin */
-    struct contact_wrench *wrench;           /* by contact body, at the end of the step */
+    struct contact_wrench *wrench;           /* by contact body, at the stage */
+    double contact_power;                    /* of them, W */
     bool coupled;                            /* some pair is between two bodies that move */
     size_t nobserved;
     size_t *number;              /* by contact body: its number among the observed bodies */
     struct added_inertia *added; /* by observed body */
 
-    /* Free bodies, in their frames about their centers of mass */
+    /* Free bodies, in their frames at the point about their centers of mass */
     struct spatial_inertia *free_inertia; /* with A_b */
     struct spatial *free_load;
 
@@ -52,7 +94,7 @@ struct implicit {
     double *a, *uncoupled, *z, *p;
 
     /* Of the contact bodies, world frame, about their origins: accelerations and wrenches */
-    struct spatial *twist_p, *twist_z, *r, *s, *w;
+    struct spatial *twist_point, *twist_p, *twist_z, *r, *s, *w;
 
     /* Scratch, by body of the robot */
     struct wrench *ext;
@@ -106,17 +148,45 @@ static inline void add_contact_wrench(struct plant *plant, int contact, const st
     }
 }
 
+/* ---- one stage: implicit_stage.c ---- */
+
+/* Solves the stage of stage_h seconds that starts from base (u_base), linearized where u_point leads
+ * to: fills slope and u. Returns the contact engine's failure, if any. */
+enum error_code implicit_solve_stage(struct plant *plant);
+
+/* The rates of a state, and back into it. */
+void implicit_get_rates(const struct plant *plant, const double *state, double *u);
+void implicit_set_rates(const struct plant *plant, const double *u, double *state);
+
+/* Moves the positions of robot and free bodies in state by h seconds at the rates u. */
+void implicit_move(const struct plant *plant, const double *u, double h, double *state);
+
+/* ---- actuators: implicit_actuators.c ---- */
+
+/* Fills torque and extra of the stage from base. */
+void implicit_linearize_actuators(struct plant *plant);
+
+/* Takes drives and pretensions in state through a span with the joints at the rates of u from the
+ * positions in state; adds the drives' powers to work. */
+void implicit_advance_actuators(struct plant *plant, enum implicit_span span, const double *u,
+                                double *state);
+
+/* Adds the powers over weight seconds of the parallel springs, offset seconds after state, moving
+ * with u, to work. */
+void implicit_account_springs(struct plant *plant, const double *u, double weight,
+                              const double *state, double offset);
+
 /* ---- active pairs: implicit_contact.c ---- */
 
-/* Linearizes contact at the begin of a step of h seconds: fills active, and adds -h K V to
- * plant->ext and h (D + h K) to contact_inertia. ERROR_INPUT for more than IMPLICIT_TANGENTS
- * pairs. */
-enum error_code implicit_linearize_contact(struct plant *plant, double h);
+/* Linearizes contact at the point: fills active, adds A times the acceleration that leads there to
+ * plant->ext, and A to contact_inertia. ERROR_INPUT for more than IMPLICIT_TANGENTS pairs. */
+enum error_code implicit_linearize_contact(struct plant *plant);
 
 /* Hands contact_inertia over to the dynamics: fills added. */
 void implicit_add_contact_inertia(struct plant *plant);
 
-/* The wrenches at the end of the step, from those at its begin and the accelerations a. */
+/* The wrenches at the stage and their power, from those at the point and the accelerations a;
+ * raises jump. */
 void implicit_end_contact(struct plant *plant);
 
 /* ---- the linear system: implicit_solve.c ---- */

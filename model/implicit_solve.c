@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The linear system of a step of the implicit integrator, (P + C) a = right-hand side: P falls into
+ * The linear system of a stage of the implicit integrator, (P + C) a = right-hand side: P falls into
  * the robot's tree and the free bodies and is solved directly; C is what pairs between two moving
  * bodies couple, and takes conjugate gradients (Golub, Van Loan, Matrix Computations, 11.5)
  * preconditioned by P.
@@ -13,6 +13,9 @@
  * (squared, in the norm of P^-1). */
 enum { COUPLING_STEPS = 16 };
 #define COUPLING_LEFT 1e-8
+
+/* Of the free bodies' gyroscopic moments. */
+enum { GYROSCOPIC_PASSES = 3 };
 
 static double inner_product(const struct spatial *f, const struct spatial *x, size_t count)
 {
@@ -35,6 +38,30 @@ static void scale_and_add(double scale, const struct spatial *x, struct spatial 
     }
 }
 
+/* Euler's moment of a free body, taken where it leads to: I w' = moment - w x I w with w at the
+ * stage, by fixed-point iteration, each pass nearer by the factor h |w|, h that of the stage. */
+static void find_gyroscopic_moment(struct plant *plant, size_t b)
+{
+    struct implicit *im = plant->implicit;
+    const size_t first = plant->config.robot->nv + FREE_ACCELERATIONS * b + FREE_ANGULAR;
+    const double moment[3] = {im->free_load[b].a[0], im->free_load[b].a[1], im->free_load[b].a[2]};
+    double w[3];
+
+    memcpy(w, im->u_point + first, sizeof w);
+    for (int pass = 0; pass < GYROSCOPIC_PASSES; pass++) {
+        struct spatial *load = &im->free_load[b], x;
+        double spin[3];
+
+        sym3_apply(plant->config.free[b].inertia.I, w, spin);
+        memcpy(load->a, moment, sizeof load->a);
+        vec3_add_cross(spin, w, load->a);
+        spatial_inertia_solve(&im->free_inertia[b], load, &x);
+        for (int i = 0; i < 3; i++) {
+            w[i] = im->u_base[first + (size_t)i] + im->stage_h * x.a[i];
+        }
+    }
+}
+
 /* The free bodies' own systems, in their frames about their centers of mass: Newton's and Euler's
  * laws with the inertias that contact adds. */
 static void prepare_free_bodies(struct plant *plant)
@@ -43,13 +70,12 @@ static void prepare_free_bodies(struct plant *plant)
     const struct robot *robot = plant->config.robot;
     static const double origin[3] = {0.0, 0.0, 0.0};
 
-    /* Inertia; weight, loads and gyroscopic moment */
+    /* Inertia; weight and loads */
     for (size_t b = 0; b < plant->config.nfree; b++) {
         const struct robot_inertia *inertia = &plant->config.free[b].inertia;
         const struct wrench *ext = &plant->ext[robot->nbody + b];
-        const double *w = plant->state + plant->at.free + PLANT_FREE_STATE * b + PLANT_FREE_SPIN;
         struct spatial *load = &im->free_load[b];
-        double weight[3], spin[3];
+        double weight[3];
 
         spatial_inertia_rigid(inertia->mass, origin, inertia->I, &im->free_inertia[b]);
         mat3_apply_transposed(plant->motion[robot->nbody + b].R, robot->gravity, weight);
@@ -58,8 +84,6 @@ static void prepare_free_bodies(struct plant *plant)
             load->a[i] = ext->moment[i];
         }
         vec3_add_cross(ext->force, inertia->com, load->a);
-        sym3_apply(inertia->I, w, spin);
-        vec3_add_cross(spin, w, load->a);
     }
 
     /* What contact adds, turned and moved there */
@@ -77,6 +101,9 @@ static void prepare_free_bodies(struct plant *plant)
             spatial_inertia_add(&own, &im->free_inertia[b]);
         }
     }
+    for (size_t b = 0; b < plant->config.nfree; b++) {
+        find_gyroscopic_moment(plant, b);
+    }
 }
 
 /* a = P^-1 (right-hand side + w), with wrenches w on the contact bodies; NULL = none. */
@@ -85,7 +112,7 @@ static void solve_uncoupled(struct plant *plant, const struct spatial *w, double
     struct implicit *im = plant->implicit;
     const struct dynamics *dynamics = plant->config.dynamics;
     size_t nbody = plant->config.robot->nbody, nv = plant->config.robot->nv;
-    const double *v = plant->state + plant->at.v;
+    const double *v = im->point + plant->at.v;
 
     /* The robot: one pass of the dynamics over the tree */
     memcpy(im->ext, plant->ext, nbody * sizeof *im->ext);

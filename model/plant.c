@@ -52,6 +52,9 @@ static void set_drive_condition(struct plant *plant, size_t d, unsigned conditio
     if (plant->config.account_energy) {
         plant->state[plant->at.work + WORK_FRICTION] += before - sea_energy(sea, &drive, q);
     }
+    if (plant->implicit) {
+        implicit_refresh_drive(plant, d);
+    }
 }
 
 void plant_balance(struct plant *plant, bool balanced)
@@ -229,6 +232,9 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
         plant->bridge_on[d] = false;
         plant->condition[d] = 0;
         plant->sea[d] = robot->joint[plant->drive_joint[d]].sea;
+        if (plant->implicit) {
+            implicit_refresh_drive(plant, d);
+        }
     }
     complete_pretensions(plant);
     plant_free_reset(plant);
@@ -242,6 +248,9 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
     plant->time_ns = 0;
     plant->failure = "";
     plant->dopri5.next = plant->dopri5.last_error = 0.0;
+    if (plant->implicit) {
+        implicit_restart(plant);
+    }
 
     code = plant_restart_energy(plant);
     return code == ERROR_NONE ? plant_sample(plant) : code;
@@ -279,6 +288,9 @@ void plant_clamp(struct plant *plant, bool clamped)
     if (clamped) {
         memset(plant->state + plant->at.v, 0, plant->config.robot->nv * sizeof *plant->state);
         memset(plant->lost + plant->at.v, 0, plant->config.robot->nv * sizeof *plant->lost);
+        if (plant->implicit) {
+            implicit_restart(plant);
+        }
     } else if (plant->balanced) {
         plant_balance(plant, false);
     }

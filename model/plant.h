@@ -28,8 +28,8 @@
 
 struct plant;
 
-/* rk4: the paper's, for steps short enough. implicit: order 1, stable with long steps, the one for
- * real time (model/implicit.c); its energy balance closes to the first order only. dopri5:
+/* rk4: the paper's, for steps short enough. implicit: order 2, stable with long steps, drives exact
+ * for the voltage held; the one for real time (model/implicit.c, docs/integrator.md). dopri5:
  * adaptive, any substep, as accurate as asked and as slow as that takes: the oracle; not
  * RT-safe. */
 enum plant_integrator { PLANT_RK4, PLANT_IMPLICIT, PLANT_DOPRI5 };
@@ -138,7 +138,7 @@ const char *plant_failure(const struct plant *plant);
 
 /* Fills the sensors from the present state; on failure they keep their last values. Forces of
  * contact and accelerations are those that the laws give for it; after a plant_step of the implicit
- * integrator, until something is set or written, those that its last substep moved the bodies with,
+ * integrator, until something is set or written, those that its last stage moved the bodies with,
  * so that accelerations, forces and motion agree. A force-torque sensor feels the contact and
  * pushes on its body (all of which count as below it) and the weight and inertia of its distal
  * part; bodies that are joined to its body count as above it. What the part below exerts through

@@ -233,8 +233,8 @@ static void the_box_is_lifted_and_held(void **state)
         touch++;
     }
     start = 1e-3 * touch - scene.rig->grasp.settle_s;
-    for (int k = 200; k < touch; k++) {
-        assert_near(track[k].pull_z, weight, 0.005 * weight);
+    for (int k = 400; k < touch; k++) { /* the box has come to rest */
+        assert_near(track[k].pull_z, weight, 2e-4 * weight);
     }
     assert_near(start, 1.06, 0.05);
     /* Friction carries the box, the feet carry all */
@@ -360,7 +360,7 @@ static void compare(size_t njoint, int from, int to, double *angle, double *wors
     *feet = sqrt(*feet / stood);
 }
 
-static void implicit_is_of_order_one_and_where_dopri5_is(void **state)
+static void implicit_is_of_order_two_and_where_dopri5_is(void **state)
 {
     enum { END = 2600, FROM = 200, STEPS = 4 };
     double angle[STEPS], worst[STEPS], press[STEPS], feet[STEPS];
@@ -380,10 +380,10 @@ static void implicit_is_of_order_one_and_where_dopri5_is(void **state)
         print_message("# %.3f ms: joints %.2e rad RMS (worst %.2e), press %.2f %%, feet %.2f %%\n",
                       1.0 / (1 << n), angle[n], worst[n], 100.0 * press[n], 100.0 * feet[n]);
     }
-    assert_true(worst[0] < 2e-3 && feet[0] < 0.02 && press[0] < 0.05);
+    assert_true(worst[0] < 2e-4 && feet[0] < 2e-3 && press[0] < 5e-3);
     /* The first steps do not resolve how the wrists come to touch */
     for (int n = 1; n < STEPS - 1; n++) {
-        assert_true(angle[n] / angle[n + 1] > 1.6 && angle[n] / angle[n + 1] < 2.5);
+        assert_true(angle[n] / angle[n + 1] > 3.0 && angle[n] / angle[n + 1] < 5.0);
     }
 }
 
@@ -394,7 +394,7 @@ int main(void)
         cmocka_unit_test(soft_elbows_give_way_and_press_less),
         cmocka_unit_test(any_springs_are_stable_at_a_millisecond),
         cmocka_unit_test(with_the_base_held_the_box_is_lifted_too),
-        cmocka_unit_test(implicit_is_of_order_one_and_where_dopri5_is),
+        cmocka_unit_test(implicit_is_of_order_two_and_where_dopri5_is),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The eliminated implicit Euler step of drives and parallel springs: it is the implicit Euler step,
- * it converges to the exponential of the drive's linear equations, and no stiffness upsets it.
+ * What actuators do in a step of the implicit integrator: the exact flow of a drive against an
+ * exponential of its linear equations and against Runge-Kutta, at any stiffness and length, and the
+ * eliminated implicit Euler step of a parallel spring.
  */
-#include "model/actuator.h"
+#include "model/drive_flow.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -73,87 +74,111 @@ static struct sea_state exact_drive(const struct robot_sea *sea, double V, doubl
     return (struct sea_state){.qm = E[0][3], .qmd = E[1][3], .I = E[2][3]};
 }
 
-static struct sea_state stepped_drive(const struct robot_sea *sea, double V, double h, int steps)
+/* Over any time, stiff or soft: the state is that of the exponential, in one flow and in many. */
+static void a_flow_is_the_exponential(void **state)
 {
-    struct sea_state state = {0.0, 0.0, 0.0};
-    struct sea_step step;
-
-    for (int k = 0; k < steps; k++) {
-        sea_step_begin(sea, &state, 0.0, 0.0, V, true, h, &step);
-        sea_step_end(&step, 0.0, h, &state);
-    }
-    return state;
-}
-
-static void a_drive_converges_to_its_exponential_with_order_one(void **state)
-{
-    const struct robot_sea sea = toy_drive(395.46);
-    const struct sea_state exact = exact_drive(&sea, 5.0, 0.02);
-    double previous = 0.0;
-
-    (void)state;
-    for (int steps = 20; steps <= 5120; steps *= 4) {
-        struct sea_state found = stepped_drive(&sea, 5.0, 0.02 / steps, steps);
-        double error = fabs(found.qm - exact.qm) / fabs(exact.qm);
-
-        print_message("# h = %.4f ms: error %.2e, current %.2e\n", 20.0 / steps, error,
-                      fabs(found.I / exact.I - 1.0));
-        if (steps > 80) {
-            assert_near(log2(previous / error) / 2.0, 1.0, 0.05);
-        }
-        previous = error;
-    }
-    assert_true(previous < 1e-3);
-}
-
-/* However stiff and however long the step, it goes to the equilibrium and stays there. */
-static void a_drive_settles_at_any_stiffness_and_step(void **state)
-{
-    const double stiffness[] = {1.2e-3, 1.0, 120.0, 395.46, 8400.0, 1e7};
+    const double stiffness[] = {1.2e-3, 120.0, 395.46, 8400.0, 1e7};
 
     (void)state;
     for (size_t s = 0; s < sizeof stiffness / sizeof stiffness[0]; s++) {
-        for (double h = 1e-4; h < 0.2; h *= 10.0) {
-            const struct robot_sea sea = toy_drive(stiffness[s]);
-            const double V = 5.0, torque = sea.Kt * V / sea.R;
-            /* The slowest pole of a soft spring is that of the motor's drag on the spring */
-            double slowest = (sea.Dm + sea.Kt * sea.Kw / sea.R) / sea.Ks;
-            int steps = (int)fmin(1e6, 20.0 * (slowest + 0.1) / h);
-            struct sea_state found = stepped_drive(&sea, V, h, steps);
+        const struct robot_sea sea = toy_drive(stiffness[s]);
+        const struct sea_state exact = exact_drive(&sea, 5.0, 0.02);
 
-            assert_true(fabs(found.I) <= V / sea.R * (1.0 + 1e-9));
-            assert_true(found.qm >= 0.0 && sea.Ks * found.qm < 1.8 * torque);
-            if (steps < 1000000) {
-                assert_near(sea.Ks * found.qm / torque, 1.0, 1e-6);
-                assert_near(found.I * sea.R / V, 1.0, 1e-6);
+        for (int flows = 1; flows <= 1000; flows *= 10) {
+            struct sea_state found = {0.0, 0.0, 0.0};
+            struct drive_flow flow;
+
+            drive_flow_make(&sea, true, 0.02 / flows, &flow);
+            for (int k = 0; k < flows; k++) {
+                found = drive_flow_advance(&flow, &found, 0.0, 0.0, 5.0);
             }
+            assert_near(found.qm, exact.qm, 1e-9 * fabs(exact.qm));
+            assert_near(found.qmd, exact.qmd, 1e-9 * fabs(exact.qmd) + 1e-11);
+            assert_near(found.I, exact.I, 1e-9 * fabs(exact.I));
         }
     }
 }
 
-/* What is promised of the torque, and that the three equations hold at the end of the step. */
-static void the_step_solves_the_equations_at_its_end(void **state)
+/* The state after t seconds by Runge-Kutta in steps of a microsecond, the joint moving at qd. */
+static struct sea_state integrated_drive(const struct robot_sea *sea, struct sea_state y, double q,
+                                         double qd, double V, bool on, double t)
 {
-    const struct robot_sea sea = toy_drive(120.0);
+    const double h = 1e-6, part[4] = {0.0, 0.5, 0.5, 1.0}, weight[4] = {1.0, 2.0, 2.0, 1.0};
+
+    for (int k = 0; k < (int)lround(t / h); k++) {
+        struct sea_state rate = {0.0, 0.0, 0.0}, sum = {0.0, 0.0, 0.0};
+
+        for (int stage = 0; stage < 4; stage++) {
+            const double c = part[stage] * h;
+            const struct sea_state at = {y.qm + c * rate.qm, y.qmd + c * rate.qmd,
+                                         y.I + c * rate.I};
+
+            sea_derivative(sea, &at, q + qd * (k * h + c), qd, V, on, &rate);
+            sum.qm += weight[stage] / 6.0 * rate.qm;
+            sum.qmd += weight[stage] / 6.0 * rate.qmd;
+            sum.I += weight[stage] / 6.0 * rate.I;
+        }
+        y = (struct sea_state){y.qm + h * sum.qm, y.qmd + h * sum.qmd, y.I + h * sum.I};
+    }
+    return y;
+}
+
+/* From any state, with a joint that moves, the bridge on and off; Kw unlike Kt. */
+static void a_flow_follows_a_joint_that_moves(void **state)
+{
     const struct sea_state begin = {0.3, -1.2, 2.5};
-    const double q = 0.1, qd = 0.7, V = -3.0, h = 1e-3, qdd = 45.0;
+    const double q = 0.1, qd = 0.7, V = -3.0, t = 1e-3;
+    struct robot_sea sea = toy_drive(395.46);
 
     (void)state;
+    sea.Kw = 3.7;
     for (int on = 0; on < 2; on++) {
-        double qd_end = qd + h * qdd, q_end = q + h * qd_end;
-        struct sea_state end = begin, rate;
-        struct sea_step step;
+        struct sea_state exact = integrated_drive(&sea, begin, q, qd, V, on, t), end;
+        struct drive_flow flow;
 
-        end.I = on ? begin.I : 0.0;
-        sea_step_begin(&sea, &end, q, qd, on ? V : 0.0, on, h, &step);
-        sea_step_end(&step, qd_end, h, &end);
-        sea_derivative(&sea, &end, q_end, qd_end, on ? V : 0.0, on, &rate);
-        assert_near(end.qm - begin.qm, h * rate.qm, 1e-15);
-        assert_near(end.qmd - begin.qmd, h * rate.qmd, 1e-13);
-        assert_near(end.I, (on ? begin.I : 0.0) + h * rate.I, 1e-12);
-        assert_near(step.torque - step.extra * qdd, sea_torque(&sea, &end, q_end, qd_end), 1e-12);
-        assert_true(step.extra > 0.0);
+        drive_flow_make(&sea, on, t, &flow);
+        end = drive_flow_advance(&flow, &begin, q, qd, V);
+        assert_near(end.qm, exact.qm, 1e-12);
+        assert_near(end.qmd, exact.qmd, 1e-11);
+        assert_near(end.I, exact.I, 1e-10);
+        assert_true(on || end.I == begin.I);
     }
+}
+
+/* However stiff and however long the flow, it goes to the equilibrium and stays there. */
+static void a_flow_of_any_length_ends_in_equilibrium(void **state)
+{
+    const double stiffness[] = {1.0, 120.0, 395.46, 8400.0, 1e7};
+
+    (void)state;
+    for (size_t s = 0; s < sizeof stiffness / sizeof stiffness[0]; s++) {
+        const struct robot_sea sea = toy_drive(stiffness[s]);
+        const double V = 5.0, torque = sea.Kt * V / sea.R;
+        struct sea_state found = {0.0, 0.0, 0.0};
+        struct drive_flow flow;
+
+        drive_flow_make(&sea, true, 1000.0, &flow);
+        found = drive_flow_advance(&flow, &found, 0.0, 0.0, V);
+        assert_near(sea.Ks * found.qm / torque, 1.0, 1e-6);
+        assert_near(found.I * sea.R / V, 1.0, 1e-6);
+    }
+}
+
+/* A rotor of an inertia beyond measure, at rest, keeps its place to the last bit. */
+static void a_held_rotor_stays_where_it_is(void **state)
+{
+    struct robot_sea sea = toy_drive(395.46);
+    struct sea_state drive = {0.3, 0.0, 0.0};
+    struct drive_flow flow;
+
+    (void)state;
+    sea.J = 1e30;
+    drive_flow_make(&sea, true, 1e-3, &flow);
+    for (int k = 0; k < 1000; k++) {
+        drive = drive_flow_advance(&flow, &drive, 0.1 + 1e-3 * k, 1.0, 48.0);
+        assert_true(drive.qm == 0.3);
+    }
+    assert_near(drive.I, 48.0 / sea.R, 1e-9);
 }
 
 static void a_parallel_spring_is_taken_at_the_end_of_the_step(void **state)
@@ -175,9 +200,10 @@ static void a_parallel_spring_is_taken_at_the_end_of_the_step(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_drive_converges_to_its_exponential_with_order_one),
-        cmocka_unit_test(a_drive_settles_at_any_stiffness_and_step),
-        cmocka_unit_test(the_step_solves_the_equations_at_its_end),
+        cmocka_unit_test(a_flow_is_the_exponential),
+        cmocka_unit_test(a_flow_follows_a_joint_that_moves),
+        cmocka_unit_test(a_flow_of_any_length_ends_in_equilibrium),
+        cmocka_unit_test(a_held_rotor_stays_where_it_is),
         cmocka_unit_test(a_parallel_spring_is_taken_at_the_end_of_the_step),
     };
 

@@ -1,0 +1,312 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the default integrator at its default step of 1 ms makes of COMAN's rig, against dopri5 with
+ * a tolerance of 1e-9 (or a closed form): a locked rotor, one joint under voltage, a drop, tumbling
+ * and the energy account of each.
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include <cmocka.h>
+
+#include "tests/physics/free_rig.h"
+#include "tests/physics/near.h"
+#include "tests/physics/rig_scene.h"
+
+enum { MS = 1000000 };
+
+static struct rig_scene scene;
+
+static void begin_scene(enum plant_integrator integrator)
+{
+    const struct rig_scene_choice choice = {
+        .file = "coman.yaml", .integrator = integrator, .substep_ns = MS, .tolerance = 1e-9};
+
+    rig_scene_init(&scene, &choice);
+}
+
+/* ---- drop ---- */
+
+struct drop {
+    double peak, lost, balance, energy[600];
+    uint64_t evaluations;
+};
+
+static void drop_robot(enum plant_integrator integrator, struct drop *drop)
+{
+    double position[3];
+    struct plant_energy energy;
+
+    begin_scene(integrator);
+    memcpy(position, scene.rig->base_position, sizeof position);
+    position[2] += 0.5;
+    assert_int_equal(
+        plant_reset(scene.plant, position, scene.rig->base_quaternion, scene.rig->joint),
+        ERROR_NONE);
+    drop->peak = 0.0;
+    for (int k = 0; k < 400; k++) {
+        assert_int_equal(plant_step(scene.plant, scene.steps), ERROR_NONE);
+        assert_int_equal(plant_sample(scene.plant), ERROR_NONE);
+        drop->peak = fmax(drop->peak, rig_scene_feet(&scene));
+        if (k > 316 && k < 330) {
+            print_message("# %d %.1f\n", k, rig_scene_feet(&scene));
+        }
+    }
+    assert_int_equal(plant_energy(scene.plant, &energy), ERROR_NONE);
+    drop->lost = energy.contact_dissipation;
+    drop->balance = energy.balance;
+    drop->evaluations = plant_contact_cost(scene.plant)->evaluations;
+    print_message("# %s: peak %.0f N, %.2f J in contacts, balance %.2e J, stored %.3f, damping "
+                  "%.3f, joule %.3f friction %.3f, %llu evaluations\n",
+                  integrator == PLANT_DOPRI5 ? "dopri5" : "implicit", drop->peak, drop->lost,
+                  drop->balance, energy.stored, energy.spring_damping, energy.joule_heat,
+                  energy.motor_friction, (unsigned long long)drop->evaluations);
+    rig_scene_fini(&scene);
+}
+
+static void a_drop_peaks_as_it_should(void **state)
+{
+    static struct drop oracle, found;
+
+    (void)state;
+    drop_robot(PLANT_DOPRI5, &oracle);
+    drop_robot(PLANT_IMPLICIT, &found);
+    assert_near(found.peak / oracle.peak, 1.0, 0.05);
+    assert_near(found.balance / oracle.lost, 0.0, 0.01);
+}
+
+/* ---- one drive, one joint ---- */
+
+struct joint_rig {
+    struct toy toy;
+    struct arena arena;
+    struct dynamics dynamics;
+    struct plant *plant;
+    double *state;
+};
+
+/* A link of 2 kg on a fixed base, about a horizontal axis. */
+static void joint_rig_init(struct joint_rig *rig, double Ks, enum plant_integrator integrator)
+{
+    const double none[3] = {0.0, 0.0, 0.0}, com[3] = {0.0, 0.0, -0.2}, y[3] = {0.0, 1.0, 0.0};
+    const double I[6] = {0.02, 0.0, 0.0, 0.02, 0.0, 0.002};
+    struct plant_config config = {.robot = &rig->toy.robot,
+                                  .dynamics = &rig->dynamics,
+                                  .integrator = integrator,
+                                  .substep_ns = MS,
+                                  .rtol = 1e-10,
+                                  .atol = 1e-10,
+                                  .supply_v = 48.0,
+                                  .account_energy = true};
+    struct error error;
+    size_t count;
+
+    toy_begin(&rig->toy, false, 1.0, none, I);
+    rig->toy.joint[toy_add(&rig->toy, 0, JOINT_REVOLUTE, y, none, 2.0, com, I)].sea = toy_drive(Ks);
+    toy_finish(&rig->toy);
+    assert_int_equal(arena_init(&rig->arena, 1 << 20, &error), ERROR_NONE);
+    assert_int_equal(dynamics_generic(&rig->toy.robot, &rig->arena, &rig->dynamics, &error),
+                     ERROR_NONE);
+    assert_int_equal(plant_create(&config, &rig->arena, &rig->plant, &error), ERROR_NONE);
+    rig->state = plant_state(rig->plant, &count);
+    assert_int_equal(plant_reset(rig->plant, NULL, NULL, (const double[1]){0.0}), ERROR_NONE);
+}
+
+/* The current of a rotor that is held, after each tick: V/R (1 - exp(-R t/L)). */
+static void the_current_of_a_locked_rotor_is_exact(void **state)
+{
+    const struct robot_sea sea = toy_drive(395.46);
+    struct joint_rig rig;
+
+    (void)state;
+    joint_rig_init(&rig, 395.46, PLANT_IMPLICIT);
+    plant_command(rig.plant)->motor[0] =
+        (struct motor_command){.bridge_on = true, .voltage_v = 48.0, .condition = DRIVE_JAM};
+    plant_clamp(rig.plant, true);
+    for (int k = 1; k <= 10; k++) {
+        const double exact = 48.0 / sea.R * -expm1(-sea.R / sea.L * 1e-3 * k);
+
+        assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
+        assert_near(rig.state[2 + DRIVE_CURRENT] / exact, 1.0, 1e-12);
+    }
+    arena_fini(&rig.arena);
+}
+
+/* The decay of a drive's spring, motor against a clamped link, is that of its poles. */
+static void a_spring_rings_as_long_as_it_should(void **state)
+{
+    const double stiffness[] = {395.46, 8400.0};
+
+    (void)state;
+    for (int n = 0; n < 2; n++) {
+        const struct robot_sea sea = toy_drive(stiffness[n]);
+        const double rate = 0.5 * (sea.Dm + sea.Ds) / sea.J;
+        const double swing = sqrt(sea.Ks / sea.J - rate * rate);
+        struct joint_rig rig;
+
+        joint_rig_init(&rig, stiffness[n], PLANT_IMPLICIT);
+        plant_clamp(rig.plant, true);
+        rig.state[2 + DRIVE_MOTOR_POSITION] = 0.1;
+        for (int k = 1; k <= 100; k++) {
+            const double t = 1e-3 * k;
+            const double exact =
+                0.1 * exp(-rate * t) * (cos(swing * t) + rate / swing * sin(swing * t));
+
+            assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
+            assert_near(rig.state[2 + DRIVE_MOTOR_POSITION], exact, 1e-12);
+        }
+        arena_fini(&rig.arena);
+    }
+}
+
+enum { VOLTAGE_MS = 1000 };
+
+struct voltage_run {
+    double q[VOLTAGE_MS], current[VOLTAGE_MS];
+    struct plant_energy energy;
+};
+
+/* Steps of 48 V every 50 ms, then a sine of 48 V and 5 Hz held over each tick. */
+static void run_voltage(enum plant_integrator integrator, double Ks, struct voltage_run *run)
+{
+    struct joint_rig rig;
+
+    joint_rig_init(&rig, Ks, integrator);
+    for (int k = 0; k < VOLTAGE_MS; k++) {
+        plant_command(rig.plant)->motor[0] = (struct motor_command){
+            .bridge_on = true,
+            .voltage_v = k < VOLTAGE_MS / 2 ? (k / 50 % 2 ? -48.0 : 48.0)
+                                            : 48.0 * sin(2.0 * M_PI * 5.0 * 1e-3 * k)};
+        assert_int_equal(plant_step(rig.plant, 1), ERROR_NONE);
+        run->q[k] = rig.state[0];
+        run->current[k] = rig.state[2 + DRIVE_CURRENT];
+    }
+    assert_int_equal(plant_energy(rig.plant, &run->energy), ERROR_NONE);
+    arena_fini(&rig.arena);
+}
+
+static void a_joint_under_voltage_is_where_dopri5_is(void **state)
+{
+    const double stiffness[] = {395.46, 8400.0};
+    static struct voltage_run oracle, found;
+
+    (void)state;
+    for (int n = 0; n < 2; n++) {
+        double low = 0.0, high = 0.0, off = 0.0, peak = 0.0, current = 0.0, turnover;
+
+        run_voltage(PLANT_DOPRI5, stiffness[n], &oracle);
+        run_voltage(PLANT_IMPLICIT, stiffness[n], &found);
+        for (int k = 0; k < VOLTAGE_MS; k++) {
+            low = fmin(low, oracle.q[k]);
+            high = fmax(high, oracle.q[k]);
+            off = fmax(off, fabs(found.q[k] - oracle.q[k]));
+            peak = fmax(peak, fabs(oracle.current[k]));
+            current = fmax(current, fabs(found.current[k] - oracle.current[k]));
+        }
+        turnover =
+            oracle.energy.joule_heat + oracle.energy.motor_friction + oracle.energy.spring_damping;
+        print_message("# Ks %g: joint off by %.2e of its way of %.3f rad, current by %.2e of "
+                      "%.1f A, balance %.2e J (dopri5 %.1e) of %.1f J, spring damping %.4f of "
+                      "%.4f J\n",
+                      stiffness[n], off / (high - low), high - low, current / peak, peak,
+                      found.energy.balance, oracle.energy.balance, turnover,
+                      found.energy.spring_damping, oracle.energy.spring_damping);
+        assert_true(off < 5e-3 * (high - low));
+        assert_true(current < 0.01 * peak);
+        assert_near(found.energy.balance, 0.0, 1e-3 * turnover);
+    }
+}
+
+/* ---- bounce ---- */
+
+/* How fast a box that hits the ground flat at 1 m/s leaves it. */
+static double bounce_box(enum plant_integrator integrator, double k)
+{
+    struct free_rig rig;
+    double speed;
+
+    free_rig_post(&rig, 1, MS);
+    toy_ground_begin(&rig.ground, 1);
+    for (int corner = 0; corner < 4; corner++) {
+        toy_ground_add(&rig.ground, 0, corner & 1 ? 0.085 : -0.065, corner & 2 ? 0.055 : -0.095,
+                       -0.075);
+    }
+    rig.ground.k = 0.25 * k;
+    rig.ground.c = 0.1;
+    rig.ground.slip = 0.0;
+    rig.contact_body[0] = (int)rig.toy.robot.nbody;
+    rig.config.contact = &rig.ground.world;
+    rig.config.ncontact = 1;
+    rig.config.integrator = integrator;
+    rig.config.rtol = rig.config.atol = 1e-9;
+    rig.toy.robot.gravity[2] = 0.0;
+    rig.body[0].position[2] = 0.075 + 0.0203;
+    rig.body[0].v[2] = -1.0;
+    free_rig_start(&rig);
+    assert_int_equal(plant_step(rig.plant, 100), ERROR_NONE);
+    speed = rig.free[PLANT_FREE_VELOCITY + 2];
+    free_rig_fini(&rig);
+    return speed;
+}
+
+static void a_box_bounces_as_it_should(void **state)
+{
+    const double stiffness[] = {1e4, 1e5, 1e6, 1e7, 1e8};
+
+    (void)state;
+    for (int n = 0; n < 5; n++) {
+        double exact = bounce_box(PLANT_DOPRI5, stiffness[n]);
+        double found = bounce_box(PLANT_IMPLICIT, stiffness[n]);
+
+        print_message("# k = %g N/m: leaves at %.4f m/s, exact %.4f\n", stiffness[n], found, exact);
+        assert_near(found / exact, 1.0, stiffness[n] < 5e6 ? 0.01 : 0.1);
+        assert_true(found <= 1.0);
+    }
+}
+
+/* ---- tumbling ---- */
+
+static void tumbling_keeps_its_energy(void **state)
+{
+    struct plant_energy before, after;
+    double position[3] = {0.0, 0.0, 1000.0}, *rates;
+    size_t count;
+
+    (void)state;
+    begin_scene(PLANT_IMPLICIT);
+    assert_int_equal(
+        plant_reset(scene.plant, position, scene.rig->base_quaternion, scene.rig->joint),
+        ERROR_NONE);
+    rates = plant_state(scene.plant, &count) + scene.robot->nq;
+    rates[BASE_V_ANGULAR] = 10.0;
+    rates[BASE_V_ANGULAR + 1] = 25.0;
+    rates[BASE_V_ANGULAR + 2] = 13.0;
+    assert_int_equal(plant_restart_energy(scene.plant), ERROR_NONE);
+    assert_int_equal(plant_energy(scene.plant, &before), ERROR_NONE);
+    for (int k = 0; k < 10000; k++) {
+        assert_int_equal(plant_step(scene.plant, 1), ERROR_NONE);
+    }
+    assert_int_equal(plant_energy(scene.plant, &after), ERROR_NONE);
+    print_message("# COMAN tumbling: %.1f J, balance %.2e J\n",
+                  before.stored + scene.robot->total_mass * scene.robot->gravity[2] * 1000.0,
+                  after.balance);
+    rig_scene_fini(&scene);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_drop_peaks_as_it_should),
+        cmocka_unit_test(the_current_of_a_locked_rotor_is_exact),
+        cmocka_unit_test(a_spring_rings_as_long_as_it_should),
+        cmocka_unit_test(a_joint_under_voltage_is_where_dopri5_is),
+        cmocka_unit_test(a_box_bounces_as_it_should),
+        cmocka_unit_test(tumbling_keeps_its_energy),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
