@@ -103,7 +103,9 @@ static enum error_code rig_build_time(struct rig_builder *b)
                           "found a tick of %.15g s, expected a whole number of nanoseconds",
                           raw->tick_s);
     }
-    if (!rig_whole_ns(raw->substep_s, &rig->substep_ns) || rig->tick_ns % rig->substep_ns != 0) {
+    rig->substep_ns = rig->tick_ns; /* unless the file has another */
+    if (raw->substep_s > 0.0 &&
+        (!rig_whole_ns(raw->substep_s, &rig->substep_ns) || rig->tick_ns % rig->substep_ns != 0)) {
         return yaml_error(b->error, &raw->substep_mark,
                           "found a substep of %.15g s, expected one that divides the tick of %.15g "
                           "s exactly",

@@ -500,7 +500,7 @@ static const struct yaml_field rig_fields[] = {
     {"robot", YAML_MAP, true, AT(robot), .schema = &robot_schema},
     {"clock", YAML_ENUM, false, AT(clock), .names = clock_names},
     {"tick_s", YAML_REAL, false, AT(tick_s), .min = 1e-5, .max = 0.1, .mark_offset = AT(tick_mark)},
-    {"substep_s", YAML_REAL, true, AT(substep_s), .min = 1e-7, .max = 1.0,
+    {"substep_s", YAML_REAL, false, AT(substep_s), .min = 1e-7, .max = 1.0,
      .mark_offset = AT(substep_mark)},
     {"integrator", YAML_ENUM, false, AT(integrator), .names = integrator_names},
     {"tolerance", YAML_REAL, false, AT(tolerance), .min = 1e-13, .max = 0.1},
@@ -524,7 +524,7 @@ static const struct yaml_field rig_fields[] = {
 };
 #undef STRUCT
 static const struct raw_rig rig_defaults = {
-    .clock = LOOP_CLOCK_REAL, .tick_s = 0.001, .tolerance = 1e-9};
+    .clock = LOOP_CLOCK_REAL, .tick_s = 0.001, .integrator = PLANT_IMPLICIT, .tolerance = 1e-9};
 static const struct yaml_schema rig_schema = {
     .what = "the rig",
     .size = sizeof(struct raw_rig),

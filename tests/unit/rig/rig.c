@@ -230,6 +230,19 @@ static void the_coman_rig_reaches_every_joint_and_both_ankles(void **state)
 
 /* ---- bad rigs ---- */
 
+/* What a rig that says nothing gets: the integrator of second order, one step a tick. */
+static void steps_are_ticks_of_the_implicit_integrator_by_default(void **state)
+{
+    const struct rig *rig;
+
+    (void)state;
+    write_toy_with("substep_s: 0.0005\n", "");
+    rig = load_rig(rig_path);
+    assert_int_equal(rig->substep_ns, rig->tick_ns);
+    assert_int_equal(rig->substeps, 1);
+    assert_int_equal(rig->integrator, PLANT_IMPLICIT);
+}
+
 static void rejects_ticks_that_substeps_do_not_fill(void **state)
 {
     (void)state;
@@ -500,6 +513,7 @@ int main(void)
         TEST(gains_of_some_joints_differ),
         TEST(gains_of_other_joints_are_refused),
         TEST(the_coman_rig_reaches_every_joint_and_both_ankles),
+        TEST(steps_are_ticks_of_the_implicit_integrator_by_default),
         TEST(rejects_ticks_that_substeps_do_not_fill),
         TEST(rejects_names_that_nothing_has),
         TEST(rejects_files_out_of_the_tree_or_missing),
