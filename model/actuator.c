@@ -2,10 +2,48 @@
 /* The paper's actuator equations, one drive at a time. */
 #include "model/actuator.h"
 
+#include "model/stop.h"
+
+#include <math.h>
+
+/* How far the spring is into its stop, rad. */
+static double spring_stop_depth(const struct robot_sea *sea, double deflection)
+{
+    return sea->stop.stiffness > 0.0 ? stop_depth(-sea->deflection, sea->deflection, deflection)
+                                     : 0.0;
+}
+
 /* Eq. (3) with the sign that eq. (2) needs. */
 double sea_torque(const struct robot_sea *sea, const struct sea_state *state, double q, double qd)
 {
-    return sea->Ks * (state->qm - q) + sea->Ds * (state->qmd - qd);
+    double depth = spring_stop_depth(sea, state->qm - q), twist = state->qmd - qd;
+
+    return sea->Ks * (state->qm - q) + sea->Ds * twist - stop_torque(&sea->stop, depth, twist);
+}
+
+struct sea_spring sea_spring_at(const struct robot_sea *sea, double deflection, double rate)
+{
+    struct sea_spring spring = {.Ks = sea->Ks, .Ds = sea->Ds};
+    double depth = spring_stop_depth(sea, deflection);
+
+    if (stop_torque(&sea->stop, depth, rate) != 0.0) {
+        spring.Ks += sea->stop.stiffness;
+        spring.Ds += sea->stop.damping;
+        spring.offset = -copysign(sea->stop.stiffness * sea->deflection, depth);
+    }
+    return spring;
+}
+
+double sea_deflection(const struct robot_sea *sea, double tau)
+{
+    double free = tau / sea->Ks;
+
+    if (fabs(free) > sea->deflection && sea->stop.stiffness > 0.0) {
+        return copysign((fabs(tau) + sea->stop.stiffness * sea->deflection) /
+                            (sea->Ks + sea->stop.stiffness),
+                        tau);
+    }
+    return free;
 }
 
 void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
@@ -21,12 +59,14 @@ void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, 
 
 /* With k = Ds + h Ks and m = J + h (Dm + Kt brake + k) the three equations at the step's end are
  *   I+   = charge - brake qm'+
- *   m qm'+ = J qm' + h (Kt charge - Ks (qm - q)) + h k q'+
- *   tau+ = Ks (qm - q) + k (qm'+ - q'+) */
+ *   m qm'+ = J qm' + h (Kt charge - spring) + h k q'+
+ *   tau+ = spring + k (qm'+ - q'+),  spring = Ks (qm - q) + offset */
 void sea_step_begin(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
                     double V, bool bridge_on, double h, struct sea_step *step)
 {
-    double spring = sea->Ks * (state->qm - q), k = sea->Ds + h * sea->Ks;
+    double twist = state->qm - q, rate = state->qmd - qd;
+    struct sea_spring law = sea_spring_at(sea, twist + h * rate, rate);
+    double spring = law.Ks * twist + law.offset, k = law.Ds + h * law.Ks;
     double winding = bridge_on ? 1.0 / (sea->L + h * sea->R) : 0.0;
     double free, m, yield;
 
@@ -48,8 +88,8 @@ void sea_step_end(const struct sea_step *step, double qd_end, double h, struct s
     state->I = step->charge - step->brake * state->qmd;
 }
 
-void sea_power(const struct robot_sea *sea, const struct sea_state *state, double qd, double V,
-               struct sea_power *power)
+void sea_power(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
+               double V, struct sea_power *power)
 {
     double twist = state->qmd - qd;
 
@@ -57,7 +97,8 @@ void sea_power(const struct robot_sea *sea, const struct sea_state *state, doubl
     power->joule = sea->R * state->I * state->I;
     power->friction =
         sea->Dm * state->qmd * state->qmd + (sea->Kw - sea->Kt) * state->I * state->qmd;
-    power->spring_damping = sea->Ds * twist * twist;
+    power->spring_damping = sea->Ds * twist * twist +
+                            stop_loss(&sea->stop, spring_stop_depth(sea, state->qm - q), twist);
 }
 
 double sea_energy(const struct robot_sea *sea, const struct sea_state *state, double q)
@@ -65,7 +106,8 @@ double sea_energy(const struct robot_sea *sea, const struct sea_state *state, do
     double deflection = state->qm - q;
 
     return 0.5 * (sea->L * state->I * state->I + sea->J * state->qmd * state->qmd +
-                  sea->Ks * deflection * deflection);
+                  sea->Ks * deflection * deflection) +
+           stop_energy(&sea->stop, spring_stop_depth(sea, deflection));
 }
 
 double parallel_spring_extension(const struct robot_parallel_spring *spring, double p, double q)

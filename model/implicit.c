@@ -5,6 +5,8 @@
  *
  *   drives      the three linear equations of a drive are eliminated; an inertia on its joint and a
  *               torque remain (model/actuator.h, struct sea_step); parallel springs likewise;
+ *   end stops   likewise, those that the joints would press at the end of the step; where one then
+ *               turns out to pull, the step is solved again without it;
  *   contact     a pair with the tangents K and D has, at its center, the wrench
  *               F - h K V - h (D + h K) A with the relative velocity V and acceleration A;
  *               this adds A_b = h (D + h K) to the inertias of its bodies.
@@ -35,6 +37,44 @@
 #include <math.h>
 #include <string.h>
 
+/* The end stops that the joints press in this step. */
+static void linearize_stops(struct plant *plant, double h)
+{
+    struct implicit *im = plant->implicit;
+    const struct robot *robot = plant->config.robot;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        const struct robot_joint *joint = &robot->joint[j];
+
+        stop_step_begin(&joint->stop, joint->lower, joint->upper,
+                        plant_joint_position(plant, plant->state, j),
+                        plant_joint_rate(plant, plant->state, j), h, &im->stop[j]);
+        if (im->stop[j].active) {
+            im->torque[j] += im->stop[j].torque;
+            im->extra[j] += im->stop[j].extra;
+        }
+    }
+}
+
+/* Takes away the stops that pull with the accelerations found; true when there are some. */
+static bool release_stops(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    const struct robot *robot = plant->config.robot;
+    const double *a = im->a + robot->nv - robot->njoint;
+    bool released = false;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        if (stop_step_pulls(&im->stop[j], a[j])) {
+            im->torque[j] -= im->stop[j].torque;
+            im->extra[j] -= im->stop[j].extra;
+            im->stop[j].active = false;
+            released = true;
+        }
+    }
+    return released;
+}
+
 /* Torques and extra inertias on the joints of drives, eqs (2) to (4), and springs, eq. (5). */
 static void linearize_actuators(struct plant *plant, double h)
 {
@@ -64,6 +104,7 @@ static void linearize_actuators(struct plant *plant, double h)
         im->torque[j] += torque;
         im->extra[j] += extra;
     }
+    linearize_stops(plant, h);
 }
 
 /* quaternion <- quaternion exp(h w / 2), w in the body frame. */
@@ -118,7 +159,8 @@ static void advance_free_bodies(struct plant *plant, double h)
     }
 }
 
-/* Takes drives and springs to the end of the step, and accounts for their power there. */
+/* Takes drives and springs to the end of the step, and accounts for their power and that of the
+ * stops there. */
 static void advance_actuators(struct plant *plant, double h)
 {
     const struct robot *robot = plant->config.robot;
@@ -128,6 +170,7 @@ static void advance_actuators(struct plant *plant, double h)
     for (size_t d = 0; d < plant->ndrive; d++) {
         size_t j = plant->drive_joint[d];
         double *y = plant->state + plant_drive_offset(plant, d);
+        double q = plant_joint_position(plant, plant->state, j);
         double qd = plant_joint_rate(plant, plant->state, j);
         struct sea_state drive = plant_drive_state(plant, plant->state, d);
 
@@ -138,7 +181,7 @@ static void advance_actuators(struct plant *plant, double h)
         if (work) {
             struct sea_power power;
 
-            sea_power(&plant->sea[d], &drive, qd, plant->voltage[d], &power);
+            sea_power(&plant->sea[d], &drive, q, qd, plant->voltage[d], &power);
             work[WORK_ELECTRICAL] += h * power.electrical;
             work[WORK_JOULE] += h * power.joule;
             work[WORK_FRICTION] += h * power.friction;
@@ -160,6 +203,9 @@ static void advance_actuators(struct plant *plant, double h)
             work[WORK_PARALLEL_DAMPING] += h * parallel_spring_damping(spring, *p, pd, q, qd);
         }
     }
+    if (work && !plant->clamped) {
+        work[WORK_STOPS] += h * plant_stop_loss(plant, plant->state);
+    }
 }
 
 enum error_code implicit_step(struct plant *plant, double h)
@@ -179,6 +225,9 @@ enum error_code implicit_step(struct plant *plant, double h)
 
     /* Accelerations, and with them the contact's wrenches at the end */
     implicit_solve(plant);
+    while (!plant->clamped && release_stops(plant)) {
+        implicit_solve(plant); /* each time with one stop less */
+    }
     if (!plant->clamped) {
         implicit_end_contact(plant);
     }
@@ -224,6 +273,7 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->drive, plant->ndrive);
     TAKE(im->extra, robot->njoint);
     TAKE(im->torque, robot->njoint);
+    TAKE(im->stop, robot->njoint);
     TAKE(im->added, im->nobserved);
     TAKE(im->number, ncontact);
     TAKE(im->contact_inertia, ncontact);

@@ -31,6 +31,7 @@ struct implicit {
     /* Actuators */
     struct sea_step *drive;
     double *extra, *torque; /* by joint */
+    struct stop_step *stop; /* by joint */
 
     /* Contact */
     size_t nactive;
