@@ -5,8 +5,8 @@
  *
  *   drives      the three linear equations of a drive are eliminated; an inertia on its joint and a
  *               torque remain (model/actuator.h, struct sea_step); parallel springs likewise;
- *   end stops   likewise, those that the joints would press at the end of the step; where one then
- *               turns out to pull, the step is solved again without it;
+ *   end stops   likewise, those that the joints press at the end of the step; where one turns out
+ *               to pull, or to be missing, the step is solved again without it or with it;
  *   contact     a pair with the tangents K and D has, at its center, the wrench
  *               F - h K V - h (D + h K) A with the relative velocity V and acceleration A;
  *               this adds A_b = h (D + h K) to the inertias of its bodies.
@@ -49,30 +49,35 @@ static void linearize_stops(struct plant *plant, double h)
         stop_step_begin(&joint->stop, joint->lower, joint->upper,
                         plant_joint_position(plant, plant->state, j),
                         plant_joint_rate(plant, plant->state, j), h, &im->stop[j]);
-        if (im->stop[j].active) {
+        if (im->stop[j].side != 0) {
             im->torque[j] += im->stop[j].torque;
             im->extra[j] += im->stop[j].extra;
         }
     }
 }
 
-/* Takes away the stops that pull with the accelerations found; true when there are some. */
-static bool release_stops(struct plant *plant)
+/* Takes away the stops that pull with the accelerations found, and adds those that joints are
+ * thrown past; true when there are some. */
+static bool revise_stops(struct plant *plant, double h)
 {
     struct implicit *im = plant->implicit;
     const struct robot *robot = plant->config.robot;
     const double *a = im->a + robot->nv - robot->njoint;
-    bool released = false;
+    bool revised = false;
 
     for (size_t j = 0; j < robot->njoint; j++) {
-        if (stop_step_pulls(&im->stop[j], a[j])) {
-            im->torque[j] -= im->stop[j].torque;
-            im->extra[j] -= im->stop[j].extra;
-            im->stop[j].active = false;
-            released = true;
+        const struct robot_joint *joint = &robot->joint[j];
+        struct stop_step before = im->stop[j];
+
+        if (stop_step_revise(&joint->stop, joint->lower, joint->upper,
+                             plant_joint_position(plant, plant->state, j),
+                             plant_joint_rate(plant, plant->state, j), h, a[j], &im->stop[j])) {
+            im->torque[j] += im->stop[j].torque - before.torque;
+            im->extra[j] += im->stop[j].extra - before.extra;
+            revised = true;
         }
     }
-    return released;
+    return revised;
 }
 
 /* Torques and extra inertias on the joints of drives, eqs (2) to (4), and springs, eq. (5). */
@@ -225,8 +230,8 @@ enum error_code implicit_step(struct plant *plant, double h)
 
     /* Accelerations, and with them the contact's wrenches at the end */
     implicit_solve(plant);
-    while (!plant->clamped && release_stops(plant)) {
-        implicit_solve(plant); /* each time with one stop less */
+    while (!plant->clamped && revise_stops(plant, h)) {
+        implicit_solve(plant); /* ends: each joint's stop changes twice at most */
     }
     if (!plant->clamped) {
         implicit_end_contact(plant);

@@ -32,22 +32,43 @@ double stop_loss(const struct robot_stop *stop, double depth, double rate)
     return -(stop_torque(stop, depth, rate) + stop->stiffness * depth) * rate;
 }
 
-/* With the rate r' = r + h a at the end, k (depth + h r') + d r' there: the depth that the rate r
- * would lead to, plus (d + h k) h a. */
+/* On one side, with the rate r' = r + h a at the end: k (depth + h r') + d r' there, which is that
+ * of the depth and rate that r would lead to, plus (d + h k) h a. */
+static void engage_stop(const struct robot_stop *stop, double limit, double x, double rate,
+                        double h, int side, struct stop_step *step)
+{
+    step->side = side;
+    step->torque = -press_stop(stop, x + h * rate - limit, rate);
+    step->extra = h * (stop->damping + h * stop->stiffness);
+}
+
 void stop_step_begin(const struct robot_stop *stop, double lower, double upper, double x,
                      double rate, double h, struct stop_step *step)
 {
+    double depth = stop_depth(lower, upper, x + h * rate);
+
     *step = (struct stop_step){0};
-    if (stop->stiffness > 0.0) {
-        step->torque = stop_torque(stop, stop_depth(lower, upper, x + h * rate), rate);
-        step->active = step->torque != 0.0;
-    }
-    if (step->active) {
-        step->extra = h * (stop->damping + h * stop->stiffness);
+    if (stop_torque(stop, depth, rate) != 0.0) {
+        engage_stop(stop, depth > 0.0 ? upper : lower, x, rate, h, depth > 0.0 ? 1 : -1, step);
     }
 }
 
-bool stop_step_pulls(const struct stop_step *step, double a)
+bool stop_step_revise(const struct robot_stop *stop, double lower, double upper, double x,
+                      double rate, double h, double a, struct stop_step *step)
 {
-    return step->active && step->torque * (step->torque - step->extra * a) < 0.0;
+    double end = rate + h * a, depth = stop_depth(lower, upper, x + h * end);
+
+    /* It pulls */
+    if (step->side != 0 && !step->left && step->side * (step->torque - step->extra * a) > 0.0) {
+        *step = (struct stop_step){.engaged = step->engaged, .left = true};
+        return true;
+    }
+
+    /* It is needed */
+    if (step->side == 0 && !step->left && !step->engaged && stop_torque(stop, depth, end) != 0.0) {
+        engage_stop(stop, depth > 0.0 ? upper : lower, x, rate, h, depth > 0.0 ? 1 : -1, step);
+        step->engaged = true;
+        return true;
+    }
+    return false;
 }

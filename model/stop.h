@@ -29,21 +29,26 @@ double stop_torque(const struct robot_stop *stop, double depth, double rate);
 double stop_energy(const struct robot_stop *stop, double depth);
 double stop_loss(const struct robot_stop *stop, double depth, double rate);
 
-/* A step of h seconds of the implicit Euler scheme (or a stage of another, with its share of the
- * step) that begins at x with that rate and reaches x + h rate'. */
+/* The part of a stop in a step of h seconds of the implicit Euler scheme (or in a stage of another,
+ * with its share of the step) that begins at x with that rate and leads, with the acceleration a,
+ * to the rate' = rate + h a and to x + h rate'. */
 struct stop_step {
-    double torque; /* at the end, torque - extra a, with the acceleration a over the step */
-    double extra;  /* inertia, never negative */
-    bool active;   /* false: within the range or leaving the stop, torque and extra are 0 */
+    double torque;      /* at the end, torque - extra a */
+    double extra;       /* inertia, never negative */
+    int side;           /* 1: at the upper end, -1: at the lower end, 0: torque and extra are 0 */
+    bool engaged, left; /* stop_step_revise has done that */
 };
 
 /* The stop acts if the coordinate, left alone, would be past its range at the end of the step and
- * pressed: so what comes fast is met within the step, not one later. */
+ * press: so what comes fast is met within the step, not one later. */
 void stop_step_begin(const struct robot_stop *stop, double lower, double upper, double x,
                      double rate, double h, struct stop_step *step);
 
-/* Whether the stop would pull with acceleration a, because something else turns the coordinate
- * back within the step: the step then is one without it. */
-bool stop_step_pulls(const struct stop_step *step, double a);
+/* Now that a is known: leaves a stop that would pull, because something else turns the coordinate
+ * back within the step, and engages one that the coordinate is thrown past within the step. True
+ * when the step has changed and a is to be found anew; each is done once in a step at most, so that
+ * this ends. */
+bool stop_step_revise(const struct robot_stop *stop, double lower, double upper, double x,
+                      double rate, double h, double a, struct stop_step *step);
 
 #endif

@@ -206,6 +206,36 @@ static void a_stop_that_would_pull_is_left_out(void **state)
     arena_fini(&wheel.arena);
 }
 
+/* Struck within a step, from rest just before its limit, the wheel is met by the stop in that step:
+ * it gets no farther than exactly. */
+static void a_stop_meets_what_is_thrown_within_a_step(void **state)
+{
+    static const enum plant_integrator both[] = {PLANT_DOPRI5, PLANT_IMPLICIT};
+    const double force[3] = {0.0}, blow[3] = {0.0, 1200.0, 0.0}, none[3] = {0.0};
+    double farthest[2] = {0.0, 0.0};
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        int64_t substep_ns = both[i] == PLANT_DOPRI5 ? 10000 : 1000000;
+        struct wheel wheel;
+
+        wheel_init(&wheel, both[i], substep_ns, none);
+        wheel_throw(&wheel, UPPER - 1e-4, 0.0);
+        plant_set_push(wheel.plant, 1, force, blow);
+        for (int64_t t = 0; t < 20000000; t += substep_ns) {
+            assert_int_equal(plant_step(wheel.plant, 1), ERROR_NONE);
+            farthest[i] = fmax(farthest[i], *wheel.q - UPPER);
+            if (t + substep_ns == 1000000) {
+                plant_set_push(wheel.plant, 1, force, none);
+            }
+        }
+        arena_fini(&wheel.arena);
+    }
+    print_message("# struck: %.5f rad exactly, %.5f in long steps\n", farthest[0], farthest[1]);
+    assert_true(farthest[0] > 0.01);
+    assert_true(farthest[1] > 0.2 * farthest[0] && farthest[1] <= 1.02 * farthest[0]);
+}
+
 /* At rest on its stop the pendulum presses it by its weight; settled, it does from the start. */
 static void what_lies_on_a_stop_presses_it_by_its_weight(void **state)
 {
@@ -405,6 +435,7 @@ int main(void)
         cmocka_unit_test(long_steps_stay_at_the_stop),
         cmocka_unit_test(a_stop_never_pulls),
         cmocka_unit_test(a_stop_that_would_pull_is_left_out),
+        cmocka_unit_test(a_stop_meets_what_is_thrown_within_a_step),
         cmocka_unit_test(what_lies_on_a_stop_presses_it_by_its_weight),
         cmocka_unit_test(what_a_stop_cannot_hold_does_not_settle),
         cmocka_unit_test(energy_balances_over_stops),
