@@ -4,6 +4,7 @@
  * it converges to the exponential of the drive's linear equations, and no stiffness upsets it.
  */
 #include "model/actuator.h"
+#include "model/stop.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -132,27 +133,105 @@ static void a_drive_settles_at_any_stiffness_and_step(void **state)
 }
 
 /* What is promised of the torque, and that the three equations hold at the end of the step. */
-static void the_step_solves_the_equations_at_its_end(void **state)
+static void assert_step_solves_equations(const struct robot_sea *sea)
 {
-    const struct robot_sea sea = toy_drive(120.0);
     const struct sea_state begin = {0.3, -1.2, 2.5};
     const double q = 0.1, qd = 0.7, V = -3.0, h = 1e-3, qdd = 45.0;
 
-    (void)state;
     for (int on = 0; on < 2; on++) {
         double qd_end = qd + h * qdd, q_end = q + h * qd_end;
         struct sea_state end = begin, rate;
         struct sea_step step;
 
         end.I = on ? begin.I : 0.0;
-        sea_step_begin(&sea, &end, q, qd, on ? V : 0.0, on, h, &step);
+        sea_step_begin(sea, &end, q, qd, on ? V : 0.0, on, h, &step);
         sea_step_end(&step, qd_end, h, &end);
-        sea_derivative(&sea, &end, q_end, qd_end, on ? V : 0.0, on, &rate);
+        sea_derivative(sea, &end, q_end, qd_end, on ? V : 0.0, on, &rate);
         assert_near(end.qm - begin.qm, h * rate.qm, 1e-15);
         assert_near(end.qmd - begin.qmd, h * rate.qmd, 1e-13);
         assert_near(end.I, (on ? begin.I : 0.0) + h * rate.I, 1e-12);
-        assert_near(step.torque - step.extra * qdd, sea_torque(&sea, &end, q_end, qd_end), 1e-12);
+        assert_near(step.torque - step.extra * qdd, sea_torque(sea, &end, q_end, qd_end), 1e-10);
         assert_true(step.extra > 0.0);
+    }
+}
+
+/* With a spring that is free, one that is far into its stop, and one that is not yet there. */
+static void the_step_solves_the_equations_at_its_end(void **state)
+{
+    static const double room[] = {0.0, 0.15, 0.21};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof room / sizeof *room; i++) {
+        struct robot_sea sea = toy_drive(120.0);
+
+        sea.deflection = room[i];
+        sea.stop.stiffness = room[i] > 0.0 ? 8000.0 : 0.0;
+        sea.stop.damping = room[i] > 0.0 ? 4.0 : 0.0;
+        assert_step_solves_equations(&sea);
+    }
+}
+
+/* The linear law around any deflection and rate is the torque there. */
+static void the_spring_law_is_its_torque(void **state)
+{
+    struct robot_sea sea = toy_drive(120.0);
+
+    (void)state;
+    sea.deflection = 0.2;
+    sea.stop = (struct robot_stop){.stiffness = 8000.0, .damping = 40.0};
+    for (double twist = -0.3; twist < 0.3; twist += 0.013) {
+        for (double rate = -40.0; rate < 40.0; rate += 1.7) {
+            const struct sea_state drive = {.qm = 0.4 + twist, .qmd = 1.0 + rate};
+            struct sea_spring law = sea_spring_at(&sea, twist, rate);
+            double past = fabs(twist) > 0.2 ? twist - copysign(0.2, twist) : 0.0;
+            double stop = past != 0.0 ? 8000.0 * past + 40.0 * rate : 0.0;
+            double torque = sea.Ks * twist + sea.Ds * rate + (stop * past > 0.0 ? stop : 0.0);
+
+            assert_near(law.Ks * twist + law.Ds * rate + law.offset, torque, 1e-10);
+            assert_near(sea_torque(&sea, &drive, 0.4, 1.0), torque, 1e-10);
+        }
+    }
+}
+
+/* A stop's step is its law at the end, where it presses; left, or without need, it is nothing. */
+static void a_stop_is_taken_at_the_end_of_the_step(void **state)
+{
+    const struct robot_stop stop = {.stiffness = 1e5, .damping = 100.0};
+    const double lower = -0.3, upper = 0.9, h = 1e-3;
+
+    (void)state;
+    for (int side = -1; side <= 1; side += 2) {
+        double limit = side > 0 ? upper : lower;
+
+        for (double a = -500.0; a <= 4000.0; a += 100.0) {
+            double x = limit - 0.002 * side, rate = 3.0 * side, end = rate + h * a * side, torque;
+            double depth = stop_depth(lower, upper, x + h * end);
+            struct stop_step step;
+
+            stop_step_begin(&stop, lower, upper, x, rate, h, &step);
+            assert_int_equal(step.side, side);
+            torque = step.torque - step.extra * a * side;
+            if (stop_step_revise(&stop, lower, upper, x, rate, h, a * side, &step)) {
+                assert_true(torque * side > 0.0); /* it would have pulled */
+                assert_near(step.torque, 0.0, 0.0);
+                assert_near(step.extra, 0.0, 0.0);
+            } else if (depth != 0.0) {
+                assert_near(torque, stop_torque(&stop, depth, end), 1e-9);
+            }
+
+            /* From rest it is engaged by what throws the coordinate past the limit */
+            end = h * a * side;
+            depth = stop_depth(lower, upper, x + h * end);
+            stop_step_begin(&stop, lower, upper, x, 0.0, h, &step);
+            assert_int_equal(step.side, 0);
+            assert_true(stop_step_revise(&stop, lower, upper, x, 0.0, h, a * side, &step) ==
+                        (depth * side > 0.0));
+            if (depth != 0.0) {
+                assert_near(step.torque - step.extra * a * side, stop_torque(&stop, depth, end),
+                            1e-9);
+                assert_false(stop_step_revise(&stop, lower, upper, x, 0.0, h, a * side, &step));
+            }
+        }
     }
 }
 
@@ -178,6 +257,8 @@ int main(void)
         cmocka_unit_test(a_drive_converges_to_its_exponential_with_order_one),
         cmocka_unit_test(a_drive_settles_at_any_stiffness_and_step),
         cmocka_unit_test(the_step_solves_the_equations_at_its_end),
+        cmocka_unit_test(the_spring_law_is_its_torque),
+        cmocka_unit_test(a_stop_is_taken_at_the_end_of_the_step),
         cmocka_unit_test(a_parallel_spring_is_taken_at_the_end_of_the_step),
     };
 
