@@ -2,10 +2,48 @@
 /* The paper's actuator equations, one drive at a time. */
 #include "model/actuator.h"
 
+#include "model/stop.h"
+
+#include <math.h>
+
+/* How far the spring is into its stop, rad. */
+static double spring_stop_depth(const struct robot_sea *sea, double deflection)
+{
+    return sea->stop.stiffness > 0.0 ? stop_depth(-sea->deflection, sea->deflection, deflection)
+                                     : 0.0;
+}
+
 /* Eq. (3) with the sign that eq. (2) needs. */
 double sea_torque(const struct robot_sea *sea, const struct sea_state *state, double q, double qd)
 {
-    return sea->Ks * (state->qm - q) + sea->Ds * (state->qmd - qd);
+    double depth = spring_stop_depth(sea, state->qm - q), twist = state->qmd - qd;
+
+    return sea->Ks * (state->qm - q) + sea->Ds * twist - stop_torque(&sea->stop, depth, twist);
+}
+
+struct sea_spring sea_spring_at(const struct robot_sea *sea, double deflection, double rate)
+{
+    struct sea_spring spring = {.Ks = sea->Ks, .Ds = sea->Ds};
+    double depth = spring_stop_depth(sea, deflection);
+
+    if (stop_torque(&sea->stop, depth, rate) != 0.0) {
+        spring.Ks += sea->stop.stiffness;
+        spring.Ds += sea->stop.damping;
+        spring.offset = -copysign(sea->stop.stiffness * sea->deflection, depth);
+    }
+    return spring;
+}
+
+double sea_deflection(const struct robot_sea *sea, double tau)
+{
+    double free = tau / sea->Ks;
+
+    if (fabs(free) > sea->deflection && sea->stop.stiffness > 0.0) {
+        return copysign((fabs(tau) + sea->stop.stiffness * sea->deflection) /
+                            (sea->Ks + sea->stop.stiffness),
+                        tau);
+    }
+    return free;
 }
 
 void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
@@ -19,8 +57,8 @@ void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, 
     derivative->I = bridge_on ? (V - sea->R * state->I - sea->Kw * state->qmd) / sea->L : 0.0;
 }
 
-void sea_power(const struct robot_sea *sea, const struct sea_state *state, double qd, double V,
-               struct sea_power *power)
+void sea_power(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
+               double V, struct sea_power *power)
 {
     double twist = state->qmd - qd;
 
@@ -28,7 +66,8 @@ void sea_power(const struct robot_sea *sea, const struct sea_state *state, doubl
     power->joule = sea->R * state->I * state->I;
     power->friction =
         sea->Dm * state->qmd * state->qmd + (sea->Kw - sea->Kt) * state->I * state->qmd;
-    power->spring_damping = sea->Ds * twist * twist;
+    power->spring_damping = sea->Ds * twist * twist +
+                            stop_loss(&sea->stop, spring_stop_depth(sea, state->qm - q), twist);
 }
 
 double sea_energy(const struct robot_sea *sea, const struct sea_state *state, double q)
@@ -36,7 +75,8 @@ double sea_energy(const struct robot_sea *sea, const struct sea_state *state, do
     double deflection = state->qm - q;
 
     return 0.5 * (sea->L * state->I * state->I + sea->J * state->qmd * state->qmd +
-                  sea->Ks * deflection * deflection);
+                  sea->Ks * deflection * deflection) +
+           stop_energy(&sea->stop, spring_stop_depth(sea, deflection));
 }
 
 double parallel_spring_extension(const struct robot_parallel_spring *spring, double p, double q)

@@ -5,7 +5,8 @@
  *   tau = Ks (qm - q) + Ds (qm' - q')            (3), with the sign that (2) needs
  *   L I' + R I + Kw qm' = V                      (4)
  * tau acts on the link with its own sign. The paper prints eq. (3) with the opposite sign, which is
- * inconsistent with (2); Kt and Kw are N times the motor's own. RT-safe.
+ * inconsistent with (2); Kt and Kw are N times the motor's own. Beyond the deflection that a spring
+ * has room for, its stop (model/stop.h) is beside it, in tau and in all energies. RT-safe.
  */
 #ifndef MODEL_ACTUATOR_H
 #define MODEL_ACTUATOR_H
@@ -18,8 +19,18 @@ struct sea_state {
     double I;   /* A */
 };
 
-/* tau of eq. (3), N m on the link. */
+/* tau of eq. (3), N m on the link, with what the spring's stop adds. */
 double sea_torque(const struct robot_sea *sea, const struct sea_state *state, double q, double qd);
+
+/* The linear law that holds around a deflection qm - q with that rate: tau = Ks (qm - q) +
+ * Ds (qm' - q') + offset, with the stop's part when the spring presses it. */
+struct sea_spring {
+    double Ks, Ds, offset;
+};
+struct sea_spring sea_spring_at(const struct robot_sea *sea, double deflection, double rate);
+
+/* The deflection at which the drive carries tau at rest; tau within reach of spring or stop. */
+double sea_deflection(const struct robot_sea *sea, double tau);
 
 /* Time derivatives by eqs (2) and (4). bridge_on false: no current flows and I' = 0 (the caller has
  * set I to zero when the bridge opened). V in volts at the terminals. */
@@ -27,16 +38,17 @@ void sea_derivative(const struct robot_sea *sea, const struct sea_state *state, 
                     double V, bool bridge_on, struct sea_state *derivative);
 
 /* Power balance, W: the electrical power V I is what heats the winding, R I^2, motor friction,
- * Dm qm'^2, spring damping, Ds (qm' - q')^2, the rate of sea_energy, and tau q' to the link. A
+ * Dm qm'^2, spring damping, Ds (qm' - q')^2 and the loss of its stop, the rate of sea_energy, and
+ * tau q' to the link. A
  * physical machine has Kw = Kt; where a robot file says otherwise, the power (Kw - Kt) I qm' that
  * the conversion loses counts as friction, so that the balance closes all the same. */
 struct sea_power {
     double electrical, joule, friction, spring_damping;
 };
-void sea_power(const struct robot_sea *sea, const struct sea_state *state, double qd, double V,
-               struct sea_power *power);
+void sea_power(const struct robot_sea *sea, const struct sea_state *state, double q, double qd,
+               double V, struct sea_power *power);
 
-/* Stored energy, J: L I^2/2, J qm'^2/2, Ks (qm - q)^2/2. */
+/* Stored energy, J: L I^2/2, J qm'^2/2, Ks (qm - q)^2/2, and that of the spring's stop. */
 double sea_energy(const struct robot_sea *sea, const struct sea_state *state, double q);
 
 /* Extension x = p - r s q of the parallel spring, m; it pulls while x < 0. */

@@ -20,6 +20,8 @@
  *
  *   drives      solved exactly for joints that move at a stage's rates (model/drive_flow.h): on its
  *               joint remain a torque and an inertia; parallel springs likewise by implicit Euler;
+ *   end stops   likewise, those that the joints press at the stage; where one turns out to pull, or
+ *               to be missing, the stage is solved again without it or with it;
  *   contact     a pair with the tangents K and D has, at its center, the wrench
  *               F - H (D + H K) (A - Ap), H = gamma h, A the relative acceleration of the stage and
  *               Ap that which leads to the point: H (D + H K) adds to its bodies' inertias;
@@ -38,8 +40,8 @@
  * has moved nothing. The energy account takes the wrenches of both stages, with the scheme's
  * weights.
  *
- * Where something strikes, the rates of a pair at a stage are far from those at the point: the step
- * is then taken again in 4 or 16 parts, a bounded and deterministic amount of work.
+ * Where something strikes, the rates of a pair, or of a joint at its stop, at a stage are far from
+ * those at the point: the step is then taken again in 4 or 16 parts, a bounded and deterministic amount of work.
  */
 #include "model/implicit.h"
 
@@ -86,10 +88,11 @@ static enum error_code take_first_stage(struct plant *plant)
     memcpy(im->u_1, im->u, im->na * sizeof *im->u_1);
     account_stage(plant, rest);
 
-    /* The springs' powers at the stage itself */
+    /* The joints' powers at the stage itself */
     memcpy(im->point, im->base, bytes);
     implicit_move(plant, im->u, im->stage_h, im->point);
-    implicit_account_springs(plant, im->u, rest, im->point, im->stage_h);
+    implicit_set_rates(plant, im->u, im->point);
+    implicit_account_joints(plant, rest, im->point, im->stage_h);
 
     /* Where the second stage starts from */
     implicit_advance_actuators(plant, SPAN_TO_BASE, im->u, im->base);
@@ -125,7 +128,7 @@ static enum error_code take_second_stage(struct plant *plant)
     implicit_advance_actuators(plant, SPAN_STAGE, im->u, im->base);
     implicit_move(plant, im->u, im->stage_h, im->base);
     implicit_set_rates(plant, im->u, im->base);
-    implicit_account_springs(plant, im->u, im->stage_h, im->base, 0.0);
+    implicit_account_joints(plant, im->stage_h, im->base, 0.0);
     memcpy(plant->state, im->base, plant->at.count * sizeof *im->base);
     return ERROR_NONE;
 }
@@ -226,9 +229,13 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->u, im->na);
     TAKE(im->slope, im->na);
     TAKE(im->a_point, im->na);
+    TAKE(im->sound, plant->ndrive);
+    TAKE(im->changed, plant->ndrive);
     TAKE(im->flows, plant->ndrive);
+    TAKE(im->law, plant->ndrive);
     TAKE(im->extra, robot->njoint);
     TAKE(im->torque, robot->njoint);
+    TAKE(im->stop, robot->njoint);
     TAKE(im->added, im->nobserved);
     TAKE(im->number, ncontact);
     TAKE(im->contact_inertia, ncontact);

@@ -16,7 +16,11 @@ enum { IMPLICIT_TANGENTS = PLANT_PATCHES };
 /* Scratch for plant, in arena; NULL when there is no room. Not RT-safe. */
 struct implicit *implicit_create(const struct plant *plant, struct arena *arena);
 
-/* Brings what follows from the parameters of drive d up to date: after they change. RT-safe. */
+/* What follows from the parameters of the drives, once they are known. Not RT-safe. */
+void implicit_prepare_drives(struct plant *plant);
+
+/* The same for drive d after its parameters have changed, in some 50,000 products; back to its own
+ * in none. RT-safe. */
 void implicit_refresh_drive(struct plant *plant, size_t d);
 
 /* Forgets what earlier steps foretell: for a state that has been set. RT-safe. */

@@ -6,9 +6,14 @@
  * In a stage the joint moves at the rate r = u_base + h a that it has at the stage's end (h that of
  * the stage). The drive is solved exactly for that (model/drive_flow.h), and linear in r:
  *     qm+ = qm + f_qm(r), tau+ = Ks (qm+ - q - h r) + Ds (qm'+ - r) = torque - extra a.
+ * A spring at its stop follows another linear law, tau = Ks d + Ds d' + offset with what the stop
+ * adds to Ks and Ds: a flow of its own about the deflection d + offset/Ks. Which law holds is
+ * decided for the whole of a span, by where the free spring would come to in it.
  */
 #include "model/implicit_private.h"
+#include "model/stop.h"
 
+#include <math.h>
 #include <string.h>
 
 /* Angle that a rotor may swing on its spring within a stage, rad, to be taken exactly. */
@@ -17,10 +22,11 @@
 /* Parts that a span is divided into for the accounts: two applications of Simpson's rule. */
 enum { ACCOUNT_PARTS = 4 };
 
-static const struct drive_flow *drive_flow_of(const struct plant *plant, size_t d, int level,
+static const struct drive_flow *drive_flow_of(const struct plant *plant, size_t d,
+                                              enum spring_law law, int level,
                                               enum implicit_span span)
 {
-    return &plant->implicit->flows[d].of[plant->bridge_on[d]][level][span];
+    return &plant->implicit->flows[d]->of[law][plant->bridge_on[d]][level][span];
 }
 
 /* The flows of a step of h seconds. Both are exact where the rotor's swing on its spring is
@@ -40,31 +46,149 @@ static void make_step_flows(const struct robot_sea *sea, bool bridge_on, double 
     }
 }
 
-void implicit_refresh_drive(struct plant *plant, size_t d)
+/* All flows of a drive, for the configuration's step and its parts. */
+static void make_drive_flows(const struct robot_sea *sea, double h, struct drive_flows *flows)
 {
-    double h = 1e-9 * (double)plant->config.substep_ns;
+    struct robot_sea pressed = *sea;
 
+    pressed.Ks += sea->stop.stiffness;
+    pressed.Ds += sea->stop.damping;
     for (int level = 0; level < FLOW_LEVELS; level++, h *= 0.25) {
         for (int on = 0; on < 2; on++) {
-            make_step_flows(&plant->sea[d], on, h, plant->implicit->flows[d].of[on][level]);
+            make_step_flows(sea, on, h, flows->of[SPRING_FREE][on][level]);
+            make_step_flows(&pressed, on, h, flows->of[SPRING_PRESSED][on][level]);
         }
     }
+}
+
+void implicit_prepare_drives(struct plant *plant)
+{
+    for (size_t d = 0; d < plant->ndrive; d++) {
+        make_drive_flows(&plant->config.robot->joint[plant->drive_joint[d]].sea,
+                         1e-9 * (double)plant->config.substep_ns, &plant->implicit->sound[d]);
+        implicit_refresh_drive(plant, d);
+    }
+}
+
+void implicit_refresh_drive(struct plant *plant, size_t d)
+{
+    struct implicit *im = plant->implicit;
+    const struct robot_sea *sound = &plant->config.robot->joint[plant->drive_joint[d]].sea;
+
+    im->flows[d] = &im->sound[d];
+    if (plant->sea[d].J != sound->J || plant->sea[d].Ks != sound->Ks) {
+        make_drive_flows(&plant->sea[d], 1e-9 * (double)plant->config.substep_ns, &im->changed[d]);
+        im->flows[d] = &im->changed[d];
+    }
+}
+
+/* ---- drives ---- */
+
+/* Where a flow takes a drive whose spring follows law, the joint moving at rate from q. */
+static struct sea_state flow_drive(const struct plant *plant, size_t d, enum spring_law law,
+                                   const struct drive_flow *flow, const struct sea_state *drive,
+                                   double q, double rate)
+{
+    const struct robot_sea *sea = &plant->sea[d];
+    double shift = 0.0;
+
+    /* The stop's offset, as a shift of the deflection that its stiffness acts on */
+    if (law == SPRING_PRESSED) {
+        shift = copysign(sea->stop.stiffness * sea->deflection / (sea->Ks + sea->stop.stiffness),
+                         drive->qm - q);
+    }
+    return drive_flow_advance(flow, drive, q + shift, rate, plant->voltage[d]);
+}
+
+/* The law that holds in a span: the stop's where the free spring would come to press it, and the
+ * stop then pushes and does not pull. */
+static enum spring_law find_spring_law(const struct plant *plant, size_t d, enum implicit_span span,
+                                       const struct sea_state *drive, double q, double rate)
+{
+    const struct robot_sea *sea = &plant->sea[d];
+
+    for (int law = SPRING_FREE; sea->stop.stiffness > 0.0 && law < SPRING_LAWS; law++) {
+        const struct drive_flow *flow =
+            drive_flow_of(plant, d, (enum spring_law)law, (int)plant->implicit->level, span);
+        struct sea_state end = flow_drive(plant, d, (enum spring_law)law, flow, drive, q, rate);
+        double twist = end.qm - q - flow->t * rate;
+
+        if (sea_spring_at(sea, twist, end.qmd - rate).Ks == sea->Ks) {
+            return SPRING_FREE;
+        }
+    }
+    return sea->stop.stiffness > 0.0 ? SPRING_PRESSED : SPRING_FREE;
 }
 
 static void linearize_drive(struct plant *plant, size_t d)
 {
     struct implicit *im = plant->implicit;
-    const struct robot_sea *sea = &plant->sea[d];
-    const struct drive_flow *flow = drive_flow_of(plant, d, (int)im->level, SPAN_STAGE);
     size_t j = plant->drive_joint[d];
     double q = plant_joint_position(plant, im->base, j);
-    double rate = plant_joint_rate(plant, im->base, j), slope;
-    struct sea_state begin = plant_drive_state(plant, im->base, d);
-    struct sea_state end = drive_flow_advance(flow, &begin, q, rate, plant->voltage[d]);
+    double rate = plant_joint_rate(plant, im->base, j), torque, slope;
+    struct sea_state begin = plant_drive_state(plant, im->base, d), end;
+    struct sea_spring spring = {.Ks = plant->sea[d].Ks, .Ds = plant->sea[d].Ds};
+    const struct drive_flow *flow;
 
-    slope = sea->Ks * (flow->qm[FLOW_RATE] - im->stage_h) + sea->Ds * (flow->qmd[FLOW_RATE] - 1.0);
-    im->torque[j] += sea_torque(sea, &end, q + im->stage_h * rate, rate);
+    /* Where the drive comes to if the joint keeps its rate */
+    im->law[d] = find_spring_law(plant, d, SPAN_STAGE, &begin, q, rate);
+    flow = drive_flow_of(plant, d, im->law[d], (int)im->level, SPAN_STAGE);
+    end = flow_drive(plant, d, im->law[d], flow, &begin, q, rate);
+
+    /* The spring's torque there, and its slope against the rate */
+    if (im->law[d] == SPRING_PRESSED) {
+        spring.Ks += plant->sea[d].stop.stiffness;
+        spring.Ds += plant->sea[d].stop.damping;
+        spring.offset =
+            -copysign(plant->sea[d].stop.stiffness * plant->sea[d].deflection, begin.qm - q);
+    }
+    torque = spring.Ks * (end.qm - (q + im->stage_h * rate)) + spring.Ds * (end.qmd - rate) +
+             spring.offset;
+    slope =
+        spring.Ks * (flow->qm[FLOW_RATE] - im->stage_h) + spring.Ds * (flow->qmd[FLOW_RATE] - 1.0);
+    im->torque[j] += torque;
     im->extra[j] -= slope * im->stage_h;
+}
+
+/* The end stops that the joints press at the stage. */
+static void linearize_stops(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    const struct robot *robot = plant->config.robot;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        const struct robot_joint *joint = &robot->joint[j];
+
+        stop_step_begin(&joint->stop, joint->lower, joint->upper,
+                        plant_joint_position(plant, im->base, j),
+                        plant_joint_rate(plant, im->base, j), im->stage_h, &im->stop[j]);
+        if (im->stop[j].side != 0) {
+            im->torque[j] += im->stop[j].torque;
+            im->extra[j] += im->stop[j].extra;
+        }
+    }
+}
+
+bool implicit_revise_stops(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    const struct robot *robot = plant->config.robot;
+    const double *a = im->a + robot->nv - robot->njoint;
+    bool revised = false;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        const struct robot_joint *joint = &robot->joint[j];
+        struct stop_step before = im->stop[j];
+
+        if (stop_step_revise(
+                &joint->stop, joint->lower, joint->upper, plant_joint_position(plant, im->base, j),
+                plant_joint_rate(plant, im->base, j), im->stage_h, a[j], &im->stop[j])) {
+            im->torque[j] += im->stop[j].torque - before.torque;
+            im->extra[j] += im->stop[j].extra - before.extra;
+            revised = true;
+        }
+    }
+    return revised;
 }
 
 void implicit_linearize_actuators(struct plant *plant)
@@ -87,15 +211,18 @@ void implicit_linearize_actuators(struct plant *plant)
         im->torque[j] += torque;
         im->extra[j] += extra;
     }
+    linearize_stops(plant);
 }
+
+/* ---- to the end of a span, and the accounts ---- */
 
 /* Adds weight times the powers of a drive to the accounts. */
 static void account_drive(const struct plant *plant, size_t d, const struct sea_state *drive,
-                          double qd, double weight, double *work)
+                          double q, double qd, double weight, double *work)
 {
     struct sea_power power;
 
-    sea_power(&plant->sea[d], drive, qd, plant->voltage[d], &power);
+    sea_power(&plant->sea[d], drive, q, qd, plant->voltage[d], &power);
     work[WORK_ELECTRICAL] += weight * power.electrical;
     work[WORK_JOULE] += weight * power.joule;
     work[WORK_FRICTION] += weight * power.friction;
@@ -103,15 +230,16 @@ static void account_drive(const struct plant *plant, size_t d, const struct sea_
 }
 
 /* The integrals of its powers over a span, from the exact states at its quarters (Simpson). */
-static void account_span(const struct plant *plant, size_t d, enum implicit_span span,
-                         struct sea_state drive, double q, double qd, double *work)
+static void account_span(struct plant *plant, size_t d, enum spring_law law,
+                         enum implicit_span span, struct sea_state drive, double q, double qd)
 {
     static const double simpson[ACCOUNT_PARTS + 1] = {1.0, 4.0, 2.0, 4.0, 1.0};
-    const struct drive_flow *part = drive_flow_of(plant, d, (int)plant->implicit->level + 1, span);
+    struct implicit *im = plant->implicit;
+    const struct drive_flow *part = drive_flow_of(plant, d, law, (int)im->level + 1, span);
 
     for (int k = 0; k <= ACCOUNT_PARTS; k++) {
-        account_drive(plant, d, &drive, qd, simpson[k] * part->t / 3.0, work);
-        drive = drive_flow_advance(part, &drive, q, qd, plant->voltage[d]);
+        account_drive(plant, d, &drive, q, qd, simpson[k] * part->t / 3.0, im->work);
+        drive = flow_drive(plant, d, law, part, &drive, q, qd);
         q += part->t * qd;
     }
 }
@@ -128,12 +256,16 @@ void implicit_advance_actuators(struct plant *plant, enum implicit_span span, co
         size_t j = plant->drive_joint[d];
         double *y = state + plant_drive_offset(plant, d), q = plant_joint_position(plant, state, j);
         struct sea_state drive = plant_drive_state(plant, state, d);
+        enum spring_law law = im->law[d];
 
-        if (plant->config.account_energy) {
-            account_span(plant, d, span, drive, q, rate[j], im->work);
+        if (span != SPAN_STAGE) {
+            law = find_spring_law(plant, d, span, &drive, q, rate[j]);
         }
-        drive = drive_flow_advance(drive_flow_of(plant, d, (int)im->level, span), &drive, q,
-                                   rate[j], plant->voltage[d]);
+        if (plant->config.account_energy) {
+            account_span(plant, d, law, span, drive, q, rate[j]);
+        }
+        drive = flow_drive(plant, d, law, drive_flow_of(plant, d, law, (int)im->level, span),
+                           &drive, q, rate[j]);
         y[DRIVE_MOTOR_POSITION] = drive.qm;
         y[DRIVE_MOTOR_SPEED] = drive.qmd;
         y[DRIVE_CURRENT] = drive.I;
@@ -143,20 +275,22 @@ void implicit_advance_actuators(struct plant *plant, enum implicit_span span, co
     }
 }
 
-void implicit_account_springs(struct plant *plant, const double *u, double weight,
-                              const double *state, double offset)
+void implicit_account_joints(struct plant *plant, double weight, const double *state, double offset)
 {
     const struct robot *robot = plant->config.robot;
-    const double *rate = u + robot->nv - robot->njoint;
     double *work = plant->implicit->work;
 
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
         const struct robot_parallel_spring *spring = &robot->joint[j].spring;
-        double q = plant_joint_position(plant, state, j), pd = plant->pretension_rate[s];
+        double q = plant_joint_position(plant, state, j), qd = plant_joint_rate(plant, state, j);
+        double pd = plant->pretension_rate[s];
         double p = state[plant->at.pretension + s] + offset * pd;
 
-        work[WORK_PRETENSION] += weight * pd * parallel_spring_force(spring, p, pd, q, rate[j]);
-        work[WORK_PARALLEL_DAMPING] += weight * parallel_spring_damping(spring, p, pd, q, rate[j]);
+        work[WORK_PRETENSION] += weight * pd * parallel_spring_force(spring, p, pd, q, qd);
+        work[WORK_PARALLEL_DAMPING] += weight * parallel_spring_damping(spring, p, pd, q, qd);
+    }
+    if (!plant->clamped) {
+        work[WORK_STOPS] += weight * plant_stop_loss(plant, state);
     }
 }

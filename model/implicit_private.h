@@ -40,9 +40,12 @@ enum implicit_level { LEVEL_WHOLE, LEVEL_QUARTER, LEVEL_SIXTEENTH, STEP_LEVELS, 
  * gamma) h, and through a stage, gamma h. */
 enum implicit_span { SPAN_TO_BASE, SPAN_STAGE, SPANS };
 
-/* A drive's flows: bridge off and on, by level and span. */
+/* Which linear law a drive's spring follows: it is free, or presses its stop. */
+enum spring_law { SPRING_FREE, SPRING_PRESSED, SPRING_LAWS };
+
+/* A drive's flows: by law of the spring, bridge off and on, level and span. */
 struct drive_flows {
-    struct drive_flow of[2][FLOW_LEVELS][SPANS];
+    struct drive_flow of[SPRING_LAWS][2][FLOW_LEVELS][SPANS];
 };
 
 /* Arrays by joint, by contact body, by free body or by body of the robot. "Rates" are velocities or
@@ -70,8 +73,11 @@ struct implicit {
     struct plant_load load;       /* of pushes, at the point */
 
     /* Actuators */
-    struct drive_flows *flows; /* by drive */
-    double *extra, *torque;    /* by joint */
+    struct drive_flows *sound, *changed; /* by drive: of its own parameters, and of a condition's */
+    const struct drive_flows **flows;    /* by drive: those of the two that hold */
+    enum spring_law *law;                /* by drive: in this stage */
+    double *extra, *torque;              /* by joint */
+    struct stop_step *stop;              /* by joint */
 
     /* Contact */
     size_t nactive;
@@ -166,15 +172,19 @@ void implicit_move(const struct plant *plant, const double *u, double h, double 
 /* Fills torque and extra of the stage from base. */
 void implicit_linearize_actuators(struct plant *plant);
 
+/* Takes away the end stops that would pull with the accelerations found, and adds those that joints
+ * are thrown past; true when there are some, so that the stage has to be solved again. */
+bool implicit_revise_stops(struct plant *plant);
+
 /* Takes drives and pretensions in state through a span with the joints at the rates of u from the
  * positions in state; adds the drives' powers to work. */
 void implicit_advance_actuators(struct plant *plant, enum implicit_span span, const double *u,
                                 double *state);
 
-/* Adds the powers over weight seconds of the parallel springs, offset seconds after state, moving
- * with u, to work. */
-void implicit_account_springs(struct plant *plant, const double *u, double weight,
-                              const double *state, double offset);
+/* Adds the powers over weight seconds of parallel springs, their pretensions offset seconds after
+ * state, and of end stops to work. */
+void implicit_account_joints(struct plant *plant, double weight, const double *state,
+                             double offset);
 
 /* ---- active pairs: implicit_contact.c ---- */
 

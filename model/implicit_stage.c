@@ -8,6 +8,9 @@
 #include <math.h>
 #include <string.h>
 
+/* Of joints that strike their stops, m. */
+#define STRIKE_LEVER 0.1
+
 /* ---- rates ---- */
 
 static size_t free_rate(const struct plant *plant, size_t b, enum free_acceleration_part part)
@@ -159,6 +162,23 @@ static void find_slope(struct plant *plant)
     }
 }
 
+/* What is a strike on a body is one on a joint at its stop, seen at a lever's end. */
+static void raise_jump_at_stops(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+    const struct robot *robot = plant->config.robot;
+    const size_t first = robot->nv - robot->njoint;
+
+    for (size_t j = 0; j < robot->njoint && !plant->clamped; j++) {
+        const double lever = robot->joint[j].type == JOINT_REVOLUTE ? STRIKE_LEVER : 1.0;
+
+        if (im->stop[j].side != 0) {
+            im->jump = fmax(im->jump,
+                            lever * im->stage_h * fabs(im->a[first + j] - im->a_point[first + j]));
+        }
+    }
+}
+
 enum error_code implicit_solve_stage(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
@@ -177,7 +197,11 @@ enum error_code implicit_solve_stage(struct plant *plant)
 
     /* Accelerations, and with them contact and rates at the stage */
     implicit_solve(plant);
+    while (!plant->clamped && implicit_revise_stops(plant)) {
+        implicit_solve(plant); /* ends: each joint's stop changes twice at most */
+    }
     implicit_end_contact(plant);
+    raise_jump_at_stops(plant);
     find_slope(plant);
     for (size_t i = 0; i < im->na; i++) {
         im->u[i] = im->u_base[i] + im->stage_h * im->slope[i];

@@ -45,6 +45,7 @@ static void set_drive_condition(struct plant *plant, size_t d, unsigned conditio
     *sea = plant->config.robot->joint[j].sea;
     if (condition & DRIVE_SPRING_BREAK) {
         sea->Ks = sea->Ds = 0.0;
+        sea->stop = (struct robot_stop){0};
     }
     if (condition & DRIVE_JAM || plant->balanced) {
         sea->J = JAMMED_INERTIA;

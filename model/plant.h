@@ -6,7 +6,8 @@
  * State, one flat array: q (nq), v (nv), then an enum plant_drive_part for each joint with a drive,
  * in joint order, then p for each joint with an enabled parallel spring, then an enum
  * plant_free_part for each free body, then, with account_energy, the integrals of the powers.
- * Joints without a drive have no actuator state and no torque but that of their parallel spring.
+ * Joints without a drive have no actuator state and no torque but that of their parallel spring and
+ * of the stops at the ends of their range (model/stop.h).
  * Time is int64_t ns.
  *
  * Free bodies are the scene's: rigid, joined to nothing, moved by gravity, contact and pushes.
@@ -90,16 +91,18 @@ enum { PLANT_PATCHES = 256 };
 
 /* Energies since the start, J. balance = what was put in (electrical_in, pretension_work,
  * push_work) - (what is stored now - what was stored at the start) - what was lost (joule_heat,
- * motor_friction, spring_damping, parallel_damping, contact_dissipation): zero for an exact
- * integration.
+ * motor_friction, spring_damping, parallel_damping, stop_loss, contact_dissipation): zero for an
+ * exact integration. stop_loss is that of the joints' stops; what the stops of series springs lose
+ * is in spring_damping.
  *
  * Contact enters the balance by the work of its wrenches on the bodies, whatever the engine says of
  * its own energies: contact_dissipation is that work, negated, less the growth of what the patches
  * report as stored. With an engine that reports no potential it holds the stored part too. */
 struct plant_energy {
     double electrical_in, pretension_work, push_work;
-    double joule_heat, motor_friction, spring_damping, parallel_damping, contact_dissipation;
-    double stored; /* kinetic, gravity, springs, windings, contact layers */
+    double joule_heat, motor_friction, spring_damping, parallel_damping, stop_loss;
+    double contact_dissipation;
+    double stored; /* kinetic, gravity, springs, stops, windings, contact layers */
     double balance;
 };
 

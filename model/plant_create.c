@@ -295,8 +295,8 @@ enum error_code plant_create(const struct plant_config *config, struct arena *ar
 
     /* What follows from the configuration, and the reset state */
     number_actuators(made);
-    for (size_t d = 0; made->implicit && d < made->ndrive; d++) {
-        implicit_refresh_drive(made, d);
+    if (made->implicit) {
+        implicit_prepare_drives(made);
     }
     plant_free_prepare(made);
     plant_free_reset(made);

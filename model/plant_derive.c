@@ -73,7 +73,7 @@ void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *
     }
 }
 
-/* Torques of drives, eq. (3), and of parallel springs, eq. (5), on the joints. */
+/* Torques of drives, eq. (3), of parallel springs, eq. (5), and of end stops on the joints. */
 static void apply_joint_torques(struct plant *plant, const double *state)
 {
     const struct robot *robot = plant->config.robot;
@@ -92,6 +92,14 @@ static void apply_joint_torques(struct plant *plant, const double *state)
         plant->tau[j] += parallel_spring_torque(
             &robot->joint[j].spring, state[plant->at.pretension + s], plant->pretension_rate[s],
             plant_joint_position(plant, state, j), plant_joint_rate(plant, state, j));
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        double depth = plant_joint_depth(plant, state, j);
+
+        if (depth != 0.0) {
+            plant->tau[j] +=
+                stop_torque(&robot->joint[j].stop, depth, plant_joint_rate(plant, state, j));
+        }
     }
 }
 
@@ -169,7 +177,7 @@ static void derive_drives(const struct plant *plant, const double *state, double
         if (work) {
             struct sea_power power;
 
-            sea_power(sea, &drive, qd, plant->voltage[d], &power);
+            sea_power(sea, &drive, q, qd, plant->voltage[d], &power);
             work[WORK_ELECTRICAL] += power.electrical;
             work[WORK_JOULE] += power.joule;
             work[WORK_FRICTION] += power.friction;
@@ -194,6 +202,18 @@ static void derive_springs(const struct plant *plant, const double *state, doubl
             work[WORK_PARALLEL_DAMPING] += parallel_spring_damping(spring, p, pd, q, qd);
         }
     }
+}
+
+double plant_stop_loss(const struct plant *plant, const double *state)
+{
+    const struct robot *robot = plant->config.robot;
+    double loss = 0.0;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        loss += stop_loss(&robot->joint[j].stop, plant_joint_depth(plant, state, j),
+                          plant_joint_rate(plant, state, j));
+    }
+    return loss;
 }
 
 void plant_derivative(void *context, double t, const double *state, double *derivative)
@@ -224,5 +244,6 @@ void plant_derivative(void *context, double t, const double *state, double *deri
     if (work) {
         work[WORK_CONTACT] = load.contact;
         work[WORK_PUSH] = load.push;
+        work[WORK_STOPS] = plant->clamped ? 0.0 : plant_stop_loss(plant, state);
     }
 }

@@ -6,7 +6,7 @@
 
 #include <string.h>
 
-/* Energy of motion, gravity, springs and windings, J. */
+/* Energy of motion, gravity, springs, stops and windings, J. */
 static double stored_mechanical(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
@@ -29,6 +29,9 @@ static double stored_mechanical(struct plant *plant)
 
         energy += parallel_spring_energy(&robot->joint[j].spring, state[plant->at.pretension + s],
                                          plant_joint_position(plant, state, j));
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        energy += stop_energy(&robot->joint[j].stop, plant_joint_depth(plant, state, j));
     }
     return energy;
 }
@@ -89,10 +92,11 @@ enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
     energy->motor_friction = work[WORK_FRICTION];
     energy->spring_damping = work[WORK_SPRING_DAMPING];
     energy->parallel_damping = work[WORK_PARALLEL_DAMPING];
+    energy->stop_loss = work[WORK_STOPS];
     energy->contact_dissipation = -work[WORK_CONTACT] - (contact - plant->start_contact);
     energy->balance = energy->electrical_in + energy->pretension_work + energy->push_work +
                       work[WORK_CONTACT] - (mechanical - plant->start_mechanical) -
                       energy->joule_heat - energy->motor_friction - energy->spring_damping -
-                      energy->parallel_damping;
+                      energy->parallel_damping - energy->stop_loss;
     return ERROR_NONE;
 }

@@ -17,7 +17,7 @@ enum drive_condition {
     DRIVE_OPEN_PHASE = 1 << 0,   /* no current, whatever the bridge does */
     DRIVE_SHORT = 1 << 1,        /* the winding is shorted: 0 V across it, so that it brakes */
     DRIVE_JAM = 1 << 2,          /* the rotor is locked where it is */
-    DRIVE_SPRING_BREAK = 1 << 3, /* Ks = Ds = 0: the link hangs loose */
+    DRIVE_SPRING_BREAK = 1 << 3, /* Ks = Ds = 0, no stop: the link hangs loose */
 };
 
 /* One drive's bridge for the coming tick. */
@@ -39,7 +39,7 @@ struct motor_sense {
     double q, qd;     /* joint, rad, rad/s */
     double qm, qmd;   /* motor behind the gear (the paper's q^m), rad, rad/s */
     double current_a; /* motor current I^m */
-    double torque_nm; /* on the link: Ks (qm - q) + Ds (qm' - q') */
+    double torque_nm; /* on the link: Ks (qm - q) + Ds (qm' - q'), and the spring's stop */
     double voltage_v; /* applied, after saturation */
     double winding_c; /* temperature, deg C; only where boards/sensing.h models it, else 0 */
 };

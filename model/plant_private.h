@@ -11,6 +11,7 @@
 #include "model/actuator.h"
 #include "model/integrator.h"
 #include "model/plant.h"
+#include "model/stop.h"
 
 /* Integrals of powers at the end of the state. WORK_CONTACT is what contact does on the bodies. */
 enum plant_work {
@@ -22,6 +23,7 @@ enum plant_work {
     WORK_FRICTION,
     WORK_SPRING_DAMPING,
     WORK_PARALLEL_DAMPING,
+    WORK_STOPS,
     WORK_COUNT,
 };
 
@@ -135,9 +137,20 @@ static inline double plant_joint_rate(const struct plant *plant, const double *s
     return state[plant->at.drive - plant->config.robot->njoint + j];
 }
 
+/* How far joint j is past its limits, as of model/stop.h. */
+static inline double plant_joint_depth(const struct plant *plant, const double *state, size_t j)
+{
+    const struct robot_joint *joint = &plant->config.robot->joint[j];
+
+    return stop_depth(joint->lower, joint->upper, plant_joint_position(plant, state, j));
+}
+
 /* integrator_function with the plant as its context. A failure is left in step_code and failure;
  * the rates are then zero. */
 void plant_derivative(void *plant, double t, const double *state, double *derivative);
+
+/* What the joints' stops turn into heat, W. */
+double plant_stop_loss(const struct plant *plant, const double *state);
 
 /* Fills q, ext, tau, vdot and the free bodies' motion from state; the robot's motion and
  * contact_wrench too when there is contact. */

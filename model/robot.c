@@ -146,13 +146,20 @@ static enum error_code check_body_inertias(const struct robot *robot, struct err
     return ERROR_NONE;
 }
 
+static bool stop_is_possible(const struct robot_stop *stop)
+{
+    return isfinite(stop->stiffness) && isfinite(stop->damping) && stop->stiffness >= 0.0 &&
+           stop->damping >= 0.0;
+}
+
 static bool drive_is_possible(const struct robot_sea *sea)
 {
     const double value[] = {sea->J,  sea->Dm, sea->Ks, sea->Ds, sea->N,
                             sea->Kt, sea->Kw, sea->R,  sea->L};
 
     return all_finite(value, ARRAY_COUNT(value)) && sea->J > 0.0 && sea->L > 0.0 && sea->N > 0.0 &&
-           sea->R >= 0.0 && sea->Dm >= 0.0 && sea->Ks >= 0.0 && sea->Ds >= 0.0;
+           sea->R >= 0.0 && sea->Dm >= 0.0 && sea->Ks >= 0.0 && sea->Ds >= 0.0 &&
+           sea->deflection >= 0.0 && isfinite(sea->deflection) && stop_is_possible(&sea->stop);
 }
 
 static bool spring_is_possible(const struct robot_parallel_spring *spring)
@@ -178,6 +185,9 @@ static enum error_code check_joint(const struct robot_joint *joint, struct error
     if (!(joint->lower <= joint->upper) || !(joint->torque_limit >= 0.0)) {
         return error_set(error, ERROR_INPUT, "limits %g to %g, torque limit %g", joint->lower,
                          joint->upper, joint->torque_limit);
+    }
+    if (!stop_is_possible(&joint->stop)) {
+        return error_set(error, ERROR_INPUT, "the stops need a stiffness and a damping >= 0");
     }
     if (joint->sea.present && !drive_is_possible(&joint->sea)) {
         return error_set(error, ERROR_INPUT,

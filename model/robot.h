@@ -50,18 +50,26 @@ struct robot_body {
     bool observed; /* a frame lies on it: kinematics of this body are wanted every step */
 };
 
+/* A mechanical stop, model/stop.h; stiffness 0 = there is none. */
+struct robot_stop {
+    double stiffness; /* N m/rad or N/m */
+    double damping;   /* N m s/rad or N s/m */
+};
+
 /* Series elastic DC drive of a joint, paper eqs (2)-(4); all on the link side of the gear. */
 struct robot_sea {
     bool present;
-    double J;  /* reflected motor inertia, kg m2 */
-    double Dm; /* mechanical motor damping, N m s/rad, without back-EMF */
-    double Ks; /* series spring stiffness, N m/rad */
-    double Ds; /* series spring damping, N m s/rad */
-    double N;  /* gear ratio */
-    double Kt; /* torque constant times N, N m/A (the paper's K_t) */
-    double Kw; /* back-EMF constant times N, V s/rad (the paper's K_omega) */
-    double R;  /* winding resistance, ohm */
-    double L;  /* winding inductance, H */
+    double J;               /* reflected motor inertia, kg m2 */
+    double Dm;              /* mechanical motor damping, N m s/rad, without back-EMF */
+    double Ks;              /* series spring stiffness, N m/rad */
+    double Ds;              /* series spring damping, N m s/rad */
+    double N;               /* gear ratio */
+    double Kt;              /* torque constant times N, N m/A (the paper's K_t) */
+    double Kw;              /* back-EMF constant times N, V s/rad (the paper's K_omega) */
+    double R;               /* winding resistance, ohm */
+    double L;               /* winding inductance, H */
+    double deflection;      /* |qm - q| at which the spring meets its stop, rad */
+    struct robot_stop stop; /* beside the spring, beyond that deflection */
 };
 
 /* Parallel unilateral spring of a joint, paper eq. (5) with x = p - r s q: for x < 0 the joint gets
@@ -78,12 +86,13 @@ struct robot_parallel_spring {
 struct robot_joint {
     const char *name;
     enum joint_type type;
-    int paper_index;     /* generalized coordinate number in the paper, 0 = none */
-    double axis[3];      /* unit vector in the child frame */
-    double origin[3];    /* of the child frame in the parent frame at q = 0, m */
-    double rotation[9];  /* child to parent at q = 0, row-major (from rpy) */
-    double lower, upper; /* position limits, rad or m */
-    double torque_limit; /* N m or N */
+    int paper_index;        /* generalized coordinate number in the paper, 0 = none */
+    double axis[3];         /* unit vector in the child frame */
+    double origin[3];       /* of the child frame in the parent frame at q = 0, m */
+    double rotation[9];     /* child to parent at q = 0, row-major (from rpy) */
+    double lower, upper;    /* position limits, rad or m */
+    struct robot_stop stop; /* at both of them */
+    double torque_limit;    /* N m or N */
     struct robot_sea sea;
     struct robot_parallel_spring spring;
 };

@@ -86,17 +86,43 @@ static const struct yaml_field limits_fields[] = {
 static const struct yaml_schema limits_schema =
     SCHEMA("the limits of a joint", struct limits_yaml, limits_fields);
 
+#define STOP(word, joint, parameter)                                                               \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL,                                                            \
+        .offset = offsetof(struct stops_yaml, value[joint][parameter]), .max = 1e9,                \
+        .given_offset = offsetof(struct stops_yaml, given[joint][parameter])                       \
+    }
+static const struct yaml_field stops_fields[] = {
+    {.key = "enabled",
+     .type = YAML_BOOL,
+     .offset = offsetof(struct stops_yaml, enabled),
+     .given_offset = offsetof(struct stops_yaml, has_enabled)},
+    STOP("stiffness_nm_rad", JOINT_REVOLUTE, STOP_STIFFNESS),
+    STOP("damping_nm_s_rad", JOINT_REVOLUTE, STOP_DAMPING),
+    STOP("stiffness_n_m", JOINT_PRISMATIC, STOP_STIFFNESS),
+    STOP("damping_n_s_m", JOINT_PRISMATIC, STOP_DAMPING),
+};
+static const struct yaml_schema stops_schema =
+    SCHEMA("the stops of joints", struct stops_yaml, stops_fields);
+
 #define DRIVE(index, word, lowest)                                                                 \
     {                                                                                              \
         .key = word, .type = YAML_REAL, .offset = offsetof(struct drive_yaml, value[index]),       \
         .min = lowest, .max = 1e9, .given_offset = offsetof(struct drive_yaml, given[index])       \
     }
 static const struct yaml_field drive_fields[PARAMETER_COUNT] = {
-    DRIVE(PARAMETER_J, "J_kg_m2", 1e-12),    DRIVE(PARAMETER_DM, "Dm_nm_s_rad", 0.0),
-    DRIVE(PARAMETER_KS, "Ks_nm_rad", 0.0),   DRIVE(PARAMETER_DS, "Ds_nm_s_rad", 0.0),
-    DRIVE(PARAMETER_N, "N", 1e-6),           DRIVE(PARAMETER_KT, "NKt_nm_a", 1e-12),
-    DRIVE(PARAMETER_KW, "NKw_v_s_rad", 0.0), DRIVE(PARAMETER_R, "R_ohm", 0.0),
+    DRIVE(PARAMETER_J, "J_kg_m2", 1e-12),
+    DRIVE(PARAMETER_DM, "Dm_nm_s_rad", 0.0),
+    DRIVE(PARAMETER_KS, "Ks_nm_rad", 0.0),
+    DRIVE(PARAMETER_DS, "Ds_nm_s_rad", 0.0),
+    DRIVE(PARAMETER_N, "N", 1e-6),
+    DRIVE(PARAMETER_KT, "NKt_nm_a", 1e-12),
+    DRIVE(PARAMETER_KW, "NKw_v_s_rad", 0.0),
+    DRIVE(PARAMETER_R, "R_ohm", 0.0),
     DRIVE(PARAMETER_L, "L_h", 1e-12),
+    DRIVE(PARAMETER_DEFLECTION, "deflection_rad", 1e-6),
+    DRIVE(PARAMETER_STOP_KS, "stop_Ks_nm_rad", 0.0),
+    DRIVE(PARAMETER_STOP_DS, "stop_Ds_nm_s_rad", 0.0),
 };
 static const struct yaml_schema drive_schema = SCHEMA("a drive", struct drive_yaml, drive_fields);
 
@@ -166,6 +192,10 @@ static const struct yaml_field joint_fields[] = {
      .required = true,
      .offset = offsetof(struct joint_yaml, limits),
      .schema = &limits_schema},
+    {.key = "stops",
+     .type = YAML_MAP,
+     .offset = offsetof(struct joint_yaml, stops),
+     .schema = &stops_schema},
     {.key = "drive",
      .type = YAML_MAP,
      .offset = offsetof(struct joint_yaml, drive),
@@ -276,6 +306,10 @@ static const struct yaml_field robot_fields[] = {
      .type = YAML_MAP,
      .offset = offsetof(struct robot_yaml, drive),
      .schema = &drive_schema},
+    {.key = "stops",
+     .type = YAML_MAP,
+     .offset = offsetof(struct robot_yaml, stops),
+     .schema = &stops_schema},
     {.key = "bodies",
      .type = YAML_LIST,
      .required = true,

@@ -42,7 +42,18 @@ struct limits_yaml {
     bool angular[3], linear[3]; /* which of the above are given */
 };
 
-/* The parameters of a drive in the order of their keys in the schema; those of struct robot_sea. */
+/* Which of the numbers of a stop, for each type of joint. */
+enum stop_parameter { STOP_STIFFNESS, STOP_DAMPING, STOP_PARAMETERS };
+
+struct stops_yaml {
+    struct yaml_mark mark;
+    bool enabled, has_enabled;
+    double value[2][STOP_PARAMETERS]; /* by enum joint_type */
+    bool given[2][STOP_PARAMETERS];
+};
+
+/* The parameters of a drive in the order of their keys in the schema; those of struct robot_sea.
+ * Those of the spring's stop, from PARAMETER_DEFLECTION on, may be left out. */
 enum drive_parameter {
     PARAMETER_J,
     PARAMETER_DM,
@@ -53,6 +64,9 @@ enum drive_parameter {
     PARAMETER_KW,
     PARAMETER_R,
     PARAMETER_L,
+    PARAMETER_DEFLECTION,
+    PARAMETER_STOP_KS,
+    PARAMETER_STOP_DS,
     PARAMETER_COUNT,
 };
 
@@ -80,6 +94,7 @@ struct joint_yaml {
     double axis[3];
     struct place_yaml origin;
     struct limits_yaml limits;
+    struct stops_yaml stops;
     struct drive_yaml drive;
     struct spring_yaml spring;
     bool has_drive, has_spring;
@@ -138,6 +153,7 @@ struct robot_yaml {
     double gravity[3];
     struct base_yaml base;
     struct drive_yaml drive;
+    struct stops_yaml stops;
     struct body_yaml *body;
     struct joint_yaml *joint;
     struct frame_yaml *frame;

@@ -152,11 +152,76 @@ static enum error_code build_limits(struct robot_builder *b, const struct joint_
     return ERROR_NONE;
 }
 
+/* A stop gives way by this, rad or m, under the joint's torque or force limit, and comes back with
+ * this time constant, s, where the file says nothing of it. */
+#define STOP_GIVES 5e-4
+#define STOP_RETURNS 1e-3
+
+/* The stops at the ends of the range: what the joint does not say, the robot's own stops do. */
+static enum error_code build_stops(struct robot_builder *b, const struct joint_yaml *given,
+                                   struct robot_joint *joint)
+{
+    const struct stops_yaml *own = &given->stops, *all = &b->file.stops;
+    double value[STOP_PARAMETERS];
+    bool said[STOP_PARAMETERS];
+
+    /* Keys of the other type of joint mean nothing here */
+    for (int i = 0; i < STOP_PARAMETERS; i++) {
+        if (own->given[1 - given->type][i]) {
+            return yaml_error(b->error, &own->mark,
+                              "found stops of %s joint \"%s\", expected the keys %s",
+                              given->type == JOINT_REVOLUTE ? "revolute" : "prismatic", given->name,
+                              given->type == JOINT_REVOLUTE ? "stiffness_nm_rad, damping_nm_s_rad"
+                                                            : "stiffness_n_m, damping_n_s_m");
+        }
+        said[i] = own->given[given->type][i] || all->given[given->type][i];
+        value[i] =
+            own->given[given->type][i] ? own->value[given->type][i] : all->value[given->type][i];
+    }
+    if (own->has_enabled ? !own->enabled : all->has_enabled && !all->enabled) {
+        return ERROR_NONE;
+    }
+
+    joint->stop.stiffness = said[STOP_STIFFNESS]        ? value[STOP_STIFFNESS]
+                            : joint->torque_limit > 0.0 ? joint->torque_limit / STOP_GIVES
+                                                        : 1.0 / STOP_GIVES;
+    joint->stop.damping =
+        said[STOP_DAMPING] ? value[STOP_DAMPING] : STOP_RETURNS * joint->stop.stiffness;
+    return ERROR_NONE;
+}
+
+/* Where the file gives a spring's room, but not its stop, that is so many times as stiff. */
+#define SPRING_STOP_TIMES 20.0
+
+/* The stop of a drive's spring from the drive's parameters. */
+static enum error_code build_spring_stop(struct robot_builder *b, const struct joint_yaml *given,
+                                         const double value[PARAMETER_COUNT],
+                                         const bool said[PARAMETER_COUNT], struct robot_sea *sea)
+{
+    const struct drive_yaml *own = &given->drive;
+
+    if (!said[PARAMETER_DEFLECTION]) {
+        return own->given[PARAMETER_STOP_KS] || own->given[PARAMETER_STOP_DS]
+                   ? yaml_error(b->error, &own->mark,
+                                "found a stop of the spring of joint \"%s\" without key \"%s\", "
+                                "expected the deflection at which it begins",
+                                given->name, robot_drive_key(PARAMETER_DEFLECTION))
+                   : ERROR_NONE;
+    }
+    sea->deflection = value[PARAMETER_DEFLECTION];
+    sea->stop.stiffness =
+        said[PARAMETER_STOP_KS] ? value[PARAMETER_STOP_KS] : SPRING_STOP_TIMES * sea->Ks;
+    sea->stop.damping =
+        said[PARAMETER_STOP_DS] ? value[PARAMETER_STOP_DS] : STOP_RETURNS * sea->stop.stiffness;
+    return ERROR_NONE;
+}
+
 /* A drive: what the joint does not say, the robot's own drive does. */
 static enum error_code build_drive(struct robot_builder *b, const struct joint_yaml *given,
                                    struct robot_sea *sea)
 {
     double value[PARAMETER_COUNT];
+    bool said[PARAMETER_COUNT];
 
     if (!given->has_drive) {
         return ERROR_NONE;
@@ -172,7 +237,8 @@ static enum error_code build_drive(struct robot_builder *b, const struct joint_y
     for (enum drive_parameter i = 0; i < PARAMETER_COUNT; i++) {
         const struct drive_yaml *from = given->drive.given[i] ? &given->drive : &b->file.drive;
 
-        if (!from->given[i]) {
+        said[i] = from->given[i];
+        if (!said[i] && i < PARAMETER_DEFLECTION) {
             return yaml_error(
                 b->error, &given->drive.mark,
                 "found the drive of joint \"%s\" without key \"%s\", expected it here "
@@ -191,7 +257,7 @@ static enum error_code build_drive(struct robot_builder *b, const struct joint_y
                               .Kw = value[PARAMETER_KW],
                               .R = value[PARAMETER_R],
                               .L = value[PARAMETER_L]};
-    return ERROR_NONE;
+    return build_spring_stop(b, given, value, said, sea);
 }
 
 static enum error_code build_spring(struct robot_builder *b, const struct joint_yaml *given,
@@ -245,7 +311,7 @@ static enum error_code build_joint(struct robot_builder *b, size_t j)
     memcpy(joint->origin, given->origin.xyz, sizeof joint->origin);
     mat3_from_rpy(given->origin.rpy, joint->rotation);
     if ((code = build_joint_axis(b, given, joint)) || (code = build_limits(b, given, joint)) ||
-        (code = build_drive(b, given, &joint->sea)) ||
+        (code = build_stops(b, given, joint)) || (code = build_drive(b, given, &joint->sea)) ||
         (code = build_spring(b, given, &joint->spring))) {
         return code;
     }

@@ -11,13 +11,16 @@
 #include <math.h>
 #include <string.h>
 
-enum { ITERATIONS = 400 };
+enum { ITERATIONS = 400, LEANINGS = 40 };
 
 /* Parts of the weight: where the iteration stops, what counts as equilibrium, what friction is
  * trusted with. */
 #define TARGET 1e-11
 #define ACCEPTED 1e-7
 #define SIDEWAYS 0.02
+
+/* The part of the weight, times 1 m, that a joint without a drive may be left with. */
+#define LEANING 1e-10
 
 #define DEEPEST 0.2  /* m below the start */
 #define STEEPEST 0.2 /* rad from the start */
@@ -164,7 +167,40 @@ static double drive_torque(const struct settle *s, size_t j)
                                           plant_joint_position(plant, plant->state, j), 0.0);
         }
     }
-    return tau;
+    return tau - stop_torque(&plant->config.robot->joint[j].stop,
+                             plant_joint_depth(plant, plant->state, j), 0.0);
+}
+
+/* Lets joints without a drive that stand at a limit give way until the stop there carries what is
+ * left over; expects plant->ext to be that of the rest. True when some joint has moved. */
+static bool lean_on_stops(struct settle *s)
+{
+    struct plant *plant = s->plant;
+    const struct robot *robot = plant->config.robot;
+    double gravity = sqrt(vec3_dot(robot->gravity, robot->gravity));
+    bool moved = false;
+
+    settle_weigh_robot(s, NULL);
+    for (size_t j = 0; j < robot->njoint; j++) {
+        const struct robot_joint *joint = &robot->joint[j];
+        double *q = &plant->state[plant->at.v - robot->njoint + j];
+        double left = joint->sea.present ? 0.0 : drive_torque(s, j), past;
+
+        if (fabs(left) <= LEANING * robot->total_mass * gravity || joint->stop.stiffness == 0.0) {
+            continue;
+        }
+
+        /* Further into the stop that it is at, or partly back out of it */
+        past = plant_joint_depth(plant, plant->state, j) - left / joint->stop.stiffness;
+        if (past > 0.0 && *q >= joint->upper) {
+            *q = joint->upper + past;
+            moved = true;
+        } else if (past < 0.0 && *q <= joint->lower) {
+            *q = joint->lower + past;
+            moved = true;
+        }
+    }
+    return moved;
 }
 
 /* A joint without a drive must carry nothing, a motor must not need more than the supply gives. */
@@ -204,13 +240,14 @@ static enum error_code load_drives(struct settle *s, struct error *error)
         }
     }
 
-    /* tau = Ks (qm - q), Kt I = tau, V = R I */
+    /* tau = Ks (qm - q) and the stop's part, Kt I = tau, V = R I */
     for (size_t d = 0; d < plant->ndrive; d++) {
         size_t j = plant->drive_joint[d];
         const struct robot_sea *sea = &robot->joint[j].sea;
         double tau = drive_torque(s, j), *y = plant->state + plant_drive_offset(plant, d);
 
-        y[DRIVE_MOTOR_POSITION] = plant_joint_position(plant, plant->state, j) + tau / sea->Ks;
+        y[DRIVE_MOTOR_POSITION] =
+            plant_joint_position(plant, plant->state, j) + sea_deflection(sea, tau);
         y[DRIVE_MOTOR_SPEED] = 0.0;
         y[DRIVE_CURRENT] = tau / sea->Kt;
         plant->voltage[d] = sea->R * y[DRIVE_CURRENT];
@@ -303,8 +340,17 @@ static enum error_code find_equilibrium(struct settle *s, struct settled *settle
 {
     enum error_code code;
 
-    if ((code = iterate_to_rest(s, settled, error)) ||
-        (code = check_equilibrium(s, settled, error)) || (code = load_drives(s, error))) {
+    /* What leans on stops shifts the weight, by less each time */
+    for (int k = 0; k < LEANINGS; k++) {
+        if ((code = iterate_to_rest(s, settled, error)) ||
+            (code = check_equilibrium(s, settled, error))) {
+            return code;
+        }
+        if (!lean_on_stops(s)) {
+            break;
+        }
+    }
+    if ((code = load_drives(s, error))) {
         return code;
     }
     if (s->plant->config.robot->floating) {

@@ -6,7 +6,9 @@
  * Given are the angles of the links, and with them the pose that a controller refers to. Solved for
  * are the heights and tilts of the base and of every free body at rest, until what carries each
  * balances its weight. What the joints then bear follows from inverse dynamics: each series spring
- * is deflected by tau/Ks (qm = q + tau/Ks), each motor carries I = tau/Kt and needs V = R I.
+ * is deflected by tau/Ks (qm = q + tau/Ks; beyond its room it leans on its stop), each motor
+ * carries I = tau/Kt and needs V = R I. A joint without a drive that stands at a limit leans on the
+ * stop there, if its load presses it: its angle gives way by tau over the stop's stiffness.
  *
  * Friction here is a law of the sliding speed: at rest there is none. So place and heading (x, y,
  * yaw) stay as they are given, and legs do not push against each other through the ground, as those

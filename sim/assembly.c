@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Makes the parts of a simulator from its configuration, each from those before it. */
 #include "base/count.h"
+#include "base/ring.h"
 #include "rig/faults.h"
 #include "sim/module_cache.h"
 #include "sim/simulator_private.h"
@@ -233,6 +234,12 @@ static enum error_code simulator_create_boards(struct simulator *simulator, stru
     return ERROR_NONE;
 }
 
+static enum error_code simulator_create_watch(struct simulator *simulator, struct error *error)
+{
+    return watch_create(simulator->config.rig, simulator->plant, simulator->arena,
+                        &simulator->watch, error);
+}
+
 /* ---- the other side: task, requests, gateway ---- */
 
 static enum error_code simulator_create_task(struct simulator *simulator, struct error *error)
@@ -283,7 +290,10 @@ static enum error_code simulator_create_steering(struct simulator *simulator, st
         {&simulator->release, sizeof simulator->release},
     };
     /* But not what other threads read in it meanwhile */
+    const struct ring *events = watch_event_ring(simulator->watch);
     const struct span hole[] = {
+        {(void *)(uintptr_t)events, sizeof *events},
+        {events->slots, events->slot_size * ((size_t)events->mask + 1)},
         {task ? task->published : NULL, task ? sizeof *task->published : 0},
         {task ? task->published->word : NULL, task ? 8 * task->published->words : 0},
     };
@@ -371,6 +381,7 @@ enum error_code simulator_assemble(struct simulator *simulator, char notice[256]
         simulator_create_faults,
         simulator_create_sensing,
         simulator_create_boards,
+        simulator_create_watch,
         simulator_create_task,
         simulator_create_steering,
         simulator_create_signals,

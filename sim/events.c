@@ -12,6 +12,8 @@ enum event_source {
     EVENT_RELEASE,
     EVENT_FAULT,
     EVENT_INTERFACE,
+    EVENT_CONTROL, /* of app/control */
+    EVENT_ROBOT,
 };
 
 static uint64_t event_key(enum event_source source, uint64_t topic)
@@ -56,6 +58,7 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
     struct loop_event loop_event;
     struct board_event board_event;
     struct fault_event fault_event;
+    struct watch_event watch_event;
     unsigned kind;
     int64_t released = atomic_exchange(&simulator->released, -1);
     size_t bus;
@@ -81,6 +84,11 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
     }
     if (interfaces_next_event(&simulator->interfaces, &bus, text, size)) {
         *key = event_key(EVENT_INTERFACE, bus);
+        return true;
+    }
+    if (watch_next_event(simulator->watch, &watch_event)) {
+        *key = event_key(EVENT_ROBOT, (uint64_t)watch_event.kind << 16 | watch_event.index);
+        watch_event_format(simulator->watch, &watch_event, text, size);
         return true;
     }
     if (boards_next_event(simulator->boards, &board_event)) {

@@ -114,6 +114,7 @@ static bool machine_sample(void *context, int64_t now_ns)
     if (!simulator_check_plant(simulator, plant_sample(simulator->plant))) {
         return false;
     }
+    watch_step(simulator->watch, now_ns);
     simulator->measured =
         sensing_sample(simulator->sensing, now_ns, plant_sensors(simulator->plant));
     boards_sample(simulator->boards, now_ns, simulator->measured);

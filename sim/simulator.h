@@ -129,9 +129,9 @@ bool simulator_read(const struct simulator *simulator, struct simulator_status *
  * takes events. */
 void simulator_watch_interfaces(struct simulator *simulator, int64_t now_ns);
 
-/* Takes one event of the loop, the faults, the interfaces, the boards or the recorder, as a line of
- * text with a key for the event log; false when none waits. From one thread other than the loop's.
- * */
+/* Takes one event of the loop, the faults, the interfaces, the robot (sim/watch.h), the boards or
+ * the recorder, as a line of text with a key for the event log; false when none waits. From one
+ * thread other than the loop's. */
 bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size);
 
 /* The priority of events with such a key. */

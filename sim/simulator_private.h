@@ -13,6 +13,7 @@
 #include "sim/interfaces.h"
 #include "sim/robot_steering.h"
 #include "sim/simulator.h"
+#include "sim/watch.h"
 
 #include <pthread.h>
 #include <stdatomic.h>
@@ -38,6 +39,7 @@ struct simulator {
     struct sensing *sensing;
     const struct plant_sensors *measured; /* what the boards see; the plant's are the truth */
     struct boards *boards;
+    struct watch *watch;
     struct buses buses;
     struct interfaces interfaces; /* of SocketCAN; none with local buses */
     struct bus_ports ports, task_ports, gateway_ports;

@@ -42,7 +42,7 @@ static void bench_derivative(void *context, double t, const double *y, double *d
     double V = bench->volts * cos(bench->chirp * t * t);
 
     sea_derivative(&bench->sea, &s, y[Q], y[QD], V, bench->bridge_on, &d);
-    sea_power(&bench->sea, &s, y[QD], V, &power);
+    sea_power(&bench->sea, &s, y[Q], y[QD], V, &power);
     dydt[QM] = bench->rotor_locked ? 0.0 : d.qm;
     dydt[QMD] = bench->rotor_locked ? 0.0 : d.qmd;
     dydt[CURRENT] = d.I;

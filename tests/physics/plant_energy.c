@@ -19,7 +19,7 @@ static double turnover(const struct plant_energy *energy)
 {
     return fabs(energy->electrical_in) + fabs(energy->pretension_work) + fabs(energy->push_work) +
            energy->joule_heat + energy->motor_friction + energy->spring_damping +
-           energy->parallel_damping + fabs(energy->contact_dissipation);
+           energy->parallel_damping + energy->stop_loss + fabs(energy->contact_dissipation);
 }
 
 static struct plant_energy energy_now(struct plant_rig *rig)
@@ -29,9 +29,9 @@ static struct plant_energy energy_now(struct plant_rig *rig)
     assert_int_equal(plant_energy(rig->plant, &energy), ERROR_NONE);
     print_message(
         "# in %.3f J, pretension %.4f, push %.4f; joule %.3f, friction %.4f, springs %.4f, "
-        "ropes %.4f, contact %.4f; stored %.3f; balance %.2e (%.1e of the turnover)\n",
+        "ropes %.4f, stops %.4f, contact %.4f; stored %.3f; balance %.2e (%.1e of the turnover)\n",
         energy.electrical_in, energy.pretension_work, energy.push_work, energy.joule_heat,
-        energy.motor_friction, energy.spring_damping, energy.parallel_damping,
+        energy.motor_friction, energy.spring_damping, energy.parallel_damping, energy.stop_loss,
         energy.contact_dissipation, energy.stored, energy.balance,
         fabs(energy.balance) / turnover(&energy));
     return energy;

@@ -65,7 +65,7 @@ static void check_power_balance(const struct robot_sea *sea)
     double stored, link;
 
     sea_derivative(sea, &s, q, qd, V, true, &d);
-    sea_power(sea, &s, qd, V, &power);
+    sea_power(sea, &s, q, qd, V, &power);
     back = (struct sea_state){s.qm - h * d.qm, s.qmd - h * d.qmd, s.I - h * d.I};
     ahead = (struct sea_state){s.qm + h * d.qm, s.qmd + h * d.qmd, s.I + h * d.I};
     stored = (sea_energy(sea, &ahead, q + h * qd) - sea_energy(sea, &back, q - h * qd)) / (2.0 * h);

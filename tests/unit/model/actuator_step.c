@@ -2,9 +2,10 @@
 /*
  * What actuators do in a step of the implicit integrator: the exact flow of a drive against an
  * exponential of its linear equations and against Runge-Kutta, at any stiffness and length, and the
- * eliminated implicit Euler step of a parallel spring.
+ * eliminated implicit Euler steps of a parallel spring and of a stop.
  */
 #include "model/drive_flow.h"
+#include "model/stop.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -181,6 +182,70 @@ static void a_held_rotor_stays_where_it_is(void **state)
     assert_near(drive.I, 48.0 / sea.R, 1e-9);
 }
 
+/* The linear law around any deflection and rate is the torque there. */
+static void the_spring_law_is_its_torque(void **state)
+{
+    struct robot_sea sea = toy_drive(120.0);
+
+    (void)state;
+    sea.deflection = 0.2;
+    sea.stop = (struct robot_stop){.stiffness = 8000.0, .damping = 40.0};
+    for (double twist = -0.3; twist < 0.3; twist += 0.013) {
+        for (double rate = -40.0; rate < 40.0; rate += 1.7) {
+            const struct sea_state drive = {.qm = 0.4 + twist, .qmd = 1.0 + rate};
+            struct sea_spring law = sea_spring_at(&sea, twist, rate);
+            double past = fabs(twist) > 0.2 ? twist - copysign(0.2, twist) : 0.0;
+            double stop = past != 0.0 ? 8000.0 * past + 40.0 * rate : 0.0;
+            double torque = sea.Ks * twist + sea.Ds * rate + (stop * past > 0.0 ? stop : 0.0);
+
+            assert_near(law.Ks * twist + law.Ds * rate + law.offset, torque, 1e-10);
+            assert_near(sea_torque(&sea, &drive, 0.4, 1.0), torque, 1e-10);
+        }
+    }
+}
+
+/* A stop's step is its law at the end, where it presses; left, or without need, it is nothing. */
+static void a_stop_is_taken_at_the_end_of_the_step(void **state)
+{
+    const struct robot_stop stop = {.stiffness = 1e5, .damping = 100.0};
+    const double lower = -0.3, upper = 0.9, h = 1e-3;
+
+    (void)state;
+    for (int side = -1; side <= 1; side += 2) {
+        double limit = side > 0 ? upper : lower;
+
+        for (double a = -500.0; a <= 4000.0; a += 100.0) {
+            double x = limit - 0.002 * side, rate = 3.0 * side, end = rate + h * a * side, torque;
+            double depth = stop_depth(lower, upper, x + h * end);
+            struct stop_step step;
+
+            stop_step_begin(&stop, lower, upper, x, rate, h, &step);
+            assert_int_equal(step.side, side);
+            torque = step.torque - step.extra * a * side;
+            if (stop_step_revise(&stop, lower, upper, x, rate, h, a * side, &step)) {
+                assert_true(torque * side > 0.0); /* it would have pulled */
+                assert_near(step.torque, 0.0, 0.0);
+                assert_near(step.extra, 0.0, 0.0);
+            } else if (depth != 0.0) {
+                assert_near(torque, stop_torque(&stop, depth, end), 1e-9);
+            }
+
+            /* From rest it is engaged by what throws the coordinate past the limit */
+            end = h * a * side;
+            depth = stop_depth(lower, upper, x + h * end);
+            stop_step_begin(&stop, lower, upper, x, 0.0, h, &step);
+            assert_int_equal(step.side, 0);
+            assert_true(stop_step_revise(&stop, lower, upper, x, 0.0, h, a * side, &step) ==
+                        (depth * side > 0.0));
+            if (depth != 0.0) {
+                assert_near(step.torque - step.extra * a * side, stop_torque(&stop, depth, end),
+                            1e-9);
+                assert_false(stop_step_revise(&stop, lower, upper, x, 0.0, h, a * side, &step));
+            }
+        }
+    }
+}
+
 static void a_parallel_spring_is_taken_at_the_end_of_the_step(void **state)
 {
     const struct robot_parallel_spring spring = {
@@ -204,6 +269,8 @@ int main(void)
         cmocka_unit_test(a_flow_follows_a_joint_that_moves),
         cmocka_unit_test(a_flow_of_any_length_ends_in_equilibrium),
         cmocka_unit_test(a_held_rotor_stays_where_it_is),
+        cmocka_unit_test(the_spring_law_is_its_torque),
+        cmocka_unit_test(a_stop_is_taken_at_the_end_of_the_step),
         cmocka_unit_test(a_parallel_spring_is_taken_at_the_end_of_the_step),
     };
 

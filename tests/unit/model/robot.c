@@ -222,6 +222,8 @@ static void refuses_joints_that_cannot_be(void **state)
     assert_refused(&s, "joint elbow: unknown type 7");
     s.joint[1].sea = (struct robot_sea){.present = true, .J = 0.1, .N = 100.0};
     assert_refused(&s, "joint elbow: the drive needs");
+    s.joint[1].stop.damping = -1.0;
+    assert_refused(&s, "joint elbow: the stops need a stiffness and a damping >= 0");
     s.joint[1].spring = (struct robot_parallel_spring){.present = true, .r = 0.1};
     assert_refused(&s, "joint elbow: the parallel spring needs");
 }

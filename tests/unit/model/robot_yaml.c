@@ -251,6 +251,91 @@ static void a_sound_file_becomes_a_robot(void **state)
     assert_near(robot->pose[0].joint[1], 0.2, 0.0);
 }
 
+static void assert_stop(const struct robot_stop *stop, double stiffness, double damping)
+{
+    assert_near(stop->stiffness, stiffness, 1e-12 * stiffness);
+    assert_near(stop->damping, damping, 1e-12 * damping);
+}
+
+/* What a file leaves out follows from the torque and force limits, and a joint goes before the
+ * robot. */
+static void limits_have_stops(void **state)
+{
+    static const struct {
+        const char *part, *other;
+        double shoulder[2], slide[2];
+    } cases[] = {
+        {"", "", {1e5, 100.0}, {4e4, 40.0}},
+        {"torque_nm: 50", "torque_nm: 0", {2e3, 2.0}, {4e4, 40.0}},
+        {"bodies:\n  -", "stops: {enabled: false}\nbodies:\n  -", {0.0, 0.0}, {0.0, 0.0}},
+        {"bodies:\n  -",
+         "stops: {stiffness_nm_rad: 7, damping_n_s_m: 3}\nbodies:\n  -",
+         {7.0, 0.007},
+         {4e4, 3.0}},
+        {"force_n: 20}", "force_n: 20}\n    stops: {enabled: false}", {1e5, 100.0}, {0.0, 0.0}},
+        {"force_n: 20}",
+         "force_n: 20}\n    stops: {stiffness_n_m: 8, damping_n_s_m: 0}",
+         {1e5, 100.0},
+         {8.0, 0.0}},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const struct robot *robot;
+        struct error error;
+
+        if (load_changed(cases[i].part, cases[i].other, NULL, &robot, &error)) {
+            fail_msg("%s", error.text);
+        }
+        assert_stop(&robot->joint[0].stop, cases[i].shoulder[0], cases[i].shoulder[1]);
+        assert_stop(&robot->joint[1].stop, cases[i].slide[0], cases[i].slide[1]);
+    }
+}
+
+/* A spring has a stop where the file gives its room. */
+static void springs_with_room_have_stops(void **state)
+{
+    static const struct {
+        const char *other;
+        double room, stiffness, damping;
+    } cases[] = {
+        {"L_h: 0.0003", 0.0, 0.0, 0.0},
+        {"L_h: 0.0003, deflection_rad: 0.2", 0.2, 6000.0, 6.0},
+        {"L_h: 0.0003, deflection_rad: 0.2, stop_Ks_nm_rad: 5e3", 0.2, 5000.0, 5.0},
+        {"L_h: 0.0003, deflection_rad: 0.2, stop_Ds_nm_s_rad: 1.5", 0.2, 6000.0, 1.5},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const struct robot *robot;
+        struct error error;
+
+        if (load_changed("L_h: 0.0003", cases[i].other, NULL, &robot, &error)) {
+            fail_msg("%s", error.text);
+        }
+        assert_near(robot->joint[0].sea.deflection, cases[i].room, 0.0);
+        assert_stop(&robot->joint[0].sea.stop, cases[i].stiffness, cases[i].damping);
+    }
+}
+
+static void coman_has_stops(void **state)
+{
+    const struct robot *robot = load_coman(NULL);
+
+    (void)state;
+    for (size_t j = 0; j < robot->njoint; j++) {
+        const struct robot_sea *sea = &robot->joint[j].sea;
+
+        assert_stop(&robot->joint[j].stop, 1e5, 100.0);
+        if (sea->Ks < 8400.0) {
+            assert_stop(&sea->stop, 8000.0, 4.0);
+            assert_true(sea->deflection * sea->Ks > robot->joint[j].torque_limit);
+        } else {
+            assert_stop(&sea->stop, 0.0, 0.0);
+        }
+    }
+}
+
 static void a_fixed_base_needs_no_place(void **state)
 {
     const struct robot *robot;
@@ -307,6 +392,18 @@ static const struct fault {
      "torque_nm"},
     {"lower_m: 0.1", "lower_rad: 0.1", "25:13",
      "found limits of prismatic joint \"slide\", expected the keys lower_m, upper_m, force_n"},
+    {"force_n: 20}", "force_n: 20}\n    stops: {stiffness_nm_rad: 1}", "26:12",
+     "found stops of prismatic joint \"slide\", expected the keys stiffness_n_m, damping_n_s_m"},
+    {"    drive: {Ks", "    stops: {damping_n_s_m: 1}\n    drive: {Ks", "17:12",
+     "found stops of revolute joint \"shoulder\", expected the keys stiffness_nm_rad"},
+    {"    drive: {Ks", "    stops: {stiffness_nm_rad: -1}\n    drive: {Ks",
+     "17:", "found -1, expected"},
+    {"    drive: {Ks", "    stops: {stiffnes_nm_rad: 1}\n    drive: {Ks", "17:",
+     "found unknown key \"stiffnes_nm_rad\" in the stops of joints, expected "
+     "\"stiffness_nm_rad\""},
+    {"L_h: 0.0003", "L_h: 0.0003, stop_Ks_nm_rad: 1", "17:12",
+     "found a stop of the spring of joint \"shoulder\" without key \"deflection_rad\""},
+    {"L_h: 0.0003", "L_h: 0.0003, deflection_rad: 0", "17:", "found 0, expected"},
     {", L_h: 0.0003", "", "17:12",
      "found the drive of joint \"shoulder\" without key \"L_h\", expected it here or in"},
     {"force_n: 20}", "force_n: 20}\n    drive: {Ks_nm_rad: 1}", "26:12",
@@ -386,6 +483,9 @@ int main(void)
         TEST(the_forearms_make_it_heavier_and_move_the_wrists),
         TEST(an_unknown_variant_is_refused_with_the_nearest),
         TEST(a_sound_file_becomes_a_robot),
+        TEST(limits_have_stops),
+        TEST(springs_with_room_have_stops),
+        TEST(coman_has_stops),
         TEST(a_fixed_base_needs_no_place),
         TEST(refuses_a_faulty_file_with_place_and_reason),
         TEST(a_truncated_file_never_crashes),

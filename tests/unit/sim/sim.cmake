@@ -3,3 +3,4 @@ foreach(name buses checkpoint interfaces loop_quiet robot_steering robot_steerin
              robot_steering_threads)
     hil_test(sim_${name} SOURCES unit/sim/${name}.c LIBS sim LABELS unit)
 endforeach()
+hil_test(sim_watch SOURCES unit/sim/watch.c physics/toy.c LIBS sim LABELS unit)

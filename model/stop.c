@@ -1,0 +1,74 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The law of mechanical stops, and its implicit step. */
+#include "model/stop.h"
+
+#include <math.h>
+
+double stop_depth(double lower, double upper, double x)
+{
+    return x > upper ? x - upper : x < lower ? x - lower : 0.0;
+}
+
+/* Of the law F = max(0, k x + d x') the inner value, with the depth's sign. */
+static double press_stop(const struct robot_stop *stop, double depth, double rate)
+{
+    return stop->stiffness * depth + stop->damping * rate;
+}
+
+double stop_torque(const struct robot_stop *stop, double depth, double rate)
+{
+    double press = depth != 0.0 ? press_stop(stop, depth, rate) : 0.0;
+
+    return press * depth > 0.0 ? -press : 0.0;
+}
+
+double stop_energy(const struct robot_stop *stop, double depth)
+{
+    return 0.5 * stop->stiffness * depth * depth;
+}
+
+double stop_loss(const struct robot_stop *stop, double depth, double rate)
+{
+    return -(stop_torque(stop, depth, rate) + stop->stiffness * depth) * rate;
+}
+
+/* On one side, with the rate r' = r + h a at the end: k (depth + h r') + d r' there, which is that
+ * of the depth and rate that r would lead to, plus (d + h k) h a. */
+static void engage_stop(const struct robot_stop *stop, double limit, double x, double rate,
+                        double h, int side, struct stop_step *step)
+{
+    step->side = side;
+    step->torque = -press_stop(stop, x + h * rate - limit, rate);
+    step->extra = h * (stop->damping + h * stop->stiffness);
+}
+
+void stop_step_begin(const struct robot_stop *stop, double lower, double upper, double x,
+                     double rate, double h, struct stop_step *step)
+{
+    double depth = stop_depth(lower, upper, x + h * rate);
+
+    *step = (struct stop_step){0};
+    if (stop_torque(stop, depth, rate) != 0.0) {
+        engage_stop(stop, depth > 0.0 ? upper : lower, x, rate, h, depth > 0.0 ? 1 : -1, step);
+    }
+}
+
+bool stop_step_revise(const struct robot_stop *stop, double lower, double upper, double x,
+                      double rate, double h, double a, struct stop_step *step)
+{
+    double end = rate + h * a, depth = stop_depth(lower, upper, x + h * end);
+
+    /* It pulls */
+    if (step->side != 0 && !step->left && step->side * (step->torque - step->extra * a) > 0.0) {
+        *step = (struct stop_step){.engaged = step->engaged, .left = true};
+        return true;
+    }
+
+    /* It is needed */
+    if (step->side == 0 && !step->left && !step->engaged && stop_torque(stop, depth, end) != 0.0) {
+        engage_stop(stop, depth > 0.0 ? upper : lower, x, rate, h, depth > 0.0 ? 1 : -1, step);
+        step->engaged = true;
+        return true;
+    }
+    return false;
+}
