@@ -41,7 +41,8 @@
  * weights.
  *
  * Where something strikes, the rates of a pair, or of a joint at its stop, at a stage are far from
- * those at the point: the step is then taken again in 4 or 16 parts, a bounded and deterministic amount of work.
+ * those at the point: the step is then taken again in 4 or 16 parts, a bounded and deterministic
+ * amount of work.
  */
 #include "model/implicit.h"
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The plant's linearly implicit integrator: a Runge-Kutta scheme of two stages and order 2, L-stable
- * in everything that is stiff (contact, springs), with one evaluation of the right-hand side and
+ * The plant's linearly implicit integrator: a Runge-Kutta scheme of two stages and order 2,
+ * L-stable in everything that is stiff (contact, springs), with one evaluation of the right-hand side and
  * one linear system of the size and structure of the mechanism a stage, and with the drives solved
  * exactly for the voltage held; see implicit.c.
  */
@@ -33,9 +33,9 @@ void implicit_restart(struct plant *plant);
  * contact engine is. */
 enum error_code implicit_step(struct plant *plant, double h);
 
-/* What the last step moved the bodies with at its end, which is not what the laws of contact say of the state
- * that it led to: fills plant->vdot and contact_wrench (of the last unclamped step; the wrenches in
- * the world frame, about the bodies' origins). RT-safe. */
+/* What the last step moved the bodies with at its end, which is not what the laws of contact say of
+ * the state that it led to: fills plant->vdot and contact_wrench (of the last unclamped step; the
+ * wrenches in the world frame, about the bodies' origins). RT-safe. */
 void implicit_recall(struct plant *plant);
 
 /* Takes the forces and moments of count patches, which the contact engine had where it was asked

@@ -156,8 +156,8 @@ static inline void add_contact_wrench(struct plant *plant, int contact, const st
 
 /* ---- one stage: implicit_stage.c ---- */
 
-/* Solves the stage of stage_h seconds that starts from base (u_base), linearized where u_point leads
- * to: fills slope and u. Returns the contact engine's failure, if any. */
+/* Solves the stage of stage_h seconds that starts from base (u_base), linearized where u_point
+ * leads to: fills slope and u. Returns the contact engine's failure, if any. */
 enum error_code implicit_solve_stage(struct plant *plant);
 
 /* The rates of a state, and back into it. */

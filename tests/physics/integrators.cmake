@@ -4,6 +4,7 @@ hil_test(implicit SOURCES physics/implicit.c physics/toy.c LIBS model LABELS phy
 hil_test(implicit_standing SOURCES physics/implicit_standing.c
          LIBS model TIMEOUT 120 LABELS physics)
 hil_test(implicit_grasp SOURCES physics/implicit_grasp.c LIBS sim TIMEOUT 120 LABELS physics)
-hil_test(implicit_truth SOURCES physics/implicit_truth.c physics/toy.c LIBS sim TIMEOUT 120 LABELS physics)
+hil_test(implicit_truth SOURCES physics/implicit_truth.c physics/toy.c
+         LIBS sim TIMEOUT 120 LABELS physics)
 hil_test(implicit_stability SOURCES physics/implicit_stability.c physics/toy.c LIBS model
          LABELS physics)
