@@ -27,6 +27,7 @@ struct hand_port {
     struct can_port port;
     pthread_mutex_t lock;
     int event;
+    int asked;           /* for its descriptor */
     size_t given, taken; /* frames to be received */
     struct bus_frame in[QUEUE];
     size_t nout;
@@ -65,7 +66,10 @@ static size_t hand_send(struct can_port *port, const struct bus_frame *frames, s
 
 static int hand_descriptor(const struct can_port *port)
 {
-    return ((const struct hand_port *)port)->event;
+    struct hand_port *hand = (struct hand_port *)(uintptr_t)port;
+
+    hand->asked++;
+    return hand->event;
 }
 
 static const struct can_port_ops hand_ops = {
@@ -447,6 +451,25 @@ static void one_connection_has_every_bus(void **state)
     close(leg);
 }
 
+/* So that a real-time loop, which sends on the bus, need not signal. */
+static void a_port_may_be_looked_at_by_time(void **state)
+{
+    struct fixture *f = *state;
+    const struct gateway_bus bus = {.name = "torso", .port = &f->hand[0].port};
+    const struct gateway_config config = {.nbus = 1, .bus = &bus, .by_time = true};
+    struct bus_frame frame = frame_make(0x111, 0, NULL);
+    int client;
+
+    gateway_stop(f->gateway);
+    f->hand[0].asked = 0;
+    assert_int_equal(gateway_start(&config, &f->arena, &f->gateway, NULL), ERROR_NONE);
+    client = join_raw(f, "torso");
+    give(&f->hand[0], &frame);
+    hears(client, "\n< frame 111 0.000000  >");
+    assert_int_equal(f->hand[0].asked, 0);
+    close(client);
+}
+
 static void a_frame_that_the_bus_does_not_take_is_told_and_no_junk(void **state)
 {
     enum { TOO_MANY = 4 * GATEWAY_JUNK_MAX };
@@ -529,6 +552,7 @@ int main(void)
         GATEWAY_TEST(who_opens_no_bus_is_disconnected_in_the_end),
         GATEWAY_TEST(what_has_no_time_is_as_new_as_the_newest),
         GATEWAY_TEST(one_connection_has_every_bus),
+        GATEWAY_TEST(a_port_may_be_looked_at_by_time),
         GATEWAY_TEST(a_frame_that_the_bus_does_not_take_is_told_and_no_junk),
         GATEWAY_TEST(hostile_bytes_do_no_harm),
         GATEWAY_TEST(refuses_hosts_and_ports_that_cannot_be_had),
