@@ -11,9 +11,31 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-enum { BATCH = 64, TURNS = 64, BACKLOG = 64, IDLE_MS = 1000, POLL_MS = 1 };
+enum {
+    BATCH = 64,
+    TURNS = 256,
+    BACKLOG = 64,
+    IDLE_MS = 1000,
+    POLL_MS = 1,
+    LOOK_MS = 20, /* when nobody waits for what there may be */
+};
 
-/* ---- the thread ---- */
+/* ---- what the buses have received ---- */
+
+static void gateway_relay_frame(struct gateway *gateway, size_t bus, const struct bus_frame *from)
+{
+    struct bus_frame frame = *from;
+
+    /* What has no time of its own is as new as the newest */
+    if (frame.time_ns == 0) {
+        frame.time_ns = gateway->time_ns[bus];
+    }
+    gateway->time_ns[bus] = frame.time_ns;
+    if (bus == gateway->config.lockstep.bus && gateway_is_done(gateway, &frame)) {
+        gateway->step_until_ms = 0;
+    }
+    gateway_forward_frame(gateway, bus, &frame, NULL);
+}
 
 /* Forwards what a bus has received to its clients; a busy bus gets a bounded turn. */
 static void gateway_forward_bus(struct gateway *gateway, size_t bus)
@@ -25,45 +47,136 @@ static void gateway_forward_bus(struct gateway *gateway, size_t bus)
     for (int turn = 0; turn < TURNS && count == BATCH; turn++) {
         count = can_receive(port, frame, BATCH);
         for (size_t i = 0; i < count; i++) {
-            gateway->time_ns[bus] = frame[i].time_ns;
-            gateway_forward_frame(gateway, bus, &frame[i], NULL);
+            gateway_relay_frame(gateway, bus, &frame[i]);
         }
     }
 }
 
+/* In lockstep the bus of the STEP is received first and forwarded last: its DONE is the last frame
+ * of all that a STEP brings, so everything else is there by then. */
+static void gateway_forward_buses(struct gateway *gateway)
+{
+    const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
+    struct bus_frame last[BATCH];
+    size_t count = BATCH;
+
+    for (int turn = 0; turn < TURNS && count == BATCH; turn++) {
+        count =
+            lockstep->on ? can_receive(gateway->config.bus[lockstep->bus].port, last, BATCH) : 0;
+        for (size_t b = 0; b < gateway->config.nbus; b++) {
+            if (!lockstep->on || b != lockstep->bus) {
+                gateway_forward_bus(gateway, b);
+            }
+        }
+        for (size_t i = 0; i < count; i++) {
+            gateway_relay_frame(gateway, lockstep->bus, &last[i]);
+        }
+    }
+}
+
+/* ---- the thread ---- */
+
 enum { POLL_FIXED = 2, POLL_MAX = POLL_FIXED + GATEWAY_CLIENTS + GATEWAY_BUSES };
 
-/* Fills in the descriptors to wait for and for how long: clients first, then ports. Ports without a
- * descriptor and clients that must not be sent to yet are polled by time. */
+/* What to wait for on a client's connection, and at most for how long. */
+static short gateway_client_events(const struct gateway *gateway,
+                                   const struct gateway_client *client, int *timeout_ms)
+{
+    const bool held = client->step_waits || gateway_step_runs(gateway);
+    bool quiet = client->waiting > 0 && gateway_now_ms() < client->quiet_until_ms;
+    int most_ms = quiet ? POLL_MS : held || client->received ? LOOK_MS : IDLE_MS;
+
+    if (client->socket < 0) {
+        return 0;
+    }
+    *timeout_ms = most_ms < *timeout_ms ? most_ms : *timeout_ms;
+    return (short)((held ? 0 : POLLIN) | (client->waiting && !quiet ? POLLOUT : 0));
+}
+
+/* Whether to sleep on the descriptor of a bus: in lockstep the DONE of one tells of all. */
+static bool gateway_sleeps_on_bus(const struct gateway *gateway, size_t bus)
+{
+    const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
+
+    return lockstep->on ? bus == lockstep->bus : !gateway->config.by_time;
+}
+
+/* How long the buses that are not slept on may wait: not for long while they are busy and somebody
+ * listens. */
+static int gateway_look_ms(const struct gateway *gateway)
+{
+    bool heard = false;
+
+    for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
+        heard = heard || (gateway->client[i].socket >= 0 && gateway->client[i].mode == CLIENT_RAW);
+    }
+    return heard && (!gateway->config.lockstep.on || gateway_step_runs(gateway)) ? POLL_MS
+                                                                                 : LOOK_MS;
+}
+
+/* Fills in the descriptors to wait for and for how long: clients first, then ports. */
 static size_t gateway_prepare_poll(const struct gateway *gateway, struct pollfd fd[POLL_MAX],
                                    int *timeout_ms)
 {
     size_t count = POLL_FIXED;
+    bool look = false;
 
     *timeout_ms = IDLE_MS;
     fd[0] = (struct pollfd){.fd = gateway->stop_event, .events = POLLIN};
     fd[1] = (struct pollfd){.fd = gateway->listener, .events = POLLIN};
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
         const struct gateway_client *client = &gateway->client[i];
-        bool quiet = client->waiting > 0 && gateway_now_ms() < client->quiet_until_ms;
 
-        fd[count++] =
-            (struct pollfd){.fd = client->socket,
-                            .events = (short)(POLLIN | (client->waiting && !quiet ? POLLOUT : 0))};
-        if (client->socket >= 0 && quiet) {
-            *timeout_ms = POLL_MS;
-        }
+        fd[count++] = (struct pollfd){.fd = client->socket,
+                                      .events = gateway_client_events(gateway, client, timeout_ms)};
     }
     for (size_t b = 0; b < gateway->config.nbus; b++) {
         struct can_port *port = gateway->config.bus[b].port;
-        int descriptor = port->ops->descriptor(port);
+        int descriptor = gateway_sleeps_on_bus(gateway, b) ? port->ops->descriptor(port) : -1;
 
         fd[count++] = (struct pollfd){.fd = descriptor, .events = POLLIN};
-        if (descriptor < 0) {
-            *timeout_ms = POLL_MS;
-        }
+        look = look || descriptor < 0;
+    }
+    if (look && gateway_look_ms(gateway) < *timeout_ms) {
+        *timeout_ms = gateway_look_ms(gateway);
     }
     return count;
+}
+
+/* Commands of clients: what a STEP has kept back, then what is new, and a STEP last. */
+static void gateway_serve_clients(struct gateway *gateway, const struct pollfd fd[GATEWAY_CLIENTS])
+{
+    for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
+        struct gateway_client *client = &gateway->client[i];
+
+        if (client->socket >= 0 && client->received) {
+            gateway_execute_inbox(gateway, client);
+        }
+        if (client->socket >= 0 && (fd[i].revents & ~POLLOUT)) {
+            gateway_read_client(gateway, client);
+        }
+    }
+    gateway_release_step(gateway);
+}
+
+/* Sends what waits for clients, but for those that expect their answer alone. Who may hear of the
+ * DONE of a STEP comes last: by then all that belongs to it has been sent to the others. */
+static void gateway_flush_clients(struct gateway *gateway)
+{
+    const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
+
+    for (int last = 0; last < 2; last++) {
+        for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
+            struct gateway_client *client = &gateway->client[i];
+            const bool hears_step =
+                client->bus == lockstep->bus || client->bus == GATEWAY_EVERY_BUS;
+
+            if (client->waiting && hears_step == last &&
+                (client->mode != CLIENT_RAW || gateway_now_ms() >= client->quiet_until_ms)) {
+                gateway_flush_client(client);
+            }
+        }
+    }
 }
 
 static void *gateway_run(void *context)
@@ -80,31 +193,18 @@ static void *gateway_run(void *context)
         if (fd[0].revents) {
             return NULL;
         }
-
-        /* Commands of clients: frames onto the buses */
-        for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
-            struct gateway_client *client = &gateway->client[i];
-
-            if (client->socket >= 0 && (fd[POLL_FIXED + i].revents & ~POLLOUT)) {
-                gateway_read_client(gateway, client);
-            }
+        gateway->counters.wakeups++;
+        if (gateway_step_runs(gateway) && gateway_now_ms() >= gateway->step_until_ms) {
+            gateway->step_until_ms = 0;
         }
 
-        /* Frames of the buses into the outboxes of their clients */
-        for (size_t b = 0; b < gateway->config.nbus; b++) {
-            gateway_forward_bus(gateway, b);
-        }
-
-        /* Outboxes to the clients, but for those that expect their answer alone */
-        for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
-            struct gateway_client *client = &gateway->client[i];
-
-            if (client->mode != CLIENT_RAW || gateway_now_ms() >= client->quiet_until_ms) {
-                gateway_flush_client(client);
-            }
-        }
+        /* Frames of the buses first: clients that come now hear nothing older */
+        gateway_forward_buses(gateway);
+        gateway_serve_clients(gateway, fd + POLL_FIXED);
+        gateway_flush_clients(gateway);
 
         /* New clients come last, so that their places in the poll set are theirs */
+        gateway_close_silent(gateway);
         if (fd[1].revents) {
             gateway_accept_clients(gateway);
         }
@@ -211,7 +311,16 @@ static enum error_code gateway_check_config(const struct gateway_config *config,
         return error_set(error, ERROR_INPUT, "gateway: found %zu buses, expected at most %d",
                          config->nbus, GATEWAY_BUSES);
     }
+    if (config->lockstep.on && config->lockstep.bus >= config->nbus) {
+        return error_set(error, ERROR_INPUT, "gateway: STEP on bus %zu, but there are %zu",
+                         config->lockstep.bus, config->nbus);
+    }
     for (size_t i = 0; i < config->nbus; i++) {
+        if (strcmp(config->bus[i].name, GATEWAY_ALL) == 0) {
+            return error_set(error, ERROR_INPUT,
+                             "gateway: found a bus of the name \"" GATEWAY_ALL
+                             "\", by which clients open every bus; expected another name");
+        }
         if (strlen(config->bus[i].name) > SOCKETCAND_BUS_MAX) {
             return error_set(error, ERROR_INPUT,
                              "gateway: found bus name \"%.64s\", expected at most %d characters",

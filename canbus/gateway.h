@@ -2,12 +2,20 @@
 /*
  * A socketcand server in front of ports: programs in other processes join the buses of this process
  * over TCP, with any client of the protocol (python-can's socketcand interface, Kayak, ...). Raw
- * mode only; the clients of a bus receive the frames of the bus and of each other.
+ * mode only; the clients of a bus receive the frames of the bus and of each other. A client that
+ * opens the bus GATEWAY_ALL has every bus on one connection, and the name of the bus behind each
+ * frame. docs/gateway.md is the manual.
  *
  * One thread does all the work and owns the ports. Output that a client does not read waits in a
  * buffer of GATEWAY_OUTBOX bytes; a client that lets it fill up is disconnected, as is one that
- * sends GATEWAY_JUNK_MAX wrong commands or a command without an end. The bus never waits for a
- * client. Not RT-safe: it runs beside the loop.
+ * sends GATEWAY_JUNK_MAX wrong commands or a command without an end, or that opens no bus. The bus
+ * never waits for a client. Not RT-safe: it runs beside the loop.
+ *
+ * Lockstep. A STEP is passed on when every client has been read to the end, so that what a host on
+ * this machine has sent before it, on any connection, takes part in the STEP; over a network only
+ * one connection has an order. Nothing that a client has sent after it is passed on before the
+ * STEP is done (or lost). The DONE of the STEP's bus comes after all that the boards have sent on
+ * any bus. A STEP waits, for a bounded time, for clients that have not read what they were sent.
  *
  * All memory is allocated at the start; clients, buses and the stop event are served in turn, each
  * for a bounded time. A frame that a bus refuses, because its queue is full, is answered with an
@@ -27,12 +35,21 @@
 
 enum {
     GATEWAY_BUSES = 64,
-    GATEWAY_CLIENTS = 16,
+    GATEWAY_CLIENTS = 32, /* two that have a connection for each of ten buses, and more */
     GATEWAY_OUTBOX = 256 * 1024,
     GATEWAY_JUNK_MAX = 16
 };
 
 enum { GATEWAY_PORT = 29536 }; /* socketcand's */
+
+#define GATEWAY_ALL "all" /* the name by which a client opens every bus */
+
+/* How to tell STEP and DONE (canbus/lockstep.h). */
+struct gateway_lockstep {
+    bool on;
+    size_t bus; /* that carries STEP; its DONE is sent last */
+    uint32_t step_id, done_id;
+};
 
 struct gateway_bus {
     const char *name;      /* as clients open it: at most SOCKETCAND_BUS_MAX characters */
@@ -45,16 +62,22 @@ struct gateway_config {
     uint16_t port;                 /* 0 = any that is free */
     size_t nbus;                   /* at most GATEWAY_BUSES */
     const struct gateway_bus *bus; /* copied, the names not */
+    struct gateway_lockstep lockstep;
+    /* Looks at the ports every millisecond instead of sleeping on their descriptors: whoever sends
+     * on a local bus, as a real-time loop, need not signal then */
+    bool by_time;
 };
 
 struct gateway_counters {
-    uint64_t clients;   /* accepted */
-    uint64_t refused;   /* beyond GATEWAY_CLIENTS */
-    uint64_t cut_slow;  /* disconnected with a full outbox */
-    uint64_t cut_junk;  /* disconnected for wrong commands */
-    uint64_t to_bus;    /* frames */
-    uint64_t not_taken; /* frames of clients that their bus refused */
-    uint64_t to_client; /* frames, once for each client */
+    uint64_t clients;    /* accepted */
+    uint64_t refused;    /* found no place */
+    uint64_t cut_slow;   /* disconnected with a full outbox */
+    uint64_t cut_junk;   /* disconnected for wrong commands */
+    uint64_t cut_silent; /* disconnected without having opened a bus */
+    uint64_t to_bus;     /* frames */
+    uint64_t not_taken;  /* frames of clients that their bus refused */
+    uint64_t to_client;  /* frames, once for each client */
+    uint64_t wakeups;    /* of the thread, by whatever there was to do */
 };
 
 struct gateway;

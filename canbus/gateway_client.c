@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The clients of the gateway: their connections, commands and answers. */
+/* The clients of the gateway: their connections, and what is sent and received on them. */
 #include "canbus/gateway_private.h"
 
 #include <errno.h>
@@ -10,9 +10,10 @@
 #include <time.h>
 #include <unistd.h>
 
-/* A client that has just been told "ok" gets frames this much later: widespread clients expect the
- * answer to come alone. */
-enum { QUIET_MS = 20 };
+enum {
+    OPEN_MS = 10000, /* a client that has no bus by then is disconnected */
+    YIELD_MS = 1000, /* and after this when another one wants its place */
+};
 
 int64_t gateway_now_ms(void)
 {
@@ -53,9 +54,18 @@ void gateway_flush_client(struct gateway_client *client)
     }
 }
 
-/* Puts text into the client's outbox; a client whose outbox stays full is disconnected. */
-static void gateway_queue_text(struct gateway *gateway, struct gateway_client *client,
-                               const char *text, size_t length)
+void gateway_cut_slow(struct gateway *gateway, struct gateway_client *client)
+{
+    const struct linger at_once = {.l_onoff = 1};
+
+    /* What waits for it in the kernel is discarded too */
+    setsockopt(client->socket, SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
+    gateway->counters.cut_slow++;
+    gateway_close_client(client);
+}
+
+void gateway_queue_text(struct gateway *gateway, struct gateway_client *client, const char *text,
+                        size_t length)
 {
     if (client->socket < 0) {
         return;
@@ -64,42 +74,45 @@ static void gateway_queue_text(struct gateway *gateway, struct gateway_client *c
         gateway_flush_client(client);
     }
     if (client->socket >= 0 && client->waiting + length > GATEWAY_OUTBOX) {
-        const struct linger at_once = {.l_onoff = 1};
-
-        /* What waits for it in the kernel is discarded too */
-        setsockopt(client->socket, SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
-        gateway->counters.cut_slow++;
-        gateway_close_client(client);
+        gateway_cut_slow(gateway, client);
         return;
     }
     memcpy(client->outbox + client->waiting, text, length);
     client->waiting += length;
 }
 
-static void gateway_answer_client(struct gateway *gateway, struct gateway_client *client,
-                                  const char *text)
+/* Whether a client is to receive a frame: those who have every bus get one DONE, the last one. */
+static bool gateway_client_hears(const struct gateway *gateway, const struct gateway_client *client,
+                                 size_t bus, const struct bus_frame *frame)
 {
-    gateway_queue_text(gateway, client, text, strlen(text));
+    if (client->socket < 0 || client->mode != CLIENT_RAW) {
+        return false;
+    }
+    return client->bus == GATEWAY_EVERY_BUS
+               ? bus == gateway->config.lockstep.bus || !gateway_is_done(gateway, frame)
+               : client->bus == bus;
 }
 
 void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus_frame *frame,
                            const struct gateway_client *from)
 {
-    char text[SOCKETCAND_TEXT_MAX];
-    size_t length = 0;
+    /* Without and with the name of the bus */
+    char text[2][SOCKETCAND_TEXT_MAX];
+    size_t length[2] = {0, 0};
 
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
         struct gateway_client *client = &gateway->client[i];
+        const bool named = client->bus == GATEWAY_EVERY_BUS;
 
-        if (client->socket < 0 || client == from || client->mode != CLIENT_RAW ||
-            client->bus != bus) {
+        if (client == from || !gateway_client_hears(gateway, client, bus, frame)) {
             continue;
         }
-        if (length == 0) {
-            length = socketcand_format(frame, text);
+        if (length[named] == 0) {
+            length[named] =
+                socketcand_format(frame, named ? gateway->config.bus[bus].name : NULL, text[named]);
         }
-        if (length > 0) {
-            gateway_queue_text(gateway, client, text, length);
+        if (length[named] > 0) {
+            gateway_queue_text(gateway, client, text[named], length[named]);
             gateway->counters.to_client++;
         }
     }
@@ -107,139 +120,16 @@ void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus
 
 /* ---- clients: in ---- */
 
-static bool gateway_find_bus(const struct gateway *gateway, const char *name, size_t *bus)
-{
-    for (size_t i = 0; i < gateway->config.nbus; i++) {
-        const struct gateway_bus *entry = &gateway->config.bus[i];
-
-        if (strcmp(entry->name, name) == 0 || (entry->alias && strcmp(entry->alias, name) == 0)) {
-            *bus = i;
-            return true;
-        }
-    }
-    return false;
-}
-
-/* Answers a wrong command; a client that sends too many of them is disconnected. */
-static void gateway_reject_command(struct gateway *gateway, struct gateway_client *client,
-                                   const char *text)
-{
-    gateway_answer_client(gateway, client, text);
-    if (client->socket >= 0 && ++client->junk >= GATEWAY_JUNK_MAX) {
-        gateway->counters.cut_junk++;
-        gateway_flush_client(client);
-        gateway_close_client(client);
-    }
-}
-
-static void gateway_open_bus(struct gateway *gateway, struct gateway_client *client,
-                             const char *name)
-{
-    if (client->mode != CLIENT_NO_BUS) {
-        gateway_reject_command(gateway, client, "< error a bus is open already >");
-    } else if (!gateway_find_bus(gateway, name, &client->bus)) {
-        gateway_reject_command(gateway, client, "< error no such bus >");
-    } else {
-        client->mode = CLIENT_BCM;
-        gateway_answer_client(gateway, client, "< ok >");
-    }
-}
-
-static void gateway_send_frame(struct gateway *gateway, struct gateway_client *client,
-                               const struct bus_frame *request)
-{
-    struct bus_frame frame = *request;
-
-    frame.time_ns = gateway->time_ns[client->bus];
-    if (can_send(gateway->config.bus[client->bus].port, &frame, 1) != 1) {
-        /* A full queue is no fault of the client: it does not count as junk */
-        gateway->counters.not_taken++;
-        gateway_answer_client(gateway, client, "< error the bus refuses the frame >");
-        return;
-    }
-    gateway->counters.to_bus++;
-    gateway_forward_frame(gateway, client->bus, &frame, client);
-}
-
-static void gateway_execute_command(struct gateway *gateway, struct gateway_client *client,
-                                    const char *text, size_t size)
-{
-    struct socketcand_request request;
-
-    /* Before a bus is open nothing but open and echo makes sense */
-    socketcand_parse(text, size, &request);
-    if (client->mode == CLIENT_NO_BUS && request.command != SOCKETCAND_OPEN &&
-        request.command != SOCKETCAND_ECHO) {
-        gateway_reject_command(gateway, client, "< error no bus is open >");
-        return;
-    }
-
-    switch (request.command) {
-    case SOCKETCAND_OPEN:
-        gateway_open_bus(gateway, client, request.bus);
-        break;
-    case SOCKETCAND_RAWMODE:
-    case SOCKETCAND_BCMMODE:
-        /* The answer goes out at once and alone; frames follow later */
-        client->mode = request.command == SOCKETCAND_RAWMODE ? CLIENT_RAW : CLIENT_BCM;
-        client->quiet_until_ms = gateway_now_ms() + QUIET_MS;
-        gateway_answer_client(gateway, client, "< ok >");
-        gateway_flush_client(client);
-        break;
-    case SOCKETCAND_ECHO:
-        gateway_answer_client(gateway, client, "< echo >");
-        break;
-    case SOCKETCAND_SEND:
-        gateway_send_frame(gateway, client, &request.frame);
-        break;
-    case SOCKETCAND_OTHER:
-        gateway_reject_command(gateway, client, "< error not offered here, use rawmode >");
-        break;
-    case SOCKETCAND_UNKNOWN:
-        gateway_reject_command(gateway, client, "< error unknown command >");
-        break;
-    case SOCKETCAND_MALFORMED:
-        gateway_reject_command(gateway, client, "< error wrong arguments >");
-        break;
-    }
-}
-
-/* Executes every complete command in the inbox; what stands between commands is skipped. */
-static void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *client)
-{
-    size_t at = 0;
-
-    while (client->socket >= 0) {
-        const char *begin = memchr(client->inbox + at, '<', client->received - at), *end;
-
-        if (!begin) {
-            at = client->received;
-            break;
-        }
-        at = (size_t)(begin - client->inbox);
-        end = memchr(begin, '>', client->received - at);
-        if (!end) {
-            break;
-        }
-        at = (size_t)(end - client->inbox) + 1;
-        gateway_execute_command(gateway, client, begin, (size_t)(end - begin) + 1);
-    }
-
-    /* An incomplete command stays; one that fills the inbox will never end */
-    client->received -= at;
-    memmove(client->inbox, client->inbox + at, client->received);
-    if (client->received == sizeof client->inbox) {
-        gateway->counters.cut_junk++;
-        gateway_close_client(client);
-    }
-}
-
 void gateway_read_client(struct gateway *gateway, struct gateway_client *client)
 {
-    ssize_t count = recv(client->socket, client->inbox + client->received,
-                         sizeof client->inbox - client->received, MSG_DONTWAIT);
+    const size_t room = sizeof client->inbox - client->received;
+    ssize_t count =
+        room ? recv(client->socket, client->inbox + client->received, room, MSG_DONTWAIT) : 0;
+    int one = 1;
 
     if (count > 0) {
+        /* Acknowledges at once: the client's system may keep its next command back until then */
+        setsockopt(client->socket, IPPROTO_TCP, TCP_QUICKACK, &one, sizeof one);
         client->received += (size_t)count;
         gateway_execute_inbox(gateway, client);
     } else if (count == 0 || (errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR)) {
@@ -247,31 +137,73 @@ void gateway_read_client(struct gateway *gateway, struct gateway_client *client)
     }
 }
 
-static struct gateway_client *gateway_free_client(struct gateway *gateway)
+/* ---- coming and going ---- */
+
+/* Tells a client why it is disconnected. */
+static void gateway_dismiss_client(struct gateway *gateway, struct gateway_client *client,
+                                   const char *text)
 {
+    gateway_queue_text(gateway, client, text, strlen(text));
+    gateway_flush_client(client);
+    gateway_close_client(client);
+}
+
+void gateway_close_silent(struct gateway *gateway)
+{
+    const int64_t now_ms = gateway_now_ms();
+
     for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
-        if (gateway->client[i].socket < 0) {
-            return &gateway->client[i];
+        struct gateway_client *client = &gateway->client[i];
+
+        if (client->socket >= 0 && client->mode == CLIENT_NO_BUS &&
+            now_ms - client->since_ms > OPEN_MS) {
+            gateway->counters.cut_silent++;
+            gateway_dismiss_client(gateway, client, "< error no bus was opened in time >");
         }
     }
-    return NULL;
+}
+
+/* A free place, or that of the client that has been silent for longest; NULL = there is none. */
+static struct gateway_client *gateway_find_place(struct gateway *gateway)
+{
+    struct gateway_client *oldest = NULL;
+
+    for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
+        struct gateway_client *client = &gateway->client[i];
+
+        if (client->socket < 0) {
+            return client;
+        }
+        if (client->mode == CLIENT_NO_BUS && (!oldest || client->since_ms < oldest->since_ms)) {
+            oldest = client;
+        }
+    }
+    if (!oldest || gateway_now_ms() - oldest->since_ms < YIELD_MS) {
+        return NULL;
+    }
+    gateway->counters.cut_silent++;
+    gateway_dismiss_client(gateway, oldest, "< error no bus was opened in time >");
+    return oldest;
 }
 
 void gateway_accept_clients(struct gateway *gateway)
 {
+    static const char full[] = "< error all places are taken >";
     int one = 1, socket;
 
     while ((socket = accept4(gateway->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC)) >= 0) {
-        struct gateway_client *client = gateway_free_client(gateway);
+        struct gateway_client *client = gateway_find_place(gateway);
 
         if (!client) {
             gateway->counters.refused++;
+            (void)!send(socket, full, sizeof full - 1, MSG_NOSIGNAL | MSG_DONTWAIT);
             close(socket);
             continue;
         }
         setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
-        *client = (struct gateway_client){.socket = socket, .outbox = client->outbox};
+        *client = (struct gateway_client){
+            .socket = socket, .outbox = client->outbox, .since_ms = gateway_now_ms()};
         gateway->counters.clients++;
-        gateway_answer_client(gateway, client, "< hi >");
+        gateway_queue_text(gateway, client, "< hi >", strlen("< hi >"));
     }
 }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Private to canbus: the state of the gateway, shared by its thread (gateway.c) and what it does
- * for each client (gateway_client.c). Not RT-safe; all of it belongs to the gateway's thread.
+ * Private to canbus: the state of the gateway, shared by its thread (gateway.c), the connections of
+ * its clients (gateway_client.c) and what they ask for (gateway_command.c). Not RT-safe; all of it
+ * belongs to the gateway's thread.
  */
 #ifndef CANBUS_GATEWAY_PRIVATE_H
 #define CANBUS_GATEWAY_PRIVATE_H
@@ -13,14 +14,23 @@
 
 enum gateway_client_mode { CLIENT_NO_BUS, CLIENT_BCM, CLIENT_RAW };
 
+enum {
+    GATEWAY_EVERY_BUS = GATEWAY_BUSES, /* client->bus of a connection that has all of them */
+    GATEWAY_INBOX = 4096,
+};
+
 struct gateway_client {
     int socket; /* -1 = free place */
     enum gateway_client_mode mode;
     size_t bus;
     unsigned junk;
+    int64_t since_ms; /* accepted */
     int64_t quiet_until_ms;
-    size_t received; /* of inbox: a command that has not ended yet */
-    char inbox[SOCKETCAND_TEXT_MAX];
+    int64_t awaited_since_ms; /* a STEP waits for it to read; 0 = none does */
+    bool step_waits;          /* its next command is a STEP */
+    struct bus_frame step;
+    size_t received; /* of inbox: what has not been executed */
+    char inbox[GATEWAY_INBOX];
     size_t waiting; /* of outbox */
     char *outbox;
 };
@@ -28,7 +38,8 @@ struct gateway_client {
 struct gateway {
     struct gateway_config config;
     struct gateway_counters counters;
-    int64_t *time_ns; /* of the newest frame of each bus, on its clock */
+    int64_t *time_ns;      /* of the newest frame of each bus, on its clock */
+    int64_t step_until_ms; /* a STEP runs, no longer waited for at this time; 0 = none does */
     int listener, stop_event;
     uint16_t port;
     pthread_t thread;
@@ -38,19 +49,54 @@ struct gateway {
 /* CLOCK_MONOTONIC. */
 int64_t gateway_now_ms(void);
 
-/* Accepts every client that waits; refuses those beyond GATEWAY_CLIENTS. */
+/* ---- gateway_client.c ---- */
+
+/* Accepts every client that waits; refuses those that find no place. */
 void gateway_accept_clients(struct gateway *gateway);
 
-/* Reads what a client has sent and executes its commands. */
+/* Disconnects those that have not opened a bus in time. */
+void gateway_close_silent(struct gateway *gateway);
+
+/* Reads what a client has sent, as far as its inbox holds it, and executes its commands. */
 void gateway_read_client(struct gateway *gateway, struct gateway_client *client);
+
+/* Puts text into the client's outbox; a client whose outbox stays full is disconnected. */
+void gateway_queue_text(struct gateway *gateway, struct gateway_client *client, const char *text,
+                        size_t length);
 
 /* Sends what waits for a client, as far as the system takes it. */
 void gateway_flush_client(struct gateway_client *client);
 
 void gateway_close_client(struct gateway_client *client);
 
+/* Disconnects a client that does not read; what waits for it is discarded. */
+void gateway_cut_slow(struct gateway *gateway, struct gateway_client *client);
+
 /* Queues a frame for all clients of a bus in raw mode but the one that sent it, NULL = none did. */
 void gateway_forward_frame(struct gateway *gateway, size_t bus, const struct bus_frame *frame,
                            const struct gateway_client *from);
+
+/* ---- gateway_command.c ---- */
+
+/* Whether commands of clients have to wait: a STEP runs. */
+static inline bool gateway_step_runs(const struct gateway *gateway)
+{
+    return gateway->step_until_ms > 0;
+}
+
+/* Whether a frame is the STEP or the DONE of lockstep. */
+bool gateway_is_step(const struct gateway *gateway, size_t bus, const struct bus_frame *frame);
+bool gateway_is_done(const struct gateway *gateway, const struct bus_frame *frame);
+
+/* Executes every complete command in the inbox, up to a STEP, which stays until it is released;
+ * none while a STEP runs. What stands between commands is skipped. */
+void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *client);
+
+/* Sends the STEP that waits, if one does and nothing is in its way: once every client has been read
+ * to the end and has taken most of what waits for it. */
+void gateway_release_step(struct gateway *gateway);
+
+/* Whether a client has to read first: the STEP waits for it. */
+bool gateway_is_behind(const struct gateway_client *client);
 
 #endif

@@ -91,14 +91,25 @@ static bool socketcand_parse_decimal(const char *word, uint32_t *value)
     return length == 1 || length == 2;
 }
 
-/* Parses the words from the first one on as a length and that many bytes. */
+/* Whether the words end here, or with the name of a bus, which is copied. */
+static bool socketcand_parse_end(const struct socketcand_words *words, size_t at, char *bus)
+{
+    if (words->count == at + 1) {
+        strcpy(bus, words->word[at]);
+        return true;
+    }
+    return words->count == at;
+}
+
+/* Parses the words from the first one on as a length, that many bytes, and a bus or none. */
 static bool socketcand_parse_data(const struct socketcand_words *words, size_t first,
-                                  struct bus_frame *frame)
+                                  struct bus_frame *frame, char *bus)
 {
     uint32_t length, byte;
 
     if (words->count <= first || !socketcand_parse_decimal(words->word[first], &length) ||
-        length > sizeof frame->data || words->count != first + 1 + length) {
+        length > sizeof frame->data || words->count < first + 1 + length ||
+        !socketcand_parse_end(words, first + 1 + length, bus)) {
         return false;
     }
     frame->len = (uint8_t)length;
@@ -111,13 +122,14 @@ static bool socketcand_parse_data(const struct socketcand_words *words, size_t f
     return true;
 }
 
-static bool socketcand_parse_fd(const struct socketcand_words *words, struct bus_frame *frame)
+static bool socketcand_parse_fd(const struct socketcand_words *words, struct bus_frame *frame,
+                                char *bus)
 {
     uint32_t flags;
 
     frame->flags |= FRAME_FD;
     if (!socketcand_parse_hex(words->word[2], 2, &flags) ||
-        !socketcand_parse_data(words, 3, frame)) {
+        !socketcand_parse_data(words, 3, frame, bus)) {
         return false;
     }
     frame->flags |=
@@ -125,27 +137,30 @@ static bool socketcand_parse_fd(const struct socketcand_words *words, struct bus
     return true;
 }
 
-static bool socketcand_parse_remote(const struct socketcand_words *words, struct bus_frame *frame)
+static bool socketcand_parse_remote(const struct socketcand_words *words, struct bus_frame *frame,
+                                    char *bus)
 {
     uint32_t length;
 
     frame->flags |= FRAME_REMOTE;
     /* The requested length is not carried by a bus_frame */
-    return words->count == 3 && socketcand_parse_decimal(words->word[2], &length) && length <= 8;
+    return socketcand_parse_decimal(words->word[2], &length) && length <= 8 &&
+           socketcand_parse_end(words, 3, bus);
 }
 
 static enum socketcand_command socketcand_parse_send(const struct socketcand_words *words,
-                                                     struct bus_frame *frame)
+                                                     struct socketcand_request *request)
 {
+    struct bus_frame *frame = &request->frame;
     const char *name = words->word[0];
     bool good;
 
     if (words->count < 3 || !socketcand_parse_id(words->word[1], frame)) {
         return SOCKETCAND_MALFORMED;
     }
-    good = strcmp(name, "send") == 0     ? socketcand_parse_data(words, 2, frame)
-           : strcmp(name, "fdsend") == 0 ? socketcand_parse_fd(words, frame)
-                                         : socketcand_parse_remote(words, frame);
+    good = strcmp(name, "send") == 0     ? socketcand_parse_data(words, 2, frame, request->bus)
+           : strcmp(name, "fdsend") == 0 ? socketcand_parse_fd(words, frame, request->bus)
+                                         : socketcand_parse_remote(words, frame, request->bus);
     return good && frame_valid(frame) ? SOCKETCAND_SEND : SOCKETCAND_MALFORMED;
 }
 
@@ -162,7 +177,7 @@ static enum socketcand_command socketcand_parse_words(const struct socketcand_wo
     }
     /* Frames */
     if (strcmp(name, "send") == 0 || strcmp(name, "sendrtr") == 0 || strcmp(name, "fdsend") == 0) {
-        return socketcand_parse_send(words, &request->frame);
+        return socketcand_parse_send(words, request);
     }
 
     /* Commands of a connection */
@@ -209,36 +224,46 @@ void socketcand_parse(const char *text, size_t size, struct socketcand_request *
 
 static size_t socketcand_put_data(const struct bus_frame *frame, char *text)
 {
-    size_t length = 0;
+    static const char digit[] = "0123456789ABCDEF";
 
     for (size_t i = 0; i < frame->len; i++) {
-        length += (size_t)sprintf(text + length, "%02X", frame->data[i]);
+        text[2 * i] = digit[frame->data[i] >> 4];
+        text[2 * i + 1] = digit[frame->data[i] & 0xf];
     }
-    return length + (size_t)sprintf(text + length, " >\n");
+    text[2 * frame->len] = '\0';
+    return 2 * (size_t)frame->len;
 }
 
-size_t socketcand_format(const struct bus_frame *frame, char text[SOCKETCAND_TEXT_MAX])
+size_t socketcand_format(const struct bus_frame *frame, const char *bus,
+                         char text[SOCKETCAND_TEXT_MAX])
 {
     int digits = (frame->flags & FRAME_EXTENDED) ? 8 : 3;
     long long us = frame->time_ns / 1000, s = us / 1000000;
-    int at;
+    size_t at;
 
     us %= 1000000;
     if (!frame_valid(frame) || (frame->flags & FRAME_ERROR) || frame->time_ns < 0) {
         text[0] = '\0';
         return 0;
     }
+
+    /* Identifier, flags and time */
     if (frame->flags & FRAME_REMOTE) {
-        at = sprintf(text, "< rtr %0*X %lld.%06lld 0 >\n", digits, frame->id, s, us);
-        return (size_t)at;
-    }
-    if (frame->flags & FRAME_FD) {
+        at = (size_t)sprintf(text, "\n< rtr %0*X %lld.%06lld 0", digits, frame->id, s, us);
+    } else if (frame->flags & FRAME_FD) {
         int flags = ((frame->flags & FRAME_BRS) ? FLAG_BRS : 0) |
                     ((frame->flags & FRAME_ESI) ? FLAG_ESI : 0);
 
-        at = sprintf(text, "< fdframe %0*X %02X %lld.%06lld ", digits, frame->id, flags, s, us);
+        at = (size_t)sprintf(text, "\n< fdframe %0*X %02X %lld.%06lld ", digits, frame->id, flags,
+                             s, us);
     } else {
-        at = sprintf(text, "< frame %0*X %lld.%06lld ", digits, frame->id, s, us);
+        at = (size_t)sprintf(text, "\n< frame %0*X %lld.%06lld ", digits, frame->id, s, us);
     }
-    return (size_t)at + socketcand_put_data(frame, text + at);
+
+    /* Data and bus */
+    if (!(frame->flags & FRAME_REMOTE)) {
+        at += socketcand_put_data(frame, text + at);
+    }
+    return at + (size_t)sprintf(text + at, "%s%.*s >", bus ? " " : "", SOCKETCAND_BUS_MAX,
+                                bus ? bus : "");
 }

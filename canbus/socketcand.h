@@ -10,6 +10,9 @@
  * Identifiers are hexadecimal, of 8 digits when they have 29 bits, or larger than 7FF; FLAGS are
  * those of canfd_frame (1 = bit rate switch, 2 = error passive); LENGTH is decimal. The other
  * commands are open BUS, rawmode, bcmmode and echo.
+ *
+ * An extension of ours: on a connection that has all buses the name of the bus is the last word of
+ * all six, before the >.
  */
 #ifndef CANBUS_SOCKETCAND_H
 #define CANBUS_SOCKETCAND_H
@@ -34,16 +37,18 @@ enum { SOCKETCAND_TEXT_MAX = 288, SOCKETCAND_BUS_MAX = 16 };
 
 struct socketcand_request {
     enum socketcand_command command;
-    char bus[SOCKETCAND_BUS_MAX + 1]; /* SOCKETCAND_OPEN */
+    char bus[SOCKETCAND_BUS_MAX + 1]; /* SOCKETCAND_OPEN; SOCKETCAND_SEND: "" = not named */
     struct bus_frame frame;           /* SOCKETCAND_SEND; valid, time_ns is 0 */
 };
 
 /* Parses size bytes of text, from < to >. */
 void socketcand_parse(const char *text, size_t size, struct socketcand_request *request);
 
-/* Writes a frame as the server sends it, with a newline behind it, which clients skip: without it
- * one widespread client loses the first character of what it has received in part. Returns the
+/* Writes a frame as the server sends it, with the name of its bus unless that is NULL. A newline
+ * stands in front of it, which clients skip: one widespread client (python-can 4) loses the
+ * character before what it has received in part, and complains of one at the end. Returns the
  * length without the terminating zero; 0 for error frames. Time is frame->time_ns. */
-size_t socketcand_format(const struct bus_frame *frame, char text[SOCKETCAND_TEXT_MAX]);
+size_t socketcand_format(const struct bus_frame *frame, const char *bus,
+                         char text[SOCKETCAND_TEXT_MAX]);
 
 #endif

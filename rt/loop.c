@@ -155,12 +155,19 @@ static LOOP_NOINLINE void loop_send_frames(struct loop *loop, size_t bus, size_t
 
 void loop_send_done(struct loop *loop, uint16_t flags)
 {
+    const size_t last = (size_t)loop->config.lockstep.bus;
     struct bus_frame done = lockstep_done(&loop->lockstep, flags);
 
+    /* Batches of their own: they pass also where the boards' frames are lost */
+    done.time_ns = loop->stats.time_ns;
     for (size_t b = 0; b < loop->config.nbus; b++) {
-        loop->outgoing[0] = done;
-        loop_send_frames(loop, b, 1);
+        if (b != last) {
+            loop->outgoing[0] = done;
+            loop_send_frames(loop, b, 1);
+        }
     }
+    loop->outgoing[0] = done;
+    loop_send_frames(loop, last, 1);
 }
 
 void loop_count_lost(const struct loop *loop, uint64_t *rx, uint64_t *tx)
@@ -249,11 +256,6 @@ static LOOP_NOINLINE void loop_transmit(struct loop *loop)
     const struct loop_machine *machine = &loop->config.machine;
     bool done_due = loop_advance_time(loop);
     int64_t now_ns = loop->stats.time_ns;
-    struct bus_frame done = {0};
-
-    if (done_due) {
-        done = lockstep_done(&loop->lockstep, 0);
-    }
 
     /* What was on its way during the tick arrives before what the tick's end sends */
     if (machine->advance) {
@@ -264,11 +266,9 @@ static LOOP_NOINLINE void loop_transmit(struct loop *loop)
                                          loop->config.transmit_max[b]);
 
         loop_send_frames(loop, b, count);
-        if (done_due) {
-            /* In a batch of its own: it passes also where the boards' frames are lost */
-            loop->outgoing[0] = done;
-            loop_send_frames(loop, b, 1);
-        }
+    }
+    if (done_due) {
+        loop_send_done(loop, 0);
     }
     loop_phase_end(loop, PHASE_TRANSMIT);
 }

@@ -36,7 +36,8 @@
  * order of the buses: everything that waits, on the STEP's own bus everything up to the STEP. What
  * arrives while a STEP of several ticks runs belongs to the next one, but for what a wire in
  * virtual time delivers, which belongs to the tick. DONE follows on every bus after the last frame
- * of the last tick. Its overrun flag says that a bus lost frames since the last DONE.
+ * of the last tick, on the STEP's own bus as the last frame of all. Its overrun flag says that a
+ * bus lost frames since the last DONE.
  *
  * Free run. No waiting at all.
  *

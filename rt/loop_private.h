@@ -111,7 +111,7 @@ void loop_deliver_frame(struct loop *loop, size_t bus, const struct bus_frame *f
 /* Frames received and to be sent that all ports have lost until now. */
 void loop_count_lost(const struct loop *loop, uint64_t *rx, uint64_t *tx);
 
-/* Sends DONE on every bus. */
+/* Sends DONE on every bus, on that of the STEP last: it says that all the others are there. */
 void loop_send_done(struct loop *loop, uint16_t flags);
 
 /* ---- loop_wait.c ---- */

@@ -116,7 +116,8 @@ uint64_t simulator_beat(const struct simulator *simulator);
 enum error_code simulator_finish_recording(struct simulator *simulator,
                                            struct recorder_counters *counters, struct error *error);
 
-/* Ends the connections of the gateway and reads its counters; false when there is none. */
+/* After the run: ends the connections of the gateway, reads its counters, and accounts for frames
+ * that came after the last tick on the ports; false when there is none. */
 bool simulator_close_gateway(struct simulator *simulator, struct gateway_counters *counters);
 
 /* Closes ports, recording and contact engine; the arena is the caller's. NULL is allowed. */

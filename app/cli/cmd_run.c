@@ -53,8 +53,9 @@ static void print_gateway(struct simulator *simulator)
         printf("gateway: %" PRIu64 " clients, %" PRIu64 " refused, %" PRIu64
                " disconnected; %" PRIu64 " frames to the buses, %" PRIu64
                " rejected by them, %" PRIu64 " to clients\n",
-               counters.clients, counters.refused, counters.cut_slow + counters.cut_junk,
-               counters.to_bus, counters.not_taken, counters.to_client);
+               counters.clients, counters.refused,
+               counters.cut_slow + counters.cut_junk + counters.cut_silent, counters.to_bus,
+               counters.not_taken, counters.to_client);
     }
 }
 

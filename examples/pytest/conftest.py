@@ -1,15 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fixtures for tests of a controller against the simulator.
 
-simulator starts coman-hil in lockstep with a gateway, for each test anew; robot is a python-can bus
-on the torso and the means to move virtual time. Nothing depends on how fast the machine is. The
-program is the one of the environment variable COMAN_HIL, else coman-hil on the PATH; the rig is
-that of COMAN_HIL_RIG, else the installed coman.
-
-Commands go over the connection that STEP goes over: what a program sends on another bus may arrive
-a tick later.
+simulator starts coman-hil in lockstep with a gateway, for each test anew; robot has all its buses
+as one of python-can (every_bus.py) and the means to move virtual time. Nothing depends on how fast
+the machine is, and a test repeats bit for bit. The program is the one of the environment variable
+COMAN_HIL, else coman-hil on the PATH; the rig is that of COMAN_HIL_RIG, else the installed coman.
 """
-import logging
 import os
 import re
 import struct
@@ -19,10 +15,10 @@ import time
 
 import can
 import pytest
+from every_bus import EveryBus
 
-logging.getLogger("can").setLevel(logging.ERROR)  # it warns of the newlines between frames
 RIG = os.environ.get("COMAN_HIL_RIG", "coman")
-STEP, DONE = 0x6F0, 0x6FF
+STEP, DONE, STEP_BUS = 0x6F0, 0x6FF, "torso"
 PATIENCE_S = 20
 
 
@@ -57,13 +53,13 @@ class Robot:
     def __init__(self, bus):
         self.bus, self.tick = bus, 0
 
-    def send(self, identifier, data):
-        self.bus.send(can.Message(arbitration_id=identifier, data=bytes.fromhex(data),
+    def send(self, bus, identifier, data):
+        self.bus.send(can.Message(arbitration_id=identifier, data=bytes.fromhex(data), channel=bus,
                                   is_extended_id=False))
 
     def step(self, milliseconds=1):
-        """Runs the simulator on; the frames that it sent meanwhile."""
-        self.send(STEP, struct.pack("<IH", self.tick, milliseconds).hex())
+        """Runs the simulator on; the frames that it sent meanwhile, frame.channel is the bus."""
+        self.send(STEP_BUS, STEP, struct.pack("<IH", self.tick, milliseconds).hex())
         frames = []
         while True:
             frame = self.bus.recv(PATIENCE_S)
@@ -76,6 +72,5 @@ class Robot:
 
 @pytest.fixture
 def robot(simulator):
-    host, port = simulator
-    with can.Bus(interface="socketcand", host=host, port=port, channel="can0") as bus:
+    with EveryBus(*simulator) as bus:
         yield Robot(bus)

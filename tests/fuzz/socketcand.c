@@ -12,13 +12,13 @@
 #include <string.h>
 
 /* The server's text of a frame as the request that a client makes of the same frame. */
-static void request_of(const struct bus_frame *frame, char *text, size_t size)
+static void request_of(const struct bus_frame *frame, const char *bus, char *text, size_t size)
 {
     const int digits = frame->flags & FRAME_EXTENDED ? 8 : 3;
     int at;
 
     if (frame->flags & FRAME_REMOTE) {
-        snprintf(text, size, "< sendrtr %0*X 0 >", digits, frame->id);
+        snprintf(text, size, "< sendrtr %0*X 0 %s >", digits, frame->id, bus);
         return;
     }
     if (frame->flags & FRAME_FD) {
@@ -31,7 +31,7 @@ static void request_of(const struct bus_frame *frame, char *text, size_t size)
     for (int i = 0; i < frame->len; i++) {
         at += snprintf(text + at, size - (size_t)at, " %02x", frame->data[i]);
     }
-    snprintf(text + at, size - (size_t)at, " >");
+    snprintf(text + at, size - (size_t)at, " %s >", bus);
 }
 
 static void check_format(const struct bus_frame *frame)
@@ -40,10 +40,11 @@ static void check_format(const struct bus_frame *frame)
     size_t size;
 
     memset(text, 0x55, sizeof text);
-    size = socketcand_format(frame, text);
+    size = socketcand_format(frame, frame->id % 2 ? "left_leg" : NULL, text);
     fuzz_require(size < sizeof text && strlen(text) == size, "%zu characters", size);
-    fuzz_require(size == 0 || (text[0] == '<' && strcmp(text + size - 3, " >\n") == 0 &&
-                               strchr(text, '>') == text + size - 2),
+    fuzz_require(size == 0 ||
+                     (text[0] == '\n' && text[1] == '<' && strcmp(text + size - 2, " >") == 0 &&
+                      strchr(text, '>') == text + size - 1),
                  "%s", text);
     fuzz_require((size > 0) ==
                      (frame_valid(frame) && !(frame->flags & FRAME_ERROR) && frame->time_ns >= 0),
@@ -65,7 +66,7 @@ static void check_request(const char *text, size_t size)
     fuzz_require(frame_valid(&request.frame) && !(request.frame.flags & FRAME_ERROR) &&
                      request.frame.time_ns == 0,
                  "%.*s", (int)size, text);
-    request_of(&request.frame, same, sizeof same);
+    request_of(&request.frame, request.bus, same, sizeof same);
     socketcand_parse(same, strlen(same), &again);
     fuzz_require(memcmp(&request, &again, sizeof request) == 0, "%s", same);
     fuzz_tally.taken++;

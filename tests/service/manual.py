@@ -33,7 +33,7 @@ PATIENCE_S = 60
 SCRATCH = pathlib.Path(tempfile.mkdtemp())
 PREFIX = SCRATCH / "prefix"
 PAGES = SOURCE / "docs" / "man"
-GUIDES = [SOURCE / "docs" / "lab-pc.md", SOURCE / "docs" / "controller.md"]
+GUIDES = [SOURCE / "docs" / name for name in ("lab-pc.md", "controller.md", "gateway.md")]
 
 
 def coman_hil(*arguments, program="coman-hil"):

@@ -27,6 +27,7 @@ struct hand_port {
     struct can_port port;
     pthread_mutex_t lock;
     int event;
+    int asked;           /* for its descriptor */
     size_t given, taken; /* frames to be received */
     struct bus_frame in[QUEUE];
     size_t nout;
@@ -65,7 +66,10 @@ static size_t hand_send(struct can_port *port, const struct bus_frame *frames, s
 
 static int hand_descriptor(const struct can_port *port)
 {
-    return ((const struct hand_port *)port)->event;
+    struct hand_port *hand = (struct hand_port *)(uintptr_t)port;
+
+    hand->asked++;
+    return hand->event;
 }
 
 static const struct can_port_ops hand_ops = {
@@ -208,7 +212,7 @@ static void frames_go_both_ways(void **state)
     assert_int_equal(f->hand[0].out[0].data[0], 0xff);
     frame.time_ns = INT64_C(1500000000);
     give(&f->hand[0], &frame);
-    hears(client, "< frame 70F 1.500000 FF >\n");
+    hears(client, "\n< frame 70F 1.500000 FF >");
     assert_int_equal(sent_to_bus(&f->hand[1]), 0);
     close(client);
 }
@@ -219,7 +223,7 @@ static void a_bus_has_two_names_and_clients_hear_each_other(void **state)
     int first = join_raw(f, "torso"), second = join_raw(f, "can0"), other = join_raw(f, "left_leg");
 
     say(first, "< send 123 2 1 2 >");
-    hears(second, "< frame 123 0.000000 0102 >\n");
+    hears(second, "\n< frame 123 0.000000 0102 >");
     say(other, "< echo >");
     hears(other, "< echo >"); /* and nothing before it */
     wait_for_frames(&f->hand[0], 1);
@@ -332,6 +336,7 @@ static void more_clients_than_places_are_refused(void **state)
         hears(client[i], "< hi >");
     }
     extra = join(f);
+    hears(extra, "< error all places are taken >");
     hears(extra, "");
     close(extra);
     /* A place that is given up is given out again */
@@ -354,6 +359,115 @@ static void more_clients_than_places_are_refused(void **state)
             close(client[i]);
         }
     }
+}
+
+static void who_opens_no_bus_yields_its_place(void **state)
+{
+    struct fixture *f = *state;
+    int silent[GATEWAY_CLIENTS], good;
+
+    for (int i = 0; i < GATEWAY_CLIENTS; i++) {
+        silent[i] = join(f);
+        hears(silent[i], "< hi >");
+    }
+    usleep(1100000);
+    good = join_raw(f, "torso");
+    hears(silent[0], "< error no bus was opened in time >");
+    hears(silent[0], "");
+    say(good, "< echo >");
+    hears(good, "< echo >");
+    close(good);
+    for (int i = 0; i < GATEWAY_CLIENTS; i++) {
+        close(silent[i]);
+    }
+}
+
+static void who_opens_no_bus_is_disconnected_in_the_end(void **state)
+{
+    struct fixture *f = *state;
+    int silent = join(f), good = join_raw(f, "torso");
+    struct gateway_counters counters;
+
+    hears(silent, "< hi >");
+    usleep(9000000);
+    hears(silent, "< error no bus was opened in time >");
+    hears(silent, "");
+    say(good, "< echo >");
+    hears(good, "< echo >");
+    gateway_stop(f->gateway);
+    gateway_counters(f->gateway, &counters);
+    f->gateway = NULL;
+    assert_int_equal(counters.cut_silent, 1);
+    close(silent);
+    close(good);
+}
+
+static void what_has_no_time_is_as_new_as_the_newest(void **state)
+{
+    struct fixture *f = *state;
+    struct bus_frame frame = frame_make(0x111, 0, NULL), other = frame_make(0x222, 0, NULL);
+    int first = join_raw(f, "torso"), second = join_raw(f, "torso");
+
+    frame.time_ns = INT64_C(2500000000);
+    give(&f->hand[0], &frame);
+    give(&f->hand[0], &other);
+    hears(first, "\n< frame 111 2.500000  >\n< frame 222 2.500000  >");
+    say(second, "< send 333 0 >");
+    hears(first, "\n< frame 333 2.500000  >");
+    close(first);
+    close(second);
+}
+
+static void one_connection_has_every_bus(void **state)
+{
+    struct fixture *f = *state;
+    struct bus_frame frame = frame_make(0x111, 1, (const uint8_t[]){7});
+    int all = join_raw(f, "all"), leg = join_raw(f, "left_leg");
+
+    /* What it sends goes to the bus that it names, by either name, and to nobody else */
+    say(all, "< send 1 0 left_leg >< send 2 1 5 can0 >");
+    wait_for_frames(&f->hand[0], 1);
+    wait_for_frames(&f->hand[1], 1);
+    assert_int_equal(f->hand[0].out[0].id, 2);
+    assert_int_equal(f->hand[1].out[0].id, 1);
+    hears(leg, "\n< frame 001 0.000000  >");
+
+    /* What it receives is named, also what another client sends */
+    give(&f->hand[0], &frame);
+    hears(all, "\n< frame 111 0.000000 07 torso >");
+    say(leg, "< send 3 0 >");
+    hears(all, "\n< frame 003 0.000000  left_leg >");
+
+    /* Elsewhere no bus may be named, here one must */
+    say(all, "< send 1 0 >");
+    hears(all, "< error the last word must be the bus >");
+    say(all, "< send 1 0 arm >");
+    hears(all, "< error no such bus >");
+    say(leg, "< send 1 0 left_leg >");
+    hears(leg, "< error wrong arguments >");
+    say(leg, "< send 1 1 1 2 >");
+    hears(leg, "< error wrong arguments >");
+    close(all);
+    close(leg);
+}
+
+/* So that a real-time loop, which sends on the bus, need not signal. */
+static void a_port_may_be_looked_at_by_time(void **state)
+{
+    struct fixture *f = *state;
+    const struct gateway_bus bus = {.name = "torso", .port = &f->hand[0].port};
+    const struct gateway_config config = {.nbus = 1, .bus = &bus, .by_time = true};
+    struct bus_frame frame = frame_make(0x111, 0, NULL);
+    int client;
+
+    gateway_stop(f->gateway);
+    f->hand[0].asked = 0;
+    assert_int_equal(gateway_start(&config, &f->arena, &f->gateway, NULL), ERROR_NONE);
+    client = join_raw(f, "torso");
+    give(&f->hand[0], &frame);
+    hears(client, "\n< frame 111 0.000000  >");
+    assert_int_equal(f->hand[0].asked, 0);
+    close(client);
 }
 
 static void a_frame_that_the_bus_does_not_take_is_told_and_no_junk(void **state)
@@ -417,6 +531,9 @@ static void refuses_hosts_and_ports_that_cannot_be_had(void **state)
     config = (struct gateway_config){.port = gateway_port(f->gateway)};
     assert_int_equal(gateway_start(&config, &f->arena, &second, &error), ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "cannot listen"));
+    config = (struct gateway_config){.nbus = 1, .bus = &(struct gateway_bus){.name = "all"}};
+    assert_int_equal(gateway_start(&config, &f->arena, &second, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "all"));
     assert_null(second);
 }
 
@@ -431,6 +548,11 @@ int main(void)
         GATEWAY_TEST(a_command_without_an_end_is_cut_off),
         GATEWAY_TEST(a_slow_client_is_cut_off_and_the_others_do_not_notice),
         GATEWAY_TEST(more_clients_than_places_are_refused),
+        GATEWAY_TEST(who_opens_no_bus_yields_its_place),
+        GATEWAY_TEST(who_opens_no_bus_is_disconnected_in_the_end),
+        GATEWAY_TEST(what_has_no_time_is_as_new_as_the_newest),
+        GATEWAY_TEST(one_connection_has_every_bus),
+        GATEWAY_TEST(a_port_may_be_looked_at_by_time),
         GATEWAY_TEST(a_frame_that_the_bus_does_not_take_is_told_and_no_junk),
         GATEWAY_TEST(hostile_bytes_do_no_harm),
         GATEWAY_TEST(refuses_hosts_and_ports_that_cannot_be_had),

@@ -79,6 +79,58 @@ static void a_step_runs_a_tick_and_is_answered_on_every_bus_after_its_frames(voi
     bench_destroy(bench);
 }
 
+/* The buses on which something was sent, in that order, with the time of each last frame */
+static struct {
+    size_t (*send)(struct can_port *port, const struct bus_frame *frames, size_t count);
+    struct can_port *const *port;
+    size_t count, bus[64];
+    struct bus_frame last[64];
+} sent;
+
+static size_t note_and_send(struct can_port *port, const struct bus_frame *frames, size_t count)
+{
+    size_t bus = 0;
+
+    while (sent.port[bus] != port) {
+        bus++;
+    }
+    assert_true(sent.count < 64);
+    sent.bus[sent.count] = bus;
+    sent.last[sent.count++] = frames[count - 1];
+    return sent.send(port, frames, count);
+}
+
+static void done_of_the_bus_of_the_step_is_the_last_frame_and_all_have_the_time(void **state)
+{
+    struct bench *bench = bench_create(LOOP_CLOCK_LOCKSTEP, 0);
+    struct can_port_ops ops = *bench->port[0]->ops;
+
+    (void)state;
+    memset(&sent, 0, sizeof sent);
+    sent.send = ops.send;
+    sent.port = bench->port;
+    ops.send = note_and_send;
+    for (size_t b = 0; b < BENCH_BUSES; b++) {
+        bench->port[b]->ops = &ops;
+    }
+    send_step(bench, 0, 3);
+    bench->on_wait = stop_now;
+    bench_run(bench);
+
+    /* Three ticks, DONE, and DONE of the end */
+    assert_int_equal(sent.count, 5 * BENCH_BUSES);
+    for (size_t i = 0; i < sent.count; i++) {
+        bool done = i >= 3 * BENCH_BUSES;
+
+        assert_int_equal(sent.last[i].id == LOCKSTEP_DONE_ID, done);
+        if (done) {
+            assert_int_equal(sent.last[i].time_ns, 3 * TICK);
+            assert_int_equal(sent.bus[i] == STEP_BUS, i % BENCH_BUSES == BENCH_BUSES - 1);
+        }
+    }
+    bench_destroy(bench);
+}
+
 static void zero_ticks_mean_one_and_several_are_answered_once(void **state)
 {
     static const struct {
@@ -381,6 +433,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_step_runs_a_tick_and_is_answered_on_every_bus_after_its_frames),
+        cmocka_unit_test(done_of_the_bus_of_the_step_is_the_last_frame_and_all_have_the_time),
         cmocka_unit_test(zero_ticks_mean_one_and_several_are_answered_once),
         cmocka_unit_test(a_step_of_another_tick_is_refused_with_the_true_one),
         cmocka_unit_test(malformed_steps_are_counted_and_not_answered),

@@ -1,0 +1,287 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What clients of the gateway ask for: commands, frames onto the buses, and STEP last. */
+#include "canbus/gateway_private.h"
+
+#include "canbus/lockstep.h"
+
+#include <poll.h>
+#include <string.h>
+
+enum {
+    /* A client that has just been told "ok" gets frames this much later: widespread clients expect
+     * the answer to come alone. */
+    QUIET_MS = 20,
+    /* A STEP whose DONE has not come after so long runs for long, or one of the two was lost */
+    STEP_MS = 200,
+    /* A client that has not read for so long while a STEP waits for it is disconnected */
+    BEHIND_MS = 2000,
+    /* Reads of each client before a STEP, GATEWAY_INBOX bytes each: more than its bus holds */
+    DRAIN_ROUNDS = 256,
+};
+
+/* ---- frames ---- */
+
+bool gateway_is_step(const struct gateway *gateway, size_t bus, const struct bus_frame *frame)
+{
+    const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
+
+    /* Of another length it is refused without a DONE */
+    return lockstep->on && bus == lockstep->bus && frame->len == LOCKSTEP_LENGTH &&
+           frame->id == lockstep->step_id && !(frame->flags & (FRAME_EXTENDED | FRAME_REMOTE));
+}
+
+bool gateway_is_done(const struct gateway *gateway, const struct bus_frame *frame)
+{
+    const struct gateway_lockstep *lockstep = &gateway->config.lockstep;
+
+    return lockstep->on && frame->id == lockstep->done_id &&
+           !(frame->flags & (FRAME_EXTENDED | FRAME_ERROR));
+}
+
+static void gateway_answer_client(struct gateway *gateway, struct gateway_client *client,
+                                  const char *text)
+{
+    gateway_queue_text(gateway, client, text, strlen(text));
+}
+
+/* Whether the bus has taken it. */
+static bool gateway_send_frame(struct gateway *gateway, struct gateway_client *client, size_t bus,
+                               const struct bus_frame *request)
+{
+    struct bus_frame frame = *request;
+
+    frame.time_ns = gateway->time_ns[bus];
+    if (can_send(gateway->config.bus[bus].port, &frame, 1) != 1) {
+        /* A full queue is no fault of the client: it does not count as junk */
+        gateway->counters.not_taken++;
+        gateway_answer_client(gateway, client, "< error the bus refuses the frame >");
+        return false;
+    }
+    gateway->counters.to_bus++;
+    gateway_forward_frame(gateway, bus, &frame, client);
+    return true;
+}
+
+/* ---- commands ---- */
+
+static bool gateway_find_bus(const struct gateway *gateway, const char *name, size_t *bus)
+{
+    for (size_t i = 0; i < gateway->config.nbus; i++) {
+        const struct gateway_bus *entry = &gateway->config.bus[i];
+
+        if (strcmp(entry->name, name) == 0 || (entry->alias && strcmp(entry->alias, name) == 0)) {
+            *bus = i;
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Answers a wrong command; a client that sends too many of them is disconnected. */
+static void gateway_reject_command(struct gateway *gateway, struct gateway_client *client,
+                                   const char *text)
+{
+    gateway_answer_client(gateway, client, text);
+    if (client->socket >= 0 && ++client->junk >= GATEWAY_JUNK_MAX) {
+        gateway->counters.cut_junk++;
+        gateway_flush_client(client);
+        gateway_close_client(client);
+    }
+}
+
+static void gateway_open_bus(struct gateway *gateway, struct gateway_client *client,
+                             const char *name)
+{
+    size_t bus = GATEWAY_EVERY_BUS;
+
+    if (client->mode != CLIENT_NO_BUS) {
+        gateway_reject_command(gateway, client, "< error a bus is open already >");
+    } else if (strcmp(name, GATEWAY_ALL) != 0 && !gateway_find_bus(gateway, name, &bus)) {
+        gateway_reject_command(gateway, client, "< error no such bus >");
+    } else {
+        client->bus = bus;
+        client->mode = CLIENT_BCM;
+        gateway_answer_client(gateway, client, "< ok >");
+    }
+}
+
+/* Sends a client's frame to the bus that it names or has; a STEP is kept until its turn comes. */
+static void gateway_take_frame(struct gateway *gateway, struct gateway_client *client,
+                               const struct socketcand_request *request)
+{
+    size_t bus = client->bus;
+
+    if ((bus == GATEWAY_EVERY_BUS) != (request->bus[0] != '\0')) {
+        gateway_reject_command(gateway, client,
+                               bus == GATEWAY_EVERY_BUS ? "< error the last word must be the bus >"
+                                                        : "< error wrong arguments >");
+        return;
+    }
+    if (bus == GATEWAY_EVERY_BUS && !gateway_find_bus(gateway, request->bus, &bus)) {
+        gateway_reject_command(gateway, client, "< error no such bus >");
+        return;
+    }
+    if (gateway_is_step(gateway, bus, &request->frame)) {
+        client->step = request->frame;
+        client->step_waits = true;
+        return;
+    }
+    gateway_send_frame(gateway, client, bus, &request->frame);
+}
+
+static void gateway_execute_command(struct gateway *gateway, struct gateway_client *client,
+                                    const char *text, size_t size)
+{
+    struct socketcand_request request;
+
+    /* Who goes on has read the last "ok" */
+    client->quiet_until_ms = 0;
+
+    /* Before a bus is open nothing but open and echo makes sense */
+    socketcand_parse(text, size, &request);
+    if (client->mode == CLIENT_NO_BUS && request.command != SOCKETCAND_OPEN &&
+        request.command != SOCKETCAND_ECHO) {
+        gateway_reject_command(gateway, client, "< error no bus is open >");
+        return;
+    }
+
+    switch (request.command) {
+    case SOCKETCAND_OPEN:
+        gateway_open_bus(gateway, client, request.bus);
+        break;
+    case SOCKETCAND_RAWMODE:
+    case SOCKETCAND_BCMMODE:
+        /* The answer goes out at once and alone; frames follow later */
+        client->mode = request.command == SOCKETCAND_RAWMODE ? CLIENT_RAW : CLIENT_BCM;
+        client->quiet_until_ms = gateway_now_ms() + QUIET_MS;
+        gateway_answer_client(gateway, client, "< ok >");
+        gateway_flush_client(client);
+        break;
+    case SOCKETCAND_ECHO:
+        gateway_answer_client(gateway, client, "< echo >");
+        break;
+    case SOCKETCAND_SEND:
+        gateway_take_frame(gateway, client, &request);
+        break;
+    case SOCKETCAND_OTHER:
+        gateway_reject_command(gateway, client, "< error not offered here, use rawmode >");
+        break;
+    case SOCKETCAND_UNKNOWN:
+        gateway_reject_command(gateway, client, "< error unknown command >");
+        break;
+    case SOCKETCAND_MALFORMED:
+        gateway_reject_command(gateway, client, "< error wrong arguments >");
+        break;
+    }
+}
+
+void gateway_execute_inbox(struct gateway *gateway, struct gateway_client *client)
+{
+    size_t at = 0;
+    bool complete = true;
+
+    while (client->socket >= 0 && !client->step_waits && !gateway_step_runs(gateway)) {
+        const char *begin = memchr(client->inbox + at, '<', client->received - at), *end;
+
+        if (!begin) {
+            at = client->received;
+            break;
+        }
+        at = (size_t)(begin - client->inbox);
+        end = memchr(begin, '>', client->received - at);
+        if (!end) {
+            complete = false;
+            break;
+        }
+        at = (size_t)(end - client->inbox) + 1;
+        gateway_execute_command(gateway, client, begin, (size_t)(end - begin) + 1);
+    }
+
+    /* An incomplete command stays; one that is longer than any will never end */
+    client->received -= at;
+    memmove(client->inbox, client->inbox + at, client->received);
+    if (!complete && client->received >= SOCKETCAND_TEXT_MAX) {
+        gateway->counters.cut_junk++;
+        gateway_close_client(client);
+    }
+}
+
+/* ---- STEP ---- */
+
+/* Reads every client until none has sent anything more, or its next command is a STEP. Reading
+ * acknowledges, which makes a client's system send what Nagle's algorithm keeps back: so it is
+ * asked again until nothing has come. Whoever never ends is read for a bounded time. */
+static void gateway_drain_clients(struct gateway *gateway)
+{
+    struct pollfd fd[GATEWAY_CLIENTS];
+
+    for (int round = 0; round < DRAIN_ROUNDS; round++) {
+        size_t readable = 0;
+
+        for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
+            const struct gateway_client *client = &gateway->client[i];
+
+            fd[i] = (struct pollfd){.fd = client->step_waits ? -1 : client->socket, POLLIN, 0};
+            readable += fd[i].fd >= 0;
+        }
+        if (!readable || poll(fd, GATEWAY_CLIENTS, 0) <= 0) {
+            return;
+        }
+        for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
+            if (fd[i].revents) {
+                gateway_read_client(gateway, &gateway->client[i]);
+            }
+        }
+    }
+}
+
+bool gateway_is_behind(const struct gateway_client *client)
+{
+    return client->socket >= 0 && client->mode == CLIENT_RAW &&
+           client->waiting > GATEWAY_OUTBOX / 2;
+}
+
+/* Whether all clients have read most of what they were sent; who keeps a STEP waiting for too long
+ * is disconnected. */
+static bool gateway_clients_keep_up(struct gateway *gateway)
+{
+    const int64_t now_ms = gateway_now_ms();
+    bool all = true;
+
+    for (size_t i = 0; i < GATEWAY_CLIENTS; i++) {
+        struct gateway_client *client = &gateway->client[i];
+
+        if (!gateway_is_behind(client)) {
+            client->awaited_since_ms = 0;
+        } else if (!client->awaited_since_ms) {
+            client->awaited_since_ms = now_ms;
+            all = false;
+        } else if (now_ms - client->awaited_since_ms > BEHIND_MS) {
+            gateway_cut_slow(gateway, client);
+        } else {
+            all = false;
+        }
+    }
+    return all;
+}
+
+void gateway_release_step(struct gateway *gateway)
+{
+    struct gateway_client *client = NULL;
+
+    for (size_t i = 0; i < GATEWAY_CLIENTS && !client; i++) {
+        if (gateway->client[i].socket >= 0 && gateway->client[i].step_waits) {
+            client = &gateway->client[i];
+        }
+    }
+    if (!client || gateway_step_runs(gateway) || !gateway_clients_keep_up(gateway)) {
+        return;
+    }
+
+    /* The others' commands first; a client may be disconnected for them, but not this one */
+    gateway_drain_clients(gateway);
+    client->step_waits = false;
+    if (gateway_send_frame(gateway, client, gateway->config.lockstep.bus, &client->step)) {
+        gateway->step_until_ms = gateway_now_ms() + STEP_MS;
+    }
+}
