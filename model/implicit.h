@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The plant's linearly implicit integrator: a Runge-Kutta scheme of two stages and order 2,
- * L-stable in everything that is stiff (contact, springs), with one evaluation of the right-hand side and
- * one linear system of the size and structure of the mechanism a stage, and with the drives solved
- * exactly for the voltage held; see implicit.c.
+ * L-stable in everything that is stiff (contact, springs), with one evaluation of the right-hand
+ * side and one linear system of the size and structure of the mechanism a stage, and with the
+ * drives solved exactly for the voltage held; see implicit.c.
  */
 #ifndef MODEL_IMPLICIT_H
 #define MODEL_IMPLICIT_H

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The linear system of a stage of the implicit integrator, (P + C) a = right-hand side: P falls
- * into the robot's tree and the free bodies and is solved directly; C is what pairs between two moving
- * bodies couple, and takes conjugate gradients (Golub, Van Loan, Matrix Computations, 11.5)
+ * into the robot's tree and the free bodies and is solved directly; C is what pairs between two
+ * moving bodies couple, and takes conjugate gradients (Golub, Van Loan, Matrix Computations, 11.5)
  * preconditioned by P.
  */
 #include "model/implicit_private.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The stability map of the default integrator: the spectral radius of one step of 1 ms for a link
- * on a series elastic drive, over the frequencies of the link and of the rotor on the spring. Prints
- * the map of docs/integrator.md.
+ * on a series elastic drive, over the frequencies of the link and of the rotor on the spring.
+ * Prints the map of docs/integrator.md.
  */
 #include <math.h>
 #include <setjmp.h>
