@@ -266,6 +266,12 @@ static void print_start(const struct simulator *simulator, const char *host, con
     if (simulator_gateway(simulator)) {
         fprintf(stderr, "gateway: %s port %u\n", host[0] ? host : "127.0.0.1",
                 gateway_port(simulator_gateway(simulator)));
+        if (host[0] && !run_options_is_loopback(host)) {
+            fprintf(stderr,
+                    "%swarning: the gateway has no password: whoever reaches %s can read the buses "
+                    "and send commands on them; 127.0.0.1 and a tunnel keep others out\n",
+                    journal_prefix(JOURNAL_WARNING), host);
+        }
     }
 }
 
