@@ -6,6 +6,9 @@ hil_script_test(service_units COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/units.
 hil_script_test(service_reload COMMAND /usr/bin/python3
                 ${CMAKE_CURRENT_SOURCE_DIR}/service/reload.py
                 $<TARGET_FILE:coman-hil> LABELS service TIMEOUT 120)
+hil_script_test(service_compile COMMAND /usr/bin/python3
+                ${CMAKE_CURRENT_SOURCE_DIR}/service/compile.py
+                $<TARGET_FILE:coman-hil> LABELS service TIMEOUT 120)
 # The address space of a guest process has no room for the shadow memory of the sanitizers.
 if(NOT HIL_SANITIZE)
     hil_script_test(service_systemd LABELS service TIMEOUT 360

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Generated code, compiled: the built-in module of COMAN and modules compiled here are the numeric
- * algorithms in every variant that this CPU runs; building, caching and refusing of modules.
+ * algorithms in every variant that this CPU runs; building and refusing of modules.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -410,27 +410,11 @@ static void long_functions_compute_the_same_in_pieces(void **state)
     symbolic_close(&library);
 }
 
-/* A pendulum: the smallest robot that there is. */
 static void make_pendulum(struct random_tree *tree)
 {
     struct error error;
 
-    memset(tree, 0, sizeof *tree);
-    tree->robot = (struct robot){.name = "3 pendulum \"x\" \\",
-                                 .body = tree->body,
-                                 .joint = tree->joint,
-                                 .nbody = 2,
-                                 .njoint = 1,
-                                 .imu_frame = -1,
-                                 .gravity = {0.0, 0.0, -9.81}};
-    tree->body[0] = (struct robot_body){.name = "base", .parent = -1};
-    tree->body[1] = (struct robot_body){.name = "bob", .inertia = {1.0, {0.0, 0.0, -1.0}, {0}}};
-    tree->joint[0] = (struct robot_joint){.name = "hinge",
-                                          .axis = {0.0, 1.0, 0.0},
-                                          .rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1},
-                                          .lower = -9.0,
-                                          .upper = 9.0};
-    if (robot_finish(&tree->robot, &error)) {
+    if (pendulum_make(tree, &error)) {
         fail_msg("%s", error.text);
     }
 }
@@ -502,61 +486,6 @@ static void a_module_is_built_once_and_then_found(void **state)
     }
 }
 
-static void a_damaged_cache_file_is_made_anew(void **state)
-{
-    const struct symbolic_options options = {.lanes = 4};
-    struct symbolic_library library;
-    struct random_tree tree;
-    struct error error;
-    char command[160];
-
-    (void)state;
-    need_compiler();
-    make_pendulum(&tree);
-    assert_int_equal(symbolic_build(&tree.robot, &options, folder, &library, &error), ERROR_NONE);
-    symbolic_close(&library);
-    snprintf(command, sizeof command, "for f in '%s'/*.so; do echo rubbish >\"$f\"; done", folder);
-    assert_int_equal(system(command), 0);
-    assert_int_equal(symbolic_build(&tree.robot, &options, folder, &library, &error), ERROR_NONE);
-    assert_false(library.cached);
-    symbolic_close(&library);
-}
-
-static void a_folder_that_others_may_write_to_is_refused(void **state)
-{
-    const struct symbolic_options options = {.lanes = 4};
-    struct symbolic_library library;
-    struct random_tree tree;
-    struct error error;
-
-    (void)state;
-    make_pendulum(&tree);
-    assert_int_equal(chmod(folder, 0777), 0);
-    assert_int_equal(symbolic_build(&tree.robot, &options, folder, &library, &error), ERROR_INPUT);
-    assert_non_null(strstr(error.text, "others may write"));
-    assert_int_equal(chmod(folder, 0700), 0);
-    assert_int_equal(symbolic_build(&tree.robot, &options, "/nowhere/at/all", &library, &error),
-                     ERROR_SYSTEM);
-}
-
-static void without_a_compiler_the_build_says_so(void **state)
-{
-    const struct symbolic_options options = {.lanes = 4};
-    struct symbolic_library library;
-    struct random_tree tree;
-    struct error error;
-    char path[4096];
-
-    (void)state;
-    make_pendulum(&tree);
-    snprintf(path, sizeof path, "%s", getenv("PATH"));
-    setenv("PATH", folder, 1);
-    assert_int_equal(symbolic_build(&tree.robot, &options, folder, &library, &error),
-                     ERROR_UNSUPPORTED);
-    setenv("PATH", path, 1);
-    assert_non_null(strstr(error.text, "no C compiler"));
-}
-
 static void a_module_of_another_robot_is_refused(void **state)
 {
     const struct robot *coman = load_coman(NULL);
@@ -581,19 +510,21 @@ static void the_fastest_dynamics_there_is_are_taken_and_named(void **state)
     struct dynamics d;
 
     (void)state;
-    assert_int_equal(
-        dynamics_fastest(load_coman(NULL), folder, &arena, &d, &library, &notice, &error),
-        ERROR_NONE);
+    assert_int_equal(dynamics_fastest(load_coman(NULL), folder, (struct symbolic_progress){0},
+                                      &arena, &d, &library, &notice, &error),
+                     ERROR_NONE);
     assert_string_equal(d.ops->name, "generated");
     assert_non_null(strstr(notice.text, "built-in"));
     assert_null(library.handle);
     make_pendulum(&tree);
-    assert_int_equal(dynamics_fastest(&tree.robot, NULL, &arena, &d, &library, &notice, &error),
+    assert_int_equal(dynamics_fastest(&tree.robot, NULL, (struct symbolic_progress){0}, &arena, &d,
+                                      &library, &notice, &error),
                      ERROR_NONE);
     assert_string_not_equal(d.ops->name, "generated");
     assert_non_null(strstr(notice.text, "no cache folder"));
     need_compiler();
-    assert_int_equal(dynamics_fastest(&tree.robot, folder, &arena, &d, &library, &notice, &error),
+    assert_int_equal(dynamics_fastest(&tree.robot, folder, (struct symbolic_progress){0}, &arena,
+                                      &d, &library, &notice, &error),
                      ERROR_NONE);
     assert_string_equal(d.ops->name, "generated");
     assert_non_null(strstr(notice.text, "compiled in"));
@@ -623,12 +554,6 @@ int main(void)
         cmocka_unit_test_setup_teardown(generated_code_compiles_without_warnings, open_folder,
                                         close_folder),
         cmocka_unit_test_setup_teardown(a_module_is_built_once_and_then_found, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(a_damaged_cache_file_is_made_anew, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(a_folder_that_others_may_write_to_is_refused, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(without_a_compiler_the_build_says_so, open_folder,
                                         close_folder),
         cmocka_unit_test_setup_teardown(a_module_of_another_robot_is_refused, open_folder,
                                         close_folder),
