@@ -113,6 +113,33 @@ static size_t text_edit_distance(const char *a, const char *b)
     return row[nb];
 }
 
+/* Whether the character of that many bytes is a control character other than tab. */
+static bool text_is_control(const char *text, size_t length)
+{
+    unsigned char first = (unsigned char)text[0];
+
+    if (length == 1) {
+        return (first < 0x20 && first != '\t') || first == 0x7f;
+    }
+    return length == 2 && first == 0xc2 && (unsigned char)text[1] < 0xa0;
+}
+
+void text_make_printable(char *text)
+{
+    size_t rest = strlen(text);
+
+    while (rest > 0) {
+        size_t length = text_utf8_length(text, rest);
+
+        if (length == 0 || text_is_control(text, length)) {
+            length = length ? length : 1;
+            memset(text, '?', length);
+        }
+        text += length;
+        rest -= length;
+    }
+}
+
 const char *text_nearest(const char *word, const char *const *words, size_t count)
 {
     size_t length = strlen(word), limit = length / 3 > 2 ? length / 3 : 2, best = limit + 1;

@@ -23,6 +23,10 @@ bool text_is_name(const char *text);
  * overlong forms, surrogates and codes beyond Unicode are no characters. */
 size_t text_utf8_length(const char *text, size_t size);
 
+/* Replaces by '?' what a terminal may obey instead of show: control characters but tab, C1 controls
+ * in UTF-8 too, and bytes that are no UTF-8. The length stays. */
+void text_make_printable(char *text);
+
 /* The word of the list nearest to word by edit distance, or NULL when none is near enough to be
  * worth naming (distance over a third of the length, at least 2). words has count entries. */
 const char *text_nearest(const char *word, const char *const *words, size_t count);

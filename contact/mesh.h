@@ -25,10 +25,10 @@
 #include <stddef.h>
 
 #define MESH_MAX_FILE_BYTES ((size_t)256 << 20)
-#define MESH_MAX_VERTICES ((size_t)2 << 20)
-#define MESH_MAX_FACES ((size_t)4 << 20)
-#define MESH_MAX_CORNERS ((size_t)256) /* of one polygon */
-#define MESH_MAX_COORDINATE_M 1e6      /* keeps areas and volumes far from overflow */
+#define MESH_MAX_VERTICES ((size_t)1 << 19)
+#define MESH_MAX_FACES ((size_t)1 << 19) /* two such fit into the memory of a run */
+#define MESH_MAX_CORNERS ((size_t)256)   /* of one polygon */
+#define MESH_MAX_COORDINATE_M 1e6        /* keeps areas and volumes far from overflow */
 #define MESH_MAX_BOX_CELLS 256
 
 struct mesh {

@@ -159,13 +159,40 @@ void line_file_remove(struct line_file *file)
 
 /* ---- opening ---- */
 
+/* A symbolic link is followed where nothing can be overwritten: to a pipe or a device of
+ * characters (-1 and ELOOP otherwise). */
+static int line_file_open_link(const char *path)
+{
+    int descriptor = open(path, O_WRONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
+    struct stat info;
+
+    if (descriptor >= 0 && !fstat(descriptor, &info) &&
+        (S_ISFIFO(info.st_mode) || S_ISCHR(info.st_mode))) {
+        return descriptor;
+    }
+    if (descriptor >= 0) {
+        close(descriptor);
+    }
+    errno = descriptor < 0 && errno == ENXIO ? ENXIO : ELOOP;
+    return -1;
+}
+
 static enum error_code line_file_open_descriptor(struct line_file *file, struct error *error)
 {
     struct stat info;
 
     /* Does not wait for the reader of a pipe */
     file->descriptor =
-        open(file->path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NONBLOCK, 0666);
+        open(file->path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW, 0666);
+    if (file->descriptor < 0 && errno == ELOOP) {
+        file->descriptor = line_file_open_link(file->path);
+    }
+    if (file->descriptor < 0 && errno == ELOOP) {
+        return error_set(error, ERROR_INPUT,
+                         "%s: found a symbolic link, expected a file: what it points to is not "
+                         "overwritten",
+                         file->path);
+    }
     if (file->descriptor < 0) {
         return errno == ENXIO ? error_set(error, ERROR_SYSTEM,
                                           "cannot open %s: a pipe that nobody reads", file->path)

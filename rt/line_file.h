@@ -34,7 +34,8 @@ struct line_file {
 };
 
 /* Creates or truncates directory/name and writes the title. longest: bytes of the longest line. A
- * pipe needs a reader: ERROR_SYSTEM. Memory from arena. */
+ * pipe needs a reader: ERROR_SYSTEM. A symbolic link to a file is refused: ERROR_INPUT. Memory from
+ * arena. */
 enum error_code line_file_open(struct line_file *file, const char *directory, const char *name,
                                const char *title, size_t longest, _Atomic uint64_t *beat,
                                struct arena *arena, struct error *error);

@@ -255,6 +255,18 @@ static struct recorder *recorder_allocate(const struct recorder_config *config, 
     return made;
 }
 
+/* That of a recording which is overwritten; not beside the new one, also should that be lost. */
+static enum error_code recorder_remove_summary(const char *directory, struct error *error)
+{
+    char path[LINE_FILE_PATH];
+
+    snprintf(path, sizeof path, "%s/" RECORDER_SUMMARY, directory);
+    if (unlink(path) && errno != ENOENT) {
+        return error_set_errno(error, errno, "cannot remove %s of an earlier recording", path);
+    }
+    return ERROR_NONE;
+}
+
 static enum error_code recorder_open_files(struct recorder *recorder, struct arena *arena,
                                            struct error *error)
 {
@@ -295,6 +307,10 @@ enum error_code recorder_open(const struct recorder_config *config, struct arena
         return error_set(error, ERROR_MEMORY, "no memory left for the recorder");
     }
     code = recorder_prepare_directory(config, &made->made_directory, error);
+    if (code) {
+        goto fail;
+    }
+    code = recorder_remove_summary(config->directory, error);
     if (code) {
         goto fail;
     }

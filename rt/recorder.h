@@ -37,6 +37,9 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+/* What a program that has ended writes beside the recording, about it. */
+#define RECORDER_SUMMARY "summary.json"
+
 #define RECORDER_STALL_NS INT64_C(10000000000)
 
 struct recorder_config {
@@ -62,9 +65,9 @@ enum { RECORDER_EVENTS = 4 }; /* kinds of events */
 
 struct recorder;
 
-/* Creates the directory and the files and starts the thread. ERROR_INPUT when the directory is not
- * empty and overwrite is not set; on any error what it has created is removed again. Rings come
- * from arena. Not RT-safe. */
+/* Creates the directory and the files, removes the summary of an earlier recording and starts the
+ * thread. ERROR_INPUT when the directory is not empty and overwrite is not set; on any error what
+ * it has created is removed again. Rings come from arena. Not RT-safe. */
 enum error_code recorder_open(const struct recorder_config *config, struct arena *arena,
                               struct recorder **recorder, struct error *error);
 

@@ -88,8 +88,8 @@ static enum error_code simulator_create_dynamics(struct simulator *simulator, st
         return dynamics_generic(rig->robot, simulator->arena, &simulator->dynamics, error);
     }
     return dynamics_fastest(rig->robot, module_cache_folder(folder, sizeof folder) ? folder : NULL,
-                            simulator->arena, &simulator->dynamics, &simulator->library,
-                            &simulator->dynamics_notice, error);
+                            simulator->config.compiling, simulator->arena, &simulator->dynamics,
+                            &simulator->library, &simulator->dynamics_notice, error);
 }
 
 /* Clamps the robot where the rig holds it, puts it into its pose and lets it settle. */

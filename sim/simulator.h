@@ -10,6 +10,7 @@
 #include "base/journal.h"
 #include "canbus/gateway.h"
 #include "model/settle.h"
+#include "model/symbolic/symbolic.h"
 #include "rig/rig.h"
 #include "rt/loop.h"
 #include "rt/realtime.h"
@@ -59,7 +60,8 @@ struct simulator_config {
     const struct gateway_config *gateway; /* host and port; NULL = none */
     const char *record;                   /* directory, NULL = none */
     bool overwrite;
-    int64_t row_period_ns; /* of signals.csv, a multiple of the tick */
+    int64_t row_period_ns;              /* of signals.csv, a multiple of the tick */
+    struct symbolic_progress compiling; /* while the robot's dynamics are compiled */
 };
 
 struct bus_status {

@@ -21,7 +21,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define START_SPEED 2.1
 #define TIMED_S 0.2 /* short runs are timed repeatedly for so long */
 
 enum { TIMED_MAX = 51, CHECKS_MAX = 1000000, SAMPLE = 10 };
@@ -43,14 +42,14 @@ static const struct peer_chain chain_of[2] = {
      .mass = {1.0},
      .inertia = {5.5},
      .com = {1.0},
-     .speed = START_SPEED},
+     .speed = PENDULUM_START_SPEED},
     {.count = 2,
      .gravity = 1.0,
      .mass = {1.0, 2.0},
      .inertia = {5.5, 2.0},
      .com = {1.0, 2.5},
      .reach = 2.0,
-     .speed = START_SPEED},
+     .speed = PENDULUM_START_SPEED},
 };
 
 /* ---- ours, in the terms of the others ---- */
@@ -315,7 +314,8 @@ enum error_code pendulum_measure_table(struct pendulum_table *table, struct erro
 
 double pendulum_analytic_period(void)
 {
-    double m = 4.0 * (5.0 / 24.5) / (START_SPEED * START_SPEED), a = 1.0, b = sqrt(1.0 - m);
+    double m = 4.0 * (5.0 / 24.5) / (PENDULUM_START_SPEED * PENDULUM_START_SPEED), a = 1.0,
+           b = sqrt(1.0 - m);
 
     /* K(m) = pi / (2 agm(1, sqrt(1 - m))) */
     for (int i = 0; i < 8; i++) {
@@ -324,7 +324,7 @@ double pendulum_analytic_period(void)
         b = sqrt(a * b);
         a = mean;
     }
-    return 4.0 * M_PI / (2.0 * a) / START_SPEED;
+    return 4.0 * M_PI / (2.0 * a) / PENDULUM_START_SPEED;
 }
 
 /* Part of the step at which the angle passes goal: Newton on the cubic that fits angles and rates

@@ -11,6 +11,7 @@
 
 enum { PENDULUM_STEPS = 3, PENDULUM_TURNS_MAX = 256 };
 
+#define PENDULUM_START_SPEED 2.1    /* rad a time unit */
 #define PENDULUM_TABLE_UNITS 10.0   /* time units of a row of the table */
 #define PENDULUM_PERIOD_UNITS 300.0 /* of a course */
 #define PENDULUM_PERIOD_STEP 1e-2
@@ -51,6 +52,14 @@ enum error_code pendulum_run_course(const struct peer_pendulum *peer,
 
 /* Of the synchronous motion. */
 double pendulum_analytic_period(void);
+
+/* Plain Runge-Kutta on the equation in closed form, for what the paper's numbers come from: the
+ * largest relative error of the energy over PENDULUM_TABLE_UNITS with bodies (1, or 2 that turn as
+ * one), and the largest error of the synchronous motion's period with RK4 when the ends of turns
+ * are interpolated linearly between steps of PENDULUM_PERIOD_STEP. */
+enum pendulum_order { PENDULUM_RK3, PENDULUM_RK4 };
+double pendulum_plain_energy(size_t bodies, enum pendulum_order order, double dt);
+double pendulum_linear_period_error(void);
 
 /* First time at which the heights differ by as much, or NAN. */
 double pendulum_apart_at(const struct pendulum_course *a, const struct pendulum_course *b,

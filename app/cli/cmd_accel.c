@@ -5,6 +5,7 @@
  */
 #include "app/cli/commands.h"
 
+#include "app/cli/compiling.h"
 #include "app/cli/rig_command.h"
 #include "base/arena.h"
 #include "base/count.h"
@@ -18,6 +19,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 enum { NUMBER_SIZE = 512, SHOWN = 40 };
 
@@ -276,7 +278,7 @@ static enum error_code make_dynamics(const struct robot *robot, int implementati
                                      struct arena *arena, struct dynamics *d,
                                      struct symbolic_library *library, struct error *error)
 {
-    const struct symbolic_options options = {.lanes = 4};
+    struct symbolic_options options = {.lanes = 4};
     const struct dynamics_module *module = symbolic_builtin(robot->hash);
     char folder[4096];
 
@@ -284,14 +286,17 @@ static enum error_code make_dynamics(const struct robot *robot, int implementati
         return dynamics_generic(robot, arena, d, error);
     }
     if (!module) {
+        struct compiling compiling;
         enum error_code code;
 
+        options.progress = compiling_begin(&compiling, NULL, stderr, isatty(STDERR_FILENO));
         if (!module_cache_folder(folder, sizeof folder)) {
             return error_set(error, ERROR_SYSTEM,
                              "found no folder to compile in, expected "
                              "XDG_CACHE_HOME or HOME to name one");
         }
         code = symbolic_build(robot, &options, folder, library, error);
+        compiling_end(&compiling);
         if (code) {
             return code;
         }

@@ -7,6 +7,7 @@
 #include "app/control/ctl_print.h"
 #include "base/count.h"
 #include "base/options.h"
+#include "base/text.h"
 #include "manual/ctl.h"
 
 #include <stdlib.h>
@@ -37,6 +38,18 @@ static int status_of_refusal(const json_t *answer)
     return STATUS_FAILED;
 }
 
+/* A line of the server as an object of the caller's that may be printed; NULL when it is none. The
+ * line itself may be printed then, too. */
+static json_t *ctl_parse_line(char *line)
+{
+    json_t *parsed = json_loads(line, 0, NULL);
+    json_t *answer = json_is_object(parsed) ? ctl_printable(parsed) : NULL;
+
+    json_decref(parsed);
+    text_make_printable(line);
+    return answer;
+}
+
 /* The answer, an object of the caller's; NULL with the exit status when there is none to print. */
 static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *status)
 {
@@ -61,13 +74,13 @@ static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *sta
     case CTL_LINE:
         break;
     }
+    answer = ctl_parse_line(line);
     if (json) {
         puts(line);
     }
 
     /* Only an answer with "ok": true is handed on */
-    answer = json_loads(line, 0, NULL);
-    if (!json_is_object(answer)) {
+    if (!answer) {
         error_set(&error, ERROR_SYSTEM, "%s answers with something other than a JSON object",
                   client->path);
         *status = command_fail("ctl", &error);
@@ -83,10 +96,9 @@ static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *sta
     return NULL;
 }
 
-static void print_line(const struct ctl_options *o, const json_t *titles, const char *line,
-                       int64_t *rows)
+static void print_line(const struct ctl_options *o, const json_t *titles, char *line, int64_t *rows)
 {
-    json_t *row = json_loads(line, 0, NULL);
+    json_t *row = ctl_parse_line(line);
     json_int_t missed = json_integer_value(json_object_get(row, "missed"));
 
     if (missed > 0 && !o->json) {

@@ -2,6 +2,7 @@
 /* coman-hil run: a rig from start to summary. */
 #include "app/cli/commands.h"
 
+#include "app/cli/compiling.h"
 #include "app/cli/monitor.h"
 #include "app/cli/rig_command.h"
 #include "app/cli/run_options.h"
@@ -266,6 +267,12 @@ static void print_start(const struct simulator *simulator, const char *host, con
     if (simulator_gateway(simulator)) {
         fprintf(stderr, "gateway: %s port %u\n", host[0] ? host : "127.0.0.1",
                 gateway_port(simulator_gateway(simulator)));
+        if (host[0] && !run_options_is_loopback(host)) {
+            fprintf(stderr,
+                    "%swarning: the gateway has no password: whoever reaches %s can read the buses "
+                    "and send commands on them; 127.0.0.1 and a tunnel keep others out\n",
+                    journal_prefix(JOURNAL_WARNING), host);
+        }
     }
 }
 
@@ -278,7 +285,9 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     const struct rig *rig = loaded;
     struct simulator_config config;
     struct simulator *simulator;
+    struct compiling compiling;
     struct control *control;
+    enum error_code code;
     struct error error;
     char notice[256];
     int status;
@@ -295,9 +304,12 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
         return command_fail("run", &error);
     }
     config.gateway = options->gateway ? &gateway : NULL;
+    config.compiling = compiling_begin(&compiling, &manager, stderr, isatty(STDERR_FILENO));
 
     /* The simulator, the socket that controls it, and the run */
-    if (simulator_create(&config, arena, &simulator, notice, &error)) {
+    code = simulator_create(&config, arena, &simulator, notice, &error);
+    compiling_end(&compiling);
+    if (code) {
         return command_fail("run", &error);
     }
     print_start(simulator, host, notice);

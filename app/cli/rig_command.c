@@ -2,6 +2,7 @@
 /* What the commands that take a rig or a robot have in common. */
 #include "app/cli/rig_command.h"
 
+#include "base/count.h"
 #include "base/journal.h"
 #include "base/options.h"
 
@@ -65,29 +66,58 @@ enum error_code rig_command_budget(const char *name, const struct rig *rig, stru
 static void (*on_stop)(void *context);
 static void *on_stop_context;
 
-/* The handler is reset on entry, so that a second signal kills; an interrupted write is
- * restarted. */
+/* What asks politely, as often as it comes: a terminal that closes sends more than one SIGHUP, and
+ * every line into a pipe that nobody reads a SIGPIPE. */
+static struct polite_signal {
+    int number;
+    bool taken;
+} polite_signals[] = {{SIGHUP, false}, {SIGPIPE, false}};
+
 static void on_signal(int number)
 {
     (void)number;
     on_stop(on_stop_context);
 }
 
+/* One that is ignored (nohup, systemd's IgnoreSIGPIPE) or handled (a service's reload) stays so. */
+static void take_polite_signal(struct polite_signal *polite)
+{
+    const struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESTART};
+    struct sigaction before;
+
+    if (!polite->taken && !sigaction(polite->number, NULL, &before)) {
+        polite->taken = before.sa_handler == SIG_DFL;
+    }
+    if (polite->taken) {
+        sigaction(polite->number, &action, NULL);
+    }
+}
+
 void rig_command_on_stop(void (*stop)(void *context), void *context)
 {
-    struct sigaction action = {.sa_handler = on_signal,
-                               .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
+    /* Reset on entry, so that a second one kills; an interrupted write is restarted */
+    const struct sigaction action = {.sa_handler = on_signal,
+                                     .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
 
     on_stop = stop;
     on_stop_context = context;
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
+    for (size_t i = 0; i < ARRAY_COUNT(polite_signals); i++) {
+        take_polite_signal(&polite_signals[i]);
+    }
 }
 
 void rig_command_ignore_stop(void)
 {
     signal(SIGINT, SIG_DFL);
     signal(SIGTERM, SIG_DFL);
+    /* They must not cut the summary short */
+    for (size_t i = 0; i < ARRAY_COUNT(polite_signals); i++) {
+        if (polite_signals[i].taken) {
+            signal(polite_signals[i].number, SIG_IGN);
+        }
+    }
 }
 
 void rig_command_warn(const struct realtime_report *report, const char *clear)

@@ -29,7 +29,9 @@ int robot_command(const char *name, const char *path, const char *variant, const
 enum error_code rig_command_budget(const char *name, const struct rig *rig, struct error *error);
 
 /* The first SIGINT or SIGTERM calls stop(context), which must be async-signal-safe; a second one
- * kills. Until rig_command_ignore_stop, after which signals do what they do by default. */
+ * kills. So does every SIGHUP and SIGPIPE (nobody reads stderr any more), unless it was ignored or
+ * handled before. Until rig_command_ignore_stop, after which SIGINT and SIGTERM kill, and the other
+ * two do nothing. */
 void rig_command_on_stop(void (*stop)(void *context), void *context);
 void rig_command_ignore_stop(void);
 

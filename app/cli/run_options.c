@@ -7,6 +7,7 @@
 #include "base/text.h"
 #include "manual/run.h"
 
+#include <arpa/inet.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -29,7 +30,8 @@ static struct run_options read;
 static const struct option_spec options[] = {
     {"--clock", OPTION_ENUM, "CLOCK", "real, lockstep or free; the rig's by default",
      .value = &read.clock, .words = clock_words},
-    {"--duration", OPTION_REAL, "S", "end after S seconds of virtual time",
+    {"--duration", OPTION_REAL, "S",
+     "end after S seconds of virtual time, more than 0; without it and --ticks, never",
      .value = &read.duration_s, .min = 0.0, .max = 1e7, .unit = "seconds"},
     {"--ticks", OPTION_INT, "N", "end after N ticks", .value = &read.ticks, .min = 1.0,
      .max = 1e12},
@@ -74,7 +76,8 @@ static const struct option_spec options[] = {
      .value = &read.record},
     {"--record-period", OPTION_INT, "MS", "rows of signals.csv every MS ms, 10 by default",
      .value = &read.record_period_ms, .min = 1.0, .max = 60000.0, .unit = "ms"},
-    {"--force", OPTION_FLAG, NULL, "record into DIR even when it is not empty",
+    {"--force", OPTION_FLAG, NULL,
+     "record into DIR even when it is not empty: replaces the recording in it with its summary",
      .value = &read.force},
     {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &read.quiet},
 };
@@ -109,8 +112,13 @@ bool run_options_read(int argc, char **argv, struct run_options *out, int *statu
 
     list_fault_kinds(kinds);
     manual_insert(manual, sizeof manual, MANUAL_RUN, "@FAULT_KINDS@", kinds);
-    read = (struct run_options){
-        .seed = -1, .clock = -1, .overrun = -1, .hold = -1, .wire = -1, .record_period_ms = 10};
+    read = (struct run_options){.duration_s = INFINITY,
+                                .seed = -1,
+                                .clock = -1,
+                                .overrun = -1,
+                                .hold = -1,
+                                .wire = -1,
+                                .record_period_ms = 10};
     if (!options_read(&spec, argc, argv, status)) {
         return false;
     }
@@ -141,6 +149,21 @@ enum error_code run_options_parse_gateway(const char *text, char host[RUN_HOST_S
     return ERROR_NONE;
 }
 
+bool run_options_is_loopback(const char *host)
+{
+    struct in6_addr six;
+    struct in_addr four;
+
+    if (inet_pton(AF_INET, host, &four) == 1) {
+        return ntohl(four.s_addr) >> 24 == IN_LOOPBACKNET;
+    }
+    if (inet_pton(AF_INET6, host, &six) != 1) {
+        return false;
+    }
+    return IN6_IS_ADDR_LOOPBACK(&six) ||
+           (IN6_IS_ADDR_V4MAPPED(&six) && six.s6_addr[12] == IN_LOOPBACKNET);
+}
+
 enum error_code run_options_configure(const struct run_options *given, const struct rig *rig,
                                       struct simulator_config *config, struct error *error)
 {
@@ -168,11 +191,18 @@ enum error_code run_options_configure(const struct run_options *given, const str
     };
 
     /* A duration ends at the first tick that reaches it, whatever rounding makes of the quotient */
-    if (given->duration_s > 0.0 && given->ticks > 0) {
+    if (!isfinite(given->duration_s)) {
+        return ERROR_NONE;
+    }
+    if (given->ticks > 0) {
         return error_set(error, ERROR_INPUT, "found both --duration and --ticks, expected one");
     }
-    if (given->duration_s > 0.0) {
-        config->ticks = (uint64_t)ceil(given->duration_s * 1e9 / (double)rig->tick_ns - 1e-6);
+    if (!(given->duration_s > 0.0)) {
+        return error_set(error, ERROR_INPUT,
+                         "--duration: found 0, expected more than 0 seconds; without it the run "
+                         "has no end");
     }
+    config->ticks =
+        (uint64_t)fmax(1.0, ceil(given->duration_s * 1e9 / (double)rig->tick_ns - 1e-6));
     return ERROR_NONE;
 }

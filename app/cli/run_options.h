@@ -13,7 +13,7 @@ enum { RUN_HOST_SIZE = 64 }; /* room for any numeric address */
 struct run_options {
     const char *rig, *task, *record, *gateway, *control;
     struct option_list bus, fault;
-    double duration_s;               /* 0 = not given */
+    double duration_s;               /* INFINITY = not given */
     int64_t ticks, record_period_ms; /* ticks: 0 = not given */
     int64_t seed;                    /* -1 = the rig's */
     int clock, overrun, hold, wire;  /* -1 = the rig's */
@@ -28,6 +28,9 @@ bool run_options_read(int argc, char **argv, struct run_options *options, int *s
  * both, and has no gateway. */
 enum error_code run_options_configure(const struct run_options *options, const struct rig *rig,
                                       struct simulator_config *config, struct error *error);
+
+/* Whether only this machine reaches a numeric address. */
+bool run_options_is_loopback(const char *host);
 
 /* Reads "[HOST:]PORT", with an IPv6 address in brackets; gateway points to host. */
 enum error_code run_options_parse_gateway(const char *text, char host[RUN_HOST_SIZE],

@@ -3,8 +3,10 @@
 #include "app/cli/summary.h"
 
 #include "canbus/wire/wire.h"
+#include "rt/recorder.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <inttypes.h>
 #include <math.h>
 #include <unistd.h>
@@ -455,13 +457,22 @@ enum error_code summary_write(const struct summary *summary, const char *directo
                               struct error *error)
 {
     char path[4096];
-    FILE *out;
+    FILE *out = NULL;
     bool bad;
+    int descriptor;
 
-    snprintf(path, sizeof path, "%s/summary.json", directory);
-    out = fopen(path, "we");
+    /* One of an earlier recording is gone: what stands there now is not ours to follow */
+    snprintf(path, sizeof path, "%s/" RECORDER_SUMMARY, directory);
+    descriptor = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0666);
+    if (descriptor >= 0) {
+        out = fdopen(descriptor, "w");
+    }
     if (!out) {
-        return error_set_errno(error, errno, "cannot open %s", path);
+        error_set_errno(error, errno, "cannot open %s", path);
+        if (descriptor >= 0) {
+            close(descriptor);
+        }
+        return error->code;
     }
     json_write(summary, out);
     bad = ferror(out);

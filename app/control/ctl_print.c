@@ -4,8 +4,11 @@
 #include "app/control/ctl_print.h"
 
 #include "base/count.h"
+#include "base/text.h"
 
 #include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 
 enum { COLUMN = 12 }; /* least width of a value of a row */
@@ -31,6 +34,76 @@ static bool is_true(const json_t *object, const char *key)
 {
     return json_is_true(json_object_get(object, key));
 }
+
+/* ---- what may be printed ---- */
+
+/* A new string, NULL without memory. */
+static char *ctl_printable_text(const char *text)
+{
+    char *copy = text ? strdup(text) : NULL;
+
+    if (copy) {
+        text_make_printable(copy);
+    }
+    return copy;
+}
+
+static json_t *ctl_printable_object(const json_t *object)
+{
+    json_t *copy = json_object(), *value;
+    const char *name;
+
+    json_object_foreach((json_t *)(uintptr_t)object, name, value)
+    {
+        char *clean = ctl_printable_text(name);
+        int failed = clean ? json_object_set_new(copy, clean, ctl_printable(value)) : -1;
+
+        free(clean);
+        if (failed) {
+            json_decref(copy);
+            return NULL;
+        }
+    }
+    return copy;
+}
+
+static json_t *ctl_printable_array(const json_t *array)
+{
+    json_t *copy = json_array(), *value;
+    size_t i;
+
+    json_array_foreach(array, i, value)
+    {
+        if (json_array_append_new(copy, ctl_printable(value))) {
+            json_decref(copy);
+            return NULL;
+        }
+    }
+    return copy;
+}
+
+/* As deep as the parser allows, 2048. */
+json_t *ctl_printable(const json_t *answer)
+{
+    char *clean;
+    json_t *copy;
+
+    if (json_is_object(answer)) {
+        return ctl_printable_object(answer);
+    }
+    if (json_is_array(answer)) {
+        return ctl_printable_array(answer);
+    }
+    if (!json_is_string(answer)) {
+        return json_copy((json_t *)(uintptr_t)answer);
+    }
+    clean = ctl_printable_text(json_string_value(answer));
+    copy = clean ? json_string(clean) : NULL;
+    free(clean);
+    return copy;
+}
+
+/* ---- the first answer ---- */
 
 void ctl_print_hello(const json_t *answer, FILE *out)
 {

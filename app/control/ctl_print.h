@@ -8,6 +8,10 @@
 #include <stdbool.h>
 #include <stdio.h>
 
+/* A copy of an answer, the caller's, in whose names and texts nothing is left that a terminal may
+ * obey (text_make_printable): the server need not be ours. NULL when memory is used up. */
+json_t *ctl_printable(const json_t *answer);
+
 void ctl_print_hello(const json_t *answer, FILE *out);
 void ctl_print_status(const json_t *answer, FILE *out);
 void ctl_print_statistics(const json_t *answer, FILE *out);

@@ -3,6 +3,7 @@
 #include "model/symbolic/symbolic.h"
 
 #include "base/count.h"
+#include "model/symbolic/cache.h"
 
 #include <dlfcn.h>
 #include <errno.h>
@@ -12,34 +13,38 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 extern char **environ;
 
-enum { PATH_SIZE = 512 };
-
-/* The files of one build; everything but the library is made under a name of this process, so that
- * two runs at once do not meet. */
-struct build {
-    char source[PATH_SIZE + 32], fresh[PATH_SIZE + 32], library[PATH_SIZE + 32];
+enum {
+    PATH_SIZE = 512,
+    POLL_NS = 20000000,
+    TELL_NS = 250000000,
 };
 
-static enum error_code name_files(const struct robot *robot, const char *folder,
-                                  const struct symbolic_options *options, struct build *build,
-                                  struct error *error)
+/* The files of one build; everything but the library is made in a folder of its own, so that two
+ * runs at once do not meet. */
+struct build {
+    char library[PATH_SIZE + 32];
+    char source[CACHE_PATH + 32], fresh[CACHE_PATH + 32];
+    struct cache_workshop workshop;
+};
+
+static enum error_code name_library(const struct robot *robot, const char *folder,
+                                    const struct symbolic_options *options, struct build *build,
+                                    struct error *error)
 {
-    char symbol[SYMBOLIC_SYMBOL], stem[PATH_SIZE];
+    char symbol[SYMBOLIC_SYMBOL];
     int used;
 
     symbolic_symbol(robot, symbol);
-    used = snprintf(stem, sizeof stem, "%s/%s-%016" PRIx64 "-g%d-l%d", folder, symbol, robot->hash,
-                    SYMBOLIC_VERSION, options->lanes);
-    if (used < 0 || (size_t)used >= sizeof stem) {
+    used = snprintf(build->library, PATH_SIZE, "%s/%s-%016" PRIx64 "-g%d-l%d.so", folder, symbol,
+                    robot->hash, SYMBOLIC_VERSION, options->lanes);
+    if (used < 0 || used >= PATH_SIZE) {
         return error_set(error, ERROR_INPUT, "the folder name %s is too long", folder);
     }
-    snprintf(build->library, sizeof build->library, "%s.so", stem);
-    snprintf(build->source, sizeof build->source, "%s.%ld.c", stem, (long)getpid());
-    snprintf(build->fresh, sizeof build->fresh, "%s.%ld.so", stem, (long)getpid());
     return ERROR_NONE;
 }
 
@@ -80,7 +85,66 @@ static enum error_code write_source(const struct robot *robot,
     return code;
 }
 
-static enum error_code compile_module(const struct symbolic_options *options,
+/* ---- the compiler ---- */
+
+static int64_t build_clock_ns(void)
+{
+    struct timespec now;
+
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return now.tv_sec * INT64_C(1000000000) + now.tv_nsec;
+}
+
+/* Our environment but for TMPDIR, which is the build's folder: what a compiler that is killed
+ * leaves goes with it. The array and its first string are the caller's; NULL without memory. */
+static char **compiler_environment(const struct build *build)
+{
+    static const char name[] = "TMPDIR=";
+    size_t count = 0, kept = 1, size = sizeof name + strlen(build->workshop.path);
+    char **made;
+
+    while (environ[count]) {
+        count++;
+    }
+    made = calloc(count + 2, sizeof *made);
+    if (!made || !(made[0] = malloc(size))) {
+        free(made);
+        return NULL;
+    }
+    snprintf(made[0], size, "%s%s", name, build->workshop.path);
+    for (size_t i = 0; i < count; i++) {
+        if (strncmp(environ[i], name, strlen(name))) {
+            made[kept++] = environ[i];
+        }
+    }
+    return made;
+}
+
+/* Waits for the compiler, and says a few times a second for how long. */
+static enum error_code wait_for_compiler(pid_t pid, const struct robot *robot,
+                                         const struct symbolic_progress *progress, int *status,
+                                         struct error *error)
+{
+    int64_t start = build_clock_ns(), told = start;
+    pid_t ended;
+
+    while ((ended = waitpid(pid, status, WNOHANG)) != pid) {
+        int64_t now = build_clock_ns();
+
+        if (ended < 0 && errno != EINTR) {
+            return error_set_errno(error, errno, "the compiler cannot be waited for");
+        }
+        if (progress->tell && now - told >= TELL_NS) {
+            told = now;
+            progress->tell(progress->context, robot->name, (double)(now - start) * 1e-9);
+        }
+        nanosleep(&(struct timespec){.tv_nsec = POLL_NS}, NULL);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code compile_module(const struct robot *robot,
+                                      const struct symbolic_options *options,
                                       const struct build *build, struct error *error)
 {
     const char *level = options->fast_compile ? "-O1" : "-O2";
@@ -88,23 +152,33 @@ static enum error_code compile_module(const struct symbolic_options *options,
                                      "-fPIC",       "-shared",    "-o",  build->fresh,
                                      build->source, "-lm",        NULL};
     char *argv[ARRAY_COUNT(arguments)];
+    char **environment = compiler_environment(build);
+    enum error_code code;
     pid_t pid;
     int status, problem;
 
+    if (!environment) {
+        return error_set(error, ERROR_MEMORY, "no memory to start the compiler");
+    }
     /* posix_spawnp takes char * but does not write to them */
     memcpy(argv, arguments, sizeof arguments);
-    problem = posix_spawnp(&pid, argv[0], NULL, NULL, argv, environ);
+    problem = posix_spawnp(&pid, argv[0], NULL, NULL, argv, environment);
+    free(environment[0]);
+    free(environment);
     if (problem) {
         return error_set(error, ERROR_UNSUPPORTED, "no C compiler (cc): %s", strerror(problem));
     }
 
-    /* Its status: not started, or not content */
-    while (waitpid(pid, &status, 0) < 0) {
-        if (errno != EINTR) {
-            return error_set_errno(error, errno, "the compiler cannot be waited for");
-        }
+    /* Its status: not started, killed, or not content */
+    code = wait_for_compiler(pid, robot, &options->progress, &status, error);
+    if (code) {
+        return code;
     }
-    if (!WIFEXITED(status) || WEXITSTATUS(status) == 127) {
+    if (WIFSIGNALED(status)) {
+        return error_set(error, ERROR_UNSUPPORTED, "the compiler (cc) was killed by signal %d",
+                         WTERMSIG(status));
+    }
+    if (WEXITSTATUS(status) == 127) {
         return error_set(error, ERROR_UNSUPPORTED, "no C compiler (cc) could be run");
     }
     if (WEXITSTATUS(status) != 0) {
@@ -114,6 +188,8 @@ static enum error_code compile_module(const struct symbolic_options *options,
     }
     return ERROR_NONE;
 }
+
+/* ---- the module ---- */
 
 static enum error_code load_module(const struct robot *robot, const char *path,
                                    struct symbolic_library *library, struct error *error)
@@ -137,6 +213,29 @@ static enum error_code load_module(const struct robot *robot, const char *path,
     return ERROR_NONE;
 }
 
+/* Makes the library; it appears under its name when it is complete. */
+static enum error_code make_library(const struct robot *robot,
+                                    const struct symbolic_options *options, const char *folder,
+                                    struct build *build, struct error *error)
+{
+    enum error_code code = cache_open_workshop(&build->workshop, folder, error);
+
+    if (code) {
+        return code;
+    }
+    snprintf(build->source, sizeof build->source, "%s/module.c", build->workshop.path);
+    snprintf(build->fresh, sizeof build->fresh, "%s/module.so", build->workshop.path);
+    if (!(code = write_source(robot, options, build->source, error)) &&
+        !(code = compile_module(robot, options, build, error)) &&
+        !(code = cache_seal(build->fresh, error))) {
+        code = cache_publish(build->fresh, folder, build->library, error);
+    }
+    unlink(build->source);
+    unlink(build->fresh);
+    cache_close_workshop(&build->workshop);
+    return code;
+}
+
 enum error_code symbolic_build(const struct robot *robot, const struct symbolic_options *options,
                                const char *folder, struct symbolic_library *library,
                                struct error *error)
@@ -145,27 +244,15 @@ enum error_code symbolic_build(const struct robot *robot, const struct symbolic_
     enum error_code code;
 
     memset(library, 0, sizeof *library);
-    if ((code = name_files(robot, folder, options, &build, error)) ||
+    if ((code = name_library(robot, folder, options, &build, error)) ||
         (code = check_folder(folder, error))) {
         return code;
     }
-    if (access(build.library, R_OK) == 0 && !load_module(robot, build.library, library, NULL)) {
+    if (cache_is_whole(build.library) && !load_module(robot, build.library, library, NULL)) {
         library->cached = true;
         return ERROR_NONE;
     }
-
-    /* The library appears under its name when it is complete */
-    if ((code = write_source(robot, options, build.source, error)) ||
-        (code = compile_module(options, &build, error))) {
-        goto done;
-    }
-    if (rename(build.fresh, build.library)) {
-        code = error_set_errno(error, errno, "%s", build.library);
-    }
-
-done:
-    unlink(build.source);
-    unlink(build.fresh);
+    code = make_library(robot, options, folder, &build, error);
     return code ? code : load_module(robot, build.library, library, error);
 }
 

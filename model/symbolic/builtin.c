@@ -28,11 +28,12 @@ const struct dynamics_module *symbolic_builtin(uint64_t robot_hash)
     return NULL;
 }
 
-enum error_code dynamics_fastest(const struct robot *robot, const char *folder, struct arena *arena,
+enum error_code dynamics_fastest(const struct robot *robot, const char *folder,
+                                 struct symbolic_progress progress, struct arena *arena,
                                  struct dynamics *out, struct symbolic_library *library,
                                  struct error *notice, struct error *error)
 {
-    const struct symbolic_options options = {.lanes = 4};
+    const struct symbolic_options options = {.lanes = 4, .progress = progress};
     const struct dynamics_module *module = symbolic_builtin(robot->hash);
     struct error reason = {.text = "no cache folder"};
 

@@ -13,7 +13,8 @@ const struct dynamics_module *symbolic_builtin(uint64_t robot_hash);
  * or found in, the cache folder (NULL = none), which takes seconds the first time; else the numeric
  * algorithms. library holds a built module and is to be closed after the last use; notice says in a
  * sentence what was taken and why. Memory from arena. Not RT-safe. */
-enum error_code dynamics_fastest(const struct robot *robot, const char *folder, struct arena *arena,
+enum error_code dynamics_fastest(const struct robot *robot, const char *folder,
+                                 struct symbolic_progress progress, struct arena *arena,
                                  struct dynamics *out, struct symbolic_library *library,
                                  struct error *notice, struct error *error);
 

@@ -185,10 +185,14 @@ void derive_joint_state(struct derive *d, size_t group)
     if (derive_first_body(d, group)->prismatic) {
         state->d = position;
     } else {
-        expr angle = add(d, position, derive_body_const(d, group, BODY(offset)));
+        /* By the addition theorem: the sum of a large angle and an offset would be rounded to the
+         * angle's last place, 3e-11 rad at 3e5 */
+        expr offset = derive_body_const(d, group, BODY(offset));
+        expr c = graph_cos(d->g, position), s = graph_sin(d->g, position);
+        expr co = graph_cos(d->g, offset), so = graph_sin(d->g, offset);
 
-        state->c = graph_cos(d->g, angle);
-        state->s = graph_sin(d->g, angle);
+        state->c = sub(d, mul(d, co, c), mul(d, so, s));
+        state->s = add(d, mul(d, co, s), mul(d, so, c));
     }
 }
 

@@ -9,7 +9,8 @@
  * bits: the first two products are exact (n < 2^16), the rounding of the second difference and the
  * third product are carried along as e, at most 2.5e-16. Taylor polynomials on |r| <= pi/4: the
  * terms left out are below (pi/4)^18/19! = 1.1e-19 of r and (pi/4)^18/18! = 2.1e-18 of 1
- * (alternating series). Measured against long double: 0.86 units of the last place.
+ * (alternating series). Beyond 1e5 rad the C library reduces by as many digits of pi as the angle
+ * asks for. Measured against long double up to 1e15 rad: 0.86 units of the last place.
  */
 static const char *const preamble[] = {
     "typedef double v2 __attribute__((vector_size(16), may_alias));",

@@ -12,7 +12,7 @@
 #include <stdio.h>
 
 /* Changes whenever other code comes out for the same robot: caches are made anew. */
-#define SYMBOLIC_VERSION 1
+#define SYMBOLIC_VERSION 2
 
 enum { SYMBOLIC_FUNCTIONS = 7, SYMBOLIC_SYMBOL = 64 };
 
@@ -30,9 +30,17 @@ struct symbolic_report {
     struct symbolic_count count[SYMBOLIC_FUNCTIONS];
 };
 
+/* What is done while symbolic_build waits for the compiler: tell is called a few times a second
+ * with the robot's name and for how long it has run, s. NULL = nothing. */
+struct symbolic_progress {
+    void (*tell)(void *context, const char *robot, double elapsed_s);
+    void *context;
+};
+
 struct symbolic_options {
     int lanes;         /* at most so many limbs side by side: 1, 2 or 4; 4 is the fastest */
     bool fast_compile; /* symbolic_build: -O1, for tests */
+    struct symbolic_progress progress; /* symbolic_build */
 };
 
 /* Writes the module's C file: the same bytes for the same robot and options. report may be NULL. */
@@ -51,8 +59,9 @@ struct symbolic_library {
 
 /* Generates, compiles with cc and loads robot's module, or loads what an earlier call left in
  * folder, which must exist and belong to this user alone. The file's name holds the robot's hash
- * and the generator's version. Without a compiler ERROR_UNSUPPORTED. Takes seconds when it
- * compiles. */
+ * and the generator's version; one that is not as it was left (truncated, damaged) is made anew.
+ * Without a compiler ERROR_UNSUPPORTED. When it compiles it takes seconds, for a chain of 60 joints
+ * two minutes. */
 enum error_code symbolic_build(const struct robot *robot, const struct symbolic_options *options,
                                const char *folder, struct symbolic_library *library,
                                struct error *error);

@@ -59,7 +59,7 @@ caught digits 'calls malloc' victim_plant
 caught mutex 'calls pthread_mutex_lock' victim_plant
 caught rwlock 'calls pthread_rwlock_rdlock' victim_plant
 caught signal 'calls pthread_cond_signal' victim_plant
-caught printf 'calls printf' victim_plant
+caught printf 'calls \(printf\|__printf_chk\)' victim_plant
 caught fputs 'calls fwrite' victim_plant
 caught open 'calls open' victim_plant
 caught mmap 'calls mmap' victim_plant

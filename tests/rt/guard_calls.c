@@ -164,10 +164,20 @@ void guard_call_seen(uint64_t index)
     }
 }
 
+/* Whether the two are one name, or the second is the first with its buffer's size checked: what
+ * _FORTIFY_SOURCE makes of memcpy is __memcpy_chk. */
+static bool is_same_function(const char *plain, const char *name)
+{
+    size_t length = strlen(plain);
+
+    return !strcmp(plain, name) || (!strncmp(name, "__", 2) && !strncmp(name + 2, plain, length) &&
+                                    !strcmp(name + 2 + length, "_chk"));
+}
+
 static bool is_allowed(const char *name)
 {
     for (size_t i = 0; i < sizeof allowed / sizeof allowed[0]; i++) {
-        if (!strcmp(allowed[i], name)) {
+        if (is_same_function(allowed[i], name)) {
             return true;
         }
     }

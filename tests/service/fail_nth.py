@@ -291,11 +291,12 @@ def judge(case, calm, outcome, what):
     if outcome.status == calm.status:
         if outcome.said != calm.said:
             wrong.append("status %d, but it says something else" % outcome.status)
-        # a file that could not be looked at or removed stays
-        about = os.path.basename(outcome.where[-1]) if outcome.where else ""
+        # a file that could not be looked at or removed stays, and so does the folder that it is in
+        about = outcome.where[-1] if outcome.where else ""
+        stay = [os.path.basename(about), os.path.basename(os.path.dirname(about))]
         differ = sorted((name, content)
                         for name, content in set(outcome.files.items()) ^ set(calm.files.items())
-                        if not about or os.path.basename(name) != about)
+                        if not about or os.path.basename(name.rstrip("/")) not in stay)
         if differ:
             wrong.append("status %d, but it leaves other files: %s" % (outcome.status, differ))
         return wrong

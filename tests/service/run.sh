@@ -53,7 +53,7 @@ without_can()
     ! python3 -c 'import socket; socket.socket(socket.AF_CAN, socket.SOCK_RAW, 1)' 2>/dev/null
 }
 
-echo 1..28
+echo 1..31
 
 # ---- runs and their length ----
 name="a free run without a controller ends at its length and lets the robot fall"
@@ -135,6 +135,7 @@ none=(--record "$work/none")
 wrong 2 "an unknown option is refused" "expected" run "$rig" --durations 1
 wrong 2 "a length that is not a number is refused" "expected a number" run "$rig" --duration nan
 wrong 2 "a negative length is refused" "expected a number" run "$rig" --duration -1
+wrong 2 "no length at all is refused" "more than 0 seconds" run "$rig" --duration 0 "${none[@]}"
 wrong 2 "two lengths are refused" "both --duration and --ticks" run "$rig" --duration 1 --ticks 5 \
     "${none[@]}"
 wrong 2 "an unknown clock is refused" "expected" run "$rig" --clock fast
@@ -165,6 +166,20 @@ if run 2 "$name" run "$rig" --transport local --clock free --ticks 3 --record "$
     run 0 "$name" run "$rig" --transport local --clock free --ticks 3 --record "$work/seven" \
     --force &&
     [ "$(json "$work/seven" ticks)" = 3 ]
+then ok "$name"; else not_ok "$name"; fi
+
+name="a summary that is a link is not followed"
+mkdir "$work/linked" && echo kept >"$work/kept"
+ln -s "$work/kept" "$work/linked/summary.json"
+if run 0 "$name" run "$rig" --transport local --clock free --ticks 3 --record "$work/linked" \
+    --force && [ "$(cat "$work/kept")" = kept ] && [ "$(json "$work/linked" ticks)" = 3 ]
+then ok "$name"; else not_ok "$name"; fi
+
+name="a gateway that others reach is warned of"
+if run 0 "$name" run "$rig" --transport local --clock free --ticks 3 --gateway 0.0.0.0:0 &&
+    grep -q "warning: .*no password.*0.0.0.0" "$work/err" &&
+    run 0 "$name" run "$rig" --transport local --clock free --ticks 3 --gateway 127.0.0.5:0 &&
+    ! grep -q warning "$work/err"
 then ok "$name"; else not_ok "$name"; fi
 
 name="a full disk is reported, the run goes on to its end, the status tells"

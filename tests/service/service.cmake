@@ -6,6 +6,14 @@ hil_script_test(service_units COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/units.
 hil_script_test(service_reload COMMAND /usr/bin/python3
                 ${CMAKE_CURRENT_SOURCE_DIR}/service/reload.py
                 $<TARGET_FILE:coman-hil> LABELS service TIMEOUT 120)
+if(NOT HIL_SANITIZE AND NOT CMAKE_BUILD_TYPE STREQUAL Debug)
+    hil_script_test(service_hardening LABELS service
+        COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/hardening.sh
+                $<TARGET_FILE:coman-hil> $<TARGET_FILE:coman-hil-bench>)
+endif()
+hil_script_test(service_compile COMMAND /usr/bin/python3
+                ${CMAKE_CURRENT_SOURCE_DIR}/service/compile.py
+                $<TARGET_FILE:coman-hil> LABELS service TIMEOUT 120)
 # The address space of a guest process has no room for the shadow memory of the sanitizers.
 if(NOT HIL_SANITIZE)
     hil_script_test(service_systemd LABELS service TIMEOUT 360

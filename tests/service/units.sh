@@ -10,9 +10,9 @@ trap 'rm -rf "$work"' EXIT
 . "$(dirname "$0")/tap.sh"
 tap_show="$work/out"
 
-echo 1..8
+echo 1..9
 if ! command -v systemd-analyze >/dev/null; then
-    for n in 1 2 3 4 5 6 7 8; do echo "ok $n # SKIP systemd-analyze is not installed"; done
+    for n in 1 2 3 4 5 6 7 8 9; do echo "ok $n # SKIP systemd-analyze is not installed"; done
     exit 0
 fi
 for unit in coman-hil@ coman-hil-vcan@; do
@@ -48,4 +48,10 @@ for example in can-configure processors; do
     result $? "the unit with it is exposed by at most 2.0"
     rm -r "$dropin"
 done
+
+# instances run as users of their own: what one has compiled the other must not own
+places='^(State|Cache|Runtime)Directory='
+[ "$(grep -cE "$places" "$HIL_SOURCE_DIR/systemd/coman-hil@.service")" = 3 ] &&
+    ! grep -E "$places" "$HIL_SOURCE_DIR/systemd/coman-hil@.service" | grep -v '/%i$' >"$work/out"
+result $? "every instance has folders of its own"
 exit $failed

@@ -17,6 +17,8 @@ foreach(name report svg)
     hil_test(report_${name} SOURCES unit/app/report/${name}.c LIBS report LABELS unit)
 endforeach()
 
+hil_test(bench_pendulum_plain SOURCES unit/app/bench/pendulum_plain.c LIBS bench LABELS unit)
+
 foreach(name scenario expect)
     hil_test(scenario_${name} SOURCES unit/app/scenario/${name}.c LIBS scenario LABELS unit)
 endforeach()

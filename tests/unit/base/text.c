@@ -10,6 +10,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <string.h>
 #include <cmocka.h>
 
@@ -188,6 +189,35 @@ static void utf8_characters_have_one_to_four_bytes(void **state)
     }
 }
 
+static void nothing_is_left_that_a_terminal_may_obey(void **state)
+{
+    static const struct {
+        const char *text, *printable;
+    } cases[] = {
+        {"plain, \t ~", "plain, \t ~"},
+        {"\x1b[31mred\x1b[0m", "?[31mred?[0m"},
+        {"a\nb\rc\x07\x7f", "a?b?c??"},
+        {"\xc2\x9b"
+         "31m",
+         "??31m"}, /* CSI as one character of UTF-8 */
+        {"\x9b"
+         "31m",
+         "?31m"}, /* and as one byte */
+        {"gr\xc3\xbc\xc3\x9f \xe2\x82\xac \xc2\xa0", "gr\xc3\xbc\xc3\x9f \xe2\x82\xac \xc2\xa0"},
+        {"cut \xe2\x82", "cut ??"},
+        {"", ""},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        char text[64];
+
+        snprintf(text, sizeof text, "%s", cases[i].text);
+        text_make_printable(text);
+        assert_string_equal(text, cases[i].printable);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -200,6 +230,7 @@ int main(void)
         cmocka_unit_test(passes_over_words_that_are_too_long_to_compare),
         cmocka_unit_test(a_name_is_safe_in_messages_and_file_names),
         cmocka_unit_test(utf8_characters_have_one_to_four_bytes),
+        cmocka_unit_test(nothing_is_left_that_a_terminal_may_obey),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -206,7 +206,25 @@ static void too_many_vertices_are_an_error_with_the_limit(void **state)
     for (size_t i = 0; i < lines; i++) {
         memcpy(text + 8 * i, "v 0 0 0\n", 8);
     }
-    refused(text, 8 * lines, "a.obj:2097153:1: found one more vertex, expected at most 2097152");
+    refused(text, 8 * lines, "a.obj:524289:1: found one more vertex, expected at most 524288");
+    free(text);
+}
+
+/* The same triangle again and again, which a check of the surface would find much later. */
+static void too_many_faces_are_refused_while_they_are_counted(void **state)
+{
+    static const char corners[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    size_t size = strlen(corners), lines = MESH_MAX_FACES + 1;
+    char *text = malloc(size + 8 * lines);
+
+    (void)state;
+    assert_non_null(text);
+    memcpy(text, corners, size);
+    for (size_t i = 0; i < lines; i++) {
+        memcpy(text + size + 8 * i, "f 1 2 3\n", 8);
+    }
+    refused(text, size + 8 * lines,
+            "a.obj:524292:3: found one more triangle, expected at most 524288");
     free(text);
 }
 
@@ -277,6 +295,7 @@ int main(void)
         cmocka_unit_test(a_zero_byte_ends_neither_a_number_nor_the_file),
         cmocka_unit_test(lines_of_any_length_are_read_and_quoted_short),
         cmocka_unit_test(too_many_vertices_are_an_error_with_the_limit),
+        cmocka_unit_test(too_many_faces_are_refused_while_they_are_counted),
         cmocka_unit_test(a_file_that_is_none_is_an_error_and_never_a_hang),
         cmocka_unit_test(a_file_over_the_size_limit_is_refused_before_it_is_read),
         cmocka_unit_test(an_arena_that_is_used_up_is_reported),

@@ -519,6 +519,49 @@ static void a_directory_that_holds_something_is_refused(void **state)
     assert_int_equal(access(path_in(f, "precious"), F_OK), 0);
 }
 
+/* Its logs are overwritten, so it describes nothing any more. */
+static void the_summary_of_an_earlier_recording_goes_with_it(void **state)
+{
+    struct fixture *f = *state;
+    struct recorder_counters counters;
+    struct recorder *recorder;
+    struct error error;
+
+    fclose(fopen(path_in(f, RECORDER_SUMMARY), "w"));
+    f->config.overwrite = true;
+    recorder = open_recorder(f);
+    assert_int_equal(access(path_in(f, RECORDER_SUMMARY), F_OK), -1);
+    assert_int_equal(recorder_close(recorder, &counters, &error), ERROR_NONE);
+}
+
+/* /dev/full above: a link to a device overwrites nothing. */
+static void links_to_files_are_not_followed(void **state)
+{
+    struct fixture *f = *state;
+    char precious[400], line[16] = "";
+    struct recorder *recorder;
+    struct error error;
+    FILE *file;
+
+    snprintf(precious, sizeof precious, "%s", path_in(f, "precious"));
+    file = fopen(precious, "w");
+    fputs("kept", file);
+    fclose(file);
+    f->config.overwrite = true;
+    for (int n = 0; n < 2; n++) {
+        /* The second one dangles: nothing is created where it points to */
+        assert_int_equal(symlink(n ? "new" : precious, path_in(f, "signals.csv")), 0);
+        assert_int_equal(recorder_open(&f->config, &f->arena, &recorder, &error), ERROR_INPUT);
+        assert_non_null(strstr(error.text, "symbolic link"));
+        unlink(path_in(f, "signals.csv"));
+    }
+    assert_int_equal(access(path_in(f, "new"), F_OK), -1);
+    file = fopen(precious, "r");
+    assert_non_null(fgets(line, sizeof line, file));
+    fclose(file);
+    assert_string_equal(line, "kept");
+}
+
 static void impossible_directories_are_errors(void **state)
 {
     struct fixture *f = *state;
@@ -569,6 +612,8 @@ int main(void)
         RECORDER_TEST(in_virtual_time_a_slow_disk_is_waited_for),
         RECORDER_TEST(a_reader_that_goes_away_is_an_error_and_no_signal),
         RECORDER_TEST(a_directory_that_holds_something_is_refused),
+        RECORDER_TEST(the_summary_of_an_earlier_recording_goes_with_it),
+        RECORDER_TEST(links_to_files_are_not_followed),
         RECORDER_TEST(impossible_directories_are_errors),
         RECORDER_TEST(a_directory_is_made),
     };

@@ -131,6 +131,26 @@ enum error_code limbed_tree_make(uint64_t *seed, struct random_tree *tree, struc
     return robot_finish(robot, error);
 }
 
+enum error_code pendulum_make(struct random_tree *tree, struct error *error)
+{
+    memset(tree, 0, sizeof *tree);
+    tree->robot = (struct robot){.name = "3 pendulum \"x\" \\",
+                                 .body = tree->body,
+                                 .joint = tree->joint,
+                                 .nbody = 2,
+                                 .njoint = 1,
+                                 .imu_frame = -1,
+                                 .gravity = {0.0, 0.0, -9.81}};
+    tree->body[0] = (struct robot_body){.name = "base", .parent = -1};
+    tree->body[1] = (struct robot_body){.name = "bob", .inertia = {1.0, {0.0, 0.0, -1.0}, {0}}};
+    tree->joint[0] = (struct robot_joint){.name = "hinge",
+                                          .axis = {0.0, 1.0, 0.0},
+                                          .rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1},
+                                          .lower = -9.0,
+                                          .upper = 9.0};
+    return robot_finish(&tree->robot, error);
+}
+
 double relative_difference(const double *a, const double *b, size_t n)
 {
     double difference = 0.0, size = 0.0;

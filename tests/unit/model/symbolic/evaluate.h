@@ -16,6 +16,9 @@ bool evaluate(const struct graph *graph, const struct derivation *derivation,
  * random_tree; every second body is observed. */
 enum error_code limbed_tree_make(uint64_t *seed, struct random_tree *tree, struct error *error);
 
+/* A pendulum of 1 kg and 1 m: the smallest robot that there is, with a name that needs escapes. */
+enum error_code pendulum_make(struct random_tree *tree, struct error *error);
+
 /* |a - b| / |b|, Euclidean norms. */
 double relative_difference(const double *a, const double *b, size_t n);
 

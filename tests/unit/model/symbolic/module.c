@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Generated code, compiled: the built-in module of COMAN and modules compiled here are the numeric
- * algorithms in every variant that this CPU runs; building, caching and refusing of modules.
+ * algorithms in every variant that this CPU runs; building and refusing of modules.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -232,7 +232,7 @@ static void sine_and_cosine_are_right_to_the_last_place(void **state)
         uint64_t seed = 47;
 
         for (int n = 0; n < 200000; n++) {
-            double size = pow(10.0, random_in(&seed, -8.0, 5.0));
+            double size = pow(10.0, random_in(&seed, -8.0, 15.0));
 
             for (int l = 0; l < 8; l++) {
                 x[l] = random_in(&seed, -size, size);
@@ -240,7 +240,6 @@ static void sine_and_cosine_are_right_to_the_last_place(void **state)
                 if (n % 4 == 0) {
                     x[l] = round(x[l]) * M_PI_2;
                 }
-                x[l] = fmax(-1e5, fmin(1e5, x[l]));
             }
             module->sincos(x, sine, cosine);
             for (int l = 0; l < 8; l++) {
@@ -270,6 +269,59 @@ static void far_angles_infinities_and_nan_are_those_of_libm(void **state)
             } else {
                 assert_true(isnan(sine[l]) && isnan(cosine[l]));
             }
+        }
+    }
+}
+
+/* Largest difference of a rotation or a place (entries 0 to 11) between the two for all observed
+ * bodies, m and 1; q within size of zero. */
+static double far_difference(const struct robot *robot, const struct dynamics_module *module,
+                             double size)
+{
+    static double expected[18 * BODIES], found[18 * BODIES];
+    struct dynamics generic;
+    struct error error;
+    uint64_t seed = 59;
+    double worst = 0.0;
+
+    if (dynamics_generic(robot, &arena, &generic, &error)) {
+        fail_msg("%s", error.text);
+    }
+    for (int n = 0; n < 300; n++) {
+        struct random_state x;
+
+        random_state_make(&seed, robot, &x);
+        for (size_t j = 0; j < robot->njoint; j++) {
+            x.q[robot->nq - robot->njoint + j] = random_in(&seed, -size, size);
+        }
+        generic.ops->kinematics(&generic, x.q, x.v, (struct body_motion *)expected);
+        module->kinematics(x.q, x.v, found);
+        for (uint32_t o = 0; o < module->nobserved; o++) {
+            for (int m = 0; m < 12; m++) {
+                int at = 18 * module->observed[o] + m;
+
+                worst = fmax(worst, fabs(found[at] - expected[at]));
+            }
+        }
+    }
+    return worst;
+}
+
+/* COMAN's working frames have offsets of 20 degrees between them and the joints' own zeros: were
+ * they added to the angles, the sums would be rounded to the last place of 3e7 rad, 4e-9. */
+static void joints_that_turn_for_ever_keep_their_accuracy(void **state)
+{
+    static const double size[] = {3.0, 3e5, 3e7, 1e12, 1e15};
+    const struct robot *robot = load_coman(NULL);
+
+    (void)state;
+    for (const struct dynamics_module *module = symbolic_builtin(robot->hash); module;
+         module = module->plainer) {
+        for (size_t n = 0; n < sizeof size / sizeof size[0]; n++) {
+            double worst = far_difference(robot, module, size[n]);
+
+            print_message("# %s: within %.0e rad: %.2g\n", module->variant, size[n], worst);
+            assert_true(worst <= 6e-15);
         }
     }
 }
@@ -358,27 +410,11 @@ static void long_functions_compute_the_same_in_pieces(void **state)
     symbolic_close(&library);
 }
 
-/* A pendulum: the smallest robot that there is. */
 static void make_pendulum(struct random_tree *tree)
 {
     struct error error;
 
-    memset(tree, 0, sizeof *tree);
-    tree->robot = (struct robot){.name = "3 pendulum \"x\" \\",
-                                 .body = tree->body,
-                                 .joint = tree->joint,
-                                 .nbody = 2,
-                                 .njoint = 1,
-                                 .imu_frame = -1,
-                                 .gravity = {0.0, 0.0, -9.81}};
-    tree->body[0] = (struct robot_body){.name = "base", .parent = -1};
-    tree->body[1] = (struct robot_body){.name = "bob", .inertia = {1.0, {0.0, 0.0, -1.0}, {0}}};
-    tree->joint[0] = (struct robot_joint){.name = "hinge",
-                                          .axis = {0.0, 1.0, 0.0},
-                                          .rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1},
-                                          .lower = -9.0,
-                                          .upper = 9.0};
-    if (robot_finish(&tree->robot, &error)) {
+    if (pendulum_make(tree, &error)) {
         fail_msg("%s", error.text);
     }
 }
@@ -450,61 +486,6 @@ static void a_module_is_built_once_and_then_found(void **state)
     }
 }
 
-static void a_damaged_cache_file_is_made_anew(void **state)
-{
-    const struct symbolic_options options = {.lanes = 4};
-    struct symbolic_library library;
-    struct random_tree tree;
-    struct error error;
-    char command[160];
-
-    (void)state;
-    need_compiler();
-    make_pendulum(&tree);
-    assert_int_equal(symbolic_build(&tree.robot, &options, folder, &library, &error), ERROR_NONE);
-    symbolic_close(&library);
-    snprintf(command, sizeof command, "for f in '%s'/*.so; do echo rubbish >\"$f\"; done", folder);
-    assert_int_equal(system(command), 0);
-    assert_int_equal(symbolic_build(&tree.robot, &options, folder, &library, &error), ERROR_NONE);
-    assert_false(library.cached);
-    symbolic_close(&library);
-}
-
-static void a_folder_that_others_may_write_to_is_refused(void **state)
-{
-    const struct symbolic_options options = {.lanes = 4};
-    struct symbolic_library library;
-    struct random_tree tree;
-    struct error error;
-
-    (void)state;
-    make_pendulum(&tree);
-    assert_int_equal(chmod(folder, 0777), 0);
-    assert_int_equal(symbolic_build(&tree.robot, &options, folder, &library, &error), ERROR_INPUT);
-    assert_non_null(strstr(error.text, "others may write"));
-    assert_int_equal(chmod(folder, 0700), 0);
-    assert_int_equal(symbolic_build(&tree.robot, &options, "/nowhere/at/all", &library, &error),
-                     ERROR_SYSTEM);
-}
-
-static void without_a_compiler_the_build_says_so(void **state)
-{
-    const struct symbolic_options options = {.lanes = 4};
-    struct symbolic_library library;
-    struct random_tree tree;
-    struct error error;
-    char path[4096];
-
-    (void)state;
-    make_pendulum(&tree);
-    snprintf(path, sizeof path, "%s", getenv("PATH"));
-    setenv("PATH", folder, 1);
-    assert_int_equal(symbolic_build(&tree.robot, &options, folder, &library, &error),
-                     ERROR_UNSUPPORTED);
-    setenv("PATH", path, 1);
-    assert_non_null(strstr(error.text, "no C compiler"));
-}
-
 static void a_module_of_another_robot_is_refused(void **state)
 {
     const struct robot *coman = load_coman(NULL);
@@ -529,19 +510,21 @@ static void the_fastest_dynamics_there_is_are_taken_and_named(void **state)
     struct dynamics d;
 
     (void)state;
-    assert_int_equal(
-        dynamics_fastest(load_coman(NULL), folder, &arena, &d, &library, &notice, &error),
-        ERROR_NONE);
+    assert_int_equal(dynamics_fastest(load_coman(NULL), folder, (struct symbolic_progress){0},
+                                      &arena, &d, &library, &notice, &error),
+                     ERROR_NONE);
     assert_string_equal(d.ops->name, "generated");
     assert_non_null(strstr(notice.text, "built-in"));
     assert_null(library.handle);
     make_pendulum(&tree);
-    assert_int_equal(dynamics_fastest(&tree.robot, NULL, &arena, &d, &library, &notice, &error),
+    assert_int_equal(dynamics_fastest(&tree.robot, NULL, (struct symbolic_progress){0}, &arena, &d,
+                                      &library, &notice, &error),
                      ERROR_NONE);
     assert_string_not_equal(d.ops->name, "generated");
     assert_non_null(strstr(notice.text, "no cache folder"));
     need_compiler();
-    assert_int_equal(dynamics_fastest(&tree.robot, folder, &arena, &d, &library, &notice, &error),
+    assert_int_equal(dynamics_fastest(&tree.robot, folder, (struct symbolic_progress){0}, &arena,
+                                      &d, &library, &notice, &error),
                      ERROR_NONE);
     assert_string_equal(d.ops->name, "generated");
     assert_non_null(strstr(notice.text, "compiled in"));
@@ -560,6 +543,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(implicit_variants_agree, open_folder, close_folder),
         cmocka_unit_test_setup_teardown(sine_and_cosine_are_right_to_the_last_place, open_folder,
                                         close_folder),
+        cmocka_unit_test_setup_teardown(joints_that_turn_for_ever_keep_their_accuracy, open_folder,
+                                        close_folder),
         cmocka_unit_test_setup_teardown(far_angles_infinities_and_nan_are_those_of_libm,
                                         open_folder, close_folder),
         cmocka_unit_test_setup_teardown(small_trees_compiled_here_have_the_same_equations,
@@ -569,12 +554,6 @@ int main(void)
         cmocka_unit_test_setup_teardown(generated_code_compiles_without_warnings, open_folder,
                                         close_folder),
         cmocka_unit_test_setup_teardown(a_module_is_built_once_and_then_found, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(a_damaged_cache_file_is_made_anew, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(a_folder_that_others_may_write_to_is_refused, open_folder,
-                                        close_folder),
-        cmocka_unit_test_setup_teardown(without_a_compiler_the_build_says_so, open_folder,
                                         close_folder),
         cmocka_unit_test_setup_teardown(a_module_of_another_robot_is_refused, open_folder,
                                         close_folder),
