@@ -113,6 +113,9 @@ static void pair_find_force(const struct native_engine *e, const struct native_p
     case PAIR_MESHES:
         kernels->meshes(a->solid, b->solid, &pair->law, relative, s, sum);
         break;
+    case PAIR_FIELDS:
+        kernels->fields(a->field, b->solid, b->field, &pair->law, relative, s, sum);
+        break;
     }
 }
 

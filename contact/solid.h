@@ -45,7 +45,7 @@ struct facet {
 enum { PLANE_X, PLANE_Y, PLANE_Z, PLANE_OFFSET, PLANE_ROWS };
 
 struct solid {
-    size_t nface, nfacet, npoint;
+    size_t nvertex, nface, nfacet, npoint;
     struct box box;
     double radius; /* half of the box's diagonal */
 
