@@ -155,22 +155,19 @@ static void visit_add_triangle(const struct visit *v, const struct visit_facet *
     const double longest = sqrt(ee > uu ? ee > ww ? ee : ww : uu > ww ? uu : ww);
     const int wanted = (int)(longest / v->spacing) + 1;
     const int parts = wanted < SPACING_PARTS ? wanted : SPACING_PARTS;
-    const double area = (u[0] * w[1] - u[1] * w[0]) / 2, part = 1.0 / parts;
+    const double area = (u[0] * w[1] - u[1] * w[0]) / 2;
     const double rate = v->law->stiffness * depth->facing * area / (3 * parts * parts);
 
     native_law_make_room(&v->scratch->batch, (size_t)(3 * parts * parts), v->law, v->relative,
                          v->sum);
     for (int row = 0; row < parts; row++) {
-        /* Upright ones and, between them, some upside down */
         for (int at = 0; at < 2 * (parts - row) - 1; at++) {
-            const int flip = at % 2;
-            const double a = at / 2 + flip, b = row + flip, way = (flip ? -1 : 1) * (1.0 / 6);
             double place[3][2];
 
             for (int q = 0; q < 3; q++) {
-                double s = (a + way * (q == 1 ? 4 : 1)) * part;
-                double t = (b + way * (q == 2 ? 4 : 1)) * part;
+                double s, t;
 
+                triangle_find_point(parts, row, at, q, &s, &t);
                 place[q][0] = center[0] + s * u[0] + t * w[0];
                 place[q][1] = center[1] + s * u[1] + t * w[1];
             }
