@@ -99,7 +99,7 @@ static void meshes_interact_by_the_law_that_the_rig_names(void **state)
     write_toy_with("  materials:", "  mesh_law: elastic_foundation\n  materials:");
     assert_int_equal(load_rig(rig_path)->contact.mesh_law, CONTACT_ELASTIC_FOUNDATION);
     refused_with("  materials:", "  mesh_law: springs\n  materials:",
-                 "11:13: found unknown mesh_law \"springs\"");
+                 "11:13: found \"springs\", expected pressure_field or elastic_foundation");
 }
 
 static void hands_every_board_what_it_needs(void **state)
