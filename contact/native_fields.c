@@ -21,6 +21,8 @@
 
 /* Springs stand closer than this to each other, against the radius of the smaller mesh. */
 #define SPACING 0.6
+#define FEW_CORNERS 6
+#define FACING 0.5      /* pieces that face the carrier less have three springs, however large */
 #define SPACING_PARTS 8 /* along the edge of a triangle, at most */
 
 /* A carrier and a visitor; all in the carrier's frame. */
@@ -41,6 +43,8 @@ struct visit {
 struct visit_facet {
     const struct facet *f;
     double normal[3], center[3], axis[2][3];
+    int ncorner; /* 0 of one with more than FEW_CORNERS */
+    double corner[FEW_CORNERS][3];
 };
 
 /* The depth over the plane of a facet, from its center along its axes, in one cell. */
@@ -86,14 +90,16 @@ static void visit_add_force(const struct visit *v, const double direction[3], do
     vec3_add_scaled(sum->moment, -1, turn, sum->moment);
 }
 
-/* Adds springs over a facet's plane: so many places, their depths there, one rate. There must be
- * room. Each stands from the visitor's surface toward the carrier's by the visitor's share. */
+/* Adds springs over a facet's plane: so many places x, y, their depths there, one rate. There must
+ * be room. Each stands from the visitor's surface toward the carrier's by the visitor's share. */
 static void visit_add_springs(const struct visit *v, const struct visit_facet *f,
-                              const double inward[3], const struct visit_depth *depth, double rate,
-                              const double (*place)[2], int count)
+                              const struct visit_depth *depth, double rate, const double *x,
+                              const double *y, int count)
 {
     struct native_batch *batch = &v->scratch->batch;
     const double share = v->law->share[v->turned ? 0 : 1];
+    const double at = depth->at, sx = depth->slope[0], sy = depth->slope[1];
+    const size_t n = batch->n;
     double center[3], axis[2][3], d[3];
 
     /* In the frame of the pair's first, which they push */
@@ -102,25 +108,32 @@ static void visit_add_springs(const struct visit *v, const struct visit_facet *f
         vec3_add_scaled(center, 1, v->relative->p, center);
         mat3_apply(v->relative->R, f->axis[0], axis[0]);
         mat3_apply(v->relative->R, f->axis[1], axis[1]);
-        mat3_apply(v->relative->R, inward, d);
+        mat3_apply(v->relative->R, depth->inward, d);
     } else {
         memcpy(center, f->center, sizeof center);
         memcpy(axis, f->axis, sizeof axis);
-        memcpy(d, inward, sizeof d);
+        memcpy(d, depth->inward, sizeof d);
+    }
+
+    /* A place is linear in x and y as the depth is */
+    for (int k = 0; k < 3; k++) {
+        const double from = center[k] - share * at * d[k], push = v->turned ? -d[k] : d[k];
+        const double ax = axis[0][k] - share * sx * d[k], ay = axis[1][k] - share * sy * d[k];
+        double *p = batch->p[k] + n, *to = batch->d[k] + n;
+
+        for (int i = 0; i < count; i++) {
+            p[i] = from + x[i] * ax + y[i] * ay;
+            to[i] = push;
+        }
     }
     for (int i = 0; i < count; i++) {
-        const double x = place[i][0], y = place[i][1];
-        const double deep = depth->at + depth->slope[0] * x + depth->slope[1] * y;
-        const size_t at = batch->n++;
+        const double deep = at + sx * x[i] + sy * y[i];
 
-        for (int k = 0; k < 3; k++) {
-            batch->p[k][at] = center[k] + x * axis[0][k] + y * axis[1][k] - share * deep * d[k];
-            batch->d[k][at] = v->turned ? -d[k] : d[k];
-        }
-        batch->force[at] = rate * deep;
-        batch->depth[at] = deep;
-        batch->rate[at] = rate;
+        batch->depth[n + (size_t)i] = deep;
+        batch->force[n + (size_t)i] = rate * deep;
+        batch->rate[n + (size_t)i] = rate;
     }
+    batch->n += (size_t)count;
 }
 
 /* ---- what a polygon of a facet in one cell does ---- */
@@ -156,24 +169,24 @@ static void visit_add_triangle(const struct visit *v, const struct visit_facet *
     const int wanted = (int)(longest / v->spacing) + 1;
     const int parts = wanted < SPACING_PARTS ? wanted : SPACING_PARTS;
     const double area = (u[0] * w[1] - u[1] * w[0]) / 2;
-    const double rate = v->law->stiffness * depth->facing * area / (3 * parts * parts);
+    const double part = 1.0 / parts,
+                 rate = v->law->stiffness * depth->facing * area / 3 * part * part;
+    double x[3 * SPACING_PARTS * SPACING_PARTS], y[3 * SPACING_PARTS * SPACING_PARTS];
+    int n = 0;
 
-    native_law_make_room(&v->scratch->batch, (size_t)(3 * parts * parts), v->law, v->relative,
-                         v->sum);
     for (int row = 0; row < parts; row++) {
         for (int at = 0; at < 2 * (parts - row) - 1; at++) {
-            double place[3][2];
-
-            for (int q = 0; q < 3; q++) {
+            for (int q = 0; q < 3; ++q, ++n) {
                 double s, t;
 
-                triangle_find_point(parts, row, at, q, &s, &t);
-                place[q][0] = center[0] + s * u[0] + t * w[0];
-                place[q][1] = center[1] + s * u[1] + t * w[1];
+                triangle_find_point(part, row, at, q, &s, &t);
+                x[n] = center[0] + s * u[0] + t * w[0];
+                y[n] = center[1] + s * u[1] + t * w[1];
             }
-            visit_add_springs(v, f, depth->inward, depth, rate, (const double(*)[2])place, 3);
         }
     }
+    native_law_make_room(&v->scratch->batch, (size_t)n, v->law, v->relative, v->sum);
+    visit_add_springs(v, f, depth, rate, x, y, n);
 }
 
 /* Springs on a polygon, over all of which they integrate a linear depth exactly, force and moment;
@@ -275,12 +288,11 @@ static void group_add_springs(const struct visit *v, const struct visit_facet *f
     ly = lx > 0 ? 2 * m.xy / lx : 0;
     lyy = spread_root(2 * m.yy - ly * ly);
 
-    const double place[3][2] = {{m.x, m.y + lyy},
-                                {m.x - h * lx, m.y - h * ly - lyy / 2},
-                                {m.x + h * lx, m.y + h * ly - lyy / 2}};
+    const double x[3] = {m.x, m.x - h * lx, m.x + h * lx};
+    const double y[3] = {m.y + lyy, m.y - h * ly - lyy / 2, m.y + h * ly - lyy / 2};
 
     native_law_make_room(&v->scratch->batch, 3, v->law, v->relative, v->sum);
-    visit_add_springs(v, f, depth.inward, &depth, rate / 3, place, 3);
+    visit_add_springs(v, f, &depth, rate / 3, x, y, 3);
     visit_add_pressure(v, f, &depth, &m, depth.inward, -rate);
 }
 
@@ -315,7 +327,7 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
         v->sum->depth = deep > v->sum->depth ? deep : v->sum->depth;
         radius2 = r2 > radius2 ? r2 : radius2;
     }
-    if (radius2 > v->spacing * v->spacing / 4) {
+    if (radius2 > v->spacing * v->spacing / 4 && depth->facing > FACING) {
         visit_add_fan(v, f, depth, g, &m);
     } else {
         group_add(group, depth, &m, mean);
@@ -350,53 +362,80 @@ static struct flat *flat_clip_linear(struct flat g[2], struct flat *now, double 
     return next;
 }
 
+/* A linear function over a facet's plane. */
+struct flat_linear {
+    double at, x, y;
+};
+
+/* Whether it is negative (-1) or positive (1) all over the circle about the facet; else 0. */
+static int linear_sign_over(const struct flat_linear *l, double radius)
+{
+    if (l->at * l->at <= radius * radius * (l->x * l->x + l->y * l->y)) {
+        return 0;
+    }
+    return l->at > 0 ? 1 : -1;
+}
+
+/* What is left of a facet under one side of a carrier with so many, over which depth is each one's
+ * depth: where it is deep and no other side is nearer. Returns the polygon, one of the two. */
+static const struct flat *planes_clip_facet(const struct visit *v, const struct visit_facet *f,
+                                            const struct flat_linear *depth, int count, int side,
+                                            struct flat g[2])
+{
+    const struct flat_linear *own = &depth[side];
+    struct flat *now = &g[0];
+
+    flat_of_facet(v->visitor, f->f, now);
+    if (linear_sign_over(own, f->f->radius) == 0) {
+        now = flat_clip_linear(g, now, own->at, own->x, own->y, false);
+    }
+    for (int k = 0; k < count && now->n >= 3; k++) {
+        const struct flat_linear over = {depth[k].at - own->at, depth[k].x - own->x,
+                                         depth[k].y - own->y};
+
+        if (k != side && linear_sign_over(&over, f->f->radius) <= 0) {
+            now = flat_clip_linear(g, now, over.at, over.x, over.y, k < side);
+        }
+    }
+    return now;
+}
+
 /* A facet under each of the sides that it is least behind somewhere. */
 static void visit_planes(const struct visit *v, const struct visit_facet *f)
 {
     const struct solid *s = v->carrier;
     const int n = (int)s->nfacet;
-    double at[FIELD_MAX_PLANES], x[FIELD_MAX_PLANES], y[FIELD_MAX_PLANES];
-    double r2 = f->f->radius * f->f->radius;
+    struct flat_linear over[FIELD_MAX_PLANES];
     int nearest = 0;
 
     /* The depth under each side over the facet's plane; none if all of it is outside of one */
     for (int i = 0; i < n; i++) {
         const struct facet *side = &s->facet[i];
 
-        at[i] = side->offset - vec3_dot(side->normal, f->center) - v->least;
-        x[i] = -vec3_dot(side->normal, f->axis[0]);
-        y[i] = -vec3_dot(side->normal, f->axis[1]);
-        if (at[i] < 0 && at[i] * at[i] >= r2 * (x[i] * x[i] + y[i] * y[i])) {
+        over[i].at = side->offset - vec3_dot(side->normal, f->center) - v->least;
+        over[i].x = -vec3_dot(side->normal, f->axis[0]);
+        over[i].y = -vec3_dot(side->normal, f->axis[1]);
+        if (linear_sign_over(&over[i], f->f->radius) < 0) {
             return;
         }
-        nearest = at[i] < at[nearest] ? i : nearest;
+        nearest = over[i].at < over[nearest].at ? i : nearest;
     }
 
     for (int i = 0; i < n; i++) {
-        const struct facet *side = &s->facet[i];
+        const struct flat_linear less = {over[nearest].at - over[i].at, over[nearest].x - over[i].x,
+                                         over[nearest].y - over[i].y};
+        struct visit_depth depth = {.at = over[i].at, .slope = {over[i].x, over[i].y}, .sign = 1};
         struct visit_group group = {.area = 0};
-        struct flat g[2], *now = &g[0];
-        struct visit_depth depth = {.at = at[i], .slope = {x[i], y[i]}, .sign = 1};
-        double a = at[nearest] - at[i], b = x[nearest] - x[i], c = y[nearest] - y[i];
+        struct flat g[2];
 
-        if (a < 0 && a * a >= r2 * (b * b + c * c)) {
+        if (linear_sign_over(&less, f->f->radius) < 0) {
             continue;
         }
-
-        /* Where it is deep and no other side is nearer */
-        flat_of_facet(v->visitor, f->f, now);
-        now = flat_clip_linear(g, now, at[i], x[i], y[i], false);
-        for (int k = 0; k < n && now->n >= 3; k++) {
-            if (k != i) {
-                now = flat_clip_linear(g, now, at[k] - at[i], x[k] - x[i], y[k] - y[i], k < i);
-            }
-        }
-
         for (int k = 0; k < 3; k++) {
-            depth.inward[k] = -side->normal[k];
+            depth.inward[k] = -s->facet[i].normal[k];
         }
         depth.facing = vec3_dot(depth.inward, f->normal);
-        visit_add_polygon(v, f, &depth, now, &group);
+        visit_add_polygon(v, f, &depth, planes_clip_facet(v, f, over, n, i, g), &group);
         if (group.area > 0) {
             group_add_springs(v, f, &group);
         }
@@ -507,16 +546,52 @@ static void visit_tetrahedron(const struct visit *v, const struct visit_facet *f
 {
     struct visit_depth depth;
     struct flat g[2];
-    int from = 0;
+    const struct flat *left;
 
-    if (tetrahedron_cut(node, height, f, &g[0]) == 0 ||
-        !tetrahedron_find_depth(v, node, sign, f, &depth)) {
+    if (tetrahedron_cut(node, height, f, &g[0]) == 0) {
+        return;
+    }
+    left = flat_clip_to_facet(v->visitor, f->f, g, 0);
+    if (left->n < 3 || !tetrahedron_find_depth(v, node, sign, f, &depth)) {
         return;
     }
     if (v->least > 0) {
-        from = flat_clip_linear(g, &g[0], depth.at, depth.slope[0], depth.slope[1], false) != &g[0];
+        left = flat_clip_linear(g, left == &g[0] ? &g[0] : &g[1], depth.at, depth.slope[0],
+                                depth.slope[1], false);
     }
-    visit_add_polygon(v, f, &depth, flat_clip_to_facet(v->visitor, f->f, g, from), group);
+    visit_add_polygon(v, f, &depth, left, group);
+}
+
+/* The least value that d . p takes for p on a facet, or a little less. */
+static double facet_find_least(const struct visit_facet *f, const double d[3])
+{
+    double along = vec3_dot(d, f->normal), across = 1 - along * along, least = DBL_MAX;
+
+    if (f->ncorner == 0) {
+        return vec3_dot(d, f->center) - f->f->radius * sqrt(across > 0 ? across : 0);
+    }
+    for (int i = 0; i < f->ncorner; i++) {
+        double here = vec3_dot(d, f->corner[i]);
+
+        least = here < least ? here : least;
+    }
+    return least;
+}
+
+/* Whether all of a prism is farther in than a facet, seen along the normal of the triangle over
+ * it. */
+static bool prism_is_behind(const struct visit *v, const struct visit_facet *f, int cell,
+                            const struct field_prism *prism)
+{
+    const double *n = v->carrier->normal[cell % (int)v->carrier->nface];
+    const double low = facet_find_least(f, n);
+
+    for (int i = 0; i < prism->nnode; i++) {
+        if (vec3_dot(n, prism->node[i]) >= low) {
+            return false;
+        }
+    }
+    return true;
 }
 
 /* A facet in one prism. */
@@ -533,7 +608,7 @@ static void visit_prism(const struct visit *v, const struct visit_facet *f, int 
         height[i] = vec3_dot(f->normal, prism.node[i]) - offset;
         above += height[i] >= 0;
     }
-    if (above == 0 || above == prism.nnode) {
+    if (above == 0 || above == prism.nnode || prism_is_behind(v, f, cell, &prism)) {
         return;
     }
     for (int i = 0; i + 4 <= prism.nnode; i++) {
@@ -552,6 +627,25 @@ static void visit_prism(const struct visit *v, const struct visit_facet *f, int 
     }
 }
 
+/* The box about a facet. */
+static void facet_find_box(const struct visit_facet *f, struct box *box)
+{
+    if (f->ncorner > 0) {
+        *box = box_of_point(f->corner[0]);
+        for (int i = 1; i < f->ncorner; i++) {
+            box_add(box, f->corner[i]);
+        }
+        return;
+    }
+    for (int k = 0; k < 3; k++) {
+        double room = 1 - f->normal[k] * f->normal[k];
+        double reach = f->f->radius * sqrt(room > 0 ? room : 0);
+
+        box->low[k] = f->center[k] - reach;
+        box->high[k] = f->center[k] + reach;
+    }
+}
+
 /* A facet in the prisms that the box about it, and its plane, meets. */
 static void visit_shell(const struct visit *v, const struct visit_facet *f)
 {
@@ -561,13 +655,7 @@ static void visit_shell(const struct visit *v, const struct visit_facet *f)
     const double back[3] = {-f->normal[0], -f->normal[1], -f->normal[2]};
     struct box box;
 
-    for (int k = 0; k < 3; k++) {
-        double room = 1 - f->normal[k] * f->normal[k];
-        double reach = f->f->radius * sqrt(room > 0 ? room : 0);
-
-        box.low[k] = f->center[k] - reach;
-        box.high[k] = f->center[k] + reach;
-    }
+    facet_find_box(f, &box);
     while (node != end) {
         if (!boxes_meet(&node->box, &box) || box_least(&node->box, f->normal) > offset ||
             box_least(&node->box, back) > -offset) {
@@ -595,8 +683,9 @@ static void visit_facets(const struct visit *v, const struct box *there)
             continue;
         }
         for (int i = 0; i < node->count; i++) {
-            struct visit_facet f = {.f = &v->visitor->facet[tree->item[node->first + i]]};
+            struct visit_facet f;
 
+            f.f = &v->visitor->facet[tree->item[node->first + i]];
             mat3_apply(v->R, f.f->normal, f.normal);
             mat3_apply(v->R, f.f->axis[0], f.axis[0]);
             mat3_apply(v->R, f.f->axis[1], f.axis[1]);
@@ -604,9 +693,14 @@ static void visit_facets(const struct visit *v, const struct box *there)
             vec3_add_scaled(f.center, 1, v->p, f.center);
             if (v->field->planar) {
                 visit_planes(v, &f);
-            } else {
-                visit_shell(v, &f);
+                continue;
             }
+            f.ncorner = f.f->count <= FEW_CORNERS ? f.f->count : 0;
+            for (int k = 0; k < f.ncorner; k++) {
+                mat3_apply(v->R, v->visitor->ring[f.f->first + k], f.corner[k]);
+                vec3_add_scaled(f.corner[k], 1, v->p, f.corner[k]);
+            }
+            visit_shell(v, &f);
         }
         ++node;
     }

@@ -73,7 +73,7 @@ void polygon_add_springs(struct native_scratch *s, const struct polygon *g, cons
             for (int at = 0; at < FACET_POINTS * (2 * (parts - row) - 1); at++) {
                 double p[4], a, b;
 
-                triangle_find_point(parts, row, at / FACET_POINTS, at % FACET_POINTS, &a, &b);
+                triangle_find_point(1.0 / parts, row, at / FACET_POINTS, at % FACET_POINTS, &a, &b);
                 for (int k = 0; k < 4; k++) {
                     p[k] = v[0][k] + a * (v[1][k] - v[0][k]) + b * (v[2][k] - v[0][k]);
                 }

@@ -77,16 +77,17 @@ struct solid {
     size_t nplane;
 };
 
-/* The q-th of the three points in one of the parts x parts equal triangles that a triangle is cut
- * into: number `at` of the 2 (parts - row) - 1 in a row, every other one upside down. Where it is:
- * s and t of the ways from the triangle's first corner to the others. RT-safe. */
-static inline void triangle_find_point(int parts, int row, int at, int q, double *s, double *t)
+/* The q-th of the three points in one of the equal triangles that a triangle is cut into, each edge
+ * in parts of the length part: number `at` of the 2/part - 2 row - 1 in a row, every other one
+ * upside down. Where it is: s and t of the ways from the triangle's first corner to the others.
+ * RT-safe. */
+static inline void triangle_find_point(double part, int row, int at, int q, double *s, double *t)
 {
     const int flip = at % 2;
     const double way = (flip ? -1 : 1) * (1.0 / 6);
 
-    *s = (at / 2 + flip + way * (q == 1 ? 4 : 1)) / parts;
-    *t = (row + flip + way * (q == 2 ? 4 : 1)) / parts;
+    *s = (at / 2 + flip + way * (q == 1 ? 4 : 1)) * part;
+    *t = (row + flip + way * (q == 2 ? 4 : 1)) * part;
 }
 
 /* The part of a triangle that is nearest to a point. */

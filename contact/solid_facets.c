@@ -287,7 +287,7 @@ static size_t facet_make_points(const struct solid *s, const struct facet *f, in
         for (int i = 0; i < FACET_POINTS * (2 * (parts - row) - 1); ++i, ++at) {
             double a, b;
 
-            triangle_find_point(parts, row, i / FACET_POINTS, i % FACET_POINTS, &a, &b);
+            triangle_find_point(1.0 / parts, row, i / FACET_POINTS, i % FACET_POINTS, &a, &b);
             weight[at] = vec3_dot(x, f->normal) / (2 * FACET_POINTS * parts * parts);
             for (int k = 0; k < 3; k++) {
                 point[k][at] = v[0][k] + a * to[k] + b * next[k];
