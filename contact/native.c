@@ -224,6 +224,7 @@ static enum error_code native_evaluate(struct contact_world *world,
     e->npatch = 0;
     e->scratch->batch.n = e->scratch->batch.start = 0;
     e->scratch->batch.full = false;
+    e->scratch->visits = 0;
 
     for (size_t i = 0; i < e->npair; i++) {
         pair_evaluate(e, i, motion, wrench);

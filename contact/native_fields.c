@@ -603,6 +603,7 @@ static void visit_prism(const struct visit *v, const struct visit_facet *f, int 
     double height[6];
     int above = 0;
 
+    v->scratch->visits++;
     field_find_prism(v->field, cell, &prism);
     for (int i = 0; i < prism.nnode; i++) {
         height[i] = vec3_dot(f->normal, prism.node[i]) - offset;

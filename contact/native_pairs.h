@@ -29,6 +29,7 @@ struct native_scratch {
     struct native_batch batch;
     int *list[2];            /* of facets; as many as the largest mesh has faces, each */
     struct native_view view; /* the same, and three corners each */
+    size_t visits; /* pairs of a facet and a cell of a field that an evaluation has looked at */
 };
 
 /* 0 up to a, 1 from b on, smooth between them. */

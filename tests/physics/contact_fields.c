@@ -15,6 +15,7 @@
 #include <string.h>
 #include <cmocka.h>
 
+#include "contact/native_private.h"
 #include "tests/physics/contact_fixture.h"
 #include "tests/physics/near.h"
 
@@ -300,6 +301,41 @@ static void balls_converge_to_the_integral_over_spheres(void **state)
     }
 }
 
+/* However much of two balls is in common, each facet meets some cells only: what is looked at grows
+ * as the facets do, not as their square. */
+static void work_grows_as_the_facets_do(void **state)
+{
+    const double radius = 0.1, apart[2] = {0.0107, 0.05};
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        double each[3];
+
+        for (int fine = 0; fine < 3; fine++) {
+            const struct mesh *ball = ball_mesh(radius, 5 << fine);
+            const struct native_engine *engine;
+            struct contact_world *world;
+            struct scene scene;
+            struct body_motion motion[2];
+            struct contact_wrench wrench[2];
+
+            scene_init(&scene, 2);
+            add_mesh(&scene, 0, ball);
+            add_mesh(&scene, 1, ball);
+            scene_add_pair(&scene, 0, 1);
+            scene_place(&motion[0], 0, 0, 0);
+            scene_place(&motion[1], 0.6 * apart[i], 0, 0.8 * apart[i]);
+            world = fixture_native(&scene);
+            fixture_evaluate(world, motion, wrench);
+            engine = (const struct native_engine *)world;
+            each[fine] = (double)engine->scratch->visits / (double)ball->nface;
+            print_message("%zu triangles each, %g m apart: %.1f cells for each\n", ball->nface,
+                          apart[i], each[fine]);
+        }
+        assert_true(each[2] < 30 && each[2] < 1.6 * each[0]);
+    }
+}
+
 /* ---- friction ---- */
 
 static void a_spinning_square_is_braked_by_the_integral_of_its_lever(void **state)
@@ -386,6 +422,7 @@ int main(void)
         cmocka_unit_test(what_lies_on_a_level_table_is_not_pushed_along_it),
         cmocka_unit_test(a_thick_body_is_held_by_a_plate_until_its_middle_is_through),
         cmocka_unit_test(balls_converge_to_the_integral_over_spheres),
+        cmocka_unit_test(work_grows_as_the_facets_do),
         cmocka_unit_test(a_spinning_square_is_braked_by_the_integral_of_its_lever),
         cmocka_unit_test(any_pose_is_finite_balanced_and_continuous),
     };
