@@ -22,10 +22,11 @@
  *
  * Elements are the triangles of a mesh. x is the centroid's distance to the nearest point of the
  * other surface; force and velocities belong to the point between them that divides x by s1 and
- * s2. Where both surfaces are meshes, half of the sum over each counts. A sphere on a half-space
- * or on a sphere is one element with Hertz's law instead: f_n = 4/3 E sqrt(R) x^1.5 (1 + 1.5 c x'),
- * R the relative radius, E = (K1 K2/(K1 + K2))^1.5 with K_i = young_i^(2/3), shares s_i by K_i;
- * thickness plays no part, and 2/5 of the elastic force times x is stored.
+ * s2. Where both surfaces are meshes, half of the sum over each counts, or, in the engine "native",
+ * the pressure field of one of them (below). A sphere on a half-space or on a sphere is one element
+ * with Hertz's law instead: f_n = 4/3 E sqrt(R) x^1.5 (1 + 1.5 c x'), R the relative radius,
+ * E = (K1 K2/(K1 + K2))^1.5 with K_i = young_i^(2/3), shares s_i by K_i; thickness plays no part,
+ * and 2/5 of the elastic force times x is stored.
  */
 #ifndef CONTACT_CONTACT_H
 #define CONTACT_CONTACT_H
@@ -75,6 +76,12 @@ struct contact_pair {
     int a, b; /* indices of surfaces */
 };
 
+/* How engine "native" finds what two meshes (or boxes) do to each other. */
+enum contact_mesh_law {
+    CONTACT_PRESSURE_FIELD,     /* the gradient of a potential: conservative */
+    CONTACT_ELASTIC_FOUNDATION, /* the paper's: the mean of both meshes' sums */
+};
+
 struct contact_config {
     size_t nbody;
     size_t nsurface;
@@ -82,6 +89,7 @@ struct contact_config {
     size_t npair;
     const struct contact_pair *pair;
     double transition_velocity_m_s; /* of the friction law, > 0 */
+    enum contact_mesh_law mesh_law;
 };
 
 /* World frame, about the body's origin. */
@@ -194,28 +202,51 @@ enum error_code contact_simbody_create(const struct contact_config *config,
  *   triangles that make up a convex polygon are one facet.
  * - Mesh on half-space: along the plane's normal. A facet that stands upright or is turned away
  *   adds nothing (Simbody lets both push).
- * - Mesh on mesh: between each two facets that face each other, along the mean of their normals.
- *   The sums over either mesh in eq (6) are over the same overlap, so half of both is one of
- *   them. A tilted block is thus pushed sideways by half of its tilt, as in Simbody's mean of
- *   both sums. The force fades out as the normals get near a right angle (full up to 60 degrees
- *   off, none from 84), and where a spring would run along the overlap instead of across it.
+ * - Mesh on mesh, CONTACT_PRESSURE_FIELD: inside one of the two, the carrier, every point has a
+ *   depth x under its surface (contact/field.h), and k x is a pressure (after Elandt, Drumwright,
+ *   Sherman, Ruina 2019). The elastic potential U is k times the integral of x over the volume V
+ *   that both have in common. As x is 0 on the carrier's part of V's surface, U changes with the
+ *   pose of the other one, the visitor, by what its surface sweeps:
+ *
+ *       f = -k integral of x n dA,  m = -k integral of r x n dA  over the visitor's surface in V
+ *
+ *   act on it, n its outward normal, and the opposite on the carrier: minus the gradient of U. So
+ *   what goes in comes out again along any closed path, whatever the field and however the meshes
+ *   are cut. On a flat side U does not depend on where along it the visitor is: nothing pushes
+ *   along the side, and f is k times the volume under it as on a half-space, k A x flat on flat.
+ *   Within x of the carrier's edges x is the depth under the nearer side. Friction and dissipation
+ *   take the way in which x grows for the normal; what of f is not along it, and adds up to nothing
+ *   on a flat side, neither damps nor rubs. The energy stored is reported as k A x^2/2, which is U
+ *   on flat sides, and a little off near edges and where the carrier is curved.
+ *   The carrier is the larger of the two (by the diagonals of their boxes; else the pair's a). If
+ *   its depth is nowhere more than c and the other's is, as with a body on a plate, U also has k
+ *   times the integral of what the other's depth is over c. So force does not vanish past the
+ *   plate's thickness, but when the body's middle has come through.
+ * - Mesh on mesh, CONTACT_ELASTIC_FOUNDATION: between each two facets that face each other, along
+ *   the mean of their normals. The sums over either mesh in eq (6) are over the same overlap, so
+ *   half of both is one of them. A tilted block is thus pushed sideways by half of its tilt, as in
+ *   Simbody's mean of both sums, and closed paths gain or lose energy. The force fades out as the
+ *   normals get near a right angle (full up to 60 degrees off, none from 84), and where a spring
+ *   would run along the overlap instead of across it.
  * - Sphere on mesh: over each facet along its normal to the sphere's far side: k times the cap's
  *   volume on a flat side, wherever on it. A sphere that has sunk under a facet as deep as it is
  *   wide is no longer held by it. Sphere on half-space or sphere: Hertz's law, as above.
  * - Velocity, dissipation and friction are taken at three points between a facet's centroid and
  *   each edge of the overlap, at three in all on facets that are small against the smaller mesh
- *   (four points of a sphere's patch).
+ *   (four points of a sphere's patch). In a pressure field at three in each triangle, no wider than
+ *   0.6 of the smaller mesh's radius, that a facet in a cell of the field is cut into.
  * Nothing is kept from one evaluation for the next, so the same motion always gives the same bits
  * on the same machine. The kernels are compiled for several instruction sets, of which the best
  * that the machine can run is taken; with another number of lanes sums have another order, and may
  * differ in their last bits.
  *
- * Work at worst, all of both meshes within each other: for each pair of meshes the product of
- * their numbers of facets, for a half-space or a sphere the number of facets. It follows the
- * patch where surfaces just touch, as those of a robot do: a walk down the trees to the box that
- * both have in common, then the facets in it. tests/bench/contact_instructions.sh counts it: the
- * worst of random poses of a foot, a box or a sphere in touch stays within three times the
- * median. */
+ * Work at worst: for a half-space or a sphere the number of facets; in a pressure field the number
+ * of pairs of a facet and a cell that meet, which even for meshes that are all within each other
+ * grows as their numbers of facets and not as the product of these; with
+ * CONTACT_ELASTIC_FOUNDATION that product. It follows the patch where surfaces just touch, as those
+ * of a robot do: a walk down the trees to the box that both have in common, then the facets in it.
+ * tests/bench/contact_instructions.sh counts it: the worst of random poses of a foot, a box or a
+ * sphere in touch stays within three times the median. */
 enum error_code contact_native_create(const struct contact_config *config, struct arena *arena,
                                       struct contact_world **world, struct error *error);
 

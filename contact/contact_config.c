@@ -281,6 +281,13 @@ enum error_code contact_config_check(const struct contact_config *config, struct
                          config->transition_velocity_m_s);
     }
 
+    if (config->mesh_law != CONTACT_PRESSURE_FIELD &&
+        config->mesh_law != CONTACT_ELASTIC_FOUNDATION) {
+        return error_set(error, ERROR_INPUT,
+                         "contact: found mesh_law %d, expected one of contact.h",
+                         (int)config->mesh_law);
+    }
+
     /* Surfaces first: pairs name them */
     for (size_t i = 0; i < config->nsurface; i++) {
         enum error_code code = surface_check(config, i, error);

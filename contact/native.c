@@ -113,6 +113,9 @@ static void pair_find_force(const struct native_engine *e, const struct native_p
     case PAIR_MESHES:
         kernels->meshes(a->solid, b->solid, &pair->law, relative, s, sum);
         break;
+    case PAIR_FIELDS:
+        kernels->fields(a->field, b->solid, b->field, &pair->law, relative, s, sum);
+        break;
     }
 }
 
@@ -221,6 +224,7 @@ static enum error_code native_evaluate(struct contact_world *world,
     e->npatch = 0;
     e->scratch->batch.n = e->scratch->batch.start = 0;
     e->scratch->batch.full = false;
+    e->scratch->visits = 0;
 
     for (size_t i = 0; i < e->npair; i++) {
         pair_evaluate(e, i, motion, wrench);

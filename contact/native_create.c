@@ -53,12 +53,26 @@ static int shape_rank(enum contact_shape shape)
     return shape_is_mesh(shape) ? 0 : shape == CONTACT_SPHERE ? 1 : 2;
 }
 
+/* Whether a pair's b has to come first. Of two meshes that interact by a pressure field the larger
+ * one carries it: so the sides of a box on a table do not soften its rim. */
+static bool pair_is_turned(const struct contact_config *config, const struct contact_pair *pair,
+                           const struct native_surface *surface)
+{
+    const struct solid *a = surface[pair->a].solid, *b = surface[pair->b].solid;
+
+    if (a && b) {
+        return config->mesh_law == CONTACT_PRESSURE_FIELD && b->radius > a->radius;
+    }
+    return shape_rank(config->surface[pair->b].shape) < shape_rank(config->surface[pair->a].shape);
+}
+
 /* The best that this machine can run. A sphere has four springs, which do not fill more than four
  * lanes: wider ones would only take longer to add up. */
 static const struct native_kernels *native_choose_kernels(enum native_pair_kind kind)
 {
 #if defined(NATIVE_VARIANTS)
-    bool many = kind == PAIR_MESH_HALF_SPACE || kind == PAIR_MESHES;
+    bool many =
+        kind != PAIR_MESH_SPHERE && kind != PAIR_HERTZ_SPHERES && kind != PAIR_HERTZ_HALF_SPACE;
 
     __builtin_cpu_init();
     if (many && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
@@ -76,11 +90,13 @@ static const struct native_kernels *native_choose_kernels(enum native_pair_kind 
 
 /* kernels: NULL for the best. */
 static void pair_make(const struct contact_config *config, size_t index,
-                      const struct native_kernels *kernels, struct native_pair *pair)
+                      const struct native_surface *surface, const struct native_kernels *kernels,
+                      struct native_pair *pair)
 {
+    const enum native_pair_kind meshes =
+        config->mesh_law == CONTACT_PRESSURE_FIELD ? PAIR_FIELDS : PAIR_MESHES;
     const struct contact_pair *given = &config->pair[index];
-    bool turned =
-        shape_rank(config->surface[given->b].shape) < shape_rank(config->surface[given->a].shape);
+    bool turned = pair_is_turned(config, given, surface);
     const struct contact_surface *a = &config->surface[turned ? given->b : given->a];
     const struct contact_surface *b = &config->surface[turned ? given->a : given->b];
 
@@ -92,7 +108,7 @@ static void pair_make(const struct contact_config *config, size_t index,
     /* Its law, with Hertz's shares between surfaces without a mesh */
     pair->law = law_make(&a->material, &b->material, config->transition_velocity_m_s);
     if (shape_is_mesh(a->shape)) {
-        pair->kind = shape_is_mesh(b->shape)      ? PAIR_MESHES
+        pair->kind = shape_is_mesh(b->shape)      ? meshes
                      : b->shape == CONTACT_SPHERE ? PAIR_MESH_SPHERE
                                                   : PAIR_MESH_HALF_SPACE;
     } else {
@@ -185,6 +201,63 @@ static enum error_code surface_make(const struct contact_config *config, size_t 
     return ERROR_NONE;
 }
 
+/* The field of a surface, or that of another one with the same solid. */
+static enum error_code surface_make_field(const struct contact_config *config, size_t index,
+                                          struct arena *arena, struct native_surface *surface,
+                                          struct error *error)
+{
+    struct native_surface *s = &surface[index];
+    struct field *field;
+
+    for (size_t i = 0; i < config->nsurface && !s->field; i++) {
+        s->field = surface[i].solid == s->solid ? surface[i].field : NULL;
+    }
+    if (s->field) {
+        return ERROR_NONE;
+    }
+    field = arena_alloc(arena, 1, sizeof *field);
+    if (!field) {
+        return native_no_memory(error);
+    }
+    s->field = field;
+    return field_make(s->solid, config->surface[index].name, arena, field, error);
+}
+
+/* No ball in a solid is larger than half of its least extent. */
+static double solid_deepest_bound(const struct solid *s)
+{
+    double least = s->radius;
+
+    for (int k = 0; k < 3; k++) {
+        least = fmin(least, (s->box.high[k] - s->box.low[k]) / 2);
+    }
+    return least;
+}
+
+/* The fields that the pairs need: that of the first, and of a second that may be deeper. */
+static enum error_code fields_make(const struct contact_config *config, struct arena *arena,
+                                   struct native_engine *e, struct error *error)
+{
+    for (size_t i = 0; i < e->npair; i++) {
+        const int *side = e->pair[i].surface;
+        const struct solid *second = e->surface[side[1]].solid;
+        enum error_code code;
+
+        if (e->pair[i].kind != PAIR_FIELDS) {
+            continue;
+        }
+        code = surface_make_field(config, (size_t)side[0], arena, e->surface, error);
+        if (code == ERROR_NONE &&
+            solid_deepest_bound(second) > e->surface[side[0]].field->deepest) {
+            code = surface_make_field(config, (size_t)side[1], arena, e->surface, error);
+        }
+        if (code != ERROR_NONE) {
+            return code;
+        }
+    }
+    return ERROR_NONE;
+}
+
 /* ---- memory ---- */
 
 static enum error_code scratch_make(struct native_engine *e, struct arena *arena,
@@ -272,7 +345,11 @@ enum error_code native_create_with_kernels(const struct contact_config *config,
     }
     native_place_fixed_surfaces(e);
     for (size_t i = 0; i < e->npair; i++) {
-        pair_make(config, i, kernels, &e->pair[i]);
+        pair_make(config, i, e->surface, kernels, &e->pair[i]);
+    }
+    code = fields_make(config, arena, e, error);
+    if (code != ERROR_NONE) {
+        return code;
     }
 
     /* Room for the largest surface */

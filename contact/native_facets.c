@@ -11,6 +11,7 @@
  */
 #include "contact/lanes.h"
 #include "contact/native_facets.h"
+#include "contact/native_flat.h"
 #include "contact/native_polygon.h"
 #include "base/vec3.h"
 
@@ -18,12 +19,6 @@
 #include <stdbool.h>
 #include <stdint.h>
 #include <string.h>
-
-/* A polygon in the base's plane, counterclockwise seen against the base's normal. */
-struct flat {
-    int n;
-    double x[POLYGON_MAX], y[POLYGON_MAX];
-};
 
 /* The springs between two facets: all along one direction, ending on both. */
 struct bed {
@@ -101,162 +96,24 @@ static bool bed_lay(const struct facets_between *m, const struct facets_couple *
     return true;
 }
 
-/* Clips a polygon to where a linear function of the place is not negative (Sutherland, Hodgman
- * 1974); side: its values at the corners. */
-static void flat_clip(const struct flat *in, const double *side, struct flat *out)
-{
-    int n = 0;
-
-    for (int i = 0; i < in->n && n + 2 <= POLYGON_MAX; i++) {
-        int j = i + 1 < in->n ? i + 1 : 0;
-
-        if (side[i] >= 0) {
-            out->x[n] = in->x[i];
-            out->y[n++] = in->y[i];
-        }
-        if ((side[i] >= 0) != (side[j] >= 0)) {
-            double t = side[i] / (side[i] - side[j]);
-
-            out->x[n] = in->x[i] + t * (in->x[j] - in->x[i]);
-            out->y[n++] = in->y[i] + t * (in->y[j] - in->y[i]);
-        }
-    }
-    out->n = n;
-}
-
-/* The outline of a triangle, which is not kept. */
-static void triangle_outline(const struct facet *f, const double (*ring)[3], double *x, double *y)
-{
-    for (int i = 0; i < 3; i++) {
-        double to[3];
-
-        vec3_sub(ring[i], f->center, to);
-        x[i] = vec3_dot(f->axis[0], to);
-        y[i] = vec3_dot(f->axis[1], to);
-    }
-    for (int i = 3; i < FACET_OUTLINE(3); i++) {
-        x[i] = x[0];
-        y[i] = y[0];
-    }
-}
-
-/* The edges of an outline that some corner of the polygon is outside of, a bit each. */
-static uint64_t outline_find_cutting_edges(const double *x, const double *y, int n,
-                                           const struct flat *g)
-{
-    uint64_t edges = 0;
-
-    for (int i = 0; i < n; i += LANES) {
-        lanes x0 = lanes_load(x + i), dx = lanes_load_any(x + i + 1) - x0;
-        lanes y0 = lanes_load(y + i), dy = lanes_load_any(y + i + 1) - y0;
-        lanes_mask outside = {0};
-
-        for (int k = 0; k < g->n; k++) {
-            outside |= lanes_less(dx * (g->y[k] - y0), dy * (g->x[k] - x0));
-        }
-        edges |= lanes_bits(outside) << i;
-    }
-    return edges; /* nothing is outside of an edge of no length */
-}
-
-static bool flat_is_in_circle(const struct flat *g, double radius)
-{
-    for (int i = 0; i < g->n; i++) {
-        if (g->x[i] * g->x[i] + g->y[i] * g->y[i] > radius * radius) {
-            return false;
-        }
-    }
-    return true;
-}
-
 /* Clips the polygon g[0] to where it is deep and on the base; returns the clipped one. */
 static const struct flat *bed_clip(const struct solid *solid, const struct bed *bed,
                                    struct flat g[2])
 {
-    _Alignas(64) double triangle[2][FACET_OUTLINE(3)];
-    const struct facet *base = bed->base;
-    const double *x = triangle[0], *y = triangle[1];
-    struct flat *now = &g[0];
     double side[POLYGON_MAX];
     bool all = true;
 
-    /* To where it is deep */
-    for (int i = 0; i < now->n; i++) {
-        side[i] = bed_depth(bed, now->x[i], now->y[i]);
+    for (int i = 0; i < g[0].n; i++) {
+        side[i] = bed_depth(bed, g[0].x[i], g[0].y[i]);
         all = all && side[i] >= 0;
     }
     if (!all) {
-        flat_clip(now, side, &g[1]);
-        now = &g[1];
+        flat_clip(&g[0], side, &g[1]);
     }
-    if (now->n < 3 || flat_is_in_circle(now, base->inradius)) {
-        return now;
-    }
-
-    /* To the base: by each edge of its outline that something is outside of */
-    if (base->count == 3) {
-        triangle_outline(base, solid->ring + base->first, triangle[0], triangle[1]);
-    } else {
-        x = solid->outline[0] + base->outline;
-        y = solid->outline[1] + base->outline;
-    }
-    for (uint64_t edges = outline_find_cutting_edges(x, y, base->count, now);
-         edges != 0 && now->n >= 3; edges &= edges - 1) {
-        struct flat *next = now == &g[0] ? &g[1] : &g[0];
-        int e = __builtin_ctzll(edges);
-        double dx = x[e + 1] - x[e], dy = y[e + 1] - y[e];
-
-        for (int i = 0; i < now->n; i++) {
-            side[i] = dx * (now->y[i] - y[e]) - dy * (now->x[i] - x[e]);
-        }
-        flat_clip(now, side, next);
-        now = next;
-    }
-    return now;
+    return flat_clip_to_facet(solid, bed->base, g, all ? 0 : 1);
 }
 
 /* ---- springs ---- */
-
-/* Twice the area, the centroid, and the mean squares and product of what is off it. */
-struct moments {
-    double twice, x, y, xx, xy, yy;
-};
-
-/* Summed over the triangles between the first corner and an edge; the second moments only when they
- * are wanted. */
-static void flat_find_moments(const struct flat *g, bool second, struct moments *m)
-{
-    double x0 = g->x[0], y0 = g->y[0], ux = g->x[1] - x0, uy = g->y[1] - y0;
-
-    /* About the first corner, each without its factor (1/3, 1/6 or 1/12) */
-    *m = (struct moments){0};
-    for (int i = 2; i < g->n; i++) {
-        double vx = g->x[i] - x0, vy = g->y[i] - y0, twice = ux * vy - uy * vx;
-        double sx = ux + vx, sy = uy + vy;
-
-        m->twice += twice;
-        m->x += twice * sx;
-        m->y += twice * sy;
-        if (second) {
-            m->xx += twice * (sx * sx - ux * vx);
-            m->yy += twice * (sy * sy - uy * vy);
-            m->xy += twice * (sx * sy + ux * uy + vx * vy);
-        }
-        ux = vx;
-        uy = vy;
-    }
-
-    /* The means over the area, the second ones about the centroid */
-    if (m->twice > DBL_MIN) {
-        double inverse = 1 / m->twice, x = m->x * inverse / 3, y = m->y * inverse / 3;
-
-        m->x = x0 + x;
-        m->y = y0 + y;
-        m->xx = m->xx * inverse / 6 - x * x;
-        m->yy = m->yy * inverse / 6 - y * y;
-        m->xy = m->xy * inverse / 12 - x * y;
-    }
-}
 
 static double positive_root(double x)
 {

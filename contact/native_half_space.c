@@ -95,8 +95,8 @@ static void half_space_add_facet(struct native_scratch *s, const struct solid *s
     }
     twice = polygon_center(sunk, f->normal, center);
     if (twice > DBL_MIN) {
-        polygon_add_springs(s, sunk, center, f->normal, n, law->stiffness * facing, law->share[0],
-                            law, relative, sum);
+        polygon_add_springs(s, sunk, center, f->normal, n, f->parts, law->stiffness * facing,
+                            law->share[0], law, relative, sum);
         sum->area += facing * twice / 2;
     }
 }

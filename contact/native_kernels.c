@@ -14,6 +14,7 @@ const struct native_kernels native_kernels = {
     .half_space = native_overlap_half_space,
     .sphere = native_overlap_sphere,
     .meshes = native_overlap_meshes,
+    .fields = native_overlap_fields,
     .hertz = native_hertz,
     .sum = native_law_sum,
 };

@@ -21,6 +21,10 @@ struct native_kernels {
     void (*meshes)(const struct solid *first, const struct solid *second,
                    const struct native_law *law, const struct native_relative *relative,
                    struct native_scratch *scratch, struct native_sum *sum);
+    void (*fields)(const struct field *first, const struct solid *second,
+                   const struct field *second_field, const struct native_law *law,
+                   const struct native_relative *relative, struct native_scratch *scratch,
+                   struct native_sum *sum);
     void (*hertz)(const double radius[2], const struct native_law *law,
                   const struct native_relative *relative, struct native_scratch *scratch,
                   struct native_sum *sum);

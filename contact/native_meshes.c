@@ -21,27 +21,6 @@
  * corners has them no closer to each other. */
 #define FINE 0.25
 
-/* The axis-aligned box about a box that is turned and moved. */
-static struct box box_transform(const struct box *box, const double R[9], const double p[3])
-{
-    struct box out;
-    double center[3], half[3], to[3];
-
-    for (int k = 0; k < 3; k++) {
-        center[k] = (box->low[k] + box->high[k]) / 2;
-        half[k] = (box->high[k] - box->low[k]) / 2;
-    }
-    mat3_apply(R, center, to);
-    for (int k = 0; k < 3; k++) {
-        double reach =
-            fabs(R[3 * k]) * half[0] + fabs(R[3 * k + 1]) * half[1] + fabs(R[3 * k + 2]) * half[2];
-
-        out.low[k] = to[k] + p[k] - reach;
-        out.high[k] = to[k] + p[k] + reach;
-    }
-    return out;
-}
-
 /* The intersection of two boxes; false when it is empty. thin: its least extent, if less. */
 static bool box_intersect(const struct box *a, const struct box *b, struct box *out, double *thin)
 {

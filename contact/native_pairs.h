@@ -8,7 +8,7 @@
 #define CONTACT_NATIVE_PAIRS_H
 
 #include "contact/native_law.h"
-#include "contact/solid.h"
+#include "contact/field.h"
 
 /* How deep the middle of a spring lies in both bodies, over half its length: below DEPTH_NONE
  * the spring runs along the overlap instead of across it, and does not count; from DEPTH_FULL on
@@ -29,6 +29,7 @@ struct native_scratch {
     struct native_batch batch;
     int *list[2];            /* of facets; as many as the largest mesh has faces, each */
     struct native_view view; /* the same, and three corners each */
+    size_t visits; /* pairs of a facet and a cell of a field that an evaluation has looked at */
 };
 
 /* 0 up to a, 1 from b on, smooth between them. */
@@ -53,8 +54,17 @@ void native_overlap_sphere(const struct solid *solid, double radius, const struc
                            const struct native_relative *relative, struct native_scratch *scratch,
                            struct native_sum *sum);
 
-/* Two meshes: between each two facets that face each other the springs stand along the mean of
- * their normals, where both facets lie on top of one another. native_meshes.c. */
+/* Two meshes by the pressure field of the first: what the second's facets feel in it, and what the
+ * first's feel in that of the second where it is deeper than the first's is anywhere, which
+ * without that field (NULL) is nowhere. native_fields.c. */
+void native_overlap_fields(const struct field *first, const struct solid *second,
+                           const struct field *second_field, const struct native_law *law,
+                           const struct native_relative *relative, struct native_scratch *scratch,
+                           struct native_sum *sum);
+
+/* Two meshes by the elastic foundation on both: between each two facets that face each other the
+ * springs stand along the mean of their normals, where both facets lie on top of one another.
+ * native_meshes.c. */
 void native_overlap_meshes(const struct solid *first, const struct solid *second,
                            const struct native_law *law, const struct native_relative *relative,
                            struct native_scratch *scratch, struct native_sum *sum);

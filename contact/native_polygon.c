@@ -58,26 +58,30 @@ double polygon_center(const struct polygon *g, const double normal[3], double ce
 }
 
 void polygon_add_springs(struct native_scratch *s, const struct polygon *g, const double center[4],
-                         const double normal[3], const double d[3], double pressure, double share,
-                         const struct native_law *law, const struct native_relative *relative,
-                         struct native_sum *sum)
+                         const double normal[3], const double d[3], int parts, double pressure,
+                         double share, const struct native_law *law,
+                         const struct native_relative *relative, struct native_sum *sum)
 {
-    /* In each triangle between the center and an edge */
+    /* In each triangle between the center and an edge, and each of its parts */
     for (int i = 0; i < g->n; i++) {
         const double *v[3] = {center, g->p[i], g->p[i + 1 < g->n ? i + 1 : 0]};
-        double rate = pressure * triangle_twice_area(v[0], v[1], v[2], normal) / 6;
+        double twice = triangle_twice_area(v[0], v[1], v[2], normal);
+        double rate = pressure * twice / (2 * FACET_POINTS * parts * parts);
 
-        native_law_make_room(&s->batch, FACET_POINTS, law, relative, sum);
-        for (int q = 0; q < FACET_POINTS; q++) {
-            double p[4];
+        native_law_make_room(&s->batch, (size_t)(FACET_POINTS * parts * parts), law, relative, sum);
+        for (int row = 0; row < parts; row++) {
+            for (int at = 0; at < FACET_POINTS * (2 * (parts - row) - 1); at++) {
+                double p[4], a, b;
 
-            for (int k = 0; k < 4; k++) {
-                p[k] = (v[0][k] + v[1][k] + v[2][k] + 3 * v[q][k]) * (1.0 / 6);
+                triangle_find_point(1.0 / parts, row, at / FACET_POINTS, at % FACET_POINTS, &a, &b);
+                for (int k = 0; k < 4; k++) {
+                    p[k] = v[0][k] + a * (v[1][k] - v[0][k]) + b * (v[2][k] - v[0][k]);
+                }
+                for (int k = 0; k < 3; k++) {
+                    p[k] += share * p[DEPTH] * d[k];
+                }
+                batch_add_spring(&s->batch, p, d, rate, p[DEPTH]);
             }
-            for (int k = 0; k < 3; k++) {
-                p[k] += share * p[DEPTH] * d[k];
-            }
-            batch_add_spring(&s->batch, p, d, rate, p[DEPTH]);
         }
         sum->depth = v[1][DEPTH] > sum->depth ? v[1][DEPTH] : sum->depth;
     }

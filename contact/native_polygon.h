@@ -25,13 +25,13 @@ void polygon_clip_depth(const struct polygon *in, struct polygon *out);
 /* Twice the area as seen along a normal, and the centroid with its depth. */
 double polygon_center(const struct polygon *g, const double normal[3], double center[4]);
 
-/* Adds the springs on a polygon: three in each triangle between the center (polygon_center's)
- * and an edge, which integrates force and moment of a linear depth exactly. pressure is the
- * elastic force per depth and area as seen along the normal, share how far along d from the
- * polygon a spring acts. */
+/* Adds the springs on a polygon: three in each part (parts: of struct facet) of each triangle
+ * between the center (polygon_center's) and an edge, which integrates force and moment of a linear
+ * depth exactly. pressure is the elastic force per depth and area as seen along the normal, share
+ * how far along d from the polygon a spring acts. */
 void polygon_add_springs(struct native_scratch *s, const struct polygon *g, const double center[4],
-                         const double normal[3], const double d[3], double pressure, double share,
-                         const struct native_law *law, const struct native_relative *relative,
-                         struct native_sum *sum);
+                         const double normal[3], const double d[3], int parts, double pressure,
+                         double share, const struct native_law *law,
+                         const struct native_relative *relative, struct native_sum *sum);
 
 #endif

@@ -17,6 +17,7 @@ struct native_surface {
     double radius;                   /* of a sphere */
     double center[3], reach;         /* a ball about all of it, in its frame */
     const struct solid *solid;       /* box and mesh */
+    const struct field *field;       /* of one that has a pair with its like, or NULL */
 };
 
 /* A surface's pose and velocity in the world. */
@@ -31,6 +32,7 @@ enum native_pair_kind {
     PAIR_MESH_HALF_SPACE,
     PAIR_MESH_SPHERE,
     PAIR_MESHES,
+    PAIR_FIELDS,
 };
 
 struct native_pair {

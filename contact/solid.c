@@ -237,7 +237,8 @@ enum error_code solid_make(const struct mesh *mesh, struct arena *arena, struct 
     enum error_code code = ERROR_NONE;
 
     /* Memory for the making */
-    *solid = (struct solid){.nface = mesh->nface, .vertex = mesh->vertex, .face = mesh->face};
+    *solid = (struct solid){
+        .nvertex = mesh->nvertex, .nface = mesh->nface, .vertex = mesh->vertex, .face = mesh->face};
     b.group = malloc(mesh->nface * sizeof *b.group);
     b.member = malloc(mesh->nface * sizeof *b.member);
     b.next = malloc(mesh->nvertex * sizeof *b.next);

@@ -18,7 +18,7 @@
 
 #define FACET_MAX_VERTICES 64
 #define SOLID_LANES 8  /* what is read side by side is padded to a multiple of this */
-#define FACET_POINTS 3 /* of quadrature in each triangle between the centroid and an edge */
+#define FACET_POINTS 3 /* of quadrature in each part of a triangle between centroid and edge */
 
 /* Entries of an outline: SOLID_LANES can be read at once from each entry on, and from the next. */
 #define FACET_OUTLINE(count) (((count) + SOLID_LANES - 1) / SOLID_LANES * SOLID_LANES + SOLID_LANES)
@@ -33,6 +33,10 @@ struct facet {
     double inradius;   /* and of the one that the facet holds */
     double area;       /* m2 */
     int point, npoint; /* its points of quadrature; none for a triangle */
+    /* Parts along an edge that the triangles between its centroid and its edges are cut into for
+     * them: 2 of a large facet with few corners, else 1. What is linear all of them integrate
+     * exactly, but not friction on a face that spins: 1 is 0.8 % off on a square, 2 are 0.06 %. */
+    int parts;
     /* Its surroundings. Triangles that touch it are at dihedral angles whose normals differ from
      * its own by less than 90 degrees, at most with this cosine and sine; all others are three
      * times the clearance away. 0 where nothing is known. */
@@ -45,7 +49,7 @@ struct facet {
 enum { PLANE_X, PLANE_Y, PLANE_Z, PLANE_OFFSET, PLANE_ROWS };
 
 struct solid {
-    size_t nface, nfacet, npoint;
+    size_t nvertex, nface, nfacet, npoint;
     struct box box;
     double radius; /* half of the box's diagonal */
 
@@ -72,6 +76,19 @@ struct solid {
     const double *plane[PLANE_ROWS]; /* padded, the last repeated */
     size_t nplane;
 };
+
+/* The q-th of the three points in one of the equal triangles that a triangle is cut into, each edge
+ * in parts of the length part: number `at` of the 2/part - 2 row - 1 in a row, every other one
+ * upside down. Where it is: s and t of the ways from the triangle's first corner to the others.
+ * RT-safe. */
+static inline void triangle_find_point(double part, int row, int at, int q, double *s, double *t)
+{
+    const int flip = at % 2;
+    const double way = (flip ? -1 : 1) * (1.0 / 6);
+
+    *s = (at / 2 + flip + way * (q == 1 ? 4 : 1)) * part;
+    *t = (row + flip + way * (q == 2 ? 4 : 1)) * part;
+}
 
 /* The part of a triangle that is nearest to a point. */
 enum triangle_feature {

@@ -13,6 +13,8 @@
 #include <string.h>
 
 #define COPLANAR 1e-9 /* sine of the angle, and height over the size, of one plane */
+#define FEW 16        /* corners */
+#define LARGE 0.15    /* against the solid's size */
 #define IN_LINE 1e-12 /* distance over the size of a corner that is none */
 
 /* ---- planes ---- */
@@ -222,7 +224,8 @@ static void solid_add_facet(struct solid_builder *b, const int *loop, int count,
         f->radius = fmax(f->radius, vec3_norm(to));
         f->inradius = fmin(f->inradius, vec3_dot(x, f->normal) / vec3_norm(edge));
     }
-    f->npoint = count > 3 ? count * FACET_POINTS : 0;
+    f->parts = count < FEW && f->radius > LARGE * b->size ? 2 : 1;
+    f->npoint = count > 3 ? count * FACET_POINTS * f->parts * f->parts : 0;
     vec3_make_frame(f->normal, f->axis[0], f->axis[1]);
 }
 
@@ -268,6 +271,32 @@ enum error_code solid_make_facets(struct solid_builder *b, struct solid *s)
 
 /* ---- what is kept for facets of more than three corners ---- */
 
+/* The points in the triangle between a facet's centroid and its edge e, from at on; returns the one
+ * after them. */
+static size_t facet_make_points(const struct solid *s, const struct facet *f, int e,
+                                double *const point[3], double *weight, size_t at)
+{
+    const double *v[3] = {f->center, s->ring[f->first + e], s->ring[f->first + (e + 1) % f->count]};
+    const int parts = f->parts;
+    double to[3], next[3], x[3];
+
+    vec3_sub(v[1], v[0], to);
+    vec3_sub(v[2], v[0], next);
+    vec3_cross(to, next, x);
+    for (int row = 0; row < parts; row++) {
+        for (int i = 0; i < FACET_POINTS * (2 * (parts - row) - 1); ++i, ++at) {
+            double a, b;
+
+            triangle_find_point(1.0 / parts, row, i / FACET_POINTS, i % FACET_POINTS, &a, &b);
+            weight[at] = vec3_dot(x, f->normal) / (2 * FACET_POINTS * parts * parts);
+            for (int k = 0; k < 3; k++) {
+                point[k][at] = v[0][k] + a * to[k] + b * next[k];
+            }
+        }
+    }
+    return at;
+}
+
 enum error_code solid_make_points(struct solid_builder *b, struct solid *s)
 {
     double *point[3], *weight;
@@ -287,26 +316,13 @@ enum error_code solid_make_points(struct solid_builder *b, struct solid *s)
         }
     }
 
-    /* A facet is cut into triangles between its centroid and its edges, with three points each that
-     * integrate squares exactly */
+    /* Three in each part of each triangle integrate squares exactly */
     for (size_t i = 0; i < s->nfacet; i++) {
         const struct facet *f = &s->facet[i];
         size_t at = (size_t)f->point;
 
         for (int e = 0; f->npoint && e < f->count; e++) {
-            const double *v[3] = {f->center, s->ring[f->first + e],
-                                  s->ring[f->first + (e + 1) % f->count]};
-            double to[3], next[3], x[3];
-
-            vec3_sub(v[1], v[0], to);
-            vec3_sub(v[2], v[0], next);
-            vec3_cross(to, next, x);
-            for (int q = 0; q < FACET_POINTS; ++q, ++at) {
-                weight[at] = vec3_dot(x, f->normal) / 6;
-                for (int k = 0; k < 3; k++) {
-                    point[k][at] = (v[0][k] + v[1][k] + v[2][k] + 3 * v[q][k]) / 6;
-                }
-            }
+            at = facet_make_points(s, f, e, point, weight, at);
         }
     }
     return ERROR_NONE;

@@ -2,6 +2,10 @@
 /* Building the bounding-volume tree, and collecting what meets a box. */
 #include "contact/tree.h"
 
+#include "base/vec3.h"
+
+#include <math.h>
+
 struct tree_builder {
     const struct box *box;
     struct tree_node *node;
@@ -151,4 +155,24 @@ size_t tree_collect(const struct tree *tree, const struct box *box, int *list, s
         ++node;
     }
     return n;
+}
+
+struct box box_transform(const struct box *box, const double R[9], const double p[3])
+{
+    struct box out;
+    double center[3], half[3], to[3];
+
+    for (int k = 0; k < 3; k++) {
+        center[k] = (box->low[k] + box->high[k]) / 2;
+        half[k] = (box->high[k] - box->low[k]) / 2;
+    }
+    mat3_apply(R, center, to);
+    for (int k = 0; k < 3; k++) {
+        double reach =
+            fabs(R[3 * k]) * half[0] + fabs(R[3 * k + 1]) * half[1] + fabs(R[3 * k + 2]) * half[2];
+
+        out.low[k] = to[k] + p[k] - reach;
+        out.high[k] = to[k] + p[k] + reach;
+    }
+    return out;
 }

@@ -117,4 +117,8 @@ static inline double box_distance2(const struct box *box, const double p[3])
     return sum;
 }
 
+/* The box about a box that is turned and moved: into the frame in which its own has the axes R
+ * (columns) and the origin p. */
+struct box box_transform(const struct box *box, const double R[9], const double p[3]);
+
 #endif

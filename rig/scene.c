@@ -237,6 +237,7 @@ enum error_code rig_build_scene(struct rig_builder *b)
     contact->pair = pair;
     contact->npair = scene->npair;
     contact->transition_velocity_m_s = scene->transition_velocity_m_s;
+    contact->mesh_law = (enum contact_mesh_law)scene->mesh_law;
     b->rig->contact_engine = (enum rig_contact_engine)scene->engine;
 
     /* The engine's own checks, with the place in the file */

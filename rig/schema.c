@@ -35,6 +35,11 @@ static const struct yaml_enum engine_names[] = {
     {"simbody", RIG_CONTACT_SIMBODY},
     {NULL, 0},
 };
+static const struct yaml_enum mesh_law_names[] = {
+    {"pressure_field", CONTACT_PRESSURE_FIELD},
+    {"elastic_foundation", CONTACT_ELASTIC_FOUNDATION},
+    {NULL, 0},
+};
 static const struct yaml_enum shape_names[] = {
     {"half_space", CONTACT_HALF_SPACE},
     {"sphere", CONTACT_SPHERE},
@@ -216,6 +221,7 @@ static const struct yaml_field scene_fields[] = {
     {"engine", YAML_ENUM, true, AT(engine), .names = engine_names},
     {"transition_velocity_m_s", YAML_REAL, false, AT(transition_velocity_m_s), .min = 1e-6,
      .max = 10.0},
+    {"mesh_law", YAML_ENUM, false, AT(mesh_law), .names = mesh_law_names},
     {"materials", YAML_DICT, false, AT(material), AT(nmaterial), .schema = &material_schema},
     {"bodies", YAML_LIST, false, AT(body), AT(nbody), .schema = &body_schema},
     {"surfaces", YAML_LIST, false, AT(surface), AT(nsurface), .schema = &surface_schema},
@@ -223,7 +229,8 @@ static const struct yaml_field scene_fields[] = {
 };
 #undef STRUCT
 static const struct raw_scene scene_defaults = {.engine = RIG_CONTACT_NONE,
-                                                .transition_velocity_m_s = 0.01};
+                                                .transition_velocity_m_s = 0.01,
+                                                .mesh_law = CONTACT_PRESSURE_FIELD};
 static const struct yaml_schema scene_schema = {
     .what = "the scene",
     .size = sizeof(struct raw_scene),

@@ -88,6 +88,7 @@ struct raw_scene {
     struct yaml_mark mark;
     int engine;
     double transition_velocity_m_s;
+    int mesh_law; /* enum contact_mesh_law */
     struct raw_material *material;
     size_t nmaterial;
     struct raw_body *body;

@@ -17,6 +17,7 @@ foreach(name "" _invariants _tangents _bodies _impacts)
     hil_test(contact_native${name} SOURCES physics/contact_native${name}.c
              LIBS contact TIMEOUT 180 LABELS physics)
 endforeach()
+hil_test(contact_fields SOURCES physics/contact_fields.c LIBS contact TIMEOUT 180 LABELS physics)
 hil_test(contact_native_agreement SOURCES physics/contact_native_agreement.c
          LIBS contact_centroids LABELS physics)
 hil_test(contact_native_variants SOURCES physics/contact_native_variants.c
@@ -24,7 +25,8 @@ hil_test(contact_native_variants SOURCES physics/contact_native_variants.c
 
 # The physics once more with the kernels of each instruction set, those that this machine would not
 # choose too; what it cannot run is skipped.
-foreach(test contact_native contact_native_invariants contact_native_tangents contact_native_bodies)
+foreach(test contact_native contact_native_invariants contact_native_tangents contact_native_bodies
+             contact_fields)
     target_sources(test_${test} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/physics/contact_forced.c)
     target_link_options(test_${test} PRIVATE -Wl,--wrap=contact_native_create)
     foreach(kernels plain avx2 avx512)

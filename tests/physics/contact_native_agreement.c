@@ -53,12 +53,14 @@ static void compare(const struct scene *scene, const struct sweep *sweep,
                     const struct native_kernels *kernels)
 {
     struct contact_world *simbody = fixture_simbody(scene), *native = NULL;
+    struct contact_config config = scene->config;
     struct error error = {0};
     uint64_t seed = 2021;
     int touching = 0;
     double worst = 0;
 
-    if (native_create_with_kernels(&scene->config, kernels, &fixture_arena, &native, &error) !=
+    config.mesh_law = CONTACT_ELASTIC_FOUNDATION;
+    if (native_create_with_kernels(&config, kernels, &fixture_arena, &native, &error) !=
         ERROR_NONE) {
         fail_msg("%s", error.text);
     }

@@ -47,7 +47,7 @@ static const struct mesh *read_foot(struct arena *arena)
 
 static void evaluations_and_tangents_allocate_nothing(void **state)
 {
-    const struct native_kernels *const kernels[2] = {NULL, &contact_centroids};
+    const struct native_kernels *const kernels[3] = {NULL, NULL, &contact_centroids};
     struct arena arena;
     struct scene scene;
     uint64_t seed = 3;
@@ -56,9 +56,10 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
     assert_int_equal(arena_init(&arena, (size_t)64 << 20, NULL), ERROR_NONE);
     everything(&scene, read_foot(&arena));
 
-    struct contact_world *world[2];
+    struct contact_world *world[3];
 
-    for (int e = 0; e < 2; e++) {
+    for (int e = 0; e < 3; e++) {
+        scene.config.mesh_law = e > 0 ? CONTACT_ELASTIC_FOUNDATION : CONTACT_PRESSURE_FIELD;
         assert_int_equal(
             native_create_with_kernels(&scene.config, kernels[e], &arena, &world[e], NULL),
             ERROR_NONE);
@@ -80,7 +81,7 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
             motion[b].v[0] = 0.1 * random_number(&seed);
         }
         motion[3].p[0] = 0.03;
-        for (int e = 0; e < 2; e++) {
+        for (int e = 0; e < 3; e++) {
             assert_int_equal(world[e]->ops->evaluate(world[e], motion, wrench), ERROR_NONE);
             assert_true(world[e]->ops->patches(world[e], patch, 5) >= 1);
             assert_true(world[e]->ops->tangents(world[e], tangent, 5) >= 1);

@@ -57,6 +57,7 @@ static void wrong_configurations_are_refused_with_the_reason(void **state)
 
     REFUSED(bad.config.transition_velocity_m_s = 0, "transition_velocity_m_s 0");
     REFUSED(bad.config.transition_velocity_m_s = NAN, "transition_velocity_m_s");
+    REFUSED(bad.config.mesh_law = (enum contact_mesh_law)2, "mesh_law 2");
     REFUSED(bad.config.nbody = CONTACT_MAX_BODIES + 1, "1025 bodies");
     REFUSED(bad.config.npair = CONTACT_MAX_PAIRS + 1, "16385 pairs");
     REFUSED(bad.surface[1].name = NULL, "no name");

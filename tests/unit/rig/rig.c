@@ -92,6 +92,16 @@ static void places_surfaces_on_bodies_frames_and_the_world(void **state)
     assert_true(ball->material.viscous_friction == 0.5);
 }
 
+static void meshes_interact_by_the_law_that_the_rig_names(void **state)
+{
+    (void)state;
+    assert_int_equal(load_toy()->contact.mesh_law, CONTACT_PRESSURE_FIELD);
+    write_toy_with("  materials:", "  mesh_law: elastic_foundation\n  materials:");
+    assert_int_equal(load_rig(rig_path)->contact.mesh_law, CONTACT_ELASTIC_FOUNDATION);
+    refused_with("  materials:", "  mesh_law: springs\n  materials:",
+                 "11:13: found \"springs\", expected pressure_field or elastic_foundation");
+}
+
 static void hands_every_board_what_it_needs(void **state)
 {
     const struct rig *rig = load_toy();
@@ -506,6 +516,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(reads_time_pose_and_settings),
         TEST(places_surfaces_on_bodies_frames_and_the_world),
+        TEST(meshes_interact_by_the_law_that_the_rig_names),
         TEST(hands_every_board_what_it_needs),
         TEST(the_rig_can_put_joints_and_base_elsewhere_than_the_pose),
         TEST(rejects_joints_of_the_start_beyond_their_limits),
