@@ -15,5 +15,8 @@ const struct native_kernels native_kernels = {
     .sphere = native_overlap_sphere,
     .meshes = native_overlap_meshes,
     .hertz = native_hertz,
+    .capsule_half_space = native_capsule_half_space,
+    .capsules = native_capsules,
     .sum = native_law_sum,
+    .find_near = broad_phase_find,
 };

@@ -15,7 +15,10 @@
 #define NATIVE_EXPAND(name, variant) NATIVE_PASTE(name, variant)
 #define NATIVE_NAME(name) NATIVE_EXPAND(name, NATIVE_VARIANT)
 
+#define broad_phase_find NATIVE_NAME(broad_phase_find)
 #define facets_add_springs NATIVE_NAME(facets_add_springs)
+#define native_capsule_half_space NATIVE_NAME(native_capsule_half_space)
+#define native_capsules NATIVE_NAME(native_capsules)
 #define native_hertz NATIVE_NAME(native_hertz)
 #define native_kernels NATIVE_NAME(native_kernels)
 #define native_law_make_room NATIVE_NAME(native_law_make_room)

@@ -17,6 +17,7 @@ foreach(name "" _invariants _tangents _bodies _impacts)
     hil_test(contact_native${name} SOURCES physics/contact_native${name}.c
              LIBS contact TIMEOUT 180 LABELS physics)
 endforeach()
+hil_test(contact_capsule SOURCES physics/contact_capsule.c LIBS contact LABELS physics)
 hil_test(contact_native_agreement SOURCES physics/contact_native_agreement.c
          LIBS contact_centroids LABELS physics)
 hil_test(contact_native_variants SOURCES physics/contact_native_variants.c
