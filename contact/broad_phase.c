@@ -4,6 +4,8 @@
 
 #include "contact/lanes.h"
 
+#include <math.h>
+
 /* Bit l: the ball of surface first + l meets the row's plane. */
 static unsigned row_meets_plane(const struct broad_balls *b, const struct broad_row *row)
 {
@@ -38,6 +40,20 @@ static unsigned row_meets_ball(const struct broad_balls *b, const struct broad_r
     return (unsigned)meets;
 }
 
+/* Whether the capsules about two surfaces may meet: they do not when a plane across the line
+ * between their centers parts them. */
+static bool capsules_may_meet(const struct broad_phase *broad, int i, int j)
+{
+    const struct broad_balls *b = &broad->ball;
+    const struct broad_capsule *p = &broad->capsule[i], *q = &broad->capsule[j];
+    double dx = b->x[j] - b->x[i], dy = b->y[j] - b->y[i], dz = b->z[j] - b->z[i];
+    double apart2 = dx * dx + dy * dy + dz * dz, round = p->radius + q->radius;
+    double gap = apart2 - fabs(p->half[0] * dx + p->half[1] * dy + p->half[2] * dz) -
+                 fabs(q->half[0] * dx + q->half[1] * dy + q->half[2] * dz);
+
+    return gap <= 0 || gap * gap < round * round * apart2;
+}
+
 void broad_phase_find(const struct broad_phase *broad, uint64_t *near)
 {
     for (size_t w = 0; w < broad->nword; w++) {
@@ -49,9 +65,11 @@ void broad_phase_find(const struct broad_phase *broad, uint64_t *near)
                                                    : row_meets_ball(&broad->ball, row));
 
         for (; meets; meets &= meets - 1) {
-            int pair = row->pair[__builtin_ctz(meets)];
+            int lane = __builtin_ctz(meets), pair = row->pair[lane];
 
-            near[pair / 64] |= UINT64_C(1) << pair % 64;
+            if (row->plane || capsules_may_meet(broad, row->surface, row->first + lane)) {
+                near[pair / 64] |= UINT64_C(1) << pair % 64;
+            }
         }
     }
 }

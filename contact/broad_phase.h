@@ -2,8 +2,10 @@
 /*
  * Broad phase of the native engine: which pairs may touch, because the balls about their surfaces
  * meet, or a ball and a half-space. Tests a row of up to eight pairs at a time, those of one
- * surface with eight others that follow each other in the list of surfaces; nothing is kept from
- * one evaluation for the next. Lengths are meters in the world's frame. Memory is the arena's.
+ * surface with eight others that follow each other in the list of surfaces. Of what is left, pairs
+ * of which the capsules about the surfaces are apart along the line between their centers are not
+ * near either. Nothing is kept from one evaluation for the next. Lengths are meters in the world's
+ * frame. Memory is the arena's.
  */
 #ifndef CONTACT_BROAD_PHASE_H
 #define CONTACT_BROAD_PHASE_H
@@ -22,6 +24,12 @@ struct broad_balls {
     double *x, *y, *z, *reach;
 };
 
+/* The capsule about a surface, with the center of its ball; of a half-space nothing. */
+struct broad_capsule {
+    double half[3]; /* from the middle of its axis to an end */
+    double radius;
+};
+
 /* One surface against those from first on. */
 struct broad_row {
     int surface;
@@ -32,7 +40,8 @@ struct broad_row {
 };
 
 struct broad_phase {
-    struct broad_balls ball; /* to be kept up to date by who asks */
+    struct broad_balls ball;       /* to be kept up to date by who asks, */
+    struct broad_capsule *capsule; /* and these, of each surface */
     size_t nrow, nword;
     const struct broad_row *row;
 };

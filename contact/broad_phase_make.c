@@ -46,8 +46,10 @@ enum error_code broad_phase_make(const struct contact_config *config, struct are
     size_t padded = (config->nsurface / BROAD_LANES + 1) * BROAD_LANES;
     struct broad_row *row = arena_alloc(arena, config->npair + 1, sizeof *row);
     double **array[] = {&broad->ball.x, &broad->ball.y, &broad->ball.z, &broad->ball.reach};
-    bool made = row != NULL;
+    bool made;
 
+    broad->capsule = arena_alloc(arena, config->nsurface + 1, sizeof *broad->capsule);
+    made = row && broad->capsule;
     for (int i = 0; i < 4; i++) {
         *array[i] = arena_alloc(arena, padded, sizeof **array[i]);
         made = made && *array[i];

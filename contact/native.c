@@ -34,7 +34,20 @@ static void surface_place(const struct native_surface *s, const struct body_moti
     memcpy(pose->w, m->w, sizeof pose->w);
 }
 
-/* The ball about a surface on a body that moves, or the plane of a half-space. */
+/* The plane of a half-space, for the broad phase. */
+static void surface_place_plane(const struct native_engine *e, size_t index)
+{
+    const struct native_pose *pose = &e->pose[index];
+    const struct broad_balls *ball = &e->broad.ball;
+
+    ball->x[index] = pose->R[2];
+    ball->y[index] = pose->R[5];
+    ball->z[index] = pose->R[8];
+    ball->reach[index] =
+        -(pose->R[2] * pose->p[0] + pose->R[5] * pose->p[1] + pose->R[8] * pose->p[2]);
+}
+
+/* The ball and the capsule about a surface. */
 static void surface_place_ball(const struct native_engine *e, size_t index,
                                const struct body_motion *m)
 {
@@ -42,21 +55,11 @@ static void surface_place_ball(const struct native_engine *e, size_t index,
     const struct broad_balls *ball = &e->broad.ball;
     double center[3];
 
-    if (s->shape == CONTACT_HALF_SPACE) {
-        const struct native_pose *pose = &e->pose[index];
-
-        ball->x[index] = pose->R[2];
-        ball->y[index] = pose->R[5];
-        ball->z[index] = pose->R[8];
-        ball->reach[index] =
-            -(pose->R[2] * pose->p[0] + pose->R[5] * pose->p[1] + pose->R[8] * pose->p[2]);
-        return;
-    }
     mat3_apply(m->R, s->center, center);
     ball->x[index] = center[0] + m->p[0];
     ball->y[index] = center[1] + m->p[1];
     ball->z[index] = center[2] + m->p[2];
-    ball->reach[index] = s->reach;
+    mat3_apply(m->R, s->about.half, e->broad.capsule[index].half);
 }
 
 void native_place_fixed_surfaces(struct native_engine *e)
@@ -67,6 +70,12 @@ void native_place_fixed_surfaces(struct native_engine *e)
         if (e->surface[i].body < 0) {
             surface_place(&e->surface[i], &world_at_rest, &e->pose[i]);
             e->placed[i] = true;
+        }
+        e->broad.ball.reach[i] = e->surface[i].reach;
+        e->broad.capsule[i].radius = e->surface[i].about.radius;
+        if (e->surface[i].body < 0 && e->surface[i].shape == CONTACT_HALF_SPACE) {
+            surface_place_plane(e, i);
+        } else if (e->surface[i].body < 0) {
             surface_place_ball(e, i, &world_at_rest);
         }
     }
@@ -235,8 +244,10 @@ static void surfaces_move(struct native_engine *e, const struct body_motion *mot
         e->placed[i] = s->shape == CONTACT_HALF_SPACE;
         if (e->placed[i]) {
             surface_place(s, &motion[s->body], &e->pose[i]);
+            surface_place_plane(e, i);
+        } else {
+            surface_place_ball(e, i, &motion[s->body]);
         }
-        surface_place_ball(e, i, &motion[s->body]);
     }
 }
 

@@ -150,7 +150,42 @@ static bool surface_meets_mesh(const struct contact_config *config, size_t index
     return false;
 }
 
-/* The solid of a box, a mesh or a capsule, and the ball about it. */
+/* A ball and a capsule about the middle of a mesh's box, the capsule along the longest side. */
+static void surface_bound_mesh(const struct mesh *mesh, struct native_surface *s)
+{
+    const struct box *box = &s->solid->box;
+    double middle[3], side[3], half, next = 0;
+    int longest = 0;
+
+    for (int k = 0; k < 3; k++) {
+        middle[k] = (box->low[k] + box->high[k]) / 2;
+        side[k] = (box->high[k] - box->low[k]) / 2;
+        longest = side[k] > side[longest] ? k : longest;
+    }
+    for (int k = 0; k < 3; k++) {
+        next = k != longest && side[k] > next ? side[k] : next;
+    }
+    half = side[longest] - next;
+    s->reach = s->about.radius = 0;
+    for (size_t v = 0; v < mesh->nvertex; v++) {
+        double to[3], along;
+
+        vec3_sub(mesh->vertex[v], middle, to);
+        s->reach = fmax(s->reach, vec3_norm(to));
+        along = fmin(half, fmax(-half, to[longest]));
+        to[longest] -= along;
+        s->about.radius = fmax(s->about.radius, vec3_norm(to));
+    }
+
+    /* In the body */
+    mat3_apply(s->rotation, middle, s->center);
+    vec3_add_scaled(s->center, 1, s->position, s->center);
+    for (int k = 0; k < 3; k++) {
+        s->about.half[k] = half * s->rotation[3 * k + longest];
+    }
+}
+
+/* The solid of a box, a mesh or a capsule, and what is about it. */
 static enum error_code surface_make_solid(const struct contact_config *config, size_t index,
                                           struct arena *arena, struct native_surface *surface,
                                           struct error *error)
@@ -159,7 +194,6 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
     struct native_surface *s = &surface[index];
     const struct mesh *mesh = given->mesh;
     enum error_code code;
-    double middle[3];
 
     /* Its mesh */
     if (given->shape == CONTACT_BOX) {
@@ -190,19 +224,7 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
         s->solid = solid;
     }
 
-    /* A ball about its box's middle */
-    for (int k = 0; k < 3; k++) {
-        middle[k] = (s->solid->box.low[k] + s->solid->box.high[k]) / 2;
-    }
-    s->reach = 0;
-    for (size_t v = 0; v < mesh->nvertex; v++) {
-        double to[3];
-
-        vec3_sub(mesh->vertex[v], middle, to);
-        s->reach = fmax(s->reach, vec3_norm(to));
-    }
-    mat3_apply(s->rotation, middle, s->center);
-    vec3_add_scaled(s->center, 1, s->position, s->center);
+    surface_bound_mesh(mesh, s);
     return ERROR_NONE;
 }
 
@@ -222,6 +244,10 @@ static enum error_code surface_make(const struct contact_config *config, size_t 
         s->capsule.radius = given->radius_m;
         s->capsule.half = given->shape == CONTACT_CAPSULE ? given->length_m / 2 : 0;
         s->reach = s->capsule.radius + s->capsule.half;
+        s->about.radius = s->capsule.radius;
+        for (int k = 0; k < 3; k++) {
+            s->about.half[k] = s->capsule.half * s->rotation[3 * k + 2];
+        }
     }
     if (shape_is_mesh(given->shape) ||
         (given->shape == CONTACT_CAPSULE && surface_meets_mesh(config, index))) {

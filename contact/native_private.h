@@ -17,6 +17,7 @@ struct native_surface {
     double position[3], rotation[9]; /* in the body */
     struct native_capsule capsule;   /* or sphere */
     double center[3], reach;         /* a ball about all of it, in the body */
+    struct broad_capsule about;      /* a capsule, with the same center and also in the body */
     const struct solid *solid;       /* box and mesh; capsule, if it may touch one of them */
 };
 
