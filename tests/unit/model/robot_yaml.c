@@ -480,6 +480,7 @@ int main(void)
         TEST(coman_has_its_drives_and_disabled_parallel_springs),
         TEST(every_pose_of_coman_stands_flat_on_the_ground),
         TEST(coman_has_four_sensors_that_nothing_hangs_on),
+        TEST(coman_has_capsules_on_its_limbs_and_trunk),
         TEST(the_forearms_make_it_heavier_and_move_the_wrists),
         TEST(an_unknown_variant_is_refused_with_the_nearest),
         TEST(a_sound_file_becomes_a_robot),
