@@ -27,6 +27,20 @@
  * with Hertz's law instead: f_n = 4/3 E sqrt(R) x^1.5 (1 + 1.5 c x'), R the relative radius,
  * E = (K1 K2/(K1 + K2))^1.5 with K_i = young_i^(2/3), shares s_i by K_i; thickness plays no part,
  * and 2/5 of the elastic force times x is stored.
+ *
+ * A capsule is always a foundation, with k as above, and passes smoothly from a point to a line as
+ * it comes to lie down. On a half-space the elastic force is k times the volume below the plane, at
+ * the center of that volume, and k times the integral of the depth over it is stored (a body's
+ * buoyancy): a capsule without length is the sphere of a mesh, not Hertz's. On another capsule or a
+ * sphere, with x = R1 + R2 - distance at a point of one axis to the nearest of the other, and
+ * R = R1 R2/(R1 + R2), the volume in common is
+ *
+ *     V = 1/2 integral of 4/3 sqrt(2 R) x^1.5 ds over both axes + 1/4 sum of pi R x^2 over all ends
+ *
+ * a sphere has two ends in one place. For small x this is the volume between paraboloids for axes
+ * that cross at any angle (pi x^2 sqrt(R1 R2)/sin) or lie side by side; for a tip on the middle of
+ * a side it is 12 % under it at equal radii, for two tips half of it. Every term is the slope of an
+ * energy that depends on the pose alone, so that a closed way through touching poses gains nothing.
  */
 #ifndef CONTACT_CONTACT_H
 #define CONTACT_CONTACT_H
@@ -48,6 +62,7 @@ enum contact_shape {
     CONTACT_SPHERE,     /* centered at the surface frame's origin */
     CONTACT_BOX,        /* centered, faces along the frame's axes, a mesh of its own */
     CONTACT_MESH,       /* closed triangle mesh in the surface frame */
+    CONTACT_CAPSULE,    /* centered, its axis along the frame's z, a half-sphere at each end */
 };
 
 struct contact_material {
@@ -64,7 +79,8 @@ struct contact_surface {
     enum contact_shape shape;
     double position[3];      /* of the surface frame in the body (or world) frame, m */
     double rotation[9];      /* surface frame to body frame, row-major */
-    double radius_m;         /* sphere */
+    double radius_m;         /* sphere, capsule */
+    double length_m;         /* capsule: of its axis, without the ends; 0 or more */
     double half_extent_m[3]; /* box */
     int cells_per_edge;      /* box: 7 gives Simbody's 588 faces */
     const struct mesh *mesh; /* mesh; must outlive the world */
@@ -188,7 +204,8 @@ struct contact_world {
  * - A face that has sunk below a half-space pushes along the half-space's normal, also one that
  *   stands upright: the sides of a box deeper than its first centroids add to the force.
  * - A sphere smaller than the mesh's cells can touch between centroids and feel nothing.
- * - Force patches give neither area nor depth. */
+ * - Force patches give neither area nor depth.
+ * It has no capsules: ERROR_UNSUPPORTED. */
 enum error_code contact_simbody_create(const struct contact_config *config,
                                        struct contact_world **world, struct error *error);
 
@@ -231,10 +248,12 @@ enum error_code contact_simbody_create(const struct contact_config *config,
  * - Sphere on mesh: over each facet along its normal to the sphere's far side: k times the cap's
  *   volume on a flat side, wherever on it. A sphere that has sunk under a facet as deep as it is
  *   wide is no longer held by it. Sphere on half-space or sphere: Hertz's law, as above.
+ * - Capsule on mesh: as a mesh of 256 triangles (mesh_capsule).
  * - Velocity, dissipation and friction are taken at three points between a facet's centroid and
  *   each edge of the overlap, at three in all on facets that are small against the smaller mesh
  *   (four points of a sphere's patch). In a pressure field at three in each triangle, no wider than
  *   0.6 of the smaller mesh's radius, that a facet in a cell of the field is cut into.
+ * Pairs whose bounding balls are apart cost a few instructions, several pairs at a time.
  * Nothing is kept from one evaluation for the next, so the same motion always gives the same bits
  * on the same machine. The kernels are compiled for several instruction sets, of which the best
  * that the machine can run is taken; with another number of lanes sums have another order, and may

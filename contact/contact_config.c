@@ -150,6 +150,19 @@ static enum error_code surface_check_mesh(const struct contact_surface *s, struc
     return ERROR_NONE;
 }
 
+static enum error_code surface_check_capsule(const struct contact_surface *s, struct error *error)
+{
+    enum error_code code =
+        surface_expect(s->radius_m > 0 && s->radius_m <= MESH_MAX_COORDINATE_M, s, "radius_m",
+                       s->radius_m, "over 0 and no larger than a mesh may be", error);
+
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    return surface_expect(s->length_m >= 0 && s->length_m <= MESH_MAX_COORDINATE_M, s, "length_m",
+                          s->length_m, "0 or more and no larger than a mesh may be", error);
+}
+
 static enum error_code surface_check_shape(const struct contact_surface *s, struct error *error)
 {
     switch (s->shape) {
@@ -158,6 +171,8 @@ static enum error_code surface_check_shape(const struct contact_surface *s, stru
     case CONTACT_SPHERE:
         return surface_expect(number_is_positive(s->radius_m), s, "radius_m", s->radius_m, "over 0",
                               error);
+    case CONTACT_CAPSULE:
+        return surface_check_capsule(s, error);
     case CONTACT_BOX:
         return surface_check_box(s, error);
     case CONTACT_MESH:

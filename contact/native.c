@@ -32,10 +32,34 @@ static void surface_place(const struct native_surface *s, const struct body_moti
     vec3_cross(m->w, arm, turn);
     vec3_add_scaled(m->v, 1, turn, pose->v);
     memcpy(pose->w, m->w, sizeof pose->w);
+}
 
-    /* The middle of the ball about it */
-    mat3_apply(pose->R, s->center, pose->center);
-    vec3_add_scaled(pose->center, 1, pose->p, pose->center);
+/* The plane of a half-space, for the broad phase. */
+static void surface_place_plane(const struct native_engine *e, size_t index)
+{
+    const struct native_pose *pose = &e->pose[index];
+    const struct broad_balls *ball = &e->broad.ball;
+
+    ball->x[index] = pose->R[2];
+    ball->y[index] = pose->R[5];
+    ball->z[index] = pose->R[8];
+    ball->reach[index] =
+        -(pose->R[2] * pose->p[0] + pose->R[5] * pose->p[1] + pose->R[8] * pose->p[2]);
+}
+
+/* The ball and the capsule about a surface. */
+static void surface_place_ball(const struct native_engine *e, size_t index,
+                               const struct body_motion *m)
+{
+    const struct native_surface *s = &e->surface[index];
+    const struct broad_balls *ball = &e->broad.ball;
+    double center[3];
+
+    mat3_apply(m->R, s->center, center);
+    ball->x[index] = center[0] + m->p[0];
+    ball->y[index] = center[1] + m->p[1];
+    ball->z[index] = center[2] + m->p[2];
+    mat3_apply(m->R, s->about.half, e->broad.capsule[index].half);
 }
 
 void native_place_fixed_surfaces(struct native_engine *e)
@@ -45,23 +69,31 @@ void native_place_fixed_surfaces(struct native_engine *e)
     for (size_t i = 0; i < e->nsurface; i++) {
         if (e->surface[i].body < 0) {
             surface_place(&e->surface[i], &world_at_rest, &e->pose[i]);
+            e->placed[i] = true;
+        }
+        e->broad.ball.reach[i] = e->surface[i].reach;
+        e->broad.capsule[i].radius = e->surface[i].about.radius;
+        if (e->surface[i].body < 0 && e->surface[i].shape == CONTACT_HALF_SPACE) {
+            surface_place_plane(e, i);
+        } else if (e->surface[i].body < 0) {
+            surface_place_ball(e, i, &world_at_rest);
         }
     }
 }
 
-/* Whether the balls about two surfaces meet, or the first's ball a half-space. */
-static bool pair_is_near(const struct native_engine *e, const struct native_pair *pair)
+/* Places the surfaces of a pair that the broad phase has found. */
+static void pair_place_surfaces(struct native_engine *e, const struct native_pair *pair,
+                                const struct body_motion *motion)
 {
-    const struct native_surface *a = &e->surface[pair->surface[0]];
-    const struct native_surface *b = &e->surface[pair->surface[1]];
-    const struct native_pose *pa = &e->pose[pair->surface[0]], *pb = &e->pose[pair->surface[1]];
-    double apart[3], reach = a->reach + b->reach;
+    for (int side = 0; side < 2; side++) {
+        int index = pair->surface[side];
+        const struct native_surface *s = &e->surface[index];
 
-    vec3_sub(pa->center, pb->center, apart);
-    if (b->shape == CONTACT_HALF_SPACE) {
-        return pb->R[2] * apart[0] + pb->R[5] * apart[1] + pb->R[8] * apart[2] < a->reach;
+        if (!e->placed[index]) {
+            surface_place(s, &motion[s->body], &e->pose[index]);
+            e->placed[index] = true;
+        }
     }
-    return vec3_dot(apart, apart) < reach * reach;
 }
 
 /* The second surface seen from the first. */
@@ -95,7 +127,8 @@ static void pair_find_force(const struct native_engine *e, const struct native_p
 {
     const struct native_surface *a = &e->surface[pair->surface[0]];
     const struct native_surface *b = &e->surface[pair->surface[1]];
-    const double radius[2] = {a->radius, b->shape == CONTACT_SPHERE ? b->radius : HUGE_VAL};
+    const double radius[2] = {a->capsule.radius,
+                              b->shape == CONTACT_SPHERE ? b->capsule.radius : HUGE_VAL};
     const struct native_kernels *kernels = pair->kernels;
     struct native_scratch *s = e->scratch;
 
@@ -108,13 +141,19 @@ static void pair_find_force(const struct native_engine *e, const struct native_p
         kernels->half_space(a->solid, &pair->law, relative, s, sum);
         break;
     case PAIR_MESH_SPHERE:
-        kernels->sphere(a->solid, b->radius, &pair->law, relative, s, sum);
+        kernels->sphere(a->solid, b->capsule.radius, &pair->law, relative, s, sum);
         break;
     case PAIR_MESHES:
         kernels->meshes(a->solid, b->solid, &pair->law, relative, s, sum);
         break;
     case PAIR_FIELDS:
         kernels->fields(a->field, b->solid, b->field, &pair->law, relative, s, sum);
+        break;
+    case PAIR_CAPSULE_HALF_SPACE:
+        kernels->capsule_half_space(&a->capsule, &pair->law, relative, s, sum);
+        break;
+    case PAIR_CAPSULES:
+        kernels->capsules(&a->capsule, &b->capsule, &pair->law, relative, s, sum);
         break;
     }
 }
@@ -185,9 +224,7 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
     struct native_sum sum = {.depth = 0};
 
     batch->n = batch->start = from;
-    if (!pair_is_near(e, pair)) {
-        return;
-    }
+    pair_place_surfaces(e, pair, motion);
     pose_relate(&e->pose[pair->surface[0]], &e->pose[pair->surface[1]], &relative);
     pair_find_force(e, pair, &relative, &sum);
     if (sum.area > 0) {
@@ -197,6 +234,25 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
 }
 
 /* ---- the calls of contact.h ---- */
+
+/* Balls where their bodies are; of surfaces only half-spaces, which the broad phase asks for. */
+static void surfaces_move(struct native_engine *e, const struct body_motion *motion)
+{
+    for (size_t i = 0; i < e->nsurface; i++) {
+        const struct native_surface *s = &e->surface[i];
+
+        if (s->body < 0) {
+            continue;
+        }
+        e->placed[i] = s->shape == CONTACT_HALF_SPACE;
+        if (e->placed[i]) {
+            surface_place(s, &motion[s->body], &e->pose[i]);
+            surface_place_plane(e, i);
+        } else {
+            surface_place_ball(e, i, &motion[s->body]);
+        }
+    }
+}
 
 static enum error_code native_evaluate(struct contact_world *world,
                                        const struct body_motion *motion,
@@ -210,24 +266,22 @@ static enum error_code native_evaluate(struct contact_world *world,
         return code;
     }
 
-    /* Nothing touches yet; all surfaces are where their bodies are */
+    /* Nothing touches yet; all balls are where their bodies are */
     for (size_t b = 0; b < e->nbody; b++) {
         wrench[b] = (struct contact_wrench){{0}, {0}};
     }
-    for (size_t i = 0; i < e->nsurface; i++) {
-        const struct native_surface *s = &e->surface[i];
-
-        if (s->body >= 0) {
-            surface_place(s, &motion[s->body], &e->pose[i]);
-        }
-    }
+    surfaces_move(e, motion);
     e->npatch = 0;
     e->scratch->batch.n = e->scratch->batch.start = 0;
     e->scratch->batch.full = false;
     e->scratch->visits = 0;
 
-    for (size_t i = 0; i < e->npair; i++) {
-        pair_evaluate(e, i, motion, wrench);
+    /* Pairs that may touch, in their order */
+    e->find_near(&e->broad, e->near);
+    for (size_t w = 0; w < e->broad.nword; w++) {
+        for (uint64_t near = e->near[w]; near; near &= near - 1) {
+            pair_evaluate(e, 64 * w + (size_t)__builtin_ctzll(near), motion, wrench);
+        }
     }
     return ERROR_NONE;
 }

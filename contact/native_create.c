@@ -47,10 +47,30 @@ static bool shape_is_mesh(enum contact_shape shape)
     return shape == CONTACT_BOX || shape == CONTACT_MESH;
 }
 
-/* Which of two surfaces comes first: a mesh before a sphere before a half-space. */
+/* Which of two surfaces comes first: mesh, capsule, sphere, half-space. */
 static int shape_rank(enum contact_shape shape)
 {
-    return shape_is_mesh(shape) ? 0 : shape == CONTACT_SPHERE ? 1 : 2;
+    return shape_is_mesh(shape)       ? 0
+           : shape == CONTACT_CAPSULE ? 1
+           : shape == CONTACT_SPHERE  ? 2
+                                      : 3;
+}
+
+/* What two shapes in this order do, two meshes by their law; a capsule is a mesh of facets to a
+ * mesh. */
+static enum native_pair_kind pair_find_kind(enum contact_shape a, enum contact_shape b,
+                                            enum native_pair_kind meshes)
+{
+    if (shape_is_mesh(a)) {
+        return b == CONTACT_HALF_SPACE ? PAIR_MESH_HALF_SPACE
+               : b == CONTACT_SPHERE   ? PAIR_MESH_SPHERE
+               : b == CONTACT_CAPSULE  ? PAIR_MESHES
+                                       : meshes;
+    }
+    if (a == CONTACT_CAPSULE) {
+        return b == CONTACT_HALF_SPACE ? PAIR_CAPSULE_HALF_SPACE : PAIR_CAPSULES;
+    }
+    return b == CONTACT_SPHERE ? PAIR_HERTZ_SPHERES : PAIR_HERTZ_HALF_SPACE;
 }
 
 /* Whether a pair's b has to come first. Of two meshes that interact by a pressure field the larger
@@ -58,12 +78,13 @@ static int shape_rank(enum contact_shape shape)
 static bool pair_is_turned(const struct contact_config *config, const struct contact_pair *pair,
                            const struct native_surface *surface)
 {
-    const struct solid *a = surface[pair->a].solid, *b = surface[pair->b].solid;
+    enum contact_shape a = config->surface[pair->a].shape, b = config->surface[pair->b].shape;
 
-    if (a && b) {
-        return config->mesh_law == CONTACT_PRESSURE_FIELD && b->radius > a->radius;
+    if (shape_is_mesh(a) && shape_is_mesh(b)) {
+        return config->mesh_law == CONTACT_PRESSURE_FIELD &&
+               surface[pair->b].solid->radius > surface[pair->a].solid->radius;
     }
-    return shape_rank(config->surface[pair->b].shape) < shape_rank(config->surface[pair->a].shape);
+    return shape_rank(b) < shape_rank(a);
 }
 
 /* The best that this machine can run. A sphere has four springs, which do not fill more than four
@@ -107,14 +128,10 @@ static void pair_make(const struct contact_config *config, size_t index,
 
     /* Its law, with Hertz's shares between surfaces without a mesh */
     pair->law = law_make(&a->material, &b->material, config->transition_velocity_m_s);
-    if (shape_is_mesh(a->shape)) {
-        pair->kind = shape_is_mesh(b->shape)      ? meshes
-                     : b->shape == CONTACT_SPHERE ? PAIR_MESH_SPHERE
-                                                  : PAIR_MESH_HALF_SPACE;
-    } else {
+    pair->kind = pair_find_kind(a->shape, b->shape, meshes);
+    if (pair->kind == PAIR_HERTZ_SPHERES || pair->kind == PAIR_HERTZ_HALF_SPACE) {
         double share = pair->law.hertz_share;
 
-        pair->kind = b->shape == CONTACT_SPHERE ? PAIR_HERTZ_SPHERES : PAIR_HERTZ_HALF_SPACE;
         pair->law.dissipation = 1.5 * (share * a->material.dissipation_s_per_m +
                                        (1 - share) * b->material.dissipation_s_per_m);
     }
@@ -136,7 +153,58 @@ static const struct solid *surface_find_solid(const struct contact_config *confi
     return NULL;
 }
 
-/* The solid of a box or a mesh, and the ball about it. */
+/* Whether a surface may touch a mesh. */
+static bool surface_meets_mesh(const struct contact_config *config, size_t index)
+{
+    for (size_t i = 0; i < config->npair; i++) {
+        const struct contact_pair *pair = &config->pair[i];
+
+        if ((size_t)pair->a == index && shape_is_mesh(config->surface[pair->b].shape)) {
+            return true;
+        }
+        if ((size_t)pair->b == index && shape_is_mesh(config->surface[pair->a].shape)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* A ball and a capsule about the middle of a mesh's box, the capsule along the longest side. */
+static void surface_bound_mesh(const struct mesh *mesh, struct native_surface *s)
+{
+    const struct box *box = &s->solid->box;
+    double middle[3], side[3], half, next = 0;
+    int longest = 0;
+
+    for (int k = 0; k < 3; k++) {
+        middle[k] = (box->low[k] + box->high[k]) / 2;
+        side[k] = (box->high[k] - box->low[k]) / 2;
+        longest = side[k] > side[longest] ? k : longest;
+    }
+    for (int k = 0; k < 3; k++) {
+        next = k != longest && side[k] > next ? side[k] : next;
+    }
+    half = side[longest] - next;
+    s->reach = s->about.radius = 0;
+    for (size_t v = 0; v < mesh->nvertex; v++) {
+        double to[3], along;
+
+        vec3_sub(mesh->vertex[v], middle, to);
+        s->reach = fmax(s->reach, vec3_norm(to));
+        along = fmin(half, fmax(-half, to[longest]));
+        to[longest] -= along;
+        s->about.radius = fmax(s->about.radius, vec3_norm(to));
+    }
+
+    /* In the body */
+    mat3_apply(s->rotation, middle, s->center);
+    vec3_add_scaled(s->center, 1, s->position, s->center);
+    for (int k = 0; k < 3; k++) {
+        s->about.half[k] = half * s->rotation[3 * k + longest];
+    }
+}
+
+/* The solid of a box, a mesh or a capsule, and what is about it. */
 static enum error_code surface_make_solid(const struct contact_config *config, size_t index,
                                           struct arena *arena, struct native_surface *surface,
                                           struct error *error)
@@ -149,6 +217,11 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
     /* Its mesh */
     if (given->shape == CONTACT_BOX) {
         code = mesh_box(given->half_extent_m, given->cells_per_edge, arena, &mesh, error);
+        if (code != ERROR_NONE) {
+            return code;
+        }
+    } else if (given->shape == CONTACT_CAPSULE) {
+        code = mesh_capsule(given->radius_m, given->length_m, arena, &mesh, error);
         if (code != ERROR_NONE) {
             return code;
         }
@@ -170,16 +243,7 @@ static enum error_code surface_make_solid(const struct contact_config *config, s
         s->solid = solid;
     }
 
-    /* A ball about its box's middle */
-    for (int k = 0; k < 3; k++) {
-        s->center[k] = (s->solid->box.low[k] + s->solid->box.high[k]) / 2;
-    }
-    for (size_t v = 0; v < mesh->nvertex; v++) {
-        double to[3];
-
-        vec3_sub(mesh->vertex[v], s->center, to);
-        s->reach = fmax(s->reach, vec3_norm(to));
-    }
+    surface_bound_mesh(mesh, s);
     return ERROR_NONE;
 }
 
@@ -192,10 +256,20 @@ static enum error_code surface_make(const struct contact_config *config, size_t 
 
     s->body = given->body;
     s->shape = given->shape;
-    s->radius = s->reach = given->shape == CONTACT_SPHERE ? given->radius_m : 0;
     memcpy(s->position, given->position, sizeof s->position);
     memcpy(s->rotation, given->rotation, sizeof s->rotation);
-    if (shape_is_mesh(given->shape)) {
+    memcpy(s->center, given->position, sizeof s->center);
+    if (given->shape == CONTACT_SPHERE || given->shape == CONTACT_CAPSULE) {
+        s->capsule.radius = given->radius_m;
+        s->capsule.half = given->shape == CONTACT_CAPSULE ? given->length_m / 2 : 0;
+        s->reach = s->capsule.radius + s->capsule.half;
+        s->about.radius = s->capsule.radius;
+        for (int k = 0; k < 3; k++) {
+            s->about.half[k] = s->capsule.half * s->rotation[3 * k + 2];
+        }
+    }
+    if (shape_is_mesh(given->shape) ||
+        (given->shape == CONTACT_CAPSULE && surface_meets_mesh(config, index))) {
         return surface_make_solid(config, index, arena, surface, error);
     }
     return ERROR_NONE;
@@ -317,7 +391,11 @@ static struct native_engine *engine_alloc(const struct contact_config *config, s
     e->pair = arena_alloc(arena, e->npair + 1, sizeof *e->pair);
     e->patch = arena_alloc(arena, e->npair + 1, sizeof *e->patch);
     e->springs = arena_alloc(arena, e->npair + 1, sizeof *e->springs);
-    return e->surface && e->pose && e->pair && e->patch && e->springs ? e : NULL;
+    e->placed = arena_alloc(arena, e->nsurface + 1, sizeof *e->placed);
+    e->near = arena_alloc(arena, e->npair / 64 + 1, sizeof *e->near);
+    return e->surface && e->pose && e->pair && e->patch && e->springs && e->placed && e->near
+               ? e
+               : NULL;
 }
 
 enum error_code native_create_with_kernels(const struct contact_config *config,
@@ -343,6 +421,11 @@ enum error_code native_create_with_kernels(const struct contact_config *config,
             return code;
         }
     }
+    code = broad_phase_make(config, arena, &e->broad, error);
+    if (code != ERROR_NONE) {
+        return code;
+    }
+    e->find_near = (kernels ? kernels : native_choose_kernels(PAIR_MESHES))->find_near;
     native_place_fixed_surfaces(e);
     for (size_t i = 0; i < e->npair; i++) {
         pair_make(config, i, e->surface, kernels, &e->pair[i]);

@@ -16,5 +16,8 @@ const struct native_kernels native_kernels = {
     .meshes = native_overlap_meshes,
     .fields = native_overlap_fields,
     .hertz = native_hertz,
+    .capsule_half_space = native_capsule_half_space,
+    .capsules = native_capsules,
     .sum = native_law_sum,
+    .find_near = broad_phase_find,
 };

@@ -7,6 +7,7 @@
 #ifndef CONTACT_NATIVE_KERNELS_H
 #define CONTACT_NATIVE_KERNELS_H
 
+#include "contact/broad_phase.h"
 #include "contact/native_pairs.h"
 
 /* See contact/native_pairs.h, and native_law_sum for sum. */
@@ -28,8 +29,15 @@ struct native_kernels {
     void (*hertz)(const double radius[2], const struct native_law *law,
                   const struct native_relative *relative, struct native_scratch *scratch,
                   struct native_sum *sum);
+    void (*capsule_half_space)(const struct native_capsule *capsule, const struct native_law *law,
+                               const struct native_relative *relative,
+                               struct native_scratch *scratch, struct native_sum *sum);
+    void (*capsules)(const struct native_capsule *first, const struct native_capsule *second,
+                     const struct native_law *law, const struct native_relative *relative,
+                     struct native_scratch *scratch, struct native_sum *sum);
     void (*sum)(struct native_batch *batch, const struct native_law *law,
                 const struct native_relative *relative, struct native_sum *sum);
+    void (*find_near)(const struct broad_phase *broad, uint64_t *near);
 };
 
 extern const struct native_kernels native_kernels;

@@ -32,6 +32,12 @@ struct native_scratch {
     size_t visits; /* pairs of a facet and a cell of a field that an evaluation has looked at */
 };
 
+/* A capsule, or a sphere: then without length. */
+struct native_capsule {
+    double radius;
+    double half; /* of the length of its axis, which is the frame's z, through its origin */
+};
+
 /* 0 up to a, 1 from b on, smooth between them. */
 static inline double native_ramp(double x, double a, double b)
 {
@@ -74,5 +80,17 @@ void native_overlap_meshes(const struct solid *first, const struct solid *second
 void native_hertz(const double radius[2], const struct native_law *law,
                   const struct native_relative *relative, struct native_scratch *scratch,
                   struct native_sum *sum);
+
+/* A capsule on a half-space: slices across the axis, each a segment of a disc below the plane, on
+ * springs along the plane's normal. native_capsule.c. */
+void native_capsule_half_space(const struct native_capsule *capsule, const struct native_law *law,
+                               const struct native_relative *relative,
+                               struct native_scratch *scratch, struct native_sum *sum);
+
+/* Two capsules, or a capsule and a sphere: springs along the shortest way from points of either
+ * axis to the other. native_capsule.c. */
+void native_capsules(const struct native_capsule *first, const struct native_capsule *second,
+                     const struct native_law *law, const struct native_relative *relative,
+                     struct native_scratch *scratch, struct native_sum *sum);
 
 #endif

@@ -7,6 +7,7 @@
 #ifndef CONTACT_NATIVE_PRIVATE_H
 #define CONTACT_NATIVE_PRIVATE_H
 
+#include "contact/broad_phase.h"
 #include "contact/contact.h"
 #include "contact/native_kernels.h"
 
@@ -14,16 +15,16 @@ struct native_surface {
     int body;
     enum contact_shape shape;
     double position[3], rotation[9]; /* in the body */
-    double radius;                   /* of a sphere */
-    double center[3], reach;         /* a ball about all of it, in its frame */
-    const struct solid *solid;       /* box and mesh */
+    struct native_capsule capsule;   /* or sphere */
+    double center[3], reach;         /* a ball about all of it, in the body */
+    struct broad_capsule about;      /* a capsule, with the same center and also in the body */
+    const struct solid *solid;       /* box and mesh; capsule, if it may touch one of them */
     const struct field *field;       /* of one that has a pair with its like, or NULL */
 };
 
 /* A surface's pose and velocity in the world. */
 struct native_pose {
     double R[9], p[3], w[3], v[3];
-    double center[3]; /* of the ball */
 };
 
 enum native_pair_kind {
@@ -33,6 +34,8 @@ enum native_pair_kind {
     PAIR_MESH_SPHERE,
     PAIR_MESHES,
     PAIR_FIELDS,
+    PAIR_CAPSULE_HALF_SPACE,
+    PAIR_CAPSULES, /* of which one may be a sphere */
 };
 
 struct native_pair {
@@ -52,7 +55,11 @@ struct native_engine {
     struct contact_world world; /* first */
     size_t nbody, nsurface, npair, npatch;
     struct native_surface *surface;
-    struct native_pose *pose; /* of each surface */
+    struct native_pose *pose; /* of each surface that is placed */
+    bool *placed;             /* by surface: in this evaluation; those fixed in the world always */
+    struct broad_phase broad;
+    void (*find_near)(const struct broad_phase *broad, uint64_t *near);
+    uint64_t *near; /* what it found */
     struct native_pair *pair;
     struct contact_patch *patch;    /* of the last evaluation */
     struct native_springs *springs; /* of each patch */
@@ -62,7 +69,7 @@ struct native_engine {
 
 extern const struct contact_ops native_ops;
 
-/* The poses of the surfaces that are fixed in the world. */
+/* The poses and balls of the surfaces that are fixed in the world. */
 void native_place_fixed_surfaces(struct native_engine *e);
 
 #endif

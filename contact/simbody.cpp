@@ -148,6 +148,8 @@ ContactGeometry surface_geometry(const struct contact_surface &s)
         return box_geometry(s);
     case CONTACT_MESH:
         return mesh_geometry(*s.mesh);
+    case CONTACT_CAPSULE: /* refused before */
+        break;
     }
     throw std::logic_error("shape without a geometry");
 }
@@ -506,6 +508,14 @@ enum error_code contact_simbody_create(const struct contact_config *config,
 
     if (code != ERROR_NONE) {
         return code;
+    }
+    for (size_t i = 0; i < config->nsurface; i++) {
+        if (config->surface[i].shape == CONTACT_CAPSULE) {
+            return error_set(error, ERROR_UNSUPPORTED,
+                             "contact surface '%s': found a capsule, which engine simbody does not "
+                             "have; expected engine native, or another shape",
+                             config->surface[i].name);
+        }
     }
     try {
         Engine *engine = new Engine(*config);

@@ -114,9 +114,13 @@ void implicit_add_contact_inertia(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
 
+    static const struct spatial_inertia none;
+
     memset(im->added, 0, im->nobserved * sizeof *im->added);
     for (size_t c = 0; c < plant->config.ncontact; c++) {
-        if (!implicit_is_free(plant, (int)c)) {
+        /* Most bodies touch nothing most of the time */
+        if (!implicit_is_free(plant, (int)c) &&
+            memcmp(&im->contact_inertia[c], &none, sizeof none) != 0) {
             struct spatial_inertia own = im->contact_inertia[c];
             double back[9], S[21];
 

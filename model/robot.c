@@ -240,6 +240,28 @@ static enum error_code check_frames(const struct robot *robot, struct error *err
     return ERROR_NONE;
 }
 
+static enum error_code check_capsules(const struct robot *robot, struct error *error)
+{
+    for (size_t c = 0; c < robot->ncapsule; c++) {
+        const struct robot_capsule *capsule = &robot->capsule[c];
+
+        if (capsule->body < 0 || (size_t)capsule->body >= robot->nbody ||
+            !all_finite(capsule->position, 3) || !is_rotation_matrix(capsule->rotation)) {
+            return error_set(
+                error, ERROR_INPUT,
+                "%s: capsule %s: expected an existing body, a finite position and a rotation",
+                robot->name, capsule->name);
+        }
+        if (!(capsule->radius > 0.0 && capsule->length >= 0.0)) {
+            return error_set(error, ERROR_INPUT,
+                             "%s: capsule %s has radius %g m and length %g m, expected over 0 and "
+                             "0 or more",
+                             robot->name, capsule->name, capsule->radius, capsule->length);
+        }
+    }
+    return ERROR_NONE;
+}
+
 /* y = A s for the unit motion s of a joint, and s . y */
 static double joint_inertia(const struct robot_joint *joint, const struct spatial_inertia *A,
                             struct spatial *y)
@@ -407,7 +429,7 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
 
     /* What every part has to be */
     if ((code = check_tree(robot, error)) || (code = check_body_inertias(robot, error)) ||
-        (code = check_frames(robot, error))) {
+        (code = check_frames(robot, error)) || (code = check_capsules(robot, error))) {
         return code;
     }
     for (size_t j = 0; j < robot->njoint; j++) {
@@ -436,6 +458,9 @@ enum error_code robot_finish(struct robot *robot, struct error *error)
     }
     for (size_t f = 0; f < robot->nframe; f++) {
         robot->body[robot->frame[f].body].observed = true;
+    }
+    for (size_t c = 0; c < robot->ncapsule; c++) {
+        robot->body[robot->capsule[c].body].observed = true;
     }
     robot->hash = robot_hash(robot);
     return ERROR_NONE;

@@ -22,6 +22,7 @@
 
 #include "base/arena.h"
 #include "base/error.h"
+#include "base/motion.h"
 #include "base/yaml.h"
 
 #include <stdbool.h>
@@ -47,7 +48,7 @@ struct robot_body {
     const char *name;
     int parent; /* index of the parent body; -1 for the base */
     struct robot_inertia inertia;
-    bool observed; /* a frame lies on it: kinematics of this body are wanted every step */
+    bool observed; /* a frame or a capsule lies on it: its kinematics are wanted every step */
 };
 
 /* A mechanical stop, model/stop.h; stiffness 0 = there is none. */
@@ -105,6 +106,17 @@ struct robot_frame {
     double rotation[9]; /* frame to body, row-major */
 };
 
+/* What can touch: a cylinder with a half-sphere at each end, or without length a sphere, about the
+ * parts of a body and of what moves little against it. A rig says what it is made of. */
+struct robot_capsule {
+    const char *name;
+    int body;
+    double position[3]; /* of its middle, in the body frame, m */
+    double rotation[9]; /* its axis is z; capsule to body, row-major */
+    double radius;      /* m */
+    double length;      /* of the axis, without the ends, m */
+};
+
 /* Six-axis force-torque sensor: what the part below it (distal) exerts through it, in its frame. */
 struct robot_ft_sensor {
     const char *name;
@@ -126,11 +138,12 @@ struct robot {
                     * observed; not of names, poses, limits, drives and sensors */
     bool floating;
     double gravity[3]; /* m/s2, world */
-    size_t nbody, njoint, nframe, nft, npose;
+    size_t nbody, njoint, nframe, ncapsule, nft, npose;
     size_t nq, nv;
     struct robot_body *body;
     struct robot_joint *joint; /* joint[j] moves body[j + 1] */
     struct robot_frame *frame;
+    struct robot_capsule *capsule;
     struct robot_ft_sensor *ft;
     struct robot_pose *pose;
     int imu_frame; /* -1 = none */
@@ -143,13 +156,13 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
                            const struct robot **robot, struct error *error);
 
 /* Checks a robot built by hand and fills what follows from the rest: nq, nv, total_mass, hash, and
- * observed for bodies with a frame. Masses >= 0, inertias physically possible, axes of unit length,
- * parents first, and no joint (nor a floating base) that would move without inertia: the dynamics
- * of what passes are not singular. Not RT-safe. */
+ * observed for bodies with a frame or a capsule. Masses >= 0, inertias physically possible, axes of
+ * unit length, parents first, and no joint (nor a floating base) that would move without inertia:
+ * the dynamics of what passes are not singular. Not RT-safe. */
 enum error_code robot_finish(struct robot *robot, struct error *error);
 
-/* A copy that may be changed: bodies, joints and frames are its own, the rest is shared. Memory
- * from arena. Not RT-safe. */
+/* A copy that may be changed: bodies, joints, frames and capsules are its own, the rest is shared.
+ * Memory from arena. Not RT-safe. */
 enum error_code robot_copy(const struct robot *robot, struct arena *arena, struct robot **copy,
                            struct error *error);
 
@@ -158,6 +171,12 @@ enum error_code robot_copy(const struct robot *robot, struct arena *arena, struc
  * there on. Checks as robot_finish. Not RT-safe. */
 enum error_code robot_fix_base(struct robot *robot, const double position[3],
                                const double quaternion[4], struct error *error);
+
+/* Fills the nbody motions with where the bodies are in the world, at rest: base position (m) and
+ * quaternion (wxyz) of a floating base, njoint joint positions. RT-safe. */
+void robot_place_bodies(const struct robot *robot, const double position[3],
+                        const double quaternion[4], const double *joint,
+                        struct body_motion *motion);
 
 /* Checks that mass properties are those of some body: the error says why not, but not whose they
  * are. Not RT-safe. */

@@ -25,8 +25,9 @@ enum error_code robot_copy(const struct robot *robot, struct arena *arena, struc
         copy->body = copy_array(arena, robot->body, robot->nbody, sizeof *copy->body);
         copy->joint = copy_array(arena, robot->joint, robot->njoint, sizeof *copy->joint);
         copy->frame = copy_array(arena, robot->frame, robot->nframe, sizeof *copy->frame);
+        copy->capsule = copy_array(arena, robot->capsule, robot->ncapsule, sizeof *copy->capsule);
     }
-    if (!copy || !copy->body || !copy->joint || !copy->frame) {
+    if (!copy || !copy->body || !copy->joint || !copy->frame || !copy->capsule) {
         return error_set(error, ERROR_MEMORY, "no memory for another robot like %s", robot->name);
     }
     *out = copy;
@@ -72,6 +73,12 @@ enum error_code robot_fix_base(struct robot *robot, const double position[3],
         if (robot->frame[f].body == 0) {
             place_point(R, position, robot->frame[f].position);
             place_rotation(R, robot->frame[f].rotation);
+        }
+    }
+    for (size_t c = 0; c < robot->ncapsule; c++) {
+        if (robot->capsule[c].body == 0) {
+            place_point(R, position, robot->capsule[c].position);
+            place_rotation(R, robot->capsule[c].rotation);
         }
     }
     return robot_finish(robot, error);

@@ -217,6 +217,26 @@ static const struct yaml_field frame_fields[] = {
 };
 static const struct yaml_schema frame_schema = SCHEMA("a frame", struct frame_yaml, frame_fields);
 
+static const struct yaml_field capsule_fields[] = {
+    NAME(struct capsule_yaml),
+    REFERENCE("body", struct capsule_yaml, body),
+    VECTOR("xyz_m", struct capsule_yaml, xyz, true),
+    VECTOR("rpy_rad", struct capsule_yaml, rpy, false),
+    {.key = "radius_m",
+     .type = YAML_REAL,
+     .required = true,
+     .offset = offsetof(struct capsule_yaml, radius),
+     .min = 1e-6,
+     .max = 1e3},
+    {.key = "length_m",
+     .type = YAML_REAL,
+     .offset = offsetof(struct capsule_yaml, length),
+     .min = 0.0,
+     .max = 1e3},
+};
+static const struct yaml_schema capsule_schema =
+    SCHEMA("a capsule", struct capsule_yaml, capsule_fields);
+
 static const struct yaml_field ft_fields[] = {
     NAME(struct ft_yaml),
     REFERENCE("frame", struct ft_yaml, frame),
@@ -278,6 +298,7 @@ static const struct yaml_schema base_schema = SCHEMA("the base", struct base_yam
 static const struct yaml_field variant_fields[] = {
     LIST("bodies", YAML_LIST, struct variant_yaml, body, nbody, body_schema),
     LIST("frames", YAML_LIST, struct variant_yaml, frame, nframe, frame_schema),
+    LIST("capsules", YAML_LIST, struct variant_yaml, capsule, ncapsule, capsule_schema),
     LIST("ft_sensors", YAML_LIST, struct variant_yaml, ft, nft, ft_schema),
 };
 static const struct yaml_schema variant_schema = {.what = "a variant",
@@ -318,6 +339,7 @@ static const struct yaml_field robot_fields[] = {
      .schema = &body_schema},
     LIST("joints", YAML_LIST, struct robot_yaml, joint, njoint, joint_schema),
     LIST("frames", YAML_LIST, struct robot_yaml, frame, nframe, frame_schema),
+    LIST("capsules", YAML_LIST, struct robot_yaml, capsule, ncapsule, capsule_schema),
     LIST("ft_sensors", YAML_LIST, struct robot_yaml, ft, nft, ft_schema),
     {.key = "imu",
      .type = YAML_MAP,

@@ -88,6 +88,7 @@ static enum error_code check_all_names(struct robot_builder *b)
     if ((code = CHECK_NAMED(b, "body", file->body, file->nbody)) ||
         (code = CHECK_NAMED(b, "joint", file->joint, file->njoint)) ||
         (code = CHECK_NAMED(b, "frame", file->frame, file->nframe)) ||
+        (code = CHECK_NAMED(b, "capsule", file->capsule, file->ncapsule)) ||
         (code = CHECK_NAMED(b, "sensor", file->ft, file->nft)) ||
         (code = CHECK_NAMED(b, "pose", file->pose, file->npose)) ||
         (code = CHECK_NAMED(b, "variant", file->variant, file->nvariant))) {
@@ -98,6 +99,7 @@ static enum error_code check_all_names(struct robot_builder *b)
 
         if ((code = CHECK_NAMED(b, "body", variant->body, variant->nbody)) ||
             (code = CHECK_NAMED(b, "frame", variant->frame, variant->nframe)) ||
+            (code = CHECK_NAMED(b, "capsule", variant->capsule, variant->ncapsule)) ||
             (code = CHECK_NAMED(b, "sensor", variant->ft, variant->nft))) {
             return code;
         }
@@ -127,11 +129,11 @@ static enum error_code merge_named(struct robot_builder *b, void **list, size_t 
     return ERROR_NONE;
 }
 
-/* Bodies of a variant replace those of the robot; frames and sensors may also be new. */
+/* Bodies of a variant replace those of the robot; frames, capsules and sensors may also be new. */
 static enum error_code apply_variant(struct robot_builder *b, const struct variant_yaml *variant)
 {
     struct robot_yaml *file = &b->file;
-    void *frame = file->frame, *ft = file->ft;
+    void *frame = file->frame, *capsule = file->capsule, *ft = file->ft;
     enum error_code code;
 
     for (size_t i = 0; i < variant->nbody; i++) {
@@ -146,10 +148,13 @@ static enum error_code apply_variant(struct robot_builder *b, const struct varia
     }
     if ((code = merge_named(b, &frame, &file->nframe, variant->frame, variant->nframe,
                             sizeof *file->frame)) ||
+        (code = merge_named(b, &capsule, &file->ncapsule, variant->capsule, variant->ncapsule,
+                            sizeof *file->capsule)) ||
         (code = merge_named(b, &ft, &file->nft, variant->ft, variant->nft, sizeof *file->ft))) {
         return code;
     }
     file->frame = frame;
+    file->capsule = capsule;
     file->ft = ft;
     return ERROR_NONE;
 }
@@ -203,7 +208,8 @@ enum error_code robot_load(const char *path, const char *variant, struct arena *
     memcpy(b.robot->gravity, b.file.gravity, sizeof b.robot->gravity);
     if ((code = check_all_names(&b)) || (code = choose_variant(&b, variant)) ||
         (code = robot_build_tree(&b)) || (code = robot_build_frames(&b)) ||
-        (code = robot_build_sensors(&b)) || (code = robot_build_poses(&b))) {
+        (code = robot_build_capsules(&b)) || (code = robot_build_sensors(&b)) ||
+        (code = robot_build_poses(&b))) {
         return code;
     }
 

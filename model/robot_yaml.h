@@ -108,6 +108,14 @@ struct frame_yaml {
     double xyz[3], rpy[3];
 };
 
+struct capsule_yaml {
+    struct yaml_mark mark;
+    const char *name;
+    const char *body;
+    struct yaml_mark body_mark;
+    double xyz[3], rpy[3], radius, length;
+};
+
 struct ft_yaml {
     struct yaml_mark mark;
     const char *name;
@@ -143,8 +151,9 @@ struct variant_yaml {
     const char *name;
     struct body_yaml *body;
     struct frame_yaml *frame;
+    struct capsule_yaml *capsule;
     struct ft_yaml *ft;
-    size_t nbody, nframe, nft;
+    size_t nbody, nframe, ncapsule, nft;
 };
 
 struct robot_yaml {
@@ -157,11 +166,12 @@ struct robot_yaml {
     struct body_yaml *body;
     struct joint_yaml *joint;
     struct frame_yaml *frame;
+    struct capsule_yaml *capsule;
     struct ft_yaml *ft;
     struct imu_yaml imu;
     struct pose_yaml *pose;
     struct variant_yaml *variant;
-    size_t nbody, njoint, nframe, nft, npose, nvariant;
+    size_t nbody, njoint, nframe, ncapsule, nft, npose, nvariant;
     bool has_imu;
 };
 
@@ -194,9 +204,10 @@ enum error_code robot_build_inertia(struct robot_builder *b, const struct yaml_m
                                     double mass, const double com[3], const double I[6],
                                     struct robot_inertia *inertia);
 
-/* Bodies and joints, in the order of the joints; then frames, sensors and poses on them. */
+/* Bodies and joints, in the order of the joints; then frames, capsules, sensors and poses. */
 enum error_code robot_build_tree(struct robot_builder *b);
 enum error_code robot_build_frames(struct robot_builder *b);
+enum error_code robot_build_capsules(struct robot_builder *b);
 enum error_code robot_build_sensors(struct robot_builder *b);
 enum error_code robot_build_poses(struct robot_builder *b);
 

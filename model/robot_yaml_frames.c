@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Frames, sensors and poses of a robot file. */
+/* Frames, capsules, sensors and poses of a robot file. */
 #include "base/vec3.h"
 #include "model/robot_yaml.h"
 
@@ -29,6 +29,34 @@ enum error_code robot_build_frames(struct robot_builder *b)
         mat3_from_rpy(given->rpy, frame->rotation);
     }
     robot->nframe = file->nframe;
+    return ERROR_NONE;
+}
+
+enum error_code robot_build_capsules(struct robot_builder *b)
+{
+    const struct robot_yaml *file = &b->file;
+    struct robot *robot = b->robot;
+
+    robot->capsule = arena_alloc(b->arena, file->ncapsule, sizeof *robot->capsule);
+    if (!robot->capsule) {
+        return robot_no_memory(b);
+    }
+    for (size_t i = 0; i < file->ncapsule; i++) {
+        const struct capsule_yaml *given = &file->capsule[i];
+        struct robot_capsule *capsule = &robot->capsule[i];
+
+        capsule->name = given->name;
+        capsule->body = robot_find_body(robot, given->body);
+        if (capsule->body < 0) {
+            return robot_unknown_name(b, &given->body_mark, "body", given->body, file->body,
+                                      file->nbody, sizeof *file->body);
+        }
+        memcpy(capsule->position, given->xyz, sizeof capsule->position);
+        mat3_from_rpy(given->rpy, capsule->rotation);
+        capsule->radius = given->radius;
+        capsule->length = given->length;
+    }
+    robot->ncapsule = file->ncapsule;
     return ERROR_NONE;
 }
 

@@ -49,6 +49,21 @@ enum error_code rig_build_boards(struct rig_builder *b);
 enum error_code rig_build_faults(struct rig_builder *b);
 enum error_code rig_build_sensors(struct rig_builder *b);
 
+/* Parts of rig_build_scene. Index of a body of the plant among the contact bodies, to which it is
+ * added when it is new; a material, a pair by their names. */
+int rig_add_contact_body(struct rig_builder *b, int *bodies, int body);
+enum error_code rig_find_material(struct rig_builder *b, const struct yaml_mark *mark,
+                                  const char *name, struct contact_material *material);
+enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw,
+                               struct contact_pair *pair);
+
+/* The robot's capsules behind the surfaces of the file; its pairs behind those of the file, npair
+ * of them before and after. There is room for all. */
+enum error_code rig_add_robot_surfaces(struct rig_builder *b, struct contact_surface *surface,
+                                       int *bodies);
+enum error_code rig_add_robot_pairs(struct rig_builder *b, struct contact_pair *pair,
+                                    size_t *npair);
+
 /* Checks that every drive belongs to an axis or is listed in "undriven". */
 enum error_code rig_check_drives(struct rig_builder *b);
 

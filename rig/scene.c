@@ -6,8 +6,7 @@
 
 #include <string.h>
 
-/* Index of a body among the contact bodies, to which it is added when it is new. */
-static int scene_add_contact_body(struct rig_builder *b, int *bodies, int body)
+int rig_add_contact_body(struct rig_builder *b, int *bodies, int body)
 {
     size_t i = 0;
 
@@ -26,8 +25,8 @@ static enum error_code scene_check_observed(struct rig_builder *b, const struct 
 {
     if (body >= 0 && (size_t)body < b->robot->nbody && !b->robot->body[body].observed) {
         return yaml_error(b->error, mark,
-                          "found body \"%s\", on which the robot file has no frame, expected one "
-                          "with a frame",
+                          "found body \"%s\", on which the robot file has no frame or capsule, "
+                          "expected one with either",
                           b->robot->body[body].name);
     }
     return ERROR_NONE;
@@ -76,7 +75,7 @@ static enum error_code surface_set_place(struct rig_builder *b, const struct raw
     if (code) {
         return code;
     }
-    surface->body = place.body < 0 ? -1 : scene_add_contact_body(b, bodies, place.body);
+    surface->body = place.body < 0 ? -1 : rig_add_contact_body(b, bodies, place.body);
     mat3_apply(place.rotation, raw->xyz_m, offset);
     for (int i = 0; i < 3; i++) {
         surface->position[i] = place.position[i] + offset[i];
@@ -89,9 +88,11 @@ static enum error_code surface_set_place(struct rig_builder *b, const struct raw
 static enum error_code surface_set_shape(struct rig_builder *b, const struct raw_surface *raw,
                                          struct contact_surface *surface)
 {
-    static const char *const what[] = {"a half space", "a sphere", "a box", "a mesh"};
+    static const char *const what[] = {"a half space", "a sphere", "a box", "a mesh", "a capsule"};
     const struct rig_key keys[] = {
-        {"radius_m", raw->radius_given, 1 << CONTACT_SPHERE, 1 << CONTACT_SPHERE},
+        {"radius_m", raw->radius_given, 1 << CONTACT_SPHERE | 1 << CONTACT_CAPSULE,
+         1 << CONTACT_SPHERE | 1 << CONTACT_CAPSULE},
+        {"length_m", raw->length_given, 1 << CONTACT_CAPSULE, 1 << CONTACT_CAPSULE},
         {"half_extents_m", raw->half_extents_given, 1 << CONTACT_BOX, 1 << CONTACT_BOX},
         {"cells", raw->cells_given, 1 << CONTACT_BOX, 0},
         {"mesh", raw->mesh_given, 1 << CONTACT_MESH, 1 << CONTACT_MESH},
@@ -102,6 +103,7 @@ static enum error_code surface_set_shape(struct rig_builder *b, const struct raw
 
     surface->shape = (enum contact_shape)raw->shape;
     surface->radius_m = raw->radius_m;
+    surface->length_m = raw->length_m;
     memcpy(surface->half_extent_m, raw->half_extents_m, sizeof surface->half_extent_m);
     surface->cells_per_edge = (int)raw->cells;
     if (code || raw->shape != CONTACT_MESH) {
@@ -111,16 +113,16 @@ static enum error_code surface_set_shape(struct rig_builder *b, const struct raw
     return code ? code : mesh_read_obj(path, b->arena, &surface->mesh, b->error);
 }
 
-static enum error_code surface_set_material(struct rig_builder *b, const struct raw_surface *raw,
-                                            struct contact_surface *surface)
+enum error_code rig_find_material(struct rig_builder *b, const struct yaml_mark *mark,
+                                  const char *name, struct contact_material *material)
 {
     const struct raw_scene *scene = &b->raw->scene;
     const struct raw_material *m;
     enum error_code code;
     int index;
 
-    code = rig_find(b, &raw->material_mark, "material", raw->material,
-                    RIG_NAMES(scene->material, scene->nmaterial), &index);
+    code =
+        rig_find(b, mark, "material", name, RIG_NAMES(scene->material, scene->nmaterial), &index);
     if (code) {
         return code;
     }
@@ -131,7 +133,7 @@ static enum error_code surface_set_material(struct rig_builder *b, const struct 
                           "as much",
                           m->static_friction, m->dynamic_friction);
     }
-    surface->material = (struct contact_material){
+    *material = (struct contact_material){
         .young_pa = m->young_pa,
         .thickness_m = m->thickness_m,
         .dissipation_s_per_m = m->dissipation_s_per_m,
@@ -147,9 +149,10 @@ static enum error_code scene_build_surfaces(struct rig_builder *b)
     const struct raw_scene *scene = &b->raw->scene;
     struct contact_config *contact = &b->rig->contact;
     struct contact_surface *surface;
-    int *bodies = arena_alloc(b->arena, scene->nsurface, sizeof *bodies);
+    size_t most = scene->nsurface + b->robot->ncapsule;
+    int *bodies = arena_alloc(b->arena, most, sizeof *bodies);
 
-    surface = arena_alloc(b->arena, scene->nsurface, sizeof *surface);
+    surface = arena_alloc(b->arena, most, sizeof *surface);
     if (!surface || !bodies) {
         return rig_no_memory(b);
     }
@@ -170,18 +173,20 @@ static enum error_code scene_build_surfaces(struct rig_builder *b)
         code = rig_check_name(b, &raw->name_mark, "surface", raw->name);
         code = code ? code : surface_set_place(b, raw, bodies, &surface[i]);
         code = code ? code : surface_set_shape(b, raw, &surface[i]);
-        code = code ? code : surface_set_material(b, raw, &surface[i]);
+        code = code
+                   ? code
+                   : rig_find_material(b, &raw->material_mark, raw->material, &surface[i].material);
         if (code) {
             return code;
         }
     }
     contact->nsurface = scene->nsurface;
     b->rig->contact_body = bodies;
-    return ERROR_NONE;
+    return scene->robot_surfaces_given ? rig_add_robot_surfaces(b, surface, bodies) : ERROR_NONE;
 }
 
-static enum error_code scene_build_pair(struct rig_builder *b, const struct raw_pair *raw,
-                                        struct contact_pair *pair)
+enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw,
+                               struct contact_pair *pair)
 {
     const struct contact_config *contact = &b->rig->contact;
     const struct contact_surface *surface = contact->surface;
@@ -207,21 +212,14 @@ static enum error_code scene_build_pair(struct rig_builder *b, const struct raw_
     return ERROR_NONE;
 }
 
-enum error_code rig_build_scene(struct rig_builder *b)
+/* The pairs that the file lists, each once, in whichever order. */
+static enum error_code scene_build_pairs(struct rig_builder *b, struct contact_pair *pair)
 {
     const struct raw_scene *scene = &b->raw->scene;
-    struct contact_config *contact = &b->rig->contact;
-    struct contact_pair *pair = arena_alloc(b->arena, scene->npair, sizeof *pair);
-    enum error_code code = scene_build_surfaces(b);
-    struct error why;
 
-    if (code || !pair) {
-        return code ? code : rig_no_memory(b);
-    }
-
-    /* Each pair once, in whichever order */
     for (size_t i = 0; i < scene->npair; i++) {
-        code = scene_build_pair(b, &scene->pair[i], &pair[i]);
+        enum error_code code = rig_build_pair(b, &scene->pair[i], &pair[i]);
+
         if (code) {
             return code;
         }
@@ -234,24 +232,54 @@ enum error_code rig_build_scene(struct rig_builder *b)
             }
         }
     }
-    contact->pair = pair;
-    contact->npair = scene->npair;
-    contact->transition_velocity_m_s = scene->transition_velocity_m_s;
-    contact->mesh_law = (enum contact_mesh_law)scene->mesh_law;
-    b->rig->contact_engine = (enum rig_contact_engine)scene->engine;
+    b->rig->contact.npair = scene->npair;
+    return ERROR_NONE;
+}
 
-    /* The engine's own checks, with the place in the file */
-    code = contact_config_check(contact, &why);
+/* What no engine can work with, with the place in the file. */
+static enum error_code scene_check(struct rig_builder *b)
+{
+    const struct raw_scene *scene = &b->raw->scene;
+    struct error why;
+    enum error_code code = contact_config_check(&b->rig->contact, &why);
+
     if (code == ERROR_INPUT) {
         return yaml_error(b->error, &scene->mark, "%s", why.text);
     }
-    if (code) {
-        return error_set(b->error, code, "%s: %s", b->rig->file, why.text);
+    return code ? error_set(b->error, code, "%s: %s", b->rig->file, why.text) : ERROR_NONE;
+}
+
+enum error_code rig_build_scene(struct rig_builder *b)
+{
+    const struct raw_scene *scene = &b->raw->scene;
+    struct contact_config *contact = &b->rig->contact;
+    size_t n = scene->nsurface + b->robot->ncapsule;
+    struct contact_pair *pair;
+    enum error_code code;
+
+    b->rig->contact_engine = (enum rig_contact_engine)scene->engine;
+    if (scene->robot_surfaces_given && b->rig->contact_engine == RIG_CONTACT_SIMBODY) {
+        return yaml_error(b->error, &scene->robot_surfaces.mark,
+                          "found robot_surfaces with engine simbody, which has no capsules; "
+                          "expected engine native");
+    }
+
+    /* Surfaces, the pairs of the file, those that follow from the robot */
+    pair = arena_alloc(b->arena, scene->npair + n * n / 2, sizeof *pair);
+    code = pair ? scene_build_surfaces(b) : rig_no_memory(b);
+    code = code ? code : scene_build_pairs(b, pair);
+    contact->pair = pair;
+    contact->transition_velocity_m_s = scene->transition_velocity_m_s;
+    contact->mesh_law = (enum contact_mesh_law)scene->mesh_law;
+    code = code ? code : scene_check(b);
+    if (!code && scene->robot_surfaces_given) {
+        code = rig_add_robot_pairs(b, pair, &contact->npair);
+        code = code ? code : scene_check(b);
     }
 
     /* Without an engine the scene is checked all the same, but empty */
-    if (b->rig->contact_engine == RIG_CONTACT_NONE) {
+    if (!code && b->rig->contact_engine == RIG_CONTACT_NONE) {
         *contact = (struct contact_config){0};
     }
-    return ERROR_NONE;
+    return code;
 }

@@ -45,6 +45,7 @@ static const struct yaml_enum shape_names[] = {
     {"sphere", CONTACT_SPHERE},
     {"box", CONTACT_BOX},
     {"mesh", CONTACT_MESH},
+    {"capsule", CONTACT_CAPSULE},
     {NULL, 0},
 };
 static const struct yaml_enum kind_names[] = {
@@ -158,6 +159,8 @@ static const struct yaml_field surface_fields[] = {
     {"rpy_rad", YAML_REALS, false, AT(rpy_rad), .count = 3, .min = -7.0, .max = 7.0},
     {"radius_m", YAML_REAL, false, AT(radius_m), .min = 1e-6, .max = 1e3,
      .given_offset = AT(radius_given)},
+    {"length_m", YAML_REAL, false, AT(length_m), .min = 0.0, .max = 1e3,
+     .given_offset = AT(length_given)},
     {"half_extents_m", YAML_REALS, false, AT(half_extents_m), .count = 3, .min = 1e-6, .max = 1e3,
      .given_offset = AT(half_extents_given)},
     {"cells", YAML_INT, false, AT(cells), .min = 1, .max = 200, .given_offset = AT(cells_given)},
@@ -216,6 +219,22 @@ static const struct yaml_schema pair_schema = {
     .field_count = ARRAY_COUNT(pair_fields),
 };
 
+#define STRUCT raw_robot_surfaces
+static const struct yaml_field robot_surfaces_fields[] = {
+    {"material", YAML_STRING, true, AT(material), .mark_offset = AT(material_mark)},
+    {"self_collision", YAML_BOOL, false, .offset = AT(self_collision)},
+    {"exclude", YAML_LIST, false, AT(exclude), AT(nexclude), .schema = &pair_schema},
+};
+#undef STRUCT
+static const struct raw_robot_surfaces robot_surfaces_defaults = {.self_collision = true};
+static const struct yaml_schema robot_surfaces_schema = {
+    .what = "the surfaces of the robot",
+    .size = sizeof(struct raw_robot_surfaces),
+    .fields = robot_surfaces_fields,
+    .field_count = ARRAY_COUNT(robot_surfaces_fields),
+    .defaults = &robot_surfaces_defaults,
+};
+
 #define STRUCT raw_scene
 static const struct yaml_field scene_fields[] = {
     {"engine", YAML_ENUM, true, AT(engine), .names = engine_names},
@@ -226,6 +245,8 @@ static const struct yaml_field scene_fields[] = {
     {"bodies", YAML_LIST, false, AT(body), AT(nbody), .schema = &body_schema},
     {"surfaces", YAML_LIST, false, AT(surface), AT(nsurface), .schema = &surface_schema},
     {"pairs", YAML_LIST, false, AT(pair), AT(npair), .schema = &pair_schema},
+    {"robot_surfaces", YAML_MAP, false, AT(robot_surfaces), .schema = &robot_surfaces_schema,
+     .given_offset = AT(robot_surfaces_given)},
 };
 #undef STRUCT
 static const struct raw_scene scene_defaults = {.engine = RIG_CONTACT_NONE,

@@ -55,11 +55,11 @@ struct raw_surface {
     bool body_given, frame_given;
     int shape;
     double xyz_m[3], rpy_rad[3];
-    double radius_m, half_extents_m[3];
+    double radius_m, length_m, half_extents_m[3];
     int64_t cells;
     const char *mesh;
     struct yaml_mark mesh_mark;
-    bool radius_given, half_extents_given, cells_given, mesh_given;
+    bool radius_given, length_given, half_extents_given, cells_given, mesh_given;
     const char *material;
     struct yaml_mark material_mark;
 };
@@ -84,6 +84,16 @@ struct raw_pair {
     struct yaml_mark between_mark;
 };
 
+/* The robot's capsules as surfaces. */
+struct raw_robot_surfaces {
+    struct yaml_mark mark;
+    const char *material;
+    struct yaml_mark material_mark;
+    bool self_collision;
+    struct raw_pair *exclude;
+    size_t nexclude;
+};
+
 struct raw_scene {
     struct yaml_mark mark;
     int engine;
@@ -97,6 +107,8 @@ struct raw_scene {
     size_t nsurface;
     struct raw_pair *pair;
     size_t npair;
+    struct raw_robot_surfaces robot_surfaces;
+    bool robot_surfaces_given;
 };
 
 struct raw_board {

@@ -188,7 +188,7 @@ enum error_code bench_part(const struct robot *whole, size_t njoint, struct aren
     robot->body = body;
     robot->nbody = njoint + 1;
     robot->njoint = njoint;
-    robot->nframe = robot->nft = robot->npose = 0;
+    robot->nframe = robot->ncapsule = robot->nft = robot->npose = 0;
     robot->imu_frame = -1;
     for (size_t b = 0; b < robot->nbody; b++) {
         body[b].observed = false;

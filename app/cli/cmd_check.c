@@ -78,9 +78,32 @@ static void print_free_bodies(const struct rig *rig)
     }
 }
 
+/* Each surface with those after it in the file, then in the robot, that it may touch. */
+static void print_pairs(const struct contact_config *contact)
+{
+    for (size_t s = 0; s < contact->nsurface; s++) {
+        size_t count = 0;
+
+        for (size_t p = 0; p < contact->npair; p++) {
+            const struct contact_pair *pair = &contact->pair[p];
+            int other = pair->a < pair->b ? pair->b : pair->a;
+
+            if ((pair->a < pair->b ? pair->a : pair->b) == (int)s) {
+                if (count++ == 0) {
+                    printf("  %-16s with ", contact->surface[s].name);
+                }
+                printf("%s%s", count > 1 ? ", " : "", contact->surface[other].name);
+            }
+        }
+        if (count) {
+            printf("\n");
+        }
+    }
+}
+
 static void check_print_scene(const struct rig *rig)
 {
-    static const char *const shapes[] = {"half space", "sphere", "box", "mesh"};
+    static const char *const shapes[] = {"half space", "sphere", "box", "mesh", "capsule"};
     const struct contact_config *contact = &rig->contact;
 
     if (rig->contact_engine == RIG_CONTACT_NONE) {
@@ -104,6 +127,8 @@ static void check_print_scene(const struct rig *rig)
                s->body < 0 ? "the world" : rig_contact_name(rig, (size_t)s->body),
                m->young_pa / m->thickness_m, m->static_friction, m->dynamic_friction);
     }
+    printf("pairs       %zu\n", contact->npair);
+    print_pairs(contact);
 }
 
 static const char *joint_name(const struct rig *rig, int joint)

@@ -145,7 +145,20 @@ static inline struct contact_surface *fixture_box_on_ground(struct scene *scene)
 
 /* ---- two bodies in touch ---- */
 
-enum { FIXTURE_KINDS = 5 };
+enum { FIXTURE_KINDS = 9 };
+
+/* A capsule of COMAN's shank, its axis along the body's x. */
+static inline struct contact_surface *fixture_add_capsule(struct scene *scene, int body,
+                                                          const struct contact_material *material)
+{
+    static const double along_x[9] = {0, 0, 1, 0, 1, 0, -1, 0, 0};
+    struct contact_surface *s = scene_add(scene, body, CONTACT_CAPSULE, material);
+
+    s->radius_m = 0.06;
+    s->length_m = 0.18;
+    memcpy(s->rotation, along_x, sizeof s->rotation);
+    return s;
+}
 
 /* Two bodies that touch, in every kind of pair; about a pose of the second over the first. */
 static inline double fixture_two_bodies(struct scene *scene, int kind)
@@ -177,11 +190,31 @@ static inline double fixture_two_bodies(struct scene *scene, int kind)
         scene_add(scene, 1, CONTACT_MESH, &scene_foot)->mesh = fixture_foot;
         scene_add_pair(scene, 0, 1);
         return 0.05 + 0.0932;
-    default:
+    case 4:
         scene_add(scene, 0, CONTACT_MESH, &scene_ground)->mesh = terrain;
         scene_add(scene, 1, CONTACT_SPHERE, &scene_foot)->radius_m = 0.02;
         scene_add_pair(scene, 0, 1);
         return 0.05 + 0.018;
+    case 5:
+        scene_add(scene, 0, CONTACT_HALF_SPACE, &scene_ground);
+        fixture_add_capsule(scene, 1, &scene_foot);
+        scene_add_pair(scene, 1, 0);
+        return 0.059;
+    case 6:
+        fixture_add_capsule(scene, 0, &scene_ground);
+        fixture_add_capsule(scene, 1, &scene_foot);
+        scene_add_pair(scene, 0, 1);
+        return 0.117;
+    case 7:
+        scene_add(scene, 0, CONTACT_SPHERE, &scene_ground)->radius_m = 0.02;
+        fixture_add_capsule(scene, 1, &scene_foot);
+        scene_add_pair(scene, 0, 1);
+        return 0.079;
+    default:
+        scene_add_box(scene, 0, 0.2, 0.3, 0.02, 1, &scene_ground);
+        fixture_add_capsule(scene, 1, &scene_foot);
+        scene_add_pair(scene, 1, 0);
+        return 0.079;
     }
 }
 

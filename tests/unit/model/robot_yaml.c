@@ -135,6 +135,37 @@ static void coman_has_four_sensors_that_nothing_hangs_on(void **state)
     assert_false(robot->body[robot_find_body(robot, "RHipMot")].observed);
 }
 
+static void coman_has_capsules_on_its_limbs_and_trunk(void **state)
+{
+    static const char *const on[] = {"Waist",   "DWYTorso", "RThighLowLeg", "LThighLowLeg",
+                                     "RLowLeg", "LLowLeg",  "RShy",         "LShy",
+                                     "RElb",    "LElb",     "RFoot",        "LFoot"};
+    const struct robot *robot = load_coman(""), *forearms = load_coman("forearms");
+
+    (void)state;
+    assert_int_equal(robot->ncapsule, 19);
+    assert_int_equal(forearms->ncapsule, 19);
+    for (size_t i = 0; i < sizeof on / sizeof *on; i++) {
+        int body = robot_find_body(robot, on[i]);
+        size_t found = 0;
+
+        for (size_t c = 0; c < robot->ncapsule; c++) {
+            found += robot->capsule[c].body == body;
+        }
+        assert_true(found > 0);
+        assert_true(robot->body[body].observed);
+    }
+    assert_string_equal(robot->capsule[2].name, "trunk");
+    assert_near(robot->capsule[2].radius, 0.127681, 0.0);
+    assert_near(robot->capsule[2].position[2], 0.120451, 0.0);
+    for (size_t c = 0; c < robot->ncapsule; c++) {
+        if (!strcmp(robot->capsule[c].name, "right_forearm")) {
+            assert_near(robot->capsule[c].length, 0.139842, 0.0);
+            assert_near(forearms->capsule[c].length, 0.18, 0.0);
+        }
+    }
+}
+
 static void the_forearms_make_it_heavier_and_move_the_wrists(void **state)
 {
     const struct robot *plain = load_coman(NULL), *robot = load_coman("forearms");
@@ -480,6 +511,7 @@ int main(void)
         TEST(coman_has_its_drives_and_disabled_parallel_springs),
         TEST(every_pose_of_coman_stands_flat_on_the_ground),
         TEST(coman_has_four_sensors_that_nothing_hangs_on),
+        TEST(coman_has_capsules_on_its_limbs_and_trunk),
         TEST(the_forearms_make_it_heavier_and_move_the_wrists),
         TEST(an_unknown_variant_is_refused_with_the_nearest),
         TEST(a_sound_file_becomes_a_robot),

@@ -157,7 +157,7 @@ static void compare_variant(const char *name)
         print_message("SKIP: this CPU does not run the variant %s\n", name);
         skip();
     }
-    assert_int_equal(module->nobserved, 6);
+    assert_int_equal(module->nobserved, 12);
     compare_module(robot, module, 300);
     assert_repeats(robot, module);
 }

@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Broad phase of the native engine: which pairs may touch, because the balls about their surfaces
+ * meet, or a ball and a half-space. Tests a row of up to eight pairs at a time, those of one
+ * surface with eight others that follow each other in the list of surfaces. Of what is left, pairs
+ * of which the capsules about the surfaces are apart along the line between their centers are not
+ * near either. Nothing is kept from one evaluation for the next. Lengths are meters in the world's
+ * frame. Memory is the arena's.
+ */
+#ifndef CONTACT_BROAD_PHASE_H
+#define CONTACT_BROAD_PHASE_H
+
+#include "contact/contact.h"
+#include "contact/native_variant.h"
+
+#include <stdint.h>
+
+#define BROAD_LANES 8 /* surfaces in a row: a multiple of any number of lanes */
+
+/* The ball about each surface; arrays have nsurface entries, padded to a multiple of BROAD_LANES
+ * with balls that nothing meets. Of a half-space the plane instead: x, y, z its normal, reach its
+ * offset with the opposite sign. */
+struct broad_balls {
+    double *x, *y, *z, *reach;
+};
+
+/* The capsule about a surface, with the center of its ball; of a half-space nothing. */
+struct broad_capsule {
+    double half[3]; /* from the middle of its axis to an end */
+    double radius;
+};
+
+/* One surface against those from first on. */
+struct broad_row {
+    int surface;
+    int first;             /* a multiple of BROAD_LANES */
+    bool plane;            /* the surface is a half-space */
+    unsigned wanted;       /* bit l: there is a pair with surface first + l */
+    int pair[BROAD_LANES]; /* its index */
+};
+
+struct broad_phase {
+    struct broad_balls ball;       /* to be kept up to date by who asks, */
+    struct broad_capsule *capsule; /* and these, of each surface */
+    size_t nrow, nword;
+    const struct broad_row *row;
+};
+
+/* Makes the rows of a configuration that has passed contact_config_check, all balls far away.
+ * ERROR_MEMORY is the only error. Not RT-safe. */
+enum error_code broad_phase_make(const struct contact_config *config, struct arena *arena,
+                                 struct broad_phase *broad, struct error *error);
+
+/* Fills near (nword words): bit p % 64 of word p / 64 is set when pair p may touch. RT-safe. */
+void broad_phase_find(const struct broad_phase *broad, uint64_t *near);
+
+#endif

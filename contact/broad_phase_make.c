@@ -1,0 +1,70 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The broad phase being made: pairs put into rows. */
+#include "contact/broad_phase.h"
+
+#define FAR 1e12 /* beyond any motion that an engine takes */
+
+/* The surface that a pair's row is of: a half-space if it has one. The other one stands in it. */
+static int pair_row_surface(const struct contact_config *config, const struct contact_pair *pair)
+{
+    if (config->surface[pair->b].shape == CONTACT_HALF_SPACE) {
+        return pair->b;
+    }
+    if (config->surface[pair->a].shape == CONTACT_HALF_SPACE) {
+        return pair->a;
+    }
+    return pair->a < pair->b ? pair->a : pair->b;
+}
+
+/* Puts a pair into the row of its surfaces, which is begun when there is none. */
+static void row_add_pair(const struct contact_config *config, size_t index, struct broad_row *row,
+                         size_t *nrow)
+{
+    const struct contact_pair *pair = &config->pair[index];
+    int surface = pair_row_surface(config, pair);
+    int other = pair->a == surface ? pair->b : pair->a;
+    int first = other / BROAD_LANES * BROAD_LANES;
+    size_t r = 0;
+
+    while (r < *nrow && (row[r].surface != surface || row[r].first != first)) {
+        r++;
+    }
+    if (r == *nrow) {
+        row[(*nrow)++] = (struct broad_row){
+            .surface = surface,
+            .first = first,
+            .plane = config->surface[surface].shape == CONTACT_HALF_SPACE,
+        };
+    }
+    row[r].wanted |= 1u << (other - first);
+    row[r].pair[other - first] = (int)index;
+}
+
+enum error_code broad_phase_make(const struct contact_config *config, struct arena *arena,
+                                 struct broad_phase *broad, struct error *error)
+{
+    size_t padded = (config->nsurface / BROAD_LANES + 1) * BROAD_LANES;
+    struct broad_row *row = arena_alloc(arena, config->npair + 1, sizeof *row);
+    double **array[] = {&broad->ball.x, &broad->ball.y, &broad->ball.z, &broad->ball.reach};
+    bool made;
+
+    broad->capsule = arena_alloc(arena, config->nsurface + 1, sizeof *broad->capsule);
+    made = row && broad->capsule;
+    for (int i = 0; i < 4; i++) {
+        *array[i] = arena_alloc(arena, padded, sizeof **array[i]);
+        made = made && *array[i];
+    }
+    if (!made) {
+        return error_set(error, ERROR_MEMORY, "contact: no memory for the broad phase");
+    }
+    for (size_t s = 0; s < padded; s++) {
+        broad->ball.x[s] = broad->ball.y[s] = broad->ball.z[s] = FAR;
+    }
+    broad->row = row;
+    broad->nrow = 0;
+    broad->nword = (config->npair + 63) / 64;
+    for (size_t i = 0; i < config->npair; i++) {
+        row_add_pair(config, i, row, &broad->nrow);
+    }
+    return ERROR_NONE;
+}

@@ -1,0 +1,336 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Capsules in the native contact engine, against closed forms, against the volume below a plane
+ * summed over the plane, and against their own stored energy.
+ */
+#include "contact/contact.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "tests/physics/contact_fixture.h"
+#include "tests/physics/near.h"
+
+/* Half of it as hard as the two together: k = 5e7 Pa/m. */
+static const struct contact_material hard = {1e6, 1e-2, 0, 0, 0, 0};
+static const double stiffness = 5e7;
+
+/* Turns about x by an angle: leans the axis z of a surface that is at its body's origin. */
+static void lean(struct body_motion *motion, double angle)
+{
+    motion->R[4] = motion->R[8] = cos(angle);
+    motion->R[5] = -sin(angle);
+    motion->R[7] = sin(angle);
+}
+
+static struct contact_world *capsule_on_ground(double radius, double length)
+{
+    static struct scene scene;
+    struct contact_surface *s;
+
+    scene_init(&scene, 1);
+    scene_add(&scene, -1, CONTACT_HALF_SPACE, &hard);
+    s = scene_add(&scene, 0, CONTACT_CAPSULE, &hard);
+    s->radius_m = radius;
+    s->length_m = length;
+    scene_add_pair(&scene, 0, 1);
+    return fixture_native(&scene);
+}
+
+static struct contact_world *two_round(double radius[2], double length[2])
+{
+    static struct scene scene;
+
+    scene_init(&scene, 2);
+    for (int i = 0; i < 2; i++) {
+        struct contact_surface *s =
+            scene_add(&scene, i, length[i] < 0 ? CONTACT_SPHERE : CONTACT_CAPSULE, &hard);
+
+        s->radius_m = radius[i];
+        s->length_m = length[i] < 0 ? 0 : length[i];
+    }
+    scene_add_pair(&scene, 0, 1);
+    return fixture_native(&scene);
+}
+
+static double cap_volume(double radius, double depth)
+{
+    return fixture_pi * depth * depth * (radius - depth / 3);
+}
+
+/* How deep the lower side of a capsule is below the plane, over a place on it: the axis runs from
+ * (0, 0, low) by length at angle to the plane, in x and up. */
+static double depth_below(double radius, double length, double angle, double low, double x,
+                          double y)
+{
+    double from = 0, to = length, best = 0;
+
+    /* The spheres along the axis: a concave function of the place on it where they are over x, y */
+    for (int i = 0; i < 100; i++) {
+        double s[2] = {from + (to - from) / 3, to - (to - from) / 3}, depth[2];
+
+        for (int k = 0; k < 2; k++) {
+            double dx = x - s[k] * cos(angle), room = radius * radius - dx * dx - y * y;
+
+            depth[k] = room > 0 ? sqrt(room) - low - s[k] * sin(angle) : -1e3 - room * -1e6;
+        }
+        best = fmax(best, fmax(depth[0], depth[1]));
+        if (depth[0] < depth[1]) {
+            from = s[0];
+        } else {
+            to = s[1];
+        }
+    }
+    return best;
+}
+
+/* ---- on a half-space ---- */
+
+static void lying_and_standing_capsules_push_with_k_times_their_volume_below(void **state)
+{
+    const double R = 0.06, L = 0.18, depth[] = {1e-5, 1e-4, 1e-3, 5e-3, 2e-2};
+    struct contact_world *world = capsule_on_ground(R, L);
+    struct body_motion motion;
+    struct contact_wrench wrench;
+    struct contact_patch patch;
+
+    (void)state;
+    for (int i = 0; i < 5; i++) {
+        double x = depth[i], down = R - x;
+        double segment = R * R * acos(down / R) - down * sqrt(R * R - down * down);
+        double force = stiffness * (segment * L + cap_volume(R, x));
+
+        scene_place(&motion, 0.1, 0.2, R - x);
+        lean(&motion, fixture_pi / 2);
+        fixture_evaluate(world, &motion, &wrench);
+        assert_near(wrench.force[2], force, 1e-4 * force);
+        assert_near(vec3_norm(wrench.moment), 0, 1e-6 * force);
+        assert_int_equal(world->ops->patches(world, &patch, 1), 1);
+        assert_near(patch.penetration_m, x, 1e-12);
+
+        force = stiffness * cap_volume(R, x);
+        scene_place(&motion, 0.1, 0.2, L / 2 + R - x);
+        fixture_evaluate(world, &motion, &wrench);
+        assert_near(wrench.force[2], force, 1e-9 * force);
+        assert_near(vec3_norm(wrench.moment), 0, 1e-9 * force);
+    }
+}
+
+static void capsule_at_any_angle_pushes_with_k_times_the_volume_below_at_its_center(void **state)
+{
+    const double R = 0.06, L = 0.18, angle[] = {0, 0.01, 0.03, 0.1, 0.2, 0.4, 0.8, 1.2, 1.57};
+    const double step = 2.5e-4;
+    struct contact_world *world = capsule_on_ground(R, L);
+
+    (void)state;
+    for (int i = 0; i < 9; i++) {
+        for (int deep = 0; deep < 2; deep++) {
+            double low = R - (deep ? 1e-2 : 2e-3), volume = 0, first = 0, force;
+            struct body_motion motion;
+            struct contact_wrench wrench;
+
+            for (double x = -R + step / 2; x < L + R; x += step) {
+                for (double y = step / 2; y < R; y += step) {
+                    double depth = depth_below(R, L, angle[i], low, x, y);
+
+                    volume += 2 * depth * step * step;
+                    first += 2 * depth * step * step * x;
+                }
+            }
+
+            /* The middle of the axis is at the body's origin, its z along the axis and up */
+            scene_place(&motion, 0, 0, low + L / 2 * sin(angle[i]));
+            motion.R[0] = motion.R[8] = sin(angle[i]);
+            motion.R[2] = cos(angle[i]);
+            motion.R[6] = -cos(angle[i]);
+            fixture_evaluate(world, &motion, &wrench);
+            force = stiffness * volume;
+            assert_near(wrench.force[2], force, 2e-3 * force);
+            assert_near(wrench.moment[1], -stiffness * (first - volume * L / 2 * cos(angle[i])),
+                        2e-3 * force * R);
+        }
+    }
+}
+
+/* ---- on each other ---- */
+
+static void crossed_capsules_push_as_paraboloids_do(void **state)
+{
+    double radius[2] = {0.05, 0.07}, length[2] = {0.3, 0.3};
+    struct contact_world *world = two_round(radius, length);
+    const double angle[] = {0.4, 0.8, 1.2, fixture_pi / 2}, x = 1e-4;
+
+    (void)state;
+    for (int i = 0; i < 4; i++) {
+        struct body_motion motion[2];
+        struct contact_wrench wrench[2];
+        double force = stiffness * fixture_pi * x * x * sqrt(radius[0] * radius[1]) / sin(angle[i]);
+
+        /* Side by side along x; the axes are z, and the second is turned about x */
+        scene_place(&motion[0], 0, 0, 0);
+        scene_place(&motion[1], radius[0] + radius[1] - x, 0.01, 0.02);
+        lean(&motion[1], angle[i]);
+        fixture_evaluate(world, motion, wrench);
+        assert_near(wrench[1].force[0], force, 2e-3 * force);
+        assert_near(wrench[0].force[0], -wrench[1].force[0], 1e-12 * force);
+    }
+}
+
+static void parallel_capsules_push_along_a_line(void **state)
+{
+    double radius[2] = {0.05, 0.07}, length[2] = {0.3, 0.3}, both[2] = {0.3, 0.1};
+    const double x = 1e-3, round = 0.05 * 0.07 / 0.12;
+    struct body_motion motion[2];
+    struct contact_wrench wrench[2];
+    double side = stiffness * 4 / 3 * sqrt(2 * round) * pow(x, 1.5);
+    double end = stiffness * fixture_pi * round * x * x;
+
+    (void)state;
+    scene_place(&motion[0], 0, 0, 0);
+    scene_place(&motion[1], 0, radius[0] + radius[1] - x, 0);
+    fixture_evaluate(two_round(radius, length), motion, wrench);
+    assert_near(wrench[1].force[1], side * 0.3 + end, 1e-3 * side * 0.3);
+    assert_near(vec3_norm(wrench[1].moment), 0, 1e-9 * side);
+
+    /* The shorter one lies at the longer one's middle; a little beyond its own ends counts too */
+    fixture_evaluate(two_round(radius, both), motion, wrench);
+    assert_in_range((int)(1e4 * wrench[1].force[1] / (side * 0.1 + end)), 9900, 10700);
+}
+
+static void tips_push_half_as_much_as_spheres_on_each_other(void **state)
+{
+    double radius[2] = {0.05, 0.07}, length[2] = {0.3, 0.2}, with_sphere[2] = {0.3, -1};
+    const double x = 1e-5;
+    const double force = stiffness * fixture_pi * 0.05 * 0.07 / 0.12 * x * x;
+    struct body_motion motion[2];
+    struct contact_wrench wrench[2];
+
+    (void)state;
+    scene_place(&motion[0], 0, 0, 0);
+    scene_place(&motion[1], 0, 0, 0.15 + 0.05 + 0.07 + 0.1 - x);
+    fixture_evaluate(two_round(radius, length), motion, wrench);
+    assert_near(wrench[1].force[2], force / 2, 0.01 * force);
+    scene_place(&motion[1], 0, 0, 0.15 + 0.05 + 0.07 - x);
+    fixture_evaluate(two_round(radius, with_sphere), motion, wrench);
+    assert_near(wrench[1].force[2], 0.75 * force, 0.01 * force);
+}
+
+static void capsule_without_length_is_a_sphere_from_every_side(void **state)
+{
+    double radius[2] = {0.05, 0.07}, none[2] = {0, 0.2}, sphere[2] = {-1, 0.2};
+    const double way[3][3] = {{0, 1, 0}, {0, 0, 1}, {0, 0.6, 0.8}};
+    struct body_motion motion[2];
+    struct contact_wrench of_capsule[2], of_sphere[2];
+
+    (void)state;
+    for (int i = 0; i < 3; i++) {
+        scene_place(&motion[0], 0, 0, 0);
+        scene_place(&motion[1], 0, 0.119 * way[i][1], 0.119 * way[i][2] + 0.1);
+        fixture_evaluate(two_round(radius, none), motion, of_capsule);
+        fixture_evaluate(two_round(radius, sphere), motion, of_sphere);
+        for (int k = 0; k < 3; k++) {
+            assert_near(of_capsule[1].force[k], of_sphere[1].force[k],
+                        1e-9 * vec3_norm(of_sphere[1].force));
+        }
+    }
+}
+
+/* ---- energy ---- */
+
+static double stored(struct contact_world *world, const struct body_motion motion[2])
+{
+    struct contact_wrench wrench[2];
+    struct contact_patch patch = {0};
+
+    fixture_evaluate(world, motion, wrench);
+    return world->ops->patches(world, &patch, 1) ? patch.potential_j : 0;
+}
+
+/* Work around closed loops through poses of two bodies against what is stored on the way. */
+static void what_a_closed_way_gains_is_nothing_against_what_it_stores(void **state)
+{
+    const int steps = 2000;
+
+    (void)state;
+    for (int kind = 5; kind <= 7; kind++) {
+        struct scene scene;
+        double height = fixture_two_bodies(&scene, kind), gained = 0, most = 0;
+
+        for (int s = 0; s < 2; s++) {
+            scene.surface[s].material = hard;
+        }
+
+        struct contact_world *world = fixture_native(&scene);
+
+        for (int i = 0; i < steps; i++) {
+            double t = 2 * fixture_pi * (i + 0.5) / steps, dt = 2 * fixture_pi / steps;
+            struct body_motion motion[2];
+            struct contact_wrench wrench[2];
+
+            /* Tilted, pushed along, tilted back: the axis is the body's x */
+            scene_place(&motion[0], 0, 0, 0);
+            scene_place(&motion[1], 0.05 * sin(t + 0.4), 0.01 * cos(t),
+                        height + 1e-3 * cos(2 * t + 0.5));
+            fixture_turn_y(&motion[1], 0.3 * cos(t) + 0.2 * sin(2 * t));
+            fixture_evaluate(world, motion, wrench);
+            gained += dt * (0.05 * cos(t + 0.4) * wrench[1].force[0] -
+                            0.01 * sin(t) * wrench[1].force[1] -
+                            2e-3 * sin(2 * t + 0.5) * wrench[1].force[2] +
+                            (-0.3 * sin(t) + 0.4 * cos(2 * t)) * wrench[1].moment[1]);
+            most = fmax(most, stored(world, motion));
+        }
+        assert_true(most > 0);
+        print_message("kind %d: gained %g J, stored %g J\n", kind, gained, most);
+        assert_near(gained, 0, 2e-4 * most); /* the sums over the slices and axes */
+    }
+}
+
+/* ---- what is refused ---- */
+
+static void capsules_of_no_size_and_capsules_for_simbody_are_refused(void **state)
+{
+    struct scene scene;
+    struct contact_world *world;
+    struct error error;
+
+    (void)state;
+    scene_init(&scene, 1);
+    scene_add(&scene, -1, CONTACT_HALF_SPACE, &hard);
+    scene_add(&scene, 0, CONTACT_CAPSULE, &hard)->radius_m = 0.1;
+    scene_add_pair(&scene, 0, 1);
+    assert_int_equal(contact_simbody_create(&scene.config, &world, &error), ERROR_UNSUPPORTED);
+    assert_non_null(strstr(error.text, "capsule"));
+    scene.surface[1].length_m = -1;
+    assert_int_equal(contact_native_create(&scene.config, &fixture_arena, &world, &error),
+                     ERROR_INPUT);
+    assert_non_null(strstr(error.text, "length_m"));
+    scene.surface[1].length_m = NAN;
+    assert_int_equal(contact_config_check(&scene.config, &error), ERROR_INPUT);
+    scene.surface[1].length_m = 0;
+    scene.surface[1].radius_m = 0;
+    assert_int_equal(contact_config_check(&scene.config, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "radius_m"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(lying_and_standing_capsules_push_with_k_times_their_volume_below),
+        cmocka_unit_test(capsule_at_any_angle_pushes_with_k_times_the_volume_below_at_its_center),
+        cmocka_unit_test(crossed_capsules_push_as_paraboloids_do),
+        cmocka_unit_test(parallel_capsules_push_along_a_line),
+        cmocka_unit_test(tips_push_half_as_much_as_spheres_on_each_other),
+        cmocka_unit_test(capsule_without_length_is_a_sphere_from_every_side),
+        cmocka_unit_test(what_a_closed_way_gains_is_nothing_against_what_it_stores),
+        cmocka_unit_test(capsules_of_no_size_and_capsules_for_simbody_are_refused),
+    };
+
+    return cmocka_run_group_tests(tests, fixture_set_up, fixture_tear_down);
+}

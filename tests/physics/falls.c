@@ -1,0 +1,204 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * COMAN without power, dropped in random poses: it comes to lie on the ground with no part in it,
+ * and what it has stored never grows. HIL_FALLS says how many falls (200 unless given), HIL_FALL
+ * the one to begin with.
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+#include "tests/physics/near.h"
+#include "tests/physics/rig_scene.h"
+#include "tests/unit/contact/random_number.h"
+
+enum { FALL_MS = 2000, REST_MS = 200 };
+
+static const struct rig_scene_choice coman = {
+    .file = "coman.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
+
+/* What a fall was like. */
+struct fall {
+    double deepest, lying; /* of any capsule in the ground, at any time and at the end, m */
+    double foot;           /* of the feet's meshes, at the end, m */
+    double growth;         /* of what is stored, within a millisecond, J */
+    const char *what;      /* was deepest */
+};
+
+/* How far the lowest point of a capsule would be below the ground with the base at height 0. */
+static double lowest_of(const struct rig_scene *scene, const struct body_motion *body)
+{
+    double lowest = 1e9;
+
+    for (size_t c = 0; c < scene->robot->ncapsule; c++) {
+        const struct robot_capsule *capsule = &scene->robot->capsule[c];
+        const double z[3] = {capsule->rotation[2], capsule->rotation[5], capsule->rotation[8]};
+        const double *R = body[capsule->body].R;
+        double middle = body[capsule->body].p[2] + vec3_dot(R + 6, capsule->position);
+
+        lowest =
+            fmin(lowest, middle - capsule->length / 2 * fabs(vec3_dot(R + 6, z)) - capsule->radius);
+    }
+    return lowest;
+}
+
+static void turn_at_random(uint64_t *seed, double quaternion[4])
+{
+    double size = 0;
+
+    for (int i = 0; i < 4; i++) {
+        quaternion[i] = random_number(seed) + (i == 0) * 0.5;
+        size += quaternion[i] * quaternion[i];
+    }
+    for (int i = 0; i < 4; i++) {
+        quaternion[i] /= sqrt(size);
+    }
+}
+
+/* Every joint somewhere within the middle part of its range, the base turned at random, its capsules
+ * 0.04 to 0.2 m over the ground, with some speed. */
+static void place_at_random(struct rig_scene *scene, uint64_t *seed)
+{
+    const struct robot *robot = scene->robot;
+    double joint[RIG_SCENE_JOINTS], position[3] = {0, 0, 0}, quaternion[4], *state;
+    struct body_motion body[64];
+    size_t count;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        double middle = (robot->joint[j].lower + robot->joint[j].upper) / 2;
+
+        joint[j] = middle + 0.6 * random_number(seed) * (robot->joint[j].upper - middle);
+    }
+    turn_at_random(seed, quaternion);
+    robot_place_bodies(robot, position, quaternion, joint, body);
+    position[2] = 0.12 - lowest_of(scene, body) + 0.08 * random_number(seed);
+    assert_int_equal(plant_reset(scene->plant, position, quaternion, joint), ERROR_NONE);
+    state = plant_state(scene->plant, &count);
+    for (size_t i = 0; i < 6; i++) {
+        state[robot->nq + i] = random_number(seed);
+    }
+    assert_int_equal(plant_restart_energy(scene->plant), ERROR_NONE);
+}
+
+/* A place where nothing touches. */
+static void start_fall(struct rig_scene *scene, uint64_t seed)
+{
+    for (int i = 0; i < 10; i++) {
+        random_number(&seed);
+    }
+    do {
+        place_at_random(scene, &seed);
+    } while (plant_patches(scene->plant, NULL, 0) > 0);
+}
+
+/* The deepest of the patches on the ground (surface 0). */
+static void note_depth(const struct rig_scene *scene, int ms, struct fall *fall)
+{
+    const struct contact_config *contact = &scene->rig->contact;
+    struct contact_patch patch[64];
+    size_t count = plant_patches(scene->plant, patch, 64);
+
+    assert_true(count <= 64);
+    for (size_t i = 0; i < count; i++) {
+        const struct contact_pair *pair = &contact->pair[patch[i].pair];
+        double depth = patch[i].penetration_m;
+
+        if (pair->a != 0 && pair->b != 0) {
+            continue;
+        }
+        if (contact->surface[pair->a + pair->b].shape != CONTACT_CAPSULE) {
+            fall->foot = ms >= FALL_MS - REST_MS ? fmax(fall->foot, depth) : 0;
+            continue;
+        }
+        if (depth > fall->deepest) {
+            fall->deepest = depth;
+            fall->what = contact->surface[pair->a + pair->b].name;
+        }
+        if (ms >= FALL_MS - REST_MS) {
+            fall->lying = fmax(fall->lying, depth);
+        }
+    }
+}
+
+static struct fall run_fall(struct rig_scene *scene, uint64_t seed)
+{
+    struct fall fall = {.what = "nothing"};
+    struct plant_energy energy;
+    double before = 0;
+
+    start_fall(scene, seed);
+    for (int ms = 0; ms < FALL_MS; ms++) {
+        enum error_code code = plant_step(scene->plant, scene->steps);
+
+        if (code) {
+            fail_msg("fall %llu, %d ms: %s", (unsigned long long)seed, ms,
+                     plant_failure(scene->plant));
+        }
+        assert_int_equal(plant_energy(scene->plant, &energy), ERROR_NONE);
+        if (!isfinite(energy.stored)) {
+            fail_msg("fall %llu, %d ms: the energy is not finite", (unsigned long long)seed, ms);
+        }
+        if (ms > 0) {
+            fall.growth = fmax(fall.growth, energy.stored - before);
+        }
+        before = energy.stored;
+        note_depth(scene, ms, &fall);
+    }
+    return fall;
+}
+
+static long long from_environment(const char *name, long long otherwise)
+{
+    const char *given = getenv(name);
+
+    return given ? atoll(given) : otherwise;
+}
+
+static void a_robot_that_falls_comes_to_lie_on_the_ground(void **state)
+{
+    static struct rig_scene scene;
+    const long long count = from_environment("HIL_FALLS", 200);
+    const long long first = from_environment("HIL_FALL", 1);
+    double deepest = 0, lying = 0, foot = 0, growth = 0;
+
+    (void)state;
+    rig_scene_init(&scene, &coman);
+    for (long long seed = first; seed < first + count; seed++) {
+        struct fall fall = run_fall(&scene, (uint64_t)seed);
+
+        if (fall.deepest > deepest || fall.growth > growth || fall.lying > lying) {
+            print_message("# fall %lld: %.2f mm deep at worst (%s), %.2f mm at rest, stored grows "
+                          "by %.3g J at most\n",
+                          seed, 1e3 * fall.deepest, fall.what, 1e3 * fall.lying, fall.growth);
+        }
+        deepest = fmax(deepest, fall.deepest);
+        lying = fmax(lying, fall.lying);
+        foot = fmax(foot, fall.foot);
+        growth = fmax(growth, fall.growth);
+    }
+    print_message("# %lld falls: %.2f mm deep at worst, %.2f mm at rest (corners of the feet %.2f "
+                  "mm), stored grew by %.3g J in a millisecond at most\n",
+                  count, 1e3 * deepest, 1e3 * lying, 1e3 * foot, growth);
+    assert_true(lying < 5e-3);
+    assert_true(deepest < 10e-3);
+    /* The corner of a foot's mesh is sharp: 12 N press it 5 mm into the layers of ground and sole */
+    assert_true(foot < 8e-3);
+    /* At impacts; steps of 1 ms are long there */
+    assert_true(growth < 5.0);
+    rig_scene_fini(&scene);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_robot_that_falls_comes_to_lie_on_the_ground),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

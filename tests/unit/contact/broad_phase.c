@@ -1,0 +1,105 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The broad phase, against each pair's balls by themselves. */
+#include "contact/broad_phase.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "tests/unit/contact/random_number.h"
+
+enum { SURFACES = 29, PAIRS = SURFACES * (SURFACES - 1) / 2 };
+
+static struct contact_surface surface[SURFACES];
+static struct contact_pair pair[PAIRS];
+static struct contact_config config = {.surface = surface, .pair = pair, .nsurface = SURFACES};
+
+/* Every fourth pair left out; the first and the last surface are half-spaces. */
+static void make_pairs(void)
+{
+    for (int i = 0; i < SURFACES; i++) {
+        surface[i].shape = i == 0 || i == SURFACES - 1 ? CONTACT_HALF_SPACE : CONTACT_SPHERE;
+    }
+    config.npair = 0;
+    for (int a = 0; a < SURFACES; a++) {
+        for (int b = a + 1; b < SURFACES; b++) {
+            if ((a + b) % 4 && (a || b != SURFACES - 1)) {
+                pair[config.npair++] =
+                    (a * b) % 3 ? (struct contact_pair){a, b} : (struct contact_pair){b, a};
+            }
+        }
+    }
+}
+
+static bool pair_meets(const struct broad_balls *ball, const struct contact_pair *p)
+{
+    bool plane = surface[p->a].shape == CONTACT_HALF_SPACE;
+    int a = plane ? p->a : p->b, b = plane ? p->b : p->a;
+
+    if (surface[a].shape == CONTACT_HALF_SPACE) {
+        return ball->x[a] * ball->x[b] + ball->y[a] * ball->y[b] + ball->z[a] * ball->z[b] +
+                   ball->reach[a] <
+               ball->reach[b];
+    }
+    return sqrt(pow(ball->x[a] - ball->x[b], 2) + pow(ball->y[a] - ball->y[b], 2) +
+                pow(ball->z[a] - ball->z[b], 2)) < ball->reach[a] + ball->reach[b];
+}
+
+static void finds_the_pairs_whose_balls_meet_and_no_others(void **state)
+{
+    struct arena arena;
+    struct error error;
+    struct broad_phase broad;
+    uint64_t seed = 3, near[(PAIRS + 63) / 64];
+    size_t met = 0;
+
+    (void)state;
+    make_pairs();
+    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+    assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_NONE);
+    assert_int_equal(broad.nword, (config.npair + 63) / 64);
+    for (int i = 0; i < 200; i++) {
+        for (int s = 0; s < SURFACES; s++) {
+            broad.ball.x[s] = random_number(&seed);
+            broad.ball.y[s] = random_number(&seed);
+            broad.ball.z[s] = random_number(&seed);
+            broad.ball.reach[s] = 0.4 + 0.3 * random_number(&seed);
+        }
+        broad_phase_find(&broad, near);
+        for (size_t p = 0; p < config.npair; p++) {
+            bool found = near[p / 64] >> p % 64 & 1;
+
+            assert_int_equal(found, pair_meets(&broad.ball, &pair[p]));
+            met += found;
+        }
+    }
+    assert_true(met > 1000 && met < 100 * config.npair);
+    arena_fini(&arena);
+}
+
+static void without_memory_it_is_not_made(void **state)
+{
+    struct arena arena;
+    struct error error;
+    struct broad_phase broad;
+
+    (void)state;
+    make_pairs();
+    assert_int_equal(arena_init(&arena, 4096, &error), ERROR_NONE);
+    assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_MEMORY);
+    arena_fini(&arena);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(finds_the_pairs_whose_balls_meet_and_no_others),
+        cmocka_unit_test(without_memory_it_is_not_made),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,145 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The robot's capsules in a rig: which surfaces and pairs they make, and what is refused. */
+#include "rig/rig.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "tests/unit/rig/rig_bench.h"
+
+/* Of the arms that can swing about the trunk the right one can reach the other. */
+static const char capsules[] =
+    "capsules:\n"
+    "  - {name: chest, body: trunk, xyz_m: [0, 0, 0.5], radius_m: 0.1, length_m: 0.2}\n"
+    "  - {name: thigh, body: upper, xyz_m: [0, 0, -0.1], radius_m: 0.04, length_m: 0.1}\n"
+    "  - {name: shin, body: lower, xyz_m: [0, 0, -0.1], radius_m: 0.03, length_m: 0.1}\n"
+    "  - {name: tip, body: tail, xyz_m: [-0.3, 0, 0], radius_m: 0.05}\n"
+    "poses:\n";
+
+/* The toy rig with these lines in its scene, on native contact, its robot with capsules. */
+static void write_rig_and_robot(const char *surfaces, const char *engine)
+{
+    static char rig[sizeof toy_rig + 2048], robot[sizeof toy_robot + 2048], with[1024];
+
+    strcpy(robot, toy_robot);
+    assert_true(replace(robot, sizeof robot, "poses:\n", capsules));
+    assert_int_equal(write_file("config/robots/toy.yaml", robot, strlen(robot)), 0);
+    strcpy(rig, toy_rig);
+    snprintf(with, sizeof with, "  engine: %s\n", engine);
+    assert_true(replace(rig, sizeof rig, "  engine: simbody\n", with));
+    snprintf(with, sizeof with, "  robot_surfaces: %s\n  pairs:\n", surfaces);
+    assert_true(replace(rig, sizeof rig, "  pairs:\n", with));
+    write_rig_file(rig);
+}
+
+static bool has_pair(const struct rig *rig, const char *a, const char *b)
+{
+    const struct contact_config *contact = &rig->contact;
+
+    for (size_t i = 0; i < contact->npair; i++) {
+        const char *first = contact->surface[contact->pair[i].a].name;
+        const char *second = contact->surface[contact->pair[i].b].name;
+
+        if ((!strcmp(first, a) && !strcmp(second, b)) ||
+            (!strcmp(first, b) && !strcmp(second, a))) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static void capsules_touch_the_world_and_each_other_but_not_their_neighbors(void **state)
+{
+    const struct rig *rig;
+    const struct contact_surface *tip;
+
+    (void)state;
+    write_rig_and_robot("{material: rubber}", "native");
+    rig = load_rig(rig_path);
+    assert_int_equal(rig->contact.nsurface, 8);
+    tip = &rig->contact.surface[7];
+    assert_string_equal(tip->name, "tip");
+    assert_int_equal(tip->shape, CONTACT_CAPSULE);
+    assert_true(tip->radius_m == 0.05 && tip->length_m == 0.0 && tip->position[0] == -0.3);
+    assert_string_equal(rig_contact_name(rig, (size_t)tip->body), "tail");
+
+    /* The file's first, as they are written */
+    assert_int_equal(rig->contact.pair[0].a, 0);
+    assert_int_equal(rig->contact.pair[0].b, 1);
+    assert_true(has_pair(rig, "ground", "chest") && has_pair(rig, "ground", "tip"));
+    assert_true(has_pair(rig, "ground", "block") && has_pair(rig, "ground", "wedge"));
+    assert_true(has_pair(rig, "tip", "shin") && has_pair(rig, "chest", "shin"));
+
+    /* Body after body, and two surfaces of one */
+    assert_false(has_pair(rig, "chest", "thigh") || has_pair(rig, "thigh", "shin"));
+    assert_false(has_pair(rig, "chest", "tip") || has_pair(rig, "ball", "wedge"));
+}
+
+static void pairs_that_overlap_in_a_pose_are_left_out(void **state)
+{
+    const struct rig *rig;
+
+    (void)state;
+    /* The block is 0.1 m deep about the tail's origin, in front of which the thigh hangs */
+    write_rig_and_robot("{material: rubber}", "native");
+    rig = load_rig(rig_path);
+    assert_false(has_pair(rig, "block", "thigh"));
+    assert_true(has_pair(rig, "block", "ball")); /* the file says so */
+}
+
+static void self_collision_and_single_pairs_can_be_left_out(void **state)
+{
+    const struct rig *rig;
+
+    (void)state;
+    write_rig_and_robot("{material: rubber, self_collision: false}", "native");
+    rig = load_rig(rig_path);
+    assert_true(has_pair(rig, "ground", "shin"));
+    assert_false(has_pair(rig, "tip", "shin"));
+    write_rig_and_robot("{material: rubber, exclude: [{between: [shin, tip]}]}", "native");
+    rig = load_rig(rig_path);
+    assert_false(has_pair(rig, "tip", "shin"));
+    assert_true(has_pair(rig, "chest", "shin"));
+}
+
+static void without_the_key_nothing_changes(void **state)
+{
+    const struct rig *rig;
+
+    (void)state;
+    write_rig_and_robot("{material: rubber}", "native");
+    write_rig_file(toy_rig);
+    rig = load_rig(rig_path);
+    assert_int_equal(rig->contact.nsurface, 4);
+    assert_int_equal(rig->contact.npair, 2);
+}
+
+static void what_cannot_be_is_refused_with_its_place(void **state)
+{
+    (void)state;
+    write_rig_and_robot("{material: rubber}", "simbody");
+    assert_rig_refused("simbody", "18:19: found robot_surfaces with engine simbody, which has no "
+                                  "capsules; expected engine native");
+    write_rig_and_robot("{material: stone}", "native");
+    assert_rig_refused("stone", "18:30: found unknown material \"stone\"");
+    write_rig_and_robot("{material: rubber, exclude: [{between: [shin, tap]}]}", "native");
+    assert_rig_refused("tap", "18:66: found unknown surface \"tap\", expected \"tip\"");
+    write_rig_and_robot("{}", "native");
+    assert_rig_refused("{}", "18:19: found");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(capsules_touch_the_world_and_each_other_but_not_their_neighbors),
+        cmocka_unit_test(pairs_that_overlap_in_a_pose_are_left_out),
+        cmocka_unit_test(self_collision_and_single_pairs_can_be_left_out),
+        cmocka_unit_test(without_the_key_nothing_changes),
+        cmocka_unit_test(what_cannot_be_is_refused_with_its_place),
+    };
+
+    return cmocka_run_group_tests(tests, open_rig_tree, close_rig_tree);
+}
