@@ -71,7 +71,7 @@ static void places_surfaces_on_bodies_frames_and_the_world(void **state)
 
     (void)state;
     assert_int_equal(rig->contact.nsurface, 4);
-    assert_int_equal(rig->contact.nbody, 2);
+    assert_int_equal(rig->contact.nbody, 12); /* feet, and bodies with capsules */
     assert_int_equal(rig->contact_body[0], robot_find_body(rig->robot, "lower"));
     assert_int_equal(rig->contact_body[1], robot_find_body(rig->robot, "tail"));
     assert_int_equal(rig->contact.surface[0].body, -1);
@@ -278,8 +278,8 @@ static void rejects_names_that_nothing_has(void **state)
     refused_with("body: tail", "body: tial",
                  "17:27: found unknown body \"tial\", expected \"tail\"");
     refused_with("body: tail", "body: upper",
-                 "17:27: found body \"upper\", on which the robot file has no frame, expected one "
-                 "with a frame");
+                 "17:27: found body \"upper\", on which the robot file has no frame or capsule, "
+                 "expected one with either");
     refused_with("frame: sole", "frame: soul",
                  "16:27: found unknown frame \"soul\", expected \"sole\"");
     refused_with("material: rubber", "material: ruber",
