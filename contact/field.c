@@ -456,7 +456,7 @@ static enum error_code field_make_tree(struct field_builder *b, struct field *fi
     }
     field->cell = cell;
     if (n > 0) {
-        code = tree_build(box, n, 2, b->arena, &field->tree, b->error);
+        code = tree_build(box, n, 1, b->arena, &field->tree, b->error);
     }
 
 done:

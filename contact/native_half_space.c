@@ -11,6 +11,8 @@
 #include <float.h>
 #include <string.h>
 
+#define FACING 0.5 /* facets that face the plane less have few springs, however large */
+
 /* A facet that is all below the plane and has points of quadrature: a spring at each. */
 static void half_space_add_sunk_facet(struct native_scratch *s, const struct solid *solid,
                                       const struct facet *f, const double n[3], double height,
@@ -95,8 +97,8 @@ static void half_space_add_facet(struct native_scratch *s, const struct solid *s
     }
     twice = polygon_center(sunk, f->normal, center);
     if (twice > DBL_MIN) {
-        polygon_add_springs(s, sunk, center, f->normal, n, f->parts, law->stiffness * facing,
-                            law->share[0], law, relative, sum);
+        polygon_add_springs(s, sunk, center, f->normal, n, facing > FACING ? f->parts : 1,
+                            law->stiffness * facing, law->share[0], law, relative, sum);
         sum->area += facing * twice / 2;
     }
 }

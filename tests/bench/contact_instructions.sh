@@ -73,9 +73,9 @@ scene() {
 
 scene 0 "foot on half-space" 12000
 scene 1 "box on half-space" 12000
-scene 2 "box on table" 12000
+scene 2 "box on table" 24000
 scene 3 "sphere on box" 6000
 scene 4 "five bodies" 45000
-scene 5 "foot on terrain of 108" 40000
-scene 8 "foot on terrain of 99,372" 100000
+scene 5 "foot on terrain of 108" 240000
+scene 8 "foot on terrain of 99,372" 220000
 exit $status
