@@ -50,6 +50,7 @@ static double apply_body_wrench(const struct body_motion *motion, const double f
 void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *load)
 {
     const struct plant_config *config = &plant->config;
+    static const struct contact_wrench none;
     size_t nbody = config->robot->nbody, count = nbody + config->nfree;
 
     /* Contact, on the bodies that the engine knows */
@@ -58,8 +59,11 @@ void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *
         const struct contact_wrench *wrench = &plant->contact_wrench[c];
         int body = config->contact_body[c];
 
-        load->contact += apply_body_wrench(&plant->motion[body], wrench->force, wrench->moment,
-                                           &plant->ext[body]);
+        /* Most bodies touch nothing most of the time */
+        if (memcmp(wrench, &none, sizeof none) != 0) {
+            load->contact += apply_body_wrench(&plant->motion[body], wrench->force, wrench->moment,
+                                               &plant->ext[body]);
+        }
     }
 
     /* Pushes, on any body */

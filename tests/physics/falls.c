@@ -61,8 +61,8 @@ static void turn_at_random(uint64_t *seed, double quaternion[4])
     }
 }
 
-/* Every joint somewhere within the middle part of its range, the base turned at random, its capsules
- * 0.04 to 0.2 m over the ground, with some speed. */
+/* Every joint somewhere within the middle part of its range, the base turned at random, its
+ * capsules 0.04 to 0.2 m over the ground, with some speed. */
 static void place_at_random(struct rig_scene *scene, uint64_t *seed)
 {
     const struct robot *robot = scene->robot;
@@ -187,7 +187,7 @@ static void a_robot_that_falls_comes_to_lie_on_the_ground(void **state)
                   count, 1e3 * deepest, 1e3 * lying, 1e3 * foot, growth);
     assert_true(lying < 5e-3);
     assert_true(deepest < 10e-3);
-    /* The corner of a foot's mesh is sharp: 12 N press it 5 mm into the layers of ground and sole */
+    /* The corner of a foot's mesh is sharp: 12 N press it 5 mm into ground and sole */
     assert_true(foot < 8e-3);
     /* At impacts; steps of 1 ms are long there */
     assert_true(growth < 5.0);

@@ -121,14 +121,16 @@ static void what_cannot_be_is_refused_with_its_place(void **state)
 {
     (void)state;
     write_rig_and_robot("{material: rubber}", "simbody");
-    assert_rig_refused("simbody", "18:19: found robot_surfaces with engine simbody, which has no "
+    assert_rig_refused("simbody", "19:19: found robot_surfaces with engine simbody, which has no "
                                   "capsules; expected engine native");
     write_rig_and_robot("{material: stone}", "native");
-    assert_rig_refused("stone", "18:30: found unknown material \"stone\"");
+    assert_rig_refused("stone",
+                       "19:30: found unknown material \"stone\", expected one of 1 that exist");
     write_rig_and_robot("{material: rubber, exclude: [{between: [shin, tap]}]}", "native");
-    assert_rig_refused("tap", "18:66: found unknown surface \"tap\", expected \"tip\"");
+    assert_rig_refused("tap", "19:65: found unknown surface \"tap\", expected \"tip\"");
     write_rig_and_robot("{}", "native");
-    assert_rig_refused("{}", "18:19: found");
+    assert_rig_refused(
+        "{}", "19:19: found the surfaces of the robot without key \"material\", expected it");
 }
 
 int main(void)
