@@ -129,7 +129,8 @@ static void what_cannot_be_is_refused_with_its_place(void **state)
     write_rig_and_robot("{material: rubber, exclude: [{between: [shin, tap]}]}", "native");
     assert_rig_refused("tap", "19:65: found unknown surface \"tap\", expected \"tip\"");
     write_rig_and_robot("{}", "native");
-    assert_rig_refused("{}", "19:19: found");
+    assert_rig_refused(
+        "{}", "19:19: found the surfaces of the robot without key \"material\", expected it");
 }
 
 int main(void)
