@@ -283,4 +283,5 @@ const struct native_kernels contact_centroids = {
     .meshes = centroids_of_meshes,
     .hertz = native_hertz,
     .sum = native_law_sum,
+    .find_near = broad_phase_find,
 };
