@@ -19,6 +19,9 @@
 /* Angle that a rotor may swing on its spring within a stage, rad, to be taken exactly. */
 #define SWING_RESOLVED 0.5
 
+/* Share of its room within which a spring does not come to its stop in a span. */
+#define STOP_NEAR 0.8
+
 /* Parts that a span is divided into for the accounts: two applications of Simpson's rule. */
 enum { ACCOUNT_PARTS = 4 };
 
@@ -106,7 +109,12 @@ static enum spring_law find_spring_law(const struct plant *plant, size_t d, enum
                                        const struct sea_state *drive, double q, double rate)
 {
     const struct robot_sea *sea = &plant->sea[d];
+    const double t = drive_flow_of(plant, d, SPRING_FREE, (int)plant->implicit->level, span)->t;
 
+    /* Far from its stop, which is the rule */
+    if (fabs(drive->qm - q) + t * fabs(drive->qmd - rate) < STOP_NEAR * sea->deflection) {
+        return SPRING_FREE;
+    }
     for (int law = SPRING_FREE; sea->stop.stiffness > 0.0 && law < SPRING_LAWS; law++) {
         const struct drive_flow *flow =
             drive_flow_of(plant, d, (enum spring_law)law, (int)plant->implicit->level, span);
@@ -178,8 +186,14 @@ bool implicit_revise_stops(struct plant *plant)
 
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct robot_joint *joint = &robot->joint[j];
+        const double end =
+            plant_joint_position(plant, im->base, j) +
+            im->stage_h * (plant_joint_rate(plant, im->base, j) + im->stage_h * a[j]);
         struct stop_step before = im->stop[j];
 
+        if (before.side == 0 && end > joint->lower && end < joint->upper) {
+            continue;
+        }
         if (stop_step_revise(
                 &joint->stop, joint->lower, joint->upper, plant_joint_position(plant, im->base, j),
                 plant_joint_rate(plant, im->base, j), im->stage_h, a[j], &im->stop[j])) {
@@ -280,6 +294,9 @@ void implicit_account_joints(struct plant *plant, double weight, const double *s
     const struct robot *robot = plant->config.robot;
     double *work = plant->implicit->work;
 
+    if (!plant->config.account_energy) {
+        return;
+    }
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
         const struct robot_parallel_spring *spring = &robot->joint[j].spring;
