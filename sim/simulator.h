@@ -23,7 +23,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { SIMULATOR_JOINTS_MAX = 64, SIMULATOR_CONTACTS_MAX = 16, SIMULATOR_FREE_MAX = 16 };
+enum { SIMULATOR_JOINTS_MAX = 64, SIMULATOR_CONTACTS_MAX = 64, SIMULATOR_FREE_MAX = 16 };
 
 /* A callback in the loop's thread, free run and lockstep only: called before each tick with the
  * virtual time at which it begins, when everything that the tick before has sent is on the buses;
