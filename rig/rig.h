@@ -105,6 +105,7 @@ struct rig {
     size_t nfree;
     enum rig_contact_engine contact_engine;
     struct contact_config contact;
+    size_t nlisted_pair; /* the first of contact's, which the file lists; the robot's own follow */
     const int *contact_body;
 
     size_t nbus;

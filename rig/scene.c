@@ -232,7 +232,7 @@ static enum error_code scene_build_pairs(struct rig_builder *b, struct contact_p
             }
         }
     }
-    b->rig->contact.npair = scene->npair;
+    b->rig->contact.npair = b->rig->nlisted_pair = scene->npair;
     return ERROR_NONE;
 }
 
@@ -280,6 +280,7 @@ enum error_code rig_build_scene(struct rig_builder *b)
     /* Without an engine the scene is checked all the same, but empty */
     if (!code && b->rig->contact_engine == RIG_CONTACT_NONE) {
         *contact = (struct contact_config){0};
+        b->rig->nlisted_pair = 0;
     }
     return code;
 }

@@ -24,11 +24,11 @@ struct bus_tap {
 
 /* ---- rows ---- */
 
-/* Force and moment of each pair of surfaces on its second one; the moment is about the middle of
- * the patch. */
+/* Force and moment of each pair of surfaces that the rig lists on its second one; the moment is
+ * about the middle of the patch. What the robot's own surfaces add is in the bodies' wrenches. */
 static void signals_fill_pairs(const struct simulator *simulator, double *to)
 {
-    size_t npair = simulator->config.rig->contact.npair, count;
+    size_t npair = simulator->config.rig->nlisted_pair, count;
 
     memset(to, 0, npair * SIGNALS_PER_PAIR * sizeof *to);
     count = npair ? plant_patches(simulator->plant, simulator->patch, simulator->npatch) : 0;
@@ -36,7 +36,7 @@ static void signals_fill_pairs(const struct simulator *simulator, double *to)
         const struct contact_patch *patch = &simulator->patch[i];
         double *row = to + (size_t)patch->pair * SIGNALS_PER_PAIR;
 
-        for (int k = 0; k < 3; k++) {
+        for (int k = 0; k < 3 && (size_t)patch->pair < npair; k++) {
             row[k] += patch->force[k];
             row[3 + k] += patch->moment[k];
         }
@@ -68,7 +68,7 @@ static double *signals_fill_row(const struct simulator *simulator, double *to)
         to += SIGNALS_PER_CONTACT;
     }
     signals_fill_pairs(simulator, to);
-    to += rig->contact.npair * SIGNALS_PER_PAIR;
+    to += rig->nlisted_pair * SIGNALS_PER_PAIR;
 
     /* Poses of the base and of free bodies */
     if (rig->robot->floating) {
@@ -159,7 +159,7 @@ static void title_add_recorded(struct title_list *list, const struct rig *rig)
     for (size_t c = 0; c < rig->contact.nbody; c++) {
         title_add_group(list, wrench, SIGNALS_PER_CONTACT, rig_contact_name(rig, c));
     }
-    for (size_t p = 0; p < rig->contact.npair; p++) {
+    for (size_t p = 0; p < rig->nlisted_pair; p++) {
         const struct contact_pair *of = &rig->contact.pair[p];
         char name[TITLE_SIZE];
 
@@ -180,10 +180,10 @@ static bool signals_make_titles(struct simulator *simulator)
 {
     static const char *const bus[SIGNALS_PER_BUS] = {"rx_*_frames", "tx_*_frames"};
     const struct rig *rig = simulator->config.rig;
-    size_t count =
-        rig->robot->njoint * SIGNALS_PER_JOINT + rig->contact.nbody * SIGNALS_PER_CONTACT +
-        rig->contact.npair * SIGNALS_PER_PAIR + (rig->robot->floating ? SIGNALS_BASE : 0) +
-        rig->nfree * SIGNALS_PER_FREE + rig->nbus * SIGNALS_PER_BUS;
+    size_t count = rig->robot->njoint * SIGNALS_PER_JOINT +
+                   rig->contact.nbody * SIGNALS_PER_CONTACT + rig->nlisted_pair * SIGNALS_PER_PAIR +
+                   (rig->robot->floating ? SIGNALS_BASE : 0) + rig->nfree * SIGNALS_PER_FREE +
+                   rig->nbus * SIGNALS_PER_BUS;
     struct title_list list = {.arena = simulator->arena};
 
     list.title = arena_alloc(simulator->arena, count + 1, sizeof *list.title);
