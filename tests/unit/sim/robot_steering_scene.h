@@ -141,6 +141,12 @@ static inline void open_scene(const struct scene *scene, struct witness *w, stru
     if (scene->simbody) {
         rig->contact_engine = RIG_CONTACT_SIMBODY;
         rig->integrator = PLANT_RK4;
+
+        /* Without the robot's own surfaces, which follow those of the file: it has no capsules */
+        rig->contact.npair = rig->nlisted_pair;
+        while (rig->contact.surface[rig->contact.nsurface - 1].shape == CONTACT_CAPSULE) {
+            rig->contact.nsurface--;
+        }
     } else if (scene->no_contact) {
         rig->contact_engine = RIG_CONTACT_NONE;
         rig->contact = (struct contact_config){0};
