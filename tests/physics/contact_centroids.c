@@ -282,6 +282,8 @@ const struct native_kernels contact_centroids = {
     .sphere = centroids_and_sphere,
     .meshes = centroids_of_meshes,
     .hertz = native_hertz,
+    .capsule_half_space = native_capsule_half_space,
+    .capsules = native_capsules,
     .sum = native_law_sum,
     .find_near = broad_phase_find,
 };

@@ -28,6 +28,11 @@ static void everything(struct scene *scene, const struct mesh *foot)
     scene_add_box(scene, 1, 0.075, 0.075, 0.075, 7, &scene_foot);
     scene_add(scene, 2, CONTACT_SPHERE, &scene_foot)->radius_m = 0.02;
     scene_add(scene, 3, CONTACT_SPHERE, &scene_foot)->radius_m = 0.03;
+    scene_add(scene, 3, CONTACT_CAPSULE, &scene_foot)->radius_m = 0.03;
+    scene->surface[6].length_m = 0.05;
+    scene_add_pair(scene, 0, 6);
+    scene_add_pair(scene, 3, 6);
+    scene_add_pair(scene, 4, 6);
     scene_add_pair(scene, 0, 1);
     scene_add_pair(scene, 2, 3);
     scene_add_pair(scene, 4, 3);
@@ -68,8 +73,8 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
     for (int i = 0; i < 1000; i++) {
         struct body_motion motion[4];
         struct contact_wrench wrench[4];
-        struct contact_patch patch[5];
-        struct contact_tangent tangent[5];
+        struct contact_patch patch[8];
+        struct contact_tangent tangent[8];
         size_t used = arena.used, before = counted_calls();
 
         for (int b = 0; b < 4; b++) {
@@ -83,8 +88,8 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
         motion[3].p[0] = 0.03;
         for (int e = 0; e < 3; e++) {
             assert_int_equal(world[e]->ops->evaluate(world[e], motion, wrench), ERROR_NONE);
-            assert_true(world[e]->ops->patches(world[e], patch, 5) >= 1);
-            assert_true(world[e]->ops->tangents(world[e], tangent, 5) >= 1);
+            assert_true(world[e]->ops->patches(world[e], patch, 8) >= 1);
+            assert_true(world[e]->ops->tangents(world[e], tangent, 8) >= 1);
         }
         assert_int_equal(counted_calls(), before);
         assert_int_equal(arena.used, used);

@@ -68,6 +68,8 @@ static void finds_the_pairs_whose_balls_meet_and_no_others(void **state)
             broad.ball.y[s] = random_number(&seed);
             broad.ball.z[s] = random_number(&seed);
             broad.ball.reach[s] = 0.4 + 0.3 * random_number(&seed);
+            /* As capsules without length they part no more than the balls do */
+            broad.capsule[s].radius = broad.ball.reach[s];
         }
         broad_phase_find(&broad, near);
         for (size_t p = 0; p < config.npair; p++) {
@@ -78,6 +80,35 @@ static void finds_the_pairs_whose_balls_meet_and_no_others(void **state)
         }
     }
     assert_true(met > 1000 && met < 100 * config.npair);
+    arena_fini(&arena);
+}
+
+static void long_capsules_side_by_side_are_apart_though_their_balls_meet(void **state)
+{
+    struct arena arena;
+    struct error error;
+    struct broad_phase broad;
+    uint64_t near[(PAIRS + 63) / 64];
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        surface[i].shape = CONTACT_CAPSULE;
+    }
+    pair[0] = (struct contact_pair){0, 1};
+    config.npair = 1;
+    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+    assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_NONE);
+    for (int i = 0; i < 2; i++) {
+        broad.ball.x[i] = 0.3 * i;
+        broad.ball.y[i] = broad.ball.z[i] = 0;
+        broad.ball.reach[i] = 1.1;
+        broad.capsule[i] = (struct broad_capsule){.half = {0, 0.6, 0.8}, .radius = 0.1};
+    }
+    broad_phase_find(&broad, near);
+    assert_int_equal(near[0], 0);
+    broad.ball.x[1] = 0.19;
+    broad_phase_find(&broad, near);
+    assert_int_equal(near[0], 1);
     arena_fini(&arena);
 }
 
@@ -98,6 +129,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(finds_the_pairs_whose_balls_meet_and_no_others),
+        cmocka_unit_test(long_capsules_side_by_side_are_apart_though_their_balls_meet),
         cmocka_unit_test(without_memory_it_is_not_made),
     };
 
