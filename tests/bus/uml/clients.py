@@ -230,30 +230,31 @@ def telemetry_comes_every_four_ticks_by_policy():
 
 
 def voltage_in_current_out():
-    """25 % of 48 V on LHipSag, whose link is clamped: the mode is echoed, the winding takes
-    current, the rotor winds its spring, the joint encoder stands still."""
+    """15 % of 48 V on LHipSag, at rest 10.8 A of the 12 A where it trips, its link clamped: the
+    mode is echoed, the winding takes current, the rotor winds its spring, the joint encoder stands
+    still."""
     start = [struct.unpack("<ii", d) for i, d in HOST.step(8)["can1"] if i == 0x111][-1]
     frames = HOST.ask("can1", 0x001, [0x09, 0x50], ticks=4)
     status = [d for i, d in frames if i == 0x113]
     assert status and len(status[-1]) == 8 and status[-1][:2] == b"\x00\x50", frames
-    frames = HOST.ask("can1", 0x001, bytes.fromhex("724D01"), ticks=24)
+    frames = HOST.ask("can1", 0x001, bytes.fromhex("72C800"), ticks=24)
     pwm = [struct.unpack("<4h", d) for i, d in frames if i == 0x112]
     current = [struct.unpack("<4h", d) for i, d in frames if i == 0x114]
     position = [struct.unpack("<ii", d) for i, d in frames if i == 0x111]
-    assert pwm[-1][2:] == (333, 0), pwm
+    assert pwm[-1][2:] == (200, 0), pwm
     assert max(c[0] for c in current) > 500, current
     assert all(c[2:] == (0, 0) for c in current), current
     rotor = [struct.unpack("<ii", d) for i, d in frames if i == 0x11A]
     assert abs(position[-1][0] - start[0]) <= 1, (start, position)
-    assert rotor[-1][0] - rotor[0][0] > 1000 and rotor[-1][1] == rotor[0][1], rotor  # over 15 mrad
+    assert rotor[-1][0] - rotor[0][0] > 600 and rotor[-1][1] == rotor[0][1], rotor  # over 9 mrad
     frames = HOST.ask("can1", 0x001, [0x72])
-    assert frames.count((0x010, bytes.fromhex("724D01"))) == 0  # a SET of the wrong length: nothing
-    assert (0x010, bytes.fromhex("734D01")) in HOST.ask("can1", 0x001, [0x73])
+    assert frames.count((0x010, bytes.fromhex("72C800"))) == 0  # a SET of the wrong length: nothing
+    assert (0x010, bytes.fromhex("73C800")) in HOST.ask("can1", 0x001, [0x73])
 
 
 def stale_voltage_falls_to_zero():
     last = [struct.unpack("<4h", d) for i, d in HOST.step(40)["can1"] if i == 0x112][-1]
-    assert last[2] == 333, last
+    assert last[2] == 200, last
     last = [struct.unpack("<4h", d) for i, d in HOST.step(80)["can1"] if i == 0x112][-1]
     assert last[2] == 0, last
     # the wound spring turns the shorted motor back: its current decays with the spring
