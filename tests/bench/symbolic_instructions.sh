@@ -45,5 +45,6 @@ check() {
 
 check 1 "forward within $budget instructions" $((plain > 0 && plain <= budget))
 check 2 "forward with wrenches within $budget instructions" $((wrenches > 0 && wrenches <= budget))
-check 3 "implicit within 1.35 times forward" $((implicit * 100 <= plain * 135))
+# twelve bodies of COMAN may touch something, and each brings a matrix of its own
+check 3 "implicit within 1.4 times forward" $((implicit * 100 <= plain * 140))
 exit $status
