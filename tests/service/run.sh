@@ -63,7 +63,7 @@ if run 0 "$name" run "$rig" --transport local --clock free --hold none --duratio
     [ "$(wc -l <"$work/limp/signals.csv")" = 201 ] && [ ! -s "$work/limp/candump.log" ] &&
     python3 -c 'import csv, sys
 rows = list(csv.DictReader(open(sys.argv[1])))
-sys.exit(not float(rows[-1]["base_z_m"]) < 0.5 * float(rows[0]["base_z_m"]))' \
+sys.exit(not float(rows[-1]["base_z_m"]) < 0.6 * float(rows[0]["base_z_m"]))' \
         "$work/limp/signals.csv"
 then ok "$name"; else not_ok "$name"; fi
 

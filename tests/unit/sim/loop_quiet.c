@@ -144,6 +144,7 @@ static size_t allocations_of(enum loop_clock clock, const char *directory, bool 
     rig = *loaded;
     rig.contact_engine = RIG_CONTACT_NONE;
     rig.contact = (struct contact_config){0}; /* as rig.h has it without an engine */
+    rig.nlisted_pair = 0;
     rig.realtime.priority = 0;
     config.rig = &rig;
     config.steering = steered;

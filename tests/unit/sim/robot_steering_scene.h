@@ -150,6 +150,7 @@ static inline void open_scene(const struct scene *scene, struct witness *w, stru
     } else if (scene->no_contact) {
         rig->contact_engine = RIG_CONTACT_NONE;
         rig->contact = (struct contact_config){0};
+        rig->nlisted_pair = 0;
     }
     if (scene->springs) {
         enable_springs(rig);

@@ -178,6 +178,7 @@ static void hammer(bool timed)
     rig.wire.timed = timed;
     rig.contact_engine = RIG_CONTACT_NONE;
     rig.contact = (struct contact_config){0};
+    rig.nlisted_pair = 0;
     config.rig = &rig;
     crowd.nbus = rig.nbus;
     if (simulator_create(&config, &arena, &crowd.simulator, notice, &error) ||
