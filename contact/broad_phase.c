@@ -6,7 +6,12 @@
 
 #include <math.h>
 
-/* Bit l: the ball of surface first + l meets the row's plane. */
+/* How far beyond touch a pair is kept in the list. Each of its surfaces may move half of it. */
+#define MARGIN 0.04
+
+/* ---- the pairs within the margin ---- */
+
+/* Bit l: the ball of surface first + l is within the margin of the row's plane. */
 static unsigned row_meets_plane(const struct broad_balls *b, const struct broad_row *row)
 {
     const double *x = b->x + row->first, *y = b->y + row->first, *z = b->z + row->first;
@@ -18,12 +23,12 @@ static unsigned row_meets_plane(const struct broad_balls *b, const struct broad_
         lanes height = b->x[i] * lanes_load(x + l) + b->y[i] * lanes_load(y + l) +
                        b->z[i] * lanes_load(z + l) + b->reach[i];
 
-        meets |= lanes_bits(lanes_less(height, lanes_load(reach + l))) << l;
+        meets |= lanes_bits(lanes_less(height, lanes_load(reach + l) + MARGIN)) << l;
     }
     return (unsigned)meets;
 }
 
-/* Bit l: the ball of surface first + l meets the row's ball. */
+/* Bit l: the ball of surface first + l is within the margin of the row's ball. */
 static unsigned row_meets_ball(const struct broad_balls *b, const struct broad_row *row)
 {
     const double *x = b->x + row->first, *y = b->y + row->first, *z = b->z + row->first;
@@ -33,43 +38,108 @@ static unsigned row_meets_ball(const struct broad_balls *b, const struct broad_r
 
     for (int l = 0; l < BROAD_LANES; l += LANES) {
         lanes dx = lanes_load(x + l) - b->x[i], dy = lanes_load(y + l) - b->y[i];
-        lanes dz = lanes_load(z + l) - b->z[i], sum = lanes_load(reach + l) + b->reach[i];
+        lanes dz = lanes_load(z + l) - b->z[i];
+        lanes sum = lanes_load(reach + l) + (b->reach[i] + MARGIN);
 
         meets |= lanes_bits(lanes_less(dx * dx + dy * dy + dz * dz, sum * sum)) << l;
     }
     return (unsigned)meets;
 }
 
-/* Whether the capsules about two surfaces may meet: they do not when a plane across the line
- * between their centers parts them. */
-static bool capsules_may_meet(const struct broad_phase *broad, int i, int j)
+/* Whether the capsules about two surfaces may be nearer than a margin: they are not when a plane
+ * across the line between their centers parts them. */
+static bool capsules_may_meet(const struct broad_phase *broad, int i, int j, double margin)
 {
     const struct broad_balls *b = &broad->ball;
     const struct broad_capsule *p = &broad->capsule[i], *q = &broad->capsule[j];
     double dx = b->x[j] - b->x[i], dy = b->y[j] - b->y[i], dz = b->z[j] - b->z[i];
-    double apart2 = dx * dx + dy * dy + dz * dz, round = p->radius + q->radius;
+    double apart2 = dx * dx + dy * dy + dz * dz, round = p->radius + q->radius + margin;
     double gap = apart2 - fabs(p->half[0] * dx + p->half[1] * dy + p->half[2] * dz) -
                  fabs(q->half[0] * dx + q->half[1] * dy + q->half[2] * dz);
 
     return gap <= 0 || gap * gap < round * round * apart2;
 }
 
-void broad_phase_find(const struct broad_phase *broad, uint64_t *near)
+/* Makes the list, and remembers where the surfaces are. */
+static void list_make(struct broad_phase *broad)
 {
+    const struct broad_balls *now = &broad->ball, *then = &broad->then;
+
+    broad->ncandidate = 0;
+    for (size_t r = 0; r < broad->nrow; r++) {
+        const struct broad_row *row = &broad->row[r];
+        unsigned meets =
+            row->wanted & (row->plane ? row_meets_plane(now, row) : row_meets_ball(now, row));
+
+        for (; meets; meets &= meets - 1) {
+            int lane = __builtin_ctz(meets), other = row->first + lane;
+
+            if (row->plane || capsules_may_meet(broad, row->surface, other, MARGIN)) {
+                broad->candidate[broad->ncandidate++] =
+                    (struct broad_candidate){row->surface, other, row->pair[lane], row->plane};
+            }
+        }
+    }
+    for (size_t s = 0; s < broad->nsurface; s++) {
+        then->x[s] = now->x[s];
+        then->y[s] = now->y[s];
+        then->z[s] = now->z[s];
+        broad->capsule_then[s] = broad->capsule[s];
+    }
+    broad->found = broad->keeps;
+}
+
+/* Whether no point of a surface's capsule has moved by more than half of the margin since the list
+ * was made: no more than its center and the end of its axis against that together have. */
+static bool list_holds(const struct broad_phase *broad)
+{
+    const struct broad_balls *now = &broad->ball, *then = &broad->then;
+    double most = 0;
+
+    for (size_t s = 0; s < broad->nsurface; s++) {
+        const double *half = broad->capsule[s].half, *half_then = broad->capsule_then[s].half;
+        double x = now->x[s] - then->x[s], y = now->y[s] - then->y[s], z = now->z[s] - then->z[s];
+        double u = half[0] - half_then[0], v = half[1] - half_then[1], w = half[2] - half_then[2];
+        double moved2 = x * x + y * y + z * z + u * u + v * v + w * w;
+
+        most = moved2 > most ? moved2 : most;
+    }
+
+    /* (x + y)^2 <= 2 (x^2 + y^2) */
+    return 2 * most < MARGIN * MARGIN / 4;
+}
+
+/* ---- those that may touch ---- */
+
+static bool ball_meets_plane(const struct broad_balls *b, int plane, int i)
+{
+    return b->x[plane] * b->x[i] + b->y[plane] * b->y[i] + b->z[plane] * b->z[i] + b->reach[plane] <
+           b->reach[i];
+}
+
+static bool balls_meet(const struct broad_balls *b, int i, int j)
+{
+    double dx = b->x[j] - b->x[i], dy = b->y[j] - b->y[i], dz = b->z[j] - b->z[i];
+    double sum = b->reach[j] + b->reach[i];
+
+    return dx * dx + dy * dy + dz * dz < sum * sum;
+}
+
+void broad_phase_find(struct broad_phase *broad, uint64_t *near)
+{
+    if (!broad->found || !list_holds(broad)) {
+        list_make(broad);
+    }
     for (size_t w = 0; w < broad->nword; w++) {
         near[w] = 0;
     }
-    for (size_t r = 0; r < broad->nrow; r++) {
-        const struct broad_row *row = &broad->row[r];
-        unsigned meets = row->wanted & (row->plane ? row_meets_plane(&broad->ball, row)
-                                                   : row_meets_ball(&broad->ball, row));
+    for (size_t c = 0; c < broad->ncandidate; c++) {
+        const struct broad_candidate *of = &broad->candidate[c];
 
-        for (; meets; meets &= meets - 1) {
-            int lane = __builtin_ctz(meets), pair = row->pair[lane];
-
-            if (row->plane || capsules_may_meet(broad, row->surface, row->first + lane)) {
-                near[pair / 64] |= UINT64_C(1) << pair % 64;
-            }
+        if (of->plane ? ball_meets_plane(&broad->ball, of->surface, of->other)
+                      : balls_meet(&broad->ball, of->surface, of->other) &&
+                            capsules_may_meet(broad, of->surface, of->other, 0)) {
+            near[of->pair / 64] |= UINT64_C(1) << of->pair % 64;
         }
     }
 }

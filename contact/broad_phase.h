@@ -4,8 +4,12 @@
  * meet, or a ball and a half-space. Tests a row of up to eight pairs at a time, those of one
  * surface with eight others that follow each other in the list of surfaces. Of what is left, pairs
  * of which the capsules about the surfaces are apart along the line between their centers are not
- * near either. Nothing is kept from one evaluation for the next. Lengths are meters in the world's
- * frame. Memory is the arena's.
+ * near either.
+ *
+ * Only pairs within a margin are tested each time. Which those are is found anew when a surface has
+ * moved so far that others could have come near (Verlet's list, Phys. Rev. 159, 1967), so that what
+ * is found does not depend on what was asked before. Lengths are meters in the world's frame. Memory
+ * is the arena's.
  */
 #ifndef CONTACT_BROAD_PHASE_H
 #define CONTACT_BROAD_PHASE_H
@@ -39,11 +43,26 @@ struct broad_row {
     int pair[BROAD_LANES]; /* its index */
 };
 
+/* A pair within the margin. */
+struct broad_candidate {
+    int surface, other; /* surface is the half-space if there is one */
+    int pair;           /* its index */
+    bool plane;
+};
+
 struct broad_phase {
     struct broad_balls ball;       /* to be kept up to date by who asks, */
-    struct broad_capsule *capsule; /* and these, of each surface */
-    size_t nrow, nword;
+    struct broad_capsule *capsule; /* and these, of each surface; reach and radius stay */
+    size_t nsurface, nrow, nword;
     const struct broad_row *row;
+
+    /* The pairs within the margin, and where the surfaces were when they were found */
+    bool keeps; /* no half-space moves, so that they can be kept */
+    bool found;
+    size_t ncandidate;
+    struct broad_candidate *candidate; /* as many as there are pairs */
+    struct broad_balls then;           /* without reach */
+    struct broad_capsule *capsule_then;
 };
 
 /* Makes the rows of a configuration that has passed contact_config_check, all balls far away.
@@ -52,6 +71,6 @@ enum error_code broad_phase_make(const struct contact_config *config, struct are
                                  struct broad_phase *broad, struct error *error);
 
 /* Fills near (nword words): bit p % 64 of word p / 64 is set when pair p may touch. RT-safe. */
-void broad_phase_find(const struct broad_phase *broad, uint64_t *near);
+void broad_phase_find(struct broad_phase *broad, uint64_t *near);
 
 #endif

@@ -45,12 +45,15 @@ enum error_code broad_phase_make(const struct contact_config *config, struct are
 {
     size_t padded = (config->nsurface / BROAD_LANES + 1) * BROAD_LANES;
     struct broad_row *row = arena_alloc(arena, config->npair + 1, sizeof *row);
-    double **array[] = {&broad->ball.x, &broad->ball.y, &broad->ball.z, &broad->ball.reach};
+    double **array[] = {&broad->ball.x, &broad->ball.y, &broad->ball.z, &broad->ball.reach,
+                        &broad->then.x, &broad->then.y, &broad->then.z};
     bool made;
 
     broad->capsule = arena_alloc(arena, config->nsurface + 1, sizeof *broad->capsule);
-    made = row && broad->capsule;
-    for (int i = 0; i < 4; i++) {
+    broad->capsule_then = arena_alloc(arena, config->nsurface + 1, sizeof *broad->capsule_then);
+    broad->candidate = arena_alloc(arena, config->npair + 1, sizeof *broad->candidate);
+    made = row && broad->capsule && broad->capsule_then && broad->candidate;
+    for (size_t i = 0; i < sizeof array / sizeof *array; i++) {
         *array[i] = arena_alloc(arena, padded, sizeof **array[i]);
         made = made && *array[i];
     }
@@ -60,6 +63,13 @@ enum error_code broad_phase_make(const struct contact_config *config, struct are
     for (size_t s = 0; s < padded; s++) {
         broad->ball.x[s] = broad->ball.y[s] = broad->ball.z[s] = FAR;
     }
+    broad->keeps = true;
+    for (size_t s = 0; s < config->nsurface; s++) {
+        broad->keeps &=
+            config->surface[s].shape != CONTACT_HALF_SPACE || config->surface[s].body < 0;
+    }
+    broad->nsurface = config->nsurface;
+    broad->found = false;
     broad->row = row;
     broad->nrow = 0;
     broad->nword = (config->npair + 63) / 64;

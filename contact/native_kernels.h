@@ -37,7 +37,7 @@ struct native_kernels {
                      struct native_scratch *scratch, struct native_sum *sum);
     void (*sum)(struct native_batch *batch, const struct native_law *law,
                 const struct native_relative *relative, struct native_sum *sum);
-    void (*find_near)(const struct broad_phase *broad, uint64_t *near);
+    void (*find_near)(struct broad_phase *broad, uint64_t *near);
 };
 
 extern const struct native_kernels native_kernels;

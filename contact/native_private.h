@@ -58,7 +58,7 @@ struct native_engine {
     struct native_pose *pose; /* of each surface that is placed */
     bool *placed;             /* by surface: in this evaluation; those fixed in the world always */
     struct broad_phase broad;
-    void (*find_near)(const struct broad_phase *broad, uint64_t *near);
+    void (*find_near)(struct broad_phase *broad, uint64_t *near);
     uint64_t *near; /* what it found */
     struct native_pair *pair;
     struct contact_patch *patch;    /* of the last evaluation */

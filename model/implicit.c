@@ -242,6 +242,8 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->contact_inertia, ncontact);
     TAKE(im->tangent, pairs);
     TAKE(im->active, pairs);
+    TAKE(im->is_touched, ncontact);
+    TAKE(im->touched, ncontact);
     TAKE(im->wrench, ncontact);
     TAKE(im->free_inertia, nfree);
     TAKE(im->free_load, nfree);

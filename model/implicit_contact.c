@@ -86,13 +86,37 @@ static void linearize_pair(struct plant *plant, const struct contact_tangent *ta
         implicit_moves(plant, pair->body[PAIR_A]) && implicit_moves(plant, pair->body[PAIR_B]);
 }
 
+/* Lists the contact bodies of the active pairs, nothing added to their inertias yet. */
+static void list_touched_bodies(struct plant *plant)
+{
+    struct implicit *im = plant->implicit;
+
+    memset(im->is_touched, 0, plant->config.ncontact * sizeof *im->is_touched);
+    for (size_t t = 0; t < im->nactive; t++) {
+        const struct contact_tangent *tangent = &im->tangent[t];
+
+        if (tangent->body_a >= 0) {
+            im->is_touched[tangent->body_a] = true;
+        }
+        if (tangent->body_b >= 0) {
+            im->is_touched[tangent->body_b] = true;
+        }
+    }
+    im->ntouched = 0;
+    for (size_t c = 0; c < plant->config.ncontact; c++) {
+        if (im->is_touched[c]) {
+            im->touched[im->ntouched++] = (int)c;
+            memset(&im->contact_inertia[c], 0, sizeof im->contact_inertia[c]);
+        }
+    }
+}
+
 enum error_code implicit_linearize_contact(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
 
     im->coupled = false;
-    im->nactive = 0;
-    memset(im->contact_inertia, 0, plant->config.ncontact * sizeof *im->contact_inertia);
+    im->nactive = im->ntouched = 0;
     if (!plant->config.contact || (plant->clamped && plant->config.nfree == 0)) {
         return ERROR_NONE;
     }
@@ -101,6 +125,7 @@ enum error_code implicit_linearize_contact(struct plant *plant)
         plant->failure = too_many_pairs;
         return ERROR_INPUT;
     }
+    list_touched_bodies(plant);
     if (im->nactive > 0) {
         implicit_contact_accelerations(plant, im->a_point, im->twist_point);
     }
@@ -114,17 +139,15 @@ void implicit_add_contact_inertia(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
 
-    static const struct spatial_inertia none;
-
     memset(im->added, 0, im->nobserved * sizeof *im->added);
-    for (size_t c = 0; c < plant->config.ncontact; c++) {
-        /* Most bodies touch nothing most of the time */
-        if (!implicit_is_free(plant, (int)c) &&
-            memcmp(&im->contact_inertia[c], &none, sizeof none) != 0) {
+    for (size_t t = 0; t < im->ntouched; t++) {
+        int c = im->touched[t];
+
+        if (!implicit_is_free(plant, c)) {
             struct spatial_inertia own = im->contact_inertia[c];
             double back[9], S[21];
 
-            mat3_transpose(implicit_motion(plant, (int)c)->R, back);
+            mat3_transpose(implicit_motion(plant, c)->R, back);
             spatial_inertia_rotate(back, &own);
             spatial_inertia_pack(&own, S);
             add_scaled(1.0, S, im->added[im->number[c]].A, 21);
@@ -174,8 +197,9 @@ void implicit_end_contact(struct plant *plant)
     }
 
     /* Their power, with the bodies' velocities at the stage */
-    for (size_t c = 0; c < plant->config.ncontact; c++) {
-        const struct body_motion *motion = implicit_motion(plant, (int)c);
+    for (size_t t = 0; t < im->ntouched; t++) {
+        int c = im->touched[t];
+        const struct body_motion *motion = implicit_motion(plant, c);
         const struct spatial *to = &im->twist_z[c], *point = &im->twist_point[c];
 
         for (int i = 0; i < 3; i++) {

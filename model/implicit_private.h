@@ -83,6 +83,9 @@ struct implicit {
     size_t nactive;
     struct contact_tangent *tangent;
     struct active_pair *active;
+    size_t ntouched;
+    bool *is_touched;                        /* by contact body: of an active pair */
+    int *touched;                            /* those that are, ascending */
     struct spatial_inertia *contact_inertia; /* by contact body: A_b, world, about its origin */
     struct contact_wrench *wrench;           /* by contact body, at the stage */
     double contact_power;                    /* of them, W */
@@ -99,7 +102,8 @@ struct implicit {
     size_t na;
     double *a, *uncoupled, *z, *p;
 
-    /* Of the contact bodies, world frame, about their origins: accelerations and wrenches */
+    /* Of the contact bodies that are touched, world frame, about their origins: accelerations and
+     * wrenches */
     struct spatial *twist_point, *twist_p, *twist_z, *r, *s, *w;
 
     /* Scratch, by body of the robot */
@@ -205,7 +209,7 @@ void implicit_end_contact(struct plant *plant);
  * torque, added, contact_inertia, active and plant->ext. */
 void implicit_solve(struct plant *plant);
 
-/* What accelerations a mean at the contact bodies' origins, world frame. */
+/* What accelerations a mean at the origins of the contact bodies that are touched, world frame. */
 void implicit_contact_accelerations(struct plant *plant, const double *a, struct spatial *twist);
 
 #endif

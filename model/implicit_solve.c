@@ -17,23 +17,30 @@ enum { COUPLING_STEPS = 16 };
 /* Of the free bodies' gyroscopic moments. */
 enum { GYROSCOPIC_PASSES = 3 };
 
-static double inner_product(const struct spatial *f, const struct spatial *x, size_t count)
+/* Sums over the contact bodies that are touched. */
+static double inner_product(const struct implicit *im, const struct spatial *f,
+                            const struct spatial *x)
 {
     double sum = 0.0;
 
-    for (size_t i = 0; i < count; i++) {
-        sum += vec3_dot(f[i].l, x[i].l) + vec3_dot(f[i].a, x[i].a);
+    for (size_t t = 0; t < im->ntouched; t++) {
+        int c = im->touched[t];
+
+        sum += vec3_dot(f[c].l, x[c].l) + vec3_dot(f[c].a, x[c].a);
     }
     return sum;
 }
 
 /* y = x + scale y */
-static void scale_and_add(double scale, const struct spatial *x, struct spatial *y, size_t count)
+static void scale_and_add(const struct implicit *im, double scale, const struct spatial *x,
+                          struct spatial *y)
 {
-    for (size_t i = 0; i < count; i++) {
+    for (size_t t = 0; t < im->ntouched; t++) {
+        int c = im->touched[t];
+
         for (int k = 0; k < 3; k++) {
-            y[i].a[k] = x[i].a[k] + scale * y[i].a[k];
-            y[i].l[k] = x[i].l[k] + scale * y[i].l[k];
+            y[c].a[k] = x[c].a[k] + scale * y[c].a[k];
+            y[c].l[k] = x[c].l[k] + scale * y[c].l[k];
         }
     }
 }
@@ -87,15 +94,17 @@ static void prepare_free_bodies(struct plant *plant)
     }
 
     /* What contact adds, turned and moved there */
-    for (size_t c = 0; c < plant->config.ncontact; c++) {
-        if (implicit_is_free(plant, (int)c)) {
+    for (size_t t = 0; t < im->ntouched; t++) {
+        int c = im->touched[t];
+
+        if (implicit_is_free(plant, c)) {
             size_t b = (size_t)plant->config.contact_body[c] - robot->nbody;
             const double *com = plant->config.free[b].inertia.com;
             const double arm[3] = {-com[0], -com[1], -com[2]};
             struct spatial_inertia own = im->contact_inertia[c];
             double back[9];
 
-            mat3_transpose(implicit_motion(plant, (int)c)->R, back);
+            mat3_transpose(implicit_motion(plant, c)->R, back);
             spatial_inertia_rotate(back, &own);
             spatial_inertia_shift(arm, &own);
             spatial_inertia_add(&own, &im->free_inertia[b]);
@@ -116,9 +125,11 @@ static void solve_uncoupled(struct plant *plant, const struct spatial *w, double
 
     /* The robot: one pass of the dynamics over the tree */
     memcpy(im->ext, plant->ext, nbody * sizeof *im->ext);
-    for (size_t c = 0; w && c < plant->config.ncontact; c++) {
-        if (!implicit_is_free(plant, (int)c)) {
-            add_contact_wrench(plant, (int)c, &w[c], &im->ext[plant->config.contact_body[c]]);
+    for (size_t t = 0; w && t < im->ntouched; t++) {
+        int c = im->touched[t];
+
+        if (!implicit_is_free(plant, c)) {
+            add_contact_wrench(plant, c, &w[c], &im->ext[plant->config.contact_body[c]]);
         }
     }
     if (plant->clamped) {
@@ -135,9 +146,11 @@ static void solve_uncoupled(struct plant *plant, const struct spatial *w, double
         double *own = a + nv + FREE_ACCELERATIONS * b;
         struct spatial f = im->free_load[b], x;
 
-        for (size_t c = 0; w && c < plant->config.ncontact; c++) {
+        for (size_t t = 0; w && t < im->ntouched; t++) {
+            int c = im->touched[t];
+
             if ((size_t)plant->config.contact_body[c] == nbody + b) {
-                struct spatial turned = spatial_turn_back(implicit_motion(plant, (int)c)->R, &w[c]);
+                struct spatial turned = spatial_turn_back(implicit_motion(plant, c)->R, &w[c]);
 
                 spatial_add_wrench(1.0, &turned, arm, &f);
             }
@@ -155,7 +168,8 @@ void implicit_contact_accelerations(struct plant *plant, const double *a, struct
     size_t nbody = plant->config.robot->nbody, nv = plant->config.robot->nv;
 
     dynamics->ops->kinematics(dynamics, plant->q, a, im->motion);
-    for (size_t c = 0; c < plant->config.ncontact; c++) {
+    for (size_t t = 0; t < im->ntouched; t++) {
+        int c = im->touched[t];
         size_t body = (size_t)plant->config.contact_body[c];
 
         if (body < nbody) {
@@ -170,7 +184,7 @@ void implicit_contact_accelerations(struct plant *plant, const double *a, struct
             memcpy(x.l, own + FREE_LINEAR, sizeof x.l);
             memcpy(x.a, own + FREE_ANGULAR, sizeof x.a);
             at = spatial_motion_at(&x, arm);
-            twist[c] = spatial_turn(implicit_motion(plant, (int)c)->R, &at);
+            twist[c] = spatial_turn(implicit_motion(plant, c)->R, &at);
         }
     }
 }
@@ -211,7 +225,7 @@ static double apply_preconditioner(struct plant *plant)
     solve_uncoupled(plant, im->r, im->z);
     add_scaled(-1.0, im->uncoupled, im->z, im->na);
     implicit_contact_accelerations(plant, im->z, im->twist_z);
-    return inner_product(im->r, im->twist_z, plant->config.ncontact);
+    return inner_product(im, im->r, im->twist_z);
 }
 
 /* im->a from the solution of P to that of P + C, by conjugate gradients. Residuals are wrenches on
@@ -219,7 +233,7 @@ static double apply_preconditioner(struct plant *plant)
 static void solve_coupled(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
-    size_t ncontact = plant->config.ncontact, bytes = ncontact * sizeof *im->r;
+    const size_t bytes = plant->config.ncontact * sizeof *im->r;
     double first, rz;
 
     /* The solution of P, its residual -C a, and the first direction */
@@ -238,9 +252,11 @@ static void solve_coupled(struct plant *plant)
         /* Along p to where the residual is orthogonal to it */
         memcpy(im->w, im->s, bytes);
         add_coupling(plant, 1.0, im->twist_p, im->w);
-        length = rz / inner_product(im->w, im->twist_p, ncontact);
+        length = rz / inner_product(im, im->w, im->twist_p);
         add_scaled(length, im->p, im->a, im->na);
-        for (size_t c = 0; c < ncontact; c++) {
+        for (size_t t = 0; t < im->ntouched; t++) {
+            int c = im->touched[t];
+
             for (int k = 0; k < 3; k++) {
                 im->r[c].a[k] -= length * im->w[c].a[k];
                 im->r[c].l[k] -= length * im->w[c].l[k];
@@ -252,8 +268,8 @@ static void solve_coupled(struct plant *plant)
         for (size_t i = 0; i < im->na; i++) {
             im->p[i] = im->z[i] + rz / last * im->p[i];
         }
-        scale_and_add(rz / last, im->twist_z, im->twist_p, ncontact);
-        scale_and_add(rz / last, im->r, im->s, ncontact);
+        scale_and_add(im, rz / last, im->twist_z, im->twist_p);
+        scale_and_add(im, rz / last, im->r, im->s);
     }
 }
 

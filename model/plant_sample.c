@@ -151,9 +151,11 @@ enum error_code plant_sample(struct plant *plant)
     if (code != ERROR_NONE) {
         return code;
     }
-    dynamics->ops->kinematics(dynamics, plant->q, v, plant->sampled_motion);
-    memcpy(plant->sampled_motion + robot->nbody, plant->motion + robot->nbody,
-           plant->config.nfree * sizeof *plant->sampled_motion);
+    if (!plant->sampled_step) {
+        dynamics->ops->kinematics(dynamics, plant->q, v, plant->motion);
+    }
+    memcpy(plant->sampled_motion, plant->motion,
+           (robot->nbody + plant->config.nfree) * sizeof *plant->sampled_motion);
     dynamics->ops->acceleration(dynamics, plant->q, v, plant->vdot, plant->acceleration);
     memcpy(plant->sampled_wrench, plant->contact_wrench,
            plant->config.ncontact * sizeof *plant->sampled_wrench);

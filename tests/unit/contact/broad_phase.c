@@ -18,11 +18,14 @@ static struct contact_surface surface[SURFACES];
 static struct contact_pair pair[PAIRS];
 static struct contact_config config = {.surface = surface, .pair = pair, .nsurface = SURFACES};
 
-/* Every fourth pair left out; the first and the last surface are half-spaces. */
-static void make_pairs(void)
+/* Every fourth pair left out; the first and the last surface are half-spaces, on a body. */
+static void make_pairs(int body)
 {
     for (int i = 0; i < SURFACES; i++) {
-        surface[i].shape = i == 0 || i == SURFACES - 1 ? CONTACT_HALF_SPACE : CONTACT_SPHERE;
+        bool plane = i == 0 || i == SURFACES - 1;
+
+        surface[i] = (struct contact_surface){.shape = plane ? CONTACT_HALF_SPACE : CONTACT_SPHERE,
+                                              .body = plane ? body : 0};
     }
     config.npair = 0;
     for (int a = 0; a < SURFACES; a++) {
@@ -49,7 +52,9 @@ static bool pair_meets(const struct broad_balls *ball, const struct contact_pair
                 pow(ball->z[a] - ball->z[b], 2)) < ball->reach[a] + ball->reach[b];
 }
 
-static void finds_the_pairs_whose_balls_meet_and_no_others(void **state)
+/* A walk of all surfaces by steps of up to 5 mm, with a jump of all after every fiftieth, from one
+ * question to the next; half-spaces on a body walk too. */
+static void walk(int body)
 {
     struct arena arena;
     struct error error;
@@ -57,19 +62,24 @@ static void finds_the_pairs_whose_balls_meet_and_no_others(void **state)
     uint64_t seed = 3, near[(PAIRS + 63) / 64];
     size_t met = 0;
 
-    (void)state;
-    make_pairs();
+    make_pairs(body);
     assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
     assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_NONE);
     assert_int_equal(broad.nword, (config.npair + 63) / 64);
-    for (int i = 0; i < 200; i++) {
+    for (int s = 0; s < SURFACES; s++) {
+        broad.ball.reach[s] = 0.4 + 0.3 * random_number(&seed);
+        /* As capsules without length they part no more than the balls do */
+        broad.capsule[s].radius = broad.ball.reach[s];
+    }
+    for (int i = 0; i < 2000; i++) {
+        double step = i % 50 ? 0.005 : 1;
+
         for (int s = 0; s < SURFACES; s++) {
-            broad.ball.x[s] = random_number(&seed);
-            broad.ball.y[s] = random_number(&seed);
-            broad.ball.z[s] = random_number(&seed);
-            broad.ball.reach[s] = 0.4 + 0.3 * random_number(&seed);
-            /* As capsules without length they part no more than the balls do */
-            broad.capsule[s].radius = broad.ball.reach[s];
+            double *axis[] = {&broad.ball.x[s], &broad.ball.y[s], &broad.ball.z[s]};
+
+            for (int k = 0; k < 3 && (i == 0 || body >= 0 || (s > 0 && s < SURFACES - 1)); k++) {
+                *axis[k] = step * random_number(&seed) + (i % 50 ? *axis[k] : 0);
+            }
         }
         broad_phase_find(&broad, near);
         for (size_t p = 0; p < config.npair; p++) {
@@ -79,7 +89,53 @@ static void finds_the_pairs_whose_balls_meet_and_no_others(void **state)
             met += found;
         }
     }
-    assert_true(met > 1000 && met < 100 * config.npair);
+    assert_true(met > 10000 && met < 1000 * config.npair);
+    arena_fini(&arena);
+}
+
+static void finds_the_pairs_whose_balls_meet_and_no_others(void **state)
+{
+    (void)state;
+    walk(-1);
+}
+
+static void half_spaces_that_move_are_found_too(void **state)
+{
+    (void)state;
+    walk(0);
+}
+
+/* A long capsule that turns about its center comes near another with its end alone. */
+static void a_capsule_that_turns_is_found(void **state)
+{
+    struct arena arena;
+    struct error error;
+    struct broad_phase broad;
+    uint64_t near[1];
+    int met = 0;
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        surface[i] = (struct contact_surface){.shape = CONTACT_CAPSULE};
+    }
+    pair[0] = (struct contact_pair){0, 1};
+    config.npair = 1;
+    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+    assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_NONE);
+    for (int i = 0; i < 2; i++) {
+        broad.ball.x[i] = 0.8 * i;
+        broad.ball.y[i] = broad.ball.z[i] = 0;
+        broad.ball.reach[i] = 1.1;
+        broad.capsule[i] = (struct broad_capsule){.half = {0, 0, 1}, .radius = 0.1};
+    }
+    for (double angle = 0; angle < 1; angle += 0.001) {
+        broad.capsule[0].half[0] = sin(angle);
+        broad.capsule[0].half[2] = cos(angle);
+        broad_phase_find(&broad, near);
+        assert_int_equal(near[0], 0.8 - sin(angle) < 0.2);
+        met += (int)near[0];
+    }
+    assert_true(met > 100);
     arena_fini(&arena);
 }
 
@@ -119,7 +175,7 @@ static void without_memory_it_is_not_made(void **state)
     struct broad_phase broad;
 
     (void)state;
-    make_pairs();
+    make_pairs(-1);
     assert_int_equal(arena_init(&arena, 4096, &error), ERROR_NONE);
     assert_int_equal(broad_phase_make(&config, &arena, &broad, &error), ERROR_MEMORY);
     arena_fini(&arena);
@@ -129,6 +185,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(finds_the_pairs_whose_balls_meet_and_no_others),
+        cmocka_unit_test(half_spaces_that_move_are_found_too),
+        cmocka_unit_test(a_capsule_that_turns_is_found),
         cmocka_unit_test(long_capsules_side_by_side_are_apart_though_their_balls_meet),
         cmocka_unit_test(without_memory_it_is_not_made),
     };
