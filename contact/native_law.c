@@ -42,7 +42,6 @@ static void law_add_forces(const struct native_batch *batch, const struct native
         lanes_mask pushes = lanes_less(zero, fn);
 
         fn = lanes_pick(pushes, fn, zero);
-        f = lanes_pick(pushes, f, zero);
 
         /* Friction against what is left of the velocity across the normal */
         ux -= leaving * dx;
@@ -67,7 +66,7 @@ static void law_add_forces(const struct native_batch *batch, const struct native
         lever[1] += fn * py;
         lever[2] += fn * pz;
         potential += f * depth;
-        power += f * law->dissipation * (leaving * leaving) + drag * v2;
+        power += (f - fn) * leaving + drag * v2;
     }
 
     for (int k = 0; k < 3; k++) {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * COMAN without power, dropped in random poses: it comes to lie on the ground with no part in it,
- * and what it has stored never grows. HIL_FALLS says how many falls (200 unless given), HIL_FALL
- * the one to begin with.
+ * COMAN and WALK-MAN without power, dropped in random poses: they come to lie on the ground with no
+ * part in it, and what they have stored never grows. HIL_FALLS says how many falls of COMAN there
+ * are (200 unless given; of WALK-MAN an eighth), HIL_FALL the one to begin with.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -22,6 +22,8 @@ enum { FALL_MS = 2000, REST_MS = 200 };
 
 static const struct rig_scene_choice coman = {
     .file = "coman.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
+static const struct rig_scene_choice walkman = {
+    .file = "walkman.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
 
 /* What a fall was like. */
 struct fall {
@@ -160,44 +162,63 @@ static long long from_environment(const char *name, long long otherwise)
     return given ? atoll(given) : otherwise;
 }
 
-static void a_robot_that_falls_comes_to_lie_on_the_ground(void **state)
+/* The worst of count falls. */
+static struct fall run_falls(const struct rig_scene_choice *choice, long long count)
 {
     static struct rig_scene scene;
-    const long long count = from_environment("HIL_FALLS", 200);
     const long long first = from_environment("HIL_FALL", 1);
-    double deepest = 0, lying = 0, foot = 0, growth = 0;
+    struct fall worst = {.what = "nothing"};
 
-    (void)state;
-    rig_scene_init(&scene, &coman);
+    rig_scene_init(&scene, choice);
     for (long long seed = first; seed < first + count; seed++) {
         struct fall fall = run_fall(&scene, (uint64_t)seed);
 
-        if (fall.deepest > deepest || fall.growth > growth || fall.lying > lying) {
+        if (fall.deepest > worst.deepest || fall.growth > worst.growth ||
+            fall.lying > worst.lying) {
             print_message("# fall %lld: %.2f mm deep at worst (%s), %.2f mm at rest, stored grows "
                           "by %.3g J at most\n",
                           seed, 1e3 * fall.deepest, fall.what, 1e3 * fall.lying, fall.growth);
         }
-        deepest = fmax(deepest, fall.deepest);
-        lying = fmax(lying, fall.lying);
-        foot = fmax(foot, fall.foot);
-        growth = fmax(growth, fall.growth);
+        worst.deepest = fmax(worst.deepest, fall.deepest);
+        worst.lying = fmax(worst.lying, fall.lying);
+        worst.foot = fmax(worst.foot, fall.foot);
+        worst.growth = fmax(worst.growth, fall.growth);
     }
     print_message("# %lld falls: %.2f mm deep at worst, %.2f mm at rest (corners of the feet %.2f "
                   "mm), stored grew by %.3g J in a millisecond at most\n",
-                  count, 1e3 * deepest, 1e3 * lying, 1e3 * foot, growth);
-    assert_true(lying < 5e-3);
-    assert_true(deepest < 10e-3);
-    /* The corner of a foot's mesh is sharp: 12 N press it 5 mm into ground and sole */
-    assert_true(foot < 8e-3);
-    /* At impacts; steps of 1 ms are long there */
-    assert_true(growth < 5.0);
+                  count, 1e3 * worst.deepest, 1e3 * worst.lying, 1e3 * worst.foot, worst.growth);
     rig_scene_fini(&scene);
+    return worst;
+}
+
+static void coman_comes_to_lie_on_the_ground(void **state)
+{
+    struct fall worst = run_falls(&coman, from_environment("HIL_FALLS", 200));
+
+    (void)state;
+    assert_true(worst.lying < 5e-3);
+    assert_true(worst.deepest < 10e-3);
+    /* The corner of a foot's mesh is sharp: 12 N press it 5 mm into ground and sole */
+    assert_true(worst.foot < 8e-3);
+    /* What a step of 1 ms errs by at an impact may show in a few of many falls */
+    assert_true(worst.growth < 1e-2);
+}
+
+static void walkman_comes_to_lie_on_the_ground(void **state)
+{
+    struct fall worst = run_falls(&walkman, from_environment("HIL_FALLS", 200) / 8);
+
+    (void)state;
+    assert_true(worst.lying < 5e-3);
+    /* The step's own error, of some 800 J: nothing with steps of a quarter */
+    assert_true(worst.growth < 0.5);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_robot_that_falls_comes_to_lie_on_the_ground),
+        cmocka_unit_test(coman_comes_to_lie_on_the_ground),
+        cmocka_unit_test(walkman_comes_to_lie_on_the_ground),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
