@@ -8,8 +8,8 @@
  *
  * Only pairs within a margin are tested each time. Which those are is found anew when a surface has
  * moved so far that others could have come near (Verlet's list, Phys. Rev. 159, 1967), so that what
- * is found does not depend on what was asked before. Lengths are meters in the world's frame. Memory
- * is the arena's.
+ * is found does not depend on what was asked before. Lengths are meters in the world's frame.
+ * Memory is the arena's.
  */
 #ifndef CONTACT_BROAD_PHASE_H
 #define CONTACT_BROAD_PHASE_H

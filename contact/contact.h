@@ -18,8 +18,8 @@
  *                mu = us - (us - ud) S((u - 1)/2) + uv v      for 1 <= u < 3
  *                mu = ud + uv v                               for 3 <= u
  *                S(x) = 10 x^3 - 15 x^4 + 6 x^5; us, ud, uv: harmonic means of the two surfaces'
- *     stored     k A x^2/2; dissipated (f_n - k A x) x' + mu f_n v, which is c k A x x'^2 + mu f_n v
- *                but where surfaces part faster than their layers follow (f_n = 0). Neither is ever
+ *     stored     k A x^2/2; dissipated (f_n - k A x) x' + mu f_n v, c k A x x'^2 + mu f_n v but
+ *                where surfaces part faster than their layers follow (f_n = 0). Neither is ever
  *                negative.
  *
  * Elements are the triangles of a mesh. x is the centroid's distance to the nearest point of the
