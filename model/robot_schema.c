@@ -310,6 +310,11 @@ static const struct yaml_schema variant_schema = {.what = "a variant",
 
 static const struct yaml_field robot_fields[] = {
     NAME(struct robot_yaml),
+    {.key = "description",
+     .type = YAML_STRING,
+     .offset = offsetof(struct robot_yaml, description),
+     .min = 1,
+     .max = 400},
     {.key = "source", .type = YAML_STRING, .offset = offsetof(struct robot_yaml, source)},
     {.key = "gravity_m_s2",
      .type = YAML_REALS,

@@ -21,8 +21,8 @@ static const struct option_spec options[] = {
 static const char *rig, *files[4];
 
 static const struct operand_spec operands[] = {
-    {"RIG", "the rig file", true, &rig},
-    {"FILE", "more files", false, files},
+    {"RIG", "the rig file", true, .value = &rig},
+    {"FILE", "more files", false, .value = files},
 };
 
 static const struct command_spec full = {
