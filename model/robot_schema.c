@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The keys of a robot file: their types, ranges and places in struct robot_yaml. What they mean is
- * described at the head of config/robots/coman.yaml.
+ * described in docs/man/coman-hil-robot.5.scd.
  */
 #include "model/robot_yaml.h"
 

@@ -90,7 +90,8 @@ static void a_page_has_every_part_of_the_table(void **state)
                                    "\n"
                                    "# SEE ALSO\n"
                                    "\n"
-                                   "*coman-hil*(1), *coman-hil-rig*(5), *coman-hil-scenario*(5)\n";
+                                   "*coman-hil*(1), *coman-hil-rig*(5), *coman-hil-robot*(5), "
+                                   "*coman-hil-scenario*(5)\n";
     char *text = page_of(&full);
 
     (void)state;
