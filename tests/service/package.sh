@@ -62,7 +62,8 @@ diff "$work/shipped" "$work/installed" >"$work/out"
 result $? "what is installed of config is what config/files.cmake lists"
 if git -C "$HIL_SOURCE_DIR" ls-files config >"$work/tracked" 2>/dev/null && [ -s "$work/tracked" ]
 then
-    sed 's|^config|.|; /files.cmake$/d' "$work/tracked" | sort | diff - "$work/shipped" >"$work/out"
+    sed 's|^config|.|; /files.cmake$/d' "$work/tracked" | sort >"$work/source"
+    diff "$work/source" "$work/shipped" >"$work/out"
     result $? "it lists every file of config that belongs to the source, and no other"
 else
     skip "it lists every file of config" "this is no git repository"
