@@ -44,7 +44,7 @@ static bool protocol_keep_message(void *context, const struct message *message)
     return true;
 }
 
-/* Adds one to both addresses when shift is 1: what moves with it in an identifier is the address. */
+/* shift is added to both addresses: what moves with it in an identifier is the address. */
 static void protocol_walk_bus(enum board_personality personality, bool fd, int shift,
                               struct protocol_frames *frames)
 {

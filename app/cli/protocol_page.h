@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the boards of a personality speak, as a page in Markdown: every frame with its fields, units,
- * ranges and answer, and the fault bits, from the tables of the boards (boards/messages.h). Not
- * RT-safe.
+ * What the boards of a personality speak, as a page in Markdown: every frame with its fields,
+ * units, ranges and answer, and the fault bits, from the tables of the boards (boards/messages.h).
+ * Not RT-safe.
  */
 #ifndef APP_CLI_PROTOCOL_PAGE_H
 #define APP_CLI_PROTOCOL_PAGE_H

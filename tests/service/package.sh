@@ -57,7 +57,8 @@ nothing "$(awk '
     $6 !~ /^\.\/usr\/share\/(coman-hil|doc\/coman-hil|man)\//' "$work/list")"
 result $? "no file is outside of its places"
 (cd "$work/data/usr/share/coman-hil" && find . -type f | sort) >"$work/installed"
-sed -n 's|^    \([a-z]*/[^ )]*\).*|./\1|p' "$HIL_SOURCE_DIR/config/files.cmake" | sort >"$work/shipped"
+sed -n 's|^    \([a-z]*/[^ )]*\).*|./\1|p' "$HIL_SOURCE_DIR/config/files.cmake" |
+    sort >"$work/shipped"
 diff "$work/shipped" "$work/installed" >"$work/out"
 result $? "what is installed of config is what config/files.cmake lists"
 if git -C "$HIL_SOURCE_DIR" ls-files config >"$work/tracked" 2>/dev/null && [ -s "$work/tracked" ]
