@@ -219,7 +219,7 @@ static void zsh_put_option(const struct option_spec *option, FILE *out)
         completion_put_words(option, out);
         putc(')', out);
     } else if (!strcmp(kind, "noun")) {
-        fprintf(out, ":_coman_hil_names %s", option->noun);
+        fprintf(out, ": _coman_hil_names %s", option->noun);
     } else {
         fputs(!strcmp(kind, "files")     ? ":_files"
               : !strcmp(kind, "folders") ? ":_files -/"
@@ -241,7 +241,7 @@ static void zsh_put_operand(const struct command_spec *spec, size_t i, FILE *out
     fputs(operand->required ? ":" : "::", out);
     zsh_put_text(operand->name, out);
     if (operand->noun) {
-        fprintf(out, ":_coman_hil_names %s'", operand->noun);
+        fprintf(out, ": _coman_hil_names %s'", operand->noun);
         return;
     }
     fputs(operand->words ? ":(" : ":_files", out);
