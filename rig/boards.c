@@ -268,6 +268,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
         .bus = bus,
         .address = (uint8_t)raw->address,
         .strict = motors->strict,
+        .require_calibration = motors->require_calibration,
         .command_timeout_ns = llround(motors->command_timeout_s * 1e9),
         .status_period_ns = llround(motors->status_period_s * 1e9),
         .boot_ns = llround(motors->boot_s * 1e9),
@@ -370,6 +371,10 @@ enum error_code rig_build_boards(struct rig_builder *b)
                                   raw->motors.torque_full_scale_nm);
     if (code) {
         return code;
+    }
+    if (raw->motors.require_calibration && !raw->motors.strict) {
+        return yaml_error(b->error, &raw->motors.require_calibration_mark,
+                          "found require_calibration without strict, expected both or none");
     }
     if (raw->nbus == 0) {
         return yaml_error(b->error, &raw->mark, "found no buses, expected at least one");

@@ -333,6 +333,8 @@ static const struct yaml_field motors_fields[] = {
     {"status_period_s", YAML_REAL, false, AT(status_period_s), .min = 0.0, .max = 10.0},
     {"boot_s", YAML_REAL, false, AT(boot_s), .min = 0.0, .max = 60.0},
     {"strict", YAML_BOOL, false, .offset = AT(strict)},
+    {"require_calibration", YAML_BOOL, false, .offset = AT(require_calibration),
+     .mark_offset = AT(require_calibration_mark)},
     {"discovery_stops_motors", YAML_BOOL, false, .offset = AT(discovery_stops_motors)},
 };
 #undef STRUCT

@@ -136,6 +136,7 @@ static void configure(struct fuzz_bench *bench, struct fuzz_bytes *bytes)
         struct board_config *board = &base->board[i];
 
         board->strict = how & 8;
+        board->require_calibration = how & 32;
         board->discovery_stops_motors = how & 16;
         board->transmit_at_start = what & 1;
         board->command_timeout_ns = what & 2 ? 2000000 : 0;
