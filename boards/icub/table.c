@@ -51,8 +51,8 @@ const struct field_value icub_mode_names[] = {
     {ICUB_MODE_UNKNOWN, "unknown"}, {0, NULL}};
 const struct field_value icub_board_names[] = {
     {ICUB_BOARD_DSP, "dsp"}, {1, "pic"}, {2, "2dc"}, {3, "mc4"}, {ICUB_BOARD_BLL, "bll"},
-    {5, "mtb"}, {ICUB_BOARD_STRAIN, "strain"}, {7, "mais"}, {8, "2foc"}, {9, "6sg"}, {12, "strain2"},
-    {255, "unknown"}, {0, NULL}};
+    {5, "mtb"}, {ICUB_BOARD_STRAIN, "strain"}, {7, "mais"}, {8, "2foc"}, {9, "6sg"},
+    {12, "strain2"}, {255, "unknown"}, {0, NULL}};
 
 static const struct field_value interactions[] = {
     {ICUB_STIFF, "stiff"}, {ICUB_COMPLIANT, "compliant"}, {0, NULL}};
