@@ -50,7 +50,8 @@ enum board_personality {
 
 struct boards_bus_config {
     enum board_personality personality;
-    bool fd; /* BOARD_COMPACT: CAN FD frames */
+    bool fd;     /* BOARD_COMPACT: CAN FD frames */
+    bool padded; /* the others: a command may be padded to 8 bytes, whatever its length is */
 };
 
 enum { BOARD_AXES_MAX = 4, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };

@@ -302,6 +302,7 @@ static const struct yaml_field bus_fields[] = {
      .mark_offset = AT(data_bitrate_mark), .given_offset = AT(data_bitrate_given)},
     {"personality", YAML_ENUM, false, AT(personality), .names = personality_names,
      .given_offset = AT(personality_given)},
+    {"padded_frames", YAML_BOOL, false, .offset = AT(padded), .mark_offset = AT(padded_mark)},
     {"configure", YAML_BOOL, false, .offset = AT(configure)},
     {"sample_point", YAML_REAL, false, AT(sample_point), .min = 0.5, .max = 0.95,
      .mark_offset = AT(sample_point_mark), .given_offset = AT(sample_point_given)},

@@ -144,6 +144,8 @@ struct raw_bus {
     struct yaml_mark fd_mark, data_bitrate_mark;
     int personality; /* the rig's unless given */
     bool data_bitrate_given, personality_given;
+    bool padded;
+    struct yaml_mark padded_mark;
     bool configure; /* of a real interface, with the two below */
     double sample_point;
     int64_t restart_ms;

@@ -202,6 +202,7 @@ enum board_verdict icub_board_receive(struct icub_board *icub, const struct bus_
 {
     enum icub_class cls = (enum icub_class)(frame->id >> 8);
     const struct icub_command *command;
+    struct bus_frame cut;
     int64_t request[FIELDS_MAX] = {0};
     bool obeyed;
 
@@ -212,6 +213,11 @@ enum board_verdict icub_board_receive(struct icub_board *icub, const struct bus_
     command = icub_board_find_command(icub, cls, frame->data[0]);
     if (!command) {
         return BOARD_UNKNOWN;
+    }
+    if (icub->board.bus->config.padded && frame->len == 8 && command->request_max < 8) {
+        cut = *frame;
+        cut.len = command->request_max;
+        frame = &cut;
     }
     if (frame->len < command->request_min || frame->len > command->request_max ||
         !fields_decode(command->request, frame->data + 1, frame->len - 1u, request)) {

@@ -126,6 +126,7 @@ static void configure(struct fuzz_bench *bench, struct fuzz_bytes *bytes)
     bench_configure(base);
     base->config.tick_ns = ticks_ns[how & 3];
     bench->bus[0].personality = FUZZ_PERSONALITY;
+    bench->bus[0].padded = FUZZ_PERSONALITY != BOARD_COMPACT && how & 64;
     bench->bus[0].fd = FUZZ_PERSONALITY == BOARD_COMPACT && how & 4;
     base->config.bus = bench->bus;
     if (FUZZ_PERSONALITY == BOARD_COMPACT) {

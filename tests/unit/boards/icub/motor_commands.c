@@ -304,6 +304,40 @@ static void the_address_moves_and_never_onto_another_board(void **state)
     bench_stop(&bench);
 }
 
+/* A tool that goes by a DBC sends every command with 8 bytes, whatever it pads with. */
+static void padding_is_ignored_where_the_bus_allows_it(void **state)
+{
+    static const struct boards_bus_config buses[BENCH_BUSES] = {{.padded = true}};
+    struct board_bench bench;
+
+    (void)state;
+    bench_configure(&bench);
+    bench.config.bus = buses;
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "1E 64 00 AA AA AA AA AA");
+    bench_ask(&bench, "1F AA AA AA AA AA AA AA", "1F 64 00");
+    bench_ask(&bench, "1F", "1F 64 00");
+    bench_send(&bench, 0, 0x001, "09 50 00 00 00 00 00 00");
+    bench_ask(&bench, "07 FF FF FF FF FF FF FF", "07 50 00");
+    bench_send(&bench, 0, 0x20d, "13 02 03 FF F0 CC CC CC");
+    bench_send(&bench, 0, 0x20d, "15 01 CC CC CC CC CC CC"); /* the longest: with a channel */
+    bench_send(&bench, 0, 0x20d, "14 03 00 00 00 00 00 00");
+    bench_send(&bench, 0, 0x70f, "FF 00 00 00 00 00 00 00");
+    bench_tick(&bench);
+    bench_expect(&bench, 0, 0x2d0, "14 03 FF F0");
+    bench_expect(&bench, 0, 0x710, "FF 04 02 51 57");
+    assert_int_equal(bench_counters(&bench).malformed, 0);
+
+    /* to eight bytes, not to any other length; and on no other bus */
+    bench_send(&bench, 0, 0x001, "1E 65 00 00");
+    bench_send(&bench, 0, 0x001, "1E 65 00 00 00 00 00");
+    bench_send(&bench, 0, 0x001, "1E 65"); /* too short stays too short */
+    bench_send(&bench, 1, 0x001, "1E 65 00 00 00 00 00 00");
+    assert_int_equal(bench_counters(&bench).malformed, 4);
+    bench_ask(&bench, "1F", "1F 64 00");
+    bench_stop(&bench);
+}
+
 /* Every command of the table with a wrong length; none may have an effect or an answer. */
 static void wrong_lengths_are_ignored_and_counted(void **state)
 {
@@ -506,6 +540,7 @@ int main(void)
         cmocka_unit_test(the_encoder_reads_what_it_is_set_to),
         cmocka_unit_test(flash_keeps_parameters_until_they_are_read),
         cmocka_unit_test(the_address_moves_and_never_onto_another_board),
+        cmocka_unit_test(padding_is_ignored_where_the_bus_allows_it),
         cmocka_unit_test(wrong_lengths_are_ignored_and_counted),
         cmocka_unit_test(unwelcome_frames_are_counted_by_what_they_are),
         cmocka_unit_test(a_full_reply_queue_is_told_in_status_and_overflow),
