@@ -104,7 +104,7 @@ struct board_config {
     int64_t boot_ns;             /* from power-up until the application runs; 0 = from the start */
     bool transmit_at_start;      /* send without waiting for the host's command: STRAIN calibrated
                                   * frames, icub motors with the policy 0x7f, compact telemetry */
-    bool keep_firmware;          /* icub, foc: an image of what is downloaded: boards_firmware */
+    bool keep_firmware;          /* icub motors: an image of what is downloaded: boards_firmware */
     bool discovery_stops_motors; /* as BLL firmware: class 7 discovery switches PWM off */
 };
 

@@ -65,7 +65,8 @@ static bool boards_make_board(struct boards *boards, size_t index,
     bus->transmit_max += BOARD_REPLIES_MAX + board->ops->periodic_max;
     bus->ops->add_board(bus, board);
 
-    if (config->keep_firmware && bus->config.personality != BOARD_COMPACT) {
+    if (config->keep_firmware && config->kind == BOARD_MOTOR &&
+        bus->config.personality == BOARD_ICUB) {
         uint16_t **image = &icub_board_of(board)->loader.image;
 
         *image = arena_alloc(arena, (size_t)ICUB_MEMORIES * ICUB_MEMORY_WORDS, sizeof **image);

@@ -269,6 +269,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
         .address = (uint8_t)raw->address,
         .strict = motors->strict,
         .require_calibration = motors->require_calibration,
+        .keep_firmware = motors->keep_firmware,
         .command_timeout_ns = llround(motors->command_timeout_s * 1e9),
         .status_period_ns = llround(motors->status_period_s * 1e9),
         .boot_ns = llround(motors->boot_s * 1e9),

@@ -336,6 +336,7 @@ static const struct yaml_field motors_fields[] = {
     {"strict", YAML_BOOL, false, .offset = AT(strict)},
     {"require_calibration", YAML_BOOL, false, .offset = AT(require_calibration),
      .mark_offset = AT(require_calibration_mark)},
+    {"keep_firmware", YAML_BOOL, false, .offset = AT(keep_firmware)},
     {"discovery_stops_motors", YAML_BOOL, false, .offset = AT(discovery_stops_motors)},
 };
 #undef STRUCT

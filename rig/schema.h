@@ -164,7 +164,7 @@ struct raw_motors {
     int64_t rotor_poles;
     double current_limit_a, temperature_limit_c, command_timeout_s;
     double status_period_s, boot_s;
-    bool strict, require_calibration, discovery_stops_motors;
+    bool strict, require_calibration, keep_firmware, discovery_stops_motors;
     struct yaml_mark require_calibration_mark;
 };
 

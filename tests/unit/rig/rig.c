@@ -33,7 +33,7 @@ static void refused_with(const char *from, const char *to, const char *message)
     assert_rig_refused(to, message);
 }
 
-static void calibration_may_be_required_of_strict_boards(void **state)
+static void motor_boards_may_be_strict_and_keep_firmware(void **state)
 {
     const struct rig *rig = load_toy();
 
@@ -45,7 +45,9 @@ static void calibration_may_be_required_of_strict_boards(void **state)
     write_toy_with("  current_limit_a: 12\n", "  current_limit_a: 12\n  strict: true\n"
                                               "  require_calibration: true\n");
     rig = load_rig(rig_path);
-    assert_true(rig->boards.board[0].require_calibration);
+    assert_true(rig->boards.board[0].require_calibration && !rig->boards.board[0].keep_firmware);
+    write_toy_with("  current_limit_a: 12\n", "  current_limit_a: 12\n  keep_firmware: true\n");
+    assert_true(load_rig(rig_path)->boards.board[0].keep_firmware);
     refused_with("  current_limit_a: 12\n", "  current_limit_a: 12\n  require_calibration: true\n",
                  "27:24: found require_calibration without strict, expected both or none");
 }
@@ -531,7 +533,7 @@ int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, open_rig_tree, close_rig_tree)
     const struct CMUnitTest tests[] = {
-        TEST(calibration_may_be_required_of_strict_boards),
+        TEST(motor_boards_may_be_strict_and_keep_firmware),
         TEST(reads_time_pose_and_settings),
         TEST(places_surfaces_on_bodies_frames_and_the_world),
         TEST(meshes_interact_by_the_law_that_the_rig_names),
