@@ -11,6 +11,7 @@ docs/ and of the manual pages is tried there, in order, one folder a document:
     ```yaml, ```python    written to the file that their first line, a comment, names
     ```sh                 run by bash -eu, expected to end with 0
     ```sh guest           needs root, systemd or kernel CAN: left to the second, which runs no other
+    ```xml FILE           that file of examples/icub
     ```sh root            changes the machine for good (kernel, boot loader): its syntax is checked
 
 Prints TAP.
@@ -33,7 +34,8 @@ PATIENCE_S = 60
 SCRATCH = pathlib.Path(tempfile.mkdtemp())
 PREFIX = SCRATCH / "prefix"
 PAGES = SOURCE / "docs" / "man"
-GUIDES = [SOURCE / "docs" / name for name in ("lab-pc.md", "controller.md", "gateway.md")]
+GUIDES = [SOURCE / "docs" / name
+          for name in ("lab-pc.md", "controller.md", "gateway.md", "icub-software.md")]
 
 
 def coman_hil(*arguments, program="coman-hil"):
@@ -138,6 +140,9 @@ def try_guide(path):
             result(*run(folder, text, name))
         elif GUEST or info == "sh guest":
             continue
+        elif info.startswith("xml "):
+            file = SOURCE / "examples" / "icub" / info[4:]
+            result(text == file.read_text(), f"{path.name}:{line} is {file.name}")
         elif info == "sh root":
             good = subprocess.run(["bash", "-n"], input=text, capture_output=True, text=True)
             result(good.returncode == 0, name + " (syntax)", good.stderr)
