@@ -18,7 +18,7 @@ class Control:
 
     def __init__(self, path: str, timeout_s: float = 30.0) -> None:
         """timeout_s: how long an answer may take."""
-        self.timeout_s = timeout_s
+        self.path, self.timeout_s = path, timeout_s
         self.rows: deque[dict[str, Any]] = deque(maxlen=100_000)
         self._socket = socket.socket(socket.AF_UNIX)
         self._socket.settimeout(timeout_s)

@@ -20,7 +20,7 @@ from .gateway import GatewayBus, RawFrame, command_text, message_of
 from .process import Process, find_program, make_folder
 from .robot import ForceSensor, Joint, Latest, Names, force_sensors
 
-BOARD_FAULT, MISMATCH = 2, 4      # flags of DONE
+BOARD_FAULT, STOPPING = 2, 8      # flags of DONE
 STEP_TICKS = 1000           # at most in one STEP, so that a time-out is soon enough
 SWITCH_TICKS = 5            # until a new mode has been reported
 FRAMES_KEPT = 100_000
@@ -53,7 +53,7 @@ class Simulator:
 
     Attributes. joints, sensors: by name. tick, time_s: virtual time. bus: the connection, a bus of
     python-can. control: the control socket. buses: what the DBC files say. board_fault: whether some
-    board is in fault. log: all that the simulator said, once it has ended; exit_status."""
+    board is in fault. exit_status: of the process, once it has ended."""
 
     def __init__(self, rig: str = "coman", *, program: str | None = None,
                  changes: Mapping[str, Any] | None = None, hold: str | None = None,
@@ -70,7 +70,6 @@ class Simulator:
         self._start_timeout_s, self._timeout_s = start_timeout_s, timeout_s
         self._process: Process | None = None
         self.exit_status: int | None = None
-        self.log = ""
 
     # ---- start and end ----
 
@@ -79,10 +78,9 @@ class Simulator:
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
-        died = self._process.poll() if self._process else None
         self.close()
-        if kind is None and died:
-            raise SimulatorDied("run", died, self.log)
+        if kind is None and self.exit_status:
+            raise SimulatorDied("end", self.exit_status, self.log)
 
     def start(self) -> None:
         """Starts the process and joins its buses; `with` does it."""
@@ -150,13 +148,24 @@ class Simulator:
         self._done_key = (bus.name, f"{self._done_message.identifier:03X}")
 
     def close(self) -> None:
-        """Ends the process; `with` does it. The log then has the summary of the run."""
+        """Ends the process; `with` does it."""
         for part in ("bus", "control"):
             if part in self.__dict__:
                 getattr(self, part).shutdown() if part == "bus" else self.control.close()
         if self._process:
             self.exit_status = self._process.end()
-            self.log = self._process.log
+
+    @property
+    def pid(self) -> int:
+        """The number of its process."""
+        if not self._process:
+            raise SimulatorError("the simulator has not been started")
+        return self._process.pid
+
+    @property
+    def log(self) -> str:
+        """What it has said so far: events of the run, and after its end the summary."""
+        return self._process.log if self._process else ""
 
     # ---- time ----
 
@@ -199,7 +208,9 @@ class Simulator:
         flags, tick = int(values["flags"]), int(values["tick"])
         expected, self.tick = self.tick + ticks, tick
         self.board_fault = bool(flags & BOARD_FAULT)
-        if flags & MISMATCH or tick != expected & 0xffffffff:
+        if flags & STOPPING and tick != expected & 0xffffffff:
+            raise self._reason(f"tick {tick}", SimulatorStopped("the run is over"))
+        if tick != expected & 0xffffffff:
             raise GatewayError(f"the simulator is at tick {tick}, expected {expected}: somebody "
                                "else moves its time (ctl step, restore, another client's STEP)")
 
