@@ -117,7 +117,7 @@ class Control:
         self.request("resume")
         return paused["state_hash"]
 
-    def subscribe(self, *signals: str, period_ms: int = 10) -> None:
-        """From now on rows of these signals (patterns such as "q_*") come to `rows`, with every
-        answer of this connection."""
+    def subscribe(self, *signals: str, period_ms: float = 10) -> None:
+        """From now on a row of these signals (patterns such as "q_*") every period_ms of virtual
+        time, whole ticks; they come to `rows` with every answer of this connection."""
         self.request("subscribe", signals=list(signals), period_ms=period_ms)

@@ -20,7 +20,7 @@ from typing import Optional, Tuple
 
 import can
 
-from .errors import GatewayError
+from .errors import GatewayError, SimulatorTimeout
 
 FRAME = re.compile(r"< (frame|fdframe|rtr) (\w+) (?:(\w\w) )?(\d+\.\d+) (\w*) (\S+) >"
                    r"|< error (.*?) >")
@@ -91,6 +91,8 @@ class GatewayBus(can.BusABC):
         """Sends commands of the gateway as they are."""
         try:
             self._socket.sendall(text.encode())
+        except socket.timeout:
+            raise SimulatorTimeout("the simulator does not read what is sent to it") from None
         except OSError as error:
             raise GatewayError(f"the simulator has closed the connection: {error}") from None
 

@@ -52,7 +52,7 @@ class Simulator:
     is compiled first. timeout_s: for each answer, of wall time.
 
     Attributes. joints, sensors: by name. tick, time_s: virtual time. bus: the connection, a bus of
-    python-can. control: the control socket. buses: what the DBC files say. board_fault: whether some
+    python-can. control: the control socket. buses: what the DBC files say. board_fault: whether a
     board is in fault. exit_status: of the process, once it has ended."""
 
     def __init__(self, rig: str = "coman", *, program: str | None = None,

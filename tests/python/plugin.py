@@ -22,8 +22,8 @@ def pytest_of(text, *options, default="coman-fd"):
         pathlib.Path(folder, "test_it.py").write_text("import pytest\n" + text)
         env = dict(os.environ, PYTHONPATH=str(area.PACKAGE), COMAN_HIL_RIG=rig(default))
         done = subprocess.run([sys.executable, "-m", "pytest", "-q", "--strict-markers",
-                               "-p", "no:cacheprovider", "-p", "no:warnings", *options, folder], env=env, text=True,
-                              capture_output=True, timeout=100)
+                               "-p", "no:cacheprovider", "-p", "no:warnings", *options, folder],
+                              env=env, text=True, capture_output=True, timeout=100)
     return done.returncode, done.stdout
 
 
