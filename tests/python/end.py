@@ -3,7 +3,6 @@
 """Simulators that do not start, die, hang, are stopped or left behind: each is an exception that
 says why, soon, and nothing stays. Prints TAP.
 """
-import glob
 import os
 import pathlib
 import signal
@@ -75,14 +74,16 @@ def test_a_wrong_program_is_told():
 
 def test_a_simulator_that_refuses_to_run_says_why():
     from coman_hil import SimulatorDied, Simulator
-    before = set(glob.glob(tempfile.gettempdir() + "/coman-hil-*"))
-    with raises(SimulatorDied, "start", "with status 2", "Nobody"):
-        Simulator(RIG, faults=["motor Nobody jam"]).start()
-    with raises(SimulatorDied, "with status 2", "--bogus"):
-        Simulator(RIG, options=["--bogus"]).start()
-    mine = {path for path in glob.glob(tempfile.gettempdir() + "/coman-hil-*")
-            if path not in before and not glob.glob(path + "/control")}
-    assert not mine, mine
+    with tempfile.TemporaryDirectory() as folder:
+        tempfile.tempdir = folder
+        try:
+            with raises(SimulatorDied, "start", "with status 2", "Nobody"):
+                Simulator(RIG, faults=["motor Nobody jam"]).start()
+            with raises(SimulatorDied, "with status 2", "--bogus"):
+                Simulator(RIG, options=["--bogus"]).start()
+        finally:
+            tempfile.tempdir = None
+        assert not os.listdir(folder)
 
 
 def test_a_simulator_that_is_killed_is_told():

@@ -65,6 +65,17 @@ def test_each_joint_has_its_own_voltage():
                     path.name, joint, value)
 
 
+def test_a_voltage_is_limited_to_the_supply():
+    from coman_hil import Simulator
+    for kind in KINDS:
+        with Simulator(rig(kind), hold="always") as sim:
+            sim.enable("LElbj", "RElbj")
+            sim.joints["LElbj"].voltage_v, sim.joints["RElbj"].voltage_v = 1000, -1000
+            sim.step(2)
+            left, right = truth(sim, "voltage_LElbj_v", "voltage_RElbj_v")
+            assert 0.9 * 48 < left <= 48 and right == -left, (kind, left, right)
+
+
 def test_telemetry_is_what_the_plant_has():
     from coman_hil import NoTelemetry, Simulator
     for kind in KINDS:
@@ -130,7 +141,7 @@ def session(kind, volts=2.0, **keys):
 
 def test_runs_repeat_bit_for_bit():
     for kind in KINDS:
-        hashes = {session(kind, changes=BENCH) for _ in range(3)}
+        hashes = {session(kind, changes=BENCH) for _ in range(2)}
         assert len(hashes) == 1, (kind, hashes)
         assert hashes != {session(kind, 2.1, changes=BENCH)}, kind
 
@@ -226,6 +237,8 @@ def test_what_was_sent_takes_part_in_the_next_tick():
         sim.step()
         assert sim.received("torso", "torso_0x01_REPLY") == [
             {"command": "GET_CONTROL_MODE_1", "GET_CONTROL_MODE_mode_1": "idle"}]
+        sim.step(5)     # what was sent is sent once
+        assert not sim.received("torso", "torso_0x01_REPLY") and not sim.frames()
         with raises(UnknownName, "found no bus 'arm'"):
             sim.send(can.Message(arbitration_id=1, channel="arm"))
         with raises(UnknownName, "found no joint 'LElbow'", "'LElbj'"):
@@ -259,7 +272,7 @@ def test_steps_a_second():
                 sim.enable()
             elif what:
                 sim.enable(*what)
-            count, begin = 1000, time.monotonic()
+            count, begin = 500, time.monotonic()
             for number in range(count):
                 for joint in sim.joints.values():
                     joint.voltage_v = number / count
