@@ -149,6 +149,13 @@ class Joint:
         except NoTelemetry:
             return False
 
+    def state_text(self) -> str:
+        """Its mode and faults in words."""
+        try:
+            return f"{self.name} is in mode {self.mode}, faults {self.faults:#x}"
+        except NoTelemetry:
+            return f"the board of {self.name} says nothing"
+
     def signals(self) -> dict[str, float]:
         """All that has been said about it: MESSAGE.signal and value, in the DBC's units."""
         values = ((source, _value(self._latest, source)) for source in self._all)

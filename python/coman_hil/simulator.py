@@ -305,8 +305,7 @@ class Simulator:
             if not waiting:
                 return
             if self.tick >= end:
-                text = ", ".join(f"{j.name} is in mode {j.mode}, faults {j.faults:#x}"
-                                 for j in waiting)
+                text = ", ".join(joint.state_text() for joint in waiting)
                 raise BoardError(f"motors do not switch on within {timeout_s:g} s: {text}")
 
     def disable(self, *joints: str) -> None:
@@ -368,7 +367,8 @@ class Simulator:
         """Goes back to a checkpoint, with slot 0 to the start. Telemetry, voltages and motors that
         are on are again those of then."""
         answer = self._ask(self.control.restore, slot)
-        latest, self._listening, joints = self._kept[slot]
+        # of a checkpoint that somebody else has made only the state is known
+        latest, self._listening, joints = self._kept.get(slot, ({}, self._listening, {}))
         self.tick = answer["tick"]
         self._queued.clear()
         self._frames.clear()

@@ -71,7 +71,6 @@ def test_a_voltage_is_limited_to_the_supply():
         with Simulator(rig(kind), hold="always") as sim:
             sim.enable("LElbj", "RElbj")
             sim.joints["LElbj"].voltage_v, sim.joints["RElbj"].voltage_v = 1000, -1000
-            sim.step(2)
             left, right = truth(sim, "voltage_LElbj_v", "voltage_RElbj_v")
             assert 0.9 * 48 < left <= 48 and right == -left, (kind, left, right)
 
@@ -167,6 +166,10 @@ def test_a_checkpoint_repeats_what_followed():
             sim.restore(2)
             assert (sim.tick, joint.voltage_v, joint.motor_position_rad) == before, kind
             assert go_on() == first, kind
+            sim.control.checkpoint(3)       # not through the package: only the state is known
+            sim.step(5)
+            sim.restore(3)
+            assert (sim.tick, sim.state_hash()) == first[:2] and joint.enabled
             sim.reset()
             assert sim.tick == 0 and not joint.enabled
             sim.enable("LElbj")
@@ -261,6 +264,11 @@ def test_boards_that_do_not_obey_are_told():
         sim.enable("LElbj")
         sim.disable("LElbj")
         assert sim.joints["LElbj"].mode == "idle" and not sim.joints["LElbj"].enabled
+
+    with Simulator(rig("coman"), hold="always", faults=["board torso/1 hung 0.."]) as sim:
+        with raises(BoardError, "the board of WaistLat says nothing"):
+            sim.enable("WaistLat", "LElbj", timeout_s=0.1)
+        assert sim.joints["LElbj"].is_on
 
 
 def test_steps_a_second():
