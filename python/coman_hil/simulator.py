@@ -24,7 +24,6 @@ BOARD_FAULT, STOPPING = 2, 8      # flags of DONE
 STEP_TICKS = 1000           # at most in one STEP, so that a time-out is soon enough
 SWITCH_TICKS = 5            # until a new mode has been reported
 FRAMES_KEPT = 100_000
-START_TICK = 0
 
 
 class Simulator:
@@ -87,8 +86,8 @@ class Simulator:
         if self._process:
             raise SimulatorError("the simulator has been started already")
         program, folder = find_program(self._program), make_folder()
-        rig = self._write_rig(folder)
         try:
+            rig = self._write_rig(folder)
             # first of all, for it says best what is wrong with a rig
             self.buses = database.load(program, rig, self._start_timeout_s)
             self._process = Process(program, rig, self._options, folder)
@@ -124,7 +123,7 @@ class Simulator:
         """What is known before the first tick."""
         status, supply_v = self.control.status(), self.control.get("supply_v")
         self.tick_s: float = status["tick_s"]
-        self.tick: int = START_TICK
+        self.tick: int = 0
         self._latest: Latest = {}
         self._frames: deque[RawFrame] = deque(maxlen=FRAMES_KEPT)
         self._queued: list[str] = []
