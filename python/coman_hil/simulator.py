@@ -333,6 +333,7 @@ class Simulator:
 
     def status(self) -> dict[str, Any]:
         """The true state: "joints" (rad), "contacts" (N), "faults" that are active, "buses", ..."""
+        self.state_hash()   # DONE comes before a tick is published, a pause after it
         return self._ask(self.control.status)
 
     def state_hash(self) -> str:

@@ -192,6 +192,7 @@ def leave_simulators(folder):
             python.kill()
             python.wait()
         assert waits_until(lambda: not is_running(pid)), then
+        assert not patient or not os.listdir(folder), then
 
 
 area.main(globals())

@@ -21,7 +21,7 @@ def truth(sim, *signals):
     sim.control.rows.clear()
     sim.control.subscribe(*signals, period_ms=1e3 * sim.tick_s)
     sim.step()
-    sim.status()        # rows come before the answer
+    sim.state_hash()    # rows come before the answers of the loop
     sim.control.request("unsubscribe")
     return sim.control.rows[-1]["values"]
 
@@ -174,6 +174,18 @@ def test_a_checkpoint_repeats_what_followed():
             assert sim.tick == 0 and not joint.enabled
             sim.enable("LElbj")
             assert joint.is_on
+
+
+def test_the_status_is_of_the_last_tick():
+    from coman_hil import Simulator
+    with Simulator(rig("coman-fd"), hold="always") as sim:
+        sim.step(3)
+        sim.checkpoint()
+        for tick in range(4, 300):
+            sim.step()
+            assert sim.status()["tick"] == tick
+        sim.restore()
+        assert sim.status()["tick"] == 3
 
 
 def test_a_fault_is_switched_by_its_name():
