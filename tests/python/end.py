@@ -6,9 +6,11 @@ says why, soon, and nothing stays. Prints TAP.
 import os
 import pathlib
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 
 import area
@@ -151,6 +153,31 @@ def test_somebody_else_who_moves_time_is_told():
             sim.step()
         sim.step(3)
         assert sim.tick == 15
+
+
+def test_frames_that_come_in_pieces_are_whole():
+    from coman_hil import GatewayBus, GatewayError
+
+    def serve(server):
+        peer, _ = server.accept()
+        for question in (b"", b"< open all >", b"< rawmode >"):
+            assert peer.recv(len(question)) == question
+            peer.sendall(b"< ok >" if question else b"< hi >")
+        for byte in "\n< frame 113 0.012000 0050 torso >\n< rtr 7FF 0.013000 2 torso >":
+            peer.sendall(byte.encode())
+            time.sleep(0.001)
+        peer.close()
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=serve, args=(server,))
+        thread.start()
+        with GatewayBus(*server.getsockname()) as bus:
+            first, second = bus.recv(SOON_S), bus.recv(SOON_S)
+            with raises(GatewayError, "closed the connection"):
+                bus.recv(SOON_S)
+        thread.join()
+    assert (first.arbitration_id, first.data.hex(), first.channel) == (0x113, "0050", "torso")
+    assert second.is_remote_frame and second.timestamp == 0.013
 
 
 def test_simulators_do_not_meet():
