@@ -34,8 +34,8 @@ PATIENCE_S = 60
 SCRATCH = pathlib.Path(tempfile.mkdtemp())
 PREFIX = SCRATCH / "prefix"
 PAGES = SOURCE / "docs" / "man"
-GUIDES = [SOURCE / "docs" / name
-          for name in ("lab-pc.md", "controller.md", "gateway.md", "icub-software.md")]
+GUIDES = [SOURCE / "docs" / name for name in ("lab-pc.md", "controller.md", "gateway.md",
+                                               "icub-software.md", "python.md")]
 
 
 def coman_hil(*arguments, program="coman-hil"):
@@ -114,6 +114,7 @@ def run(folder, text, name):
     """What to tell of a block: whether it ended with 0, its name, and why not."""
     environment = dict(os.environ, PATH=f"{PREFIX}/bin:{os.environ['PATH']}",
                        PYTHONDONTWRITEBYTECODE="1",
+                       PYTHONPATH=str(PREFIX / "lib" / "python3" / "dist-packages"),
                        XDG_RUNTIME_DIR=str(folder))
     process = subprocess.Popen(["bash", "-eu", "-o", "pipefail", "-c", text], cwd=folder,
                                env=environment,
