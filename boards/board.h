@@ -50,7 +50,8 @@ enum board_personality {
 
 struct boards_bus_config {
     enum board_personality personality;
-    bool fd; /* BOARD_COMPACT: CAN FD frames */
+    bool fd;     /* BOARD_COMPACT: CAN FD frames */
+    bool padded; /* the others: a command may be padded to 8 bytes, whatever its length is */
 };
 
 enum { BOARD_AXES_MAX = 4, BOARD_CHANNELS = 6, BOARD_REPLIES_MAX = 64 };
@@ -88,6 +89,7 @@ struct board_config {
     int bus;                    /* index of the bus */
     uint8_t address;            /* icub 1-14; foc motors 1-4, others 1-14; compact 1-31 */
     bool strict;                /* icub: exactly as the firmware, see motor_board.c */
+    bool require_calibration;   /* strict: an axis that was not calibrated cannot be switched on */
     int64_t command_timeout_ns; /* a voltage, current or torque reference without a fresh command
                                  * for so long becomes 0; 0 = off; foc boards have the firmware's
                                  * time-out, strict icub boards none */
@@ -102,6 +104,7 @@ struct board_config {
     int64_t boot_ns;             /* from power-up until the application runs; 0 = from the start */
     bool transmit_at_start;      /* send without waiting for the host's command: STRAIN calibrated
                                   * frames, icub motors with the policy 0x7f, compact telemetry */
+    bool keep_firmware;          /* icub motors: an image of what is downloaded: boards_firmware */
     bool discovery_stops_motors; /* as BLL firmware: class 7 discovery switches PWM off */
 };
 
@@ -129,6 +132,7 @@ enum board_event_kind {
     BOARD_EVENT_MALFORMED,   /* wrong length or value: a = id, b = first byte */
     BOARD_EVENT_ADDRESS,     /* a board moved to another address: a = old, b = new */
     BOARD_EVENT_RESTART,     /* a board entered its bootloader: a = 1, or left it: a = 0 */
+    BOARD_EVENT_FIRMWARE,    /* a download into the bootloader ended: a = bytes, b = CRC-32 */
     BOARD_EVENT_OVERFLOW,    /* a board loses replies or frames: a = how many so far */
     BOARD_EVENT_OVER_HEATED, /* icub: the winding of an axis is too hot: a = 0.1 degree C */
 };
@@ -219,6 +223,16 @@ void boards_setting(const struct boards *boards, size_t board, size_t axis, size
                     struct board_setting *setting);
 double boards_get(const struct boards *boards, size_t board, size_t axis, size_t index);
 bool boards_set(struct boards *boards, size_t board, size_t axis, size_t index, double value);
+
+/* What a host has downloaded last into the bootloader of a board; false: nothing. crc is the CRC-32
+ * of zlib over address (low byte, high byte), memory (0 program, 1 data) and data of each line.
+ * Read in the thread of the boards; RT-safe. */
+struct board_firmware {
+    uint32_t lines, bytes, crc;
+    const uint16_t *image; /* program memory, then data memory, 65536 words each, 0xffff where
+                            * nothing came; NULL unless keep_firmware */
+};
+bool boards_firmware(const struct boards *boards, size_t board, struct board_firmware *firmware);
 
 /* A count that increases whenever some setting may have changed, whoever did it. RT-safe. */
 uint64_t boards_settings_changes(const struct boards *boards);

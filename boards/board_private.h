@@ -112,6 +112,7 @@ struct board {
     uint8_t address;
     bool in_bootloader;
     bool away;                             /* a fault keeps it from the bus */
+    uint32_t boots;                        /* how often it has entered the bootloader */
     int64_t application_ns;                /* in the bootloader until then */
     unsigned replies;                      /* of this board, waiting */
     uint64_t lost;                         /* frames that it could not send */

@@ -65,12 +65,35 @@ static bool boards_make_board(struct boards *boards, size_t index,
     bus->transmit_max += BOARD_REPLIES_MAX + board->ops->periodic_max;
     bus->ops->add_board(bus, board);
 
+    if (config->keep_firmware && config->kind == BOARD_MOTOR &&
+        bus->config.personality == BOARD_ICUB) {
+        uint16_t **image = &icub_board_of(board)->loader.image;
+
+        *image = arena_alloc(arena, (size_t)ICUB_MEMORIES * ICUB_MEMORY_WORDS, sizeof **image);
+        if (!*image) {
+            return false;
+        }
+    }
+
     board->ops->power_up(board);
     if (config->boot_ns > 0) {
         board->in_bootloader = true;
         board->application_ns = config->boot_ns;
     }
     return true;
+}
+
+bool boards_firmware(const struct boards *boards, size_t board, struct board_firmware *firmware)
+{
+    const struct board *of = boards->board[board];
+    const struct icub_loader *loader;
+
+    if (of->bus->config.personality == BOARD_COMPACT) {
+        return false;
+    }
+    loader = &icub_board_of(of)->loader;
+    *firmware = (struct board_firmware){loader->lines, loader->bytes, loader->crc, loader->image};
+    return loader->lines > 0;
 }
 
 static bool boards_make_buses(struct boards *boards, const struct boards_config *config,
@@ -204,6 +227,7 @@ bool board_set_address(struct board *board, uint8_t address)
 void board_enter_bootloader(struct board *board, int64_t duration_ns)
 {
     board->application_ns = board->boards->now_ns + duration_ns;
+    board->boots++;
     if (!board->in_bootloader) {
         board->in_bootloader = true;
         board_event(board, BOARD_EVENT_RESTART, 0, 1, 0);

@@ -210,6 +210,10 @@ enum error_code boards_check(const struct boards_config *config, struct error *e
         if (config->bus[i].fd && config->bus[i].personality != BOARD_COMPACT) {
             return error_set(error, ERROR_INPUT, "boards: only compact boards speak CAN FD");
         }
+        if (config->bus[i].padded && config->bus[i].personality == BOARD_COMPACT) {
+            return error_set(error, ERROR_INPUT,
+                             "boards: frames of compact boards have no padding");
+        }
     }
 
     /* Each board for itself, then against those before it */

@@ -169,6 +169,9 @@ static void event_describe(enum board_personality personality, const struct boar
     case BOARD_EVENT_RESTART:
         snprintf(text, size, "%s", a ? "bootloader entered" : "application started");
         return;
+    case BOARD_EVENT_FIRMWARE:
+        snprintf(text, size, "firmware received, %" PRIu32 " bytes, CRC-32 %08" PRIx32, a, b);
+        return;
     case BOARD_EVENT_OVERFLOW:
         snprintf(text, size, "frames lost, %" PRIu32 " so far", a);
         return;

@@ -5,6 +5,7 @@ set(HIL_CONFIG
     meshes/coman-foot-right.obj
     meshes/walkman-foot-left.obj
     meshes/walkman-foot-right.obj
+    rigs/coman-bench.yaml
     rigs/coman-compact.yaml
     rigs/coman-fd.yaml
     rigs/coman-foc.yaml

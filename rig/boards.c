@@ -268,6 +268,8 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
         .bus = bus,
         .address = (uint8_t)raw->address,
         .strict = motors->strict,
+        .require_calibration = motors->require_calibration,
+        .keep_firmware = motors->keep_firmware,
         .command_timeout_ns = llround(motors->command_timeout_s * 1e9),
         .status_period_ns = llround(motors->status_period_s * 1e9),
         .boot_ns = llround(motors->boot_s * 1e9),
@@ -329,6 +331,14 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
                           bus->name);
     }
 
+    /* A DBC has one length for all commands of an iCub board, but each length of a compact one */
+    if (bus->padded && bus_personality(b, bus) == BOARD_COMPACT) {
+        return yaml_error(b->error, &bus->padded_mark,
+                          "found padded_frames on bus \"%s\", expected it with personality icub or "
+                          "foc only",
+                          bus->name);
+    }
+
     /* Settings of the interface only where the simulator sets it */
     if (!bus->configure && (bus->sample_point_given || bus->restart_given)) {
         return yaml_error(b->error,
@@ -371,6 +381,10 @@ enum error_code rig_build_boards(struct rig_builder *b)
     if (code) {
         return code;
     }
+    if (raw->motors.require_calibration && !raw->motors.strict) {
+        return yaml_error(b->error, &raw->motors.require_calibration_mark,
+                          "found require_calibration without strict, expected both or none");
+    }
     if (raw->nbus == 0) {
         return yaml_error(b->error, &raw->mark, "found no buses, expected at least one");
     }
@@ -389,7 +403,7 @@ enum error_code rig_build_boards(struct rig_builder *b)
         code = rig_check_bus(b, from);
         bus[i] = rig_make_bus(b, from);
         bus[i].first_board = n;
-        bus_config[i] = (struct boards_bus_config){bus[i].personality, bus[i].fd};
+        bus_config[i] = (struct boards_bus_config){bus[i].personality, bus[i].fd, from->padded};
         host_bus[i] = (struct host_bus){host_personality[bus[i].personality], bus[i].fd};
         for (size_t k = 0; k < from->nboard && !code; k++) {
             code = rig_build_board(b, (int)i, &from->board[k], &board[n++]);

@@ -302,6 +302,7 @@ static const struct yaml_field bus_fields[] = {
      .mark_offset = AT(data_bitrate_mark), .given_offset = AT(data_bitrate_given)},
     {"personality", YAML_ENUM, false, AT(personality), .names = personality_names,
      .given_offset = AT(personality_given)},
+    {"padded_frames", YAML_BOOL, false, .offset = AT(padded), .mark_offset = AT(padded_mark)},
     {"configure", YAML_BOOL, false, .offset = AT(configure)},
     {"sample_point", YAML_REAL, false, AT(sample_point), .min = 0.5, .max = 0.95,
      .mark_offset = AT(sample_point_mark), .given_offset = AT(sample_point_given)},
@@ -333,6 +334,9 @@ static const struct yaml_field motors_fields[] = {
     {"status_period_s", YAML_REAL, false, AT(status_period_s), .min = 0.0, .max = 10.0},
     {"boot_s", YAML_REAL, false, AT(boot_s), .min = 0.0, .max = 60.0},
     {"strict", YAML_BOOL, false, .offset = AT(strict)},
+    {"require_calibration", YAML_BOOL, false, .offset = AT(require_calibration),
+     .mark_offset = AT(require_calibration_mark)},
+    {"keep_firmware", YAML_BOOL, false, .offset = AT(keep_firmware)},
     {"discovery_stops_motors", YAML_BOOL, false, .offset = AT(discovery_stops_motors)},
 };
 #undef STRUCT

@@ -144,6 +144,8 @@ struct raw_bus {
     struct yaml_mark fd_mark, data_bitrate_mark;
     int personality; /* the rig's unless given */
     bool data_bitrate_given, personality_given;
+    bool padded;
+    struct yaml_mark padded_mark;
     bool configure; /* of a real interface, with the two below */
     double sample_point;
     int64_t restart_ms;
@@ -162,7 +164,8 @@ struct raw_motors {
     int64_t rotor_poles;
     double current_limit_a, temperature_limit_c, command_timeout_s;
     double status_period_s, boot_s;
-    bool strict, discovery_stops_motors;
+    bool strict, require_calibration, keep_firmware, discovery_stops_motors;
+    struct yaml_mark require_calibration_mark;
 };
 
 struct raw_wire {

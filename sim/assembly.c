@@ -100,6 +100,7 @@ static enum error_code simulator_place_robot(struct simulator *simulator, struct
 
     simulator->release = (struct release){.due = hold == RIG_HOLD_ENABLED, .at_ns = -1};
     atomic_store(&simulator->released, -1);
+    atomic_store(&simulator->clamped_trip, -1);
     plant_clamp(simulator->plant, hold != RIG_HOLD_NONE);
     if (plant_reset(simulator->plant, rig->base_position, rig->base_quaternion, rig->joint)) {
         return error_set(error, ERROR_INPUT, "%s: the robot cannot be put into pose %s: %s",

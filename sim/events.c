@@ -14,6 +14,7 @@ enum event_source {
     EVENT_INTERFACE,
     EVENT_CONTROL, /* of app/control */
     EVENT_ROBOT,
+    EVENT_CLAMPED_TRIP,
 };
 
 static uint64_t event_key(enum event_source source, uint64_t topic)
@@ -27,6 +28,7 @@ static enum journal_priority board_event_priority(enum board_event_kind kind)
     case BOARD_EVENT_MODE:
     case BOARD_EVENT_ADDRESS:
     case BOARD_EVENT_RESTART:
+    case BOARD_EVENT_FIRMWARE:
         return JOURNAL_INFO;
     default:
         return JOURNAL_WARNING;
@@ -51,6 +53,30 @@ enum journal_priority simulator_event_priority(uint64_t key)
     default:
         return JOURNAL_WARNING;
     }
+}
+
+/* Why an axis trips that cannot move its link, and what to do: takes the place of guesses. */
+static bool simulator_next_clamped_trip(struct simulator *simulator, char *text, size_t size)
+{
+    int64_t time_ns = atomic_exchange(&simulator->clamped_trip, -1);
+    double seconds = (double)time_ns * 1e-9;
+
+    if (time_ns < 0) {
+        return false;
+    }
+    if (simulator->config.hold == RIG_HOLD_ENABLED) {
+        snprintf(text, size,
+                 "%.6f s: an axis has tripped against the clamp: the rig holds all links until all "
+                 "%zu motors are on, and %d were. Switch on the others too, or take a rig that "
+                 "holds nothing (initial: {hold: none}), as coman-bench",
+                 seconds, simulator->config.rig->naxis, atomic_load(&simulator->clamped_trip_on));
+    } else {
+        snprintf(text, size,
+                 "%.6f s: an axis has tripped against the clamp: all links are held. Release them, "
+                 "or take a rig that holds nothing (initial: {hold: none}), as coman-bench",
+                 seconds);
+    }
+    return true;
 }
 
 bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size)
@@ -99,6 +125,10 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
                          (uint64_t)board_event.kind << 16 |
                              (grouped ? 0 : (uint64_t)board_event.bus << 8 | board_event.address));
         board_event_format(simulator->boards, &board_event, text, size);
+        return true;
+    }
+    if (simulator_next_clamped_trip(simulator, text, size)) { /* the boards have said which */
+        *key = event_key(EVENT_CLAMPED_TRIP, 0);
         return true;
     }
     if (simulator->recorder && recorder_next_event(simulator->recorder, &kind, text, size)) {

@@ -45,23 +45,48 @@ static void machine_receive(void *context, int64_t now_ns, size_t bus,
     boards_receive(simulator->boards, now_ns, bus, frame);
 }
 
-static bool simulator_all_motors_on(const struct simulator *simulator)
+/* How many motors the boards drive, and how many of them are on. */
+static size_t simulator_count_motors(const struct simulator *simulator, size_t *on)
 {
     const struct rig *rig = simulator->config.rig;
     const struct plant_command *command = plant_command(simulator->plant);
+    size_t driven = 0;
 
+    *on = 0;
     for (size_t i = 0; i < rig->boards.nboard; i++) {
         const struct board_config *board = &rig->boards.board[i];
 
         for (int k = 0; k < BOARD_AXES_MAX && board->kind == BOARD_MOTOR; k++) {
             int joint = board->axis[k].joint;
 
-            if (joint >= 0 && !command->motor[joint].bridge_on) {
-                return false;
-            }
+            driven += joint >= 0;
+            *on += joint >= 0 && command->motor[joint].bridge_on;
         }
     }
-    return true;
+    return driven;
+}
+
+static bool simulator_all_motors_on(const struct simulator *simulator)
+{
+    size_t on;
+
+    return simulator_count_motors(simulator, &on) == on;
+}
+
+/* Notes for the log that an axis has tripped which could not move its clamped link. */
+static void simulator_note_clamped_trip(struct simulator *simulator, int64_t now_ns)
+{
+    struct release *release = &simulator->release;
+    struct boards_counters counters;
+    size_t on;
+
+    boards_counters(simulator->boards, &counters);
+    if (counters.trips > release->trips && plant_is_clamped(simulator->plant)) {
+        simulator_count_motors(simulator, &on);
+        atomic_store(&simulator->clamped_trip_on, (int)on);
+        atomic_store(&simulator->clamped_trip, now_ns);
+    }
+    release->trips = counters.trips;
 }
 
 /* Releases a clamped robot when all its motors are on, a settled one when its brakes are. */
@@ -85,6 +110,7 @@ static void machine_control(void *context, int64_t now_ns)
     struct simulator *simulator = context;
 
     boards_control(simulator->boards, now_ns, plant_command(simulator->plant));
+    simulator_note_clamped_trip(simulator, now_ns);
     simulator_release_robot(simulator, now_ns);
 }
 

@@ -20,8 +20,9 @@
 
 /* When a clamped robot is released. */
 struct release {
-    bool due;      /* when every motor is on */
-    int64_t at_ns; /* virtual time; -1 = not yet or done */
+    bool due;       /* when every motor is on */
+    int64_t at_ns;  /* virtual time; -1 = not yet or done */
+    uint64_t trips; /* of axes so far */
 };
 
 struct simulator {
@@ -61,6 +62,10 @@ struct simulator {
     struct snapshot *published; /* struct simulator_status */
     struct release release;
     _Atomic int64_t released; /* virtual time of the release; -1 = reported or not yet */
+    _Atomic int64_t
+        clamped_trip;            /* virtual time at which an axis of a clamped robot has tripped; -1
+                                   * = reported or not yet */
+    _Atomic int clamped_trip_on; /* motors that were on then */
     char failure[256];
     struct steering *steering; /* NULL = none */
     struct robot_steering *robot_steering;

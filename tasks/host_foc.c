@@ -73,7 +73,7 @@ static void host_foc_read_frame(struct host *host, size_t bus, const struct bus_
     struct host_node *node = &host->line[bus].node[frame->id >> 4 & 0xf];
     unsigned cls = frame->id >> 8, x = frame->id & 0xf;
 
-    if (node->kind == HOST_NO_BOARD || host_read_discovery(node, frame)) {
+    if (node->kind == HOST_NO_BOARD || host_read_discovery(host, bus, node, frame)) {
         return;
     }
     if (node->kind != HOST_MOTOR_BOARD) {

@@ -66,7 +66,7 @@ static void host_icub_read_frame(struct host *host, size_t bus, const struct bus
     struct host_node *node = &host->line[bus].node[frame->id >> 4 & 0xf];
     unsigned cls = frame->id >> 8;
 
-    if (node->kind == HOST_NO_BOARD || host_read_discovery(node, frame)) {
+    if (node->kind == HOST_NO_BOARD || host_read_discovery(host, bus, node, frame)) {
         return;
     }
     if (node->kind != HOST_MOTOR_BOARD) {

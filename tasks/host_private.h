@@ -113,7 +113,8 @@ enum host_phase host_fail_joint(struct host *host, size_t axis, const char *what
 /* The same for both kinds of iCub motor boards (host_strain.c): class 7 discovery, what a mode
  * means, and the STRAIN boards' frames, answers and requests. */
 void host_discover_icub(struct host *host, size_t bus);
-bool host_read_discovery(struct host_node *node, const struct bus_frame *frame);
+bool host_read_discovery(struct host *host, size_t bus, struct host_node *node,
+                         const struct bus_frame *frame);
 enum host_motor host_motor_of_mode(uint8_t mode);
 void host_strain_read(struct host *host, struct host_node *node, const struct bus_frame *frame);
 bool host_strain_request(const struct host_node *node, unsigned address, int number,

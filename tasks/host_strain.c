@@ -15,12 +15,22 @@ void host_discover_icub(struct host *host, size_t bus)
     host_queue(host, bus, &frame);
 }
 
-bool host_read_discovery(struct host_node *node, const struct bus_frame *frame)
+bool host_read_discovery(struct host *host, size_t bus, struct host_node *node,
+                         const struct bus_frame *frame)
 {
+    static const uint8_t leave[1] = {ICUB_UPDATE_END};
+    unsigned address = frame->id >> 4 & 0xf;
+
     if (frame->id >> 8 != ICUB_MANAGEMENT || (frame->id & 0xf) != ICUB_HOST) {
         return false;
     }
-    /* A bootloader answers with 4 bytes, without a build number: the board still boots */
+    /* A bootloader answers with 4 bytes, without a build number, and waits for its host from then
+     * on: it is sent on to its application, which answers the next time */
+    if (frame->len == 4 && frame->data[0] == ICUB_DISCOVER) {
+        struct bus_frame end = frame_make(icub_id(ICUB_MANAGEMENT, ICUB_HOST, address), 1, leave);
+
+        host_queue(host, bus, &end);
+    }
     node->found = node->found || (frame->len >= 5 && frame->data[0] == ICUB_DISCOVER);
     return true;
 }

@@ -3,6 +3,7 @@
 #include "app/cli/commands.h"
 
 #include "app/cli/compiling.h"
+#include "app/cli/firmware.h"
 #include "app/cli/monitor.h"
 #include "app/cli/rig_command.h"
 #include "app/cli/run_options.h"
@@ -92,6 +93,9 @@ static int run_finish(struct simulator *simulator, struct control *control, enum
     }
     summary_print(&summary, stdout);
     if (directory && summary_write(&summary, directory, &error)) {
+        incomplete = command_fail("run", &error);
+    }
+    if (directory && firmware_write(simulator, directory, &error)) {
         incomplete = command_fail("run", &error);
     }
     return status ? status : incomplete;

@@ -352,6 +352,7 @@ static const struct icub_board_ops foc_icub_ops = {
     .command_count = ICUB_MOTOR_COMMANDS,
     .command_class = ICUB_POLLING_MOTOR,
     .no_info = true,
+    .loader_type = FOC_BOARD_2FOC,
     .command = foc_board_command,
     .targets = foc_board_targets,
 };

@@ -45,13 +45,81 @@ static void icub_board_discover(struct icub_board *icub, uint32_t reply_id)
 {
     struct board *board = &icub->board;
     const struct board_identity *identity = &board->ops->identity;
-    const uint8_t data[] = {ICUB_DISCOVER, identity->type, identity->major, identity->minor,
-                            identity->build};
+    bool loader = board->in_bootloader;
+    const uint8_t data[] = {ICUB_DISCOVER, loader ? icub->ops->loader_type : identity->type,
+                            identity->major, identity->minor, identity->build};
 
-    /* A bootloader has no build number to tell: that is how hosts know it */
-    board_queue(board, reply_id, board->in_bootloader ? 4 : 5, data);
-    if (!board->in_bootloader && icub->ops->discovered) {
+    /* A bootloader has no build number to tell: that is how hosts know it; and it stays */
+    board_queue(board, reply_id, loader ? 4 : 5, data);
+    if (loader) {
+        board->application_ns = INT64_MAX;
+    } else if (icub->ops->discovered) {
         icub->ops->discovered(icub);
+    }
+}
+
+/* ---- the bootloader ---- */
+
+static void icub_loader_acknowledge(struct icub_board *icub, const struct bus_frame *frame)
+{
+    board_queue(&icub->board, icub_id(ICUB_MANAGEMENT, icub->board.address, frame->id >> 4), 2,
+                (const uint8_t[]){frame->data[0], 1});
+}
+
+/* START: the application resets into the bootloader, which waits as after any reset; in the
+ * bootloader it ends that wait. */
+static void icub_board_start_update(struct icub_board *icub)
+{
+    struct board *board = &icub->board;
+
+    if (board->in_bootloader) {
+        board->application_ns = INT64_MAX;
+    } else {
+        board_enter_bootloader(board, BOOTLOADER_NS);
+    }
+    icub->loader.boot = board->boots;
+    icub_loader_start(&icub->loader);
+}
+
+/* ADDRESS, DATA and RUN of a download; false: refused, and not acknowledged. */
+static bool icub_board_download(struct icub_board *icub, const struct bus_frame *frame,
+                                const int64_t *request)
+{
+    struct icub_loader *loader = &icub->loader;
+    enum icub_line line = ICUB_LINE_GROWS;
+
+    if (!icub->board.in_bootloader) {
+        return true; /* the application ignores them */
+    }
+    if (!loader->downloading || loader->boot != icub->board.boots) {
+        return false;
+    }
+    icub->board.application_ns = INT64_MAX;
+    if (frame->data[0] == ICUB_UPDATE_ADDRESS) {
+        icub_loader_open_line(loader, (uint8_t)request[0], (uint16_t)request[1],
+                              (uint8_t)request[2]);
+        return true;
+    }
+    if (frame->data[0] == ICUB_UPDATE_DATA) {
+        line = icub_loader_put(loader, frame->data + 1, frame->len - 1u);
+    }
+    if (frame->data[0] == ICUB_UPDATE_RUN || line == ICUB_LINE_COMPLETE) {
+        icub_loader_acknowledge(icub, frame);
+    }
+    return line != ICUB_LINE_REFUSED;
+}
+
+/* END leads to the application; there it is a ping. */
+static void icub_board_end_update(struct icub_board *icub)
+{
+    struct icub_loader *loader = &icub->loader;
+
+    if (icub->board.in_bootloader) {
+        if (loader->downloading && loader->boot == icub->board.boots && loader->lines > 0) {
+            board_event(&icub->board, BOARD_EVENT_FIRMWARE, 0, loader->bytes, loader->crc);
+        }
+        loader->downloading = false;
+        board_leave_bootloader(&icub->board);
     }
 }
 
@@ -80,23 +148,18 @@ static bool icub_board_manage(struct icub_board *icub, const struct bus_frame *f
     case ICUB_SET_CAN_ADDRESS:
         return board_set_address(board, (uint8_t)request[0]);
 
-    /* A firmware download: every frame of it prolongs the stay in the bootloader */
+    /* A firmware download */
     case ICUB_START_UPDATE:
-        board_enter_bootloader(board, BOOTLOADER_NS);
+        icub_board_start_update(icub);
+        icub_loader_acknowledge(icub, frame);
         return true;
     case ICUB_UPDATE_ADDRESS:
     case ICUB_UPDATE_DATA:
-        if (board->in_bootloader) {
-            board_enter_bootloader(board, BOOTLOADER_NS);
-        }
-        return true;
     case ICUB_UPDATE_RUN:
-        if (board->in_bootloader) {
-            board_leave_bootloader(board);
-        }
-        return true;
+        return icub_board_download(icub, frame, request);
     case ICUB_UPDATE_END:
-        board_queue(board, reply_id, 2, (const uint8_t[]){ICUB_UPDATE_END, 1});
+        icub_loader_acknowledge(icub, frame);
+        icub_board_end_update(icub);
         return true;
     }
     return false;
@@ -139,6 +202,7 @@ enum board_verdict icub_board_receive(struct icub_board *icub, const struct bus_
 {
     enum icub_class cls = (enum icub_class)(frame->id >> 8);
     const struct icub_command *command;
+    struct bus_frame cut;
     int64_t request[FIELDS_MAX] = {0};
     bool obeyed;
 
@@ -149,6 +213,11 @@ enum board_verdict icub_board_receive(struct icub_board *icub, const struct bus_
     command = icub_board_find_command(icub, cls, frame->data[0]);
     if (!command) {
         return BOARD_UNKNOWN;
+    }
+    if (icub->board.bus->config.padded && frame->len == 8 && command->request_max < 8) {
+        cut = *frame;
+        cut.len = command->request_max;
+        frame = &cut;
     }
     if (frame->len < command->request_min || frame->len > command->request_max ||
         !fields_decode(command->request, frame->data + 1, frame->len - 1u, request)) {

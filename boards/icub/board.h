@@ -8,6 +8,7 @@
 #define BOARDS_ICUB_BOARD_H
 
 #include "boards/board_private.h"
+#include "boards/icub/loader.h"
 #include "boards/icub/table.h"
 
 /* The last frames of a STRAIN board, as motor boards on the bus hear them. */
@@ -31,8 +32,9 @@ struct icub_board_ops {
     const struct icub_command *commands;
     size_t command_count;
     enum icub_class command_class;
-    bool axis_bit; /* bit 7 of a class 0 command is the axis */
-    bool no_info;  /* gives no additional information */
+    bool axis_bit;       /* bit 7 of a class 0 command is the axis */
+    bool no_info;        /* gives no additional information */
+    uint8_t loader_type; /* what its bootloader says in discovery */
 
     /* Obeys a command whose length and values are right; request has its values, reply takes those
      * of the answer, which is sent when the row has one. Returns false when the board refuses the
@@ -47,6 +49,7 @@ struct icub_board_ops {
 struct icub_board {
     struct board board;
     const struct icub_board_ops *ops;
+    struct icub_loader loader;
     char info[ICUB_INFO_LENGTH];
 };
 

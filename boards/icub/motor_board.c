@@ -22,11 +22,12 @@
  * Calibration is that of the firmware whose version the board reports: type 3 (absolute encoder)
  * takes p3 as the encoder's zero. A p2 of 0 is invalid and makes a fault.
  *
- * A strict board does what the firmware does even where that is odd. It drives its bridge only if a
- * host has stated a compatible protocol (GET_FIRMWARE_VERSION) and set all seven parameters of the
- * position PID before the axis left idle; otherwise STATUS reports the mode, but nothing moves. It
- * has no current mode. A mode that it does not have resets the references of a running axis and
- * nothing else; from idle it leads to position mode. PRINT reports every change.
+ * A strict board does what the firmware does even where that is odd. An axis that is to leave idle,
+ * for calibration too, goes into hardware fault instead, with a PRINT that says why, unless a host
+ * has stated a compatible protocol (GET_FIRMWARE_VERSION) and set all seven parameters of the
+ * position PID; with require_calibration also unless it has been calibrated. It has no current
+ * mode; a mode that it does not have makes a fault. The present mode again leaves the references as
+ * they are. PRINT reports every change of mode.
  *
  * A winding above the limit of SET_TEMPERATURE_LIMIT (0 = none) puts its axis into hardware fault;
  * the fault byte has no bit for it, byte 5 of STATUS has, for as long as it is too hot. A
@@ -57,7 +58,6 @@ void motor_board_print(struct board *board, const char *text)
     if (!(motor->policy >> (ICUB_PRINT - 1) & 1)) {
         return;
     }
-    motor->text = (motor->text + 1) & 0xf;
     for (uint8_t part = 0; left > 0; part++) {
         uint8_t data[8] = {ICUB_PRINT, (uint8_t)(motor->text << 4 | part)};
         size_t size = left < 6 ? left : 6;
@@ -68,6 +68,7 @@ void motor_board_print(struct board *board, const char *text)
         data[0] |= left ? 0 : 0x80;
         board_queue(board, id, (uint8_t)(2 + size), data);
     }
+    motor->text = (motor->text + 1) % ICUB_PRINT_TEXTS;
 }
 
 /* ---- power-up ---- */
@@ -114,12 +115,13 @@ static void motor_board_power_up(struct board *board)
         axis->mode = ICUB_MODE_IDLE;
         axis->faults = axis->faults_once = axis->heat = 0;
         axis->pids = 0;
-        axis->pads = false;
+        axis->calibrated = false;
         axis->offset = 0;
         axis->source_ns = board->boards->now_ns;
         motor_axis_reset_references(board, axis);
     }
     motor->powered = true;
+    motor->text = 0;
     motor->protocol_ack = false;
     motor->policy = board->config.transmit_at_start ? POLICY_AT_START : 0;
     motor->status_due = motor->additional_due = false;
@@ -208,7 +210,7 @@ static void motor_axis_drive_bridge(const struct board *board, const struct moto
                                     struct plant_command *command)
 {
     int joint = motor_axis_config(board, axis)->joint;
-    bool on = motor_runs(axis->mode) && axis->mode != ICUB_MODE_CALIBRATION && axis->pads;
+    bool on = motor_runs(axis->mode) && axis->mode != ICUB_MODE_CALIBRATION;
 
     if (joint >= 0) {
         command->motor[joint].bridge_on = on;
@@ -250,7 +252,7 @@ static void motor_board_shut_down(struct board *board, struct plant_command *com
 }
 
 static const struct board_ops motor_board_ops = {
-    .identity = {.type = ICUB_BOARD_BLL, .major = 2, .minor = 0x51, .build = 60},
+    .identity = {.type = ICUB_BOARD_BLL, .major = 2, .minor = 0x51, .build = 87},
     .periodic_max = 11,
     .power_up = motor_board_power_up,
     .sample = motor_board_sample,
@@ -266,6 +268,7 @@ static const struct icub_board_ops motor_icub_ops = {
     .command_count = ICUB_MOTOR_COMMANDS,
     .command_class = ICUB_POLLING_MOTOR,
     .axis_bit = true,
+    .loader_type = ICUB_BOARD_DSP,
     .command = motor_board_command,
     .discovered = motor_board_discovered,
 };

@@ -67,7 +67,8 @@ static bool motor_axis_calibrate(struct board *board, struct motor_axis *axis,
     if (request[2] == 0) {
         motor_board_print(board, "invalid calib p2");
         motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
-    } else if (axis->mode != ICUB_MODE_HARDWARE_FAULT) {
+    } else if (axis->mode != ICUB_MODE_HARDWARE_FAULT &&
+               motor_axis_is_owed_nothing(board, axis, true)) {
         motor_axis_set_mode(board, axis, ICUB_MODE_CALIBRATION);
         axis->calibration_zero = (int32_t)request[3];
         axis->calibrated_ns = board->boards->now_ns + (int64_t)CALIBRATION_MS * MS;

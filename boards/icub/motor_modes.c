@@ -57,65 +57,73 @@ static bool motor_is_control_mode(int64_t mode)
     }
 }
 
-/* Enables the drivers of the bridge as a strict board does; false: it does not. */
-static bool motor_axis_enable_pads(struct board *board, struct motor_axis *axis)
+/* Tells the host's log a text and a number. */
+static void motor_board_print_number(struct board *board, const char *text, unsigned number)
 {
-    char text[32];
+    char line[32];
 
-    if (!motor_board_of(board)->protocol_ack) {
-        motor_board_print(board, "can protocol NOT ack");
-        return false;
-    }
-    if (axis->pids != PID_HAS_ALL) {
-        snprintf(text, sizeof text, "PID IS NOT SET %u", motor_axis_index(board, axis));
-        motor_board_print(board, text);
-        return false;
-    }
-    snprintf(text, sizeof text, "PWM ENA:%u", motor_axis_index(board, axis));
-    motor_board_print(board, text);
-    return true;
+    snprintf(line, sizeof line, "%s%u", text, number);
+    motor_board_print(board, line);
 }
 
-static void motor_axis_disable_pads(struct board *board, struct motor_axis *axis)
+/* A new mode of a strict axis; the present one again changes nothing, its references neither. */
+static void motor_axis_switch_strictly(struct board *board, struct motor_axis *axis, int64_t mode)
 {
-    char text[32];
+    bool known = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_HARDWARE_FAULT ||
+                 (motor_is_control_mode(mode) && mode != ICUB_MODE_CURRENT);
 
-    axis->pads = false;
-    snprintf(text, sizeof text, "PWM DIS:%u", motor_axis_index(board, axis));
-    motor_board_print(board, text);
-    motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
+    if (mode == axis->mode) {
+        return;
+    }
+    motor_board_print_number(board,
+                             "CMODE SET:", known ? (unsigned)mode : (unsigned)ICUB_MODE_UNKNOWN);
+    if (!known) {
+        motor_board_print(board, "UNKNOWN CONTROLMODE PID");
+    }
+    motor_axis_set_mode(board, axis, known ? (uint8_t)mode : ICUB_MODE_HARDWARE_FAULT);
+}
+
+bool motor_axis_is_owed_nothing(struct board *board, struct motor_axis *axis, bool calibrated)
+{
+    unsigned index = motor_axis_index(board, axis);
+
+    if (!board->config.strict) {
+        return true;
+    }
+    if (!motor_board_of(board)->protocol_ack) {
+        motor_board_print(board, "can protocol NOT ack");
+    } else if (axis->pids != PID_HAS_ALL) {
+        motor_board_print_number(board, "PID IS NOT SET ", index);
+    } else if (board->config.require_calibration && !calibrated) {
+        motor_board_print_number(board, "calib failed ", index);
+    } else {
+        return true;
+    }
+    motor_axis_set_mode(board, axis, ICUB_MODE_HARDWARE_FAULT);
+    return false;
 }
 
 /* SET_CONTROL_MODE as the firmware obeys it, oddities included (motor_board.c). */
-static bool motor_axis_command_mode_strictly(struct board *board, struct motor_axis *axis,
+static void motor_axis_command_mode_strictly(struct board *board, struct motor_axis *axis,
                                              int64_t mode)
 {
     bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
-    bool known = motor_is_control_mode(mode) && mode != ICUB_MODE_CURRENT;
-    char text[32];
 
     if (axis->mode == ICUB_MODE_HARDWARE_FAULT) {
-        if (mode != ICUB_MODE_FORCE_IDLE) {
-            return true;
+        if (mode == ICUB_MODE_FORCE_IDLE) {
+            motor_axis_switch_strictly(board, axis, ICUB_MODE_IDLE);
         }
-        motor_axis_disable_pads(board, axis);
     } else if (axis->mode == ICUB_MODE_IDLE) {
-        if (stop) {
-            return true;
+        if (!stop && motor_axis_is_owed_nothing(board, axis, axis->calibrated)) {
+            motor_axis_switch_strictly(board, axis, mode);
+            motor_board_print_number(board, "PWM ENA:", motor_axis_index(board, axis));
         }
-        axis->pads = motor_axis_enable_pads(board, axis);
-        motor_axis_set_mode(board, axis,
-                            known        ? (uint8_t)mode
-                            : axis->pads ? ICUB_MODE_POSITION
-                                         : ICUB_MODE_HARDWARE_FAULT);
     } else if (stop) {
-        motor_axis_disable_pads(board, axis);
+        motor_board_print_number(board, "PWM DIS:", motor_axis_index(board, axis));
+        motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
     } else {
-        motor_axis_set_mode(board, axis, known ? (uint8_t)mode : axis->mode);
+        motor_axis_switch_strictly(board, axis, mode);
     }
-    snprintf(text, sizeof text, "CTRLMODE SET:%u", (unsigned)mode);
-    motor_board_print(board, text);
-    return true;
 }
 
 bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64_t mode)
@@ -123,12 +131,12 @@ bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64
     bool stop = mode == ICUB_MODE_IDLE || mode == ICUB_MODE_FORCE_IDLE;
 
     if (board->config.strict) {
-        return motor_axis_command_mode_strictly(board, axis, mode);
+        motor_axis_command_mode_strictly(board, axis, mode);
+        return true;
     }
     if (!stop && !motor_is_control_mode(mode)) {
         return false;
     }
-    axis->pads = true;
     if (axis->mode == ICUB_MODE_IDLE) {
         if (!stop) {
             motor_axis_set_mode(board, axis, (uint8_t)mode);

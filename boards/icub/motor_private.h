@@ -33,7 +33,7 @@ struct motor_axis {
     uint8_t faults;      /* as long as their cause lasts */
     uint8_t faults_once; /* until STATUS has reported them */
     uint8_t pids;        /* enum motor_pid_bit */
-    bool pads;           /* the bridge's drivers are enabled */
+    bool calibrated;     /* since power-up */
     bool sensors_bad;    /* no number came from the plant */
     uint8_t heat;        /* ICUB_BOARD_OVER_TEMPERATURE_0 and ..._ERROR_0, of this axis */
     bool limit_reported; /* a voltage beyond a joint limit has been reported as refused */
@@ -64,7 +64,7 @@ struct motor_board {
     double supply_v;
     uint32_t policy;
     int64_t sampled_ms, status_ms;
-    uint8_t text;              /* number of the last PRINT */
+    uint8_t text;              /* number of the next PRINT */
     uint8_t can, can_reported; /* bits of STATUS byte 4: not yet reported; as reported last */
     int reported_tec, reported_rec;
     bool status_due, additional_due;
@@ -111,6 +111,10 @@ void motor_board_print(struct board *board, const char *text);
 
 /* Modes (motor_modes.c). A new mode or the present one again; references are reset. */
 void motor_axis_set_mode(struct board *board, struct motor_axis *axis, uint8_t mode);
+
+/* Whether the host has done what a strict board asks for before it switches an axis on: stated its
+ * protocol, set the position PID, calibrated. If not the axis is in hardware fault. */
+bool motor_axis_is_owed_nothing(struct board *board, struct motor_axis *axis, bool calibrated);
 
 /* SET_CONTROL_MODE; false: there is no such mode. */
 bool motor_axis_command_mode(struct board *board, struct motor_axis *axis, int64_t mode);

@@ -178,6 +178,7 @@ static void motor_axis_watch_calibration(struct board *board, struct motor_axis 
 {
     if (axis->mode == ICUB_MODE_CALIBRATION && board->boards->now_ns >= axis->calibrated_ns) {
         axis->offset = -axis->calibration_zero;
+        axis->calibrated = true;
         motor_axis_set_mode(board, axis, ICUB_MODE_IDLE);
     }
 }

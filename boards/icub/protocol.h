@@ -212,6 +212,7 @@ enum icub_board_status {
 
 enum { ICUB_SLOTS = 4 }; /* a BLL board's periodic frames take turns, 1 ms each */
 enum { ICUB_STATUS_PERIOD_MS = 5000 };
+enum { ICUB_PRINT_TEXTS = 4 };       /* PRINT texts are numbered modulo this; hosts drop others */
 enum { ICUB_STRAIN_SAFE_MS = 200 };  /* silence of a torque source that stops a torque loop */
 enum { ICUB_PWM_FULL_SCALE = 1333 }; /* open-loop reference of 100 % of the supply */
 
@@ -279,7 +280,7 @@ enum icub_management_command {
     ICUB_UPDATE_ADDRESS = 0x01,
     ICUB_UPDATE_RUN = 0x02,
     ICUB_UPDATE_DATA = 0x03,
-    ICUB_UPDATE_END = 0x04, /* also a ping */
+    ICUB_UPDATE_END = 0x04, /* to the application, which takes it for a ping */
     ICUB_GET_ADDITIONAL_INFO = 0x0c,
     ICUB_SET_ADDITIONAL_INFO = 0x0d,
     ICUB_SET_CAN_ADDRESS = 0x32,
@@ -287,9 +288,10 @@ enum icub_management_command {
 };
 
 enum { ICUB_INFO_LENGTH = 32, ICUB_INFO_PART = 4, ICUB_SERIAL_LENGTH = 7 };
-enum { ICUB_BOOTLOADER_MS = 5000 }; /* from power-up until the application starts */
+/* From power-up until the application starts, unless a host has found the bootloader by then */
+enum { ICUB_BOOTLOADER_MS = 5000 };
 
-enum { ICUB_BOARD_BLL = 4, ICUB_BOARD_STRAIN = 6 };
+enum { ICUB_BOARD_DSP = 0, ICUB_BOARD_BLL = 4, ICUB_BOARD_STRAIN = 6 };
 enum { ICUB_PROTOCOL_MAJOR = 1, ICUB_PROTOCOL_MINOR = 6 }; /* motor boards, hosts */
 enum { ICUB_STRAIN_PROTOCOL_MAJOR = 1, ICUB_STRAIN_PROTOCOL_MINOR = 0 };
 

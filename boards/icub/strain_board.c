@@ -186,19 +186,34 @@ static void strain_board_sample_torque(struct board *board, const struct plant_s
 
 /* ---- commands ---- */
 
-static void strain_board_set_tare(const struct strain_board *strain, int16_t *tare,
+/* The low half of a channel or row byte selects it; the high half is the regulation set, of which
+ * this board has one. */
+static bool strain_board_split_channel(int64_t byte, unsigned *channel)
+{
+    *channel = byte & 0xf;
+    return *channel < BOARD_CHANNELS;
+}
+
+/* Sets one tare, or all of them by what value shows; false: no such channel. */
+static bool strain_board_set_tare(const struct strain_board *strain, int16_t *tare,
                                   const int64_t *request,
                                   int32_t (*value)(const struct strain_board *strain, int channel))
 {
+    unsigned channel;
+
     if (request[0] == ICUB_TARE_VALUE) {
-        tare[request[1]] = (int16_t)request[2];
-        return;
+        if (!strain_board_split_channel(request[1], &channel)) {
+            return false;
+        }
+        tare[channel] = (int16_t)request[2];
+        return true;
     }
     for (int i = 0; i < BOARD_CHANNELS; i++) {
         tare[i] = request[0] == ICUB_TARE_AUTOMATIC
                       ? (int16_t)control_clamp(-(int64_t)value(strain, i), INT16_MIN, INT16_MAX)
                       : 0;
     }
+    return true;
 }
 
 static int32_t strain_board_reading(const struct strain_board *strain, int channel)
@@ -209,24 +224,21 @@ static int32_t strain_board_reading(const struct strain_board *strain, int chann
 static bool strain_board_command_tare(struct strain_board *strain, const struct bus_frame *frame,
                                       const int64_t *request)
 {
-    if (frame->len != 5 && (frame->len != 2 || request[0] == ICUB_TARE_VALUE)) {
+    bool of_value = request[0] == ICUB_TARE_VALUE;
+
+    if (frame->len != 5 && (frame->len != 2 || of_value)) {
         return false;
     }
     if (frame->data[0] == ICUB_STRAIN_SET_CALIBRATION_TARE) {
-        strain_board_set_tare(strain, strain->calibration_tare, request, strain_board_reading);
-        strain->saved = false;
-    } else {
-        strain_board_set_tare(strain, strain->current_tare, request, strain_board_calibrate);
-    }
-    return true;
-}
+        bool set =
+            strain_board_set_tare(strain, strain->calibration_tare, request, strain_board_reading);
 
-/* The low half of a channel or row byte selects it; the high half is the regulation set, of which
- * this board has one. */
-static bool strain_board_split_channel(int64_t byte, unsigned *channel)
-{
-    *channel = byte & 0xf;
-    return *channel < BOARD_CHANNELS;
+        strain->saved = strain->saved && !set;
+        return set;
+    }
+    /* The current tare is in no regulation set */
+    return (!of_value || request[1] < BOARD_CHANNELS) &&
+           strain_board_set_tare(strain, strain->current_tare, request, strain_board_calibrate);
 }
 
 static bool strain_board_command_matrix(struct strain_board *strain, unsigned code,
@@ -248,21 +260,35 @@ static bool strain_board_command_matrix(struct strain_board *strain, unsigned co
     return true;
 }
 
-static bool strain_board_command_full_scale(struct strain_board *strain, unsigned code,
-                                            const int64_t *request, int64_t *reply)
+/* SET and GET of what the EEPROM keeps of each channel, for the host. */
+static bool strain_board_command_channel(struct strain_board *strain, unsigned code,
+                                         const int64_t *request, int64_t *reply)
 {
     unsigned channel;
 
     if (!strain_board_split_channel(request[0], &channel)) {
         return false;
     }
-    if (code == ICUB_STRAIN_SET_FULL_SCALE) {
+    reply[0] = request[0];
+    switch (code) {
+    case ICUB_STRAIN_SET_FULL_SCALE:
         strain->full_scale[channel] = (uint16_t)request[1];
         strain->saved = false;
-        return true;
+        break;
+    case ICUB_STRAIN_SET_DAC:
+        strain->dac[channel] = (uint16_t)request[1];
+        strain->saved = false;
+        break;
+    case ICUB_STRAIN_GET_FULL_SCALE:
+        reply[1] = strain->full_scale[channel];
+        break;
+    case ICUB_STRAIN_GET_DAC:
+        reply[1] = strain->dac[channel];
+        break;
+    default: /* GET_CALIBRATION_TARE */
+        reply[1] = strain->calibration_tare[channel];
+        break;
     }
-    reply[0] = request[0];
-    reply[1] = strain->full_scale[channel];
     return true;
 }
 
@@ -282,9 +308,6 @@ static bool strain_board_set(struct board *board, unsigned code, const int64_t *
         return true;
 
     /* Of the EEPROM, if SAVE follows */
-    case ICUB_STRAIN_SET_DAC:
-        strain->dac[request[0]] = (uint16_t)request[1];
-        break;
     case ICUB_STRAIN_SET_MATRIX_GAIN:
         strain->matrix_gain = (uint8_t)request[0];
         break;
@@ -324,10 +347,6 @@ static bool strain_board_get(struct board *board, unsigned code, const int64_t *
         return true;
 
     /* The channels */
-    case ICUB_STRAIN_GET_DAC:
-        reply[0] = request[0];
-        reply[1] = strain->dac[request[0]];
-        return true;
     case ICUB_STRAIN_GET_ADC:
         reply[0] = request[0];
         reply[1] = request[1];
@@ -337,10 +356,6 @@ static bool strain_board_get(struct board *board, unsigned code, const int64_t *
         return true;
     case ICUB_STRAIN_GET_MATRIX_GAIN:
         reply[0] = strain->matrix_gain;
-        return true;
-    case ICUB_STRAIN_GET_CALIBRATION_TARE:
-        reply[0] = request[0];
-        reply[1] = strain->calibration_tare[request[0]];
         return true;
     case ICUB_STRAIN_GET_CURRENT_TARE:
         reply[0] = request[0];
@@ -380,7 +395,10 @@ static bool strain_board_command(struct icub_board *icub, const struct bus_frame
         return strain_board_command_matrix(strain_board_of(board), code, request, reply);
     case ICUB_STRAIN_SET_FULL_SCALE:
     case ICUB_STRAIN_GET_FULL_SCALE:
-        return strain_board_command_full_scale(strain_board_of(board), code, request, reply);
+    case ICUB_STRAIN_SET_DAC:
+    case ICUB_STRAIN_GET_DAC:
+    case ICUB_STRAIN_GET_CALIBRATION_TARE:
+        return strain_board_command_channel(strain_board_of(board), code, request, reply);
     default:
         return strain_board_get(board, code, request, reply) ||
                strain_board_set(board, code, request);
@@ -465,6 +483,7 @@ static const struct icub_board_ops strain_icub_ops = {
     .commands = icub_strain_commands,
     .command_count = ICUB_STRAIN_COMMANDS,
     .command_class = ICUB_POLLING_ANALOG,
+    .loader_type = ICUB_BOARD_STRAIN,
     .command = strain_board_command,
 };
 

@@ -50,9 +50,9 @@ const struct field_value icub_mode_names[] = {
     {ICUB_MODE_NOT_CONFIGURED, "not_configured"}, {ICUB_MODE_CONFIGURED, "configured"},
     {ICUB_MODE_UNKNOWN, "unknown"}, {0, NULL}};
 const struct field_value icub_board_names[] = {
-    {0, "dsp"}, {1, "pic"}, {2, "2dc"}, {3, "mc4"}, {ICUB_BOARD_BLL, "bll"}, {5, "mtb"},
-    {ICUB_BOARD_STRAIN, "strain"}, {7, "mais"}, {8, "2foc"}, {9, "6sg"}, {12, "strain2"},
-    {255, "unknown"}, {0, NULL}};
+    {ICUB_BOARD_DSP, "dsp"}, {1, "pic"}, {2, "2dc"}, {3, "mc4"}, {ICUB_BOARD_BLL, "bll"},
+    {5, "mtb"}, {ICUB_BOARD_STRAIN, "strain"}, {7, "mais"}, {8, "2foc"}, {9, "6sg"},
+    {12, "strain2"}, {255, "unknown"}, {0, NULL}};
 
 static const struct field_value interactions[] = {
     {ICUB_STIFF, "stiff"}, {ICUB_COMPLIANT, "compliant"}, {0, NULL}};
@@ -237,19 +237,22 @@ const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS] = {
 };
 
 static const struct field channel[] = {U8_IN("channel", 0, 5), {.type = FIELD_END}};
-/* The high half of a byte that selects a channel or row is the regulation set */
-static const struct field channel_of_set[] = {U8("channel", NULL), {.type = FIELD_END}};
-static const struct field channel_value[] = {
-    U8_IN("channel", 0, 5), U16_BE("value", NULL), {.type = FIELD_END}};
 static const struct field channel_signed[] = {
     U8_IN("channel", 0, 5), I16_BE("value", NULL), {.type = FIELD_END}};
+/* Where the EEPROM is meant the high half of a byte that selects a channel or row is the regulation
+ * set; the board splits it */
+static const struct field channel_of_set[] = {U8("channel", NULL), {.type = FIELD_END}};
+static const struct field channel_of_set_value[] = {
+    U8("channel", NULL), U16_BE("value", NULL), {.type = FIELD_END}};
+static const struct field channel_of_set_signed[] = {
+    U8("channel", NULL), I16_BE("value", NULL), {.type = FIELD_END}};
 static const struct field full_scale[] = {
     U8("channel", NULL), U16_BE("full_scale", NULL), {.type = FIELD_END}};
 static const struct field matrix_element[] = {
     U8("row", NULL), U8_IN("column", 0, 5), I16_BE("value", NULL), {.type = FIELD_END}};
 static const struct field tare[] = {
     {.type = FIELD_U8, .name = "how", .min = ICUB_TARE_RESET, .max = ICUB_TARE_VALUE,
-     .values = tares}, U8_IN("channel", 0, 5), I16_BE("value", NULL),
+     .values = tares}, U8("channel", NULL), I16_BE("value", NULL),
     {.type = FIELD_END}};
 static const struct field serial[] = {
     U8("c0", NULL), U8("c1", NULL), U8("c2", NULL), U8("c3", NULL), U8("c4", NULL),
@@ -258,7 +261,7 @@ static const struct field serial[] = {
 const struct icub_command icub_strain_commands[ICUB_STRAIN_COMMANDS] = {
     [ICUB_STRAIN_SET_FILTER] = {"SET_FILTER", DO_UP_TO(1, 8, NULL)},
     [ICUB_STRAIN_SET_MATRIX] = {"SET_MATRIX", DO(5, matrix_element)},
-    [ICUB_STRAIN_SET_DAC] = {"SET_DAC", DO(4, channel_value)},
+    [ICUB_STRAIN_SET_DAC] = {"SET_DAC", DO(4, channel_of_set_value)},
     [ICUB_STRAIN_SET_CHANNELS] = {"SET_CHANNELS", DO(2, FIELDS(U8("mask", NULL)))},
     [ICUB_STRAIN_CALIBRATE] = {"CALIBRATE", DO_UP_TO(1, 8, NULL)},
     [ICUB_STRAIN_SET_TRANSMIT_MODE] = {"SET_TRANSMIT_MODE",
@@ -267,15 +270,16 @@ const struct icub_command icub_strain_commands[ICUB_STRAIN_COMMANDS] = {
     [ICUB_STRAIN_SAVE] = {"SAVE", DO(1, NULL), REPLY(2, FIELDS(U8("ok", NULL)))},
     [ICUB_STRAIN_GET_MATRIX] = {"GET_MATRIX",
         DO(3, FIELDS(U8("row", NULL), U8_IN("column", 0, 5))), REPLY(5, matrix_element)},
-    [ICUB_STRAIN_GET_DAC] = {"GET_DAC", DO(2, channel), REPLY(4, channel_value)},
+    [ICUB_STRAIN_GET_DAC] = {"GET_DAC", DO(2, channel_of_set),
+        REPLY(4, channel_of_set_value)},
     [ICUB_STRAIN_GET_ADC] = {"GET_ADC",
         DO(3, FIELDS(U8_IN("channel", 0, 5), U8("calibrated", NULL))),
         REPLY(5, FIELDS(U8("channel", NULL), U8("calibrated", NULL), U16_BE("value", NULL)))},
     [ICUB_STRAIN_SET_MATRIX_GAIN] = {"SET_MATRIX_GAIN", DO(2, byte)},
     [ICUB_STRAIN_GET_MATRIX_GAIN] = {"GET_MATRIX_GAIN", DO(1, NULL), REPLY(2, byte)},
     [ICUB_STRAIN_SET_CALIBRATION_TARE] = {"SET_CALIBRATION_TARE", DO_UP_TO(2, 5, tare)},
-    [ICUB_STRAIN_GET_CALIBRATION_TARE] = {"GET_CALIBRATION_TARE", DO(2, channel),
-        REPLY(4, channel_signed)},
+    [ICUB_STRAIN_GET_CALIBRATION_TARE] = {"GET_CALIBRATION_TARE", DO(2, channel_of_set),
+        REPLY(4, channel_of_set_signed)},
     [ICUB_STRAIN_SET_CURRENT_TARE] = {"SET_CURRENT_TARE", DO_UP_TO(2, 5, tare)},
     [ICUB_STRAIN_GET_CURRENT_TARE] = {"GET_CURRENT_TARE", DO(2, channel), REPLY(4, channel_signed)},
     [ICUB_STRAIN_SET_FULL_SCALE] = {"SET_FULL_SCALE", DO(4, full_scale)},
@@ -329,16 +333,23 @@ const struct icub_frame_type icub_analog_frames[16] = {
     [ICUB_TORQUE] = {"TORQUE", ICUB_STRAIN_LENGTH, three_channels},
 };
 
-/* The frames of a firmware download are taken and dropped by the bootloader. */
+static const struct field update_ok[] = {U8("ok", NULL), {.type = FIELD_END}};
+
+/* Lengths of a download are those of the DSP boards, or longer: others name pages of memory. */
 static const struct {
     uint8_t code;
     struct icub_command row;
 } management[] = {
-    {ICUB_START_UPDATE, {"START_UPDATE", DO_UP_TO(1, 8, NULL)}},
-    {ICUB_UPDATE_ADDRESS, {"UPDATE_ADDRESS", DO_UP_TO(1, 8, NULL)}},
-    {ICUB_UPDATE_RUN, {"UPDATE_RUN", DO_UP_TO(1, 8, NULL)}},
-    {ICUB_UPDATE_DATA, {"UPDATE_DATA", DO_UP_TO(1, 8, NULL)}},
-    {ICUB_UPDATE_END, {"UPDATE_END", DO(1, NULL), REPLY(2, FIELDS(U8("ok", NULL)))}},
+    {ICUB_START_UPDATE, {"START_UPDATE", DO_UP_TO(1, 8, NULL), REPLY(2, update_ok)}},
+    {ICUB_UPDATE_ADDRESS, {"UPDATE_ADDRESS",
+        DO_UP_TO(5, 8, FIELDS(U8("bytes", NULL), U16("address", NULL), U8("memory", NULL)))}},
+    {ICUB_UPDATE_RUN, {"UPDATE_RUN", DO_UP_TO(5, 8, FIELDS(FIELD(FIELD_U32, "entry", NULL))),
+        REPLY(2, update_ok)}},
+    {ICUB_UPDATE_DATA, {"UPDATE_DATA",
+        DO_UP_TO(2, 8, FIELDS(U8("b0", NULL), U8("b1", NULL), U8("b2", NULL), U8("b3", NULL),
+                              U8("b4", NULL), U8("b5", NULL), U8("b6", NULL))),
+        REPLY(2, update_ok)}},
+    {ICUB_UPDATE_END, {"UPDATE_END", DO(1, NULL), REPLY(2, update_ok)}},
     {ICUB_GET_ADDITIONAL_INFO, {"GET_ADDITIONAL_INFO", DO(1, NULL), REPLY(6, info_part)}},
     {ICUB_SET_ADDITIONAL_INFO, {"SET_ADDITIONAL_INFO", DO(6, info_part)}},
     {ICUB_SET_CAN_ADDRESS, {"SET_CAN_ADDRESS", DO(2, address)}},

@@ -3,64 +3,68 @@
 
     pytest examples/pytest
 """
-import struct
-
+import can
 import pytest
 
-CURRENT, STATUS = 0x114, 0x113        # of board 1; id = 1 << 8 | board << 4 | type
-VOLTAGE_MODE, FAULT = 0x50, 0xA0
+pytestmark = pytest.mark.simulator(hold="always")
+BOARD = "torso_0x01"                # a node of the bus, as `coman-hil dbc` names it
 
 
-def start(robot):
-    robot.send("torso", 0x001, "49 0C 00 00 00")   # telemetry: STATUS and CURRENT
-    robot.send("torso", 0x001, "09 50")            # axis 0: voltage mode
-    assert modes(robot.step(20))[-1] == VOLTAGE_MODE   # STATUS follows every change of it
+def command(sim, what, **values):
+    sim.command("torso", f"{BOARD}_COMMAND", command=what, **values)
 
 
-def values(frames, identifier, form):
-    return [struct.unpack_from(form, f.data)[0] for f in frames
-            if f.channel == "torso" and f.arbitration_id == identifier]
+def discover(sim, bus):
+    """By hand: a frame of python-can, whose channel is the bus."""
+    sim.send(can.Message(arbitration_id=0x70F, data=b"\xff", channel=bus, is_extended_id=False))
 
 
-def modes(frames):
-    return values(frames, STATUS, "<xB")
-
-
-def test_boards_answer_discovery(robot):
-    robot.send("torso", 0x70F, "FF")
-    kinds = {f.arbitration_id: f.data[1] for f in robot.step(2) if f.data[:1] == b"\xff"}
+def test_boards_answer_discovery(simulator):
+    discover(simulator, "torso")
+    simulator.step(2)
+    kinds = {f.arbitration_id: f.data[1] for f in simulator.frames() if f.data[:1] == b"\xff"}
     assert kinds == {0x710: 4, 0x720: 4, 0x7C0: 6}
 
 
-def test_all_buses_are_driven_together(robot):
+def test_all_buses_are_driven_together(simulator):
     for bus in ("left_arm", "right_arm"):
-        robot.send(bus, 0x70F, "FF")
-    frames = robot.step(2)
+        discover(simulator, bus)
+    simulator.step(2)
     for bus in ("left_arm", "right_arm"):
-        assert {f.arbitration_id for f in frames if f.channel == bus} >= {0x710, 0x720}
-    assert not [f for f in frames if f.channel == "torso"]
+        assert {f.arbitration_id for f in simulator.frames(bus)} >= {0x710, 0x720}
+    assert not simulator.frames("torso")
 
 
-def test_a_voltage_makes_a_current(robot):
-    start(robot)
-    robot.send("torso", 0x001, "72 38 00")         # 56 of 1333: 2 V of 48 V
-    frames = robot.step(40)
-    assert max(values(frames, CURRENT, "<h"), key=abs) != 0
+def test_a_voltage_makes_a_current(simulator):
+    waist = simulator.joints["WaistLat"]
+    simulator.enable("WaistLat")
+    assert waist.mode == "open_loop"
+    waist.voltage_v = 2.0
+    simulator.step(40)
+    assert waist.current_a > 0.05
+    assert waist.motor_position_rad > waist.position_rad        # the link is clamped
 
 
-def test_a_voltage_that_is_not_refreshed_ends(robot):
-    start(robot)
-    robot.send("torso", 0x001, "72 38 00")
-    robot.step(50)
-    robot.send("torso", 0x001, "73")               # GET: the reference stands
-    assert values(robot.step(2), 0x010, "<xh") == [56]
-    robot.step(100)
-    robot.send("torso", 0x001, "73")               # 100 ms after the command it does not
-    assert values(robot.step(2), 0x010, "<xh") == [0]
+def test_a_voltage_that_is_not_refreshed_ends(simulator):
+
+    def reference():
+        command(simulator, "GET_OPEN_LOOP_0")
+        simulator.step(2, refresh=False)
+        return simulator.received("torso", f"{BOARD}_REPLY")[0]["GET_OPEN_LOOP_pwm_0"]
+
+    simulator.enable("WaistLat")
+    command(simulator, "SET_OPEN_LOOP_0", SET_OPEN_LOOP_pwm_0=4.2)
+    simulator.step(50, refresh=False)
+    assert reference() == pytest.approx(4.2, abs=0.04)      # percent of the supply
+    simulator.step(100, refresh=False)
+    assert reference() == 0
 
 
-@pytest.mark.parametrize("simulator", [["--fault", "supply sag 30 0.05.."]], indirect=True)
-def test_a_brown_out_is_told_in_status(robot):
-    start(robot)
-    assert modes(robot.step(20)) == []
-    assert modes(robot.step(40))[-1] == FAULT
+@pytest.mark.simulator(faults=["supply sag 30 0.1.."])
+def test_a_brown_out_is_told_in_status(simulator):
+    simulator.enable("WaistLat")
+    simulator.step(40)
+    assert simulator.joints["WaistLat"].is_on
+    simulator.step(60)
+    assert simulator.joints["WaistLat"].mode == "hardware_fault"
+    assert simulator.joints["WaistLat"].faults == 1         # under-voltage

@@ -126,6 +126,7 @@ static void configure(struct fuzz_bench *bench, struct fuzz_bytes *bytes)
     bench_configure(base);
     base->config.tick_ns = ticks_ns[how & 3];
     bench->bus[0].personality = FUZZ_PERSONALITY;
+    bench->bus[0].padded = FUZZ_PERSONALITY != BOARD_COMPACT && how & 64;
     bench->bus[0].fd = FUZZ_PERSONALITY == BOARD_COMPACT && how & 4;
     base->config.bus = bench->bus;
     if (FUZZ_PERSONALITY == BOARD_COMPACT) {
@@ -136,7 +137,9 @@ static void configure(struct fuzz_bench *bench, struct fuzz_bytes *bytes)
         struct board_config *board = &base->board[i];
 
         board->strict = how & 8;
+        board->require_calibration = how & 32;
         board->discovery_stops_motors = how & 16;
+        board->keep_firmware = what == 0xff && i == 0; /* costs pages */
         board->transmit_at_start = what & 1;
         board->command_timeout_ns = what & 2 ? 2000000 : 0;
         board->boot_ns = what & 4 ? 3000000 : 0;

@@ -27,7 +27,10 @@ enum { STEP_ID = 0x6f0, DONE_ID = 0x6f1 };
 
 /* Bus by bus: iCub with torque and F/T boards, FOC, compact, compact over CAN FD. */
 static const struct boards_bus_config board_buses[BUSES] = {
-    {BOARD_ICUB, false}, {BOARD_FOC, false}, {BOARD_COMPACT, false}, {BOARD_COMPACT, true}};
+    {.personality = BOARD_ICUB},
+    {.personality = BOARD_FOC},
+    {.personality = BOARD_COMPACT},
+    {.personality = BOARD_COMPACT, .fd = true}};
 static const struct host_bus host_buses[BUSES] = {
     {HOST_ICUB, false}, {HOST_FOC, false}, {HOST_COMPACT, false}, {HOST_COMPACT, true}};
 

@@ -11,6 +11,7 @@ docs/ and of the manual pages is tried there, in order, one folder a document:
     ```yaml, ```python    written to the file that their first line, a comment, names
     ```sh                 run by bash -eu, expected to end with 0
     ```sh guest           needs root, systemd or kernel CAN: left to the second, which runs no other
+    ```xml FILE           that file of examples/icub
     ```sh root            changes the machine for good (kernel, boot loader): its syntax is checked
 
 Prints TAP.
@@ -33,7 +34,8 @@ PATIENCE_S = 60
 SCRATCH = pathlib.Path(tempfile.mkdtemp())
 PREFIX = SCRATCH / "prefix"
 PAGES = SOURCE / "docs" / "man"
-GUIDES = [SOURCE / "docs" / name for name in ("lab-pc.md", "controller.md", "gateway.md")]
+GUIDES = [SOURCE / "docs" / name for name in ("lab-pc.md", "controller.md", "gateway.md",
+                                               "icub-software.md", "python.md")]
 
 
 def coman_hil(*arguments, program="coman-hil"):
@@ -113,6 +115,7 @@ def run(folder, text, name):
     """What to tell of a block: whether it ended with 0, its name, and why not."""
     environment = dict(os.environ, PATH=f"{PREFIX}/bin:{os.environ['PATH']}",
                        PYTHONDONTWRITEBYTECODE="1",
+                       PYTHONPATH=str(PREFIX / "lib" / "python3" / "dist-packages"),
                        XDG_RUNTIME_DIR=str(folder))
     process = subprocess.Popen(["bash", "-eu", "-o", "pipefail", "-c", text], cwd=folder,
                                env=environment,
@@ -139,6 +142,9 @@ def try_guide(path):
             result(*run(folder, text, name))
         elif GUEST or info == "sh guest":
             continue
+        elif info.startswith("xml "):
+            file = SOURCE / "examples" / "icub" / info[4:]
+            result(text == file.read_text(), f"{path.name}:{line} is {file.name}")
         elif info == "sh root":
             good = subprocess.run(["bash", "-n"], input=text, capture_output=True, text=True)
             result(good.returncode == 0, name + " (syntax)", good.stderr)

@@ -32,7 +32,7 @@ def files(folders, suffixes):
 
 
 def everything():
-    return [*files((*ROOMS, "tests", "examples", "systemd", "docs"), CODE | SCRIPTS),
+    return [*files((*ROOMS, "tests", "examples", "python", "systemd", "docs"), CODE | SCRIPTS),
             ROOT / "CMakeLists.txt", ROOT / "dev"]
 
 

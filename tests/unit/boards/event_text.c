@@ -64,6 +64,9 @@ static void every_kind_of_event_has_its_sentence(void **state)
          "wrong length or value in command 0x72 (id 0x001)"},
         {{.kind = BOARD_EVENT_ADDRESS, .a = 1, .b = 5}, "address changed from 1 to 5"},
         {{.kind = BOARD_EVENT_RESTART, .a = 1}, "bootloader entered"},
+        {{.kind = BOARD_EVENT_FIRMWARE, .a = 18, .b = 0x12ab},
+         "firmware received, 18 bytes, "
+         "CRC-32 000012ab"},
         {{.kind = BOARD_EVENT_RESTART, .a = 0}, "application started"},
         {{.kind = BOARD_EVENT_OVERFLOW, .a = 3}, "frames lost, 3 so far"},
         {{.kind = BOARD_EVENT_OVER_HEATED, .axis = 1, .a = 705},

@@ -25,8 +25,9 @@ static bool append(void *context, const struct message *message)
 }
 
 static const struct boards_bus_config icub[BENCH_BUSES],
-    foc[BENCH_BUSES] = {{BOARD_FOC, false}}, compact[BENCH_BUSES] = {{BOARD_COMPACT, false}},
-    fd[BENCH_BUSES] = {{BOARD_COMPACT, true}};
+    foc[BENCH_BUSES] = {{.personality = BOARD_FOC}},
+    compact[BENCH_BUSES] = {{.personality = BOARD_COMPACT}},
+    fd[BENCH_BUSES] = {{.personality = BOARD_COMPACT, .fd = true}};
 
 static void configure(struct board_bench *bench, const struct boards_bus_config *bus)
 {

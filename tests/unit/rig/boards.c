@@ -59,6 +59,22 @@ static void a_bus_says_how_its_real_interface_is_set(void **state)
         "28:47: found restart_ms on bus \"left\" without configure: true, expected both or none");
 }
 
+static void a_bus_may_take_padded_frames(void **state)
+{
+    const struct rig *rig = load_buses("  - {name: left, interface: can0, padded_frames: true,\n"
+                                       "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n"
+                                       "  - {name: right, interface: can1,\n"
+                                       "     boards: [{kind: motor, address: 5, axes: [knee]}]}\n");
+
+    (void)state;
+    assert_true(rig->boards.bus[0].padded);
+    assert_false(rig->boards.bus[1].padded);
+    refused("  - {name: left, interface: can0, personality: compact, padded_frames: true,\n"
+            "     boards: [{kind: motor, address: 4, axes: [hip]}]}\n",
+            "28:72: found padded_frames on bus \"left\", expected it with personality icub or foc "
+            "only");
+}
+
 static void each_bus_speaks_its_own_personality(void **state)
 {
     const struct rig *rig =
@@ -258,6 +274,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(a_bus_says_how_its_real_interface_is_set),
+        TEST(a_bus_may_take_padded_frames),
         TEST(each_bus_speaks_its_own_personality),
         TEST(the_controller_is_told_the_drives_of_foc_axes),
         TEST(a_personality_has_its_own_addresses_axes_and_boards),

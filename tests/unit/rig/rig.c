@@ -33,6 +33,25 @@ static void refused_with(const char *from, const char *to, const char *message)
     assert_rig_refused(to, message);
 }
 
+static void motor_boards_may_be_strict_and_keep_firmware(void **state)
+{
+    const struct rig *rig = load_toy();
+
+    (void)state;
+    assert_false(rig->boards.board[0].strict || rig->boards.board[0].require_calibration);
+    write_toy_with("  current_limit_a: 12\n", "  current_limit_a: 12\n  strict: true\n");
+    rig = load_rig(rig_path);
+    assert_true(rig->boards.board[0].strict && !rig->boards.board[0].require_calibration);
+    write_toy_with("  current_limit_a: 12\n", "  current_limit_a: 12\n  strict: true\n"
+                                              "  require_calibration: true\n");
+    rig = load_rig(rig_path);
+    assert_true(rig->boards.board[0].require_calibration && !rig->boards.board[0].keep_firmware);
+    write_toy_with("  current_limit_a: 12\n", "  current_limit_a: 12\n  keep_firmware: true\n");
+    assert_true(load_rig(rig_path)->boards.board[0].keep_firmware);
+    refused_with("  current_limit_a: 12\n", "  current_limit_a: 12\n  require_calibration: true\n",
+                 "27:24: found require_calibration without strict, expected both or none");
+}
+
 /* ---- good rigs ---- */
 
 static void reads_time_pose_and_settings(void **state)
@@ -514,6 +533,7 @@ int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, open_rig_tree, close_rig_tree)
     const struct CMUnitTest tests[] = {
+        TEST(motor_boards_may_be_strict_and_keep_firmware),
         TEST(reads_time_pose_and_settings),
         TEST(places_surfaces_on_bodies_frames_and_the_world),
         TEST(meshes_interact_by_the_law_that_the_rig_names),

@@ -8,9 +8,17 @@
 
 enum { MOTOR = 2, STRAIN = 13 };
 
+static bool motor_in_bootloader;
+
 static void play(struct bench *bench, int bus, const struct bus_frame *frame)
 {
-    if (frame->id == 0x70f) {
+    if (frame->id == 0x702 && frame->len == 1 && frame->data[0] == 0x04) {
+        motor_in_bootloader = false;
+        say(bench, bus, 0x720, 2, (const uint8_t[]){0x04, 1});
+    } else if (frame->id == 0x70f && motor_in_bootloader) {
+        say(bench, bus, 0x720, 4, (const uint8_t[]){0xff, 0, 2, 0x51});
+        say(bench, bus, 0x7d0, 5, (const uint8_t[]){0xff, 6, 3, 0, 5});
+    } else if (frame->id == 0x70f) {
         say(bench, bus, 0x720, 5, (const uint8_t[]){0xff, 4, 3, 0, 1});
         if (!bench->mute) {
             say(bench, bus, 0x7d0, 5, (const uint8_t[]){0xff, 6, 3, 0, 5});
@@ -85,6 +93,16 @@ static void start_up_discovers_configures_and_enables(void **state)
     assert_true(was_sent(bench, 0, 0x20d, 2, (const uint8_t[]){0x08, 5}));
     assert_true(was_sent(bench, 0, 0x20d, 2, (const uint8_t[]){0x18, 5}));
     assert_true(was_sent(bench, 0, 0x20d, 2, (const uint8_t[]){0x07, 0}));
+}
+
+/* A bootloader that has been asked stays until it is told to go. */
+static void a_board_in_its_bootloader_is_sent_to_its_application(void **state)
+{
+    struct bench *bench = *state;
+
+    motor_in_bootloader = true;
+    assert_int_equal(start_up(bench, 10000), HOST_READY);
+    assert_true(was_sent(bench, 0, 0x702, 1, (const uint8_t[]){0x04}));
 }
 
 static void a_silent_board_is_named(void **state)
@@ -229,6 +247,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(a_lost_frame_does_not_stop_the_start_up, set_up,
                                         bench_tear_down),
         cmocka_unit_test_setup_teardown(a_silent_board_is_named, set_up, bench_tear_down),
+        cmocka_unit_test_setup_teardown(a_board_in_its_bootloader_is_sent_to_its_application,
+                                        set_up, bench_tear_down),
         cmocka_unit_test_setup_teardown(telemetry_is_scaled_to_si_units, set_up, bench_tear_down),
         cmocka_unit_test_setup_teardown(a_quarter_of_the_supply_is_333_counts, set_up,
                                         bench_tear_down),

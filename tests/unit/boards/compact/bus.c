@@ -70,10 +70,10 @@ static void a_wrong_configuration_is_refused(void **state)
                  {"only compact boards speak CAN FD"},
                  {"1 to 4, for only these have a target"},
                  {"the gear must be above 0"}};
-    static const struct boards_bus_config fd[BENCH_BUSES] = {{BOARD_ICUB, true},
-                                                             {BOARD_ICUB, false}};
-    static const struct boards_bus_config foc[BENCH_BUSES] = {{BOARD_FOC, false},
-                                                              {BOARD_COMPACT, false}};
+    static const struct boards_bus_config fd[BENCH_BUSES] = {
+        {.personality = BOARD_ICUB, .fd = true}, {.personality = BOARD_ICUB}};
+    static const struct boards_bus_config foc[BENCH_BUSES] = {{.personality = BOARD_FOC},
+                                                              {.personality = BOARD_COMPACT}};
 
     (void)state;
     for (int i = 0; i < 6; i++) {

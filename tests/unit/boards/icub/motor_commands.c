@@ -15,14 +15,14 @@ static void discovery_finds_every_board_with_its_type(void **state)
     bench_tick(&bench);
     assert_int_equal(bench.count[0], 4);
     assert_int_equal(bench.count[1], 0);
-    bench_expect_frame(&bench.frame[0][0], 0x710, "FF 04 02 51 3C");
-    bench_expect_frame(&bench.frame[0][1], 0x720, "FF 04 02 51 3C");
+    bench_expect_frame(&bench.frame[0][0], 0x710, "FF 04 02 51 57");
+    bench_expect_frame(&bench.frame[0][1], 0x720, "FF 04 02 51 57");
     bench_expect_frame(&bench.frame[0][2], 0x7c0, "FF 06 03 00 05");
     bench_expect_frame(&bench.frame[0][3], 0x7d0, "FF 06 03 00 05");
     /* one board alone, asked by host address 3 */
     bench_send(&bench, 1, 0x731, "FF");
     bench_tick(&bench);
-    bench_expect(&bench, 1, 0x713, "FF 04 02 51 3C");
+    bench_expect(&bench, 1, 0x713, "FF 04 02 51 57");
     bench_stop(&bench);
 }
 
@@ -32,12 +32,12 @@ static void firmware_version_has_protocol_and_acknowledge(void **state)
 
     (void)state;
     bench_open(&bench);
-    bench_ask(&bench, "5B 01 06", "5B 04 02 51 3C 01 06 01");
-    bench_ask(&bench, "DB 01 06", "DB 04 02 51 3C 01 06 01"); /* the other axis */
-    bench_ask(&bench, "5B 01 05", "5B 04 02 51 3C 01 06 01"); /* the host is older */
-    bench_ask(&bench, "5B 01 07", "5B 04 02 51 3C 01 06 00");
-    bench_ask(&bench, "5B 02 00", "5B 04 02 51 3C 01 06 00");
-    bench_ask(&bench, "5B 00 00", "5B 04 02 51 3C 01 06 00");
+    bench_ask(&bench, "5B 01 06", "5B 04 02 51 57 01 06 01");
+    bench_ask(&bench, "DB 01 06", "DB 04 02 51 57 01 06 01"); /* the other axis */
+    bench_ask(&bench, "5B 01 05", "5B 04 02 51 57 01 06 01"); /* the host is older */
+    bench_ask(&bench, "5B 01 07", "5B 04 02 51 57 01 06 00");
+    bench_ask(&bench, "5B 02 00", "5B 04 02 51 57 01 06 00");
+    bench_ask(&bench, "5B 00 00", "5B 04 02 51 57 01 06 00");
     bench_stop(&bench);
 }
 
@@ -304,41 +304,37 @@ static void the_address_moves_and_never_onto_another_board(void **state)
     bench_stop(&bench);
 }
 
-static void an_update_goes_through_the_bootloader(void **state)
+/* A tool that goes by a DBC sends every command with 8 bytes, whatever it pads with. */
+static void padding_is_ignored_where_the_bus_allows_it(void **state)
 {
+    static const struct boards_bus_config buses[BENCH_BUSES] = {{.padded = true}};
     struct board_bench bench;
 
     (void)state;
-    bench_open(&bench);
-    bench_send(&bench, 0, 0x001, "1E 64 00");
-    bench_send(&bench, 0, 0x001, "49 7F 00 00 00");
-    bench_send(&bench, 0, 0x001, "09 50");
-    bench_send(&bench, 0, 0x701, "04"); /* ping */
+    bench_configure(&bench);
+    bench.config.bus = buses;
+    bench_start(&bench);
+    bench_send(&bench, 0, 0x001, "1E 64 00 AA AA AA AA AA");
+    bench_ask(&bench, "1F AA AA AA AA AA AA AA", "1F 64 00");
+    bench_ask(&bench, "1F", "1F 64 00");
+    bench_send(&bench, 0, 0x001, "09 50 00 00 00 00 00 00");
+    bench_ask(&bench, "07 FF FF FF FF FF FF FF", "07 50 00");
+    bench_send(&bench, 0, 0x20d, "13 02 03 FF F0 CC CC CC");
+    bench_send(&bench, 0, 0x20d, "15 01 CC CC CC CC CC CC"); /* the longest: with a channel */
+    bench_send(&bench, 0, 0x20d, "14 03 00 00 00 00 00 00");
+    bench_send(&bench, 0, 0x70f, "FF 00 00 00 00 00 00 00");
     bench_tick(&bench);
-    bench_expect(&bench, 0, 0x710, "04 01");
-    assert_true(bench.motor[0].bridge_on);
-    bench_send(&bench, 0, 0x701, "00");
-    bench_tick(&bench);
-    assert_false(bench.motor[0].bridge_on);
-    bench_send(&bench, 0, 0x701, "FF");
-    bench_send(&bench, 0, 0x001, "1F"); /* not heard */
-    bench_tick(&bench);
-    assert_int_equal(bench.count[0], 1);
-    bench_expect(&bench, 0, 0x710, "FF 04 02 51");
-    bench_ticks(&bench, 100);
-    bench_send(&bench, 0, 0x701, "01 00 00 00"); /* each frame of a download keeps it there */
-    bench_ticks(&bench, 4990);
-    bench_send(&bench, 0, 0x701, "FF");
-    bench_tick(&bench);
-    bench_expect(&bench, 0, 0x710, "FF 04 02 51");
-    bench_ticks(&bench, 10); /* 5 s are over: the application, as after power-up */
-    bench_send(&bench, 0, 0x701, "FF");
-    bench_tick(&bench);
-    bench_expect(&bench, 0, 0x710, "FF 04 02 51 3C");
-    bench_ask(&bench, "1F", "1F 00 00");
-    bench_send(&bench, 0, 0x701, "00");
-    bench_send(&bench, 0, 0x701, "02"); /* run at once */
-    bench_ask(&bench, "07", "07 00 00");
+    bench_expect(&bench, 0, 0x2d0, "14 03 FF F0");
+    bench_expect(&bench, 0, 0x710, "FF 04 02 51 57");
+    assert_int_equal(bench_counters(&bench).malformed, 0);
+
+    /* to eight bytes, not to any other length; and on no other bus */
+    bench_send(&bench, 0, 0x001, "1E 65 00 00");
+    bench_send(&bench, 0, 0x001, "1E 65 00 00 00 00 00");
+    bench_send(&bench, 0, 0x001, "1E 65"); /* too short stays too short */
+    bench_send(&bench, 1, 0x001, "1E 65 00 00 00 00 00 00");
+    assert_int_equal(bench_counters(&bench).malformed, 4);
+    bench_ask(&bench, "1F", "1F 64 00");
     bench_stop(&bench);
 }
 
@@ -500,7 +496,7 @@ static void the_hosts_start_up_sequence_is_accepted(void **state)
         bench_tick(&bench);
         assert_int_equal(bench_sent(&bench, 0, 0x010), 0);
     }
-    bench_ask(&bench, "5B 01 06", "5B 04 02 51 3C 01 06 01");
+    bench_ask(&bench, "5B 01 06", "5B 04 02 51 57 01 06 01");
     bench_send(&bench, 0, 0x20d, "08 05");
     for (unsigned i = 0; i < 6; i++) {
         static const char *const scale[] = {"18 00 05 DC", "18 01 05 DC", "18 02 07 D0",
@@ -544,7 +540,7 @@ int main(void)
         cmocka_unit_test(the_encoder_reads_what_it_is_set_to),
         cmocka_unit_test(flash_keeps_parameters_until_they_are_read),
         cmocka_unit_test(the_address_moves_and_never_onto_another_board),
-        cmocka_unit_test(an_update_goes_through_the_bootloader),
+        cmocka_unit_test(padding_is_ignored_where_the_bus_allows_it),
         cmocka_unit_test(wrong_lengths_are_ignored_and_counted),
         cmocka_unit_test(unwelcome_frames_are_counted_by_what_they_are),
         cmocka_unit_test(a_full_reply_queue_is_told_in_status_and_overflow),

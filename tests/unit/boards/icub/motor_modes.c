@@ -146,50 +146,164 @@ static void ask_mode(struct board_bench *bench, const char *mode, const char *to
     assert_int_equal(bench->motor[0].bridge_on, on);
 }
 
-static void a_strict_board_drives_only_when_it_knows_host_and_gains(void **state)
+static const char *const position_pid[] = {"1E 01 00", "20 00 00", "22 00 00", "24 00 00",
+                                           "26 00 00", "28 00 00", "2A 35 05"};
+enum { POSITION_PID = sizeof position_pid / sizeof *position_pid };
+
+/* A bench with a strict board 1, which tells its texts. */
+static void open_strict(struct board_bench *bench, bool require_calibration)
 {
-    static const char *const pids[] = {"1E 01 00", "20 00 00", "22 00 00", "24 00 00",
-                                       "26 00 00", "28 00 00", "2A 35 05"};
+    bench_configure(bench);
+    bench->board[0].strict = true;
+    bench->board[0].require_calibration = require_calibration;
+    bench_start(bench);
+    bench_send(bench, 0, 0x001, "49 20 00 00 00");
+}
+
+static void state_protocol_and_gains(struct board_bench *bench)
+{
+    bench_send(bench, 0, 0x001, "5B 01 06");
+    for (int i = 0; i < POSITION_PID; i++) {
+        bench_send(bench, 0, 0x001, position_pid[i]);
+    }
+    bench_tick(bench);
+}
+
+/* The texts of the last tick as a host puts them together, each behind a '|'; numbers and parts
+ * count on as they must. */
+static void read_texts(const struct board_bench *bench, unsigned *number, char *texts, size_t size)
+{
+    unsigned part = 0;
+    size_t used = 0;
+
+    texts[0] = '\0';
+    for (size_t i = 0; i < bench->count[0]; i++) {
+        const struct bus_frame *frame = &bench->frame[0][i];
+
+        if (frame->id != 0x116) {
+            continue;
+        }
+        assert_true(frame->data[0] == 0x06 || frame->data[0] == 0x86);
+        assert_int_equal(frame->data[1], *number << 4 | part);
+        assert_true(frame->len > 2 && (frame->len == 8 || frame->data[0] == 0x86));
+        used += (size_t)snprintf(texts + used, size - used, "%s%.*s", part ? "" : "|",
+                                 frame->len - 2, (const char *)frame->data + 2);
+        part++;
+        if (frame->data[0] == 0x86) {
+            part = 0;
+            *number = (*number + 1) % 4;
+        }
+    }
+    assert_int_equal(part, 0);
+}
+
+static void expect_texts(struct board_bench *bench, unsigned *number, const char *mode,
+                         const char *expected)
+{
+    char texts[128];
+
+    bench_send(bench, 0, 0x001, mode);
+    bench_tick(bench);
+    read_texts(bench, number, texts, sizeof texts);
+    assert_string_equal(texts, expected);
+}
+
+static void a_strict_axis_that_is_owed_something_goes_into_fault(void **state)
+{
     struct board_bench bench;
 
     (void)state;
-    bench_configure(&bench);
-    bench.board[0].strict = true;
-    bench_start(&bench);
-    ask_mode(&bench, "09 50", "07 50 00", false); /* no protocol */
-    ask_mode(&bench, "09 00", "07 00 00", false);
+    open_strict(&bench, false);
+    ask_mode(&bench, "09 50", "07 A0 00", false); /* no protocol */
+    ask_mode(&bench, "09 50", "07 A0 00", false);
+    ask_mode(&bench, "09 00", "07 A0 00", false);
+    ask_mode(&bench, "09 09", "07 00 00", false);
+    bench_send(&bench, 0, 0x001, "5B 01 07"); /* a host that is too new */
+    bench_tick(&bench);
+    ask_mode(&bench, "09 50", "07 A0 00", false);
+    ask_mode(&bench, "09 09", "07 00 00", false);
     bench_send(&bench, 0, 0x001, "5B 01 06");
     bench_tick(&bench);
-    for (int i = 0; i < 7; i++) {
-        ask_mode(&bench, "09 50", "07 50 00", false);
-        ask_mode(&bench, "09 00", "07 00 00", false);
-        bench_send(&bench, 0, 0x001, pids[i]);
+    for (int i = 0; i < POSITION_PID; i++) {
+        ask_mode(&bench, "09 50", "07 A0 00", false);
+        ask_mode(&bench, "09 09", "07 00 00", false);
+        bench_send(&bench, 0, 0x001, position_pid[i]);
     }
     ask_mode(&bench, "09 50", "07 50 00", true);
-    /* what it does not have resets a running axis, and from idle leads to position mode */
+    bench_send(&bench, 0, 0x001, "89 50"); /* the other axis has no gains */
+    bench_ask(&bench, "87", "87 A0 00");
+    assert_false(bench.motor[1].bridge_on);
+    assert_true(bench.motor[0].bridge_on);
+    bench_stop(&bench);
+}
+
+static void a_strict_axis_may_have_to_be_calibrated_first(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    open_strict(&bench, true);
+    bench_send(&bench, 0, 0x001, "04 03 00 00 01 00 00 00"); /* neither protocol nor gains */
+    bench_ask(&bench, "07", "07 A0 00");
+    ask_mode(&bench, "09 09", "07 00 00", false);
+    state_protocol_and_gains(&bench);
+    ask_mode(&bench, "09 50", "07 A0 00", false);
+    ask_mode(&bench, "09 09", "07 00 00", false);
+    bench_send(&bench, 0, 0x001, "04 03 00 00 00 00 00 00"); /* p2 = 0 calibrates nothing */
+    ask_mode(&bench, "09 09", "07 00 00", false);
+    ask_mode(&bench, "09 50", "07 A0 00", false);
+    ask_mode(&bench, "09 09", "07 00 00", false);
+    bench_send(&bench, 0, 0x001, "04 03 00 00 01 00 00 00");
+    bench_ask(&bench, "07", "07 60 00");
+    bench_ticks(&bench, 200);
+    ask_mode(&bench, "09 50", "07 50 00", true);
+    bench_stop(&bench);
+}
+
+static void a_strict_axis_keeps_its_references_in_the_same_mode(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    open_strict(&bench, false);
+    state_protocol_and_gains(&bench);
+    ask_mode(&bench, "09 50", "07 50 00", true);
     bench_send(&bench, 0, 0x001, "72 4D 01");
+    ask_mode(&bench, "09 50", "07 50 00", true);
     bench_ask(&bench, "73", "73 4D 01");
-    ask_mode(&bench, "09 06", "07 50 00", true);
+    ask_mode(&bench, "09 01", "07 01 00", true);
     bench_ask(&bench, "73", "73 00 00");
     ask_mode(&bench, "09 09", "07 00 00", false);
-    ask_mode(&bench, "09 0A", "07 01 00", true);
+    /* what it does not have is a fault, from idle and from another mode */
+    ask_mode(&bench, "09 06", "07 A0 00", false);
+    ask_mode(&bench, "09 09", "07 00 00", false);
+    ask_mode(&bench, "09 01", "07 01 00", true);
+    ask_mode(&bench, "09 0A", "07 A0 00", false);
     bench_stop(&bench);
 }
 
 static void a_strict_board_prints_what_the_firmware_prints(void **state)
 {
     struct board_bench bench;
+    unsigned number = 0;
 
     (void)state;
-    bench_configure(&bench);
-    bench.board[0].strict = true;
-    bench_start(&bench);
-    bench_send(&bench, 0, 0x001, "49 20 00 00 00");
-    bench_send(&bench, 0, 0x001, "09 0A"); /* no protocol, no such mode: a fault */
-    bench_tick(&bench);
-    assert_int_equal(bench_sent(&bench, 0, 0x116), 4 + 3);
-    bench_expect_frame(bench_find(&bench, 0, 0x116), 0x116, "06 10 63 61 6E 20 70 72");
-    bench_ask(&bench, "07", "07 A0 00");
+    open_strict(&bench, true);
+    expect_texts(&bench, &number, "09 50", "|can protocol NOT ack");
+    expect_texts(&bench, &number, "09 50", "");
+    expect_texts(&bench, &number, "09 09", "|CMODE SET:0");
+    bench_send(&bench, 0, 0x001, "5B 01 06");
+    expect_texts(&bench, &number, "89 01", "|PID IS NOT SET 1");
+    state_protocol_and_gains(&bench);
+    expect_texts(&bench, &number, "09 01", "|calib failed 0");
+    expect_texts(&bench, &number, "09 09", "|CMODE SET:0");
+    bench_send(&bench, 0, 0x001, "04 03 00 00 01 00 00 00");
+    bench_ticks(&bench, 200);
+    expect_texts(&bench, &number, "09 01", "|CMODE SET:1|PWM ENA:0");
+    expect_texts(&bench, &number, "09 01", "");
+    expect_texts(&bench, &number, "09 50", "|CMODE SET:80");
+    expect_texts(&bench, &number, "09 00", "|PWM DIS:0");
+    expect_texts(&bench, &number, "09 00", "");
     bench_stop(&bench);
 }
 
@@ -230,7 +344,9 @@ int main(void)
         cmocka_unit_test(only_force_idle_leaves_a_fault),
         cmocka_unit_test(a_mode_change_clears_the_voltage_and_holds_the_position),
         cmocka_unit_test(discovery_stops_motors_when_asked_to),
-        cmocka_unit_test(a_strict_board_drives_only_when_it_knows_host_and_gains),
+        cmocka_unit_test(a_strict_axis_that_is_owed_something_goes_into_fault),
+        cmocka_unit_test(a_strict_axis_may_have_to_be_calibrated_first),
+        cmocka_unit_test(a_strict_axis_keeps_its_references_in_the_same_mode),
         cmocka_unit_test(a_strict_board_prints_what_the_firmware_prints),
         cmocka_unit_test(modes_of_the_table_that_no_firmware_has_are_refused),
         cmocka_unit_test(calibration_is_that_of_the_absolute_encoder),

@@ -136,6 +136,49 @@ static void torque_of_real_strain_boards_on_the_bus_is_heard(void **state)
     bench_stop(&bench);
 }
 
+/* What axis 0 takes its torque for, from the DEBUG frame. */
+static int torque_of(struct board_bench *bench)
+{
+    to_slot_0(bench);
+    bench_ticks(bench, 4);
+    assert_int_equal(bench_sent(bench, 0, 0x119), 1);
+    return (int16_t)get_u16_le(bench_find(bench, 0, 0x119)->data);
+}
+
+/* 0x0C is the address of our own pseudo-STRAIN: whoever else sends as it is an impostor. */
+static void strain_frames_with_an_address_of_ours_are_not_believed(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    bench_open(&bench);
+    bench_send(&bench, 0, 0x001, "34 0C 00 00 00 00 00 00");
+    bench_send(&bench, 0, 0x001, "49 00 01 00 00"); /* DEBUG */
+    bench_send(&bench, 0, 0x3ca, "10 80 00 80 00 80");
+    assert_int_equal(torque_of(&bench), 0);
+    bench.sense[0].torque_nm = 27.5; /* half of the full scale: what the board itself sends */
+    bench_send(&bench, 0, 0x20c, "07 00");
+    bench_ticks(&bench, 8);
+    bench_send(&bench, 0, 0x3ca, "10 80 00 80 00 80");
+    assert_int_equal(torque_of(&bench), 0x4000);
+
+    /* where it moves is its own too, and what it left is not */
+    bench_send(&bench, 0, 0x20c, "32 05");
+    bench_send(&bench, 0, 0x001, "34 05 00 00 00 00 00 00");
+    bench_ticks(&bench, 8);
+    bench_send(&bench, 0, 0x35a, "10 80 00 80 00 80");
+    assert_int_equal(torque_of(&bench), 0x4000);
+    bench_send(&bench, 0, 0x001, "34 0C 00 00 00 00 00 00");
+    bench_send(&bench, 0, 0x3ca, "10 80 00 80 00 80");
+    assert_int_equal(torque_of(&bench), 0x10);
+    bench_send(&bench, 0, 0x3ca, "20 80 00 80 00 80 05"); /* saturated, and it is heard still */
+    assert_int_equal(torque_of(&bench), 0x20);
+    bench_send(&bench, 0, 0x3ca, "30 80 00 80 00"); /* no length of theirs */
+    bench_send(&bench, 0, 0x3ca, "30 80 00 80 00 80 00 00");
+    assert_int_equal(torque_of(&bench), 0x20);
+    bench_stop(&bench);
+}
+
 /* ---- faults ---- */
 
 static void over_current_trips_once_and_is_told_once(void **state)
@@ -289,9 +332,9 @@ static void voltage_beyond_a_joint_limit_is_refused_both_ways(void **state)
     bench_tick(&bench);
     assert_near(bench.motor[0].voltage_v, 0.0, 0.0);
     assert_int_equal(bench_sent(&bench, 0, 0x116), 3);
-    bench_expect_frame(&bench.frame[0][0], 0x116, "06 10 4F 55 54 20 4F 46"); /* "OUT OF" */
-    bench_expect_frame(&bench.frame[0][1], 0x116, "06 11 20 4C 49 4D 49 54"); /* " LIMIT" */
-    bench_expect_frame(&bench.frame[0][2], 0x116, "86 12 53");                /* "S", the last */
+    bench_expect_frame(&bench.frame[0][0], 0x116, "06 00 4F 55 54 20 4F 46"); /* "OUT OF" */
+    bench_expect_frame(&bench.frame[0][1], 0x116, "06 01 20 4C 49 4D 49 54"); /* " LIMIT" */
+    bench_expect_frame(&bench.frame[0][2], 0x116, "86 02 53");                /* "S", the last */
     bench_ask(&bench, "73", "73 00 00");
     bench_send(&bench, 0, 0x001, "72 B3 FE"); /* back is refused, too */
     bench_tick(&bench);
@@ -320,6 +363,7 @@ int main(void)
         cmocka_unit_test(a_velocity_without_fresh_commands_becomes_zero),
         cmocka_unit_test(a_silent_torque_source_disables_torque_modes),
         cmocka_unit_test(torque_of_real_strain_boards_on_the_bus_is_heard),
+        cmocka_unit_test(strain_frames_with_an_address_of_ours_are_not_believed),
         cmocka_unit_test(over_current_trips_once_and_is_told_once),
         cmocka_unit_test(over_current_is_measured_by_its_heat),
         cmocka_unit_test(the_inrush_of_a_voltage_step_does_not_trip),

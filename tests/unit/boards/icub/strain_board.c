@@ -248,6 +248,40 @@ static void commands_of_the_board_are_answered_big_endian(void **state)
     bench_stop(&bench);
 }
 
+/* The high half of the byte that selects a channel: hosts of newer boards name set 1. */
+static void a_regulation_set_may_stand_beside_the_channel(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    bench_open(&bench);
+    bench_send(&bench, 0, 0x20d, "04 12 02 03"); /* DAC */
+    ft_ask(&bench, "0B 12", "0B 12 02 03");
+    ft_ask(&bench, "0B 02", "0B 02 02 03");
+    ft_ask(&bench, "1B", "1B 00");
+    ft_ask(&bench, "09", "09 01");
+    bench_send(&bench, 0, 0x20d, "13 02 14 FF 38"); /* calibration tare */
+    ft_ask(&bench, "14 14", "14 14 FF 38");
+    ft_ask(&bench, "14 04", "14 04 FF 38");
+    ft_ask(&bench, "1B", "1B 00");
+    bench_send(&bench, 0, 0x20d, "17 13 01 F4"); /* full scale */
+    ft_ask(&bench, "18 13", "18 13 01 F4");
+    ft_ask(&bench, "18 03", "18 03 01 F4");
+    assert_int_equal(bench_counters(&bench).malformed, 0);
+
+    /* no seventh channel in any set, and the current tare is in none */
+    bench_send(&bench, 0, 0x20d, "04 16 02 03");
+    bench_send(&bench, 0, 0x20d, "0B 16");
+    bench_send(&bench, 0, 0x20d, "13 02 16 00 00");
+    bench_send(&bench, 0, 0x20d, "14 16");
+    bench_send(&bench, 0, 0x20d, "15 02 14 00 00");
+    bench_send(&bench, 0, 0x20d, "16 14");
+    bench_tick(&bench);
+    assert_int_equal(bench.count[0], 0);
+    assert_int_equal(bench_counters(&bench).malformed, 6);
+    bench_stop(&bench);
+}
+
 static void tares_take_the_present_load_away(void **state)
 {
     struct board_bench bench;
@@ -362,6 +396,7 @@ int main(void)
         cmocka_unit_test(saturated_frames_are_longer_and_hold_the_last_good_values),
         cmocka_unit_test(saturation_begins_below_1000_and_above_64000),
         cmocka_unit_test(commands_of_the_board_are_answered_big_endian),
+        cmocka_unit_test(a_regulation_set_may_stand_beside_the_channel),
         cmocka_unit_test(tares_take_the_present_load_away),
         cmocka_unit_test(the_matrix_mixes_the_channels),
         cmocka_unit_test(joint_torques_come_in_pseudo_strain_frames),

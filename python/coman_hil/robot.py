@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot by the names of its joints and sensors: what the boards have said last, in SI units,
+angles at the link side of the gear."""
+from __future__ import annotations
+
+import re
+from typing import Dict, Generic, Iterable, Mapping, TypeVar
+
+from .database import HOST, Bus, Message, Signal
+from .errors import NoTelemetry, UnknownName
+from .gateway import RawFrame
+
+# by bus and identifier: the last frame of each message
+Latest = Dict[tuple, RawFrame]
+Source = tuple  # (bus, identifier as text), Signal, Message
+T = TypeVar("T")
+
+# Where a quantity is found: kind of message, name of the signal without the number of the axis
+QUANTITIES: Mapping[str, tuple[tuple[str, str], ...]] = {
+    "position": (("POSITION", "position"), ("TELEMETRY_FD", "link_position")),
+    "deflection": (("TELEMETRY", "deflection"),),
+    "motor position": (("MOTOR_POSITION", "position"), ("FOC", "position"),
+                       ("TELEMETRY", "motor_position"), ("TELEMETRY_FD", "motor_position")),
+    "motor velocity": (("FOC", "velocity"), ("TELEMETRY_FD", "motor_velocity")),
+    "current": (("CURRENT", "current"), ("FOC", "current"), ("TELEMETRY", "current"),
+                ("TELEMETRY_FD", "current")),
+    "torque": (("TELEMETRY", "torque"), ("TELEMETRY_FD", "torque"), ("FORCE", "c"),
+               ("TORQUE", "c")),
+    "mode": (("TELEMETRY_FD", "mode"), ("STATUS", "mode"), ("STATE", "mode")),
+    "faults": (("STATUS", "fault"), ("STATUS", "faults"), ("STATE", "faults")),
+}
+
+
+class Names(Dict[str, T], Generic[T]):
+    """Things by name; a name that is not there is an UnknownName with the nearest."""
+
+    def __init__(self, kind: str, items: Iterable[tuple[str, T]] = ()) -> None:
+        super().__init__(items)
+        self._kind = kind
+
+    def __missing__(self, name: str) -> T:
+        raise UnknownName(self._kind, name, self)
+
+
+def _sources(bus: Bus, about: str) -> list[Source]:
+    """Every signal of the boards about a joint, but for answers to questions."""
+    return [((bus.name, f"{m.identifier:03X}"), s, m)
+            for m in bus.messages.values() if m.sender != HOST
+            for s in m.signals.values() if s.about == about and s.selector is None]
+
+
+def _value(latest: Latest, source: Source) -> float | None:
+    frame = latest.get(source[0])
+    return None if frame is None else source[1].decode(bytes.fromhex(frame[4]))
+
+
+class Joint:
+    """A joint with its motor.
+
+    name: the rig's. bus: that of its motor board. voltage_v: the voltage for the motor (V), told to
+    its board with every step while the motor is on (Simulator.enable), limited to the supply."""
+
+    def __init__(self, name: str, bus: Bus, buses: Iterable[Bus], on: str, latest: Latest) -> None:
+        self.name, self.bus = name, bus.name
+        self.enabled = False
+        self._volts, self._on, self._protocol = 0.0, on, bus.protocol
+        self._latest = latest
+        self._all = [source for b in buses for source in _sources(b, name)]
+        self._found = {quantity: [source for place in places for source in self._all
+                                  if self._is_at(source[2], source[1], place)]
+                       for quantity, places in QUANTITIES.items()}
+
+    @staticmethod
+    def _is_at(message: Message, signal: Signal, place: tuple[str, str]) -> bool:
+        return message.kind == place[0] and re.sub(r"_?\d+$", "", signal.name) == place[1]
+
+    def __repr__(self) -> str:
+        return f"<joint {self.name} on {self.bus}>"
+
+    @property
+    def voltage_v(self) -> float:
+        return self._volts
+
+    @voltage_v.setter
+    def voltage_v(self, volts: float) -> None:
+        volts = float(volts)
+        if volts - volts != 0.0:
+            raise ValueError(f"{self.name}: found {volts} V, expected a number")
+        self._volts = volts
+
+    def _read(self, quantity: str) -> float:
+        sources = self._found[quantity]
+        for source in sources:
+            value = _value(self._latest, source)
+            if value is not None:
+                return value * source[1].to_si
+        if not sources:
+            raise NoTelemetry(f"{self.name}: {self._protocol} boards do not report the {quantity}")
+        raise NoTelemetry(f"{self.name}: no {quantity} has been reported yet: Simulator.enable or "
+                          "listen makes the boards report")
+
+    @property
+    def position_rad(self) -> float:
+        """Angle of the link (rad). 2FOC boards read no link encoder: NoTelemetry."""
+        if self._found["deflection"]:
+            return self._read("motor position") - self._read("deflection")
+        return self._read("position")
+
+    @property
+    def motor_position_rad(self) -> float:
+        """Angle of the motor (rad), the other end of the joint's spring."""
+        return self._read("motor position")
+
+    @property
+    def motor_velocity_rad_s(self) -> float:
+        """Velocity of the motor (rad/s); foc and compact FD."""
+        return self._read("motor velocity")
+
+    @property
+    def current_a(self) -> float:
+        """Current of the motor (A)."""
+        return self._read("current")
+
+    @property
+    def torque_nm(self) -> float:
+        """Torque on the link, of its sensor (N m)."""
+        return self._read("torque")
+
+    @property
+    def mode(self) -> str:
+        """The board's word for what its motor does: "voltage", "open_loop", "off", "fault", ..."""
+        for source in self._found["mode"]:
+            frame = self._latest.get(source[0])
+            raw = None if frame is None else source[1].decode_raw(bytes.fromhex(frame[4]))
+            if raw is not None:
+                return source[1].values.get(raw, str(raw))
+        raise NoTelemetry(f"{self.name}: no mode has been reported yet")
+
+    @property
+    def faults(self) -> int:
+        """The fault bits of its board; each protocol has its own."""
+        return int(self._read("faults"))
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the board says that its motor takes voltages."""
+        try:
+            return self.mode == self._on
+        except NoTelemetry:
+            return False
+
+    def state_text(self) -> str:
+        """Its mode and faults in words."""
+        try:
+            return f"{self.name} is in mode {self.mode}, faults {self.faults:#x}"
+        except NoTelemetry:
+            return f"the board of {self.name} says nothing"
+
+    def signals(self) -> dict[str, float]:
+        """All that has been said about it: MESSAGE.signal and value, in the DBC's units."""
+        values = ((source, _value(self._latest, source)) for source in self._all)
+        return {f"{source[2].name}.{source[1].name}": value for source, value in values
+                if value is not None}
+
+
+class ForceSensor:
+    """A six-axis force-torque sensor."""
+
+    def __init__(self, name: str, bus: Bus, board: str, latest: Latest) -> None:
+        self.name, self.bus, self._latest = name, bus.name, latest
+        self._found = {(s.about or s.name).lower(): ((bus.name, f"{m.identifier:03X}"), s, m)
+                       for m in bus.board_messages(board) for s in m.signals.values()
+                       if s.selector is None}
+
+    def __repr__(self) -> str:
+        return f"<force sensor {self.name} on {self.bus}>"
+
+    def _read(self, components: str) -> tuple[float, float, float]:
+        values = [_value(self._latest, self._found[c]) if c in self._found else None
+                  for c in components.split()]
+        if None in values:
+            raise NoTelemetry(f"{self.name}: has not reported yet: Simulator.listen makes it")
+        return tuple(values)
+
+    @property
+    def force_n(self) -> tuple[float, float, float]:
+        """Force in the sensor's frame (N)."""
+        return self._read("fx fy fz")
+
+    @property
+    def moment_nm(self) -> tuple[float, float, float]:
+        """Moment in the sensor's frame (N m)."""
+        return self._read("mx my mz")
+
+
+def force_sensors(buses: Iterable[Bus], latest: Latest) -> Names[ForceSensor]:
+    """All sensors of the rig."""
+    found = Names[ForceSensor]("force sensor")
+    for bus in buses:
+        for board, what in bus.boards.items():
+            name = re.match(r"^address \d+, F/T (\S+)$", what)
+            if name:
+                found[name[1]] = ForceSensor(name[1], bus, board, latest)
+    return found

@@ -1,0 +1,386 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulator as a context manager: started, stepped, observed, ended."""
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+from collections import deque
+from typing import Any, Callable, Mapping, Sequence
+
+import can
+
+from . import database
+from .boards import Boards, FocMotor, boards_of, frame_text
+from .control import Control
+from .errors import (BoardError, ControlError, GatewayError, SimulatorDied, SimulatorError,
+                     SimulatorStopped, SimulatorTimeout)
+from .gateway import GatewayBus, RawFrame, command_text, message_of
+from .process import Process, find_program, make_folder
+from .robot import ForceSensor, Joint, Latest, Names, force_sensors
+
+BOARD_FAULT, STOPPING = 2, 8      # flags of DONE
+STEP_TICKS = 1000           # at most in one STEP, so that a time-out is soon enough
+SWITCH_TICKS = 5            # until a new mode has been reported
+FRAMES_KEPT = 100_000
+
+
+class Simulator:
+    """A simulator of a rig, in lockstep, for as long as the `with` block lasts.
+
+        with Simulator("coman", hold="always") as sim:
+            sim.enable("LElbj")
+            sim.joints["LElbj"].voltage_v = 2.0
+            sim.step(100)
+            print(sim.joints["LElbj"].current_a)
+
+    Nothing moves but by `step`, and the same calls give the same state, bit for bit. Each call
+    ends: a simulator that dies or hangs is an exception with what it said.
+
+    rig: name of an installed rig, or path of a rig file. changes: keys of a rig that replace those
+    of this one, as {"robot": {"fixed_base": True}}. program: path of coman-hil, else that of the
+    environment variable COMAN_HIL, else the one of the PATH. hold: when links are clamped, none,
+    until_enabled or always; the rig's by default. settle: start in static equilibrium. faults:
+    lines as of `coman-hil run --fault`; with a name ("jam: motor LElbj jam manual") for `fault`.
+    seed: of noise and faults. record: folder for a recording. options: more of `coman-hil run`.
+
+    refresh_s: while motors are on, set-points are repeated this often in a step of many ticks;
+    boards let a voltage go after 0.1 s. 2FOC boards get theirs every tick. motor: what 2FOC boards
+    are told of their motors. start_timeout_s: until buses are served; a robot that is not bundled
+    is compiled first. timeout_s: for each answer, of wall time.
+
+    Attributes. joints, sensors: by name. tick, time_s: virtual time. bus: the connection, a bus of
+    python-can. control: the control socket. buses: what the DBC files say. board_fault: whether a
+    board is in fault. exit_status: of the process, once it has ended."""
+
+    def __init__(self, rig: str = "coman", *, program: str | None = None,
+                 changes: Mapping[str, Any] | None = None, hold: str | None = None,
+                 settle: bool = False, faults: Sequence[str] = (), seed: int | None = None,
+                 record: str | None = None, options: Sequence[str] = (), refresh_s: float = 0.01,
+                 motor: FocMotor = FocMotor(), start_timeout_s: float = 180.0,
+                 timeout_s: float = 30.0) -> None:
+        self.rig, self._changes, self._program = os.fspath(rig), changes, program
+        self._options = [*(["--hold", hold] if hold else []), *(["--settle"] if settle else []),
+                         *(word for line in faults for word in ("--fault", line)),
+                         *(["--seed", str(seed)] if seed is not None else []),
+                         *(["--record", os.fspath(record)] if record else []), *options]
+        self._refresh_s, self._motor = refresh_s, motor
+        self._start_timeout_s, self._timeout_s = start_timeout_s, timeout_s
+        self._process: Process | None = None
+        self.exit_status: int | None = None
+
+    # ---- start and end ----
+
+    def __enter__(self) -> "Simulator":
+        self.start()
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        self.close()
+        if kind is None and self.exit_status:
+            raise SimulatorDied("end", self.exit_status, self.log)
+
+    def start(self) -> None:
+        """Starts the process and joins its buses; `with` does it."""
+        if self._process:
+            raise SimulatorError("the simulator has been started already")
+        program, folder = find_program(self._program), make_folder()
+        try:
+            rig = self._write_rig(folder)
+            # first of all, for it says best what is wrong with a rig
+            self.buses = database.load(program, rig, self._start_timeout_s)
+            self._process = Process(program, rig, self._options, folder)
+        finally:
+            if not self._process:
+                shutil.rmtree(folder, ignore_errors=True)
+        try:
+            host, port, path = self._process.wait_until_ready(self._start_timeout_s)
+            self.control = Control(path, self._timeout_s)
+            self.bus = GatewayBus(host, port, self._timeout_s)
+            self._prepare()
+        except BaseException:
+            self.close()
+            raise
+
+    def _write_rig(self, folder: str) -> str:
+        """The rig's name or path; with changes that of a file that extends it."""
+        is_path = "/" in self.rig or "." in self.rig
+        rig = os.path.abspath(self.rig) if is_path else self.rig
+        if not self._changes:
+            return rig
+        path = os.path.join(folder, "rig.yaml")
+        if is_path:
+            # a rig may only extend what lies below it: the tree of this one gets a name there
+            parts = rig.rsplit("/", 2)
+            os.symlink(parts[0] or "/", os.path.join(folder, "tree"))
+            rig = "/".join(["tree", *parts[1:]])
+        with open(path, "w") as file:
+            json.dump({"extends": rig, **self._changes}, file)  # JSON is YAML
+        return path
+
+    def _prepare(self) -> None:
+        """What is known before the first tick."""
+        status, supply_v = self.control.status(), self.control.get("supply_v")
+        self.tick_s: float = status["tick_s"]
+        self.tick: int = 0
+        self._latest: Latest = {}
+        self._frames: deque[RawFrame] = deque(maxlen=FRAMES_KEPT)
+        self._queued: list[str] = []
+        self._listening = self.board_fault = False
+        self._kept: dict[int, tuple] = {}
+
+        buses = self.buses.buses.values()
+        self._boards: list[Boards] = [boards_of(bus, supply_v, self._motor) for bus in buses]
+        self.joints: Names[Joint] = Names("joint")
+        for boards in self._boards:
+            for name in boards.joints:
+                self.joints[name] = Joint(name, boards.bus, buses, boards.on, self._latest)
+        self.sensors: Names[ForceSensor] = force_sensors(buses, self._latest)
+        self._kept[0] = self._keep()
+
+        step = next(((bus, bus.messages["STEP"]) for bus in buses if "STEP" in bus.messages), None)
+        if not step:
+            raise SimulatorError(f"no bus of rig {self.rig} has a STEP message")
+        bus, self._step_message = step
+        self._done_message = bus.message("DONE")
+        self._done_key = (bus.name, f"{self._done_message.identifier:03X}")
+
+    def close(self) -> None:
+        """Ends the process; `with` does it."""
+        for part in ("bus", "control"):
+            if part in self.__dict__:
+                getattr(self, part).shutdown() if part == "bus" else self.control.close()
+        if self._process:
+            self.exit_status = self._process.end()
+
+    @property
+    def pid(self) -> int:
+        """The number of its process."""
+        if not self._process:
+            raise SimulatorError("the simulator has not been started")
+        return self._process.pid
+
+    @property
+    def log(self) -> str:
+        """What it has said so far: events of the run, and after its end the summary."""
+        return self._process.log if self._process else ""
+
+    # ---- time ----
+
+    @property
+    def time_s(self) -> float:
+        """Virtual time (s)."""
+        return self.tick * self.tick_s
+
+    def step(self, ticks: int = 1, refresh: bool = True) -> None:
+        """Runs the simulator on by so many ticks (1 ms each, or as the rig says), all buses in one.
+
+        The set-points of motors that are on are sent before the first tick, and again every
+        refresh_s; without refresh none are sent, and boards let the last one go. What has been
+        sent before (send, command) takes part in the first tick."""
+        if ticks < 1:
+            raise ValueError(f"found {ticks} ticks, expected 1 or more")
+        self._frames.clear()
+        while ticks > 0:
+            volts = {j.name: j.voltage_v for j in self.joints.values() if j.enabled} \
+                if refresh else {}
+            count = min(ticks, self._refresh_ticks(volts))
+            text = "".join(boards.set_points(volts) for boards in self._boards
+                           if any(joint in volts for joint in boards.joints))
+            self._run("".join(self._queued) + text, count)
+            self._queued.clear()
+            ticks -= count
+
+    def _refresh_ticks(self, volts: Mapping[str, float]) -> int:
+        if not volts:
+            return STEP_TICKS
+        ticks = max(1, round(self._refresh_s / self.tick_s))
+        return min([boards.refresh_ticks for boards in self._boards if boards.refresh_ticks and
+                    any(joint in volts for joint in boards.joints)] + [ticks, STEP_TICKS])
+
+    def _run(self, commands: str, ticks: int) -> None:
+        """One STEP, and all frames until its DONE."""
+        step = self._step_message.encode({"tick": self.tick & 0xffffffff, "ticks": ticks})
+        done = self._exchange(commands + frame_text(self._step_message, step))
+        values = self._done_message.decode(bytes.fromhex(done[4]))
+        flags, tick = int(values["flags"]), int(values["tick"])
+        expected, self.tick = self.tick + ticks, tick
+        self.board_fault = bool(flags & BOARD_FAULT)
+        if flags & STOPPING and tick != expected & 0xffffffff:
+            raise self._reason(f"tick {tick}", SimulatorStopped("the run is over"))
+        if tick != expected & 0xffffffff:
+            raise GatewayError(f"the simulator is at tick {tick}, expected {expected}: somebody "
+                               "else moves its time (ctl step, restore, another client's STEP)")
+
+    def _exchange(self, text: str) -> RawFrame:
+        """Sends, receives until DONE. Silence for timeout_s is the end."""
+        latest, key = self._latest, self._done_key
+        try:
+            self.bus.send_text(text)
+            end = time.monotonic() + self._timeout_s
+            while True:
+                frames = self.bus.receive_frames(max(0.0, end - time.monotonic()))
+                if frames:
+                    for frame in frames:
+                        latest[frame[5], frame[1]] = frame
+                    self._frames.extend(frames)
+                    if key in latest:
+                        self._frames.pop()     # DONE comes last
+                        return latest.pop(key)
+                    end = time.monotonic() + self._timeout_s
+                elif time.monotonic() >= end:
+                    raise SimulatorTimeout(f"tick {self.tick}: no answer to STEP within "
+                                           f"{self._timeout_s:g} s")
+        except (GatewayError, SimulatorTimeout) as error:
+            raise self._reason(f"tick {self.tick}", error) from None
+
+    def _reason(self, what: str, error: SimulatorError) -> SimulatorError:
+        """Why the other side is gone, when it is."""
+        died = self._process.died(what) if self._process else None
+        if died and died.status == 0:
+            return SimulatorStopped(f"{what}: the run is over; the simulator said:\n{died.log}")
+        return died or error
+
+    # ---- frames ----
+
+    def send(self, message: can.Message) -> None:
+        """Sends a frame, its channel is the name of the bus; it takes part in the next step."""
+        self.buses.bus(message.channel or "")
+        self._queued.append(command_text(message))
+
+    def command(self, bus: str, message: str, length: int | None = None,
+                **values: float | str) -> None:
+        """Sends a message of the DBC with its signals in their units, or by the names of values:
+        command("torso", "torso_0x01_COMMAND", command="SET_OPEN_LOOP_0", SET_OPEN_LOOP_pwm_0=4).
+        It takes part in the next step."""
+        found = self.buses.bus(bus).message(message)
+        self._queued.append(frame_text(found, found.encode(values, length)))
+
+    def frames(self, bus: str | None = None) -> list[can.Message]:
+        """What the boards sent during the last step (the newest 100,000 frames), as python-can has
+        it; channel is the bus, timestamp virtual time (s)."""
+        return [message_of(frame) for frame in self._frames if bus in (None, frame[5])]
+
+    def received(self, bus: str, message: str) -> list[dict[str, float | str]]:
+        """The values of the frames of a message that came during the last step, in their units,
+        those that have names by name."""
+        found = self.buses.bus(bus).message(message)
+        word = f"{found.identifier:03X}"
+        return [found.decode(bytes.fromhex(frame[4])) for frame in self._frames
+                if frame[5] == bus and frame[1] == word]
+
+    # ---- motors ----
+
+    def listen(self) -> None:
+        """Makes every board report; runs some ticks. `enable` does it."""
+        if self._listening:
+            return
+        stages = [boards.reporting() for boards in self._boards]
+        for number in range(max(map(len, stages))):
+            self._queued += [text for stage in stages if number < len(stage)
+                             for text in stage[number]]
+            self.step(2)
+        self.step(SWITCH_TICKS)
+        self._listening = True
+
+    def enable(self, *joints: str, timeout_s: float = 1.0) -> None:
+        """Switches motors on, those of all joints when none is named: faults are cleared, voltages
+        are 0 until they are set. Runs ticks until the boards say so; raises BoardError when one
+        does not within timeout_s of virtual time."""
+        chosen = [self.joints[name] for name in joints or self.joints]
+        self.listen()
+        for joint in chosen:
+            joint.voltage_v, joint.enabled = 0.0, False
+        self._switch(chosen, False)
+        self.step(SWITCH_TICKS)
+        for joint in chosen:
+            joint.enabled = True
+        self._switch(chosen, True)
+        end = self.tick + round(timeout_s / self.tick_s)
+        while True:
+            self.step(SWITCH_TICKS)
+            waiting = [joint for joint in chosen if not joint.is_on]
+            if not waiting:
+                return
+            if self.tick >= end:
+                text = ", ".join(joint.state_text() for joint in waiting)
+                raise BoardError(f"motors do not switch on within {timeout_s:g} s: {text}")
+
+    def disable(self, *joints: str) -> None:
+        """Switches motors off, those of all joints when none is named; runs some ticks."""
+        chosen = [self.joints[name] for name in joints or self.joints]
+        for joint in chosen:
+            joint.voltage_v, joint.enabled = 0.0, False
+        self._switch(chosen, False)
+        self.step(SWITCH_TICKS)
+
+    def _switch(self, joints: Sequence[Joint], on: bool) -> None:
+        names = {joint.name for joint in joints}
+        for boards in self._boards:
+            mine = [joint for joint in boards.joints if joint in names]
+            self._queued += boards.switch(mine, on) if mine else []
+
+    # ---- control ----
+
+    def _ask(self, call: Callable[..., Any], *arguments: Any, **keys: Any) -> Any:
+        try:
+            return call(*arguments, **keys)
+        except ControlError:
+            raise
+        except SimulatorError as error:
+            raise self._reason("control socket", error) from None
+
+    def status(self) -> dict[str, Any]:
+        """The true state: "joints" (rad), "contacts" (N), "faults" that are active, "buses", ..."""
+        self.state_hash()   # DONE comes before a tick is published, a pause after it
+        return self._ask(self.control.status)
+
+    def state_hash(self) -> str:
+        """16 digits that two runs share when their robots are in the same state bit for bit."""
+        return self._ask(self.control.state_hash)
+
+    def get(self, name: str) -> float:
+        """A tunable: `coman-hil ctl list tunables` has their names."""
+        return self._ask(self.control.get, name)
+
+    def set(self, name: str, value: float) -> None:
+        """Sets a tunable from the next tick on: set("supply_v", 40)."""
+        self._ask(self.control.set, name, value)
+
+    def fault(self, name: str, on: bool = True) -> None:
+        """Switches a fault that was given with a name at the start."""
+        self._ask(self.control.fault, name, on)
+
+    def push(self, body: str, force_n: Sequence[float] = (0, 0, 0),
+             moment_nm: Sequence[float] = (0, 0, 0), duration_s: float = 0.0) -> None:
+        """Pushes a body from the next tick on with a force (N) and a moment (N m) in the world
+        frame, for duration_s of virtual time, 0 = until the next push."""
+        self._ask(self.control.push, body, force_n, moment_nm, duration_s)
+
+    def checkpoint(self, slot: int = 1) -> None:
+        """Keeps the state in slot 1 to 3."""
+        self._ask(self.control.checkpoint, slot)
+        self._kept[slot] = self._keep()
+
+    def restore(self, slot: int = 1) -> None:
+        """Goes back to a checkpoint, with slot 0 to the start. Telemetry, voltages and motors that
+        are on are again those of then."""
+        answer = self._ask(self.control.restore, slot)
+        # of a checkpoint that somebody else has made only the state is known
+        latest, self._listening, joints = self._kept.get(slot, ({}, self._listening, {}))
+        self.tick = answer["tick"]
+        self._queued.clear()
+        self._frames.clear()
+        self._latest.clear()
+        self._latest.update(latest)
+        for name, (enabled, volts) in joints.items():
+            self.joints[name].enabled, self.joints[name].voltage_v = enabled, volts
+
+    def reset(self) -> None:
+        """Goes back to the start."""
+        self.restore(0)
+
+    def _keep(self) -> tuple:
+        return (dict(self._latest), self._listening,
+                {joint.name: (joint.enabled, joint.voltage_v) for joint in self.joints.values()})
