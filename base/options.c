@@ -2,6 +2,7 @@
 /* Command lines parsed by a table, and the --help that is printed from it. */
 #include "base/options.h"
 
+#include "base/completion.h"
 #include "base/journal.h"
 #include "base/text.h"
 
@@ -310,13 +311,27 @@ void options_help(const struct command_spec *spec, FILE *out)
 
 /* ---- exit ---- */
 
+/* What is printed for other programs: the source of a manual page, parts of completion scripts. */
+static bool options_print_as(const struct command_spec *spec, const char *word)
+{
+    if (!strcmp(word, "--help=scdoc")) {
+        options_page(spec, stdout);
+    } else if (!strcmp(word, "--help=bash")) {
+        options_completion(spec, COMPLETION_BASH, stdout);
+    } else if (!strcmp(word, "--help=zsh")) {
+        options_completion(spec, COMPLETION_ZSH, stdout);
+    } else {
+        return false;
+    }
+    return true;
+}
+
 bool options_read(const struct command_spec *spec, int argc, char **argv, int *status)
 {
     struct error error;
     bool help;
 
-    if (argc == 2 && !strcmp(argv[1], "--help=scdoc")) {
-        options_page(spec, stdout);
+    if (argc == 2 && options_print_as(spec, argv[1])) {
         *status = STATUS_OK;
         return false;
     }

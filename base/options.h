@@ -68,6 +68,7 @@ struct option_spec {
     double min, max;                 /* of OPTION_REAL and OPTION_INT, inclusive; both needed */
     const char *unit;                /* for messages: "seconds"; NULL = none */
     const struct option_word *words; /* of OPTION_ENUM, ends with word NULL */
+    const char *noun;                /* as of an operand */
 };
 
 /* An argument without dashes. Those that must be given come first. */
@@ -76,6 +77,10 @@ struct operand_spec {
     const char *help;
     bool required;
     const char **value; /* NULL stays when it is optional and not given */
+    /* What a shell completes it to, beside files: what "coman-hil list NOUN --names" prints, or
+     * these words, NULL at the end. Neither: files. */
+    const char *noun;
+    const char *const *words;
 };
 
 struct command_spec {
@@ -103,8 +108,8 @@ void options_help(const struct command_spec *spec, FILE *out);
 void options_page(const struct command_spec *spec, FILE *out);
 
 /* options_parse for the main of a command. False when the command must return *status at once,
- * because the manual was printed (by --help, or as a page by --help=scdoc alone) or the error was
- * reported on stderr. */
+ * because the manual was printed (by --help, or for other programs by --help=scdoc, =bash or =zsh
+ * alone) or the error was reported on stderr. */
 bool options_read(const struct command_spec *spec, int argc, char **argv, int *status);
 
 /* The exit status of a command that ended with an error. */

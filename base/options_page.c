@@ -92,5 +92,7 @@ void options_page(const struct command_spec *spec, FILE *out)
         fputs("\n# DESCRIPTION\n", out);
         manpage_put_manual(spec->manual, out);
     }
-    fputs("\n# SEE ALSO\n\n*coman-hil*(1), *coman-hil-rig*(5), *coman-hil-scenario*(5)\n", out);
+    fputs("\n# SEE ALSO\n\n*coman-hil*(1), *coman-hil-rig*(5), *coman-hil-robot*(5), "
+          "*coman-hil-scenario*(5)\n",
+          out);
 }

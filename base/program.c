@@ -5,6 +5,7 @@
 #include "base/options.h"
 #include "base/text.h"
 
+#include <stdbool.h>
 #include <string.h>
 
 enum { NAMES_MAX = 64, SUMMARY_COLUMN = 12 };
@@ -28,6 +29,7 @@ void program_print_usage(const struct program *program, FILE *out)
         options_wrap(program->command[i].summary, SUMMARY_COLUMN, SUMMARY_COLUMN, out);
     }
     fprintf(out, "\n%s COMMAND --help prints the manual of a %s.\n", program->name, program->noun);
+    fprintf(out, "%s --completion=bash (or zsh) prints that shell's completion.\n", program->name);
     if (program->print_more) {
         program->print_more(out);
     }
@@ -36,6 +38,32 @@ void program_print_usage(const struct program *program, FILE *out)
 void program_print_version(const struct program *program)
 {
     printf("%s %s\n", program->name, HIL_VERSION);
+}
+
+void program_print_completions(const struct program *program, enum completion_shell shell)
+{
+    static char argument[COMPLETION_SHELLS][16] = {"--help=bash", "--help=zsh"};
+
+    for (size_t i = 0; i < program->ncommand; i++) {
+        char name[64];
+
+        snprintf(name, sizeof name, "%s", program->command[i].name);
+        program->command[i].run(2, (char *[]){name, argument[shell], NULL});
+    }
+}
+
+/* --completion=SHELL; false: it is something else. */
+static bool program_complete(const struct program *program, const char *word)
+{
+    static const char *const option[COMPLETION_SHELLS] = {"--completion=bash", "--completion=zsh"};
+
+    for (int shell = 0; shell < COMPLETION_SHELLS; shell++) {
+        if (!strcmp(word, option[shell])) {
+            completion_print(program, (enum completion_shell)shell);
+            return true;
+        }
+    }
+    return false;
 }
 
 int program_refuse(const struct program *program, const char *name, const char *const *more,
@@ -68,6 +96,9 @@ int program_main(const struct program *program, int argc, char **argv)
     }
     if (!strcmp(argv[1], "--version")) {
         program_print_version(program);
+        return options_flush_output(STATUS_OK);
+    }
+    if (program_complete(program, argv[1])) {
         return options_flush_output(STATUS_OK);
     }
     help = !strcmp(argv[1], "--help") || !strcmp(argv[1], "-h");

@@ -6,6 +6,8 @@
 #ifndef BASE_PROGRAM_H
 #define BASE_PROGRAM_H
 
+#include "base/completion.h"
+
 #include <stddef.h>
 #include <stdio.h>
 
@@ -25,9 +27,13 @@ struct program {
 };
 
 /* The whole of main: runs the command that argv[1] names, and flushes what it printed. --help is
- * the command help where there is one, else the usage; --version prints the version. Returns the
+ * the command help where there is one, else the usage; --version prints the version,
+ * --completion=bash or =zsh the script by which that shell completes command lines. Returns the
  * exit status. */
 int program_main(const struct program *program, int argc, char **argv);
+
+/* What each command prints for completion scripts. */
+void program_print_completions(const struct program *program, enum completion_shell shell);
 
 void program_print_usage(const struct program *program, FILE *out);
 void program_print_version(const struct program *program);

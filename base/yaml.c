@@ -438,3 +438,44 @@ enum error_code yaml_read_file(const char *path, const struct yaml_schema *schem
     free(text);
     return code;
 }
+
+static enum error_code yaml_find_text(struct yaml_reader *r, const struct yaml_node *root,
+                                      const char *key, const char **text)
+{
+    const struct yaml_node *at = root->kind == YAML_KIND_MAP ? root->first : NULL;
+
+    while (at && strcmp(at->text, key) != 0) {
+        at = at->next->next;
+    }
+    if (at && at->next->kind == YAML_KIND_SCALAR && !yaml_is_null(at->next)) {
+        *text = arena_strdup(r->arena, at->next->text);
+        return *text ? ERROR_NONE : yaml_no_memory(r);
+    }
+    return ERROR_NONE;
+}
+
+enum error_code yaml_read_key(const char *path, const char *key, struct arena *arena,
+                              const char **text, struct error *error)
+{
+    struct yaml_reader r = {.arena = arena, .file = path, .error = error};
+    enum error_code code = arena_init(&r.scratch, SCRATCH, error);
+    struct yaml_node *root;
+    char *content = NULL;
+    size_t size = 0;
+
+    *text = NULL;
+    if (code) {
+        return code;
+    }
+    code = yaml_load_file(path, &content, &size, error);
+    if (!code && size > YAML_MAX_FILE) {
+        code = error_set(error, ERROR_INPUT, "%.200s: found more than %d bytes, expected fewer",
+                         path, YAML_MAX_FILE);
+    }
+    if (!code && !(code = yaml_tree_read(&r, content, size, &root))) {
+        code = yaml_find_text(&r, root, key, text);
+    }
+    free(content);
+    arena_fini(&r.scratch);
+    return code;
+}

@@ -103,6 +103,11 @@ enum error_code yaml_read_text(const char *name, const char *text, size_t size,
                                const struct yaml_schema *schema, struct arena *arena, void *out,
                                struct error *error);
 
+/* The text of one key at the top of a file, whatever else is in it; NULL when it is not there or no
+ * text. What the file extends is not looked at. In the arena. */
+enum error_code yaml_read_key(const char *path, const char *key, struct arena *arena,
+                              const char **text, struct error *error);
+
 /* Sets "file:line:column: …" for semantic errors found after reading; returns ERROR_INPUT. */
 enum error_code yaml_error(struct error *error, const struct yaml_mark *mark, const char *format,
                            ...) __attribute__((format(printf, 3, 4)));

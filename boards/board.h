@@ -137,6 +137,9 @@ enum board_event_kind {
     BOARD_EVENT_OVER_HEATED, /* icub: the winding of an axis is too hot: a = 0.1 degree C */
 };
 
+/* What the fault bits of a personality mean, from bit 0 on; NULL at the end. */
+const char *const *board_fault_names(enum board_personality personality);
+
 /* An event for the log; formatted outside the loop. */
 struct board_event {
     int64_t time_ns;

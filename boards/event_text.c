@@ -100,12 +100,17 @@ static const char *const compact_faults[] = {"under-voltage", "over-voltage",  "
                                              "temperature",   "stale command", "limit",
                                              "overflow",      "saturated",     NULL};
 
+const char *const *board_fault_names(enum board_personality personality)
+{
+    return personality == BOARD_FOC       ? foc_faults
+           : personality == BOARD_COMPACT ? compact_faults
+                                          : icub_faults;
+}
+
 static void event_list_faults(enum board_personality personality, uint32_t bits, char *text,
                               size_t size)
 {
-    const char *const *names = personality == BOARD_FOC       ? foc_faults
-                               : personality == BOARD_COMPACT ? compact_faults
-                                                              : icub_faults;
+    const char *const *names = board_fault_names(personality);
     size_t used = 0;
 
     text[0] = '\0';

@@ -33,6 +33,7 @@ static void walk_icub_command(struct walk *walk, int board, unsigned cls, unsign
         .receiver = board,
         .from_host = true,
         .length = row->request_max,
+        .shortest = row->request_min,
         .code = (int)code,
         .fields = row->request,
         .first_byte = 1,
@@ -47,6 +48,7 @@ static void walk_icub_command(struct walk *walk, int board, unsigned cls, unsign
         message.receiver = MESSAGE_NO_BOARD;
         message.from_host = false;
         message.length = row->reply_length;
+        message.shortest = 0;
         message.fields = row->reply;
         walk_visit(walk, &message);
     }

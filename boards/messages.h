@@ -24,6 +24,7 @@ struct message {
     int sender, receiver; /* index of a board, MESSAGE_NO_BOARD: the host, or as receiver all */
     bool from_host;
     uint8_t length;    /* longest, of the whole frame */
+    uint8_t shortest;  /* of commands; 0: as length */
     int code;          /* byte 0, MESSAGE_NO_CODE: none */
     uint32_t cycle_ns; /* 0: on demand; at most so often while it has its usual policy */
     const struct field *fields;

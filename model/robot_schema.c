@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The keys of a robot file: their types, ranges and places in struct robot_yaml. What they mean is
- * described at the head of config/robots/coman.yaml.
+ * described in docs/man/coman-hil-robot.5.scd.
  */
 #include "model/robot_yaml.h"
 
@@ -310,6 +310,11 @@ static const struct yaml_schema variant_schema = {.what = "a variant",
 
 static const struct yaml_field robot_fields[] = {
     NAME(struct robot_yaml),
+    {.key = "description",
+     .type = YAML_STRING,
+     .offset = offsetof(struct robot_yaml, description),
+     .min = 1,
+     .max = 400},
     {.key = "source", .type = YAML_STRING, .offset = offsetof(struct robot_yaml, source)},
     {.key = "gravity_m_s2",
      .type = YAML_REALS,

@@ -158,7 +158,7 @@ struct variant_yaml {
 
 struct robot_yaml {
     struct yaml_mark mark;
-    const char *name, *source;
+    const char *name, *description, *source;
     double gravity[3];
     struct base_yaml base;
     struct drive_yaml drive;

@@ -1,39 +1,77 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Finds rig files: next to the caller, in /etc, or installed with the program. */
+/* Finds configuration by name: next to the caller, in /etc, or installed with the program. */
 #include "rig/find.h"
 
+#include "base/text.h"
+
+#include <dirent.h>
 #include <stdbool.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-static const char local_folder[] = "/etc/coman-hil/rigs";
+enum { ENTRIES_MAX = 1024 };
 
-/* PREFIX/share/coman-hil/rigs of a program in PREFIX/bin; "" when that is unknown. */
-static void rig_installed_folder(char folder[PATH_MAX])
+#define LIST_ARENA ((size_t)16 << 20) /* of address space */
+
+static const char suffix[] = ".yaml";
+static const char *const kinds[CONFIG_KINDS] = {"rig", "robot", "scenario"};
+
+const char *config_kind_name(enum config_kind kind)
 {
-    static const char below[] = "/share/coman-hil/rigs";
-    ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - sizeof below);
-    char *slash;
-
-    folder[length > 0 ? length : 0] = '\0';
-    for (int level = 0; level < 2; level++) {
-        slash = strrchr(folder, '/');
-        if (!slash) {
-            folder[0] = '\0';
-            return;
-        }
-        *slash = '\0';
-    }
-    strcat(folder, below);
+    return kinds[kind];
 }
 
-static bool rig_try_path(char path[PATH_MAX], const char *folder, const char *name)
-{
-    int length = snprintf(path, PATH_MAX, "%s/%s.yaml", folder, name);
+/* ---- the trees ---- */
 
-    return folder[0] && length > 0 && length < PATH_MAX && access(path, F_OK) == 0;
+/* PREFIX/share/coman-hil of a program in PREFIX/bin, and config beside it; "" when unknown. */
+static void config_find_program_trees(char installed[PATH_MAX], char built[PATH_MAX])
+{
+    static const char below[] = "/share/coman-hil", beside[] = "/config";
+    ssize_t length = readlink("/proc/self/exe", built, PATH_MAX - sizeof below);
+    char *slash;
+
+    built[length > 0 ? length : 0] = '\0';
+    installed[0] = '\0';
+    slash = strrchr(built, '/');
+    if (!slash) {
+        built[0] = '\0';
+        return;
+    }
+    *slash = '\0';
+    strcpy(installed, built);
+    strcpy(slash, beside);
+    slash = strrchr(installed, '/');
+    if (slash) {
+        strcpy(slash, below);
+    } else {
+        installed[0] = '\0';
+    }
+}
+
+static void config_find_trees(struct config_trees *trees)
+{
+    strcpy(trees->folder[0], "/etc/coman-hil");
+    config_find_program_trees(trees->folder[1], trees->folder[2]);
+}
+
+/* ---- one name ---- */
+
+static bool path_is_file(const char *path)
+{
+    struct stat found;
+
+    return stat(path, &found) == 0 && !S_ISDIR(found.st_mode);
+}
+
+static bool config_try_path(enum config_kind kind, const char *tree, const char *name,
+                            char path[PATH_MAX])
+{
+    int length = snprintf(path, PATH_MAX, "%s/%ss/%s%s", tree, kinds[kind], name, suffix);
+
+    return tree[0] && length > 0 && length < PATH_MAX && path_is_file(path);
 }
 
 static bool path_same_file(const char *a, const char *b)
@@ -44,43 +82,221 @@ static bool path_same_file(const char *a, const char *b)
            of_a.st_ino == of_b.st_ino;
 }
 
-enum error_code rig_locate_in(const char *name, const char *local, const char *installed,
-                              char path[PATH_MAX], struct error *error)
+/* The name nearest to one that there is not, in buffer; NULL when none is near. */
+static const char *config_find_nearest(enum config_kind kind, const struct config_trees *trees,
+                                       const char *name, char buffer[NAME_MAX + 1])
 {
+    const char *nearest = NULL, **names;
+    struct config_entry *entries;
+    struct arena arena;
+    size_t count;
+
+    if (arena_init(&arena, LIST_ARENA, NULL)) {
+        return NULL;
+    }
+    if (config_list_in(kind, trees, &arena, &entries, &count, NULL) == ERROR_NONE &&
+        (names = arena_alloc(&arena, count + 1, sizeof *names))) {
+        for (size_t i = 0; i < count; i++) {
+            names[i] = entries[i].name;
+        }
+        nearest = text_nearest(name, names, count);
+    }
+    if (nearest) {
+        snprintf(buffer, NAME_MAX + 1, "%s", nearest);
+    }
+    arena_fini(&arena);
+    return nearest ? buffer : NULL;
+}
+
+static enum error_code config_refuse_name(enum config_kind kind, const struct config_trees *trees,
+                                          const char *name, struct error *error)
+{
+    char buffer[NAME_MAX + 1], places[512] = "";
+    const char *nearest = config_find_nearest(kind, trees, name, buffer);
+    size_t used = 0;
+
+    if (nearest) {
+        return error_set(error, ERROR_INPUT,
+                         "found no %s \"%.100s\", expected \"%.100s\" or another of coman-hil list",
+                         kinds[kind], name, nearest);
+    }
+    for (int i = 0; i < CONFIG_TREES_MAX && used < sizeof places; i++) {
+        /* A program is either installed or built: it has one of its two trees */
+        if (trees->folder[i][0] && (i == 0 || access(trees->folder[i], F_OK) == 0)) {
+            used += (size_t)snprintf(places + used, sizeof places - used, "%s%.150s/%ss",
+                                     used ? " or " : "", trees->folder[i], kinds[kind]);
+        }
+    }
+    return error_set(error, ERROR_INPUT,
+                     "found no file \"%.100s\", nor %.100s.yaml in %s; coman-hil list has the %ss "
+                     "that are there",
+                     name, name, places, kinds[kind]);
+}
+
+/* NAME.yaml that is no file here, but NAME can be given: most likely that was meant. */
+static bool config_is_suffixed_name(enum config_kind kind, const struct config_trees *trees,
+                                    const char *name, char bare[NAME_MAX + 1])
+{
+    size_t length = strlen(name), end = sizeof suffix - 1;
+    char path[PATH_MAX];
+
+    if (length <= end || length - end > NAME_MAX || strchr(name, '/') ||
+        strcmp(name + length - end, suffix) != 0 || path_is_file(name)) {
+        return false;
+    }
+    snprintf(bare, NAME_MAX + 1, "%.*s", (int)(length - end), name);
+    for (int i = 0; i < CONFIG_TREES_MAX; i++) {
+        if (config_try_path(kind, trees->folder[i], bare, path)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+enum error_code config_locate_in(enum config_kind kind, const char *name,
+                                 const struct config_trees *trees, char path[PATH_MAX],
+                                 struct error *error)
+{
+    char bare[NAME_MAX + 1];
+
     if (strlen(name) >= PATH_MAX) {
         return error_set(error, ERROR_INPUT, "found a path of %zu characters, expected at most %d",
                          strlen(name), PATH_MAX - 1);
     }
-    if (strpbrk(name, "/.") || access(name, F_OK) == 0) {
+    if (config_is_suffixed_name(kind, trees, name, bare)) {
+        return error_set(error, ERROR_INPUT,
+                         "found no file \"%.100s\" in this folder, expected one, or \"%.100s\" for "
+                         "the %s of that name",
+                         name, bare, kinds[kind]);
+    }
+    if (strpbrk(name, "/.") || path_is_file(name)) {
         strcpy(path, name);
         return ERROR_NONE;
     }
-    if (rig_try_path(path, local, name) || rig_try_path(path, installed, name)) {
-        return ERROR_NONE;
+    for (int i = 0; i < CONFIG_TREES_MAX; i++) {
+        if (config_try_path(kind, trees->folder[i], name, path)) {
+            return ERROR_NONE;
+        }
     }
-    return error_set(error, ERROR_INPUT, "found no file %.100s, nor %.100s.yaml in %.200s%s%.200s",
-                     name, name, local, installed[0] ? " or " : "", installed);
+    return config_refuse_name(kind, trees, name, error);
 }
 
-enum error_code rig_locate(const char *name, char path[PATH_MAX], struct error *error)
+enum error_code config_locate(enum config_kind kind, const char *name, char path[PATH_MAX],
+                              struct error *error)
 {
-    char installed[PATH_MAX];
+    struct config_trees trees;
 
-    rig_installed_folder(installed);
-    return rig_locate_in(name, local_folder, installed, path, error);
+    config_find_trees(&trees);
+    return config_locate_in(kind, name, &trees, path, error);
+}
+
+enum error_code config_locate_from(enum config_kind kind, const char *name, const char *from,
+                                   struct arena *arena, const char **path, struct error *error)
+{
+    struct config_trees trees;
+    char found[PATH_MAX];
+
+    config_find_trees(&trees);
+    for (int i = 0; i < CONFIG_TREES_MAX; i++) {
+        if (config_try_path(kind, trees.folder[i], name, found) && !path_same_file(found, from)) {
+            *path = arena_strdup(arena, found);
+            return *path ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory left for a path");
+        }
+    }
+    return config_refuse_name(kind, &trees, name, error);
 }
 
 enum error_code rig_locate_from(const char *name, const char *from, struct arena *arena,
                                 const char **path, struct error *error)
 {
-    char installed[PATH_MAX], found[PATH_MAX];
+    return config_locate_from(CONFIG_RIG, name, from, arena, path, error);
+}
 
-    rig_installed_folder(installed);
-    if (!(rig_try_path(found, local_folder, name) && !path_same_file(found, from)) &&
-        !(rig_try_path(found, installed, name) && !path_same_file(found, from))) {
-        return error_set(error, ERROR_INPUT, "found no rig %.100s.yaml in %.200s%s%.200s", name,
-                         local_folder, installed[0] ? " or " : "", installed);
+/* ---- all names ---- */
+
+static bool config_has_entry(const struct config_entry *entries, size_t count, const char *name)
+{
+    for (size_t i = 0; i < count; i++) {
+        if (!strcmp(entries[i].name, name)) {
+            return true;
+        }
     }
-    *path = arena_strdup(arena, found);
-    return *path ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory left for a path");
+    return false;
+}
+
+/* Adds NAME.yaml of a folder, unless an earlier tree has it or it could not be given by name. */
+static enum error_code config_add_entry(const char *folder, const char *file, struct arena *arena,
+                                        struct config_entry *entries, size_t *count)
+{
+    size_t length = strlen(file), end = sizeof suffix - 1;
+    char name[NAME_MAX + 1], path[PATH_MAX];
+
+    if (length <= end || strcmp(file + length - end, suffix) != 0) {
+        return ERROR_NONE;
+    }
+    snprintf(name, sizeof name, "%.*s", (int)(length - end), file);
+    if (!text_is_name(name) || strchr(name, '.') || config_has_entry(entries, *count, name) ||
+        (size_t)snprintf(path, sizeof path, "%s/%s", folder, file) >= sizeof path ||
+        !path_is_file(path)) {
+        return ERROR_NONE;
+    }
+    entries[*count] = (struct config_entry){arena_strdup(arena, name), arena_strdup(arena, path)};
+    if (!entries[*count].name || !entries[*count].path) {
+        return ERROR_MEMORY;
+    }
+    ++*count;
+    return ERROR_NONE;
+}
+
+static enum error_code config_add_folder(const char *folder, struct arena *arena,
+                                         struct config_entry *entries, size_t *count)
+{
+    enum error_code code = ERROR_NONE;
+    DIR *directory = opendir(folder);
+    struct dirent *file;
+
+    while (directory && !code && *count < ENTRIES_MAX && (file = readdir(directory))) {
+        code = config_add_entry(folder, file->d_name, arena, entries, count);
+    }
+    if (directory) {
+        closedir(directory);
+    }
+    return code;
+}
+
+static int config_compare_entries(const void *a, const void *b)
+{
+    return strcmp(((const struct config_entry *)a)->name, ((const struct config_entry *)b)->name);
+}
+
+enum error_code config_list_in(enum config_kind kind, const struct config_trees *trees,
+                               struct arena *arena, struct config_entry **entries, size_t *count,
+                               struct error *error)
+{
+    struct config_entry *list = arena_alloc(arena, ENTRIES_MAX, sizeof *list);
+    enum error_code code = list ? ERROR_NONE : ERROR_MEMORY;
+    char folder[PATH_MAX + sizeof "/scenarios"];
+
+    *count = 0;
+    *entries = list;
+    for (int i = 0; i < CONFIG_TREES_MAX && !code; i++) {
+        if (trees->folder[i][0]) {
+            snprintf(folder, sizeof folder, "%s/%ss", trees->folder[i], kinds[kind]);
+            code = config_add_folder(folder, arena, list, count);
+        }
+    }
+    if (code) {
+        return error_set(error, code, "no memory left for a list of %ss", kinds[kind]);
+    }
+    qsort(list, *count, sizeof *list, config_compare_entries);
+    return ERROR_NONE;
+}
+
+enum error_code config_list(enum config_kind kind, struct arena *arena,
+                            struct config_entry **entries, size_t *count, struct error *error)
+{
+    struct config_trees trees;
+
+    config_find_trees(&trees);
+    return config_list_in(kind, &trees, arena, entries, count, error);
 }

@@ -1,6 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Finds an installed rig by name: coman-hil run coman. Not RT-safe.
+ * Finds rigs, robots and scenarios by name (coman-hil run coman), and lists them. A configuration
+ * tree has a folder for each kind (rigs, robots, scenarios) of files NAME.yaml. There are up to
+ * three trees, of which the first that has a name wins: /etc/coman-hil, PREFIX/share/coman-hil of
+ * a program in PREFIX/bin, and, of a program that was built and not installed, the folder config
+ * beside it, a link to the one of the source. Not RT-safe.
  */
 #ifndef RIG_FIND_H
 #define RIG_FIND_H
@@ -9,20 +13,53 @@
 #include "base/error.h"
 
 #include <limits.h>
+#include <stddef.h>
 
-/* Finds the path of a rig. A name with a slash or a dot is a path already; a bare name NAME is
- * the file of that name if there is one, else rigs/NAME.yaml in /etc/coman-hil, else the one
- * installed with this program. ERROR_INPUT names the places searched. */
-enum error_code rig_locate(const char *name, char path[PATH_MAX], struct error *error);
+enum config_kind { CONFIG_RIG, CONFIG_ROBOT, CONFIG_SCENARIO, CONFIG_KINDS };
 
-/* The same with the folders given, for tests; installed may be "". */
-enum error_code rig_locate_in(const char *name, const char *local, const char *installed,
-                              char path[PATH_MAX], struct error *error);
+enum { CONFIG_TREES_MAX = 3 };
 
-/* Finds the rig that the file `from` names, to extend or to run it: as rig_locate, but never a
- * file of the working directory, and not `from` itself, so that the coman.yaml of /etc/coman-hil
- * may extend the installed one. The path lives in arena. */
+/* Folders, the first of which goes before the others; "" is none. */
+struct config_trees {
+    char folder[CONFIG_TREES_MAX][PATH_MAX];
+};
+
+struct config_entry {
+    const char *name, *path;
+};
+
+/* "rig", "robot", "scenario". */
+const char *config_kind_name(enum config_kind kind);
+
+/* Finds the path of a rig, robot or scenario. What has a slash or a dot is a path already; a bare
+ * name NAME is the file of that name if there is one, else NAME.yaml of the first tree that has it.
+ * ERROR_INPUT gives the nearest name, or the places that were searched. */
+enum error_code config_locate(enum config_kind kind, const char *name, char path[PATH_MAX],
+                              struct error *error);
+
+/* The same with the trees given, for tests. */
+enum error_code config_locate_in(enum config_kind kind, const char *name,
+                                 const struct config_trees *trees, char path[PATH_MAX],
+                                 struct error *error);
+
+/* Finds what the file `from` names: as config_locate, but never a file of the working directory,
+ * and not `from` itself, so that the coman.yaml of /etc/coman-hil may extend the installed one. The
+ * path lives in arena. */
+enum error_code config_locate_from(enum config_kind kind, const char *name, const char *from,
+                                   struct arena *arena, const char **path, struct error *error);
+
+/* The same of a rig, to extend or to run it. */
 enum error_code rig_locate_from(const char *name, const char *from, struct arena *arena,
                                 const char **path, struct error *error);
+
+/* All of a kind that can be given by name, in the order of their names, each once. The entries live
+ * in arena. ERROR_MEMORY; a tree or folder that is not there has none. */
+enum error_code config_list(enum config_kind kind, struct arena *arena,
+                            struct config_entry **entries, size_t *count, struct error *error);
+
+/* The same with the trees given, for tests. */
+enum error_code config_list_in(enum config_kind kind, const struct config_trees *trees,
+                               struct arena *arena, struct config_entry **entries, size_t *count,
+                               struct error *error);
 
 #endif

@@ -437,7 +437,7 @@ enum error_code rig_load(const char *path, struct arena *arena, const struct rig
     struct raw_rig raw;
     struct rig_builder b = {.raw = &raw, .arena = arena, .error = error};
     char found[PATH_MAX];
-    enum error_code code = rig_locate(path, found, error);
+    enum error_code code = config_locate(CONFIG_RIG, path, found, error);
 
     if (code) {
         return code;

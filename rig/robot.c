@@ -2,6 +2,7 @@
 /* The rig's robot: its file, what the rig makes different, and how it stands at the start. */
 #include "model/spatial.h"
 #include "rig/builder_private.h"
+#include "rig/find.h"
 
 #include <math.h>
 #include <string.h>
@@ -47,11 +48,25 @@ static enum error_code rig_replace_springs(struct rig_builder *b)
     return robot_finish(robot, b->error);
 }
 
+/* The robot's file: a path from the rig's folder, or a name alone. */
+static enum error_code rig_find_robot(struct rig_builder *b, const char **path)
+{
+    const struct raw_robot *raw = &b->raw->robot;
+    const struct yaml_mark *mark = &raw->file_mark;
+
+    if (!*raw->file || strpbrk(raw->file, "/.")) {
+        return yaml_resolve_path(mark, raw->file, b->arena, path, b->error);
+    }
+    return config_locate_from(CONFIG_ROBOT, raw->file, mark->file, b->arena, path, b->error)
+               ? error_prefix(b->error, "%s:%d:%d", mark->file, mark->line, mark->column)
+               : ERROR_NONE;
+}
+
 enum error_code rig_build_robot(struct rig_builder *b)
 {
     const struct raw_robot *raw = &b->raw->robot;
     const char *path;
-    enum error_code code = yaml_resolve_path(&raw->file_mark, raw->file, b->arena, &path, b->error);
+    enum error_code code = rig_find_robot(b, &path);
 
     code = code ? code : robot_load(path, raw->variant, b->arena, &b->robot, b->error);
     code = code ? code : rig_replace_springs(b);

@@ -529,6 +529,7 @@ static const struct yaml_schema tasks_schema = {
 #define STRUCT raw_rig
 static const struct yaml_field rig_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 63},
+    {"description", YAML_STRING, false, AT(description), .min = 1, .max = 400},
     {"robot", YAML_MAP, true, AT(robot), .schema = &robot_schema},
     {"clock", YAML_ENUM, false, AT(clock), .names = clock_names},
     {"tick_s", YAML_REAL, false, AT(tick_s), .min = 1e-5, .max = 0.1, .mark_offset = AT(tick_mark)},

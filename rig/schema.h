@@ -243,7 +243,7 @@ struct raw_tasks {
 
 struct raw_rig {
     struct yaml_mark mark;
-    const char *name;
+    const char *name, *description;
     struct raw_robot robot;
     int clock;
     double tick_s, substep_s;

@@ -350,6 +350,7 @@ static enum task_status grasp_step(struct task *task, double t)
 
 const struct task_ops task_grasp = {
     .name = "grasp",
+    .summary = "both arms press an object between the wrists and lift it; for the grasp rigs",
     .create = grasp_create,
     .start = grasp_start,
     .step = grasp_step,

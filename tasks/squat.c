@@ -274,6 +274,7 @@ static enum task_status squat_step(struct task *task, double t)
 
 const struct task_ops task_squat = {
     .name = "squat",
+    .summary = "knees bend and the hips sink over flat feet, cycle after cycle",
     .create = squat_create,
     .start = squat_start,
     .step = squat_step,

@@ -33,6 +33,13 @@ static const struct task_ops *task_find_ops(const char *name)
     return NULL;
 }
 
+const char *task_summary(const char *name)
+{
+    const struct task_ops *ops = task_find_ops(name);
+
+    return ops ? ops->summary : NULL;
+}
+
 enum error_code task_create(const char *name, const struct task_config *config, struct arena *arena,
                             struct task **out, struct error *error)
 {

@@ -156,4 +156,7 @@ bool task_lost(const struct task *task);
 /* Names of all tasks, NULL-terminated, for --help. RT-safe. */
 const char *const *task_names(void);
 
+/* One line on a task, NULL when there is none of that name. RT-safe. */
+const char *task_summary(const char *name);
+
 #endif

@@ -12,7 +12,7 @@
 struct task;
 
 struct task_ops {
-    const char *name;
+    const char *name, *summary;
     /* Makes task->state; checks that the host has the joints it needs. */
     enum error_code (*create)(struct task *task, struct arena *arena, struct error *error);
     /* The boards are ready and hold still: t_s = 0 is now. */

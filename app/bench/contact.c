@@ -238,7 +238,8 @@ int bench_contact(int argc, char **argv)
         {"--quick", OPTION_FLAG, NULL, "a few rounds, to see that it works", &quick, .min = 0},
     };
     static const struct operand_spec operands[] = {
-        {"FOOT", "the foot's mesh, config/meshes/coman-foot-right.obj by default", false, &foot},
+        {"FOOT", "the foot's mesh, config/meshes/coman-foot-right.obj by default", false,
+         .value = &foot},
     };
     static const struct command_spec spec = {
         .program = "coman-hil-bench",

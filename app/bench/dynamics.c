@@ -16,6 +16,7 @@
 #include "manual/dynamics.h"
 #include "manual/peers.h"
 #include "model/symbolic/builtin.h"
+#include "rig/find.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -287,9 +288,11 @@ enum error_code dynamics_bench_run(struct dynamics_bench *bench, const char *fil
                                    const struct peers *peers, struct arena *arena,
                                    struct error *error)
 {
+    char path[PATH_MAX];
     const struct robot *whole;
-    enum error_code code = robot_load(file, NULL, arena, &whole, error);
+    enum error_code code = config_locate(CONFIG_ROBOT, file, path, error);
 
+    code = code ? code : robot_load(path, NULL, arena, &whole, error);
     if (!code && whole->nq > BENCH_NUMBERS) {
         code = error_set(error, ERROR_INPUT, "%s: found %zu coordinates, expected at most %d", file,
                          whole->nq, BENCH_NUMBERS);
@@ -323,7 +326,7 @@ void dynamics_bench_end(struct dynamics_bench *bench)
 
 int bench_dynamics(int argc, char **argv)
 {
-    static const char *file = "config/robots/coman.yaml", *folder, *module;
+    static const char *file = "coman", *folder, *module;
     static int64_t rounds = 200;
     static bool quick;
     static const struct option_spec options[] = {
@@ -339,7 +342,8 @@ int bench_dynamics(int argc, char **argv)
         BENCH_PEERS_OPTION(&module),
     };
     static const struct operand_spec operands[] = {
-        {"ROBOT", "the robot file, config/robots/coman.yaml by default", false, &file}};
+        {"ROBOT", "a robot file or the name of a robot; coman by default", false, &file,
+         .noun = "robots"}};
     static const struct command_spec spec = {
         .program = "coman-hil-bench",
         .name = "dynamics",

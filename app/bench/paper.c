@@ -10,6 +10,7 @@
 #include "base/options.h"
 #include "manual/paper.h"
 #include "manual/peers.h"
+#include "rig/find.h"
 
 #include <unistd.h>
 
@@ -89,7 +90,7 @@ static enum error_code paper_measure_all(struct paper *paper, struct error *erro
     enum error_code code;
 
     /* Missing rigs are reported before the minutes that the pendulums take */
-    if ((code = paper_rig_path("grasp", path, error)) ||
+    if ((code = config_locate(CONFIG_RIG, "grasp", path, error)) ||
         (code = paper_pendulums(paper, &table, error)) || (code = paper_grasp(paper, error)) ||
         (code = paper_squat(paper, error)) || (code = paper_speed(paper, &table, error))) {
         return code;

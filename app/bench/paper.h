@@ -58,9 +58,6 @@ enum error_code paper_run(const struct paper *paper, const struct paper_order *o
                           struct paper_run *run, struct error *error);
 void paper_run_end(const struct paper *paper, struct paper_run *run);
 
-/* The file of a rig: config/rigs/NAME.yaml where the program runs, else the installed one. */
-enum error_code paper_rig_path(const char *name, char path[PATH_MAX], struct error *error);
-
 /* The path of the candump log of a recorded run. */
 void paper_log_path(const struct paper *paper, char path[PATH_MAX]);
 

@@ -4,7 +4,6 @@
 
 #include "app/bench/timing.h"
 #include "model/spatial.h"
-#include "rig/find.h"
 #include "sim/simulator.h"
 
 #include <math.h>
@@ -16,12 +15,6 @@
 #define ARENA_BYTES ((size_t)512 << 20) /* of address space; pages cost nothing until touched */
 
 static const char recording[] = ".recording";
-
-enum error_code paper_rig_path(const char *name, char path[PATH_MAX], struct error *error)
-{
-    snprintf(path, PATH_MAX, "config/rigs/%s.yaml", name);
-    return access(path, F_OK) ? rig_locate(name, path, error) : ERROR_NONE;
-}
 
 static void recorded_path(const struct paper *paper, const char *name, char path[PATH_MAX])
 {
@@ -125,13 +118,11 @@ enum error_code paper_run(const struct paper *paper, const struct paper_order *o
                           struct paper_run *run, struct error *error)
 {
     const struct rig *rig;
-    char path[PATH_MAX];
     enum error_code code;
 
     *run = (struct paper_run){.seconds = 0.0};
-    if ((code = paper_rig_path(order->rig, path, error)) ||
-        (code = arena_init(&run->arena, ARENA_BYTES, error)) ||
-        (code = rig_load(path, &run->arena, &rig, error))) {
+    if ((code = arena_init(&run->arena, ARENA_BYTES, error)) ||
+        (code = rig_load(order->rig, &run->arena, &rig, error))) {
         return code;
     }
     run->rig = *rig;

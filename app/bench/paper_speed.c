@@ -209,7 +209,6 @@ static enum error_code measure_dynamics(struct paper *paper, struct error *error
 {
     static struct dynamics_bench bench;
     const struct rig *rig;
-    char path[PATH_MAX];
     struct arena arena;
     enum error_code code = arena_init(&arena, DYNAMICS_ARENA_BYTES, error);
 
@@ -217,8 +216,7 @@ static enum error_code measure_dynamics(struct paper *paper, struct error *error
         (struct dynamics_bench){.rounds = paper->quick ? QUICK_DYNAMICS_ROUNDS : DYNAMICS_ROUNDS,
                                 .whole_only = paper->quick};
     paper_progress(paper, "accelerations");
-    if (!code && !(code = paper_rig_path("coman", path, error)) &&
-        !(code = rig_load(path, &arena, &rig, error))) {
+    if (!code && !(code = rig_load("coman", &arena, &rig, error))) {
         code = dynamics_bench_run(&bench, rig->robot->file, paper->peers, &arena, error);
     }
     if (!code) {

@@ -372,7 +372,7 @@ int cmd_accel(int argc, char **argv)
          .value = &o.list},
     };
     static const struct operand_spec operands[] = {
-        {"ROBOT", "the robot file, for example config/robots/coman.yaml", true, &o.robot}};
+        {"ROBOT", "a robot's file or name, for example coman", true, &o.robot, .noun = "robots"}};
     static const struct command_spec spec = {
         .name = "accel",
         .summary = "Compute accelerations of a robot from states on standard input.",

@@ -277,11 +277,13 @@ int cmd_check(int argc, char **argv)
     static const char *file, *variant;
     static bool robot;
     static const struct option_spec options[] = {
-        {"--robot", OPTION_FLAG, NULL, "FILE is a robot file, not a rig file", .value = &robot},
+        {"--robot", OPTION_FLAG, NULL, "RIG is a robot's file or name, not a rig's",
+         .value = &robot},
         {"--variant", OPTION_STRING, "NAME", "with --robot: the variant of the robot to check",
          .value = &variant},
     };
-    static const struct operand_spec operands[] = {{"FILE", "a rig file", true, &file}};
+    static const struct operand_spec operands[] = {
+        {"RIG", "a rig's file or name; with --robot a robot's", true, &file, .noun = "rigs"}};
     static const struct command_spec spec = {
         .name = "check",
         .summary = "Check a rig or a robot file with everything it refers to, and print its "

@@ -267,9 +267,9 @@ int cmd_ctl(int argc, char **argv)
         {"--timeout", OPTION_REAL, "S", "give up when an answer takes longer; never by default",
          .value = &o.timeout_s, .min = 1e-3, .max = 1e6, .unit = "seconds"},
     };
-    static const struct operand_spec operands[] = {
-        {"COMMAND", "what to do; see below", true, &o.command},
-        {"ARGUMENT", "an argument of the command", false, word},
+    static struct operand_spec operands[] = {
+        {"COMMAND", "what to do; see below", true, .value = &o.command},
+        {"ARGUMENT", "an argument of the command", false, .value = word},
     };
     static const struct command_spec spec = {
         .name = "ctl",
@@ -283,6 +283,8 @@ int cmd_ctl(int argc, char **argv)
     };
     struct error error;
     int status;
+
+    operands[0].words = ctl_command_names();
 
     /* word has room for so many */
     if (argc > WORDS_MAX) {

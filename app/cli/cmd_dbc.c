@@ -137,7 +137,8 @@ int cmd_dbc(int argc, char **argv)
          "which must exist, the current one by default",
          .value = &o.output},
     };
-    static const struct operand_spec operands[] = {{"RIG", "the rig file", true, &o.rig}};
+    static const struct operand_spec operands[] = {
+        {"RIG", "a rig's file or name", true, &o.rig, .noun = "rigs"}};
     static const struct command_spec spec = {
         .name = "dbc",
         .summary = "Write DBC files of the messages on a rig's buses.",

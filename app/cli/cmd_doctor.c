@@ -106,7 +106,8 @@ int cmd_doctor(int argc, char **argv)
         {"--local", OPTION_FLAG, NULL, "buses inside the process: skip CAN interfaces",
          .value = &o.local},
     };
-    static const struct operand_spec operands[] = {{"RIG", "the rig file", true, &o.rig}};
+    static const struct operand_spec operands[] = {
+        {"RIG", "a rig's file or name", true, &o.rig, .noun = "rigs"}};
     static const struct command_spec spec = {
         .name = "doctor",
         .summary = "Say what keeps this machine from meeting a rig's deadlines.",

@@ -86,7 +86,8 @@ int cmd_generate(int argc, char **argv)
          "at most this many identical limbs side by side; 4 by default", .value = &o.symbolic.lanes,
          .words = lanes},
     };
-    const struct operand_spec operands[] = {{"ROBOT", "the robot file", true, &o.robot}};
+    const struct operand_spec operands[] = {
+        {"ROBOT", "a robot's file or name", true, &o.robot, .noun = "robots"}};
     const struct command_spec spec = {
         .name = "generate",
         .summary = "Write C code for the dynamics of a robot.",

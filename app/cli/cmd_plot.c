@@ -105,7 +105,7 @@ int cmd_plot(int argc, char **argv)
          .max = 1e9, .unit = "seconds"},
     };
     static const struct operand_spec operands[] = {
-        {"FILE", "signals.csv of a recording", true, &file}};
+        {"FILE", "signals.csv of a recording", true, .value = &file}};
     static const struct command_spec spec = {
         .name = "plot",
         .summary = "Plot signals of a recording.",

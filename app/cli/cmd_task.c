@@ -37,8 +37,8 @@ static bool task_parse_options(int argc, char **argv, struct task_options *out, 
         {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &o.quiet},
     };
     static const struct operand_spec operands[] = {
-        {"NAME", "the task: squat or grasp", true, &o.task},
-        {"RIG", "the rig file", true, &o.rig},
+        {"NAME", "the task; coman-hil list tasks has them", true, &o.task, .noun = "tasks"},
+        {"RIG", "a rig's file or name", true, &o.rig, .noun = "rigs"},
     };
     static const struct command_spec spec = {
         .name = "task",

@@ -9,6 +9,7 @@
 #include "base/options.h"
 #include "base/text.h"
 #include "manual/test.h"
+#include "rig/find.h"
 #include "rt/clock.h"
 
 #include <stdio.h>
@@ -70,7 +71,10 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
         {"--list", OPTION_FLAG, NULL, "run nothing: list the cases", .value = &o.list},
     };
     static struct operand_spec operands[] = {
-        {.name = "FILE", .help = "scenarios; with --merge, JUnit files", .required = true}};
+        {.name = "SCENARIO",
+         .help = "files or names of scenarios; with --merge, JUnit files",
+         .required = true,
+         .noun = "scenarios"}};
     static char manual[sizeof MANUAL_TEST + SIGNALS_SIZE];
     static const struct command_spec spec = {
         .name = "test",
@@ -221,7 +225,10 @@ static enum error_code make_plan(struct plan *plan, const struct test_options *o
 
     /* Everything is read and checked before anything runs */
     for (size_t f = 0; f < nfile; f++) {
-        if ((code = scenario_read(options->file[f], &plan->arena, &cases[f], &ncases[f], error)) ||
+        char path[PATH_MAX];
+
+        if ((code = config_locate(CONFIG_SCENARIO, options->file[f], path, error)) ||
+            (code = scenario_read(path, &plan->arena, &cases[f], &ncases[f], error)) ||
             (code = test_check_rig(cases[f], error))) {
             return code;
         }

@@ -7,12 +7,15 @@
 #define APP_CLI_COMMANDS_H
 
 int cmd_accel(int argc, char **argv);
+int cmd_bench(int argc, char **argv);
 int cmd_check(int argc, char **argv);
 int cmd_ctl(int argc, char **argv);
 int cmd_dbc(int argc, char **argv);
 int cmd_doctor(int argc, char **argv);
 int cmd_generate(int argc, char **argv);
+int cmd_list(int argc, char **argv);
 int cmd_plot(int argc, char **argv);
+int cmd_protocol(int argc, char **argv);
 int cmd_run(int argc, char **argv);
 int cmd_task(int argc, char **argv);
 int cmd_test(int argc, char **argv);

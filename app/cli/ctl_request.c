@@ -215,17 +215,26 @@ static const struct ctl_command commands[] = {
     {"stop", make_plain, NULL},
 };
 
-const struct ctl_command *ctl_find_command(const char *name, struct error *error)
+const char *const *ctl_command_names(void)
 {
-    const char *names[ARRAY_COUNT(commands)], *nearest;
+    static const char *names[ARRAY_COUNT(commands) + 1];
 
     for (size_t i = 0; i < ARRAY_COUNT(commands); i++) {
         names[i] = commands[i].name;
-        if (strcmp(names[i], name) == 0) {
+    }
+    return names;
+}
+
+const struct ctl_command *ctl_find_command(const char *name, struct error *error)
+{
+    const char *nearest;
+
+    for (size_t i = 0; i < ARRAY_COUNT(commands); i++) {
+        if (strcmp(commands[i].name, name) == 0) {
             return &commands[i];
         }
     }
-    nearest = text_nearest(name, names, ARRAY_COUNT(commands));
+    nearest = text_nearest(name, ctl_command_names(), ARRAY_COUNT(commands));
     error_set(error, ERROR_INPUT, "found unknown command \"%.100s\", expected %s%s%s", name,
               nearest ? "\"" : "one that ctl --help lists", nearest ? nearest : "",
               nearest ? "\"" : "");

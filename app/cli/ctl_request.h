@@ -31,6 +31,9 @@ struct ctl_command {
     void (*print)(const json_t *answer, FILE *out); /* NULL: tick, time and hash */
 };
 
+/* The names of all, NULL at the end. */
+const char *const *ctl_command_names(void);
+
 /* NULL with an error that names the nearest command. */
 const struct ctl_command *ctl_find_command(const char *name, struct error *error);
 

@@ -19,11 +19,14 @@ static const struct program_command commands[] = {
     {"test", "run scenarios: tests of a rig with a verdict", cmd_test},
     {"task", "run a task alone, on the other side of the buses", cmd_task},
     {"ctl", "observe and control a running simulator", cmd_ctl},
+    {"list", "list the rigs, robots, scenarios and tasks that are there", cmd_list},
     {"plot", "plot signals of a recording as SVG", cmd_plot},
     {"check", "check a rig or a robot file and print its contents", cmd_check},
     {"dbc", "write DBC files of the messages on a rig's buses", cmd_dbc},
+    {"protocol", "print every frame that a personality of boards speaks", cmd_protocol},
     {"doctor", "say what keeps this machine from meeting a rig's deadlines", cmd_doctor},
     {"generate", "write C code for the dynamics of a robot", cmd_generate},
+    {"bench", "repeat the paper's measurements on this machine", cmd_bench},
     {"accel", "compute accelerations of a robot from states on standard input", cmd_accel},
     {"help", "print the manual of a command or a topic", cmd_help},
     {"version", "print the version", cmd_version},
@@ -43,6 +46,13 @@ static const struct topic {
     const char *name, *summary;
     void (*print)(FILE *out);
 } topics[] = {
+    {"rig", "a test bench: robot, scene, buses, boards, clock", topic_rig},
+    {"robot", "a robot's file", topic_robot},
+    {"scenario", "a test with a verdict", topic_scenario},
+    {"bus", "the CAN buses of a rig, and how programs join them", topic_bus},
+    {"board", "what controllers talk to, and the three personalities", topic_board},
+    {"fault", "what can break, as a line of text", topic_fault},
+    {"signal", "the numbers that scenarios judge", topic_signal},
     {"rt", "real time: the phases of a tick, their budget, overruns, probes", topic_rt},
 };
 
@@ -61,10 +71,14 @@ static void print_topics_and_statuses(FILE *out)
     options_wrap(exit_manual, 0, 0, out);
 }
 
+/* Also by its plural. */
 static const struct topic *find_topic(const char *name)
 {
     for (size_t i = 0; i < ARRAY_COUNT(topics); i++) {
-        if (!strcmp(topics[i].name, name)) {
+        size_t length = strlen(topics[i].name);
+
+        if (!strncmp(topics[i].name, name, length) &&
+            (!name[length] || !strcmp(name + length, "s") || !strcmp(name + length, "es"))) {
             return &topics[i];
         }
     }
@@ -74,8 +88,10 @@ static const struct topic *find_topic(const char *name)
 static int cmd_help(int argc, char **argv)
 {
     static const char *name;
+    static const char *words[ARRAY_COUNT(commands) + ARRAY_COUNT(topics) + 1];
     static const struct operand_spec operands[] = {
-        {"COMMAND|TOPIC", "a command or a topic that coman-hil --help lists", false, &name}};
+        {"COMMAND|TOPIC", "a command or a topic that coman-hil --help lists", false, .value = &name,
+         .words = words}};
     static const struct command_spec spec = {
         .name = "help",
         .summary = "Print the manual of a command or a topic, or the list of both.",
@@ -88,6 +104,12 @@ static int cmd_help(int argc, char **argv)
     const struct topic *topic;
     int status;
 
+    for (size_t i = 0; i < ARRAY_COUNT(commands); i++) {
+        words[i] = commands[i].name;
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(topics); i++) {
+        words[ARRAY_COUNT(commands) + i] = topics[i].name;
+    }
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }

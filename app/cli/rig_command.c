@@ -5,6 +5,7 @@
 #include "base/count.h"
 #include "base/journal.h"
 #include "base/options.h"
+#include "rig/find.h"
 
 #include <signal.h>
 #include <stdio.h>
@@ -30,15 +31,17 @@ int robot_command(const char *name, const char *path, const char *variant, const
                   enum error_code (*body)(const void *options, const struct robot *robot,
                                           struct arena *arena, struct error *error))
 {
+    char found[PATH_MAX];
     const struct robot *robot;
     struct arena arena;
     struct error error;
     enum error_code code;
 
-    if (arena_init(&arena, RIG_COMMAND_ARENA, &error)) {
+    if (config_locate(CONFIG_ROBOT, path, found, &error) ||
+        arena_init(&arena, RIG_COMMAND_ARENA, &error)) {
         return command_fail(name, &error);
     }
-    code = robot_load(path, variant, &arena, &robot, &error);
+    code = robot_load(found, variant, &arena, &robot, &error);
     if (!code) {
         code = body(options, robot, &arena, &error);
     }

@@ -36,7 +36,7 @@ static const struct option_spec options[] = {
     {"--ticks", OPTION_INT, "N", "end after N ticks", .value = &read.ticks, .min = 1.0,
      .max = 1e12},
     {"--task", OPTION_STRING, "NAME", "start this task on the other side of the buses",
-     .value = &read.task},
+     .value = &read.task, .noun = "tasks"},
     {"--bus", OPTION_LIST, "NAME=INTERFACE",
      "put a bus of the rig on this interface; may be given more than once", .value = &read.bus},
     {"--transport", OPTION_ENUM, "HOW",
@@ -97,7 +97,8 @@ static void list_fault_kinds(char list[KINDS_SIZE])
 
 bool run_options_read(int argc, char **argv, struct run_options *out, int *status)
 {
-    static const struct operand_spec operands[] = {{"RIG", "the rig file", true, &read.rig}};
+    static const struct operand_spec operands[] = {
+        {"RIG", "a rig's file or name", true, &read.rig, .noun = "rigs"}};
     static char manual[sizeof MANUAL_RUN + KINDS_SIZE];
     static const struct command_spec spec = {
         .name = "run",

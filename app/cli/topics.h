@@ -6,6 +6,13 @@
 
 #include <stdio.h>
 
+void topic_board(FILE *out);
+void topic_bus(FILE *out);
+void topic_fault(FILE *out);
+void topic_rig(FILE *out);
+void topic_robot(FILE *out);
 void topic_rt(FILE *out);
+void topic_scenario(FILE *out);
+void topic_signal(FILE *out);
 
 #endif

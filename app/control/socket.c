@@ -21,6 +21,8 @@ enum {
     LOCK_TRIES = 100,   /* of 10 ms */
 };
 
+static const char service_directory[] = "/run/coman-hil"; /* and root's */
+
 static enum error_code make_address(const char *path, struct sockaddr_un *address,
                                     struct error *error)
 {
@@ -205,24 +207,56 @@ void control_socket_close(struct control_socket *socket)
 
 /* ---- default paths ---- */
 
-/* Whether the directory exists or could be made. */
-static bool make_directory(const char *path, mode_t mode)
+/* Whether it is a directory, no link to one, of this user's that nobody else can write to. */
+static bool directory_is_own(const char *path)
 {
     struct stat found;
 
-    return mkdir(path, mode) == 0 || (stat(path, &found) == 0 && S_ISDIR(found.st_mode));
+    return lstat(path, &found) == 0 && S_ISDIR(found.st_mode) && found.st_uid == geteuid() &&
+           (found.st_mode & (S_IWGRP | S_IWOTH)) == 0;
 }
 
-/* The directory of sockets of runs by hand; false: there is none. */
-static bool user_directory(char directory[CONTROL_PATH_SIZE])
+enum { USER_DIRECTORIES = 3 };
+
+/* The directories for sockets of runs by hand: which of them can be used is another question. The
+ * environment may name none, or one of another user's (su, sudo); a login gives the second, and the
+ * last is there in a container too. Returns how many. */
+static int user_directories(char directory[USER_DIRECTORIES][CONTROL_PATH_SIZE])
 {
     const char *runtime = getenv("XDG_RUNTIME_DIR");
+    unsigned user = geteuid();
+    int count = 0;
 
-    if (!runtime || runtime[0] != '/') {
-        snprintf(directory, CONTROL_PATH_SIZE, "/run/coman-hil");
-        return geteuid() == 0;
+    if (runtime && runtime[0] == '/' && directory_is_own(runtime) &&
+        snprintf(directory[count], CONTROL_PATH_SIZE, "%s/coman-hil", runtime) <
+            CONTROL_PATH_SIZE) {
+        count++;
     }
-    return snprintf(directory, CONTROL_PATH_SIZE, "%s/coman-hil", runtime) < CONTROL_PATH_SIZE;
+    if (user == 0) {
+        snprintf(directory[count++], CONTROL_PATH_SIZE, "%s", service_directory);
+        return count;
+    }
+    snprintf(directory[count], CONTROL_PATH_SIZE, "/run/user/%u", user);
+    if (directory_is_own(directory[count])) {
+        snprintf(directory[count++], CONTROL_PATH_SIZE, "/run/user/%u/coman-hil", user);
+    }
+    snprintf(directory[count++], CONTROL_PATH_SIZE, "/tmp/coman-hil-%u", user);
+    return count;
+}
+
+/* Who could put something in it, or take it away, could stand between a simulator and its user. */
+static enum error_code make_user_directory(const char *path, struct error *error)
+{
+    if (mkdir(path, geteuid() == 0 ? 0755 : 0700) && errno != EEXIST) {
+        return error_set_errno(error, errno, "control socket: cannot make %s", path);
+    }
+    if (!directory_is_own(path)) {
+        return error_set(error, ERROR_SYSTEM,
+                         "control socket: found %s, which is no directory that only you can write "
+                         "to, expected one, or none",
+                         path);
+    }
+    return ERROR_NONE;
 }
 
 /* The first entry of RUNTIME_DIRECTORY, a list with colons. */
@@ -241,28 +275,25 @@ static bool manager_directory(char directory[CONTROL_PATH_SIZE])
 enum error_code control_socket_open_default(const char *name, struct control_socket *socket,
                                             struct error *error)
 {
-    char directory[CONTROL_PATH_SIZE], path[2 * CONTROL_PATH_SIZE];
+    char directory[USER_DIRECTORIES][CONTROL_PATH_SIZE], path[2 * CONTROL_PATH_SIZE];
     enum error_code code = ERROR_NONE;
     bool taken = true;
 
     *socket = (struct control_socket){.descriptor = -1};
-    if (manager_directory(directory)) {
-        snprintf(path, sizeof path, "%s/control", directory);
+    if (manager_directory(directory[0])) {
+        snprintf(path, sizeof path, "%s/control", directory[0]);
         return control_socket_open(path, socket, error);
     }
-    if (!user_directory(directory)) {
-        return error_set(error, ERROR_UNSUPPORTED,
-                         "control socket: found neither RUNTIME_DIRECTORY nor XDG_RUNTIME_DIR in "
-                         "the environment, expected one of them or a path");
-    }
-    if (!make_directory(directory, geteuid() == 0 ? 0755 : 0700)) {
-        return error_set_errno(error, errno, "control socket: cannot make %s", directory);
+    user_directories(directory);
+    code = make_user_directory(directory[0], error);
+    if (code) {
+        return code;
     }
     for (int i = 1; taken && i <= INSTANCES_MAX; i++) {
         if (i == 1) {
-            snprintf(path, sizeof path, "%s/%.63s.sock", directory, name);
+            snprintf(path, sizeof path, "%s/%.63s.sock", directory[0], name);
         } else {
-            snprintf(path, sizeof path, "%s/%.63s-%d.sock", directory, name, i);
+            snprintf(path, sizeof path, "%s/%.63s-%d.sock", directory[0], name, i);
         }
         code = open_at(path, socket, &taken, error);
     }
@@ -347,12 +378,16 @@ static int newest_first(const void *a, const void *b)
 size_t control_socket_find(char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE])
 {
     struct candidate list[CONTROL_FOUND_MAX];
-    char directory[CONTROL_PATH_SIZE], pattern[2 * CONTROL_PATH_SIZE];
+    char directory[USER_DIRECTORIES][CONTROL_PATH_SIZE], pattern[2 * CONTROL_PATH_SIZE];
+    int directories = user_directories(directory);
     size_t count = 0;
 
-    if (user_directory(directory) && strcmp(directory, "/run/coman-hil") != 0) {
-        snprintf(pattern, sizeof pattern, "%s/*.sock", directory);
-        add_candidates(pattern, list, &count);
+    /* Whichever of them the simulator had */
+    for (int i = 0; i < directories; i++) {
+        if (directory_is_own(directory[i]) && strcmp(directory[i], service_directory) != 0) {
+            snprintf(pattern, sizeof pattern, "%.*s/*.sock", CONTROL_PATH_SIZE - 1, directory[i]);
+            add_candidates(pattern, list, &count);
+        }
     }
     if (count == 0) {
         add_candidates("/run/coman-hil/*.sock", list, &count);

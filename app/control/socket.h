@@ -9,9 +9,11 @@
  * directory.
  *
  * The default paths: $RUNTIME_DIRECTORY/control under a service manager that sets it
- * (/run/coman-hil/RIG/control with our unit), else $XDG_RUNTIME_DIR/coman-hil/RIG.sock, for root
- * without that variable /run/coman-hil/RIG.sock; a second run of the same rig gets RIG-2.sock, and
- * so on.
+ * (/run/coman-hil/RIG/control with our unit), else coman-hil/RIG.sock in $XDG_RUNTIME_DIR when
+ * that is this user's own (su and sudo leave another's), else /run/coman-hil/RIG.sock for root, and
+ * for others coman-hil/RIG.sock in /run/user/UID, else /tmp/coman-hil-UID/RIG.sock: a directory
+ * that only its owner can write to is used, no other. A second run of the same rig gets RIG-2.sock,
+ * and so on. A client looks in all of them.
  */
 #ifndef APP_CONTROL_SOCKET_H
 #define APP_CONTROL_SOCKET_H
@@ -38,7 +40,7 @@ enum error_code control_socket_open(const char *path, struct control_socket *soc
                                     struct error *error);
 
 /* Listens at the first free default path for this name. The error is that of the last path tried.
- * ERROR_UNSUPPORTED: this environment has no default path. */
+ * ERROR_SYSTEM also: the directory is another user's, or others can write to it. */
 enum error_code control_socket_open_default(const char *name, struct control_socket *socket,
                                             struct error *error);
 
@@ -52,7 +54,7 @@ bool control_socket_peer(int connection, pid_t *pid, uid_t *uid);
 /* Connects to the server at path; a blocking descriptor. */
 enum error_code control_socket_connect(const char *path, int *descriptor, struct error *error);
 
-/* The sockets in the user's default directory on which a process listens, the newest first; when
+/* The sockets in the user's default directories on which a process listens, the newest first; when
  * there is none, those in /run/coman-hil. Returns how many. */
 size_t control_socket_find(char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE]);
 

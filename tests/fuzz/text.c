@@ -77,8 +77,8 @@ static void check_command_line(char *text)
 {
     bool help = false;
     const char *file = NULL, *other[ARGUMENTS + 1] = {NULL};
-    const struct operand_spec operands[] = {{"FILE", "x", true, &file},
-                                            {"OTHER", "x", false, other}};
+    const struct operand_spec operands[] = {{"FILE", "x", true, .value = &file},
+                                            {"OTHER", "x", false, .value = other}};
     const struct command_spec spec = {.name = "try",
                                       .summary = "Try.",
                                       .option = try_options,

@@ -46,9 +46,10 @@ def coman_hil(*arguments, program="coman-hil"):
 # ---- pages against tables ----
 
 def keys_of(*sources):
-    """The keys of the schema tables of a YAML file."""
+    """The keys of the schema tables of a YAML file; those of robots are made by macros, too."""
+    table = r'\{"(\w+)",\s*YAML_|\.key = "(\w+)"|\b[A-Z]+\((?:PARAMETER_\w+, )?"(\w+)"'
     return {key for source in sources
-            for key in re.findall(r'\{"(\w+)",\s*YAML_', (SOURCE / source).read_text())}
+            for keys in re.findall(table, (SOURCE / source).read_text()) for key in keys if key}
 
 
 def bold_of(page):
@@ -71,7 +72,7 @@ def check_pages():
     benches = set(re.findall(r"^  (\w+)  ", coman_hil("--help", program="coman-hil-bench"), re.M))
     expected = {f"coman-hil-{c}.1" for c in commands} | \
         {f"coman-hil-bench-{b}.1" for b in benches} | \
-        {"coman-hil.1", "coman-hil-rig.5", "coman-hil-scenario.5"}
+        {"coman-hil.1", "coman-hil-rig.5", "coman-hil-robot.5", "coman-hil-scenario.5"}
     result(pages == expected, "there is a page for every command", str(sorted(pages ^ expected)))
     for path in sorted((PREFIX / "share" / "man").glob("man*/*.gz")):
         lint = subprocess.run(["mandoc", "-Tlint", "-Wunsupp", path], capture_output=True,
@@ -156,6 +157,7 @@ def try_pages():
     folder = SCRATCH / "pages"
     (folder / "rigs").mkdir(parents=True)
     commands = {"coman-hil.1.scd": None, "coman-hil-rig.5.scd": "coman-hil check {}",
+                "coman-hil-robot.5.scd": "coman-hil check --robot {}",
                 "coman-hil-scenario.5.scd": "coman-hil test {} --mutate"}
     for page, command in commands.items():
         for _, text, line in blocks_of(PAGES / page):
@@ -184,6 +186,7 @@ def check_build():
                    stdout=subprocess.DEVNULL)
     (PREFIX / "bin" / "python3").symlink_to("/usr/bin/python3")  # the one of the Debian packages
     check_keys("coman-hil-rig.5.scd", "rig/schema.c", "rig/sensors.c")
+    check_keys("coman-hil-robot.5.scd", "model/robot_schema.c")
     check_keys("coman-hil-scenario.5.scd", "app/scenario/schema.c")
     check_pages()
     check_words()

@@ -23,7 +23,7 @@ for program in dpkg-deb dpkg-shlibdeps file; do
         exit 0
     fi
 done
-echo 1..11
+echo 1..15
 
 # ---- the package ----
 
@@ -52,8 +52,32 @@ nothing "$(awk '
     $1 !~ /^d/ &&
     $6 !~ /^\.\/usr\/bin\/coman-hil(-bench)?$/ &&
     $6 !~ /^\.\/usr\/lib\/systemd\/system\/coman-hil/ &&
+    $6 !~ /^\.\/usr\/share\/bash-completion\/completions\/coman-hil(-bench)?$/ &&
+    $6 !~ /^\.\/usr\/share\/zsh\/vendor-completions\/_coman-hil(-bench)?$/ &&
     $6 !~ /^\.\/usr\/share\/(coman-hil|doc\/coman-hil|man)\//' "$work/list")"
 result $? "no file is outside of its places"
+(cd "$work/data/usr/share/coman-hil" && find . -type f | sort) >"$work/installed"
+sed -n 's|^    \([a-z]*/[^ )]*\).*|./\1|p' "$HIL_SOURCE_DIR/config/files.cmake" |
+    sort >"$work/shipped"
+diff "$work/shipped" "$work/installed" >"$work/out"
+result $? "what is installed of config is what config/files.cmake lists"
+if git -C "$HIL_SOURCE_DIR" ls-files config >"$work/tracked" 2>/dev/null && [ -s "$work/tracked" ]
+then
+    sed 's|^config|.|; /files.cmake$/d' "$work/tracked" | sort >"$work/source"
+    diff "$work/source" "$work/shipped" >"$work/out"
+    result $? "it lists every file of config that belongs to the source, and no other"
+else
+    skip "it lists every file of config" "this is no git repository"
+fi
+zcat "$work/data/usr/share/doc/coman-hil/changelog.gz" | head -n 1 >"$work/out"
+grep -qF "coman-hil ($(field Version)) " "$work/out"
+result $? "the changelog begins with this version"
+if command -v lintian >/dev/null; then
+    lintian --allow-root --fail-on error,warning "$deb" >"$work/out" 2>&1
+    result $? "lintian finds no error and nothing to warn of"
+else
+    skip "lintian finds no error and nothing to warn of" "lintian is not installed"
+fi
 file "$work/data/usr/bin/coman-hil" >"$work/out"
 grep -q ', stripped' "$work/out"
 result $? "the program is stripped"

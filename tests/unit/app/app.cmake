@@ -13,6 +13,12 @@ hil_test(cli_cmd_generate SOURCES unit/app/cli/cmd_generate.c LIBS cli LABELS un
 hil_script_test(cli COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/cli.sh
                 $<TARGET_FILE:coman-hil> LABELS unit)
 
+hil_script_test(cli_completion COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/completion.sh
+                $<TARGET_FILE:coman-hil> $<TARGET_FILE:coman-hil-bench> LABELS unit)
+
+hil_script_test(cli_protocol COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/protocol.sh
+                $<TARGET_FILE:coman-hil> LABELS unit)
+
 foreach(name report svg)
     hil_test(report_${name} SOURCES unit/app/report/${name}.c LIBS report LABELS unit)
 endforeach()

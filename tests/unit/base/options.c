@@ -15,8 +15,8 @@
 
 static const char *file, *other;
 
-static const struct operand_spec operands[] = {{"FILE", "a file", true, &file},
-                                               {"OTHER", "another", false, &other}};
+static const struct operand_spec operands[] = {{"FILE", "a file", true, .value = &file},
+                                               {"OTHER", "another", false, .value = &other}};
 static const struct command_spec spec = {
     .name = "try",
     .summary = "Try the options.",
@@ -183,7 +183,7 @@ static void rejects_unknown_option_and_names_the_nearest(void **state)
 static void the_last_operand_may_stand_more_than_once(void **state)
 {
     static const char *files[6];
-    static const struct operand_spec several[] = {{"FILE", "files", true, files}};
+    static const struct operand_spec several[] = {{"FILE", "files", true, .value = files}};
     static const struct command_spec many = {
         .name = "try", .summary = "Try.", .operand = several, .noperand = 1, .many = true};
     char word[5][4] = {"try", "a", "b", "--", "--c"};

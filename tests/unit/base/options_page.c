@@ -21,8 +21,8 @@ static const struct option_spec options[] = {
 static const char *rig, *files[4];
 
 static const struct operand_spec operands[] = {
-    {"RIG", "the rig file", true, &rig},
-    {"FILE", "more files", false, files},
+    {"RIG", "the rig file", true, .value = &rig},
+    {"FILE", "more files", false, .value = files},
 };
 
 static const struct command_spec full = {
@@ -90,7 +90,8 @@ static void a_page_has_every_part_of_the_table(void **state)
                                    "\n"
                                    "# SEE ALSO\n"
                                    "\n"
-                                   "*coman-hil*(1), *coman-hil-rig*(5), *coman-hil-scenario*(5)\n";
+                                   "*coman-hil*(1), *coman-hil-rig*(5), *coman-hil-robot*(5), "
+                                   "*coman-hil-scenario*(5)\n";
     char *text = page_of(&full);
 
     (void)state;

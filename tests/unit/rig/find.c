@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Where a rig's name leads. */
+/* Where a name of a rig, a robot or a scenario leads, and which there are. */
 #include "rig/find.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,7 +14,8 @@
 
 #include <cmocka.h>
 
-static char local[64], installed[64];
+static struct config_trees trees;
+static char local[128], installed[128], built[128];
 
 static void touch(const char *folder, const char *name)
 {
@@ -26,20 +28,39 @@ static void touch(const char *folder, const char *name)
     fclose(file);
 }
 
+/* A configuration tree with a folder of rigs, whose path goes to rigs. */
+static bool make_tree(int number, char rigs[128])
+{
+    static const char *const folders[] = {"rigs", "robots", "scenarios"};
+    char path[128] = "/tmp/hil-config-XXXXXX", folder[160];
+
+    if (!mkdtemp(path)) {
+        return false;
+    }
+    strcpy(trees.folder[number], path);
+    for (int i = 0; i < 3; i++) {
+        snprintf(folder, sizeof folder, "%s/%s", path, folders[i]);
+        if (mkdir(folder, 0755)) {
+            return false;
+        }
+    }
+    snprintf(rigs, 128, "%.100s/rigs", path);
+    return true;
+}
+
 static int start(void **state)
 {
     (void)state;
-    strcpy(local, "/tmp/hil-rigs-XXXXXX");
-    strcpy(installed, "/tmp/hil-rigs-XXXXXX");
-    return !mkdtemp(local) || !mkdtemp(installed);
+    return !make_tree(0, local) || !make_tree(1, installed) || !make_tree(2, built);
 }
 
 static int stop(void **state)
 {
-    char command[256];
+    char command[512];
 
     (void)state;
-    snprintf(command, sizeof command, "rm -rf '%s' '%s'", local, installed);
+    snprintf(command, sizeof command, "rm -rf '%.100s' '%.100s' '%.100s'", trees.folder[0],
+             trees.folder[1], trees.folder[2]);
     return system(command);
 }
 
@@ -48,7 +69,7 @@ static void assert_leads(const char *name, const char *folder, const char *file)
     char path[PATH_MAX], expected[PATH_MAX];
     struct error error;
 
-    assert_int_equal(rig_locate_in(name, local, installed, path, &error), ERROR_NONE);
+    assert_int_equal(config_locate_in(CONFIG_RIG, name, &trees, path, &error), ERROR_NONE);
     snprintf(expected, sizeof expected, "%s%s%s", folder, folder[0] ? "/" : "", file);
     assert_string_equal(path, expected);
 }
@@ -56,6 +77,8 @@ static void assert_leads(const char *name, const char *folder, const char *file)
 static void a_name_is_looked_for_in_etc_first(void **state)
 {
     (void)state;
+    touch(built, "coman.yaml");
+    assert_leads("coman", built, "coman.yaml");
     touch(installed, "coman.yaml");
     assert_leads("coman", installed, "coman.yaml");
     touch(local, "coman.yaml");
@@ -76,11 +99,81 @@ static void an_unknown_name_is_refused_with_the_places(void **state)
     struct error error;
 
     (void)state;
-    assert_int_equal(rig_locate_in("nobody", local, installed, path, &error), ERROR_INPUT);
+    assert_int_equal(config_locate_in(CONFIG_RIG, "nobody", &trees, path, &error), ERROR_INPUT);
     assert_non_null(strstr(error.text, "nobody.yaml"));
     assert_non_null(strstr(error.text, local));
     assert_non_null(strstr(error.text, installed));
-    assert_int_equal(rig_locate_in("", local, "", path, &error), ERROR_INPUT);
+    assert_int_equal(config_locate_in(CONFIG_RIG, "", &trees, path, &error), ERROR_INPUT);
+}
+
+static void a_misspelled_name_is_refused_with_the_nearest(void **state)
+{
+    char path[PATH_MAX];
+    struct error error;
+
+    (void)state;
+    touch(local, "coman.yaml");
+    touch(built, "walkman.yaml");
+    assert_int_equal(config_locate_in(CONFIG_RIG, "walkmna", &trees, path, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "found no rig \"walkmna\", expected \"walkman\""));
+    assert_int_equal(config_locate_in(CONFIG_RIG, "comann", &trees, path, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "expected \"coman\""));
+
+    /* a robot is no rig */
+    assert_int_equal(config_locate_in(CONFIG_ROBOT, "coman", &trees, path, &error), ERROR_INPUT);
+    assert_null(strstr(error.text, "expected \"coman\""));
+}
+
+/* coman-hil run coman.yaml where there is no such file */
+static void a_name_with_yaml_behind_it_is_told_from_the_name(void **state)
+{
+    char path[PATH_MAX];
+    struct error error;
+
+    (void)state;
+    touch(built, "coman.yaml");
+    assert_int_equal(config_locate_in(CONFIG_RIG, "coman.yaml", &trees, path, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "or \"coman\" for the rig of that name"));
+}
+
+static void a_folder_of_that_name_is_no_file(void **state)
+{
+    char folder[160], before[PATH_MAX];
+
+    (void)state;
+    touch(installed, "coman.yaml");
+    assert_non_null(getcwd(before, sizeof before));
+    snprintf(folder, sizeof folder, "%s/coman", local);
+    assert_int_equal(mkdir(folder, 0755), 0);
+    assert_int_equal(chdir(local), 0);
+    assert_leads("coman", installed, "coman.yaml");
+    assert_int_equal(chdir(before), 0);
+}
+
+static void a_list_has_each_name_once_in_order(void **state)
+{
+    static const char *const expected[] = {"arm", "coman", "walkman"};
+    struct config_entry *entries;
+    struct arena arena;
+    size_t count;
+
+    (void)state;
+    touch(built, "walkman.yaml");
+    touch(built, "coman.yaml");
+    touch(local, "coman.yaml");
+    touch(installed, "arm.yaml");
+    touch(installed, "README");
+    touch(installed, ".yaml");
+    touch(installed, "no.name.yaml");
+    assert_int_equal(arena_init(&arena, 1 << 24, NULL), ERROR_NONE);
+    assert_int_equal(config_list_in(CONFIG_RIG, &trees, &arena, &entries, &count, NULL),
+                     ERROR_NONE);
+    assert_int_equal(count, 3);
+    for (size_t i = 0; i < count; i++) {
+        assert_string_equal(entries[i].name, expected[i]);
+    }
+    assert_memory_equal(entries[1].path, local, strlen(local));
+    arena_fini(&arena);
 }
 
 static void a_path_that_is_too_long_is_refused(void **state)
@@ -90,20 +183,19 @@ static void a_path_that_is_too_long_is_refused(void **state)
 
     (void)state;
     memset(name, 'x', sizeof name - 1);
-    assert_int_equal(rig_locate_in(name, local, installed, path, NULL), ERROR_INPUT);
+    assert_int_equal(config_locate_in(CONFIG_RIG, name, &trees, path, NULL), ERROR_INPUT);
     name[PATH_MAX - 1] = '\0';
-    assert_int_equal(rig_locate_in(name, local, installed, path, NULL), ERROR_INPUT);
+    assert_int_equal(config_locate_in(CONFIG_RIG, name, &trees, path, NULL), ERROR_INPUT);
 }
 
-static void the_program_looks_beside_itself(void **state)
+static void the_program_looks_in_etc(void **state)
 {
     char path[PATH_MAX];
     struct error error;
 
     (void)state;
-    assert_int_equal(rig_locate("hil-no-such-rig", path, &error), ERROR_INPUT);
-    assert_non_null(strstr(error.text, "/etc/coman-hil/rigs or /"));
-    assert_non_null(strstr(error.text, "/share/coman-hil/rigs"));
+    assert_int_equal(config_locate(CONFIG_RIG, "hil-no-such-rig", path, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "/etc/coman-hil/rigs"));
 }
 
 int main(void)
@@ -114,7 +206,12 @@ int main(void)
                                         stop),
         cmocka_unit_test_setup_teardown(an_unknown_name_is_refused_with_the_places, start, stop),
         cmocka_unit_test_setup_teardown(a_path_that_is_too_long_is_refused, start, stop),
-        cmocka_unit_test(the_program_looks_beside_itself),
+        cmocka_unit_test_setup_teardown(a_misspelled_name_is_refused_with_the_nearest, start, stop),
+        cmocka_unit_test_setup_teardown(a_name_with_yaml_behind_it_is_told_from_the_name, start,
+                                        stop),
+        cmocka_unit_test_setup_teardown(a_folder_of_that_name_is_no_file, start, stop),
+        cmocka_unit_test_setup_teardown(a_list_has_each_name_once_in_order, start, stop),
+        cmocka_unit_test(the_program_looks_in_etc),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -30,7 +30,7 @@ conclude() {
     result $? "$1" "$problem"
 }
 
-echo 1..21
+echo 1..28
 
 run 0 --help
 says out 'usage: coman-hil COMMAND'
@@ -99,7 +99,7 @@ done
 conclude every_command_refuses_unknown_options
 
 run 2 check
-says err 'coman-hil check: found no FILE, expected a rig file'
+says err 'coman-hil check: found no RIG, expected a rig'
 conclude check_asks_for_its_file
 
 run 0 check "$source/config/rigs/coman.yaml"
@@ -155,6 +155,83 @@ says err 'coman-hil run: --duration: found "abc", expected a number of seconds f
 silent out
 [ ! -e "$work/record" ] || problem="$problem; the record was started"
 conclude run_starts_nothing_when_the_command_line_is_wrong
+
+problem=
+for noun in rig robot scenario task bus board fault signal; do
+    "$program" help $noun >"$work/out" 2>"$work/err" || problem="$problem; help $noun fails"
+    [ "$(wc -l <"$work/out")" -ge 5 ] || problem="$problem; help $noun says next to nothing"
+    awk 'length($0) > 80 { exit 1 }' "$work/out" || problem="$problem; help $noun is too wide"
+    "$program" help ${noun}s >"$work/plural" 2>&1 || [ $noun = task ] || [ $noun = bus ] ||
+        problem="$problem; help ${noun}s fails"
+done
+conclude help_knows_every_noun
+
+# the first rig that the manual has a user write
+mkdir "$work/first"
+sed -n 's/^  \(extends\|name\|supply_v\)/\1/p' "$source/app/cli/manual/rig.txt" \
+    >"$work/first/mine.yaml"
+run 0 check "$work/first/mine.yaml"
+says out 'rig         mine'
+conclude the_example_of_help_rig_is_a_rig
+
+cd "$work"
+run 0 list
+for noun in Rigs Robots Scenarios Tasks; do says out "$noun (coman-hil"; done
+for name in coman-foc walkman push_recovery grasp; do says out "  $name "; done
+awk 'length($0) > 80 { exit 1 }' "$work/out" || problem="$problem; it is too wide"
+silent err
+for noun in rigs robots scenarios; do
+    "$program" list $noun --names >"$work/out" 2>"$work/err"
+    (cd "$source/config/$noun" && ls -- *.yaml) | sed 's/.yaml$//' | LC_ALL=C sort >"$work/expected"
+    cmp -s "$work/out" "$work/expected" || problem="$problem; $noun are not those of config"
+    "$program" list $noun | grep -E 'yaml|malformed|found' >"$work/out" &&
+        problem="$problem; $noun without a description: $(cat "$work/out")"
+done
+conclude a_built_tree_lists_what_is_in_it_with_a_line_each
+
+run 2 list nonsense
+says err 'found "nonsense", expected rigs, robots, scenarios or tasks'
+conclude list_refuses_what_it_does_not_know
+
+# names, from a folder that has no files of them
+run 0 check coman
+says out "rig         coman, "
+run 0 check --robot walkman
+says out 'robot       WALK-MAN'
+run 0 test --list push_recovery
+says out 'push_recovery force_n=10'
+run 2 run comna --duration 1
+says err 'coman-hil run: found no rig "comna", expected "coman"'
+run 2 check --robot walkmna
+says err 'found no robot "walkmna", expected "walkman"'
+run 2 test push_recovry
+says err 'found no scenario "push_recovry", expected "push_recovery"'
+sed 's|file: ../robots/coman.yaml|file: coman|' "$source/config/rigs/coman.yaml" \
+    >"$work/config/rigs/named.yaml"
+run 0 check "$work/config/rigs/named.yaml"
+says out 'robot       COMAN'
+sed 's|file: ../robots/coman.yaml|file: comna|' "$source/config/rigs/coman.yaml" \
+    >"$work/config/rigs/named.yaml"
+run 2 check "$work/config/rigs/named.yaml"
+says err 'named.yaml:'
+says err 'found no robot "comna", expected "coman"'
+conclude names_go_wherever_files_do_and_the_nearest_is_offered
+
+run 0 bench
+for subject in contact dynamics paper pendulum; do says out "  $subject "; done
+run 0 bench pendulum --help
+says out 'usage: coman-hil-bench pendulum'
+run 2 bench pendulmu
+says err 'expected "pendulum"'
+conclude bench_lists_its_subjects_and_runs_them
+
+problem=
+for shell in bash zsh; do
+    "$program" --completion=$shell >"$work/out" 2>"$work/err" || problem="$problem; $shell fails"
+    silent err
+done
+run 2 --completion=fish
+conclude completion_scripts_are_printed
 
 problem=
 if [ -e /dev/full ]; then

@@ -3,12 +3,14 @@
 #include "app/control/socket.h"
 
 #include <errno.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
+#include <sys/wait.h>
 #include <unistd.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -231,6 +233,110 @@ static void runs_of_one_rig_get_places_of_their_own(void **state)
     unsetenv("XDG_RUNTIME_DIR");
 }
 
+/* ---- without a runtime directory of one's own: containers, su ---- */
+
+enum { NOBODY = 65534 };
+
+static char fallback[64];
+
+/* Runs body in a process of a user without a login; true when it came to its end. */
+static bool nobody_succeeds(bool (*body)(void))
+{
+    pid_t child = fork();
+    int status;
+
+    if (child == 0) {
+        _exit(setgid(NOBODY) == 0 && setuid(NOBODY) == 0 && body() ? 0 : 1);
+    }
+    return waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+static bool server_and_client_meet(void)
+{
+    static char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE];
+    struct control_socket socket;
+    bool met;
+
+    if (control_socket_open_default("coman", &socket, &error)) {
+        return false;
+    }
+    met = strncmp(socket.path, fallback, strlen(fallback)) == 0 && control_socket_find(found) > 0 &&
+          strcmp(found[0], socket.path) == 0;
+    /* a client that logs in with a runtime directory finds it too */
+    setenv("XDG_RUNTIME_DIR", "/proc/self", 1);
+    met = met && control_socket_find(found) > 0 && strcmp(found[0], socket.path) == 0;
+    control_socket_close(&socket);
+    return met;
+}
+
+static bool server_refuses(void)
+{
+    struct control_socket socket;
+
+    return control_socket_open_default("coman", &socket, &error) == ERROR_SYSTEM &&
+           strstr(error.text, fallback) && socket.descriptor < 0;
+}
+
+static bool nothing_is_found(void)
+{
+    static char found[CONTROL_FOUND_MAX][CONTROL_PATH_SIZE];
+    size_t count = control_socket_find(found);
+
+    for (size_t i = 0; i < count; i++) {
+        if (!strncmp(found[i], fallback, strlen(fallback))) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static void both_ends_agree_without_a_runtime_directory(void **state)
+{
+    struct control_socket trap;
+    char place[128];
+
+    (void)state;
+    if (geteuid() != 0) {
+        print_message("SKIP: needs root to become somebody else\n");
+        skip();
+    }
+    snprintf(fallback, sizeof fallback, "/tmp/coman-hil-%d", NOBODY);
+    if (access(fallback, F_OK) == 0) {
+        print_message("SKIP: %s is in use\n", fallback);
+        skip();
+    }
+    assert_true(nobody_succeeds(server_and_client_meet));
+    assert_int_equal(rmdir(fallback), 0);
+
+    /* another user's directory in the environment, as su leaves it, is none */
+    setenv("XDG_RUNTIME_DIR", folder, 1);
+    assert_true(nobody_succeeds(server_and_client_meet));
+    assert_int_equal(rmdir(fallback), 0);
+    unsetenv("XDG_RUNTIME_DIR");
+
+    /* a directory that somebody else has made is no place for a server, nor for a client */
+    assert_int_equal(mkdir(fallback, 0777), 0);
+    assert_int_equal(chmod(fallback, 0777), 0);
+    snprintf(place, sizeof place, "%s/coman.sock", fallback);
+    assert_int_equal(control_socket_open(place, &trap, &error), ERROR_NONE);
+    assert_int_equal(chmod(place, 0666), 0);
+    assert_true(nobody_succeeds(server_refuses));
+    assert_true(nobody_succeeds(nothing_is_found));
+
+    /* nor one of one's own that others can write to */
+    assert_int_equal(chown(fallback, NOBODY, NOBODY), 0);
+    assert_true(nobody_succeeds(server_refuses));
+    assert_true(nobody_succeeds(nothing_is_found));
+    control_socket_close(&trap);
+    assert_int_equal(rmdir(fallback), 0);
+
+    /* nor a link to a good one */
+    assert_int_equal(symlink(folder, fallback), 0);
+    assert_int_equal(lchown(fallback, NOBODY, NOBODY), 0);
+    assert_true(nobody_succeeds(server_refuses));
+    assert_int_equal(unlink(fallback), 0);
+}
+
 static void a_service_has_its_own_place(void **state)
 {
     struct control_socket socket;
@@ -257,6 +363,7 @@ int main(void)
         cmocka_unit_test(the_peer_is_known),
         cmocka_unit_test(strangers_are_told_from_the_owner),
         cmocka_unit_test(runs_of_one_rig_get_places_of_their_own),
+        cmocka_unit_test(both_ends_agree_without_a_runtime_directory),
         cmocka_unit_test(a_service_has_its_own_place),
     };
 

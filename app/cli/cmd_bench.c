@@ -1,0 +1,68 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* coman-hil bench: the program of the benchmarks, which is beside this one. */
+#include "app/cli/commands.h"
+
+#include "base/count.h"
+#include "base/options.h"
+#include "manual/bench.h"
+
+#include <errno.h>
+#include <limits.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+/* The path of this program with "-bench" behind it. */
+static enum error_code bench_find_program(char path[PATH_MAX], struct error *error)
+{
+    static const char end[] = "-bench";
+    ssize_t length = readlink("/proc/self/exe", path, PATH_MAX - sizeof end);
+
+    if (length < 0) {
+        return error_set_errno(error, errno, "cannot tell where this program is");
+    }
+    strcpy(path + length, end);
+    return ERROR_NONE;
+}
+
+/* Does not return when it succeeds. */
+static enum error_code bench_become(char **argv, struct error *error)
+{
+    char path[PATH_MAX];
+
+    if (bench_find_program(path, error)) {
+        return error->code;
+    }
+    fflush(stdout);
+    execv(path, argv);
+    return errno == ENOENT ? error_set(error, ERROR_UNSUPPORTED,
+                                       "found no program %.200s, expected it beside this one", path)
+                           : error_set_errno(error, errno, "cannot run %.200s", path);
+}
+
+int cmd_bench(int argc, char **argv)
+{
+    static const char *subject;
+    static const struct operand_spec operands[] = {
+        {"SUBJECT", "the benchmark; without it they are listed", false, .value = &subject},
+    };
+    static const struct command_spec spec = {
+        .name = "bench",
+        .summary = "Repeat the paper's measurements on this machine, beside its numbers.",
+        .operand = operands,
+        .noperand = ARRAY_COUNT(operands),
+        .manual = MANUAL_BENCH,
+    };
+    static char name[] = "coman-hil-bench", help[] = "--help";
+    static char *listing[] = {name, help, NULL};
+    struct error error;
+    int status;
+
+    /* Options before the subject are ours, those behind it the benchmark's */
+    if (!options_read(&spec, argc > 2 && argv[1][0] != '-' ? 2 : argc, argv, &status)) {
+        return status;
+    }
+    argv[0] = name;
+    bench_become(subject ? argv : listing, &error);
+    return options_fail(&spec, &error);
+}

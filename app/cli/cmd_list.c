@@ -1,0 +1,185 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* coman-hil list: what can be given by name. */
+#include "app/cli/commands.h"
+
+#include "app/scenario/scenario.h"
+#include "base/arena.h"
+#include "base/count.h"
+#include "base/options.h"
+#include "base/yaml.h"
+#include "manual/list.h"
+#include "rig/find.h"
+#include "tasks/task.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#define LIST_ARENA_BYTES ((size_t)1 << 30) /* of address space */
+
+enum { LIST_TASKS = CONFIG_KINDS, LIST_ALL, NAME_COLUMN = 28 };
+
+static const char of_this_machine[] = "/etc/";
+static const char *const nouns[] = {"rigs", "robots", "scenarios", "tasks", NULL};
+
+static void list_print_line(const char *name, const char *text)
+{
+    int used = printf("  %s ", name);
+
+    if (used > NAME_COLUMN) {
+        putchar('\n');
+        used = 0;
+    }
+    printf("%*s", NAME_COLUMN - used, "");
+    options_wrap(text, NAME_COLUMN, NAME_COLUMN, stdout);
+}
+
+/* A scenario is no YAML before its parameters are put in. */
+static enum error_code list_read_scenario(const char *path, struct arena *arena,
+                                          const char **description, struct error *error)
+{
+    struct scenario *cases;
+    size_t count;
+    enum error_code code = scenario_read(path, arena, &cases, &count, error);
+
+    if (!code) {
+        *description = cases[0].description;
+    }
+    return code;
+}
+
+/* What its file says of an entry, or what is wrong with the file. */
+static void list_print_entry(enum config_kind kind, const struct config_entry *entry,
+                             struct arena *arena)
+{
+    const char *description = NULL;
+    struct error error;
+    char line[1400];
+
+    if (kind == CONFIG_SCENARIO
+            ? list_read_scenario(entry->path, arena, &description, &error)
+            : yaml_read_key(entry->path, "description", arena, &description, &error)) {
+        list_print_line(entry->name, error.text);
+        return;
+    }
+    if (!strncmp(entry->path, of_this_machine, sizeof of_this_machine - 1)) {
+        snprintf(line, sizeof line, "%.1000s (%.300s)", description ? description : "",
+                 entry->path);
+    } else {
+        snprintf(line, sizeof line, "%.1300s", description ? description : entry->path);
+    }
+    list_print_line(entry->name, line);
+}
+
+static enum error_code list_print_kind(enum config_kind kind, bool names, struct error *error)
+{
+    struct config_entry *entries;
+    struct arena arena;
+    size_t count;
+    enum error_code code = arena_init(&arena, LIST_ARENA_BYTES, error);
+
+    if (code) {
+        return code;
+    }
+    code = config_list(kind, &arena, &entries, &count, error);
+    for (size_t i = 0; i < count && !code; i++) {
+        if (names) {
+            puts(entries[i].name);
+        } else {
+            list_print_entry(kind, &entries[i], &arena);
+        }
+    }
+    arena_fini(&arena);
+    return code;
+}
+
+static void list_print_tasks(bool names)
+{
+    const char *const *name = task_names();
+
+    for (size_t i = 0; name[i]; i++) {
+        if (names) {
+            puts(name[i]);
+        } else {
+            list_print_line(name[i], task_summary(name[i]));
+        }
+    }
+}
+
+static enum error_code list_print_noun(int noun, bool names, struct error *error)
+{
+    if (noun == LIST_TASKS) {
+        list_print_tasks(names);
+        return ERROR_NONE;
+    }
+    return list_print_kind((enum config_kind)noun, names, error);
+}
+
+static enum error_code list_print_all(bool names, struct error *error)
+{
+    static const char *const titles[] = {
+        [CONFIG_RIG] = "Rigs (coman-hil run NAME)",
+        [CONFIG_ROBOT] = "Robots (coman-hil check --robot NAME)",
+        [CONFIG_SCENARIO] = "Scenarios (coman-hil test NAME)",
+        [LIST_TASKS] = "Tasks (coman-hil run RIG --task NAME)",
+    };
+    enum error_code code = ERROR_NONE;
+
+    for (int noun = 0; noun <= LIST_TASKS && !code; noun++) {
+        if (!names) {
+            printf("%s%s\n\n", noun ? "\n" : "", titles[noun]);
+        }
+        code = list_print_noun(noun, names, error);
+    }
+    return code;
+}
+
+static enum error_code list_find_noun(const char *given, int *noun, struct error *error)
+{
+    *noun = LIST_ALL;
+    for (int i = 0; given && nouns[i]; i++) {
+        size_t singular = strlen(nouns[i]) - 1;
+
+        if (!strcmp(given, nouns[i]) ||
+            (strlen(given) == singular && !strncmp(given, nouns[i], singular))) {
+            *noun = i;
+        }
+    }
+    return given && *noun == LIST_ALL
+               ? error_set(error, ERROR_INPUT,
+                           "found \"%.100s\", expected rigs, robots, scenarios or tasks", given)
+               : ERROR_NONE;
+}
+
+int cmd_list(int argc, char **argv)
+{
+    static const char *given;
+    static bool names;
+    static const struct option_spec options[] = {
+        {"--names", OPTION_FLAG, NULL, "names alone, one a line", .value = &names},
+    };
+    static const struct operand_spec operands[] = {
+        {"KIND", "rigs, robots, scenarios or tasks; all by default", false, &given,
+         .words = nouns}};
+    static const struct command_spec spec = {
+        .name = "list",
+        .summary = "List the rigs, robots, scenarios and tasks that can be given by name.",
+        .option = options,
+        .noption = ARRAY_COUNT(options),
+        .operand = operands,
+        .noperand = ARRAY_COUNT(operands),
+        .manual = MANUAL_LIST,
+    };
+    struct error error;
+    enum error_code code;
+    int status, noun;
+
+    if (!options_read(&spec, argc, argv, &status)) {
+        return status;
+    }
+    code = list_find_noun(given, &noun, &error);
+    if (!code) {
+        code =
+            noun == LIST_ALL ? list_print_all(names, &error) : list_print_noun(noun, names, &error);
+    }
+    return options_end(&spec, code, &error);
+}

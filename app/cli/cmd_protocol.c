@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* coman-hil protocol: what the boards speak. */
+#include "app/cli/commands.h"
+
+#include "app/cli/protocol_page.h"
+#include "base/count.h"
+#include "base/options.h"
+#include "base/text.h"
+#include "manual/protocol.h"
+
+#include <string.h>
+
+int cmd_protocol(int argc, char **argv)
+{
+    static const char *const names[] = {
+        [BOARD_ICUB] = "icub", [BOARD_FOC] = "foc", [BOARD_COMPACT] = "compact", NULL};
+    static const char *name;
+    static const struct operand_spec operands[] = {
+        {"PERSONALITY", "icub, foc or compact", true, .value = &name, .words = names},
+    };
+    static const struct command_spec spec = {
+        .name = "protocol",
+        .summary = "Print every frame of a personality of boards: fields, units, ranges, answers, "
+                   "faults.",
+        .operand = operands,
+        .noperand = ARRAY_COUNT(operands),
+        .manual = MANUAL_PROTOCOL,
+    };
+    const char *nearest;
+    struct error error;
+    int status;
+
+    if (!options_read(&spec, argc, argv, &status)) {
+        return status;
+    }
+    for (int i = 0; names[i]; i++) {
+        if (!strcmp(name, names[i])) {
+            protocol_page_print((enum board_personality)i, stdout);
+            return STATUS_OK;
+        }
+    }
+    nearest = text_nearest(name, names, ARRAY_COUNT(names) - 1);
+    error_set(&error, ERROR_INPUT, "found unknown personality \"%.60s\", expected %s", name,
+              nearest ? nearest : "icub, foc or compact");
+    return options_fail(&spec, &error);
+}

@@ -1,0 +1,382 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Pages on what the boards speak. */
+#include "app/cli/protocol_page.h"
+
+#include "base/count.h"
+#include "base/options.h"
+#include "boards/compact/table.h"
+#include "boards/messages.h"
+#include "manual/protocol_compact.h"
+#include "manual/protocol_foc.h"
+#include "manual/protocol_icub.h"
+
+#include <inttypes.h>
+#include <stdarg.h>
+#include <string.h>
+
+enum { FRAMES_MAX = 512, SECTIONS_MAX = 8 };
+
+/* A frame with its identifier as base + step * address. */
+struct protocol_frame {
+    struct message message;
+    uint32_t base, step;
+    const char *counts; /* what the address is called */
+    bool cycle_varies;  /* with the address */
+    bool printed;
+};
+
+struct protocol_frames {
+    size_t count;
+    struct protocol_frame frame[FRAMES_MAX];
+};
+
+/* ---- the frames of a bus with a motor board and a force-torque board ---- */
+
+enum { BENCH_MOTOR = 1, BENCH_FT = 3 }; /* addresses, in the first of two walks */
+
+static bool protocol_keep_message(void *context, const struct message *message)
+{
+    struct protocol_frames *frames = context;
+
+    if (frames->count < FRAMES_MAX) {
+        frames->frame[frames->count++].message = *message;
+    }
+    return true;
+}
+
+/* shift is added to both addresses: what moves with it in an identifier is the address. */
+static void protocol_walk_bus(enum board_personality personality, bool fd, int shift,
+                              struct protocol_frames *frames)
+{
+    const int axes = personality == BOARD_COMPACT ? BOARD_AXES_MAX : 1;
+    struct boards_bus_config bus = {.personality = personality, .fd = fd};
+    struct board_config board[] = {
+        {.kind = BOARD_MOTOR, .address = (uint8_t)(BENCH_MOTOR + shift)},
+        {.kind = BOARD_FT, .address = (uint8_t)(BENCH_FT + shift)},
+    };
+    const struct boards_config config = {
+        .nboard = ARRAY_COUNT(board), .board = board, .nbus = 1, .bus = &bus};
+
+    for (int k = 0; k < BOARD_AXES_MAX; k++) {
+        board[0].axis[k].joint = k < axes ? k : -1;
+    }
+    frames->count = 0;
+    boards_messages(&config, 0, protocol_keep_message, frames);
+}
+
+static bool protocol_is_known(const struct protocol_frames *frames, size_t count,
+                              const struct protocol_frame *frame)
+{
+    for (size_t i = 0; i < count; i++) {
+        const struct protocol_frame *other = &frames->frame[i];
+
+        if (other->base == frame->base && other->step == frame->step &&
+            other->message.code == frame->message.code) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static void protocol_split_id(struct protocol_frame *frame, const struct message *shifted,
+                              enum board_personality personality)
+{
+    const struct message *message = &frame->message;
+    int board = message->from_host ? message->receiver : message->sender;
+    const struct compact_message *row = compact_message(message->id >> 5);
+
+    frame->step = shifted->id - message->id;
+    frame->cycle_varies = shifted->cycle_ns != message->cycle_ns;
+    frame->base = message->id - frame->step * (board == 0 ? BENCH_MOTOR : BENCH_FT);
+    frame->counts = personality == BOARD_COMPACT ? "n" : "a";
+    if (message->slot >= 0) {
+        frame->base = message->id - (uint32_t)message->slot;
+        frame->step = 1;
+        frame->counts = "s";
+    } else if (personality == BOARD_COMPACT && row && row->by == COMPACT_BY_GROUP) {
+        frame->step = 1;
+        frame->base = message->id;
+        frame->counts = "g";
+    }
+}
+
+/* Every frame once, whichever board or slot it is of. */
+static void protocol_collect(enum board_personality personality, bool fd,
+                             struct protocol_frames *frames)
+{
+    static struct protocol_frames shifted;
+    size_t kept = 0;
+
+    protocol_walk_bus(personality, fd, 0, frames);
+    protocol_walk_bus(personality, fd, 1, &shifted);
+    for (size_t i = 0; i < frames->count; i++) {
+        struct protocol_frame frame = {.message = frames->frame[i].message};
+
+        protocol_split_id(&frame, &shifted.frame[i].message, personality);
+        if (!protocol_is_known(frames, kept, &frame)) {
+            frames->frame[kept++] = frame;
+        }
+    }
+    frames->count = kept;
+}
+
+/* ---- fields ---- */
+
+/* A line that is wrapped when it is complete. */
+struct protocol_line {
+    size_t used;
+    char text[2048];
+};
+
+static void __attribute__((format(printf, 2, 3)))
+protocol_add_text(struct protocol_line *line, const char *format, ...)
+{
+    size_t room = sizeof line->text - line->used;
+    va_list arguments;
+    int length;
+
+    va_start(arguments, format);
+    length = vsnprintf(line->text + line->used, room, format, arguments);
+    va_end(arguments);
+    line->used += length < 0 ? 0 : (size_t)length < room ? (size_t)length : room - 1;
+}
+
+static void protocol_add_place(struct protocol_line *line, unsigned bit, unsigned bits)
+{
+    if (bits == 1) {
+        protocol_add_text(line, "- bit %u", bit);
+    } else if (bit % 8 || bits % 8) {
+        protocol_add_text(line, "- bits %u-%u", bit, bit + bits - 1);
+    } else if (bits == 8) {
+        protocol_add_text(line, "- byte %u", bit / 8);
+    } else {
+        protocol_add_text(line, "- bytes %u-%u", bit / 8, (bit + bits) / 8 - 1);
+    }
+}
+
+/* Unit and scale, and the range where it is not that of the type. */
+static void protocol_add_measure(struct protocol_line *line, const struct field *field)
+{
+    double scale = field->scale != 0.0 ? field->scale : 1.0;
+    bool limited = field->min || field->max;
+    const char *unit = field->unit ? field->unit : "";
+
+    if (field->unit && scale == 1.0) {
+        protocol_add_text(line, ", %s", unit);
+    } else if (field->unit) {
+        protocol_add_text(line, ", in %g %s", scale, unit);
+    }
+    if (limited || (scale != 1.0 && !(field->type & FIELD_FLOAT))) {
+        int64_t low = limited ? field->min : field_lowest(field);
+        int64_t high = limited ? field->max : field_highest(field);
+
+        protocol_add_text(line, ", %.10g to %.10g%s%s", scale * (double)low, scale * (double)high,
+                          *unit ? " " : "", unit);
+    }
+}
+
+static void protocol_put_field(const struct field *field, unsigned bit, FILE *out)
+{
+    unsigned bits = field->type & FIELD_BITS_MASK;
+    struct protocol_line line = {.used = 0};
+
+    protocol_add_place(&line, bit, bits);
+    protocol_add_text(&line, " `%s`: %c%u%s", field->name,
+                      field->type & FIELD_FLOAT    ? 'f'
+                      : field->type & FIELD_SIGNED ? 'i'
+                                                   : 'u',
+                      bits, field->type & FIELD_BIG_ENDIAN ? " be" : "");
+    protocol_add_measure(&line, field);
+    for (const struct field_value *v = field->values; v && v->name; v++) {
+        protocol_add_text(&line, "%s %" PRId64 " = %s", v == field->values ? ";" : ",", v->value,
+                          v->name);
+    }
+    options_wrap(line.text, 0, 2, out);
+}
+
+static void protocol_put_fields(const struct message *message, FILE *out)
+{
+    unsigned bit = 8u * message->first_byte;
+    size_t bytes = fields_bytes(message->fields);
+
+    if (!message->fields) {
+        return;
+    }
+    if (message->repeats > 1) {
+        fprintf(out, "\nFor each of its axes or slots, %zu bytes apart:\n", bytes);
+    }
+    putc('\n', out);
+    for (const struct field *field = message->fields; field->type != FIELD_END; field++) {
+        if (!(field->type & FIELD_PADDING)) {
+            protocol_put_field(field, bit, out);
+        }
+        bit += field->type & FIELD_BITS_MASK;
+    }
+}
+
+/* ---- frames ---- */
+
+static void protocol_put_id(const struct protocol_frame *frame, FILE *out)
+{
+    const struct message *message = &frame->message;
+
+    fprintf(out, "id 0x%03" PRIx32, frame->base);
+    if (frame->step == 1) {
+        fprintf(out, " + %s", frame->counts);
+    } else if (frame->step > 1) {
+        fprintf(out, " + 0x%" PRIx32 " %s", frame->step, frame->counts);
+    }
+    if (message->code != MESSAGE_NO_CODE) {
+        fprintf(out, ", byte 0 = 0x%02x", (unsigned)message->code);
+    }
+    if (message->shortest && message->shortest != message->length) {
+        fprintf(out, ", %u to %u bytes", message->shortest, message->length);
+    } else {
+        fprintf(out, ", %u byte%s", message->length, message->length == 1 ? "" : "s");
+    }
+    if (message->cycle_ns) {
+        fprintf(out, ", every %g ms%s", message->cycle_ns * 1e-6,
+                frame->cycle_varies ? " at address 1" : "");
+    }
+}
+
+/* The frame by which a board answers a command; NULL = none. */
+static struct protocol_frame *protocol_find_answer(struct protocol_frames *frames,
+                                                   const struct protocol_frame *frame)
+{
+    static const char *const pairs[][2] = {{"REQUEST", "REPLY"}, {"DISCOVER", "IDENTITY"}};
+
+    for (size_t i = 0; i < frames->count && frame->message.from_host; i++) {
+        struct protocol_frame *other = &frames->frame[i];
+
+        if (other->message.from_host || other->message.code != frame->message.code) {
+            continue;
+        }
+        if (frame->message.code != MESSAGE_NO_CODE &&
+            !strcmp(other->message.name, frame->message.name)) {
+            return other;
+        }
+        for (size_t k = 0; k < ARRAY_COUNT(pairs); k++) {
+            if (!strcmp(frame->message.name, pairs[k][0]) &&
+                !strcmp(other->message.name, pairs[k][1])) {
+                return other;
+            }
+        }
+    }
+    return NULL;
+}
+
+static void protocol_put_frame(struct protocol_frames *frames, struct protocol_frame *frame,
+                               FILE *out)
+{
+    struct protocol_frame *answer = protocol_find_answer(frames, frame);
+
+    fprintf(out, "\n### %s\n\n%s, ", frame->message.name,
+            frame->message.from_host ? "Host to board" : "Board to host");
+    protocol_put_id(frame, out);
+    if (!frame->message.from_host && !frame->message.cycle_ns) {
+        fputs(", when there is something to tell", out);
+    }
+    fputs(".\n", out);
+    protocol_put_fields(&frame->message, out);
+    frame->printed = true;
+    if (answer) {
+        fputs("\nAnswer: ", out);
+        if (strcmp(answer->message.name, frame->message.name) != 0) {
+            fprintf(out, "%s, ", answer->message.name);
+        }
+        protocol_put_id(answer, out);
+        fputs(".\n", out);
+        protocol_put_fields(&answer->message, out);
+        answer->printed = true;
+    }
+}
+
+/* ---- sections ---- */
+
+static const struct protocol_section {
+    const char *title;
+    int class_of_id; /* of an iCub identifier; -1: of compact frames */
+    bool from_host;
+} sections[] = {
+    {"Targets and telemetry of motor boards", 1, false},
+    {"Commands of motor boards", 0, false},
+    {"Telemetry of STRAIN boards", 3, false},
+    {"Commands of STRAIN boards", 2, false},
+    {"Management of all boards", 7, false},
+    {"From the host", -1, true},
+    {"From boards", -1, false},
+};
+
+static bool protocol_belongs(const struct protocol_section *section,
+                             const struct protocol_frame *frame, bool compact)
+{
+    return compact ? section->class_of_id < 0 && section->from_host == frame->message.from_host
+                   : section->class_of_id == (int)(frame->message.id >> 8);
+}
+
+static void protocol_put_sections(struct protocol_frames *frames, bool compact, FILE *out)
+{
+    for (size_t s = 0; s < ARRAY_COUNT(sections); s++) {
+        bool titled = false;
+
+        for (size_t i = 0; i < frames->count; i++) {
+            struct protocol_frame *frame = &frames->frame[i];
+
+            if (frame->printed || !protocol_belongs(&sections[s], frame, compact)) {
+                continue;
+            }
+            if (!titled) {
+                fprintf(out, "\n## %s\n", sections[s].title);
+                titled = true;
+            }
+            protocol_put_frame(frames, frame, out);
+        }
+    }
+}
+
+/* On CAN FD: frames that a classic bus does not have, or that are longer there. */
+static void protocol_put_fd(const struct protocol_frames *classic, FILE *out)
+{
+    static struct protocol_frames frames;
+
+    protocol_collect(BOARD_COMPACT, true, &frames);
+    fputs("\n## On CAN FD buses\n\nThe frames above but telemetry and forces, which are these:\n",
+          out);
+    for (size_t i = 0; i < frames.count; i++) {
+        struct protocol_frame *frame = &frames.frame[i];
+
+        if (!protocol_is_known(classic, classic->count, frame)) {
+            protocol_put_frame(&frames, frame, out);
+        }
+    }
+}
+
+static void protocol_put_faults(enum board_personality personality, FILE *out)
+{
+    const char *const *names = board_fault_names(personality);
+
+    fputs("\n## Faults\n\nThe bits of the fields `fault` and `faults` of an axis:\n\n", out);
+    for (int bit = 0; names[bit]; bit++) {
+        fprintf(out, "- bit %d: %s\n", bit, names[bit]);
+    }
+}
+
+void protocol_page_print(enum board_personality personality, FILE *out)
+{
+    static const char *const name[] = {
+        [BOARD_ICUB] = "icub", [BOARD_FOC] = "foc", [BOARD_COMPACT] = "compact"};
+    static const char *const intro[] = {[BOARD_ICUB] = MANUAL_PROTOCOL_ICUB,
+                                        [BOARD_FOC] = MANUAL_PROTOCOL_FOC,
+                                        [BOARD_COMPACT] = MANUAL_PROTOCOL_COMPACT};
+    static struct protocol_frames frames;
+
+    fprintf(out, "# What `%s` boards speak\n\n", name[personality]);
+    options_wrap(intro[personality], 0, 0, out);
+    protocol_collect(personality, false, &frames);
+    protocol_put_sections(&frames, personality == BOARD_COMPACT, out);
+    if (personality == BOARD_COMPACT) {
+        protocol_put_fd(&frames, out);
+    }
+    protocol_put_faults(personality, out);
+}

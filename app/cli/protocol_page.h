@@ -1,0 +1,16 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the boards of a personality speak, as a page in Markdown: every frame with its fields,
+ * units, ranges and answer, and the fault bits, from the tables of the boards (boards/messages.h).
+ * Not RT-safe.
+ */
+#ifndef APP_CLI_PROTOCOL_PAGE_H
+#define APP_CLI_PROTOCOL_PAGE_H
+
+#include "boards/board.h"
+
+#include <stdio.h>
+
+void protocol_page_print(enum board_personality personality, FILE *out);
+
+#endif

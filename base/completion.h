@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Completion of command lines in bash and zsh: scripts that are made from the tables of commands
+ * and options, so that they know every one of them. Names of rigs and the like are asked from the
+ * program when they are needed ("PROGRAM list NOUN --names"). Not RT-safe.
+ */
+#ifndef BASE_COMPLETION_H
+#define BASE_COMPLETION_H
+
+#include <stdio.h>
+
+struct command_spec;
+struct program;
+
+enum completion_shell { COMPLETION_BASH, COMPLETION_ZSH, COMPLETION_SHELLS };
+
+/* Prints the script of a program on standard output. */
+void completion_print(const struct program *program, enum completion_shell shell);
+
+/* The part of one command, which options_read prints for --help=bash and --help=zsh. */
+void options_completion(const struct command_spec *spec, enum completion_shell shell, FILE *out);
+
+#endif

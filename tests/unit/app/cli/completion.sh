@@ -1,0 +1,74 @@
+#!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
+# usage: completion.sh COMAN-HIL COMAN-HIL-BENCH
+# The completion scripts: what bash offers for command lines, by running its completion function as
+# bash does, and the syntax of the one for zsh. Prints TAP.
+set -u
+program=$1 bench=$2
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+. "${HIL_SOURCE_DIR:?}/tests/service/tap.sh"
+tap_show="$work/out"
+"$program" --completion=bash >"$work/coman-hil" && . "$work/coman-hil"
+"$bench" --completion=bash >"$work/coman-hil-bench" && . "$work/coman-hil-bench"
+cd "$work" || exit 1
+mkdir recordings
+touch mine.yaml signals.csv
+
+# offer WORD...: what is offered for the last word, which may be empty, in "$work/out"
+offer() {
+    COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)) COMPREPLY=()
+    case $1 in *-bench) _coman_hil_bench ;; *) _coman_hil ;; esac
+    printf '%s\n' "${COMPREPLY[@]}" >"$work/out"
+}
+# offers NAME EXPECTED WORD...: exactly these, in any order
+offers() {
+    local name=$1 expected=$2
+    shift 2
+    offer "$@"
+    [ "$(tr ' ' '\n' <<<"$expected" | sort)" = "$(sort "$work/out")" ]
+    result $? "$name"
+}
+
+echo 1..18
+commands=$("$program" --help | sed -n '/^coman-hil COMMAND/q; s/^  \([a-z]\+\) .*/\1/p')
+offers "every command" "$(echo $commands --help --version)" "$program" ""
+offers "commands that begin so" "check" "$program" ch
+
+for command in $commands; do
+    options=$("$program" "$command" --help | sed -n 's/^  \(-[a-z-]*\).*/\1/p')
+    offer "$program" "$command" -
+    [ "$(sort <<<"$options")" = "$(sort "$work/out")" ] || break
+done
+result $? "every option that --help lists, of every command"
+subjects=$("$bench" --help | sed -n '/^coman-hil-bench COMMAND/q; s/^  \([a-z]\+\) .*/\1/p')
+for command in $subjects; do
+    options=$("$bench" "$command" --help | sed -n 's/^  \(-[a-z-]*\).*/\1/p')
+    offer "$bench" "$command" -
+    [ "$(sort <<<"$options")" = "$(sort "$work/out")" ] || break
+done
+result $? "the same of the benchmarks"
+
+offers "words of an option" "real lockstep free" "$program" run coman --clock ""
+offers "the same behind =" "lockstep" "$program" run coman --clock = l
+offers "and of nothing behind =" "ideal wire" "$program" run coman --wire =
+offers "rigs by name" "walkman" "$program" run w
+offers "rigs behind options with values" "walkman" "$program" run --duration 5 --clock = free w
+offers "no second rig" "" "$program" run coman ""
+offers "tasks, then rigs" "squat" "$program" task sq
+offers "rigs after tasks" "walkman" "$program" task squat wal
+offers "more scenarios" "push_recovery" "$program" test brown_out push
+offers "robots of a benchmark" "coman walkman" "$bench" dynamics ""
+offers "files where no name begins so" "mine.yaml" "$program" check min
+offers "folders for a recording" "recordings" "$program" run coman --record ""
+offers "commands of ctl" "statistics status" "$program" ctl stat
+
+if command -v zsh >/dev/null; then
+    "$program" --completion=zsh >"$work/_coman-hil" && zsh -n "$work/_coman-hil" \
+        >"$work/out" 2>&1 && "$bench" --completion=zsh >"$work/_coman-hil-bench" &&
+        zsh -n "$work/_coman-hil-bench" >"$work/out" 2>&1
+    result $? "zsh understands its scripts"
+else
+    skip "zsh understands its scripts" "zsh is not installed"
+fi
+exit $failed

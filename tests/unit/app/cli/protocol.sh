@@ -1,0 +1,69 @@
+#!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
+# usage: protocol.sh COMAN-HIL
+# The pages on what the boards speak: those of docs/protocol are what the program prints, they have
+# every message and signal of the DBC files of rigs, and every fault. Prints TAP.
+set -u
+program=$1
+source=${HIL_SOURCE_DIR:?}
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+. "$source/tests/service/tap.sh"
+tap_show="$work/out"
+
+# has_all_of RIG PERSONALITY: all frames that a rig's DBC files name are on the page
+has_all_of() {
+    mkdir "$work/$1" && "$program" dbc "$1" -o "$work/$1" >/dev/null &&
+        sed -n 's/^BO_ [0-9]* \([A-Za-z0-9_]*\).*/\1/p; s/^VAL_ [0-9]* command //p' \
+            "$work/$1"/*.dbc | tr ' ";' '\n\n\n' |
+        sed -n 's/^ALL_//; s/^\([A-Z][A-Z0-9_]*[A-Z]\)\(_[01]\)\{0,1\}$/\1/p' | sort -u |
+        grep -vxE 'STEP|DONE|MANAGEMENT' >"$work/names" # the loop's, and a name of all commands
+    [ -s "$work/names" ] || return 1
+    while read -r name; do
+        grep -qE "^### $name$|^Answer: $name," "$work/$2.md" || echo "$1: $name is not on the page"
+    done <"$work/names" >"$work/out"
+    [ ! -s "$work/out" ]
+}
+
+echo 1..10
+for personality in icub foc compact; do
+    "$program" protocol $personality >"$work/$personality.md" 2>"$work/out" &&
+        diff "$source/docs/protocol/$personality.md" "$work/$personality.md" >"$work/out"
+    result $? "docs/protocol/$personality.md is what \`coman-hil protocol $personality\` prints"
+done
+
+# from another description of the protocol: the header that people read
+has() { grep -qF -- "$2" "$work/$1.md" || echo "no \"$2\"" >>"$work/out"; }
+: >"$work/out"
+has icub 'Host to board, id 0x000 + a, byte 0 = 0x09, 2 bytes.'
+has icub 'Answer: id 0x000 + 0x10 a, byte 0 = 0x07, 3 bytes.'
+has icub 'Board to host, id 0x101 + 0x10 a, 8 bytes, every 4 ms.'
+has icub 'Host to board, id 0x70f, byte 0 = 0xff, 1 byte.'
+has icub '- bytes 2-3 `value`: u16 be'
+has icub '- byte 1 `period`: u8, ms, 1 to 255 ms'
+[ ! -s "$work/out" ]
+result $? "identifiers, lengths and ranges of icub"
+has foc 'Host to board, id 0x10f, 8 bytes, every 1 ms.'
+has foc 'Board to host, id 0x100 + 0x10 a, 8 bytes, every 1 ms.'
+has foc '- bit 14: set-point expired'
+[ ! -s "$work/out" ]
+result $? "identifiers, lengths and faults of foc"
+has compact 'Host to board, id 0x020, 5 bytes.'
+has compact 'Board to host, id 0x100 + s, 8 bytes, every 1 ms.'
+has compact 'Board to host, id 0x120 + n, 64 bytes, every 1 ms.'
+has compact '- bits 22-37 `deflection`: i16, in 1e-05 rad, -0.32768 to 0.32767 rad'
+has compact 'Answer: REPLY, id 0x6a0 + n, 7 bytes.'
+[ ! -s "$work/out" ]
+result $? "identifiers, lengths, scales and ranges of compact"
+
+has_all_of coman icub
+result $? "every frame of the rig coman is on the page"
+has_all_of coman-foc foc
+result $? "every frame of the rig coman-foc is on the page"
+has_all_of coman-compact compact && has_all_of coman-fd compact
+result $? "every frame of the rigs coman-compact and coman-fd is on the page"
+
+"$program" protocol icbu >"$work/out" 2>&1
+[ $? -eq 2 ] && grep -q 'expected icub' "$work/out"
+result $? "an unknown personality is refused with the nearest"
+exit "$failed"
