@@ -29,6 +29,10 @@ done
 guarded "$rigs/coman-sensors.yaml" --transport local --clock free --ticks 3000 --energy --settle
 verdict "noisy sensors, the account of energy and a settled start" only
 
+guarded "$rigs/coman-drives.yaml" --transport local --clock lockstep --ticks 3000 --energy \
+    --task squat
+verdict "drives with friction, backlash, heat and a supply that rises" only
+
 guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --ticks 3000 \
     --fault 'sensor LKneeSag.torque garbage amplitude=5 0.2..1' \
     --fault 'board left_leg/0x01 intermittent 0.5..1' \
