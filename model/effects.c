@@ -39,14 +39,14 @@ static double slope_harmonics(const struct robot_harmonic *harmonic, size_t coun
     return sum;
 }
 
-static double gear_slope(const struct robot_sea *sea, double qm)
-{
-    return 1.0 + slope_harmonics(sea->effects->error, sea->effects->nerror, sea->N, qm);
-}
-
 double effects_deflection(const struct robot_sea *sea, double qm, double q)
 {
     return qm - q + sum_harmonics(sea->effects->error, sea->effects->nerror, sea->N, qm);
+}
+
+static double gear_slope(const struct robot_sea *sea, double qm)
+{
+    return 1.0 + slope_harmonics(sea->effects->error, sea->effects->nerror, sea->N, qm);
 }
 
 /* c = -dW/dqm */
@@ -101,13 +101,28 @@ static double spring_push(const struct robot_sea *sea, double bend, double rate,
     return torque * bend > 0.0 ? torque : 0.0;
 }
 
+/* tau, and the factors of the motor's angle in it. */
+struct gear_state {
+    double slope, rate, torque; /* 1 + e', d', tau */
+};
+
+static struct gear_state find_gear(const struct robot_sea *sea, const struct effects_state *state,
+                                   double q, double qd)
+{
+    const double bend = spring_bend(sea, effects_deflection(sea, state->sea.qm, q));
+    struct gear_state gear = {.slope = gear_slope(sea, state->sea.qm)};
+    double elastic;
+
+    gear.rate = gear.slope * state->sea.qmd - qd;
+    gear.torque = spring_push(sea, bend, gear.rate, &elastic) +
+                  (has_hysteresis(sea) ? state->hysteresis : 0.0);
+    return gear;
+}
+
 double effects_torque(const struct robot_sea *sea, const struct effects_state *state, double q,
                       double qd)
 {
-    double bend = spring_bend(sea, effects_deflection(sea, state->sea.qm, q)), elastic;
-    double rate = gear_slope(sea, state->sea.qm) * state->sea.qmd - qd;
-
-    return spring_push(sea, bend, rate, &elastic) + (has_hysteresis(sea) ? state->hysteresis : 0.0);
+    return find_gear(sea, state, q, qd).torque;
 }
 
 double effects_friction(const struct robot_sea *sea, double speed)
@@ -159,15 +174,14 @@ double effects_hysteresis(const struct robot_sea *sea, double z, double way, dou
 /* ---- the equations ---- */
 
 /* Torque on the rotor but for its own friction, N m. */
-static double rotor_load(const struct robot_sea *sea, const struct effects_state *state, double q,
-                         double qd)
+static double rotor_load(const struct robot_sea *sea, const struct effects_state *state,
+                         const struct gear_state *gear)
 {
     const struct robot_effects *effects = sea->effects;
-    double qm = state->sea.qm;
 
     return magnet_strength(sea, state->housing_c) * sea->Kt * state->sea.I -
-           gear_slope(sea, qm) * effects_torque(sea, state, q, qd) +
-           sum_harmonics(effects->cogging, effects->ncogging, sea->N, qm);
+           gear->slope * gear->torque +
+           sum_harmonics(effects->cogging, effects->ncogging, sea->N, state->sea.qm);
 }
 
 static int sign_of(double x)
@@ -185,7 +199,8 @@ struct effects_mode effects_find_mode(const struct robot_sea *sea,
     if (sea->effects->breakaway > 0.0) {
         mode.slide = sign_of(state->sea.qmd);
         if (mode.slide == 0) {
-            double load = rotor_load(sea, state, q, qd);
+            struct gear_state gear = find_gear(sea, state, q, qd);
+            double load = rotor_load(sea, state, &gear);
 
             mode.slide = fabs(load) > sea->effects->breakaway ? sign_of(load) : 0;
         }
@@ -220,32 +235,41 @@ static void warm_rates(const struct robot_thermal *thermal, double power,
     }
 }
 
+double effects_current_rate(const struct robot_sea *sea, const struct effects_state *state,
+                            const struct effects_bridge *bridge, const struct effects_mode *mode)
+{
+    const double Kw = magnet_strength(sea, state->housing_c) * sea->Kw;
+
+    return mode->flow != 0
+               ? (bridge->voltage - bridge->hold * mode->flow -
+                  effects_resistance(sea, state->winding_c) * state->sea.I - Kw * state->sea.qmd) /
+                     sea->L
+               : 0.0;
+}
+
 void effects_derivative(const struct robot_sea *sea, const struct effects_state *state, double q,
                         double qd, const struct effects_bridge *bridge,
                         const struct effects_mode *mode, struct effects_state *derivative)
 {
     double R = effects_resistance(sea, state->winding_c), qmd = state->sea.qmd, I = state->sea.I;
-    double Kw = magnet_strength(sea, state->housing_c) * sea->Kw, rate;
+    struct gear_state gear = find_gear(sea, state, q, qd);
 
     /* The rotor, and the deflection's rate */
     derivative->sea = (struct sea_state){0};
     if (mode->slide != 0) {
         derivative->sea.qm = qmd;
-        derivative->sea.qmd = (rotor_load(sea, state, q, qd) - sea->Dm * qmd -
+        derivative->sea.qmd = (rotor_load(sea, state, &gear) - sea->Dm * qmd -
                                mode->slide * effects_friction(sea, qmd)) /
                               sea->J;
     }
-    rate = gear_slope(sea, state->sea.qm) * qmd - qd;
     derivative->hysteresis =
-        has_hysteresis(sea) ? sea->effects->hysteresis_stiffness *
-                                  (rate - fabs(rate) * state->hysteresis / sea->effects->hysteresis)
-                            : 0.0;
+        has_hysteresis(sea)
+            ? sea->effects->hysteresis_stiffness *
+                  (gear.rate - fabs(gear.rate) * state->hysteresis / sea->effects->hysteresis)
+            : 0.0;
 
     /* The winding */
-    if (mode->flow != 0) {
-        derivative->sea.I =
-            (bridge->voltage - bridge->hold * mode->flow - R * I - Kw * qmd) / sea->L;
-    }
+    derivative->sea.I = effects_current_rate(sea, state, bridge, mode);
     warm_rates(&sea->effects->thermal, R * I * I, state, derivative);
 }
 
@@ -272,20 +296,29 @@ void effects_warm(const struct robot_sea *sea, double heat, double t, struct eff
     state->housing_c += (a * y - c * x) / det;
 }
 
-void effects_power(const struct robot_sea *sea, const struct effects_state *state, double q,
-                   double qd, const struct effects_bridge *bridge, const struct effects_mode *mode,
-                   struct effects_power *power)
+void effects_power_current(const struct robot_sea *sea, const struct effects_state *state,
+                           const struct effects_bridge *bridge, const struct effects_mode *mode,
+                           struct effects_power *power)
 {
-    double I = state->sea.I, qmd = state->sea.qmd, elastic;
-    double rate = gear_slope(sea, state->sea.qm) * qmd - qd;
-    double bend = spring_bend(sea, effects_deflection(sea, state->sea.qm, q));
-    double push = spring_push(sea, bend, rate, &elastic);
+    const double I = state->sea.I;
 
     power->electrical = (bridge->voltage - (bridge->hold - bridge->diodes) * mode->flow) * I;
     power->bridge = bridge->diodes * mode->flow * I;
     power->joule = effects_resistance(sea, state->winding_c) * I * I;
-    power->motor = sea->Dm * qmd * qmd +
-                   magnet_strength(sea, state->housing_c) * (sea->Kw - sea->Kt) * I * qmd;
+}
+
+void effects_power(const struct robot_sea *sea, const struct effects_state *state, double q,
+                   double qd, const struct effects_bridge *bridge, const struct effects_mode *mode,
+                   struct effects_power *power)
+{
+    double qmd = state->sea.qmd, elastic, push;
+    double rate = gear_slope(sea, state->sea.qm) * qmd - qd;
+
+    effects_power_current(sea, state, bridge, mode, power);
+    push = spring_push(sea, spring_bend(sea, effects_deflection(sea, state->sea.qm, q)), rate,
+                       &elastic);
+    power->motor = sea->Dm * qmd * qmd + magnet_strength(sea, state->housing_c) *
+                                             (sea->Kw - sea->Kt) * state->sea.I * qmd;
     power->gear = mode->slide * effects_friction(sea, qmd) * qmd;
     power->spring_damping = (push - elastic) * rate;
     power->hysteresis = has_hysteresis(sea) ? fabs(rate) * state->hysteresis * state->hysteresis /

@@ -59,6 +59,10 @@ enum error_code effects_check(const struct robot_sea *sea, struct error *error);
 double effects_torque(const struct robot_sea *sea, const struct effects_state *state, double q,
                       double qd);
 
+/* The current's alone, A/s. */
+double effects_current_rate(const struct robot_sea *sea, const struct effects_state *state,
+                            const struct effects_bridge *bridge, const struct effects_mode *mode);
+
 /* d, rad. */
 double effects_deflection(const struct robot_sea *sea, double qm, double q);
 
@@ -81,6 +85,11 @@ struct effects_power {
 void effects_power(const struct robot_sea *sea, const struct effects_state *state, double q,
                    double qd, const struct effects_bridge *bridge, const struct effects_mode *mode,
                    struct effects_power *power);
+
+/* The first three of them alone, without the motor's angle. */
+void effects_power_current(const struct robot_sea *sea, const struct effects_state *state,
+                           const struct effects_bridge *bridge, const struct effects_mode *mode,
+                           struct effects_power *power);
 
 /* Stored energy, J: as sea_energy, with that of hysteresis and cogging. Heat is not stored. */
 double effects_energy(const struct robot_sea *sea, const struct effects_state *state, double q);

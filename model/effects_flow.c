@@ -69,16 +69,19 @@ static struct sea_state flow_loaded(const struct effects_span *span, double q, e
                               span->bridge.voltage + extra->voltage);
 }
 
-/* Takes hysteresis from one place to another. */
-static void follow_hysteresis(const struct effects_span *span, double q, double q_end,
+/* Hysteresis once the deflection has changed from that at begin's place. */
+static void follow_hysteresis(const struct effects_span *span, double deflection, double q_end,
                               const struct effects_state *begin, struct effects_state *end,
-                              struct effects_work *work)
+                              struct effects_power *work)
 {
-    double way = effects_deflection(span->sea, end->sea.qm, q_end) -
-                 effects_deflection(span->sea, begin->sea.qm, q);
     double loss;
 
-    end->hysteresis = effects_hysteresis(span->sea, begin->hysteresis, way, &loss);
+    if (span->sea->effects->hysteresis == 0.0) {
+        return;
+    }
+    end->hysteresis =
+        effects_hysteresis(span->sea, begin->hysteresis,
+                           effects_deflection(span->sea, end->sea.qm, q_end) - deflection, &loss);
     if (work) {
         work->hysteresis += loss;
     }
@@ -98,17 +101,16 @@ static double flow_winding(const struct effects_span *span, const struct effects
 }
 
 /* A rotor that moves, as if it did so to the part's end. */
-static void slide_rotor(const struct effects_span *span, double q, double h,
+static void slide_rotor(const struct effects_span *span, double q, double deflection, double h,
                         const struct effects_mode *mode, const struct effects_state *begin,
                         struct effects_state *end)
 {
     const double play = 0.5 * span->sea->effects->backlash;
-    const bool loose = fabs(effects_deflection(span->sea, begin->sea.qm, q)) < play;
-    const enum effects_law law = loose ? EFFECTS_LOOSE : EFFECTS_BENT;
+    const enum effects_law law = fabs(deflection) < play ? EFFECTS_LOOSE : EFFECTS_BENT;
     struct extra_load first = find_extra_load(span, q, law, mode, begin), last;
 
     end->sea = flow_loaded(span, q, law, mode, &begin->sea, &first);
-    follow_hysteresis(span, q, q + h * span->qd, begin, end, NULL);
+    follow_hysteresis(span, deflection, q + h * span->qd, begin, end, NULL);
     last = find_extra_load(span, q + h * span->qd, law, mode, end);
     first.torque = 0.5 * (first.torque + last.torque);
     first.voltage = 0.5 * (first.voltage + last.voltage);
@@ -116,7 +118,7 @@ static void slide_rotor(const struct effects_span *span, double q, double h,
 }
 
 /* A rotor that came to rest on its way to end: where it is instead. */
-static void stop_rotor(const struct effects_span *span, double q, double h,
+static void stop_rotor(const struct effects_span *span, double q, double deflection, double h,
                        const struct effects_state *begin, struct effects_state *end)
 {
     const double v0 = begin->sea.qmd, v1 = end->sea.qmd;
@@ -129,7 +131,7 @@ static void stop_rotor(const struct effects_span *span, double q, double h,
     there.sea.qmd = 0.0;
     there.sea.I = begin->sea.I + part * (end->sea.I - begin->sea.I);
     q += part * h * span->qd;
-    follow_hysteresis(span, q - part * h * span->qd, q, begin, &there, NULL);
+    follow_hysteresis(span, deflection, q, begin, &there, NULL);
 
     /* And whether it stays */
     mode = effects_find_mode(span->sea, &there, q, span->qd, &span->bridge);
@@ -208,11 +210,15 @@ static double middle_value(double x0, double x1, double rate0, double rate1, dou
 
 /* Adds weight times the powers; friction of the gear and hysteresis have their own account. */
 static void add_power(const struct effects_span *span, double q, const struct effects_mode *mode,
-                      const struct effects_state *state, double weight, struct effects_work *work)
+                      const struct effects_state *state, double weight, struct effects_power *work)
 {
-    struct effects_power power;
+    struct effects_power power = {0};
 
-    effects_power(span->sea, state, q, span->qd, &span->bridge, mode, &power);
+    if (span->all_powers) {
+        effects_power(span->sea, state, q, span->qd, &span->bridge, mode, &power);
+    } else {
+        effects_power_current(span->sea, state, &span->bridge, mode, &power);
+    }
     work->electrical += weight * power.electrical;
     work->bridge += weight * power.bridge;
     work->joule += weight * power.joule;
@@ -220,33 +226,39 @@ static void add_power(const struct effects_span *span, double q, const struct ef
     work->spring_damping += weight * power.spring_damping;
 }
 
+/* What a current that came to zero has done. */
+static void account_charge(const struct effects_span *span, const struct effects_mode *mode,
+                           const struct part_events *events, struct effects_power *work)
+{
+    const struct effects_bridge *bridge = &span->bridge;
+
+    work->electrical +=
+        (bridge->voltage - (bridge->hold - bridge->diodes) * mode->flow) * events->charge;
+    work->bridge += bridge->diodes * mode->flow * events->charge;
+    work->joule += events->heat;
+}
+
 /* The works of a part by Simpson's rule over the cubic through its ends, or in a part with an event
  * by the line through them; friction's by its force times the way. */
 static void account_part(const struct effects_span *span, double q, double h,
                          const struct part_events *events, const struct effects_mode *mode,
                          const struct effects_state *begin, const struct effects_state *end,
-                         struct effects_work *work)
+                         struct effects_power *work)
 {
     const double q_end = q + h * span->qd, q_middle = q + 0.5 * h * span->qd;
     struct effects_state rate0 = {{0}, 0, 0, 0}, rate1 = rate0, middle = *begin;
     struct effects_state from = *begin, to = *end;
-    double friction = effects_friction(span->sea, begin->sea.qmd);
 
-    /* A current that came to zero has its own account */
     if (events->current) {
-        const struct effects_bridge *bridge = &span->bridge;
-
         from.sea.I = to.sea.I = 0.0;
-        work->electrical +=
-            (bridge->voltage - (bridge->hold - bridge->diodes) * mode->flow) * events->charge;
-        work->bridge += bridge->diodes * mode->flow * events->charge;
-        work->joule += events->heat;
+        account_charge(span, mode, events, work);
     }
-
-    /* All others */
-    if (!events->any) {
+    if (!events->any && span->all_powers) {
         effects_derivative(span->sea, &from, q, span->qd, &span->bridge, mode, &rate0);
         effects_derivative(span->sea, &to, q_end, span->qd, &span->bridge, mode, &rate1);
+    } else if (!events->any) {
+        rate0.sea.I = effects_current_rate(span->sea, &from, &span->bridge, mode);
+        rate1.sea.I = effects_current_rate(span->sea, &to, &span->bridge, mode);
     }
     middle.sea.qm = middle_value(from.sea.qm, to.sea.qm, rate0.sea.qm, rate1.sea.qm, h);
     middle.sea.qmd = middle_value(from.sea.qmd, to.sea.qmd, rate0.sea.qmd, rate1.sea.qmd, h);
@@ -254,12 +266,16 @@ static void account_part(const struct effects_span *span, double q, double h,
     add_power(span, q, mode, &from, h / 6.0, work);
     add_power(span, q_middle, mode, &middle, 4.0 * h / 6.0, work);
     add_power(span, q_end, mode, &to, h / 6.0, work);
-    friction = 0.5 * (friction + effects_friction(span->sea, end->sea.qmd));
-    work->gear += friction * fabs(end->sea.qm - begin->sea.qm);
+    if (span->all_powers) {
+        work->gear += 0.5 * fabs(end->sea.qm - begin->sea.qm) *
+                      (effects_friction(span->sea, begin->sea.qmd) +
+                       effects_friction(span->sea, end->sea.qmd));
+    }
 }
 
-static void advance_part(const struct effects_span *span, double q, double h,
-                         struct effects_state *state, struct effects_work *work)
+/* One part; deflection is that at its begin, and then at its end. */
+static void advance_part(const struct effects_span *span, double q, double h, double *deflection,
+                         struct effects_state *state, struct effects_power *work)
 {
     struct effects_mode mode = effects_find_mode(span->sea, state, q, span->qd, &span->bridge);
     const double q_end = q + h * span->qd;
@@ -269,30 +285,32 @@ static void advance_part(const struct effects_span *span, double q, double h,
     if (mode.slide == 0) {
         end.sea.I = flow_winding(span, &mode, state, state->sea.I, h);
     } else {
-        slide_rotor(span, q, h, &mode, state, &end);
+        slide_rotor(span, q, *deflection, h, &mode, state, &end);
         if (span->sea->effects->breakaway > 0.0 && end.sea.qmd * mode.slide < 0.0) {
-            stop_rotor(span, q, h, state, &end);
+            stop_rotor(span, q, *deflection, h, state, &end);
             events.any = true;
         }
     }
     if (span->bridge.hold > 0.0 && end.sea.I * mode.flow < 0.0) {
         stop_current(span, q_end, h, &mode, state, &end, &events);
     }
-    follow_hysteresis(span, q, q_end, state, &end, work);
+    follow_hysteresis(span, *deflection, q_end, state, &end, work);
     if (work) {
         account_part(span, q, h, &events, &mode, state, &end, work);
     }
+    *deflection = effects_deflection(span->sea, end.sea.qm, q_end);
     *state = end;
 }
 
 void effects_advance(const struct effects_span *span, double q, struct effects_state *state,
-                     struct effects_work *work)
+                     struct effects_power *work)
 {
     const double h = span->flow->of[EFFECTS_BENT][0].t;
     const double heat = work ? work->joule : 0.0;
+    double deflection = effects_deflection(span->sea, state->sea.qm, q);
 
     for (int part = 0; part < EFFECTS_PARTS; part++) {
-        advance_part(span, q, h, state, work);
+        advance_part(span, q, h, &deflection, state, work);
         q += h * span->qd;
     }
     if (work) {

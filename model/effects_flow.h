@@ -47,17 +47,13 @@ struct effects_span {
     const struct effects_linear *linear;
     const struct effects_flow *flow;
     struct effects_bridge bridge;
-    double qd; /* of the joint */
+    double qd;       /* of the joint */
+    bool all_powers; /* account for all, not just for those of the current */
 };
 
-/* Integrals of struct effects_power over a span, J. */
-struct effects_work {
-    double electrical, bridge, joule, motor, gear, spring_damping, hysteresis;
-};
-
-/* Takes a drive whose joint is at q through a span; adds to work, NULL = no account, and then no
- * temperatures change either. */
+/* Takes a drive whose joint is at q through a span; adds the integrals of its powers, J, to work,
+ * NULL = no account, and then no temperatures change either. */
 void effects_advance(const struct effects_span *span, double q, struct effects_state *state,
-                     struct effects_work *work);
+                     struct effects_power *work);
 
 #endif

@@ -237,6 +237,8 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->changed, plant->ndrive);
     TAKE(im->flows, plant->ndrive);
     TAKE(im->law, plant->ndrive);
+    TAKE(im->effects_sound, plant->has_effects ? plant->ndrive : 0);
+    TAKE(im->effects_changed, plant->has_effects ? plant->ndrive : 0);
     TAKE(im->effects, plant->has_effects ? plant->ndrive : 0);
     TAKE(im->extra, robot->njoint);
     TAKE(im->torque, robot->njoint);

@@ -69,6 +69,7 @@ void implicit_prepare_drives(struct plant *plant)
     for (size_t d = 0; d < plant->ndrive; d++) {
         make_drive_flows(&plant->config.robot->joint[plant->drive_joint[d]].sea,
                          1e-9 * (double)plant->config.substep_ns, &plant->implicit->sound[d]);
+        implicit_prepare_effects(plant, d);
         implicit_refresh_drive(plant, d);
     }
 }

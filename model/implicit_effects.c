@@ -21,25 +21,43 @@ static void make_effect_flows(const struct robot_sea *sea, double h, struct impl
     }
 }
 
+void implicit_prepare_effects(struct plant *plant, size_t d)
+{
+    const struct robot_sea *sound = &plant->config.robot->joint[plant->drive_joint[d]].sea;
+
+    if (sound->effects) {
+        make_effect_flows(sound, 1e-9 * (double)plant->config.substep_ns,
+                          &plant->implicit->effects_sound[d]);
+    }
+}
+
 void implicit_refresh_effects(struct plant *plant, size_t d)
 {
     struct implicit *im = plant->implicit;
+    const struct robot_sea *sound = &plant->config.robot->joint[plant->drive_joint[d]].sea;
 
-    if (plant->sea[d].effects) {
-        make_effect_flows(&plant->sea[d], 1e-9 * (double)plant->config.substep_ns, &im->effects[d]);
+    if (!sound->effects) {
+        return;
+    }
+    im->effects[d] = &im->effects_sound[d];
+    if (plant->sea[d].J != sound->J || plant->sea[d].Ks != sound->Ks) {
+        make_effect_flows(&plant->sea[d], 1e-9 * (double)plant->config.substep_ns,
+                          &im->effects_changed[d]);
+        im->effects[d] = &im->effects_changed[d];
     }
 }
 
 static struct effects_span effect_span_of(const struct plant *plant, size_t d,
                                           enum implicit_span span, double rate)
 {
-    const struct implicit_effects *effects = &plant->implicit->effects[d];
+    const struct implicit_effects *effects = plant->implicit->effects[d];
 
     return (struct effects_span){.sea = &plant->sea[d],
                                  .linear = &effects->linear,
                                  .flow = &effects->flow[plant->implicit->level][span],
                                  .bridge = plant->bridge[d],
-                                 .qd = rate};
+                                 .qd = rate,
+                                 .all_powers = plant->config.account_energy};
 }
 
 void implicit_linearize_effects(struct plant *plant, size_t d)
@@ -54,7 +72,7 @@ void implicit_linearize_effects(struct plant *plant, size_t d)
     double slope, bend;
 
     effects_advance(&span, q, &state, NULL);
-    slope = -(im->effects[d].linear.of[EFFECTS_BENT].Ks * h + sea->Ds);
+    slope = -(im->effects[d]->linear.of[EFFECTS_BENT].Ks * h + sea->Ds);
     bend = fabs(effects_deflection(sea, state.sea.qm, end)) - 0.5 * sea->effects->backlash;
     if (sea->stop.stiffness > 0.0 && bend > sea->deflection) {
         slope -= sea->stop.stiffness * h + sea->stop.damping;
@@ -70,7 +88,7 @@ void implicit_advance_effects(struct plant *plant, size_t d, enum implicit_span 
     double *work = plant->implicit->work;
     struct effects_span through = effect_span_of(plant, d, span, rate);
     struct effects_state effects = plant_effects_state(plant, state, d);
-    struct effects_work done = {0};
+    struct effects_power done = {0};
 
     effects_advance(&through, plant_joint_position(plant, state, plant->drive_joint[d]), &effects,
                     &done);

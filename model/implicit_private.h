@@ -84,9 +84,11 @@ struct implicit {
     struct drive_flows *sound, *changed; /* by drive: of its own parameters, and of a condition's */
     const struct drive_flows **flows;    /* by drive: those of the two that hold */
     enum spring_law *law;                /* by drive: in this stage */
-    struct implicit_effects *effects;    /* by drive, of a robot with effects */
-    double *extra, *torque;              /* by joint */
-    struct stop_step *stop;              /* by joint */
+    /* By drive, of a robot with effects: as sound and changed, and those that hold */
+    struct implicit_effects *effects_sound, *effects_changed;
+    const struct implicit_effects **effects;
+    double *extra, *torque; /* by joint */
+    struct stop_step *stop; /* by joint */
 
     /* Contact */
     size_t nactive;
@@ -201,7 +203,9 @@ void implicit_account_joints(struct plant *plant, double weight, const double *s
 
 /* ---- drives with effects: implicit_effects.c ---- */
 
-/* Makes the flows of a drive, if it has effects. */
+/* Makes the flows of a drive's own parameters, if it has effects; and chooses them, or makes those
+ * of its condition. */
+void implicit_prepare_effects(struct plant *plant, size_t d);
 void implicit_refresh_effects(struct plant *plant, size_t d);
 
 /* As for other drives: adds to torque and extra; takes a drive through a span with its joint at

@@ -98,6 +98,23 @@ void plant_effects_reset(struct plant *plant)
 /* Both half bridges switch once a period, and each loses the dead time against the current. */
 #define DEAD_TIMES 2.0
 
+/* What dead time takes. */
+static double dead_voltage(const struct robot_effects *effects, double supply)
+{
+    return fmin(1.0, DEAD_TIMES * effects->dead_time * effects->pwm) * supply;
+}
+
+double plant_holding_voltage(const struct plant *plant, size_t d, double I)
+{
+    const struct robot_sea *sea = &plant->sea[d];
+
+    if (!sea->effects || I == 0.0) {
+        return sea->R * I;
+    }
+    return effects_resistance(sea, plant_effects_state(plant, plant->state, d).winding_c) * I +
+           copysign(dead_voltage(sea->effects, plant_supply(plant)), I);
+}
+
 void plant_effects_hold(struct plant *plant, size_t d, double supply)
 {
     const struct robot_effects *effects = plant->sea[d].effects;
@@ -110,7 +127,7 @@ void plant_effects_hold(struct plant *plant, size_t d, double supply)
         return;
     }
     if (plant->bridge_on[d]) {
-        bridge->hold = fmin(1.0, DEAD_TIMES * effects->dead_time * effects->pwm) * supply;
+        bridge->hold = dead_voltage(effects, supply);
     } else if (effects->freewheel) {
         bridge->conducts = true;
         bridge->diodes = 2.0 * effects->diode;

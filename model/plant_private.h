@@ -157,6 +157,9 @@ void plant_effects_reset(struct plant *plant);
 /* What the bridge of a drive with effects does, after its voltage is held. */
 void plant_effects_hold(struct plant *plant, size_t d, double supply);
 
+/* Terminal voltage that keeps a current in any drive at rest, V. */
+double plant_holding_voltage(const struct plant *plant, size_t d, double I);
+
 /* Rates of a drive with effects in the mode of the substep; work may be NULL. */
 void plant_effects_derive(const struct plant *plant, const double *state, size_t d,
                           double *derivative, double *work);
