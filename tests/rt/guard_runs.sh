@@ -10,7 +10,7 @@ program=$2
 # shellcheck source=/dev/null
 . "$(dirname "$0")/guard_lib.sh"
 
-echo 1..18
+echo 1..19
 
 guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --ticks 3000 --wire ideal
 verdict "lockstep on ideal buses makes no system call" only
