@@ -155,15 +155,17 @@ static bool sensing_channel_is_plain(const struct sensing *s, size_t channel)
     return s->channel[channel].ideal;
 }
 
-/* The temperature of a winding after another tick of current_a, 0 where none is modelled. */
-static double sensing_heat_winding(const struct sensing *s, size_t j, double current_a)
+/* The temperature of a winding after another tick of current_a; where it is not modelled here, what
+ * the plant says: that of its own model, or 0. */
+static double sensing_heat_winding(const struct sensing *s, size_t j,
+                                   const struct motor_sense *truth)
 {
     const struct sensor_thermal *thermal = &s->joint[j].thermal;
     struct joint_state *state = &s->state[j];
-    double goal = thermal->resistance_ohm * current_a * current_a * thermal->k_per_w;
+    double goal = thermal->resistance_ohm * truth->current_a * truth->current_a * thermal->k_per_w;
 
     if (thermal->resistance_ohm == 0.0) {
-        return 0.0;
+        return truth->winding_c;
     }
     if (s->started) {
         state->heated_c = goal + (state->heated_c - goal) * state->keep;
@@ -206,7 +208,7 @@ static void sensing_read_joint(struct sensing *s, size_t j, const struct motor_s
     out->torque_nm =
         sensing_read_channel(s, sensing_joint_channel(j, SENSOR_TORQUE), truth->torque_nm);
     out->winding_c = sensing_read_channel(s, sensing_joint_channel(j, SENSOR_TEMPERATURE),
-                                          sensing_heat_winding(s, j, truth->current_a));
+                                          sensing_heat_winding(s, j, truth));
 }
 
 static void sensing_read_ft(struct sensing *s, size_t f, const struct ft_sense *truth)

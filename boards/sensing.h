@@ -46,10 +46,11 @@ struct sensor_error {
 #define SENSING_LATENCY_MAX_NS INT64_C(1000000000)
 
 /* The winding as one body: C T' = R I^2 - (T - ambient) / Rth, so that what it has taken is the I2t
- * of the motor. Heats with the true current; the plant's resistance stays. */
+ * of the motor. Heats with the true current; the plant's resistance stays. For drives whose effects
+ * have temperatures (model/effects.h) there is none here: the sensor reads theirs. */
 struct sensor_thermal {
     double ambient_c;
-    double resistance_ohm;  /* R of the winding; 0 = no temperature (reads 0) */
+    double resistance_ohm;  /* R of the winding; 0 = no temperature but the plant's */
     double k_per_w;         /* Rth */
     double time_constant_s; /* C Rth */
 };

@@ -7,6 +7,7 @@ set(HIL_CONFIG
     meshes/walkman-foot-right.obj
     rigs/coman-bench.yaml
     rigs/coman-compact.yaml
+    rigs/coman-drives.yaml
     rigs/coman-fd.yaml
     rigs/coman-foc.yaml
     rigs/coman-sensors.yaml

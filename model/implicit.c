@@ -155,7 +155,10 @@ static enum error_code take_part(struct plant *plant, enum implicit_level level,
     }
     plant_free_normalize(plant);
     if (plant->config.account_energy) {
-        add_scaled(1.0, im->work, plant->state + plant->at.work, WORK_COUNT);
+        add_scaled(1.0, im->work, plant->state + plant->at.work, plant->nwork);
+    }
+    if (plant->config.bus.capacitance_f > 0.0) {
+        plant_supply_advance(plant, im->work[WORK_ELECTRICAL], h);
     }
     return ERROR_NONE;
 }
@@ -234,6 +237,9 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->changed, plant->ndrive);
     TAKE(im->flows, plant->ndrive);
     TAKE(im->law, plant->ndrive);
+    TAKE(im->effects_sound, plant->has_effects ? plant->ndrive : 0);
+    TAKE(im->effects_changed, plant->has_effects ? plant->ndrive : 0);
+    TAKE(im->effects, plant->has_effects ? plant->ndrive : 0);
     TAKE(im->extra, robot->njoint);
     TAKE(im->torque, robot->njoint);
     TAKE(im->stop, robot->njoint);

@@ -69,6 +69,7 @@ void implicit_prepare_drives(struct plant *plant)
     for (size_t d = 0; d < plant->ndrive; d++) {
         make_drive_flows(&plant->config.robot->joint[plant->drive_joint[d]].sea,
                          1e-9 * (double)plant->config.substep_ns, &plant->implicit->sound[d]);
+        implicit_prepare_effects(plant, d);
         implicit_refresh_drive(plant, d);
     }
 }
@@ -78,6 +79,7 @@ void implicit_refresh_drive(struct plant *plant, size_t d)
     struct implicit *im = plant->implicit;
     const struct robot_sea *sound = &plant->config.robot->joint[plant->drive_joint[d]].sea;
 
+    implicit_refresh_effects(plant, d);
     im->flows[d] = &im->sound[d];
     if (plant->sea[d].J != sound->J || plant->sea[d].Ks != sound->Ks) {
         make_drive_flows(&plant->sea[d], 1e-9 * (double)plant->config.substep_ns, &im->changed[d]);
@@ -213,7 +215,11 @@ void implicit_linearize_actuators(struct plant *plant)
     memset(im->extra, 0, robot->njoint * sizeof *im->extra);
     memset(im->torque, 0, robot->njoint * sizeof *im->torque);
     for (size_t d = 0; d < plant->ndrive; d++) {
-        linearize_drive(plant, d);
+        if (plant->sea[d].effects) {
+            implicit_linearize_effects(plant, d);
+        } else {
+            linearize_drive(plant, d);
+        }
     }
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
@@ -272,10 +278,14 @@ void implicit_advance_actuators(struct plant *plant, enum implicit_span span, co
         struct sea_state drive = plant_drive_state(plant, state, d);
         enum spring_law law = im->law[d];
 
+        if (plant->sea[d].effects) {
+            implicit_advance_effects(plant, d, span, rate[j], state);
+            continue;
+        }
         if (span != SPAN_STAGE) {
             law = find_spring_law(plant, d, span, &drive, q, rate[j]);
         }
-        if (plant->config.account_energy) {
+        if (plant->accounts) {
             account_span(plant, d, law, span, drive, q, rate[j]);
         }
         drive = flow_drive(plant, d, law, drive_flow_of(plant, d, law, (int)im->level, span),

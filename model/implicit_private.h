@@ -1,15 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What the parts of the implicit integrator share: implicit.c (steps and their length),
- * implicit_stage.c (one stage), implicit_actuators.c (drives and springs), implicit_contact.c
- * (pairs in touch), implicit_solve.c (the linear system). The scheme and its symbols: implicit.c.
- * Contact bodies go by the index of their motion among those given to the engine. SI units. Memory
- * is the plant's. No errors but those that are returned. RT-safe.
+ * implicit_stage.c (one stage), implicit_actuators.c (drives and springs), implicit_effects.c
+ * (drives with effects), implicit_contact.c (pairs in touch), implicit_solve.c (the linear system).
+ * The scheme and its symbols: implicit.c. Contact bodies go by the index of their motion among
+ * those given to the engine. SI units. Memory is the plant's. No errors but those that are
+ * returned. RT-safe.
  */
 #ifndef MODEL_IMPLICIT_PRIVATE_H
 #define MODEL_IMPLICIT_PRIVATE_H
 
 #include "model/drive_flow.h"
+#include "model/effects_flow.h"
 #include "model/implicit.h"
 #include "model/spatial.h"
 
@@ -48,6 +50,12 @@ struct drive_flows {
     struct drive_flow of[SPRING_LAWS][2][FLOW_LEVELS][SPANS];
 };
 
+/* What a drive with effects is taken through a span by. */
+struct implicit_effects {
+    struct effects_linear linear;
+    struct effects_flow flow[STEP_LEVELS][SPANS];
+};
+
 /* Arrays by joint, by contact body, by free body or by body of the robot. "Rates" are velocities or
  * their derivatives: nv of the robot, then enum free_acceleration_part of each free body; all
  * linear ones in the world frame, where a fall is a parabola however the body turns. States are
@@ -76,8 +84,11 @@ struct implicit {
     struct drive_flows *sound, *changed; /* by drive: of its own parameters, and of a condition's */
     const struct drive_flows **flows;    /* by drive: those of the two that hold */
     enum spring_law *law;                /* by drive: in this stage */
-    double *extra, *torque;              /* by joint */
-    struct stop_step *stop;              /* by joint */
+    /* By drive, of a robot with effects: as sound and changed, and those that hold */
+    struct implicit_effects *effects_sound, *effects_changed;
+    const struct implicit_effects **effects;
+    double *extra, *torque; /* by joint */
+    struct stop_step *stop; /* by joint */
 
     /* Contact */
     size_t nactive;
@@ -189,6 +200,19 @@ void implicit_advance_actuators(struct plant *plant, enum implicit_span span, co
  * state, and of end stops to work. */
 void implicit_account_joints(struct plant *plant, double weight, const double *state,
                              double offset);
+
+/* ---- drives with effects: implicit_effects.c ---- */
+
+/* Makes the flows of a drive's own parameters, if it has effects; and chooses them, or makes those
+ * of its condition. */
+void implicit_prepare_effects(struct plant *plant, size_t d);
+void implicit_refresh_effects(struct plant *plant, size_t d);
+
+/* As for other drives: adds to torque and extra; takes a drive through a span with its joint at
+ * that rate. */
+void implicit_linearize_effects(struct plant *plant, size_t d);
+void implicit_advance_effects(struct plant *plant, size_t d, enum implicit_span span, double rate,
+                              double *state);
 
 /* ---- active pairs: implicit_contact.c ---- */
 

@@ -28,14 +28,11 @@ static const char diverged[] =
 static void set_drive_condition(struct plant *plant, size_t d, unsigned condition)
 {
     size_t j = plant->drive_joint[d];
-    struct sea_state drive = plant_drive_state(plant, plant->state, d);
-    double q = plant_joint_position(plant, plant->state, j);
-    double before = sea_energy(&plant->sea[d], &drive, q);
+    double before = plant_drive_energy(plant, plant->state, d);
     struct robot_sea *sea = &plant->sea[d];
 
     /* A rotor that jams or comes free is at rest */
     if ((condition ^ plant->condition[d]) & DRIVE_JAM) {
-        drive.qmd = 0.0;
         plant->state[plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED] = 0.0;
     }
     plant->condition[d] = condition;
@@ -51,7 +48,8 @@ static void set_drive_condition(struct plant *plant, size_t d, unsigned conditio
         sea->J = JAMMED_INERTIA;
     }
     if (plant->config.account_energy) {
-        plant->state[plant->at.work + WORK_FRICTION] += before - sea_energy(sea, &drive, q);
+        plant->state[plant->at.work + WORK_FRICTION] +=
+            before - plant_drive_energy(plant, plant->state, d);
     }
     if (plant->implicit) {
         implicit_refresh_drive(plant, d);
@@ -66,23 +64,6 @@ void plant_balance(struct plant *plant, bool balanced)
         plant->state[plant_drive_offset(plant, d) + DRIVE_MOTOR_SPEED] = 0.0;
         set_drive_condition(plant, d, plant->condition[d]);
     }
-}
-
-/* The source under load: V = source - R P / V, where P is the power that the bridges take, solved
- * for V; half of the source when it cannot give so much. */
-double plant_supply(const struct plant *plant)
-{
-    double source = fmax(0.0, plant->config.supply_v - plant->command.supply_sag_v), power = 0.0;
-    double rest;
-
-    if (plant->config.supply_ohm == 0.0) {
-        return source;
-    }
-    for (size_t d = 0; d < plant->ndrive; d++) {
-        power += plant->voltage[d] * plant->state[plant_drive_offset(plant, d) + DRIVE_CURRENT];
-    }
-    rest = 0.25 * source * source - plant->config.supply_ohm * power;
-    return 0.5 * source + sqrt(fmax(0.0, rest));
 }
 
 /* Takes the command over for the coming steps, which last so many seconds together. */
@@ -105,7 +86,10 @@ static void hold_command(struct plant *plant, double seconds)
             plant->bridge_on[d] && !shorted ? fmax(-supply, fmin(supply, voltage)) : 0.0;
 
         /* An open bridge stops the current at once: the winding's energy becomes heat */
-        if (!plant->bridge_on[d]) {
+        if (plant->has_effects) {
+            plant_effects_hold(plant, d, supply);
+        }
+        if (!plant->bridge_on[d] && !(plant->has_effects && plant->bridge[d].conducts)) {
             if (plant->config.account_energy) {
                 plant->state[plant->at.work + WORK_JOULE] += 0.5 * plant->sea[d].L * *I * *I;
             }
@@ -151,6 +135,7 @@ static enum error_code integrate_state(struct plant *plant, double h)
         return implicit_step(plant, h);
     }
     plant->step_code = ERROR_NONE;
+    plant_effects_begin(plant);
     if (config->integrator == PLANT_RK4) {
         integrator_rk4(plant_derivative, plant, 0.0, h, count, plant->state, plant->lost,
                        plant->scratch);
@@ -160,6 +145,7 @@ static enum error_code integrate_state(struct plant *plant, double h)
         plant->failure = not_accurate;
         return ERROR_INPUT;
     }
+    plant_effects_end(plant);
     return plant->step_code;
 }
 
@@ -239,6 +225,7 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
     }
     complete_pretensions(plant);
     plant_free_reset(plant);
+    plant_effects_reset(plant);
     memset(plant->pretension_rate, 0, plant->nspring * sizeof *plant->pretension_rate);
 
     /* Nothing acts from outside, and nothing is remembered of an earlier run */

@@ -5,10 +5,11 @@
  *
  * State, one flat array: q (nq), v (nv), then an enum plant_drive_part for each joint with a drive,
  * in joint order, then p for each joint with an enabled parallel spring, then an enum
- * plant_free_part for each free body, then, with account_energy, the integrals of the powers.
- * Joints without a drive have no actuator state and no torque but that of their parallel spring and
- * of the stops at the ends of their range (model/stop.h).
- * Time is int64_t ns.
+ * plant_free_part for each free body, then hysteresis, winding and housing temperature of each
+ * drive where some drive has effects (model/effects.h), the bus of the supply if there is one
+ * (model/supply.h), and with account_energy the integrals of the powers. Joints without a drive
+ * have no actuator state and no torque but that of their parallel spring and of the stops at the
+ * ends of their range (model/stop.h). Time is int64_t ns.
  *
  * Free bodies are the scene's: rigid, joined to nothing, moved by gravity, contact and pushes.
  * Wherever a body is meant by its index they follow the robot's: free[i] is body nbody + i. (Bodies
@@ -26,6 +27,7 @@
 #include "contact/contact.h"
 #include "model/dynamics.h"
 #include "model/plant_io.h"
+#include "model/supply.h"
 
 struct plant;
 
@@ -75,6 +77,7 @@ struct plant_config {
     double rtol, atol;              /* of dopri5, for each number of the state */
     double supply_v;                /* terminal voltages are clipped to +-supply_v */
     double supply_ohm;              /* of the source: the supply sags under load; 0 = none */
+    struct supply_bus bus;          /* behind it; capacitance 0 = none */
     bool account_energy;            /* integrate the power balance too (plant_energy) */
     int64_t (*now_ns)(void *clock); /* to time the contact engine by; RT-safe; NULL = untimed */
     void *clock;                    /* handed to now_ns */
@@ -91,9 +94,11 @@ enum { PLANT_PATCHES = 256 };
 
 /* Energies since the start, J. balance = what was put in (electrical_in, pretension_work,
  * push_work) - (what is stored now - what was stored at the start) - what was lost (joule_heat,
- * motor_friction, spring_damping, parallel_damping, stop_loss, contact_dissipation): zero for an
- * exact integration. stop_loss is that of the joints' stops; what the stops of series springs lose
- * is in spring_damping.
+ * motor_friction, spring_damping, parallel_damping, stop_loss, contact_dissipation, and with
+ * effects of drives gear_friction, gear_hysteresis and bridge_loss (of diodes), with a bus
+ * source_loss and chopper_heat): zero for an exact integration. electrical_in is what the bridges
+ * take, with a bus what its source gives. stop_loss is that of the joints' stops; what the stops of
+ * series springs lose is in spring_damping.
  *
  * Contact enters the balance by the work of its wrenches on the bodies, whatever the engine says of
  * its own energies: contact_dissipation is that work, negated, less the growth of what the patches
@@ -102,7 +107,8 @@ struct plant_energy {
     double electrical_in, pretension_work, push_work;
     double joule_heat, motor_friction, spring_damping, parallel_damping, stop_loss;
     double contact_dissipation;
-    double stored; /* kinetic, gravity, springs, stops, windings, contact layers */
+    double gear_friction, gear_hysteresis, bridge_loss, source_loss, chopper_heat;
+    double stored; /* kinetic, gravity, springs, stops, windings, contact layers, bus */
     double balance;
 };
 

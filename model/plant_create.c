@@ -93,6 +93,29 @@ static enum error_code check_integrator(const struct plant_config *config, struc
     return ERROR_NONE;
 }
 
+/* A bus that is possible, if there is one. */
+static enum error_code check_bus(const struct plant_config *config, struct error *error)
+{
+    const struct supply_bus *bus = &config->bus;
+
+    if (!(bus->capacitance_f >= 0.0) || !isfinite(bus->capacitance_f)) {
+        return error_set(error, ERROR_INPUT, "the supply's capacitance is %g F, expected 0 or more",
+                         bus->capacitance_f);
+    }
+    if (bus->capacitance_f > 0.0 && config->supply_ohm == 0.0) {
+        return error_set(error, ERROR_INPUT,
+                         "a supply with a capacitance needs a source with a resistance");
+    }
+    if (bus->on_v != 0.0 && (bus->capacitance_f == 0.0 || !(bus->on_v > bus->off_v) ||
+                             !(bus->off_v > config->supply_v) || !(bus->brake_ohm > 0.0))) {
+        return error_set(error, ERROR_INPUT,
+                         "a brake chopper that switches on at %g V and off at %g V through %g ohm, "
+                         "expected on > off > the supply's %g V, a resistance, and a capacitance",
+                         bus->on_v, bus->off_v, bus->brake_ohm, config->supply_v);
+    }
+    return ERROR_NONE;
+}
+
 /* Robot, dynamics, time, supply and contact of a configuration, then its bodies. */
 static enum error_code check_plant_config(const struct plant_config *config, struct error *error)
 {
@@ -121,6 +144,10 @@ static enum error_code check_plant_config(const struct plant_config *config, str
                          config->supply_ohm);
     }
 
+    if ((code = check_bus(config, error))) {
+        return code;
+    }
+
     /* Contact, and everything that lies on a body */
     if ((config->contact != NULL) != (config->ncontact > 0)) {
         return error_set(error, ERROR_INPUT, "contact bodies: found %zu with %s contact engine",
@@ -133,17 +160,24 @@ static enum error_code check_plant_config(const struct plant_config *config, str
 static void lay_out_state(struct plant *plant)
 {
     const struct robot *robot = plant->config.robot;
+    const bool has_bus = plant->config.bus.capacitance_f > 0.0;
 
     for (size_t j = 0; j < robot->njoint; j++) {
         plant->ndrive += robot->joint[j].sea.present;
+        plant->has_effects |= robot->joint[j].sea.present && robot->joint[j].sea.effects;
         plant->nspring += robot->joint[j].spring.present && robot->joint[j].spring.enabled;
     }
     plant->at.v = robot->nq;
     plant->at.drive = plant->at.v + robot->nv;
     plant->at.pretension = plant->at.drive + PLANT_DRIVE_STATE * plant->ndrive;
     plant->at.free = plant->at.pretension + plant->nspring;
-    plant->at.work = plant->at.free + PLANT_FREE_STATE * plant->config.nfree;
-    plant->at.count = plant->at.work + (plant->config.account_energy ? WORK_COUNT : 0);
+    plant->at.effect = plant->at.free + PLANT_FREE_STATE * plant->config.nfree;
+    plant->at.supply =
+        plant->at.effect + (plant->has_effects ? PLANT_EFFECT_STATE * plant->ndrive : 0);
+    plant->at.work = plant->at.supply + (has_bus ? SUPPLY_STATE : 0);
+    plant->nwork = plant->has_effects || has_bus ? WORK_COUNT : WORK_GEAR;
+    plant->accounts = plant->config.account_energy || has_bus;
+    plant->at.count = plant->at.work + (plant->config.account_energy ? plant->nwork : 0);
 }
 
 /* An array of count elements for pointer; clears ok when the arena is used up. */
@@ -178,6 +212,8 @@ static bool allocate_plant(struct plant *plant, struct arena *arena)
     TAKE(plant->condition, plant->ndrive);
     TAKE(plant->voltage, plant->ndrive);
     TAKE(plant->bridge_on, plant->ndrive);
+    TAKE(plant->bridge, plant->has_effects ? plant->ndrive : 0);
+    TAKE(plant->mode, plant->has_effects ? plant->ndrive : 0);
     TAKE(plant->pretension_rate, plant->nspring);
 
     /* One evaluation */
@@ -300,6 +336,7 @@ enum error_code plant_create(const struct plant_config *config, struct arena *ar
     }
     plant_free_prepare(made);
     plant_free_reset(made);
+    plant_effects_reset(made);
     made->command.njoint = robot->njoint;
     made->sensors.njoint = robot->njoint;
     made->sensors.nft = robot->nft;

@@ -84,11 +84,7 @@ static void apply_joint_torques(struct plant *plant, const double *state)
 
     memset(plant->tau, 0, robot->njoint * sizeof *plant->tau);
     for (size_t d = 0; d < plant->ndrive; d++) {
-        size_t j = plant->drive_joint[d];
-        struct sea_state drive = plant_drive_state(plant, state, d);
-
-        plant->tau[j] += sea_torque(&plant->sea[d], &drive, plant_joint_position(plant, state, j),
-                                    plant_joint_rate(plant, state, j));
+        plant->tau[plant->drive_joint[d]] += plant_drive_torque(plant, state, d);
     }
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
@@ -174,6 +170,10 @@ static void derive_drives(const struct plant *plant, const double *state, double
         double *out = derivative + plant_drive_offset(plant, d);
         struct sea_state drive = plant_drive_state(plant, state, d), rate;
 
+        if (sea->effects) {
+            plant_effects_derive(plant, state, d, derivative, work);
+            continue;
+        }
         sea_derivative(sea, &drive, q, qd, plant->voltage[d], plant->bridge_on[d], &rate);
         out[DRIVE_MOTOR_POSITION] = rate.qm;
         out[DRIVE_MOTOR_SPEED] = rate.qmd;
@@ -245,6 +245,9 @@ void plant_derivative(void *context, double t, const double *state, double *deri
     derive_drives(plant, state, derivative, work);
     derive_springs(plant, state, derivative, work);
     plant_free_derive(plant, state, derivative);
+    if (plant->config.bus.capacitance_f > 0.0) {
+        plant_supply_derive(plant, state, derivative, work);
+    }
     if (work) {
         work[WORK_CONTACT] = load.contact;
         work[WORK_PUSH] = load.push;

@@ -19,10 +19,7 @@ static double stored_mechanical(struct plant *plant)
     energy = kinetic + potential;
     energy += plant_free_energy(plant, state);
     for (size_t d = 0; d < plant->ndrive; d++) {
-        size_t j = plant->drive_joint[d];
-        struct sea_state drive = plant_drive_state(plant, state, d);
-
-        energy += sea_energy(&plant->sea[d], &drive, plant_joint_position(plant, state, j));
+        energy += plant_drive_energy(plant, state, d);
     }
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
@@ -32,6 +29,11 @@ static double stored_mechanical(struct plant *plant)
     }
     for (size_t j = 0; j < robot->njoint; j++) {
         energy += stop_energy(&robot->joint[j].stop, plant_joint_depth(plant, state, j));
+    }
+    if (plant->config.bus.capacitance_f > 0.0) {
+        double V = state[plant->at.supply + SUPPLY_VOLTAGE];
+
+        energy += 0.5 * plant->config.bus.capacitance_f * V * V;
     }
     return energy;
 }
@@ -66,10 +68,25 @@ static enum error_code stored_contact(struct plant *plant, double *energy)
 enum error_code plant_restart_energy(struct plant *plant)
 {
     if (plant->config.account_energy) {
-        memset(plant->state + plant->at.work, 0, WORK_COUNT * sizeof *plant->state);
+        memset(plant->state + plant->at.work, 0, plant->nwork * sizeof *plant->state);
     }
     plant->start_mechanical = stored_mechanical(plant);
     return stored_contact(plant, &plant->start_contact);
+}
+
+/* The accounts of effects and bus. */
+static void fill_effect_energies(const struct plant *plant, struct plant_energy *energy)
+{
+    const double *work = plant->state + plant->at.work;
+
+    energy->gear_friction = work[WORK_GEAR];
+    energy->gear_hysteresis = work[WORK_HYSTERESIS];
+    energy->bridge_loss = work[WORK_BRIDGE];
+    if (plant->config.bus.capacitance_f > 0.0) {
+        energy->electrical_in = work[WORK_SOURCE];
+        energy->source_loss = work[WORK_SOURCE_LOSS];
+        energy->chopper_heat = work[WORK_CHOPPER];
+    }
 }
 
 enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
@@ -94,9 +111,14 @@ enum error_code plant_energy(struct plant *plant, struct plant_energy *energy)
     energy->parallel_damping = work[WORK_PARALLEL_DAMPING];
     energy->stop_loss = work[WORK_STOPS];
     energy->contact_dissipation = -work[WORK_CONTACT] - (contact - plant->start_contact);
+    if (plant->nwork > WORK_GEAR) {
+        fill_effect_energies(plant, energy);
+    }
     energy->balance = energy->electrical_in + energy->pretension_work + energy->push_work +
                       work[WORK_CONTACT] - (mechanical - plant->start_mechanical) -
                       energy->joule_heat - energy->motor_friction - energy->spring_damping -
-                      energy->parallel_damping - energy->stop_loss;
+                      energy->parallel_damping - energy->stop_loss - energy->gear_friction -
+                      energy->gear_hysteresis - energy->bridge_loss - energy->source_loss -
+                      energy->chopper_heat;
     return ERROR_NONE;
 }

@@ -41,7 +41,8 @@ struct motor_sense {
     double current_a; /* motor current I^m */
     double torque_nm; /* on the link: Ks (qm - q) + Ds (qm' - q'), and the spring's stop */
     double voltage_v; /* applied, after saturation */
-    double winding_c; /* temperature, deg C; only where boards/sensing.h models it, else 0 */
+    double
+        winding_c; /* temperature, deg C; where the drive's effects or boards/sensing.h model it */
 };
 
 struct ft_sense {

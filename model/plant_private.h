@@ -1,19 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What the parts of the plant share: plant_create.c (configuration, memory), plant.c (stepping),
- * plant_derive.c (right-hand side), plant_contact.c, plant_free.c (free bodies), plant_sample.c
- * (sensors), plant_energy.c, implicit.c, settle.c. Units and frames as in model/plant.h. RT-safe
- * unless said otherwise.
+ * plant_derive.c (right-hand side), plant_effects.c (drives with effects, the supply),
+ * plant_contact.c, plant_free.c (free bodies), plant_sample.c (sensors), plant_energy.c,
+ * implicit.c, settle.c. Units and frames as in model/plant.h. RT-safe unless said otherwise.
  */
 #ifndef MODEL_PLANT_PRIVATE_H
 #define MODEL_PLANT_PRIVATE_H
 
-#include "model/actuator.h"
+#include "model/effects.h"
 #include "model/integrator.h"
 #include "model/plant.h"
 #include "model/stop.h"
+#include "model/supply.h"
 
-/* Integrals of powers at the end of the state. WORK_CONTACT is what contact does on the bodies. */
+/* Integrals of powers at the end of the state. WORK_CONTACT is what contact does on the bodies.
+ * Those from WORK_GEAR on are there with effects of drives or a bus only. */
 enum plant_work {
     WORK_ELECTRICAL,
     WORK_PRETENSION,
@@ -24,12 +26,18 @@ enum plant_work {
     WORK_SPRING_DAMPING,
     WORK_PARALLEL_DAMPING,
     WORK_STOPS,
+    WORK_GEAR,
+    WORK_HYSTERESIS,
+    WORK_BRIDGE,
+    WORK_SOURCE,
+    WORK_SOURCE_LOSS,
+    WORK_CHOPPER,
     WORK_COUNT,
 };
 
 /* Where the parts of the flat state begin, and its length. */
 struct plant_layout {
-    size_t v, drive, pretension, free, work, count;
+    size_t v, drive, pretension, free, effect, supply, work, count;
 };
 
 /* Inverse of a free body's tensor of inertia, as struct robot_inertia has the tensor. */
@@ -52,6 +60,9 @@ struct plant {
     struct dynamics whole;      /* generic, with every body observed: pushes, center of mass */
     struct plant_layout at;
     size_t ndrive, nspring;
+    size_t nwork;         /* integrals of powers, with account_energy */
+    bool has_effects;     /* some drive has: the state has their parts */
+    bool accounts;        /* powers are integrated: account_energy, or a bus that lives on them */
     size_t *drive_joint;  /* joint of each drive */
     size_t *spring_joint; /* joint of each enabled parallel spring */
     struct plant_free_inverse *free_inverse;
@@ -71,7 +82,9 @@ struct plant {
     unsigned *condition;   /* of each drive: bits of enum drive_condition */
     double *voltage;       /* of each drive, after saturation */
     bool *bridge_on;
-    double *pretension_rate; /* of each parallel spring */
+    struct effects_bridge *bridge; /* of each drive, with effects */
+    struct effects_mode *mode;     /* of each drive, in a substep of rk4 and dopri5; with effects */
+    double *pretension_rate;       /* of each parallel spring */
 
     /* Scratch of one evaluation */
     double *q; /* with a quaternion of unit length */
@@ -118,6 +131,53 @@ static inline struct sea_state plant_drive_state(const struct plant *plant, cons
     return (struct sea_state){
         .qm = y[DRIVE_MOTOR_POSITION], .qmd = y[DRIVE_MOTOR_SPEED], .I = y[DRIVE_CURRENT]};
 }
+
+/* ---- drives with effects, and the supply: plant_effects.c ---- */
+
+/* Parts of the state of each drive, where some drive has effects. */
+enum plant_effect_part {
+    EFFECT_HYSTERESIS, /* N m */
+    EFFECT_WINDING,    /* deg C */
+    EFFECT_HOUSING,    /* deg C */
+    PLANT_EFFECT_STATE,
+};
+
+/* The whole state of a drive with effects, and back. */
+struct effects_state plant_effects_state(const struct plant *plant, const double *state, size_t d);
+void plant_effects_store(const struct plant *plant, size_t d, const struct effects_state *effects,
+                         double *state);
+
+/* Torque of any drive on its joint, N m, and the energy that it stores, J. */
+double plant_drive_torque(const struct plant *plant, const double *state, size_t d);
+double plant_drive_energy(const struct plant *plant, const double *state, size_t d);
+
+/* Effects and bus as they start: relaxed, at ambient temperature, charged. */
+void plant_effects_reset(struct plant *plant);
+
+/* What the bridge of a drive with effects does, after its voltage is held. */
+void plant_effects_hold(struct plant *plant, size_t d, double supply);
+
+/* Terminal voltage that keeps a current in any drive at rest, V. */
+double plant_holding_voltage(const struct plant *plant, size_t d, double I);
+
+/* Rates of a drive with effects in the mode of the substep; work may be NULL. */
+void plant_effects_derive(const struct plant *plant, const double *state, size_t d,
+                          double *derivative, double *work);
+
+/* Before and after a substep of an integrator that knows no events: the modes that hold in it, and
+ * what has passed zero in it brought to zero. */
+void plant_effects_begin(struct plant *plant);
+void plant_effects_end(struct plant *plant);
+
+/* Power that the bridges take from the supply, W. */
+double plant_bridge_power(const struct plant *plant, const double *state);
+
+/* Rates of the bus; work may be NULL. */
+void plant_supply_derive(const struct plant *plant, const double *state, double *derivative,
+                         double *work);
+
+/* The bus after a step of h seconds in which the bridges took that energy, J. */
+void plant_supply_advance(struct plant *plant, double energy, double h);
 
 /* Voltage of the supply in the present state, under the load of the bridges. */
 double plant_supply(const struct plant *plant);

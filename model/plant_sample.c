@@ -110,8 +110,11 @@ static void sample_motors(struct plant *plant)
         motor[j].qm = drive.qm;
         motor[j].qmd = drive.qmd;
         motor[j].current_a = drive.I;
-        motor[j].torque_nm = sea_torque(&plant->sea[d], &drive, motor[j].q, motor[j].qd);
+        motor[j].torque_nm = plant_drive_torque(plant, plant->state, d);
         motor[j].voltage_v = plant->voltage[d];
+        if (plant->has_effects) {
+            motor[j].winding_c = plant_effects_state(plant, plant->state, d).winding_c;
+        }
     }
 }
 

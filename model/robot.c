@@ -7,6 +7,7 @@
 
 #include "base/count.h"
 #include "base/hash.h"
+#include "model/effects.h"
 #include "model/spatial.h"
 
 #include <stdlib.h>
@@ -192,6 +193,9 @@ static enum error_code check_joint(const struct robot_joint *joint, struct error
     if (joint->sea.present && !drive_is_possible(&joint->sea)) {
         return error_set(error, ERROR_INPUT,
                          "the drive needs J, L, N > 0 and no negative constant");
+    }
+    if (joint->sea.present && joint->sea.effects && effects_check(&joint->sea, error)) {
+        return ERROR_INPUT;
     }
     if (joint->spring.present && !spring_is_possible(&joint->spring)) {
         return error_set(error, ERROR_INPUT,

@@ -57,6 +57,36 @@ struct robot_stop {
     double damping;   /* N m s/rad or N s/m */
 };
 
+/* A sine of the motor's angle: amplitude sin(per_turn N qm + phase). */
+struct robot_harmonic {
+    double per_turn, amplitude, phase; /* of the motor's turns; rad or N m; rad */
+};
+
+enum { ROBOT_HARMONICS = 4 };
+
+/* Two bodies that warm up: the winding, with all of R I^2, and the housing with the magnets. */
+struct robot_thermal {
+    double winding_k_w, housing_k_w; /* to the housing, to the air, K/W; 0 = no temperatures */
+    double winding_j_k, housing_j_k; /* heat capacities */
+    double ambient_c;                /* deg C */
+    double R_per_k, Kt_per_k;        /* per K from 25 deg C, by winding and by housing */
+};
+
+/* What a real drive does beside eqs (2)-(4), model/effects.h; zero = it does not. Link side. */
+struct robot_effects {
+    double coulomb, breakaway;                    /* friction of the gear, N m: F(infinite), F(0) */
+    double stribeck;                              /* speed between them, rad/s; 0 = F is F(0) */
+    double backlash;                              /* whole play behind the gear, rad */
+    double hysteresis, hysteresis_stiffness;      /* Dahl: z_max, N m; sigma, N m/rad */
+    struct robot_harmonic error[ROBOT_HARMONICS]; /* kinematic, of the gear, rad */
+    struct robot_harmonic cogging[ROBOT_HARMONICS]; /* N m */
+    size_t nerror, ncogging;
+    struct robot_thermal thermal;
+    double dead_time, pwm; /* of the bridge, s and Hz */
+    bool freewheel;        /* through its diodes when it is off; else the current stops at once */
+    double diode;          /* voltage of each of the two, V */
+};
+
 /* Series elastic DC drive of a joint, paper eqs (2)-(4); all on the link side of the gear. */
 struct robot_sea {
     bool present;
@@ -71,6 +101,7 @@ struct robot_sea {
     double L;               /* winding inductance, H */
     double deflection;      /* |qm - q| at which the spring meets its stop, rad */
     struct robot_stop stop; /* beside the spring, beyond that deflection */
+    const struct robot_effects *effects; /* NULL = none: eqs (2)-(4) and nothing else */
 };
 
 /* Parallel unilateral spring of a joint, paper eq. (5) with x = p - r s q: for x < 0 the joint gets

@@ -110,7 +110,37 @@ static const struct yaml_schema stops_schema =
         .key = word, .type = YAML_REAL, .offset = offsetof(struct drive_yaml, value[index]),       \
         .min = lowest, .max = 1e9, .given_offset = offsetof(struct drive_yaml, given[index])       \
     }
-static const struct yaml_field drive_fields[PARAMETER_COUNT] = {
+#define EFFECT(index, word, lowest, most)                                                          \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL, .offset = offsetof(struct drive_yaml, value[index]),       \
+        .min = lowest, .max = most, .given_offset = offsetof(struct drive_yaml, given[index])      \
+    }
+#define HARMONIC(word, lowest, most, must, member)                                                 \
+    {                                                                                              \
+        .key = word, .type = YAML_REAL, .required = must,                                          \
+        .offset = offsetof(struct harmonic_yaml, member), .min = lowest, .max = most               \
+    }
+static const struct yaml_field error_fields[] = {
+    HARMONIC("per_turn", 1e-6, 1e6, true, per_turn),
+    HARMONIC("rad", 0.0, 1.0, true, amplitude),
+    HARMONIC("phase_rad", -1e3, 1e3, false, phase),
+};
+static const struct yaml_schema error_schema =
+    SCHEMA("a sine of the gear's error", struct harmonic_yaml, error_fields);
+static const struct yaml_field cogging_fields[] = {
+    HARMONIC("per_turn", 1e-6, 1e6, true, per_turn),
+    HARMONIC("nm", 0.0, 1e6, true, amplitude),
+    HARMONIC("phase_rad", -1e3, 1e3, false, phase),
+};
+static const struct yaml_schema cogging_schema =
+    SCHEMA("a sine of the cogging torque", struct harmonic_yaml, cogging_fields);
+#define HARMONICS(word, member, entry)                                                             \
+    {                                                                                              \
+        .key = word, .type = YAML_LIST, .offset = offsetof(struct drive_yaml, member),             \
+        .count_offset = offsetof(struct drive_yaml, n##member), .schema = &entry,                  \
+        .given_offset = offsetof(struct drive_yaml, has_##member)                                  \
+    }
+static const struct yaml_field drive_fields[] = {
     DRIVE(PARAMETER_J, "J_kg_m2", 1e-12),
     DRIVE(PARAMETER_DM, "Dm_nm_s_rad", 0.0),
     DRIVE(PARAMETER_KS, "Ks_nm_rad", 0.0),
@@ -123,6 +153,28 @@ static const struct yaml_field drive_fields[PARAMETER_COUNT] = {
     DRIVE(PARAMETER_DEFLECTION, "deflection_rad", 1e-6),
     DRIVE(PARAMETER_STOP_KS, "stop_Ks_nm_rad", 0.0),
     DRIVE(PARAMETER_STOP_DS, "stop_Ds_nm_s_rad", 0.0),
+    EFFECT(PARAMETER_COULOMB, "coulomb_nm", 0.0, 1e6),
+    EFFECT(PARAMETER_BREAKAWAY, "breakaway_nm", 0.0, 1e6),
+    EFFECT(PARAMETER_STRIBECK, "stribeck_rad_s", 1e-6, 1e6),
+    EFFECT(PARAMETER_BACKLASH, "backlash_rad", 0.0, 1.0),
+    EFFECT(PARAMETER_HYSTERESIS, "hysteresis_nm", 0.0, 1e6),
+    EFFECT(PARAMETER_HYSTERESIS_KS, "hysteresis_nm_rad", 1e-6, 1e6),
+    EFFECT(PARAMETER_WINDING_K_W, "winding_k_w", 1e-6, 1e6),
+    EFFECT(PARAMETER_HOUSING_K_W, "housing_k_w", 1e-6, 1e6),
+    EFFECT(PARAMETER_WINDING_J_K, "winding_j_k", 1e-3, 1e9),
+    EFFECT(PARAMETER_HOUSING_J_K, "housing_j_k", 1e-3, 1e9),
+    EFFECT(PARAMETER_AMBIENT, "ambient_c", -60.0, 200.0),
+    EFFECT(PARAMETER_R_PER_K, "R_per_k", 0.0, 0.01),
+    EFFECT(PARAMETER_KT_PER_K, "NKt_per_k", -0.01, 0.0),
+    EFFECT(PARAMETER_DEAD_TIME, "dead_time_s", 0.0, 1e-3),
+    EFFECT(PARAMETER_PWM, "pwm_hz", 1.0, 1e7),
+    EFFECT(PARAMETER_DIODE, "diode_v", 0.0, 10.0),
+    {.key = "freewheel",
+     .type = YAML_BOOL,
+     .offset = offsetof(struct drive_yaml, freewheel),
+     .given_offset = offsetof(struct drive_yaml, has_freewheel)},
+    HARMONICS("gear_error", error, error_schema),
+    HARMONICS("cogging", cogging, cogging_schema),
 };
 static const struct yaml_schema drive_schema = SCHEMA("a drive", struct drive_yaml, drive_fields);
 
@@ -300,6 +352,10 @@ static const struct yaml_field variant_fields[] = {
     LIST("frames", YAML_LIST, struct variant_yaml, frame, nframe, frame_schema),
     LIST("capsules", YAML_LIST, struct variant_yaml, capsule, ncapsule, capsule_schema),
     LIST("ft_sensors", YAML_LIST, struct variant_yaml, ft, nft, ft_schema),
+    {.key = "drive",
+     .type = YAML_MAP,
+     .offset = offsetof(struct variant_yaml, drive),
+     .schema = &drive_schema},
 };
 static const struct yaml_schema variant_schema = {.what = "a variant",
                                                   .size = sizeof(struct variant_yaml),

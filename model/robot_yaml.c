@@ -129,6 +129,31 @@ static enum error_code merge_named(struct robot_builder *b, void **list, size_t 
     return ERROR_NONE;
 }
 
+/* What a variant's drive gives goes before what the robot's own drive does. */
+static void merge_drive(const struct drive_yaml *change, struct drive_yaml *drive)
+{
+    for (enum drive_parameter i = 0; i < PARAMETER_COUNT; i++) {
+        if (change->given[i]) {
+            drive->value[i] = change->value[i];
+            drive->given[i] = true;
+        }
+    }
+    if (change->has_freewheel) {
+        drive->freewheel = change->freewheel;
+        drive->has_freewheel = true;
+    }
+    if (change->has_error) {
+        drive->error = change->error;
+        drive->nerror = change->nerror;
+        drive->has_error = true;
+    }
+    if (change->has_cogging) {
+        drive->cogging = change->cogging;
+        drive->ncogging = change->ncogging;
+        drive->has_cogging = true;
+    }
+}
+
 /* Bodies of a variant replace those of the robot; frames, capsules and sensors may also be new. */
 static enum error_code apply_variant(struct robot_builder *b, const struct variant_yaml *variant)
 {
@@ -153,6 +178,7 @@ static enum error_code apply_variant(struct robot_builder *b, const struct varia
         (code = merge_named(b, &ft, &file->nft, variant->ft, variant->nft, sizeof *file->ft))) {
         return code;
     }
+    merge_drive(&variant->drive, &file->drive);
     file->frame = frame;
     file->capsule = capsule;
     file->ft = ft;

@@ -2,7 +2,8 @@
 /*
  * A robot file as it is read, before it is a robot, and what the parts of the reader share:
  * robot_schema.c (keys and ranges), robot_yaml.c (names, variants, the order of the work),
- * robot_yaml_tree.c (bodies and joints), robot_yaml_frames.c (frames, sensors, poses).
+ * robot_yaml_tree.c (bodies and joints), robot_yaml_effects.c (what drives do beside the paper's
+ * equations), robot_yaml_frames.c (frames, sensors, poses).
  *
  * Units are in the keys of the file and the same here. Memory is the arena's. Functions return
  * ERROR_INPUT with file:line:column, or ERROR_MEMORY. Not RT-safe.
@@ -53,7 +54,8 @@ struct stops_yaml {
 };
 
 /* The parameters of a drive in the order of their keys in the schema; those of struct robot_sea.
- * Those of the spring's stop, from PARAMETER_DEFLECTION on, may be left out. */
+ * Those from PARAMETER_DEFLECTION on may be left out: those of the spring's stop, and from
+ * PARAMETER_COULOMB on those of struct robot_effects. */
 enum drive_parameter {
     PARAMETER_J,
     PARAMETER_DM,
@@ -67,13 +69,39 @@ enum drive_parameter {
     PARAMETER_DEFLECTION,
     PARAMETER_STOP_KS,
     PARAMETER_STOP_DS,
+    PARAMETER_COULOMB,
+    PARAMETER_BREAKAWAY,
+    PARAMETER_STRIBECK,
+    PARAMETER_BACKLASH,
+    PARAMETER_HYSTERESIS,
+    PARAMETER_HYSTERESIS_KS,
+    PARAMETER_WINDING_K_W,
+    PARAMETER_HOUSING_K_W,
+    PARAMETER_WINDING_J_K,
+    PARAMETER_HOUSING_J_K,
+    PARAMETER_AMBIENT,
+    PARAMETER_R_PER_K,
+    PARAMETER_KT_PER_K,
+    PARAMETER_DEAD_TIME,
+    PARAMETER_PWM,
+    PARAMETER_DIODE,
     PARAMETER_COUNT,
+};
+
+/* Torque of cogging or angle of the gear's error. */
+struct harmonic_yaml {
+    struct yaml_mark mark;
+    double per_turn, amplitude, phase;
 };
 
 struct drive_yaml {
     struct yaml_mark mark;
     double value[PARAMETER_COUNT];
     bool given[PARAMETER_COUNT];
+    bool freewheel, has_freewheel;
+    struct harmonic_yaml *error, *cogging;
+    size_t nerror, ncogging;
+    bool has_error, has_cogging;
 };
 
 struct spring_yaml {
@@ -153,6 +181,7 @@ struct variant_yaml {
     struct frame_yaml *frame;
     struct capsule_yaml *capsule;
     struct ft_yaml *ft;
+    struct drive_yaml drive;
     size_t nbody, nframe, ncapsule, nft;
 };
 
@@ -203,6 +232,11 @@ enum error_code robot_no_memory(struct robot_builder *b);
 enum error_code robot_build_inertia(struct robot_builder *b, const struct yaml_mark *mark,
                                     double mass, const double com[3], const double I[6],
                                     struct robot_inertia *inertia);
+
+/* The effects of a joint's drive, from the joint's or else from the robot's own drive: NULL if
+ * there are none. given's mark is where a message about them stands. */
+enum error_code robot_build_effects(struct robot_builder *b, const struct drive_yaml *given,
+                                    struct robot_sea *sea);
 
 /* Bodies and joints, in the order of the joints; then frames, capsules, sensors and poses. */
 enum error_code robot_build_tree(struct robot_builder *b);

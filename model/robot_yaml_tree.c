@@ -222,6 +222,7 @@ static enum error_code build_drive(struct robot_builder *b, const struct joint_y
 {
     double value[PARAMETER_COUNT];
     bool said[PARAMETER_COUNT];
+    enum error_code code;
 
     if (!given->has_drive) {
         return ERROR_NONE;
@@ -257,7 +258,10 @@ static enum error_code build_drive(struct robot_builder *b, const struct joint_y
                               .Kw = value[PARAMETER_KW],
                               .R = value[PARAMETER_R],
                               .L = value[PARAMETER_L]};
-    return build_spring_stop(b, given, value, said, sea);
+    if ((code = build_spring_stop(b, given, value, said, sea))) {
+        return code;
+    }
+    return robot_build_effects(b, &given->drive, sea);
 }
 
 static enum error_code build_spring(struct robot_builder *b, const struct joint_yaml *given,

@@ -247,10 +247,10 @@ static enum error_code load_drives(struct settle *s, struct error *error)
         double tau = drive_torque(s, j), *y = plant->state + plant_drive_offset(plant, d);
 
         y[DRIVE_MOTOR_POSITION] =
-            plant_joint_position(plant, plant->state, j) + sea_deflection(sea, tau);
+            effects_motor_rest(sea, plant_joint_position(plant, plant->state, j), tau);
         y[DRIVE_MOTOR_SPEED] = 0.0;
         y[DRIVE_CURRENT] = tau / sea->Kt;
-        plant->voltage[d] = sea->R * y[DRIVE_CURRENT];
+        plant->voltage[d] = plant_holding_voltage(plant, d, y[DRIVE_CURRENT]);
         plant->bridge_on[d] = true;
         plant->command.motor[j].bridge_on = true;
         plant->command.motor[j].voltage_v = plant->voltage[d];

@@ -91,6 +91,38 @@ enum error_code rig_check_keys(struct rig_builder *b, const struct yaml_mark *ma
     return ERROR_NONE;
 }
 
+/* ---- supply ---- */
+
+/* The source, and the bus behind it. */
+static enum error_code rig_build_supply(struct rig_builder *b)
+{
+    const struct raw_rig *raw = b->raw;
+    const struct raw_chopper *chopper = &raw->chopper;
+
+    b->rig->supply_v = raw->supply_v;
+    b->rig->supply_ohm = raw->supply_ohm;
+    if (raw->supply_capacitance_f > 0.0 && raw->supply_ohm == 0.0) {
+        return yaml_error(b->error, &raw->mark,
+                          "found supply_capacitance_f without supply_ohm, expected both: the bus "
+                          "is charged through a resistance");
+    }
+    if (raw->chopper_given && raw->supply_capacitance_f == 0.0) {
+        return yaml_error(b->error, &chopper->mark,
+                          "found a brake chopper without supply_capacitance_f, expected both");
+    }
+    if (raw->chopper_given && !(chopper->on_v > chopper->off_v && chopper->off_v > raw->supply_v)) {
+        return yaml_error(b->error, &chopper->mark,
+                          "found on_v %g and off_v %g, expected on_v above off_v above supply_v, "
+                          "%g",
+                          chopper->on_v, chopper->off_v, raw->supply_v);
+    }
+    b->rig->supply_bus = (struct supply_bus){.capacitance_f = raw->supply_capacitance_f,
+                                             .on_v = chopper->on_v,
+                                             .off_v = chopper->off_v,
+                                             .brake_ohm = chopper->ohm};
+    return ERROR_NONE;
+}
+
 /* ---- time ---- */
 
 static enum error_code rig_build_time(struct rig_builder *b)
@@ -116,9 +148,7 @@ static enum error_code rig_build_time(struct rig_builder *b)
     rig->integrator = (enum plant_integrator)raw->integrator;
     rig->tolerance = raw->tolerance;
     rig->dynamics = (enum rig_dynamics)raw->dynamics;
-    rig->supply_v = raw->supply_v;
-    rig->supply_ohm = raw->supply_ohm;
-    return ERROR_NONE;
+    return rig_build_supply(b);
 }
 
 /* ---- the controller's side ---- */

@@ -132,7 +132,8 @@ struct rig {
     struct sensing_config sensing; /* without faults */
     const struct yaml_name *fault; /* lines (boards/faults.h), in order */
     size_t nfault;
-    double supply_ohm; /* of the source */
+    double supply_ohm;            /* of the source */
+    struct supply_bus supply_bus; /* behind it */
 };
 
 /* Reads a rig file and the files that it names (robot, meshes); path may be the name of an

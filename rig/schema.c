@@ -526,6 +526,20 @@ static const struct yaml_schema tasks_schema = {
     .field_count = ARRAY_COUNT(tasks_fields),
 };
 
+#define STRUCT raw_chopper
+static const struct yaml_field chopper_fields[] = {
+    {"on_v", YAML_REAL, true, AT(on_v), .min = DBL_MIN, .max = 1e4},
+    {"off_v", YAML_REAL, true, AT(off_v), .min = DBL_MIN, .max = 1e4},
+    {"ohm", YAML_REAL, true, AT(ohm), .min = 1e-3, .max = 1e6},
+};
+#undef STRUCT
+static const struct yaml_schema chopper_schema = {
+    .what = "a brake chopper",
+    .size = sizeof(struct raw_chopper),
+    .fields = chopper_fields,
+    .field_count = ARRAY_COUNT(chopper_fields),
+};
+
 #define STRUCT raw_rig
 static const struct yaml_field rig_fields[] = {
     {"name", YAML_STRING, true, AT(name), .min = 1, .max = 63},
@@ -554,6 +568,9 @@ static const struct yaml_field rig_fields[] = {
     {"faults", YAML_NAME_LIST, false, .offset = AT(fault), .count_offset = AT(nfault)},
     {"seed", YAML_INT, false, AT(seed), .min = 0, .max = 9e15},
     {"supply_ohm", YAML_REAL, false, AT(supply_ohm), .min = 0.0, .max = 1e3},
+    {"supply_capacitance_f", YAML_REAL, false, AT(supply_capacitance_f), .min = 1e-4, .max = 1e3},
+    {"brake_chopper", YAML_MAP, false, AT(chopper), .schema = &chopper_schema,
+     .given_offset = AT(chopper_given)},
 };
 #undef STRUCT
 static const struct raw_rig rig_defaults = {

@@ -241,6 +241,11 @@ struct raw_tasks {
     struct raw_grasp grasp;
 };
 
+struct raw_chopper {
+    struct yaml_mark mark;
+    double on_v, off_v, ohm;
+};
+
 struct raw_rig {
     struct yaml_mark mark;
     const char *name, *description;
@@ -266,7 +271,9 @@ struct raw_rig {
     struct yaml_name *fault; /* a line each (boards/faults.h) */
     size_t nfault;
     int64_t seed;
-    double supply_ohm;
+    double supply_ohm, supply_capacitance_f;
+    struct raw_chopper chopper;
+    bool chopper_given;
 };
 
 /* Reads the file; strings and lists live in arena. */

@@ -134,7 +134,7 @@ static struct sensor_error sensor_error_of(const struct raw_channel *raw)
 }
 
 /* Replaces the channels that raw gives. */
-static void sensors_apply_joint(const struct raw_joint_sensors *raw, double resistance_ohm,
+static void sensors_apply_joint(const struct raw_joint_sensors *raw, const struct robot_sea *sea,
                                 struct sensor_joint *to)
 {
     const struct {
@@ -154,10 +154,11 @@ static void sensors_apply_joint(const struct raw_joint_sensors *raw, double resi
             *channel[i].to = sensor_error_of(channel[i].from);
         }
     }
-    if (raw->winding_given) {
+    /* A drive that warms up in the plant has that temperature */
+    if (raw->winding_given && !(sea->effects && sea->effects->thermal.winding_k_w > 0.0)) {
         to->thermal = (struct sensor_thermal){
             .ambient_c = raw->winding.ambient_c,
-            .resistance_ohm = resistance_ohm,
+            .resistance_ohm = sea->R,
             .k_per_w = raw->winding.k_per_w,
             .time_constant_s = raw->winding.time_constant_s,
         };
@@ -200,7 +201,7 @@ enum error_code rig_build_sensors(struct rig_builder *b)
     /* Joints: the common errors, then the exceptions */
     for (size_t j = 0; j < robot->njoint; j++) {
         joint[j].name = robot->joint[j].name;
-        sensors_apply_joint(&raw->every_joint, robot->joint[j].sea.R, &joint[j]);
+        sensors_apply_joint(&raw->every_joint, &robot->joint[j].sea, &joint[j]);
     }
     for (size_t i = 0; i < raw->njoint; i++) {
         code = rig_find(b, &raw->joint[i].mark, "joint", raw->joint[i].name,
@@ -208,7 +209,7 @@ enum error_code rig_build_sensors(struct rig_builder *b)
         if (code) {
             return code;
         }
-        sensors_apply_joint(&raw->joint[i], robot->joint[index].sea.R, &joint[index]);
+        sensors_apply_joint(&raw->joint[i], &robot->joint[index].sea, &joint[index]);
     }
 
     /* Force-torque sensors likewise */

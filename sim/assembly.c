@@ -130,6 +130,7 @@ static enum error_code simulator_create_plant(struct simulator *simulator, struc
         .supply_v = rig->supply_v,
         .account_energy = simulator->config.energy,
         .supply_ohm = rig->supply_ohm,
+        .bus = rig->supply_bus,
         .now_ns = simulator_wall_time_ns,
         .clock = simulator->time,
     };

@@ -99,6 +99,8 @@ static inline void rig_scene_init(struct rig_scene *scene, const struct rig_scen
     config.contact_body = scene->rig->contact_body;
     config.ncontact = contact.nbody;
     config.supply_v = scene->rig->supply_v;
+    config.supply_ohm = scene->rig->supply_ohm;
+    config.bus = scene->rig->supply_bus;
     if (plant_create(&config, &scene->arena, &scene->plant, &error)) {
         fail_msg("%s", error.text);
     }

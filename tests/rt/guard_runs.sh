@@ -10,7 +10,7 @@ program=$2
 # shellcheck source=/dev/null
 . "$(dirname "$0")/guard_lib.sh"
 
-echo 1..18
+echo 1..19
 
 guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --ticks 3000 --wire ideal
 verdict "lockstep on ideal buses makes no system call" only
@@ -28,6 +28,10 @@ done
 
 guarded "$rigs/coman-sensors.yaml" --transport local --clock free --ticks 3000 --energy --settle
 verdict "noisy sensors, the account of energy and a settled start" only
+
+guarded "$rigs/coman-drives.yaml" --transport local --clock lockstep --ticks 3000 --energy \
+    --task squat
+verdict "drives with friction, backlash, heat and a supply that rises" only
 
 guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --ticks 3000 \
     --fault 'sensor LKneeSag.torque garbage amplitude=5 0.2..1' \

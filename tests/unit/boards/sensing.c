@@ -322,6 +322,19 @@ static void rate_of_a_real_encoder_is_that_of_its_readings(void **state)
     assert_close(bench->measured->motor[0].qd, 10.0, 1e-9);
 }
 
+/* A drive that warms up in the plant has one temperature: the sensor reads that. */
+static void winding_of_the_plant_is_read_as_it_is(void **state)
+{
+    struct bench *bench = *state;
+
+    bench->joint[0].temperature.offset = 2.0;
+    bench->motor[0].winding_c = 55.0;
+    bench->motor[0].current_a = 6.0;
+    start(bench);
+    tick(bench);
+    assert_true(bench->measured->motor[0].winding_c == 57.0);
+}
+
 /* T - ambient = R I^2 Rth (1 - exp(-t/tau)) */
 static void winding_heats_with_the_square_of_the_current(void **state)
 {
@@ -532,6 +545,7 @@ int main(void)
         TEST(drift_grows_as_a_random_walk_and_a_ramp),
         TEST(encoder_that_counts_from_its_start_shows_no_angle_at_first),
         TEST(rate_of_a_real_encoder_is_that_of_its_readings),
+        TEST(winding_of_the_plant_is_read_as_it_is),
         TEST(winding_heats_with_the_square_of_the_current),
         TEST(crosstalk_shows_the_same_part_of_full_scale_on_every_other_channel),
         TEST(refuses_impossible_errors),

@@ -193,7 +193,7 @@ static void an_unknown_variant_is_refused_with_the_nearest(void **state)
     assert_non_null(strstr(error.text, "coman.yaml: found unknown variant \"forearm\", expected "
                                        "\"forearms\""));
     assert_int_equal(robot_load(COMAN, "winter", &arena, &robot, &error), ERROR_INPUT);
-    assert_non_null(strstr(error.text, "expected one of the 1 in this file"));
+    assert_non_null(strstr(error.text, "expected one of the 2 in this file"));
     assert_int_equal(robot_load(COMAN ".missing", NULL, &arena, &robot, &error), ERROR_INPUT);
 }
 
@@ -367,6 +367,56 @@ static void coman_has_stops(void **state)
     }
 }
 
+/* Off unless given; a joint's numbers go before the robot's. */
+static void drives_have_the_effects_that_are_given(void **state)
+{
+    const struct robot_effects *effects;
+    const struct robot *robot;
+    struct error error;
+
+    (void)state;
+    assert_int_equal(load_changed("L_h: 0.0003", "L_h: 0.0003", NULL, &robot, &error), ERROR_NONE);
+    assert_null(robot->joint[0].sea.effects);
+    if (load_changed("L_h: 0.0003",
+                     "L_h: 0.0003, coulomb_nm: 2, backlash_rad: 0.01, freewheel: true, "
+                     "cogging: [{per_turn: 12, nm: 0.5, phase_rad: 1}, {per_turn: 24, nm: 0.1}], "
+                     "winding_k_w: 1, housing_k_w: 2, winding_j_k: 3, housing_j_k: 4",
+                     NULL, &robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+    effects = robot->joint[0].sea.effects;
+    assert_non_null(effects);
+    assert_near(effects->coulomb, 2.0, 0.0);
+    assert_near(effects->breakaway, 2.0, 0.0);
+    assert_near(effects->backlash, 0.01, 0.0);
+    assert_true(effects->freewheel);
+    assert_int_equal(effects->ncogging, 2);
+    assert_near(effects->cogging[0].phase, 1.0, 0.0);
+    assert_near(effects->cogging[1].amplitude, 0.1, 0.0);
+    assert_near(effects->thermal.housing_j_k, 4.0, 0.0);
+    assert_near(effects->thermal.ambient_c, 25.0, 0.0);
+    assert_near(effects->thermal.R_per_k, 0.00385, 0.0);
+    assert_int_equal(effects->nerror, 0);
+}
+
+/* A variant's drive goes before the robot's own: all of COMAN's drives, and none without it. */
+static void a_variant_gives_all_drives_its_effects(void **state)
+{
+    const struct robot *robot = load_coman("real_drives");
+
+    (void)state;
+    for (size_t j = 0; j < robot->njoint; j++) {
+        assert_non_null(robot->joint[j].sea.effects);
+        assert_near(robot->joint[j].sea.J, 0.1387, 0.0);
+        assert_near(robot->joint[j].sea.effects->coulomb, 4.0, 0.0);
+        assert_int_equal(robot->joint[j].sea.effects->nerror, 1);
+    }
+    robot = load_coman(NULL);
+    for (size_t j = 0; j < robot->njoint; j++) {
+        assert_null(robot->joint[j].sea.effects);
+    }
+}
+
 static void a_fixed_base_needs_no_place(void **state)
 {
     const struct robot *robot;
@@ -435,6 +485,25 @@ static const struct fault {
     {"L_h: 0.0003", "L_h: 0.0003, stop_Ks_nm_rad: 1", "17:12",
      "found a stop of the spring of joint \"shoulder\" without key \"deflection_rad\""},
     {"L_h: 0.0003", "L_h: 0.0003, deflection_rad: 0", "17:", "found 0, expected"},
+    {"L_h: 0.0003", "L_h: 0.0003, coulomb_nm: -1", "17:", "found -1, expected"},
+    {"L_h: 0.0003", "L_h: 0.0003, coulomb_nm: 2, breakaway_nm: 3", "17:12",
+     "found a drive with key \"breakaway_nm\" and without \"stribeck_rad_s\", expected both"},
+    {"L_h: 0.0003", "L_h: 0.0003, coulomb_nm: 2, breakaway_nm: 1, stribeck_rad_s: 1", "17:12",
+     "found gear friction of 2 N m and a breakaway torque of 1 N m"},
+    {"L_h: 0.0003", "L_h: 0.0003, hysteresis_nm: 2", "17:12",
+     "found a drive with key \"hysteresis_nm\" and without \"hysteresis_nm_rad\""},
+    {"L_h: 0.0003", "L_h: 0.0003, gear_error: [{per_turn: 2, rad: 0.5}]", "17:12",
+     "found sines of the motor's angle that cannot be"},
+    {"L_h: 0.0003", "L_h: 0.0003, cogging: [{per_turn: 2, rad: 0.5}]",
+     "17:", "found unknown key \"rad\" in a sine of the cogging torque"},
+    {"L_h: 0.0003",
+     "L_h: 0.0003, cogging: [{per_turn: 1, nm: 0}, {per_turn: 2, nm: 0}, {per_turn: 3, nm: 0}, "
+     "{per_turn: 4, nm: 0}, {per_turn: 5, nm: 0}]",
+     "17:", "found 5 sines, expected no more than 4"},
+    {"L_h: 0.0003", "L_h: 0.0003, winding_k_w: 1", "17:12",
+     "found a drive with key \"winding_k_w\" and without \"housing_k_w\""},
+    {"L_h: 0.0003", "L_h: 0.0003, dead_time_s: 1e-4, pwm_hz: 5e3", "17:12",
+     "found a dead time of 0.0001 s at 5000 Hz, expected no more than a quarter of the period"},
     {", L_h: 0.0003", "", "17:12",
      "found the drive of joint \"shoulder\" without key \"L_h\", expected it here or in"},
     {"force_n: 20}", "force_n: 20}\n    drive: {Ks_nm_rad: 1}", "26:12",
@@ -518,6 +587,8 @@ int main(void)
         TEST(limits_have_stops),
         TEST(springs_with_room_have_stops),
         TEST(coman_has_stops),
+        TEST(drives_have_the_effects_that_are_given),
+        TEST(a_variant_gives_all_drives_its_effects),
         TEST(a_fixed_base_needs_no_place),
         TEST(refuses_a_faulty_file_with_place_and_reason),
         TEST(a_truncated_file_never_crashes),

@@ -72,6 +72,26 @@ static void what_a_joint_gives_replaces_the_channel_of_all(void **state)
     assert_true(rig->sensing.gyro.ramp_per_s == 0.1);
 }
 
+static void a_supply_has_the_bus_that_is_given(void **state)
+{
+    const struct rig *rig = load_toy_rig_with("supply_ohm: 0.1\nsupply_capacitance_f: 0.02\n"
+                                              "brake_chopper: {on_v: 60, off_v: 55, ohm: 3}\n");
+
+    (void)state;
+    assert_true(rig->supply_bus.capacitance_f == 0.02);
+    assert_true(rig->supply_bus.on_v == 60.0 && rig->supply_bus.off_v == 55.0 &&
+                rig->supply_bus.brake_ohm == 3.0);
+    rig = load_toy_rig_with("");
+    assert_true(rig->supply_bus.capacitance_f == 0.0 && rig->supply_bus.on_v == 0.0);
+    refused("supply_capacitance_f: 0.02\n", "without supply_ohm, expected both");
+    refused("brake_chopper: {on_v: 60, off_v: 55, ohm: 3}\n", "without supply_capacitance_f");
+    refused("supply_ohm: 0.1\nsupply_capacitance_f: 0.02\n"
+            "brake_chopper: {on_v: 60, off_v: 60, ohm: 3}\n",
+            "expected on_v above off_v above supply_v");
+    refused("supply_ohm: 0.1\nsupply_capacitance_f: 0.02\nbrake_chopper: {on_v: 60, ohm: 3}\n",
+            "off_v");
+}
+
 static void refuses_wrong_sensors(void **state)
 {
     (void)state;
@@ -123,6 +143,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(without_the_sections_all_is_ideal),
         cmocka_unit_test(what_a_joint_gives_replaces_the_channel_of_all),
+        cmocka_unit_test(a_supply_has_the_bus_that_is_given),
         cmocka_unit_test(refuses_wrong_sensors),
         cmocka_unit_test(faults_are_lines_in_their_order),
         cmocka_unit_test(refuses_wrong_faults_with_their_place),

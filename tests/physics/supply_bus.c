@@ -1,0 +1,227 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The supply that rises (model/supply.h): closed forms of the bus alone, and a rotor that is braked
+ * into it.
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include <cmocka.h>
+
+#include "tests/physics/near.h"
+#include "tests/physics/toy.h"
+
+enum { MS = 1000000 };
+
+static const struct supply_bus capacitor = {.capacitance_f = 0.01};
+static const struct supply_bus chopper = {
+    .capacitance_f = 0.01, .on_v = 56.0, .off_v = 54.0, .brake_ohm = 2.0};
+
+/* ---- the bus alone ---- */
+
+/* From below the source charges it through its resistance; from above the diode blocks. */
+static void a_source_charges_and_does_not_discharge(void **unused)
+{
+    double low[SUPPLY_STATE] = {30.0, 0.0}, high[SUPPLY_STATE] = {50.0, 0.0};
+    double work[3] = {0.0}, none[3] = {0.0};
+
+    (void)unused;
+    for (int k = 1; k <= 10; k++) {
+        supply_advance(&capacitor, 48.0, 0.5, 0.0, 1e-3, low, work);
+        supply_advance(&capacitor, 48.0, 0.5, 0.0, 1e-3, high, none);
+        assert_near(low[SUPPLY_VOLTAGE], 48.0 - 18.0 * exp(-1e-3 * k / 0.005), 1e-3);
+        assert_true(high[SUPPLY_VOLTAGE] == 50.0);
+    }
+    assert_true(none[0] == 0.0 && none[1] == 0.0 && none[2] == 0.0);
+    assert_near(work[0] - work[1], 0.5 * 0.01 * (low[SUPPLY_VOLTAGE] * low[SUPPLY_VOLTAGE] - 900.0),
+                1e-11);
+}
+
+/* Energy that comes back stays in C V^2/2 to the last bit but a few. */
+static void energy_that_comes_back_lifts_the_bus(void **unused)
+{
+    double state[SUPPLY_STATE] = {48.0, 0.0}, work[3] = {0.0};
+
+    (void)unused;
+    supply_advance(&capacitor, 48.0, 0.5, -3.0, 1e-3, state, work);
+    assert_near(state[SUPPLY_VOLTAGE], sqrt(48.0 * 48.0 + 2.0 * 3.0 / 0.01), 1e-12);
+}
+
+/* The chopper burns exponentially, from on down to off, and no further. */
+static void the_chopper_burns_down_to_its_threshold(void **unused)
+{
+    double state[SUPPLY_STATE] = {56.0, 0.0}, work[3] = {0.0};
+
+    (void)unused;
+    supply_switch_chopper(&chopper, state);
+    assert_true(state[SUPPLY_CHOPPING] == 1.0);
+    supply_advance(&chopper, 48.0, 0.5, 0.0, 5e-4, state, work);
+    assert_near(state[SUPPLY_VOLTAGE], 56.0 * exp(-5e-4 / 0.02), 1e-6);
+    for (int k = 0; k < 10; k++) {
+        supply_advance(&chopper, 48.0, 0.5, 0.0, 1e-3, state, work);
+    }
+    assert_true(state[SUPPLY_CHOPPING] == 0.0);
+    assert_true(state[SUPPLY_VOLTAGE] <= 54.0 && state[SUPPLY_VOLTAGE] > 53.8);
+    assert_near(work[2], 0.5 * 0.01 * (56.0 * 56.0 - state[SUPPLY_VOLTAGE] * state[SUPPLY_VOLTAGE]),
+                1e-11);
+}
+
+/* More than the source can give: the bus is down, and finite. */
+static void a_bus_that_is_asked_too_much_stays_finite(void **unused)
+{
+    double state[SUPPLY_STATE] = {48.0, 0.0}, work[3] = {0.0};
+
+    (void)unused;
+    for (int k = 0; k < 100; k++) {
+        supply_advance(&capacitor, 48.0, 5.0, 10.0, 1e-3, state, work);
+        assert_true(state[SUPPLY_VOLTAGE] >= SUPPLY_LEAST_V * 0.999);
+    }
+    assert_near(work[0] - work[1] - 100 * 10.0,
+                0.5 * 0.01 * (state[SUPPLY_VOLTAGE] * state[SUPPLY_VOLTAGE] - 48.0 * 48.0), 1e-8);
+}
+
+/* ---- a rotor that is braked into it ---- */
+
+struct brake_run {
+    double most, end; /* voltage of the bus */
+    struct plant_energy energy;
+};
+
+/* A flywheel of the rotor alone at 10 rad/s, its bridge at a voltage below what it makes. */
+static void brake_rotor(enum plant_integrator integrator, const struct supply_bus *bus,
+                        struct brake_run *run)
+{
+    const double none[3] = {0.0, 0.0, 0.0}, z[3] = {0.0, 0.0, 1.0};
+    const double I[6] = {0.02, 0.0, 0.0, 0.02, 0.0, 0.02};
+    const bool implicit = integrator == PLANT_IMPLICIT;
+    static struct toy toy;
+    struct arena arena;
+    struct dynamics dynamics;
+    struct plant_config config = {.robot = &toy.robot,
+                                  .dynamics = &dynamics,
+                                  .integrator = integrator,
+                                  .substep_ns = implicit ? MS : MS / 50,
+                                  .rtol = 1e-9,
+                                  .atol = 1e-9,
+                                  .supply_v = 48.0,
+                                  .supply_ohm = 0.1,
+                                  .bus = *bus,
+                                  .account_energy = true};
+    struct robot_sea sea = toy_drive(0.0);
+    struct plant *plant;
+    struct error error;
+    double *state;
+    size_t count;
+
+    toy_begin(&toy, false, 1.0, none, I);
+    sea.Ds = sea.Dm = 0.0;
+    toy.joint[toy_add(&toy, 0, JOINT_REVOLUTE, z, none, 2.0, none, I)].sea = sea;
+    toy_finish(&toy);
+    assert_int_equal(arena_init(&arena, 1 << 20, &error), ERROR_NONE);
+    assert_int_equal(dynamics_generic(&toy.robot, &arena, &dynamics, &error), ERROR_NONE);
+    assert_int_equal(plant_create(&config, &arena, &plant, &error), ERROR_NONE);
+    assert_int_equal(plant_reset(plant, NULL, NULL, (const double[1]){0.0}), ERROR_NONE);
+    plant_clamp(plant, true);
+    state = plant_state(plant, &count);
+    state[2 + DRIVE_MOTOR_SPEED] = 10.0;
+    assert_int_equal(plant_restart_energy(plant), ERROR_NONE);
+    run->most = 0.0;
+    for (int k = 0; k < 300; k++) {
+        /* held a little below what the rotor makes, which brakes it evenly; then it stands */
+        double V = fmax(0.0, 4.1 * state[2 + DRIVE_MOTOR_SPEED] - 5.0);
+
+        plant_command(plant)->motor[0] = (struct motor_command){.bridge_on = true, .voltage_v = V};
+        assert_int_equal(plant_step(plant, implicit ? 1 : 50), ERROR_NONE);
+        assert_int_equal(plant_sample(plant), ERROR_NONE);
+        run->end = plant_sensors(plant)->supply_v;
+        run->most = fmax(run->most, run->end);
+    }
+    assert_int_equal(plant_energy(plant, &run->energy), ERROR_NONE);
+    arena_fini(&arena);
+}
+
+static void braking_lifts_the_bus_by_its_energy(void **unused)
+{
+    const double kinetic = 0.5 * 0.1387 * 100.0;
+    struct brake_run exact, found;
+
+    (void)unused;
+    brake_rotor(PLANT_DOPRI5, &capacitor, &exact);
+    brake_rotor(PLANT_IMPLICIT, &capacitor, &found);
+    print_message("# bus to %.3f V (dopri5 %.3f), joule %.3f J of %.3f, balance %.1e (%.1e)\n",
+                  found.most, exact.most, found.energy.joule_heat, kinetic, found.energy.balance,
+                  exact.energy.balance);
+    assert_near(found.most, exact.most, 0.02);
+    assert_near(exact.energy.balance, 0.0, 1e-6 * kinetic);
+    assert_near(found.energy.balance, 0.0, 1e-3 * kinetic);
+    /* nothing goes back to the source: what is not heat of the winding is in the bus */
+    assert_near(0.5 * 0.01 * (found.end * found.end - 48.0 * 48.0),
+                kinetic - found.energy.joule_heat, 1e-3 * kinetic);
+    assert_true(found.most > 58.0);
+}
+
+static void a_chopper_holds_the_bus(void **unused)
+{
+    const double kinetic = 0.5 * 0.1387 * 100.0;
+    struct brake_run exact, found;
+
+    (void)unused;
+    brake_rotor(PLANT_DOPRI5, &chopper, &exact);
+    brake_rotor(PLANT_IMPLICIT, &chopper, &found);
+    print_message("# bus to %.3f V (dopri5 %.3f), chopper %.3f J (%.3f), balance %.1e (%.1e)\n",
+                  found.most, exact.most, found.energy.chopper_heat, exact.energy.chopper_heat,
+                  found.energy.balance, exact.energy.balance);
+    assert_true(found.most < 56.3);
+    assert_near(found.energy.chopper_heat, exact.energy.chopper_heat, 0.02 * kinetic);
+    assert_near(exact.energy.balance, 0.0, 1e-6 * kinetic);
+    assert_near(found.energy.balance, 0.0, 1e-3 * kinetic);
+}
+
+/* Without a bus a supply of that kind gives all back to its source, and does not rise beyond its
+ * resistance: as before. */
+static void a_bus_needs_a_source_with_a_resistance(void **unused)
+{
+    static struct toy toy;
+    struct arena arena;
+    struct dynamics dynamics;
+    struct plant_config config = {.robot = &toy.robot,
+                                  .dynamics = &dynamics,
+                                  .integrator = PLANT_RK4,
+                                  .substep_ns = MS,
+                                  .supply_v = 48.0,
+                                  .bus = capacitor};
+    struct plant *plant;
+    struct error error;
+
+    (void)unused;
+    toy_walker(&toy);
+    assert_int_equal(arena_init(&arena, 1 << 22, &error), ERROR_NONE);
+    assert_int_equal(dynamics_generic(&toy.robot, &arena, &dynamics, &error), ERROR_NONE);
+    assert_int_equal(plant_create(&config, &arena, &plant, &error), ERROR_INPUT);
+    config.supply_ohm = 0.1;
+    config.bus = chopper;
+    config.bus.off_v = 47.0;
+    assert_int_equal(plant_create(&config, &arena, &plant, &error), ERROR_INPUT);
+    config.bus.off_v = 54.0;
+    assert_int_equal(plant_create(&config, &arena, &plant, &error), ERROR_NONE);
+    arena_fini(&arena);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_source_charges_and_does_not_discharge),
+        cmocka_unit_test(energy_that_comes_back_lifts_the_bus),
+        cmocka_unit_test(the_chopper_burns_down_to_its_threshold),
+        cmocka_unit_test(a_bus_that_is_asked_too_much_stays_finite),
+        cmocka_unit_test(braking_lifts_the_bus_by_its_energy),
+        cmocka_unit_test(a_chopper_holds_the_bus),
+        cmocka_unit_test(a_bus_needs_a_source_with_a_resistance),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
