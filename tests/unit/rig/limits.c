@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Both sides of every limit that a rig file or a robot file has: the least and the greatest value of
- * each key are taken, what is just beyond is refused. The limits stand here once more, so that one
- * that moves is noticed; a key that is missing here, or here alone, is an error.
+ * Both sides of every limit that a rig file or a robot file has: the least and the greatest value
+ * of each key are taken, what is just beyond is refused. The limits stand here once more, so that
+ * one that moves is noticed; a key that is missing here, or here alone, is an error.
  */
 #include "base/count.h"
 #include "model/robot_yaml.h"
@@ -24,8 +24,8 @@
 enum { PATH = 160, TEXT = 8192 };
 
 /* Of a number the least and the greatest value, least DBL_MIN: anything above zero; of a text its
- * length. Lists and dictionaries of mappings are [] in the path; "*." begins that of a key which has
- * the same limits wherever it stands. */
+ * length. Lists and dictionaries of mappings are [] in the path; "*." begins that of a key which
+ * has the same limits wherever it stands. */
 struct limit {
     const char *path;
     double min, max;
@@ -38,14 +38,14 @@ static const struct limit rig_limits[] = {
     {"tick_s", 1e-5, 0.1},
     {"substep_s", 1e-7, 1},
     {"tolerance", 1e-13, 0.1},
-    {"supply_v", DBL_MIN, 10e3},
+    {"supply_v", DBL_MIN, 1e4},
     {"initial.base_xyz_m", -1e3, 1e3},
     {"initial.base_height_m", -1e3, 1e3},
     {"initial.base_rpy_rad", -7, 7},
     {"scene.transition_velocity_m_s", 1e-6, 10},
-    {"scene.materials[].young_pa", 1, 1e+12},
+    {"scene.materials[].young_pa", 1, 1e12},
     {"scene.materials[].thickness_m", 1e-6, 1},
-    {"scene.materials[].dissipation_s_per_m", 0, 10e3},
+    {"scene.materials[].dissipation_s_per_m", 0, 1e4},
     {"scene.materials[].static_friction", 0, 100},
     {"scene.materials[].dynamic_friction", 0, 100},
     {"scene.materials[].viscous_s_per_m", 0, 100},
@@ -78,7 +78,7 @@ static const struct limit rig_limits[] = {
     {"buses[].bitrate", 10e3, 1e6},
     {"buses[].data_bitrate", 10e3, 8e6},
     {"buses[].sample_point", 0.5, 0.95},
-    {"buses[].restart_ms", 0, 60e3},
+    {"buses[].restart_ms", 0, 6e4},
     {"buses[].boards[].name", 1, 63},
     {"buses[].boards[].address", 1, 31},
     {"buses[].boards[].full_scale_n", 1, 65535},
@@ -92,14 +92,14 @@ static const struct limit rig_limits[] = {
     {"realtime.priority", 0, 99},
     {"realtime.cpu", -1, 1023},
     {"realtime.stop_after", 1, 1e9},
-    {"record.directory", 1, 4e3},
+    {"record.directory", 1, 4000},
     {"*.kp_v_per_rad", 0, 1e6},
     {"*.ki_v_per_rad_s", 0, 1e6},
     {"*.kd_v_s_per_rad", 0, 1e6},
     {"*.kw_v_s_per_rad", 0, 1e6},
     {"*.trim_per_s", 0, 1e3},
-    {"*.limit_v", DBL_MIN, 10e3},
-    {"*.load_v_per_nm", 0, 10e3},
+    {"*.limit_v", DBL_MIN, 1e4},
+    {"*.load_v_per_nm", 0, 1e4},
     {"tasks.servo.command_period_s", 1e-5, 1},
     {"tasks.squat.thigh_m", 0.01, 10},
     {"tasks.squat.shank_m", 0.01, 10},
@@ -122,7 +122,7 @@ static const struct limit rig_limits[] = {
     {"*.lsb", DBL_MIN, 1e6},
     {"*.latency_s", 0, 1},
     {"*.ambient_c", -60, 100},
-    {"*.k_per_w", 1e-6, 10e3},
+    {"*.k_per_w", 1e-6, 1e4},
     {"*.time_constant_s", 0.001, 1e6},
     {"*.crosstalk", 0, 1},
     {"seed", 0, 9e15},
@@ -238,8 +238,7 @@ static void write_document(const struct yaml_schema *schema, const char *path, c
     text[used] = '\0';
 }
 
-/* Whether the value is refused: it is what the message says was found. Other keys are missing, which
- * is refused, too, but later. */
+/* Whether the value is refused. Other keys are missing, which is refused, too, but later. */
 static bool value_is_refused(const struct walk *walk, const char *path, const char *value)
 {
     static char text[TEXT];
