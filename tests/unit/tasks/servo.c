@@ -158,7 +158,7 @@ static void a_voltage_at_its_limit_unwinds_when_the_error_turns(void **state)
     pass(2, 1, 0); /* there: what is left is the integral of before */
     assert_near(host.volts[0], 2, 1e-9);
 
-    /* Saturated by the integral, an error the other way takes from it although it is at its limit */
+    /* Saturated by the integral: an error the other way takes from it all the same */
     gains[0].limit_v = 1;
     servo_set(servo, 0, 0.999, 0); /* -0.1 V, and 0.2 mV of integral a step */
     for (int i = 1; i <= 3; i++) {
