@@ -7,6 +7,8 @@
 #include "tasks/task.h"
 #include "tests/unit/sim/robot_steering_scene.h"
 
+#include <stdlib.h>
+
 struct trouble {
     struct witness w;
     int64_t at; /* tick of the push, 0 = none */
@@ -117,9 +119,14 @@ static void grasp_with(int64_t at, double x, double y, int64_t ticks)
 
 static void a_grasp_notices_a_lost_grip(void **state)
 {
+    const char *worst;
+
     (void)state;
     grasp_with(0, 0, 0, 0);
     assert_int_equal(trouble.task.status, TASK_DONE);
+    worst = strstr(trouble.task.message, "worst motor error ");
+    assert_non_null(worst); /* it has moved, and never strayed */
+    assert_in_range(strtol(worst + strlen("worst motor error "), NULL, 10), 5, 50);
     grasp_with(2700, 0, 60, 100); /* to the left: the right wrist loses touch */
     expect_failure(200, "the grip is lost: the wrists press with");
     grasp_with(2200, 100, 0, 200); /* pulled out forward while it is lifted */
