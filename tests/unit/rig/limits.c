@@ -33,6 +33,7 @@ struct limit {
 
 static const struct limit rig_limits[] = {
     {"name", 1, 63},
+    {"description", 1, 400},
     {"robot.springs[].Ks_nm_rad", 0, 1e9},
     {"robot.springs[].Ds_nm_s_rad", 0, 1e9},
     {"tick_s", 1e-5, 0.1},
@@ -131,6 +132,7 @@ static const struct limit rig_limits[] = {
 
 static const struct limit robot_limits[] = {
     {"name", 1, 63},
+    {"description", 1, 400},
     {"gravity_m_s2", -1e3, 1e3},
     {"*.body", 1, 63},
     {"*.J_kg_m2", 1e-12, 1e9},
