@@ -472,7 +472,7 @@ enum error_code rig_load(const char *path, struct arena *arena, const struct rig
     if (code) {
         return code;
     }
-    code = rig_yaml_read(found, arena, &raw, error);
+    code = yaml_read_file(found, &rig_file_schema, arena, &raw, error);
     if (code) {
         return code;
     }

@@ -575,7 +575,7 @@ static const struct yaml_field rig_fields[] = {
 #undef STRUCT
 static const struct raw_rig rig_defaults = {
     .clock = LOOP_CLOCK_REAL, .tick_s = 0.001, .integrator = PLANT_IMPLICIT, .tolerance = 1e-9};
-static const struct yaml_schema rig_schema = {
+const struct yaml_schema rig_file_schema = {
     .what = "the rig",
     .size = sizeof(struct raw_rig),
     .fields = rig_fields,
@@ -584,9 +584,3 @@ static const struct yaml_schema rig_schema = {
     .extendable = true,
     .locate = rig_locate_from,
 };
-
-enum error_code rig_yaml_read(const char *path, struct arena *arena, struct raw_rig *raw,
-                              struct error *error)
-{
-    return yaml_read_file(path, &rig_schema, arena, raw, error);
-}

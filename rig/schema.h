@@ -276,8 +276,7 @@ struct raw_rig {
     bool chopper_given;
 };
 
-/* Reads the file; strings and lists live in arena. */
-enum error_code rig_yaml_read(const char *path, struct arena *arena, struct raw_rig *raw,
-                              struct error *error);
+/* The schema of a whole file: fills a struct raw_rig. */
+extern const struct yaml_schema rig_file_schema;
 
 #endif

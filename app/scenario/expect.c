@@ -268,20 +268,20 @@ void scenario_expectations_step(struct scenario_expectations *expectations,
 
 void scenario_expectations_finish(struct scenario_expectations *expectations,
                                   const struct scenario_clock *clock, int64_t time_ns,
-                                  struct scenario_outcome *outcome)
+                                  int64_t planned_ns, struct scenario_outcome *outcome)
 {
     outcome->nverdict = expectations->count;
     for (size_t i = 0; i < expectations->count; i++) {
         struct judged *judged = &expectations->judged[i];
         const struct scenario_expectation *what = judged->what;
         int64_t label = clock->label_ns[what->after_index];
+        int64_t until_ns = what->to_given ? label + scenario_ns(what->to_s) : planned_ns;
 
-        if (judged->progress == OPEN && what->to_given &&
-            time_ns < label + scenario_ns(what->to_s)) {
+        if (judged->progress == OPEN && time_ns < until_ns) {
             expectation_decide(judged, false, time_ns);
             snprintf(judged->text, sizeof judged->text,
                      "the run ended at %.4f s, expected to look until %.4f s",
-                     (double)time_ns * 1e-9, (double)label * 1e-9 + what->to_s);
+                     (double)time_ns * 1e-9, (double)until_ns * 1e-9);
         } else if (judged->progress == OPEN) {
             expectation_close_window(judged, time_ns);
         } else if (judged->progress == WAITING) {

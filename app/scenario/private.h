@@ -80,10 +80,12 @@ void scenario_expectations_step(struct scenario_expectations *expectations,
                                 const struct scenario_view *view,
                                 const struct scenario_clock *clock, int64_t time_ns);
 
-/* The run has ended: windows that are still open close. */
+/* The run has ended at time_ns, where planned_ns was intended: windows that are still open close.
+ * One that should have stayed open longer, to its own end or the intended one of the run, has not
+ * seen what it is about: its expectation is not met. */
 void scenario_expectations_finish(struct scenario_expectations *expectations,
                                   const struct scenario_clock *clock, int64_t time_ns,
-                                  struct scenario_outcome *outcome);
+                                  int64_t planned_ns, struct scenario_outcome *outcome);
 
 /* A plot of each expectation that was not met, directory/expectation-N.svg. */
 enum error_code scenario_expectations_plot(const struct scenario_expectations *expectations,

@@ -231,6 +231,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
 {
     struct simulator *simulator = run->view.simulator;
     int64_t time_ns = simulator_stats(simulator)->time_ns;
+    int64_t planned_ns = (int64_t)scenario_run_ticks(run) * run->view.rig->tick_ns;
     struct recorder_counters counters;
     struct error error;
 
@@ -245,7 +246,7 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     }
 
     /* The verdicts, and what identifies the run */
-    scenario_expectations_finish(run->expectations, &run->clock, time_ns, outcome);
+    scenario_expectations_finish(run->expectations, &run->clock, time_ns, planned_ns, outcome);
     outcome->ran = true;
     outcome->virtual_ns = time_ns;
     outcome->seed = faults_seed(simulator_faults(simulator));

@@ -3,6 +3,7 @@
  * The native engine's tangents: without friction the slopes of the wrench, with friction no less
  * than what it resists.
  */
+#include "base/count.h"
 #include "contact/contact.h"
 
 #include <math.h>
@@ -173,10 +174,93 @@ static void tangents_resist_sliding_at_least_as_much_as_friction_does(void **sta
     }
 }
 
+/* The tangents of a plate about its middle: per area stiffness and damping along z, friction across
+ * it. */
+static void expect_plate(const struct contact_tangent *t, const double half[2], double stiffness,
+                         double damping, double friction, double tolerance)
+{
+    double x2 = half[0] * half[0] / 3, y2 = half[1] * half[1] / 3;
+    const double along[6] = {0, 0, 1, y2, x2, 0}, across[6] = {1, 1, 0, 0, 0, x2 + y2};
+    const double lever[6] = {1, 1, 1, y2, x2, x2 + y2};
+
+    for (int row = 0; row < 6; row++) {
+        for (int column = row; column < 6; column++) {
+            double K = row == column ? stiffness * along[row] : 0;
+            double D = row == column ? damping * along[row] + friction * across[row] : 0;
+            double size = sqrt(lever[row] * lever[column]);
+
+            assert_near(entry(t->K, row, column), K, tolerance * stiffness * size);
+            assert_near(entry(t->D, row, column), D, tolerance * (damping + friction) * size);
+        }
+    }
+}
+
+/* So that no two faces of the bottom are one. */
+static void roughen(double p[3], const double *height)
+{
+    if (p[2] < -0.999 * *height) {
+        p[2] += 1e-6 * sin(470 * p[0] + 0.3) * cos(390 * p[1]);
+    }
+}
+
+/* A plate that is pressed by depth into the ground, or leaves it, at a speed: its springs make
+ * k A (1 + c rate) upward, and the tangents follow from the integrals of 1, x^2 and y^2 over the
+ * plate, into however many batches its springs go. */
+static void a_plate_has_the_tangents_of_its_area_at_any_speed(void **state)
+{
+    static const int cells[] = {1, 7, 30}; /* the last one's are no plane: 1800 springs */
+    static const double rates[] = {0, 0.1, -0.5, -0.99, -1.01, 5}; /* in 1 / c: 1 + c rate >= 0 */
+    const double half[2] = {0.06, 0.09}, depth = 1e-4, area = 4 * half[0] * half[1];
+    const double k = scene_stiffness(&scene_foot, &scene_ground);
+    const double c = scene_dissipation(&scene_foot, &scene_ground);
+
+    (void)state;
+    for (size_t n = 0; n < ARRAY_COUNT(cells) * ARRAY_COUNT(rates); n++) {
+        double rate = rates[n % ARRAY_COUNT(rates)] / c, pushes = fmax(1 + c * rate, 0);
+        struct scene scene;
+        struct contact_surface *s = fixture_box_on_ground(&scene);
+        struct contact_world *world;
+        struct contact_wrench wrench;
+        struct contact_tangent t;
+        struct body_motion motion;
+        double tolerance = 1e-9;
+
+        s->half_extent_m[0] = half[0];
+        s->half_extent_m[1] = half[1];
+        s->half_extent_m[2] = 0.03;
+        s->cells_per_edge = cells[n / ARRAY_COUNT(rates)];
+        if (s->cells_per_edge == 30) {
+            s->shape = CONTACT_MESH;
+            s->mesh = fixture_reshape(s->half_extent_m, 30, roughen, &s->half_extent_m[2]);
+            tolerance = 0.01; /* as rough as it is, of its depth */
+        }
+        for (int i = 0; i < 2; i++) {
+            struct contact_material *m = &scene.surface[i].material;
+
+            m->static_friction = m->dynamic_friction = 0;
+            m->viscous_friction = 0.7;
+        }
+        world = fixture_native(&scene);
+        scene_place(&motion, 0.3, -0.2, 0.03 - depth);
+        motion.v[2] = -rate;
+        fixture_evaluate(world, &motion, &wrench);
+        assert_near(wrench.force[2], k * area * depth * pushes,
+                    tolerance * k * area * depth * fmax(pushes, 1));
+        if (world->ops->tangents(world, &t, 1) == 1) {
+            assert_int_equal(t.body_b, 0);
+            expect_plate(&t, half, k * area * pushes, pushes > 0 ? c * k * area * depth : 0,
+                         0.7 * k * area * depth * pushes, tolerance);
+        } else {
+            assert_true(pushes == 0);
+        }
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(tangents_are_the_slopes_of_the_wrench_without_friction),
+        cmocka_unit_test(a_plate_has_the_tangents_of_its_area_at_any_speed),
         cmocka_unit_test(tangents_resist_sliding_at_least_as_much_as_friction_does),
     };
 

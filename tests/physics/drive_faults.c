@@ -298,6 +298,77 @@ static void terminal_voltage_is_clipped_to_the_sagging_source(void **unused)
     plant_rig_fini(&rig);
 }
 
+/* Rotors at 5 rad/s have 20.5 V of back-EMF; bridges that keep 10 V across them feed the source. */
+static void braking_drives_lift_the_supply(void **unused)
+{
+    static const double joint[8] = {0}, position[3] = {0}, quaternion[4] = {1.0, 0, 0, 0};
+    struct plant_rig rig;
+    struct plant *plant;
+    double power = 0.0, supply, *state;
+    size_t count, drives;
+
+    (void)unused;
+    plant_rig_walker_with(&rig, false, PLANT_RK4, SUBSTEP_NS, 0.0);
+    plant = make_weak(&rig, 0.5);
+    assert_int_equal(plant_reset(plant, position, quaternion, joint), ERROR_NONE);
+    state = plant_state(plant, &count);
+    drives = rig.toy.robot.nq + rig.toy.robot.nv;
+    for (size_t j = 0; j < rig.toy.robot.njoint; j++) {
+        plant_command(plant)->motor[j] =
+            (struct motor_command){.bridge_on = true, .voltage_v = 10.0};
+        if (rig.toy.joint[j].sea.present) {
+            state[drives + 1] = 5.0;
+            state[drives + 2] = (10.0 - 4.1 * 5.0) / 0.664;
+            drives += 3;
+        }
+    }
+    assert_int_equal(plant_step(plant, 1), ERROR_NONE);
+    assert_int_equal(plant_sample(plant), ERROR_NONE);
+    for (size_t j = 0; j < rig.toy.robot.njoint; j++) {
+        power += 10.0 * plant_sensors(plant)->motor[j].current_a;
+    }
+    supply = plant_sensors(plant)->supply_v;
+    assert_true(power < -900.0);
+    assert_true(supply > 55.0);
+    assert_close(supply, 48.0 - 0.5 * power / supply, 1e-9);
+    plant_rig_fini(&rig);
+}
+
+/* A loose rotor at w0 with V across it: while it slows down to V / Kw it gives back
+ * V (integral of I) = V J (w0 - w) / Kt, less what friction takes, Dm V (angle turned) / Kt, and
+ * the balance closes. */
+static void a_braking_rotor_gives_energy_back(void **unused)
+{
+    (void)unused;
+    for (int i = 0; i < INTEGRATORS; i++) {
+        struct plant_rig rig;
+        struct motor_command *motor = start(&rig, integrators[i]);
+        size_t drive = rig.toy.robot.nq + rig.toy.robot.nv;
+        const struct robot_sea *sea = &rig.toy.joint[HIP].sea;
+        struct plant_energy energy;
+        double from, expected;
+
+        motor->condition = DRIVE_SPRING_BREAK;
+        motor->bridge_on = true;
+        motor->voltage_v = 4.1;
+        rig.state[drive + DRIVE_MOTOR_SPEED] = 10.0;
+        from = rig.state[drive + DRIVE_MOTOR_POSITION];
+        assert_int_equal(plant_restart_energy(rig.plant), ERROR_NONE);
+        run(&rig, 20);
+        assert_int_equal(plant_energy(rig.plant, &energy), ERROR_NONE);
+        expected = -4.1 / sea->Kt *
+                   (sea->J * (10.0 - rig.state[drive + DRIVE_MOTOR_SPEED]) -
+                    sea->Dm * (rig.state[drive + DRIVE_MOTOR_POSITION] - from));
+        print_message("# integrator %d: %.6f J given, %.6f J by momentum, balance %.1e J\n", i,
+                      energy.electrical_in, expected, energy.balance);
+        assert_true(energy.electrical_in < -1.0);
+        assert_close(energy.electrical_in, expected, 1e-5);
+        assert_close(energy.balance, 0.0, 1e-4);
+        assert_true(energy.joule_heat > 1.0 && energy.motor_friction > 0.0);
+        plant_rig_fini(&rig);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -309,6 +380,8 @@ int main(void)
         cmocka_unit_test(energy_that_breaks_away_counts_as_friction),
         cmocka_unit_test(condition_ends_with_a_reset),
         cmocka_unit_test(supply_sags_under_the_power_that_the_bridges_take),
+        cmocka_unit_test(braking_drives_lift_the_supply),
+        cmocka_unit_test(a_braking_rotor_gives_energy_back),
         cmocka_unit_test(terminal_voltage_is_clipped_to_the_sagging_source),
     };
 

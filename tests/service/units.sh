@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # usage: units.sh COMAN-HIL
 # The systemd units as systemd reads them: nothing it complains about, and shut off from the rest of
-# the system as far as real time and CAN allow (exposure of at most 2.0). Prints TAP.
+# the system as far as real time and CAN allow (exposure of at most 2.0). Each directive is one that
+# units.txt lists. Prints TAP.
 set -u
 program=$1
 work=$(mktemp -d)
@@ -10,10 +11,22 @@ trap 'rm -rf "$work"' EXIT
 . "$(dirname "$0")/tap.sh"
 tap_show="$work/out"
 
-echo 1..9
+echo 1..10
+# what stands in the units and in the examples, without comments
+(
+    cd "$HIL_SOURCE_DIR" || exit 1
+    LC_ALL=C # the order of names
+    for file in systemd/*.service systemd/examples/*; do
+        echo "== $file"
+        grep -v -e '^#' -e '^$' "$file"
+    done
+) >"$work/directives"
+grep -v '^#' "$HIL_SOURCE_DIR/tests/service/units.txt" | diff - "$work/directives" >"$work/out"
+result $? "the directives are those of the list"
+
 if ! command -v systemd-analyze >/dev/null; then
-    for n in 1 2 3 4 5 6 7 8 9; do echo "ok $n # SKIP systemd-analyze is not installed"; done
-    exit 0
+    for n in 2 3 4 5 6 7 8 9 10; do echo "ok $n # SKIP systemd-analyze is not installed"; done
+    exit $failed
 fi
 for unit in coman-hil@ coman-hil-vcan@; do
     # the program is not installed where systemd looks for it

@@ -28,6 +28,7 @@ hil_test(bench_pendulum_plain SOURCES unit/app/bench/pendulum_plain.c LIBS bench
 foreach(name scenario expect)
     hil_test(scenario_${name} SOURCES unit/app/scenario/${name}.c LIBS scenario LABELS unit)
 endforeach()
+target_link_options(test_scenario_expect PRIVATE -Wl,--wrap=scenario_signal_find)
 
 hil_test(fail_memory SOURCES unit/app/fail_memory.c LIBS cli LABELS unit TIMEOUT 120)
 target_link_options(test_fail_memory PRIVATE

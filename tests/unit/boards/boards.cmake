@@ -3,8 +3,8 @@ foreach(name board_faults board_faults_frames boards can_state event_text fault_
         messages motor_control sensing settings)
     hil_test(boards_${name} SOURCES unit/boards/${name}.c LIBS boards LABELS unit)
 endforeach()
-foreach(name host_replay loader motor_commands motor_laws motor_modes motor_telemetry motor_watch
-        strain_board table)
+foreach(name host_replay loader motor_commands motor_history motor_laws motor_modes
+        motor_telemetry motor_watch strain_board table)
     hil_test(boards_icub_${name} SOURCES unit/boards/icub/${name}.c LIBS boards LABELS unit)
 endforeach()
 hil_test(boards_foc SOURCES unit/boards/foc/board.c LIBS boards LABELS unit)

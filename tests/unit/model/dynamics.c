@@ -16,7 +16,6 @@
 #include "tests/unit/model/random_robot.h"
 
 #include <stdio.h>
-#include <time.h>
 
 enum { TREES = 100, MAX_BODIES = RANDOM_JOINTS + 1, MAX_V = RANDOM_JOINTS + 6 };
 
@@ -556,52 +555,6 @@ static void the_same_state_gives_the_same_bits(void **state)
     }
 }
 
-static double seconds(void)
-{
-    struct timespec now;
-
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
-}
-
-/* Reports only: what a machine needs for an evaluation is no matter of right or wrong. */
-static void reports_the_time_of_an_evaluation(void **state)
-{
-    enum { STATES = 64, ROUNDS = 40, BATCHES = 9 };
-    static struct random_state s[STATES];
-    const struct robot *coman = load_coman(NULL);
-    struct body_motion motion[MAX_BODIES];
-    double vdot[MAX_V], best[3] = {1e9, 1e9, 1e9};
-    struct dynamics d;
-    uint64_t seed = 16;
-
-    (void)state;
-    make(coman, &d);
-    for (int i = 0; i < STATES; i++) {
-        random_state_make(&seed, coman, &s[i]);
-    }
-    for (int batch = 0; batch < BATCHES; batch++) {
-        for (int what = 0; what < 3; what++) {
-            double start = seconds();
-
-            for (int i = 0; i < STATES * ROUNDS; i++) {
-                const struct random_state *at = &s[i % STATES];
-
-                if (what == 0) {
-                    d.ops->forward(&d, at->q, at->v, at->tau, at->ext, vdot);
-                } else if (what == 1) {
-                    d.ops->inverse(&d, at->q, at->v, at->tau, at->ext, vdot);
-                } else {
-                    d.ops->kinematics(&d, at->q, at->v, motion);
-                }
-            }
-            best[what] = fmin(best[what], (seconds() - start) / (STATES * ROUNDS));
-        }
-    }
-    print_message("COMAN, %s: forward %.0f ns, inverse %.0f ns, kinematics %.0f ns\n", d.ops->name,
-                  1e9 * best[0], 1e9 * best[1], 1e9 * best[2]);
-}
-
 #define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
 
 int main(void)
@@ -617,7 +570,6 @@ int main(void)
         TEST(coman_in_a_mirror_accelerates_as_its_mirror_image),
         TEST(the_limbs_of_coman_are_mirror_images_and_its_trunk_is_not),
         TEST(the_same_state_gives_the_same_bits),
-        TEST(reports_the_time_of_an_evaluation),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -257,6 +257,32 @@ static enum error_code load_changed(const char *part, const char *other, const c
     return code;
 }
 
+/* Angles of a base are those of a frame: Rz(yaw) Ry(pitch) Rx(roll). */
+static void the_base_of_a_pose_is_turned_as_a_frame_is(void **state)
+{
+    const struct robot *robot, *framed;
+    struct error error;
+    double R[9];
+
+    (void)state;
+    assert_int_equal(load_changed("base_xyz_m: [0, 0, 1]",
+                                  "base_xyz_m: [0, 0, 1], base_rpy_rad: [0.3, -0.5, 0.8]", NULL,
+                                  &robot, &error),
+                     ERROR_NONE);
+    assert_int_equal(load_changed("xyz_m: [0, 0, 0.1]",
+                                  "xyz_m: [0, 0, 0.1], rpy_rad: [0.3, -0.5, 0.8]", NULL, &framed,
+                                  &error),
+                     ERROR_NONE);
+    mat3_from_quaternion(robot->pose[0].base_quaternion, R);
+    for (int k = 0; k < 9; k++) {
+        assert_near(R[k], framed->frame[0].rotation[k], 1e-15);
+    }
+    /* by hand: -sin(pitch), cos(pitch) sin(roll), cos(pitch) cos(roll) */
+    assert_near(R[6], sin(0.5), 1e-15);
+    assert_near(R[7], cos(0.5) * sin(0.3), 1e-15);
+    assert_near(R[3], sin(0.8) * cos(0.5), 1e-15);
+}
+
 static void a_sound_file_becomes_a_robot(void **state)
 {
     const struct robot *robot;
@@ -590,6 +616,7 @@ int main(void)
         TEST(drives_have_the_effects_that_are_given),
         TEST(a_variant_gives_all_drives_its_effects),
         TEST(a_fixed_base_needs_no_place),
+        TEST(the_base_of_a_pose_is_turned_as_a_frame_is),
         TEST(refuses_a_faulty_file_with_place_and_reason),
         TEST(a_truncated_file_never_crashes),
     };

@@ -282,6 +282,99 @@ static void a_pause_interrupts_a_step_frame_and_its_rest_follows(void **state)
     steered_destroy(bench);
 }
 
+/* As on_wait, and ends a loop that waits for a STEP in vain. */
+static void on_wait_or_end(struct bench *bench)
+{
+    on_wait(bench);
+    if (bench->waits > 40) {
+        loop_stop(bench->loop);
+    }
+}
+
+/* Checkpoint after three of a STEP's ten ticks, and back at tick back_at. */
+static void keep_at_3(struct steering_bench *unused)
+{
+    (void)unused;
+    if (sb.bench->tick == 3 && sb.backs == 0) {
+        ask(STEER_CHECKPOINT, 1, 0, 0.0);
+    } else if (sb.bench->tick == (uint64_t)sb.value && sb.backs == 0) {
+        ask(STEER_RESTORE, 1, 0, 0.0);
+    }
+}
+
+/* What the STEP's bus has held back since before the checkpoint, a command and the next STEP, is
+ * there again after the way back: the command belongs to tick 10, both times. */
+static void a_way_back_into_a_step_frame_runs_its_rest(void **state)
+{
+    static const struct {
+        double back_at;
+        size_t commands, dones;
+    } table[] = {{7, 1, 2}, {10, 1, 3}, {12, 2, 4}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+        struct bench *bench = steered_create(LOOP_CLOCK_LOCKSTEP, 15);
+        struct bus_frame command = frame_make(0x123, 0, NULL);
+        uint32_t tick;
+
+        send_step(bench, 0, 10);
+        assert_int_equal(can_send(bench->host[1], &command, 1), 1);
+        send_step(bench, 10, 2);
+        send_step(bench, 12, 3);
+        sb.value = table[i].back_at;
+        sb.each_tick = keep_at_3;
+        assert_int_equal(bench_run(bench), LOOP_END_LENGTH);
+        assert_int_equal(sb.backs, 1);
+        assert_int_equal(answer(1, STEER_OK).tick, 3);
+        assert_int_equal(answer(2, STEER_OK).tick, 3);
+        assert_int_equal(bench->received_count, table[i].commands);
+        for (size_t c = 0; c < table[i].commands; c++) {
+            assert_int_equal(bench->received_tick[c], 10);
+        }
+        for (size_t b = 0; b < BENCH_BUSES; b++) {
+            assert_int_equal(dones(bench, b, &tick), table[i].dones + 1);
+            assert_int_equal(tick, 15);
+        }
+        assert_int_equal(loop_stats(bench->loop)->lockstep.mismatches, 0);
+        steered_destroy(bench);
+    }
+}
+
+static void step_6_then_look(struct steering_bench *unused)
+{
+    (void)unused;
+    if (sb.tickets == 1) {
+        ask(STEER_STEP, 0, 6, 0.0);
+        sb.waits_left = 1;
+    } else if (sb.backs == 0) {
+        assert_int_equal(sb.bench->tick, 6);
+        ask(STEER_RESTORE, 1, 0, 0.0);
+        ask(STEER_RESUME, 0, 0, 0.0);
+        send_step(sb.bench, 3, 2);
+    }
+}
+
+/* A requested step runs once: after the way back into it the next STEP frame is waited for. */
+static void a_way_back_into_a_requested_step_waits_for_a_step(void **state)
+{
+    struct bench *bench = steered_create(LOOP_CLOCK_LOCKSTEP, 0);
+    uint32_t tick;
+
+    (void)state;
+    ask(STEER_PAUSE, 0, 0, 0.0);
+    sb.value = 100;
+    sb.each_tick = keep_at_3;
+    sb.on_paused = step_6_then_look;
+    bench->on_wait = on_wait_or_end;
+    bench_run(bench);
+    assert_int_equal(loop_stats(bench->loop)->ticks, 5);
+    for (size_t b = 0; b < BENCH_BUSES; b++) {
+        assert_int_equal(dones(bench, b, &tick), 2);
+        assert_int_equal(tick, 5);
+    }
+    steered_destroy(bench);
+}
+
 static void steps_wait_while_it_stands_still(struct steering_bench *unused)
 {
     (void)unused;
@@ -331,6 +424,8 @@ int main(void)
         cmocka_unit_test(a_step_ends_with_the_run),
         cmocka_unit_test(a_step_plays_the_part_of_a_step_frame),
         cmocka_unit_test(a_pause_interrupts_a_step_frame_and_its_rest_follows),
+        cmocka_unit_test(a_way_back_into_a_step_frame_runs_its_rest),
+        cmocka_unit_test(a_way_back_into_a_requested_step_waits_for_a_step),
         cmocka_unit_test(step_frames_wait_during_a_pause),
         cmocka_unit_test(requests_do_not_begin_the_silence_anew),
     };

@@ -138,6 +138,32 @@ static void pushes_give_their_momentum_and_end_in_virtual_time(void **state)
     assert_true(fabs(play.number[3] + 20.0 * 0.005) < 1e-3);
 }
 
+static void push_askew(struct play *p, int64_t tick)
+{
+    char text[256];
+    uint64_t key;
+
+    if (tick == 5) {
+        struct steer_request request = {
+            .kind = STEER_PUSH, .index = 0, .force_n = {3.0, -4.0, 12.0}, .duration_ns = 1000000};
+
+        assert_true(steering_ask(simulator_steering(p->w.simulator), &request));
+    }
+    while (tick == 8 && simulator_next_event(p->w.simulator, &key, text, sizeof text)) {
+        p->count += strstr(text, "body Waist pushed with 13.0 N") != NULL;
+    }
+}
+
+static void the_log_tells_how_hard_a_push_is(void **state)
+{
+    const struct scene scene = {
+        .rig = "coman", .clock = LOOP_CLOCK_FREE, .no_contact = true, .falls = true};
+
+    (void)state;
+    perform(&scene, 10, true, push_askew); /* 3, 4 and 12 N are 13 N */
+    assert_int_equal(play.count, 1);
+}
+
 /* ---- faults ---- */
 
 static void sag(struct play *p, int64_t tick)
@@ -453,6 +479,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_run_without_requests_is_the_same_bit_for_bit),
         cmocka_unit_test(pushes_give_their_momentum_and_end_in_virtual_time),
+        cmocka_unit_test(the_log_tells_how_hard_a_push_is),
         cmocka_unit_test(a_fault_counts_for_the_tick_that_comes),
         cmocka_unit_test(host_and_steering_see_the_same_parameters),
         cmocka_unit_test(a_winch_takes_its_time),

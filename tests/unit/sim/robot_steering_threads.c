@@ -29,6 +29,7 @@ struct crowd {
     atomic_bool stop;
     uint64_t verdicts[STEER_CUT + 1];
     uint64_t lines, frames;
+    uint64_t wrong; /* answers that no request of theirs can have */
 };
 
 /* Mostly in range. */
@@ -54,7 +55,25 @@ static struct steer_request next_request(struct crowd *crowd, struct random_stre
     return request;
 }
 
-static void await_answer(struct crowd *crowd, uint64_t ticket)
+/* What may be said to a request of each kind; any is STEER_OK or _RANGE, and going back or on is
+ * STEER_BUSY during a step. */
+static bool verdict_fits(enum steer_kind kind, enum steer_verdict verdict)
+{
+    static const unsigned further[KINDS] = {
+        [STEER_RESUME] = 1u << STEER_BUSY,
+        [STEER_STEP] = 1u << STEER_BUSY | 1u << STEER_CUT,
+        [STEER_RESET] = 1u << STEER_BUSY,
+        [STEER_RESTORE] = 1u << STEER_BUSY | 1u << STEER_EMPTY,
+    };
+    unsigned always = 1u << STEER_OK;
+
+    if (kind != STEER_PAUSE && kind != STEER_RESUME && kind != STEER_RESET) {
+        always |= 1u << STEER_RANGE;
+    }
+    return (always | further[kind]) >> verdict & 1;
+}
+
+static void await_answer(struct crowd *crowd, const struct steer_request *request)
 {
     struct steering *steering = simulator_steering(crowd->simulator);
     struct steer_request resume = {.kind = STEER_RESUME};
@@ -64,11 +83,12 @@ static void await_answer(struct crowd *crowd, uint64_t ticket)
         while (!steering_answer(steering, &answer)) {
             sched_yield();
         }
-        assert_in_range(answer.verdict, 0, STEER_CUT);
-        crowd->verdicts[answer.verdict]++;
-        if (answer.ticket == ticket) {
+        if (answer.ticket == request->ticket) {
+            crowd->wrong += !verdict_fits(request->kind, answer.verdict);
+            crowd->verdicts[answer.verdict]++;
             break;
         }
+        crowd->wrong += answer.ticket != 0; /* 0 = to the RESUMEs below */
     }
     while (!steering_ask(steering, &resume)) {
         sched_yield();
@@ -89,7 +109,7 @@ static void *asks(void *context)
         while (!steering_ask(simulator_steering(crowd->simulator), &request)) {
             sched_yield();
         }
-        await_answer(crowd, i);
+        await_answer(crowd, &request);
     }
     simulator_stop(crowd->simulator);
     return NULL;
@@ -195,6 +215,7 @@ static void hammer(bool timed)
         pthread_join(thread[i], NULL);
     }
     assert_true(crowd.verdicts[STEER_OK] > ROUNDS / 3);
+    assert_int_equal(crowd.wrong, 0);
     assert_true(crowd.lines > 20);
     assert_true(crowd.frames > 20);
     bus_ports_close(&crowd.ports);

@@ -94,6 +94,35 @@ static void each_bus_is_spoken_to_in_its_own_way(void **state)
     assert_true(was_sent(bench, COMPACT, 0x040, 2, (const uint8_t[]){0x70, 0x17}));
 }
 
+/* What the host believes of its joints is a number and a state that there is. */
+static void expect_sane(const struct bench *bench)
+{
+    for (size_t i = 0; i < 3; i++) {
+        const struct host_joint *joint = host_joint(bench->host, i);
+
+        assert_true(isfinite(joint->joint_rad) && isfinite(joint->motor_rad));
+        assert_true(isfinite(joint->current_a) && isfinite(joint->torque_nm));
+        assert_in_range(joint->motor, HOST_MOTOR_UNKNOWN, HOST_MOTOR_FAULT);
+        assert_true(joint->motor_time_ns >= -1 && joint->motor_time_ns <= bench->now_ns);
+    }
+    assert_true(strlen(host_message(bench->host)) < 256);
+}
+
+/* What it has sent are frames of its own: valid ones, and none in the name of a board. */
+static void expect_own_frames(const struct bench *bench)
+{
+    for (size_t i = 0; i < bench->nseen; i++) {
+        const struct bus_frame *frame = &bench->seen[i];
+        bool icub = bench->seen_bus[i] != COMPACT;
+
+        assert_true(frame->len <= 8 && frame->id <= 0x7ff && frame->flags == 0);
+        if (icub) { /* from address 0: bits 4 to 7 */
+            assert_true(frame->id == 0x10f || (frame->id & 0xf0) == 0);
+        }
+    }
+}
+
+/* Random frames, then true ones, which count as if nothing had been. */
 static void no_frame_can_harm_the_host(void **state)
 {
     struct bench *bench = *state;
@@ -114,13 +143,35 @@ static void no_frame_can_harm_the_host(void **state)
         frame.len = (uint8_t)((random >> 16) % 9);
         say_frame(bench, (int)((random >> 32) % 3), &frame);
         if (i % 100 == 0) {
-            host_start_up(bench->host);
+            enum host_phase phase = host_start_up(bench->host);
+
+            assert_in_range(phase, HOST_DISCOVERING, HOST_FAILED);
             host_set_voltage(bench->host, 1, 1);
             one_period(bench);
+            expect_own_frames(bench);
+            expect_sane(bench);
             bench->nseen = 0;
             host_healthy(bench->host);
         }
     }
+
+    /* 10000 and 20000 of 100 and 1000 ticks/rad; voltage mode without a fault */
+    say(bench, ICUB, 0x111, 8, (const uint8_t[8]){0x10, 0x27});
+    say(bench, ICUB, 0x11a, 8, (const uint8_t[8]){0x20, 0x4e});
+    say(bench, ICUB, 0x113, 8, (const uint8_t[8]){0, 0x50, 0, 0xb0});
+    say(bench, FOC, 0x110, 8, (const uint8_t[8]){0});
+    say(bench, FOC, 0x113, 8, (const uint8_t[8]){0x50});
+    say(bench, COMPACT, 0x100, 8, (const uint8_t[8]){0});
+    assert_true(host_receive(bench->host, ++bench->now_ns));
+    assert_near(host_joint(bench->host, 0)->joint_rad, 100.0, 1e-12);
+    assert_near(host_joint(bench->host, 0)->motor_rad, 20.0, 1e-12);
+    assert_int_equal(host_joint(bench->host, 0)->motor_time_ns, bench->now_ns);
+    assert_int_equal(host_joint(bench->host, 0)->motor, HOST_MOTOR_ON);
+    assert_int_equal(host_joint(bench->host, 0)->fault, 0);
+    assert_near(host_joint(bench->host, 1)->motor_rad, 0.0, 0.0);
+    assert_int_equal(host_joint(bench->host, 1)->motor, HOST_MOTOR_ON);
+    assert_near(host_joint(bench->host, 2)->motor_rad, 0.0, 0.0);
+    assert_near(host_joint(bench->host, 2)->joint_rad, 0.0, 0.0);
 }
 
 int main(void)

@@ -140,6 +140,94 @@ static void messages_in_quick_succession_make_no_spike_in_the_rate(void **state)
     assert_near(host.volts[0], -20 * 0.002 / 0.002, 1e-9);
 }
 
+/* It comes back from the limit at once, and the integral goes on from what it was before it. */
+static void a_voltage_at_its_limit_unwinds_when_the_error_turns(void **state)
+{
+    (void)state;
+    gains[0] = (struct servo_gains){.kp_v_per_rad = 100, .ki_v_per_rad_s = 100, .limit_v = 40};
+    servo_set(servo, 0, 0.2, 0);
+    for (int i = 0; i < 50; i++) { /* 20 V, and 2 V of integral in 100 ms */
+        pass(2, 0, 0);
+    }
+    assert_near(host.volts[0], 100 * 0.2 + 100 * 0.2 * 0.098, 1e-9); /* one step behind */
+    servo_set(servo, 0, 1, 0);
+    for (int i = 0; i < 50; i++) {
+        pass(2, 0, 0);
+        assert_near(host.volts[0], 40, 0);
+    }
+    pass(2, 1, 0); /* there: what is left is the integral of before */
+    assert_near(host.volts[0], 2, 1e-9);
+
+    /* Saturated by the integral: an error the other way takes from it all the same */
+    gains[0].limit_v = 1;
+    servo_set(servo, 0, 0.999, 0); /* -0.1 V, and 0.2 mV of integral a step */
+    for (int i = 1; i <= 3; i++) {
+        pass(2, 1, 0);
+        assert_near(host.volts[0], 1, 0);
+    }
+    gains[0].limit_v = 40;
+    pass(2, 1, 0);
+    assert_near(host.volts[0], -0.1 + 2 - 3 * 100 * 0.001 * 0.002, 1e-9);
+}
+
+/* The trim follows the link's angle but for one tick of its encoder: ten ticks and one half are
+ * nine and a half, less than one is nothing. */
+static void the_trim_has_a_dead_zone_of_one_tick(void **state)
+{
+    const double tick = 1 / axes[0].joint_ticks_per_rad;
+    static const double ticks[] = {10.5, -10.5, 1.0, -1.0, 0.75, -0.75, 0, 1.25, -1.25};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof ticks / sizeof *ticks; i++) {
+        double beyond = fmax(fabs(ticks[i]) - 1, 0), trim;
+
+        gains[0] = (struct servo_gains){.kp_v_per_rad = 100, .trim_per_s = 2};
+        gains[1] = (struct servo_gains){.kp_v_per_rad = 100, .trim_per_s = 5};
+        host.joint[0].joint_rad = host.joint[1].joint_rad = 0.25;
+        host.joint[0].motor_rad = host.joint[1].motor_rad = 0.375; /* the spring yields */
+        servo_start(servo);
+        servo_update(servo);
+        assert_near(servo_wanted(servo, 0), 0.25, 0);
+        assert_near(servo_reference(servo, 0), 0.375, 1e-15);
+        host.joint[0].joint_rad = 0.25 - ticks[i] * tick;
+        host.joint[1].joint_rad = 0.25 + ticks[i] * tick;
+        for (int n = 0; n < 500; n++) { /* a second */
+            pass(2, 0.375, 0.375);
+        }
+        trim = copysign(beyond * tick, ticks[i]);
+        assert_near(servo_reference(servo, 0), 0.375 + 2 * trim, 1e-13);
+        assert_near(servo_reference(servo, 1), 0.375 - 5 * trim, 1e-13);
+    }
+}
+
+/* Without a trim the motor's angle itself is kept; the load at the start goes on being carried. */
+static void a_start_keeps_what_it_finds(void **state)
+{
+    (void)state;
+    gains[0] = (struct servo_gains){.kp_v_per_rad = 100, .load_v_per_nm = 0.5};
+    gains[1] = (struct servo_gains){.kp_v_per_rad = 100, .load_v_per_nm = 0.25};
+    host.joint[0] = (struct host_joint){.joint_rad = 0.1, .motor_rad = 0.3, .torque_nm = -8};
+    host.joint[1] = (struct host_joint){.joint_rad = 0.2, .motor_rad = -0.4, .torque_nm = 20};
+    servo_start(servo);
+    pass(2, 0.3, -0.4);
+    assert_near(servo_wanted(servo, 0), 0.3, 0);
+    assert_near(host.volts[0], -4, 1e-12);
+    assert_near(host.volts[1], 5, 1e-12);
+}
+
+/* Not before the command's period, and the first at once. */
+static void commands_keep_their_period(void **state)
+{
+    (void)state;
+    servo_set(servo, 0, 0.1, 0);
+    host.now_ns += 1999999;
+    servo_update(servo);
+    assert_near(host.volts[0], 0, 0);
+    host.now_ns += 1;
+    servo_update(servo);
+    assert_near(host.volts[0], 10, 1e-12);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -148,6 +236,11 @@ int main(void)
                                         tear_down),
         cmocka_unit_test_setup_teardown(an_integral_does_not_wind_up_at_the_limit, set_up,
                                         tear_down),
+        cmocka_unit_test_setup_teardown(a_voltage_at_its_limit_unwinds_when_the_error_turns, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(the_trim_has_a_dead_zone_of_one_tick, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_start_keeps_what_it_finds, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(commands_keep_their_period, set_up, tear_down),
         cmocka_unit_test_setup_teardown(the_rate_is_damped_to_the_references_rate, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(messages_in_quick_succession_make_no_spike_in_the_rate,

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Windows, counts and periods of frames and log lines, tick by tick with a clock in hand. */
+/* Windows, counts and periods of frames and log lines, and bands of a signal, tick by tick with a
+ * clock in hand. */
 #include "app/scenario/private.h"
 
 #include <setjmp.h>
@@ -11,6 +12,8 @@
 
 #include <cmocka.h>
 
+#include <math.h>
+
 enum { TICKS = 100 };
 
 #define MS INT64_C(1000000)
@@ -21,7 +24,38 @@ static struct scenario_expectations *expectations;
 static struct scenario_clock clock_of;
 static struct scenario_outcome outcome;
 
-/* One expectation that reads expectation_text, of frames 0x10 on bus 0 or of the event "boom". */
+/* ---- a signal that the test sets ---- */
+
+static double signal_value;
+
+static double read_signal(const struct scenario_view *view, size_t a, size_t b)
+{
+    (void)view;
+    (void)a;
+    (void)b;
+    return signal_value;
+}
+
+enum error_code __wrap_scenario_signal_find(const char *name, const struct rig *rig,
+                                            const struct yaml_mark *mark,
+                                            struct scenario_signal *signal, struct error *unused);
+
+enum error_code __wrap_scenario_signal_find(const char *name, const struct rig *rig,
+                                            const struct yaml_mark *mark,
+                                            struct scenario_signal *signal, struct error *unused)
+{
+    (void)name;
+    (void)rig;
+    (void)mark;
+    (void)unused;
+    signal->read = read_signal;
+    return ERROR_NONE;
+}
+
+/* ---- a run ---- */
+
+/* One expectation that reads expectation_text, of frames 0x10 on bus 0, of the event "boom" or of
+ * the signal above. */
 static void expect(const char *expectation_text)
 {
     struct scenario *cases;
@@ -44,13 +78,13 @@ static void expect(const char *expectation_text)
     clock_of.label_ns[SCENARIO_LABEL_START] = 0;
 }
 
-/* Runs to the end of TICKS ms; a frame and an event come in the ticks of the list, which ends with
- * 0; mark is when the label happens, -1 = never. */
-static const struct scenario_verdict *run(const int *ticks, int mark)
+/* Runs to the end of last ms of the TICKS that were planned; a frame and an event come in the ticks
+ * of the list, which ends with 0; mark is when the label happens, -1 = never. */
+static const struct scenario_verdict *run_until(int last, const int *ticks, int mark)
 {
     const struct bus_frame frame = frame_make(0x10, 0, NULL);
 
-    for (int tick = 0; tick <= TICKS; tick++) {
+    for (int tick = 0; tick <= last; tick++) {
         if (tick == mark) {
             clock_of.label_ns[SCENARIO_LABELS] = tick * MS;
         }
@@ -62,8 +96,24 @@ static const struct scenario_verdict *run(const int *ticks, int mark)
         }
         scenario_expectations_step(expectations, NULL, &clock_of, tick * MS);
     }
-    scenario_expectations_finish(expectations, &clock_of, TICKS * MS, &outcome);
+    scenario_expectations_finish(expectations, &clock_of, last * MS, TICKS * MS, &outcome);
     assert_int_equal(outcome.nverdict, 1);
+    return &outcome.verdict[0];
+}
+
+static const struct scenario_verdict *run(const int *ticks, int mark)
+{
+    return run_until(TICKS, ticks, mark);
+}
+
+/* The signal has the value usual but for the tick odd, where it has another. */
+static const struct scenario_verdict *run_signal(double usual, int odd, double other)
+{
+    for (int tick = 0; tick <= TICKS; tick++) {
+        signal_value = tick == odd ? other : usual;
+        scenario_expectations_step(expectations, NULL, &clock_of, tick * MS);
+    }
+    scenario_expectations_finish(expectations, &clock_of, TICKS * MS, TICKS * MS, &outcome);
     return &outcome.verdict[0];
 }
 
@@ -115,9 +165,98 @@ static void judges_frames_and_events(void **state)
     arena_fini(&arena);
 }
 
+static void judges_values_against_their_band(void **state)
+{
+    const double nan = (double)NAN, inf = (double)INFINITY;
+    const struct {
+        const char *expectation;
+        double usual, other; /* the other at 40 ms */
+        bool met;
+        int decided_ms;
+    } table[] = {
+        {"signal: s, between: [-1, 2]", 0.0, 2.0, true, 100},
+        {"signal: s, between: [-1, 2]", 0.0, -1.0, true, 100},
+        {"signal: s, between: [-1, 2]", 0.0, 2.0001, false, 40},
+        {"signal: s, between: [-1, 2]", 0.0, -1.0001, false, 40},
+        {"signal: s, between: [-1, 2]", 0.0, nan, false, 40},
+        {"signal: s, between: [-1, 2]", 0.0, -nan, false, 40},
+        {"signal: s, between: [-1, 2]", 0.0, inf, false, 40},
+        {"signal: s, between: [-1, 2], from_s: 0.04", nan, 0.0, false, 41},
+        {"signal: s, between: [-1, 2], from_s: 0.041", 0.0, nan, true, 100},
+        {"signal: s, between: [-1, 2], to_s: 0.039", 0.0, nan, true, 39},
+        {"signal: s, between: [-1, 2], to_s: 0.04", 0.0, nan, false, 40},
+        {"signal: s, between: [0, 0], relative: true", 7.0, nan, false, 40},
+        {"signal: s, between: [-1, 1], relative: true, from_s: 0.04", 0.0, nan, false, 40},
+        {"signal: s, between: [-1, 1], relative: true, from_s: 0.04", 0.0, 1.5, false, 41},
+        {"signal: s, between: [-1, 1], relative: true, from_s: 0.041", 5.0, 1.5, true, 100},
+        {"signal: s, reaches: [2, 3]", 0.0, 2.0, true, 40},
+        {"signal: s, reaches: [2, 3]", 0.0, 3.0, true, 40},
+        {"signal: s, reaches: [2, 3]", 0.0, 3.0001, false, 100},
+        {"signal: s, reaches: [2, 3]", 0.0, nan, false, 100},
+        {"signal: s, reaches: [2, 3]", nan, nan, false, 100},
+        {"signal: s, reaches: [2, 3]", nan, 2.5, true, 40},
+        {"signal: s, reaches: [2, 3], within_s: 0.039", 0.0, 2.5, false, 39},
+        {"signal: s, reaches: [2, 3], within_s: 0.04", 0.0, 2.5, true, 40},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+        const struct scenario_verdict *verdict;
+
+        print_message("# %s, at 40 ms %g\n", table[i].expectation, table[i].other);
+        expect(table[i].expectation);
+        verdict = run_signal(table[i].usual, 40, table[i].other);
+        assert_int_equal(verdict->met, table[i].met);
+        assert_int_equal(verdict->time_ns, table[i].decided_ms * MS);
+        assert_int_equal(verdict->text[0] == '\0', verdict->met);
+    }
+    arena_fini(&arena);
+}
+
+/* Nobody knows what would have been seen in the rest. */
+static void a_run_that_ends_early_meets_only_what_was_decided(void **state)
+{
+    static const struct {
+        const char *expectation;
+        int ticks[4], last;
+        bool met;
+    } table[] = {
+        {"event: boom, never: true", {0}, 99, false},
+        {"event: boom, never: true", {0}, 100, true},
+        {"event: boom, never: true, to_s: 0.05", {0}, 51, true},
+        {"event: boom, never: true, to_s: 0.05", {0}, 50, true},
+        {"event: boom, never: true, to_s: 0.05", {0}, 49, false},
+        {"event: boom", {30}, 31, true},
+        {"event: boom, count: [1, 3]", {30}, 60, false},
+        {"event: boom, count: [1, 3], to_s: 0.05", {30}, 60, true},
+        {"event: boom, from_s: 0.07, never: true", {0}, 60, false},
+        {"frame: {bus: b, id: 0x10}, period_s: [0.02, 0.05]", {10, 40}, 60, false},
+        {"signal: s, between: [-1, 1]", {0}, 99, false},
+        {"signal: s, between: [-1, 1], to_s: 0.05", {0}, 60, true},
+        {"signal: s, reaches: [-1, 1]", {0}, 10, true},
+    };
+
+    (void)state;
+    signal_value = 0.0;
+    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+        const struct scenario_verdict *verdict;
+
+        print_message("# %s, until %d ms\n", table[i].expectation, table[i].last);
+        expect(table[i].expectation);
+        verdict = run_until(table[i].last, table[i].ticks, -1);
+        assert_int_equal(verdict->met, table[i].met);
+        assert_int_equal(verdict->text[0] == '\0', verdict->met);
+    }
+    arena_fini(&arena);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(judges_frames_and_events)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(judges_frames_and_events),
+        cmocka_unit_test(judges_values_against_their_band),
+        cmocka_unit_test(a_run_that_ends_early_meets_only_what_was_decided),
+    };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

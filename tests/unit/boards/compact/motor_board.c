@@ -85,8 +85,19 @@ static void an_fd_frame_carries_all_axes_of_a_board(void **state)
     assert_int_equal(v[3], 12345);
     assert_int_equal(v[4], -54321);
     assert_int_equal(v[5], COMPACT_OFF);
+    assert_int_equal(v[6], 0);
     assert_int_equal(v[7], 39 & 0xf);
     assert_int_equal(bench_sent(&bench, 1, 0x100), 0);
+
+    /* A fault of one axis that opens its bridge shows in its half alone; a limit is none */
+    bench.sense[3].q = 2.6;
+    bench.sense[4].winding_c = 200.0;
+    bench_ticks(&bench, 2);
+    frame = bench_find(&bench, 1, compact_id(COMPACT_TELEMETRY_FD, 7));
+    assert_true(fields_decode(fields, frame->data, 16, v));
+    assert_int_equal(v[6], 0);
+    assert_true(fields_decode(fields, frame->data + 16, 16, v));
+    assert_int_equal(v[6], 1);
     bench_stop(&bench);
 }
 
