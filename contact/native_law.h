@@ -58,6 +58,10 @@ struct native_sum {
      * turn is the rotation of the first's frame, but about a center in the first's frame. */
     struct contact_tangent *tangent;
     const double *turn;
+    /* With sticking friction, first this without friction, then that for the friction; with the
+     * tangent the latter too. NULL otherwise. contact/native_stick.h. */
+    struct native_gather *gather;
+    struct native_grip *grip;
 };
 
 /* Adds a spring; there must be room. rate: of the force with the depth. */

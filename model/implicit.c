@@ -25,6 +25,8 @@
  *   contact     a pair with the tangents K and D has, at its center, the wrench
  *               F - H (D + H K) (A - Ap), H = gamma h, A the relative acceleration of the stage and
  *               Ap that which leads to the point: H (D + H K) adds to its bodies' inertias;
+ *   friction    that sticks: its bristles are bent from the base as the point's rates would, and
+ *               follow the stage's linearly (model/implicit_bristle.c);
  *   gyroscopic  moments of free bodies are those at the stage, by iteration.
  *
  * So a stage is the system (Mass + E + sum Jb^T A_b Jb) a = right-hand side, which
@@ -98,6 +100,7 @@ static enum error_code take_first_stage(struct plant *plant)
     /* Where the second stage starts from */
     implicit_advance_actuators(plant, SPAN_TO_BASE, im->u, im->base);
     implicit_move(plant, im->u, rest, im->base);
+    implicit_advance_bristles(plant, rest, im->base);
     for (size_t i = 0; i < im->na; i++) {
         im->u_base[i] = im->u_begin[i] + rest * im->slope[i];
     }
@@ -128,6 +131,7 @@ static enum error_code take_second_stage(struct plant *plant)
     /* The end of the step */
     implicit_advance_actuators(plant, SPAN_STAGE, im->u, im->base);
     implicit_move(plant, im->u, im->stage_h, im->base);
+    implicit_advance_bristles(plant, im->stage_h, im->base);
     implicit_set_rates(plant, im->u, im->base);
     implicit_account_joints(plant, im->stage_h, im->base, 0.0);
     memcpy(plant->state, im->base, plant->at.count * sizeof *im->base);

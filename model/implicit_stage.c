@@ -186,7 +186,7 @@ enum error_code implicit_solve_stage(struct plant *plant)
 
     /* Forces and tangents at the point */
     find_point(plant);
-    if ((code = plant_load_bodies(plant, im->point, &im->load))) {
+    if ((code = plant_load_bodies(plant, im->point, im->stage_h, &im->load))) {
         return code;
     }
     if ((code = implicit_linearize_contact(plant))) {

@@ -29,7 +29,7 @@ enum plant_work {
 
 /* Where the parts of the flat state begin, and its length. */
 struct plant_layout {
-    size_t v, drive, pretension, free, work, count;
+    size_t v, drive, pretension, free, bristle, work, count;
 };
 
 /* Inverse of a free body's tensor of inertia, as struct robot_inertia has the tensor. */
@@ -43,7 +43,8 @@ struct plant_free_inverse {
 struct plant_contact_memory {
     struct plant_contact_cost cost;
     bool valid;                  /* there was one, and it did not fail */
-    struct body_motion motion[]; /* ncontact of the last evaluation, then as many wrenches */
+    double ahead_s;              /* of the last evaluation, as what follows */
+    struct body_motion motion[]; /* ncontact, then as many wrenches, nbristle bristles and rates */
 };
 
 /* Arrays by body have nbody entries of the robot, then nfree of the free bodies. */
@@ -51,7 +52,7 @@ struct plant {
     struct plant_config config; /* contact_body and free are the plant's own copies */
     struct dynamics whole;      /* generic, with every body observed: pushes, center of mass */
     struct plant_layout at;
-    size_t ndrive, nspring;
+    size_t ndrive, nspring, nbristle;
     size_t *drive_joint;  /* joint of each drive */
     size_t *spring_joint; /* joint of each enabled parallel spring */
     struct plant_free_inverse *free_inverse;
@@ -79,6 +80,7 @@ struct plant {
     struct wrench *ext;         /* by body, body frame */
     struct body_motion *motion; /* by body */
     struct contact_wrench *contact_wrench;
+    double *bristle_rate; /* nbristle */
     struct plant_contact_memory *contact_memory;
     struct body_motion *whole_motion; /* of the robot's bodies */
     double *last_good; /* the state before a substep; once plant_step is done, the one it led to */
@@ -156,18 +158,19 @@ double plant_stop_loss(const struct plant *plant, const double *state);
  * contact_wrench too when there is contact. */
 enum error_code plant_evaluate(struct plant *plant, const double *state, struct plant_load *load);
 
-/* The part of it before the dynamics: q, ext and the motions, with or without contact. */
-enum error_code plant_load_bodies(struct plant *plant, const double *state,
+/* The part of it before the dynamics: q, ext, the motions and bristle_rate, with or without
+ * contact, whose bristles are taken so far ahead (struct contact_bristles). */
+enum error_code plant_load_bodies(struct plant *plant, const double *state, double ahead_s,
                                   struct plant_load *load);
 
 /* The part of that which fills ext, given what plant_place fills and, when there is contact, the
  * robot's motion and contact_wrench; adds the powers to load's. */
 void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *load);
 
-/* The contact part of it: fills the robot's motion and contact_wrench, given v and what plant_place
- * fills. Returns the engine's failure, if any, with plant->failure set. RT-safe when the engine
- * is. */
-enum error_code plant_contact_evaluate(struct plant *plant, const double *v);
+/* The contact part of it: fills the robot's motion, contact_wrench and bristle_rate, given state
+ * and what plant_place fills of it. Returns the engine's failure, if any, with plant->failure set.
+ * RT-safe when the engine is. */
+enum error_code plant_contact_evaluate(struct plant *plant, const double *state, double ahead_s);
 
 /* The engine's tangents at the last evaluation, of which it writes at most max; returns their
  * number. The engine has to give some. RT-safe when the engine does so. */

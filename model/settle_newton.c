@@ -117,7 +117,7 @@ static void weigh_free_body(const struct settle *s, struct rest *rest)
 enum error_code settle_weigh(struct settle *s, double *g)
 {
     struct plant_load load;
-    enum error_code code = plant_load_bodies(s->plant, s->plant->state, &load);
+    enum error_code code = plant_load_bodies(s->plant, s->plant->state, 0.0, &load);
 
     if (code != ERROR_NONE) {
         return code;
