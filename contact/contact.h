@@ -207,11 +207,16 @@ enum contact_bristle_part {
 
 /* Bristles as an evaluation takes them: those of pair i from CONTACT_BRISTLE i on. With a time
  * ahead the forces are those of the bristles as the present velocities would have bent them after
- * that time, and rate leads there: the step of an implicit integrator. */
+ * that time, and rate leads there: the step of an implicit integrator. Only listed pairs cost
+ * anything: on entry at least all whose bristles are not 0, each once, then also those that
+ * touch. */
 struct contact_bristles {
-    const double *y; /* the world's nbristle, J^0.5 */
+    const double *y; /* the world's nbristle, J^0.5; 0 where a pair is not listed */
     double ahead_s;  /* >= 0 */
-    double *rate;    /* overwritten: their mean rates over that time, J^0.5/s; NULL = not wanted */
+    double *rate;    /* of the listed pairs, overwritten: their mean rates over that time, J^0.5/s;
+                      * NULL = not wanted, and nothing is listed further */
+    int *pair;       /* with room for all pairs of the world */
+    size_t npair;
 };
 
 /* Refuses what no engine can work with, with ERROR_INPUT: indices out of range, numbers that are
@@ -234,8 +239,7 @@ struct contact_ops {
      * a world without. Returns ERROR_NONE, ERROR_INPUT for a motion or a bristle that is not valid,
      * or the engine's failure; wrench and rates are then undefined. */
     enum error_code (*evaluate)(struct contact_world *world, const struct body_motion *motion,
-                                const struct contact_bristles *bristles,
-                                struct contact_wrench *wrench);
+                                struct contact_bristles *bristles, struct contact_wrench *wrench);
     /* Patches of the last evaluation; returns their number, writes at most max. */
     size_t (*patches)(struct contact_world *world, struct contact_patch *patch, size_t max);
     /* Tangents at the last evaluation; returns their number, writes at most max. May be NULL: then

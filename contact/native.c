@@ -218,7 +218,7 @@ static void pair_add_patch(struct native_engine *e, size_t index, const struct n
 
 /* Evaluates a pair, its springs behind those of the pairs before it in the batch. */
 static void pair_evaluate(struct native_engine *e, size_t index, const struct body_motion *motion,
-                          const struct contact_bristles *bristles, struct contact_wrench *wrench)
+                          struct contact_bristles *bristles, struct contact_wrench *wrench)
 {
     const struct native_pair *pair = &e->pair[index];
     struct native_batch *batch = &e->scratch->batch;
@@ -240,8 +240,6 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
                                 &sum);
         }
         pair_add_patch(e, index, &sum, motion, wrench);
-    } else if (bristles && bristles->rate) {
-        native_bristle_relax(bristles, index);
     }
     batch->full |= full;
 }
@@ -270,12 +268,16 @@ static void surfaces_move(struct native_engine *e, const struct body_motion *mot
 static enum error_code bristles_check(struct native_engine *e,
                                       const struct contact_bristles *bristles)
 {
-    for (size_t i = 0; bristles && i < e->world.nbristle; i++) {
-        if (!(fabs(bristles->y[i]) <= BRISTLE_MOST)) {
-            snprintf(e->failure, sizeof e->failure,
-                     "contact: the bristles of pair %zu are not finite, or out of range",
-                     i / CONTACT_BRISTLE);
-            return ERROR_INPUT;
+    for (size_t i = 0; e->grip && bristles && i < bristles->npair; i++) {
+        const double *y = bristles->y + CONTACT_BRISTLE * (size_t)bristles->pair[i];
+
+        for (int k = 0; k < CONTACT_BRISTLE; k++) {
+            if (!(fabs(y[k]) <= BRISTLE_MOST)) {
+                snprintf(e->failure, sizeof e->failure,
+                         "contact: the bristles of pair %d are not finite, or out of range",
+                         bristles->pair[i]);
+                return ERROR_INPUT;
+            }
         }
     }
     return ERROR_NONE;
@@ -283,7 +285,7 @@ static enum error_code bristles_check(struct native_engine *e,
 
 static enum error_code native_evaluate(struct contact_world *world,
                                        const struct body_motion *motion,
-                                       const struct contact_bristles *bristles,
+                                       struct contact_bristles *bristles,
                                        struct contact_wrench *wrench)
 {
     struct native_engine *e = (struct native_engine *)world;
@@ -305,11 +307,9 @@ static enum error_code native_evaluate(struct contact_world *world,
     e->scratch->batch.full = false;
     e->scratch->visits = 0;
 
-    /* Bristles of pairs that are not near relax */
+    /* Bristles relax where nothing touches */
     if (e->grip && bristles && bristles->rate) {
-        for (size_t i = 0; i < e->npair; i++) {
-            native_bristle_relax(bristles, i);
-        }
+        native_bristle_relax(bristles);
     }
 
     /* Pairs that may touch, in their order */

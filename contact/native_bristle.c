@@ -60,6 +60,7 @@ static void springs_hold(const struct springs *s, struct native_grip *grip, stru
 {
     struct native_sum unused = {.depth = 0};
 
+    grip->keeps = sum;
     sum = sum ? sum : &unused;
     grip->power = grip->held = grip->most = grip->open = 0;
     sum->gather = NULL;
@@ -180,13 +181,28 @@ static void bristle_leave(const struct native_engine *e, const struct native_pai
     world[BRISTLE_TWIST] = y[BRISTLE_TWIST];
 }
 
-void native_bristle_relax(const struct contact_bristles *bristles, size_t pair)
+void native_bristle_relax(const struct contact_bristles *bristles)
 {
     const double rate = 1 / (YIELD_S + bristles->ahead_s);
 
-    for (size_t i = CONTACT_BRISTLE * pair; i < CONTACT_BRISTLE * (pair + 1); i++) {
-        bristles->rate[i] = -rate * bristles->y[i];
+    for (size_t i = 0; i < bristles->npair; i++) {
+        const size_t from = CONTACT_BRISTLE * (size_t)bristles->pair[i];
+
+        for (size_t k = from; k < from + CONTACT_BRISTLE; k++) {
+            bristles->rate[k] = -rate * bristles->y[k];
+        }
     }
+}
+
+/* A pair that touches is listed. */
+static void bristle_list(struct contact_bristles *bristles, size_t pair)
+{
+    for (size_t i = 0; i < bristles->npair; i++) {
+        if (bristles->pair[i] == (int)pair) {
+            return;
+        }
+    }
+    bristles->pair[bristles->npair++] = (int)pair;
 }
 
 /* The rates of the sliding motion, y the bristles in the patch's plane: by it and carried along
@@ -236,36 +252,43 @@ static void hold_ahead(const struct springs *s, const struct bend *bend, double 
                        const double y[CONTACT_BRISTLE], struct native_grip *grip,
                        struct native_sum *sum, double rate[CONTACT_BRISTLE])
 {
-    double before = bristle_square(y), after, scale;
+    struct native_sum unyielding = *sum;
+    double before = bristle_square(y), after, most, scale;
 
-    /* All the way, then back to what they can bear and to what the work on them allows */
+    /* All the way */
     bend_bristles(s->e, s->pair, grip, bend, y, rate);
     for (int k = 0; k < CONTACT_BRISTLE; k++) {
         grip->bristle[k] = y[k] + h * rate[k];
     }
     grip->delay_s = DELAY_S;
-    springs_hold(s, grip, NULL);
+    grip->follow_s = DELAY_S + h;
+    grip->bend_s = h;
+    springs_hold(s, grip, &unyielding);
     after = bristle_square(grip->bristle);
-    scale = (1 + h / YIELD_S * grip_find_yield(s, grip)) / (1 + h / YIELD_S);
-    if (after > before + 2 * h * grip->power) {
-        scale = fmin(scale, sqrt(fmax(0, before + 2 * h * grip->power) / after));
-    }
-    for (int k = 0; k < CONTACT_BRISTLE; k++) {
-        grip->bristle[k] *= scale;
-        rate[k] = (grip->bristle[k] - y[k]) / h;
-    }
+    most = fmax(0, before + 2 * h * grip->power);
 
-    grip->follow_s = DELAY_S + scale * h;
-    grip->bend_s = scale * h;
-    springs_hold(s, grip, sum);
-    after = bristle_square(grip->bristle);
+    if (grip->held <= YIELD_FROM * grip->most && after <= most) {
+        *sum = unyielding;
+    } else {
+        /* Back to what they can bear and to what the work on them allows */
+        scale = (1 + h / YIELD_S * grip_find_yield(s, grip)) / (1 + h / YIELD_S);
+        scale = after > most ? fmin(scale, sqrt(most / after)) : scale;
+        for (int k = 0; k < CONTACT_BRISTLE; k++) {
+            grip->bristle[k] *= scale;
+            rate[k] = (grip->bristle[k] - y[k]) / h;
+        }
+        grip->follow_s = DELAY_S + scale * h;
+        grip->bend_s = scale * h;
+        springs_hold(s, grip, sum);
+        after = bristle_square(grip->bristle);
+    }
     sum->potential += after / 2;
     sum->power += fmax(0, grip->power - (after - before) / (2 * h));
 }
 
 void native_bristle_hold(struct native_engine *e, size_t index,
                          const struct native_relative *relative, struct native_springs at,
-                         bool lost, const struct contact_bristles *bristles, struct native_sum *sum)
+                         bool lost, struct contact_bristles *bristles, struct native_sum *sum)
 {
     static const double relaxed[CONTACT_BRISTLE];
     const struct native_pair *pair = &e->pair[index];
@@ -278,9 +301,6 @@ void native_bristle_hold(struct native_engine *e, size_t index,
     /* Springs that all pull bear nothing */
     if (!(sum->normal > 0)) {
         *grip = (struct native_grip){.root = 0};
-        if (bristles && bristles->rate) {
-            native_bristle_relax(bristles, index);
-        }
         return;
     }
 
@@ -302,6 +322,7 @@ void native_bristle_hold(struct native_engine *e, size_t index,
         rate[k] += (y[k] - along * start[k]) / (h > 0 ? h : ALIGN_S);
     }
     if (bristles && bristles->rate) {
+        bristle_list(bristles, index);
         bristle_leave(e, pair, rate, bristles->rate + CONTACT_BRISTLE * index);
     }
 }

@@ -45,6 +45,8 @@ struct native_batch {
     _Alignas(64) double force[BATCH_MAX]; /* without dissipation, N */
     _Alignas(64) double depth[BATCH_MAX]; /* m */
     _Alignas(64) double rate[BATCH_MAX];  /* of the force with the depth, N/m */
+    _Alignas(64) double held[BATCH_MAX];  /* what bristles hold by where friction sticks: the last
+                                           * force over the bend (struct friction_bend) */
 };
 
 /* What the springs of a pair do to the first body, about the origin of its frame. */

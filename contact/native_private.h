@@ -83,10 +83,9 @@ void native_pair_find_force(const struct native_engine *e, const struct native_p
  * because there was no room. bristles: may be NULL (all relaxed). */
 void native_bristle_hold(struct native_engine *e, size_t index,
                          const struct native_relative *relative, struct native_springs at,
-                         bool lost, const struct contact_bristles *bristles,
-                         struct native_sum *sum);
+                         bool lost, struct contact_bristles *bristles, struct native_sum *sum);
 
-/* The rates of bristles that do not touch anything; they are wanted. */
-void native_bristle_relax(const struct contact_bristles *bristles, size_t pair);
+/* The rates of the listed bristles as if they did not touch anything; they are wanted. */
+void native_bristle_relax(const struct contact_bristles *bristles);
 
 #endif

@@ -61,7 +61,7 @@ void native_stick_gather(const struct native_batch *b, const struct native_law *
     sum->power += lanes_sum(power);
 }
 
-void native_stick_hold(const struct native_batch *b, const struct native_law *law,
+void native_stick_hold(struct native_batch *b, const struct native_law *law,
                        const struct native_relative *relative, struct native_sum *sum)
 {
     struct native_grip *grip = sum->grip;
@@ -76,6 +76,9 @@ void native_stick_hold(const struct native_batch *b, const struct native_law *la
 
         friction_load_spring(b, i, law, relative, &s);
         friction_find_bend(&s, law, grip, &bend);
+        if (grip->keeps) {
+            lanes_store(bend.stiffness, b->held + i);
+        }
         share = s.normal * grip->inverse_normal;
 
         /* The force */

@@ -32,6 +32,7 @@ struct native_grip {
     /* Found with the force: power of friction (W); sums of w min(|g|, l)|g|, of w l |g|, and of
      * w |g|^2 where |g| < l */
     double power, held, most, open;
+    bool keeps; /* what the springs resist is kept in the batch, for tangents */
 };
 
 /* Adds the springs from start on to the normal force, its energies and what sum->gather wants. */
@@ -39,7 +40,7 @@ void native_stick_gather(const struct native_batch *batch, const struct native_l
                          const struct native_relative *relative, struct native_sum *sum);
 
 /* Adds their friction to the force and to what is found in sum->grip. */
-void native_stick_hold(const struct native_batch *batch, const struct native_law *law,
+void native_stick_hold(struct native_batch *batch, const struct native_law *law,
                        const struct native_relative *relative, struct native_sum *sum);
 
 #endif

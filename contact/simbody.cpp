@@ -438,7 +438,7 @@ void copy_as_one_line(char *out, size_t size, const char *message)
 }
 
 enum error_code simbody_evaluate(struct contact_world *world, const struct body_motion *motion,
-                                 const struct contact_bristles *, struct contact_wrench *wrench)
+                                 struct contact_bristles *, struct contact_wrench *wrench)
 {
     Engine *engine = static_cast<Engine *>(world);
 

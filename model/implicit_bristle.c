@@ -7,13 +7,20 @@
  */
 #include "model/implicit_private.h"
 
-void implicit_advance_bristles(const struct plant *plant, double h, double *state)
+void implicit_advance_bristles(struct plant *plant, double h)
 {
     const struct implicit *im = plant->implicit;
-    double *y = state + plant->at.bristle;
+    double *y = plant->state + plant->at.bristle;
 
-    add_scaled(h, plant->bristle_rate, y, plant->nbristle);
-    for (size_t t = 0; plant->nbristle > 0 && t < im->nactive; t++) {
+    if (plant->nbristle == 0 || !plant->bristles_follow) {
+        return;
+    }
+    for (size_t i = 0; i < plant->nlive; i++) {
+        const size_t from = CONTACT_BRISTLE * (size_t)plant->live[i];
+
+        add_scaled(h, plant->bristle_rate + from, y + from, CONTACT_BRISTLE);
+    }
+    for (size_t t = 0; t < im->nactive; t++) {
         const struct contact_tangent *tangent = &im->tangent[t];
         const struct spatial *beyond = &im->active[t].beyond;
         double *own = y + CONTACT_BRISTLE * (size_t)tangent->pair;

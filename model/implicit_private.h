@@ -207,8 +207,9 @@ void implicit_end_contact(struct plant *plant);
 
 /* ---- bristles: implicit_bristle.c ---- */
 
-/* Advances those in state by h seconds at the slope that they have in the stage that was solved. */
-void implicit_advance_bristles(const struct plant *plant, double h, double *state);
+/* Advances those of the plant's state, which are the stages' base, by h seconds at the slope that
+ * they have in the stage that was solved. */
+void implicit_advance_bristles(struct plant *plant, double h);
 
 /* ---- the linear system: implicit_solve.c ---- */
 

@@ -5,8 +5,8 @@
  *
  * State, one flat array: q (nq), v (nv), then an enum plant_drive_part for each joint with a drive,
  * in joint order, then p for each joint with an enabled parallel spring, then an enum
- * plant_free_part for each free body, then the bristles of sticking friction (contact.h), an enum
- * contact_bristle_part for each pair, then, with account_energy, the integrals of the powers.
+ * plant_free_part for each free body, then, with account_energy, the integrals of the powers, then
+ * the bristles of sticking friction (contact.h), an enum contact_bristle_part for each pair.
  * Joints without a drive have no actuator state and no torque but that of their parallel spring and
  * of the stops at the ends of their range (model/stop.h).
  * Time is int64_t ns.

@@ -143,9 +143,9 @@ static void lay_out_state(struct plant *plant)
     plant->at.pretension = plant->at.drive + PLANT_DRIVE_STATE * plant->ndrive;
     plant->at.free = plant->at.pretension + plant->nspring;
     plant->nbristle = plant->config.contact ? plant->config.contact->nbristle : 0;
-    plant->at.bristle = plant->at.free + PLANT_FREE_STATE * plant->config.nfree;
-    plant->at.work = plant->at.bristle + plant->nbristle;
-    plant->at.count = plant->at.work + (plant->config.account_energy ? WORK_COUNT : 0);
+    plant->at.work = plant->at.free + PLANT_FREE_STATE * plant->config.nfree;
+    plant->at.bristle = plant->at.work + (plant->config.account_energy ? WORK_COUNT : 0);
+    plant->at.count = plant->at.bristle + plant->nbristle;
 }
 
 /* An array of count elements for pointer; clears ok when the arena is used up. */
@@ -189,7 +189,7 @@ static bool allocate_plant(struct plant *plant, struct arena *arena)
     TAKE(plant->ext, nbody);
     TAKE(plant->motion, nbody);
     TAKE(plant->contact_wrench, ncontact);
-    TAKE(plant->bristle_rate, plant->nbristle);
+    TAKE(plant->live, plant->nbristle / CONTACT_BRISTLE);
     ok = ok && plant_contact_create(plant, arena);
     TAKE(plant->whole_motion, robot->nbody);
 

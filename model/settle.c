@@ -417,6 +417,7 @@ enum error_code plant_settle(struct plant *plant, struct arena *arena, struct se
         return error_set(error, ERROR_INPUT, "nothing comes to rest without gravity");
     }
     settle_choose_axes(robot->gravity, &s);
+    plant_list_bristles(plant);
     memcpy(start, plant->state, plant->at.count * sizeof *start);
 
     /* Unclamped meanwhile: a clamped robot does not feel what is to carry it */

@@ -121,8 +121,12 @@ static void stop_bodies(struct settle *s)
     static const double none[3];
     struct plant *plant = s->plant;
 
-    for (size_t i = 0; i < plant->nbristle; i++) {
-        plant->state[plant->at.bristle + i] += AHEAD_S * plant->bristle_rate[i];
+    for (size_t i = 0; i < plant->nlive; i++) {
+        const size_t from = CONTACT_BRISTLE * (size_t)plant->live[i];
+
+        for (size_t k = from; k < from + CONTACT_BRISTLE; k++) {
+            plant->state[plant->at.bristle + k] += AHEAD_S * plant->bristle_rate[k];
+        }
     }
     for (size_t b = 0; b < s->nrest; b++) {
         const struct rest *rest = &s->rest[b];
@@ -186,7 +190,8 @@ enum error_code settle_weigh(struct settle *s, double *g)
 {
     struct plant_load load;
     enum error_code code =
-        plant_load_bodies(s->plant, s->plant->state, s->holds ? AHEAD_S : 0.0, &load);
+        plant_load_bodies(s->plant, s->plant->state, s->plant->state + s->plant->at.bristle,
+                          s->holds ? AHEAD_S : 0.0, &load);
 
     if (code != ERROR_NONE) {
         return code;

@@ -50,12 +50,23 @@ struct bodies {
     double bristle[BRISTLES]; /* of the world, if it has any */
 };
 
+/* All pairs. */
+static inline void list_bristles(const struct bodies *b, struct contact_bristles *bristles)
+{
+    for (size_t i = 0; i < b->world->nbristle / CONTACT_BRISTLE; i++) {
+        bristles->pair[bristles->npair++] = (int)i;
+    }
+}
+
 /* The derivative of a motion is kept in one: R' in R, v in p, and the accelerations. */
 static inline void derive(const struct bodies *b, const struct body_motion *at, const double *y,
                           struct body_motion *rate, double *y_rate)
 {
-    const struct contact_bristles bristles = {.y = y, .rate = y_rate};
+    int pair[SCENE_PAIRS];
+    struct contact_bristles bristles = {.y = y, .rate = y_rate, .pair = pair};
     struct contact_wrench wrench[BODIES];
+
+    list_bristles(b, &bristles);
 
     if (b->world->ops->evaluate(b->world, at, &bristles, wrench) != ERROR_NONE) {
         fail_msg("%s", b->world->ops->failure(b->world));
@@ -157,12 +168,14 @@ static inline double kinetic(const struct bodies *b)
 
 static inline double stored(const struct bodies *b)
 {
-    const struct contact_bristles bristles = {.y = b->bristle};
+    int pair[SCENE_PAIRS];
+    struct contact_bristles bristles = {.y = b->bristle, .pair = pair};
     struct contact_patch patch[8];
     struct contact_wrench wrench[BODIES];
     double sum = 0;
     size_t n;
 
+    list_bristles(b, &bristles);
     b->world->ops->evaluate(b->world, b->motion, &bristles, wrench);
     n = b->world->ops->patches(b->world, patch, 8);
     for (size_t i = 0; i < n; i++) {

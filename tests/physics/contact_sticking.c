@@ -92,7 +92,8 @@ static struct contact_world *make_world(const struct scene *scene)
 static void evaluate(struct contact_world *world, const struct body_motion *motion, const double *y,
                      double ahead_s, double *rate, struct contact_wrench *wrench)
 {
-    const struct contact_bristles bristles = {y, ahead_s, rate};
+    int pair[1] = {0};
+    struct contact_bristles bristles = {y, ahead_s, rate, pair, 1};
 
     if (world->ops->evaluate(world, motion, y ? &bristles : NULL, wrench) != ERROR_NONE) {
         fail_msg("%s", world->ops->failure(world));
@@ -444,7 +445,8 @@ static void bristles_ahead_are_those_that_the_rates_lead_to(void **state)
 static void bristles_that_are_not_numbers_are_refused(void **state)
 {
     const double y[CONTACT_BRISTLE] = {0, NAN, 0, 0};
-    const struct contact_bristles bristles = {.y = y};
+    int pair[1] = {0};
+    struct contact_bristles bristles = {.y = y, .pair = pair, .npair = 1};
     struct contact_wrench wrench[BODIES];
     struct body_motion motion[BODIES];
     struct contact_world *world;

@@ -19,7 +19,7 @@ struct tie {
 
 static inline enum error_code tie_evaluate(struct contact_world *world,
                                            const struct body_motion *motion,
-                                           const struct contact_bristles *bristles,
+                                           struct contact_bristles *bristles,
                                            struct contact_wrench *wrench)
 {
     struct tie *tie = (struct tie *)world;

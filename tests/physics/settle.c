@@ -343,7 +343,7 @@ static void thrown_body_is_left_alone(void **state)
 
 /* ---- held by friction ---- */
 
-/* The ground slopes down to +x by slope rad, the blocks stand on it in a pile, gravity is upright. */
+/* Ground that slopes down to +x by slope rad, blocks on it in a pile, gravity upright. */
 static void yard_slope(struct yard *yard, size_t nblock, double slope)
 {
     const double rpy[3] = {0.0, slope, 0.0}, half_turn = 0.5 * slope;

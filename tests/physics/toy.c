@@ -188,7 +188,7 @@ static void press(struct toy_ground *ground, const struct toy_point *point,
 
 static enum error_code ground_evaluate(struct contact_world *world,
                                        const struct body_motion *motion,
-                                       const struct contact_bristles *bristles,
+                                       struct contact_bristles *bristles,
                                        struct contact_wrench *wrench)
 {
     struct toy_ground *ground = (struct toy_ground *)world;
