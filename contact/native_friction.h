@@ -59,7 +59,7 @@ LANES_INLINE lanes friction_slope_bound(lanes v, const struct native_law *law)
 struct friction_spring {
     lanes p[3], d[3], u[3]; /* u: the first body's velocity against the second's, less leaving */
     lanes leaving;          /* its part along d */
-    lanes force, normal;    /* without and with dissipation; 0 where they do not push */
+    lanes force, normal;    /* without and with dissipation, which is never negative */
 };
 
 LANES_INLINE void friction_load_spring(const struct native_batch *b, size_t i,
@@ -69,7 +69,6 @@ LANES_INLINE void friction_load_spring(const struct native_batch *b, size_t i,
 {
     const double *w = relative->w, *v = relative->v;
     lanes zero = {0};
-    lanes_mask pushes;
 
     for (int k = 0; k < 3; k++) {
         s->p[k] = lanes_load(b->p[k] + i);
@@ -86,9 +85,7 @@ LANES_INLINE void friction_load_spring(const struct native_batch *b, size_t i,
     /* Normal force: elastic, damped, never pulling */
     s->force = lanes_load(b->force + i);
     s->normal = s->force * (1 - law->dissipation * s->leaving);
-    pushes = lanes_less(zero, s->normal);
-    s->normal = lanes_pick(pushes, s->normal, zero);
-    s->force = lanes_pick(pushes, s->force, zero);
+    s->normal = lanes_pick(lanes_less(zero, s->normal), s->normal, zero);
 }
 
 /* Bristles at the springs. */

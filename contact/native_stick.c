@@ -40,7 +40,7 @@ void native_stick_gather(const struct native_batch *b, const struct native_law *
         second[5] += fp[2] * s.p[2];
         normal += s.normal;
         potential += s.force * depth;
-        power += s.force * law->dissipation * (s.leaving * s.leaving);
+        power += (s.force - s.normal) * s.leaving;
     }
 
     for (int k = 0; k < 3; k++) {

@@ -198,14 +198,20 @@ static void observe(const struct scene *scene, struct sample *sample)
     }
 }
 
+/* Millisecond k of the task. */
+static void perform_one(struct scene *scene, int k, struct sample *sample)
+{
+    follow_path(scene, 1e-3 * k);
+    drive(scene);
+    assert_int_equal(plant_step(scene->plant, scene->steps), ERROR_NONE);
+    assert_int_equal(plant_sample(scene->plant), ERROR_NONE);
+    observe(scene, sample);
+}
+
 static void perform(struct scene *scene, int milliseconds, struct sample *samples)
 {
     for (int k = 0; k < milliseconds; k++) {
-        follow_path(scene, 1e-3 * k);
-        drive(scene);
-        assert_int_equal(plant_step(scene->plant, scene->steps), ERROR_NONE);
-        assert_int_equal(plant_sample(scene->plant), ERROR_NONE);
-        observe(scene, &samples[k]);
+        perform_one(scene, k, &samples[k]);
     }
 }
 
@@ -256,6 +262,35 @@ static void the_box_is_lifted_and_held(void **state)
                   start, track[END - 1].press[RIGHT], 1e3 * (track[END - 1].box[2] - 0.55),
                   1e3 * creep, fabs(track[END - 1].twist));
     assert_true(fabs(creep) < 5e-4);
+    scene_fini(&scene);
+}
+
+/* Friction that sticks holds the box: once the robot has swayed out, 20 s after the lift, it stays
+ * where it is between the wrists for a minute. */
+static void the_box_stays_in_the_grip_for_a_minute(void **state)
+{
+    enum { CALM = 24000, END = CALM + 60000, EVERY = 10000 };
+    struct scene scene;
+    struct sample now;
+    double held = 0.0, crept = 0.0;
+
+    (void)state;
+    scene_init(&scene, "grasp", PLANT_IMPLICIT, 0, 0.0);
+    for (int k = 0; k < END; k++) {
+        perform_one(&scene, k, &now);
+        if (k == CALM) {
+            held = now.box[2] - now.wrist_z;
+        } else if (k > CALM) {
+            crept = fmax(crept, fabs(now.box[2] - now.wrist_z - held));
+        }
+        if (k % EVERY == EVERY - 1) {
+            print_message("# %2d s: box %.4f mm above the wrists, %.3f mm up\n", (k + 1) / 1000,
+                          1e3 * (now.box[2] - now.wrist_z), 1e3 * (now.box[2] - 0.55));
+        }
+    }
+    print_message("# crept by %.1e m at most\n", crept);
+    assert_true(crept < 1e-4);
+    assert_true(now.box[2] - 0.55 > 0.03);
     scene_fini(&scene);
 }
 
@@ -389,6 +424,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_box_is_lifted_and_held),
+        cmocka_unit_test(the_box_stays_in_the_grip_for_a_minute),
         cmocka_unit_test(soft_elbows_give_way_and_press_less),
         cmocka_unit_test(any_springs_are_stable_at_a_millisecond),
         cmocka_unit_test(with_the_base_held_the_box_is_lifted_too),
