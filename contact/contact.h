@@ -13,7 +13,7 @@
  *                k = k1 k2/(k1 + k2), k_i = young_i/thickness_i
  *                c = s1 c1 + s2 c2, s_i the share of x that surface i gives:
  *                s1 = k2/(k1 + k2), s2 = 1 - s1
- *     friction   f_t = mu(v) f_n against the sliding velocity v, with u = v/v_t and
+ *     friction   (regularized) f_t = mu(v) f_n against the sliding velocity v, u = v/v_t and
  *                mu = us S(u) + uv v                          for u < 1
  *                mu = us - (us - ud) S((u - 1)/2) + uv v      for 1 <= u < 3
  *                mu = ud + uv v                               for 3 <= u
@@ -43,6 +43,33 @@
  * that cross at any angle (pi x^2 sqrt(R1 R2)/sin) or lie side by side; for a tip on the middle of
  * a side it is 12 % under it at equal radii, for two tips half of it. Every term is the slope of an
  * energy that depends on the pose alone, so that a closed way through touching poses gains nothing.
+ *
+ * Sticking friction: each pair has bristles, springs along the surfaces between a and b that are
+ * bent by what b moves against a, and give way where they bear more than mu f_n. Their state in the
+ * pair, which the integrator keeps, is y = (shear y_s, twist y_n), of the dimension of a root of
+ * energy. Over the elements of the patch, with N the sum of their f_n, w = f_n/N their shares, c
+ * the center of pressure, n the mean normal, r the elements' RMS distance from the axis through c
+ * along n, and v the sliding velocity of b against a,
+ *
+ *     bend       g = y_s + y_n n x (p - c)/r   at p, less its part along the element's normal
+ *     stiffness  s = N/l_b: where friction mu N is reached the bristles are bent by mu l_b
+ *     friction   f_t = -w sqrt(s) e min(1, l/|e|), e = g + sqrt(s) t_d v, l = mu(v) N/sqrt(s)
+ *                with mu as above but us S(u) = us below v_t: it holds at rest
+ *     rate       y_s' = sqrt(s) (mean of w v) + W x y_s - q y_s, W the bodies' mean spin about n
+ *                y_n' = sqrt(s) (mean of w v . n x (p - c)/r) - q y_n
+ *     yield      q = max(q_1, q_2, 0) with
+ *                q_1 = (1 - a)/t_y, a the scale at which a y would have sum w min(|g|, l)|g| =
+ *                0.998 sum w l |g|: all but two thousandths of what sliding that way would give
+ *                q_2 = (y . y' without q - power of friction)/|y|^2
+ *     stored     |y|^2/2; dissipated: what else friction takes from the motion
+ *
+ * with l_b = 0.1 mm, t_d = 1 ms, t_y = 0.5 ms. A pair that does not touch loses y at the rate
+ * 1/t_y. So while the load is inside what friction can hold nothing yields and nothing creeps; all
+ * elements yield at once in a pure translation; sliding, y follows the sliding motion, and f_t is
+ * Coulomb's at every element. The stored energy depends on y alone, and q_2 lets it grow by no more
+ * than the work of friction: nothing that normal forces, patches and normals do in the meantime
+ * makes energy. It is the elasto-plastic bristle of Dupont, Hayward, Armstrong, Altpeter (2002)
+ * with one rigid motion for the bristles of a patch.
  */
 #ifndef CONTACT_CONTACT_H
 #define CONTACT_CONTACT_H
@@ -100,6 +127,12 @@ enum contact_mesh_law {
     CONTACT_ELASTIC_FOUNDATION, /* the paper's: the mean of both meshes' sums */
 };
 
+/* Laws of friction: see the top. */
+enum contact_friction {
+    CONTACT_FRICTION_REGULARIZED, /* by the sliding velocity alone: the paper's */
+    CONTACT_FRICTION_STICKING,    /* with bristles that hold at rest; engine native only */
+};
+
 struct contact_config {
     size_t nbody;
     size_t nsurface;
@@ -108,6 +141,7 @@ struct contact_config {
     const struct contact_pair *pair;
     double transition_velocity_m_s; /* of the friction law, > 0 */
     enum contact_mesh_law mesh_law;
+    enum contact_friction friction;
 };
 
 /* World frame, about the body's origin. */
@@ -149,13 +183,40 @@ enum contact_axis {
  * displacement X and velocity V (linear, angular; world frame), changes the wrench on b there by
  * about -(K X + D V). Both are positive semidefinite. For implicit integration, which stays stable
  * when they err upward: friction counts by a bound of its slope, and what turns the normals or
- * scales friction with the normal force is left out. */
+ * scales friction with the normal force is left out. Bristles count in D, as the time ahead that
+ * they were bent for makes them follow V; they themselves change by bristle_per_m_s times what V
+ * has across the normal, and the twist by bristle_per_rad_s times what the angular velocity has
+ * along it. */
 struct contact_tangent {
     int pair;
     int body_a, body_b; /* indices into the motions, -1 = the fixed world */
     double center[3];
-    double K[CONTACT_TANGENT_SIZE]; /* N/m, N, N m */
-    double D[CONTACT_TANGENT_SIZE]; /* N s/m, N s, N m s */
+    double K[CONTACT_TANGENT_SIZE];            /* N/m, N, N m */
+    double D[CONTACT_TANGENT_SIZE];            /* N s/m, N s, N m s */
+    double normal[3];                          /* mean, the way b is pushed; 0 without bristles */
+    double bristle_per_m_s, bristle_per_rad_s; /* with the time ahead */
+};
+
+/* Parts of a pair's bristles: the shear y_s in the world frame, J^0.5, of b's motion against a, and
+ * the twist y_n about the mean normal. */
+enum contact_bristle_part {
+    BRISTLE_SHEAR = 0,
+    BRISTLE_TWIST = 3,
+    CONTACT_BRISTLE = 4, /* their number */
+};
+
+/* Bristles as an evaluation takes them: those of pair i from CONTACT_BRISTLE i on. With a time
+ * ahead the forces are those of the bristles as the present velocities would have bent them after
+ * that time, and rate leads there: the step of an implicit integrator. Only listed pairs cost
+ * anything: on entry at least all whose bristles are not 0, each once, then also those that
+ * touch. */
+struct contact_bristles {
+    const double *y; /* the world's nbristle, J^0.5; 0 where a pair is not listed */
+    double ahead_s;  /* >= 0 */
+    double *rate;    /* of the listed pairs, overwritten: their mean rates over that time, J^0.5/s;
+                      * NULL = not wanted, and nothing is listed further */
+    int *pair;       /* with room for all pairs of the world */
+    size_t npair;
 };
 
 /* Refuses what no engine can work with, with ERROR_INPUT: indices out of range, numbers that are
@@ -174,10 +235,11 @@ struct contact_world;
 
 struct contact_ops {
     const char *name;
-    /* Wrenches on all nbody bodies (overwritten). Returns ERROR_NONE, ERROR_INPUT for a motion that
-     * is not valid, or the engine's failure; wrench is then undefined. */
+    /* Wrenches on all nbody bodies (overwritten). bristles: NULL = all relaxed, the only choice of
+     * a world without. Returns ERROR_NONE, ERROR_INPUT for a motion or a bristle that is not valid,
+     * or the engine's failure; wrench and rates are then undefined. */
     enum error_code (*evaluate)(struct contact_world *world, const struct body_motion *motion,
-                                struct contact_wrench *wrench);
+                                struct contact_bristles *bristles, struct contact_wrench *wrench);
     /* Patches of the last evaluation; returns their number, writes at most max. */
     size_t (*patches)(struct contact_world *world, struct contact_patch *patch, size_t max);
     /* Tangents at the last evaluation; returns their number, writes at most max. May be NULL: then
@@ -191,6 +253,7 @@ struct contact_ops {
 /* An engine's private struct begins with this. */
 struct contact_world {
     const struct contact_ops *ops;
+    size_t nbristle; /* numbers of the bristles' state; 0 without sticking friction */
 };
 
 /* Engine "simbody": Simbody's CompliantContactSubsystem with one free shadow body per contact body
@@ -207,7 +270,7 @@ struct contact_world {
  *   stands upright: the sides of a box deeper than its first centroids add to the force.
  * - A sphere smaller than the mesh's cells can touch between centroids and feel nothing.
  * - Force patches give neither area nor depth.
- * It has no capsules: ERROR_UNSUPPORTED. */
+ * It has no capsules, and of friction the regularized law only: ERROR_UNSUPPORTED. */
 enum error_code contact_simbody_create(const struct contact_config *config,
                                        struct contact_world **world, struct error *error);
 
@@ -256,10 +319,10 @@ enum error_code contact_simbody_create(const struct contact_config *config,
  *   (four points of a sphere's patch). In a pressure field at three in each triangle, no wider than
  *   0.6 of the smaller mesh's radius, that a facet in a cell of the field is cut into.
  * Pairs whose bounding balls are apart cost a few instructions, several pairs at a time.
- * Nothing is kept from one evaluation for the next, so the same motion always gives the same bits
- * on the same machine. The kernels are compiled for several instruction sets, of which the best
- * that the machine can run is taken; with another number of lanes sums have another order, and may
- * differ in their last bits.
+ * Nothing is kept from one evaluation for the next (bristles are the caller's), so the same motion
+ * always gives the same bits on the same machine. The kernels are compiled for several instruction
+ * sets, of which the best that the machine can run is taken; with another number of lanes sums have
+ * another order, and may differ in their last bits.
  *
  * Work at worst: for a half-space or a sphere the number of facets; in a pressure field the number
  * of pairs of a facet and a cell that meet, which even for meshes that are all within each other

@@ -302,6 +302,11 @@ enum error_code contact_config_check(const struct contact_config *config, struct
                          "contact: found mesh_law %d, expected one of contact.h",
                          (int)config->mesh_law);
     }
+    if (config->friction != CONTACT_FRICTION_REGULARIZED &&
+        config->friction != CONTACT_FRICTION_STICKING) {
+        return error_set(error, ERROR_INPUT, "contact: unknown law of friction %d",
+                         (int)config->friction);
+    }
 
     /* Surfaces first: pairs name them */
     for (size_t i = 0; i < config->nsurface; i++) {

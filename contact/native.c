@@ -8,7 +8,10 @@
 #include "base/vec3.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
+
+#define BRISTLE_MOST 1e9 /* J^0.5 */
 
 /* ---- where surfaces are ---- */
 
@@ -122,7 +125,7 @@ static void pose_relate(const struct native_pose *a, const struct native_pose *b
 
 /* ---- what a pair does ---- */
 
-static void pair_find_force(const struct native_engine *e, const struct native_pair *pair,
+void native_pair_find_force(const struct native_engine *e, const struct native_pair *pair,
                             const struct native_relative *relative, struct native_sum *sum)
 {
     const struct native_surface *a = &e->surface[pair->surface[0]];
@@ -215,22 +218,30 @@ static void pair_add_patch(struct native_engine *e, size_t index, const struct n
 
 /* Evaluates a pair, its springs behind those of the pairs before it in the batch. */
 static void pair_evaluate(struct native_engine *e, size_t index, const struct body_motion *motion,
-                          struct contact_wrench *wrench)
+                          struct contact_bristles *bristles, struct contact_wrench *wrench)
 {
     const struct native_pair *pair = &e->pair[index];
     struct native_batch *batch = &e->scratch->batch;
     const size_t from = (batch->n + BATCH_ALIGN - 1) / BATCH_ALIGN * BATCH_ALIGN;
+    const bool full = batch->full;
     struct native_relative relative;
-    struct native_sum sum = {.depth = 0};
+    struct native_gather gather = {.along = {0, 0, 0}};
+    struct native_sum sum = {.gather = e->grip ? &gather : NULL};
 
     batch->n = batch->start = from;
+    batch->full = false;
     pair_place_surfaces(e, pair, motion);
     pose_relate(&e->pose[pair->surface[0]], &e->pose[pair->surface[1]], &relative);
-    pair_find_force(e, pair, &relative, &sum);
+    native_pair_find_force(e, pair, &relative, &sum);
     if (sum.area > 0) {
         e->springs[e->npatch] = (struct native_springs){from, batch->n};
+        if (e->grip) {
+            native_bristle_hold(e, index, &relative, e->springs[e->npatch], batch->full, bristles,
+                                &sum);
+        }
         pair_add_patch(e, index, &sum, motion, wrench);
     }
+    batch->full |= full;
 }
 
 /* ---- the calls of contact.h ---- */
@@ -254,14 +265,34 @@ static void surfaces_move(struct native_engine *e, const struct body_motion *mot
     }
 }
 
+static enum error_code bristles_check(struct native_engine *e,
+                                      const struct contact_bristles *bristles)
+{
+    for (size_t i = 0; e->grip && bristles && i < bristles->npair; i++) {
+        const double *y = bristles->y + CONTACT_BRISTLE * (size_t)bristles->pair[i];
+
+        for (int k = 0; k < CONTACT_BRISTLE; k++) {
+            if (!(fabs(y[k]) <= BRISTLE_MOST)) {
+                snprintf(e->failure, sizeof e->failure,
+                         "contact: the bristles of pair %d are not finite, or out of range",
+                         bristles->pair[i]);
+                return ERROR_INPUT;
+            }
+        }
+    }
+    return ERROR_NONE;
+}
+
 static enum error_code native_evaluate(struct contact_world *world,
                                        const struct body_motion *motion,
+                                       struct contact_bristles *bristles,
                                        struct contact_wrench *wrench)
 {
     struct native_engine *e = (struct native_engine *)world;
 
     enum error_code code = contact_check_motions(motion, e->nbody, e->failure, sizeof e->failure);
 
+    code = code ? code : bristles_check(e, bristles);
     if (code != ERROR_NONE) {
         return code;
     }
@@ -276,11 +307,17 @@ static enum error_code native_evaluate(struct contact_world *world,
     e->scratch->batch.full = false;
     e->scratch->visits = 0;
 
+    /* Bristles relax where nothing touches */
+    if (e->grip && bristles && bristles->rate) {
+        native_bristle_relax(bristles);
+    }
+
     /* Pairs that may touch, in their order */
     e->find_near(&e->broad, e->near);
     for (size_t w = 0; w < e->broad.nword; w++) {
         for (uint64_t near = e->near[w]; near; near &= near - 1) {
-            pair_evaluate(e, 64 * w + (size_t)__builtin_ctzll(near), motion, wrench);
+            pair_evaluate(e, 64 * w + (size_t)__builtin_ctzll(near), motion,
+                          e->grip ? bristles : NULL, wrench);
         }
     }
     return ERROR_NONE;
@@ -306,12 +343,26 @@ static void patch_add_springs(const struct native_engine *e, size_t patch,
 
     if (batch->full) {
         batch->n = batch->start = 0;
-        pair_find_force(e, pair, relative, sum);
+        native_pair_find_force(e, pair, relative, sum);
     } else {
         batch->start = e->springs[patch].from;
         batch->n = e->springs[patch].to;
         pair->kernels->sum(batch, &pair->law, relative, sum);
     }
+}
+
+/* How a patch's bristles follow the motion. */
+static void tangent_set_bristles(const struct native_grip *grip, const double turn[9], double sign,
+                                 struct contact_tangent *tangent)
+{
+    double gain = grip->root * grip->bend_s;
+
+    mat3_apply(turn, grip->normal, tangent->normal);
+    for (int k = 0; k < 3; k++) {
+        tangent->normal[k] *= sign;
+    }
+    tangent->bristle_per_m_s = gain;
+    tangent->bristle_per_rad_s = grip->inverse_radius > 0 ? gain / grip->inverse_radius : 0;
 }
 
 static size_t native_tangents(struct contact_world *world, struct contact_tangent *tangent,
@@ -324,7 +375,8 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
         const struct native_pose *a = &e->pose[pair->surface[0]];
         bool turned = pair->sign > 0; /* the configured pair's a is our second */
         struct native_relative relative;
-        struct native_sum sum = {.tangent = &tangent[i], .turn = a->R};
+        struct native_sum sum = {
+            .tangent = &tangent[i], .turn = a->R, .grip = e->grip ? &e->grip[i] : NULL};
         double arm[3];
 
         tangent[i] = (struct contact_tangent){
@@ -339,6 +391,9 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
         pose_relate(a, &e->pose[pair->surface[1]], &relative);
         patch_add_springs(e, i, &relative, &sum);
         memcpy(tangent[i].center, e->patch[i].center, sizeof tangent[i].center);
+        if (e->grip) {
+            tangent_set_bristles(&e->grip[i], a->R, pair->sign, &tangent[i]);
+        }
     }
     return e->npatch;
 }

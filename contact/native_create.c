@@ -393,6 +393,13 @@ static struct native_engine *engine_alloc(const struct contact_config *config, s
     e->springs = arena_alloc(arena, e->npair + 1, sizeof *e->springs);
     e->placed = arena_alloc(arena, e->nsurface + 1, sizeof *e->placed);
     e->near = arena_alloc(arena, e->npair / 64 + 1, sizeof *e->near);
+    if (config->friction == CONTACT_FRICTION_STICKING) {
+        e->world.nbristle = CONTACT_BRISTLE * e->npair;
+        e->grip = arena_alloc(arena, e->npair + 1, sizeof *e->grip);
+        if (!e->grip) {
+            return NULL;
+        }
+    }
     return e->surface && e->pose && e->pair && e->patch && e->springs && e->placed && e->near
                ? e
                : NULL;

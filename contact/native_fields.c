@@ -148,7 +148,7 @@ static void visit_add_pressure(const struct visit *v, const struct visit_facet *
     double x = mean * m->x + m->xx * depth->slope[0] + m->xy * depth->slope[1];
     double y = mean * m->y + m->xy * depth->slope[0] + m->yy * depth->slope[1];
 
-    if (v->sum->tangent) {
+    if (v->sum->tangent || v->sum->grip) {
         return;
     }
     for (int k = 0; k < 3; k++) {

@@ -4,6 +4,7 @@
 
 #include "contact/lanes.h"
 #include "contact/native_friction.h"
+#include "contact/native_stick.h"
 #include "base/vec3.h"
 
 /* Springs that do nothing, up to a full set of lanes. */
@@ -99,6 +100,24 @@ LANES_INLINE lanes lanes_turn(const double row[3], const lanes v[3])
     return row[0] * v[0] + row[1] * v[1] + row[2] * v[2];
 }
 
+/* What bristles hold by at springs: as kept with their force, or found anew when the batch had no
+ * room. */
+LANES_INLINE lanes bristle_stiffness(const struct native_batch *b, size_t from,
+                                     const struct native_law *law,
+                                     const struct native_relative *relative,
+                                     const struct native_grip *grip)
+{
+    struct friction_spring spring;
+    struct friction_bend bend;
+
+    if (!b->full) {
+        return lanes_load(b->held + from);
+    }
+    friction_load_spring(b, from, law, relative, &spring);
+    friction_find_bend(&spring, law, grip, &bend);
+    return bend.stiffness;
+}
+
 /* Of the springs from start on, as many as there is room for. The friction's damping is that of
  * contact_friction_damping. */
 static void law_find_resistance(const struct native_batch *b, size_t start,
@@ -109,6 +128,7 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
     const double *w = relative->w, *v = relative->v, *center = sum->tangent->center;
     const double scale = law->us * law->transition_inverse;
     const lanes zero = {0};
+    const double follow = sum->grip ? sum->grip->root * sum->grip->follow_s : 0;
 
     out->n = b->n - start < RESISTANCE_MAX ? b->n - start : RESISTANCE_MAX;
     for (size_t i = 0; i < out->n; i += LANES) {
@@ -134,8 +154,12 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
         /* The damped spring's share of its elastic force, and the damping of friction */
         pushes = 1 - law->dissipation * leaving;
         pushes = lanes_pick(lanes_less(zero, pushes), pushes, zero);
-        slope = friction_slope_bound(lanes_root(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]), law);
-        friction = (slope * scale + law->uv) * (force * pushes);
+        if (sum->grip) {
+            friction = follow * bristle_stiffness(b, from, law, relative, sum->grip);
+        } else {
+            slope = friction_slope_bound(lanes_root(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]), law);
+            friction = (slope * scale + law->uv) * (force * pushes);
+        }
 
         lanes_store(lanes_load(b->rate + from) * pushes, out->stiffness + i);
         lanes_store(friction, out->friction + i);
@@ -242,6 +266,10 @@ void native_law_sum(struct native_batch *batch, const struct native_law *law,
     batch_pad(batch);
     if (sum->tangent) {
         law_add_tangents(batch, law, relative, sum);
+    } else if (sum->gather) {
+        native_stick_gather(batch, law, relative, sum);
+    } else if (sum->grip) {
+        native_stick_hold(batch, law, relative, sum);
     } else {
         law_add_forces(batch, law, relative, sum);
     }

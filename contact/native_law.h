@@ -45,6 +45,8 @@ struct native_batch {
     _Alignas(64) double force[BATCH_MAX]; /* without dissipation, N */
     _Alignas(64) double depth[BATCH_MAX]; /* m */
     _Alignas(64) double rate[BATCH_MAX];  /* of the force with the depth, N/m */
+    _Alignas(64) double held[BATCH_MAX];  /* what bristles hold by where friction sticks: the last
+                                           * force over the bend (struct friction_bend) */
 };
 
 /* What the springs of a pair do to the first body, about the origin of its frame. */
@@ -58,6 +60,10 @@ struct native_sum {
      * turn is the rotation of the first's frame, but about a center in the first's frame. */
     struct contact_tangent *tangent;
     const double *turn;
+    /* With sticking friction, first this without friction, then that for the friction; with the
+     * tangent the latter too. NULL otherwise. contact/native_stick.h. */
+    struct native_gather *gather;
+    struct native_grip *grip;
 };
 
 /* Adds a spring; there must be room. rate: of the force with the depth. */

@@ -10,6 +10,7 @@
 #include "contact/broad_phase.h"
 #include "contact/contact.h"
 #include "contact/native_kernels.h"
+#include "contact/native_stick.h"
 
 struct native_surface {
     int body;
@@ -63,6 +64,7 @@ struct native_engine {
     struct native_pair *pair;
     struct contact_patch *patch;    /* of the last evaluation */
     struct native_springs *springs; /* of each patch */
+    struct native_grip *grip;       /* the same, with sticking friction; otherwise NULL */
     struct native_scratch *scratch;
     char failure[128];
 };
@@ -71,5 +73,19 @@ extern const struct contact_ops native_ops;
 
 /* The poses and balls of the surfaces that are fixed in the world. */
 void native_place_fixed_surfaces(struct native_engine *e);
+
+/* Finds the springs of a pair and adds what sum wants of them. */
+void native_pair_find_force(const struct native_engine *e, const struct native_pair *pair,
+                            const struct native_relative *relative, struct native_sum *sum);
+
+/* Sticking friction: adds that of a pair in touch to sum, which has gathered the rest, and fills
+ * the next patch's grip and the bristles' rates. The pair's springs are in the batch, or lost,
+ * because there was no room. bristles: may be NULL (all relaxed). */
+void native_bristle_hold(struct native_engine *e, size_t index,
+                         const struct native_relative *relative, struct native_springs at,
+                         bool lost, struct contact_bristles *bristles, struct native_sum *sum);
+
+/* The rates of the listed bristles as if they did not touch anything; they are wanted. */
+void native_bristle_relax(const struct contact_bristles *bristles);
 
 #endif

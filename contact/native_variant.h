@@ -31,6 +31,8 @@
 #define native_overlap_half_space NATIVE_NAME(native_overlap_half_space)
 #define native_overlap_meshes NATIVE_NAME(native_overlap_meshes)
 #define native_overlap_sphere NATIVE_NAME(native_overlap_sphere)
+#define native_stick_gather NATIVE_NAME(native_stick_gather)
+#define native_stick_hold NATIVE_NAME(native_stick_hold)
 #define polygon_add_springs NATIVE_NAME(polygon_add_springs)
 #define polygon_center NATIVE_NAME(polygon_center)
 #define polygon_clip_depth NATIVE_NAME(polygon_clip_depth)

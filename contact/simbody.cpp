@@ -438,7 +438,7 @@ void copy_as_one_line(char *out, size_t size, const char *message)
 }
 
 enum error_code simbody_evaluate(struct contact_world *world, const struct body_motion *motion,
-                                 struct contact_wrench *wrench)
+                                 struct contact_bristles *, struct contact_wrench *wrench)
 {
     Engine *engine = static_cast<Engine *>(world);
 
@@ -516,6 +516,10 @@ enum error_code contact_simbody_create(const struct contact_config *config,
                              "have; expected engine native, or another shape",
                              config->surface[i].name);
         }
+    }
+    if (config->friction != CONTACT_FRICTION_REGULARIZED) {
+        return error_set(error, ERROR_UNSUPPORTED,
+                         "contact: engine simbody has no friction but the regularized one");
     }
     try {
         Engine *engine = new Engine(*config);

@@ -25,6 +25,8 @@
  *   contact     a pair with the tangents K and D has, at its center, the wrench
  *               F - H (D + H K) (A - Ap), H = gamma h, A the relative acceleration of the stage and
  *               Ap that which leads to the point: H (D + H K) adds to its bodies' inertias;
+ *   friction    that sticks: its bristles are bent from the base as the point's rates would, and
+ *               follow the stage's linearly (model/implicit_bristle.c);
  *   gyroscopic  moments of free bodies are those at the stage, by iteration.
  *
  * So a stage is the system (Mass + E + sum Jb^T A_b Jb) a = right-hand side, which
@@ -74,7 +76,7 @@ static void account_stage(struct plant *plant, double weight)
 static enum error_code take_first_stage(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
-    const size_t bytes = plant->at.count * sizeof *im->base;
+    const size_t bytes = plant->at.bristle * sizeof *im->base;
     const double rest = (1.0 - IMPLICIT_GAMMA) * im->h;
     enum error_code code;
 
@@ -98,6 +100,7 @@ static enum error_code take_first_stage(struct plant *plant)
     /* Where the second stage starts from */
     implicit_advance_actuators(plant, SPAN_TO_BASE, im->u, im->base);
     implicit_move(plant, im->u, rest, im->base);
+    implicit_advance_bristles(plant, rest);
     for (size_t i = 0; i < im->na; i++) {
         im->u_base[i] = im->u_begin[i] + rest * im->slope[i];
     }
@@ -128,9 +131,10 @@ static enum error_code take_second_stage(struct plant *plant)
     /* The end of the step */
     implicit_advance_actuators(plant, SPAN_STAGE, im->u, im->base);
     implicit_move(plant, im->u, im->stage_h, im->base);
+    implicit_advance_bristles(plant, im->stage_h);
     implicit_set_rates(plant, im->u, im->base);
     implicit_account_joints(plant, im->stage_h, im->base, 0.0);
-    memcpy(plant->state, im->base, plant->at.count * sizeof *im->base);
+    memcpy(plant->state, im->base, plant->at.bristle * sizeof *im->base);
     return ERROR_NONE;
 }
 
@@ -145,7 +149,7 @@ static enum error_code take_part(struct plant *plant, enum implicit_level level,
     im->stage_h = IMPLICIT_GAMMA * h;
     im->jump = 0.0;
     memset(im->work, 0, sizeof im->work);
-    memcpy(im->begin, plant->state, plant->at.count * sizeof *im->begin);
+    memcpy(im->begin, plant->state, plant->at.bristle * sizeof *im->begin);
     implicit_get_rates(plant, im->begin, im->u_begin);
     if ((code = take_first_stage(plant)) || (code = take_second_stage(plant))) {
         return code;
@@ -221,9 +225,9 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
         im->nobserved += robot->body[b].observed;
     }
 
-    TAKE(im->begin, plant->at.count);
-    TAKE(im->base, plant->at.count);
-    TAKE(im->point, plant->at.count);
+    TAKE(im->begin, plant->at.bristle);
+    TAKE(im->base, plant->at.bristle);
+    TAKE(im->point, plant->at.bristle);
     TAKE(im->u_begin, im->na);
     TAKE(im->u_1, im->na);
     TAKE(im->trend, im->na);

@@ -159,15 +159,16 @@ void implicit_add_contact_inertia(struct plant *plant)
 static void end_pair(struct plant *plant, struct active_pair *pair)
 {
     struct implicit *im = plant->implicit;
-    struct spatial rest = relative_twist(plant, pair, im->twist_z);
+    struct spatial *beyond = &pair->beyond;
 
     /* By the relative acceleration beyond that which leads to the point it falls by A times that */
+    *beyond = relative_twist(plant, pair, im->twist_z);
     for (int i = 0; i < 3; i++) {
-        rest.l[i] -= pair->point.l[i];
-        rest.a[i] -= pair->point.a[i];
+        beyond->l[i] -= pair->point.l[i];
+        beyond->a[i] -= pair->point.a[i];
     }
-    spatial_inertia_apply(&pair->A, &rest, &pair->decrease);
-    im->jump = fmax(im->jump, im->stage_h * sqrt(vec3_dot(rest.l, rest.l)));
+    spatial_inertia_apply(&pair->A, beyond, &pair->decrease);
+    im->jump = fmax(im->jump, im->stage_h * sqrt(vec3_dot(beyond->l, beyond->l)));
     for (int side = PAIR_A; side <= PAIR_B; side++) {
         if (pair->body[side] >= 0) {
             struct contact_wrench *wrench = &im->wrench[pair->body[side]];

@@ -2,10 +2,10 @@
 /*
  * What the parts of the implicit integrator share: implicit.c (steps and their length),
  * implicit_stage.c (one stage), implicit_actuators.c (drives and springs), implicit_effects.c
- * (drives with effects), implicit_contact.c (pairs in touch), implicit_solve.c (the linear system).
- * The scheme and its symbols: implicit.c. Contact bodies go by the index of their motion among
- * those given to the engine. SI units. Memory is the plant's. No errors but those that are
- * returned. RT-safe.
+ * (drives with effects), implicit_contact.c (pairs in touch), implicit_bristle.c (their bristles),
+ * implicit_solve.c (the linear system). The scheme and its symbols: implicit.c. Contact bodies go
+ * by the index of their motion among those given to the engine. SI units. Memory is the plant's. No
+ * errors but those that are returned. RT-safe.
  */
 #ifndef MODEL_IMPLICIT_PRIVATE_H
 #define MODEL_IMPLICIT_PRIVATE_H
@@ -28,7 +28,8 @@ struct active_pair {
     double center[3];
     struct spatial_inertia A; /* h (D + h K), h that of the stage */
     struct spatial point;     /* relative acceleration that leads to where it is linearized */
-    struct spatial decrease;  /* of the wrench on b from there to the stage: A times the rest */
+    struct spatial beyond;    /* of the stage beyond that */
+    struct spatial decrease;  /* of the wrench on b from there to the stage: A times beyond */
 };
 
 /* Parts of a free body's accelerations, in its frame. */
@@ -226,6 +227,12 @@ void implicit_add_contact_inertia(struct plant *plant);
 /* The wrenches at the stage and their power, from those at the point and the accelerations a;
  * raises jump. */
 void implicit_end_contact(struct plant *plant);
+
+/* ---- bristles: implicit_bristle.c ---- */
+
+/* Advances those of the plant's state, which are the stages' base, by h seconds at the slope that
+ * they have in the stage that was solved. */
+void implicit_advance_bristles(struct plant *plant, double h);
 
 /* ---- the linear system: implicit_solve.c ---- */
 

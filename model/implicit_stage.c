@@ -115,7 +115,7 @@ static void find_point(struct plant *plant)
     struct implicit *im = plant->implicit;
     double R[9];
 
-    memcpy(im->point, im->base, plant->at.count * sizeof *im->point);
+    memcpy(im->point, im->base, plant->at.bristle * sizeof *im->point);
     implicit_move(plant, im->u_point, im->stage_h, im->point);
     implicit_set_rates(plant, im->u_point, im->point);
     for (size_t i = 0; i < im->na; i++) {
@@ -186,7 +186,8 @@ enum error_code implicit_solve_stage(struct plant *plant)
 
     /* Forces and tangents at the point */
     find_point(plant);
-    if ((code = plant_load_bodies(plant, im->point, &im->load))) {
+    if ((code = plant_load_bodies(plant, im->point, plant->state + plant->at.bristle, im->stage_h,
+                                  &im->load))) {
         return code;
     }
     if ((code = implicit_linearize_contact(plant))) {

@@ -117,12 +117,20 @@ static void complete_pretensions(struct plant *plant)
 
 static bool state_is_finite(const struct plant *plant)
 {
-    for (size_t i = 0; i < plant->at.count; i++) {
+    const double *y = plant->state + plant->at.bristle;
+    double sum = 0.0;
+
+    for (size_t i = 0; i < plant->at.bristle; i++) {
         if (!isfinite(plant->state[i])) {
             return false;
         }
     }
-    return true;
+    for (size_t i = 0; i < plant->nlive; i++) {
+        for (int k = 0; k < CONTACT_BRISTLE; k++) {
+            sum += fabs(y[CONTACT_BRISTLE * (size_t)plant->live[i] + (size_t)k]);
+        }
+    }
+    return isfinite(sum);
 }
 
 /* One substep with the integrator of the configuration. */
@@ -180,6 +188,7 @@ enum error_code plant_step(struct plant *plant, size_t steps)
         return ERROR_NONE;
     }
     plant->stepped = false;
+    plant_list_bristles(plant);
     hold_command(plant, 1e-9 * (double)plant->config.substep_ns * (double)steps);
     for (size_t k = 0; k < steps; k++) {
         enum error_code code = advance_substep(plant);
@@ -189,6 +198,7 @@ enum error_code plant_step(struct plant *plant, size_t steps)
         }
     }
     complete_pretensions(plant);
+    plant_drop_bristles(plant);
     plant->stepped = plant->config.integrator == PLANT_IMPLICIT && !plant->clamped;
     memcpy(plant->last_good, plant->state, plant->at.count * sizeof *plant->state);
     return ERROR_NONE;
@@ -204,6 +214,7 @@ enum error_code plant_reset(struct plant *plant, const double base_position[3],
     /* Pose of the base and of the joints, everything at rest */
     memset(plant->state, 0, plant->at.count * sizeof *plant->state);
     memset(plant->lost, 0, plant->at.count * sizeof *plant->lost);
+    plant->nlive = 0;
     if (robot->floating) {
         memcpy(plant->state, base_position, 3 * sizeof *base_position);
         memcpy(plant->state + BASE_Q_QUATERNION, base_quaternion, 4 * sizeof *base_quaternion);

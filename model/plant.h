@@ -7,7 +7,8 @@
  * in joint order, then p for each joint with an enabled parallel spring, then an enum
  * plant_free_part for each free body, then hysteresis, winding and housing temperature of each
  * drive where some drive has effects (model/effects.h), the bus of the supply if there is one
- * (model/supply.h), and with account_energy the integrals of the powers. Joints without a drive
+ * (model/supply.h), with account_energy the integrals of the powers, and at last the bristles of
+ * sticking friction (contact.h), an enum contact_bristle_part for each pair. Joints without a drive
  * have no actuator state and no torque but that of their parallel spring and of the stops at the
  * ends of their range (model/stop.h). Time is int64_t ns.
  *

@@ -4,11 +4,12 @@
  * evaluation, and what it costs.
  *
  * The sensors at the end of a tick and the first stage of the next ask for the same motion, and an
- * engine's answer depends on nothing but the motion: the second time it comes from the memory. The
- * engine's patches and tangents are then still those of that motion.
+ * engine's answer depends on nothing but the motion and the bristles: the second time it comes from
+ * the memory. The engine's patches and tangents are then still those of that motion.
  */
 #include "model/plant_private.h"
 
+#include <math.h>
 #include <string.h>
 
 /* The wrenches of the last evaluation lie behind the motions that it was for. */
@@ -17,15 +18,37 @@ static struct contact_wrench *remembered_wrench(const struct plant *plant)
     return (struct contact_wrench *)(plant->contact_memory->motion + plant->config.ncontact);
 }
 
+/* Behind them the rates of bristles, then the bristles of the pairs that were listed. */
+static double *remembered_rates(const struct plant *plant)
+{
+    return (double *)(remembered_wrench(plant) + plant->config.ncontact);
+}
+
+static double *remembered_bristles(const struct plant *plant)
+{
+    return remembered_rates(plant) + plant->nbristle;
+}
+
+/* Behind them the pairs: those listed before, then those that it added. */
+static int *remembered_pairs(const struct plant *plant)
+{
+    return (int *)(remembered_bristles(plant) + plant->nbristle);
+}
+
 static size_t contact_memory_size(const struct plant *plant)
 {
     return sizeof *plant->contact_memory +
-           plant->config.ncontact * (sizeof(struct body_motion) + sizeof(struct contact_wrench));
+           plant->config.ncontact * (sizeof(struct body_motion) + sizeof(struct contact_wrench)) +
+           2 * plant->nbristle * sizeof(double) +
+           plant->nbristle / CONTACT_BRISTLE * sizeof *plant->live;
 }
 
 bool plant_contact_create(struct plant *plant, struct arena *arena)
 {
     plant->contact_memory = arena_alloc(arena, 1, contact_memory_size(plant));
+    if (plant->contact_memory) {
+        plant->bristle_rate = remembered_rates(plant);
+    }
     return plant->contact_memory;
 }
 
@@ -35,12 +58,73 @@ static int64_t stopwatch_ns(const struct plant *plant)
     return plant->config.now_ns ? plant->config.now_ns(plant->config.clock) : 0;
 }
 
-enum error_code plant_contact_evaluate(struct plant *plant, const double *v)
+/* ---- bristles ---- */
+
+#define BRISTLE_LEAST 1e-15 /* J^0.5 */
+
+/* Whether all of a pair's are as good as 0. */
+static bool bristles_are_relaxed(const double y[CONTACT_BRISTLE])
+{
+    double most = 0.0;
+
+    for (int k = 0; k < CONTACT_BRISTLE; k++) {
+        most = fmax(most, fabs(y[k]));
+    }
+    return most < BRISTLE_LEAST;
+}
+
+void plant_list_bristles(struct plant *plant)
+{
+    const double *y = plant->state + plant->at.bristle;
+
+    plant->nlive = 0;
+    for (size_t i = 0; i < plant->nbristle; i += CONTACT_BRISTLE) {
+        if (y[i] != 0.0 || y[i + 1] != 0.0 || y[i + 2] != 0.0 || y[i + 3] != 0.0) {
+            plant->live[plant->nlive++] = (int)(i / CONTACT_BRISTLE);
+        }
+    }
+}
+
+void plant_drop_bristles(struct plant *plant)
+{
+    for (size_t i = 0; i < plant->nlive; i++) {
+        double *y = plant->state + plant->at.bristle + CONTACT_BRISTLE * (size_t)plant->live[i];
+
+        if (bristles_are_relaxed(y)) {
+            memset(y, 0, CONTACT_BRISTLE * sizeof *y);
+        }
+    }
+}
+
+/* Whether the memory's live bristles are these, so far ahead; they are from now on. */
+static bool remember_bristles(struct plant *plant, const double *bristle, double ahead_s)
+{
+    struct plant_contact_memory *memory = plant->contact_memory;
+    const size_t n = plant->nlive, each = CONTACT_BRISTLE * sizeof *bristle;
+    bool same = ahead_s == memory->ahead_s && n == memory->nasked &&
+                memcmp(remembered_pairs(plant), plant->live, n * sizeof *plant->live) == 0;
+
+    for (size_t i = 0; i < n; i++) {
+        const double *y = bristle + CONTACT_BRISTLE * (size_t)plant->live[i];
+        double *own = remembered_bristles(plant) + CONTACT_BRISTLE * i;
+
+        same = same && memcmp(own, y, each) == 0;
+        memcpy(own, y, each);
+    }
+    memory->ahead_s = ahead_s;
+    memory->nasked = n;
+    return same;
+}
+
+/* ---- evaluations ---- */
+
+enum error_code plant_contact_evaluate(struct plant *plant, const double *v, const double *bristle,
+                                       double ahead_s)
 {
     const struct plant_config *config = &plant->config;
     struct plant_contact_memory *memory = plant->contact_memory;
     struct contact_world *engine = config->contact;
-    bool answered = memory->valid;
+    bool answered = remember_bristles(plant, bristle, ahead_s) && memory->valid;
 
     /* The motions, in the engine's order; is it the question that it has answered last? */
     config->dynamics->ops->kinematics(config->dynamics, plant->q, v, plant->motion);
@@ -54,9 +138,12 @@ enum error_code plant_contact_evaluate(struct plant *plant, const double *v)
     }
 
     if (!answered) {
+        struct contact_bristles bristles = {bristle, ahead_s, remembered_rates(plant), plant->live,
+                                            plant->nlive};
         int64_t begin = stopwatch_ns(plant);
         enum error_code code =
-            engine->ops->evaluate(engine, memory->motion, remembered_wrench(plant));
+            engine->ops->evaluate(engine, memory->motion, plant->nbristle > 0 ? &bristles : NULL,
+                                  remembered_wrench(plant));
 
         memory->cost.spent_ns += stopwatch_ns(plant) - begin;
         memory->cost.evaluations++;
@@ -65,7 +152,14 @@ enum error_code plant_contact_evaluate(struct plant *plant, const double *v)
             plant->failure = engine->ops->failure(engine);
             return code;
         }
+        memory->nlive = bristles.npair;
+        memcpy(remembered_pairs(plant), plant->live, memory->nlive * sizeof *plant->live);
     }
+
+    /* The pairs that it has added, and what it has found */
+    memcpy(plant->live, remembered_pairs(plant), memory->nlive * sizeof *plant->live);
+    plant->nlive = memory->nlive;
+    plant->bristles_follow = true;
     memcpy(plant->contact_wrench, remembered_wrench(plant),
            config->ncontact * sizeof *plant->contact_wrench);
     return ERROR_NONE;

@@ -171,13 +171,15 @@ static void lay_out_state(struct plant *plant)
     plant->at.drive = plant->at.v + robot->nv;
     plant->at.pretension = plant->at.drive + PLANT_DRIVE_STATE * plant->ndrive;
     plant->at.free = plant->at.pretension + plant->nspring;
+    plant->nbristle = plant->config.contact ? plant->config.contact->nbristle : 0;
     plant->at.effect = plant->at.free + PLANT_FREE_STATE * plant->config.nfree;
     plant->at.supply =
         plant->at.effect + (plant->has_effects ? PLANT_EFFECT_STATE * plant->ndrive : 0);
     plant->at.work = plant->at.supply + (has_bus ? SUPPLY_STATE : 0);
     plant->nwork = plant->has_effects || has_bus ? WORK_COUNT : WORK_GEAR;
     plant->accounts = plant->config.account_energy || has_bus;
-    plant->at.count = plant->at.work + (plant->config.account_energy ? plant->nwork : 0);
+    plant->at.bristle = plant->at.work + (plant->config.account_energy ? plant->nwork : 0);
+    plant->at.count = plant->at.bristle + plant->nbristle;
 }
 
 /* An array of count elements for pointer; clears ok when the arena is used up. */
@@ -223,6 +225,7 @@ static bool allocate_plant(struct plant *plant, struct arena *arena)
     TAKE(plant->ext, nbody);
     TAKE(plant->motion, nbody);
     TAKE(plant->contact_wrench, ncontact);
+    TAKE(plant->live, plant->nbristle / CONTACT_BRISTLE);
     ok = ok && plant_contact_create(plant, arena);
     TAKE(plant->whole_motion, robot->nbody);
 

@@ -121,17 +121,19 @@ static void remove_clamped_loads(struct plant *plant)
     }
 }
 
-enum error_code plant_load_bodies(struct plant *plant, const double *state, struct plant_load *load)
+enum error_code plant_load_bodies(struct plant *plant, const double *state, const double *bristle,
+                                  double ahead_s, struct plant_load *load)
 {
     enum error_code code = ERROR_NONE;
 
     plant_place(plant, state);
     *load = (struct plant_load){0.0, 0.0};
+    plant->bristles_follow = false;
     if (plant->clamped && !plant->balanced && plant->config.nfree == 0) {
         return ERROR_NONE;
     }
     if (plant->config.contact) {
-        code = plant_contact_evaluate(plant, state + plant->at.v);
+        code = plant_contact_evaluate(plant, state + plant->at.v, bristle, ahead_s);
     }
     if (code == ERROR_NONE) {
         plant_apply_loads(plant, state + plant->at.v, load);
@@ -144,7 +146,7 @@ enum error_code plant_evaluate(struct plant *plant, const double *state, struct 
     const struct dynamics *dynamics = plant->config.dynamics;
     const double *v = state + plant->at.v;
     bool loaded = plant->config.contact || plant->pushing;
-    enum error_code code = plant_load_bodies(plant, state, load);
+    enum error_code code = plant_load_bodies(plant, state, state + plant->at.bristle, 0.0, load);
 
     if (code != ERROR_NONE) {
         return code;
@@ -247,6 +249,12 @@ void plant_derivative(void *context, double t, const double *state, double *deri
     plant_free_derive(plant, state, derivative);
     if (plant->config.bus.capacitance_f > 0.0) {
         plant_supply_derive(plant, state, derivative, work);
+    }
+    for (size_t i = 0; plant->bristles_follow && i < plant->nlive; i++) {
+        const size_t from = CONTACT_BRISTLE * (size_t)plant->live[i];
+
+        memcpy(derivative + plant->at.bristle + from, plant->bristle_rate + from,
+               CONTACT_BRISTLE * sizeof *derivative);
     }
     if (work) {
         work[WORK_CONTACT] = load.contact;

@@ -50,7 +50,9 @@ static enum error_code stored_contact(struct plant *plant, double *energy)
         return ERROR_NONE;
     }
     plant_place(plant, plant->state);
-    code = plant_contact_evaluate(plant, plant->state + plant->at.v);
+    plant_list_bristles(plant);
+    code = plant_contact_evaluate(plant, plant->state + plant->at.v,
+                                  plant->state + plant->at.bristle, 0.0);
     if (code != ERROR_NONE) {
         return code;
     }

@@ -37,7 +37,7 @@ enum plant_work {
 
 /* Where the parts of the flat state begin, and its length. */
 struct plant_layout {
-    size_t v, drive, pretension, free, effect, supply, work, count;
+    size_t v, drive, pretension, free, effect, supply, work, bristle, count;
 };
 
 /* Inverse of a free body's tensor of inertia, as struct robot_inertia has the tensor. */
@@ -51,7 +51,9 @@ struct plant_free_inverse {
 struct plant_contact_memory {
     struct plant_contact_cost cost;
     bool valid;                  /* there was one, and it did not fail */
-    struct body_motion motion[]; /* ncontact of the last evaluation, then as many wrenches */
+    double ahead_s;              /* of the last evaluation, as what follows */
+    size_t nasked, nlive;        /* pairs listed before and after it */
+    struct body_motion motion[]; /* ncontact; what follows: plant_contact.c */
 };
 
 /* Arrays by body have nbody entries of the robot, then nfree of the free bodies. */
@@ -59,7 +61,7 @@ struct plant {
     struct plant_config config; /* contact_body and free are the plant's own copies */
     struct dynamics whole;      /* generic, with every body observed: pushes, center of mass */
     struct plant_layout at;
-    size_t ndrive, nspring;
+    size_t ndrive, nspring, nbristle;
     size_t nwork;         /* integrals of powers, with account_energy */
     bool has_effects;     /* some drive has: the state has their parts */
     bool accounts;        /* powers are integrated: account_energy, or a bus that lives on them */
@@ -68,6 +70,8 @@ struct plant {
     struct plant_free_inverse *free_inverse;
 
     double *state;
+    int *live; /* nlive pairs: all whose bristles are not 0, and those that touched last */
+    size_t nlive;
     int64_t time_ns;
     struct plant_command command;
     struct plant_sensors sensors;
@@ -92,6 +96,8 @@ struct plant {
     struct wrench *ext;         /* by body, body frame */
     struct body_motion *motion; /* by body */
     struct contact_wrench *contact_wrench;
+    const double *bristle_rate; /* nbristle, those of the live pairs; in the contact memory */
+    bool bristles_follow;       /* they do, at those rates */
     struct plant_contact_memory *contact_memory;
     struct body_motion *whole_motion; /* of the robot's bodies */
     double *last_good; /* the state before a substep; once plant_step is done, the one it led to */
@@ -216,18 +222,26 @@ double plant_stop_loss(const struct plant *plant, const double *state);
  * contact_wrench too when there is contact. */
 enum error_code plant_evaluate(struct plant *plant, const double *state, struct plant_load *load);
 
-/* The part of it before the dynamics: q, ext and the motions, with or without contact. */
-enum error_code plant_load_bodies(struct plant *plant, const double *state,
-                                  struct plant_load *load);
+/* The part of it before the dynamics: q, ext, the motions and bristle_rate, with or without
+ * contact, whose bristles are these (nbristle), taken so far ahead (struct contact_bristles). */
+enum error_code plant_load_bodies(struct plant *plant, const double *state, const double *bristle,
+                                  double ahead_s, struct plant_load *load);
 
 /* The part of that which fills ext, given what plant_place fills and, when there is contact, the
  * robot's motion and contact_wrench; adds the powers to load's. */
 void plant_apply_loads(struct plant *plant, const double *v, struct plant_load *load);
 
-/* The contact part of it: fills the robot's motion and contact_wrench, given v and what plant_place
- * fills. Returns the engine's failure, if any, with plant->failure set. RT-safe when the engine
- * is. */
-enum error_code plant_contact_evaluate(struct plant *plant, const double *v);
+/* The contact part of it: fills the robot's motion, contact_wrench and bristle_rate, given v, the
+ * bristles and what plant_place fills. Returns the engine's failure, if any, with plant->failure
+ * set. RT-safe when the engine is. */
+enum error_code plant_contact_evaluate(struct plant *plant, const double *v, const double *bristle,
+                                       double ahead_s);
+
+/* Lists the live pairs of the state anew, as somebody may have written it. RT-safe. */
+void plant_list_bristles(struct plant *plant);
+
+/* Lets go of the bristles of live pairs that have relaxed to nothing. RT-safe. */
+void plant_drop_bristles(struct plant *plant);
 
 /* The engine's tangents at the last evaluation, of which it writes at most max; returns their
  * number. The engine has to give some. RT-safe when the engine does so. */

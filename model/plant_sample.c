@@ -135,6 +135,7 @@ static enum error_code find_sampled_forces(struct plant *plant)
 
     plant->sampled_step = state_is_stepped(plant);
     if (!plant->sampled_step) {
+        plant_list_bristles(plant);
         return plant_evaluate(plant, plant->state, &load);
     }
     plant_place(plant, plant->state);

@@ -14,18 +14,35 @@
 enum { ITERATIONS = 400, LEANINGS = 40 };
 
 /* Parts of the weight: where the iteration stops, what counts as equilibrium, what friction is
- * trusted with. */
+ * trusted with that does not hold at rest, below what nothing need hold. */
 #define TARGET 1e-11
 #define ACCEPTED 1e-7
 #define SIDEWAYS 0.02
+#define LEVEL 1e-9
 
 /* The part of the weight, times 1 m, that a joint without a drive may be left with. */
 #define LEANING 1e-10
 
 #define DEEPEST 0.2  /* m below the start */
+#define FARTHEST 0.2 /* m beside it */
 #define STEEPEST 0.2 /* rad from the start */
 
 /* ---- the iteration ---- */
+
+/* What is left over across gravity, N. */
+static double find_push(const struct settle *s, const struct rest *rest)
+{
+    return hypot(vec3_dot(rest->force, s->across[0]), vec3_dot(rest->force, s->across[1]));
+}
+
+static enum error_code refuse_sliding(const struct settle *s, const struct rest *rest,
+                                      struct error *error)
+{
+    return error_set(error, ERROR_INPUT,
+                     "%s would slide: friction holds less than what pushes it sideways, by %.3g N "
+                     "of its weight of %.4g N",
+                     rest->name, find_push(s, rest), rest->weight);
+}
 
 /* Refuses a body that has left the bounds within which its rest is looked for. */
 static enum error_code check_search_bounds(const struct settle *s, struct error *error)
@@ -47,6 +64,9 @@ static enum error_code check_search_bounds(const struct settle *s, struct error 
                 "%s is not supported: %.1f m below its start only %.1f %% of its weight "
                 "of %.4g N is carried",
                 rest->name, DEEPEST, 100.0 * fmax(0.0, carried), rest->weight);
+        }
+        if (hypot(rest->moved[0], rest->moved[1]) > FARTHEST) {
+            return refuse_sliding(s, rest, error);
         }
     }
     return ERROR_NONE;
@@ -106,6 +126,9 @@ static enum error_code iterate_to_rest(struct settle *s, struct settled *settled
     if (settled->residual <= ACCEPTED) {
         return ERROR_NONE;
     }
+    if (s->holds && find_push(s, &s->rest[worst]) > 0.5 * vec3_norm(s->rest[worst].force)) {
+        return refuse_sliding(s, &s->rest[worst], error);
+    }
     if (!settle_factorize(s, LEAST_DAMPING)) {
         return refuse_toppling(s, error);
     }
@@ -119,8 +142,8 @@ fail:
     return engine_failed(s, code, error);
 }
 
-/* Refuses what the three unknowns do not see: an unstable equilibrium, and forces across
- * gravity. */
+/* Refuses what the iteration does not see: an unstable equilibrium, and forces across gravity that
+ * are not unknowns. */
 static enum error_code check_equilibrium(struct settle *s, struct settled *settled,
                                          struct error *error)
 {
@@ -138,14 +161,14 @@ static enum error_code check_equilibrium(struct settle *s, struct settled *settl
     settled->sideways = 0.0;
     for (size_t b = 0; b < s->nrest; b++) {
         const struct rest *rest = &s->rest[b];
-        double a = vec3_dot(rest->force, s->across[0]), c = vec3_dot(rest->force, s->across[1]);
-        double push = hypot(a, c), twist = fabs(vec3_dot(rest->moment, s->up)) / rest->radius;
+        double push = find_push(s, rest);
+        double twist = fabs(vec3_dot(rest->moment, s->up)) / rest->radius;
 
         settled->sideways = fmax(settled->sideways, fmax(push, twist) / rest->weight);
         if (push > SIDEWAYS * rest->weight || twist > SIDEWAYS * rest->weight) {
             return error_set(error, ERROR_INPUT,
                              "%s would slide: %.3g N push it sideways and %.3g N m turn it, and "
-                             "friction carries nothing at rest",
+                             "regularized friction carries nothing at rest",
                              rest->name, push, twist * rest->radius);
         }
     }
@@ -308,7 +331,6 @@ static void list_resting_bodies(struct settle *s)
                               .radius = sqrt(0.5 * (I[0] + I[3] + I[5]) / body->inertia.mass)};
         }
     }
-    s->n = UNKNOWNS * s->nrest;
 }
 
 #define TAKE(pointer, count)                                                                       \
@@ -335,12 +357,14 @@ static bool allocate_settle(struct settle *s, struct arena *arena)
     return ok;
 }
 
-static enum error_code find_equilibrium(struct settle *s, struct settled *settled,
+/* With friction that holds or without friction. */
+static enum error_code find_equilibrium(struct settle *s, bool holds, struct settled *settled,
                                         struct error *error)
 {
     enum error_code code;
 
     /* What leans on stops shifts the weight, by less each time */
+    settle_begin(s, holds);
     for (int k = 0; k < LEANINGS; k++) {
         if ((code = iterate_to_rest(s, settled, error)) ||
             (code = check_equilibrium(s, settled, error))) {
@@ -360,6 +384,22 @@ static enum error_code find_equilibrium(struct settle *s, struct settled *settle
     return ERROR_NONE;
 }
 
+/* Without friction where that is an equilibrium, so that legs do not push against each other; where
+ * it is not, and friction holds at rest, with it. */
+static enum error_code find_rest(struct settle *s, const double *start, struct settled *settled,
+                                 struct error *error)
+{
+    struct plant *plant = s->plant;
+    struct error without;
+    enum error_code code = find_equilibrium(s, false, settled, &without);
+
+    if (plant->nbristle > 0 && (code == ERROR_INPUT || settled->sideways > LEVEL)) {
+        memcpy(plant->state, start, plant->at.count * sizeof *start);
+        return find_equilibrium(s, true, settled, error);
+    }
+    return code ? error_set(error, code, "%s", without.text) : ERROR_NONE;
+}
+
 enum error_code plant_settle(struct plant *plant, struct arena *arena, struct settled *settled,
                              struct error *error)
 {
@@ -377,12 +417,13 @@ enum error_code plant_settle(struct plant *plant, struct arena *arena, struct se
         return error_set(error, ERROR_INPUT, "nothing comes to rest without gravity");
     }
     settle_choose_axes(robot->gravity, &s);
+    plant_list_bristles(plant);
     memcpy(start, plant->state, plant->at.count * sizeof *start);
 
     /* Unclamped meanwhile: a clamped robot does not feel what is to carry it */
     plant->clamped = false;
     list_resting_bodies(&s);
-    code = find_equilibrium(&s, settled, error);
+    code = find_rest(&s, start, settled, error);
     plant->clamped = clamped;
     if (code != ERROR_NONE) {
         memcpy(plant->state, start, plant->at.count * sizeof *start);

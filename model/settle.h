@@ -10,12 +10,16 @@
  * carries I = tau/Kt and needs V = R I. A joint without a drive that stands at a limit leans on the
  * stop there, if its load presses it: its angle gives way by tau over the stop's stiffness.
  *
- * Friction here is a law of the sliding speed: at rest there is none. So place and heading (x, y,
- * yaw) stay as they are given, and legs do not push against each other through the ground, as those
- * of a robot that came down on its feet may. What remains of sideways force must be small (it is
- * zero on level ground), else the equilibrium is refused: it would slide. So is one that would not
- * last, whatever the motors do: with its joints locked the robot has to come back from a small
- * tilt. Balance that rests on the springs and on the controller is not looked at.
+ * First without friction: place and heading (x, y, yaw) stay as they are given, and legs do not
+ * push against each other through the ground, as those of a robot that came down on its feet may.
+ * On level ground that is all. Where sideways forces remain, or nothing is found, as on a slope or
+ * between hands, and friction sticks (contact/contact.h), the bodies start anew and move quasi-
+ * statically, in all directions, to where friction balances what pushes them; the bristles are left
+ * as the way there has bent them, so that the run begins at rest. Regularized friction is a law of
+ * the sliding speed and carries nothing at rest: there the sideways forces must be small, else the
+ * equilibrium is refused: it would slide. So is one that would not last, whatever the motors do:
+ * with its joints locked the robot has to come back from a small tilt. Balance that rests on the
+ * springs and on the controller is not looked at.
  */
 #ifndef MODEL_SETTLE_H
 #define MODEL_SETTLE_H
@@ -25,7 +29,7 @@
 struct settled {
     size_t iterations;
     double residual; /* largest force left over on a body, part of its weight */
-    double sideways; /* the same across gravity */
+    double sideways; /* the same across gravity, with what turns it */
     double rise_m;   /* of the base, along up; 0 with a fixed base */
     double tilt_rad; /* of the base */
 };

@@ -1,7 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Newton's method on the forces left over on the base and on the free bodies, three unknowns each:
- * the way up and two tilts. The tangent is by differences, which is right for any contact engine;
+ * the way up and two tilts; with friction that holds also the place and the heading. Then each
+ * step is a motion that takes AHEAD_S: so slow that nothing is damped, and the bristles of the
+ * contact follow it as in a step of the implicit integrator (struct contact_bristles), to their
+ * limit. The tangent is by differences, which is right for any contact engine;
  * its symmetric part is damped until it is positive definite, so that a step always goes downhill
  * in potential energy and an unstable equilibrium is left, not found. The damping (pseudo-transient
  * continuation) is one weight per DAMPING_LENGTH far from the equilibrium, where a body without
@@ -18,6 +21,7 @@ enum { HALVINGS = 40 }; /* of a step, at most */
 #define DAMPING_LENGTH 2e-3
 #define LONGEST_STEP 5e-3 /* m, tilts times the radius of gyration */
 #define DIFFERENCE 1e-7   /* m, for the tangent */
+#define AHEAD_S 1e6
 
 /* ---- geometry ---- */
 
@@ -56,25 +60,93 @@ static void turn_quaternion_in_world(const double angle[3], double quaternion[4]
     plant_normalize_quaternion(quaternion);
 }
 
-/* Moves every body by scale times x. */
+/* The velocities of a motion, world frame, in the state y of the robot or of a free body. */
+static void set_velocity(const struct plant *plant, const struct rest *rest, const double v[3],
+                         const double w[3], double *y)
+{
+    double R[9];
+
+    if (rest->robot) {
+        double *rates = plant->state + plant->at.v;
+
+        mat3_from_quaternion(y + BASE_Q_QUATERNION, R);
+        mat3_apply_transposed(R, v, rates + BASE_V_LINEAR);
+        mat3_apply_transposed(R, w, rates + BASE_V_ANGULAR);
+    } else {
+        mat3_from_quaternion(y + PLANT_FREE_QUATERNION, R);
+        memcpy(y + PLANT_FREE_VELOCITY, v, 3 * sizeof *v);
+        mat3_apply_transposed(R, w, y + PLANT_FREE_SPIN);
+    }
+}
+
+/* Moves every body by scale times x; with friction that holds the velocities are those that take
+ * AHEAD_S for it. */
 static void move_bodies(struct settle *s, double scale, const double *x)
 {
-    for (size_t b = 0; b < s->nrest; b++, x += UNKNOWNS) {
+    for (size_t b = 0; b < s->nrest; b++, x += s->unknowns) {
         struct rest *rest = &s->rest[b];
         double *y = s->plant->state;
-        double angle[3];
+        double part[UNKNOWNS] = {0.0}, angle[3], way[3], v[3], w[3];
 
         y += rest->robot ? 0 : s->plant->at.free + PLANT_FREE_STATE * rest->free;
-        rest->risen += scale * x[UNKNOWN_UP];
+        for (size_t k = 0; k < s->unknowns; k++) {
+            part[k] = scale * x[k];
+        }
+        rest->risen += part[UNKNOWN_UP];
+        rest->moved[0] += part[UNKNOWN_FIRST_ACROSS];
+        rest->moved[1] += part[UNKNOWN_SECOND_ACROSS];
         for (int i = 0; i < 3; i++) {
-            y[i] += scale * x[UNKNOWN_UP] * s->up[i];
-            angle[i] = scale / rest->radius *
-                       (x[UNKNOWN_FIRST_TILT] * s->across[0][i] +
-                        x[UNKNOWN_SECOND_TILT] * s->across[1][i]);
+            way[i] = part[UNKNOWN_UP] * s->up[i] + part[UNKNOWN_FIRST_ACROSS] * s->across[0][i] +
+                     part[UNKNOWN_SECOND_ACROSS] * s->across[1][i];
+            angle[i] =
+                (part[UNKNOWN_FIRST_TILT] * s->across[0][i] +
+                 part[UNKNOWN_SECOND_TILT] * s->across[1][i] + part[UNKNOWN_HEADING] * s->up[i]) /
+                rest->radius;
+            y[i] += way[i];
             rest->tilt[i] += angle[i];
+            v[i] = way[i] / AHEAD_S;
+            w[i] = angle[i] / AHEAD_S;
         }
         turn_quaternion_in_world(
             angle, y + (rest->robot ? (int)BASE_Q_QUATERNION : (int)PLANT_FREE_QUATERNION));
+        if (s->holds) {
+            set_velocity(s->plant, rest, v, w, y);
+        }
+    }
+}
+
+/* Ends the motion that was weighed last: bristles where it has bent them to, and rest. */
+static void stop_bodies(struct settle *s)
+{
+    static const double none[3];
+    struct plant *plant = s->plant;
+
+    for (size_t i = 0; i < plant->nlive; i++) {
+        const size_t from = CONTACT_BRISTLE * (size_t)plant->live[i];
+
+        for (size_t k = from; k < from + CONTACT_BRISTLE; k++) {
+            plant->state[plant->at.bristle + k] += AHEAD_S * plant->bristle_rate[k];
+        }
+    }
+    for (size_t b = 0; b < s->nrest; b++) {
+        const struct rest *rest = &s->rest[b];
+
+        set_velocity(plant, rest, none, none,
+                     plant->state +
+                         (rest->robot ? 0 : plant->at.free + PLANT_FREE_STATE * rest->free));
+    }
+}
+
+void settle_begin(struct settle *s, bool holds)
+{
+    s->holds = holds;
+    s->unknowns = holds ? UNKNOWNS : UNKNOWNS_WITHOUT_FRICTION;
+    s->n = s->unknowns * s->nrest;
+    for (size_t b = 0; b < s->nrest; b++) {
+        struct rest *rest = &s->rest[b];
+
+        rest->risen = rest->moved[0] = rest->moved[1] = 0.0;
+        memset(rest->tilt, 0, sizeof rest->tilt);
     }
 }
 
@@ -117,12 +189,14 @@ static void weigh_free_body(const struct settle *s, struct rest *rest)
 enum error_code settle_weigh(struct settle *s, double *g)
 {
     struct plant_load load;
-    enum error_code code = plant_load_bodies(s->plant, s->plant->state, &load);
+    enum error_code code =
+        plant_load_bodies(s->plant, s->plant->state, s->plant->state + s->plant->at.bristle,
+                          s->holds ? AHEAD_S : 0.0, &load);
 
     if (code != ERROR_NONE) {
         return code;
     }
-    for (size_t b = 0; b < s->nrest; b++, g += UNKNOWNS) {
+    for (size_t b = 0; b < s->nrest; b++, g += s->unknowns) {
         struct rest *rest = &s->rest[b];
 
         if (rest->robot) {
@@ -133,6 +207,11 @@ enum error_code settle_weigh(struct settle *s, double *g)
         g[UNKNOWN_UP] = vec3_dot(rest->force, s->up);
         g[UNKNOWN_FIRST_TILT] = vec3_dot(rest->moment, s->across[0]) / rest->radius;
         g[UNKNOWN_SECOND_TILT] = vec3_dot(rest->moment, s->across[1]) / rest->radius;
+        if (s->holds) {
+            g[UNKNOWN_FIRST_ACROSS] = vec3_dot(rest->force, s->across[0]);
+            g[UNKNOWN_SECOND_ACROSS] = vec3_dot(rest->force, s->across[1]);
+            g[UNKNOWN_HEADING] = vec3_dot(rest->moment, s->up) / rest->radius;
+        }
     }
     return ERROR_NONE;
 }
@@ -142,11 +221,11 @@ double settle_residual(const struct settle *s, const double *g, size_t *worst)
     double most = 0.0;
 
     for (size_t i = 0; i < s->n; i++) {
-        double part = fabs(g[i]) / s->rest[i / UNKNOWNS].weight;
+        double part = fabs(g[i]) / s->rest[i / s->unknowns].weight;
 
         if (!(part <= most)) {
             most = part;
-            *worst = i / UNKNOWNS;
+            *worst = i / s->unknowns;
         }
     }
     return most;
@@ -192,7 +271,7 @@ bool settle_factorize(struct settle *s, double damping)
 
     memcpy(L, s->K, n * n * sizeof *L);
     for (size_t i = 0; i < n; i++) {
-        L[i * n + i] += damping * s->rest[i / UNKNOWNS].weight / DAMPING_LENGTH;
+        L[i * n + i] += damping * s->rest[i / s->unknowns].weight / DAMPING_LENGTH;
     }
     for (size_t column = 0; column < n; column++) {
         for (size_t row = column; row < n; row++) {
@@ -202,7 +281,7 @@ bool settle_factorize(struct settle *s, double damping)
                 sum -= L[row * n + k] * L[column * n + k];
             }
             if (row == column && !(sum > 0.0)) {
-                s->weak = column / UNKNOWNS;
+                s->weak = column / s->unknowns;
                 return false;
             }
             L[row * n + column] = row == column ? sqrt(sum) : sum / L[column * n + column];
@@ -264,6 +343,9 @@ enum error_code settle_advance(struct settle *s, bool *moved)
     for (int k = 0; k < HALVINGS; k++, scale *= 0.5) {
         move_bodies(s, scale, s->step);
         code = settle_weigh(s, s->ahead);
+        if (!code && s->holds) {
+            stop_bodies(s);
+        }
         if (!code) {
             code = stored_potential(s, &stored);
         }

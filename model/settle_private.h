@@ -11,8 +11,17 @@
 #include "model/plant_private.h"
 #include "model/settle.h"
 
-/* The unknowns of a body. */
-enum settle_unknown { UNKNOWN_UP, UNKNOWN_FIRST_TILT, UNKNOWN_SECOND_TILT, UNKNOWNS };
+/* The unknowns of a body; those that only friction holds are last. */
+enum settle_unknown {
+    UNKNOWN_UP,
+    UNKNOWN_FIRST_TILT,
+    UNKNOWN_SECOND_TILT,
+    UNKNOWN_FIRST_ACROSS,
+    UNKNOWN_SECOND_ACROSS,
+    UNKNOWN_HEADING,
+    UNKNOWNS,
+    UNKNOWNS_WITHOUT_FRICTION = UNKNOWN_FIRST_ACROSS,
+};
 
 /* The damping at the equilibrium, and least damping at which it has to be stable: part of one
  * weight per length of damping. */
@@ -26,13 +35,16 @@ struct rest {
     double weight, radius;      /* N; m, of gyration */
     double force[3], moment[3]; /* left over, world frame; about the base's origin or the center of
                                  * mass */
-    double risen, tilt[3];      /* so far: m along up, rad */
+    double risen, moved[2];     /* so far: m along up and across */
+    double tilt[3];             /* rad */
 };
 
 struct settle {
     struct plant *plant;
     double up[3], across[2][3];
-    size_t nrest, n; /* n = UNKNOWNS * nrest */
+    bool holds;      /* friction does, by bristles that bend with the motion: all unknowns */
+    size_t unknowns; /* of a body */
+    size_t nrest, n; /* n = unknowns * nrest */
     struct rest *rest;
     double *zero, *f;   /* nv */
     double *g, *ahead;  /* n: forces left over; tilts' moments over the radius */
@@ -44,6 +56,9 @@ struct settle {
 
 /* Up, against gravity, and two directions across. */
 void settle_choose_axes(const double gravity[3], struct settle *s);
+
+/* Starts anew, with friction that holds or without friction: lists what belongs to it. */
+void settle_begin(struct settle *s, bool holds);
 
 /* Fills g and the forces left over of the present state. */
 enum error_code settle_weigh(struct settle *s, double *g);

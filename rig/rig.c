@@ -247,6 +247,7 @@ static void gains_override(struct servo_gains *gains, const struct raw_gains *ra
         {raw->kd_given, &gains->kd_v_s_per_rad, raw->kd_v_s_per_rad},
         {raw->kw_given, &gains->kw_v_s_per_rad, raw->kw_v_s_per_rad},
         {raw->trim_given, &gains->trim_per_s, raw->trim_per_s},
+        {raw->damping_given, &gains->sway_damping_per_s, raw->sway_damping_per_s},
         {raw->limit_given, &gains->limit_v, raw->limit_v},
         {raw->load_given, &gains->load_v_per_nm, raw->load_v_per_nm},
     };
@@ -308,6 +309,7 @@ static enum error_code rig_build_gains(struct rig_builder *b)
             .kd_v_s_per_rad = raw->gains.kd_v_s_per_rad,
             .kw_v_s_per_rad = raw->gains.kw_v_s_per_rad,
             .trim_per_s = raw->gains.trim_per_s,
+            .sway_damping_per_s = raw->gains.sway_damping_per_s,
             .limit_v = raw->gains.limit_v,
         };
     }

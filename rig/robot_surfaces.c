@@ -133,7 +133,7 @@ static enum error_code trial_note_touching(struct pair_trial *trial, const struc
         /* Bodies that are not the robot's are in no pair of the trial: anywhere will do */
         trial->motion[c] = trial->body[k < (int)b->robot->nbody ? k : 0];
     }
-    code = world->ops->evaluate(world, trial->motion, trial->wrench);
+    code = world->ops->evaluate(world, trial->motion, NULL, trial->wrench);
     if (code) {
         return error_set(b->error, code, "%s: %s", b->rig->file, world->ops->failure(world));
     }

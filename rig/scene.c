@@ -212,6 +212,24 @@ enum error_code rig_build_pair(struct rig_builder *b, const struct raw_pair *raw
     return ERROR_NONE;
 }
 
+/* Friction sticks unless the file says otherwise; engine simbody has the regularized law only. */
+static enum error_code scene_set_friction(struct rig_builder *b)
+{
+    const struct raw_scene *scene = &b->raw->scene;
+    bool sticks = scene->engine != RIG_CONTACT_SIMBODY;
+
+    if (scene->friction_given) {
+        if (scene->friction == CONTACT_FRICTION_STICKING && !sticks) {
+            return yaml_error(b->error, &scene->friction_mark,
+                              "found friction \"sticking\" with engine \"simbody\", expected "
+                              "\"regularized\", the only one that it has");
+        }
+        sticks = scene->friction == CONTACT_FRICTION_STICKING;
+    }
+    b->rig->contact.friction = sticks ? CONTACT_FRICTION_STICKING : CONTACT_FRICTION_REGULARIZED;
+    return ERROR_NONE;
+}
+
 /* The pairs that the file lists, each once, in whichever order. */
 static enum error_code scene_build_pairs(struct rig_builder *b, struct contact_pair *pair)
 {
@@ -271,6 +289,7 @@ enum error_code rig_build_scene(struct rig_builder *b)
     contact->pair = pair;
     contact->transition_velocity_m_s = scene->transition_velocity_m_s;
     contact->mesh_law = (enum contact_mesh_law)scene->mesh_law;
+    code = code ? code : scene_set_friction(b);
     code = code ? code : scene_check(b);
     if (!code && scene->robot_surfaces_given) {
         code = rig_add_robot_pairs(b, pair, &contact->npair);

@@ -40,6 +40,11 @@ static const struct yaml_enum mesh_law_names[] = {
     {"elastic_foundation", CONTACT_ELASTIC_FOUNDATION},
     {NULL, 0},
 };
+static const struct yaml_enum friction_names[] = {
+    {"sticking", CONTACT_FRICTION_STICKING},
+    {"regularized", CONTACT_FRICTION_REGULARIZED},
+    {NULL, 0},
+};
 static const struct yaml_enum shape_names[] = {
     {"half_space", CONTACT_HALF_SPACE},
     {"sphere", CONTACT_SPHERE},
@@ -238,6 +243,8 @@ static const struct yaml_schema robot_surfaces_schema = {
 #define STRUCT raw_scene
 static const struct yaml_field scene_fields[] = {
     {"engine", YAML_ENUM, true, AT(engine), .names = engine_names},
+    {"friction", YAML_ENUM, false, AT(friction), .mark_offset = AT(friction_mark),
+     .given_offset = AT(friction_given), .names = friction_names},
     {"transition_velocity_m_s", YAML_REAL, false, AT(transition_velocity_m_s), .min = 1e-6,
      .max = 10.0},
     {"mesh_law", YAML_ENUM, false, AT(mesh_law), .names = mesh_law_names},
@@ -431,6 +438,8 @@ static const struct yaml_field other_fields[] = {
      .given_offset = AT(kw_given)},
     {"trim_per_s", YAML_REAL, false, AT(trim_per_s), .min = 0.0, .max = 1e3,
      .given_offset = AT(trim_given)},
+    {"sway_damping_per_s", YAML_REAL, false, AT(sway_damping_per_s), .min = 0.0, .max = 1e3,
+     .given_offset = AT(damping_given)},
     {"limit_v", YAML_REAL, false, AT(limit_v), .min = DBL_MIN, .max = 1e4,
      .given_offset = AT(limit_given)},
     {"load_v_per_nm", YAML_REAL, false, AT(load_v_per_nm), .min = 0.0, .max = 1e4,
@@ -451,6 +460,7 @@ static const struct yaml_field servo_fields[] = {
     {"kd_v_s_per_rad", YAML_REAL, false, AT(gains.kd_v_s_per_rad), .min = 0.0, .max = 1e6},
     {"kw_v_s_per_rad", YAML_REAL, true, AT(gains.kw_v_s_per_rad), .min = 0.0, .max = 1e6},
     {"trim_per_s", YAML_REAL, false, AT(gains.trim_per_s), .min = 0.0, .max = 1e3},
+    {"sway_damping_per_s", YAML_REAL, false, AT(gains.sway_damping_per_s), .min = 0.0, .max = 1e3},
     {"limit_v", YAML_REAL, false, AT(gains.limit_v), .min = DBL_MIN, .max = 1e4},
     {"load_v_per_nm", YAML_REAL, false, AT(gains.load_v_per_nm), .min = 0.0, .max = 1e4},
     {"others", YAML_LIST, false, AT(other), AT(nother), .schema = &other_schema},

@@ -96,7 +96,9 @@ struct raw_robot_surfaces {
 
 struct raw_scene {
     struct yaml_mark mark;
-    int engine;
+    int engine, friction;
+    struct yaml_mark friction_mark;
+    bool friction_given; /* else sticking where the engine has it */
     double transition_velocity_m_s;
     int mesh_law; /* enum contact_mesh_law */
     struct raw_material *material;
@@ -200,9 +202,9 @@ struct raw_gains {
     struct yaml_mark mark;
     struct yaml_name *joint; /* that differ */
     size_t njoint;
-    double kp_v_per_rad, ki_v_per_rad_s, kd_v_s_per_rad, kw_v_s_per_rad, trim_per_s, limit_v,
-        load_v_per_nm;
-    bool kp_given, ki_given, kd_given, kw_given, trim_given, limit_given, load_given;
+    double kp_v_per_rad, ki_v_per_rad_s, kd_v_s_per_rad, kw_v_s_per_rad, trim_per_s,
+        sway_damping_per_s, limit_v, load_v_per_nm;
+    bool kp_given, ki_given, kd_given, kw_given, trim_given, damping_given, limit_given, load_given;
 };
 
 struct raw_servo {

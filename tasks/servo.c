@@ -8,10 +8,15 @@
  * counts */
 enum { RATE_SPAN_NS = 2000000 };
 
+/* Time constant of the mean deflection, s: an oscillation of one second passes by it, the weight of
+ * a slow motion does not. */
+#define SWAY_S 0.3
+
 struct loop {
     double wanted, rate;
     double trim, integral;
     double load_v;                /* carries what the joint bore at the start */
+    double mean_deflection;       /* of the spring over the last while */
     double motor_rad, motor_rate; /* of the latest message of the motor's angle */
     int64_t motor_time_ns;
 };
@@ -41,6 +46,20 @@ enum error_code servo_create(const struct servo_config *config, struct host *hos
     return ERROR_NONE;
 }
 
+/* What the spring is deflected by, rad: by the torque where it is measured, or both encoders. */
+static double servo_deflection(const struct servo *servo, size_t axis)
+{
+    const struct host_config *config = host_configuration(servo->host);
+    const struct host_axis *at = &config->axis[axis];
+    const struct host_joint *joint = host_joint(servo->host, axis);
+    bool icub = !config->bus || config->bus[at->bus].personality == HOST_ICUB;
+
+    if (!(at->drive.spring_nm_rad > 0) || (icub && at->torque_address < 0)) {
+        return joint->motor_rad - joint->joint_rad;
+    }
+    return joint->torque_nm / at->drive.spring_nm_rad;
+}
+
 void servo_start(struct servo *servo)
 {
     for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
@@ -51,6 +70,7 @@ void servo_start(struct servo *servo)
             .wanted = wanted,
             .trim = joint->motor_rad - wanted,
             .load_v = servo->config.gains[i].load_v_per_nm * joint->torque_nm,
+            .mean_deflection = servo_deflection(servo, i),
             .motor_rad = joint->motor_rad,
             .motor_time_ns = joint->motor_time_ns,
         };
@@ -85,6 +105,16 @@ static double servo_link_error(const struct servo *servo, size_t axis)
     return error > step ? error - step : error < -step ? error + step : 0;
 }
 
+/* Keeps the mean deflection of an axis; returns what is above it. */
+static double servo_sway(struct servo *servo, size_t axis, double dt)
+{
+    struct loop *loop = &servo->loop[axis];
+    double deflection = servo_deflection(servo, axis);
+
+    loop->mean_deflection += (deflection - loop->mean_deflection) * dt / (SWAY_S + dt);
+    return deflection - loop->mean_deflection;
+}
+
 static void servo_estimate_rate(struct loop *loop, const struct host_joint *joint)
 {
     int64_t span = joint->motor_time_ns - loop->motor_time_ns;
@@ -106,6 +136,7 @@ static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
     struct loop *loop = &servo->loop[axis];
     const struct host_joint *joint = host_joint(servo->host, axis);
     double error = servo_reference(servo, axis) - joint->motor_rad;
+    double sway = servo_sway(servo, axis, dt);
     double V = gains->kp_v_per_rad * error + gains->ki_v_per_rad_s * loop->integral +
                gains->kd_v_s_per_rad * (loop->rate - loop->motor_rate) +
                gains->kw_v_s_per_rad * loop->rate + loop->load_v;
@@ -113,6 +144,7 @@ static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
     if (fabs(V) < limit || V * error < 0) {
         loop->integral += error * dt;
         loop->trim += gains->trim_per_s * servo_link_error(servo, axis) * dt;
+        loop->trim -= gains->sway_damping_per_s * sway * dt;
     }
     return fmin(fmax(V, -limit), limit);
 }

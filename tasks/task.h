@@ -103,15 +103,25 @@ struct grasp_config {
 
 /* Voltage loop on a motor angle, closed here: V = kp (ref - qm) + ki integral + kd (ref' - qm') +
  * kw ref' + load torque(start). Outside it a slow loop on the link angle takes out what the series
- * spring yields: ref = wanted + trim, trim' = trim_per_s (wanted - q). */
+ * spring yields: ref = wanted + trim,
+ *
+ *     trim' = trim_per_s (wanted - q) - sway_damping_per_s (d - mean of d)
+ *
+ * with the spring's deflection d = qm - q, by the measured torque where there is one, and its
+ * mean over some 0.3 s. The first part alone rocks a robot over that stands on its springs: of a
+ * pendulum I q'' = -(K - m g h) q + K trim, trim' = -k q, the oscillation grows for any k > 0
+ * unless something else damps it. The motor that gives way to the spring's force does: a damper
+ * in series with the spring, which takes energy at every frequency; more than trim_per_s of it
+ * is enough. */
 struct servo_gains {
     double kp_v_per_rad;
     double ki_v_per_rad_s;
-    double kd_v_s_per_rad; /* qm' is the difference between two messages of the motor's angle */
-    double kw_v_s_per_rad; /* back-EMF feed-forward of the reference's rate */
-    double trim_per_s;     /* 0: the motor angle itself is what is wanted */
-    double load_v_per_nm;  /* R/Kt: voltage that carries the joint's torque at the start; 0: none */
-    double limit_v;        /* of a drive that takes less than the supply; 0: none */
+    double kd_v_s_per_rad;     /* qm' is the difference between two messages of the motor's angle */
+    double kw_v_s_per_rad;     /* back-EMF feed-forward of the reference's rate */
+    double trim_per_s;         /* 0: the motor angle itself is what is wanted */
+    double sway_damping_per_s; /* 0: the motors do not give way */
+    double load_v_per_nm; /* R/Kt: voltage that carries the joint's torque at the start; 0: none */
+    double limit_v;       /* of a drive that takes less than the supply; 0: none */
 };
 
 struct servo_config {

@@ -85,7 +85,7 @@ static double contact_bench_time_engine(struct result *r, int engine)
     double start = bench_cpu_s(), us;
 
     for (int i = 0; i < repeat * POSES; i++) {
-        if (world->ops->evaluate(world, r->motion[i % POSES], wrench)) {
+        if (world->ops->evaluate(world, r->motion[i % POSES], NULL, wrench)) {
             return (double)NAN;
         }
     }
@@ -133,7 +133,7 @@ static void contact_bench_print_rounds(struct bench *bench)
                 printf(" %6s", "-");
             }
         }
-        r->world[NATIVE]->ops->evaluate(r->world[NATIVE], r->motion[0], wrench);
+        r->world[NATIVE]->ops->evaluate(r->world[NATIVE], r->motion[0], NULL, wrench);
         for (size_t b = 0; b < s->config.nbody; b++) {
             force += wrench[b].force[2];
         }
@@ -165,7 +165,7 @@ static void contact_bench_time_random(const struct bench_scene *s, struct contac
             double took;
 
             clock_gettime(CLOCK_MONOTONIC, &start);
-            world->ops->evaluate(world, motion, wrench);
+            world->ops->evaluate(world, motion, NULL, wrench);
             clock_gettime(CLOCK_MONOTONIC, &end);
             took = 1e6 * (double)(end.tv_sec - start.tv_sec) +
                    1e-3 * (double)(end.tv_nsec - start.tv_nsec);

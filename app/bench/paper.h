@@ -51,9 +51,9 @@ struct paper_order {
     bool one_cycle; /* of the squat */
 };
 
-/* Loads and runs a rig and, when it is recorded, reads the signals back; the recorded frames stay
- * in the folder's .recording until paper_run_end. A task that fails is an error. paper_run_end must
- * follow, also after an error. */
+/* Loads and runs a rig, with the paper's friction whatever the rig's, and, when it is recorded,
+ * reads the signals back; the recorded frames stay in the folder's .recording until paper_run_end.
+ * A task that fails is an error. paper_run_end must follow, also after an error. */
 enum error_code paper_run(const struct paper *paper, const struct paper_order *order,
                           struct paper_run *run, struct error *error);
 void paper_run_end(const struct paper *paper, struct paper_run *run);

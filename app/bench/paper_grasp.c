@@ -311,10 +311,11 @@ static void compare_forces(struct report *report, const struct grasp_result *our
         report, true,
         "friction at both wrists carries, N|the box's weight|%.2f|The box weighs %.4f N. "
         "In the last second its height changes by %.1f mm: the robot rocks on its feet, and "
-        "the grip creeps below the transition velocity of friction, %g mm/s.",
+        "the grip creeps below the transition velocity of %s friction, %g mm/s.",
         paper_mean(t, ours->value[CARRY_RIGHT], n, from, to) +
             paper_mean(t, ours->value[CARRY_LEFT], n, from, to),
         ours->box_kg * ours->gravity, 1e3 * box_drift_m(ours),
+        ours->rig->contact.friction == CONTACT_FRICTION_REGULARIZED ? "regularized" : "sticking",
         1e3 * ours->rig->contact.transition_velocity_m_s);
 
     /* The weight on the feet, without the box and with it */

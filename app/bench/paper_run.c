@@ -126,6 +126,7 @@ enum error_code paper_run(const struct paper *paper, const struct paper_order *o
         return code;
     }
     run->rig = *rig;
+    run->rig.contact.friction = CONTACT_FRICTION_REGULARIZED; /* the paper's */
     if (order->one_cycle) {
         run->rig.squat.cycles = 1;
     }

@@ -111,9 +111,12 @@ static void check_print_scene(const struct rig *rig)
         print_free_bodies(rig);
         return;
     }
-    printf("scene       engine %s, %zu surfaces, %zu pairs, transition velocity %g m/s\n",
+    printf("scene       engine %s, %zu surfaces, %zu pairs\n",
            rig->contact_engine == RIG_CONTACT_NATIVE ? "native" : "simbody", contact->nsurface,
-           contact->npair, contact->transition_velocity_m_s);
+           contact->npair);
+    printf("  friction  %s, transition velocity %g m/s\n",
+           contact->friction == CONTACT_FRICTION_STICKING ? "sticking" : "regularized",
+           contact->transition_velocity_m_s);
     print_free_bodies(rig);
     for (size_t i = 0; i < contact->nsurface; i++) {
         const struct contact_surface *s = &contact->surface[i];

@@ -25,7 +25,7 @@ __attribute__((noinline)) void one_pose(struct contact_world *world,
 {
     struct contact_wrench wrench[BENCH_BODIES];
 
-    if (world->ops->evaluate(world, motion, wrench) != ERROR_NONE) {
+    if (world->ops->evaluate(world, motion, NULL, wrench) != ERROR_NONE) {
         exit(EXIT_FAILURE);
     }
 }

@@ -68,7 +68,7 @@ class Page(html.parser.HTMLParser):
             self.faults.append((tag, self.getpos()))
 
 
-print("1..14")
+print("1..15")
 status = open(work + "/status").read().strip()
 said = open(work + "/err").read().strip()[-300:].replace("\n", " ")
 check(status == "0" and open(work + "/out").read().endswith("/index.html\n"), "the report is made",
@@ -176,6 +176,7 @@ def mass(file, names=None):
 
 weight = mass("walkman") * 9.81
 feet, off = here("both feet, standing")[0], here("both feet less m")[0]
+check("of regularized friction, 2 mm/s" in text, "the paper's friction is kept")
 check(abs(feet / weight - 1) < 0.005 and off < 0.002 * weight,
       "WALK-MAN's feet carry its weight, and m (g + a) when it moves",
       f"{feet} N of {weight:.1f}, {off} N RMS")

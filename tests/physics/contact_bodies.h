@@ -21,6 +21,7 @@
 #include "tests/physics/contact_scene.h"
 
 #define BODIES 3
+#define BRISTLES (CONTACT_BRISTLE * SCENE_PAIRS)
 
 /* Half as hard as the two together: 5e5 Pa/m. */
 static const struct contact_material plain = {1e6, 1, 0.3, 0.5, 0.4, 0};
@@ -46,15 +47,28 @@ struct bodies {
     double mass[BODIES], inertia[BODIES]; /* equal about all axes */
     double gravity[3];
     struct body_motion motion[BODIES];
+    double bristle[BRISTLES]; /* of the world, if it has any */
 };
 
-/* The derivative of a motion is kept in one: R' in R, v in p, and the accelerations. */
-static inline void derive(const struct bodies *b, const struct body_motion *at,
-                          struct body_motion *rate)
+/* All pairs. */
+static inline void list_bristles(const struct bodies *b, struct contact_bristles *bristles)
 {
+    for (size_t i = 0; i < b->world->nbristle / CONTACT_BRISTLE; i++) {
+        bristles->pair[bristles->npair++] = (int)i;
+    }
+}
+
+/* The derivative of a motion is kept in one: R' in R, v in p, and the accelerations. */
+static inline void derive(const struct bodies *b, const struct body_motion *at, const double *y,
+                          struct body_motion *rate, double *y_rate)
+{
+    int pair[SCENE_PAIRS];
+    struct contact_bristles bristles = {.y = y, .rate = y_rate, .pair = pair};
     struct contact_wrench wrench[BODIES];
 
-    if (b->world->ops->evaluate(b->world, at, wrench) != ERROR_NONE) {
+    list_bristles(b, &bristles);
+
+    if (b->world->ops->evaluate(b->world, at, &bristles, wrench) != ERROR_NONE) {
         fail_msg("%s", b->world->ops->failure(b->world));
     }
     for (size_t n = 0; n < b->count; n++) {
@@ -111,13 +125,21 @@ static inline void step(struct bodies *b, double h)
 {
     struct body_motion k[4][BODIES], at[BODIES];
     const double part[4] = {0, h / 2, h / 2, h}, weight[4] = {h / 6, h / 3, h / 3, h / 6};
+    const size_t nbristle = b->world->nbristle;
+    double rate[4][BRISTLES], y[BRISTLES];
 
     for (int s = 0; s < 4; s++) {
         combine(b->count, b->motion, s ? part[s] : 0, s ? k[s - 1] : b->motion, at);
-        derive(b, at, k[s]);
+        for (size_t i = 0; i < nbristle; i++) {
+            y[i] = b->bristle[i] + (s ? part[s] * rate[s - 1][i] : 0);
+        }
+        derive(b, at, y, k[s], rate[s]);
     }
     for (int s = 0; s < 4; s++) {
         combine(b->count, b->motion, weight[s], k[s], b->motion);
+        for (size_t i = 0; i < nbristle; i++) {
+            b->bristle[i] += weight[s] * rate[s][i];
+        }
     }
     for (size_t n = 0; n < b->count; n++) {
         straighten(b->motion[n].R);
@@ -146,12 +168,15 @@ static inline double kinetic(const struct bodies *b)
 
 static inline double stored(const struct bodies *b)
 {
+    int pair[SCENE_PAIRS];
+    struct contact_bristles bristles = {.y = b->bristle, .pair = pair};
     struct contact_patch patch[8];
     struct contact_wrench wrench[BODIES];
     double sum = 0;
     size_t n;
 
-    b->world->ops->evaluate(b->world, b->motion, wrench);
+    list_bristles(b, &bristles);
+    b->world->ops->evaluate(b->world, b->motion, &bristles, wrench);
     n = b->world->ops->patches(b->world, patch, 8);
     for (size_t i = 0; i < n; i++) {
         sum += patch[i].potential_j;

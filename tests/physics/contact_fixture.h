@@ -61,7 +61,7 @@ static inline struct contact_world *fixture_simbody(const struct scene *scene)
 static inline void fixture_evaluate(struct contact_world *world, const struct body_motion *motion,
                                     struct contact_wrench *wrench)
 {
-    if (world->ops->evaluate(world, motion, wrench) != ERROR_NONE) {
+    if (world->ops->evaluate(world, motion, NULL, wrench) != ERROR_NONE) {
         fail_msg("%s", world->ops->failure(world));
     }
 }

@@ -110,7 +110,7 @@ void profile(const char *what, const scene &scene, body_motion *motion)
     }
     /* The first ones fill caches */
     for (int i = 0; i < 10; ++i) {
-        assert_int_equal(world->ops->evaluate(world, motion, wrench.data()), ERROR_NONE);
+        assert_int_equal(world->ops->evaluate(world, motion, NULL, wrench.data()), ERROR_NONE);
     }
 
     const long before = allocations, held = live;
@@ -119,7 +119,7 @@ void profile(const char *what, const scene &scene, body_motion *motion)
         const double start = now_us();
 
         motion[0].p[2] -= 1e-6;
-        assert_int_equal(world->ops->evaluate(world, motion, wrench.data()), ERROR_NONE);
+        assert_int_equal(world->ops->evaluate(world, motion, NULL, wrench.data()), ERROR_NONE);
         time[static_cast<size_t>(i)] = now_us() - start;
     }
     std::sort(time.begin(), time.end());
@@ -210,7 +210,7 @@ void an_evaluation_without_memory_is_an_error_and_harms_nothing(void **)
 
     const long before = allocations;
 
-    assert_int_equal(world->ops->evaluate(world, motion, reference), ERROR_NONE);
+    assert_int_equal(world->ops->evaluate(world, motion, NULL, reference), ERROR_NONE);
     assert_true(reference[1].force[2] > 0);
     if (allocations == before) {
         world->ops->destroy(world);
@@ -219,12 +219,12 @@ void an_evaluation_without_memory_is_an_error_and_harms_nothing(void **)
     }
     for (enum error_code code = ERROR_MEMORY; code != ERROR_NONE; ++failures) {
         until_failure = failures;
-        code = world->ops->evaluate(world, motion, wrench);
+        code = world->ops->evaluate(world, motion, NULL, wrench);
         until_failure = -1;
         if (code != ERROR_NONE) {
             assert_int_equal(code, ERROR_MEMORY);
             assert_string_equal(world->ops->failure(world), "contact: no memory for an evaluation");
-            assert_int_equal(world->ops->evaluate(world, motion, wrench), ERROR_NONE);
+            assert_int_equal(world->ops->evaluate(world, motion, NULL, wrench), ERROR_NONE);
         }
         assert_memory_equal(wrench, reference, sizeof wrench);
     }

@@ -19,6 +19,8 @@ foreach(name "" _invariants _tangents _bodies _impacts)
 endforeach()
 hil_test(contact_fields SOURCES physics/contact_fields.c LIBS contact TIMEOUT 180 LABELS physics)
 hil_test(contact_capsule SOURCES physics/contact_capsule.c LIBS contact LABELS physics)
+hil_test(contact_sticking SOURCES physics/contact_sticking.c
+         LIBS contact TIMEOUT 300 LABELS physics)
 hil_test(contact_native_agreement SOURCES physics/contact_native_agreement.c
          LIBS contact_centroids LABELS physics)
 hil_test(contact_native_variants SOURCES physics/contact_native_variants.c

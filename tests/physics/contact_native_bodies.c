@@ -36,7 +36,7 @@ static void a_box_at_rest_is_carried_with_its_weight(void **state)
         b.gravity[2] = -G;
         b.motion[0].p[2] = 0.075;
         run(&b, 2, 2e-4);
-        b.world->ops->evaluate(b.world, b.motion, &wrench);
+        b.world->ops->evaluate(b.world, b.motion, NULL, &wrench);
         assert_near(wrench.force[2], 14.715, 1e-4);
         assert_near(b.motion[0].p[2], 0.075 - 14.715 / (5e5 * 0.0225), 1e-8);
         assert_near(vec3_norm(b.motion[0].v), 0, 1e-5);
@@ -214,7 +214,7 @@ static void a_spinning_box_is_braked_by_torsional_friction(void **state)
         b = make(&scene, 1.5);
         b.motion[0].p[2] = 0.0749;
         b.motion[0].w[2] = -400; /* all of it slides */
-        b.world->ops->evaluate(b.world, b.motion, &wrench);
+        b.world->ops->evaluate(b.world, b.motion, NULL, &wrench);
         assert_near(wrench.moment[2], 0.4 * wrench.force[2] * lever, 1e-3 * wrench.moment[2]);
         assert_near(hypot(wrench.force[0], wrench.force[1]), 0, 1e-6 * wrench.force[2]);
     }
@@ -244,7 +244,7 @@ static void stacked_boxes_stay(void **state)
         b.motion[n].p[2] = 0.075 + 0.15 * n;
     }
     run(&b, 2, 2.5e-4);
-    b.world->ops->evaluate(b.world, b.motion, wrench);
+    b.world->ops->evaluate(b.world, b.motion, NULL, wrench);
     for (int n = 0; n < 3; n++) {
         /* The tower leans by 1 mrad, and so do the springs by half of it; against that little force
          * friction lets the boxes creep, at a fraction of the transition velocity */

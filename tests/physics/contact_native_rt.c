@@ -87,7 +87,7 @@ static void evaluations_and_tangents_allocate_nothing(void **state)
         }
         motion[3].p[0] = 0.03;
         for (int e = 0; e < 3; e++) {
-            assert_int_equal(world[e]->ops->evaluate(world[e], motion, wrench), ERROR_NONE);
+            assert_int_equal(world[e]->ops->evaluate(world[e], motion, NULL, wrench), ERROR_NONE);
             assert_true(world[e]->ops->patches(world[e], patch, 8) >= 1);
             assert_true(world[e]->ops->tangents(world[e], tangent, 8) >= 1);
         }
@@ -113,10 +113,10 @@ static void an_invalid_motion_is_an_error(void **state)
         scene_place(&motion[b], b, 0, 1);
     }
     motion[2].v[1] = NAN;
-    assert_int_equal(world->ops->evaluate(world, motion, wrench), ERROR_INPUT);
+    assert_int_equal(world->ops->evaluate(world, motion, NULL, wrench), ERROR_INPUT);
     assert_non_null(strstr(world->ops->failure(world), "body 2"));
     motion[2].v[1] = 0;
-    assert_int_equal(world->ops->evaluate(world, motion, wrench), ERROR_NONE);
+    assert_int_equal(world->ops->evaluate(world, motion, NULL, wrench), ERROR_NONE);
     assert_int_equal(world->ops->patches(world, NULL, 0), 0);
     arena_fini(&arena);
 }

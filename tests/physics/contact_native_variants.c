@@ -124,9 +124,9 @@ static void agrees(size_t number)
     other = make(&scene, variant.kernels);
     for (int n = 0; n < POSES; n++) {
         draw(&seed, motion);
-        assert_int_equal(plain->ops->evaluate(plain, motion, expected), ERROR_NONE);
-        assert_int_equal(other->ops->evaluate(other, motion, found), ERROR_NONE);
-        assert_int_equal(other->ops->evaluate(other, motion, again), ERROR_NONE);
+        assert_int_equal(plain->ops->evaluate(plain, motion, NULL, expected), ERROR_NONE);
+        assert_int_equal(other->ops->evaluate(other, motion, NULL, found), ERROR_NONE);
+        assert_int_equal(other->ops->evaluate(other, motion, NULL, again), ERROR_NONE);
         assert_memory_equal(found, again, sizeof found);
         worst = fmax(worst, difference(expected, found));
         touching += largest(expected) > 0;
@@ -177,8 +177,8 @@ static void the_widest_kernels_that_the_machine_runs_are_taken(void **state)
     for (int n = 0; n < POSES; n++) {
         scene_place(&motion, 0, 0, 0.01 * random_number(&seed));
         scene_random_rotation(&seed, 0.2, motion.R);
-        assert_int_equal(forced->ops->evaluate(forced, &motion, &expected), ERROR_NONE);
-        assert_int_equal(chosen->ops->evaluate(chosen, &motion, &found), ERROR_NONE);
+        assert_int_equal(forced->ops->evaluate(forced, &motion, NULL, &expected), ERROR_NONE);
+        assert_int_equal(chosen->ops->evaluate(chosen, &motion, NULL, &found), ERROR_NONE);
         assert_memory_equal(&found, &expected, sizeof found);
     }
 }

@@ -145,7 +145,7 @@ void sweep(const scene &scene, Reference &reference, double apart)
                 motion[b].v[axis] = 0.02 * random_number(&seed);
             }
         }
-        assert_int_equal(world->ops->evaluate(world, motion, wrench), ERROR_NONE);
+        assert_int_equal(world->ops->evaluate(world, motion, NULL, wrench), ERROR_NONE);
         reference.set(motion);
         for (int b = 0; b < 2; ++b) {
             /* Newton and Euler add the rounding of a solved equation of motion */

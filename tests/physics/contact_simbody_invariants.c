@@ -343,7 +343,7 @@ static void an_invalid_motion_is_an_error_and_harms_nothing(void **state)
 
         broken = motion;
         memcpy((char *)&broken + i * sizeof number, &number, sizeof number);
-        assert_int_equal(world->ops->evaluate(world, &broken, &again), ERROR_INPUT);
+        assert_int_equal(world->ops->evaluate(world, &broken, NULL, &again), ERROR_INPUT);
         assert_non_null(strstr(world->ops->failure(world), "body 0"));
         fixture_evaluate(world, &motion, &again);
         assert_memory_equal(&again, &wrench, sizeof wrench);
@@ -352,10 +352,10 @@ static void an_invalid_motion_is_an_error_and_harms_nothing(void **state)
     /* No rotation at all, and a mirror */
     broken = motion;
     memset(broken.R, 0, sizeof broken.R);
-    assert_int_equal(world->ops->evaluate(world, &broken, &again), ERROR_INPUT);
+    assert_int_equal(world->ops->evaluate(world, &broken, NULL, &again), ERROR_INPUT);
     broken = motion;
     broken.R[4] = -1;
-    assert_int_equal(world->ops->evaluate(world, &broken, &again), ERROR_INPUT);
+    assert_int_equal(world->ops->evaluate(world, &broken, NULL, &again), ERROR_INPUT);
     world->ops->destroy(world);
 }
 

@@ -19,11 +19,13 @@ struct tie {
 
 static inline enum error_code tie_evaluate(struct contact_world *world,
                                            const struct body_motion *motion,
+                                           struct contact_bristles *bristles,
                                            struct contact_wrench *wrench)
 {
     struct tie *tie = (struct tie *)world;
     double at[2][3], arm[2][3], velocity[2][3];
 
+    (void)bristles;
     for (int b = 0; b < 2; b++) {
         mat3_apply(motion[b].R, tie->point[b], arm[b]);
         memcpy(velocity[b], motion[b].v, sizeof velocity[b]);

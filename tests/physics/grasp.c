@@ -198,14 +198,20 @@ static void observe(const struct scene *scene, struct sample *sample)
     }
 }
 
+/* Millisecond k of the task. */
+static void perform_one(struct scene *scene, int k, struct sample *sample)
+{
+    follow_path(scene, 1e-3 * k);
+    drive(scene);
+    assert_int_equal(plant_step(scene->plant, scene->steps), ERROR_NONE);
+    assert_int_equal(plant_sample(scene->plant), ERROR_NONE);
+    observe(scene, sample);
+}
+
 static void perform(struct scene *scene, int milliseconds, struct sample *samples)
 {
     for (int k = 0; k < milliseconds; k++) {
-        follow_path(scene, 1e-3 * k);
-        drive(scene);
-        assert_int_equal(plant_step(scene->plant, scene->steps), ERROR_NONE);
-        assert_int_equal(plant_sample(scene->plant), ERROR_NONE);
-        observe(scene, &samples[k]);
+        perform_one(scene, k, &samples[k]);
     }
 }
 
@@ -247,7 +253,7 @@ static void the_box_is_lifted_and_held(void **state)
         assert_near(track[k].rub[LEFT], track[k].rub[RIGHT], 0.3);
         assert_true(track[k].box[2] - 0.55 > 0.03);
     }
-    /* What the wrists hold creeps at a part of the friction law's transition velocity */
+    /* What the wrists hold stays where it is held, but for the rocking of the robot */
     creep = ((track[END - HOLD].box[2] - track[END - HOLD].wrist_z) -
              (track[END - 1].box[2] - track[END - 1].wrist_z)) /
             (1e-3 * HOLD);
@@ -255,7 +261,36 @@ static void the_box_is_lifted_and_held(void **state)
                   "against the wrists, friction torque up to %.3f N m\n",
                   start, track[END - 1].press[RIGHT], 1e3 * (track[END - 1].box[2] - 0.55),
                   1e3 * creep, fabs(track[END - 1].twist));
-    assert_true(fabs(creep) < scene.rig->contact.transition_velocity_m_s);
+    assert_true(fabs(creep) < 5e-4);
+    scene_fini(&scene);
+}
+
+/* Friction that sticks holds the box: once the robot has swayed out, 20 s after the lift, it stays
+ * where it is between the wrists for a minute. */
+static void the_box_stays_in_the_grip_for_a_minute(void **state)
+{
+    enum { CALM = 24000, END = CALM + 60000, EVERY = 10000 };
+    struct scene scene;
+    struct sample now;
+    double held = 0.0, crept = 0.0;
+
+    (void)state;
+    scene_init(&scene, "grasp", PLANT_IMPLICIT, 0, 0.0);
+    for (int k = 0; k < END; k++) {
+        perform_one(&scene, k, &now);
+        if (k == CALM) {
+            held = now.box[2] - now.wrist_z;
+        } else if (k > CALM) {
+            crept = fmax(crept, fabs(now.box[2] - now.wrist_z - held));
+        }
+        if (k % EVERY == EVERY - 1) {
+            print_message("# %2d s: box %.4f mm above the wrists, %.3f mm up\n", (k + 1) / 1000,
+                          1e3 * (now.box[2] - now.wrist_z), 1e3 * (now.box[2] - 0.55));
+        }
+    }
+    print_message("# crept by %.1e m at most\n", crept);
+    assert_true(crept < 1e-4);
+    assert_true(now.box[2] - 0.55 > 0.03);
     scene_fini(&scene);
 }
 
@@ -360,7 +395,7 @@ static void compare(size_t njoint, int from, int to, double *angle, double *wors
     *feet = sqrt(*feet / stood);
 }
 
-static void implicit_is_of_order_two_and_where_dopri5_is(void **state)
+static void implicit_converges_to_where_dopri5_is(void **state)
 {
     enum { END = 2600, FROM = 200, STEPS = 4 };
     double angle[STEPS], worst[STEPS], press[STEPS], feet[STEPS];
@@ -381,20 +416,19 @@ static void implicit_is_of_order_two_and_where_dopri5_is(void **state)
                       1.0 / (1 << n), angle[n], worst[n], 100.0 * press[n], 100.0 * feet[n]);
     }
     assert_true(worst[0] < 2e-4 && feet[0] < 2e-3 && press[0] < 5e-3);
-    /* The first steps do not resolve how the wrists come to touch */
-    for (int n = 1; n < STEPS - 1; n++) {
-        assert_true(angle[n] / angle[n + 1] > 3.0 && angle[n] / angle[n + 1] < 5.0);
-    }
+    /* Bristles yield at a bend of the law, which no step meets exactly: not quite of order two */
+    assert_true(worst[STEPS - 1] < 1e-5 && angle[0] / angle[STEPS - 1] > 8.0);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_box_is_lifted_and_held),
+        cmocka_unit_test(the_box_stays_in_the_grip_for_a_minute),
         cmocka_unit_test(soft_elbows_give_way_and_press_less),
         cmocka_unit_test(any_springs_are_stable_at_a_millisecond),
         cmocka_unit_test(with_the_base_held_the_box_is_lifted_too),
-        cmocka_unit_test(implicit_is_of_order_two_and_where_dopri5_is),
+        cmocka_unit_test(implicit_converges_to_where_dopri5_is),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

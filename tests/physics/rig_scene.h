@@ -31,6 +31,8 @@ struct rig_scene_choice {
     int64_t substep_ns;             /* a part of a millisecond */
     double tolerance;               /* of dopri5 */
     double transition_velocity_m_s; /* 0 = the rig's */
+    bool regularized;               /* friction, whatever the rig's */
+    double slope_rad;               /* of the ground, down to +y: by gravity that leans */
     /* What is below a force-torque sensor that the robot's file lets nothing hang from */
     const struct robot_inertia *below;
 };
@@ -50,6 +52,17 @@ static inline void rig_scene_hang_below(struct rig_scene *scene, const struct ro
             ft[f].distal = *below;
         }
     }
+    scene->robot = robot;
+}
+
+static inline void rig_scene_lean(struct rig_scene *scene, double slope_rad)
+{
+    struct robot *robot = arena_alloc(&scene->arena, 1, sizeof *robot);
+
+    assert_non_null(robot);
+    *robot = *scene->robot;
+    robot->gravity[1] = -robot->gravity[2] * sin(slope_rad);
+    robot->gravity[2] = robot->gravity[2] * cos(slope_rad);
     scene->robot = robot;
 }
 
@@ -83,9 +96,15 @@ static inline void rig_scene_init(struct rig_scene *scene, const struct rig_scen
     if (choice->below) {
         rig_scene_hang_below(scene, choice->below);
     }
+    if (choice->slope_rad != 0.0) {
+        rig_scene_lean(scene, choice->slope_rad);
+    }
     contact = scene->rig->contact;
     if (choice->transition_velocity_m_s > 0.0) {
         contact.transition_velocity_m_s = choice->transition_velocity_m_s;
+    }
+    if (choice->regularized) {
+        contact.friction = CONTACT_FRICTION_REGULARIZED;
     }
     assert_int_equal(contact_native_create(&contact, &scene->arena, &scene->contact, &error),
                      ERROR_NONE);

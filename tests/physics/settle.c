@@ -34,10 +34,11 @@ struct yard {
     struct contact_world *contact;
     struct plant *plant;
     struct plant_free_body block[BLOCKS];
-    size_t nblock;
+    size_t nblock, walls; /* walls: surfaces behind the blocks', and their pairs */
     struct contact_surface surface[1 + BLOCKS];
     struct contact_pair pair[BLOCKS];
-    double supply_v, young_pa, joint;
+    double supply_v, young_pa, friction, joint;
+    enum contact_friction law;
     struct settled settled;
     struct error error;
 };
@@ -49,7 +50,7 @@ static void yard_begin(struct yard *yard, size_t nblock)
     static const double none[6], still[3], com[3] = {0.4, 0.0, 0.0};
     static const double I[6] = {0.01, 0.0, 0.0, 0.02, 0.0, 0.02};
 
-    *yard = (struct yard){.nblock = nblock, .supply_v = 48.0, .young_pa = 5e3};
+    *yard = (struct yard){.nblock = nblock, .supply_v = 48.0, .young_pa = 5e3, .friction = 1.0};
     toy_begin(&yard->toy, false, 0.0, still, none);
     toy_add(&yard->toy, 0, JOINT_REVOLUTE, axis, origin, 3.0, com, I);
     yard->toy.joint[0].sea = toy_drive(395.46);
@@ -79,11 +80,12 @@ static enum error_code yard_settle(struct yard *yard)
 {
     int body[BLOCKS];
     struct contact_config contact = {.nbody = yard->nblock,
-                                     .nsurface = 1 + yard->nblock,
+                                     .nsurface = 1 + yard->nblock + yard->walls,
                                      .surface = yard->surface,
-                                     .npair = yard->nblock,
+                                     .npair = yard->nblock + yard->walls,
                                      .pair = yard->pair,
-                                     .transition_velocity_m_s = 0.01};
+                                     .transition_velocity_m_s = 0.01,
+                                     .friction = yard->law};
     struct plant_config config = {.robot = &yard->toy.robot,
                                   .dynamics = &yard->dynamics,
                                   .free = yard->block,
@@ -94,12 +96,12 @@ static enum error_code yard_settle(struct yard *yard)
                                   .integrator = PLANT_IMPLICIT,
                                   .supply_v = yard->supply_v};
 
-    for (size_t s = 0; s < 1 + yard->nblock; s++) {
+    for (size_t s = 0; s < 1 + yard->nblock + yard->walls; s++) {
         yard->surface[s].material = (struct contact_material){.young_pa = yard->young_pa,
                                                               .thickness_m = 1e-3,
                                                               .dissipation_s_per_m = 1.0,
-                                                              .static_friction = 1.0,
-                                                              .dynamic_friction = 1.0};
+                                                              .static_friction = yard->friction,
+                                                              .dynamic_friction = yard->friction};
     }
     for (size_t b = 0; b < yard->nblock; b++) {
         body[b] = 2 + (int)b;
@@ -339,6 +341,108 @@ static void thrown_body_is_left_alone(void **state)
     yard_fini(&yard);
 }
 
+/* ---- held by friction ---- */
+
+/* Ground that slopes down to +x by slope rad, blocks on it in a pile, gravity upright. */
+static void yard_slope(struct yard *yard, size_t nblock, double slope)
+{
+    const double rpy[3] = {0.0, slope, 0.0}, half_turn = 0.5 * slope;
+
+    yard_begin(yard, nblock);
+    yard->law = CONTACT_FRICTION_STICKING;
+    mat3_from_rpy(rpy, yard->surface[0].rotation);
+    for (size_t b = 0; b < nblock; b++) {
+        const double along = half * (double)(2 * b + 1);
+
+        yard->block[b].position[0] = along * sin(slope);
+        yard->block[b].position[2] = along * cos(slope);
+        yard->block[b].quaternion[0] = cos(half_turn);
+        yard->block[b].quaternion[2] = sin(half_turn);
+    }
+}
+
+/* Blocks on a slope of 5 degrees are held from the first step on, without a jerk: what the table
+ * gives is their weight, and after a second they are where they were. */
+static void blocks_on_a_slope_settle_with_their_bristles_bent(void **state)
+{
+    const double slope = 5.0 * 3.14159265358979323846 / 180.0;
+
+    (void)state;
+    for (size_t nblock = 1; nblock <= BLOCKS; nblock++) {
+        struct yard yard;
+        double pose[7], jerk = 0.0;
+
+        yard_slope(&yard, nblock, slope);
+        yard_settle_well(&yard);
+        plant_free_pose(yard.plant, 0, pose);
+        for (int k = 0; k < 100; k++) {
+            assert_int_equal(plant_step(yard.plant, 1), ERROR_NONE);
+            for (size_t b = 0; b < nblock; b++) {
+                const double *force = plant_contact_wrenches(yard.plant)[b].force;
+                const double *v = plant_free_motion(yard.plant)[b].v;
+
+                jerk = fmax(jerk, hypot(hypot(force[0], force[1]), force[2] - mass * gravity));
+                assert_true(vec3_norm(v) < 1e-8);
+            }
+        }
+        print_message(
+            "# %zu: %zu iterations, %.1g of the weight left over, base block moved by "
+            "%.2e m; forces off by %.1e N at most\n",
+            nblock, yard.settled.iterations, yard.settled.residual,
+            hypot(pose[0] - yard.block[0].position[0], pose[2] - yard.block[0].position[2]), jerk);
+        assert_true(jerk < 1e-5 * mass * gravity);
+        assert_stays(&yard, 1e-9);
+        yard_fini(&yard);
+    }
+}
+
+/* A block whose friction is just enough, and one whose friction is not. */
+static void friction_decides_whether_a_block_on_a_slope_settles(void **state)
+{
+    struct yard yard;
+
+    (void)state;
+    yard_slope(&yard, 1, 0.2);
+    yard.friction = 1.02 * tan(0.2);
+    yard_settle_well(&yard);
+    assert_stays(&yard, 1e-8);
+    yard_fini(&yard);
+
+    yard_slope(&yard, 1, 0.2);
+    yard.friction = 0.98 * tan(0.2);
+    assert_int_equal(yard_settle(&yard), ERROR_INPUT);
+    print_message("# %s\n", yard.error.text);
+    assert_non_null(strstr(yard.error.text, "slide"));
+    yard_fini(&yard);
+}
+
+/* Between two walls that press it, with nothing under it. */
+static void a_block_between_two_walls_is_held_by_them(void **state)
+{
+    static const double into[2][3] = {{0.0, 1.5707963267948966, 0.0},
+                                      {0.0, -1.5707963267948966, 0.0}};
+    const double depth = 2e-4; /* 11 N */
+    struct yard yard;
+
+    (void)state;
+    yard_begin(&yard, 1);
+    yard.law = CONTACT_FRICTION_STICKING;
+    yard.surface[2] = yard.surface[0];
+    yard.surface[2].name = "wall";
+    for (int w = 0; w < 2; w++) {
+        struct contact_surface *wall = &yard.surface[2 * w];
+
+        mat3_from_rpy(into[w], wall->rotation);
+        wall->position[0] = (w ? 1.0 : -1.0) * (half - depth);
+    }
+    yard.pair[1] = (struct contact_pair){1, 2};
+    yard.walls = 1;
+    yard_settle_well(&yard);
+    assert_near(plant_contact_wrenches(yard.plant)[0].force[2], mass * gravity, 1e-6);
+    assert_stays(&yard, 1e-8);
+    yard_fini(&yard);
+}
+
 /* ---- refusals ---- */
 
 /* The message has these words, and the plant is as it was reset */
@@ -444,6 +548,9 @@ int main(void)
         cmocka_unit_test(arm_hangs_on_its_spring_and_current),
         cmocka_unit_test(parallel_spring_takes_its_share),
         cmocka_unit_test(thrown_body_is_left_alone),
+        cmocka_unit_test(blocks_on_a_slope_settle_with_their_bristles_bent),
+        cmocka_unit_test(friction_decides_whether_a_block_on_a_slope_settles),
+        cmocka_unit_test(a_block_between_two_walls_is_held_by_them),
         cmocka_unit_test(refuses_a_body_that_nothing_supports),
         cmocka_unit_test(refuses_a_body_that_tips_over),
         cmocka_unit_test(refuses_a_body_that_would_slide),

@@ -18,6 +18,11 @@
 
 static const struct rig_scene_choice coman = {
     .file = "coman.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
+static const struct rig_scene_choice creeping = {.file = "coman.yaml",
+                                                 .integrator = PLANT_IMPLICIT,
+                                                 .substep_ns = 1000000,
+                                                 .regularized = true,
+                                                 .transition_velocity_m_s = 0.1};
 static const struct rig_scene_choice grasp = {
     .file = "grasp.yaml", .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
 
@@ -67,6 +72,7 @@ static void coman_stands_still_from_the_first_step(void **state)
 /* From the rig's start, links as they will be but springs relaxed and soles on the surface, the
  * same references lead into the same rest. What friction keeps of the landing creeps away
  * slowly. */
+/* With the friction that lets feet creep to where nothing pulls at them sideways. */
 static void a_damped_run_from_the_rigs_start_ends_in_the_same_place(void **state)
 {
     static struct rig_scene scene;
@@ -74,7 +80,7 @@ static void a_damped_run_from_the_rigs_start_ends_in_the_same_place(void **state
     size_t count;
 
     (void)state;
-    rig_scene_init(&scene, &coman);
+    rig_scene_init(&scene, &creeping);
     rig_scene_settle(&scene);
     values = plant_state(scene.plant, &count);
     memcpy(rest, values, sizeof rest);

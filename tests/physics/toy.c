@@ -188,10 +188,12 @@ static void press(struct toy_ground *ground, const struct toy_point *point,
 
 static enum error_code ground_evaluate(struct contact_world *world,
                                        const struct body_motion *motion,
+                                       struct contact_bristles *bristles,
                                        struct contact_wrench *wrench)
 {
     struct toy_ground *ground = (struct toy_ground *)world;
 
+    (void)bristles;
     ground->npatch = 0;
     if (++ground->evaluations == ground->fail_at) {
         return ERROR_SYSTEM;

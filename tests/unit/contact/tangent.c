@@ -105,9 +105,9 @@ static void differ(struct contact_world *world, struct body_motion *motion, doub
     double before = *number;
 
     *number = before + step;
-    assert_int_equal(world->ops->evaluate(world, motion, &plus), ERROR_NONE);
+    assert_int_equal(world->ops->evaluate(world, motion, NULL, &plus), ERROR_NONE);
     *number = before - step;
-    assert_int_equal(world->ops->evaluate(world, motion, &minus), ERROR_NONE);
+    assert_int_equal(world->ops->evaluate(world, motion, NULL, &minus), ERROR_NONE);
     *number = before;
     for (int i = 0; i < 3; i++) {
         change[i] = (plus.force[i] - minus.force[i]) / (2.0 * step);
@@ -135,7 +135,7 @@ static void simbody_says_how_a_flat_box_resists(void **state)
     scene_place(&motion, 0.0, 0.0, 0.05 - 2e-4);
     motion.v[0] = 0.5 * SCENE_TRANSITION_M_S; /* where friction is steepest */
     motion.v[2] = -0.05;
-    assert_int_equal(world->ops->evaluate(world, &motion, &wrench), ERROR_NONE);
+    assert_int_equal(world->ops->evaluate(world, &motion, NULL, &wrench), ERROR_NONE);
     assert_int_equal(world->ops->tangents(world, &tangent, 1), 1);
     assert_int_equal(tangent.body_a, -1);
     assert_int_equal(tangent.body_b, 0);
@@ -173,7 +173,7 @@ static void simbody_says_how_a_sphere_resists(void **state)
     assert_int_equal(contact_simbody_create(&scene.config, &world, &error), ERROR_NONE);
     scene_place(&motion, 0.0, 0.0, 0.048);
     motion.v[2] = -0.05;
-    assert_int_equal(world->ops->evaluate(world, &motion, &wrench), ERROR_NONE);
+    assert_int_equal(world->ops->evaluate(world, &motion, NULL, &wrench), ERROR_NONE);
     assert_int_equal(world->ops->tangents(world, &tangent, 1), 1);
     full(tangent.K, K);
     full(tangent.D, D);

@@ -177,6 +177,53 @@ static void the_rig_of_the_paper_s_grasp_is_its_scene(void **state)
     assert_true(rig->substep_ns == 100000);
 }
 
+/* Friction that creeps, as fast as it always did: what is compared with the paper must not move
+ * with the default of other rigs. */
+static void rigs_of_the_paper_s_experiments_keep_its_friction(void **state)
+{
+    static const struct {
+        const char *name;
+        double transition_velocity_m_s;
+    } rigs[] = {
+        {"grasp-paper", 0.02},  {"grasp-locked", 0.02}, {"grasp-coarse", 0.02},
+        {"grasp-light", 0.002}, {"grasp-soft", 0.002},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof rigs / sizeof rigs[0]; i++) {
+        const struct rig *rig = NULL;
+        struct error error = {0};
+        char path[512];
+
+        snprintf(path, sizeof path, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR, rigs[i].name);
+        if (rig_load(path, &arena, &rig, &error)) {
+            fail_msg("%s", error.text);
+        }
+        assert_int_equal(rig->contact.friction, CONTACT_FRICTION_REGULARIZED);
+        assert_true(rig->contact.transition_velocity_m_s == rigs[i].transition_velocity_m_s);
+        assert_int_equal(rig->contact.mesh_law, CONTACT_ELASTIC_FOUNDATION);
+    }
+}
+
+/* Friction sticks where a rig says nothing. */
+static void friction_of_other_rigs_sticks(void **state)
+{
+    static const char *const names[] = {"coman", "grasp", "walkman"};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+        const struct rig *rig = NULL;
+        struct error error = {0};
+        char path[512];
+
+        snprintf(path, sizeof path, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR, names[i]);
+        if (rig_load(path, &arena, &rig, &error)) {
+            fail_msg("%s", error.text);
+        }
+        assert_int_equal(rig->contact.friction, CONTACT_FRICTION_STICKING);
+    }
+}
+
 /* ---- bad ones ---- */
 
 static void rejects_names_that_mean_something_else(void **state)
@@ -256,6 +303,8 @@ int main(void)
         cmocka_unit_test(a_robot_can_touch_itself),
         cmocka_unit_test(without_an_engine_bodies_stay_and_nothing_touches),
         cmocka_unit_test(the_rig_of_the_paper_s_grasp_is_its_scene),
+        cmocka_unit_test(rigs_of_the_paper_s_experiments_keep_its_friction),
+        cmocka_unit_test(friction_of_other_rigs_sticks),
         cmocka_unit_test(rejects_names_that_mean_something_else),
         cmocka_unit_test(rejects_keys_of_the_other_kind),
         cmocka_unit_test(rejects_masses_and_inertias_of_no_body),

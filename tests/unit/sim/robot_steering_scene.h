@@ -140,6 +140,7 @@ static inline void open_scene(const struct scene *scene, struct witness *w, stru
     rig->dynamics = scene->generic ? RIG_DYNAMICS_GENERIC : rig->dynamics;
     if (scene->simbody) {
         rig->contact_engine = RIG_CONTACT_SIMBODY;
+        rig->contact.friction = CONTACT_FRICTION_REGULARIZED;
         rig->integrator = PLANT_RK4;
 
         /* Without the robot's own surfaces, which follow those of the file: it has no capsules */

@@ -1,0 +1,112 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Friction that sticks, in a rig as it is: COMAN on a slope for a minute, its motors holding.
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include <cmocka.h>
+
+#include "tests/physics/near.h"
+#include "tests/physics/rig_scene.h"
+
+enum { FEET = 2, SECOND = 1000 };
+
+static const struct rig_scene_choice coman = {.file = "coman.yaml",
+                                              .integrator = PLANT_IMPLICIT,
+                                              .substep_ns = 1000000,
+                                              .slope_rad = 5.0 * 3.14159265358979323846 / 180.0};
+
+/* Where the feet are, m. */
+static void find_feet(const struct rig_scene *scene, double at[FEET][3])
+{
+    for (int f = 0; f < FEET; f++) {
+        memcpy(at[f], plant_motion(scene->plant)[scene->rig->contact_body[f]].p, sizeof at[f]);
+    }
+}
+
+/* The furthest that a foot moves along an axis in a minute, m. */
+static double creep_in_a_minute(struct rig_scene *scene)
+{
+    double before[FEET][3], after[FEET][3], crept = 0.0;
+
+    find_feet(scene, before);
+    for (int k = 0; k < 60 * SECOND; k++) {
+        rig_scene_hold(scene);
+    }
+    find_feet(scene, after);
+    for (int f = 0; f < FEET; f++) {
+        for (int i = 0; i < 3; i++) {
+            crept = fmax(crept, fabs(after[f][i] - before[f][i]));
+        }
+    }
+    return crept;
+}
+
+/* Settled, it stands from the first tick on: nothing jerks, nothing creeps. */
+static void coman_settles_on_a_slope_and_stays_for_a_minute(void **state)
+{
+    static struct rig_scene scene;
+    struct settled settled;
+    double crept, jerk = 0.0, weight;
+
+    (void)state;
+    rig_scene_init(&scene, &coman);
+    settled = rig_scene_settle(&scene);
+    weight = scene.robot->total_mass * vec3_norm(scene.robot->gravity);
+    for (int k = 0; k < SECOND; k++) {
+        double force[3] = {0.0, 0.0, 0.0};
+
+        rig_scene_hold(&scene);
+        for (int f = 0; f < FEET; f++) {
+            const struct contact_wrench *foot =
+                rig_scene_wrench(&scene, robot_find_body(scene.robot, f ? "LFoot" : "RFoot"));
+
+            vec3_add_scaled(force, 1.0, foot->force, force);
+        }
+        vec3_add_scaled(force, scene.robot->total_mass, scene.robot->gravity, force);
+        jerk = fmax(jerk, vec3_norm(force));
+    }
+    crept = creep_in_a_minute(&scene);
+    print_message("# %zu iterations, tilt %.3f mrad; feet off by %.1e N of %.0f N at most in the "
+                  "first second; they crept by %.1e m in 60 s\n",
+                  settled.iterations, 1e3 * settled.tilt_rad, jerk, weight, crept);
+    assert_true(jerk < 1e-6 * weight);
+    assert_true(crept < 1e-9);
+    rig_scene_fini(&scene);
+}
+
+/* Put on its feet with relaxed springs it sways, on legs that hardly damp it; once that has faded,
+ * after 20 s, it stays. */
+static void coman_that_came_down_on_a_slope_stays_for_a_minute(void **state)
+{
+    static struct rig_scene scene;
+    double crept;
+
+    (void)state;
+    rig_scene_init(&scene, &coman);
+    for (size_t j = 0; j < scene.robot->njoint; j++) {
+        scene.reference[j] = scene.rig->joint[j];
+    }
+    for (int k = 0; k < 20 * SECOND; k++) {
+        rig_scene_hold(&scene);
+    }
+    crept = creep_in_a_minute(&scene);
+    print_message("# the feet crept by %.2e m in 60 s\n", crept);
+    assert_true(crept < 1e-4);
+    rig_scene_fini(&scene);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(coman_settles_on_a_slope_and_stays_for_a_minute),
+        cmocka_unit_test(coman_that_came_down_on_a_slope_stays_for_a_minute),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
