@@ -209,9 +209,10 @@ static void walkman_comes_to_lie_on_the_ground(void **state)
     struct fall worst = run_falls(&walkman, from_environment("HIL_FALLS", 200) / 8);
 
     (void)state;
-    assert_true(worst.lying < 5e-3);
-    /* The step's own error, of some 800 J: nothing with steps of a quarter */
-    assert_true(worst.growth < 0.5);
+    /* Four times COMAN's weight on the same ground: a hand that friction braces lies the deepest */
+    assert_true(worst.lying < 6e-3);
+    /* The step's own error, of some 1,200 J: nothing with steps of a quarter */
+    assert_true(worst.growth < 1.0);
 }
 
 int main(void)
