@@ -375,8 +375,11 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
         const struct native_pose *a = &e->pose[pair->surface[0]];
         bool turned = pair->sign > 0; /* the configured pair's a is our second */
         struct native_relative relative;
-        struct native_sum sum = {
-            .tangent = &tangent[i], .turn = a->R, .grip = e->grip ? &e->grip[i] : NULL};
+        struct native_sum sum = {.tangent = &tangent[i],
+                                 .turn = a->R,
+                                 .one_way = pair->kind == PAIR_MESH_HALF_SPACE ||
+                                            pair->kind == PAIR_CAPSULE_HALF_SPACE,
+                                 .grip = e->grip ? &e->grip[i] : NULL};
         double arm[3];
 
         tangent[i] = (struct contact_tangent){

@@ -87,11 +87,17 @@ static void law_add_forces(const struct native_batch *batch, const struct native
 /* What springs add to a tangent, and where, in the world's directions. */
 struct resistance {
     size_t n;
-    _Alignas(64) double arm[3][RESISTANCE_MAX];              /* from the tangent's center */
-    _Alignas(64) double along[CONTACT_AXES][RESISTANCE_MAX]; /* the normal, and its moment */
+    _Alignas(64) double arm[3][RESISTANCE_MAX]; /* from the tangent's center */
     _Alignas(64) double stiffness[RESISTANCE_MAX];
     _Alignas(64) double damping[RESISTANCE_MAX];  /* along the normal, less friction */
     _Alignas(64) double friction[RESISTANCE_MAX]; /* in all directions */
+    /* The normal, and its moment: of springs that have normals of their own */
+    _Alignas(64) double along[CONTACT_AXES][RESISTANCE_MAX];
+};
+
+/* The sums of a weight w, of w r and of w r r over springs at r. */
+struct moments {
+    double zeroth, first[3], second[6]; /* xx xy xz yy yz zz */
 };
 
 /* The product of a matrix's row and a vector. */
@@ -133,7 +139,7 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
     out->n = b->n - start < RESISTANCE_MAX ? b->n - start : RESISTANCE_MAX;
     for (size_t i = 0; i < out->n; i += LANES) {
         const size_t from = start + i;
-        lanes p[3], d[3], u[3], arm[3], along[3], pushes, slope, friction;
+        lanes p[3], d[3], u[3], pushes, slope, friction;
         lanes force = lanes_load(b->force + from);
 
         for (int k = 0; k < 3; k++) {
@@ -141,15 +147,11 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
             d[k] = lanes_load(b->d[k] + from);
         }
 
-        /* The first body's velocity against the second's, along and across the normal */
+        /* The first body's velocity against the second's along the normal */
         u[0] = v[0] + (w[1] * p[2] - w[2] * p[1]);
         u[1] = v[1] + (w[2] * p[0] - w[0] * p[2]);
         u[2] = v[2] + (w[0] * p[1] - w[1] * p[0]);
         lanes leaving = u[0] * d[0] + u[1] * d[1] + u[2] * d[2];
-
-        for (int k = 0; k < 3; k++) {
-            u[k] -= leaving * d[k];
-        }
 
         /* The damped spring's share of its elastic force, and the damping of friction */
         pushes = 1 - law->dissipation * leaving;
@@ -157,6 +159,9 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
         if (sum->grip) {
             friction = follow * bristle_stiffness(b, from, law, relative, sum->grip);
         } else {
+            for (int k = 0; k < 3; k++) {
+                u[k] -= leaving * d[k];
+            }
             slope = friction_slope_bound(lanes_root(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]), law);
             friction = (slope * scale + law->uv) * (force * pushes);
         }
@@ -171,9 +176,25 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
             p[k] -= center[k];
         }
         for (int k = 0; k < 3; k++) {
-            arm[k] = lanes_turn(sum->turn + 3 * k, p);
+            lanes_store(lanes_turn(sum->turn + 3 * k, p), out->arm[k] + i);
+        }
+    }
+}
+
+/* ---- springs that push in directions of their own ---- */
+
+static void law_find_directions(const struct native_batch *b, size_t start,
+                                const struct native_sum *sum, struct resistance *out)
+{
+    for (size_t i = 0; i < out->n; i += LANES) {
+        lanes d[3], arm[3], along[3];
+
+        for (int k = 0; k < 3; k++) {
+            d[k] = lanes_load(b->d[k] + start + i);
+            arm[k] = lanes_load(out->arm[k] + i);
+        }
+        for (int k = 0; k < 3; k++) {
             along[k] = lanes_turn(sum->turn + 3 * k, d);
-            lanes_store(arm[k], out->arm[k] + i);
             lanes_store(along[k], out->along[k] + i);
         }
         lanes_store(arm[1] * along[2] - arm[2] * along[1], out->along[CONTACT_TURN_X] + i);
@@ -206,57 +227,113 @@ LANES_INLINE void tangent_add_row(const struct resistance *by, const int row,
     }
 }
 
-/* Friction f against the velocity v + w x r at r: f times the identity, the cross product with r,
- * and r^2 less the outer product of r. */
-static void tangent_add_friction(const struct resistance *by, double D[CONTACT_TANGENT_SIZE])
-{
-    lanes f = {0}, fr[3] = {{0}}, frr[6] = {{0}};
+/* ---- springs by their moments ---- */
 
-    /* The sums of f, f r and f r r over the springs */
+static void find_moments(const struct resistance *by, const double *weight, struct moments *m)
+{
+    lanes zeroth = {0}, first[3] = {{0}}, second[6] = {{0}};
+
     for (size_t i = 0; i < by->n; i += LANES) {
-        lanes friction = lanes_load(by->friction + i);
+        lanes w = lanes_load(weight + i);
         lanes x = lanes_load(by->arm[0] + i), y = lanes_load(by->arm[1] + i),
               z = lanes_load(by->arm[2] + i);
-        lanes fx = friction * x, fy = friction * y, fz = friction * z;
+        lanes wx = w * x, wy = w * y, wz = w * z;
 
-        f += friction;
-        fr[0] += fx;
-        fr[1] += fy;
-        fr[2] += fz;
-        frr[0] += fx * x;
-        frr[1] += fx * y;
-        frr[2] += fx * z;
-        frr[3] += fy * y;
-        frr[4] += fy * z;
-        frr[5] += fz * z;
+        zeroth += w;
+        first[0] += wx;
+        first[1] += wy;
+        first[2] += wz;
+        second[0] += wx * x;
+        second[1] += wx * y;
+        second[2] += wx * z;
+        second[3] += wy * y;
+        second[4] += wy * z;
+        second[5] += wz * z;
     }
+    m->zeroth = lanes_sum(zeroth);
+    for (int k = 0; k < 3; k++) {
+        m->first[k] = lanes_sum(first[k]);
+    }
+    for (int k = 0; k < 6; k++) {
+        m->second[k] = lanes_sum(second[k]);
+    }
+}
 
-    /* The upper triangle that they make, row by row */
-    double s = lanes_sum(f), x = lanes_sum(fr[0]), y = lanes_sum(fr[1]), z = lanes_sum(fr[2]);
-    double xx = lanes_sum(frr[0]), xy = lanes_sum(frr[1]), xz = lanes_sum(frr[2]);
-    double yy = lanes_sum(frr[3]), yz = lanes_sum(frr[4]), zz = lanes_sum(frr[5]);
+/* Against the velocity v + w x r at r, in all directions alike: the identity, the cross product
+ * with r, and r^2 less the outer product of r. */
+static void tangent_add_across(const struct moments *m, double T[CONTACT_TANGENT_SIZE])
+{
+    const double s = m->zeroth, x = m->first[0], y = m->first[1], z = m->first[2];
+    const double xx = m->second[0], xy = m->second[1], xz = m->second[2];
+    const double yy = m->second[3], yz = m->second[4], zz = m->second[5];
     const double across[CONTACT_TANGENT_SIZE] = {
         s, 0, 0, 0, z, -y, s, 0, -z, 0, x, s, y, -x, 0, yy + zz, -xy, -xz, xx + zz, -yz, xx + yy};
 
     for (int at = 0; at < CONTACT_TANGENT_SIZE; at++) {
-        D[at] += across[at];
+        T[at] += across[at];
     }
+}
+
+/* Along the direction d only, the same for all springs: the outer product of (d, r x d). */
+static void tangent_add_along(const struct moments *m, const double d[3],
+                              double T[CONTACT_TANGENT_SIZE])
+{
+    const double *s = m->second;
+    const double cross[9] = {0, d[2], -d[1], -d[2], 0, d[0], d[1], -d[0], 0}; /* of r -> r x d */
+    const double S[9] = {s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5]};
+    double turn[3], half[9];
+
+    vec3_cross(m->first, d, turn);
+    mat3_mul(cross, S, half);
+    for (int i = 0; i < 3; i++) {
+        for (int j = i; j < 3; j++) {
+            T[CONTACT_TANGENT_AT(i, j)] += m->zeroth * d[i] * d[j];
+            T[CONTACT_TANGENT_AT(CONTACT_TURN_X + i, CONTACT_TURN_X + j)] +=
+                vec3_dot(half + 3 * i, cross + 3 * j);
+        }
+        for (int j = 0; j < 3; j++) {
+            T[CONTACT_TANGENT_AT(i, CONTACT_TURN_X + j)] += d[i] * turn[j];
+        }
+    }
+}
+
+/* Of springs that all push along d, in the world. */
+static void tangent_add_one_way(const struct resistance *by, const double d[3],
+                                struct contact_tangent *tangent)
+{
+    struct moments stiffness, damping;
+
+    find_moments(by, by->stiffness, &stiffness);
+    find_moments(by, by->damping, &damping);
+    tangent_add_along(&stiffness, d, tangent->K);
+    tangent_add_along(&damping, d, tangent->D);
 }
 
 static void law_add_tangents(const struct native_batch *b, const struct native_law *law,
                              const struct native_relative *relative, const struct native_sum *sum)
 {
     struct resistance by;
+    struct moments friction;
+    double direction[3];
 
     for (size_t start = b->start; start < b->n; start += RESISTANCE_MAX) {
         law_find_resistance(b, start, law, relative, sum, &by);
-        tangent_add_row(&by, CONTACT_MOVE_X, sum->tangent);
-        tangent_add_row(&by, CONTACT_MOVE_Y, sum->tangent);
-        tangent_add_row(&by, CONTACT_MOVE_Z, sum->tangent);
-        tangent_add_row(&by, CONTACT_TURN_X, sum->tangent);
-        tangent_add_row(&by, CONTACT_TURN_Y, sum->tangent);
-        tangent_add_row(&by, CONTACT_TURN_Z, sum->tangent);
-        tangent_add_friction(&by, sum->tangent->D);
+        if (sum->one_way) {
+            const double d[3] = {b->d[0][start], b->d[1][start], b->d[2][start]};
+
+            mat3_apply(sum->turn, d, direction);
+            tangent_add_one_way(&by, direction, sum->tangent);
+        } else {
+            law_find_directions(b, start, sum, &by);
+            tangent_add_row(&by, CONTACT_MOVE_X, sum->tangent);
+            tangent_add_row(&by, CONTACT_MOVE_Y, sum->tangent);
+            tangent_add_row(&by, CONTACT_MOVE_Z, sum->tangent);
+            tangent_add_row(&by, CONTACT_TURN_X, sum->tangent);
+            tangent_add_row(&by, CONTACT_TURN_Y, sum->tangent);
+            tangent_add_row(&by, CONTACT_TURN_Z, sum->tangent);
+        }
+        find_moments(&by, by.friction, &friction);
+        tangent_add_across(&friction, sum->tangent->D);
     }
 }
 
