@@ -65,8 +65,8 @@ static void tell_time_and_start(void)
 
 static void tell_scene(void)
 {
-    add("contact: engine %d, law %d, transition %g m/s", rig->contact_engine, rig->contact.mesh_law,
-        rig->contact.transition_velocity_m_s);
+    add("contact: engine %d, law %d, friction %d, transition %g m/s", rig->contact_engine,
+        rig->contact.mesh_law, rig->contact.friction, rig->contact.transition_velocity_m_s);
     add("pairs:");
     for (size_t i = 0; i < rig->nlisted_pair; i++) {
         append(" %s-%s", rig->contact.surface[rig->contact.pair[i].a].name,
@@ -207,7 +207,7 @@ static void check_rig(const char *name, const char *const *expected, size_t coun
 static const char *const coman[] = {
     "coman: COMAN, tick 1 ms of 1, clock 0, integrator 1, personality 0, 48 V, 0 ohm",
     "start: crouch_home, hold 1, settle 0, lockstep bus 0 0x6f0 0x6ff 1 s, priority 80, cpu -1",
-    "contact: engine 2, law 0, transition 0.1 m/s",
+    "contact: engine 2, law 0, friction 1, transition 0.01 m/s",
     "pairs: ground-right_foot ground-left_foot",
     "ground: 100000 Pa / 0.001 m, 10 s/m, 1.1 0.9 0 s/m",
     "right_foot: 100000 Pa / 0.0002 m, 10 s/m, 1.1 0.9 0 s/m",
@@ -244,7 +244,7 @@ static const char *const coman[] = {
 static const char *const walkman[] = {
     "walkman: WALK-MAN, tick 1 ms of 1, clock 0, integrator 1, personality 0, 80 V, 0 ohm",
     "start: squat_top, hold 1, settle 0, lockstep bus 0 0x6f0 0x6ff 1 s, priority 80, cpu -1",
-    "contact: engine 2, law 0, transition 0.01 m/s",
+    "contact: engine 2, law 0, friction 1, transition 0.01 m/s",
     "pairs: ground-right_foot ground-left_foot",
     "ground: 100000 Pa / 0.001 m, 10 s/m, 1.1 0.9 0 s/m",
     "right_foot: 100000 Pa / 0.0002 m, 10 s/m, 1.1 0.9 0 s/m",
@@ -290,7 +290,7 @@ static const char *const walkman[] = {
 static const char *const grasp[] = {
     "grasp: COMAN, tick 1 ms of 1, clock 0, integrator 1, personality 0, 48 V, 0 ohm",
     "start: zero, hold 1, settle 0, lockstep bus 0 0x6f0 0x6ff 1 s, priority 80, cpu -1",
-    "contact: engine 2, law 0, transition 0.002 m/s",
+    "contact: engine 2, law 0, friction 1, transition 0.002 m/s",
     "pairs: ground-right_foot ground-left_foot table-box right_wrist-box left_wrist-box",
     "ground: 100000 Pa / 0.001 m, 10 s/m, 1.1 0.9 0 s/m",
     "right_foot: 100000 Pa / 0.0002 m, 10 s/m, 1.1 0.9 0 s/m",
