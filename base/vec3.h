@@ -192,4 +192,29 @@ static inline void mat3_from_quaternion(const double quaternion[4], double R[9])
     memcpy(R, value, sizeof value);
 }
 
+/* Quaternion wxyz of unit length of a rotation, w not negative. Each component is taken from the
+ * largest, so that no digits are lost (Shepperd, J. Guidance and Control 1(3), 1978). */
+static inline void quaternion_from_mat3(const double R[9], double quaternion[4])
+{
+    const double square[4] = {1.0 + R[0] + R[4] + R[8], 1.0 + R[0] - R[4] - R[8],
+                              1.0 - R[0] + R[4] - R[8], 1.0 - R[0] - R[4] + R[8]};
+    const double product[4][4] = {
+        {square[0], R[7] - R[5], R[2] - R[6], R[3] - R[1]},
+        {R[7] - R[5], square[1], R[1] + R[3], R[2] + R[6]},
+        {R[2] - R[6], R[1] + R[3], square[2], R[5] + R[7]},
+        {R[3] - R[1], R[2] + R[6], R[5] + R[7], square[3]},
+    };
+    int largest = 0;
+    double half;
+
+    for (int i = 1; i < 4; i++) {
+        largest = square[i] > square[largest] ? i : largest;
+    }
+    half = 0.5 / sqrt(square[largest]);
+    half = product[largest][0] < 0.0 ? -half : half;
+    for (int i = 0; i < 4; i++) {
+        quaternion[i] = half * product[largest][i];
+    }
+}
+
 #endif

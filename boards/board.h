@@ -36,9 +36,10 @@
 #include <stddef.h>
 
 enum board_kind {
-    BOARD_MOTOR,  /* axes on one address: icub 2 (BLL), foc 1 (2FOC), compact 1 to 4 */
-    BOARD_FT,     /* six-axis force-torque (STRAIN) */
-    BOARD_TORQUE, /* six joint torques in STRAIN frames (pseudo-STRAIN); not on compact buses */
+    BOARD_MOTOR,    /* axes on one address: icub 2 (BLL), foc 1 (2FOC), compact 1 to 4 */
+    BOARD_FT,       /* six-axis force-torque (STRAIN) */
+    BOARD_TORQUE,   /* six joint torques in STRAIN frames (pseudo-STRAIN); not on compact buses */
+    BOARD_INERTIAL, /* the robot's inertial sensor: acceleration, rate, field, orientation */
 };
 
 /* What the boards of a bus speak. */
@@ -98,12 +99,13 @@ struct board_config {
     int torque_joint[BOARD_CHANNELS];              /* BOARD_TORQUE: joints, -1 = none */
     double full_scale[BOARD_CHANNELS]; /* BOARD_FT: N, N, N, Nm, Nm, Nm, whole numbers, for the
                                         * host reads them as such; BOARD_TORQUE: Nm */
-    int64_t period_ns;           /* STRAIN and compact telemetry period until set by the host; 0 =
-                                  * 1 ms */
+    int64_t period_ns;           /* STRAIN, inertial and compact telemetry period until set by the
+                                  * host; 0 = 1 ms */
     int64_t status_period_ns;    /* foc motors: STATUS no more often; 0 = with every FOC */
     int64_t boot_ns;             /* from power-up until the application runs; 0 = from the start */
     bool transmit_at_start;      /* send without waiting for the host's command: STRAIN calibrated
-                                  * frames, icub motors with the policy 0x7f, compact telemetry */
+                                  * frames, inertial acceleration, rate and quaternion, icub motors
+                                  * with the policy 0x7f, compact telemetry */
     bool keep_firmware;          /* icub motors: an image of what is downloaded: boards_firmware */
     bool discovery_stops_motors; /* as BLL firmware: class 7 discovery switches PWM off */
 };

@@ -30,7 +30,12 @@ static struct board *boards_create_board(enum board_personality personality, enu
                                          struct arena *arena)
 {
     if (personality == BOARD_COMPACT) {
-        return kind == BOARD_MOTOR ? compact_motor_create(arena) : compact_ft_create(arena);
+        return kind == BOARD_MOTOR      ? compact_motor_create(arena)
+               : kind == BOARD_INERTIAL ? compact_inertial_create(arena)
+                                        : compact_ft_create(arena);
+    }
+    if (kind == BOARD_INERTIAL) {
+        return inertial_board_create(arena);
     }
     if (kind != BOARD_MOTOR) {
         return strain_board_create(kind, arena);

@@ -148,6 +148,9 @@ static enum error_code check_board_config(const struct boards_config *config,
         return check_channel_configs(config, board, error);
     case BOARD_FT:
         return check_channel_configs(config, board, error);
+    case BOARD_INERTIAL:
+        return board->period_ns < 0 ? check_refuse(error, board, "the period must not be negative")
+                                    : ERROR_NONE;
     }
     return check_refuse(error, board, "no such kind of board");
 }

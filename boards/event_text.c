@@ -95,10 +95,19 @@ static const char *const foc_faults[] = {"protocol",
                                          "silicon",
                                          "CAN length",
                                          NULL};
-static const char *const compact_faults[] = {"under-voltage", "over-voltage",  "over-current",
-                                             "motor encoder", "link encoder",  "torque sensor",
-                                             "temperature",   "stale command", "limit",
-                                             "overflow",      "saturated",     NULL};
+static const char *const compact_faults[] = {"under-voltage",
+                                             "over-voltage",
+                                             "over-current",
+                                             "motor encoder",
+                                             "link encoder",
+                                             "torque sensor",
+                                             "temperature",
+                                             "stale command",
+                                             "limit",
+                                             "overflow",
+                                             "saturated",
+                                             "inertial sensor",
+                                             NULL};
 
 const char *const *board_fault_names(enum board_personality personality)
 {

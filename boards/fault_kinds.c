@@ -127,8 +127,9 @@ const char *const sensor_joint_channels[SENSOR_JOINT_CHANNELS] = {
     [SENSOR_TEMPERATURE] = "temperature",
 };
 const char *const sensor_ft_channels[SENSOR_FT_CHANNELS] = {"fx", "fy", "fz", "tx", "ty", "tz"};
-const char *const sensor_imu_channels[SENSOR_IMU_CHANNELS] = {"gyro_x",  "gyro_y",  "gyro_z",
-                                                              "accel_x", "accel_y", "accel_z"};
+const char *const sensor_imu_channels[SENSOR_IMU_CHANNELS] = {
+    "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "mag_x",
+    "mag_y",  "mag_z",  "quat_w", "quat_x",  "quat_y",  "quat_z"};
 
 size_t faults_help(size_t line, char *text, size_t size)
 {

@@ -14,11 +14,11 @@
  *
  * TARGET is "motor JOINT", "sensor JOINT.CHANNEL" (link_encoder, motor_encoder, current, torque,
  * temperature), "sensor FT[.CHANNEL]" (fx fy fz tx ty tz), "sensor imu[.CHANNEL]" (gyro_x gyro_y
- * gyro_z accel_x accel_y accel_z), "board NAME" or "board BUS/ADDRESS", "bus NAME" or "supply". The
- * kinds of each target with their parameters are the table in fault_kinds.c; faults_help lists
- * them. A parameter is KEY=VALUE, or VALUE alone for the first. WHEN is FROM..TO in seconds of
- * virtual time, TO exclusive and maybe left out; "manual" waits to be switched by faults_set.
- * Without WHEN the fault is active from the start.
+ * gyro_z accel_x accel_y accel_z mag_x mag_y mag_z quat_w quat_x quat_y quat_z), "board NAME" or
+ * "board BUS/ADDRESS", "bus NAME" or "supply". The kinds of each target with their parameters are
+ * the table in fault_kinds.c; faults_help lists them. A parameter is KEY=VALUE, or VALUE alone for
+ * the first. WHEN is FROM..TO in seconds of virtual time, TO exclusive and maybe left out; "manual"
+ * waits to be switched by faults_set. Without WHEN the fault is active from the start.
  *
  * This is only the table and which of its faults are active. What a fault does is in
  * boards/sensing.h (sensors), boards/board_faults.c (boards), canbus/fault_port.h (buses) and
@@ -67,7 +67,7 @@ enum fault_kind {
 enum { FAULT_NAME_SIZE = 64, FAULT_TEXT_SIZE = 160, FAULT_PARAMETERS = 2, FAULTS_MAX = 256 };
 
 /* The channels of a sensor, numbered through: five of each joint, then six of each force-torque
- * sensor, then six of the inertial one. */
+ * sensor, then those of the inertial one: gyro, accelerometer, magnetometer, orientation. */
 enum sensor_channel {
     SENSOR_LINK_ENCODER,
     SENSOR_MOTOR_ENCODER,
@@ -76,7 +76,7 @@ enum sensor_channel {
     SENSOR_TEMPERATURE,
     SENSOR_JOINT_CHANNELS,
     SENSOR_FT_CHANNELS = 6,
-    SENSOR_IMU_CHANNELS = 6,
+    SENSOR_IMU_CHANNELS = 13,
 };
 
 struct fault {

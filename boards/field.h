@@ -52,7 +52,7 @@ struct field {
     const struct field_value *values; /* NULL: numbers */
 };
 
-enum { FIELDS_MAX = 8 }; /* values that one list has at most */
+enum { FIELDS_MAX = 16 }; /* values that one list has at most */
 
 /* Number of values (fields without padding) of a list, and the bits and whole bytes they take. A
  * NULL list is empty. */

@@ -68,6 +68,9 @@ static uint32_t icub_frame_cycle_ns(const struct board_config *board, bool foc, 
 {
     int64_t period_ns = board->period_ns > 0 ? board->period_ns : MS;
 
+    if (board->kind == BOARD_INERTIAL) {
+        return (uint32_t)period_ns;
+    }
     if (board->kind != BOARD_MOTOR) {
         return type == ICUB_FORCE || type == ICUB_TORQUE ? (uint32_t)period_ns : 0;
     }
@@ -87,15 +90,19 @@ static uint32_t icub_frame_cycle_ns(const struct board_config *board, bool foc, 
 static void walk_icub_frames(struct walk *walk, int index, bool foc)
 {
     const struct board_config *board = &walk->config->board[index];
-    bool motor = board->kind == BOARD_MOTOR;
-    const struct icub_frame_type *rows = !motor ? icub_analog_frames
-                                         : foc  ? foc_frames
-                                                : icub_motor_frames;
+    bool motor = board->kind == BOARD_MOTOR, inertial = board->kind == BOARD_INERTIAL;
+    enum icub_class cls = motor      ? ICUB_PERIODIC_MOTOR
+                          : inertial ? ICUB_PERIODIC_INERTIAL
+                                     : ICUB_PERIODIC_ANALOG;
+    const struct icub_frame_type *rows = inertial ? icub_inertial_frames
+                                         : !motor ? icub_analog_frames
+                                         : foc    ? foc_frames
+                                                  : icub_motor_frames;
 
     for (unsigned type = 0; type < 16; type++) {
         struct message message = {
             .name = rows[type].name,
-            .id = icub_id(motor ? ICUB_PERIODIC_MOTOR : ICUB_PERIODIC_ANALOG, board->address, type),
+            .id = icub_id(cls, board->address, type),
             .sender = index,
             .receiver = MESSAGE_NO_BOARD,
             .length = rows[type].length,
@@ -122,7 +129,9 @@ static void walk_icub_board(struct walk *walk, int index, bool foc)
         walk_icub_commands(walk, index, ICUB_POLLING_MOTOR, board->address,
                            foc ? foc_commands : icub_motor_commands, ICUB_MOTOR_COMMANDS);
     } else {
-        walk_icub_commands(walk, index, ICUB_POLLING_ANALOG, board->address, icub_strain_commands,
+        walk_icub_commands(walk, index, ICUB_POLLING_ANALOG, board->address,
+                           board->kind == BOARD_INERTIAL ? icub_inertial_commands
+                                                         : icub_strain_commands,
                            ICUB_STRAIN_COMMANDS);
     }
     for (unsigned code = 0; code < 256; code++) {
@@ -196,7 +205,8 @@ static void walk_discovery_reply(struct walk *walk, int index)
 static bool compact_row_applies(const struct compact_message *row, const struct board_config *board,
                                 bool fd)
 {
-    bool motor = board->kind == BOARD_MOTOR;
+    bool motor = board->kind == BOARD_MOTOR, ft = board->kind == BOARD_FT;
+    bool inertial = board->kind == BOARD_INERTIAL;
 
     switch (row->function) {
     case COMPACT_TELEMETRY:
@@ -207,11 +217,20 @@ static bool compact_row_applies(const struct compact_message *row, const struct 
         return motor;
     case COMPACT_FORCE:
     case COMPACT_MOMENT:
-        return !motor && !fd;
+        return ft && !fd;
     case COMPACT_WRENCH_FD:
-        return !motor && fd;
+        return ft && fd;
     case COMPACT_FT_STATE:
-        return !motor;
+        return ft;
+    case COMPACT_ACCELERATION:
+    case COMPACT_RATE:
+    case COMPACT_ORIENTATION:
+    case COMPACT_MAGNETIC:
+        return inertial && !fd;
+    case COMPACT_INERTIAL_FD:
+        return inertial && fd;
+    case COMPACT_INERTIAL_STATE:
+        return inertial;
     default:
         return true;
     }

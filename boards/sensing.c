@@ -233,14 +233,44 @@ static void sensing_read_ft(struct sensing *s, size_t f, const struct ft_sense *
     }
 }
 
+/* A quaternion and its opposite are one rotation: the channels get the one that is near the last,
+ * for they interpolate. What they make of it has any length; 0 stays, an orientation that is not
+ * known. */
+static void sensing_read_orientation(struct sensing *s, const double truth[4])
+{
+    const size_t first = SENSOR_IMU_CHANNELS - 4;
+    double *out = s->measured.imu.quaternion, square = 0.0, near = 0.0;
+    bool plain = true;
+
+    for (size_t i = 0; i < 4; i++) {
+        near += s->started ? truth[i] * s->last_quaternion[i] : 1.0;
+    }
+    for (size_t i = 0; i < 4; i++) {
+        size_t channel = sensing_imu_channel(s, first + i);
+
+        s->last_quaternion[i] = near < 0.0 ? -truth[i] : truth[i];
+        out[i] = sensing_read_channel(s, channel, s->last_quaternion[i]);
+        square += out[i] * out[i];
+        plain = plain && sensing_channel_is_plain(s, channel);
+    }
+    for (size_t i = 0; i < 4; i++) {
+        out[i] = plain ? truth[i] : square > 0.0 ? out[i] / sqrt(square) : 0.0;
+    }
+}
+
 static void sensing_read_imu(struct sensing *s, const struct imu_sense *truth)
 {
+    struct imu_sense *out = &s->measured.imu;
+
     for (size_t i = 0; i < 3; i++) {
-        s->measured.imu.gyro_rad_s[i] =
+        out->gyro_rad_s[i] =
             sensing_read_channel(s, sensing_imu_channel(s, i), truth->gyro_rad_s[i]);
-        s->measured.imu.accel_m_s2[i] =
+        out->accel_m_s2[i] =
             sensing_read_channel(s, sensing_imu_channel(s, 3 + i), truth->accel_m_s2[i]);
+        out->magnetic_t[i] =
+            sensing_read_channel(s, sensing_imu_channel(s, 6 + i), truth->magnetic_t[i]);
     }
+    sensing_read_orientation(s, truth->quaternion);
 }
 
 void sensing_scale_noise(struct sensing *s, double factor)

@@ -10,6 +10,10 @@
  *   4. converter: cut to +-full_scale, then rounded to steps of lsb;
  *   5. faults (boards/faults.h), on what comes out.
  *
+ * The inertial sensor's orientation is the true attitude: the four components of its quaternion are
+ * channels like others, and what comes out is brought back to unit length. An error of e rad about
+ * some axis is one of e / 2 in them.
+ *
  * A force-torque sensor mixes its six channels before that (crosstalk). An incremental encoder does
  * not know its angle: it counts from where it stood at the start, and again after
  * sensing_restart_counter, for the counter is in the board. The boards round encoder angles to
@@ -72,9 +76,10 @@ struct sensor_ft {
 
 struct sensing_config {
     size_t njoint, nft;
-    const struct sensor_joint *joint; /* NULL = all ideal */
-    const struct sensor_ft *ft;       /* NULL = all ideal */
-    struct sensor_error gyro, accel;  /* rad/s, m/s2 */
+    const struct sensor_joint *joint;          /* NULL = all ideal */
+    const struct sensor_ft *ft;                /* NULL = all ideal */
+    struct sensor_error gyro, accel;           /* rad/s, m/s2 */
+    struct sensor_error magnetic, orientation; /* T, of each component of the quaternion */
     int64_t tick_ns;
     uint64_t seed;
     const struct faults *faults; /* those of sensors act; NULL = none */

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The sensors are created: ranges checked, delay lines and random streams laid out. */
+#include "boards/fault_kinds.h"
 #include "boards/sensing_private.h"
 
 #include <math.h>
@@ -156,13 +157,13 @@ static enum error_code sensing_make_ft(struct sensing *s, size_t f, struct arena
 
 static enum error_code sensing_make_imu(struct sensing *s, struct arena *arena, struct error *error)
 {
-    static const char *const what[SENSOR_IMU_CHANNELS] = {"gyro_x",  "gyro_y",  "gyro_z",
-                                                          "accel_x", "accel_y", "accel_z"};
+    const struct sensor_error *const from[] = {&s->config.gyro, &s->config.accel,
+                                               &s->config.magnetic, &s->config.orientation};
 
     for (size_t i = 0; i < SENSOR_IMU_CHANNELS; i++) {
         enum error_code code =
-            sensing_make_channel(s, sensing_imu_channel(s, i), "imu", what[i],
-                                 i < 3 ? &s->config.gyro : &s->config.accel, arena, error);
+            sensing_make_channel(s, sensing_imu_channel(s, i), "imu", sensor_imu_channels[i],
+                                 from[i < 9 ? i / 3 : 3], arena, error);
 
         if (code) {
             return code;

@@ -51,7 +51,8 @@ struct sensing {
     size_t nfault;
     struct plant_sensors measured;
     double noise_scale;
-    bool ideal; /* every sensor shows the truth: nothing to do */
+    bool ideal;                /* every sensor shows the truth: nothing to do */
+    double last_quaternion[4]; /* truth of the inertial sensor, its sign made continuous */
     bool started;
 };
 

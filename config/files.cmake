@@ -6,10 +6,13 @@ set(HIL_CONFIG
     meshes/walkman-foot-left.obj
     meshes/walkman-foot-right.obj
     rigs/coman-bench.yaml
+    rigs/coman-compact-imu.yaml
     rigs/coman-compact.yaml
     rigs/coman-drives.yaml
+    rigs/coman-fd-imu.yaml
     rigs/coman-fd.yaml
     rigs/coman-foc.yaml
+    rigs/coman-imu.yaml
     rigs/coman-sensors.yaml
     rigs/coman-standing.yaml
     rigs/coman.yaml

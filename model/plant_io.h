@@ -53,6 +53,8 @@ struct ft_sense {
 struct imu_sense {
     double gyro_rad_s[3];
     double accel_m_s2[3]; /* specific force: +g along up at rest */
+    double magnetic_t[3]; /* the Earth's field, see model/plant_sample.c */
+    double quaternion[4]; /* wxyz, sensor to world, of unit length, w not negative */
 };
 
 struct plant_sensors {

@@ -13,8 +13,14 @@
 
 #include <string.h>
 
+/* The Earth's magnetic field, tesla, in the world's axes: x points to magnetic north, z up. About
+ * that of Genoa, where COMAN was built: 47 uT, 61 degrees down (assumed; no model of iron nearby).
+ */
+static const double magnetic_field_t[3] = {22.8e-6, 0.0, -41.1e-6};
+
 /* A sensor's frame in motion, in its own axes. */
 struct frame_motion {
+    double R[9];           /* to the world */
     double w[3], alpha[3]; /* rad/s, rad/s2 */
     double specific[3];    /* acceleration of the origin less gravity, m/s2 */
 };
@@ -36,17 +42,17 @@ static void observe_frame(const struct plant *plant, const struct robot_frame *f
 {
     const struct body_motion *motion = &plant->sampled_motion[frame->body];
     const struct body_acceleration *acceleration = &plant->acceleration[frame->body];
-    double R[9], arm[3], a[3];
+    double arm[3], a[3];
 
-    mat3_mul(motion->R, frame->rotation, R);
+    mat3_mul(motion->R, frame->rotation, out->R);
     mat3_apply(motion->R, frame->position, arm);
     accelerate_point(acceleration->a, motion->w, acceleration->alpha, arm, a);
     for (int i = 0; i < 3; i++) {
         a[i] -= plant->config.robot->gravity[i];
     }
-    mat3_apply_transposed(R, motion->w, out->w);
-    mat3_apply_transposed(R, acceleration->alpha, out->alpha);
-    mat3_apply_transposed(R, a, out->specific);
+    mat3_apply_transposed(out->R, motion->w, out->w);
+    mat3_apply_transposed(out->R, acceleration->alpha, out->alpha);
+    mat3_apply_transposed(out->R, a, out->specific);
 }
 
 static void sample_imu(const struct plant *plant, struct imu_sense *imu)
@@ -56,6 +62,8 @@ static void sample_imu(const struct plant *plant, struct imu_sense *imu)
     observe_frame(plant, &plant->config.robot->frame[plant->config.robot->imu_frame], &motion);
     memcpy(imu->gyro_rad_s, motion.w, sizeof imu->gyro_rad_s);
     memcpy(imu->accel_m_s2, motion.specific, sizeof imu->accel_m_s2);
+    mat3_apply_transposed(motion.R, magnetic_field_t, imu->magnetic_t);
+    quaternion_from_mat3(motion.R, imu->quaternion);
 }
 
 /* Newton and Euler for the distal part: what it exerts through the sensor is what acts on it from

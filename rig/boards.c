@@ -31,8 +31,10 @@ static enum error_code board_check_full_scale(struct rig_builder *b, const struc
 
 static enum error_code board_check_keys(struct rig_builder *b, const struct raw_board *raw)
 {
-    static const char *const what[] = {"a motor board", "an F/T board", "a torque board"};
+    static const char *const what[] = {"a motor board", "an F/T board", "a torque board",
+                                       "an inertial board"};
     const unsigned motor = 1 << BOARD_MOTOR, ft = 1 << BOARD_FT, torque = 1 << BOARD_TORQUE;
+    const unsigned inertial = 1 << BOARD_INERTIAL;
     const struct rig_key keys[] = {
         {"axes", raw->axis_given, motor, motor},
         {"current_limit_a", raw->current_given, motor, 0},
@@ -40,13 +42,14 @@ static enum error_code board_check_keys(struct rig_builder *b, const struct raw_
         {"sensor", raw->sensor_given, ft, ft},
         {"full_scale_n", raw->full_scale_n_given, ft, ft},
         {"full_scale_nm", raw->full_scale_nm_given, ft, ft},
-        {"period_s", raw->period_given, ft | torque, 0},
+        {"period_s", raw->period_given, ft | torque | inertial, 0},
     };
 
     return rig_check_keys(b, &raw->mark, what[raw->kind], raw->kind, keys, ARRAY_COUNT(keys));
 }
 
-/* The period of a STRAIN board: whole milliseconds, the unit of the command that sets it. */
+/* The period of a STRAIN or inertial board: whole milliseconds, the unit of the command that sets
+ * it. */
 static enum error_code board_read_period(struct rig_builder *b, const struct raw_board *raw,
                                          struct board_config *board)
 {
@@ -116,6 +119,22 @@ static enum error_code board_build_torque(struct rig_builder *b, const struct ra
         }
         *source = (struct rig_torque){raw, board->bus, (int)i};
     }
+    return board_read_period(b, raw, board);
+}
+
+static enum error_code board_build_inertial(struct rig_builder *b, const struct raw_board *raw,
+                                            struct board_config *board)
+{
+    if (b->robot->imu_frame < 0) {
+        return yaml_error(b->error, &raw->mark,
+                          "found an inertial board, expected none: the robot has no imu");
+    }
+    if (b->imu) {
+        return yaml_error(b->error, &raw->mark,
+                          "found an inertial board again, expected one (line %d)",
+                          b->imu->mark.line);
+    }
+    b->imu = raw;
     return board_read_period(b, raw, board);
 }
 
@@ -290,6 +309,8 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
         return board_build_motor(b, raw, limits->axes, board);
     case BOARD_FT:
         return board_build_ft(b, raw, board);
+    case BOARD_INERTIAL:
+        return board_build_inertial(b, raw, board);
     default:
         return board_build_torque(b, raw, board);
     }

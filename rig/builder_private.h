@@ -35,6 +35,7 @@ struct rig_builder {
     struct rig_torque *torque;       /* by joint of the robot */
     const struct raw_board **driver; /* by joint: the board that drives it; NULL = none */
     const struct raw_board **ft;     /* by F/T sensor: the board that carries it */
+    const struct raw_board *imu;     /* the board that carries the inertial sensor; NULL = none */
     struct rig_bus *bus;             /* of the rig, still to be written */
     struct rig_place *place;         /* what the key "body" of a surface may name */
     size_t nplace;

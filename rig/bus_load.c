@@ -39,10 +39,12 @@ static double telemetry_period_s(const struct rig *rig, int64_t period_ns)
     return fmax((double)(period_ns > 0 ? period_ns : rig->tick_ns) * 1e-9, MS);
 }
 
-static double strain_board_load(const struct rig *rig, const struct rig_bus *bus,
+/* STRAIN: forces and torques; inertial: what the host asks for, acceleration, rate, quaternion */
+static double sensor_board_load(const struct rig *rig, const struct rig_bus *bus,
                                 const struct board_config *board)
 {
-    return 2.0 * worst_frame_bits(bus, ICUB_STRAIN_LENGTH) /
+    return (board->kind == BOARD_INERTIAL ? 3.0 * worst_frame_bits(bus, ICUB_INERTIAL_LENGTH)
+                                          : 2.0 * worst_frame_bits(bus, ICUB_STRAIN_LENGTH)) /
            telemetry_period_s(rig, board->period_ns);
 }
 
@@ -52,7 +54,7 @@ static double icub_board_load(const struct rig *rig, const struct rig_bus *bus,
                               const struct board_config *board)
 {
     /* POSITION, PID_VAL, CURRENT and VELOCITY, one in each slot; STATUS */
-    return board->kind != BOARD_MOTOR ? strain_board_load(rig, bus, board)
+    return board->kind != BOARD_MOTOR ? sensor_board_load(rig, bus, board)
                                       : 4.0 * worst_frame_bits(bus, 8) / (ICUB_SLOTS * MS) +
                                             worst_frame_bits(bus, 8) / (ICUB_STATUS_PERIOD_MS * MS);
 }
@@ -63,12 +65,27 @@ static double foc_board_load(const struct rig *rig, const struct rig_bus *bus,
     double period = telemetry_period_s(rig, 0); /* of DESIRED_TARGETS */
 
     return board->kind != BOARD_MOTOR
-               ? strain_board_load(rig, bus, board)
+               ? sensor_board_load(rig, bus, board)
                : worst_frame_bits(bus, FOC_FEEDBACK_LENGTH) / period +
                      worst_frame_bits(bus, FOC_STATUS_LENGTH) /
                          fmax(period, (double)board->status_period_ns * 1e-9) +
                      worst_frame_bits(bus, FOC_ADDITIONAL_STATUS_LENGTH) /
                          (foc_additional_status_ms(board->address) * MS);
+}
+
+static double compact_inertial_load(const struct rig *rig, const struct rig_bus *bus,
+                                    const struct board_config *board)
+{
+    double state = worst_frame_bits(bus, COMPACT_STATE_LENGTH);
+    double motion = worst_frame_bits(bus, COMPACT_INERTIAL_FD_LENGTH);
+
+    if (!bus->fd) {
+        state += worst_frame_bits(bus, COMPACT_ACCELERATION_LENGTH);
+        motion = 2.0 * worst_frame_bits(bus, COMPACT_ACCELERATION_LENGTH) +
+                 worst_frame_bits(bus, COMPACT_ORIENTATION_LENGTH);
+    }
+    return state / (COMPACT_STATE_PERIOD_MS * MS) +
+           motion / telemetry_period_s(rig, board->period_ns);
 }
 
 static double compact_board_load(const struct rig *rig, const struct rig_bus *bus,
@@ -77,6 +94,9 @@ static double compact_board_load(const struct rig *rig, const struct rig_bus *bu
     double period = telemetry_period_s(rig, board->period_ns);
     double state = worst_frame_bits(bus, COMPACT_STATE_LENGTH) / (COMPACT_STATE_PERIOD_MS * MS);
 
+    if (board->kind == BOARD_INERTIAL) {
+        return compact_inertial_load(rig, bus, board);
+    }
     if (board->kind == BOARD_FT) {
         return state + (bus->fd ? worst_frame_bits(bus, COMPACT_WRENCH_FD_LENGTH)
                                 : 2.0 * worst_frame_bits(bus, COMPACT_FORCE_LENGTH)) /

@@ -133,14 +133,19 @@ static void dbc_export_lockstep(struct dbc_exporter *e)
 static void dbc_describe_board(const struct dbc_exporter *e, const struct board_config *board,
                                char *text, size_t size)
 {
-    static const char *const kinds[] = {
-        [BOARD_MOTOR] = "motors", [BOARD_FT] = "F/T", [BOARD_TORQUE] = "torques of"};
+    static const char *const kinds[] = {[BOARD_MOTOR] = "motors",
+                                        [BOARD_FT] = "F/T",
+                                        [BOARD_TORQUE] = "torques of",
+                                        [BOARD_INERTIAL] = "inertial sensor"};
     const struct robot *robot = e->rig->robot;
     size_t used =
         (size_t)snprintf(text, size, "address %d, %s", board->address, kinds[board->kind]);
 
     if (board->kind == BOARD_FT) {
         snprintf(text + used, size - used, " %.60s", robot->ft[board->ft].name);
+        return;
+    }
+    if (board->kind == BOARD_INERTIAL) {
         return;
     }
     for (int k = 0; k < (board->kind == BOARD_MOTOR ? BOARD_AXES_MAX : BOARD_CHANNELS); k++) {

@@ -12,6 +12,7 @@ struct host_config rig_host_config(const struct rig *rig, struct can_port **port
         .axis = rig->axis,
         .nft = rig->nft,
         .ft = rig->ft,
+        .imu = rig->imu,
         .supply_v = rig->supply_v,
         .period_ns = rig->tick_ns,
         .lockstep = lockstep,

@@ -208,7 +208,7 @@ static enum error_code rig_build_host(struct rig_builder *b)
         return rig_no_memory(b);
     }
 
-    /* In the order of the boards: driven axes with their angles at the start, and F/T sensors */
+    /* In the order of the boards: driven axes with their angles at the start, and the sensors */
     for (size_t i = 0; i < boards->nboard; i++) {
         const struct board_config *board = &boards->board[i];
 
@@ -228,6 +228,9 @@ static enum error_code rig_build_host(struct rig_builder *b)
         if (board->kind == BOARD_FT) {
             ft[rig->nft++] = (struct host_ft){b->robot->ft[board->ft].name, board->bus,
                                               board->address, board->period_ns};
+        }
+        if (board->kind == BOARD_INERTIAL) {
+            rig->imu = (struct host_imu){true, board->bus, board->address, board->period_ns};
         }
     }
     rig->axis = axis;

@@ -118,6 +118,7 @@ struct rig {
     const struct host_bus *host_bus; /* nbus */
     const struct host_axis *axis;
     const struct host_ft *ft;
+    struct host_imu imu;
     const double *initial_rad;
     struct servo_config servo;
     struct squat_config squat;

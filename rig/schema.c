@@ -54,10 +54,8 @@ static const struct yaml_enum shape_names[] = {
     {NULL, 0},
 };
 static const struct yaml_enum kind_names[] = {
-    {"motor", BOARD_MOTOR},
-    {"ft", BOARD_FT},
-    {"torque", BOARD_TORQUE},
-    {NULL, 0},
+    {"motor", BOARD_MOTOR},       {"ft", BOARD_FT}, {"torque", BOARD_TORQUE},
+    {"inertial", BOARD_INERTIAL}, {NULL, 0},
 };
 static const struct yaml_enum overrun_names[] = {
     {"skip", LOOP_OVERRUN_SKIP},

@@ -130,7 +130,7 @@ struct raw_board {
     struct yaml_mark sensor_mark;
     double full_scale_n[3], full_scale_nm[3];
     struct yaml_mark full_scale_n_mark, full_scale_nm_mark;
-    double period_s; /* BOARD_FT, BOARD_TORQUE */
+    double period_s; /* BOARD_FT, BOARD_TORQUE, BOARD_INERTIAL */
     struct yaml_mark period_mark;
     bool transmit_at_start;
     bool axis_given, current_given, joint_given, sensor_given, full_scale_n_given,

@@ -92,6 +92,8 @@ static const struct yaml_schema ft_schema = {
 static const struct yaml_field imu_fields[] = {
     {"gyro_rad_s", YAML_MAP, false, AT(gyro), .schema = &channel_schema},
     {"accel_m_s2", YAML_MAP, false, AT(accel), .schema = &channel_schema},
+    {"magnetic_t", YAML_MAP, false, AT(magnetic), .schema = &channel_schema},
+    {"orientation", YAML_MAP, false, AT(orientation), .schema = &channel_schema},
 };
 #undef STRUCT
 static const struct yaml_schema imu_schema = {
@@ -239,6 +241,8 @@ enum error_code rig_build_sensors(struct rig_builder *b)
         .ft = ft,
         .gyro = sensor_error_of(&raw->imu.gyro),
         .accel = sensor_error_of(&raw->imu.accel),
+        .magnetic = sensor_error_of(&raw->imu.magnetic),
+        .orientation = sensor_error_of(&raw->imu.orientation),
         .tick_ns = b->rig->tick_ns,
         .seed = b->rig->seed,
     };

@@ -43,7 +43,7 @@ struct raw_ft_sensors {
 
 struct raw_imu_sensors {
     struct yaml_mark mark;
-    struct raw_channel gyro, accel;
+    struct raw_channel gyro, accel, magnetic, orientation;
 };
 
 struct raw_sensors {

@@ -115,6 +115,22 @@ static enum error_code host_map_force(struct host *host, size_t index, struct er
     return ERROR_NONE;
 }
 
+static enum error_code host_map_inertial(struct host *host, struct error *error)
+{
+    const struct host_imu *imu = &host->config.imu;
+    struct host_node *node;
+    enum error_code code;
+
+    if (!imu->present) {
+        return ERROR_NONE;
+    }
+    code = host_claim_node(host, imu->bus, imu->address, HOST_INERTIAL_BOARD, &node, error);
+    if (!code) {
+        node->period_ns = imu->period_ns;
+    }
+    return code;
+}
+
 enum error_code host_create(const struct host_config *config, struct arena *arena,
                             struct host **out, struct error *error)
 {
@@ -154,7 +170,7 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
         }
     }
     *out = host;
-    return ERROR_NONE;
+    return host_map_inertial(host, error);
 }
 
 /* ---- what arrives ---- */
@@ -362,6 +378,11 @@ const struct host_joint *host_joint(const struct host *host, size_t axis)
 const struct host_force *host_force(const struct host *host, size_t ft)
 {
     return &host->force[ft];
+}
+
+const struct host_motion *host_motion(const struct host *host)
+{
+    return &host->motion;
 }
 
 const struct host_config *host_configuration(const struct host *host)

@@ -48,6 +48,15 @@ struct host_force {
     bool force_seen, torque_seen, overflow;
 };
 
+/* The latest of the inertial sensor, in its own axes; all 0 until it is heard. */
+struct host_motion {
+    double acceleration_m_s2[3]; /* specific force: 9.81 up at rest */
+    double rate_rad_s[3];
+    double quaternion[4]; /* wxyz, sensor to world, w not negative; 0 0 0 0: not known */
+    bool acceleration_seen, rate_seen, quaternion_seen;
+    int64_t time_ns; /* host time of the newest of them */
+};
+
 /* Memory from arena; the ports stay the caller's. */
 enum error_code host_create(const struct host_config *config, struct arena *arena,
                             struct host **host, struct error *error);
@@ -76,6 +85,7 @@ void host_repeat_step(struct host *host, int64_t now_ns);
 
 const struct host_joint *host_joint(const struct host *host, size_t axis);
 const struct host_force *host_force(const struct host *host, size_t ft);
+const struct host_motion *host_motion(const struct host *host);
 const struct host_config *host_configuration(const struct host *host);
 
 /* Axis by joint name, -1 = none. Not RT-safe. */

@@ -13,7 +13,7 @@
 static const char *const fault_name[32] = {
     "under-voltage",  "over-voltage",  "over-current", "rotor encoder",
     "link encoder",   "torque sensor", "temperature",  "stale set-point",
-    "position limit", "frames lost",   "saturated",
+    "position limit", "frames lost",   "saturated",    "inertial sensor",
 };
 
 /* ---- what arrives ---- */
@@ -105,6 +105,9 @@ static void host_compact_read_identity(struct host *host, size_t bus, struct hos
     struct host_line *line = &host->line[bus];
     const uint8_t *data = frame->data;
     bool motor = node->kind == HOST_MOTOR_BOARD;
+    enum compact_kind kind = motor                               ? COMPACT_KIND_MOTOR
+                             : node->kind == HOST_INERTIAL_BOARD ? COMPACT_KIND_INERTIAL
+                                                                 : COMPACT_KIND_FT;
     unsigned axes = data[1], first = data[2];
 
     if (frame->len != COMPACT_IDENTITY_LENGTH || node->found) {
@@ -116,8 +119,7 @@ static void host_compact_read_identity(struct host *host, size_t bus, struct hos
         host_fail_node(host, bus, frame->id & 0x1f, "speaks another version of the protocol");
         return;
     }
-    if (data[0] != (motor ? COMPACT_KIND_MOTOR : COMPACT_KIND_FT) || axes > HOST_AXES ||
-        first + axes > HOST_SLOTS) {
+    if (data[0] != kind || axes > HOST_AXES || first + axes > HOST_SLOTS) {
         host_fail_node(host, bus, frame->id & 0x1f, "is of another kind");
         return;
     }
@@ -178,6 +180,14 @@ static void host_compact_read_node(struct host *host, size_t bus, const struct b
     case COMPACT_FT_STATE:
         if (node->kind == HOST_FT_BOARD && frame->len == COMPACT_STATE_LENGTH) {
             host->force[node->ft].overflow = frame->data[0];
+        }
+        break;
+    case COMPACT_ACCELERATION:
+    case COMPACT_RATE:
+    case COMPACT_ORIENTATION:
+    case COMPACT_INERTIAL_FD:
+        if (node->kind == HOST_INERTIAL_BOARD) {
+            host_inertial_read_compact(host, frame);
         }
         break;
 

@@ -19,7 +19,13 @@ enum {
     HOST_QUEUE = 96,     /* frames that one bus may be sent in one period */
 };
 
-enum host_kind { HOST_NO_BOARD, HOST_MOTOR_BOARD, HOST_FT_BOARD, HOST_TORQUE_BOARD };
+enum host_kind {
+    HOST_NO_BOARD,
+    HOST_MOTOR_BOARD,
+    HOST_FT_BOARD,
+    HOST_TORQUE_BOARD,
+    HOST_INERTIAL_BOARD,
+};
 
 /* What stands at one address of one bus. */
 struct host_node {
@@ -52,6 +58,7 @@ struct host {
     struct host_line *line; /* one a bus */
     struct host_joint *joint;
     struct host_force *force;
+    struct host_motion motion;
     double *volts; /* what each axis is to have, within the supply */
     enum host_phase phase;
     int64_t phase_since_ns;
@@ -119,5 +126,11 @@ enum host_motor host_motor_of_mode(uint8_t mode);
 void host_strain_read(struct host *host, struct host_node *node, const struct bus_frame *frame);
 bool host_strain_request(const struct host_node *node, unsigned address, int number,
                          struct host_request *request);
+
+/* The inertial board on iCub buses, and the frames of compact ones (host_inertial.c). */
+void host_inertial_read(struct host *host, struct host_node *node, const struct bus_frame *frame);
+bool host_inertial_request(const struct host_node *node, unsigned address, int number,
+                           struct host_request *request);
+void host_inertial_read_compact(struct host *host, const struct bus_frame *frame);
 
 #endif

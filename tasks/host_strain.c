@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What both kinds of iCub motor boards have in common: class 7 discovery, modes, and the STRAIN
- * boards beside them with forces or joint torques.
+ * What both kinds of iCub motor boards have in common: class 7 discovery, modes, and the boards
+ * beside them with forces, joint torques or the inertial sensor (host_inertial.c).
  */
 #include "tasks/host_private.h"
 
@@ -96,7 +96,9 @@ void host_strain_read(struct host *host, struct host_node *node, const struct bu
 {
     const uint8_t *data = frame->data;
 
-    if (frame->id >> 8 == ICUB_PERIODIC_ANALOG) {
+    if (node->kind == HOST_INERTIAL_BOARD) {
+        host_inertial_read(host, node, frame);
+    } else if (frame->id >> 8 == ICUB_PERIODIC_ANALOG) {
         host_strain_read_forces(host, node, frame);
     } else if (frame->id >> 8 != ICUB_POLLING_ANALOG || (frame->id & 0xf) != ICUB_HOST) {
         return;
@@ -118,6 +120,9 @@ bool host_strain_request(const struct host_node *node, unsigned address, int num
     uint8_t data[3] = {ICUB_STRAIN_GET_FIRMWARE, ICUB_PROTOCOL_MAJOR, 0};
     uint8_t len = 2;
 
+    if (node->kind == HOST_INERTIAL_BOARD) {
+        return host_inertial_request(node, address, number, request);
+    }
     request->reply = number <= scales;
     if (number == 0) {
         len = 3;

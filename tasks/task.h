@@ -46,6 +46,14 @@ struct host_ft {
     int64_t period_ns; /* 0: the board's own */
 };
 
+/* The board with the robot's inertial sensor. */
+struct host_imu {
+    bool present;
+    int bus;
+    uint8_t address;
+    int64_t period_ns; /* 0: the board's own */
+};
+
 /* What the boards of a bus speak. */
 enum host_personality { HOST_ICUB, HOST_FOC, HOST_COMPACT };
 
@@ -62,6 +70,7 @@ struct host_config {
     const struct host_axis *axis;
     size_t nft;
     const struct host_ft *ft;
+    struct host_imu imu;
     double supply_v;
     int64_t period_ns; /* how often the step function is called */
     bool lockstep;

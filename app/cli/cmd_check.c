@@ -162,6 +162,9 @@ static void print_board(const struct rig *rig, const struct board_config *board)
         printf("F/T     %s, %g N, %g N m, every %g ms\n", rig->robot->ft[board->ft].name,
                board->full_scale[0], board->full_scale[3], (double)board->period_ns * 1e-6);
         break;
+    case BOARD_INERTIAL:
+        printf("inertial every %g ms\n", (double)board->period_ns * 1e-6);
+        break;
     default:
         printf("torque  ");
         for (int i = 0; i < BOARD_CHANNELS; i++) {
@@ -239,6 +242,8 @@ static void check_print_sensors(const struct rig *rig)
     }
     print_error("gyro", "rad/s", &s->gyro);
     print_error("accelerometer", "m/s2", &s->accel);
+    print_error("magnetometer", "T", &s->magnetic);
+    print_error("orientation", "of 1", &s->orientation);
     printf("faults      %zu armed\n", rig->nfault);
     for (size_t i = 0; i < rig->nfault; i++) {
         printf("  %s\n", rig->fault[i].name);

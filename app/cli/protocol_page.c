@@ -30,9 +30,11 @@ struct protocol_frames {
     struct protocol_frame frame[FRAMES_MAX];
 };
 
-/* ---- the frames of a bus with a motor board and a force-torque board ---- */
+/* ---- the frames of a bus with a motor, a force-torque and an inertial board ---- */
 
-enum { BENCH_MOTOR = 1, BENCH_FT = 3 }; /* addresses, in the first of two walks */
+/* Addresses by board, in the first of two walks */
+enum { BENCH_MOTOR, BENCH_FT, BENCH_INERTIAL };
+static const uint8_t bench_address[] = {[BENCH_MOTOR] = 1, [BENCH_FT] = 3, [BENCH_INERTIAL] = 5};
 
 static bool protocol_keep_message(void *context, const struct message *message)
 {
@@ -44,15 +46,16 @@ static bool protocol_keep_message(void *context, const struct message *message)
     return true;
 }
 
-/* shift is added to both addresses: what moves with it in an identifier is the address. */
+/* shift is added to all addresses: what moves with it in an identifier is the address. */
 static void protocol_walk_bus(enum board_personality personality, bool fd, int shift,
                               struct protocol_frames *frames)
 {
     const int axes = personality == BOARD_COMPACT ? BOARD_AXES_MAX : 1;
     struct boards_bus_config bus = {.personality = personality, .fd = fd};
     struct board_config board[] = {
-        {.kind = BOARD_MOTOR, .address = (uint8_t)(BENCH_MOTOR + shift)},
-        {.kind = BOARD_FT, .address = (uint8_t)(BENCH_FT + shift)},
+        {.kind = BOARD_MOTOR, .address = (uint8_t)(bench_address[BENCH_MOTOR] + shift)},
+        {.kind = BOARD_FT, .address = (uint8_t)(bench_address[BENCH_FT] + shift)},
+        {.kind = BOARD_INERTIAL, .address = (uint8_t)(bench_address[BENCH_INERTIAL] + shift)},
     };
     const struct boards_config config = {
         .nboard = ARRAY_COUNT(board), .board = board, .nbus = 1, .bus = &bus};
@@ -87,7 +90,7 @@ static void protocol_split_id(struct protocol_frame *frame, const struct message
 
     frame->step = shifted->id - message->id;
     frame->cycle_varies = shifted->cycle_ns != message->cycle_ns;
-    frame->base = message->id - frame->step * (board == 0 ? BENCH_MOTOR : BENCH_FT);
+    frame->base = message->id - frame->step * (board < 0 ? 0u : bench_address[board]);
     frame->counts = personality == BOARD_COMPACT ? "n" : "a";
     if (message->slot >= 0) {
         frame->base = message->id - (uint32_t)message->slot;
@@ -297,22 +300,29 @@ static void protocol_put_frame(struct protocol_frames *frames, struct protocol_f
 static const struct protocol_section {
     const char *title;
     int class_of_id; /* of an iCub identifier; -1: of compact frames */
+    int board;       /* on the bench; -1: of any */
     bool from_host;
 } sections[] = {
-    {"Targets and telemetry of motor boards", 1, false},
-    {"Commands of motor boards", 0, false},
-    {"Telemetry of STRAIN boards", 3, false},
-    {"Commands of STRAIN boards", 2, false},
-    {"Management of all boards", 7, false},
-    {"From the host", -1, true},
-    {"From boards", -1, false},
+    {"Targets and telemetry of motor boards", 1, -1, false},
+    {"Commands of motor boards", 0, -1, false},
+    {"Telemetry of STRAIN boards", 3, -1, false},
+    {"Commands of STRAIN boards", 2, BENCH_FT, false},
+    {"Telemetry of inertial boards", 5, -1, false},
+    {"Commands of inertial boards", 2, BENCH_INERTIAL, false},
+    {"Management of all boards", 7, -1, false},
+    {"From the host", -1, -1, true},
+    {"From boards", -1, -1, false},
 };
 
 static bool protocol_belongs(const struct protocol_section *section,
                              const struct protocol_frame *frame, bool compact)
 {
-    return compact ? section->class_of_id < 0 && section->from_host == frame->message.from_host
-                   : section->class_of_id == (int)(frame->message.id >> 8);
+    const struct message *message = &frame->message;
+    int board = message->from_host ? message->receiver : message->sender;
+
+    return compact ? section->class_of_id < 0 && section->from_host == message->from_host
+                   : section->class_of_id == (int)(message->id >> 8) &&
+                         (section->board < 0 || section->board == board);
 }
 
 static void protocol_put_sections(struct protocol_frames *frames, bool compact, FILE *out)

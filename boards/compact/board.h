@@ -14,5 +14,6 @@ struct board_bus;
 struct board_bus *compact_bus_create(struct arena *arena);
 struct board *compact_motor_create(struct arena *arena);
 struct board *compact_ft_create(struct arena *arena);
+struct board *compact_inertial_create(struct arena *arena);
 
 #endif

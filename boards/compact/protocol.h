@@ -18,8 +18,14 @@
  *   0x0a FORCE         node    board  6                 every telemetry period (classic bus)
  *   0x0b MOMENT        node    board  6                 right after FORCE
  *   0x0c WRENCH_FD     node    board  12                every telemetry period (FD bus)
+ *   0x0d ACCELERATION  node    board  6                 every telemetry period (classic bus)
+ *   0x0e RATE          node    board  6                 right after ACCELERATION
+ *   0x0f ORIENTATION   node    board  8                 right after RATE
  *   0x10 STATE         slot    board  8                 every 50 ms, and on a new mode or fault
  *   0x11 FT_STATE      node    board  8                 every 50 ms, and on a change of fault
+ *   0x12 INERTIAL_FD   node    board  32                every telemetry period (FD bus)
+ *   0x13 MAGNETIC      node    board  6                 with INERTIAL_STATE (classic bus)
+ *   0x14 INERTIAL_STATE node   board  8                 every 50 ms, and on a change of fault
  *   0x34 REQUEST       node    host   2 read, 6 write   on demand
  *   0x35 REPLY         node    board  7                 after each REQUEST
  *   0x3e IDENTITY      node    board  8                 after DISCOVER and when a board has started
@@ -41,6 +47,15 @@
  *               15: u8 bits 0-2 mode, bit 3 a fault is present, bits 4-7 sequence
  * FORCE, MOMENT 0, 2, 4: i16 x, y, z; 0.1 N and 2 mN m a count
  * WRENCH_FD     FORCE, then MOMENT in one frame
+ * ACCELERATION  0, 2, 4: i16 x, y, z of the specific force, 5 mm/s2 (at rest 9.81 m/s2 up)
+ * RATE          0, 2, 4: i16 x, y, z of the angular velocity, 1 mrad/s (+-32.7 rad/s)
+ * ORIENTATION   0, 2, 4, 6: i16 quaternion w, x, y, z, 2^-14: from the sensor's axes to the
+ *               world's, w not negative; 0 0 0 0: not known
+ * INERTIAL_FD   ACCELERATION, RATE, ORIENTATION and MAGNETIC; 26, 28, 30: i16 roll, pitch, yaw,
+ *               1e-4 rad: R = Rz(yaw) Ry(pitch) Rx(roll)
+ * MAGNETIC      0, 2, 4: i16 x, y, z of the magnetic field, 0.1 uT
+ * INERTIAL_STATE as FT_STATE; channels: acceleration x, y, z, rate x, y, z. Euler angles, gravity
+ *               and linear acceleration follow from ORIENTATION and ACCELERATION
  * STATE         byte 0: bits 0-2 mode, bits 4-7 number of set-points taken, modulo 16;
  *               1: u16 faults; 3: u16 supply, mV; 5: i8 temperature of the motor, degree C;
  *               6: i16 bridge voltage, 2 mV
@@ -49,7 +64,7 @@
  * REQUEST       0: u8 parameter, bit 7 = write; 1: u8 axis of the board (F/T: channel);
  *               2: i32 value, only when it writes
  * REPLY         0, 1 as in the request; 2: i32 value now in force; 6: u8 result
- * IDENTITY      0: u8 kind; 1: u8 axes (F/T: 0); 2: u8 first slot; 3: u8 protocol version;
+ * IDENTITY      0: u8 kind; 1: u8 axes (others: 0); 2: u8 first slot; 3: u8 protocol version;
  *               4: u8 firmware major; 5: u8 minor; 6: u16 build
  *
  * All values saturate at the ends of their fields. A value that is out of the sensor's range is
@@ -74,8 +89,14 @@ enum compact_function {
     COMPACT_FORCE = 0x0a,
     COMPACT_MOMENT = 0x0b,
     COMPACT_WRENCH_FD = 0x0c,
+    COMPACT_ACCELERATION = 0x0d,
+    COMPACT_RATE = 0x0e,
+    COMPACT_ORIENTATION = 0x0f,
     COMPACT_STATE = 0x10,
     COMPACT_FT_STATE = 0x11,
+    COMPACT_INERTIAL_FD = 0x12,
+    COMPACT_MAGNETIC = 0x13,
+    COMPACT_INERTIAL_STATE = 0x14,
     COMPACT_REQUEST = 0x34,
     COMPACT_REPLY = 0x35,
     COMPACT_IDENTITY = 0x3e,
@@ -100,7 +121,10 @@ enum {
     COMPACT_TELEMETRY_FD_LENGTH = 16, /* an axis */
     COMPACT_FORCE_LENGTH = 6,         /* MOMENT too */
     COMPACT_WRENCH_FD_LENGTH = 12,
-    COMPACT_STATE_LENGTH = 8, /* FT_STATE too */
+    COMPACT_ACCELERATION_LENGTH = 6, /* RATE and MAGNETIC too */
+    COMPACT_ORIENTATION_LENGTH = 8,
+    COMPACT_INERTIAL_FD_LENGTH = 32,
+    COMPACT_STATE_LENGTH = 8, /* FT_STATE and INERTIAL_STATE too */
     COMPACT_READ_LENGTH = 2,
     COMPACT_WRITE_LENGTH = 6,
     COMPACT_REPLY_LENGTH = 7,
@@ -117,6 +141,11 @@ enum {
 #define COMPACT_VELOCITY_RAD_S 1e-3
 #define COMPACT_FORCE_N 0.1
 #define COMPACT_MOMENT_NM 2e-3
+#define COMPACT_ACCELERATION_M_S2 5e-3
+#define COMPACT_RATE_RAD_S 1e-3
+#define COMPACT_QUATERNION 0x1p-14
+#define COMPACT_MAGNETIC_UT 0.1
+#define COMPACT_EULER_RAD 1e-4
 #define COMPACT_SUPPLY_V 1e-3
 
 enum compact_mode {
@@ -138,7 +167,9 @@ enum compact_fault {
     COMPACT_FAULT_LIMIT = 1 << 8,      /* beyond a position limit; a warning: only set-points that
                                       * lead back are obeyed */
     COMPACT_FAULT_OVERFLOW = 1 << 9,   /* frames were lost; a warning, reported once */
-    COMPACT_FAULT_SATURATED = 1 << 10, /* F/T: a channel is beyond its full scale; a warning */
+    COMPACT_FAULT_SATURATED = 1 << 10, /* F/T, inertial: a channel is beyond its full scale; a
+                                        * warning */
+    COMPACT_FAULT_INERTIAL = 1 << 11,  /* a channel or the orientation has no reading; a warning */
 };
 
 enum { COMPACT_STATE_PERIOD_MS = 50 };
@@ -170,7 +201,8 @@ enum compact_parameter {
                                      * channel 255: all to 0, 1: the present reading to 0 */
 };
 
-enum compact_kind { COMPACT_KIND_MOTOR = 2, COMPACT_KIND_FT = 3 }; /* as RoboLLI numbers them */
+/* The first two as RoboLLI numbers them */
+enum compact_kind { COMPACT_KIND_MOTOR = 2, COMPACT_KIND_FT = 3, COMPACT_KIND_INERTIAL = 4 };
 
 /* REPLY byte 6 */
 enum compact_result {

@@ -15,7 +15,8 @@ const struct field_value compact_mode_names[] = {
     {COMPACT_OFF, "off"}, {COMPACT_VOLTAGE, "voltage"}, {COMPACT_CURRENT, "current"},
     {COMPACT_FAULT, "fault"}, {0, NULL}};
 static const struct field_value kinds[] = {
-    {COMPACT_KIND_MOTOR, "motor"}, {COMPACT_KIND_FT, "force_torque"}, {0, NULL}};
+    {COMPACT_KIND_MOTOR, "motor"}, {COMPACT_KIND_FT, "force_torque"},
+    {COMPACT_KIND_INERTIAL, "inertial"}, {0, NULL}};
 static const struct field_value results[] = {
     {COMPACT_OK, "ok"}, {COMPACT_UNKNOWN_PARAMETER, "unknown_parameter"},
     {COMPACT_NO_SUCH_AXIS, "no_such_axis"}, {COMPACT_OUT_OF_RANGE, "out_of_range"},
@@ -48,6 +49,28 @@ static const struct field wrench[] = {
     VALUE(FIELD_I16, "my", "Nm", COMPACT_MOMENT_NM),
     VALUE(FIELD_I16, "mz", "Nm", COMPACT_MOMENT_NM), {.type = FIELD_END}};
 
+#define ACCELERATION \
+    VALUE(FIELD_I16, "ax", "m/s2", COMPACT_ACCELERATION_M_S2), \
+    VALUE(FIELD_I16, "ay", "m/s2", COMPACT_ACCELERATION_M_S2), \
+    VALUE(FIELD_I16, "az", "m/s2", COMPACT_ACCELERATION_M_S2)
+#define RATE \
+    VALUE(FIELD_I16, "wx", "rad/s", COMPACT_RATE_RAD_S), \
+    VALUE(FIELD_I16, "wy", "rad/s", COMPACT_RATE_RAD_S), \
+    VALUE(FIELD_I16, "wz", "rad/s", COMPACT_RATE_RAD_S)
+#define ORIENTATION \
+    VALUE(FIELD_I16, "qw", NULL, COMPACT_QUATERNION), \
+    VALUE(FIELD_I16, "qx", NULL, COMPACT_QUATERNION), \
+    VALUE(FIELD_I16, "qy", NULL, COMPACT_QUATERNION), \
+    VALUE(FIELD_I16, "qz", NULL, COMPACT_QUATERNION)
+#define MAGNETIC \
+    VALUE(FIELD_I16, "bx", "uT", COMPACT_MAGNETIC_UT), \
+    VALUE(FIELD_I16, "by", "uT", COMPACT_MAGNETIC_UT), \
+    VALUE(FIELD_I16, "bz", "uT", COMPACT_MAGNETIC_UT)
+static const struct field sensor_state[] = {
+    NUMBER(FIELD_U8, "saturated"), NUMBER(FIELD_U16, "faults"),
+    VALUE(FIELD_U16, "supply", "V", COMPACT_SUPPLY_V),
+    VALUE(FIELD_I8, "temperature", "degC", 1.0), NUMBER(FIELD_U16, "frames"), {.type = FIELD_END}};
+
 const struct compact_message compact_messages[COMPACT_MESSAGES] = {
     {"MODE", COMPACT_MODE, COMPACT_BY_NONE, true, COMPACT_MODE_LENGTH, 1, 0,
      FIELDS(NAMED(FIELD_U8, "mode", compact_mode_names), NUMBER(FIELD_U32, "slots"))},
@@ -71,6 +94,12 @@ const struct compact_message compact_messages[COMPACT_MESSAGES] = {
     {"MOMENT", COMPACT_MOMENT, COMPACT_BY_NODE, false, COMPACT_FORCE_LENGTH, 1, 1, moment},
     {"WRENCH_FD", COMPACT_WRENCH_FD, COMPACT_BY_NODE, false, COMPACT_WRENCH_FD_LENGTH, 1, 1,
      wrench},
+    {"ACCELERATION", COMPACT_ACCELERATION, COMPACT_BY_NODE, false, COMPACT_ACCELERATION_LENGTH, 1,
+     1, FIELDS(ACCELERATION)},
+    {"RATE", COMPACT_RATE, COMPACT_BY_NODE, false, COMPACT_ACCELERATION_LENGTH, 1, 1,
+     FIELDS(RATE)},
+    {"ORIENTATION", COMPACT_ORIENTATION, COMPACT_BY_NODE, false, COMPACT_ORIENTATION_LENGTH, 1, 1,
+     FIELDS(ORIENTATION)},
     {"STATE", COMPACT_STATE, COMPACT_BY_SLOT, false, COMPACT_STATE_LENGTH, 1,
      COMPACT_STATE_PERIOD_MS,
      FIELDS(NAMED(BITS(3), "mode", compact_mode_names), GAP(1), NUMBER(BITS(4), "commands"),
@@ -78,10 +107,16 @@ const struct compact_message compact_messages[COMPACT_MESSAGES] = {
             VALUE(FIELD_I8, "temperature", "degC", 1.0),
             VALUE(FIELD_I16, "voltage", "V", COMPACT_VOLTAGE_V))},
     {"FT_STATE", COMPACT_FT_STATE, COMPACT_BY_NODE, false, COMPACT_STATE_LENGTH, 1,
-     COMPACT_STATE_PERIOD_MS,
-     FIELDS(NUMBER(FIELD_U8, "saturated"), NUMBER(FIELD_U16, "faults"),
-            VALUE(FIELD_U16, "supply", "V", COMPACT_SUPPLY_V),
-            VALUE(FIELD_I8, "temperature", "degC", 1.0), NUMBER(FIELD_U16, "frames"))},
+     COMPACT_STATE_PERIOD_MS, sensor_state},
+    {"INERTIAL_FD", COMPACT_INERTIAL_FD, COMPACT_BY_NODE, false, COMPACT_INERTIAL_FD_LENGTH, 1, 1,
+     FIELDS(ACCELERATION, RATE, ORIENTATION, MAGNETIC,
+            VALUE(FIELD_I16, "roll", "rad", COMPACT_EULER_RAD),
+            VALUE(FIELD_I16, "pitch", "rad", COMPACT_EULER_RAD),
+            VALUE(FIELD_I16, "yaw", "rad", COMPACT_EULER_RAD))},
+    {"MAGNETIC", COMPACT_MAGNETIC, COMPACT_BY_NODE, false, COMPACT_ACCELERATION_LENGTH, 1,
+     COMPACT_STATE_PERIOD_MS, FIELDS(MAGNETIC)},
+    {"INERTIAL_STATE", COMPACT_INERTIAL_STATE, COMPACT_BY_NODE, false, COMPACT_STATE_LENGTH, 1,
+     COMPACT_STATE_PERIOD_MS, sensor_state},
     {"REQUEST", COMPACT_REQUEST, COMPACT_BY_NODE, true, COMPACT_WRITE_LENGTH, 1, 0,
      FIELDS(NAMED(BITS(7), "parameter", parameters), NUMBER(BITS(1), "write"),
             NUMBER(FIELD_U8, "axis"), NUMBER(FIELD_I32, "value"))},

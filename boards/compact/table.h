@@ -24,7 +24,7 @@ struct compact_message {
     const struct field *fields;
 };
 
-enum { COMPACT_MESSAGES = 13 };
+enum { COMPACT_MESSAGES = 19 };
 extern const struct compact_message compact_messages[COMPACT_MESSAGES];
 
 /* The row of a function; NULL: none. */

@@ -69,6 +69,7 @@ static inline struct icub_board *icub_board_of(const struct board *board)
 struct board_bus *icub_bus_create(struct arena *arena);
 struct board *motor_board_create(struct arena *arena);
 struct board *strain_board_create(enum board_kind kind, struct arena *arena);
+struct board *inertial_board_create(struct arena *arena);
 
 /* What other boards on the bus hear of a STRAIN frame of six bytes of data. */
 void icub_bus_hear_strain(struct board_bus *bus, uint8_t address, enum icub_analog_type type,

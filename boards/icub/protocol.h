@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The iCub CAN protocol, personality BOARD_ICUB (BLL/MC4 motor boards, STRAIN): identifiers,
- * commands, modes, frame types and scales. Shared by the boards and by hosts; holds no behavior, so
- * that all of it is RT-safe.
+ * The iCub CAN protocol, personality BOARD_ICUB (BLL/MC4 motor boards, STRAIN, inertial boards):
+ * identifiers, commands, modes, frame types and scales. Shared by the boards and by hosts; holds no
+ * behavior, so that all of it is RT-safe.
  *
  * 11-bit identifiers: class << 8 | source << 4 | x, where x is the destination address (classes 0,
- * 2, 7) or the frame type (classes 1, 3).
+ * 2, 7) or the frame type (classes 1, 3, 5).
  */
 #ifndef BOARDS_ICUB_PROTOCOL_H
 #define BOARDS_ICUB_PROTOCOL_H
@@ -17,6 +17,7 @@ enum icub_class {
     ICUB_PERIODIC_MOTOR = 1,
     ICUB_POLLING_ANALOG = 2,
     ICUB_PERIODIC_ANALOG = 3,
+    ICUB_PERIODIC_INERTIAL = 5,
     ICUB_MANAGEMENT = 7,
 };
 
@@ -274,6 +275,47 @@ enum icub_analog_type {
     ICUB_TORQUE = 0xb,
 };
 
+/* Class 2 of inertial boards, data[0]; they know GET_FIRMWARE and SET_ADDRESS of the above too. The
+ * mask is little-endian, as all numbers of these newer commands. */
+enum icub_inertial_command {
+    ICUB_INERTIAL_GET_CONFIG = 0x33,
+    ICUB_INERTIAL_SET_CONFIG = 0x34, /* u16 mask, bit = sensor; u8 fusion; u32 ranges, may lack */
+    ICUB_INERTIAL_TRANSMIT = 0x35,   /* u8 period in ms, 0 stops */
+};
+
+/* Any other value of fusion is taken for ON. */
+enum icub_fusion { ICUB_FUSION_ON = 1, ICUB_FUSION_OFF = 33 };
+
+enum icub_inertial_sensor {
+    ICUB_SENSOR_ACCELERATION = 0, /* specific force: 9.81 m/s2 up at rest */
+    ICUB_SENSOR_MAGNETIC = 1,
+    ICUB_SENSOR_GYRO = 2,
+    ICUB_SENSOR_EULER = 3,      /* roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll) */
+    ICUB_SENSOR_QUATERNION = 4, /* has a frame of its own */
+    ICUB_SENSOR_LINEAR = 5,     /* acceleration less gravity */
+    ICUB_SENSOR_GRAVITY = 6,    /* 9.81 m/s2 up */
+    ICUB_SENSOR_STATUS = 15,    /* x: u8, two bits each of magnetometer, accelerometer, gyro and
+                                 * system, 3 = calibrated; y: sensors beyond their range, z:
+                                 * without a reading, as masks */
+    ICUB_INERTIAL_SENSORS = 16,
+};
+
+enum { ICUB_CALIBRATED = 3 };
+
+/* Class 5 frame types */
+enum icub_inertial_type {
+    ICUB_INERTIAL_TRIPLE = 3,     /* sequence, sensor, x, y, z */
+    ICUB_INERTIAL_QUATERNION = 4, /* w, x, y, z: sensor to world, w not negative */
+};
+
+enum { ICUB_INERTIAL_LENGTH = 8 };
+
+/* What a count is worth (D: those of the chip on iCub's boards) */
+#define ICUB_ACCELERATION_M_S2 0.01
+#define ICUB_MAGNETIC_UT 0.0625
+#define ICUB_INERTIAL_DEG 0.0625 /* degree/s of the gyro, degree of Euler angles */
+#define ICUB_QUATERNION 0x1p-14
+
 /* Class 7, data[0] */
 enum icub_management_command {
     ICUB_START_UPDATE = 0x00,
@@ -291,7 +333,7 @@ enum { ICUB_INFO_LENGTH = 32, ICUB_INFO_PART = 4, ICUB_SERIAL_LENGTH = 7 };
 /* From power-up until the application starts, unless a host has found the bootloader by then */
 enum { ICUB_BOOTLOADER_MS = 5000 };
 
-enum { ICUB_BOARD_DSP = 0, ICUB_BOARD_BLL = 4, ICUB_BOARD_STRAIN = 6 };
+enum { ICUB_BOARD_DSP = 0, ICUB_BOARD_BLL = 4, ICUB_BOARD_STRAIN = 6, ICUB_BOARD_RFE = 13 };
 enum { ICUB_PROTOCOL_MAJOR = 1, ICUB_PROTOCOL_MINOR = 6 }; /* motor boards, hosts */
 enum { ICUB_STRAIN_PROTOCOL_MAJOR = 1, ICUB_STRAIN_PROTOCOL_MINOR = 0 };
 

@@ -21,6 +21,7 @@
 #define U16_BE(name, unit)  FIELD(FIELD_U16_BE, name, unit)
 #define I16_BE(name, unit)  FIELD(FIELD_I16_BE, name, unit)
 #define U8_IN(name, lowest, highest) IN(FIELD_U8, name, NULL, lowest, highest)
+#define SCALED(kind, label, by) {.type = kind, .name = label, .scale = by}
 #define U8_OF(label, list)  {.type = FIELD_U8, .name = label, .values = list}
 #define PAD                 {.type = FIELD_PAD}
 
@@ -52,7 +53,7 @@ const struct field_value icub_mode_names[] = {
 const struct field_value icub_board_names[] = {
     {ICUB_BOARD_DSP, "dsp"}, {1, "pic"}, {2, "2dc"}, {3, "mc4"}, {ICUB_BOARD_BLL, "bll"},
     {5, "mtb"}, {ICUB_BOARD_STRAIN, "strain"}, {7, "mais"}, {8, "2foc"}, {9, "6sg"},
-    {12, "strain2"}, {255, "unknown"}, {0, NULL}};
+    {12, "strain2"}, {ICUB_BOARD_RFE, "rfe"}, {255, "unknown"}, {0, NULL}};
 
 static const struct field_value interactions[] = {
     {ICUB_STIFF, "stiff"}, {ICUB_COMPLIANT, "compliant"}, {0, NULL}};
@@ -64,6 +65,13 @@ static const struct field_value calibrations[] = {
 static const struct field_value transmit_modes[] = {
     {ICUB_STRAIN_CALIBRATED, "calibrated"}, {ICUB_STRAIN_SILENT, "silent"},
     {ICUB_STRAIN_UNCALIBRATED, "uncalibrated"}, {ICUB_STRAIN_BOTH, "both"}, {0, NULL}};
+static const struct field_value fusions[] = {
+    {ICUB_FUSION_ON, "on"}, {ICUB_FUSION_OFF, "off"}, {0, NULL}};
+static const struct field_value inertial_sensors[] = {
+    {ICUB_SENSOR_ACCELERATION, "acceleration"}, {ICUB_SENSOR_MAGNETIC, "magnetometer"},
+    {ICUB_SENSOR_GYRO, "gyro"}, {ICUB_SENSOR_EULER, "euler"},
+    {ICUB_SENSOR_QUATERNION, "quaternion"}, {ICUB_SENSOR_LINEAR, "linear_acceleration"},
+    {ICUB_SENSOR_GRAVITY, "gravity"}, {ICUB_SENSOR_STATUS, "status"}, {0, NULL}};
 static const struct field_value tares[] = {
     {ICUB_TARE_RESET, "reset"}, {ICUB_TARE_AUTOMATIC, "automatic"}, {ICUB_TARE_VALUE, "value"},
     {0, NULL}};
@@ -291,6 +299,18 @@ const struct icub_command icub_strain_commands[ICUB_STRAIN_COMMANDS] = {
     [ICUB_STRAIN_SET_ADDRESS] = {"SET_ADDRESS", DO(2, address)},
 };
 
+static const struct field inertial_config[] = {
+    U16("mask", NULL), U8_OF("fusion", fusions), FIELD(FIELD_U32, "ranges", NULL),
+    {.type = FIELD_END}};
+
+const struct icub_command icub_inertial_commands[ICUB_STRAIN_COMMANDS] = {
+    [ICUB_STRAIN_GET_FIRMWARE] = {"GET_FIRMWARE", DO(3, host_protocol), REPLY(8, firmware)},
+    [ICUB_STRAIN_SET_ADDRESS] = {"SET_ADDRESS", DO(2, address)},
+    [ICUB_INERTIAL_GET_CONFIG] = {"GET_CONFIG", DO(1, NULL), REPLY(8, inertial_config)},
+    [ICUB_INERTIAL_SET_CONFIG] = {"SET_CONFIG", DO_UP_TO(4, 8, inertial_config)},
+    [ICUB_INERTIAL_TRANSMIT] = {"TRANSMIT", DO(2, FIELDS(U8("period", "ms")))},
+};
+
 const struct icub_frame_type icub_motor_frames[16] = {
     [ICUB_POSITION] = {"POSITION", 8, FIELDS(I32("position0", "tick"), I32("position1", "tick"))},
     [ICUB_PID_VALUE] = {"PID_VAL", 8,
@@ -331,6 +351,16 @@ const struct icub_frame_type icub_analog_frames[16] = {
     [ICUB_UNCALIBRATED_TORQUE] = {"UNCALIBRATED_TORQUE", ICUB_STRAIN_LENGTH, three_channels},
     [ICUB_FORCE] = {"FORCE", ICUB_STRAIN_LENGTH, three_channels},
     [ICUB_TORQUE] = {"TORQUE", ICUB_STRAIN_LENGTH, three_channels},
+};
+
+/* What x, y and z are depends on the sensor. */
+const struct icub_frame_type icub_inertial_frames[16] = {
+    [ICUB_INERTIAL_TRIPLE] = {"INERTIAL", ICUB_INERTIAL_LENGTH,
+        FIELDS(U8("sequence", NULL), U8_OF("sensor", inertial_sensors), I16("x", NULL),
+               I16("y", NULL), I16("z", NULL))},
+    [ICUB_INERTIAL_QUATERNION] = {"QUATERNION", ICUB_INERTIAL_LENGTH,
+        FIELDS(SCALED(FIELD_I16, "w", ICUB_QUATERNION), SCALED(FIELD_I16, "x", ICUB_QUATERNION),
+               SCALED(FIELD_I16, "y", ICUB_QUATERNION), SCALED(FIELD_I16, "z", ICUB_QUATERNION))},
 };
 
 static const struct field update_ok[] = {U8("ok", NULL), {.type = FIELD_END}};

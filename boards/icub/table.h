@@ -99,10 +99,12 @@ struct icub_frame_type {
 /* enum icub_mode, and board types of class 7 */
 extern const struct field_value icub_mode_names[], icub_board_names[];
 
-extern const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS];   /* class 0 */
-extern const struct icub_command icub_strain_commands[ICUB_STRAIN_COMMANDS]; /* class 2 */
-extern const struct icub_frame_type icub_motor_frames[16];                   /* class 1 */
-extern const struct icub_frame_type icub_analog_frames[16];                  /* class 3 */
+extern const struct icub_command icub_motor_commands[ICUB_MOTOR_COMMANDS];     /* class 0 */
+extern const struct icub_command icub_strain_commands[ICUB_STRAIN_COMMANDS];   /* class 2 */
+extern const struct icub_frame_type icub_motor_frames[16];                     /* class 1 */
+extern const struct icub_command icub_inertial_commands[ICUB_STRAIN_COMMANDS]; /* class 2 */
+extern const struct icub_frame_type icub_analog_frames[16];                    /* class 3 */
+extern const struct icub_frame_type icub_inertial_frames[16];                  /* class 5 */
 
 /* Class 7; NULL when there is no such command. */
 const struct icub_command *icub_management_command(uint8_t code);

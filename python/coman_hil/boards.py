@@ -131,7 +131,7 @@ class _Icub(Boards):
         return [self.text(f"{board}_COMMAND", command="SET_TRANSMIT_MODE",
                           SET_TRANSMIT_MODE_mode=0)
                 for board in self.bus.boards
-                if f"{board}_COMMAND" in self.bus.messages and not axes_of(self.bus, board)]
+                if f"{board}_FORCE" in self.bus.messages]
 
     def _axis(self, joint: str) -> tuple[str, str]:
         """The message that commands a joint's board, and what its axis adds to names."""

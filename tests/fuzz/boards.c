@@ -133,6 +133,10 @@ static void configure(struct fuzz_bench *bench, struct fuzz_bytes *bytes)
         base->config.nboard = BENCH_BOARDS - 1; /* torques need no board */
         base->board[2] = base->board[4];
     }
+    if (what & 64) {
+        base->board[1] =
+            (struct board_config){.name = "leg 2", .kind = BOARD_INERTIAL, .address = 2};
+    }
     for (size_t i = 0; i < base->config.nboard; i++) {
         struct board_config *board = &base->board[i];
 
@@ -370,6 +374,9 @@ static void change_sensor(struct fuzz_bench *bench, struct fuzz_bytes *bytes, ui
         break;
     case 6:
         bench->base.ft.force_n[what % 3] = fuzz_real(bytes, 4000.0);
+        bench->base.sensors.imu.accel_m_s2[what % 3] = bench->base.ft.force_n[what % 3];
+        bench->base.sensors.imu.gyro_rad_s[what % 3] = bench->base.ft.force_n[what % 3] / 20.0;
+        bench->base.sensors.imu.quaternion[what % 4] = bench->base.ft.force_n[what % 3] / 4000.0;
         bench->base.ft.torque_nm[what % 3] = fuzz_real(bytes, 80.0);
         break;
     default:

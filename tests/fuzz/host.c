@@ -17,13 +17,13 @@
 enum {
     BUSES = 4,
     AXES = 5,
-    BOARDS = 7,
+    BOARDS = 8,
     FTS = 2,
     INBOX = 512,
     MESSAGES_MAX = 2048,
     PERIODS_MAX = 1500
 };
-enum { STEP_ID = 0x6f0, DONE_ID = 0x6f1 };
+enum { STEP_ID = 0x6f0, DONE_ID = 0x6f1, IMU_ADDRESS = 9 };
 
 /* Bus by bus: iCub with torque and F/T boards, FOC, compact, compact over CAN FD. */
 static const struct boards_bus_config board_buses[BUSES] = {
@@ -60,6 +60,7 @@ struct bench {
     int64_t now_ns; /* the host's clock */
     enum host_phase phase;
     bool in_lockstep;
+    int imu_bus; /* with the inertial board */
     /* what becomes of the next frames on their way */
     uint8_t lose, spoil, twice;
 };
@@ -186,6 +187,8 @@ static void make_boards(struct bench *bench, struct arena *arena)
                                      .bus = 3,
                                      .ft = 1,
                                      .full_scale = {1500, 1500, 2000, 40, 40, 40}};
+    board[7] = (struct board_config){
+        .name = "imu", .kind = BOARD_INERTIAL, .address = IMU_ADDRESS, .bus = bench->imu_bus};
     fuzz_require(boards_create(&config, arena, &bench->boards, &error) == ERROR_NONE, "%s",
                  error.text);
     for (int bus = 0; bus < BUSES; bus++) {
@@ -208,6 +211,7 @@ static void make_host(struct bench *bench, struct arena *arena)
                                  .axis = axis,
                                  .nft = FTS,
                                  .ft = ft,
+                                 .imu = {true, bench->imu_bus, IMU_ADDRESS, 2000000},
                                  .supply_v = 48.0,
                                  .period_ns = 1000000,
                                  .lockstep = bench->in_lockstep,
@@ -232,6 +236,7 @@ static void start(struct bench *bench, uint8_t how)
 
     memset(bench, 0, sizeof *bench);
     bench->in_lockstep = how & 1;
+    bench->imu_bus = how >> 1 & 3;
     bench->sensors = (struct plant_sensors){
         .supply_v = 48.0, .njoint = AXES, .nft = FTS, .motor = bench->sense, .ft = bench->ft};
     bench->command = (struct plant_command){.njoint = AXES, .motor = bench->motor};
@@ -283,6 +288,12 @@ static void check_host(struct bench *bench)
 
         fuzz_require(isfinite(force->force_n[i % 3]) && isfinite(force->torque_nm[i % 3]),
                      "%g N, %g Nm", force->force_n[i % 3], force->torque_nm[i % 3]);
+    }
+    for (int i = 0; i < 4; i++) {
+        const struct host_motion *motion = host_motion(bench->host);
+
+        fuzz_require(isfinite(motion->quaternion[i]) && fabs(motion->quaternion[i]) <= 2.0,
+                     "component %g", motion->quaternion[i]);
     }
     fuzz_require(bench->phase != HOST_FAILED || fuzz_is_sentence(host_message(bench->host)), "%s",
                  host_message(bench->host));

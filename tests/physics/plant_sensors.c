@@ -126,6 +126,38 @@ static void falling_block_feels_nothing(void **state)
     arena_fini(&block.arena);
 }
 
+/* The block is turned by an angle about an axis, and the sensor on it by a right angle about the
+ * block's x: its attitude is the product of the two quaternions, and what it sees of gravity and of
+ * the Earth's field are these vectors, turned back twice by Rodrigues' formula. */
+static void a_turned_block_reads_its_attitude(void **state)
+{
+    static struct block block;
+    const double axis[3] = {0.6, 0.0, 0.8}, x_axis[3] = {1.0, 0.0, 0.0}, angle = 2.5;
+    const double c = cos(0.5 * angle), s = sin(0.5 * angle), r = sqrt(0.5);
+    const double turned[4] = {c, 0.6 * s, 0.0, 0.8 * s}, position[3] = {0.0, 0.0, 10.0};
+    const double joint[1] = {0.0}, field[3] = {22.8e-6, 0.0, -41.1e-6};
+    const double expected[4] = {r * (c - 0.6 * s), r * (c + 0.6 * s), r * 0.8 * s, r * 0.8 * s};
+    const struct imu_sense *imu;
+    double back[9], mount_back[9], of_block[3], of_sensor[3];
+
+    (void)state;
+    block_init(&block, true);
+    mat3_about_axis(x_axis, 0.5 * M_PI, block.toy.frame[block.toy.robot.imu_frame].rotation);
+    assert_int_equal(plant_reset(block.plant, position, turned, joint), ERROR_NONE);
+    assert_int_equal(plant_sample(block.plant), ERROR_NONE);
+    imu = &plant_sensors(block.plant)->imu;
+    for (int i = 0; i < 4; i++) {
+        assert_near(imu->quaternion[i], (expected[0] < 0.0 ? -1.0 : 1.0) * expected[i], 1e-15);
+    }
+    mat3_about_axis(axis, -angle, back);
+    mat3_about_axis(x_axis, -0.5 * M_PI, mount_back);
+    mat3_apply(back, field, of_block);
+    mat3_apply(mount_back, of_block, of_sensor);
+    assert_vector(imu->magnetic_t, of_sensor[0], of_sensor[1], of_sensor[2], 1e-18);
+    assert_near(vec3_norm(imu->magnetic_t), 47.0e-6, 0.01e-6);
+    arena_fini(&block.arena);
+}
+
 /* Falling and turning at rate w about the vertical through its center of mass (a principal axis):
  * a point at offset r from there is pulled inward by w^2 r, and the mass below pulls outward. */
 static void spinning_block_feels_the_centripetal_acceleration(void **state)
@@ -338,6 +370,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(standing_block_reads_the_carried_weight),
         cmocka_unit_test(falling_block_feels_nothing),
+        cmocka_unit_test(a_turned_block_reads_its_attitude),
         cmocka_unit_test(spinning_block_feels_the_centripetal_acceleration),
         cmocka_unit_test(hanging_part_pulls_the_sensor_down),
         cmocka_unit_test(push_on_the_foot_is_felt_in_full),

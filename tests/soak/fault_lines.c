@@ -50,13 +50,15 @@ static int write_sensor(struct fault_lines *lines, char *text, size_t size)
     static const char *const of_joint[] = {"link_encoder", "motor_encoder", "current", "torque",
                                            "temperature"};
     static const char *const of_ft[] = {"fx", "fy", "fz", "tx", "ty", "tz"};
-    static const char *const of_imu[] = {"gyro_x",  "gyro_y",  "gyro_z",
-                                         "accel_x", "accel_y", "accel_z"};
+    static const char *const of_imu[] = {"gyro_x",  "gyro_y", "gyro_z", "accel_x", "accel_y",
+                                         "accel_z", "mag_x",  "mag_y",  "mag_z",   "quat_w",
+                                         "quat_x",  "quat_y", "quat_z"};
     const struct robot *robot = lines->rig->robot;
     size_t which = below(lines, 8);
 
     if (which == 0 && robot->imu_frame >= 0) {
-        return snprintf(text, size, "sensor imu.%s", of_imu[below(lines, 6)]);
+        return snprintf(text, size, "sensor imu.%s",
+                        of_imu[below(lines, sizeof of_imu / sizeof *of_imu)]);
     }
     if (which <= 2 && robot->nft > 0) {
         const char *name = robot->ft[below(lines, robot->nft)].name;

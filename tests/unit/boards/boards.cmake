@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 foreach(name board_faults board_faults_frames boards can_state event_text fault_parse faults heat
-        messages motor_control sensing settings)
+        inertial messages motor_control sensing settings)
     hil_test(boards_${name} SOURCES unit/boards/${name}.c LIBS boards LABELS unit)
 endforeach()
-foreach(name host_replay loader motor_commands motor_history motor_laws motor_modes
+foreach(name host_replay inertial_board loader motor_commands motor_history motor_laws motor_modes
         motor_telemetry motor_watch strain_board table)
     hil_test(boards_icub_${name} SOURCES unit/boards/icub/${name}.c LIBS boards LABELS unit)
 endforeach()
 hil_test(boards_foc SOURCES unit/boards/foc/board.c LIBS boards LABELS unit)
-foreach(name bus ft_board motor_board node)
+foreach(name bus ft_board inertial_board motor_board node)
     hil_test(boards_compact_${name} SOURCES unit/boards/compact/${name}.c LIBS boards LABELS unit)
 endforeach()

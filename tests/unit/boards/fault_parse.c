@@ -63,8 +63,10 @@ static void sensors_are_numbered_through(void **unused)
     assert_int_equal(fault.index, 3 * SENSOR_JOINT_CHANNELS + 6);
     fault = parse("sensor imu.accel_z off");
     assert_int_equal(fault.index, 3 * SENSOR_JOINT_CHANNELS + 2 * 6 + 5);
+    fault = parse("sensor imu.quat_z off");
+    assert_int_equal(fault.index, 3 * SENSOR_JOINT_CHANNELS + 2 * 6 + 12);
     fault = parse("sensor imu off");
-    assert_int_equal(fault.channels, 6);
+    assert_int_equal(fault.channels, 13);
 }
 
 static void boards_have_a_name_or_an_address(void **unused)

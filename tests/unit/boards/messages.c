@@ -45,17 +45,26 @@ static void configure(struct board_bench *bench, const struct boards_bus_config 
     }
 }
 
+/* The same with an inertial board in the place of the second motor board. */
+static void configure_inertial(struct board_bench *bench, const struct boards_bus_config *bus)
+{
+    configure(bench, bus);
+    bench->board[1] = (struct board_config){
+        .name = "pelvis", .kind = BOARD_INERTIAL, .address = 9, .transmit_at_start = true};
+}
+
 static void everything_sent_is_in_the_list(void **state)
 {
     const struct boards_bus_config *const variants[] = {icub, foc, compact, fd};
     static struct list list;
 
     (void)state;
-    for (int v = 0; v < 4; v++) {
+    for (int run = 0; run < 8; run++) {
         struct board_bench bench;
         size_t seen = 0;
+        int v = run % 4;
 
-        configure(&bench, variants[v]);
+        (run < 4 ? configure : configure_inertial)(&bench, variants[v]);
         bench_start(&bench);
         list.count = 0;
         boards_messages(&bench.config, 0, append, &list);
@@ -63,6 +72,8 @@ static void everything_sent_is_in_the_list(void **state)
         for (int t = 0; t < 400; t++) {
             if (t % 50 == 0) {
                 bench_send(&bench, 0, v < 2 ? 0x70f : 0x7e0, v < 2 ? "FF" : "");
+                bench_send(&bench, 0, 0x209, "34 7F 80 01");
+                bench_send(&bench, 0, 0x209, "35 01");
             }
             bench_send(&bench, 0, 0x10f, "00 00 00 00 00 00 00 00");
             bench_tick(&bench);
@@ -95,10 +106,10 @@ static void no_two_messages_look_the_same(void **state)
     static struct list list;
 
     (void)state;
-    for (int v = 0; v < 4; v++) {
+    for (int v = 0; v < 8; v++) {
         struct board_bench bench;
 
-        configure(&bench, variants[v]);
+        (v < 4 ? configure : configure_inertial)(&bench, variants[v % 4]);
         list.count = 0;
         boards_messages(&bench.config, 0, append, &list);
         for (size_t i = 0; i < list.count; i++) {

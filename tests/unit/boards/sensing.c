@@ -293,6 +293,71 @@ static void drift_grows_as_a_random_walk_and_a_ramp(void **state)
     assert_close(square / walks, 1.0, 5.0 * sqrt(2.0 / walks));
 }
 
+/* Turning about one axis at a constant rate through the angle where w changes its sign in the
+ * plant's convention: 20.5 ms late is the attitude of 20.5 ms ago, on the arc between two ticks. */
+static void late_orientation_turns_through_the_sign_change(void **state)
+{
+    struct bench *bench = *state;
+    const double rate = 30.0, late_s = 0.0205;
+
+    bench->config.orientation.latency_ns = 20500000;
+    bench->config.magnetic.offset = 1e-6;
+    start(bench);
+    for (int i = 0; i < 400; i++) {
+        double half = 0.5 * rate * i * 1e-3, then = half - 0.5 * rate * late_s;
+        double sign = cos(half) < 0.0 ? -1.0 : 1.0;
+        double *q = bench->truth.imu.quaternion;
+        const double *seen;
+
+        q[0] = sign * cos(half);
+        q[2] = sign * sin(half);
+        tick(bench);
+        seen = bench->measured->imu.quaternion;
+        assert_close(seen[0] * seen[0] + seen[2] * seen[2], 1.0, 1e-12);
+        if (i > 21) {
+            assert_close(fabs(seen[0] * cos(then) + seen[2] * sin(then)), 1.0, 1e-12);
+        }
+        assert_true(bench->measured->imu.magnetic_t[1] == 1e-6);
+    }
+}
+
+/* An error of s / 2 in each component is one of s rad about each axis: the angle between truth and
+ * reading is s times the root of a chi-square with three degrees of freedom. */
+static void orientation_noise_is_half_its_angle(void **state)
+{
+    struct bench *bench = *state;
+    const double s = 0.01;
+    double square = 0.0;
+
+    bench->config.orientation.noise_rms = 0.5 * s;
+    bench->truth.imu.quaternion[0] = 0.6;
+    bench->truth.imu.quaternion[3] = 0.8;
+    start(bench);
+    for (int i = 0; i < SAMPLES; i++) {
+        const double *q;
+        double x, y, z;
+
+        tick(bench);
+        q = bench->measured->imu.quaternion;
+        x = 0.6 * q[1] - 0.8 * q[2]; /* of the conjugate truth times the reading */
+        y = 0.6 * q[2] + 0.8 * q[1];
+        z = 0.6 * q[3] - 0.8 * q[0];
+        square += pow(2.0 * asin(sqrt(x * x + y * y + z * z)) / s, 2);
+    }
+    assert_close(square / SAMPLES, 3.0, 5.0 * sqrt(6.0 / SAMPLES) + 1e-3);
+}
+
+static void orientation_that_is_off_is_not_known(void **state)
+{
+    struct bench *bench = *state;
+
+    arm(bench, (const char *const[]){"sensor imu off", NULL});
+    bench->truth.imu = (struct imu_sense){{1, 1, 1}, {1, 1, 1}, {1, 1, 1}, {1, 0, 0, 0}};
+    start(bench);
+    tick(bench);
+    assert_memory_equal(&bench->measured->imu, &(struct imu_sense){0}, sizeof(struct imu_sense));
+}
+
 static void encoder_that_counts_from_its_start_shows_no_angle_at_first(void **state)
 {
     struct bench *bench = *state;
@@ -543,6 +608,9 @@ int main(void)
         TEST(converter_saturates_and_rounds_to_its_steps),
         TEST(gain_and_offset_come_before_the_converter),
         TEST(drift_grows_as_a_random_walk_and_a_ramp),
+        TEST(late_orientation_turns_through_the_sign_change),
+        TEST(orientation_noise_is_half_its_angle),
+        TEST(orientation_that_is_off_is_not_known),
         TEST(encoder_that_counts_from_its_start_shows_no_angle_at_first),
         TEST(rate_of_a_real_encoder_is_that_of_its_readings),
         TEST(winding_of_the_plant_is_read_as_it_is),

@@ -246,6 +246,53 @@ static void fd_loads_are_those_of_the_protocol_study(void **state)
     CHECK_LOADS("coman-fd.yaml", loads);
 }
 
+/* Three frames of 8 bytes (135 bits at the most) every 5 ms; of 6, 6 and 8 bytes every 2 ms, with 6
+ * and 8 more every 50 ms; one of 32 bytes a millisecond, and of 8 every 50 ms (times as above). */
+static void inertial_boards_load_their_buses(void **state)
+{
+    static const struct {
+        const char *with, *without, *bus;
+        double percent;
+    } rigs[] = {
+        {"coman-imu", "coman", "torso", 3 * 135 / 5e1},
+        {"coman-compact-imu", "coman-compact", "torso",
+         (115 + 115 + 135) / 2e1 + (115 + 135) / 50e1},
+        {"coman-fd-imu", "coman-fd", "left", 78.9 / 10 + 48.2 / 50 / 10},
+    };
+
+    (void)state;
+    for (int i = 0; i < 3; i++) {
+        double percent[2];
+
+        for (int k = 0; k < 2; k++) {
+            char path[256];
+            const struct rig *rig;
+            double telemetry, command;
+            int bus;
+
+            snprintf(path, sizeof path, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR,
+                     k ? rigs[i].with : rigs[i].without);
+            rig = load_rig(path);
+            assert_int_equal(rig->imu.present, k);
+            bus = rig_find_bus(rig, rigs[i].bus);
+            rig_bus_load(rig, (size_t)bus, rig->servo.command_period_ns, &telemetry, &command);
+            percent[k] = 100.0 * telemetry / (double)rig->bus[bus].bitrate;
+            assert_true(telemetry + command < (double)rig->bus[bus].bitrate);
+        }
+        assert_true(fabs(percent[1] - percent[0] - rigs[i].percent) < 0.01);
+    }
+}
+
+static void one_inertial_board_where_the_robot_has_the_sensor(void **state)
+{
+    (void)state;
+    refused("  - {name: left, interface: can0, boards: [{kind: inertial, address: 9}]}\n",
+            "28:44: found an inertial board, expected none: the robot has no imu");
+    refused("  - {name: left, interface: can0,\n"
+            "     boards: [{kind: inertial, address: 9, axes: [hip]}]}\n",
+            "29:15: found key \"axes\" in an inertial board, expected none there");
+}
+
 /* ---- rigs that extend others ---- */
 
 static void a_plan_shares_all_but_the_buses_with_the_rig_that_it_extends(void **state)
@@ -283,6 +330,8 @@ int main(void)
         TEST(foc_loads_are_those_of_the_protocol_study),
         TEST(compact_loads_are_those_of_the_protocol_study),
         TEST(fd_loads_are_those_of_the_protocol_study),
+        TEST(inertial_boards_load_their_buses),
+        TEST(one_inertial_board_where_the_robot_has_the_sensor),
         TEST(a_plan_shares_all_but_the_buses_with_the_rig_that_it_extends),
     };
 

@@ -54,7 +54,8 @@ static void what_a_joint_gives_replaces_the_channel_of_all(void **state)
                           "    knee: {torque_nm: {offset: 1}, motor_encoder_from_start: true}\n"
                           "  every_ft: {force_n: {full_scale: 2000}, torque_nm: {full_scale: 40}}\n"
                           "  fts: {wrist_ft: {crosstalk: 0.01}}\n"
-                          "  imu: {gyro_rad_s: {ramp_per_s: 0.1}}\n");
+                          "  imu: {gyro_rad_s: {ramp_per_s: 0.1}, magnetic_t: {offset: 1e-6},\n"
+                          "        orientation: {latency_s: 0.004}}\n");
     const struct sensor_joint *hip = &rig->sensing.joint[0], *knee = &rig->sensing.joint[1];
 
     (void)state;
@@ -70,6 +71,8 @@ static void what_a_joint_gives_replaces_the_channel_of_all(void **state)
     assert_true(rig->sensing.ft[0].crosstalk == 0.0 && rig->sensing.ft[1].crosstalk == 0.01);
     assert_true(rig->sensing.ft[1].force.full_scale == 2000.0);
     assert_true(rig->sensing.gyro.ramp_per_s == 0.1);
+    assert_true(rig->sensing.magnetic.offset == 1e-6);
+    assert_true(rig->sensing.orientation.latency_ns == 4000000);
 }
 
 static void a_supply_has_the_bus_that_is_given(void **state)

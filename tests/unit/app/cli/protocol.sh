@@ -41,6 +41,8 @@ has icub 'Board to host, id 0x101 + 0x10 a, 8 bytes, every 4 ms.'
 has icub 'Host to board, id 0x70f, byte 0 = 0xff, 1 byte.'
 has icub '- bytes 2-3 `value`: u16 be'
 has icub '- byte 1 `period`: u8, ms, 1 to 255 ms'
+has icub 'Board to host, id 0x503 + 0x10 a, 8 bytes, every 1 ms.'
+has icub 'Host to board, id 0x200 + a, byte 0 = 0x34, 4 to 8 bytes.'
 [ ! -s "$work/out" ]
 result $? "identifiers, lengths and ranges of icub"
 has foc 'Host to board, id 0x10f, 8 bytes, every 1 ms.'
@@ -52,16 +54,17 @@ has compact 'Host to board, id 0x020, 5 bytes.'
 has compact 'Board to host, id 0x100 + s, 8 bytes, every 1 ms.'
 has compact 'Board to host, id 0x120 + n, 64 bytes, every 1 ms.'
 has compact '- bits 22-37 `deflection`: i16, in 1e-05 rad, -0.32768 to 0.32767 rad'
+has compact 'Board to host, id 0x240 + n, 32 bytes, every 1 ms.'
 has compact 'Answer: REPLY, id 0x6a0 + n, 7 bytes.'
 [ ! -s "$work/out" ]
 result $? "identifiers, lengths, scales and ranges of compact"
 
-has_all_of coman icub
-result $? "every frame of the rig coman is on the page"
+has_all_of coman icub && has_all_of coman-imu icub
+result $? "every frame of the rigs coman and coman-imu is on the page"
 has_all_of coman-foc foc
 result $? "every frame of the rig coman-foc is on the page"
-has_all_of coman-compact compact && has_all_of coman-fd compact
-result $? "every frame of the rigs coman-compact and coman-fd is on the page"
+has_all_of coman-compact-imu compact && has_all_of coman-fd-imu compact
+result $? "every frame of the rigs coman-compact-imu and coman-fd-imu is on the page"
 
 "$program" protocol icbu >"$work/out" 2>&1
 [ $? -eq 2 ] && grep -q 'expected icub' "$work/out"
