@@ -394,6 +394,9 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
         pose_relate(a, &e->pose[pair->surface[1]], &relative);
         patch_add_springs(e, i, &relative, &sum);
         memcpy(tangent[i].center, e->patch[i].center, sizeof tangent[i].center);
+        if (e->grip && e->grip[i].rigid) {
+            native_bristle_resist(&e->grip[i], a->R, &tangent[i]);
+        }
         if (e->grip) {
             tangent_set_bristles(&e->grip[i], a->R, pair->sign, &tangent[i]);
         }

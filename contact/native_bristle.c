@@ -5,6 +5,7 @@
  * bristles' state goes by b against a of the configured pair in the world frame; the twist is the
  * same from both sides.
  */
+#include "contact/native_moments.h"
 #include "contact/native_private.h"
 #include "base/vec3.h"
 
@@ -158,6 +159,100 @@ static double grip_find_yield(const struct springs *s, const struct native_grip 
     return scale;
 }
 
+/* ---- springs that hold as one ---- */
+
+/* y = A x of a symmetric matrix as of struct native_gather. */
+static void second_apply(const double A[6], const double x[3], double y[3])
+{
+    y[0] = A[0] * x[0] + A[1] * x[1] + A[2] * x[2];
+    y[1] = A[1] * x[0] + A[3] * x[1] + A[4] * x[2];
+    y[2] = A[2] * x[0] + A[4] * x[1] + A[5] * x[2];
+}
+
+/* Whether no spring of the grip can be near its limit, wherever on the surface it is. u: the
+ * sliding velocity at the center. */
+static bool grip_is_rigid(const struct springs *s, const struct native_grip *grip,
+                          const double u[3])
+{
+    const struct native_law *law = &s->pair->law;
+    const double across = 2 * s->e->surface[s->pair->surface[0]].reach;
+    const double limit = fmin(law->us, law->ud) * grip->reach;
+    double bend = vec3_norm(grip->bristle) +
+                  fabs(grip->bristle[BRISTLE_TWIST]) * grip->inverse_radius * across;
+    double speed = vec3_norm(u) + vec3_norm(s->relative->w) * across;
+
+    return native_pair_is_one_way(s->pair) &&
+           bend + grip->delay_s * grip->root * speed < YIELD_FROM * limit;
+}
+
+/* springs_hold of a grip that is_rigid, by the moments of the normal force f: with r from the
+ * center, where the sum of f r is zero, C the sum of f r r, n the normal, bristles g = y + t n x r
+ * and the sliding velocity u + (w x r across n). Fills power too. False when it is not rigid. */
+static bool grip_hold_rigid(const struct springs *s, const double second[6],
+                            struct native_grip *grip, struct native_sum *sum)
+{
+    const double *n = grip->normal, *c = grip->center, *y = grip->bristle, *w = s->relative->w;
+    const double N = 1 / grip->inverse_normal, twist = y[BRISTLE_TWIST] * grip->inverse_radius;
+    const double delay = grip->delay_s * grip->root, stiffness = grip->inverse_normal * grip->root;
+    double u[3], force[3], turn[3], b[3], Cn[3], Cw[3], Cb[3], Cbn[3], *C = grip->second, trace;
+
+    /* The velocity at the center, across the normal */
+    vec3_cross(w, c, u);
+    vec3_add_scaled(s->relative->v, 1, u, u);
+    vec3_add_scaled(u, -vec3_dot(n, u), n, u);
+    if (!grip_is_rigid(s, grip, u)) {
+        return false;
+    }
+
+    /* C, and what of it is needed */
+    C[0] = second[0] - N * c[0] * c[0];
+    C[1] = second[1] - N * c[0] * c[1];
+    C[2] = second[2] - N * c[0] * c[2];
+    C[3] = second[3] - N * c[1] * c[1];
+    C[4] = second[4] - N * c[1] * c[2];
+    C[5] = second[5] - N * c[2] * c[2];
+    trace = C[0] + C[3] + C[5];
+    vec3_cross(n, w, b);
+    second_apply(C, n, Cn);
+    second_apply(C, w, Cw);
+    second_apply(C, b, Cb);
+    vec3_cross(Cb, n, Cbn);
+
+    /* Force, moment and power */
+    for (int k = 0; k < 3; k++) {
+        force[k] = -stiffness * N * (y[k] + delay * u[k]);
+    }
+    vec3_cross(c, force, turn);
+    for (int k = 0; k < 3; k++) {
+        sum->force[k] += force[k];
+        sum->moment[k] += turn[k] - stiffness * (twist * (trace * n[k] - Cn[k]) +
+                                                 delay * (trace * w[k] - Cw[k] - Cbn[k]));
+    }
+    grip->power =
+        stiffness *
+        (N * vec3_dot(y, u) + twist * (trace * vec3_dot(n, w) - vec3_dot(n, Cw)) +
+         delay * (N * vec3_dot(u, u) + trace * vec3_dot(w, w) - vec3_dot(w, Cw) - vec3_dot(b, Cb)));
+    grip->rigid = true;
+    return true;
+}
+
+void native_bristle_resist(const struct native_grip *grip, const double turn[9],
+                           struct contact_tangent *tangent)
+{
+    const double each = grip->root * grip->follow_s * grip->inverse_normal * grip->root;
+    struct moments friction = {.zeroth = each / grip->inverse_normal};
+    double normal[3];
+
+    memcpy(friction.second, grip->second, sizeof friction.second);
+    sym3_rotate(turn, friction.second);
+    for (int k = 0; k < 6; k++) {
+        friction.second[k] *= each;
+    }
+    mat3_apply(turn, grip->normal, normal);
+    tangent_add_across(&friction, tangent->D);
+    tangent_add_along(-1, &friction, normal, tangent->D);
+}
+
 /* ---- the state ---- */
 
 /* Between the world and the first surface's frame. */
@@ -249,8 +344,9 @@ static void hold_now(const struct springs *s, const struct bend *bend,
 /* Friction of the bristles that y becomes in h seconds; fills their mean rate. The power of
  * friction that bounds what they store is that of the bristles before they yield. */
 static void hold_ahead(const struct springs *s, const struct bend *bend, double h,
-                       const double y[CONTACT_BRISTLE], struct native_grip *grip,
-                       struct native_sum *sum, double rate[CONTACT_BRISTLE])
+                       const double second[6], const double y[CONTACT_BRISTLE],
+                       struct native_grip *grip, struct native_sum *sum,
+                       double rate[CONTACT_BRISTLE])
 {
     struct native_sum unyielding = *sum;
     double before = bristle_square(y), after, most, scale;
@@ -263,14 +359,20 @@ static void hold_ahead(const struct springs *s, const struct bend *bend, double 
     grip->delay_s = DELAY_S;
     grip->follow_s = DELAY_S + h;
     grip->bend_s = h;
-    springs_hold(s, grip, &unyielding);
     after = bristle_square(grip->bristle);
+    if (!grip_hold_rigid(s, second, grip, &unyielding)) {
+        springs_hold(s, grip, &unyielding);
+    }
     most = fmax(0, before + 2 * h * grip->power);
 
-    if (grip->held <= YIELD_FROM * grip->most && after <= most) {
+    if ((grip->rigid || grip->held <= YIELD_FROM * grip->most) && after <= most) {
         *sum = unyielding;
     } else {
         /* Back to what they can bear and to what the work on them allows */
+        if (grip->rigid) {
+            grip->rigid = false;
+            springs_hold(s, grip, &unyielding);
+        }
         scale = (1 + h / YIELD_S * grip_find_yield(s, grip)) / (1 + h / YIELD_S);
         scale = after > most ? fmin(scale, sqrt(most / after)) : scale;
         for (int k = 0; k < CONTACT_BRISTLE; k++) {
@@ -310,7 +412,7 @@ void native_bristle_hold(struct native_engine *e, size_t index,
     shear_align(grip->normal, y);
     h = bristles ? bristles->ahead_s : 0;
     if (h > 0) {
-        hold_ahead(&springs, &bend, h, y, grip, sum, rate);
+        hold_ahead(&springs, &bend, h, sum->gather->second, y, grip, sum, rate);
     } else {
         hold_now(&springs, &bend, y, grip, sum, rate);
     }

@@ -4,6 +4,7 @@
 
 #include "contact/lanes.h"
 #include "contact/native_friction.h"
+#include "contact/native_moments.h"
 #include "contact/native_stick.h"
 #include "base/vec3.h"
 
@@ -95,11 +96,6 @@ struct resistance {
     _Alignas(64) double along[CONTACT_AXES][RESISTANCE_MAX];
 };
 
-/* The sums of a weight w, of w r and of w r r over springs at r. */
-struct moments {
-    double zeroth, first[3], second[6]; /* xx xy xz yy yz zz */
-};
-
 /* The product of a matrix's row and a vector. */
 LANES_INLINE lanes lanes_turn(const double row[3], const lanes v[3])
 {
@@ -156,7 +152,9 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
         /* The damped spring's share of its elastic force, and the damping of friction */
         pushes = 1 - law->dissipation * leaving;
         pushes = lanes_pick(lanes_less(zero, pushes), pushes, zero);
-        if (sum->grip) {
+        if (sum->grip && sum->grip->rigid) {
+            friction = zero; /* native_bristle_resist knows it as a whole */
+        } else if (sum->grip) {
             friction = follow * bristle_stiffness(b, from, law, relative, sum->grip);
         } else {
             for (int k = 0; k < 3; k++) {
@@ -259,44 +257,6 @@ static void find_moments(const struct resistance *by, const double *weight, stru
     }
 }
 
-/* Against the velocity v + w x r at r, in all directions alike: the identity, the cross product
- * with r, and r^2 less the outer product of r. */
-static void tangent_add_across(const struct moments *m, double T[CONTACT_TANGENT_SIZE])
-{
-    const double s = m->zeroth, x = m->first[0], y = m->first[1], z = m->first[2];
-    const double xx = m->second[0], xy = m->second[1], xz = m->second[2];
-    const double yy = m->second[3], yz = m->second[4], zz = m->second[5];
-    const double across[CONTACT_TANGENT_SIZE] = {
-        s, 0, 0, 0, z, -y, s, 0, -z, 0, x, s, y, -x, 0, yy + zz, -xy, -xz, xx + zz, -yz, xx + yy};
-
-    for (int at = 0; at < CONTACT_TANGENT_SIZE; at++) {
-        T[at] += across[at];
-    }
-}
-
-/* Along the direction d only, the same for all springs: the outer product of (d, r x d). */
-static void tangent_add_along(const struct moments *m, const double d[3],
-                              double T[CONTACT_TANGENT_SIZE])
-{
-    const double *s = m->second;
-    const double cross[9] = {0, d[2], -d[1], -d[2], 0, d[0], d[1], -d[0], 0}; /* of r -> r x d */
-    const double S[9] = {s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5]};
-    double turn[3], half[9];
-
-    vec3_cross(m->first, d, turn);
-    mat3_mul(cross, S, half);
-    for (int i = 0; i < 3; i++) {
-        for (int j = i; j < 3; j++) {
-            T[CONTACT_TANGENT_AT(i, j)] += m->zeroth * d[i] * d[j];
-            T[CONTACT_TANGENT_AT(CONTACT_TURN_X + i, CONTACT_TURN_X + j)] +=
-                vec3_dot(half + 3 * i, cross + 3 * j);
-        }
-        for (int j = 0; j < 3; j++) {
-            T[CONTACT_TANGENT_AT(i, CONTACT_TURN_X + j)] += d[i] * turn[j];
-        }
-    }
-}
-
 /* Of springs that all push along d, in the world. */
 static void tangent_add_one_way(const struct resistance *by, const double d[3],
                                 struct contact_tangent *tangent)
@@ -305,8 +265,8 @@ static void tangent_add_one_way(const struct resistance *by, const double d[3],
 
     find_moments(by, by->stiffness, &stiffness);
     find_moments(by, by->damping, &damping);
-    tangent_add_along(&stiffness, d, tangent->K);
-    tangent_add_along(&damping, d, tangent->D);
+    tangent_add_along(1, &stiffness, d, tangent->K);
+    tangent_add_along(1, &damping, d, tangent->D);
 }
 
 static void law_add_tangents(const struct native_batch *b, const struct native_law *law,
@@ -332,8 +292,10 @@ static void law_add_tangents(const struct native_batch *b, const struct native_l
             tangent_add_row(&by, CONTACT_TURN_Y, sum->tangent);
             tangent_add_row(&by, CONTACT_TURN_Z, sum->tangent);
         }
-        find_moments(&by, by.friction, &friction);
-        tangent_add_across(&friction, sum->tangent->D);
+        if (!sum->grip || !sum->grip->rigid) {
+            find_moments(&by, by.friction, &friction);
+            tangent_add_across(&friction, sum->tangent->D);
+        }
     }
 }
 

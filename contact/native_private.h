@@ -78,6 +78,17 @@ void native_place_fixed_surfaces(struct native_engine *e);
 void native_pair_find_force(const struct native_engine *e, const struct native_pair *pair,
                             const struct native_relative *relative, struct native_sum *sum);
 
+/* Whether all springs of a pair push in one direction: on a half-space. */
+static inline bool native_pair_is_one_way(const struct native_pair *pair)
+{
+    return pair->kind == PAIR_MESH_HALF_SPACE || pair->kind == PAIR_CAPSULE_HALF_SPACE;
+}
+
+/* Adds what a rigid grip resists motion by to a tangent, in the first surface's frame turned by
+ * turn. */
+void native_bristle_resist(const struct native_grip *grip, const double turn[9],
+                           struct contact_tangent *tangent);
+
 /* Sticking friction: adds that of a pair in touch to sum, which has gathered the rest, and fills
  * the next patch's grip and the bristles' rates. The pair's springs are in the batch, or lost,
  * because there was no room. bristles: may be NULL (all relaxed). */

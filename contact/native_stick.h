@@ -33,6 +33,10 @@ struct native_grip {
      * w |g|^2 where |g| < l */
     double power, held, most, open;
     bool keeps; /* what the springs resist is kept in the batch, for tangents */
+    /* Springs that push one way and are far from yielding hold as one: the force is that of the
+     * whole patch, no spring of it was asked */
+    bool rigid;
+    double second[6]; /* then the sum of f r r about the center */
 };
 
 /* Adds the springs from start on to the normal force, its energies and what sum->gather wants. */

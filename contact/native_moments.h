@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Tangents by the moments of what springs weigh, for the native engine: in the world's directions,
+ * about the tangent's center, laid out as in struct contact_tangent. SI units. All memory is the
+ * caller's; nothing fails; all is RT-safe.
+ */
+#ifndef CONTACT_NATIVE_MOMENTS_H
+#define CONTACT_NATIVE_MOMENTS_H
+
+#include "contact/contact.h"
+#include "base/vec3.h"
+
+/* The sums of a weight w, of w r and of w r r over springs at r. */
+struct moments {
+    double zeroth, first[3], second[6]; /* xx xy xz yy yz zz */
+};
+
+/* Against the velocity v + w x r at r, in all directions alike: the identity, the cross product
+ * with r, and r^2 less the outer product of r. */
+static inline void tangent_add_across(const struct moments *m, double T[CONTACT_TANGENT_SIZE])
+{
+    const double s = m->zeroth, x = m->first[0], y = m->first[1], z = m->first[2];
+    const double xx = m->second[0], xy = m->second[1], xz = m->second[2];
+    const double yy = m->second[3], yz = m->second[4], zz = m->second[5];
+    const double across[CONTACT_TANGENT_SIZE] = {
+        s, 0, 0, 0, z, -y, s, 0, -z, 0, x, s, y, -x, 0, yy + zz, -xy, -xz, xx + zz, -yz, xx + yy};
+
+    for (int at = 0; at < CONTACT_TANGENT_SIZE; at++) {
+        T[at] += across[at];
+    }
+}
+
+/* Along the direction d only, the same for all springs: scale times the outer product of
+ * (d, r x d). */
+static inline void tangent_add_along(double scale, const struct moments *m, const double d[3],
+                                     double T[CONTACT_TANGENT_SIZE])
+{
+    const double *s = m->second;
+    const double cross[9] = {0, d[2], -d[1], -d[2], 0, d[0], d[1], -d[0], 0}; /* of r -> r x d */
+    const double S[9] = {s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5]};
+    double turn[3], half[9];
+
+    vec3_cross(m->first, d, turn);
+    mat3_mul(cross, S, half);
+    for (int i = 0; i < 3; i++) {
+        for (int j = i; j < 3; j++) {
+            T[CONTACT_TANGENT_AT(i, j)] += scale * (m->zeroth * d[i] * d[j]);
+            T[CONTACT_TANGENT_AT(CONTACT_TURN_X + i, CONTACT_TURN_X + j)] +=
+                scale * vec3_dot(half + 3 * i, cross + 3 * j);
+        }
+        for (int j = 0; j < 3; j++) {
+            T[CONTACT_TANGENT_AT(i, CONTACT_TURN_X + j)] += scale * (d[i] * turn[j]);
+        }
+    }
+}
+
+#endif
