@@ -226,7 +226,8 @@ static void pair_evaluate(struct native_engine *e, size_t index, const struct bo
     const bool full = batch->full;
     struct native_relative relative;
     struct native_gather gather = {.along = {0, 0, 0}};
-    struct native_sum sum = {.gather = e->grip ? &gather : NULL};
+    struct native_sum sum = {.gather = e->grip ? &gather : NULL,
+                             .one_way = native_pair_is_one_way(pair)};
 
     batch->n = batch->start = from;
     batch->full = false;
@@ -334,20 +335,29 @@ static size_t native_patches(struct contact_world *world, struct contact_patch *
 }
 
 /* What the springs of a pair in touch add to a tangent: those of the last evaluation, or the same
- * found once more where the batch had no room for them all. */
-static void patch_add_springs(const struct native_engine *e, size_t patch,
-                              const struct native_relative *relative, struct native_sum *sum)
+ * found once more where the batch had no room for them all. center: in the first surface's frame,
+ * as the springs are. */
+static void patch_add_springs(const struct native_engine *e, size_t patch, const double center[3],
+                              struct contact_tangent *tangent)
 {
     const struct native_pair *pair = &e->pair[e->patch[patch].pair];
+    const struct native_pose *a = &e->pose[pair->surface[0]];
     struct native_batch *batch = &e->scratch->batch;
+    struct native_relative relative;
+    struct native_sum sum = {.tangent = tangent,
+                             .turn = a->R,
+                             .one_way = native_pair_is_one_way(pair),
+                             .grip = e->grip ? &e->grip[patch] : NULL};
 
+    pose_relate(a, &e->pose[pair->surface[1]], &relative);
+    memcpy(tangent->center, center, sizeof tangent->center);
     if (batch->full) {
         batch->n = batch->start = 0;
-        native_pair_find_force(e, pair, relative, sum);
+        native_pair_find_force(e, pair, &relative, &sum);
     } else {
         batch->start = e->springs[patch].from;
         batch->n = e->springs[patch].to;
-        pair->kernels->sum(batch, &pair->law, relative, sum);
+        pair->kernels->sum(batch, &pair->law, &relative, &sum);
     }
 }
 
@@ -374,13 +384,8 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
         const struct native_pair *pair = &e->pair[e->patch[i].pair];
         const struct native_pose *a = &e->pose[pair->surface[0]];
         bool turned = pair->sign > 0; /* the configured pair's a is our second */
-        struct native_relative relative;
-        struct native_sum sum = {.tangent = &tangent[i],
-                                 .turn = a->R,
-                                 .one_way = pair->kind == PAIR_MESH_HALF_SPACE ||
-                                            pair->kind == PAIR_CAPSULE_HALF_SPACE,
-                                 .grip = e->grip ? &e->grip[i] : NULL};
-        double arm[3];
+        const struct native_grip *grip = e->grip ? &e->grip[i] : NULL;
+        double arm[3], center[3]; /* in the first surface's frame */
 
         tangent[i] = (struct contact_tangent){
             .pair = e->patch[i].pair,
@@ -388,17 +393,17 @@ static size_t native_tangents(struct contact_world *world, struct contact_tangen
             .body_b = e->surface[pair->surface[!turned]].body,
         };
 
-        /* About the patch's center, which the springs take in the first surface's frame */
+        /* About the patch's center */
         vec3_sub(e->patch[i].center, a->p, arm);
-        mat3_apply_transposed(a->R, arm, tangent[i].center);
-        pose_relate(a, &e->pose[pair->surface[1]], &relative);
-        patch_add_springs(e, i, &relative, &sum);
-        memcpy(tangent[i].center, e->patch[i].center, sizeof tangent[i].center);
-        if (e->grip && e->grip[i].rigid) {
-            native_bristle_resist(&e->grip[i], a->R, &tangent[i]);
+        mat3_apply_transposed(a->R, arm, center);
+        if (grip && grip->rigid) {
+            native_bristle_resist(grip, center, a->R, &tangent[i]);
+        } else {
+            patch_add_springs(e, i, center, &tangent[i]);
         }
-        if (e->grip) {
-            tangent_set_bristles(&e->grip[i], a->R, pair->sign, &tangent[i]);
+        memcpy(tangent[i].center, e->patch[i].center, sizeof tangent[i].center);
+        if (grip) {
+            tangent_set_bristles(grip, a->R, pair->sign, &tangent[i]);
         }
     }
     return e->npatch;

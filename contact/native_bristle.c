@@ -161,14 +161,6 @@ static double grip_find_yield(const struct springs *s, const struct native_grip 
 
 /* ---- springs that hold as one ---- */
 
-/* y = A x of a symmetric matrix as of struct native_gather. */
-static void second_apply(const double A[6], const double x[3], double y[3])
-{
-    y[0] = A[0] * x[0] + A[1] * x[1] + A[2] * x[2];
-    y[1] = A[1] * x[0] + A[3] * x[1] + A[4] * x[2];
-    y[2] = A[2] * x[0] + A[4] * x[1] + A[5] * x[2];
-}
-
 /* Whether no spring of the grip can be near its limit, wherever on the surface it is. u: the
  * sliding velocity at the center. */
 static bool grip_is_rigid(const struct springs *s, const struct native_grip *grip,
@@ -188,12 +180,13 @@ static bool grip_is_rigid(const struct springs *s, const struct native_grip *gri
 /* springs_hold of a grip that is_rigid, by the moments of the normal force f: with r from the
  * center, where the sum of f r is zero, C the sum of f r r, n the normal, bristles g = y + t n x r
  * and the sliding velocity u + (w x r across n). Fills power too. False when it is not rigid. */
-static bool grip_hold_rigid(const struct springs *s, const double second[6],
+static bool grip_hold_rigid(const struct springs *s, const struct native_gather *gather,
                             struct native_grip *grip, struct native_sum *sum)
 {
     const double *n = grip->normal, *c = grip->center, *y = grip->bristle, *w = s->relative->w;
     const double N = 1 / grip->inverse_normal, twist = y[BRISTLE_TWIST] * grip->inverse_radius;
     const double delay = grip->delay_s * grip->root, stiffness = grip->inverse_normal * grip->root;
+    const double *second = gather->second;
     double u[3], force[3], turn[3], b[3], Cn[3], Cw[3], Cb[3], Cbn[3], *C = grip->second, trace;
 
     /* The velocity at the center, across the normal */
@@ -213,9 +206,9 @@ static bool grip_hold_rigid(const struct springs *s, const double second[6],
     C[5] = second[5] - N * c[2] * c[2];
     trace = C[0] + C[3] + C[5];
     vec3_cross(n, w, b);
-    second_apply(C, n, Cn);
-    second_apply(C, w, Cw);
-    second_apply(C, b, Cb);
+    moments_apply_second(C, n, Cn);
+    moments_apply_second(C, w, Cw);
+    moments_apply_second(C, b, Cb);
     vec3_cross(Cb, n, Cbn);
 
     /* Force, moment and power */
@@ -232,25 +225,37 @@ static bool grip_hold_rigid(const struct springs *s, const double second[6],
         stiffness *
         (N * vec3_dot(y, u) + twist * (trace * vec3_dot(n, w) - vec3_dot(n, Cw)) +
          delay * (N * vec3_dot(u, u) + trace * vec3_dot(w, w) - vec3_dot(w, Cw) - vec3_dot(b, Cb)));
+    grip->stiffness = gather->stiffness;
+    grip->damping = gather->damping;
     grip->rigid = true;
     return true;
 }
 
-void native_bristle_resist(const struct native_grip *grip, const double turn[9],
-                           struct contact_tangent *tangent)
+void native_bristle_resist(const struct native_grip *grip, const double center[3],
+                           const double turn[9], struct contact_tangent *tangent)
 {
     const double each = grip->root * grip->follow_s * grip->inverse_normal * grip->root;
-    struct moments friction = {.zeroth = each / grip->inverse_normal};
+    struct moments friction = {.zeroth = each / grip->inverse_normal}, stiffness, damping;
     double normal[3];
 
+    /* Friction follows the normal force; the springs are those of the last evaluation */
+    mat3_apply(turn, grip->normal, normal);
     memcpy(friction.second, grip->second, sizeof friction.second);
     sym3_rotate(turn, friction.second);
     for (int k = 0; k < 6; k++) {
         friction.second[k] *= each;
     }
-    mat3_apply(turn, grip->normal, normal);
+    moments_move(&grip->stiffness, center, turn, &stiffness);
+    moments_move(&grip->damping, center, turn, &damping);
+
+    /* Friction in all directions but the normal */
+    damping.zeroth -= friction.zeroth;
+    for (int k = 0; k < 6; k++) {
+        damping.second[k] -= friction.second[k];
+    }
+    tangent_add_along(1, &stiffness, normal, tangent->K);
+    tangent_add_along(1, &damping, normal, tangent->D);
     tangent_add_across(&friction, tangent->D);
-    tangent_add_along(-1, &friction, normal, tangent->D);
 }
 
 /* ---- the state ---- */
@@ -344,9 +349,8 @@ static void hold_now(const struct springs *s, const struct bend *bend,
 /* Friction of the bristles that y becomes in h seconds; fills their mean rate. The power of
  * friction that bounds what they store is that of the bristles before they yield. */
 static void hold_ahead(const struct springs *s, const struct bend *bend, double h,
-                       const double second[6], const double y[CONTACT_BRISTLE],
-                       struct native_grip *grip, struct native_sum *sum,
-                       double rate[CONTACT_BRISTLE])
+                       const double y[CONTACT_BRISTLE], struct native_grip *grip,
+                       struct native_sum *sum, double rate[CONTACT_BRISTLE])
 {
     struct native_sum unyielding = *sum;
     double before = bristle_square(y), after, most, scale;
@@ -360,7 +364,7 @@ static void hold_ahead(const struct springs *s, const struct bend *bend, double 
     grip->follow_s = DELAY_S + h;
     grip->bend_s = h;
     after = bristle_square(grip->bristle);
-    if (!grip_hold_rigid(s, second, grip, &unyielding)) {
+    if (!grip_hold_rigid(s, sum->gather, grip, &unyielding)) {
         springs_hold(s, grip, &unyielding);
     }
     most = fmax(0, before + 2 * h * grip->power);
@@ -412,7 +416,7 @@ void native_bristle_hold(struct native_engine *e, size_t index,
     shear_align(grip->normal, y);
     h = bristles ? bristles->ahead_s : 0;
     if (h > 0) {
-        hold_ahead(&springs, &bend, h, sum->gather->second, y, grip, sum, rate);
+        hold_ahead(&springs, &bend, h, y, grip, sum, rate);
     } else {
         hold_now(&springs, &bend, y, grip, sum, rate);
     }

@@ -4,8 +4,8 @@
 
 #include "contact/lanes.h"
 #include "contact/native_friction.h"
-#include "contact/native_moments.h"
 #include "contact/native_stick.h"
+#include "contact/native_weigh.h"
 #include "base/vec3.h"
 
 /* Springs that do nothing, up to a full set of lanes. */
@@ -152,9 +152,7 @@ static void law_find_resistance(const struct native_batch *b, size_t start,
         /* The damped spring's share of its elastic force, and the damping of friction */
         pushes = 1 - law->dissipation * leaving;
         pushes = lanes_pick(lanes_less(zero, pushes), pushes, zero);
-        if (sum->grip && sum->grip->rigid) {
-            friction = zero; /* native_bristle_resist knows it as a whole */
-        } else if (sum->grip) {
+        if (sum->grip) {
             friction = follow * bristle_stiffness(b, from, law, relative, sum->grip);
         } else {
             for (int k = 0; k < 3; k++) {
@@ -229,32 +227,10 @@ LANES_INLINE void tangent_add_row(const struct resistance *by, const int row,
 
 static void find_moments(const struct resistance *by, const double *weight, struct moments *m)
 {
-    lanes zeroth = {0}, first[3] = {{0}}, second[6] = {{0}};
+    const double *const arm[3] = {by->arm[0], by->arm[1], by->arm[2]};
 
-    for (size_t i = 0; i < by->n; i += LANES) {
-        lanes w = lanes_load(weight + i);
-        lanes x = lanes_load(by->arm[0] + i), y = lanes_load(by->arm[1] + i),
-              z = lanes_load(by->arm[2] + i);
-        lanes wx = w * x, wy = w * y, wz = w * z;
-
-        zeroth += w;
-        first[0] += wx;
-        first[1] += wy;
-        first[2] += wz;
-        second[0] += wx * x;
-        second[1] += wx * y;
-        second[2] += wx * z;
-        second[3] += wy * y;
-        second[4] += wy * z;
-        second[5] += wz * z;
-    }
-    m->zeroth = lanes_sum(zeroth);
-    for (int k = 0; k < 3; k++) {
-        m->first[k] = lanes_sum(first[k]);
-    }
-    for (int k = 0; k < 6; k++) {
-        m->second[k] = lanes_sum(second[k]);
-    }
+    *m = (struct moments){.zeroth = 0};
+    moments_add_springs(arm, weight, by->n, m);
 }
 
 /* Of springs that all push along d, in the world. */
@@ -292,10 +268,8 @@ static void law_add_tangents(const struct native_batch *b, const struct native_l
             tangent_add_row(&by, CONTACT_TURN_Y, sum->tangent);
             tangent_add_row(&by, CONTACT_TURN_Z, sum->tangent);
         }
-        if (!sum->grip || !sum->grip->rigid) {
-            find_moments(&by, by.friction, &friction);
-            tangent_add_across(&friction, sum->tangent->D);
-        }
+        find_moments(&by, by.friction, &friction);
+        tangent_add_across(&friction, sum->tangent->D);
     }
 }
 

@@ -10,10 +10,50 @@
 #include "contact/contact.h"
 #include "base/vec3.h"
 
+#include <string.h>
+
 /* The sums of a weight w, of w r and of w r r over springs at r. */
 struct moments {
     double zeroth, first[3], second[6]; /* xx xy xz yy yz zz */
 };
+
+/* The second moments about c instead of the origin. */
+static inline void moments_shift_second(const struct moments *m, const double c[3],
+                                        double second[6])
+{
+    const double w = m->zeroth, *s = m->first;
+    const double rest[3] = {s[0] - w * c[0], s[1] - w * c[1], s[2] - w * c[2]}; /* about c */
+
+    second[0] = m->second[0] - c[0] * (s[0] + rest[0]);
+    second[1] = m->second[1] - c[0] * s[1] - c[1] * rest[0];
+    second[2] = m->second[2] - c[0] * s[2] - c[2] * rest[0];
+    second[3] = m->second[3] - c[1] * (s[1] + rest[1]);
+    second[4] = m->second[4] - c[1] * s[2] - c[2] * rest[1];
+    second[5] = m->second[5] - c[2] * (s[2] + rest[2]);
+}
+
+/* Moments about the origin of a frame, taken about c and turned. */
+static inline void moments_move(const struct moments *m, const double c[3], const double turn[9],
+                                struct moments *moved)
+{
+    double first[3];
+
+    for (int k = 0; k < 3; k++) {
+        first[k] = m->first[k] - m->zeroth * c[k];
+    }
+    moved->zeroth = m->zeroth;
+    mat3_apply(turn, first, moved->first);
+    moments_shift_second(m, c, moved->second);
+    sym3_rotate(turn, moved->second);
+}
+
+/* y = A x of a symmetric matrix as of second moments. */
+static inline void moments_apply_second(const double A[6], const double x[3], double y[3])
+{
+    y[0] = A[0] * x[0] + A[1] * x[1] + A[2] * x[2];
+    y[1] = A[1] * x[0] + A[3] * x[1] + A[4] * x[2];
+    y[2] = A[2] * x[0] + A[4] * x[1] + A[5] * x[2];
+}
 
 /* Against the velocity v + w x r at r, in all directions alike: the identity, the cross product
  * with r, and r^2 less the outer product of r. */

@@ -3,9 +3,11 @@
 #include "contact/native_stick.h"
 
 #include "contact/native_friction.h"
+#include "contact/native_weigh.h"
+#include "base/vec3.h"
 
-void native_stick_gather(const struct native_batch *b, const struct native_law *law,
-                         const struct native_relative *relative, struct native_sum *sum)
+static void gather_springs(const struct native_batch *b, const struct native_law *law,
+                           const struct native_relative *relative, struct native_sum *sum)
 {
     struct native_gather *out = sum->gather;
     const lanes zero = {0};
@@ -59,6 +61,126 @@ void native_stick_gather(const struct native_batch *b, const struct native_law *
     sum->normal += lanes_sum(normal);
     sum->potential += lanes_sum(potential) / 2;
     sum->power += lanes_sum(power);
+}
+
+/* ---- springs that push one way ---- */
+
+enum { WEIGHTS_MAX = 136 }; /* springs at a time; no large power of two, as BATCH_MAX */
+
+/* What a spring weighs: its normal force, and what it resists by along the normal. */
+struct weights {
+    _Alignas(64) double normal[WEIGHTS_MAX];
+    _Alignas(64) double stiffness[WEIGHTS_MAX];
+    _Alignas(64) double damping[WEIGHTS_MAX];
+};
+
+/* Of n springs from start on, which all push along d; adds their energies. */
+static void find_weights(const struct native_batch *b, size_t start, size_t n, const double d[3],
+                         const struct native_law *law, const struct native_relative *relative,
+                         struct weights *out, struct native_sum *sum)
+{
+    const double leaving_at_0 = vec3_dot(relative->v, d), c = law->dissipation;
+    const lanes zero = {0};
+    lanes potential = zero, power = zero;
+    double slope[3]; /* of the leaving velocity */
+
+    vec3_cross(d, relative->w, slope);
+    for (size_t i = 0; i < n; i += LANES) {
+        const size_t at = start + i;
+        lanes force = lanes_load(b->force + at);
+        lanes leaving = leaving_at_0 +
+                        (slope[0] * lanes_load(b->p[0] + at) + slope[1] * lanes_load(b->p[1] + at) +
+                         slope[2] * lanes_load(b->p[2] + at));
+        lanes share = 1 - c * leaving; /* of the elastic force: never pulling */
+        lanes_mask pushes = lanes_less(zero, share);
+        lanes normal;
+
+        share = lanes_pick(pushes, share, zero);
+        normal = force * share;
+        lanes_store(normal, out->normal + i);
+        lanes_store(lanes_load(b->rate + at) * share, out->stiffness + i);
+        lanes_store(lanes_pick(pushes, c * force, zero), out->damping + i);
+        potential += force * lanes_load(b->depth + at);
+        power += (force - normal) * leaving;
+    }
+    sum->potential += lanes_sum(potential) / 2;
+    sum->power += lanes_sum(power);
+}
+
+/* Adds to the sum what springs that push along d do, by the moments f of their normal forces. The
+ * sliding velocity at p is that at the origin, across d, and w x p across d. */
+static void add_moments(const struct moments *f, const double d[3],
+                        const struct native_relative *relative, struct native_sum *sum)
+{
+    struct native_gather *out = sum->gather;
+    const double *w = relative->w;
+    const double trace = f->second[0] + f->second[3] + f->second[5];
+    double slide[3], slope[3], moment[3], slip[3], turn[3], spun[3], left[3], back[3];
+
+    vec3_cross(f->first, d, moment);
+
+    /* The sum of f u */
+    vec3_cross(w, f->first, slip);
+    vec3_add_scaled(slip, f->zeroth, relative->v, slip);
+    vec3_add_scaled(slip, -vec3_dot(d, slip), d, slip);
+
+    /* The sum of f p x u: by the velocity of the origin, by w x p, less its part along d */
+    vec3_add_scaled(relative->v, -vec3_dot(d, relative->v), d, slide);
+    vec3_cross(f->first, slide, turn);
+    moments_apply_second(f->second, w, spun);
+    vec3_cross(d, w, slope);
+    moments_apply_second(f->second, slope, left);
+    vec3_cross(left, d, back);
+
+    sum->normal += f->zeroth;
+    for (int k = 0; k < 3; k++) {
+        sum->force[k] += f->zeroth * d[k];
+        sum->moment[k] += moment[k];
+        sum->lever[k] += f->first[k];
+        out->along[k] += f->zeroth * d[k];
+        out->slip[k] += slip[k];
+        out->turn[k] += turn[k] + trace * w[k] - spun[k] - back[k];
+    }
+    for (int k = 0; k < 6; k++) {
+        out->second[k] += f->second[k];
+    }
+}
+
+static void gather_one_way(const struct native_batch *b, const struct native_law *law,
+                           const struct native_relative *relative, struct native_sum *sum)
+{
+    struct moments normal = {.zeroth = 0};
+    struct weights weights;
+    size_t n;
+
+    if (b->start == b->n) {
+        return;
+    }
+
+    const double d[3] = {b->d[0][b->start], b->d[1][b->start], b->d[2][b->start]};
+
+    for (size_t start = b->start; start < b->n; start += n) {
+        const double *const p[3] = {b->p[0] + start, b->p[1] + start, b->p[2] + start};
+
+        n = b->n - start < WEIGHTS_MAX ? b->n - start : WEIGHTS_MAX;
+        find_weights(b, start, n, d, law, relative, &weights, sum);
+        moments_add_springs(p, weights.normal, n, &normal);
+        moments_add_springs(p, weights.stiffness, n, &sum->gather->stiffness);
+        moments_add_springs(p, weights.damping, n, &sum->gather->damping);
+    }
+    add_moments(&normal, d, relative, sum);
+}
+
+/* ---- all springs ---- */
+
+void native_stick_gather(const struct native_batch *b, const struct native_law *law,
+                         const struct native_relative *relative, struct native_sum *sum)
+{
+    if (sum->one_way) {
+        gather_one_way(b, law, relative, sum);
+    } else {
+        gather_springs(b, law, relative, sum);
+    }
 }
 
 void native_stick_hold(struct native_batch *b, const struct native_law *law,

@@ -8,6 +8,7 @@
 #define CONTACT_NATIVE_STICK_H
 
 #include "contact/native_law.h"
+#include "contact/native_moments.h"
 
 /* Sums over the springs that push, by which the patch's bristles are found. f: normal force, p:
  * where it acts, u: sliding velocity there. */
@@ -16,6 +17,9 @@ struct native_gather {
     double second[6]; /* f p p: xx, xy, xz, yy, yz, zz */
     double slip[3];   /* f u */
     double turn[3];   /* f p x u */
+    /* Only of springs that push one way: what is needed for their tangent, about the frame's
+     * origin */
+    struct moments stiffness, damping;
 };
 
 /* The bristles of a patch and where they stand, and what they bear. */
@@ -36,10 +40,12 @@ struct native_grip {
     /* Springs that push one way and are far from yielding hold as one: the force is that of the
      * whole patch, no spring of it was asked */
     bool rigid;
-    double second[6]; /* then the sum of f r r about the center */
+    double second[6];                  /* then the sum of f r r about the center, and */
+    struct moments stiffness, damping; /* those of struct native_gather */
 };
 
-/* Adds the springs from start on to the normal force, its energies and what sum->gather wants. */
+/* Adds the springs from start on to the normal force, its energies and what sum->gather wants. Of
+ * springs that push one way by their moments alone. */
 void native_stick_gather(const struct native_batch *batch, const struct native_law *law,
                          const struct native_relative *relative, struct native_sum *sum);
 

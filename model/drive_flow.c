@@ -129,17 +129,3 @@ void drive_flow_make_implicit(const struct robot_sea *sea, bool bridge_on, doubl
     }
     flow_take(E, scale * t, flow);
 }
-
-struct sea_state drive_flow_advance(const struct drive_flow *flow, const struct sea_state *state,
-                                    double q, double qd, double V)
-{
-    const double input[FLOW_INPUTS] = {state->qm - q, state->qmd, state->I, qd, V};
-    struct sea_state end = *state;
-
-    for (int k = 0; k < FLOW_INPUTS; k++) {
-        end.qm += flow->qm[k] * input[k];
-        end.qmd += flow->qmd[k] * input[k];
-        end.I += flow->I[k] * input[k];
-    }
-    return end;
-}

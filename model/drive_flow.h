@@ -47,7 +47,19 @@ void drive_flow_make_implicit(const struct robot_sea *sea, bool bridge_on, doubl
 
 /* The state after the flow's time, from the state and the joint's position q now, the joint's rate
  * qd and the voltage V held. */
-struct sea_state drive_flow_advance(const struct drive_flow *flow, const struct sea_state *state,
-                                    double q, double qd, double V);
+static inline struct sea_state drive_flow_advance(const struct drive_flow *flow,
+                                                  const struct sea_state *state, double q,
+                                                  double qd, double V)
+{
+    const double input[FLOW_INPUTS] = {state->qm - q, state->qmd, state->I, qd, V};
+    struct sea_state end = *state;
+
+    for (int k = 0; k < FLOW_INPUTS; k++) {
+        end.qm += flow->qm[k] * input[k];
+        end.qmd += flow->qmd[k] * input[k];
+        end.I += flow->I[k] * input[k];
+    }
+    return end;
+}
 
 #endif

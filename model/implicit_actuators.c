@@ -168,10 +168,16 @@ static void linearize_stops(struct plant *plant)
 
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct robot_joint *joint = &robot->joint[j];
+        const double q = plant_joint_position(plant, im->base, j);
+        const double rate = plant_joint_rate(plant, im->base, j), end = q + im->stage_h * rate;
 
-        stop_step_begin(&joint->stop, joint->lower, joint->upper,
-                        plant_joint_position(plant, im->base, j),
-                        plant_joint_rate(plant, im->base, j), im->stage_h, &im->stop[j]);
+        /* Within its range, which is the rule */
+        if (end >= joint->lower && end <= joint->upper) {
+            im->stop[j] = (struct stop_step){0};
+            continue;
+        }
+        stop_step_begin(&joint->stop, joint->lower, joint->upper, q, rate, im->stage_h,
+                        &im->stop[j]);
         if (im->stop[j].side != 0) {
             im->torque[j] += im->stop[j].torque;
             im->extra[j] += im->stop[j].extra;
