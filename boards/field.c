@@ -86,6 +86,13 @@ static void field_put_value(const struct field *field, int64_t value, size_t sta
 {
     unsigned bits = field_bits(field);
 
+    /* Whole bytes from a byte on, which is the rule */
+    if ((start | bits) % 8 == 0 && !(field->type & FIELD_BIG_ENDIAN)) {
+        for (unsigned done = 0; done < bits; done += 8) {
+            data[(start + done) / 8] = (uint8_t)((uint64_t)value >> done);
+        }
+        return;
+    }
     for (unsigned done = 0; done < bits;) {
         struct run run = field_next_run(field, start, done);
         unsigned mask = (1u << run.bits) - 1;
