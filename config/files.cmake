@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # What of this folder is installed: these files, and nothing else that may lie in it.
 set(HIL_CONFIG
+    meshes/bump-3cm.obj
+    meshes/bump-9cm.obj
     meshes/coman-foot-left.obj
     meshes/coman-foot-right.obj
+    meshes/ramp-5deg.obj
     meshes/walkman-foot-left.obj
     meshes/walkman-foot-right.obj
     rigs/coman-bench.yaml
@@ -22,6 +25,12 @@ set(HIL_CONFIG
     rigs/grasp-paper.yaml
     rigs/grasp-soft.yaml
     rigs/grasp.yaml
+    rigs/walk-bump-3cm.yaml
+    rigs/walk-bump-9cm.yaml
+    rigs/walk-flat.yaml
+    rigs/walk-slippery.yaml
+    rigs/walk-slope.yaml
+    rigs/walk-soft.yaml
     rigs/walkman.yaml
     robots/coman.yaml
     robots/walkman.yaml

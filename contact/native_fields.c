@@ -24,6 +24,7 @@
 #define FEW_CORNERS 6
 #define FACING 0.5      /* pieces that face the carrier less have three springs, however large */
 #define SPACING_PARTS 8 /* along the edge of a triangle, at most */
+#define NEAR_MOST 64    /* cells near the visitor that are listed; among more each facet searches */
 
 /* A carrier and a visitor; all in the carrier's frame. */
 struct visit {
@@ -33,6 +34,8 @@ struct visit {
     bool turned;       /* the carrier is the pair's second */
     double least;      /* what is less deep does not count, and the rest by what it is deeper */
     double spacing;
+    const struct tree_node *near[NEAR_MOST]; /* leaves of a shell's tree about the visitor */
+    int nnear;                               /* NEAR_MOST + 1: there are more */
     const struct native_law *law;
     const struct native_relative *relative;
     struct native_scratch *scratch;
@@ -647,19 +650,35 @@ static void facet_find_box(const struct visit_facet *f, struct box *box)
     }
 }
 
+/* A facet in a cell of the shell, if the box about the cell meets the facet's and its plane. */
+struct visit_probe {
+    struct box box;
+    double offset, back[3];
+};
+
+static bool probe_meets(const struct visit_probe *probe, const struct visit_facet *f,
+                        const struct box *box)
+{
+    return boxes_meet(box, &probe->box) && box_least(box, f->normal) <= probe->offset &&
+           box_least(box, probe->back) <= -probe->offset;
+}
+
 /* A facet in the prisms that the box about it, and its plane, meets. */
 static void visit_shell(const struct visit *v, const struct visit_facet *f)
 {
     const struct tree *tree = &v->field->tree;
     const struct tree_node *node = tree->node, *end = tree_end(tree);
-    const double offset = vec3_dot(f->normal, f->center);
-    const double back[3] = {-f->normal[0], -f->normal[1], -f->normal[2]};
-    struct box box;
+    struct visit_probe probe = {.offset = vec3_dot(f->normal, f->center),
+                                .back = {-f->normal[0], -f->normal[1], -f->normal[2]}};
 
-    facet_find_box(f, &box);
-    while (node != end) {
-        if (!boxes_meet(&node->box, &box) || box_least(&node->box, f->normal) > offset ||
-            box_least(&node->box, back) > -offset) {
+    facet_find_box(f, &probe.box);
+    for (int i = 0; i < v->nnear && v->nnear <= NEAR_MOST; i++) {
+        if (probe_meets(&probe, f, &v->near[i]->box)) {
+            visit_prism(v, f, v->field->cell[tree->item[v->near[i]->first]]);
+        }
+    }
+    while (v->nnear > NEAR_MOST && node != end) {
+        if (!probe_meets(&probe, f, &node->box)) {
             node += node->size;
             continue;
         }
@@ -704,6 +723,46 @@ static void visit_facets(const struct visit *v, const struct box *there)
             visit_shell(v, &f);
         }
         ++node;
+    }
+}
+
+/* Lists the cells of a shell that meet a box, each of them a leaf, and finds the box about them;
+ * false when there are none. */
+static bool visit_find_near(struct visit *v, const struct box *where, struct box *about)
+{
+    const struct tree *tree = &v->field->tree;
+    const struct tree_node *node = tree->node, *end = tree_end(tree);
+
+    v->nnear = 0;
+    while (node != end) {
+        if (!boxes_meet(&node->box, where)) {
+            node += node->size;
+            continue;
+        }
+        if (node->count > 0) {
+            *about = v->nnear > 0 ? *about : node->box;
+            box_add_box(about, &node->box);
+            if (v->nnear < NEAR_MOST) {
+                v->near[v->nnear] = node;
+            }
+            v->nnear += v->nnear <= NEAR_MOST;
+        }
+        ++node;
+    }
+    return v->nnear > 0;
+}
+
+/* The visitor's facets in the carrier: in a box of it, and of a shell only in what is near the
+ * visitor, which is in another box, both in the carrier's frame; R and p: the carrier seen from the
+ * visitor. */
+static void visit_near(struct visit *v, const struct box *in, const struct box *where,
+                       const double R[9], const double p[3])
+{
+    struct box about = *in, there;
+
+    if (v->field->planar || visit_find_near(v, where, &about)) {
+        there = box_transform(&about, R, p);
+        visit_facets(v, &there);
     }
 }
 
@@ -752,7 +811,7 @@ void native_overlap_fields(const struct field *first, const struct solid *second
     v.spacing = SPACING * (a->radius < b->radius ? a->radius : b->radius);
     memcpy(v.R, relative->R, sizeof v.R);
     memcpy(v.p, relative->p, sizeof v.p);
-    visit_facets(&v, &there);
+    visit_near(&v, &a->box, &moved, back, origin);
 
     /* The first's in what the second's has that is deeper than the first's is anywhere */
     if (second_field && second_field->deepest > first->deepest &&
@@ -764,8 +823,7 @@ void native_overlap_fields(const struct field *first, const struct solid *second
         v.least = first->deepest;
         memcpy(v.R, back, sizeof v.R);
         memcpy(v.p, origin, sizeof v.p);
-        there = box_transform(&moved, relative->R, relative->p);
-        visit_facets(&v, &there);
+        visit_near(&v, &moved, &there, relative->R, relative->p);
     }
     native_law_sum(&scratch->batch, law, relative, sum);
 }

@@ -157,6 +157,30 @@ static void meshes_add_facet(const struct facets_between *m, const struct facet 
     }
 }
 
+/* Whether any facet of the first mesh is in the box where both are and has some of it behind: when
+ * not, there is nothing to view the second's for. */
+static bool meshes_reach_first(const struct solid *first, const struct box *here)
+{
+    const struct tree *tree = &first->facets;
+    const struct tree_node *node = tree->node, *end = tree_end(tree);
+
+    while (node != end) {
+        if (!boxes_meet(&node->box, here)) {
+            node += node->size;
+            continue;
+        }
+        for (int i = 0; i < node->count; i++) {
+            const struct facet *f = &first->facet[tree->item[node->first + i]];
+
+            if (box_least(here, f->normal) < f->offset) {
+                return true;
+            }
+        }
+        ++node;
+    }
+    return false;
+}
+
 void native_overlap_meshes(const struct solid *first, const struct solid *second,
                            const struct native_law *law, const struct native_relative *relative,
                            struct native_scratch *scratch, struct native_sum *sum)
@@ -181,6 +205,10 @@ void native_overlap_meshes(const struct solid *first, const struct solid *second
     }
     moved = box_transform(&first->box, back, origin);
     if (!box_intersect(&second->box, &moved, &there, &thin)) {
+        return;
+    }
+
+    if (!meshes_reach_first(first, &here)) {
         return;
     }
 

@@ -71,18 +71,12 @@ struct foot {
     double centroid[2];
 };
 
-/* To the micrometer: the same file on every machine, and a readable one. */
-static double round_to_micrometer(double x)
-{
-    return round(x * 1e6) / 1e6;
-}
-
 static int foot_add_vertex(struct foot *foot, double x, double y, double z)
 {
     double *v = foot->vertex[foot->nvertex];
 
-    v[0] = round_to_micrometer(x);
-    v[1] = round_to_micrometer(y);
+    v[0] = mesh_write_round(x);
+    v[1] = mesh_write_round(y);
     v[2] = z;
     return foot->nvertex++;
 }

@@ -9,7 +9,14 @@
 #include "base/error.h"
 #include "contact/mesh.h"
 
+#include <math.h>
 #include <stdio.h>
+
+/* A coordinate to the micrometer, never -0: the same file on every machine, and a readable one. */
+static inline double mesh_write_round(double x)
+{
+    return round(x * 1e6) / 1e6 + 0.0;
+}
 
 /* Writes the mesh as OBJ text, each coordinate with as few digits as read back to the same bits.
  * The file stays the caller's. ERROR_SYSTEM when it cannot be written. */

@@ -4,6 +4,7 @@ hil_test(settle SOURCES physics/settle.c physics/toy.c LIBS model LABELS physics
 hil_test(settle_rig SOURCES physics/settle_rig.c LIBS sim LABELS physics)
 hil_test(drive_effects_rig SOURCES physics/drive_effects_rig.c LIBS sim LABELS physics)
 hil_test(sticking SOURCES physics/sticking.c LIBS sim TIMEOUT 180 LABELS physics)
+hil_test(terrain SOURCES physics/terrain.c LIBS sim TIMEOUT 120 LABELS physics)
 hil_test(whole_robot SOURCES physics/whole_robot.c LIBS sim TIMEOUT 120 LABELS physics)
 hil_test(whole_robot_implicit SOURCES physics/whole_robot_implicit.c LIBS sim TIMEOUT 120
          LABELS physics)

@@ -358,12 +358,54 @@ static void grasp_has_its_numbers(void **state)
     assert_true(rig->free[0].position[0] == 0.2 && rig->free[0].position[2] == 0.55);
 }
 
+/* The ground of each, and how it differs from coman-fd-imu: in its name and its ground. */
+static void walk_rigs_are_one_robot_on_several_grounds(void **state)
+{
+    static const struct {
+        const char *name, *line;
+        size_t nface; /* 0: a half-space */
+    } walk[] = {
+        {"walk-flat", "ground: 100000 Pa / 0.001 m, 10 s/m, 1.1 0.9 0 s/m", 0},
+        {"walk-bump-3cm", "ground: 100000 Pa / 0.001 m, 10 s/m, 1.1 0.9 0 s/m", 948},
+        {"walk-bump-9cm", "ground: 100000 Pa / 0.001 m, 10 s/m, 1.1 0.9 0 s/m", 948},
+        {"walk-slope", "ground: 100000 Pa / 0.001 m, 10 s/m, 1.1 0.9 0 s/m", 46},
+        {"walk-soft", "ground: 100000 Pa / 0.02 m, 10 s/m, 1.1 0.9 0 s/m", 0},
+        {"walk-slippery", "ground: 100000 Pa / 0.001 m, 10 s/m, 0.18 0.15 0 s/m", 0},
+    };
+    static char base[LINES][LINE];
+    const char *expected[LINES];
+    size_t count;
+
+    (void)state;
+    tell_rig("coman-fd-imu");
+    count = lines;
+    memcpy(base, line, sizeof base);
+    for (size_t r = 0; r < ARRAY_COUNT(walk); r++) {
+        const struct contact_surface *ground;
+        char head[LINE];
+
+        for (size_t i = 0; i < count; i++) {
+            expected[i] = strncmp(base[i], "ground:", 7) == 0 ? walk[r].line : base[i];
+        }
+        snprintf(head, sizeof head, "%s%s", walk[r].name, strchr(base[0], ':'));
+        expected[0] = head;
+        check_rig(walk[r].name, expected, count);
+        ground = &rig->contact.surface[0];
+        assert_string_equal(ground->name, "ground");
+        assert_int_equal(ground->shape, walk[r].nface ? CONTACT_MESH : CONTACT_HALF_SPACE);
+        assert_true(ground->position[0] == (walk[r].nface ? 0.5 : 0));
+        assert_true(walk[r].nface == 0 || ground->mesh->nface == walk[r].nface);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(coman_has_its_numbers, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(walkman_has_its_numbers, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(grasp_has_its_numbers, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(walk_rigs_are_one_robot_on_several_grounds, open_arena,
+                                        close_arena),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,0 +1,166 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * COMAN on the ground of the walk-* rigs: where the mesh is level it carries as a half-space does;
+ * on its ramp friction holds. (A foot on the bump: contact_terrain.c.)
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include <cmocka.h>
+
+#include "base/vec3.h"
+#include "tests/physics/near.h"
+#include "tests/physics/rig_scene.h"
+
+enum { FEET = 2, SECOND = 1000 };
+
+static const double degree = 3.14159265358979323846 / 180.0;
+
+/* What the ground does to a foot: force (N) and center of pressure (m), from all its patches. */
+struct foot_load {
+    double force[3], cop[3], depth;
+};
+
+static void find_load(const struct rig_scene *scene, int foot, struct foot_load *load)
+{
+    static struct contact_patch patch[64];
+    const char *name = foot ? "left_foot" : "right_foot";
+    size_t n = plant_patches(scene->plant, patch, 64);
+
+    *load = (struct foot_load){.depth = 0};
+    for (size_t i = 0; i < n; i++) {
+        const struct contact_pair *pair = &scene->rig->contact.pair[patch[i].pair];
+        bool first = strcmp(scene->rig->contact.surface[pair->a].name, name) == 0;
+
+        if (!first && strcmp(scene->rig->contact.surface[pair->b].name, name) != 0) {
+            continue;
+        }
+        vec3_add_scaled(load->force, first ? -1 : 1, patch[i].force, load->force);
+        memcpy(load->cop, patch[i].center, sizeof load->cop);
+        load->depth = patch[i].penetration_m;
+    }
+}
+
+/* Puts the robot, as its rig has it, elsewhere: turned about the origin, then moved. */
+static void place(struct rig_scene *scene, const double turn[9], const double to[3])
+{
+    const struct rig *rig = scene->rig;
+    double base[9], turned[9], p[3], quaternion[4];
+
+    mat3_from_quaternion(rig->base_quaternion, base);
+    mat3_mul(turn, base, turned);
+    quaternion_from_mat3(turned, quaternion);
+    mat3_apply(turn, rig->base_position, p);
+    vec3_add_scaled(p, 1, to, p);
+    assert_int_equal(plant_reset(scene->plant, p, quaternion, rig->joint), ERROR_NONE);
+}
+
+static void open_rig(struct rig_scene *scene, const char *file)
+{
+    const struct rig_scene_choice choice = {
+        .file = file, .integrator = PLANT_IMPLICIT, .substep_ns = 1000000};
+
+    rig_scene_init(scene, &choice);
+}
+
+/* Force on both feet and gravity: what is left over, N. */
+static double imbalance(const struct rig_scene *scene)
+{
+    double sum[3] = {0, 0, 0};
+
+    for (int f = 0; f < FEET; f++) {
+        struct foot_load load;
+
+        find_load(scene, f, &load);
+        vec3_add_scaled(sum, 1, load.force, sum);
+    }
+    vec3_add_scaled(sum, scene->robot->total_mass, scene->robot->gravity, sum);
+    return vec3_norm(sum);
+}
+
+/* The level plate before bump and ramp is the half-space, foot by foot: its depth is exact but near
+ * points where sides of more than three directions meet (contact/field.h). */
+static void level_mesh_carries_as_a_half_space(void **state)
+{
+    static const char *const files[] = {"walk-flat.yaml", "walk-bump-3cm.yaml",
+                                        "walk-bump-9cm.yaml", "walk-slope.yaml"};
+    struct foot_load load[4][FEET];
+
+    (void)state;
+    for (int r = 0; r < 4; r++) {
+        static struct rig_scene scene;
+
+        open_rig(&scene, files[r]);
+        rig_scene_settle(&scene);
+        for (int k = 0; k < SECOND / 4; k++) {
+            rig_scene_hold(&scene);
+        }
+        assert_true(imbalance(&scene) < 1e-6);
+        for (int f = 0; f < FEET; f++) {
+            find_load(&scene, f, &load[r][f]);
+            print_message("# %s: %.4f N at %.3f %.3f mm, %.4f mm deep\n", files[r],
+                          load[r][f].force[2], 1e3 * load[r][f].cop[0], 1e3 * load[r][f].cop[1],
+                          1e3 * load[r][f].depth);
+            assert_near(load[r][f].force[2], load[0][f].force[2], 1e-4 * load[0][f].force[2]);
+            assert_near(load[r][f].cop[0], load[0][f].cop[0], 0.2e-3);
+            assert_near(load[r][f].cop[1], load[0][f].cop[1], 0.2e-3);
+            assert_near(load[r][f].depth, load[0][f].depth, 0.01 * load[0][f].depth);
+        }
+        rig_scene_fini(&scene);
+    }
+}
+
+/* Across the middle of the way up: the feet bear the weight, sin 5 degrees of it along the slope,
+ * and do not creep. */
+static void friction_holds_on_the_ramp(void **state)
+{
+    static struct rig_scene scene;
+    const double to[3] = {0.5 + 0.57, 0, 0.57 * tan(5 * degree)};
+    const double along[3] = {cos(5 * degree), 0, sin(5 * degree)};
+    double up[9], left[9], turn[9], before[FEET][3], weight, pull = 0;
+
+    (void)state;
+    mat3_about_axis((double[3]){0, 1, 0}, -5 * degree, up);
+    mat3_about_axis((double[3]){0, 0, 1}, 90 * degree, left);
+    mat3_mul(up, left, turn);
+    open_rig(&scene, "walk-slope.yaml");
+    place(&scene, turn, to);
+    rig_scene_settle(&scene);
+    weight = scene.robot->total_mass * vec3_norm(scene.robot->gravity);
+    for (int k = 0; k <= 5 * SECOND; k++) {
+        rig_scene_hold(&scene);
+        assert_true(imbalance(&scene) < 1e-6 * weight);
+        for (int f = 0; f < FEET; f++) {
+            const double *p = plant_motion(scene.plant)[scene.rig->contact_body[f]].p;
+            double moved[3];
+
+            if (k == 0) {
+                memcpy(before[f], p, sizeof before[f]);
+            }
+            vec3_sub(p, before[f], moved);
+            assert_true(vec3_norm(moved) < 1e-9);
+        }
+    }
+    for (int f = 0; f < FEET; f++) {
+        struct foot_load load;
+
+        find_load(&scene, f, &load);
+        pull += vec3_dot(load.force, along);
+    }
+    assert_near(pull, weight * sin(5 * degree), 1e-6 * weight);
+    rig_scene_fini(&scene);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(level_mesh_carries_as_a_half_space),
+        cmocka_unit_test(friction_holds_on_the_ramp),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
