@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """usage: reload.py COMAN-HIL
 The program as a service manager sees it, with a manager made of one socket: ready after the first
-tick, fed watchdog, a rig that is read again on SIGHUP when it is good and left alone when not. A stop
-during a reload is never lost: neither while the rig is read, nor between two runs. Prints TAP."""
+tick, fed watchdog, a rig that is read again on SIGHUP when it is good and left alone when not. No
+stop is lost in a reload: neither while the rig is read, nor between two runs. Prints TAP."""
 import os
 import shutil
 import signal
@@ -122,8 +122,8 @@ def stop_between_two_runs(program, work):
         end_s = time.monotonic() + PATIENCE_S
         while not os.path.exists(work + "/compiling") and time.monotonic() < end_s:
             time.sleep(0.02)
-        result("the old run is not said to be ready again", good and not service.has_heard("READY=1"),
-               service)
+        result("the old run is not said to be ready again",
+               good and not service.has_heard("READY=1"), service)
         begin_s = time.monotonic()
         service.process.send_signal(signal.SIGTERM)
         result("a stop between two runs ends it at once, and well",
