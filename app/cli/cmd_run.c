@@ -121,13 +121,13 @@ static void on_hangup(int number)
 
 /* In the monitor's thread: a rig that can be loaded ends the run, and the next one begins with it;
  * a rig that cannot leaves everything as it is. */
-static void try_reload(struct simulator *simulator)
+static void try_reload(struct simulator *simulator, struct monitor *monitor)
 {
     const struct rig *rig;
     struct arena arena;
     struct error error;
 
-    if (!reload_wanted) {
+    if (!reload_wanted || rig_command_stop_requested()) {
         return;
     }
     reload_wanted = 0;
@@ -141,10 +141,18 @@ static void try_reload(struct simulator *simulator)
                 error.text);
     } else {
         fprintf(stderr, "%sreload: restarting\n", journal_prefix(JOURNAL_NOTICE));
-        reload = true;
+        reload = monitor->replaced = true;
         simulator_stop(simulator);
     }
     arena_fini(&arena);
+}
+
+/* Between two runs there is nothing to end: the next one may be long in starting. */
+static void stop_between_runs(void *context)
+{
+    (void)context;
+    notify_stopping(&manager);
+    _exit(STATUS_OK);
 }
 
 /* ---- the control socket ---- */
@@ -200,7 +208,7 @@ static void run_each_period(void *context)
 {
     const struct background *background = context;
 
-    try_reload(background->simulator);
+    try_reload(background->simulator, background->monitor);
     log_control(background);
 }
 
@@ -218,6 +226,7 @@ static int run_simulator(struct simulator *simulator, struct control *control, b
     struct realtime_report report;
     struct error error;
     enum loop_end end;
+    int status;
 
     /* Threads start before simulator_start, which gives the loop's thread its rights and CPU */
     if (monitor_start(&monitor, &config, &error)) {
@@ -240,8 +249,16 @@ static int run_simulator(struct simulator *simulator, struct control *control, b
     control_stop(control);
     monitor_stop(&monitor);
     log_control(&background);
-    rig_command_ignore_stop();
-    return run_finish(simulator, control, end);
+    if (!reload) {
+        rig_command_ignore_stop();
+        return run_finish(simulator, control, end);
+    }
+
+    /* A stop that comes now is that of the service: it is noted first, then carried out at once */
+    status = run_finish(simulator, control, end);
+    fflush(stdout);
+    rig_command_on_stop(stop_between_runs, NULL);
+    return status;
 }
 
 static void print_settled(const struct simulator *simulator)
@@ -343,7 +360,7 @@ int cmd_run(int argc, char **argv)
     do {
         reload = false;
         status = rig_command("run", options.rig, &options, run_start_rig);
-    } while (reload);
+    } while (reload && !rig_command_stop_requested());
     notify_stopping(&manager);
     notify_close(&manager);
     return status;

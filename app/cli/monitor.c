@@ -105,8 +105,9 @@ static void tell_manager(struct monitor *monitor, int64_t now)
     struct simulator_status status;
 
     health.ready =
-        simulator_read(simulator, &status) ||
-        (simulator_configuration(simulator)->clock == LOOP_CLOCK_LOCKSTEP && health.beat > 0);
+        !monitor->replaced &&
+        (simulator_read(simulator, &status) ||
+         (simulator_configuration(simulator)->clock == LOOP_CLOCK_LOCKSTEP && health.beat > 0));
     notify_watch(monitor->config.manager, &health, now);
 }
 

@@ -26,6 +26,7 @@ struct monitor {
     struct monitor_config config;
     struct eventlog log;
     atomic_bool stop;
+    bool replaced; /* another run will follow: this one is not ready any more. Set by `each` */
     pthread_t thread;
     int64_t next_status_ns;
     struct simulator_status last; /* as of the last status line, for the factor and the loads */

@@ -8,6 +8,7 @@
 #include "rig/find.h"
 
 #include <signal.h>
+#include <stdatomic.h>
 #include <stdio.h>
 
 int rig_command(const char *name, const char *path, void *options,
@@ -66,8 +67,10 @@ enum error_code rig_command_budget(const char *name, const struct rig *rig, stru
     return ERROR_NONE;
 }
 
-static void (*on_stop)(void *context);
-static void *on_stop_context;
+/* What a signal calls, none while it changes. */
+static void (*_Atomic on_stop)(void *context);
+static void *_Atomic on_stop_context;
+static atomic_bool stop_requested;
 
 /* What asks politely, as often as it comes: a terminal that closes sends more than one SIGHUP, and
  * every line into a pipe that nobody reads a SIGPIPE. */
@@ -78,8 +81,18 @@ static struct polite_signal {
 
 static void on_signal(int number)
 {
+    void (*stop)(void *context) = atomic_load(&on_stop);
+
     (void)number;
-    on_stop(on_stop_context);
+    atomic_store(&stop_requested, true);
+    if (stop) {
+        stop(atomic_load(&on_stop_context));
+    }
+}
+
+bool rig_command_stop_requested(void)
+{
+    return atomic_load(&stop_requested);
 }
 
 /* One that is ignored (nohup, systemd's IgnoreSIGPIPE) or handled (a service's reload) stays so. */
@@ -102,8 +115,9 @@ void rig_command_on_stop(void (*stop)(void *context), void *context)
     const struct sigaction action = {.sa_handler = on_signal,
                                      .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
 
-    on_stop = stop;
-    on_stop_context = context;
+    atomic_store(&on_stop, NULL);
+    atomic_store(&on_stop_context, context);
+    atomic_store(&on_stop, stop);
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
     for (size_t i = 0; i < ARRAY_COUNT(polite_signals); i++) {

@@ -31,9 +31,12 @@ enum error_code rig_command_budget(const char *name, const struct rig *rig, stru
 /* The first SIGINT or SIGTERM calls stop(context), which must be async-signal-safe; a second one
  * kills. So does every SIGHUP and SIGPIPE (nobody reads stderr any more), unless it was ignored or
  * handled before. Until rig_command_ignore_stop, after which SIGINT and SIGTERM kill, and the other
- * two do nothing. */
+ * two do nothing. Another call replaces what is called. */
 void rig_command_on_stop(void (*stop)(void *context), void *context);
 void rig_command_ignore_stop(void);
+
+/* Whether any of them has come. */
+bool rig_command_stop_requested(void);
 
 /* A line on stderr for each warning; clear is what takes a status line off the terminal, or "". */
 void rig_command_warn(const struct realtime_report *report, const char *clear);

@@ -30,6 +30,9 @@ struct scenario_signal {
     bool host;   /* needs the host */
 };
 
+/* A scenario as it is written: every key with its limits. */
+extern const struct yaml_schema scenario_file_schema;
+
 /* Finds a signal by its name. Errors begin with mark. */
 enum error_code scenario_signal_find(const char *name, const struct rig *rig,
                                      const struct yaml_mark *mark, struct scenario_signal *signal,

@@ -217,11 +217,11 @@ static const struct scenario scenario_defaults = {
     .clock = LOOP_CLOCK_FREE,
     .wall_limit_s = 60.0,
 };
-static const struct yaml_schema scenario_schema = {.what = "the scenario",
-                                                   .size = sizeof(struct scenario),
-                                                   .fields = scenario_fields,
-                                                   .field_count = ARRAY_COUNT(scenario_fields),
-                                                   .defaults = &scenario_defaults};
+const struct yaml_schema scenario_file_schema = {.what = "the scenario",
+                                                 .size = sizeof(struct scenario),
+                                                 .fields = scenario_fields,
+                                                 .field_count = ARRAY_COUNT(scenario_fields),
+                                                 .defaults = &scenario_defaults};
 
 /* ---- parameters ---- */
 
@@ -428,7 +428,7 @@ enum error_code scenario_read_text(const char *name, const char *text, size_t si
 
         code = expand_parameters(name, text, size, &given, i, expanded, &used, error);
         if (!code) {
-            code = yaml_read_text(name, expanded, used, &scenario_schema, arena, one, error);
+            code = yaml_read_text(name, expanded, used, &scenario_file_schema, arena, one, error);
         }
         if (!code) {
             one->file = one->mark.file;

@@ -360,6 +360,8 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
 {
     const char *names[NAMES_MAX], *word, *part = name;
     const char *const *words = NULL;
+    const struct form *unnamed = NULL;
+    char unknown[PART_SIZE];
     size_t count = 0;
 
     /* Longer prefixes stand first in the table, so that measured.ft is not read as a joint "ft" */
@@ -387,15 +389,20 @@ enum error_code scenario_signal_find(const char *name, const struct rig *rig,
             words = form->word;
             count = form->nword;
             part = word;
+        } else if (!unnamed) {
+            unnamed = form;
+            memcpy(unknown, middle, sizeof unknown);
         }
     }
 
-    /* The last form that fitted says what was expected; else a joint was meant */
+    /* The last form that fitted says what was expected, else the first that fitted but for the
+     * name; else a joint was meant */
     if (words) {
         return signal_unknown(name, part, words, count, mark, error);
     }
-    count = joint_names(rig, names);
-    return signal_unknown(name, name, names, count < NAMES_MAX ? count : NAMES_MAX, mark, error);
+    count = unnamed ? unnamed->names(rig, names) : joint_names(rig, names);
+    return signal_unknown(name, unnamed ? unknown : name, names,
+                          count < NAMES_MAX ? count : NAMES_MAX, mark, error);
 }
 
 const char *const *scenario_signal_help(void)

@@ -85,7 +85,6 @@ enum error_code wire_create(const struct wire_config *config, struct arena *aren
     /* What follows from it */
     wire_tables_make(&wire->tables);
     wire->all = WIRE_BIT(config->nodes) - 1;
-    wire->intermission_ns = wire_bits_ns(wire, WIRE_INTERMISSION_BITS);
     wire->delimiter_ns = wire_bits_ns(wire, WIRE_DELIMITER_BITS);
     wire->random = random_named(config->seed, "wire");
     wire->size = (size_t)(arena->memory + arena->used - (unsigned char *)wire);

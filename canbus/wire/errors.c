@@ -147,6 +147,7 @@ void wire_disturb(struct wire *wire)
     /* None: the frame goes to its end */
     flight->end_ns =
         flight->start_ns + wire_time_of_bits(wire, &wire->bits[0], wire->bits[0].count);
+    flight->rest = (struct wire_rest){0};
     if (kept.after_ns == WIRE_NEVER) {
         return;
     }

@@ -46,6 +46,12 @@ struct wire_node {
     struct wire_node_stats stats;
 };
 
+/* What whole nanoseconds leave of an exact time, each less than half a nanosecond: in ns / bit/s of
+ * the nominal and of the data bit rate. All 0 where both divide 1 GHz. */
+struct wire_rest {
+    int64_t nominal, data;
+};
+
 /* The frame or the error on the wire; all that will come of it is known when it starts. */
 struct wire_flight {
     bool busy;
@@ -60,6 +66,7 @@ struct wire_flight {
     bool unacknowledged;
     enum wire_error error;
     int64_t start_ns, end_ns; /* end of EOF or of the error delimiter */
+    struct wire_rest rest;    /* of end_ns */
     int64_t late_ns;
 };
 
@@ -87,7 +94,7 @@ struct wire {
     size_t size; /* of the memory that begins here and holds all of the wire */
     struct wire_tables tables;
     int64_t now_ns;
-    int64_t intermission_ns, delimiter_ns;
+    int64_t delimiter_ns;
     struct wire_node *node; /* config.nodes, and one more: the foreign node of collisions */
 
     /* A bit for each node */
@@ -98,8 +105,9 @@ struct wire {
     uint64_t mismatched; /* of another bit rate */
     uint64_t counting;   /* TEC or REC is not 0 */
 
-    int64_t idle_ns;      /* the end of the last intermission */
-    int64_t recessive_ns; /* since when the line has been recessive, when nothing is on it */
+    int64_t idle_ns;       /* the end of the last intermission */
+    struct wire_rest rest; /* of idle_ns */
+    int64_t recessive_ns;  /* since when the line has been recessive, when nothing is on it */
     struct wire_flight flight;
 
     struct wire_armed fault[WIRE_FAULTS_MAX];
@@ -125,6 +133,16 @@ struct wire {
 static inline int64_t wire_bits_ns(const struct wire *wire, int64_t bits)
 {
     return (bits * 1000000000 + wire->config.bitrate / 2) / wire->config.bitrate;
+}
+
+/* Duration of bits that begin *rest behind a whole nanosecond; *rest becomes that of their end. */
+static inline int64_t wire_span_ns(int64_t bits, int64_t bitrate, int64_t *rest)
+{
+    const int64_t exact = bits * 1000000000 + *rest;
+    const int64_t ns = (exact + bitrate / 2) / bitrate;
+
+    *rest = exact - ns * bitrate;
+    return ns;
 }
 
 static inline bool wire_is_passive(const struct wire_node *node)

@@ -112,11 +112,16 @@ static void wire_start_frame(struct wire *wire, const struct wire_arbitration *a
 {
     struct wire_flight *flight = &wire->flight;
     const int64_t time_ns = arbitration->at_ns;
+    struct wire_length length;
     struct bus_frame *frame;
     size_t index;
 
+    /* One that follows another begins where that exactly ended, so that no rounding adds up */
     *flight =
         (struct wire_flight){.busy = true, .start_ns = time_ns, .senders = arbitration->winner};
+    if (time_ns == wire->idle_ns) {
+        flight->rest = wire->rest;
+    }
     WIRE_FOR_EACH(index, flight->senders)
     {
         wire_take_from_queue(wire, index);
@@ -130,8 +135,12 @@ static void wire_start_frame(struct wire *wire, const struct wire_arbitration *a
     frame = &wire_flying(wire, (size_t)__builtin_ctzll(flight->senders))->frame;
     frame->time_ns = time_ns;
     wire_notify_losers(wire, arbitration->loser, frame);
-    flight->end_ns = time_ns + wire_length_ns(wire_frame_length(&wire->tables, frame),
-                                              wire->config.bitrate, wire->config.data_bitrate);
+    length = wire_frame_length(&wire->tables, frame);
+    flight->end_ns =
+        time_ns + wire_span_ns(length.nominal, wire->config.bitrate, &flight->rest.nominal);
+    if (length.data) {
+        flight->end_ns += wire_span_ns(length.data, wire->config.data_bitrate, &flight->rest.data);
+    }
 
     /* Nearly always nothing happens to it, and its length is all there is to know */
     if (wire->armed || wire->mismatched || (flight->senders & (flight->senders - 1)) ||
@@ -281,7 +290,9 @@ static void wire_finish_frame(struct wire *wire)
 {
     struct wire_flight *flight = &wire->flight;
 
-    wire->idle_ns = flight->end_ns + wire->intermission_ns;
+    wire->rest = flight->rest;
+    wire->idle_ns = flight->end_ns +
+                    wire_span_ns(WIRE_INTERMISSION_BITS, wire->config.bitrate, &wire->rest.nominal);
     wire->recessive_ns = flight->end_ns - wire->delimiter_ns;
     if (flight->disturbed || wire->off | wire->unplugged | wire->counting) {
         wire_finish_disturbed(wire);

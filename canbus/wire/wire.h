@@ -10,8 +10,8 @@
  * before it; a frame handed over with wire_transmit is ready at the time up to which the wire was
  * last advanced. So everything that is handed over between two advances competes on equal terms,
  * whatever the order of the calls. A frame is received at the end of its seven bits of EOF; three
- * bits of intermission follow. Durations are rounded to whole nanoseconds, exact where the bit rate
- * divides 1 GHz.
+ * bits of intermission follow. Times are rounded to whole nanoseconds, exact where the bit rate
+ * divides 1 GHz; of frames that follow each other no rounding adds up, unless faults may meet them.
  *
  * Queues. Each node has one bounded queue; what finds it full is dropped and counted. By default it
  * is a bank of mailboxes: the frame that would win the arbitration goes first, equal ones in the

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """usage: reload.py COMAN-HIL
 The program as a service manager sees it, with a manager made of one socket: ready after the first
-tick, fed watchdog, a rig that is read again on SIGHUP when it is good and left alone when not.
-Prints TAP."""
+tick, fed watchdog, a rig that is read again on SIGHUP when it is good and left alone when not. No
+stop is lost in a reload: neither while the rig is read, nor between two runs. Prints TAP."""
 import os
 import shutil
 import signal
@@ -28,7 +28,9 @@ class Service:
         self.log = open(work + "/err", "w")
         self.process = subprocess.Popen(
             [program, "run", self.rig, "--transport", "local", "--clock", "real"],
-            env=dict(os.environ, NOTIFY_SOCKET=work + "/notify", WATCHDOG_USEC="500000"),
+            env=dict(os.environ, NOTIFY_SOCKET=work + "/notify", WATCHDOG_USEC="500000",
+                     PATH=work + "/tools:" + os.environ["PATH"],
+                     XDG_CACHE_HOME=work + "/cache"),
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self.log)
 
     def hears(self, what):
@@ -46,6 +48,16 @@ class Service:
                     return False
         return False
 
+    def has_heard(self, what):
+        """what has come since it was last asked for; without patience"""
+        self.manager.setblocking(False)
+        try:
+            while True:
+                self.heard.append(self.manager.recv(4096).decode())
+        except BlockingIOError:
+            self.manager.settimeout(0.1)
+        return any(what in text for text in self.heard)
+
     def says(self, what):
         end = time.monotonic() + PATIENCE_S
         while time.monotonic() < end:
@@ -54,6 +66,14 @@ class Service:
                     return True
             time.sleep(0.05)
         return False
+
+
+def end(service):
+    if service.process.poll() is None:
+        service.process.kill()
+    service.process.wait()
+    service.manager.close()
+    service.log.close()
 
 
 number = 0
@@ -68,8 +88,53 @@ def result(name, good, service):
             print("".join("# " + line for line in log.readlines()[-10:]), flush=True)
 
 
+def stop_while_the_rig_is_read(program, work):
+    """SIGTERM right behind the reload's first message, when the old run still goes on."""
+    service = Service(program, work)
+    try:
+        good = service.hears("READY=1")
+        service.process.send_signal(signal.SIGHUP)
+        good = good and service.hears("RELOADING=1")
+        service.process.send_signal(signal.SIGTERM)
+        result("a stop while the rig is read again ends it",
+               good and service.hears("STOPPING=1") and service.process.wait(PATIENCE_S) == 0,
+               service)
+    finally:
+        end(service)
+
+
+def stop_between_two_runs(program, work):
+    """The new run has to compile, with a compiler that says that it has begun and takes long."""
+    os.makedirs(work + "/tools")
+    with open(work + "/tools/cc", "w") as file:
+        file.write(f"#!/bin/sh\n: >'{work}/compiling'\nexec sleep 20\n")
+    os.chmod(work + "/tools/cc", 0o700)
+    service = Service(program, work)
+    try:
+        good = service.hears("READY=1")
+        path = work + "/config/robots/coman.yaml"
+        with open(path) as file:
+            before, mass, after = file.read().partition("mass_kg: ")
+        with open(path, "w") as file:
+            file.write(before + mass + "1" + after)
+        service.process.send_signal(signal.SIGHUP)
+        good = good and service.hears("RELOADING=1")
+        end_s = time.monotonic() + PATIENCE_S
+        while not os.path.exists(work + "/compiling") and time.monotonic() < end_s:
+            time.sleep(0.02)
+        result("the old run is not said to be ready again",
+               good and not service.has_heard("READY=1"), service)
+        begin_s = time.monotonic()
+        service.process.send_signal(signal.SIGTERM)
+        result("a stop between two runs ends it at once, and well",
+               service.hears("STOPPING=1") and service.process.wait(PATIENCE_S) == 0
+               and time.monotonic() - begin_s < 15, service)
+    finally:
+        end(service)
+
+
 def main():
-    print("1..7")
+    print("1..10")
     with tempfile.TemporaryDirectory() as work:
         service = Service(sys.argv[1], work)
         try:
@@ -99,8 +164,11 @@ def main():
             result("it says that it stops", service.hears("STOPPING=1"), service)
             result("and ends well", service.process.wait(PATIENCE_S) == 0, service)
         finally:
-            service.process.kill()
-            service.process.wait()
+            end(service)
+    with tempfile.TemporaryDirectory() as work:
+        stop_while_the_rig_is_read(sys.argv[1], work)
+    with tempfile.TemporaryDirectory() as work:
+        stop_between_two_runs(sys.argv[1], work)
 
 
 main()

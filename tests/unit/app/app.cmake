@@ -25,7 +25,7 @@ endforeach()
 
 hil_test(bench_pendulum_plain SOURCES unit/app/bench/pendulum_plain.c LIBS bench LABELS unit)
 
-foreach(name scenario expect)
+foreach(name scenario expect limits signal)
     hil_test(scenario_${name} SOURCES unit/app/scenario/${name}.c LIBS scenario LABELS unit)
 endforeach()
 target_link_options(test_scenario_expect PRIVATE -Wl,--wrap=scenario_signal_find)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 foreach(name board_faults board_faults_frames boards can_state event_text fault_parse faults heat
-        inertial messages motor_control sensing settings)
+        inertial messages motor_control sensing settings ticks)
     hil_test(boards_${name} SOURCES unit/boards/${name}.c LIBS boards LABELS unit)
 endforeach()
 foreach(name host_replay inertial_board loader motor_commands motor_history motor_laws motor_modes
@@ -8,6 +8,7 @@ foreach(name host_replay inertial_board loader motor_commands motor_history moto
     hil_test(boards_icub_${name} SOURCES unit/boards/icub/${name}.c LIBS boards LABELS unit)
 endforeach()
 hil_test(boards_foc SOURCES unit/boards/foc/board.c LIBS boards LABELS unit)
-foreach(name bus ft_board inertial_board motor_board node)
+hil_test(boards_foc_history SOURCES unit/boards/foc/history.c LIBS boards LABELS unit)
+foreach(name bus ft_board inertial_board motor_board motor_history node)
     hil_test(boards_compact_${name} SOURCES unit/boards/compact/${name}.c LIBS boards LABELS unit)
 endforeach()

@@ -7,4 +7,4 @@ foreach(name bits errors wire)
     hil_test(canbus_wire_${name} SOURCES unit/canbus/wire/${name}.c LIBS canbus LABELS unit)
 endforeach()
 hil_test(canbus_socketcan_send SOURCES unit/canbus/socketcan_send.c
-         LIBS canbus -Wl,--wrap=sendmmsg,--wrap=clock_gettime LABELS unit)
+         LIBS canbus -Wl,--wrap=sendmmsg,--wrap=recvmmsg,--wrap=clock_gettime LABELS unit)

@@ -32,6 +32,8 @@ static struct {
 } fake;
 
 int __wrap_sendmmsg(int descriptor, struct mmsghdr *message, unsigned count, int flags);
+int __wrap_recvmmsg(int descriptor, struct mmsghdr *message, unsigned count, int flags,
+                    struct timespec *timeout);
 int __wrap_clock_gettime(clockid_t clock, struct timespec *now);
 
 int __wrap_sendmmsg(int descriptor, struct mmsghdr *message, unsigned count, int flags)
@@ -57,6 +59,19 @@ int __wrap_sendmmsg(int descriptor, struct mmsghdr *message, unsigned count, int
         fake.frame[fake.count++] = *frame;
     }
     return sent;
+}
+
+/* Nothing is ever received. */
+int __wrap_recvmmsg(int descriptor, struct mmsghdr *message, unsigned count, int flags,
+                    struct timespec *timeout)
+{
+    (void)message;
+    (void)count;
+    (void)timeout;
+    assert_int_equal(descriptor, SOCKET);
+    assert_int_equal(flags, MSG_DONTWAIT);
+    errno = EAGAIN;
+    return -1;
 }
 
 int __wrap_clock_gettime(clockid_t clock, struct timespec *now)
@@ -335,6 +350,38 @@ static void what_waits_goes_with_its_interface(void **state)
     }
 }
 
+/* ---- the state that the controller tells ---- */
+
+static enum can_port_state state_after(struct can_state_box *box, enum can_port_state told)
+{
+    struct bus_frame frame;
+
+    can_state_post(box, told);
+    assert_int_equal(can_receive(&can.port, &frame, 1), 0);
+    return can.port.state;
+}
+
+/* A port that is stuck stays so whatever the controller says, but bus-off, which is why; one that
+ * is not follows the controller, also back from bus-off. */
+static void a_stuck_port_believes_bus_off_alone(void **state)
+{
+    struct can_state_box box = {0};
+    int64_t begin_ns = fake.now_ns;
+
+    (void)state;
+    can.controller = &box;
+    assert_int_equal(state_after(&box, CAN_PORT_PASSIVE), CAN_PORT_PASSIVE);
+    assert_int_equal(state_after(&box, CAN_PORT_UP), CAN_PORT_UP);
+    send_cycle(1, 1);
+    fake.now_ns = begin_ns + SOCKETCAN_STUCK_NS;
+    send_cycle(1, 1);
+    assert_int_equal(can.port.state, CAN_PORT_STUCK);
+    assert_int_equal(state_after(&box, CAN_PORT_PASSIVE), CAN_PORT_STUCK);
+    assert_int_equal(state_after(&box, CAN_PORT_UP), CAN_PORT_STUCK);
+    assert_int_equal(state_after(&box, CAN_PORT_BUS_OFF), CAN_PORT_BUS_OFF);
+    assert_int_equal(state_after(&box, CAN_PORT_UP), CAN_PORT_UP);
+}
+
 static void another_failure_drops_the_frames_and_no_more(void **state)
 {
     (void)state;
@@ -361,6 +408,7 @@ int main(void)
         TEST(what_the_device_cannot_carry_is_left_out),
         TEST(fd_frames_stay_where_there_is_no_fd),
         TEST(what_waits_goes_with_its_interface),
+        TEST(a_stuck_port_believes_bus_off_alone),
         TEST(another_failure_drops_the_frames_and_no_more),
     };
 

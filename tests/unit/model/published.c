@@ -168,12 +168,172 @@ static void left_capsules_mirror_right_ones(void **state)
     }
 }
 
+/* The room of a spring is not published: as the files say, it carries the limit of its joint and a
+ * tenth more, to the digits that are written. */
+static void springs_carry_a_tenth_more_than_their_joints(void **state)
+{
+    static const char *const files[] = {COMAN, HIL_SOURCE_DIR "/config/robots/walkman.yaml"};
+
+    (void)state;
+    for (size_t f = 0; f < 2; f++) {
+        struct error error;
+
+        assert_int_equal(robot_load(files[f], NULL, &arena, &robot, &error), ERROR_NONE);
+        for (size_t j = 0; j < robot->njoint; j++) {
+            const struct robot_joint *joint = &robot->joint[j];
+            const double room = joint->sea.deflection;
+            const double wanted = 1.1 * joint->torque_limit / joint->sea.Ks;
+
+            if (room != 0.0 && fabs(room - wanted) > 0.06 * wanted) { /* 0: without end */
+                fail_msg("%s: %g rad, not %g", joint->name, room, wanted);
+            }
+        }
+    }
+}
+
+/* ---- what hangs below the force-torque sensors ---- */
+
+static void check_distal(const char *sensor, double mass, const double com[3], const double I[6])
+{
+    for (size_t i = 0; i < robot->nft; i++) {
+        const struct robot_inertia *distal = &robot->ft[i].distal;
+
+        if (strcmp(robot->ft[i].name, sensor) != 0) {
+            continue;
+        }
+        expect(sensor, "mass", distal->mass, mass);
+        for (int k = 0; k < 3; k++) {
+            expect(sensor, "center of mass", distal->com[k], com[k]);
+        }
+        for (int k = 0; k < 6; k++) {
+            expect(sensor, "inertia", distal->I[k], I[k]);
+        }
+        return;
+    }
+    fail_msg("no sensor %s", sensor);
+}
+
+/* The left one of a pair. */
+static void check_mirrored_distal(const char *sensor, double mass, const double com[3],
+                                  const double I[6])
+{
+    const double left_com[3] = {com[0], -com[1], com[2]};
+    const double left_I[6] = {I[0], -I[1], I[2], I[3], -I[4], I[5]};
+
+    check_distal(sensor, mass, left_com, left_I);
+}
+
+/* Of a leg the part of the foot below the sensor, body RFoot of walkman_robotran_edu_2017's .mbs,
+ * in the sensor's frame there; of an arm the URDF's link RSoftHandLink, whose frame is 0.0565 above
+ * the sensor. */
+static void walkman_sensors_carry_what_is_published(void **state)
+{
+    static const double foot_com[3] = {-3.027e-05, -0.00732204, -0.02652797};
+    static const double foot_I[6] = {0.00404802, 4.015e-05, 4.5e-06,
+                                     0.01506731, 9.115e-05, 0.01850301};
+    static const double hand_com[3] = {0.011908576, 0.0021833446, -0.15361558 + 0.0565};
+    static const double hand_I[6] = {0.000683333333333, 0.0, 0.0,
+                                     0.000683333333333, 0.0, 0.000533333333333};
+    struct error error;
+
+    (void)state;
+    if (robot_load(HIL_SOURCE_DIR "/config/robots/walkman.yaml", NULL, &arena, &robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+    check_distal("r_leg_ft", 2.23134, foot_com, foot_I);
+    check_mirrored_distal("l_leg_ft", 2.23134, foot_com, foot_I);
+    check_distal("r_arm_ft", 0.5, hand_com, hand_I);
+    check_mirrored_distal("l_arm_ft", 0.5, hand_com, hand_I);
+}
+
+/* Forearm, wrist (two bodies) and hand of coman_urdf/urdf/parts/{forearms,soft_hand}.urdf.xacro,
+ * one below the other on the sensor's axis: mass, where its center is below the sensor, Ixx = Iyy
+ * and Izz about it. */
+static void coman_s_sensors_carry_forearm_wrist_and_hand(void **state)
+{
+    static const struct {
+        double mass, below, Ixx, Izz;
+    } part[] = {
+        {0.93351655, 0.0282, 0.001, 0.001},
+        {0.26070556, 0.08688, 0.000132, 5.213e-05},
+        {0.054007518, 0.08688, 2.16e-05, 2.16e-05},
+        {0.3, 0.08688 + 0.07, 0.001, 0.001},
+    };
+    double mass = 0.0, com[3] = {0.0}, I[6] = {0.0};
+    struct error error;
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(part); i++) {
+        mass += part[i].mass;
+        com[2] -= part[i].mass * part[i].below;
+    }
+    com[2] /= mass;
+    for (size_t i = 0; i < ARRAY_COUNT(part); i++) {
+        const double off = -part[i].below - com[2];
+
+        I[0] += part[i].Ixx + part[i].mass * off * off;
+        I[5] += part[i].Izz;
+    }
+    I[3] = I[0];
+    if (robot_load(COMAN, "forearms", &arena, &robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+    check_distal("r_arm_ft", mass, com, I);
+    check_mirrored_distal("l_arm_ft", mass, com, I);
+}
+
+/* ---- the capsule about the waist's joints ---- */
+
+/* Roll and pitch of COMAN's waist meet 0.04749999 below the yaw (coman_urdf/urdf/parts/
+ * torso.urdf.xacro). The capsule about them lies across, holds that point well inside, the centers
+ * of mass of both bodies between, and is no thicker than the trunk, which it joins. */
+static void the_waist_s_capsule_is_where_its_axes_meet(void **state)
+{
+    static const double meet = -0.04749999;
+    static const double centers[2][3] = {{0.00042999707, -0.0097650317, 0.033011157},   /* DWL */
+                                         {-0.0021273416, 0.0033575235, -0.0010076896}}; /* DWS */
+    const struct robot_capsule *capsule = NULL, *trunk = NULL;
+    struct error error;
+    double reach;
+
+    (void)state;
+    assert_int_equal(robot_load(COMAN, NULL, &arena, &robot, &error), ERROR_NONE);
+    for (size_t c = 0; c < robot->ncapsule; c++) {
+        capsule = strcmp(robot->capsule[c].name, "waist_joint") ? capsule : &robot->capsule[c];
+        trunk = strcmp(robot->capsule[c].name, "trunk") ? trunk : &robot->capsule[c];
+    }
+    assert_true(capsule && trunk);
+    assert_string_equal(robot->body[capsule->body].name, "DWYTorso");
+    assert_true(fabs(capsule->rotation[2]) < 1e-3 && fabs(capsule->rotation[8]) < 1e-3);
+    assert_true(fabs(capsule->position[0]) < 1e-4 && fabs(capsule->position[1]) < 1e-4);
+    assert_true(fabs(capsule->position[2] - meet) < 0.01);
+    for (int i = 0; i < 2; i++) {
+        const double along = fmax(fabs(centers[i][1]) - 0.5 * capsule->length, 0.0);
+
+        reach = sqrt(along * along + centers[i][0] * centers[i][0] +
+                     pow(centers[i][2] + meet - capsule->position[2], 2.0));
+        assert_true(reach < 0.75 * capsule->radius);
+    }
+    reach = 0.5 * capsule->length + capsule->radius;
+    assert_true(reach > 0.06 && reach < trunk->radius);
+    assert_true(capsule->position[2] + capsule->radius >
+                trunk->position[2] - trunk->radius - 0.5 * trunk->length);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(coman_is_as_published, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(walkman_is_as_published, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(left_capsules_mirror_right_ones, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(springs_carry_a_tenth_more_than_their_joints, open_arena,
+                                        close_arena),
+        cmocka_unit_test_setup_teardown(walkman_sensors_carry_what_is_published, open_arena,
+                                        close_arena),
+        cmocka_unit_test_setup_teardown(coman_s_sensors_carry_forearm_wrist_and_hand, open_arena,
+                                        close_arena),
+        cmocka_unit_test_setup_teardown(the_waist_s_capsule_is_where_its_axes_meet, open_arena,
+                                        close_arena),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -398,6 +398,82 @@ static void walk_rigs_are_one_robot_on_several_grounds(void **state)
     }
 }
 
+/* Whether a line of coman's is this one, or, when tail, ends so. */
+static bool coman_has_line(const char *text, bool tail)
+{
+    const size_t length = strlen(text);
+
+    for (size_t i = 0; i < ARRAY_COUNT(coman); i++) {
+        const size_t whole = strlen(coman[i]);
+
+        if (tail ? whole >= length && strcmp(coman[i] + whole - length, text) == 0
+                 : strcmp(coman[i], text) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* COMAN with other drives, sensors, starts and one more board has the same boards. */
+static void other_rigs_of_coman_have_its_boards(void **state)
+{
+    static const char *const names[] = {"coman-bench", "coman-drives", "coman-imu", "coman-sensors",
+                                        "coman-standing"};
+
+    (void)state;
+    for (size_t n = 0; n < ARRAY_COUNT(names); n++) {
+        size_t same = 0;
+
+        tell_rig(names[n]);
+        for (size_t b = 0; b < rig->boards.nboard; b++) {
+            const struct board_config *board = &rig->boards.board[b];
+
+            if (board->kind == BOARD_INERTIAL) {
+                continue;
+            }
+            lines = 0;
+            tell_board(board);
+            if (!coman_has_line(line[0], false)) {
+                fail_msg("%s: %s", names[n], line[0]);
+            }
+            same++;
+        }
+        assert_int_equal(same, 21);
+    }
+}
+
+/* With other protocols the boards are others, their force-torque sensors and currents are not. */
+static void rigs_of_other_protocols_have_its_sensors(void **state)
+{
+    static const char *const names[] = {"coman-compact", "coman-compact-imu", "coman-fd",
+                                        "coman-fd-imu", "coman-foc"};
+
+    (void)state;
+    for (size_t n = 0; n < ARRAY_COUNT(names); n++) {
+        size_t sensors = 0, axes = 0;
+
+        tell_rig(names[n]);
+        for (size_t b = 0; b < rig->boards.nboard; b++) {
+            const struct board_config *board = &rig->boards.board[b];
+
+            for (int k = 0; k < BOARD_AXES_MAX && board->kind == BOARD_MOTOR; k++) {
+                axes += board->axis[k].joint >= 0;
+                assert_true(board->axis[k].joint < 0 || board->axis[k].current_limit_a == 12.0);
+            }
+            if (board->kind == BOARD_FT) {
+                lines = 0;
+                tell_board(board);
+                if (!coman_has_line(strchr(line[0], ':') + 1, true)) {
+                    fail_msg("%s: %s", names[n], line[0]);
+                }
+                sensors++;
+            }
+        }
+        assert_int_equal(sensors, 4);
+        assert_int_equal(axes, 23);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -405,6 +481,10 @@ int main(void)
         cmocka_unit_test_setup_teardown(walkman_has_its_numbers, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(grasp_has_its_numbers, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(walk_rigs_are_one_robot_on_several_grounds, open_arena,
+                                        close_arena),
+        cmocka_unit_test_setup_teardown(other_rigs_of_coman_have_its_boards, open_arena,
+                                        close_arena),
+        cmocka_unit_test_setup_teardown(rigs_of_other_protocols_have_its_sensors, open_arena,
                                         close_arena),
     };
 

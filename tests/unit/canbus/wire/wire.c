@@ -4,6 +4,7 @@
 
 #include "base/count.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 static struct wire_bench bench;
@@ -67,6 +68,52 @@ static void fd_frames_go_at_two_rates(void **state)
     wire_advance(bench.wire, MS);
     assert_int_equal(bench_event(&bench, WIRE_TRANSMIT, 0)->event.time_ns,
                      bench_duration(&frame, 1000000, 8000000));
+}
+
+/* Frames without a gap at rates that do not divide 1 GHz end where all their bits end, the last of
+ * thousands too, to the nearest nanosecond at each of the two rates. */
+static void no_rounding_adds_up_over_frames_that_follow_each_other(void **state)
+{
+    static const struct {
+        int64_t bitrate, data_bitrate;
+    } rates[] = {{83333, 0}, {33333, 0}, {666666, 0}, {800000, 0}, {666666, 1333333}, {95238, 0}};
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(rates); i++) {
+        struct random_stream random = random_named(17, "rates");
+        const int64_t rate = rates[i].bitrate, fast = rates[i].data_bitrate;
+        int64_t slow_bits = 0, fast_bits = 0;
+
+        bench_open(&bench, (struct wire_config){.bitrate = rate,
+                                                .data_bitrate = fast,
+                                                .fd = fast != 0,
+                                                .events = 1 << WIRE_TRANSMIT});
+        for (size_t n = 0; n < 10000; n++) {
+            struct bus_frame frame =
+                bench_frame((uint32_t)(random_bits(&random) % 2048), (uint8_t)(n % 9));
+            long double exact_ns;
+            unsigned nominal, data;
+
+            frame.flags = fast ? FRAME_FD | FRAME_BRS : 0;
+            reference_length(&frame, &nominal, &data);
+            slow_bits += nominal;
+            fast_bits += data;
+            exact_ns = (long double)slow_bits * 1e9L / rate +
+                       (fast ? (long double)fast_bits * 1e9L / fast : 0.0L);
+            assert_true(wire_transmit(bench.wire, n % 2, &frame));
+            while (bench.count == n) { /* the next is ready before this one's intermission ends */
+                wire_advance(bench.wire, wire_now(bench.wire) + US);
+            }
+            if (fabsl((long double)bench.log[n].event.time_ns - exact_ns) >
+                (fast ? 1.01L : 0.51L)) {
+                fail_msg("at %lld bit/s frame %zu ends at %lld ns, not %.3Lf", (long long)rate, n,
+                         (long long)bench.log[n].event.time_ns, exact_ns);
+            }
+            slow_bits += 3;
+        }
+        bench_close(&bench);
+    }
+    memset(&bench, 0, sizeof bench);
 }
 
 static void arbitration_is_by_the_bits_of_the_identifier(void **state)
@@ -492,6 +539,7 @@ int main(void)
         TEST(a_frame_arrives_at_the_end_of_its_eof),
         TEST(frames_follow_each_other_after_three_bits),
         TEST(fd_frames_go_at_two_rates),
+        TEST(no_rounding_adds_up_over_frames_that_follow_each_other),
         TEST(arbitration_is_by_the_bits_of_the_identifier),
         TEST(a_fifo_lets_urgent_frames_wait_and_mailboxes_do_not),
         TEST(full_queues_drop_the_newest_and_say_so),
