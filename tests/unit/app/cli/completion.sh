@@ -52,11 +52,11 @@ result $? "the same of the benchmarks"
 offers "words of an option" "real lockstep free" "$program" run coman --clock ""
 offers "the same behind =" "lockstep" "$program" run coman --clock = l
 offers "and of nothing behind =" "ideal wire" "$program" run coman --wire =
-offers "rigs by name" "walkman" "$program" run w
-offers "rigs behind options with values" "walkman" "$program" run --duration 5 --clock = free w
+offers "rigs by name" "walkman" "$program" run walkm
+offers "rigs behind options with values" "walkman" "$program" run --duration 5 --clock = free walkm
 offers "no second rig" "" "$program" run coman ""
 offers "tasks, then rigs" "squat" "$program" task sq
-offers "rigs after tasks" "walkman" "$program" task squat wal
+offers "rigs after tasks" "walkman" "$program" task squat walkm
 offers "more scenarios" "push_recovery" "$program" test brown_out push
 offers "robots of a benchmark" "coman walkman" "$bench" dynamics ""
 offers "files where no name begins so" "mine.yaml" "$program" check min
