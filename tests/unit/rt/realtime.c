@@ -124,7 +124,7 @@ static long locked_kb(void)
     return kb;
 }
 
-/* Whatever this machine gives: the report says what the kernel says, and warns of the rest alone. */
+/* Whatever this machine gives: the report says what the kernel says, and warns of the rest. */
 static bool as_the_kernel_says(void)
 {
     struct realtime_config config = {3, true, -1};

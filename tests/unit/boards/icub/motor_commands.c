@@ -225,7 +225,7 @@ static void state_is_told_when_asked(void **state)
     bench_stop(&bench);
 }
 
-/* Integrators of 1 and 2 counts a count and ms, with errors of 10 and -7 counts: each axis tells its
+/* Integrators of 1 and 2 counts a count and ms, errors of 10 and -7 counts: each axis tells its
  * own error, reference and output. */
 static void the_state_of_running_axes_is_told(void **state)
 {
@@ -249,7 +249,8 @@ static void the_state_of_running_axes_is_told(void **state)
     bench_ask(&bench, "BF", "BF AC FF"); /* 6 * 2 * -7 */
     bench_ask(&bench, "37", "37 0A 00");
     bench_ask(&bench, "B7", "B7 F9 FF");
-    bench_ask(&bench, "14", "14 F6 FF FF FF F6 FF"); /* -10 and 7 ticks in 32 ms */
+    /* Moved by -10 and 7 ticks in the 32 ms of the estimate */
+    bench_ask(&bench, "14", "14 F6 FF FF FF F6 FF");
     bench_ask(&bench, "94", "94 07 00 00 00 07 00");
     bench_ask(&bench, "39", "39 00 00 00 00");
     bench_stop(&bench);
