@@ -315,7 +315,7 @@ static void the_waist_s_capsule_is_where_its_axes_meet(void **state)
         assert_true(reach < 0.75 * capsule->radius);
     }
     reach = 0.5 * capsule->length + capsule->radius;
-    assert_true(reach > 0.06 && reach < trunk->radius);
+    assert_true(fabs(reach - 0.0741) < 1e-3 && reach < trunk->radius); /* assumed: the housings */
     assert_true(capsule->position[2] + capsule->radius >
                 trunk->position[2] - trunk->radius - 0.5 * trunk->length);
 }

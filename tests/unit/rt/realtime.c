@@ -4,6 +4,7 @@
 #include "rt/realtime.h"
 
 #include <sched.h>
+#include <stdio.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -107,12 +108,57 @@ static void a_processor_of_its_own_is_taken(void **state)
     assert_true(in_child(pinned));
 }
 
+/* kB of this process that are locked, from /proc; -1 = unknown. */
+static long locked_kb(void)
+{
+    FILE *status = fopen("/proc/self/status", "r");
+    long kb = -1;
+    char line[256];
+
+    while (status && fgets(line, sizeof line, status)) {
+        sscanf(line, "VmLck: %ld", &kb);
+    }
+    if (status) {
+        fclose(status);
+    }
+    return kb;
+}
+
+/* Whatever this machine gives: the report says what the kernel says, and warns of the rest. */
+static bool as_the_kernel_says(void)
+{
+    struct realtime_config config = {3, true, -1};
+    struct realtime_report report;
+    struct sched_param param;
+    size_t refused;
+    bool fifo;
+
+    realtime_apply(&config, &report);
+    fifo = (sched_getscheduler(0) & ~SCHED_RESET_ON_FORK) == SCHED_FIFO;
+    refused = (size_t)(!report.fifo || access("/sys/kernel/realtime", F_OK) != 0) +
+              (size_t)!report.locked;
+    return report.fifo == fifo &&
+           (!fifo || (!sched_getparam(0, &param) && param.sched_priority == 3)) &&
+           report.locked == (locked_kb() > 0) && !report.pinned && report.count == refused;
+}
+
+static void the_report_says_what_the_kernel_says(void **state)
+{
+    (void)state;
+    if (SANITIZED) {
+        print_message("SKIP: the sanitizers answer mlockall themselves\n");
+        skip();
+    }
+    assert_true(in_child(as_the_kernel_says));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(nothing_wanted_is_nothing_done),
         cmocka_unit_test(each_refusal_is_one_warning_that_says_what_helps),
         cmocka_unit_test(a_processor_of_its_own_is_taken),
+        cmocka_unit_test(the_report_says_what_the_kernel_says),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -105,6 +105,60 @@ static void a_wire_goes_back_with_its_bus(void **state)
     local_bus_destroy(bus);
 }
 
+/* A client that has left meanwhile is not there again: nobody acknowledges what is sent. One that
+ * was not there yet is. */
+static void who_is_on_a_wire_does_not_go_back(void **state)
+{
+    const struct local_bus_config config = {
+        .name = "bus", .max_nodes = 2, .inbox = 16, .mode = LOCAL_BUS_WIRE};
+
+    (void)state;
+    for (int stays = 0; stays < 2; stays++) {
+        struct can_port *own, *client;
+        struct local_bus *bus;
+        struct checkpoint *wire;
+        struct error error;
+        struct span moving;
+        struct wire_stats stats;
+        void *memory;
+
+        assert_int_equal(local_bus_create(&config, &arena, &bus, &error), ERROR_NONE);
+        assert_int_equal(local_bus_join(bus, NULL, 0, &own, &error), ERROR_NONE);
+        memory = arena_alloc(&arena, 1, local_bus_save_size(bus));
+        moving.memory = wire_memory(local_bus_wire(bus), &moving.size);
+        assert_int_equal(checkpoint_create(&moving, 1, NULL, 0, 1, &arena, &wire, &error),
+                         ERROR_NONE);
+        for (int step = 0; step < 2; step++) {
+            local_bus_advance(bus, (step + 1) * INT64_C(1000000));
+            if (step == stays) { /* before the copy, or after it */
+                assert_int_equal(local_bus_join(bus, NULL, 0, &client, &error), ERROR_NONE);
+            }
+            if (step == 0) {
+                local_bus_advance(bus, 1500000);
+                assert_true(local_bus_save(bus, 1, memory));
+                checkpoint_save(wire, 0);
+            }
+        }
+        if (stays == 0) {
+            client->ops->close(client);
+        }
+        local_bus_advance(bus, 3000000);
+        checkpoint_restore(wire, 0);
+        local_bus_restore(bus, 1, memory);
+        send_numbered(own, 1);
+        local_bus_advance(bus, 4000000);
+        wire_stats(local_bus_wire(bus), &stats);
+        assert_int_equal(stats.frames, stays);
+        assert_int_equal(stats.errors[WIRE_ACK_ERROR] == 0, stays);
+        if (stays == 1) {
+            assert_int_equal(take_numbers(client), 1);
+            client->ops->close(client);
+        }
+        own->ops->close(own);
+        local_bus_destroy(bus);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -112,6 +166,7 @@ int main(void)
                                         close_arena),
         cmocka_unit_test_setup_teardown(no_memory_for_copies_is_an_error, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(a_wire_goes_back_with_its_bus, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(who_is_on_a_wire_does_not_go_back, open_arena, close_arena),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

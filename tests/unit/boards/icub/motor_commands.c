@@ -225,6 +225,37 @@ static void state_is_told_when_asked(void **state)
     bench_stop(&bench);
 }
 
+/* Integrators of 1 and 2 counts a count and ms, errors of 10 and -7 counts: each axis tells its
+ * own error, reference and output. */
+static void the_state_of_running_axes_is_told(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    bench_open(&bench);
+    bench_send(&bench, 0, 0x001, "52 00 00 01 00 00 00 00");
+    bench_send(&bench, 0, 0x001, "D2 00 00 02 00 00 00 00");
+    bench_send(&bench, 0, 0x001, "54 00 00 35 05 FF 7F");
+    bench_send(&bench, 0, 0x001, "D4 00 00 35 05 FF 7F");
+    bench_tick(&bench);
+    bench_send(&bench, 0, 0x001, "09 08");
+    bench_send(&bench, 0, 0x001, "89 08");
+    bench_tick(&bench);
+    bench.sense[0].q = -10.0 / TICKS_PER_RAD;
+    bench.sense[1].q = 7.0 / TICKS_PER_RAD;
+    boards_sample(bench.boards, bench.now_ns, &bench.sensors);
+    bench_ticks(&bench, 5);
+    bench_ask(&bench, "3F", "3F 32 00"); /* 5 * 10 */
+    bench_ask(&bench, "BF", "BF AC FF"); /* 6 * 2 * -7 */
+    bench_ask(&bench, "37", "37 0A 00");
+    bench_ask(&bench, "B7", "B7 F9 FF");
+    /* Moved by -10 and 7 ticks in the 32 ms of the estimate */
+    bench_ask(&bench, "14", "14 F6 FF FF FF F6 FF");
+    bench_ask(&bench, "94", "94 07 00 00 00 07 00");
+    bench_ask(&bench, "39", "39 00 00 00 00");
+    bench_stop(&bench);
+}
+
 static void the_encoder_reads_what_it_is_set_to(void **state)
 {
     struct board_bench bench;
@@ -537,6 +568,7 @@ int main(void)
         cmocka_unit_test(axes_keep_their_own_values),
         cmocka_unit_test(a_pid_and_its_single_gains_are_the_same_values),
         cmocka_unit_test(state_is_told_when_asked),
+        cmocka_unit_test(the_state_of_running_axes_is_told),
         cmocka_unit_test(the_encoder_reads_what_it_is_set_to),
         cmocka_unit_test(flash_keeps_parameters_until_they_are_read),
         cmocka_unit_test(the_address_moves_and_never_onto_another_board),
