@@ -91,6 +91,8 @@ static const struct limit rig_limits[] = {
     {"tasks.grasp.hold_s", 0, 1e3},
     {"tasks.grasp.least_press_n", 0, 1e6},
     {"tasks.grasp.least_carry_n", 0, 1e6},
+    {"tasks.hold.duration_s", 0, 1e6},
+    {"tasks.hold.tolerance_rad", 1e-6, 10},
     {"*.gain_error", -1, 10},
     {"*.offset", -1e6, 1e6},
     {"*.noise_rms", 0, 1e6},
