@@ -64,9 +64,10 @@ static void tensor_diagonalize(const double I[6], double moment[3], double V[9])
             for (int q = p + 1; q < 3; q++) {
                 double off = A[sym3_index[p][q]], R[9], T[9];
                 double apart = A[sym3_index[q][q]] - A[sym3_index[p][p]];
-                double angle = off == 0.0 ? 0.0 : 0.5 * atan2(2.0 * off, apart);
+                double angle = 0.5 * atan2(copysign(2.0, apart) * off, fabs(apart));
 
-                /* Turns the plane of p and q so that their product vanishes */
+                /* Turns the plane of p and q so that their product vanishes; the smaller of the two
+                 * angles, for the larger swaps the axes and never ends */
                 mat3_identity(R);
                 R[4 * p] = R[4 * q] = cos(angle);
                 R[3 * p + q] = -sin(angle);
@@ -142,8 +143,7 @@ enum error_code reduce_check_inertia(struct reducer *r, const struct import_link
 
 static bool joint_is_rigid(const struct reducer *r, int joint)
 {
-    return r->out->fixed[joint] || r->model->joint[joint].type == IMPORT_FIXED ||
-           r->model->joint[joint].type == IMPORT_FLOATING;
+    return r->out->fixed[joint] || r->model->joint[joint].type == IMPORT_FIXED;
 }
 
 /* A new body for a link that a joint moves. */
@@ -198,9 +198,9 @@ static enum error_code reduce_place_links(struct reducer *r)
     struct robot *robot = r->out->robot;
     enum error_code code;
 
-    for (size_t i = 0; i < model->nlink; i++) {
+    for (size_t i = 0; i < r->norder; i++) {
         int link = r->order[i], above = r->above[link];
-        const struct import_joint *joint = above < 0 ? NULL : &model->joint[above];
+        const struct import_joint *joint = i == 0 ? NULL : &model->joint[above];
         struct import_place place;
 
         if (!joint) {
@@ -239,13 +239,13 @@ static enum error_code reduce_sum_inertias(struct reducer *r)
     struct robot *robot = r->out->robot;
     enum error_code code;
 
-    for (size_t i = 0; i < model->nlink; i++) {
+    for (size_t i = 0; i < r->norder; i++) {
         int link = r->order[i];
 
         import_add_inertia(&robot->body[r->out->body[link]].inertia, &model->link[link].inertia,
                            &r->out->place[link]);
     }
-    for (size_t i = 0; i < model->nlink; i++) {
+    for (size_t i = 0; i < r->norder; i++) {
         int link = r->order[i];
         const struct import_link *source = &model->link[link];
         struct robot_inertia *inertia = &robot->body[r->out->body[link]].inertia;
@@ -307,11 +307,9 @@ static void reduce_choose_base(struct reducer *r)
         robot->floating = r->options->base == IMPORT_BASE_FLOATING;
         return;
     }
-    for (size_t j = 0; j < model->njoint; j++) {
-        if (model->joint[j].type == IMPORT_FLOATING) {
-            robot->floating = true;
-            return;
-        }
+    if (r->floats) {
+        robot->floating = true;
+        return;
     }
     if (model->floating_base || model->fixed_base) {
         robot->floating = model->floating_base;

@@ -29,7 +29,7 @@ struct import_robot {
     struct robot *robot;                /* without drives, stops and capsules; not yet finished */
     const struct import_joint **source; /* by joint of the robot */
     double *rest;               /* by joint of the robot: 0 or the nearest that is allowed */
-    int *body;                  /* by link of the model */
+    int *body;                  /* by link of the model; -1: the world that a base floats in */
     struct import_place *place; /* of the link in that body */
     bool *fixed;                /* by joint of the model: it does not move */
 };

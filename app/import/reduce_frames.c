@@ -45,7 +45,7 @@ static const char *frame_choose_name(const struct reducer *r, const char *name)
 
 static bool link_hangs_below(const struct reducer *r, int link, int top)
 {
-    while (link != top && r->above[link] >= 0) {
+    while (link != top && link != r->root && r->above[link] >= 0) {
         link = r->model->joint[r->above[link]].parent_link;
     }
     return link == top;
@@ -161,7 +161,7 @@ enum error_code reduce_add_frames(struct reducer *r)
     if (!robot->frame || !robot->ft) {
         return reduce_no_memory(r);
     }
-    for (size_t i = 0; i < model->nlink && !code; i++) {
+    for (size_t i = 0; i < r->norder && !code; i++) {
         int link = r->order[i];
 
         /* The first link of a body is the body's own frame */
@@ -172,8 +172,12 @@ enum error_code reduce_add_frames(struct reducer *r)
     }
     for (size_t i = 0; i < model->nsensor && !code; i++) {
         const struct import_sensor *sensor = &model->sensor[i];
+        const char *on = sensor->kind == IMPORT_IMU ? sensor->link : NULL;
 
-        if (sensor->kind == IMPORT_IMU) {
+        if (on && r->out->body[import_find_link(model, on)] < 0) {
+            import_note_add(r->notes, IMPORT_DROPPED, model->file, sensor->line,
+                            "inertial sensor \"%.63s\": it is fixed in the world", sensor->name);
+        } else if (sensor->kind == IMPORT_IMU) {
             code = reduce_add_imu(r, sensor);
         } else if (!ft_is_known(r, i)) {
             code = reduce_add_ft(r, sensor);

@@ -13,10 +13,12 @@ struct reducer {
     struct import_robot *out;
     struct error *error;
 
-    int *above; /* by link: the joint that it hangs on, -1 = none */
-    int *order; /* links, parents first, children in the order of their joints */
-    int root;   /* the link that is the base, or part of it */
-    double *at; /* by joint of the model: where a joint that is fixed stays */
+    int *above;    /* by link: the joint that it hangs on, -1 = none */
+    int *order;    /* links, parents first, children in the order of their joints */
+    size_t norder; /* without a root that is the world */
+    bool floats;   /* a floating joint says so */
+    int root;      /* the link that is the base, or part of it */
+    double *at;    /* by joint of the model: where a joint that is fixed stays */
 };
 
 enum error_code reduce_no_memory(const struct reducer *r);

@@ -66,8 +66,38 @@ static enum error_code reduce_find_root(struct reducer *r)
     return ERROR_NONE;
 }
 
-/* Links in the order of a walk down the tree, children as their joints stand in the file. The list
- * itself is the stack: what is yet to be visited is found by its joint. */
+/* A root without mass below which nothing hangs but a floating joint is the world: the base is what
+ * floats in it. */
+static enum error_code reduce_enter_world(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+    const struct import_joint *floating = NULL, *other = NULL;
+
+    for (size_t j = 0; j < model->njoint; j++) {
+        const struct import_joint *joint = &model->joint[j];
+
+        if (joint->parent_link == r->root && joint->type == IMPORT_FLOATING && !floating) {
+            floating = joint;
+        } else if (joint->parent_link == r->root) {
+            other = joint;
+        }
+    }
+    if (!floating || model->link[r->root].has_inertia) {
+        return ERROR_NONE;
+    }
+    if (other) {
+        return import_error(r->error, model->file, other->line,
+                            "found joint \"%.63s\" on the root \"%.63s\" beside the floating joint "
+                            "\"%.63s\" (line %d), expected that alone: one robot floats",
+                            other->name, model->link[r->root].name, floating->name, floating->line);
+    }
+    r->out->body[r->root] = -1;
+    r->root = floating->child_link;
+    r->floats = true;
+    return ERROR_NONE;
+}
+
+/* Links in the order of a walk down the tree, children as their joints stand in the file. */
 static enum error_code reduce_order_links(struct reducer *r)
 {
     const struct import_model *model = r->model;
@@ -88,7 +118,8 @@ static enum error_code reduce_order_links(struct reducer *r)
             }
         }
     }
-    if (count == model->nlink) {
+    r->norder = count;
+    if (count == model->nlink - r->floats) {
         return ERROR_NONE;
     }
 
@@ -120,7 +151,8 @@ enum error_code reduce_find_tree(struct reducer *r)
     if (!r->above || !r->order || !r->at || !r->out->fixed) {
         return reduce_no_memory(r);
     }
-    if ((code = reduce_find_parents(r)) || (code = reduce_find_root(r))) {
+    if ((code = reduce_find_parents(r)) || (code = reduce_find_root(r)) ||
+        (code = reduce_enter_world(r))) {
         return code;
     }
     return reduce_order_links(r);
@@ -269,8 +301,7 @@ static enum error_code reduce_check_free(struct reducer *r, const struct import_
                             "prismatic joints and a continuous one, or fix it (type \"fixed\")",
                             joint->name);
     }
-    if (joint->type == IMPORT_FLOATING &&
-        (joint->parent_link != r->root || r->model->link[r->root].has_inertia)) {
+    if (joint->type == IMPORT_FLOATING && (!r->floats || joint->child_link != r->root)) {
         return import_error(
             r->error, r->model->file, joint->line,
             "found floating joint \"%.63s\" between two bodies, expected it between "
@@ -289,11 +320,11 @@ static enum error_code reduce_fix_massless(struct reducer *r)
     if (!mass) {
         return reduce_no_memory(r);
     }
-    for (size_t i = model->nlink; i-- > 0;) {
+    for (size_t i = r->norder; i-- > 0;) {
         int link = r->order[i], above = r->above[link];
 
         mass[link] += model->link[link].inertia.mass;
-        if (above < 0) {
+        if (i == 0) {
             continue;
         }
         mass[model->joint[above].parent_link] += mass[link];

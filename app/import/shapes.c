@@ -245,7 +245,7 @@ enum error_code import_add_shapes(struct import_robot *from, const struct import
         return error_set(error, ERROR_MEMORY, "no memory for the shapes of the robot");
     }
     for (size_t i = 0; i < model->ngeometry && !code; i++) {
-        if (model->geometry[i].collision) {
+        if (model->geometry[i].collision && from->body[model->geometry[i].link] >= 0) {
             code = shape_add(&b, &model->geometry[i], (int)from->robot->ncapsule + 1);
         }
     }
