@@ -11,9 +11,11 @@
 #define GRAVITY 9.81
 #define PLACEHOLDER_TIMES 20.0 /* of what gravity asks: no strength */
 #define STRENGTH_TIMES 3.0     /* of it: an assumed strength */
+#define CARRY_TIMES 1.5        /* of what a joint bears in a pose: the least strength */
 #define SPEED_RAD_S (2.0 * M_PI)
 #define SPEED_MOST_RAD_S 100.0
 #define GEAR 100.0
+#define DELAYED_DAMPING_S 0.010 /* J over the damping that is fed back over the buses, at least */
 
 /* What a joint bears at the worst: everything behind it stretched out level; on legs that may carry
  * the robot, half of its weight at the end of the leg. N m, or N of a prismatic joint. */
@@ -47,10 +49,42 @@ static void robot_find_loads(const struct robot *robot, double *reach, double *l
     }
 }
 
+/* The largest torque that each joint bears against gravity in the robot's poses, the base held. */
+static enum error_code robot_find_statics(const struct robot *robot, struct arena *arena,
+                                          double *bears, struct error *error)
+{
+    const size_t n = robot->njoint + BASE_Q_COUNT, first = robot->nv - robot->njoint;
+    double *q = arena_alloc(arena, n, sizeof *q), *v = arena_alloc(arena, n, sizeof *v);
+    double *vdot = arena_alloc(arena, n, sizeof *vdot), *f = arena_alloc(arena, n, sizeof *f);
+    struct dynamics d;
+    enum error_code code;
+
+    if (!q || !v || !vdot || !f) {
+        return error_set(error, ERROR_MEMORY, "no memory for the drives");
+    }
+    code = dynamics_generic(robot, arena, &d, error);
+    if (code) {
+        return code;
+    }
+    for (size_t p = 0; p < robot->npose; p++) {
+        if (robot->floating) {
+            q[BASE_Q_QUATERNION] = 1.0;
+        }
+        for (size_t j = 0; j < robot->njoint; j++) {
+            q[robot->nq - robot->njoint + j] = robot->pose[p].joint[j];
+        }
+        d.ops->inverse(&d, q, v, vdot, NULL, f);
+        for (size_t j = 0; j < robot->njoint; j++) {
+            bears[j] = fmax(bears[j], fabs(f[first + j]));
+        }
+    }
+    return ERROR_NONE;
+}
+
 /* Strength and speed of a joint, from the file or assumed. */
 static void drive_choose_limits(const struct import_robot *from, size_t j, double load,
-                                double most_load, struct import_notes *notes, double *strength,
-                                double *speed)
+                                double most_load, double bears, struct import_notes *notes,
+                                double *strength, double *speed)
 {
     const struct import_joint *source = from->source[j];
     const char *file = from->model->file;
@@ -63,6 +97,14 @@ static void drive_choose_limits(const struct import_robot *from, size_t j, doubl
                         "joint \"%.63s\" is as strong as %.3g N m: the file's effort %g %s",
                         source->name, *strength, source->effort,
                         source->effort > 0.0 ? "is a placeholder" : "is none");
+    }
+    if (*strength < CARRY_TIMES * bears) {
+        import_note_add(
+            notes, IMPORT_ASSUMED, file, source->line,
+            "joint \"%.63s\" is as strong as %.3g N m: it bears %.3g N m in a pose, and "
+            "with %.3g it could not move",
+            source->name, CARRY_TIMES * bears, bears, *strength);
+        *strength = CARRY_TIMES * bears;
     }
     if (source->type != IMPORT_PRISMATIC && (!(*speed > 0.0) || *speed > SPEED_MOST_RAD_S)) {
         *speed = SPEED_RAD_S;
@@ -122,18 +164,24 @@ enum error_code import_assume_drives(struct import_robot *from, struct arena *ar
     double *reach = arena_alloc(arena, n, sizeof *reach),
            *load = arena_alloc(arena, n, sizeof *load);
     double *strength = arena_alloc(arena, n, sizeof *strength);
-    double *speed = arena_alloc(arena, n, sizeof *speed), most = 0.0;
+    double *speed = arena_alloc(arena, n, sizeof *speed);
+    double *bears = arena_alloc(arena, n, sizeof *bears), most = 0.0;
+    enum error_code code;
 
-    if (!reach || !load || !strength || !speed) {
+    if (!reach || !load || !strength || !speed || !bears) {
         return error_set(error, ERROR_MEMORY, "%.200s: no memory for the drives",
                          from->model->file);
+    }
+    code = robot_find_statics(robot, arena, bears, error);
+    if (code) {
+        return code;
     }
     robot_find_loads(robot, reach, load);
     for (size_t j = 0; j < robot->njoint; j++) {
         most = fmax(most, load[j]);
     }
     for (size_t j = 0; j < robot->njoint; j++) {
-        drive_choose_limits(from, j, load[j], most, notes, &strength[j], &speed[j]);
+        drive_choose_limits(from, j, load[j], most, bears[j], notes, &strength[j], &speed[j]);
     }
     *supply_v = drive_choose_supply(robot, strength, speed);
 
@@ -222,9 +270,12 @@ static double gain_trial_inertia(struct gain_trial *t, size_t j)
 
 static struct import_gains gains_choose(const struct robot_sea *sea, double I, double load)
 {
-    double K = fmin(fmax(5.0 * load, 30.0 * 30.0 * I), 60.0 * 60.0 * I);
-    double D = 2.0 * sqrt(K * I) - sea->Dm - sea->Kt * sea->Kw / sea->R;
+    double own = sea->Dm + sea->Kt * sea->Kw / sea->R, most = own + sea->J / DELAYED_DAMPING_S;
+    double K = fmin(fmax(5.0 * load, 30.0 * 30.0 * I), 60.0 * 60.0 * I), D;
 
+    /* Above the resonance with the spring the loop moves the rotor alone */
+    K = fmin(K, fmin(most * most / I, 100.0 * 100.0 * sea->J));
+    D = fmin(2.0 * sqrt(K * I), most) - own;
     return (struct import_gains){K * sea->R / sea->Kt, fmax(D, 0.0) * sea->R / sea->Kt};
 }
 

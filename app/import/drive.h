@@ -5,7 +5,8 @@
  *
  * Strength: the effort of the file, unless it is 0 or more than 20 times what gravity asks of the
  * robot's strongest joint, which is no strength but a placeholder; then three times what gravity
- * asks of the joint at the worst. Speed: the velocity of the file, unless it is 0 or over 100
+ * asks of the joint at the worst; and never less than 1.5 times what the joint bears in one of the
+ * robot's poses. Speed: the velocity of the file, unless it is 0 or over 100
  * rad/s; then 2 pi rad/s.
  *
  * Drive, all on the link side: at the supply V it runs 1.5 times as fast without load, and has its
@@ -20,7 +21,7 @@
 
 #include "app/import/reduce.h"
 
-/* Fills drives, stops and strengths of all joints of the robot; *supply_v is what feeds them all
+/* Fills drives and strengths of all joints of the robot, which is finished (robot_finish); *supply_v is what feeds them all
  * with at most 25 A each at full strength, 24 V or more. */
 enum error_code import_assume_drives(struct import_robot *from, struct arena *arena,
                                      struct import_notes *notes, double *supply_v,
@@ -35,7 +36,9 @@ struct import_gains {
  * are free to give way, its rotor included. The stiffness K = kp N Kt / R is five times what
  * gravity takes at the worst, within (30 rad/s)^2 I and (60 rad/s)^2 I; above that the delay of the
  * buses, some 4 ms, would eat the phase. The damping makes the loop aperiodic, D = 2 sqrt(K I),
- * less what the motor has itself, Dm + N Kt N Kw / R. */
+ * less what the motor has itself, Dm + N Kt N Kw / R. Above the resonance with the spring the loop
+ * moves the rotor alone: what is fed back of D is J / 10 ms at most, and K at most (100 rad/s)^2 J
+ * and D^2 / I, which is half of the aperiodic damping. */
 enum error_code import_find_gains(const struct robot *robot, const double *joint,
                                   struct arena *arena, struct import_gains *gains,
                                   struct error *error);

@@ -57,13 +57,13 @@ static enum error_code import_make_robot(const struct import_model *model,
 {
     enum error_code code = import_reduce(model, options, arena, notes, robot, error);
 
-    if (code || (code = import_assume_drives(robot, arena, notes, supply_v, error))) {
+    if (code) {
         return code;
     }
     if (robot_finish(robot->robot, error)) {
         return error_prefix(error, "%.200s", model->file);
     }
-    return ERROR_NONE;
+    return import_assume_drives(robot, arena, notes, supply_v, error);
 }
 
 enum error_code import_urdf_text(const char *name, const char *text, size_t size,

@@ -49,6 +49,10 @@ static enum error_code urdf_read_inertial(const struct urdf_reader *r, const xml
                             link->name);
     }
     link->has_inertia = inertia.mass > 0;
+    if (!link->has_inertia && (inertia.I[0] != 0 || inertia.I[3] != 0 || inertia.I[5] != 0)) {
+        import_note_add(r->notes, IMPORT_DROPPED, r->file->name, link->inertia_line,
+                        "inertia of link \"%.63s\", which has no mass", link->name);
+    }
     if (link->has_inertia) {
         import_add_inertia(&link->inertia, &inertia, &place);
     }

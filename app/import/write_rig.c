@@ -230,7 +230,7 @@ enum error_code import_write_standing(const struct import_rig *rig, const char *
             "name: \"%.50s-standing\"\n"
             "description: imported, on the ground\n\n"
             "robot: {fixed_base: false}\n\n"
-            "initial:\n  pose: \"%s\"\n  base_xyz_m: [0.0, 0.0, %.6g]\n  settle: false\n\n"
+            "initial:\n  pose: \"%s\"\n  base_xyz_m: [0.0, 0.0, %.6g]\n  settle: true\n\n"
             "scene:\n  engine: native\n  friction: sticking\n",
             robot->name, robot->name, rig->standing, rig->standing_height_m);
     write_materials(file.out, robot);

@@ -183,8 +183,41 @@ static void rotate_plane(double A[3][3], double V[9], int a, int b)
     }
 }
 
+/* Moments of the links, which MuJoCo gets after it has read the file. */
+static struct {
+    char link[128];
+    double moment[3];
+} noted[512];
+static size_t nnoted;
+
+static void note_moments(const xmlNode *inertial, double A[3][3])
+{
+    xmlChar *name = xmlGetProp(inertial->parent, (const xmlChar *)"name");
+
+    assert_true(nnoted < sizeof noted / sizeof *noted);
+    snprintf(noted[nnoted].link, sizeof noted->link, "%s", (const char *)name);
+    for (int a = 0; a < 3; a++) {
+        noted[nnoted].moment[a] = A[a][a];
+    }
+    nnoted++;
+    xmlFree(name);
+}
+
+static void give_moments(mjModel *m)
+{
+    for (size_t i = 0; i < nnoted; i++) {
+        int id = mj_name2id(m, mjOBJ_BODY, noted[i].link);
+
+        /* What has no mass has no inertia */
+        for (int a = 0; id > 0 && a < 3; a++) {
+            m->body_inertia[3 * id + a] = m->body_mass[id] > 0 ? noted[i].moment[a] : 0.0;
+        }
+    }
+}
+
 /* MuJoCo finds the principal axes of a full tensor to some 1e-6 only (it stops at an angle whose
- * cosine is 1 within 1e-12): here they are turned into the frame of <inertial>, to rounding. */
+ * cosine is 1 within 1e-12), and refuses moments that no body has, to the last bit. So the file gets
+ * spheres in the frames of the principal axes, and the model their moments. */
 static void diagonalize_inertial(xmlNode *inertial)
 {
     static const char *const element[3][3] = {
@@ -207,9 +240,10 @@ static void diagonalize_inertial(xmlNode *inertial)
         rotate_plane(A, V, 1, 2);
         rotate_plane(A, V, 2, 0);
     }
+    note_moments(inertial, A);
     for (int a = 0; a < 3; a++) {
         for (int b = a; b < 3; b++) {
-            set_real(tensor, element[a][b], a == b ? A[a][a] : 0.0);
+            set_real(tensor, element[a][b], a == b ? 1.0 : 0.0);
         }
     }
     read_triple(origin, "rpy", rpy);
@@ -414,12 +448,14 @@ static struct differences compare_files(const char *path, const struct robot *ro
     mjData *data;
     mjModel *m;
 
+    nnoted = 0;
     prepare_file(path, prepared);
     m = mj_loadXML(prepared, NULL, why, sizeof why);
     unlink(prepared);
     if (!m) {
         fail_msg("MuJoCo: %s", why);
     }
+    give_moments(m);
     memset(m->dof_damping, 0, (size_t)m->nv * sizeof *m->dof_damping);
     memset(m->dof_frictionloss, 0, (size_t)m->nv * sizeof *m->dof_frictionloss);
     m->opt.disableflags |= mjDSBL_CONSTRAINT | mjDSBL_CONTACT;
