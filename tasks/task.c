@@ -53,8 +53,9 @@ enum error_code task_create(const char *name, const struct task_config *config, 
     if (!task->ops) {
         const char *nearest = text_nearest(name, names, KNOWN);
 
-        return error_set(error, ERROR_INPUT, "found task \"%s\", expected one of: squat, grasp, hold%s%s",
-                         name, nearest ? "; did you mean " : "", nearest ? nearest : "");
+        return error_set(error, ERROR_INPUT,
+                         "found task \"%s\", expected one of: squat, grasp, hold%s%s", name,
+                         nearest ? "; did you mean " : "", nearest ? nearest : "");
     }
     task->config = *config;
 

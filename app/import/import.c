@@ -108,7 +108,7 @@ static enum error_code import_read_files(struct importer *m)
 
 /* ---- folders ---- */
 
-static enum error_code folder_make(const char *path, struct error *error)
+static enum error_code import_make_folder(const char *path, struct error *error)
 {
     if (mkdir(path, 0777) && errno != EEXIST) {
         return error_set_file(error, errno, path, "cannot be made");
@@ -132,11 +132,11 @@ static enum error_code import_make_folders(struct importer *m)
 {
     static const char *const below[] = {"robots", "rigs", "meshes"};
     char path[PATH_MAX];
-    enum error_code code = folder_make(m->request->folder, m->error);
+    enum error_code code = import_make_folder(m->request->folder, m->error);
 
     for (size_t i = 0; i < ARRAY_COUNT(below) && !code; i++) {
         code = path_make(m, below[i], "", "", path);
-        code = code ? code : folder_make(path, m->error);
+        code = code ? code : import_make_folder(path, m->error);
     }
     return code;
 }

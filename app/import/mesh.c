@@ -16,7 +16,7 @@
 
 /* ---- where a mesh is ---- */
 
-static bool path_is_file(const char *path)
+static bool mesh_file_exists(const char *path)
 {
     struct stat status;
 
@@ -42,7 +42,7 @@ static bool path_try(const char *folder, int length, const char *rest, char path
 {
     int used = snprintf(path, PATH_MAX, "%.*s/%s", length, folder, rest);
 
-    return used > 0 && used < PATH_MAX && path_is_file(path);
+    return used > 0 && used < PATH_MAX && mesh_file_exists(path);
 }
 
 /* package://NAME/REST: in a folder that was given or above the file, as NAME/REST, and in a folder

@@ -211,7 +211,7 @@ static enum error_code stl_read_text(struct mesh_reader *r)
 /* ---- OBJ ---- */
 
 /* The vertex that a corner (v, v/vt, v//vn, v/vt/vn) names. */
-static enum error_code obj_read_corner(struct mesh_reader *r, char word[WORD_MAX], int *vertex)
+static enum error_code mesh_read_corner(struct mesh_reader *r, char word[WORD_MAX], int *vertex)
 {
     size_t digits = strcspn(word, "/");
     int64_t index, count = (int64_t)r->mesh->nvertex;
@@ -229,13 +229,13 @@ static enum error_code obj_read_corner(struct mesh_reader *r, char word[WORD_MAX
 }
 
 /* A polygon as a fan of triangles. */
-static enum error_code obj_read_face(struct mesh_reader *r)
+static enum error_code mesh_read_polygon(struct mesh_reader *r)
 {
     char word[WORD_MAX];
     int first = 0, last = 0, next = 0, corners = 0;
 
     while (mesh_next_word(r, word)) {
-        enum error_code code = obj_read_corner(r, word, &next);
+        enum error_code code = mesh_read_corner(r, word, &next);
 
         if (code) {
             return code;
@@ -254,7 +254,7 @@ static enum error_code obj_read_face(struct mesh_reader *r)
     return ERROR_NONE;
 }
 
-static enum error_code obj_read_text(struct mesh_reader *r)
+static enum error_code mesh_read_obj_lines(struct mesh_reader *r)
 {
     char word[WORD_MAX];
     size_t corners, ignored;
@@ -269,7 +269,7 @@ static enum error_code obj_read_text(struct mesh_reader *r)
             code = mesh_read_xyz(r, xyz);
             code = code ? code : mesh_add_vertex(r, xyz);
         } else if (!strcmp(word, "f")) {
-            code = obj_read_face(r);
+            code = mesh_read_polygon(r);
         }
         mesh_skip_line(r);
     }
@@ -379,7 +379,7 @@ enum error_code import_parse_mesh(const char *name, const char *text, size_t siz
     if (!strcasecmp(ending, "stl")) {
         code = stl_is_binary(text, size) ? stl_read_binary(&r) : stl_read_text(&r);
     } else if (!strcasecmp(ending, "obj")) {
-        code = obj_read_text(&r);
+        code = mesh_read_obj_lines(&r);
     } else {
         return error_set(error, ERROR_INPUT,
                          "%.200s: found a mesh of type \"%.20s\", expected stl or obj; "

@@ -107,7 +107,7 @@ static void capsule_from_cylinder(const struct import_geometry *shape,
 /* ---- meshes ---- */
 
 /* Whether contact would take the surface, in words. */
-static const char *mesh_judge(const struct import_mesh *mesh, const char **why)
+static const char *mesh_judge(const struct import_mesh *mesh)
 {
     const struct mesh surface = {.name = "",
                                  .nvertex = mesh->nvertex,
@@ -117,14 +117,12 @@ static const char *mesh_judge(const struct import_mesh *mesh, const char **why)
     struct mesh_finding finding = {0};
 
     if (mesh_check(&surface, &finding, NULL)) {
-        *why = "not checked";
-    } else {
-        *why = finding.fault == MESH_SOUND ? "a sound surface" : mesh_fault_text(finding.fault);
+        return "not checked";
     }
-    return *why;
+    return finding.fault == MESH_SOUND ? "a sound surface" : mesh_fault_text(finding.fault);
 }
 
-/* Reads a mesh, fits a capsule and writes the OBJ file; false with a note when it cannot be read. */
+/* Reads a mesh, fits a capsule and writes the OBJ file; false, with a note, when it cannot. */
 static bool shape_fit_mesh(const struct shape_builder *b, const struct import_geometry *shape,
                            struct robot_capsule *capsule)
 {
@@ -133,7 +131,7 @@ static bool shape_fit_mesh(const struct shape_builder *b, const struct import_ge
     struct import_mesh mesh;
     struct arena scratch = {0};
     struct error why;
-    const char *file, *fault;
+    const char *file;
     bool fitted = false;
 
     if (arena_init(&scratch, MESH_ARENA, &why) ||
@@ -155,7 +153,7 @@ static bool shape_fit_mesh(const struct shape_builder *b, const struct import_ge
             b->notes, IMPORT_SHAPED, model->file, shape->line,
             "collision mesh \"%.150s\" is meshes/%s.obj (%zu faces, %s), and the capsule "
             "that holds it",
-            shape->mesh, capsule->name, mesh.nface, mesh_judge(&mesh, &fault));
+            shape->mesh, capsule->name, mesh.nface, mesh_judge(&mesh));
         fitted = true;
     }
     arena_fini(&scratch);

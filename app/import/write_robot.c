@@ -50,7 +50,7 @@ static void write_inertia(FILE *out, const struct robot_inertia *inertia, const 
     fputc('\n', out);
 }
 
-static void write_place(FILE *out, const double xyz[3], const double R[9])
+static void write_robot_place(FILE *out, const double xyz[3], const double R[9])
 {
     double rpy[3];
 
@@ -105,7 +105,7 @@ static void write_joint(FILE *out, const struct import_robot *from, size_t j)
     fputs("    axis: ", out);
     import_write_reals(out, joint->axis, 3);
     fputs("\n    origin: {", out);
-    write_place(out, joint->origin, joint->rotation);
+    write_robot_place(out, joint->origin, joint->rotation);
     fprintf(out, "}\n    limits: {lower_%s: ", turns ? "rad" : "m");
     import_write_real(out, joint->lower);
     fprintf(out, ", upper_%s: ", turns ? "rad" : "m");
@@ -127,7 +127,7 @@ static void write_frames(FILE *out, const struct robot *robot)
 
         fprintf(out, "  - {name: \"%s\", body: \"%s\", ", frame->name,
                 robot->body[frame->body].name);
-        write_place(out, frame->position, frame->rotation);
+        write_robot_place(out, frame->position, frame->rotation);
         fputs("}\n", out);
     }
 }
@@ -140,7 +140,7 @@ static void write_capsules(FILE *out, const struct robot *robot)
 
         fprintf(out, "  - {name: \"%s\", body: \"%s\", ", capsule->name,
                 robot->body[capsule->body].name);
-        write_place(out, capsule->position, capsule->rotation);
+        write_robot_place(out, capsule->position, capsule->rotation);
         fprintf(out, ", radius_m: %.9g, length_m: %.9g}\n", capsule->radius, capsule->length);
     }
 }

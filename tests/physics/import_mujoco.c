@@ -216,8 +216,8 @@ static void give_moments(mjModel *m)
 }
 
 /* MuJoCo finds the principal axes of a full tensor to some 1e-6 only (it stops at an angle whose
- * cosine is 1 within 1e-12), and refuses moments that no body has, to the last bit. So the file gets
- * spheres in the frames of the principal axes, and the model their moments. */
+ * cosine is 1 within 1e-12), and refuses moments that no body has, to the last bit. So the file
+ * gets spheres in the frames of the principal axes, and the model their moments. */
 static void diagonalize_inertial(xmlNode *inertial)
 {
     static const char *const element[3][3] = {
