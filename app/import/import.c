@@ -3,6 +3,7 @@
 #include "app/import/import.h"
 
 #include "app/import/drive.h"
+#include "app/import/mjcf.h"
 #include "app/import/shapes.h"
 #include "app/import/urdf.h"
 #include "app/import/write.h"
@@ -42,11 +43,12 @@ static enum error_code import_read_model(const struct xml_file *file, struct are
     if (xml_is(file->root, "sdf") || xml_is(file->root, "COLLADA")) {
         return import_error(
             error, file->name, xml_line(file->root),
-            "found <%.40s>, expected <robot> of a URDF; `gz sdf` and sdformat tools "
+            "found <%.40s>, expected <robot> of a URDF or <mujoco>; `gz sdf` and sdformat tools "
             "convert SDF",
             (const char *)file->root->name);
     }
-    return urdf_read(file, arena, model, notes, error);
+    return xml_is(file->root, "mujoco") ? mjcf_read(file, arena, model, notes, error)
+                                        : urdf_read(file, arena, model, notes, error);
 }
 
 /* Merges, drives, and the checks of any robot. */

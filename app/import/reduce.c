@@ -11,7 +11,7 @@
 /* Turns either way of a joint without limits: far more than a run of it makes. */
 #define TURNS_MAX 50.0
 /* Mass of a body that the file gives none: robot files want more than 0. */
-#define NO_MASS_KG 1e-9
+#define NO_MASS_KG 1e-15
 
 enum error_code reduce_no_memory(const struct reducer *r)
 {

@@ -77,7 +77,8 @@ static enum error_code urdf_check_root(const struct urdf_reader *r)
 
     if (!xml_is(root, "robot")) {
         return import_error(r->error, r->file->name, xml_line(root),
-                            "found <%.40s>, expected <robot> of a URDF", (const char *)root->name);
+                            "found <%.40s>, expected <robot> of a URDF or <mujoco> of an MJCF",
+                            (const char *)root->name);
     }
     for (const xmlNode *node = xml_child(root, NULL); node; node = xml_next(node, NULL)) {
         const char *prefix = node->ns && node->ns->prefix ? (const char *)node->ns->prefix : "";

@@ -401,7 +401,8 @@ static void compare_state(const mjModel *m, mjData *data, const struct dynamics 
         int id = mj_name2id(m, mjOBJ_JOINT, robot->joint[j].name);
 
         assert_true(id >= 0);
-        data->qpos[m->jnt_qposadr[id]] = q[q0 + j] = draw(-2, 2);
+        q[q0 + j] = draw(-2, 2);
+        data->qpos[m->jnt_qposadr[id]] = q[q0 + j] + m->qpos0[m->jnt_qposadr[id]];
         data->qvel[m->jnt_dofadr[id]] = v[v0 + j] = draw(-2, 2);
         data->qfrc_applied[m->jnt_dofadr[id]] = tau[j] = draw(-5, 5);
     }
@@ -449,21 +450,28 @@ static struct differences compare_files(const char *path, const struct robot *ro
     mjModel *m;
 
     nnoted = 0;
-    prepare_file(path, prepared);
-    m = mj_loadXML(prepared, NULL, why, sizeof why);
+    if (strstr(path, ".urdf")) {
+        prepare_file(path, prepared);
+        path = prepared;
+    }
+    m = mj_loadXML(path, NULL, why, sizeof why);
     unlink(prepared);
+
     if (!m) {
         fail_msg("MuJoCo: %s", why);
     }
     give_moments(m);
     memset(m->dof_damping, 0, (size_t)m->nv * sizeof *m->dof_damping);
     memset(m->dof_frictionloss, 0, (size_t)m->nv * sizeof *m->dof_frictionloss);
-    m->opt.disableflags |= mjDSBL_CONSTRAINT | mjDSBL_CONTACT;
+    memset(m->dof_armature, 0, (size_t)m->nv * sizeof *m->dof_armature);
+    memset(m->jnt_stiffness, 0, (size_t)m->njnt * sizeof *m->jnt_stiffness);
+    m->opt.disableflags |= mjDSBL_CONSTRAINT | mjDSBL_CONTACT | mjDSBL_ACTUATION;
     for (size_t b = robot->floating ? 0 : 1; b < robot->nbody; b++) {
         int id = mj_name2id(m, mjOBJ_BODY, robot->body[b].name);
 
-        if (b > 0 || id >= 0) {
-            assert_true(id >= 0);
+        /* Frames of ours sit on the joints, and a body with two has one of ours for each */
+        if (id >= 0 && m->body_jntnum[id] == 1 &&
+            vec3_norm(m->jnt_pos + 3 * m->body_jntadr[id]) == 0.0) {
             compare_body(m, id, &robot->body[b], &d);
         }
     }
@@ -537,6 +545,84 @@ static void random_trees_are_those_of_mujoco(void **state)
     assert_int_equal(system(command), 0);
 }
 
+/* Default classes, two joints to a body, anchors, angles in degrees that count from elsewhere, all
+ * ways to turn a body, inertias of geoms. */
+static const char toy[] =
+    "<mujoco model='toy'>\n<compiler angle='degree' autolimits='true' eulerseq='zyx'/>\n"
+    "<option><flag constraint='disable' contact='disable'/></option>\n"
+    "<default><joint damping='0.5'/><default class='leg'>"
+    "<joint armature='0.02' range='-90 60' limited='true'/>"
+    "<geom type='capsule' size='0.03' density='500'/>"
+    "<default class='shin'><joint axis='0 1 0' range='-120 -10'/></default></default></default>\n"
+    "<worldbody><geom type='plane' size='1 1 1'/>\n"
+    "<body name='torso' pos='0 0 1' euler='10 20 30'><freejoint/>\n"
+    "<geom type='box' size='0.2 0.15 0.1' mass='5' pos='0.01 0.02 0' quat='1 0.1 0.2 0.3'/>\n"
+    "<site name='imu' pos='0.1 0 0'/>\n"
+    "<body name='thigh' pos='0.1 0.1 -0.1' xyaxes='1 0.2 0 0 1 0.3' childclass='leg'>\n"
+    "<joint name='roll' axis='1 0 0' pos='0 0 0.05'/><joint name='pitch' axis='0 2 0' pos='0 0.02 "
+    "0.05'/>\n<geom fromto='0 0 0 0.05 0 -0.4'/>\n"
+    "<body name='shin' pos='0.05 0 -0.4' axisangle='0 0 1 15'><joint name='knee' class='shin' "
+    "ref='-45'/>\n<inertial pos='0.01 0.02 -0.2' quat='1 0.2 0.3 0.1' mass='1.5' "
+    "diaginertia='0.02 0.021 0.004'/><geom type='cylinder' size='0.04 0.2' pos='0 0 -0.2'/>\n"
+    "<body name='toe' pos='0.1 0 -0.4' euler='0 90 0'><geom type='cylinder' size='0.03 0.05'/>"
+    "</body></body></body>\n"
+    "<body name='arm' pos='0 -0.2 0.1'><joint name='slide' type='slide' axis='0 0 1' range='-0.1 "
+    "0.2' limited='true'/><geom type='sphere' size='0.05'/></body></body></worldbody>\n"
+    "<sensor><gyro site='imu'/></sensor>\n"
+    "<actuator><motor joint='roll' gear='10' ctrlrange='-4 4'/><position joint='knee' "
+    "forcerange='-30 30'/></actuator>\n"
+    "<keyframe><key name='stand' qpos='0 0 1 1 0 0 0 0.1 0.2 -1 0.05'/></keyframe></mujoco>\n";
+
+static void write_text(const char *path, const char *text)
+{
+    FILE *out = fopen(path, "w");
+
+    assert_non_null(out);
+    fputs(text, out);
+    assert_int_equal(fclose(out), 0);
+}
+
+static void bodies_of_mjcf_are_those_of_mujoco(void **state)
+{
+    char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], command[160];
+    struct import_request request = {
+        .file = path, .folder = folder, .options = {.free_slides = true}};
+    struct import_result result;
+    const struct robot *robot;
+    struct differences d;
+    struct error error;
+
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/toy.xml", folder);
+    write_text(path, toy);
+    if (import_run(&request, &arena, &result, &error)) {
+        fail_msg("%s", error.text);
+    }
+    robot = result.loaded;
+    assert_true(robot->floating);
+    assert_int_equal(robot->njoint, 4);
+    assert_true(robot->imu_frame >= 0);
+    dice = random_named(1, "toy");
+    d = compare_files(path, robot, 50);
+    print_message("# MJCF: %d bodies, masses %.1e, centers %.1e m, inertias %.1e, accelerations "
+                  "%.1e\n",
+                  d.bodies, d.mass, d.com, d.inertia, d.acceleration);
+    assert_true(d.bodies == 3);
+    assert_true(d.mass <= 1e-12 && d.com <= 1e-12 && d.inertia <= 1e-12);
+    assert_true(d.acceleration <= 1e-10);
+
+    /* Numbers of the drives, limits and the pose, by hand */
+    assert_true(fabs(robot->joint[0].sea.J - 0.02) <= 1e-9);
+    assert_true(fabs(robot->joint[0].torque_limit - 40.0) <= 1e-9);
+    assert_true(fabs(robot->joint[2].torque_limit - 30.0) <= 1e-9);
+    assert_true(fabs(robot->joint[2].lower - (45.0 - 120.0) * M_PI / 180.0) <= 1e-12);
+    assert_int_equal(robot_find_pose(robot, "stand"), 1);
+    assert_true(fabs(robot->pose[1].joint[2] - (-1.0 + M_PI / 4.0)) <= 1e-12);
+    snprintf(command, sizeof command, "rm -r '%s'", folder);
+    assert_int_equal(system(command), 0);
+}
+
 /* ---- by hand ---- */
 
 static const char *hand_file, *hand_robot;
@@ -561,6 +647,8 @@ int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(random_trees_are_those_of_mujoco, open_big_arena,
+                                        close_big_arena),
+        cmocka_unit_test_setup_teardown(bodies_of_mjcf_are_those_of_mujoco, open_big_arena,
                                         close_big_arena),
     };
     const struct CMUnitTest by_hand[] = {
