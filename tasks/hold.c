@@ -105,7 +105,7 @@ static enum task_status hold_step(struct task *task, double t_s)
         hold->worst[i] = fmax(hold->worst[i], deviation);
         if (!(deviation <= config->tolerance_rad)) {
             snprintf(task->message, sizeof task->message,
-                     "joint %s is %.3f rad from its angle after %.1f s, allowed are %.3f rad",
+                     "joint %s is %.3g rad from its angle after %.1f s, allowed are %.3g rad",
                      task->config.host.axis[i].joint, hold_deviation(task, i), held_s,
                      config->tolerance_rad);
             return TASK_FAILED;

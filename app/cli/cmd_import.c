@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil import: a robot and a bench from a URDF. */
+/* coman-hil import: a robot and a bench from a URDF or MJCF file. */
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
@@ -90,8 +90,8 @@ int cmd_import(int argc, char **argv)
          .value = &r.srdf},
         {"--base", OPTION_ENUM, "KIND", "the base is fixed or floating; guessed by default",
          .value = &r.options.base, .words = bases},
-        {"--pose", OPTION_STRING, "NAME", "pose to start in: rest, or one of the SRDF",
-         .value = &r.pose},
+        {"--pose", OPTION_STRING, "NAME",
+         "pose to start in: rest, or one of the SRDF or the keyframes", .value = &r.pose},
         {"--personality", OPTION_ENUM, "NAME",
          "what the boards speak: icub (the default), foc, compact, or compact-fd over CAN FD",
          .value = &personality, .words = personalities},
@@ -110,10 +110,11 @@ int cmd_import(int argc, char **argv)
          "folder that holds the packages of package:// names; may be given more than once",
          .value = &packages},
     };
-    static const struct operand_spec operands[] = {{"FILE", "the URDF", true, .value = &r.file}};
+    static const struct operand_spec operands[] = {
+        {"FILE", "the URDF or MJCF file", true, .value = &r.file}};
     static const struct command_spec spec = {
         .name = "import",
-        .summary = "Make a robot and a bench of a URDF.",
+        .summary = "Make a robot and a bench of a URDF or MJCF file.",
         .option = options,
         .noption = ARRAY_COUNT(options),
         .operand = operands,

@@ -68,10 +68,10 @@ static enum error_code import_make_robot(const struct import_model *model,
     return import_assume_drives(robot, arena, notes, supply_v, error);
 }
 
-enum error_code import_urdf_text(const char *name, const char *text, size_t size,
-                                 const struct import_options *options, struct arena *arena,
-                                 struct import_model *model, struct import_notes *notes,
-                                 struct import_robot *robot, double *supply_v, struct error *error)
+enum error_code import_model_text(const char *name, const char *text, size_t size,
+                                  const struct import_options *options, struct arena *arena,
+                                  struct import_model *model, struct import_notes *notes,
+                                  struct import_robot *robot, double *supply_v, struct error *error)
 {
     struct xml_file file;
     enum error_code code;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * MJCF, MuJoCo's XML (mujoco.readthedocs.io, XML reference), as a foreign robot: bodies, joints with
- * several to a body, default classes, inertias of bodies or of their geoms, actuators' strengths,
- * armature, keyframes as poses. Closed loops are refused by name. Not RT-safe.
+ * MJCF, MuJoCo's XML (mujoco.readthedocs.io, XML reference), as a foreign robot: bodies, joints
+ * with several to a body, default classes, inertias of bodies or of their geoms, actuators'
+ * strengths, armature, keyframes as poses. Closed loops are refused by name. Not RT-safe.
  */
 #ifndef APP_IMPORT_MJCF_H
 #define APP_IMPORT_MJCF_H

@@ -171,7 +171,7 @@ enum error_code mjcf_read_place(const struct mjcf_reader *r, const xmlNode *node
 /* ---- geoms ---- */
 
 /* Volume and inertia of a solid of density 1 about its center. */
-static double solid_measure(const struct import_geometry *g, double I[6])
+static double geom_measure(const struct import_geometry *g, double I[6])
 {
     double radius = g->radius, length = g->length, volume = 0.0, across, along, ball;
     const double *h = g->half;
@@ -227,7 +227,7 @@ static enum error_code geom_add_inertia(const struct mjcf_reader *r, const xmlNo
     if (by_mass ? mass == 0.0 : density == 0.0) {
         return ERROR_NONE;
     }
-    volume = solid_measure(g, own.I);
+    volume = geom_measure(g, own.I);
     own.mass = by_mass ? mass : density * volume;
     if (!(volume > 0.0) || !(own.mass > 0.0) || own.mass > 1e6) {
         return import_error(

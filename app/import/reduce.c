@@ -343,6 +343,9 @@ static enum error_code reduce_make_room(struct reducer *r)
     }
     out->robot->body = arena_alloc(r->arena, bodies, sizeof *out->robot->body);
     out->robot->joint = arena_alloc(r->arena, bodies, sizeof *out->robot->joint);
+    for (size_t i = 0; i < r->model->nlink; i++) {
+        out->body[i] = -1;
+    }
     return out->robot->body && out->robot->joint ? ERROR_NONE : reduce_no_memory(r);
 }
 

@@ -172,11 +172,13 @@ enum error_code reduce_add_frames(struct reducer *r)
     }
     for (size_t i = 0; i < model->nsensor && !code; i++) {
         const struct import_sensor *sensor = &model->sensor[i];
-        const char *on = sensor->kind == IMPORT_IMU ? sensor->link : NULL;
+        int link = sensor->kind == IMPORT_IMU
+                       ? import_find_link(model, sensor->link)
+                       : model->joint[import_find_joint(model, sensor->joint)].child_link;
 
-        if (on && r->out->body[import_find_link(model, on)] < 0) {
+        if (r->out->body[link] < 0) {
             import_note_add(r->notes, IMPORT_DROPPED, model->file, sensor->line,
-                            "inertial sensor \"%.63s\": it is fixed in the world", sensor->name);
+                            "sensor \"%.63s\": it is fixed in the world", sensor->name);
         } else if (sensor->kind == IMPORT_IMU) {
             code = reduce_add_imu(r, sensor);
         } else if (!ft_is_known(r, i)) {

@@ -66,34 +66,51 @@ static enum error_code reduce_find_root(struct reducer *r)
     return ERROR_NONE;
 }
 
-/* A root without mass below which nothing hangs but a floating joint is the world: the base is what
- * floats in it. */
+static bool option_locks_joint(const struct import_options *options, const char *name)
+{
+    for (size_t i = 0; i < options->nlock; i++) {
+        if (!strcmp(options->lock[i], name)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* A root without mass that a floating joint hangs on is the world, and the base is what floats in
+ * it. What else is in that world does not move, and is left there. */
 static enum error_code reduce_enter_world(struct reducer *r)
 {
     const struct import_model *model = r->model;
-    const struct import_joint *floating = NULL, *other = NULL;
+    const struct import_joint *floating = NULL;
 
-    for (size_t j = 0; j < model->njoint; j++) {
-        const struct import_joint *joint = &model->joint[j];
-
-        if (joint->parent_link == r->root && joint->type == IMPORT_FLOATING && !floating) {
-            floating = joint;
-        } else if (joint->parent_link == r->root) {
-            other = joint;
+    for (size_t j = 0; j < model->njoint && !model->link[r->root].has_inertia; j++) {
+        if (model->joint[j].parent_link == r->root && model->joint[j].type == IMPORT_FLOATING) {
+            floating = floating ? floating : &model->joint[j];
         }
     }
-    if (!floating || model->link[r->root].has_inertia) {
-        return ERROR_NONE;
+    for (size_t j = 0; floating && j < model->njoint; j++) {
+        const struct import_joint *other = &model->joint[j];
+
+        if (other->parent_link != r->root || other == floating) {
+            continue;
+        }
+        if (other->type != IMPORT_FIXED && !option_locks_joint(r->options, other->name)) {
+            return import_error(
+                r->error, model->file, other->line,
+                "found joint \"%.63s\" on the root \"%.63s\" beside the floating joint "
+                "\"%.63s\" (line %d), expected that alone: one robot floats; --lock "
+                "leaves what does not matter in the world",
+                other->name, model->link[r->root].name, floating->name, floating->line);
+        }
+        import_note_add(r->notes, IMPORT_DROPPED, model->file, other->line,
+                        "link \"%.63s\", with all that hangs on it: it stays in the world in which "
+                        "the robot floats",
+                        other->child);
     }
-    if (other) {
-        return import_error(r->error, model->file, other->line,
-                            "found joint \"%.63s\" on the root \"%.63s\" beside the floating joint "
-                            "\"%.63s\" (line %d), expected that alone: one robot floats",
-                            other->name, model->link[r->root].name, floating->name, floating->line);
+    if (floating) {
+        r->root = floating->child_link;
+        r->floats = true;
     }
-    r->out->body[r->root] = -1;
-    r->root = floating->child_link;
-    r->floats = true;
     return ERROR_NONE;
 }
 
@@ -119,18 +136,21 @@ static enum error_code reduce_order_links(struct reducer *r)
         }
     }
     r->norder = count;
-    if (count == model->nlink - r->floats) {
-        return ERROR_NONE;
-    }
+    return ERROR_NONE;
+}
 
-    /* What the walk did not reach hangs on itself */
+/* Joints that hang on each other hang on no root. */
+static enum error_code reduce_check_cycles(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+
     for (size_t j = 0; j < model->njoint; j++) {
-        bool reached = false;
+        int link = model->joint[j].child_link;
 
-        for (size_t i = 0; i < count && !reached; i++) {
-            reached = r->order[i] == model->joint[j].child_link;
+        for (size_t step = 0; r->above[link] >= 0 && step <= model->nlink; step++) {
+            link = model->joint[r->above[link]].parent_link;
         }
-        if (!reached) {
+        if (r->above[link] >= 0) {
             return import_error(r->error, model->file, model->joint[j].line,
                                 "found joint \"%.63s\" in a loop of joints that does not hang on "
                                 "the root \"%.63s\", expected a tree",
@@ -152,7 +172,7 @@ enum error_code reduce_find_tree(struct reducer *r)
         return reduce_no_memory(r);
     }
     if ((code = reduce_find_parents(r)) || (code = reduce_find_root(r)) ||
-        (code = reduce_enter_world(r))) {
+        (code = reduce_check_cycles(r)) || (code = reduce_enter_world(r))) {
         return code;
     }
     return reduce_order_links(r);

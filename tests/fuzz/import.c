@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * URDF from strangers: a file is refused in words with its place, or gives a robot that passed
+ * URDF and MJCF from strangers: a file is refused in words with its place, or gives a robot that passed
  * every check of robots, whose masses add up and whose drives are possible.
  */
 #include "app/import/import.h"
@@ -60,8 +60,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         data++;
         size--;
     }
-    if (import_urdf_text("x.urdf", (const char *)data, size, &options, arena, &model, &notes, &made,
-                         &supply_v, &error)) {
+    if (import_model_text("x.urdf", (const char *)data, size, &options, arena, &model, &notes,
+                          &made, &supply_v, &error)) {
         fuzz_require(error.code == ERROR_MEMORY ||
                          (error.code == ERROR_INPUT && message_has_place(error.text, size)),
                      "%d: %s", (int)error.code, error.text);

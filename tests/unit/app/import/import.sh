@@ -40,7 +40,7 @@ inertia='<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
     echo '</robot>'
 } >"$folder/arm.urdf"
 
-echo 1..9
+echo 1..10
 for personality in icub foc compact compact-fd; do
     out=$folder/$personality
     "$program" import "$folder/arm.urdf" -o "$out" --personality $personality >"$folder/log" 2>&1 &&
@@ -50,6 +50,16 @@ for personality in icub foc compact compact-fd; do
         >"$folder/log" 2>&1 && grep -q 'held for 10.0 s' "$folder/log"
     result $? "an_imported_arm_holds_its_pose_with_$personality"
 done
+
+{
+    echo "extends: arm.yaml"
+    echo "name: strict"
+    echo "tasks: {hold: {tolerance_rad: 1.0e-6}}"
+} >"$folder/icub/rigs/strict.yaml"
+"$program" run "$folder/icub/rigs/strict.yaml" --task hold --clock free --transport local --quiet \
+    >"$folder/log" 2>&1
+[ $? -eq 1 ] && grep -q 'task hold failed: joint joint[1-6] is .* allowed are 1e-06 rad' "$folder/log"
+result $? a_joint_beyond_the_tolerance_fails_the_hold
 
 sed 's/revolute/planar/' "$folder/arm.urdf" >"$folder/planar.urdf"
 "$program" import "$folder/planar.urdf" -o "$folder/none" >"$folder/log" 2>&1

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* URDF and SRDF to a robot: each pitfall of such files by a file of its own, made here. */
+/* URDF, SRDF and MJCF to a robot: each pitfall of such files by a file of its own, made here. */
 #include "app/import/import.h"
 #include "app/import/urdf.h"
 
@@ -37,8 +37,8 @@ static enum error_code import_text(const char *text)
     double supply_v;
 
     notes = (struct import_notes){0};
-    return import_urdf_text("x.urdf", text, strlen(text), &options, &arena, &model, &notes, &made,
-                            &supply_v, &error);
+    return import_model_text("x.urdf", text, strlen(text), &options, &arena, &model, &notes, &made,
+                             &supply_v, &error);
 }
 
 static void import_good(const char *text)
@@ -328,6 +328,12 @@ static void floating_joint_makes_its_child_the_base(void **state)
                          JOINT("free", "floating", "world", "pelvis", "")
                              JOINT("j", "revolute", "world", "a", LIMIT)),
                "x.urdf:6: ", "one robot floats");
+    import_good(ROBOT(HOLLOW("world") LINK("pelvis") LINK("a") LINK("floor") JOINT(
+        "free", "floating", "world", "pelvis", "") JOINT("ground", "fixed", "world", "floor", "")
+                          JOINT("j", "revolute", "pelvis", "a", LIMIT)));
+    assert_int_equal(made.body[3], -1);
+    assert_near(made.robot->total_mass, 2.0, 0.0);
+    assert_true(noted(IMPORT_DROPPED, 7, "link \"floor\""));
 }
 
 /* ---- inertias ---- */
@@ -464,6 +470,59 @@ static void poses_come_from_the_second_file(void **state)
     assert_near(made.robot->pose[1].joint[0], 0.7, 0.0);
 }
 
+/* ---- MJCF ---- */
+
+#define MJCF(before, body, after)                                                                  \
+    "<mujoco>\n" before "<worldbody>\n<body name='a'><inertial mass='1' pos='0 0 0' "              \
+    "diaginertia='1 1 1'/>\n" body "</body></worldbody>" after "</mujoco>"
+
+static void mjcf_that_is_no_plain_tree_is_refused(void **state)
+{
+    static const struct {
+        const char *text, *place, *words;
+    } cases[] = {
+        {MJCF("", "<joint name='j'/>",
+              "\n<equality><connect name='rod' body1='a' body2='b' "
+              "anchor='0 0 0'/></equality>"),
+         "x.urdf:5: ", "<connect> rod between \"a\" and \"b\", which closes a loop"},
+        {MJCF("", "<joint name='j'/>", "<equality><weld body1='a'/></equality>"),
+         "x.urdf:4: ", "\"a\" and \"the world\""},
+        {MJCF("", "<joint type='ball'/>", ""), "x.urdf:4: ", "three hinges for a ball"},
+        {MJCF("<include file='/etc/passwd'/>", "<joint/>", ""), "x.urdf:2: ", "mj_saveLastXML"},
+        {MJCF("", "<frame><body/></frame>", ""), "x.urdf:4: ", "found <frame>"},
+        {MJCF("<compiler coordinate='global'/>", "<joint/>", ""), "x.urdf:2: ", "coordinate"},
+        {MJCF("<compiler eulerseq='xyq'/>", "<joint/>", ""), "x.urdf:2: ", "eulerseq"},
+        {MJCF("", "<joint/><body name='a'/>", ""), "x.urdf:4: ", "found body \"a\" again"},
+        {MJCF("", "<joint/><geom type='box' size='1 0 1'/>", ""), "x.urdf:4: ", "found size 0"},
+        {MJCF("", "<joint/><geom quat='0 0 0 0' size='1'/>", ""), "x.urdf:4: ", "a rotation"},
+        {MJCF("", "<joint/><geom type='mesh' mesh='none'/>", ""), "x.urdf:4: ", "mesh \"none\""},
+        {MJCF("", "<joint axis='0 0 0'/>", ""), "x.urdf:4: ", "expected a direction"},
+        {MJCF("", "<joint/>", "<keyframe><key qpos='1 2'/></keyframe>"),
+         "x.urdf:4: ", "expected 1 finite number"},
+        {"<mujoco/>", "x.urdf:1: ", "without <worldbody>"},
+        {"<mujoco><worldbody/></mujoco>", "x.urdf:1: ", "0 bodies"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        import_bad(cases[i].text, cases[i].place, cases[i].words);
+    }
+}
+
+static void mjcf_joints_may_follow_each_other(void **state)
+{
+    const char *text = MJCF("", "<joint name='j'/><joint name='k' axis='1 0 0'/>",
+                            "<equality><joint joint1='k' joint2='j' polycoef='0.1 2 0 0 0'/>"
+                            "</equality>");
+
+    (void)state;
+    import_bad(text, "x.urdf:4: ", "\"k\" that follows \"j\"");
+    options.mimic = IMPORT_MIMIC_LOCK;
+    import_good(text);
+    assert_int_equal(made.robot->njoint, 1);
+    assert_true(noted(IMPORT_CHANGED, 4, "fixed at 0.1 rad"));
+}
+
 /* ---- drives ---- */
 
 static void drives_follow_effort_and_velocity(void **state)
@@ -527,6 +586,8 @@ int main(void)
         TEST(numbers_are_read_strictly),
         TEST(force_sensor_bears_what_is_below_it),
         TEST(poses_come_from_the_second_file),
+        TEST(mjcf_that_is_no_plain_tree_is_refused),
+        TEST(mjcf_joints_may_follow_each_other),
         TEST(drives_follow_effort_and_velocity),
         TEST(placeholders_are_no_strength),
     };
