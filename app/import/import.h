@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A foreign robot file as a robot and a bench of ours: what `coman-hil import` does. Reads the file
- * (URDF, with an SRDF for poses, or MJCF), makes a robot of it (reduce.h), assumes drives (drive.h), plans
- * buses (plan.h), writes the files (write.h), and reads them back, so that what was written loads.
- * Not RT-safe.
+ * (URDF, with an SRDF for poses, or MJCF), makes a robot of it (reduce.h), assumes drives
+ * (drive.h), plans buses (plan.h), writes the files (write.h), and reads them back, so that what
+ * was written loads. Not RT-safe.
  */
 #ifndef APP_IMPORT_IMPORT_H
 #define APP_IMPORT_IMPORT_H
@@ -35,8 +35,8 @@ struct import_result {
 enum error_code import_run(const struct import_request *request, struct arena *arena,
                            struct import_result *result, struct error *error);
 
-/* The first half, from the text of a URDF or MJCF to a robot: for tests and for fuzzing. The robot is
- * finished (robot_finish) and has drives but no capsules. */
+/* The first half, from the text of a URDF or MJCF file to a robot: for tests and for fuzzing. The
+ * robot is finished (robot_finish) and has drives but no capsules. */
 enum error_code import_model_text(const char *name, const char *text, size_t size,
                                   const struct import_options *options, struct arena *arena,
                                   struct import_model *model, struct import_notes *notes,

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * URDF and MJCF from strangers: a file is refused in words with its place, or gives a robot that passed
- * every check of robots, whose masses add up and whose drives are possible.
+ * URDF and MJCF from strangers: a file is refused in words with its place, or gives a robot that
+ * passed every check of robots, whose masses add up and whose drives are possible.
  */
 #include "app/import/import.h"
 #include "tests/fuzz/fuzz.h"

@@ -58,7 +58,7 @@ done
 } >"$folder/icub/rigs/strict.yaml"
 "$program" run "$folder/icub/rigs/strict.yaml" --task hold --clock free --transport local --quiet \
     >"$folder/log" 2>&1
-[ $? -eq 1 ] && grep -q 'task hold failed: joint joint[1-6] is .* allowed are 1e-06 rad' "$folder/log"
+[ $? -eq 1 ] && grep -q 'failed: joint joint[1-6] is .* allowed are 1e-06 rad' "$folder/log"
 result $? a_joint_beyond_the_tolerance_fails_the_hold
 
 sed 's/revolute/planar/' "$folder/arm.urdf" >"$folder/planar.urdf"
