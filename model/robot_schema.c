@@ -44,7 +44,7 @@ static const struct yaml_field body_fields[] = {
      .type = YAML_REAL,
      .required = true,
      .offset = offsetof(struct body_yaml, mass),
-     .min = 1e-9,
+     .min = 1e-15,
      .max = 1e6},
     VECTOR("com_m", struct body_yaml, com, true),
     {TENSOR(struct body_yaml), .mark_offset = offsetof(struct body_yaml, inertia_mark)},

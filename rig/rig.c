@@ -361,6 +361,10 @@ static enum error_code rig_build_tasks(struct rig_builder *b)
         .period_s = squat->period_s,
         .cycles = (int)squat->cycles,
     };
+    rig->hold_task = (struct hold_config){
+        .duration_s = b->raw->tasks.hold.duration_s,
+        .tolerance_rad = b->raw->tasks.hold.tolerance_rad,
+    };
     rig->servo.command_period_ns = rig->tick_ns;
     if (servo->command_period_s > 0 &&
         (!rig_whole_ns(servo->command_period_s, &rig->servo.command_period_ns) ||

@@ -123,6 +123,7 @@ struct rig {
     struct servo_config servo;
     struct squat_config squat;
     struct grasp_config grasp; /* nphase 0: the file has none */
+    struct hold_config hold_task;
 
     struct rig_wire wire;
     struct loop_lockstep lockstep;

@@ -520,11 +520,27 @@ static const struct yaml_schema grasp_schema = {
     .field_count = ARRAY_COUNT(grasp_fields),
 };
 
+#define STRUCT raw_hold
+static const struct yaml_field hold_fields[] = {
+    {"duration_s", YAML_REAL, false, AT(duration_s), .min = 0.0, .max = 1e6},
+    {"tolerance_rad", YAML_REAL, false, AT(tolerance_rad), .min = 1e-6, .max = 10.0},
+};
+#undef STRUCT
+static const struct raw_hold hold_defaults = {.duration_s = 10.0, .tolerance_rad = 0.05};
+static const struct yaml_schema hold_schema = {
+    .what = "the hold task",
+    .size = sizeof(struct raw_hold),
+    .fields = hold_fields,
+    .field_count = ARRAY_COUNT(hold_fields),
+    .defaults = &hold_defaults,
+};
+
 #define STRUCT raw_tasks
 static const struct yaml_field tasks_fields[] = {
     {"servo", YAML_MAP, false, AT(servo), .schema = &servo_schema},
     {"squat", YAML_MAP, false, AT(squat), .schema = &squat_schema},
     {"grasp", YAML_MAP, false, AT(grasp), .schema = &grasp_schema},
+    {"hold", YAML_MAP, false, AT(hold), .schema = &hold_schema},
 };
 #undef STRUCT
 static const struct yaml_schema tasks_schema = {

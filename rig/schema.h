@@ -236,11 +236,17 @@ struct raw_grasp {
     size_t npath;
 };
 
+struct raw_hold {
+    struct yaml_mark mark;
+    double duration_s, tolerance_rad;
+};
+
 struct raw_tasks {
     struct yaml_mark mark;
     struct raw_servo servo;
     struct raw_squat squat;
     struct raw_grasp grasp;
+    struct raw_hold hold;
 };
 
 struct raw_chopper {

@@ -48,6 +48,7 @@ enum error_code task_runner_create(const struct rig *rig, const char *task, stru
         .servo = rig->servo,
         .squat = rig->squat,
         .grasp = rig->grasp,
+        .hold = rig->hold_task,
     };
     enum error_code code;
 

@@ -13,8 +13,8 @@ enum { TELL_STEPS = 20 };
 
 static const double STRAY_RAD = 0.4; /* a motor so far from its reference: fallen or stuck */
 
-static const struct task_ops *const known[] = {&task_squat, &task_grasp};
-static const char *const names[] = {"squat", "grasp", NULL};
+static const struct task_ops *const known[] = {&task_squat, &task_grasp, &task_hold};
+static const char *const names[] = {"squat", "grasp", "hold", NULL};
 
 enum { KNOWN = ARRAY_COUNT(known) };
 
@@ -53,8 +53,9 @@ enum error_code task_create(const char *name, const struct task_config *config, 
     if (!task->ops) {
         const char *nearest = text_nearest(name, names, KNOWN);
 
-        return error_set(error, ERROR_INPUT, "found task \"%s\", expected one of: squat, grasp%s%s",
-                         name, nearest ? "; did you mean " : "", nearest ? nearest : "");
+        return error_set(error, ERROR_INPUT,
+                         "found task \"%s\", expected one of: squat, grasp, hold%s%s", name,
+                         nearest ? "; did you mean " : "", nearest ? nearest : "");
     }
     task->config = *config;
 

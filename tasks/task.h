@@ -138,12 +138,19 @@ struct servo_config {
     int64_t command_period_ns; /* voltages are sent this often (a multiple of the host's period) */
 };
 
+/* Every joint stays in the initial pose. */
+struct hold_config {
+    double duration_s;    /* after two seconds to get there */
+    double tolerance_rad; /* of a link's angle; more has failed */
+};
+
 struct task_config {
     struct host_config host;
     const double *initial_rad; /* naxis: the pose that the robot stands in at the start */
     struct servo_config servo;
     struct squat_config squat;
     struct grasp_config grasp;
+    struct hold_config hold;
 };
 
 struct task;

@@ -35,7 +35,7 @@ struct task {
     char message[192];
 };
 
-extern const struct task_ops task_squat, task_grasp;
+extern const struct task_ops task_squat, task_grasp, task_hold;
 
 /* The index of a joint's axis or of a force-torque board; the error says which one is missing. */
 enum error_code task_find_axis(const struct task *task, const char *joint, size_t *axis,

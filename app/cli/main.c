@@ -19,6 +19,7 @@ static const struct program_command commands[] = {
     {"test", "run scenarios: tests of a rig with a verdict", cmd_test},
     {"task", "run a task alone, on the other side of the buses", cmd_task},
     {"ctl", "observe and control a running simulator", cmd_ctl},
+    {"import", "make a robot and a bench of a URDF or MJCF file", cmd_import},
     {"list", "list the rigs, robots, scenarios and tasks that are there", cmd_list},
     {"plot", "plot signals of a recording as SVG", cmd_plot},
     {"check", "check a rig or a robot file and print its contents", cmd_check},

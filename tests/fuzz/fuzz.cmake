@@ -76,6 +76,8 @@ hil_fuzz(control SOURCE control.c LIBS control MUTATIONS 40000)
 hil_fuzz(text SOURCE text.c LIBS cli MUTATIONS 50000)
 hil_fuzz(results SOURCE results.c LIBS scenario MUTATIONS 3000)
 hil_fuzz(host SOURCE host.c LIBS sim MUTATIONS 500)
+hil_fuzz(import SOURCE import.c LIBS import MUTATIONS 6000)
+hil_fuzz(import_mesh SOURCE import_mesh.c LIBS import MUTATIONS 40000)
 hil_fuzz(gateway SOURCE gateway.c LIBS canbus Threads::Threads MUTATIONS 60)
 
 if(HIL_FUZZ)

@@ -19,6 +19,13 @@ hil_script_test(cli_completion COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/unit/app
 hil_script_test(cli_protocol COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/protocol.sh
                 $<TARGET_FILE:coman-hil> LABELS unit)
 
+foreach(name mesh run urdf)
+    hil_test(import_${name} SOURCES unit/app/import/${name}.c LIBS import LABELS unit)
+endforeach()
+
+hil_script_test(import_run_arm COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/import/import.sh
+                $<TARGET_FILE:coman-hil> LABELS unit)
+
 foreach(name report svg)
     hil_test(report_${name} SOURCES unit/app/report/${name}.c LIBS report LABELS unit)
 endforeach()

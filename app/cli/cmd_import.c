@@ -1,0 +1,141 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* coman-hil import: a robot and a bench from a URDF or MJCF file. */
+#include "app/cli/commands.h"
+
+#include "app/cli/rig_command.h"
+#include "app/import/import.h"
+#include "app/import/write.h"
+#include "base/count.h"
+#include "base/options.h"
+#include "manual/import.h"
+
+#include <stdio.h>
+
+enum { NOTES_SHOWN = 12 };
+
+static void import_print_result(const struct import_result *result)
+{
+    const struct robot *robot = result->loaded;
+    const struct import_notes *notes = &result->notes;
+    size_t drives = 0, shown = 0;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        drives += robot->joint[j].sea.present;
+    }
+    printf("robot     %s: %s base, %zu bodies, %zu joints, %zu drives, %zu frames, %.7g kg\n",
+           result->robot, robot->floating ? "floating" : "fixed", robot->nbody, robot->njoint,
+           drives, robot->nframe, robot->total_mass);
+    printf("sensors   %zu F/T, %s inertial; %zu capsules, %zu meshes, %zu poses\n", robot->nft,
+           robot->imu_frame < 0 ? "no" : "one", robot->ncapsule, result->meshes, robot->npose);
+    printf("rig       %s: %zu buses, %.1f %% of the fullest at the worst\n", result->rig,
+           result->nbus, 100.0 * result->worst_load);
+    if (result->standing[0]) {
+        printf("          %s\n", result->standing);
+    }
+    printf("report    %s:", result->report);
+    for (int fate = 0; fate < IMPORT_FATES; fate++) {
+        printf("%s %zu %s", fate ? "," : "", import_count_notes(notes, (enum import_fate)fate),
+               import_fate_word((enum import_fate)fate));
+    }
+    printf("\n");
+
+    /* What the user must know of: the robot is not what the file says */
+    for (size_t i = 0; i < notes->count; i++) {
+        const struct import_note *note = &notes->note[i];
+
+        if (note->fate == IMPORT_CHANGED && shown++ < NOTES_SHOWN) {
+            printf("%s:%d: %s\n", note->file, note->line, note->text);
+        }
+    }
+    if (shown > NOTES_SHOWN) {
+        printf("... and %zu more\n", shown - NOTES_SHOWN);
+    }
+    printf("next      coman-hil run %s --task hold\n", result->rig);
+}
+
+static int import_run_request(const struct command_spec *spec, const struct import_request *request)
+{
+    struct import_result result;
+    struct arena arena = {0};
+    struct error error;
+    enum error_code code = arena_init(&arena, RIG_COMMAND_ARENA, &error);
+
+    code = code ? code : import_run(request, &arena, &result, &error);
+    if (!code) {
+        import_print_result(&result);
+    }
+    arena_fini(&arena);
+    return options_end(spec, code, &error);
+}
+
+int cmd_import(int argc, char **argv)
+{
+    static const struct option_word bases[] = {
+        {"fixed", IMPORT_BASE_FIXED}, {"floating", IMPORT_BASE_FLOATING}, {NULL, 0}};
+    static const struct option_word mimics[] = {
+        {"lock", IMPORT_MIMIC_LOCK}, {"free", IMPORT_MIMIC_FREE}, {NULL, 0}};
+    static const struct option_word slides[] = {{"lock", 0}, {"free", 1}, {NULL, 0}};
+    static const struct option_word personalities[] = {{"icub", IMPORT_ICUB},
+                                                       {"foc", IMPORT_FOC},
+                                                       {"compact", IMPORT_COMPACT},
+                                                       {"compact-fd", IMPORT_COMPACT_FD},
+                                                       {NULL, 0}};
+    static struct import_request r;
+    static struct option_list lock, packages;
+    static int prismatic, personality;
+    static const struct option_spec options[] = {
+        {"-o", OPTION_STRING, "DIR", "folder to write into; it is made when it is not there",
+         .value = &r.folder},
+        {"--srdf", OPTION_STRING, "FILE", "take poses and the kind of base from this SRDF",
+         .value = &r.srdf},
+        {"--base", OPTION_ENUM, "KIND", "the base is fixed or floating; guessed by default",
+         .value = &r.options.base, .words = bases},
+        {"--pose", OPTION_STRING, "NAME",
+         "pose to start in: rest, or one of the SRDF or the keyframes", .value = &r.pose},
+        {"--personality", OPTION_ENUM, "NAME",
+         "what the boards speak: icub (the default), foc, compact, or compact-fd over CAN FD",
+         .value = &personality, .words = personalities},
+        {"--lock", OPTION_LIST, "JOINT", "fix this joint; may be given more than once",
+         .value = &lock},
+        {"--mimic", OPTION_ENUM, "HOW",
+         "what becomes of joints that follow another: lock or free; refused by default",
+         .value = &r.options.mimic, .words = mimics},
+        {"--prismatic", OPTION_ENUM, "HOW",
+         "what becomes of joints that slide: lock (the default), or free, without a drive",
+         .value = &prismatic, .words = slides},
+        {"--repair-inertia", OPTION_FLAG, NULL,
+         "raise moments of inertia that no body can have; refused by default",
+         .value = &r.options.repair_inertia},
+        {"--package-path", OPTION_LIST, "DIR",
+         "folder that holds the packages of package:// names; may be given more than once",
+         .value = &packages},
+    };
+    static const struct operand_spec operands[] = {
+        {"FILE", "the URDF or MJCF file", true, .value = &r.file}};
+    static const struct command_spec spec = {
+        .name = "import",
+        .summary = "Make a robot and a bench of a URDF or MJCF file.",
+        .option = options,
+        .noption = ARRAY_COUNT(options),
+        .operand = operands,
+        .noperand = ARRAY_COUNT(operands),
+        .manual = MANUAL_IMPORT,
+    };
+    struct error error;
+    int status;
+
+    r = (struct import_request){0};
+    if (!options_read(&spec, argc, argv, &status)) {
+        return status;
+    }
+    if (!r.folder) {
+        error_set(&error, ERROR_INPUT, "found no -o, expected the folder to write into");
+        return options_fail(&spec, &error);
+    }
+    r.personality = (enum import_personality)personality;
+    r.options.free_slides = prismatic != 0;
+    r.options.lock = lock.item;
+    r.options.nlock = lock.count;
+    r.packages = (struct import_packages){packages.item, packages.count};
+    return import_run_request(&spec, &r);
+}

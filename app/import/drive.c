@@ -1,0 +1,309 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Assumed drives and gains; the rules are in drive.h. */
+#include "app/import/drive.h"
+
+#include "base/count.h"
+#include "base/vec3.h"
+#include "model/dynamics.h"
+
+#include <math.h>
+
+#define GRAVITY 9.81
+#define PLACEHOLDER_TIMES 20.0 /* of what gravity asks: no strength */
+#define STRENGTH_TIMES 3.0     /* of it: an assumed strength */
+#define CARRY_TIMES 1.5        /* of what a joint bears in a pose: the least strength */
+#define SPEED_RAD_S (2.0 * M_PI)
+#define SPEED_MOST_RAD_S 100.0
+#define GEAR 100.0
+#define DELAYED_DAMPING_S 0.010 /* J over the damping that is fed back over the buses, at least */
+
+/* What a joint bears at the worst: everything behind it stretched out level; on legs that may carry
+ * the robot, half of its weight at the end of the leg. N m, or N of a prismatic joint. */
+static void robot_find_loads(const struct robot *robot, double *reach, double *load)
+{
+    double total = 0.0;
+
+    for (size_t b = 0; b < robot->nbody; b++) {
+        total += robot->body[b].inertia.mass;
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        reach[j] = load[j] = 0.0;
+    }
+    for (size_t b = 1; b < robot->nbody; b++) {
+        double arm = vec3_norm(robot->body[b].inertia.com);
+
+        /* Up to the base: every joint on the way carries this body so far out */
+        for (int up = (int)b; up > 0; up = robot->body[up].parent) {
+            const struct robot_joint *joint = &robot->joint[up - 1];
+            double lever = joint->type == JOINT_PRISMATIC ? 1.0 : arm;
+
+            load[up - 1] += GRAVITY * robot->body[b].inertia.mass * lever;
+            reach[up - 1] = fmax(reach[up - 1], arm);
+            arm += vec3_norm(joint->origin);
+        }
+    }
+    for (size_t j = 0; j < robot->njoint && robot->floating; j++) {
+        if (robot->joint[j].type == JOINT_REVOLUTE) {
+            load[j] = fmax(load[j], 0.5 * GRAVITY * total * reach[j]);
+        }
+    }
+}
+
+/* The largest torque that each joint bears against gravity in the robot's poses, the base held. */
+static enum error_code robot_find_statics(const struct robot *robot, struct arena *arena,
+                                          double *bears, struct error *error)
+{
+    const size_t n = robot->njoint + BASE_Q_COUNT, first = robot->nv - robot->njoint;
+    double *q = arena_alloc(arena, n, sizeof *q), *v = arena_alloc(arena, n, sizeof *v);
+    double *vdot = arena_alloc(arena, n, sizeof *vdot), *f = arena_alloc(arena, n, sizeof *f);
+    struct dynamics d;
+    enum error_code code;
+
+    if (!q || !v || !vdot || !f) {
+        return error_set(error, ERROR_MEMORY, "no memory for the drives");
+    }
+    code = dynamics_generic(robot, arena, &d, error);
+    if (code) {
+        return code;
+    }
+    for (size_t p = 0; p < robot->npose; p++) {
+        if (robot->floating) {
+            q[BASE_Q_QUATERNION] = 1.0;
+        }
+        for (size_t j = 0; j < robot->njoint; j++) {
+            q[robot->nq - robot->njoint + j] = robot->pose[p].joint[j];
+        }
+        d.ops->inverse(&d, q, v, vdot, NULL, f);
+        for (size_t j = 0; j < robot->njoint; j++) {
+            bears[j] = fmax(bears[j], fabs(f[first + j]));
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Strength and speed of a joint, from the file or assumed. */
+static void drive_choose_limits(const struct import_robot *from, size_t j, double load,
+                                double most_load, double bears, struct import_notes *notes,
+                                double *strength, double *speed)
+{
+    const struct import_joint *source = from->source[j];
+    const char *file = from->model->file;
+
+    *strength = source->effort;
+    *speed = source->velocity;
+    if (!(*strength > 0.0) || *strength > PLACEHOLDER_TIMES * most_load) {
+        *strength = fmax(fmax(STRENGTH_TIMES * load, 0.02 * most_load), 1e-3);
+        import_note_add(notes, IMPORT_ASSUMED, file, source->line,
+                        "joint \"%.63s\" is as strong as %.3g N m: the file's effort %g %s",
+                        source->name, *strength, source->effort,
+                        source->effort > 0.0 ? "is a placeholder" : "is none");
+    }
+    if (*strength < CARRY_TIMES * bears) {
+        import_note_add(
+            notes, IMPORT_ASSUMED, file, source->line,
+            "joint \"%.63s\" is as strong as %.3g N m: it bears %.3g N m in a pose, and "
+            "with %.3g it could not move",
+            source->name, CARRY_TIMES * bears, bears, *strength);
+        *strength = CARRY_TIMES * bears;
+    }
+    if (source->type != IMPORT_PRISMATIC && (!(*speed > 0.0) || *speed > SPEED_MOST_RAD_S)) {
+        *speed = SPEED_RAD_S;
+        import_note_add(notes, IMPORT_ASSUMED, file, source->line,
+                        "joint \"%.63s\" is as fast as %.3g rad/s: the file's velocity %g %s",
+                        source->name, *speed, source->velocity,
+                        source->velocity > 0.0 ? "is a placeholder" : "is none");
+    }
+}
+
+static void drive_assume(const struct import_joint *source, double strength, double speed,
+                         double supply_v, struct robot_joint *joint)
+{
+    double free_speed = 1.5 * speed, NKt = supply_v / free_speed;
+    double R = NKt * supply_v / (3.0 * strength);
+
+    joint->sea = (struct robot_sea){
+        .present = true,
+        .J = source->armature > 0.0 ? source->armature : strength * 0.020 / free_speed,
+        .Dm = source->damping > 0.0 ? source->damping : 0.02 * strength / free_speed,
+        .Ks = strength / 0.010,
+        .Ds = 5e-4 * strength / 0.010,
+        .N = source->gear > 0.0 ? source->gear : GEAR,
+        .Kt = NKt,
+        .Kw = NKt,
+        .R = R,
+        .L = 5e-4 * R,
+    };
+}
+
+/* The lowest of the usual supplies that drives the strongest joint with 25 A. */
+static double drive_choose_supply(const struct robot *robot, const double *strength,
+                                  const double *speed)
+{
+    static const double usual[] = {24.0, 48.0, 80.0, 150.0, 300.0, 600.0};
+    double power = 0.0;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        if (robot->joint[j].type == JOINT_REVOLUTE) {
+            power = fmax(power, strength[j] * 1.5 * speed[j]);
+        }
+    }
+    for (size_t i = 0; i < ARRAY_COUNT(usual); i++) {
+        if (power <= 25.0 * usual[i]) {
+            return usual[i];
+        }
+    }
+    return 1000.0;
+}
+
+enum error_code import_assume_drives(struct import_robot *from, struct arena *arena,
+                                     struct import_notes *notes, double *supply_v,
+                                     struct error *error)
+{
+    struct robot *robot = from->robot;
+    const size_t n = robot->njoint + 1;
+    double *reach = arena_alloc(arena, n, sizeof *reach),
+           *load = arena_alloc(arena, n, sizeof *load);
+    double *strength = arena_alloc(arena, n, sizeof *strength);
+    double *speed = arena_alloc(arena, n, sizeof *speed);
+    double *bears = arena_alloc(arena, n, sizeof *bears), most = 0.0;
+    enum error_code code;
+
+    if (!reach || !load || !strength || !speed || !bears) {
+        return error_set(error, ERROR_MEMORY, "%.200s: no memory for the drives",
+                         from->model->file);
+    }
+    code = robot_find_statics(robot, arena, bears, error);
+    if (code) {
+        return code;
+    }
+    robot_find_loads(robot, reach, load);
+    for (size_t j = 0; j < robot->njoint; j++) {
+        most = fmax(most, load[j]);
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        drive_choose_limits(from, j, load[j], most, bears[j], notes, &strength[j], &speed[j]);
+    }
+    *supply_v = drive_choose_supply(robot, strength, speed);
+
+    /* The drives of what turns */
+    for (size_t j = 0; j < robot->njoint; j++) {
+        struct robot_joint *joint = &robot->joint[j];
+        const struct import_joint *source = from->source[j];
+
+        joint->torque_limit = strength[j];
+        if (joint->type != JOINT_REVOLUTE) {
+            continue;
+        }
+        drive_assume(source, strength[j], speed[j], *supply_v, joint);
+        import_note_add(
+            notes, IMPORT_ASSUMED, from->model->file, source->line,
+            "drive of joint \"%.63s\": J %.3g kg m2%s, Ks %.3g N m/rad, N Kt %.3g N m/A, "
+            "R %.3g ohm, gear %g%s",
+            source->name, joint->sea.J, source->armature > 0.0 ? " (the file's)" : "",
+            joint->sea.Ks, joint->sea.Kt, joint->sea.R, joint->sea.N,
+            source->gear > 0.0 ? " (the file's)" : "");
+        if (source->friction > 0.0) {
+            import_note_add(notes, IMPORT_DROPPED, from->model->file, source->line,
+                            "dry friction %g N m of joint \"%.63s\"; its drive takes it as "
+                            "coulomb_nm",
+                            source->friction, source->name);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* ---- gains ---- */
+
+/* The robot at rest in a pose, and scratch of its size. */
+struct gain_trial {
+    struct dynamics dynamics;
+    double *q, *v, *tau, *extra, *still, *vdot;
+    struct added_inertia *none;
+    struct wrench *ext;
+};
+
+static enum error_code gain_trial_make(const struct robot *robot, const double *joint,
+                                       struct arena *arena, struct gain_trial *t,
+                                       struct error *error)
+{
+    const size_t n = robot->njoint + BASE_Q_COUNT;
+
+    t->q = arena_alloc(arena, n, sizeof *t->q);
+    t->v = arena_alloc(arena, n, sizeof *t->v);
+    t->tau = arena_alloc(arena, n, sizeof *t->tau);
+    t->extra = arena_alloc(arena, n, sizeof *t->extra);
+    t->still = arena_alloc(arena, n, sizeof *t->still);
+    t->vdot = arena_alloc(arena, n, sizeof *t->vdot);
+    t->none = arena_alloc(arena, robot->nbody, sizeof *t->none);
+    t->ext = arena_alloc(arena, robot->nbody, sizeof *t->ext);
+    if (!t->q || !t->v || !t->tau || !t->extra || !t->still || !t->vdot || !t->none || !t->ext) {
+        return error_set(error, ERROR_MEMORY, "no memory for the gains");
+    }
+    if (robot->floating) {
+        t->q[BASE_Q_QUATERNION] = 1.0;
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        t->q[robot->nq - robot->njoint + j] = joint[j];
+        t->extra[j] = robot->joint[j].sea.present ? robot->joint[j].sea.J : 0.0;
+    }
+    return dynamics_generic(robot, arena, &t->dynamics, error);
+}
+
+static void gain_trial_accelerate(struct gain_trial *t, double *vdot)
+{
+    const struct dynamics *d = &t->dynamics;
+
+    d->ops->implicit(d, t->q, t->v, t->tau, t->ext, t->extra, t->none, vdot);
+}
+
+/* 1 / the acceleration of joint j by a unit torque on it. */
+static double gain_trial_inertia(struct gain_trial *t, size_t j)
+{
+    const struct robot *robot = t->dynamics.robot;
+    const size_t at = robot->nv - robot->njoint + j;
+
+    t->tau[j] = 1.0;
+    gain_trial_accelerate(t, t->vdot);
+    t->tau[j] = 0.0;
+    return 1.0 / (t->vdot[at] - t->still[at]);
+}
+
+static struct import_gains gains_choose(const struct robot_sea *sea, double I, double load)
+{
+    double own = sea->Dm + sea->Kt * sea->Kw / sea->R, most = own + sea->J / DELAYED_DAMPING_S;
+    double K = fmin(fmax(5.0 * load, 30.0 * 30.0 * I), 60.0 * 60.0 * I), D;
+
+    /* Above the resonance with the spring the loop moves the rotor alone */
+    K = fmin(K, fmin(most * most / I, 100.0 * 100.0 * sea->J));
+    D = fmin(2.0 * sqrt(K * I), most) - own;
+    return (struct import_gains){K * sea->R / sea->Kt, fmax(D, 0.0) * sea->R / sea->Kt};
+}
+
+enum error_code import_find_gains(const struct robot *robot, const double *joint,
+                                  struct arena *arena, struct import_gains *gains,
+                                  struct error *error)
+{
+    const size_t n = robot->njoint + 1;
+    double *reach = arena_alloc(arena, n, sizeof *reach),
+           *load = arena_alloc(arena, n, sizeof *load);
+    struct gain_trial trial;
+    enum error_code code;
+
+    if (!reach || !load) {
+        return error_set(error, ERROR_MEMORY, "no memory for the gains");
+    }
+    code = gain_trial_make(robot, joint, arena, &trial, error);
+    if (code) {
+        return code;
+    }
+    robot_find_loads(robot, reach, load);
+    gain_trial_accelerate(&trial, trial.still);
+    for (size_t j = 0; j < robot->njoint; j++) {
+        double I = gain_trial_inertia(&trial, j);
+
+        if (robot->joint[j].sea.present && I > 0.0 && isfinite(I)) {
+            gains[j] = gains_choose(&robot->joint[j].sea, I, load[j]);
+        }
+    }
+    return ERROR_NONE;
+}

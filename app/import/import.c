@@ -1,0 +1,290 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The steps of an import, one after the other. */
+#include "app/import/import.h"
+
+#include "app/import/drive.h"
+#include "app/import/mjcf.h"
+#include "app/import/shapes.h"
+#include "app/import/urdf.h"
+#include "app/import/write.h"
+#include "base/count.h"
+#include "rig/rig.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+
+/* Bound of the scene's own reading, in address space. */
+#define RIG_ARENA ((size_t)1 << 30)
+
+/* How high above the ground the lowest point of a robot hangs that is held by its base, m. */
+#define HANG_CLEARANCE_M 0.3
+
+struct importer {
+    const struct import_request *request;
+    struct import_result *result;
+    struct arena *arena;
+    struct error *error;
+    struct import_model model;
+    struct import_robot robot;
+    struct import_plan plan;
+    double supply_v;
+};
+
+/* ---- reading ---- */
+
+/* The robot that a file describes, by its root element. */
+static enum error_code import_read_model(const struct xml_file *file, struct arena *arena,
+                                         struct import_model *model, struct import_notes *notes,
+                                         struct error *error)
+{
+    if (xml_is(file->root, "sdf") || xml_is(file->root, "COLLADA")) {
+        return import_error(
+            error, file->name, xml_line(file->root),
+            "found <%.40s>, expected <robot> of a URDF or <mujoco>; `gz sdf` and sdformat tools "
+            "convert SDF",
+            (const char *)file->root->name);
+    }
+    return xml_is(file->root, "mujoco") ? mjcf_read(file, arena, model, notes, error)
+                                        : urdf_read(file, arena, model, notes, error);
+}
+
+/* Merges, drives, and the checks of any robot. */
+static enum error_code import_make_robot(const struct import_model *model,
+                                         const struct import_options *options, struct arena *arena,
+                                         struct import_notes *notes, struct import_robot *robot,
+                                         double *supply_v, struct error *error)
+{
+    enum error_code code = import_reduce(model, options, arena, notes, robot, error);
+
+    if (code) {
+        return code;
+    }
+    if (robot_finish(robot->robot, error)) {
+        return error_prefix(error, "%.200s", model->file);
+    }
+    return import_assume_drives(robot, arena, notes, supply_v, error);
+}
+
+enum error_code import_model_text(const char *name, const char *text, size_t size,
+                                  const struct import_options *options, struct arena *arena,
+                                  struct import_model *model, struct import_notes *notes,
+                                  struct import_robot *robot, double *supply_v, struct error *error)
+{
+    struct xml_file file;
+    enum error_code code;
+
+    notes->arena = arena;
+    code = xml_text_open(&file, name, text, size, error);
+    if (code) {
+        return code;
+    }
+    code = import_read_model(&file, arena, model, notes, error);
+    xml_file_close(&file);
+    return code ? code : import_make_robot(model, options, arena, notes, robot, supply_v, error);
+}
+
+static enum error_code import_read_files(struct importer *m)
+{
+    struct xml_file file;
+    enum error_code code = xml_file_open(&file, m->request->file, m->arena, m->error);
+
+    if (code) {
+        return code;
+    }
+    code = import_read_model(&file, m->arena, &m->model, &m->result->notes, m->error);
+    xml_file_close(&file);
+    if (code || !m->request->srdf) {
+        return code;
+    }
+    code = xml_file_open(&file, m->request->srdf, m->arena, m->error);
+    if (code) {
+        return code;
+    }
+    code = srdf_read(&file, m->arena, &m->model, &m->result->notes, m->error);
+    xml_file_close(&file);
+    return code;
+}
+
+/* ---- folders ---- */
+
+static enum error_code import_make_folder(const char *path, struct error *error)
+{
+    if (mkdir(path, 0777) && errno != EEXIST) {
+        return error_set_file(error, errno, path, "cannot be made");
+    }
+    return ERROR_NONE;
+}
+
+/* FOLDER/before NAME after, the name the robot's. */
+static enum error_code path_make(const struct importer *m, const char *before, const char *name,
+                                 const char *after, char path[PATH_MAX])
+{
+    int used = snprintf(path, PATH_MAX, "%s/%s%s%s", m->request->folder, before, name, after);
+
+    return used < PATH_MAX - 128
+               ? ERROR_NONE
+               : error_set(m->error, ERROR_INPUT, "%.200s: the folder's name is too long",
+                           m->request->folder);
+}
+
+static enum error_code import_make_folders(struct importer *m)
+{
+    static const char *const below[] = {"robots", "rigs", "meshes"};
+    char path[PATH_MAX];
+    enum error_code code = import_make_folder(m->request->folder, m->error);
+
+    for (size_t i = 0; i < ARRAY_COUNT(below) && !code; i++) {
+        code = path_make(m, below[i], "", "", path);
+        code = code ? code : import_make_folder(path, m->error);
+    }
+    return code;
+}
+
+/* ---- the bench ---- */
+
+static const char *pose_find_like(const struct robot *robot)
+{
+    static const char *const like[] = {"stand", "half_sitting", "home", "crouch"};
+
+    for (size_t i = 0; i < ARRAY_COUNT(like); i++) {
+        for (size_t p = 0; p < robot->npose; p++) {
+            if (strstr(robot->pose[p].name, like[i])) {
+                return robot->pose[p].name;
+            }
+        }
+    }
+    return NULL;
+}
+
+/* The poses to hang and to stand in. */
+static enum error_code import_choose_poses(struct importer *m, struct import_rig *rig)
+{
+    const struct robot *robot = rig->robot;
+    struct body_motion *bodies = arena_alloc(m->arena, robot->nbody, sizeof *bodies);
+    const char *like = m->request->pose ? m->request->pose : pose_find_like(robot);
+    double lowest = 0.0;
+    bool shaped;
+    int pose;
+
+    if (!bodies) {
+        return error_set(m->error, ERROR_MEMORY, "no memory for the poses");
+    }
+    pose = like ? robot_find_pose(robot, like) : 0;
+    if (pose < 0) {
+        return error_set(m->error, ERROR_INPUT,
+                         "--pose: found \"%.63s\", expected \"rest\" or a pose of the SRDF file",
+                         like);
+    }
+    rig->pose = robot->pose[pose].name;
+    shaped = import_find_lowest(robot, robot->pose[pose].joint, bodies, &lowest);
+    rig->height_m = (shaped ? -lowest : 1.0) + HANG_CLEARANCE_M;
+    if (robot->floating && like && shaped) {
+        rig->standing = rig->pose;
+        rig->standing_height_m = -lowest;
+    }
+    return ERROR_NONE;
+}
+
+/* Loads the rig that was written and notes the load of its fullest bus. */
+static enum error_code import_check_rig(struct importer *m, const char *path, bool loads)
+{
+    struct arena arena = {0};
+    const struct rig *rig;
+    double telemetry, commands;
+    enum error_code code = arena_init(&arena, RIG_ARENA, m->error);
+
+    code = code ? code : rig_load(path, &arena, &rig, m->error);
+    for (size_t i = 0; !code && loads && i < rig->nbus; i++) {
+        rig_bus_load(rig, i, rig->servo.command_period_ns, &telemetry, &commands);
+        m->result->worst_load =
+            fmax(m->result->worst_load, (telemetry + commands) / (double)rig->bus[i].bitrate);
+    }
+    arena_fini(&arena);
+    if (!code && m->result->worst_load > IMPORT_BUS_LOAD) {
+        return error_set(m->error, ERROR_UNSUPPORTED,
+                         "%.200s: a bus is loaded to %.1f %%, expected at most %.0f %%", path,
+                         100.0 * m->result->worst_load, 100.0 * IMPORT_BUS_LOAD);
+    }
+    return code;
+}
+
+static enum error_code import_write_bench(struct importer *m)
+{
+    struct import_rig rig = {.robot = m->result->loaded, .plan = &m->plan, .supply_v = m->supply_v};
+    struct import_gains *gains = arena_alloc(m->arena, rig.robot->njoint + 1, sizeof *gains);
+    enum error_code code;
+
+    if (!gains) {
+        return error_set(m->error, ERROR_MEMORY, "no memory for the gains");
+    }
+    rig.gains = gains;
+    if ((code = import_plan_buses(rig.robot, m->request->personality, &m->plan, m->error)) ||
+        (code = import_choose_poses(m, &rig)) ||
+        (code = import_find_gains(rig.robot,
+                                  rig.robot->pose[robot_find_pose(rig.robot, rig.pose)].joint,
+                                  m->arena, gains, m->error)) ||
+        (code = path_make(m, "rigs/", rig.robot->name, ".yaml", m->result->rig)) ||
+        (code = import_write_rig(&rig, m->result->rig, m->error)) ||
+        (code = import_check_rig(m, m->result->rig, true))) {
+        return code;
+    }
+    m->result->nbus = m->plan.nbus;
+    if (!rig.standing) {
+        return ERROR_NONE;
+    }
+    if ((code = path_make(m, "rigs/", rig.robot->name, "-standing.yaml", m->result->standing)) ||
+        (code = import_write_standing(&rig, m->result->standing, m->error))) {
+        return code;
+    }
+    return import_check_rig(m, m->result->standing, false);
+}
+
+/* ---- the whole ---- */
+
+static enum error_code import_write_files(struct importer *m)
+{
+    struct import_result *result = m->result;
+    const char *name = m->robot.robot->name;
+    char meshes[PATH_MAX];
+    enum error_code code;
+
+    /* The robot, with its shapes, and as it is read back */
+    if ((code = path_make(m, "robots/", name, ".yaml", result->robot)) ||
+        (code = path_make(m, "", name, "-import.txt", result->report)) ||
+        (code = path_make(m, "meshes", "", "", meshes)) ||
+        (code = import_add_shapes(&m->robot, &m->request->packages, meshes, m->arena,
+                                  &result->notes, &result->meshes, m->error)) ||
+        (code = import_write_robot(&m->robot, result->robot, m->error)) ||
+        (code = robot_load(result->robot, NULL, m->arena, &result->loaded, m->error))) {
+        return code;
+    }
+    code = import_write_bench(m);
+    if (code) {
+        return code;
+    }
+    if (result->notes.overflow) {
+        return error_set(m->error, ERROR_MEMORY,
+                         "%.200s: found more than %d things to report, expected fewer",
+                         m->model.file, IMPORT_NOTES_MAX);
+    }
+    return import_write_report(&result->notes, m->model.file, result->report, m->error);
+}
+
+enum error_code import_run(const struct import_request *request, struct arena *arena,
+                           struct import_result *result, struct error *error)
+{
+    struct importer m = {.request = request, .result = result, .arena = arena, .error = error};
+    enum error_code code;
+
+    *result = (struct import_result){.notes.arena = arena};
+    if ((code = import_read_files(&m)) ||
+        (code = import_make_robot(&m.model, &request->options, arena, &result->notes, &m.robot,
+                                  &m.supply_v, error)) ||
+        (code = import_make_folders(&m))) {
+        return code;
+    }
+    return import_write_files(&m);
+}

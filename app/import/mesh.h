@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Meshes of foreign robots: STL, binary and ASCII, and Wavefront OBJ, in the units and the frame of
+ * the link after scaling; a scale that mirrors turns the faces round, so that outside stays
+ * outside. Corners at the same place become one vertex. Files are found by what the robot file says
+ * and nowhere else: package:// below the folders that are given and above the file, file:// and
+ * plain paths beside the file. COLLADA is refused with a word on how to convert it. Bounded; no
+ * name ever reaches a shell. Not RT-safe.
+ */
+#ifndef APP_IMPORT_MESH_H
+#define APP_IMPORT_MESH_H
+
+#include "app/import/model.h"
+
+#include <stddef.h>
+
+enum { IMPORT_MESH_BYTES_MAX = 256 << 20, IMPORT_MESH_FACES_MAX = 1 << 20 };
+
+/* Where packages are looked for: folders that hold a folder of the package's name. */
+struct import_packages {
+    const char *const *folder;
+    size_t count;
+};
+
+struct import_mesh {
+    size_t nvertex, nface;
+    double (*vertex)[3]; /* m, in the link's frame but for the shape's own place */
+    int (*face)[3];      /* counterclockwise from outside */
+};
+
+/* The path of a mesh, in the arena. ERROR_INPUT says where it was looked for. */
+enum error_code import_find_mesh(const struct import_model *model,
+                                 const struct import_geometry *shape,
+                                 const struct import_packages *packages, struct arena *arena,
+                                 const char **path, struct error *error);
+
+/* Reads a mesh file with that scale. Memory from the arena. */
+enum error_code import_read_mesh(const char *path, const double scale[3], struct arena *arena,
+                                 struct import_mesh *mesh, struct error *error);
+
+/* The same from memory; name stands for the file, and its ending says what it is. */
+enum error_code import_parse_mesh(const char *name, const char *text, size_t size,
+                                  const double scale[3], struct arena *arena,
+                                  struct import_mesh *mesh, struct error *error);
+
+/* Writes it as OBJ. */
+enum error_code import_write_mesh(const struct import_mesh *mesh, const char *path,
+                                  struct error *error);
+
+#endif

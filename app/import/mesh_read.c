@@ -1,0 +1,401 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* STL and OBJ from bytes to faces. */
+#include "app/import/mesh.h"
+
+#include "base/text.h"
+
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+enum { STL_HEADER = 80, STL_FACE = 50, WORD_MAX = 64, POLYGON_MAX = 256 };
+
+#define COORDINATE_MAX_M 1e6
+
+/* A mesh file being read: corners first, three a face, before equal ones are joined. */
+struct mesh_reader {
+    const char *name, *at, *end;
+    int line;
+    const double *scale;
+    struct arena *arena;
+    struct import_mesh *mesh;
+    size_t capacity; /* of faces */
+    struct error *error;
+};
+
+static enum error_code mesh_no_memory(const struct mesh_reader *r)
+{
+    return error_set(r->error, ERROR_MEMORY, "%.200s: no memory left for this mesh", r->name);
+}
+
+/* Room for so many vertices and faces. */
+static enum error_code mesh_make_room(struct mesh_reader *r, size_t vertices, size_t faces)
+{
+    if (faces > IMPORT_MESH_FACES_MAX || vertices > 3 * (size_t)IMPORT_MESH_FACES_MAX) {
+        return error_set(r->error, ERROR_INPUT,
+                         "%.200s: found %zu faces, expected at most %d: simplify the mesh", r->name,
+                         faces, IMPORT_MESH_FACES_MAX);
+    }
+    r->mesh->vertex = arena_alloc(r->arena, vertices + 1, sizeof *r->mesh->vertex);
+    r->mesh->face = arena_alloc(r->arena, faces + 1, sizeof *r->mesh->face);
+    r->capacity = faces;
+    return r->mesh->vertex && r->mesh->face ? ERROR_NONE : mesh_no_memory(r);
+}
+
+static enum error_code mesh_add_vertex(struct mesh_reader *r, const double xyz[3])
+{
+    double *to = r->mesh->vertex[r->mesh->nvertex];
+
+    for (int m = 0; m < 3; m++) {
+        to[m] = xyz[m] * r->scale[m];
+        if (!isfinite(to[m]) || fabs(to[m]) > COORDINATE_MAX_M) {
+            return import_error(r->error, r->name, r->line,
+                                "found coordinate %g, expected one within %g m", to[m],
+                                COORDINATE_MAX_M);
+        }
+        to[m] = to[m] == 0.0 ? 0.0 : to[m];
+    }
+    r->mesh->nvertex++;
+    return ERROR_NONE;
+}
+
+static void mesh_add_face(struct mesh_reader *r, int a, int b, int c)
+{
+    int *face = r->mesh->face[r->mesh->nface++];
+
+    face[0] = a;
+    face[1] = b;
+    face[2] = c;
+}
+
+/* ---- binary STL ---- */
+
+static uint32_t stl_get_word(const char *at)
+{
+    const unsigned char *p = (const unsigned char *)at;
+
+    return (uint32_t)p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
+}
+
+static double stl_get_real(const char *at)
+{
+    uint32_t bits = stl_get_word(at);
+    float value;
+
+    memcpy(&value, &bits, sizeof value);
+    return (double)value;
+}
+
+static bool stl_is_binary(const char *text, size_t size)
+{
+    return size >= STL_HEADER + 4 &&
+           size == STL_HEADER + 4 + (size_t)stl_get_word(text + STL_HEADER) * STL_FACE;
+}
+
+static enum error_code stl_read_binary(struct mesh_reader *r)
+{
+    const char *at = r->at + STL_HEADER + 4;
+    size_t faces = stl_get_word(r->at + STL_HEADER);
+    enum error_code code = mesh_make_room(r, 3 * faces, faces);
+
+    for (size_t f = 0; f < faces && !code; f++, at += STL_FACE) {
+        for (int corner = 0; corner < 3 && !code; corner++) {
+            const char *from = at + 12 * (corner + 1);
+            const double xyz[3] = {stl_get_real(from), stl_get_real(from + 4),
+                                   stl_get_real(from + 8)};
+
+            code = mesh_add_vertex(r, xyz);
+        }
+        mesh_add_face(r, 3 * (int)f, 3 * (int)f + 1, 3 * (int)f + 2);
+    }
+    return code;
+}
+
+/* ---- text ---- */
+
+static bool mesh_is_blank(char c)
+{
+    return c == ' ' || c == '\t' || c == '\r';
+}
+
+/* The next word of the line; false at its end, where the reader stays. */
+static bool mesh_next_word(struct mesh_reader *r, char word[WORD_MAX])
+{
+    size_t length = 0;
+
+    while (r->at < r->end && mesh_is_blank(*r->at)) {
+        r->at++;
+    }
+    while (r->at < r->end && !mesh_is_blank(*r->at) && *r->at != '\n') {
+        if (length + 1 < WORD_MAX) {
+            word[length++] = *r->at ? *r->at : '?';
+        }
+        r->at++;
+    }
+    word[length] = '\0';
+    return length > 0;
+}
+
+static void mesh_skip_line(struct mesh_reader *r)
+{
+    const char *end = memchr(r->at, '\n', (size_t)(r->end - r->at));
+
+    r->at = end ? end + 1 : r->end;
+    r->line++;
+}
+
+static enum error_code mesh_read_xyz(struct mesh_reader *r, double xyz[3])
+{
+    char word[WORD_MAX];
+
+    for (int m = 0; m < 3; m++) {
+        if (!mesh_next_word(r, word) || !text_to_double(word, &xyz[m])) {
+            text_make_printable(word);
+            return import_error(r->error, r->name, r->line,
+                                "found \"%s\", expected three finite coordinates", word);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* How many lines begin with a word. */
+static size_t mesh_count_lines(struct mesh_reader r, const char *first, size_t *corners)
+{
+    char word[WORD_MAX];
+    size_t count = 0;
+
+    *corners = 0;
+    while (r.at < r.end) {
+        if (mesh_next_word(&r, word) && !strcasecmp(word, first)) {
+            count++;
+            while (mesh_next_word(&r, word)) {
+                ++*corners;
+            }
+        }
+        mesh_skip_line(&r);
+    }
+    return count;
+}
+
+static enum error_code stl_read_text(struct mesh_reader *r)
+{
+    char word[WORD_MAX];
+    size_t corners, vertices = mesh_count_lines(*r, "vertex", &corners);
+    enum error_code code = mesh_make_room(r, vertices, vertices / 3);
+    double xyz[3];
+
+    while (!code && r->at < r->end) {
+        if (mesh_next_word(r, word) && !strcasecmp(word, "vertex")) {
+            code = mesh_read_xyz(r, xyz);
+            code = code ? code : mesh_add_vertex(r, xyz);
+        } else if (!strcasecmp(word, "endfacet") && r->mesh->nvertex != 3 * (r->mesh->nface + 1)) {
+            code = import_error(r->error, r->name, r->line,
+                                "found the end of a facet after %zu corners, expected 3",
+                                r->mesh->nvertex - 3 * r->mesh->nface);
+        } else if (!strcasecmp(word, "endfacet")) {
+            int first = 3 * (int)r->mesh->nface;
+
+            mesh_add_face(r, first, first + 1, first + 2);
+        }
+        mesh_skip_line(r);
+    }
+    if (!code && r->mesh->nvertex != 3 * r->mesh->nface) {
+        return import_error(r->error, r->name, r->line,
+                            "found the end of the file within a facet, expected \"endfacet\"");
+    }
+    return code;
+}
+
+/* ---- OBJ ---- */
+
+/* The vertex that a corner (v, v/vt, v//vn, v/vt/vn) names. */
+static enum error_code mesh_read_corner(struct mesh_reader *r, char word[WORD_MAX], int *vertex)
+{
+    size_t digits = strcspn(word, "/");
+    int64_t index, count = (int64_t)r->mesh->nvertex;
+
+    word[digits] = '\0';
+    if (!text_to_int(word, -count, count, &index) || index == 0) {
+        text_make_printable(word);
+        return import_error(r->error, r->name, r->line,
+                            "found corner \"%s\" of a face, expected one of the %zu vertices above "
+                            "it",
+                            word, r->mesh->nvertex);
+    }
+    *vertex = (int)(index > 0 ? index - 1 : count + index);
+    return ERROR_NONE;
+}
+
+/* A polygon as a fan of triangles. */
+static enum error_code mesh_read_polygon(struct mesh_reader *r)
+{
+    char word[WORD_MAX];
+    int first = 0, last = 0, next = 0, corners = 0;
+
+    while (mesh_next_word(r, word)) {
+        enum error_code code = mesh_read_corner(r, word, &next);
+
+        if (code) {
+            return code;
+        }
+        if (corners >= 2 && r->mesh->nface < r->capacity) {
+            mesh_add_face(r, first, last, next);
+        }
+        first = corners == 0 ? next : first;
+        last = next;
+        corners++;
+    }
+    if (corners < 3 || corners > POLYGON_MAX) {
+        return import_error(r->error, r->name, r->line,
+                            "found a face of %d corners, expected 3 to %d", corners, POLYGON_MAX);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code mesh_read_obj_lines(struct mesh_reader *r)
+{
+    char word[WORD_MAX];
+    size_t corners, ignored;
+    size_t vertices = mesh_count_lines(*r, "v", &ignored);
+    enum error_code code;
+    double xyz[3];
+
+    mesh_count_lines(*r, "f", &corners);
+    code = mesh_make_room(r, vertices, corners);
+    while (!code && r->at < r->end) {
+        if (mesh_next_word(r, word) && !strcmp(word, "v")) {
+            code = mesh_read_xyz(r, xyz);
+            code = code ? code : mesh_add_vertex(r, xyz);
+        } else if (!strcmp(word, "f")) {
+            code = mesh_read_polygon(r);
+        }
+        mesh_skip_line(r);
+    }
+    return code;
+}
+
+/* ---- the whole ---- */
+
+struct joined_vertex {
+    const double *xyz;
+    int index;
+};
+
+static int joined_compare(const void *a, const void *b)
+{
+    const struct joined_vertex *x = a, *y = b;
+
+    for (int m = 0; m < 3; m++) {
+        if (x->xyz[m] != y->xyz[m]) {
+            return x->xyz[m] < y->xyz[m] ? -1 : 1;
+        }
+    }
+    return x->index < y->index ? -1 : x->index > y->index;
+}
+
+/* Corners at the same place become one vertex, in the order of their first appearance; vertices
+ * without a face and faces without area go. */
+static enum error_code mesh_join_vertices(struct mesh_reader *r)
+{
+    struct import_mesh *mesh = r->mesh;
+    struct joined_vertex *sorted = arena_alloc(r->arena, mesh->nvertex + 1, sizeof *sorted);
+    int *same = arena_alloc(r->arena, mesh->nvertex + 1, sizeof *same);
+    int *number = arena_alloc(r->arena, mesh->nvertex + 1, sizeof *number);
+    size_t nface = 0, nvertex = 0;
+
+    if (!sorted || !same || !number) {
+        return mesh_no_memory(r);
+    }
+    for (size_t v = 0; v < mesh->nvertex; v++) {
+        sorted[v] = (struct joined_vertex){mesh->vertex[v], (int)v};
+        number[v] = -1;
+    }
+    qsort(sorted, mesh->nvertex, sizeof *sorted, joined_compare);
+    for (size_t v = 0; v < mesh->nvertex; v++) {
+        bool again = v > 0 && !memcmp(sorted[v].xyz, sorted[v - 1].xyz, sizeof *mesh->vertex);
+
+        same[sorted[v].index] = again ? same[sorted[v - 1].index] : sorted[v].index;
+    }
+
+    /* Faces with three corners, their vertices numbered as they come; the first of equal ones has
+     * the lowest index, so that none is overwritten before it is moved */
+    for (size_t f = 0; f < mesh->nface; f++) {
+        int *face = mesh->face[f], corner[3];
+
+        for (int c = 0; c < 3; c++) {
+            corner[c] = same[face[c]];
+        }
+        if (corner[0] != corner[1] && corner[1] != corner[2] && corner[2] != corner[0]) {
+            memcpy(mesh->face[nface++], corner, sizeof corner);
+            number[corner[0]] = number[corner[1]] = number[corner[2]] = 0;
+        }
+    }
+    for (size_t v = 0; v < mesh->nvertex; v++) {
+        if (number[v] == 0) {
+            memmove(mesh->vertex[nvertex], mesh->vertex[v], sizeof *mesh->vertex);
+            number[v] = (int)nvertex++;
+        }
+    }
+    for (size_t f = 0; f < nface; f++) {
+        for (int c = 0; c < 3; c++) {
+            mesh->face[f][c] = number[mesh->face[f][c]];
+        }
+    }
+    mesh->nface = nface;
+    mesh->nvertex = nvertex;
+    return ERROR_NONE;
+}
+
+/* A mirrored surface is inside out until its faces turn round. */
+static void mesh_unmirror(struct mesh_reader *r)
+{
+    for (size_t f = 0; f < r->mesh->nface; f++) {
+        int *face = r->mesh->face[f], second = face[1];
+
+        face[1] = face[2];
+        face[2] = second;
+    }
+}
+
+enum error_code import_parse_mesh(const char *name, const char *text, size_t size,
+                                  const double scale[3], struct arena *arena,
+                                  struct import_mesh *mesh, struct error *error)
+{
+    struct mesh_reader r = {.name = name,
+                            .at = text,
+                            .end = text + size,
+                            .line = 1,
+                            .scale = scale,
+                            .arena = arena,
+                            .mesh = mesh,
+                            .error = error};
+    const char *ending = strrchr(name, '.');
+    enum error_code code;
+
+    *mesh = (struct import_mesh){0};
+    ending = ending ? ending + 1 : "";
+    if (!strcasecmp(ending, "stl")) {
+        code = stl_is_binary(text, size) ? stl_read_binary(&r) : stl_read_text(&r);
+    } else if (!strcasecmp(ending, "obj")) {
+        code = mesh_read_obj_lines(&r);
+    } else {
+        return error_set(error, ERROR_INPUT,
+                         "%.200s: found a mesh of type \"%.20s\", expected stl or obj; "
+                         "`assimp export FILE.%.20s FILE.stl` (Debian package assimp-utils) "
+                         "converts it",
+                         name, ending, ending);
+    }
+    code = code ? code : mesh_join_vertices(&r);
+    if (code) {
+        return code;
+    }
+    if (mesh->nface == 0) {
+        return error_set(error, ERROR_INPUT, "%.200s: found no face, expected a surface", name);
+    }
+    if (scale[0] * scale[1] * scale[2] < 0.0) {
+        mesh_unmirror(&r);
+    }
+    return ERROR_NONE;
+}

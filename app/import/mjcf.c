@@ -1,0 +1,542 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* MJCF: the tree of bodies and their joints. */
+#include "app/import/mjcf_private.h"
+
+#include "base/vec3.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum error_code mjcf_no_memory(const struct mjcf_reader *r)
+{
+    return error_set(r->error, ERROR_MEMORY, "%.200s: no memory left for this robot",
+                     r->file->name);
+}
+
+/* ---- settings ---- */
+
+static enum error_code mjcf_read_compiler(struct mjcf_reader *r, const xmlNode *node)
+{
+    const char *angle = xml_attribute(node, "angle"), *seq = xml_attribute(node, "eulerseq");
+    const char *limits = xml_attribute(node, "autolimits"),
+               *folder = xml_attribute(node, "meshdir");
+    const char *coordinate = xml_attribute(node, "coordinate");
+    const char *from = xml_attribute(node, "inertiafromgeom");
+
+    folder = folder ? folder : xml_attribute(node, "assetdir");
+    if ((coordinate && strcmp(coordinate, "local") != 0) || (from && !strcmp(from, "true"))) {
+        return import_error(r->error, r->file->name, xml_line(node),
+                            "found %s, expected coordinate \"local\" and inertiafromgeom \"auto\": "
+                            "load the file in MuJoCo and save it (mj_saveLastXML)",
+                            coordinate && strcmp(coordinate, "local") ? "coordinate \"global\""
+                                                                      : "inertiafromgeom \"true\"");
+    }
+    if (seq && (strlen(seq) != 3 || strspn(seq, "xyzXYZ") != 3)) {
+        return import_error(r->error, r->file->name, xml_line(node),
+                            "found eulerseq \"%.10s\", expected three of x y z X Y Z", seq);
+    }
+    r->angle = angle && !strcmp(angle, "radian") ? 1.0 : M_PI / 180.0;
+    r->autolimits = !limits || strcmp(limits, "false") != 0;
+    r->meshdir = folder ? folder : "";
+    memcpy(r->eulerseq, seq ? seq : "xyz", sizeof r->eulerseq);
+    return ERROR_NONE;
+}
+
+/* Elements that make bodies out of others, or take them from elsewhere. */
+static bool mjcf_must_be_expanded(const xmlNode *node)
+{
+    static const char *const name[] = {"include",   "frame",    "replicate", "attach",
+                                       "composite", "flexcomp", NULL};
+
+    for (size_t i = 0; name[i]; i++) {
+        if (xml_is(node, name[i])) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static enum error_code mjcf_refuse_unexpanded(const struct mjcf_reader *r, const xmlNode *node)
+{
+    return import_error(r->error, r->file->name, xml_line(node),
+                        "found <%.40s>, expected plain bodies: load the file in MuJoCo and save it "
+                        "(mj_saveLastXML)",
+                        (const char *)node->name);
+}
+
+/* Constraints between bodies close loops; those between joints make one follow the other. */
+static enum error_code mjcf_check_equality(const struct mjcf_reader *r, const xmlNode *equality)
+{
+    for (const xmlNode *node = xml_child(equality, NULL); node; node = xml_next(node, NULL)) {
+        const char *first = xml_attribute(node, "body1"), *second = xml_attribute(node, "body2");
+        const char *name = xml_attribute(node, "name");
+
+        if (xml_is(node, "connect") || xml_is(node, "weld")) {
+            return import_error(
+                r->error, r->file->name, xml_line(node),
+                "found <%s> %.63s between \"%.63s\" and \"%.63s\", which closes a "
+                "loop, expected a tree: loops are not imported; remove it and drive "
+                "the open tree",
+                (const char *)node->name, name ? name : "", first ? first : "a site",
+                second ? second : "the world");
+        }
+        if (!xml_is(node, "joint")) {
+            import_note_add(r->notes, IMPORT_DROPPED, r->file->name, xml_line(node),
+                            "equality <%.40s>", (const char *)node->name);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* What is at the top of the file, but for bodies. */
+static enum error_code mjcf_read_settings(struct mjcf_reader *r)
+{
+    static const char *const silent[] = {"asset",   "worldbody", "actuator", "keyframe", "visual",
+                                         "default", "statistic", "size",     "compiler", "equality",
+                                         "sensor",  "custom",    NULL};
+    enum error_code code = ERROR_NONE;
+
+    r->angle = M_PI / 180.0;
+    r->autolimits = true;
+    r->meshdir = "";
+    strcpy(r->eulerseq, "xyz");
+    for (const xmlNode *node = xml_child(r->file->root, NULL); node && !code;
+         node = xml_next(node, NULL)) {
+        bool known = false;
+
+        for (size_t i = 0; silent[i] && !known; i++) {
+            known = xml_is(node, silent[i]);
+        }
+        if (mjcf_must_be_expanded(node)) {
+            code = mjcf_refuse_unexpanded(r, node);
+        } else if (xml_is(node, "compiler")) {
+            code = mjcf_read_compiler(r, node);
+        } else if (xml_is(node, "equality")) {
+            code = mjcf_check_equality(r, node);
+        } else if (!known) {
+            import_note_add(r->notes, IMPORT_DROPPED, r->file->name, xml_line(node),
+                            "section <%.40s>", (const char *)node->name);
+        }
+    }
+    return code;
+}
+
+/* The site of the first gyro or accelerometer. */
+static void mjcf_find_imu(struct mjcf_reader *r)
+{
+    const xmlNode *sensors = xml_child(r->file->root, "sensor");
+
+    for (const xmlNode *node = sensors ? xml_child(sensors, NULL) : NULL; node;
+         node = xml_next(node, NULL)) {
+        const char *site = xml_attribute(node, "site"), *name = xml_attribute(node, "name");
+
+        if (site && !r->imu_site && (xml_is(node, "gyro") || xml_is(node, "accelerometer"))) {
+            r->imu_site = site;
+            r->imu_name = name ? name : site;
+        } else if (!(site && r->imu_site && !strcmp(site, r->imu_site))) {
+            import_note_add(r->notes, IMPORT_DROPPED, r->file->name, xml_line(node),
+                            "sensor <%.40s> \"%.63s\"", (const char *)node->name, name ? name : "");
+        }
+    }
+}
+
+/* ---- joints ---- */
+
+/* A name for what the file gives none. */
+static const char *mjcf_number_name(const struct mjcf_reader *r, const char *name, int number)
+{
+    char text[128];
+
+    snprintf(text, sizeof text, "%.100s-%d", name, number);
+    return arena_strdup(r->arena, text);
+}
+
+static enum error_code mjcf_add_link(const struct mjcf_reader *r, const char *name, int line,
+                                     int *link)
+{
+    struct import_model *model = r->model;
+
+    *link = (int)model->nlink;
+    model->link[model->nlink++] = (struct import_link){.name = name, .line = line};
+    return name ? ERROR_NONE : mjcf_no_memory(r);
+}
+
+/* A joint between two links that are there. */
+static struct import_joint *mjcf_add_joint(const struct mjcf_reader *r, const char *name, int line,
+                                           enum import_joint_type type, int parent, int child,
+                                           const struct import_place *place)
+{
+    struct import_model *model = r->model;
+    struct import_joint *joint = &model->joint[model->njoint++];
+
+    *joint = (struct import_joint){.name = name,
+                                   .line = line,
+                                   .type = type,
+                                   .parent = model->link[parent].name,
+                                   .child = model->link[child].name,
+                                   .parent_link = parent,
+                                   .child_link = child,
+                                   .place = *place};
+    return joint;
+}
+
+/* Limits, damping and rotor of a joint; its angle counts from ref in MuJoCo, from 0 here. */
+static enum error_code mjcf_read_joint_numbers(const struct mjcf_reader *r, const xmlNode *node,
+                                               const char *childclass, struct import_joint *joint)
+{
+    const char *limited = mjcf_attribute(r, node, childclass, "limited");
+    double unit = joint->type == IMPORT_PRISMATIC ? 1.0 : r->angle;
+    double range[2] = {0, 0}, force[2] = {0, 0}, *ref = &r->ref[joint - r->model->joint];
+    double stiffness = 0.0;
+    bool ranged;
+    enum error_code code;
+
+    if ((code = mjcf_reals(r, node, childclass, "range", 2, range, &ranged)) ||
+        (code = mjcf_reals(r, node, childclass, "ref", 1, ref, NULL)) ||
+        (code = mjcf_reals(r, node, childclass, "damping", 1, &joint->damping, NULL)) ||
+        (code = mjcf_reals(r, node, childclass, "frictionloss", 1, &joint->friction, NULL)) ||
+        (code = mjcf_reals(r, node, childclass, "armature", 1, &joint->armature, NULL)) ||
+        (code = mjcf_reals(r, node, childclass, "stiffness", 1, &stiffness, NULL)) ||
+        (code = mjcf_reals(r, node, childclass, "actuatorfrcrange", 2, force, NULL))) {
+        return code;
+    }
+    *ref *= unit;
+    joint->effort = fmax(fabs(force[0]), fabs(force[1]));
+    joint->has_limit =
+        ranged && (limited && strcmp(limited, "auto") ? !strcmp(limited, "true") : r->autolimits);
+    joint->lower = joint->has_limit ? range[0] * unit - *ref : 0.0;
+    joint->upper = joint->has_limit ? range[1] * unit - *ref : 0.0;
+    if (joint->type == IMPORT_REVOLUTE && !joint->has_limit) {
+        joint->type = IMPORT_CONTINUOUS;
+    }
+    if (stiffness != 0.0) {
+        import_note_add(r->notes, IMPORT_DROPPED, r->file->name, joint->line,
+                        "spring of joint \"%.63s\", %g N m/rad", joint->name, stiffness);
+    }
+    if (*ref != 0.0) {
+        import_note_add(r->notes, IMPORT_CHANGED, r->file->name, joint->line,
+                        "joint \"%.63s\" counts from the place in the file: MuJoCo's %g is 0",
+                        joint->name, *ref);
+    }
+    return joint->damping < 0 || joint->friction < 0 || joint->armature < 0
+               ? import_error(r->error, r->file->name, joint->line,
+                              "found damping %g, frictionloss %g, armature %g, expected 0 or more",
+                              joint->damping, joint->friction, joint->armature)
+               : ERROR_NONE;
+}
+
+static enum error_code mjcf_read_joint_type(const struct mjcf_reader *r, const xmlNode *node,
+                                            const char *childclass, enum import_joint_type *type)
+{
+    const char *word = mjcf_attribute(r, node, childclass, "type");
+
+    if (xml_is(node, "freejoint") || (word && !strcmp(word, "free"))) {
+        *type = IMPORT_FLOATING;
+    } else if (!word || !strcmp(word, "hinge")) {
+        *type = IMPORT_REVOLUTE;
+    } else if (!strcmp(word, "slide")) {
+        *type = IMPORT_PRISMATIC;
+    } else {
+        return import_error(r->error, r->file->name, xml_line(node),
+                            "found a joint of type \"%.40s\", expected hinge, slide or free: write "
+                            "three hinges for a ball",
+                            word);
+    }
+    return ERROR_NONE;
+}
+
+/* A body that is being read: the link that its next joint hangs on, and where the body's frame is
+ * in it when no further joint comes. */
+struct mjcf_body {
+    const char *name, *childclass;
+    int line, link, joints, left; /* left: joints that are yet to come */
+    struct import_place place;
+};
+
+/* One joint of a body: a link of its own at the joint's anchor. */
+static enum error_code mjcf_read_joint(struct mjcf_reader *r, const xmlNode *node,
+                                       struct mjcf_body *body)
+{
+    struct import_place anchor, at, back;
+    struct import_joint *joint;
+    enum import_joint_type type;
+    const char *name = xml_attribute(node, "name");
+    double length;
+    int link;
+    enum error_code code = mjcf_read_joint_type(r, node, body->childclass, &type);
+
+    import_place_identity(&anchor);
+    if (code || (type != IMPORT_FLOATING &&
+                 (code = mjcf_reals(r, node, body->childclass, "pos", 3, anchor.xyz, NULL)))) {
+        return code;
+    }
+
+    /* The last joint's link stands for the body */
+    body->left--;
+    name = name ? arena_strdup(r->arena, name) : mjcf_number_name(r, body->name, body->joints);
+    if (!name ||
+        (code = mjcf_add_link(
+             r, body->left == 0 ? body->name : mjcf_number_name(r, body->name, body->joints),
+             xml_line(node), &link))) {
+        return name ? code : mjcf_no_memory(r);
+    }
+    import_place_compose(&body->place, &anchor, &at);
+    joint = mjcf_add_joint(r, name, xml_line(node), type, body->link, link, &at);
+    r->qpos[joint - r->model->joint] = r->qpos_count;
+    r->qpos_count += type == IMPORT_FLOATING ? 7 : 1;
+    import_place_identity(&back);
+    for (int m = 0; m < 3; m++) {
+        back.xyz[m] = 0.0 - anchor.xyz[m]; /* no -0 */
+    }
+    body->place = back;
+    body->link = link;
+    body->joints++;
+    if (type == IMPORT_FLOATING) {
+        return ERROR_NONE;
+    }
+    joint->axis[2] = 1.0;
+    code = mjcf_reals(r, node, body->childclass, "axis", 3, joint->axis, NULL);
+    length = vec3_norm(joint->axis);
+    if (!code && !(length > 1e-6 && length < 1e6)) {
+        return import_error(r->error, r->file->name, joint->line,
+                            "found an axis of length %g, expected a direction", length);
+    }
+    return code ? code : mjcf_read_joint_numbers(r, node, body->childclass, joint);
+}
+
+/* ---- bodies ---- */
+
+static enum error_code mjcf_read_inertial(const struct mjcf_reader *r, const xmlNode *node,
+                                          struct import_link *link)
+{
+    static const int order[6] = {0, 3, 5, 1, 2, 4}; /* xx yy zz xy xz yz */
+    struct robot_inertia inertia = {0};
+    struct import_place place;
+    double full[6], diagonal[3];
+    bool has_full, has_diagonal;
+    enum error_code code;
+
+    link->inertia_line = xml_line(node);
+    if ((code = mjcf_read_place(r, node, NULL, &place)) ||
+        (code = xml_need_real(r->file, node, "mass", &inertia.mass, r->error)) ||
+        (code = xml_reals(r->file, node, "fullinertia", 6, full, &has_full, r->error)) ||
+        (code = xml_reals(r->file, node, "diaginertia", 3, diagonal, &has_diagonal, r->error))) {
+        return code;
+    }
+    if (has_full == has_diagonal || inertia.mass < 0 || inertia.mass > 1e6) {
+        return import_error(r->error, r->file->name, link->inertia_line,
+                            "found mass %g and %s, expected a mass of 0 to 1e6 kg and one of "
+                            "diaginertia and fullinertia",
+                            inertia.mass, has_full ? "both inertias" : "no inertia or both");
+    }
+    for (int i = 0; i < 6; i++) {
+        inertia.I[order[i]] = has_full ? full[i] : i < 3 ? diagonal[i] : 0.0;
+    }
+    link->has_inertia = inertia.mass > 0;
+    if (link->has_inertia) {
+        import_add_inertia(&link->inertia, &inertia, &place);
+    }
+    return ERROR_NONE;
+}
+
+/* Inertia and geoms of a body, in its link; the site that is the inertial sensor. */
+static enum error_code mjcf_read_matter(const struct mjcf_reader *r, const xmlNode *node,
+                                        const char *childclass, int at)
+{
+    struct import_model *model = r->model;
+    struct import_link *link = &model->link[at];
+    const xmlNode *inertial = xml_child(node, "inertial");
+    enum error_code code = inertial ? mjcf_read_inertial(r, inertial, link) : ERROR_NONE;
+
+    for (const xmlNode *child = xml_child(node, NULL); child && !code;
+         child = xml_next(child, NULL)) {
+        const char *name = xml_attribute(child, "name");
+
+        if (xml_is(child, "geom")) {
+            code = mjcf_read_geom(r, child, childclass, at, inertial ? NULL : &link->inertia);
+        } else if (xml_is(child, "site") && name && r->imu_site && !strcmp(name, r->imu_site) &&
+                   model->nsensor == 0) {
+            struct import_sensor *sensor = &model->sensor[model->nsensor++];
+
+            *sensor = (struct import_sensor){.kind = IMPORT_IMU, .line = xml_line(child)};
+            sensor->name = arena_strdup(r->arena, r->imu_name);
+            sensor->link = link->name;
+            code = sensor->name ? mjcf_read_place(r, child, childclass, &sensor->place)
+                                : mjcf_no_memory(r);
+        }
+    }
+    link->has_inertia = link->inertia.mass > 0;
+    return code;
+}
+
+static enum error_code mjcf_read_body(struct mjcf_reader *r, const xmlNode *node, int parent,
+                                      const char *childclass, int depth);
+
+/* The bodies in a body. */
+static enum error_code mjcf_read_children(struct mjcf_reader *r, const xmlNode *node, int parent,
+                                          const char *childclass, int depth)
+{
+    enum error_code code = ERROR_NONE;
+
+    for (const xmlNode *child = xml_child(node, NULL); child && !code;
+         child = xml_next(child, NULL)) {
+        if (mjcf_must_be_expanded(child)) {
+            code = mjcf_refuse_unexpanded(r, child);
+        } else if (xml_is(child, "body")) {
+            code = mjcf_read_body(r, child, parent, childclass, depth + 1);
+        }
+    }
+    return code;
+}
+
+/* A link at the body's own frame where no joint's link is there. */
+static enum error_code mjcf_end_body(const struct mjcf_reader *r, struct mjcf_body *body)
+{
+    static const double here[3];
+    const char *suffix = body->joints ? "-frame" : "";
+    const char *name, *joint;
+    char text[128];
+    int link;
+
+    if (body->joints && !memcmp(body->place.xyz, here, sizeof here)) {
+        return ERROR_NONE;
+    }
+    snprintf(text, sizeof text, "%.100s%s", body->name, suffix);
+    name = arena_strdup(r->arena, text);
+    snprintf(text, sizeof text, "%.100s-fixed", body->name);
+    joint = arena_strdup(r->arena, text);
+    if (!name || !joint || mjcf_add_link(r, name, body->line, &link)) {
+        return mjcf_no_memory(r);
+    }
+    mjcf_add_joint(r, joint, body->line, IMPORT_FIXED, body->link, link, &body->place);
+    body->link = link;
+    return ERROR_NONE;
+}
+
+static enum error_code mjcf_read_body(struct mjcf_reader *r, const xmlNode *node, int parent,
+                                      const char *childclass, int depth)
+{
+    const char *own = xml_attribute(node, "childclass"), *name = xml_attribute(node, "name");
+    struct mjcf_body body = {
+        .childclass = own ? own : childclass, .line = xml_line(node), .link = parent};
+    enum error_code code;
+
+    if (depth > MJCF_DEPTH_MAX) {
+        return import_error(r->error, r->file->name, body.line,
+                            "found bodies more than %d deep, expected fewer", MJCF_DEPTH_MAX);
+    }
+    body.name = name ? arena_strdup(r->arena, name) : mjcf_number_name(r, "body", body.line);
+    if (!body.name) {
+        return mjcf_no_memory(r);
+    }
+    code = mjcf_read_place(r, node, NULL, &body.place);
+    for (const xmlNode *joint = xml_child(node, NULL); joint; joint = xml_next(joint, NULL)) {
+        body.left += xml_is(joint, "joint") || xml_is(joint, "freejoint");
+    }
+    for (const xmlNode *joint = xml_child(node, NULL); joint && !code;
+         joint = xml_next(joint, NULL)) {
+        if (xml_is(joint, "joint") || xml_is(joint, "freejoint")) {
+            code = mjcf_read_joint(r, joint, &body);
+        }
+    }
+    if (code || (code = mjcf_end_body(r, &body)) ||
+        (code = mjcf_read_matter(r, node, body.childclass, body.link))) {
+        return code;
+    }
+    return mjcf_read_children(r, node, body.link, body.childclass, depth);
+}
+
+/* ---- the whole ---- */
+
+static void mjcf_count(const xmlNode *node, int depth, size_t *bodies, size_t *joints,
+                       size_t *geoms)
+{
+    for (const xmlNode *child = xml_child(node, NULL); child; child = xml_next(child, NULL)) {
+        *bodies += xml_is(child, "body");
+        *joints += xml_is(child, "joint") || xml_is(child, "freejoint");
+        *geoms += xml_is(child, "geom");
+        if (xml_is(child, "body") && depth <= MJCF_DEPTH_MAX) {
+            mjcf_count(child, depth + 1, bodies, joints, geoms);
+        }
+    }
+}
+
+static enum error_code mjcf_make_room(struct mjcf_reader *r, const xmlNode *world)
+{
+    struct import_model *model = r->model;
+    size_t bodies = 0, joints = 0, geoms = 0, links;
+
+    mjcf_count(world, 0, &bodies, &joints, &geoms);
+    links = 1 + bodies + joints;
+    if (bodies == 0 || links > IMPORT_LINKS_MAX || geoms > IMPORT_GEOMETRY_MAX) {
+        return import_error(r->error, r->file->name, xml_line(world),
+                            "found %zu bodies, %zu joints, %zu geoms, expected 1 to %d bodies with "
+                            "their joints, and at most %d geoms",
+                            bodies, joints, geoms, IMPORT_LINKS_MAX, IMPORT_GEOMETRY_MAX);
+    }
+    model->link = arena_alloc(r->arena, links, sizeof *model->link);
+    model->joint = arena_alloc(r->arena, links, sizeof *model->joint);
+    model->geometry = arena_alloc(r->arena, geoms + 1, sizeof *model->geometry);
+    model->sensor = arena_alloc(r->arena, 1, sizeof *model->sensor);
+    r->ref = arena_alloc(r->arena, links, sizeof *r->ref);
+    r->qpos = arena_alloc(r->arena, links, sizeof *r->qpos);
+    return model->link && model->joint && model->geometry && model->sensor && r->ref && r->qpos
+               ? ERROR_NONE
+               : mjcf_no_memory(r);
+}
+
+/* No name stands twice. */
+static enum error_code mjcf_check_names(const struct mjcf_reader *r)
+{
+    const struct import_model *model = r->model;
+
+    for (size_t i = 0; i < model->nlink; i++) {
+        if ((size_t)import_find_link(model, model->link[i].name) != i) {
+            return import_error(r->error, r->file->name, model->link[i].line,
+                                "found body \"%.63s\" again, expected it once",
+                                model->link[i].name);
+        }
+    }
+    for (size_t i = 0; i < model->njoint; i++) {
+        if ((size_t)import_find_joint(model, model->joint[i].name) != i) {
+            return import_error(r->error, r->file->name, model->joint[i].line,
+                                "found joint \"%.63s\" again, expected it once",
+                                model->joint[i].name);
+        }
+    }
+    return ERROR_NONE;
+}
+
+enum error_code mjcf_read(const struct xml_file *file, struct arena *arena,
+                          struct import_model *model, struct import_notes *notes,
+                          struct error *error)
+{
+    struct mjcf_reader r = {file, arena, model, notes, error, .qpos_count = 0};
+    const xmlNode *world = xml_child(file->root, "worldbody");
+    const char *name = xml_attribute(file->root, "model");
+    enum error_code code;
+    int link;
+
+    *model = (struct import_model){.file = arena_strdup(arena, file->name)};
+    model->name = arena_strdup(arena, name && *name ? name : "robot");
+    r.defaults = xml_child(file->root, "default");
+    r.assets = xml_child(file->root, "asset");
+    if (!model->file || !model->name) {
+        return mjcf_no_memory(&r);
+    }
+    if (!world) {
+        return import_error(error, file->name, xml_line(file->root),
+                            "found <mujoco> without <worldbody>, expected one");
+    }
+    if ((code = mjcf_read_settings(&r)) || (code = mjcf_make_room(&r, world)) ||
+        (code = mjcf_add_link(&r, arena_strdup(arena, "world"), xml_line(world), &link))) {
+        return code;
+    }
+    mjcf_find_imu(&r);
+    if ((code = mjcf_read_children(&r, world, link, NULL, 0)) || (code = mjcf_check_names(&r)) ||
+        (code = mjcf_read_actuators(&r))) {
+        return code;
+    }
+    return mjcf_read_keys(&r);
+}

@@ -1,0 +1,175 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Notes, places and inertias of what is imported. */
+#include "app/import/model.h"
+
+#include "base/text.h"
+#include "base/vec3.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+/* ---- notes ---- */
+
+static bool notes_have_room(struct import_notes *notes)
+{
+    size_t capacity = notes->capacity ? 2 * notes->capacity : 256;
+    struct import_note *grown;
+
+    if (notes->count < notes->capacity) {
+        return true;
+    }
+    if (notes->count >= IMPORT_NOTES_MAX) {
+        return false;
+    }
+    grown = arena_alloc(notes->arena, capacity, sizeof *grown);
+    if (!grown) {
+        return false;
+    }
+    if (notes->count) {
+        memcpy(grown, notes->note, notes->count * sizeof *grown);
+    }
+    notes->note = grown;
+    notes->capacity = capacity;
+    return true;
+}
+
+void import_note_add(struct import_notes *notes, enum import_fate fate, const char *file, int line,
+                     const char *format, ...)
+{
+    char text[512];
+    va_list arguments;
+    struct import_note note = {.fate = fate, .line = line};
+
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    text_make_printable(text);
+    if (!notes_have_room(notes)) {
+        notes->overflow = true;
+        return;
+    }
+    note.text = arena_strdup(notes->arena, text);
+    note.file = arena_strdup(notes->arena, file);
+    if (!note.text || !note.file) {
+        notes->overflow = true;
+        return;
+    }
+    notes->note[notes->count++] = note;
+}
+
+enum error_code import_error(struct error *error, const char *file, int line, const char *format,
+                             ...)
+{
+    char text[600];
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    text_make_printable(text);
+    return error_set(error, ERROR_INPUT, "%.200s:%d: %s", file, line, text);
+}
+
+/* ---- places ---- */
+
+void import_place_identity(struct import_place *place)
+{
+    memset(place->xyz, 0, sizeof place->xyz);
+    mat3_identity(place->R);
+}
+
+void import_place_compose(const struct import_place *a, const struct import_place *b,
+                          struct import_place *out)
+{
+    double moved[3];
+
+    mat3_apply(a->R, b->xyz, moved);
+    for (int m = 0; m < 3; m++) {
+        out->xyz[m] = a->xyz[m] + moved[m];
+    }
+    mat3_mul(a->R, b->R, out->R);
+}
+
+void import_rpy(const double R[9], double rpy[3])
+{
+    double cp = hypot(R[0], R[3]), sr, cr;
+
+    /* R = Rz(yaw) Ry(pitch) Rx(roll). Near a right angle of pitch any roll will do as long as yaw
+     * is what then remains: of R Rx(-roll) the middle column is [-sin yaw, cos yaw, 0] whatever the
+     * pitch */
+    rpy[1] = atan2(-R[6], cp);
+    rpy[0] = cp > 1e-12 ? atan2(R[7], R[8]) : 0.0;
+    sr = sin(rpy[0]);
+    cr = cos(rpy[0]);
+    rpy[2] = atan2(sr * R[2] - cr * R[1], cr * R[4] - sr * R[5]);
+}
+
+/* ---- names ---- */
+
+int import_find_link(const struct import_model *model, const char *name)
+{
+    for (size_t i = 0; i < model->nlink; i++) {
+        if (strcmp(model->link[i].name, name) == 0) {
+            return (int)i;
+        }
+    }
+    return -1;
+}
+
+int import_find_joint(const struct import_model *model, const char *name)
+{
+    for (size_t i = 0; i < model->njoint; i++) {
+        if (strcmp(model->joint[i].name, name) == 0) {
+            return (int)i;
+        }
+    }
+    return -1;
+}
+
+/* ---- inertias ---- */
+
+/* I += that of a point mass at r. */
+static void inertia_add_point(double I[6], double mass, const double r[3])
+{
+    double square = vec3_dot(r, r);
+
+    for (int i = 0; i < 3; i++) {
+        for (int j = i; j < 3; j++) {
+            I[sym3_index[i][j]] += mass * ((i == j ? square : 0.0) - r[i] * r[j]);
+        }
+    }
+}
+
+void import_add_inertia(struct robot_inertia *body, const struct robot_inertia *part,
+                        const struct import_place *place)
+{
+    struct robot_inertia sum = {.mass = body->mass + part->mass};
+    double at[3], I[6], apart[3];
+
+    /* The part in the body's frame */
+    mat3_apply(place->R, part->com, at);
+    memcpy(I, part->I, sizeof I);
+    if (!mat3_is_identity(place->R)) {
+        sym3_rotate(place->R, I);
+    }
+    for (int m = 0; m < 3; m++) {
+        at[m] += place->xyz[m];
+    }
+    if (body->mass == 0.0 && part->mass == 0.0) {
+        return;
+    }
+
+    /* Both about their common center of mass (Steiner) */
+    for (int m = 0; m < 3; m++) {
+        sum.com[m] = (body->mass * body->com[m] + part->mass * at[m]) / sum.mass;
+    }
+    for (int i = 0; i < 6; i++) {
+        sum.I[i] = body->I[i] + I[i];
+    }
+    vec3_sub(body->com, sum.com, apart);
+    inertia_add_point(sum.I, body->mass, apart);
+    vec3_sub(at, sum.com, apart);
+    inertia_add_point(sum.I, part->mass, apart);
+    *body = sum;
+}

@@ -1,0 +1,165 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A robot as a foreign file describes it, whatever its format: links, joints, geometry, sensors and
+ * poses, each with the line it stands in, in the file's own order. Nothing is merged or judged yet;
+ * app/import/reduce.h makes a robot of it. SI units, angles in rad; places are those of the child
+ * in the parent. Memory is the arena's that it was read into; names are the file's. Not RT-safe.
+ */
+#ifndef APP_IMPORT_MODEL_H
+#define APP_IMPORT_MODEL_H
+
+#include "base/arena.h"
+#include "base/error.h"
+#include "model/robot.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+
+/* Bounds of what is read: far above any robot, and small enough for work that grows with the
+ * square of them. */
+enum { IMPORT_LINKS_MAX = 4096, IMPORT_GEOMETRY_MAX = 16384, IMPORT_NOTES_MAX = 65536 };
+
+struct import_place {
+    double xyz[3]; /* m */
+    double R[9];   /* child to parent, row-major */
+};
+
+enum import_joint_type {
+    IMPORT_FIXED,
+    IMPORT_REVOLUTE,
+    IMPORT_CONTINUOUS,
+    IMPORT_PRISMATIC,
+    IMPORT_FLOATING,
+    IMPORT_PLANAR,
+};
+
+enum import_shape { IMPORT_SPHERE, IMPORT_BOX, IMPORT_CYLINDER, IMPORT_CAPSULE, IMPORT_MESH };
+
+struct import_geometry {
+    int line;
+    int link;
+    bool collision; /* else only to be looked at */
+    enum import_shape shape;
+    double radius, length; /* of a capsule the length without its ends */
+    double half[3];        /* of a box */
+    const char *mesh;      /* as the file names it */
+    double scale[3];
+    struct import_place place; /* in the link */
+};
+
+struct import_link {
+    const char *name;
+    int line;
+    bool has_inertia;
+    int inertia_line;
+    struct robot_inertia inertia; /* in the link's frame */
+};
+
+struct import_joint {
+    const char *name;
+    int line;
+    enum import_joint_type type;
+    const char *parent, *child;
+    int parent_link, child_link; /* set when the whole file is read */
+    struct import_place place;
+    double axis[3]; /* of any length but 0, in the child's frame */
+    bool has_limit; /* lower and upper are given */
+    double lower, upper;
+    double effort, velocity; /* 0 = not given */
+    double damping, friction;
+    double armature;   /* reflected inertia of the rotor, kg m2; 0 = not given */
+    double gear;       /* rotor turns a link turn; 0 = not given */
+    const char *mimic; /* the joint that it follows, or NULL */
+    int mimic_line;
+    double multiplier, offset;
+};
+
+enum import_sensor_kind { IMPORT_FT, IMPORT_IMU };
+
+struct import_sensor {
+    enum import_sensor_kind kind;
+    const char *name;
+    int line;
+    const char *joint; /* of a force-torque sensor */
+    const char *link;  /* of an inertial sensor */
+    struct import_place place;
+};
+
+struct import_value {
+    const char *joint;
+    int line;
+    double value;
+};
+
+struct import_pose {
+    const char *name;
+    int line;
+    struct import_value *value;
+    size_t nvalue;
+};
+
+/* What became of a part of the file that is not in the robot as it stands there. */
+enum import_fate {
+    IMPORT_DROPPED, /* read and left out */
+    IMPORT_MERGED,  /* part of another body now, exactly */
+    IMPORT_CHANGED, /* not what the file says, but what can be had of it */
+    IMPORT_ASSUMED, /* the file does not say it */
+    IMPORT_SHAPED,  /* a collision shape that is a capsule now */
+    IMPORT_FATES,
+};
+
+struct import_note {
+    enum import_fate fate;
+    const char *file;
+    int line; /* 0 = of no line */
+    const char *text;
+};
+
+struct import_notes {
+    struct arena *arena;
+    struct import_note *note;
+    size_t count, capacity;
+    bool overflow; /* memory or IMPORT_NOTES_MAX ended */
+};
+
+struct import_model {
+    const char *file, *name;
+    struct import_link *link;
+    size_t nlink;
+    struct import_joint *joint;
+    size_t njoint;
+    struct import_geometry *geometry;
+    size_t ngeometry;
+    struct import_sensor *sensor;
+    size_t nsensor;
+    struct import_pose *pose;
+    size_t npose;
+    bool floating_base; /* a second file says that the base floats */
+    bool fixed_base;    /* ... or that it does not */
+};
+
+/* Adds a note; file and the text's arguments need not outlive the call. */
+void import_note_add(struct import_notes *notes, enum import_fate fate, const char *file, int line,
+                     const char *format, ...) __attribute__((format(printf, 5, 6)));
+
+/* "file:line: ..." of something wrong; returns ERROR_INPUT. */
+enum error_code import_error(struct error *error, const char *file, int line, const char *format,
+                             ...) __attribute__((format(printf, 4, 5)));
+
+/* Where a child of b is in a's parent: out = a b. out may be neither. */
+void import_place_compose(const struct import_place *a, const struct import_place *b,
+                          struct import_place *out);
+void import_place_identity(struct import_place *place);
+
+/* Fixed-axis roll, pitch, yaw of a rotation, accurate also where pitch is near a right angle. */
+void import_rpy(const double R[9], double rpy[3]);
+
+/* Index by name or -1. */
+int import_find_link(const struct import_model *model, const char *name);
+int import_find_joint(const struct import_model *model, const char *name);
+
+/* Adds the inertia of a part, placed so, to a body. */
+void import_add_inertia(struct robot_inertia *body, const struct robot_inertia *part,
+                        const struct import_place *place);
+
+#endif

@@ -1,0 +1,142 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Which joint is on which bus. */
+#include "app/import/plan.h"
+
+/* Axes of one bus at IMPORT_BUS_LOAD or less, with a board for an F/T sensor beside them: icub 75 %
+ * with six at 2 ms, foc 61 % with two, compact 76 % with three, over CAN FD 62 % with twelve. */
+static const size_t axes_most[] = {
+    [IMPORT_ICUB] = 6,
+    [IMPORT_FOC] = 2,
+    [IMPORT_COMPACT] = 3,
+    [IMPORT_COMPACT_FD] = 12,
+};
+
+/* The first body of the limb that a body is part of: the one below where the tree branched last. */
+static int body_find_limb(const struct robot *robot, int body)
+{
+    while (robot->body[body].parent > 0) {
+        int parent = robot->body[body].parent;
+        size_t children = 0;
+
+        for (size_t b = 1; b < robot->nbody; b++) {
+            children += robot->body[b].parent == parent;
+        }
+        if (children > 1) {
+            break;
+        }
+        body = parent;
+    }
+    return body;
+}
+
+static enum error_code plan_add_bus(struct import_plan *plan, struct import_bus **bus,
+                                    struct error *error)
+{
+    if (plan->nbus == IMPORT_BUSES_MAX) {
+        return error_set(
+            error, ERROR_INPUT,
+            "found more joints than %d buses carry, expected fewer: give --personality "
+            "compact-fd, of which a bus carries %zu",
+            IMPORT_BUSES_MAX, axes_most[IMPORT_COMPACT_FD]);
+    }
+    *bus = &plan->bus[plan->nbus++];
+    **bus = (struct import_bus){.ft = -1};
+    return ERROR_NONE;
+}
+
+/* How many driven joints are on the limb of a body. */
+static size_t limb_count_axes(const struct robot *robot, int limb)
+{
+    size_t count = 0;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        count += robot->joint[j].sea.present && body_find_limb(robot, (int)j + 1) == limb;
+    }
+    return count;
+}
+
+/* A limb begins a bus of its own unless all of it fits on the one before. */
+static enum error_code plan_add_joints(const struct robot *robot, size_t most,
+                                       struct import_plan *plan, struct error *error)
+{
+    struct import_bus *bus = NULL;
+    int limb = -1;
+
+    for (size_t j = 0; j < robot->njoint; j++) {
+        int own = body_find_limb(robot, (int)j + 1);
+        bool fits;
+
+        if (!robot->joint[j].sea.present) {
+            continue;
+        }
+        fits = bus && bus->njoint + (own == limb ? 1 : limb_count_axes(robot, own)) <= most;
+        if (!fits) {
+            enum error_code code = plan_add_bus(plan, &bus, error);
+
+            if (code) {
+                return code;
+            }
+        }
+        limb = own;
+        bus->joint[bus->njoint++] = j;
+    }
+    return ERROR_NONE;
+}
+
+/* The bus without a sensor yet whose last joint is the nearest above a body; NULL: none. */
+static struct import_bus *plan_find_limb_bus(const struct robot *robot, struct import_plan *plan,
+                                             int body)
+{
+    for (int up = body; up > 0; up = robot->body[up].parent) {
+        for (size_t i = 0; i < plan->nbus; i++) {
+            struct import_bus *bus = &plan->bus[i];
+
+            for (size_t k = 0; k < bus->njoint && bus->ft < 0; k++) {
+                if ((int)bus->joint[k] == up - 1) {
+                    return bus;
+                }
+            }
+        }
+    }
+    return NULL;
+}
+
+static enum error_code plan_add_sensors(const struct robot *robot, struct import_plan *plan,
+                                        struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+    struct import_bus *bus = NULL;
+
+    for (size_t s = 0; s < robot->nft && !code; s++) {
+        bus = plan_find_limb_bus(robot, plan, robot->frame[robot->ft[s].frame].body);
+        if (!bus) {
+            code = plan_add_bus(plan, &bus, error);
+        }
+        if (!code) {
+            bus->ft = (int)s;
+        }
+    }
+    if (!code && robot->imu_frame >= 0) {
+        code = plan_add_bus(plan, &bus, error);
+        if (!code) {
+            bus->imu = true;
+        }
+    }
+    return code;
+}
+
+enum error_code import_plan_buses(const struct robot *robot, enum import_personality personality,
+                                  struct import_plan *plan, struct error *error)
+{
+    enum error_code code;
+
+    *plan = (struct import_plan){.personality = personality};
+    code = plan_add_joints(robot, axes_most[personality], plan, error);
+    if (!code && plan->nbus == 0) {
+        return error_set(error, ERROR_INPUT,
+                         "%.200s: found no joint that a drive can turn, expected one: all of its "
+                         "joints are fixed, or slide",
+                         robot->file);
+    }
+    return code ? code : plan_add_sensors(robot, plan, error);
+}

@@ -1,0 +1,383 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Bodies and joints of the robot; the steps before and after are in the files beside this one. */
+#include "app/import/reduce_private.h"
+
+#include "base/text.h"
+#include "base/vec3.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Turns either way of a joint without limits: far more than a run of it makes. */
+#define TURNS_MAX 50.0
+/* Mass of a body that the file gives none: robot files want more than 0. */
+#define NO_MASS_KG 1e-15
+
+enum error_code reduce_no_memory(const struct reducer *r)
+{
+    return error_set(r->error, ERROR_MEMORY, "%.200s: no memory left for this robot",
+                     r->model->file);
+}
+
+enum error_code import_make_name(const struct import_model *model, const char *name, int line,
+                                 const char *what, struct arena *arena, struct import_notes *notes,
+                                 const char **made, struct error *error)
+{
+    char *copy = arena_strdup(arena, name);
+
+    if (!copy) {
+        return error_set(error, ERROR_MEMORY, "%.200s: no memory left for this robot", model->file);
+    }
+    *made = copy;
+    if (text_is_name(copy) && strcmp(copy, "spare") != 0) {
+        return ERROR_NONE;
+    }
+    if (strlen(copy) > 63 || !strcmp(copy, "spare") || !strcmp(copy, ".") || !strcmp(copy, "..")) {
+        return import_error(error, model->file, line,
+                            "found %s name \"%.80s\", expected at most 63 letters, digits and _ - "
+                            ". (and not \"spare\")",
+                            what, copy);
+    }
+    for (char *c = copy; *c; c++) {
+        char letter[2] = {*c, '\0'};
+
+        if (*c == '.' || !text_is_name(letter)) {
+            *c = *c == '.' ? '.' : '_';
+        }
+    }
+    import_note_add(notes, IMPORT_CHANGED, model->file, line, "%s \"%.63s\" is named \"%.63s\"",
+                    what, name, copy);
+    return ERROR_NONE;
+}
+
+/* ---- inertias ---- */
+
+/* Jacobi rotations until the tensor is diagonal: its moments, and axes as the columns of V. */
+static void tensor_diagonalize(const double I[6], double moment[3], double V[9])
+{
+    double A[6];
+
+    memcpy(A, I, sizeof A);
+    mat3_identity(V);
+    for (int sweep = 0; sweep < 50; sweep++) {
+        for (int p = 0; p < 2; p++) {
+            for (int q = p + 1; q < 3; q++) {
+                double off = A[sym3_index[p][q]], R[9], T[9];
+                double apart = A[sym3_index[q][q]] - A[sym3_index[p][p]];
+                double angle = 0.5 * atan2(copysign(2.0, apart) * off, fabs(apart));
+
+                /* Turns the plane of p and q so that their product vanishes; the smaller of the two
+                 * angles, for the larger swaps the axes and never ends */
+                mat3_identity(R);
+                R[4 * p] = R[4 * q] = cos(angle);
+                R[3 * p + q] = -sin(angle);
+                R[3 * q + p] = sin(angle);
+                sym3_rotate(R, A);
+                mat3_mul(R, V, T);
+                memcpy(V, T, sizeof T);
+            }
+        }
+    }
+    moment[0] = A[0];
+    moment[1] = A[3];
+    moment[2] = A[5];
+}
+
+/* Raises the moments that are too small: to a thousandth of the largest, then until the two smaller
+ * ones together reach the largest. */
+static void moments_repair(double moment[3])
+{
+    int large = 0;
+    double missing;
+
+    for (int m = 1; m < 3; m++) {
+        large = moment[m] > moment[large] ? m : large;
+    }
+    for (int m = 0; m < 3; m++) {
+        moment[m] = fmax(moment[m], 1e-3 * moment[large]);
+    }
+    missing = 2.0 * moment[large] - (moment[0] + moment[1] + moment[2]);
+    for (int m = 0; m < 3; m++) {
+        moment[m] += m != large && missing > 0.0 ? 0.5 * missing : 0.0;
+    }
+}
+
+enum error_code reduce_check_inertia(struct reducer *r, const struct import_link *link,
+                                     struct robot_inertia *inertia)
+{
+    double moment[3], V[9], back[9];
+    struct error why;
+
+    if (!robot_check_inertia(inertia, &why)) {
+        return ERROR_NONE;
+    }
+    if (!r->options->repair_inertia) {
+        return import_error(r->error, r->model->file,
+                            link->inertia_line ? link->inertia_line : link->line,
+                            "found link \"%.63s\" with what is fixed to it: %s; correct the file, "
+                            "or give --repair-inertia to raise the moments that are too small",
+                            link->name, why.text);
+    }
+    tensor_diagonalize(inertia->I, moment, V);
+    moments_repair(moment);
+    memset(inertia->I, 0, sizeof inertia->I);
+    inertia->I[0] = moment[0];
+    inertia->I[3] = moment[1];
+    inertia->I[5] = moment[2];
+    mat3_transpose(V, back);
+    sym3_rotate(back, inertia->I);
+    import_note_add(
+        r->notes, IMPORT_CHANGED, r->model->file,
+        link->inertia_line ? link->inertia_line : link->line,
+        "inertia of link \"%.63s\" with what is fixed to it has now the moments %g, %g, "
+        "%g kg m2: %s",
+        link->name, moment[0], moment[1], moment[2], why.text);
+    return robot_check_inertia(inertia, r->error)
+               ? import_error(r->error, r->model->file, link->line,
+                              "found an inertia of link \"%.63s\" that cannot be repaired",
+                              link->name)
+               : ERROR_NONE;
+}
+
+/* ---- bodies and joints ---- */
+
+static bool joint_is_rigid(const struct reducer *r, int joint)
+{
+    return r->out->fixed[joint] || r->model->joint[joint].type == IMPORT_FIXED;
+}
+
+/* A new body for a link that a joint moves. */
+static enum error_code reduce_add_body(struct reducer *r, int link, const struct import_joint *from,
+                                       int parent, const struct import_place *parent_place)
+{
+    struct robot *robot = r->out->robot;
+    const struct import_link *source = &r->model->link[link];
+    struct robot_joint *joint = &robot->joint[robot->njoint];
+    double length = vec3_norm(from->axis);
+    struct import_place place;
+    enum error_code code;
+
+    robot->body[robot->nbody].parent = parent;
+    if ((code = import_make_name(r->model, source->name, source->line, "body", r->arena, r->notes,
+                                 &robot->body[robot->nbody].name, r->error)) ||
+        (code = import_make_name(r->model, from->name, from->line, "joint", r->arena, r->notes,
+                                 &joint->name, r->error))) {
+        return code;
+    }
+    r->out->body[link] = (int)robot->nbody++;
+    import_place_identity(&r->out->place[link]);
+
+    /* The joint, at the place of its parent link in its body */
+    r->out->source[robot->njoint] = from;
+    r->out->rest[robot->njoint] = reduce_rest(from);
+    import_place_compose(parent_place, &from->place, &place);
+    memcpy(joint->origin, place.xyz, sizeof joint->origin);
+    memcpy(joint->rotation, place.R, sizeof joint->rotation);
+    joint->type = from->type == IMPORT_PRISMATIC ? JOINT_PRISMATIC : JOINT_REVOLUTE;
+    for (int m = 0; m < 3; m++) {
+        joint->axis[m] = from->axis[m] / length;
+    }
+    joint->lower = from->lower;
+    joint->upper = from->upper;
+    if (!from->has_limit || from->type == IMPORT_CONTINUOUS) {
+        joint->lower = -2.0 * M_PI * TURNS_MAX;
+        joint->upper = 2.0 * M_PI * TURNS_MAX;
+        import_note_add(r->notes, IMPORT_CHANGED, r->model->file, from->line,
+                        "joint \"%.63s\" turns for ever: it has the range of %g turns either way, "
+                        "without stops",
+                        from->name, TURNS_MAX);
+    }
+    robot->njoint++;
+    return ERROR_NONE;
+}
+
+/* The body of every link, and where the link is in it. */
+static enum error_code reduce_place_links(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+    struct robot *robot = r->out->robot;
+    enum error_code code;
+
+    for (size_t i = 0; i < r->norder; i++) {
+        int link = r->order[i], above = r->above[link];
+        const struct import_joint *joint = i == 0 ? NULL : &model->joint[above];
+        struct import_place place;
+
+        if (!joint) {
+            robot->nbody = 1;
+            robot->body[0].parent = -1;
+            import_place_identity(&r->out->place[link]);
+            r->out->body[link] = 0;
+            code = import_make_name(model, model->link[link].name, model->link[link].line, "body",
+                                    r->arena, r->notes, &robot->body[0].name, r->error);
+        } else if (joint_is_rigid(r, above)) {
+            reduce_place_child(joint, r->at[above], &place);
+            r->out->body[link] = r->out->body[joint->parent_link];
+            import_place_compose(&r->out->place[joint->parent_link], &place, &r->out->place[link]);
+            if (model->link[link].has_inertia) {
+                import_note_add(r->notes, IMPORT_MERGED, model->file, model->link[link].line,
+                                "link \"%.63s\" (%g kg) is part of body \"%.63s\"",
+                                model->link[link].name, model->link[link].inertia.mass,
+                                robot->body[r->out->body[link]].name);
+            }
+            code = ERROR_NONE;
+        } else {
+            code = reduce_add_body(r, link, joint, r->out->body[joint->parent_link],
+                                   &r->out->place[joint->parent_link]);
+        }
+        if (code) {
+            return code;
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Sums of what the links of each body weigh. */
+static enum error_code reduce_sum_inertias(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+    struct robot *robot = r->out->robot;
+    enum error_code code;
+
+    for (size_t i = 0; i < r->norder; i++) {
+        int link = r->order[i];
+
+        import_add_inertia(&robot->body[r->out->body[link]].inertia, &model->link[link].inertia,
+                           &r->out->place[link]);
+    }
+    for (size_t i = 0; i < r->norder; i++) {
+        int link = r->order[i];
+        const struct import_link *source = &model->link[link];
+        struct robot_inertia *inertia = &robot->body[r->out->body[link]].inertia;
+
+        /* The first link of each body stands for it */
+        if (i > 0 && joint_is_rigid(r, r->above[link])) {
+            continue;
+        }
+        code = reduce_check_inertia(r, source, inertia);
+        if (code) {
+            return code;
+        }
+        if (inertia->mass == 0.0) {
+            inertia->mass = NO_MASS_KG;
+            import_note_add(r->notes, IMPORT_ASSUMED, model->file, source->line,
+                            "body \"%.63s\" has no mass: %g kg stand for it", source->name,
+                            NO_MASS_KG);
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* ---- the base ---- */
+
+/* How many limbs with two joints or more hang on the base. */
+static size_t robot_count_limbs(const struct robot *robot)
+{
+    size_t limbs = 0;
+
+    for (size_t b = 1; b < robot->nbody; b++) {
+        size_t joints = 0;
+
+        if (robot->body[b].parent != 0) {
+            continue;
+        }
+        for (size_t c = b; c < robot->nbody; c++) {
+            int up = (int)c;
+
+            while (up > 0 && up != (int)b) {
+                up = robot->body[up].parent;
+            }
+            joints += up == (int)b;
+        }
+        limbs += joints >= 2;
+    }
+    return limbs;
+}
+
+/* Whether the base floats: by the option, by a floating joint, by what the second file says, by the
+ * root's name, else by its limbs. */
+static void reduce_choose_base(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+    const struct import_link *root = &model->link[r->root];
+    struct robot *robot = r->out->robot;
+    const char *why = NULL;
+
+    if (r->options->base != IMPORT_BASE_GUESS) {
+        robot->floating = r->options->base == IMPORT_BASE_FLOATING;
+        return;
+    }
+    if (r->floats) {
+        robot->floating = true;
+        return;
+    }
+    if (model->floating_base || model->fixed_base) {
+        robot->floating = model->floating_base;
+        return;
+    }
+    if (!strcmp(root->name, "world") || robot->body[0].inertia.mass <= NO_MASS_KG) {
+        robot->floating = false;
+        why = "the root has no mass or is the world";
+    } else {
+        robot->floating = robot_count_limbs(robot) >= 2;
+        why = robot->floating ? "two limbs or more hang on it" : "one limb at most hangs on it";
+    }
+    import_note_add(r->notes, IMPORT_ASSUMED, model->file, root->line,
+                    "the base \"%.63s\" %s (%s); --base says otherwise", root->name,
+                    robot->floating ? "floats" : "is fixed in the world", why);
+}
+
+static enum error_code reduce_make_room(struct reducer *r)
+{
+    struct import_robot *out = r->out;
+    size_t bodies = r->model->njoint + 1;
+
+    out->model = r->model;
+    out->robot = arena_alloc(r->arena, 1, sizeof *out->robot);
+    out->source = arena_alloc(r->arena, bodies, sizeof *out->source);
+    out->rest = arena_alloc(r->arena, bodies, sizeof *out->rest);
+    out->body = arena_alloc(r->arena, r->model->nlink, sizeof *out->body);
+    out->place = arena_alloc(r->arena, r->model->nlink, sizeof *out->place);
+    if (!out->robot || !out->source || !out->rest || !out->body || !out->place) {
+        return reduce_no_memory(r);
+    }
+    out->robot->body = arena_alloc(r->arena, bodies, sizeof *out->robot->body);
+    out->robot->joint = arena_alloc(r->arena, bodies, sizeof *out->robot->joint);
+    for (size_t i = 0; i < r->model->nlink; i++) {
+        out->body[i] = -1;
+    }
+    return out->robot->body && out->robot->joint ? ERROR_NONE : reduce_no_memory(r);
+}
+
+enum error_code import_reduce(const struct import_model *model,
+                              const struct import_options *options, struct arena *arena,
+                              struct import_notes *notes, struct import_robot *out,
+                              struct error *error)
+{
+    struct reducer r = {.model = model,
+                        .options = options,
+                        .arena = arena,
+                        .notes = notes,
+                        .out = out,
+                        .error = error};
+    enum error_code code;
+
+    *out = (struct import_robot){0};
+    if ((code = reduce_make_room(&r)) || (code = reduce_find_tree(&r)) ||
+        (code = reduce_fix_joints(&r)) || (code = reduce_place_links(&r))) {
+        return code;
+    }
+    out->robot->file = model->file;
+    out->robot->gravity[2] = -9.81;
+    out->robot->imu_frame = -1;
+    if ((code = import_make_name(model, model->name, 1, "robot", arena, notes, &out->robot->name,
+                                 error))) {
+        return code;
+    }
+    if ((code = reduce_sum_inertias(&r))) {
+        return code;
+    }
+    reduce_choose_base(&r);
+    code = reduce_add_frames(&r);
+    return code ? code : reduce_add_poses(&r);
+}

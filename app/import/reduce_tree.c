@@ -1,0 +1,400 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The tree of links, and which of its joints move. */
+#include "app/import/reduce_private.h"
+
+#include "base/vec3.h"
+
+#include <math.h>
+#include <string.h>
+
+/* ---- the tree ---- */
+
+static enum error_code reduce_refuse_loop(struct reducer *r, const struct import_joint *joint,
+                                          const struct import_joint *other)
+{
+    return import_error(r->error, r->model->file, joint->line,
+                        "found link \"%.63s\" as the child of joint \"%.63s\" and of \"%.63s\" "
+                        "(line %d), expected one joint: loops are not imported; remove one of the "
+                        "two and drive the open tree",
+                        joint->child, joint->name, other->name, other->line);
+}
+
+/* The joint that every link hangs on. */
+static enum error_code reduce_find_parents(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+
+    for (size_t i = 0; i < model->nlink; i++) {
+        r->above[i] = -1;
+    }
+    for (size_t j = 0; j < model->njoint; j++) {
+        const struct import_joint *joint = &model->joint[j];
+        int *above = &r->above[joint->child_link];
+
+        if (*above >= 0) {
+            return reduce_refuse_loop(r, joint, &model->joint[*above]);
+        }
+        *above = (int)j;
+    }
+    return ERROR_NONE;
+}
+
+/* The only link that hangs on none. */
+static enum error_code reduce_find_root(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+
+    r->root = -1;
+    for (size_t i = 0; i < model->nlink; i++) {
+        if (r->above[i] >= 0) {
+            continue;
+        }
+        if (r->root >= 0) {
+            return import_error(r->error, model->file, model->link[i].line,
+                                "found link \"%.63s\" on no joint beside \"%.63s\" (line %d), "
+                                "expected one tree: join the two, or import them one by one",
+                                model->link[i].name, model->link[r->root].name,
+                                model->link[r->root].line);
+        }
+        r->root = (int)i;
+    }
+    if (r->root < 0) {
+        return import_error(r->error, model->file, model->joint[0].line,
+                            "found every link on a joint, expected one on none: the joints form a "
+                            "loop");
+    }
+    return ERROR_NONE;
+}
+
+static bool option_locks_joint(const struct import_options *options, const char *name)
+{
+    for (size_t i = 0; i < options->nlock; i++) {
+        if (!strcmp(options->lock[i], name)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* A root without mass that a floating joint hangs on is the world, and the base is what floats in
+ * it. What else is in that world does not move, and is left there. */
+static enum error_code reduce_enter_world(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+    const struct import_joint *floating = NULL;
+
+    for (size_t j = 0; j < model->njoint && !model->link[r->root].has_inertia; j++) {
+        if (model->joint[j].parent_link == r->root && model->joint[j].type == IMPORT_FLOATING) {
+            floating = floating ? floating : &model->joint[j];
+        }
+    }
+    for (size_t j = 0; floating && j < model->njoint; j++) {
+        const struct import_joint *other = &model->joint[j];
+
+        if (other->parent_link != r->root || other == floating) {
+            continue;
+        }
+        if (other->type != IMPORT_FIXED && !option_locks_joint(r->options, other->name)) {
+            return import_error(
+                r->error, model->file, other->line,
+                "found joint \"%.63s\" on the root \"%.63s\" beside the floating joint "
+                "\"%.63s\" (line %d), expected that alone: one robot floats; --lock "
+                "leaves what does not matter in the world",
+                other->name, model->link[r->root].name, floating->name, floating->line);
+        }
+        import_note_add(r->notes, IMPORT_DROPPED, model->file, other->line,
+                        "link \"%.63s\", with all that hangs on it: it stays in the world in which "
+                        "the robot floats",
+                        other->child);
+    }
+    if (floating) {
+        r->root = floating->child_link;
+        r->floats = true;
+    }
+    return ERROR_NONE;
+}
+
+/* Links in the order of a walk down the tree, children as their joints stand in the file. */
+static enum error_code reduce_order_links(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+    int *next = arena_alloc(r->arena, model->nlink + 1, sizeof *next); /* a stack of links */
+    size_t depth = 0, count = 0;
+
+    if (!next) {
+        return reduce_no_memory(r);
+    }
+    next[depth++] = r->root;
+    while (depth > 0) {
+        int link = next[--depth];
+
+        r->order[count++] = link;
+        for (size_t j = model->njoint; j-- > 0;) {
+            if (model->joint[j].parent_link == link) {
+                next[depth++] = model->joint[j].child_link;
+            }
+        }
+    }
+    r->norder = count;
+    return ERROR_NONE;
+}
+
+/* Joints that hang on each other hang on no root. */
+static enum error_code reduce_check_cycles(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+
+    for (size_t j = 0; j < model->njoint; j++) {
+        int link = model->joint[j].child_link;
+
+        for (size_t step = 0; r->above[link] >= 0 && step <= model->nlink; step++) {
+            link = model->joint[r->above[link]].parent_link;
+        }
+        if (r->above[link] >= 0) {
+            return import_error(r->error, model->file, model->joint[j].line,
+                                "found joint \"%.63s\" in a loop of joints that does not hang on "
+                                "the root \"%.63s\", expected a tree",
+                                model->joint[j].name, model->link[r->root].name);
+        }
+    }
+    return ERROR_NONE;
+}
+
+enum error_code reduce_find_tree(struct reducer *r)
+{
+    enum error_code code;
+
+    r->above = arena_alloc(r->arena, r->model->nlink, sizeof *r->above);
+    r->order = arena_alloc(r->arena, r->model->nlink, sizeof *r->order);
+    r->at = arena_alloc(r->arena, r->model->njoint + 1, sizeof *r->at);
+    r->out->fixed = arena_alloc(r->arena, r->model->njoint + 1, sizeof *r->out->fixed);
+    if (!r->above || !r->order || !r->at || !r->out->fixed) {
+        return reduce_no_memory(r);
+    }
+    if ((code = reduce_find_parents(r)) || (code = reduce_find_root(r)) ||
+        (code = reduce_check_cycles(r)) || (code = reduce_enter_world(r))) {
+        return code;
+    }
+    return reduce_order_links(r);
+}
+
+/* ---- which joints move ---- */
+
+/* Beyond a limit by so much of the range, or by 0.1 rad or m of a wide one. */
+#define REST_INSIDE 0.05
+
+double reduce_rest(const struct import_joint *joint)
+{
+    double inside = fmin(REST_INSIDE * (joint->upper - joint->lower), 0.1);
+
+    if (!joint->has_limit || (joint->lower <= 0.0 && joint->upper >= 0.0)) {
+        return 0.0;
+    }
+    return joint->lower > 0.0 ? joint->lower + inside : joint->upper - inside;
+}
+
+void reduce_place_child(const struct import_joint *joint, double q, struct import_place *place)
+{
+    double turn[9], slide[3], axis[3], length = vec3_norm(joint->axis);
+
+    *place = joint->place;
+    if (q == 0.0) {
+        return;
+    }
+    for (int m = 0; m < 3; m++) {
+        axis[m] = joint->axis[m] / length;
+    }
+    if (joint->type == IMPORT_PRISMATIC) {
+        mat3_apply(joint->place.R, axis, slide);
+        vec3_add_scaled(place->xyz, q, slide, place->xyz);
+    } else {
+        mat3_about_axis(axis, q, turn);
+        mat3_mul(joint->place.R, turn, place->R);
+    }
+}
+
+static void reduce_fix_joint(struct reducer *r, size_t j, double at, const char *why)
+{
+    const struct import_joint *joint = &r->model->joint[j];
+
+    r->out->fixed[j] = true;
+    r->at[j] = at;
+    import_note_add(r->notes, IMPORT_CHANGED, r->model->file, joint->line,
+                    "joint \"%.63s\" is fixed at %g %s: %s", joint->name, at,
+                    joint->type == IMPORT_PRISMATIC ? "m" : "rad", why);
+}
+
+/* Limits of joints that have some. */
+static enum error_code reduce_check_limit(struct reducer *r, size_t j)
+{
+    const struct import_joint *joint = &r->model->joint[j];
+
+    if (joint->type != IMPORT_REVOLUTE && joint->type != IMPORT_PRISMATIC) {
+        return ERROR_NONE;
+    }
+    if (!joint->has_limit) {
+        return import_error(r->error, r->model->file, joint->line,
+                            "found joint \"%.63s\" without the limits lower and upper, expected "
+                            "them; a joint that turns for ever is \"continuous\", one that does "
+                            "not move \"fixed\"",
+                            joint->name);
+    }
+    if (joint->lower > joint->upper) {
+        return import_error(r->error, r->model->file, joint->line,
+                            "found joint \"%.63s\" with lower limit %g above its upper limit %g, "
+                            "expected it below",
+                            joint->name, joint->lower, joint->upper);
+    }
+    if (joint->lower == joint->upper) {
+        reduce_fix_joint(r, j, joint->lower, "both limits are there");
+    } else if (joint->lower > 0.0 || joint->upper < 0.0) {
+        import_note_add(r->notes, IMPORT_CHANGED, r->model->file, joint->line,
+                        "joint \"%.63s\" rests at %g: its limits %g to %g exclude 0", joint->name,
+                        reduce_rest(joint), joint->lower, joint->upper);
+    }
+    return ERROR_NONE;
+}
+
+/* Drives turn: what slides has none, and would fall to its stop. */
+static void reduce_fix_slide(struct reducer *r, size_t j)
+{
+    const struct import_joint *joint = &r->model->joint[j];
+
+    if (joint->type != IMPORT_PRISMATIC || r->out->fixed[j]) {
+        return;
+    }
+    if (r->options->free_slides) {
+        import_note_add(r->notes, IMPORT_CHANGED, r->model->file, joint->line,
+                        "prismatic joint \"%.63s\" has no drive, for drives turn: it slides freely "
+                        "(--prismatic free)",
+                        joint->name);
+        return;
+    }
+    reduce_fix_joint(r, j, reduce_rest(joint),
+                     "it slides, and drives turn; --prismatic free lets it slide without one");
+}
+
+/* Joints that follow another. */
+static enum error_code reduce_fix_mimic(struct reducer *r, size_t j)
+{
+    const struct import_joint *joint = &r->model->joint[j];
+    int leader = joint->mimic ? import_find_joint(r->model, joint->mimic) : -1;
+    double at;
+
+    if (leader < 0 || r->out->fixed[j] || joint->type == IMPORT_FIXED) {
+        return ERROR_NONE;
+    }
+    at = r->out->fixed[leader] ? r->at[leader] : reduce_rest(&r->model->joint[leader]);
+    at = joint->multiplier * at + joint->offset;
+    if (joint->has_limit) {
+        at = fmin(fmax(at, joint->lower), joint->upper);
+    }
+    if (r->out->fixed[leader]) {
+        reduce_fix_joint(r, j, at, "it follows a joint that is fixed");
+        return ERROR_NONE;
+    }
+    switch (r->options->mimic) {
+    case IMPORT_MIMIC_LOCK:
+        reduce_fix_joint(r, j, at, "it follows another, and --mimic lock holds it there");
+        return ERROR_NONE;
+    case IMPORT_MIMIC_FREE:
+        import_note_add(r->notes, IMPORT_CHANGED, r->model->file, joint->mimic_line,
+                        "joint \"%.63s\" no longer follows \"%.63s\": it moves on its own "
+                        "(--mimic free)",
+                        joint->name, joint->mimic);
+        return ERROR_NONE;
+    default:
+        return import_error(r->error, r->model->file, joint->mimic_line,
+                            "found joint \"%.63s\" that follows \"%.63s\", which no mechanism here "
+                            "makes it do: give --mimic lock to fix all such joints where they "
+                            "rest, or --mimic free to let them move on their own",
+                            joint->name, joint->mimic);
+    }
+}
+
+/* Floating and planar joints: only the base floats. */
+static enum error_code reduce_check_free(struct reducer *r, const struct import_joint *joint)
+{
+    if (joint->type == IMPORT_PLANAR) {
+        return import_error(r->error, r->model->file, joint->line,
+                            "found planar joint \"%.63s\", expected another type: write two "
+                            "prismatic joints and a continuous one, or fix it (type \"fixed\")",
+                            joint->name);
+    }
+    if (joint->type == IMPORT_FLOATING && (!r->floats || joint->child_link != r->root)) {
+        return import_error(
+            r->error, r->model->file, joint->line,
+            "found floating joint \"%.63s\" between two bodies, expected it between "
+            "a root without mass and the base: nothing but the base floats",
+            joint->name);
+    }
+    return ERROR_NONE;
+}
+
+/* Joints behind which nothing has mass cannot move: their motion would have no equation. */
+static enum error_code reduce_fix_massless(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+    double *mass = arena_alloc(r->arena, model->nlink, sizeof *mass);
+
+    if (!mass) {
+        return reduce_no_memory(r);
+    }
+    for (size_t i = r->norder; i-- > 0;) {
+        int link = r->order[i], above = r->above[link];
+
+        mass[link] += model->link[link].inertia.mass;
+        if (i == 0) {
+            continue;
+        }
+        mass[model->joint[above].parent_link] += mass[link];
+        if (mass[link] == 0.0 && !r->out->fixed[above] &&
+            model->joint[above].type != IMPORT_FIXED) {
+            reduce_fix_joint(r, (size_t)above, reduce_rest(&model->joint[above]),
+                             "nothing that it moves has mass");
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* Joints that --lock names. */
+static enum error_code reduce_fix_named(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+
+    for (size_t i = 0; i < r->options->nlock; i++) {
+        int j = import_find_joint(model, r->options->lock[i]);
+
+        if (j < 0) {
+            return error_set(r->error, ERROR_INPUT,
+                             "--lock: found \"%.63s\", expected a joint of %.200s",
+                             r->options->lock[i], model->file);
+        }
+        if (!r->out->fixed[j] && model->joint[j].type != IMPORT_FIXED) {
+            reduce_fix_joint(r, (size_t)j, reduce_rest(&model->joint[j]), "--lock says so");
+        }
+    }
+    return ERROR_NONE;
+}
+
+enum error_code reduce_fix_joints(struct reducer *r)
+{
+    const struct import_model *model = r->model;
+    enum error_code code;
+
+    for (size_t j = 0; j < model->njoint; j++) {
+        if ((code = reduce_check_free(r, &model->joint[j])) || (code = reduce_check_limit(r, j))) {
+            return code;
+        }
+        reduce_fix_slide(r, j);
+    }
+    if ((code = reduce_fix_named(r))) {
+        return code;
+    }
+    for (size_t j = 0; j < model->njoint; j++) {
+        if ((code = reduce_fix_mimic(r, j))) {
+            return code;
+        }
+    }
+    return reduce_fix_massless(r);
+}

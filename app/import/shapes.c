@@ -1,0 +1,276 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Capsules from collision shapes. */
+#include "app/import/shapes.h"
+
+#include "base/vec3.h"
+#include "contact/mesh.h"
+
+#include <errno.h>
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+
+/* Scratch of one mesh: it is gone when its capsule and its file are there. */
+#define MESH_ARENA ((size_t)1 << 30)
+
+struct shape_builder {
+    struct import_robot *from;
+    const struct import_packages *packages;
+    const char *folder;
+    struct arena *arena;
+    struct import_notes *notes;
+    size_t *written;
+    struct error *error;
+};
+
+/* ---- fitting ---- */
+
+/* The rotation whose third column is axis m, a right-handed one. */
+static void axis_to_rotation(int m, double R[9])
+{
+    static const double column[3][9] = {
+        {0, 0, 1, 1, 0, 0, 0, 1, 0},
+        {0, 1, 0, 0, 0, 1, 1, 0, 0},
+        {1, 0, 0, 0, 1, 0, 0, 0, 1},
+    };
+
+    memcpy(R, column[m], sizeof column[m]);
+}
+
+/* The capsule along the longest side of the points' box that holds them all. */
+static void capsule_hold_points(const double (*point)[3], size_t count,
+                                struct robot_capsule *capsule)
+{
+    double low[3], high[3], middle[3], radius = 0.0, half = 0.0;
+    int along = 0;
+
+    memcpy(low, point[0], sizeof low);
+    memcpy(high, point[0], sizeof high);
+    for (size_t i = 0; i < count; i++) {
+        for (int m = 0; m < 3; m++) {
+            low[m] = fmin(low[m], point[i][m]);
+            high[m] = fmax(high[m], point[i][m]);
+        }
+    }
+    for (int m = 0; m < 3; m++) {
+        middle[m] = 0.5 * (low[m] + high[m]);
+        along = high[m] - low[m] > high[along] - low[along] ? m : along;
+    }
+
+    /* As wide as the point farthest from the axis, then as long as its ends must reach */
+    for (int pass = 0; pass < 2; pass++) {
+        for (size_t i = 0; i < count; i++) {
+            double d[3], across, reach;
+
+            vec3_sub(point[i], middle, d);
+            reach = fabs(d[along]);
+            d[along] = 0.0;
+            across = vec3_norm(d);
+            if (pass == 0) {
+                radius = fmax(radius, across);
+            } else {
+                half = fmax(half, reach - sqrt(fmax(radius * radius - across * across, 0.0)));
+            }
+        }
+    }
+    memcpy(capsule->position, middle, sizeof middle);
+    axis_to_rotation(along, capsule->rotation);
+    capsule->radius = fmax(radius, 1e-6);
+    capsule->length = 2.0 * half;
+}
+
+static void capsule_hold_box(const double half[3], struct robot_capsule *capsule)
+{
+    double corner[8][3];
+
+    for (int c = 0; c < 8; c++) {
+        for (int m = 0; m < 3; m++) {
+            corner[c][m] = c & 1 << m ? half[m] : -half[m];
+        }
+    }
+    capsule_hold_points(corner, 8, capsule);
+}
+
+static void capsule_from_cylinder(const struct import_geometry *shape,
+                                  struct robot_capsule *capsule)
+{
+    memset(capsule->position, 0, sizeof capsule->position);
+    mat3_identity(capsule->rotation);
+    capsule->radius = shape->radius;
+    capsule->length = shape->shape == IMPORT_CYLINDER
+                          ? fmax(shape->length - 2.0 * shape->radius, 0.0)
+                          : shape->length;
+}
+
+/* ---- meshes ---- */
+
+/* Whether contact would take the surface, in words. */
+static const char *mesh_judge(const struct import_mesh *mesh)
+{
+    const struct mesh surface = {.name = "",
+                                 .nvertex = mesh->nvertex,
+                                 .nface = mesh->nface,
+                                 .vertex = (const double(*)[3])mesh->vertex,
+                                 .face = (const int(*)[3])mesh->face};
+    struct mesh_finding finding = {0};
+
+    if (mesh_check(&surface, &finding, NULL)) {
+        return "not checked";
+    }
+    return finding.fault == MESH_SOUND ? "a sound surface" : mesh_fault_text(finding.fault);
+}
+
+/* Reads a mesh, fits a capsule and writes the OBJ file; false, with a note, when it cannot. */
+static bool shape_fit_mesh(const struct shape_builder *b, const struct import_geometry *shape,
+                           struct robot_capsule *capsule)
+{
+    const struct import_model *model = b->from->model;
+    char path[PATH_MAX];
+    struct import_mesh mesh;
+    struct arena scratch = {0};
+    struct error why;
+    const char *file;
+    bool fitted = false;
+
+    if (arena_init(&scratch, MESH_ARENA, &why) ||
+        import_find_mesh(model, shape, b->packages, &scratch, &file, &why) ||
+        import_read_mesh(file, shape->scale, &scratch, &mesh, &why)) {
+        import_note_add(b->notes, IMPORT_DROPPED, model->file, shape->line,
+                        "collision mesh of link \"%.63s\": %.300s", model->link[shape->link].name,
+                        why.text);
+        arena_fini(&scratch);
+        return false;
+    }
+    capsule_hold_points((const double(*)[3])mesh.vertex, mesh.nvertex, capsule);
+    snprintf(path, sizeof path, "%s/%s.obj", b->folder, capsule->name);
+    if (import_write_mesh(&mesh, path, &why)) {
+        import_note_add(b->notes, IMPORT_DROPPED, model->file, shape->line, "%.400s", why.text);
+    } else {
+        ++*b->written;
+        import_note_add(
+            b->notes, IMPORT_SHAPED, model->file, shape->line,
+            "collision mesh \"%.150s\" is meshes/%s.obj (%zu faces, %s), and the capsule "
+            "that holds it",
+            shape->mesh, capsule->name, mesh.nface, mesh_judge(&mesh));
+        fitted = true;
+    }
+    arena_fini(&scratch);
+    return fitted;
+}
+
+/* ---- the whole ---- */
+
+static enum error_code shape_make_name(const struct shape_builder *b,
+                                       const struct import_geometry *shape, int number,
+                                       const char **name)
+{
+    const struct import_robot *from = b->from;
+    char text[64];
+
+    snprintf(text, sizeof text, "%.40s-shell%d", from->robot->body[from->body[shape->link]].name,
+             number);
+    *name = arena_strdup(b->arena, text);
+    return *name ? ERROR_NONE
+                 : error_set(b->error, ERROR_MEMORY, "no memory for the shapes of the robot");
+}
+
+/* A capsule for one shape, in its own frame; false when there is none. */
+static bool shape_fit(const struct shape_builder *b, const struct import_geometry *shape,
+                      struct robot_capsule *capsule)
+{
+    const struct import_model *model = b->from->model;
+
+    switch (shape->shape) {
+    case IMPORT_MESH:
+        return b->folder && shape_fit_mesh(b, shape, capsule);
+    case IMPORT_BOX:
+        capsule_hold_box(shape->half, capsule);
+        import_note_add(b->notes, IMPORT_SHAPED, model->file, shape->line,
+                        "collision box of link \"%.63s\" is the capsule that holds it",
+                        model->link[shape->link].name);
+        return true;
+    case IMPORT_CYLINDER:
+        import_note_add(b->notes, IMPORT_SHAPED, model->file, shape->line,
+                        "collision cylinder of link \"%.63s\" has round ends%s",
+                        model->link[shape->link].name,
+                        shape->length < 2.0 * shape->radius ? ", and is a sphere: it is wider than "
+                                                              "long"
+                                                            : "");
+        capsule_from_cylinder(shape, capsule);
+        return true;
+    default:
+        capsule_from_cylinder(shape, capsule);
+        return true;
+    }
+}
+
+static enum error_code shape_add(const struct shape_builder *b, const struct import_geometry *shape,
+                                 int number)
+{
+    struct robot *robot = b->from->robot;
+    struct robot_capsule capsule = {0};
+    struct import_place own, in_body, place;
+    enum error_code code = shape_make_name(b, shape, number, &capsule.name);
+
+    if (code || !shape_fit(b, shape, &capsule)) {
+        return code;
+    }
+
+    /* In the body: the link's place, the shape's in it, the capsule's in that */
+    memcpy(own.xyz, capsule.position, sizeof own.xyz);
+    memcpy(own.R, capsule.rotation, sizeof own.R);
+    import_place_compose(&b->from->place[shape->link], &shape->place, &in_body);
+    import_place_compose(&in_body, &own, &place);
+    memcpy(capsule.position, place.xyz, sizeof capsule.position);
+    memcpy(capsule.rotation, place.R, sizeof capsule.rotation);
+    capsule.body = b->from->body[shape->link];
+    robot->capsule[robot->ncapsule++] = capsule;
+    return ERROR_NONE;
+}
+
+enum error_code import_add_shapes(struct import_robot *from, const struct import_packages *packages,
+                                  const char *folder, struct arena *arena,
+                                  struct import_notes *notes, size_t *written, struct error *error)
+{
+    const struct import_model *model = from->model;
+    const struct shape_builder b = {from, packages, folder, arena, notes, written, error};
+    enum error_code code = ERROR_NONE;
+
+    from->robot->capsule = arena_alloc(arena, model->ngeometry + 1, sizeof *from->robot->capsule);
+    if (!from->robot->capsule) {
+        return error_set(error, ERROR_MEMORY, "no memory for the shapes of the robot");
+    }
+    for (size_t i = 0; i < model->ngeometry && !code; i++) {
+        if (model->geometry[i].collision && from->body[model->geometry[i].link] >= 0) {
+            code = shape_add(&b, &model->geometry[i], (int)from->robot->ncapsule + 1);
+        }
+    }
+    return code;
+}
+
+bool import_find_lowest(const struct robot *robot, const double *joint, struct body_motion *bodies,
+                        double *height)
+{
+    static const double origin[3] = {0, 0, 0}, upright[4] = {1, 0, 0, 0};
+    double lowest = INFINITY;
+
+    robot_place_bodies(robot, origin, upright, joint, bodies);
+    for (size_t c = 0; c < robot->ncapsule; c++) {
+        const struct robot_capsule *capsule = &robot->capsule[c];
+        const struct body_motion *body = &bodies[capsule->body];
+        double end[3], world[3];
+
+        for (int side = -1; side <= 1; side += 2) {
+            for (int m = 0; m < 3; m++) {
+                end[m] = capsule->position[m] +
+                         0.5 * side * capsule->length * capsule->rotation[3 * m + 2];
+            }
+            mat3_apply(body->R, end, world);
+            lowest = fmin(lowest, body->p[2] + world[2] - capsule->radius);
+        }
+    }
+    *height = lowest;
+    return isfinite(lowest);
+}

@@ -1,0 +1,26 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What can touch. The robot file knows capsules: a sphere and a capsule are one exactly, a cylinder
+ * becomes one of the same radius and, where it is long enough, the same length with its ends; boxes
+ * and meshes become the capsule along their longest side that holds them. Each that is not exact is
+ * noted. Meshes are also written as OBJ, in the frame of their shape, for scenes that want the
+ * surface itself. Not RT-safe.
+ */
+#ifndef APP_IMPORT_SHAPES_H
+#define APP_IMPORT_SHAPES_H
+
+#include "app/import/mesh.h"
+#include "app/import/reduce.h"
+
+/* Fills the capsules of the robot from the collision shapes; OBJ files go to folder (NULL: none are
+ * read or written), *written counts them. A mesh that cannot be read is dropped with a note. */
+enum error_code import_add_shapes(struct import_robot *from, const struct import_packages *packages,
+                                  const char *folder, struct arena *arena,
+                                  struct import_notes *notes, size_t *written, struct error *error);
+
+/* The height of the lowest point of the robot's capsules over its base's origin, m, in a pose;
+ * false when it has none. bodies: room for nbody motions. */
+bool import_find_lowest(const struct robot *robot, const double *joint, struct body_motion *bodies,
+                        double *height);
+
+#endif

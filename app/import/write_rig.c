@@ -1,0 +1,244 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The rig files of an import. */
+#include "app/import/write.h"
+
+#include "base/whole_file.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { ICUB_TORQUE_ADDRESS = 0x0c, ICUB_FT_ADDRESS = 0x0d, FIRST_FREE = 8, FD_AXES = 4 };
+
+static const char *const personality_word[] = {
+    [IMPORT_ICUB] = "icub",
+    [IMPORT_FOC] = "foc",
+    [IMPORT_COMPACT] = "compact",
+    [IMPORT_COMPACT_FD] = "compact",
+};
+
+/* ---- boards ---- */
+
+/* Current that a drive takes at its full strength, with half as much again before a board trips. */
+static double drive_current_limit(const struct robot_joint *joint)
+{
+    return 1.5 * joint->torque_limit / joint->sea.Kt;
+}
+
+/* The boards of the motors, with as many axes each as the personality has. */
+static void write_motors(FILE *out, const struct import_rig *rig, const struct import_bus *bus)
+{
+    static const size_t axes[] = {
+        [IMPORT_ICUB] = 2, [IMPORT_FOC] = 1, [IMPORT_COMPACT] = 1, [IMPORT_COMPACT_FD] = FD_AXES};
+    const size_t step = axes[rig->plan->personality];
+    unsigned address = 1;
+
+    for (size_t first = 0; first < bus->njoint; first += step, address++) {
+        size_t last = first + step < bus->njoint ? first + step : bus->njoint;
+        double current = 0.0;
+
+        fprintf(out, "      - {kind: motor, address: %u, axes: [", address);
+        for (size_t k = first; k < last; k++) {
+            const struct robot_joint *joint = &rig->robot->joint[bus->joint[k]];
+
+            current = fmax(current, drive_current_limit(joint));
+            fprintf(out, "%s\"%s\"", k > first ? ", " : "", joint->name);
+        }
+        fprintf(out, "], current_limit_a: %.4g}\n", current);
+    }
+}
+
+static void write_torque_board(FILE *out, const struct import_rig *rig,
+                               const struct import_bus *bus)
+{
+    if (bus->njoint == 0 ||
+        (rig->plan->personality != IMPORT_ICUB && rig->plan->personality != IMPORT_FOC)) {
+        return;
+    }
+    fprintf(out, "      - {kind: torque, address: 0x%02x, joints: [", ICUB_TORQUE_ADDRESS);
+    for (size_t k = 0; k < bus->njoint; k++) {
+        fprintf(out, "%s\"%s\"", k ? ", " : "", rig->robot->joint[bus->joint[k]].name);
+    }
+    fprintf(out, "], period_s: %s}\n", rig->plan->personality == IMPORT_FOC ? "0.01" : "0.005");
+}
+
+/* Full scales, of nothing that the file says: five times the robot's weight at the end of 0.2 m. */
+static void write_sensor_boards(FILE *out, const struct import_rig *rig,
+                                const struct import_bus *bus)
+{
+    double force = ceil(fmax(5.0 * 9.81 * rig->robot->total_mass, 10.0) / 10.0) * 10.0;
+    double moment = ceil(0.2 * force);
+    bool icub = rig->plan->personality == IMPORT_ICUB;
+    unsigned address = icub || rig->plan->personality == IMPORT_FOC ? ICUB_FT_ADDRESS : 30;
+
+    force = fmin(force, 65535.0);
+    moment = fmin(moment, 65535.0);
+    if (bus->ft >= 0) {
+        fprintf(out,
+                "      - {kind: ft, address: 0x%02x, sensor: \"%s\", full_scale_n: [%g, %g, %g],\n"
+                "         full_scale_nm: [%g, %g, %g], period_s: %s}\n",
+                address, rig->robot->ft[bus->ft].name, force, force, force, moment, moment, moment,
+                rig->plan->personality == IMPORT_COMPACT_FD ? "0.001" : "0.005");
+    }
+    if (bus->imu) {
+        fprintf(out, "      - {kind: inertial, address: %u, period_s: 0.005}\n",
+                (unsigned)FIRST_FREE);
+    }
+}
+
+static void write_buses(FILE *out, const struct import_rig *rig)
+{
+    fputs("\nbuses:\n", out);
+    for (size_t i = 0; i < rig->plan->nbus; i++) {
+        const struct import_bus *bus = &rig->plan->bus[i];
+
+        fprintf(out, "  - name: bus%zu\n    interface: can%zu\n", i, i);
+        if (rig->plan->personality == IMPORT_COMPACT_FD) {
+            fputs("    fd: true\n    data_bitrate: 8000000\n", out);
+        }
+        fputs("    boards:\n", out);
+        write_motors(out, rig, bus);
+        write_torque_board(out, rig, bus);
+        write_sensor_boards(out, rig, bus);
+    }
+}
+
+/* ---- gains ---- */
+
+static void write_gains(FILE *out, const struct import_rig *rig)
+{
+    const struct robot *robot = rig->robot;
+    bool fast = rig->plan->personality != IMPORT_ICUB;
+
+    fprintf(out,
+            "\ntasks:\n"
+            "  # From the drives and the inertias of the pose; how stands in the manual of import\n"
+            "  servo:\n"
+            "    kp_v_per_rad: 0.0\n"
+            "    ki_v_per_rad_s: 0.0\n"
+            "    kw_v_s_per_rad: 0.0\n"
+            "    trim_per_s: 1.0\n"
+            "    command_period_s: %s\n"
+            "    others:\n",
+            fast ? "0.001" : "0.002");
+    for (size_t j = 0; j < robot->njoint; j++) {
+        const struct robot_sea *sea = &robot->joint[j].sea;
+
+        if (sea->present) {
+            fprintf(out,
+                    "      - {joints: [\"%s\"], kp_v_per_rad: %.5g, kd_v_s_per_rad: %.5g, "
+                    "kw_v_s_per_rad: %.5g,\n         load_v_per_nm: %.5g}\n",
+                    robot->joint[j].name, rig->gains[j].kp_v_per_rad, rig->gains[j].kd_v_s_per_rad,
+                    sea->Kw, sea->R / sea->Kt);
+        }
+    }
+}
+
+/* ---- rigs ---- */
+
+static double robot_find_strongest(const struct robot *robot, double *current)
+{
+    double torque = 1.0;
+
+    *current = 1e-3;
+    for (size_t j = 0; j < robot->njoint; j++) {
+        if (robot->joint[j].sea.present) {
+            torque = fmax(torque, 1.2 * robot->joint[j].torque_limit);
+            *current = fmax(*current, drive_current_limit(&robot->joint[j]));
+        }
+    }
+    return fmin(ceil(torque), 65535.0);
+}
+
+enum error_code import_write_rig(const struct import_rig *rig, const char *path,
+                                 struct error *error)
+{
+    const struct robot *robot = rig->robot;
+    double current, torque = robot_find_strongest(robot, &current);
+    struct whole_file file;
+    enum error_code code = whole_file_open(&file, path, error);
+
+    if (code) {
+        return code;
+    }
+    fprintf(file.out,
+            "# Made by `coman-hil import`: a first bench for this robot, %s.\n"
+            "# Supply, currents, encoders, full scales and gains are assumed.\n"
+            "name: \"%s\"\n"
+            "description: imported, %s; %zu buses\n\n"
+            "robot:\n  file: \"../robots/%s.yaml\"\n%s\n"
+            "clock: real\n"
+            "tick_s: 0.001\n"
+            "substep_s: 0.001\n"
+            "integrator: implicit\n"
+            "dynamics: generic      # starts at once; fastest compiles code for this robot first\n"
+            "personality: %s\n"
+            "supply_v: %g\n\n"
+            "initial:\n  pose: \"%s\"\n",
+            robot->floating ? "held by its base" : "its base fixed in the world", robot->name,
+            robot->floating ? "hangs by its base" : "base fixed in the world", rig->plan->nbus,
+            robot->name, robot->floating ? "  fixed_base: true\n" : "",
+            personality_word[rig->plan->personality], rig->supply_v, rig->pose);
+    if (robot->floating) {
+        fprintf(file.out, "  base_xyz_m: [0.0, 0.0, %.4g]\n", rig->height_m);
+    }
+    fprintf(file.out,
+            "  hold: until_enabled    # the links are clamped until all motors are on\n\n"
+            "motors:\n"
+            "  joint_ticks_per_rev: 65536\n"
+            "  motor_ticks_per_link_rev: 409600\n"
+            "  torque_full_scale_nm: %g\n"
+            "  current_limit_a: %.4g\n"
+            "%s",
+            torque, current,
+            rig->plan->personality == IMPORT_FOC ? "  rotor_poles: 8\n  status_period_s: 0.01\n"
+                                                 : "");
+    write_buses(file.out, rig);
+    write_gains(file.out, rig);
+    return whole_file_close(&file, ERROR_NONE, error);
+}
+
+/* Layers under the whole weight give way by some tenths of a millimeter: their stiffness follows
+ * the weight. */
+static void write_materials(FILE *out, const struct robot *robot)
+{
+    static const char *const name[] = {"ground", "shell"};
+    double young = 1e5 * fmax(robot->total_mass / 30.0, 0.05);
+
+    fputs("  materials:\n", out);
+    for (int i = 0; i < 2; i++) {
+        fprintf(out,
+                "    %s:\n      young_pa: %.3g\n      thickness_m: %s\n"
+                "      dissipation_s_per_m: 10.0\n      static_friction: 1.0\n"
+                "      dynamic_friction: 0.8\n      viscous_s_per_m: 0.0\n",
+                name[i], young, i == 0 ? "1.0e-3" : "2.0e-4");
+    }
+}
+
+enum error_code import_write_standing(const struct import_rig *rig, const char *path,
+                                      struct error *error)
+{
+    const struct robot *robot = rig->robot;
+    struct whole_file file;
+    enum error_code code = whole_file_open(&file, path, error);
+
+    if (code) {
+        return code;
+    }
+    fprintf(file.out,
+            "# Made by `coman-hil import`: the robot on the ground in the pose of that name.\n"
+            "extends: \"%s.yaml\"\n"
+            "name: \"%.50s-standing\"\n"
+            "description: imported, on the ground\n\n"
+            "robot: {fixed_base: false}\n\n"
+            "initial:\n  pose: \"%s\"\n  base_xyz_m: [0.0, 0.0, %.6g]\n  settle: true\n\n"
+            "scene:\n  engine: native\n  friction: sticking\n",
+            robot->name, robot->name, rig->standing, rig->standing_height_m);
+    write_materials(file.out, robot);
+    fputs("  surfaces:\n"
+          "    - {name: ground, body: world, shape: half_space, material: ground}\n"
+          "  robot_surfaces: {material: shell, self_collision: false}\n\n"
+          "tasks:\n"
+          "  servo: {trim_per_s: 0.3, sway_damping_per_s: 3.0}\n",
+          file.out);
+    return whole_file_close(&file, ERROR_NONE, error);
+}

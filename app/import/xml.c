@@ -1,0 +1,289 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Safe reading of XML; see xml.h. */
+#include "app/import/xml.h"
+
+#include "app/import/model.h"
+#include "base/text.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <libxml/parser.h>
+#include <libxml/parserInternals.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+enum { NUMBER_MAX = 64, SHOWN_MAX = 48 };
+
+/* A document type could define entities that grow without bounds or name other files: the parser
+ * stops where one begins, before anything of it is read. */
+static void xml_refuse_doctype(void *context, const xmlChar *name, const xmlChar *external,
+                               const xmlChar *system)
+{
+    xmlParserCtxt *parser = context;
+
+    (void)name;
+    (void)external;
+    (void)system;
+    *(bool *)parser->_private = true;
+    xmlStopParser(parser);
+}
+
+static void xml_ignore_message(void *context, const char *format, ...)
+{
+    (void)context;
+    (void)format;
+}
+
+/* What the parser found wrong, as one line. */
+static enum error_code xml_report(const char *name, const xmlParserCtxt *parser,
+                                  struct error *error)
+{
+    const xmlError *last = &parser->lastError;
+    char text[256];
+    size_t length;
+
+    snprintf(text, sizeof text, "%s", last->message ? last->message : "no element in it\n");
+    length = strlen(text);
+    while (length > 0 && (text[length - 1] == '\n' || text[length - 1] == ' ')) {
+        text[--length] = '\0';
+    }
+    return import_error(error, name, last->line > 0 ? last->line : 1,
+                        "found what is no well-formed XML (%s), expected an XML document", text);
+}
+
+enum error_code xml_text_open(struct xml_file *file, const char *name, const char *text,
+                              size_t size, struct error *error)
+{
+    const int options = XML_PARSE_NONET | XML_PARSE_NOERROR | XML_PARSE_NOWARNING |
+                        XML_PARSE_BIG_LINES | XML_PARSE_COMPACT;
+    xmlParserCtxt *parser;
+    bool doctype = false;
+    enum error_code code = ERROR_NONE;
+
+    *file = (struct xml_file){.name = name};
+    if (size > XML_FILE_MAX) {
+        return error_set(error, ERROR_INPUT, "%.200s: found %zu bytes, expected at most %d", name,
+                         size, XML_FILE_MAX);
+    }
+    xmlInitParser();
+    xmlSetGenericErrorFunc(NULL, xml_ignore_message);
+    parser = xmlNewParserCtxt();
+    if (!parser) {
+        return error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", name);
+    }
+    parser->_private = &doctype;
+    parser->sax->internalSubset = xml_refuse_doctype;
+    file->document = xmlCtxtReadMemory(parser, text, (int)size, NULL, NULL, options);
+    file->root = file->document ? xmlDocGetRootElement(file->document) : NULL;
+    if (doctype) {
+        code = import_error(error, name, parser->input ? parser->input->line : 1,
+                            "found a document type (DOCTYPE), expected none: it can define "
+                            "entities and name other files");
+    } else if (!file->root) {
+        code = xml_report(name, parser, error);
+    }
+    xmlFreeParserCtxt(parser);
+    if (code) {
+        xml_file_close(file);
+    }
+    return code;
+}
+
+/* All bytes of a regular file of bounded size, on the heap. */
+static enum error_code xml_load_file(const char *path, char **text, size_t *size,
+                                     struct error *error)
+{
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    struct stat status;
+    enum error_code code = ERROR_NONE;
+    ssize_t got;
+
+    *text = NULL;
+    *size = 0;
+    if (fd < 0 || fstat(fd, &status)) {
+        code = error_set_file(error, errno, path, "cannot be read");
+        goto done;
+    }
+    if (!S_ISREG(status.st_mode) || status.st_size > XML_FILE_MAX) {
+        code = error_set(error, ERROR_INPUT, "%.200s: found %s, expected at most %d bytes", path,
+                         S_ISREG(status.st_mode) ? "more" : "no regular file", XML_FILE_MAX);
+        goto done;
+    }
+    *text = malloc((size_t)status.st_size + 1);
+    if (!*text) {
+        code = error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", path);
+        goto done;
+    }
+    while (*size < (size_t)status.st_size) {
+        got = read(fd, *text + *size, (size_t)status.st_size - *size);
+        if (got <= 0) {
+            code = error_set_file(error, got < 0 ? errno : EIO, path, "cannot be read");
+            goto done;
+        }
+        *size += (size_t)got;
+    }
+
+done:
+    if (fd >= 0) {
+        close(fd);
+    }
+    return code;
+}
+
+enum error_code xml_file_open(struct xml_file *file, const char *path, struct arena *arena,
+                              struct error *error)
+{
+    char *text, *name = arena_strdup(arena, path);
+    size_t size;
+    enum error_code code = xml_load_file(path, &text, &size, error);
+
+    *file = (struct xml_file){0};
+    if (!code) {
+        code = name ? xml_text_open(file, name, text, size, error)
+                    : error_set(error, ERROR_MEMORY, "%.200s: no memory to read it", path);
+    }
+    free(text);
+    return code;
+}
+
+void xml_file_close(struct xml_file *file)
+{
+    xmlFreeDoc(file->document);
+    file->document = NULL;
+    file->root = NULL;
+}
+
+/* ---- nodes ---- */
+
+int xml_line(const xmlNode *node)
+{
+    return (int)xmlGetLineNo(node);
+}
+
+bool xml_is(const xmlNode *node, const char *name)
+{
+    return node->type == XML_ELEMENT_NODE && !(node->ns && node->ns->prefix) &&
+           strcmp((const char *)node->name, name) == 0;
+}
+
+static xmlNode *xml_first_from(xmlNode *node, const char *name)
+{
+    while (node && (node->type != XML_ELEMENT_NODE || (name && !xml_is(node, name)))) {
+        node = node->next;
+    }
+    return node;
+}
+
+xmlNode *xml_child(const xmlNode *node, const char *name)
+{
+    return xml_first_from(node->children, name);
+}
+
+xmlNode *xml_next(const xmlNode *node, const char *name)
+{
+    return xml_first_from(node->next, name);
+}
+
+/* The text of a list of nodes that is one text, "" when there is none. */
+static const char *xml_text_of(const xmlNode *first)
+{
+    while (first && first->type != XML_TEXT_NODE && first->type != XML_CDATA_SECTION_NODE) {
+        first = first->next;
+    }
+    return first && first->content ? (const char *)first->content : "";
+}
+
+const char *xml_attribute(const xmlNode *node, const char *name)
+{
+    const xmlAttr *attribute = xmlHasProp(node, (const xmlChar *)name);
+
+    return attribute ? xml_text_of(attribute->children) : NULL;
+}
+
+const char *xml_content(const xmlNode *node)
+{
+    return xml_text_of(node->children);
+}
+
+enum error_code xml_need(const struct xml_file *file, const xmlNode *node, const char *name,
+                         const char **text, struct error *error)
+{
+    *text = xml_attribute(node, name);
+    if (!*text || !**text) {
+        return import_error(error, file->name, xml_line(node),
+                            "found <%.40s> without %s, expected the attribute \"%s\"",
+                            (const char *)node->name, *text ? "a text" : "it", name);
+    }
+    return ERROR_NONE;
+}
+
+/* ---- numbers ---- */
+
+static enum error_code xml_refuse_number(const struct xml_file *file, const xmlNode *node,
+                                         const char *what, const char *text, size_t count,
+                                         struct error *error)
+{
+    char shown[SHOWN_MAX + 1];
+
+    snprintf(shown, sizeof shown, "%s", text);
+    if (strchr(text, '$')) {
+        return import_error(error, file->name, xml_line(node),
+                            "found %s \"%s\" of <%.40s>, which xacro has yet to compute: run "
+                            "`xacro FILE >robot.urdf` and import that",
+                            what, shown, (const char *)node->name);
+    }
+    return import_error(error, file->name, xml_line(node),
+                        "found %s \"%s\" of <%.40s>, expected %zu finite number%s", what, shown,
+                        (const char *)node->name, count, count == 1 ? "" : "s");
+}
+
+enum error_code xml_parse_reals(const struct xml_file *file, const xmlNode *node, const char *what,
+                                const char *text, size_t count, double *value, struct error *error)
+{
+    static const char blanks[] = " \t\r\n";
+    const char *at = text;
+    char word[NUMBER_MAX];
+
+    for (size_t i = 0; i < count; i++) {
+        size_t length;
+
+        at += strspn(at, blanks);
+        length = strcspn(at, blanks);
+        if (length == 0 || length >= sizeof word) {
+            return xml_refuse_number(file, node, what, text, count, error);
+        }
+        memcpy(word, at, length);
+        word[length] = '\0';
+        if (!text_to_double(word, &value[i])) {
+            return xml_refuse_number(file, node, what, text, count, error);
+        }
+        at += length;
+    }
+    if (at[strspn(at, blanks)] != '\0') {
+        return xml_refuse_number(file, node, what, text, count, error);
+    }
+    return ERROR_NONE;
+}
+
+enum error_code xml_reals(const struct xml_file *file, const xmlNode *node, const char *name,
+                          size_t count, double *value, bool *given, struct error *error)
+{
+    const char *text = xml_attribute(node, name);
+
+    if (given) {
+        *given = text != NULL;
+    }
+    return text ? xml_parse_reals(file, node, name, text, count, value, error) : ERROR_NONE;
+}
+
+enum error_code xml_need_real(const struct xml_file *file, const xmlNode *node, const char *name,
+                              double *value, struct error *error)
+{
+    const char *text;
+    enum error_code code = xml_need(file, node, name, &text, error);
+
+    return code ? code : xml_parse_reals(file, node, name, text, 1, value, error);
+}

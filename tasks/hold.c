@@ -1,0 +1,130 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Hold: every joint goes to the initial pose and stays there, whatever robot it is. The verdict
+ * comes from the link encoders: after a second to settle no joint may be farther from its angle
+ * than the tolerance, and the message names the joints that were farthest.
+ */
+#include "tasks/task_private.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { WORST_TOLD = 3 };
+
+static const double HOLD_RAMP_S = 1.0;   /* from where the joints were to the pose */
+static const double HOLD_SETTLE_S = 1.0; /* until deviations count */
+
+struct hold {
+    double *from;  /* joint angles at the start */
+    double *worst; /* by axis: largest deviation, rad */
+};
+
+static enum error_code hold_create(struct task *task, struct arena *arena, struct error *error)
+{
+    const size_t naxis = task->config.host.naxis;
+    struct hold *hold = arena_alloc(arena, 1, sizeof *hold);
+    double *from = arena_alloc(arena, naxis, sizeof *from);
+    double *worst = arena_alloc(arena, naxis, sizeof *worst);
+
+    if (!hold || !from || !worst) {
+        return error_set(error, ERROR_MEMORY, "no memory to hold the pose");
+    }
+    hold->from = from;
+    hold->worst = worst;
+    task->state = hold;
+    return ERROR_NONE;
+}
+
+static void hold_start(struct task *task)
+{
+    struct hold *hold = task->state;
+
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        hold->from[i] = servo_wanted(task->servo, i);
+    }
+}
+
+static double hold_deviation(const struct task *task, size_t axis)
+{
+    return host_joint(task->host, axis)->joint_rad - task->config.initial_rad[axis];
+}
+
+/* The axis with the largest deviation below that of the axes in told[count]; -1 = none left. */
+static int hold_next_worst(const struct task *task, const int *told, int count)
+{
+    const struct hold *hold = task->state;
+    int next = -1;
+
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        bool known = false;
+
+        for (int k = 0; k < count; k++) {
+            known |= told[k] == (int)i;
+        }
+        if (!known && (next < 0 || hold->worst[i] > hold->worst[next])) {
+            next = (int)i;
+        }
+    }
+    return next;
+}
+
+/* The time, and the joints that were farthest from their angles. */
+static void hold_tell(struct task *task, const char *what, double held_s)
+{
+    const struct hold *hold = task->state;
+    int told[WORST_TOLD], count = 0, next;
+    size_t used;
+
+    snprintf(task->message, sizeof task->message, "%s for %.1f s, largest deviations:", what,
+             held_s);
+    while (count < WORST_TOLD && (next = hold_next_worst(task, told, count)) >= 0) {
+        used = strlen(task->message);
+        snprintf(task->message + used, sizeof task->message - used, "%s %.30s %.2f mrad",
+                 count ? "," : "", task->config.host.axis[next].joint, 1e3 * hold->worst[next]);
+        told[count++] = next;
+    }
+}
+
+static enum task_status hold_step(struct task *task, double t_s)
+{
+    const struct hold_config *config = &task->config.hold;
+    struct hold *hold = task->state;
+    double held_s = t_s - HOLD_RAMP_S - HOLD_SETTLE_S;
+
+    task_hold_pose(task, hold->from, HOLD_RAMP_S, t_s);
+    if (held_s < 0) {
+        if (task->tells) {
+            snprintf(task->message, sizeof task->message, "moving into the pose");
+        }
+        return TASK_RUNNING;
+    }
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        double deviation = fabs(hold_deviation(task, i));
+
+        hold->worst[i] = fmax(hold->worst[i], deviation);
+        if (!(deviation <= config->tolerance_rad)) {
+            snprintf(task->message, sizeof task->message,
+                     "joint %s is %.3g rad from its angle after %.1f s, allowed are %.3g rad",
+                     task->config.host.axis[i].joint, hold_deviation(task, i), held_s,
+                     config->tolerance_rad);
+            return TASK_FAILED;
+        }
+    }
+    if (held_s < config->duration_s) {
+        if (task->tells) {
+            hold_tell(task, "holding", held_s);
+        }
+        return TASK_RUNNING;
+    }
+    hold_tell(task, "held", held_s);
+    return TASK_DONE;
+}
+
+const struct task_ops task_hold = {
+    .name = "hold",
+    .summary = "every joint goes to the initial pose and stays there",
+    .create = hold_create,
+    .start = hold_start,
+    .step = hold_step,
+};

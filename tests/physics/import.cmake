@@ -1,0 +1,9 @@
+# SPDX-License-Identifier: Apache-2.0
+# The importer beside MuJoCo; Debian's mujocoConfig.cmake names a folder that does not exist
+find_library(MUJOCO_LIBRARY mujoco)
+find_path(MUJOCO_INCLUDE mujoco/mujoco.h)
+if(MUJOCO_LIBRARY AND MUJOCO_INCLUDE)
+    hil_test(import_mujoco SOURCES physics/import_mujoco.c LIBS import ${MUJOCO_LIBRARY}
+             LABELS physics)
+    target_include_directories(test_import_mujoco SYSTEM PRIVATE ${MUJOCO_INCLUDE})
+endif()

@@ -1,0 +1,664 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What import makes of a URDF beside what MuJoCo makes of the same file: masses, centers of mass
+ * and inertias of every body, accelerations in random states. The files are made here, with all
+ * that a tree can have. With arguments it compares one file by hand:
+ *
+ *     test_import_mujoco FILE.urdf robots/NAME.yaml
+ *
+ * in which shapes are left out and links that MuJoCo finds no joint for are not compared.
+ */
+#include "app/import/import.h"
+#include "base/random.h"
+#include "base/vec3.h"
+#include "model/dynamics.h"
+
+#include <libxml/parser.h>
+#include <math.h>
+#include <mujoco/mujoco.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+enum { TREES = 40, LINKS_MOST = 25, STATES = 5 };
+
+static struct arena arena;
+static struct random_stream dice;
+
+static double draw(double low, double high)
+{
+    return low + (high - low) * random_uniform(&dice);
+}
+
+/* ---- a random file ---- */
+
+static void put_triple(FILE *out, const char *name, double size)
+{
+    fprintf(out, " %s=\"%.17g %.17g %.17g\"", name, draw(-size, size), draw(-size, size),
+            draw(-size, size));
+}
+
+static void put_place(FILE *out)
+{
+    fputs("<origin", out);
+    put_triple(out, "xyz", 0.5);
+    put_triple(out, "rpy", 3.0);
+    fputs("/>", out);
+}
+
+/* Inertia of three pairs of points on random axes: one that a body can have. */
+static void put_link(FILE *out, const char *name, bool massless)
+{
+    double mass = draw(0.1, 5.0), I[6] = {0};
+
+    fprintf(out, "<link name=\"%s\">", name);
+    if (!massless) {
+        for (int p = 0; p < 4; p++) {
+            double r[3] = {draw(-0.2, 0.2), draw(-0.2, 0.2), draw(-0.2, 0.2)};
+            double square = vec3_dot(r, r);
+
+            for (int a = 0; a < 3; a++) {
+                for (int b = a; b < 3; b++) {
+                    I[sym3_index[a][b]] += mass * ((a == b ? square : 0.0) - r[a] * r[b]);
+                }
+            }
+        }
+        fputs("<inertial>", out);
+        put_place(out);
+        fprintf(out,
+                "<mass value=\"%.17g\"/><inertia ixx=\"%.17g\" ixy=\"%.17g\" ixz=\"%.17g\" "
+                "iyy=\"%.17g\" iyz=\"%.17g\" izz=\"%.17g\"/></inertial>",
+                mass, I[0], I[1], I[2], I[3], I[4], I[5]);
+    }
+    fputs("</link>\n", out);
+}
+
+/* MuJoCo lets things float in its world only. */
+static const char *link_name(int i, char name[16])
+{
+    if (i == 0) {
+        return "world";
+    }
+    snprintf(name, 16, "l%d", i);
+    return name;
+}
+
+/* Joint i moves link i; a floating one is the first, below a root without mass. */
+static void put_joint(FILE *out, int i, bool floats)
+{
+    static const char *const type[] = {"revolute", "continuous", "prismatic", "fixed"};
+    char parent[16];
+    int kind = floats ? 0 : (int)draw(0, 4);
+
+    fprintf(out, "<joint name=\"j%d\" type=\"%s\"><parent link=\"%s\"/><child link=\"l%d\"/>", i,
+            floats ? "floating" : type[kind], link_name(i > 1 ? (int)draw(1, i) : 0, parent), i);
+    put_place(out);
+    fputs("<axis", out);
+    put_triple(out, "xyz", 2.0);
+    fputs("/><limit lower=\"-100\" upper=\"100\" effort=\"20\" velocity=\"3\"/></joint>\n", out);
+}
+
+static void put_robot(const char *path, int links, bool floats)
+{
+    FILE *out = fopen(path, "w");
+    char name[16];
+
+    assert_non_null(out);
+    fputs("<robot name=\"tree\">\n", out);
+    for (int i = 0; i < links; i++) {
+        put_link(out, link_name(i, name), i == 0);
+    }
+    for (int i = 1; i < links; i++) {
+        put_joint(out, i, floats && i == 1);
+    }
+    /* Something that moves, whatever the dice say */
+    fprintf(out,
+            "<link name=\"end\"><inertial><mass value=\"1\"/><inertia ixx=\"0.1\" iyy=\"0.1\" "
+            "izz=\"0.1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link>"
+            "<joint name=\"last\" type=\"revolute\"><parent link=\"l%d\"/><child link=\"end\"/>"
+            "<axis xyz=\"0 1 0\"/><limit lower=\"-100\" upper=\"100\" effort=\"20\" "
+            "velocity=\"3\"/></joint></robot>\n",
+            links - 1);
+    assert_int_equal(fclose(out), 0);
+}
+
+/* ---- the file as MuJoCo shall read it ---- */
+
+static void read_triple(const xmlNode *node, const char *name, double value[3])
+{
+    xmlChar *text = node ? xmlGetProp(node, (const xmlChar *)name) : NULL;
+
+    value[0] = value[1] = value[2] = 0.0;
+    if (text) {
+        assert_int_equal(sscanf((const char *)text, "%lf %lf %lf", value, value + 1, value + 2), 3);
+    }
+    xmlFree(text);
+}
+
+static xmlNode *find_child(const xmlNode *node, const char *name)
+{
+    xmlNode *child = node->children;
+
+    while (child && strcmp((const char *)child->name, name) != 0) {
+        child = child->next;
+    }
+    return child;
+}
+
+static void set_real(xmlNode *node, const char *name, double value)
+{
+    char text[64];
+
+    snprintf(text, sizeof text, "%.17g", value);
+    xmlSetProp(node, (const xmlChar *)name, (const xmlChar *)text);
+}
+
+/* A <- G^T A G and V <- V G with G in the plane of a and b, so that A[a][b] becomes 0. */
+static void rotate_plane(double A[3][3], double V[9], int a, int b)
+{
+    double apart = A[a][a] - A[b][b];
+    double angle = 0.5 * atan2(copysign(2.0, apart) * A[a][b], fabs(apart));
+    double c = cos(angle), s = sin(angle);
+
+    for (int k = 0; k < 3; k++) {
+        double x = A[k][a], y = A[k][b], u = V[3 * k + a], v = V[3 * k + b];
+
+        A[k][a] = c * x + s * y;
+        A[k][b] = c * y - s * x;
+        V[3 * k + a] = c * u + s * v;
+        V[3 * k + b] = c * v - s * u;
+    }
+    for (int k = 0; k < 3; k++) {
+        double x = A[a][k], y = A[b][k];
+
+        A[a][k] = c * x + s * y;
+        A[b][k] = c * y - s * x;
+    }
+}
+
+/* Moments of the links, which MuJoCo gets after it has read the file. */
+static struct {
+    char link[128];
+    double moment[3];
+} noted[512];
+static size_t nnoted;
+
+static void note_moments(const xmlNode *inertial, double A[3][3])
+{
+    xmlChar *name = xmlGetProp(inertial->parent, (const xmlChar *)"name");
+
+    assert_true(nnoted < sizeof noted / sizeof *noted);
+    snprintf(noted[nnoted].link, sizeof noted->link, "%s", (const char *)name);
+    for (int a = 0; a < 3; a++) {
+        noted[nnoted].moment[a] = A[a][a];
+    }
+    nnoted++;
+    xmlFree(name);
+}
+
+static void give_moments(mjModel *m)
+{
+    for (size_t i = 0; i < nnoted; i++) {
+        int id = mj_name2id(m, mjOBJ_BODY, noted[i].link);
+
+        /* What has no mass has no inertia */
+        for (int a = 0; id > 0 && a < 3; a++) {
+            m->body_inertia[3 * id + a] = m->body_mass[id] > 0 ? noted[i].moment[a] : 0.0;
+        }
+    }
+}
+
+/* MuJoCo finds the principal axes of a full tensor to some 1e-6 only (it stops at an angle whose
+ * cosine is 1 within 1e-12), and refuses moments that no body has, to the last bit. So the file
+ * gets spheres in the frames of the principal axes, and the model their moments. */
+static void diagonalize_inertial(xmlNode *inertial)
+{
+    static const char *const element[3][3] = {
+        {"ixx", "ixy", "ixz"}, {"ixy", "iyy", "iyz"}, {"ixz", "iyz", "izz"}};
+    xmlNode *tensor = find_child(inertial, "inertia"), *origin = find_child(inertial, "origin");
+    double A[3][3], V[9], R[9], turned[9], rpy[3];
+    char text[128];
+
+    for (int a = 0; a < 3; a++) {
+        for (int b = 0; b < 3; b++) {
+            xmlChar *value = xmlGetProp(tensor, (const xmlChar *)element[a][b]);
+
+            A[a][b] = value ? strtod((const char *)value, NULL) : 0.0;
+            xmlFree(value);
+        }
+    }
+    mat3_identity(V);
+    for (int sweep = 0; sweep < 12; sweep++) {
+        rotate_plane(A, V, 0, 1);
+        rotate_plane(A, V, 1, 2);
+        rotate_plane(A, V, 2, 0);
+    }
+    note_moments(inertial, A);
+    for (int a = 0; a < 3; a++) {
+        for (int b = a; b < 3; b++) {
+            set_real(tensor, element[a][b], a == b ? 1.0 : 0.0);
+        }
+    }
+    read_triple(origin, "rpy", rpy);
+    mat3_from_rpy(rpy, R);
+    mat3_mul(R, V, turned);
+    import_rpy(turned, rpy);
+    origin = origin ? origin : xmlNewChild(inertial, NULL, (const xmlChar *)"origin", NULL);
+    snprintf(text, sizeof text, "%.17g %.17g %.17g", rpy[0], rpy[1], rpy[2]);
+    xmlSetProp(origin, (const xmlChar *)"rpy", (const xmlChar *)text);
+}
+
+/* Shapes need files that MuJoCo cannot read or does not find. */
+static void prepare_node(xmlNode *node)
+{
+    static const char *const dropped[] = {"visual", "collision", "gazebo", "transmission",
+                                          "mujoco"};
+
+    for (xmlNode *next, *child = node->children; child; child = next) {
+        bool drop = false;
+
+        next = child->next;
+        for (size_t i = 0; i < sizeof dropped / sizeof *dropped; i++) {
+            drop |= !strcmp((const char *)child->name, dropped[i]);
+        }
+        if (drop) {
+            xmlUnlinkNode(child);
+            xmlFreeNode(child);
+        } else if (!strcmp((const char *)child->name, "inertial")) {
+            diagonalize_inertial(child);
+        } else {
+            prepare_node(child);
+        }
+    }
+}
+
+/* Writes the file so that MuJoCo keeps every link as a body, which leaves sums to us. */
+static void prepare_file(const char *path, const char *prepared)
+{
+    xmlDoc *document = xmlReadFile(path, NULL, XML_PARSE_NONET);
+    xmlNode *root, *compiler;
+
+    assert_non_null(document);
+    root = xmlDocGetRootElement(document);
+    prepare_node(root);
+    compiler = xmlNewChild(xmlNewChild(root, NULL, (const xmlChar *)"mujoco", NULL), NULL,
+                           (const xmlChar *)"compiler", NULL);
+    xmlSetProp(compiler, (const xmlChar *)"fusestatic", (const xmlChar *)"false");
+    xmlSaveFile(prepared, document);
+    xmlFreeDoc(document);
+}
+
+/* ---- the comparison ---- */
+
+struct differences {
+    double mass, com, inertia, acceleration;
+    int bodies, joints;
+};
+
+static double difference(double a, double b, double scale)
+{
+    return fabs(a - b) / fmax(scale, 1.0);
+}
+
+/* Mass, first moments and inertia about the origin of a frame. */
+struct moments {
+    double mass, first[3], I[6];
+};
+
+/* Adds what a body of MuJoCo weighs with all that is fixed to it, placed so in a frame. */
+static void sum_fixed(const mjModel *m, int id, const double xyz[3], const double rotation[9],
+                      struct moments *sum)
+{
+    const double *moment = m->body_inertia + 3 * id, mass = m->body_mass[id];
+    double I[6] = {moment[0], 0, 0, moment[1], 0, moment[2]}, R[9], at[3], square;
+
+    mat3_from_quaternion(m->body_iquat + 4 * id, R);
+    sym3_rotate(R, I);
+    sym3_rotate(rotation, I);
+    mat3_apply(rotation, m->body_ipos + 3 * id, at);
+    vec3_add_scaled(at, 1.0, xyz, at);
+    square = vec3_dot(at, at);
+    sum->mass += mass;
+    for (int a = 0; a < 3; a++) {
+        sum->first[a] += mass * at[a];
+        for (int b = a; b < 3; b++) {
+            int k = sym3_index[a][b];
+
+            sum->I[k] += I[k] + mass * ((a == b ? square : 0.0) - at[a] * at[b]);
+        }
+    }
+    for (int child = id + 1; child < m->nbody; child++) {
+        double place[3], turned[9];
+
+        if (m->body_parentid[child] == id && m->body_jntnum[child] == 0) {
+            mat3_apply(rotation, m->body_pos + 3 * child, place);
+            vec3_add_scaled(place, 1.0, xyz, place);
+            mat3_from_quaternion(m->body_quat + 4 * child, R);
+            mat3_mul(rotation, R, turned);
+            sum_fixed(m, child, place, turned, sum);
+        }
+    }
+}
+
+static void compare_body(const mjModel *m, int id, const struct robot_body *body,
+                         struct differences *d)
+{
+    static const double here[3], upright[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    const struct robot_inertia *own = &body->inertia;
+    double square = vec3_dot(own->com, own->com);
+    struct moments sum = {0};
+
+    sum_fixed(m, id, here, upright, &sum);
+    d->bodies++;
+    if (sum.mass == 0.0) {
+        return;
+    }
+    d->mass = fmax(d->mass, fabs(sum.mass - own->mass) / sum.mass);
+    for (int a = 0; a < 3; a++) {
+        d->com = fmax(d->com, fabs(sum.first[a] / sum.mass - own->com[a]));
+        for (int b = a; b < 3; b++) {
+            int k = sym3_index[a][b];
+            double I =
+                own->I[k] + own->mass * ((a == b ? square : 0.0) - own->com[a] * own->com[b]);
+
+            d->inertia = fmax(d->inertia, fabs(I - sum.I[k]) / (sum.I[0] + sum.I[3] + sum.I[5]));
+        }
+    }
+}
+
+/* One state: random positions, rates and torques into both, accelerations out of both. */
+static void compare_state(const mjModel *m, mjData *data, const struct dynamics *dynamics,
+                          struct differences *d)
+{
+    const struct robot *robot = dynamics->robot;
+    double *q = calloc(robot->nq, sizeof *q), *v = calloc(robot->nv, sizeof *v);
+    double *tau = calloc(robot->njoint + 1, sizeof *tau), *vdot = calloc(robot->nv, sizeof *vdot);
+    double R[9] = {0}, largest = 1.0, a[3] = {0}, spin[3];
+    size_t q0 = robot->nq - robot->njoint, v0 = robot->nv - robot->njoint;
+
+    mj_resetData(m, data);
+    if (robot->floating) {
+        for (int i = 0; i < 7; i++) {
+            data->qpos[i] = q[i] = draw(-1, 1);
+        }
+        mju_normalize4(q + 3);
+        memcpy(data->qpos, q, 7 * sizeof *q);
+        mat3_from_quaternion(q + 3, R);
+        for (int i = 0; i < 6; i++) {
+            v[i] = draw(-1, 1);
+        }
+        mat3_apply(R, v, data->qvel);
+        memcpy(data->qvel + 3, v + 3, 3 * sizeof *v);
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        int id = mj_name2id(m, mjOBJ_JOINT, robot->joint[j].name);
+
+        assert_true(id >= 0);
+        q[q0 + j] = draw(-2, 2);
+        data->qpos[m->jnt_qposadr[id]] = q[q0 + j] + m->qpos0[m->jnt_qposadr[id]];
+        data->qvel[m->jnt_dofadr[id]] = v[v0 + j] = draw(-2, 2);
+        data->qfrc_applied[m->jnt_dofadr[id]] = tau[j] = draw(-5, 5);
+    }
+    mj_forward(m, data);
+    dynamics->ops->forward(dynamics, q, v, tau, NULL, vdot);
+
+    /* MuJoCo's base accelerates in the world, ours is the derivative in the moving frame */
+    if (robot->floating) {
+        mat3_apply_transposed(R, data->qacc, a);
+        vec3_cross(v + 3, v, spin);
+        vec3_sub(a, spin, a);
+        for (int i = 0; i < 3; i++) {
+            largest = fmax(largest, fmax(fabs(a[i]), fabs(data->qacc[3 + i])));
+        }
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        int at = m->jnt_dofadr[mj_name2id(m, mjOBJ_JOINT, robot->joint[j].name)];
+
+        largest = fmax(largest, fabs(data->qacc[at]));
+    }
+    for (int i = 0; i < 3 && robot->floating; i++) {
+        d->acceleration = fmax(d->acceleration, difference(vdot[i], a[i], largest));
+        d->acceleration =
+            fmax(d->acceleration, difference(vdot[3 + i], data->qacc[3 + i], largest));
+    }
+    for (size_t j = 0; j < robot->njoint; j++) {
+        int at = m->jnt_dofadr[mj_name2id(m, mjOBJ_JOINT, robot->joint[j].name)];
+
+        d->acceleration = fmax(d->acceleration, difference(vdot[v0 + j], data->qacc[at], largest));
+    }
+    free(q);
+    free(v);
+    free(tau);
+    free(vdot);
+}
+
+/* Everything of the robot that MuJoCo has too, which has read path. */
+static struct differences compare_files(const char *path, const struct robot *robot, int states)
+{
+    const char prepared[] = "/tmp/hil-import-mujoco.urdf";
+    char why[512] = "";
+    struct differences d = {0};
+    struct dynamics dynamics;
+    mjData *data;
+    mjModel *m;
+
+    nnoted = 0;
+    if (strstr(path, ".urdf")) {
+        prepare_file(path, prepared);
+        path = prepared;
+    }
+    m = mj_loadXML(path, NULL, why, sizeof why);
+    unlink(prepared);
+
+    if (!m) {
+        fail_msg("MuJoCo: %s", why);
+    }
+    give_moments(m);
+    memset(m->dof_damping, 0, (size_t)m->nv * sizeof *m->dof_damping);
+    memset(m->dof_frictionloss, 0, (size_t)m->nv * sizeof *m->dof_frictionloss);
+    memset(m->dof_armature, 0, (size_t)m->nv * sizeof *m->dof_armature);
+    memset(m->jnt_stiffness, 0, (size_t)m->njnt * sizeof *m->jnt_stiffness);
+    m->opt.disableflags |= mjDSBL_CONSTRAINT | mjDSBL_CONTACT | mjDSBL_ACTUATION;
+    for (size_t b = robot->floating ? 0 : 1; b < robot->nbody; b++) {
+        int id = mj_name2id(m, mjOBJ_BODY, robot->body[b].name);
+
+        /* Frames of ours sit on the joints, and a body with two has one of ours for each */
+        if (id >= 0 && m->body_jntnum[id] == 1 &&
+            vec3_norm(m->jnt_pos + 3 * m->body_jntadr[id]) == 0.0) {
+            compare_body(m, id, &robot->body[b], &d);
+        }
+    }
+    data = mj_makeData(m);
+    assert_non_null(data);
+    assert_int_equal(dynamics_generic(robot, &arena, &dynamics, NULL), ERROR_NONE);
+    d.joints = m->njnt;
+    for (int i = 0; i < states; i++) {
+        compare_state(m, data, &dynamics, &d);
+    }
+    mj_deleteData(data);
+    mj_deleteModel(m);
+    return d;
+}
+
+/* ---- tests ---- */
+
+static int open_big_arena(void **state)
+{
+    (void)state;
+    return arena_init(&arena, (size_t)1 << 30, NULL) == ERROR_NONE ? 0 : -1;
+}
+
+static int close_big_arena(void **state)
+{
+    (void)state;
+    arena_fini(&arena);
+    return 0;
+}
+
+static void random_trees_are_those_of_mujoco(void **state)
+{
+    char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], command[160];
+    struct differences worst = {0};
+
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/tree.urdf", folder);
+    for (int tree = 0; tree < TREES; tree++) {
+        bool floats = tree % 2;
+        struct import_request request = {
+            .file = path,
+            .folder = folder,
+            .options = {.base = floats ? IMPORT_BASE_FLOATING : IMPORT_BASE_FIXED,
+                        .free_slides = true},
+            .personality = IMPORT_COMPACT_FD,
+        };
+        struct import_result result;
+        struct differences d;
+        struct error error;
+
+        dice = random_named(1000 + (uint64_t)tree, "tree");
+        put_robot(path, 3 + tree % (LINKS_MOST - 3), floats);
+        if (import_run(&request, &arena, &result, &error)) {
+            fail_msg("tree %d: %s", tree, error.text);
+        }
+        assert_true(result.loaded->floating == floats);
+        d = compare_files(path, result.loaded, STATES);
+        worst.mass = fmax(worst.mass, d.mass);
+        worst.com = fmax(worst.com, d.com);
+        worst.inertia = fmax(worst.inertia, d.inertia);
+        worst.acceleration = fmax(worst.acceleration, d.acceleration);
+    }
+    print_message("# masses %.1e, centers %.1e m, inertias %.1e, accelerations %.1e\n", worst.mass,
+                  worst.com, worst.inertia, worst.acceleration);
+    assert_true(worst.mass <= 1e-12);
+    assert_true(worst.com <= 1e-12);
+    assert_true(worst.inertia <= 1e-12);
+    assert_true(worst.acceleration <= 1e-10);
+    snprintf(command, sizeof command, "rm -r '%s'", folder);
+    assert_int_equal(system(command), 0);
+}
+
+/* Default classes, two joints to a body, anchors, angles in degrees that count from elsewhere, all
+ * ways to turn a body, inertias of geoms. */
+static const char toy[] =
+    "<mujoco model='toy'>\n<compiler angle='degree' autolimits='true' eulerseq='zyx'/>\n"
+    "<option><flag constraint='disable' contact='disable'/></option>\n"
+    "<default><joint damping='0.5'/><default class='leg'>"
+    "<joint armature='0.02' range='-90 60' limited='true'/>"
+    "<geom type='capsule' size='0.03' density='500'/>"
+    "<default class='shin'><joint axis='0 1 0' range='-120 -10'/></default></default></default>\n"
+    "<worldbody><geom type='plane' size='1 1 1'/>\n"
+    "<body name='torso' pos='0 0 1' euler='10 20 30'><freejoint/>\n"
+    "<geom type='box' size='0.2 0.15 0.1' mass='5' pos='0.01 0.02 0' quat='1 0.1 0.2 0.3'/>\n"
+    "<site name='imu' pos='0.1 0 0'/>\n"
+    "<body name='thigh' pos='0.1 0.1 -0.1' xyaxes='1 0.2 0 0 1 0.3' childclass='leg'>\n"
+    "<joint name='roll' axis='1 0 0' pos='0 0 0.05'/><joint name='pitch' axis='0 2 0' pos='0 0.02 "
+    "0.05'/>\n<geom fromto='0 0 0 0.05 0 -0.4'/>\n"
+    "<body name='shin' pos='0.05 0 -0.4' axisangle='0 0 1 15'><joint name='knee' class='shin' "
+    "ref='-45'/>\n<inertial pos='0.01 0.02 -0.2' quat='1 0.2 0.3 0.1' mass='1.5' "
+    "diaginertia='0.02 0.021 0.004'/><geom type='cylinder' size='0.04 0.2' pos='0 0 -0.2'/>\n"
+    "<body name='toe' pos='0.1 0 -0.4' euler='0 90 0'><geom type='cylinder' size='0.03 0.05'/>"
+    "</body></body></body>\n"
+    "<body name='arm' pos='0 -0.2 0.1'><joint name='slide' type='slide' axis='0 0 1' range='-0.1 "
+    "0.2' limited='true'/><geom type='sphere' size='0.05'/></body></body></worldbody>\n"
+    "<sensor><gyro site='imu'/></sensor>\n"
+    "<actuator><motor joint='roll' gear='10' ctrlrange='-4 4'/><position joint='knee' "
+    "forcerange='-30 30'/></actuator>\n"
+    "<keyframe><key name='stand' qpos='0 0 1 1 0 0 0 0.1 0.2 -1 0.05'/></keyframe></mujoco>\n";
+
+static void write_text(const char *path, const char *text)
+{
+    FILE *out = fopen(path, "w");
+
+    assert_non_null(out);
+    fputs(text, out);
+    assert_int_equal(fclose(out), 0);
+}
+
+static void bodies_of_mjcf_are_those_of_mujoco(void **state)
+{
+    char folder[] = "/tmp/hil-import-mujoco-XXXXXX", path[128], command[160];
+    struct import_request request = {
+        .file = path, .folder = folder, .options = {.free_slides = true}};
+    struct import_result result;
+    const struct robot *robot;
+    struct differences d;
+    struct error error;
+
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/toy.xml", folder);
+    write_text(path, toy);
+    if (import_run(&request, &arena, &result, &error)) {
+        fail_msg("%s", error.text);
+    }
+    robot = result.loaded;
+    assert_true(robot->floating);
+    assert_int_equal(robot->njoint, 4);
+    assert_true(robot->imu_frame >= 0);
+    dice = random_named(1, "toy");
+    d = compare_files(path, robot, 50);
+    print_message("# MJCF: %d bodies, masses %.1e, centers %.1e m, inertias %.1e, accelerations "
+                  "%.1e\n",
+                  d.bodies, d.mass, d.com, d.inertia, d.acceleration);
+    assert_true(d.bodies == 3);
+    assert_true(d.mass <= 1e-12 && d.com <= 1e-12 && d.inertia <= 1e-12);
+    assert_true(d.acceleration <= 1e-10);
+
+    /* Numbers of the drives, limits and the pose, by hand */
+    assert_true(fabs(robot->joint[0].sea.J - 0.02) <= 1e-9);
+    assert_true(fabs(robot->joint[0].torque_limit - 40.0) <= 1e-9);
+    assert_true(fabs(robot->joint[2].torque_limit - 30.0) <= 1e-9);
+    assert_true(fabs(robot->joint[2].lower - (45.0 - 120.0) * M_PI / 180.0) <= 1e-12);
+    assert_int_equal(robot_find_pose(robot, "stand"), 1);
+    assert_true(fabs(robot->pose[1].joint[2] - (-1.0 + M_PI / 4.0)) <= 1e-12);
+    snprintf(command, sizeof command, "rm -r '%s'", folder);
+    assert_int_equal(system(command), 0);
+}
+
+/* ---- by hand ---- */
+
+static const char *hand_file, *hand_robot;
+
+static void file_is_that_of_mujoco(void **state)
+{
+    const struct robot *robot;
+    struct differences d;
+    struct error error;
+
+    (void)state;
+    if (robot_load(hand_robot, NULL, &arena, &robot, &error)) {
+        fail_msg("%s", error.text);
+    }
+    d = compare_files(hand_file, robot, 100);
+    print_message("# %d bodies, %d joints: masses %.1e, centers %.1e m, inertias %.1e, "
+                  "accelerations %.1e\n",
+                  d.bodies, d.joints, d.mass, d.com, d.inertia, d.acceleration);
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(random_trees_are_those_of_mujoco, open_big_arena,
+                                        close_big_arena),
+        cmocka_unit_test_setup_teardown(bodies_of_mjcf_are_those_of_mujoco, open_big_arena,
+                                        close_big_arena),
+    };
+    const struct CMUnitTest by_hand[] = {
+        cmocka_unit_test_setup_teardown(file_is_that_of_mujoco, open_big_arena, close_big_arena),
+    };
+
+    if (argc == 3) {
+        hand_file = argv[1];
+        hand_robot = argv[2];
+        return cmocka_run_group_tests(by_hand, NULL, NULL);
+    }
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

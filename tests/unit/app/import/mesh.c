@@ -1,0 +1,239 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Meshes of foreign robots: formats, scales, joined corners, hostile bytes. */
+#include "app/import/mesh.h"
+#include "contact/mesh.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "tests/physics/near.h"
+#include "tests/unit/arena_fixture.h"
+
+static const double one[3] = {1, 1, 1};
+
+/* A tetrahedron of edge 1 at the origin: volume 1/6. */
+static const double corner[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+static const int tetrahedron[4][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+
+static struct import_mesh mesh;
+static struct error error;
+
+static void put_word(unsigned char *to, uint32_t word)
+{
+    for (int i = 0; i < 4; i++) {
+        to[i] = (unsigned char)(word >> 8 * i);
+    }
+}
+
+static void put_float(unsigned char *to, double value)
+{
+    float single = (float)value;
+    uint32_t word;
+
+    memcpy(&word, &single, sizeof word);
+    put_word(to, word);
+}
+
+static size_t make_binary_stl(unsigned char bytes[512])
+{
+    unsigned char *at = bytes + 84;
+
+    memset(bytes, 0, 512);
+    memcpy(bytes, "solid it is not", 15);
+    put_word(bytes + 80, 4);
+    for (int f = 0; f < 4; f++, at += 50) {
+        for (int c = 0; c < 3; c++) {
+            for (int m = 0; m < 3; m++) {
+                put_float(at + 12 * (c + 1) + 4 * m, corner[tetrahedron[f][c]][m]);
+            }
+        }
+    }
+    return 84 + 4 * 50;
+}
+
+static double mesh_signed_volume(void)
+{
+    const struct mesh surface = {.nvertex = mesh.nvertex,
+                                 .nface = mesh.nface,
+                                 .vertex = (const double(*)[3])mesh.vertex,
+                                 .face = (const int(*)[3])mesh.face};
+    struct mesh_finding finding;
+
+    assert_int_equal(mesh_check(&surface, &finding, NULL), ERROR_NONE);
+    assert_int_equal(finding.fault, MESH_SOUND);
+    return mesh_volume(&surface);
+}
+
+static void binary_stl_joins_its_corners(void **state)
+{
+    unsigned char bytes[512];
+    size_t size = make_binary_stl(bytes);
+
+    (void)state;
+    assert_int_equal(
+        import_parse_mesh("x.STL", (const char *)bytes, size, one, &arena, &mesh, &error),
+        ERROR_NONE);
+    assert_int_equal(mesh.nvertex, 4);
+    assert_int_equal(mesh.nface, 4);
+    assert_near(mesh_signed_volume(), 1.0 / 6.0, 1e-15);
+}
+
+static void scales_measure_and_mirror(void **state)
+{
+    static const double millimeters[3] = {0.001, 0.001, 0.001}, mirrored[3] = {1, -2, 1};
+    unsigned char bytes[512];
+    size_t size = make_binary_stl(bytes);
+
+    (void)state;
+    assert_int_equal(
+        import_parse_mesh("x.stl", (const char *)bytes, size, millimeters, &arena, &mesh, &error),
+        ERROR_NONE);
+    assert_near(mesh_signed_volume(), 1e-9 / 6.0, 1e-20);
+    assert_int_equal(
+        import_parse_mesh("x.stl", (const char *)bytes, size, mirrored, &arena, &mesh, &error),
+        ERROR_NONE);
+    assert_near(mesh_signed_volume(), 2.0 / 6.0, 1e-15);
+}
+
+static void text_stl_and_obj_are_the_same(void **state)
+{
+    char text[4096] = "solid x\n";
+    static const char obj[] =
+        "# a comment\nmtllib x.mtl\no it\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+        "vn 0 0 1\nf 1//1 3//1 2//1\nf 1/1/1 2/1/1 4/1/1\nf -4 -1 -2\nf 2 3 4\n";
+
+    (void)state;
+    for (int f = 0; f < 4; f++) {
+        strcat(text, "facet normal 0 0 0\r\n outer loop\r\n");
+        for (int c = 0; c < 3; c++) {
+            const double *v = corner[tetrahedron[f][c]];
+
+            snprintf(text + strlen(text), sizeof text - strlen(text), "  vertex %g %g %g\r\n", v[0],
+                     v[1], v[2]);
+        }
+        strcat(text, " endloop\r\nendfacet\r\n");
+    }
+    strcat(text, "endsolid x\n");
+    assert_int_equal(import_parse_mesh("x.stl", text, strlen(text), one, &arena, &mesh, &error),
+                     ERROR_NONE);
+    assert_near(mesh_signed_volume(), 1.0 / 6.0, 1e-15);
+    assert_int_equal(import_parse_mesh("x.obj", obj, strlen(obj), one, &arena, &mesh, &error),
+                     ERROR_NONE);
+    assert_int_equal(mesh.nface, 4);
+    assert_near(mesh_signed_volume(), 1.0 / 6.0, 1e-15);
+}
+
+static void wrong_meshes_are_refused(void **state)
+{
+    static const struct {
+        const char *name, *text, *words;
+    } cases[] = {
+        {"x.stl", "facet\nvertex 0 0 nan\n", "x.stl:2: "},
+        {"x.stl", "facet\nvertex 0 0\n", "x.stl:2: "},
+        {"x.stl", "facet\nvertex 0 0 0\nendfacet\n", "x.stl:3: "},
+        {"x.stl", "facet\nvertex 0 0 0\n", "within a facet"},
+        {"x.stl", "", "no face"},
+        {"x.obj", "v 0 0 0\nf 1 1 2\n", "x.obj:2: "},
+        {"x.obj", "v 0 0 0\nf 1 1\n", "2 corners"},
+        {"x.obj", "v 0 0 1e9\n", "x.obj:1: "},
+        {"x.obj", "v 0 0 0\nf 0 0 0\n", "corner \"0\""},
+        {"x.dae", "<COLLADA/>", "assimp export"},
+        {"x", "", "expected stl or obj"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        if (import_parse_mesh(cases[i].name, cases[i].text, strlen(cases[i].text), one, &arena,
+                              &mesh, &error) != ERROR_INPUT ||
+            !strstr(error.text, cases[i].words)) {
+            fail_msg("case %zu: %s", i, error.text);
+        }
+    }
+}
+
+/* A count of faces that the file does not have makes it no binary STL. */
+static void binary_stl_with_a_false_count_is_refused(void **state)
+{
+    unsigned char bytes[512];
+    size_t size = make_binary_stl(bytes);
+
+    (void)state;
+    put_word(bytes + 80, 0xffffffff);
+    assert_int_equal(
+        import_parse_mesh("x.stl", (const char *)bytes, size, one, &arena, &mesh, &error),
+        ERROR_INPUT);
+}
+
+/* ---- where files are found ---- */
+
+static const char *find(const char *file, const char *name, const char *folder)
+{
+    const struct import_model model = {.file = file};
+    const struct import_geometry shape = {.mesh = name, .line = 7};
+    const struct import_packages packages = {&folder, folder != NULL};
+    const char *path;
+
+    return import_find_mesh(&model, &shape, &packages, &arena, &path, &error) ? NULL : path;
+}
+
+static void packages_are_found_where_they_may_be(void **state)
+{
+    char root[] = "/tmp/hil-import-mesh-XXXXXX", file[128], mesh_file[128], other[128];
+    static const char *const made[] = {"/pkg", "/pkg/urdf", "/pkg/meshes", "/else"};
+    char path[128];
+    FILE *out;
+
+    (void)state;
+    assert_non_null(mkdtemp(root));
+    for (size_t i = 0; i < sizeof made / sizeof *made; i++) {
+        snprintf(path, sizeof path, "%s%s", root, made[i]);
+        assert_int_equal(mkdir(path, 0700), 0);
+    }
+    snprintf(file, sizeof file, "%s/pkg/urdf/r.urdf", root);
+    snprintf(mesh_file, sizeof mesh_file, "%s/pkg/meshes/m.stl", root);
+    snprintf(other, sizeof other, "%s/else", root);
+    assert_non_null(out = fopen(file, "w"));
+    fclose(out);
+    assert_non_null(out = fopen(mesh_file, "w"));
+    fclose(out);
+
+    /* Above the file, by the package's name and without it; beside it; nowhere else */
+    assert_string_equal(find(file, "package://pkg/meshes/m.stl", NULL), mesh_file);
+    assert_string_equal(find(file, "package://renamed/meshes/m.stl", NULL), mesh_file);
+    assert_non_null(find(file, "../meshes/m.stl", NULL));
+    assert_non_null(find(file, mesh_file, NULL));
+    assert_null(find(file, "package://pkg/meshes/none.stl", other));
+    assert_non_null(strstr(error.text, "r.urdf:7: "));
+    assert_non_null(strstr(error.text, "--package-path"));
+    assert_null(find(file, "package://pkg/meshes/../meshes/m.stl", NULL));
+    assert_non_null(strstr(error.text, "expected no \"..\""));
+    assert_null(find(file, "http://127.0.0.1/m.stl", NULL));
+    snprintf(path, sizeof path, "rm -r '%s'", root);
+    assert_int_equal(system(path), 0);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(binary_stl_joins_its_corners),
+        TEST(scales_measure_and_mirror),
+        TEST(text_stl_and_obj_are_the_same),
+        TEST(wrong_meshes_are_refused),
+        TEST(binary_stl_with_a_false_count_is_refused),
+        TEST(packages_are_found_where_they_may_be),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,152 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Whole imports into a folder: what is written loads, and no bus is loaded beyond the plan's share,
+ * whatever the number of joints and what the boards speak. */
+#include "app/import/import.h"
+#include "rig/rig.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+static struct arena arena;
+static char folder[] = "/tmp/hil-import-run-XXXXXX";
+static char file[64];
+
+static int open_folder(void **state)
+{
+    (void)state;
+    strcpy(folder + sizeof folder - 7, "XXXXXX");
+    if (!mkdtemp(folder) || arena_init(&arena, (size_t)512 << 20, NULL)) {
+        return -1;
+    }
+    snprintf(file, sizeof file, "%s/r.urdf", folder);
+    return 0;
+}
+
+static int remove_folder(void **state)
+{
+    char command[96];
+
+    (void)state;
+    arena_fini(&arena);
+    snprintf(command, sizeof command, "rm -r '%s'", folder);
+    return system(command);
+}
+
+/* Limbs of so many joints on a base, each with a sensor at its end, one with an inertial sensor. */
+static void write_limbs(int limbs, int joints)
+{
+    static const char body[] = "<inertial><origin xyz='0 0 -0.1'/><mass value='1'/><inertia "
+                               "ixx='0.01' iyy='0.01' izz='0.01' ixy='0' ixz='0' iyz='0'/>"
+                               "</inertial><collision><origin xyz='0 0 -0.1'/><geometry><sphere "
+                               "radius='0.05'/></geometry></collision></link>\n";
+    FILE *out = fopen(file, "w");
+
+    assert_non_null(out);
+    fprintf(out, "<robot name='r'><link name='base'>%s", body);
+    for (int l = 0; l < limbs; l++) {
+        for (int j = 0; j < joints; j++) {
+            char parent[32] = "base";
+
+            if (j > 0) {
+                snprintf(parent, sizeof parent, "l%d_%d", l, j - 1);
+            }
+            fprintf(out,
+                    "<link name='l%d_%d'>%s<joint name='j%d_%d' type='revolute'><parent "
+                    "link='%s'/><child link='l%d_%d'/><origin xyz='%g 0 -0.2'/><axis xyz='%d %d "
+                    "0'/><limit lower='-2' upper='2' effort='60' velocity='4'/></joint>\n",
+                    l, j, body, l, j, parent, l, j, j ? 0.0 : 0.3 * l, j % 2, (j + 1) % 2);
+        }
+        fprintf(out, "<sensor name='s%d' type='force_torque'><parent joint='j%d_%d'/></sensor>\n",
+                l, l, joints - 1);
+    }
+    fputs("<gazebo reference='base'><sensor name='imu' type='imu'/></gazebo></robot>\n", out);
+    assert_int_equal(fclose(out), 0);
+}
+
+static void import_limbs(enum import_personality personality, struct import_result *result)
+{
+    const struct import_request request = {
+        .file = file, .folder = folder, .personality = personality};
+    struct error error;
+
+    if (import_run(&request, &arena, result, &error)) {
+        fail_msg("%s", error.text);
+    }
+}
+
+static void no_bus_is_loaded_beyond_the_share(void **state)
+{
+    static const struct {
+        int limbs, joints;
+    } robots[] = {{1, 1}, {1, 6}, {1, 7}, {4, 3}, {5, 6}, {3, 13}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof robots / sizeof *robots; i++) {
+        write_limbs(robots[i].limbs, robots[i].joints);
+        for (int p = IMPORT_ICUB; p <= IMPORT_COMPACT_FD; p++) {
+            struct import_result result;
+
+            import_limbs((enum import_personality)p, &result);
+            assert_true(result.worst_load > 0.0 && result.worst_load <= IMPORT_BUS_LOAD);
+            assert_int_equal(result.loaded->njoint, robots[i].limbs * robots[i].joints);
+            assert_int_equal(result.loaded->nft, robots[i].limbs);
+            assert_true(result.loaded->imu_frame >= 0);
+            assert_true(result.loaded->total_mass == 1.0 + robots[i].limbs * robots[i].joints);
+        }
+    }
+}
+
+static void too_many_joints_name_the_way_out(void **state)
+{
+    const struct import_request request = {
+        .file = file, .folder = folder, .personality = IMPORT_FOC};
+    struct import_result result;
+    struct error error;
+
+    (void)state;
+    write_limbs(11, 6);
+    assert_int_equal(import_run(&request, &arena, &result, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "--personality compact-fd"));
+    import_limbs(IMPORT_COMPACT_FD, &result);
+}
+
+static void same_file_gives_the_same_bytes(void **state)
+{
+    struct import_result result;
+    char first[65536], second[65536];
+    size_t size[2];
+    FILE *in;
+
+    (void)state;
+    write_limbs(2, 3);
+    for (int i = 0; i < 2; i++) {
+        import_limbs(IMPORT_ICUB, &result);
+        assert_non_null(in = fopen(result.rig, "r"));
+        size[i] = fread(i ? second : first, 1, sizeof first, in);
+        fclose(in);
+    }
+    assert_true(size[0] == size[1] && size[0] > 0);
+    assert_memory_equal(first, second, size[0]);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, open_folder, remove_folder)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(no_bus_is_loaded_beyond_the_share),
+        TEST(too_many_joints_name_the_way_out),
+        TEST(same_file_gives_the_same_bytes),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

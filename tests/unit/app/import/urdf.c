@@ -1,0 +1,596 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* URDF, SRDF and MJCF to a robot: each pitfall of such files by a file of its own, made here. */
+#include "app/import/import.h"
+#include "app/import/urdf.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "tests/physics/near.h"
+#include "tests/unit/arena_fixture.h"
+
+#define INERTIA "<inertia ixx='0.1' iyy='0.1' izz='0.1' ixy='0' ixz='0' iyz='0'/>"
+#define LINK(name)                                                                                 \
+    "<link name='" name "'><inertial><mass value='1'/>" INERTIA "</inertial></link>\n"
+#define HOLLOW(name) "<link name='" name "'/>\n"
+#define JOINT(name, type, parent, child, rest)                                                     \
+    "<joint name='" name "' type='" type "'><parent link='" parent "'/><child link='" child        \
+    "'/>" rest "</joint>\n"
+#define LIMIT "<limit lower='-1' upper='2' effort='10' velocity='3'/>"
+#define ROBOT(body) "<robot name='r'>\n" body "</robot>\n"
+
+static struct import_model model;
+static struct import_notes notes;
+static struct import_robot made;
+static struct error error;
+static struct import_options options;
+
+static enum error_code import_text(const char *text)
+{
+    double supply_v;
+
+    notes = (struct import_notes){0};
+    return import_model_text("x.urdf", text, strlen(text), &options, &arena, &model, &notes, &made,
+                             &supply_v, &error);
+}
+
+static void import_good(const char *text)
+{
+    if (import_text(text)) {
+        fail_msg("%s", error.text);
+    }
+}
+
+/* Refused as wrong input whose message begins with its place and has the words. */
+static void import_bad(const char *text, const char *place, const char *words)
+{
+    if (import_text(text) != ERROR_INPUT || strncmp(error.text, place, strlen(place)) != 0 ||
+        !strstr(error.text, words)) {
+        fail_msg("expected \"%s... %s\", found \"%s\"", place, words, error.text);
+    }
+}
+
+static bool noted(enum import_fate fate, int line, const char *words)
+{
+    for (size_t i = 0; i < notes.count; i++) {
+        if (notes.note[i].fate == fate && notes.note[i].line == line &&
+            strstr(notes.note[i].text, words)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static int open_default(void **state)
+{
+    options = (struct import_options){0};
+    return open_arena(state);
+}
+
+/* ---- what is merged ---- */
+
+/* A rod of 2 kg along x, turned by a right angle about z and put 1 m ahead, on one of 1 kg: by hand
+ * the common center is at 2/3 m, and Izz = 0.1 + 0.3 + 1 (2/3)^2 + 2 (1/3)^2. */
+static void fixed_links_merge_with_turned_inertias(void **state)
+{
+    const struct robot_inertia *sum;
+
+    (void)state;
+    import_good(ROBOT(LINK("base") LINK(
+        "a") "<link name='rod'><inertial><mass value='2'/><inertia ixx='0.01' iyy='0.2' izz='0.3' "
+             "ixy='0' "
+             "ixz='0' iyz='0'/></inertial></link>\n" JOINT("j", "revolute", "base", "a", LIMIT)
+                          JOINT("f", "fixed", "a", "rod",
+                                "<origin xyz='1 0 0' rpy='0 0 1.5707963267948966'/>")));
+    assert_int_equal(made.robot->nbody, 2);
+    sum = &made.robot->body[1].inertia;
+    assert_near(sum->mass, 3.0, 0.0);
+    assert_near(sum->com[0], 2.0 / 3.0, 1e-15);
+    assert_near(sum->I[0], 0.1 + 0.2, 1e-15); /* the rod's iyy lies along x now */
+    assert_near(sum->I[3], 0.1 + 0.01 + 4.0 / 9.0 + 2.0 / 9.0, 1e-15);
+    assert_near(sum->I[5], 0.1 + 0.3 + 4.0 / 9.0 + 2.0 / 9.0, 1e-15);
+    assert_near(sum->I[1], 0.0, 1e-15);
+    assert_true(noted(IMPORT_MERGED, 4, "link \"rod\" (2 kg) is part of body \"a\""));
+    assert_true(robot_find_frame(made.robot, "rod") >= 0);
+}
+
+static void joint_origins_pass_through_fixed_links(void **state)
+{
+    (void)state;
+    import_good(ROBOT(LINK("base") HOLLOW("flange") LINK("a") JOINT(
+        "f", "fixed", "base", "flange", "<origin xyz='0 0 1' rpy='0 0 1.5707963267948966'/>")
+                          JOINT("j", "revolute", "flange", "a",
+                                "<origin xyz='1 0 0'/><axis xyz='0 0 2'/>" LIMIT)));
+    assert_int_equal(made.robot->njoint, 1);
+    assert_near(made.robot->joint[0].origin[0], 0.0, 1e-15);
+    assert_near(made.robot->joint[0].origin[1], 1.0, 1e-15);
+    assert_near(made.robot->joint[0].origin[2], 1.0, 1e-15);
+    assert_near(made.robot->joint[0].rotation[1], -1.0, 1e-15);
+    assert_near(made.robot->joint[0].axis[2], 1.0, 0.0);
+}
+
+static void joint_behind_which_nothing_weighs_is_fixed(void **state)
+{
+    (void)state;
+    import_good(ROBOT(LINK("base") LINK("a") HOLLOW("wheel") HOLLOW("cap") JOINT(
+        "j", "revolute", "base", "a", LIMIT) JOINT("spin", "continuous", "a", "wheel", "")
+                          JOINT("f", "fixed", "wheel", "cap", "")));
+    assert_int_equal(made.robot->njoint, 1);
+    assert_true(noted(IMPORT_CHANGED, 7, "nothing that it moves has mass"));
+}
+
+static void body_between_joints_may_have_no_mass(void **state)
+{
+    (void)state;
+    import_good(ROBOT(LINK("base") HOLLOW("cross") LINK("a")
+                          JOINT("x", "revolute", "base", "cross", LIMIT)
+                              JOINT("y", "revolute", "cross", "a", "<axis xyz='0 1 0'/>" LIMIT)));
+    assert_int_equal(made.robot->njoint, 2);
+    assert_true(noted(IMPORT_ASSUMED, 3, "has no mass"));
+}
+
+/* ---- joints ---- */
+
+static void equal_limits_fix_a_joint_where_they_are(void **state)
+{
+    (void)state;
+    import_good(
+        ROBOT(LINK("base") LINK("a") LINK("b") JOINT("j", "revolute", "base", "a", LIMIT) JOINT(
+            "k", "revolute", "a", "b",
+            "<axis xyz='0 0 1'/><origin xyz='1 0 0'/><limit lower='0.5' upper='0.5' effort='1' "
+            "velocity='1'/>")));
+    assert_int_equal(made.robot->njoint, 1);
+    assert_near(made.place[2].R[0], cos(0.5), 1e-15);
+    assert_true(noted(IMPORT_CHANGED, 6, "fixed at 0.5 rad"));
+}
+
+static void continuous_joint_has_turns_and_no_stops(void **state)
+{
+    (void)state;
+    import_good(ROBOT(LINK("base") LINK("a") JOINT("j", "continuous", "base", "a", "")));
+    assert_near(made.robot->joint[0].upper, 100.0 * M_PI, 1e-12);
+    assert_near(made.robot->joint[0].stop.stiffness, 0.0, 0.0);
+}
+
+static void sliding_joint_is_fixed_unless_it_may_slide(void **state)
+{
+    const char *text = ROBOT(LINK("base") LINK("a") LINK("b") JOINT(
+        "j", "revolute", "base", "a", LIMIT) JOINT("s", "prismatic", "a", "b", LIMIT));
+
+    (void)state;
+    import_good(text);
+    assert_int_equal(made.robot->njoint, 1);
+    assert_true(noted(IMPORT_CHANGED, 6, "--prismatic free"));
+    options.free_slides = true;
+    import_good(text);
+    assert_int_equal(made.robot->njoint, 2);
+    assert_int_equal(made.robot->joint[1].type, JOINT_PRISMATIC);
+    assert_false(made.robot->joint[1].sea.present);
+}
+
+static void joint_that_follows_is_refused_locked_or_free(void **state)
+{
+    const char *text =
+        ROBOT(LINK("base") LINK("a") LINK("b") JOINT("j", "revolute", "base", "a", LIMIT) JOINT(
+            "m", "revolute", "base", "b", LIMIT "<mimic joint='j' multiplier='2' offset='0.25'/>"));
+
+    (void)state;
+    import_bad(text, "x.urdf:6: ", "--mimic lock");
+    options.mimic = IMPORT_MIMIC_LOCK;
+    import_good(text);
+    assert_int_equal(made.robot->njoint, 1);
+    assert_true(noted(IMPORT_CHANGED, 6, "fixed at 0.25 rad"));
+    options.mimic = IMPORT_MIMIC_FREE;
+    import_good(text);
+    assert_int_equal(made.robot->njoint, 2);
+    import_bad(ROBOT(LINK("base") LINK("a")
+                         JOINT("m", "revolute", "base", "a", LIMIT "<mimic joint='none'/>")),
+               "x.urdf:4: ", "\"none\"");
+}
+
+static void joint_follows_one_that_is_fixed_exactly(void **state)
+{
+    static const char *const lock[] = {"j"};
+
+    (void)state;
+    options.lock = lock;
+    options.nlock = 1;
+    import_good(ROBOT(
+        LINK("base") LINK("a") LINK("b") LINK("c") JOINT("k", "revolute", "base", "c", LIMIT)
+            JOINT("j", "revolute", "base", "a",
+                  "<limit lower='0.5' upper='1.5' effort='1' velocity='1'/>")
+                JOINT("m", "revolute", "base", "b", LIMIT "<mimic joint='j' multiplier='2'/>")));
+    assert_int_equal(made.robot->njoint, 1);
+    assert_true(noted(IMPORT_CHANGED, 8, "fixed at 1.1 rad"));
+}
+
+static void limits_that_exclude_zero_move_the_rest(void **state)
+{
+    (void)state;
+    import_good(ROBOT(LINK("base") LINK("a") JOINT(
+        "j", "revolute", "base", "a", "<limit lower='-3' upper='-1' effort='9' velocity='3'/>")));
+    assert_near(made.rest[0], -1.1, 1e-15);
+    assert_near(made.robot->pose[0].joint[0], -1.1, 1e-15);
+    assert_true(noted(IMPORT_CHANGED, 4, "exclude 0"));
+}
+
+static void impossible_joints_are_refused(void **state)
+{
+    static const struct {
+        const char *text, *place, *words;
+    } cases[] = {
+        {ROBOT(LINK("base") LINK("a") JOINT("j", "revolute", "base", "a", "")),
+         "x.urdf:4: ", "without the limits"},
+        {ROBOT(LINK("base") LINK("a")
+                   JOINT("j", "revolute", "base", "a", "<limit lower='2' upper='1'/>")),
+         "x.urdf:4: ", "above its upper limit"},
+        {ROBOT(LINK("base") LINK("a") JOINT("j", "planar", "base", "a", "")),
+         "x.urdf:4: ", "two prismatic joints"},
+        {ROBOT(LINK("base") LINK("a") JOINT("j", "floating", "base", "a", "")),
+         "x.urdf:4: ", "nothing but the base floats"},
+        {ROBOT(LINK("base") LINK("a") JOINT("j", "screw", "base", "a", "")),
+         "x.urdf:4: ", "found type \"screw\""},
+        {ROBOT(LINK("base") LINK("a")
+                   JOINT("j", "revolute", "base", "a", LIMIT "\n<axis xyz='0 0 0'/>")),
+         "x.urdf:5: ", "expected a direction"},
+        {ROBOT(LINK("base") LINK("a") JOINT("j", "revolute", "base", "nobody", LIMIT)),
+         "x.urdf:4: ", "found link \"nobody\""},
+        {ROBOT(LINK("base") LINK("a") "<joint name='j' type='fixed'><parent link='base'/></joint>"),
+         "x.urdf:4: ", "without <child>"},
+        {ROBOT(LINK("base") LINK("a") JOINT("j", "revolute", "base", "a",
+                                            "<limit lower='-1' upper='1' effort='-3'/>")),
+         "x.urdf:4: ", "effort -3"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        import_bad(cases[i].text, cases[i].place, cases[i].words);
+    }
+}
+
+/* ---- trees ---- */
+
+static void what_is_no_tree_is_refused(void **state)
+{
+    (void)state;
+    import_bad(ROBOT(LINK("base") LINK("a") LINK("b") JOINT("j", "revolute", "base", "a", LIMIT)
+                         JOINT("k", "revolute", "base", "b", LIMIT)
+                             JOINT("l", "fixed", "a", "b", "")),
+               "x.urdf:7: ", "loops are not imported");
+    import_bad(ROBOT(LINK("a") LINK("b") JOINT("j", "revolute", "a", "b", LIMIT)
+                         JOINT("k", "revolute", "b", "a", LIMIT)),
+               "x.urdf:4: ", "form a loop");
+    import_bad(ROBOT(LINK("base") LINK("a") LINK("b") JOINT("j", "revolute", "a", "b", LIMIT)
+                         JOINT("k", "revolute", "b", "a", LIMIT)),
+               "x.urdf:5: ", "a loop of joints");
+    import_bad(ROBOT(LINK("base") LINK("a") LINK("b") JOINT("j", "revolute", "base", "a", LIMIT)),
+               "x.urdf:4: ", "expected one tree");
+    import_bad("<robot name='r'/>", "x.urdf:1: ", "0 links");
+}
+
+static void names_stand_once(void **state)
+{
+    (void)state;
+    import_bad(ROBOT(LINK("base") LINK("a") LINK("a")),
+               "x.urdf:4: ", "again, expected it once (line 3)");
+    import_bad(ROBOT(LINK("base") LINK("a") LINK("b") JOINT("j", "revolute", "base", "a", LIMIT)
+                         JOINT("j", "revolute", "base", "b", LIMIT)),
+               "x.urdf:6: ", "again, expected it once (line 5)");
+}
+
+static void names_that_robot_files_refuse_are_changed(void **state)
+{
+    (void)state;
+    import_good(
+        ROBOT(LINK("base") LINK("left/arm 1") JOINT("j", "revolute", "base", "left/arm 1", LIMIT)));
+    assert_string_equal(made.robot->body[1].name, "left_arm_1");
+    assert_true(noted(IMPORT_CHANGED, 3, "is named \"left_arm_1\""));
+    import_bad(ROBOT(LINK("base") LINK("a") JOINT("spare", "revolute", "base", "a", LIMIT)),
+               "x.urdf:4: ", "spare");
+}
+
+static void bases_are_guessed_and_said(void **state)
+{
+    const char *arm = ROBOT(LINK("base") LINK("a") JOINT("j", "revolute", "base", "a", LIMIT));
+    const char *legs = ROBOT(
+        LINK("base") LINK("a") LINK("b") LINK("c") LINK("d")
+            JOINT("j", "revolute", "base", "a", LIMIT) JOINT("k", "revolute", "a", "b", LIMIT)
+                JOINT("l", "revolute", "base", "c", LIMIT) JOINT("m", "revolute", "c", "d", LIMIT));
+
+    (void)state;
+    import_good(arm);
+    assert_false(made.robot->floating);
+    assert_true(noted(IMPORT_ASSUMED, 2, "--base says otherwise"));
+    import_good(legs);
+    assert_true(made.robot->floating);
+    options.base = IMPORT_BASE_FIXED;
+    import_good(legs);
+    assert_false(made.robot->floating);
+}
+
+static void floating_joint_makes_its_child_the_base(void **state)
+{
+    (void)state;
+    import_good(ROBOT(HOLLOW("world") LINK("pelvis") LINK("a")
+                          JOINT("free", "floating", "world", "pelvis", "<origin xyz='0 0 1'/>")
+                              JOINT("j", "revolute", "pelvis", "a", LIMIT)));
+    assert_true(made.robot->floating);
+    assert_string_equal(made.robot->body[0].name, "pelvis");
+    assert_int_equal(made.body[0], -1);
+    import_bad(ROBOT(HOLLOW("world") LINK("pelvis") LINK("a")
+                         JOINT("free", "floating", "world", "pelvis", "")
+                             JOINT("j", "revolute", "world", "a", LIMIT)),
+               "x.urdf:6: ", "one robot floats");
+    import_good(ROBOT(HOLLOW("world") LINK("pelvis") LINK("a") LINK("floor") JOINT(
+        "free", "floating", "world", "pelvis", "") JOINT("ground", "fixed", "world", "floor", "")
+                          JOINT("j", "revolute", "pelvis", "a", LIMIT)));
+    assert_int_equal(made.body[3], -1);
+    assert_near(made.robot->total_mass, 2.0, 0.0);
+    assert_true(noted(IMPORT_DROPPED, 7, "link \"floor\""));
+}
+
+/* ---- inertias ---- */
+
+#define THIN                                                                                       \
+    "<link name='a'>\n<inertial><mass value='1'/><inertia ixx='0.1' iyy='0.2' izz='0.5' ixy='0' "  \
+    "ixz='0' iyz='0'/></inertial></link>\n"
+
+static void inertia_that_no_body_has_is_refused_or_repaired(void **state)
+{
+    const char *text = ROBOT(LINK("base") THIN JOINT("j", "revolute", "base", "a", LIMIT));
+
+    (void)state;
+    import_bad(text, "x.urdf:4: ", "--repair-inertia");
+    options.repair_inertia = true;
+    import_good(text);
+    assert_near(made.robot->body[1].inertia.I[0], 0.2, 1e-15);
+    assert_near(made.robot->body[1].inertia.I[3], 0.3, 1e-15);
+    assert_near(made.robot->body[1].inertia.I[5], 0.5, 1e-15);
+    assert_true(noted(IMPORT_CHANGED, 4, "has now the moments"));
+}
+
+/* Turned by 0.3 rad about z and repaired, it is the repaired one turned. */
+static void repair_keeps_the_axes(void **state)
+{
+    const double *I;
+    double c = cos(0.3), s = sin(0.3);
+
+    (void)state;
+    options.repair_inertia = true;
+    import_good(ROBOT(
+        LINK("base") "<link name='a'><inertial><origin rpy='0 0 0.3'/><mass value='1'/><inertia "
+                     "ixx='0.1' "
+                     "iyy='0.2' izz='0.5' ixy='0' ixz='0' iyz='0'/></inertial></link>\n" JOINT(
+                         "j", "revolute", "base", "a", LIMIT)));
+    I = made.robot->body[1].inertia.I;
+    assert_near(I[0], 0.2 * c * c + 0.3 * s * s, 1e-14);
+    assert_near(I[1], (0.2 - 0.3) * s * c, 1e-14);
+    assert_near(I[3], 0.2 * s * s + 0.3 * c * c, 1e-14);
+}
+
+/* ---- hostile files ---- */
+
+static void document_types_and_entities_are_refused(void **state)
+{
+    (void)state;
+    import_bad("<?xml version='1.0'?>\n<!DOCTYPE robot [<!ENTITY a 'x'>]>\n<robot name='&a;'/>",
+               "x.urdf:2: ", "DOCTYPE");
+    import_bad("<!DOCTYPE robot SYSTEM 'http://127.0.0.1/x.dtd'>\n<robot name='r'/>",
+               "x.urdf:1: ", "DOCTYPE");
+    import_bad("<robot name='&a;'/>", "x.urdf:1: ", "no well-formed XML");
+    import_bad("<robot name='r'>\n<link", "x.urdf:2: ", "no well-formed XML");
+    import_bad("", "x.urdf:1: ", "no well-formed XML");
+}
+
+static void xacro_is_sent_back(void **state)
+{
+    (void)state;
+    import_bad("<robot name='r' xmlns:xacro='http://www.ros.org/wiki/xacro'>\n<xacro:include "
+               "filename='a'/></robot>",
+               "x.urdf:2: ", "run `xacro FILE >robot.urdf`");
+    import_bad(ROBOT("<link name='a'><inertial><mass value='${m}'/>" INERTIA "</inertial></link>"),
+               "x.urdf:2: ", "run `xacro FILE >robot.urdf`");
+}
+
+static void numbers_are_read_strictly(void **state)
+{
+    static const char *const wrong[] = {"nan", "inf", "0x10", "", "1 2", "1,5", "1e999", "one"};
+    char text[512];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        snprintf(text, sizeof text,
+                 "<robot name='r'>\n<link name='a'><inertial>\n<mass value='%s'/>" INERTIA
+                 "</inertial></link></robot>",
+                 wrong[i]);
+        import_bad(text, "x.urdf:3: ", "expected");
+    }
+    import_bad(ROBOT("<link name='a'><inertial>\n<mass value='-1'/>" INERTIA "</inertial></link>"),
+               "x.urdf:3: ", "mass -1 kg");
+    import_bad(ROBOT("<link name='a'><inertial><mass value='1'/></inertial></link>"),
+               "x.urdf:2: ", "without <inertia>");
+}
+
+/* ---- sensors and poses ---- */
+
+static void force_sensor_bears_what_is_below_it(void **state)
+{
+    const struct robot_ft_sensor *ft;
+
+    (void)state;
+    import_good(
+        ROBOT(LINK("base") LINK("arm") LINK("hand") JOINT("j", "revolute", "base", "arm", LIMIT)
+                  JOINT("wrist", "fixed", "arm", "hand",
+                        "<origin xyz='0.5 0 0'/>") "<sensor name='s' type='force_torque'><parent "
+                                                   "joint='wrist'/></sensor>\n"
+                                                   "<sensor name='t' type='force_torque'><parent "
+                                                   "joint='j'/></sensor>\n"
+                                                   "<gazebo reference='hand'><sensor name='i' "
+                                                   "type='imu'/><mu1>1</mu1></gazebo>"
+                                                   "<gazebo reference='hand'>\n<sensor name='c' "
+                                                   "type='camera'/></gazebo>"));
+    assert_int_equal(made.robot->nft, 2);
+    ft = &made.robot->ft[0];
+    assert_string_equal(ft->name, "wrist");
+    assert_near(ft->distal.mass, 1.0, 0.0);
+    assert_near(ft->distal.com[0], 0.0, 1e-15);
+    assert_near(made.robot->frame[ft->frame].position[0], 0.5, 1e-15);
+    assert_near(made.robot->ft[1].distal.mass, 2.0, 0.0);
+    assert_true(made.robot->imu_frame >= 0);
+    assert_true(noted(IMPORT_DROPPED, 9, "mu1"));
+    assert_true(noted(IMPORT_DROPPED, 10, "type \"camera\""));
+}
+
+static void poses_come_from_the_second_file(void **state)
+{
+    static const char srdf[] =
+        "<robot name='r'>\n<virtual_joint name='v' type='floating' parent_frame='w' "
+        "child_link='base'/>\n<group_state name='standing' group='g'>\n<joint name='j' "
+        "value='0.7'/>\n<joint name='other' value='1'/></group_state></robot>";
+    const char *text = ROBOT(LINK("base") LINK("a") JOINT("j", "revolute", "base", "a", LIMIT));
+    struct xml_file file;
+
+    (void)state;
+    import_good(text);
+    assert_int_equal(xml_text_open(&file, "x.srdf", srdf, strlen(srdf), &error), ERROR_NONE);
+    assert_int_equal(srdf_read(&file, &arena, &model, &notes, &error), ERROR_NONE);
+    xml_file_close(&file);
+    assert_true(noted(IMPORT_DROPPED, 5, "no such joint"));
+    assert_int_equal(import_reduce(&model, &options, &arena, &notes, &made, &error), ERROR_NONE);
+    assert_true(made.robot->floating);
+    assert_int_equal(made.robot->npose, 2);
+    assert_string_equal(made.robot->pose[1].name, "standing");
+    assert_near(made.robot->pose[1].joint[0], 0.7, 0.0);
+}
+
+/* ---- MJCF ---- */
+
+#define MJCF(before, body, after)                                                                  \
+    "<mujoco>\n" before "<worldbody>\n<body name='a'><inertial mass='1' pos='0 0 0' "              \
+    "diaginertia='1 1 1'/>\n" body "</body></worldbody>" after "</mujoco>"
+
+static void mjcf_that_is_no_plain_tree_is_refused(void **state)
+{
+    static const struct {
+        const char *text, *place, *words;
+    } cases[] = {
+        {MJCF("", "<joint name='j'/>",
+              "\n<equality><connect name='rod' body1='a' body2='b' "
+              "anchor='0 0 0'/></equality>"),
+         "x.urdf:5: ", "<connect> rod between \"a\" and \"b\", which closes a loop"},
+        {MJCF("", "<joint name='j'/>", "<equality><weld body1='a'/></equality>"),
+         "x.urdf:4: ", "\"a\" and \"the world\""},
+        {MJCF("", "<joint type='ball'/>", ""), "x.urdf:4: ", "three hinges for a ball"},
+        {MJCF("<include file='/etc/passwd'/>", "<joint/>", ""), "x.urdf:2: ", "mj_saveLastXML"},
+        {MJCF("", "<frame><body/></frame>", ""), "x.urdf:4: ", "found <frame>"},
+        {MJCF("<compiler coordinate='global'/>", "<joint/>", ""), "x.urdf:2: ", "coordinate"},
+        {MJCF("<compiler eulerseq='xyq'/>", "<joint/>", ""), "x.urdf:2: ", "eulerseq"},
+        {MJCF("", "<joint/><body name='a'/>", ""), "x.urdf:4: ", "found body \"a\" again"},
+        {MJCF("", "<joint/><geom type='box' size='1 0 1'/>", ""), "x.urdf:4: ", "found size 0"},
+        {MJCF("", "<joint/><geom quat='0 0 0 0' size='1'/>", ""), "x.urdf:4: ", "a rotation"},
+        {MJCF("", "<joint/><geom type='mesh' mesh='none'/>", ""), "x.urdf:4: ", "mesh \"none\""},
+        {MJCF("", "<joint axis='0 0 0'/>", ""), "x.urdf:4: ", "expected a direction"},
+        {MJCF("", "<joint/>", "<keyframe><key qpos='1 2'/></keyframe>"),
+         "x.urdf:4: ", "expected 1 finite number"},
+        {"<mujoco/>", "x.urdf:1: ", "without <worldbody>"},
+        {"<mujoco><worldbody/></mujoco>", "x.urdf:1: ", "0 bodies"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        import_bad(cases[i].text, cases[i].place, cases[i].words);
+    }
+}
+
+static void mjcf_joints_may_follow_each_other(void **state)
+{
+    const char *text = MJCF("", "<joint name='j'/><joint name='k' axis='1 0 0'/>",
+                            "<equality><joint joint1='k' joint2='j' polycoef='0.1 2 0 0 0'/>"
+                            "</equality>");
+
+    (void)state;
+    import_bad(text, "x.urdf:4: ", "\"k\" that follows \"j\"");
+    options.mimic = IMPORT_MIMIC_LOCK;
+    import_good(text);
+    assert_int_equal(made.robot->njoint, 1);
+    assert_true(noted(IMPORT_CHANGED, 4, "fixed at 0.1 rad"));
+}
+
+/* ---- drives ---- */
+
+static void drives_follow_effort_and_velocity(void **state)
+{
+    const struct robot_sea *sea;
+
+    (void)state;
+    import_good(ROBOT(
+        LINK("base") "<link name='a'><inertial><origin xyz='0.2 0 0'/><mass value='1'/>" INERTIA
+                     "</inertial></link>\n" JOINT(
+                         "j", "revolute", "base", "a",
+                         LIMIT) "<transmission name='t'><joint name='j'/><actuator name='m'>"
+                                "<mechanicalReduction>50</mechanicalReduction></actuator></"
+                                "transmission>"));
+    sea = &made.robot->joint[0].sea;
+    assert_near(made.robot->joint[0].torque_limit, 10.0, 0.0);
+    assert_near(sea->N, 50.0, 0.0);
+    assert_near(sea->Kt * 4.5, 24.0, 1e-12); /* no load at 1.5 times 3 rad/s */
+    assert_near(sea->Kt * (24.0 - sea->Kw * 3.0) / sea->R, 10.0, 1e-12); /* full strength there */
+    assert_near(sea->Ks, 1000.0, 1e-9);
+}
+
+static void placeholders_are_no_strength(void **state)
+{
+    (void)state;
+    import_good(ROBOT(
+        LINK("base") "<link name='a'><inertial><origin xyz='0.2 0 0'/><mass value='1'/>" INERTIA
+                     "</inertial></link>\n" JOINT("j", "revolute", "base", "a",
+                                                  "<limit lower='-1' upper='1' effort='1000' "
+                                                  "velocity='1000'/>")));
+    assert_near(made.robot->joint[0].torque_limit, 3.0 * 9.81 * 0.2, 1e-9);
+    assert_true(noted(IMPORT_ASSUMED, 4, "effort 1000 is a placeholder"));
+    assert_true(noted(IMPORT_ASSUMED, 4, "velocity 1000 is a placeholder"));
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, open_default, close_arena)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(fixed_links_merge_with_turned_inertias),
+        TEST(joint_origins_pass_through_fixed_links),
+        TEST(joint_behind_which_nothing_weighs_is_fixed),
+        TEST(body_between_joints_may_have_no_mass),
+        TEST(equal_limits_fix_a_joint_where_they_are),
+        TEST(continuous_joint_has_turns_and_no_stops),
+        TEST(sliding_joint_is_fixed_unless_it_may_slide),
+        TEST(joint_that_follows_is_refused_locked_or_free),
+        TEST(joint_follows_one_that_is_fixed_exactly),
+        TEST(limits_that_exclude_zero_move_the_rest),
+        TEST(impossible_joints_are_refused),
+        TEST(what_is_no_tree_is_refused),
+        TEST(names_stand_once),
+        TEST(names_that_robot_files_refuse_are_changed),
+        TEST(bases_are_guessed_and_said),
+        TEST(floating_joint_makes_its_child_the_base),
+        TEST(inertia_that_no_body_has_is_refused_or_repaired),
+        TEST(repair_keeps_the_axes),
+        TEST(document_types_and_entities_are_refused),
+        TEST(xacro_is_sent_back),
+        TEST(numbers_are_read_strictly),
+        TEST(force_sensor_bears_what_is_below_it),
+        TEST(poses_come_from_the_second_file),
+        TEST(mjcf_that_is_no_plain_tree_is_refused),
+        TEST(mjcf_joints_may_follow_each_other),
+        TEST(drives_follow_effort_and_velocity),
+        TEST(placeholders_are_no_strength),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
