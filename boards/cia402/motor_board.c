@@ -16,10 +16,10 @@ enum {
     TEMPERATURE_MAX_C = 125,
 };
 
-/* Of the velocity loop, in back-EMFs: e falls in 1 / (1 + kp) of the motor's own time; with ki a
- * load is taken over in some 40 ms */
-#define VELOCITY_KP 2.0
-#define VELOCITY_KI 80.0
+/* Of the velocity loop, in back-EMFs: an error falls in half the motor's own time constant, which
+ * the delay of a millisecond's steps still bears, and a load is taken over in some 50 ms */
+#define VELOCITY_KP 1.0
+#define VELOCITY_KI 40.0
 #define OVER_VOLTAGE_V 60.0
 
 /* Code of EMCY and 0x603f, and bit of the error register. */
