@@ -82,7 +82,6 @@ static void cia402_motor_power_up(struct board *board)
 {
     struct cia402_motor *motor = cia402_motor_of(board);
 
-    motor->node.axis = motor->axis;
     motor->node.axes = board_config_axes(&board->config);
     cia402_node_power_up(&motor->node);
     for (unsigned i = 0; i < motor->node.axes; i++) {
@@ -343,5 +342,6 @@ struct board *cia402_motor_create(struct arena *arena)
     }
     motor->node.board.ops = &cia402_motor_ops;
     motor->node.kind = CIA402_KIND_DRIVE;
+    motor->node.axis = motor->axis;
     return &motor->node.board;
 }

@@ -28,7 +28,6 @@ static void cia402_sensor_power_up(struct board *board)
 {
     struct cia402_sensor_board *own = cia402_sensor_of(board);
 
-    own->node.sensor = &own->sensor;
     cia402_node_power_up(&own->node);
     own->sensor.faults = own->sensor.saturated = 0;
 }
@@ -154,6 +153,7 @@ static struct board *cia402_sensor_create(struct arena *arena, enum cia402_kind 
     }
     own->node.board.ops = ops;
     own->node.kind = kind;
+    own->node.sensor = &own->sensor;
     return &own->node.board;
 }
 
