@@ -111,7 +111,7 @@ static double compact_board_load(const struct rig *rig, const struct rig_bus *bu
 }
 
 /* TPDOs with every so many SYNCs; those that tell a change at their event timer, as while nothing
- * changes. */
+ * changes; the heartbeat. */
 static double cia402_board_load(const struct rig *rig, const struct rig_bus *bus,
                                 const struct board_config *board)
 {
@@ -121,6 +121,7 @@ static double cia402_board_load(const struct rig *rig, const struct rig_bus *bus
     double period = telemetry_period_s(rig, board->period_ns), bits = 0.0;
     struct cia402_plan plan;
 
+    bits += worst_frame_bits(bus, 1) / (CIA402_HEARTBEAT_MS * MS);
     for (unsigned i = 0; cia402_plan_row(kind, (unsigned)board_count_axes(board), i, &plan); i++) {
         if (!plan.receive) {
             bits += worst_frame_bits(bus, plan.length) /

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The host's side of boards/cia402/protocol.h. Start-up: resets the communication of all nodes,
- * asks each for its device type, sets its PDOs up by SDO as struct cia402_plan has them and its
- * axes to the voltage mode, and starts it. Then every period the voltages of each node, and a SYNC,
- * which all telemetry follows. Motors are switched by their controlwords, one step of the state
- * machine after the other as the statuswords tell.
+ * asks each for its device type, sets its PDOs up by SDO as struct cia402_plan has them, its axes
+ * to the voltage mode, and starts it, again when its heartbeat says that it was not. Then every
+ * period the voltages of each node, and a SYNC, which all telemetry follows. Motors are switched by
+ * their controlwords, one step of the state machine after the other as the statuswords tell.
  *
  * A frame that changes anything is repeated when a node does not do as it says: the last
  * controlwords every CONTROL_REPEAT_NS.
@@ -131,14 +131,28 @@ static void host_cia402_read_emergency(struct host *host, struct host_node *node
     }
 }
 
-/* A node that boots has lost its settings: its motors are off. */
-static void host_cia402_read_boot_up(struct host *host, struct host_node *node,
-                                     const struct bus_frame *frame)
+static void host_cia402_start_node(struct host *host, size_t bus, unsigned id)
 {
-    for (int k = 0; k < HOST_AXES && host->phase > HOST_CONFIGURING; k++) {
+    const uint8_t data[CIA402_NMT_LENGTH] = {CIA402_NMT_START, (uint8_t)id};
+    struct bus_frame frame = frame_make(CIA402_NMT, sizeof data, data);
+
+    host_queue(host, bus, &frame);
+}
+
+/* A node that boots has lost its settings: its motors are off. */
+static void host_cia402_read_heartbeat(struct host *host, size_t bus, struct host_node *node,
+                                       const struct bus_frame *frame)
+{
+    if (host->phase <= HOST_CONFIGURING || frame->len != 1) {
+        return;
+    }
+    if (frame->data[0] == CIA402_PRE_OPERATIONAL) {
+        host_cia402_start_node(host, bus, frame->id & NODE_ID_MASK);
+    }
+    for (int k = 0; k < HOST_AXES && frame->data[0] == CIA402_BOOT_UP; k++) {
         struct host_joint *joint = host_node_joint(host, node, k);
 
-        if (joint && frame->len == 1 && frame->data[0] == CIA402_BOOT_UP) {
+        if (joint) {
             joint->motor = HOST_MOTOR_OFF;
         }
     }
@@ -207,7 +221,7 @@ static void host_cia402_read_frame(struct host *host, size_t bus, const struct b
         host_cia402_read_sdo(host, bus, node, frame);
         break;
     case CIA402_HEARTBEAT:
-        host_cia402_read_boot_up(host, node, frame);
+        host_cia402_read_heartbeat(host, bus, node, frame);
         break;
     default:
         break;
@@ -304,7 +318,8 @@ static bool host_cia402_find_setting(const struct host *host, const struct host_
                                     (uint8_t)CIA402_VOLTAGE_MODE};
         return true;
     }
-    return false;
+    *setting = (struct setting){CIA402_O_HEARTBEAT, 0, 2, CIA402_HEARTBEAT_MS};
+    return number == axes;
 }
 
 static bool host_cia402_request(const struct host *host, size_t bus, unsigned address, int number,

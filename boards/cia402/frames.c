@@ -62,19 +62,20 @@ static const struct service {
     uint16_t cob_id;
     bool from_host;
     uint8_t length;
+    uint8_t cycle_ms; /* as our host sets it up; 0: on demand */
     const struct field *fields;
 } services[] = {
-    {"EMCY", CIA402_EMCY, false, CIA402_EMCY_LENGTH,
+    {"EMCY", CIA402_EMCY, false, CIA402_EMCY_LENGTH, 0,
      FIELDS(NUMBER(FIELD_U16, "code"), NUMBER(FIELD_U8, "error_register"),
             NUMBER(FIELD_U8, "axis"), NUMBER(FIELD_U32, "faults"))},
-    {"SDO_REQUEST", CIA402_SDO_REQUEST, true, CIA402_SDO_LENGTH, sdo},
-    {"SDO_REPLY", CIA402_SDO_REPLY, false, CIA402_SDO_LENGTH, sdo},
-    {"HEARTBEAT", CIA402_HEARTBEAT, false, 1,
+    {"SDO_REQUEST", CIA402_SDO_REQUEST, true, CIA402_SDO_LENGTH, 0, sdo},
+    {"SDO_REPLY", CIA402_SDO_REPLY, false, CIA402_SDO_LENGTH, 0, sdo},
+    {"HEARTBEAT", CIA402_HEARTBEAT, false, 1, CIA402_HEARTBEAT_MS,
      FIELDS({.type = 7, .name = "state", .values = nmt_states}, {.type = 1, .name = "toggle"})},
 }, broadcasts[] = {
-    {"NMT", CIA402_NMT, true, CIA402_NMT_LENGTH,
+    {"NMT", CIA402_NMT, true, CIA402_NMT_LENGTH, 0,
      FIELDS(NAMED(FIELD_U8, "command", nmt_commands), NUMBER(FIELD_U8, "node"))},
-    {"SYNC", CIA402_SYNC, true, 0, NULL},
+    {"SYNC", CIA402_SYNC, true, 0, 1, NULL},
 };
 /* clang-format on */
 
@@ -102,6 +103,7 @@ static struct cia402_frame cia402_make_service(const struct service *service, un
         .id = service->cob_id + node,
         .from_host = service->from_host,
         .length = service->length,
+        .cycle_ns = service->cycle_ms * (uint32_t)MS,
         .fields = service->fields,
         .repeats = 1,
         .axis = -1,

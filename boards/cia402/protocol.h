@@ -200,6 +200,7 @@ enum cia402_fault {
 /* Objects that hosts and messages name; of axis 0. */
 enum cia402_index {
     CIA402_O_DEVICE_TYPE = 0x1000,
+    CIA402_O_HEARTBEAT = 0x1017,
     CIA402_O_RPDO_PARAMETER = 0x1400,
     CIA402_O_RPDO_MAPPING = 0x1600,
     CIA402_O_TPDO_PARAMETER = 0x1800,
@@ -236,7 +237,7 @@ struct cia402_plan {
     uint32_t object[CIA402_MAPPED_MAX]; /* index, sub-index, bits, as a mapping object has it */
 };
 
-enum { CIA402_STATUS_EVENT_MS = 100, CIA402_MAGNETIC_SYNCS = 50 };
+enum { CIA402_STATUS_EVENT_MS = 100, CIA402_HEARTBEAT_MS = 100, CIA402_MAGNETIC_SYNCS = 50 };
 
 static inline uint32_t cia402_mapping(unsigned index, unsigned sub, unsigned bits)
 {

@@ -131,7 +131,7 @@ static void a_personality_has_its_own_addresses_axes_and_boards(void **state)
             "29:15: found a torque board on a bus with personality compact, expected none: its "
             "motor boards report the torques");
     refused("  - {name: left, interface: can0, personality: pdo, boards: []}\n",
-            "28:48: found \"pdo\", expected icub, foc or compact");
+            "28:48: found \"pdo\", expected icub, foc, compact or cia402");
 }
 
 static void fd_belongs_to_compact_and_has_a_data_bitrate(void **state)
@@ -233,6 +233,23 @@ static void compact_loads_are_those_of_the_protocol_study(void **state)
     CHECK_LOADS("coman-compact.yaml", loads);
 }
 
+/* Frames of 0, 1, 6 and 8 bytes are 55, 65, 115 and 135 bits at the most: with every SYNC 8 bytes
+ * an axis and twice 6 a force-torque node, the SYNC and 2 bytes an axis of each drive; every 100 ms
+ * the statuswords, 2 bytes an axis, and the heartbeat of each node. */
+static void cia402_loads_are_those_of_counted_bits(void **state)
+{
+    const double three = 3 * 13.5 + 11.5 + 5.5 + 0.115 + 0.065, ft = 2 * 11.5 + 0.065;
+    const double four = 4 * 13.5 + 13.5 + 5.5 + 0.135 + 0.065;
+    const struct expected_load loads[] = {
+        {"torso", three},     {"left_hip", three},         {"left_shank", three + ft},
+        {"right_hip", three}, {"right_shank", three + ft}, {"left_arm", four},
+        {"right_arm", four},  {"wrists", 5.5 + 2 * ft},
+    };
+
+    (void)state;
+    CHECK_LOADS("coman-cia402.yaml", loads);
+}
+
 /* The study's worst-case times at 1/8 Mbit/s: 48 bytes 98.9 us, 64 bytes 118.9, 12 bytes 53.2, 8
  * bytes 48.2; from 24 bytes (68.9 us) on a byte is 1.25 us, so that the set-points of 13 axes in 32
  * bytes take 78.9 and those of 10 axes in 20 bytes 63.9. */
@@ -329,6 +346,7 @@ int main(void)
         TEST(icub_loads_are_those_of_the_protocol_study),
         TEST(foc_loads_are_those_of_the_protocol_study),
         TEST(compact_loads_are_those_of_the_protocol_study),
+        TEST(cia402_loads_are_those_of_counted_bits),
         TEST(fd_loads_are_those_of_the_protocol_study),
         TEST(inertial_boards_load_their_buses),
         TEST(one_inertial_board_where_the_robot_has_the_sensor),
