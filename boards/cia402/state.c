@@ -93,14 +93,15 @@ static void cia402_axis_stop_quickly(struct cia402_node *node, struct cia402_axi
                      stays ? CIA402_QUICK_STOP_ACTIVE : CIA402_SWITCH_ON_DISABLED);
 }
 
-/* To a state where the drive function is off, on a ramp if the option code wants one. */
+/* To a state where the drive function is off, on a ramp if the option code wants one; a controlword
+ * that comes again does not begin the ramp anew. */
 static void cia402_axis_leave_operation(struct cia402_node *node, struct cia402_axis *axis,
                                         bool ramp, enum cia402_state state)
 {
-    if (ramp) {
-        cia402_axis_stop(axis, false, state);
-    } else {
+    if (!ramp) {
         cia402_axis_enter(node, axis, state);
+    } else if (!axis->stopping || axis->stop_state != state) {
+        cia402_axis_stop(axis, false, state);
     }
 }
 

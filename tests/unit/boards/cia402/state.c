@@ -235,6 +235,38 @@ static void ramps_end_when_the_axis_stands(void **state)
     }
 }
 
+/* As a host does that sends it every period: the axis that does not stop is given up all the same */
+static void a_controlword_that_is_repeated_does_not_restart_the_ramp(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    bring_to(&bench, CIA402_OPERATION_ENABLED);
+    assert_int_equal(sdo_write(&bench, 0, 4, 0x605b, 0, 2, 1), 0);
+    nmt(&bench, CIA402_NMT_START, 4);
+    turn(&bench, 1.0, 20);
+    for (int t = 0; t < 1950; t++) {
+        bench_send(&bench, 0, 0x204, "07 00");
+        turn(&bench, 1.0, 1);
+    }
+    assert_true(is_in(&bench, CIA402_OPERATION_ENABLED));
+    for (int t = 0; t < 100; t++) {
+        bench_send(&bench, 0, 0x204, "07 00");
+        turn(&bench, 1.0, 1);
+    }
+    assert_true(is_in(&bench, CIA402_SWITCHED_ON));
+
+    /* another command on the way leads to its own state */
+    control(&bench, 0x0f);
+    turn(&bench, 1.0, 20);
+    control(&bench, 0x07);
+    turn(&bench, 1.0, 20);
+    control(&bench, 0x06);
+    turn(&bench, 0.0, 400);
+    assert_true(is_in(&bench, CIA402_READY_TO_SWITCH_ON));
+    bench_stop(&bench);
+}
+
 static void an_enable_during_the_ramp_out_of_operation_cancels_it(void **state)
 {
     struct board_bench bench;
@@ -264,6 +296,21 @@ static void a_quick_stop_that_leads_out_is_not_resumed(void **state)
     assert_true(is_in(&bench, CIA402_QUICK_STOP_ACTIVE));
     turn(&bench, 0.0, 400);
     assert_true(is_in(&bench, CIA402_SWITCH_ON_DISABLED));
+    bench_stop(&bench);
+}
+
+/* NMT stop is a lost connection; 0x6007 = 3 asks for the quick stop that is under way. */
+static void a_lost_connection_does_not_disturb_a_quick_stop(void **state)
+{
+    struct board_bench bench;
+
+    (void)state;
+    bring_to(&bench, CIA402_QUICK_STOP_ACTIVE);
+    assert_int_equal(sdo_write(&bench, 0, 4, 0x6007, 0, 2, 3), 0);
+    nmt(&bench, CIA402_NMT_STOP, 4);
+    bench_ticks(&bench, 5);
+    nmt(&bench, CIA402_NMT_PRE_OPERATIONAL, 4);
+    assert_true(is_in(&bench, CIA402_QUICK_STOP_ACTIVE));
     bench_stop(&bench);
 }
 
@@ -336,8 +383,10 @@ int main(void)
         TEST(the_statusword_tells_supply_and_remote),
         TEST(a_fault_reset_needs_an_edge_and_the_cause_gone),
         TEST(ramps_end_when_the_axis_stands),
+        TEST(a_controlword_that_is_repeated_does_not_restart_the_ramp),
         TEST(an_enable_during_the_ramp_out_of_operation_cancels_it),
         TEST(a_quick_stop_that_leads_out_is_not_resumed),
+        TEST(a_lost_connection_does_not_disturb_a_quick_stop),
         TEST(a_fault_reaction_stops_as_its_option_code_says),
         TEST(an_axis_that_does_not_stop_is_given_up_after_two_seconds),
         TEST(axes_of_a_node_are_on_their_own),
