@@ -12,14 +12,19 @@
 #include <cmocka.h>
 
 /* The toy rig with its buses replaced, of which each joint needs to be driven. */
-static void write_buses(const char *buses)
+static void write_buses_and_lockstep(const char *buses, const char *lockstep)
 {
     char text[sizeof toy_rig + 2048];
     const char *from = strstr(toy_rig, "buses:\n"), *to = strstr(toy_rig, "lockstep:");
 
-    snprintf(text, sizeof text, "%.*sbuses:\n%slockstep: {}\n%s", (int)(from - toy_rig), toy_rig,
-             buses, strchr(to, '\n') + 1);
+    snprintf(text, sizeof text, "%.*sbuses:\n%slockstep: {%s}\n%s", (int)(from - toy_rig), toy_rig,
+             buses, lockstep, strchr(to, '\n') + 1);
     write_rig_file(text);
+}
+
+static void write_buses(const char *buses)
+{
+    write_buses_and_lockstep(buses, "");
 }
 
 static const struct rig *load_buses(const char *buses)
@@ -132,6 +137,32 @@ static void a_personality_has_its_own_addresses_axes_and_boards(void **state)
             "motor boards report the torques");
     refused("  - {name: left, interface: can0, personality: pdo, boards: []}\n",
             "28:48: found \"pdo\", expected icub, foc, compact or cia402");
+}
+
+/* TPDO 4, SDO, and what is free */
+static void lockstep_ids_keep_clear_of_cia402_nodes(void **state)
+{
+    static const char buses[] = "  - {name: left, interface: can0, personality: cia402,\n"
+                                "     boards: [{kind: motor, address: 1, axes: [hip, knee]}]}\n";
+    static const char *const taken[] = {"0x481", "0x500", "0x59f", "0x600", "0x61f"};
+    static const char *const free_ids[] = {"0x5a0", "0x620", "0x6c0"};
+    char lockstep[32], message[160];
+
+    (void)state;
+    for (int i = 0; i < 5; i++) {
+        snprintf(lockstep, sizeof lockstep, "step_id: %s", taken[i]);
+        snprintf(message, sizeof message,
+                 "30:21: found id %s, which belongs to cia402 boards, expected one from 0x5a0 to "
+                 "0x5ff, 0x620 to 0x67f or 0x6c0 to 0x6ff",
+                 taken[i]);
+        write_buses_and_lockstep(buses, lockstep);
+        assert_rig_refused(buses, message);
+    }
+    for (int i = 0; i < 3; i++) {
+        snprintf(lockstep, sizeof lockstep, "step_id: %s", free_ids[i]);
+        write_buses_and_lockstep(buses, lockstep);
+        assert_int_equal(load_rig(rig_path)->boards.nboard, 1);
+    }
 }
 
 static void fd_belongs_to_compact_and_has_a_data_bitrate(void **state)
@@ -342,6 +373,7 @@ int main(void)
         TEST(each_bus_speaks_its_own_personality),
         TEST(the_controller_is_told_the_drives_of_foc_axes),
         TEST(a_personality_has_its_own_addresses_axes_and_boards),
+        TEST(lockstep_ids_keep_clear_of_cia402_nodes),
         TEST(fd_belongs_to_compact_and_has_a_data_bitrate),
         TEST(icub_loads_are_those_of_the_protocol_study),
         TEST(foc_loads_are_those_of_the_protocol_study),

@@ -235,7 +235,7 @@ static void ramps_end_when_the_axis_stands(void **state)
     }
 }
 
-/* As a host does that sends it every period: the axis that does not stop is given up all the same */
+/* As a host does that sends it every period: an axis that does not stop is given up all the same */
 static void a_controlword_that_is_repeated_does_not_restart_the_ramp(void **state)
 {
     struct board_bench bench;
