@@ -75,7 +75,8 @@ struct board_settings {
 struct board_bus_ops {
     /* A board has got its address; before its power-up. */
     void (*add_board)(struct board_bus *bus, struct board *board);
-    /* A data frame with an 11-bit identifier and a length that the bus allows. */
+    bool remote; /* remote frames mean something */
+    /* A frame with an 11-bit identifier and a length that the bus allows. */
     void (*receive)(struct boards *boards, struct board_bus *bus, const struct bus_frame *frame);
 };
 
@@ -147,7 +148,7 @@ static inline int board_joint(const struct board *board, size_t axis)
                : -1;
 }
 
-/* Axes of a compact board: they end with the first spare one. */
+/* Axes of a compact or cia402 board: they end with the first spare one. */
 static inline unsigned board_config_axes(const struct board_config *config)
 {
     unsigned count = 0;

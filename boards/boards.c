@@ -4,6 +4,7 @@
  * events, its address, its bootloader), and the phases of a tick.
  */
 #include "boards/board_private.h"
+#include "boards/cia402/board.h"
 #include "boards/compact/board.h"
 #include "boards/foc/board.h"
 #include "boards/icub/board.h"
@@ -23,12 +24,19 @@ enum board_personality boards_personality(const struct boards_config *config, in
 
 static struct board_bus *boards_create_bus(enum board_personality personality, struct arena *arena)
 {
-    return personality == BOARD_COMPACT ? compact_bus_create(arena) : icub_bus_create(arena);
+    return personality == BOARD_CIA402    ? cia402_bus_create(arena)
+           : personality == BOARD_COMPACT ? compact_bus_create(arena)
+                                          : icub_bus_create(arena);
 }
 
 static struct board *boards_create_board(enum board_personality personality, enum board_kind kind,
                                          struct arena *arena)
 {
+    if (personality == BOARD_CIA402) {
+        return kind == BOARD_MOTOR      ? cia402_motor_create(arena)
+               : kind == BOARD_INERTIAL ? cia402_inertial_create(arena)
+                                        : cia402_ft_create(arena);
+    }
     if (personality == BOARD_COMPACT) {
         return kind == BOARD_MOTOR      ? compact_motor_create(arena)
                : kind == BOARD_INERTIAL ? compact_inertial_create(arena)
@@ -93,7 +101,7 @@ bool boards_firmware(const struct boards *boards, size_t board, struct board_fir
     const struct board *of = boards->board[board];
     const struct icub_loader *loader;
 
-    if (of->bus->config.personality == BOARD_COMPACT) {
+    if (of->bus->config.personality != BOARD_ICUB && of->bus->config.personality != BOARD_FOC) {
         return false;
     }
     loader = &icub_board_of(of)->loader;
@@ -277,11 +285,12 @@ void boards_count_frame(struct boards *boards, struct board *listener, enum boar
 void boards_receive(struct boards *boards, int64_t now_ns, size_t bus,
                     const struct bus_frame *frame)
 {
-    const unsigned foreign = FRAME_EXTENDED | FRAME_REMOTE | FRAME_ERROR;
+    const unsigned foreign = FRAME_EXTENDED | FRAME_ERROR;
     bool fd = frame->flags & FRAME_FD;
 
     if (bus >= boards->nbus || frame->flags & foreign || frame->id > 0x7ff ||
-        frame->len > (fd ? 64 : 8) || (fd && !boards->bus[bus]->config.fd)) {
+        frame->len > (fd ? 64 : 8) || (fd && !boards->bus[bus]->config.fd) ||
+        (frame->flags & FRAME_REMOTE && !boards->bus[bus]->ops->remote)) {
         boards->counters.foreign++;
         return;
     }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Whether a configuration of boards can be built: addresses, axes, channels, ranges. */
 #include "boards/board_private.h"
+#include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
 
@@ -120,6 +121,10 @@ static enum error_code check_board_config(const struct boards_config *config,
         if (board->address < 1 || board->address > COMPACT_NODE_MAX) {
             return check_refuse(error, board, "the address must be 1 to 31 on a compact bus");
         }
+    } else if (personality == BOARD_CIA402) {
+        if (board->address < 1 || board->address > CIA402_NODE_MAX) {
+            return check_refuse(error, board, "the Node-ID must be 1 to 31 on a cia402 bus");
+        }
     } else if (personality == BOARD_FOC && board->kind == BOARD_MOTOR) {
         if (board->address < 1 || board->address > FOC_AXES_MAX) {
             return check_refuse(error, board,
@@ -144,6 +149,10 @@ static enum error_code check_board_config(const struct boards_config *config,
         if (personality == BOARD_COMPACT) {
             return check_refuse(error, board,
                                 "a compact bus needs no torque board: TELEMETRY has it");
+        }
+        if (personality == BOARD_CIA402) {
+            return check_refuse(error, board,
+                                "a cia402 bus needs no torque board: the drives measure it");
         }
         return check_channel_configs(config, board, error);
     case BOARD_FT:
@@ -213,9 +222,10 @@ enum error_code boards_check(const struct boards_config *config, struct error *e
         if (config->bus[i].fd && config->bus[i].personality != BOARD_COMPACT) {
             return error_set(error, ERROR_INPUT, "boards: only compact boards speak CAN FD");
         }
-        if (config->bus[i].padded && config->bus[i].personality == BOARD_COMPACT) {
+        if (config->bus[i].padded && config->bus[i].personality != BOARD_ICUB &&
+            config->bus[i].personality != BOARD_FOC) {
             return error_set(error, ERROR_INPUT,
-                             "boards: frames of compact boards have no padding");
+                             "boards: frames of compact and cia402 boards have no padding");
         }
     }
 

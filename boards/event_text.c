@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Events of boards as lines of a log. Not called in the loop. */
 #include "boards/board_private.h"
+#include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
 #include "boards/icub/protocol.h"
 
@@ -15,11 +16,31 @@ static const char *event_compact_mode_name(uint32_t mode)
                                      : "off";
 }
 
+/* The states of CiA 402 stand where others have modes. */
+static const char *event_cia402_state_name(uint32_t state)
+{
+    static const char *const names[CIA402_STATES] = {
+        [CIA402_NOT_READY] = "not ready to switch on",
+        [CIA402_SWITCH_ON_DISABLED] = "switch on disabled",
+        [CIA402_READY_TO_SWITCH_ON] = "ready to switch on",
+        [CIA402_SWITCHED_ON] = "switched on",
+        [CIA402_OPERATION_ENABLED] = "operation enabled",
+        [CIA402_QUICK_STOP_ACTIVE] = "quick stop active",
+        [CIA402_FAULT_REACTION_ACTIVE] = "fault reaction active",
+        [CIA402_FAULT] = "fault",
+    };
+
+    return state < CIA402_STATES ? names[state] : "unknown";
+}
+
 /* A mode as people call it, with blanks; the DBC has names without. */
 static const char *event_mode_name(enum board_personality personality, uint32_t mode)
 {
     if (personality == BOARD_COMPACT) {
         return event_compact_mode_name(mode);
+    }
+    if (personality == BOARD_CIA402) {
+        return event_cia402_state_name(mode);
     }
     switch (mode) {
     case ICUB_MODE_IDLE:
@@ -109,10 +130,19 @@ static const char *const compact_faults[] = {"under-voltage",
                                              "inertial sensor",
                                              NULL};
 
+static const char *const cia402_faults[] = {"under-voltage", "over-voltage",
+                                            "over-current",  "motor encoder",
+                                            "link encoder",  "torque sensor",
+                                            "temperature",   "following error",
+                                            "connection",    "stale command",
+                                            "limit",         "saturated",
+                                            "no reading",    NULL};
+
 const char *const *board_fault_names(enum board_personality personality)
 {
     return personality == BOARD_FOC       ? foc_faults
            : personality == BOARD_COMPACT ? compact_faults
+           : personality == BOARD_CIA402  ? cia402_faults
                                           : icub_faults;
 }
 
@@ -140,26 +170,28 @@ static void event_describe(enum board_personality personality, const struct boar
     switch (event->kind) {
     /* Of an axis */
     case BOARD_EVENT_MODE:
-        snprintf(text, size, "axis %u from %s to %s mode", axis, event_mode_name(personality, a),
-                 event_mode_name(personality, b));
+        snprintf(text, size, "axis %u from %s to %s%s", axis, event_mode_name(personality, a),
+                 event_mode_name(personality, b), personality == BOARD_CIA402 ? "" : " mode");
         return;
     case BOARD_EVENT_FAULT:
         event_list_faults(personality, a, faults, sizeof faults);
         snprintf(text, size, "axis %u has a fault: %s", axis, faults);
         return;
     case BOARD_EVENT_TIMEOUT:
-        snprintf(text, size, "axis %u: the %s command timed out, %s", axis,
-                 event_mode_name(personality, a), event_timeout_consequence(personality));
+        snprintf(text, size, "axis %u: the %s%scommand timed out, %s", axis,
+                 personality == BOARD_CIA402 ? "" : event_mode_name(personality, a),
+                 personality == BOARD_CIA402 ? "" : " ", event_timeout_consequence(personality));
         return;
     case BOARD_EVENT_SOURCE_LOST:
         snprintf(text, size, "axis %u: torque source %" PRIu32 " timed out, motor switched off",
                  axis, a);
         return;
     case BOARD_EVENT_LIMIT:
-        snprintf(
-            text, size, "axis %u is beyond its position limit at %" PRId32 " %s", axis, (int32_t)a,
-            personality == BOARD_COMPACT ? "x 1e-5 rad, only commands that lead back are obeyed"
-                                         : "ticks, voltage set to 0");
+        snprintf(text, size, "axis %u is beyond its position limit at %" PRId32 " %s", axis,
+                 (int32_t)a,
+                 personality == BOARD_COMPACT || personality == BOARD_CIA402
+                     ? "x 1e-5 rad, only commands that lead back are obeyed"
+                     : "ticks, voltage set to 0");
         return;
 
     /* Of a frame */

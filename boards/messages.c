@@ -3,6 +3,7 @@
 #include "boards/messages.h"
 
 #include "boards/board_private.h"
+#include "boards/cia402/frames.h"
 #include "boards/compact/table.h"
 #include "boards/foc/table.h"
 
@@ -308,6 +309,34 @@ static void walk_compact_broadcasts(struct walk *walk, unsigned slots)
     }
 }
 
+/* ---- cia402 buses ---- */
+
+/* Those of a board, or, with none, of the host to all. */
+static void walk_cia402_board(struct walk *walk, int index, unsigned first_slot)
+{
+    const struct board_config *board =
+        index == MESSAGE_NO_BOARD ? NULL : &walk->config->board[index];
+    struct cia402_frame frame;
+
+    for (unsigned row = 0; cia402_frame_row(board, row, &frame); row++) {
+        const struct message message = {
+            .name = frame.name,
+            .id = frame.id,
+            .sender = frame.from_host ? MESSAGE_NO_BOARD : index,
+            .receiver = frame.from_host ? index : MESSAGE_NO_BOARD,
+            .from_host = frame.from_host,
+            .length = frame.length,
+            .code = MESSAGE_NO_CODE,
+            .cycle_ns = frame.cycle_ns,
+            .fields = frame.fields,
+            .repeats = frame.repeats,
+            .slot = frame.axis < 0 ? -1 : (int)first_slot + frame.axis,
+        };
+
+        walk_visit(walk, &message);
+    }
+}
+
 void boards_messages(const struct boards_config *config, int bus,
                      bool (*visit)(void *context, const struct message *message), void *context)
 {
@@ -320,6 +349,8 @@ void boards_messages(const struct boards_config *config, int bus,
     }
     if (personality == BOARD_COMPACT) {
         walk_compact_broadcasts(&walk, slots);
+    } else if (personality == BOARD_CIA402) {
+        walk_cia402_board(&walk, MESSAGE_NO_BOARD, 0);
     } else {
         walk_icub_broadcasts(&walk, personality == BOARD_FOC);
     }
@@ -329,6 +360,9 @@ void boards_messages(const struct boards_config *config, int bus,
         }
         if (personality == BOARD_COMPACT) {
             walk_compact_board(&walk, (int)i, slot);
+            slot += board_config_axes(&config->board[i]);
+        } else if (personality == BOARD_CIA402) {
+            walk_cia402_board(&walk, (int)i, slot);
             slot += board_config_axes(&config->board[i]);
         } else {
             walk_discovery_reply(&walk, (int)i);

@@ -30,7 +30,7 @@ struct message {
     const struct field *fields;
     uint8_t first_byte; /* where the fields begin */
     uint8_t repeats;    /* how often the fields follow each other, 1 or more */
-    int slot;           /* compact: of the axis that it is about, else -1 */
+    int slot;           /* compact, cia402: of the axis that it is about, else -1 */
 };
 
 /* Calls visit for each message of a bus, in the order of board, class and code; those of the host

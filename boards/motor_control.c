@@ -5,6 +5,9 @@
 #include <math.h>
 #include <string.h>
 
+#define LOOP_GAIN 0.5 /* g of the current loop */
+#define OVERLOAD_MS 10.0
+
 bool control_quantize(double value, int32_t *count)
 {
     if (!isfinite(value)) {
@@ -21,6 +24,29 @@ bool control_quantize(double value, int32_t *count)
         *count -= *count > value;
     }
     return true;
+}
+
+void current_loop_tune(double ohm, double henry, double *kp_v_a, double *ki_v_as)
+{
+    double a = henry > 0.0 ? exp(-1e-3 * ohm / henry) : 0.0;
+
+    *kp_v_a = LOOP_GAIN * ohm * a / (1.0 - a);
+    *ki_v_as = LOOP_GAIN * ohm / 1e-3;
+}
+
+double current_loop_step(double *integral_v, double kp_v_a, double ki_v_as, double error_a,
+                         double supply_v)
+{
+    *integral_v += ki_v_as * error_a * 1e-3;
+    *integral_v = fmax(fmin(*integral_v, supply_v), -supply_v);
+    return kp_v_a * error_a + *integral_v;
+}
+
+bool overload_step(double *overload_ms, double current_a, double limit_a, double tick_ms)
+{
+    *overload_ms += (current_a * current_a / (limit_a * limit_a) - 1.0) * tick_ms;
+    *overload_ms = fmax(*overload_ms, 0.0);
+    return *overload_ms > OVERLOAD_MS;
 }
 
 int64_t control_shift_right(int64_t value, int64_t shift)

@@ -18,6 +18,22 @@ static inline int64_t control_clamp(int64_t value, int64_t min, int64_t max)
     return value < min ? min : value > max ? max : value;
 }
 
+/*
+ * Loops in SI units, for boards that have them. The current loop, a step a millisecond: v = kp e +
+ * sum of ki e dt, and the caller adds the back-EMF. At standstill the winding is i' = a i + (1 - a)
+ * / R v with a = exp(-1 ms R / L), so that kp = g R a / (1 - a), ki = g R / 1 ms cancel its pole
+ * and leave i' = i + g e: the error falls by 1 - g a step. The g that is tuned for is 1/2, which
+ * stays stable down to a quarter of the resistance.
+ *
+ * Over-current is I2t: integral (I^2 - limit^2) dt = limit^2 * 10 ms.
+ */
+void current_loop_tune(double ohm, double henry, double *kp_v_a, double *ki_v_as);
+double current_loop_step(double *integral_v, double kp_v_a, double ki_v_as, double error_a,
+                         double supply_v);
+
+/* One tick of the overload, in ms at the limit; true when it has tripped. */
+bool overload_step(double *overload_ms, double current_a, double limit_a, double tick_ms);
+
 /* value / 2^shift toward zero; a shift outside 0-30 counts as its nearer end. */
 int64_t control_shift_right(int64_t value, int64_t shift);
 

@@ -9,6 +9,7 @@ set(HIL_CONFIG
     meshes/walkman-foot-left.obj
     meshes/walkman-foot-right.obj
     rigs/coman-bench.yaml
+    rigs/coman-cia402.yaml
     rigs/coman-compact-imu.yaml
     rigs/coman-compact.yaml
     rigs/coman-drives.yaml

@@ -2,6 +2,7 @@
 /* Builds the buses of a rig and the boards on them. */
 #include "base/count.h"
 #include "base/text.h"
+#include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
 #include "rig/builder_private.h"
@@ -236,6 +237,7 @@ static const struct personality_limits {
     [BOARD_ICUB] = {"icub", ICUB_ADDRESS_MAX, ICUB_ADDRESS_MAX, 2, true},
     [BOARD_FOC] = {"foc", FOC_AXES_MAX, ICUB_ADDRESS_MAX, 1, true},
     [BOARD_COMPACT] = {"compact", COMPACT_NODE_MAX, COMPACT_NODE_MAX, COMPACT_BOARD_AXES, false},
+    [BOARD_CIA402] = {"cia402", CIA402_NODE_MAX, CIA402_NODE_MAX, CIA402_BOARD_AXES, false},
 };
 
 static enum error_code board_check_address(struct rig_builder *b, const struct raw_board *raw,
@@ -352,8 +354,9 @@ static enum error_code rig_check_bus(struct rig_builder *b, const struct raw_bus
                           bus->name);
     }
 
-    /* A DBC has one length for all commands of an iCub board, but each length of a compact one */
-    if (bus->padded && bus_personality(b, bus) == BOARD_COMPACT) {
+    /* A DBC has one length for all commands of an iCub board, but each length of another one */
+    if (bus->padded && bus_personality(b, bus) != BOARD_ICUB &&
+        bus_personality(b, bus) != BOARD_FOC) {
         return yaml_error(b->error, &bus->padded_mark,
                           "found padded_frames on bus \"%s\", expected it with personality icub or "
                           "foc only",
@@ -387,8 +390,10 @@ static struct rig_bus rig_make_bus(const struct rig_builder *b, const struct raw
 
 enum error_code rig_build_boards(struct rig_builder *b)
 {
-    static const enum host_personality host_personality[] = {
-        [BOARD_ICUB] = HOST_ICUB, [BOARD_FOC] = HOST_FOC, [BOARD_COMPACT] = HOST_COMPACT};
+    static const enum host_personality host_personality[] = {[BOARD_ICUB] = HOST_ICUB,
+                                                             [BOARD_FOC] = HOST_FOC,
+                                                             [BOARD_COMPACT] = HOST_COMPACT,
+                                                             [BOARD_CIA402] = HOST_CIA402};
     const struct raw_rig *raw = b->raw;
     struct rig_bus *bus = b->bus = arena_alloc(b->arena, raw->nbus, sizeof *bus);
     struct boards_bus_config *bus_config = arena_alloc(b->arena, raw->nbus, sizeof *bus_config);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Worst-case bus load of a rig's boards and controller: every frame as long as bit stuffing can
  * make it. */
+#include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
 #include "canbus/wire/bits.h"
@@ -109,6 +110,27 @@ static double compact_board_load(const struct rig *rig, const struct rig_bus *bu
                period;
 }
 
+/* TPDOs with every so many SYNCs; those that tell a change at their event timer, as while nothing
+ * changes; the heartbeat. */
+static double cia402_board_load(const struct rig *rig, const struct rig_bus *bus,
+                                const struct board_config *board)
+{
+    enum cia402_kind kind = board->kind == BOARD_MOTOR      ? CIA402_KIND_DRIVE
+                            : board->kind == BOARD_INERTIAL ? CIA402_KIND_INERTIAL
+                                                            : CIA402_KIND_FT;
+    double period = telemetry_period_s(rig, board->period_ns), bits = 0.0;
+    struct cia402_plan plan;
+
+    bits += worst_frame_bits(bus, 1) / (CIA402_HEARTBEAT_MS * MS);
+    for (unsigned i = 0; cia402_plan_row(kind, (unsigned)board_count_axes(board), i, &plan); i++) {
+        if (!plan.receive) {
+            bits += worst_frame_bits(bus, plan.length) /
+                    (plan.event_ms ? plan.event_ms * MS : plan.type * period);
+        }
+    }
+    return bits;
+}
+
 /* ---- the controller, bits a second ---- */
 
 static double icub_command_load(const struct rig *rig, const struct rig_bus *bus, double period)
@@ -136,6 +158,20 @@ static double compact_command_load(const struct rig *rig, const struct rig_bus *
     return bits / ((double)rig->tick_ns * 1e-9);
 }
 
+/* SYNC, and the voltages of all axes of each node */
+static double cia402_command_load(const struct rig *rig, const struct rig_bus *bus, double period)
+{
+    double bits = worst_frame_bits(bus, 0);
+
+    (void)period;
+    for (size_t i = 0; i < bus->nboard; i++) {
+        int axes = board_count_axes(&rig->boards.board[bus->first_board + i]);
+
+        bits += axes ? worst_frame_bits(bus, 2 * (unsigned)axes) : 0.0;
+    }
+    return bits / telemetry_period_s(rig, 0);
+}
+
 double rig_bus_bits(const struct rig_bus *bus, const struct can_counters *counters)
 {
     double fast = (double)counters->fast_bits;
@@ -155,6 +191,7 @@ void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
         [BOARD_ICUB] = {icub_board_load, icub_command_load},
         [BOARD_FOC] = {foc_board_load, foc_command_load},
         [BOARD_COMPACT] = {compact_board_load, compact_command_load},
+        [BOARD_CIA402] = {cia402_board_load, cia402_command_load},
     };
     const struct rig_bus *of = &rig->bus[bus];
 

@@ -187,8 +187,10 @@ static void dbc_export_nodes(struct dbc_exporter *e)
 
 static void dbc_describe_bus(struct dbc_exporter *e)
 {
-    static const char *const speaks[] = {
-        [BOARD_ICUB] = "icub", [BOARD_FOC] = "foc", [BOARD_COMPACT] = "compact"};
+    static const char *const speaks[] = {[BOARD_ICUB] = "icub",
+                                         [BOARD_FOC] = "foc",
+                                         [BOARD_COMPACT] = "compact",
+                                         [BOARD_CIA402] = "cia402"};
     const struct rig_bus *bus = &e->rig->bus[e->bus];
     char text[DBC_TEXT_MAX + 1];
 

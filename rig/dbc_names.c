@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Names of nodes, messages and signals in a rig's DBC database: unique, legal and short enough. */
+#include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
 #include "boards/icub/protocol.h"
 #include "rig/dbc_private.h"
@@ -92,6 +93,12 @@ static unsigned compact_message_function(const struct message *message)
 
 bool dbc_is_list(const struct dbc_exporter *e, const struct message *message)
 {
+    if (e->personality == BOARD_CIA402) {
+        const struct board_config *board = dbc_message_board(e, message);
+
+        return board && board->kind == BOARD_MOTOR && fields_count(message->fields) == 1 &&
+               message->slot < 0 && message->id < CIA402_SDO_REPLY;
+    }
     return e->personality == BOARD_COMPACT &&
            (compact_message_function(message) == COMPACT_COMMAND ||
             compact_message_function(message) == COMPACT_TELEMETRY_FD);

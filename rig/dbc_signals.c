@@ -94,8 +94,8 @@ static int dbc_strain_channel(const struct dbc_exporter *e, const struct dbc_fie
     const struct board_config *board = dbc_message_board(e, p->message);
     unsigned type = p->message->id & 0xf;
 
-    return e->personality != BOARD_COMPACT && board && board->kind != BOARD_MOTOR &&
-                   p->message->id >> 8 == ICUB_PERIODIC_ANALOG &&
+    return (e->personality == BOARD_ICUB || e->personality == BOARD_FOC) && board &&
+                   board->kind != BOARD_MOTOR && p->message->id >> 8 == ICUB_PERIODIC_ANALOG &&
                    (type == ICUB_FORCE || type == ICUB_TORQUE)
                ? p->index + (type == ICUB_TORQUE ? 3 : 0)
                : -1;

@@ -8,6 +8,7 @@
 
 #include "base/count.h"
 #include "base/text.h"
+#include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
 #include "boards/icub/protocol.h"
 #include "rig/builder_private.h"
@@ -397,6 +398,18 @@ static enum error_code rig_check_lockstep_id(struct rig_builder *b, const struct
                           "found id 0x%03x, which belongs to the boards, expected one from 0x400 "
                           "to 0x6ff",
                           (unsigned)id);
+    }
+
+    /* CANopen nodes have ids that other boards have not: the last TPDO and RPDO, and SDO */
+    for (size_t i = 0; i < b->rig->nbus; i++) {
+        if (b->rig->bus[i].personality == BOARD_CIA402 &&
+            (id <= CIA402_SDO_REPLY + CIA402_NODE_MAX ||
+             (id >= CIA402_SDO_REQUEST && id <= CIA402_SDO_REQUEST + CIA402_NODE_MAX))) {
+            return yaml_error(b->error, mark,
+                              "found id 0x%03x, which belongs to cia402 boards, expected one from "
+                              "0x5a0 to 0x5ff, 0x620 to 0x67f or 0x6c0 to 0x6ff",
+                              (unsigned)id);
+        }
     }
     return ERROR_NONE;
 }

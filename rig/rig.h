@@ -158,10 +158,10 @@ double rig_bus_bits(const struct rig_bus *bus, const struct can_counters *counte
 
 /* Worst-case load of a bus in bit times of its nominal rate a second (so that load / bitrate is
  * the share of its time, also with CAN FD), stuff bits and interframe spaces included. Telemetry:
- * icub motors at the host's default broadcast policy (0x7f), foc and compact motors once a tick,
- * STRAIN and F/T boards at their periods. Commands: icub a voltage to every axis each
- * command_period_ns, foc and compact all set-points of the bus once a tick; foc and compact know
- * no period below a millisecond. */
+ * icub motors at the host's default broadcast policy (0x7f), foc, compact and cia402 motors once a
+ * tick, STRAIN and F/T boards at their periods. Commands: icub a voltage to every axis each
+ * command_period_ns, the others all set-points of the bus once a tick, cia402 with a SYNC; these
+ * know no period below a millisecond. */
 void rig_bus_load(const struct rig *rig, size_t bus, int64_t command_period_ns,
                   double *telemetry_bit_s, double *command_bit_s);
 

@@ -24,10 +24,8 @@ static const struct yaml_enum integrator_names[] = {
 static const struct yaml_enum dynamics_names[] = {
     {"fastest", RIG_DYNAMICS_FASTEST}, {"generic", RIG_DYNAMICS_GENERIC}, {NULL, 0}};
 static const struct yaml_enum personality_names[] = {
-    {"icub", BOARD_ICUB},
-    {"foc", BOARD_FOC},
-    {"compact", BOARD_COMPACT},
-    {NULL, 0},
+    {"icub", BOARD_ICUB},     {"foc", BOARD_FOC}, {"compact", BOARD_COMPACT},
+    {"cia402", BOARD_CIA402}, {NULL, 0},
 };
 static const struct yaml_enum engine_names[] = {
     {"none", RIG_CONTACT_NONE},

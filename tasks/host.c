@@ -20,8 +20,10 @@ static const int64_t STEP_REPEAT_NS = 100000000;
 
 static const struct host_ops *host_bus_ops(const struct host_config *config, size_t bus)
 {
-    static const struct host_ops *const known[] = {
-        [HOST_ICUB] = &host_icub, [HOST_FOC] = &host_foc, [HOST_COMPACT] = &host_compact};
+    static const struct host_ops *const known[] = {[HOST_ICUB] = &host_icub,
+                                                   [HOST_FOC] = &host_foc,
+                                                   [HOST_COMPACT] = &host_compact,
+                                                   [HOST_CIA402] = &host_cia402};
 
     return config->bus ? known[config->bus[bus].personality] : &host_icub;
 }

@@ -2,8 +2,8 @@
 /*
  * The host of the boards: discovers and configures them over CAN ports, keeps their latest
  * telemetry, switches motors and sends voltages. Each bus speaks one personality (icub, foc,
- * compact), and a host mixes them. It knows the map of the rig and the protocols, nothing else. One
- * thread; RT-safe after creation. Units: SI, angles at the link side of the gear.
+ * compact, cia402), and a host mixes them. It knows the map of the rig and the protocols, nothing
+ * else. One thread; RT-safe after creation. Units: SI, angles at the link side of the gear.
  */
 #ifndef TASKS_HOST_H
 #define TASKS_HOST_H
@@ -36,7 +36,7 @@ struct host_joint {
      * there joint_rad is the rotor's angle less the spring's deflection under the measured
      * torque. */
     double joint_rad, motor_rad;
-    double current_a, torque_nm;
+    double current_a, torque_nm; /* HOST_CIA402: no current */
     enum host_motor motor;
     uint32_t fault;        /* bits of the personality */
     int64_t motor_time_ns; /* host time of the last rotor angle; -1 = none yet */

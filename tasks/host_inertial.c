@@ -2,6 +2,7 @@
 /* The host's side of the inertial board, of either protocol. */
 #include "tasks/host_private.h"
 
+#include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
 #include "boards/icub/protocol.h"
 
@@ -100,5 +101,23 @@ void host_inertial_read_compact(struct host *host, const struct bus_frame *frame
             host_motion_take(host, motion->quaternion, &motion->quaternion_seen,
                              frame->data + layout[i].orientation, 4, COMPACT_QUATERNION);
         }
+    }
+}
+
+/* ---- cia402 ---- */
+
+void host_inertial_read_cia402(struct host *host, unsigned number, const struct bus_frame *frame)
+{
+    struct host_motion *motion = &host->motion;
+
+    if (number == 0 && frame->len == 6) {
+        host_motion_take(host, motion->acceleration_m_s2, &motion->acceleration_seen, frame->data,
+                         3, CIA402_ACCELERATION_M_S2);
+    } else if (number == 1 && frame->len == 6) {
+        host_motion_take(host, motion->rate_rad_s, &motion->rate_seen, frame->data, 3,
+                         CIA402_RATE_RAD_S);
+    } else if (number == 2 && frame->len == 8) {
+        host_motion_take(host, motion->quaternion, &motion->quaternion_seen, frame->data, 4,
+                         CIA402_QUATERNION);
     }
 }

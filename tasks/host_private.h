@@ -39,6 +39,12 @@ struct host_node {
     int tries;                  /* of the last one */
     int64_t request_time_ns;
     double full_scale[HOST_CHANNELS]; /* as the board says */
+
+    /* HOST_CIA402 motor boards, by axis */
+    uint16_t statusword[HOST_AXES], controlword[HOST_AXES];
+    bool wanted[HOST_AXES], clearing[HOST_AXES]; /* on; a fault is to be reset */
+    bool status_seen;
+    int64_t control_due_ns; /* of controlwords that have not been obeyed */
 };
 
 struct host_line {
@@ -50,7 +56,7 @@ struct host_line {
     bool driving;                 /* motors were switched on: set-points go out every period */
     int slot[HOST_SLOTS];         /* set-points by slot: host axis, -1 = none */
     uint32_t slots_on, slots_off; /* switched in this period */
-    int64_t targets_due_ns;       /* HOST_FOC: of the next set-points */
+    int64_t targets_due_ns;       /* HOST_FOC, HOST_CIA402: of the next set-points */
 };
 
 struct host {
@@ -99,7 +105,7 @@ struct host_ops {
     const char *const *fault_name; /* by bit, NULL = no such bit; 32 entries */
 };
 
-extern const struct host_ops host_icub, host_foc, host_compact;
+extern const struct host_ops host_icub, host_foc, host_compact, host_cia402;
 
 /* ---- for the personalities ---- */
 
@@ -127,10 +133,12 @@ void host_strain_read(struct host *host, struct host_node *node, const struct bu
 bool host_strain_request(const struct host_node *node, unsigned address, int number,
                          struct host_request *request);
 
-/* The inertial board on iCub buses, and the frames of compact ones (host_inertial.c). */
+/* The inertial board on iCub buses, the frames of compact ones, and the TPDOs, by number from 0, of
+ * cia402 ones (host_inertial.c). */
 void host_inertial_read(struct host *host, struct host_node *node, const struct bus_frame *frame);
 bool host_inertial_request(const struct host_node *node, unsigned address, int number,
                            struct host_request *request);
 void host_inertial_read_compact(struct host *host, const struct bus_frame *frame);
+void host_inertial_read_cia402(struct host *host, unsigned number, const struct bus_frame *frame);
 
 #endif

@@ -55,7 +55,7 @@ struct host_imu {
 };
 
 /* What the boards of a bus speak. */
-enum host_personality { HOST_ICUB, HOST_FOC, HOST_COMPACT };
+enum host_personality { HOST_ICUB, HOST_FOC, HOST_COMPACT, HOST_CIA402 };
 
 struct host_bus {
     enum host_personality personality;

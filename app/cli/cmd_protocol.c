@@ -12,11 +12,14 @@
 
 int cmd_protocol(int argc, char **argv)
 {
-    static const char *const names[] = {
-        [BOARD_ICUB] = "icub", [BOARD_FOC] = "foc", [BOARD_COMPACT] = "compact", NULL};
+    static const char *const names[] = {[BOARD_ICUB] = "icub",
+                                        [BOARD_FOC] = "foc",
+                                        [BOARD_COMPACT] = "compact",
+                                        [BOARD_CIA402] = "cia402",
+                                        NULL};
     static const char *name;
     static const struct operand_spec operands[] = {
-        {"PERSONALITY", "icub, foc or compact", true, .value = &name, .words = names},
+        {"PERSONALITY", "icub, foc, compact or cia402", true, .value = &name, .words = names},
     };
     static const struct command_spec spec = {
         .name = "protocol",
@@ -41,6 +44,6 @@ int cmd_protocol(int argc, char **argv)
     }
     nearest = text_nearest(name, names, ARRAY_COUNT(names) - 1);
     error_set(&error, ERROR_INPUT, "found unknown personality \"%.60s\", expected %s", name,
-              nearest ? nearest : "icub, foc or compact");
+              nearest ? nearest : "icub, foc, compact or cia402");
     return options_fail(&spec, &error);
 }

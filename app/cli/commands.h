@@ -12,6 +12,7 @@ int cmd_check(int argc, char **argv);
 int cmd_ctl(int argc, char **argv);
 int cmd_dbc(int argc, char **argv);
 int cmd_doctor(int argc, char **argv);
+int cmd_eds(int argc, char **argv);
 int cmd_generate(int argc, char **argv);
 int cmd_import(int argc, char **argv);
 int cmd_list(int argc, char **argv);

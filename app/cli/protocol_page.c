@@ -2,10 +2,12 @@
 /* Pages on what the boards speak. */
 #include "app/cli/protocol_page.h"
 
+#include "app/cli/object_list.h"
 #include "base/count.h"
 #include "base/options.h"
 #include "boards/compact/table.h"
 #include "boards/messages.h"
+#include "manual/protocol_cia402.h"
 #include "manual/protocol_compact.h"
 #include "manual/protocol_foc.h"
 #include "manual/protocol_icub.h"
@@ -22,6 +24,7 @@ struct protocol_frame {
     uint32_t base, step;
     const char *counts; /* what the address is called */
     bool cycle_varies;  /* with the address */
+    bool by_axis;       /* cia402: the identifier grows with the axis */
     bool printed;
 };
 
@@ -50,7 +53,8 @@ static bool protocol_keep_message(void *context, const struct message *message)
 static void protocol_walk_bus(enum board_personality personality, bool fd, int shift,
                               struct protocol_frames *frames)
 {
-    const int axes = personality == BOARD_COMPACT ? BOARD_AXES_MAX : 1;
+    const int axes =
+        personality == BOARD_COMPACT || personality == BOARD_CIA402 ? BOARD_AXES_MAX : 1;
     struct boards_bus_config bus = {.personality = personality, .fd = fd};
     struct board_config board[] = {
         {.kind = BOARD_MOTOR, .address = (uint8_t)(bench_address[BENCH_MOTOR] + shift)},
@@ -74,7 +78,8 @@ static bool protocol_is_known(const struct protocol_frames *frames, size_t count
         const struct protocol_frame *other = &frames->frame[i];
 
         if (other->base == frame->base && other->step == frame->step &&
-            other->message.code == frame->message.code) {
+            other->message.code == frame->message.code &&
+            !strcmp(other->message.name, frame->message.name)) {
             return true;
         }
     }
@@ -91,8 +96,11 @@ static void protocol_split_id(struct protocol_frame *frame, const struct message
     frame->step = shifted->id - message->id;
     frame->cycle_varies = shifted->cycle_ns != message->cycle_ns;
     frame->base = message->id - frame->step * (board < 0 ? 0u : bench_address[board]);
-    frame->counts = personality == BOARD_COMPACT ? "n" : "a";
-    if (message->slot >= 0) {
+    frame->counts = personality == BOARD_COMPACT || personality == BOARD_CIA402 ? "n" : "a";
+    if (personality == BOARD_CIA402) {
+        frame->by_axis = message->slot >= 0;
+        frame->base -= 0x100 * (uint32_t)(frame->by_axis ? message->slot : 0);
+    } else if (message->slot >= 0) {
         frame->base = message->id - (uint32_t)message->slot;
         frame->step = 1;
         frame->counts = "s";
@@ -229,6 +237,9 @@ static void protocol_put_id(const struct protocol_frame *frame, FILE *out)
     } else if (frame->step > 1) {
         fprintf(out, " + 0x%" PRIx32 " %s", frame->step, frame->counts);
     }
+    if (frame->by_axis) {
+        fputs(" + 0x100 k", out);
+    }
     if (message->code != MESSAGE_NO_CODE) {
         fprintf(out, ", byte 0 = 0x%02x", (unsigned)message->code);
     }
@@ -247,7 +258,8 @@ static void protocol_put_id(const struct protocol_frame *frame, FILE *out)
 static struct protocol_frame *protocol_find_answer(struct protocol_frames *frames,
                                                    const struct protocol_frame *frame)
 {
-    static const char *const pairs[][2] = {{"REQUEST", "REPLY"}, {"DISCOVER", "IDENTITY"}};
+    static const char *const pairs[][2] = {
+        {"REQUEST", "REPLY"}, {"DISCOVER", "IDENTITY"}, {"SDO_REQUEST", "SDO_REPLY"}};
 
     for (size_t i = 0; i < frames->count && frame->message.from_host; i++) {
         struct protocol_frame *other = &frames->frame[i];
@@ -299,7 +311,7 @@ static void protocol_put_frame(struct protocol_frames *frames, struct protocol_f
 
 static const struct protocol_section {
     const char *title;
-    int class_of_id; /* of an iCub identifier; -1: of compact frames */
+    int class_of_id; /* of an iCub identifier; -1: of other frames */
     int board;       /* on the bench; -1: of any */
     bool from_host;
 } sections[] = {
@@ -315,17 +327,17 @@ static const struct protocol_section {
 };
 
 static bool protocol_belongs(const struct protocol_section *section,
-                             const struct protocol_frame *frame, bool compact)
+                             const struct protocol_frame *frame, bool classless)
 {
     const struct message *message = &frame->message;
     int board = message->from_host ? message->receiver : message->sender;
 
-    return compact ? section->class_of_id < 0 && section->from_host == message->from_host
-                   : section->class_of_id == (int)(message->id >> 8) &&
-                         (section->board < 0 || section->board == board);
+    return classless ? section->class_of_id < 0 && section->from_host == message->from_host
+                     : section->class_of_id == (int)(message->id >> 8) &&
+                           (section->board < 0 || section->board == board);
 }
 
-static void protocol_put_sections(struct protocol_frames *frames, bool compact, FILE *out)
+static void protocol_put_sections(struct protocol_frames *frames, bool classless, FILE *out)
 {
     for (size_t s = 0; s < ARRAY_COUNT(sections); s++) {
         bool titled = false;
@@ -333,7 +345,7 @@ static void protocol_put_sections(struct protocol_frames *frames, bool compact, 
         for (size_t i = 0; i < frames->count; i++) {
             struct protocol_frame *frame = &frames->frame[i];
 
-            if (frame->printed || !protocol_belongs(&sections[s], frame, compact)) {
+            if (frame->printed || !protocol_belongs(&sections[s], frame, classless)) {
                 continue;
             }
             if (!titled) {
@@ -374,19 +386,25 @@ static void protocol_put_faults(enum board_personality personality, FILE *out)
 
 void protocol_page_print(enum board_personality personality, FILE *out)
 {
-    static const char *const name[] = {
-        [BOARD_ICUB] = "icub", [BOARD_FOC] = "foc", [BOARD_COMPACT] = "compact"};
+    static const char *const name[] = {[BOARD_ICUB] = "icub",
+                                       [BOARD_FOC] = "foc",
+                                       [BOARD_COMPACT] = "compact",
+                                       [BOARD_CIA402] = "cia402"};
     static const char *const intro[] = {[BOARD_ICUB] = MANUAL_PROTOCOL_ICUB,
                                         [BOARD_FOC] = MANUAL_PROTOCOL_FOC,
-                                        [BOARD_COMPACT] = MANUAL_PROTOCOL_COMPACT};
+                                        [BOARD_COMPACT] = MANUAL_PROTOCOL_COMPACT,
+                                        [BOARD_CIA402] = MANUAL_PROTOCOL_CIA402};
     static struct protocol_frames frames;
 
     fprintf(out, "# What `%s` boards speak\n\n", name[personality]);
     options_wrap(intro[personality], 0, 0, out);
     protocol_collect(personality, false, &frames);
-    protocol_put_sections(&frames, personality == BOARD_COMPACT, out);
+    protocol_put_sections(&frames, personality != BOARD_ICUB && personality != BOARD_FOC, out);
     if (personality == BOARD_COMPACT) {
         protocol_put_fd(&frames, out);
     }
     protocol_put_faults(personality, out);
+    if (personality == BOARD_CIA402) {
+        object_list_print(out);
+    }
 }

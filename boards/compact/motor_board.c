@@ -2,14 +2,9 @@
 /*
  * A motor board of the compact protocol: up to four axes, each with a voltage and a current mode.
  *
- * The current loop has a step a millisecond: v = kp e + sum of ki e dt + the back-EMF. At
- * standstill the winding is i' = a i + (1 - a) / R v with a = exp(-1 ms R / L), so that kp = g R a
- * / (1 - a), ki = g R / 1 ms cancel its pole and leave i' = i + g e: the error falls by 1 - g a
- * step. The factory's g is 1/2, which stays stable down to a quarter of the resistance. The
- * back-EMF has to be fed forward, for a motor with J R / (Kt Kw) of a few milliseconds, as COMAN's,
- * speeds up as fast as the loop itself.
- *
- * Over-current is the I2t law of the iCub boards: integral (I^2 - limit^2) dt = limit^2 * 10 ms.
+ * The current loop has a step a millisecond (boards/motor_control.h), with the back-EMF. That has
+ * to be fed forward, for a motor with J R / (Kt Kw) of a few milliseconds, as COMAN's, speeds up as
+ * fast as the loop itself. Over-current is I2t.
  */
 #include "boards/compact/private.h"
 #include "boards/motor_control.h"
@@ -18,14 +13,12 @@
 #include <string.h>
 
 enum {
-    OVERLOAD_MS = 10,
     /* These faults open the bridge */
     FATAL = COMPACT_FAULT_UNDER_VOLTAGE | COMPACT_FAULT_OVER_VOLTAGE | COMPACT_FAULT_OVER_CURRENT |
             COMPACT_FAULT_MOTOR_ENCODER | COMPACT_FAULT_LINK_ENCODER | COMPACT_FAULT_TORQUE_SENSOR |
             COMPACT_FAULT_TEMPERATURE,
 };
 
-#define LOOP_GAIN 0.5 /* the factory's g */
 #define OVER_VOLTAGE_V 60.0
 
 /* ---- modes ---- */
@@ -74,16 +67,16 @@ void compact_axis_command(struct board *board, unsigned index, int16_t set_point
 static void compact_axis_set_factory(struct compact_axis_settings *settings,
                                      const struct board_axis_config *config)
 {
-    double R = config->winding_ohm;
-    double a = config->winding_h > 0.0 ? exp(-1e-3 * R / config->winding_h) : 0.0;
+    double kp, ki;
 
     settings->current_limit_ma = compact_counts(config->current_limit_a, 1e-3);
     settings->min_position = compact_counts(config->lower_rad, COMPACT_POSITION_RAD);
     settings->max_position = compact_counts(config->upper_rad, COMPACT_POSITION_RAD);
     settings->temperature_limit_c = compact_temperature_limit(config);
-    if (R > 0.0) {
-        settings->current_kp = compact_counts(LOOP_GAIN * R * a / (1.0 - a), 1e-3);
-        settings->current_ki = compact_counts(LOOP_GAIN * R / 1e-3, 1e-3);
+    if (config->winding_ohm > 0.0) {
+        current_loop_tune(config->winding_ohm, config->winding_h, &kp, &ki);
+        settings->current_kp = compact_counts(kp, 1e-3);
+        settings->current_ki = compact_counts(ki, 1e-3);
         settings->back_emf = compact_counts(config->bemf_v_s_rad, 1e-3);
     }
 }
@@ -178,9 +171,7 @@ static bool compact_axis_is_over_current(const struct board *board, struct compa
         axis->overload_ms = 0.0;
         return false;
     }
-    axis->overload_ms += (axis->current_a * axis->current_a / (limit * limit) - 1.0) * tick_ms;
-    axis->overload_ms = fmax(axis->overload_ms, 0.0);
-    return axis->overload_ms > OVERLOAD_MS;
+    return overload_step(&axis->overload_ms, axis->current_a, limit, tick_ms);
 }
 
 static bool compact_axis_is_stale(const struct board *board, const struct compact_axis *axis)
@@ -255,9 +246,8 @@ static double compact_axis_current_law(struct compact_axis *axis, double supply_
     int64_t wanted = control_clamp(axis->set_point, -p->current_limit_ma, p->current_limit_ma);
     double error = (double)wanted * COMPACT_SET_CURRENT_A - axis->current_a;
 
-    axis->integral_v += (double)p->current_ki * 1e-3 * error * 1e-3;
-    axis->integral_v = fmax(fmin(axis->integral_v, supply_v), -supply_v);
-    return (double)p->current_kp * 1e-3 * error + axis->integral_v +
+    return current_loop_step(&axis->integral_v, (double)p->current_kp * 1e-3,
+                             (double)p->current_ki * 1e-3, error, supply_v) +
            (double)p->back_emf * 1e-3 * axis->velocity_rad_s;
 }
 

@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "boards/board.h"
+#include "boards/cia402/protocol.h"
 #include "boards/compact/protocol.h"
 #include "boards/foc/protocol.h"
 #include "tests/physics/plant_rig.h"
@@ -125,6 +126,25 @@ static void configure_foc(struct bench *bench, double nominal_a)
     send(bench, 0x001, 8, pid);
 }
 
+/* An object of one or two bytes is written. */
+static void write_object(struct bench *bench, unsigned index, unsigned bytes, uint16_t value)
+{
+    uint8_t data[8] = {(uint8_t)(0x23 | (4 - bytes) << 2)};
+
+    put_u16_le(data + 1, (uint16_t)index);
+    put_u16_le(data + 4, value);
+    send(bench, CIA402_SDO_REQUEST + 1, 8, data);
+}
+
+static void enable_cia402(struct bench *bench, bool current)
+{
+    tick(bench); /* it switches itself to "switch on disabled" */
+    write_object(bench, 0x6060, 1, (uint8_t)(current ? CIA402_CYCLIC_TORQUE : CIA402_VOLTAGE_MODE));
+    write_object(bench, 0x6040, 2, CIA402_CW_SHUTDOWN);
+    write_object(bench, 0x6040, 2, CIA402_CW_SWITCH_ON_ONLY);
+    write_object(bench, 0x6040, 2, CIA402_CW_ENABLE);
+}
+
 static void enable(struct bench *bench, bool current)
 {
     uint8_t mode = (uint8_t)(current ? ICUB_MODE_CURRENT : ICUB_MODE_OPEN_LOOP);
@@ -132,6 +152,10 @@ static void enable(struct bench *bench, bool current)
     if (bench->personality == BOARD_COMPACT) {
         mode = (uint8_t)(current ? COMPACT_CURRENT : COMPACT_VOLTAGE);
         send(bench, compact_id(COMPACT_MODE, 0), 5, (const uint8_t[]){mode, 1, 0, 0, 0});
+        return;
+    }
+    if (bench->personality == BOARD_CIA402) {
+        enable_cia402(bench, current);
         return;
     }
     if (bench->personality == BOARD_FOC) {
@@ -144,7 +168,9 @@ static void enable(struct bench *bench, bool current)
 static void command(struct bench *bench, bool current, double value)
 {
     uint8_t data[8] = {ICUB_SET_OPEN_LOOP};
-    double scale = current                            ? 1e3
+    bool per_mille = current && bench->personality == BOARD_CIA402; /* of 20 A */
+    double scale = per_mille                          ? 1e3 / 20.0
+                   : current                          ? 1e3
                    : bench->personality == BOARD_ICUB ? ICUB_PWM_FULL_SCALE / 48.0
                    : bench->personality == BOARD_FOC  ? FOC_PWM_FULL_SCALE / 48.0
                                                       : 1.0 / COMPACT_VOLTAGE_V;
@@ -163,6 +189,9 @@ static void command(struct bench *bench, bool current, double value)
         put_u16_le(data, counts);
         send(bench, compact_id(COMPACT_COMMAND, 0), 2, data);
         break;
+    case BOARD_CIA402: /* volts by 2 mV as the compact boards */
+        write_object(bench, current ? 0x6071 : CIA402_O_TARGET_VOLTAGE, 2, counts);
+        break;
     }
 }
 
@@ -170,7 +199,7 @@ static void command(struct bench *bench, bool current, double value)
 static void a_voltage_gives_the_motor_s_speed(void **state)
 {
     (void)state;
-    for (int p = BOARD_ICUB; p <= BOARD_COMPACT; p++) {
+    for (int p = BOARD_ICUB; p <= BOARD_CIA402; p++) {
         struct bench bench;
         double speed;
 
@@ -193,7 +222,7 @@ static void a_voltage_gives_the_motor_s_speed(void **state)
 static void a_current_gives_the_torque(void **state)
 {
     (void)state;
-    for (int p = BOARD_FOC; p <= BOARD_COMPACT; p++) {
+    for (int p = BOARD_FOC; p <= BOARD_CIA402; p++) {
         struct bench bench;
         double torque = 0.0, current = 0.0;
 

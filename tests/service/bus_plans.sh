@@ -104,15 +104,16 @@ buses:
 END
 }
 
-echo 1..47
+echo 1..57
 cp -r "$HIL_SOURCE_DIR/config" "$work/config"
 make_mixed
 check_budget coman 5
 check_budget coman-foc 10
 check_budget coman-compact 9
+check_budget coman-cia402 8
 check_budget coman-fd 2
 check_budget mixed 5
-for rig in coman coman-foc coman-compact coman-fd mixed; do
+for rig in coman coman-foc coman-compact coman-cia402 coman-fd mixed; do
     squat "$rig"
     wire "$rig"
 done
@@ -121,8 +122,9 @@ talks coman-foc "set-points reach all nine buses with motors every millisecond" 
     ' 10F#[0-9A-F]{16}$' $((9 * 18990))
 talks coman-compact "all axes of a bus get their set-points in one frame" \
     ' 040#([0-9A-F]{12}|[0-9A-F]{8})$' $((9 * 18990))
+talks coman-cia402 "every bus has its SYNC every millisecond" ' 080#$' $((8 * 18990))
 talks coman-fd "the set-points of a half are one CAN FD frame" \
     ' 040##1([0-9A-F]{64}|[0-9A-F]{40})$' $((2 * 18990))
-for rig in coman-foc coman-compact coman-fd mixed; do
+for rig in coman-foc coman-compact coman-cia402 coman-fd mixed; do
     repeat "$rig"
 done

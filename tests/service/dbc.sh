@@ -32,11 +32,12 @@ if ! /usr/bin/python3 -c 'import canmatrix.formats' 2>/dev/null; then
     echo "1..0 # SKIP python3-canmatrix is not installed"
     exit 0
 fi
-echo 1..18
+echo 1..21
 export_rig coman 5
 export_rig coman-foc 10
 export_rig coman-compact 9
 export_rig coman-fd 2
+export_rig coman-cia402 8
 for channel in '986 c0 "Fx"' '986 c1 "Fy"' '986 c2 "Fz"' '987 c0 "Mx"' '987 c1 "My"' \
     '987 c2 "Mz"' '970 c0 "LHipSag"' '971 c2 "LAnkSag"'; do
     grep -qxF "CM_ SG_ $channel;" "$work/coman/coman-left_leg.dbc" || echo "no $channel"
@@ -56,4 +57,5 @@ judge coman 9000 4
 judge coman-foc 10000 2
 judge coman-compact 20000 2
 judge coman-fd 20000 2
+judge coman-cia402 20000 2
 exit $failed

@@ -22,10 +22,12 @@ tap.begin(first)
 STATE = {
     "position": [("q_*_rad", 1)],
     "motor_position": [("qm_*_rad", 1)],
+    "motor_encoder": [("qm_*_rad", 1)],
     "link_position": [("q_*_rad", 1)],
     "deflection": [("qm_*_rad", 1), ("q_*_rad", -1)],
     "current": [("current_*_a", 1)],
     "torque": [("torque_*_nm", 1)],
+    "spring_torque": [("torque_*_nm", 1)],
 }
 # what the encoders of config/rigs/coman.yaml add to the signal's own step where that is finer, rad
 LINK_TICK, MOTOR_TICK = 2 * math.pi / 4096, 2 * math.pi / 409600
@@ -33,6 +35,7 @@ ENCODER = {
     "position": LINK_TICK,
     "link_position": LINK_TICK,
     "motor_position": MOTOR_TICK,
+    "motor_encoder": MOTOR_TICK,
     "deflection": LINK_TICK + MOTOR_TICK,
 }
 

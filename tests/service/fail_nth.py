@@ -146,6 +146,7 @@ CASES = [
     Case("check coman", ["check", rig("coman")]),
     Case("dbc", ["dbc", rig("coman"), "-o", "."]),
     Case("dbc of one bus", ["dbc", rig("coman"), "--bus", "torso"]),
+    Case("eds", ["eds", rig("coman-cia402"), "-o", "."]),
     Case("plot", ["plot", "../signals.csv", "--signal", "a_rad", "--output", "plot.svg"]),
     Case("doctor", ["doctor", rig("coman"), "--measure", "0", "--local"], r"$^", status=(1,)),
     Case("generate", ["generate", COMAN]),

@@ -26,6 +26,10 @@ endforeach()
 hil_script_test(import_run_arm COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/import/import.sh
                 $<TARGET_FILE:coman-hil> LABELS unit)
 
+hil_script_test(cli_eds COMMAND /usr/bin/python3
+                ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/eds.py $<TARGET_FILE:coman-hil>
+                LABELS unit)
+
 foreach(name report svg)
     hil_test(report_${name} SOURCES unit/app/report/${name}.c LIBS report LABELS unit)
 endforeach()

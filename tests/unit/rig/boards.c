@@ -12,14 +12,19 @@
 #include <cmocka.h>
 
 /* The toy rig with its buses replaced, of which each joint needs to be driven. */
-static void write_buses(const char *buses)
+static void write_buses_and_lockstep(const char *buses, const char *lockstep)
 {
     char text[sizeof toy_rig + 2048];
     const char *from = strstr(toy_rig, "buses:\n"), *to = strstr(toy_rig, "lockstep:");
 
-    snprintf(text, sizeof text, "%.*sbuses:\n%slockstep: {}\n%s", (int)(from - toy_rig), toy_rig,
-             buses, strchr(to, '\n') + 1);
+    snprintf(text, sizeof text, "%.*sbuses:\n%slockstep: {%s}\n%s", (int)(from - toy_rig), toy_rig,
+             buses, lockstep, strchr(to, '\n') + 1);
     write_rig_file(text);
+}
+
+static void write_buses(const char *buses)
+{
+    write_buses_and_lockstep(buses, "");
 }
 
 static const struct rig *load_buses(const char *buses)
@@ -131,7 +136,33 @@ static void a_personality_has_its_own_addresses_axes_and_boards(void **state)
             "29:15: found a torque board on a bus with personality compact, expected none: its "
             "motor boards report the torques");
     refused("  - {name: left, interface: can0, personality: pdo, boards: []}\n",
-            "28:48: found \"pdo\", expected icub, foc or compact");
+            "28:48: found \"pdo\", expected icub, foc, compact or cia402");
+}
+
+/* TPDO 4, SDO, and what is free */
+static void lockstep_ids_keep_clear_of_cia402_nodes(void **state)
+{
+    static const char buses[] = "  - {name: left, interface: can0, personality: cia402,\n"
+                                "     boards: [{kind: motor, address: 1, axes: [hip, knee]}]}\n";
+    static const char *const taken[] = {"0x481", "0x500", "0x59f", "0x600", "0x61f"};
+    static const char *const free_ids[] = {"0x5a0", "0x620", "0x6c0"};
+    char lockstep[32], message[160];
+
+    (void)state;
+    for (int i = 0; i < 5; i++) {
+        snprintf(lockstep, sizeof lockstep, "step_id: %s", taken[i]);
+        snprintf(message, sizeof message,
+                 "30:21: found id %s, which belongs to cia402 boards, expected one from 0x5a0 to "
+                 "0x5ff, 0x620 to 0x67f or 0x6c0 to 0x6ff",
+                 taken[i]);
+        write_buses_and_lockstep(buses, lockstep);
+        assert_rig_refused(buses, message);
+    }
+    for (int i = 0; i < 3; i++) {
+        snprintf(lockstep, sizeof lockstep, "step_id: %s", free_ids[i]);
+        write_buses_and_lockstep(buses, lockstep);
+        assert_int_equal(load_rig(rig_path)->boards.nboard, 1);
+    }
 }
 
 static void fd_belongs_to_compact_and_has_a_data_bitrate(void **state)
@@ -233,6 +264,23 @@ static void compact_loads_are_those_of_the_protocol_study(void **state)
     CHECK_LOADS("coman-compact.yaml", loads);
 }
 
+/* Frames of 0, 1, 6 and 8 bytes are 55, 65, 115 and 135 bits at the most: with every SYNC 8 bytes
+ * an axis and twice 6 a force-torque node, the SYNC and 2 bytes an axis of each drive; every 100 ms
+ * the statuswords, 2 bytes an axis, and the heartbeat of each node. */
+static void cia402_loads_are_those_of_counted_bits(void **state)
+{
+    const double three = 3 * 13.5 + 11.5 + 5.5 + 0.115 + 0.065, ft = 2 * 11.5 + 0.065;
+    const double four = 4 * 13.5 + 13.5 + 5.5 + 0.135 + 0.065;
+    const struct expected_load loads[] = {
+        {"torso", three},     {"left_hip", three},         {"left_shank", three + ft},
+        {"right_hip", three}, {"right_shank", three + ft}, {"left_arm", four},
+        {"right_arm", four},  {"wrists", 5.5 + 2 * ft},
+    };
+
+    (void)state;
+    CHECK_LOADS("coman-cia402.yaml", loads);
+}
+
 /* The study's worst-case times at 1/8 Mbit/s: 48 bytes 98.9 us, 64 bytes 118.9, 12 bytes 53.2, 8
  * bytes 48.2; from 24 bytes (68.9 us) on a byte is 1.25 us, so that the set-points of 13 axes in 32
  * bytes take 78.9 and those of 10 axes in 20 bytes 63.9. */
@@ -325,10 +373,12 @@ int main(void)
         TEST(each_bus_speaks_its_own_personality),
         TEST(the_controller_is_told_the_drives_of_foc_axes),
         TEST(a_personality_has_its_own_addresses_axes_and_boards),
+        TEST(lockstep_ids_keep_clear_of_cia402_nodes),
         TEST(fd_belongs_to_compact_and_has_a_data_bitrate),
         TEST(icub_loads_are_those_of_the_protocol_study),
         TEST(foc_loads_are_those_of_the_protocol_study),
         TEST(compact_loads_are_those_of_the_protocol_study),
+        TEST(cia402_loads_are_those_of_counted_bits),
         TEST(fd_loads_are_those_of_the_protocol_study),
         TEST(inertial_boards_load_their_buses),
         TEST(one_inertial_board_where_the_robot_has_the_sensor),

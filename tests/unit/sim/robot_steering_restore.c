@@ -200,6 +200,15 @@ static void repeats_the_compact_boards(void **state)
     repeats(&scene);
 }
 
+static void repeats_the_cia402_boards(void **state)
+{
+    const struct scene scene = {
+        .rig = "coman-cia402", .task = "squat", .clock = LOOP_CLOCK_FREE, .at = 60, .span = 200};
+
+    (void)state;
+    repeats(&scene);
+}
+
 static void repeats_the_foc_boards(void **state)
 {
     const struct scene scene = {
@@ -312,6 +321,7 @@ int main(void)
         cmocka_unit_test(a_reset_in_a_grasp_begins_it_again),
         cmocka_unit_test(a_reset_begins_noise_and_faults_again),
         cmocka_unit_test(repeats_the_compact_boards),
+        cmocka_unit_test(repeats_the_cia402_boards),
         cmocka_unit_test(repeats_the_foc_boards),
         cmocka_unit_test(repeats_fd_frames),
         cmocka_unit_test(repeats_on_the_other_contact_engine),

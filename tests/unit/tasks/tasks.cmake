@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-foreach(name host host_compact host_foc host_inertial host_lockstep host_mixed)
+foreach(name host host_cia402 host_compact host_foc host_inertial host_lockstep host_mixed)
     hil_test(tasks_${name} SOURCES unit/tasks/${name}.c LIBS tasks LABELS unit)
 endforeach()
 # the servo alone, without the host that it is linked with elsewhere

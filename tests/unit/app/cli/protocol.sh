@@ -25,8 +25,8 @@ has_all_of() {
     [ ! -s "$work/out" ]
 }
 
-echo 1..10
-for personality in icub foc compact; do
+echo 1..13
+for personality in icub foc compact cia402; do
     "$program" protocol $personality >"$work/$personality.md" 2>"$work/out" &&
         diff "$source/docs/protocol/$personality.md" "$work/$personality.md" >"$work/out"
     result $? "docs/protocol/$personality.md is what \`coman-hil protocol $personality\` prints"
@@ -59,12 +59,24 @@ has compact 'Answer: REPLY, id 0x6a0 + n, 7 bytes.'
 [ ! -s "$work/out" ]
 result $? "identifiers, lengths, scales and ranges of compact"
 
+: >"$work/out"
+has cia402 'Host to board, id 0x200 + n, 8 bytes, every 1 ms.'
+has cia402 'Board to host, id 0x180 + n + 0x100 k, 8 bytes, every 1 ms.'
+has cia402 'Answer: SDO_REPLY, id 0x580 + n, 8 bytes.'
+has cia402 '- bit 7: following error'
+has cia402 '- 0x6041 `Statusword`: u16, ro, TPDO'
+has cia402 '- 0x607d:1-2 `Software position limit`: i32, rw, in 1e-05 rad'
+[ ! -s "$work/out" ]
+result $? "identifiers, faults and objects of cia402"
+
 has_all_of coman icub && has_all_of coman-imu icub
 result $? "every frame of the rigs coman and coman-imu is on the page"
 has_all_of coman-foc foc
 result $? "every frame of the rig coman-foc is on the page"
 has_all_of coman-compact-imu compact && has_all_of coman-fd-imu compact
 result $? "every frame of the rigs coman-compact-imu and coman-fd-imu is on the page"
+has_all_of coman-cia402 cia402
+result $? "every frame of the rig coman-cia402 is on the page"
 
 "$program" protocol icbu >"$work/out" 2>&1
 [ $? -eq 2 ] && grep -q 'expected icub' "$work/out"

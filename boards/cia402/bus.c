@@ -1,0 +1,185 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Buses that speak CANopen: which nodes a frame is for. */
+#include "boards/cia402/private.h"
+
+#include "canbus/frame.h"
+
+enum { NODES = CIA402_NODE_MAX + 1, NODE_ID_MASK = 0x7f };
+
+_Static_assert((int)NODES == (int)BOARD_ADDRESSES, "a node is an address of its bus");
+
+/* The node with a Node-ID that hears; NULL: none. */
+static struct cia402_node *cia402_bus_node(const struct board_bus *bus, unsigned id)
+{
+    struct board *board = id > 0 && id < NODES ? bus->by_address[id] : NULL;
+
+    return board && !board_is_deaf(board) ? cia402_node_of(board) : NULL;
+}
+
+static bool cia402_bus_is_command(unsigned command)
+{
+    return command == CIA402_NMT_START || command == CIA402_NMT_STOP ||
+           command == CIA402_NMT_PRE_OPERATIONAL || command == CIA402_NMT_RESET_NODE ||
+           command == CIA402_NMT_RESET_COMMUNICATION;
+}
+
+static void cia402_bus_receive_nmt(struct boards *boards, struct board_bus *bus,
+                                   const struct bus_frame *frame)
+{
+    enum board_verdict verdict = frame->len != CIA402_NMT_LENGTH          ? BOARD_MALFORMED
+                                 : !cia402_bus_is_command(frame->data[0]) ? BOARD_UNKNOWN
+                                                                          : BOARD_OBEYED;
+    struct board *listener = NULL;
+
+    for (unsigned id = 1; id < NODES; id++) {
+        struct cia402_node *node = cia402_bus_node(bus, id);
+
+        if (node &&
+            (frame->len < CIA402_NMT_LENGTH || frame->data[1] == 0 || frame->data[1] == id)) {
+            listener = &node->board;
+            if (verdict == BOARD_OBEYED) {
+                cia402_nmt_command(node, frame->data[0]);
+            }
+        }
+    }
+    boards_count_frame(boards, listener, verdict, frame);
+}
+
+static void cia402_bus_receive_sdo(struct boards *boards, struct cia402_node *node,
+                                   const struct bus_frame *frame)
+{
+    enum board_verdict verdict = BOARD_MALFORMED;
+
+    if (frame->len == CIA402_SDO_LENGTH) {
+        enum cia402_abort reason = cia402_sdo_receive(node, frame->data);
+
+        verdict = reason == CIA402_DONE ? BOARD_OBEYED
+                  : reason == CIA402_ABORT_NO_OBJECT || reason == CIA402_ABORT_NO_SUB_INDEX ||
+                          reason == CIA402_ABORT_COMMAND
+                      ? BOARD_UNKNOWN
+                      : BOARD_MALFORMED;
+    }
+    boards_count_frame(boards, &node->board, verdict, frame);
+}
+
+/* A heartbeat or a boot-up of another node. */
+static bool cia402_bus_hear(struct boards *boards, struct board_bus *bus,
+                            const struct bus_frame *frame)
+{
+    struct board *listener = NULL;
+
+    for (unsigned id = 1; id < NODES; id++) {
+        struct cia402_node *node = cia402_bus_node(bus, id);
+
+        if (node && (node->settings.consumer >> 16) == (frame->id & NODE_ID_MASK)) {
+            listener = &node->board;
+            cia402_nmt_hear(node, frame->id & NODE_ID_MASK);
+        }
+    }
+    if (listener) {
+        boards_count_frame(boards, listener, BOARD_OBEYED, frame);
+    }
+    return listener;
+}
+
+/* SYNC and process data, which any node may want. */
+static bool cia402_bus_receive_process(struct boards *boards, struct board_bus *bus,
+                                       const struct bus_frame *frame)
+{
+    enum board_verdict verdict = BOARD_OBEYED;
+    struct board *listener = NULL;
+
+    for (unsigned id = 1; id < NODES; id++) {
+        struct cia402_node *node = cia402_bus_node(bus, id);
+
+        if (!node || node->state == CIA402_STOPPED) {
+            continue;
+        }
+        if (node->settings.cob_sync == (int64_t)frame->id) {
+            listener = &node->board;
+            verdict = frame->len > 1 ? BOARD_MALFORMED : verdict;
+            if (frame->len <= 1) {
+                cia402_pdo_sync(node);
+            }
+        } else if (cia402_pdo_receive(node, frame, &verdict)) {
+            listener = &node->board;
+        }
+    }
+    if (listener) {
+        boards_count_frame(boards, listener, verdict, frame);
+    }
+    return listener;
+}
+
+static bool cia402_bus_receive_remote(struct boards *boards, struct board_bus *bus,
+                                      const struct bus_frame *frame)
+{
+    struct cia402_node *node = cia402_bus_node(bus, frame->id & NODE_ID_MASK);
+
+    if (!node || (frame->id & ~(unsigned)NODE_ID_MASK) != CIA402_HEARTBEAT) {
+        return false;
+    }
+    cia402_nmt_guard(node);
+    boards_count_frame(boards, &node->board, BOARD_OBEYED, frame);
+    return true;
+}
+
+static bool cia402_bus_dispatch(struct boards *boards, struct board_bus *bus,
+                                const struct bus_frame *frame)
+{
+    unsigned id = frame->id & NODE_ID_MASK;
+    struct cia402_node *node = cia402_bus_node(bus, id);
+
+    if (frame->flags & FRAME_REMOTE) {
+        return cia402_bus_receive_remote(boards, bus, frame);
+    }
+    switch (frame->id & ~(unsigned)NODE_ID_MASK) {
+    case CIA402_NMT:
+        if (id == 0) {
+            cia402_bus_receive_nmt(boards, bus, frame);
+            return true;
+        }
+        return false;
+    case CIA402_SDO_REQUEST:
+        if (node && node->state != CIA402_STOPPED) {
+            cia402_bus_receive_sdo(boards, node, frame);
+            return true;
+        }
+        return false;
+    case CIA402_HEARTBEAT:
+        return cia402_bus_hear(boards, bus, frame);
+    default:
+        return cia402_bus_receive_process(boards, bus, frame);
+    }
+}
+
+static void cia402_bus_receive(struct boards *boards, struct board_bus *bus,
+                               const struct bus_frame *frame)
+{
+    if (!cia402_bus_dispatch(boards, bus, frame)) {
+        boards->counters.foreign++;
+    }
+}
+
+static void cia402_bus_add_board(struct board_bus *bus, struct board *board)
+{
+    (void)bus;
+    (void)board;
+}
+
+static const struct board_bus_ops cia402_bus_ops = {
+    .remote = true,
+    .add_board = cia402_bus_add_board,
+    .receive = cia402_bus_receive,
+};
+
+struct board_bus *cia402_bus_create(struct arena *arena)
+{
+    struct board_bus *bus = arena_alloc(arena, 1, sizeof *bus);
+
+    if (!bus) {
+        return NULL;
+    }
+    bus->ops = &cia402_bus_ops;
+    return bus;
+}

@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The frames of a cia402 bus as our host sets its PDOs up (struct cia402_plan), with the fields
+ * that the mapped objects are: what boards/messages.c tells of them. Pure functions; not RT-safe.
+ */
+#ifndef BOARDS_CIA402_FRAMES_H
+#define BOARDS_CIA402_FRAMES_H
+
+#include "boards/cia402/protocol.h"
+#include "boards/board.h"
+#include "boards/field.h"
+
+struct cia402_frame {
+    const char *name;
+    uint32_t id;
+    bool from_host;
+    uint8_t length, repeats; /* how often the fields follow each other */
+    uint32_t cycle_ns;       /* 0: on demand */
+    const struct field *fields;
+    int axis; /* that it is about; -1: none, or all */
+};
+
+/* The row-th frame of a board, from 0, or with NULL of the host to all; false when there are no
+ * more. */
+bool cia402_frame_row(const struct board_config *board, unsigned row, struct cia402_frame *frame);
+
+/* What a board is, and the fields of a PDO of its plan: those of a mapped object, once where the
+ * plan has it for each axis. */
+enum cia402_kind cia402_kind_of(const struct board_config *board);
+const struct field *cia402_plan_fields(const struct cia402_plan *plan);
+
+#endif

@@ -1,0 +1,503 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Modes of operation of an enabled axis, a millisecond at a time, down to its bridge's voltage.
+ *
+ * Positions and velocities are those of the rotor on the link side of the gear. The velocity loop
+ * gives a voltage at once: v = kw w_ref + kp e + ki int e dt with the back-EMF kw, in proportion to
+ * which the factory tunes it, for a motor whose time constant J R / (Kt Kw) is a few milliseconds
+ * needs no current loop below it. The position loop adds its error times a gain to the velocity.
+ * The winding's resistance bounds the voltage, so that the current stays within its limit. The
+ * current loop of the torque modes is that of boards/motor_control.h.
+ */
+#include "boards/cia402/private.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#define STEP_S 1e-3 /* of the loops */
+
+enum { HOME_AT_POSITION_OLD = 35, HOME_AT_POSITION = 37, STOP_MAX_MS = 2000, TORQUE_NEAR = 50 };
+
+/* ---- references ---- */
+
+void cia402_axis_stand(struct cia402_axis *axis)
+{
+    axis->profile = (struct cia402_profile){(double)axis->position, 0.0};
+    axis->goal = (double)axis->position;
+    axis->moving = axis->has_next = axis->stopping = false;
+    axis->interpolation_left_ms = 0;
+    axis->torque_reference = 0.0;
+    axis->integral_v = axis->velocity_integral_v = axis->voltage_v = 0.0;
+    axis->following_ms = axis->reached_ms = axis->standstill_ms = axis->stop_ms = 0;
+}
+
+/* From what it does now to standstill, by velocity, whatever the mode. */
+void cia402_axis_stop(struct cia402_axis *axis, bool quick, enum cia402_state then)
+{
+    const struct cia402_axis_settings *p = &axis->settings;
+
+    axis->stopping = true;
+    axis->stop_state = then;
+    axis->stop_ms = 0;
+    axis->moving = axis->has_next = false;
+    axis->stop_deceleration =
+        (double)(quick ? p->quick_stop_deceleration : p->profile_deceleration);
+    axis->profile =
+        (struct cia402_profile){(double)axis->position, axis->velocity_rad_s / CIA402_POSITION_RAD};
+}
+
+bool cia402_axis_has_stopped(const struct cia402_axis *axis)
+{
+    bool still = llabs(axis->velocity) <= axis->settings.velocity_threshold;
+
+    return axis->stopping && axis->profile.velocity == 0.0 &&
+           (still || axis->stop_ms >= STOP_MAX_MS);
+}
+
+bool cia402_axis_controls_position(const struct cia402_axis *axis)
+{
+    return !axis->stopping && (axis->mode == CIA402_PROFILE_POSITION ||
+                               axis->mode == CIA402_CYCLIC_POSITION || axis->mode == CIA402_HOMING);
+}
+
+static bool cia402_axis_has_limits(const struct cia402_axis *axis)
+{
+    return axis->settings.position_limit[0] < axis->settings.position_limit[1];
+}
+
+/* A position within the software limits. */
+static double cia402_axis_bound(struct cia402_axis *axis, double position)
+{
+    double low = (double)axis->settings.position_limit[0];
+    double high = (double)axis->settings.position_limit[1];
+
+    if (!cia402_axis_has_limits(axis) || (position >= low && position <= high)) {
+        return position;
+    }
+    axis->limited = true;
+    return position < low ? low : high;
+}
+
+static double cia402_axis_bound_velocity(struct cia402_axis *axis, double velocity)
+{
+    double most = (double)axis->settings.max_profile_velocity;
+
+    axis->limited = axis->limited || fabs(velocity) > most;
+    return fmax(fmin(velocity, most), -most);
+}
+
+static double cia402_axis_bound_torque(struct cia402_axis *axis, double torque)
+{
+    double most = (double)(axis->settings.max_torque < axis->settings.max_current
+                               ? axis->settings.max_torque
+                               : axis->settings.max_current);
+
+    axis->limited = axis->limited || fabs(torque) > most;
+    return fmax(fmin(torque, most), -most);
+}
+
+/* ---- set-points of the profile modes, by the controlword ---- */
+
+/* A set-point waits where another one is on its way, unless it is to be taken at once. */
+static void cia402_axis_accept_goal(struct cia402_axis *axis)
+{
+    bool relative = axis->controlword & CIA402_CW_RELATIVE;
+    double from = !relative ? 0.0 : axis->moving ? axis->goal : (double)axis->position_demand;
+    double goal = from + (double)axis->target_position;
+
+    if (axis->moving && !(axis->controlword & CIA402_CW_AT_ONCE)) {
+        axis->has_next = true;
+        axis->next_goal = goal;
+    } else {
+        axis->goal = goal;
+        axis->moving = true;
+        axis->has_next = false;
+    }
+    axis->set_point_taken = true;
+    axis->reached_ms = 0;
+}
+
+/* Methods 35 and 37: home is where it stands. */
+static void cia402_axis_find_home(struct cia402_axis *axis)
+{
+    int64_t method = axis->settings.homing_method;
+
+    axis->homing_failed = method != HOME_AT_POSITION && method != HOME_AT_POSITION_OLD;
+    axis->homed = !axis->homing_failed;
+    if (axis->homed) {
+        axis->home = axis->motor_encoder - axis->settings.home_offset;
+        axis->position = axis->settings.home_offset;
+        cia402_axis_stand(axis);
+    }
+}
+
+void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before)
+{
+    bool rises = axis->controlword & ~before & CIA402_CW_NEW_SET_POINT;
+
+    if (!(axis->controlword & CIA402_CW_NEW_SET_POINT)) {
+        axis->set_point_taken = false;
+    }
+    if (rises && axis->mode == CIA402_PROFILE_POSITION && !axis->has_next) {
+        cia402_axis_accept_goal(axis);
+    } else if (rises && axis->mode == CIA402_HOMING) {
+        cia402_axis_find_home(axis);
+    }
+}
+
+/* ---- loops ---- */
+
+static double cia402_axis_velocity_law(struct cia402_axis *axis,
+                                       const struct board_axis_config *config, double velocity,
+                                       double supply_v)
+{
+    const struct cia402_axis_settings *p = &axis->settings;
+    double kw = (double)p->current_gain[2] * 1e-3, now = axis->velocity_rad_s;
+    double error = velocity * CIA402_POSITION_RAD - now;
+    double step = (double)p->velocity_gain[1] * 1e-3 * error * STEP_S;
+    double rated_a = (double)axis->rated_current_ma * 1e-3, limit_v = supply_v;
+    double offset_v = (double)axis->torque_offset * 1e-3 * rated_a * config->winding_ohm;
+    double v = kw * velocity * CIA402_POSITION_RAD + (double)p->velocity_gain[0] * 1e-3 * error +
+               axis->velocity_integral_v + step + offset_v;
+    double bound = v;
+
+    /* What the current limit leaves, around the voltage at which no current flows */
+    if (config->winding_ohm > 0.0) {
+        double most = (double)(p->max_torque < p->max_current ? p->max_torque : p->max_current);
+
+        limit_v = config->winding_ohm * rated_a * most * 1e-3;
+        bound = fmax(fmin(v, kw * now + limit_v), kw * now - limit_v);
+    }
+    bound = fmax(fmin(bound, supply_v), -supply_v);
+    if (bound == v || step * (v - bound) < 0.0) {
+        axis->velocity_integral_v += step;
+    }
+    axis->limited = axis->limited || bound != v;
+    axis->velocity_demand = cia402_counts(velocity, 1.0);
+    return bound;
+}
+
+static double cia402_axis_position_law(struct cia402_axis *axis,
+                                       const struct board_axis_config *config, double supply_v)
+{
+    double gain = (double)axis->settings.position_gain * 0.1;
+    double error = axis->profile.position - (double)axis->position;
+
+    axis->position_demand = cia402_counts(axis->profile.position, 1.0);
+    return cia402_axis_velocity_law(axis, config, axis->profile.velocity + gain * error, supply_v);
+}
+
+static double cia402_axis_current_law(struct cia402_axis *axis, double torque, double supply_v)
+{
+    const struct cia402_axis_settings *p = &axis->settings;
+    double wanted_a = torque * 1e-3 * (double)axis->rated_current_ma * 1e-3;
+
+    axis->torque_demand = cia402_counts(torque, 1.0);
+    return current_loop_step(&axis->integral_v, (double)p->current_gain[0] * 1e-3,
+                             (double)p->current_gain[1] * 1e-3, wanted_a - axis->current_a,
+                             supply_v) +
+           (double)p->current_gain[2] * 1e-3 * axis->velocity_rad_s;
+}
+
+/* ---- modes ---- */
+
+static void cia402_axis_step_profile_position(struct cia402_axis *axis)
+{
+    const struct cia402_axis_settings *p = &axis->settings;
+    double speed = cia402_axis_bound_velocity(axis, (double)p->profile_velocity);
+    double deceleration = (double)p->profile_deceleration;
+
+    if (axis->controlword & CIA402_CW_HALT) {
+        double halt = p->halt_option == 2 ? (double)p->quick_stop_deceleration : deceleration;
+
+        cia402_profile_accelerate(&axis->profile, 0.0, halt, halt, STEP_S);
+        return;
+    }
+    cia402_profile_move(&axis->profile, cia402_axis_bound(axis, axis->goal), speed,
+                        (double)p->profile_acceleration, deceleration, STEP_S);
+    if (axis->moving && axis->profile.velocity == 0.0) {
+        axis->moving = axis->has_next;
+        if (axis->has_next) {
+            axis->goal = axis->next_goal;
+            axis->has_next = false;
+        }
+    }
+}
+
+static void cia402_axis_step_profile_velocity(struct cia402_axis *axis)
+{
+    const struct cia402_axis_settings *p = &axis->settings;
+    bool halt = axis->controlword & CIA402_CW_HALT;
+    double wanted = halt ? 0.0 : cia402_axis_bound_velocity(axis, (double)axis->target_velocity);
+    double deceleration = halt && p->halt_option == 2 ? (double)p->quick_stop_deceleration
+                                                      : (double)p->profile_deceleration;
+
+    cia402_profile_accelerate(&axis->profile, wanted, (double)p->profile_acceleration, deceleration,
+                              STEP_S);
+}
+
+/* To a cyclic position on a straight line, which takes the interpolation period. */
+static void cia402_axis_step_cyclic_position(struct cia402_axis *axis)
+{
+    double way = cia402_axis_bound(axis, (double)axis->target_position) - axis->profile.position;
+    int64_t left = axis->interpolation_left_ms > 1 ? axis->interpolation_left_ms : 1;
+    double velocity = cia402_axis_bound_velocity(axis, way / ((double)left * STEP_S));
+
+    axis->interpolation_left_ms = left - 1;
+    axis->profile.position += velocity * STEP_S;
+    axis->profile.velocity = velocity + (double)axis->velocity_offset;
+}
+
+static void cia402_axis_step_torque(struct cia402_axis *axis)
+{
+    const struct cia402_axis_settings *p = &axis->settings;
+    double slope = (double)p->torque_slope * STEP_S;
+    bool halt = axis->mode == CIA402_TORQUE && axis->controlword & CIA402_CW_HALT;
+    double wanted =
+        halt ? 0.0
+             : cia402_axis_bound_torque(axis, (double)(axis->target_torque + axis->torque_offset));
+    double change = wanted - axis->torque_reference;
+
+    if (axis->mode == CIA402_CYCLIC_TORQUE || fabs(change) <= slope) {
+        axis->torque_reference = wanted;
+    } else {
+        axis->torque_reference += copysign(slope, change);
+    }
+}
+
+/* Beyond a limit only what leads back is obeyed. */
+static double cia402_axis_lead_back(struct cia402_axis *axis, double wanted)
+{
+    int64_t link = axis->link_encoder - axis->home;
+    bool further = cia402_axis_has_limits(axis) &&
+                   ((link > axis->settings.position_limit[1] && wanted > 0.0) ||
+                    (link < axis->settings.position_limit[0] && wanted < 0.0));
+
+    axis->limited = axis->limited || further;
+    return further ? 0.0 : wanted;
+}
+
+static double cia402_axis_step_mode(struct cia402_axis *axis,
+                                    const struct board_axis_config *config, double supply_v)
+{
+    double velocity;
+
+    switch (axis->mode) {
+    /* By position */
+    case CIA402_PROFILE_POSITION:
+        cia402_axis_step_profile_position(axis);
+        return cia402_axis_position_law(axis, config, supply_v);
+    case CIA402_CYCLIC_POSITION:
+        cia402_axis_step_cyclic_position(axis);
+        return cia402_axis_position_law(axis, config, supply_v);
+    case CIA402_HOMING:
+        return cia402_axis_position_law(axis, config, supply_v);
+
+    /* By velocity */
+    case CIA402_PROFILE_VELOCITY:
+        cia402_axis_step_profile_velocity(axis);
+        velocity = cia402_axis_lead_back(axis, axis->profile.velocity);
+        return cia402_axis_velocity_law(axis, config, velocity, supply_v);
+    case CIA402_CYCLIC_VELOCITY:
+        velocity = (double)(axis->target_velocity + axis->velocity_offset);
+        velocity = cia402_axis_lead_back(axis, cia402_axis_bound_velocity(axis, velocity));
+        return cia402_axis_velocity_law(axis, config, velocity, supply_v);
+
+    /* By torque or voltage */
+    case CIA402_TORQUE:
+    case CIA402_CYCLIC_TORQUE:
+        cia402_axis_step_torque(axis);
+        return cia402_axis_current_law(axis, cia402_axis_lead_back(axis, axis->torque_reference),
+                                       supply_v);
+    case CIA402_VOLTAGE_MODE:
+        return cia402_axis_lead_back(axis, (double)axis->target_voltage * CIA402_VOLTAGE_V);
+    default:
+        return 0.0;
+    }
+}
+
+/* A mode that was written is taken up in the next step. */
+static void cia402_axis_choose_mode(struct cia402_axis *axis)
+{
+    if (axis->mode != axis->settings.mode) {
+        bool stopping = axis->stopping;
+
+        axis->mode = (enum cia402_mode)axis->settings.mode;
+        axis->mode_display = axis->mode;
+        if (!stopping) {
+            cia402_axis_stand(axis);
+        }
+    }
+}
+
+void cia402_axis_step(struct cia402_axis *axis, const struct board_axis_config *config,
+                      double supply_v)
+{
+    double v = 0.0;
+
+    cia402_axis_choose_mode(axis);
+    if (!cia402_axis_is_on(axis)) {
+        axis->voltage_v = 0.0;
+        return;
+    }
+    axis->limited = false;
+    axis->torque_demand = axis->velocity_demand = 0;
+    axis->position_demand = axis->position;
+    if (axis->stopping) {
+        axis->stop_ms++;
+        cia402_profile_accelerate(&axis->profile, 0.0, axis->stop_deceleration,
+                                  axis->stop_deceleration, STEP_S);
+        v = cia402_axis_position_law(axis, config, supply_v);
+    } else {
+        v = cia402_axis_step_mode(axis, config, supply_v);
+    }
+    axis->voltage_v = fmax(fmin(v, supply_v), -supply_v);
+}
+
+/* ---- what the statusword says of a mode ---- */
+
+/* Since when targets are reached, once a millisecond. */
+void cia402_axis_count_times(struct cia402_axis *axis)
+{
+    const struct cia402_axis_settings *p = &axis->settings;
+    bool still = llabs(axis->velocity) <= p->velocity_threshold;
+    bool near = false;
+
+    axis->following_error = cia402_axis_controls_position(axis) && cia402_axis_is_on(axis)
+                                ? axis->position_demand - axis->position
+                                : 0;
+    if (axis->mode == CIA402_PROFILE_POSITION) {
+        near = !axis->moving &&
+               fabs(axis->goal - (double)axis->position) <= (double)p->position_window;
+    } else if (axis->mode == CIA402_PROFILE_VELOCITY) {
+        near = llabs(axis->velocity - axis->target_velocity) <= p->velocity_window;
+    }
+    axis->standstill_ms = still ? axis->standstill_ms + 1 : 0;
+    axis->reached_ms = near ? axis->reached_ms + 1 : 0;
+    axis->following_ms =
+        llabs(axis->following_error) > p->following_window ? axis->following_ms + 1 : 0;
+}
+
+static bool cia402_axis_has_reached(const struct cia402_axis *axis)
+{
+    const struct cia402_axis_settings *p = &axis->settings;
+    bool still = axis->standstill_ms > p->velocity_threshold_ms;
+
+    if (axis->controlword & CIA402_CW_HALT || axis->stopping) {
+        return still;
+    }
+    switch (axis->mode) {
+    case CIA402_PROFILE_POSITION:
+        return axis->reached_ms > p->position_window_ms;
+    case CIA402_PROFILE_VELOCITY:
+        return axis->reached_ms > p->velocity_window_ms;
+    case CIA402_TORQUE:
+        return llabs(axis->torque - axis->target_torque) <= TORQUE_NEAR;
+    case CIA402_HOMING:
+        return true; /* it homes at once */
+    default:
+        return false;
+    }
+}
+
+static bool cia402_axis_bit_12(const struct cia402_axis *axis)
+{
+    switch (axis->mode) {
+    case CIA402_PROFILE_POSITION:
+        return axis->set_point_taken || axis->has_next;
+    case CIA402_PROFILE_VELOCITY:
+        return axis->standstill_ms > axis->settings.velocity_threshold_ms;
+    case CIA402_HOMING:
+        return axis->homed;
+    case CIA402_CYCLIC_POSITION:
+    case CIA402_CYCLIC_VELOCITY:
+    case CIA402_CYCLIC_TORQUE:
+    case CIA402_VOLTAGE_MODE:
+        return !axis->stopping && !axis->limited;
+    default:
+        return false;
+    }
+}
+
+unsigned cia402_axis_mode_status(const struct cia402_axis *axis)
+{
+    bool follows = axis->following_ms <= axis->settings.following_timeout_ms;
+    unsigned word = 0;
+
+    if (!cia402_axis_is_on(axis)) {
+        return axis->mode == CIA402_HOMING && axis->homed ? CIA402_SW_MODE_12 : 0;
+    }
+    word |= axis->limited ? CIA402_SW_INTERNAL_LIMIT : 0;
+    word |= cia402_axis_has_reached(axis) ? CIA402_SW_TARGET_REACHED : 0;
+    word |= cia402_axis_bit_12(axis) ? CIA402_SW_MODE_12 : 0;
+    word |= cia402_axis_controls_position(axis) &&
+                    (axis->mode == CIA402_HOMING ? axis->homing_failed : !follows)
+                ? CIA402_SW_MODE_13
+                : 0;
+    return word;
+}
+
+/* ---- objects ---- */
+
+enum cia402_abort cia402_axis_write_mode(struct cia402_node *node, const struct cia402_entry *entry,
+                                         int64_t value)
+{
+    switch (value) {
+    case CIA402_VOLTAGE_MODE:
+    case CIA402_NO_MODE:
+    case CIA402_PROFILE_POSITION:
+    case CIA402_PROFILE_VELOCITY:
+    case CIA402_TORQUE:
+    case CIA402_HOMING:
+    case CIA402_CYCLIC_POSITION:
+    case CIA402_CYCLIC_VELOCITY:
+    case CIA402_CYCLIC_TORQUE:
+        node->axis[entry->unit].settings.mode = value;
+        return CIA402_DONE;
+    default:
+        return CIA402_ABORT_VALUE;
+    }
+}
+
+enum cia402_abort cia402_axis_write_target(struct cia402_node *node,
+                                           const struct cia402_entry *entry, int64_t value)
+{
+    struct cia402_axis *axis = &node->axis[entry->unit];
+
+    *cia402_field(node, entry) = value;
+    axis->command_ns = node->board.boards->now_ns;
+    axis->interpolation_left_ms = axis->settings.interpolation_ms;
+    return CIA402_DONE;
+}
+
+enum cia402_abort cia402_axis_write_option(struct cia402_node *node,
+                                           const struct cia402_entry *entry, int64_t value)
+{
+    /* 3 and 4, 7 and 8 stop by current and voltage limits */
+    if (value == 3 || value == 4) {
+        return CIA402_ABORT_VALUE;
+    }
+    *cia402_field(node, entry) = value;
+    return CIA402_DONE;
+}
+
+enum cia402_abort cia402_axis_write_homing(struct cia402_node *node,
+                                           const struct cia402_entry *entry, int64_t value)
+{
+    if (value != 0 && value != HOME_AT_POSITION_OLD && value != HOME_AT_POSITION) {
+        return CIA402_ABORT_VALUE;
+    }
+    *cia402_field(node, entry) = value;
+    return CIA402_DONE;
+}
+
+enum cia402_abort cia402_axis_write_when_off(struct cia402_node *node,
+                                             const struct cia402_entry *entry, int64_t value)
+{
+    if (cia402_axis_is_on(&node->axis[entry->unit])) {
+        return CIA402_ABORT_STATE;
+    }
+    *cia402_field(node, entry) = value;
+    node->board.boards->settings_changes++;
+    return CIA402_DONE;
+}

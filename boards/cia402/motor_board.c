@@ -1,0 +1,347 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A drive node: sensors, faults and bridges of its axes. */
+#include "boards/cia402/private.h"
+
+#include <math.h>
+
+enum {
+    /* These faults leave nothing to brake with */
+    OPENS_BRIDGE = CIA402_FAULT_UNDER_VOLTAGE | CIA402_FAULT_OVER_VOLTAGE |
+                   CIA402_FAULT_OVER_CURRENT | CIA402_FAULT_MOTOR_ENCODER |
+                   CIA402_FAULT_LINK_ENCODER | CIA402_FAULT_TORQUE_SENSOR,
+    FATAL =
+        OPENS_BRIDGE | CIA402_FAULT_TEMPERATURE | CIA402_FAULT_FOLLOWING | CIA402_FAULT_CONNECTION,
+    FRAMES_MAX = 2 + CIA402_EMERGENCIES + CIA402_PDOS,
+    POSITION_GAIN = 400, /* 40/s */
+    TEMPERATURE_MAX_C = 125,
+};
+
+/* Of the velocity loop, in back-EMFs: an error falls in half the motor's own time constant, which
+ * the delay of a millisecond's steps still bears, and a load is taken over in some 50 ms */
+#define VELOCITY_KP 1.0
+#define VELOCITY_KI 40.0
+#define OVER_VOLTAGE_V 60.0
+
+/* Code of EMCY and 0x603f, and bit of the error register. */
+static const struct {
+    uint32_t fault;
+    uint16_t code;
+    uint8_t error_register;
+} error_codes[] = {
+    {CIA402_FAULT_UNDER_VOLTAGE, 0x3220, 0x04}, {CIA402_FAULT_OVER_VOLTAGE, 0x3210, 0x04},
+    {CIA402_FAULT_OVER_CURRENT, 0x2310, 0x02},  {CIA402_FAULT_MOTOR_ENCODER, 0x7305, 0x20},
+    {CIA402_FAULT_LINK_ENCODER, 0x7306, 0x20},  {CIA402_FAULT_TORQUE_SENSOR, 0xff01, 0x80},
+    {CIA402_FAULT_TEMPERATURE, 0x4310, 0x08},   {CIA402_FAULT_FOLLOWING, 0x8611, 0x20},
+};
+
+/* ---- power-up ---- */
+
+void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_config *config,
+                             const struct board_config *board)
+{
+    struct cia402_axis_settings *p = &axis->settings;
+    double kp, ki;
+
+    p->current_limit_ma = cia402_counts(config->current_limit_a, 1e-3);
+    p->temperature_limit_c =
+        config->temperature_limit_c > 0.0
+            ? control_clamp(cia402_counts(config->temperature_limit_c, 1.0), 1, TEMPERATURE_MAX_C)
+            : TEMPERATURE_MAX_C;
+    p->position_limit[0] = cia402_counts(config->lower_rad, CIA402_POSITION_RAD);
+    p->position_limit[1] = cia402_counts(config->upper_rad, CIA402_POSITION_RAD);
+    p->timeout_ms = control_clamp(board->command_timeout_ns / MS, 0, UINT16_MAX);
+    p->position_gain = POSITION_GAIN;
+    axis->rated_current_ma = p->current_limit_ma;
+    axis->rated_torque_mnm = cia402_counts(config->current_limit_a * config->bemf_v_s_rad, 1e-3);
+    if (config->winding_ohm > 0.0) {
+        current_loop_tune(config->winding_ohm, config->winding_h, &kp, &ki);
+        p->current_gain[0] = cia402_counts(kp, 1e-3);
+        p->current_gain[1] = cia402_counts(ki, 1e-3);
+        p->current_gain[2] = cia402_counts(config->bemf_v_s_rad, 1e-3);
+        p->velocity_gain[0] = cia402_counts(VELOCITY_KP * config->bemf_v_s_rad, 1e-3);
+        p->velocity_gain[1] = cia402_counts(VELOCITY_KI * config->bemf_v_s_rad, 1e-3);
+    }
+}
+
+static void cia402_axis_power_up(struct cia402_axis *axis)
+{
+    axis->state = CIA402_NOT_READY;
+    axis->latched = axis->present = 0;
+    axis->faults = axis->error_code = axis->controlword = axis->statusword = 0;
+    axis->target_voltage = axis->target_torque = axis->target_velocity = 0;
+    axis->target_position = axis->velocity_offset = axis->torque_offset = 0;
+    axis->mode = CIA402_NO_MODE;
+    axis->mode_display = 0;
+    axis->home = 0;
+    axis->homed = axis->homing_failed = axis->set_point_taken = axis->limited = false;
+    axis->velocity_rad_s = axis->overload_ms = 0.0;
+    cia402_axis_stand(axis);
+}
+
+static void cia402_motor_power_up(struct board *board)
+{
+    struct cia402_motor *motor = cia402_motor_of(board);
+
+    motor->node.axes = board_config_axes(&board->config);
+    cia402_node_power_up(&motor->node);
+    for (unsigned i = 0; i < motor->node.axes; i++) {
+        cia402_axis_power_up(&motor->axis[i]);
+    }
+    motor->started = false;
+}
+
+/* ---- sensors ---- */
+
+static void cia402_axis_sample(struct cia402_axis *axis, const struct board_axis_config *config,
+                               const struct motor_sense *sense, int64_t ms)
+{
+    int32_t motor, link;
+
+    axis->bad_motor = !control_quantize(sense->qm * config->motor_ticks_per_rad, &motor) ||
+                      !isfinite(sense->current_a);
+    axis->bad_link = !control_quantize(sense->q * config->joint_ticks_per_rad, &link);
+    axis->bad_torque = !isfinite(sense->torque_nm);
+    if (!axis->bad_motor) {
+        axis->motor_rad = motor / config->motor_ticks_per_rad;
+        axis->motor_encoder = cia402_counts(axis->motor_rad, CIA402_POSITION_RAD);
+        axis->current_a = sense->current_a;
+    }
+    if (!axis->bad_link) {
+        axis->link_encoder = cia402_counts(link / config->joint_ticks_per_rad, CIA402_POSITION_RAD);
+    }
+    if (!axis->bad_torque) {
+        axis->torque_nm = sense->torque_nm;
+    }
+    control_quantize(sense->winding_c, &axis->temperature);
+
+    /* The rotor's speed is a running mean */
+    if (ms > 0) {
+        double change = (axis->motor_rad - axis->before_rad) / ((double)ms * 1e-3);
+
+        axis->velocity_rad_s = (axis->velocity_rad_s + change) / 2.0;
+        axis->before_rad = axis->motor_rad;
+    }
+}
+
+/* What was sampled, as the objects have it. */
+static void cia402_axis_publish(struct cia402_axis *axis, double supply_v)
+{
+    double rated_a = fmax((double)axis->rated_current_ma, 1.0) * 1e-3;
+
+    axis->deflection = axis->motor_encoder - axis->link_encoder;
+    axis->position = axis->motor_encoder - axis->home;
+    axis->velocity = cia402_counts(axis->velocity_rad_s, CIA402_POSITION_RAD);
+    axis->current_ma = cia402_counts(axis->current_a, 1e-3);
+    axis->current = cia402_counts(axis->current_a / rated_a, 1e-3);
+    axis->torque = axis->current; /* both in thousandths of what belongs together */
+    axis->spring_torque = cia402_counts(axis->torque_nm, CIA402_SPRING_NM);
+    axis->temperature_c = axis->temperature;
+    axis->supply_mv = cia402_counts(supply_v, 1e-3);
+}
+
+static void cia402_motor_sample(struct board *board, const struct plant_sensors *sensors)
+{
+    struct cia402_motor *motor = cia402_motor_of(board);
+    int64_t now_ms = board->boards->now_ns / MS;
+
+    motor->supply_v = board_supply_v(sensors);
+    for (unsigned i = 0; i < motor->node.axes; i++) {
+        const struct board_axis_config *config = &board->config.axis[i];
+        struct cia402_axis *axis = &motor->axis[i];
+        int64_t ms = motor->started ? now_ms - motor->sampled_ms : 0;
+
+        cia402_axis_sample(axis, config, &sensors->motor[config->joint], ms);
+        if (!motor->started) {
+            axis->before_rad = axis->motor_rad;
+        }
+        cia402_axis_publish(axis, motor->supply_v);
+        for (int64_t k = 0; k < ms; k++) {
+            cia402_axis_count_times(axis);
+        }
+        cia402_axis_update_status(axis);
+    }
+    motor->started = true;
+    motor->sampled_ms = now_ms;
+}
+
+/* ---- faults ---- */
+
+static bool cia402_axis_is_over_current(const struct board *board, struct cia402_axis *axis)
+{
+    double limit_a = (double)axis->settings.current_limit_ma * 1e-3;
+
+    if (!cia402_axis_is_on(axis)) {
+        axis->overload_ms = 0.0;
+        return false;
+    }
+    return overload_step(&axis->overload_ms, axis->current_a, limit_a,
+                         (double)board->boards->tick_ns / MS);
+}
+
+static bool cia402_axis_is_stale(const struct board *board, const struct cia402_axis *axis)
+{
+    bool expects = axis->mode == CIA402_VOLTAGE_MODE || axis->mode == CIA402_TORQUE ||
+                   axis->mode == CIA402_CYCLIC_TORQUE || axis->mode == CIA402_CYCLIC_VELOCITY;
+
+    return expects && axis->state == CIA402_OPERATION_ENABLED && axis->settings.timeout_ms > 0 &&
+           board->boards->now_ns - axis->command_ns > axis->settings.timeout_ms * MS;
+}
+
+static bool cia402_axis_is_beyond_limit(const struct cia402_axis *axis)
+{
+    const int64_t *limit = axis->settings.position_limit;
+    int64_t link = axis->link_encoder - axis->home;
+
+    return limit[0] < limit[1] && (link < limit[0] || link > limit[1]);
+}
+
+static uint32_t cia402_axis_present_faults(const struct board *board, struct cia402_axis *axis)
+{
+    double supply_v = cia402_motor_of(board)->supply_v;
+    bool off_course = axis->following_ms > axis->settings.following_timeout_ms;
+    uint32_t faults = 0;
+
+    faults |= supply_v < BOARD_UNDER_VOLTAGE_V ? CIA402_FAULT_UNDER_VOLTAGE : 0;
+    faults |= supply_v > OVER_VOLTAGE_V ? CIA402_FAULT_OVER_VOLTAGE : 0;
+    faults |= cia402_axis_is_over_current(board, axis) ? CIA402_FAULT_OVER_CURRENT : 0;
+    faults |= axis->bad_motor ? CIA402_FAULT_MOTOR_ENCODER : 0;
+    faults |= axis->bad_link ? CIA402_FAULT_LINK_ENCODER : 0;
+    faults |= axis->bad_torque ? CIA402_FAULT_TORQUE_SENSOR : 0;
+    faults |= axis->temperature > axis->settings.temperature_limit_c ? CIA402_FAULT_TEMPERATURE : 0;
+    faults |=
+        off_course && cia402_axis_controls_position(axis) && axis->state == CIA402_OPERATION_ENABLED
+            ? CIA402_FAULT_FOLLOWING
+            : 0;
+    faults |= cia402_axis_is_stale(board, axis) ? CIA402_FAULT_STALE : 0;
+    faults |= cia402_axis_is_beyond_limit(axis) ? CIA402_FAULT_LIMIT : 0;
+    return faults;
+}
+
+static void cia402_axis_report_faults(struct cia402_node *node, struct cia402_axis *axis,
+                                      uint32_t risen)
+{
+    unsigned number = cia402_axis_number(node, axis);
+
+    for (size_t i = 0; i < sizeof error_codes / sizeof *error_codes; i++) {
+        if (risen & error_codes[i].fault) {
+            axis->error_code = error_codes[i].code;
+            cia402_emcy_raise(node, error_codes[i].code, error_codes[i].error_register, number,
+                              (uint32_t)axis->faults);
+        }
+    }
+    if (risen & FATAL) {
+        board_event(&node->board, BOARD_EVENT_FAULT, number, risen & FATAL, 0);
+    }
+}
+
+static void cia402_axis_watch_faults(struct cia402_node *node, struct cia402_axis *axis)
+{
+    struct board *board = &node->board;
+    uint32_t present = cia402_axis_present_faults(board, axis);
+    uint32_t risen = present & ~(axis->present | axis->latched);
+    unsigned number = cia402_axis_number(node, axis);
+
+    axis->present = present;
+    axis->latched |= present & FATAL;
+    axis->faults = present | axis->latched;
+    board->boards->counters.trips +=
+        (risen & (CIA402_FAULT_OVER_CURRENT | CIA402_FAULT_TEMPERATURE)) != 0;
+    if (risen & CIA402_FAULT_STALE) {
+        axis->target_voltage = axis->target_torque = axis->target_velocity = 0;
+        board->boards->counters.timeouts++;
+        board_event(board, BOARD_EVENT_TIMEOUT, number, axis->state, 0);
+    }
+    if (risen & CIA402_FAULT_LIMIT && cia402_axis_is_on(axis)) {
+        board_event(board, BOARD_EVENT_LIMIT, number, (uint32_t)axis->link_encoder, 0);
+    }
+    cia402_axis_report_faults(node, axis, risen);
+    if (present & FATAL) {
+        cia402_axis_react(node, axis, !(present & OPENS_BRIDGE));
+    }
+}
+
+/* ---- control ---- */
+
+static void cia402_motor_drive_bridges(const struct board *board, struct plant_command *command)
+{
+    const struct cia402_motor *motor = cia402_motor_of(board);
+
+    for (unsigned i = 0; i < motor->node.axes; i++) {
+        const struct cia402_axis *axis = &motor->axis[i];
+        struct motor_command *to = &command->motor[board->config.axis[i].joint];
+
+        to->bridge_on = cia402_axis_is_on(axis);
+        to->voltage_v = to->bridge_on ? axis->voltage_v : 0.0;
+    }
+}
+
+static void cia402_motor_control(struct board *board, struct ms_span span,
+                                 struct plant_command *command)
+{
+    struct cia402_motor *motor = cia402_motor_of(board);
+
+    cia402_nmt_watch(&motor->node);
+    for (unsigned i = 0; i < motor->node.axes; i++) {
+        struct cia402_axis *axis = &motor->axis[i];
+
+        cia402_axis_watch_faults(&motor->node, axis);
+        cia402_axis_step_state(&motor->node, axis);
+        for (int64_t ms = span.from; ms < span.to; ms++) {
+            cia402_axis_step(axis, &board->config.axis[i], motor->supply_v);
+        }
+        axis->voltage = cia402_counts(axis->voltage_v, CIA402_VOLTAGE_V);
+    }
+    cia402_motor_drive_bridges(board, command);
+}
+
+static void cia402_motor_shut_down(struct board *board, struct plant_command *command)
+{
+    struct cia402_motor *motor = cia402_motor_of(board);
+
+    for (unsigned i = 0; i < motor->node.axes; i++) {
+        struct cia402_axis *axis = &motor->axis[i];
+
+        if (cia402_axis_is_on(axis) || axis->state == CIA402_SWITCHED_ON) {
+            cia402_axis_enter(&motor->node, axis, CIA402_SWITCH_ON_DISABLED);
+        }
+    }
+    cia402_motor_drive_bridges(board, command);
+}
+
+static bool cia402_motor_is_faulty(const struct board *board)
+{
+    const struct cia402_motor *motor = cia402_motor_of(board);
+
+    for (unsigned i = 0; i < motor->node.axes; i++) {
+        if (motor->axis[i].state == CIA402_FAULT ||
+            motor->axis[i].state == CIA402_FAULT_REACTION_ACTIVE) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static const struct board_ops cia402_motor_ops = {
+    .identity = {.type = CIA402_KIND_DRIVE, .major = 1, .minor = 0, .build = 1},
+    .periodic_max = FRAMES_MAX,
+    .power_up = cia402_motor_power_up,
+    .sample = cia402_motor_sample,
+    .control = cia402_motor_control,
+    .transmit = cia402_node_transmit,
+    .shut_down = cia402_motor_shut_down,
+    .fault = cia402_motor_is_faulty,
+    .settings = &cia402_settings,
+};
+
+struct board *cia402_motor_create(struct arena *arena)
+{
+    struct cia402_motor *motor = arena_alloc(arena, 1, sizeof *motor);
+
+    if (!motor) {
+        return NULL;
+    }
+    motor->node.board.ops = &cia402_motor_ops;
+    motor->node.kind = CIA402_KIND_DRIVE;
+    motor->node.axis = motor->axis;
+    return &motor->node.board;
+}

@@ -1,0 +1,340 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the boards of a CANopen bus are made of. Fields that are objects of the dictionary are
+ * int64_t, whatever type the object has, in the units of the object. RT-safe but for what creates.
+ */
+#ifndef BOARDS_CIA402_PRIVATE_H
+#define BOARDS_CIA402_PRIVATE_H
+
+#include "boards/board_private.h"
+#include "boards/cia402/board.h"
+#include "boards/cia402/table.h"
+#include "boards/motor_control.h"
+
+enum {
+    CIA402_PDOS = CIA402_AXIS_PDOS * CIA402_BOARD_AXES, /* of each direction */
+    CIA402_HISTORY = 8,                                 /* errors in 0x1003 */
+    CIA402_EMERGENCIES = 16,                            /* that wait to be sent */
+    CIA402_SENSOR_CHANNELS = 13,
+};
+
+/* Parameters of a PDO: 0x1400 and 0x1600, or 0x1800 and 0x1a00. */
+struct cia402_pdo {
+    int64_t cob_id, type, inhibit_100us, event_ms;
+    int64_t count, object[CIA402_MAPPED_MAX];
+};
+
+/* A PDO at work. */
+struct cia402_channel {
+    struct cia402_entry entry[CIA402_MAPPED_MAX]; /* as mapped; value of a dummy is unused */
+    uint8_t bytes[CIA402_MAPPED_MAX];
+    uint8_t length;
+    uint8_t data[8]; /* TPDO: sent last; RPDO: waits for SYNC */
+    bool waits;      /* RPDO: data is fresh; TPDO: never sent since it was set up */
+    int64_t syncs;   /* since the last one sent */
+    int64_t time_ns; /* of the last one sent or received */
+};
+
+/* Parameters of communication, which "save" keeps. */
+struct cia402_communication {
+    int64_t cob_sync, guard_ms, life_factor, cob_emcy, emcy_inhibit_100us;
+    int64_t consumer, producer_ms, error_behavior;
+    struct cia402_pdo rpdo[CIA402_PDOS], tpdo[CIA402_PDOS];
+};
+
+struct cia402_emergency {
+    uint16_t code;
+    uint8_t error_register, axis;
+    uint32_t faults;
+};
+
+/* A segmented transfer of the SDO server. */
+struct cia402_transfer {
+    enum { CIA402_NO_TRANSFER, CIA402_UPLOADS, CIA402_DOWNLOADS } kind;
+    struct cia402_entry entry;
+    uint8_t data[CIA402_TEXT_MAX];
+    uint32_t size, done; /* size of a download: as announced, or UINT32_MAX */
+    bool toggle;
+    uint16_t index; /* as asked for, for abort messages */
+    uint8_t sub;
+};
+
+struct cia402_axis;
+struct cia402_sensor;
+
+struct cia402_node {
+    struct board board;
+    enum cia402_kind kind;
+    unsigned axes;
+    struct cia402_axis *axis;     /* axes of them; NULL: a sensor */
+    struct cia402_sensor *sensor; /* NULL: a drive */
+    struct cia402_communication settings, saved;
+    char note[CIA402_TEXT_MAX + 1], saved_note[CIA402_TEXT_MAX + 1];
+    char device[CIA402_TEXT_MAX + 1], hardware[CIA402_TEXT_MAX + 1], software[CIA402_TEXT_MAX + 1];
+    bool powered, restore; /* at the next reset the factory's settings */
+
+    /* Objects that are no settings */
+    int64_t device_type, error_register, identity[4], history_count, history[CIA402_HISTORY];
+    int64_t sdo_request, sdo_reply, storage;
+
+    enum cia402_nmt_state state;
+    bool boot_up_due, reset_due;
+    int64_t heartbeat_ns; /* when the next is due */
+    bool guard_toggle, guarded, guard_lost;
+    int64_t guard_ns;             /* of the last remote frame */
+    bool consumes, consumer_lost; /* a heartbeat has been heard */
+    int64_t consumer_ns;          /* of the last */
+    struct cia402_emergency emergency[CIA402_EMERGENCIES];
+    unsigned emergency_first, emergencies;
+    int64_t emergency_ns; /* of the last */
+    int64_t syncs;        /* heard since the last transmission */
+    struct cia402_channel rx[CIA402_PDOS], tx[CIA402_PDOS];
+    struct cia402_transfer transfer;
+};
+
+static inline struct cia402_node *cia402_node_of(const struct board *board)
+{
+    return container_of(board, struct cia402_node, board);
+}
+
+static inline unsigned cia402_pdos(const struct cia402_node *node)
+{
+    return node->axes ? CIA402_AXIS_PDOS * node->axes : CIA402_AXIS_PDOS;
+}
+
+static inline int64_t cia402_counts(double value, double worth)
+{
+    int32_t count = 0;
+
+    control_quantize(value / worth, &count);
+    return count;
+}
+
+/* ---- objects (object.c) ---- */
+
+/* Finds an object by index and sub-index. */
+enum cia402_abort cia402_find(const struct cia402_node *node, unsigned index, unsigned sub,
+                              struct cia402_entry *entry);
+
+/* Where its value is; not of texts and counts. */
+int64_t *cia402_field(const struct cia402_node *node, const struct cia402_entry *entry);
+char *cia402_text(const struct cia402_node *node, const struct cia402_entry *entry);
+
+int64_t cia402_value(const struct cia402_node *node, const struct cia402_entry *entry);
+enum cia402_abort cia402_write(struct cia402_node *node, const struct cia402_entry *entry,
+                               int64_t value);
+
+/* CiA 301, table "restricted CAN-IDs": not for PDOs, SYNC and EMCY. */
+bool cia402_cob_is_restricted(unsigned id);
+
+/* Little-endian bytes of a type to its value and back. */
+int64_t cia402_get(enum cia402_type type, const uint8_t *data);
+void cia402_put(enum cia402_type type, int64_t value, uint8_t *data);
+
+/* Every field of the table to its initial value; then the PDOs and what the configuration says. */
+void cia402_set_factory(struct cia402_node *node);
+
+/* ---- services ---- */
+
+/* sdo.c; a request of 8 bytes; returns why it was refused. */
+enum cia402_abort cia402_sdo_receive(struct cia402_node *node, const uint8_t *data);
+
+/* pdo.c; a write to a mapping, then what is called when frames come or are due. */
+enum cia402_abort cia402_pdo_write_cob(struct cia402_node *node, const struct cia402_entry *entry,
+                                       int64_t value);
+enum cia402_abort cia402_pdo_write_type(struct cia402_node *node, const struct cia402_entry *entry,
+                                        int64_t value);
+enum cia402_abort cia402_pdo_write_inhibit(struct cia402_node *node,
+                                           const struct cia402_entry *entry, int64_t value);
+enum cia402_abort cia402_pdo_write_count(struct cia402_node *node, const struct cia402_entry *entry,
+                                         int64_t value);
+enum cia402_abort cia402_pdo_write_object(struct cia402_node *node,
+                                          const struct cia402_entry *entry, int64_t value);
+void cia402_pdo_set_factory(struct cia402_node *node);
+void cia402_pdo_link(struct cia402_node *node); /* all of them, as the settings say */
+void cia402_pdo_start(struct cia402_node *node);
+bool cia402_pdo_receive(struct cia402_node *node, const struct bus_frame *frame,
+                        enum board_verdict *verdict);
+void cia402_pdo_sync(struct cia402_node *node);
+void cia402_pdo_transmit(struct cia402_node *node, struct frame_sink *sink);
+
+/* nmt.c */
+void cia402_nmt_command(struct cia402_node *node, unsigned command);
+void cia402_nmt_guard(struct cia402_node *node);
+void cia402_nmt_hear(struct cia402_node *node, unsigned producer);
+void cia402_nmt_watch(struct cia402_node *node); /* once a tick: lost heartbeats */
+void cia402_nmt_transmit(struct cia402_node *node, struct frame_sink *sink);
+enum cia402_abort cia402_nmt_write_producer(struct cia402_node *node,
+                                            const struct cia402_entry *entry, int64_t value);
+enum cia402_abort cia402_nmt_write_consumer(struct cia402_node *node,
+                                            const struct cia402_entry *entry, int64_t value);
+
+/* emcy.c */
+void cia402_emcy_raise(struct cia402_node *node, unsigned code, unsigned error_register,
+                       unsigned axis, uint32_t faults);
+void cia402_emcy_clear(struct cia402_node *node); /* error reset, when nothing is left */
+void cia402_emcy_transmit(struct cia402_node *node, struct frame_sink *sink);
+enum cia402_abort cia402_emcy_write_history(struct cia402_node *node,
+                                            const struct cia402_entry *entry, int64_t value);
+enum cia402_abort cia402_write_cob(struct cia402_node *node, const struct cia402_entry *entry,
+                                   int64_t value);
+
+/* node.c */
+bool cia402_node_power_up(struct cia402_node *node); /* true: the first time */
+void cia402_node_reset_communication(struct cia402_node *node);
+void cia402_node_transmit(struct board *board, struct ms_span span, struct frame_sink *sink);
+enum cia402_abort cia402_node_write_store(struct cia402_node *node,
+                                          const struct cia402_entry *entry, int64_t value);
+enum cia402_abort cia402_node_write_restore(struct cia402_node *node,
+                                            const struct cia402_entry *entry, int64_t value);
+
+/* ---- drives ---- */
+
+/* Settings of an axis, which "save" keeps. */
+struct cia402_axis_settings {
+    int64_t abort_option, quick_stop_option, shutdown_option, disable_option, halt_option,
+        fault_option;
+    int64_t following_window, following_timeout_ms, position_window, position_window_ms;
+    int64_t velocity_window, velocity_window_ms, velocity_threshold, velocity_threshold_ms;
+    int64_t max_torque, max_current, position_limit[2], home_offset;
+    int64_t max_profile_velocity, profile_velocity, profile_acceleration, profile_deceleration,
+        quick_stop_deceleration, torque_slope;
+    int64_t homing_method, homing_speed[2], homing_acceleration;
+    int64_t interpolation_ms, interpolation_exponent;
+    int64_t timeout_ms, current_limit_ma, temperature_limit_c;
+    int64_t current_gain[3];  /* mV/A, mV/(A s), mV s/rad */
+    int64_t velocity_gain[2]; /* mV s/rad, mV/rad */
+    int64_t position_gain;    /* 1/s, in 0.1 */
+    int64_t mode;
+};
+
+/* Where a reference of a profile is, in the units of the objects. */
+struct cia402_profile {
+    double position, velocity;
+};
+
+struct cia402_axis {
+    struct cia402_axis_settings settings, saved;
+
+    /* Objects that are no settings */
+    int64_t controlword, statusword, error_code, mode_display, supported_modes;
+    int64_t target_position, target_velocity, target_torque, target_voltage;
+    int64_t velocity_offset, torque_offset;
+    int64_t position, velocity, torque, current; /* actual values */
+    int64_t position_demand, velocity_demand, torque_demand, following_error;
+    int64_t rated_current_ma, rated_torque_mnm;
+    int64_t link_encoder, motor_encoder, deflection, spring_torque, voltage, current_ma,
+        temperature_c, supply_mv, faults;
+
+    enum cia402_state state;
+    enum cia402_mode mode; /* that works */
+    uint32_t latched;      /* faults since the last reset */
+    uint32_t present;      /* faults and warnings now */
+
+    /* What moves it */
+    struct cia402_profile profile;
+    double goal, next_goal; /* profile position */
+    bool moving, has_next, set_point_taken;
+    bool homed, homing_failed;
+    bool stopping; /* a ramp to standstill is in force, whatever the mode */
+    double stop_deceleration;
+    enum cia402_state stop_state;  /* where it leads */
+    int64_t interpolation_left_ms; /* of the cyclic set-point in hand */
+    int64_t command_ns;            /* of the last command of voltage, torque, position, velocity */
+    double torque_reference;       /* thousandths, on its slope */
+    int64_t following_ms, reached_ms, standstill_ms, stop_ms; /* for how long */
+    bool limited;                                             /* a set-point was cut by a limit */
+
+    /* Loops and sensors */
+    double integral_v, velocity_integral_v, voltage_v, overload_ms;
+    double motor_rad, before_rad, velocity_rad_s, current_a, torque_nm;
+    int64_t home; /* of the motor encoder where the position is 0 */
+    int32_t temperature;
+    bool bad_motor, bad_link, bad_torque;
+};
+
+struct cia402_motor {
+    struct cia402_node node;
+    struct cia402_axis axis[CIA402_BOARD_AXES];
+    double supply_v;
+    int64_t sampled_ms;
+    bool started;
+};
+
+static inline struct cia402_motor *cia402_motor_of(const struct board *board)
+{
+    return container_of(board, struct cia402_motor, node.board);
+}
+
+static inline unsigned cia402_axis_number(const struct cia402_node *node,
+                                          const struct cia402_axis *axis)
+{
+    return (unsigned)(axis - node->axis);
+}
+
+/* The bridge is closed. */
+static inline bool cia402_axis_is_on(const struct cia402_axis *axis)
+{
+    return axis->state == CIA402_OPERATION_ENABLED || axis->state == CIA402_QUICK_STOP_ACTIVE ||
+           axis->state == CIA402_FAULT_REACTION_ACTIVE;
+}
+
+/* Settings that the configuration of a board says (motor_board.c). */
+void cia402_axis_set_factory(struct cia402_axis *axis, const struct board_axis_config *config,
+                             const struct board_config *board);
+
+/* The state machine (state.c). Faults with which the bridge must open at once are not drivable. */
+void cia402_axis_enter(struct cia402_node *node, struct cia402_axis *axis, enum cia402_state state);
+void cia402_axis_step_state(struct cia402_node *node, struct cia402_axis *axis);
+void cia402_axis_react(struct cia402_node *node, struct cia402_axis *axis, bool drivable);
+void cia402_axis_lose_connection(struct cia402_node *node, struct cia402_axis *axis);
+void cia402_axis_update_status(struct cia402_axis *axis);
+enum cia402_abort cia402_axis_write_controlword(struct cia402_node *node,
+                                                const struct cia402_entry *entry, int64_t value);
+
+/* Modes and loops (modes.c): a millisecond of an enabled axis -> its voltage. */
+void cia402_axis_step(struct cia402_axis *axis, const struct board_axis_config *config,
+                      double supply_v);
+void cia402_axis_count_times(struct cia402_axis *axis);
+void cia402_axis_stand(struct cia402_axis *axis); /* references to where it is, loops empty */
+void cia402_axis_stop(struct cia402_axis *axis, bool quick, enum cia402_state then);
+void cia402_axis_take_set_point(struct cia402_axis *axis, int64_t before);
+bool cia402_axis_has_stopped(const struct cia402_axis *axis);
+bool cia402_axis_controls_position(const struct cia402_axis *axis);
+unsigned cia402_axis_mode_status(const struct cia402_axis *axis);
+enum cia402_abort cia402_axis_write_mode(struct cia402_node *node, const struct cia402_entry *entry,
+                                         int64_t value);
+enum cia402_abort cia402_axis_write_target(struct cia402_node *node,
+                                           const struct cia402_entry *entry, int64_t value);
+enum cia402_abort cia402_axis_write_option(struct cia402_node *node,
+                                           const struct cia402_entry *entry, int64_t value);
+enum cia402_abort cia402_axis_write_homing(struct cia402_node *node,
+                                           const struct cia402_entry *entry, int64_t value);
+enum cia402_abort cia402_axis_write_when_off(struct cia402_node *node,
+                                             const struct cia402_entry *entry, int64_t value);
+enum cia402_abort cia402_axis_write_limit(struct cia402_node *node,
+                                          const struct cia402_entry *entry, int64_t value);
+
+/* One step of a trapezoidal profile of dt s towards a goal (profile.c). */
+void cia402_profile_move(struct cia402_profile *profile, double goal, double speed,
+                         double acceleration, double deceleration, double dt);
+void cia402_profile_accelerate(struct cia402_profile *profile, double velocity, double acceleration,
+                               double deceleration, double dt);
+
+/* What may be set beside the bus (settings.c). */
+extern const struct board_settings cia402_settings;
+
+/* ---- sensors ---- */
+
+struct cia402_sensor {
+    int64_t value[CIA402_SENSOR_CHANNELS]; /* less the tare */
+    int64_t tare[CIA402_SENSOR_CHANNELS], saved_tare[CIA402_SENSOR_CHANNELS];
+    int64_t channels, saturated, faults;
+    int64_t counts[CIA402_SENSOR_CHANNELS]; /* as measured */
+    bool started;
+};
+
+enum cia402_abort cia402_sensor_write_tare(struct cia402_node *node,
+                                           const struct cia402_entry *entry, int64_t value);
+
+#endif

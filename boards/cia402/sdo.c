@@ -1,0 +1,252 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The SDO server (CiA 301, 7.2.4): expedited and segmented transfers in both directions, one at a
+ * time; a new one ends the one before. Block transfers are refused as an unknown command.
+ */
+#include "boards/cia402/private.h"
+
+#include "canbus/frame.h"
+
+#include <string.h>
+
+enum { EXPEDITED_MAX = 4, SEGMENT_MAX = 7 };
+
+#define SIZE_UNKNOWN UINT32_MAX
+
+static void cia402_sdo_answer(struct cia402_node *node, const uint8_t *data)
+{
+    board_queue(&node->board, (uint32_t)node->sdo_reply, CIA402_SDO_LENGTH, data);
+}
+
+/* Ends a transfer with a reason. */
+static enum cia402_abort cia402_sdo_abort(struct cia402_node *node, unsigned index, unsigned sub,
+                                          enum cia402_abort reason)
+{
+    uint8_t data[CIA402_SDO_LENGTH] = {CIA402_ABORT};
+
+    node->transfer.kind = CIA402_NO_TRANSFER;
+    put_u16_le(data + 1, (uint16_t)index);
+    data[3] = (uint8_t)sub;
+    put_u32_le(data + 4, reason);
+    cia402_sdo_answer(node, data);
+    return reason;
+}
+
+static enum cia402_abort cia402_sdo_abort_transfer(struct cia402_node *node,
+                                                   enum cia402_abort reason)
+{
+    return cia402_sdo_abort(node, node->transfer.index, node->transfer.sub, reason);
+}
+
+/* The answer to an initiation has the request's index and sub-index. */
+static void cia402_sdo_confirm(struct cia402_node *node, const uint8_t *request, unsigned command,
+                               const uint8_t *value, size_t size)
+{
+    uint8_t data[CIA402_SDO_LENGTH] = {(uint8_t)command, request[1], request[2], request[3]};
+
+    memcpy(data + 4, value, size);
+    cia402_sdo_answer(node, data);
+}
+
+/* ---- uploads: the host reads ---- */
+
+static enum cia402_abort cia402_sdo_upload(struct cia402_node *node, const uint8_t *request)
+{
+    struct cia402_transfer *transfer = &node->transfer;
+    const struct cia402_object *object = transfer->entry.object;
+    uint8_t size[4];
+
+    /* What is to be told */
+    if (object && object->index == 0x1003 && transfer->sub > node->history_count) {
+        return cia402_sdo_abort_transfer(node, CIA402_ABORT_NO_DATA);
+    }
+    if (transfer->entry.type == CIA402_TEXT) {
+        const char *text = cia402_text(node, &transfer->entry);
+
+        transfer->size = (uint32_t)strlen(text);
+        memcpy(transfer->data, text, transfer->size);
+    } else {
+        transfer->size = cia402_type_bits(transfer->entry.type) / 8;
+        cia402_put(transfer->entry.type, cia402_value(node, &transfer->entry), transfer->data);
+    }
+
+    /* At once, where it fits */
+    if (transfer->size > 0 && transfer->size <= EXPEDITED_MAX) {
+        unsigned unused = EXPEDITED_MAX - transfer->size;
+
+        transfer->kind = CIA402_NO_TRANSFER;
+        cia402_sdo_confirm(node, request,
+                           CIA402_UPLOAD_REPLY | unused << 2 | CIA402_EXPEDITED | CIA402_SIZED,
+                           transfer->data, transfer->size);
+        return CIA402_DONE;
+    }
+    transfer->kind = CIA402_UPLOADS;
+    put_u32_le(size, transfer->size);
+    cia402_sdo_confirm(node, request, CIA402_UPLOAD_REPLY | CIA402_SIZED, size, sizeof size);
+    return CIA402_DONE;
+}
+
+static enum cia402_abort cia402_sdo_upload_segment(struct cia402_node *node, const uint8_t *request)
+{
+    struct cia402_transfer *transfer = &node->transfer;
+    uint32_t size = transfer->size - transfer->done;
+    uint8_t data[CIA402_SDO_LENGTH] = {CIA402_UPLOAD_SEGMENT_REPLY};
+
+    size = size < SEGMENT_MAX ? size : SEGMENT_MAX;
+    memcpy(data + 1, transfer->data + transfer->done, size);
+    transfer->done += size;
+    data[0] |= (uint8_t)((request[0] & CIA402_TOGGLE) | (SEGMENT_MAX - size) << 1);
+    if (transfer->done == transfer->size) {
+        data[0] |= CIA402_LAST;
+        transfer->kind = CIA402_NO_TRANSFER;
+    }
+    cia402_sdo_answer(node, data);
+    return CIA402_DONE;
+}
+
+/* ---- downloads: the host writes ---- */
+
+static enum cia402_abort cia402_sdo_check_size(const struct cia402_entry *entry, uint32_t size)
+{
+    uint32_t right = cia402_type_bits(entry->type) / 8;
+
+    if (entry->type == CIA402_TEXT) {
+        return size > CIA402_TEXT_MAX ? CIA402_ABORT_TOO_LONG : CIA402_DONE;
+    }
+    return size > right   ? CIA402_ABORT_TOO_LONG
+           : size < right ? CIA402_ABORT_TOO_SHORT
+                          : CIA402_DONE;
+}
+
+static enum cia402_abort cia402_sdo_store(struct cia402_node *node,
+                                          const struct cia402_entry *entry, const uint8_t *data,
+                                          uint32_t size)
+{
+    enum cia402_abort reason = cia402_sdo_check_size(entry, size);
+
+    if (reason) {
+        return reason;
+    }
+    if (entry->type == CIA402_TEXT) {
+        char *text = cia402_text(node, entry);
+
+        memset(text, 0, CIA402_TEXT_MAX + 1);
+        memcpy(text, data, size);
+        return CIA402_DONE;
+    }
+    return cia402_write(node, entry, cia402_get(entry->type, data));
+}
+
+static enum cia402_abort cia402_sdo_download(struct cia402_node *node, const uint8_t *request)
+{
+    struct cia402_transfer *transfer = &node->transfer;
+    const struct cia402_object *object = transfer->entry.object;
+    enum cia402_abort reason = CIA402_DONE;
+    bool sized = request[0] & CIA402_SIZED;
+
+    if (!object || (object->access & CIA402_ACCESS_MASK) < CIA402_RW) {
+        return cia402_sdo_abort_transfer(node, CIA402_ABORT_READ_ONLY);
+    }
+
+    /* At once; without a size it is as long as the object */
+    if (request[0] & CIA402_EXPEDITED) {
+        uint32_t right = cia402_type_bits(transfer->entry.type) / 8;
+        uint32_t size = sized   ? EXPEDITED_MAX - (request[0] >> 2 & 3u)
+                        : right ? right
+                                : EXPEDITED_MAX;
+
+        reason = cia402_sdo_store(node, &transfer->entry, request + 4, size);
+        transfer->kind = CIA402_NO_TRANSFER;
+    } else {
+        transfer->kind = CIA402_DOWNLOADS;
+        transfer->size = sized ? get_u32_le(request + 4) : SIZE_UNKNOWN;
+        reason = sized ? cia402_sdo_check_size(&transfer->entry, transfer->size) : CIA402_DONE;
+    }
+    if (reason) {
+        return cia402_sdo_abort_transfer(node, reason);
+    }
+    cia402_sdo_confirm(node, request, CIA402_DOWNLOAD_REPLY, request + 4, 0);
+    return CIA402_DONE;
+}
+
+static enum cia402_abort cia402_sdo_download_segment(struct cia402_node *node,
+                                                     const uint8_t *request)
+{
+    struct cia402_transfer *transfer = &node->transfer;
+    uint32_t size = SEGMENT_MAX - (request[0] >> 1 & 7u);
+    uint8_t data[CIA402_SDO_LENGTH] = {CIA402_DOWNLOAD_SEGMENT_REPLY};
+
+    if (transfer->done + size > sizeof transfer->data) {
+        return cia402_sdo_abort_transfer(node, CIA402_ABORT_TOO_LONG);
+    }
+    memcpy(transfer->data + transfer->done, request + 1, size);
+    transfer->done += size;
+    if (request[0] & CIA402_LAST) {
+        bool whole = transfer->size == SIZE_UNKNOWN || transfer->size == transfer->done;
+        enum cia402_abort reason =
+            whole ? cia402_sdo_store(node, &transfer->entry, transfer->data, transfer->done)
+                  : CIA402_ABORT_LENGTH;
+
+        if (reason) {
+            return cia402_sdo_abort_transfer(node, reason);
+        }
+        transfer->kind = CIA402_NO_TRANSFER;
+    }
+    data[0] |= request[0] & CIA402_TOGGLE;
+    cia402_sdo_answer(node, data);
+    return CIA402_DONE;
+}
+
+/* ---- requests ---- */
+
+static enum cia402_abort cia402_sdo_initiate(struct cia402_node *node, const uint8_t *request,
+                                             bool upload)
+{
+    struct cia402_transfer *transfer = &node->transfer;
+    enum cia402_abort reason;
+
+    memset(transfer, 0, sizeof *transfer);
+    transfer->index = get_u16_le(request + 1);
+    transfer->sub = request[3];
+    reason = cia402_find(node, transfer->index, transfer->sub, &transfer->entry);
+    if (reason) {
+        return cia402_sdo_abort_transfer(node, reason);
+    }
+    return upload ? cia402_sdo_upload(node, request) : cia402_sdo_download(node, request);
+}
+
+/* Segments alternate their toggle bit, 0 first. */
+static enum cia402_abort cia402_sdo_segment(struct cia402_node *node, const uint8_t *request,
+                                            bool upload)
+{
+    struct cia402_transfer *transfer = &node->transfer;
+
+    if (transfer->kind != (upload ? CIA402_UPLOADS : CIA402_DOWNLOADS)) {
+        return cia402_sdo_abort_transfer(node, CIA402_ABORT_COMMAND);
+    }
+    if (transfer->toggle != (bool)(request[0] & CIA402_TOGGLE)) {
+        return cia402_sdo_abort_transfer(node, CIA402_ABORT_TOGGLE);
+    }
+    transfer->toggle = !transfer->toggle;
+    return upload ? cia402_sdo_upload_segment(node, request)
+                  : cia402_sdo_download_segment(node, request);
+}
+
+enum cia402_abort cia402_sdo_receive(struct cia402_node *node, const uint8_t *data)
+{
+    switch (data[0] & CIA402_COMMAND_MASK) {
+    case CIA402_DOWNLOAD:
+        return cia402_sdo_initiate(node, data, false);
+    case CIA402_UPLOAD:
+        return cia402_sdo_initiate(node, data, true);
+    case CIA402_DOWNLOAD_SEGMENT:
+        return cia402_sdo_segment(node, data, false);
+    case CIA402_UPLOAD_SEGMENT:
+        return cia402_sdo_segment(node, data, true);
+    case CIA402_ABORT:
+        node->transfer.kind = CIA402_NO_TRANSFER;
+        return CIA402_DONE;
+    default:
+        return cia402_sdo_abort(node, get_u16_le(data + 1), data[3], CIA402_ABORT_COMMAND);
+    }
+}

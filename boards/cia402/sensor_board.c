@@ -1,0 +1,168 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Nodes of sensors, in the manner of CiA 404: process values of six channels of force and torque,
+ * or of the inertial sensor's acceleration, rate, orientation and magnetic field.
+ */
+#include "boards/cia402/private.h"
+
+#include "boards/inertial.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { FRAMES_MAX = 2 + CIA402_EMERGENCIES + CIA402_AXIS_PDOS, HALF = BOARD_CHANNELS / 2 };
+
+enum { ACCELERATION = 0, RATE = 3, ORIENTATION = 6, MAGNETIC = 10 }; /* channels */
+
+struct cia402_sensor_board {
+    struct cia402_node node;
+    struct cia402_sensor sensor;
+};
+
+static struct cia402_sensor_board *cia402_sensor_of(const struct board *board)
+{
+    return container_of(board, struct cia402_sensor_board, node.board);
+}
+
+static void cia402_sensor_power_up(struct board *board)
+{
+    struct cia402_sensor_board *own = cia402_sensor_of(board);
+
+    cia402_node_power_up(&own->node);
+    own->sensor.faults = own->sensor.saturated = 0;
+}
+
+static void cia402_sensor_add_tare(struct cia402_sensor *sensor)
+{
+    for (int i = 0; i < sensor->channels; i++) {
+        sensor->value[i] = control_clamp(sensor->counts[i] + sensor->tare[i], INT16_MIN, INT16_MAX);
+    }
+}
+
+/* The value that the channel shows then is the one less or more. */
+enum cia402_abort cia402_sensor_write_tare(struct cia402_node *node,
+                                           const struct cia402_entry *entry, int64_t value)
+{
+    *cia402_field(node, entry) = value;
+    cia402_sensor_add_tare(node->sensor);
+    return CIA402_DONE;
+}
+
+/* ---- force and torque ---- */
+
+static void cia402_ft_convert(struct cia402_sensor *sensor, int channel, double value, double limit,
+                              bool *bad)
+{
+    double worth = channel < HALF ? CIA402_FORCE_N : CIA402_MOMENT_NM;
+    int32_t counts;
+
+    if (fabs(value) > limit) {
+        sensor->saturated |= INT64_C(1) << channel;
+        value = copysign(limit, value);
+    }
+    if (control_quantize(value / worth, &counts)) {
+        sensor->counts[channel] = control_clamp(counts, INT16_MIN, INT16_MAX);
+    } else {
+        *bad = true; /* the value before is repeated */
+    }
+}
+
+static void cia402_ft_sample(struct board *board, const struct plant_sensors *sensors)
+{
+    struct cia402_sensor *sensor = &cia402_sensor_of(board)->sensor;
+    const struct ft_sense *sense = &sensors->ft[board->config.ft];
+    bool bad = false;
+
+    sensor->saturated = 0;
+    for (int i = 0; i < HALF; i++) {
+        cia402_ft_convert(sensor, i, sense->force_n[i], board->config.full_scale[i], &bad);
+        cia402_ft_convert(sensor, HALF + i, sense->torque_nm[i], board->config.full_scale[HALF + i],
+                          &bad);
+    }
+    sensor->faults =
+        (sensor->saturated ? CIA402_FAULT_SATURATED : 0) | (bad ? CIA402_FAULT_SENSOR : 0);
+    cia402_sensor_add_tare(sensor);
+}
+
+/* ---- the inertial sensor ---- */
+
+static void cia402_inertial_convert(struct cia402_sensor *sensor, int first, int count,
+                                    const double *value, double worth, bool *bad)
+{
+    for (int i = 0; i < count; i++) {
+        if (!inertial_quantize(value[i], worth, &sensor->counts[first + i], bad)) {
+            sensor->saturated |= INT64_C(1) << (first + i);
+        }
+    }
+}
+
+static void cia402_inertial_sample(struct board *board, const struct plant_sensors *sensors)
+{
+    struct cia402_sensor *sensor = &cia402_sensor_of(board)->sensor;
+    struct inertial_values v;
+    bool bad;
+
+    inertial_derive(&sensors->imu, true, &v);
+    bad = !v.oriented;
+    sensor->saturated = 0;
+    cia402_inertial_convert(sensor, ACCELERATION, 3, v.acceleration_m_s2, CIA402_ACCELERATION_M_S2,
+                            &bad);
+    cia402_inertial_convert(sensor, RATE, 3, v.rate_rad_s, CIA402_RATE_RAD_S, &bad);
+    cia402_inertial_convert(sensor, ORIENTATION, 4, v.quaternion, CIA402_QUATERNION, &bad);
+    cia402_inertial_convert(sensor, MAGNETIC, 3, v.magnetic_t, CIA402_MAGNETIC_UT * 1e-6, &bad);
+    sensor->faults =
+        (sensor->saturated ? CIA402_FAULT_SATURATED : 0) | (bad ? CIA402_FAULT_SENSOR : 0);
+    cia402_sensor_add_tare(sensor);
+}
+
+/* ---- both ---- */
+
+static void cia402_sensor_control(struct board *board, struct ms_span span,
+                                  struct plant_command *command)
+{
+    (void)span;
+    (void)command;
+    cia402_nmt_watch(cia402_node_of(board));
+}
+
+static const struct board_ops cia402_ft_ops = {
+    .identity = {.type = CIA402_KIND_FT, .major = 1, .minor = 0, .build = 1},
+    .periodic_max = FRAMES_MAX,
+    .power_up = cia402_sensor_power_up,
+    .sample = cia402_ft_sample,
+    .control = cia402_sensor_control,
+    .transmit = cia402_node_transmit,
+};
+
+static const struct board_ops cia402_inertial_ops = {
+    .identity = {.type = CIA402_KIND_INERTIAL, .major = 1, .minor = 0, .build = 1},
+    .periodic_max = FRAMES_MAX,
+    .power_up = cia402_sensor_power_up,
+    .sample = cia402_inertial_sample,
+    .control = cia402_sensor_control,
+    .transmit = cia402_node_transmit,
+};
+
+static struct board *cia402_sensor_create(struct arena *arena, enum cia402_kind kind,
+                                          const struct board_ops *ops)
+{
+    struct cia402_sensor_board *own = arena_alloc(arena, 1, sizeof *own);
+
+    if (!own) {
+        return NULL;
+    }
+    own->node.board.ops = ops;
+    own->node.kind = kind;
+    own->node.sensor = &own->sensor;
+    return &own->node.board;
+}
+
+struct board *cia402_ft_create(struct arena *arena)
+{
+    return cia402_sensor_create(arena, CIA402_KIND_FT, &cia402_ft_ops);
+}
+
+struct board *cia402_inertial_create(struct arena *arena)
+{
+    return cia402_sensor_create(arena, CIA402_KIND_INERTIAL, &cia402_inertial_ops);
+}

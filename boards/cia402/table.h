@@ -1,0 +1,88 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The object dictionary of the cia402 nodes as one table: the SDO server, the PDO mapping, the EDS
+ * file and the DBC read the same rows. A row is an object or, with count above 1, so many equal
+ * sub-indices of one. Immutable; RT-safe.
+ */
+#ifndef BOARDS_CIA402_TABLE_H
+#define BOARDS_CIA402_TABLE_H
+
+#include "boards/cia402/protocol.h"
+
+#include <stddef.h>
+
+/* CiA 301: object codes of data types */
+enum cia402_type {
+    CIA402_I8 = 2,
+    CIA402_I16 = 3,
+    CIA402_I32 = 4,
+    CIA402_U8 = 5,
+    CIA402_U16 = 6,
+    CIA402_U32 = 7,
+    CIA402_TEXT = 9, /* VISIBLE_STRING */
+};
+
+/* Whose object it is, and so what its field is in. */
+enum cia402_scope {
+    CIA402_OF_NODE, /* struct cia402_node */
+
+    CIA402_OF_AXIS, /* struct cia402_axis; the index is that of axis 0 */
+    CIA402_OF_RPDO, /* struct cia402_pdo; the index is that of number 0 */
+    CIA402_OF_TPDO,
+    CIA402_OF_SENSOR, /* struct cia402_sensor */
+};
+
+enum cia402_access {
+    CIA402_CONST,
+    CIA402_RO,
+    CIA402_RW,
+    CIA402_WO,
+    CIA402_ACCESS_MASK = 3,
+    CIA402_MAP_TPDO = 4, /* may be mapped into TPDOs */
+    CIA402_MAP_RPDO = 8,
+    CIA402_PLUS_NODE = 16, /* the Node-ID is added to the initial value */
+};
+
+struct cia402_node;
+struct cia402_entry;
+
+struct cia402_object {
+    uint16_t index;
+    uint8_t sub, count; /* sub-indices from sub on */
+    enum cia402_scope scope;
+    enum cia402_type type;
+    unsigned access; /* enum cia402_access and its flags */
+    const char *name;
+    const char *unit; /* of a value times scale; NULL: a bare number */
+    double scale;     /* 0: 1 */
+    int64_t initial;  /* at the first power-up, where the board's configuration says nothing */
+    int64_t min, max; /* both 0: whatever the type holds */
+    size_t offset;    /* of the int64_t, or of the text, in what scope says; the next sub-index is
+                       * the next int64_t */
+    /* Writes a value within the range; NULL: into the field. */
+    enum cia402_abort (*write)(struct cia402_node *node, const struct cia402_entry *entry,
+                               int64_t value);
+};
+
+/* An object of a node: a row, which sub-index, and which axis or PDO. */
+struct cia402_entry {
+    const struct cia402_object *object; /* NULL: a count of sub-indices, or a dummy; see value */
+    uint8_t sub, unit;
+    int64_t value; /* of a count */
+    enum cia402_type type;
+};
+
+enum { CIA402_TEXT_MAX = 32 };
+
+extern const struct cia402_object cia402_objects[];
+extern const size_t cia402_object_count;
+
+/* Bits of a type; 0: a text. Smallest and largest value that a row can have. */
+unsigned cia402_type_bits(enum cia402_type type);
+int64_t cia402_lowest(const struct cia402_object *object);
+int64_t cia402_highest(const struct cia402_object *object);
+
+/* The row of an index of axis 0 and a sub-index; NULL: none. */
+const struct cia402_object *cia402_object_at(unsigned index, unsigned sub);
+
+#endif

@@ -1,0 +1,465 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The host's side of boards/cia402/protocol.h. Start-up: resets the communication of all nodes,
+ * asks each for its device type, sets its PDOs up by SDO as struct cia402_plan has them, its axes
+ * to the voltage mode, and starts it, again when its heartbeat says that it was not. Then every
+ * period the voltages of each node, and a SYNC, which all telemetry follows. Motors are switched by
+ * their controlwords, one step of the state machine after the other as the statuswords tell.
+ *
+ * A frame that changes anything is repeated when a node does not do as it says: the last
+ * controlwords every CONTROL_REPEAT_NS.
+ */
+#include "tasks/host_private.h"
+
+#include "boards/cia402/protocol.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { NODE_ID_MASK = 0x7f, SYNCS_MAX = 240 };
+
+static const int64_t SYNC_APART_NS = 3 * HOST_MS / 4; /* at least, so that it is one a period */
+static const int64_t CONTROL_REPEAT_NS = 10 * HOST_MS;
+
+static const char *const fault_name[32] = {
+    "under-voltage",  "over-voltage", "over-current",    "rotor encoder", "link encoder",
+    "torque sensor",  "temperature",  "following error", "connection",    "stale command",
+    "position limit", "saturated",    "no reading",
+};
+
+static enum cia402_kind host_cia402_kind(const struct host_node *node)
+{
+    return node->kind == HOST_MOTOR_BOARD      ? CIA402_KIND_DRIVE
+           : node->kind == HOST_INERTIAL_BOARD ? CIA402_KIND_INERTIAL
+                                               : CIA402_KIND_FT;
+}
+
+/* Up to the last one that is ours. */
+static unsigned host_cia402_axes(const struct host_node *node)
+{
+    unsigned axes = HOST_AXES;
+
+    while (axes > 0 && node->axis[axes - 1] < 0) {
+        axes--;
+    }
+    return node->kind == HOST_MOTOR_BOARD ? axes : 0;
+}
+
+/* ---- what arrives ---- */
+
+static void host_cia402_read_status(struct host *host, struct host_node *node,
+                                    const struct bus_frame *frame)
+{
+    for (int k = 0; k < HOST_AXES && 2 * (k + 1) <= frame->len; k++) {
+        struct host_joint *joint = host_node_joint(host, node, k);
+        unsigned word = get_u16_le(frame->data + 2 * k), state = word & CIA402_SW_STATE_MASK;
+
+        node->statusword[k] = (uint16_t)word;
+        node->status_seen = true;
+        if (joint) {
+            joint->motor = state == 0x27             ? HOST_MOTOR_ON
+                           : state == 0x07           ? HOST_MOTOR_OTHER
+                           : state & CIA402_SW_FAULT ? HOST_MOTOR_FAULT
+                                                     : HOST_MOTOR_OFF;
+        }
+    }
+}
+
+static void host_cia402_read_telemetry(struct host *host, struct host_joint *joint,
+                                       const struct bus_frame *frame)
+{
+    int32_t motor = get_i32_le(frame->data);
+
+    joint->motor_rad = motor * CIA402_POSITION_RAD;
+    joint->joint_rad = (motor - get_i16_le(frame->data + 4)) * CIA402_POSITION_RAD;
+    joint->torque_nm = get_i16_le(frame->data + 6) * CIA402_SPRING_NM;
+    joint->motor_time_ns = host->now_ns;
+    joint->joint_seen = true;
+}
+
+static void host_cia402_read_wrench(struct host_force *force, const struct bus_frame *frame,
+                                    unsigned number)
+{
+    for (int c = 0; c < 3 && frame->len == 6; c++) {
+        double count = get_i16_le(frame->data + 2 * c);
+
+        if (number == 0) {
+            force->force_n[c] = count * CIA402_FORCE_N;
+            force->force_seen = true;
+        } else {
+            force->torque_nm[c] = count * CIA402_MOMENT_NM;
+            force->torque_seen = true;
+        }
+    }
+}
+
+/* TPDOs of the predefined connection set, by number. */
+static void host_cia402_read_pdo(struct host *host, struct host_node *node, unsigned number,
+                                 const struct bus_frame *frame)
+{
+    struct host_joint *joint;
+
+    switch (node->kind) {
+    case HOST_MOTOR_BOARD:
+        joint = number < HOST_AXES ? host_node_joint(host, node, (int)number) : NULL;
+        if (joint && frame->len == 8) {
+            host_cia402_read_telemetry(host, joint, frame);
+        }
+        break;
+    case HOST_FT_BOARD:
+        host_cia402_read_wrench(&host->force[node->ft], frame, number);
+        break;
+    case HOST_INERTIAL_BOARD:
+        host_inertial_read_cia402(host, number, frame);
+        break;
+    default:
+        break;
+    }
+}
+
+static void host_cia402_read_emergency(struct host *host, struct host_node *node,
+                                       const struct bus_frame *frame)
+{
+    bool gone = frame->len == CIA402_EMCY_LENGTH && get_u16_le(frame->data) == 0;
+
+    for (int k = 0; k < HOST_AXES && frame->len == CIA402_EMCY_LENGTH; k++) {
+        struct host_joint *joint = host_node_joint(host, node, k);
+
+        if (joint && (gone || frame->data[3] == k)) {
+            joint->fault = gone ? 0 : get_u32_le(frame->data + 4);
+        }
+    }
+}
+
+static void host_cia402_start_node(struct host *host, size_t bus, unsigned id)
+{
+    const uint8_t data[CIA402_NMT_LENGTH] = {CIA402_NMT_START, (uint8_t)id};
+    struct bus_frame frame = frame_make(CIA402_NMT, sizeof data, data);
+
+    host_queue(host, bus, &frame);
+}
+
+/* A node that boots has lost its settings: its motors are off. */
+static void host_cia402_read_heartbeat(struct host *host, size_t bus, struct host_node *node,
+                                       const struct bus_frame *frame)
+{
+    if (host->phase <= HOST_CONFIGURING || frame->len != 1) {
+        return;
+    }
+    if (frame->data[0] == CIA402_PRE_OPERATIONAL) {
+        host_cia402_start_node(host, bus, frame->id & NODE_ID_MASK);
+    }
+    for (int k = 0; k < HOST_AXES && frame->data[0] == CIA402_BOOT_UP; k++) {
+        struct host_joint *joint = host_node_joint(host, node, k);
+
+        if (joint) {
+            joint->motor = HOST_MOTOR_OFF;
+        }
+    }
+}
+
+static void host_cia402_read_sdo(struct host *host, size_t bus, struct host_node *node,
+                                 const struct bus_frame *frame)
+{
+    unsigned id = frame->id & NODE_ID_MASK, command;
+    uint32_t type = node->kind == HOST_MOTOR_BOARD ? CIA402_DEVICE_DRIVE : CIA402_DEVICE_SENSOR;
+    struct host_request request;
+
+    if (frame->len != CIA402_SDO_LENGTH) {
+        return;
+    }
+    command = frame->data[0] & CIA402_COMMAND_MASK;
+    if (!node->found) {
+        if (command != CIA402_UPLOAD_REPLY || get_u32_le(frame->data + 4) != type) {
+            host_fail_node(host, bus, id, "is of another kind");
+            return;
+        }
+        node->found = true;
+        return;
+    }
+
+    /* Of what was asked last? */
+    if (node->answered == node->requested ||
+        !host_cia402.request(host, bus, id, node->answered, &request) ||
+        memcmp(request.frame.data + 1, frame->data + 1, 3) != 0) {
+        return;
+    }
+    if (command == CIA402_ABORT) {
+        host_fail_node(host, bus, id, "refuses a start-up request");
+    } else if (command == CIA402_DOWNLOAD_REPLY) {
+        node->answered = node->requested;
+    }
+}
+
+static void host_cia402_read_frame(struct host *host, size_t bus, const struct bus_frame *frame)
+{
+    unsigned id = frame->id & NODE_ID_MASK, function = frame->id & ~(unsigned)NODE_ID_MASK;
+    struct host_node *node = id < HOST_ADDRESSES ? &host->line[bus].node[id] : NULL;
+
+    /* Statuswords have identifiers of their own above those of the first TPDOs */
+    if (id >= 0x40 && id - 0x40 < HOST_ADDRESSES && function == CIA402_TPDO) {
+        node = &host->line[bus].node[id - 0x40];
+        if (node->kind == HOST_MOTOR_BOARD) {
+            host_cia402_read_status(host, node, frame);
+        }
+        return;
+    }
+    if (!node || node->kind == HOST_NO_BOARD) {
+        return;
+    }
+    switch (function) {
+    case CIA402_EMCY:
+        host_cia402_read_emergency(host, node, frame);
+        break;
+    case CIA402_TPDO:
+    case CIA402_TPDO + 0x100:
+    case CIA402_TPDO + 0x200:
+    case CIA402_TPDO + 0x300:
+        host_cia402_read_pdo(host, node, (function - CIA402_TPDO) / 0x100, frame);
+        break;
+    case CIA402_SDO_REPLY:
+        host_cia402_read_sdo(host, bus, node, frame);
+        break;
+    case CIA402_HEARTBEAT:
+        host_cia402_read_heartbeat(host, bus, node, frame);
+        break;
+    default:
+        break;
+    }
+}
+
+/* ---- the start-up ---- */
+
+static void host_cia402_queue(struct host *host, size_t bus, uint32_t id, uint8_t len,
+                              const uint8_t *data)
+{
+    struct bus_frame frame = frame_make(id, len, data);
+
+    host_queue(host, bus, &frame);
+}
+
+/* Whoever was host before, the nodes are as they were stored; then each says what it is. */
+static void host_cia402_discover(struct host *host, size_t bus)
+{
+    const uint8_t reset[CIA402_NMT_LENGTH] = {CIA402_NMT_RESET_COMMUNICATION};
+    uint8_t data[CIA402_SDO_LENGTH] = {CIA402_UPLOAD};
+
+    host_cia402_queue(host, bus, CIA402_NMT, sizeof reset, reset);
+    put_u16_le(data + 1, CIA402_O_DEVICE_TYPE);
+    for (unsigned id = 1; id < HOST_ADDRESSES; id++) {
+        const struct host_node *node = &host->line[bus].node[id];
+
+        if (node->kind != HOST_NO_BOARD && !node->found) {
+            host_cia402_queue(host, bus, CIA402_SDO_REQUEST + id, sizeof data, data);
+        }
+    }
+}
+
+/* An object that is written, of so many bytes. */
+struct setting {
+    unsigned index, sub, bytes;
+    uint32_t value;
+};
+
+/* The step-th write that sets a PDO up: off, its parameters, no objects, each object, so many
+ * objects, on. Returns how many there are. */
+static unsigned host_cia402_plan_pdo(const struct cia402_plan *plan, unsigned id, unsigned type,
+                                     unsigned step, struct setting *setting)
+{
+    unsigned parameter =
+        (plan->receive ? CIA402_O_RPDO_PARAMETER : CIA402_O_TPDO_PARAMETER) + plan->number;
+    unsigned mapping =
+        (plan->receive ? CIA402_O_RPDO_MAPPING : CIA402_O_TPDO_MAPPING) + plan->number;
+    uint32_t cob_id = plan->cob_id + id;
+    const struct setting before[] = {{parameter, 1, 4, cob_id | CIA402_COB_INVALID},
+                                     {parameter, 2, 1, type},
+                                     {parameter, 5, 2, plan->event_ms},
+                                     {mapping, 0, 1, 0}};
+    const struct setting after[] = {{mapping, 0, 1, plan->count}, {parameter, 1, 4, cob_id}};
+    const unsigned first = sizeof before / sizeof *before, objects = first + plan->count;
+
+    if (step < first) {
+        *setting = before[step];
+    } else if (step < objects) {
+        *setting = (struct setting){mapping, step - first + 1, 4, plan->object[step - first]};
+    } else if (step < objects + 2) {
+        *setting = after[step - objects];
+    }
+
+    /* RPDOs have no event timer here */
+    if (plan->receive && step == 2) {
+        *setting = before[1];
+    }
+    return objects + 2;
+}
+
+/* The number-th write to a node; false when there are no more. */
+static bool host_cia402_find_setting(const struct host *host, const struct host_node *node,
+                                     unsigned id, unsigned number, struct setting *setting)
+{
+    unsigned axes = host_cia402_axes(node);
+    int64_t sync_ns = host->config.period_ns > HOST_MS ? host->config.period_ns : HOST_MS;
+    struct cia402_plan plan;
+
+    for (unsigned row = 0; cia402_plan_row(host_cia402_kind(node), axes, row, &plan); row++) {
+        int64_t syncs = node->period_ns / sync_ns * plan.type;
+        unsigned type = plan.type > SYNCS_MAX || syncs < 1 ? plan.type
+                        : syncs > SYNCS_MAX                ? SYNCS_MAX
+                                                           : (unsigned)syncs;
+        unsigned count = host_cia402_plan_pdo(&plan, id, type, number, setting);
+
+        if (number < count) {
+            return true;
+        }
+        number -= count;
+    }
+    if (number < axes) {
+        *setting = (struct setting){CIA402_O_MODE + CIA402_AXIS_STEP * number, 0, 1,
+                                    (uint8_t)CIA402_VOLTAGE_MODE};
+        return true;
+    }
+    *setting = (struct setting){CIA402_O_HEARTBEAT, 0, 2, CIA402_HEARTBEAT_MS};
+    return number == axes;
+}
+
+static bool host_cia402_request(const struct host *host, size_t bus, unsigned address, int number,
+                                struct host_request *request)
+{
+    const struct host_node *node = &host->line[bus].node[address];
+    uint8_t data[CIA402_SDO_LENGTH] = {0};
+    struct setting setting;
+
+    if (host_cia402_find_setting(host, node, address, (unsigned)number, &setting)) {
+        data[0] =
+            (uint8_t)(CIA402_DOWNLOAD | (4 - setting.bytes) << 2 | CIA402_EXPEDITED | CIA402_SIZED);
+        put_u16_le(data + 1, (uint16_t)setting.index);
+        data[3] = (uint8_t)setting.sub;
+        put_u32_le(data + 4, setting.value);
+        request->frame = frame_make(CIA402_SDO_REQUEST + address, sizeof data, data);
+        request->reply = true;
+        return true;
+    }
+
+    /* The last one starts the node, which has no answer */
+    if (number > 0 &&
+        host_cia402_find_setting(host, node, address, (unsigned)number - 1, &setting)) {
+        data[0] = CIA402_NMT_START;
+        data[1] = (uint8_t)address;
+        request->frame = frame_make(CIA402_NMT, CIA402_NMT_LENGTH, data);
+        request->reply = false;
+        return true;
+    }
+    return false;
+}
+
+/* ---- every period ---- */
+
+static void host_cia402_set_motor(struct host *host, size_t axis, bool on)
+{
+    const struct host_axis *to = &host->config.axis[axis];
+    struct host_node *node = &host->line[to->bus].node[to->address];
+
+    node->wanted[to->axis] = on;
+    node->control_due_ns = host->now_ns;
+    if (!on) {
+        node->clearing[to->axis] = true;
+    }
+}
+
+/* The controlword that leads an axis a step further. */
+static uint16_t host_cia402_control(struct host_node *node, int axis)
+{
+    unsigned state = node->statusword[axis] & CIA402_SW_STATE_MASK;
+
+    /* A fault of before is reset by the edge of a bit, once each time that the motor is told off */
+    if (state & CIA402_SW_FAULT && node->clearing[axis]) {
+        return node->controlword[axis] & CIA402_CW_FAULT_RESET ? 0 : CIA402_CW_FAULT_RESET;
+    }
+    node->clearing[axis] = false;
+    if (!node->wanted[axis]) {
+        return 0;
+    }
+    switch (state) {
+    case 0x40:
+        return CIA402_CW_SHUTDOWN;
+    case 0x21:
+        return CIA402_CW_SWITCH_ON_ONLY;
+    case 0x23:
+    case 0x27:
+        return CIA402_CW_ENABLE;
+    default:
+        return 0;
+    }
+}
+
+static void host_cia402_queue_control(struct host *host, size_t bus, unsigned id)
+{
+    struct host_node *node = &host->line[bus].node[id];
+    unsigned axes = host_cia402_axes(node);
+    uint8_t data[8] = {0};
+    bool changed = false, settled = true;
+
+    for (unsigned k = 0; k < axes; k++) {
+        bool on = (node->statusword[k] & CIA402_SW_STATE_MASK) == 0x27;
+        uint16_t word = host_cia402_control(node, (int)k);
+
+        changed = changed || word != node->controlword[k];
+        settled = settled && on == node->wanted[k] && !node->clearing[k];
+        node->controlword[k] = word;
+        put_u16_le(data + 2 * k, word);
+    }
+    if (changed || (!settled && host->now_ns >= node->control_due_ns)) {
+        node->control_due_ns = host->now_ns + CONTROL_REPEAT_NS;
+        host_cia402_queue(host, bus, CIA402_RPDO + 0x100 + id, (uint8_t)(2 * axes), data);
+    }
+}
+
+static void host_cia402_queue_voltages(struct host *host, size_t bus, unsigned id)
+{
+    const struct host_node *node = &host->line[bus].node[id];
+    unsigned axes = host_cia402_axes(node);
+    uint8_t data[8] = {0};
+
+    for (unsigned k = 0; k < axes; k++) {
+        double volts = node->axis[k] < 0 ? 0.0 : host->volts[node->axis[k]];
+        double counts = fmin(fmax(volts / CIA402_VOLTAGE_V, -INT16_MAX), INT16_MAX);
+
+        put_u16_le(data + 2 * k, (uint16_t)lrint(counts));
+    }
+    host_cia402_queue(host, bus, CIA402_RPDO + id, (uint8_t)(2 * axes), data);
+}
+
+static void host_cia402_end_period(struct host *host, size_t bus)
+{
+    struct host_line *line = &host->line[bus];
+    static const uint8_t nothing[1];
+
+    if (host->phase <= HOST_CONFIGURING || host->now_ns < line->targets_due_ns) {
+        return;
+    }
+    line->targets_due_ns = host->now_ns + SYNC_APART_NS;
+    for (unsigned id = 1; id < HOST_ADDRESSES; id++) {
+        if (line->node[id].kind != HOST_MOTOR_BOARD) {
+            continue;
+        }
+        if (line->node[id].status_seen) {
+            host_cia402_queue_control(host, bus, id);
+        }
+        if (line->driving) {
+            host_cia402_queue_voltages(host, bus, id);
+        }
+    }
+    host_cia402_queue(host, bus, CIA402_SYNC, 0, nothing);
+}
+
+const struct host_ops host_cia402 = {
+    .motor_address_max = CIA402_NODE_MAX,
+    .address_max = CIA402_NODE_MAX,
+    .axes = CIA402_BOARD_AXES,
+    .discover = host_cia402_discover,
+    .request = host_cia402_request,
+    .read = host_cia402_read_frame,
+    .set_motor = host_cia402_set_motor,
+    .end_period = host_cia402_end_period,
+    .fault_name = fault_name,
+};

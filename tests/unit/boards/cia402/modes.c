@@ -1,0 +1,421 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Modes of operation with a motor behind the bridge that is not the simulator's: a rotor with a
+ * winding of R and back-EMF Kw, integrated in steps of 10 us. Times and positions are those of the
+ * trapezoid that CiA 402 describes.
+ */
+#include "tests/unit/boards/cia402/cia402_bench.h"
+
+#define R_OHM 0.664
+#define KW 4.1
+#define J_KG_M2 0.127 /* J R / (Kt Kw) = 5 ms */
+
+struct motor {
+    struct board_bench bench;
+    double angle, velocity, current, load_nm;
+    bool jammed;
+};
+
+/* A tick with the rotor's motion in it. */
+static void turn(struct motor *motor, int ticks)
+{
+    struct board_bench *bench = &motor->bench;
+
+    while (ticks-- > 0) {
+        bench_control(bench);
+        for (int i = 0; i < 100; i++) {
+            double volts = bench->motor[0].voltage_v;
+
+            motor->current =
+                bench->motor[0].bridge_on ? (volts - KW * motor->velocity) / R_OHM : 0.0;
+            motor->velocity += (KW * motor->current - motor->load_nm) / J_KG_M2 * 1e-5;
+            motor->velocity = motor->jammed ? 0.0 : motor->velocity;
+            motor->angle += motor->velocity * 1e-5;
+        }
+        bench->sense[0].q = bench->sense[0].qm = motor->angle;
+        bench->sense[0].current_a = motor->current;
+        bench_transmit(bench);
+    }
+}
+
+/* Objects of axis 0 of node 4, beside the bus's time: the answer comes with the next tick. */
+static void put(struct motor *motor, unsigned index, unsigned sub, unsigned bytes, int64_t value)
+{
+    struct bus_frame frame = {.id = CIA402_SDO_REQUEST + 4, .len = 8};
+
+    frame.data[0] = (uint8_t)(0x23 | (4 - bytes) << 2);
+    put_u16_le(frame.data + 1, (uint16_t)index);
+    frame.data[3] = (uint8_t)sub;
+    put_u32_le(frame.data + 4, (uint32_t)value);
+    boards_receive(motor->bench.boards, motor->bench.now_ns, 0, &frame);
+    turn(motor, 1);
+    assert_int_equal(bench_find(&motor->bench, 0, CIA402_SDO_REPLY + 4)->data[0], 0x60);
+}
+
+static int64_t get(struct motor *motor, unsigned index)
+{
+    struct bus_frame frame = {.id = CIA402_SDO_REQUEST + 4, .len = 8, .data = {0x40}};
+    const struct bus_frame *answer;
+
+    put_u16_le(frame.data + 1, (uint16_t)index);
+    boards_receive(motor->bench.boards, motor->bench.now_ns, 0, &frame);
+    turn(motor, 1);
+    answer = bench_find(&motor->bench, 0, CIA402_SDO_REPLY + 4);
+    return answer->data[0] == 0x4b ? get_i16_le(answer->data + 4) : get_i32_le(answer->data + 4);
+}
+
+static void enable(struct motor *motor, int mode)
+{
+    memset(motor, 0, sizeof *motor);
+    configure(&motor->bench);
+    motor->bench.board[0].command_timeout_ns = 50000000;
+    bench_start(&motor->bench);
+    turn(motor, 1);
+    put(motor, 0x6060, 0, 1, mode);
+    put(motor, 0x6040, 0, 2, 0x06);
+    put(motor, 0x6040, 0, 2, 0x07);
+    put(motor, 0x6040, 0, 2, 0x0f);
+    turn(motor, 3);
+    assert_int_equal(get(motor, 0x6061) & 0xff, mode & 0xff);
+}
+
+/* Ticks until a bit of the statusword is set. */
+static int ticks_until(struct motor *motor, unsigned bit, int most)
+{
+    for (int t = 1; t < most; t++) {
+        if (get(motor, 0x6041) & bit) {
+            return t;
+        }
+    }
+    return most;
+}
+
+/* ---- profile position ---- */
+
+/* d = 1 rad, v = 1 rad/s, a = 10 rad/s2: v/a + d/v = 1.1 s */
+static void a_profile_takes_the_time_of_its_trapezoid(void **state)
+{
+    struct motor motor;
+    double most = 0.0;
+    int reached;
+
+    (void)state;
+    enable(&motor, 1);
+    put(&motor, 0x607a, 0, 4, 100000);
+    put(&motor, 0x6040, 0, 2, 0x1f);
+    assert_true(get(&motor, 0x6041) & 0x1000); /* acknowledged */
+    put(&motor, 0x6040, 0, 2, 0x0f);
+    assert_false(get(&motor, 0x6041) & 0x1400);
+    for (int t = 0; t < 500; t++) {
+        turn(&motor, 1);
+        most = fmax(most, motor.velocity);
+    }
+    assert_near(most, 1.0, 0.05); /* twice the lag of 10 rad/s2 over half the time constant */
+    assert_near(motor.angle, 0.45, 0.03);
+    reached = 504 + ticks_until(&motor, 0x400, 1000);
+    assert_near((double)reached, 1100.0, 40.0); /* within 10 mrad of the goal */
+    turn(&motor, 200);
+    assert_near(motor.angle, 1.0, 1e-3);
+    assert_near((double)get(&motor, 0x6064), 100000.0, 100.0);
+    bench_stop(&motor.bench);
+}
+
+static void a_second_set_point_waits_or_is_taken_at_once(void **state)
+{
+    for (int at_once = 0; at_once < 2; at_once++) {
+        struct motor motor;
+        int first = 0;
+
+        (void)state;
+        enable(&motor, 1);
+        put(&motor, 0x607a, 0, 4, 50000);
+        put(&motor, 0x6040, 0, 2, 0x1f);
+        put(&motor, 0x6040, 0, 2, 0x0f);
+        put(&motor, 0x607a, 0, 4, -20000);
+        put(&motor, 0x6040, 0, 2, at_once ? 0x3f : 0x1f);
+        put(&motor, 0x6040, 0, 2, 0x0f);
+        assert_int_equal(get(&motor, 0x6041) >> 12 & 1, !at_once); /* the buffer is full */
+        for (int t = 0; t < 2000; t++) {
+            turn(&motor, 1);
+            first += motor.angle > 0.499;
+        }
+        assert_int_equal(first > 0, !at_once);
+        assert_near(motor.angle, -0.2, 1e-3);
+        assert_true(get(&motor, 0x6041) & 0x400);
+        bench_stop(&motor.bench);
+    }
+}
+
+static void relative_goals_halt_and_limits(void **state)
+{
+    struct motor motor;
+
+    (void)state;
+    enable(&motor, 1);
+    for (int i = 0; i < 2; i++) {
+        put(&motor, 0x607a, 0, 4, 30000);
+        put(&motor, 0x6040, 0, 2, 0x5f);
+        put(&motor, 0x6040, 0, 2, 0x4f);
+        turn(&motor, 600);
+    }
+    assert_near(motor.angle, 0.6, 2e-3);
+
+    /* a halt in the middle, and on */
+    put(&motor, 0x607a, 0, 4, 120000);
+    put(&motor, 0x6040, 0, 2, 0x1f);
+    turn(&motor, 200);
+    put(&motor, 0x6040, 0, 2, 0x11f);
+    turn(&motor, 300);
+    assert_near(motor.velocity, 0.0, 5e-3);
+    assert_true(motor.angle > 0.7 && motor.angle < 1.0);
+    assert_true(get(&motor, 0x6041) & 0x400);
+    put(&motor, 0x6040, 0, 2, 0x1f);
+    turn(&motor, 1000);
+    assert_near(motor.angle, 1.2, 2e-3);
+
+    /* the software limit of 2.5 rad */
+    put(&motor, 0x6040, 0, 2, 0x0f);
+    put(&motor, 0x607a, 0, 4, 400000);
+    put(&motor, 0x6040, 0, 2, 0x1f);
+    turn(&motor, 2500);
+    assert_near(motor.angle, 2.5, 3e-3);
+    assert_true(get(&motor, 0x6041) & 0x800);
+    bench_stop(&motor.bench);
+}
+
+static void a_following_error_is_a_fault(void **state)
+{
+    struct motor motor;
+
+    (void)state;
+    enable(&motor, 1);
+    put(&motor, 0x6065, 0, 4, 5000);
+    put(&motor, 0x6066, 0, 2, 20);
+    motor.jammed = true;
+    put(&motor, 0x607a, 0, 4, 100000);
+    put(&motor, 0x6040, 0, 2, 0x1f);
+    turn(&motor, 500);
+    assert_int_equal(get(&motor, 0x603f) & 0xffff, 0x8611);
+    assert_int_equal(get(&motor, 0x6041) & 0x4f, 0x08);
+    bench_stop(&motor.bench);
+}
+
+/* ---- velocity ---- */
+
+static void profile_velocity_ramps_and_carries_a_load(void **state)
+{
+    struct motor motor;
+
+    (void)state;
+    enable(&motor, 3);
+    put(&motor, 0x6083, 0, 4, 500000);
+    put(&motor, 0x60ff, 0, 4, 200000); /* 2 rad/s at 5 rad/s2: 0.4 s */
+    turn(&motor, 200);
+    assert_near(motor.velocity, 1.0, 0.03);
+    turn(&motor, 220);
+    assert_near(motor.velocity, 2.0, 0.02);
+    assert_true(get(&motor, 0x6041) & 0x400);
+    motor.load_nm = 20.0;
+    turn(&motor, 300);
+    assert_near(motor.velocity, 2.0, 0.01);
+    motor.load_nm = 0.0;
+    put(&motor, 0x6040, 0, 2, 0x10f); /* halt: 10 rad/s2 */
+    turn(&motor, 260);
+    assert_near(motor.velocity, 0.0, 0.01);
+    assert_true(get(&motor, 0x6041) & 0x1000); /* stands */
+    bench_stop(&motor.bench);
+}
+
+static void cyclic_velocity_follows_at_once_with_its_offset(void **state)
+{
+    struct motor motor;
+
+    (void)state;
+    enable(&motor, 9);
+    put(&motor, 0x60b1, 0, 4, 10000);
+    for (int i = 0; i < 4; i++) {
+        put(&motor, 0x60ff, 0, 4, 40000);
+        turn(&motor, 10);
+        assert_near(motor.velocity, 0.5, 0.05);
+        turn(&motor, 20);
+    }
+    assert_near(motor.velocity, 0.5, 0.005);
+    turn(&motor, 100); /* the command is old: only the offset is left */
+    assert_near(motor.velocity, 0.1, 0.01);
+    assert_true(get(&motor, 0x6041) & 0x80);
+    bench_stop(&motor.bench);
+}
+
+/* ---- cyclic position ---- */
+
+static void cyclic_position_follows_a_sine(void **state)
+{
+    struct motor motor;
+    double worst = 0.0;
+
+    (void)state;
+    enable(&motor, 8);
+    put(&motor, 0x60c2, 1, 1, 2); /* a set-point every 2 ms */
+    for (int t = 0; t < 1000; t++) {
+        double wanted = 0.3 * (1.0 - cos(2.0 * M_PI * 2e-3 * t));
+
+        put(&motor, 0x607a, 0, 4, lrint(wanted * 1e5));
+        turn(&motor, 1);
+        worst = fmax(worst, fabs(motor.angle - wanted));
+    }
+    assert_true(worst < 0.012); /* 1.9 rad/s: 6 ms */
+    bench_stop(&motor.bench);
+}
+
+static void a_stale_cyclic_position_is_approached_slowly(void **state)
+{
+    struct motor motor;
+
+    (void)state;
+    enable(&motor, 8);
+    put(&motor, 0x607f, 0, 4, 50000); /* 0.5 rad/s */
+    put(&motor, 0x607a, 0, 4, 100000);
+    turn(&motor, 1000);
+    assert_near(motor.angle, 0.5, 0.03);
+    turn(&motor, 1200);
+    assert_near(motor.angle, 1.0, 1e-3);
+    bench_stop(&motor.bench);
+}
+
+/* ---- torque and voltage ---- */
+
+static void torque_follows_its_slope_and_the_cyclic_one_at_once(void **state)
+{
+    for (int mode = 4; mode <= 10; mode += 6) {
+        struct motor motor;
+
+        (void)state;
+        enable(&motor, mode);
+        motor.jammed = true;
+        put(&motor, 0x6087, 0, 4, 5000); /* 500 % a second */
+        put(&motor, 0x6071, 0, 2, 500);  /* 50 % of 12 A */
+        turn(&motor, 20);
+        assert_near(motor.current, mode == 4 ? 1.3 : 6.0, 0.2);
+        put(&motor, 0x6071, 0, 2, 500);
+        turn(&motor, 40);
+        put(&motor, 0x6071, 0, 2, 500);
+        turn(&motor, 40);
+        assert_near(motor.current, 6.0, 0.05);
+        assert_near((double)get(&motor, 0x6077), 500.0, 5.0);
+
+        /* no more than the limit; nothing without a fresh command */
+        put(&motor, 0x6072, 0, 2, 250);
+        put(&motor, 0x6071, 0, 2, 900);
+        turn(&motor, 40);
+        put(&motor, 0x6071, 0, 2, 900);
+        turn(&motor, 40);
+        assert_near(motor.current, 3.0, 0.05);
+        assert_true(get(&motor, 0x6041) & 0x800);
+        turn(&motor, 250);
+        assert_near(motor.current, 0.0, 0.01);
+        assert_int_equal(bench_counters(&motor.bench).timeouts, 1);
+        bench_stop(&motor.bench);
+    }
+}
+
+static void voltage_mode_is_the_bridge_and_leads_back_beyond_limits(void **state)
+{
+    struct motor motor;
+
+    (void)state;
+    enable(&motor, -1);
+    put(&motor, 0x4000, 0, 2, 2500); /* 5 V */
+    assert_near(motor.bench.motor[0].voltage_v, 5.0, 1e-12);
+    assert_int_equal(get(&motor, 0x4001), 2500);
+    motor.angle = 2.6; /* beyond 2.5 rad */
+    turn(&motor, 2);
+    assert_near(motor.bench.motor[0].voltage_v, 0.0, 1e-12);
+    put(&motor, 0x4000, 0, 2, -2500);
+    assert_near(motor.bench.motor[0].voltage_v, -5.0, 1e-12);
+    put(&motor, 0x4000, 0, 2, -32768);
+    assert_near(motor.bench.motor[0].voltage_v, -SUPPLY_V, 1e-12);
+    turn(&motor, 60); /* time-out */
+    assert_near(motor.bench.motor[0].voltage_v, 0.0, 1e-12);
+    bench_stop(&motor.bench);
+}
+
+/* ---- homing ---- */
+
+static void homing_takes_the_present_position(void **state)
+{
+    for (int method = 35; method <= 37; method += 2) {
+        struct motor motor;
+
+        (void)state;
+        enable(&motor, 1);
+        put(&motor, 0x607a, 0, 4, 70000);
+        put(&motor, 0x6040, 0, 2, 0x1f);
+        turn(&motor, 1200);
+        assert_near(motor.angle, 0.7, 1e-3);
+        put(&motor, 0x6040, 0, 2, 0x0f);
+        put(&motor, 0x6060, 0, 1, 6);
+        put(&motor, 0x6098, 0, 1, method);
+        put(&motor, 0x607c, 0, 4, 12345);
+        assert_false(get(&motor, 0x6041) & 0x1000);
+        put(&motor, 0x6040, 0, 2, 0x1f);
+        turn(&motor, 5);
+        assert_true(get(&motor, 0x6041) & 0x1400);
+        assert_near((double)get(&motor, 0x6064), 12345.0, 20.0);
+        bench_stop(&motor.bench);
+    }
+}
+
+static void homing_without_a_method_is_an_error(void **state)
+{
+    struct motor motor;
+
+    (void)state;
+    enable(&motor, 6);
+    put(&motor, 0x6098, 0, 1, 0);
+    put(&motor, 0x6040, 0, 2, 0x1f);
+    assert_int_equal(get(&motor, 0x6041) & 0x3000, 0x2000);
+    bench_stop(&motor.bench);
+}
+
+static void a_mode_change_while_enabled_does_not_jump(void **state)
+{
+    static const int modes[] = {1, 8, 9, 10, 4, 3, 6, 0, 1};
+    struct motor motor;
+
+    (void)state;
+    enable(&motor, 1);
+    put(&motor, 0x607a, 0, 4, 20000);
+    put(&motor, 0x6040, 0, 2, 0x1f);
+    turn(&motor, 800);
+    for (size_t i = 0; i < sizeof modes / sizeof *modes; i++) {
+        put(&motor, 0x60ff, 0, 4, 0);
+        put(&motor, 0x6060, 0, 1, modes[i]);
+        turn(&motor, 100);
+        assert_int_equal(get(&motor, 0x6061) & 0xff, modes[i]);
+        assert_near(motor.angle, 0.2, 3e-3);
+    }
+    bench_stop(&motor.bench);
+}
+
+#define TEST(name) cmocka_unit_test(name)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(a_profile_takes_the_time_of_its_trapezoid),
+        TEST(a_second_set_point_waits_or_is_taken_at_once),
+        TEST(relative_goals_halt_and_limits),
+        TEST(a_following_error_is_a_fault),
+        TEST(profile_velocity_ramps_and_carries_a_load),
+        TEST(cyclic_velocity_follows_at_once_with_its_offset),
+        TEST(cyclic_position_follows_a_sine),
+        TEST(a_stale_cyclic_position_is_approached_slowly),
+        TEST(torque_follows_its_slope_and_the_cyclic_one_at_once),
+        TEST(voltage_mode_is_the_bridge_and_leads_back_beyond_limits),
+        TEST(homing_takes_the_present_position),
+        TEST(homing_without_a_method_is_an_error),
+        TEST(a_mode_change_while_enabled_does_not_jump),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
