@@ -133,9 +133,12 @@ bool simulator_read(const struct simulator *simulator, struct simulator_status *
 void simulator_watch_interfaces(struct simulator *simulator, int64_t now_ns);
 
 /* Takes one event of the loop, the faults, the interfaces, the robot (sim/watch.h), the boards or
- * the recorder, as a line of text with a key for the event log; false when none waits. From one
- * thread other than the loop's. */
+ * the recorder, as a line of text with a key for the event log; false when none waits. What is
+ * taken is recorded. From one thread other than the loop's. */
 bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size);
+
+/* Records an event of somebody else's, as of now; from that thread. */
+void simulator_record_event(struct simulator *simulator, uint64_t key, const char *text);
 
 /* The priority of events with such a key. */
 enum journal_priority simulator_event_priority(uint64_t key);

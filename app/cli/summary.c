@@ -238,10 +238,11 @@ static void print_rest(const struct summary *summary, FILE *out)
         const struct recorder_counters *r = &summary->recorder;
 
         fprintf(out,
-                "recorder: %" PRIu64 " frames, %" PRIu64 " rows; dropped %" PRIu64
-                " frames, %" PRIu64 " rows; not written %" PRIu64 " frames, %" PRIu64 " rows\n",
-                r->frames, r->rows, r->frames_dropped, r->rows_dropped, r->frames_unwritten,
-                r->rows_unwritten);
+                "recorder: %" PRIu64 " frames, %" PRIu64 " rows, %" PRIu64
+                " events; dropped %" PRIu64 " frames, %" PRIu64 " rows, %" PRIu64
+                " events; not written %" PRIu64 " frames, %" PRIu64 " rows, %" PRIu64 " events\n",
+                r->frames, r->rows, r->events, r->frames_dropped, r->rows_dropped,
+                r->events_dropped, r->frames_unwritten, r->rows_unwritten, r->events_unwritten);
     }
     if (stats->events_lost + b.events_lost) {
         fprintf(out, "events lost: %" PRIu64 "\n", stats->events_lost + b.events_lost);
@@ -405,6 +406,7 @@ static void json_buses(const struct summary *summary, FILE *out)
 
 static void json_rest(const struct summary *summary, FILE *out)
 {
+    const struct recorder_counters *r = &summary->recorder;
     struct boards_counters b;
 
     boards_counters(simulator_boards(summary->simulator), &b);
@@ -414,12 +416,12 @@ static void json_rest(const struct summary *summary, FILE *out)
             ", \"trips\": %" PRIu64 "},\n",
             b.frames, b.foreign, b.unknown, b.malformed, b.timeouts, b.trips);
     fprintf(out,
-            "  \"recorder\": {\"frames\": %" PRIu64 ", \"rows\": %" PRIu64
+            "  \"recorder\": {\"frames\": %" PRIu64 ", \"rows\": %" PRIu64 ", \"events\": %" PRIu64
             ", \"frames_dropped\": %" PRIu64 ", \"rows_dropped\": %" PRIu64
-            ", \"frames_unwritten\": %" PRIu64 ", \"rows_unwritten\": %" PRIu64 "}\n",
-            summary->recorder.frames, summary->recorder.rows, summary->recorder.frames_dropped,
-            summary->recorder.rows_dropped, summary->recorder.frames_unwritten,
-            summary->recorder.rows_unwritten);
+            ", \"events_dropped\": %" PRIu64 ", \"frames_unwritten\": %" PRIu64
+            ", \"rows_unwritten\": %" PRIu64 ", \"events_unwritten\": %" PRIu64 "}\n",
+            r->frames, r->rows, r->events, r->frames_dropped, r->rows_dropped, r->events_dropped,
+            r->frames_unwritten, r->rows_unwritten, r->events_unwritten);
 }
 
 static void json_energy(const struct summary *summary, FILE *out)
