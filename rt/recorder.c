@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The recorder's rings and files: opened, filled by the loop, reported on and closed. */
-#include "rt/recorder_private.h"
+#include "rt/recorder_mcap.h"
 
 #include "canbus/candump.h"
 #include "rt/clock.h"
@@ -119,6 +119,7 @@ static struct recorder *recorder_allocate(const struct recorder_config *config, 
         return NULL;
     }
     made->config = *config;
+    made->config.format = config->format ? config->format : RECORDER_CSV;
     made->config.stall_ns = config->stall_ns ? config->stall_ns : RECORDER_STALL_NS;
     for (int f = 0; f < RECORDER_FILES; f++) {
         made->file[f].descriptor = -1;
@@ -150,10 +151,8 @@ static enum error_code recorder_open_file(struct recorder *recorder, enum record
                                           struct error *error)
 {
     static const char *const name[RECORDER_FILES] = {
-        [FILE_FRAMES] = "candump.log",
-        [FILE_SIGNALS] = "signals.csv",
-        [FILE_POSES] = "poses.csv",
-        [FILE_EVENTS] = "events.log",
+        [FILE_FRAMES] = "candump.log", [FILE_SIGNALS] = "signals.csv", [FILE_POSES] = "poses.csv",
+        [FILE_EVENTS] = "events.log",  [FILE_MCAP] = "recording.mcap",
     };
     enum error_code code;
 
@@ -163,6 +162,27 @@ static enum error_code recorder_open_file(struct recorder *recorder, enum record
     code = line_file_open(&recorder->file[file], recorder->config.directory, name[file], title,
                           longest, &recorder->beat, arena, error);
     recorder->has[file] = !code;
+    return code;
+}
+
+static void recorder_put_mcap(void *context, const void *bytes, size_t size)
+{
+    struct recorder *recorder = context;
+
+    line_file_put(&recorder->file[FILE_MCAP], bytes, size);
+}
+
+static enum error_code recorder_open_mcap(struct recorder *recorder, struct arena *arena,
+                                          struct error *error)
+{
+    enum error_code code = recorder_mcap_create(&recorder->config, recorder_put_mcap, recorder,
+                                                arena, &recorder->mcap, error);
+
+    if (!code) {
+        code = recorder_open_file(recorder, FILE_MCAP, "", recorder_mcap_longest(recorder->mcap),
+                                  arena, error);
+        recorder->file[FILE_MCAP].records = true;
+    }
     return code;
 }
 
@@ -179,10 +199,16 @@ static enum error_code recorder_open_files(struct recorder *recorder, struct are
         recorder_make_title(config->body, config->nbody, pose, RECORDER_POSE, arena);
     enum error_code code;
 
+    /* Frames and events always, rows in the formats asked for */
     code = recorder_open_file(recorder, FILE_FRAMES, "", CANDUMP_LINE_MAX, arena, error);
-    code = code ? code : recorder_open_file(recorder, FILE_SIGNALS, signals, longest, arena, error);
-    if (!code && config->nbody) {
+    if (!code && config->format & RECORDER_CSV) {
+        code = recorder_open_file(recorder, FILE_SIGNALS, signals, longest, arena, error);
+    }
+    if (!code && config->format & RECORDER_CSV && config->nbody) {
         code = recorder_open_file(recorder, FILE_POSES, poses, longest, arena, error);
+    }
+    if (!code && config->format & RECORDER_MCAP) {
+        code = recorder_open_mcap(recorder, arena, error);
     }
     return code ? code : recorder_open_file(recorder, FILE_EVENTS, "", RECORDER_LINE, arena, error);
 }
@@ -190,6 +216,8 @@ static enum error_code recorder_open_files(struct recorder *recorder, struct are
 /* Removes the files and the directory if it was made; when no thread writes them. */
 static void recorder_remove_files(struct recorder *recorder)
 {
+    recorder_mcap_destroy(recorder->mcap);
+    recorder->mcap = NULL;
     for (int f = 0; f < RECORDER_FILES; f++) {
         if (recorder->has[f]) {
             line_file_remove(&recorder->file[f]);
@@ -386,6 +414,13 @@ static bool recorder_wait_for_thread(const struct recorder *recorder, int64_t ti
     return true;
 }
 
+static void recorder_join_thread(struct recorder *recorder)
+{
+    pthread_join(recorder->thread, NULL);
+    recorder_mcap_destroy(recorder->mcap);
+    recorder->mcap = NULL;
+}
+
 /* Ends the thread; one that hangs in a system call is cancelled, and dies when that returns, before
  * it touches the recorder again. */
 static void recorder_end_thread(struct recorder *recorder, struct recorder_counters *counters)
@@ -394,12 +429,12 @@ static void recorder_end_thread(struct recorder *recorder, struct recorder_count
 
     atomic_store(&recorder->stop, true);
     if (recorder_wait_for_thread(recorder, atomic_load(&recorder->given_up) ? stall / 10 : stall)) {
-        pthread_join(recorder->thread, NULL);
+        recorder_join_thread(recorder);
         return;
     }
     pthread_cancel(recorder->thread);
     if (recorder_wait_for_thread(recorder, CANCEL_NS)) {
-        pthread_join(recorder->thread, NULL);
+        recorder_join_thread(recorder);
         for (int f = 0; f < RECORDER_FILES; f++) {
             line_file_abandon(&recorder->file[f]);
         }

@@ -3,8 +3,9 @@
  * Records a run into a directory: candump.log (every frame of every bus in both directions, the
  * format of candump -L, stamped with virtual time), signals.csv (one row every so many ticks, for
  * plots), poses.csv (where each body is, at the same times) and events.log (what happened, in the
- * order of time). A thread of its own formats and writes; the loop only copies into rings. SI
- * units, times in ns.
+ * order of time); instead of or beside the two CSV files recording.mcap, which holds all of it for
+ * viewers (rt/recorder_mcap.h). A thread of its own formats and writes; the loop only copies into
+ * rings. SI units, times in ns.
  *
  * Frames received in a tick carry the virtual time at which the tick begins, frames sent that at
  * which it ends; so the log depends on the run alone, and equal runs give equal bytes. With the
@@ -22,7 +23,8 @@
  * - Removed. The file ends there too, and its space on the disk is freed.
  * - Renamed, as a log rotation does it. Recording goes on into the same file; reported.
  * - Everything is written within 250 ms, events, which are put into order, within 750 ms; a program
- *   that is killed leaves the rest unwritten and perhaps half a line.
+ *   that is killed leaves the rest unwritten and perhaps half a line. The MCAP file is written in
+ *   chunks of at most a second; of one without an end all whole chunks can be read.
  *
  * All of it is reported within a second (recorder_next_event), counted, and makes recorder_close
  * fail. The accounts balance: frames offered = frames + frames_dropped, lines in candump.log =
@@ -44,6 +46,12 @@
 
 #define RECORDER_STALL_NS INT64_C(10000000000)
 
+/* What rows are written to; a sum. */
+enum recorder_format {
+    RECORDER_CSV = 1, /* signals.csv and poses.csv */
+    RECORDER_MCAP = 2 /* recording.mcap, with frames and events (rt/recorder_mcap.h) */
+};
+
 enum {
     RECORDER_POSE = 7,         /* position (m), quaternion wxyz, body to world */
     RECORDER_EVENT_TEXT = 320, /* longer texts of events are cut */
@@ -59,6 +67,9 @@ struct recorder_config {
     const char *const *signal; /* column titles after time_s */
     size_t nbody;              /* 0 = there is no poses.csv */
     const char *const *body;   /* names */
+    unsigned format;           /* of rows; 0 = RECORDER_CSV */
+    const char *scene;         /* for the MCAP file: content of a foxglove.SceneUpdate in whose
+                                * frames are the bodies and "world"; NULL = none */
     size_t frame_ring;         /* frames held between loop and thread, a power of two; 0 = 65536 */
     int64_t stall_ns;          /* a disk that accepts nothing for so long is given up; 0 =
                        * RECORDER_STALL_NS */
@@ -72,7 +83,7 @@ struct recorder_counters {
     uint64_t frames_unwritten, rows_unwritten, events_unwritten;
 };
 
-enum { RECORDER_EVENTS = 6 }; /* kinds of reports */
+enum { RECORDER_EVENTS = 7 }; /* kinds of reports */
 
 struct recorder;
 

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What the parts of the recorder share: recorder.c opens, takes from the loop, reports and closes;
- * recorder_thread.c formats and writes. Not RT-safe but where it says so.
+ * recorder_thread.c formats and writes, recorder_mcap.c into the MCAP file. Not RT-safe but where
+ * it says so.
  */
 #ifndef RT_RECORDER_PRIVATE_H
 #define RT_RECORDER_PRIVATE_H
@@ -12,7 +13,14 @@
 
 #include <pthread.h>
 
-enum recorder_file { FILE_FRAMES, FILE_SIGNALS, FILE_POSES, FILE_EVENTS, RECORDER_FILES };
+enum recorder_file {
+    FILE_FRAMES,
+    FILE_SIGNALS,
+    FILE_POSES,
+    FILE_EVENTS,
+    FILE_MCAP,
+    RECORDER_FILES
+};
 
 /* What went wrong, as reported by recorder_next_event: a file's number, or one of these. */
 enum recorder_report { REPORT_DROPS = RECORDER_FILES, REPORT_GIVEN_UP };
@@ -54,7 +62,8 @@ struct recorder {
     struct recorder_order order;
     struct recorder_tally tally;
     struct line_file file[RECORDER_FILES];
-    bool has[RECORDER_FILES]; /* those that this recording consists of */
+    bool has[RECORDER_FILES];   /* those that this recording consists of */
+    struct recorder_mcap *mcap; /* NULL = none */
     bool made_directory;
     pthread_t thread;
     _Atomic uint64_t beat; /* moves while the thread does */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The recorder's writing thread. */
-#include "rt/recorder_private.h"
+#include "rt/recorder_mcap.h"
 
 #include "canbus/candump.h"
 #include "rt/clock.h"
@@ -22,6 +22,9 @@ static void recorder_write_frame(struct recorder *recorder, const struct frame_i
     size_t size = candump_format(&item->frame, recorder->config.bus[item->bus], recorder->line);
 
     line_file_put(&recorder->file[FILE_FRAMES], recorder->line, size);
+    if (recorder->mcap) {
+        recorder_mcap_frame(recorder->mcap, item);
+    }
 }
 
 /* ---- rows ---- */
@@ -51,6 +54,9 @@ static void recorder_write_row(struct recorder *recorder, const double *row)
         recorder_write_values(recorder, FILE_POSES, row[0], row + 1 + config->nsignal,
                               RECORDER_POSE * config->nbody);
     }
+    if (recorder->mcap) {
+        recorder_mcap_row(recorder->mcap, row);
+    }
 }
 
 /* ---- events ---- */
@@ -61,6 +67,9 @@ static void recorder_write_event(struct recorder *recorder, const struct event_i
                         journal_priority_name(item->priority), item->text);
 
     line_file_put(&recorder->file[FILE_EVENTS], recorder->line, (size_t)size);
+    if (recorder->mcap) {
+        recorder_mcap_event(recorder->mcap, item);
+    }
 }
 
 /* Writes the first count of those that wait. */
@@ -139,6 +148,9 @@ static void recorder_tend_files(struct recorder *recorder)
     }
     recorder->tend_ns = now + TEND_NS;
     recorder_settle_events(recorder);
+    if (recorder->mcap) {
+        recorder_mcap_tend(recorder->mcap, now);
+    }
     for (int f = 0; f < RECORDER_FILES; f++) {
         line_file_flush(&recorder->file[f]);
         line_file_look(&recorder->file[f]);
@@ -148,6 +160,9 @@ static void recorder_tend_files(struct recorder *recorder)
 static void recorder_close_files(struct recorder *recorder)
 {
     recorder_release_events(recorder, recorder->order.count);
+    if (recorder->mcap) {
+        recorder_mcap_finish(recorder->mcap);
+    }
     for (int f = 0; f < RECORDER_FILES; f++) {
         line_file_look(&recorder->file[f]);
         line_file_close(&recorder->file[f]);
@@ -170,6 +185,9 @@ void *recorder_thread_main(void *context)
     sigaddset(&of_writing, SIGXFSZ);
     pthread_sigmask(SIG_BLOCK, &of_writing, NULL);
     pthread_cleanup_push(recorder_thread_ended, recorder);
+    if (recorder->mcap) {
+        recorder_mcap_start(recorder->mcap);
+    }
     while (!atomic_load(&recorder->stop)) {
         if (!recorder_drain_rings(recorder)) {
             nanosleep(&(struct timespec){.tv_nsec = IDLE_NS}, NULL);

@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a run records: rows of signals and of the poses of bodies, frames of its wires, events. */
 #include "model/spatial.h"
+#include "sim/scene_message.h"
 #include "sim/simulator_private.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 /* The recording of one wire. */
@@ -81,6 +83,18 @@ static enum error_code simulator_tap_wires(struct simulator *simulator, struct e
 
 /* ---- opening ---- */
 
+/* The scene, in the arena. */
+static enum error_code recording_make_scene(struct simulator *simulator, const char **scene,
+                                            struct error *error)
+{
+    struct memory_file text = {.text = NULL};
+    enum error_code code = scene_message_make(simulator->config.rig, &text, error);
+
+    *scene = code ? NULL : arena_strdup(simulator->arena, text.text);
+    free(text.text);
+    return code || *scene ? code : error_set(error, ERROR_MEMORY, "no memory left for the scene");
+}
+
 enum error_code simulator_create_recorder(struct simulator *simulator, struct error *error)
 {
     const struct simulator_config *config = &simulator->config;
@@ -92,8 +106,9 @@ enum error_code simulator_create_recorder(struct simulator *simulator, struct er
         .bus = simulator->buses.interface,
         .signal = simulator->title,
         .nsignal = simulator->nrecorded,
+        .format = config->record_format,
     };
-    enum error_code code;
+    enum error_code code = ERROR_NONE;
 
     if (!config->record) {
         return ERROR_NONE;
@@ -106,6 +121,9 @@ enum error_code simulator_create_recorder(struct simulator *simulator, struct er
     if (!simulator->row || !recorder.body) {
         return error_set(error, ERROR_MEMORY, "no memory left for the recorder's signals");
     }
-    code = recorder_open(&recorder, simulator->arena, &simulator->recorder, error);
+    if (recorder.format & RECORDER_MCAP) {
+        code = recording_make_scene(simulator, &recorder.scene, error);
+    }
+    code = code ? code : recorder_open(&recorder, simulator->arena, &simulator->recorder, error);
     return code ? code : simulator_tap_wires(simulator, error);
 }

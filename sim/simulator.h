@@ -60,6 +60,7 @@ struct simulator_config {
     const struct gateway_config *gateway; /* host and port; NULL = none */
     const char *record;                   /* directory, NULL = none */
     bool overwrite;
+    unsigned record_format;             /* of rows: enum recorder_format; 0 = CSV */
     int64_t row_period_ns;              /* of signals.csv, a multiple of the tick */
     struct symbolic_progress compiling; /* while the robot's dynamics are compiled */
 };

@@ -2,6 +2,7 @@
 /* The summary of a run. */
 #include "app/cli/summary.h"
 
+#include "base/json_text.h"
 #include "canbus/wire/wire.h"
 #include "rt/recorder.h"
 
@@ -305,22 +306,6 @@ void summary_print(const struct summary *summary, FILE *out)
 
 /* ---- JSON ---- */
 
-/* Names come from files that people write: they may hold anything. */
-static void json_string(const char *text, FILE *out)
-{
-    fputc('"', out);
-    for (; *text; text++) {
-        if (*text == '"' || *text == '\\') {
-            fprintf(out, "\\%c", *text);
-        } else if ((unsigned char)*text < 0x20) {
-            fprintf(out, "\\u%04x", (unsigned)(unsigned char)*text);
-        } else {
-            fputc(*text, out);
-        }
-    }
-    fputc('"', out);
-}
-
 static void json_histogram(const char *name, const struct histogram *h, const char *end, FILE *out)
 {
     fprintf(out,
@@ -388,7 +373,7 @@ static void json_buses(const struct summary *summary, FILE *out)
         const struct can_counters *c = &simulator_port(summary->simulator, b)->counters;
 
         fprintf(out, "    {\"name\": ");
-        json_string(rig->bus[b].name, out);
+        json_text_put(rig->bus[b].name, out);
         fprintf(out,
                 ", \"rx_frames\": %" PRIu64 ", \"tx_frames\": %" PRIu64 ", \"rx_dropped\": %" PRIu64
                 ", \"tx_dropped\": %" PRIu64 ", \"tx_queue_full\": %" PRIu64
@@ -453,7 +438,7 @@ static void json_write(const struct summary *summary, FILE *out)
     const struct loop_stats *stats = simulator_stats(summary->simulator);
 
     fprintf(out, "{\n  \"rig\": ");
-    json_string(config->rig->name, out);
+    json_text_put(config->rig->name, out);
     fprintf(out,
             ",\n  \"clock\": \"%s\", \"end\": \"%s\",\n  \"ticks\": %" PRIu64
             ", \"virtual_s\": %.9f, \"wall_s\": %.9f, \"real_time_factor\": %.6f,\n"
