@@ -52,6 +52,9 @@ struct simulator_config {
     uint64_t seed;    /* of noise and faults, instead of the rig's */
     uint64_t ticks;   /* 0 = until stopped */
     const char *task; /* NULL = none */
+    /* A candump log or a recording whose controller's frames are received again (sim/stimulus.h);
+     * NULL = none. Not with a task. Without ticks the run is as long as the log. */
+    const char *stimulus;
     /* NULL = none. With it the run goes on when a task has ended, but in lockstep, where the task's
      * STEP frames drive it. */
     const struct simulator_observer *observer;

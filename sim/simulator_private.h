@@ -13,6 +13,7 @@
 #include "sim/interfaces.h"
 #include "sim/robot_steering.h"
 #include "sim/simulator.h"
+#include "sim/stimulus.h"
 #include "sim/watch.h"
 
 #include <pthread.h>
@@ -44,6 +45,8 @@ struct simulator {
     struct buses buses;
     struct interfaces interfaces; /* of SocketCAN; none with local buses */
     struct bus_ports ports, task_ports, gateway_ports;
+    struct stimulus stimulus;
+    int64_t stimulus_ns; /* virtual time up to which its frames are received */
     struct gateway *gateway;
     size_t *transmit_max;
     struct loop *loop;

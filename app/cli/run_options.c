@@ -39,6 +39,10 @@ static const struct option_spec options[] = {
      .max = 1e12},
     {"--task", OPTION_STRING, "NAME", "start this task on the other side of the buses",
      .value = &read.task, .noun = "tasks"},
+    {"--stimulus", OPTION_STRING, "LOG",
+     "feed the boards what the controller has sent in this candump log, or recording, at the same "
+     "ticks; the run is as long as the log unless --duration or --ticks say otherwise",
+     .value = &read.stimulus},
     {"--bus", OPTION_LIST, "NAME=INTERFACE",
      "put a bus of the rig on this interface; may be given more than once", .value = &read.bus},
     {"--transport", OPTION_ENUM, "HOW",
@@ -192,6 +196,7 @@ enum error_code run_options_configure(const struct run_options *given, const str
         .seed = (uint64_t)given->seed,
         .ticks = (uint64_t)given->ticks,
         .task = given->task,
+        .stimulus = given->stimulus,
         .steering = !given->control || strcmp(given->control, "none") != 0,
         .record = given->record ? given->record : rig->record.directory,
         .overwrite = given->force,
