@@ -55,14 +55,14 @@ then=$(hash coman --clock real --task squat --duration 1.2 --wire ideal --record
 same "what was recorded in real time plays in free run, with the same hash" "$then" \
     "$(hash coman --clock free --wire ideal --stimulus "$work/real")"
 
-# Commands of one board are missing for ten ticks: the controller's frames are what moves the robot
-awk '/6F0#/ { n++ } n > 1500 && n <= 1510 && / can1 001#/ { next } 1' \
+# One axis gets another voltage for ten ticks: the controller's frames are what moves the robot
+awk '/6F0#/ { n++ } n > 1500 && n <= 1510 { sub(/ can1 001#72..../, " can1 001#72E803") } 1' \
     "$work/coman-ideal/candump.log" >"$work/changed.log"
 then=$(hash coman --clock lockstep --wire ideal --stimulus "$work/coman-ideal")
 again=$(hash coman --clock lockstep --wire ideal --stimulus "$work/changed.log")
 test -n "$again" && test "$then" != "$again" && ! cmp -s "$work/changed.log" \
     "$work/coman-ideal/candump.log"
-result $? "commands that are missing change the hash"
+result $? "other commands, another hash"
 
 cmp -s <(hash coman --clock free --wire ideal --duration 0.5 --stimulus "$work/coman-ideal") \
     <(hash coman --clock free --wire ideal --duration 0.5 --task squat)
@@ -74,7 +74,8 @@ wrong 2 "a log without STEP does not drive lockstep" "no STEP frame" run coman -
     --transport local --stimulus "$work/real"
 echo "(0.000000) can9 123#00" >"$work/other.log"
 wrong 2 "a frame on an interface that the rig has not is refused" \
-    "other.log:1: found a frame on can9" run coman --clock free --transport local --stimulus "$work/other.log"
+    "other.log:1: found a frame on can9" run coman --clock free --transport local \
+    --stimulus "$work/other.log"
 echo "(0.000000) can0 6FF#000000000000" >"$work/none.log"
 wrong 2 "a log without a controller is refused" "no frame of a controller" run coman --clock free \
     --transport local --stimulus "$work/none.log"
