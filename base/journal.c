@@ -28,3 +28,15 @@ const char *journal_prefix(enum journal_priority priority)
 
     return journal_stream_is(getenv("JOURNAL_STREAM"), STDERR_FILENO) ? prefix[priority] : "";
 }
+
+const char *journal_priority_name(enum journal_priority priority)
+{
+    static const char *const name[] = {
+        [JOURNAL_ERROR] = "error",
+        [JOURNAL_WARNING] = "warning",
+        [JOURNAL_NOTICE] = "notice",
+        [JOURNAL_INFO] = "info",
+    };
+
+    return name[priority];
+}

@@ -20,6 +20,9 @@ enum journal_priority {
 /* The prefix of a line: "<3>" to "<6>" when standard error goes to the journal, else "". */
 const char *journal_prefix(enum journal_priority priority);
 
+/* "error", "warning", "notice", "info". */
+const char *journal_priority_name(enum journal_priority priority);
+
 /* Whether stream, the value of $JOURNAL_STREAM ("DEVICE:INODE", NULL = unset), names the open file
  * descriptor. */
 bool journal_stream_is(const char *stream, int descriptor);

@@ -169,6 +169,10 @@ size_t plant_patches(const struct plant *plant, struct contact_patch *patch, siz
  * observed bodies are set. */
 const struct body_motion *plant_motion(const struct plant *plant);
 
+/* Those of all of the robot's bodies in the present state, observed or not, until the next call of
+ * the plant; costs a pass over the tree. RT-safe. */
+const struct body_motion *plant_whole_motion(struct plant *plant);
+
 /* Those of the free bodies (nfree entries), of the origins of their frames. */
 const struct body_motion *plant_free_motion(const struct plant *plant);
 

@@ -209,18 +209,24 @@ const struct body_motion *plant_motion(const struct plant *plant)
     return plant->sampled_motion;
 }
 
-void plant_center_of_mass(struct plant *plant, double position[3], double momentum[3])
+const struct body_motion *plant_whole_motion(struct plant *plant)
 {
-    const struct robot *robot = plant->config.robot;
-
     plant_place(plant, plant->state);
     plant->whole.ops->kinematics(&plant->whole, plant->q, plant->state + plant->at.v,
                                  plant->whole_motion);
+    return plant->whole_motion;
+}
+
+void plant_center_of_mass(struct plant *plant, double position[3], double momentum[3])
+{
+    const struct robot *robot = plant->config.robot;
+    const struct body_motion *whole = plant_whole_motion(plant);
+
     memset(position, 0, 3 * sizeof *position);
     memset(momentum, 0, 3 * sizeof *momentum);
     for (size_t b = 0; b < robot->nbody; b++) {
         const struct robot_inertia *inertia = &robot->body[b].inertia;
-        const struct body_motion *motion = &plant->whole_motion[b];
+        const struct body_motion *motion = &whole[b];
         double arm[3], velocity[3];
 
         mat3_apply(motion->R, inertia->com, arm);

@@ -149,8 +149,33 @@ bool dbc_is_icub_motor(const struct dbc_exporter *e, const struct message *messa
            message->id >> 8 != ICUB_MANAGEMENT;
 }
 
-void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_field *p,
-                          char name[NAME_SIZE])
+/* JOINT_QUANTITY. The digit that ends a field's name, as in position0 or target1, says which axis
+ * of the board or the bus it is: the joint says that better. */
+static void dbc_make_joint_name(const struct dbc_field *p, char name[NAME_SIZE])
+{
+    char words[256];
+    size_t size = 0;
+
+    if (p->joint[0] >= '0' && p->joint[0] <= '9') {
+        words[size++] = '_';
+    }
+    for (const char *c = p->joint; *c && size < sizeof words / 2; c++) {
+        bool legal =
+            (*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9');
+
+        words[size++] = legal ? *c : '_';
+    }
+    size += (size_t)snprintf(words + size, sizeof words - size, "_%s", p->quantity);
+    size = size < sizeof words ? size : sizeof words - 1;
+    while (words[size - 1] >= '0' && words[size - 1] <= '9') {
+        words[--size] = '\0';
+    }
+    dbc_fit_name(name, "", words, "");
+}
+
+/* A name as the boards' tables have it. */
+static void dbc_make_table_name(const struct dbc_exporter *e, const struct dbc_field *p,
+                                char name[NAME_SIZE])
 {
     char after[64] = "";
 
@@ -170,4 +195,28 @@ void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_field *
                  p->repeat + (all ? (int)(p->message->id & 0x1f) * COMPACT_GROUP : 0));
     }
     dbc_fit_name(name, "", p->field->name, after);
+}
+
+void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_message *to,
+                          const struct dbc_field *p, char name[NAME_SIZE])
+{
+    char made[NAME_SIZE];
+
+    bool to_one = p->message->from_host && dbc_message_board(e, p->message);
+
+    if (p->command != MESSAGE_NO_CODE || to_one || (!p->joint && !p->component)) {
+        dbc_make_table_name(e, p, name);
+        return;
+    }
+    if (p->component) {
+        snprintf(name, NAME_SIZE, "%s", p->component);
+    } else {
+        dbc_make_joint_name(p, name);
+    }
+
+    /* Long names that were cut alike */
+    snprintf(made, sizeof made, "%s", name);
+    for (unsigned n = 2; dbc_find_signal(to, name); n++) {
+        snprintf(name, NAME_SIZE, "%.*s_%u", DBC_NAME_MAX - 5, made, n % 1000);
+    }
 }

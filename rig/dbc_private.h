@@ -26,10 +26,13 @@ struct dbc_exporter {
 struct dbc_field {
     const struct message *message;
     const struct field *field;
-    unsigned bit; /* where it starts in the frame */
-    int repeat;   /* of message->repeats */
-    int command;  /* value of byte 0, MESSAGE_NO_CODE: none */
-    int index;    /* of the field in its list, padding aside */
+    unsigned bit;          /* where it starts in the frame */
+    int repeat;            /* of message->repeats */
+    int command;           /* value of byte 0, MESSAGE_NO_CODE: none */
+    int index;             /* of the field in its list, padding aside */
+    const char *joint;     /* that it is about; NULL = none */
+    const char *quantity;  /* of the joint; the field's name but for torque sensors */
+    const char *component; /* of a force-torque sensor: "fx" to "mz"; NULL = none */
 };
 
 /* ---- dbc_names.c ---- */
@@ -54,8 +57,11 @@ bool dbc_is_icub_motor(const struct dbc_exporter *e, const struct message *messa
 void dbc_make_node_name(const struct dbc *dbc, const char *board, char name[NAME_SIZE]);
 void dbc_make_message_name(const struct dbc_exporter *e, const struct message *message,
                            char name[NAME_SIZE]);
-void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_field *p,
-                          char name[NAME_SIZE]);
+/* A name that no other signal of to has: JOINT_QUANTITY for what a board says of a joint and for
+ * what all boards are told of theirs in one frame, the component of a force-torque sensor, else as
+ * in the boards' tables. */
+void dbc_make_signal_name(const struct dbc_exporter *e, const struct dbc_message *to,
+                          const struct dbc_field *p, char name[NAME_SIZE]);
 
 /* ---- dbc_signals.c ---- */
 

@@ -141,25 +141,34 @@ static struct measure dbc_field_measure(const struct dbc_exporter *e, const stru
 
 /* ---- signals ---- */
 
-/* Comments a signal with the joint or the component that it is about. */
+/* Finds the joint or the component of a force-torque sensor that a field is about. */
+static void dbc_find_subject(const struct dbc_exporter *e, struct dbc_field *p)
+{
+    static const char *const components[] = {"fx", "fy", "fz", "mx", "my", "mz"};
+    const struct board_axis_config *axis = dbc_field_axis(e, p);
+    const struct board_config *board = dbc_message_board(e, p->message);
+    int channel = dbc_strain_channel(e, p), joint = axis ? axis->joint : -1;
+
+    p->quantity = p->field->name;
+    if (channel >= 0 && board->kind == BOARD_TORQUE) {
+        joint = board->torque_joint[channel];
+        p->quantity = "torque";
+    }
+    p->joint = joint >= 0 ? e->rig->robot->joint[joint].name : NULL;
+    p->component = channel >= 0 && board->kind == BOARD_FT ? components[channel] : NULL;
+}
+
+/* Comments a signal with the joint or the force-torque sensor that it is about. */
 static void dbc_comment_signal(struct dbc_exporter *e, const struct dbc_field *p,
                                struct dbc_signal *signal)
 {
-    const struct board_axis_config *axis = dbc_field_axis(e, p);
     const struct board_config *board = dbc_message_board(e, p->message);
-    int channel = dbc_strain_channel(e, p);
-    int joint = axis ? axis->joint : -1;
 
-    if (channel >= 0 && board->kind == BOARD_TORQUE) {
-        joint = board->torque_joint[channel];
-    }
-    if (joint >= 0) {
+    if (p->joint) {
+        e->code = dbc_set_comment(e->dbc, &signal->comment, p->joint, e->error);
+    } else if (p->component) {
         e->code =
-            dbc_set_comment(e->dbc, &signal->comment, e->rig->robot->joint[joint].name, e->error);
-    } else if (channel >= 0 && board->kind == BOARD_FT) {
-        static const char *const components[] = {"Fx", "Fy", "Fz", "Mx", "My", "Mz"};
-
-        e->code = dbc_set_comment(e->dbc, &signal->comment, components[channel], e->error);
+            dbc_set_comment(e->dbc, &signal->comment, e->rig->robot->ft[board->ft].name, e->error);
     }
 }
 
@@ -213,7 +222,7 @@ static void dbc_export_signal(struct dbc_exporter *e, struct dbc_message *to,
         signal.max = high * measure.scale + measure.offset;
     }
 
-    dbc_make_signal_name(e, p, name);
+    dbc_make_signal_name(e, to, p, name);
     e->code = dbc_add_signal(e->dbc, to, &signal, &added, e->error);
     for (const struct field_value *v = field->values; !e->code && v && v->name; v++) {
         e->code = dbc_add_value(e->dbc, added, v->value, v->name, e->error);
@@ -232,6 +241,7 @@ void dbc_export_fields(struct dbc_exporter *e, struct dbc_message *to,
         for (p.field = message->fields; !e->code && p.field && p.field->type != FIELD_END;
              p.field++) {
             if (!(p.field->type & FIELD_PADDING)) {
+                dbc_find_subject(e, &p);
                 dbc_export_signal(e, to, &p);
                 p.index++;
             }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes whole lines into a file, or ends it. */
+/* Writes whole lines or records into a file, or ends it. */
 #include "rt/line_file.h"
 
 #include <errno.h>
@@ -16,9 +16,14 @@ enum {
 
 /* ---- the end of a file ---- */
 
-static uint64_t text_count_lines(const char *text, size_t size)
+/* How many lines end in a part of the buffer; a buffer never holds more than one record. */
+static uint64_t line_file_count(const struct line_file *file, const char *text, size_t size)
 {
     uint64_t count = 0;
+
+    if (file->records) {
+        return size > 0;
+    }
 
     for (size_t i = 0; i < size; i++) {
         count += text[i] == '\n';
@@ -33,13 +38,13 @@ static bool line_file_cut(struct line_file *file)
     size_t whole = file->taken;
     bool clean;
 
-    while (whole > 0 && file->buffer[whole - 1] != '\n') {
+    while (whole > 0 && !(file->records ? whole == file->used : file->buffer[whole - 1] == '\n')) {
         whole--;
     }
     clean = whole == file->taken ||
             (file->regular && ftruncate(file->descriptor, file->size + (off_t)whole) == 0);
-    file->lines += text_count_lines(file->buffer, whole);
-    file->unwritten += text_count_lines(file->buffer + whole, file->used - whole);
+    file->lines += line_file_count(file, file->buffer, whole);
+    file->unwritten += line_file_count(file, file->buffer + whole, file->used - whole);
     file->used = file->taken = 0;
     return clean;
 }
@@ -58,7 +63,9 @@ static void line_file_end_failed(struct line_file *file, int reason)
 
     error_set_errno(&file->error, reason,
                     "cannot write %s: recording of it ends here%s, the run goes on", file->path,
-                    clean ? "" : " with half a line");
+                    clean           ? ""
+                    : file->records ? " with half a record"
+                                    : " with half a line");
     line_file_end(file);
 }
 
@@ -90,7 +97,7 @@ void line_file_flush(struct line_file *file)
         }
     }
     file->size += (int64_t)file->used;
-    file->lines += text_count_lines(file->buffer, file->used);
+    file->lines += line_file_count(file, file->buffer, file->used);
     file->used = file->taken = 0;
 }
 
@@ -105,6 +112,9 @@ void line_file_put(struct line_file *file, const char *line, size_t size)
     }
     memcpy(file->buffer + file->used, line, size);
     file->used += size;
+    if (file->records) {
+        line_file_flush(file);
+    }
 }
 
 void line_file_look(struct line_file *file)

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A text file of the recorder: written in whole lines, and ended rather than corrupted when the
- * disk does not accept them (recorder.h says what is guaranteed). One thread opens, writes and
- * closes it; another may read what is marked. Not RT-safe.
+ * A file of the recorder: written in whole lines, or in whole records, and ended rather than
+ * corrupted when the disk does not accept them (recorder.h says what is guaranteed). One thread
+ * opens, writes and closes it; another may read what is marked. Not RT-safe.
  */
 #ifndef RT_LINE_FILE_H
 #define RT_LINE_FILE_H
@@ -21,6 +21,7 @@ struct line_file {
     char path[LINE_FILE_PATH];
     int descriptor; /* -1 = ended */
     bool regular;
+    bool records; /* what is put are records, not lines: no part of one stays in the file */
     char *buffer; /* whole lines */
     size_t capacity, used;
     size_t taken;           /* bytes of the buffer that the system has accepted */
@@ -40,7 +41,7 @@ enum error_code line_file_open(struct line_file *file, const char *directory, co
                                const char *title, size_t longest, _Atomic uint64_t *beat,
                                struct arena *arena, struct error *error);
 
-/* Appends one line, with its newline. */
+/* Appends one line with its newline, or one record. */
 void line_file_put(struct line_file *file, const char *line, size_t size);
 
 /* Writes what was put. */

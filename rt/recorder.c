@@ -1,17 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The recorder's rings and its writing thread. */
-#include "rt/recorder.h"
+/* The recorder's rings and files: opened, filled by the loop, reported on and closed. */
+#include "rt/recorder_mcap.h"
 
-#include "base/ring.h"
 #include "canbus/candump.h"
 #include "rt/clock.h"
-#include "rt/line_file.h"
 
 #include <dirent.h>
 #include <errno.h>
 #include <inttypes.h>
-#include <pthread.h>
-#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -21,54 +17,12 @@
 enum {
     FRAME_RING = 65536, /* about a second of a fully loaded rig */
     ROW_RING = 1024,
-    NUMBER_SIZE = 32, /* of a value in a row, with its comma */
-    ROUND = 4096,     /* items written before the thread tends its files again */
-    IDLE_NS = 2000000,
+    EVENT_RING = 1024,
     WAIT_NS = 100000, /* the loop's, for room in a ring */
 };
 
-#define TEND_NS (250 * CLOCK_MS)
 /* A system call that a signal has not ended by then hangs */
 #define CANCEL_NS (5 * CLOCK_SECOND)
-
-/* What went wrong, as reported by recorder_next_event. */
-enum recorder_event { EVENT_LOG, EVENT_CSV, EVENT_DROPS, EVENT_GIVEN_UP };
-
-struct frame_item {
-    struct bus_frame frame;
-    uint32_t bus;
-};
-
-/* Counted by the loop, read by any thread. */
-struct recorder_tally {
-    _Atomic uint64_t frames, rows, frames_dropped, rows_dropped;
-};
-
-/* What has been reported of a file. */
-struct file_reports {
-    bool moved, ended;
-};
-
-struct recorder {
-    struct recorder_config config;
-    struct ring frames, rows;
-    double *row; /* the loop's scratch: time in whole ns, then the signals */
-    char *line;  /* the thread's scratch, for one line of either file */
-    struct recorder_tally tally;
-    struct line_file log, csv;
-    bool made_directory;
-    pthread_t thread;
-    _Atomic uint64_t beat; /* moves while the thread does */
-    int64_t tend_ns;       /* when the thread flushes and checks its files again */
-    atomic_bool stop, ended;
-    atomic_bool given_up;
-
-    /* Of the thread that asks for events */
-    struct file_reports log_reports, csv_reports;
-    bool given_up_reported;
-    uint64_t drops_reported;
-    int64_t drops_reported_ns;
-};
 
 static int64_t recorder_clock_now(void)
 {
@@ -78,93 +32,6 @@ static int64_t recorder_clock_now(void)
 static void recorder_nap(int64_t ns)
 {
     nanosleep(&(struct timespec){.tv_nsec = ns}, NULL);
-}
-
-/* ---- the writing thread ---- */
-
-static void recorder_write_frame(struct recorder *recorder, const struct frame_item *item)
-{
-    size_t size = candump_format(&item->frame, recorder->config.bus[item->bus], recorder->line);
-
-    line_file_put(&recorder->log, recorder->line, size);
-}
-
-static void recorder_write_row(struct recorder *recorder, const double *row)
-{
-    char *line = recorder->line;
-    size_t size = (size_t)sprintf(line, "%.6f", row[0] * 1e-9);
-
-    for (size_t i = 0; i < recorder->config.nsignal; i++) {
-        size += (size_t)sprintf(line + size, ",%.9g", row[1 + i]);
-    }
-    line[size++] = '\n';
-    line_file_put(&recorder->csv, line, size);
-}
-
-/* Writes what waits, a round of it. An item leaves its ring when it is written, so that what a hung
- * thread leaves behind is counted. False when nothing waited. */
-static bool recorder_drain_rings(struct recorder *recorder)
-{
-    const void *item;
-    int count = 0;
-
-    for (; count < ROUND && (item = ring_front(&recorder->frames)); count++) {
-        recorder_write_frame(recorder, item);
-        ring_drop(&recorder->frames);
-    }
-    for (; count < 2 * ROUND && (item = ring_front(&recorder->rows)); count++) {
-        recorder_write_row(recorder, item);
-        ring_drop(&recorder->rows);
-    }
-    return count > 0;
-}
-
-/* Moves the beat; a few times a second flushes the files and checks that they still exist. */
-static void recorder_tend_files(struct recorder *recorder)
-{
-    int64_t now = recorder_clock_now();
-
-    atomic_fetch_add_explicit(&recorder->beat, 1, memory_order_relaxed);
-    if (now >= recorder->tend_ns) {
-        recorder->tend_ns = now + TEND_NS;
-        line_file_flush(&recorder->log);
-        line_file_flush(&recorder->csv);
-        line_file_look(&recorder->log);
-        line_file_look(&recorder->csv);
-    }
-}
-
-static void recorder_thread_ended(void *context)
-{
-    atomic_store(&((struct recorder *)context)->ended, true);
-}
-
-static void *recorder_thread_main(void *context)
-{
-    struct recorder *recorder = context;
-    sigset_t of_writing;
-
-    /* A pipe without a reader and a file at its size limit are errors of write, not signals */
-    sigemptyset(&of_writing);
-    sigaddset(&of_writing, SIGPIPE);
-    sigaddset(&of_writing, SIGXFSZ);
-    pthread_sigmask(SIG_BLOCK, &of_writing, NULL);
-    pthread_cleanup_push(recorder_thread_ended, recorder);
-    while (!atomic_load(&recorder->stop)) {
-        if (!recorder_drain_rings(recorder)) {
-            recorder_nap(IDLE_NS);
-        }
-        recorder_tend_files(recorder);
-    }
-    while (recorder_drain_rings(recorder)) {
-        recorder_tend_files(recorder);
-    }
-    line_file_look(&recorder->log);
-    line_file_look(&recorder->csv);
-    line_file_close(&recorder->log);
-    line_file_close(&recorder->csv);
-    pthread_cleanup_pop(1);
-    return NULL;
 }
 
 /* ---- opening ---- */
@@ -211,22 +78,25 @@ static enum error_code recorder_prepare_directory(const struct recorder_config *
     return ERROR_NONE;
 }
 
-/* The titles of the columns as the first line of signals.csv; NULL when memory is used up. */
-static const char *recorder_make_title(const struct recorder_config *config, struct arena *arena)
+/* A line of titles: the time, then for each of count names those with each of the endings; NULL
+ * when memory is used up. */
+static const char *recorder_make_title(const char *const *name, size_t count,
+                                       const char *const *ending, size_t nending,
+                                       struct arena *arena)
 {
     size_t size = sizeof "time_s\n", used;
     char *title;
 
-    for (size_t i = 0; i < config->nsignal; i++) {
-        size += 1 + strlen(config->signal[i]);
+    for (size_t i = 0; i < count * nending; i++) {
+        size += 1 + strlen(name[i / nending]) + strlen(ending[i % nending]);
     }
     title = arena_alloc(arena, size, 1);
     if (!title) {
         return NULL;
     }
     used = (size_t)sprintf(title, "time_s");
-    for (size_t i = 0; i < config->nsignal; i++) {
-        used += (size_t)sprintf(title + used, ",%s", config->signal[i]);
+    for (size_t i = 0; i < count * nending; i++) {
+        used += (size_t)sprintf(title + used, ",%s%s", name[i / nending], ending[i % nending]);
     }
     strcpy(title + used, "\n");
     return title;
@@ -236,22 +106,31 @@ static struct recorder *recorder_allocate(const struct recorder_config *config, 
 {
     struct recorder *made = arena_alloc(arena, 1, sizeof *made);
     uint32_t count = config->frame_ring ? (uint32_t)config->frame_ring : FRAME_RING;
-    size_t row_size = (1 + config->nsignal) * sizeof(double);
+    size_t nvalue = config->nsignal + RECORDER_POSE * config->nbody;
+    size_t row_size = (1 + nvalue) * sizeof(double);
     void *frames = arena_alloc(arena, count, sizeof(struct frame_item));
     void *rows = arena_alloc(arena, ROW_RING, row_size);
+    void *events = arena_alloc(arena, EVENT_RING, sizeof(struct event_item));
+    struct event_item *held = arena_alloc(arena, RECORDER_HELD, sizeof *held);
     double *row = arena_alloc(arena, 1, row_size);
-    char *line = arena_alloc(arena, CANDUMP_LINE_MAX + (1 + config->nsignal) * NUMBER_SIZE, 1);
+    char *line = arena_alloc(arena, RECORDER_LINE + (1 + nvalue) * RECORDER_NUMBER, 1);
 
-    if (!made || !frames || !rows || !row || !line) {
+    if (!made || !frames || !rows || !events || !held || !row || !line) {
         return NULL;
     }
     made->config = *config;
+    made->config.format = config->format ? config->format : RECORDER_CSV;
     made->config.stall_ns = config->stall_ns ? config->stall_ns : RECORDER_STALL_NS;
-    made->log.descriptor = made->csv.descriptor = -1;
+    for (int f = 0; f < RECORDER_FILES; f++) {
+        made->file[f].descriptor = -1;
+    }
+    made->nvalue = nvalue;
     made->row = row;
     made->line = line;
+    made->order = (struct recorder_order){.item = held, .settled_ns = INT64_MIN};
     ring_init(&made->frames, frames, sizeof(struct frame_item), count);
     ring_init(&made->rows, rows, row_size, ROW_RING);
+    ring_init(&made->events, events, sizeof(struct event_item), EVENT_RING);
     return made;
 }
 
@@ -267,30 +146,83 @@ static enum error_code recorder_remove_summary(const char *directory, struct err
     return ERROR_NONE;
 }
 
-static enum error_code recorder_open_files(struct recorder *recorder, struct arena *arena,
-                                           struct error *error)
+static enum error_code recorder_open_file(struct recorder *recorder, enum recorder_file file,
+                                          const char *title, size_t longest, struct arena *arena,
+                                          struct error *error)
 {
-    const struct recorder_config *config = &recorder->config;
-    size_t longest = (1 + config->nsignal) * NUMBER_SIZE;
-    const char *title = recorder_make_title(config, arena);
+    static const char *const name[RECORDER_FILES] = {
+        [FILE_FRAMES] = "candump.log", [FILE_SIGNALS] = "signals.csv", [FILE_POSES] = "poses.csv",
+        [FILE_EVENTS] = "events.log",  [FILE_MCAP] = "recording.mcap",
+    };
     enum error_code code;
 
     if (!title) {
         return error_set(error, ERROR_MEMORY, "no memory left for the recorder");
     }
-    longest = strlen(title) > longest ? strlen(title) : longest;
-    code = line_file_open(&recorder->log, config->directory, "candump.log", "", CANDUMP_LINE_MAX,
-                          &recorder->beat, arena, error);
-    return code ? code
-                : line_file_open(&recorder->csv, config->directory, "signals.csv", title, longest,
-                                 &recorder->beat, arena, error);
+    code = line_file_open(&recorder->file[file], recorder->config.directory, name[file], title,
+                          longest, &recorder->beat, arena, error);
+    recorder->has[file] = !code;
+    return code;
+}
+
+static void recorder_put_mcap(void *context, const void *bytes, size_t size)
+{
+    struct recorder *recorder = context;
+
+    line_file_put(&recorder->file[FILE_MCAP], bytes, size);
+}
+
+static enum error_code recorder_open_mcap(struct recorder *recorder, struct arena *arena,
+                                          struct error *error)
+{
+    enum error_code code = recorder_mcap_create(&recorder->config, recorder_put_mcap, recorder,
+                                                arena, &recorder->mcap, error);
+
+    if (!code) {
+        code = recorder_open_file(recorder, FILE_MCAP, "", recorder_mcap_longest(recorder->mcap),
+                                  arena, error);
+        recorder->file[FILE_MCAP].records = true;
+    }
+    return code;
+}
+
+static enum error_code recorder_open_files(struct recorder *recorder, struct arena *arena,
+                                           struct error *error)
+{
+    static const char *const plain[] = {""};
+    static const char *const pose[RECORDER_POSE] = {"_x_m", "_y_m", "_z_m", "_qw",
+                                                    "_qx",  "_qy",  "_qz"};
+    const struct recorder_config *config = &recorder->config;
+    size_t longest = (1 + recorder->nvalue) * RECORDER_NUMBER;
+    const char *signals = recorder_make_title(config->signal, config->nsignal, plain, 1, arena);
+    const char *poses =
+        recorder_make_title(config->body, config->nbody, pose, RECORDER_POSE, arena);
+    enum error_code code;
+
+    /* Frames and events always, rows in the formats asked for */
+    code = recorder_open_file(recorder, FILE_FRAMES, "", CANDUMP_LINE_MAX, arena, error);
+    if (!code && config->format & RECORDER_CSV) {
+        code = recorder_open_file(recorder, FILE_SIGNALS, signals, longest, arena, error);
+    }
+    if (!code && config->format & RECORDER_CSV && config->nbody) {
+        code = recorder_open_file(recorder, FILE_POSES, poses, longest, arena, error);
+    }
+    if (!code && config->format & RECORDER_MCAP) {
+        code = recorder_open_mcap(recorder, arena, error);
+    }
+    return code ? code : recorder_open_file(recorder, FILE_EVENTS, "", RECORDER_LINE, arena, error);
 }
 
 /* Removes the files and the directory if it was made; when no thread writes them. */
 static void recorder_remove_files(struct recorder *recorder)
 {
-    line_file_remove(&recorder->csv);
-    line_file_remove(&recorder->log);
+    recorder_mcap_destroy(recorder->mcap);
+    recorder->mcap = NULL;
+    for (int f = 0; f < RECORDER_FILES; f++) {
+        if (recorder->has[f]) {
+            line_file_remove(&recorder->file[f]);
+        }
+    }
     if (recorder->made_directory) {
         rmdir(recorder->config.directory);
     }
@@ -372,7 +304,7 @@ static void recorder_push(struct recorder *recorder, struct ring *ring, const vo
                    (recorder->config.lossless && recorder_wait_for_room(recorder, ring, item)));
     _Atomic uint64_t *count = pushed ? taken : dropped;
 
-    /* No other thread writes it: no need for an atomic increment */
+    /* One thread counts frames and rows, one events: no need for an atomic increment */
     atomic_store_explicit(count, atomic_load_explicit(count, memory_order_relaxed) + 1,
                           memory_order_relaxed);
 }
@@ -390,9 +322,19 @@ void recorder_frame(struct recorder *recorder, size_t bus, const struct bus_fram
 void recorder_row(struct recorder *recorder, int64_t time_ns, const double *value)
 {
     recorder->row[0] = (double)time_ns;
-    memcpy(recorder->row + 1, value, recorder->config.nsignal * sizeof *value);
+    memcpy(recorder->row + 1, value, recorder->nvalue * sizeof *value);
     recorder_push(recorder, &recorder->rows, recorder->row, &recorder->tally.rows,
                   &recorder->tally.rows_dropped);
+}
+
+void recorder_event(struct recorder *recorder, int64_t time_ns, enum journal_priority priority,
+                    const char *text)
+{
+    struct event_item item = {.time_ns = time_ns, .priority = priority};
+
+    strncpy(item.text, text, sizeof item.text - 1);
+    recorder_push(recorder, &recorder->events, &item, &recorder->tally.events,
+                  &recorder->tally.events_dropped);
 }
 
 /* ---- reports of what went wrong ---- */
@@ -416,42 +358,42 @@ static bool recorder_file_event(const struct line_file *file, struct file_report
 
 static bool recorder_drop_event(struct recorder *recorder, char *text, size_t size)
 {
-    uint64_t frames = atomic_load_explicit(&recorder->tally.frames_dropped, memory_order_relaxed);
-    uint64_t rows = atomic_load_explicit(&recorder->tally.rows_dropped, memory_order_relaxed);
+    struct recorder_tally *tally = &recorder->tally;
+    uint64_t frames = atomic_load_explicit(&tally->frames_dropped, memory_order_relaxed);
+    uint64_t rows = atomic_load_explicit(&tally->rows_dropped, memory_order_relaxed);
+    uint64_t events = atomic_load_explicit(&tally->events_dropped, memory_order_relaxed);
     int64_t now = recorder_clock_now();
 
-    if (frames + rows == recorder->drops_reported ||
+    if (frames + rows + events == recorder->drops_reported ||
         (recorder->drops_reported && now - recorder->drops_reported_ns < CLOCK_SECOND)) {
         return false;
     }
-    recorder->drops_reported = frames + rows;
+    recorder->drops_reported = frames + rows + events;
     recorder->drops_reported_ns = now;
     snprintf(text, size,
-             "the disk does not keep up with the recording: %" PRIu64 " frames and %" PRIu64
-             " rows dropped until now",
-             frames, rows);
+             "the disk does not keep up with the recording: %" PRIu64 " frames, %" PRIu64
+             " rows and %" PRIu64 " events dropped until now",
+             frames, rows, events);
     return true;
 }
 
 bool recorder_next_event(struct recorder *recorder, unsigned *kind, char *text, size_t size)
 {
-    if (recorder_file_event(&recorder->log, &recorder->log_reports, text, size)) {
-        *kind = EVENT_LOG;
-        return true;
-    }
-    if (recorder_file_event(&recorder->csv, &recorder->csv_reports, text, size)) {
-        *kind = EVENT_CSV;
-        return true;
+    for (unsigned f = 0; f < RECORDER_FILES; f++) {
+        if (recorder_file_event(&recorder->file[f], &recorder->reports[f], text, size)) {
+            *kind = f;
+            return true;
+        }
     }
     if (atomic_load(&recorder->given_up) && !recorder->given_up_reported) {
         recorder->given_up_reported = true;
-        *kind = EVENT_GIVEN_UP;
+        *kind = REPORT_GIVEN_UP;
         snprintf(text, size,
                  "the disk of %s took nothing for %.1f s: recording ends here, the run goes on",
                  recorder->config.directory, (double)recorder->config.stall_ns * 1e-9);
         return true;
     }
-    *kind = EVENT_DROPS;
+    *kind = REPORT_DROPS;
     return recorder_drop_event(recorder, text, size);
 }
 
@@ -472,6 +414,13 @@ static bool recorder_wait_for_thread(const struct recorder *recorder, int64_t ti
     return true;
 }
 
+static void recorder_join_thread(struct recorder *recorder)
+{
+    pthread_join(recorder->thread, NULL);
+    recorder_mcap_destroy(recorder->mcap);
+    recorder->mcap = NULL;
+}
+
 /* Ends the thread; one that hangs in a system call is cancelled, and dies when that returns, before
  * it touches the recorder again. */
 static void recorder_end_thread(struct recorder *recorder, struct recorder_counters *counters)
@@ -480,46 +429,63 @@ static void recorder_end_thread(struct recorder *recorder, struct recorder_count
 
     atomic_store(&recorder->stop, true);
     if (recorder_wait_for_thread(recorder, atomic_load(&recorder->given_up) ? stall / 10 : stall)) {
-        pthread_join(recorder->thread, NULL);
+        recorder_join_thread(recorder);
         return;
     }
     pthread_cancel(recorder->thread);
     if (recorder_wait_for_thread(recorder, CANCEL_NS)) {
-        pthread_join(recorder->thread, NULL);
-        line_file_abandon(&recorder->log);
-        line_file_abandon(&recorder->csv);
+        recorder_join_thread(recorder);
+        for (int f = 0; f < RECORDER_FILES; f++) {
+            line_file_abandon(&recorder->file[f]);
+        }
     } else {
         pthread_detach(recorder->thread);
     }
     counters->frames_unwritten = ring_count(&recorder->frames);
     counters->rows_unwritten = ring_count(&recorder->rows);
+    counters->events_unwritten = ring_count(&recorder->events) + recorder->order.count;
+}
+
+/* What each ring was given and each file lacks. */
+static void recorder_count(struct recorder *recorder, struct recorder_counters *counters)
+{
+    const struct line_file *file = recorder->file;
+
+    counters->frames = atomic_load(&recorder->tally.frames);
+    counters->rows = atomic_load(&recorder->tally.rows);
+    counters->events = atomic_load(&recorder->tally.events);
+    counters->frames_dropped = atomic_load(&recorder->tally.frames_dropped);
+    counters->rows_dropped = atomic_load(&recorder->tally.rows_dropped);
+    counters->events_dropped = atomic_load(&recorder->tally.events_dropped);
+    counters->frames_unwritten += file[FILE_FRAMES].unwritten;
+    counters->rows_unwritten += file[FILE_SIGNALS].unwritten;
+    counters->events_unwritten += file[FILE_EVENTS].unwritten;
 }
 
 enum error_code recorder_close(struct recorder *recorder, struct recorder_counters *counters,
                                struct error *error)
 {
-    *counters = (struct recorder_counters){0};
-    recorder_end_thread(recorder, counters);
-    counters->frames = atomic_load(&recorder->tally.frames);
-    counters->rows = atomic_load(&recorder->tally.rows);
-    counters->frames_dropped = atomic_load(&recorder->tally.frames_dropped);
-    counters->rows_dropped = atomic_load(&recorder->tally.rows_dropped);
-    counters->frames_unwritten += recorder->log.unwritten;
-    counters->rows_unwritten += recorder->csv.unwritten;
-    if (atomic_load(&recorder->log.ended) || atomic_load(&recorder->csv.ended)) {
-        *error = atomic_load(&recorder->log.ended) ? recorder->log.error : recorder->csv.error;
-        return error->code;
+    struct recorder_counters *c = counters;
+
+    *c = (struct recorder_counters){0};
+    recorder_end_thread(recorder, c);
+    recorder_count(recorder, c);
+    for (int f = 0; f < RECORDER_FILES; f++) {
+        if (atomic_load(&recorder->file[f].ended)) {
+            *error = recorder->file[f].error;
+            return error->code;
+        }
     }
-    if (counters->frames_dropped + counters->rows_dropped + counters->frames_unwritten +
-        counters->rows_unwritten) {
-        return error_set(error, ERROR_SYSTEM,
-                         "the recording in %s is not whole: of %" PRIu64 " frames and %" PRIu64
-                         " rows %" PRIu64 " and %" PRIu64 " were dropped, because the disk did "
-                         "not keep up",
-                         recorder->config.directory, counters->frames + counters->frames_dropped,
-                         counters->rows + counters->rows_dropped,
-                         counters->frames_dropped + counters->frames_unwritten,
-                         counters->rows_dropped + counters->rows_unwritten);
+    if (c->frames_dropped + c->rows_dropped + c->events_dropped + c->frames_unwritten +
+        c->rows_unwritten + c->events_unwritten) {
+        return error_set(
+            error, ERROR_SYSTEM,
+            "the recording in %s is not whole: of %" PRIu64 " frames, %" PRIu64 " rows and %" PRIu64
+            " events %" PRIu64 ", %" PRIu64 " and %" PRIu64
+            " were dropped, because the disk did not keep up",
+            recorder->config.directory, c->frames + c->frames_dropped, c->rows + c->rows_dropped,
+            c->events + c->events_dropped, c->frames_dropped + c->frames_unwritten,
+            c->rows_dropped + c->rows_unwritten, c->events_dropped + c->events_unwritten);
     }
     return ERROR_NONE;
 }

@@ -2,6 +2,7 @@
 /* Makes the parts of a simulator from its configuration, each from those before it. */
 #include "base/count.h"
 #include "base/ring.h"
+#include "canbus/replay_port.h"
 #include "rig/faults.h"
 #include "sim/module_cache.h"
 #include "sim/simulator_private.h"
@@ -40,10 +41,12 @@ static enum error_code simulator_create_buses(struct simulator *simulator, char 
     if (code) {
         return code;
     }
-    if (simulator->buses.local && config->clock == LOOP_CLOCK_LOCKSTEP && !guests) {
-        return error_set(error, ERROR_UNSUPPORTED,
-                         "lockstep on local buses waits for STEP frames that nobody can send: give "
-                         "--task or --gateway, or use --transport socketcan on a kernel with CAN");
+    if (simulator->buses.local && config->clock == LOOP_CLOCK_LOCKSTEP && !guests &&
+        !config->stimulus) {
+        return error_set(
+            error, ERROR_UNSUPPORTED,
+            "lockstep on local buses waits for STEP frames that nobody can send: give "
+            "--task, --gateway or --stimulus, or use --transport socketcan on a kernel with CAN");
     }
     if (!simulator->buses.local) {
         interfaces_init(&simulator->interfaces, config->rig, simulator->buses.interface,
@@ -57,6 +60,51 @@ static enum error_code simulator_create_buses(struct simulator *simulator, char 
     }
     if (!code && config->gateway) {
         code = buses_join(&simulator->buses, simulator->arena, &simulator->gateway_ports, error);
+    }
+    return code;
+}
+
+/* ---- a recorded controller ---- */
+
+/* Reads its frames, which no checkpoint has to hold: before all that moves in virtual time. */
+static enum error_code simulator_load_stimulus(struct simulator *simulator, struct error *error)
+{
+    struct simulator_config *config = &simulator->config;
+    const int64_t tick_ns = config->rig->tick_ns;
+    enum error_code code;
+
+    if (!config->stimulus) {
+        return ERROR_NONE;
+    }
+    if (config->task) {
+        return error_set(error, ERROR_INPUT,
+                         "found a task and a stimulus, expected one: both are the controller");
+    }
+    code = stimulus_load(config->stimulus, config->rig, simulator->buses.interface,
+                         config->clock == LOOP_CLOCK_LOCKSTEP, simulator->arena,
+                         &simulator->stimulus, error);
+    if (!code && !config->ticks) {
+        config->ticks = (uint64_t)((simulator->stimulus.end_ns + tick_ns - 1) / tick_ns);
+        config->ticks += config->ticks == 0;
+    }
+    return code;
+}
+
+/* Puts its frames in front of what the boards receive, behind the faults of the buses: those have
+ * acted on them already. */
+static enum error_code simulator_play_stimulus(struct simulator *simulator, struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+
+    for (size_t b = 0; !code && simulator->config.stimulus && b < simulator->ports.count; b++) {
+        const struct replay_port_config config = {
+            .port = simulator->ports.port[b],
+            .frame = simulator->stimulus.frame[b],
+            .count = simulator->stimulus.count[b],
+            .now_ns = &simulator->stimulus_ns,
+        };
+
+        code = replay_port_create(&config, simulator->arena, &simulator->ports.port[b], error);
     }
     return code;
 }
@@ -391,6 +439,7 @@ enum error_code simulator_assemble(struct simulator *simulator, char notice[256]
         simulator_create_sensing,
         simulator_create_boards,
         simulator_create_watch,
+        simulator_play_stimulus,
         simulator_create_task,
         simulator_create_steering,
         simulator_create_signals,
@@ -402,6 +451,7 @@ enum error_code simulator_assemble(struct simulator *simulator, char notice[256]
     enum error_code code = simulator_check_config(&simulator->config, error);
 
     code = code ? code : simulator_create_buses(simulator, notice, error);
+    code = code ? code : simulator_load_stimulus(simulator, error);
     for (size_t i = 0; !code && i < ARRAY_COUNT(parts); i++) {
         code = parts[i](simulator, error);
     }

@@ -3,6 +3,7 @@
 #include "sim/simulator_private.h"
 
 #include <stdio.h>
+#include <string.h>
 
 /* The upper 32 bits of an event's key; the lower ones are the topic within the source. */
 enum event_source {
@@ -56,12 +57,14 @@ enum journal_priority simulator_event_priority(uint64_t key)
 }
 
 /* Why an axis trips that cannot move its link, and what to do: takes the place of guesses. */
-static bool simulator_next_clamped_trip(struct simulator *simulator, char *text, size_t size)
+static bool simulator_next_clamped_trip(struct simulator *simulator, int64_t *time_ns, char *text,
+                                        size_t size)
 {
-    int64_t time_ns = atomic_exchange(&simulator->clamped_trip, -1);
-    double seconds = (double)time_ns * 1e-9;
+    double seconds;
 
-    if (time_ns < 0) {
+    *time_ns = atomic_exchange(&simulator->clamped_trip, -1);
+    seconds = (double)*time_ns * 1e-9;
+    if (*time_ns < 0) {
         return false;
     }
     if (simulator->config.hold == RIG_HOLD_ENABLED) {
@@ -79,7 +82,17 @@ static bool simulator_next_clamped_trip(struct simulator *simulator, char *text,
     return true;
 }
 
-bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size)
+/* Events whose sources do not say when: now. */
+static int64_t event_time_now(const struct simulator *simulator)
+{
+    struct simulator_status status;
+
+    return simulator_read(simulator, &status) ? status.time_ns : 0;
+}
+
+/* Takes one event and says when it was, in virtual time. */
+static bool simulator_take_event(struct simulator *simulator, uint64_t *key, int64_t *time_ns,
+                                 char *text, size_t size)
 {
     struct loop_event loop_event;
     struct board_event board_event;
@@ -93,27 +106,32 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
     /* A source at a time, the loop first */
     if (released >= 0) {
         *key = event_key(EVENT_RELEASE, 0);
+        *time_ns = released;
         snprintf(text, size, "%.6f s: all motors are on, the robot is released",
                  (double)released * 1e-9);
         return true;
     }
     if (loop_next_event(simulator->loop, &loop_event)) {
         *key = event_key(EVENT_LOOP, (uint64_t)loop_event.kind << 8 | (uint8_t)loop_event.bus);
+        *time_ns = loop_event.time_ns;
         used = snprintf(text, size, "%.6f s: ", (double)loop_event.time_ns * 1e-9);
         loop_event_format(simulator->loop, &loop_event, text + used, size - (size_t)used);
         return true;
     }
     if (faults_next_event(simulator->faults, &fault_event)) {
         *key = event_key(EVENT_FAULT, fault_event.fault);
+        *time_ns = fault_event.time_ns;
         fault_event_format(simulator->faults, &fault_event, text, size);
         return true;
     }
     if (interfaces_next_event(&simulator->interfaces, &bus, text, size)) {
         *key = event_key(EVENT_INTERFACE, bus);
+        *time_ns = event_time_now(simulator);
         return true;
     }
     if (watch_next_event(simulator->watch, &watch_event)) {
         *key = event_key(EVENT_ROBOT, (uint64_t)watch_event.kind << 16 | watch_event.index);
+        *time_ns = watch_event.time_ns;
         watch_event_format(simulator->watch, &watch_event, text, size);
         return true;
     }
@@ -124,16 +142,49 @@ bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text
         *key = event_key(EVENT_BOARD,
                          (uint64_t)board_event.kind << 16 |
                              (grouped ? 0 : (uint64_t)board_event.bus << 8 | board_event.address));
+        *time_ns = board_event.time_ns;
         board_event_format(simulator->boards, &board_event, text, size);
         return true;
     }
-    if (simulator_next_clamped_trip(simulator, text, size)) { /* the boards have said which */
+    if (simulator_next_clamped_trip(simulator, time_ns, text,
+                                    size)) { /* the boards have said which */
         *key = event_key(EVENT_CLAMPED_TRIP, 0);
         return true;
     }
     if (simulator->recorder && recorder_next_event(simulator->recorder, &kind, text, size)) {
         *key = event_key(EVENT_RECORDER, kind);
+        *time_ns = event_time_now(simulator);
         return true;
     }
     return false;
+}
+
+/* A text without the time that it may begin with, "1.234567 s: ". */
+static const char *event_text_without_time(const char *text)
+{
+    size_t digits = strspn(text, "-0123456789.");
+
+    return digits && !strncmp(text + digits, " s: ", 4) ? text + digits + 4 : text;
+}
+
+bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size)
+{
+    int64_t time_ns;
+
+    if (!simulator_take_event(simulator, key, &time_ns, text, size)) {
+        return false;
+    }
+    if (simulator->recorder) {
+        recorder_event(simulator->recorder, time_ns, simulator_event_priority(*key),
+                       event_text_without_time(text));
+    }
+    return true;
+}
+
+void simulator_record_event(struct simulator *simulator, uint64_t key, const char *text)
+{
+    if (simulator->recorder) {
+        recorder_event(simulator->recorder, event_time_now(simulator),
+                       simulator_event_priority(key), text);
+    }
 }

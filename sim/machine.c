@@ -13,8 +13,9 @@
  * loop waits, through ports that faults disturb. */
 static void machine_begin(void *context, int64_t now_ns)
 {
-    const struct simulator *simulator = context;
+    struct simulator *simulator = context;
 
+    simulator->stimulus_ns = now_ns;
     injection_step(simulator->injection, now_ns);
 }
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The signals of a run, their titles and rows: for signals.csv and for subscribers. */
+/* The signals of a run, their titles and values: for signals.csv and for subscribers. */
 #include "sim/simulator_private.h"
 
 #include <stdio.h>
@@ -11,16 +11,13 @@ enum {
     SIGNALS_PER_PAIR = 6,
     SIGNALS_BASE = 7,
     SIGNALS_PER_FREE = 7,
+    SIGNALS_SENSED_JOINT = 4,
+    SIGNALS_PER_FT = 6,
+    SIGNALS_PER_IMU = 13,
     SIGNALS_PER_BUS = 2
 };
 enum { TITLE_SIZE = 192 };
 enum { STREAM_ROWS = 1024 }; /* a second at 1 kHz */
-
-/* The recording of one wire. */
-struct bus_tap {
-    struct recorder *recorder;
-    size_t bus;
-};
 
 /* ---- rows ---- */
 
@@ -43,8 +40,45 @@ static void signals_fill_pairs(const struct simulator *simulator, double *to)
     }
 }
 
+/* Forces, torques and inertial sensors, as they are or as the boards see them. */
+static double *signals_fill_sensors(const struct robot *robot, const struct plant_sensors *sensors,
+                                    double *to)
+{
+    const struct imu_sense *imu = &sensors->imu;
+
+    for (size_t f = 0; f < robot->nft; f++) {
+        memcpy(to, sensors->ft[f].force_n, sizeof sensors->ft[f].force_n);
+        memcpy(to + 3, sensors->ft[f].torque_nm, sizeof sensors->ft[f].torque_nm);
+        to += SIGNALS_PER_FT;
+    }
+    if (robot->imu_frame >= 0) {
+        memcpy(to, imu->gyro_rad_s, sizeof imu->gyro_rad_s);
+        memcpy(to + 3, imu->accel_m_s2, sizeof imu->accel_m_s2);
+        memcpy(to + 6, imu->magnetic_t, sizeof imu->magnetic_t);
+        memcpy(to + 9, imu->quaternion, sizeof imu->quaternion);
+        to += SIGNALS_PER_IMU;
+    }
+    return to;
+}
+
+/* What the boards see, beside the truth. */
+static double *signals_fill_sensed(const struct simulator *simulator, double *to)
+{
+    const struct robot *robot = simulator->config.rig->robot;
+    const struct plant_sensors *seen = simulator->measured;
+
+    to = signals_fill_sensors(robot, plant_sensors(simulator->plant), to);
+    for (size_t j = 0; j < robot->njoint; j++) {
+        *to++ = seen->motor[j].q;
+        *to++ = seen->motor[j].qm;
+        *to++ = seen->motor[j].torque_nm;
+        *to++ = seen->motor[j].current_a;
+    }
+    return signals_fill_sensors(robot, seen, to);
+}
+
 /* The columns in the order of signals_make_titles; returns where the next would go. */
-static double *signals_fill_row(const struct simulator *simulator, double *to)
+double *simulator_fill_signals(const struct simulator *simulator, double *to)
 {
     const struct rig *rig = simulator->config.rig;
     const struct plant_sensors *sensors = plant_sensors(simulator->plant);
@@ -79,15 +113,7 @@ static double *signals_fill_row(const struct simulator *simulator, double *to)
         plant_free_pose(simulator->plant, i, to);
         to += SIGNALS_PER_FREE;
     }
-    return to;
-}
-
-void simulator_record_row(struct simulator *simulator)
-{
-    if (simulator->recorder && simulator->status.tick % simulator->row_ticks == 0) {
-        signals_fill_row(simulator, simulator->row);
-        recorder_row(simulator->recorder, simulator->status.time_ns, simulator->row);
-    }
+    return signals_fill_sensed(simulator, to);
 }
 
 void simulator_stream_row(struct simulator *simulator)
@@ -98,7 +124,7 @@ void simulator_stream_row(struct simulator *simulator)
     if (!to) {
         return;
     }
-    to = signals_fill_row(simulator, to);
+    to = simulator_fill_signals(simulator, to);
     for (size_t b = 0; b < simulator->config.rig->nbus; b++) {
         *to++ = (double)status->bus[b].rx_frames;
         *to++ = (double)status->bus[b].tx_frames;
@@ -140,7 +166,49 @@ static void title_add_group(struct title_list *list, const char *const *format, 
     }
 }
 
-/* Those of the robot's joints, of contact and of poses: the columns of signals.csv. */
+/* Those of the robot's sensors beside the joints'. */
+static void title_add_sensors(struct title_list *list, const struct robot *robot, bool sensed)
+{
+    static const char *const ft[][SIGNALS_PER_FT] = {
+        {"ft_fx_*_n", "ft_fy_*_n", "ft_fz_*_n", "ft_tx_*_nm", "ft_ty_*_nm", "ft_tz_*_nm"},
+        {"sensed_ft_fx_*_n", "sensed_ft_fy_*_n", "sensed_ft_fz_*_n", "sensed_ft_tx_*_nm",
+         "sensed_ft_ty_*_nm", "sensed_ft_tz_*_nm"}};
+    static const char *const imu[SIGNALS_PER_IMU] = {"*imu_gyro_x_rad_s",
+                                                     "*imu_gyro_y_rad_s",
+                                                     "*imu_gyro_z_rad_s",
+                                                     "*imu_accel_x_m_s2",
+                                                     "*imu_accel_y_m_s2",
+                                                     "*imu_accel_z_m_s2",
+                                                     "*imu_magnetic_x_t",
+                                                     "*imu_magnetic_y_t",
+                                                     "*imu_magnetic_z_t",
+                                                     "*imu_qw",
+                                                     "*imu_qx",
+                                                     "*imu_qy",
+                                                     "*imu_qz"};
+
+    for (size_t f = 0; f < robot->nft; f++) {
+        title_add_group(list, ft[sensed], SIGNALS_PER_FT, robot->ft[f].name);
+    }
+    if (robot->imu_frame >= 0) {
+        title_add_group(list, imu, SIGNALS_PER_IMU, sensed ? "sensed_" : "");
+    }
+}
+
+/* Those of the robot's sensors: the truth of those beside the joints', then what boards see. */
+static void title_add_sensed(struct title_list *list, const struct robot *robot)
+{
+    static const char *const joint[SIGNALS_SENSED_JOINT] = {
+        "sensed_q_*_rad", "sensed_qm_*_rad", "sensed_torque_*_nm", "sensed_current_*_a"};
+
+    title_add_sensors(list, robot, false);
+    for (size_t j = 0; j < robot->njoint; j++) {
+        title_add_group(list, joint, SIGNALS_SENSED_JOINT, robot->joint[j].name);
+    }
+    title_add_sensors(list, robot, true);
+}
+
+/* Those of the robot's joints, of contact, of poses and of sensors: the columns of signals.csv. */
 static void title_add_recorded(struct title_list *list, const struct rig *rig)
 {
     static const char *const joint[SIGNALS_PER_JOINT] = {"q_*_rad", "qm_*_rad", "torque_*_nm",
@@ -173,6 +241,7 @@ static void title_add_recorded(struct title_list *list, const struct rig *rig)
     for (size_t i = 0; i < rig->nfree; i++) {
         title_add_group(list, free_body, SIGNALS_PER_FREE, rig->free[i].name);
     }
+    title_add_sensed(list, rig->robot);
 }
 
 /* The titles of the columns of signals.csv, then of those that only the stream has. */
@@ -180,7 +249,8 @@ static bool signals_make_titles(struct simulator *simulator)
 {
     static const char *const bus[SIGNALS_PER_BUS] = {"rx_*_frames", "tx_*_frames"};
     const struct rig *rig = simulator->config.rig;
-    size_t count = rig->robot->njoint * SIGNALS_PER_JOINT +
+    size_t count = rig->robot->njoint * (SIGNALS_PER_JOINT + SIGNALS_SENSED_JOINT) +
+                   2 * (rig->robot->nft * SIGNALS_PER_FT + SIGNALS_PER_IMU) +
                    rig->contact.nbody * SIGNALS_PER_CONTACT + rig->nlisted_pair * SIGNALS_PER_PAIR +
                    (rig->robot->floating ? SIGNALS_BASE : 0) + rig->nfree * SIGNALS_PER_FREE +
                    rig->nbus * SIGNALS_PER_BUS;
@@ -209,56 +279,4 @@ enum error_code simulator_create_signals(struct simulator *simulator, struct err
     }
     return stream_create(simulator->nsignal, STREAM_ROWS, simulator->arena, &simulator->stream,
                          error);
-}
-
-/* ---- the recorder ---- */
-
-/* Records a frame that a wire has carried, with the wire's time. */
-static void recorder_tap_frame(void *context, const struct bus_frame *frame)
-{
-    const struct bus_tap *tap = context;
-
-    recorder_frame(tap->recorder, tap->bus, frame, frame->time_ns);
-}
-
-/* Has the wires of timed buses record what they carry. */
-static enum error_code simulator_tap_wires(struct simulator *simulator, struct error *error)
-{
-    const size_t nbus = simulator->config.rig->nbus;
-    struct bus_tap *tap = arena_alloc(simulator->arena, nbus, sizeof *tap);
-
-    if (!tap) {
-        return error_set(error, ERROR_MEMORY, "no memory left for the recorder's buses");
-    }
-    for (size_t b = 0; b < nbus && simulator->buses.timed; b++) {
-        tap[b] = (struct bus_tap){simulator->recorder, b};
-        buses_tap(&simulator->buses, b, recorder_tap_frame, &tap[b]);
-    }
-    return ERROR_NONE;
-}
-
-enum error_code simulator_create_recorder(struct simulator *simulator, struct error *error)
-{
-    const struct simulator_config *config = &simulator->config;
-    struct recorder_config recorder = {
-        .directory = config->record,
-        .overwrite = config->overwrite,
-        .lossless = config->clock != LOOP_CLOCK_REAL,
-        .nbus = config->rig->nbus,
-        .bus = simulator->buses.interface,
-    };
-    enum error_code code;
-
-    if (!config->record) {
-        return ERROR_NONE;
-    }
-    recorder.signal = simulator->title;
-    recorder.nsignal = simulator->nrecorded;
-    simulator->row = arena_alloc(simulator->arena, simulator->nrecorded + 1, sizeof(double));
-    simulator->row_ticks = (uint64_t)(config->row_period_ns / config->rig->tick_ns);
-    if (!simulator->row) {
-        return error_set(error, ERROR_MEMORY, "no memory left for the recorder's signals");
-    }
-    code = recorder_open(&recorder, simulator->arena, &simulator->recorder, error);
-    return code ? code : simulator_tap_wires(simulator, error);
 }

@@ -52,6 +52,9 @@ struct simulator_config {
     uint64_t seed;    /* of noise and faults, instead of the rig's */
     uint64_t ticks;   /* 0 = until stopped */
     const char *task; /* NULL = none */
+    /* A candump log or a recording whose controller's frames are received again (sim/stimulus.h);
+     * NULL = none. Not with a task. Without ticks the run is as long as the log. */
+    const char *stimulus;
     /* NULL = none. With it the run goes on when a task has ended, but in lockstep, where the task's
      * STEP frames drive it. */
     const struct simulator_observer *observer;
@@ -60,6 +63,7 @@ struct simulator_config {
     const struct gateway_config *gateway; /* host and port; NULL = none */
     const char *record;                   /* directory, NULL = none */
     bool overwrite;
+    unsigned record_format;             /* of rows: enum recorder_format; 0 = CSV */
     int64_t row_period_ns;              /* of signals.csv, a multiple of the tick */
     struct symbolic_progress compiling; /* while the robot's dynamics are compiled */
 };
@@ -133,9 +137,12 @@ bool simulator_read(const struct simulator *simulator, struct simulator_status *
 void simulator_watch_interfaces(struct simulator *simulator, int64_t now_ns);
 
 /* Takes one event of the loop, the faults, the interfaces, the robot (sim/watch.h), the boards or
- * the recorder, as a line of text with a key for the event log; false when none waits. From one
- * thread other than the loop's. */
+ * the recorder, as a line of text with a key for the event log; false when none waits. What is
+ * taken is recorded. From one thread other than the loop's. */
 bool simulator_next_event(struct simulator *simulator, uint64_t *key, char *text, size_t size);
+
+/* Records an event of somebody else's, as of now; from that thread. */
+void simulator_record_event(struct simulator *simulator, uint64_t key, const char *text);
 
 /* The priority of events with such a key. */
 enum journal_priority simulator_event_priority(uint64_t key);

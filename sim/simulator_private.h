@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What the parts of the simulator share: assembly.c makes it, simulator.c runs and closes it,
- * machine.c is what the loop calls, status.c and signals.c what it publishes and records, events.c
- * its log, access.c what others may see. Not RT-safe but where it says so.
+ * machine.c is what the loop calls, status.c, signals.c and recording.c what it publishes and
+ * records, events.c its log, access.c what others may see. Not RT-safe but where it says so.
  */
 #ifndef SIM_PRIVATE_H
 #define SIM_PRIVATE_H
@@ -13,6 +13,7 @@
 #include "sim/interfaces.h"
 #include "sim/robot_steering.h"
 #include "sim/simulator.h"
+#include "sim/stimulus.h"
 #include "sim/watch.h"
 
 #include <pthread.h>
@@ -44,6 +45,8 @@ struct simulator {
     struct buses buses;
     struct interfaces interfaces; /* of SocketCAN; none with local buses */
     struct bus_ports ports, task_ports, gateway_ports;
+    struct stimulus stimulus;
+    int64_t stimulus_ns; /* virtual time up to which its frames are received */
     struct gateway *gateway;
     size_t *transmit_max;
     struct loop *loop;
@@ -90,10 +93,18 @@ void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *s
 
 /* The stream before the recorder, whose columns are the first of the stream's. */
 enum error_code simulator_create_signals(struct simulator *simulator, struct error *error);
+
+/* The present value of each signal that is recorded; returns where the next would go. RT-safe. */
+double *simulator_fill_signals(const struct simulator *simulator, double *to);
+
+/* A row for subscribers, when one is due. RT-safe. */
+void simulator_stream_row(struct simulator *simulator);
+
+/* ---- recording.c ---- */
+
 enum error_code simulator_create_recorder(struct simulator *simulator, struct error *error);
 
-/* A row for the recording and one for subscribers, when one is due. RT-safe. */
+/* A row for the recording, when one is due. RT-safe. */
 void simulator_record_row(struct simulator *simulator);
-void simulator_stream_row(struct simulator *simulator);
 
 #endif

@@ -3,6 +3,7 @@
 #include "app/cli/commands.h"
 
 #include "app/cli/ctl_request.h"
+#include "app/cli/ctl_udp.h"
 #include "app/control/ctl_client.h"
 #include "app/control/ctl_print.h"
 #include "base/count.h"
@@ -12,6 +13,7 @@
 
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 enum { WORDS_MAX = 1024 };
 
@@ -96,32 +98,38 @@ static json_t *ctl_receive_answer(struct ctl_client *client, bool json, int *sta
     return NULL;
 }
 
-static void print_line(const struct ctl_options *o, const json_t *titles, char *line, int64_t *rows)
+/* Prints or sends a row; udp: a socket, -1 = none. */
+static enum error_code ctl_give_row(const struct ctl_options *o, int udp, const json_t *titles,
+                                    char *line, int64_t *rows, struct error *error)
 {
     json_t *row = ctl_parse_line(line);
+    enum error_code code = ERROR_NONE;
     json_int_t missed = json_integer_value(json_object_get(row, "missed"));
 
     if (missed > 0 && !o->json) {
         fflush(stdout);
         fprintf(stderr, "coman-hil ctl: missed %lld rows\n", (long long)missed);
     }
-    if (o->json) {
+    if (udp >= 0 && json_is_array(json_object_get(row, "values"))) {
+        code = ctl_udp_send(udp, titles, row, error);
+    } else if (udp < 0 && o->json) {
         puts(line);
-    } else {
+    } else if (udp < 0) {
         ctl_print_row(titles, row, o->csv, stdout);
     }
     *rows += json_is_array(json_object_get(row, "values"));
     json_decref(row);
+    return code;
 }
 
 /* Rows until the user or the run ends. */
-static int ctl_follow_rows(struct ctl_client *client, const struct ctl_options *o,
+static int ctl_follow_rows(struct ctl_client *client, const struct ctl_options *o, int udp,
                            const json_t *answer)
 {
     struct error error;
     int64_t rows = 0;
 
-    if (!o->json) {
+    if (!o->json && udp < 0) {
         ctl_print_titles(answer, o->csv, stdout);
     }
     client->timeout_ns = 0; /* a pause may last */
@@ -133,7 +141,9 @@ static int ctl_follow_rows(struct ctl_client *client, const struct ctl_options *
         fflush(stdout);
         switch (ctl_read_line(client, &line, &error)) {
         case CTL_LINE:
-            print_line(o, answer, line, &rows);
+            if (ctl_give_row(o, udp, answer, line, &rows, &error)) {
+                return command_fail("ctl", &error);
+            }
             break;
         case CTL_INTERRUPTED:
             return STATUS_OK;
@@ -190,7 +200,7 @@ static void print_answer(const struct ctl_options *o, const struct ctl_command *
     }
 }
 
-static int ctl_converse(struct ctl_client *client, const struct ctl_options *o,
+static int ctl_converse(struct ctl_client *client, const struct ctl_options *o, int udp,
                         const struct ctl_command *command, const json_t *request)
 {
     struct error error;
@@ -205,7 +215,7 @@ static int ctl_converse(struct ctl_client *client, const struct ctl_options *o,
         return status;
     }
     if (strcmp(command->name, "subscribe") == 0) {
-        status = ctl_follow_rows(client, o, answer);
+        status = ctl_follow_rows(client, o, udp, answer);
     } else {
         print_answer(o, command, answer);
     }
@@ -223,12 +233,18 @@ static int ctl_run(const struct ctl_options *o)
     const struct ctl_command *command;
     json_t *request = json_object();
     struct error error;
-    int status;
+    int status, udp = -1;
 
     /* The request is complete before the simulator is looked for */
     command = ctl_find_command(o->command, &error);
     json_object_set_new(request, "cmd", json_string(o->command));
-    if (!command || command->make(request, o, &error)) {
+    if (o->udp && command && strcmp(o->command, "subscribe") != 0) {
+        error_set(&error, ERROR_INPUT, "found --udp with %s, expected it with subscribe",
+                  o->command);
+        command = NULL;
+    }
+    if (!command || command->make(request, o, &error) ||
+        (o->udp && ctl_udp_open(o->udp, &udp, &error))) {
         json_decref(request);
         return command_fail("ctl", &error);
     }
@@ -237,13 +253,16 @@ static int ctl_run(const struct ctl_options *o)
     client.timeout_ns = (int64_t)(o->timeout_s * 1e9);
     client.interrupted = &interrupted;
     if (ctl_connect(&client, o->socket, &error)) {
-        json_decref(request);
-        return command_fail("ctl", &error);
+        status = command_fail("ctl", &error);
+    } else {
+        sigaction(SIGINT, &action, NULL);
+        sigaction(SIGTERM, &action, NULL);
+        status = ctl_converse(&client, o, udp, command, request);
+        ctl_close(&client);
     }
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
-    status = ctl_converse(&client, o, command, request);
-    ctl_close(&client);
+    if (udp >= 0) {
+        close(udp);
+    }
     json_decref(request);
     return status;
 }
@@ -264,6 +283,10 @@ int cmd_ctl(int argc, char **argv)
          .max = 1e12},
         {"--csv", OPTION_FLAG, NULL, "subscribe: rows as in signals.csv, for plot and others",
          .value = &o.csv},
+        {"--udp", OPTION_STRING, "HOST:PORT",
+         "subscribe: send each row as a UDP datagram of JSON instead of printing it, as "
+         "PlotJuggler's UDP server takes them",
+         .value = &o.udp},
         {"--timeout", OPTION_REAL, "S", "give up when an answer takes longer; never by default",
          .value = &o.timeout_s, .min = 1e-3, .max = 1e6, .unit = "seconds"},
     };

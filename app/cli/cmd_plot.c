@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil plot: signals of a recording (signals.csv) as an SVG line plot. */
+/* coman-hil plot: signals of a recording (signals.csv) as line plots, SVG or PNG. */
 #include "app/cli/commands.h"
 
+#include "app/report/png.h"
 #include "app/report/signals.h"
 #include "app/report/svg.h"
 #include "base/count.h"
@@ -9,15 +10,34 @@
 #include "base/whole_file.h"
 #include "manual/plot.h"
 
+#include <fnmatch.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <strings.h>
+
+enum { PANEL_WIDTH = 900, PANEL_HEIGHT = 360, PANELS_MAX = SIGNALS_MAX };
 
 /* The unit at the end of a signal's title, and the label of its axis. */
 static const struct unit {
     const char *ending, *label;
 } units[] = {
-    {"_rad", "angle, rad"}, {"_nm", "torque, N m"}, {"_n", "force, N"},
-    {"_m", "position, m"},  {"_a", "current, A"},   {"_v", "voltage, V"},
+    {"_rad_s", "angular rate, rad/s"},
+    {"_m_s2", "acceleration, m/s\xc2\xb2"},
+    {"_rad", "angle, rad"},
+    {"_nm", "torque, N m"},
+    {"_n", "force, N"},
+    {"_m", "position, m"},
+    {"_a", "current, A"},
+    {"_v", "voltage, V"},
+    {"_t", "magnetic flux density, T"},
+};
+
+struct plot_options {
+    const char *file, *output, *title;
+    struct option_list names;
+    double span[2];
+    bool list;
 };
 
 static const char *plot_axis_of(const char *title)
@@ -32,80 +52,169 @@ static const char *plot_axis_of(const char *title)
     return "";
 }
 
-/* The label that all of them share, or none. */
-static const char *common_axis(const struct option_list *names)
+/* ---- which signals ---- */
+
+static bool plot_has_name(const char *const *chosen, size_t count, const char *name)
 {
-    for (size_t i = 1; i < names->count; i++) {
-        if (plot_axis_of(names->item[i]) != plot_axis_of(names->item[0])) {
-            return "";
+    for (size_t i = 0; i < count; i++) {
+        if (!strcmp(chosen[i], name)) {
+            return true;
         }
     }
-    return plot_axis_of(names->item[0]);
+    return false;
 }
 
-static enum error_code plot_draw_signals(const struct option_list *names,
-                                         const struct signals *signals, const char *title,
-                                         const char *path, struct error *error)
+/* The titles that a name or a pattern means, in the order of the file. What matches none is kept as
+ * it is: reading the file says what is wrong with it. */
+static enum error_code plot_choose(const struct option_list *names, const char *const *title,
+                                   size_t ntitle, const char *chosen[SIGNALS_MAX], size_t *count,
+                                   struct error *error)
 {
-    struct svg_series series[SVG_SERIES_MAX];
-    bool time = !strcmp(signals->first_title, "time_s");
-    struct svg_plot plot = {.title = title,
-                            .x = {.label = time ? "time, s" : signals->first_title},
-                            .y = {.label = common_axis(names)},
-                            .series = series,
-                            .nseries = signals->nsignal,
-                            .width = 900,
-                            .height = 360};
-    struct whole_file file;
-    enum error_code code = path ? whole_file_open(&file, path, error) : ERROR_NONE;
+    *count = 0;
+    for (size_t i = 0; i < names->count; i++) {
+        bool matched = false;
 
+        for (size_t k = 0; k <= ntitle; k++) {
+            const char *name = k < ntitle ? title[k] : names->item[i];
+
+            if (k < ntitle ? fnmatch(names->item[i], name, FNM_NOESCAPE) != 0 : matched) {
+                continue;
+            }
+            matched = true;
+            if (plot_has_name(chosen, *count, name)) {
+                continue;
+            }
+            if (*count == SIGNALS_MAX) {
+                return error_set(error, ERROR_INPUT,
+                                 "--signal: found more than %d signals, expected fewer",
+                                 SIGNALS_MAX);
+            }
+            chosen[(*count)++] = name;
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* ---- drawing ---- */
+
+/* Puts the signals into panels: one a unit, in the order in which the units come, and another when
+ * one has no color left. Returns how many. */
+static size_t plot_arrange(const char *const *name, const struct signals *signals,
+                           const struct svg_axis *x, struct svg_series *series,
+                           struct svg_plot *panel)
+{
+    size_t npanel = 0;
+
+    for (size_t i = 0; i < signals->nsignal; i++) {
+        const char *label = plot_axis_of(name[i]);
+        struct svg_series *own;
+        size_t p = 0;
+
+        while (p < npanel &&
+               (strcmp(panel[p].y.label, label) != 0 || panel[p].nseries == SVG_SERIES_MAX)) {
+            p++;
+        }
+        if (p == npanel) {
+            panel[npanel++] = (struct svg_plot){.title = "",
+                                                .x = *x,
+                                                .y = {.label = label},
+                                                .series = series + p * SVG_SERIES_MAX,
+                                                .width = PANEL_WIDTH,
+                                                .height = PANEL_HEIGHT};
+        }
+        own = series + p * SVG_SERIES_MAX + panel[p].nseries++;
+        *own = (struct svg_series){.name = name[i],
+                                   .x = signals->value[0],
+                                   .y = signals->value[i + 1],
+                                   .count = signals->count,
+                                   .style = SVG_LINE};
+    }
+    return npanel;
+}
+
+/* An SVG, or a PNG where the file's name says so. */
+static enum error_code plot_write(const struct svg_plot *panel, size_t npanel, const char *path,
+                                  struct error *error)
+{
+    size_t length = path ? strlen(path) : 0;
+    struct whole_file file;
+    enum error_code code;
+
+    if (!path) {
+        return svg_write_panels(panel, npanel, stdout, error);
+    }
+    code = whole_file_open(&file, path, error);
     if (code) {
         return code;
     }
-    for (size_t i = 0; i < signals->nsignal; i++) {
-        series[i] = (struct svg_series){.name = names->item[i],
-                                        .x = signals->value[0],
-                                        .y = signals->value[i + 1],
-                                        .count = signals->count,
-                                        .style = SVG_LINE};
-    }
-    code = svg_write(&plot, path ? file.out : stdout, error);
-    return path ? whole_file_close(&file, code, error) : code;
+    code = length > 4 && !strcasecmp(path + length - 4, ".png")
+               ? png_write_panels(panel, npanel, file.out, error)
+               : svg_write_panels(panel, npanel, file.out, error);
+    return whole_file_close(&file, code, error);
 }
 
-static enum error_code plot_file(const char *path, const struct option_list *names,
-                                 const double span[2], const char *title, const char *output,
-                                 struct error *error)
+static enum error_code plot_signals(const struct plot_options *o, const char *const *name,
+                                    size_t count, struct error *error)
 {
+    static struct svg_series series[PANELS_MAX * SVG_SERIES_MAX];
+    static struct svg_plot panel[PANELS_MAX];
     struct signals signals;
     enum error_code code =
-        signals_read(path, names->item, names->count, span[0], span[1], &signals, error);
+        signals_read(o->file, name, count, o->span[0], o->span[1], &signals, error);
 
     if (!code) {
-        code = plot_draw_signals(names, &signals, title, output, error);
+        const struct svg_axis x = {
+            .label = !strcmp(signals.first_title, "time_s") ? "time, s" : signals.first_title};
+        size_t npanel = plot_arrange(name, &signals, &x, series, panel);
+
+        panel[0].title = o->title;
+        code = plot_write(panel, npanel, o->output, error);
     }
     signals_free(&signals);
     return code;
 }
 
+static enum error_code plot_file(const struct plot_options *o, struct error *error)
+{
+    const char *chosen[SIGNALS_MAX], **title;
+    size_t ntitle, count;
+    enum error_code code = signals_titles(o->file, &title, &ntitle, error);
+
+    if (code) {
+        return code;
+    }
+    for (size_t i = 0; i < ntitle && o->list; i++) {
+        puts(title[i]);
+    }
+    if (!o->list) {
+        code = plot_choose(&o->names, title, ntitle, chosen, &count, error);
+        code = code ? code : plot_signals(o, chosen, count, error);
+    }
+    free(title);
+    return code;
+}
+
 int cmd_plot(int argc, char **argv)
 {
-    static const char *file, *output, *title = "";
-    static struct option_list names;
-    static double span[2] = {-1e9, 1e9};
+    static struct plot_options o = {.title = "", .span = {-1e9, 1e9}};
     static const struct option_spec options[] = {
-        {"--signal", OPTION_LIST, "NAME", "a signal by its title in the file; up to 8 of them",
-         .value = &names},
-        {"--output", OPTION_STRING, "FILE", "SVG file to write; standard output by default",
-         .value = &output},
-        {"--title", OPTION_STRING, "TEXT", "title of the plot", .value = &title},
-        {"--from", OPTION_REAL, "S", "first second to plot", .value = &span[0], .min = -1e9,
+        {"--signal", OPTION_LIST, "NAME",
+         "a signal by its title in the file, or a pattern such as 'q_*Knee*_rad'; may be given "
+         "more than once",
+         .value = &o.names},
+        {"--list", OPTION_FLAG, NULL, "print the titles of the signals, draw nothing",
+         .value = &o.list},
+        {"--output", OPTION_STRING, "FILE",
+         "SVG file to write, or PNG when its name ends in .png; SVG on standard output by default",
+         .value = &o.output},
+        {"--title", OPTION_STRING, "TEXT", "title of the plot", .value = &o.title},
+        {"--from", OPTION_REAL, "S", "first second to plot", .value = &o.span[0], .min = -1e9,
          .max = 1e9, .unit = "seconds"},
-        {"--to", OPTION_REAL, "S", "last second to plot", .value = &span[1], .min = -1e9,
+        {"--to", OPTION_REAL, "S", "last second to plot", .value = &o.span[1], .min = -1e9,
          .max = 1e9, .unit = "seconds"},
     };
     static const struct operand_spec operands[] = {
-        {"FILE", "signals.csv of a recording", true, .value = &file}};
+        {"FILE", "signals.csv of a recording", true, .value = &o.file}};
     static const struct command_spec spec = {
         .name = "plot",
         .summary = "Plot signals of a recording.",
@@ -122,12 +231,11 @@ int cmd_plot(int argc, char **argv)
     if (!options_read(&spec, argc, argv, &status)) {
         return status;
     }
-    /* A plot has as many colors */
-    if (names.count == 0 || names.count > SVG_SERIES_MAX) {
-        error_set(&error, ERROR_INPUT, "--signal: found %zu, expected 1 to %d of them", names.count,
-                  SVG_SERIES_MAX);
+    if (o.names.count == 0 && !o.list) {
+        error_set(&error, ERROR_INPUT,
+                  "--signal: found none, expected one or more; --list prints their names");
         return options_fail(&spec, &error);
     }
-    code = plot_file(file, &names, span, title, output, &error);
+    code = plot_file(&o, &error);
     return options_end(&spec, code, &error);
 }

@@ -201,6 +201,7 @@ static void log_control(const struct background *background)
     while (background->control &&
            control_next_event(background->control, &key, text, sizeof text)) {
         eventlog_put(&background->monitor->log, clock_now(clock_monotonic()), key, text);
+        simulator_record_event(background->simulator, key, text);
     }
 }
 

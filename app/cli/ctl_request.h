@@ -16,8 +16,8 @@
 
 /* The command line. */
 struct ctl_options {
-    const char *command, *socket;
-    const char **word; /* the command's arguments; NULL ends */
+    const char *command, *socket, *udp; /* udp: where rows go; NULL = standard output */
+    const char **word;                  /* the command's arguments; NULL ends */
     size_t nword;
     double timeout_s, period_ms;
     int64_t rows;

@@ -18,6 +18,7 @@ static const struct program_command commands[] = {
     {"run", "run a rig: robot, boards and buses, in real time, lockstep or free run", cmd_run},
     {"test", "run scenarios: tests of a rig with a verdict", cmd_test},
     {"task", "run a task alone, on the other side of the buses", cmd_task},
+    {"replay", "send the frames of a recording onto live buses", cmd_replay},
     {"ctl", "observe and control a running simulator", cmd_ctl},
     {"import", "make a robot and a bench of a URDF or MJCF file", cmd_import},
     {"list", "list the rigs, robots, scenarios and tasks that are there", cmd_list},

@@ -21,6 +21,8 @@ static const struct option_word hold_words[] = {
 static const struct option_word overrun_words[] = {
     {"skip", LOOP_OVERRUN_SKIP}, {"slip", LOOP_OVERRUN_SLIP}, {"stop", LOOP_OVERRUN_STOP}, {0}};
 static const struct option_word wire_words[] = {{"ideal", 0}, {"wire", 1}, {0}};
+static const struct option_word format_words[] = {
+    {"csv", RECORDER_CSV}, {"mcap", RECORDER_MCAP}, {"both", RECORDER_CSV | RECORDER_MCAP}, {0}};
 static const struct option_word transport_words[] = {
     {"auto", TRANSPORT_AUTO}, {"socketcan", TRANSPORT_SOCKETCAN}, {"local", TRANSPORT_LOCAL}, {0}};
 
@@ -37,6 +39,10 @@ static const struct option_spec options[] = {
      .max = 1e12},
     {"--task", OPTION_STRING, "NAME", "start this task on the other side of the buses",
      .value = &read.task, .noun = "tasks"},
+    {"--stimulus", OPTION_STRING, "LOG",
+     "feed the boards what the controller has sent in this candump log, or recording, at the same "
+     "ticks; the run is as long as the log unless --duration or --ticks say otherwise",
+     .value = &read.stimulus},
     {"--bus", OPTION_LIST, "NAME=INTERFACE",
      "put a bus of the rig on this interface; may be given more than once", .value = &read.bus},
     {"--transport", OPTION_ENUM, "HOW",
@@ -74,7 +80,11 @@ static const struct option_spec options[] = {
      .value = &read.seed, .min = 0.0, .max = 9e15},
     {"--record", OPTION_STRING, "DIR", "record into this directory, new or empty",
      .value = &read.record},
-    {"--record-period", OPTION_INT, "MS", "rows of signals.csv every MS ms, 10 by default",
+    {"--record-format", OPTION_ENUM, "FORMAT",
+     "csv, the default: signals.csv and poses.csv; mcap: recording.mcap, for Foxglove, Lichtblick "
+     "and PlotJuggler; both",
+     .value = &read.record_format, .words = format_words},
+    {"--record-period", OPTION_INT, "MS", "rows of signals every MS ms, 10 by default",
      .value = &read.record_period_ms, .min = 1.0, .max = 60000.0, .unit = "ms"},
     {"--force", OPTION_FLAG, NULL,
      "record into DIR even when it is not empty: replaces the recording in it with its summary",
@@ -119,6 +129,7 @@ bool run_options_read(int argc, char **argv, struct run_options *out, int *statu
                                 .overrun = -1,
                                 .hold = -1,
                                 .wire = -1,
+                                .record_format = RECORDER_CSV,
                                 .record_period_ms = 10};
     if (!options_read(&spec, argc, argv, status)) {
         return false;
@@ -185,9 +196,11 @@ enum error_code run_options_configure(const struct run_options *given, const str
         .seed = (uint64_t)given->seed,
         .ticks = (uint64_t)given->ticks,
         .task = given->task,
+        .stimulus = given->stimulus,
         .steering = !given->control || strcmp(given->control, "none") != 0,
         .record = given->record ? given->record : rig->record.directory,
         .overwrite = given->force,
+        .record_format = (unsigned)given->record_format,
         .row_period_ns = given->record_period_ms * CLOCK_MS,
     };
 

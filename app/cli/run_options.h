@@ -11,13 +11,14 @@ enum { RUN_HOST_SIZE = 64 }; /* room for any numeric address */
 
 /* As given; strings are the command line's. */
 struct run_options {
-    const char *rig, *task, *record, *gateway, *control;
+    const char *rig, *task, *stimulus, *record, *gateway, *control;
     struct option_list bus, fault;
     double duration_s;               /* INFINITY = not given */
     int64_t ticks, record_period_ms; /* ticks: 0 = not given */
     int64_t seed;                    /* -1 = the rig's */
     int clock, overrun, hold, wire;  /* -1 = the rig's */
     int transport;
+    int record_format; /* enum recorder_format */
     bool settle, energy, force, quiet;
 };
 

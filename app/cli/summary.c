@@ -2,6 +2,7 @@
 /* The summary of a run. */
 #include "app/cli/summary.h"
 
+#include "base/json_text.h"
 #include "canbus/wire/wire.h"
 #include "rt/recorder.h"
 
@@ -238,10 +239,11 @@ static void print_rest(const struct summary *summary, FILE *out)
         const struct recorder_counters *r = &summary->recorder;
 
         fprintf(out,
-                "recorder: %" PRIu64 " frames, %" PRIu64 " rows; dropped %" PRIu64
-                " frames, %" PRIu64 " rows; not written %" PRIu64 " frames, %" PRIu64 " rows\n",
-                r->frames, r->rows, r->frames_dropped, r->rows_dropped, r->frames_unwritten,
-                r->rows_unwritten);
+                "recorder: %" PRIu64 " frames, %" PRIu64 " rows, %" PRIu64
+                " events; dropped %" PRIu64 " frames, %" PRIu64 " rows, %" PRIu64
+                " events; not written %" PRIu64 " frames, %" PRIu64 " rows, %" PRIu64 " events\n",
+                r->frames, r->rows, r->events, r->frames_dropped, r->rows_dropped,
+                r->events_dropped, r->frames_unwritten, r->rows_unwritten, r->events_unwritten);
     }
     if (stats->events_lost + b.events_lost) {
         fprintf(out, "events lost: %" PRIu64 "\n", stats->events_lost + b.events_lost);
@@ -303,22 +305,6 @@ void summary_print(const struct summary *summary, FILE *out)
 }
 
 /* ---- JSON ---- */
-
-/* Names come from files that people write: they may hold anything. */
-static void json_string(const char *text, FILE *out)
-{
-    fputc('"', out);
-    for (; *text; text++) {
-        if (*text == '"' || *text == '\\') {
-            fprintf(out, "\\%c", *text);
-        } else if ((unsigned char)*text < 0x20) {
-            fprintf(out, "\\u%04x", (unsigned)(unsigned char)*text);
-        } else {
-            fputc(*text, out);
-        }
-    }
-    fputc('"', out);
-}
 
 static void json_histogram(const char *name, const struct histogram *h, const char *end, FILE *out)
 {
@@ -387,7 +373,7 @@ static void json_buses(const struct summary *summary, FILE *out)
         const struct can_counters *c = &simulator_port(summary->simulator, b)->counters;
 
         fprintf(out, "    {\"name\": ");
-        json_string(rig->bus[b].name, out);
+        json_text_put(rig->bus[b].name, out);
         fprintf(out,
                 ", \"rx_frames\": %" PRIu64 ", \"tx_frames\": %" PRIu64 ", \"rx_dropped\": %" PRIu64
                 ", \"tx_dropped\": %" PRIu64 ", \"tx_queue_full\": %" PRIu64
@@ -405,6 +391,7 @@ static void json_buses(const struct summary *summary, FILE *out)
 
 static void json_rest(const struct summary *summary, FILE *out)
 {
+    const struct recorder_counters *r = &summary->recorder;
     struct boards_counters b;
 
     boards_counters(simulator_boards(summary->simulator), &b);
@@ -414,12 +401,12 @@ static void json_rest(const struct summary *summary, FILE *out)
             ", \"trips\": %" PRIu64 "},\n",
             b.frames, b.foreign, b.unknown, b.malformed, b.timeouts, b.trips);
     fprintf(out,
-            "  \"recorder\": {\"frames\": %" PRIu64 ", \"rows\": %" PRIu64
+            "  \"recorder\": {\"frames\": %" PRIu64 ", \"rows\": %" PRIu64 ", \"events\": %" PRIu64
             ", \"frames_dropped\": %" PRIu64 ", \"rows_dropped\": %" PRIu64
-            ", \"frames_unwritten\": %" PRIu64 ", \"rows_unwritten\": %" PRIu64 "}\n",
-            summary->recorder.frames, summary->recorder.rows, summary->recorder.frames_dropped,
-            summary->recorder.rows_dropped, summary->recorder.frames_unwritten,
-            summary->recorder.rows_unwritten);
+            ", \"events_dropped\": %" PRIu64 ", \"frames_unwritten\": %" PRIu64
+            ", \"rows_unwritten\": %" PRIu64 ", \"events_unwritten\": %" PRIu64 "}\n",
+            r->frames, r->rows, r->events, r->frames_dropped, r->rows_dropped, r->events_dropped,
+            r->frames_unwritten, r->rows_unwritten, r->events_unwritten);
 }
 
 static void json_energy(const struct summary *summary, FILE *out)
@@ -451,7 +438,7 @@ static void json_write(const struct summary *summary, FILE *out)
     const struct loop_stats *stats = simulator_stats(summary->simulator);
 
     fprintf(out, "{\n  \"rig\": ");
-    json_string(config->rig->name, out);
+    json_text_put(config->rig->name, out);
     fprintf(out,
             ",\n  \"clock\": \"%s\", \"end\": \"%s\",\n  \"ticks\": %" PRIu64
             ", \"virtual_s\": %.9f, \"wall_s\": %.9f, \"real_time_factor\": %.6f,\n"

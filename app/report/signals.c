@@ -186,6 +186,45 @@ static enum error_code signals_read_table(struct table *table, const char *const
     return code;
 }
 
+/* ---- the file ---- */
+
+static void signals_close_table(struct table *table)
+{
+    if (table && table->file) {
+        fclose(table->file);
+    }
+    if (table) {
+        free(table->line);
+        free(table->titles);
+    }
+    free(table);
+}
+
+/* Lines are too long for the stack. */
+static enum error_code signals_open_table(const char *path, struct table **out, struct error *error)
+{
+    struct table *table = calloc(1, sizeof *table);
+    enum error_code code;
+
+    if (table) {
+        table->path = path;
+        table->line = malloc(LINE_MAX_BYTES);
+        table->titles = malloc(LINE_MAX_BYTES);
+    }
+    if (!table || !table->line || !table->titles) {
+        signals_close_table(table);
+        return error_set(error, ERROR_MEMORY, "no memory");
+    }
+    table->file = fopen(path, "r");
+    if (!table->file) {
+        code = error_set_file(error, errno, path, "cannot be read");
+        signals_close_table(table);
+        return code;
+    }
+    *out = table;
+    return ERROR_NONE;
+}
+
 enum error_code signals_read(const char *path, const char *const *title, size_t ntitle, double from,
                              double to, struct signals *signals, struct error *error)
 {
@@ -197,30 +236,39 @@ enum error_code signals_read(const char *path, const char *const *title, size_t 
         return error_set(error, ERROR_INPUT, "found %zu signals to read, expected at most %d",
                          ntitle, SIGNALS_MAX);
     }
-    /* Lines are too long for the stack */
-    table = calloc(1, sizeof *table);
-    if (!table) {
-        return error_set(error, ERROR_MEMORY, "no memory");
+    code = signals_open_table(path, &table, error);
+    if (!code) {
+        code = signals_read_table(table, title, ntitle, from, to, signals, error);
+        signals_close_table(table);
     }
-    table->path = path;
-    table->line = malloc(LINE_MAX_BYTES);
-    table->titles = malloc(LINE_MAX_BYTES);
-    if (!table->line || !table->titles) {
-        code = error_set(error, ERROR_MEMORY, "no memory");
-        goto end_memory;
-    }
-    table->file = fopen(path, "r");
-    if (!table->file) {
-        code = error_set_file(error, errno, path, "cannot be read");
-        goto end_memory;
-    }
-    code = signals_read_table(table, title, ntitle, from, to, signals, error);
-    fclose(table->file);
+    return code;
+}
 
-end_memory:
-    free(table->line);
-    free(table->titles);
-    free(table);
+enum error_code signals_titles(const char *path, const char ***title, size_t *count,
+                               struct error *error)
+{
+    struct table *table;
+    enum error_code code = signals_open_table(path, &table, error);
+    char *text;
+
+    *title = NULL;
+    if (code) {
+        return code;
+    }
+    code = signals_read_titles(table, error);
+    if (!code) {
+        *title = malloc(table->ncolumn * sizeof **title + LINE_MAX_BYTES);
+        code = *title ? ERROR_NONE : error_set(error, ERROR_MEMORY, "no memory");
+    }
+    if (!code) {
+        text = (char *)(*title + table->ncolumn);
+        memcpy(text, table->titles, LINE_MAX_BYTES);
+        *count = table->ncolumn - 1;
+        for (size_t i = 0; i < *count; i++) {
+            (*title)[i] = text + (table->title[i + 1] - table->titles);
+        }
+    }
+    signals_close_table(table);
     return code;
 }
 

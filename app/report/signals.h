@@ -26,6 +26,11 @@ struct signals {
 enum error_code signals_read(const char *path, const char *const *title, size_t ntitle, double from,
                              double to, struct signals *signals, struct error *error);
 
+/* The titles of a file beside the first: count pointers into one allocation, the caller's to free.
+ * Errors as of signals_read. */
+enum error_code signals_titles(const char *path, const char ***title, size_t *count,
+                               struct error *error);
+
 /* Safe on a zeroed struct. */
 void signals_free(struct signals *signals);
 

@@ -20,6 +20,7 @@ enum {
     LEGEND_LINE = 18,
     LEGEND_KEY = 50, /* an entry's line and the space around it */
     CHARACTER = 7,   /* about, of the font size 12 */
+    DENSE = 8,       /* points a pixel from which on a line is thinned out */
 };
 
 /* Okabe and Ito's colors, which color-blind readers can tell apart. */
@@ -35,6 +36,7 @@ struct scale {
 
 struct page {
     const struct svg_plot *plot;
+    const char *area; /* a name that no other plot of the document has */
     struct scale x, y;
     FILE *out;
 };
@@ -221,20 +223,77 @@ static void put_dot(const struct page *page, size_t s, double x, double y)
     fputs("/>", page->out);
 }
 
+static void put_line_point(const struct page *page, const struct svg_series *series, size_t i,
+                           bool drawing)
+{
+    fprintf(page->out, "%c%.2f %.2f", drawing ? 'L' : 'M', on_scale(&page->x, series->x[i]),
+            on_scale(&page->y, series->y[i]));
+}
+
+/* Where a run of points in one column of pixels ends that begins at i; low and high: its least and
+ * greatest. */
+static size_t find_column_end(const struct page *page, const struct svg_series *series, size_t i,
+                              size_t *low, size_t *high)
+{
+    double column = floor(on_scale(&page->x, series->x[i]));
+
+    *low = *high = i;
+    while (i < series->count && point_is_drawable(page->plot, series, i) &&
+           floor(on_scale(&page->x, series->x[i])) == column) {
+        *low = series->y[i] < series->y[*low] ? i : *low;
+        *high = series->y[i] > series->y[*high] ? i : *high;
+        i++;
+    }
+    return i;
+}
+
+/* The line of a series with more points than can be told apart. */
+static void put_dense_line(const struct page *page, const struct svg_series *series)
+{
+    bool drawing = false;
+
+    for (size_t i = 0; i < series->count;) {
+        size_t low, high, end, last = i;
+
+        if (!point_is_drawable(page->plot, series, i)) {
+            drawing = false;
+            i++;
+            continue;
+        }
+        end = find_column_end(page, series, i, &low, &high);
+        put_line_point(page, series, i, drawing);
+        drawing = true;
+
+        /* Its extremes in the order in which they come, and its last point; each once */
+        const size_t rest[] = {low < high ? low : high, low < high ? high : low, end - 1};
+
+        for (size_t k = 0; k < 3; k++) {
+            if (rest[k] > last) {
+                put_line_point(page, series, rest[k], true);
+                last = rest[k];
+            }
+        }
+        i = end;
+    }
+}
+
 static void put_line(const struct page *page, size_t s)
 {
     const struct svg_series *series = &page->plot->series[s];
     bool drawing = false;
 
     open_line(page, s);
-    for (size_t i = 0; i < series->count; i++) {
-        if (!point_is_drawable(page->plot, series, i)) {
-            drawing = false;
-            continue;
+    if ((double)series->count > DENSE * (page->x.to - page->x.from)) {
+        put_dense_line(page, series);
+    } else {
+        for (size_t i = 0; i < series->count; i++) {
+            bool drawable = point_is_drawable(page->plot, series, i);
+
+            if (drawable) {
+                put_line_point(page, series, i, drawing);
+            }
+            drawing = drawable;
         }
-        fprintf(page->out, "%c%.2f %.2f", drawing ? 'L' : 'M', on_scale(&page->x, series->x[i]),
-                on_scale(&page->y, series->y[i]));
-        drawing = true;
     }
     fputs("\"/>\n", page->out);
 }
@@ -294,13 +353,11 @@ static void put_legend(const struct page *page)
 
 static void put_series(const struct page *page)
 {
-    const char *area = page->plot->part ? page->plot->part : "area";
-
     fprintf(page->out,
             "<clipPath id=\"%s\"><rect x=\"%.2f\" y=\"%.2f\" width=\"%.2f\" height=\"%.2f\"/>"
             "</clipPath>\n<g clip-path=\"url(#%s)\">\n",
-            area, page->x.from, page->y.to, page->x.to - page->x.from, page->y.from - page->y.to,
-            area);
+            page->area, page->x.from, page->y.to, page->x.to - page->x.from,
+            page->y.from - page->y.to, page->area);
     for (size_t s = 0; s < page->plot->nseries; s++) {
         const struct svg_series *series = &page->plot->series[s];
 
@@ -334,16 +391,24 @@ static void open_svg(const struct svg_plot *plot, int width, int height, FILE *o
             plot->part ? " class=\"paper\"" : "", width, height);
 }
 
-enum error_code svg_write(const struct svg_plot *plot, FILE *out, struct error *error)
+static int plot_width(const struct svg_plot *plot)
 {
-    int width = plot->width ? plot->width : WIDTH, height = plot->height ? plot->height : HEIGHT;
-    struct page page = {.plot = plot, .out = out};
+    return plot->width ? plot->width : WIDTH;
+}
+
+static int plot_height(const struct svg_plot *plot)
+{
+    return plot->height ? plot->height : HEIGHT;
+}
+
+/* Everything of a plot but the paper, within its own width and height. */
+static enum error_code put_plot(const struct svg_plot *plot, const char *area, FILE *out,
+                                struct error *error)
+{
+    int width = plot_width(plot), height = plot_height(plot);
+    struct page page = {.plot = plot, .area = area, .out = out};
     double unused;
 
-    if (plot->nseries < 1 || plot->nseries > SVG_SERIES_MAX) {
-        return error_set(error, ERROR_INPUT, "found a plot of %zu series, expected 1 to %d",
-                         plot->nseries, SVG_SERIES_MAX);
-    }
     if (!find_range(plot, false, &page.x) || !find_range(plot, true, &page.y)) {
         return error_set(error, ERROR_INPUT, "found a plot without a point that can be drawn");
     }
@@ -352,13 +417,45 @@ enum error_code svg_write(const struct svg_plot *plot, FILE *out, struct error *
     page.y.from = height - BOTTOM;
     page.y.to =
         TOP + LEGEND_LINE * legend_place(plot, plot->nseries - 1, LEFT, width - RIGHT, &unused);
-    open_svg(plot, width, height, out);
     put_axes(&page);
     put_series(&page);
     put_legend(&page);
+    return ERROR_NONE;
+}
+
+enum error_code svg_write_panels(const struct svg_plot *panel, size_t npanel, FILE *out,
+                                 struct error *error)
+{
+    enum error_code code = ERROR_NONE;
+    int height = 0, top = 0;
+
+    for (size_t i = 0; i < npanel; i++) {
+        height += plot_height(&panel[i]);
+        if (panel[i].nseries < 1 || panel[i].nseries > SVG_SERIES_MAX) {
+            return error_set(error, ERROR_INPUT, "found a plot of %zu series, expected 1 to %d",
+                             panel[i].nseries, SVG_SERIES_MAX);
+        }
+    }
+    open_svg(panel, plot_width(panel), height, out);
+    for (size_t i = 0; !code && i < npanel; i++) {
+        char area[32];
+
+        snprintf(area, sizeof area, i ? "area%zu" : "area", i);
+        if (top) {
+            fprintf(out, "<g transform=\"translate(0 %d)\">\n", top);
+        }
+        code = put_plot(&panel[i], panel[i].part ? panel[i].part : area, out, error);
+        fputs(top ? "</g>\n" : "", out);
+        top += plot_height(&panel[i]);
+    }
     fputs("</svg>\n", out);
-    if (fflush(out) == EOF || ferror(out)) {
+    if (!code && (fflush(out) == EOF || ferror(out))) {
         return error_set_errno(error, errno, "cannot write a plot");
     }
-    return ERROR_NONE;
+    return code;
+}
+
+enum error_code svg_write(const struct svg_plot *plot, FILE *out, struct error *error)
+{
+    return svg_write_panels(plot, 1, out, error);
 }

@@ -49,8 +49,14 @@ struct svg_plot {
     const char *part;
 };
 
-/* Writes a whole SVG document. Fails with ERROR_INPUT on a plot that holds no point or more series
- * than colors, with ERROR_SYSTEM when out cannot be written. */
+/* Plots one below the other, as wide as the first, in one document. Errors as of svg_write. */
+enum error_code svg_write_panels(const struct svg_plot *panel, size_t npanel, FILE *out,
+                                 struct error *error);
+
+/* Writes a whole SVG document. A line of far more points than the plot is wide keeps the first, the
+ * least, the greatest and the last of each column of pixels: it looks the same. Fails with
+ * ERROR_INPUT on a plot that holds no point or more series than colors, with ERROR_SYSTEM when out
+ * cannot be written. */
 enum error_code svg_write(const struct svg_plot *plot, FILE *out, struct error *error);
 
 #endif

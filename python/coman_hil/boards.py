@@ -12,6 +12,7 @@ from .database import HOST, Bus, Message, Signal
 from .errors import BoardError
 
 PROTOCOL_OF_HOSTS = (1, 6)      # of iCub: what hosts say that they speak
+GROUP = 4                       # compact: ALL_COMMAND_n begins with the motor of slot 4 n
 LIST = re.compile(r"^address \d+, motors (.*)$")
 
 
@@ -61,11 +62,11 @@ class Boards:
         found = self.bus.message(message)
         return frame_text(found, found.encode(values, length))
 
-    def commanded(self, message: str, prefix: str) -> dict[str, Signal]:
-        """Signals of a message to the boards that begin so, by joint."""
+    def commanded(self, message: str, quantity: str) -> dict[str, Signal]:
+        """Signals of a message to the boards whose quantity begins so, by joint."""
         found = self.bus.messages.get(message)
         return {} if not found else {s.about: s for s in found.signals.values()
-                                     if s.name.startswith(prefix) and s.about}
+                                     if s.quantity.startswith(quantity) and s.about}
 
     def reporting(self) -> list[list[str]]:
         """What makes every board report, in stages with some ticks between them."""
@@ -93,10 +94,11 @@ class Compact(Boards):
         self._slot = {}
         for name in bus.messages:
             if name.startswith("ALL_COMMAND_"):
-                points = self.commanded(name, "set_point_")
+                points = self.commanded(name, "set_point")
                 self._groups.append((bus.messages[name], points))
                 for joint, signal in points.items():
-                    self._slot[joint] = int(signal.name.rsplit("_", 1)[1])
+                    first = GROUP * int(name.removeprefix("ALL_COMMAND_"))
+                    self._slot[joint] = first + signal.start // signal.bits
 
     def reporting(self) -> list[list[str]]:
         return [[self.text(m.name, parameter="telemetry_period", write=1, value=1)
@@ -225,7 +227,7 @@ class Foc(_Icub):
         message, total = self.bus.message("ALL_DESIRED_TARGETS"), 0
         for joint, target in self._targets.items():
             # what a target counts depends on the mode; in this one it is STATUS's count of PWM
-            pwm = self.bus.message(f"{self.board_of[joint]}_STATUS").signal("pwm")
+            pwm = self.commanded(f"{self.board_of[joint]}_STATUS", "pwm")[joint]
             total |= target.place(pwm.encode(self._percent(volts.get(joint, 0.0))), message.length)
         return frame_text(message, total.to_bytes(message.length, "little"))
 

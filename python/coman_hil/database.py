@@ -25,7 +25,7 @@ SI = {"mA": 1e-3, "ms": 1e-3, "deg": 3.141592653589793 / 180}
 class Signal:
     """A number in a frame.
 
-    about: the joint, or the component of a force, that it belongs to; "" = none. selector: the
+    about: the joint, or the force-torque sensor, that it belongs to; "" = none. selector: the
     value of byte 0 with which it is there, None = always. frame_length: bytes of a frame that
     carries it, 0 = as the message's."""
 
@@ -42,6 +42,12 @@ class Signal:
     selector: int | None
     frame_length: int
     values: Mapping[int, str]
+
+    @property
+    def quantity(self) -> str:
+        """The name without the joint that it begins with."""
+        joint = re.sub(r"[^A-Za-z0-9]", "_", self.about)
+        return re.sub(rf"^_?{joint}_", "", self.name) if joint else self.name
 
     def decode_raw(self, data: bytes) -> int | None:
         """The count in a frame; None when the frame is too short to have it."""

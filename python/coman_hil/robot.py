@@ -15,7 +15,7 @@ Latest = Dict[tuple, RawFrame]
 Source = tuple  # (bus, identifier as text), Signal, Message
 T = TypeVar("T")
 
-# Where a quantity is found: kind of message, name of the signal without the number of the axis
+# Where a quantity is found: kind of message, name of the signal without the joint
 QUANTITIES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "position": (("POSITION", "position"), ("TELEMETRY_FD", "link_position")),
     "deflection": (("TELEMETRY", "deflection"),),
@@ -24,8 +24,8 @@ QUANTITIES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "motor velocity": (("FOC", "velocity"), ("TELEMETRY_FD", "motor_velocity")),
     "current": (("CURRENT", "current"), ("FOC", "current"), ("TELEMETRY", "current"),
                 ("TELEMETRY_FD", "current")),
-    "torque": (("TELEMETRY", "torque"), ("TELEMETRY_FD", "torque"), ("FORCE", "c"),
-               ("TORQUE", "c")),
+    "torque": (("TELEMETRY", "torque"), ("TELEMETRY_FD", "torque"), ("FORCE", "torque"),
+               ("TORQUE", "torque")),
     "mode": (("TELEMETRY_FD", "mode"), ("STATUS", "mode"), ("STATE", "mode")),
     "faults": (("STATUS", "fault"), ("STATUS", "faults"), ("STATE", "faults")),
 }
@@ -72,7 +72,7 @@ class Joint:
 
     @staticmethod
     def _is_at(message: Message, signal: Signal, place: tuple[str, str]) -> bool:
-        return message.kind == place[0] and re.sub(r"_?\d+$", "", signal.name) == place[1]
+        return (message.kind, signal.quantity) == place
 
     def __repr__(self) -> str:
         return f"<joint {self.name} on {self.bus}>"
@@ -168,7 +168,7 @@ class ForceSensor:
 
     def __init__(self, name: str, bus: Bus, board: str, latest: Latest) -> None:
         self.name, self.bus, self._latest = name, bus.name, latest
-        self._found = {(s.about or s.name).lower(): ((bus.name, f"{m.identifier:03X}"), s, m)
+        self._found = {s.name: ((bus.name, f"{m.identifier:03X}"), s, m)
                        for m in bus.board_messages(board) for s in m.signals.values()
                        if s.selector is None}
 

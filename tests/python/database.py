@@ -103,13 +103,16 @@ def test_what_does_not_fit_is_refused():
     from coman_hil import UnknownName
     found = databases()["coman-compact"]
     message = found.bus("torso").message("ALL_COMMAND_0")
-    assert message.encode({"set_point_0": 65.534}).hex()[:4] == "ff7f"
-    assert message.encode({"set_point_0": -65.536}).hex()[:4] == "0080"
+    name = next(iter(message.signals))
+    assert name.endswith("_set_point") and name == f"{message.signal(name).about}_set_point"
+    assert message.encode({name: 65.534}).hex()[:4] == "ff7f"
+    assert message.encode({name: -65.536}).hex()[:4] == "0080"
     for volts in (65.54, -65.54, float("nan"), float("inf")):
-        with raises(ValueError, "set_point_0", "expected -65.536 to 65.534 V"):
-            message.encode({"set_point_0": volts})
-    with raises(UnknownName, "found no signal of ALL_COMMAND_0 'set_point0'", "'set_point_0'"):
-        message.encode({"set_point0": 1})
+        with raises(ValueError, name, "expected -65.536 to 65.534 V"):
+            message.encode({name: volts})
+    wrong = name.replace("_set_point", "_setpoint")
+    with raises(UnknownName, f"found no signal of ALL_COMMAND_0 '{wrong}'", f"'{name}'"):
+        message.encode({wrong: 1})
     with raises(UnknownName, "value of mode 'volts'", "'voltage'"):
         found.bus("torso").message("ALL_MODE").encode({"mode": "volts"})
     with raises(UnknownName, "found no bus 'torsos'", "'torso'"):

@@ -22,7 +22,7 @@ for rig in grasp walkman coman-fd coman-foc coman-compact coman-cia402; do
     task=squat
     [ $rig = grasp ] && task=grasp
     guarded "$rigs/$rig.yaml" --transport local --clock lockstep --task $task --ticks 3000 \
-        --wire wire --record "$work/record"
+        --wire wire --record "$work/record" --record-format both
     verdict "$rig, recorded" only clock_nanosleep
 done
 
@@ -42,7 +42,7 @@ guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --tic
 verdict "faults on a sensor, boards, a motor, buses and the supply" only
 
 guarded "$rigs/coman.yaml" --transport local --clock real --task squat --duration 1.5 \
-    --record "$work/record"
+    --record "$work/record" --record-format both
 verdict "in real time with a task and a recording the loop sleeps and does nothing else" only \
     clock_nanosleep
 

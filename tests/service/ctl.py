@@ -262,6 +262,16 @@ def command(work):
         result("rows come as CSV", answer.returncode == 0 and len(lines) == 6
                and lines[0] == "time_s,q_LKneeSag_rad,fz_LFoot_n" and lines[1].count(",") == 2,
                answer)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
+            listener.bind(("127.0.0.1", 0))
+            listener.settimeout(20)
+            answer = run.ctl("subscribe", "q_LKneeSag_rad", "torque_LKneeSag_nm", "--rows", "5",
+                             "--udp", f"127.0.0.1:{listener.getsockname()[1]}", *at)
+            rows = [json.loads(listener.recv(65536)) for _ in range(5)]
+        result("rows come as UDP datagrams", answer.returncode == 0 and not answer.stdout and
+               all(list(r) == ["timestamp", "q_LKneeSag_rad", "torque_LKneeSag_nm"] and
+                   abs(b["timestamp"] - a["timestamp"] - 0.01) < 1e-9
+                   for r, a, b in zip(rows, rows, rows[1:])), (answer, rows))
         answers = [run.ctl(*words, *at)
                    for words in (("pause",), ("step", "7"), ("checkpoint", "3"),
                                  ("push", "Waist", "force_n=10,0,0"), ("set", "supply_v=40"),
@@ -338,7 +348,7 @@ def places(work):
 
 
 def main():
-    print("1..25")
+    print("1..26")
     for part in (session, push, command, places):
         with tempfile.TemporaryDirectory() as work:
             part(work)

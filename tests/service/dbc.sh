@@ -32,14 +32,15 @@ if ! /usr/bin/python3 -c 'import canmatrix.formats' 2>/dev/null; then
     echo "1..0 # SKIP python3-canmatrix is not installed"
     exit 0
 fi
-echo 1..21
+echo 1..26
 export_rig coman 5
 export_rig coman-foc 10
 export_rig coman-compact 9
 export_rig coman-fd 2
 export_rig coman-cia402 8
-for channel in '986 c0 "Fx"' '986 c1 "Fy"' '986 c2 "Fz"' '987 c0 "Mx"' '987 c1 "My"' \
-    '987 c2 "Mz"' '970 c0 "LHipSag"' '971 c2 "LAnkSag"'; do
+for channel in '986 fx "l_leg_ft"' '986 fy "l_leg_ft"' '986 fz "l_leg_ft"' '987 mx "l_leg_ft"' \
+    '987 my "l_leg_ft"' '987 mz "l_leg_ft"' '970 LHipSag_torque "LHipSag"' \
+    '971 LAnkSag_torque "LAnkSag"'; do
     grep -qxF "CM_ SG_ $channel;" "$work/coman/coman-left_leg.dbc" || echo "no $channel"
 done >"$work/out"
 [ ! -s "$work/out" ]
@@ -53,9 +54,9 @@ result $? "a bus that the rig has not is refused" "$(cat "$work/err")"
 "$hil" dbc "$HIL_SOURCE_DIR/config/rigs/coman.yaml" -o "$work/nowhere" >"$work/out" 2>"$work/err"
 [ $? -eq 3 ]
 result $? "a folder that is not there is the system's error" "$(cat "$work/err")"
-judge coman 9000 4
-judge coman-foc 10000 2
-judge coman-compact 20000 2
-judge coman-fd 20000 2
-judge coman-cia402 20000 2
+judge coman 9000 5
+judge coman-foc 10000 3
+judge coman-compact 20000 3
+judge coman-fd 20000 3
+judge coman-cia402 20000 3
 exit $failed

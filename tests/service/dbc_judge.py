@@ -5,7 +5,8 @@ us: dbc_judge.py RIG FOLDER RECORD FIRST_NUMBER LEAST.
 
 Every frame must be of a message and have its sender's length; what boards say of a joint (the
 signal's comment) must be what the plant had, to within half of the last bit of signal and encoder.
-Prints two TAP lines, and two more for icub boards: what an encoder makes of a voltage, and that
+Its signals carry the joint's name, or that of the force's component. Prints three TAP lines, and
+two more for icub boards: what an encoder makes of a voltage, and that
 byte 0 has names."""
 import csv
 import glob
@@ -18,7 +19,7 @@ import tap
 
 rig, folder, record, first, least = sys.argv[1:4] + [int(x) for x in sys.argv[4:6]]
 tap.begin(first)
-# signals by name without a number at the end: the columns that are added up, with their factors
+# signals by name without the joint: the columns that are added up, with their factors
 STATE = {
     "position": [("q_*_rad", 1)],
     "motor_position": [("qm_*_rad", 1)],
@@ -45,11 +46,9 @@ def check(good, name, found):
 
 
 def quantity(frame, signal):
-    name = re.sub(r"_?\d$", "", signal.name)
+    name = signal.name.removeprefix(f"{signal.comment}_")
     if frame.name.endswith("_MOTOR_POSITION") or frame.name.endswith("_FOC") and name == "position":
         return "motor_position"
-    if frame.name.endswith("_TORQUE"):
-        return "torque"
     return name
 
 
@@ -103,6 +102,20 @@ check(not strange, "every frame is of a message, in its length and format",
 check(not wrong and sum(compared.values()) >= least and len(compared) >= 2,
       "decoded values are those of the plant to within half a bit",
       f"{compared}, the worst at {worst:.3f} of its half bit; {len(wrong)} wrong: {wrong[:1]}")
+names, odd = 0, []
+for bus in buses.values():
+    for frame in bus.values():
+        own = [s.name for s in frame.signals]
+        if len(set(own)) < len(own) or max(map(len, own), default=0) > 32:
+            odd.append(frame.name)
+        for signal in frame.signals:
+            if signal.comment and not frame.is_multiplexed and "host" not in frame.transmitters:
+                names += 1
+                if not signal.name.startswith(f"{signal.comment}_") and \
+                        signal.name not in ("fx", "fy", "fz", "mx", "my", "mz"):
+                    odd.append(f"{frame.name}.{signal.name}")
+check(names > 20 and not odd, "signals are named after joints and components, once in a message",
+      f"{names} names, odd ones: {odd[:3]}")
 
 command = next((f for b in buses.values() for f in b.values()
                 if f.signal_by_name("SET_OPEN_LOOP_pwm_1")), None)

@@ -345,8 +345,8 @@ def test_a_disk_that_is_too_small_is_told_with_what_is_missing():
     run.end(3)
     assert re.search(r"cannot write \S+: .* the run goes on: No space left", run.text()), run.text()
     told = re.search(
-        r"^recorder: (\d+) frames, (\d+) rows; dropped 0 frames, 0 rows; not written (\d+) frames, "
-                     r"(\d+) rows$", run.text(), re.M)
+        r"^recorder: (\d+) frames, (\d+) rows, \d+ events; dropped 0 frames, 0 rows, 0 events; "
+        r"not written (\d+) frames, (\d+) rows, \d+ events$", run.text(), re.M)
     assert told and int(told[3]) > 0, run.text()
     assert lines(run.path("candump.log")) == int(told[1]) - int(told[3])
     assert lines(run.path("signals.csv")) == 1 + int(told[2]) - int(told[4])
@@ -463,7 +463,8 @@ def test_files_that_are_removed_or_renamed_while_they_are_written():
 
     assert moved.end(3) is None
     moved.directory += ".moved"
-    told = re.search(r"^recorder: (\d+) frames, (\d+) rows; dropped 0 frames", moved.text(), re.M)
+    told = re.search(r"^recorder: (\d+) frames, (\d+) rows, \d+ events; dropped 0 frames",
+                     moved.text(), re.M)
     assert told and lines(moved.path("candump.log")) == int(told[1]), moved.text()
     assert lines(moved.path("signals.csv")) == 1 + int(told[2])
 

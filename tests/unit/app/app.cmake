@@ -30,6 +30,9 @@ hil_script_test(cli_eds COMMAND /usr/bin/python3
                 ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/eds.py $<TARGET_FILE:coman-hil>
                 LABELS unit)
 
+hil_script_test(report_plot LABELS unit TIMEOUT 30
+    COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/report/plot.sh $<TARGET_FILE:coman-hil>)
+
 foreach(name report svg)
     hil_test(report_${name} SOURCES unit/app/report/${name}.c LIBS report LABELS unit)
 endforeach()

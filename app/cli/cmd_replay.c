@@ -1,0 +1,322 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* coman-hil replay: the frames of a recorded log onto live buses, at their times. */
+#include "app/cli/commands.h"
+
+#include "app/cli/rig_command.h"
+#include "base/count.h"
+#include "base/options.h"
+#include "base/text.h"
+#include "canbus/candump.h"
+#include "canbus/port.h"
+#include "manual/replay.h"
+#include "rt/clock.h"
+#include "rt/histogram.h"
+
+#include <inttypes.h>
+#include <limits.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+
+enum { NAME_SIZE = 16, BUSES_MAX = OPTION_LIST_MAX };
+
+#define REPLAY_ARENA ((size_t)64 << 20)
+#define EXTENDED_MAX 0x1fffffff
+
+struct replay_options {
+    const char *log;
+    struct option_list onto, id;
+    double from_s, to_s, speed;
+};
+
+/* An interface and the name that its frames have in the log. */
+struct replay_bus {
+    char name[NAME_SIZE], interface[NAME_SIZE];
+    struct can_port *port;
+    uint64_t sent, refused;
+    struct histogram lateness;
+};
+
+struct replay_range {
+    int64_t first, last;
+};
+
+struct replay {
+    struct replay_options options;
+    char path[PATH_MAX];
+    struct replay_bus *bus;
+    size_t nbus;
+    struct replay_range range[OPTION_LIST_MAX];
+    int64_t first_ns;  /* time of the first frame that is sent, in the log */
+    int64_t origin_ns; /* and on the clock; INT64_MIN = none yet */
+};
+
+static atomic_bool replay_stopped;
+
+static void replay_stop(void *unused)
+{
+    (void)unused;
+    atomic_store(&replay_stopped, true);
+}
+
+/* ---- what was asked for ---- */
+
+static enum error_code replay_parse_range(const char *text, struct replay_range *range,
+                                          struct error *error)
+{
+    const char *dots = strstr(text, "..");
+    char first[32];
+
+    snprintf(first, sizeof first, "%.*s", dots ? (int)(dots - text) : (int)strlen(text), text);
+    if (!text_to_int(first, 0, EXTENDED_MAX, &range->first) ||
+        !text_to_int(dots ? dots + 2 : first, range->first, EXTENDED_MAX, &range->last)) {
+        return error_set(error, ERROR_INPUT,
+                         "--id: found \"%.60s\", expected an identifier or a range of them, as in "
+                         "0x481 or 0x100..0x17f",
+                         text);
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code replay_parse_bus(const char *text, struct replay_bus *bus,
+                                        struct error *error)
+{
+    const char *equals = strchr(text, '=');
+    size_t length = equals ? (size_t)(equals - text) : strlen(text);
+    const char *interface = equals ? equals + 1 : text;
+
+    if (length == 0 || length >= NAME_SIZE || !*interface || strlen(interface) >= NAME_SIZE) {
+        return error_set(error, ERROR_INPUT,
+                         "--onto: found \"%.60s\", expected INTERFACE or NAME=INTERFACE with names "
+                         "of at most %d characters",
+                         text, NAME_SIZE - 1);
+    }
+    memcpy(bus->name, text, length);
+    strcpy(bus->interface, interface);
+    return ERROR_NONE;
+}
+
+static enum error_code replay_open_bus(struct replay *replay, const char *text, struct arena *arena,
+                                       struct error *error)
+{
+    struct replay_bus *bus = &replay->bus[replay->nbus];
+    struct socketcan_config config = {.interface = bus->interface, .fd = true};
+    /* Nothing is received: a filter that no frame passes */
+    const struct frame_filter none = {.id = 0, .mask = UINT32_MAX, .extended = true};
+    struct error classic;
+    enum error_code code = replay_parse_bus(text, bus, error);
+
+    if (code) {
+        return code;
+    }
+    for (size_t b = 0; b < replay->nbus; b++) {
+        if (!strcmp(replay->bus[b].name, bus->name)) {
+            return error_set(error, ERROR_INPUT, "--onto: found %s again, expected it once",
+                             bus->name);
+        }
+    }
+
+    /* FD where the interface has it */
+    config.filter = &none;
+    config.nfilter = 1;
+    if (socketcan_open(&config, arena, &bus->port, &classic)) {
+        config.fd = false;
+        code = socketcan_open(&config, arena, &bus->port, error);
+    }
+    replay->nbus += !code;
+    return code;
+}
+
+/* ---- sending ---- */
+
+static bool replay_has_id(const struct replay *replay, uint32_t id)
+{
+    for (size_t i = 0; i < replay->options.id.count; i++) {
+        if (id >= replay->range[i].first && id <= replay->range[i].last) {
+            return true;
+        }
+    }
+    return replay->options.id.count == 0;
+}
+
+/* The bus that a frame goes onto; NULL when it stays away. */
+static struct replay_bus *replay_find_bus(const struct replay *replay, const char *name,
+                                          const struct bus_frame *frame)
+{
+    double seconds = (double)frame->time_ns * 1e-9;
+
+    if (frame->flags & FRAME_ERROR || seconds < replay->options.from_s ||
+        seconds > replay->options.to_s || !replay_has_id(replay, frame->id)) {
+        return NULL;
+    }
+    for (size_t b = 0; b < replay->nbus; b++) {
+        if (!strcmp(replay->bus[b].name, name)) {
+            return &replay->bus[b];
+        }
+    }
+    return NULL;
+}
+
+/* Sends a frame at its time. */
+static void replay_send_frame(struct replay *replay, struct replay_bus *bus,
+                              const struct bus_frame *frame)
+{
+    struct clock *clock = clock_monotonic();
+    int64_t due, now = clock_now(clock);
+
+    if (replay->origin_ns == INT64_MIN) {
+        replay->origin_ns = now;
+        replay->first_ns = frame->time_ns;
+    }
+    due = replay->origin_ns +
+          (int64_t)((double)(frame->time_ns - replay->first_ns) / replay->options.speed);
+    while (now < due && !atomic_load(&replay_stopped)) {
+        clock_sleep_until(clock, due);
+        now = clock_now(clock);
+    }
+    if (atomic_load(&replay_stopped)) {
+        return;
+    }
+    if (can_send(bus->port, frame, 1) == 1) {
+        bus->sent++;
+        histogram_add(&bus->lateness, now - due);
+    } else {
+        bus->refused++;
+    }
+}
+
+static enum error_code replay_play(struct replay *replay, struct error *error)
+{
+    struct candump_reader log;
+    enum error_code code = candump_open(&log, replay->path, error);
+    bool end = false;
+
+    if (code) {
+        return code;
+    }
+    while (!code && !end && !atomic_load(&replay_stopped)) {
+        struct replay_bus *bus = NULL;
+        struct bus_frame frame;
+        char name[16];
+
+        code = candump_next(&log, &frame, name, &end, error);
+        if (!code && !end && (bus = replay_find_bus(replay, name, &frame))) {
+            replay_send_frame(replay, bus, &frame);
+        }
+    }
+    candump_close(&log);
+    return code;
+}
+
+/* ---- the command ---- */
+
+/* What each interface took; STATUS_FAILED when one has lost something. */
+static int replay_print(const struct replay *replay)
+{
+    uint64_t lost = 0;
+
+    for (size_t b = 0; b < replay->nbus; b++) {
+        const struct replay_bus *bus = &replay->bus[b];
+        uint64_t dropped = bus->port->counters.tx_dropped;
+
+        dropped = dropped > bus->refused ? dropped : bus->refused;
+        lost += dropped;
+        printf("%s: %" PRIu64 " frames sent, %" PRIu64
+               " lost; late by p50 %.3f ms, p99 %.3f ms, max %.3f ms\n",
+               bus->interface, bus->sent, dropped,
+               (double)histogram_percentile(&bus->lateness, 0.5) * 1e-6,
+               (double)histogram_percentile(&bus->lateness, 0.99) * 1e-6,
+               (double)bus->lateness.max * 1e-6);
+    }
+    return lost ? STATUS_FAILED : STATUS_OK;
+}
+
+static enum error_code replay_prepare(struct replay *replay, struct arena *arena,
+                                      struct error *error)
+{
+    const struct replay_options *o = &replay->options;
+    struct stat info;
+    enum error_code code = ERROR_NONE;
+
+    replay->origin_ns = INT64_MIN;
+    replay->bus = arena_alloc(arena, BUSES_MAX, sizeof *replay->bus);
+    if (!replay->bus) {
+        return error_set(error, ERROR_MEMORY, "no memory");
+    }
+    if (snprintf(replay->path, sizeof replay->path, "%s%s", o->log,
+                 stat(o->log, &info) == 0 && S_ISDIR(info.st_mode) ? "/candump.log" : "") >=
+        (int)sizeof replay->path) {
+        return error_set(error, ERROR_INPUT, "the name of the log is too long");
+    }
+    if (o->onto.count == 0) {
+        return error_set(error, ERROR_INPUT,
+                         "found no --onto, expected at least one interface to send onto");
+    }
+    for (size_t i = 0; !code && i < o->id.count; i++) {
+        code = replay_parse_range(o->id.item[i], &replay->range[i], error);
+    }
+    for (size_t i = 0; !code && i < o->onto.count; i++) {
+        code = replay_open_bus(replay, o->onto.item[i], arena, error);
+    }
+    return code;
+}
+
+static int replay_run(const struct replay_options *options)
+{
+    static struct replay replay;
+    struct arena arena;
+    struct error error;
+    int status = STATUS_OK;
+
+    replay.options = *options;
+    if (arena_init(&arena, REPLAY_ARENA, &error)) {
+        return command_fail("replay", &error);
+    }
+    if (replay_prepare(&replay, &arena, &error)) {
+        status = command_fail("replay", &error);
+    } else {
+        rig_command_on_stop(replay_stop, NULL);
+        status = replay_play(&replay, &error) ? command_fail("replay", &error) : STATUS_OK;
+        rig_command_ignore_stop();
+        status = status ? status : replay_print(&replay);
+    }
+    for (size_t b = 0; b < replay.nbus; b++) {
+        replay.bus[b].port->ops->close(replay.bus[b].port);
+    }
+    arena_fini(&arena);
+    return status;
+}
+
+int cmd_replay(int argc, char **argv)
+{
+    static struct replay_options o = {.from_s = -1e9, .to_s = 1e12, .speed = 1.0};
+    static const struct option_spec options[] = {
+        {"--onto", OPTION_LIST, "[NAME=]INTERFACE",
+         "send what the log has of NAME, or of INTERFACE, onto this interface; may be given more "
+         "than once",
+         .value = &o.onto},
+        {"--id", OPTION_LIST, "ID[..LAST]",
+         "send frames with these identifiers only; may be given more than once", .value = &o.id},
+        {"--from", OPTION_REAL, "S", "first second of the log to send", .value = &o.from_s,
+         .min = -1e9, .max = 1e12, .unit = "seconds"},
+        {"--to", OPTION_REAL, "S", "last second of the log to send", .value = &o.to_s, .min = -1e9,
+         .max = 1e12, .unit = "seconds"},
+        {"--speed", OPTION_REAL, "X", "so many times as fast, 1 by default", .value = &o.speed,
+         .min = 1e-3, .max = 1e3},
+    };
+    static const struct operand_spec operands[] = {
+        {"LOG", "a candump log, or the directory of a recording", true, .value = &o.log}};
+    static const struct command_spec spec = {
+        .name = "replay",
+        .summary = "Send the frames of a recording onto live buses.",
+        .option = options,
+        .noption = ARRAY_COUNT(options),
+        .operand = operands,
+        .noperand = ARRAY_COUNT(operands),
+        .manual = MANUAL_REPLAY,
+    };
+    int status;
+
+    return options_read(&spec, argc, argv, &status) ? replay_run(&o) : status;
+}

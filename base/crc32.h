@@ -1,0 +1,12 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The CRC-32 of zlib, Ethernet and MCAP (polynomial 0x04c11db7, reflected). RT-safe. */
+#ifndef BASE_CRC32_H
+#define BASE_CRC32_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* Continues crc, 0 at first, over size bytes of data. */
+uint32_t crc32_update(uint32_t crc, const void *data, size_t size);
+
+#endif

@@ -1,0 +1,11 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* JSON Schemas of the messages that a recording's MCAP file holds. RT-safe: constants. */
+#ifndef RT_RECORDER_SCHEMAS_H
+#define RT_RECORDER_SCHEMAS_H
+
+extern const char recorder_schema_frame[];      /* coman_hil.Frame */
+extern const char recorder_schema_log[];        /* foxglove.Log */
+extern const char recorder_schema_transforms[]; /* foxglove.FrameTransforms */
+extern const char recorder_schema_scene[];      /* foxglove.SceneUpdate */
+
+#endif

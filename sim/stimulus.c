@@ -1,0 +1,170 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A controller's frames, read from a log in two passes: counted, then kept. */
+#include "sim/stimulus.h"
+
+#include "boards/messages.h"
+#include "canbus/candump.h"
+
+#include <inttypes.h>
+#include <limits.h>
+#include <string.h>
+#include <sys/stat.h>
+
+enum { STANDARD_IDS = 0x800, FRAMES_MAX = 1 << 23 /* an hour of two buses at 1 kHz */ };
+
+struct stimulus_reader {
+    const struct rig *rig;
+    const char *const *interface;
+    bool lockstep;
+    char path[PATH_MAX];
+    uint8_t sent[RIG_BUSES_MAX][STANDARD_IDS]; /* 1: a board sends this identifier on this bus */
+};
+
+/* ---- whose frame it is ---- */
+
+static bool stimulus_mark_sent(void *context, const struct message *message)
+{
+    uint8_t *sent = context;
+
+    if (!message->from_host) {
+        sent[message->id % STANDARD_IDS] = 1;
+    }
+    return true;
+}
+
+static int stimulus_find_bus(const struct stimulus_reader *reader, const char *name)
+{
+    for (size_t b = 0; b < reader->rig->nbus; b++) {
+        if (!strcmp(reader->interface[b], name)) {
+            return (int)b;
+        }
+    }
+    return rig_find_bus(reader->rig, name);
+}
+
+/* Whether a frame is the controller's and to be played. */
+static bool stimulus_takes_frame(const struct stimulus_reader *reader, size_t bus,
+                                 const struct bus_frame *frame)
+{
+    const struct loop_lockstep *lockstep = &reader->rig->lockstep;
+
+    if (frame->flags & (FRAME_ERROR | FRAME_EXTENDED)) {
+        return !(frame->flags & FRAME_ERROR);
+    }
+    if (frame->id == lockstep->step_id) {
+        return reader->lockstep && bus == (size_t)lockstep->bus;
+    }
+    return frame->id != lockstep->done_id && !reader->sent[bus][frame->id % STANDARD_IDS];
+}
+
+/* ---- the log ---- */
+
+/* Counts the frames of each bus, or keeps them where there is room. */
+static enum error_code stimulus_pass(const struct stimulus_reader *reader,
+                                     struct stimulus *stimulus, struct error *error)
+{
+    struct candump_reader log;
+    enum error_code code = candump_open(&log, reader->path, error);
+    bool end = false;
+
+    if (code) {
+        return code;
+    }
+    memset(stimulus->count, 0, sizeof stimulus->count);
+    while (!code) {
+        struct bus_frame frame;
+        char name[16];
+        int bus;
+
+        code = candump_next(&log, &frame, name, &end, error);
+        if (code || end) {
+            break;
+        }
+        bus = stimulus_find_bus(reader, name);
+        if (bus < 0) {
+            code = error_set(error, ERROR_INPUT,
+                             "%s:%d: found a frame on %s, expected an interface or a bus of %s; "
+                             "--bus NAME=%s says which it is",
+                             reader->path, log.line, name, reader->rig->file, name);
+        } else if (stimulus_takes_frame(reader, (size_t)bus, &frame)) {
+            if (stimulus->frame[bus]) {
+                stimulus->frame[bus][stimulus->count[bus]] = frame;
+            }
+            stimulus->count[bus]++;
+        }
+        stimulus->end_ns = frame.time_ns > stimulus->end_ns ? frame.time_ns : stimulus->end_ns;
+    }
+    candump_close(&log);
+    return code;
+}
+
+static enum error_code stimulus_check_count(const struct stimulus_reader *reader,
+                                            const struct stimulus *stimulus, struct error *error)
+{
+    size_t total = 0, steps = 0;
+
+    for (size_t b = 0; b < reader->rig->nbus; b++) {
+        total += stimulus->count[b];
+        for (size_t i = 0; stimulus->frame[b] && i < stimulus->count[b] && !steps; i++) {
+            steps = stimulus->frame[b][i].id == reader->rig->lockstep.step_id;
+        }
+        if (total > FRAMES_MAX) {
+            return error_set(error, ERROR_INPUT,
+                             "%s: found more than %d frames to play, expected fewer", reader->path,
+                             FRAMES_MAX);
+        }
+        if (b + 1 == reader->rig->nbus && total == 0) {
+            return error_set(error, ERROR_INPUT,
+                             "%s: found no frame of a controller, expected some", reader->path);
+        }
+    }
+    return !stimulus->frame[0] || !reader->lockstep || steps
+               ? ERROR_NONE
+               : error_set(
+                     error, ERROR_INPUT,
+                     "%s: found no STEP frame, expected some with the lockstep clock; --clock "
+                     "free plays what was recorded in real time",
+                     reader->path);
+}
+
+static enum error_code stimulus_read(const struct stimulus_reader *reader, struct arena *arena,
+                                     struct stimulus *stimulus, struct error *error)
+{
+    enum error_code code = stimulus_pass(reader, stimulus, error);
+
+    code = code ? code : stimulus_check_count(reader, stimulus, error);
+    for (size_t b = 0; !code && b < reader->rig->nbus; b++) {
+        stimulus->frame[b] = arena_alloc(arena, stimulus->count[b] + 1, sizeof *stimulus->frame[b]);
+        if (!stimulus->frame[b]) {
+            return error_set(error, ERROR_MEMORY, "no memory left for the frames to play");
+        }
+    }
+    code = code ? code : stimulus_pass(reader, stimulus, error);
+    return code ? code : stimulus_check_count(reader, stimulus, error);
+}
+
+enum error_code stimulus_load(const char *path, const struct rig *rig, const char *const *interface,
+                              bool lockstep, struct arena *arena, struct stimulus *stimulus,
+                              struct error *error)
+{
+    struct stimulus_reader *reader = arena_alloc(arena, 1, sizeof *reader);
+    struct stat info;
+    int size;
+
+    if (!reader) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the frames to play");
+    }
+    *stimulus = (struct stimulus){.end_ns = 0};
+    reader->rig = rig;
+    reader->interface = interface;
+    reader->lockstep = lockstep;
+    size = snprintf(reader->path, sizeof reader->path, "%s%s", path,
+                    stat(path, &info) == 0 && S_ISDIR(info.st_mode) ? "/candump.log" : "");
+    if (size >= (int)sizeof reader->path) {
+        return error_set(error, ERROR_INPUT, "the name of the log to play is too long");
+    }
+    for (size_t b = 0; b < rig->nbus; b++) {
+        boards_messages(&rig->boards, (int)b, stimulus_mark_sent, reader->sent[b]);
+    }
+    return stimulus_read(reader, arena, stimulus, error);
+}
