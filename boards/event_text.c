@@ -16,7 +16,7 @@ static const char *event_compact_mode_name(uint32_t mode)
 }
 
 /* A mode as people call it, with blanks; the DBC has names without. */
-static const char *event_mode_name(enum board_personality personality, uint32_t mode)
+const char *board_mode_name(enum board_personality personality, uint32_t mode)
 {
     if (personality == BOARD_COMPACT) {
         return event_compact_mode_name(mode);
@@ -140,8 +140,8 @@ static void event_describe(enum board_personality personality, const struct boar
     switch (event->kind) {
     /* Of an axis */
     case BOARD_EVENT_MODE:
-        snprintf(text, size, "axis %u from %s to %s mode", axis, event_mode_name(personality, a),
-                 event_mode_name(personality, b));
+        snprintf(text, size, "axis %u from %s to %s mode", axis, board_mode_name(personality, a),
+                 board_mode_name(personality, b));
         return;
     case BOARD_EVENT_FAULT:
         event_list_faults(personality, a, faults, sizeof faults);
@@ -149,7 +149,7 @@ static void event_describe(enum board_personality personality, const struct boar
         return;
     case BOARD_EVENT_TIMEOUT:
         snprintf(text, size, "axis %u: the %s command timed out, %s", axis,
-                 event_mode_name(personality, a), event_timeout_consequence(personality));
+                 board_mode_name(personality, a), event_timeout_consequence(personality));
         return;
     case BOARD_EVENT_SOURCE_LOST:
         snprintf(text, size, "axis %u: torque source %" PRIu32 " timed out, motor switched off",

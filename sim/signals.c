@@ -82,6 +82,17 @@ static double *signals_fill_row(const struct simulator *simulator, double *to)
     return to;
 }
 
+void simulator_fill_signals(const struct simulator *simulator, double *to)
+{
+    const struct simulator_status *status = &simulator->status;
+
+    to = signals_fill_row(simulator, to);
+    for (size_t b = 0; b < simulator->config.rig->nbus; b++) {
+        *to++ = (double)status->bus[b].rx_frames;
+        *to++ = (double)status->bus[b].tx_frames;
+    }
+}
+
 void simulator_record_row(struct simulator *simulator)
 {
     if (simulator->recorder && simulator->status.tick % simulator->row_ticks == 0) {
@@ -95,15 +106,10 @@ void simulator_stream_row(struct simulator *simulator)
     const struct simulator_status *status = &simulator->status;
     double *to = stream_begin(simulator->stream, status->tick, status->time_ns);
 
-    if (!to) {
-        return;
+    if (to) {
+        simulator_fill_signals(simulator, to);
+        stream_commit(simulator->stream);
     }
-    to = signals_fill_row(simulator, to);
-    for (size_t b = 0; b < simulator->config.rig->nbus; b++) {
-        *to++ = (double)status->bus[b].rx_frames;
-        *to++ = (double)status->bus[b].tx_frames;
-    }
-    stream_commit(simulator->stream);
 }
 
 /* ---- titles ---- */
