@@ -75,6 +75,7 @@ hil_fuzz(scenario SOURCE scenario.c LIBS scenario MUTATIONS 3000)
 hil_fuzz(control SOURCE control.c LIBS control MUTATIONS 40000)
 hil_fuzz(text SOURCE text.c LIBS cli MUTATIONS 50000)
 hil_fuzz(results SOURCE results.c LIBS scenario MUTATIONS 3000)
+hil_fuzz(page SOURCE page.c LIBS viewer MUTATIONS 60000)
 hil_fuzz(host SOURCE host.c LIBS sim MUTATIONS 500)
 hil_fuzz(gateway SOURCE gateway.c LIBS canbus Threads::Threads MUTATIONS 60)
 
