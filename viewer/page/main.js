@@ -106,7 +106,8 @@ function makeView(hello) {
   const canvas = h('canvas', { id: 'view', tabIndex: 0, 'aria-label': 'the robot' });
   const stage = h('div', { class: 'canvas' }, canvas);
   page.scene = new Scene(canvas, hello, async (url) => (await link.fetch(url)).arrayBuffer());
-  page.scene.patient = new URLSearchParams(location.hash.slice(1)).get('quality') === 'high';
+  page.scene.hurried = () => link.watch({ rate_hz: 15 });
+  page.scene.setQuality(new URLSearchParams(location.hash.slice(1)).get('quality'));
   const toggle = (key, name, keyName) => h('button', { class: 'toggle', title: keyName,
     'aria-pressed': String(page.scene.show[key]), 'data-show': key, onclick: (event) => {
       page.scene.show[key] = !page.scene.show[key];
@@ -245,7 +246,6 @@ link.addEventListener('state', ({ detail }) => {
   page.delay = Date.now() - state.sent;
   page.past.take(state);
   page.plots.take(state);
-  if (!page.past.shown) page.scene.update(state);
 });
 
 function updatePace(state) {
@@ -294,8 +294,8 @@ function renderTables(state) {
 
 function draw(now) {
   if (newest && page.scene) {
-    page.scene.draw(now);
-    if (now - (page.tablesAt ?? 0) > TABLES_MS) {
+    page.scene.draw(now, page.past.shown ?? newest);
+    if (now - (page.tablesAt ?? 0) > TABLES_MS * (page.scene.period ? 3 : 1)) {
       page.tablesAt = now;
       renderTables(page.past.shown ?? newest);
     }

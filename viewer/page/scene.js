@@ -257,6 +257,7 @@ export class Scene {
   }
 
   update(state) {
+    this.state = state;
     this.robot.update(state, this.show);
     if (!this.framed) {
       this.#frame();
@@ -268,22 +269,35 @@ export class Scene {
     this.dirty = true;
   }
 
-  /** Where pictures take long, as without a graphics card, there are none of shadows. */
-  #hurry(now) {
+  /** high: as beautiful as can be, however long it takes; low: for the slowest; else by itself. */
+  setQuality(quality) {
+    this.patient = quality === 'high';
+    if (quality === 'low') this.#hurry();
+  }
+
+  /** No shadows, and five pictures a second, so that the rest of the page stays quick. */
+  #hurry() {
+    this.sun.castShadow = false;
+    this.renderer.setPixelRatio(1);
+    this.period = 200;
+    this.hurried?.();
+  }
+
+  /** Where pictures take long, as without a graphics card, less is drawn. */
+  #judgeSpeed(now) {
     const took = now - (this.drawnAt ?? now);
     this.drawnAt = now;
     this.slow = took > 90 && took < 2000 ? (this.slow ?? 0) + 1 : 0;
-    if (this.slow > 6 && this.sun.castShadow && !this.patient) {
-      this.sun.castShadow = false;
-      this.renderer.setPixelRatio(1);
-    }
+    if (this.slow > 6 && !this.patient && !this.period) this.#hurry();
   }
 
-  /** Draws when something has changed. */
-  draw(now) {
+  /** Draws a state, when it or the way to look at it has changed. */
+  draw(now, state) {
     this.controls.update();
+    if (now - (this.drawnAt ?? -Infinity) < (this.period ?? 0)) return;
+    if (state !== this.state) this.update(state);
     if (this.dirty) {
-      this.#hurry(now);
+      this.#judgeSpeed(now);
       this.renderer.render(this.scene, this.camera);
       this.dirty = false;
       this.drawn = (this.drawn ?? 0) + 1;

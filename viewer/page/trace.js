@@ -2,9 +2,12 @@
 // The frames on the buses, decoded; and a box to send one.
 import { Database, decode, encode, hex } from './decode.js';
 import { count, fixed, h, plain, setText } from './dom.js';
+import { frameTime, readFrame, visitTrace } from './wire.js';
 
-const ROWS = 220;
+const ROWS = 150;
+const RENDER_MS = 300;
 const SHOWN_SIGNALS = 8;
+const LOGGED = 60; // messages of the server
 
 function describe(message, data) {
   if (!message) return '';
@@ -160,24 +163,39 @@ export class Trace {
     }
   }
 
-  #take({ frames, lost }) {
-    this.#lost += lost;
-    this.#seen += frames.length;
+  #take(message) {
+    const { view } = message;
+    this.#lost += message.lost;
+    this.#seen += message.count;
     if (this.#held) return;
-    for (const frame of frames) {
-      const key = `${frame.bus} ${frame.extended ? 'x' : ''}${frame.id}`;
-      const group = this.#groups.get(key) ?? { count: 0, period: NaN };
-      if (group.frame) {
-        const period = frame.time - group.frame.time;
+    visitTrace(message, (key, at) => {
+      let group = this.#groups.get(key);
+      if (!group) this.#groups.set(key, group = { count: 0, period: NaN });
+      const time = frameTime(view, at);
+      const period = time - group.time;
+      if (Number.isFinite(period)) {
         group.period = Number.isFinite(group.period) ? 0.9 * group.period + 0.1 * period : period;
       }
-      group.frame = frame;
-      group.count++;
-      this.#groups.set(key, group);
-    }
-    this.#log.push(...frames);
-    if (this.#log.length > 4000) this.#log.splice(0, this.#log.length - 4000);
+      Object.assign(group, { view, at, time, count: group.count + 1 });
+    });
+    this.#log.push(message);
+    if (this.#log.length > LOGGED) this.#log.shift();
     this.stale = true;
+  }
+
+  /** What is to be shown, the first first. */
+  *#entries() {
+    if (this.order.value === 'groups') {
+      for (const [, group] of [...this.#groups].sort(([a], [b]) => a - b)) {
+        yield { ...group, frame: readFrame(group.view, group.at) };
+      }
+      return;
+    }
+    for (const message of this.#log.slice().reverse()) {
+      const places = [];
+      visitTrace(message, (_, at) => places.push(at));
+      for (const at of places.reverse()) yield { frame: readFrame(message.view, at) };
+    }
   }
 
   #matches(frame, message) {
@@ -190,14 +208,13 @@ export class Trace {
   }
 
   render(now = false) {
-    if (!this.visible || (!this.stale && !now)) return;
+    const clock = performance.now();
+    if (!this.visible || (!now && (!this.stale || clock - (this.rendered ?? 0) < RENDER_MS))) return;
     this.stale = false;
+    this.rendered = clock;
     const grouped = this.order.value === 'groups';
-    const entries = grouped ? [...this.#groups.values()].sort((a, b) =>
-      a.frame.bus - b.frame.bus || a.frame.id - b.frame.id)
-      : this.#log.slice().reverse().map((frame) => ({ frame }));
     const rows = [];
-    for (const { frame, period, count: times } of entries) {
+    for (const { frame, period, count: times } of this.#entries()) {
       const message = this.#database?.find(frame.bus, frame);
       if (!this.#matches(frame, message)) continue;
       rows.push(h('tr', { class: frame.ours ? 'ours' : frame.error ? 'bad' : '' },

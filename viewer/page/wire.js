@@ -52,19 +52,29 @@ export function readState(buffer) {
   return state;
 }
 
-/** The frames of a trace message, and how many were lost. */
+/** A trace message: its records are read when somebody looks at them, for there are thousands. */
 export function readTrace(buffer) {
   const view = new DataView(buffer);
-  const frames = [];
+  return { view, count: view.getUint32(4, true), lost: view.getUint32(8, true) };
+}
+
+/** Calls visit with the key of each frame, which tells its bus and identifier, and its place. */
+export function visitTrace({ view, count }, visit) {
   let at = 12;
-  for (let i = view.getUint32(4, true); i > 0; i--) {
-    const length = view.getUint8(at + 14);
-    const flags = view.getUint8(at + 13);
-    frames.push({ time: Number(view.getBigInt64(at, true)) * 1e-9, id: view.getUint32(at + 8, true),
-      bus: view.getUint8(at + 12), extended: Boolean(flags & 1), remote: Boolean(flags & 2),
-      error: Boolean(flags & 4), fd: Boolean(flags & 8), ours: Boolean(flags & 0x80),
-      data: new Uint8Array(buffer, at + 16, length) });
-    at += 16 + (length + 3 & ~3);
+  for (let i = 0; i < count; i++) {
+    visit(view.getUint8(at + 12) * 2 ** 30 + view.getUint32(at + 8, true), at);
+    at += 16 + (view.getUint8(at + 14) + 3 & ~3);
   }
-  return { frames, lost: view.getUint32(8, true) };
+}
+
+export function frameTime(view, at) {
+  return Number(view.getBigInt64(at, true)) * 1e-9;
+}
+
+export function readFrame(view, at) {
+  const flags = view.getUint8(at + 13);
+  return { time: frameTime(view, at), id: view.getUint32(at + 8, true), bus: view.getUint8(at + 12),
+    extended: Boolean(flags & 1), remote: Boolean(flags & 2), error: Boolean(flags & 4),
+    fd: Boolean(flags & 8), ours: Boolean(flags & 0x80),
+    data: new Uint8Array(view.buffer, at + 16, view.getUint8(at + 14)) };
 }
