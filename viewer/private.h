@@ -19,10 +19,10 @@
 #include <pthread.h>
 
 enum {
-    VIEWER_EVENTS = 256,      /* that a page gets which comes late; a power of two */
-    VIEWER_SIGNALS = 64,      /* that a client may choose */
+    VIEWER_EVENTS = 256,       /* that a page gets which comes late; a power of two */
+    VIEWER_SIGNALS = 64,       /* that a client may choose */
     VIEWER_TRACE = 128 * 1024, /* bytes of frames that wait for the next state */
-    VIEWER_LINE = 256 * 1024, /* longest answer of the control socket */
+    VIEWER_LINE = 256 * 1024,  /* longest answer of the control socket */
     VIEWER_MESHES = 1024,
 };
 
