@@ -275,6 +275,9 @@ function renderBar(state) {
   setClass(page.figures.overruns, 'late', state.overruns > 0);
   page.budget.style.width = `${fixed(100 * part, 1)}%`;
   page.budget.className = part > 0.8 ? 'hot' : part > 0.5 ? 'warm' : '';
+  const speed = String(+state.speed.toPrecision(3));
+  if (document.activeElement !== page.speed && page.speed.value !== speed
+    && [...page.speed.options].some(({ value }) => value === speed)) page.speed.value = speed;
   setText(page.pause, state.paused ? 'Go on' : 'Pause');
   const [text, kind] = statusOf(state);
   setText(page.badge, text);

@@ -199,19 +199,20 @@ export class Scene {
     this.sun.target.position.copy(this.controls.target);
   }
 
-  /** The point where a wrench's axis meets the ground, or its nearest to the body. */
+  /** The point where a wrench's axis meets the ground, for a body near it; else its nearest. */
   #pressureCenter(body, force, moment) {
     const square = force.lengthSq();
     const at = force.clone().cross(moment).divideScalar(square).add(body.position);
     if (this.ground.visible) {
       const normal = UP.clone().applyQuaternion(this.ground.quaternion);
       const slope = force.dot(normal);
-      if (Math.abs(slope) > 0.2 * Math.sqrt(square)) {
+      const height = normal.dot(body.position.clone().sub(this.ground.position));
+      if (Math.abs(slope) > 0.2 * Math.sqrt(square) && height < 0.3) {
         const down = normal.dot(this.ground.position.clone().sub(at)) / slope;
         at.addScaledVector(force, down);
       }
     }
-    return at.distanceTo(body.position) < 0.8 ? at : body.position.clone();
+    return at.distanceTo(body.position) < 0.6 ? at : body.position.clone();
   }
 
   #placeForces(state) {
