@@ -205,6 +205,21 @@ struct board_can_state {
 };
 void boards_set_can_state(struct boards *boards, size_t board, const struct board_can_state *state);
 
+/* How a board is, for whoever shows it. */
+struct board_state {
+    uint8_t address, naxis;
+    bool in_bootloader, faulty; /* faulty: an axis is in hardware fault */
+    bool away;                  /* a fault keeps it from the bus */
+    uint8_t mode[BOARD_AXES_MAX];
+    int64_t heard_ns; /* when it last received a frame that is meant for it; -1 = never */
+};
+
+/* In the thread of the boards; RT-safe. */
+void boards_state(const struct boards *boards, size_t board, struct board_state *state);
+
+/* What people call a mode; static. RT-safe. */
+const char *board_mode_name(enum board_personality personality, uint32_t mode);
+
 /* Most frames that the boards of a bus can send in a tick. RT-safe. */
 size_t boards_transmit_max(const struct boards *boards, size_t bus);
 

@@ -59,7 +59,8 @@ struct board_ops {
     void (*sent)(struct board *board, const struct bus_frame *frame);
     void (*shut_down)(struct board *board, struct plant_command *command);
     bool (*fault)(const struct board *board); /* an axis is in hardware fault; NULL: never */
-    const struct board_settings *settings;    /* NULL: none */
+    uint8_t (*mode)(const struct board *board, unsigned axis); /* NULL: no axes */
+    const struct board_settings *settings;                     /* NULL: none */
 };
 
 /* The settings of a kind's axes (boards/board.h). The index is below count. */
@@ -115,6 +116,7 @@ struct board {
     bool away;                             /* a fault keeps it from the bus */
     uint32_t boots;                        /* how often it has entered the bootloader */
     int64_t application_ns;                /* in the bootloader until then */
+    int64_t heard_ns;                      /* the last frame meant for it; -1 = none yet */
     unsigned replies;                      /* of this board, waiting */
     uint64_t lost;                         /* frames that it could not send */
     bool lost_in_status, lost_in_overflow; /* to be reported there */
@@ -186,6 +188,12 @@ enum board_verdict { BOARD_OBEYED, BOARD_UNKNOWN, BOARD_MALFORMED };
 /* Counts a frame for listener (NULL: for no board here), with an event when it was not obeyed. */
 void boards_count_frame(struct boards *boards, struct board *listener, enum board_verdict verdict,
                         const struct bus_frame *frame);
+
+/* A frame is meant for the board. */
+static inline void board_hear(struct board *board)
+{
+    board->heard_ns = board->boards->now_ns;
+}
 
 /* Into the bootloader for so long from now on, and out of it. */
 void board_enter_bootloader(struct board *board, int64_t duration_ns);

@@ -64,6 +64,7 @@ static bool boards_make_board(struct boards *boards, size_t index,
     board->boards = boards;
     board->bus = bus;
     board->index = (uint16_t)index;
+    board->heard_ns = -1;
     board->config = *config;
     board->config.name = arena_strdup(arena, config->name ? config->name : "board");
     if (!board->config.name) {
@@ -274,6 +275,7 @@ void boards_count_frame(struct boards *boards, struct board *listener, enum boar
         return;
     }
     boards->counters.frames++;
+    board_hear(listener);
     if (verdict != BOARD_OBEYED) {
         boards->counters.unknown += unknown;
         boards->counters.malformed += !unknown;
@@ -356,6 +358,24 @@ bool boards_fault(const struct boards *boards)
         }
     }
     return false;
+}
+
+void boards_state(const struct boards *boards, size_t index, struct board_state *state)
+{
+    const struct board *board = boards->board[index];
+
+    *state = (struct board_state){
+        .address = board->address,
+        .in_bootloader = board->in_bootloader,
+        .away = board->away,
+        .faulty = board->ops->fault && board->ops->fault(board),
+        .heard_ns = board->heard_ns,
+    };
+    for (unsigned i = 0; board->ops->mode && i < BOARD_AXES_MAX && board_joint(board, i) >= 0;
+         i++) {
+        state->mode[i] = board->ops->mode(board, i);
+        state->naxis++;
+    }
 }
 
 /* ---- sensors ---- */

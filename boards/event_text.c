@@ -34,7 +34,7 @@ static const char *event_cia402_state_name(uint32_t state)
 }
 
 /* A mode as people call it, with blanks; the DBC has names without. */
-static const char *event_mode_name(enum board_personality personality, uint32_t mode)
+const char *board_mode_name(enum board_personality personality, uint32_t mode)
 {
     if (personality == BOARD_COMPACT) {
         return event_compact_mode_name(mode);
@@ -170,8 +170,8 @@ static void event_describe(enum board_personality personality, const struct boar
     switch (event->kind) {
     /* Of an axis */
     case BOARD_EVENT_MODE:
-        snprintf(text, size, "axis %u from %s to %s%s", axis, event_mode_name(personality, a),
-                 event_mode_name(personality, b), personality == BOARD_CIA402 ? "" : " mode");
+        snprintf(text, size, "axis %u from %s to %s%s", axis, board_mode_name(personality, a),
+                 board_mode_name(personality, b), personality == BOARD_CIA402 ? "" : " mode");
         return;
     case BOARD_EVENT_FAULT:
         event_list_faults(personality, a, faults, sizeof faults);
@@ -179,7 +179,7 @@ static void event_describe(enum board_personality personality, const struct boar
         return;
     case BOARD_EVENT_TIMEOUT:
         snprintf(text, size, "axis %u: the %s%scommand timed out, %s", axis,
-                 personality == BOARD_CIA402 ? "" : event_mode_name(personality, a),
+                 personality == BOARD_CIA402 ? "" : board_mode_name(personality, a),
                  personality == BOARD_CIA402 ? "" : " ", event_timeout_consequence(personality));
         return;
     case BOARD_EVENT_SOURCE_LOST:

@@ -464,6 +464,7 @@ static void rig_build_realtime(struct rig_builder *b)
         .stop_after = raw->stop_after,
     };
     b->rig->record.directory = b->raw->record.directory;
+    b->rig->page.listen = b->raw->page.listen;
 }
 
 static enum error_code rig_build(struct rig_builder *b)

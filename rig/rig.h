@@ -78,6 +78,10 @@ struct rig_record {
     const char *directory; /* of candump logs, relative to where the program runs; NULL = none */
 };
 
+struct rig_page {
+    const char *listen; /* "[HOST:]PORT" of the page that shows the run; NULL = none */
+};
+
 struct rig {
     const char *file, *name;
     const char *variant; /* of the robot; "" = the default */
@@ -129,6 +133,7 @@ struct rig {
     struct loop_lockstep lockstep;
     struct rig_realtime realtime;
     struct rig_record record;
+    struct rig_page page;
 
     uint64_t seed;                 /* of noise and faults */
     struct sensing_config sensing; /* without faults */

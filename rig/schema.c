@@ -421,6 +421,18 @@ static const struct yaml_schema record_schema = {
     .field_count = ARRAY_COUNT(record_fields),
 };
 
+#define STRUCT raw_page
+static const struct yaml_field page_fields[] = {
+    {"listen", YAML_STRING, true, AT(listen), .min = 1, .max = 80},
+};
+#undef STRUCT
+static const struct yaml_schema page_schema = {
+    .what = "the page",
+    .size = sizeof(struct raw_page),
+    .fields = page_fields,
+    .field_count = ARRAY_COUNT(page_fields),
+};
+
 #define STRUCT raw_gains
 static const struct yaml_field other_fields[] = {
     {"joints", YAML_NAME_LIST, true, .offset = AT(joint), .count_offset = AT(njoint)},
@@ -585,6 +597,7 @@ static const struct yaml_field rig_fields[] = {
     {"lockstep", YAML_MAP, false, AT(lockstep), .schema = &lockstep_schema},
     {"realtime", YAML_MAP, false, AT(realtime), .schema = &realtime_schema},
     {"record", YAML_MAP, false, AT(record), .schema = &record_schema},
+    {"page", YAML_MAP, false, AT(page), .schema = &page_schema},
     {"tasks", YAML_MAP, false, AT(tasks), .schema = &tasks_schema},
     {"sensors", YAML_MAP, false, AT(sensors), .schema = &rig_sensors_schema},
     {"faults", YAML_NAME_LIST, false, .offset = AT(fault), .count_offset = AT(nfault)},

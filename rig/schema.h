@@ -197,6 +197,11 @@ struct raw_record {
     const char *directory;
 };
 
+struct raw_page {
+    struct yaml_mark mark;
+    const char *listen;
+};
+
 /* Of the servo's loops, or of some joints that differ. */
 struct raw_gains {
     struct yaml_mark mark;
@@ -274,6 +279,7 @@ struct raw_rig {
     struct raw_lockstep lockstep;
     struct raw_realtime realtime;
     struct raw_record record;
+    struct raw_page page;
     struct raw_tasks tasks;
     struct raw_sensors sensors;
     struct yaml_name *fault; /* a line each (boards/faults.h) */

@@ -443,6 +443,7 @@ enum error_code simulator_assemble(struct simulator *simulator, char notice[256]
         simulator_create_task,
         simulator_create_steering,
         simulator_create_signals,
+        simulator_create_view,
         /* The recorder late: it leaves files behind when another part fails */
         simulator_create_recorder,
         simulator_create_loop,

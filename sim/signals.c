@@ -116,20 +116,26 @@ double *simulator_fill_signals(const struct simulator *simulator, double *to)
     return signals_fill_sensed(simulator, to);
 }
 
-void simulator_stream_row(struct simulator *simulator)
+void simulator_fill_stream(const struct simulator *simulator, double *to)
 {
     const struct simulator_status *status = &simulator->status;
-    double *to = stream_begin(simulator->stream, status->tick, status->time_ns);
 
-    if (!to) {
-        return;
-    }
     to = simulator_fill_signals(simulator, to);
     for (size_t b = 0; b < simulator->config.rig->nbus; b++) {
         *to++ = (double)status->bus[b].rx_frames;
         *to++ = (double)status->bus[b].tx_frames;
     }
-    stream_commit(simulator->stream);
+}
+
+void simulator_stream_row(struct simulator *simulator)
+{
+    const struct simulator_status *status = &simulator->status;
+    double *to = stream_begin(simulator->stream, status->tick, status->time_ns);
+
+    if (to) {
+        simulator_fill_stream(simulator, to);
+        stream_commit(simulator->stream);
+    }
 }
 
 /* ---- titles ---- */

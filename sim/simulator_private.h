@@ -62,7 +62,10 @@ struct simulator {
     pthread_t task_thread;
     struct realtime_config task_realtime;
     struct simulator_status status;
-    struct snapshot *published; /* struct simulator_status */
+    struct snapshot *published;      /* struct simulator_status */
+    struct snapshot *published_view; /* view.h */
+    void *view;                      /* the next one */
+    _Atomic bool view_wanted;
     struct release release;
     _Atomic int64_t released; /* virtual time of the release; -1 = reported or not yet */
     _Atomic int64_t
@@ -89,6 +92,17 @@ struct loop_machine simulator_machine(struct simulator *simulator);
 /* Publishes the status; the context is the simulator. */
 void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *stats);
 
+/* The parts of the status that are known before the first tick. */
+void simulator_fill_start(struct simulator *simulator);
+
+/* ---- view.c ---- */
+
+/* After the signals. */
+enum error_code simulator_create_view(struct simulator *simulator, struct error *error);
+
+/* RT-safe. */
+void simulator_publish_view(struct simulator *simulator);
+
 /* ---- signals.c ---- */
 
 /* The stream before the recorder, whose columns are the first of the stream's. */
@@ -96,6 +110,9 @@ enum error_code simulator_create_signals(struct simulator *simulator, struct err
 
 /* The present value of each signal that is recorded; returns where the next would go. RT-safe. */
 double *simulator_fill_signals(const struct simulator *simulator, double *to);
+
+/* The same, and behind them those of the buses: a row of the stream. RT-safe. */
+void simulator_fill_stream(const struct simulator *simulator, double *to);
 
 /* A row for subscribers, when one is due. RT-safe. */
 void simulator_stream_row(struct simulator *simulator);

@@ -73,6 +73,13 @@ static void status_fill_faults(struct simulator *simulator)
     }
 }
 
+void simulator_fill_start(struct simulator *simulator)
+{
+    status_fill_faults(simulator);
+    status_fill_buses(simulator);
+    status_fill_plant(simulator);
+}
+
 void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *stats)
 {
     struct simulator *simulator = context;
@@ -83,4 +90,7 @@ void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *s
     status_fill_buses(simulator);
     status_fill_plant(simulator);
     snapshot_write(simulator->published, &simulator->status);
+    if (atomic_load_explicit(&simulator->view_wanted, memory_order_relaxed)) {
+        simulator_publish_view(simulator);
+    }
 }

@@ -5,6 +5,7 @@
 #include "app/cli/compiling.h"
 #include "app/cli/firmware.h"
 #include "app/cli/monitor.h"
+#include "app/cli/page.h"
 #include "app/cli/rig_command.h"
 #include "app/cli/run_options.h"
 #include "app/cli/summary.h"
@@ -77,7 +78,8 @@ static void print_control(const struct control *control)
 }
 
 /* Closes what the run has opened and prints the summary. */
-static int run_finish(struct simulator *simulator, struct control *control, enum loop_end end)
+static int run_finish(struct simulator *simulator, const struct control *control,
+                      const struct page *page, enum loop_end end)
 {
     const char *directory = simulator_configuration(simulator)->record;
     struct summary summary = {.simulator = simulator, .end = end, .recorded = directory != NULL};
@@ -91,6 +93,7 @@ static int run_finish(struct simulator *simulator, struct control *control, enum
     if (control) {
         print_control(control);
     }
+    page_print(page);
     summary_print(&summary, stdout);
     if (directory && summary_write(&summary, directory, &error)) {
         incomplete = command_fail("run", &error);
@@ -190,16 +193,28 @@ static enum error_code open_control(const struct run_options *options, struct si
 struct background {
     struct simulator *simulator;
     struct control *control; /* NULL = none */
+    struct page *page;
     struct monitor *monitor;
 };
 
-static void log_control(const struct background *background)
+/* The page's time line has every event, however many there are. */
+static void run_show_event(void *context, uint64_t key, const char *text)
+{
+    const struct background *background = context;
+
+    if (background->page->viewer) {
+        viewer_put_event(background->page->viewer, simulator_event_priority(key), text);
+    }
+}
+
+static void log_control(struct background *background)
 {
     char text[EVENTLOG_TEXT];
     uint64_t key;
 
     while (background->control &&
            control_next_event(background->control, &key, text, sizeof text)) {
+        run_show_event(background, key, text);
         eventlog_put(&background->monitor->log, clock_now(clock_monotonic()), key, text);
         simulator_record_event(background->simulator, key, text);
     }
@@ -207,22 +222,24 @@ static void log_control(const struct background *background)
 
 static void run_each_period(void *context)
 {
-    const struct background *background = context;
+    struct background *background = context;
 
     try_reload(background->simulator, background->monitor);
     log_control(background);
 }
 
-static int run_simulator(struct simulator *simulator, struct control *control, bool quiet)
+static int run_simulator(struct simulator *simulator, struct control *control, struct page *page,
+                         bool quiet)
 {
     static struct monitor monitor;
-    struct background background = {simulator, control, &monitor};
+    struct background background = {simulator, control, page, &monitor};
     struct monitor_config config = {.simulator = simulator,
                                     .manager = &manager,
                                     .out = stderr,
                                     .terminal = isatty(STDERR_FILENO),
                                     .quiet = quiet,
                                     .each = run_each_period,
+                                    .event = run_show_event,
                                     .context = &background};
     struct realtime_report report;
     struct error error;
@@ -232,31 +249,35 @@ static int run_simulator(struct simulator *simulator, struct control *control, b
     /* Threads start before simulator_start, which gives the loop's thread its rights and CPU */
     if (monitor_start(&monitor, &config, &error)) {
         control_stop(control);
+        viewer_stop(page->viewer);
         return command_fail("run", &error);
     }
     rig_command_on_stop(run_request_stop, simulator);
     if (simulator_start(simulator, &report, &error)) {
         control_stop(control);
+        viewer_stop(page->viewer);
         monitor_stop(&monitor);
         return command_fail("run", &error);
     }
 
     /* From here clients are served, and the loop runs to its end */
     control_serve(control);
+    viewer_serve(page->viewer);
     rig_command_warn(&report, monitor.log.clear);
     end = simulator_run(simulator);
 
-    /* The log is complete once both threads have ended */
+    /* The log is complete once all threads have ended; the page's before the socket it uses */
+    viewer_stop(page->viewer);
     control_stop(control);
     monitor_stop(&monitor);
     log_control(&background);
     if (!reload) {
         rig_command_ignore_stop();
-        return run_finish(simulator, control, end);
+        return run_finish(simulator, control, page, end);
     }
 
     /* A stop that comes now is that of the service: it is noted first, then carried out at once */
-    status = run_finish(simulator, control, end);
+    status = run_finish(simulator, control, page, end);
     fflush(stdout);
     rig_command_on_stop(stop_between_runs, NULL);
     return status;
@@ -309,6 +330,7 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     struct simulator *simulator;
     struct compiling compiling;
     struct control *control;
+    struct page page = {.viewer = NULL};
     enum error_code code;
     struct error error;
     char notice[256];
@@ -320,7 +342,8 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
         changed.wire.timed = changed.wire.paced = options->wire;
         rig = &changed;
     }
-    if ((options->gateway && run_options_parse_gateway(options->gateway, host, &gateway, &error)) ||
+    if ((options->gateway && run_options_parse_address("--gateway", options->gateway, "29536", host,
+                                                       &gateway.host, &gateway.port, &error)) ||
         rig_command_budget("run", rig, &error) ||
         run_options_configure(options, rig, &config, &error)) {
         return command_fail("run", &error);
@@ -328,7 +351,7 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     config.gateway = options->gateway ? &gateway : NULL;
     config.compiling = compiling_begin(&compiling, &manager, stderr, isatty(STDERR_FILENO));
 
-    /* The simulator, the socket that controls it, and the run */
+    /* The simulator, the socket that controls it, the page, and the run */
     code = simulator_create(&config, arena, &simulator, notice, &error);
     compiling_end(&compiling);
     if (code) {
@@ -337,9 +360,14 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     print_start(simulator, host, notice);
     if (open_control(options, simulator, &control, &error)) {
         status = command_fail("run", &error);
+    } else if (page_open(&page, options, simulator, control ? control_path(control) : NULL,
+                         &error)) {
+        control_stop(control);
+        status = command_fail("run", &error);
     } else {
-        status = run_simulator(simulator, control, options->quiet);
+        status = run_simulator(simulator, control, &page, options->quiet);
     }
+    page_close(&page);
     control_destroy(control);
     simulator_destroy(simulator);
     return status;

@@ -92,6 +92,9 @@ static void print_events(struct monitor *monitor, int64_t now)
     uint64_t key;
 
     while (simulator_next_event(monitor->config.simulator, &key, text, sizeof text)) {
+        if (monitor->config.event) {
+            monitor->config.event(monitor->config.context, key, text);
+        }
         eventlog_put(&monitor->log, now, key, text);
     }
     eventlog_flush(&monitor->log, now, false);

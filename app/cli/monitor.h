@@ -19,6 +19,8 @@ struct monitor_config {
     FILE *out;                   /* stderr, or a test's file */
     bool terminal, quiet;        /* quiet: events, no status */
     void (*each)(void *context); /* called in the thread once a period; NULL = nothing */
+    /* Called with every event, in the thread; NULL = nothing */
+    void (*event)(void *context, uint64_t key, const char *text);
     void *context;
 };
 

@@ -57,6 +57,10 @@ static const struct option_spec options[] = {
      "path of the socket for \"coman-hil ctl\"; none: no socket; a default path otherwise, see "
      "below",
      .value = &read.control},
+    {"--http", OPTION_STRING, "[HOST:]PORT",
+     "serve a page that shows and controls the run; HOST is a numeric address, 127.0.0.1 by "
+     "default; PORT 0 is any that is free; none: no page, whatever the rig says; see below",
+     .value = &read.http},
     {"--wire", OPTION_ENUM, "MODE",
      "ideal: frames take no time; wire: frames take the time of their bits and of arbitration, on "
      "local buses and at the speed of SocketCAN's; the rig's by default",
@@ -138,12 +142,13 @@ bool run_options_read(int argc, char **argv, struct run_options *out, int *statu
     return true;
 }
 
-enum error_code run_options_parse_gateway(const char *text, char host[RUN_HOST_SIZE],
-                                          struct gateway_config *gateway, struct error *error)
+enum error_code run_options_parse_address(const char *option, const char *text, const char *example,
+                                          char host[RUN_HOST_SIZE], const char **given,
+                                          uint16_t *port, struct error *error)
 {
     const char *colon = strrchr(text, ':');
     size_t length = colon ? (size_t)(colon - text) : 0;
-    int64_t port;
+    int64_t number;
 
     /* The address, without the brackets of IPv6 */
     if (length > 2 && text[0] == '[' && text[length - 1] == ']') {
@@ -151,14 +156,22 @@ enum error_code run_options_parse_gateway(const char *text, char host[RUN_HOST_S
     } else {
         snprintf(host, RUN_HOST_SIZE, "%.*s", (int)length, text);
     }
-    if (!text_to_int(colon ? colon + 1 : text, 0, UINT16_MAX, &port) ||
+    if (!text_to_int(colon ? colon + 1 : text, 0, UINT16_MAX, &number) ||
         length > RUN_HOST_SIZE - 4 || (colon && length == 0)) {
         return error_set(error, ERROR_INPUT,
-                         "--gateway: found \"%.100s\", expected PORT or HOST:PORT, as in 29536",
-                         text);
+                         "%s: found \"%.100s\", expected PORT or HOST:PORT, as in %s", option, text,
+                         example);
     }
-    *gateway = (struct gateway_config){.host = colon ? host : NULL, .port = (uint16_t)port};
+    *given = colon ? host : NULL;
+    *port = (uint16_t)number;
     return ERROR_NONE;
+}
+
+const char *run_options_http(const struct run_options *given, const struct rig *rig)
+{
+    const char *text = given->http ? given->http : rig->page.listen;
+
+    return text && strcmp(text, "none") != 0 ? text : NULL;
 }
 
 bool run_options_is_loopback(const char *host)
@@ -201,6 +214,7 @@ enum error_code run_options_configure(const struct run_options *given, const str
         .record = given->record ? given->record : rig->record.directory,
         .overwrite = given->force,
         .record_format = (unsigned)given->record_format,
+        .guests = run_options_http(given, rig) != NULL,
         .row_period_ns = given->record_period_ms * CLOCK_MS,
     };
 

@@ -11,7 +11,7 @@ enum { RUN_HOST_SIZE = 64 }; /* room for any numeric address */
 
 /* As given; strings are the command line's. */
 struct run_options {
-    const char *rig, *task, *stimulus, *record, *gateway, *control;
+    const char *rig, *task, *stimulus, *record, *gateway, *control, *http;
     struct option_list bus, fault;
     double duration_s;               /* INFINITY = not given */
     int64_t ticks, record_period_ms; /* ticks: 0 = not given */
@@ -33,8 +33,13 @@ enum error_code run_options_configure(const struct run_options *options, const s
 /* Whether only this machine reaches a numeric address. */
 bool run_options_is_loopback(const char *host);
 
-/* Reads "[HOST:]PORT", with an IPv6 address in brackets; gateway points to host. */
-enum error_code run_options_parse_gateway(const char *text, char host[RUN_HOST_SIZE],
-                                          struct gateway_config *gateway, struct error *error);
+/* Reads "[HOST:]PORT", with an IPv6 address in brackets, as the value of an option; *given points
+ * to host, or is NULL without one. example: of a port. */
+enum error_code run_options_parse_address(const char *option, const char *text, const char *example,
+                                          char host[RUN_HOST_SIZE], const char **given,
+                                          uint16_t *port, struct error *error);
+
+/* Where the page is to be served, of the command line or the rig; NULL = nowhere. */
+const char *run_options_http(const struct run_options *given, const struct rig *rig);
 
 #endif

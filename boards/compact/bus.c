@@ -26,6 +26,7 @@ static void compact_bus_receive_mode(struct boards *boards, struct compact_bus *
             continue;
         }
         listener = board;
+        board_hear(board);
         if (verdict == BOARD_OBEYED) {
             compact_axis_command_mode(board, bus->slot[slot].axis, (enum compact_mode)values[0]);
         }
@@ -47,6 +48,7 @@ static void compact_bus_receive_command(struct boards *boards, struct compact_bu
             continue;
         }
         listener = board;
+        board_hear(board);
         if (whole) {
             compact_axis_command(board, bus->slot[first + i].axis, get_i16_le(frame->data + 2 * i));
         }
@@ -67,6 +69,7 @@ static void compact_bus_receive_discover(struct boards *boards, struct board_bus
 
         if (board && !board_is_deaf(board)) {
             listener = board;
+            board_hear(board);
             if (frame->len == 0) {
                 compact_node_identify(compact_node_of(board));
             }

@@ -317,6 +317,11 @@ static bool compact_motor_is_faulty(const struct board *board)
     return false;
 }
 
+static uint8_t compact_motor_mode(const struct board *board, unsigned axis)
+{
+    return (uint8_t)compact_motor_of(board)->axis[axis].mode;
+}
+
 /* ---- frames ---- */
 
 static void compact_motor_send_telemetry(struct board *board, struct frame_sink *sink)
@@ -409,6 +414,7 @@ static const struct board_ops compact_motor_ops = {
     .transmit = compact_motor_transmit,
     .shut_down = compact_motor_shut_down,
     .fault = compact_motor_is_faulty,
+    .mode = compact_motor_mode,
     .settings = &compact_settings,
 };
 

@@ -271,6 +271,12 @@ static bool foc_board_is_faulty(const struct board *board)
     return foc_board_of(board)->mode == ICUB_MODE_HARDWARE_FAULT;
 }
 
+static uint8_t foc_board_mode(const struct board *board, unsigned axis)
+{
+    (void)axis; /* there is one */
+    return foc_board_of(board)->mode;
+}
+
 /* ---- frames ---- */
 
 static void foc_board_send_frame(struct board *board, struct frame_sink *sink, enum foc_type type,
@@ -344,6 +350,7 @@ static const struct board_ops foc_board_ops = {
     .transmit = foc_board_transmit,
     .shut_down = foc_board_shut_down,
     .fault = foc_board_is_faulty,
+    .mode = foc_board_mode,
     .settings = &foc_settings,
 };
 

@@ -36,6 +36,7 @@ static void icub_bus_receive_command(struct boards *boards, struct board_bus *bu
         if (!board || board->away || !icub_board_is_addressed(icub_board_of(board), frame)) {
             continue;
         }
+        board_hear(board);
         verdict = icub_board_receive(icub_board_of(board), frame);
         if (!listener || verdict > worst) {
             listener = board;
@@ -61,6 +62,7 @@ static void icub_bus_receive_targets(struct boards *boards, struct board_bus *bu
 
         if (board && !board_is_deaf(board) && icub_board_of(board)->ops->targets) {
             listener = board;
+            board_hear(board);
             worst = icub_board_of(board)->ops->targets(icub_board_of(board), frame)
                         ? worst
                         : BOARD_MALFORMED;

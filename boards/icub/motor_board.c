@@ -243,6 +243,11 @@ static bool motor_board_is_faulty(const struct board *board)
     return false;
 }
 
+static uint8_t motor_board_mode(const struct board *board, unsigned axis)
+{
+    return motor_board_of(board)->axis[axis].mode;
+}
+
 static void motor_board_shut_down(struct board *board, struct plant_command *command)
 {
     motor_board_switch_off(board);
@@ -260,6 +265,7 @@ static const struct board_ops motor_board_ops = {
     .transmit = motor_board_transmit,
     .shut_down = motor_board_shut_down,
     .fault = motor_board_is_faulty,
+    .mode = motor_board_mode,
     .settings = &motor_settings,
 };
 

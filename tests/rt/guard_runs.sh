@@ -10,7 +10,7 @@ program=$2
 # shellcheck source=/dev/null
 . "$(dirname "$0")/guard_lib.sh"
 
-echo 1..20
+echo 1..22
 
 guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --ticks 3000 --wire ideal
 verdict "lockstep on ideal buses makes no system call" only
@@ -142,6 +142,27 @@ for clock in real free; do
     grep -i 'expected' "$work/steered" | sed 's/^/# /'
     verdict "pause, step, checkpoint, push, set, restore, speed, reset, $clock clock" \
         only clock_nanosleep ppoll read write
+done
+
+# three pages that watch everything, frames too; watched: each has seen some of it
+watch_pages()
+{
+    HIL_BINARY_DIR=$(dirname "$program") /usr/bin/python3 \
+        "$HIL_SOURCE_DIR/tests/service/page_watchers.py" "$work/err" 3 >"$work/watched" 2>&1
+}
+watched()
+{
+    sed 's/^/# /' "$work/watched"
+    grep -Eq '^states [1-9][0-9]* [1-9][0-9]* [1-9][0-9]*$' "$work/watched" && only clock_nanosleep
+}
+export HIL_SOURCE_DIR
+for clock in real free; do
+    rm -f "$work/err"
+    watch_pages &
+    guarded "$rigs/coman.yaml" --transport local --clock $clock --task squat --http 0 \
+        --ticks 2500
+    wait $!
+    verdict "three pages cost the loop nothing but their copy, $clock clock" watched
 done
 
 guarded "$rigs/coman.yaml" --transport local --clock real --duration 1

@@ -64,10 +64,13 @@ judge()
 
 if [ "$clock" = real ]; then
     echo 1..2
-    run locked "$rig" --clock real --task squat --duration 10 &
+    HIL_BINARY_DIR=$(dirname "$program") /usr/bin/python3 \
+        "$HIL_SOURCE_DIR/tests/service/page_watchers.py" "$work/locked.err" 3 >"$work/watched" &
+    run locked "$rig" --clock real --task squat --duration 10 --http 0 &
     run unlocked unlocked --clock real --task squat --duration 10
     wait
-    judge locked 1 "real time, memory locked"
+    sed 's/^/# of three pages: /' "$work/watched"
+    judge locked 1 "real time, memory locked, three pages open"
     judge unlocked 1 "real time, memory not locked"
 else
     echo 1..1

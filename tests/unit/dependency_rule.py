@@ -29,14 +29,16 @@ RULES = {
     "tools": r"(base|contact|tools)/[^/]*",
     "rig": BELOW_SIM,
     "sim": BELOW_SIM + r"|sim/[^/]*",
+    "viewer": r"(base|contact|model|boards|rig|sim|viewer)/[^/]*|canbus/(frame|port)\.h"
+              r"|rt/(clock|histogram|steering)\.h|app/control/(parse|socket)\.h",
     "app/report": r"(base|app/report)/[^/]*",
     "app/control": BELOW_SIM + r"|(sim|app/control)/[^/]*",
     "app/scenario": BELOW_SIM + r"|(sim|app/report|app/scenario)/[^/]*",
     "app/bench": BELOW_SIM + r"|(sim|app/report|app|app/bench)/[^/]*|manual/[^/]*",
-    "app": BELOW_SIM + r"|(sim|app|app/\w+)/[^/]*|manual/[^/]*",
+    "app": BELOW_SIM + r"|(sim|app|app/\w+)/[^/]*|viewer/viewer\.h|manual/[^/]*",
 }
 TOP = {rule.split("/")[0] for rule in RULES}
-FOLDERS = TOP | {"viewer", "tests", "config", "systemd", "docs", "examples"}
+FOLDERS = TOP | {"tests", "config", "systemd", "docs", "examples"}
 CXX = {".cpp", ".hpp", ".cc", ".cxx", ".hh"}
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*(["<])([^">]*)[">]', re.M)
 
@@ -156,6 +158,9 @@ PLANTED = [
     ("the_loop_knows_no_robot", "rt/x.c", "model/plant.h"),
     ("a_rig_knows_no_simulator", "rig/x.c", "sim/simulator.h"),
     ("a_simulator_knows_no_command", "sim/x.c", "base/../app/cli/commands.h"),
+    ("the_page_knows_no_loop", "viewer/x.c", "rt/loop.h"),
+    ("the_page_knows_no_command", "viewer/x.c", "app/cli/commands.h"),
+    ("control_knows_no_page", "app/control/x.c", "viewer/viewer.h"),
     ("reports_know_no_simulator", "app/report/x.c", "sim/simulator.h"),
     ("control_knows_no_command", "app/control/x.c", "app/cli/commands.h"),
     ("nobody_includes_tests", "rt/x.c", "tests/physics/near.h"),

@@ -27,7 +27,7 @@ def files(folders, suffixes):
         for path in sorted((ROOT / folder).rglob("*")):
             named = (path.suffix in suffixes
                      or ".cmake" in suffixes and path.name == "CMakeLists.txt")
-            if named and "corpus" not in path.parts:
+            if named and not {"corpus", "node_modules"} & set(path.parts):
                 yield path
 
 

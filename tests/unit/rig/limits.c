@@ -70,6 +70,7 @@ static const struct limit rig_limits[] = {
     {"realtime.cpu", -1, 1023},
     {"realtime.stop_after", 1, 1e9},
     {"record.directory", 1, 4000},
+    {"page.listen", 1, 80},
     {"*.kp_v_per_rad", 0, 1e6},
     {"*.ki_v_per_rad_s", 0, 1e6},
     {"*.kd_v_s_per_rad", 0, 1e6},

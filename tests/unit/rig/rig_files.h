@@ -95,7 +95,8 @@ static const char toy_rig[] =
     "record: {directory: out}\n"
     "tasks:\n"
     "  servo: {kp_v_per_rad: 10, ki_v_per_rad_s: 20, kw_v_s_per_rad: 4, command_period_s: 0.004}\n"
-    "  squat: {thigh_m: 0.2, shank_m: 0.3, depth_m: 0.1, period_s: 2, cycles: 5}\n";
+    "  squat: {thigh_m: 0.2, shank_m: 0.3, depth_m: 0.1, period_s: 2, cycles: 5}\n"
+    "page: {listen: \"8080\"}\n";
 
 static int write_file(const char *name, const char *text, size_t size)
 {

@@ -1,0 +1,84 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Views: one block of memory with status, signals and boards, behind a sequence lock. */
+#include "sim/view.h"
+
+#include "sim/simulator_private.h"
+
+#include <string.h>
+
+_Static_assert(sizeof(struct simulator_status) % 8 == 0 && sizeof(struct board_state) % 8 == 0,
+               "a snapshot consists of words");
+
+static size_t view_size(const struct simulator *simulator)
+{
+    return sizeof(struct simulator_status) + simulator->nsignal * sizeof(double) +
+           simulator->config.rig->boards.nboard * sizeof(struct board_state);
+}
+
+static double *view_signals(void *memory)
+{
+    return (double *)((char *)memory + sizeof(struct simulator_status));
+}
+
+static struct board_state *view_boards(const struct simulator *simulator, void *memory)
+{
+    return (struct board_state *)(view_signals(memory) + simulator->nsignal);
+}
+
+void simulator_publish_view(struct simulator *simulator)
+{
+    void *memory = simulator->view;
+
+    memcpy(memory, &simulator->status, sizeof simulator->status);
+    simulator_fill_stream(simulator, view_signals(memory));
+    for (size_t i = 0; i < simulator->config.rig->boards.nboard; i++) {
+        boards_state(simulator->boards, i, &view_boards(simulator, memory)[i]);
+    }
+    snapshot_write(simulator->published_view, memory);
+}
+
+enum error_code simulator_create_view(struct simulator *simulator, struct error *error)
+{
+    size_t size = view_size(simulator);
+    enum error_code code =
+        snapshot_create(size, simulator->arena, &simulator->published_view, error);
+
+    if (code) {
+        return code;
+    }
+    simulator->view = arena_alloc(simulator->arena, size / 8, 8);
+    if (!simulator->view) {
+        return error_set(error, ERROR_MEMORY, "no memory left for a view of %zu bytes", size);
+    }
+    simulator_fill_start(simulator);
+    simulator_publish_view(simulator);
+    return ERROR_NONE;
+}
+
+enum error_code simulator_view_create(const struct simulator *simulator, struct arena *arena,
+                                      struct simulator_view *view, struct error *error)
+{
+    size_t size = view_size(simulator);
+
+    memset(view, 0, sizeof *view);
+    view->memory = arena_alloc(arena, size / 8, 8);
+    if (!view->memory) {
+        return error_set(error, ERROR_MEMORY, "no memory left for a view of %zu bytes", size);
+    }
+    view->signal = view_signals(view->memory);
+    view->board = view_boards(simulator, view->memory);
+    return ERROR_NONE;
+}
+
+void simulator_want_views(struct simulator *simulator, bool wanted)
+{
+    atomic_store_explicit(&simulator->view_wanted, wanted, memory_order_relaxed);
+}
+
+uint64_t simulator_view_read(const struct simulator *simulator, struct simulator_view *view)
+{
+    uint64_t count = snapshot_read(simulator->published_view, view->memory);
+
+    memcpy(&view->status, view->memory, sizeof view->status);
+    return count;
+}

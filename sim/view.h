@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What somebody who watches a simulator wants to know of a tick: the status, the values of all
+ * signals, how each board is, all of the same moment. The loop publishes it once a tick while it is
+ * wanted, and never waits for who reads it; unwanted it costs the loop one load. Arrays are in the
+ * order of simulator_signal_names and of the rig's boards. SI units.
+ */
+#ifndef SIM_VIEW_H
+#define SIM_VIEW_H
+
+#include "sim/simulator.h"
+
+struct simulator_view {
+    struct simulator_status status;
+    const double *signal;
+    const struct board_state *board;
+    void *memory; /* of the copy */
+};
+
+/* Room for one copy, from arena; for each reader its own. ERROR_MEMORY. Not RT-safe. */
+enum error_code simulator_view_create(const struct simulator *simulator, struct arena *arena,
+                                      struct simulator_view *view, struct error *error);
+
+/* Whether views are wanted; from the one thread that reads them. RT-safe. */
+void simulator_want_views(struct simulator *simulator, bool wanted);
+
+/* Copies the last one that was published; before the first tick, that of the start. Returns how
+ * many there have been. Not RT-safe. */
+uint64_t simulator_view_read(const struct simulator *simulator, struct simulator_view *view);
+
+#endif

@@ -1,0 +1,10 @@
+# SPDX-License-Identifier: Apache-2.0
+hil_script_test(service_page COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/service/page.py
+                LABELS service TIMEOUT 60)
+hil_script_test(page_bundle LABELS service TIMEOUT 60
+    COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/service/page_node.sh bundle)
+# With a picture drawn by the processor; alone, for it takes all of it
+hil_script_test(page_browser LABELS service TIMEOUT 120 SERIAL
+    COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/service/page_node.sh browser $<TARGET_FILE:coman-hil>)
+hil_script_test(page_example LABELS service TIMEOUT 30
+    COMMAND /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/service/page_example.py)

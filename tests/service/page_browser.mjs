@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: Apache-2.0
+// usage: node page_browser.mjs COMAN-HIL [FOLDER]
+// The page in a headless Chromium: what is drawn, that it moves, that clicks reach the simulator,
+// that who may look cannot, that a dead server is said. Prints TAP; pictures go to FOLDER.
+import { spawn } from 'node:child_process';
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, symlinkSync, writeFileSync }
+  from 'node:fs';
+import { createRequire } from 'node:module';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+
+const [program, folder] = process.argv.slice(2);
+const source = process.env.HIL_SOURCE_DIR;
+const browserPath = '/usr/bin/chromium';
+const modules = join(source, 'viewer/page/node_modules/playwright-core');
+const TESTS = 12;
+const WAIT_MS = 30000;
+let number = 0;
+
+function check(good, name, found) {
+  number++;
+  console.log(`${good ? 'ok' : 'not ok'} ${number} - ${name}`);
+  if (found !== undefined) console.log(`# ${JSON.stringify(found)}`);
+}
+
+/** A rig whose squat outlasts the slowest browser. */
+function makeRig(work) {
+  const config = join(source, 'config');
+  mkdirSync(join(work, 'rigs'));
+  symlinkSync(join(config, 'robots'), join(work, 'robots'));
+  symlinkSync(join(config, 'meshes'), join(work, 'meshes'));
+  writeFileSync(join(work, 'rigs/coman.yaml'), readFileSync(join(config, 'rigs/coman.yaml'), 'utf8')
+    .replace(/cycles: \d+/, 'cycles: 90'));
+  return join(work, 'rigs/coman.yaml');
+}
+
+function start(work) {
+  const child = spawn(program, ['run', makeRig(work), '--transport', 'local',
+    '--clock', 'real', '--task', 'squat', '--http', '0', '--control', join(work, 'control'),
+    '--quiet', '--fault', 'jam: motor LElbj jam manual'], { stdio: ['ignore', 'ignore', 'pipe'] });
+  return new Promise((resolve, reject) => {
+    let text = '';
+    child.stderr.on('data', (data) => {
+      text += data;
+      const control = text.match(/^page: (\S+)$/m)?.[1];
+      const look = text.match(/^page, to look only: (\S+)$/m)?.[1];
+      if (control && look) resolve({ child, control, look });
+    });
+    child.on('exit', () => reject(new Error(text)));
+  });
+}
+
+/** How much the picture of the robot differs from one color: the variance of its luminance. */
+function variance() {
+  const { scene } = window.coman.page;
+  scene.renderer.render(scene.scene, scene.camera);
+  const canvas = document.createElement('canvas');
+  canvas.width = 160;
+  canvas.height = 120;
+  const pen = canvas.getContext('2d');
+  pen.drawImage(scene.canvas, 0, 0, 160, 120);
+  const { data } = pen.getImageData(0, 0, 160, 120);
+  let sum = 0;
+  let square = 0;
+  for (let i = 0; i < data.length; i += 4) {
+    const light = 0.2126 * data[i] + 0.7152 * data[i + 1] + 0.0722 * data[i + 2];
+    sum += light;
+    square += light * light;
+  }
+  const count = data.length / 4;
+  return square / count - (sum / count) ** 2;
+}
+
+const knee = () => {
+  const { scene } = window.coman.page.hello;
+  return window.coman.state.joints[2 * scene.joints.findIndex(({ name }) => name === 'RKneeSag')];
+};
+
+async function judge(browser, run) {
+  const page = await browser.newPage({ viewport: { width: 900, height: 640 }, colorScheme: 'light' });
+  const errors = [];
+  const wait = (test, argument) => page.waitForFunction(test, argument, { timeout: WAIT_MS });
+  const picture = (name) => folder && page.screenshot({ path: join(folder, `${name}.png`) });
+  page.setDefaultTimeout(WAIT_MS);
+  page.on('pageerror', (error) => errors.push(error.message));
+  page.on('console', (message) => {
+    if (message.type() === 'error' && !message.text().includes('WebSocket')) errors.push(message.text());
+  });
+
+  // The picture, and that it moves
+  const begun = Date.now();
+  await page.goto(`${run.control}&quality=low`);
+  await wait(() => window.coman?.page.scene?.drawn > 0);
+  console.log(`# first picture after ${Date.now() - begun} ms`);
+  const found = await page.evaluate(variance);
+  check(found > 100, 'the picture is not blank', found);
+  const first = await page.evaluate(knee);
+  await wait((from) => {
+    const index = window.coman.page.hello.scene.joints.findIndex(({ name }) => name === 'RKneeSag');
+    return Math.abs(window.coman.state.joints[2 * index] - from) > 0.25;
+  }, first);
+  check(true, 'the knees move during a squat');
+  const delay = await page.evaluate(() => window.coman.page.delay);
+  console.log(`# a state comes ${delay.toFixed(1)} ms after it was made`);
+  await picture('squat');
+
+  // Back in time, and forth
+  await page.evaluate(() => {
+    const range = document.getElementById('past');
+    range.value = '960'; // 1.2 s ago
+    range.dispatchEvent(new Event('input'));
+  });
+  const back = await page.evaluate(() => {
+    const { past, scene } = window.coman.page;
+    return { shown: past.shown?.time, now: window.coman.state.time,
+      same: Math.abs(scene.robot.bodies[0].position.z - past.shown.bodies[2]) < 1e-6 };
+  });
+  check(back.shown < back.now - 0.5 && back.same, 'the line goes back to an earlier pose', back);
+  await page.click('#live');
+  check(await page.evaluate(() => window.coman.page.past.shown === null), 'and comes back to now');
+
+  // A click pauses, a click trips a fault
+  await page.click('#pause');
+  await wait(() => window.coman.state.paused);
+  check(true, 'a click pauses');
+  await page.click('#tab-panel-actions');
+  await page.click('[data-fault="jam"] input');
+  await wait(() => window.coman.state.faults[0]);
+  check(true, 'a click on a fault trips it');
+  await picture('fault');
+
+  // A frame that is sent is on the bus, and a board answers for it
+  await page.click('#tab-panel-trace');
+  await page.fill('#send-id', '001');
+  await page.fill('#send-data', '7e');
+  await page.click('#send');
+  await wait(() => document.querySelector('.frames tr.ours'));
+  await page.click('#step');
+  await wait(() => window.coman.page.events.all.some(({ text }) => text.includes('unknown command 0x7e')));
+  check(true, 'the frame that is sent reaches the bus and its board');
+  await page.fill('#panel-trace input[type=search]', 'POSITION');
+  await page.click('#pause');
+  await wait(() => document.querySelector('.meaning')?.textContent.includes('position0'));
+  check(true, 'frames are decoded by the names of the DBC',
+    await page.evaluate(() => document.querySelector('.meaning').textContent));
+  await picture('frames');
+
+  // Signals by search
+  await page.click('#tab-panel-plots');
+  await page.fill('#signal-search', 'rknee torque');
+  await page.press('#signal-search', 'Enter');
+  await wait(() => document.querySelector('.chip b')?.textContent && document.querySelector('.plots canvas'));
+  check(true, 'a signal is found and plotted');
+
+  // Who may look
+  const look = await browser.newPage({ viewport: { width: 400, height: 700 } });
+  await look.goto(`${run.look}&quality=low`);
+  await look.waitForFunction(() => window.coman?.page.pause, null, { timeout: WAIT_MS });
+  const refused = await look.evaluate(async () => ({ disabled: window.coman.page.pause.disabled,
+    push: await window.coman.link.ask('push', { body: 'Waist', force_n: [100, 0, 0] })
+      .then(() => 'pushed', (error) => error.message) }));
+  check(refused.disabled && refused.push.includes('look'), 'the right to look cannot push', refused);
+  await look.close();
+
+  // The end
+  run.child.kill('SIGTERM');
+  await page.waitForSelector('.gone:not([hidden])', { timeout: WAIT_MS });
+  const gone = await page.textContent('.gone');
+  check(/ended|connection/.test(gone), 'a dead server is said', gone);
+  await picture('gone');
+  check(errors.length === 0, 'the page has no errors', errors);
+}
+
+async function main() {
+  console.log(`1..${TESTS}`);
+  if (!existsSync(modules) || !existsSync(browserPath)) {
+    while (number < TESTS) check(true, 'the page in a browser # SKIP ./dev setup --browser installs one');
+    return;
+  }
+  const { chromium } = createRequire(join(modules, 'index.js'))(modules);
+  const work = mkdtempSync(join(tmpdir(), 'coman-page-'));
+  const run = await start(work);
+  const browser = await chromium.launch({ executablePath: browserPath,
+    args: ['--enable-unsafe-swiftshader', '--no-sandbox', '--disable-dev-shm-usage'] });
+  try {
+    await judge(browser, run);
+  } catch (error) {
+    check(false, error.message);
+  } finally {
+    run.child.kill('SIGKILL');
+    await browser.close();
+    rmSync(work, { recursive: true });
+  }
+}
+
+await main();
+process.exit(0);

@@ -1,0 +1,321 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Connections of the page's server: bytes in and out, and when a client is disconnected. */
+#include "viewer/private.h"
+
+#include "rt/clock.h"
+
+#include <errno.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+enum { FRAMES_A_TURN = 32, ACCEPTS_A_TURN = 8 };
+
+#define SILENCE_NS (10 * CLOCK_SECOND) /* for a request, and for the token */
+#define PATIENCE_NS (10 * CLOCK_SECOND)
+
+/* ---- out ---- */
+
+size_t client_waiting(const struct viewer_client *client)
+{
+    return client->filled - client->sent + client->body_size;
+}
+
+void client_close(struct viewer *viewer, struct viewer_client *client)
+{
+    (void)viewer;
+    if (client->socket >= 0) {
+        close(client->socket);
+        client->socket = -1;
+        client->watch = (struct viewer_watch){.on = false};
+        control_link_close(client);
+    }
+}
+
+/* Sends some bytes; returns how many, -1 when the connection is lost. */
+static ssize_t client_send_some(const struct viewer_client *client, const void *from, size_t size)
+{
+    for (;;) {
+        ssize_t sent = send(client->socket, from, size, MSG_NOSIGNAL | MSG_DONTWAIT);
+
+        if (sent >= 0 || (errno != EINTR && errno != EAGAIN && errno != EWOULDBLOCK)) {
+            return sent;
+        }
+        if (errno != EINTR) {
+            return 0;
+        }
+    }
+}
+
+/* Sends as much as the system takes at once: the outbox, then the body. */
+void client_flush(struct viewer *viewer, struct viewer_client *client)
+{
+    while (client->socket >= 0 && client_waiting(client) > 0) {
+        bool body = client->sent == client->filled;
+        ssize_t sent = body ? client_send_some(client, client->body, client->body_size)
+                            : client_send_some(client, client->outbox + client->sent,
+                                               client->filled - client->sent);
+
+        if (sent < 0) {
+            client_close(viewer, client);
+            return;
+        }
+        if (sent == 0) {
+            return;
+        }
+        client->taken_ns = viewer->now_ns;
+        if (body) {
+            client->body = (const char *)client->body + sent;
+            client->body_size -= (size_t)sent;
+        } else {
+            client->sent += (size_t)sent;
+        }
+    }
+    client->sent = client->filled = 0;
+}
+
+uint8_t *client_room(struct viewer *viewer, struct viewer_client *client, size_t size)
+{
+    if (client_waiting(client) == 0) {
+        client->taken_ns = viewer->now_ns;
+    }
+    /* What follows a body has to wait until the body is gone */
+    if (client->body_size > 0) {
+        return NULL;
+    }
+    if (client->filled + size > VIEWER_OUTBOX) {
+        client->filled -= client->sent;
+        memmove(client->outbox, client->outbox + client->sent, client->filled);
+        client->sent = 0;
+    }
+    return client->filled + size > VIEWER_OUTBOX ? NULL : client->outbox + client->filled;
+}
+
+bool client_send_message(struct viewer *viewer, struct viewer_client *client,
+                         enum websocket_opcode opcode, const void *data, size_t size)
+{
+    uint8_t *to = client_room(viewer, client, WEBSOCKET_HEADER + size);
+    size_t header;
+
+    if (!to) {
+        return false;
+    }
+    header = websocket_header(to, opcode, size);
+    memcpy(to + header, data, size);
+    client->filled += header + size;
+    client_flush(viewer, client);
+    return true;
+}
+
+bool client_send_object(struct viewer *viewer, struct viewer_client *client, json_t *object)
+{
+    const size_t flags = JSON_COMPACT | JSON_REAL_PRECISION(9);
+    size_t size = object ? json_dumpb(object, NULL, 0, flags) : 0;
+    char *text = size > 0 ? (char *)client_room(viewer, client, WEBSOCKET_HEADER + size) : NULL;
+    bool sent = false;
+
+    /* Written behind the place of its header, which is shorter or as long */
+    if (text && json_dumpb(object, text + WEBSOCKET_HEADER, size, flags) == size) {
+        size_t header = websocket_header((uint8_t *)text, WEBSOCKET_TEXT, size);
+
+        memmove(text + header, text + WEBSOCKET_HEADER, size);
+        client->filled += header + size;
+        sent = true;
+    }
+    json_decref(object);
+    client_flush(viewer, client);
+    return sent;
+}
+
+void client_bye(struct viewer *viewer, struct viewer_client *client, enum websocket_status status,
+                const char *reason)
+{
+    uint8_t payload[WEBSOCKET_CONTROL_MAX];
+    size_t size = strlen(reason);
+
+    size = size > sizeof payload - 2 ? sizeof payload - 2 : size;
+    payload[0] = (uint8_t)(status >> 8);
+    payload[1] = (uint8_t)status;
+    memcpy(payload + 2, reason, size);
+    client_send_message(viewer, client, WEBSOCKET_CLOSE, payload, size + 2);
+    client->mode = CLIENT_CLOSING;
+    client->watch.on = false;
+}
+
+/* ---- in ---- */
+
+/* A whole frame: part of a message, or of the protocol itself. False: no more are to be read. */
+static bool client_take_frame(struct viewer *viewer, struct viewer_client *client,
+                              const struct websocket_frame *frame)
+{
+    switch (frame->opcode) {
+    case WEBSOCKET_PING:
+        client_send_message(viewer, client, WEBSOCKET_PONG, frame->payload, frame->size);
+        return true;
+    case WEBSOCKET_PONG:
+        return true;
+    case WEBSOCKET_CLOSE:
+        client_bye(viewer, client, WEBSOCKET_NORMAL, "");
+        return false;
+    case WEBSOCKET_BINARY:
+        client_bye(viewer, client, WEBSOCKET_UNSUPPORTED, "expected text");
+        return false;
+    default:
+        break;
+    }
+
+    /* A fragment continues a message, and nothing else does */
+    if ((frame->opcode == WEBSOCKET_CONTINUATION) != client->fragmented) {
+        viewer->counters.cut_junk++;
+        client_bye(viewer, client, WEBSOCKET_PROTOCOL, "wrong order of fragments");
+        return false;
+    }
+    if (client->gathered + frame->size > VIEWER_INBOX) {
+        viewer->counters.cut_junk++;
+        client_bye(viewer, client, WEBSOCKET_TOO_BIG, "the message is too long");
+        return false;
+    }
+    memcpy(client->message + client->gathered, frame->payload, frame->size);
+    client->gathered += frame->size;
+    client->fragmented = !frame->final;
+    if (frame->final) {
+        size_t size = client->gathered;
+
+        client->gathered = 0;
+        viewer_obey(viewer, client, (const char *)client->message, size);
+    }
+    return client->socket >= 0 && client->mode == CLIENT_SOCKET;
+}
+
+static void client_take_frames(struct viewer *viewer, struct viewer_client *client)
+{
+    for (int i = 0; i < FRAMES_A_TURN && client->socket >= 0 && client->mode == CLIENT_SOCKET;
+         i++) {
+        struct websocket_frame frame;
+        int status = websocket_read(client->inbox, client->received, VIEWER_INBOX - 16, &frame);
+
+        if (status == 0) {
+            return;
+        }
+        if (status > 1) {
+            viewer->counters.cut_junk++;
+            client_bye(viewer, client, (enum websocket_status)status,
+                       status == WEBSOCKET_TOO_BIG ? "the message is too long" : "no WebSocket");
+            return;
+        }
+        if (!client_take_frame(viewer, client, &frame)) {
+            return;
+        }
+        client->received -= frame.used;
+        memmove(client->inbox, client->inbox + frame.used, client->received);
+    }
+}
+
+static void client_take_request(struct viewer *viewer, struct viewer_client *client)
+{
+    struct http_request request;
+    size_t used;
+    int status = http_request_parse((const char *)client->inbox, client->received, &request, &used);
+
+    if (status == 0) {
+        return;
+    }
+    if (status == 200) {
+        client->received -= used;
+        memmove(client->inbox, client->inbox + used, client->received);
+    } else {
+        viewer->counters.cut_junk++;
+    }
+    viewer_respond(viewer, client, status, &request);
+}
+
+void client_read(struct viewer *viewer, struct viewer_client *client)
+{
+    ssize_t count = recv(client->socket, client->inbox + client->received,
+                         VIEWER_INBOX - client->received, MSG_DONTWAIT);
+
+    if (count == 0 || (count < 0 && errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR)) {
+        client_close(viewer, client);
+        return;
+    }
+    client->received += count > 0 ? (size_t)count : 0;
+    if (client->mode == CLIENT_CLOSING) {
+        client->received = 0;
+    }
+    if (client->mode == CLIENT_HTTP) {
+        client_take_request(viewer, client);
+    }
+    if (client->mode == CLIENT_SOCKET) {
+        client_take_frames(viewer, client);
+    }
+}
+
+/* ---- ends ---- */
+
+void client_check(struct viewer *viewer, struct viewer_client *client)
+{
+    bool silent = client->mode == CLIENT_HTTP ||
+                  (client->mode == CLIENT_SOCKET && client->right == RIGHT_NONE);
+
+    if (client->socket < 0) {
+        return;
+    }
+    if (client_waiting(client) > 0 && viewer->now_ns - client->taken_ns > PATIENCE_NS) {
+        viewer->counters.cut_slow++;
+        client_close(viewer, client);
+    } else if (silent && viewer->now_ns - client->since_ns > SILENCE_NS) {
+        viewer->counters.cut_silent++;
+        client_close(viewer, client);
+    } else if (client->mode == CLIENT_CLOSING && client_waiting(client) == 0) {
+        shutdown(client->socket, SHUT_WR);
+        if (viewer->now_ns - client->taken_ns > CLOCK_SECOND) {
+            client_close(viewer, client);
+        }
+    } else if (client->mode == CLIENT_SOCKET && client->received > 0) {
+        client_take_frames(viewer, client); /* what a turn has left */
+    }
+}
+
+/* ---- new connections ---- */
+
+static struct viewer_client *viewer_free_place(struct viewer *viewer)
+{
+    for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
+        if (viewer->client[i].socket < 0) {
+            return &viewer->client[i];
+        }
+    }
+    return NULL;
+}
+
+void viewer_accept_client(struct viewer *viewer)
+{
+    static const char busy[] = "HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\n"
+                               "Content-Length: 0\r\n\r\n";
+
+    for (int i = 0; i < ACCEPTS_A_TURN; i++) {
+        int socket = accept4(viewer->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+        struct viewer_client *client = viewer_free_place(viewer);
+
+        if (socket < 0) {
+            return;
+        }
+        if (!client) {
+            (void)!send(socket, busy, sizeof busy - 1, MSG_NOSIGNAL | MSG_DONTWAIT);
+            close(socket);
+            viewer->counters.refused++;
+            continue;
+        }
+        *client = (struct viewer_client){
+            .socket = socket,
+            .control = -1,
+            .since_ns = viewer->now_ns,
+            .taken_ns = viewer->now_ns,
+            .inbox = client->inbox,
+            .message = client->message,
+            .outbox = client->outbox,
+            .trace = client->trace,
+            .line = client->line,
+        };
+    }
+}

@@ -1,0 +1,189 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The description that a client gets first: the run, its signals, buses, boards and faults. */
+#include "viewer/private.h"
+
+#include "app/control/parse.h"
+#include "base/count.h"
+
+#include <math.h>
+#include <string.h>
+
+/* ---- pieces; NULL: no memory, which json_pack passes on ---- */
+
+json_t *hello_number(double value)
+{
+    return isfinite(value) ? json_real(value) : json_null();
+}
+
+json_t *hello_numbers(const double *value, size_t count)
+{
+    json_t *array = json_array();
+
+    for (size_t i = 0; i < count; i++) {
+        json_array_append_new(array, hello_number(value[i]));
+    }
+    return array;
+}
+
+/* ---- signals ---- */
+
+/* The unit that a signal's name ends with. */
+static const char *signal_unit(const char *name)
+{
+    static const struct {
+        const char *end, *unit;
+    } units[] = {
+        {"_rad", "rad"}, {"_nm", "N m"}, {"_rad_s", "rad/s"},   {"_a", "A"},
+        {"_v", "V"},     {"_n", "N"},    {"_m", "m"},           {"_m_s2", "m/s2"},
+        {"_c", "deg C"}, {"_t", "T"},    {"_frames", "frames"}, {"_s", "s"},
+    };
+    size_t size = strlen(name);
+    const char *unit = "";
+
+    for (size_t i = 0; i < ARRAY_COUNT(units); i++) {
+        size_t end = strlen(units[i].end);
+
+        if (size > end && strcmp(name + size - end, units[i].end) == 0) {
+            unit = units[i].unit;
+        }
+    }
+    return unit;
+}
+
+static json_t *hello_signals(const struct viewer *viewer)
+{
+    const char *const *name = simulator_signal_names(viewer->config.simulator);
+    json_t *array = json_array();
+
+    for (size_t i = 0; i < simulator_signals(viewer->config.simulator); i++) {
+        json_array_append_new(array, json_pack("{s:o, s:s}", "name", control_text(name[i]), "unit",
+                                               signal_unit(name[i])));
+    }
+    return array;
+}
+
+/* ---- buses and boards ---- */
+
+static const char *personality_name(enum board_personality personality)
+{
+    static const char *const names[] = {
+        [BOARD_ICUB] = "icub", [BOARD_FOC] = "foc", [BOARD_COMPACT] = "compact"};
+
+    return (size_t)personality < ARRAY_COUNT(names) && names[personality] ? names[personality]
+                                                                          : "other";
+}
+
+static json_t *hello_buses(const struct viewer *viewer)
+{
+    json_t *array = json_array();
+
+    for (size_t b = 0; b < viewer->rig->nbus; b++) {
+        const struct rig_bus *bus = &viewer->rig->bus[b];
+
+        json_array_append_new(array, json_pack("{s:o, s:o, s:I, s:b, s:s}", "name",
+                                               control_text(bus->name), "interface",
+                                               control_text(bus->interface), "bitrate",
+                                               (json_int_t)bus->bitrate, "fd", bus->fd,
+                                               "personality", personality_name(bus->personality)));
+    }
+    return array;
+}
+
+/* The words for the modes of a personality, by their number. */
+static json_t *hello_modes(enum board_personality personality)
+{
+    const uint32_t count = personality == BOARD_COMPACT ? 4 : 256;
+    json_t *modes = json_object();
+
+    for (uint32_t mode = 0; mode < count; mode++) {
+        const char *name = board_mode_name(personality, mode);
+        char key[8];
+
+        if (strcmp(name, "unknown") != 0) {
+            snprintf(key, sizeof key, "%u", mode);
+            json_object_set_new(modes, key, json_string(name));
+        }
+    }
+    return modes;
+}
+
+static json_t *hello_board(const struct board_config *board, enum board_personality personality)
+{
+    static const char *const kinds[] = {[BOARD_MOTOR] = "motor",
+                                        [BOARD_FT] = "force-torque",
+                                        [BOARD_TORQUE] = "joint torques",
+                                        [BOARD_INERTIAL] = "inertial"};
+    json_t *axes = json_array();
+
+    for (size_t k = 0; board->kind == BOARD_MOTOR && k < board_axes_max(personality); k++) {
+        if (board->axis[k].joint >= 0) {
+            json_array_append_new(axes, json_integer(board->axis[k].joint));
+        }
+    }
+    return json_pack("{s:o, s:i, s:i, s:s, s:o}", "name",
+                     control_text(board->name ? board->name : ""), "bus", board->bus, "address",
+                     (int)board->address, "kind", kinds[board->kind], "joints", axes);
+}
+
+static json_t *hello_boards(const struct viewer *viewer)
+{
+    const struct boards_config *boards = &viewer->rig->boards;
+    json_t *array = json_array();
+
+    for (size_t i = 0; i < boards->nboard; i++) {
+        enum board_personality personality = viewer->rig->bus[boards->board[i].bus].personality;
+
+        json_array_append_new(array, hello_board(&boards->board[i], personality));
+    }
+    return array;
+}
+
+/* The words for modes, once for each personality that the rig has. */
+static json_t *hello_all_modes(const struct viewer *viewer)
+{
+    json_t *all = json_object();
+
+    for (size_t b = 0; b < viewer->rig->nbus; b++) {
+        enum board_personality personality = viewer->rig->bus[b].personality;
+
+        json_object_set_new(all, personality_name(personality), hello_modes(personality));
+    }
+    return all;
+}
+
+static json_t *hello_faults(const struct viewer *viewer)
+{
+    const struct faults *faults = simulator_faults(viewer->config.simulator);
+    json_t *array = json_array();
+
+    for (size_t i = 0; i < faults_count(faults); i++) {
+        const struct fault *fault = faults_at(faults, i);
+
+        json_array_append_new(array, json_pack("{s:o, s:o}", "name", control_text(fault->name),
+                                               "text", control_text(fault->text)));
+    }
+    return array;
+}
+
+/* ---- all of it ---- */
+
+json_t *viewer_hello(const struct viewer *viewer)
+{
+    const struct simulator_config *config = simulator_configuration(viewer->config.simulator);
+    const struct rig *rig = viewer->rig;
+    json_t *run =
+        json_pack("{s:s, s:o, s:o, s:o, s:s, s:f, s:o, s:o, s:b}", "version", HIL_VERSION, "rig",
+                  control_text(rig->name), "robot", control_text(rig->robot->name), "file",
+                  control_text(rig->file), "clock", loop_clock_name(config->clock), "tick_s",
+                  (double)rig->tick_ns * 1e-9, "task",
+                  config->task ? control_text(config->task) : json_null(), "recording",
+                  config->record ? control_text(config->record) : json_null(), "frames",
+                  viewer->config.ports != NULL);
+
+    return json_pack("{s:s, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:{s:i, s:i, s:i}}", "type",
+                     "hello", "protocol", VIEWER_PROTOCOL, "run", run, "scene", hello_scene(viewer),
+                     "signals", hello_signals(viewer), "buses", hello_buses(viewer), "boards",
+                     hello_boards(viewer), "modes", hello_all_modes(viewer), "faults",
+                     hello_faults(viewer), "limits", "rate_hz", VIEWER_RATE_HZ, "signals",
+                     VIEWER_SIGNALS, "message_bytes", VIEWER_INBOX - 16);
+}

@@ -1,0 +1,207 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Carries out what clients ask. */
+#include "viewer/message.h"
+
+#include "app/control/parse.h"
+#include "rt/clock.h"
+#include "viewer/private.h"
+
+#include <string.h>
+
+/* ---- answers ---- */
+
+static void client_answer(struct viewer *viewer, struct viewer_client *client,
+                          const struct viewer_message *message, json_t *body)
+{
+    json_t *id = message->id ? json_deep_copy(message->id) : json_null();
+
+    if (body &&
+        (json_object_set_new(body, "id", id) || json_object_set_new(body, "ok", json_true()))) {
+        json_decref(body);
+        body = NULL;
+    }
+    client_send_object(viewer, client, body);
+}
+
+static void client_refuse(struct viewer *viewer, struct viewer_client *client,
+                          const struct viewer_message *message, const char *code, const char *text)
+{
+    json_t *id = message->id ? json_deep_copy(message->id) : json_null();
+
+    client_send_object(viewer, client,
+                       json_pack("{s:o, s:b, s:s, s:o}", "id", id, "ok", 0, "code", code, "error",
+                                 control_text(text)));
+}
+
+/* ---- enter ---- */
+
+/* The description of the rig, with what this client may do. */
+static void client_send_hello(struct viewer *viewer, struct viewer_client *client)
+{
+    static const char control[] = "{\"right\":\"control\",", look[] = "{\"right\":\"look\",";
+    bool may = client->right == RIGHT_CONTROL;
+    const char *begin = may ? control : look;
+    size_t first = strlen(begin), size = first + viewer->hello_size - 1;
+    uint8_t *to = client_room(viewer, client, WEBSOCKET_HEADER + first);
+
+    if (!to) {
+        client_close(viewer, client);
+        return;
+    }
+    /* One message: its beginning from the outbox, the rest, without its brace, as it is */
+    client->filled += websocket_header(to, WEBSOCKET_TEXT, size);
+    memcpy(client->outbox + client->filled, begin, first);
+    client->filled += first;
+    client->body = viewer->hello + 1;
+    client->body_size = viewer->hello_size - 1;
+    client_flush(viewer, client);
+}
+
+static void client_enter(struct viewer *viewer, struct viewer_client *client,
+                         const struct viewer_message *message)
+{
+    client->right = viewer_token_right(viewer, message->token);
+    if (client->right == RIGHT_NONE) {
+        viewer->counters.refused++;
+        client_bye(viewer, client, WEBSOCKET_POLICY, "the token is wrong");
+        return;
+    }
+    viewer->counters.clients++;
+    client_send_hello(viewer, client);
+}
+
+/* ---- watch ---- */
+
+/* The signals that a name or pattern means; false: there are none, or too many. */
+static bool watch_add_signals(const struct viewer *viewer, const char *pattern,
+                              struct viewer_watch *watch)
+{
+    const char *const *name = simulator_signal_names(viewer->config.simulator);
+    size_t before = watch->nsignal;
+
+    for (size_t i = 0; i < simulator_signals(viewer->config.simulator); i++) {
+        if (control_matches(pattern, name[i])) {
+            if (watch->nsignal == VIEWER_SIGNALS) {
+                return false;
+            }
+            watch->signal[watch->nsignal++] = (uint16_t)i;
+        }
+    }
+    return watch->nsignal > before;
+}
+
+static void client_watch(struct viewer *viewer, struct viewer_client *client,
+                         const struct viewer_message *message)
+{
+    const char *const *name = simulator_signal_names(viewer->config.simulator);
+    struct viewer_watch watch = {.on = message->rate_hz > 0,
+                                 .trace = message->trace && viewer->config.ports,
+                                 .due_ns = viewer->now_ns,
+                                 .skipped = client->watch.skipped};
+    json_t *chosen = json_array();
+
+    watch.period_ns = watch.on ? (int64_t)(1e9 / message->rate_hz) : 0;
+    for (size_t i = 0; i < json_array_size(message->signals); i++) {
+        if (!watch_add_signals(viewer, json_string_value(json_array_get(message->signals, i)),
+                               &watch)) {
+            json_decref(chosen);
+            client_refuse(viewer, client, message, "input",
+                          "watch: a name or pattern has no signal, or there are more than 64");
+            return;
+        }
+    }
+    for (size_t i = 0; i < watch.nsignal; i++) {
+        json_array_append_new(chosen, control_text(name[watch.signal[i]]));
+    }
+    client->watch = watch;
+    client->traced = client->ntraced = client->trace_lost = 0;
+    client_answer(viewer, client, message, json_pack("{s:o}", "signals", chosen));
+}
+
+/* ---- send ---- */
+
+static void client_put_frame(struct viewer *viewer, struct viewer_client *client,
+                             struct viewer_message *message)
+{
+    int bus = rig_find_bus(viewer->rig, message->bus);
+
+    if (bus < 0 || !viewer->config.ports) {
+        client_refuse(viewer, client, message, "input", "send: there is no such bus");
+        return;
+    }
+    message->frame.time_ns = viewer->frame_ns[bus];
+    if (can_send(viewer->config.ports->port[bus], &message->frame, 1) != 1) {
+        viewer->counters.frames_untaken++;
+        client_refuse(viewer, client, message, "busy",
+                      "send: the bus does not take the frame: its queue is full, it is down, or it "
+                      "carries no such frames");
+        return;
+    }
+    viewer->counters.frames_sent++;
+    viewer_trace_frame(viewer, (size_t)bus, &message->frame, true);
+    client_answer(viewer, client, message, json_object());
+}
+
+/* ---- any message ---- */
+
+static void client_control(struct viewer *viewer, struct viewer_client *client,
+                           const struct viewer_message *message, const char *text, size_t size)
+{
+    if (client->control < 0 && !control_link_open(viewer, client)) {
+        client_refuse(viewer, client, message, "unavailable",
+                      "this run has no control socket: start it without --control none");
+    } else if (!control_link_send(client, text, size)) {
+        control_link_close(client);
+        client_refuse(viewer, client, message, "busy", "the control socket takes nothing");
+    }
+}
+
+/* A message that was understood, of a client that has a right. */
+static void client_carry_out(struct viewer *viewer, struct viewer_client *client,
+                             struct viewer_message *message, const char *text, size_t size)
+{
+    if (client->right != RIGHT_CONTROL &&
+        (message->command == VIEWER_SEND ||
+         (message->command == VIEWER_CONTROL && !message->harmless))) {
+        client_refuse(viewer, client, message, "right", "this page may look, and not control");
+        return;
+    }
+    switch (message->command) {
+    case VIEWER_WATCH:
+        client_watch(viewer, client, message);
+        break;
+    case VIEWER_SEND:
+        client_put_frame(viewer, client, message);
+        break;
+    case VIEWER_CONTROL:
+        client_control(viewer, client, message, text, size);
+        break;
+    case VIEWER_ENTER:
+        client_refuse(viewer, client, message, "input", "enter: the token was given before");
+        break;
+    }
+}
+
+void viewer_obey(struct viewer *viewer, struct viewer_client *client, const char *text, size_t size)
+{
+    struct viewer_message message;
+    struct error error;
+
+    if (viewer_message_parse(text, size, &message, &error)) {
+        /* Nobody without a token is told what was wrong */
+        if (client->right == RIGHT_NONE) {
+            viewer->counters.cut_junk++;
+            client_bye(viewer, client, WEBSOCKET_POLICY, "expected a token first");
+        } else {
+            client_refuse(viewer, client, &message, "input", error.text);
+        }
+    } else if (client->right != RIGHT_NONE) {
+        client_carry_out(viewer, client, &message, text, size);
+    } else if (message.command == VIEWER_ENTER) {
+        client_enter(viewer, client, &message);
+    } else {
+        viewer->counters.cut_junk++;
+        client_bye(viewer, client, WEBSOCKET_POLICY, "expected a token first");
+    }
+    viewer_message_clear(&message);
+}

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// Frames to signals and back, by the messages of /messages.json: bit 8 i + j is bit j of byte i;
+// little-endian signals start at their least, big-endian ones at their most significant bit.
+
+/** The bits of a signal from the most significant on, as positions in the frame. */
+function* bitsOf(signal) {
+  if (!signal.big_endian) {
+    for (let k = signal.bits - 1; k >= 0; k--) yield signal.start + k;
+    return;
+  }
+  for (let k = 0, at = signal.start; k < signal.bits; k++) {
+    yield at;
+    at = at % 8 === 0 ? at + 15 : at - 1;
+  }
+}
+
+function rawValue(signal, data) {
+  let value = 0;
+  for (const at of bitsOf(signal)) {
+    if (at >> 3 >= data.length) return null;
+    value = 2 * value + (data[at >> 3] >> (at & 7) & 1);
+  }
+  if (signal.type === 'signed' && value >= 2 ** (signal.bits - 1)) value -= 2 ** signal.bits;
+  if (signal.type === 'float') {
+    const view = new DataView(new ArrayBuffer(4));
+    view.setUint32(0, value);
+    value = view.getFloat32(0);
+  }
+  return value;
+}
+
+/** The signals that a frame carries: name, value, unit, and the word for the value if it has one. */
+export function decode(message, data) {
+  const multiplexor = message.signals.find((signal) => signal.multiplexor);
+  const selected = multiplexor ? rawValue(multiplexor, data) : null;
+  const found = [];
+  for (const signal of message.signals) {
+    if (signal.selector !== undefined && signal.selector !== selected) continue;
+    const raw = rawValue(signal, data);
+    if (raw === null) continue;
+    found.push({ name: signal.name, value: raw * (signal.scale ?? 1) + (signal.offset ?? 0),
+      unit: signal.unit ?? '', word: signal.values?.[raw] });
+  }
+  return found;
+}
+
+/** Puts values, by name, into the bytes of a frame; what they do not name stays zero. */
+export function encode(message, values) {
+  const data = new Uint8Array(message.length);
+  const multiplexor = message.signals.find((signal) => signal.multiplexor);
+  const selected = multiplexor ? values[multiplexor.name] ?? 0 : null;
+  let last = multiplexor ? 1 : message.length;
+  for (const signal of message.signals) {
+    if (signal.selector !== undefined && signal.selector !== selected) continue;
+    const value = values[signal.name] ?? 0;
+    let raw = Math.round((value - (signal.offset ?? 0)) / (signal.scale ?? 1));
+    if (signal.type === 'float') {
+      const view = new DataView(new ArrayBuffer(4));
+      view.setFloat32(0, value);
+      raw = view.getUint32(0);
+    }
+    if (raw < 0) raw += 2 ** signal.bits;
+    const bits = [...bitsOf(signal)].reverse();
+    bits.forEach((at, k) => {
+      if (Math.floor(raw / 2 ** k) % 2) data[at >> 3] |= 1 << (at & 7);
+      last = Math.max(last, (at >> 3) + 1);
+    });
+  }
+  return data.subarray(0, last);
+}
+
+export class Database {
+  #byBus = [];
+
+  constructor(buses) {
+    this.buses = buses;
+    this.#byBus = buses.map((messages) => new Map(messages.map((m) => [m.id, m])));
+  }
+
+  find(bus, frame) {
+    return frame.extended ? undefined : this.#byBus[bus]?.get(frame.id);
+  }
+}
+
+export const hex = (data) => Array.from(data, (byte) => byte.toString(16).padStart(2, '0')).join(' ');

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// Elements in one call, and numbers as people read them.
+
+/** h('button', {class: 'x', onclick: f}, 'text', child) */
+export function h(tag, properties = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [key, value] of Object.entries(properties ?? {})) {
+    if (value === undefined || value === null || value === false) continue;
+    if (key.startsWith('on')) element.addEventListener(key.slice(2), value);
+    else if (key === 'class') element.className = value;
+    else if (key in element && key !== 'list') element[key] = value;
+    else element.setAttribute(key, value);
+  }
+  element.append(...children.flat().filter((child) => child !== null && child !== undefined));
+  return element;
+}
+
+/** Sets the text only when it differs: a quiet page does not lay itself out anew. */
+export function setText(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+export function setClass(element, name, on) {
+  if (element.classList.contains(name) !== Boolean(on)) element.classList.toggle(name, Boolean(on));
+}
+
+/** Rounded to so many digits behind the point, without a negative zero. */
+export function fixed(value, digits = 2) {
+  if (!Number.isFinite(value)) return '–';
+  const text = value.toFixed(digits);
+  return Number(text) === 0 ? text.replace('-', '') : text;
+}
+
+export function count(value) {
+  return value.toLocaleString('en-US').replaceAll(',', ' ');
+}
+
+/** As few digits as say it, four that matter at most. */
+export function plain(value) {
+  return Number.isFinite(value) ? String(+value.toPrecision(4)) : '–';
+}
+
+/** Four digits that matter, for any size. */
+export function short(value) {
+  if (!Number.isFinite(value)) return '–';
+  const size = Math.abs(value);
+  if (size !== 0 && (size < 1e-3 || size >= 1e6)) return value.toExponential(2);
+  return fixed(value, size >= 1000 ? 0 : size >= 100 ? 1 : size >= 10 ? 2 : 3);
+}

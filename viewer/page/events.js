@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+// Events as a list, and as marks on the line by which the last half minute is looked at again.
+import { fixed, h, setClass, setText } from './dom.js';
+
+const SPAN_S = 30;
+const KEPT = 500;
+const WORDS = { 3: 'error', 4: 'warning', 5: 'notice', 6: 'info' };
+
+export class Events {
+  #all = [];
+
+  constructor(link, past) {
+    this.past = past;
+    this.filter = h('input', { type: 'search', placeholder: 'filter events…',
+      'aria-label': 'filter events', oninput: () => this.#list() });
+    this.items = h('ol');
+    this.element = h('section', { class: 'panel events', id: 'panel-events' },
+      h('div', { class: 'tools' }, this.filter), h('div', { class: 'scroll' }, this.items));
+    link.addEventListener('event', ({ detail }) => this.#take(detail));
+    link.addEventListener('hello', () => {
+      this.#all = [];
+      this.#list();
+    });
+  }
+
+  #take({ priority, text }) {
+    const [, time, rest] = text.match(/^(-?[\d.]+) s: ([\s\S]*)$/) ?? [null, NaN, text];
+    this.#all.push({ priority, time: Number(time), text: rest });
+    if (this.#all.length > KEPT) this.#all.shift();
+    this.stale = true;
+  }
+
+  get all() {
+    return this.#all;
+  }
+
+  #list() {
+    const words = this.filter.value.toLowerCase();
+    this.items.replaceChildren(...this.#all.filter(({ text }) => text.toLowerCase().includes(words))
+      .slice(-200).reverse().map((event) => h('li', { class: WORDS[event.priority] ?? 'info',
+        title: 'show this moment', onclick: () => this.past.show(event.time) },
+      h('time', { class: 'mono' }, Number.isFinite(event.time) ? `${fixed(event.time, 3)} s` : ''),
+      h('span', {}, event.text))));
+  }
+
+  render() {
+    if (this.stale) {
+      this.stale = false;
+      this.#list();
+    }
+  }
+}
+
+/** The last half minute: states as they came, and the line to go back on. */
+export class Past {
+  #kept = [];
+  #shown = null;
+
+  constructor(changed) {
+    this.changed = changed;
+    this.range = h('input', { type: 'range', min: '0', max: '1000', value: '1000', id: 'past',
+      'aria-label': 'moment to show', oninput: () => this.#move() });
+    this.label = h('span', { class: 'mono' });
+    this.live = h('button', { class: 'live', id: 'live', onclick: () => this.show(null) }, 'Live');
+    this.marks = h('div', { class: 'marks' });
+    this.element = h('div', { class: 'past' }, this.live,
+      h('div', { class: 'line' }, this.marks, this.range), this.label);
+  }
+
+  take(state) {
+    const last = this.#kept.at(-1);
+    if (last && state.time < last.time) this.#kept = [];
+    if (last && state.time === last.time) this.#kept[this.#kept.length - 1] = state;
+    else this.#kept.push(state);
+    while (this.#kept[0].time < state.time - SPAN_S) this.#kept.shift();
+  }
+
+  /** The state to show instead of the present one, null = the present. */
+  get shown() {
+    return this.#shown;
+  }
+
+  #move() {
+    const part = Number(this.range.value) / 1000;
+    const last = this.#kept.at(-1);
+    if (!last || part >= 0.999) {
+      this.show(null);
+      return;
+    }
+    this.show(last.time - (1 - part) * Math.max(SPAN_S, 1e-9), false);
+  }
+
+  show(time, move = true) {
+    const last = this.#kept.at(-1);
+    if (time === null || !last || Number.isNaN(time)) {
+      this.#shown = null;
+      this.range.value = '1000';
+    } else {
+      this.#shown = this.#kept.find((state) => state.time >= time) ?? last;
+      if (move) this.range.value = String(1000 * (1 - (last.time - this.#shown.time) / SPAN_S));
+    }
+    this.changed();
+  }
+
+  render(events) {
+    const last = this.#kept.at(-1);
+    const now = last?.time ?? 0;
+    setClass(this.element, 'back', this.#shown !== null);
+    setText(this.live, this.#shown ? 'Back to now' : 'Live');
+    setText(this.label, this.#shown ? `${fixed(this.#shown.time - now, 2)} s` : '');
+    const marks = events.filter(({ time }) => time > now - SPAN_S && time <= now);
+    const key = `${marks.length} ${Math.round(now * 4)}`;
+    if (key === this.key) return;
+    this.key = key;
+    this.marks.replaceChildren(...marks.slice(-120).map(({ time, priority, text }) => {
+      const mark = h('i', { class: WORDS[priority] ?? 'info', title: text });
+      mark.style.left = `${fixed(100 * (1 - (now - time) / SPAN_S), 2)}%`;
+      return mark;
+    }));
+  }
+}

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+// The connection: hands over the token, asks, and is told. Begins anew when it is lost.
+import { readState, readTrace } from './wire.js';
+
+const AGAIN_MS = 1500;
+
+export class Link extends EventTarget {
+  #socket = null;
+  #number = 0;
+  #waiting = new Map();
+  #wish = { rate_hz: 60, trace: false, signals: [] };
+  hello = null;
+  open = false;
+
+  constructor() {
+    super();
+    this.token = new URLSearchParams(location.hash.slice(1)).get('token') ?? '';
+    addEventListener('hashchange', () => location.reload());
+  }
+
+  connect() {
+    if (!this.token) {
+      this.#tell('gone', { reason: 'The address has no token: take the one that the run printed.',
+        final: true });
+      return;
+    }
+    const socket = new WebSocket(`ws://${location.host}/socket`);
+    socket.binaryType = 'arraybuffer';
+    socket.onopen = () => socket.send(JSON.stringify({ cmd: 'enter', token: this.token }));
+    socket.onmessage = (event) => this.#take(event.data);
+    socket.onclose = (event) => this.#lose(event);
+    this.#socket = socket;
+  }
+
+  #tell(name, detail) {
+    this.dispatchEvent(new CustomEvent(name, { detail }));
+  }
+
+  #lose(event) {
+    const refused = event.code === 1008;
+    this.open = false;
+    for (const { reject } of this.#waiting.values()) reject(new Error('the connection is gone'));
+    this.#waiting.clear();
+    this.#tell('gone', {
+      reason: refused ? 'The token is not that of this run: take the address that it printed.'
+        : event.code === 1001 ? 'The run has ended.'
+          : 'No connection to the simulator.',
+      final: refused,
+    });
+    if (!refused) setTimeout(() => this.connect(), AGAIN_MS);
+  }
+
+  #take(data) {
+    if (typeof data !== 'string') {
+      const kind = new DataView(data).getUint8(0);
+      if (kind === 1) this.#tell('state', { state: readState(data), buffer: data });
+      else if (kind === 2) this.#tell('trace', readTrace(data));
+      return;
+    }
+    const message = JSON.parse(data);
+    if (message.type === 'hello') {
+      this.hello = message;
+      this.open = true;
+      this.#tell('hello', message);
+      this.#watch();
+    } else if (message.type === 'event') {
+      this.#tell('event', message);
+    } else if (this.#waiting.has(message.id)) {
+      const { resolve, reject } = this.#waiting.get(message.id);
+      this.#waiting.delete(message.id);
+      if (message.ok) resolve(message);
+      else reject(new Error(message.error));
+    }
+  }
+
+  /** Sends a request; the answer, or an error with its text. */
+  ask(cmd, keys = {}) {
+    if (!this.open) return Promise.reject(new Error('there is no connection'));
+    const id = ++this.#number;
+    this.#socket.send(JSON.stringify({ id, cmd, ...keys }));
+    return new Promise((resolve, reject) => this.#waiting.set(id, { resolve, reject }));
+  }
+
+  /** Changes what the server sends. */
+  watch(wish) {
+    Object.assign(this.#wish, wish);
+    return this.open ? this.#watch() : Promise.resolve();
+  }
+
+  async #watch() {
+    try {
+      const answer = await this.ask('watch', this.#wish);
+      this.#tell('watching', answer.signals);
+    } catch (error) {
+      this.#tell('complaint', error.message);
+    }
+  }
+
+  /** A file of the server that needs the token. */
+  async fetch(path) {
+    const answer = await fetch(path, { headers: { Authorization: `Bearer ${this.token}` } });
+    if (!answer.ok) throw new Error(`${path}: ${answer.status}`);
+    return answer;
+  }
+}

@@ -1,0 +1,315 @@
+// SPDX-License-Identifier: Apache-2.0
+// The page of a run: puts its parts together and keeps them up to date.
+import plotStyle from 'uplot/dist/uPlot.min.css';
+import { count, fixed, h, setClass, setText } from './dom.js';
+import { Events, Past } from './events.js';
+import { Link } from './link.js';
+import { Actions, Boards, Buses, Joints, Parameters } from './panels.js';
+import { Plots } from './plots.js';
+import { Scene } from './scene.js';
+import style from './style.css';
+import { Trace } from './trace.js';
+
+const TABLES_MS = 120;
+const KEYS = [['Space', 'pause, go on'], ['.', 'one tick'], [',', 'ten ticks'], ['L', 'live again'],
+  ['1 … 6', 'panels'], ['/', 'search a signal'], ['F', 'forces'], ['C', 'center of mass'],
+  ['I', 'ellipsoids of inertia'], ['R', 'look at the robot'], ['T', 'light or dark'], ['?', 'this list']];
+
+for (const text of [plotStyle, style]) {
+  const sheet = new CSSStyleSheet();
+  sheet.replaceSync(text);
+  document.adoptedStyleSheets.push(sheet);
+}
+
+const link = new Link();
+const page = {};
+let newest = null;
+
+// ---- words for people ----
+
+function complain(text, good = false) {
+  const toast = h('div', { class: good ? 'toast good' : 'toast', role: 'status' }, text);
+  page.toasts.append(toast);
+  setTimeout(() => toast.remove(), 5000);
+}
+
+async function act(cmd, keys) {
+  try {
+    return await link.ask(cmd, keys);
+  } catch (error) {
+    complain(error.message);
+    return null;
+  }
+}
+
+function setTheme(theme) {
+  page.theme = theme;
+  document.documentElement.dataset.theme = theme;
+  try {
+    localStorage.setItem('theme', theme);
+  } catch { /* a browser that keeps nothing */ }
+  page.scene?.setTheme(theme);
+  page.plots?.setTheme();
+}
+
+function firstTheme() {
+  try {
+    const kept = localStorage.getItem('theme');
+    if (kept) return kept;
+  } catch { /* as above */ }
+  return matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light';
+}
+
+// ---- the frame of the page ----
+
+function figure(name, title) {
+  const value = h('b', { class: 'mono', id: `figure-${name}` }, '–');
+  return [value, h('div', { class: 'figure', title }, h('span', {}, name), value)];
+}
+
+function makeFrame() {
+  page.toasts = h('div', { class: 'toasts' });
+  page.gone = h('div', { class: 'gone', role: 'alert', hidden: true });
+  page.root = h('main', { class: 'root' });
+  document.body.replaceChildren(page.root, page.gone, page.toasts);
+}
+
+function makeBar(hello) {
+  const can = hello.right === 'control';
+  const parts = { time: figure('time', 'virtual time'),
+    factor: figure('pace', 'virtual seconds a second'),
+    tick: figure('tick', 'what a tick takes: mean of late, 99th percentile and greatest of all'),
+    overruns: figure('overruns', 'ticks that missed their deadline, and ticks that were dropped') };
+  page.figures = Object.fromEntries(Object.entries(parts).map(([name, [value]]) => [name, value]));
+  page.budget = h('i');
+  page.pause = h('button', { id: 'pause', class: 'main', disabled: !can, title: 'Space',
+    onclick: () => act(newest?.paused ? 'resume' : 'pause') }, 'Pause');
+  page.step = h('button', { id: 'step', class: 'quiet', disabled: !can, title: 'one tick: .',
+    onclick: () => act('step', { count: 1 }) }, 'Step');
+  page.speed = h('select', { 'aria-label': 'speed', disabled: !can || hello.run.clock !== 'real',
+    title: hello.run.clock === 'real' ? 'virtual seconds a second' : 'only the real clock has a speed',
+    onchange: () => act('speed', { factor: Number(page.speed.value) }) },
+  [[0.05, '×0.05'], [0.1, '×0.1'], [0.25, '×0.25'], [0.5, '×0.5'], [1, '×1'], [2, '×2'], [5, '×5'], [0, 'fastest']]
+    .map(([value, text]) => h('option', { value: String(value), selected: value === 1 }, text)));
+  return h('header', { class: 'bar' },
+    h('div', { class: 'brand' }, h('b', {}, hello.run.robot), h('span', {}, `${hello.run.rig}${hello.run.task ? ` · ${hello.run.task}` : ''}`)),
+    h('div', { class: 'figures' }, Object.values(parts).map(([, element]) => element)),
+    h('div', { class: 'budget', title: `the tick's budget: ${fixed(1e6 * hello.run.tick_s, 0)} us` }, page.budget),
+    h('div', { class: 'transport' }, page.pause, page.step, page.speed),
+    h('span', { class: can ? 'badge control' : 'badge', id: 'right' }, can ? 'control' : 'look only'),
+    h('button', { class: 'icon', title: 'light or dark: T', 'aria-label': 'light or dark',
+      onclick: () => setTheme(page.theme === 'dark' ? 'light' : 'dark') }, '◐'),
+    h('button', { class: 'icon', title: 'keys: ?', 'aria-label': 'keys', onclick: () => page.help.showModal() }, '?'));
+}
+
+function makeView(hello) {
+  const canvas = h('canvas', { id: 'view', tabIndex: 0, 'aria-label': 'the robot' });
+  const stage = h('div', { class: 'canvas' }, canvas);
+  page.scene = new Scene(canvas, hello, async (url) => (await link.fetch(url)).arrayBuffer());
+  page.scene.hurried = () => link.watch({ rate_hz: 15 });
+  page.scene.setQuality(new URLSearchParams(location.hash.slice(1)).get('quality'));
+  const toggle = (key, name, keyName) => h('button', { class: 'toggle', title: keyName,
+    'aria-pressed': String(page.scene.show[key]), 'data-show': key, onclick: (event) => {
+      page.scene.show[key] = !page.scene.show[key];
+      event.currentTarget.setAttribute('aria-pressed', String(page.scene.show[key]));
+      if (newest) page.scene.update(page.past.shown ?? newest);
+    } }, name);
+  let down = null;
+  canvas.addEventListener('pointerdown', (event) => { down = [event.clientX, event.clientY]; });
+  canvas.addEventListener('pointerup', (event) => {
+    if (down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < 4) {
+      const body = page.scene.pick(event.clientX, event.clientY);
+      page.actions.choose(body);
+      setText(page.picked, body === null ? '' : `${hello.scene.bodies[body].name} · ${fixed(hello.scene.bodies[body].mass_kg, 2)} kg`);
+    }
+  });
+  page.picked = h('span', { class: 'picked mono' });
+  page.badge = h('span', { class: 'status', id: 'status' });
+  return h('section', { class: 'view' }, stage,
+    h('div', { class: 'overlay' }, page.badge, page.picked),
+    h('div', { class: 'toggles' }, toggle('forces', 'Forces', 'F'), toggle('centers', 'Center of mass', 'C'),
+      toggle('torques', 'Torques', 'Q'), toggle('skeleton', 'Inertia', 'I'), toggle('follow', 'Follow', '')),
+    page.past.element);
+}
+
+function makeTabs(name, panels, first) {
+  const buttons = panels.map(([title, panel], i) => h('button', { role: 'tab', id: `tab-${panel.element.id}`,
+    onclick: () => open(i) }, title));
+  const open = (index) => panels.forEach(([, panel], i) => {
+    const on = i === index;
+    panel.element.hidden = !on;
+    buttons[i].setAttribute('aria-selected', String(on));
+    if (Boolean(panel.isOpen) !== on) {
+      panel.isOpen = on;
+      panel.shown?.(on);
+    }
+  });
+  const element = h('section', { class: `tabs ${name}` }, h('nav', { role: 'tablist' }, buttons),
+    h('div', { class: 'sheets' }, panels.map(([, panel]) => panel.element)));
+  open(first);
+  return { element, open };
+}
+
+function makeHelp() {
+  page.help = h('dialog', { class: 'help' }, h('h2', {}, 'Keys'), h('dl', {}, KEYS.map(([key, text]) =>
+    [h('dt', { class: 'mono' }, key), h('dd', {}, text)])),
+  h('form', { method: 'dialog' }, h('button', { class: 'main' }, 'Close')));
+  return page.help;
+}
+
+function build(hello) {
+  document.title = `${hello.run.rig} · coman-hil`;
+  page.hello = hello;
+  page.past = new Past(() => {
+    const state = page.past.shown ?? newest;
+    if (state) page.scene.update(state);
+    page.tablesAt = 0;
+  });
+  const view = makeView(hello);
+  page.plots = new Plots(link, hello, complain);
+  page.events = new Events(link, page.past);
+  page.trace = new Trace(link, hello, complain);
+  page.joints = new Joints(hello, (name) => {
+    page.plots.add(`q_${name}_rad`, `torque_${name}_nm`);
+    page.bottom.open(0);
+  });
+  page.boards = new Boards(hello);
+  page.buses = new Buses(hello);
+  page.actions = new Actions(link, hello, page.scene, complain);
+  page.parameters = new Parameters(link, hello, complain);
+  page.side = makeTabs('side', [['Joints', page.joints], ['Boards', page.boards], ['Buses', page.buses],
+    ['Act', page.actions], ['Parameters', page.parameters]], 0);
+  page.bottom = makeTabs('bottom', [['Plots', page.plots], ['Frames', page.trace], ['Events', page.events]], 0);
+  page.root.replaceChildren(makeBar(hello), view, page.side.element, page.bottom.element, makeHelp());
+  setTheme(firstTheme());
+}
+
+// ---- keys ----
+
+const ACTIONS = {
+  ' ': () => page.pause.click(),
+  '.': () => page.step.click(),
+  ',': () => page.hello.right === 'control' && act('step', { count: 10 }),
+  l: () => page.past.show(null),
+  r: () => page.scene.reset(),
+  t: () => setTheme(page.theme === 'dark' ? 'light' : 'dark'),
+  '?': () => page.help.showModal(),
+  '/': () => {
+    page.bottom.open(0);
+    page.plots.search.focus();
+  },
+  6: () => page.bottom.open(1),
+};
+for (let i = 1; i <= 5; i++) ACTIONS[i] = () => page.side.open(i - 1);
+for (const [key, name] of [['f', 'forces'], ['c', 'centers'], ['q', 'torques'], ['i', 'skeleton']]) {
+  ACTIONS[key] = () => document.querySelector(`[data-show=${name}]`).click();
+}
+
+addEventListener('keydown', (event) => {
+  const typing = event.target.closest?.('input, select, textarea, dialog');
+  if (typing || event.ctrlKey || event.metaKey || event.altKey || !page.built) return;
+  const action = ACTIONS[event.key] ?? ACTIONS[event.key.toLowerCase()];
+  if (action && !(event.key === ' ' && event.target.closest?.('button'))) {
+    event.preventDefault();
+    action();
+  }
+});
+
+// ---- what comes ----
+
+link.addEventListener('hello', ({ detail }) => {
+  const same = page.hello && page.hello.run.rig === detail.run.rig && page.hello.right === detail.right;
+  page.gone.hidden = true;
+  if (same) return;
+  try {
+    build(detail);
+    page.built = true;
+  } catch (error) {
+    console.error(error);
+    page.root.replaceChildren(h('p', { class: 'note' }, `This browser cannot show the robot: ${error.message}`));
+  }
+});
+
+link.addEventListener('gone', ({ detail }) => {
+  page.gone.replaceChildren(h('b', {}, detail.reason), h('span', {}, detail.final ? ''
+    : newest ? ` What is shown is of ${fixed(newest.time, 3)} s. Looking for it again…` : ' Looking for it again…'));
+  page.gone.hidden = false;
+});
+link.addEventListener('complaint', ({ detail }) => complain(detail));
+
+const pace = { time: 0, wall: 0, factor: NaN };
+
+link.addEventListener('state', ({ detail }) => {
+  const { state } = detail;
+  if (!page.built) return;
+  newest = state;
+  page.delay = Date.now() - state.sent;
+  page.past.take(state);
+  page.plots.take(state);
+});
+
+function updatePace(state) {
+  const wall = performance.now();
+  if (wall - pace.wall < 500) return;
+  if (pace.wall > 0 && state.time >= pace.time) pace.factor = 1e3 * (state.time - pace.time) / (wall - pace.wall);
+  pace.time = state.time;
+  pace.wall = wall;
+}
+
+/** The signs over the picture: what everybody has to see at once. */
+function statusOf(state) {
+  if (page.past.shown) return ['looking back', 'back'];
+  if (state.paused) return ['paused', 'paused'];
+  if (state.clamped) return ['links are clamped', 'clamped'];
+  return ['', ''];
+}
+
+function renderBar(state) {
+  const tick = 1e6 * page.hello.run.tick_s;
+  const part = Math.min(1, state.workMean / tick);
+  updatePace(state);
+  setText(page.figures.time, `${fixed((page.past.shown ?? state).time, 3)} s`);
+  setText(page.figures.factor, `×${fixed(pace.factor, 2)}`);
+  setText(page.figures.tick, `${fixed(state.workMean, 0)} / ${fixed(state.work99, 0)} / ${fixed(state.workMax, 0)} us`);
+  setText(page.figures.overruns, state.lost ? `${count(state.overruns)}, ${count(state.lost)} dropped` : count(state.overruns));
+  setClass(page.figures.overruns, 'late', state.overruns > 0);
+  page.budget.style.width = `${fixed(100 * part, 1)}%`;
+  page.budget.className = part > 0.8 ? 'hot' : part > 0.5 ? 'warm' : '';
+  const speed = String(+state.speed.toPrecision(3));
+  if (document.activeElement !== page.speed && page.speed.value !== speed
+    && [...page.speed.options].some(({ value }) => value === speed)) page.speed.value = speed;
+  setText(page.pause, state.paused ? 'Go on' : 'Pause');
+  const [text, kind] = statusOf(state);
+  setText(page.badge, text);
+  page.badge.className = `status ${kind}`;
+}
+
+function renderTables(state) {
+  renderBar(newest);
+  for (const panel of [page.joints, page.boards, page.buses, page.actions]) {
+    if (panel.isOpen) panel.render(state);
+  }
+  page.trace.render();
+  page.events.render();
+  page.past.render(page.events.all);
+  if (page.plots.isOpen) page.plots.render(newest.time);
+}
+
+function draw(now) {
+  if (newest && page.scene) {
+    page.scene.draw(now, page.past.shown ?? newest);
+    if (now - (page.tablesAt ?? 0) > TABLES_MS * (page.scene.period ? 3 : 1)) {
+      page.tablesAt = now;
+      renderTables(page.past.shown ?? newest);
+    }
+  }
+  requestAnimationFrame(draw);
+}
+
+makeFrame();
+setTheme(firstTheme());
+link.connect();
+requestAnimationFrame(draw);
+
+// For tests, and for who is curious in the console
+window.coman = { link, page, get state() { return newest; } };

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+// Plots of signals against virtual time, chosen by search; one axis a unit.
+import uPlot from 'uplot';
+import { h, setText, short } from './dom.js';
+
+const SPAN_S = 30;
+const MOST = 12;
+const COLORS = ['#2f81f7', '#e0552b', '#2f9e6e', '#b05cd6', '#d9a514', '#12a5b5', '#d6336c',
+  '#7a8b2b', '#6b6ff2', '#a0622d', '#4aa3ff', '#8a94a3'];
+
+export class Plots {
+  #chosen = [];
+  #order = [];
+  #rows = [];
+  #plot = null;
+  #layout = '';
+
+  constructor(link, hello, complain) {
+    this.link = link;
+    this.hello = hello;
+    this.complain = complain;
+    this.units = new Map(hello.signals.map(({ name, unit }) => [name, unit]));
+    this.element = this.#build();
+    link.addEventListener('watching', (event) => {
+      this.#order = event.detail;
+      this.#rows = [];
+    });
+    new ResizeObserver(() => this.#size()).observe(this.stage);
+  }
+
+  #build() {
+    this.found = h('ul', { class: 'found', role: 'listbox' });
+    this.search = h('input', { type: 'search', id: 'signal-search', autocomplete: 'off',
+      placeholder: 'Add a signal: knee torque…', 'aria-label': 'search signals',
+      oninput: () => this.#list(), onfocus: () => this.#list(),
+      onblur: () => setTimeout(() => this.found.replaceChildren(), 150),
+      onkeydown: (event) => {
+        if (event.key === 'Enter' && this.found.firstChild) this.add(this.found.firstChild.dataset.name);
+        if (event.key === 'Escape') this.search.blur();
+      } });
+    this.chips = h('div', { class: 'chips' });
+    this.stage = h('div', { class: 'stage' });
+    this.empty = h('p', { class: 'empty' }, 'Type a few letters of a joint, a force or a bus. Press / to begin.');
+    this.stage.append(this.empty);
+    return h('section', { class: 'panel plots', id: 'panel-plots' },
+      h('div', { class: 'tools' }, h('div', { class: 'search' }, this.search, this.found), this.chips),
+      this.stage);
+  }
+
+  /** Signals whose names have all the words, the shorter ones first. */
+  #list() {
+    const words = this.search.value.toLowerCase().split(/[\s_]+/).filter(Boolean);
+    const names = this.hello.signals.map(({ name }) => name).filter((name) =>
+      !this.#chosen.includes(name) && words.every((word) => name.toLowerCase().includes(word)));
+    this.found.replaceChildren(...names.slice(0, 12).map((name) => h('li', { role: 'option',
+      'data-name': name, onmousedown: () => this.add(name) }, name,
+    h('span', { class: 'muted' }, this.units.get(name)))));
+    for (const item of this.found.children) item.dataset.name = item.firstChild.data;
+  }
+
+  add(...names) {
+    for (const name of names) {
+      if (!this.units.has(name) || this.#chosen.includes(name)) continue;
+      if (this.#chosen.length === MOST) {
+        this.complain(`A plot holds ${MOST} signals: remove one first.`);
+        break;
+      }
+      this.#chosen.push(name);
+    }
+    this.search.value = '';
+    this.found.replaceChildren();
+    this.#choose();
+  }
+
+  remove(name) {
+    this.#chosen = this.#chosen.filter((other) => other !== name);
+    this.#choose();
+  }
+
+  #choose() {
+    this.link.watch({ signals: this.#chosen });
+    this.chips.replaceChildren(...this.#chosen.map((name, i) => h('button', { class: 'chip',
+      title: 'remove', onclick: () => this.remove(name) },
+    h('i', { style: '' }), h('span', {}, name), h('b', { class: 'mono' }), h('em', {}, '×'))));
+    [...this.chips.children].forEach((chip, i) => {
+      chip.firstChild.style.background = COLORS[i % COLORS.length];
+    });
+    this.empty.hidden = this.#chosen.length > 0;
+  }
+
+  take(state) {
+    if (this.#order.length !== state.signals.length || !this.#order.length) return;
+    const last = this.#rows.at(-1);
+    if (last && state.time < last[0]) this.#rows = [];
+    if (last && state.time === last[0]) return;
+    this.#rows.push([state.time, ...state.signals]);
+    while (this.#rows.length && this.#rows[0][0] < state.time - SPAN_S) this.#rows.shift();
+    this.stale = true;
+  }
+
+  #make() {
+    const style = getComputedStyle(document.documentElement);
+    const text = style.getPropertyValue('--muted').trim();
+    const grid = { stroke: style.getPropertyValue('--line').trim(), width: 1 };
+    const units = [...new Set(this.#order.map((name) => this.units.get(name) || '–'))];
+    this.#plot?.destroy();
+    this.#plot = new uPlot({
+      ...this.#box(),
+      legend: { show: false },
+      cursor: { drag: { x: false, y: false }, points: { size: 6 } },
+      scales: { x: { time: false }, ...Object.fromEntries(units.map((unit) => [unit, {}])) },
+      series: [{}, ...this.#order.map((name, i) => ({ label: name, width: 1.6,
+        scale: this.units.get(name) || '–', stroke: COLORS[i % COLORS.length],
+        points: { show: false } }))],
+      axes: [{ stroke: text, grid, ticks: grid, values: (_, ticks) => ticks.map((t) => `${+t.toFixed(3)} s`) },
+        ...units.map((unit, i) => ({ scale: unit, label: unit, side: i % 2 ? 1 : 3, stroke: text,
+          size: 52, labelSize: 18, grid: i ? { show: false } : grid, ticks: grid,
+          values: (_, ticks) => ticks.map((t) => +t.toPrecision(6)) }))],
+    }, [[], ...this.#order.map(() => [])], this.stage);
+    this.#plot.root.hidden = this.#order.length === 0;
+  }
+
+  #box() {
+    const box = this.stage.getBoundingClientRect();
+    return { width: Math.max(100, Math.floor(box.width)), height: Math.max(80, Math.floor(box.height)) };
+  }
+
+  #size() {
+    this.#plot?.setSize(this.#box());
+  }
+
+  setTheme() {
+    this.#layout = '';
+    this.stale = true;
+  }
+
+  render(time) {
+    const layout = this.#order.join();
+    if (layout !== this.#layout) {
+      this.#layout = layout;
+      this.#make();
+      this.stale = true;
+    }
+    if (!this.#plot || !this.stale) return;
+    this.stale = false;
+    const columns = this.#order.map((_, k) => this.#rows.map((row) => row[k + 1]));
+    const now = this.#rows.at(-1)?.[0] ?? time ?? 0;
+    this.#plot.setData([this.#rows.map((row) => row[0]), ...columns], false);
+    this.#plot.batch(() => {
+      for (const unit of Object.keys(this.#plot.scales)) {
+        if (unit === 'x') continue;
+        const values = this.#order.flatMap((name, k) =>
+          (this.units.get(name) || '–') === unit ? columns[k] : []).filter(Number.isFinite);
+        const low = values.reduce((a, b) => Math.min(a, b), Infinity);
+        const high = values.reduce((a, b) => Math.max(a, b), -Infinity);
+        if (low > high) continue;
+        const room = Math.max(0.08 * (high - low), 1e-6 + 0.01 * Math.abs(high));
+        this.#plot.setScale(unit, { min: low - room, max: high + room });
+      }
+      this.#plot.setScale('x', { min: Math.max(0, Math.min(now - 10, this.#rows[0]?.[0] ?? now)),
+        max: Math.max(now, 1e-3) });
+    });
+    [...this.chips.children].forEach((chip, k) => {
+      setText(chip.querySelector('b'), this.#rows.length && k < columns.length ? short(this.#rows.at(-1)[k + 1]) : '');
+    });
+  }
+}

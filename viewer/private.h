@@ -1,0 +1,214 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the parts of the page's server share: server.c has the thread, connection.c the bytes from
+ * and to a client, respond.c answers requests of HTTP, message.c carries out what a client asks,
+ * control_link.c passes the rest on to the control socket; hello.c and its parts describe the
+ * scene, state.c makes the binary states, trace.c hears the buses. All in the server's thread but
+ * for what viewer.h says. Not RT-safe.
+ */
+#ifndef VIEWER_PRIVATE_H
+#define VIEWER_PRIVATE_H
+
+#include "base/arena.h"
+#include "sim/view.h"
+#include "viewer/request.h"
+#include "viewer/viewer.h"
+#include "viewer/websocket.h"
+
+#include <jansson.h>
+#include <pthread.h>
+
+enum {
+    VIEWER_EVENTS = 256,       /* that a page gets which comes late; a power of two */
+    VIEWER_SIGNALS = 64,       /* that a client may choose */
+    VIEWER_TRACE = 128 * 1024, /* bytes of frames that wait for the next state */
+    VIEWER_LINE = 256 * 1024,  /* longest answer of the control socket */
+    VIEWER_MESHES = 1024,
+};
+
+#define VIEWER_NO_COLUMN UINT16_MAX
+
+enum viewer_mode { CLIENT_HTTP, CLIENT_SOCKET, CLIENT_CLOSING };
+enum viewer_right { RIGHT_NONE, RIGHT_LOOK, RIGHT_CONTROL };
+
+struct viewer_watch {
+    bool on;
+    int64_t period_ns, due_ns;
+    bool trace;
+    size_t nsignal;
+    uint16_t signal[VIEWER_SIGNALS];
+    uint32_t skipped;
+};
+
+struct viewer_client {
+    int socket; /* -1 = free place */
+    enum viewer_mode mode;
+    enum viewer_right right;
+    int64_t since_ns; /* when it came */
+    int64_t taken_ns; /* when the last byte was taken, or the outbox began to fill */
+
+    size_t received;
+    uint8_t *inbox;   /* VIEWER_INBOX */
+    size_t gathered;  /* of a message in fragments */
+    uint8_t *message; /* VIEWER_INBOX */
+    bool fragmented;
+
+    size_t sent, filled;
+    uint8_t *outbox;  /* VIEWER_OUTBOX; sent to filled wait */
+    const void *body; /* what follows the outbox: memory of the viewer's that does not change */
+    size_t body_size;
+
+    struct viewer_watch watch;
+    uint8_t *trace; /* VIEWER_TRACE */
+    size_t traced;  /* bytes */
+    uint32_t ntraced, trace_lost;
+    uint64_t events; /* the number of the next event to tell it */
+
+    int control; /* connection to the control socket, -1 = none */
+    char *line;  /* VIEWER_LINE, of its answers */
+    size_t line_size;
+};
+
+struct viewer_event {
+    enum journal_priority priority;
+    char text[VIEWER_EVENT_TEXT];
+};
+
+/* A file that the server has: bytes and what they are. */
+struct viewer_file {
+    const char *type;
+    const void *data;
+    size_t size;
+    bool gzip;
+};
+
+struct viewer {
+    struct viewer_config config;
+    const struct rig *rig;
+    struct arena arena;
+    struct http_bound bound;
+    char token[2][VIEWER_TOKEN]; /* to look, to control */
+    char address[2][256];
+    int listener, event;
+    _Atomic int order; /* enum viewer_order */
+    pthread_t thread;
+    int64_t now_ns;
+    struct viewer_counters counters;
+
+    struct simulator_view view;
+    struct body_motion *motion; /* of the robot's bodies */
+    uint8_t *state;             /* one under construction */
+    size_t state_max;
+    uint16_t *torque, *wrench, *free; /* columns of signals, by joint, contact and free body */
+
+    int64_t measured_ns, measured_at_ns; /* virtual time and clock of the last measure */
+    uint64_t measured_bits[RIG_BUSES_MAX];
+    double load[RIG_BUSES_MAX]; /* share of a bus's time */
+    uint64_t work_count;        /* ticks up to then */
+    int64_t work_sum;
+    double work_us[3]; /* of a tick: mean of late, 99th percentile and maximum of all */
+    struct histogram *histogram;
+
+    char *hello; /* JSON, made once; on the heap */
+    size_t hello_size;
+    char *database; /* JSON of the buses' messages, made when first asked for; on the heap */
+    size_t database_size;
+    struct viewer_file *mesh; /* by surface; data NULL = not made yet */
+
+    pthread_mutex_t events_lock;
+    uint64_t nevent; /* in all */
+    struct viewer_event events[VIEWER_EVENTS];
+
+    int64_t frame_ns[RIG_BUSES_MAX]; /* newest time of a frame */
+    struct viewer_client client[VIEWER_CLIENTS];
+};
+
+/* ---- connection.c ---- */
+
+/* Room for so many bytes at the outbox's end, to be counted in filled; NULL when there is none. */
+uint8_t *client_room(struct viewer *viewer, struct viewer_client *client, size_t size);
+
+void client_flush(struct viewer *viewer, struct viewer_client *client);
+size_t client_waiting(const struct viewer_client *client);
+void client_close(struct viewer *viewer, struct viewer_client *client);
+
+/* Sends a whole WebSocket message; one that has no room is dropped: false. */
+bool client_send_message(struct viewer *viewer, struct viewer_client *client,
+                         enum websocket_opcode opcode, const void *data, size_t size);
+
+/* The same for an object, which is taken over; NULL counts as no memory. */
+bool client_send_object(struct viewer *viewer, struct viewer_client *client, json_t *object);
+
+/* Says why and closes, when what waits has been sent. */
+void client_bye(struct viewer *viewer, struct viewer_client *client, enum websocket_status status,
+                const char *reason);
+
+/* Bytes have come, or the end. */
+void client_read(struct viewer *viewer, struct viewer_client *client);
+
+/* Once a turn: drops a client that has ended or was too slow. */
+void client_check(struct viewer *viewer, struct viewer_client *client);
+
+void viewer_accept_client(struct viewer *viewer);
+
+/* ---- respond.c ---- */
+
+/* Answers a request of HTTP, or makes a WebSocket of its connection. */
+void viewer_respond(struct viewer *viewer, struct viewer_client *client, int status,
+                    const struct http_request *request);
+
+/* Which right a token gives. */
+enum viewer_right viewer_token_right(const struct viewer *viewer, const char *token);
+
+/* ---- message.c ---- */
+
+/* A message of a client, JSON as it should be. */
+void viewer_obey(struct viewer *viewer, struct viewer_client *client, const char *text,
+                 size_t size);
+
+/* ---- control_link.c ---- */
+
+/* Connects to the control socket; false when there is none. */
+bool control_link_open(struct viewer *viewer, struct viewer_client *client);
+void control_link_close(struct viewer_client *client);
+
+/* Passes a request on; false when it cannot be taken. */
+bool control_link_send(struct viewer_client *client, const char *text, size_t size);
+
+/* Answers have come. */
+void control_link_read(struct viewer *viewer, struct viewer_client *client);
+
+/* ---- hello.c, hello_scene.c, database.c, mesh.c ---- */
+
+/* Describes what does not change; NULL: no memory. */
+json_t *viewer_hello(const struct viewer *viewer);
+json_t *hello_scene(const struct viewer *viewer);
+json_t *hello_number(double value);
+json_t *hello_numbers(const double *value, size_t count);
+
+/* What the frames of all buses mean; false: no memory. */
+bool viewer_make_database(struct viewer *viewer);
+
+/* A surface's triangles; NULL: it has none, or no memory. */
+const struct viewer_file *viewer_mesh_file(struct viewer *viewer, size_t surface);
+
+/* ---- state.c ---- */
+
+enum error_code viewer_create_state(struct viewer *viewer, struct error *error);
+
+/* Sends what is due to every client that watches. */
+void viewer_send_states(struct viewer *viewer);
+
+/* ---- trace.c ---- */
+
+/* Takes what the buses have carried; puts it where clients trace. */
+void viewer_hear_buses(struct viewer *viewer);
+void viewer_trace_frame(struct viewer *viewer, size_t bus, const struct bus_frame *frame,
+                        bool ours);
+void client_send_trace(struct viewer *viewer, struct viewer_client *client);
+
+/* ---- page.c: the bundle that viewer/page is made into ---- */
+
+extern const unsigned char viewer_page_begin[], viewer_page_end[];
+
+#endif

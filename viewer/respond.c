@@ -1,0 +1,220 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Answers to requests of HTTP: the page, meshes, the database of messages, a WebSocket. */
+#include "viewer/private.h"
+
+#include "base/count.h"
+#include "base/text.h"
+
+#include <stdio.h>
+#include <string.h>
+
+/* Nothing comes from another place, nobody else frames the page, and no answer is kept: tokens and
+ * bundles change. */
+#define HEADERS                                                                                    \
+    "Content-Security-Policy: default-src 'self'; base-uri 'none'; form-action 'none'; "           \
+    "frame-ancestors 'none'\r\n"                                                                   \
+    "X-Content-Type-Options: nosniff\r\n"                                                          \
+    "Referrer-Policy: no-referrer\r\n"                                                             \
+    "Cross-Origin-Resource-Policy: same-origin\r\n"                                                \
+    "Cross-Origin-Opener-Policy: same-origin\r\n"                                                  \
+    "Cache-Control: no-store\r\n"                                                                  \
+    "Connection: close\r\n"
+
+static const char index_page[] =
+    "<!doctype html>\n"
+    "<html lang=\"en\">\n"
+    "<head>\n"
+    "<meta charset=\"utf-8\">\n"
+    "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+    "<meta name=\"color-scheme\" content=\"light dark\">\n"
+    "<title>coman-hil</title>\n"
+    "<link rel=\"icon\" href=\"/icon.svg\">\n"
+    "<script type=\"module\" src=\"/page.js\"></script>\n"
+    "</head>\n"
+    "<body><noscript>This page needs JavaScript.</noscript></body>\n"
+    "</html>\n";
+
+/* A knee. */
+static const char icon[] =
+    "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 32 32\"><rect width=\"32\" "
+    "height=\"32\" rx=\"7\" fill=\"#1f6feb\"/><path d=\"M12 5l7 10-7 10h9\" fill=\"none\" "
+    "stroke=\"#fff\" stroke-width=\"4\" stroke-linecap=\"round\" stroke-linejoin=\"round\"/>"
+    "</svg>\n";
+
+struct status_text {
+    int status;
+    const char *phrase, *text;
+};
+
+static const struct status_text texts[] = {
+    {200, "OK", ""},
+    {400, "Bad Request", "This is no request that a browser sends."},
+    {401, "Unauthorized", "The token is missing or wrong: take the address that the run printed."},
+    {403, "Forbidden",
+     "This address or page may not ask here: take the address that the run "
+     "printed, with the number of the machine instead of a name."},
+    {404, "Not Found", "There is no such page. The page is at /."},
+    {405, "Method Not Allowed", "Only GET is understood."},
+    {413, "Content Too Large", "A request has no body here."},
+    {414, "URI Too Long", "The address is too long."},
+    {426, "Upgrade Required", "Here is a WebSocket (RFC 6455, version 13)."},
+    {431, "Request Header Fields Too Large", "The request is too long."},
+    {500, "Internal Server Error", "There is no memory for the answer."},
+    {505, "HTTP Version Not Supported", "Only HTTP/1.1 is understood."},
+};
+
+static const struct status_text *find_status_text(int status)
+{
+    for (size_t i = 0; i < ARRAY_COUNT(texts); i++) {
+        if (texts[i].status == status) {
+            return &texts[i];
+        }
+    }
+    return &texts[1];
+}
+
+/* A head, and what follows it from memory that stays. */
+static void respond_file(struct viewer *viewer, struct viewer_client *client, int status,
+                         const struct viewer_file *file)
+{
+    char *to = (char *)client_room(viewer, client, 1024);
+
+    client->mode = CLIENT_CLOSING;
+    if (!to) {
+        return;
+    }
+    client->filled += (size_t)snprintf(
+        to, 1024, "HTTP/1.1 %d %s\r\n" HEADERS "Content-Type: %s\r\n%sContent-Length: %zu\r\n\r\n",
+        status, find_status_text(status)->phrase, file->type,
+        file->gzip ? "Content-Encoding: gzip\r\n" : "", file->size);
+    client->body = file->data;
+    client->body_size = file->size;
+    client_flush(viewer, client);
+}
+
+static void respond_text(struct viewer *viewer, struct viewer_client *client, int status)
+{
+    const char *text = find_status_text(status)->text;
+
+    respond_file(viewer, client, status,
+                 &(struct viewer_file){"text/plain; charset=utf-8", text, strlen(text), false});
+}
+
+/* ---- tokens ---- */
+
+/* Compares in a time that does not tell how much of it is right. */
+static bool token_is(const char *token, const char *given)
+{
+    unsigned difference = 0;
+
+    if (strlen(given) != VIEWER_TOKEN - 1) {
+        return false;
+    }
+    for (size_t i = 0; i < VIEWER_TOKEN - 1; i++) {
+        difference |= (unsigned char)(token[i] ^ given[i]);
+    }
+    return difference == 0;
+}
+
+enum viewer_right viewer_token_right(const struct viewer *viewer, const char *token)
+{
+    return token_is(viewer->token[1], token) && viewer->config.control ? RIGHT_CONTROL
+           : token_is(viewer->token[0], token)                         ? RIGHT_LOOK
+                                                                       : RIGHT_NONE;
+}
+
+static bool request_has_token(const struct viewer *viewer, const struct http_request *request)
+{
+    return strncmp(request->authorization, "Bearer ", 7) == 0 &&
+           viewer_token_right(viewer, request->authorization + 7) != RIGHT_NONE;
+}
+
+/* ---- what there is ---- */
+
+static void respond_database(struct viewer *viewer, struct viewer_client *client)
+{
+    if (!viewer_make_database(viewer)) {
+        respond_text(viewer, client, 500);
+        return;
+    }
+    respond_file(
+        viewer, client, 200,
+        &(struct viewer_file){"application/json", viewer->database, viewer->database_size, false});
+}
+
+static void respond_mesh(struct viewer *viewer, struct viewer_client *client, const char *number)
+{
+    const struct viewer_file *file = NULL;
+    int64_t surface;
+
+    if (text_to_int(number, 0, (int64_t)viewer->rig->contact.nsurface - 1, &surface)) {
+        file = viewer_mesh_file(viewer, (size_t)surface);
+    }
+    if (file) {
+        respond_file(viewer, client, 200, file);
+    } else {
+        respond_text(viewer, client, 404);
+    }
+}
+
+/* From here on the connection carries messages. */
+static void respond_upgrade(struct viewer *viewer, struct viewer_client *client,
+                            const struct http_request *request)
+{
+    char accept[WEBSOCKET_ACCEPT], *to = (char *)client_room(viewer, client, 256);
+
+    if (!request->upgrade || !to) {
+        respond_text(viewer, client, 426);
+        return;
+    }
+    websocket_accept(request->key, accept);
+    client->filled += (size_t)snprintf(to, 256,
+                                       "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\n"
+                                       "Connection: Upgrade\r\nSec-WebSocket-Accept: %s\r\n\r\n",
+                                       accept);
+    client->mode = CLIENT_SOCKET;
+    client->since_ns = viewer->now_ns;
+    client_flush(viewer, client);
+}
+
+void viewer_respond(struct viewer *viewer, struct viewer_client *client, int status,
+                    const struct http_request *request)
+{
+    const char *path = request->path;
+
+    /* Requests that are none, or not for us */
+    if (status != 200) {
+        respond_text(viewer, client, status);
+        return;
+    }
+    if (!http_request_is_ours(request, &viewer->bound)) {
+        viewer->counters.refused++;
+        respond_text(viewer, client, 403);
+        return;
+    }
+
+    /* The page itself has no secret; what it shows has */
+    if (strcmp(path, "/") == 0) {
+        respond_file(viewer, client, 200,
+                     &(struct viewer_file){"text/html; charset=utf-8", index_page,
+                                           sizeof index_page - 1, false});
+    } else if (strcmp(path, "/page.js") == 0) {
+        respond_file(viewer, client, 200,
+                     &(struct viewer_file){"text/javascript; charset=utf-8", viewer_page_begin,
+                                           (size_t)(viewer_page_end - viewer_page_begin), true});
+    } else if (strcmp(path, "/icon.svg") == 0) {
+        respond_file(viewer, client, 200,
+                     &(struct viewer_file){"image/svg+xml", icon, sizeof icon - 1, false});
+    } else if (strcmp(path, "/socket") == 0) {
+        respond_upgrade(viewer, client, request);
+    } else if (!request_has_token(viewer, request)) {
+        viewer->counters.refused++;
+        respond_text(viewer, client, 401);
+    } else if (strcmp(path, "/messages.json") == 0) {
+        respond_database(viewer, client);
+    } else if (strncmp(path, "/mesh/", 6) == 0) {
+        respond_mesh(viewer, client, path + 6);
+    } else {
+        respond_text(viewer, client, 404);
+    }
+}

@@ -1,0 +1,411 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The server's thread: one poll set with a descriptor for orders, the listening socket, the
+ * clients and their connections to the control socket. */
+#include "viewer/private.h"
+
+#include "rt/clock.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <sys/random.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#define MEMORY ((size_t)64 << 20) /* of address space */
+
+enum viewer_order { VIEWER_ORDER_WAIT, VIEWER_ORDER_SERVE, VIEWER_ORDER_STOP };
+enum { POLL_FIXED = 2, POLL_COUNT = POLL_FIXED + 2 * VIEWER_CLIENTS };
+enum { BACKLOG = 16, IDLE_MS = 500, TRACE_MS = 5 };
+
+/* ---- the thread ---- */
+
+/* How long nothing is due. */
+static int viewer_idle_ms(const struct viewer *viewer)
+{
+    int64_t wait_ns = (int64_t)IDLE_MS * CLOCK_MS;
+
+    for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
+        const struct viewer_client *client = &viewer->client[i];
+
+        if (client->socket >= 0 && client->watch.on) {
+            int64_t due_ns = client->watch.due_ns - viewer->now_ns;
+
+            wait_ns = due_ns < wait_ns ? due_ns : wait_ns;
+            wait_ns = client->watch.trace && wait_ns > TRACE_MS * CLOCK_MS ? TRACE_MS * CLOCK_MS
+                                                                           : wait_ns;
+        }
+    }
+    return wait_ns <= 0 ? 0 : (int)((wait_ns + CLOCK_MS - 1) / CLOCK_MS);
+}
+
+static void viewer_prepare_poll(const struct viewer *viewer, struct pollfd fd[POLL_COUNT])
+{
+    fd[0] = (struct pollfd){.fd = viewer->event, .events = POLLIN};
+    fd[1] = (struct pollfd){.fd = viewer->listener, .events = POLLIN};
+    for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
+        const struct viewer_client *client = &viewer->client[i];
+        bool writes = client->socket >= 0 && client_waiting(client) > 0;
+        /* A client that leaves its answers is not heard until there is room for more */
+        bool reads = client->socket >= 0 && client_waiting(client) < VIEWER_OUTBOX / 2;
+
+        fd[POLL_FIXED + 2 * i] = (struct pollfd){
+            .fd = client->socket, .events = (short)((reads ? POLLIN : 0) | (writes ? POLLOUT : 0))};
+        fd[POLL_FIXED + 2 * i + 1] = (struct pollfd){
+            .fd = client->socket >= 0 && reads ? client->control : -1, .events = POLLIN};
+    }
+}
+
+static void viewer_serve_client(struct viewer *viewer, struct viewer_client *client, short events,
+                                short control)
+{
+    if (client->socket >= 0 && events & POLLOUT) {
+        client_flush(viewer, client);
+    }
+    if (client->socket >= 0 && events & ~POLLOUT) {
+        client_read(viewer, client);
+    }
+    if (client->socket >= 0 && client->control >= 0 && control) {
+        control_link_read(viewer, client);
+    }
+}
+
+/* Views are made while somebody looks at them. */
+static void viewer_update_wish(const struct viewer *viewer)
+{
+    bool wanted = false;
+
+    for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
+        wanted = wanted || (viewer->client[i].socket >= 0 && viewer->client[i].watch.on);
+    }
+    simulator_want_views(viewer->config.simulator, wanted);
+}
+
+/* Waits for the order to serve or to stop. */
+static void viewer_wait_for_order(struct viewer *viewer)
+{
+    struct pollfd fd = {.fd = viewer->event, .events = POLLIN};
+    uint64_t orders;
+
+    while (atomic_load(&viewer->order) == VIEWER_ORDER_WAIT) {
+        poll(&fd, 1, -1);
+    }
+    (void)!read(viewer->event, &orders, sizeof orders);
+}
+
+static void viewer_end_clients(struct viewer *viewer)
+{
+    for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
+        struct viewer_client *client = &viewer->client[i];
+
+        if (client->socket >= 0 && client->mode == CLIENT_SOCKET) {
+            client_bye(viewer, client, WEBSOCKET_AWAY, "the run is over");
+        }
+        if (client->socket >= 0) {
+            client_close(viewer, client);
+        }
+    }
+    simulator_want_views(viewer->config.simulator, false);
+}
+
+static void *viewer_thread_main(void *context)
+{
+    struct viewer *viewer = context;
+    struct clock *clock = clock_monotonic();
+
+    viewer_wait_for_order(viewer);
+    while (atomic_load(&viewer->order) != VIEWER_ORDER_STOP) {
+        struct pollfd fd[POLL_COUNT];
+
+        viewer->now_ns = clock_now(clock);
+        viewer_prepare_poll(viewer, fd);
+        if (poll(fd, POLL_COUNT, viewer_idle_ms(viewer)) < 0) {
+            memset(fd, 0, sizeof fd); /* a signal, or no memory: poll again */
+        }
+
+        /* What clients want, then what they get */
+        viewer->now_ns = clock_now(clock);
+        for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
+            viewer_serve_client(viewer, &viewer->client[i], fd[POLL_FIXED + 2 * i].revents,
+                                fd[POLL_FIXED + 2 * i + 1].revents);
+        }
+        viewer_hear_buses(viewer);
+        viewer_update_wish(viewer);
+        viewer_send_states(viewer);
+
+        /* Clients that are done or too slow make room for new ones */
+        for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
+            client_check(viewer, &viewer->client[i]);
+        }
+        if (fd[1].revents) {
+            viewer_accept_client(viewer);
+        }
+    }
+    viewer_end_clients(viewer);
+    return NULL;
+}
+
+/* ---- start ---- */
+
+static bool viewer_make_token(char token[VIEWER_TOKEN])
+{
+    uint8_t random[(VIEWER_TOKEN - 1) / 2];
+
+    if (getrandom(random, sizeof random, 0) != sizeof random) {
+        return false;
+    }
+    for (size_t i = 0; i < sizeof random; i++) {
+        snprintf(token + 2 * i, 3, "%02x", random[i]);
+    }
+    return true;
+}
+
+/* The numeric address as a sockaddr of its family; false when it is none. */
+static bool viewer_parse_host(const char *host, uint16_t port, struct sockaddr_storage *address,
+                              struct http_bound *bound)
+{
+    struct sockaddr_in *v4 = (struct sockaddr_in *)address;
+    struct sockaddr_in6 *v6 = (struct sockaddr_in6 *)address;
+
+    memset(address, 0, sizeof *address);
+    snprintf(bound->host, sizeof bound->host, "%s", host);
+    if (inet_pton(AF_INET, host, &v4->sin_addr) == 1) {
+        v4->sin_family = AF_INET;
+        v4->sin_port = htons(port);
+        bound->loopback = ntohl(v4->sin_addr.s_addr) >> 24 == IN_LOOPBACKNET;
+        bound->any = v4->sin_addr.s_addr == htonl(INADDR_ANY);
+        return true;
+    }
+    if (inet_pton(AF_INET6, host, &v6->sin6_addr) == 1) {
+        v6->sin6_family = AF_INET6;
+        v6->sin6_port = htons(port);
+        bound->loopback = IN6_IS_ADDR_LOOPBACK(&v6->sin6_addr);
+        bound->any = IN6_IS_ADDR_UNSPECIFIED(&v6->sin6_addr);
+        return true;
+    }
+    return false;
+}
+
+static enum error_code viewer_listen(struct viewer *viewer, struct error *error)
+{
+    const char *host = viewer->config.host ? viewer->config.host : "127.0.0.1";
+    struct sockaddr_storage address;
+    socklen_t length = sizeof address;
+    int one = 1;
+
+    if (!viewer_parse_host(host, viewer->config.port, &address, &viewer->bound)) {
+        return error_set(error, ERROR_INPUT,
+                         "page: found host \"%.60s\", expected a numeric address, for example "
+                         "127.0.0.1",
+                         host);
+    }
+    viewer->listener =
+        socket(address.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, IPPROTO_TCP);
+    if (viewer->listener < 0) {
+        return error_set_errno(error, errno, "page: cannot open a socket");
+    }
+    setsockopt(viewer->listener, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
+    if (bind(viewer->listener, (const struct sockaddr *)&address,
+             address.ss_family == AF_INET ? sizeof(struct sockaddr_in)
+                                          : sizeof(struct sockaddr_in6)) ||
+        listen(viewer->listener, BACKLOG)) {
+        return error_set_errno(error, errno, "page: cannot listen at %.60s port %u", host,
+                               viewer->config.port);
+    }
+    getsockname(viewer->listener, (struct sockaddr *)&address, &length);
+    /* The port stands at the same place in both families */
+    viewer->bound.port = ntohs(((const struct sockaddr_in *)&address)->sin_port);
+    return ERROR_NONE;
+}
+
+/* What to print: with the address of this machine where the server listens at all of them. */
+static void viewer_make_addresses(struct viewer *viewer)
+{
+    const char *host = viewer->bound.host;
+    bool six = strchr(host, ':');
+
+    if (viewer->bound.any) {
+        host = six ? "::1" : "127.0.0.1";
+    }
+    for (int right = 0; right < 2; right++) {
+        if (right == 0 || viewer->config.control) {
+            snprintf(viewer->address[right], sizeof viewer->address[right],
+                     "http://%s%s%s:%u/#token=%s", six ? "[" : "", host, six ? "]" : "",
+                     viewer->bound.port, viewer->token[right]);
+        }
+    }
+}
+
+static enum error_code viewer_allocate(const struct viewer_config *config, struct arena *arena,
+                                       struct viewer **out, struct error *error)
+{
+    struct viewer *viewer = arena_alloc(arena, 1, sizeof *viewer);
+
+    if (!viewer) {
+        return error_set(error, ERROR_MEMORY, "page: no memory");
+    }
+    viewer->config = *config;
+    viewer->rig = simulator_configuration(config->simulator)->rig;
+    viewer->listener = viewer->event = -1;
+    viewer->histogram = arena_alloc(arena, 1, sizeof *viewer->histogram);
+    viewer->mesh = arena_alloc(arena, VIEWER_MESHES, sizeof *viewer->mesh);
+    for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
+        struct viewer_client *client = &viewer->client[i];
+
+        *client = (struct viewer_client){
+            .socket = -1,
+            .control = -1,
+            .inbox = arena_alloc(arena, 1, VIEWER_INBOX),
+            .message = arena_alloc(arena, 1, VIEWER_INBOX),
+            .outbox = arena_alloc(arena, 1, VIEWER_OUTBOX),
+            .trace = arena_alloc(arena, 1, VIEWER_TRACE),
+            .line = arena_alloc(arena, 1, VIEWER_LINE),
+        };
+        if (!client->line) {
+            return error_set(error, ERROR_MEMORY, "page: no memory");
+        }
+    }
+    viewer->arena = *arena;
+    pthread_mutex_init(&viewer->events_lock, NULL);
+    *out = viewer;
+    return ERROR_NONE;
+}
+
+/* The description that every client gets first. */
+static enum error_code viewer_make_hello(struct viewer *viewer, struct error *error)
+{
+    json_t *hello = viewer_hello(viewer);
+
+    viewer->hello = hello ? json_dumps(hello, JSON_COMPACT | JSON_REAL_PRECISION(9)) : NULL;
+    json_decref(hello);
+    if (!viewer->hello) {
+        return error_set(error, ERROR_MEMORY, "page: no memory for the description of the rig");
+    }
+    viewer->hello_size = strlen(viewer->hello);
+    return ERROR_NONE;
+}
+
+static enum error_code viewer_start_thread(struct viewer *viewer, struct error *error)
+{
+    int reason;
+
+    viewer->event = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (viewer->event < 0) {
+        return error_set_errno(error, errno, "page: cannot create an event descriptor");
+    }
+    reason = pthread_create(&viewer->thread, NULL, viewer_thread_main, viewer);
+    return reason ? error_set_errno(error, reason, "page: cannot start its thread") : ERROR_NONE;
+}
+
+enum error_code viewer_start(const struct viewer_config *config, struct viewer **out,
+                             struct error *error)
+{
+    struct arena arena;
+    struct viewer *viewer = NULL;
+    enum error_code code = arena_init(&arena, MEMORY, error);
+
+    if (code) {
+        return code;
+    }
+    code = viewer_allocate(config, &arena, &viewer, error);
+    if (code) {
+        arena_fini(&arena);
+        return code;
+    }
+    if (!viewer_make_token(viewer->token[0]) || !viewer_make_token(viewer->token[1])) {
+        code = error_set_errno(error, errno, "page: no random numbers for its tokens");
+        goto fail;
+    }
+
+    /* The description, then the socket, then the thread that serves it */
+    if ((code = viewer_create_state(viewer, error)) || (code = viewer_make_hello(viewer, error)) ||
+        (code = viewer_listen(viewer, error))) {
+        goto fail;
+    }
+    viewer_make_addresses(viewer);
+    code = viewer_start_thread(viewer, error);
+    if (code) {
+        goto fail;
+    }
+    *out = viewer;
+    return ERROR_NONE;
+
+fail:
+    if (viewer->event >= 0) {
+        close(viewer->event);
+    }
+    viewer_destroy(viewer);
+    return code;
+}
+
+/* ---- the rest of its life ---- */
+
+static void viewer_give_order(struct viewer *viewer, enum viewer_order order)
+{
+    const uint64_t one = 1;
+
+    atomic_store(&viewer->order, (int)order);
+    /* Cannot fail: the counter is small */
+    (void)!write(viewer->event, &one, sizeof one);
+}
+
+void viewer_serve(struct viewer *viewer)
+{
+    if (viewer) {
+        viewer_give_order(viewer, VIEWER_ORDER_SERVE);
+    }
+}
+
+const char *viewer_address(const struct viewer *viewer, bool control)
+{
+    return viewer->address[control];
+}
+
+void viewer_put_event(struct viewer *viewer, enum journal_priority priority, const char *text)
+{
+    pthread_mutex_lock(&viewer->events_lock);
+    struct viewer_event *event = &viewer->events[viewer->nevent++ % VIEWER_EVENTS];
+
+    event->priority = priority;
+    snprintf(event->text, sizeof event->text, "%s", text);
+    pthread_mutex_unlock(&viewer->events_lock);
+}
+
+void viewer_stop(struct viewer *viewer)
+{
+    if (viewer) {
+        viewer_give_order(viewer, VIEWER_ORDER_STOP);
+        pthread_join(viewer->thread, NULL);
+        close(viewer->event);
+    }
+}
+
+void viewer_counters(const struct viewer *viewer, struct viewer_counters *counters)
+{
+    *counters = viewer->counters;
+}
+
+void viewer_destroy(struct viewer *viewer)
+{
+    struct arena arena;
+
+    if (!viewer) {
+        return;
+    }
+    if (viewer->listener >= 0) {
+        close(viewer->listener);
+    }
+    for (size_t i = 0; i < VIEWER_MESHES && viewer->mesh; i++) {
+        free((void *)(uintptr_t)viewer->mesh[i].data);
+    }
+    free(viewer->hello);
+    free(viewer->database);
+    pthread_mutex_destroy(&viewer->events_lock);
+    arena = viewer->arena;
+    arena_fini(&arena);
+}

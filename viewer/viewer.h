@@ -1,0 +1,84 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The page: a browser, or a program, looks at a running simulator and, with the right to, controls
+ * it. Serves HTTP and WebSockets at one address; docs/page.md is the manual and has every message.
+ *
+ * Two rights, each with a token of its own, made anew for every run: to look, and to control. A
+ * page gets its token in the fragment of its address, which no browser sends to anybody, and hands
+ * it over in its first message. Who may only look can neither change the simulator nor send frames.
+ * A request has to name the address that the server is bound to as its Host, and its pages as its
+ * Origin (viewer/request.h).
+ *
+ * What a client asks is carried out by the control socket (app/control/control.h), to which the
+ * viewer connects once for each client with the right to control; `coman-hil ctl` does the same.
+ * Frames are sent and heard by ports of its own, as any participant of the buses has them.
+ *
+ * One thread does all the work. It takes what the loop publishes (sim/view.h) and never makes it
+ * wait. Its memory is bounded: VIEWER_CLIENTS connections with an inbox and an outbox each. States
+ * that a slow client has no room for are skipped and counted; one that takes nothing for 10 s is
+ * disconnected and counted. Not RT-safe.
+ */
+#ifndef VIEWER_VIEWER_H
+#define VIEWER_VIEWER_H
+
+#include "base/error.h"
+#include "base/journal.h"
+#include "sim/buses.h"
+#include "sim/simulator.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum {
+    VIEWER_CLIENTS = 16,        /* connections at a time */
+    VIEWER_INBOX = 32 * 1024,   /* longest message of a client, with its header */
+    VIEWER_OUTBOX = 512 * 1024, /* what waits for a client */
+    VIEWER_TOKEN = 33,          /* letters of a token, and a zero */
+    VIEWER_RATE_HZ = 60,        /* states a second at most */
+    VIEWER_EVENT_TEXT = 240,
+    VIEWER_PROTOCOL = 1,
+};
+
+struct viewer_config {
+    struct simulator *simulator;
+    const char *host;        /* numeric; NULL = 127.0.0.1 */
+    uint16_t port;           /* 0 = any that is free */
+    const char *control;     /* path of the control socket; NULL = nobody may control */
+    struct bus_ports *ports; /* of simulator_join; NULL = no trace and no frames to send */
+};
+
+struct viewer_counters {
+    uint64_t clients; /* that have given a token */
+    uint64_t refused; /* connections without place, requests with a wrong Host, Origin or token */
+    uint64_t cut_junk, cut_slow, cut_silent;
+    uint64_t states, skipped_states;
+    uint64_t frames_sent, frames_untaken; /* of clients, to the buses */
+};
+
+struct viewer;
+
+/* Listens and starts the thread; after simulator_create and before simulator_start, so that the
+ * thread has the rights and processors of any other. Everything given is borrowed until
+ * viewer_destroy. ERROR_INPUT: the host is no numeric address; ERROR_SYSTEM, ERROR_MEMORY. */
+enum error_code viewer_start(const struct viewer_config *config, struct viewer **viewer,
+                             struct error *error);
+
+/* Clients are served from now on; after simulator_start. NULL is allowed. */
+void viewer_serve(struct viewer *viewer);
+
+/* The address of the page for those who may control, or only look: what to print. "" when nobody
+ * may control. Owned by the viewer. */
+const char *viewer_address(const struct viewer *viewer, bool control);
+
+/* An event of the run, for the time line; from any thread but the loop's. */
+void viewer_put_event(struct viewer *viewer, enum journal_priority priority, const char *text);
+
+/* When the loop has ended: tells the clients and closes every connection. NULL is allowed. */
+void viewer_stop(struct viewer *viewer);
+
+/* After viewer_stop. */
+void viewer_counters(const struct viewer *viewer, struct viewer_counters *counters);
+void viewer_destroy(struct viewer *viewer); /* NULL is allowed */
+
+#endif
