@@ -122,7 +122,9 @@ struct rig {
     const double *initial_rad;
     struct servo_config servo;
     struct squat_config squat;
-    struct grasp_config grasp; /* nphase 0: the file has none */
+    struct grasp_config grasp;      /* nphase 0: the file has none */
+    const struct walk_config *walk; /* NULL: the file has none */
+    struct body_model body;         /* of the robot, for tasks */
 
     struct rig_wire wire;
     struct loop_lockstep lockstep;

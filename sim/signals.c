@@ -79,6 +79,12 @@ static double *signals_fill_row(const struct simulator *simulator, double *to)
         plant_free_pose(simulator->plant, i, to);
         to += SIGNALS_PER_FREE;
     }
+
+    /* What an inline task estimates and plans; one in a thread of its own is not looked at */
+    if (simulator->task_inline) {
+        task_read_signals(simulator->task->task, to);
+        to += simulator->task->nsignal;
+    }
     return to;
 }
 
@@ -175,6 +181,14 @@ static void title_add_recorded(struct title_list *list, const struct rig *rig)
     }
 }
 
+/* Those of a task that the loop steps. */
+static void title_add_task(struct title_list *list, const struct simulator *simulator)
+{
+    if (simulator->task_inline) {
+        title_add_group(list, simulator->task->signal_name, simulator->task->nsignal, "");
+    }
+}
+
 /* The titles of the columns of signals.csv, then of those that only the stream has. */
 static bool signals_make_titles(struct simulator *simulator)
 {
@@ -183,12 +197,14 @@ static bool signals_make_titles(struct simulator *simulator)
     size_t count = rig->robot->njoint * SIGNALS_PER_JOINT +
                    rig->contact.nbody * SIGNALS_PER_CONTACT + rig->nlisted_pair * SIGNALS_PER_PAIR +
                    (rig->robot->floating ? SIGNALS_BASE : 0) + rig->nfree * SIGNALS_PER_FREE +
-                   rig->nbus * SIGNALS_PER_BUS;
+                   rig->nbus * SIGNALS_PER_BUS +
+                   (simulator->task_inline ? simulator->task->nsignal : 0);
     struct title_list list = {.arena = simulator->arena};
 
     list.title = arena_alloc(simulator->arena, count + 1, sizeof *list.title);
     list.good = list.title != NULL;
     title_add_recorded(&list, rig);
+    title_add_task(&list, simulator);
     simulator->nrecorded = list.count;
     for (size_t b = 0; b < rig->nbus; b++) {
         title_add_group(&list, bus, SIGNALS_PER_BUS, rig->bus[b].name);

@@ -48,6 +48,8 @@ enum error_code task_runner_create(const struct rig *rig, const char *task, stru
         .servo = rig->servo,
         .squat = rig->squat,
         .grasp = rig->grasp,
+        .walk = rig->walk,
+        .body = &rig->body,
     };
     enum error_code code;
 
@@ -69,6 +71,7 @@ enum error_code task_runner_create(const struct rig *rig, const char *task, stru
     if (code) {
         return code;
     }
+    runner->nsignal = task_signals(runner->task, &runner->signal_name);
     *out = runner;
     return ERROR_NONE;
 }
