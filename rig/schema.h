@@ -242,7 +242,7 @@ struct raw_walk {
     struct walk_config config;
 };
 
-extern const struct yaml_schema walk_schema;
+extern const struct yaml_schema task_walk_schema;
 
 struct raw_tasks {
     struct yaml_mark mark;

@@ -74,7 +74,7 @@ static const struct yaml_field walk_fields[] = {
     BALANCE(ankle_follow, 0.0, 1.0),
 };
 
-const struct yaml_schema walk_schema = {
+const struct yaml_schema task_walk_schema = {
     .what = "the walk",
     .size = sizeof(struct raw_walk),
     .fields = walk_fields,
