@@ -50,6 +50,9 @@ enum error_code rig_build_boards(struct rig_builder *b);
 enum error_code rig_build_faults(struct rig_builder *b);
 enum error_code rig_build_sensors(struct rig_builder *b);
 
+/* Part of rig_build_host, when the axes are known: what tasks may know of the robot's body. */
+enum error_code rig_build_task_body(struct rig_builder *b);
+
 /* Parts of rig_build_scene. Index of a body of the plant among the contact bodies, to which it is
  * added when it is new; a material, a pair by their names. */
 int rig_add_contact_body(struct rig_builder *b, int *bodies, int body);

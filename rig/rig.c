@@ -470,9 +470,10 @@ static void rig_build_realtime(struct rig_builder *b)
 static enum error_code rig_build(struct rig_builder *b)
 {
     static enum error_code (*const step[])(struct rig_builder *) = {
-        rig_build_robot,  rig_build_time,   rig_build_pose,     rig_build_bodies, rig_build_scene,
-        rig_build_boards, rig_build_faults, rig_build_sensors,  rig_check_drives, rig_build_host,
-        rig_build_tasks,  rig_build_grasp,  rig_build_lockstep,
+        rig_build_robot,  rig_build_time,     rig_build_pose,      rig_build_bodies,
+        rig_build_scene,  rig_build_boards,   rig_build_faults,    rig_build_sensors,
+        rig_check_drives, rig_build_host,     rig_build_task_body, rig_build_tasks,
+        rig_build_grasp,  rig_build_lockstep,
     };
     enum error_code code = rig_check_name(b, &b->raw->mark, "rig", b->raw->name);
 

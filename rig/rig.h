@@ -128,6 +128,8 @@ struct rig {
     struct squat_config squat;
     struct grasp_config grasp; /* nphase 0: the file has none */
     struct hold_config hold_task;
+    const struct walk_config *walk; /* NULL: the file has none */
+    struct body_model body;         /* of the robot, for tasks */
 
     struct rig_wire wire;
     struct loop_lockstep lockstep;

@@ -551,6 +551,8 @@ static const struct yaml_field tasks_fields[] = {
     {"squat", YAML_MAP, false, AT(squat), .schema = &squat_schema},
     {"grasp", YAML_MAP, false, AT(grasp), .schema = &grasp_schema},
     {"hold", YAML_MAP, false, AT(hold), .schema = &hold_schema},
+    {"walk", YAML_MAP, false, AT(walk), .schema = &task_walk_schema,
+     .given_offset = AT(walk_given)},
 };
 #undef STRUCT
 static const struct yaml_schema tasks_schema = {

@@ -246,12 +246,22 @@ struct raw_hold {
     double duration_s, tolerance_rad;
 };
 
+/* The numbers go straight to where the task wants them (rig/schema_walk.c). */
+struct raw_walk {
+    struct yaml_mark mark;
+    struct walk_config config;
+};
+
+extern const struct yaml_schema task_walk_schema;
+
 struct raw_tasks {
     struct yaml_mark mark;
     struct raw_servo servo;
     struct raw_squat squat;
     struct raw_grasp grasp;
     struct raw_hold hold;
+    struct raw_walk walk;
+    bool walk_given;
 };
 
 struct raw_chopper {

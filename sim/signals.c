@@ -113,7 +113,14 @@ double *simulator_fill_signals(const struct simulator *simulator, double *to)
         plant_free_pose(simulator->plant, i, to);
         to += SIGNALS_PER_FREE;
     }
-    return signals_fill_sensed(simulator, to);
+    to = signals_fill_sensed(simulator, to);
+
+    /* What an inline task estimates and plans; one in a thread of its own is not looked at */
+    if (simulator->task_inline) {
+        task_read_signals(simulator->task->task, to);
+        to += simulator->task->nsignal;
+    }
+    return to;
 }
 
 void simulator_fill_stream(const struct simulator *simulator, double *to)
@@ -250,6 +257,14 @@ static void title_add_recorded(struct title_list *list, const struct rig *rig)
     title_add_sensed(list, rig->robot);
 }
 
+/* Those of a task that the loop steps. */
+static void title_add_task(struct title_list *list, const struct simulator *simulator)
+{
+    if (simulator->task_inline) {
+        title_add_group(list, simulator->task->signal_name, simulator->task->nsignal, "");
+    }
+}
+
 /* The titles of the columns of signals.csv, then of those that only the stream has. */
 static bool signals_make_titles(struct simulator *simulator)
 {
@@ -259,12 +274,14 @@ static bool signals_make_titles(struct simulator *simulator)
                    2 * (rig->robot->nft * SIGNALS_PER_FT + SIGNALS_PER_IMU) +
                    rig->contact.nbody * SIGNALS_PER_CONTACT + rig->nlisted_pair * SIGNALS_PER_PAIR +
                    (rig->robot->floating ? SIGNALS_BASE : 0) + rig->nfree * SIGNALS_PER_FREE +
-                   rig->nbus * SIGNALS_PER_BUS;
+                   rig->nbus * SIGNALS_PER_BUS +
+                   (simulator->task_inline ? simulator->task->nsignal : 0);
     struct title_list list = {.arena = simulator->arena};
 
     list.title = arena_alloc(simulator->arena, count + 1, sizeof *list.title);
     list.good = list.title != NULL;
     title_add_recorded(&list, rig);
+    title_add_task(&list, simulator);
     simulator->nrecorded = list.count;
     for (size_t b = 0; b < rig->nbus; b++) {
         title_add_group(&list, bus, SIGNALS_PER_BUS, rig->bus[b].name);

@@ -49,6 +49,8 @@ enum error_code task_runner_create(const struct rig *rig, const char *task, stru
         .squat = rig->squat,
         .grasp = rig->grasp,
         .hold = rig->hold_task,
+        .walk = rig->walk,
+        .body = &rig->body,
     };
     enum error_code code;
 
@@ -70,6 +72,7 @@ enum error_code task_runner_create(const struct rig *rig, const char *task, stru
     if (code) {
         return code;
     }
+    runner->nsignal = task_signals(runner->task, &runner->signal_name);
     *out = runner;
     return ERROR_NONE;
 }

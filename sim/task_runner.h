@@ -32,6 +32,8 @@ struct task_runner {
     struct task_runner_status now;
     uint64_t steps;
     struct snapshot *published; /* struct task_runner_status */
+    size_t nsignal;             /* task_signals */
+    const char *const *signal_name;
 };
 
 /* ERROR_INPUT when there is no such task: to be checked before anything is opened. Not RT-safe. */

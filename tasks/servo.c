@@ -64,18 +64,30 @@ void servo_start(struct servo *servo)
 {
     for (size_t i = 0; i < host_configuration(servo->host)->naxis; i++) {
         const struct host_joint *joint = host_joint(servo->host, i);
-        double wanted = servo->config.gains[i].trim_per_s > 0 ? joint->joint_rad : joint->motor_rad;
+        const struct servo_gains *gains = &servo->config.gains[i];
+        double wanted = gains->trim_per_s > 0 ? joint->joint_rad : joint->motor_rad;
 
         servo->loop[i] = (struct loop){
             .wanted = wanted,
             .trim = joint->motor_rad - wanted,
-            .load_v = servo->config.gains[i].load_v_per_nm * joint->torque_nm,
+            .load_v = gains->load_v_per_nm * joint->torque_nm,
             .mean_deflection = servo_deflection(servo, i),
             .motor_rad = joint->motor_rad,
             .motor_time_ns = joint->motor_time_ns,
         };
     }
     servo->last_ns = -1;
+}
+
+void servo_use(struct servo *servo, const struct servo_gains *gains)
+{
+    servo->config.gains = gains;
+    servo_start(servo);
+}
+
+void servo_set_load(struct servo *servo, size_t axis, double torque_nm)
+{
+    servo->loop[axis].load_v = servo->config.gains[axis].load_v_per_nm * torque_nm;
 }
 
 void servo_set(struct servo *servo, size_t axis, double angle, double rate)

@@ -18,6 +18,12 @@ enum error_code servo_create(const struct servo_config *config, struct host *hos
 /* The present angles become the references, so that no motor moves; integrals are reset. */
 void servo_start(struct servo *servo);
 
+/* Other gains, one an axis, from now on; the caller's, must outlive the servo. */
+void servo_use(struct servo *servo, const struct servo_gains *gains);
+
+/* The torque (N m) that an axis bears: its voltage carries it, load_v_per_nm. */
+void servo_set_load(struct servo *servo, size_t axis, double torque_nm);
+
 /* The reference of one axis: angle (rad) and rate (rad/s). */
 void servo_set(struct servo *servo, size_t axis, double angle, double rate);
 double servo_wanted(const struct servo *servo, size_t axis);

@@ -13,8 +13,9 @@ enum { TELL_STEPS = 20 };
 
 static const double STRAY_RAD = 0.4; /* a motor so far from its reference: fallen or stuck */
 
-static const struct task_ops *const known[] = {&task_squat, &task_grasp, &task_hold};
-static const char *const names[] = {"squat", "grasp", "hold", NULL};
+static const struct task_ops *const known[] = {&task_squat, &task_grasp, &task_hold, &task_stand,
+                                               &task_walk};
+static const char *const names[] = {"squat", "grasp", "hold", "stand", "walk", NULL};
 
 enum { KNOWN = ARRAY_COUNT(known) };
 
@@ -54,8 +55,8 @@ enum error_code task_create(const char *name, const struct task_config *config, 
         const char *nearest = text_nearest(name, names, KNOWN);
 
         return error_set(error, ERROR_INPUT,
-                         "found task \"%s\", expected one of: squat, grasp, hold%s%s", name,
-                         nearest ? "; did you mean " : "", nearest ? nearest : "");
+                         "found task \"%s\", expected one of: squat, grasp, hold, stand, walk%s%s",
+                         name, nearest ? "; did you mean " : "", nearest ? nearest : "");
     }
     task->config = *config;
 
@@ -188,6 +189,21 @@ void task_stop(struct task *task)
         host_set_motor(task->host, i, false);
     }
     host_send(task->host);
+}
+
+size_t task_signals(const struct task *task, const char *const **name)
+{
+    *name = task->ops->signal_name;
+    return task->ops->nsignal;
+}
+
+void task_read_signals(const struct task *task, double *value)
+{
+    if (task->started && task->ops->nsignal > 0) {
+        task->ops->signals(task, value);
+    } else {
+        memset(value, 0, task->ops->nsignal * sizeof *value);
+    }
 }
 
 const char *task_message(const struct task *task)

@@ -12,9 +12,11 @@
 #include "base/arena.h"
 #include "base/error.h"
 #include "canbus/port.h"
+#include "tasks/body_model.h"
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 /* What 2FOC boards need from their host: it tells them the motor and its limits, and computes the
  * link's angle from the rotor's. */
@@ -144,6 +146,54 @@ struct hold_config {
     double tolerance_rad; /* of a link's angle; more has failed */
 };
 
+/* ---- stand and walk; docs/walking.md ---- */
+
+struct estimate_config {
+    double attitude_per_s; /* the gyro's attitude goes to the board's, or to the plumb line */
+    double com_per_s;      /* bandwidth of the center of mass's correction by the encoders */
+    double loaded_n;       /* a foot with more has a center of pressure */
+};
+
+struct gait_config {
+    double swing_s, transfer_s; /* of a step: one foot stands, both do */
+    double start_s;             /* first transfer, from both feet to one, and the last one back */
+    double clearance_m;         /* of the foot in the air */
+    double width_m, least_width_m; /* between the feet */
+    double zmp_ahead_m;  /* where the plan puts the zero-moment point, from the sole's origin */
+    double zmp_inward_m; /* and towards the other foot */
+    double reach_ahead_m, reach_back_m, reach_out_m; /* of a step; the last beyond width_m */
+    double adjust;  /* how far a foothold follows the DCM's error, 0 to 1; 0: never */
+    double ankle_m; /* error that is left to the center of pressure: so far it moves */
+};
+
+struct balance_config {
+    struct estimate_config estimate;
+    struct gait_config gait;
+    struct servo_gains servo;       /* of all axes; trim, integral and sway damping are 0 */
+    double ankle_roll_kp_v_per_rad; /* of these two: with more the foot tips before it yields */
+    double pelvis_height_m;         /* of its origin over the soles */
+    double lean_rad;                /* of the pelvis, forward */
+    double sole_front_m, sole_back_m, sole_side_m; /* edges of the sole from its origin */
+    double sole_margin_m;                          /* that the center of pressure keeps from them */
+    double dcm_gain;                               /* r = r_ref + dcm_gain (xi - xi_ref) */
+    double cop_pitch_rad_s_nm; /* rate at which a foot turns, of what its moment is off */
+    double cop_roll_rad_s_nm;
+    double cop_leak_per_s;   /* at which it turns back */
+    double force_m_s_n;      /* rate at which legs stretch, of what the difference of the ... */
+    double force_leak_per_s; /* ... feet's forces is off; at which they go back */
+    double swing_follow;     /* how far a foot in the air allows for the pelvis's true height */
+    double carry_s;          /* in which a foot that touches down goes over to the plan */
+    double swing_torque;     /* how much of the torque that swings a leg both hips give, 0 to 1 */
+    double ankle_follow;     /* how far standing ankles go along with their links, 0 to 1 */
+};
+
+struct walk_config {
+    struct balance_config balance;
+    double begin_s; /* of the steps, after the motors are on */
+    int64_t steps;  /* then it stands; 0: for ever */
+    double forward_m_s, left_m_s, turn_rad_s;
+};
+
 struct task_config {
     struct host_config host;
     const double *initial_rad; /* naxis: the pose that the robot stands in at the start */
@@ -151,6 +201,8 @@ struct task_config {
     struct squat_config squat;
     struct grasp_config grasp;
     struct hold_config hold;
+    const struct walk_config *walk; /* stand, walk; NULL: they refuse */
+    const struct body_model *body;  /* the same */
 };
 
 struct task;
@@ -171,6 +223,13 @@ enum task_status task_step(struct task *task, int64_t now_ns);
 
 /* Motors off; call it when stopping early. RT-safe. */
 void task_stop(struct task *task);
+
+/* What a task estimates and plans, for recordings: how many signals it has, and their names, with
+ * the units at the end. RT-safe. */
+size_t task_signals(const struct task *task, const char *const **name);
+
+/* Their values after the last step; zeros before the boards are ready. RT-safe. */
+void task_read_signals(const struct task *task, double *value);
 
 /* One line about its progress ("cycle 2 of 4, 43 mm down") or why it failed. RT-safe. */
 const char *task_message(const struct task *task);

@@ -20,6 +20,10 @@ struct task_ops {
     /* Sets the servo's references for t_s; writes task->message when it ends or task->tells: a text
      * in every step would take a tenth of the time. */
     enum task_status (*step)(struct task *task, double t_s);
+    /* What it estimates and plans, for recordings; none when nsignal is 0. */
+    const char *const *signal_name;
+    size_t nsignal;
+    void (*signals)(const struct task *task, double *value);
 };
 
 struct task {
@@ -35,7 +39,7 @@ struct task {
     char message[192];
 };
 
-extern const struct task_ops task_squat, task_grasp, task_hold;
+extern const struct task_ops task_squat, task_grasp, task_hold, task_stand, task_walk;
 
 /* The index of a joint's axis or of a force-torque board; the error says which one is missing. */
 enum error_code task_find_axis(const struct task *task, const char *joint, size_t *axis,

@@ -1,0 +1,82 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What a rig tells its tasks about the robot's body, and how it is to walk. */
+#include "rig/builder_private.h"
+
+#include <math.h>
+#include <string.h>
+
+static struct body_frame task_body_frame(const struct robot *robot, int index)
+{
+    struct body_frame frame = {.link = -1};
+
+    if (index >= 0) {
+        frame.link = robot->frame[index].body;
+        memcpy(frame.position, robot->frame[index].position, sizeof frame.position);
+        memcpy(frame.rotation, robot->frame[index].rotation, sizeof frame.rotation);
+    }
+    return frame;
+}
+
+static int task_body_axis(const struct rig *rig, const char *joint)
+{
+    for (size_t i = 0; i < rig->naxis; i++) {
+        if (strcmp(rig->axis[i].joint, joint) == 0) {
+            return (int)i;
+        }
+    }
+    return -1;
+}
+
+static void task_body_link(const struct rig_builder *b, size_t i, struct body_link *link)
+{
+    const struct robot_body *body = &b->robot->body[i];
+
+    *link = (struct body_link){.name = body->name, .parent = body->parent, .axis = -1};
+    link->mass_kg = body->inertia.mass;
+    memcpy(link->com_m, body->inertia.com, sizeof link->com_m);
+    if (i > 0) {
+        const struct robot_joint *joint = &b->robot->joint[i - 1];
+
+        link->joint = joint->name;
+        link->axis = task_body_axis(b->rig, joint->name);
+        link->fixed_rad = b->rig->joint[i - 1];
+        memcpy(link->origin, joint->origin, sizeof link->origin);
+        memcpy(link->rotation, joint->rotation, sizeof link->rotation);
+        memcpy(link->direction, joint->axis, sizeof link->direction);
+    }
+}
+
+enum error_code rig_build_task_body(struct rig_builder *b)
+{
+    static const char *const sole[BODY_SIDES] = {"r_sole", "l_sole"};
+    static const char *const force[BODY_SIDES] = {"r_leg_ft", "l_leg_ft"};
+    const struct robot *robot = b->robot;
+    struct body_link *link = arena_alloc(b->arena, robot->nbody, sizeof *link);
+    struct walk_config *walk = arena_alloc(b->arena, 1, sizeof *walk);
+    struct body_model *model = &b->rig->body;
+
+    if (!link || !walk) {
+        return rig_no_memory(b);
+    }
+    for (size_t i = 0; i < robot->nbody; i++) {
+        task_body_link(b, i, &link[i]);
+    }
+    *model = (struct body_model){
+        .nlink = robot->nbody,
+        .link = link,
+        .imu = task_body_frame(robot, robot->imu_frame),
+        .gravity_m_s2 =
+            sqrt(robot->gravity[0] * robot->gravity[0] + robot->gravity[1] * robot->gravity[1] +
+                 robot->gravity[2] * robot->gravity[2]),
+        .mass_kg = robot->total_mass,
+    };
+    for (int side = 0; side < BODY_SIDES; side++) {
+        model->sole[side] = task_body_frame(robot, robot_find_frame(robot, sole[side]));
+        model->foot_force[side] = task_body_frame(robot, robot_find_frame(robot, force[side]));
+    }
+    if (b->raw->tasks.walk_given) {
+        *walk = b->raw->tasks.walk.config;
+        b->rig->walk = walk;
+    }
+    return ERROR_NONE;
+}

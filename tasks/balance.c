@@ -1,0 +1,231 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Makes the balance, brings the robot to its posture and runs the periods. */
+#include "tasks/balance_private.h"
+
+#include "base/vec3.h"
+
+#include <math.h>
+#include <string.h>
+
+#define RAMP_S 1.5   /* from the initial pose to the posture */
+#define SETTLE_S 0.5 /* then the springs come to rest */
+#define LOAD_S 0.3   /* in which the motors take the weight over at the start */
+
+/* ---- creation ---- */
+
+static enum error_code balance_find_legs(struct balance *balance, struct error *error)
+{
+    for (int side = 0; side < BODY_SIDES; side++) {
+        struct balance_leg *leg = &balance->leg[side];
+        enum error_code code = leg_find(balance->model, side, leg->link, &leg->geometry, error);
+
+        if (code) {
+            return code;
+        }
+        for (int j = 0; j < LEG_JOINTS; j++) {
+            leg->axis[j] = (size_t)balance->model->link[leg->link[j]].axis;
+        }
+        memcpy(leg->sole_m, balance->model->sole[side].position, sizeof leg->sole_m);
+    }
+    return ERROR_NONE;
+}
+
+/* The posture in which the robot stands: the center of mass over the middle of the soles. False
+ * when the legs do not reach so far. */
+static bool balance_find_posture(struct balance *balance)
+{
+    const struct gait_config *gait = &balance->config.gait;
+    const double rpy[3] = {0, balance->config.lean_rad, 0};
+    double R[9], flat[9], offset[3], pelvis[3] = {0, 0, balance->config.pelvis_height_m};
+    bool reached = true;
+
+    mat3_from_rpy(rpy, R);
+    mat3_identity(flat);
+    memcpy(balance->angle, balance->initial,
+           host_configuration(balance->host)->naxis * sizeof *balance->angle);
+    for (int round = 0; round < 30; round++) {
+        balance_com_offset(balance, R, offset);
+        pelvis[0] = gait->zmp_ahead_m - offset[0];
+        pelvis[1] = -offset[1];
+        for (int side = 0; side < BODY_SIDES; side++) {
+            struct balance_leg *leg = &balance->leg[side];
+            double sole[3] = {0, (side == BODY_LEFT ? 0.5 : -0.5) * gait->width_m, 0};
+            double angle[LEG_JOINTS];
+
+            reached = balance_leg_angles(leg, R, pelvis, flat, sole, angle) && reached;
+            for (int j = 0; j < LEG_JOINTS; j++) {
+                balance->angle[leg->axis[j]] = angle[j];
+            }
+        }
+    }
+    for (int side = 0; side < BODY_SIDES; side++) {
+        struct balance_leg *leg = &balance->leg[side];
+
+        leg->inertia_kg_m2 = 0;
+        for (int j = 0; j < LEG_JOINTS; j++) {
+            const struct body_link *link = &balance->model->link[leg->link[j]];
+            double arm[3];
+
+            mat3_apply(balance->pose[leg->link[j]].R, link->com_m, arm);
+            vec3_add_scaled(arm, 1, balance->pose[leg->link[j]].p, arm);
+            vec3_sub(arm, leg->geometry.hip, arm);
+            leg->inertia_kg_m2 += link->mass_kg * (arm[0] * arm[0] + arm[2] * arm[2]);
+        }
+    }
+    balance->com_height_m = pelvis[2] + offset[2];
+    balance->omega = sqrt(balance->model->gravity_m_s2 / balance->com_height_m);
+    return reached;
+}
+
+enum error_code balance_create(const struct balance_config *config, const struct body_model *model,
+                               const double *initial_rad, struct host *host, struct servo *servo,
+                               struct arena *arena, struct balance **out, struct error *error)
+{
+    size_t naxis = host_configuration(host)->naxis;
+    struct balance *balance = arena_alloc(arena, 1, sizeof *balance);
+    double *angle = arena_alloc(arena, naxis, sizeof *angle);
+    double *from = arena_alloc(arena, naxis, sizeof *from);
+    struct body_pose *pose = arena_alloc(arena, model->nlink, sizeof *pose);
+    struct servo_gains *gains = arena_alloc(arena, naxis, sizeof *gains);
+    enum error_code code;
+
+    if (!balance || !angle || !from || !pose || !gains) {
+        return error_set(error, ERROR_MEMORY, "no memory for the balance");
+    }
+    *balance = (struct balance){.config = *config,
+                                .model = model,
+                                .initial = initial_rad,
+                                .host = host,
+                                .servo = servo,
+                                .angle = angle,
+                                .from = from,
+                                .pose = pose,
+                                .gains = gains};
+    for (size_t i = 0; i < naxis; i++) {
+        gains[i] = config->servo;
+    }
+    code = estimator_create(&config->estimate, model, host, arena, &balance->estimator, error);
+    code = code ? code : balance_find_legs(balance, error);
+    if (code) {
+        return code;
+    }
+    for (int side = 0; side < BODY_SIDES; side++) {
+        gains[balance->leg[side].axis[LEG_ANKLE_ROLL]].kp_v_per_rad =
+            config->ankle_roll_kp_v_per_rad;
+    }
+    if (!balance_find_posture(balance)) {
+        return error_set(error, ERROR_INPUT,
+                         "a pelvis %g m over the soles is out of the legs' reach",
+                         config->pelvis_height_m);
+    }
+    *out = balance;
+    return ERROR_NONE;
+}
+
+void balance_start(struct balance *balance)
+{
+    size_t naxis = host_configuration(balance->host)->naxis;
+
+    for (size_t i = 0; i < naxis; i++) {
+        balance->from[i] = host_joint(balance->host, i)->joint_rad;
+    }
+    for (int side = 0; side < BODY_SIDES; side++) {
+        struct balance_leg *leg = &balance->leg[side];
+
+        for (int j = 0; j < LEG_JOINTS; j++) {
+            leg->motor_rad[j] = host_joint(balance->host, leg->axis[j])->motor_rad;
+        }
+    }
+    servo_use(balance->servo, balance->gains);
+    estimator_start(balance->estimator);
+    balance->t_s = 0;
+    balance->ready = false;
+}
+
+/* ---- a period ---- */
+
+/* The foothold at which a foot's sole is, as estimated; its yaw in the turn of the plan's. */
+static struct gait_foothold balance_foothold(const struct estimate_foot *foot, double plan_yaw)
+{
+    double turns = round((plan_yaw - foot->yaw_rad) / (2 * M_PI));
+
+    return (struct gait_foothold){
+        .p = {foot->anchor[0], foot->anchor[1], foot->anchor[2]},
+        .yaw = foot->yaw_rad + 2 * M_PI * turns,
+    };
+}
+
+/* The posture is reached: from here on the gait leads. */
+static void balance_begin(struct balance *balance)
+{
+    const struct estimate *estimate = estimator_read(balance->estimator);
+    struct gait_foothold foot[BODY_SIDES];
+    double com[2];
+
+    for (int i = 0; i < BODY_SIDES; i++) {
+        foot[i] = balance_foothold(&estimate->foot[i], 0);
+        balance->leg[i].foot = foot[i];
+        balance->leg[i].carries = 1;
+    }
+    com[0] = (foot[0].p[0] + foot[1].p[0]) / 2 + balance->config.gait.zmp_ahead_m;
+    com[1] = (foot[0].p[1] + foot[1].p[1]) / 2;
+    gait_start(&balance->gait, &balance->config.gait, balance->omega, foot, com);
+    balance->ready = true;
+}
+
+void balance_update(struct balance *balance, const struct gait_command *command, double dt_s)
+{
+    const struct estimate *estimate;
+    struct gait_foothold measured[BODY_SIDES];
+    double dcm[2], ramp = fmin(balance->t_s / RAMP_S, 1);
+
+    balance->t_s += dt_s;
+    estimator_update(balance->estimator, dt_s);
+    estimate = estimator_read(balance->estimator);
+    if (!balance->ready && balance->t_s > RAMP_S + SETTLE_S) {
+        balance_begin(balance);
+    }
+    if (!balance->ready) {
+        for (int i = 0; i < BODY_SIDES; i++) {
+            balance->leg[i].weight = 0.5;
+            balance->leg[i].cop_m[0] = balance->config.gait.zmp_ahead_m;
+            balance->zmp[0] = estimate->com_m[0];
+            balance->zmp[1] = estimate->com_m[1];
+        }
+        body_place(balance->model, balance->angle, balance->pose);
+        balance_load_legs(balance);
+        balance_drive(balance, fmin(balance->t_s / LOAD_S, 1), ramp * ramp * (3 - 2 * ramp), dt_s);
+        return;
+    }
+
+    for (int i = 0; i < BODY_SIDES; i++) {
+        measured[i] = balance_foothold(&estimate->foot[i], balance->gait.now.yaw);
+    }
+    for (int k = 0; k < 2; k++) {
+        dcm[k] = estimate->com_m[k] + estimate->com_m_s[k] / balance->omega;
+    }
+    gait_update(&balance->gait, command, dcm, measured, dt_s);
+    balance_want_zmp(balance);
+    balance_share(balance);
+    balance_yield(balance, dt_s);
+    balance_pose_legs(balance, dt_s);
+    body_place(balance->model, balance->angle, balance->pose);
+    balance_load_legs(balance);
+    balance_load_swing(balance);
+    balance_drive(balance, 1, 1, dt_s);
+}
+
+bool balance_ready(const struct balance *balance)
+{
+    return balance->ready;
+}
+
+const struct estimate *balance_estimate(const struct balance *balance)
+{
+    return estimator_read(balance->estimator);
+}
+
+const struct gait *balance_gait(const struct balance *balance)
+{
+    return &balance->gait;
+}

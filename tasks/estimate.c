@@ -1,0 +1,318 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* State estimation of a walking robot; what from what is said in the header. */
+#include "tasks/estimate.h"
+
+#include "base/vec3.h"
+
+#include <math.h>
+#include <string.h>
+
+static const char *const foot_force_name[BODY_SIDES] = {"r_leg_ft", "l_leg_ft"};
+
+/* A foot that carries less of the weight than that slides its anchor: what its encoders say is no
+ * longer where it stands. */
+#define ANCHOR_SHARE 0.05
+
+struct estimator {
+    struct estimate_config config;
+    const struct body_model *model;
+    struct host *host;
+    size_t force[BODY_SIDES]; /* index of the host's force-torque board */
+    double *angle;            /* by axis of the host */
+    struct body_pose *pose;   /* by link, in the pelvis's frame */
+    int64_t motion_ns;        /* of the last message of the inertial board that was used */
+    bool located;             /* the center of mass has a value */
+    struct estimate now;
+};
+
+static enum error_code estimator_find_boards(struct estimator *estimator, struct error *error)
+{
+    const struct host_config *config = host_configuration(estimator->host);
+    const struct body_model *model = estimator->model;
+
+    if (!config->imu.present || model->imu.link < 0) {
+        return error_set(error, ERROR_INPUT,
+                         "the rig has no inertial board, expected one on the pelvis");
+    }
+    for (int side = 0; side < BODY_SIDES; side++) {
+        bool found = false;
+
+        for (size_t i = 0; i < config->nft; i++) {
+            if (strcmp(config->ft[i].name, foot_force_name[side]) == 0) {
+                estimator->force[side] = i;
+                found = true;
+            }
+        }
+        if (!found || model->foot_force[side].link < 0 || model->sole[side].link < 0) {
+            return error_set(error, ERROR_INPUT,
+                             "the rig has no force-torque board for %s, or its robot no sole",
+                             foot_force_name[side]);
+        }
+    }
+    return ERROR_NONE;
+}
+
+enum error_code estimator_create(const struct estimate_config *config,
+                                 const struct body_model *model, struct host *host,
+                                 struct arena *arena, struct estimator **out, struct error *error)
+{
+    struct estimator *estimator = arena_alloc(arena, 1, sizeof *estimator);
+    double *angle = arena_alloc(arena, host_configuration(host)->naxis, sizeof *angle);
+    struct body_pose *pose = arena_alloc(arena, model->nlink, sizeof *pose);
+
+    if (!estimator || !angle || !pose) {
+        return error_set(error, ERROR_MEMORY, "no memory for the state estimation");
+    }
+    estimator->config = *config;
+    estimator->model = model;
+    estimator->host = host;
+    estimator->angle = angle;
+    estimator->pose = pose;
+    *out = estimator;
+    return estimator_find_boards(estimator, error);
+}
+
+/* ---- attitude ---- */
+
+/* The attitude of the pelvis that the board reports. */
+static void estimate_board_attitude(const struct estimator *estimator, double R[9])
+{
+    const struct host_motion *motion = host_motion(estimator->host);
+    double sensor[9], back[9];
+
+    mat3_from_quaternion(motion->quaternion, sensor);
+    mat3_transpose(estimator->model->imu.rotation, back);
+    mat3_mul(sensor, back, R);
+}
+
+/* R <- R * rotation by a vector */
+static void estimate_rotate(double R[9], const double turn[3])
+{
+    double angle = vec3_norm(turn), axis[3], step[9], old[9], quaternion[4];
+
+    if (!(angle > 0)) {
+        return;
+    }
+    for (int k = 0; k < 3; k++) {
+        axis[k] = turn[k] / angle;
+    }
+    mat3_about_axis(axis, angle, step);
+    memcpy(old, R, sizeof old);
+    mat3_mul(old, step, R);
+    quaternion_from_mat3(R, quaternion); /* keeps it orthogonal */
+    mat3_from_quaternion(quaternion, R);
+}
+
+/* The small rotation, in the pelvis's frame, from what is estimated to what the board says: its
+ * quaternion, or where it feels up to be. False when it says nothing. */
+static bool estimate_attitude_error(const struct estimator *estimator, double turn[3])
+{
+    const struct host_motion *motion = host_motion(estimator->host);
+    const double *R = estimator->now.R;
+
+    if (motion->quaternion_seen) {
+        double board[9], apart[9];
+
+        estimate_board_attitude(estimator, board);
+        for (int i = 0; i < 3; i++) {
+            for (int j = 0; j < 3; j++) {
+                apart[3 * i + j] =
+                    R[i] * board[j] + R[3 + i] * board[3 + j] + R[6 + i] * board[6 + j];
+            }
+        }
+        turn[0] = (apart[7] - apart[5]) / 2;
+        turn[1] = (apart[2] - apart[6]) / 2;
+        turn[2] = (apart[3] - apart[1]) / 2;
+        return true;
+    }
+    if (motion->acceleration_seen && vec3_norm(motion->acceleration_m_s2) > 1) {
+        double felt[3], norm = vec3_norm(motion->acceleration_m_s2);
+
+        mat3_apply(estimator->model->imu.rotation, motion->acceleration_m_s2, felt);
+        vec3_cross(felt, R + 6, turn); /* R's last row: the world's z in the pelvis */
+        for (int k = 0; k < 3; k++) {
+            turn[k] /= norm;
+        }
+        return true;
+    }
+    return false;
+}
+
+static void estimate_attitude(struct estimator *estimator, double dt_s)
+{
+    const struct host_motion *motion = host_motion(estimator->host);
+    struct estimate *now = &estimator->now;
+    double turn[3], share = fmin(estimator->config.attitude_per_s * dt_s, 1);
+
+    mat3_apply(estimator->model->imu.rotation, motion->rate_rad_s, now->rate_rad_s);
+    for (int k = 0; k < 3; k++) {
+        turn[k] = now->rate_rad_s[k] * dt_s;
+    }
+    estimate_rotate(now->R, turn);
+    if (estimate_attitude_error(estimator, turn)) {
+        for (int k = 0; k < 3; k++) {
+            turn[k] *= share;
+        }
+        estimate_rotate(now->R, turn);
+    }
+    now->pitch_rad = asin(fmin(fmax(-now->R[6], -1), 1));
+    now->roll_rad = atan2(now->R[7], now->R[8]);
+    now->yaw_rad = atan2(now->R[3], now->R[0]);
+}
+
+/* ---- feet ---- */
+
+/* Force, center of pressure and pose of a foot; the pose as yet relative to the pelvis, but turned
+ * into the world. */
+static void estimate_foot(struct estimator *estimator, int side)
+{
+    const struct body_model *model = estimator->model;
+    const struct host_force *force = host_force(estimator->host, estimator->force[side]);
+    struct estimate_foot *foot = &estimator->now.foot[side];
+    struct body_pose sole, sensor;
+    double F[3], M[3], lever[3], in_sole[3], up;
+
+    body_place_frame(&model->sole[side], &estimator->pose[model->sole[side].link], &sole);
+    body_place_frame(&model->foot_force[side], &estimator->pose[model->foot_force[side].link],
+                     &sensor);
+
+    /* Into the sole's axes, about its origin */
+    mat3_apply(sensor.R, force->force_n, F);
+    mat3_apply(sensor.R, force->torque_nm, M);
+    vec3_sub(sensor.p, sole.p, lever);
+    vec3_add_cross(lever, F, M);
+    mat3_apply_transposed(sole.R, F, in_sole);
+    mat3_apply_transposed(sole.R, M, lever);
+    up = in_sole[2];
+    foot->loaded = up > estimator->config.loaded_n;
+    foot->cop_m[0] = foot->loaded ? -lever[1] / up : 0;
+    foot->cop_m[1] = foot->loaded ? lever[0] / up : 0;
+
+    mat3_apply(estimator->now.R, F, foot->force_n);
+    mat3_mul(estimator->now.R, sole.R, foot->sole.R);
+    mat3_apply(estimator->now.R, sole.p, foot->sole.p);
+    foot->yaw_rad = atan2(foot->sole.R[3], foot->sole.R[0]);
+}
+
+/* The pelvis is where the loaded feet say, each as much as it carries; feet in the air go along. */
+static void estimate_odometry(struct estimator *estimator)
+{
+    struct estimate *now = &estimator->now;
+    double load[BODY_SIDES], sum = 0, pelvis[3] = {0};
+
+    for (int side = 0; side < BODY_SIDES; side++) {
+        load[side] = fmax(now->foot[side].force_n[2], 0);
+        sum += load[side];
+    }
+    for (int side = 0; side < BODY_SIDES; side++) {
+        double share = sum > 1 ? load[side] / sum : 0.5, from[3];
+
+        vec3_sub(now->foot[side].anchor, now->foot[side].sole.p, from);
+        vec3_add_scaled(pelvis, share, from, pelvis);
+    }
+    memcpy(now->pelvis_m, pelvis, sizeof pelvis);
+    for (int side = 0; side < BODY_SIDES; side++) {
+        struct estimate_foot *foot = &now->foot[side];
+
+        vec3_add_scaled(foot->sole.p, 1, pelvis, foot->sole.p);
+        if (sum > 1 && load[side] < ANCHOR_SHARE * sum) {
+            memcpy(foot->anchor, foot->sole.p, sizeof foot->anchor);
+        }
+    }
+}
+
+/* ---- center of mass ---- */
+
+/* Forces say how it accelerates, encoders where it is (a Luenberger observer, critically damped).
+ * */
+static void estimate_center_of_mass(struct estimator *estimator, double dt_s)
+{
+    const struct body_model *model = estimator->model;
+    struct estimate *now = &estimator->now;
+    double com[3], seen[3], l = estimator->config.com_per_s;
+
+    body_center_of_mass(model, estimator->pose, com);
+    mat3_apply(now->R, com, seen);
+    vec3_add_scaled(seen, 1, now->pelvis_m, seen);
+    if (!estimator->located) {
+        memcpy(now->com_m, seen, sizeof seen);
+        estimator->located = true;
+    }
+    for (int k = 0; k < 3; k++) {
+        double force = now->foot[0].force_n[k] + now->foot[1].force_n[k];
+        double acceleration = force / model->mass_kg - (k == 2 ? model->gravity_m_s2 : 0);
+        double apart = seen[k] - now->com_m[k];
+
+        now->com_m[k] += (now->com_m_s[k] + 2 * l * apart) * dt_s;
+        now->com_m_s[k] += (acceleration + l * l * apart) * dt_s;
+    }
+}
+
+static void estimate_zmp(struct estimate *now)
+{
+    double sum = 0, at[2] = {0};
+
+    for (int side = 0; side < BODY_SIDES; side++) {
+        const struct estimate_foot *foot = &now->foot[side];
+        double load = foot->loaded ? foot->force_n[2] : 0;
+
+        for (int k = 0; k < 2; k++) {
+            const double *row = foot->sole.R + 3 * k;
+
+            at[k] += load * (foot->sole.p[k] + row[0] * foot->cop_m[0] + row[1] * foot->cop_m[1]);
+        }
+        sum += load;
+    }
+    for (int k = 0; k < 2 && sum > 0; k++) {
+        now->zmp_m[k] = at[k] / sum;
+    }
+}
+
+/* ---- all of it ---- */
+
+static void estimate_place(struct estimator *estimator)
+{
+    size_t naxis = host_configuration(estimator->host)->naxis;
+
+    for (size_t i = 0; i < naxis; i++) {
+        estimator->angle[i] = host_joint(estimator->host, i)->joint_rad;
+    }
+    body_place(estimator->model, estimator->angle, estimator->pose);
+    for (int side = 0; side < BODY_SIDES; side++) {
+        estimate_foot(estimator, side);
+    }
+}
+
+void estimator_start(struct estimator *estimator)
+{
+    struct estimate *now = &estimator->now;
+    double middle[3] = {0};
+
+    memset(now, 0, sizeof *now);
+    mat3_identity(now->R);
+    if (host_motion(estimator->host)->quaternion_seen) {
+        estimate_board_attitude(estimator, now->R);
+    }
+    estimate_place(estimator);
+    for (int side = 0; side < BODY_SIDES; side++) {
+        vec3_add_scaled(middle, 0.5, now->foot[side].sole.p, middle);
+    }
+    for (int side = 0; side < BODY_SIDES; side++) {
+        vec3_sub(now->foot[side].sole.p, middle, now->foot[side].anchor);
+    }
+    estimator->located = false;
+}
+
+void estimator_update(struct estimator *estimator, double dt_s)
+{
+    estimate_attitude(estimator, dt_s);
+    estimate_place(estimator);
+    estimate_odometry(estimator);
+    estimate_center_of_mass(estimator, dt_s);
+    estimate_zmp(&estimator->now);
+}
+
+const struct estimate *estimator_read(const struct estimator *estimator)
+{
+    return &estimator->now;
+}

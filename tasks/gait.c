@@ -1,0 +1,344 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The schedule of steps, the footholds and the plan over them. */
+#include "tasks/gait.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Footholds that are planned beyond the next one: what comes later changes the DCM by less than
+ * exp(-omega 2 T), a thousandth. */
+enum { PREVIEW = 3 };
+
+#define ADJUST_S 0.03 /* of the foothold's adjustment */
+
+static int gait_other(int side)
+{
+    return BODY_SIDES - 1 - side;
+}
+
+/* +1 of the left foot, -1 of the right one */
+static double gait_outward(int side)
+{
+    return side == BODY_LEFT ? 1 : -1;
+}
+
+static void gait_offset(const struct gait_foothold *from, double ahead, double left, double to[2])
+{
+    to[0] = from->p[0] + cos(from->yaw) * ahead - sin(from->yaw) * left;
+    to[1] = from->p[1] + sin(from->yaw) * ahead + cos(from->yaw) * left;
+}
+
+void gait_foot_zmp(const struct gait *gait, int side, const struct gait_foothold *foot,
+                   double zmp[2])
+{
+    gait_offset(foot, gait->config.zmp_ahead_m, -gait_outward(side) * gait->config.zmp_inward_m,
+                zmp);
+}
+
+/* Between the feet, where the robot stands still. */
+static void gait_middle_zmp(const struct gait *gait, const struct gait_foothold foot[BODY_SIDES],
+                            double zmp[2])
+{
+    double side[BODY_SIDES][2];
+
+    for (int i = 0; i < BODY_SIDES; i++) {
+        gait_foot_zmp(gait, i, &foot[i], side[i]);
+    }
+    zmp[0] = (side[0][0] + side[1][0]) / 2;
+    zmp[1] = (side[0][1] + side[1][1]) / 2;
+}
+
+/* Where the foot of that side steps to while the other one stands. */
+static void gait_foothold_of(const struct gait *gait, int side, const struct gait_foothold *stance,
+                             bool close, struct gait_foothold *to)
+{
+    const struct gait_config *config = &gait->config;
+    double period = config->swing_s + config->transfer_s, out = gait_outward(side);
+    double ahead = close ? 0 : gait->command.forward_m_s * period;
+    double left = out * config->width_m + (close ? 0 : gait->command.left_m_s * period);
+    double turn = close ? 0 : gait->command.turn_rad_s * period;
+    struct gait_foothold center = *stance;
+    double middle[2];
+
+    if (out * left < config->least_width_m) {
+        left = out * config->least_width_m;
+    }
+    /* It turns about the middle between the feet */
+    gait_offset(stance, 0, out * config->width_m / 2, middle);
+    memcpy(center.p, middle, sizeof middle);
+    center.yaw = stance->yaw + turn;
+    gait_offset(&center, ahead, left - out * config->width_m / 2, to->p);
+    to->p[2] = stance->p[2];
+    to->yaw = center.yaw;
+}
+
+void gait_start(struct gait *gait, const struct gait_config *config, double omega,
+                const struct gait_foothold foot[BODY_SIDES], const double com[2])
+{
+    memset(gait, 0, sizeof *gait);
+    gait->config = *config;
+    gait->omega = omega;
+    memcpy(gait->now.foot, foot, sizeof gait->now.foot);
+    memcpy(gait->now.com, com, sizeof gait->now.com);
+    gait->now.share[0] = gait->now.share[1] = 0.5;
+    gait->now.yaw = (foot[0].yaw + foot[1].yaw) / 2;
+    gait_middle_zmp(gait, foot, gait->now.zmp);
+    memcpy(gait->now.dcm, gait->now.zmp, sizeof gait->now.dcm);
+}
+
+/* ---- the plan ---- */
+
+/* Appends what follows the swing of the present step: transfers and swings over footholds to come,
+ * and at last the way to the middle, where the DCM comes to rest. */
+static void gait_plan_future(const struct gait *gait, struct dcm_plan *plan)
+{
+    const struct gait_config *config = &gait->config;
+    int swing = gait_other(gait->now.stance);
+    struct gait_foothold foot[BODY_SIDES];
+    bool closing = gait->closing;
+    double from[2], to[2];
+
+    foot[gait->now.stance] = gait->now.foot[gait->now.stance];
+    foot[swing] = gait->next;
+    gait_foot_zmp(gait, gait->now.stance, &foot[gait->now.stance], from);
+    for (int i = 0; i < PREVIEW && !closing; i++) {
+        int stance = swing;
+
+        gait_foot_zmp(gait, stance, &foot[stance], to);
+        dcm_add(plan, config->transfer_s, from, to);
+        dcm_add(plan, config->swing_s, to, to);
+        memcpy(from, to, sizeof from);
+        swing = gait_other(stance);
+        closing = !gait->command.step;
+        gait_foothold_of(gait, swing, &foot[stance], closing, &foot[swing]);
+    }
+    gait_middle_zmp(gait, foot, to);
+    dcm_add(plan, config->start_s, from, to);
+}
+
+/* The lines of the zero-moment point from the begin of the present phase. */
+static void gait_plan(const struct gait *gait, struct dcm_plan *plan)
+{
+    double stance[2], to[2];
+
+    plan->omega = gait->omega;
+    plan->nline = 0;
+    gait_foot_zmp(gait, gait->now.stance, &gait->now.foot[gait->now.stance], stance);
+    switch (gait->now.phase) {
+    case GAIT_STAND:
+        gait_middle_zmp(gait, gait->now.foot, to);
+        dcm_add(plan, 1, to, to);
+        return;
+    case GAIT_TRANSFER:
+        if (gait->closing) {
+            gait_middle_zmp(gait, gait->now.foot, to);
+            dcm_add(plan, gait->duration_s, gait->zmp_from, to);
+            return;
+        }
+        dcm_add(plan, gait->duration_s, gait->zmp_from, stance);
+        dcm_add(plan, gait->config.swing_s, stance, stance);
+        break;
+    case GAIT_SWING:
+        dcm_add(plan, gait->duration_s, stance, stance);
+        break;
+    }
+    gait_plan_future(gait, plan);
+}
+
+/* ---- phases ---- */
+
+static void gait_begin(struct gait *gait, enum gait_phase phase, double duration_s)
+{
+    gait->now.phase = phase;
+    gait->elapsed_s = 0;
+    gait->duration_s = duration_s;
+}
+
+/* The next step: from now on stance carries, the other foot goes. */
+static void gait_begin_step(struct gait *gait, int stance, double transfer_s)
+{
+    int swing = gait_other(stance);
+
+    memcpy(gait->zmp_from, gait->now.zmp, sizeof gait->zmp_from);
+    gait->now.stance = stance;
+    gait->closing = false;
+    gait_foothold_of(gait, swing, &gait->now.foot[stance], !gait->command.step, &gait->next);
+    memset(gait->shift, 0, sizeof gait->shift);
+    gait_begin(gait, GAIT_TRANSFER, transfer_s);
+}
+
+static void gait_end_phase(struct gait *gait, const struct gait_foothold measured[BODY_SIDES])
+{
+    int swing = gait_other(gait->now.stance);
+
+    switch (gait->now.phase) {
+    case GAIT_STAND:
+        break;
+    case GAIT_TRANSFER:
+        if (gait->closing) {
+            gait->closing = false;
+            gait_begin(gait, GAIT_STAND, 1);
+            return;
+        }
+        gait->lift = gait->now.foot[swing];
+        gait->closing = !gait->command.step;
+        gait_foothold_of(gait, swing, &gait->now.foot[gait->now.stance], gait->closing,
+                         &gait->next);
+        gait_begin(gait, GAIT_SWING, gait->config.swing_s);
+        break;
+    case GAIT_SWING:
+        gait->steps++;
+        gait->now.foot[swing] = measured[swing];
+        if (gait->closing) {
+            memcpy(gait->zmp_from, gait->now.zmp, sizeof gait->zmp_from);
+            gait_begin(gait, GAIT_TRANSFER, gait->config.start_s);
+        } else {
+            gait_begin_step(gait, swing, gait->config.transfer_s);
+        }
+        break;
+    }
+}
+
+/* ---- the foot in the air ---- */
+
+/* The part of a DCM error at the end of the swing that the center of pressure cannot take out until
+ * then: it moves by reach_m at most, from now on. */
+static double gait_beyond_ankle(const struct gait *gait, double error, double left_s)
+{
+    double able = gait->config.ankle_m * (exp(gait->omega * left_s) - 1);
+
+    return error > able ? error - able : error < -able ? error + able : 0;
+}
+
+/* Moves the next foothold by what the DCM will be off at the end of the swing. */
+static void gait_adjust_foothold(struct gait *gait, const double dcm[2], double dt_s)
+{
+    const struct gait_config *config = &gait->config;
+    int stance = gait->now.stance, swing = gait_other(stance);
+    const struct gait_foothold *at = &gait->now.foot[stance];
+    double left_s = fmax(gait->duration_s - gait->elapsed_s, 0), out = gait_outward(swing);
+    double lasts = gait->omega * config->transfer_s, follow = (1 - exp(-lasts)) / lasts;
+    double after[2], move[2], ahead, left, goal[2];
+    struct gait_foothold plain;
+
+    /* dcm_end is planned for the foothold as it is: a transfer to one that is further by 1 m begins
+     * with a DCM that is further by follow */
+    dcm_advance(gait->omega, left_s, gait->now.zmp, dcm, after);
+    gait_foothold_of(gait, swing, at, gait->closing, &plain);
+    for (int k = 0; k < 2; k++) {
+        double error = after[k] - (gait->dcm_end[k] - follow * gait->shift[k]);
+
+        move[k] = plain.p[k] - at->p[k] +
+                  config->adjust * gait_beyond_ankle(gait, error, left_s) / follow;
+    }
+
+    /* Within reach of the standing foot */
+    ahead = cos(at->yaw) * move[0] + sin(at->yaw) * move[1];
+    left = -sin(at->yaw) * move[0] + cos(at->yaw) * move[1];
+    ahead = fmin(fmax(ahead, -config->reach_back_m), config->reach_ahead_m);
+    left =
+        out * fmin(fmax(out * left, config->least_width_m), config->width_m + config->reach_out_m);
+    gait_offset(at, ahead, left, goal);
+    for (int k = 0; k < 2; k++) {
+        gait->shift[k] += (goal[k] - plain.p[k] - gait->shift[k]) * fmin(dt_s / ADJUST_S, 1);
+        gait->next.p[k] = plain.p[k] + gait->shift[k];
+    }
+}
+
+/* A way from 0 to 1 that begins and ends at rest, without jerks. */
+static double gait_ease(double s)
+{
+    s = fmin(fmax(s, 0), 1);
+    return s * s * s * (10 - 15 * s + 6 * s * s);
+}
+
+/* Its second derivative. */
+static double gait_ease_acceleration(double s)
+{
+    return s <= 0 || s >= 1 ? 0 : s * (60 + s * (-180 + 120 * s));
+}
+
+static void gait_swing_foot(struct gait *gait)
+{
+    int swing = gait_other(gait->now.stance);
+    struct gait_foothold *foot = &gait->now.foot[swing];
+    double s = gait->now.progress, along = gait_ease((s - 0.05) / 0.85);
+    double stretch = 1 / (0.85 * gait->duration_s);
+    double up = s < 0.5 ? gait_ease(s / 0.45) : 1 - gait_ease((s - 0.5) / 0.5);
+
+    for (int k = 0; k < 3; k++) {
+        foot->p[k] = gait->lift.p[k] + along * (gait->next.p[k] - gait->lift.p[k]);
+    }
+    for (int k = 0; k < 2; k++) {
+        gait->now.foot_m_s2[k] = (gait->next.p[k] - gait->lift.p[k]) * stretch * stretch *
+                                 gait_ease_acceleration((s - 0.05) / 0.85);
+    }
+    foot->yaw = gait->lift.yaw + along * (gait->next.yaw - gait->lift.yaw);
+    gait->now.height_m = gait->config.clearance_m * up;
+}
+
+/* ---- all of it ---- */
+
+static void gait_share_weight(struct gait *gait)
+{
+    struct gait_reference *now = &gait->now;
+    double side[BODY_SIDES][2], along[2], square, left;
+
+    if (now->phase == GAIT_SWING) {
+        now->share[now->stance] = 1;
+        now->share[gait_other(now->stance)] = 0;
+        return;
+    }
+    for (int i = 0; i < BODY_SIDES; i++) {
+        gait_foot_zmp(gait, i, &now->foot[i], side[i]);
+    }
+    along[0] = side[BODY_LEFT][0] - side[BODY_RIGHT][0];
+    along[1] = side[BODY_LEFT][1] - side[BODY_RIGHT][1];
+    square = along[0] * along[0] + along[1] * along[1];
+    left = ((now->zmp[0] - side[BODY_RIGHT][0]) * along[0] +
+            (now->zmp[1] - side[BODY_RIGHT][1]) * along[1]) /
+           square;
+    now->share[BODY_LEFT] = fmin(fmax(left, 0), 1);
+    now->share[BODY_RIGHT] = 1 - now->share[BODY_LEFT];
+}
+
+void gait_update(struct gait *gait, const struct gait_command *command, const double dcm[2],
+                 const struct gait_foothold measured[BODY_SIDES], double dt_s)
+{
+    struct gait_reference *now = &gait->now;
+    struct dcm_plan plan;
+    double decay = exp(-gait->omega * dt_s), yaw;
+
+    /* Begin to walk; end a phase when its time is over */
+    gait->command = *command;
+    gait->elapsed_s += dt_s;
+    if (now->phase == GAIT_STAND && command->step) {
+        gait_begin_step(gait, command->left_m_s > 0 ? BODY_RIGHT : BODY_LEFT, gait->config.start_s);
+        gait_plan(gait, &plan);
+        dcm_begin_at(&plan, now->dcm);
+        memcpy(gait->zmp_from, plan.line[0].from, sizeof gait->zmp_from);
+    } else if (gait->elapsed_s >= gait->duration_s) {
+        gait_end_phase(gait, measured);
+    }
+    now->progress = gait->duration_s > 0 ? fmin(gait->elapsed_s / gait->duration_s, 1) : 0;
+
+    if (now->phase == GAIT_SWING && gait->config.adjust > 0) {
+        gait_adjust_foothold(gait, dcm, dt_s);
+    }
+    gait_plan(gait, &plan);
+    dcm_evaluate(&plan, gait->elapsed_s, now->zmp, now->dcm, gait->dcm_end);
+    now->height_m = 0;
+    memset(now->foot_m_s2, 0, sizeof now->foot_m_s2);
+    if (now->phase == GAIT_SWING) {
+        gait_swing_foot(gait);
+    }
+    gait_share_weight(gait);
+
+    /* The center of mass follows the DCM: c' = omega (xi - c) */
+    for (int k = 0; k < 2; k++) {
+        now->com[k] = now->dcm[k] + decay * (now->com[k] - now->dcm[k]);
+        now->com_m_s[k] = gait->omega * (now->dcm[k] - now->com[k]);
+    }
+    yaw = (now->foot[0].yaw + now->foot[1].yaw) / 2;
+    now->yaw = yaw;
+}

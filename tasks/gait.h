@@ -1,0 +1,69 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Where and when the feet step, and how the center of mass is to go over them: footholds from the
+ * wanted velocity, the plan of the zero-moment point and of the divergent component of motion over
+ * them (tasks/dcm.h), the way of the foot in the air. Knows nothing of motors and forces.
+ *
+ * A step is a transfer (both feet stand, the zero-moment point goes from one to the other) and a
+ * swing (one foot stands). World of the estimator; SI units. RT-safe.
+ */
+#ifndef TASKS_GAIT_H
+#define TASKS_GAIT_H
+
+#include "tasks/body_model.h"
+#include "tasks/dcm.h"
+#include "tasks/task.h"
+
+#include <stdbool.h>
+
+/* What is wanted: velocities in the robot's own heading. */
+struct gait_command {
+    bool step; /* steps, if in place; false: stands still, feet side by side */
+    double forward_m_s, left_m_s, turn_rad_s;
+};
+
+enum gait_phase { GAIT_STAND, GAIT_TRANSFER, GAIT_SWING };
+
+struct gait_foothold {
+    double p[3], yaw;
+};
+
+struct gait_reference {
+    enum gait_phase phase;
+    int stance;      /* the foot that stands, or will: enum of body_model.h */
+    double progress; /* of the phase, 0 to 1 */
+    double zmp[2], dcm[2], com[2], com_m_s[2];
+    double share[BODY_SIDES];              /* of the weight that a foot is to carry */
+    struct gait_foothold foot[BODY_SIDES]; /* where each is to be */
+    double height_m;                       /* of the foot in the air over the ground */
+    double foot_m_s2[2];                   /* its acceleration */
+    double yaw;                            /* of the pelvis */
+};
+
+struct gait {
+    struct gait_config config;
+    double omega;
+    struct gait_command command;
+    struct gait_reference now;
+    struct gait_foothold next, lift; /* where the foot in the air goes to, came from */
+    double elapsed_s, duration_s;    /* of the phase */
+    double zmp_from[2];              /* of a transfer */
+    double dcm_end[2];               /* planned, for the end of a swing to next */
+    double shift[2];                 /* by which next was moved */
+    bool closing;                    /* the step after which the robot stands */
+    unsigned steps;                  /* feet that came down */
+};
+
+/* Both feet stand there. */
+void gait_start(struct gait *gait, const struct gait_config *config, double omega,
+                const struct gait_foothold foot[BODY_SIDES], const double com[2]);
+
+/* Advances by dt_s. dcm: measured; measured: where the feet are. */
+void gait_update(struct gait *gait, const struct gait_command *command, const double dcm[2],
+                 const struct gait_foothold measured[BODY_SIDES], double dt_s);
+
+/* The zero-moment point that the plan has for a foot. */
+void gait_foot_zmp(const struct gait *gait, int side, const struct gait_foothold *foot,
+                   double zmp[2]);
+
+#endif

@@ -1,0 +1,301 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * COMAN walks and stands by its tasks, which see frames only: steps, speed, turning and stopping
+ * against where the plant's pelvis is; pushes that it must withstand, and one that it cannot; what
+ * it estimates against the truth.
+ */
+#include "base/count.h"
+#include "base/vec3.h"
+#include "sim/simulator.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { SIGNALS_MAX = 64, PELVIS = 0 };
+
+/* Columns of the task's signals. */
+static const char *const wanted_signal[] = {
+    "estimate.roll_rad",  "estimate.pitch_rad",  "estimate.com_x_m",    "estimate.com_y_m",
+    "estimate.com_z_m",   "estimate.com_vx_m_s", "estimate.com_vy_m_s", "estimate.right_fz_n",
+    "estimate.left_fz_n", "plan.steps",
+};
+enum { ROLL, PITCH, COM_X, COM_VX = 5, FORCE_RIGHT = 7, FORCE_LEFT, STEPS };
+
+struct walk {
+    const char *rig_name, *task;
+    double seconds;
+    int64_t steps;
+    double forward_m_s, left_m_s, turn_rad_s;
+    double push_at_s, push_n[3]; /* 0.1 s long; not when push_at_s is 0 */
+
+    struct arena arena;
+    struct rig rig;
+    struct walk_config config;
+    struct simulator *simulator;
+    size_t column[ARRAY_COUNT(wanted_signal)];
+    double before[3];           /* true center of mass, a tick ago */
+    double lead[2];             /* of the estimate's origin on the world's */
+    double com, com_rate, tilt; /* sums of squares of what is off */
+    size_t count;
+    double end[3], yaw, lowest, counted; /* of the pelvis; steps */
+    struct task_runner_status status;
+};
+
+static void true_center_of_mass(const struct walk *w, double com[3])
+{
+    const struct robot *robot = w->rig.robot;
+    struct body_motion place[SIMULATOR_JOINTS_MAX];
+    size_t count;
+    const double *q = plant_state(simulator_plant(w->simulator), &count);
+
+    robot_place_bodies(robot, q, q + BASE_Q_QUATERNION, q + BASE_Q_COUNT, place);
+    memset(com, 0, 3 * sizeof *com);
+    for (size_t i = 0; i < robot->nbody; i++) {
+        double arm[3];
+
+        mat3_apply(place[i].R, robot->body[i].inertia.com, arm);
+        vec3_add_scaled(arm, 1, place[i].p, arm);
+        vec3_add_scaled(com, robot->body[i].inertia.mass / robot->total_mass, arm, com);
+    }
+}
+
+/* The estimate beside the truth; once the steps begin its origin is that of the world but for a
+ * constant, and for the drift of the odometry, which is not what is judged here. */
+static void compare_estimate(struct walk *w, const double *value, double t)
+{
+    const struct body_motion *pelvis = plant_motion(simulator_plant(w->simulator));
+    double com[3], rate;
+
+    true_center_of_mass(w, com);
+    for (int k = 0; k < 2 && t > 3; k++) {
+        double apart = value[w->column[COM_X + k]] - com[k];
+
+        w->lead[k] += w->count ? (apart - w->lead[k]) / 2000 : apart;
+        rate = (com[k] - w->before[k]) / 1e-3;
+        w->com += pow(apart - w->lead[k], 2);
+        w->com_rate += pow(value[w->column[COM_VX + k]] - rate, 2);
+    }
+    if (t > 3) {
+        w->tilt += pow(value[w->column[PITCH]] - asin(-pelvis->R[6]), 2);
+        w->tilt += pow(value[w->column[ROLL]] - atan2(pelvis->R[7], pelvis->R[8]), 2);
+        w->count++;
+    }
+    memcpy(w->before, com, sizeof com);
+}
+
+static void watch_walk(void *context, int64_t now_ns)
+{
+    struct walk *w = context;
+    struct plant *plant = simulator_plant(w->simulator);
+    const struct body_motion *pelvis = plant_motion(plant);
+    const double none[3] = {0};
+    double value[SIGNALS_MAX], t = (double)now_ns * 1e-9;
+    bool pushed = w->push_at_s > 0 && t >= w->push_at_s && t < w->push_at_s + 0.1;
+
+    plant_set_push(plant, PELVIS, pushed ? w->push_n : none, none);
+    task_read_signals(simulator_task_runner(w->simulator)->task, value);
+    compare_estimate(w, value, t);
+    memcpy(w->end, pelvis->p, sizeof w->end);
+    w->yaw = atan2(pelvis->R[3], pelvis->R[0]);
+    w->counted = value[w->column[STEPS]];
+    w->lowest = t > 1 ? fmin(w->lowest, pelvis->p[2]) : 1;
+    if (w->lowest < 0.3) {
+        simulator_stop(w->simulator);
+    }
+}
+
+static void find_columns(struct walk *w)
+{
+    const char *const *name;
+    size_t count = task_signals(simulator_task_runner(w->simulator)->task, &name);
+
+    assert_true(count > 0 && count <= SIGNALS_MAX);
+    for (size_t i = 0; i < ARRAY_COUNT(wanted_signal); i++) {
+        for (w->column[i] = 0; strcmp(name[w->column[i]], wanted_signal[i]) != 0; w->column[i]++) {
+            assert_true(w->column[i] + 1 < count);
+        }
+    }
+}
+
+static void perform(struct walk *w)
+{
+    struct simulator_observer observer = {w, watch_walk};
+    struct simulator_config config = {
+        .rig = &w->rig,
+        .clock = LOOP_CLOCK_FREE,
+        .transport = TRANSPORT_LOCAL,
+        .ticks = (uint64_t)(w->seconds * 1000),
+        .task = w->task,
+        .observer = &observer,
+    };
+    const struct rig *rig;
+    struct realtime_report report;
+    struct error error;
+    char notice[256], path[512];
+
+    /* The rig, with what is asked for here */
+    snprintf(path, sizeof path, "%s/config/rigs/%s.yaml", HIL_SOURCE_DIR, w->rig_name);
+    assert_int_equal(arena_init(&w->arena, 1 << 28, &error), ERROR_NONE);
+    assert_int_equal(rig_load(path, &w->arena, &rig, &error), ERROR_NONE);
+    w->rig = *rig;
+    w->config = *rig->walk;
+    w->config.steps = w->steps;
+    w->config.begin_s = 2.5;
+    w->config.forward_m_s = w->forward_m_s;
+    w->config.left_m_s = w->left_m_s;
+    w->config.turn_rad_s = w->turn_rad_s;
+    w->rig.walk = &w->config;
+    config.hold = rig->hold;
+
+    assert_int_equal(simulator_create(&config, &w->arena, &w->simulator, notice, &error),
+                     ERROR_NONE);
+    find_columns(w);
+    assert_int_equal(simulator_start(w->simulator, &report, &error), ERROR_NONE);
+    simulator_run(w->simulator);
+    task_runner_read(simulator_task_runner(w->simulator), &w->status);
+    w->com = sqrt(w->com / (double)w->count);
+    w->com_rate = sqrt(w->com_rate / (double)w->count);
+    w->tilt = sqrt(w->tilt / (double)w->count);
+    print_message("# %s, %s: pelvis at %.3f %.3f %.3f m, yaw %.2f rad, %.0f steps; off by %.1f mm, "
+                  "%.3f m/s, %.2f mrad\n",
+                  w->rig_name, w->status.message, w->end[0], w->end[1], w->end[2], w->yaw,
+                  w->counted, 1e3 * w->com, w->com_rate, 1e3 * w->tilt);
+    simulator_destroy(w->simulator);
+    arena_fini(&w->arena);
+}
+
+static void expect_upright(const struct walk *w)
+{
+    assert_int_equal(w->status.status, TASK_RUNNING);
+    assert_true(w->lowest > 0.42);
+}
+
+static void expect_estimate(const struct walk *w)
+{
+    assert_true(w->com < 0.005);
+    assert_true(w->com_rate < 0.03);
+    assert_true(w->tilt < 0.003);
+}
+
+static void walks_forward_and_stops(void **state)
+{
+    struct walk w = {"coman-compact-imu", "walk", 16, .steps = 12, .forward_m_s = 0.15};
+
+    (void)state;
+    perform(&w);
+    expect_upright(&w);
+    expect_estimate(&w);
+    assert_true(w.counted == 13); /* one to stand side by side */
+    assert_true(w.end[0] > 0.8 && w.end[0] < 1.3);
+    assert_true(fabs(w.end[1]) < 0.1 && fabs(w.yaw) < 0.1);
+}
+
+static void walks_backward_on_buses_with_flexible_data_rate(void **state)
+{
+    struct walk w = {"coman-fd-imu", "walk", 13, .forward_m_s = -0.12};
+
+    (void)state;
+    perform(&w);
+    expect_upright(&w);
+    expect_estimate(&w);
+    assert_true(w.end[0] < -0.6 && w.end[0] > -1.2);
+}
+
+static void walks_sideways_and_turns(void **state)
+{
+    struct walk sideways = {"coman-compact-imu", "walk", 13, .left_m_s = 0.05};
+    struct walk turn = {"coman-compact-imu", "walk", 13, .turn_rad_s = 0.2};
+
+    (void)state;
+    perform(&sideways);
+    expect_upright(&sideways);
+    assert_true(sideways.end[1] > 0.25 && sideways.end[1] < 0.6);
+    perform(&turn);
+    expect_upright(&turn);
+    assert_true(turn.yaw > 1.1 && turn.yaw < 2.2);
+}
+
+/* Telemetry every 4 ms, voltages every millisecond. */
+static void walks_through_boards_of_the_icub_family(void **state)
+{
+    struct walk w = {"coman-imu", "walk", 13, .forward_m_s = 0.1};
+
+    (void)state;
+    perform(&w);
+    expect_upright(&w);
+    assert_true(w.end[0] > 0.5);
+}
+
+static void walks_on_when_it_is_pushed(void **state)
+{
+    struct walk w = {"coman-compact-imu", "walk", 13, .forward_m_s = 0.15, .push_at_s = 8};
+
+    (void)state;
+    w.push_n[0] = 60;
+    perform(&w);
+    expect_upright(&w);
+    assert_true(w.end[0] > 0.8);
+}
+
+static void stands_when_it_is_pushed(void **state)
+{
+    static const double force[][2] = {{80, 0}, {-80, 0}, {0, 80}};
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_COUNT(force); i++) {
+        struct walk w = {"coman-compact-imu", "stand", 6, .push_at_s = 3};
+
+        w.push_n[0] = force[i][0];
+        w.push_n[1] = force[i][1];
+        perform(&w);
+        expect_upright(&w);
+        assert_true(fabs(w.yaw) < 0.05);
+    }
+}
+
+static void falls_and_says_so_when_it_is_pushed_too_hard(void **state)
+{
+    struct walk w = {"coman-compact-imu", "stand", 6, .push_at_s = 3};
+
+    (void)state;
+    w.push_n[0] = 400;
+    perform(&w);
+    assert_true(w.lowest < 0.3);
+    assert_int_equal(w.status.status, TASK_FAILED);
+}
+
+static void two_walks_are_the_same_to_the_last_bit(void **state)
+{
+    struct walk w[2] = {{"coman-compact-imu", "walk", 6, .forward_m_s = 0.15},
+                        {"coman-compact-imu", "walk", 6, .forward_m_s = 0.15}};
+
+    (void)state;
+    perform(&w[0]);
+    perform(&w[1]);
+    assert_memory_equal(w[0].end, w[1].end, sizeof w[0].end);
+    assert_memory_equal(w[0].before, w[1].before, sizeof w[0].before);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(walks_forward_and_stops),
+        cmocka_unit_test(walks_backward_on_buses_with_flexible_data_rate),
+        cmocka_unit_test(walks_sideways_and_turns),
+        cmocka_unit_test(walks_through_boards_of_the_icub_family),
+        cmocka_unit_test(walks_on_when_it_is_pushed),
+        cmocka_unit_test(stands_when_it_is_pushed),
+        cmocka_unit_test(falls_and_says_so_when_it_is_pushed_too_hard),
+        cmocka_unit_test(two_walks_are_the_same_to_the_last_bit),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,222 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The plan of a walk: its closed forms against a fine integration of xi' = omega (xi - r), and
+ * where the feet go when the world does what the plan says.
+ */
+#include "tasks/gait.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <string.h>
+
+static const double omega = 4.8;
+
+/* ---- tasks/dcm.h ---- */
+
+static struct dcm_plan plan_of_two_steps(void)
+{
+    const double at[4][2] = {{0, 0}, {0.02, 0.07}, {0.1, -0.07}, {0.1, 0}};
+    struct dcm_plan plan = {.omega = omega};
+
+    dcm_add(&plan, 0.3, at[0], at[1]);
+    dcm_add(&plan, 0.5, at[1], at[1]);
+    dcm_add(&plan, 0.2, at[1], at[2]);
+    dcm_add(&plan, 0.5, at[2], at[2]);
+    dcm_add(&plan, 0.4, at[2], at[3]);
+    return plan;
+}
+
+static void the_planned_dcm_obeys_its_equation_and_comes_to_rest(void **state)
+{
+    struct dcm_plan plan = plan_of_two_steps();
+    double zmp[2], dcm[2], end[2];
+
+    (void)state;
+    while (plan.nline > 0) {
+        enum { STEPS = 20000 };
+        double dt = plan.line[0].duration_s / STEPS, xi[2];
+
+        /* Midpoint rule through the first line, then the plan without it */
+        dcm_evaluate(&plan, 0, zmp, xi, end);
+        for (int i = 0; i < STEPS; i++) {
+            dcm_evaluate(&plan, (i + 0.5) * dt, zmp, dcm, end);
+            for (int k = 0; k < 2; k++) {
+                double half = xi[k] + 0.5 * dt * omega * (xi[k] - (zmp[k]));
+
+                xi[k] += dt * omega * (half - zmp[k]);
+            }
+        }
+        for (int k = 0; k < 2; k++) {
+            assert_true(fabs(xi[k] - end[k]) < 1e-8);
+        }
+        memmove(plan.line, plan.line + 1, --plan.nline * sizeof *plan.line);
+    }
+    assert_true(fabs(end[0] - 0.1) < 1e-15 && fabs(end[1]) < 1e-15);
+}
+
+static void a_plan_begins_at_the_dcm_that_there_is(void **state)
+{
+    struct dcm_plan plan = plan_of_two_steps();
+    const double there[2] = {-0.01, 0.02};
+    double zmp[2], dcm[2], end[2];
+
+    (void)state;
+    dcm_begin_at(&plan, there);
+    dcm_evaluate(&plan, 0, zmp, dcm, end);
+    assert_true(fabs(dcm[0] - there[0]) < 1e-15 && fabs(dcm[1] - there[1]) < 1e-15);
+}
+
+static void the_dcm_diverges_from_a_zero_moment_point_at_rest(void **state)
+{
+    const double zmp[2] = {0.1, 0}, dcm[2] = {0.11, -0.01};
+    double after[2];
+
+    (void)state;
+    dcm_advance(omega, 0.5, zmp, dcm, after);
+    assert_true(fabs(after[0] - (0.1 + 0.01 * exp(2.4))) < 1e-15);
+    assert_true(fabs(after[1] + 0.01 * exp(2.4)) < 1e-15);
+}
+
+/* ---- tasks/gait.h ---- */
+
+static const struct gait_config config = {
+    .swing_s = 0.6,
+    .transfer_s = 0.15,
+    .start_s = 0.8,
+    .clearance_m = 0.04,
+    .width_m = 0.145,
+    .least_width_m = 0.11,
+    .zmp_ahead_m = 0.025,
+    .zmp_inward_m = 0.005,
+    .reach_ahead_m = 0.25,
+    .reach_back_m = 0.2,
+    .reach_out_m = 0.15,
+    .adjust = 1,
+    .ankle_m = 0.03,
+};
+
+struct ideal {
+    struct gait gait;
+    double fastest_jump; /* of the planned DCM, m/s */
+    double highest_m;
+};
+
+static void ideal_start(struct ideal *ideal)
+{
+    const struct gait_foothold foot[BODY_SIDES] = {{.p = {0, -0.0725, 0}}, {.p = {0, 0.0725, 0}}};
+    const double com[2] = {0.025, 0};
+
+    memset(ideal, 0, sizeof *ideal);
+    gait_start(&ideal->gait, &config, omega, foot, com);
+}
+
+/* The world does what the plan says, but for a DCM that is off. */
+static void ideal_walk(struct ideal *ideal, const struct gait_command *command, double seconds,
+                       const double off[2])
+{
+    struct gait *gait = &ideal->gait;
+
+    for (int i = 0; i < (int)(seconds * 1000); i++) {
+        struct gait_foothold measured[BODY_SIDES];
+        double dcm[2] = {gait->now.dcm[0] + off[0], gait->now.dcm[1] + off[1]};
+        double before[2] = {gait->now.dcm[0], gait->now.dcm[1]};
+
+        memcpy(measured, gait->now.foot, sizeof measured);
+        gait_update(gait, command, dcm, measured, 0.001);
+        ideal->fastest_jump =
+            fmax(ideal->fastest_jump,
+                 hypot(gait->now.dcm[0] - before[0], gait->now.dcm[1] - before[1]) / 0.001);
+        ideal->highest_m = fmax(ideal->highest_m, gait->now.height_m);
+    }
+}
+
+static void a_walk_starts_keeps_its_speed_and_stops_side_by_side(void **state)
+{
+    const struct gait_command walk = {.step = true, .forward_m_s = 0.2}, stand = {0};
+    const double off[2] = {0};
+    const struct gait_reference *now;
+    struct ideal ideal;
+    double from, began;
+    unsigned steps;
+
+    (void)state;
+    ideal_start(&ideal);
+    now = &ideal.gait.now;
+    ideal_walk(&ideal, &stand, 1, off);
+    assert_int_equal(now->phase, GAIT_STAND);
+    assert_true(fabs(now->com[0] - 0.025) < 1e-12 && fabs(now->com[1]) < 1e-12);
+
+    /* Twenty steps */
+    ideal_walk(&ideal, &walk, 3, off);
+    from = now->com[0];
+    steps = ideal.gait.steps;
+    began = ideal.gait.elapsed_s;
+    ideal_walk(&ideal, &walk, 20 * 0.75, off);
+    assert_int_equal(ideal.gait.steps - steps, 20);
+    assert_true(fabs(ideal.gait.elapsed_s - began) < 0.025);
+    assert_true(fabs(now->com[0] - from - 0.2 * 15) < 0.01);
+    assert_true(fabs(ideal.highest_m - config.clearance_m) < 1e-9);
+    assert_true(ideal.fastest_jump < 1);
+
+    /* Stop */
+    ideal_walk(&ideal, &stand, 5, off);
+    assert_int_equal(now->phase, GAIT_STAND);
+    assert_true(fabs(now->foot[0].p[0] - now->foot[1].p[0]) < 1e-9);
+    assert_true(fabs(now->foot[1].p[1] - now->foot[0].p[1] - config.width_m) < 1e-9);
+    assert_true(fabs(now->com[0] - now->foot[0].p[0] - 0.025) < 1e-3);
+}
+
+static void a_turn_keeps_the_feet_beside_each_other(void **state)
+{
+    const struct gait_command turn = {.step = true, .turn_rad_s = 0.3};
+    const double off[2] = {0};
+    const struct gait_foothold *foot;
+    struct ideal ideal;
+
+    (void)state;
+    ideal_start(&ideal);
+    ideal_walk(&ideal, &turn, 25, off);
+    foot = ideal.gait.now.foot;
+    assert_true(ideal.gait.now.yaw > 6 && ideal.gait.now.yaw < 7.5);
+    assert_true(hypot(foot[0].p[0] - foot[1].p[0], foot[0].p[1] - foot[1].p[1]) < 0.2);
+    assert_true(hypot(foot[0].p[0] + foot[1].p[0], foot[0].p[1] + foot[1].p[1]) / 2 < 0.05);
+}
+
+/* An error that the ankles can take out moves no foothold, a greater one does, within reach. */
+static void a_foothold_follows_a_great_error_of_the_dcm(void **state)
+{
+    const struct gait_command walk = {.step = true};
+    const double none[2] = {0}, small[2] = {0.02, 0}, great[2] = {0.06, 0}, huge[2] = {0.5, 0};
+    struct ideal ideal;
+
+    (void)state;
+    ideal_start(&ideal);
+    ideal_walk(&ideal, &walk, 0.9, none);
+    assert_int_equal(ideal.gait.now.phase, GAIT_SWING);
+    ideal_walk(&ideal, &walk, 0.2, small);
+    assert_true(fabs(ideal.gait.next.p[0]) < 1e-9);
+    ideal_walk(&ideal, &walk, 0.1, great);
+    assert_true(ideal.gait.next.p[0] > 0.05);
+    ideal_walk(&ideal, &walk, 0.1, huge);
+    assert_true(ideal.gait.next.p[0] > 0.2 && ideal.gait.next.p[0] < 0.25 + 1e-9);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_planned_dcm_obeys_its_equation_and_comes_to_rest),
+        cmocka_unit_test(a_plan_begins_at_the_dcm_that_there_is),
+        cmocka_unit_test(the_dcm_diverges_from_a_zero_moment_point_at_rest),
+        cmocka_unit_test(a_walk_starts_keeps_its_speed_and_stops_side_by_side),
+        cmocka_unit_test(a_turn_keeps_the_feet_beside_each_other),
+        cmocka_unit_test(a_foothold_follows_a_great_error_of_the_dcm),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
