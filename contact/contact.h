@@ -317,7 +317,8 @@ enum error_code contact_simbody_create(const struct contact_config *config,
  * - Velocity, dissipation and friction are taken at three points between a facet's centroid and
  *   each edge of the overlap, at three in all on facets that are small against the smaller mesh
  *   (four points of a sphere's patch). In a pressure field at three in each triangle, no wider than
- *   0.6 of the smaller mesh's radius, that a facet in a cell of the field is cut into.
+ *   0.6 of the smaller mesh's radius, that a facet in a cell of the field is cut into; in a shell's
+ *   (contact/field.h) at three in each part no wider than that.
  * Pairs whose bounding balls are apart cost a few instructions, several pairs at a time.
  * Nothing is kept from one evaluation for the next (bristles are the caller's), so the same motion
  * always gives the same bits on the same machine. The kernels are compiled for several instruction

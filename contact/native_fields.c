@@ -299,11 +299,91 @@ static void group_add_springs(const struct visit *v, const struct visit_facet *f
     visit_add_pressure(v, f, &depth, &m, depth.inward, -rate);
 }
 
+/* The part of a polygon between two lines across an axis (0 x, 1 y); one of the two. */
+static const struct flat *flat_clip_between(const struct flat *in, int axis, double low,
+                                            double high, struct flat g[2])
+{
+    const struct flat *now = in;
+    double side[POLYGON_MAX];
+
+    for (int end = 0; end < 2; end++) {
+        const double *at = axis ? now->y : now->x;
+        struct flat *next = &g[end];
+
+        for (int i = 0; i < now->n; i++) {
+            side[i] = end ? high - at[i] : at[i] - low;
+        }
+        flat_clip(now, side, next);
+        now = next;
+    }
+    return now;
+}
+
+/* How far a polygon reaches along an axis. */
+static void flat_find_reach(const struct flat *g, int axis, double *low, double *high)
+{
+    const double *at = axis ? g->y : g->x;
+
+    *low = DBL_MAX;
+    *high = -DBL_MAX;
+    for (int i = 0; i < g->n; i++) {
+        *low = at[i] < *low ? at[i] : *low;
+        *high = at[i] > *high ? at[i] : *high;
+    }
+}
+
+/* How many parts of a polygon stand along an axis, none longer than the spacing. */
+static int visit_count_parts(const struct visit *v, double length)
+{
+    const double wanted = length / v->spacing + 1;
+
+    return wanted < SPACING_PARTS ? (int)wanted : SPACING_PARTS;
+}
+
+/* Springs on a polygon that is wide, three in each of the rectangles no wider than the spacing that
+ * it is cut into. */
+static void visit_add_grid(const struct visit *v, const struct visit_facet *f,
+                           const struct visit_depth *depth, const struct flat *g)
+{
+    double left, right, low, high;
+
+    flat_find_reach(g, 0, &left, &right);
+
+    const int columns = visit_count_parts(v, right - left);
+
+    for (int c = 0; c < columns; c++) {
+        const double wide = (right - left) / columns;
+        struct flat cut[2][2];
+        const struct flat *column =
+            flat_clip_between(g, 0, left + c * wide, left + (c + 1) * wide, cut[0]);
+
+        flat_find_reach(column, 1, &low, &high);
+        for (int r = 0, rows = visit_count_parts(v, high - low); column->n >= 3 && r < rows; r++) {
+            const double tall = (high - low) / rows;
+            const struct flat *part =
+                flat_clip_between(column, 1, low + r * tall, low + (r + 1) * tall, cut[1]);
+            struct visit_group group = {.area = 0};
+            struct moments m;
+
+            if (part->n < 3) {
+                continue;
+            }
+            flat_find_moments(part, true, &m);
+            if (m.twice > DBL_MIN) {
+                group_add(&group, depth, &m,
+                          depth->at + depth->slope[0] * m.x + depth->slope[1] * m.y);
+                group_add_springs(v, f, &group);
+            }
+        }
+    }
+}
+
 /* Adds what a polygon of a facet in one cell does; small ones get their springs with the group. */
 static void visit_add_polygon(const struct visit *v, const struct visit_facet *f,
                               const struct visit_depth *depth, const struct flat *g,
                               struct visit_group *group)
 {
+    const double wide = v->field->planar ? v->spacing / 2 : v->spacing;
     double mean, radius2 = 0;
     struct moments m;
 
@@ -330,10 +410,12 @@ static void visit_add_polygon(const struct visit *v, const struct visit_facet *f
         v->sum->depth = deep > v->sum->depth ? deep : v->sum->depth;
         radius2 = r2 > radius2 ? r2 : radius2;
     }
-    if (radius2 > v->spacing * v->spacing / 4 && depth->facing > FACING) {
+    if (radius2 <= wide * wide || depth->facing <= FACING) {
+        group_add(group, depth, &m, mean);
+    } else if (v->field->planar) {
         visit_add_fan(v, f, depth, g, &m);
     } else {
-        group_add(group, depth, &m, mean);
+        visit_add_grid(v, f, depth, g);
     }
 }
 
