@@ -66,8 +66,10 @@ static json_t *hello_signals(const struct viewer *viewer)
 
 static const char *personality_name(enum board_personality personality)
 {
-    static const char *const names[] = {
-        [BOARD_ICUB] = "icub", [BOARD_FOC] = "foc", [BOARD_COMPACT] = "compact"};
+    static const char *const names[] = {[BOARD_ICUB] = "icub",
+                                        [BOARD_FOC] = "foc",
+                                        [BOARD_COMPACT] = "compact",
+                                        [BOARD_CIA402] = "cia402"};
 
     return (size_t)personality < ARRAY_COUNT(names) && names[personality] ? names[personality]
                                                                           : "other";

@@ -321,6 +321,12 @@ static bool cia402_motor_is_faulty(const struct board *board)
     return false;
 }
 
+/* Its state stands where others have modes. */
+static uint8_t cia402_motor_mode(const struct board *board, unsigned axis)
+{
+    return (uint8_t)cia402_motor_of(board)->axis[axis].state;
+}
+
 static const struct board_ops cia402_motor_ops = {
     .identity = {.type = CIA402_KIND_DRIVE, .major = 1, .minor = 0, .build = 1},
     .periodic_max = FRAMES_MAX,
@@ -330,6 +336,7 @@ static const struct board_ops cia402_motor_ops = {
     .transmit = cia402_node_transmit,
     .shut_down = cia402_motor_shut_down,
     .fault = cia402_motor_is_faulty,
+    .mode = cia402_motor_mode,
     .settings = &cia402_settings,
 };
 
