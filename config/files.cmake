@@ -57,8 +57,12 @@ set(HIL_CONFIG
     scenarios/push_recovery.yaml
     scenarios/spring_break.yaml
     scenarios/stale_torque_source.yaml
+    scenarios/stand_pushed.yaml
     scenarios/start_up_discovery.yaml
     scenarios/start_up_on_a_lossy_bus.yaml
     scenarios/unknown_command.yaml
     scenarios/velocity_timeout.yaml
+    scenarios/walk_flat.yaml
+    scenarios/walk_on_a_lossy_bus.yaml
+    scenarios/walk_pushed.yaml
     scenarios/wrong_length.yaml)
