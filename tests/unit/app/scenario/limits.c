@@ -104,7 +104,6 @@ static void limits_of_how_many(void **state)
 
     (void)state;
     for (size_t i = 0; i < ARRAY_COUNT(lists); i++) {
-        print_message("# %s", lists[i].before);
         assert_true(file_is_taken(lists[i].before, lists[i].form, lists[i].most, lists[i].after));
         assert_false(
             file_is_taken(lists[i].before, lists[i].form, lists[i].most + 1, lists[i].after));
