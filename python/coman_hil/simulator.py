@@ -7,7 +7,7 @@ import os
 import shutil
 import time
 from collections import deque
-from typing import Any, Callable, Mapping, Sequence
+from typing import Any, Callable, Mapping, NamedTuple, Sequence
 
 import can
 
@@ -20,10 +20,17 @@ from .gateway import GatewayBus, RawFrame, command_text, message_of
 from .process import Process, find_program, make_folder
 from .robot import ForceSensor, Joint, Latest, Names, force_sensors
 
-BOARD_FAULT, STOPPING = 2, 8      # flags of DONE
+BOARD_FAULT, MISMATCH, STOPPING = 2, 4, 8      # flags of DONE
+MOVED = "somebody else moves its time (ctl step, restore, another client's STEP)"
 STEP_TICKS = 1000           # at most in one STEP, so that a time-out is soon enough
 SWITCH_TICKS = 5            # until a new mode has been reported
 FRAMES_KEPT = 100_000
+
+
+class Done(NamedTuple):
+    """What a DONE says."""
+    tick: int
+    flags: int
 
 
 class Simulator:
@@ -201,39 +208,71 @@ class Simulator:
 
     def _run(self, commands: str, ticks: int) -> None:
         """One STEP, and all frames until its DONE."""
-        step = self._step_message.encode({"tick": self.tick & 0xffffffff, "ticks": ticks})
-        done = self._exchange(commands + frame_text(self._step_message, step))
-        values = self._done_message.decode(bytes.fromhex(done[4]))
-        flags, tick = int(values["flags"]), int(values["tick"])
-        expected, self.tick = self.tick + ticks, tick
-        self.board_fault = bool(flags & BOARD_FAULT)
-        if flags & STOPPING and tick != expected & 0xffffffff:
-            raise self._reason(f"tick {tick}", SimulatorStopped("the run is over"))
-        if tick != expected & 0xffffffff:
-            raise GatewayError(f"the simulator is at tick {tick}, expected {expected}: somebody "
-                               "else moves its time (ctl step, restore, another client's STEP)")
+        begin, expected = self.tick & 0xffffffff, self.tick + ticks & 0xffffffff
+        step = self._step_message.encode({"tick": begin, "ticks": ticks})
+        done, refused = self._exchange(commands + frame_text(self._step_message, step), begin,
+                                       expected)
+        self.tick = done.tick
+        self.board_fault = bool(done.flags & BOARD_FAULT)
+        if done.flags & STOPPING and done.tick != expected:
+            raise self._reason(f"tick {done.tick}", SimulatorStopped("the run is over"))
+        if done.tick != expected:
+            raise GatewayError(f"the simulator is at tick {done.tick}, expected {expected}: "
+                               f"{MOVED}")
+        if refused:
+            raise GatewayError(f"the simulator did not run the STEP to tick {refused.tick}: "
+                               f"{MOVED}")
 
-    def _exchange(self, text: str) -> RawFrame:
-        """Sends, receives until DONE. Silence for timeout_s is the end."""
-        latest, key = self._latest, self._done_key
+    def _exchange(self, text: str, begin: int, expected: int) -> tuple[Done, Done | None]:
+        """Sends a STEP that expects tick `begin`, receives until its DONE at tick `expected`, and
+        returns it with the refusal of an earlier STEP if one came. Silence for timeout_s is the
+        end."""
+        refused = moved = None
         try:
             self.bus.send_text(text)
             end = time.monotonic() + self._timeout_s
             while True:
                 frames = self.bus.receive_frames(max(0.0, end - time.monotonic()))
+                answer = None
+                for done in self._keep_frames(frames):
+                    # Of its own DONE each STEP knows the tick. A ctl step has one too, which may
+                    # still be on its way, and there may be the one of a STEP that timed out.
+                    if done.flags & MISMATCH and done.tick == begin:
+                        refused = done    # an earlier one: this STEP is not refused there
+                    elif done.flags & MISMATCH:
+                        answer = refused = done
+                    elif done.flags & STOPPING or done.tick == expected:
+                        answer = done
+                    else:
+                        moved = done
+                if answer:
+                    return answer, refused
                 if frames:
-                    for frame in frames:
-                        latest[frame[5], frame[1]] = frame
-                    self._frames.extend(frames)
-                    if key in latest:
-                        self._frames.pop()     # DONE comes last
-                        return latest.pop(key)
                     end = time.monotonic() + self._timeout_s
                 elif time.monotonic() >= end:
+                    why = f"; it is at tick {moved.tick}: {MOVED}" if moved else ""
                     raise SimulatorTimeout(f"tick {self.tick}: no answer to STEP within "
-                                           f"{self._timeout_s:g} s")
+                                           f"{self._timeout_s:g} s{why}")
         except (GatewayError, SimulatorTimeout) as error:
             raise self._reason(f"tick {self.tick}", error) from None
+
+    def _keep_frames(self, frames: Sequence[RawFrame]) -> list[Done]:
+        """Takes frames over as telemetry, but for those DONE, which it returns."""
+        latest, key = self._latest, self._done_key
+        for frame in frames:
+            latest[frame[5], frame[1]] = frame
+        if key not in latest:
+            self._frames.extend(frames)
+            return []
+        del latest[key]
+        dones = []
+        for frame in frames:
+            if (frame[5], frame[1]) == key:
+                values = self._done_message.decode(bytes.fromhex(frame[4]))
+                dones.append(Done(int(values["tick"]), int(values["flags"])))
+            else:
+                self._frames.append(frame)
+        return dones
 
     def _reason(self, what: str, error: SimulatorError) -> SimulatorError:
         """Why the other side is gone, when it is."""

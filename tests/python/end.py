@@ -151,6 +151,65 @@ def test_somebody_else_who_moves_time_is_told():
         sim.control.request("resume")
         with raises(GatewayError, "at tick 12, expected 6", "moves its time"):
             sim.step()
+        sim.step(3)
+        assert sim.tick == 15 and sim.status()["tick"] == 15
+
+
+def one_by_one(receive):
+    """receive_frames, one frame a call: what is still on its way comes late."""
+    waiting = []
+
+    def receive_one(timeout_s):
+        if not waiting:
+            waiting.extend(receive(timeout_s))
+        return [waiting.pop(0)] if waiting else []
+    return receive_one
+
+
+def test_the_done_of_a_ctl_step_answers_no_step():
+    from coman_hil import GatewayError, Simulator
+    with Simulator(RIG) as sim:
+        sim.bus.receive_frames = one_by_one(sim.bus.receive_frames)
+        tick = 0
+        for count, ticks in ((7, 1), (1, 3), (3, 5), (2, 1)):
+            sim.control.request("step", count=count)
+            sim.control.request("resume")
+            wrong = f"at tick {tick + count}, expected {tick + ticks}"
+            with raises(GatewayError, wrong, "moves its time"):
+                sim.step(ticks)
+            sim.step(4)
+            tick += count + 4
+            assert sim.tick == tick and sim.status()["tick"] == tick
+        # two of them, the second where a STEP from the first would end
+        for _ in range(2):
+            sim.control.request("step", count=2)
+            sim.control.request("resume")
+        with raises(GatewayError, f"at tick {tick + 4}, expected {tick + 1}"):
+            sim.step()
+        sim.step(3)
+        assert sim.tick == tick + 7
+
+
+def test_a_ctl_step_as_long_as_the_next_step_is_told():
+    from coman_hil import GatewayError, Simulator
+    with Simulator(RIG) as sim:
+        sim.step(5)
+        sim.control.request("step", count=3)
+        sim.control.request("resume")
+        with raises(GatewayError, "did not run the STEP to tick 8", "moves its time"):
+            sim.step(3)     # its refusal may come after the DONE that says the same tick
+            sim.step(2)
+        sim.step(11 - sim.tick)
+        assert sim.tick == 11 and sim.status()["tick"] == 11
+
+
+def test_a_ctl_step_that_stays_paused_is_a_time_out_with_the_reason():
+    from coman_hil import SimulatorTimeout, Simulator
+    with Simulator(RIG, timeout_s=0.5) as sim:
+        sim.step(5)
+        sim.control.request("step", count=7)
+        with raises(SimulatorTimeout, "tick 5: no answer", "at tick 12", "moves its time"):
+            sim.step()
 
 
 def test_frames_that_come_in_pieces_are_whole():
