@@ -29,25 +29,53 @@ offers() {
     [ "$(tr ' ' '\n' <<<"$expected" | sort)" = "$(sort "$work/out")" ]
     result $? "$name"
 }
+# what a command's --help says for zsh: options with their arguments, places with operands
+zsh_expected() {
+    local operand number=0
+    "$program" "$1" --help >"$work/help"
+    sed -nE 's/^  (-[a-z-]+)( ([^ ]+))?( .*)?$/\1 \3/p' "$work/help" | grep -v '^--help '
+    for operand in $(sed -nE '1s/^usage: [a-z-]+ [a-z]+ ?(\[OPTIONS\])?//p' "$work/help"); do
+        number=$((number + 1))
+        case $operand in *...) printf '*' ;; *) printf %s $number ;; esac
+        operand=${operand%...}
+        case $operand in \[*\]) printf ': ' ;; *) printf ' ' ;; esac
+        tr -d '[]' <<<"$operand"
+    done
+}
+# the same as its script says it: 'NAME=[TEXT]:ARGUMENT:...' and 'NUMBER:NAME:...'
+zsh_found() {
+    sed -n "/^    $1)\$/,/^ *;;/p" "$work/_coman-hil" |
+        sed -E 's/\\\[/\x01/g; s/\\\]/\x02/g; s/\\:/\x03/g' |
+        sed -nE "s/^ +'\*?(-[a-z-]+)=?\[[^]]*\](:([^:']*).*)?'.*/\1 \3/p
+                 s/^ +'([0-9]+|\*)(:?):([^:]*):.*/\1\2 \3/p" | tr '\1\2\3' '[]:'
+}
 
-echo 1..18
+echo 1..19
 commands=$("$program" --help | sed -n '/^coman-hil COMMAND/q; s/^  \([a-z]\+\) .*/\1/p')
 offers "every command" "$(echo $commands --help --version)" "$program" ""
 offers "commands that begin so" "check" "$program" ch
 
+wrong=0
 for command in $commands; do
     options=$("$program" "$command" --help | sed -n 's/^  \(-[a-z-]*\).*/\1/p')
     offer "$program" "$command" -
-    [ "$(sort <<<"$options")" = "$(sort "$work/out")" ] || break
+    [ "$(sort <<<"$options")" = "$(sort "$work/out")" ] || {
+        wrong=1
+        break
+    }
 done
-result $? "every option that --help lists, of every command"
+result $wrong "every option that --help lists, of every command"
 subjects=$("$bench" --help | sed -n '/^coman-hil-bench COMMAND/q; s/^  \([a-z]\+\) .*/\1/p')
+wrong=0
 for command in $subjects; do
     options=$("$bench" "$command" --help | sed -n 's/^  \(-[a-z-]*\).*/\1/p')
     offer "$bench" "$command" -
-    [ "$(sort <<<"$options")" = "$(sort "$work/out")" ] || break
+    [ "$(sort <<<"$options")" = "$(sort "$work/out")" ] || {
+        wrong=1
+        break
+    }
 done
-result $? "the same of the benchmarks"
+result $wrong "the same of the benchmarks"
 
 offers "words of an option" "real lockstep free" "$program" run coman --clock ""
 offers "the same behind =" "lockstep" "$program" run coman --clock = l
@@ -63,9 +91,20 @@ offers "files where no name begins so" "mine.yaml" "$program" check min
 offers "folders for a recording" "recordings" "$program" run coman --record ""
 offers "commands of ctl" "statistics status" "$program" ctl stat
 
+"$program" --completion=zsh >"$work/_coman-hil"
+wrong=0
+for command in $commands; do
+    zsh_expected "$command" | sort >"$work/expected"
+    zsh_found "$command" | sort | diff "$work/expected" - >"$work/out" || {
+        wrong=1
+        break
+    }
+done
+result $wrong "zsh is told the arguments and operands that --help names, of every command"
+
 if command -v zsh >/dev/null; then
-    "$program" --completion=zsh >"$work/_coman-hil" && zsh -n "$work/_coman-hil" \
-        >"$work/out" 2>&1 && "$bench" --completion=zsh >"$work/_coman-hil-bench" &&
+    zsh -n "$work/_coman-hil" >"$work/out" 2>&1 &&
+        "$bench" --completion=zsh >"$work/_coman-hil-bench" &&
         zsh -n "$work/_coman-hil-bench" >"$work/out" 2>&1
     result $? "zsh understands its scripts"
 else
