@@ -423,6 +423,12 @@ static void drives_have_the_effects_that_are_given(void **state)
     assert_near(effects->thermal.ambient_c, 25.0, 0.0);
     assert_near(effects->thermal.R_per_k, 0.00385, 0.0);
     assert_int_equal(effects->nerror, 0);
+
+    /* 2^-12 s of 2^-10 s: just a quarter of the period */
+    assert_int_equal(load_changed("L_h: 0.0003",
+                                  "L_h: 0.0003, dead_time_s: 0.000244140625, pwm_hz: 1024", NULL,
+                                  &robot, &error),
+                     ERROR_NONE);
 }
 
 /* A variant's drive goes before the robot's own: all of COMAN's drives, and none without it. */

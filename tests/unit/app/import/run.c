@@ -138,6 +138,38 @@ static void same_file_gives_the_same_bytes(void **state)
     assert_memory_equal(first, second, size[0]);
 }
 
+/* The corners are as far from the axis as the cylinder is wide: it is as long as the box. */
+static void a_box_gets_the_capsule_that_holds_it(void **state)
+{
+    static const char text[] =
+        "<robot name='r'><link name='base'>%1$s</link><link name='box'>%1$s<collision><origin "
+        "xyz='0.01 0.02 0.03'/><geometry><box size='0.06 0.8 0.08'/></geometry></collision></link>"
+        "<joint name='j' type='revolute'><parent link='base'/><child link='box'/><axis xyz='1 0 "
+        "0'/><limit lower='-2' upper='2' effort='60' velocity='4'/></joint></robot>\n";
+    static const char inertial[] = "<inertial><origin xyz='0 0 -0.1'/><mass value='1'/><inertia "
+                                   "ixx='0.01' iyy='0.01' izz='0.01' ixy='0' ixz='0' iyz='0'/>"
+                                   "</inertial>";
+    const struct robot_capsule *capsule;
+    struct import_result result;
+    FILE *out = fopen(file, "w");
+
+    (void)state;
+    assert_non_null(out);
+    fprintf(out, text, inertial);
+    assert_int_equal(fclose(out), 0);
+    import_limbs(IMPORT_ICUB, &result);
+    assert_int_equal(result.loaded->ncapsule, 1);
+    capsule = &result.loaded->capsule[0];
+    assert_true(fabs(capsule->radius - 0.05) < 1e-6);
+    assert_true(fabs(capsule->length - 0.8) < 1e-6);
+
+    /* Along y, the third column of its frame */
+    assert_true(fabs(fabs(capsule->rotation[5]) - 1.0) < 1e-6);
+    assert_true(fabs(capsule->position[0] - 0.01) < 1e-6);
+    assert_true(fabs(capsule->position[1] - 0.02) < 1e-6);
+    assert_true(fabs(capsule->position[2] - 0.03) < 1e-6);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, open_folder, remove_folder)
 
 int main(void)
@@ -146,6 +178,7 @@ int main(void)
         TEST(no_bus_is_loaded_beyond_the_share),
         TEST(too_many_joints_name_the_way_out),
         TEST(same_file_gives_the_same_bytes),
+        TEST(a_box_gets_the_capsule_that_holds_it),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
