@@ -8,6 +8,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -80,12 +81,23 @@ static void leaves_what_was_there_when_writing_fails(void **state)
     assert_null(content(partial));
 }
 
+/* By links of its own: what would be replaced by mistake, as root too, is a link. */
 static void writes_to_a_device_in_place_and_says_that_it_is_full(void **state)
 {
+    struct stat link;
+
     (void)state;
-    assert_int_equal(write_file("/dev/null", "text", ERROR_NONE), ERROR_NONE);
-    assert_int_equal(write_file("/dev/full", "text", ERROR_NONE), ERROR_SYSTEM);
-    assert_int_equal(access("/dev/full", F_OK), 0);
+    unlink(path);
+    assert_int_equal(symlink("/dev/null", path), 0);
+    assert_int_equal(write_file(path, "text", ERROR_NONE), ERROR_NONE);
+    assert_int_equal(lstat(path, &link), 0);
+    assert_true(S_ISLNK(link.st_mode));
+    assert_int_equal(unlink(path), 0);
+    assert_int_equal(symlink("/dev/full", path), 0);
+    assert_int_equal(write_file(path, "text", ERROR_NONE), ERROR_SYSTEM);
+    assert_int_equal(lstat(path, &link), 0);
+    assert_int_equal(unlink(path), 0);
+    assert_null(content(partial));
 }
 
 static void names_a_folder_that_is_not_there(void **state)

@@ -222,6 +222,33 @@ static void packages_are_found_where_they_may_be(void **state)
     assert_int_equal(system(path), 0);
 }
 
+static void files_are_read_and_what_is_no_file_is_refused(void **state)
+{
+    char folder[] = "/tmp/import-mesh-XXXXXX", path[64];
+    unsigned char bytes[512];
+    size_t size = make_binary_stl(bytes);
+    FILE *file;
+
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/body.stl", folder);
+    file = fopen(path, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(bytes, 1, size, file), size);
+    assert_int_equal(fclose(file), 0);
+    assert_int_equal(import_read_mesh(path, one, &arena, &mesh, &error), ERROR_NONE);
+    assert_int_equal(unlink(path), 0);
+
+    /* A pipe would wait for a writer for ever, a folder cannot be read */
+    assert_int_equal(mkfifo(path, 0600), 0);
+    assert_int_equal(import_read_mesh(path, one, &arena, &mesh, &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "no regular file"));
+    assert_int_equal(unlink(path), 0);
+    assert_int_equal(import_read_mesh(folder, one, &arena, &mesh, &error), ERROR_INPUT);
+    assert_int_not_equal(import_read_mesh(path, one, &arena, &mesh, &error), ERROR_NONE);
+    assert_int_equal(rmdir(folder), 0);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, open_arena, close_arena)
 
 int main(void)
@@ -233,6 +260,7 @@ int main(void)
         TEST(wrong_meshes_are_refused),
         TEST(binary_stl_with_a_false_count_is_refused),
         TEST(packages_are_found_where_they_may_be),
+        TEST(files_are_read_and_what_is_no_file_is_refused),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
