@@ -320,7 +320,8 @@ static enum error_code simulator_create_task(struct simulator *simulator, struct
     if (simulator->task_inline) {
         simulator->moves_to = simulator->arena->used;
     }
-    return code;
+    return code ? code
+                : task_set_all(simulator->task->task, config->setting, config->nsetting, error);
 }
 
 static void simulator_set_task_pace(void *context, double speed, bool paused)
@@ -355,6 +356,7 @@ static enum error_code simulator_create_steering(struct simulator *simulator, st
         .faults = simulator->faults,
         .injection = simulator->injection,
         .buses = &simulator->buses,
+        .task = simulator->task ? simulator->task->task : NULL,
         .moving = moving,
         .nmoving = ARRAY_COUNT(moving),
         .hole = hole,

@@ -15,13 +15,13 @@ enum { NAME_SIZE = 160 };
 #define NOISE_SCALE_MAX 1000.0
 #define PRETENSION_MAX_M 1.0
 
-enum tunable_kind { TUNE_SETTING, TUNE_PRETENSION, TUNE_SUPPLY, TUNE_NOISE };
+enum tunable_kind { TUNE_SETTING, TUNE_PRETENSION, TUNE_SUPPLY, TUNE_NOISE, TUNE_TASK };
 
 /* Which parameter a tunable is. */
 struct meaning {
     enum tunable_kind kind;
     size_t joint;              /* TUNE_PRETENSION */
-    size_t board, axis, index; /* TUNE_SETTING */
+    size_t board, axis, index; /* TUNE_SETTING; index: TUNE_TASK, too */
 };
 
 struct robot_steering {
@@ -128,6 +128,8 @@ static double tunable_get(void *context, size_t index)
         return plant_source(s->config.plant);
     case TUNE_NOISE:
         return sensing_noise_scale(s->config.sensing);
+    case TUNE_TASK:
+        return task_get(s->config.task, meaning->index);
     }
     return 0.0;
 }
@@ -153,6 +155,8 @@ static enum steer_verdict tunable_set(void *context, size_t index, double value)
     case TUNE_NOISE:
         sensing_scale_noise(s->config.sensing, value);
         break;
+    case TUNE_TASK:
+        return task_set(s->config.task, meaning->index, value) ? STEER_OK : STEER_RANGE;
     }
     return STEER_OK;
 }
@@ -161,7 +165,8 @@ static uint64_t tunable_changes(void *context)
 {
     const struct robot_steering *s = context;
 
-    return s->moving.changes + boards_settings_changes(s->config.boards);
+    return s->moving.changes + boards_settings_changes(s->config.boards) +
+           (s->config.task ? task_changes(s->config.task) : 0);
 }
 
 /* Moves each winch by at most its speed times a tick, so that a rope does not jerk. */
@@ -311,6 +316,21 @@ static bool tunable_list_springs(struct robot_steering *s, struct arena *arena)
     return good;
 }
 
+static void tunable_list_task(struct robot_steering *s)
+{
+    const struct task_setting *setting;
+    size_t count = s->config.task ? task_settings(s->config.task, &setting) : 0;
+
+    for (size_t i = 0; i < count; i++) {
+        struct tunable *to = tunable_add(s, (struct meaning){.kind = TUNE_TASK, .index = i});
+
+        if (to) {
+            *to = (struct tunable){setting[i].name, setting[i].unit, setting[i].min, setting[i].max,
+                                   setting[i].whole};
+        }
+    }
+}
+
 /* All of them; called once to count and once to fill in. */
 static bool tunable_list_all(struct robot_steering *s, struct arena *arena)
 {
@@ -334,6 +354,7 @@ static bool tunable_list_all(struct robot_steering *s, struct arena *arena)
             *to = (struct tunable){"sensing.noise_scale", "", 0.0, NOISE_SCALE_MAX, false};
         }
     }
+    tunable_list_task(s);
     return good;
 }
 

@@ -9,6 +9,7 @@
  *   joint.NAME.pretension_m  of the parallel spring; its winch moves at ROBOT_STEERING_WINCH_M_S
  *   supply_v                 of the source, without load and sag
  *   sensing.noise_scale      factor on all sensor noise
+ *   TASK.SETTING             what a task in this process has (tasks/task.h), walk.forward_m_s
  * They are part of a checkpoint.
  */
 #ifndef SIM_ROBOT_STEERING_H
@@ -20,6 +21,7 @@
 #include "sim/buses.h"
 #include "sim/checkpoint.h"
 #include "sim/injection.h"
+#include "tasks/task.h"
 
 #define ROBOT_STEERING_WINCH_M_S 0.1
 
@@ -31,6 +33,7 @@ struct robot_steering_config {
     struct faults *faults;
     struct injection *injection;
     struct buses *buses;
+    struct task *task; /* NULL = none in this process */
     /* Everything else that changes in virtual time, and what lies in it that other threads write;
      * borrowed for the call. */
     const struct span *moving, *hole;

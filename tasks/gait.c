@@ -9,7 +9,8 @@
  * exp(-omega 2 T), a thousandth. */
 enum { PREVIEW = 3 };
 
-#define ADJUST_S 0.03 /* of the foothold's adjustment */
+#define ADJUST_S 0.03    /* of the foothold's adjustment */
+#define TIME_CHANGE 0.06 /* of the time of a step, from one to the next */
 
 static int gait_other(int side)
 {
@@ -167,6 +168,19 @@ static void gait_begin_step(struct gait *gait, int stance, double transfer_s)
     gait_begin(gait, GAIT_TRANSFER, transfer_s);
 }
 
+/* The time of a step changes where a swing begins, since what the plan had foreseen beyond it has
+ * faded by then, and by TIME_CHANGE at most: the planned DCM jumps by a millimetre or two. */
+static void gait_take_time(struct gait *gait)
+{
+    double scale = gait->command.step_s / (gait->config.swing_s + gait->config.transfer_s);
+
+    if (gait->command.step_s > 0) {
+        scale = fmin(fmax(scale, 1 - TIME_CHANGE), 1 + TIME_CHANGE);
+        gait->config.swing_s *= scale;
+        gait->config.transfer_s *= scale;
+    }
+}
+
 static void gait_end_phase(struct gait *gait, const struct gait_foothold measured[BODY_SIDES])
 {
     int swing = gait_other(gait->now.stance);
@@ -180,6 +194,7 @@ static void gait_end_phase(struct gait *gait, const struct gait_foothold measure
             gait_begin(gait, GAIT_STAND, 1);
             return;
         }
+        gait_take_time(gait);
         gait->lift = gait->now.foot[swing];
         gait->closing = !gait->command.step;
         gait_foothold_of(gait, swing, &gait->now.foot[gait->now.stance], gait->closing,

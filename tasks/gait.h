@@ -20,6 +20,8 @@
 struct gait_command {
     bool step; /* steps, if in place; false: stands still, feet side by side */
     double forward_m_s, left_m_s, turn_rad_s;
+    double step_s; /* of a step, from the next swing on: swing and transfer keep their ratio; 0: as
+                    * it is */
 };
 
 enum gait_phase { GAIT_STAND, GAIT_TRANSFER, GAIT_SWING };

@@ -9,7 +9,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { TELL_STEPS = 20 };
+enum { TELL_STEPS = 20, TEXT_SIZE = 100 };
 
 static const double STRAY_RAD = 0.4; /* a motor so far from its reference: fallen or stuck */
 
@@ -190,6 +190,99 @@ void task_stop(struct task *task)
     }
     host_send(task->host);
 }
+
+/* ---- settings ---- */
+
+size_t task_settings(const struct task *task, const struct task_setting **setting)
+{
+    return task->ops->settings ? task->ops->settings(task, setting) : 0;
+}
+
+bool task_set(struct task *task, size_t index, double value)
+{
+    const struct task_setting *setting;
+
+    if (index >= task_settings(task, &setting) ||
+        !(value >= setting[index].min && value <= setting[index].max) ||
+        (setting[index].whole && value != rint(value))) {
+        return false;
+    }
+    task->ops->set(task, index, value);
+    atomic_fetch_add(&task->changes, 1);
+    return true;
+}
+
+double task_get(const struct task *task, size_t index)
+{
+    const struct task_setting *setting;
+
+    return index < task_settings(task, &setting) ? task->ops->get(task, index) : 0;
+}
+
+uint64_t task_changes(const struct task *task)
+{
+    return atomic_load(&task->changes);
+}
+
+static enum error_code task_refuse_setting(const struct task *task, const char *name,
+                                           struct error *error)
+{
+    const struct task_setting *setting;
+    size_t count = task_settings(task, &setting);
+    const char *nearest = NULL;
+
+    /* The nearest of two, over and over, is the nearest of all */
+    for (size_t i = 0; i < count; i++) {
+        const char *one = setting[i].name;
+
+        nearest = text_nearest(name, (const char *[]){nearest ? nearest : one, one}, 2);
+    }
+    return error_set(error, ERROR_INPUT, "found no setting \"%.80s\" of the task %s%s%s%s", name,
+                     task->ops->name, count == 0 ? ", which has none" : "",
+                     nearest ? "; the nearest is " : "", nearest ? nearest : "");
+}
+
+static enum error_code task_set_pair(struct task *task, const char *pair, struct error *error)
+{
+    const char *equals = strchr(pair, '=');
+    const struct task_setting *setting;
+    size_t count = task_settings(task, &setting), i = 0;
+    char name[TEXT_SIZE];
+    double value;
+
+    if (!equals || equals - pair >= TEXT_SIZE) {
+        return error_set(error, ERROR_INPUT, "found \"%.100s\", expected NAME=VALUE", pair);
+    }
+    snprintf(name, sizeof name, "%.*s", (int)(equals - pair), pair);
+    while (i < count && strcmp(setting[i].name, name) != 0) {
+        i++;
+    }
+    if (i == count) {
+        return task_refuse_setting(task, name, error);
+    }
+    if (!text_to_double(equals + 1, &value) || !task_set(task, i, value)) {
+        return error_set(error, ERROR_INPUT, "%s: found \"%.80s\", expected %s%.6g to %.6g%s%s",
+                         name, equals + 1, setting[i].whole ? "a whole number, " : "",
+                         setting[i].min, setting[i].max, setting[i].unit[0] ? " " : "",
+                         setting[i].unit);
+    }
+    return ERROR_NONE;
+}
+
+enum error_code task_set_all(struct task *task, const char *const *pair, size_t npair,
+                             struct error *error)
+{
+    for (size_t i = 0; i < npair; i++) {
+        enum error_code code = task_set_pair(task, pair[i], error);
+
+        if (code) {
+            return code;
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* ---- what it tells ---- */
 
 size_t task_signals(const struct task *task, const char *const **name)
 {

@@ -224,6 +224,30 @@ enum task_status task_step(struct task *task, int64_t now_ns);
 /* Motors off; call it when stopping early. RT-safe. */
 void task_stop(struct task *task);
 
+/* What a user may change while a task runs: the wanted speed of a walk, ... */
+struct task_setting {
+    const char *name, *unit; /* "walk.forward_m_s", "m/s"; "" = a count */
+    double min, max;
+    bool whole; /* takes whole numbers only */
+};
+
+/* How many settings a task has, and which; the task's. RT-safe. */
+size_t task_settings(const struct task *task, const struct task_setting **setting);
+
+/* Changes one from the next step on; false when there is no such setting or the value is out of its
+ * range. Before the first step, then from one thread, which need not be the task's. RT-safe. */
+bool task_set(struct task *task, size_t index, double value);
+
+/* The value of one; any thread. RT-safe. */
+double task_get(const struct task *task, size_t index);
+
+/* A count that changes whenever some setting may have another value; any thread. RT-safe. */
+uint64_t task_changes(const struct task *task);
+
+/* Settings before the first step, each "NAME=VALUE". ERROR_INPUT. Not RT-safe. */
+enum error_code task_set_all(struct task *task, const char *const *pair, size_t npair,
+                             struct error *error);
+
 /* What a task estimates and plans, for recordings: how many signals it has, and their names, with
  * the units at the end. RT-safe. */
 size_t task_signals(const struct task *task, const char *const **name);

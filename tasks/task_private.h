@@ -9,6 +9,8 @@
 #include "tasks/host.h"
 #include "tasks/servo.h"
 
+#include <stdatomic.h>
+
 struct task;
 
 struct task_ops {
@@ -24,6 +26,11 @@ struct task_ops {
     const char *const *signal_name;
     size_t nsignal;
     void (*signals)(const struct task *task, double *value);
+    /* What may change while it runs; NULL: nothing. Values are checked before. set is called from
+     * another thread than step. */
+    size_t (*settings)(const struct task *task, const struct task_setting **setting);
+    void (*set)(struct task *task, size_t index, double value);
+    double (*get)(const struct task *task, size_t index);
 };
 
 struct task {
@@ -35,6 +42,7 @@ struct task {
     bool started;
     int64_t start_ns;
     unsigned steps;
+    _Atomic uint64_t changes; /* of settings */
     bool tells; /* this step writes the message even if there is only progress to tell */
     char message[192];
 };

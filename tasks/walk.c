@@ -7,15 +7,103 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 #define FALLEN_RAD 0.7
 #define SPEED_UP_M_S2 0.1 /* of the command */
+#define TURN_UP_RAD_S2 0.3
+#define TURN_MOST_RAD_S 0.5
+#define HEADING_RAD_S 0.3 /* turning to a heading, at most */
+#define HEADING_STEPS 3   /* in which it would get there: slow enough for TURN_UP_RAD_S2 */
+
+/* What a user may change (enum order). A step is the transfer and the swing of one foot. */
+enum walk_setting {
+    WALK_ON,
+    WALK_FORWARD,
+    WALK_LEFT,
+    WALK_TURN,
+    WALK_HEADING,
+    WALK_STEP_TIME,
+    WALK_STEP_LENGTH, /* another view of WALK_FORWARD */
+    WALK_SETTINGS,
+};
 
 struct walk {
     struct balance *balance;
     struct gait_command command;
     double last_s;
+    unsigned from_steps; /* of the gait, when it began to walk */
+    struct task_setting setting[WALK_SETTINGS];
+    _Atomic double value[WALK_SETTINGS]; /* another thread writes them */
+    atomic_bool holds_heading;           /* rather than to turn at a rate */
 };
+
+/* ---- settings ---- */
+
+/* The range of a rate: what a step of the rig's time reaches, and what the rig asks for. */
+static struct task_setting walk_rate(const char *name, const char *unit, double least, double most,
+                                     double asked)
+{
+    return (struct task_setting){name, unit, fmin(least, asked), fmax(most, asked), false};
+}
+
+static void walk_make_settings(struct walk *walk, const struct walk_config *config)
+{
+    const struct gait_config *gait = &config->balance.gait;
+    double step_s = gait->swing_s + gait->transfer_s;
+    const struct task_setting setting[WALK_SETTINGS] = {
+        [WALK_ON] = {"walk.on", "", 0, 1, true},
+        [WALK_FORWARD] = walk_rate("walk.forward_m_s", "m/s", -gait->reach_back_m / step_s,
+                                   gait->reach_ahead_m / step_s, config->forward_m_s),
+        [WALK_LEFT] = walk_rate("walk.left_m_s", "m/s", -gait->reach_out_m / step_s,
+                                gait->reach_out_m / step_s, config->left_m_s),
+        [WALK_TURN] = walk_rate("walk.turn_rad_s", "rad/s", -TURN_MOST_RAD_S, TURN_MOST_RAD_S,
+                                config->turn_rad_s),
+        [WALK_HEADING] = {"walk.heading_rad", "rad", -1e3, 1e3, false},
+        [WALK_STEP_TIME] = {"walk.step_s", "s", step_s / 2, step_s * 2, false},
+        [WALK_STEP_LENGTH] = {"walk.step_length_m", "m", -gait->reach_back_m, gait->reach_ahead_m,
+                              false},
+    };
+
+    memcpy(walk->setting, setting, sizeof setting);
+    walk->value[WALK_ON] = 1;
+    walk->value[WALK_FORWARD] = config->forward_m_s;
+    walk->value[WALK_LEFT] = config->left_m_s;
+    walk->value[WALK_TURN] = config->turn_rad_s;
+    walk->value[WALK_STEP_TIME] = step_s;
+}
+
+static size_t walk_settings(const struct task *task, const struct task_setting **setting)
+{
+    const struct walk *walk = task->state;
+
+    *setting = walk->setting;
+    return WALK_SETTINGS;
+}
+
+static void walk_set(struct task *task, size_t index, double value)
+{
+    struct walk *walk = task->state;
+
+    if (index == WALK_STEP_LENGTH) {
+        walk->value[WALK_FORWARD] = value / walk->value[WALK_STEP_TIME];
+        return;
+    }
+    walk->value[index] = value;
+    if (index == WALK_HEADING || index == WALK_TURN) {
+        walk->holds_heading = index == WALK_HEADING;
+    }
+}
+
+static double walk_get(const struct task *task, size_t index)
+{
+    const struct walk *walk = task->state;
+
+    return index == WALK_STEP_LENGTH ? walk->value[WALK_FORWARD] * walk->value[WALK_STEP_TIME]
+                                     : walk->value[index];
+}
+
+/* ---- task ---- */
 
 static enum error_code walk_create(struct task *task, struct arena *arena, struct error *error)
 {
@@ -29,6 +117,7 @@ static enum error_code walk_create(struct task *task, struct arena *arena, struc
                          task->ops->name);
     }
     task->state = walk;
+    walk_make_settings(walk, task->config.walk);
     return balance_create(&task->config.walk->balance, task->config.body, task->config.initial_rad,
                           task->host, task->servo, arena, &walk->balance, error);
 }
@@ -46,25 +135,81 @@ static double walk_approach(double now, double goal, double most)
     return now + fmin(fmax(goal - now, -most), most);
 }
 
-static enum task_status walk_advance(struct task *task, double t_s, bool walks)
+/* The rate that turns the next foot to the wanted heading, seen from the one that stands. */
+static double walk_turn(const struct walk *walk, const struct gait *gait)
+{
+    double rate = walk->value[WALK_TURN];
+
+    if (walk->holds_heading) {
+        double off = walk->value[WALK_HEADING] - gait->now.foot[gait->now.stance].yaw;
+
+        rate = off / (HEADING_STEPS * walk->value[WALK_STEP_TIME]);
+        rate = fmin(fmax(rate, -HEADING_RAD_S), HEADING_RAD_S);
+    }
+    return rate;
+}
+
+/* The command of this period: on the spot for two steps, then gaining speed. No step is longer than
+ * the legs reach, whatever its time. */
+static void walk_command(struct walk *walk, const struct walk_config *config, double dt)
+{
+    const struct gait *gait = balance_gait(walk->balance);
+    const struct gait_config *reach = &config->balance.gait;
+    struct gait_command *command = &walk->command;
+    double step_s = walk->value[WALK_STEP_TIME], ahead = reach->reach_ahead_m / step_s;
+    double back = reach->reach_back_m / step_s, out = reach->reach_out_m / step_s;
+    double forward = fmin(fmax(walk->value[WALK_FORWARD], -back), ahead);
+    double left = fmin(fmax(walk->value[WALK_LEFT], -out), out);
+
+    if (!command->step) {
+        return;
+    }
+    command->step_s = step_s;
+    if (gait->steps - walk->from_steps >= 2) {
+        command->forward_m_s = walk_approach(command->forward_m_s, forward, SPEED_UP_M_S2 * dt);
+        command->left_m_s = walk_approach(command->left_m_s, left, SPEED_UP_M_S2 * dt);
+        command->turn_rad_s =
+            walk_approach(command->turn_rad_s, walk_turn(walk, gait), TURN_UP_RAD_S2 * dt);
+    }
+}
+
+/* Begins and ends to step: the command of the user, or as many steps as the rig asks for. */
+static void walk_begin_or_halt(struct task *task, double t_s)
 {
     struct walk *walk = task->state;
     const struct walk_config *config = task->config.walk;
+    const struct gait *gait = balance_gait(walk->balance);
+    bool on = walk->value[WALK_ON] > 0 && balance_ready(walk->balance) && t_s > config->begin_s;
+
+    if (walk->command.step && config->steps > 0 &&
+        gait->steps - walk->from_steps >= (uint64_t)config->steps) {
+        walk->value[WALK_ON] = 0;
+        atomic_fetch_add(&task->changes, 1);
+        on = false;
+    }
+
+    /* From a stand only, and from rest */
+    if (on && !walk->command.step) {
+        if (gait->now.phase != GAIT_STAND) {
+            return;
+        }
+        walk->from_steps = gait->steps;
+        walk->command = (struct gait_command){.step = true};
+    }
+    walk->command.step = on;
+}
+
+static enum task_status walk_advance(struct task *task, double t_s, bool walks)
+{
+    struct walk *walk = task->state;
     const struct estimate *estimate = balance_estimate(walk->balance);
     const struct gait *gait = balance_gait(walk->balance);
     double dt = t_s - walk->last_s;
-    bool ready = balance_ready(walk->balance);
 
     walk->last_s = t_s;
-    walk->command.step = walks && ready && t_s > config->begin_s &&
-                         (config->steps <= 0 || gait->steps < (uint64_t)config->steps);
-    if (walk->command.step && gait->steps >= 2) {
-        walk->command.forward_m_s =
-            walk_approach(walk->command.forward_m_s, config->forward_m_s, SPEED_UP_M_S2 * dt);
-        walk->command.left_m_s =
-            walk_approach(walk->command.left_m_s, config->left_m_s, SPEED_UP_M_S2 * dt);
-        walk->command.turn_rad_s =
-            walk_approach(walk->command.turn_rad_s, config->turn_rad_s, 0.3 * dt);
+    if (walks) {
+        walk_begin_or_halt(task, t_s);
+        walk_command(walk, task->config.walk, dt);
     }
     balance_update(walk->balance, &walk->command, dt);
     if (fabs(estimate->pitch_rad) > FALLEN_RAD || fabs(estimate->roll_rad) > FALLEN_RAD) {
@@ -116,4 +261,7 @@ const struct task_ops task_walk = {
     .signal_name = balance_signal_name,
     .nsignal = BALANCE_SIGNALS,
     .signals = walk_signals,
+    .settings = walk_settings,
+    .set = walk_set,
+    .get = walk_get,
 };

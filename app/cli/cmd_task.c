@@ -16,7 +16,7 @@
 
 struct task_options {
     const char *task, *rig;
-    struct option_list bus;
+    struct option_list bus, set;
     int clock;
     bool quiet, reconnect;
 };
@@ -32,6 +32,10 @@ static bool task_parse_options(int argc, char **argv, struct task_options *out, 
          .value = &o.clock, .words = clock_words},
         {"--bus", OPTION_LIST, "NAME=INTERFACE",
          "put a bus of the rig on this interface; may be given more than once", .value = &o.bus},
+        {"--set", OPTION_LIST, "NAME=VALUE",
+         "a setting that the task begins with, as walk.forward_m_s=0.1; may be given more than "
+         "once",
+         .value = &o.set},
         {"--reconnect", OPTION_FLAG, NULL,
          "start again when the boards are lost, until the task is done", .value = &o.reconnect},
         {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &o.quiet},
@@ -167,6 +171,7 @@ static int task_run_rig(void *context, const struct rig *rig, struct arena *aren
     }
     if (task_runner_create(rig, options->task, ports.port, lockstep, clock_monotonic(), arena,
                            &runner, &error) ||
+        task_set_all(runner->task, options->set.item, options->set.count, &error) ||
         arena_seal(arena, false, &error)) {
         status = command_fail("task", &error);
     } else {

@@ -39,6 +39,10 @@ static const struct option_spec options[] = {
      .max = 1e12},
     {"--task", OPTION_STRING, "NAME", "start this task on the other side of the buses",
      .value = &read.task, .noun = "tasks"},
+    {"--set", OPTION_LIST, "NAME=VALUE",
+     "a setting that the task begins with, as walk.forward_m_s=0.1; \"ctl set\" changes it later; "
+     "may be given more than once",
+     .value = &read.set},
     {"--stimulus", OPTION_STRING, "LOG",
      "feed the boards what the controller has sent in this candump log, or recording, at the same "
      "ticks; the run is as long as the log unless --duration or --ticks say otherwise",
@@ -209,6 +213,8 @@ enum error_code run_options_configure(const struct run_options *given, const str
         .seed = (uint64_t)given->seed,
         .ticks = (uint64_t)given->ticks,
         .task = given->task,
+        .setting = given->set.item,
+        .nsetting = given->set.count,
         .stimulus = given->stimulus,
         .steering = !given->control || strcmp(given->control, "none") != 0,
         .record = given->record ? given->record : rig->record.directory,
@@ -217,6 +223,10 @@ enum error_code run_options_configure(const struct run_options *given, const str
         .guests = run_options_http(given, rig) != NULL,
         .row_period_ns = given->record_period_ms * CLOCK_MS,
     };
+
+    if (given->set.count > 0 && !given->task) {
+        return error_set(error, ERROR_INPUT, "found --set without --task");
+    }
 
     /* A duration ends at the first tick that reaches it, whatever rounding makes of the quotient */
     if (!isfinite(given->duration_s)) {

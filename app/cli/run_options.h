@@ -12,7 +12,7 @@ enum { RUN_HOST_SIZE = 64 }; /* room for any numeric address */
 /* As given; strings are the command line's. */
 struct run_options {
     const char *rig, *task, *stimulus, *record, *gateway, *control, *http;
-    struct option_list bus, fault;
+    struct option_list bus, fault, set;
     double duration_s;               /* INFINITY = not given */
     int64_t ticks, record_period_ms; /* ticks: 0 = not given */
     int64_t seed;                    /* -1 = the rig's */

@@ -11,3 +11,4 @@ hil_test(whole_robot_implicit SOURCES physics/whole_robot_implicit.c LIBS sim TI
 hil_test(implicit_sensors SOURCES physics/implicit_sensors.c LIBS sim TIMEOUT 120 LABELS physics)
 hil_test(limp_fall SOURCES physics/limp_fall.c LIBS sim TIMEOUT 120 LABELS physics)
 hil_test(walk SOURCES physics/walk.c LIBS sim TIMEOUT 120 LABELS physics)
+hil_test(walk_commands SOURCES physics/walk_commands.c LIBS sim TIMEOUT 120 LABELS physics)
