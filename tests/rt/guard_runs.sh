@@ -10,7 +10,7 @@ program=$2
 # shellcheck source=/dev/null
 . "$(dirname "$0")/guard_lib.sh"
 
-echo 1..22
+echo 1..23
 
 guarded "$rigs/coman.yaml" --transport local --clock lockstep --task squat --ticks 3000 --wire ideal
 verdict "lockstep on ideal buses makes no system call" only
@@ -25,6 +25,9 @@ for rig in grasp walkman coman-fd coman-foc coman-compact coman-cia402; do
         --wire wire --record "$work/record" --record-format both
     verdict "$rig, recorded" only clock_nanosleep
 done
+
+guarded "$rigs/walk-flat.yaml" --transport local --clock lockstep --task walk --ticks 5500
+verdict "a walk, its estimator and plan among it" only
 
 guarded "$rigs/coman-sensors.yaml" --transport local --clock free --ticks 3000 --energy --settle
 verdict "noisy sensors, the account of energy and a settled start" only
