@@ -29,6 +29,7 @@ set(HIL_CONFIG
     rigs/walk-bump-3cm.yaml
     rigs/walk-bump-9cm.yaml
     rigs/walk-flat.yaml
+    rigs/walk-sensors.yaml
     rigs/walk-slippery.yaml
     rigs/walk-slope.yaml
     rigs/walk-soft.yaml
@@ -63,6 +64,11 @@ set(HIL_CONFIG
     scenarios/unknown_command.yaml
     scenarios/velocity_timeout.yaml
     scenarios/walk_flat.yaml
+    scenarios/walk_force_board_reboot.yaml
+    scenarios/walk_late_frames.yaml
+    scenarios/walk_loaded.yaml
+    scenarios/walk_motor_board_reboot.yaml
+    scenarios/walk_noisy_sensors.yaml
     scenarios/walk_on_a_lossy_bus.yaml
     scenarios/walk_pushed.yaml
     scenarios/wrong_length.yaml)
