@@ -12,3 +12,4 @@ hil_test(implicit_sensors SOURCES physics/implicit_sensors.c LIBS sim TIMEOUT 12
 hil_test(limp_fall SOURCES physics/limp_fall.c LIBS sim TIMEOUT 120 LABELS physics)
 hil_test(walk SOURCES physics/walk.c LIBS sim TIMEOUT 120 LABELS physics)
 hil_test(walk_commands SOURCES physics/walk_commands.c LIBS sim TIMEOUT 120 LABELS physics)
+hil_test(walk_unlike SOURCES physics/walk_unlike.c LIBS sim TIMEOUT 180 LABELS physics)
