@@ -24,7 +24,7 @@ if(NOT HIL_SANITIZE)
         COMMAND bash ${rt_tests}/page_faults.sh $<TARGET_FILE:coman-hil> coman real)
     hil_script_test(rt_phase_instructions LABELS bench TIMEOUT 180
         COMMAND bash ${rt_tests}/phase_instructions.sh $<TARGET_FILE:coman-hil>)
-    hil_script_test(rt_walk_instructions LABELS bench TIMEOUT 240
+    hil_script_test(rt_walk_instructions LABELS bench TIMEOUT 400
         COMMAND bash ${rt_tests}/walk_instructions.sh $<TARGET_FILE:coman-hil>)
 endif()
 

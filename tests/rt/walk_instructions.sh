@@ -3,9 +3,9 @@
 # usage: walk_instructions.sh COMAN-HIL
 # What the walk's controller takes in a tick, with all CAN traffic, in instructions by callgrind: a
 # figure that does not depend on how busy the machine is. The budget is 50 us at two instructions a
-# nanosecond. Half of the ticks are steps. Prints TAP.
+# nanosecond. A third of the ticks are steps. Prints TAP.
 program=$1
-ticks=3500
+ticks=3000
 budget=100000
 dir=$(mktemp -d) || exit 1
 trap 'rm -rf "$dir"' EXIT
