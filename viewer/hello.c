@@ -52,10 +52,10 @@ static const char *signal_unit(const char *name)
 
 static json_t *hello_signals(const struct viewer *viewer)
 {
-    const char *const *name = simulator_signal_names(viewer->config.simulator);
+    const char *const *name = viewer->signal;
     json_t *array = json_array();
 
-    for (size_t i = 0; i < simulator_signals(viewer->config.simulator); i++) {
+    for (size_t i = 0; i < viewer->nsignal; i++) {
         json_array_append_new(array, json_pack("{s:o, s:s}", "name", control_text(name[i]), "unit",
                                                signal_unit(name[i])));
     }
@@ -132,7 +132,7 @@ static json_t *hello_boards(const struct viewer *viewer)
     const struct boards_config *boards = &viewer->rig->boards;
     json_t *array = json_array();
 
-    for (size_t i = 0; i < boards->nboard; i++) {
+    for (size_t i = 0; i < boards->nboard && !viewer->playback; i++) {
         enum board_personality personality = viewer->rig->bus[boards->board[i].bus].personality;
 
         json_array_append_new(array, hello_board(&boards->board[i], personality));
@@ -155,10 +155,11 @@ static json_t *hello_all_modes(const struct viewer *viewer)
 
 static json_t *hello_faults(const struct viewer *viewer)
 {
-    const struct faults *faults = simulator_faults(viewer->config.simulator);
+    const struct faults *faults =
+        viewer->playback ? NULL : simulator_faults(viewer->config.simulator);
     json_t *array = json_array();
 
-    for (size_t i = 0; i < faults_count(faults); i++) {
+    for (size_t i = 0; faults && i < faults_count(faults); i++) {
         const struct fault *fault = faults_at(faults, i);
 
         json_array_append_new(array, json_pack("{s:o, s:o}", "name", control_text(fault->name),
@@ -169,23 +170,38 @@ static json_t *hello_faults(const struct viewer *viewer)
 
 /* ---- all of it ---- */
 
+static json_t *hello_run(const struct viewer *viewer)
+{
+    const struct simulator_config *config =
+        viewer->playback ? NULL : simulator_configuration(viewer->config.simulator);
+    const struct recording *recording = viewer->config.recording;
+    const char *directory = recording ? recording->config.directory : config->record;
+    const char *task = config ? config->task : NULL;
+    const struct rig *rig = viewer->rig;
+    json_t *run = json_pack(
+        "{s:s, s:o, s:o, s:o, s:s, s:f, s:o, s:o, s:b}", "version", HIL_VERSION, "rig",
+        control_text(rig->name), "robot", control_text(rig->robot->name), "file",
+        control_text(rig->file), "clock", config ? loop_clock_name(config->clock) : "recorded",
+        "tick_s", (double)rig->tick_ns * 1e-9, "task", task ? control_text(task) : json_null(),
+        "recording", directory ? control_text(directory) : json_null(), "frames",
+        recording ? recording->log.file.data != NULL : viewer->config.ports != NULL);
+
+    if (run && recording) {
+        json_object_set_new(run, "replay",
+                            json_pack("{s:f, s:f, s:f}", "from_s",
+                                      (double)recording->first_ns * 1e-9, "to_s",
+                                      (double)recording->last_ns * 1e-9, "period_s",
+                                      (double)recording->period_ns * 1e-9));
+    }
+    return run;
+}
+
 json_t *viewer_hello(const struct viewer *viewer)
 {
-    const struct simulator_config *config = simulator_configuration(viewer->config.simulator);
-    const struct rig *rig = viewer->rig;
-    json_t *run =
-        json_pack("{s:s, s:o, s:o, s:o, s:s, s:f, s:o, s:o, s:b}", "version", HIL_VERSION, "rig",
-                  control_text(rig->name), "robot", control_text(rig->robot->name), "file",
-                  control_text(rig->file), "clock", loop_clock_name(config->clock), "tick_s",
-                  (double)rig->tick_ns * 1e-9, "task",
-                  config->task ? control_text(config->task) : json_null(), "recording",
-                  config->record ? control_text(config->record) : json_null(), "frames",
-                  viewer->config.ports != NULL);
-
     return json_pack("{s:s, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:{s:i, s:i, s:i}}", "type",
-                     "hello", "protocol", VIEWER_PROTOCOL, "run", run, "scene", hello_scene(viewer),
-                     "signals", hello_signals(viewer), "buses", hello_buses(viewer), "boards",
-                     hello_boards(viewer), "modes", hello_all_modes(viewer), "faults",
-                     hello_faults(viewer), "limits", "rate_hz", VIEWER_RATE_HZ, "signals",
-                     VIEWER_SIGNALS, "message_bytes", VIEWER_INBOX - 16);
+                     "hello", "protocol", VIEWER_PROTOCOL, "run", hello_run(viewer), "scene",
+                     hello_scene(viewer), "signals", hello_signals(viewer), "buses",
+                     hello_buses(viewer), "boards", hello_boards(viewer), "modes",
+                     hello_all_modes(viewer), "faults", hello_faults(viewer), "limits", "rate_hz",
+                     VIEWER_RATE_HZ, "signals", VIEWER_SIGNALS, "message_bytes", VIEWER_INBOX - 16);
 }

@@ -67,6 +67,9 @@ static void client_enter(struct viewer *viewer, struct viewer_client *client,
         return;
     }
     viewer->counters.clients++;
+    if (viewer->playback) {
+        playback_begin(viewer, client);
+    }
     client_send_hello(viewer, client);
 }
 
@@ -76,10 +79,10 @@ static void client_enter(struct viewer *viewer, struct viewer_client *client,
 static bool watch_add_signals(const struct viewer *viewer, const char *pattern,
                               struct viewer_watch *watch)
 {
-    const char *const *name = simulator_signal_names(viewer->config.simulator);
+    const char *const *name = viewer->signal;
     size_t before = watch->nsignal;
 
-    for (size_t i = 0; i < simulator_signals(viewer->config.simulator); i++) {
+    for (size_t i = 0; i < viewer->nsignal; i++) {
         if (control_matches(pattern, name[i])) {
             if (watch->nsignal == VIEWER_SIGNALS) {
                 return false;
@@ -93,9 +96,10 @@ static bool watch_add_signals(const struct viewer *viewer, const char *pattern,
 static void client_watch(struct viewer *viewer, struct viewer_client *client,
                          const struct viewer_message *message)
 {
-    const char *const *name = simulator_signal_names(viewer->config.simulator);
+    const char *const *name = viewer->signal;
     struct viewer_watch watch = {.on = message->rate_hz > 0,
-                                 .trace = message->trace && viewer->config.ports,
+                                 .trace =
+                                     message->trace && (viewer->config.ports || viewer->playback),
                                  .due_ns = viewer->now_ns,
                                  .skipped = client->watch.skipped};
     json_t *chosen = json_array();
@@ -115,6 +119,7 @@ static void client_watch(struct viewer *viewer, struct viewer_client *client,
     }
     client->watch = watch;
     client->traced = client->ntraced = client->trace_lost = 0;
+    client->playback.traced_ns = INT64_MIN;
     client_answer(viewer, client, message, json_pack("{s:o}", "signals", chosen));
 }
 
@@ -142,6 +147,29 @@ static void client_put_frame(struct viewer *viewer, struct viewer_client *client
     client_answer(viewer, client, message, json_object());
 }
 
+/* ---- of a recording ---- */
+
+static void client_play(struct viewer *viewer, struct viewer_client *client,
+                        const struct viewer_message *message)
+{
+    struct error error;
+
+    if (!viewer->playback) {
+        client_refuse(viewer, client, message, "unavailable",
+                      "this is no recording: it shows what happens now");
+    } else if (message->command == VIEWER_SERIES) {
+        if (!client_send_series(viewer, client, message, &error)) {
+            client_refuse(viewer, client, message, "input", error.text);
+        }
+    } else if (!playback_obey(viewer, client, message, &error)) {
+        client_refuse(viewer, client, message,
+                      error.code == ERROR_UNSUPPORTED ? "unavailable" : "input", error.text);
+    } else {
+        client->watch.due_ns = viewer->now_ns;
+        client_answer(viewer, client, message, json_object());
+    }
+}
+
 /* ---- any message ---- */
 
 static void client_control(struct viewer *viewer, struct viewer_client *client,
@@ -160,6 +188,11 @@ static void client_control(struct viewer *viewer, struct viewer_client *client,
 static void client_carry_out(struct viewer *viewer, struct viewer_client *client,
                              struct viewer_message *message, const char *text, size_t size)
 {
+    if (viewer->playback &&
+        (message->command == VIEWER_CONTROL || message->command == VIEWER_SEND)) {
+        client_play(viewer, client, message);
+        return;
+    }
     if (client->right != RIGHT_CONTROL &&
         (message->command == VIEWER_SEND ||
          (message->command == VIEWER_CONTROL && !message->harmless))) {
@@ -172,6 +205,10 @@ static void client_carry_out(struct viewer *viewer, struct viewer_client *client
         break;
     case VIEWER_SEND:
         client_put_frame(viewer, client, message);
+        break;
+    case VIEWER_SEEK:
+    case VIEWER_SERIES:
+        client_play(viewer, client, message);
         break;
     case VIEWER_CONTROL:
         client_control(viewer, client, message, text, size);

@@ -6,6 +6,7 @@
 #ifndef VIEWER_MESSAGE_H
 #define VIEWER_MESSAGE_H
 
+#include "app/control/parse.h"
 #include "base/error.h"
 #include "canbus/frame.h"
 
@@ -17,6 +18,8 @@ enum viewer_command {
     VIEWER_ENTER,   /* gives the token */
     VIEWER_WATCH,   /* says what to send, and how often */
     VIEWER_SEND,    /* puts a frame on a bus */
+    VIEWER_SEEK,    /* of a recording: shows a time */
+    VIEWER_SERIES,  /* of a recording: tells signals between two times */
     VIEWER_CONTROL, /* a request for the control socket */
 };
 
@@ -24,11 +27,17 @@ struct viewer_message {
     json_t *root; /* owns what the pointers point to */
     const json_t *id;
     enum viewer_command command;
-    bool harmless;         /* VIEWER_CONTROL: changes nothing */
+    bool harmless;                /* VIEWER_CONTROL: changes nothing */
+    enum control_command control; /* of VIEWER_CONTROL, with its value and count as in
+                                   * app/control/parse.h */
+    double value;
+    int64_t count;
+    double from_s, to_s;   /* of series; the time of seek is from_s */
+    int64_t points;        /* of series: rows at most */
     const char *token;     /* of enter */
     double rate_hz;        /* of watch; 0 = nothing */
     bool trace;            /* of watch */
-    const json_t *signals; /* of watch: an array of strings; NULL = none */
+    const json_t *signals; /* of watch and series: an array of strings; NULL = none */
     const char *bus;       /* of send */
     struct bus_frame frame;
 };

@@ -2,7 +2,6 @@
 /* Messages of clients: JSON, checked key by key. */
 #include "viewer/message.h"
 
-#include "app/control/parse.h"
 #include "base/count.h"
 #include "viewer/viewer.h"
 
@@ -59,6 +58,20 @@ static enum error_code message_read_enter(struct viewer_message *message, struct
     return message_check_keys(message->root, "enter", known, ARRAY_COUNT(known), error);
 }
 
+static enum error_code message_read_signals(const struct viewer_message *message,
+                                            const char *command, struct error *error)
+{
+    for (size_t i = 0; i < json_array_size(message->signals); i++) {
+        if (!json_is_string(json_array_get(message->signals, i))) {
+            return error_set(error, ERROR_INPUT, "%s: key \"signals\": expected names", command);
+        }
+    }
+    if (message->signals && !json_is_array(message->signals)) {
+        return error_set(error, ERROR_INPUT, "%s: key \"signals\": expected an array", command);
+    }
+    return ERROR_NONE;
+}
+
 static enum error_code message_read_watch(struct viewer_message *message, struct error *error)
 {
     static const char *const known[] = {"rate_hz", "signals", "trace"};
@@ -77,15 +90,57 @@ static enum error_code message_read_watch(struct viewer_message *message, struct
         return error_set(error, ERROR_INPUT, "watch: key \"rate_hz\": expected a number, 0 to %d",
                          VIEWER_RATE_HZ);
     }
-    for (size_t i = 0; i < json_array_size(message->signals); i++) {
-        if (!json_is_string(json_array_get(message->signals, i))) {
-            return error_set(error, ERROR_INPUT, "watch: key \"signals\": expected names");
-        }
-    }
-    if (message->signals && !json_is_array(message->signals)) {
-        return error_set(error, ERROR_INPUT, "watch: key \"signals\": expected an array");
+    return message_read_signals(message, "watch", error);
+}
+
+/* ---- of a recording ---- */
+
+static enum error_code message_read_time(const json_t *root, const char *command, const char *key,
+                                         double *to, struct error *error)
+{
+    const json_t *value = json_object_get(root, key);
+
+    *to = json_number_value(value);
+    if (!json_is_number(value) || !(fabs(*to) <= VIEWER_TIME_S)) {
+        return error_set(error, ERROR_INPUT, "%s: key \"%s\": expected seconds", command, key);
     }
     return ERROR_NONE;
+}
+
+static enum error_code message_read_seek(struct viewer_message *message, struct error *error)
+{
+    static const char *const known[] = {"time_s"};
+    enum error_code code =
+        message_check_keys(message->root, "seek", known, ARRAY_COUNT(known), error);
+
+    return code ? code
+                : message_read_time(message->root, "seek", "time_s", &message->from_s, error);
+}
+
+static enum error_code message_read_series(struct viewer_message *message, struct error *error)
+{
+    static const char *const known[] = {"signals", "from_s", "to_s", "points"};
+    const json_t *points = json_object_get(message->root, "points");
+    enum error_code code =
+        message_check_keys(message->root, "series", known, ARRAY_COUNT(known), error);
+
+    if (code ||
+        (code = message_read_time(message->root, "series", "from_s", &message->from_s, error)) ||
+        (code = message_read_time(message->root, "series", "to_s", &message->to_s, error))) {
+        return code;
+    }
+    message->points = json_integer_value(points);
+    if (!json_is_integer(points) || message->points < 2 || message->points > VIEWER_POINTS) {
+        return error_set(error, ERROR_INPUT,
+                         "series: key \"points\": expected a whole number, 2 to %d", VIEWER_POINTS);
+    }
+    if (!json_is_integer(message->id) || json_integer_value(message->id) < 0 ||
+        json_integer_value(message->id) > UINT32_MAX) {
+        return error_set(error, ERROR_INPUT,
+                         "series: key \"id\": expected a whole number, 0 to 4294967295");
+    }
+    message->signals = json_object_get(message->root, "signals");
+    return message_read_signals(message, "series", error);
 }
 
 /* Two hexadecimal digits a byte, blanks between bytes allowed; false: something else, or more than
@@ -173,6 +228,9 @@ static enum error_code message_read_control(const char *text, size_t size,
     enum error_code code = control_parse(text, size, 1, &request, error);
 
     message->harmless = !code && control_is_harmless(request.command);
+    message->control = request.command;
+    message->value = request.value;
+    message->count = request.count;
     control_request_clear(&request);
     return code;
 }
@@ -205,6 +263,14 @@ enum error_code viewer_message_parse(const char *text, size_t size, struct viewe
     if (command && strcmp(command, "send") == 0) {
         message->command = VIEWER_SEND;
         return message_read_send(message, error);
+    }
+    if (command && strcmp(command, "seek") == 0) {
+        message->command = VIEWER_SEEK;
+        return message_read_seek(message, error);
+    }
+    if (command && strcmp(command, "series") == 0) {
+        message->command = VIEWER_SERIES;
+        return message_read_series(message, error);
     }
     return message_read_control(text, size, message, error);
 }

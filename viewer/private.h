@@ -11,6 +11,8 @@
 
 #include "base/arena.h"
 #include "sim/view.h"
+#include "viewer/message.h"
+#include "viewer/recorded.h"
 #include "viewer/request.h"
 #include "viewer/viewer.h"
 #include "viewer/websocket.h"
@@ -40,6 +42,14 @@ struct viewer_watch {
     uint32_t skipped;
 };
 
+/* Where in a recording a client is, and how it goes on from there. */
+struct viewer_playback {
+    bool paused;
+    double speed;              /* recorded seconds a second */
+    int64_t from_ns, since_ns; /* the recorded time at a time of the clock */
+    int64_t traced_ns;         /* frames up to then have been told */
+};
+
 struct viewer_client {
     int socket; /* -1 = free place */
     enum viewer_mode mode;
@@ -59,6 +69,7 @@ struct viewer_client {
     size_t body_size;
 
     struct viewer_watch watch;
+    struct viewer_playback playback;
     uint8_t *trace; /* VIEWER_TRACE */
     size_t traced;  /* bytes */
     uint32_t ntraced, trace_lost;
@@ -100,6 +111,9 @@ struct viewer {
     uint8_t *state;             /* one under construction */
     size_t state_max;
     uint16_t *torque, *wrench, *free; /* columns of signals, by joint, contact and free body */
+    const char *const *signal;        /* names */
+    size_t nsignal;
+    struct playback *playback; /* NULL: the simulator is shown */
 
     int64_t measured_ns, measured_at_ns; /* virtual time and clock of the last measure */
     uint64_t measured_bits[RIG_BUSES_MAX];
@@ -205,7 +219,56 @@ void viewer_send_states(struct viewer *viewer);
 void viewer_hear_buses(struct viewer *viewer);
 void viewer_trace_frame(struct viewer *viewer, size_t bus, const struct bus_frame *frame,
                         bool ours);
+void client_trace_frame(struct viewer_client *client, size_t bus, const struct bus_frame *frame,
+                        uint8_t flags);
 void client_send_trace(struct viewer *viewer, struct viewer_client *client);
+
+/* ---- playback.c, series.c ---- */
+
+/* A recording that is open. */
+struct recording {
+    struct recording_config config;
+    struct recorded_table signals, poses;
+    struct recorded_log log;     /* without a file where there is none */
+    struct recorded_file events; /* likewise */
+    int64_t first_ns, last_ns;   /* what is shown */
+    int64_t period_ns;           /* of rows */
+    size_t *angle;               /* columns of the joints' angles */
+};
+
+/* What playing back needs beside: room for a row of each table, and what the buses carried. */
+struct playback {
+    double *signal, *pose; /* whoever reads a row leaves it there */
+    size_t *body;          /* first column of each body's pose */
+    struct recorded_traffic now[RIG_BUSES_MAX], before[RIG_BUSES_MAX];
+    int64_t counted_ns; /* the time of now */
+};
+
+/* Instead of viewer_create_state's view of a simulator. */
+enum error_code viewer_create_playback(struct viewer *viewer, struct error *error);
+
+/* The beginning of a recording, for a client that has just come. */
+void playback_begin(const struct viewer *viewer, struct viewer_client *client);
+
+/* Makes viewer->view that of the client's time. */
+void playback_view(struct viewer *viewer, struct viewer_client *client);
+
+/* The pose of a body in that view: position, quaternion wxyz. */
+const double *playback_pose(const struct viewer *viewer, size_t body);
+
+/* Puts the frames since the last state, or the last ones before a jump, where the client is sent
+ * them from. */
+void playback_trace(struct viewer *viewer, struct viewer_client *client);
+
+/* Pauses, goes on, jumps, changes the speed; false with the reason: the message asks for nothing
+ * that a recording has. */
+bool playback_obey(struct viewer *viewer, struct viewer_client *client,
+                   const struct viewer_message *message, struct error *error);
+
+/* The values of signals between two times, as one binary message (docs/page.md); false with the
+ * reason. */
+bool client_send_series(struct viewer *viewer, struct viewer_client *client,
+                        const struct viewer_message *message, struct error *error);
 
 /* ---- page.c: the bundle that viewer/page is made into ---- */
 

@@ -212,6 +212,12 @@ void viewer_respond(struct viewer *viewer, struct viewer_client *client, int sta
         respond_text(viewer, client, 401);
     } else if (strcmp(path, "/messages.json") == 0) {
         respond_database(viewer, client);
+    } else if (strcmp(path, "/events.log") == 0 && viewer->config.recording) {
+        const struct recorded_file *events = &viewer->config.recording->events;
+
+        respond_file(
+            viewer, client, 200,
+            &(struct viewer_file){"text/plain; charset=utf-8", events->data, events->size, false});
     } else if (strncmp(path, "/mesh/", 6) == 0) {
         respond_mesh(viewer, client, path + 6);
     } else {

@@ -83,7 +83,9 @@ static void viewer_update_wish(const struct viewer *viewer)
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         wanted = wanted || (viewer->client[i].socket >= 0 && viewer->client[i].watch.on);
     }
-    simulator_want_views(viewer->config.simulator, wanted);
+    if (viewer->config.simulator) {
+        simulator_want_views(viewer->config.simulator, wanted);
+    }
 }
 
 /* Waits for the order to serve or to stop. */
@@ -110,7 +112,9 @@ static void viewer_end_clients(struct viewer *viewer)
             client_close(viewer, client);
         }
     }
-    simulator_want_views(viewer->config.simulator, false);
+    if (viewer->config.simulator) {
+        simulator_want_views(viewer->config.simulator, false);
+    }
 }
 
 static void *viewer_thread_main(void *context)
@@ -250,7 +254,15 @@ static enum error_code viewer_allocate(const struct viewer_config *config, struc
         return error_set(error, ERROR_MEMORY, "page: no memory");
     }
     viewer->config = *config;
-    viewer->rig = simulator_configuration(config->simulator)->rig;
+    if (config->recording) {
+        viewer->rig = config->rig;
+        viewer->signal = config->recording->signals.title;
+        viewer->nsignal = config->recording->signals.ncolumn;
+    } else {
+        viewer->rig = simulator_configuration(config->simulator)->rig;
+        viewer->signal = simulator_signal_names(config->simulator);
+        viewer->nsignal = simulator_signals(config->simulator);
+    }
     viewer->listener = viewer->event = -1;
     viewer->histogram = arena_alloc(arena, 1, sizeof *viewer->histogram);
     viewer->mesh = arena_alloc(arena, VIEWER_MESHES, sizeof *viewer->mesh);

@@ -31,8 +31,8 @@ enum board_flag { STATE_BOARD_LOADER = 1, STATE_BOARD_AWAY = 2, STATE_BOARD_FAUL
 static uint16_t state_find_column(const struct viewer *viewer, const char *before, const char *name,
                                   const char *after)
 {
-    const char *const *title = simulator_signal_names(viewer->config.simulator);
-    size_t count = simulator_signals(viewer->config.simulator);
+    const char *const *title = viewer->signal;
+    size_t count = viewer->nsignal;
     char text[192];
 
     snprintf(text, sizeof text, "%s%.100s%s", before, name, after);
@@ -78,7 +78,9 @@ enum error_code viewer_create_state(struct viewer *viewer, struct error *error)
     for (size_t i = 0; i < rig->nfree; i++) {
         viewer->free[i] = state_find_column(viewer, "", rig->free[i].name, "_x_m");
     }
-    return simulator_view_create(viewer->config.simulator, arena, &viewer->view, error);
+    return viewer->config.recording
+               ? viewer_create_playback(viewer, error)
+               : simulator_view_create(viewer->config.simulator, arena, &viewer->view, error);
 }
 
 /* ---- measures over a time ---- */
@@ -135,6 +137,12 @@ static uint8_t *put_bodies(struct viewer *viewer, uint8_t *to)
     const struct robot *robot = viewer->rig->robot;
     const struct simulator_status *status = &viewer->view.status;
 
+    if (viewer->playback) {
+        for (size_t i = 0; i < robot->nbody + viewer->rig->nfree; i++) {
+            to = put_pose(to, playback_pose(viewer, i), playback_pose(viewer, i) + 3);
+        }
+        return to;
+    }
     robot_place_bodies(robot, status->base, status->base + BASE_Q_QUATERNION, status->q,
                        viewer->motion);
     for (size_t i = 0; i < robot->nbody; i++) {
@@ -201,9 +209,15 @@ static uint8_t *put_buses(const struct viewer *viewer, uint8_t *to)
     return to;
 }
 
+/* A recording has nothing of boards. */
+static size_t viewer_boards(const struct viewer *viewer)
+{
+    return viewer->playback ? 0 : viewer->rig->boards.nboard;
+}
+
 static uint8_t *put_boards(const struct viewer *viewer, uint8_t *to)
 {
-    for (size_t i = 0; i < viewer->rig->boards.nboard; i++) {
+    for (size_t i = 0; i < viewer_boards(viewer); i++) {
         const struct board_state *board = &viewer->view.board[i];
         double age_s = (double)(viewer->view.status.time_ns - board->heard_ns) * 1e-9;
 
@@ -239,13 +253,18 @@ static int64_t wall_time_ns(void)
     return now.tv_sec * CLOCK_SECOND + now.tv_nsec;
 }
 
-static void put_state_header(const struct viewer *viewer, uint8_t *to, uint16_t ncontact,
-                             size_t nfault)
+static void put_state_header(const struct viewer *viewer, const struct viewer_client *client,
+                             uint8_t *to, uint16_t ncontact, size_t nfault)
 {
     const struct simulator_status *status = &viewer->view.status;
-    const struct steering *steering = simulator_steering(viewer->config.simulator);
+    const struct steering *steering =
+        viewer->playback ? NULL : simulator_steering(viewer->config.simulator);
     const struct rig *rig = viewer->rig;
-    bool paused = steering && steering_paused(steering);
+    bool paused =
+        viewer->playback ? client->playback.paused : steering && steering_paused(steering);
+    double speed = viewer->playback ? client->playback.speed
+                   : steering       ? steering_speed(steering)
+                                    : 1.0;
 
     /* What kind of message, then the clocks, then how much of each part follows */
     to = put_u8(to, STATE_KIND);
@@ -259,7 +278,7 @@ static void put_state_header(const struct viewer *viewer, uint8_t *to, uint16_t 
     to = put_u64(to, (uint64_t)wall_time_ns());
     to = put_u32(to, (uint32_t)status->overruns);
     to = put_u32(to, (uint32_t)status->lost_ticks);
-    to = put_f32(to, steering ? steering_speed(steering) : 1.0);
+    to = put_f32(to, speed);
     for (int k = 0; k < 3; k++) {
         to = put_f32(to, viewer->work_us[k]);
     }
@@ -267,15 +286,15 @@ static void put_state_header(const struct viewer *viewer, uint8_t *to, uint16_t 
     to = put_u16(to, (uint16_t)rig->robot->njoint);
     to = put_u16(to, ncontact);
     to = put_u16(to, (uint16_t)rig->nbus);
-    to = put_u16(to, (uint16_t)rig->boards.nboard);
+    to = put_u16(to, (uint16_t)viewer_boards(viewer));
     to = put_u16(to, (uint16_t)nfault);
     put_u32(to, 0); /* of the client */
 }
 
-/* The part that all clients share; returns its size. */
-static size_t viewer_make_state(struct viewer *viewer)
+/* The part that all clients share, but those of a recording; returns its size. */
+static size_t viewer_make_state(struct viewer *viewer, const struct viewer_client *client)
 {
-    size_t nfault = faults_count(simulator_faults(viewer->config.simulator));
+    size_t nfault = viewer->playback ? 0 : faults_count(simulator_faults(viewer->config.simulator));
     uint8_t *to = viewer->state + STATE_HEADER;
     uint16_t ncontact;
 
@@ -285,7 +304,7 @@ static size_t viewer_make_state(struct viewer *viewer)
     to = put_buses(viewer, to);
     to = put_boards(viewer, to);
     to = put_faults(viewer, to, nfault);
-    put_state_header(viewer, viewer->state, ncontact, nfault);
+    put_state_header(viewer, client, viewer->state, ncontact, nfault);
     return (size_t)(to - viewer->state);
 }
 
@@ -364,11 +383,16 @@ void viewer_send_states(struct viewer *viewer)
         if (!client_wants_state(viewer, client)) {
             continue;
         }
-        /* One copy for all that are due in this turn */
-        if (size == 0) {
+        /* One copy for all that are due in this turn; of a recording, one each */
+        if (viewer->playback) {
+            playback_view(viewer, client);
+            playback_trace(viewer, client);
+        } else if (size == 0) {
             simulator_view_read(viewer->config.simulator, &viewer->view);
             viewer_measure(viewer);
-            size = viewer_make_state(viewer);
+        }
+        if (viewer->playback || size == 0) {
+            size = viewer_make_state(viewer, client);
         }
         client_send_events(viewer, client);
         client_send_trace(viewer, client);

@@ -7,8 +7,8 @@
 enum { TRACE_KIND = 2, TRACE_HEADER = 12, TRACE_RECORD = 16, BATCH = 64, TURNS = 256 };
 enum { TRACE_OURS = 0x80 }; /* a flag beside those of canbus/frame.h: a client has sent it */
 
-static void client_trace_frame(struct viewer_client *client, size_t bus,
-                               const struct bus_frame *frame, uint8_t flags)
+void client_trace_frame(struct viewer_client *client, size_t bus, const struct bus_frame *frame,
+                        uint8_t flags)
 {
     size_t padded = (frame->len + 3U) & ~3U;
     uint8_t *to = client->trace + client->traced;

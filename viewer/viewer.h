@@ -17,10 +17,14 @@
  * wait. Its memory is bounded: VIEWER_CLIENTS connections with an inbox and an outbox each. States
  * that a slow client has no room for are skipped and counted; one that takes nothing for 10 s is
  * disconnected and counted. Not RT-safe.
+ *
+ * A recording is served in the same way: states, frames and events are those of the files, at the
+ * time that each client has chosen for itself, and nobody can control what is over.
  */
 #ifndef VIEWER_VIEWER_H
 #define VIEWER_VIEWER_H
 
+#include "base/arena.h"
 #include "base/error.h"
 #include "base/journal.h"
 #include "sim/buses.h"
@@ -38,7 +42,10 @@ enum {
     VIEWER_RATE_HZ = 60,        /* states a second at most */
     VIEWER_EVENT_TEXT = 240,
     VIEWER_PROTOCOL = 1,
+    VIEWER_POINTS = 8000, /* rows of a series at most */
 };
+
+#define VIEWER_TIME_S 9e9 /* greatest time that a message may have */
 
 struct viewer_config {
     struct simulator *simulator;
@@ -46,6 +53,11 @@ struct viewer_config {
     uint16_t port;           /* 0 = any that is free */
     const char *control;     /* path of the control socket; NULL = nobody may control */
     struct bus_ports *ports; /* of simulator_join; NULL = no trace and no frames to send */
+
+    /* Instead of simulator, control and ports: a recording to be played back, each client at its
+     * own time, and the rig that was recorded */
+    const struct recording *recording;
+    const struct rig *rig;
 };
 
 struct viewer_counters {
@@ -57,6 +69,30 @@ struct viewer_counters {
 };
 
 struct viewer;
+
+/* ---- a recording ---- */
+
+struct recording_config {
+    const char *directory;
+    const struct rig *rig;
+    double from_s, to_s; /* what is shown of it; infinite = all */
+    double speed;        /* with which clients begin */
+};
+
+struct recording;
+
+/* Opens the files of a recording as CSV (viewer/recorded.h); those of frames and of events may be
+ * missing. Everything given is borrowed, memory is from arena and the heap. ERROR_INPUT when the
+ * recording is none, or not of this rig. *recording is to be closed in any case. */
+enum error_code recording_open(const struct recording_config *config, struct arena *arena,
+                               struct recording **recording, struct error *error);
+void recording_close(struct recording *recording); /* NULL is allowed */
+
+/* How long it is, and how many of its frames have an interface that the rig does not. */
+double recording_duration_s(const struct recording *recording);
+uint64_t recording_strange_frames(const struct recording *recording);
+
+/* ---- the server ---- */
 
 /* Listens and starts the thread; after simulator_create and before simulator_start, so that the
  * thread has the rights and processors of any other. Everything given is borrowed until

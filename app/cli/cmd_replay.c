@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* coman-hil replay: the frames of a recorded log onto live buses, at their times. */
+/* coman-hil replay: the frames of a recorded log onto live buses, at their times; or a recording in
+ * the page. */
 #include "app/cli/commands.h"
 
+#include "app/cli/replay_page.h"
 #include "app/cli/rig_command.h"
 #include "base/count.h"
 #include "base/options.h"
@@ -25,7 +27,7 @@ enum { NAME_SIZE = 16, BUSES_MAX = OPTION_LIST_MAX };
 #define EXTENDED_MAX 0x1fffffff
 
 struct replay_options {
-    const char *log;
+    const char *log, *http, *rig;
     struct option_list onto, id;
     double from_s, to_s, speed;
 };
@@ -251,7 +253,7 @@ static enum error_code replay_prepare(struct replay *replay, struct arena *arena
     }
     if (o->onto.count == 0) {
         return error_set(error, ERROR_INPUT,
-                         "found no --onto, expected at least one interface to send onto");
+                         "found neither --http nor --onto, expected where to play it");
     }
     for (size_t i = 0; !code && i < o->id.count; i++) {
         code = replay_parse_range(o->id.item[i], &replay->range[i], error);
@@ -262,6 +264,28 @@ static enum error_code replay_prepare(struct replay *replay, struct arena *arena
     return code;
 }
 
+/* In the page instead. */
+static int replay_show(const struct replay_options *options)
+{
+    const struct replay_page_options page = {
+        .directory = options->log,
+        .http = options->http,
+        .rig = options->rig,
+        .from_s = options->from_s,
+        .to_s = options->to_s,
+        .speed = options->speed,
+    };
+    struct error error;
+
+    if (options->onto.count > 0 || options->id.count > 0) {
+        error_set(&error, ERROR_INPUT,
+                  "found --http beside --onto or --id, expected one: a page shows the recording, "
+                  "and sends nothing");
+        return command_fail("replay", &error);
+    }
+    return replay_page(&page);
+}
+
 static int replay_run(const struct replay_options *options)
 {
     static struct replay replay;
@@ -269,6 +293,9 @@ static int replay_run(const struct replay_options *options)
     struct error error;
     int status = STATUS_OK;
 
+    if (options->http) {
+        return replay_show(options);
+    }
     replay.options = *options;
     if (arena_init(&arena, REPLAY_ARENA, &error)) {
         return command_fail("replay", &error);
@@ -292,15 +319,22 @@ int cmd_replay(int argc, char **argv)
 {
     static struct replay_options o = {.from_s = -1e9, .to_s = 1e12, .speed = 1.0};
     static const struct option_spec options[] = {
+        {"--http", OPTION_STRING, "[HOST:]PORT",
+         "serve a page that plays the recording; HOST is a numeric address, 127.0.0.1 by default; "
+         "PORT 0 is any that is free",
+         .value = &o.http},
+        {"--rig", OPTION_STRING, "RIG",
+         "the rig that was recorded, for --http; that of the recording's summary by default",
+         .value = &o.rig, .noun = "rigs"},
         {"--onto", OPTION_LIST, "[NAME=]INTERFACE",
          "send what the log has of NAME, or of INTERFACE, onto this interface; may be given more "
          "than once",
          .value = &o.onto},
         {"--id", OPTION_LIST, "ID[..LAST]",
          "send frames with these identifiers only; may be given more than once", .value = &o.id},
-        {"--from", OPTION_REAL, "S", "first second of the log to send", .value = &o.from_s,
+        {"--from", OPTION_REAL, "S", "first second to send, or show", .value = &o.from_s,
          .min = -1e9, .max = 1e12, .unit = "seconds"},
-        {"--to", OPTION_REAL, "S", "last second of the log to send", .value = &o.to_s, .min = -1e9,
+        {"--to", OPTION_REAL, "S", "last second to send, or show", .value = &o.to_s, .min = -1e9,
          .max = 1e12, .unit = "seconds"},
         {"--speed", OPTION_REAL, "X", "so many times as fast, 1 by default", .value = &o.speed,
          .min = 1e-3, .max = 1e3},
@@ -309,7 +343,7 @@ int cmd_replay(int argc, char **argv)
         {"LOG", "a candump log, or the directory of a recording", true, .value = &o.log}};
     static const struct command_spec spec = {
         .name = "replay",
-        .summary = "Send the frames of a recording onto live buses.",
+        .summary = "Play a recording in a page, or its frames onto live buses.",
         .option = options,
         .noption = ARRAY_COUNT(options),
         .operand = operands,

@@ -9,7 +9,9 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
+#include <limits.h>
 #include <math.h>
+#include <stdlib.h>
 #include <unistd.h>
 
 const char *summary_end_text(enum loop_end end)
@@ -437,8 +439,12 @@ static void json_write(const struct summary *summary, FILE *out)
     const struct simulator_config *config = simulator_configuration(summary->simulator);
     const struct loop_stats *stats = simulator_stats(summary->simulator);
 
+    char file[PATH_MAX];
+
     fprintf(out, "{\n  \"rig\": ");
     json_text_put(config->rig->name, out);
+    fprintf(out, ", \"rig_file\": ");
+    json_text_put(realpath(config->rig->file, file) ? file : config->rig->file, out);
     fprintf(out,
             ",\n  \"clock\": \"%s\", \"end\": \"%s\",\n  \"ticks\": %" PRIu64
             ", \"virtual_s\": %.9f, \"wall_s\": %.9f, \"real_time_factor\": %.6f,\n"

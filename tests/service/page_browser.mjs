@@ -3,25 +3,14 @@
 // The page in a headless Chromium: what is drawn, that it moves, that clicks reach the simulator,
 // that who may look cannot, that a dead server is said. Prints TAP; pictures go to FOLDER.
 import { spawn } from 'node:child_process';
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, symlinkSync, writeFileSync }
-  from 'node:fs';
-import { createRequire } from 'node:module';
+import { mkdirSync, mkdtempSync, readFileSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
+import { check, launch, plan, variance, WAIT_MS } from './browser.mjs';
 
 const [program, folder] = process.argv.slice(2);
 const source = process.env.HIL_SOURCE_DIR;
-const browserPath = '/usr/bin/chromium';
-const modules = join(source, 'viewer/page/node_modules/playwright-core');
 const TESTS = 12;
-const WAIT_MS = 30000;
-let number = 0;
-
-function check(good, name, found) {
-  number++;
-  console.log(`${good ? 'ok' : 'not ok'} ${number} - ${name}`);
-  if (found !== undefined) console.log(`# ${JSON.stringify(found)}`);
-}
 
 /** A rig whose squat outlasts the slowest browser. */
 function makeRig(work) {
@@ -48,27 +37,6 @@ function start(work) {
     });
     child.on('exit', () => reject(new Error(text)));
   });
-}
-
-/** How much the picture of the robot differs from one color: the variance of its luminance. */
-function variance() {
-  const { scene } = window.coman.page;
-  scene.renderer.render(scene.scene, scene.camera);
-  const canvas = document.createElement('canvas');
-  canvas.width = 160;
-  canvas.height = 120;
-  const pen = canvas.getContext('2d');
-  pen.drawImage(scene.canvas, 0, 0, 160, 120);
-  const { data } = pen.getImageData(0, 0, 160, 120);
-  let sum = 0;
-  let square = 0;
-  for (let i = 0; i < data.length; i += 4) {
-    const light = 0.2126 * data[i] + 0.7152 * data[i + 1] + 0.0722 * data[i + 2];
-    sum += light;
-    square += light * light;
-  }
-  const count = data.length / 4;
-  return square / count - (sum / count) ** 2;
 }
 
 const knee = () => {
@@ -172,16 +140,10 @@ async function judge(browser, run) {
 }
 
 async function main() {
-  console.log(`1..${TESTS}`);
-  if (!existsSync(modules) || !existsSync(browserPath)) {
-    while (number < TESTS) check(true, 'the page in a browser # SKIP ./dev setup --browser installs one');
-    return;
-  }
-  const { chromium } = createRequire(join(modules, 'index.js'))(modules);
+  if (!plan(TESTS)) return;
   const work = mkdtempSync(join(tmpdir(), 'coman-page-'));
   const run = await start(work);
-  const browser = await chromium.launch({ executablePath: browserPath,
-    args: ['--enable-unsafe-swiftshader', '--no-sandbox', '--disable-dev-shm-usage'] });
+  const browser = await launch();
   try {
     await judge(browser, run);
   } catch (error) {

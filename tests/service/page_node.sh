@@ -1,17 +1,21 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# usage: page_node.sh bundle | page_node.sh browser COMAN-HIL
+# usage: page_node.sh bundle | page_node.sh browser|replay COMAN-HIL
 # What needs node, npm's packages and a browser, which ./dev setup --browser installs: that the
 # committed bundle is the one that its sources make, and the page in a browser. Prints TAP.
 set -u
 page=$HIL_SOURCE_DIR/viewer/page
-if ! command -v node >/dev/null || [ ! -d "$page/node_modules/esbuild" ]; then
+skip() {
     echo 1..1
-    echo "ok 1 - the page, $1 # SKIP no node or no packages: ./dev setup --browser"
+    echo "ok 1 - the page, $1 # SKIP $2: ./dev setup --browser installs it"
     exit
-fi
-if [ "$1" = browser ]; then
-    exec node "$HIL_SOURCE_DIR/tests/service/page_browser.mjs" "$2"
+}
+if ! command -v node >/dev/null; then
+    skip "$1" "no node"
+elif [ ! -d "$page/node_modules/esbuild" ]; then
+    skip "$1" "no npm packages in viewer/page/node_modules"
+elif [ "$1" != bundle ]; then
+    exec node "$HIL_SOURCE_DIR/tests/service/page_$1.mjs" "$2"
 fi
 
 work=$(mktemp -d)

@@ -29,7 +29,7 @@ RULES = {
     "tools": r"(base|contact|tools)/[^/]*",
     "rig": BELOW_SIM,
     "sim": BELOW_SIM + r"|sim/[^/]*",
-    "viewer": r"(base|contact|model|boards|rig|sim|viewer)/[^/]*|canbus/(frame|port)\.h"
+    "viewer": r"(base|contact|model|boards|rig|sim|viewer)/[^/]*|canbus/(candump|frame|port)\.h"
               r"|rt/(clock|histogram|steering)\.h|app/control/(parse|socket)\.h",
     "app/report": r"(base|app/report)/[^/]*",
     "app/control": BELOW_SIM + r"|(sim|app/control)/[^/]*",

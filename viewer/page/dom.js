@@ -15,6 +15,18 @@ export function h(tag, properties = {}, ...children) {
   return element;
 }
 
+/** A sign of 12 by 12 units, as a path: no font has them all. */
+export function sign(path) {
+  const space = 'http://www.w3.org/2000/svg';
+  const picture = document.createElementNS(space, 'svg');
+  const line = document.createElementNS(space, 'path');
+  picture.setAttribute('viewBox', '0 0 12 12');
+  picture.setAttribute('class', 'sign');
+  line.setAttribute('d', path);
+  picture.append(line);
+  return picture;
+}
+
 /** Sets the text only when it differs: a quiet page does not lay itself out anew. */
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;

@@ -2,8 +2,11 @@
 // Events as a list, and as marks on the line by which the last half minute is looked at again.
 import { fixed, h, setClass, setText } from './dom.js';
 
+import { readEvent } from './playback.js';
+
 const SPAN_S = 30;
 const KEPT = 500;
+const LISTED = 200;
 const WORDS = { 3: 'error', 4: 'warning', 5: 'notice', 6: 'info' };
 
 export class Events {
@@ -23,6 +26,14 @@ export class Events {
     });
   }
 
+  /** All of a recording, in the order of time. */
+  async load(link) {
+    const text = await (await link.fetch('/events.log')).text();
+    this.recorded = true;
+    this.#all = text.split('\n').slice(0, -1).map(readEvent);
+    this.stale = true;
+  }
+
   #take({ priority, text }) {
     const [, time, rest] = text.match(/^(-?[\d.]+) s: ([\s\S]*)$/) ?? [null, NaN, text];
     this.#all.push({ priority, time: Number(time), text: rest });
@@ -36,18 +47,39 @@ export class Events {
 
   #list() {
     const words = this.filter.value.toLowerCase();
-    this.items.replaceChildren(...this.#all.filter(({ text }) => text.toLowerCase().includes(words))
-      .slice(-200).reverse().map((event) => h('li', { class: WORDS[event.priority] ?? 'info',
-        title: 'show this moment', onclick: () => this.past.show(event.time) },
+    const found = this.#all.filter(({ text }) => text.toLowerCase().includes(words));
+    // A recording is listed around its moment, as it went; a run as it goes, the newest first
+    const next = found.findIndex(({ time }) => time > this.time);
+    const from = Math.max(0, (next < 0 ? found.length : next) - LISTED / 2);
+    const listed = this.recorded ? found.slice(from, from + LISTED) : found.slice(-LISTED).reverse();
+    this.rows = listed.map((event) => ({ time: event.time,
+      element: h('li', { class: WORDS[event.priority] ?? 'info', title: 'show this moment',
+        onclick: () => this.past.show(event.time) },
       h('time', { class: 'mono' }, Number.isFinite(event.time) ? `${fixed(event.time, 3)} s` : ''),
-      h('span', {}, event.text))));
+      h('span', {}, event.text)) }));
+    this.items.replaceChildren(...this.rows.map(({ element }) => element));
   }
 
-  render() {
-    if (this.stale) {
+  /** The events of a recording that are still to come are dim, and the last one is in sight. */
+  #follow() {
+    let last = null;
+    for (const { time, element } of this.rows ?? []) {
+      setClass(element, 'later', time > this.time + 1e-6);
+      if (time <= this.time + 1e-6) last = element;
+    }
+    if (last !== this.last) last?.scrollIntoView({ block: 'nearest' });
+    this.last = last;
+  }
+
+  render(time) {
+    const moved = this.recorded && this.#all.length > LISTED && Math.abs(time - (this.listedAt ?? time)) > 0;
+    this.time = time;
+    if (this.stale || moved) {
       this.stale = false;
+      this.listedAt = time;
       this.#list();
     }
+    if (this.recorded && this.isOpen) this.#follow();
   }
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The connection: hands over the token, asks, and is told. Begins anew when it is lost.
-import { readState, readTrace } from './wire.js';
+import { readSeries, readState, readTrace } from './wire.js';
 
 const AGAIN_MS = 1500;
 
@@ -43,7 +43,7 @@ export class Link extends EventTarget {
     this.#waiting.clear();
     this.#tell('gone', {
       reason: refused ? 'The token is not that of this run: take the address that it printed.'
-        : event.code === 1001 ? 'The run has ended.'
+        : event.code === 1001 ? this.hello?.run.replay ? 'The replay has ended.' : 'The run has ended.'
           : 'No connection to the simulator.',
       final: refused,
     });
@@ -55,6 +55,7 @@ export class Link extends EventTarget {
       const kind = new DataView(data).getUint8(0);
       if (kind === 1) this.#tell('state', { state: readState(data), buffer: data });
       else if (kind === 2) this.#tell('trace', readTrace(data));
+      else if (kind === 3) this.#answer({ ok: true, ...readSeries(data) });
       return;
     }
     const message = JSON.parse(data);
@@ -65,12 +66,16 @@ export class Link extends EventTarget {
       this.#watch();
     } else if (message.type === 'event') {
       this.#tell('event', message);
-    } else if (this.#waiting.has(message.id)) {
-      const { resolve, reject } = this.#waiting.get(message.id);
-      this.#waiting.delete(message.id);
-      if (message.ok) resolve(message);
-      else reject(new Error(message.error));
+    } else {
+      this.#answer(message);
     }
+  }
+
+  #answer(message) {
+    const waiting = this.#waiting.get(message.id);
+    this.#waiting.delete(message.id);
+    if (message.ok) waiting?.resolve(message);
+    else waiting?.reject(new Error(message.error));
   }
 
   /** Sends a request; the answer, or an error with its text. */

@@ -5,6 +5,7 @@ import { count, fixed, h, setClass, setText } from './dom.js';
 import { Events, Past } from './events.js';
 import { Link } from './link.js';
 import { Actions, Boards, Buses, Joints, Parameters } from './panels.js';
+import { Playback } from './playback.js';
 import { Plots } from './plots.js';
 import { Scene } from './scene.js';
 import style from './style.css';
@@ -12,7 +13,10 @@ import { Trace } from './trace.js';
 
 const TABLES_MS = 120;
 const KEYS = [['Space', 'pause, go on'], ['.', 'one tick'], [',', 'ten ticks'], ['L', 'live again'],
-  ['1 … 6', 'panels'], ['/', 'search a signal'], ['F', 'forces'], ['C', 'center of mass'],
+  ['1 … 6', 'panels']];
+const REPLAY_KEYS = [['Space', 'play, pause'], ['. ,', 'a row on, back'], ['→ ←', 'a second on, back'],
+  ['] [', 'next event, event before'], ['Home End', 'begin, end'], ['1 2 6', 'panels']];
+const ALL_KEYS = [['/', 'search a signal'], ['F', 'forces'], ['C', 'center of mass'],
   ['I', 'ellipsoids of inertia'], ['R', 'look at the robot'], ['T', 'light or dark'], ['?', 'this list']];
 
 for (const text of [plotStyle, style]) {
@@ -74,29 +78,47 @@ function makeFrame() {
   document.body.replaceChildren(page.root, page.gone, page.toasts);
 }
 
-function makeBar(hello) {
-  const can = hello.right === 'control';
-  const parts = { time: figure('time', 'virtual time'),
+/** What the bar tells: of a run what it takes, of a recording what it is. */
+function makeFigures(hello) {
+  if (hello.run.replay) {
+    const parts = { time: figure('time', 'virtual time'), length: figure('length', 'of what is shown'),
+      rows: figure('rows', 'how far apart rows of signals are') };
+    setText(parts.length[0], `${fixed(hello.run.replay.to_s - hello.run.replay.from_s, 2)} s`);
+    setText(parts.rows[0], `${fixed(1e3 * hello.run.replay.period_s, 1)} ms`);
+    return parts;
+  }
+  return { time: figure('time', 'virtual time'),
     factor: figure('pace', 'virtual seconds a second'),
     tick: figure('tick', 'what a tick takes: mean of late, 99th percentile and greatest of all'),
     overruns: figure('overruns', 'ticks that missed their deadline, and ticks that were dropped') };
+}
+
+const SPEEDS = [[0.05, '×0.05'], [0.1, '×0.1'], [0.25, '×0.25'], [0.5, '×0.5'], [1, '×1'], [2, '×2'],
+  [5, '×5']];
+
+function makeBar(hello) {
+  const { replay } = hello.run;
+  const can = hello.right === 'control' || Boolean(replay);
+  const fast = replay ? [[10, '×10'], [20, '×20']] : [[0, 'fastest']];
+  const timed = Boolean(replay) || hello.run.clock === 'real';
+  const parts = makeFigures(hello);
   page.figures = Object.fromEntries(Object.entries(parts).map(([name, [value]]) => [name, value]));
   page.budget = h('i');
   page.pause = h('button', { id: 'pause', class: 'main', disabled: !can, title: 'Space',
     onclick: () => act(newest?.paused ? 'resume' : 'pause') }, 'Pause');
   page.step = h('button', { id: 'step', class: 'quiet', disabled: !can, title: 'one tick: .',
     onclick: () => act('step', { count: 1 }) }, 'Step');
-  page.speed = h('select', { 'aria-label': 'speed', disabled: !can || hello.run.clock !== 'real',
-    title: hello.run.clock === 'real' ? 'virtual seconds a second' : 'only the real clock has a speed',
+  page.speed = h('select', { 'aria-label': 'speed', disabled: !can || !timed,
+    title: timed ? 'virtual seconds a second' : 'only the real clock has a speed',
     onchange: () => act('speed', { factor: Number(page.speed.value) }) },
-  [[0.05, '×0.05'], [0.1, '×0.1'], [0.25, '×0.25'], [0.5, '×0.5'], [1, '×1'], [2, '×2'], [5, '×5'], [0, 'fastest']]
-    .map(([value, text]) => h('option', { value: String(value), selected: value === 1 }, text)));
+  [...SPEEDS, ...fast].map(([value, text]) => h('option', { value: String(value), selected: value === 1 }, text)));
   return h('header', { class: 'bar' },
     h('div', { class: 'brand' }, h('b', {}, hello.run.robot), h('span', {}, `${hello.run.rig}${hello.run.task ? ` · ${hello.run.task}` : ''}`)),
     h('div', { class: 'figures' }, Object.values(parts).map(([, element]) => element)),
-    h('div', { class: 'budget', title: `the tick's budget: ${fixed(1e6 * hello.run.tick_s, 0)} us` }, page.budget),
+    replay ? h('span', { class: 'muted file', title: hello.run.recording }, hello.run.recording)
+      : h('div', { class: 'budget', title: `the tick's budget: ${fixed(1e6 * hello.run.tick_s, 0)} us` }, page.budget),
     h('div', { class: 'transport' }, page.pause, page.step, page.speed),
-    h('span', { class: can ? 'badge control' : 'badge', id: 'right' }, can ? 'control' : 'look only'),
+    h('span', { class: can ? 'badge control' : 'badge', id: 'right' }, replay ? 'recording' : can ? 'control' : 'look only'),
     h('button', { class: 'icon', title: 'light or dark: T', 'aria-label': 'light or dark',
       onclick: () => setTheme(page.theme === 'dark' ? 'light' : 'dark') }, '◐'),
     h('button', { class: 'icon', title: 'keys: ?', 'aria-label': 'keys', onclick: () => page.help.showModal() }, '?'));
@@ -119,7 +141,8 @@ function makeView(hello) {
   canvas.addEventListener('pointerup', (event) => {
     if (down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < 4) {
       const body = page.scene.pick(event.clientX, event.clientY);
-      page.actions.choose(body);
+      if (page.actions) page.actions.choose(body);
+      else page.scene.robot.mark(body);
       setText(page.picked, body === null ? '' : `${hello.scene.bodies[body].name} · ${fixed(hello.scene.bodies[body].mass_kg, 2)} kg`);
     }
   });
@@ -150,8 +173,9 @@ function makeTabs(name, panels, first) {
   return { element, open };
 }
 
-function makeHelp() {
-  page.help = h('dialog', { class: 'help' }, h('h2', {}, 'Keys'), h('dl', {}, KEYS.map(([key, text]) =>
+function makeHelp(hello) {
+  const keys = [...(hello.run.replay ? REPLAY_KEYS : KEYS), ...ALL_KEYS];
+  page.help = h('dialog', { class: 'help' }, h('h2', {}, 'Keys'), h('dl', {}, keys.map(([key, text]) =>
     [h('dt', { class: 'mono' }, key), h('dd', {}, text)])),
   h('form', { method: 'dialog' }, h('button', { class: 'main' }, 'Close')));
   return page.help;
@@ -160,7 +184,7 @@ function makeHelp() {
 function build(hello) {
   document.title = `${hello.run.rig} · coman-hil`;
   page.hello = hello;
-  page.past = new Past(() => {
+  page.past = hello.run.replay ? new Playback(link, hello.run.replay, () => page.trace.reset()) : new Past(() => {
     const state = page.past.shown ?? newest;
     if (state) page.scene.update(state);
     page.tablesAt = 0;
@@ -173,14 +197,21 @@ function build(hello) {
     page.plots.add(`q_${name}_rad`, `torque_${name}_nm`);
     page.bottom.open(0);
   });
-  page.boards = new Boards(hello);
   page.buses = new Buses(hello);
-  page.actions = new Actions(link, hello, page.scene, complain);
-  page.parameters = new Parameters(link, hello, complain);
-  page.side = makeTabs('side', [['Joints', page.joints], ['Boards', page.boards], ['Buses', page.buses],
-    ['Act', page.actions], ['Parameters', page.parameters]], 0);
+  page.panels = [['Joints', page.joints], ['Buses', page.buses]];
+  if (hello.run.replay) {
+    page.plots.seek = (time) => page.past.show(time);
+    page.events.load(link).catch((error) => complain(error.message));
+  } else {
+    page.boards = new Boards(hello);
+    page.actions = new Actions(link, hello, page.scene, complain);
+    page.parameters = new Parameters(link, hello, complain);
+    page.panels.splice(1, 0, ['Boards', page.boards]);
+    page.panels.push(['Act', page.actions], ['Parameters', page.parameters]);
+  }
+  page.side = makeTabs('side', page.panels, 0);
   page.bottom = makeTabs('bottom', [['Plots', page.plots], ['Frames', page.trace], ['Events', page.events]], 0);
-  page.root.replaceChildren(makeBar(hello), view, page.side.element, page.bottom.element, makeHelp());
+  page.root.replaceChildren(makeBar(hello), view, page.side.element, page.bottom.element, makeHelp(hello));
   setTheme(firstTheme());
 }
 
@@ -200,15 +231,27 @@ const ACTIONS = {
   },
   6: () => page.bottom.open(1),
 };
-for (let i = 1; i <= 5; i++) ACTIONS[i] = () => page.side.open(i - 1);
+for (let i = 1; i <= 5; i++) ACTIONS[i] = () => i <= page.panels.length && page.side.open(i - 1);
+
+/** Of a recording, instead of or beside those. */
+const REPLAY_ACTIONS = {
+  ',': () => page.past.move(-page.hello.run.replay.period_s),
+  ArrowRight: () => page.past.move(1),
+  ArrowLeft: () => page.past.move(-1),
+  '[': () => page.past.jump(-1),
+  ']': () => page.past.jump(1),
+  Home: () => page.past.show(page.hello.run.replay.from_s),
+  End: () => page.past.show(page.hello.run.replay.to_s),
+};
 for (const [key, name] of [['f', 'forces'], ['c', 'centers'], ['q', 'torques'], ['i', 'skeleton']]) {
   ACTIONS[key] = () => document.querySelector(`[data-show=${name}]`).click();
 }
 
 addEventListener('keydown', (event) => {
-  const typing = event.target.closest?.('input, select, textarea, dialog');
+  const typing = event.target.closest?.('input:not(#past), select, textarea, dialog');
   if (typing || event.ctrlKey || event.metaKey || event.altKey || !page.built) return;
-  const action = ACTIONS[event.key] ?? ACTIONS[event.key.toLowerCase()];
+  const action = (page.hello.run.replay && REPLAY_ACTIONS[event.key]) || ACTIONS[event.key]
+    || ACTIONS[event.key.toLowerCase()];
   if (action && !(event.key === ' ' && event.target.closest?.('button'))) {
     event.preventDefault();
     action();
@@ -218,7 +261,8 @@ addEventListener('keydown', (event) => {
 // ---- what comes ----
 
 link.addEventListener('hello', ({ detail }) => {
-  const same = page.hello && page.hello.run.rig === detail.run.rig && page.hello.right === detail.right;
+  const same = page.hello && page.hello.run.rig === detail.run.rig && page.hello.right === detail.right
+    && Boolean(page.hello.run.replay) === Boolean(detail.run.replay);
   page.gone.hidden = true;
   if (same) return;
   try {
@@ -258,27 +302,34 @@ function updatePace(state) {
 
 /** The signs over the picture: what everybody has to see at once. */
 function statusOf(state) {
+  if (page.hello.run.replay) return ['', ''];
   if (page.past.shown) return ['looking back', 'back'];
   if (state.paused) return ['paused', 'paused'];
   if (state.clamped) return ['links are clamped', 'clamped'];
   return ['', ''];
 }
 
-function renderBar(state) {
+/** How well a run keeps up. */
+function renderLoad(state) {
   const tick = 1e6 * page.hello.run.tick_s;
   const part = Math.min(1, state.workMean / tick);
   updatePace(state);
-  setText(page.figures.time, `${fixed((page.past.shown ?? state).time, 3)} s`);
   setText(page.figures.factor, `×${fixed(pace.factor, 2)}`);
   setText(page.figures.tick, `${fixed(state.workMean, 0)} / ${fixed(state.work99, 0)} / ${fixed(state.workMax, 0)} us`);
   setText(page.figures.overruns, state.lost ? `${count(state.overruns)}, ${count(state.lost)} dropped` : count(state.overruns));
   setClass(page.figures.overruns, 'late', state.overruns > 0);
   page.budget.style.width = `${fixed(100 * part, 1)}%`;
   page.budget.className = part > 0.8 ? 'hot' : part > 0.5 ? 'warm' : '';
+}
+
+function renderBar(state) {
+  const { replay } = page.hello.run;
+  if (!replay) renderLoad(state);
+  setText(page.figures.time, `${fixed((page.past.shown ?? state).time, 3)} s`);
   const speed = String(+state.speed.toPrecision(3));
   if (document.activeElement !== page.speed && page.speed.value !== speed
     && [...page.speed.options].some(({ value }) => value === speed)) page.speed.value = speed;
-  setText(page.pause, state.paused ? 'Go on' : 'Pause');
+  setText(page.pause, state.paused ? replay ? 'Play' : 'Go on' : 'Pause');
   const [text, kind] = statusOf(state);
   setText(page.badge, text);
   page.badge.className = `status ${kind}`;
@@ -286,11 +337,11 @@ function renderBar(state) {
 
 function renderTables(state) {
   renderBar(newest);
-  for (const panel of [page.joints, page.boards, page.buses, page.actions]) {
-    if (panel.isOpen) panel.render(state);
+  for (const [, panel] of page.panels) {
+    if (panel.isOpen) panel.render?.(state);
   }
   page.trace.render();
-  page.events.render();
+  page.events.render(state.time);
   page.past.render(page.events.all);
   if (page.plots.isOpen) page.plots.render(newest.time);
 }

@@ -128,6 +128,10 @@ export class Buses {
       setText(row.load, `${fixed(100 * bus.load, 1)} %`);
       row.bar.style.width = `${fixed(100 * load, 1)}%`;
       row.bar.className = load > 0.9 ? 'hot' : load > 0.7 ? 'warm' : '';
+      if (this.hello.run.replay) { // a log does not say who sent a frame
+        setText(row.figures, `${count(bus.rx)} frames, ${rate('rx')} a second`);
+        return;
+      }
       setText(row.state, STATES[bus.state] ?? 'unknown');
       setClass(row.state, 'bad', bus.state > 0);
       setText(row.figures, `to boards    ${count(bus.rx)}, ${rate('rx')} a second`);

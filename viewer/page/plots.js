@@ -4,6 +4,7 @@ import uPlot from 'uplot';
 import { h, setText, short } from './dom.js';
 
 const SPAN_S = 30;
+const POINTS = 4000; // of a series
 const MOST = 12;
 const COLORS = ['#2f81f7', '#e0552b', '#2f9e6e', '#b05cd6', '#d9a514', '#12a5b5', '#d6336c',
   '#7a8b2b', '#6b6ff2', '#a0622d', '#4aa3ff', '#8a94a3'];
@@ -14,16 +15,22 @@ export class Plots {
   #rows = [];
   #plot = null;
   #layout = '';
+  #range = null; // of a recording: what is shown of it
+  #series = null;
+  #values = null; // of the newest state
 
   constructor(link, hello, complain) {
     this.link = link;
     this.hello = hello;
     this.complain = complain;
+    this.replay = hello.run.replay;
+    if (this.replay) this.#range = [this.replay.from_s, this.replay.to_s];
     this.units = new Map(hello.signals.map(({ name, unit }) => [name, unit]));
     this.element = this.#build();
     link.addEventListener('watching', (event) => {
       this.#order = event.detail;
       this.#rows = [];
+      if (this.replay) this.#fetch();
     });
     new ResizeObserver(() => this.#size()).observe(this.stage);
   }
@@ -41,6 +48,7 @@ export class Plots {
     this.chips = h('div', { class: 'chips' });
     this.stage = h('div', { class: 'stage' });
     this.empty = h('p', { class: 'empty' }, 'Type a few letters of a joint, a force or a bus. Press / to begin.');
+    this.now = h('i', { class: 'now', hidden: true });
     this.stage.append(this.empty);
     return h('section', { class: 'panel plots', id: 'panel-plots' },
       h('div', { class: 'tools' }, h('div', { class: 'search' }, this.search, this.found), this.chips),
@@ -88,8 +96,64 @@ export class Plots {
     this.empty.hidden = this.#chosen.length > 0;
   }
 
+  // ---- of a recording: every row between two times ----
+
+  /** Shows a part of the recording; without one, all of it. */
+  zoom(from, to) {
+    const { from_s: first, to_s: last, period_s: period } = this.replay;
+    const middle = (from + to) / 2;
+    const half = Math.max((to - from) / 2, 5 * period);
+    this.#range = from === undefined ? [first, last]
+      : [Math.max(first, middle - half), Math.min(last, middle + half)];
+    this.#fetch();
+  }
+
+  async #fetch() {
+    const signals = this.#order;
+    const [from, to] = this.#range;
+    if (!signals.length) return;
+    try {
+      const series = await this.link.ask('series', { signals, from_s: from, to_s: to, points: POINTS });
+      if (signals !== this.#order || from !== this.#range[0] || to !== this.#range[1]) return;
+      this.#series = series;
+      this.stale = true;
+    } catch (error) {
+      this.complain(error.message);
+    }
+  }
+
+  /** A drag chooses a part, a click a moment, a double click all. */
+  #makeHooks() {
+    let dragged = false;
+    return { setSelect: [(plot) => {
+      const { left, width } = plot.select;
+      dragged = width > 4;
+      if (dragged) this.zoom(plot.posToVal(left, 'x'), plot.posToVal(left + width, 'x'));
+      plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    }], ready: [(plot) => {
+      plot.over.append(this.now);
+      plot.over.addEventListener('dblclick', () => this.zoom());
+      plot.over.addEventListener('click', (event) => {
+        const box = plot.over.getBoundingClientRect();
+        if (!dragged) this.seek?.(plot.posToVal(event.clientX - box.left, 'x'));
+        dragged = false;
+      });
+    }] };
+  }
+
+  /** The moment that is shown, as a line. */
+  #placeNow(time) {
+    const [from, to] = this.#range;
+    this.now.hidden = !this.#series || time < from || time > to;
+    if (!this.now.hidden) this.now.style.left = `${this.#plot.valToPos(time, 'x')}px`;
+    [...this.chips.children].forEach((chip, k) => setText(chip.querySelector('b'), short(this.#values?.[k] ?? NaN)));
+  }
+
+  // ---- of a run: what has come ----
+
   take(state) {
-    if (this.#order.length !== state.signals.length || !this.#order.length) return;
+    this.#values = state.signals;
+    if (this.replay || this.#order.length !== state.signals.length || !this.#order.length) return;
     const last = this.#rows.at(-1);
     if (last && state.time < last[0]) this.#rows = [];
     if (last && state.time === last[0]) return;
@@ -107,7 +171,8 @@ export class Plots {
     this.#plot = new uPlot({
       ...this.#box(),
       legend: { show: false },
-      cursor: { drag: { x: false, y: false }, points: { size: 6 } },
+      cursor: { drag: { x: Boolean(this.replay), y: false, setScale: false }, points: { size: 6 } },
+      hooks: this.replay ? this.#makeHooks() : {},
       scales: { x: { time: false }, ...Object.fromEntries(units.map((unit) => [unit, {}])) },
       series: [{}, ...this.#order.map((name, i) => ({ label: name, width: 1.6,
         scale: this.units.get(name) || '–', stroke: COLORS[i % COLORS.length],
@@ -141,25 +206,39 @@ export class Plots {
       this.#make();
       this.stale = true;
     }
+    if (this.replay && this.#plot && !this.stale) this.#placeNow(time);
     if (!this.#plot || !this.stale) return;
     this.stale = false;
-    const columns = this.#order.map((_, k) => this.#rows.map((row) => row[k + 1]));
+    const recorded = this.#series?.columns.length === this.#order.length ? this.#series : null;
+    const times = this.replay ? recorded?.times ?? [] : this.#rows.map((row) => row[0]);
+    const columns = this.#order.map((_, k) => this.replay ? recorded?.columns[k] ?? []
+      : this.#rows.map((row) => row[k + 1]));
     const now = this.#rows.at(-1)?.[0] ?? time ?? 0;
-    this.#plot.setData([this.#rows.map((row) => row[0]), ...columns], false);
+    const [from, to] = this.#range
+      ?? [Math.max(0, Math.min(now - 10, this.#rows[0]?.[0] ?? now)), Math.max(now, 1e-3)];
+    this.#plot.setData([times, ...columns], false);
     this.#plot.batch(() => {
       for (const unit of Object.keys(this.#plot.scales)) {
         if (unit === 'x') continue;
-        const values = this.#order.flatMap((name, k) =>
-          (this.units.get(name) || '–') === unit ? columns[k] : []).filter(Number.isFinite);
-        const low = values.reduce((a, b) => Math.min(a, b), Infinity);
-        const high = values.reduce((a, b) => Math.max(a, b), -Infinity);
+        let low = Infinity;
+        let high = -Infinity;
+        this.#order.forEach((name, k) => {
+          if ((this.units.get(name) || '–') !== unit) return;
+          for (const value of columns[k]) {
+            if (value < low) low = value;
+            if (value > high) high = value;
+          }
+        });
         if (low > high) continue;
         const room = Math.max(0.08 * (high - low), 1e-6 + 0.01 * Math.abs(high));
         this.#plot.setScale(unit, { min: low - room, max: high + room });
       }
-      this.#plot.setScale('x', { min: Math.max(0, Math.min(now - 10, this.#rows[0]?.[0] ?? now)),
-        max: Math.max(now, 1e-3) });
+      this.#plot.setScale('x', { min: from, max: to });
     });
+    if (this.replay) {
+      this.#placeNow(time);
+      return;
+    }
     [...this.chips.children].forEach((chip, k) => {
       setText(chip.querySelector('b'), this.#rows.length && k < columns.length ? short(this.#rows.at(-1)[k + 1]) : '');
     });

@@ -54,7 +54,7 @@ export class Trace {
     return h('section', { class: 'panel trace', id: 'panel-trace' },
       h('div', { class: 'tools' }, this.filter, this.bus, this.order, this.hold, this.note),
       h('div', { class: 'scroll' }, h('table', { class: 'frames' }, this.head, this.body)),
-      this.#buildSender());
+      this.hello.run.replay ? null : this.#buildSender());
   }
 
   // ---- to send ----
@@ -156,11 +156,20 @@ export class Trace {
     if (visible && !this.#database) {
       try {
         this.#database = new Database(await (await this.link.fetch('/messages.json')).json());
-        this.#fillMessages();
+        this.stale = true;
+        if (!this.hello.run.replay) this.#fillMessages();
       } catch (error) {
         this.complain(error.message);
       }
     }
+  }
+
+  /** Another time is shown: frames begin anew. */
+  reset() {
+    this.#groups.clear();
+    this.#log = [];
+    this.#seen = this.#lost = 0;
+    this.stale = true;
   }
 
   #take(message) {

@@ -52,6 +52,16 @@ export function readState(buffer) {
   return state;
 }
 
+/** A series: the times of its points, and the values of each signal at them. */
+export function readSeries(buffer) {
+  const view = new DataView(buffer);
+  const [nsignal, id, count, rows] = [view.getUint16(2, true), view.getUint32(4, true),
+    view.getUint32(8, true), view.getUint32(12, true)];
+  const values = 24 + 8 * count;
+  return { id, rows, times: new Float64Array(buffer, 24, count),
+    columns: Array.from({ length: nsignal }, (_, k) => new Float32Array(buffer, values + 4 * k * count, count)) };
+}
+
 /** A trace message: its records are read when somebody looks at them, for there are thousands. */
 export function readTrace(buffer) {
   const view = new DataView(buffer);

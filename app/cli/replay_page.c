@@ -1,0 +1,133 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A recording in the page. */
+#include "app/cli/replay_page.h"
+
+#include "app/cli/commands.h"
+#include "app/cli/page.h"
+#include "app/cli/rig_command.h"
+#include "base/journal.h"
+#include "rt/recorder.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <jansson.h>
+#include <limits.h>
+#include <semaphore.h>
+#include <stdio.h>
+#include <unistd.h>
+
+/* Posted by the signal that ends it. */
+static sem_t replay_page_end;
+
+static void replay_page_stop(void *unused)
+{
+    (void)unused;
+    sem_post(&replay_page_end);
+}
+
+/* The rig that the summary of the recording names: its file where that is still there, else one of
+ * that name. */
+static enum error_code replay_page_find_rig(const struct replay_page_options *options,
+                                            char rig[PATH_MAX], struct error *error)
+{
+    char path[PATH_MAX];
+    json_t *summary;
+    const char *name, *file;
+
+    if (options->rig) {
+        snprintf(rig, PATH_MAX, "%s", options->rig);
+        return ERROR_NONE;
+    }
+    snprintf(path, sizeof path, "%s/" RECORDER_SUMMARY, options->directory);
+    summary = json_load_file(path, JSON_REJECT_DUPLICATES, NULL);
+    name = json_string_value(json_object_get(summary, "rig"));
+    file = json_string_value(json_object_get(summary, "rig_file"));
+    if (name) {
+        snprintf(rig, PATH_MAX, "%s", file && access(file, R_OK) == 0 ? file : name);
+    } else {
+        error_set(error, ERROR_INPUT,
+                  "%s: found no summary that names the rig, as of a run that was killed, expected "
+                  "--rig RIG",
+                  options->directory);
+    }
+    json_decref(summary);
+    return name ? ERROR_NONE : ERROR_INPUT;
+}
+
+/* Serves it until it is told to end. */
+static enum error_code replay_page_serve(const struct replay_page_options *options,
+                                         const struct rig *rig, const struct recording *recording,
+                                         struct error *error)
+{
+    struct viewer_config config = {.recording = recording, .rig = rig};
+    struct page page = {.viewer = NULL};
+    char host[RUN_HOST_SIZE];
+    enum error_code code = run_options_parse_address("--http", options->http, "8080", host,
+                                                     &config.host, &config.port, error);
+
+    code = code ? code : viewer_start(&config, &page.viewer, error);
+    if (code) {
+        return code;
+    }
+    sem_init(&replay_page_end, 0, 0);
+    rig_command_on_stop(replay_page_stop, NULL);
+    fprintf(stderr, "page: %s\n", viewer_address(page.viewer, false));
+    if (config.host && !run_options_is_loopback(config.host)) {
+        fprintf(stderr,
+                "%swarning: the page is not encrypted: whoever can listen on the way to %s sees "
+                "its token and can then see the recording\n",
+                journal_prefix(JOURNAL_WARNING), config.host);
+    }
+    viewer_serve(page.viewer);
+    while (sem_wait(&replay_page_end) && errno == EINTR) {
+    }
+    rig_command_ignore_stop();
+    viewer_stop(page.viewer);
+    page_print(&page);
+    viewer_destroy(page.viewer);
+    return ERROR_NONE;
+}
+
+static int replay_page_play(void *context, const struct rig *rig, struct arena *arena)
+{
+    const struct replay_page_options *options = context;
+    const struct recording_config config = {
+        .directory = options->directory,
+        .rig = rig,
+        .from_s = options->from_s,
+        .to_s = options->to_s,
+        .speed = options->speed,
+    };
+    struct recording *recording = NULL;
+    struct error error;
+    enum error_code code;
+
+    if (isatty(STDERR_FILENO)) {
+        fprintf(stderr, "reading %s\n", options->directory);
+    }
+    code = recording_open(&config, arena, &recording, &error);
+    if (!code && recording_strange_frames(recording) > 0) {
+        fprintf(stderr,
+                "%snotice: %" PRIu64 " frames are of interfaces that the rig does not have, and "
+                "are not shown\n",
+                journal_prefix(JOURNAL_NOTICE), recording_strange_frames(recording));
+    }
+    if (!code) {
+        fprintf(stderr, "recording: %.3f s of the rig %s\n", recording_duration_s(recording),
+                rig->name);
+        code = replay_page_serve(options, rig, recording, &error);
+    }
+    recording_close(recording);
+    return code ? command_fail("replay", &error) : STATUS_OK;
+}
+
+int replay_page(const struct replay_page_options *options)
+{
+    char rig[PATH_MAX];
+    struct error error;
+
+    if (replay_page_find_rig(options, rig, &error)) {
+        return command_fail("replay", &error);
+    }
+    return rig_command("replay", rig, (void *)(uintptr_t)options, replay_page_play);
+}

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the tests of the page in a browser share: TAP, the browser, what a picture shows.
+import { existsSync } from 'node:fs';
+import { createRequire } from 'node:module';
+import { join } from 'node:path';
+
+const modules = join(process.env.HIL_SOURCE_DIR, 'viewer/page/node_modules/playwright-core');
+const browserPath = '/usr/bin/chromium';
+export const WAIT_MS = 30000;
+
+let number = 0;
+
+/** One line of TAP, and what was found instead. */
+export function check(good, name, found) {
+  number++;
+  console.log(`${good ? 'ok' : 'not ok'} ${number} - ${name}`);
+  if (found !== undefined) console.log(`# ${JSON.stringify(found)}`);
+}
+
+/** Prints the plan; false when there is no browser, and all tests have been skipped. */
+export function plan(tests) {
+  console.log(`1..${tests}`);
+  const missing = [modules, browserPath].filter((path) => !existsSync(path));
+  while (missing.length && number < tests) {
+    check(true, `the page in a browser # SKIP no ${missing.join(', no ')}: ./dev setup --browser installs both`);
+  }
+  return missing.length === 0;
+}
+
+/** A headless browser that draws with the processor. */
+export function launch() {
+  const { chromium } = createRequire(join(modules, 'index.js'))(modules);
+  return chromium.launch({ executablePath: browserPath,
+    args: ['--enable-unsafe-swiftshader', '--no-sandbox', '--disable-dev-shm-usage'] });
+}
+
+/** In the page: how much the picture of the robot differs from one color, the variance of its luminance. */
+export function variance() {
+  const { scene } = window.coman.page;
+  scene.renderer.render(scene.scene, scene.camera);
+  const canvas = document.createElement('canvas');
+  canvas.width = 160;
+  canvas.height = 120;
+  const pen = canvas.getContext('2d');
+  pen.drawImage(scene.canvas, 0, 0, 160, 120);
+  const { data } = pen.getImageData(0, 0, 160, 120);
+  let sum = 0;
+  let square = 0;
+  for (let i = 0; i < data.length; i += 4) {
+    const light = 0.2126 * data[i] + 0.7152 * data[i + 1] + 0.0722 * data[i + 2];
+    sum += light;
+    square += light * light;
+  }
+  const count = data.length / 4;
+  return square / count - (sum / count) ** 2;
+}

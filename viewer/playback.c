@@ -1,0 +1,363 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A recording as the page shows it: every client has a time of its own in it. */
+#include "viewer/private.h"
+
+#include "rt/clock.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* So much of the time before a jump a client gets frames of: those of COMAN fit in VIEWER_TRACE. */
+#define TRACE_SPAN_NS (CLOCK_SECOND / 5)
+#define LOAD_SPAN_NS CLOCK_SECOND
+
+enum { RECORDING_PATH = 4096 };
+
+/* ---- opening ---- */
+
+static size_t table_find_column(const struct recorded_table *table, const char *before,
+                                const char *name, const char *after)
+{
+    char text[192];
+
+    snprintf(text, sizeof text, "%s%.100s%s", before, name, after);
+    for (size_t i = 0; i < table->ncolumn; i++) {
+        if (strcmp(table->title[i], text) == 0) {
+            return i;
+        }
+    }
+    return SIZE_MAX;
+}
+
+/* The path of a file of the recording. */
+static bool recording_path(const struct recording *recording, const char *name,
+                           char path[RECORDING_PATH])
+{
+    return snprintf(path, RECORDING_PATH, "%s/%s", recording->config.directory, name) <
+           RECORDING_PATH;
+}
+
+static enum error_code recording_open_rows(struct recording *recording, struct arena *arena,
+                                           struct error *error)
+{
+    char path[RECORDING_PATH];
+    enum error_code code;
+
+    if (!recording_path(recording, "signals.csv", path)) {
+        return error_set(error, ERROR_INPUT, "the name of the recording is too long");
+    }
+    code = recorded_table_open(path, arena, &recording->signals, error);
+    if (code == ERROR_SYSTEM) {
+        return error_set(error, ERROR_INPUT,
+                         "%s: found no signals.csv that can be read, expected a recording of "
+                         "\"run --record\" with --record-format csv or both",
+                         recording->config.directory);
+    }
+    if (!code && recording_path(recording, "poses.csv", path)) {
+        code = recorded_table_open(path, arena, &recording->poses, error);
+    }
+    return code;
+}
+
+/* Frames and events, where the recording has them. */
+static enum error_code recording_open_rest(struct recording *recording, struct arena *arena,
+                                           struct error *error)
+{
+    const struct rig *rig = recording->config.rig;
+    const char **bus = arena_alloc(arena, rig->nbus + 1, sizeof *bus);
+    char path[RECORDING_PATH];
+    enum error_code code;
+
+    for (size_t b = 0; bus && b < rig->nbus; b++) {
+        bus[b] = rig->bus[b].interface;
+    }
+    if (!bus || !recording_path(recording, "candump.log", path)) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the recording");
+    }
+    code = recorded_log_open(path, bus, rig->nbus, &recording->log, error);
+    if (code && code != ERROR_SYSTEM) {
+        return code;
+    }
+    recording_path(recording, "events.log", path);
+    code = recorded_file_open(path, &recording->events, error);
+    return code == ERROR_SYSTEM ? ERROR_NONE : code;
+}
+
+/* The rows have to be of the rig: each joint and each body of it. */
+static enum error_code recording_check_rig(struct recording *recording, struct arena *arena,
+                                           struct error *error)
+{
+    const struct rig *rig = recording->config.rig;
+    const struct robot *robot = rig->robot;
+    const char *missing = NULL;
+
+    recording->angle = arena_alloc(arena, robot->njoint + 1, sizeof *recording->angle);
+    if (!recording->angle) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the recording");
+    }
+    for (size_t j = 0; j < robot->njoint && !missing; j++) {
+        recording->angle[j] =
+            table_find_column(&recording->signals, "q_", robot->joint[j].name, "_rad");
+        missing = recording->angle[j] == SIZE_MAX ? robot->joint[j].name : NULL;
+    }
+    for (size_t i = 0; i < robot->nbody + rig->nfree && !missing; i++) {
+        const char *name =
+            i < robot->nbody ? robot->body[i].name : rig->free[i - robot->nbody].name;
+        size_t at = table_find_column(&recording->poses, "", name, "_x_m");
+
+        missing = at == SIZE_MAX || at + RECORDER_POSE > recording->poses.ncolumn ? name : NULL;
+    }
+    return missing ? error_set(error, ERROR_INPUT,
+                               "%s: found nothing of %s, expected a recording of the rig %s; "
+                               "--rig names another",
+                               recording->config.directory, missing, rig->name)
+                   : ERROR_NONE;
+}
+
+/* What is shown: as much as was asked for, of what there is. */
+static enum error_code recording_set_range(struct recording *recording, struct error *error)
+{
+    const struct recorded_table *rows = &recording->signals;
+    const struct recording_config *config = &recording->config;
+    int64_t first = rows->row[0].time_ns, last = rows->row[rows->nrow - 1].time_ns;
+
+    recording->period_ns = rows->nrow > 1 ? (last - first) / (int64_t)(rows->nrow - 1) : CLOCK_MS;
+    recording->first_ns = (int64_t)fmax((double)first, config->from_s * 1e9);
+    recording->last_ns = (int64_t)fmin((double)last, config->to_s * 1e9);
+    return recording->first_ns <= recording->last_ns
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT,
+                           "%s: has nothing between %g and %g s, expected a part of %.3f to %.3f s",
+                           config->directory, config->from_s, config->to_s, (double)first * 1e-9,
+                           (double)last * 1e-9);
+}
+
+enum error_code recording_open(const struct recording_config *config, struct arena *arena,
+                               struct recording **out, struct error *error)
+{
+    struct recording *recording = *out = arena_alloc(arena, 1, sizeof *recording);
+    enum error_code code;
+
+    if (!recording) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the recording");
+    }
+    recording->config = *config;
+    if ((code = recording_open_rows(recording, arena, error)) ||
+        (code = recording_open_rest(recording, arena, error)) ||
+        (code = recording_check_rig(recording, arena, error))) {
+        return code;
+    }
+    return recording_set_range(recording, error);
+}
+
+void recording_close(struct recording *recording)
+{
+    if (recording) {
+        recorded_table_close(&recording->signals);
+        recorded_table_close(&recording->poses);
+        recorded_log_close(&recording->log);
+        recorded_file_close(&recording->events);
+    }
+}
+
+double recording_duration_s(const struct recording *recording)
+{
+    return (double)(recording->last_ns - recording->first_ns) * 1e-9;
+}
+
+uint64_t recording_strange_frames(const struct recording *recording)
+{
+    return recording->log.strange;
+}
+
+enum error_code viewer_create_playback(struct viewer *viewer, struct error *error)
+{
+    const struct recording *recording = viewer->config.recording;
+    const struct robot *robot = viewer->rig->robot;
+    size_t nbody = robot->nbody + viewer->rig->nfree;
+    struct playback *playback = arena_alloc(&viewer->arena, 1, sizeof *playback);
+
+    if (playback) {
+        playback->signal =
+            arena_alloc(&viewer->arena, recording->signals.ncolumn + 1, sizeof(double));
+        playback->pose = arena_alloc(&viewer->arena, recording->poses.ncolumn + 1, sizeof(double));
+        playback->body = arena_alloc(&viewer->arena, nbody, sizeof *playback->body);
+    }
+    if (!playback || !playback->signal || !playback->pose || !playback->body) {
+        return error_set(error, ERROR_MEMORY, "page: no memory");
+    }
+    for (size_t i = 0; i < nbody; i++) {
+        const char *name =
+            i < robot->nbody ? robot->body[i].name : viewer->rig->free[i - robot->nbody].name;
+
+        playback->body[i] = table_find_column(&recording->poses, "", name, "_x_m");
+    }
+    playback->counted_ns = INT64_MIN;
+    viewer->playback = playback;
+    viewer->view.signal = playback->signal;
+    return ERROR_NONE;
+}
+
+/* ---- a client's time ---- */
+
+static int64_t playback_clamp(const struct viewer *viewer, double time_ns)
+{
+    const struct recording *recording = viewer->config.recording;
+
+    return (int64_t)fmin(fmax(time_ns, (double)recording->first_ns), (double)recording->last_ns);
+}
+
+/* Where a client is now; at the end it stays. */
+static int64_t playback_time(const struct viewer *viewer, struct viewer_client *client)
+{
+    struct viewer_playback *playback = &client->playback;
+    double moved = playback->speed * (double)(viewer->now_ns - playback->since_ns);
+    int64_t now = playback->paused ? playback->from_ns
+                                   : playback_clamp(viewer, (double)playback->from_ns + moved);
+
+    if (now == viewer->config.recording->last_ns) {
+        playback->paused = true;
+        playback->from_ns = now;
+    }
+    return now;
+}
+
+/* Goes on from a time, at a speed that may have changed. */
+static void playback_move(const struct viewer *viewer, struct viewer_client *client, double time_ns)
+{
+    client->playback.from_ns = playback_clamp(viewer, time_ns);
+    client->playback.since_ns = viewer->now_ns;
+}
+
+void playback_begin(const struct viewer *viewer, struct viewer_client *client)
+{
+    const struct recording *recording = viewer->config.recording;
+
+    client->playback =
+        (struct viewer_playback){.speed = recording->config.speed, .traced_ns = INT64_MIN};
+    playback_move(viewer, client, (double)recording->first_ns);
+}
+
+bool playback_obey(struct viewer *viewer, struct viewer_client *client,
+                   const struct viewer_message *message, struct error *error)
+{
+    const struct recording *recording = viewer->config.recording;
+    struct viewer_playback *playback = &client->playback;
+    int64_t now = playback_time(viewer, client);
+
+    /* Whatever changes, it changes from here on */
+    playback_move(viewer, client, (double)now);
+    if (message->command == VIEWER_SEEK) {
+        playback_move(viewer, client, message->from_s * 1e9);
+        playback->traced_ns = INT64_MIN;
+        return true;
+    }
+    switch (message->control) {
+    case CONTROL_PAUSE:
+        playback->paused = true;
+        return true;
+    case CONTROL_RESUME:
+        if (now == recording->last_ns) {
+            playback_move(viewer, client, (double)recording->first_ns);
+            playback->traced_ns = INT64_MIN;
+        }
+        playback->paused = false;
+        return true;
+    case CONTROL_SPEED:
+        if (!(message->value > 0)) {
+            error_set(error, ERROR_INPUT, "speed: found 0, expected more in a recording");
+            return false;
+        }
+        playback->speed = message->value;
+        return true;
+    case CONTROL_STEP:
+        playback->paused = true;
+        playback_move(viewer, client,
+                      (double)now + (double)message->count * (double)recording->period_ns);
+        return true;
+    default:
+        error_set(error, ERROR_UNSUPPORTED,
+                  "this is a recording: it can be paused and looked through, and not changed");
+        return false;
+    }
+}
+
+/* ---- what is shown ---- */
+
+/* Frames and load of each bus, over the second before. */
+static void playback_count_frames(struct viewer *viewer, int64_t now_ns)
+{
+    const struct recording *recording = viewer->config.recording;
+    struct playback *playback = viewer->playback;
+    struct simulator_status *status = &viewer->view.status;
+    int64_t since_ns = now_ns - LOAD_SPAN_NS;
+
+    if (!recording->log.file.data) {
+        return;
+    }
+    if (playback->counted_ns == INT64_MIN || now_ns < playback->counted_ns ||
+        now_ns - playback->counted_ns >= RECORDED_MARK_NS) {
+        since_ns = since_ns > recording->log.first_ns ? since_ns : recording->log.first_ns;
+        recorded_log_count(&recording->log, now_ns, playback->now);
+        recorded_log_count(&recording->log, since_ns, playback->before);
+        playback->counted_ns = now_ns;
+        for (size_t b = 0; b < viewer->rig->nbus; b++) {
+            double bits = (double)(playback->now[b].bits - playback->before[b].bits);
+            double span_s = fmax((double)(now_ns - since_ns) * 1e-9, 1e-3);
+
+            viewer->load[b] = bits / (span_s * (double)viewer->rig->bus[b].bitrate);
+        }
+    }
+    for (size_t b = 0; b < viewer->rig->nbus; b++) {
+        status->bus[b].rx_frames = playback->now[b].frames;
+    }
+}
+
+void playback_view(struct viewer *viewer, struct viewer_client *client)
+{
+    const struct recording *recording = viewer->config.recording;
+    struct simulator_status *status = &viewer->view.status;
+    struct playback *playback = viewer->playback;
+    int64_t now_ns = playback_time(viewer, client);
+    size_t row = recorded_table_find(&recording->signals, now_ns);
+    size_t pose = recorded_table_find(&recording->poses, now_ns);
+
+    recorded_table_read(&recording->signals, row, recording->signals.ncolumn, playback->signal);
+    recorded_table_read(&recording->poses, pose, recording->poses.ncolumn, playback->pose);
+    *status = (struct simulator_status){.tick = (uint64_t)(now_ns / viewer->rig->tick_ns),
+                                        .time_ns = now_ns,
+                                        .elapsed_ns = now_ns - recording->first_ns};
+    for (size_t j = 0; j < viewer->rig->robot->njoint; j++) {
+        status->q[j] = playback->signal[recording->angle[j]];
+    }
+    playback_count_frames(viewer, now_ns);
+}
+
+const double *playback_pose(const struct viewer *viewer, size_t body)
+{
+    return viewer->playback->pose + viewer->playback->body[body];
+}
+
+void playback_trace(struct viewer *viewer, struct viewer_client *client)
+{
+    const struct recording *recording = viewer->config.recording;
+    struct viewer_playback *playback = &client->playback;
+    int64_t now_ns = playback_time(viewer, client), from_ns = now_ns - TRACE_SPAN_NS;
+    struct bus_frame frame;
+    size_t at, bus;
+
+    if (!client->watch.trace || !recording->log.file.data) {
+        return;
+    }
+    /* What came since the last state, but never more than that */
+    if (playback->traced_ns >= from_ns) {
+        from_ns = playback->traced_ns + 1;
+    }
+    at = recorded_log_find(&recording->log, from_ns);
+    while (recorded_log_next(&recording->log, &at, &bus, &frame) && frame.time_ns <= now_ns) {
+        client_trace_frame(client, bus, &frame, frame.flags);
+    }
+    playback->traced_ns = now_ns;
+}

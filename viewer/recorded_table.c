@@ -1,0 +1,219 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Rows of a recording: where each begins and when it is of; its cells are read when asked for. */
+#include "viewer/recorded.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define TIME_MAX_S 9e9 /* that nanoseconds hold */
+
+/* ---- a file ---- */
+
+enum error_code recorded_file_open(const char *path, struct recorded_file *file,
+                                   struct error *error)
+{
+    int descriptor = open(path, O_RDONLY | O_CLOEXEC);
+    struct stat info;
+    void *data = MAP_FAILED;
+
+    *file = (struct recorded_file){.data = NULL};
+    if (descriptor < 0 || fstat(descriptor, &info)) {
+        int reason = errno;
+
+        if (descriptor >= 0) {
+            close(descriptor);
+        }
+        return error_set_errno(error, reason, "cannot open %s", path);
+    }
+    if (!S_ISREG(info.st_mode)) {
+        close(descriptor);
+        return error_set(error, ERROR_INPUT, "%s: expected a file", path);
+    }
+    if (info.st_size > 0) {
+        data = mmap(NULL, (size_t)info.st_size, PROT_READ, MAP_PRIVATE, descriptor, 0);
+    }
+    close(descriptor);
+    if (info.st_size > 0 && data == MAP_FAILED) {
+        return error_set_errno(error, errno, "cannot map %s", path);
+    }
+    file->data = info.st_size > 0 ? data : NULL;
+    file->size = (size_t)info.st_size;
+    return ERROR_NONE;
+}
+
+void recorded_file_close(struct recorded_file *file)
+{
+    if (file->data) {
+        munmap((void *)(uintptr_t)file->data, file->size);
+    }
+    *file = (struct recorded_file){.data = NULL};
+}
+
+/* ---- titles ---- */
+
+/* The end of the line that begins at a place; NULL when it has none. */
+static const char *table_line_end(const struct recorded_table *table, size_t at)
+{
+    return at < table->file.size ? memchr(table->file.data + at, '\n', table->file.size - at)
+                                 : NULL;
+}
+
+/* Reads the titles behind the first; returns where the rows begin, 0 when there are no titles. */
+static size_t table_read_titles(struct recorded_table *table, struct arena *arena)
+{
+    const char *end = table_line_end(table, 0), *at = end ? table->file.data : NULL;
+
+    if (!end || (size_t)(end - at) < 6 || memcmp(at, "time_s", 6) != 0) {
+        return 0;
+    }
+    table->title = arena_alloc(arena, RECORDED_COLUMNS, sizeof *table->title);
+    for (at += 6; table->title && at < end && *at == ','; table->ncolumn++) {
+        const char *next = memchr(at + 1, ',', (size_t)(end - at - 1));
+        char title[RECORDED_TITLE];
+        size_t size;
+
+        next = next ? next : end;
+        size = (size_t)(next - at - 1);
+        if (table->ncolumn == RECORDED_COLUMNS || size == 0 || size >= sizeof title) {
+            return 0;
+        }
+        memcpy(title, at + 1, size);
+        title[size] = '\0';
+        table->title[table->ncolumn] = arena_strdup(arena, title);
+        if (!table->title[table->ncolumn]) {
+            return 0;
+        }
+        at = next;
+    }
+    return table->title && at == end ? (size_t)(end - table->file.data) + 1 : 0;
+}
+
+/* ---- rows ---- */
+
+/* A cell that begins at a place and ends before a comma or the line's end. */
+static double table_parse_cell(const char *at)
+{
+    char *rest;
+    double value;
+
+    /* strtod would jump over an end of line to the next number */
+    if (*at == ',' || *at == '\n' || *at == ' ' || *at == '\r' || *at == '\t') {
+        return NAN;
+    }
+    value = strtod(at, &rest);
+    return rest > at && (*rest == ',' || *rest == '\n' || *rest == '\r') ? value : (double)NAN;
+}
+
+static enum error_code table_add_row(struct recorded_table *table, size_t *capacity,
+                                     struct recorded_row row, struct error *error)
+{
+    if (table->nrow == *capacity) {
+        size_t larger = *capacity ? 2 * *capacity : 4096;
+        struct recorded_row *rows = realloc(table->row, larger * sizeof *rows);
+
+        if (!rows) {
+            return error_set(error, ERROR_MEMORY, "no memory left for the rows of the recording");
+        }
+        table->row = rows;
+        *capacity = larger;
+    }
+    table->row[table->nrow++] = row;
+    return ERROR_NONE;
+}
+
+static enum error_code table_read_rows(struct recorded_table *table, const char *path, size_t at,
+                                       struct error *error)
+{
+    size_t capacity = 0, line = 2;
+    const char *end;
+
+    for (; (end = table_line_end(table, at)); at = (size_t)(end - table->file.data) + 1, line++) {
+        const char *begin = table->file.data + at;
+        const char *comma = memchr(begin, ',', (size_t)(end - begin));
+        double time_s = table_parse_cell(begin);
+        struct recorded_row row = {.at = (size_t)((comma ? comma : end) - table->file.data)};
+
+        if (!(fabs(time_s) < TIME_MAX_S)) {
+            return error_set(error, ERROR_INPUT, "%s:%zu: expected a time in seconds first", path,
+                             line);
+        }
+        row.time_ns = llround(time_s * 1e9);
+        if (table->nrow > 0 && row.time_ns < table->row[table->nrow - 1].time_ns) {
+            return error_set(error, ERROR_INPUT,
+                             "%s:%zu: found a time before that of the last row, expected them in "
+                             "order",
+                             path, line);
+        }
+        if (table_add_row(table, &capacity, row, error)) {
+            return error->code;
+        }
+    }
+    return table->nrow > 0
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT,
+                           "%s: found no row, expected a recording of at least one", path);
+}
+
+enum error_code recorded_table_open(const char *path, struct arena *arena,
+                                    struct recorded_table *table, struct error *error)
+{
+    enum error_code code;
+    size_t begin;
+
+    *table = (struct recorded_table){.row = NULL};
+    code = recorded_file_open(path, &table->file, error);
+    if (code) {
+        return code;
+    }
+    begin = table_read_titles(table, arena);
+    if (begin == 0) {
+        return error_set(error, ERROR_INPUT,
+                         "%s:1: found no titles, expected those of a recording: time_s,...", path);
+    }
+    return table_read_rows(table, path, begin, error);
+}
+
+void recorded_table_close(struct recorded_table *table)
+{
+    recorded_file_close(&table->file);
+    free(table->row);
+    table->row = NULL;
+    table->nrow = 0;
+}
+
+size_t recorded_table_find(const struct recorded_table *table, int64_t time_ns)
+{
+    size_t low = 0, high = table->nrow;
+
+    /* The rows before low are at or before the time, those from high on are after it */
+    while (low < high) {
+        size_t middle = low + (high - low) / 2;
+
+        if (table->row[middle].time_ns <= time_ns) {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    return low > 0 ? low - 1 : 0;
+}
+
+void recorded_table_read(const struct recorded_table *table, size_t row, size_t count,
+                         double *value)
+{
+    const char *at = table->file.data + table->row[row].at;
+
+    for (size_t i = 0; i < count; i++) {
+        value[i] = *at == ',' ? table_parse_cell(at + 1) : (double)NAN;
+        if (*at == ',') {
+            for (at++; *at != ',' && *at != '\n'; at++) {
+            }
+        }
+    }
+}
