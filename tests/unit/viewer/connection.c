@@ -1,0 +1,137 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Clients of the page that take nothing, ask nothing, or do both slowly: when they are cut, and as
+ * what that counts. In virtual time. */
+#include "viewer/private.h"
+
+#include "rt/clock.h"
+
+#include <stdlib.h>
+#include <sys/socket.h>
+#include <unistd.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <cmocka.h>
+
+#define PATIENCE_NS (10 * CLOCK_SECOND)
+
+static struct viewer *viewer;
+static struct viewer_client *client;
+static int far_end;
+
+/* A client with a token on a socket that holds little. */
+static int set_up(void **state)
+{
+    const int small = 4096;
+    int pair[2];
+
+    (void)state;
+    viewer = calloc(1, sizeof *viewer);
+    if (!viewer || socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, pair)) {
+        return -1;
+    }
+    setsockopt(pair[0], SOL_SOCKET, SO_SNDBUF, &small, sizeof small);
+    viewer->now_ns = 1000 * CLOCK_SECOND;
+    client = &viewer->client[0];
+    *client = (struct viewer_client){.socket = pair[0],
+                                     .control = -1,
+                                     .mode = CLIENT_SOCKET,
+                                     .right = RIGHT_LOOK,
+                                     .since_ns = viewer->now_ns,
+                                     .taken_ns = viewer->now_ns,
+                                     .outbox = malloc(VIEWER_OUTBOX)};
+    far_end = pair[1];
+    return client->outbox ? 0 : -1;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    free(client->outbox);
+    if (client->socket >= 0) {
+        close(client->socket);
+    }
+    close(far_end);
+    free(viewer);
+    return 0;
+}
+
+/* Sends more than the socket holds; some of it waits. */
+static void fill_socket(void)
+{
+    static const uint8_t message[100000];
+
+    assert_true(client_send_message(viewer, client, WEBSOCKET_BINARY, message, sizeof message));
+    assert_true(client_waiting(client) > 0);
+}
+
+static void pass_time(int64_t time_ns)
+{
+    viewer->now_ns += time_ns;
+    client_flush(viewer, client);
+    client_check(viewer, client);
+}
+
+static void who_takes_nothing_for_ten_seconds_is_cut_and_counted(void **state)
+{
+    (void)state;
+    fill_socket();
+    pass_time(PATIENCE_NS);
+    assert_true(client->socket >= 0);
+    assert_int_equal(viewer->counters.cut_slow, 0);
+    pass_time(1);
+    assert_int_equal(client->socket, -1);
+    assert_int_equal(viewer->counters.cut_slow, 1);
+    assert_int_equal(viewer->counters.cut_silent + viewer->counters.cut_junk, 0);
+}
+
+static void who_takes_a_little_now_and_then_stays(void **state)
+{
+    static uint8_t some[8192];
+
+    (void)state;
+    fill_socket();
+    for (int i = 0; i < 5; i++) {
+        pass_time(PATIENCE_NS - CLOCK_SECOND);
+        assert_true(client->socket >= 0 && client_waiting(client) > 0);
+        assert_true(read(far_end, some, sizeof some) > 0);
+        pass_time(CLOCK_SECOND / 2); /* there is room: more has been taken */
+    }
+    assert_int_equal(viewer->counters.cut_slow, 0);
+    pass_time(PATIENCE_NS + 1);
+    assert_int_equal(viewer->counters.cut_slow, 1);
+}
+
+static void who_is_sent_nothing_may_be_quiet(void **state)
+{
+    (void)state;
+    pass_time(100 * PATIENCE_NS);
+    assert_true(client->socket >= 0);
+    fill_socket(); /* the time before counts for nothing */
+    pass_time(PATIENCE_NS);
+    assert_true(client->socket >= 0);
+}
+
+static void who_gives_no_token_is_cut_as_silent(void **state)
+{
+    (void)state;
+    client->right = RIGHT_NONE;
+    pass_time(PATIENCE_NS);
+    assert_true(client->socket >= 0);
+    pass_time(1);
+    assert_int_equal(client->socket, -1);
+    assert_int_equal(viewer->counters.cut_silent, 1);
+    assert_int_equal(viewer->counters.cut_slow, 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(who_takes_nothing_for_ten_seconds_is_cut_and_counted,
+                                        set_up, tear_down),
+        cmocka_unit_test_setup_teardown(who_takes_a_little_now_and_then_stays, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(who_is_sent_nothing_may_be_quiet, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(who_gives_no_token_is_cut_as_silent, set_up, tear_down),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
