@@ -464,6 +464,7 @@ static void rig_build_realtime(struct rig_builder *b)
         .stop_after = raw->stop_after,
     };
     b->rig->record.directory = b->raw->record.directory;
+    b->rig->record.format = (unsigned)b->raw->record.format;
     b->rig->page.listen = b->raw->page.listen;
 }
 

@@ -75,7 +75,8 @@ struct rig_realtime {
 };
 
 struct rig_record {
-    const char *directory; /* of candump logs, relative to where the program runs; NULL = none */
+    const char *directory; /* relative to where the program runs; NULL = none */
+    unsigned format;       /* of rows: enum recorder_format */
 };
 
 struct rig_page {

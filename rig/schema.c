@@ -8,6 +8,7 @@
 #include "canbus/lockstep.h"
 #include "rig/find.h"
 #include "rig/rig.h"
+#include "rt/recorder.h"
 
 #include <float.h>
 
@@ -19,6 +20,10 @@ static const struct yaml_enum clock_names[] = {
     {"free", LOOP_CLOCK_FREE},
     {NULL, 0},
 };
+static const struct yaml_enum record_format_names[] = {{"csv", RECORDER_CSV},
+                                                       {"mcap", RECORDER_MCAP},
+                                                       {"both", RECORDER_CSV | RECORDER_MCAP},
+                                                       {NULL, 0}};
 static const struct yaml_enum integrator_names[] = {
     {"rk4", PLANT_RK4}, {"implicit", PLANT_IMPLICIT}, {"dopri5", PLANT_DOPRI5}, {NULL, 0}};
 static const struct yaml_enum dynamics_names[] = {
@@ -412,13 +417,16 @@ static const struct yaml_schema realtime_schema = {
 #define STRUCT raw_record
 static const struct yaml_field record_fields[] = {
     {"directory", YAML_STRING, false, AT(directory), .min = 1, .max = 4000},
+    {"format", YAML_ENUM, false, AT(format), .names = record_format_names},
 };
 #undef STRUCT
+static const struct raw_record record_defaults = {.format = RECORDER_CSV};
 static const struct yaml_schema record_schema = {
     .what = "the record",
     .size = sizeof(struct raw_record),
     .fields = record_fields,
     .field_count = ARRAY_COUNT(record_fields),
+    .defaults = &record_defaults,
 };
 
 #define STRUCT raw_page

@@ -195,6 +195,7 @@ struct raw_realtime {
 struct raw_record {
     struct yaml_mark mark;
     const char *directory;
+    int format;
 };
 
 struct raw_page {

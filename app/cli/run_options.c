@@ -89,8 +89,8 @@ static const struct option_spec options[] = {
     {"--record", OPTION_STRING, "DIR", "record into this directory, new or empty",
      .value = &read.record},
     {"--record-format", OPTION_ENUM, "FORMAT",
-     "csv, the default: signals.csv and poses.csv; mcap: recording.mcap, for Foxglove, Lichtblick "
-     "and PlotJuggler; both",
+     "csv: signals.csv and poses.csv; mcap: recording.mcap, for Foxglove, Lichtblick and "
+     "PlotJuggler; both; the rig's by default, which is csv",
      .value = &read.record_format, .words = format_words},
     {"--record-period", OPTION_INT, "MS", "rows of signals every MS ms, 10 by default",
      .value = &read.record_period_ms, .min = 1.0, .max = 60000.0, .unit = "ms"},
@@ -137,7 +137,6 @@ bool run_options_read(int argc, char **argv, struct run_options *out, int *statu
                                 .overrun = -1,
                                 .hold = -1,
                                 .wire = -1,
-                                .record_format = RECORDER_CSV,
                                 .record_period_ms = 10};
     if (!options_read(&spec, argc, argv, status)) {
         return false;
@@ -219,7 +218,7 @@ enum error_code run_options_configure(const struct run_options *given, const str
         .steering = !given->control || strcmp(given->control, "none") != 0,
         .record = given->record ? given->record : rig->record.directory,
         .overwrite = given->force,
-        .record_format = (unsigned)given->record_format,
+        .record_format = given->record_format ? (unsigned)given->record_format : rig->record.format,
         .guests = run_options_http(given, rig) != NULL,
         .row_period_ns = given->record_period_ms * CLOCK_MS,
     };

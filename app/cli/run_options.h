@@ -18,7 +18,7 @@ struct run_options {
     int64_t seed;                    /* -1 = the rig's */
     int clock, overrun, hold, wire;  /* -1 = the rig's */
     int transport;
-    int record_format; /* enum recorder_format */
+    int record_format; /* enum recorder_format; 0 = the rig's */
     bool settle, energy, force, quiet;
 };
 

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Rig files: what becomes of a good one, and where a bad one is wrong. */
 #include "rig/rig.h"
+#include "rt/recorder.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -78,6 +79,7 @@ static void reads_time_pose_and_settings(void **state)
     assert_int_equal(rig->realtime.overrun, LOOP_OVERRUN_STOP);
     assert_int_equal(rig->realtime.stop_after, 3);
     assert_string_equal(rig->record.directory, "out");
+    assert_int_equal(rig->record.format, RECORDER_CSV | RECORDER_MCAP);
     assert_string_equal(rig->page.listen, "8080");
     assert_int_equal(rig->servo.command_period_ns, 4000000);
     assert_true(rig->servo.gains[1].kp_v_per_rad == 10 && rig->servo.gains[1].kw_v_s_per_rad == 4);

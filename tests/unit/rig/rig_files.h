@@ -92,7 +92,7 @@ static const char toy_rig[] =
     "         full_scale_nm: [40, 40, 30], transmit_at_start: true}\n"
     "lockstep: {bus: right, step_id: 0x5f0, partner_timeout_s: 2.5}\n"
     "realtime: {priority: 0, cpu: 1, lock_memory: false, overrun: stop, stop_after: 3}\n"
-    "record: {directory: out}\n"
+    "record: {directory: out, format: both}\n"
     "tasks:\n"
     "  servo: {kp_v_per_rad: 10, ki_v_per_rad_s: 20, kw_v_s_per_rad: 4, command_period_s: 0.004}\n"
     "  squat: {thigh_m: 0.2, shank_m: 0.3, depth_m: 0.1, period_s: 2, cycles: 5}\n"
