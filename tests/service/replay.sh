@@ -79,4 +79,4 @@ wrong 2 "a frame on an interface that the rig has not is refused" \
 echo "(0.000000) can0 6FF#000000000000" >"$work/none.log"
 wrong 2 "a log without a controller is refused" "no frame of a controller" run coman --clock free \
     --transport local --stimulus "$work/none.log"
-wrong 2 "replay needs an interface" "no --onto" replay "$work/real"
+wrong 2 "replay needs a page or an interface" "neither --http nor --onto" replay "$work/real"

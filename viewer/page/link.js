@@ -62,8 +62,8 @@ export class Link extends EventTarget {
     if (message.type === 'hello') {
       this.hello = message;
       this.open = true;
+      this.#watch(); // first, so that a state comes while the page is built
       this.#tell('hello', message);
-      this.#watch();
     } else if (message.type === 'event') {
       this.#tell('event', message);
     } else {

@@ -302,6 +302,7 @@ export class Scene {
       this.renderer.render(this.scene, this.camera);
       this.dirty = false;
       this.drawn = (this.drawn ?? 0) + 1;
+      this.firstDrawn ??= now; // ms after the page was asked for
     }
   }
 
