@@ -98,7 +98,7 @@ static enum error_code take_first_stage(struct plant *plant)
     implicit_account_joints(plant, rest, im->point, im->stage_h);
 
     /* Where the second stage starts from */
-    implicit_advance_actuators(plant, SPAN_TO_BASE, im->u, im->base);
+    implicit_advance_actuators(plant, SPAN_TO_BASE, im->u);
     implicit_move(plant, im->u, rest, im->base);
     implicit_advance_bristles(plant, rest);
     for (size_t i = 0; i < im->na; i++) {
@@ -129,7 +129,7 @@ static enum error_code take_second_stage(struct plant *plant)
     }
 
     /* The end of the step */
-    implicit_advance_actuators(plant, SPAN_STAGE, im->u, im->base);
+    implicit_advance_actuators(plant, SPAN_STAGE, im->u);
     implicit_move(plant, im->u, im->stage_h, im->base);
     implicit_advance_bristles(plant, im->stage_h);
     implicit_set_rates(plant, im->u, im->base);
@@ -176,6 +176,7 @@ enum error_code implicit_step(struct plant *plant, double h)
     int parts;
 
     /* In one, if nothing strikes */
+    implicit_hold_lanes(plant);
     memcpy(im->trend_begin, im->trend, bytes);
     code = take_part(plant, LEVEL_WHOLE, h);
     if (code || im->jump <= JUMP_QUARTER) {
@@ -241,12 +242,16 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->changed, plant->ndrive);
     TAKE(im->flows, plant->ndrive);
     TAKE(im->law, plant->ndrive);
+    TAKE(im->group, (plant->ndrive + DRIVE_LANES - 1) / DRIVE_LANES);
+    TAKE(im->lane_bridge, plant->ndrive);
     TAKE(im->effects_sound, plant->has_effects ? plant->ndrive : 0);
     TAKE(im->effects_changed, plant->has_effects ? plant->ndrive : 0);
     TAKE(im->effects, plant->has_effects ? plant->ndrive : 0);
     TAKE(im->extra, robot->njoint);
     TAKE(im->torque, robot->njoint);
     TAKE(im->stop, robot->njoint);
+    TAKE(im->lower, robot->njoint);
+    TAKE(im->upper, robot->njoint);
     TAKE(im->added, im->nobserved);
     TAKE(im->number, ncontact);
     TAKE(im->contact_inertia, ncontact);
@@ -269,6 +274,12 @@ struct implicit *implicit_create(const struct plant *plant, struct arena *arena)
     TAKE(im->w, ncontact);
     TAKE(im->ext, robot->nbody);
     TAKE(im->motion, robot->nbody);
+
+    /* The joints' ranges, side by side */
+    for (size_t j = 0; ok && j < robot->njoint; j++) {
+        im->lower[j] = robot->joint[j].lower;
+        im->upper[j] = robot->joint[j].upper;
+    }
 
     /* Which of the observed bodies each contact body is */
     for (size_t c = 0; ok && c < ncontact; c++) {

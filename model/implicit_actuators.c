@@ -19,9 +19,6 @@
 /* Angle that a rotor may swing on its spring within a stage, rad, to be taken exactly. */
 #define SWING_RESOLVED 0.5
 
-/* Share of its room within which a spring does not come to its stop in a span. */
-#define STOP_NEAR 0.8
-
 /* Parts that a span is divided into for the accounts: two applications of Simpson's rule. */
 enum { ACCOUNT_PARTS = 4 };
 
@@ -80,6 +77,7 @@ void implicit_refresh_drive(struct plant *plant, size_t d)
     const struct robot_sea *sound = &plant->config.robot->joint[plant->drive_joint[d]].sea;
 
     implicit_refresh_effects(plant, d);
+    implicit_forget_lane(plant, d);
     im->flows[d] = &im->sound[d];
     if (plant->sea[d].J != sound->J || plant->sea[d].Ks != sound->Ks) {
         make_drive_flows(&plant->sea[d], 1e-9 * (double)plant->config.substep_ns, &im->changed[d]);
@@ -130,7 +128,7 @@ static enum spring_law find_spring_law(const struct plant *plant, size_t d, enum
     return sea->stop.stiffness > 0.0 ? SPRING_PRESSED : SPRING_FREE;
 }
 
-static void linearize_drive(struct plant *plant, size_t d)
+void implicit_linearize_drive(struct plant *plant, size_t d)
 {
     struct implicit *im = plant->implicit;
     size_t j = plant->drive_joint[d];
@@ -139,6 +137,11 @@ static void linearize_drive(struct plant *plant, size_t d)
     struct sea_state begin = plant_drive_state(plant, im->base, d), end;
     struct sea_spring spring = {.Ks = plant->sea[d].Ks, .Ds = plant->sea[d].Ds};
     const struct drive_flow *flow;
+
+    if (plant->sea[d].effects) {
+        implicit_linearize_effects(plant, d);
+        return;
+    }
 
     /* Where the drive comes to if the joint keeps its rate */
     im->law[d] = find_spring_law(plant, d, SPAN_STAGE, &begin, q, rate);
@@ -160,18 +163,45 @@ static void linearize_drive(struct plant *plant, size_t d)
     im->extra[j] -= slope * im->stage_h;
 }
 
+/* Whether all joints end the stage within their ranges, with the accelerations a or, NULL, at the
+ * rates that they have. */
+static bool joints_stay_within(const struct plant *plant, const double *a)
+{
+    const struct implicit *im = plant->implicit;
+    const size_t njoint = plant->config.robot->njoint;
+    const double *q = im->base + plant->at.v - njoint;
+    const double *rate = im->base + plant->at.drive - njoint;
+
+    for (size_t j = 0; j < njoint; j++) {
+        const double end = q[j] + im->stage_h * (a ? rate[j] + im->stage_h * a[j] : rate[j]);
+
+        if (!(end >= im->lower[j] && end <= im->upper[j])) {
+            return false;
+        }
+    }
+    return true;
+}
+
 /* The end stops that the joints press at the stage. */
 static void linearize_stops(struct plant *plant)
 {
     struct implicit *im = plant->implicit;
     const struct robot *robot = plant->config.robot;
 
+    /* None of them, which is the rule */
+    if (joints_stay_within(plant, NULL)) {
+        if (!im->stops_rest) {
+            memset(im->stop, 0, robot->njoint * sizeof *im->stop);
+            im->stops_rest = true;
+        }
+        return;
+    }
+    im->stops_rest = false;
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct robot_joint *joint = &robot->joint[j];
         const double q = plant_joint_position(plant, im->base, j);
         const double rate = plant_joint_rate(plant, im->base, j), end = q + im->stage_h * rate;
 
-        /* Within its range, which is the rule */
         if (end >= joint->lower && end <= joint->upper) {
             im->stop[j] = (struct stop_step){0};
             continue;
@@ -192,6 +222,10 @@ bool implicit_revise_stops(struct plant *plant)
     const double *a = im->a + robot->nv - robot->njoint;
     bool revised = false;
 
+    if (im->stops_rest && joints_stay_within(plant, a)) {
+        return false;
+    }
+    im->stops_rest = false;
     for (size_t j = 0; j < robot->njoint; j++) {
         const struct robot_joint *joint = &robot->joint[j];
         const double end =
@@ -220,13 +254,7 @@ void implicit_linearize_actuators(struct plant *plant)
 
     memset(im->extra, 0, robot->njoint * sizeof *im->extra);
     memset(im->torque, 0, robot->njoint * sizeof *im->torque);
-    for (size_t d = 0; d < plant->ndrive; d++) {
-        if (plant->sea[d].effects) {
-            implicit_linearize_effects(plant, d);
-        } else {
-            linearize_drive(plant, d);
-        }
-    }
+    implicit_linearize_drives(plant);
     for (size_t s = 0; s < plant->nspring; s++) {
         size_t j = plant->spring_joint[s];
         double torque, extra;
@@ -270,38 +298,40 @@ static void account_span(struct plant *plant, size_t d, enum spring_law law,
     }
 }
 
-void implicit_advance_actuators(struct plant *plant, enum implicit_span span, const double *u,
-                                double *state)
+void implicit_advance_drive(struct plant *plant, size_t d, enum implicit_span span, double rate)
+{
+    struct implicit *im = plant->implicit;
+    double *y = im->base + plant_drive_offset(plant, d);
+    double q = plant_joint_position(plant, im->base, plant->drive_joint[d]);
+    struct sea_state drive = plant_drive_state(plant, im->base, d);
+    enum spring_law law = im->law[d];
+
+    if (plant->sea[d].effects) {
+        implicit_advance_effects(plant, d, span, rate, im->base);
+        return;
+    }
+    if (span != SPAN_STAGE) {
+        law = find_spring_law(plant, d, span, &drive, q, rate);
+    }
+    if (plant->accounts) {
+        account_span(plant, d, law, span, drive, q, rate);
+    }
+    drive = flow_drive(plant, d, law, drive_flow_of(plant, d, law, (int)im->level, span), &drive, q,
+                       rate);
+    y[DRIVE_MOTOR_POSITION] = drive.qm;
+    y[DRIVE_MOTOR_SPEED] = drive.qmd;
+    y[DRIVE_CURRENT] = drive.I;
+}
+
+void implicit_advance_actuators(struct plant *plant, enum implicit_span span, const double *u)
 {
     struct implicit *im = plant->implicit;
     const struct robot *robot = plant->config.robot;
-    const double *rate = u + robot->nv - robot->njoint;
     const double t = span == SPAN_STAGE ? im->stage_h : im->h - im->stage_h;
 
-    for (size_t d = 0; d < plant->ndrive; d++) {
-        size_t j = plant->drive_joint[d];
-        double *y = state + plant_drive_offset(plant, d), q = plant_joint_position(plant, state, j);
-        struct sea_state drive = plant_drive_state(plant, state, d);
-        enum spring_law law = im->law[d];
-
-        if (plant->sea[d].effects) {
-            implicit_advance_effects(plant, d, span, rate[j], state);
-            continue;
-        }
-        if (span != SPAN_STAGE) {
-            law = find_spring_law(plant, d, span, &drive, q, rate[j]);
-        }
-        if (plant->accounts) {
-            account_span(plant, d, law, span, drive, q, rate[j]);
-        }
-        drive = flow_drive(plant, d, law, drive_flow_of(plant, d, law, (int)im->level, span),
-                           &drive, q, rate[j]);
-        y[DRIVE_MOTOR_POSITION] = drive.qm;
-        y[DRIVE_MOTOR_SPEED] = drive.qmd;
-        y[DRIVE_CURRENT] = drive.I;
-    }
+    implicit_advance_drives(plant, span, u + robot->nv - robot->njoint);
     for (size_t s = 0; s < plant->nspring; s++) {
-        state[plant->at.pretension + s] += t * plant->pretension_rate[s];
+        im->base[plant->at.pretension + s] += t * plant->pretension_rate[s];
     }
 }
 

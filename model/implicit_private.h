@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What the parts of the implicit integrator share: implicit.c (steps and their length),
- * implicit_stage.c (one stage), implicit_actuators.c (drives and springs), implicit_effects.c
- * (drives with effects), implicit_contact.c (pairs in touch), implicit_bristle.c (their bristles),
- * implicit_solve.c (the linear system). The scheme and its symbols: implicit.c. Contact bodies go
- * by the index of their motion among those given to the engine. SI units. Memory is the plant's. No
- * errors but those that are returned. RT-safe.
+ * implicit_stage.c (one stage), implicit_actuators.c (drives and springs), implicit_lanes.c (drives
+ * side by side), implicit_effects.c (drives with effects), implicit_contact.c (pairs in touch),
+ * implicit_bristle.c (their bristles), implicit_solve.c (the linear system). The scheme and its
+ * symbols: implicit.c. Contact bodies go by the index of their motion among those given to the
+ * engine. SI units. Memory is the plant's. No errors but those that are returned. RT-safe.
  */
 #ifndef MODEL_IMPLICIT_PRIVATE_H
 #define MODEL_IMPLICIT_PRIVATE_H
@@ -14,6 +14,9 @@
 #include "model/effects_flow.h"
 #include "model/implicit.h"
 #include "model/spatial.h"
+
+/* Share of its room within which a spring does not come to its stop in a span. */
+#define STOP_NEAR 0.8
 
 /* The scheme's coefficient, 1 - 1/sqrt(2). */
 #define IMPLICIT_GAMMA 0.29289321881345247560
@@ -49,6 +52,31 @@ enum spring_law { SPRING_FREE, SPRING_PRESSED, SPRING_LAWS };
 /* A drive's flows: by law of the spring, bridge off and on, level and span. */
 struct drive_flows {
     struct drive_flow of[SPRING_LAWS][2][FLOW_LEVELS][SPANS];
+};
+
+/* Drives side by side: the registers of the plain instruction set. */
+enum { DRIVE_LANES = 2 };
+typedef double drive_lanes __attribute__((vector_size(DRIVE_LANES * sizeof(double))));
+typedef long long drive_lanes_mask __attribute__((vector_size(DRIVE_LANES * sizeof(long long))));
+
+/* struct drive_flow of each. */
+struct drive_lane_flow {
+    drive_lanes t;
+    drive_lanes qm[FLOW_INPUTS], qmd[FLOW_INPUTS], I[FLOW_INPUTS];
+};
+
+/* Those of a register: model/implicit_lanes.c. */
+struct drive_group {
+    /* Over a step */
+    drive_lanes V, Ks, Ds;
+    drive_lanes
+        room; /* for the spring's deflection, rad, far from its stop, if any; -1: with effects */
+    struct drive_lane_flow flow[STEP_LEVELS][SPANS]; /* of the free spring */
+    drive_lanes extra[STEP_LEVELS];                  /* of the stage, on the joint */
+
+    /* At the stage's base */
+    drive_lanes q, twist, qm, qmd, I; /* twist: qm - q */
+    drive_lanes_mask is_free;         /* those that were linearized by lanes */
 };
 
 /* What a drive with effects is taken through a span by. */
@@ -88,8 +116,12 @@ struct implicit {
     /* By drive, of a robot with effects: as sound and changed, and those that hold */
     struct implicit_effects *effects_sound, *effects_changed;
     const struct implicit_effects **effects;
-    double *extra, *torque; /* by joint */
-    struct stop_step *stop; /* by joint */
+    struct drive_group *group; /* of DRIVE_LANES drives each */
+    signed char *lane_bridge;  /* by drive: the bridge that its lane was filled for */
+    double *extra, *torque;    /* by joint */
+    struct stop_step *stop;    /* by joint */
+    bool stops_rest;           /* all of stop is 0 */
+    double *lower, *upper;     /* by joint: its range */
 
     /* Contact */
     size_t nactive;
@@ -192,15 +224,32 @@ void implicit_linearize_actuators(struct plant *plant);
  * are thrown past; true when there are some, so that the stage has to be solved again. */
 bool implicit_revise_stops(struct plant *plant);
 
-/* Takes drives and pretensions in state through a span with the joints at the rates of u from the
- * positions in state; adds the drives' powers to work. */
-void implicit_advance_actuators(struct plant *plant, enum implicit_span span, const double *u,
-                                double *state);
+/* Takes drives and pretensions of base through a span, with the joints at the rates of u from the
+ * positions in base, and as implicit_linearize_actuators has found base; adds the drives' powers to
+ * work. */
+void implicit_advance_actuators(struct plant *plant, enum implicit_span span, const double *u);
+
+/* The same of one drive, whatever holds for it: adds to torque and extra; takes it through a span
+ * with its joint at that rate. */
+void implicit_linearize_drive(struct plant *plant, size_t d);
+void implicit_advance_drive(struct plant *plant, size_t d, enum implicit_span span, double rate);
 
 /* Adds the powers over weight seconds of parallel springs, their pretensions offset seconds after
  * state, and of end stops to work. */
 void implicit_account_joints(struct plant *plant, double weight, const double *state,
                              double offset);
+
+/* ---- drives side by side: implicit_lanes.c ---- */
+
+/* Takes over the voltages and bridges that hold for a step; and forgets what was kept of a drive,
+ * whose parameters have changed. */
+void implicit_hold_lanes(struct plant *plant);
+void implicit_forget_lane(struct plant *plant, size_t d);
+
+/* All drives: sets torque and extra of their joints; takes them through a span with the joints at
+ * those rates (njoint). */
+void implicit_linearize_drives(struct plant *plant);
+void implicit_advance_drives(struct plant *plant, enum implicit_span span, const double *rates);
 
 /* ---- drives with effects: implicit_effects.c ---- */
 

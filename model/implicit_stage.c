@@ -169,7 +169,7 @@ static void raise_jump_at_stops(struct plant *plant)
     const struct robot *robot = plant->config.robot;
     const size_t first = robot->nv - robot->njoint;
 
-    for (size_t j = 0; j < robot->njoint && !plant->clamped; j++) {
+    for (size_t j = 0; j < robot->njoint && !im->stops_rest && !plant->clamped; j++) {
         const double lever = robot->joint[j].type == JOINT_REVOLUTE ? STRIKE_LEVER : 1.0;
 
         if (im->stop[j].side != 0) {
