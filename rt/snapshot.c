@@ -23,14 +23,16 @@ void snapshot_write(struct snapshot *snapshot, const void *value)
 {
     const unsigned char *from = value;
     uint64_t sequence = atomic_load_explicit(&snapshot->sequence, memory_order_relaxed);
+    const size_t words = snapshot->words;
+    _Atomic uint64_t *to = snapshot->word;
 
     atomic_store_explicit(&snapshot->sequence, sequence + 1, memory_order_relaxed);
-    for (size_t i = 0; i < snapshot->words; i++) {
+    for (size_t i = 0; i < words; i++) {
         uint64_t word;
 
         memcpy(&word, from + 8 * i, 8);
         /* Release: whoever sees this word also sees the odd sequence number before it */
-        atomic_store_explicit(&snapshot->word[i], word, memory_order_release);
+        atomic_store_explicit(&to[i], word, memory_order_release);
     }
     atomic_store_explicit(&snapshot->sequence, sequence + 2, memory_order_release);
 }
