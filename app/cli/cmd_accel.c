@@ -278,7 +278,7 @@ static enum error_code make_dynamics(const struct robot *robot, int implementati
                                      struct arena *arena, struct dynamics *d,
                                      struct symbolic_library *library, struct error *error)
 {
-    struct symbolic_options options = {.lanes = 4};
+    struct symbolic_options options = {.lanes = 4, .this_cpu = true};
     const struct dynamics_module *module = symbolic_builtin(robot->hash);
     char folder[4096];
 

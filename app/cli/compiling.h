@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What is said while the dynamics of a robot are compiled, which takes up to minutes the first
- * time: on a terminal a line that counts the seconds, else a line now and then; a service manager
- * is asked for patience every few seconds, for ten minutes at most, so that a compiler that hangs
- * does not hold a service for ever. Not RT-safe.
+ * What is said while the dynamics of a robot are compiled, which takes seconds to a minute the
+ * first time: on a terminal a line that counts the seconds, else a line now and then; a service
+ * manager is asked for patience every few seconds, for ten minutes at most, so that a compiler that
+ * hangs does not hold a service for ever. Not RT-safe.
  */
 #ifndef APP_CLI_COMPILING_H
 #define APP_CLI_COMPILING_H

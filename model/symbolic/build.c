@@ -30,6 +30,7 @@ struct build {
     char library[PATH_SIZE + 32];
     char source[CACHE_PATH + 32], fresh[CACHE_PATH + 32];
     struct cache_workshop workshop;
+    struct symbolic_report report;
 };
 
 static enum error_code name_library(const struct robot *robot, const char *folder,
@@ -40,8 +41,9 @@ static enum error_code name_library(const struct robot *robot, const char *folde
     int used;
 
     symbolic_symbol(robot, symbol);
-    used = snprintf(build->library, PATH_SIZE, "%s/%s-%016" PRIx64 "-g%d-l%d.so", folder, symbol,
-                    robot->hash, SYMBOLIC_VERSION, options->lanes);
+    used = snprintf(build->library, PATH_SIZE, "%s/%s-%016" PRIx64 "-g%d-l%d%s%s.so", folder,
+                    symbol, robot->hash, SYMBOLIC_VERSION, options->lanes,
+                    options->this_cpu ? "-" : "", options->this_cpu ? symbolic_cpu_variant() : "");
     if (used < 0 || used >= PATH_SIZE) {
         return error_set(error, ERROR_INPUT, "the folder name %s is too long", folder);
     }
@@ -70,7 +72,7 @@ static enum error_code check_folder(const char *folder, struct error *error)
 
 static enum error_code write_source(const struct robot *robot,
                                     const struct symbolic_options *options, const char *path,
-                                    struct error *error)
+                                    struct symbolic_report *report, struct error *error)
 {
     FILE *file = fopen(path, "wx");
     enum error_code code;
@@ -78,7 +80,7 @@ static enum error_code write_source(const struct robot *robot,
     if (!file) {
         return error_set_errno(error, errno, "%s", path);
     }
-    code = symbolic_generate(robot, options, file, NULL, error);
+    code = symbolic_generate(robot, options, file, report, error);
     if (fclose(file) && !code) {
         code = error_set_errno(error, errno, "%s", path);
     }
@@ -147,7 +149,7 @@ static enum error_code compile_module(const struct robot *robot,
                                       const struct symbolic_options *options,
                                       const struct build *build, struct error *error)
 {
-    const char *level = options->fast_compile ? "-O1" : "-O2";
+    const char *level = options->fast_compile || build->report.large ? "-O1" : "-O2";
     const char *const arguments[] = {"cc",          "-std=gnu11", level, "-fno-math-errno",
                                      "-fPIC",       "-shared",    "-o",  build->fresh,
                                      build->source, "-lm",        NULL};
@@ -225,7 +227,7 @@ static enum error_code make_library(const struct robot *robot,
     }
     snprintf(build->source, sizeof build->source, "%s/module.c", build->workshop.path);
     snprintf(build->fresh, sizeof build->fresh, "%s/module.so", build->workshop.path);
-    if (!(code = write_source(robot, options, build->source, error)) &&
+    if (!(code = write_source(robot, options, build->source, &build->report, error)) &&
         !(code = compile_module(robot, options, build, error)) &&
         !(code = cache_seal(build->fresh, error))) {
         code = cache_publish(build->fresh, folder, build->library, error);

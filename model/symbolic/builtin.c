@@ -33,7 +33,7 @@ enum error_code dynamics_fastest(const struct robot *robot, const char *folder,
                                  struct dynamics *out, struct symbolic_library *library,
                                  struct error *notice, struct error *error)
 {
-    const struct symbolic_options options = {.lanes = 4, .progress = progress};
+    const struct symbolic_options options = {.lanes = 4, .this_cpu = true, .progress = progress};
     const struct dynamics_module *module = symbolic_builtin(robot->hash);
     struct error reason = {.text = "no cache folder"};
 

@@ -6,9 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Compilers take more than linear time for a block: long functions are split into pieces of about
- * so many operations, which hand values on through a scratch array. */
-enum { TRIG_CHUNK = 8, PIECE = 3000 };
+enum { TRIG_CHUNK = 8 };
 
 /* Arrays are by node. */
 struct emission {
@@ -269,15 +267,16 @@ static bool is_placed(const struct emission *e, uint32_t n)
     return e->reached[n] && e->graph->node[n].op != GRAPH_CONST && !is_cheap(e, n);
 }
 
-/* Cuts the nodes, in the order in which they were made, into pieces of equal length. */
-static void cut_pieces(struct emission *e)
+/* Cuts the nodes, in the order in which they were made, into pieces of equal length, about
+ * longest. */
+static void cut_pieces(struct emission *e, int longest)
 {
     int total = 0, count = 0, length;
 
     for (uint32_t n = 0; n < e->graph->count; n++) {
         total += is_placed(e, n);
     }
-    e->npiece = total / PIECE + 1;
+    e->npiece = total / longest + 1;
     length = total / e->npiece + 1;
     for (uint32_t n = 0; n < e->graph->count; n++) {
         e->piece[n] = is_placed(e, n) ? count++ / length : e->npiece - 1;
@@ -475,8 +474,9 @@ static void count_operations(const struct emission *e, struct symbolic_count *co
 }
 
 enum error_code emission_create(const char *name, const struct graph *graph,
-                                const struct derivation *derivation, struct emission **out,
-                                struct symbolic_count *count, struct error *error)
+                                const struct derivation *derivation, int longest,
+                                struct emission **out, struct symbolic_count *count,
+                                struct error *error)
 {
     size_t nodes = graph->count;
     /* Six arrays of int and two of bool behind the struct */
@@ -503,7 +503,7 @@ enum error_code emission_create(const char *name, const struct graph *graph,
     /* What is needed, where it is computed, and where it waits */
     mark_reached(e);
     place_angles(e);
-    cut_pieces(e);
+    cut_pieces(e, longest);
     find_uses(e);
     place_scratch(e, e->memory + 5 * nodes);
     count_operations(e, count);

@@ -13,11 +13,14 @@
 struct emission;
 
 /* Plans the function: what it reads, in which pieces it is written, what it costs (added to count).
- * name, graph and derivation must outlive it. *out is NULL or to be destroyed, also after an
- * error. */
+ * Compilers take more than linear time for a block: a function of more than longest operations is
+ * cut into pieces of at most so many, functions of their own, which hand values on through a
+ * scratch array. name, graph and derivation must outlive it. *out is NULL or to be destroyed, also
+ * after an error. */
 enum error_code emission_create(const char *name, const struct graph *graph,
-                                const struct derivation *derivation, struct emission **out,
-                                struct symbolic_count *count, struct error *error);
+                                const struct derivation *derivation, int longest,
+                                struct emission **out, struct symbolic_count *count,
+                                struct error *error);
 void emission_destroy(struct emission *emission);
 
 /* Writes it, once: static, void, with the argument arrays that it reads and the array out. Errors

@@ -12,7 +12,7 @@
 #include <stdio.h>
 
 /* Changes whenever other code comes out for the same robot: caches are made anew. */
-#define SYMBOLIC_VERSION 2
+#define SYMBOLIC_VERSION 3
 
 enum { SYMBOLIC_FUNCTIONS = 7, SYMBOLIC_SYMBOL = 64 };
 
@@ -27,6 +27,7 @@ struct symbolic_count {
 
 struct symbolic_report {
     size_t groups; /* of bodies side by side; the base is one */
+    bool large;    /* of so many expressions that it is written for a compiler in a hurry */
     struct symbolic_count count[SYMBOLIC_FUNCTIONS];
 };
 
@@ -38,14 +39,19 @@ struct symbolic_progress {
 };
 
 struct symbolic_options {
-    int lanes;         /* at most so many limbs side by side: 1, 2 or 4; 4 is the fastest */
-    bool fast_compile; /* symbolic_build: -O1, for tests */
+    int lanes;     /* at most so many limbs side by side: 1, 2 or 4; 4 is the fastest */
+    bool this_cpu; /* only the variant that symbolic_cpu_variant names: a third of the compiler's
+                    * work; else all of them */
+    bool fast_compile;                 /* symbolic_build: -O1, for tests */
     struct symbolic_progress progress; /* symbolic_build */
 };
 
 /* Writes the module's C file: the same bytes for the same robot and options. report may be NULL. */
 enum error_code symbolic_generate(const struct robot *robot, const struct symbolic_options *options,
                                   FILE *file, struct symbolic_report *report, struct error *error);
+
+/* The variant that a module picks on the CPU that this runs on: "plain", "avx2" or "avx512". */
+const char *symbolic_cpu_variant(void);
 
 /* The name of the module's external function. */
 void symbolic_symbol(const struct robot *robot, char symbol[SYMBOLIC_SYMBOL]);
@@ -58,10 +64,10 @@ struct symbolic_library {
 };
 
 /* Generates, compiles with cc and loads robot's module, or loads what an earlier call left in
- * folder, which must exist and belong to this user alone. The file's name holds the robot's hash
- * and the generator's version; one that is not as it was left (truncated, damaged) is made anew.
- * Without a compiler ERROR_UNSUPPORTED. When it compiles it takes seconds, for a chain of 60 joints
- * two minutes. */
+ * folder, which must exist and belong to this user alone. The file's name holds the robot's hash,
+ * the generator's version and, with this_cpu, the variant; one that is not as it was left
+ * (truncated, damaged) is made anew. Without a compiler ERROR_UNSUPPORTED. The compiler's time
+ * grows linearly with the robot: short functions, and -O1, where there are many joints. */
 enum error_code symbolic_build(const struct robot *robot, const struct symbolic_options *options,
                                const char *folder, struct symbolic_library *library,
                                struct error *error);

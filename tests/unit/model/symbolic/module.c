@@ -419,6 +419,39 @@ static void make_pendulum(struct random_tree *tree)
     }
 }
 
+/* A module for one CPU is the variant that a module for all would pick there, to the bit. */
+static void a_module_for_this_cpu_has_the_variant_that_it_would_pick(void **state)
+{
+    const struct symbolic_options options[] = {{.lanes = 4}, {.lanes = 4, .this_cpu = true}};
+    struct symbolic_library library[2];
+    double found[2][VELOCITIES];
+    uint64_t seed = 59;
+    struct random_tree tree;
+    struct random_state x;
+    struct error error;
+
+    (void)state;
+    need_compiler();
+    assert_int_equal(limbed_tree_make(&seed, &tree, &error), ERROR_NONE);
+    for (int n = 0; n < 2; n++) {
+        if (symbolic_build(&tree.robot, &options[n], folder, &library[n], &error)) {
+            fail_msg("%s", error.text);
+        }
+        assert_false(library[n].cached);
+        assert_string_equal(library[n].module->variant, symbolic_cpu_variant());
+    }
+    assert_null(library[1].module->plainer);
+    for (int state_number = 0; state_number < 20; state_number++) {
+        random_state_make(&seed, &tree.robot, &x);
+        for (int n = 0; n < 2; n++) {
+            library[n].module->forward(x.q, x.v, x.tau, x.ext[0].force, found[n]);
+        }
+        assert_memory_equal(found[0], found[1], tree.robot.nv * sizeof *found[0]);
+    }
+    symbolic_close(&library[0]);
+    symbolic_close(&library[1]);
+}
+
 /* Compiles the robot's file with warnings as errors, without making code. */
 static void assert_clean(const struct robot *robot)
 {
@@ -551,6 +584,8 @@ int main(void)
                                         open_folder, close_folder),
         cmocka_unit_test_setup_teardown(long_functions_compute_the_same_in_pieces, open_folder,
                                         close_folder),
+        cmocka_unit_test_setup_teardown(a_module_for_this_cpu_has_the_variant_that_it_would_pick,
+                                        open_folder, close_folder),
         cmocka_unit_test_setup_teardown(generated_code_compiles_without_warnings, open_folder,
                                         close_folder),
         cmocka_unit_test_setup_teardown(a_module_is_built_once_and_then_found, open_folder,
