@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * SIMD: several numbers at a time, for the native engine's kernels. They are vectors of the
- * compiler's, as wide as the registers of the instruction set that the file is compiled for
- * (contact/native_variant.h); wider ones GCC would take apart by way of memory, at twice the time.
+ * SIMD: four numbers at a time, for the native engine's kernels. They are vectors of the compiler's
+ * and four whatever the instruction set that the file is compiled for (contact/native_variant.h):
+ * how many there are decides the order of sums, and that must be one on all machines. Eight would
+ * fill a register of AVX-512; with AVX2 GCC takes them apart by way of memory, at twice the time.
  * All is RT-safe.
  */
 #ifndef CONTACT_LANES_H
@@ -17,11 +18,7 @@
 #include <immintrin.h>
 #endif
 
-#if defined(__AVX512F__) && defined(__AVX512DQ__)
-#define LANES 8
-#else
-#define LANES 4 /* two registers of the plain instruction set: the same operations as with AVX2 */
-#endif
+#define LANES 4
 #define LANES_INLINE static inline __attribute__((always_inline))
 
 typedef double lanes __attribute__((vector_size(LANES * sizeof(double))));
@@ -56,9 +53,7 @@ LANES_INLINE lanes lanes_pick(lanes_mask m, lanes yes, lanes no)
 
 LANES_INLINE lanes lanes_root(lanes x)
 {
-#if LANES == 8
-    return (lanes)_mm512_sqrt_pd((__m512d)x);
-#elif defined(__AVX2__)
+#if defined(__AVX2__)
     return (lanes)_mm256_sqrt_pd((__m256d)x);
 #else
     lanes r;
@@ -70,15 +65,10 @@ LANES_INLINE lanes lanes_root(lanes x)
 #endif
 }
 
-/* The sum of all lanes, in halves, so that the order is that of the widest registers. */
+/* The sum of all lanes: the halves' first, as registers are folded. */
 LANES_INLINE double lanes_sum(lanes x)
 {
-#if LANES == 8
-    __m256d four = _mm512_castpd512_pd256((__m512d)x) + _mm512_extractf64x4_pd((__m512d)x, 1);
-    __m128d two = _mm256_castpd256_pd128(four) + _mm256_extractf128_pd(four, 1);
-
-    return two[0] + two[1];
-#elif defined(__AVX2__)
+#if defined(__AVX2__)
     __m128d two = _mm256_castpd256_pd128((__m256d)x) + _mm256_extractf128_pd((__m256d)x, 1);
 
     return two[0] + two[1];
@@ -95,9 +85,7 @@ LANES_INLINE lanes_mask lanes_less(lanes a, lanes b)
 /* One bit a lane, lane 0 the lowest. */
 LANES_INLINE uint64_t lanes_bits(lanes_mask m)
 {
-#if LANES == 8
-    return _mm512_movepi64_mask((__m512i)m);
-#elif defined(__AVX2__)
+#if defined(__AVX2__)
     return (uint64_t)_mm256_movemask_pd((__m256d)m);
 #else
     return (uint64_t)(m[0] & 1) | (uint64_t)(m[1] & 2) | (uint64_t)(m[2] & 4) |

@@ -3,7 +3,9 @@
  * Contact engine "native" being created: surfaces made ready, the law and the kernels of each pair,
  * the memory that evaluations work in.
  */
+#include "base/portable_math.h"
 #include "contact/native_private.h"
+#include "base/instruction_set.h"
 #include "base/vec3.h"
 
 #include <math.h>
@@ -26,7 +28,7 @@ static struct native_law law_make(const struct contact_material *a,
                                   const struct contact_material *b, double transition)
 {
     double ka = a->young_pa / a->thickness_m, kb = b->young_pa / b->thickness_m;
-    double ha = pow(a->young_pa, 2.0 / 3), hb = pow(b->young_pa, 2.0 / 3);
+    double ha = portable_pow(a->young_pa, 2.0 / 3), hb = portable_pow(b->young_pa, 2.0 / 3);
     double s = kb / (ka + kb), hs = hb / (ha + hb);
 
     return (struct native_law){
@@ -37,7 +39,7 @@ static struct native_law law_make(const struct contact_material *a,
         .ud = law_harmonic_mean(a->dynamic_friction, b->dynamic_friction),
         .uv = law_harmonic_mean(a->viscous_friction, b->viscous_friction),
         .transition_inverse = 1 / transition,
-        .hertz = pow(ha * hs, 1.5),
+        .hertz = portable_pow(ha * hs, 1.5),
         .hertz_share = hs,
     };
 }
@@ -87,24 +89,17 @@ static bool pair_is_turned(const struct contact_config *config, const struct con
     return shape_rank(b) < shape_rank(a);
 }
 
-/* The best that this machine can run. A sphere has four springs, which do not fill more than four
- * lanes: wider ones would only take longer to add up. */
-static const struct native_kernels *native_choose_kernels(enum native_pair_kind kind)
+const struct native_kernels *native_kernels_used(void)
 {
 #if defined(NATIVE_VARIANTS)
-    bool many =
-        kind != PAIR_MESH_SPHERE && kind != PAIR_HERTZ_SPHERES && kind != PAIR_HERTZ_HALF_SPACE;
-
-    __builtin_cpu_init();
-    if (many && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-        __builtin_cpu_supports("avx512dq")) {
+    switch (instruction_set_used()) {
+    case INSTRUCTIONS_AVX512:
         return &native_kernels_avx512;
-    }
-    if (__builtin_cpu_supports("avx2")) {
+    case INSTRUCTIONS_AVX2:
         return &native_kernels_avx2;
+    default:
+        break;
     }
-#else
-    (void)kind;
 #endif
     return &native_kernels;
 }
@@ -135,7 +130,7 @@ static void pair_make(const struct contact_config *config, size_t index,
         pair->law.dissipation = 1.5 * (share * a->material.dissipation_s_per_m +
                                        (1 - share) * b->material.dissipation_s_per_m);
     }
-    pair->kernels = kernels ? kernels : native_choose_kernels(pair->kind);
+    pair->kernels = kernels ? kernels : native_kernels_used();
 }
 
 /* ---- surfaces ---- */
@@ -432,7 +427,7 @@ enum error_code native_create_with_kernels(const struct contact_config *config,
     if (code != ERROR_NONE) {
         return code;
     }
-    e->find_near = (kernels ? kernels : native_choose_kernels(PAIR_MESHES))->find_near;
+    e->find_near = (kernels ? kernels : native_kernels_used())->find_near;
     native_place_fixed_surfaces(e);
     for (size_t i = 0; i < e->npair; i++) {
         pair_make(config, i, e->surface, kernels, &e->pair[i]);

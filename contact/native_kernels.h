@@ -45,8 +45,11 @@ extern const struct native_kernels native_kernels;
 extern const struct native_kernels native_kernels_avx2, native_kernels_avx512;
 #endif
 
-/* contact_native_create with these kernels for every pair, which this machine has to be able to run
- * and which outlive the world; NULL: the best that it can run for each. Not RT-safe. */
+/* Those for instruction_set_used(). All give the same bits. RT-safe. */
+const struct native_kernels *native_kernels_used(void);
+
+/* contact_native_create with these kernels, which this machine has to be able to run and which
+ * outlive the world; NULL: native_kernels_used(). Not RT-safe. */
 enum error_code native_create_with_kernels(const struct contact_config *config,
                                            const struct native_kernels *kernels,
                                            struct arena *arena, struct contact_world **world,

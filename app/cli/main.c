@@ -4,10 +4,12 @@
 
 #include "app/cli/topics.h"
 #include "base/count.h"
+#include "base/instruction_set.h"
 #include "base/options.h"
 #include "base/program.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 static int cmd_help(int argc, char **argv);
@@ -153,5 +155,12 @@ static int cmd_version(int argc, char **argv)
 
 int main(int argc, char **argv)
 {
+    const char *instructions = getenv("COMAN_HIL_INSTRUCTIONS");
+    struct error error;
+
+    if (instructions && instruction_set_hold(instructions, &error)) {
+        fprintf(stderr, "coman-hil: COMAN_HIL_INSTRUCTIONS: %s\n", error.text);
+        return STATUS_INPUT;
+    }
     return program_main(&coman_hil, argc, argv);
 }

@@ -3,6 +3,7 @@
 #include "model/symbolic/symbolic.h"
 
 #include "base/count.h"
+#include "base/instruction_set.h"
 #include "model/symbolic/cache.h"
 
 #include <dlfcn.h>
@@ -41,9 +42,10 @@ static enum error_code name_library(const struct robot *robot, const char *folde
     int used;
 
     symbolic_symbol(robot, symbol);
-    used = snprintf(build->library, PATH_SIZE, "%s/%s-%016" PRIx64 "-g%d-l%d%s%s.so", folder,
-                    symbol, robot->hash, SYMBOLIC_VERSION, options->lanes,
-                    options->this_cpu ? "-" : "", options->this_cpu ? symbolic_cpu_variant() : "");
+    used =
+        snprintf(build->library, PATH_SIZE, "%s/%s-%016" PRIx64 "-g%d-l%d%s%s.so", folder, symbol,
+                 robot->hash, SYMBOLIC_VERSION, options->lanes, options->this_cpu ? "-" : "",
+                 options->this_cpu ? instruction_set_names[instruction_set_used()] : "");
     if (used < 0 || used >= PATH_SIZE) {
         return error_set(error, ERROR_INPUT, "the folder name %s is too long", folder);
     }
@@ -150,9 +152,10 @@ static enum error_code compile_module(const struct robot *robot,
                                       const struct build *build, struct error *error)
 {
     const char *level = options->fast_compile || build->report.large ? "-O1" : "-O2";
-    const char *const arguments[] = {"cc",          "-std=gnu11", level, "-fno-math-errno",
-                                     "-fPIC",       "-shared",    "-o",  build->fresh,
-                                     build->source, "-lm",        NULL};
+    const char *const arguments[] = {
+        "cc",    "-std=gnu11", level, "-fno-math-errno", "-ffp-contract=off",
+        "-fPIC", "-shared",    "-o",  build->fresh,      build->source,
+        "-lm",   NULL};
     char *argv[ARRAY_COUNT(arguments)];
     char **environment = compiler_environment(build);
     enum error_code code;
@@ -211,7 +214,7 @@ static enum error_code load_module(const struct robot *robot, const char *path,
         return error_set(error, ERROR_INPUT, "%s has no %s", path, symbol);
     }
     memcpy(&entry, &found, sizeof entry);
-    library->module = entry();
+    library->module = dynamics_module_used(entry());
     return ERROR_NONE;
 }
 

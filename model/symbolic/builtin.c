@@ -19,7 +19,7 @@ const struct dynamics_module *symbolic_builtin(uint64_t robot_hash)
     };
 
     for (size_t n = 0; entry[n]; n++) {
-        const struct dynamics_module *module = entry[n]();
+        const struct dynamics_module *module = dynamics_module_used(entry[n]());
 
         if (module->robot_hash == robot_hash) {
             return module;

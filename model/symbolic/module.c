@@ -2,7 +2,10 @@
 /* A generated module behind struct dynamics_ops. */
 #include "model/symbolic/symbolic.h"
 
+#include "base/instruction_set.h"
+
 #include <inttypes.h>
+#include <string.h>
 
 _Static_assert(sizeof(struct wrench) == 6 * sizeof(double), "a wrench is 6 numbers");
 _Static_assert(sizeof(struct body_motion) == 18 * sizeof(double), "a motion is 18 numbers");
@@ -66,6 +69,18 @@ static const struct dynamics_ops generated_ops = {
     .acceleration = generated_acceleration,
     .energy = generated_energy,
 };
+
+const struct dynamics_module *dynamics_module_used(const struct dynamics_module *module)
+{
+    for (; module->plainer; module = module->plainer) {
+        for (enum instruction_set set = INSTRUCTIONS_PLAIN; set <= instruction_set_used(); set++) {
+            if (strcmp(module->variant, instruction_set_names[set]) == 0) {
+                return module;
+            }
+        }
+    }
+    return module;
+}
 
 enum error_code dynamics_generated(const struct robot *robot, const struct dynamics_module *module,
                                    struct arena *arena, struct dynamics *out, struct error *error)

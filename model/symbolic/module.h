@@ -6,8 +6,8 @@
  *     const struct dynamics_module *NAME_dynamics(void);
  *
  * NAME being the letters and digits of the robot's name in lower case (symbolic_symbol in
- * model/symbolic/symbolic.h). It returns the variant for the CPU it runs on: plain C, AVX2 with FMA
- * or AVX-512VL. The file may be linked or compiled alone and loaded.
+ * model/symbolic/symbolic.h). It returns the variant for the CPU it runs on: plain C, AVX2
+ * or AVX-512VL, which all give the same bits. The file may be linked or compiled alone and loaded.
  *
  * Arrays as in model/dynamics.h, flat: a wrench is force, moment (6); a motion R, p, w, v (18); an
  * acceleration alpha, a (6). Every function is RT-safe and reentrant: locals and constants only.

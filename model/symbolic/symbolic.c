@@ -3,6 +3,7 @@
 #include "model/symbolic/symbolic.h"
 
 #include "base/count.h"
+#include "base/instruction_set.h"
 #include "model/symbolic/emit.h"
 
 #include <ctype.h>
@@ -49,27 +50,18 @@ static const char *const module_declaration[] = {
     "#endif",
 };
 
-/* What a variant needs of the CPU, for this program and as text for the generated one. */
-#define CPU_HAS_AVX2 (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
-#define CPU_HAS_AVX512                                                                             \
-    (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&                    \
-     __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("fma"))
-#define TEXT_OF(...) #__VA_ARGS__
-#define EXPANDED_TEXT_OF(code) TEXT_OF(code)
-
 /* One variant: how it is called, what it needs, how the compiler is told. The simplest first. */
 static const struct {
     const char *name, *target, *test;
 } variants[] = {
     {"plain", "", ""},
-    {"avx2", "__attribute__((target(\"avx2,fma\")))", EXPANDED_TEXT_OF(CPU_HAS_AVX2)},
-    {"avx512", "__attribute__((target(\"avx512f,avx512vl,avx512dq,fma\")))",
-     EXPANDED_TEXT_OF(CPU_HAS_AVX512)},
+    {"avx2", "__attribute__((target(\"avx2\")))", "__builtin_cpu_supports(\"avx2\")"},
+    {"avx512", "__attribute__((target(\"avx512f,avx512vl,avx512dq\")))",
+     "__builtin_cpu_supports(\"avx512f\") && __builtin_cpu_supports(\"avx512vl\") &&\n"
+     "        __builtin_cpu_supports(\"avx512dq\")"},
 };
 
-enum { PLAIN, AVX2, AVX512, VARIANTS };
-
-_Static_assert(VARIANTS == ARRAY_COUNT(variants), "every variant has its place");
+_Static_assert(INSTRUCTION_SETS == ARRAY_COUNT(variants), "every variant has its place");
 
 /* Operations of a piece of a function, and the expressions of all functions together from which on
  * a robot is large: twice those of a humanoid. Allocating registers and scheduling take a third of
@@ -152,21 +144,6 @@ static void write_lines(FILE *file, const char *const *line, size_t count)
     }
 }
 
-static int cpu_variant(void)
-{
-#if defined __x86_64__
-    __builtin_cpu_init();
-    return CPU_HAS_AVX512 ? AVX512 : CPU_HAS_AVX2 ? AVX2 : PLAIN;
-#else
-    return PLAIN;
-#endif
-}
-
-const char *symbolic_cpu_variant(void)
-{
-    return variants[cpu_variant()].name;
-}
-
 /* The text is read once for each variant, of which plainer (or none) is the one before: the file
  * includes itself. */
 static void write_variant(FILE *file, int variant, int plainer)
@@ -182,15 +159,15 @@ static void write_variant(FILE *file, int variant, int plainer)
 /* The variants that are wanted, and the function that picks one of them. */
 static void write_variants(const struct generation *g)
 {
-    int only = cpu_variant();
+    int only = (int)instruction_set_used();
 
     if (g->this_cpu) {
         write_variant(g->file, only, -1);
     } else {
-        write_variant(g->file, PLAIN, -1);
+        write_variant(g->file, INSTRUCTIONS_PLAIN, -1);
         fprintf(g->file, "#if defined __x86_64__\n");
-        write_variant(g->file, AVX2, PLAIN);
-        write_variant(g->file, AVX512, AVX2);
+        write_variant(g->file, INSTRUCTIONS_AVX2, INSTRUCTIONS_PLAIN);
+        write_variant(g->file, INSTRUCTIONS_AVX512, INSTRUCTIONS_AVX2);
         fprintf(g->file, "#endif\n");
     }
     fprintf(g->file,
@@ -199,13 +176,14 @@ static void write_variants(const struct generation *g)
             g->symbol, g->symbol);
     if (!g->this_cpu) {
         fprintf(g->file, "#if defined __x86_64__\n    __builtin_cpu_init();\n");
-        for (int n = AVX512; n > PLAIN; n--) {
+        for (int n = INSTRUCTIONS_AVX512; n > INSTRUCTIONS_PLAIN; n--) {
             fprintf(g->file, "    if %s {\n        return &module_%s;\n    }\n", variants[n].test,
                     variants[n].name);
         }
         fprintf(g->file, "#endif\n");
     }
-    fprintf(g->file, "    return &module_%s;\n}\n", variants[g->this_cpu ? only : PLAIN].name);
+    fprintf(g->file, "    return &module_%s;\n}\n",
+            variants[g->this_cpu ? only : INSTRUCTIONS_PLAIN].name);
 }
 
 /* The arguments that a derived function takes, in the order of its signature. */
@@ -315,8 +293,8 @@ static enum error_code write_file(const struct generation *g, struct error *erro
     write_header(g);
     fprintf(g->file, "#if !defined VARIANT\n"
                      "#include <math.h>\n#include <stddef.h>\n#include <stdint.h>\n\n"
-                     "#if defined __clang__\n#pragma STDC FP_CONTRACT ON\n"
-                     "#elif defined __GNUC__\n#pragma GCC optimize(\"fp-contract=fast\")\n"
+                     "#if defined __clang__\n#pragma STDC FP_CONTRACT OFF\n"
+                     "#elif defined __GNUC__\n#pragma GCC optimize(\"fp-contract=off\")\n"
                      "#endif\n\n");
     write_lines(g->file, module_declaration, ARRAY_COUNT(module_declaration));
     fprintf(g->file, "\n");

@@ -40,7 +40,7 @@ struct symbolic_progress {
 
 struct symbolic_options {
     int lanes;     /* at most so many limbs side by side: 1, 2 or 4; 4 is the fastest */
-    bool this_cpu; /* only the variant that symbolic_cpu_variant names: a third of the compiler's
+    bool this_cpu; /* only the variant of instruction_set_used(): a third of the compiler's
                     * work; else all of them */
     bool fast_compile;                 /* symbolic_build: -O1, for tests */
     struct symbolic_progress progress; /* symbolic_build */
@@ -49,9 +49,6 @@ struct symbolic_options {
 /* Writes the module's C file: the same bytes for the same robot and options. report may be NULL. */
 enum error_code symbolic_generate(const struct robot *robot, const struct symbolic_options *options,
                                   FILE *file, struct symbolic_report *report, struct error *error);
-
-/* The variant that a module picks on the CPU that this runs on: "plain", "avx2" or "avx512". */
-const char *symbolic_cpu_variant(void);
 
 /* The name of the module's external function. */
 void symbolic_symbol(const struct robot *robot, char symbol[SYMBOLIC_SYMBOL]);
@@ -74,6 +71,9 @@ enum error_code symbolic_build(const struct robot *robot, const struct symbolic_
 
 /* Unloads; nothing of the module may be in use. Safe on a zeroed library. */
 void symbolic_close(struct symbolic_library *library);
+
+/* Of a module's variants the widest that instruction_set_used() allows. */
+const struct dynamics_module *dynamics_module_used(const struct dynamics_module *module);
 
 /* The module as an implementation of robot's dynamics; refused when it was made from another robot
  * or by another generator. Memory from arena; the module must outlive it. */

@@ -4,6 +4,7 @@
 #ifndef TESTS_PHYSICS_CONTACT_VARIANTS_H
 #define TESTS_PHYSICS_CONTACT_VARIANTS_H
 
+#include "base/instruction_set.h"
 #include "contact/native_kernels.h"
 
 #include <stdbool.h>
@@ -15,9 +16,9 @@ struct contact_variant {
     bool runs;
 };
 
-enum { CONTACT_VARIANTS = 3 };
+enum { CONTACT_VARIANTS = INSTRUCTION_SETS };
 
-/* The variant by its number, the plainest first. */
+/* The variant of an instruction set. */
 static inline struct contact_variant contact_variant_at(size_t n)
 {
     struct contact_variant variant[CONTACT_VARIANTS] = {{"plain", "nothing", &native_kernels, true},
@@ -25,12 +26,11 @@ static inline struct contact_variant contact_variant_at(size_t n)
                                                         {"avx512", "AVX-512", NULL, false}};
 
 #if defined(NATIVE_VARIANTS)
-    __builtin_cpu_init();
-    variant[1].kernels = &native_kernels_avx2;
-    variant[1].runs = __builtin_cpu_supports("avx2");
-    variant[2].kernels = &native_kernels_avx512;
-    variant[2].runs = variant[1].runs && __builtin_cpu_supports("avx512f") &&
-                      __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq");
+    variant[INSTRUCTIONS_AVX2].kernels = &native_kernels_avx2;
+    variant[INSTRUCTIONS_AVX512].kernels = &native_kernels_avx512;
+    for (size_t i = 0; i < CONTACT_VARIANTS; i++) {
+        variant[i].runs = i <= (size_t)instruction_set_of_machine();
+    }
 #endif
     return variant[n];
 }

@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "base/instruction_set.h"
+
+#include <string.h>
+
+const char *const instruction_set_names[INSTRUCTION_SETS] = {
+    [INSTRUCTIONS_PLAIN] = "plain",
+    [INSTRUCTIONS_AVX2] = "avx2",
+    [INSTRUCTIONS_AVX512] = "avx512",
+};
+
+static enum instruction_set held = INSTRUCTION_SETS; /* nothing holds it */
+
+enum instruction_set instruction_set_of_machine(void)
+{
+#if defined(__x86_64__)
+    __builtin_cpu_init();
+    if (!__builtin_cpu_supports("avx2")) {
+        return INSTRUCTIONS_PLAIN;
+    }
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+        __builtin_cpu_supports("avx512dq")) {
+        return INSTRUCTIONS_AVX512;
+    }
+    return INSTRUCTIONS_AVX2;
+#else
+    return INSTRUCTIONS_PLAIN;
+#endif
+}
+
+enum instruction_set instruction_set_used(void)
+{
+    return held < INSTRUCTION_SETS ? held : instruction_set_of_machine();
+}
+
+enum error_code instruction_set_hold(const char *name, struct error *error)
+{
+    for (enum instruction_set set = INSTRUCTIONS_PLAIN; set < INSTRUCTION_SETS; set++) {
+        if (strcmp(name, instruction_set_names[set]) != 0) {
+            continue;
+        }
+        if (set > instruction_set_of_machine()) {
+            return error_set(error, ERROR_INPUT, "this machine does not have the instructions %s",
+                             name);
+        }
+        held = set;
+        return ERROR_NONE;
+    }
+    return error_set(error, ERROR_INPUT, "instruction set \"%s\" is none of plain, avx2 and avx512",
+                     name);
+}

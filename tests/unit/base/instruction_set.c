@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the machine has is run, a narrower set when the process is held to it. */
+#include "base/instruction_set.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include <cmocka.h>
+
+static void the_widest_is_used_when_nothing_holds_the_process(void **state)
+{
+    (void)state;
+    assert_int_equal(instruction_set_used(), instruction_set_of_machine());
+}
+
+static void the_process_is_held_to_what_the_machine_has(void **state)
+{
+    const enum instruction_set widest = instruction_set_of_machine();
+    struct error error = {0};
+
+    (void)state;
+    for (enum instruction_set set = INSTRUCTIONS_PLAIN; set < INSTRUCTION_SETS; set++) {
+        const enum instruction_set before = instruction_set_used();
+        const enum error_code code = instruction_set_hold(instruction_set_names[set], &error);
+
+        assert_int_equal(code, set <= widest ? ERROR_NONE : ERROR_INPUT);
+        assert_int_equal(instruction_set_used(), set <= widest ? set : before);
+    }
+}
+
+static void another_name_is_refused(void **state)
+{
+    struct error error = {0};
+
+    (void)state;
+    assert_int_equal(instruction_set_hold("sse9", &error), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "\"sse9\" is none of plain, avx2 and avx512"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_widest_is_used_when_nothing_holds_the_process),
+        cmocka_unit_test(the_process_is_held_to_what_the_machine_has),
+        cmocka_unit_test(another_name_is_refused),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
