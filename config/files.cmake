@@ -15,6 +15,7 @@ set(HIL_CONFIG
     rigs/coman-drives.yaml
     rigs/coman-fd-imu.yaml
     rigs/coman-fd.yaml
+    rigs/coman-foc-leg.yaml
     rigs/coman-foc.yaml
     rigs/coman-imu.yaml
     rigs/coman-sensors.yaml

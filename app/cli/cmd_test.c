@@ -21,7 +21,7 @@
 
 struct test_options {
     const char **file; /* NULL ends */
-    const char *shard, *junit, *output;
+    const char *shard, *junit, *output, *program;
     int64_t jobs, seed;
     bool mutate, merge, list;
 };
@@ -65,6 +65,8 @@ static bool test_parse_options(int argc, char **argv, struct test_options *out, 
         {"--output", OPTION_STRING, "DIR",
          "folder for recordings and plots of failures; test-results by default",
          .value = &o.output},
+        {"--program", OPTION_STRING, "COMMAND",
+         "the host of scenarios with host: program, a shell command", .value = &o.program},
         {"--junit", OPTION_STRING, "FILE", "write the results as JUnit XML", .value = &o.junit},
         {"--merge", OPTION_FLAG, NULL,
          "run nothing: combine the given JUnit files into the one of --junit", .value = &o.merge},
@@ -232,6 +234,10 @@ static enum error_code make_plan(struct plan *plan, const struct test_options *o
             (code = test_check_rig(cases[f], error))) {
             return code;
         }
+        if (cases[f]->host == SCENARIO_HOST_PROGRAM && !options->program && !options->list) {
+            return yaml_error(error, &cases[f]->mark,
+                              "found host: program, expected the option --program COMMAND");
+        }
         ncase += ncases[f];
         njob += ncases[f] * (1 + cases[f]->nmutation);
     }
@@ -322,6 +328,7 @@ static int run_plan(struct plan *plan, const struct test_options *options)
                                      : 1,
         .seed_given = options->seed >= 0,
         .seed = (uint64_t)options->seed,
+        .program = options->program,
         .ended = on_end,
         .context = plan,
     };

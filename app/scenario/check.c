@@ -436,6 +436,11 @@ enum error_code scenario_check(struct scenario *scenario, struct arena *arena, s
         return yaml_error(error, &scenario->task_mark,
                           "found both a task and a host, expected one of them to drive the boards");
     }
+    if (scenario->host == SCENARIO_HOST_PROGRAM && scenario->clock != LOOP_CLOCK_LOCKSTEP) {
+        return yaml_error(error, &scenario->mark,
+                          "found host: program without clock: lockstep, expected it: the program "
+                          "drives the run by STEP");
+    }
     if (scenario->task && task_runner_check_name(scenario->task, error)) {
         return error_prefix(error, "%s:%d:%d", scenario->file, scenario->task_mark.line,
                             scenario->task_mark.column);

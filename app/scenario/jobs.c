@@ -53,7 +53,11 @@ static void job_run_here(const struct scenario_job *job, const struct scenario_j
                          struct scenario_outcome *outcome)
 {
     struct scenario_options options = {
-        .mutation = job->mutation, .seed_given = jobs->seed_given, .seed = jobs->seed};
+        .mutation = job->mutation,
+        .seed_given = jobs->seed_given,
+        .seed = jobs->seed,
+        .program = jobs->program,
+    };
     struct scenario_outcome *again;
 
     scenario_run(job->scenario, &options, outcome);

@@ -25,6 +25,7 @@ struct scenario_jobs_options {
     size_t parallel; /* processes at a time */
     bool seed_given;
     uint64_t seed;
+    const char *program; /* command of scenarios with host: program; NULL = none */
     /* Called for each job in the order of the array, as soon as it and all before it have ended. */
     void (*ended)(void *context, const struct scenario_job *job);
     void *context;

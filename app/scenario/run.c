@@ -2,6 +2,7 @@
 /* One run of a scenario: the rig, a host, and an observer that acts and observes once a tick. */
 #include "app/scenario/private.h"
 
+#include "app/scenario/program.h"
 #include "base/count.h"
 
 #include <math.h>
@@ -25,6 +26,8 @@ struct run {
     int64_t last_ns, duration_ns;
     bool has_host; /* the host takes part */
     bool starts;   /* and starts the boards up */
+    struct scenario_program program;
+    char broken[128]; /* how the program ended before the run, "" = it did not */
     struct bus_frame batch[BATCH];
 };
 
@@ -111,6 +114,10 @@ static void scenario_run_step(void *context, int64_t time_ns)
         host_repeat_step(run->view.host, clock_now(run->wall));
         return;
     }
+    /* A program that is no more sends no STEP */
+    if (!fresh && scenario_program_ended(&run->program, run->broken, sizeof run->broken)) {
+        simulator_stop(run->view.simulator);
+    }
     if (fresh) {
         scenario_run_judge_tick(run, time_ns);
     }
@@ -129,7 +136,8 @@ static enum error_code create_host(struct run *run, struct arena *arena, struct 
         rig_host_config(rig, run->host_ports.port, scenario->clock == LOOP_CLOCK_LOCKSTEP);
 
     run->starts = scenario->host == SCENARIO_HOST_ENABLED;
-    run->has_host = run->starts || (config.lockstep && !scenario->task);
+    run->has_host = run->starts || (config.lockstep && !scenario->task &&
+                                    scenario->host != SCENARIO_HOST_PROGRAM);
     return run->has_host ? host_create(&config, arena, &run->view.host, error) : ERROR_NONE;
 }
 
@@ -170,6 +178,7 @@ static enum error_code create_simulator(struct run *run, const struct scenario_o
                                         struct error *error)
 {
     const struct scenario *scenario = run->scenario;
+    static const struct gateway_config gateway = {.port = 0};
     const struct simulator_config config = {
         .rig = run->view.rig,
         .clock = (enum loop_clock)scenario->clock,
@@ -184,6 +193,7 @@ static enum error_code create_simulator(struct run *run, const struct scenario_o
         .task = scenario->task,
         .observer = observer,
         .guests = 2,
+        .gateway = scenario->host == SCENARIO_HOST_PROGRAM ? &gateway : NULL,
         .record = options->record,
         .overwrite = true,
         .row_period_ns = run->view.rig->tick_ns,
@@ -252,8 +262,11 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     outcome->seed = faults_seed(simulator_faults(simulator));
     outcome->state_hash = plant_hash(simulator_plant(simulator));
 
-    /* A model that fails or a recording that cannot be written makes the verdicts void */
-    if (end == LOOP_END_MODEL) {
+    /* A program or a model that fails or a recording that cannot be written makes the verdicts void */
+    if (run->broken[0]) {
+        outcome->ran = false;
+        snprintf(outcome->text, sizeof outcome->text, "%s", run->broken);
+    } else if (end == LOOP_END_MODEL) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "%.200s", simulator_failure(simulator));
     }
@@ -277,9 +290,15 @@ static enum error_code scenario_run_in_arena(struct run *run,
     if (!code) {
         code = simulator_start(run->view.simulator, &unused, error);
     }
+    if (!code && run->scenario->host == SCENARIO_HOST_PROGRAM) {
+        code = scenario_program_start(&run->program, options->program,
+                                      gateway_port(simulator_gateway(run->view.simulator)),
+                                      options->record, error);
+    }
     if (!code) {
         enum loop_end end = simulator_run(run->view.simulator);
 
+        scenario_program_stop(&run->program);
         scenario_run_finish(run, options, end, outcome);
     }
     bus_ports_close(&run->host_ports);

@@ -39,6 +39,7 @@ enum {
 enum scenario_host {
     SCENARIO_HOST_NONE,
     SCENARIO_HOST_ENABLED, /* discovers and configures the boards and switches all motors on */
+    SCENARIO_HOST_PROGRAM, /* a program under test, which joins by the gateway */
 };
 
 /* ---- as read ---- */
@@ -227,6 +228,7 @@ struct scenario_options {
     int mutation; /* index, -1 = none */
     bool seed_given;
     uint64_t seed;
+    const char *program; /* command of host: program; NULL = none */
     const char
         *record; /* directory for the recording and the plots of what was not met; NULL = none */
 };

@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A program under test as the host of a scenario (host: program): a shell command that joins the
+ * run through its gateway and drives it by STEP. It is a process group of its own, which ends with
+ * the run. Not RT-safe.
+ */
+#ifndef APP_SCENARIO_PROGRAM_H
+#define APP_SCENARIO_PROGRAM_H
+
+#include "base/error.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <sys/types.h>
+
+/* The variable in its environment that says where the gateway is: 127.0.0.1:PORT. */
+#define SCENARIO_PROGRAM_GATEWAY "COMAN_HIL_GATEWAY"
+
+/* In the folder of a recording: what the program has printed. */
+#define SCENARIO_PROGRAM_LOG "program.log"
+
+struct scenario_program {
+    pid_t pid; /* 0 = none runs */
+};
+
+/* Starts command; what it prints goes to the log in the folder record, with NULL nowhere.
+ * ERROR_SYSTEM when there is no process or the log cannot be written. */
+enum error_code scenario_program_start(struct scenario_program *program, const char *command,
+                                       uint16_t port, const char *record, struct error *error);
+
+/* Whether it has ended by itself; text says how. */
+bool scenario_program_ended(struct scenario_program *program, char *text, size_t size);
+
+/* Ends it and what it has started: SIGTERM, and SIGKILL after a second. */
+void scenario_program_stop(struct scenario_program *program);
+
+#endif
