@@ -11,7 +11,9 @@
  * rig. Classic data frames only; filters and other options are accepted and have no effect.
  *
  * Order in lockstep. What the program has written before a STEP, on any socket, is passed on before
- * it; and DONE is handed over when the program has read all other frames of the STEP.
+ * it. DONE is handed over when the program has read all other frames of the STEP; and what comes
+ * after it, as from another node, waits for the next STEP. So a program that acts between DONE and
+ * STEP only is given the same in every run.
  */
 #define _GNU_SOURCE
 #include <arpa/inet.h>
@@ -49,6 +51,9 @@ struct can_socket {
 
 static struct can_socket can_sockets[SOCKETS];
 static int can_count, gateway_socket = -1;
+static bool gateway_waits; /* after DONE, for the next STEP */
+static char gateway_text[TEXT + 1];
+static size_t gateway_used;
 static pthread_mutex_t can_lock = PTHREAD_MUTEX_INITIALIZER;
 
 static void die(const char *what)
@@ -170,6 +175,7 @@ static void sockets_forward(void)
         }
         snprintf(text + used, sizeof text - (size_t)used, " %s >", bus);
         gateway_put(text);
+        gateway_waits = false;
     }
 }
 
@@ -219,35 +225,41 @@ static void gateway_take(const char *line)
             send(can_sockets[i].ours, &frame, CAN_MTU, MSG_NOSIGNAL);
         }
     }
+    gateway_waits = frame.can_id == DONE_ID;
 }
 
-/* Reads what has come and takes every complete line. */
+/* Takes the complete lines that have come, up to DONE. */
+static void gateway_take_lines(void)
+{
+    char *from = gateway_text, *begin, *end;
+
+    while (!gateway_waits && (begin = strchr(from, '<')) && (end = strchr(begin, '>'))) {
+        from = end + 1;
+        gateway_take(begin);
+    }
+    gateway_used -= (size_t)(from - gateway_text);
+    memmove(gateway_text, from, gateway_used + 1);
+}
+
+/* Reads what has come; false at the end of the connection. */
 static bool gateway_read(void)
 {
-    static char text[TEXT + 1];
-    static size_t used;
-    ssize_t n = recv(gateway_socket, text + used, TEXT - used, 0);
-    char *from = text, *begin, *end;
+    ssize_t n = recv(gateway_socket, gateway_text + gateway_used, TEXT - gateway_used, 0);
 
     if (n <= 0) {
         return false;
     }
-    used += (size_t)n;
-    text[used] = '\0';
-    while ((begin = strchr(from, '<')) && (end = strchr(begin, '>'))) {
-        from = end + 1;
-        gateway_take(begin);
-    }
-    used -= (size_t)(from - text);
-    memmove(text, from, used);
-    return used < TEXT;
+    gateway_used += (size_t)n;
+    gateway_text[gateway_used] = '\0';
+    return true;
 }
 
 static void *carry(void *unused)
 {
     (void)unused;
     for (;;) {
-        struct pollfd fd[SOCKETS + 1] = {{.fd = gateway_socket, .events = POLLIN}};
+        struct pollfd fd[SOCKETS + 1] = {
+            {.fd = gateway_socket, .events = gateway_used < TEXT ? POLLIN : 0}};
         int count;
 
         pthread_mutex_lock(&can_lock);
@@ -257,10 +269,11 @@ static void *carry(void *unused)
         }
         pthread_mutex_unlock(&can_lock);
         poll(fd, (nfds_t)count + 1, 100); /* sockets may be added */
-        sockets_forward();
-        if (fd[0].revents && !gateway_read()) {
+        if (fd[0].revents && gateway_used < TEXT && !gateway_read()) {
             _exit(EXIT_SUCCESS); /* the run has ended */
         }
+        sockets_forward();
+        gateway_take_lines();
     }
 }
 
