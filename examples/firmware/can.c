@@ -123,7 +123,7 @@ void can_start(unsigned controller)
     can->tell = false;
     can->tail = can->head;
 #ifdef BUG_FIFO
-    can->polled = true;
+    can->polled = controller == 1;
 #endif
     register_write(can->base + SRR, SRR_SRST);
     register_write(can->base + SRR, 0);
@@ -175,10 +175,6 @@ void can_await(unsigned controller)
 {
     struct can *can = &can_controllers[controller];
 
-    if (can->polled) {
-        can_poll(controller, 1);
-        return;
-    }
     interrupts_disable();
     if (can->tail == can->head) {
         interrupts_await();

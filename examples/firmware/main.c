@@ -22,7 +22,7 @@ enum { OPERATOR = 0, MAINTENANCE = 1 /* controllers */ };
 enum { EVENT_REPORT = CAN_EVENT_USER, HEARTBEAT_TICKS = 10 };
 
 #ifdef BUG_FIFO
-enum { FRAMES_OF_A_TICK = 8 }; /* three boards send two each, now and then a temperature */
+enum { FRAMES_OF_A_TICK = 7 }; /* three boards send two each, now and then a temperature */
 #endif
 
 static uint32_t tick;
