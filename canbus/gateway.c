@@ -33,6 +33,7 @@ static void gateway_relay_frame(struct gateway *gateway, size_t bus, const struc
     gateway->time_ns[bus] = frame.time_ns;
     if (bus == gateway->config.lockstep.bus && gateway_is_done(gateway, &frame)) {
         gateway->step_until_ms = 0;
+        atomic_fetch_add(&gateway->done_count, 1);
     }
     gateway_forward_frame(gateway, bus, &frame, NULL);
 }
@@ -374,6 +375,11 @@ fail:
 uint16_t gateway_port(const struct gateway *gateway)
 {
     return gateway->port;
+}
+
+uint64_t gateway_done_count(const struct gateway *gateway)
+{
+    return atomic_load(&gateway->done_count);
 }
 
 void gateway_stop(struct gateway *gateway)

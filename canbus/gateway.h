@@ -90,6 +90,10 @@ enum error_code gateway_start(const struct gateway_config *config, struct arena 
 /* The port it listens on. */
 uint16_t gateway_port(const struct gateway *gateway);
 
+/* How many DONE frames of the lockstep bus have been taken for the clients, with all that belongs
+ * before them: what comes on a bus from now on stands behind them. From any thread; RT-safe. */
+uint64_t gateway_done_count(const struct gateway *gateway);
+
 /* Ends the thread and all connections. NULL is allowed. */
 void gateway_stop(struct gateway *gateway);
 

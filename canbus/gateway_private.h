@@ -11,6 +11,7 @@
 #include "canbus/socketcand.h"
 
 #include <pthread.h>
+#include <stdatomic.h>
 
 enum gateway_client_mode { CLIENT_NO_BUS, CLIENT_BCM, CLIENT_RAW };
 
@@ -40,6 +41,7 @@ struct gateway {
     struct gateway_counters counters;
     int64_t *time_ns;      /* of the newest frame of each bus, on its clock */
     int64_t step_until_ms; /* a STEP runs, no longer waited for at this time; 0 = none does */
+    _Atomic uint64_t done_count;
     int listener, stop_event;
     uint16_t port;
     pthread_t thread;

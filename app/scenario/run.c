@@ -9,8 +9,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 enum { BATCH = 64 };
+enum { DONE_PATIENCE_NS = 1000000000 };
 
 /* Of address space; pages cost nothing until they are touched. */
 #define MEMORY ((size_t)1 << 30)
@@ -27,11 +29,20 @@ struct run {
     bool has_host; /* the host takes part */
     bool starts;   /* and starts the boards up */
     struct scenario_program program;
+    uint64_t dones;   /* frames DONE so far */
     char broken[128]; /* how the program ended before the run, "" = it did not */
     struct bus_frame batch[BATCH];
 };
 
 /* ---- once a tick ---- */
+
+/* Counts the DONE that a program waits for. */
+static void observe_done(struct run *run, size_t bus, const struct bus_frame *frame)
+{
+    const struct loop_lockstep *lockstep = &run->view.rig->lockstep;
+
+    run->dones += bus == (size_t)lockstep->bus && frame->id == lockstep->done_id;
+}
 
 static void observe_frames(struct run *run)
 {
@@ -41,6 +52,7 @@ static void observe_frames(struct run *run)
         do {
             count = can_receive(run->ports.port[b], run->batch, BATCH);
             for (size_t i = 0; i < count; i++) {
+                observe_done(run, b, &run->batch[i]);
                 scenario_expectations_frame(run->expectations, b, &run->batch[i]);
             }
         } while (count == BATCH);
@@ -81,6 +93,19 @@ static void set_labels(struct run *run, int64_t time_ns)
     }
 }
 
+/* Waits until the program is given the DONE of the tick before: frames of stimuli then come behind
+ * it, in every run, and take part in the tick that the program's next STEP asks for. */
+static void scenario_run_await_program(struct run *run)
+{
+    const struct gateway *gateway = simulator_gateway(run->view.simulator);
+    const struct timespec pause = {.tv_nsec = 10000};
+    const int64_t until = clock_now(run->wall) + DONE_PATIENCE_NS;
+
+    while (gateway && gateway_done_count(gateway) < run->dones && clock_now(run->wall) < until) {
+        nanosleep(&pause, NULL);
+    }
+}
+
 /* Judges the tick that ended at time_ns, after its frames and events. */
 static void scenario_run_judge_tick(struct run *run, int64_t time_ns)
 {
@@ -108,6 +133,7 @@ static void scenario_run_step(void *context, int64_t time_ns)
     if (fresh) {
         observe_frames(run);
         observe_events(run);
+        scenario_run_await_program(run);
     }
     /* Only in lockstep does a host wait: for DONE */
     if (run->has_host && !host_receive(run->view.host, time_ns)) {
@@ -136,8 +162,8 @@ static enum error_code create_host(struct run *run, struct arena *arena, struct 
         rig_host_config(rig, run->host_ports.port, scenario->clock == LOOP_CLOCK_LOCKSTEP);
 
     run->starts = scenario->host == SCENARIO_HOST_ENABLED;
-    run->has_host = run->starts || (config.lockstep && !scenario->task &&
-                                    scenario->host != SCENARIO_HOST_PROGRAM);
+    run->has_host = run->starts ||
+                    (config.lockstep && !scenario->task && scenario->host != SCENARIO_HOST_PROGRAM);
     return run->has_host ? host_create(&config, arena, &run->view.host, error) : ERROR_NONE;
 }
 

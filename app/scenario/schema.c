@@ -24,9 +24,10 @@ static const struct yaml_enum hold_words[] = {{"none", RIG_HOLD_NONE},
                                               {"always", RIG_HOLD_ALWAYS},
                                               {NULL, 0}};
 static const struct yaml_enum wire_words[] = {{"ideal", 0}, {"wire", 1}, {NULL, 0}};
-static const struct yaml_enum host_words[] = {
-    {"none", SCENARIO_HOST_NONE}, {"enabled", SCENARIO_HOST_ENABLED},
-    {"program", SCENARIO_HOST_PROGRAM}, {NULL, 0}};
+static const struct yaml_enum host_words[] = {{"none", SCENARIO_HOST_NONE},
+                                              {"enabled", SCENARIO_HOST_ENABLED},
+                                              {"program", SCENARIO_HOST_PROGRAM},
+                                              {NULL, 0}};
 
 #define STRUCT scenario_frame
 static const struct yaml_field frame_fields[] = {
