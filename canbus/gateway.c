@@ -200,7 +200,9 @@ static void *gateway_run(void *context)
         }
 
         /* Frames of the buses first: clients that come now hear nothing older */
-        gateway_forward_buses(gateway);
+        if (!atomic_load(&gateway->holds)) {
+            gateway_forward_buses(gateway);
+        }
         gateway_serve_clients(gateway, fd + POLL_FIXED);
         gateway_flush_clients(gateway);
 
@@ -375,6 +377,11 @@ fail:
 uint16_t gateway_port(const struct gateway *gateway)
 {
     return gateway->port;
+}
+
+void gateway_release_done(struct gateway *gateway)
+{
+    atomic_store(&gateway->holds, false);
 }
 
 uint64_t gateway_done_count(const struct gateway *gateway)

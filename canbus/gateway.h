@@ -66,6 +66,9 @@ struct gateway_config {
     /* Looks at the ports every millisecond instead of sleeping on their descriptors: whoever sends
      * on a local bus, as a real-time loop, need not signal then */
     bool by_time;
+    /* In lockstep: from a STEP on nothing is passed on to clients until gateway_release_done, so
+     * that who observes the buses sees what the STEP has brought before a client can answer */
+    bool hold_done;
 };
 
 struct gateway_counters {
@@ -89,6 +92,9 @@ enum error_code gateway_start(const struct gateway_config *config, struct arena 
 
 /* The port it listens on. */
 uint16_t gateway_port(const struct gateway *gateway);
+
+/* With hold_done: passes on what a STEP has brought, and its DONE. From any thread; RT-safe. */
+void gateway_release_done(struct gateway *gateway);
 
 /* How many DONE frames of the lockstep bus have been taken for the clients, with all that belongs
  * before them: what comes on a bus from now on stands behind them. From any thread; RT-safe. */

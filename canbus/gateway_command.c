@@ -281,6 +281,7 @@ void gateway_release_step(struct gateway *gateway)
     /* The others' commands first; a client may be disconnected for them, but not this one */
     gateway_drain_clients(gateway);
     client->step_waits = false;
+    atomic_store(&gateway->holds, gateway->config.hold_done);
     if (gateway_send_frame(gateway, client, gateway->config.lockstep.bus, &client->step)) {
         gateway->step_until_ms = gateway_now_ms() + STEP_MS;
     }

@@ -42,6 +42,7 @@ struct gateway {
     int64_t *time_ns;      /* of the newest frame of each bus, on its clock */
     int64_t step_until_ms; /* a STEP runs, no longer waited for at this time; 0 = none does */
     _Atomic uint64_t done_count;
+    _Atomic bool holds; /* what a STEP brings, until it is released */
     int listener, stop_event;
     uint16_t port;
     pthread_t thread;

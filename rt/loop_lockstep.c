@@ -51,6 +51,7 @@ static bool step_accept_frame(struct loop *loop, const struct bus_frame *frame)
     case LOCKSTEP_REFUSED:
         loop_emit_event(loop, LOOP_EVENT_STEP_MISMATCH, bus, loop->lockstep.expected,
                         loop->lockstep.tick);
+        loop->stats.lockstep = loop->lockstep.counters; /* no tick comes that would */
         loop_send_done(loop, LOCKSTEP_MISMATCH);
         break;
     case LOCKSTEP_MALFORMED:

@@ -74,7 +74,7 @@ const struct plant_sensors *simulator_measured(const struct simulator *simulator
     return simulator->measured;
 }
 
-const struct gateway *simulator_gateway(const struct simulator *simulator)
+struct gateway *simulator_gateway(const struct simulator *simulator)
 {
     return simulator->gateway;
 }

@@ -166,7 +166,7 @@ struct faults *simulator_faults(const struct simulator *simulator);
 struct plant *simulator_plant(const struct simulator *simulator); /* after the run */
 /* What the boards see of the plant; in the loop's thread, or after the run. */
 const struct plant_sensors *simulator_measured(const struct simulator *simulator);
-const struct gateway *simulator_gateway(const struct simulator *simulator); /* NULL = none */
+struct gateway *simulator_gateway(const struct simulator *simulator); /* NULL = none */
 const struct task_runner *
 simulator_task_runner(const struct simulator *simulator);         /* NULL = none */
 const char *simulator_failure(const struct simulator *simulator); /* after LOOP_END_MODEL */

@@ -29,8 +29,9 @@ struct run {
     bool has_host; /* the host takes part */
     bool starts;   /* and starts the boards up */
     struct scenario_program program;
-    uint64_t dones;   /* frames DONE so far */
-    char broken[128]; /* how the program ended before the run, "" = it did not */
+    uint64_t dones, released; /* frames DONE so far; those that the program may have had */
+    uint64_t mismatches;      /* STEP frames that were refused */
+    char broken[128];         /* how the program ended before the run, "" = it did not */
     struct bus_frame batch[BATCH];
 };
 
@@ -93,16 +94,39 @@ static void set_labels(struct run *run, int64_t time_ns)
     }
 }
 
-/* Waits until the program is given the DONE of the tick before: frames of stimuli then come behind
- * it, in every run, and take part in the tick that the program's next STEP asks for. */
-static void scenario_run_await_program(struct run *run)
+/* Lets the program have the DONE of its STEP, which has been observed, and waits until it is on its
+ * way. So what the program sends belongs to the next tick, in every run, and so do frames of
+ * stimuli, which come behind that DONE. */
+static void scenario_run_release_program(struct run *run, struct gateway *gateway)
 {
-    const struct gateway *gateway = simulator_gateway(run->view.simulator);
     const struct timespec pause = {.tv_nsec = 10000};
     const int64_t until = clock_now(run->wall) + DONE_PATIENCE_NS;
 
-    while (gateway && gateway_done_count(gateway) < run->dones && clock_now(run->wall) < until) {
+    run->released = run->dones;
+    gateway_release_done(gateway);
+    while (gateway_done_count(gateway) < run->dones && clock_now(run->wall) < until) {
         nanosleep(&pause, NULL);
+    }
+}
+
+/* A program's turn comes with DONE; a STEP that is refused is answered without a tick. */
+static void scenario_run_program(struct run *run, bool fresh)
+{
+    struct gateway *gateway = simulator_gateway(run->view.simulator);
+    const uint64_t mismatches = simulator_stats(run->view.simulator)->lockstep.mismatches;
+
+    if (!gateway) {
+        return;
+    }
+    if (run->dones > run->released) {
+        scenario_run_release_program(run, gateway);
+    } else if (mismatches != run->mismatches) {
+        run->mismatches = mismatches;
+        gateway_release_done(gateway);
+    }
+    /* One that is no more sends no STEP */
+    if (!fresh && scenario_program_ended(&run->program, run->broken, sizeof run->broken)) {
+        simulator_stop(run->view.simulator);
     }
 }
 
@@ -133,16 +157,13 @@ static void scenario_run_step(void *context, int64_t time_ns)
     if (fresh) {
         observe_frames(run);
         observe_events(run);
-        scenario_run_await_program(run);
     }
+    scenario_run_program(run, fresh);
+
     /* Only in lockstep does a host wait: for DONE */
     if (run->has_host && !host_receive(run->view.host, time_ns)) {
         host_repeat_step(run->view.host, clock_now(run->wall));
         return;
-    }
-    /* A program that is no more sends no STEP */
-    if (!fresh && scenario_program_ended(&run->program, run->broken, sizeof run->broken)) {
-        simulator_stop(run->view.simulator);
     }
     if (fresh) {
         scenario_run_judge_tick(run, time_ns);
@@ -204,7 +225,7 @@ static enum error_code create_simulator(struct run *run, const struct scenario_o
                                         struct error *error)
 {
     const struct scenario *scenario = run->scenario;
-    static const struct gateway_config gateway = {.port = 0};
+    static const struct gateway_config gateway = {.hold_done = true};
     const struct simulator_config config = {
         .rig = run->view.rig,
         .clock = (enum loop_clock)scenario->clock,

@@ -7,3 +7,5 @@ hil_script_test(service_gateway COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/gate
 hil_script_test(service_gateway_lockstep
                 COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/gateway_lockstep.py
                 LABELS service TIMEOUT 200)
+hil_script_test(service_program COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/program.sh
+                LABELS service TIMEOUT 120)
