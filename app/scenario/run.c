@@ -309,7 +309,8 @@ static void scenario_run_finish(struct run *run, const struct scenario_options *
     outcome->seed = faults_seed(simulator_faults(simulator));
     outcome->state_hash = plant_hash(simulator_plant(simulator));
 
-    /* A program or a model that fails or a recording that cannot be written makes the verdicts void */
+    /* A program or a model that fails, or a recording that cannot be written, makes the verdicts
+     * void */
     if (run->broken[0]) {
         outcome->ran = false;
         snprintf(outcome->text, sizeof outcome->text, "%s", run->broken);

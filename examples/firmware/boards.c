@@ -123,10 +123,10 @@ void boards_send_targets(void)
 
 void boards_request_version(unsigned controller, unsigned address)
 {
-    can_send(controller, &(struct can_frame){.id = address,
-                                             .length = 3,
-                                             .data = {GET_FIRMWARE_VERSION, PROTOCOL_MAJOR,
-                                                      PROTOCOL_MINOR}});
+    can_send(controller,
+             &(struct can_frame){.id = address,
+                                 .length = 3,
+                                 .data = {GET_FIRMWARE_VERSION, PROTOCOL_MAJOR, PROTOCOL_MINOR}});
 }
 
 static void put_limit(uint8_t *data, uint16_t ma)

@@ -42,7 +42,7 @@ judge()
         >"$out/$name.log" 2>&1 || true
     for scenario in "$@"; do
         word=$(sed -n "s/^\([A-Za-z]*\) *firmware_$scenario\( .*\)*$/\1/p" "$out/$name.log")
-        line="$line $(printf '%-22s' "${word:-none}")"
+        line="$line $(printf '%-9s' "${word:-none}")"
         case $word-$scenario in
         ok-"$expected" | ERROR-* | -*) verdict=bad ;;
         FAIL-"$expected" | ok-*) ;;
@@ -56,8 +56,9 @@ judge()
     fi
 }
 
-# shellcheck disable=SC2086
-printf '%-11s%s\n' firmware "$(printf ' %-21s' $scenarios $slow)"
+printf '%-12s%-10s%-10s%-10s%-10s%-10s%-10s%s\n' '' 'moves' 'limits' 'notices' 'reports' \
+    'hears on' 'recovers' 'starts' firmware 'the leg' 'current' 'silence' 'when told' 'crowd' \
+    'bus-off' 'again'
 # shellcheck disable=SC2086
 judge correct "$out/firmware.elf" none $scenarios $slow
 # shellcheck disable=SC2086

@@ -21,15 +21,15 @@ static const struct {
     int16_t home_mrad, lower_mrad, upper_mrad;
     int8_t creep; /* direction in which the index is looked for */
 } joints[BOARDS] = {
-    {-100, -1500, 400, -1}, {0, -200, 600, 1},   {0, -500, 500, 1},
-    {200, 50, 1800, 1},     {0, -250, 250, 1},   {-100, -900, 500, -1},
+    {-100, -1500, 400, -1}, {0, -200, 600, 1}, {0, -500, 500, 1},
+    {200, 50, 1800, 1},     {0, -250, 250, 1}, {-100, -900, 500, -1},
 };
 
-static const char *const state_words[] = {"discovery", "configuration", "current offsets",
-                                          "bridges on", "index search", "control",
+static const char *const state_words[] = {"discovery",    "configuration", "current offsets",
+                                          "bridges on",   "index search",  "control",
                                           "safe, all off"};
-static const char *const cause_words[] = {"",          "board silent", "bus silent", "bus-off",
-                                          "board fault", "no index",     "stopped"};
+static const char *const cause_words[] = {
+    "", "board silent", "bus silent", "bus-off", "board fault", "no index", "stopped"};
 
 struct leg leg;
 
@@ -288,9 +288,10 @@ void leg_init(void)
 void leg_step(uint32_t tick)
 {
     static void (*const step[])(void) = {
-        [LEG_DISCOVER] = leg_discover, [LEG_CONFIGURE] = leg_configure,
+        [LEG_DISCOVER] = leg_discover,       [LEG_CONFIGURE] = leg_configure,
         [LEG_OFFSETS] = leg_measure_offsets, [LEG_ENABLE] = leg_enable,
-        [LEG_INDEX] = leg_find_index, [LEG_RUN] = leg_run, [LEG_SAFE] = leg_stay_safe,
+        [LEG_INDEX] = leg_find_index,        [LEG_RUN] = leg_run,
+        [LEG_SAFE] = leg_stay_safe,
     };
     enum leg_state before = leg.state;
 

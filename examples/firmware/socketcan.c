@@ -146,8 +146,9 @@ static void socket_forward(struct can_socket *from, struct can_frame *step, char
             memcpy(step_bus, from->bus, NAME);
             continue;
         }
-        used = snprintf(text, sizeof text, frame.can_id & CAN_EFF_FLAG ? "< %s %08X %u" : "< %s %X %u",
-                        frame.can_id & CAN_RTR_FLAG ? "sendrtr" : "send", id, frame.len);
+        used =
+            snprintf(text, sizeof text, frame.can_id & CAN_EFF_FLAG ? "< %s %08X %u" : "< %s %X %u",
+                     frame.can_id & CAN_RTR_FLAG ? "sendrtr" : "send", id, frame.len);
         for (int i = 0; i < frame.len && i < 8 && !(frame.can_id & CAN_RTR_FLAG); i++) {
             used += snprintf(text + used, sizeof text - (size_t)used, " %02X", frame.data[i]);
         }

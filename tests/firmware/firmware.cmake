@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-# The firmware of examples/ under test: QEMU runs it, scenarios judge it and each of its seeded bugs.
+# The firmware of examples/ under test: QEMU runs it, scenarios judge it and its seeded bugs.
 hil_script_test(firmware LABELS firmware TIMEOUT 300
     COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/firmware/firmware.sh)

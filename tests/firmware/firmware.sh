@@ -11,7 +11,7 @@ trap 'rm -rf "$work"' EXIT
 for needed in qemu-system-aarch64:qemu-system-arm aarch64-linux-gnu-gcc:gcc-aarch64-linux-gnu; do
     if ! command -v "${needed%:*}" >/dev/null; then
         echo "1..1"
-        skip firmware "${needed%:*} is not installed (Debian package ${needed#*:}; ./dev setup --qemu)"
+        skip firmware "${needed%:*} is not installed (${needed#*:}; ./dev setup --qemu)"
         exit 0
     fi
 done

@@ -28,8 +28,8 @@ run()
 {
     local expected=$1 command=$2
     shift 2
-    timeout -k 5 100 "$program" test ${command:+--program "$command"} --output "$work/results" "$@" \
-        >"$work/out" 2>&1 </dev/null
+    timeout -k 5 100 "$program" test ${command:+--program "$command"} \
+        --output "$work/results" "$@" >"$work/out" 2>&1 </dev/null
     [ $? -eq "$expected" ]
 }
 
@@ -59,8 +59,8 @@ result $? "a program drives a run through CAN sockets"
 
 # the tick in which a stimulus is heard is that of every run, however the threads are scheduled
 cp "$work/answers.yaml" "$work/again.yaml"
-sed -i 's/^name: .*/name: again\nparameters: {N: {values: [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]}}/' \
-    "$work/again.yaml"
+values=$(seq -s ', ' 12)
+sed -i "s/^name: .*/name: again\nparameters: {N: {values: [$values]}}/" "$work/again.yaml"
 sed -i 's/^description: .*/&\nseed: ${N}/' "$work/again.yaml"
 run 0 "$host" --jobs 4 "$work/again.yaml" && says "12 passed, 0 failed"
 result $? "what another node sends is heard in the same tick in twelve runs"
