@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: Apache-2.0
 """A program as the host of a scenario: STEPs through raw CAN sockets, which socketcan.so connects
-with the gateway, and answers frame 0x7f0 on one bus with the tick in which it was heard on the other.
-leave N: ends after N ticks with status 3. linger FILE: writes its process number and sleeps."""
+with the gateway, and answers frame 0x7f0 with the tick in which it was heard. leave N: ends after
+N ticks with status 3. linger FILE: writes its process number and sleeps."""
 import os
 import select
 import socket
