@@ -24,9 +24,9 @@ scenarios="moves_the_leg $catchers"
 slow=starts_again
 
 mkdir -p "$out"
-"$here/build.sh" "$out"
+sh "$here/build.sh" "$out"
 # shellcheck disable=SC2086
-"$here/build.sh" "$out" $bugs
+sh "$here/build.sh" "$out" $bugs
 
 # judge NAME FIRMWARE CAUGHT-BY SCENARIO...: runs them and prints the firmware's line
 status=0

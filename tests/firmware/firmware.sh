@@ -16,7 +16,7 @@ for needed in qemu-system-aarch64:qemu-system-arm aarch64-linux-gnu-gcc:gcc-aarc
     fi
 done
 
-"$example/bugs.sh" -o "$work/runs" "$HIL_BINARY_DIR/coman-hil" >"$work/table" 2>&1
+sh "$example/bugs.sh" -o "$work/runs" "$HIL_BINARY_DIR/coman-hil" >"$work/table" 2>&1
 caught=$?
 tap_show="$work/table"
 for firmware in correct byte_order timeout race fifo bus_off; do
