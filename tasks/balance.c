@@ -144,29 +144,18 @@ void balance_start(struct balance *balance)
 
 /* ---- a period ---- */
 
-/* The foothold at which a foot's sole is, as estimated; its yaw in the turn of the plan's. */
-static struct gait_foothold balance_foothold(const struct estimate_foot *foot, double plan_yaw)
-{
-    double turns = round((plan_yaw - foot->yaw_rad) / (2 * M_PI));
-
-    return (struct gait_foothold){
-        .p = {foot->anchor[0], foot->anchor[1], foot->anchor[2]},
-        .yaw = foot->yaw_rad + 2 * M_PI * turns,
-    };
-}
-
 /* The posture is reached: from here on the gait leads. */
-static void balance_begin(struct balance *balance)
+static void balance_begin(struct balance *balance, struct gait_measured *measured)
 {
-    const struct estimate *estimate = estimator_read(balance->estimator);
-    struct gait_foothold foot[BODY_SIDES];
+    struct gait_foothold *foot = measured->foot;
     double com[2];
 
     for (int i = 0; i < BODY_SIDES; i++) {
-        foot[i] = balance_foothold(&estimate->foot[i], 0);
+        foot[i].roll = foot[i].pitch = 0;
         balance->leg[i].foot = foot[i];
         balance->leg[i].carries = 1;
     }
+    balance->ground_m = (foot[0].p[2] + foot[1].p[2]) / 2;
     com[0] = (foot[0].p[0] + foot[1].p[0]) / 2 + balance->config.gait.zmp_ahead_m;
     com[1] = (foot[0].p[1] + foot[1].p[1]) / 2;
     gait_start(&balance->gait, &balance->config.gait, balance->omega, foot, com);
@@ -176,14 +165,15 @@ static void balance_begin(struct balance *balance)
 void balance_update(struct balance *balance, const struct gait_command *command, double dt_s)
 {
     const struct estimate *estimate;
-    struct gait_foothold measured[BODY_SIDES];
-    double dcm[2], ramp = fmin(balance->t_s / RAMP_S, 1);
+    struct gait_measured measured;
+    double ramp = fmin(balance->t_s / RAMP_S, 1);
 
     balance->t_s += dt_s;
     estimator_update(balance->estimator, dt_s);
     estimate = estimator_read(balance->estimator);
+    balance_measure(balance, &measured, dt_s);
     if (!balance->ready && balance->t_s > RAMP_S + SETTLE_S) {
-        balance_begin(balance);
+        balance_begin(balance, &measured);
     }
     if (!balance->ready) {
         for (int i = 0; i < BODY_SIDES; i++) {
@@ -198,13 +188,7 @@ void balance_update(struct balance *balance, const struct gait_command *command,
         return;
     }
 
-    for (int i = 0; i < BODY_SIDES; i++) {
-        measured[i] = balance_foothold(&estimate->foot[i], balance->gait.now.yaw);
-    }
-    for (int k = 0; k < 2; k++) {
-        dcm[k] = estimate->com_m[k] + estimate->com_m_s[k] / balance->omega;
-    }
-    gait_update(&balance->gait, command, dcm, measured, dt_s);
+    gait_update(&balance->gait, command, &measured, dt_s);
     balance_want_zmp(balance);
     balance_share(balance);
     balance_yield(balance, dt_s);

@@ -33,7 +33,7 @@ const struct estimate *balance_estimate(const struct balance *balance);
 const struct gait *balance_gait(const struct balance *balance);
 
 /* What it estimates and plans, for recordings. */
-enum { BALANCE_SIGNALS = 44 };
+enum { BALANCE_SIGNALS = 55 };
 extern const char *const balance_signal_name[BALANCE_SIGNALS];
 void balance_signals(const struct balance *balance, double value[BALANCE_SIGNALS]);
 

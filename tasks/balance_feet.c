@@ -5,7 +5,54 @@
 #include <math.h>
 
 #define FOOT_S 0.15  /* a foot's target goes to where the foot came down */
-#define SWING_S 0.02 /* that of a foot in the air follows the plan */
+#define STOP_S 0.03  /* but its height sooner */
+#define SWING_S 0.01 /* that of a foot in the air follows the plan */
+
+/* The foothold at which a foot's sole is, as estimated; its yaw in the turn of the plan's. */
+static struct gait_foothold balance_foothold(const struct estimate_foot *foot, double plan_yaw)
+{
+    const double *R = foot->sole.R;
+    double turns = round((plan_yaw - foot->yaw_rad) / (2 * M_PI));
+
+    return (struct gait_foothold){
+        .p = {foot->anchor[0], foot->anchor[1], foot->anchor[2]},
+        .yaw = foot->yaw_rad + 2 * M_PI * turns,
+        .roll = atan2(R[7], R[8]),
+        .pitch = asin(fmin(fmax(-R[6], -1), 1)),
+    };
+}
+
+/* A sole that lies on the ground bears its load within its edges; one that stands on an edge does
+ * not. */
+static bool balance_foot_flat(const struct balance *balance, const struct estimate_foot *foot)
+{
+    const struct balance_config *config = &balance->config;
+
+    return foot->force_n[2] > config->flat_n &&
+           foot->cop_m[0] < config->sole_front_m - config->sole_margin_m &&
+           foot->cop_m[0] > config->sole_back_m + config->sole_margin_m &&
+           fabs(foot->cop_m[1]) < config->sole_side_m - config->sole_margin_m;
+}
+
+/* What the gait is to know. */
+void balance_measure(struct balance *balance, struct gait_measured *measured, double dt_s)
+{
+    const struct estimate *estimate = estimator_read(balance->estimator);
+
+    for (int i = 0; i < BODY_SIDES; i++) {
+        struct balance_leg *leg = &balance->leg[i];
+        const struct estimate_foot *foot = &estimate->foot[i];
+
+        leg->touched_s = foot->force_n[2] > balance->config.touch_n ? leg->touched_s + dt_s : 0;
+        measured->foot[i] = balance_foothold(foot, balance->gait.now.yaw);
+        measured->touches[i] = leg->touched_s > balance->config.touch_s;
+        measured->force_n[i] = foot->force_n[2];
+        measured->flat[i] = balance_foot_flat(balance, foot);
+    }
+    for (int k = 0; k < 2; k++) {
+        measured->dcm[k] = estimate->com_m[k] + estimate->com_m_s[k] / balance->omega;
+    }
+}
 
 /* The wanted zero-moment point: the plan's, and against the error of the DCM. */
 void balance_want_zmp(struct balance *balance)
@@ -82,13 +129,15 @@ void balance_yield(struct balance *balance, double dt_s)
         const struct estimate_foot *foot = &estimate->foot[i];
         double force = foot->loaded ? foot->force_n[2] : 0;
         double leak = 1 - config->cop_leak_per_s * dt_s;
-        double sign = i == BODY_LEFT ? 1 : -1;
+        double sign = i == BODY_LEFT ? 1 : -1, light = 1 - leg->carries;
+        double pitch =
+            config->cop_pitch_rad_s_nm * leg->carries + config->land_turn_rad_s_nm * light;
+        double roll = config->cop_roll_rad_s_nm * leg->carries + config->land_turn_rad_s_nm * light;
 
         /* A foot pressed more at its toes turns up, one pressed more at its left rolls up there */
-        leg->turn[0] = leg->turn[0] * leak +
-                       config->cop_roll_rad_s_nm * force * (foot->cop_m[1] - leg->cop_m[1]) * dt_s;
-        leg->turn[1] = leg->turn[1] * leak -
-                       config->cop_pitch_rad_s_nm * force * (foot->cop_m[0] - leg->cop_m[0]) * dt_s;
+        leg->turn[0] = leg->turn[0] * leak + roll * force * (foot->cop_m[1] - leg->cop_m[1]) * dt_s;
+        leg->turn[1] =
+            leg->turn[1] * leak - pitch * force * (foot->cop_m[0] - leg->cop_m[0]) * dt_s;
         for (int k = 0; k < 2; k++) {
             leg->turn[k] = fmin(fmax(leg->turn[k], -0.2), 0.2);
         }
@@ -107,11 +156,16 @@ void balance_target_foot(struct balance *balance, int side, double dt_s)
     const struct gait_reference *plan = &balance->gait.now;
     const struct gait_foothold *to = &plan->foot[side];
     struct gait_foothold *foot = &balance->leg[side].foot;
-    double share =
-        plan->phase == GAIT_SWING && plan->stance != side ? dt_s / SWING_S : dt_s / FOOT_S;
+    bool swings = plan->phase == GAIT_SWING && plan->stance != side;
+    bool lands = swings && balance->gait.landed;
+    double share = swings && !lands ? dt_s / SWING_S : dt_s / FOOT_S;
+    double up = swings ? plan->height_m : 0;
 
-    for (int k = 0; k < 3; k++) {
+    for (int k = 0; k < 2; k++) {
         foot->p[k] += fmin(share, 1) * (to->p[k] - foot->p[k]);
     }
+    foot->p[2] += (lands ? dt_s / STOP_S : fmin(share, 1)) * (to->p[2] + up - foot->p[2]);
     foot->yaw += fmin(share, 1) * (to->yaw - foot->yaw);
+    foot->roll += fmin(share, 1) * (to->roll - foot->roll);
+    foot->pitch += fmin(share, 1) * (to->pitch - foot->pitch);
 }

@@ -65,25 +65,27 @@ void balance_pose_legs(struct balance *balance, double dt_s)
     balance_com_offset(balance, upright, offset);
     for (int i = 0; i < BODY_SIDES; i++) {
         balance_target_foot(balance, i, dt_s);
-        ground += 0.5 * balance->leg[i].foot.p[2];
+        ground += 0.5 * plan->foot[i].p[2];
     }
     balance->pelvis_m[0] = plan->com[0] - offset[0];
     balance->pelvis_m[1] = plan->com[1] - offset[1];
-    balance->pelvis_m[2] = ground + config->pelvis_height_m;
+    balance->ground_m += (ground - balance->ground_m) * dt_s / (config->height_s + dt_s);
+    balance->pelvis_m[2] = balance->ground_m + config->pelvis_height_m;
 
     for (int i = 0; i < BODY_SIDES; i++) {
         struct balance_leg *leg = &balance->leg[i];
-        bool swings = plan->phase == GAIT_SWING && plan->stance != i;
         double carries = balance_carries(balance, i, dt_s), R[9], sole_R[9], sole_p[3],
                angle[LEG_JOINTS];
         double led[3] = {(1 - carries) * error[0], config->lean_rad + (1 - carries) * error[1],
                          plan->yaw};
-        double sole[3] = {leg->turn[0], leg->turn[1], leg->foot.yaw}, pelvis[3];
+        double sole[3] = {leg->foot.roll + leg->turn[0], leg->foot.pitch + leg->turn[1],
+                          leg->foot.yaw};
+        double pelvis[3];
 
         mat3_from_rpy(led, R);
         mat3_from_rpy(sole, sole_R);
         memcpy(sole_p, leg->foot.p, sizeof sole_p);
-        sole_p[2] += (swings ? plan->height_m : 0) - leg->stretch_m;
+        sole_p[2] -= leg->stretch_m;
         memcpy(pelvis, balance->pelvis_m, sizeof pelvis);
         pelvis[2] += (1 - carries) * config->swing_follow * (estimate->pelvis_m[2] - pelvis[2]);
         balance_leg_angles(leg, R, pelvis, sole_R, sole_p, angle);

@@ -16,6 +16,7 @@ struct balance_leg {
     double inertia_kg_m2;      /* of the whole leg about its hip, in the posture */
     double sole_m[3];          /* of the sole in the foot's frame */
     struct gait_foothold foot; /* target of the sole */
+    double touched_s;          /* how long it has borne a load */
     double turn[2];            /* of the foot by its center of pressure: roll, pitch */
     double stretch_m;          /* by the difference of the feet's forces */
     double cop_m[2];           /* wanted, in the sole's frame */
@@ -41,10 +42,14 @@ struct balance {
     double t_s;
     bool ready;
     double zmp[2];      /* wanted */
+    double ground_m;    /* height under the pelvis */
     double pelvis_m[3]; /* wanted */
 };
 
 /* ---- balance_feet.c ---- */
+
+/* What the gait is to know. */
+void balance_measure(struct balance *balance, struct gait_measured *measured, double dt_s);
 
 /* The wanted zero-moment point: the plan's, and against the error of the DCM. */
 void balance_want_zmp(struct balance *balance);

@@ -2,6 +2,7 @@
 /* What the balance estimates and plans, for recordings. */
 #include "tasks/balance_private.h"
 
+#include <math.h>
 #include <string.h>
 
 const char *const balance_signal_name[BALANCE_SIGNALS] = {
@@ -49,6 +50,17 @@ const char *const balance_signal_name[BALANCE_SIGNALS] = {
     "estimate.right_y_m",
     "estimate.left_x_m",
     "estimate.left_y_m",
+    "estimate.right_z_m",
+    "estimate.left_z_m",
+    "estimate.right_pitch_rad",
+    "estimate.left_pitch_rad",
+    "estimate.right_roll_rad",
+    "estimate.left_roll_rad",
+    "plan.right_pitch_rad",
+    "plan.left_pitch_rad",
+    "plan.right_roll_rad",
+    "plan.left_roll_rad",
+    "plan.landed",
 };
 
 void balance_signals(const struct balance *balance, double value[BALANCE_SIGNALS])
@@ -92,8 +104,8 @@ void balance_signals(const struct balance *balance, double value[BALANCE_SIGNALS
         left->weight,
         plan->phase,
         plan->stance,
-        plan->stance == BODY_LEFT ? plan->height_m : 0,
-        plan->stance == BODY_RIGHT ? plan->height_m : 0,
+        plan->foot[0].p[2] + (plan->stance == BODY_LEFT ? plan->height_m : 0),
+        plan->foot[1].p[2] + (plan->stance == BODY_RIGHT ? plan->height_m : 0),
         balance->gait.next.p[0],
         balance->gait.next.p[1],
         balance->gait.steps,
@@ -101,6 +113,17 @@ void balance_signals(const struct balance *balance, double value[BALANCE_SIGNALS
         e->foot[0].sole.p[1],
         e->foot[1].sole.p[0],
         e->foot[1].sole.p[1],
+        e->foot[0].sole.p[2],
+        e->foot[1].sole.p[2],
+        asin(fmin(fmax(-e->foot[0].sole.R[6], -1), 1)),
+        asin(fmin(fmax(-e->foot[1].sole.R[6], -1), 1)),
+        atan2(e->foot[0].sole.R[7], e->foot[0].sole.R[8]),
+        atan2(e->foot[1].sole.R[7], e->foot[1].sole.R[8]),
+        plan->foot[0].pitch,
+        plan->foot[1].pitch,
+        plan->foot[0].roll,
+        plan->foot[1].roll,
+        balance->gait.landed,
     };
 
     memcpy(value, now, sizeof now);

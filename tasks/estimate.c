@@ -9,9 +9,9 @@
 
 static const char *const foot_force_name[BODY_SIDES] = {"r_leg_ft", "l_leg_ft"};
 
-/* A foot that carries less of the weight than that slides its anchor: what its encoders say is no
- * longer where it stands. */
-#define ANCHOR_SHARE 0.05
+/* A foot that carries less of the weight than that does not hold its anchor: it may still turn over
+ * an edge until it lies on the ground. */
+#define ANCHOR_SHARE 0.3
 
 struct estimator {
     struct estimate_config config;

@@ -11,6 +11,7 @@ enum { PREVIEW = 3 };
 
 #define ADJUST_S 0.03    /* of the foothold's adjustment */
 #define TIME_CHANGE 0.06 /* of the time of a step, from one to the next */
+#define EARLIEST 0.5     /* part of a swing after which a load means that the foot has come down */
 
 static int gait_other(int side)
 {
@@ -49,6 +50,20 @@ static void gait_middle_zmp(const struct gait *gait, const struct gait_foothold 
     zmp[1] = (side[0][1] + side[1][1]) / 2;
 }
 
+/* Height and tilt of a foothold to come: as if the ground under the standing sole went on. */
+static void gait_foresee_ground(const struct gait *gait, const struct gait_foothold *stance,
+                                struct gait_foothold *to)
+{
+    double part = gait->config.ground_follow, x = to->p[0] - stance->p[0];
+    double y = to->p[1] - stance->p[1];
+    double ahead = cos(stance->yaw) * x + sin(stance->yaw) * y;
+    double left = -sin(stance->yaw) * x + cos(stance->yaw) * y;
+
+    to->roll = part * stance->roll;
+    to->pitch = part * stance->pitch;
+    to->p[2] = stance->p[2] - tan(to->pitch) * ahead + tan(to->roll) * left;
+}
+
 /* Where the foot of that side steps to while the other one stands. */
 static void gait_foothold_of(const struct gait *gait, int side, const struct gait_foothold *stance,
                              bool close, struct gait_foothold *to)
@@ -69,8 +84,8 @@ static void gait_foothold_of(const struct gait *gait, int side, const struct gai
     memcpy(center.p, middle, sizeof middle);
     center.yaw = stance->yaw + turn;
     gait_offset(&center, ahead, left - out * config->width_m / 2, to->p);
-    to->p[2] = stance->p[2];
     to->yaw = center.yaw;
+    gait_foresee_ground(gait, stance, to);
 }
 
 void gait_start(struct gait *gait, const struct gait_config *config, double omega,
@@ -181,7 +196,56 @@ static void gait_take_time(struct gait *gait)
     }
 }
 
-static void gait_end_phase(struct gait *gait, const struct gait_foothold measured[BODY_SIDES])
+/* The foot in the air stands where it is; its tilt comes from gait_feel_ground. */
+static void gait_land(struct gait *gait, const struct gait_measured *measured)
+{
+    int swing = gait_other(gait->now.stance);
+    struct gait_foothold *foot = &gait->now.foot[swing];
+
+    memcpy(foot->p, measured->foot[swing].p, sizeof foot->p);
+    foot->yaw = measured->foot[swing].yaw;
+    gait->now.height_m = 0;
+    gait->next = *foot;
+    gait->landed = true;
+}
+
+/* A foot that came down early is pressed on lightly until the swing is over, so that it neither
+ * bounces nor pushes the robot off. */
+static void gait_press(struct gait *gait, const struct gait_measured *measured, double dt_s)
+{
+    int swing = gait_other(gait->now.stance);
+    double lacks = 1 - measured->force_n[swing] / gait->config.press_n;
+
+    gait->now.foot[swing].p[2] -= gait->config.lower_m_s * fmax(lacks, -1) * dt_s;
+}
+
+/* Whether the swing is over: its time is, and the foot has met the ground or there is none where it
+ * may be expected. */
+static bool gait_swing_over(const struct gait *gait)
+{
+    double late = gait->elapsed_s - gait->duration_s;
+
+    return late >= 0 && (gait->landed || late * gait->config.lower_m_s >= gait->config.lower_m);
+}
+
+/* Soles that lie on the ground take its tilt. */
+static void gait_feel_ground(struct gait *gait, const struct gait_measured *measured, double dt_s)
+{
+    double share = dt_s / (gait->config.tilt_s + dt_s);
+
+    for (int i = 0; i < BODY_SIDES; i++) {
+        bool new = gait->now.phase == GAIT_SWING
+                       ? i != gait->now.stance && gait->landed
+                       : gait->now.phase == GAIT_TRANSFER &&i == gait->now.stance;
+
+        if (new && measured->flat[i]) {
+            gait->now.foot[i].roll += share * (measured->foot[i].roll - gait->now.foot[i].roll);
+            gait->now.foot[i].pitch += share * (measured->foot[i].pitch - gait->now.foot[i].pitch);
+        }
+    }
+}
+
+static void gait_end_phase(struct gait *gait, const struct gait_measured *measured)
 {
     int swing = gait_other(gait->now.stance);
 
@@ -197,13 +261,16 @@ static void gait_end_phase(struct gait *gait, const struct gait_foothold measure
         gait_take_time(gait);
         gait->lift = gait->now.foot[swing];
         gait->closing = !gait->command.step;
+        gait->landed = false;
         gait_foothold_of(gait, swing, &gait->now.foot[gait->now.stance], gait->closing,
                          &gait->next);
         gait_begin(gait, GAIT_SWING, gait->config.swing_s);
         break;
     case GAIT_SWING:
         gait->steps++;
-        gait->now.foot[swing] = measured[swing];
+        if (!gait->landed) {
+            gait_land(gait, measured);
+        }
         if (gait->closing) {
             memcpy(gait->zmp_from, gait->now.zmp, sizeof gait->zmp_from);
             gait_begin(gait, GAIT_TRANSFER, gait->config.start_s);
@@ -280,7 +347,11 @@ static void gait_swing_foot(struct gait *gait)
     double s = gait->now.progress, along = gait_ease((s - 0.05) / 0.85);
     double stretch = 1 / (0.85 * gait->duration_s);
     double up = s < 0.5 ? gait_ease(s / 0.45) : 1 - gait_ease((s - 0.5) / 0.5);
+    double late = fmax(gait->elapsed_s - gait->duration_s, 0);
 
+    if (gait->landed) {
+        return;
+    }
     for (int k = 0; k < 3; k++) {
         foot->p[k] = gait->lift.p[k] + along * (gait->next.p[k] - gait->lift.p[k]);
     }
@@ -289,7 +360,10 @@ static void gait_swing_foot(struct gait *gait)
                                  gait_ease_acceleration((s - 0.05) / 0.85);
     }
     foot->yaw = gait->lift.yaw + along * (gait->next.yaw - gait->lift.yaw);
-    gait->now.height_m = gait->config.clearance_m * up;
+    foot->roll = gait->lift.roll + along * (gait->next.roll - gait->lift.roll);
+    foot->pitch = gait->lift.pitch + along * (gait->next.pitch - gait->lift.pitch);
+    gait->now.height_m =
+        gait->config.clearance_m * up - fmin(late * gait->config.lower_m_s, gait->config.lower_m);
 }
 
 /* ---- all of it ---- */
@@ -317,8 +391,8 @@ static void gait_share_weight(struct gait *gait)
     now->share[BODY_RIGHT] = 1 - now->share[BODY_LEFT];
 }
 
-void gait_update(struct gait *gait, const struct gait_command *command, const double dcm[2],
-                 const struct gait_foothold measured[BODY_SIDES], double dt_s)
+void gait_update(struct gait *gait, const struct gait_command *command,
+                 const struct gait_measured *measured, double dt_s)
 {
     struct gait_reference *now = &gait->now;
     struct dcm_plan plan;
@@ -332,13 +406,21 @@ void gait_update(struct gait *gait, const struct gait_command *command, const do
         gait_plan(gait, &plan);
         dcm_begin_at(&plan, now->dcm);
         memcpy(gait->zmp_from, plan.line[0].from, sizeof gait->zmp_from);
-    } else if (gait->elapsed_s >= gait->duration_s) {
+    } else if (now->phase == GAIT_SWING ? gait_swing_over(gait)
+                                        : gait->elapsed_s >= gait->duration_s) {
         gait_end_phase(gait, measured);
     }
     now->progress = gait->duration_s > 0 ? fmin(gait->elapsed_s / gait->duration_s, 1) : 0;
 
-    if (now->phase == GAIT_SWING && gait->config.adjust > 0) {
-        gait_adjust_foothold(gait, dcm, dt_s);
+    gait_feel_ground(gait, measured, dt_s);
+    if (now->phase == GAIT_SWING && gait->landed) {
+        gait_press(gait, measured, dt_s);
+    } else if (now->phase == GAIT_SWING) {
+        if (now->progress > EARLIEST && measured->touches[gait_other(now->stance)]) {
+            gait_land(gait, measured);
+        } else if (gait->config.adjust > 0) {
+            gait_adjust_foothold(gait, measured->dcm, dt_s);
+        }
     }
     gait_plan(gait, &plan);
     dcm_evaluate(&plan, gait->elapsed_s, now->zmp, now->dcm, gait->dcm_end);

@@ -26,8 +26,19 @@ struct gait_command {
 
 enum gait_phase { GAIT_STAND, GAIT_TRANSFER, GAIT_SWING };
 
+/* A sole's place: its origin, heading and tilt (roll, then pitch, then yaw about the world's axes).
+ */
 struct gait_foothold {
-    double p[3], yaw;
+    double p[3], yaw, roll, pitch;
+};
+
+/* What is measured. */
+struct gait_measured {
+    double dcm[2];
+    struct gait_foothold foot[BODY_SIDES];
+    bool touches[BODY_SIDES]; /* it bears load */
+    double force_n[BODY_SIDES];
+    bool flat[BODY_SIDES]; /* and lies on the ground, so that its tilt is the ground's */
 };
 
 struct gait_reference {
@@ -53,6 +64,7 @@ struct gait {
     double dcm_end[2];               /* planned, for the end of a swing to next */
     double shift[2];                 /* by which next was moved */
     bool closing;                    /* the step after which the robot stands */
+    bool landed;                     /* the foot in the air has met the ground */
     unsigned steps;                  /* feet that came down */
 };
 
@@ -60,9 +72,10 @@ struct gait {
 void gait_start(struct gait *gait, const struct gait_config *config, double omega,
                 const struct gait_foothold foot[BODY_SIDES], const double com[2]);
 
-/* Advances by dt_s. dcm: measured; measured: where the feet are. */
-void gait_update(struct gait *gait, const struct gait_command *command, const double dcm[2],
-                 const struct gait_foothold measured[BODY_SIDES], double dt_s);
+/* Advances by dt_s. A foot that meets the ground before its time stays there until the swing is
+ * over; one that has not met it then is lowered, while the plan waits. */
+void gait_update(struct gait *gait, const struct gait_command *command,
+                 const struct gait_measured *measured, double dt_s);
 
 /* The zero-moment point that the plan has for a foot. */
 void gait_foot_zmp(const struct gait *gait, int side, const struct gait_foothold *foot,

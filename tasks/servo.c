@@ -158,6 +158,12 @@ static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
         loop->trim += gains->trim_per_s * servo_link_error(servo, axis) * dt;
         loop->trim -= gains->sway_damping_per_s * sway * dt;
     }
+    if (gains->torque_limit_nm > 0) {
+        double back = gains->kw_v_s_per_rad * loop->motor_rate;
+        double most = gains->load_v_per_nm * gains->torque_limit_nm;
+
+        V = fmin(fmax(V, back - most), back + most);
+    }
     return fmin(fmax(V, -limit), limit);
 }
 

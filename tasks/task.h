@@ -133,6 +133,8 @@ struct servo_gains {
     double sway_damping_per_s; /* 0: the motors do not give way */
     double load_v_per_nm; /* R/Kt: voltage that carries the joint's torque at the start; 0: none */
     double limit_v;       /* of a drive that takes less than the supply; 0: none */
+    double torque_limit_nm; /* that the voltage beyond the back-EMF may make; 0: none. Needs
+                             * load_v_per_nm and kw_v_s_per_rad */
 };
 
 struct servo_config {
@@ -162,8 +164,13 @@ struct gait_config {
     double zmp_ahead_m;  /* where the plan puts the zero-moment point, from the sole's origin */
     double zmp_inward_m; /* and towards the other foot */
     double reach_ahead_m, reach_back_m, reach_out_m; /* of a step; the last beyond width_m */
-    double adjust;  /* how far a foothold follows the DCM's error, 0 to 1; 0: never */
-    double ankle_m; /* error that is left to the center of pressure: so far it moves */
+    double adjust;             /* how far a foothold follows the DCM's error, 0 to 1; 0: never */
+    double ankle_m;            /* error that is left to the center of pressure: so far it moves */
+    double lower_m_s, lower_m; /* a foot that comes down late is lowered at that rate, so far */
+    double press_n;            /* load of a foot that came down early, until its time */
+    double ground_follow;      /* how far the next foothold is expected in the plane of the
+                                * standing sole, 0 to 1 */
+    double tilt_s;             /* in which a sole's target takes the ground's tilt */
 };
 
 struct balance_config {
@@ -175,16 +182,20 @@ struct balance_config {
     double lean_rad;                /* of the pelvis, forward */
     double sole_front_m, sole_back_m, sole_side_m; /* edges of the sole from its origin */
     double sole_margin_m;                          /* that the center of pressure keeps from them */
-    double dcm_gain;                               /* r = r_ref + dcm_gain (xi - xi_ref) */
+    double touch_n, touch_s;   /* so much load for so long: the foot has met the ground */
+    double flat_n;             /* a sole with more, its center of pressure within, lies flat */
+    double height_s;           /* in which the pelvis follows the feet's heights */
+    double dcm_gain;           /* r = r_ref + dcm_gain (xi - xi_ref) */
     double cop_pitch_rad_s_nm; /* rate at which a foot turns, of what its moment is off */
     double cop_roll_rad_s_nm;
-    double cop_leak_per_s;   /* at which it turns back */
-    double force_m_s_n;      /* rate at which legs stretch, of what the difference of the ... */
-    double force_leak_per_s; /* ... feet's forces is off; at which they go back */
-    double swing_follow;     /* how far a foot in the air allows for the pelvis's true height */
-    double carry_s;          /* in which a foot that touches down goes over to the plan */
-    double swing_torque;     /* how much of the torque that swings a leg both hips give, 0 to 1 */
-    double ankle_follow;     /* how far standing ankles go along with their links, 0 to 1 */
+    double land_turn_rad_s_nm; /* the same, of a foot that bears little yet */
+    double cop_leak_per_s;     /* at which it turns back */
+    double force_m_s_n;        /* rate at which legs stretch, of what the difference of the ... */
+    double force_leak_per_s;   /* ... feet's forces is off; at which they go back */
+    double swing_follow;       /* how far a foot in the air allows for the pelvis's true height */
+    double carry_s;            /* in which a foot that touches down goes over to the plan */
+    double swing_torque;       /* how much of the torque that swings a leg both hips give, 0 to 1 */
+    double ankle_follow;       /* how far standing ankles go along with their links, 0 to 1 */
 };
 
 struct walk_config {

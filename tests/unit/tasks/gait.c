@@ -101,12 +101,20 @@ static const struct gait_config config = {
     .reach_out_m = 0.15,
     .adjust = 1,
     .ankle_m = 0.03,
+    .lower_m_s = 0.1,
+    .lower_m = 0.04,
+    .press_n = 40,
+    .ground_follow = 1,
+    .tilt_s = 0.05,
 };
 
 struct ideal {
     struct gait gait;
     double fastest_jump; /* of the planned DCM, m/s */
     double highest_m;
+    double rise_m;   /* of the ground under the next foothold */
+    double pitch;    /* of the ground */
+    bool bottomless; /* the foot in the air meets no ground */
 };
 
 static void ideal_start(struct ideal *ideal)
@@ -118,19 +126,44 @@ static void ideal_start(struct ideal *ideal)
     gait_start(&ideal->gait, &config, omega, foot, com);
 }
 
-/* The world does what the plan says, but for a DCM that is off. */
+/* What is measured where the world does what the plan says, but for a DCM that is off, and for the
+ * ground, on which the foot in the air comes down wherever it is. */
+static struct gait_measured ideal_measure(const struct ideal *ideal, const double off[2])
+{
+    const struct gait_reference *now = &ideal->gait.now;
+    struct gait_measured measured = {
+        .dcm = {now->dcm[0] + off[0], now->dcm[1] + off[1]},
+        .foot = {now->foot[0], now->foot[1]},
+        .touches = {true, true},
+        .flat = {true, true},
+        .force_n = {config.press_n, config.press_n},
+    };
+    int swing = BODY_SIDES - 1 - now->stance;
+
+    for (int i = 0; i < BODY_SIDES; i++) {
+        measured.foot[i].pitch = ideal->pitch;
+    }
+    if (now->phase == GAIT_SWING && !ideal->gait.landed) {
+        double *height = &measured.foot[swing].p[2];
+        double ground = now->foot[now->stance].p[2] + ideal->rise_m;
+
+        *height += now->height_m;
+        measured.touches[swing] = !ideal->bottomless && *height < ground + 1e-5;
+        measured.flat[swing] = measured.touches[swing];
+    }
+    return measured;
+}
+
 static void ideal_walk(struct ideal *ideal, const struct gait_command *command, double seconds,
                        const double off[2])
 {
     struct gait *gait = &ideal->gait;
 
     for (int i = 0; i < (int)(seconds * 1000); i++) {
-        struct gait_foothold measured[BODY_SIDES];
-        double dcm[2] = {gait->now.dcm[0] + off[0], gait->now.dcm[1] + off[1]};
+        struct gait_measured measured = ideal_measure(ideal, off);
         double before[2] = {gait->now.dcm[0], gait->now.dcm[1]};
 
-        memcpy(measured, gait->now.foot, sizeof measured);
-        gait_update(gait, command, dcm, measured, 0.001);
+        gait_update(gait, command, &measured, 0.001);
         ideal->fastest_jump =
             fmax(ideal->fastest_jump,
                  hypot(gait->now.dcm[0] - before[0], gait->now.dcm[1] - before[1]) / 0.001);
@@ -240,6 +273,83 @@ static void a_foothold_follows_a_great_error_of_the_dcm(void **state)
     assert_true(ideal.gait.next.p[0] > 0.2 && ideal.gait.next.p[0] < 0.25 + 1e-9);
 }
 
+/* On a step up the foot stays where it met the ground, while the plan keeps its time. */
+static void a_foot_that_meets_the_ground_early_stays_there(void **state)
+{
+    const struct gait_command walk = {.step = true, .forward_m_s = 0.1};
+    const double off[2] = {0};
+    struct ideal ideal;
+    const struct gait_reference *now = &ideal.gait.now;
+    double at[3];
+
+    (void)state;
+    ideal_start(&ideal);
+    ideal.rise_m = 0.02;
+    ideal_walk(&ideal, &walk, 0.8 + 0.35, off);
+    assert_int_equal(now->phase, GAIT_SWING);
+    assert_false(ideal.gait.landed);
+    for (int i = 0; i < 200 && !ideal.gait.landed; i++) {
+        ideal_walk(&ideal, &walk, 0.001, off);
+    }
+    assert_true(ideal.gait.landed && now->progress > 0.6 && now->progress < 0.9);
+    memcpy(at, now->foot[BODY_RIGHT].p, sizeof at);
+    assert_true(fabs(at[2] - 0.02) < 1e-3);
+
+    /* Pressed on with what is asked for it neither sinks nor rises, and carries when it is time */
+    ideal_walk(&ideal, &walk, 0.8 + 0.6 + 0.002 - 0.8 - 0.35, off);
+    assert_memory_equal(at, now->foot[BODY_RIGHT].p, sizeof at);
+    assert_int_equal(ideal.gait.steps, 1);
+    assert_true(ideal.fastest_jump < 1);
+}
+
+/* On a step down the foot is lowered, while the plan waits; not for ever. */
+static void a_foot_that_misses_the_ground_is_lowered(void **state)
+{
+    const struct gait_command walk = {.step = true};
+    const double off[2] = {0};
+    struct ideal ideal;
+    const struct gait_reference *now = &ideal.gait.now;
+    double dcm[2];
+
+    (void)state;
+    ideal_start(&ideal);
+    ideal.rise_m = -0.02;
+    ideal_walk(&ideal, &walk, 0.8 + 0.6 + 0.001, off);
+    memcpy(dcm, now->dcm, sizeof dcm);
+    ideal_walk(&ideal, &walk, 0.15, off);
+    assert_int_equal(ideal.gait.steps, 0);
+    assert_true(fabs(now->height_m + 0.015) < 2e-4);
+    assert_true(hypot(now->dcm[0] - dcm[0], now->dcm[1] - dcm[1]) < 1e-3);
+    ideal_walk(&ideal, &walk, 0.06, off);
+    assert_int_equal(ideal.gait.steps, 1);
+    assert_true(fabs(now->foot[BODY_RIGHT].p[2] + 0.02) < 1e-3);
+
+    ideal_start(&ideal);
+    ideal.bottomless = true;
+    ideal_walk(&ideal, &walk, 0.8 + 0.6 + 0.39, off);
+    assert_int_equal(ideal.gait.steps, 0);
+    ideal_walk(&ideal, &walk, 0.02, off);
+    assert_int_equal(ideal.gait.steps, 1);
+}
+
+/* A slope is felt by the soles and expected under the next foothold. */
+static void footholds_are_expected_in_the_plane_of_the_standing_sole(void **state)
+{
+    const struct gait_command walk = {.step = true, .forward_m_s = 0.2};
+    const double off[2] = {0};
+    struct ideal ideal;
+    const struct gait_reference *now = &ideal.gait.now;
+
+    (void)state;
+    ideal_start(&ideal);
+    ideal.pitch = -0.1; /* uphill */
+    ideal_walk(&ideal, &walk, 0.8 + 4 * 0.75 + 0.3, off);
+    assert_int_equal(now->phase, GAIT_SWING);
+    assert_true(fabs(now->foot[now->stance].pitch + 0.1) < 0.01);
+    assert_true(fabs(ideal.gait.next.pitch + 0.1) < 0.01);
+    assert_true(fabs(ideal.gait.next.p[2] - now->foot[now->stance].p[2] - 0.15 * tan(0.1)) < 2e-3);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -250,6 +360,9 @@ int main(void)
         cmocka_unit_test(a_turn_keeps_the_feet_beside_each_other),
         cmocka_unit_test(a_step_takes_the_time_that_is_asked_for),
         cmocka_unit_test(a_foothold_follows_a_great_error_of_the_dcm),
+        cmocka_unit_test(a_foot_that_meets_the_ground_early_stays_there),
+        cmocka_unit_test(a_foot_that_misses_the_ground_is_lowered),
+        cmocka_unit_test(footholds_are_expected_in_the_plane_of_the_standing_sole),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
