@@ -9,6 +9,7 @@
 #define BASE_RANDOM_H
 
 #include "base/hash.h"
+#include "base/portable_math.h"
 
 #include <math.h>
 #include <stdbool.h>
@@ -48,9 +49,9 @@ static inline double random_uniform(struct random_stream *stream)
  * two). */
 static inline double random_gaussian(struct random_stream *stream)
 {
-    double radius = sqrt(-2.0 * log(1.0 - random_uniform(stream)));
+    double radius = sqrt(-2.0 * portable_log(1.0 - random_uniform(stream)));
 
-    return radius * cos(6.283185307179586 * random_uniform(stream));
+    return radius * portable_cos(6.283185307179586 * random_uniform(stream));
 }
 
 /* Whether a contact that comes and goes is open in the coming step: gaps of the mean length dwell

@@ -11,6 +11,8 @@
 #ifndef BASE_VEC3_H
 #define BASE_VEC3_H
 
+#include "base/portable_math.h"
+
 #include <math.h>
 #include <stdbool.h>
 #include <string.h>
@@ -151,7 +153,7 @@ static inline void sym3_rotate(const double R[9], double S[6])
 /* Rotation by angle about a unit axis (Rodrigues). */
 static inline void mat3_about_axis(const double axis[3], double angle, double R[9])
 {
-    double s = sin(angle), c = cos(angle), t = 1.0 - c;
+    double s = portable_sin(angle), c = portable_cos(angle), t = 1.0 - c;
     double x = axis[0], y = axis[1], z = axis[2];
     const double value[9] = {t * x * x + c,     t * x * y - s * z, t * x * z + s * y,
                              t * x * y + s * z, t * y * y + c,     t * y * z - s * x,
@@ -163,8 +165,9 @@ static inline void mat3_about_axis(const double axis[3], double angle, double R[
 /* Fixed-axis roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll). */
 static inline void mat3_from_rpy(const double rpy[3], double R[9])
 {
-    double cr = cos(rpy[0]), sr = sin(rpy[0]), cp = cos(rpy[1]), sp = sin(rpy[1]);
-    double cy = cos(rpy[2]), sy = sin(rpy[2]);
+    double cr = portable_cos(rpy[0]), sr = portable_sin(rpy[0]), cp = portable_cos(rpy[1]),
+           sp = portable_sin(rpy[1]);
+    double cy = portable_cos(rpy[2]), sy = portable_sin(rpy[2]);
     const double value[9] = {cy * cp,
                              cy * sp * sr - sy * cr,
                              cy * sp * cr + sy * sr,

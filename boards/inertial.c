@@ -2,6 +2,7 @@
 /* Euler angles, gravity and linear acceleration from the sensors' readings. */
 #include "boards/inertial.h"
 
+#include "base/portable_math.h"
 #include "base/vec3.h"
 #include "boards/motor_control.h"
 
@@ -28,9 +29,9 @@ void inertial_derive(const struct imu_sense *sense, bool fused, struct inertial_
         values->quaternion[i] = k * q[i];
     }
     mat3_from_quaternion(values->quaternion, R);
-    values->euler_rad[0] = atan2(R[7], R[8]);
-    values->euler_rad[1] = -asin(fmax(-1.0, fmin(1.0, R[6])));
-    values->euler_rad[2] = atan2(R[3], R[0]);
+    values->euler_rad[0] = portable_atan2(R[7], R[8]);
+    values->euler_rad[1] = -portable_asin(fmax(-1.0, fmin(1.0, R[6])));
+    values->euler_rad[2] = portable_atan2(R[3], R[0]);
     for (int i = 0; i < 3; i++) {
         values->gravity_m_s2[i] = GRAVITY_M_S2 * R[6 + i];
         values->linear_m_s2[i] = values->acceleration_m_s2[i] - values->gravity_m_s2[i];

@@ -2,6 +2,8 @@
 /* Integer control laws of a motor board; see the header for what each computes. */
 #include "boards/motor_control.h"
 
+#include "base/portable_math.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -28,7 +30,7 @@ bool control_quantize(double value, int32_t *count)
 
 void current_loop_tune(double ohm, double henry, double *kp_v_a, double *ki_v_as)
 {
-    double a = henry > 0.0 ? exp(-1e-3 * ohm / henry) : 0.0;
+    double a = henry > 0.0 ? portable_exp(-1e-3 * ohm / henry) : 0.0;
 
     *kp_v_a = LOOP_GAIN * ohm * a / (1.0 - a);
     *ki_v_as = LOOP_GAIN * ohm / 1e-3;

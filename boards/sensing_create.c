@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The sensors are created: ranges checked, delay lines and random streams laid out. */
+#include "base/portable_math.h"
 #include "boards/fault_kinds.h"
 #include "boards/sensing_private.h"
 
@@ -92,9 +93,10 @@ static enum error_code sensing_make_joint(struct sensing *s, size_t j, struct ar
                          joint->name);
     }
     s->ideal = s->ideal && !joint->incremental && thermal->resistance_ohm == 0.0;
-    s->state[j].keep = thermal->resistance_ohm > 0.0
-                           ? exp(-1e-9 * (double)s->config.tick_ns / thermal->time_constant_s)
-                           : 0.0;
+    s->state[j].keep =
+        thermal->resistance_ohm > 0.0
+            ? portable_exp(-1e-9 * (double)s->config.tick_ns / thermal->time_constant_s)
+            : 0.0;
 
     for (size_t i = 0; i < SENSOR_JOINT_CHANNELS; i++) {
         enum error_code code = sensing_make_channel(s, sensing_joint_channel(j, i), joint->name,

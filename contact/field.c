@@ -2,6 +2,7 @@
 /* Making the pressure field of a solid. */
 #include "contact/field.h"
 
+#include "base/portable_math.h"
 #include "base/vec3.h"
 
 #include <float.h>
@@ -133,7 +134,7 @@ static void field_sum_normals(const struct field_builder *b, double (*sum)[9])
             vec3_sub(s->vertex[s->face[f][(i + 1) % 3]], at, to);
             vec3_sub(s->vertex[s->face[f][(i + 2) % 3]], at, from);
             vec3_cross(to, from, side);
-            angle = atan2(vec3_norm(side), vec3_dot(to, from));
+            angle = portable_atan2(vec3_norm(side), vec3_dot(to, from));
             for (int k = 0; k < 3; k++) {
                 m[k] += angle * n[k] * n[k];
                 m[6 + k] += angle * n[k];
@@ -153,8 +154,8 @@ static void matrix_find_eigen(double a[3][3], double v[3][3])
     for (int sweep = 0; sweep < 30; sweep++) {
         for (int p = 0; p < 2; p++) {
             for (int q = p + 1; q < 3; q++) {
-                double theta = 0.5 * atan2(2 * a[p][q], a[q][q] - a[p][p]);
-                double c = cos(theta), s = sin(theta);
+                double theta = 0.5 * portable_atan2(2 * a[p][q], a[q][q] - a[p][p]);
+                double c = portable_cos(theta), s = portable_sin(theta);
 
                 for (int k = 0; k < 3; k++) {
                     double x = a[k][p], y = a[k][q];

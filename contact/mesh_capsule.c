@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The mesh of a capsule: rings of vertices about the axis, and a vertex at each tip. */
+#include "base/portable_math.h"
 #include "contact/mesh.h"
 
 #include <math.h>
@@ -16,18 +17,18 @@
 static void capsule_place_vertices(double radius, double length, double (*vertex)[3])
 {
     /* As wide as it has to be for the polygon to have the area of the circle */
-    const double wide = radius * sqrt(2 * PI / (SIDES * sin(2 * PI / SIDES)));
+    const double wide = radius * sqrt(2 * PI / (SIDES * portable_sin(2 * PI / SIDES)));
 
     for (int ring = 0; ring < 2 * RINGS; ring++) {
         int from_equator = ring < RINGS ? ring - (RINGS - 1) : ring - RINGS;
         double angle = from_equator * PI / 2 / RINGS;
-        double z = wide * sin(angle) + (ring < RINGS ? -length / 2 : length / 2);
+        double z = wide * portable_sin(angle) + (ring < RINGS ? -length / 2 : length / 2);
 
         for (int i = 0; i < SIDES; i++) {
             double *v = vertex[ring * SIDES + i];
 
-            v[0] = wide * cos(angle) * cos(2 * PI * i / SIDES);
-            v[1] = wide * cos(angle) * sin(2 * PI * i / SIDES);
+            v[0] = wide * portable_cos(angle) * portable_cos(2 * PI * i / SIDES);
+            v[1] = wide * portable_cos(angle) * portable_sin(2 * PI * i / SIDES);
             v[2] = z;
         }
     }

@@ -5,6 +5,7 @@
  * the slices is Gauss and Legendre's in a variable that takes the roots of the integrand, where it
  * comes out of the plane, off the ends of the interval.
  */
+#include "base/portable_math.h"
 #include "contact/native_pairs.h"
 #include "base/vec3.h"
 
@@ -65,7 +66,7 @@ static void capsule_add_slice(const struct capsule_over_plane *c, double along, 
     }
     if (down > -radius) {
         chord = sqrt(radius * radius - down * down);
-        area = radius * radius * acos(down / radius) - down * chord;
+        area = radius * radius * portable_acos(down / radius) - down * chord;
         middle = area > DBL_MIN ? chord * chord * chord / (1.5 * area) : down;
     }
     deep = 2 * (middle * c->cosine - height); /* mean length of its springs */
@@ -93,17 +94,17 @@ static void capsule_add_end(const struct capsule_over_plane *c, double side, str
 {
     double height = c->low + (side > 0 ? 0 : 2 * c->half * c->sine);
     double ratio = height / c->radius;
-    double wet = ratio >= 1 ? 0 : ratio <= -1 ? PI : acos(ratio);
-    double last = side * atan2(c->sine, c->cosine) + wet;
+    double wet = ratio >= 1 ? 0 : ratio <= -1 ? PI : portable_acos(ratio);
+    double last = side * portable_atan2(c->sine, c->cosine) + wet;
 
     last = last < PI / 2 ? last : PI / 2;
     if (last <= 0) {
         return;
     }
     for (int i = 0; i < SLICES; i++) {
-        double angle = slice_point[i] * last, radius = c->radius * cos(angle);
+        double angle = slice_point[i] * last, radius = c->radius * portable_cos(angle);
 
-        capsule_add_slice(c, side * (c->half + c->radius * sin(angle)), radius,
+        capsule_add_slice(c, side * (c->half + c->radius * portable_sin(angle)), radius,
                           slice_weight[i] * last * radius, b, sum);
     }
 }

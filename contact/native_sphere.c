@@ -9,6 +9,7 @@
  *
  * So a whole circle has a closed form and force and moment do not depend on how the plane is cut.
  */
+#include "base/portable_math.h"
 #include "contact/native_pairs.h"
 #include "base/vec3.h"
 
@@ -51,8 +52,8 @@ static double circle_radial_moment(const struct circle *c, double s)
     if (s < 1e-3 * c->R) {
         return (c->R - c->h) / 3;
     }
-    return (2 * s2 - R2) * q / (8 * s2) + R2 * R2 * asin(s < c->R ? s / c->R : 1) / (8 * s2 * s) -
-           c->h / 3;
+    return (2 * s2 - R2) * q / (8 * s2) +
+           R2 * R2 * portable_asin(s < c->R ? s / c->R : 1) / (8 * s2 * s) - c->h / 3;
 }
 
 /* The integrals over the whole circle. */
@@ -104,7 +105,7 @@ static void cap_add_arc(const struct circle *c, const double a[2], const double 
                         struct cap *cap)
 {
     double la = sqrt(a[0] * a[0] + a[1] * a[1]), lb = sqrt(b[0] * b[0] + b[1] * b[1]);
-    double angle = atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]);
+    double angle = portable_atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]);
     double r2 = c->r * c->r, length, square, moment = circle_radial_moment(c, c->r);
 
     circle_radial(c, c->r, &length, &square);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Making a mesh ready for contact: faces and their neighbors, planes, trees. */
+#include "base/portable_math.h"
 #include "contact/solid_private.h"
 
 #include "base/count.h"
@@ -58,7 +59,8 @@ static enum error_code solid_make_faces(struct solid_builder *b, struct solid *s
             const double *from = e[i], *to = e[(i + 2) % 3];
 
             vec3_cross(to, from, side);
-            vec3_add_scaled(sum, atan2(vec3_norm(side), -vec3_dot(to, from)), b->normal[f], sum);
+            vec3_add_scaled(sum, portable_atan2(vec3_norm(side), -vec3_dot(to, from)), b->normal[f],
+                            sum);
         }
     }
     s->normal = (const double(*)[3])b->normal;

@@ -4,6 +4,7 @@
  * facet, each face of any others one of its own. And what is kept for them: points of quadrature
  * and outlines.
  */
+#include "base/portable_math.h"
 #include "contact/solid_private.h"
 
 #include "base/vec3.h"
@@ -153,7 +154,7 @@ static bool loop_is_convex(const struct solid_builder *b, int count, int seed)
         vec3_sub(next, here, come);
         vec3_sub(after, next, go);
         vec3_cross(come, go, x);
-        turned += atan2(vec3_dot(x, b->normal[seed]), vec3_dot(come, go));
+        turned += portable_atan2(vec3_dot(x, b->normal[seed]), vec3_dot(come, go));
     }
     return count >= 3 && turned < 7; /* 2 pi, not 4 pi */
 }

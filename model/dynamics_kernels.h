@@ -12,6 +12,7 @@
 #ifndef MODEL_DYNAMICS_KERNELS_H
 #define MODEL_DYNAMICS_KERNELS_H
 
+#include "base/portable_math.h"
 #include "model/dynamics.h"
 #include "model/spatial.h"
 
@@ -230,8 +231,7 @@ INLINE void outward_velocity(enum joint_type type, int k, const struct link *lin
 
     /* The bias is what the joint's own motion turns: v x (axis qd) */
     if (type == JOINT_REVOLUTE) {
-        state->c = cos(q);
-        state->s = sin(q);
+        portable_sincos(q, &state->s, &state->c);
         motion_down(k, link, state, &parent->v, &state->v);
         state->v.a[k] += qd;
         state->bias.a[k] = 0.0;

@@ -2,6 +2,7 @@
 /* Laws of what a real drive does beside the paper's equations, one drive at a time. */
 #include "model/effects.h"
 
+#include "base/portable_math.h"
 #include "model/stop.h"
 
 #include <math.h>
@@ -20,7 +21,8 @@ static double sum_harmonics(const struct robot_harmonic *harmonic, size_t count,
     double sum = 0.0;
 
     for (size_t i = 0; i < count; i++) {
-        sum += harmonic[i].amplitude * sin(harmonic[i].per_turn * N * qm + harmonic[i].phase);
+        sum +=
+            harmonic[i].amplitude * portable_sin(harmonic[i].per_turn * N * qm + harmonic[i].phase);
     }
     return sum;
 }
@@ -34,7 +36,7 @@ static double slope_harmonics(const struct robot_harmonic *harmonic, size_t coun
     for (size_t i = 0; i < count; i++) {
         double rate = harmonic[i].per_turn * N;
 
-        sum += harmonic[i].amplitude * rate * cos(rate * qm + harmonic[i].phase);
+        sum += harmonic[i].amplitude * rate * portable_cos(rate * qm + harmonic[i].phase);
     }
     return sum;
 }
@@ -58,7 +60,7 @@ static double cogging_energy(const struct robot_sea *sea, double qm)
         const struct robot_harmonic *harmonic = &sea->effects->cogging[i];
         double rate = harmonic->per_turn * sea->N;
 
-        energy += harmonic->amplitude / rate * cos(rate * qm + harmonic->phase);
+        energy += harmonic->amplitude / rate * portable_cos(rate * qm + harmonic->phase);
     }
     return energy;
 }
@@ -134,7 +136,7 @@ double effects_friction(const struct robot_sea *sea, double speed)
         return effects->breakaway;
     }
     x = speed / effects->stribeck;
-    return effects->coulomb + (effects->breakaway - effects->coulomb) * exp(-x * x);
+    return effects->coulomb + (effects->breakaway - effects->coulomb) * portable_exp(-x * x);
 }
 
 double effects_resistance(const struct robot_sea *sea, double winding_c)
@@ -165,7 +167,7 @@ double effects_hysteresis(const struct robot_sea *sea, double z, double way, dou
         return has_hysteresis(sea) ? z : 0.0;
     }
     goal = copysign(sea->effects->hysteresis, way);
-    part = -expm1(-sigma * fabs(way) / sea->effects->hysteresis);
+    part = -portable_expm1(-sigma * fabs(way) / sea->effects->hysteresis);
     end = z + (goal - z) * part;
     *loss = goal * way - (goal - z) * part * goal / sigma - 0.5 * (end * end - z * z) / sigma;
     return end;

@@ -2,6 +2,8 @@
 /* Drives with effects through a span, part by part: modes, flows and what happens at events. */
 #include "model/effects_flow.h"
 
+#include "base/portable_math.h"
+
 #include <math.h>
 
 /* Angle that a rotor may swing on its spring within a part, rad, to be taken exactly. */
@@ -97,7 +99,7 @@ static double flow_winding(const struct effects_span *span, const struct effects
     if (mode->flow == 0) {
         return I;
     }
-    return R > 0.0 ? I - (voltage / R - I) * expm1(-R * t / L) : I + t * voltage / L;
+    return R > 0.0 ? I - (voltage / R - I) * portable_expm1(-R * t / L) : I + t * voltage / L;
 }
 
 /* A rotor that moves, as if it did so to the part's end. */
@@ -158,7 +160,7 @@ static double flow_charge(double I, double voltage, double R, double L, double t
 {
     const double goal = voltage / R;
 
-    return R > 0.0 ? goal * t - (I - goal) * L / R * expm1(-R * t / L)
+    return R > 0.0 ? goal * t - (I - goal) * L / R * portable_expm1(-R * t / L)
                    : I * t + 0.5 * voltage / L * t * t;
 }
 
@@ -178,7 +180,7 @@ static void stop_current(const struct effects_span *span, double q_end, double h
     still.sea.I = 0.0;
     effects_derivative(span->sea, &still, q_end, span->qd, &span->bridge, mode, &rate);
     voltage = L * rate.sea.I;
-    stop = I == 0.0 ? 0.0 : R > 0.0 ? L / R * log1p(-R * I / voltage) : -L * I / voltage;
+    stop = I == 0.0 ? 0.0 : R > 0.0 ? L / R * portable_log1p(-R * I / voltage) : -L * I / voltage;
     stop = voltage * I < 0.0 ? fmin(h, stop) : I == 0.0 ? 0.0 : h;
     rest = h - stop;
     events->any = events->current = true;

@@ -3,6 +3,7 @@
  * One stage of the implicit integrator: from a base state and a point near the stage to the rates
  * at the stage, with one evaluation of forces and one linear system; and what moves positions.
  */
+#include "base/portable_math.h"
 #include "model/implicit_private.h"
 
 #include <math.h>
@@ -67,8 +68,8 @@ void implicit_set_rates(const struct plant *plant, const double *u, double *stat
 static void turn_quaternion_in_body(const double w[3], double h, double quaternion[4])
 {
     double angle = h * sqrt(vec3_dot(w, w));
-    double sinc = angle > 1e-4 ? sin(0.5 * angle) / angle : 0.5 - angle * angle / 48.0;
-    double c = cos(0.5 * angle);
+    double sinc = angle > 1e-4 ? portable_sin(0.5 * angle) / angle : 0.5 - angle * angle / 48.0;
+    double c = portable_cos(0.5 * angle);
     double x[3] = {h * sinc * w[0], h * sinc * w[1], h * sinc * w[2]};
     double scalar = quaternion[0], vector[3] = {quaternion[1], quaternion[2], quaternion[3]};
 

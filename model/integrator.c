@@ -2,6 +2,8 @@
 /* Runge-Kutta schemes. */
 #include "model/integrator.h"
 
+#include "base/portable_math.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -119,8 +121,8 @@ static double dopri5_error(const struct integrator_dopri5 *control, double h, si
 /* The factor from one step's length to the next, with both errors at least tiny. */
 static double dopri5_factor(double error, double last_error)
 {
-    double factor =
-        CONTROL_SAFETY * pow(fmax(error, 1e-10), -CONTROL_ALPHA) * pow(last_error, CONTROL_BETA);
+    double factor = CONTROL_SAFETY * portable_pow(fmax(error, 1e-10), -CONTROL_ALPHA) *
+                    portable_pow(last_error, CONTROL_BETA);
 
     return fmin(CONTROL_GROW, fmax(CONTROL_SHRINK, factor));
 }
@@ -147,8 +149,9 @@ bool integrator_dopri5(integrator_function *f, void *context, double t, double h
 
         /* Too large an error: again, and shorter */
         if (!(error <= 1.0)) {
-            step *= isfinite(error) ? fmax(CONTROL_SHRINK, CONTROL_SAFETY * pow(error, -0.2))
-                                    : CONTROL_SHRINK;
+            step *= isfinite(error)
+                        ? fmax(CONTROL_SHRINK, CONTROL_SAFETY * portable_pow(error, -0.2))
+                        : CONTROL_SHRINK;
             rejected = true;
             continue;
         }

@@ -7,6 +7,7 @@
 
 #include "base/count.h"
 #include "base/hash.h"
+#include "base/portable_math.h"
 #include "model/effects.h"
 #include "model/spatial.h"
 
@@ -69,9 +70,9 @@ static void principal_moments(const double I[6], double moment[3])
         double xy = I[1] / p, xz = I[2] / p, yz = I[4] / p;
 
         determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz);
-        angle = acos(fmax(-1.0, fmin(1.0, 0.5 * determinant))) / 3.0;
-        moment[2] = mean + 2.0 * p * cos(angle);
-        moment[0] = mean + 2.0 * p * cos(angle + 2.0 * M_PI / 3.0);
+        angle = portable_acos(fmax(-1.0, fmin(1.0, 0.5 * determinant))) / 3.0;
+        moment[2] = mean + 2.0 * p * portable_cos(angle);
+        moment[0] = mean + 2.0 * p * portable_cos(angle + 2.0 * M_PI / 3.0);
         moment[1] = 3.0 * mean - moment[0] - moment[2];
     }
 }

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Frames, capsules, sensors and poses of a robot file. */
+#include "base/portable_math.h"
 #include "base/vec3.h"
 #include "model/robot_yaml.h"
 
@@ -164,9 +165,9 @@ static enum error_code check_unnamed_joints(struct robot_builder *b, const struc
 /* Quaternion wxyz of Rz(yaw) Ry(pitch) Rx(roll). */
 static void quaternion_from_rpy(const double rpy[3], double quaternion[4])
 {
-    double cr = cos(0.5 * rpy[0]), sr = sin(0.5 * rpy[0]);
-    double cp = cos(0.5 * rpy[1]), sp = sin(0.5 * rpy[1]);
-    double cy = cos(0.5 * rpy[2]), sy = sin(0.5 * rpy[2]);
+    double cr = portable_cos(0.5 * rpy[0]), sr = portable_sin(0.5 * rpy[0]);
+    double cp = portable_cos(0.5 * rpy[1]), sp = portable_sin(0.5 * rpy[1]);
+    double cy = portable_cos(0.5 * rpy[2]), sy = portable_sin(0.5 * rpy[2]);
 
     quaternion[0] = cr * cp * cy + sr * sp * sy;
     quaternion[1] = sr * cp * cy - cr * sp * sy;

@@ -32,7 +32,9 @@ enum { ITERATIONS = 400, LEANINGS = 40 };
 /* What is left over across gravity, N. */
 static double find_push(const struct settle *s, const struct rest *rest)
 {
-    return hypot(vec3_dot(rest->force, s->across[0]), vec3_dot(rest->force, s->across[1]));
+    const double a = vec3_dot(rest->force, s->across[0]), b = vec3_dot(rest->force, s->across[1]);
+
+    return sqrt(a * a + b * b);
 }
 
 static enum error_code refuse_sliding(const struct settle *s, const struct rest *rest,
@@ -65,7 +67,8 @@ static enum error_code check_search_bounds(const struct settle *s, struct error 
                 "of %.4g N is carried",
                 rest->name, DEEPEST, 100.0 * fmax(0.0, carried), rest->weight);
         }
-        if (hypot(rest->moved[0], rest->moved[1]) > FARTHEST) {
+        if (rest->moved[0] * rest->moved[0] + rest->moved[1] * rest->moved[1] >
+            FARTHEST * FARTHEST) {
             return refuse_sliding(s, rest, error);
         }
     }

@@ -10,6 +10,7 @@
  * continuation) is one weight per DAMPING_LENGTH far from the equilibrium, where a body without
  * contact simply sinks by that, and vanishes with the residual, so that the end is Newton's.
  */
+#include "base/portable_math.h"
 #include "model/settle_private.h"
 #include "model/spatial.h"
 
@@ -48,7 +49,7 @@ void settle_choose_axes(const double gravity[3], struct settle *s)
 static void turn_quaternion_in_world(const double angle[3], double quaternion[4])
 {
     double size = sqrt(vec3_dot(angle, angle));
-    double half = size > 0.0 ? sin(0.5 * size) / size : 0.5, w = cos(0.5 * size);
+    double half = size > 0.0 ? portable_sin(0.5 * size) / size : 0.5, w = portable_cos(0.5 * size);
     double x[3] = {half * angle[0], half * angle[1], half * angle[2]};
     double scalar = quaternion[0], vector[3] = {quaternion[1], quaternion[2], quaternion[3]};
 

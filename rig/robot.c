@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The rig's robot: its file, what the rig makes different, and how it stands at the start. */
+#include "base/portable_math.h"
 #include "model/spatial.h"
 #include "rig/builder_private.h"
 #include "rig/find.h"
@@ -120,8 +121,9 @@ static enum error_code rig_build_joints(struct rig_builder *b, const struct robo
 
 void rig_quaternion_of_rpy(const double rpy[3], double q[4])
 {
-    double cr = cos(rpy[0] / 2), sr = sin(rpy[0] / 2), cp = cos(rpy[1] / 2), sp = sin(rpy[1] / 2);
-    double cy = cos(rpy[2] / 2), sy = sin(rpy[2] / 2);
+    double cr = portable_cos(rpy[0] / 2), sr = portable_sin(rpy[0] / 2),
+           cp = portable_cos(rpy[1] / 2), sp = portable_sin(rpy[1] / 2);
+    double cy = portable_cos(rpy[2] / 2), sy = portable_sin(rpy[2] / 2);
 
     q[0] = cy * cp * cr + sy * sp * sr;
     q[1] = cy * cp * sr - sy * sp * cr;

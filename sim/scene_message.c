@@ -3,6 +3,7 @@
 #include "sim/scene_message.h"
 
 #include "base/json_text.h"
+#include "base/portable_math.h"
 #include "model/spatial.h"
 
 #include <math.h>
@@ -196,7 +197,9 @@ static void scene_put_inertia(FILE *out, const struct robot_inertia *inertia)
         size[k] = sqrt(fmax(square, 0.02 * (I[0] + I[1] + I[2])));
         volume *= size[k];
     }
-    scale = volume > 0.0 ? cbrt(6.0 / M_PI * inertia->mass / DENSITY_KG_M3 / volume) : 0.0;
+    scale = volume > 0.0
+                ? portable_pow(6.0 / M_PI * inertia->mass / DENSITY_KG_M3 / volume, 1.0 / 3)
+                : 0.0;
     for (int k = 0; k < 3; k++) {
         size[k] *= scale;
     }

@@ -2,6 +2,7 @@
 /* Events of the robot's mechanics: limits, stops, falls. */
 #include "sim/watch.h"
 
+#include "base/portable_math.h"
 #include "base/ring.h"
 #include "base/vec3.h"
 
@@ -116,7 +117,7 @@ static double base_tilt(const struct watch *watch, const double quaternion[4])
 
     mat3_from_quaternion(quaternion, R);
     mat3_apply(R, watch->base_up, axis);
-    return acos(fmax(-1.0, fmin(1.0, vec3_dot(axis, watch->up))));
+    return portable_acos(fmax(-1.0, fmin(1.0, vec3_dot(axis, watch->up))));
 }
 
 /* How high the base is above the lowest observed body, m. */

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the feet are to bear, how they yield to what they bear instead, and where they go. */
+#include "base/portable_math.h"
 #include "tasks/balance_private.h"
 
 #include <math.h>
@@ -17,8 +18,8 @@ static struct gait_foothold balance_foothold(const struct estimate_foot *foot, d
     return (struct gait_foothold){
         .p = {foot->anchor[0], foot->anchor[1], foot->anchor[2]},
         .yaw = foot->yaw_rad + 2 * M_PI * turns,
-        .roll = atan2(R[7], R[8]),
-        .pitch = asin(fmin(fmax(-R[6], -1), 1)),
+        .roll = portable_atan2(R[7], R[8]),
+        .pitch = portable_asin(fmin(fmax(-R[6], -1), 1)),
     };
 }
 
@@ -73,8 +74,8 @@ static void balance_into_foot(const struct gait_foothold *foot, const double poi
 {
     double x = point[0] - foot->p[0], y = point[1] - foot->p[1];
 
-    in[0] = cos(foot->yaw) * x + sin(foot->yaw) * y;
-    in[1] = -sin(foot->yaw) * x + cos(foot->yaw) * y;
+    in[0] = portable_cos(foot->yaw) * x + portable_sin(foot->yaw) * y;
+    in[1] = -portable_sin(foot->yaw) * x + portable_cos(foot->yaw) * y;
 }
 
 /* Shares the wanted zero-moment point among the feet: between them by weight, beside the line

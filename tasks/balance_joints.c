@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* From poses and loads to the references of the leg motors. */
+#include "base/portable_math.h"
 #include "tasks/balance_private.h"
 
 #include "base/vec3.h"
@@ -136,7 +137,8 @@ void balance_load_swing(struct balance *balance)
     const struct gait_reference *plan = &balance->gait.now;
     struct balance_leg *stance = &balance->leg[plan->stance];
     struct balance_leg *swing = &balance->leg[BODY_SIDES - 1 - plan->stance];
-    double ahead = cos(plan->yaw) * plan->foot_m_s2[0] + sin(plan->yaw) * plan->foot_m_s2[1];
+    double ahead =
+        portable_cos(plan->yaw) * plan->foot_m_s2[0] + portable_sin(plan->yaw) * plan->foot_m_s2[1];
     double torque = -balance->config.swing_torque * swing->inertia_kg_m2 * ahead /
                     (swing->geometry.thigh_m + swing->geometry.shank_m);
 

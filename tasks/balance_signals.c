@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the balance estimates and plans, for recordings. */
+#include "base/portable_math.h"
 #include "tasks/balance_private.h"
 
 #include <math.h>
@@ -115,10 +116,10 @@ void balance_signals(const struct balance *balance, double value[BALANCE_SIGNALS
         e->foot[1].sole.p[1],
         e->foot[0].sole.p[2],
         e->foot[1].sole.p[2],
-        asin(fmin(fmax(-e->foot[0].sole.R[6], -1), 1)),
-        asin(fmin(fmax(-e->foot[1].sole.R[6], -1), 1)),
-        atan2(e->foot[0].sole.R[7], e->foot[0].sole.R[8]),
-        atan2(e->foot[1].sole.R[7], e->foot[1].sole.R[8]),
+        portable_asin(fmin(fmax(-e->foot[0].sole.R[6], -1), 1)),
+        portable_asin(fmin(fmax(-e->foot[1].sole.R[6], -1), 1)),
+        portable_atan2(e->foot[0].sole.R[7], e->foot[0].sole.R[8]),
+        portable_atan2(e->foot[1].sole.R[7], e->foot[1].sole.R[8]),
         plan->foot[0].pitch,
         plan->foot[1].pitch,
         plan->foot[0].roll,

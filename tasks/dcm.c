@@ -2,6 +2,8 @@
 /* The plan of the divergent component of motion, backward from its end. */
 #include "tasks/dcm.h"
 
+#include "base/portable_math.h"
+
 #include <math.h>
 
 void dcm_add(struct dcm_plan *plan, double duration_s, const double from[2], const double to[2])
@@ -16,7 +18,7 @@ void dcm_add(struct dcm_plan *plan, double duration_s, const double from[2], con
 static void dcm_line_back(const struct dcm_line *line, double omega, double left_s,
                           const double end[2], double dcm[2])
 {
-    double decay = exp(-omega * left_s);
+    double decay = portable_exp(-omega * left_s);
 
     for (int k = 0; k < 2; k++) {
         double rate = (line->to[k] - line->from[k]) / line->duration_s;
@@ -45,7 +47,7 @@ static void dcm_first_end(const struct dcm_plan *plan, double end[2])
 void dcm_begin_at(struct dcm_plan *plan, const double dcm[2])
 {
     struct dcm_line *first = &plan->line[0];
-    double lasts = plan->omega * first->duration_s, decay = exp(-lasts), end[2];
+    double lasts = plan->omega * first->duration_s, decay = portable_exp(-lasts), end[2];
 
     dcm_first_end(plan, end);
     for (int k = 0; k < 2; k++) {
@@ -72,7 +74,7 @@ void dcm_evaluate(const struct dcm_plan *plan, double elapsed_s, double zmp[2], 
 void dcm_advance(double omega, double duration_s, const double zmp[2], const double dcm[2],
                  double after[2])
 {
-    double growth = exp(omega * duration_s);
+    double growth = portable_exp(omega * duration_s);
 
     for (int k = 0; k < 2; k++) {
         after[k] = zmp[k] + growth * (dcm[k] - zmp[k]);

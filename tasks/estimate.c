@@ -2,6 +2,7 @@
 /* State estimation of a walking robot; what from what is said in the header. */
 #include "tasks/estimate.h"
 
+#include "base/portable_math.h"
 #include "base/vec3.h"
 
 #include <math.h>
@@ -155,9 +156,9 @@ static void estimate_attitude(struct estimator *estimator, double dt_s)
         }
         estimate_rotate(now->R, turn);
     }
-    now->pitch_rad = asin(fmin(fmax(-now->R[6], -1), 1));
-    now->roll_rad = atan2(now->R[7], now->R[8]);
-    now->yaw_rad = atan2(now->R[3], now->R[0]);
+    now->pitch_rad = portable_asin(fmin(fmax(-now->R[6], -1), 1));
+    now->roll_rad = portable_atan2(now->R[7], now->R[8]);
+    now->yaw_rad = portable_atan2(now->R[3], now->R[0]);
 }
 
 /* ---- feet ---- */
@@ -191,7 +192,7 @@ static void estimate_foot(struct estimator *estimator, int side)
     mat3_apply(estimator->now.R, F, foot->force_n);
     mat3_mul(estimator->now.R, sole.R, foot->sole.R);
     mat3_apply(estimator->now.R, sole.p, foot->sole.p);
-    foot->yaw_rad = atan2(foot->sole.R[3], foot->sole.R[0]);
+    foot->yaw_rad = portable_atan2(foot->sole.R[3], foot->sole.R[0]);
 }
 
 /* The pelvis is where the loaded feet say, each as much as it carries; feet in the air go along. */

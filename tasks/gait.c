@@ -2,6 +2,8 @@
 /* The schedule of steps, the footholds and the plan over them. */
 #include "tasks/gait.h"
 
+#include "base/portable_math.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -26,8 +28,8 @@ static double gait_outward(int side)
 
 static void gait_offset(const struct gait_foothold *from, double ahead, double left, double to[2])
 {
-    to[0] = from->p[0] + cos(from->yaw) * ahead - sin(from->yaw) * left;
-    to[1] = from->p[1] + sin(from->yaw) * ahead + cos(from->yaw) * left;
+    to[0] = from->p[0] + portable_cos(from->yaw) * ahead - portable_sin(from->yaw) * left;
+    to[1] = from->p[1] + portable_sin(from->yaw) * ahead + portable_cos(from->yaw) * left;
 }
 
 void gait_foot_zmp(const struct gait *gait, int side, const struct gait_foothold *foot,
@@ -56,8 +58,8 @@ static void gait_foresee_ground(const struct gait *gait, const struct gait_footh
 {
     double part = gait->config.ground_follow, x = to->p[0] - stance->p[0];
     double y = to->p[1] - stance->p[1];
-    double ahead = cos(stance->yaw) * x + sin(stance->yaw) * y;
-    double left = -sin(stance->yaw) * x + cos(stance->yaw) * y;
+    double ahead = portable_cos(stance->yaw) * x + portable_sin(stance->yaw) * y;
+    double left = -portable_sin(stance->yaw) * x + portable_cos(stance->yaw) * y;
 
     to->roll = part * stance->roll;
     to->pitch = part * stance->pitch;
@@ -287,7 +289,7 @@ static void gait_end_phase(struct gait *gait, const struct gait_measured *measur
  * then: it moves by reach_m at most, from now on. */
 static double gait_beyond_ankle(const struct gait *gait, double error, double left_s)
 {
-    double able = gait->config.ankle_m * (exp(gait->omega * left_s) - 1);
+    double able = gait->config.ankle_m * (portable_exp(gait->omega * left_s) - 1);
 
     return error > able ? error - able : error < -able ? error + able : 0;
 }
@@ -299,7 +301,7 @@ static void gait_adjust_foothold(struct gait *gait, const double dcm[2], double 
     int stance = gait->now.stance, swing = gait_other(stance);
     const struct gait_foothold *at = &gait->now.foot[stance];
     double left_s = fmax(gait->duration_s - gait->elapsed_s, 0), out = gait_outward(swing);
-    double lasts = gait->omega * config->transfer_s, follow = (1 - exp(-lasts)) / lasts;
+    double lasts = gait->omega * config->transfer_s, follow = (1 - portable_exp(-lasts)) / lasts;
     double after[2], move[2], ahead, left, goal[2];
     struct gait_foothold plain;
 
@@ -315,8 +317,8 @@ static void gait_adjust_foothold(struct gait *gait, const double dcm[2], double 
     }
 
     /* Within reach of the standing foot */
-    ahead = cos(at->yaw) * move[0] + sin(at->yaw) * move[1];
-    left = -sin(at->yaw) * move[0] + cos(at->yaw) * move[1];
+    ahead = portable_cos(at->yaw) * move[0] + portable_sin(at->yaw) * move[1];
+    left = -portable_sin(at->yaw) * move[0] + portable_cos(at->yaw) * move[1];
     ahead = fmin(fmax(ahead, -config->reach_back_m), config->reach_ahead_m);
     left =
         out * fmin(fmax(out * left, config->least_width_m), config->width_m + config->reach_out_m);
@@ -396,7 +398,7 @@ void gait_update(struct gait *gait, const struct gait_command *command,
 {
     struct gait_reference *now = &gait->now;
     struct dcm_plan plan;
-    double decay = exp(-gait->omega * dt_s), yaw;
+    double decay = portable_exp(-gait->omega * dt_s), yaw;
 
     /* Begin to walk; end a phase when its time is over */
     gait->command = *command;

@@ -6,6 +6,7 @@
  * follow, feet that carried the robot before must go on carrying it, and at the end friction must
  * carry the object's weight.
  */
+#include "base/portable_math.h"
 #include "tasks/task_private.h"
 
 #include <math.h>
@@ -156,8 +157,8 @@ static void grasp_rotate_axis(double v[3], int axis, double angle)
 {
     double *a = &v[(axis + 1) % 3], *b = &v[(axis + 2) % 3], old = *a;
 
-    *a = cos(angle) * old - sin(angle) * *b;
-    *b = sin(angle) * old + cos(angle) * *b;
+    *a = portable_cos(angle) * old - portable_sin(angle) * *b;
+    *b = portable_sin(angle) * old + portable_cos(angle) * *b;
 }
 
 /* What hangs on a wrist's sensor pulls on it, in the torso's axes: the forearm is turned by pitch,

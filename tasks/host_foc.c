@@ -3,6 +3,7 @@
  * The host's side of boards/foc/protocol.h: one axis a board, all set-points of a bus in one frame
  * every millisecond, answered by every board.
  */
+#include "base/portable_math.h"
 #include "tasks/host_private.h"
 
 #include "boards/foc/protocol.h"
@@ -102,7 +103,8 @@ static void host_foc_put_milliamperes(uint8_t *data, double ampere)
 static void host_foc_put_current_law(const struct host *host, const struct host_drive *drive,
                                      uint8_t *data)
 {
-    double a = drive->winding_h > 0 ? exp(-1e-3 * drive->winding_ohm / drive->winding_h) : 0;
+    double a =
+        drive->winding_h > 0 ? portable_exp(-1e-3 * drive->winding_ohm / drive->winding_h) : 0;
     double sum = 0.5 * drive->winding_ohm / (1 - a) / host->config.supply_v;
     double kp = sum * (1 + a) / 2, ki = sum * (1 - a);
     int shift = 15;

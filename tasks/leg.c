@@ -2,6 +2,7 @@
 /* Leg kinematics in closed form; the derivation is in the header. */
 #include "tasks/leg.h"
 
+#include "base/portable_math.h"
 #include "base/vec3.h"
 
 #include <math.h>
@@ -107,12 +108,12 @@ bool leg_inverse(const struct leg_geometry *leg, const struct body_pose *foot, d
     mat3_apply_transposed(foot->R, away, hip);
     length = vec3_norm(hip);
     cosine = (length * length - T * T - S * S) / (2 * T * S);
-    angle[LEG_KNEE] = acos(fmin(fmax(cosine, -1), 1));
+    angle[LEG_KNEE] = portable_acos(fmin(fmax(cosine, -1), 1));
     if (!(angle[LEG_KNEE] >= least_knee && angle[LEG_KNEE] <= greatest_knee)) {
         double reach;
 
         angle[LEG_KNEE] = fmin(fmax(angle[LEG_KNEE], least_knee), greatest_knee);
-        reach = sqrt(T * T + S * S + 2 * T * S * cos(angle[LEG_KNEE]));
+        reach = sqrt(T * T + S * S + 2 * T * S * portable_cos(angle[LEG_KNEE]));
         for (int k = 0; k < 3 && length > 0; k++) {
             hip[k] *= reach / length;
         }
@@ -120,19 +121,20 @@ bool leg_inverse(const struct leg_geometry *leg, const struct body_pose *foot, d
     }
 
     /* The ankle points the shank there */
-    along = -T * sin(angle[LEG_KNEE]);
-    up = S + T * cos(angle[LEG_KNEE]);
-    angle[LEG_ANKLE_ROLL] = asin(fmin(fmax(hip[1] / up, -1), 1));
-    up *= cos(angle[LEG_ANKLE_ROLL]);
-    angle[LEG_ANKLE_PITCH] = atan2(up * -hip[0] + along * hip[2], along * hip[0] + up * hip[2]);
+    along = -T * portable_sin(angle[LEG_KNEE]);
+    up = S + T * portable_cos(angle[LEG_KNEE]);
+    angle[LEG_ANKLE_ROLL] = portable_asin(fmin(fmax(hip[1] / up, -1), 1));
+    up *= portable_cos(angle[LEG_ANKLE_ROLL]);
+    angle[LEG_ANKLE_PITCH] =
+        portable_atan2(up * -hip[0] + along * hip[2], along * hip[0] + up * hip[2]);
 
     /* The hip turns what is left */
     memcpy(R, foot->R, sizeof R);
     leg_turn(R, 1, -angle[LEG_ANKLE_PITCH]);
     leg_turn(R, 0, -angle[LEG_ANKLE_ROLL]);
     leg_turn(R, 1, -angle[LEG_KNEE]);
-    angle[LEG_HIP_ROLL] = asin(fmin(fmax(-R[5], -1), 1));
-    angle[LEG_HIP_PITCH] = atan2(R[2], R[8]);
-    angle[LEG_HIP_YAW] = atan2(R[3], R[4]);
+    angle[LEG_HIP_ROLL] = portable_asin(fmin(fmax(-R[5], -1), 1));
+    angle[LEG_HIP_PITCH] = portable_atan2(R[2], R[8]);
+    angle[LEG_HIP_YAW] = portable_atan2(R[3], R[4]);
     return reached;
 }

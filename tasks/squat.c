@@ -5,6 +5,7 @@
  * joints hold the initial pose. The verdict comes from telemetry alone: the feet must go on
  * carrying the weight and the motors must follow.
  */
+#include "base/portable_math.h"
 #include "tasks/task_private.h"
 
 #include <math.h>
@@ -47,8 +48,8 @@ struct squat {
 static void squat_leg_forward(const struct squat_config *config, double thigh, double knee,
                               double *height, double *ahead)
 {
-    *height = config->thigh_m * cos(thigh) + config->shank_m * cos(thigh + knee);
-    *ahead = -config->thigh_m * sin(thigh) - config->shank_m * sin(thigh + knee);
+    *height = config->thigh_m * portable_cos(thigh) + config->shank_m * portable_cos(thigh + knee);
+    *ahead = -config->thigh_m * portable_sin(thigh) - config->shank_m * portable_sin(thigh + knee);
 }
 
 /* The inverse for joint angles, knee bent forward; the trunk keeps its lean over a flat foot. False
@@ -64,8 +65,9 @@ static bool squat_leg_inverse(const struct squat_config *config, const struct le
     if (!(fabs(c) <= 1)) {
         return false;
     }
-    angle[KNEE] = acos(c);
-    thigh = atan2(-leg->ankle_x, height) - atan2(l2 * sin(angle[KNEE]), l1 + l2 * cos(angle[KNEE]));
+    angle[KNEE] = portable_acos(c);
+    thigh = portable_atan2(-leg->ankle_x, height) -
+            portable_atan2(l2 * portable_sin(angle[KNEE]), l1 + l2 * portable_cos(angle[KNEE]));
     angle[HIP] = thigh - leg->lean;
     angle[ANKLE] = -thigh - angle[KNEE];
     return true;
@@ -75,8 +77,9 @@ static double squat_depth_at(const struct squat_config *config, double t)
 {
     double length = config->period_s * config->cycles;
 
-    return t <= 0 || t >= length ? 0
-                                 : config->depth_m / 2 * (1 - cos(2 * M_PI * t / config->period_s));
+    return t <= 0 || t >= length
+               ? 0
+               : config->depth_m / 2 * (1 - portable_cos(2 * M_PI * t / config->period_s));
 }
 
 /* The axes of a leg; at the deepest point all of them must be within their limits. */

@@ -2,6 +2,7 @@
 /* Notes, places and inertias of what is imported. */
 #include "app/import/model.h"
 
+#include "base/portable_math.h"
 #include "base/text.h"
 #include "base/vec3.h"
 
@@ -98,11 +99,11 @@ void import_rpy(const double R[9], double rpy[3])
     /* R = Rz(yaw) Ry(pitch) Rx(roll). Near a right angle of pitch any roll will do as long as yaw
      * is what then remains: of R Rx(-roll) the middle column is [-sin yaw, cos yaw, 0] whatever the
      * pitch */
-    rpy[1] = atan2(-R[6], cp);
-    rpy[0] = cp > 1e-12 ? atan2(R[7], R[8]) : 0.0;
-    sr = sin(rpy[0]);
-    cr = cos(rpy[0]);
-    rpy[2] = atan2(sr * R[2] - cr * R[1], cr * R[4] - sr * R[5]);
+    rpy[1] = portable_atan2(-R[6], cp);
+    rpy[0] = cp > 1e-12 ? portable_atan2(R[7], R[8]) : 0.0;
+    sr = portable_sin(rpy[0]);
+    cr = portable_cos(rpy[0]);
+    rpy[2] = portable_atan2(sr * R[2] - cr * R[1], cr * R[4] - sr * R[5]);
 }
 
 /* ---- names ---- */

@@ -2,6 +2,7 @@
 /* Bodies and joints of the robot; the steps before and after are in the files beside this one. */
 #include "app/import/reduce_private.h"
 
+#include "base/portable_math.h"
 #include "base/text.h"
 #include "base/vec3.h"
 
@@ -64,14 +65,14 @@ static void tensor_diagonalize(const double I[6], double moment[3], double V[9])
             for (int q = p + 1; q < 3; q++) {
                 double off = A[sym3_index[p][q]], R[9], T[9];
                 double apart = A[sym3_index[q][q]] - A[sym3_index[p][p]];
-                double angle = 0.5 * atan2(copysign(2.0, apart) * off, fabs(apart));
+                double angle = 0.5 * portable_atan2(copysign(2.0, apart) * off, fabs(apart));
 
                 /* Turns the plane of p and q so that their product vanishes; the smaller of the two
                  * angles, for the larger swaps the axes and never ends */
                 mat3_identity(R);
-                R[4 * p] = R[4 * q] = cos(angle);
-                R[3 * p + q] = -sin(angle);
-                R[3 * q + p] = sin(angle);
+                R[4 * p] = R[4 * q] = portable_cos(angle);
+                R[3 * p + q] = -portable_sin(angle);
+                R[3 * q + p] = portable_sin(angle);
                 sym3_rotate(R, A);
                 mat3_mul(R, V, T);
                 memcpy(V, T, sizeof T);

@@ -3,6 +3,7 @@
 #include "app/scenario/private.h"
 
 #include "base/count.h"
+#include "base/portable_math.h"
 #include "base/text.h"
 #include "canbus/wire/wire.h"
 
@@ -103,7 +104,7 @@ static double signal_read_base(const struct scenario_view *view, size_t a, size_
     }
     up = 1.0 - 2.0 * (state[4] * state[4] +
                       state[5] * state[5]); /* cosine of the tilt, from the quaternion */
-    return acos(fmin(fmax(up, -1.0), 1.0));
+    return portable_acos(fmin(fmax(up, -1.0), 1.0));
 }
 
 static double signal_read_com(const struct scenario_view *view, size_t a, size_t word)

@@ -3,6 +3,7 @@
 #include "model/symbolic/graph.h"
 
 #include "base/hash.h"
+#include "base/portable_math.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -351,7 +352,7 @@ static expr fold_trig(struct graph *graph, enum graph_op op, expr a)
     for (int l = 0; l < width; l++) {
         double x = const_value(graph, a, l);
 
-        value[l] = op == GRAPH_SIN ? sin(x) : cos(x);
+        value[l] = op == GRAPH_SIN ? portable_sin(x) : portable_cos(x);
     }
     return graph_const_lanes(graph, width, value);
 }

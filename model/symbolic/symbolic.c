@@ -177,7 +177,7 @@ static void write_variants(const struct generation *g)
     if (!g->this_cpu) {
         fprintf(g->file, "#if defined __x86_64__\n    __builtin_cpu_init();\n");
         for (int n = INSTRUCTIONS_AVX512; n > INSTRUCTIONS_PLAIN; n--) {
-            fprintf(g->file, "    if %s {\n        return &module_%s;\n    }\n", variants[n].test,
+            fprintf(g->file, "    if (%s) {\n        return &module_%s;\n    }\n", variants[n].test,
                     variants[n].name);
         }
         fprintf(g->file, "#endif\n");

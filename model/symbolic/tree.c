@@ -2,6 +2,7 @@
 /* Working frames and lumped mass properties. */
 #include "model/symbolic/tree.h"
 
+#include "base/portable_math.h"
 #include "model/spatial.h"
 
 #include <math.h>
@@ -198,7 +199,7 @@ static void choose_base_frame(const struct robot *robot, struct tree_body *base)
 /* The angle about axis k that brings the part of x across the axis onto a coordinate axis. */
 static double angle_to_axis(int k, const double x[3])
 {
-    double angle = atan2(x[(k + 2) % 3], x[(k + 1) % 3]);
+    double angle = portable_atan2(x[(k + 2) % 3], x[(k + 1) % 3]);
 
     return angle - M_PI_2 * round(angle / M_PI_2);
 }
@@ -227,7 +228,7 @@ static void choose_offset(const struct robot *robot, size_t b, struct tree_body 
         }
         for (int n = 0; n < 2; n++) {
             double angle = angle_to_axis(body->axis, across[n]), align[9], cost;
-            struct tree_turn turn = {body->axis, cos(angle), sin(angle)};
+            struct tree_turn turn = {body->axis, portable_cos(angle), portable_sin(angle)};
 
             if (fabs(angle) <= ROUNDING) {
                 continue;

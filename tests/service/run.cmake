@@ -2,6 +2,8 @@
 # The run and task commands from outside.
 hil_script_test(service_run COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/run.sh
                 LABELS service TIMEOUT 120 SERIAL)
+hil_script_test(service_same_bits COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/service/same_bits.sh
+                LABELS service TIMEOUT 120)
 hil_script_test(service_goodbye COMMAND /usr/bin/python3
                 ${CMAKE_CURRENT_SOURCE_DIR}/service/goodbye.py $<TARGET_FILE:coman-hil>
                 LABELS service TIMEOUT 120)

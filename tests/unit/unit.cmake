@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # What holds for the whole tree; the rooms' tests are in their folders.
+# the libraries by which a run is decided
+set(decides base boards canbus contact model rig rt sim symbolic symbolic_builtin tasks scenario)
+list(TRANSFORM decides REPLACE "(.+)" "$<TARGET_FILE:\\1>")
+hil_script_test(portable_rule LABELS unit
+    COMMAND /usr/bin/python3 ${CMAKE_CURRENT_LIST_DIR}/portable_rule.py ${decides})
 foreach(name dependency_rule icub_examples source_style)
     hil_script_test(${name} LABELS unit
         COMMAND /usr/bin/python3 ${CMAKE_CURRENT_LIST_DIR}/${name}.py)

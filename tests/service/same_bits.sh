@@ -1,0 +1,62 @@
+#!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
+# The same bits on every machine: the state hash and the recorded frames of runs of the rigs, with
+# the kernels of each instruction set that this machine has, are those of same_bits.txt. Prints TAP.
+#
+#   same_bits.sh          judges
+#   same_bits.sh --write  prints the table as it is now, for a change that is meant to move it
+set -u
+program=$HIL_BINARY_DIR/coman-hil
+table=$(dirname "$0")/same_bits.txt
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+. "$(dirname "$0")/tap.sh"
+tap_show=$work/out
+
+# bits SET RIG TASK TICKS: the hash of the state and that of the frames at the end of a free run
+bits()
+{
+    local task=(--task "$3")
+    [ "$3" = none ] && task=(--hold none)
+    rm -rf "$work/record"
+    COMAN_HIL_INSTRUCTIONS=$1 timeout -k 5 100 "$program" run \
+        "$HIL_SOURCE_DIR/config/rigs/$2.yaml" --transport local --clock free --control none \
+        --ticks "$4" "${task[@]}" --record "$work/record" >"$work/out" 2>&1 </dev/null || return
+    echo "$(sed -n 's/^ *state hash //p' "$work/out") $(md5sum <"$work/record/candump.log" |
+        cut -c 1-16)"
+}
+
+rows()
+{
+    grep -v '^#' "$table"
+}
+
+if [ "${1:-}" = --write ]; then
+    grep '^#' "$table"
+    rows | while read -r rig task ticks _; do
+        echo "$rig $task $ticks $(bits plain "$rig" "$task" "$ticks")"
+    done
+    exit
+fi
+
+# What the processor has, as the program says
+sets=()
+for set in plain avx2 avx512; do
+    COMAN_HIL_INSTRUCTIONS=$set "$program" version >"$work/out" 2>&1 && sets+=("$set")
+done
+[ "${#sets[@]}" -gt 0 ] || { echo "Bail out! the program does not start"; exit 1; }
+
+echo "1..$(($(rows | wc -l) * 3))"
+while read -r rig task ticks hash frames; do
+    for set in plain avx2 avx512; do
+        name="$rig, task $task, has the bits of the table with $set instructions"
+        if [[ " ${sets[*]} " != *" $set "* ]]; then
+            skip "$name" "this machine does not have them"
+            continue
+        fi
+        found=$(bits "$set" "$rig" "$task" "$ticks")
+        echo "# expected $hash $frames, found $found" >>"$work/out"
+        if [ "$found" = "$hash $frames" ]; then ok "$name"; else not_ok "$name"; fi
+    done
+done < <(rows)
+exit "$failed"
