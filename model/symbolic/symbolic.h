@@ -39,10 +39,10 @@ struct symbolic_progress {
 };
 
 struct symbolic_options {
-    int lanes;     /* at most so many limbs side by side: 1, 2 or 4; 4 is the fastest */
-    bool this_cpu; /* only the variant of instruction_set_used(): a third of the compiler's
+    int lanes;         /* at most so many limbs side by side: 1, 2 or 4; 4 is the fastest */
+    bool this_cpu;     /* only the variant of instruction_set_used(): a third of the compiler's
                     * work; else all of them */
-    bool fast_compile;                 /* symbolic_build: -O1, for tests */
+    bool fast_compile; /* symbolic_build: -O1, for tests */
     struct symbolic_progress progress; /* symbolic_build */
 };
 
