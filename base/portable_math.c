@@ -175,6 +175,14 @@ double portable_cos(double x)
     return cosine;
 }
 
+double portable_tan(double x)
+{
+    double sine, cosine;
+
+    portable_sincos(x, &sine, &cosine);
+    return sine / cosine;
+}
+
 /* The angle of a slope 0 <= t <= 1 as high + low: the nearest eighth's from the table, the rest
  * |d| < 3/32 by a series (the first term left out is 2e-18 of d). */
 static void slope_angle(double t, double *high, double *low)

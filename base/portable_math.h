@@ -17,6 +17,7 @@
 void portable_sincos(double x, double *sine, double *cosine);
 double portable_sin(double x);
 double portable_cos(double x);
+double portable_tan(double x); /* 2.3 ulp */
 
 /* In (-pi, pi], of the point (x, y). 1.5 ulp. */
 double portable_atan2(double y, double x);

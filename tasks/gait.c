@@ -63,7 +63,7 @@ static void gait_foresee_ground(const struct gait *gait, const struct gait_footh
 
     to->roll = part * stance->roll;
     to->pitch = part * stance->pitch;
-    to->p[2] = stance->p[2] - tan(to->pitch) * ahead + tan(to->roll) * left;
+    to->p[2] = stance->p[2] - portable_tan(to->pitch) * ahead + portable_tan(to->roll) * left;
 }
 
 /* Where the foot of that side steps to while the other one stands. */

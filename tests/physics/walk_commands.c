@@ -191,9 +191,9 @@ static void orders_take_effect_at_the_same_tick_every_time(void **state)
 
 static const struct order back[] = {
     {20, "walk.forward_m_s", 0.2},
-    {20, "walk.step_s", 1},
+    {20, "walk.step_s", 0.8},
     {40, "walk.step_length_m", 0.1},
-    {60, "walk.forward_m_s", 0.5},
+    {60, "walk.forward_m_s", 0.6},
     {60, "walk.on", 0.5},
     {60, "walk.step_s", NAN},
     {80, NULL, 0},
@@ -236,10 +236,10 @@ static void settings_are_checked_and_go_back_with_time(void **state)
     for (size_t i = 0; i < lead.norder; i++) {
         assert_int_equal(lead.verdict[i], i >= 3 && i < 6 ? STEER_RANGE : STEER_OK);
     }
-    assert_true(fabs(lead.x[0] - 0.2) < 1e-12);
-    assert_true(fabs(lead.x[1] - 0.1) < 1e-12);
+    assert_true(fabs(lead.x[0] - 0.16) < 1e-12);
+    assert_true(fabs(lead.x[1] - 0.125) < 1e-12);
     assert_true(fabs(lead.x[2] - 0.15) < 1e-12);
-    assert_true(fabs(lead.x[3] - 0.75) < 1e-12);
+    assert_true(fabs(lead.x[3] - 0.45) < 1e-12);
     simulator_destroy(lead.simulator);
     arena_fini(&arena);
 }
@@ -251,8 +251,8 @@ static void wrong_settings_are_refused_by_name(void **state)
     } wrong[] = {
         {"walk", "walk.forward=0", "walk.forward_m_s"},
         {"walk", "walk.forward_m_s", "NAME=VALUE"},
-        {"walk", "walk.forward_m_s=fast", "expected -0.2"},
-        {"walk", "walk.forward_m_s=1", "0.333333 m/s"},
+        {"walk", "walk.forward_m_s=fast", "expected -0.44"},
+        {"walk", "walk.forward_m_s=1", "0.555556 m/s"},
         {"walk", "walk.on=0.5", "a whole number"},
         {"stand", "walk.on=1", "has none"},
     };
