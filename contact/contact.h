@@ -22,6 +22,15 @@
  *                where surfaces part faster than their layers follow (f_n = 0). Neither is ever
  *                negative.
  *
+ * A layer ends where it is as thin as nothing: a law that is linear in x holds for x well below its
+ * thickness. With K = K1 K2/(K1 + K2), K_i = backing_pa_per_m of what is behind layer i (0 on either
+ * side = layers without end, the paper's), and h the sum of both thicknesses,
+ *
+ *     normal     f_n = A (k x + K max(x - h, 0)) (1 + c x'), and A K max(x - h, 0)^2/2 is stored too
+ *
+ * in engine "native"; Hertz's law has no layers. For a mesh on a sphere it is the volume that a
+ * sphere smaller by h has in common with it.
+ *
  * Elements are the triangles of a mesh. x is the centroid's distance to the nearest point of the
  * other surface; force and velocities belong to the point between them that divides x by s1 and
  * s2. Where both surfaces are meshes, half of the sum over each counts, or, in the engine "native",
@@ -100,6 +109,7 @@ struct contact_material {
     double dissipation_s_per_m;
     double static_friction, dynamic_friction; /* dimensionless */
     double viscous_friction;                  /* s/m */
+    double backing_pa_per_m; /* of what is behind the layer; 0 = the layer never ends */
 };
 
 struct contact_surface {
@@ -270,6 +280,7 @@ struct contact_world {
  *   stands upright: the sides of a box deeper than its first centroids add to the force.
  * - A sphere smaller than the mesh's cells can touch between centroids and feel nothing.
  * - Force patches give neither area nor depth.
+ * - Layers never end: nothing backs them.
  * It has no capsules, and of friction the regularized law only: ERROR_UNSUPPORTED. */
 enum error_code contact_simbody_create(const struct contact_config *config,
                                        struct contact_world **world, struct error *error);

@@ -91,6 +91,8 @@ static enum error_code surface_check_material(const struct contact_surface *s, s
     } rule[] = {
         {number_is_positive(m->young_pa), "young_pa", m->young_pa, "over 0"},
         {number_is_positive(m->thickness_m), "thickness_m", m->thickness_m, "over 0"},
+        {number_is_not_negative(m->backing_pa_per_m), "backing_pa_per_m", m->backing_pa_per_m,
+         "0 or more"},
         {number_is_not_negative(m->dissipation_s_per_m), "dissipation_s_per_m",
          m->dissipation_s_per_m, "0 or more"},
         {number_is_not_negative(m->static_friction), "static_friction", m->static_friction,

@@ -32,7 +32,7 @@ struct axis_couple {
     const double *direction, *other; /* of both, unit */
     double half, other_half;
     double between[3]; /* from the other's center to the own */
-    double reach;      /* sum of the radii */
+    double reach;      /* sum of the radii, less the layers for what backs them */
     double round;      /* relative radius */
     double low, high;  /* where the own line is within reach of the other axis */
     bool is_first;     /* the own is the first capsule's */
@@ -180,21 +180,22 @@ static void couple_add_axis(struct axis_couple *c, const struct native_law *law,
     }
 }
 
-void native_capsules(const struct native_capsule *first, const struct native_capsule *second,
-                     const struct native_law *law, const struct native_relative *relative,
-                     struct native_scratch *scratch, struct native_sum *sum)
+/* The springs of both axes, by how much deeper than so many layers they are. */
+static void capsules_add_axes(const struct native_capsule *first,
+                              const struct native_capsule *second, double layers,
+                              const struct native_law *law, const struct native_relative *relative,
+                              struct native_batch *b, struct native_sum *sum)
 {
     const double axis[2][3] = {{0, 0, 1}, {relative->R[2], relative->R[5], relative->R[8]}};
     const double half[2] = {first->half, second->half};
 
-    native_law_make_room(&scratch->batch, 2 * (PIECES * PIECE_POINTS + 2), law, relative, sum);
     for (int own = 0; own < 2; own++) {
         struct axis_couple c = {
             .direction = axis[own],
             .other = axis[!own],
             .half = half[own],
             .other_half = half[!own],
-            .reach = first->radius + second->radius,
+            .reach = first->radius + second->radius - layers,
             .round = first->radius * second->radius / (first->radius + second->radius),
             .is_first = own == 0,
             .radius = first->radius,
@@ -203,7 +204,24 @@ void native_capsules(const struct native_capsule *first, const struct native_cap
         for (int k = 0; k < 3; k++) {
             c.between[k] = own == 0 ? -relative->p[k] : relative->p[k];
         }
-        couple_add_axis(&c, law, &scratch->batch, sum);
+        couple_add_axis(&c, law, b, sum);
+    }
+}
+
+void native_capsules(const struct native_capsule *first, const struct native_capsule *second,
+                     const struct native_law *law, const struct native_relative *relative,
+                     struct native_scratch *scratch, struct native_sum *sum)
+{
+    struct native_batch *b = &scratch->batch;
+
+    native_law_make_room(b, 4 * (PIECES * PIECE_POINTS + 2), law, relative, sum);
+    capsules_add_axes(first, second, 0, law, relative, b, sum);
+    if (native_law_is_backed(law, sum->depth)) {
+        const struct native_law backing = native_law_of_backing(law);
+        const double area = sum->area;
+
+        capsules_add_axes(first, second, law->layers, &backing, relative, b, sum);
+        sum->area = area;
     }
     native_law_sum(&scratch->batch, law, relative, sum);
 }

@@ -138,6 +138,33 @@ static void capsule_add_cap(const struct capsule_over_plane *c, struct native_ba
     sum->area += PI * area;
 }
 
+/* The springs of a capsule that reaches below the plane. */
+static void capsule_add_springs(struct capsule_over_plane *c, struct native_batch *b,
+                                struct native_sum *sum)
+{
+    double from, rim = c->radius * c->cosine;
+
+    if (c->low >= rim || c->half <= 0) {
+        capsule_add_cap(c, b, sum);
+        return;
+    }
+
+    /* The part of the side below the plane, with the ends that it reaches */
+    for (int k = 0; k < 2 && c->cosine > UPRIGHT; k++) {
+        c->across[k] = -c->normal[k] / c->cosine;
+    }
+    from = c->half - (rim - c->low) / (c->sine + DBL_MIN);
+    from = from > -c->half ? from : -c->half;
+    for (int i = 0; i < SLICES; i++) {
+        capsule_add_slice(c, from + slice_point[i] * (c->half - from), c->radius,
+                          slice_weight[i] * (c->half - from), b, sum);
+    }
+    capsule_add_end(c, 1, b, sum);
+    if (from <= -c->half) {
+        capsule_add_end(c, -1, b, sum);
+    }
+}
+
 void native_capsule_half_space(const struct native_capsule *capsule, const struct native_law *law,
                                const struct native_relative *relative,
                                struct native_scratch *scratch, struct native_sum *sum)
@@ -154,32 +181,23 @@ void native_capsule_half_space(const struct native_capsule *capsule, const struc
         .sine = fabs(R[8]),
         .cosine = sqrt(R[2] * R[2] + R[5] * R[5]),
     };
-    double from, rim = c.radius * c.cosine;
 
     c.low = -vec3_dot(c.normal, relative->p) - c.half * c.sine;
     if (c.low >= c.radius) {
         return;
     }
-    native_law_make_room(b, 3 * SLICES, law, relative, sum);
+    native_law_make_room(b, 6 * SLICES, law, relative, sum);
     sum->depth = c.radius - c.low;
+    capsule_add_springs(&c, b, sum);
 
-    if (c.low >= rim || c.half <= 0) {
-        capsule_add_cap(&c, b, sum);
-    } else {
-        /* The part of the side below the plane, with the ends that it reaches */
-        for (int k = 0; k < 2 && c.cosine > UPRIGHT; k++) {
-            c.across[k] = -c.normal[k] / c.cosine;
-        }
-        from = c.half - (rim - c.low) / (c.sine + DBL_MIN);
-        from = from > -c.half ? from : -c.half;
-        for (int i = 0; i < SLICES; i++) {
-            capsule_add_slice(&c, from + slice_point[i] * (c.half - from), c.radius,
-                              slice_weight[i] * (c.half - from), b, sum);
-        }
-        capsule_add_end(&c, 1, b, sum);
-        if (from <= -c.half) {
-            capsule_add_end(&c, -1, b, sum);
-        }
+    /* What backs the layers, as below a lower plane */
+    if (native_law_is_backed(law, sum->depth)) {
+        const double area = sum->area;
+
+        c.low += law->layers;
+        c.stiffness = law->backing;
+        capsule_add_springs(&c, b, sum);
+        sum->area = area;
     }
     native_law_sum(b, law, relative, sum);
 }

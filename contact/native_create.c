@@ -30,6 +30,7 @@ static struct native_law law_make(const struct contact_material *a,
     double ka = a->young_pa / a->thickness_m, kb = b->young_pa / b->thickness_m;
     double ha = portable_pow(a->young_pa, 2.0 / 3), hb = portable_pow(b->young_pa, 2.0 / 3);
     double s = kb / (ka + kb), hs = hb / (ha + hb);
+    double ba = a->backing_pa_per_m, bb = b->backing_pa_per_m;
 
     return (struct native_law){
         .stiffness = ka * s,
@@ -41,6 +42,8 @@ static struct native_law law_make(const struct contact_material *a,
         .transition_inverse = 1 / transition,
         .hertz = portable_pow(ha * hs, 1.5),
         .hertz_share = hs,
+        .layers = a->thickness_m + b->thickness_m,
+        .backing = law_harmonic_mean(ba, bb) / 2,
     };
 }
 

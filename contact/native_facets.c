@@ -16,6 +16,7 @@
 #include "base/vec3.h"
 
 #include <float.h>
+#include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
 #include <string.h>
@@ -209,6 +210,32 @@ static double spring_weight(const struct facets_between *m, const struct facets_
     return native_ramp(a < b ? a : b, DEPTH_NONE, DEPTH_FULL);
 }
 
+/* What backs the layers: springs where a polygon is deeper than these. area: of the polygon, as
+ * much as it counts. */
+static void bed_add_backing(const struct facets_between *m, const struct bed *bed,
+                            const struct flat *common, double area)
+{
+    struct bed deeper = *bed;
+    struct moments whole, at;
+    struct flat g;
+    double side[POLYGON_MAX], rate;
+
+    deeper.depth -= m->law->layers;
+    for (int i = 0; i < common->n; i++) {
+        side[i] = bed_depth(&deeper, common->x[i], common->y[i]);
+    }
+    flat_clip(common, side, &g);
+    if (g.n < 3) {
+        return;
+    }
+    flat_find_moments(common, false, &whole);
+    flat_find_moments(&g, false, &at);
+    rate = m->law->backing * area / whole.twice;
+    if (at.twice > DBL_MIN) {
+        bed_add_around(m, &deeper, &g, &at, rate * at.twice);
+    }
+}
+
 void facets_add_springs(const struct facets_between *m, const struct facets_couple *c)
 {
     const bool fine = (c->a->radius < c->b->radius ? c->a : c->b)->radius <= m->fine;
@@ -246,6 +273,14 @@ void facets_add_springs(const struct facets_between *m, const struct facets_coup
         bed_add_three(m, &bed, &at, m->law->stiffness * area);
     } else {
         bed_add_around(m, &bed, common, &at, m->law->stiffness * area);
+    }
+
+    depth = 0;
+    for (int i = 0; i < common->n; i++) {
+        depth = fmax(depth, bed_depth(&bed, common->x[i], common->y[i]));
+    }
+    if (native_law_is_backed(m->law, depth)) {
+        bed_add_backing(m, &bed, common, area);
     }
 
     m->sum->area += area;

@@ -861,6 +861,39 @@ static bool box_shrink(const struct box *box, double by, struct box *out)
     return true;
 }
 
+/* Two meshes by a pressure field. */
+struct visit_couple {
+    const struct field *first, *second; /* the second's may be NULL */
+    const struct box *moved, *there;    /* the second seen from the first, and the first from it */
+    const double *back, *origin;        /* the first's pose seen from the second */
+};
+
+/* The second's facets in what the first's field has that is deeper than this, and the first's in
+ * what the second's has that is deeper than this and than the first's is anywhere. */
+static void visit_couple_from(struct visit *v, const struct visit_couple *c, double least)
+{
+    const struct visit kept = *v;
+    struct box in = c->first->solid->box, moved;
+
+    v->least = least;
+    if (least <= 0 || box_shrink(&c->first->solid->box, least, &in)) {
+        visit_near(v, &in, c->moved, c->back, c->origin);
+    }
+    least = fmax(least, c->first->deepest);
+    if (c->second && c->second->deepest > least &&
+        box_shrink(&c->second->solid->box, least, &moved) && boxes_meet(&moved, c->there)) {
+        v->field = c->second;
+        v->carrier = c->second->solid;
+        v->visitor = c->first->solid;
+        v->turned = true;
+        v->least = least;
+        memcpy(v->R, c->back, sizeof v->R);
+        memcpy(v->p, c->origin, sizeof v->p);
+        visit_near(v, &moved, c->there, kept.relative->R, kept.relative->p);
+    }
+    *v = kept;
+}
+
 void native_overlap_fields(const struct field *first, const struct solid *second,
                            const struct field *second_field, const struct native_law *law,
                            const struct native_relative *relative, struct native_scratch *scratch,
@@ -876,6 +909,7 @@ void native_overlap_fields(const struct field *first, const struct solid *second
                       .sum = sum};
     struct box moved, there;
     double back[9], origin[3];
+    const struct visit_couple couple = {first, second_field, &moved, &there, back, origin};
 
     /* The first in the second's frame */
     mat3_transpose(relative->R, back);
@@ -888,24 +922,19 @@ void native_overlap_fields(const struct field *first, const struct solid *second
     if (!boxes_meet(&a->box, &moved) || !boxes_meet(&b->box, &there)) {
         return;
     }
-
-    /* The second's facets in the first's field */
     v.spacing = SPACING * (a->radius < b->radius ? a->radius : b->radius);
     memcpy(v.R, relative->R, sizeof v.R);
     memcpy(v.p, relative->p, sizeof v.p);
-    visit_near(&v, &a->box, &moved, back, origin);
 
-    /* The first's in what the second's has that is deeper than the first's is anywhere */
-    if (second_field && second_field->deepest > first->deepest &&
-        box_shrink(&b->box, first->deepest, &moved) && boxes_meet(&moved, &there)) {
-        v.field = second_field;
-        v.carrier = b;
-        v.visitor = a;
-        v.turned = true;
-        v.least = first->deepest;
-        memcpy(v.R, back, sizeof v.R);
-        memcpy(v.p, origin, sizeof v.p);
-        visit_near(&v, &moved, &there, relative->R, relative->p);
+    /* The layers, and what backs them */
+    visit_couple_from(&v, &couple, 0);
+    if (native_law_is_backed(law, sum->depth)) {
+        const struct native_law backing = native_law_of_backing(law);
+        const double area = sum->area;
+
+        v.law = &backing;
+        visit_couple_from(&v, &couple, law->layers);
+        sum->area = area;
     }
     native_law_sum(&scratch->batch, law, relative, sum);
 }

@@ -103,12 +103,11 @@ static void half_space_add_facet(struct native_scratch *s, const struct solid *s
     }
 }
 
-void native_overlap_half_space(const struct solid *solid, const struct native_law *law,
-                               const struct native_relative *relative,
-                               struct native_scratch *scratch, struct native_sum *sum)
+/* The springs of all facets. */
+static void half_space_add_bed(struct native_scratch *s, const struct solid *solid,
+                               const double n[3], double height, const struct native_law *law,
+                               const struct native_relative *relative, struct native_sum *sum)
 {
-    const double n[3] = {relative->R[2], relative->R[5], relative->R[8]};
-    const double height = vec3_dot(n, relative->p);
     const struct tree *tree = &solid->facets;
     const struct tree_node *node = tree->node, *end = tree_end(tree);
 
@@ -120,10 +119,27 @@ void native_overlap_half_space(const struct solid *solid, const struct native_la
             continue;
         }
         for (int i = 0; i < node->count; i++) {
-            half_space_add_facet(scratch, solid, &solid->facet[tree->item[node->first + i]], n,
-                                 height, law, relative, sum);
+            half_space_add_facet(s, solid, &solid->facet[tree->item[node->first + i]], n, height,
+                                 law, relative, sum);
         }
         ++node;
+    }
+}
+
+void native_overlap_half_space(const struct solid *solid, const struct native_law *law,
+                               const struct native_relative *relative,
+                               struct native_scratch *scratch, struct native_sum *sum)
+{
+    const double n[3] = {relative->R[2], relative->R[5], relative->R[8]};
+    const double height = vec3_dot(n, relative->p);
+
+    half_space_add_bed(scratch, solid, n, height, law, relative, sum);
+    if (native_law_is_backed(law, sum->depth)) {
+        const struct native_law backing = native_law_of_backing(law);
+        const double area = sum->area;
+
+        half_space_add_bed(scratch, solid, n, height - law->layers, &backing, relative, sum);
+        sum->area = area;
     }
     native_law_sum(&scratch->batch, law, relative, sum);
 }

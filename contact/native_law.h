@@ -26,6 +26,8 @@ struct native_law {
     double us, ud, uv;         /* friction; uv in s/m */
     double transition_inverse; /* 1/v_t */
     double hertz, hertz_share; /* E (two spheres, sphere and half-space), share of the first */
+    double layers, backing;    /* depth at which the layers end, m; what pushes too from there on,
+                                * Pa/m, 0 = nothing */
 };
 
 /* Pose and velocity of the second surface, seen from the first. */
@@ -66,6 +68,22 @@ struct native_sum {
     struct native_gather *gather;
     struct native_grip *grip;
 };
+
+/* Whether springs that are found to be this deep reach through the layers. */
+static inline bool native_law_is_backed(const struct native_law *law, double depth)
+{
+    return law->backing > 0 && depth > law->layers;
+}
+
+/* The law of the springs of what backs the layers, by how much deeper than these they are. */
+static inline struct native_law native_law_of_backing(const struct native_law *law)
+{
+    struct native_law backing = *law;
+
+    backing.stiffness = law->backing;
+    backing.backing = 0;
+    return backing;
+}
 
 /* Adds a spring; there must be room. rate: of the force with the depth. */
 static inline void batch_add_spring(struct native_batch *b, const double p[3], const double d[3],

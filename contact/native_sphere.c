@@ -281,8 +281,9 @@ static void sphere_add_facet(const struct solid *solid, const struct facet *f, c
     sum->depth = weight >= 0.5 && depth > sum->depth ? depth : sum->depth;
 }
 
-void native_overlap_sphere(const struct solid *solid, double radius, const struct native_law *law,
-                           const struct native_relative *relative, struct native_scratch *scratch,
+/* The springs of all facets. */
+static void sphere_add_bed(const struct solid *solid, double radius, const struct native_law *law,
+                           const struct native_relative *relative, struct native_batch *batch,
                            struct native_sum *sum)
 {
     const double *at = relative->p;
@@ -296,9 +297,23 @@ void native_overlap_sphere(const struct solid *solid, double radius, const struc
         }
         for (int i = 0; i < node->count; i++) {
             sphere_add_facet(solid, &solid->facet[tree->item[node->first + i]], at, radius, law,
-                             relative, &scratch->batch, sum);
+                             relative, batch, sum);
         }
         ++node;
+    }
+}
+
+void native_overlap_sphere(const struct solid *solid, double radius, const struct native_law *law,
+                           const struct native_relative *relative, struct native_scratch *scratch,
+                           struct native_sum *sum)
+{
+    sphere_add_bed(solid, radius, law, relative, &scratch->batch, sum);
+    if (native_law_is_backed(law, sum->depth) && radius > law->layers) {
+        const struct native_law backing = native_law_of_backing(law);
+        const double area = sum->area;
+
+        sphere_add_bed(solid, radius - law->layers, &backing, relative, &scratch->batch, sum);
+        sum->area = area;
     }
     native_law_sum(&scratch->batch, law, relative, sum);
 }

@@ -136,6 +136,7 @@ enum error_code rig_find_material(struct rig_builder *b, const struct yaml_mark 
     *material = (struct contact_material){
         .young_pa = m->young_pa,
         .thickness_m = m->thickness_m,
+        .backing_pa_per_m = m->backing_pa_per_m,
         .dissipation_s_per_m = m->dissipation_s_per_m,
         .static_friction = m->static_friction,
         .dynamic_friction = m->dynamic_friction,

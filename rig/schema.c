@@ -139,6 +139,7 @@ static const struct yaml_schema initial_schema = {
 static const struct yaml_field material_fields[] = {
     {"young_pa", YAML_REAL, true, AT(young_pa), .min = 1.0, .max = 1e12},
     {"thickness_m", YAML_REAL, true, AT(thickness_m), .min = 1e-6, .max = 1.0},
+    {"backing_pa_per_m", YAML_REAL, false, AT(backing_pa_per_m), .min = 0.0, .max = 1e12},
     {"dissipation_s_per_m", YAML_REAL, true, AT(dissipation_s_per_m), .min = 0.0, .max = 1e4},
     {"static_friction", YAML_REAL, true, AT(static_friction), .min = 0.0, .max = 100.0},
     {"dynamic_friction", YAML_REAL, true, AT(dynamic_friction), .min = 0.0, .max = 100.0},

@@ -42,7 +42,7 @@ struct raw_initial {
 struct raw_material {
     struct yaml_mark mark;
     const char *name;
-    double young_pa, thickness_m, dissipation_s_per_m;
+    double young_pa, thickness_m, backing_pa_per_m, dissipation_s_per_m;
     double static_friction, dynamic_friction, viscous_s_per_m;
 };
 

@@ -8,9 +8,9 @@
 #include <string.h>
 
 /* The paper's walking code: foot and ground; its Table 2 for the rest. */
-static const struct contact_material foot_material = {1e5, 2e-4, 10, 1.1, 0.9, 0};
-static const struct contact_material ground_material = {1e5, 1e-3, 10, 1.1, 0.9, 0};
-static const struct contact_material box_material = {1e4, 1e-3, 10, 1.1, 0.9, 0.5};
+static const struct contact_material foot_material = {1e5, 2e-4, 10, 1.1, 0.9, 0, 0};
+static const struct contact_material ground_material = {1e5, 1e-3, 10, 1.1, 0.9, 0, 0};
+static const struct contact_material box_material = {1e4, 1e-3, 10, 1.1, 0.9, 0.5, 0};
 
 static double random_number(uint64_t *seed)
 {

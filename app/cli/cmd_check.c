@@ -126,9 +126,13 @@ static void check_print_scene(const struct rig *rig)
         if (s->shape == CONTACT_MESH) {
             printf(" of %zu faces", s->mesh->nface);
         }
-        printf(" on %s, %.4g N/m3, friction %g static %g dynamic\n",
+        printf(" on %s, %.4g N/m3",
                s->body < 0 ? "the world" : rig_contact_name(rig, (size_t)s->body),
-               m->young_pa / m->thickness_m, m->static_friction, m->dynamic_friction);
+               m->young_pa / m->thickness_m);
+        if (m->backing_pa_per_m > 0.0) {
+            printf(" backed by %.4g", m->backing_pa_per_m);
+        }
+        printf(", friction %g static %g dynamic\n", m->static_friction, m->dynamic_friction);
     }
     printf("pairs       %zu\n", contact->npair);
     print_pairs(contact);

@@ -24,7 +24,7 @@
 #define BRISTLES (CONTACT_BRISTLE * SCENE_PAIRS)
 
 /* Half as hard as the two together: 5e5 Pa/m. */
-static const struct contact_material plain = {1e6, 1, 0.3, 0.5, 0.4, 0};
+static const struct contact_material plain = {1e6, 1, 0.3, 0.5, 0.4, 0, 0};
 
 static struct arena arena;
 

@@ -19,7 +19,7 @@
 #include "tests/physics/near.h"
 
 /* Half of it as hard as the two together: k = 5e7 Pa/m. */
-static const struct contact_material hard = {1e6, 1e-2, 0, 0, 0, 0};
+static const struct contact_material hard = {1e6, 1e-2, 0, 0, 0, 0, 0};
 static const double stiffness = 5e7;
 
 /* Turns about x by an angle: leans the axis z of a surface that is at its body's origin. */

@@ -20,7 +20,7 @@
 #include "tests/physics/near.h"
 
 /* Two surfaces of these have 5e5 Pa/m, and no friction. */
-static const struct contact_material slippery = {1e6, 1, 0, 0, 0, 0};
+static const struct contact_material slippery = {1e6, 1, 0, 0, 0, 0, 0};
 static const double stiffness = 5e5;
 
 static void onto_sphere(double p[3], const double *radius)
@@ -342,7 +342,7 @@ static void a_spinning_square_is_braked_by_the_integral_of_its_lever(void **stat
 {
     /* At a pure spin all of it slides: mu times the force times the mean distance of a square's
      * points from its middle */
-    const struct contact_material rough = {1e6, 1, 0, 0.5, 0.5, 0};
+    const struct contact_material rough = {1e6, 1, 0, 0.5, 0.5, 0, 0};
     const double lever = 0.15 * (sqrt(2) + log(1 + sqrt(2))) / 6;
     struct scene scene;
     struct body_motion motion;

@@ -19,7 +19,7 @@
 #include "tests/physics/near.h"
 
 /* Half of it as hard as the two together: k = 5e5 Pa/m. */
-static const struct contact_material hard = {1e6, 1, 0, 0, 0, 0};
+static const struct contact_material hard = {1e6, 1, 0, 0, 0, 0, 0};
 
 static void onto_sphere(double p[3], const double *radius)
 {

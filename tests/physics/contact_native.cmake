@@ -19,6 +19,7 @@ foreach(name "" _invariants _tangents _bodies _impacts)
 endforeach()
 hil_test(contact_fields SOURCES physics/contact_fields.c LIBS contact TIMEOUT 180 LABELS physics)
 hil_test(contact_terrain SOURCES physics/contact_terrain.c LIBS contact LABELS physics)
+hil_test(contact_backing SOURCES physics/contact_backing.c LIBS contact LABELS physics)
 hil_test(contact_capsule SOURCES physics/contact_capsule.c LIBS contact LABELS physics)
 hil_test(contact_sticking SOURCES physics/contact_sticking.c
          LIBS contact TIMEOUT 300 LABELS physics)

@@ -181,7 +181,7 @@ static void no_impact_gains_energy(void **state)
 
 static void without_loss_an_impact_keeps_its_energy(void **state)
 {
-    static const struct contact_material lossless = {1e6, 1, 0, 0, 0, 0};
+    static const struct contact_material lossless = {1e6, 1, 0, 0, 0, 0, 0};
     static const struct game games[] = {
         {"sphere at half-space", sphere_at_half_space, aim_sphere, BALL, 2e-4, 300},
         {"cube at half-space", cube_at_half_space, aim_cube, CUBE, 2.5e-4, 200},

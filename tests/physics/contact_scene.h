@@ -22,8 +22,8 @@ struct scene {
 };
 
 /* The paper's foot and ground (Pa, layer thickness in m), with friction of their own. */
-static const struct contact_material scene_foot = {1e5, 2e-4, 0.1, 1.1, 0.9, 0.02};
-static const struct contact_material scene_ground = {1e5, 1e-3, 0.3, 0.9, 0.6, 0.05};
+static const struct contact_material scene_foot = {1e5, 2e-4, 0.1, 1.1, 0.9, 0.02, 0};
+static const struct contact_material scene_ground = {1e5, 1e-3, 0.3, 0.9, 0.6, 0.05, 0};
 
 /* Stiffness per area, dissipation and friction of the two together, by contact.h's law. */
 static inline double scene_stiffness(const struct contact_material *a,

@@ -335,7 +335,7 @@ static void whole_triangles_of_a_coarse_table_push_too_hard_as_others_have_measu
     static const struct {
         double side, published, half_digit;
     } table[] = {{0.2, 15.4, 0.05}, {0.6, 31, 0.5}, {2.4, 461, 0.5}};
-    const struct contact_material hard = {1e6, 1, 0, 0, 0, 0};
+    const struct contact_material hard = {1e6, 1, 0, 0, 0, 0, 0};
 
     (void)state;
     assert_near(scene_stiffness(&hard, &hard) * 0.0225 * 1e-3, 11.25, 1e-12);
@@ -383,7 +383,7 @@ static void upright_faces_below_a_half_space_push_too(void **state)
 static void a_dropped_block_comes_to_rest_with_its_weight(void **state)
 {
     const double mass = 1.5, weight = mass * 9.81, h = 1e-4;
-    struct contact_material soft = {2e4, 5e-3, 2, 0.9, 0.6, 0};
+    struct contact_material soft = {2e4, 5e-3, 2, 0.9, 0.6, 0, 0};
     struct scene scene;
     struct body_motion motion;
     struct contact_wrench wrench;

@@ -11,10 +11,10 @@
 #define H 1e-4 /* of prescribed motions, s */
 
 /* 5e5 Pa/m together; static and dynamic friction apart, and some viscous. */
-static const struct contact_material rough = {1e6, 1, 0.3, 0.7, 0.5, 0.05};
+static const struct contact_material rough = {1e6, 1, 0.3, 0.7, 0.5, 0.05, 0};
 
 /* 5e6 Pa/m without a bounce: on softer ground friction tilts a block, and springs lean with it. */
-static const struct contact_material dull = {1e7, 1, 300, 0.5, 0.4, 0};
+static const struct contact_material dull = {1e7, 1, 300, 0.5, 0.4, 0, 0};
 
 enum kind { ON_GROUND, ON_TABLE, BALL_ON_TABLE, BALL_ON_GROUND, BALLS, KINDS };
 
@@ -181,7 +181,7 @@ struct laws {
 
 static void make_laws(enum kind kind, struct laws *laws)
 {
-    const struct contact_material slick = {1e6, 1, 0.3, 0, 0, 0};
+    const struct contact_material slick = {1e6, 1, 0.3, 0, 0, 0, 0};
     struct scene scene;
 
     make_scene(kind, &rough, CONTACT_FRICTION_STICKING, &scene);
@@ -314,7 +314,7 @@ static double friction_power(enum kind kind, struct contact_world *world,
  * any time. */
 static void friction_makes_no_energy_while_loads_change(void **state)
 {
-    const struct contact_material slick = {1e6, 1, 0.3, 0, 0, 0};
+    const struct contact_material slick = {1e6, 1, 0.3, 0, 0, 0, 0};
     uint64_t seed = 5;
 
     (void)state;
@@ -365,7 +365,7 @@ static void friction_makes_no_energy_while_loads_change(void **state)
 /* At any bristles and any motion friction stays below mu f_n. */
 static void friction_stays_within_its_limit(void **state)
 {
-    const struct contact_material slick = {1e6, 1, 0.3, 0, 0, 0};
+    const struct contact_material slick = {1e6, 1, 0.3, 0, 0, 0, 0};
     uint64_t seed = 11;
 
     (void)state;

@@ -13,8 +13,8 @@
 
 /* The layers of the rigs but ten times as soft, for longer steps: 8.3e6 Pa/m. Friction holds on the
  * steepest facet, 15 degrees. */
-static const struct contact_material ground = {1e4, 1e-3, 10, 1.1, 0.9, 0};
-static const struct contact_material sole = {1e4, 2e-4, 10, 1.1, 0.9, 0};
+static const struct contact_material ground = {1e4, 1e-3, 10, 1.1, 0.9, 0, 0};
+static const struct contact_material sole = {1e4, 2e-4, 10, 1.1, 0.9, 0, 0};
 
 static const struct mesh *read_mesh(const char *name)
 {

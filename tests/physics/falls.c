@@ -196,10 +196,9 @@ static void coman_comes_to_lie_on_the_ground(void **state)
     struct fall worst = run_falls(&coman, from_environment("HIL_FALLS", 200));
 
     (void)state;
-    assert_true(worst.lying < 5e-3);
-    assert_true(worst.deepest < 10e-3);
-    /* The corner of a foot's mesh is sharp: 12 N press it 5 mm into ground and sole */
-    assert_true(worst.foot < 8e-3);
+    assert_true(worst.lying < 2.5e-3);
+    assert_true(worst.deepest < 5e-3);
+    assert_true(worst.foot < 5e-3);
     /* What a step of 1 ms errs by at an impact may show in a few of many falls */
     assert_true(worst.growth < 1e-2);
 }
@@ -209,8 +208,10 @@ static void walkman_comes_to_lie_on_the_ground(void **state)
     struct fall worst = run_falls(&walkman, from_environment("HIL_FALLS", 200) / 8);
 
     (void)state;
-    /* Four times COMAN's weight on the same ground: a hand that friction braces lies the deepest */
-    assert_true(worst.lying < 6e-3);
+    /* Four times COMAN's weight on the same ground; corners of the feet carry up to 250 N */
+    assert_true(worst.lying < 2.5e-3);
+    assert_true(worst.deepest < 5e-3);
+    assert_true(worst.foot < 5e-3);
     /* The step's own error, of some 1,200 J: nothing with steps of a quarter */
     assert_true(worst.growth < 1.0);
 }

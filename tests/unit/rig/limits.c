@@ -22,6 +22,7 @@ static const struct limit rig_limits[] = {
     {"scene.transition_velocity_m_s", 1e-6, 10},
     {"scene.materials[].young_pa", 1, 1e12},
     {"scene.materials[].thickness_m", 1e-6, 1},
+    {"scene.materials[].backing_pa_per_m", 0, 1e12},
     {"scene.materials[].dissipation_s_per_m", 0, 1e4},
     {"scene.materials[].static_friction", 0, 100},
     {"scene.materials[].dynamic_friction", 0, 100},

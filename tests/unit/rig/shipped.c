@@ -83,6 +83,9 @@ static void tell_scene(void)
         add("%s: %g Pa / %g m, %g s/m, %g %g %g s/m",
             s->shape == CONTACT_CAPSULE ? "capsules" : s->name, m->young_pa, m->thickness_m,
             m->dissipation_s_per_m, m->static_friction, m->dynamic_friction, m->viscous_friction);
+        if (m->backing_pa_per_m > 0.0) {
+            append(" on %g Pa/m", m->backing_pa_per_m);
+        }
         if (s->shape == CONTACT_SPHERE || s->shape == CONTACT_BOX) {
             append(" at %g %g %g", s->position[0], s->position[1], s->position[2]);
         }
