@@ -362,6 +362,82 @@ static void a_spinning_square_is_braked_by_the_integral_of_its_lever(void **stat
                 1e-3 * 0.5 * wrench.force[2] * lever);
 }
 
+/* A regular polygon of so many corners as the end of a prism, sunk evenly into a half-space and into
+ * a table: a flat punch of uniform pressure. */
+static const struct mesh *disc_mesh(int corners, double radius)
+{
+    double(*vertex)[3] = arena_alloc(&fixture_arena, 2 * (size_t)corners + 2, sizeof *vertex);
+    int(*face)[3] = arena_alloc(&fixture_arena, 4 * (size_t)corners, sizeof *face);
+    struct mesh *mesh = arena_alloc(&fixture_arena, 1, sizeof *mesh);
+    const int n = corners;
+
+    assert_true(vertex && face && mesh);
+    for (int i = 0; i < n; i++) {
+        int next = (i + 1) % n;
+        const int sides[4][3] = {{i, next, n + next},
+                                 {i, n + next, n + i},
+                                 {next, i, 2 * n},
+                                 {n + i, n + next, 2 * n + 1}};
+
+        for (int z = 0; z < 2; z++) {
+            vertex[z * n + i][0] = radius * cos(2 * fixture_pi * i / n);
+            vertex[z * n + i][1] = radius * sin(2 * fixture_pi * i / n);
+            vertex[z * n + i][2] = z ? 0.02 : -0.02;
+        }
+        memcpy(face[4 * i], sides, sizeof sides);
+    }
+    memcpy(vertex[2 * n], (const double[3]){0, 0, -0.02}, sizeof vertex[0]);
+    memcpy(vertex[2 * n + 1], (const double[3]){0, 0, 0.02}, sizeof vertex[0]);
+    *mesh = (struct mesh){.name = "disc",
+                          .nvertex = 2 * (size_t)n + 2,
+                          .nface = 4 * (size_t)n,
+                          .vertex = (const double(*)[3])vertex,
+                          .face = (const int(*)[3])face};
+    return mesh;
+}
+
+/* 2/3 mu F R by the radius of a circle: of n corners' polygon a little less. The mean distance of
+ * such a polygon's points from its middle, in closed form over one of its n wedges; the sum's own error
+ * is what is off that. */
+static void a_spinning_disc_is_braked_by_two_thirds_of_mu_f_r(void **state)
+{
+    const struct contact_material rough = {1e6, 1, 0, 0.5, 0.5, 0, 0};
+    const double radius = 0.05;
+    const int corners[] = {12, 24, 48, 96};
+
+    (void)state;
+    for (int table = 0; table < 2; table++) {
+        for (int i = 0; i < 4; i++) {
+            double half = fixture_pi / corners[i], rim = radius * cos(half), mean, off;
+            struct scene scene;
+            struct body_motion motion;
+            struct contact_wrench wrench;
+
+            /* Over a wedge of the polygon: integral of r^2 over that of r, in closed form */
+            mean = rim * (tan(half) / cos(half) + log(tan(half) + 1 / cos(half))) / (3 * tan(half));
+            scene_init(&scene, 1);
+            scene.config.transition_velocity_m_s = 1e-6;
+            if (table) {
+                scene_add_box(&scene, -1, 0.2, 0.3, 0.04, 1, &rough);
+            } else {
+                scene_add(&scene, -1, CONTACT_HALF_SPACE, &rough);
+            }
+            scene_add(&scene, 0, CONTACT_MESH, &rough)->mesh = disc_mesh(corners[i], radius);
+            scene_add_pair(&scene, 0, 1);
+            scene_place(&motion, 0, 0, (table ? 0.04 : 0) + 0.019);
+            motion.w[2] = 1;
+            fixture_evaluate(fixture_native(&scene), &motion, &wrench);
+            off = -wrench.moment[2] / (0.5 * wrench.force[2] * mean) - 1;
+            print_message("# %s, %d corners: %.2e off the polygon, %.2e off the circle\n",
+                          table ? "table" : "half-space", corners[i], off,
+                          -wrench.moment[2] / (0.5 * wrench.force[2] * 2 / 3 * radius) - 1);
+            assert_near(wrench.force[2], 5e5 * 1e-3 * corners[i] * rim * rim * tan(half),
+                        1e-9 * wrench.force[2]);
+            assert_near(off, 0, 5e-4);
+        }
+    }
+}
+
 /* ---- any pose ---- */
 
 static void any_pose_is_finite_balanced_and_continuous(void **state)
@@ -424,6 +500,7 @@ int main(void)
         cmocka_unit_test(balls_converge_to_the_integral_over_spheres),
         cmocka_unit_test(work_grows_as_the_facets_do),
         cmocka_unit_test(a_spinning_square_is_braked_by_the_integral_of_its_lever),
+        cmocka_unit_test(a_spinning_disc_is_braked_by_two_thirds_of_mu_f_r),
         cmocka_unit_test(any_pose_is_finite_balanced_and_continuous),
     };
 

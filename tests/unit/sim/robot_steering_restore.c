@@ -137,6 +137,31 @@ static void repeats_a_squat_with_numeric_dynamics(void **state)
     repeats(&scene);
 }
 
+/* Play, hysteresis, heat, friction that rests, the supply and its chopper all have states, and the
+ * flags and orders among them: while the robot comes to stand and squats, and while the supply sags
+ * and comes back. */
+static void repeats_drives_with_all_that_is_real_in_them(void **state)
+{
+    const struct scene scenes[] = {
+        {.rig = "coman-drives",
+         .task = "squat",
+         .clock = LOOP_CLOCK_FREE,
+         .at = 700,
+         .span = 400,
+         .fault = {"supply sag 40 0.75..0.8", "motor LKneeSag jam 0.9.."}},
+        {.rig = "coman-drives",
+         .task = "squat",
+         .clock = LOOP_CLOCK_FREE,
+         .generic = true,
+         .at = 0,
+         .span = 300},
+    };
+
+    (void)state;
+    repeats(&scenes[0]);
+    repeats(&scenes[1]);
+}
+
 static void repeats_noise_and_faults_on_wires(void **state)
 {
     const struct scene scene = {
@@ -316,6 +341,7 @@ int main(void)
         cmocka_unit_test(repeats_a_squat_on_ideal_buses),
         cmocka_unit_test(repeats_a_squat_in_lockstep),
         cmocka_unit_test(repeats_a_squat_with_numeric_dynamics),
+        cmocka_unit_test(repeats_drives_with_all_that_is_real_in_them),
         cmocka_unit_test(repeats_noise_and_faults_on_wires),
         cmocka_unit_test(repeats_a_grasp_with_free_bodies),
         cmocka_unit_test(a_reset_in_a_grasp_begins_it_again),
