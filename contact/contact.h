@@ -23,10 +23,10 @@
  *                negative.
  *
  * A layer ends where it is as thin as nothing: a law that is linear in x holds for x well below its
- * thickness. With K = K1 K2/(K1 + K2), K_i = backing_pa_per_m of what is behind layer i (0 on either
- * side = layers without end, the paper's), and h the sum of both thicknesses,
+ * thickness. With K = K1 K2/(K1 + K2), K_i = backing_pa_per_m of what is behind layer i (0 on
+ * either side = layers without end, the paper's), and h the sum of both thicknesses,
  *
- *     normal     f_n = A (k x + K max(x - h, 0)) (1 + c x'), and A K max(x - h, 0)^2/2 is stored too
+ *     normal     f_n = A (k x + K max(x - h, 0)) (1 + c x'), A K max(x - h, 0)^2/2 is stored too
  *
  * in engine "native"; Hertz's law has no layers. For a mesh on a sphere it is the volume that a
  * sphere smaller by h has in common with it.

@@ -362,8 +362,8 @@ static void a_spinning_square_is_braked_by_the_integral_of_its_lever(void **stat
                 1e-3 * 0.5 * wrench.force[2] * lever);
 }
 
-/* A regular polygon of so many corners as the end of a prism, sunk evenly into a half-space and into
- * a table: a flat punch of uniform pressure. */
+/* A regular polygon of so many corners as the end of a prism, sunk evenly into a half-space and
+ * into a table: a flat punch of uniform pressure. */
 static const struct mesh *disc_mesh(int corners, double radius)
 {
     double(*vertex)[3] = arena_alloc(&fixture_arena, 2 * (size_t)corners + 2, sizeof *vertex);
@@ -397,8 +397,8 @@ static const struct mesh *disc_mesh(int corners, double radius)
 }
 
 /* 2/3 mu F R by the radius of a circle: of n corners' polygon a little less. The mean distance of
- * such a polygon's points from its middle, in closed form over one of its n wedges; the sum's own error
- * is what is off that. */
+ * such a polygon's points from its middle, in closed form over one of its n wedges; the sum's own
+ * error is what is off that. */
 static void a_spinning_disc_is_braked_by_two_thirds_of_mu_f_r(void **state)
 {
     const struct contact_material rough = {1e6, 1, 0, 0.5, 0.5, 0, 0};
