@@ -100,7 +100,7 @@ static void a_squat_notices_a_fall(void **state)
 static void a_squat_notices_a_fall_before_it_begins(void **state)
 {
     (void)state;
-    squat_with(600, 200, 0, 300);
+    squat_with(600, 140, 0, 300);
     expect_failure(2000, "the robot fell: the feet carry");
 }
 
