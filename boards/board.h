@@ -68,6 +68,9 @@ static inline size_t board_axes_max(enum board_personality personality)
 /* A supply below this is an under-voltage fault: half of the nominal 48 V. */
 #define BOARD_UNDER_VOLTAGE_V 24.0
 
+/* A supply above this multiple of the nominal one is an over-voltage fault (ours): 60 V of 48 V. */
+#define BOARD_OVER_VOLTAGE_RATIO 1.25
+
 /* One axis of a motor board. */
 struct board_axis_config {
     int joint;                   /* index in the plant's arrays; -1 = spare axis, on compact
@@ -98,6 +101,7 @@ struct board_config {
     int64_t command_timeout_ns; /* a voltage, current or torque reference without a fresh command
                                  * for so long becomes 0; 0 = off; foc boards have the firmware's
                                  * time-out, strict icub boards none */
+    double over_voltage_v;      /* motor boards: a supply above this is a fault; 0 = none is */
     struct board_axis_config axis[BOARD_AXES_MAX]; /* BOARD_MOTOR: the first board_axes_max */
     int ft;                                        /* BOARD_FT: index in the plant's ft array */
     int torque_joint[BOARD_CHANNELS];              /* BOARD_TORQUE: joints, -1 = none */

@@ -162,6 +162,12 @@ static inline unsigned board_config_axes(const struct board_config *config)
     return count;
 }
 
+/* Whether regeneration, or whatever else, has lifted the supply beyond what the board takes. */
+static inline bool board_is_over_voltage(const struct board *board, double supply_v)
+{
+    return board->config.over_voltage_v > 0.0 && supply_v > board->config.over_voltage_v;
+}
+
 /* What a board reads of the supply: a number, 0 or more. */
 static inline double board_supply_v(const struct plant_sensors *sensors)
 {

@@ -137,6 +137,9 @@ static enum error_code check_board_config(const struct boards_config *config,
     if (board->command_timeout_ns < 0) {
         return check_refuse(error, board, "the command time-out must not be negative");
     }
+    if (!(board->over_voltage_v >= 0.0 && isfinite(board->over_voltage_v))) {
+        return check_refuse(error, board, "the over-voltage must be a number, 0 or more");
+    }
     if (board->boot_ns < 0 || board->status_period_ns < 0) {
         return check_refuse(error, board, "times must not be negative");
     }

@@ -57,6 +57,7 @@ set(HIL_CONFIG
     scenarios/over_current.yaml
     scenarios/position_limit.yaml
     scenarios/push_recovery.yaml
+    scenarios/real_drives_squat.yaml
     scenarios/spring_break.yaml
     scenarios/stale_torque_source.yaml
     scenarios/stand_pushed.yaml

@@ -294,6 +294,7 @@ static enum error_code rig_build_board(struct rig_builder *b, int bus, const str
         .command_timeout_ns = llround(motors->command_timeout_s * 1e9),
         .status_period_ns = llround(motors->status_period_s * 1e9),
         .boot_ns = llround(motors->boot_s * 1e9),
+        .over_voltage_v = BOARD_OVER_VOLTAGE_RATIO * b->rig->supply_v,
         .transmit_at_start = raw->transmit_at_start,
         .discovery_stops_motors = motors->discovery_stops_motors,
     };

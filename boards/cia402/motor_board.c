@@ -20,7 +20,6 @@ enum {
  * the delay of a millisecond's steps still bears, and a load is taken over in some 50 ms */
 #define VELOCITY_KP 1.0
 #define VELOCITY_KI 40.0
-#define OVER_VOLTAGE_V 60.0
 
 /* Code of EMCY and 0x603f, and bit of the error register. */
 static const struct {
@@ -202,7 +201,7 @@ static uint32_t cia402_axis_present_faults(const struct board *board, struct cia
     uint32_t faults = 0;
 
     faults |= supply_v < BOARD_UNDER_VOLTAGE_V ? CIA402_FAULT_UNDER_VOLTAGE : 0;
-    faults |= supply_v > OVER_VOLTAGE_V ? CIA402_FAULT_OVER_VOLTAGE : 0;
+    faults |= board_is_over_voltage(board, supply_v) ? CIA402_FAULT_OVER_VOLTAGE : 0;
     faults |= cia402_axis_is_over_current(board, axis) ? CIA402_FAULT_OVER_CURRENT : 0;
     faults |= axis->bad_motor ? CIA402_FAULT_MOTOR_ENCODER : 0;
     faults |= axis->bad_link ? CIA402_FAULT_LINK_ENCODER : 0;

@@ -19,8 +19,6 @@ enum {
             COMPACT_FAULT_TEMPERATURE,
 };
 
-#define OVER_VOLTAGE_V 60.0
-
 /* ---- modes ---- */
 
 static void compact_axis_forget_command(const struct board *board, struct compact_axis *axis)
@@ -193,7 +191,7 @@ static unsigned compact_axis_present_faults(const struct board *board, struct co
     unsigned faults = 0;
 
     faults |= motor->supply_v < BOARD_UNDER_VOLTAGE_V ? COMPACT_FAULT_UNDER_VOLTAGE : 0;
-    faults |= motor->supply_v > OVER_VOLTAGE_V ? COMPACT_FAULT_OVER_VOLTAGE : 0;
+    faults |= board_is_over_voltage(board, motor->supply_v) ? COMPACT_FAULT_OVER_VOLTAGE : 0;
     faults |= compact_axis_is_over_current(board, axis) ? COMPACT_FAULT_OVER_CURRENT : 0;
     faults |= axis->bad_motor ? COMPACT_FAULT_MOTOR_ENCODER : 0;
     faults |= axis->bad_link ? COMPACT_FAULT_LINK_ENCODER : 0;

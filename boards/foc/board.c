@@ -173,6 +173,9 @@ static void foc_board_watch_faults(struct board *board)
     if (foc->supply_v < BOARD_UNDER_VOLTAGE_V) {
         faults |= FOC_FAULT_UNDER_VOLTAGE;
     }
+    if (board_is_over_voltage(board, foc->supply_v)) {
+        faults |= FOC_FAULT_OVER_VOLTAGE;
+    }
     if (foc->sensors_bad) {
         foc->encoder |= FOC_QE_PHASE_BROKEN;
         faults |= FOC_FAULT_ENCODER;

@@ -25,10 +25,11 @@ static bool motor_axis_is_over_current(const struct board *board, struct motor_a
 
 static void motor_axis_watch_faults(struct board *board, struct motor_axis *axis)
 {
-    uint8_t faults = (uint8_t)((motor_board_of(board)->supply_v < BOARD_UNDER_VOLTAGE_V
-                                    ? ICUB_FAULT_UNDER_VOLTAGE
-                                    : 0) |
-                               (axis->sensors_bad ? ICUB_FAULT_ABSOLUTE_ENCODER : 0));
+    double supply_v = motor_board_of(board)->supply_v;
+    uint8_t faults =
+        (uint8_t)((supply_v < BOARD_UNDER_VOLTAGE_V ? ICUB_FAULT_UNDER_VOLTAGE : 0) |
+                  (board_is_over_voltage(board, supply_v) ? ICUB_FAULT_OVER_VOLTAGE : 0) |
+                  (axis->sensors_bad ? ICUB_FAULT_ABSOLUTE_ENCODER : 0));
     uint8_t risen = faults & (uint8_t)~axis->faults;
     bool over_current = motor_axis_is_over_current(board, axis);
 

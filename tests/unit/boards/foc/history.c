@@ -217,6 +217,39 @@ static void faults_gather_until_they_are_cleared(void **state)
     bench_stop(&bench);
 }
 
+/* Regeneration lifts the supply: at the limit there is no fault, a little above it both axes have
+ * one, which stays when the supply is back until the host clears it. */
+static void an_over_voltage_opens_the_bridges_until_it_is_cleared(void **state)
+{
+    struct board_event event;
+    struct board_bench bench;
+
+    (void)state;
+    start_differently(&bench);
+    for (int time = 0; time < 2; time++) {
+        bench.sensors.supply_v = 60.0;
+        run_targets(&bench, 3);
+        assert_true(bench.motor[0].bridge_on && bench.motor[1].bridge_on);
+        assert_false(bench_event(&bench, BOARD_EVENT_FAULT, &event));
+        bench.sensors.supply_v = nextafter(60.0, 100.0);
+        run_targets(&bench, 3);
+        bench.sensors.supply_v = 48.0;
+        run_targets(&bench, 3);
+        for (int axis = 0; axis < AXES; axis++) {
+            assert_false(bench.motor[axis].bridge_on);
+            assert_true(bench_event(&bench, BOARD_EVENT_FAULT, &event));
+            assert_int_equal(event.a, FOC_FAULT_OVER_VOLTAGE);
+            bench_send(&bench, 0, command_id[axis], "09 09");
+            bench_send(&bench, 0, command_id[axis], "09 50");
+        }
+        while (bench_event(&bench, BOARD_EVENT_FAULT, &event)) {
+            assert_int_equal(event.board, 4); /* the supply is that of all boards */
+        }
+        run_targets(&bench, 3);
+    }
+    bench_stop(&bench);
+}
+
 /* ---- integrals ---- */
 
 enum { STEPS = 6 };
@@ -308,6 +341,7 @@ int main(void)
         cmocka_unit_test(heat_stays_when_the_axis_is_switched_off),
         cmocka_unit_test(an_over_current_trips_again_after_it_was_enabled_again),
         cmocka_unit_test(an_expired_set_point_is_told_each_time),
+        cmocka_unit_test(an_over_voltage_opens_the_bridges_until_it_is_cleared),
         cmocka_unit_test(faults_gather_until_they_are_cleared),
         cmocka_unit_test(an_axis_begins_with_empty_integrals),
     };

@@ -123,26 +123,29 @@ static void an_over_current_trips_again_after_it_was_enabled_again(void **state)
     }
 }
 
-static void an_under_voltage_is_told_each_time(void **state)
+static void a_supply_out_of_range_is_told_each_time(void **state)
 {
+    static const double good_v[] = {BOARD_UNDER_VOLTAGE_V, 60.0};
+    const double bad_v[] = {nextafter(BOARD_UNDER_VOLTAGE_V, 0.0), nextafter(60.0, 100.0)};
     struct board_event event;
     struct board_bench bench;
 
     (void)state;
     open_with_limits(&bench);
-    for (int time = 0; time < 3; time++) {
-        bench.sensors.supply_v = nextafter(BOARD_UNDER_VOLTAGE_V, 0.0);
+    for (int time = 0; time < 4; time++) {
+        bench.sensors.supply_v = bad_v[time % 2];
         bench_ticks(&bench, 5);
         for (int axis = 0; axis < AXES; axis++) {
             assert_false(bench.motor[axis].bridge_on);
             assert_true(bench_event(&bench, BOARD_EVENT_FAULT, &event));
-            assert_int_equal(event.a, ICUB_FAULT_UNDER_VOLTAGE);
+            assert_int_equal(event.a,
+                             time % 2 ? ICUB_FAULT_OVER_VOLTAGE : ICUB_FAULT_UNDER_VOLTAGE);
             assert_int_equal(event.axis, axis);
         }
         while (bench_event(&bench, BOARD_EVENT_FAULT, &event)) {
             assert_int_not_equal(event.board, 0); /* the supply is that of all boards */
         }
-        bench.sensors.supply_v = BOARD_UNDER_VOLTAGE_V; /* at the limit there is none */
+        bench.sensors.supply_v = good_v[time % 2]; /* at the limit there is none */
         bench_tick(&bench);
         for (int axis = 0; axis < AXES; axis++) {
             bench_send(&bench, 0, 0x001, force_idle[axis]);
@@ -288,7 +291,7 @@ int main(void)
         cmocka_unit_test(heat_cools_as_it_came),
         cmocka_unit_test(an_axis_that_was_off_begins_cold),
         cmocka_unit_test(an_over_current_trips_again_after_it_was_enabled_again),
-        cmocka_unit_test(an_under_voltage_is_told_each_time),
+        cmocka_unit_test(a_supply_out_of_range_is_told_each_time),
         cmocka_unit_test(a_limit_is_told_each_time_that_it_is_left),
         cmocka_unit_test(an_axis_that_was_off_begins_with_empty_integrals),
     };
