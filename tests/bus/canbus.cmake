@@ -11,6 +11,12 @@ target_link_libraries(canbus_tool PRIVATE canbus)
 add_executable(lockstep_controller ${tests}/bus/lockstep_controller.c)
 target_link_libraries(lockstep_controller PRIVATE canbus)
 
+# The CANopen nodes, judged by a library that is not ours
+if(NOT HIL_SANITIZE)
+    hil_script_test(canopen_client LABELS bus TIMEOUT 180
+        COMMAND sh ${tests}/bus/canopen/run.sh $<TARGET_FILE:coman-hil>)
+endif()
+
 # The address space of a guest process has no room for the shadow memory of the sanitizers.
 if(NOT HIL_SANITIZE)
     hil_script_test(canbus_socketcan_vcan LABELS bus TIMEOUT 120
