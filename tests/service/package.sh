@@ -23,7 +23,7 @@ for program in dpkg-deb dpkg-shlibdeps file; do
         exit 0
     fi
 done
-echo 1..15
+echo 1..17
 
 # ---- the package ----
 
@@ -93,6 +93,12 @@ result $? "maintainer scripts can be run, and stop at errors"
 # a program with debugging information would name them all, one without has no reason to
 nothing "$(cd "$work/data" && grep -rlF -e "$HIL_BINARY_DIR" -e "$HIL_SOURCE_DIR" . 2>&1)"
 result $? "no installed file knows where it was built"
+
+links=$HIL_SOURCE_DIR/tests/service/links.py
+nothing "$(python3 "$links" "$work/data/usr/share/doc/coman-hil" 2>&1)"
+result $? "links of the installed guides lead to what is installed"
+nothing "$(python3 "$links" "$HIL_SOURCE_DIR" build node_modules .git 2>&1)"
+result $? "links of the source's guides lead to what is there"
 
 # ---- install and uninstall by CMake ----
 
