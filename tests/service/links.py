@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: Apache-2.0
-"""usage: links.py FOLDER [SKIPPED...]: that relative links of the Markdown files below a folder lead
-to files below it; folders of the names that follow are not looked into. Prints what does not."""
+"""usage: links.py FOLDER [SKIPPED...]: that relative links of the Markdown files below a folder
+lead to files below it; folders of the names that follow are not looked into. Prints what does
+not."""
 import os
 import re
 import sys

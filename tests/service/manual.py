@@ -172,7 +172,7 @@ def check_words():
     """What README and check-list call by name is there: commands of ./dev and of the program."""
     table = coman_hil("--help")
     usage = subprocess.run([SOURCE / "dev", "--help"], capture_output=True, text=True).stdout
-    for path in [SOURCE / "README.md", SOURCE / "docs" / "release.md", *GUIDES]:
+    for path in [SOURCE / "README.md", *sorted((SOURCE / "docs").glob("*.md"))]:
         text = path.read_text()
         lost = {word for word in re.findall(r"`\./dev (\w+)", text)
                 if f"\n  {word} " not in usage} | \
