@@ -3,7 +3,7 @@ foreach(name candump dbc fault_port frame gateway gateway_lockstep interface lin
         local_wire lockstep paced port socketcand)
     hil_test(canbus_${name} SOURCES unit/canbus/${name}.c LIBS canbus LABELS unit)
 endforeach()
-foreach(name bits errors wire)
+foreach(name bits conformance errors wire)
     hil_test(canbus_wire_${name} SOURCES unit/canbus/wire/${name}.c LIBS canbus LABELS unit)
 endforeach()
 hil_test(canbus_socketcan_send SOURCES unit/canbus/socketcan_send.c
