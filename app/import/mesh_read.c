@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* STL and OBJ from bytes to faces. */
-#include "app/import/mesh.h"
+/* STL and OBJ from bytes to faces, and what all formats have in common. */
+#include "app/import/mesh_private.h"
 
 #include "base/text.h"
 
@@ -14,24 +14,12 @@ enum { STL_HEADER = 80, STL_FACE = 50, WORD_MAX = 64, POLYGON_MAX = 256 };
 
 #define COORDINATE_MAX_M 1e6
 
-/* A mesh file being read: corners first, three a face, before equal ones are joined. */
-struct mesh_reader {
-    const char *name, *at, *end;
-    int line;
-    const double *scale;
-    struct arena *arena;
-    struct import_mesh *mesh;
-    size_t capacity; /* of faces */
-    struct error *error;
-};
-
-static enum error_code mesh_no_memory(const struct mesh_reader *r)
+enum error_code mesh_no_memory(const struct mesh_reader *r)
 {
     return error_set(r->error, ERROR_MEMORY, "%.200s: no memory left for this mesh", r->name);
 }
 
-/* Room for so many vertices and faces. */
-static enum error_code mesh_make_room(struct mesh_reader *r, size_t vertices, size_t faces)
+enum error_code mesh_make_room(struct mesh_reader *r, size_t vertices, size_t faces)
 {
     if (faces > IMPORT_MESH_FACES_MAX || vertices > 3 * (size_t)IMPORT_MESH_FACES_MAX) {
         return error_set(r->error, ERROR_INPUT,
@@ -44,7 +32,7 @@ static enum error_code mesh_make_room(struct mesh_reader *r, size_t vertices, si
     return r->mesh->vertex && r->mesh->face ? ERROR_NONE : mesh_no_memory(r);
 }
 
-static enum error_code mesh_add_vertex(struct mesh_reader *r, const double xyz[3])
+enum error_code mesh_add_vertex(struct mesh_reader *r, const double xyz[3])
 {
     double *to = r->mesh->vertex[r->mesh->nvertex];
 
@@ -61,7 +49,7 @@ static enum error_code mesh_add_vertex(struct mesh_reader *r, const double xyz[3
     return ERROR_NONE;
 }
 
-static void mesh_add_face(struct mesh_reader *r, int a, int b, int c)
+void mesh_add_face(struct mesh_reader *r, int a, int b, int c)
 {
     int *face = r->mesh->face[r->mesh->nface++];
 
@@ -380,9 +368,11 @@ enum error_code import_parse_mesh(const char *name, const char *text, size_t siz
         code = stl_is_binary(text, size) ? stl_read_binary(&r) : stl_read_text(&r);
     } else if (!strcasecmp(ending, "obj")) {
         code = mesh_read_obj_lines(&r);
+    } else if (!strcasecmp(ending, "dae")) {
+        code = mesh_read_collada(&r);
     } else {
         return error_set(error, ERROR_INPUT,
-                         "%.200s: found a mesh of type \"%.20s\", expected stl or obj; "
+                         "%.200s: found a mesh of type \"%.20s\", expected stl, obj or dae; "
                          "`assimp export FILE.%.20s FILE.stl` (Debian package assimp-utils) "
                          "converts it",
                          name, ending, ending);

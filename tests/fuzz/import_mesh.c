@@ -13,7 +13,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     struct import_mesh mesh;
     struct error error = {0};
     unsigned how = size > 0 ? data[0] : 0;
-    const char *name = how & 1 ? "x.obj" : "x.stl";
+    const char *name = how & 4 ? "x.dae" : how & 1 ? "x.obj" : "x.stl";
 
     data += size > 0;
     size -= size > 0;

@@ -133,6 +133,162 @@ static void text_stl_and_obj_are_the_same(void **state)
     assert_near(mesh_signed_volume(), 1.0 / 6.0, 1e-15);
 }
 
+/* ---- COLLADA ---- */
+
+/* The tetrahedron as positions after a leading number, with texture coordinates beside. */
+#define DAE_BEGIN                                                                                  \
+    "<?xml version='1.0'?>\n<COLLADA xmlns='http://www.collada.org/2005/11/COLLADASchema'"         \
+    " version='1.4.1'><asset><unit name='cm' meter='0.01'/><up_axis>Y_UP</up_axis></asset>\n"      \
+    "<library_geometries><geometry id='g'><mesh><source id='s'><float_array id='a' count='17'>"    \
+    "9 0 0 0 7 1 0 0 7 0 1 0\n7 0 0 1 7</float_array><technique_common><accessor source='#a'"      \
+    " count='4' stride='4' offset='1'/></technique_common></source>"                               \
+    "<vertices id='v'><input semantic='POSITION' source='#s'/></vertices>\n"
+#define DAE_INPUTS                                                                                 \
+    "<input semantic='TEXCOORD' source='#s' offset='0'/><input semantic='VERTEX' source='#v'"      \
+    " offset='1'/>"
+#define DAE_TRIANGLES                                                                              \
+    "<triangles count='4'>" DAE_INPUTS "<p>0 0 0 2 0 1 0 0 0 1 0 3 0 0 0 3 0 2 0 1 0 2 0 3"        \
+    "</p></triangles>"
+#define DAE_MIDDLE                                                                                 \
+    "</mesh></geometry></library_geometries><library_visual_scenes><visual_scene id='x'>\n"
+#define DAE_END                                                                                    \
+    "</visual_scene></library_visual_scenes><scene><instance_visual_scene url='#x'/></scene>"      \
+    "</COLLADA>\n"
+#define DAE_SHOW "<instance_geometry url='#g'/>"
+
+static enum error_code parse_dae(const char *text)
+{
+    return import_parse_mesh("x.dae", text, strlen(text), one, &arena, &mesh, &error);
+}
+
+static void expect_dae(const char *text, size_t faces, double volume)
+{
+    if (parse_dae(text)) {
+        fail_msg("%s", error.text);
+    }
+    assert_int_equal(mesh.nface, faces);
+    assert_near(mesh_signed_volume(), volume, 1e-15 + 1e-12 * volume);
+}
+
+static void collada_scenes_are_put_together(void **state)
+{
+    (void)state;
+    /* Centimeters; a node that scales and mirrors, within one that turns and moves */
+    expect_dae(DAE_BEGIN DAE_TRIANGLES DAE_MIDDLE "<node>" DAE_SHOW "</node>" DAE_END, 4,
+               1e-6 / 6.0);
+    expect_dae(DAE_BEGIN DAE_TRIANGLES DAE_MIDDLE
+               "<node><translate>100 0 0</translate><rotate>0 0 1 90</rotate><node>"
+               "<scale>2 -3 1</scale>" DAE_SHOW "</node></node>" DAE_END,
+               4, 1e-6);
+    /* (0, -3, 0) turns to (3, 0, 0): between x = 1 and 1.03 m, y between 0 and 0.02 */
+    for (size_t v = 0; v < mesh.nvertex; v++) {
+        assert_true(mesh.vertex[v][0] > 1.0 - 1e-12 && mesh.vertex[v][0] < 1.03 + 1e-12);
+        assert_true(mesh.vertex[v][1] > -1e-12 && mesh.vertex[v][1] < 0.02 + 1e-12);
+    }
+    /* The same by a matrix, twice, once through a library of nodes */
+    expect_dae(
+        DAE_BEGIN DAE_TRIANGLES
+        "</mesh></geometry></library_geometries><library_nodes><node id='n'>" DAE_SHOW
+        "</node></library_nodes><library_visual_scenes><visual_scene id='x'>"
+        "<node><matrix>0 3 0 100 2 0 0 0 0 0 1 0 0 0 0 1</matrix><instance_node url='#n'/>"
+        "</node><node><translate>-500 0 0</translate><instance_node url='#n'/></node>" DAE_END,
+        8, 1e-6 + 1e-6 / 6.0);
+}
+
+static void collada_faces_of_every_kind_are_read(void **state)
+{
+    (void)state;
+    expect_dae(DAE_BEGIN
+               "<polylist count='4'>" DAE_INPUTS
+               "<vcount>3 3 3 3</vcount><p>0 0 0 2 0 1 0 0 0 1 0 3 0 0 0 3 0 2 0 1 0 2 0 3"
+               "</p></polylist>" DAE_MIDDLE "<node>" DAE_SHOW "</node>" DAE_END,
+               4, 1e-6 / 6.0);
+    expect_dae(DAE_BEGIN "<polygons count='4'>" DAE_INPUTS
+                         "<p>0 0 0 2 0 1</p><p>0 0 0 1 0 3</p><p>0 0 0 3 0 2</p><p>0 1 0 2 0 3</p>"
+                         "</polygons>" DAE_MIDDLE "<node>" DAE_SHOW "</node>" DAE_END,
+               4, 1e-6 / 6.0);
+    /* A strip winds every second face the other way: 0 2 1, 1 2 3, 1 3 0, 0 3 2 */
+    expect_dae(DAE_BEGIN "<tristrips count='1'>" DAE_INPUTS
+                         "<p>0 0 0 2 0 1 0 3 0 0 0 2</p></tristrips>" DAE_MIDDLE "<node>" DAE_SHOW
+                         "</node>" DAE_END,
+               4, 1e-6 / 6.0);
+    expect_dae(DAE_BEGIN "<trifans count='2'>" DAE_INPUTS "<p>0 0 0 2 0 1 0 3 0 2</p>"
+                         "<p>0 1 0 2 0 3</p></trifans>" DAE_MIDDLE "<node>" DAE_SHOW
+                         "</node>" DAE_END,
+               4, 1e-6 / 6.0);
+}
+
+static void wrong_collada_is_refused(void **state)
+{
+    static const struct {
+        const char *text, *words;
+    } cases[] = {
+        {"<COLLADA", "x.dae:1: "},
+        {"<!DOCTYPE x [<!ENTITY a 'b'>]><COLLADA/>", "document type"},
+        {"<robot/>", "expected <COLLADA>"},
+        {"<COLLADA/>", "without a scene"},
+        {"<COLLADA><asset><unit meter='0'/></asset></COLLADA>", "of another size"},
+        {"<COLLADA><library_visual_scenes><visual_scene/></library_visual_scenes></COLLADA>",
+         "no face"},
+        {DAE_BEGIN DAE_TRIANGLES DAE_MIDDLE "<node><instance_geometry url='#h'/></node>" DAE_END,
+         "x.dae:6: found url \"#h\""},
+        {DAE_BEGIN DAE_TRIANGLES DAE_MIDDLE "<node><matrix>1 2 3</matrix></node>" DAE_END,
+         "expected 16 finite numbers"},
+        {DAE_BEGIN DAE_TRIANGLES DAE_MIDDLE "<node><lookat>1</lookat></node>" DAE_END, "<lookat>"},
+        {DAE_BEGIN DAE_TRIANGLES DAE_MIDDLE "<node><instance_controller/></node>" DAE_END,
+         "a skin"},
+        {DAE_BEGIN DAE_TRIANGLES DAE_MIDDLE "<node id='n'>" DAE_SHOW
+                                            "<instance_node url='#n'/></node>" DAE_END,
+         "too deep"},
+        {DAE_BEGIN "<triangles>" DAE_INPUTS "<p>0 0 0 2 0 4</p></triangles>" DAE_MIDDLE
+                   "<node>" DAE_SHOW "</node>" DAE_END,
+         "found \"4\" in <p>"},
+        {DAE_BEGIN "<triangles>" DAE_INPUTS "<p>0 0 0 2 0</p></triangles>" DAE_MIDDLE
+                   "<node>" DAE_SHOW "</node>" DAE_END,
+         "ends within a corner"},
+        {DAE_BEGIN "<triangles>" DAE_INPUTS "<p>0 0 0 2</p></triangles>" DAE_MIDDLE
+                   "<node>" DAE_SHOW "</node>" DAE_END,
+         "ends within a face"},
+        {DAE_BEGIN "<polylist>" DAE_INPUTS
+                   "<vcount>3 4</vcount><p>0 0 0 2 0 1 0 1</p></polylist>" DAE_MIDDLE
+                   "<node>" DAE_SHOW "</node>" DAE_END,
+         "ends within a face"},
+        {DAE_BEGIN "<polylist>" DAE_INPUTS "<p>0 0 0 2 0 1</p></polylist>" DAE_MIDDLE
+                   "<node>" DAE_SHOW "</node>" DAE_END,
+         "without <vcount>"},
+        {DAE_BEGIN "<triangles><p>0 1 2</p></triangles>" DAE_MIDDLE "<node>" DAE_SHOW
+                   "</node>" DAE_END,
+         "semantic VERTEX"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        if (parse_dae(cases[i].text) != ERROR_INPUT || !strstr(error.text, cases[i].words)) {
+            fail_msg("case %zu: %s", i, error.text);
+        }
+    }
+}
+
+/* A node that is in the next one twice, and so on: 2^40 of them. */
+static void collada_scenes_that_explode_are_refused(void **state)
+{
+    static char text[16384];
+    int used = snprintf(text, sizeof text, "<COLLADA><library_nodes><node id='n0'/>");
+
+    (void)state;
+    for (int i = 1; i <= 40; i++) {
+        used +=
+            snprintf(text + used, sizeof text - (size_t)used,
+                     "<node id='n%d'><instance_node url='#n%d'/><instance_node url='#n%d'/></node>",
+                     i, i - 1, i - 1);
+    }
+    snprintf(text + used, sizeof text - (size_t)used,
+             "</library_nodes><library_visual_scenes><visual_scene><instance_node url='#n40'/>"
+             "</visual_scene></library_visual_scenes></COLLADA>");
+    assert_int_equal(parse_dae(text), ERROR_INPUT);
+    assert_non_null(strstr(error.text, "too often"));
+}
+
 static void wrong_meshes_are_refused(void **state)
 {
     static const struct {
@@ -147,8 +303,8 @@ static void wrong_meshes_are_refused(void **state)
         {"x.obj", "v 0 0 0\nf 1 1\n", "2 corners"},
         {"x.obj", "v 0 0 1e9\n", "x.obj:1: "},
         {"x.obj", "v 0 0 0\nf 0 0 0\n", "corner \"0\""},
-        {"x.dae", "<COLLADA/>", "assimp export"},
-        {"x", "", "expected stl or obj"},
+        {"x.fbx", "", "assimp export"},
+        {"x", "", "expected stl, obj or dae"},
     };
 
     (void)state;
@@ -258,6 +414,10 @@ int main(void)
         TEST(scales_measure_and_mirror),
         TEST(text_stl_and_obj_are_the_same),
         TEST(wrong_meshes_are_refused),
+        TEST(collada_scenes_are_put_together),
+        TEST(collada_faces_of_every_kind_are_read),
+        TEST(wrong_collada_is_refused),
+        TEST(collada_scenes_that_explode_are_refused),
         TEST(binary_stl_with_a_false_count_is_refused),
         TEST(packages_are_found_where_they_may_be),
         TEST(files_are_read_and_what_is_no_file_is_refused),
