@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Meshes of foreign robots: STL, binary and ASCII, Wavefront OBJ and COLLADA, in the units and the
- * frame of the link after scaling; a scale that mirrors turns the faces round, so that outside stays
- * outside. Corners at the same place become one vertex. Files are found by what the robot file says
- * and nowhere else: package:// below the folders that are given and above the file, file:// and
- * plain paths beside the file. Bounded; no name ever reaches a shell. Not RT-safe.
+ * frame of the link after scaling; a scale that mirrors turns the faces round, so that outside
+ * stays outside. Corners at the same place become one vertex. Files are found by what the robot
+ * file says and nowhere else: package:// below the folders that are given and above the file,
+ * file:// and plain paths beside the file. Bounded; no name ever reaches a shell. Not RT-safe.
  */
 #ifndef APP_IMPORT_MESH_H
 #define APP_IMPORT_MESH_H

@@ -1,0 +1,376 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Positions and faces of a COLLADA geometry. */
+#include "app/import/collada_private.h"
+
+#include "base/count.h"
+#include "base/text.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    COLLADA_STRIDE_MAX = 64,
+    COLLADA_WORK_MAX = 1 << 29, /* bytes of numbers read, again for each place */
+};
+
+/* ---- numbers ---- */
+
+/* The next word of a text; false at its end. A word that is too long ends in "...". */
+static bool collada_next_word(const char **at, char word[64])
+{
+    static const char blanks[] = " \t\r\n";
+    size_t length;
+
+    *at += strspn(*at, blanks);
+    length = strcspn(*at, blanks);
+    if (length < 64) {
+        memcpy(word, *at, length);
+        word[length] = '\0';
+    } else {
+        snprintf(word, 64, "%.32s...", *at);
+    }
+    *at += length;
+    return length > 0;
+}
+
+static enum error_code collada_refuse_word(struct collada *c, const xmlNode *node, char word[64],
+                                           const char *expected)
+{
+    text_make_printable(word);
+    return import_error(c->to->error, c->file.name, xml_line(node),
+                        "found \"%s\" in <%.40s>, expected %s", word, (const char *)node->name,
+                        expected);
+}
+
+static enum error_code collada_account(struct collada *c, const xmlNode *node, const char *text)
+{
+    c->work += strlen(text);
+    return c->work > COLLADA_WORK_MAX
+               ? collada_refuse(c, node, "in too many places, expected a simpler scene")
+               : ERROR_NONE;
+}
+
+/* An attribute that is a whole number, or what stands for it. */
+static enum error_code collada_read_whole(struct collada *c, const xmlNode *node, const char *name,
+                                          int64_t otherwise, int64_t *value)
+{
+    const char *text = xml_attribute(node, name);
+
+    *value = otherwise;
+    if (text && !text_to_int(text, 0, INT32_MAX, value)) {
+        return import_error(c->to->error, c->file.name, xml_line(node),
+                            "found %s \"%.40s\" of <%.40s>, expected a whole number", name, text,
+                            (const char *)node->name);
+    }
+    return ERROR_NONE;
+}
+
+/* All numbers of a <float_array>, on the heap. */
+static enum error_code collada_read_floats(struct collada *c, const xmlNode *node, double **value,
+                                           size_t *count)
+{
+    const char *at = xml_content(node);
+    enum error_code code = collada_account(c, node, at);
+    size_t room = strlen(at) / 2 + 1;
+    char word[64];
+
+    *count = 0;
+    *value = NULL;
+    if (code) {
+        return code;
+    }
+    *value = malloc(room * sizeof **value);
+    if (!*value) {
+        return mesh_no_memory(c->to);
+    }
+    while (collada_next_word(&at, word)) {
+        if (!text_to_double(word, &(*value)[*count])) {
+            return collada_refuse_word(c, node, word, "finite numbers");
+        }
+        ++*count;
+    }
+    return ERROR_NONE;
+}
+
+/* ---- positions ---- */
+
+/* Positions of a geometry, and which of them a face means. */
+struct collada_positions {
+    double *xyz;
+    size_t count;
+};
+
+/* The positions that <vertices> names: x, y, z at offset + k stride of its source's array. */
+static enum error_code collada_read_positions(struct collada *c, const xmlNode *vertices,
+                                              struct collada_positions *positions)
+{
+    const xmlNode *input = xml_child(vertices, "input"), *source, *accessor, *array;
+    int64_t stride = 3, offset = 0, count;
+    enum error_code code;
+    double *value = NULL;
+    size_t values = 0;
+
+    while (input && strcmp(xml_attribute(input, "semantic") ? xml_attribute(input, "semantic") : "",
+                           "POSITION")) {
+        input = xml_next(input, "input");
+    }
+    if (!input) {
+        return collada_refuse(c, vertices, "without an input of semantic POSITION, expected one");
+    }
+    code = collada_follow(c, input, "source", "source", &source);
+    if (code) {
+        return code;
+    }
+    array = xml_child(source, "float_array");
+    if (!array) {
+        return collada_refuse(c, source, "without numbers, expected a <float_array>");
+    }
+    accessor = xml_child(source, "technique_common");
+    accessor = accessor ? xml_child(accessor, "accessor") : NULL;
+    if (accessor) {
+        code = collada_read_whole(c, accessor, "stride", 1, &stride);
+        code = code ? code : collada_read_whole(c, accessor, "offset", 0, &offset);
+    }
+    if (!code && (stride < 3 || stride > COLLADA_STRIDE_MAX)) {
+        code = collada_refuse(c, accessor, "of another stride, expected three coordinates");
+    }
+    code = code ? code : collada_read_floats(c, array, &value, &values);
+
+    /* As many as there are, whatever the file says of their number; moved to the front */
+    count = (int64_t)values - offset < 3 ? 0 : ((int64_t)values - offset - 3) / stride + 1;
+    for (int64_t k = 0; !code && k < count; k++) {
+        memmove(value + 3 * k, value + offset + k * stride, 3 * sizeof *value);
+    }
+    positions->xyz = value;
+    positions->count = code ? 0 : (size_t)count;
+    return code;
+}
+
+/* ---- faces ---- */
+
+/* Which number of each corner of a primitive is the position, and how many numbers a corner has. */
+struct collada_corners {
+    int64_t stride, position;
+    const xmlNode *vertices;
+};
+
+static enum error_code collada_read_inputs(struct collada *c, const xmlNode *primitive,
+                                           struct collada_corners *corners)
+{
+    *corners = (struct collada_corners){.stride = 1};
+    for (const xmlNode *input = xml_child(primitive, "input"); input;
+         input = xml_next(input, "input")) {
+        const char *semantic = xml_attribute(input, "semantic");
+        int64_t offset;
+        enum error_code code = collada_read_whole(c, input, "offset", 0, &offset);
+
+        if (!code && offset >= COLLADA_STRIDE_MAX) {
+            code = collada_refuse(c, input, "of a high offset, expected one below 64");
+        }
+        if (!code && semantic && !strcmp(semantic, "VERTEX")) {
+            code = collada_follow(c, input, "source", "vertices", &corners->vertices);
+            corners->position = offset;
+        }
+        if (code) {
+            return code;
+        }
+        corners->stride = offset + 1 > corners->stride ? offset + 1 : corners->stride;
+    }
+    return corners->vertices
+               ? ERROR_NONE
+               : collada_refuse(c, primitive, "without an input of semantic VERTEX, expected one");
+}
+
+/* The corners of one face after the other, out of a list of numbers. */
+struct collada_list {
+    const xmlNode *node;
+    const char *at;
+    const struct collada_corners *corners;
+    size_t positions;
+};
+
+/* The position of the next corner; *more false at the end of the list. */
+static enum error_code collada_next_corner(struct collada *c, struct collada_list *list,
+                                           int64_t *position, bool *more)
+{
+    char word[64];
+
+    *more = false;
+    for (int64_t k = 0; k < list->corners->stride; k++) {
+        int64_t value;
+
+        if (!collada_next_word(&list->at, word)) {
+            return k == 0 ? ERROR_NONE
+                          : collada_refuse(c, list->node,
+                                           "that ends within a corner, expected "
+                                           "a number for each input");
+        }
+        if (k == list->corners->position &&
+            !text_to_int(word, 0, (int64_t)list->positions - 1, &value)) {
+            return collada_refuse_word(c, list->node, word, "the index of a position");
+        }
+        *position = k == list->corners->position ? value : *position;
+    }
+    *more = true;
+    return ERROR_NONE;
+}
+
+/* Adds a face of three positions, which stand at `first` in the mesh. */
+static void collada_add_face(struct collada *c, int first, bool mirrored, const int64_t p[3])
+{
+    if (c->counting) {
+        c->faces++;
+    } else if (c->to->mesh->nface < c->to->capacity) {
+        mesh_add_face(c->to, first + (int)p[0], first + (int)p[mirrored ? 2 : 1],
+                      first + (int)p[mirrored ? 1 : 2]);
+    }
+}
+
+/* How a list of corners makes faces. */
+enum collada_shape { COLLADA_TRIANGLES, COLLADA_POLYGONS, COLLADA_STRIP, COLLADA_FAN };
+
+/* One list: triangles; polygons of the numbers of corners in *sizes, or one of all its corners; a
+ * strip; a fan. */
+static enum error_code collada_read_list(struct collada *c, struct collada_list *list,
+                                         enum collada_shape shape, const char *sizes, int first,
+                                         bool mirrored)
+{
+    int64_t p[3] = {0}, corner = 0, size = INT64_MAX, next = 0;
+    enum error_code code = collada_account(c, list->node, list->at);
+    char word[64];
+    bool more;
+
+    for (; !code; corner++) {
+        if (sizes && corner == 0) {
+            if (!collada_next_word(&sizes, word)) {
+                break;
+            }
+            if (!text_to_int(word, 1, INT32_MAX, &size)) {
+                return collada_refuse_word(c, list->node, word, "how many corners a polygon has");
+            }
+        }
+        code = collada_next_corner(c, list, &next, &more);
+        if (code || !more) {
+            break;
+        }
+
+        /* The first two corners wait for a third one */
+        if (corner < 2) {
+            p[corner] = next;
+        } else {
+            p[2] = next;
+            collada_add_face(c, first, mirrored != (shape == COLLADA_STRIP && corner % 2), p);
+            if (shape == COLLADA_STRIP) {
+                p[0] = p[1];
+            }
+            p[1] = p[2];
+        }
+        if ((shape == COLLADA_TRIANGLES && corner == 2) || corner + 1 == size) {
+            corner = -1;
+        }
+    }
+    if (!code && corner > 0 && (shape == COLLADA_TRIANGLES || sizes)) {
+        return collada_refuse(c, list->node, "that ends within a face, expected all its corners");
+    }
+    return code;
+}
+
+static enum error_code collada_read_primitive(struct collada *c, const xmlNode *primitive,
+                                              enum collada_shape shape,
+                                              const struct collada_positions *positions,
+                                              const struct collada_corners *corners, int first,
+                                              bool mirrored)
+{
+    const xmlNode *vcount = xml_child(primitive, "vcount");
+    const char *sizes = shape == COLLADA_POLYGONS && vcount ? xml_content(vcount) : NULL;
+    enum error_code code = sizes ? collada_account(c, vcount, sizes) : ERROR_NONE;
+
+    if (xml_is(primitive, "polylist") && !vcount) {
+        return collada_refuse(c, primitive, "without <vcount>, expected one");
+    }
+    if (xml_child(primitive, "ph")) {
+        return collada_refuse(c, primitive, "with holes, expected triangles");
+    }
+    for (const xmlNode *p = xml_child(primitive, "p"); p && !code; p = xml_next(p, "p")) {
+        struct collada_list list = {p, xml_content(p), corners, positions->count};
+
+        code = collada_read_list(c, &list, shape, sizes, first, mirrored);
+    }
+    return code;
+}
+
+/* ---- geometries where they are ---- */
+
+static double collada_determinant(const double R[3][3])
+{
+    return R[0][0] * (R[1][1] * R[2][2] - R[1][2] * R[2][1]) -
+           R[0][1] * (R[1][0] * R[2][2] - R[1][2] * R[2][0]) +
+           R[0][2] * (R[1][0] * R[2][1] - R[1][1] * R[2][0]);
+}
+
+/* All positions, also those of no face, which the reader drops. */
+static enum error_code collada_add_positions(struct collada *c, const struct collada_place *place,
+                                             const struct collada_positions *positions)
+{
+    enum error_code code = ERROR_NONE;
+
+    if (c->counting) {
+        c->vertices += positions->count;
+        return ERROR_NONE;
+    }
+    for (size_t k = 0; k < positions->count && !code; k++) {
+        const double *p = positions->xyz + 3 * k;
+        double xyz[3];
+
+        for (int m = 0; m < 3; m++) {
+            xyz[m] =
+                place->R[m][0] * p[0] + place->R[m][1] * p[1] + place->R[m][2] * p[2] + place->t[m];
+        }
+        code = mesh_add_vertex(c->to, xyz);
+    }
+    return code;
+}
+
+enum error_code collada_read_geometry(struct collada *c, const xmlNode *geometry,
+                                      const struct collada_place *place)
+{
+    static const struct {
+        const char *name;
+        enum collada_shape shape;
+    } kinds[] = {{"triangles", COLLADA_TRIANGLES},
+                 {"polylist", COLLADA_POLYGONS},
+                 {"polygons", COLLADA_POLYGONS},
+                 {"tristrips", COLLADA_STRIP},
+                 {"trifans", COLLADA_FAN}};
+    const xmlNode *mesh = xml_child(geometry, "mesh");
+    bool mirrored = collada_determinant(place->R) < 0.0;
+
+    if (!mesh) {
+        return collada_refuse(c, geometry, "without a mesh, expected <mesh>");
+    }
+    for (const xmlNode *part = xml_child(mesh, NULL); part; part = xml_next(part, NULL)) {
+        for (size_t k = 0; k < ARRAY_COUNT(kinds); k++) {
+            struct collada_positions positions = {0};
+            struct collada_corners corners;
+            int first = (int)c->to->mesh->nvertex;
+            enum error_code code;
+
+            if (!xml_is(part, kinds[k].name) || !xml_child(part, "p")) {
+                continue;
+            }
+            c->to->line = xml_line(part);
+            code = collada_read_inputs(c, part, &corners);
+            code = code ? code : collada_read_positions(c, corners.vertices, &positions);
+            code = code ? code : collada_add_positions(c, place, &positions);
+            code = code ? code
+                        : collada_read_primitive(c, part, kinds[k].shape, &positions, &corners,
+                                                 first, mirrored);
+            free(positions.xyz);
+            if (code) {
+                return code;
+            }
+        }
+    }
+    return ERROR_NONE;
+}
