@@ -125,6 +125,7 @@ size_t doctor_examine(const struct doctor_config *config, struct doctor_finding 
     struct doctor d = {.config = config, .findings = findings, .max = max};
 
     doctor_examine_machine(&d);
+    doctor_examine_board(&d);
     doctor_examine_buses(&d);
     return d.count;
 }

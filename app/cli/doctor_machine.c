@@ -30,7 +30,7 @@ static void examine_kernel(struct doctor *d)
                             : strstr(version, "PREEMPT")       ? "PREEMPT"
                                                                : "not preemptible";
 
-        doctor_add_finding(d, DOCTOR_WARN, "kernel", "apt install linux-image-rt-amd64 && reboot",
+        doctor_add_finding(d, DOCTOR_WARN, "kernel", doctor_realtime_kernel(d),
                            "%.80s is %s: wake-ups may be late by milliseconds", release, model);
     }
 }
@@ -39,8 +39,9 @@ static void examine_virtual_machine(struct doctor *d)
 {
     char flags[4096];
 
-    if (doctor_read_entry(d, "/proc/cpuinfo", "flags", flags, sizeof flags) &&
-        strstr(flags, " hypervisor")) {
+    if ((doctor_read_entry(d, "/proc/cpuinfo", "flags", flags, sizeof flags) &&
+         strstr(flags, " hypervisor")) ||
+        (doctor_is_arm(d) && doctor_is_virtual_arm(d))) {
         doctor_add_finding(
             d, DOCTOR_WARN, "machine", "",
             "virtual: its host may take the processor away at any time; use it for lockstep");
@@ -53,7 +54,7 @@ static void examine_clock_source(struct doctor *d)
 {
     static const char *const fast[] = {"tsc", "arch_sys_counter", "kvm-clock", "riscv_clocksource"};
     static const char file[] = "/sys/devices/system/clocksource/clocksource0/current_clocksource";
-    char text[64] = "unknown";
+    char text[64] = "unknown", fix[160];
     bool good = false;
 
     doctor_read_line(d, text, sizeof text, "%s", file);
@@ -64,10 +65,11 @@ static void examine_clock_source(struct doctor *d)
         doctor_add_finding(d, DOCTOR_OK, "clock source", "", "%s, read without a system call",
                            text);
     } else {
-        doctor_add_finding(
-            d, DOCTOR_WARN, "clock source",
-            "echo tsc > /sys/devices/system/clocksource/clocksource0/current_clocksource",
-            "%s: reading the time is slow, and the loop reads it eight times a tick", text);
+        snprintf(fix, sizeof fix, "echo %s > %s", doctor_is_arm(d) ? "arch_sys_counter" : "tsc",
+                 file);
+        doctor_add_finding(d, DOCTOR_WARN, "clock source", fix,
+                           "%s: reading the time is slow, and the loop reads it eight times a tick",
+                           text);
     }
 }
 
@@ -145,9 +147,8 @@ static void examine_processor(struct doctor *d)
     doctor_read_line(d, online, sizeof online, "/sys/devices/system/cpu/online");
     doctor_read_line(d, isolated, sizeof isolated, "/sys/devices/system/cpu/isolated");
     doctor_read_entry(d, "/proc/self/status", "Cpus_allowed_list", allowed, sizeof allowed);
-    snprintf(fix, sizeof fix,
-             "add isolcpus=%d nohz_full=%d rcu_nocbs=%d to the kernel's command line", cpu, cpu,
-             cpu);
+    snprintf(fix, sizeof fix, "add isolcpus=%d nohz_full=%d rcu_nocbs=%d to %s", cpu, cpu, cpu,
+             doctor_command_line(d));
     if (cpu < 0) {
         doctor_add_finding(
             d, DOCTOR_WARN, "processor", "isolate one and name it in the rig: realtime: {cpu: N}",
@@ -194,10 +195,9 @@ static void examine_interrupts(struct doctor *d)
         closedir(directory);
     }
 
-    snprintf(
-        fix, sizeof fix,
-        "systemctl disable --now irqbalance; add irqaffinity= with the other processors to the "
-        "kernel's command line");
+    snprintf(fix, sizeof fix,
+             "systemctl disable --now irqbalance; add irqaffinity= with the other processors to %s",
+             doctor_command_line(d));
     if (count > 0) {
         doctor_add_finding(d, DOCTOR_WARN, "interrupts", fix, "%d come to processor %d", count,
                            cpu);

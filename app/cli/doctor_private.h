@@ -35,8 +35,19 @@ bool doctor_has_capability(const struct doctor *d, int capability);
 /* The soft limit of a row of /proc/self/limits; -1 = unlimited, -2 = unknown. */
 long long doctor_limit_of(const struct doctor *d, const char *row);
 
-/* Kernel, rights, processors: doctor_machine.c. CAN interfaces and loads: doctor_buses.c. */
+/* Of the machine whose files these are, not of the program: doctor_board.c. */
+bool doctor_is_arm(const struct doctor *d);
+bool doctor_is_raspberry_pi(const struct doctor *d);
+bool doctor_is_virtual_arm(const struct doctor *d);
+
+/* How one gets a kernel for real time there; and where the kernel's parameters are written. */
+const char *doctor_realtime_kernel(const struct doctor *d);
+const char *doctor_command_line(const struct doctor *d);
+
+/* Kernel, rights, processors: doctor_machine.c. What only ARM has: doctor_board.c. CAN interfaces
+ * and loads: doctor_buses.c. */
 void doctor_examine_machine(struct doctor *d);
+void doctor_examine_board(struct doctor *d);
 void doctor_examine_buses(struct doctor *d);
 
 #endif

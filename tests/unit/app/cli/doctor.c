@@ -310,6 +310,97 @@ static void judges_controllers(void **state)
     assert_only(m, "controller", DOCTOR_FAIL, "is in bus-off");
 }
 
+/* what a Raspberry Pi 5 with its own system has instead, ready for real time */
+static void put_raspberry_pi(const struct machine *m)
+{
+    put(m, "/proc/cpuinfo", "processor\t: 0\nBogoMIPS\t: 108.00\nCPU implementer\t: 0x41\n");
+    put(m, "/proc/device-tree/model", "Raspberry Pi 5 Model B Rev 1.0");
+    put(m, "/proc/device-tree/compatible", "raspberrypi,5-model-b");
+    put(m, "/proc/sys/kernel/osrelease", "6.12.25+rpt-rpi-v8-rt\n");
+    put(m, "/sys/devices/system/clocksource/clocksource0/current_clocksource",
+        "arch_sys_counter\n");
+    put(m, "/sys/class/hwmon/hwmon0/name", "cpu_thermal\n");
+    put(m, "/sys/class/hwmon/hwmon2/name", "rpi_volt\n");
+    put(m, "/sys/class/hwmon/hwmon2/in0_lcrit_alarm", "0\n");
+    for (int cpu = 0; cpu < 4; cpu++) {
+        char name[64];
+
+        snprintf(name, sizeof name, "/sys/devices/system/cpu/cpu%d/cpu_capacity", cpu);
+        put(m, name, "1024\n");
+    }
+}
+
+/* the finding on a subject proposes a command with these words */
+static void assert_fix(const struct machine *m, const char *subject, const char *words)
+{
+    for (size_t i = 0; i < m->count; i++) {
+        if (strcmp(m->finding[i].subject, subject) == 0) {
+            assert_non_null(strstr(m->finding[i].fix, words));
+            return;
+        }
+    }
+    fail_msg("nothing on %s", subject);
+}
+
+static void knows_a_raspberry_pi(void **state)
+{
+    struct machine *m = *state;
+
+    put_raspberry_pi(m);
+    assert_int_equal(examine(m), DOCTOR_OK);
+    assert_int_equal(m->count, 16); /* type of processor and supply on top */
+
+    put(m, "/proc/sys/kernel/version", "#1 SMP PREEMPT Debian\n");
+    put(m, "/sys/kernel/realtime", "0\n");
+    assert_only(m, "kernel", DOCTOR_WARN, "PREEMPT");
+    assert_fix(m, "kernel", "linux-image-rpi-v8-rt");
+    put(m, "/proc/device-tree/model", "Some other board");
+    assert_only(m, "kernel", DOCTOR_WARN, "PREEMPT");
+    assert_fix(m, "kernel", "linux-image-rt-arm64");
+    put_raspberry_pi(m);
+    put(m, "/sys/kernel/realtime", "1\n");
+
+    put(m, "/sys/devices/system/cpu/isolated", "\n");
+    put(m, "/proc/self/status", "CapEff:\t0\nCpus_allowed_list:\t0-3\n");
+    assert_only(m, "processor", DOCTOR_WARN, "not isolated");
+    assert_fix(m, "processor", "/boot/firmware/cmdline.txt");
+    put(m, "/sys/devices/system/cpu/isolated", "3\n");
+
+    put(m, "/sys/devices/system/cpu/cpu3/cpufreq/scaling_governor", "ondemand\n");
+    assert_only(m, "frequency", DOCTOR_WARN, "ondemand");
+}
+
+static void sees_what_slows_an_arm_processor(void **state)
+{
+    struct machine *m = *state;
+
+    put_raspberry_pi(m);
+    put(m, "/sys/class/hwmon/hwmon2/in0_lcrit_alarm", "1\n");
+    assert_only(m, "supply", DOCTOR_WARN, "under-voltage");
+    put(m, "/sys/class/hwmon/hwmon2/in0_lcrit_alarm", "0\n");
+    put(m, "/sys/devices/system/cpu/cpu3/cpu_capacity", "256\n");
+    assert_only(m, "processor type", DOCTOR_WARN, "number 3 has 25 % of the speed of number 0");
+    put(m, "/sys/devices/system/cpu/cpu3/cpu_capacity", "1024\n");
+    put(m, "/sys/devices/system/clocksource/clocksource0/current_clocksource", "timer\n");
+    assert_only(m, "clock source", DOCTOR_WARN, "timer");
+    assert_fix(m, "clock source", "arch_sys_counter");
+}
+
+static void sees_a_virtual_machine_on_arm(void **state)
+{
+    struct machine *m = *state;
+
+    put_raspberry_pi(m);
+    put(m, "/proc/device-tree/compatible", "linux,dummy-virt");
+    assert_only(m, "machine", DOCTOR_WARN, "virtual");
+    put(m, "/proc/device-tree/compatible", "raspberrypi,5-model-b");
+    put(m, "/sys/class/dmi/id/sys_vendor", "QEMU\n");
+    assert_only(m, "machine", DOCTOR_WARN, "virtual");
+    remove_file(m, "/sys/class/dmi/id/sys_vendor");
+    put(m, "/proc/device-tree/hypervisor/compatible", "linux,kvm");
+    assert_only(m, "machine", DOCTOR_WARN, "virtual");
+}
+
 static void lives_in_an_empty_machine(void **state)
 {
     struct machine *m = *state;
@@ -348,6 +439,9 @@ int main(void)
         MACHINE_TEST(sees_a_small_receive_buffer_but_not_with_the_capability),
         MACHINE_TEST(judges_interfaces),
         MACHINE_TEST(judges_controllers),
+        MACHINE_TEST(knows_a_raspberry_pi),
+        MACHINE_TEST(sees_what_slows_an_arm_processor),
+        MACHINE_TEST(sees_a_virtual_machine_on_arm),
         MACHINE_TEST(lives_in_an_empty_machine),
         cmocka_unit_test(reads_lists_of_processors),
     };
