@@ -9,6 +9,14 @@ const char *const instruction_set_names[INSTRUCTION_SETS] = {
     [INSTRUCTIONS_AVX512] = "avx512",
 };
 
+#if defined(__x86_64__)
+const char instruction_set_architecture[] = "x86_64";
+#elif defined(__aarch64__)
+const char instruction_set_architecture[] = "aarch64";
+#else
+const char instruction_set_architecture[] = "other";
+#endif
+
 static enum instruction_set held = INSTRUCTION_SETS; /* nothing holds it */
 
 enum instruction_set instruction_set_of_machine(void)

@@ -19,6 +19,9 @@ enum instruction_set {
 /* "plain", "avx2", "avx512" */
 extern const char *const instruction_set_names[INSTRUCTION_SETS];
 
+/* Of the processors that this program is compiled for: "x86_64", "aarch64"; "other". */
+extern const char instruction_set_architecture[];
+
 /* The widest that this machine has. */
 enum instruction_set instruction_set_of_machine(void);
 

@@ -34,6 +34,7 @@ struct build {
     struct symbolic_report report;
 };
 
+/* Machines of several architectures may share a home folder. */
 static enum error_code name_library(const struct robot *robot, const char *folder,
                                     const struct symbolic_options *options, struct build *build,
                                     struct error *error)
@@ -42,10 +43,10 @@ static enum error_code name_library(const struct robot *robot, const char *folde
     int used;
 
     symbolic_symbol(robot, symbol);
-    used =
-        snprintf(build->library, PATH_SIZE, "%s/%s-%016" PRIx64 "-g%d-l%d%s%s.so", folder, symbol,
-                 robot->hash, SYMBOLIC_VERSION, options->lanes, options->this_cpu ? "-" : "",
-                 options->this_cpu ? instruction_set_names[instruction_set_used()] : "");
+    used = snprintf(build->library, PATH_SIZE, "%s/%s-%016" PRIx64 "-g%d-l%d-%s%s%s.so", folder,
+                    symbol, robot->hash, SYMBOLIC_VERSION, options->lanes,
+                    instruction_set_architecture, options->this_cpu ? "-" : "",
+                    options->this_cpu ? instruction_set_names[instruction_set_used()] : "");
     if (used < 0 || used >= PATH_SIZE) {
         return error_set(error, ERROR_INPUT, "the folder name %s is too long", folder);
     }

@@ -10,6 +10,7 @@
 
 #include <cmocka.h>
 
+#include "base/instruction_set.h"
 #include "model/symbolic/symbolic.h"
 #include "tests/unit/model/symbolic/evaluate.h"
 
@@ -137,6 +138,7 @@ static void a_damaged_module_is_never_loaded(void **state)
     assert_true(build_or_find());
     assert_int_equal(list_cache(path), 1);
     assert_int_equal(stat(path, &status), 0);
+    assert_non_null(strstr(path, instruction_set_architecture));
 
     /* Truncated here and there, as by a full disk or a power cut */
     for (int part = 0; part < 8; part++) {
