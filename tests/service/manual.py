@@ -35,7 +35,8 @@ SCRATCH = pathlib.Path(tempfile.mkdtemp())
 PREFIX = SCRATCH / "prefix"
 PAGES = SOURCE / "docs" / "man"
 GUIDES = [SOURCE / "docs" / name for name in ("lab-pc.md", "controller.md", "gateway.md",
-                                               "icub-software.md", "python.md")]
+                                               "icub-software.md", "python.md",
+                                               "raspberry_pi.md")]
 
 
 def coman_hil(*arguments, program="coman-hil"):

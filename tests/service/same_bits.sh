@@ -3,10 +3,15 @@
 # The same bits on every machine: the state hash and the recorded frames of runs of the rigs, with
 # the kernels of each instruction set that this machine has, are those of same_bits.txt. Prints TAP.
 #
-#   same_bits.sh          judges
-#   same_bits.sh --write  prints the table as it is now, for a change that is meant to move it
+#   same_bits.sh              judges
+#   same_bits.sh RIG:TASK...  judges these rows
+#   same_bits.sh --write      prints the table as it is now, for a change that is meant to move it
+#
+# HIL_EMULATOR, a command that runs programs of another architecture, stands before the program;
+# HIL_INSTRUCTIONS are the sets that are looked at, all without it.
 set -u
-program=$HIL_BINARY_DIR/coman-hil
+program=(${HIL_EMULATOR:-} "$HIL_BINARY_DIR/coman-hil")
+known=(${HIL_INSTRUCTIONS:-plain avx2 avx512})
 table=$(dirname "$0")/same_bits.txt
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -19,7 +24,7 @@ bits()
     local task=(--task "$3")
     [ "$3" = none ] && task=(--hold none)
     rm -rf "$work/record"
-    COMAN_HIL_INSTRUCTIONS=$1 timeout -k 5 100 "$program" run \
+    COMAN_HIL_INSTRUCTIONS=$1 timeout -k 5 "${HIL_LIMIT_S:-100}" "${program[@]}" run \
         "$HIL_SOURCE_DIR/config/rigs/$2.yaml" --transport local --clock free --control none \
         --ticks "$4" "${task[@]}" --record "$work/record" >"$work/out" 2>&1 </dev/null || return
     echo "$(sed -n 's/^ *state hash //p' "$work/out") $(md5sum <"$work/record/candump.log" |
@@ -28,7 +33,7 @@ bits()
 
 rows()
 {
-    grep -v '^#' "$table"
+    awk -v wanted=" $* " '!/^#/ && (wanted ~ /^ *$/ || index(wanted, " " $1 ":" $2 " "))' "$table"
 }
 
 if [ "${1:-}" = --write ]; then
@@ -41,14 +46,14 @@ fi
 
 # What the processor has, as the program says
 sets=()
-for set in plain avx2 avx512; do
-    COMAN_HIL_INSTRUCTIONS=$set "$program" version >"$work/out" 2>&1 && sets+=("$set")
+for set in "${known[@]}"; do
+    COMAN_HIL_INSTRUCTIONS=$set "${program[@]}" version >"$work/out" 2>&1 && sets+=("$set")
 done
 [ "${#sets[@]}" -gt 0 ] || { echo "Bail out! the program does not start"; exit 1; }
 
-echo "1..$(($(rows | wc -l) * 3))"
+echo "1..$(($(rows "$@" | wc -l) * ${#known[@]}))"
 while read -r rig task ticks hash frames; do
-    for set in plain avx2 avx512; do
+    for set in "${known[@]}"; do
         name="$rig, task $task, has the bits of the table with $set instructions"
         if [[ " ${sets[*]} " != *" $set "* ]]; then
             skip "$name" "this machine does not have them"
@@ -58,5 +63,5 @@ while read -r rig task ticks hash frames; do
         echo "# expected $hash $frames, found $found" >>"$work/out"
         if [ "$found" = "$hash $frames" ]; then ok "$name"; else not_ok "$name"; fi
     done
-done < <(rows)
+done < <(rows "$@")
 exit "$failed"
