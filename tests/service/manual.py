@@ -36,7 +36,7 @@ PREFIX = SCRATCH / "prefix"
 PAGES = SOURCE / "docs" / "man"
 GUIDES = [SOURCE / "docs" / name for name in ("lab-pc.md", "controller.md", "gateway.md",
                                                "icub-software.md", "python.md",
-                                               "raspberry_pi.md")]
+                                               "raspberry-pi.md")]
 
 
 def coman_hil(*arguments, program="coman-hil"):
