@@ -65,6 +65,7 @@ set(HIL_CONFIG
     scenarios/start_up_on_a_lossy_bus.yaml
     scenarios/unknown_command.yaml
     scenarios/velocity_timeout.yaml
+    scenarios/walk_bump.yaml
     scenarios/walk_flat.yaml
     scenarios/walk_force_board_reboot.yaml
     scenarios/walk_late_frames.yaml
@@ -73,4 +74,5 @@ set(HIL_CONFIG
     scenarios/walk_noisy_sensors.yaml
     scenarios/walk_on_a_lossy_bus.yaml
     scenarios/walk_pushed.yaml
+    scenarios/walk_slope.yaml
     scenarios/wrong_length.yaml)
