@@ -34,6 +34,7 @@ set(HIL_CONFIG
     rigs/walk-slippery.yaml
     rigs/walk-slope.yaml
     rigs/walk-soft.yaml
+    rigs/walk-walkman.yaml
     rigs/walkman.yaml
     robots/coman.yaml
     robots/walkman.yaml

@@ -50,6 +50,10 @@ enum error_code rig_build_boards(struct rig_builder *b);
 enum error_code rig_build_faults(struct rig_builder *b);
 enum error_code rig_build_sensors(struct rig_builder *b);
 
+/* Overrides gains, one an axis, for the joints of each of nother exceptions. */
+enum error_code rig_override_gains(struct rig_builder *b, const struct raw_gains *other,
+                                   size_t nother, struct servo_gains *gains);
+
 /* Part of rig_build_host, when the axes are known: what tasks may know of the robot's body. */
 enum error_code rig_build_task_body(struct rig_builder *b);
 

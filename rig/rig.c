@@ -291,16 +291,29 @@ static enum error_code gains_override_joints(struct rig_builder *b, const struct
     return ERROR_NONE;
 }
 
+enum error_code rig_override_gains(struct rig_builder *b, const struct raw_gains *other,
+                                   size_t nother, struct servo_gains *gains)
+{
+    const struct yaml_name **changed = arena_alloc(b->arena, b->rig->naxis, sizeof *changed);
+    enum error_code code = ERROR_NONE;
+
+    if (!changed) {
+        return rig_no_memory(b);
+    }
+    for (size_t k = 0; k < nother && !code; k++) {
+        code = gains_override_joints(b, &other[k], gains, changed);
+    }
+    return code;
+}
+
 /* The gains of every axis: the common ones, overridden by "others" for some joints. */
 static enum error_code rig_build_gains(struct rig_builder *b)
 {
     const struct raw_servo *raw = &b->raw->tasks.servo;
     struct rig *rig = b->rig;
     struct servo_gains *gains = arena_alloc(b->arena, rig->naxis, sizeof *gains);
-    const struct yaml_name **changed = arena_alloc(b->arena, rig->naxis, sizeof *changed);
-    enum error_code code = ERROR_NONE;
 
-    if (!gains || !changed) {
+    if (!gains) {
         return rig_no_memory(b);
     }
 
@@ -318,10 +331,7 @@ static enum error_code rig_build_gains(struct rig_builder *b)
         };
     }
     rig->servo.gains = gains;
-    for (size_t k = 0; k < raw->nother && !code; k++) {
-        code = gains_override_joints(b, &raw->other[k], gains, changed);
-    }
-    return code;
+    return rig_override_gains(b, raw->other, raw->nother, gains);
 }
 
 static enum error_code rig_build_grasp(struct rig_builder *b)

@@ -443,7 +443,7 @@ static const struct yaml_schema page_schema = {
 };
 
 #define STRUCT raw_gains
-static const struct yaml_field other_fields[] = {
+static const struct yaml_field gains_fields[] = {
     {"joints", YAML_NAME_LIST, true, .offset = AT(joint), .count_offset = AT(njoint)},
     {"kp_v_per_rad", YAML_REAL, false, AT(kp_v_per_rad), .min = 0.0, .max = 1e6,
      .given_offset = AT(kp_given)},
@@ -463,11 +463,11 @@ static const struct yaml_field other_fields[] = {
      .given_offset = AT(load_given)},
 };
 #undef STRUCT
-static const struct yaml_schema other_schema = {
+const struct yaml_schema gains_schema = {
     .what = "the gains of some joints",
     .size = sizeof(struct raw_gains),
-    .fields = other_fields,
-    .field_count = ARRAY_COUNT(other_fields),
+    .fields = gains_fields,
+    .field_count = ARRAY_COUNT(gains_fields),
 };
 
 #define STRUCT raw_servo
@@ -480,7 +480,7 @@ static const struct yaml_field servo_fields[] = {
     {"sway_damping_per_s", YAML_REAL, false, AT(gains.sway_damping_per_s), .min = 0.0, .max = 1e3},
     {"limit_v", YAML_REAL, false, AT(gains.limit_v), .min = DBL_MIN, .max = 1e4},
     {"load_v_per_nm", YAML_REAL, false, AT(gains.load_v_per_nm), .min = 0.0, .max = 1e4},
-    {"others", YAML_LIST, false, AT(other), AT(nother), .schema = &other_schema},
+    {"others", YAML_LIST, false, AT(other), AT(nother), .schema = &gains_schema},
     {"command_period_s", YAML_REAL, true, AT(command_period_s), .min = 1e-5, .max = 1.0,
      .mark_offset = AT(command_period_mark)},
 };

@@ -251,9 +251,12 @@ struct raw_hold {
 struct raw_walk {
     struct yaml_mark mark;
     struct walk_config config;
+    struct servo_gains servo; /* common ones */
+    struct raw_gains *other;
+    size_t nother;
 };
 
-extern const struct yaml_schema task_walk_schema;
+extern const struct yaml_schema task_walk_schema, gains_schema;
 
 struct raw_tasks {
     struct yaml_mark mark;

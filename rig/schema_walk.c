@@ -26,7 +26,7 @@
     }
 #define SERVO(key, high)                                                                           \
     {                                                                                              \
-#key, YAML_REAL, true, AT(config.balance.servo.key), .min = 0.0, .max = high               \
+#key, YAML_REAL, true, AT(servo.key), .min = 0.0, .max = high                              \
     }
 
 static const struct yaml_field walk_fields[] = {
@@ -61,6 +61,7 @@ static const struct yaml_field walk_fields[] = {
     SERVO(kw_v_s_per_rad, 1e6),
     SERVO(load_v_per_nm, 1e4),
     SERVO(torque_limit_nm, 1e4),
+    {"others", YAML_LIST, false, AT(other), AT(nother), .schema = &gains_schema},
     BALANCE(ankle_roll_kp_v_per_rad, 0.0, 1e6),
     BALANCE(pelvis_height_m, 0.01, 10.0),
     BALANCE(lean_rad, -1.0, 1.0),

@@ -46,16 +46,34 @@ static void task_body_link(const struct rig_builder *b, size_t i, struct body_li
     }
 }
 
+/* How it is to walk: the gains of all axes, then the exceptions. */
+static enum error_code task_body_walk(struct rig_builder *b)
+{
+    const struct raw_walk *raw = &b->raw->tasks.walk;
+    struct walk_config *walk = arena_alloc(b->arena, 1, sizeof *walk);
+    struct servo_gains *gains = arena_alloc(b->arena, b->rig->naxis, sizeof *gains);
+
+    if (!walk || !gains) {
+        return rig_no_memory(b);
+    }
+    for (size_t i = 0; i < b->rig->naxis; i++) {
+        gains[i] = raw->servo;
+    }
+    *walk = raw->config;
+    walk->balance.gains = gains;
+    b->rig->walk = walk;
+    return rig_override_gains(b, raw->other, raw->nother, gains);
+}
+
 enum error_code rig_build_task_body(struct rig_builder *b)
 {
     static const char *const sole[BODY_SIDES] = {"r_sole", "l_sole"};
     static const char *const force[BODY_SIDES] = {"r_leg_ft", "l_leg_ft"};
     const struct robot *robot = b->robot;
     struct body_link *link = arena_alloc(b->arena, robot->nbody, sizeof *link);
-    struct walk_config *walk = arena_alloc(b->arena, 1, sizeof *walk);
     struct body_model *model = &b->rig->body;
 
-    if (!link || !walk) {
+    if (!link) {
         return rig_no_memory(b);
     }
     for (size_t i = 0; i < robot->nbody; i++) {
@@ -74,9 +92,5 @@ enum error_code rig_build_task_body(struct rig_builder *b)
         model->sole[side] = task_body_frame(robot, robot_find_frame(robot, sole[side]));
         model->foot_force[side] = task_body_frame(robot, robot_find_frame(robot, force[side]));
     }
-    if (b->raw->tasks.walk_given) {
-        *walk = b->raw->tasks.walk.config;
-        b->rig->walk = walk;
-    }
-    return ERROR_NONE;
+    return b->raw->tasks.walk_given ? task_body_walk(b) : ERROR_NONE;
 }

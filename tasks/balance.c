@@ -24,6 +24,7 @@ static enum error_code balance_find_legs(struct balance *balance, struct error *
         }
         for (int j = 0; j < LEG_JOINTS; j++) {
             leg->axis[j] = (size_t)balance->model->link[leg->link[j]].axis;
+            leg->chain[j] = leg->link[leg->geometry.chain[j]];
         }
         memcpy(leg->sole_m, balance->model->sole[side].position, sizeof leg->sole_m);
     }
@@ -102,7 +103,7 @@ enum error_code balance_create(const struct balance_config *config, const struct
                                 .pose = pose,
                                 .gains = gains};
     for (size_t i = 0; i < naxis; i++) {
-        gains[i] = config->servo;
+        gains[i] = config->gains[i];
     }
     code = estimator_create(&config->estimate, model, host, arena, &balance->estimator, error);
     code = code ? code : balance_find_legs(balance, error);

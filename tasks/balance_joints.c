@@ -112,7 +112,7 @@ void balance_load_legs(struct balance *balance)
         struct body_pose sole;
         double point[3], force[3], world[3], cop[3] = {leg->cop_m[0], leg->cop_m[1], 0};
 
-        body_place_frame(&balance->model->sole[i], &balance->pose[leg->link[LEG_ANKLE_PITCH]],
+        body_place_frame(&balance->model->sole[i], &balance->pose[leg->chain[LEG_JOINTS - 1]],
                          &sole);
         mat3_apply(sole.R, cop, point);
         vec3_add_scaled(point, 1, sole.p, point);
@@ -124,8 +124,9 @@ void balance_load_legs(struct balance *balance)
         world[2] = leg->weight * weight;
         mat3_apply_transposed(R, world, force);
         for (int j = 0; j < LEG_JOINTS; j++) {
-            leg->torque_nm[j] = body_static_torque(balance->model, balance->pose, leg->link + j,
-                                                   (size_t)(LEG_JOINTS - j), force, point, down);
+            leg->torque_nm[leg->geometry.chain[j]] =
+                body_static_torque(balance->model, balance->pose, leg->chain + j,
+                                   (size_t)(LEG_JOINTS - j), force, point, down);
         }
     }
 }

@@ -10,7 +10,7 @@
 #include "tasks/leg.h"
 
 struct balance_leg {
-    int link[LEG_JOINTS];
+    int link[LEG_JOINTS], chain[LEG_JOINTS]; /* by enum leg_joint; from the pelvis to the foot */
     size_t axis[LEG_JOINTS];
     struct leg_geometry geometry;
     double inertia_kg_m2;      /* of the whole leg about its hip, in the posture */

@@ -16,30 +16,63 @@ static const char *const leg_joint_name[BODY_SIDES][LEG_JOINTS] = {
 /* The axis of each joint: 0 = x, 1 = y, 2 = z. */
 static const int leg_axis[LEG_JOINTS] = {1, 0, 2, 1, 0, 1};
 
-/* Along which axes a joint may be away from the one before it: along what keeps the hip's axes, and
- * the ankle's, in one point, and the knee in line. */
-static const bool leg_may_shift[LEG_JOINTS][3] = {
-    {true, true, true},   {false, true, false}, {false, false, true},
-    {false, false, true}, {false, false, true}, {false, false, false},
+/* The kinds of legs, from the pelvis to the foot: the joints, and along which axes each may be away
+ * from the one before it, along what keeps axes in one point and the knee in line. */
+static const struct leg_kind {
+    enum leg_joint joint[LEG_JOINTS];
+    bool may_shift[LEG_JOINTS][3];
+} leg_kinds[] = {
+    {{LEG_HIP_PITCH, LEG_HIP_ROLL, LEG_HIP_YAW, LEG_KNEE, LEG_ANKLE_ROLL, LEG_ANKLE_PITCH},
+     {{true, true, true},
+      {false, true, false},
+      {false, false, true},
+      {false, false, true},
+      {false, false, true},
+      {false, false, false}}},
+    {{LEG_HIP_ROLL, LEG_HIP_YAW, LEG_HIP_PITCH, LEG_KNEE, LEG_ANKLE_PITCH, LEG_ANKLE_ROLL},
+     {{true, true, true},
+      {true, true, true},
+      {false, false, true},
+      {false, false, true},
+      {false, false, true},
+      {false, false, false}}},
 };
 
-static bool leg_link_fits(const struct body_link *link, int joint)
+static bool leg_link_fits(const struct body_link *link, int axis, const bool may_shift[3])
 {
     for (int k = 0; k < 3; k++) {
-        double along = k == leg_axis[joint] ? 1 : 0;
+        double along = k == axis ? 1 : 0;
 
         if (fabs(link->direction[k] - along) > 1e-9 ||
-            (!leg_may_shift[joint][k] && fabs(link->origin[k]) > 1e-6)) {
+            (!may_shift[k] && fabs(link->origin[k]) > 1e-6)) {
             return false;
         }
     }
     return mat3_is_identity(link->rotation);
 }
 
+/* Its lengths; at: links in the order of the chain. */
+static void leg_measure(const struct body_link *const at[LEG_JOINTS], struct leg_geometry *leg)
+{
+    memcpy(leg->hip, at[0]->origin, sizeof leg->hip);
+    memset(leg->offset, 0, sizeof leg->offset);
+    if (leg->roll_first) {
+        memcpy(leg->offset, at[1]->origin, sizeof leg->offset);
+        leg->offset[2] += at[2]->origin[2];
+        vec3_add_scaled(leg->hip, 1, leg->offset, leg->hip);
+        leg->thigh_m = -at[3]->origin[2];
+    } else {
+        leg->hip[1] += at[1]->origin[1];
+        leg->thigh_m = -(at[2]->origin[2] + at[3]->origin[2]);
+    }
+    leg->shank_m = -at[4]->origin[2];
+}
+
 enum error_code leg_find(const struct body_model *model, int side, int link[LEG_JOINTS],
                          struct leg_geometry *leg, struct error *error)
 {
     const struct body_link *at[LEG_JOINTS];
+    const struct leg_kind *kind;
 
     for (int j = 0; j < LEG_JOINTS; j++) {
         const char *name = leg_joint_name[side][j];
@@ -49,19 +82,25 @@ enum error_code leg_find(const struct body_model *model, int side, int link[LEG_
             return error_set(error, ERROR_INPUT, "found no driven joint %s, expected a leg with it",
                              name);
         }
-        at[j] = &model->link[link[j]];
-        if (at[j]->parent != (j ? link[j - 1] : 0) || !leg_link_fits(at[j], j)) {
+    }
+    leg->roll_first = model->link[link[LEG_HIP_ROLL]].parent == 0;
+    kind = &leg_kinds[leg->roll_first];
+    memcpy(leg->chain, kind->joint, sizeof leg->chain);
+    for (int i = 0; i < LEG_JOINTS; i++) {
+        int joint = leg->chain[i];
+
+        at[i] = &model->link[link[joint]];
+        if (at[i]->parent != (i ? link[leg->chain[i - 1]] : 0) ||
+            !leg_link_fits(at[i], leg_axis[joint], kind->may_shift[i])) {
             return error_set(error, ERROR_INPUT,
                              "found another place or axis of joint %s, expected a leg with hip "
                              "pitch, roll, yaw, knee, ankle roll, pitch, with axes that meet in "
-                             "the hip and in the ankle",
-                             name);
+                             "the hip and in the ankle, or one with hip roll, yaw, pitch, knee, "
+                             "ankle pitch, roll",
+                             leg_joint_name[side][joint]);
         }
     }
-    memcpy(leg->hip, at[LEG_HIP_PITCH]->origin, sizeof leg->hip);
-    leg->hip[1] += at[LEG_HIP_ROLL]->origin[1];
-    leg->thigh_m = -(at[LEG_HIP_YAW]->origin[2] + at[LEG_KNEE]->origin[2]);
-    leg->shank_m = -at[LEG_ANKLE_ROLL]->origin[2];
+    leg_measure(at, leg);
     if (!(leg->thigh_m > 0 && leg->shank_m > 0)) {
         return error_set(error, ERROR_INPUT, "found a leg that points up, expected one below");
     }
@@ -82,42 +121,58 @@ static void leg_turn(double R[9], int axis, double angle)
 void leg_forward(const struct leg_geometry *leg, const double angle[LEG_JOINTS],
                  struct body_pose *foot)
 {
-    const double thigh[3] = {0, 0, -leg->thigh_m}, shank[3] = {0, 0, -leg->shank_m};
-    double offset[3];
+    double step[LEG_JOINTS][3] = {{0}}, offset[3];
+
+    /* From joint to joint of the chain, at the angles 0 */
+    vec3_sub(leg->hip, leg->offset, step[0]);
+    memcpy(step[1], leg->offset, sizeof step[1]);
+    step[3][2] = -leg->thigh_m;
+    step[4][2] = -leg->shank_m;
 
     mat3_identity(foot->R);
-    memcpy(foot->p, leg->hip, sizeof foot->p);
-    for (int j = 0; j < LEG_JOINTS; j++) {
-        if (j == LEG_KNEE || j == LEG_ANKLE_ROLL) {
-            mat3_apply(foot->R, j == LEG_KNEE ? thigh : shank, offset);
-            vec3_add_scaled(foot->p, 1, offset, foot->p);
-        }
-        leg_turn(foot->R, leg_axis[j], angle[j]);
+    memset(foot->p, 0, sizeof foot->p);
+    for (int i = 0; i < LEG_JOINTS; i++) {
+        mat3_apply(foot->R, step[i], offset);
+        vec3_add_scaled(foot->p, 1, offset, foot->p);
+        leg_turn(foot->R, leg_axis[leg->chain[i]], angle[leg->chain[i]]);
     }
 }
 
-bool leg_inverse(const struct leg_geometry *leg, const struct body_pose *foot, double least_knee,
-                 double greatest_knee, double angle[LEG_JOINTS])
+/* The knee's angle from the distance that it is to span. Within its limits; when these change it
+ * the result is false and scale what the distance becomes by. */
+static bool leg_bend_knee(const struct leg_geometry *leg, double length, double least_knee,
+                          double greatest_knee, double *knee, double *scale)
 {
     double T = leg->thigh_m, S = leg->shank_m;
-    double away[3], hip[3], R[9], length, cosine, along, up;
-    bool reached = true;
+    double cosine = (length * length - T * T - S * S) / (2 * T * S);
+
+    *scale = 1;
+    *knee = portable_acos(fmin(fmax(cosine, -1), 1));
+    if (*knee >= least_knee && *knee <= greatest_knee) {
+        return true;
+    }
+    *knee = fmin(fmax(*knee, least_knee), greatest_knee);
+    if (length > 0) {
+        *scale = sqrt(T * T + S * S + 2 * T * S * portable_cos(*knee)) / length;
+    }
+    return false;
+}
+
+static bool leg_inverse_pitch_first(const struct leg_geometry *leg, const struct body_pose *foot,
+                                    double least_knee, double greatest_knee,
+                                    double angle[LEG_JOINTS])
+{
+    double T = leg->thigh_m, S = leg->shank_m;
+    double away[3], hip[3], R[9], along, up, scale;
+    bool reached;
 
     /* The hip as the foot sees it; the knee from its distance */
     vec3_sub(leg->hip, foot->p, away);
     mat3_apply_transposed(foot->R, away, hip);
-    length = vec3_norm(hip);
-    cosine = (length * length - T * T - S * S) / (2 * T * S);
-    angle[LEG_KNEE] = portable_acos(fmin(fmax(cosine, -1), 1));
-    if (!(angle[LEG_KNEE] >= least_knee && angle[LEG_KNEE] <= greatest_knee)) {
-        double reach;
-
-        angle[LEG_KNEE] = fmin(fmax(angle[LEG_KNEE], least_knee), greatest_knee);
-        reach = sqrt(T * T + S * S + 2 * T * S * portable_cos(angle[LEG_KNEE]));
-        for (int k = 0; k < 3 && length > 0; k++) {
-            hip[k] *= reach / length;
-        }
-        reached = false;
+    reached =
+        leg_bend_knee(leg, vec3_norm(hip), least_knee, greatest_knee, &angle[LEG_KNEE], &scale);
+    for (int k = 0; k < 3; k++) {
+        hip[k] *= scale;
     }
 
     /* The ankle points the shank there */
@@ -137,4 +192,67 @@ bool leg_inverse(const struct leg_geometry *leg, const struct body_pose *foot, d
     angle[LEG_HIP_PITCH] = portable_atan2(R[2], R[8]);
     angle[LEG_HIP_YAW] = portable_atan2(R[3], R[4]);
     return reached;
+}
+
+/* v <- rotation about x, y or z by minus an angle * v */
+static void leg_turn_back(double v[3], int axis, double angle)
+{
+    const double unit[3] = {axis == 0, axis == 1, axis == 2};
+    double turn[9], old[3];
+
+    mat3_about_axis(unit, angle, turn);
+    memcpy(old, v, sizeof old);
+    mat3_apply_transposed(turn, old, v);
+}
+
+static bool leg_inverse_roll_first(const struct leg_geometry *leg, const struct body_pose *foot,
+                                   double least_knee, double greatest_knee,
+                                   double angle[LEG_JOINTS])
+{
+    const double *d = leg->offset;
+    double T = leg->thigh_m, S = leg->shank_m;
+    double f[3] = {foot->R[0], foot->R[3], foot->R[6]}, a[3], R[9], turned[9], back[9];
+    double A, B, ratio, along, down, scale;
+    bool reached, in_plane;
+
+    /* Roll: ankle and foot in the plane of the leg */
+    vec3_sub(foot->p, leg->hip, a);
+    vec3_add_scaled(a, 1, d, a);
+    A = f[0] * a[1] - f[1] * (a[0] - d[0]);
+    B = f[0] * a[2] - f[2] * (a[0] - d[0]);
+    ratio = f[0] * d[1] / sqrt(A * A + B * B);
+    in_plane = fabs(ratio) <= 1;
+    ratio = in_plane ? ratio : ratio > 0 ? 1 : -1;
+    angle[LEG_HIP_ROLL] = portable_atan2(B, A) + portable_acos(ratio);
+
+    /* Yaw: where the foot points; then the ankle from the hip, in the plane */
+    leg_turn_back(a, 0, angle[LEG_HIP_ROLL]);
+    leg_turn_back(f, 0, angle[LEG_HIP_ROLL]);
+    angle[LEG_HIP_YAW] = portable_atan2(f[1], f[0]);
+    vec3_sub(a, d, a);
+    leg_turn_back(a, 2, angle[LEG_HIP_YAW]);
+
+    /* Two links that reach it */
+    reached = leg_bend_knee(leg, vec3_norm(a), least_knee, greatest_knee, &angle[LEG_KNEE], &scale);
+    along = -S * portable_sin(angle[LEG_KNEE]);
+    down = -T - S * portable_cos(angle[LEG_KNEE]);
+    angle[LEG_HIP_PITCH] = portable_atan2(down * a[0] - along * a[2], along * a[0] + down * a[2]);
+
+    /* The ankle turns what is left */
+    mat3_identity(turned);
+    leg_turn(turned, 0, angle[LEG_HIP_ROLL]);
+    leg_turn(turned, 2, angle[LEG_HIP_YAW]);
+    leg_turn(turned, 1, angle[LEG_HIP_PITCH] + angle[LEG_KNEE]);
+    mat3_transpose(turned, back);
+    mat3_mul(back, foot->R, R);
+    angle[LEG_ANKLE_PITCH] = portable_atan2(-R[6], R[0]);
+    angle[LEG_ANKLE_ROLL] = portable_atan2(-R[5], R[4]);
+    return reached && in_plane;
+}
+
+bool leg_inverse(const struct leg_geometry *leg, const struct body_pose *foot, double least_knee,
+                 double greatest_knee, double angle[LEG_JOINTS])
+{
+    return leg->roll_first ? leg_inverse_roll_first(leg, foot, least_knee, greatest_knee, angle)
+                           : leg_inverse_pitch_first(leg, foot, least_knee, greatest_knee, angle);
 }

@@ -176,10 +176,10 @@ struct gait_config {
 struct balance_config {
     struct estimate_config estimate;
     struct gait_config gait;
-    struct servo_gains servo;       /* of all axes; trim, integral and sway damping are 0 */
-    double ankle_roll_kp_v_per_rad; /* of these two: with more the foot tips before it yields */
-    double pelvis_height_m;         /* of its origin over the soles */
-    double lean_rad;                /* of the pelvis, forward */
+    const struct servo_gains *gains; /* one an axis; trim, integral and sway damping are 0 */
+    double ankle_roll_kp_v_per_rad;  /* of these two: with more the foot tips before it yields */
+    double pelvis_height_m;          /* of its origin over the soles */
+    double lean_rad;                 /* of the pelvis, forward */
     double sole_front_m, sole_back_m, sole_side_m; /* edges of the sole from its origin */
     double sole_margin_m;                          /* that the center of pressure keeps from them */
     double touch_n, touch_s;   /* so much load for so long: the foot has met the ground */

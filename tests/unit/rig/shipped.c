@@ -401,6 +401,26 @@ static void walk_rigs_are_one_robot_on_several_grounds(void **state)
     }
 }
 
+/* WALK-MAN squats and walks on the same drives: what they need of volts is the same, but not how
+ * stiff the loops are. */
+static void walkman_walks_with_the_drives_that_it_squats_with(void **state)
+{
+    (void)state;
+    tell_rig("walk-walkman");
+    assert_int_equal(rig->naxis, 24);
+    assert_true(rig->imu.present && rig->walk);
+    for (size_t i = 0; i < rig->naxis; i++) {
+        const struct servo_gains *squat = &rig->servo.gains[i];
+        const struct servo_gains *walk = &rig->walk->balance.gains[i];
+
+        assert_true(walk->kp_v_per_rad == squat->kp_v_per_rad);
+        assert_true(walk->kw_v_s_per_rad == squat->kw_v_s_per_rad);
+        assert_true(walk->load_v_per_nm == squat->load_v_per_nm);
+        assert_true(walk->limit_v == squat->limit_v);
+        assert_true(walk->trim_per_s == 0 && walk->torque_limit_nm == 210);
+    }
+}
+
 /* Whether a line of coman's is this one, or, when tail, ends so. */
 static bool coman_has_line(const char *text, bool tail)
 {
@@ -482,6 +502,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(coman_has_its_numbers, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(walkman_has_its_numbers, open_arena, close_arena),
+        cmocka_unit_test_setup_teardown(walkman_walks_with_the_drives_that_it_squats_with,
+                                        open_arena, close_arena),
         cmocka_unit_test_setup_teardown(grasp_has_its_numbers, open_arena, close_arena),
         cmocka_unit_test_setup_teardown(walk_rigs_are_one_robot_on_several_grounds, open_arena,
                                         close_arena),

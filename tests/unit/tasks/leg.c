@@ -23,7 +23,7 @@ enum { POSES = 500, LINKS = 64 };
 
 struct bench {
     struct arena arena;
-    const struct rig *rig;
+    const struct rig *rig, *walkman;
     double angle[LINKS], joint[LINKS]; /* by axis, by joint of the robot */
     struct body_pose pose[LINKS];
     struct body_motion truth[LINKS];
@@ -44,6 +44,8 @@ static int setup(void **state)
     bench.random = 1;
     if (arena_init(&bench.arena, 1 << 26, &error) ||
         rig_load(HIL_SOURCE_DIR "/config/rigs/coman-compact-imu.yaml", &bench.arena, &bench.rig,
+                 &error) ||
+        rig_load(HIL_SOURCE_DIR "/config/rigs/walk-walkman.yaml", &bench.arena, &bench.walkman,
                  &error)) {
         print_error("%s\n", error.text);
         return -1;
@@ -61,13 +63,13 @@ static int teardown(void **state)
 }
 
 /* A pose within the joints' limits, knees bent, for the task's tree and for the model's. */
-static void pose_at_random(struct bench *b)
+static void pose_rig_at_random(struct bench *b, const struct rig *rig)
 {
     static const double origin[3] = {0}, upright[4] = {1, 0, 0, 0};
-    const struct robot *robot = b->rig->robot;
+    const struct robot *robot = rig->robot;
 
-    for (size_t i = 0; i < b->rig->naxis; i++) {
-        const struct host_axis *axis = &b->rig->axis[i];
+    for (size_t i = 0; i < rig->naxis; i++) {
+        const struct host_axis *axis = &rig->axis[i];
         int joint = robot_find_joint(robot, axis->joint);
         double low = strstr(axis->joint, "Knee") ? 0.05 : axis->lower_rad;
 
@@ -75,7 +77,12 @@ static void pose_at_random(struct bench *b)
         b->joint[joint] = b->angle[i];
     }
     robot_place_bodies(robot, origin, upright, b->joint, b->truth);
-    body_place(&b->rig->body, b->angle, b->pose);
+    body_place(&rig->body, b->angle, b->pose);
+}
+
+static void pose_at_random(struct bench *b)
+{
+    pose_rig_at_random(b, b->rig);
 }
 
 static double far_apart(const double *x, const double *y, int count)
@@ -143,6 +150,45 @@ static void inverse_kinematics_give_the_angles_back(void **state)
     }
     print_message("# worst angle off by %g rad\n", worst);
     assert_true(worst < 1e-12);
+}
+
+/* WALK-MAN's: roll first, with the other hip axes away from it. Where the sole is turned by more
+ * than pi/2, or the hip is below the ankle as the foot sees it, other angles give the same pose. */
+static void a_leg_that_rolls_first_gives_its_angles_back_too(void **state)
+{
+    struct bench *b = *state;
+    double worst = 0;
+    int judged = 0;
+
+    for (int n = 0; n < BODY_SIDES * POSES; n++) {
+        int link[LEG_JOINTS], side = n % BODY_SIDES;
+        double angle[LEG_JOINTS], back[LEG_JOINTS], turn, above;
+        const struct body_motion *truth;
+        struct leg_geometry leg;
+        struct body_pose foot;
+        struct error error;
+
+        assert_int_equal(leg_find(&b->walkman->body, side, link, &leg, &error), ERROR_NONE);
+        assert_true(leg.roll_first && leg.thigh_m == 0.356 && leg.shank_m == 0.4);
+        pose_rig_at_random(b, b->walkman);
+        truth = &b->truth[link[LEG_ANKLE_ROLL]];
+        for (int j = 0; j < LEG_JOINTS; j++) {
+            angle[j] = b->angle[b->walkman->body.link[link[j]].axis];
+        }
+        leg_forward(&leg, angle, &foot);
+        assert_true(far_apart(foot.p, truth->p, 3) < 1e-13);
+        assert_true(far_apart(foot.R, truth->R, 9) < 1e-13);
+        turn = angle[LEG_HIP_PITCH] + angle[LEG_KNEE] + angle[LEG_ANKLE_PITCH];
+        above = leg.shank_m * cos(angle[LEG_ANKLE_PITCH]) - leg.offset[2] * cos(turn) +
+                leg.thigh_m * cos(angle[LEG_ANKLE_PITCH] + angle[LEG_KNEE]);
+        if (fabs(turn) < 1.5 && above > 0.01) {
+            assert_true(leg_inverse(&leg, &foot, 0, 3, back));
+            worst = fmax(worst, far_apart(angle, back, LEG_JOINTS));
+            judged++;
+        }
+    }
+    print_message("# worst angle of %d poses off by %g rad\n", judged, worst);
+    assert_true(judged > POSES && worst < 1e-11);
 }
 
 static void a_foot_out_of_reach_is_pointed_at(void **state)
@@ -237,6 +283,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(links_and_center_of_mass_are_those_of_the_model),
         cmocka_unit_test(inverse_kinematics_give_the_angles_back),
+        cmocka_unit_test(a_leg_that_rolls_first_gives_its_angles_back_too),
         cmocka_unit_test(a_foot_out_of_reach_is_pointed_at),
         cmocka_unit_test(a_leg_with_other_axes_is_refused),
         cmocka_unit_test(static_torques_hold_weight_and_force),
