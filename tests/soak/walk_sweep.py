@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""usage: walk_sweep.py COMAN-HIL CASES [SEED]
+"""usage: walk_sweep.py COMAN-HIL CASES [SEED [LARGEST_PUSH_N_S]]
 
 How often COMAN falls when it walks at 0.15 m/s with noisy sensors and is pushed, over random cases:
 seed of the noise, friction of the ground, a load at the chest, and time, direction and size of the
-push. Prints the share of falls by size and by direction of the push, each with its Wilson interval
-(95 %). The figures of docs/walking.md come from here; it judges nothing.
+push (up to 6 N s unless it is given). Prints the share of falls by size and by direction of the
+push, each with its Wilson interval (95 %). The figures of docs/walking.md come from here; it judges
+nothing.
 """
 import math
 import os
@@ -46,9 +47,9 @@ def wilson(falls, cases):
     return [max(0.0, (middle - half) / (1 + z * z / cases)), (middle + half) / (1 + z * z / cases)]
 
 
-def make_case(folder, number, source):
+def make_case(folder, number, source, largest):
     """Writes a case; returns its name, the size of its push in N s, and its direction."""
-    name, size = f"case-{number}", source.uniform(0, 6)
+    name, size = f"case-{number}", source.uniform(0, largest)
     angle, friction = source.uniform(0, 2 * math.pi), source.uniform(0.3, 1.1)
     rig = (ROOT / "config/rigs/walk-sensors.yaml").read_text().replace("extends: ",
                                                                       "extends: config/rigs/")
@@ -63,11 +64,12 @@ def make_case(folder, number, source):
 def main():
     program, count = os.path.abspath(sys.argv[1]), int(sys.argv[2])
     source = random.Random(int(sys.argv[3]) if len(sys.argv) > 3 else 1)
+    largest = float(sys.argv[4]) if len(sys.argv) > 4 else 6
     groups = {}
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         (folder / "config").symlink_to(ROOT / "config")
-        cases = [make_case(folder, i, source) for i in range(count)]
+        cases = [make_case(folder, i, source, largest) for i in range(count)]
         command = [program, "test", "--jobs", "2", "--junit", "results.xml", "--output", "out"]
         subprocess.run(command + [f"{case[0]}.yaml" for case in cases], cwd=folder, check=False,
                        stdout=subprocess.DEVNULL)
@@ -79,7 +81,7 @@ def main():
     for case, size, side in cases:
         for group in ("all", f"{2 * int(size / 2)} to {2 * int(size / 2) + 2} N s", side):
             groups.setdefault(group, []).append(fell[case])
-    for group, falls in sorted(groups.items()):
+    for group, falls in sorted(groups.items(), key=lambda item: (len(item[0].split()[0]), item)):
         low, high = wilson(sum(falls), len(falls))
         print(f"| {group} | {sum(falls)} of {len(falls)} | {100 * sum(falls) / len(falls):.0f} % "
               f"| {100 * low:.0f} to {100 * high:.0f} % |")
