@@ -119,6 +119,10 @@ struct loop_machine {
                        size_t max);
     bool (*fault)(void *context); /* some board is in fault */
     void (*publish)(void *context, int64_t now_ns, const struct loop_stats *stats);
+    /* While the loop waits for a request, a STEP or a deadline that is far off, ten times a second
+     * at least: publishes what other threads have come to want since the last tick. Must change
+     * nothing else. */
+    void (*idle)(void *context);
     void (*shut_down)(void *context, int64_t now_ns); /* motors off; the last call of a run */
 };
 

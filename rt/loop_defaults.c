@@ -39,6 +39,11 @@ static void idle_publish(void *context, int64_t now_ns, const struct loop_stats 
     (void)context, (void)now_ns, (void)stats;
 }
 
+static void idle_wait(void *context)
+{
+    (void)context;
+}
+
 static void complete_machine(struct loop_machine *machine)
 {
     machine->begin = machine->begin ? machine->begin : idle_phase;
@@ -49,6 +54,7 @@ static void complete_machine(struct loop_machine *machine)
     machine->transmit = machine->transmit ? machine->transmit : idle_transmit;
     machine->fault = machine->fault ? machine->fault : idle_fault;
     machine->publish = machine->publish ? machine->publish : idle_publish;
+    machine->idle = machine->idle ? machine->idle : idle_wait;
     machine->shut_down = machine->shut_down ? machine->shut_down : idle_phase;
 }
 

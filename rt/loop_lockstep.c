@@ -154,6 +154,7 @@ bool loop_wait_for_step(struct loop *loop)
         if (lockstep_wait_check(&loop->lockstep, now, &silent)) {
             loop_emit_event(loop, LOOP_EVENT_SILENT, bus, silent, 0);
         }
+        loop->config.machine.idle(loop->config.machine.context);
         step_sleep(loop, now);
         if (loop_request_waits(loop)) {
             return false;

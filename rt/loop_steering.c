@@ -346,6 +346,7 @@ bool loop_steering_carry_out(struct loop *loop)
             return false;
         }
         was_paused = true;
+        loop->config.machine.idle(loop->config.machine.context);
         loop_steering_sleep(loop, NULL, clock_now(loop->config.time) + WAIT_SLICE_NS);
         request_dispatch_all(loop);
     }

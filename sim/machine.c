@@ -205,6 +205,11 @@ static void machine_publish(void *context, int64_t now_ns, const struct loop_sta
     simulator_stream_row(simulator);
 }
 
+static void machine_idle(void *context)
+{
+    simulator_renew_view(context);
+}
+
 struct loop_machine simulator_machine(struct simulator *simulator)
 {
     return (struct loop_machine){
@@ -220,6 +225,7 @@ struct loop_machine simulator_machine(struct simulator *simulator)
         .transmit = machine_transmit,
         .fault = machine_fault,
         .publish = machine_publish,
+        .idle = machine_idle,
         .shut_down = machine_shut_down,
     };
 }

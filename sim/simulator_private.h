@@ -66,6 +66,7 @@ struct simulator {
     struct snapshot *published_view; /* view.h */
     void *view;                      /* the next one */
     _Atomic bool view_wanted;
+    bool view_stale; /* the tick that has run last was not published as one */
     struct release release;
     _Atomic int64_t released; /* virtual time of the release; -1 = reported or not yet */
     _Atomic int64_t
@@ -100,8 +101,11 @@ void simulator_fill_start(struct simulator *simulator);
 /* After the signals. */
 enum error_code simulator_create_view(struct simulator *simulator, struct error *error);
 
-/* RT-safe. */
-void simulator_publish_view(struct simulator *simulator);
+/* After a tick: publishes a view of it where one is wanted. RT-safe. */
+void simulator_offer_view(struct simulator *simulator);
+
+/* Between two ticks: makes up for it where a view is wanted only now. RT-safe. */
+void simulator_renew_view(struct simulator *simulator);
 
 /* ---- signals.c ---- */
 

@@ -90,7 +90,5 @@ void simulator_publish(void *context, int64_t now_ns, const struct loop_stats *s
     status_fill_buses(simulator);
     status_fill_plant(simulator);
     snapshot_write(simulator->published, &simulator->status);
-    if (atomic_load_explicit(&simulator->view_wanted, memory_order_relaxed)) {
-        simulator_publish_view(simulator);
-    }
+    simulator_offer_view(simulator);
 }

@@ -25,7 +25,7 @@ static struct board_state *view_boards(const struct simulator *simulator, void *
     return (struct board_state *)(view_signals(memory) + simulator->nsignal);
 }
 
-void simulator_publish_view(struct simulator *simulator)
+static void view_publish(struct simulator *simulator)
 {
     void *memory = simulator->view;
 
@@ -35,6 +35,21 @@ void simulator_publish_view(struct simulator *simulator)
         boards_state(simulator->boards, i, &view_boards(simulator, memory)[i]);
     }
     snapshot_write(simulator->published_view, memory);
+    simulator->view_stale = false;
+}
+
+void simulator_offer_view(struct simulator *simulator)
+{
+    simulator->view_stale = true;
+    simulator_renew_view(simulator);
+}
+
+void simulator_renew_view(struct simulator *simulator)
+{
+    if (simulator->view_stale &&
+        atomic_load_explicit(&simulator->view_wanted, memory_order_relaxed)) {
+        view_publish(simulator);
+    }
 }
 
 enum error_code simulator_create_view(struct simulator *simulator, struct error *error)
@@ -51,7 +66,7 @@ enum error_code simulator_create_view(struct simulator *simulator, struct error 
         return error_set(error, ERROR_MEMORY, "no memory left for a view of %zu bytes", size);
     }
     simulator_fill_start(simulator);
-    simulator_publish_view(simulator);
+    view_publish(simulator);
     return ERROR_NONE;
 }
 

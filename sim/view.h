@@ -2,8 +2,10 @@
 /*
  * What somebody who watches a simulator wants to know of a tick: the status, the values of all
  * signals, how each board is, all of the same moment. The loop publishes it once a tick while it is
- * wanted, and never waits for who reads it; unwanted it costs the loop one load. Arrays are in the
- * order of simulator_signal_names and of the rig's boards. SI units.
+ * wanted, and never waits for who reads it; unwanted it costs the loop one load. Where it comes to
+ * be wanted while no tick runs (a pause, a controller that is silent), that of the last tick
+ * follows within a tenth of a second. Arrays are in the order of simulator_signal_names and of the
+ * rig's boards. SI units.
  */
 #ifndef SIM_VIEW_H
 #define SIM_VIEW_H

@@ -107,6 +107,10 @@ struct viewer {
     struct viewer_counters counters;
 
     struct simulator_view view;
+    bool wanted;                /* views are made */
+    bool awaited;               /* none has been made since they are wanted */
+    uint64_t views_before;      /* how many had been made then */
+    int64_t awaited_till_ns;    /* the one that there is will do */
     struct body_motion *motion; /* of the robot's bodies */
     uint8_t *state;             /* one under construction */
     size_t state_max;

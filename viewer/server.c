@@ -21,7 +21,7 @@
 
 enum viewer_order { VIEWER_ORDER_WAIT, VIEWER_ORDER_SERVE, VIEWER_ORDER_STOP };
 enum { POLL_FIXED = 2, POLL_COUNT = POLL_FIXED + 2 * VIEWER_CLIENTS };
-enum { BACKLOG = 16, IDLE_MS = 500, TRACE_MS = 5 };
+enum { BACKLOG = 16, IDLE_MS = 500, TRACE_MS = 5, AWAIT_MS = 5, AWAIT_LONGEST_MS = 500 };
 
 /* ---- the thread ---- */
 
@@ -30,6 +30,9 @@ static int viewer_idle_ms(const struct viewer *viewer)
 {
     int64_t wait_ns = (int64_t)IDLE_MS * CLOCK_MS;
 
+    if (viewer->awaited) {
+        return AWAIT_MS;
+    }
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         const struct viewer_client *client = &viewer->client[i];
 
@@ -76,16 +79,24 @@ static void viewer_serve_client(struct viewer *viewer, struct viewer_client *cli
 }
 
 /* Views are made while somebody looks at them. */
-static void viewer_update_wish(const struct viewer *viewer)
+static void viewer_update_wish(struct viewer *viewer)
 {
     bool wanted = false;
 
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         wanted = wanted || (viewer->client[i].socket >= 0 && viewer->client[i].watch.on);
     }
-    if (viewer->config.simulator) {
-        simulator_want_views(viewer->config.simulator, wanted);
+    if (!viewer->config.simulator || wanted == viewer->wanted) {
+        return;
     }
+
+    /* What is there now is of the last time that somebody looked */
+    if (wanted) {
+        viewer->views_before = simulator_view_read(viewer->config.simulator, &viewer->view);
+        viewer->awaited_till_ns = viewer->now_ns + AWAIT_LONGEST_MS * CLOCK_MS;
+    }
+    viewer->wanted = viewer->awaited = wanted;
+    simulator_want_views(viewer->config.simulator, wanted);
 }
 
 /* Waits for the order to serve or to stop. */

@@ -373,10 +373,24 @@ static bool client_wants_state(struct viewer *viewer, struct viewer_client *clie
     return true;
 }
 
+/* Whether the view is still that of the last time that somebody looked. */
+static bool viewer_awaits_view(struct viewer *viewer)
+{
+    if (viewer->awaited &&
+        (viewer->now_ns > viewer->awaited_till_ns ||
+         simulator_view_read(viewer->config.simulator, &viewer->view) != viewer->views_before)) {
+        viewer->awaited = false;
+    }
+    return viewer->awaited;
+}
+
 void viewer_send_states(struct viewer *viewer)
 {
     size_t size = 0;
 
+    if (viewer_awaits_view(viewer)) {
+        return;
+    }
     for (size_t i = 0; i < VIEWER_CLIENTS; i++) {
         struct viewer_client *client = &viewer->client[i];
 

@@ -200,8 +200,28 @@ def judge_crowds(run):
         connection.close()
 
 
+def judge_late_comers(run, reason):
+    """Who joins while no tick runs sees the last one, not the start or that of the last look."""
+    page = Page(run.port, run.look)
+    tick = page.ask("status")["tick"]
+    page.ask("watch", rate_hz=60)
+    first = header(page.state())
+    page.close()
+    check(first["tick"] == tick > 0 and first["time_ns"] == tick * 1000000,
+          f"the first state of a page that joins is of now, {reason}", (tick, first["tick"]))
+
+
+def judge_pauses(run):
+    lead = Page(run.port, run.control)
+    lead.ask("step", count=250)
+    judge_late_comers(run, "in a pause")
+    lead.ask("step", count=250)
+    judge_late_comers(run, "in a later one")
+    lead.close()
+
+
 def main():
-    print("1..38")
+    print("1..41")
     with Simulator("coman", "--clock", "real", "--task", "squat", "--fault",
                    "jam: motor LKneeSag jam manual") as run:
         judge_states(run)
@@ -222,6 +242,13 @@ def main():
         page = Page(run.port, run.look)
         check(run.control is None and page.hello["right"] == "look",
               "without a control socket nobody may control")
+    with Simulator("coman", "--clock", "free", "--ticks", "2000000") as run:
+        judge_pauses(run)
+    with Simulator("coman", "--clock", "lockstep") as run:
+        lead = Page(run.port, run.control)
+        lead.ask("step", count=100)
+        lead.ask("resume")
+        judge_late_comers(run, "while its controller is silent")
     return 0
 
 
