@@ -57,6 +57,21 @@ enum {
     RECORDER_EVENT_TEXT = 320, /* longer texts of events are cut */
 };
 
+/* A body whose contact is shown: its wrench, about the body's origin, world frame. */
+struct recorder_contact {
+    size_t signal; /* of its force's first component; the other five follow */
+    size_t body;
+};
+
+/* What the MCAP file shows of contact: an arrow and a center of pressure each. */
+struct recorder_contacts {
+    size_t ncontact; /* 0 = nothing */
+    const struct recorder_contact *contact;
+    bool has_ground;
+    double ground_point[3], ground_normal[3]; /* a plane; the normal has length 1 */
+    double arrow_m_per_n;
+};
+
 struct recorder_config {
     const char *directory; /* created when missing; must be empty unless overwrite */
     bool overwrite;        /* replace the files of an earlier recording */
@@ -68,10 +83,11 @@ struct recorder_config {
     size_t nbody;              /* 0 = there is no poses.csv */
     const char *const *body;   /* names */
     unsigned format;           /* of rows; 0 = RECORDER_CSV */
-    const char *scene;         /* for the MCAP file: content of a foxglove.SceneUpdate in whose
+    struct recorder_contacts contacts;
+    const char *scene; /* for the MCAP file: content of a foxglove.SceneUpdate in whose
                                 * frames are the bodies and "world"; NULL = none */
-    size_t frame_ring;         /* frames held between loop and thread, a power of two; 0 = 65536 */
-    int64_t stall_ns;          /* a disk that accepts nothing for so long is given up; 0 =
+    size_t frame_ring; /* frames held between loop and thread, a power of two; 0 = 65536 */
+    int64_t stall_ns;  /* a disk that accepts nothing for so long is given up; 0 =
                        * RECORDER_STALL_NS */
 };
 

@@ -4,6 +4,7 @@
 
 #include "base/json_text.h"
 #include "rt/clock.h"
+#include "rt/recorder_contacts.h"
 #include "rt/recorder_schemas.h"
 
 #include <inttypes.h>
@@ -15,6 +16,7 @@ enum {
     STAMP_SIZE = 96,  /* "timestamp":{...}, */
     POSE_SIZE = 256,  /* a transform's numbers and keys */
     FRAME_SIZE = 512, /* of a message without the bus's name */
+    CONTACTS_SIZE = FRAME_SIZE + RECORDER_ARROWS * RECORDER_ARROW_SIZE,
     TOPIC_SIZE = 64,  /* "/can/" and a name */
     KEY_PART = 3,     /* quotes and colon */
     SCHEMA_PART = 24, /* {"type":"number"} and more of a signal in its schema */
@@ -31,9 +33,10 @@ struct recorder_mcap {
     const char **key;  /* of each signal: "NAME": */
     const char **body; /* of each body: "NAME" */
     const char **bus;
-    uint16_t signals, events, transforms, scene; /* channels; 0 = none */
-    uint16_t *frames;                            /* of each bus */
-    int64_t flushed_ns;                          /* wall time of the last chunk's end */
+    uint16_t signals, events, transforms, contacts, scene; /* channels; 0 = none */
+    uint16_t *frames;                                      /* of each bus */
+    size_t touching;    /* contacts in the last message of /contacts */
+    int64_t flushed_ns; /* wall time of the last chunk's end */
 };
 
 /* ---- pieces of messages ---- */
@@ -122,6 +125,32 @@ static char *mcap_print_transform(const struct recorder_mcap *mcap, char *at, in
     return mcap_print_text(at, "}}");
 }
 
+/* One entity, which takes the place of that of the row before; none while nothing touches. */
+static void recorder_mcap_contacts(struct recorder_mcap *mcap, int64_t time_ns, const double *value,
+                                   const double *pose)
+{
+    const struct recorder_contacts *contacts = &mcap->config->contacts;
+    struct recorder_arrow arrow[RECORDER_ARROWS];
+    size_t count = recorder_find_arrows(contacts, value, pose, arrow);
+    char *begin, *at;
+
+    if (count == 0 && mcap->touching == 0) {
+        return;
+    }
+    mcap->touching = count;
+    begin = mcap_begin_message(mcap->mcap);
+    at = mcap_print_text(begin, "{\"deletions\":[],\"entities\":[{");
+    at = mcap_print_stamp(at, time_ns);
+    at = mcap_print_text(at, ",\"frame_id\":\"world\",\"id\":\"contacts\",\"lifetime\":{\"sec\":0,"
+                             "\"nsec\":0},\"frame_locked\":true,\"metadata\":[],\"arrows\":[");
+    at = recorder_print_arrows(arrow, count, at);
+    at = mcap_print_text(at, "],\"cubes\":[],\"spheres\":[");
+    at = recorder_print_pressures(arrow, count, at);
+    at = mcap_print_text(at, "],\"cylinders\":[],\"lines\":[],\"triangles\":[],\"texts\":[],"
+                             "\"models\":[]}]}");
+    mcap_hand_over(mcap, mcap->contacts, time_ns, begin, at);
+}
+
 void recorder_mcap_row(struct recorder_mcap *mcap, const double *row)
 {
     const struct recorder_config *config = mcap->config;
@@ -140,6 +169,9 @@ void recorder_mcap_row(struct recorder_mcap *mcap, const double *row)
         }
         at = mcap_print_text(at, "]}");
         mcap_hand_over(mcap, mcap->transforms, time_ns, begin, at);
+    }
+    if (mcap->contacts) {
+        recorder_mcap_contacts(mcap, time_ns, row + 1, pose);
     }
 }
 
@@ -228,9 +260,11 @@ static bool recorder_mcap_add_channels(struct recorder_mcap *mcap, struct arena 
             to, mcap_add_schema(to, "foxglove.FrameTransforms", recorder_schema_transforms),
             "/transforms");
     }
-    if (config->scene) {
-        mcap->scene = mcap_add_channel(
-            to, mcap_add_schema(to, "foxglove.SceneUpdate", recorder_schema_scene), "/scene");
+    if (config->scene || config->contacts.ncontact) {
+        uint16_t schema = mcap_add_schema(to, "foxglove.SceneUpdate", recorder_schema_scene);
+
+        mcap->scene = config->scene ? mcap_add_channel(to, schema, "/scene") : 0;
+        mcap->contacts = config->contacts.ncontact ? mcap_add_channel(to, schema, "/contacts") : 0;
     }
     for (size_t b = 0; b < config->nbus; b++) {
         char *topic = arena_alloc(arena, TOPIC_SIZE, 1);
@@ -264,6 +298,7 @@ static size_t recorder_mcap_quote(struct recorder_mcap *mcap, struct arena *aren
     }
     events += JSON_TEXT_ROOM(RECORDER_EVENT_TEXT);
     scene = config->scene ? strlen(config->scene) : 0;
+    scene = scene > CONTACTS_SIZE ? scene : CONTACTS_SIZE;
     signals = signals > poses ? signals : poses;
     frames = frames > events ? frames : events;
     frames = frames > scene ? frames : scene;

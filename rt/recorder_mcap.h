@@ -7,6 +7,7 @@
  *   /can/NAME     coman_hil.Frame            every frame of the bus
  *   /events       foxglove.Log
  *   /transforms   foxglove.FrameTransforms   every body in the frame "world"
+ *   /contacts     foxglove.SceneUpdate       arrows of contact forces, centers of pressure
  *   /scene        foxglove.SceneUpdate       what the bodies look like, once
  */
 #ifndef RT_RECORDER_MCAP_H

@@ -22,6 +22,9 @@
 #define POSE OBJECT(KEY("position", VECTOR) "," KEY("orientation", QUATERNION))
 
 #define SOLID KEY("pose", POSE) "," KEY("size", VECTOR) "," KEY("color", COLOR)
+#define ARROW \
+    KEY("pose", POSE) "," KEY("shaft_length", NUMBER) "," KEY("shaft_diameter", NUMBER) "," \
+    KEY("head_length", NUMBER) "," KEY("head_diameter", NUMBER) "," KEY("color", COLOR)
 #define CYLINDER SOLID "," KEY("bottom_scale", NUMBER) "," KEY("top_scale", NUMBER)
 #define TRIANGLES \
     KEY("pose", POSE) "," KEY("points", LIST(VECTOR)) "," KEY("color", COLOR) "," \
@@ -43,8 +46,9 @@ const char recorder_schema_transforms[] = OBJECT(KEY("transforms", LIST(OBJECT(
 const char recorder_schema_scene[] = OBJECT(
     KEY("deletions", EMPTY) "," KEY("entities", LIST(OBJECT(
     KEY("timestamp", TIME) "," KEY("frame_id", TEXT) "," KEY("id", TEXT) "," KEY("lifetime", TIME)
-    "," KEY("frame_locked", TRUTH) "," KEY("metadata", EMPTY) "," KEY("arrows", EMPTY) ","
-    KEY("cubes", LIST(OBJECT(SOLID))) "," KEY("spheres", LIST(OBJECT(SOLID))) ","
-    KEY("cylinders", LIST(OBJECT(CYLINDER))) "," KEY("triangles", LIST(OBJECT(TRIANGLES))) ","
+    "," KEY("frame_locked", TRUTH) "," KEY("metadata", EMPTY) ","
+    KEY("arrows", LIST(OBJECT(ARROW))) "," KEY("cubes", LIST(OBJECT(SOLID))) ","
+    KEY("spheres", LIST(OBJECT(SOLID))) "," KEY("cylinders", LIST(OBJECT(CYLINDER))) ","
+    KEY("triangles", LIST(OBJECT(TRIANGLES))) ","
     KEY("lines", EMPTY) "," KEY("texts", EMPTY) "," KEY("models", EMPTY)))));
 /* clang-format on */

@@ -4,6 +4,7 @@
 #include "sim/scene_message.h"
 #include "sim/simulator_private.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -81,6 +82,49 @@ static enum error_code simulator_tap_wires(struct simulator *simulator, struct e
     return ERROR_NONE;
 }
 
+/* ---- contact ---- */
+
+/* Length of an arrow of the robot's weight, as on the page */
+#define WEIGHT_ARROW_M 0.42
+#define GRAVITY_M_S2 9.81
+
+/* Which wrenches are shown as arrows. */
+static enum error_code recording_find_contacts(struct simulator *simulator,
+                                               struct recorder_contacts *contacts,
+                                               struct error *error)
+{
+    const struct rig *rig = simulator->config.rig;
+    size_t count = rig->contact.nbody;
+    struct recorder_contact *contact = arena_alloc(simulator->arena, count + 1, sizeof *contact);
+
+    if (!contact) {
+        return error_set(error, ERROR_MEMORY, "no memory left for the recorder's contacts");
+    }
+    for (size_t c = 0; c < count; c++) {
+        contact[c] = (struct recorder_contact){
+            .signal = simulator_contact_column(simulator, c),
+            .body = (size_t)rig->contact_body[c],
+        };
+    }
+    *contacts = (struct recorder_contacts){
+        .ncontact = count,
+        .contact = contact,
+        .arrow_m_per_n = WEIGHT_ARROW_M / fmax(1.0, GRAVITY_M_S2 * rig->robot->total_mass),
+    };
+
+    /* The first plane of the world is the ground */
+    for (size_t s = 0; s < rig->contact.nsurface && !contacts->has_ground; s++) {
+        const struct contact_surface *surface = &rig->contact.surface[s];
+
+        contacts->has_ground = surface->body < 0 && surface->shape == CONTACT_HALF_SPACE;
+        for (int k = 0; k < 3; k++) {
+            contacts->ground_point[k] = surface->position[k];
+            contacts->ground_normal[k] = surface->rotation[3 * k + 2];
+        }
+    }
+    return ERROR_NONE;
+}
+
 /* ---- opening ---- */
 
 /* The scene, in the arena. */
@@ -123,6 +167,7 @@ enum error_code simulator_create_recorder(struct simulator *simulator, struct er
     }
     if (recorder.format & RECORDER_MCAP) {
         code = recording_make_scene(simulator, &recorder.scene, error);
+        code = code ? code : recording_find_contacts(simulator, &recorder.contacts, error);
     }
     code = code ? code : recorder_open(&recorder, simulator->arena, &simulator->recorder, error);
     return code ? code : simulator_tap_wires(simulator, error);

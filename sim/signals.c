@@ -77,6 +77,11 @@ static double *signals_fill_sensed(const struct simulator *simulator, double *to
     return signals_fill_sensors(robot, seen, to);
 }
 
+size_t simulator_contact_column(const struct simulator *simulator, size_t contact)
+{
+    return simulator->config.rig->robot->njoint * SIGNALS_PER_JOINT + contact * SIGNALS_PER_CONTACT;
+}
+
 /* The columns in the order of signals_make_titles; returns where the next would go. */
 double *simulator_fill_signals(const struct simulator *simulator, double *to)
 {

@@ -109,6 +109,9 @@ void simulator_renew_view(struct simulator *simulator);
 
 /* ---- signals.c ---- */
 
+/* Of a row, the first of the six of a body's contact wrench. */
+size_t simulator_contact_column(const struct simulator *simulator, size_t contact);
+
 /* The stream before the recorder, whose columns are the first of the stream's. */
 enum error_code simulator_create_signals(struct simulator *simulator, struct error *error);
 

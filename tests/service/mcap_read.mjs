@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // usage: node mcap_read.mjs MODULES FILE: reads an MCAP file by @mcap/core with every checksum, by
 // its index and again from front to end; a file without an end only so. Prints a JSON object: how
-// it was read, messages a topic, and the content of each message on /signals.
+// it was read, messages a topic, and the content of each message on /signals and /contacts.
 import { createRequire } from "node:module";
 import { readFileSync } from "node:fs";
 
@@ -25,10 +25,11 @@ function note(into, topic, message) {
   const content = JSON.parse(text.decode(message.data));
   into.count[topic] = (into.count[topic] ?? 0) + 1;
   if (topic === "/signals") into.signals.push([Number(message.logTime), content]);
+  if (topic === "/contacts") into.contacts.push([Number(message.logTime), content]);
 }
 
 function stream() {
-  const found = { count: {}, signals: [], ended: false };
+  const found = { count: {}, signals: [], contacts: [], ended: false };
   const channels = new Map();
   const reader = new McapStreamReader({ decompressHandlers, validateCrcs: true });
   reader.append(data);
@@ -41,7 +42,7 @@ function stream() {
 }
 
 async function indexed() {
-  const found = { count: {}, signals: [] };
+  const found = { count: {}, signals: [], contacts: [] };
   const reader = await McapIndexedReader.Initialize({ readable, decompressHandlers });
   for await (const message of reader.readMessages({ validateCrcs: true })) {
     note(found, reader.channelsById.get(message.channelId).topic, message);

@@ -142,6 +142,7 @@ def check_contents(directory, file):
              for line in (directory / "events.log").read_text().splitlines()]
     tap.result(log == lines, "its events are those of events.log", "\n".join(log[:3] + lines[:3]))
 
+    check_contacts(directory, by_topic["/contacts"])
     scene = by_topic["/scene"][0][1]["entities"]
     names = {entity["frame_id"] for entity in scene}
     solids = {e["frame_id"]: sum(len(e[k]) for k in ("cubes", "spheres", "cylinders", "triangles"))
@@ -150,6 +151,44 @@ def check_contents(directory, file):
                all(max(t["indices"]) == len(t["points"]) - 1
                    for e in scene for t in e["triangles"]),
                "its scene shows every body in a frame that the transforms move", solids)
+
+
+def pressure_center(wrench, pose):
+    """Of a wrench about a body's origin, on the floor z = 0: where its moment has no x and y."""
+    (fx, fy, fz, mx, my, _), (x, y, z) = wrench, pose
+    return [x - (my + z * fx) / fz, y + (mx - z * fy) / fz, 0.0]
+
+
+def check_contacts(directory, messages):
+    """Arrows and balls, of two feet that stand, against the wrenches and poses of the CSV files."""
+    titles, rows = table(directory / "signals.csv")
+    bodies, poses = table(directory / "poses.csv")
+    at = [titles.index(f"fx_{side}Foot_n") for side in "RL"]
+    pose_at = [bodies.index(f"{side}Foot_x_m") for side in "RL"]
+    found, worst, scales = dict(messages), [0.0, 0.0], []
+    for row, pose in zip(rows, poses):
+        message = found.get(round(float(row[0]) * 1e9))
+        entity = message["entities"][0] if message else {"arrows": [], "spheres": []}
+        if len(entity["arrows"]) != 2 or len(entity["spheres"]) != 2:
+            continue
+        for i, (f, p) in enumerate(zip(at, pose_at)):
+            wrench, origin = [[float(t) for t in r[k:k + n]]
+                              for r, k, n in ((row, f, 6), (pose, p, 3))]
+            force = math.hypot(*wrench[:3])
+            arrow, ball = entity["arrows"][i], entity["spheres"][i]["pose"]["position"]
+            x, y, z, w = (arrow["pose"]["orientation"][k] for k in "xyzw")
+            points = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)]
+            scales.append((arrow["shaft_length"] + arrow["head_length"]) / force)
+            center = pressure_center(wrench, origin)
+            worst[0] = max(worst[0], *(abs(points[k] - wrench[k] / force) for k in range(3)))
+            worst[1] = max(worst[1], *(abs(there[k] - center[i])
+                                       for there in (arrow["pose"]["position"], ball)
+                                       for i, k in enumerate("xyz")))
+    spread = max(scales) / min(scales) - 1
+    tap.result(len(scales) > 500 and max(worst) < 1e-4 and spread < 1e-4 and
+               abs(scales[0] * 31.2 * 9.81 - 0.42) < 0.05,
+               "its arrows are the contact forces, from their centers of pressure",
+               (len(scales), worst, spread, scales[0]))
 
 
 def check_mcap(directory):
@@ -231,7 +270,8 @@ def modules():
 
 def check_core(directory, killed):
     names = ("@mcap/core reads it with every checksum, and the same signals",
-             "@mcap/core reads what was killed up to its last chunk")
+             "@mcap/core reads what was killed up to its last chunk",
+             "@mcap/core reads the arrows of contact")
     folder, why = modules()
     if not folder:
         for name in names:
@@ -250,10 +290,13 @@ def check_core(directory, killed):
     ours = mcap_read.recover(killed.read_bytes())
     tap.result(isinstance(part, dict) and not part["streamed"]["ended"] and
                sum(part["streamed"]["count"].values()) == len(ours.messages), names[1], part)
+    arrows = [[t, m] for topic, t, m in mcap_read.read(
+        (directory / "recording.mcap").read_bytes()).messages if topic == "/contacts"]
+    tap.result(good and len(arrows) > 200 and whole["by_index"]["contacts"] == arrows, names[2])
 
 
 def main():
-    print("1..15")
+    print("1..17")
     options = ("--clock", "lockstep", "--duration", "3",
                "--fault", "sensor LKneeSag.torque wrong offset=5 0.5..1")
     directory, text = run("both", *options, "--record-format", "both")
