@@ -324,8 +324,9 @@ void playback_view(struct viewer *viewer, struct viewer_client *client)
     size_t row = recorded_table_find(&recording->signals, now_ns);
     size_t pose = recorded_table_find(&recording->poses, now_ns);
 
-    recorded_table_read(&recording->signals, row, recording->signals.ncolumn, playback->signal);
-    recorded_table_read(&recording->poses, pose, recording->poses.ncolumn, playback->pose);
+    recorded_table_read(&recording->signals, row, recording->signals.ncolumn, NULL,
+                        playback->signal);
+    recorded_table_read(&recording->poses, pose, recording->poses.ncolumn, NULL, playback->pose);
     *status = (struct simulator_status){.tick = (uint64_t)(now_ns / viewer->rig->tick_ns),
                                         .time_ns = now_ns,
                                         .elapsed_ns = now_ns - recording->first_ns};

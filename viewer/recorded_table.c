@@ -205,12 +205,14 @@ size_t recorded_table_find(const struct recorded_table *table, int64_t time_ns)
 }
 
 void recorded_table_read(const struct recorded_table *table, size_t row, size_t count,
-                         double *value)
+                         const bool *wanted, double *value)
 {
     const char *at = table->file.data + table->row[row].at;
 
     for (size_t i = 0; i < count; i++) {
-        value[i] = *at == ',' ? table_parse_cell(at + 1) : (double)NAN;
+        if (!wanted || wanted[i]) {
+            value[i] = *at == ',' ? table_parse_cell(at + 1) : (double)NAN;
+        }
         if (*at == ',') {
             for (at++; *at != ',' && *at != '\n'; at++) {
             }

@@ -12,7 +12,8 @@ enum { SERIES_KIND = 3, SERIES_HEADER = 24 };
 struct series {
     size_t nsignal;
     uint16_t column[VIEWER_SIGNALS];
-    size_t ncolumn;    /* of a row that have to be read */
+    size_t ncolumn; /* of a row that have to be read */
+    bool wanted[RECORDED_COLUMNS];
     size_t first, end; /* rows */
     size_t step;       /* rows that two points stand for; 1: each row is a point */
     size_t npoint;
@@ -35,6 +36,7 @@ static bool series_find_signals(const struct viewer *viewer, const json_t *names
             return false;
         }
         series->column[series->nsignal++] = (uint16_t)column;
+        series->wanted[column] = true;
         series->ncolumn = column >= series->ncolumn ? column + 1 : series->ncolumn;
     }
     return true;
@@ -88,7 +90,7 @@ static void series_reduce(const struct viewer *viewer, const struct series *seri
         least[k] = greatest[k] = begin;
     }
     for (size_t row = begin; row < end; row++) {
-        recorded_table_read(table, row, series->ncolumn, viewer->playback->signal);
+        recorded_table_read(table, row, series->ncolumn, series->wanted, viewer->playback->signal);
         for (size_t k = 0; k < series->nsignal; k++) {
             double value = viewer->playback->signal[series->column[k]];
 

@@ -57,7 +57,7 @@ static void rows_are_found_by_time(void **state)
     assert_int_equal(recorded_table_find(&table, 20000000), 2);
     assert_int_equal(recorded_table_find(&table, 39999999), 2);
     assert_int_equal(recorded_table_find(&table, INT64_MAX), 3);
-    recorded_table_read(&table, 1, 2, value);
+    recorded_table_read(&table, 1, 2, NULL, value);
     assert_true(value[0] == 3 && value[1] == -4e-3);
     recorded_table_close(&table);
 }
@@ -71,12 +71,28 @@ static void odd_cells_are_no_numbers(void **state)
     write_file("time_s,a,b,c\n1,,x,\n2,5\n3\n4,1 2,0x10,3z\n5,6,7,8,9\n");
     assert_int_equal(recorded_table_open(path, &arena, &table, &error), 0);
     for (size_t row = 0; row < 4; row++) {
-        recorded_table_read(&table, row, 3, value);
+        recorded_table_read(&table, row, 3, NULL, value);
         assert_true(row == 1 ? value[0] == 5 : isnan(value[0]));
         assert_true(isnan(value[2]));
     }
-    recorded_table_read(&table, 4, 3, value);
+    recorded_table_read(&table, 4, 3, NULL, value);
     assert_true(value[0] == 6 && value[1] == 7 && value[2] == 8);
+    recorded_table_close(&table);
+}
+
+static void columns_that_are_not_wanted_are_left_alone(void **state)
+{
+    static const bool wanted[] = {false, true, false, true};
+    struct recorded_table table;
+    double value[] = {-1, -1, -1, -1};
+
+    (void)state;
+    write_file("time_s,a,b,c,d\n1,5,6,7,8\n2,x,9\n");
+    assert_int_equal(recorded_table_open(path, &arena, &table, &error), 0);
+    recorded_table_read(&table, 0, 4, wanted, value);
+    assert_true(value[0] == -1 && value[1] == 6 && value[2] == -1 && value[3] == 8);
+    recorded_table_read(&table, 1, 4, wanted, value);
+    assert_true(value[0] == -1 && value[1] == 9 && value[2] == -1 && isnan(value[3]));
     recorded_table_close(&table);
 }
 
@@ -151,6 +167,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rows_are_found_by_time),
         cmocka_unit_test(odd_cells_are_no_numbers),
+        cmocka_unit_test(columns_that_are_not_wanted_are_left_alone),
         cmocka_unit_test(what_is_no_table_is_refused),
         cmocka_unit_test(frames_are_found_and_counted),
     };
