@@ -58,7 +58,7 @@ async function judge(browser, run) {
   // The picture, and that it moves
   const begun = Date.now();
   await page.goto(`${run.control}&quality=low`);
-  await wait(() => window.coman?.page.scene?.drawn > 0);
+  await wait(() => window.coman?.page.scene?.firstDrawn > 0);
   const first = await page.evaluate(() => window.coman.page.scene.firstDrawn);
   console.log(`# first picture after ${first.toFixed(0)} ms in the page, seen after ${Date.now() - begun} ms`);
   const found = await page.evaluate(variance);

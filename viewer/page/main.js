@@ -127,9 +127,9 @@ function makeBar(hello) {
 function makeView(hello) {
   const canvas = h('canvas', { id: 'view', tabIndex: 0, 'aria-label': 'the robot' });
   const stage = h('div', { class: 'canvas' }, canvas);
-  page.scene = new Scene(canvas, hello, async (url) => (await link.fetch(url)).arrayBuffer());
+  page.scene = new Scene(canvas, hello, async (url) => (await link.fetch(url)).arrayBuffer(),
+    new URLSearchParams(location.hash.slice(1)).get('quality'));
   page.scene.hurried = () => link.watch({ rate_hz: 15 });
-  page.scene.setQuality(new URLSearchParams(location.hash.slice(1)).get('quality'));
   const toggle = (key, name, keyName) => h('button', { class: 'toggle', title: keyName,
     'aria-pressed': String(page.scene.show[key]), 'data-show': key, onclick: (event) => {
       page.scene.show[key] = !page.scene.show[key];

@@ -68,14 +68,28 @@ function pointArrow(arrow, from, vector, length) {
   arrow.userData.head.position.set(0, 0, length);
 }
 
+/** Whether this browser has no graphics card to draw with. */
+function drawsBySoftware() {
+  const gl = document.createElement('canvas').getContext('webgl2');
+  const names = gl?.getExtension('WEBGL_debug_renderer_info');
+  const name = gl?.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : gl.RENDERER) ?? '';
+  gl?.getExtension('WEBGL_lose_context')?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
 export class Scene {
   show = { forces: true, centers: true, torques: true, skeleton: false, follow: true };
 
-  constructor(canvas, hello, loadMesh) {
+  /** quality high: as beautiful as can be, however long it takes; low: for the slowest; else by
+   * itself. */
+  constructor(canvas, hello, loadMesh, quality) {
     this.canvas = canvas;
     this.hello = hello;
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true,
-      preserveDrawingBuffer: false });
+    this.patient = quality === 'high';
+    this.slowest = quality === 'low';
+    const context = this.#makeContext();
+    this.plain = this.slowest || (this.software && !this.patient);
+    this.renderer = new THREE.WebGLRenderer({ canvas, context });
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = THREE.PCFShadowMap;
     this.scene = new THREE.Scene();
@@ -90,14 +104,19 @@ export class Scene {
     this.robot = makeBodies(hello, loadMesh, () => { this.dirty = true; });
     this.scene.add(this.robot.group);
     this.#makeMarks();
-    this.setTheme('light');
     new ResizeObserver(() => this.#resize()).observe(canvas.parentElement);
     this.#resize();
   }
 
+  /** Smooth edges cost a processor that draws most of its time. */
+  #makeContext() {
+    this.software = drawsBySoftware();
+    return this.canvas.getContext('webgl2', { alpha: true, stencil: false,
+      antialias: !this.software || this.patient });
+  }
+
   #makeLights() {
-    this.sun = new THREE.DirectionalLight(0xffffff, 2.2);
-    this.sun.castShadow = true;
+    this.sun = new THREE.DirectionalLight(0xffffff, 2.2); // its shadows come after the first picture
     this.sun.shadow.mapSize.set(1024, 1024);
     this.sun.shadow.bias = -0.0006;
     this.sun.shadow.normalBias = 0.01;
@@ -158,7 +177,7 @@ export class Scene {
     const box = this.canvas.parentElement.getBoundingClientRect();
     const width = Math.max(2, Math.floor(box.width));
     const height = Math.max(2, Math.floor(box.height));
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.setPixelRatio(this.plain ? 1 : Math.min(devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
@@ -199,7 +218,8 @@ export class Scene {
     this.sun.target.position.copy(this.controls.target);
   }
 
-  /** The point where a wrench's axis meets the ground, for a body near it; else its nearest. */
+  /** The point of the ground about which a wrench has no moment along it, for a body near it; else
+   * the point of its axis that is nearest to the body. */
   #pressureCenter(body, force, moment) {
     const square = force.lengthSq();
     const at = force.clone().cross(moment).divideScalar(square).add(body.position);
@@ -208,8 +228,9 @@ export class Scene {
       const slope = force.dot(normal);
       const height = normal.dot(body.position.clone().sub(this.ground.position));
       if (Math.abs(slope) > 0.2 * Math.sqrt(square) && height < 0.3) {
-        const down = normal.dot(this.ground.position.clone().sub(at)) / slope;
-        at.addScaledVector(force, down);
+        const lever = normal.clone().multiplyScalar(height);
+        const turning = lever.clone().cross(force).add(moment);
+        at.copy(body.position).sub(lever).addScaledVector(normal.clone().cross(turning), 1 / slope);
       }
     }
     return at.distanceTo(body.position) < 0.6 ? at : body.position.clone();
@@ -270,18 +291,35 @@ export class Scene {
     this.dirty = true;
   }
 
-  /** high: as beautiful as can be, however long it takes; low: for the slowest; else by itself. */
-  setQuality(quality) {
-    this.patient = quality === 'high';
-    if (quality === 'low') this.#hurry();
-  }
-
-  /** No shadows, and five pictures a second, so that the rest of the page stays quick. */
+  /** No shadows, plain edges, and five pictures a second, so that the rest of the page stays quick. */
   #hurry() {
+    this.plain = true;
     this.sun.castShadow = false;
     this.renderer.setPixelRatio(1);
     this.period = 200;
     this.hurried?.();
+  }
+
+  /** The first picture is there: now what makes it beautiful, whose programs are made meanwhile. */
+  async #finishFirst() {
+    this.firstDrawn = performance.now(); // ms after the page was asked for
+    if (this.slowest) this.#hurry();
+    if (this.plain) return;
+    this.preparing = true;
+    this.sun.castShadow = true;
+    await this.renderer.compileAsync(this.scene, this.camera);
+    this.preparing = false;
+    this.dirty = true;
+  }
+
+  /** Whether the first picture has been drawn, not only ordered. */
+  #watchFirst() {
+    const gl = this.renderer.getContext();
+    this.fence ??= gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    if (gl.getSyncParameter(this.fence, gl.SYNC_STATUS) !== gl.SIGNALED) return;
+    gl.deleteSync(this.fence);
+    this.#finishFirst();
   }
 
   /** Where pictures take long, as without a graphics card, less is drawn. */
@@ -295,6 +333,8 @@ export class Scene {
   /** Draws a state, when it or the way to look at it has changed. */
   draw(now, state) {
     this.controls.update();
+    if (this.drawn && !this.firstDrawn) this.#watchFirst();
+    if (this.preparing) return;
     if (now - (this.drawnAt ?? -Infinity) < (this.period ?? 0)) return;
     if (state !== this.state) this.update(state);
     if (this.dirty) {
@@ -302,7 +342,6 @@ export class Scene {
       this.renderer.render(this.scene, this.camera);
       this.dirty = false;
       this.drawn = (this.drawn ?? 0) + 1;
-      this.firstDrawn ??= now; // ms after the page was asked for
     }
   }
 
