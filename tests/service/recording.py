@@ -12,12 +12,14 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from xml.etree import ElementTree
 
 import mcap_read
 import tap
 
 PROGRAM = sys.argv[1]
 HERE = pathlib.Path(__file__).parent
+EXAMPLES = HERE.parent.parent / "examples"
 WORK = pathlib.Path(tempfile.mkdtemp(prefix="coman-recording-"))
 MODULES = ("@mcap/core@2.2.2", "fzstd@0.1.1")
 
@@ -191,6 +193,17 @@ def check_contacts(directory, messages):
                (len(scales), worst, spread, scales[0]))
 
 
+def check_layouts(signals):
+    """The layouts for PlotJuggler name signals as its readers of MCAP and of JSON over UDP do."""
+    found = {}
+    for name, prefix in (("squat-mcap", "/signals/"), ("squat-live", "/")):
+        root = ElementTree.parse(EXAMPLES / "plotjuggler" / f"{name}.xml").getroot()
+        curves = [curve.get("name") for curve in root.iter("curve")]
+        found[name] = [c for c in curves if c.removeprefix(prefix) not in signals] or len(curves)
+    tap.result(list(found.values()) == [7, 7],
+               "the layouts for PlotJuggler name signals that there are", found)
+
+
 def check_mcap(directory):
     data = (directory / "recording.mcap").read_bytes()
     try:
@@ -200,6 +213,7 @@ def check_mcap(directory):
         return
     tap.result(True, "the file is whole: checksums, indexes, summary")
     check_contents(directory, file)
+    check_layouts(next(m for topic, _, m in file.messages if topic == "/signals"))
 
     # A flipped bit in the middle does not pass, so the checks above are not empty
     broken = bytearray(data)
@@ -296,7 +310,7 @@ def check_core(directory, killed):
 
 
 def main():
-    print("1..17")
+    print("1..18")
     options = ("--clock", "lockstep", "--duration", "3",
                "--fault", "sensor LKneeSag.torque wrong offset=5 0.5..1")
     directory, text = run("both", *options, "--record-format", "both")
