@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A file of numbers under one line of titles, divided by commas, read row by row. Whatever is wrong
+ * with it is ERROR_INPUT with file:line. Not RT-safe.
+ */
+#ifndef BASE_CSV_H
+#define BASE_CSV_H
+
+#include "base/error.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+
+enum { CSV_COLUMNS_MAX = 1024, CSV_LINE_BYTES = 1 << 16 };
+
+struct csv {
+    const char *path;
+    size_t ncolumn; /* 1 or more */
+    const char *title[CSV_COLUMNS_MAX];
+    double cell[CSV_COLUMNS_MAX]; /* of the last row; ncolumn of them */
+    long line;                    /* of the file that was read last, from 1 */
+    struct csv_source *source;
+};
+
+/* Opens a file, or size bytes of memory that messages call path, and reads the titles. What is
+ * passed in must outlive the table. On an error there is nothing to close. ERROR_INPUT,
+ * ERROR_SYSTEM, ERROR_MEMORY. */
+enum error_code csv_open(const char *path, struct csv **csv, struct error *error);
+enum error_code csv_open_memory(const char *path, const void *bytes, size_t size, struct csv **csv,
+                                struct error *error);
+
+/* Reads the next row into cell; *end at the end of the file. Every cell must be a finite number. */
+enum error_code csv_next(struct csv *csv, bool *end, struct error *error);
+
+/* NULL is allowed. */
+void csv_close(struct csv *csv);
+
+#endif
