@@ -18,6 +18,7 @@
 #include "model/robot.h"
 #include "rt/timing.h"
 #include "tasks/task.h"
+#include "tasks/trajectory.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -159,6 +160,14 @@ int rig_find_bus(const struct rig *rig, const char *name);
 
 /* A host that knows the boards of the rig, on ports of its own, one a bus; all borrowed. */
 struct host_config rig_host_config(const struct rig *rig, struct can_port **port, bool lockstep);
+
+/* Reads a trajectory (tasks/trajectory.h) for the driven joints: angles within their limits, rates
+ * within what a drive reaches at the supply's voltage, where the servo's gains say it
+ * (kw_v_s_per_rad). Not RT-safe. */
+enum error_code rig_read_trajectory(const struct rig *rig, const char *path,
+                                    enum trajectory_interpolation interpolation,
+                                    struct arena *arena, const struct trajectory **trajectory,
+                                    struct error *error);
 
 /* Traffic of a port in both directions, in bit times of the bus's nominal rate, without stuff
  * bits. */

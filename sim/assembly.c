@@ -312,9 +312,9 @@ static enum error_code simulator_create_task(struct simulator *simulator, struct
         }
         time = pace_clock(simulator->pace);
     }
-    code = task_runner_create(config->rig, config->task, simulator->task_ports.port,
-                              config->clock == LOOP_CLOCK_LOCKSTEP, time, simulator->arena,
-                              &simulator->task, error);
+    code = task_runner_create(config->rig, config->task, config->task_input,
+                              simulator->task_ports.port, config->clock == LOOP_CLOCK_LOCKSTEP,
+                              time, simulator->arena, &simulator->task, error);
 
     /* An inline task goes back in time with everything else */
     if (simulator->task_inline) {

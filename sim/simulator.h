@@ -49,10 +49,11 @@ struct simulator_config {
     const char *const *fault; /* lines as of --fault, after those of the rig */
     size_t nfault;
     bool seed_given;
-    uint64_t seed;              /* of noise and faults, instead of the rig's */
-    uint64_t ticks;             /* 0 = until stopped */
-    const char *task;           /* NULL = none */
-    const char *const *setting; /* of the task, "NAME=VALUE" each, as of --set */
+    uint64_t seed;                       /* of noise and faults, instead of the rig's */
+    uint64_t ticks;                      /* 0 = until stopped */
+    const char *task;                    /* NULL = none */
+    const struct task_input *task_input; /* NULL = none */
+    const char *const *setting;          /* of the task, "NAME=VALUE" each, as of --set */
     size_t nsetting;
     /* A candump log or a recording whose controller's frames are received again (sim/stimulus.h);
      * NULL = none. Not with a task. Without ticks the run is as long as the log. */

@@ -37,7 +37,8 @@ enum error_code task_runner_check_name(const char *task, struct error *error)
                      nearest ? "\"?" : "");
 }
 
-enum error_code task_runner_create(const struct rig *rig, const char *task, struct can_port **port,
+enum error_code task_runner_create(const struct rig *rig, const char *task,
+                                   const struct task_input *input, struct can_port **port,
                                    bool lockstep, struct clock *time, struct arena *arena,
                                    struct task_runner **out, struct error *error)
 {
@@ -51,6 +52,7 @@ enum error_code task_runner_create(const struct rig *rig, const char *task, stru
         .hold = rig->hold_task,
         .walk = rig->walk,
         .body = &rig->body,
+        .input = input ? *input : (struct task_input){NULL, NULL},
     };
     enum error_code code;
 

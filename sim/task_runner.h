@@ -39,9 +39,10 @@ struct task_runner {
 /* ERROR_INPUT when there is no such task: to be checked before anything is opened. Not RT-safe. */
 enum error_code task_runner_check_name(const char *task, struct error *error);
 
-/* port: one a bus of the rig; borrowed, like the clock. lockstep: the task sends STEP and waits for
- * DONE. Memory from arena. ERROR_MEMORY, ERROR_INPUT. Not RT-safe. */
-enum error_code task_runner_create(const struct rig *rig, const char *task, struct can_port **port,
+/* input: NULL = none. port: one a bus of the rig. All are borrowed, like the clock. lockstep: the
+ * task sends STEP and waits for DONE. Memory from arena. ERROR_MEMORY, ERROR_INPUT. Not RT-safe. */
+enum error_code task_runner_create(const struct rig *rig, const char *task,
+                                   const struct task_input *input, struct can_port **port,
                                    bool lockstep, struct clock *time, struct arena *arena,
                                    struct task_runner **runner, struct error *error);
 

@@ -8,9 +8,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
-
-enum { WORST_TOLD = 3 };
 
 static const double HOLD_RAMP_S = 1.0;   /* from where the joints were to the pose */
 static const double HOLD_SETTLE_S = 1.0; /* until deviations count */
@@ -50,40 +47,14 @@ static double hold_deviation(const struct task *task, size_t axis)
     return host_joint(task->host, axis)->joint_rad - task->config.initial_rad[axis];
 }
 
-/* The axis with the largest deviation below that of the axes in told[count]; -1 = none left. */
-static int hold_next_worst(const struct task *task, const int *told, int count)
-{
-    const struct hold *hold = task->state;
-    int next = -1;
-
-    for (size_t i = 0; i < task->config.host.naxis; i++) {
-        bool known = false;
-
-        for (int k = 0; k < count; k++) {
-            known |= told[k] == (int)i;
-        }
-        if (!known && (next < 0 || hold->worst[i] > hold->worst[next])) {
-            next = (int)i;
-        }
-    }
-    return next;
-}
-
 /* The time, and the joints that were farthest from their angles. */
 static void hold_tell(struct task *task, const char *what, double held_s)
 {
     const struct hold *hold = task->state;
-    int told[WORST_TOLD], count = 0, next;
-    size_t used;
 
     snprintf(task->message, sizeof task->message, "%s for %.1f s, largest deviations:", what,
              held_s);
-    while (count < WORST_TOLD && (next = hold_next_worst(task, told, count)) >= 0) {
-        used = strlen(task->message);
-        snprintf(task->message + used, sizeof task->message - used, "%s %.30s %.2f mrad",
-                 count ? "," : "", task->config.host.axis[next].joint, 1e3 * hold->worst[next]);
-        told[count++] = next;
-    }
+    task_tell_worst(task, hold->worst);
 }
 
 static enum task_status hold_step(struct task *task, double t_s)

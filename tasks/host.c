@@ -163,6 +163,8 @@ enum error_code host_create(const struct host_config *config, struct arena *aren
             return code;
         }
         host->joint[i].motor_time_ns = -1;
+        host->joint[i].joint_time_ns = -1;
+        host->joint[i].torque_time_ns = -1;
     }
     for (size_t i = 0; i < config->nft; i++) {
         enum error_code code = host_map_force(host, i, error);
@@ -314,6 +316,11 @@ void host_set_voltage(struct host *host, size_t axis, double volts)
     if (line->ops->set_voltage) {
         line->ops->set_voltage(host, axis);
     }
+}
+
+double host_voltage(const struct host *host, size_t axis)
+{
+    return host->volts[axis];
 }
 
 double host_duty(const struct host *host, size_t axis)

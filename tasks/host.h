@@ -38,9 +38,9 @@ struct host_joint {
     double joint_rad, motor_rad;
     double current_a, torque_nm; /* HOST_CIA402: no current */
     enum host_motor motor;
-    uint32_t fault;        /* bits of the personality */
-    int64_t motor_time_ns; /* host time of the last rotor angle; -1 = none yet */
-    bool joint_seen;
+    uint32_t fault; /* bits of the personality */
+    /* Host time of the last angle of rotor and link, and of the last torque; -1 = none yet */
+    int64_t motor_time_ns, joint_time_ns, torque_time_ns;
 };
 
 struct host_force {
@@ -75,6 +75,9 @@ enum host_phase host_start_up(struct host *host);
  * set-points every period the last voltage is repeated. */
 void host_set_motor(struct host *host, size_t axis, bool on);
 void host_set_voltage(struct host *host, size_t axis, double volts);
+
+/* The last voltage of an axis, as limited by the supply. */
+double host_voltage(const struct host *host, size_t axis);
 
 /* Ends the period: sends what is queued, bus by bus, and in lockstep the STEP frame last. */
 void host_send(struct host *host);

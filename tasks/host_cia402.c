@@ -73,8 +73,7 @@ static void host_cia402_read_telemetry(struct host *host, struct host_joint *joi
     joint->motor_rad = motor * CIA402_POSITION_RAD;
     joint->joint_rad = (motor - get_i16_le(frame->data + 4)) * CIA402_POSITION_RAD;
     joint->torque_nm = get_i16_le(frame->data + 6) * CIA402_SPRING_NM;
-    joint->motor_time_ns = host->now_ns;
-    joint->joint_seen = true;
+    joint->motor_time_ns = joint->joint_time_ns = joint->torque_time_ns = host->now_ns;
 }
 
 static void host_cia402_read_wrench(struct host_force *force, const struct bus_frame *frame,

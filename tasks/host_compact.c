@@ -41,8 +41,7 @@ static void host_compact_read_telemetry(struct host *host, struct host_joint *jo
     joint->joint_rad = (motor - deflection) * COMPACT_POSITION_RAD;
     joint->current_a = compact_sign_extend(bits >> 38, 12) * COMPACT_CURRENT_A;
     joint->torque_nm = compact_sign_extend(bits >> 50, 12) * COMPACT_TORQUE_NM;
-    joint->motor_time_ns = host->now_ns;
-    joint->joint_seen = true;
+    joint->motor_time_ns = joint->joint_time_ns = joint->torque_time_ns = host->now_ns;
 }
 
 static void host_compact_read_telemetry_fd(struct host *host, struct host_joint *joint,
@@ -53,8 +52,7 @@ static void host_compact_read_telemetry_fd(struct host *host, struct host_joint 
     joint->current_a = get_i16_le(data + 10) * COMPACT_SET_CURRENT_A;
     joint->torque_nm =
         compact_sign_extend(get_u32_le(data + 12) & 0xffffff, 24) * COMPACT_TORQUE_FD_NM;
-    joint->motor_time_ns = host->now_ns;
-    joint->joint_seen = true;
+    joint->motor_time_ns = joint->joint_time_ns = joint->torque_time_ns = host->now_ns;
     compact_set_joint_mode(joint, data[15] & 7);
 }
 

@@ -60,7 +60,7 @@ static void host_foc_read_feedback(struct host *host, const struct host_node *no
         get_i32_le(frame->data + 4) * (2 * M_PI / FOC_ICUBDEG_PER_REV) / axis->drive.gear;
     joint->motor_time_ns = host->now_ns;
     joint->joint_rad = joint->motor_rad - joint->torque_nm / axis->drive.spring_nm_rad;
-    joint->joint_seen = true;
+    joint->joint_time_ns = host->now_ns;
 }
 
 static void host_foc_read_status(struct host_joint *joint, const struct bus_frame *frame)

@@ -31,7 +31,7 @@ static void host_icub_read_position(struct host *host, const struct host_node *n
         joint->motor_time_ns = host->now_ns;
     } else {
         joint->joint_rad = ticks / axis->joint_ticks_per_rad;
-        joint->joint_seen = true;
+        joint->joint_time_ns = host->now_ns;
     }
 }
 

@@ -117,7 +117,7 @@ static enum host_phase host_enable_motors(struct host *host)
     for (size_t i = 0; i < host->config.naxis; i++) {
         const struct host_joint *joint = &host->joint[i];
         bool ready =
-            joint->motor == HOST_MOTOR_ON && joint->motor_time_ns >= 0 && joint->joint_seen;
+            joint->motor == HOST_MOTOR_ON && joint->motor_time_ns >= 0 && joint->joint_time_ns >= 0;
 
         if (!ready && host->now_ns - host->phase_since_ns > ENABLE_TIMEOUT_NS) {
             return host_fail_joint(host, i,

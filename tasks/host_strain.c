@@ -88,6 +88,7 @@ static void host_strain_read_forces(struct host *host, struct host_node *node,
         if (axis >= 0) {
             host->joint[axis].torque_nm = host_strain_value(
                 frame->data + 2 * c, host->config.axis[axis].torque_full_scale_nm);
+            host->joint[axis].torque_time_ns = host->now_ns;
         }
     }
 }

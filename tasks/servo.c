@@ -15,6 +15,7 @@ enum { RATE_SPAN_NS = 2000000 };
 struct loop {
     double wanted, rate;
     double trim, integral;
+    double excitation_v;          /* added by servo_excite */
     double load_v;                /* carries what the joint bore at the start */
     double mean_deflection;       /* of the spring over the last while */
     double motor_rad, motor_rate; /* of the latest message of the motor's angle */
@@ -96,6 +97,11 @@ void servo_set(struct servo *servo, size_t axis, double angle, double rate)
     servo->loop[axis].rate = rate;
 }
 
+void servo_excite(struct servo *servo, size_t axis, double volts)
+{
+    servo->loop[axis].excitation_v = volts;
+}
+
 double servo_wanted(const struct servo *servo, size_t axis)
 {
     return servo->loop[axis].wanted;
@@ -151,7 +157,7 @@ static double servo_axis_voltage(struct servo *servo, size_t axis, double dt)
     double sway = servo_sway(servo, axis, dt);
     double V = gains->kp_v_per_rad * error + gains->ki_v_per_rad_s * loop->integral +
                gains->kd_v_s_per_rad * (loop->rate - loop->motor_rate) +
-               gains->kw_v_s_per_rad * loop->rate + loop->load_v;
+               gains->kw_v_s_per_rad * loop->rate + loop->load_v + loop->excitation_v;
 
     if (fabs(V) < limit || V * error < 0) {
         loop->integral += error * dt;

@@ -28,6 +28,9 @@ void servo_set_load(struct servo *servo, size_t axis, double torque_nm);
 void servo_set(struct servo *servo, size_t axis, double angle, double rate);
 double servo_wanted(const struct servo *servo, size_t axis);
 
+/* A voltage that is added to that of the loop, for identification, until it is set again. */
+void servo_excite(struct servo *servo, size_t axis, double volts);
+
 /* Motor angle that the inner loop drives to: wanted + trim. */
 double servo_reference(const struct servo *servo, size_t axis);
 

@@ -9,13 +9,14 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { TELL_STEPS = 20, TEXT_SIZE = 100 };
+enum { TELL_STEPS = 20, TEXT_SIZE = 100, WORST_TOLD = 3 };
 
 static const double STRAY_RAD = 0.4; /* a motor so far from its reference: fallen or stuck */
 
-static const struct task_ops *const known[] = {&task_squat, &task_grasp, &task_hold, &task_stand,
-                                               &task_walk};
-static const char *const names[] = {"squat", "grasp", "hold", "stand", "walk", NULL};
+static const struct task_ops *const known[] = {&task_squat, &task_grasp, &task_hold,  &task_stand,
+                                               &task_walk,  &task_sweep, &task_follow};
+static const char *const names[] = {"squat", "grasp", "hold",   "stand",
+                                    "walk",  "sweep", "follow", NULL};
 
 enum { KNOWN = ARRAY_COUNT(known) };
 
@@ -54,9 +55,11 @@ enum error_code task_create(const char *name, const struct task_config *config, 
     if (!task->ops) {
         const char *nearest = text_nearest(name, names, KNOWN);
 
-        return error_set(error, ERROR_INPUT,
-                         "found task \"%s\", expected one of: squat, grasp, hold, stand, walk%s%s",
-                         name, nearest ? "; did you mean " : "", nearest ? nearest : "");
+        return error_set(
+            error, ERROR_INPUT,
+            "found task \"%s\", expected one of: squat, grasp, hold, stand, walk, sweep, "
+            "follow%s%s",
+            name, nearest ? "; did you mean " : "", nearest ? nearest : "");
     }
     task->config = *config;
 
@@ -104,15 +107,52 @@ enum error_code task_find_force(const struct task *task, const char *name, size_
                      task->ops->name, name);
 }
 
-void task_hold_pose(struct task *task, const double *from, double ramp_s, double t_s)
+void task_move_pose(struct task *task, const double *from, const double *to, double ramp_s,
+                    double t_s)
 {
     double s = fmin(t_s / ramp_s, 1), blend = s * s * (3 - 2 * s);
 
     for (size_t i = 0; i < task->config.host.naxis; i++) {
-        double span = task->config.initial_rad[i] - from[i];
+        double span = to[i] - from[i];
 
         servo_set(task->servo, i, from[i] + blend * span,
                   s < 1 ? 6 * s * (1 - s) * span / ramp_s : 0);
+    }
+}
+
+void task_hold_pose(struct task *task, const double *from, double ramp_s, double t_s)
+{
+    task_move_pose(task, from, task->config.initial_rad, ramp_s, t_s);
+}
+
+/* The axis with the largest deviation below that of the axes in told[count]; -1 = none left. */
+static int task_next_worst(const struct task *task, const double *worst, const int *told, int count)
+{
+    int next = -1;
+
+    for (size_t i = 0; i < task->config.host.naxis; i++) {
+        bool told_of = false;
+
+        for (int k = 0; k < count; k++) {
+            told_of |= told[k] == (int)i;
+        }
+        if (!told_of && (next < 0 || worst[i] > worst[next])) {
+            next = (int)i;
+        }
+    }
+    return next;
+}
+
+void task_tell_worst(struct task *task, const double *worst)
+{
+    int told[WORST_TOLD], count = 0, next;
+
+    while (count < WORST_TOLD && (next = task_next_worst(task, worst, told, count)) >= 0) {
+        size_t used = strlen(task->message);
+
+        snprintf(task->message + used, sizeof task->message - used, "%s %.30s %.2f mrad",
+                 count ? "," : "", task->config.host.axis[next].joint, 1e3 * worst[next]);
+        told[count++] = next;
     }
 }
 

@@ -205,6 +205,41 @@ struct walk_config {
     double forward_m_s, left_m_s, turn_rad_s;
 };
 
+/* ---- sweep and follow; docs/tasks.md ---- */
+
+struct trajectory;
+
+/* What they are told beside the rig; the caller's, must outlive the task. */
+struct task_input {
+    const char *joint;                   /* sweep; NULL: it refuses */
+    const struct trajectory *trajectory; /* follow (tasks/trajectory.h); NULL: it refuses */
+};
+
+enum sweep_response_of { SWEEP_JOINT, SWEEP_MOTOR, SWEEP_TORQUE, SWEEP_RESPONSES };
+enum { SWEEP_POINTS_MAX = 200 };
+
+/* Of the link's angle, the rotor's (both rad at the link) or the joint's torque (N m), a unit of
+ * input; the phase is from -pi to pi, positive when the response leads. */
+struct sweep_response {
+    double magnitude, phase_rad;
+    double coherence; /* part of the signal's variance that is the response, 0: nothing was heard */
+};
+
+struct sweep_point {
+    double frequency_hz;
+    bool by_angle; /* input: the angle that was wanted, else the voltage */
+    double input;  /* amplitude, V or rad */
+    struct sweep_response response[SWEEP_RESPONSES];
+};
+
+/* Measured less wanted, at the frames of the link's angle. */
+struct follow_error {
+    const char *joint;
+    bool moves; /* has a column in the file */
+    size_t count;
+    double rms_rad, worst_rad, worst_s;
+};
+
 struct task_config {
     struct host_config host;
     const double *initial_rad; /* naxis: the pose that the robot stands in at the start */
@@ -214,6 +249,7 @@ struct task_config {
     struct hold_config hold;
     const struct walk_config *walk; /* stand, walk; NULL: they refuse */
     const struct body_model *body;  /* the same */
+    struct task_input input;
 };
 
 struct task;
@@ -265,6 +301,11 @@ size_t task_signals(const struct task *task, const char *const **name);
 
 /* Their values after the last step; zeros before the boards are ready. RT-safe. */
 void task_read_signals(const struct task *task, double *value);
+
+/* Frequencies that a sweep has measured, and the errors of a task that follows, one a joint: the
+ * task's; 0 of another task. In the task's thread, or when it has ended. */
+size_t task_sweep_points(const struct task *task, const struct sweep_point **point);
+size_t task_follow_errors(const struct task *task, const struct follow_error **error);
 
 /* One line about its progress ("cycle 2 of 4, 43 mm down") or why it failed. RT-safe. */
 const char *task_message(const struct task *task);

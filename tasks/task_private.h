@@ -47,7 +47,8 @@ struct task {
     char message[192];
 };
 
-extern const struct task_ops task_squat, task_grasp, task_hold, task_stand, task_walk;
+extern const struct task_ops task_squat, task_grasp, task_hold, task_stand, task_walk, task_sweep,
+    task_follow;
 
 /* The index of a joint's axis or of a force-torque board; the error says which one is missing. */
 enum error_code task_find_axis(const struct task *task, const char *joint, size_t *axis,
@@ -55,9 +56,14 @@ enum error_code task_find_axis(const struct task *task, const char *joint, size_
 enum error_code task_find_force(const struct task *task, const char *name, size_t *ft,
                                 struct error *error);
 
-/* Every joint moves smoothly from where it was (from, by axis) to the initial pose within ramp_s,
- * and stays there. */
+/* Every joint moves smoothly from where it was (from, by axis) to an angle (to) within ramp_s, and
+ * stays there; task_hold_pose: to the initial pose. */
+void task_move_pose(struct task *task, const double *from, const double *to, double ramp_s,
+                    double t_s);
 void task_hold_pose(struct task *task, const double *from, double ramp_s, double t_s);
+
+/* Adds the joints with the largest of these deviations (rad, by axis) to the message. */
+void task_tell_worst(struct task *task, const double *worst);
 
 /* Whether every motor is near its reference; false with a message. Keeps the worst error. */
 bool task_motors_follow(struct task *task, double *worst_error_rad);

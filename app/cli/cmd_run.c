@@ -319,6 +319,19 @@ static void print_start(const struct simulator *simulator, const char *host, con
     }
 }
 
+/* The report of the task, when it makes one; the run's status unless that fails. */
+static int run_report_task(const struct simulator *simulator, const char *folder, int status)
+{
+    const struct task_runner *runner = simulator_task_runner(simulator);
+    struct error error;
+
+    if (!runner || !task_report_write(runner->task, folder, &error)) {
+        return status;
+    }
+    command_fail("run", &error);
+    return status ? status : (int)exit_status_of(error.code);
+}
+
 static int run_start_rig(void *context, const struct rig *loaded, struct arena *arena)
 {
     const struct run_options *options = context;
@@ -329,6 +342,7 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     struct simulator_config config;
     struct simulator *simulator;
     struct compiling compiling;
+    struct task_input input;
     struct control *control;
     struct page page = {.viewer = NULL};
     enum error_code code;
@@ -345,9 +359,11 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
     if ((options->gateway && run_options_parse_address("--gateway", options->gateway, "29536", host,
                                                        &gateway.host, &gateway.port, &error)) ||
         rig_command_budget("run", rig, &error) ||
-        run_options_configure(options, rig, &config, &error)) {
+        run_options_configure(options, rig, &config, &error) ||
+        task_input_read(&options->input, options->task, rig, arena, &input, &error)) {
         return command_fail("run", &error);
     }
+    config.task_input = &input;
     config.gateway = options->gateway ? &gateway : NULL;
     config.compiling = compiling_begin(&compiling, &manager, stderr, isatty(STDERR_FILENO));
 
@@ -365,7 +381,8 @@ static int run_start_rig(void *context, const struct rig *loaded, struct arena *
         control_stop(control);
         status = command_fail("run", &error);
     } else {
-        status = run_simulator(simulator, control, &page, options->quiet);
+        status = run_report_task(simulator, options->input.report,
+                                 run_simulator(simulator, control, &page, options->quiet));
     }
     page_close(&page);
     control_destroy(control);

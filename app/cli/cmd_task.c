@@ -3,6 +3,7 @@
 #include "app/cli/commands.h"
 
 #include "app/cli/rig_command.h"
+#include "app/cli/task_input.h"
 #include "base/count.h"
 #include "base/options.h"
 #include "manual/task.h"
@@ -14,9 +15,10 @@
 #include <string.h>
 #include <unistd.h>
 
-struct task_options {
+struct task_command {
     const char *task, *rig;
     struct option_list bus, set;
+    struct task_options input;
     int clock;
     bool quiet, reconnect;
 };
@@ -24,9 +26,9 @@ struct task_options {
 static const struct option_word clock_words[] = {
     {"real", LOOP_CLOCK_REAL}, {"lockstep", LOOP_CLOCK_LOCKSTEP}, {0}};
 
-static bool task_parse_options(int argc, char **argv, struct task_options *out, int *status)
+static bool task_parse_options(int argc, char **argv, struct task_command *out, int *status)
 {
-    static struct task_options o;
+    static struct task_command o;
     static const struct option_spec options[] = {
         {"--clock", OPTION_ENUM, "CLOCK", "real or lockstep; the rig's by default",
          .value = &o.clock, .words = clock_words},
@@ -36,6 +38,7 @@ static bool task_parse_options(int argc, char **argv, struct task_options *out, 
          "a setting that the task begins with, as walk.forward_m_s=0.1; may be given more than "
          "once",
          .value = &o.set},
+        TASK_OPTION_ROWS(o.input),
         {"--reconnect", OPTION_FLAG, NULL,
          "start again when the boards are lost, until the task is done", .value = &o.reconnect},
         {"--quiet", OPTION_FLAG, NULL, "no status line", .value = &o.quiet},
@@ -55,7 +58,7 @@ static bool task_parse_options(int argc, char **argv, struct task_options *out, 
     };
 
     /* -1: the rig's clock */
-    o = (struct task_options){.clock = -1};
+    o = (struct task_command){.clock = -1};
     if (!options_read(&spec, argc, argv, status)) {
         return false;
     }
@@ -153,8 +156,9 @@ static int task_run_to_end(struct task_runner *runner, const struct rig *rig, bo
 
 static int task_run_rig(void *context, const struct rig *rig, struct arena *arena)
 {
-    const struct task_options *options = context;
+    const struct task_command *options = context;
     struct task_runner *runner;
+    struct task_input input;
     struct bus_ports ports;
     struct buses buses;
     struct error error;
@@ -164,18 +168,22 @@ static int task_run_rig(void *context, const struct rig *rig, struct arena *aren
 
     lockstep =
         (options->clock < 0 ? rig->clock : (enum loop_clock)options->clock) == LOOP_CLOCK_LOCKSTEP;
-    if (buses_open(rig, TRANSPORT_SOCKETCAN, options->bus.item, options->bus.count, 1, arena,
+    if (task_input_read(&options->input, options->task, rig, arena, &input, &error) ||
+        buses_open(rig, TRANSPORT_SOCKETCAN, options->bus.item, options->bus.count, 1, arena,
                    &buses, notice, &error) ||
         buses_join(&buses, arena, &ports, &error)) {
         return command_fail("task", &error);
     }
-    if (task_runner_create(rig, options->task, ports.port, lockstep, clock_monotonic(), arena,
-                           &runner, &error) ||
+    if (task_runner_create(rig, options->task, &input, ports.port, lockstep, clock_monotonic(),
+                           arena, &runner, &error) ||
         task_set_all(runner->task, options->set.item, options->set.count, &error) ||
         arena_seal(arena, false, &error)) {
         status = command_fail("task", &error);
     } else {
         status = task_run_to_end(runner, rig, options->quiet);
+        if (task_report_write(runner->task, options->input.report, &error)) {
+            status = command_fail("task", &error);
+        }
     }
     bus_ports_close(&ports);
     buses_close(&buses);
@@ -184,7 +192,7 @@ static int task_run_rig(void *context, const struct rig *rig, struct arena *aren
 
 int cmd_task(int argc, char **argv)
 {
-    struct task_options options;
+    struct task_command options;
     struct error error;
     int status;
 

@@ -43,6 +43,7 @@ static const struct option_spec options[] = {
      "a setting that the task begins with, as walk.forward_m_s=0.1; \"ctl set\" changes it later; "
      "may be given more than once",
      .value = &read.set},
+    TASK_OPTION_ROWS(read.input),
     {"--stimulus", OPTION_STRING, "LOG",
      "feed the boards what the controller has sent in this candump log, or recording, at the same "
      "ticks; the run is as long as the log unless --duration or --ticks say otherwise",

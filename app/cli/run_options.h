@@ -3,6 +3,7 @@
 #ifndef APP_CLI_RUN_OPTIONS_H
 #define APP_CLI_RUN_OPTIONS_H
 
+#include "app/cli/task_input.h"
 #include "base/options.h"
 #include "canbus/gateway.h"
 #include "sim/simulator.h"
@@ -12,6 +13,7 @@ enum { RUN_HOST_SIZE = 64 }; /* room for any numeric address */
 /* As given; strings are the command line's. */
 struct run_options {
     const char *rig, *task, *stimulus, *record, *gateway, *control, *http;
+    struct task_options input; /* of the task */
     struct option_list bus, fault, set;
     double duration_s;               /* INFINITY = not given */
     int64_t ticks, record_period_ms; /* ticks: 0 = not given */

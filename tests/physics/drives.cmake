@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 hil_test(drive_faults SOURCES physics/drive_faults.c physics/toy.c LIBS model LABELS physics)
 hil_test(boards_drive SOURCES physics/boards_drive.c physics/toy.c LIBS boards model LABELS physics)
+hil_test(identify SOURCES physics/identify.c LIBS sim LABELS physics)
 hil_test(drive_effects SOURCES physics/drive_effects.c physics/toy.c LIBS model LABELS physics)
 hil_test(supply_bus SOURCES physics/supply_bus.c physics/toy.c LIBS model LABELS physics)

@@ -16,6 +16,9 @@ hil_script_test(cli COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/cli.sh
 hil_script_test(cli_completion COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/completion.sh
                 $<TARGET_FILE:coman-hil> $<TARGET_FILE:coman-hil-bench> LABELS unit)
 
+hil_script_test(cli_tasks COMMAND bash ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/tasks.sh
+                $<TARGET_FILE:coman-hil> LABELS unit)
+
 hil_script_test(cli_protocol COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/unit/app/cli/protocol.sh
                 $<TARGET_FILE:coman-hil> LABELS unit)
 

@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the commands that start a task have in common: the options of sweep and follow, and the
+ * report that these tasks leave. Not RT-safe.
+ */
+#ifndef APP_CLI_TASK_INPUT_H
+#define APP_CLI_TASK_INPUT_H
+
+#include "base/options.h"
+#include "rig/rig.h"
+#include "tasks/trajectory.h"
+
+struct task_options {
+    const char *joint, *trajectory, *report; /* NULL: not given */
+    int interpolation;                       /* enum trajectory_interpolation */
+};
+
+extern const struct option_word task_interpolation_words[];
+
+/* Rows of a table of options that fill in a struct task_options. */
+#define TASK_OPTION_ROWS(o)                                                                        \
+    {"--joint", OPTION_STRING, "JOINT", "the joint that the task sweep identifies",                \
+     .value = &(o).joint},                                                                         \
+        {"--trajectory", OPTION_STRING, "FILE",                                                    \
+         "the trajectory of the task follow: CSV with the titles time_s and JOINT_rad or "         \
+         "JOINT_deg",                                                                              \
+         .value = &(o).trajectory},                                                                \
+        {"--interpolation",                                                                        \
+         OPTION_ENUM,                                                                              \
+         "HOW",                                                                                    \
+         "cubic, the default, or linear between the rows of the trajectory",                       \
+         .value = &(o).interpolation,                                                              \
+         .words = task_interpolation_words},                                                       \
+    {                                                                                              \
+        "--report", OPTION_STRING, "DIR",                                                          \
+            "when sweep or follow ends, write its results into this folder: tables as CSV, plots " \
+            "as "                                                                                  \
+            "SVG, and a page with all of it",                                                      \
+            .value = &(o).report                                                                   \
+    }
+
+/* Reads what the task of this name needs, and refuses what it does not know; NULL: no task. The
+ * input points into the options and the arena. ERROR_INPUT, ERROR_SYSTEM, ERROR_MEMORY. */
+enum error_code task_input_read(const struct task_options *options, const char *task,
+                                const struct rig *rig, struct arena *arena,
+                                struct task_input *input, struct error *error);
+
+/* Writes the report of a task that has ended, however it did; nothing without folder. */
+enum error_code task_report_write(const struct task *task, const char *folder, struct error *error);
+
+#endif

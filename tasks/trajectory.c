@@ -1,0 +1,397 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Joint trajectories: the file, its limits, and what is between its rows. */
+#include "tasks/trajectory.h"
+
+#include "base/csv.h"
+#include "base/text.h"
+
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    VALUES_MAX = 4000000, /* half an hour of 30 joints at 60 Hz is 3.3 million */
+    FIRST_ROW_LINE = 2,
+};
+
+static const double RATE_MOST_RAD_S = 1e3; /* where no drive's rate is known */
+static const double RATE_ROUNDING = 1e-9;  /* of a limit, for rates at exactly it */
+
+/* A trajectory while it is read. */
+struct reader {
+    struct csv *csv;
+    const struct trajectory_limit *limit;
+    size_t nlimit;
+    size_t joint[CSV_COLUMNS_MAX]; /* by column, but the first */
+    double unit[CSV_COLUMNS_MAX];  /* rad of 1 in the file */
+    double *row;                   /* on the heap: time and angles, row by row */
+    size_t count, capacity;
+};
+
+/* ---- the titles ---- */
+
+/* The unit at the end of a title; the length of what stands before it, 0 = there is none. */
+static size_t trajectory_split_title(const char *title, double *unit)
+{
+    size_t length = strlen(title);
+
+    if (length > 4 && strcmp(title + length - 4, "_rad") == 0) {
+        *unit = 1;
+    } else if (length > 4 && strcmp(title + length - 4, "_deg") == 0) {
+        *unit = M_PI / 180;
+    } else {
+        return 0;
+    }
+    return length - 4;
+}
+
+static enum error_code trajectory_refuse_joint(const struct reader *reader, size_t column,
+                                               const char *name, struct error *error)
+{
+    const char *nearest = NULL;
+
+    /* The nearest of two, over and over, is the nearest of all */
+    for (size_t i = 0; i < reader->nlimit; i++) {
+        const char *one = reader->limit[i].joint;
+
+        nearest = text_nearest(name, (const char *[]){nearest ? nearest : one, one}, 2);
+    }
+    return error_set(error, ERROR_INPUT,
+                     "%s:1: column %zu: found joint \"%.60s\", which the rig does not drive%s%s",
+                     reader->csv->path, column + 1, name, nearest ? "; the nearest is " : "",
+                     nearest ? nearest : "");
+}
+
+static enum error_code trajectory_find_joint(struct reader *reader, size_t column,
+                                             struct error *error)
+{
+    const char *title = reader->csv->title[column];
+    size_t length = trajectory_split_title(title, &reader->unit[column]), joint = 0;
+    char name[64];
+
+    if (length == 0 || length >= sizeof name) {
+        return error_set(error, ERROR_INPUT,
+                         "%s:1: column %zu: found \"%.60s\", expected JOINT_rad or JOINT_deg",
+                         reader->csv->path, column + 1, title);
+    }
+    snprintf(name, sizeof name, "%.*s", (int)length, title);
+    while (joint < reader->nlimit && strcmp(reader->limit[joint].joint, name) != 0) {
+        joint++;
+    }
+    if (joint == reader->nlimit) {
+        return trajectory_refuse_joint(reader, column, name, error);
+    }
+    for (size_t k = 1; k < column; k++) {
+        if (reader->joint[k] == joint) {
+            return error_set(error, ERROR_INPUT,
+                             "%s:1: column %zu: found joint \"%s\" again, which column %zu has",
+                             reader->csv->path, column + 1, name, k + 1);
+        }
+    }
+    reader->joint[column] = joint;
+    return ERROR_NONE;
+}
+
+static enum error_code trajectory_read_titles(struct reader *reader, struct error *error)
+{
+    if (strcmp(reader->csv->title[0], "time_s") != 0 || reader->csv->ncolumn < 2) {
+        return error_set(error, ERROR_INPUT,
+                         "%s:1: found \"%.60s\", expected titles: time_s, then JOINT_rad or "
+                         "JOINT_deg for each joint",
+                         reader->csv->path, reader->csv->title[0]);
+    }
+    for (size_t column = 1; column < reader->csv->ncolumn; column++) {
+        enum error_code code = trajectory_find_joint(reader, column, error);
+
+        if (code) {
+            return code;
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* ---- the rows ---- */
+
+static enum error_code trajectory_grow(struct reader *reader, struct error *error)
+{
+    size_t capacity = reader->capacity ? 2 * reader->capacity : 256;
+    double *row;
+
+    if (reader->count * reader->csv->ncolumn > VALUES_MAX) {
+        return error_set(error, ERROR_INPUT, "%s:%ld: found more than %d values, expected fewer",
+                         reader->csv->path, reader->csv->line, VALUES_MAX);
+    }
+    row = realloc(reader->row, capacity * reader->csv->ncolumn * sizeof *row);
+    if (!row) {
+        return error_set(error, ERROR_MEMORY, "no memory for the rows of %s", reader->csv->path);
+    }
+    reader->row = row;
+    reader->capacity = capacity;
+    return ERROR_NONE;
+}
+
+/* Times rise and angles are within their limits. */
+static enum error_code trajectory_check_row(const struct reader *reader, const double *row,
+                                            struct error *error)
+{
+    const struct csv *csv = reader->csv;
+
+    if (reader->count > 0 && !(row[0] > row[-(ptrdiff_t)csv->ncolumn])) {
+        return error_set(error, ERROR_INPUT,
+                         "%s:%ld: column 1 (time_s): found %.9g, expected more than %.9g of the "
+                         "row before",
+                         csv->path, csv->line, row[0], row[-(ptrdiff_t)csv->ncolumn]);
+    }
+    for (size_t column = 1; column < csv->ncolumn; column++) {
+        const struct trajectory_limit *limit = &reader->limit[reader->joint[column]];
+
+        if (!(row[column] >= limit->lower_rad && row[column] <= limit->upper_rad)) {
+            return error_set(error, ERROR_INPUT,
+                             "%s:%ld: column %zu (%s): found %.6g rad, expected %.6g to %.6g rad, "
+                             "the joint's limits",
+                             csv->path, csv->line, column + 1, csv->title[column], row[column],
+                             limit->lower_rad, limit->upper_rad);
+        }
+    }
+    return ERROR_NONE;
+}
+
+static enum error_code trajectory_read_rows(struct reader *reader, struct error *error)
+{
+    const struct csv *csv = reader->csv;
+
+    for (;;) {
+        bool end;
+        enum error_code code = csv_next(reader->csv, &end, error);
+        double *row;
+
+        if (!code && end) {
+            break;
+        }
+        if (!code && reader->count == reader->capacity) {
+            code = trajectory_grow(reader, error);
+        }
+        if (code) {
+            return code;
+        }
+
+        /* The row in radians */
+        row = reader->row + reader->count * csv->ncolumn;
+        row[0] = csv->cell[0];
+        for (size_t column = 1; column < csv->ncolumn; column++) {
+            row[column] = csv->cell[column] * reader->unit[column];
+        }
+        code = trajectory_check_row(reader, row, error);
+        if (code) {
+            return code;
+        }
+        reader->count++;
+    }
+    return reader->count >= 2
+               ? ERROR_NONE
+               : error_set(error, ERROR_INPUT, "%s:%ld: found %zu rows, expected 2 or more",
+                           csv->path, csv->line, reader->count);
+}
+
+/* ---- between the rows ---- */
+
+/* The rate at an inner row from those of the segments before and after it: their weighted harmonic
+ * mean, 0 where the joint turns back. */
+static double trajectory_slope(double h0, double rate0, double h1, double rate1)
+{
+    double w0 = 2 * h1 + h0, w1 = h1 + 2 * h0;
+
+    return rate0 * rate1 > 0 ? (w0 + w1) / (w0 / rate0 + w1 / rate1) : 0;
+}
+
+static double trajectory_segment_rate(const struct trajectory *t, size_t row, size_t joint)
+{
+    const double *angle = t->angle + row * t->njoint + joint;
+
+    return (angle[t->njoint] - angle[0]) / (t->time_s[row + 1] - t->time_s[row]);
+}
+
+static void trajectory_find_slopes(const struct trajectory *t, double *slope)
+{
+    for (size_t row = 1; row + 1 < t->count; row++) {
+        double h0 = t->time_s[row] - t->time_s[row - 1], h1 = t->time_s[row + 1] - t->time_s[row];
+
+        for (size_t joint = 0; joint < t->njoint; joint++) {
+            slope[row * t->njoint + joint] =
+                trajectory_slope(h0, trajectory_segment_rate(t, row - 1, joint), h1,
+                                 trajectory_segment_rate(t, row, joint));
+        }
+    }
+}
+
+/* The greatest rate between a row and the next: that of a cubic is a parabola. */
+static double trajectory_peak_rate(const struct trajectory *t, size_t row, size_t joint)
+{
+    double rate = trajectory_segment_rate(t, row, joint), m0, m1, a, b, peak;
+
+    if (!t->slope) {
+        return fabs(rate);
+    }
+    m0 = t->slope[row * t->njoint + joint];
+    m1 = t->slope[(row + 1) * t->njoint + joint];
+    a = 3 * (m0 + m1 - 2 * rate);
+    b = 6 * rate - 4 * m0 - 2 * m1;
+    peak = fmax(fabs(m0), fabs(m1));
+    if (a * b < 0 && fabs(b) < 2 * fabs(a)) {
+        peak = fmax(peak, fabs(m0 - b * b / (4 * a)));
+    }
+    return peak;
+}
+
+static enum error_code trajectory_check_rates(const struct reader *reader,
+                                              const struct trajectory *t, struct error *error)
+{
+    for (size_t row = 0; row + 1 < t->count; row++) {
+        for (size_t joint = 0; joint < t->njoint; joint++) {
+            const struct trajectory_limit *limit = &reader->limit[t->joint[joint]];
+            double rate = trajectory_peak_rate(t, row, joint);
+
+            double most = limit->rate_rad_s > 0 ? limit->rate_rad_s : RATE_MOST_RAD_S;
+
+            if (!(rate <= most * (1 + RATE_ROUNDING))) {
+                return error_set(error, ERROR_INPUT,
+                                 "%s:%zu: column %zu (%s): found %.4g rad/s since the row before, "
+                                 "expected at most %.4g rad/s, what the drive reaches",
+                                 t->path, row + 1 + FIRST_ROW_LINE, joint + 2,
+                                 reader->csv->title[joint + 1], rate, most);
+            }
+        }
+    }
+    return ERROR_NONE;
+}
+
+/* ---- the whole ---- */
+
+static enum error_code trajectory_keep(const struct reader *reader, struct arena *arena,
+                                       enum trajectory_interpolation interpolation,
+                                       const struct trajectory **out, struct error *error)
+{
+    size_t njoint = reader->csv->ncolumn - 1, count = reader->count;
+    struct trajectory *t = arena_alloc(arena, 1, sizeof *t);
+    size_t *joint = arena_alloc(arena, njoint, sizeof *joint);
+    double *time = arena_alloc(arena, count, sizeof *time);
+    double *angle = arena_alloc(arena, count, njoint * sizeof *angle);
+    double *slope = arena_alloc(arena, count, njoint * sizeof *slope);
+
+    if (!t || !joint || !time || !angle || !slope) {
+        return error_set(error, ERROR_MEMORY, "no memory for the trajectory");
+    }
+    memcpy(joint, reader->joint + 1, njoint * sizeof *joint);
+    for (size_t i = 0; i < count; i++) {
+        const double *row = reader->row + i * reader->csv->ncolumn;
+
+        time[i] = row[0] - reader->row[0];
+        memcpy(angle + i * njoint, row + 1, njoint * sizeof *angle);
+    }
+    *t = (struct trajectory){reader->csv->path, njoint, joint, count, time, angle, NULL};
+    if (interpolation == TRAJECTORY_CUBIC) {
+        trajectory_find_slopes(t, slope);
+        t->slope = slope;
+    }
+    *out = t;
+    return trajectory_check_rates(reader, t, error);
+}
+
+static enum error_code trajectory_take(struct csv *csv, enum trajectory_interpolation interpolation,
+                                       const struct trajectory_limit *limit, size_t nlimit,
+                                       struct arena *arena, const struct trajectory **out,
+                                       struct error *error)
+{
+    struct reader *reader = calloc(1, sizeof *reader);
+    enum error_code code;
+
+    if (!reader) {
+        csv_close(csv);
+        return error_set(error, ERROR_MEMORY, "no memory");
+    }
+    reader->csv = csv;
+    reader->limit = limit;
+    reader->nlimit = nlimit;
+    code = trajectory_read_titles(reader, error);
+    code = code ? code : trajectory_read_rows(reader, error);
+    code = code ? code : trajectory_keep(reader, arena, interpolation, out, error);
+    free(reader->row);
+    free(reader);
+    csv_close(csv);
+    return code;
+}
+
+enum error_code trajectory_read(const char *path, enum trajectory_interpolation interpolation,
+                                const struct trajectory_limit *limit, size_t nlimit,
+                                struct arena *arena, const struct trajectory **trajectory,
+                                struct error *error)
+{
+    struct csv *csv;
+    enum error_code code = csv_open(path, &csv, error);
+
+    return code ? code
+                : trajectory_take(csv, interpolation, limit, nlimit, arena, trajectory, error);
+}
+
+enum error_code trajectory_read_memory(const char *path, const void *bytes, size_t size,
+                                       enum trajectory_interpolation interpolation,
+                                       const struct trajectory_limit *limit, size_t nlimit,
+                                       struct arena *arena, const struct trajectory **trajectory,
+                                       struct error *error)
+{
+    struct csv *csv;
+    enum error_code code = csv_open_memory(path, bytes, size, &csv, error);
+
+    return code ? code
+                : trajectory_take(csv, interpolation, limit, nlimit, arena, trajectory, error);
+}
+
+double trajectory_length_s(const struct trajectory *t)
+{
+    return t->time_s[t->count - 1];
+}
+
+/* The row at or before a time within the trajectory, but the last. */
+static size_t trajectory_find_row(const struct trajectory *t, double t_s)
+{
+    size_t low = 0, high = t->count - 1;
+
+    while (high - low > 1) {
+        size_t middle = (low + high) / 2;
+
+        if (t->time_s[middle] <= t_s) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}
+
+void trajectory_at(const struct trajectory *t, size_t joint, double t_s, double *angle_rad,
+                   double *rate_rad_s)
+{
+    size_t row = trajectory_find_row(t, t_s), at = row * t->njoint + joint;
+    double h = t->time_s[row + 1] - t->time_s[row], s = (t_s - t->time_s[row]) / h, m0, m1;
+    double q0 = t->angle[at], q1 = t->angle[at + t->njoint], rate = (q1 - q0) / h;
+
+    /* At rest outside */
+    if (!(t_s > 0) || t_s >= trajectory_length_s(t)) {
+        *angle_rad = t_s > 0 ? q1 : q0;
+        *rate_rad_s = 0;
+        return;
+    }
+    if (!t->slope) {
+        *angle_rad = q0 + s * (q1 - q0);
+        *rate_rad_s = rate;
+        return;
+    }
+
+    /* Hermite's cubic */
+    m0 = t->slope[at];
+    m1 = t->slope[at + t->njoint];
+    *angle_rad = q0 + s * s * (3 - 2 * s) * (q1 - q0) + h * s * (1 - s) * (m0 * (1 - s) - m1 * s);
+    *rate_rad_s = 6 * s * (1 - s) * rate + m0 * (1 - s) * (1 - 3 * s) + m1 * s * (3 * s - 2);
+}
