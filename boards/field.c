@@ -59,7 +59,8 @@ static struct run field_next_run(const struct field *field, size_t start, unsign
 
     run.bits = bits - done < 8 - from ? bits - done : 8 - from;
     if (field->type & FIELD_BIG_ENDIAN) {
-        run.value = bits - 8 - done;
+        run.from = 8 - from - run.bits;
+        run.value = bits - done - run.bits;
     }
     return run;
 }

@@ -4,8 +4,9 @@
  * number of bits. Frames are built and read from these lists and an export of the protocol (DBC)
  * reads the same ones, so that the two cannot differ. Immutable; RT-safe.
  *
- * Bits count from the least significant of byte 0 on; a big-endian field begins on a byte and is
- * whole bytes. A list ends with a field of type FIELD_END.
+ * Bits count from the least significant of byte 0 on, of big-endian fields from the most
+ * significant of byte 0 on; where both meet in a list, it is between bytes. A list ends with a
+ * field of type FIELD_END.
  */
 #ifndef BOARDS_FIELD_H
 #define BOARDS_FIELD_H
@@ -46,9 +47,10 @@ struct field_value {
 struct field {
     unsigned type; /* enum field_type, or any other number of bits up to 32 with its flags */
     const char *name;
-    const char *unit; /* of value * scale; NULL: a bare number */
+    const char *unit; /* of value * scale + offset; NULL: a bare number */
     int64_t min, max; /* values outside are refused; both 0: whatever the type holds */
     double scale;     /* 0: 1 */
+    double offset;
     const struct field_value *values; /* NULL: numbers */
 };
 
